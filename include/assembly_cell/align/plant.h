@@ -1,0 +1,59 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+
+/// A request for one reading of the locus over the samples in [start, start + duration).
+struct LocusRequest {
+  double start = 0.0;     ///< plant clock [s]
+  double duration = 0.0;  ///< [s]
+};
+
+/// One reading of the locus: what the estimator gives back.
+struct LocusReading {
+  Locus locus;
+  ModeDecision mode;
+};
+
+/// What is done before the next block. Nothing set: only wait.
+struct PlantCommand {
+  std::optional<RestPose> rest;                ///< move the rest pose there, in the plant's own frame
+  std::optional<ExciterParameters> exciter;    ///< amplitude 0: off; the phase refers to the block's start
+  std::optional<LocusRequest> locus;
+};
+
+/// What one block of samples says. Means over the block.
+struct PlantBlock {
+  double time = 0.0;                             ///< end of the block, plant clock [s]
+  Vector6 wrench_a = Vector6::Zero();            ///< sensor_a axes, untared [N], [N·m]
+  Vector6 wrench_b = Vector6::Zero();            ///< sensor_b axes, untared
+  Vector6 displacement_b = Vector6::Zero();      ///< of the coupling, sensor_b axes [m], [rad]
+  bool saturated = false;                        ///< any channel of either sensor
+  RestPose carrier;                              ///< the carrier's pose as its encoders say
+  std::optional<LocusReading> locus;             ///< in the first block at or after the window's end
+};
+
+/// The cell as a strategy sees it: simulated in core, or through ROS in the supervisor. It does not
+/// know where the hole is.
+class Plant {
+ public:
+  virtual ~Plant() = default;
+  /// Carries out the command, waits for the next block and returns it. Throws PlantError when the
+  /// plant stopped, timed out or was cancelled.
+  virtual PlantBlock next(const PlantCommand& command) = 0;
+};
+
+/// The plant can't go on; what() is the reason in one line.
+struct PlantError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,61 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/align/plant.h"
+
+namespace assembly_cell {
+
+/// Limits of whatever moves the carrier.
+struct PressLimits {
+  double force = 40.0;           ///< abort above this contact force [N]
+  double descent = 0.02;         ///< abort without contact after this way down [m]
+  double approach_step = 1e-4;   ///< way down in one block before contact [m]
+};
+
+/// A move or a press was given up; what() begins with the name of the reason: force_limit,
+/// sensor_saturated, no_contact, press_not_held, not_still, not_arrived.
+struct PressError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Moves the carrier of a plant and feels with sensor_b: guarded moves, tare, press control at block
+/// rate. Every block passes through step(), which checks the limits.
+class Hand {
+ public:
+  /// Waits for the first block. Throws PlantError.
+  Hand(Plant& plant, const PressLimits& limits);
+
+  /// One block with a command. Throws PressError at a limit, PlantError when the plant fails.
+  const PlantBlock& step(const PlantCommand& command);
+  const PlantBlock& wait(int blocks);
+  const PlantBlock& last() const { return last_; }
+
+  /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
+  /// deflection.
+  void tare(int blocks = 10);
+
+  /// Moves the rest pose and waits until it is there.
+  void moveTo(const RestPose& target);
+  const RestPose& target() const { return target_; }
+
+  /// Lowers until contact and then until the mean force along z is within tolerance·force. [N]
+  void press(double force, double tolerance);
+
+  double forceZ() const { return last_.wrench_b(2) - tare_(2); }  ///< contact force along z [N]
+  /// Deflection of the coupling since the tare, sensor_b axes. [m], [rad]
+  Vector6 deflection() const { return last_.displacement_b - tare_displacement_; }
+  const Vector6& tareDisplacement() const { return tare_displacement_; }
+  double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
+
+ private:
+  Plant& plant_;
+  PressLimits limits_;
+  PlantBlock last_;
+  RestPose target_;
+  Vector6 tare_ = Vector6::Zero();
+  Vector6 tare_displacement_ = Vector6::Zero();
+  bool tared_ = false;
+  double touch_z_ = 0.0;
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,33 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <vector>
+
+#include "assembly_cell/align/plant.h"
+#include "assembly_cell/sensor/calibration.h"
+#include "assembly_cell/sensor/simulated_cell.h"
+
+namespace assembly_cell {
+
+/// The cell without ROS: mechanism, bridges, converters, calibrations and locus fit in one process.
+class SimulatedPlant : public Plant {
+ public:
+  SimulatedPlant(const Scenario& scenario, const CellParameters& parameters);
+
+  PlantBlock next(const PlantCommand& command) override;
+
+  /// For the judge of a run only: no strategy sees it.
+  Simulation& truth() { return cell_.simulation(); }
+
+ private:
+  Scenario scenario_;
+  SimulatedCell cell_;
+  Calibration calibration_a_, calibration_b_;
+  StrainBlock block_;
+  ExciterParameters exciter_;
+  double exciter_reference_ = 0.0;
+  std::optional<LocusRequest> request_;
+  std::vector<double> angles_, displacements_;  // of the samples in the requested window
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,76 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/geometry/contact_geometry.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+
+using Vector9 = Eigen::Matrix<double, 9, 1>;
+
+/// Generalised coordinates q = (x1p, x2p, x3p, phi, theta, psi, x2c, x3c, gamma) = (z, x, y of the
+/// centre of mass, Euler angles, carrier x, y, yaw) and their rates v. [m], [rad]
+struct State {
+  Vector9 q = Vector9::Zero();
+  Vector9 v = Vector9::Zero();
+};
+
+/// Position, velocity and acceleration of the six rest coordinates, in the order of RestPose:
+/// x2e, x3e, x1e, theta1e (yaw), theta2e (theta), theta3e (phi).
+struct RestMotion {
+  Vector6 position = Vector6::Zero();
+  Vector6 rate = Vector6::Zero();
+  Vector6 acceleration = Vector6::Zero();
+};
+Vector6 restVector(const RestPose& pose);
+RestPose restPose(const Vector6& position);
+
+/// C² motion of the rest pose: one quintic for all six coordinates, then rest.
+struct RestProfile {
+  double start = 0.0;     ///< [s]
+  double duration = 0.0;  ///< [s]; 0: at rest
+  Eigen::Matrix<double, 6, 6> coefficients = Eigen::Matrix<double, 6, 6>::Zero();  ///< row: coordinate, column: power of (t − start)/duration
+};
+RestProfile restProfile(const RestPose& at_rest);
+
+/// From the present motion to `target` within the carrier's speed and acceleration; angles count
+/// with the distance from the coupling to the peg's edge as their arm.
+RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
+                     const CarrierParameters& limits, double arm);
+RestMotion restMotion(const RestProfile& profile, double t);
+
+/// Exciting force at time t, in thesis peg axes 1, 2. t_ref: see Simulation::setExciter. [N]
+struct Drive {
+  ExciterParameters exciter;
+  double t_ref = 0.0;
+};
+Eigen::Vector2d exciterForce(const Drive& drive, double t);
+
+/// What one evaluation of the mechanism needs at a time and a state, without the contacts.
+struct Kinematics {
+  Eigen::Vector3d x, v;          ///< centre of mass, thesis axes
+  Eigen::Vector3d R0, R1, a;     ///< peg axes in thesis axes
+  Eigen::Matrix3d Re;            ///< omega = Re (phi', theta', psi')
+  Eigen::Matrix3d Re_rate;       ///< its time derivative
+  Eigen::Vector3d omega;         ///< [rad/s]
+  double sin_theta, cos_theta;
+};
+Kinematics kinematics(const State& state);
+
+/// Free motion: forces of coupling, carrier, weight and exciter.
+struct FreeMotion {
+  Vector9 force;             ///< generalised forces f of M(q) v' = f, contacts left out
+  Eigen::Vector3d FK, FKm;   ///< spring force (T part) and generalised moments (FK4, FK5, FK6)
+  Eigen::Vector3d FC, FCm;   ///< damper force and moments (FC4, FC5, FC6)
+  Vector6 deflection;        ///< d of the coupling, thesis order 1..6
+};
+FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state,
+                      const RestMotion& rest, const Drive& drive, double t);
+
+/// v' = M(q)^-1 f.
+Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& force);
+
+/// Kinetic + coupling + carrier springs + weight [J].
+double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest);
+
+}  // namespace assembly_cell

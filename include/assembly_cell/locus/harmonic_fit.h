@@ -1,0 +1,67 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell {
+
+/// Phasors of up to six signals x(t) = Re(U e^{ia(t)}) + offset + drift, a the exciter's angle, by
+/// linear least squares on one shared design matrix.
+struct HarmonicFit {
+  Eigen::Matrix<std::complex<double>, 6, 1> phasor;  ///< U, in the signal's unit
+  Vector6 offset = Vector6::Zero();                  ///< at the window's centre
+  Vector6 variance = Vector6::Zero();                ///< white noise variance of one sample
+  std::size_t samples = 0;
+  double inflation = 1.0;  ///< variance of P, N relative to σ²/n (window not whole periods)
+};
+
+/// angle: of the exciting force at each sample, direction·(frequency·t + phase) [rad]; it rises for
+/// an anticlockwise exciter and falls for a clockwise one, so P always turns with the exciter.
+/// signals: 6 × n, sample after sample. `drift` adds a column that is linear in the angle. Throws
+/// InputError for fewer than 8 samples, sizes that disagree, non-finite values, a window shorter
+/// than one period, or two samples a period or fewer.
+HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
+                        bool drift = true);
+
+/// Counter-rotating amplitudes of the planar locus Z = X + iY = P e^{ia} + N e^{−ia}, a the
+/// exciter's angle (thesis chapter 9; vibration_and_locus section 4).
+struct Locus {
+  std::complex<double> P, N;  ///< [m]
+  double sigma = 0.0;         ///< noise of one axis, one sample [m]
+  std::size_t samples = 0;
+  double inflation = 1.0;
+
+  double semiMajor() const;      ///< |P| + |N|
+  double semiMinor() const;      ///< |P| − |N|, negative: against the exciter
+  double orientation() const;    ///< (arg P + arg N)/2 mod π, major axis [rad]; NaN if P or N is 0
+  double orientationSd() const;  ///< Cramér–Rao, shape only [rad]; infinite if P or N is 0
+  double variance() const;       ///< of Re and Im of P and N each: inflation σ²/n [m²]
+};
+Locus locusFromPhasors(std::complex<double> x, std::complex<double> y, double sigma,
+                       std::size_t samples, double inflation);
+
+/// Sd of a direction mod π that nothing is known about, π/√12 [rad]: an orientation with a larger
+/// sd is undefined.
+constexpr double kUnknownOrientationSd = 0.90689968211710892;
+
+enum class LocusMode { kNone = 0, kSegment = 1, kEllipse = 2, kCircle = 3, kUndecided = 4 };
+const char* toString(LocusMode mode);
+
+struct ModeDecision {
+  LocusMode mode = LocusMode::kUndecided;
+  std::array<double, 5> probabilities{};  ///< in the order of LocusMode, sum 1
+};
+
+/// F tests with the given false-alarm rate and an indifference zone `eps` (0: exact tests): a minor
+/// axis, or N, below eps of the other counts as none. Probabilities are BIC weights; half of them
+/// goes to undecided where tests and BIC disagree. Throws InputError unless 0 < false_alarm < 0.5,
+/// 0 ≤ indifference < 1 and there are at least 8 samples.
+ModeDecision decideMode(const Locus& locus, double false_alarm = 0.01, double indifference = 0.05);
+
+}  // namespace assembly_cell

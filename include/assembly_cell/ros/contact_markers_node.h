@@ -1,0 +1,65 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <geometry_msgs/PoseStamped.h>
+#include <ros/ros.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include <cstddef>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/ContactArray.h"
+#include "assembly_cell/LocusEstimate.h"
+#include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/ros/marker_colors.h"
+
+namespace assembly_cell::ros_bridge {
+
+/// Node contact_markers: contacts, locus, hypotheses, estimated and true peg, and the hole's rim
+/// for rviz. Subscribes and works only while `markers` has a subscriber. To be spun by one thread.
+class ContactMarkersNode {
+ public:
+  /// Throws InputError for bad parameters or robot description.
+  ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
+
+ private:
+  using Marker = visualization_msgs::Marker;
+
+  void update();
+  void publish();
+  void drawContacts();
+  void drawLocus();
+  void drawPeg(const std::string& ns, const geometry_msgs::Pose& pose, const Color& color);
+
+  /// Adds a marker with all that is common; its id is the next free one of its namespace.
+  Marker& add(const std::string& ns, int type, const std::string& frame, const Color& color);
+  void addArrow(const std::string& ns, const std::string& frame, const Eigen::Vector3d& from,
+                const Eigen::Vector3d& to, const Color& color);
+  void addCircle(const std::string& ns, const std::string& frame, double radius,
+                 const Color& color);
+
+  ros::NodeHandle nh_;
+  double lifetime_ = 5.0;          // [s]
+  double force_scale_ = 0.002;     // [m/N]
+  double force_threshold_ = 0.05;  // [N]
+  double locus_scale_ = 1000.0;
+  double locus_height_ = 0.15;                                      // above the peg's edge [m]
+  double peg_radius_ = 0.0, peg_length_ = 0.0, hole_radius_ = 0.0;  // [m]
+
+  ContactArray::ConstPtr contacts_;
+  LocusEstimate::ConstPtr locus_;
+  geometry_msgs::PoseStamped::ConstPtr truth_;
+  AlignmentReport::ConstPtr report_;
+  visualization_msgs::MarkerArray array_;
+  std::map<std::string, int> drawn_, drawn_before_;  // markers by namespace
+
+  bool active_ = false;
+  ros::Subscriber contacts_sub_, locus_sub_, truth_sub_, report_sub_;
+  ros::Publisher pub_;
+  ros::WallTimer timer_;
+};
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,156 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <assembly_cell/GetCalibration.h>
+#include <assembly_cell/SensorCalibration.h>
+#include <assembly_cell/SetBias.h>
+#include <assembly_cell/SetCalibration.h>
+#include <assembly_cell/StrainSamples.h>
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <std_srvs/Trigger.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "assembly_cell/sensor/calibration.h"
+#include "assembly_cell/sensor/replay.h"
+#include "assembly_cell/sensor/statistics.h"
+
+namespace assembly_cell::ros_bridge {
+
+class Parameters;
+
+/// Driver of one six-axis sensor: blocks of strain samples, from the topic `bridge` or from a
+/// recording, become wrenches and displacements. Interfaces: docs/interfaces.md.
+/// Wrench: exerted by the environment on the part that the sensor carries, about the origin of
+/// frame_id; wrench = wrench_raw − bias.
+class ForceSensorNode {
+ public:
+  /// Throws InputError for a bad parameter or file.
+  ForceSensorNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh);
+  ~ForceSensorNode();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  /// A zero in progress.
+  struct Zero {
+    bool active = false;
+    bool armed = false;   ///< false until the block that was under way at the call has gone by
+    Moments moments;      ///< of wrench_raw
+    std::string failure;  ///< why it can't succeed
+  };
+
+  /// What arrived since the last report.
+  struct Window {
+    std::uint64_t samples = 0;
+    std::uint64_t saturated_samples = 0;
+    std::uint8_t saturated = 0;   ///< bit per channel
+    std::uint64_t malformed = 0;  ///< blocks
+  };
+
+  void readParameters();
+  void openReplay(Parameters& parameters);
+  void advertise();
+  void subscribe();
+
+  // the data path
+  void process(const StrainSamples::ConstPtr& block);
+  void publishBlock(const StrainSamples::ConstPtr& block);
+  void display(const ros::Time& end, double period, const Vector6& sum, std::size_t samples);
+  void playDueBlocks();
+
+  // services
+  bool zero(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
+  bool setBias(SetBias::Request& request, SetBias::Response& response);
+  bool clearBias(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
+  bool getCalibration(GetCalibration::Request&, GetCalibration::Response& response);
+  bool setCalibration(SetCalibration::Request& request, SetCalibration::Response& response);
+
+  // with mutex_ held
+  void publishBias();
+  void publishCalibration();
+
+  /// Throws InputError when this node can't work with the calibration.
+  void checkUse(const Calibration& calibration, const std::string& source) const;
+
+  void diagnoseSamples(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void diagnoseCalibration(diagnostic_updater::DiagnosticStatusWrapper& status);
+
+  // parameters
+  ros::NodeHandle nh_, pnh_;
+  bool replaying_ = false;
+  std::string frame_id_;
+  bool publish_displacement_ = false;
+  bool lockstep_ = false;
+  std::string name_in_lockstep_;
+  double display_period_ = 0.0;  // [s]
+  double expected_rate_ = 0.0;   // [Hz]
+  double rate_tolerance_ = 0.0;  // fraction
+  std::size_t zero_samples_ = 0;
+  std::chrono::duration<double> zero_timeout_{0.0};
+  std::chrono::duration<double> source_timeout_{0.0};
+  double diagnostic_period_ = 0.0;  // [s]
+  std::string source_;              // for people
+
+  // replay
+  std::unique_ptr<Replay> replay_;
+  ReplayQuantity quantity_ = ReplayQuantity::kVolts;
+  bool replay_fast_ = false;
+  bool replay_ended_ = false;
+  std::optional<ReplayBlock> due_;  // the block to come
+  std::optional<ros::Time> replay_origin_;
+  Clock::time_point replay_start_;
+
+  // state shared by the data path and the services
+  std::mutex mutex_;
+  std::condition_variable zero_changed_;
+  bool stopping_ = false;
+  Calibration calibration_;
+  Vector6 bias_ = Vector6::Zero();
+  std::optional<ros::Time> bias_time_;
+  Zero zero_;
+  std::optional<Clock::time_point> last_block_;
+
+  // state of the data path
+  Clock::time_point started_;
+  SequenceMonitor sequence_;
+  Window window_;
+  DifferenceNoise noise_;
+  bool rate_started_ = false;
+  double last_time_ = 0.0;          // of the newest sample [s]
+  double rate_from_ = 0.0;          // time of the sample that the rate is counted from [s]
+  std::uint64_t rate_samples_ = 0;  // since then
+  double temperature_ = std::numeric_limits<double>::quiet_NaN();  // [degC]
+  std::string fault_;                                              // of the last malformed block
+  std::string foreign_frame_;              // of blocks that say they're from another sensor
+  Vector6 display_sum_ = Vector6::Zero();  // of wrench_raw
+  std::size_t display_count_ = 0;
+  double displayed_ = -1.0;  // time of the last display [s], −1: none
+
+  // state of the diagnostics
+  double rate_ = 0.0;  // as last measured [Hz]
+  Vector6 noise_rms_ = Vector6::Zero();
+  std::uint64_t total_samples_ = 0, total_saturated_ = 0, total_malformed_ = 0;
+  std::uint64_t reported_lost_ = 0, reported_duplicates_ = 0, reported_restarts_ = 0;
+
+  ros::CallbackQueue service_queue_;
+  ros::Subscriber bridge_sub_;
+  ros::Publisher strain_pub_, wrench_samples_pub_, displacement_samples_pub_, wrench_raw_pub_,
+      wrench_pub_, bias_pub_, calibration_pub_, ack_pub_;
+  ros::ServiceServer zero_srv_, set_bias_srv_, clear_bias_srv_, get_calibration_srv_,
+      set_calibration_srv_;
+  ros::WallTimer diagnostics_timer_, replay_timer_;
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+  ros::AsyncSpinner service_spinner_{2, &service_queue_};
+};
+
+}  // namespace assembly_cell::ros_bridge

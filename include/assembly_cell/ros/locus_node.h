@@ -1,0 +1,102 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <actionlib/server/simple_action_server.h>
+#include <assembly_cell/DisplacementSamples.h>
+#include <assembly_cell/Exciter.h>
+#include <assembly_cell/IdentifyLocusAction.h>
+#include <assembly_cell/LocusEstimate.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <ros/ros.h>
+#include <std_srvs/SetBool.h>
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/locus/contact_model.h"
+#include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell::ros_bridge {
+
+/// Locus of the peg from the coupling's displacement while the exciter runs: a sliding estimate on
+/// `locus`, the mode on `contact_mode`, single readings by the action `identify_locus`. All in
+/// sensor axes. Interfaces: docs/interfaces.md.
+class LocusNode {
+ public:
+  /// Throws InputError for a bad parameter or file.
+  LocusNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh);
+  ~LocusNode();
+
+ private:
+  using Server = actionlib::SimpleActionServer<IdentifyLocusAction>;
+
+  /// Samples of a window and the exciter's angle at each.
+  struct Window {
+    ros::Time start, end;                ///< [start, end)
+    std::vector<double> angle, signals;  ///< [rad]; 6 × n
+    double period = 0.0;                 ///< of the samples [s]
+    std::string frame_id;
+  };
+
+  void readParameters();
+
+  // the data path
+  void onBlock(const DisplacementSamples::ConstPtr& block);
+  void onExciter(const Exciter::ConstPtr& exciter);
+  void onCarrier(const geometry_msgs::PoseStamped::ConstPtr& pose);
+  bool enable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
+  void acknowledge(std::uint32_t sequence);
+
+  // with mutex_ held
+  /// Puts the block into the history; false if it is not one of finite samples, or a repetition.
+  bool keep(const DisplacementSamples::ConstPtr& block);
+  Window collect(const ros::Time& start, const ros::Time& end, const Exciter& exciter) const;
+  ros::Time lastSample() const;
+  double carrierMotion(const ros::Time& start, const ros::Time& end) const;  ///< of the tip [m]
+
+  /// The sliding estimate after a block, if its window is filled.
+  void slide();
+
+  /// Throws InputError where the window or the exciter does not allow a fit.
+  LocusEstimate estimate(const Window& window, const Exciter& exciter) const;
+
+  // the action, in its own thread
+  void identify(const IdentifyLocusGoal::ConstPtr& goal);
+  /// Empty once the window is covered by samples, or why it won't be.
+  std::string await(const ros::Time& start, const ros::Time& end, const Exciter& exciter);
+
+  ros::NodeHandle nh_, pnh_;
+  Scenario mechanism_;
+  double window_ = 0.0;  // [s]
+  double false_alarm_ = 0.0;
+  double indifference_ = 0.0;
+  double misfit_limit_ = 0.0;
+  double carrier_motion_ = 0.0;  // [m]
+  double history_ = 0.0;         // [s]
+  double data_timeout_ = 0.0;    // [s] wall clock
+  bool lockstep_ = false;
+  std::string name_in_lockstep_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable arrived_;
+  bool enabled_ = true;
+  std::deque<DisplacementSamples::ConstPtr> blocks_;
+  std::uint64_t block_count_ = 0;  // since the start, to see new ones
+  std::uint64_t cleared_ = 0;      // times the clock jumped back
+  std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_;
+  std::optional<Exciter> exciter_;
+  std::optional<std::uint8_t> mode_;  // last on contact_mode
+
+  ros::Publisher locus_pub_, mode_pub_, ack_pub_;
+  ros::Subscriber block_sub_, exciter_sub_, carrier_sub_;
+  ros::ServiceServer enable_srv_;
+  Server server_;
+};
+
+}  // namespace assembly_cell::ros_bridge

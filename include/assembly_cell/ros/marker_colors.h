@@ -1,0 +1,30 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <std_msgs/ColorRGBA.h>
+
+namespace assembly_cell::ros_bridge {
+
+/// Colours of the markers. The screenshot test looks for their hues.
+struct Color {
+  float r, g, b, a;
+  operator std_msgs::ColorRGBA() const {
+    std_msgs::ColorRGBA color;
+    color.r = r;
+    color.g = g;
+    color.b = b;
+    color.a = a;
+    return color;
+  }
+};
+
+constexpr Color kContactPointColor{1.0F, 0.0F, 0.0F, 1.0F};   ///< red
+constexpr Color kContactNormalColor{0.0F, 0.4F, 1.0F, 1.0F};  ///< blue
+constexpr Color kContactForceColor{1.0F, 0.55F, 0.0F, 1.0F};  ///< orange
+constexpr Color kLocusColor{1.0F, 0.0F, 1.0F, 1.0F};          ///< magenta
+constexpr Color kHypothesisColor{0.7F, 0.3F, 1.0F, 1.0F};     ///< violet; alpha follows the weight
+constexpr Color kEstimatedPegColor{0.0F, 1.0F, 1.0F, 1.0F};   ///< cyan
+constexpr Color kTruePegColor{0.0F, 1.0F, 0.0F, 1.0F};        ///< green
+constexpr Color kHoleColor{1.0F, 1.0F, 0.0F, 1.0F};           ///< yellow
+
+}  // namespace assembly_cell::ros_bridge

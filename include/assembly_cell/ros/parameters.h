@@ -1,0 +1,57 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <limits>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace assembly_cell::ros_bridge {
+
+/// Closed range of a number.
+struct Range {
+  double min = -std::numeric_limits<double>::max();
+  double max = std::numeric_limits<double>::max();
+};
+constexpr Range kAny{};
+constexpr Range kNotNegative{0.0, std::numeric_limits<double>::max()};
+constexpr Range kPositive{std::numeric_limits<double>::min(), std::numeric_limits<double>::max()};
+
+/// Reads the parameters of a node handle's namespace (for private ones, give NodeHandle("~")). A
+/// parameter is required when it has no fallback. Missing, of the wrong type, not finite or out of
+/// range: InputError, one line with the resolved name, the value and what to do.
+class Parameters {
+ public:
+  explicit Parameters(const ros::NodeHandle& nh) : nh_(nh) {}
+
+  double number(const std::string& name, const Range& range,
+                std::optional<double> fallback = std::nullopt);
+  int integer(const std::string& name, int min, int max,
+              std::optional<int> fallback = std::nullopt);
+  bool flag(const std::string& name, std::optional<bool> fallback = std::nullopt);
+  std::string text(const std::string& name, std::optional<std::string> fallback = std::nullopt);
+  /// One of `choices`.
+  std::string choice(const std::string& name, const std::vector<std::string>& choices,
+                     std::optional<std::string> fallback = std::nullopt);
+  /// A list of strings (also accepted: one string, which is a list of one; "" is empty).
+  std::vector<std::string> texts(const std::string& name,
+                                 std::optional<std::vector<std::string>> fallback = std::nullopt);
+  /// A list of `size` finite numbers.
+  std::vector<double> numbers(const std::string& name, std::size_t size,
+                              std::optional<std::vector<double>> fallback = std::nullopt);
+
+  /// Throws for the first parameter of the namespace that none of the calls above has asked for and
+  /// that is not in `others`: a slip of the pen must not pass as a default.
+  void refuseUnknown(const std::set<std::string>& others = {}) const;
+
+ private:
+  std::optional<XmlRpc::XmlRpcValue> find(const std::string& name, bool required);
+
+  ros::NodeHandle nh_;
+  std::set<std::string> asked_;
+};
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,77 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <actionlib/client/simple_action_client.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <ros/ros.h>
+
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "assembly_cell/AlignPegAction.h"
+#include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell::ros_bridge {
+
+/// What is told about an alignment besides the supervisor's report.
+struct ReportDetails {
+  std::string strategy;
+  double peg_radius = 0.0, hole_radius = 0.0;  ///< [m]
+  std::optional<Pose> truth_start, truth_end;  ///< X_HP
+};
+
+/// Rotation vector x, y that tilts the upright axis to that of the peg. [rad]
+Eigen::Vector2d tiltOf(const Pose& X_HP);
+
+/// Distance from the hole's axis of the farthest point of the peg's edge. [m]
+double edgeReach(const Pose& X_HP, double peg_radius);
+
+/// Adds the truth to the report.
+void addTruth(AlignmentReport& report, const ReportDetails& details);
+
+/// True when the supervisor succeeded and the truth, if known, agrees.
+bool verdict(const AlignmentReport& report, const ReportDetails& details);
+
+/// For people, and for scripts.
+std::string table(const AlignmentReport& report, const ReportDetails& details);
+std::string yaml(const AlignmentReport& report, const ReportDetails& details);
+
+/// Program report: has the supervisor align the peg, reads the truth before and after, tells both.
+class ReportProgram {
+ public:
+  /// Throws InputError for bad parameters.
+  ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh);
+
+  /// 0 aligned (and the truth agrees), 1 not.
+  int run();
+
+ private:
+  using Client = actionlib::SimpleActionClient<AlignPegAction>;
+
+  /// Waits in wall time; one error line and false when `ready` doesn't come true.
+  bool waitFor(const std::string& what, double timeout, const std::function<bool()>& ready) const;
+  std::optional<geometry_msgs::PoseStamped> truth() const;
+
+  ros::NodeHandle nh_;
+  std::string strategy_, report_file_, simulator_;
+  bool unpause_ = true;
+  double timeout_ = 600.0;       // of the alignment, wall [s]
+  double start_timeout_ = 60.0;  // of whoever must be there first, wall [s]
+  ReportDetails details_;
+
+  mutable std::mutex mutex_;
+  std::optional<geometry_msgs::PoseStamped> truth_;
+  bool active_ = false, done_ = false;
+  AlignPegResultConstPtr result_;
+
+  ros::Subscriber truth_sub_;
+  Client client_;
+};
+
+/// main() of the program: 2 for bad parameters, 1 without a master.
+int runReport(int argc, char** argv);
+
+}  // namespace assembly_cell::ros_bridge

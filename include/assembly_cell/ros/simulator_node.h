@@ -1,0 +1,136 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <geometry_msgs/PoseStamped.h>
+#include <ros/ros.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+#include <tf2_ros/transform_broadcaster.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <future>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "assembly_cell/Ack.h"
+#include "assembly_cell/Exciter.h"
+#include "assembly_cell/SetState.h"
+#include "assembly_cell/Step.h"
+#include "assembly_cell/StrainSamples.h"
+#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/sensor/simulated_cell.h"
+
+namespace assembly_cell::ros_bridge {
+
+/// Node peg_hole_simulator: the simulated cell in time, paced by the wall clock or in lockstep with
+/// its participants. A thread of its own steps block by block; services and commands take effect
+/// between two blocks. See docs/interfaces.md.
+class SimulatorNode {
+ public:
+  /// Throws InputError for bad parameters, scenario or robot description.
+  SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
+  ~SimulatorNode();
+
+  /// 1 after a participant has failed to answer.
+  int exitCode() const { return exit_code_; }
+
+ private:
+  /// Last answer of a participant.
+  struct Participant {
+    bool answered = false;
+    std::uint32_t sequence = 0;
+    std::uint32_t commands = 0;
+    std::string publisher;  ///< node that sent it
+  };
+  /// Commands received from one node, without repetitions.
+  struct Sender {
+    std::uint32_t commands = 0;
+    std::map<std::string, std::uint32_t> last_seq;  ///< by topic
+  };
+
+  void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
+  void onExciter(const ros::MessageEvent<Exciter const>& event);
+  void onAck(const ros::MessageEvent<Ack const>& event);
+  bool onPause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
+  bool onStep(Step::Request& request, Step::Response& response);
+  bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  bool onSetState(SetState::Request& request, SetState::Response& response);
+
+  /// Lets the loop run `task` between two blocks and waits for it. Rethrows what it throws.
+  void betweenBlocks(const std::function<void()>& task);
+  void loop();
+  void stepBlock();
+  void applyCommands();
+  /// A new cell at the present node time.
+  void restart(const Scenario& scenario);
+  void publishBlock();
+  void publishState();
+  void publishDiagnostics();
+  void waitForAcks(std::uint32_t sequence);
+  void pace();
+  /// False for a repetition (latched messages may come twice).
+  bool countCommand(const std::string& publisher, const std::string& topic, std::uint32_t seq);
+  std::optional<std::string> refusal(const geometry_msgs::PoseStamped& command) const;
+  /// Stamp of a time of the present cell.
+  ros::Time stampAt(double cell_time) const;
+
+  // parameters
+  Scenario scenario_;
+  CellParameters cell_parameters_;
+  CellDescription description_;
+  bool lockstep_ = false;
+  bool publish_truth_ = false;
+  double real_time_factor_ = 1.0;
+  double ack_timeout_ = 10.0;    // wall [s]
+  double start_timeout_ = 60.0;  // wall [s]
+  double max_offset_ = 0.1;      // [m]
+  double max_rotation_ = 0.35;   // [rad]
+
+  // of the loop alone
+  std::unique_ptr<SimulatedCell> cell_;
+  StrainBlock block_;
+  double base_ = 0.0;           // node time of the cell's time 0 [s]
+  std::uint32_t sequence_ = 0;  // of the next block
+  ros::Time epoch_;             // stamp of node time 0
+  std::chrono::steady_clock::time_point pace_start_;
+  double pace_time_ = -1.0;  // node time at pace_start_ [s]; negative: not pacing yet
+
+  // shared with the callbacks, under mutex_
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool paused_ = false;
+  bool quit_ = false;
+  std::uint32_t steps_ = 0;  // blocks still to do while paused
+  std::string stopped_;      // why the simulation can't go on; empty while it can
+  std::deque<std::packaged_task<void()>> tasks_;
+  std::optional<Pose> carrier_command_;
+  std::optional<Exciter> exciter_;
+  std::map<std::string, Participant> participants_;
+  std::map<std::string, Sender> senders_;
+
+  std::atomic<double> now_{0.0};  // node time [s]
+  std::atomic<std::uint64_t> refused_{0};
+  std::atomic<int> exit_code_{0};
+  std::chrono::steady_clock::time_point figures_start_;
+  double figures_time_ = 0.0;
+
+  ros::Publisher bridge_a_pub_, bridge_b_pub_, carrier_pub_, clock_pub_, truth_pose_pub_,
+      truth_contacts_pub_, diagnostics_pub_;
+  std::unique_ptr<tf2_ros::TransformBroadcaster> tf_;
+  ros::Subscriber command_sub_, exciter_sub_, ack_sub_;
+  ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
+  ros::WallTimer diagnostics_timer_;
+  std::thread thread_;
+};
+
+}  // namespace assembly_cell::ros_bridge

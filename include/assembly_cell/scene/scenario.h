@@ -1,0 +1,139 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell {
+
+// A scenario file, typed. SI units, frame `hole` (z out of the hole). Field by field the layout of
+// config/scenarios/*.yaml, see docs/interfaces.md.
+
+struct PegParameters {
+  double radius = 0.0;              ///< [m]
+  double half_height = 0.0;         ///< h: centre of mass to bottom edge circle [m]
+  double mass = 0.0;                ///< [kg]
+  double inertia_transverse = 0.0;  ///< about the centre of mass [kg m²]
+  double inertia_axial = 0.0;       ///< [kg m²]
+  double coupling_height = 0.0;     ///< d2: centre of mass to coupling, along the axis [m]
+  double exciter_height = 0.0;      ///< d1: centre of mass to the exciter's force [m]
+};
+
+struct HoleParameters {
+  double radius = 0.0;                                     ///< [m]
+  double depth = std::numeric_limits<double>::infinity();  ///< [m]
+};
+
+/// Rest pose of the mechanism: of the coupling point and the tilt it holds. Thesis x2e, x3e, x1e,
+/// theta1e, theta2e, theta3e.
+struct RestPose {
+  double x = 0.0;                     ///< x2e [m]
+  double y = 0.0;                     ///< x3e [m]
+  double z = 0.0;                     ///< x1e, height of the coupling point [m]
+  double yaw = 0.0;                   ///< theta1e [rad]
+  double theta = 1.5707963267948966;  ///< theta2e, upright π/2 [rad]
+  double phi = 0.0;                   ///< theta3e [rad]
+};
+
+struct CarrierParameters {
+  double mass = 0.0;                                    ///< [kg]
+  double inertia = 0.0;                                 ///< yaw [kg m²]
+  Eigen::Vector3d stiffness = Eigen::Vector3d::Zero();  ///< x, y [N/m], yaw [N m/rad]
+  Eigen::Vector3d damping = Eigen::Vector3d::Zero();    ///< x, y [N s/m], yaw [N m s/rad]
+  double max_speed = 0.05;                              ///< of the commanded rest pose [m/s]
+  double max_acceleration = 1.0;                        ///< [m/s²]
+};
+
+/// Symmetric 6×6 in thesis order z, x, y, about z, about x, about y: a diagonal plus (2,6), (3,5).
+struct CouplingMatrix {
+  Vector6 diagonal = Vector6::Zero();
+  double k26 = 0.0;  ///< x with rotation about y
+  double k35 = 0.0;  ///< y with rotation about x
+};
+
+struct CouplingParameters {
+  CouplingMatrix stiffness;  ///< [N/m], [N m/rad], cross [N/rad]
+  CouplingMatrix damping;    ///< [N s/m], [N m s/rad], cross [N s/rad]
+};
+
+/// Rotating exciting force in peg axes x, y at angle direction·(frequency·t + phase).
+struct ExciterParameters {
+  double amplitude = 0.0;  ///< [N]; 0 is off
+  double frequency = 0.0;  ///< [rad/s]
+  double phase = 0.0;      ///< [rad]
+  int direction = 1;       ///< +1 anticlockwise from above, −1 clockwise
+};
+
+struct FrictionParameters {
+  double static_coefficient = 0.0;
+  double sliding_coefficient = 0.0;
+};
+
+enum class ContactLaw { kNone, kSpringDashpot, kViscous, kRigid };
+
+/// Which kinds of contact a run admits.
+struct ContactFeatures {
+  bool edge_edge = true;
+  bool edge_plane = true;
+};
+
+struct ContactParameters {
+  ContactLaw law = ContactLaw::kNone;
+  double regularisation_speed = 1e-3;  ///< v_ST of the regularised friction [m/s]
+  bool stationary_rows = false;        ///< viscous: discrete stick instead (thesis 6.35, 6.36)
+  double stiffness = 0.0;              ///< spring_dashpot [N/m]
+  double damping = 0.0;                ///< spring_dashpot [N s/m]
+  double rate = 0.0;                   ///< viscous k [1/s]
+  double pull_back = 0.0;              ///< viscous beta [1/s²]
+  double restitution = 0.0;            ///< rigid
+  ContactFeatures features;
+};
+
+struct InitialState {
+  bool close = false;  ///< lower z until the smallest gap is exactly 0
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< centre of mass [m]
+  EulerAngles euler;
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();          ///< [m/s]
+  Eigen::Vector3d euler_rates = Eigen::Vector3d::Zero();       ///< phi, theta, psi [rad/s]
+  double carrier_x = 0.0, carrier_y = 0.0, carrier_yaw = 0.0;  ///< [m], [m], [rad]
+  Eigen::Vector3d carrier_velocity = Eigen::Vector3d::Zero();  ///< x, y, yaw
+};
+
+struct SolverParameters {
+  std::string integrator = "dopri5";
+  double tolerance = 1e-9;  ///< absolute position error per step [m]; angles 30 rad/m × that
+  double max_step = 2e-4;   ///< [s]
+  double step = 0.0;        ///< fixed-step methods [s]
+};
+
+struct Scenario {
+  std::string name;
+  double duration = 0.0;  ///< [s]
+  double gravity = 0.0;   ///< along −z [m/s²]
+  PegParameters peg;
+  HoleParameters hole;
+  CarrierParameters carrier;
+  CouplingParameters coupling;
+  RestPose rest;  ///< from carrier.rest and coupling.rest
+  ExciterParameters exciter;
+  Eigen::Vector3d push =
+      Eigen::Vector3d::Zero();  ///< constant force, peg axes, exciter's point [N]
+  FrictionParameters friction;
+  ContactParameters contact;
+  InitialState initial;
+  SolverParameters solver;
+};
+
+/// Reads a scenario file; each override is "key.path=value" (value in YAML syntax) and is applied
+/// before the checks. Throws InputError naming file, key path, value and remedy: unreadable file,
+/// unknown, missing or duplicate key, wrong type or size, non-finite or unphysical value.
+Scenario loadScenario(const std::string& path, const std::vector<std::string>& overrides = {});
+
+/// The same from text; `source` names it in messages.
+Scenario parseScenario(const std::string& yaml, const std::string& source,
+                       const std::vector<std::string>& overrides = {});
+
+}  // namespace assembly_cell

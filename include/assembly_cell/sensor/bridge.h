@@ -1,0 +1,63 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <random>
+
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell {
+
+/// One elastic hinge of the six in series and its strain channel (design: thesis chapter 11).
+struct Hinge {
+  Eigen::Vector3d position;   ///< r: a point of the hinge line, datum axes from O_D [m]
+  Eigen::Vector3d direction;  ///< u: unit vector of the hinge line
+  double strain_per_moment;   ///< c [1/(N m)]
+  double gain;                ///< [V] per unit strain
+  double offset;              ///< [V]
+};
+
+/// The strain bridge of a sensor as the simulator's hidden truth: six channels.
+/// Frame: the sensor frame; its axes are the datum axes, its origin the reference point.
+struct Bridge {
+  std::array<Hinge, 6> hinges;
+  Eigen::Vector3d reference_point = Eigen::Vector3d::Constant(0.030);  ///< in datum axes [m]
+  int bits = 16;               ///< 10, 16 or 24
+  double full_scale = 5.0;     ///< ± [V]
+  double noise = 0.5e-3;       ///< white, rms [V]
+  double temperature = 20.0;   ///< [°C]
+};
+
+/// The two bridges of the cell; throws InputError for bits other than 10, 16, 24 or noise < 0.
+Bridge bridgeA(int bits, double noise);
+Bridge bridgeB(int bits, double noise);
+
+/// V = C w: channel voltages [V] per wrench (force, torque) about the sensor frame's origin, small
+/// loads.
+Matrix6 strainMatrix(const Bridge& bridge);
+
+/// One conversion of the six channels.
+struct StrainSample {
+  Vector6 volts = Vector6::Zero();
+  std::uint8_t saturated = 0;  ///< bit k: channel k at an end code
+};
+
+/// Deterministic generator of standard normal numbers: the same seed gives the same bits everywhere.
+class NormalSource {
+ public:
+  explicit NormalSource(std::uint64_t seed) : engine_(seed) {}
+  double operator()();
+
+ private:
+  std::mt19937_64 engine_;
+  double spare_ = 0.0;
+  bool has_spare_ = false;
+};
+
+/// Transduction with noise, rounding to the converter's codes and saturation. `strain_matrix` is
+/// strainMatrix(bridge), computed once. w: wrench in the sensor frame. No allocation.
+StrainSample convert(const Bridge& bridge, const Matrix6& strain_matrix, const Vector6& w,
+                     NormalSource& normal);
+
+}  // namespace assembly_cell

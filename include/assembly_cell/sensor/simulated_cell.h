@@ -1,0 +1,64 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/sensor/bridge.h"
+#include "assembly_cell/sensor/calibration.h"
+
+namespace assembly_cell {
+
+/// Calibration of a bridge by its design: S = C^-1, offsets removed. With a coupling, the displacement
+/// map of the sensor that is this coupling: its static compliance times the wrench.
+/// Throws InputError for a coupling without a static map (singular stiffness).
+Calibration designCalibration(const Bridge& bridge);
+Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling);
+
+/// What the simulated cell is made of besides the mechanism.
+struct CellParameters {
+  int bits = 16;                 ///< converter: 10, 16 or 24
+  double noise = 0.5e-3;         ///< of every channel, rms [V]
+  double sample_period = 2e-4;   ///< [s]
+  int block_size = 100;          ///< samples a block
+  std::uint64_t seed = 1;        ///< of the sensors' noise
+  Pose X_AH{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.06)};  ///< hole in sensor_a
+  double hole_block_mass = 2.0;  ///< carried by sensor_a [kg]
+  Eigen::Vector3d hole_block_center{0, 0, -0.02};  ///< its centre of mass in `hole` [m]
+};
+
+/// A block of samples of both bridges. Sample k is at time + k·period.
+struct StrainBlock {
+  double time = 0.0;    ///< of sample 0, simulation clock [s]
+  double period = 0.0;  ///< [s]
+  std::uint32_t sequence = 0;
+  std::vector<double> volts_a, volts_b;               ///< 6 × n, sample after sample [V]
+  std::vector<std::uint8_t> saturated_a, saturated_b;  ///< bit per channel, per sample
+};
+
+/// The mechanism with both strain bridges: the plant behind the simulator node and behind align().
+class SimulatedCell {
+ public:
+  SimulatedCell(const Scenario& scenario, const CellParameters& parameters);
+
+  /// Advances by one block and fills it (no allocation once `block` has its size). The first sample
+  /// is one period after the present time, the last at the block's end. Returns the simulation's
+  /// stop reason; after anything but kOk the block is not valid.
+  StopReason next(StrainBlock& block);
+
+  Simulation& simulation() { return simulation_; }
+  const CellParameters& parameters() const { return parameters_; }
+
+ private:
+  CellParameters parameters_;
+  Simulation simulation_;
+  Bridge bridge_a_, bridge_b_;
+  Matrix6 strain_matrix_a_, strain_matrix_b_;
+  NormalSource normal_a_, normal_b_;
+  Vector6 block_weight_;  ///< of the hole block on sensor_a, in sensor_a
+  std::uint32_t sequence_ = 0;
+  std::uint64_t samples_ = 0;
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,75 @@
+# Sourced by scripts/run and scripts/test: environment, progress, packages, build.
+# Sets root (of the repository) and build (its only build directory).
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+build=$root/.build
+logs=$build/log
+mkdir -p "$logs" "$build/ros"
+
+# the system's tools and Python before any other; no other workspace, no strange locale
+export PATH=/usr/bin:/bin:/usr/sbin:/sbin${PATH:+:$PATH}
+export LC_ALL=C.UTF-8 ROS_HOSTNAME=localhost ROS_HOME=$build/ros ROS_LOG_DIR=$build/ros/log
+unset CMAKE_PREFIX_PATH ROS_PACKAGE_PATH ROS_MASTER_URI ROS_IP PYTHONPATH PYTHONHOME
+if [ -z "${HOME:-}" ] || [ ! -w "$HOME" ]; then
+  export HOME=$build/home
+  mkdir -p "$HOME"
+fi
+export MPLCONFIGDIR=$build/matplotlib
+
+say() { printf '[%(%H:%M:%S)T] %s\n' -1 "$*" >&2; }
+
+# fail STEP LOG: names the step and the log, shows what the log says is wrong
+fail() {
+  if [ -f "$2" ]; then
+    grep -aE 'FATAL|ERROR|[Ee]rror:|^E:|FAILED' "$2" | grep -av 'process has died' | head -n 5 >&2 || true
+  fi
+  say "FAILED: $1. Log: $2"
+  exit 1
+}
+
+# what of packages.txt is not installed
+missing_packages() {
+  local wanted
+  wanted=$(sed 's/#.*//' "$root/scripts/packages.txt" | xargs -n1)
+  # shellcheck disable=SC2086
+  comm -13 <(dpkg-query -W -f='${Package} ${db:Status-Status}\n' $wanted 2>/dev/null |
+    sed -n 's/ installed$//p' | sort -u) <(printf '%s\n' "$wanted" | sort -u) | xargs
+}
+
+install_packages() {
+  local missing sudo=() log=$logs/install.log
+  missing=$(missing_packages)
+  [ -n "$missing" ] || return 0
+  if [ "$(id -u)" -ne 0 ]; then
+    sudo=(sudo)
+    if ! command -v sudo >/dev/null; then
+      say "FAILED: install packages: neither root nor sudo. As root: apt-get install $missing"
+      exit 1
+    fi
+  fi
+  say "installing $missing (log: $log)"
+  local apt=("${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -y)
+  "${apt[@]}" update >"$log" 2>&1 </dev/null || fail "update the package lists" "$log"
+  # shellcheck disable=SC2086
+  "${apt[@]}" install --no-install-recommends $missing >>"$log" 2>&1 </dev/null ||
+    fail "install packages" "$log"
+}
+
+# build TARGET...: configures when needed, builds what has changed
+build() {
+  local log=$logs/configure.log
+  if ! grep -qsF "CMAKE_HOME_DIRECTORY:INTERNAL=$root" "$build/CMakeCache.txt" ||
+    [ ! -f "$build/build.ninja" ]; then
+    say "configuring (log: $log)"
+    rm -rf "$build/CMakeCache.txt" "$build/CMakeFiles" "$build/devel"
+    cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON \
+      -DCMAKE_INSTALL_PREFIX="$build/install" >"$log" 2>&1 </dev/null || fail "configure" "$log"
+  fi
+  log=$logs/build.log
+  say "building (log: $log)"
+  cmake --build "$build" -j"$(nproc)" --target "$@" >"$log" 2>&1 </dev/null || fail "build" "$log"
+  set +u
+  # shellcheck disable=SC1091
+  . "$build/devel/setup.bash"
+  set -u
+}

@@ -1,0 +1,80 @@
+#!/usr/bin/python3
+# Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+"""Plots the report of an alignment: estimated against true misalignment.
+
+usage: plot_report.py REPORT.yaml PICTURE.png
+exit: 0 ok, 2 bad input
+"""
+import math
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import yaml
+
+ESTIMATED = "#d1495b"
+TRUE = "#2a6f97"
+
+
+def pair(report, key):
+    """Two numbers of the report; NaN where it has none."""
+    value = report.get(key) or [math.nan, math.nan]
+    if not isinstance(value, list) or len(value) != 2:
+        raise ValueError(f"{key} is {value!r}: expected two numbers")
+    return [math.nan if v is None else float(v) for v in value]
+
+
+def panel(axes, true, estimated, unit, title):
+    """One plane: both vectors from the origin, their difference in the title."""
+    points = [p for p in (true, estimated) if all(map(math.isfinite, p))]
+    reach = 1.3 * max((abs(v) for p in points for v in p), default=1.0) or 1.0
+    axes.axhline(0, color="0.8", zorder=0)
+    axes.axvline(0, color="0.8", zorder=0)
+    for point, color, label, size in ((true, TRUE, "true", 13), (estimated, ESTIMATED, "estimated", 7)):
+        if all(map(math.isfinite, point)):
+            axes.plot([0, point[0]], [0, point[1]], color=color, linewidth=1.5)
+            text = f"{label}: {point[0]:.3f}, {point[1]:.3f} {unit}"
+            axes.plot(*point, "o", markersize=size, color=color, label=text)
+    error = math.hypot(true[0] - estimated[0], true[1] - estimated[1])
+    axes.set_title(title + (f"\nerror {error:.3f} {unit}" if math.isfinite(error) else ""))
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
+    axes.set_aspect("equal")
+    if points:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), fontsize=8)
+
+
+def plot(report, picture):
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 5.2), layout="constrained")
+    millimetres = [[1e3 * v for v in pair(report, key)] for key in ("true_offset", "estimated_offset")]
+    degrees = [[math.degrees(v) for v in pair(report, key)] for key in ("true_tilt", "estimated_tilt")]
+    panel(left, *millimetres, "mm", "hole's centre from the peg's bottom centre, at the start")
+    panel(right, *degrees, "°", "tilt of the peg's axis, at the start")
+    for axes in (left, right):
+        axes.title.set_fontsize(10)
+    outcome = "aligned" if report.get("success") else f"not aligned: {report.get('reason', 'unknown')}"
+    figure.suptitle(
+        f"{outcome} · {report.get('contacts', 0)} contacts read · {float(report.get('simulated_time') or 0):.2f} s simulated"
+    )
+    figure.savefig(picture, dpi=110)
+
+
+def main(arguments):
+    if len(arguments) != 2:
+        print("plot_report.py: expected REPORT.yaml PICTURE.png", file=sys.stderr)
+        return 2
+    try:
+        with open(arguments[0], encoding="utf-8") as file:
+            report = yaml.safe_load(file)
+        if not isinstance(report, dict):
+            raise ValueError("not a mapping")
+        plot(report, arguments[1])
+    except (OSError, ValueError, TypeError, yaml.YAMLError) as error:
+        print(f"plot_report.py: {arguments[0]}: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,183 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/hole_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kHeightFloor = 3e-5;   // heights within this always agree [m]
+constexpr double kLowTolerance = 0.05;  // a contact this near the lowest point is on the plane [rad]
+constexpr double kLeastScatter = 0.01;  // residuals are never taken for less than 0.1 sd, squared
+constexpr std::size_t kFewest = 5;      // readings for a plane with something left over
+constexpr int kFewestRim = 4;
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+
+double wrapPi(double a) { return std::remainder(a, 2 * kPi); }
+
+Vec3 contactPoint(const HoleReading& r, double radius, double alpha) {
+  return r.X_SP.R * Vec3(radius * std::cos(alpha), radius * std::sin(alpha), 0.0) + r.X_SP.p;
+}
+
+// azimuth of the lowest edge point, peg axes
+double lowest(const HoleReading& r, const Vec3& normal) {
+  return std::atan2(-r.X_SP.R.col(1).dot(normal), -r.X_SP.R.col(0).dot(normal));
+}
+
+// plane through the contacts by least squares; C or C* by what lies at its height
+std::string fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstimate& e) {
+  double spread = 0.0;
+  for (int pass = 0; pass < 15; ++pass) {
+    Mat3 A = Mat3::Zero();
+    Vec3 b = Vec3::Zero();
+    std::size_t n = 0;
+    for (HoleReading& r : readings) {
+      const double opposite = wrapPi(r.alpha + kPi);
+      const double here = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
+      const double there = e.normal.dot(contactPoint(r, radius, opposite)) - e.height;
+      bool take;
+      if (pass < 3) {
+        // at first only what is clear: ends of a diameter well down the slope
+        if (there < here) r.alpha = opposite;
+        take = std::abs(here - there) > 0.02 * radius;
+      } else {
+        if (std::abs(there) < std::abs(here)) r.alpha = opposite;
+        take = std::min(std::abs(here), std::abs(there)) < std::max(kHeightFloor, 4 * spread);
+      }
+      r.kind = take ? HoleReading::kPlane : HoleReading::kOut;
+      if (!take) continue;
+      const Vec3 p = contactPoint(r, radius, r.alpha);
+      const Vec3 row(1.0, p.x(), p.y());
+      A += row * row.transpose();
+      b += row * p.z();
+      ++n;
+    }
+    if (n < kFewest) return "no_plane_reading: fewer than 5 contacts agree on a plane";
+    const Eigen::FullPivLU<Mat3> lu(A);
+    if (!lu.isInvertible()) return "no_plane_reading: the contacts lie on one line";
+    const Vec3 x = lu.solve(b);
+    e.normal = Vec3(-x(1), -x(2), 1.0).normalized();
+    e.height = x(0) * e.normal.z();
+    double sum = 0.0;
+    for (const HoleReading& r : readings) {
+      if (r.kind == HoleReading::kOut) continue;
+      const double d = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
+      sum += d * d;
+    }
+    spread = std::sqrt(sum / static_cast<double>(n - 3));
+    const Mat3 inverse = lu.inverse();
+    e.normal_sd = std::max(spread, 1e-7) * std::sqrt(inverse(1, 1) + inverse(2, 2));
+  }
+  return "";
+}
+
+struct CircleFit {
+  Vec2 center{0, 0};
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  double cost = 1e300;
+};
+
+// centre of a circle of given radius through points with robust weights
+CircleFit fitCircle(const std::vector<Vec2>& points, const std::vector<double>& sd,
+                    const std::vector<Vec2>& outside, double radius, Vec2 start) {
+  CircleFit fit;
+  fit.center = start;
+  for (int iteration = 0; iteration < 60; ++iteration) {
+    Eigen::Matrix2d H = Eigen::Matrix2d::Zero();
+    Vec2 g = Vec2::Zero();
+    double cost = 0.0, squares = 0.0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Vec2 d = fit.center - points[i];
+      const double distance = std::max(d.norm(), 1e-9);
+      const double z = (distance - radius) / sd[i];
+      // Geman–McClure beyond a few sd
+      const double w = 1.0 / std::pow(1.0 + z * z / 16.0, 2);
+      const Vec2 row = d / (distance * sd[i]);
+      H += w * row * row.transpose();
+      g += w * row * z;
+      cost += z * z / (1.0 + z * z / 16.0);
+      squares += w * z * z;
+    }
+    // a contact on the plane can't lie in the hole
+    for (const Vec2& p : outside) {
+      const double inside = radius - 2e-4 - (p - fit.center).norm();
+      if (inside > 0.0) cost += std::pow(inside / 2e-4, 2);
+    }
+    const auto n = static_cast<double>(points.size());
+    fit.cost = cost;
+    H.diagonal().array() += 1e-9 * H.trace();
+    const Vec2 step = -H.ldlt().solve(g);
+    // the scatter about the circle is the measure; the readings' sd only weighs them
+    fit.covariance = H.inverse() * std::max(kLeastScatter, squares / std::max(1.0, n - 2));
+    // damp long steps: the circle is only locally linear
+    fit.center += step * std::min(1.0, 0.2 * radius / std::max(step.norm(), 1e-12));
+    if (step.norm() < 1e-10) break;
+  }
+  return fit;
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 3, 2> planeAxes(const Vec3& normal) {
+  const Vec3 x = (Vec3::UnitX() - normal * normal.x()).normalized();
+  Eigen::Matrix<double, 3, 2> axes;
+  axes << x, normal.cross(x);
+  return axes;
+}
+
+std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
+                    HoleEstimate& e) {
+  const std::string reason = fitPlane(peg_radius, readings, e);
+  if (!reason.empty()) return reason;
+
+  // contacts in plane coordinates, sorted into rim and plane by their distance from the lowest point
+  const Eigen::Matrix<double, 3, 2> axes = planeAxes(e.normal);
+  std::vector<Vec2> rim, plane;
+  std::vector<double> sd;
+  Vec2 middle = Vec2::Zero();
+  e.plane_readings = e.rim_readings = 0;
+  for (HoleReading& r : readings) {
+    if (r.kind == HoleReading::kOut) continue;
+    const Vec2 p = axes.transpose() * contactPoint(r, peg_radius, r.alpha);
+    middle += axes.transpose() * r.X_SP.p;
+    const double away = std::abs(wrapPi(r.alpha - lowest(r, e.normal)));
+    if (away > std::max(kLowTolerance, 4 * r.sd)) {
+      r.kind = HoleReading::kRim;
+      rim.push_back(p);
+      sd.push_back(std::max(2e-6, peg_radius * r.sd));
+      ++e.rim_readings;
+    } else {
+      plane.push_back(p);
+      ++e.plane_readings;
+    }
+  }
+  middle /= e.plane_readings + e.rim_readings;
+  if (e.rim_readings < kFewestRim) {
+    return "no_hole_under_edge: fewer than 4 contacts on the rim";
+  }
+
+  // the circle through two points has two centres: start in every direction, keep the cheapest
+  CircleFit best;
+  for (int i = 0; i < 24; ++i) {
+    for (const double distance : {0.01, 0.1, 0.4}) {
+      const double a = 2 * kPi * i / 24.0;
+      const Vec2 start = middle + distance * hole_radius * Vec2(std::cos(a), std::sin(a));
+      const CircleFit fit = fitCircle(rim, sd, plane, hole_radius, start);
+      if (fit.cost < best.cost) best = fit;
+    }
+  }
+  e.center = axes * best.center + e.normal * e.height;
+  e.center_covariance = best.covariance;
+  if (std::sqrt(best.covariance.trace()) > 0.02 * hole_radius) {
+    return "one_edge_only: the rim was felt on one side only, the centre is not determined";
+  }
+  return "";
+}
+
+}  // namespace assembly_cell

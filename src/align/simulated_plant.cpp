@@ -1,0 +1,77 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/simulated_plant.h"
+
+#include <cmath>
+
+#include "assembly_cell/locus/contact_model.h"
+
+namespace assembly_cell {
+
+SimulatedPlant::SimulatedPlant(const Scenario& scenario, const CellParameters& parameters)
+    : scenario_(scenario),
+      cell_(scenario, parameters),
+      calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
+      calibration_b_(
+          designCalibration(bridgeB(parameters.bits, parameters.noise), scenario.coupling)),
+      exciter_(scenario.exciter) {}
+
+PlantBlock SimulatedPlant::next(const PlantCommand& command) {
+  Simulation& simulation = cell_.simulation();
+  if (command.rest) simulation.setRestTarget(*command.rest);
+  if (command.exciter) {
+    exciter_ = *command.exciter;
+    exciter_reference_ = simulation.time();
+    simulation.setExciter(exciter_, exciter_reference_);
+  }
+  if (command.locus) {
+    request_ = command.locus;
+    angles_.clear();
+    displacements_.clear();
+  }
+
+  const StopReason reason = cell_.next(block_);
+  if (reason != StopReason::kOk) {
+    throw PlantError(std::string("simulation stopped: ") + toString(reason));
+  }
+
+  PlantBlock out;
+  const std::size_t n = block_.saturated_a.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Vector6 a = Vector6::Map(block_.volts_a.data() + 6 * i);
+    const Vector6 b = Vector6::Map(block_.volts_b.data() + 6 * i);
+    const Vector6 displacement = displacementFromVolts(calibration_b_, b);
+    out.wrench_a += wrenchFromVolts(calibration_a_, a);
+    out.wrench_b += wrenchFromVolts(calibration_b_, b);
+    out.displacement_b += displacement;
+    out.saturated = out.saturated || block_.saturated_a[i] || block_.saturated_b[i];
+    if (request_) {
+      const double t = block_.time + static_cast<double>(i) * block_.period;
+      if (t >= request_->start && t < request_->start + request_->duration) {
+        angles_.push_back(exciter_.direction *
+                          (exciter_.frequency * (t - exciter_reference_) + exciter_.phase));
+        displacements_.insert(displacements_.end(), displacement.data(), displacement.data() + 6);
+      }
+    }
+  }
+  out.wrench_a /= static_cast<double>(n);
+  out.wrench_b /= static_cast<double>(n);
+  out.displacement_b /= static_cast<double>(n);
+  out.time = simulation.time();
+  const Vector9& q = simulation.state().q;
+  out.carrier = simulation.rest();
+  out.carrier.x = q(6);
+  out.carrier.y = q(7);
+  out.carrier.yaw = q(8);
+
+  if (request_ && out.time >= request_->start + request_->duration - 1e-9) {
+    const HarmonicFit fit = fitHarmonic(angles_, displacements_);
+    LocusReading reading;
+    reading.locus = centreOfMassLocus(scenario_, exciter_.direction * exciter_.frequency, fit);
+    reading.mode = decideMode(reading.locus);
+    out.locus = reading;
+    request_.reset();
+  }
+  return out;
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,232 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/dynamics/model.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace assembly_cell {
+namespace {
+
+// FK or FC = K d with K of thesis order: diagonal plus (2,6) and (3,5)
+Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
+  Vector6 f = K.diagonal.cwiseProduct(d);
+  f(1) += K.k26 * d(5);
+  f(5) += K.k26 * d(1);
+  f(2) += K.k35 * d(4);
+  f(4) += K.k35 * d(2);
+  return f;
+}
+
+struct Deflection {
+  Vector6 d, rate;
+};
+
+Deflection couplingDeflection(const Scenario& s, const Kinematics& k, const State& state,
+                              const RestMotion& rest) {
+  const double d2 = s.peg.coupling_height;
+  Deflection out;
+  const Vector9& q = state.q;
+  const Vector9& v = state.v;
+  out.d.head<3>() = k.x + d2 * k.a - Eigen::Vector3d(rest.position(2), q(6), q(7));
+  out.d(3) = q(5) - q(8);
+  out.d(4) = q(4) - rest.position(4);
+  out.d(5) = q(3) - rest.position(5);
+  out.rate.head<3>() =
+      k.v + d2 * k.omega.cross(k.a) - Eigen::Vector3d(rest.rate(2), v(6), v(7));
+  out.rate.tail<3>() = k.omega - Eigen::Vector3d(v(8), rest.rate(4), rest.rate(5));
+  return out;
+}
+
+}  // namespace
+
+Vector6 restVector(const RestPose& pose) {
+  Vector6 v;
+  v << pose.x, pose.y, pose.z, pose.yaw, pose.theta, pose.phi;
+  return v;
+}
+
+RestPose restPose(const Vector6& position) {
+  return {position(0), position(1), position(2), position(3), position(4), position(5)};
+}
+
+RestProfile restProfile(const RestPose& at_rest) {
+  RestProfile profile;
+  profile.coefficients.col(0) = restVector(at_rest);
+  return profile;
+}
+
+RestMotion restMotion(const RestProfile& profile, double t) {
+  RestMotion motion;
+  const auto& c = profile.coefficients;
+  if (!(profile.duration > 0.0) || t >= profile.start + profile.duration) {
+    motion.position = profile.duration > 0.0 ? Vector6(c.rowwise().sum()) : Vector6(c.col(0));
+    return motion;
+  }
+  const double u = std::max(0.0, (t - profile.start) / profile.duration);
+  const double rate = 1.0 / profile.duration;
+  motion.position =
+      c.col(0) + u * (c.col(1) + u * (c.col(2) + u * (c.col(3) + u * (c.col(4) + u * c.col(5)))));
+  motion.rate = rate * (c.col(1) +
+                        u * (2 * c.col(2) + u * (3 * c.col(3) + u * (4 * c.col(4) + u * 5 * c.col(5)))));
+  motion.acceleration = rate * rate *
+                        (2 * c.col(2) + u * (6 * c.col(3) + u * (12 * c.col(4) + u * 20 * c.col(5))));
+  return motion;
+}
+
+RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
+                     const CarrierParameters& limits, double arm) {
+  RestProfile profile;
+  profile.start = t;
+  const Vector6 distance = restVector(target) - now.position;
+  Vector6 weight;
+  weight << 1, 1, 1, arm, arm, arm;
+
+  // the shortest duration on a geometric grid whose quintic keeps the limits (or already moves so)
+  const double floor_time = 2e-3;
+  const double initial_speed = now.rate.cwiseProduct(weight).cwiseAbs().maxCoeff();
+  const double initial_acceleration = now.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff();
+  const double speed_limit = std::max(limits.max_speed, initial_speed) * (1 + 1e-9);
+  const double acceleration_limit =
+      std::max(limits.max_acceleration, initial_acceleration) * (1 + 1e-9);
+  RestProfile best;
+  double best_excess = 1e300;
+  for (double T = floor_time; T < 1e4; T *= 1.05) {
+    const Vector6 v0 = now.rate * T, a0 = now.acceleration * (T * T);
+    auto& c = profile.coefficients;
+    c.col(0) = now.position;
+    c.col(1) = v0;
+    c.col(2) = 0.5 * a0;
+    c.col(3) = 10 * distance - 6 * v0 - 1.5 * a0;
+    c.col(4) = -15 * distance + 8 * v0 + 1.5 * a0;
+    c.col(5) = 6 * distance - 3 * v0 - 0.5 * a0;
+    profile.duration = T;
+    double excess = 0.0;
+    for (int i = 0; i <= 40; ++i) {
+      const RestMotion m = restMotion(profile, t + T * i / 40.0 * (1 - 1e-12));
+      excess = std::max({excess, m.rate.cwiseProduct(weight).cwiseAbs().maxCoeff() / speed_limit,
+                         m.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff() /
+                             acceleration_limit});
+      if (excess > best_excess && excess > 1.0) break;
+    }
+    if (excess < best_excess) {
+      best_excess = excess;
+      best = profile;
+    }
+    if (excess <= 1.0) break;
+  }
+  return best;
+}
+
+Eigen::Vector2d exciterForce(const Drive& drive, double t) {
+  const ExciterParameters& e = drive.exciter;
+  if (e.amplitude == 0.0) return Eigen::Vector2d::Zero();
+  const double angle = e.direction * (e.frequency * (t - drive.t_ref) + e.phase);
+  // peg axes x = thesis axis 2, y = −(thesis axis 1)
+  return {-e.amplitude * std::sin(angle), e.amplitude * std::cos(angle)};
+}
+
+Kinematics kinematics(const State& state) {
+  Kinematics k;
+  const Vector9& q = state.q;
+  const Vector9& v = state.v;
+  const double cph = std::cos(q(3)), sph = std::sin(q(3));
+  const double cth = std::cos(q(4)), sth = std::sin(q(4));
+  const double cps = std::cos(q(5)), sps = std::sin(q(5));
+  k.x = q.head<3>();
+  k.v = v.head<3>();
+  k.R0 << cph * cth * cps - sph * sps, sph * cth * cps + cph * sps, -sth * cps;
+  k.R1 << -cph * cth * sps - sph * cps, -sph * cth * sps + cph * cps, sth * sps;
+  k.a << cph * sth, sph * sth, cth;
+  k.sin_theta = sth;
+  k.cos_theta = cth;
+  k.Re << 0, -sph, k.a(0), 0, cph, k.a(1), 1, 0, k.a(2);
+  const double p = v(3), th = v(4);
+  k.Re_rate << 0, -cph * p, -sph * sth * p + cph * cth * th,  //
+      0, -sph * p, cph * sth * p + sph * cth * th,            //
+      0, 0, -sth * th;
+  k.omega = k.Re * v.segment<3>(3);
+  return k;
+}
+
+FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state,
+                      const RestMotion& rest, const Drive& drive, double t) {
+  FreeMotion m;
+  const Vector9& q = state.q;
+  const Vector9& v = state.v;
+  const Deflection deflection = couplingDeflection(s, k, state, rest);
+  m.deflection = deflection.d;
+  const Vector6 FK = multiply(s.coupling.stiffness, deflection.d);
+  const Vector6 FC = multiply(s.coupling.damping, deflection.rate);
+  m.FK = FK.head<3>();
+  m.FKm = FK.tail<3>();
+  m.FC = FC.head<3>();
+  m.FCm = FC.tail<3>();
+  const Eigen::Vector3d T = m.FK + m.FC;
+
+  // exciter and constant push at d1 along the axis; peg axes x = axis 2, y = −(axis 1)
+  Eigen::Vector3d Fp(-s.push(1), s.push(0), s.push(2));
+  Fp.head<2>() += exciterForce(drive, t);
+  const Eigen::Vector3d F = k.R0 * Fp(0) + k.R1 * Fp(1) + k.a * Fp(2);
+
+  m.force.head<3>() = F - T;
+  m.force(0) -= s.peg.mass * s.gravity;
+
+  // dampers work on omega, springs on the angles (thesis 6.6, 6.10)
+  const double d2 = s.peg.coupling_height;
+  const Eigen::Vector3d moment =
+      k.a.cross(s.peg.exciter_height * F - d2 * T) - m.FCm;
+  Eigen::Vector3d Q = k.Re.transpose() * moment;
+  Q(0) -= m.FKm(2);
+  Q(1) -= m.FKm(1);
+  Q(2) -= m.FKm(0);
+  const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial;
+  const double sc = k.sin_theta * k.cos_theta, sth = k.sin_theta;
+  const double ph = v(3), th = v(4), ps = v(5);
+  Q(0) -= 2 * I * ph * th * sc - I3 * (2 * ph * th * sc + th * ps * sth);
+  Q(1) += I * ph * ph * sc - I3 * (ph * ph * sc + ph * ps * sth);
+  Q(2) += I3 * ph * th * sth;
+  m.force.segment<3>(3) = Q;
+
+  const CarrierParameters& c = s.carrier;
+  m.force(6) = T(1) - c.stiffness(0) * (q(6) - rest.position(0)) -
+               c.damping(0) * (v(6) - rest.rate(0));
+  m.force(7) = T(2) - c.stiffness(1) * (q(7) - rest.position(1)) -
+               c.damping(1) * (v(7) - rest.rate(1));
+  m.force(8) = FK(3) + FC(3) - c.stiffness(2) * (q(8) - rest.position(3)) -
+               c.damping(2) * (v(8) - rest.rate(3));
+  return m;
+}
+
+Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& f) {
+  Vector9 a;
+  a.head<3>() = f.head<3>() / s.peg.mass;
+  const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial;
+  const double transverse = 1.0 / (I * k.sin_theta * k.sin_theta);
+  const double c = k.cos_theta;
+  a(3) = transverse * (f(3) - c * f(5));
+  a(4) = f(4) / I;
+  a(5) = -c * transverse * f(3) + (1.0 / I3 + c * c * transverse) * f(5);
+  a(6) = f(6) / s.carrier.mass;
+  a(7) = f(7) / s.carrier.mass;
+  a(8) = f(8) / s.carrier.inertia;
+  return a;
+}
+
+double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest) {
+  const Kinematics k = kinematics(state);
+  const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial;
+  const double spin = k.omega.dot(k.a);
+  const Vector9& v = state.v;
+  const double kinetic =
+      0.5 * (s.peg.mass * k.v.squaredNorm() + I * (k.omega.squaredNorm() - spin * spin) +
+             I3 * spin * spin + s.carrier.mass * (v(6) * v(6) + v(7) * v(7)) +
+             s.carrier.inertia * v(8) * v(8));
+  const Vector6 d = couplingDeflection(s, k, state, rest).d;
+  const double coupling = 0.5 * d.dot(multiply(s.coupling.stiffness, d));
+  const Eigen::Vector3d c = state.q.tail<3>() -
+                            Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));
+  const double carrier = 0.5 * s.carrier.stiffness.dot(c.cwiseProduct(c));
+  return kinetic + coupling + carrier + s.peg.mass * s.gravity * state.q(0);
+}
+
+}  // namespace assembly_cell

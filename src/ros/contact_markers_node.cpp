@@ -1,0 +1,183 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/contact_markers_node.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/cell_description.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr char kHoleFrame[] = "hole";
+constexpr char kPegFrame[] = "peg";
+constexpr int kCirclePoints = 64;
+constexpr double kLineWidth = 0.0006;    // [m]
+constexpr double kPointSize = 0.004;     // [m]
+constexpr double kArrowShaft = 0.0012;   // diameter [m]
+constexpr double kArrowHead = 0.003;     // diameter [m]
+constexpr double kNormalLength = 0.015;  // [m]
+constexpr double kPi = 3.14159265358979323846;
+
+}  // namespace
+
+ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
+  Parameters parameters(pnh);
+  const double rate = parameters.number("rate", Range{0.1, 30.0}, 15.0);
+  lifetime_ = parameters.number("lifetime", kPositive, 5.0);
+  force_scale_ = parameters.number("force_scale", kPositive, 0.002);
+  force_threshold_ = parameters.number("force_threshold", kPositive, 0.05);
+  locus_scale_ = parameters.number("locus_scale", kPositive, 1000.0);
+  locus_height_ = parameters.number("locus_height", kAny, 0.15);
+  parameters.refuseUnknown();
+  const CellDescription description = loadCellDescription(Parameters(nh).text("robot_description"));
+  peg_radius_ = description.peg.radius;
+  peg_length_ = description.peg.half_height + description.peg.coupling_height;
+  hole_radius_ = description.hole.radius;
+
+  pub_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 1);
+  timer_ = nh.createWallTimer(ros::WallDuration(1.0 / rate),
+                              [this](const ros::WallTimerEvent&) { update(); });
+}
+
+void ContactMarkersNode::update() {
+  const bool wanted = pub_.getNumSubscribers() > 0;
+  if (wanted && !active_) {
+    contacts_sub_ = nh_.subscribe<ContactArray>(
+        "truth/contacts", 1, [this](const ContactArray::ConstPtr& m) { contacts_ = m; });
+    locus_sub_ = nh_.subscribe<LocusEstimate>(
+        "locus", 1, [this](const LocusEstimate::ConstPtr& m) { locus_ = m; });
+    truth_sub_ = nh_.subscribe<geometry_msgs::PoseStamped>(
+        "truth/pose", 1, [this](const geometry_msgs::PoseStamped::ConstPtr& m) { truth_ = m; });
+    report_sub_ = nh_.subscribe<AlignmentReport>(
+        "report", 1, [this](const AlignmentReport::ConstPtr& m) { report_ = m; });
+    // whatever an earlier life of this node has left
+    Marker all;
+    all.action = Marker::DELETEALL;
+    all.pose.orientation.w = 1.0;
+    array_.markers.push_back(all);
+    drawn_.clear();
+  } else if (!wanted && active_) {
+    for (auto* sub : {&contacts_sub_, &locus_sub_, &truth_sub_, &report_sub_}) sub->shutdown();
+    contacts_.reset();
+    locus_.reset();
+    truth_.reset();
+    report_.reset();
+  }
+  active_ = wanted;
+  if (active_) publish();
+}
+
+void ContactMarkersNode::publish() {
+  drawn_before_.swap(drawn_);
+  drawn_.clear();
+  addCircle("hole", kHoleFrame, hole_radius_, kHoleColor);
+  if (contacts_) drawContacts();
+  if (locus_) drawLocus();
+  if (truth_) drawPeg("peg_true", truth_->pose, kTruePegColor);
+  if (report_) drawPeg("peg_estimated", report_->estimated_pose, kEstimatedPegColor);
+
+  // what was there before and has ended
+  for (const auto& [ns, count] : drawn_before_) {
+    for (int id = drawn_[ns]; id < count; ++id) {
+      Marker gone;
+      gone.ns = ns;
+      gone.id = id;
+      gone.action = Marker::DELETE;
+      gone.pose.orientation.w = 1.0;
+      array_.markers.push_back(gone);
+    }
+  }
+  pub_.publish(array_);
+  array_.markers.clear();
+}
+
+void ContactMarkersNode::drawContacts() {
+  for (const Contact& contact : contacts_->contacts) {
+    if (contact.state == Contact::OPEN) continue;
+    const Eigen::Vector3d p(contact.position.x, contact.position.y, contact.position.z);
+    const Eigen::Vector3d n(contact.normal.x, contact.normal.y, contact.normal.z);
+    const Eigen::Vector3d f(contact.force.x, contact.force.y, contact.force.z);
+    Marker& point = add("contact_points", Marker::SPHERE, kHoleFrame, kContactPointColor);
+    point.pose.position = contact.position;
+    point.scale.x = point.scale.y = point.scale.z = kPointSize;
+    addArrow("contact_normals", kHoleFrame, p, p + kNormalLength * n, kContactNormalColor);
+    if (f.norm() > force_threshold_) {
+      addArrow("contact_forces", kHoleFrame, p, p + force_scale_ * f, kContactForceColor);
+    }
+  }
+}
+
+void ContactMarkersNode::drawLocus() {
+  // Z = P e^{i a} + N e^{-i a}, enlarged, above the peg
+  const std::complex<double> P(locus_->p[0], locus_->p[1]);
+  const std::complex<double> N(locus_->n[0], locus_->n[1]);
+  Marker& ellipse = add("locus", Marker::LINE_STRIP, kPegFrame, kLocusColor);
+  ellipse.scale.x = kLineWidth;
+  for (int i = 0; i <= kCirclePoints; ++i) {
+    const std::complex<double> turn = std::polar(1.0, 2.0 * kPi * i / kCirclePoints);
+    const std::complex<double> Z = locus_scale_ * (P * turn + N / turn);
+    ellipse.points.push_back(toPoint({Z.real(), Z.imag(), locus_height_}));
+  }
+  // where the contact may be, from the peg's axis; the likelier the more solid
+  const std::size_t n =
+      std::min(locus_->hypothesis_direction.size(), locus_->hypothesis_weight.size());
+  for (std::size_t i = 0; i < n; ++i) {
+    const double alpha = locus_->hypothesis_direction[i];
+    Color color = kHypothesisColor;
+    color.a = static_cast<float>(0.2 + 0.8 * std::clamp(locus_->hypothesis_weight[i], 0.0, 1.0));
+    addArrow("hypotheses", kPegFrame, Eigen::Vector3d::Zero(),
+             Eigen::Vector3d(peg_radius_ * std::cos(alpha), peg_radius_ * std::sin(alpha), 0.0),
+             color);
+  }
+}
+
+void ContactMarkersNode::drawPeg(const std::string& ns, const geometry_msgs::Pose& pose,
+                                 const Color& color) {
+  addCircle(ns, kHoleFrame, peg_radius_, color);
+  array_.markers.back().pose = pose;
+  Marker& axis = add(ns, Marker::LINE_STRIP, kHoleFrame, color);
+  axis.pose = pose;
+  axis.scale.x = kLineWidth;
+  axis.points = {toPoint({0.0, 0.0, 0.0}), toPoint({0.0, 0.0, peg_length_})};
+}
+
+ContactMarkersNode::Marker& ContactMarkersNode::add(const std::string& ns, int type,
+                                                    const std::string& frame, const Color& color) {
+  Marker marker;
+  marker.header.frame_id = frame;  // no stamp: with the latest transform
+  marker.ns = ns;
+  marker.id = drawn_[ns]++;
+  marker.type = type;
+  marker.action = Marker::ADD;
+  marker.pose.orientation.w = 1.0;
+  marker.color = color;
+  marker.lifetime = ros::Duration(lifetime_);
+  array_.markers.push_back(marker);
+  return array_.markers.back();
+}
+
+void ContactMarkersNode::addArrow(const std::string& ns, const std::string& frame,
+                                  const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                                  const Color& color) {
+  Marker& arrow = add(ns, Marker::ARROW, frame, color);
+  arrow.scale.x = kArrowShaft;
+  arrow.scale.y = kArrowHead;
+  arrow.points = {toPoint(from), toPoint(to)};
+}
+
+void ContactMarkersNode::addCircle(const std::string& ns, const std::string& frame, double radius,
+                                   const Color& color) {
+  Marker& circle = add(ns, Marker::LINE_STRIP, frame, color);
+  circle.scale.x = kLineWidth;
+  for (int i = 0; i <= kCirclePoints; ++i) {
+    const double a = 2.0 * kPi * i / kCirclePoints;
+    circle.points.push_back(toPoint({radius * std::cos(a), radius * std::sin(a), 0.0}));
+  }
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,413 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/locus_node.h"
+
+#include <assembly_cell/Ack.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr std::uint32_t kQueue = 100;  // every sample counts
+constexpr double kTwoPi = 6.283185307179586;
+constexpr double kRounding = 0.01;  // of a sample's period, for stamps rounded to 1 ns
+
+std::string text(const char* format, double a, double b = 0.0) {
+  char line[160];
+  std::snprintf(line, sizeof(line), format, a, b);
+  return line;
+}
+
+std::size_t sizeOf(const DisplacementSamples& block) { return block.displacement.size() / 6; }
+
+ros::Time timeOf(const DisplacementSamples& block, std::size_t sample) {
+  return block.header.stamp + ros::Duration(block.period * static_cast<double>(sample));
+}
+
+ros::Time lastOf(const DisplacementSamples& block) { return timeOf(block, sizeOf(block) - 1); }
+
+// what is wrong with an exciter that should be running; empty: nothing
+std::string faultOf(const Exciter& exciter) {
+  if (!exciter.on) return "the exciter is off: switch it on before the window";
+  if (!(std::isfinite(exciter.frequency) && exciter.frequency > 0.0)) {
+    return text("exciter frequency is %g: give a positive one in rad/s", exciter.frequency);
+  }
+  if (!(std::isfinite(exciter.amplitude) && exciter.amplitude > 0.0)) {
+    return text("exciter amplitude is %g: give a positive one in N", exciter.amplitude);
+  }
+  if (!std::isfinite(exciter.phase)) return "exciter phase is not finite: give it in rad";
+  if (exciter.direction != 1 && exciter.direction != -1) {
+    return text("exciter direction is %g: give 1 or -1", exciter.direction);
+  }
+  return {};
+}
+
+bool finitePose(const geometry_msgs::Pose& pose) {
+  try {
+    fromPose(pose, "carrier_pose");
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+}  // namespace
+
+LocusNode::LocusNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
+    : nh_(nh),
+      pnh_(pnh),
+      server_(
+          nh_, "identify_locus",
+          [this](const IdentifyLocusGoal::ConstPtr& goal) { identify(goal); }, false) {
+  readParameters();
+  locus_pub_ = nh_.advertise<LocusEstimate>("locus", kQueue);
+  mode_pub_ = nh_.advertise<LocusEstimate>("contact_mode", 1, true);
+  // latched: who connects late must not miss the first one
+  if (lockstep_) ack_pub_ = nh_.advertise<Ack>("ack", kQueue, true);
+  enable_srv_ = pnh_.advertiseService("enable", &LocusNode::enable, this);
+  server_.start();
+  const auto hints = ros::TransportHints().tcpNoDelay();
+  exciter_sub_ = nh_.subscribe("exciter", kQueue, &LocusNode::onExciter, this, hints);
+  carrier_sub_ = nh_.subscribe("carrier_pose", kQueue, &LocusNode::onCarrier, this, hints);
+  block_sub_ =
+      nh_.subscribe("sensor_b/displacement_samples", kQueue, &LocusNode::onBlock, this, hints);
+}
+
+LocusNode::~LocusNode() {
+  block_sub_.shutdown();
+  server_.shutdown();
+}
+
+void LocusNode::readParameters() {
+  Parameters parameters(pnh_);
+  mechanism_ = loadScenario(parameters.text("scenario"),
+                            parameters.texts("overrides", std::vector<std::string>{}));
+  window_ = parameters.number("window", {1e-3, 10.0}, 0.2);
+  false_alarm_ = parameters.number("false_alarm", {1e-6, 0.49}, 0.01);
+  indifference_ = parameters.number("indifference", {0.0, 0.5}, 0.05);
+  misfit_limit_ = parameters.number("misfit_limit", kPositive, 0.2);
+  carrier_motion_ = parameters.number("carrier_motion", kPositive, 1e-3);
+  history_ = parameters.number("history", {window_, 60.0}, std::max(2.0, window_));
+  data_timeout_ = parameters.number("data_timeout", {0.01, 3600.0}, 10.0);
+  lockstep_ = parameters.flag("lockstep", false);
+  // the name that the simulator knows: relative to the cell's namespace
+  std::string name = ros::this_node::getName();
+  const std::string ns = nh_.getNamespace() == "/" ? "/" : nh_.getNamespace() + "/";
+  if (name.compare(0, ns.size(), ns) == 0) name = name.substr(ns.size());
+  name_in_lockstep_ = parameters.text("name_in_lockstep", name);
+  parameters.refuseUnknown();
+}
+
+// ---- the data path ----
+
+void LocusNode::onExciter(const Exciter::ConstPtr& exciter) {
+  const std::string fault = exciter->on ? faultOf(*exciter) : std::string();
+  if (!fault.empty()) ROS_ERROR("exciter ignored: %s", fault.c_str());
+  const std::lock_guard<std::mutex> lock(mutex_);
+  exciter_ = *exciter;
+  if (!fault.empty()) exciter_->on = false;
+}
+
+void LocusNode::onCarrier(const geometry_msgs::PoseStamped::ConstPtr& pose) {
+  if (!finitePose(pose->pose)) {
+    ROS_ERROR_THROTTLE(1.0, "carrier_pose is not a finite pose: ignored");
+    return;
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!carrier_.empty() && pose->header.stamp < carrier_.back()->header.stamp) carrier_.clear();
+  carrier_.push_back(pose);
+  while (carrier_.front()->header.stamp + ros::Duration(history_) < pose->header.stamp) {
+    carrier_.pop_front();
+  }
+}
+
+void LocusNode::onBlock(const DisplacementSamples::ConstPtr& block) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (keep(block) && enabled_) slide();
+  }
+  arrived_.notify_all();
+  acknowledge(block->sequence);
+}
+
+bool LocusNode::keep(const DisplacementSamples::ConstPtr& block) {
+  const std::size_t n = sizeOf(*block);
+  const auto finite = [](double v) { return std::isfinite(v); };
+  if (n == 0 || block->displacement.size() != 6 * n || !std::isfinite(block->period) ||
+      !(block->period > 0.0) ||
+      !std::all_of(block->displacement.begin(), block->displacement.end(), finite)) {
+    ROS_ERROR_THROTTLE(1.0, "block %u is not one of finite samples: ignored", block->sequence);
+    return false;
+  }
+  if (!blocks_.empty()) {
+    const DisplacementSamples& last = *blocks_.back();
+    // who connects late may get a latched block twice
+    if (block->header.stamp == last.header.stamp && block->sequence == last.sequence) return false;
+    if (timeOf(*block, 0) < lastOf(last) + ros::Duration(0.5 * last.period)) {
+      ROS_WARN("the clock jumped back to %.3f s: samples dropped", block->header.stamp.toSec());
+      blocks_.clear();
+      ++cleared_;
+      if (exciter_ && exciter_->header.stamp > lastOf(*block)) exciter_.reset();
+    }
+  }
+  blocks_.push_back(block);
+  ++block_count_;
+  while (lastOf(*blocks_.front()) + ros::Duration(history_ + block->period) < lastOf(*block)) {
+    blocks_.pop_front();
+  }
+  return true;
+}
+
+void LocusNode::acknowledge(std::uint32_t sequence) {
+  if (!lockstep_) return;
+  Ack ack;
+  ack.node = name_in_lockstep_;
+  ack.sequence = sequence;
+  ack_pub_.publish(ack);
+}
+
+ros::Time LocusNode::lastSample() const {
+  return blocks_.empty() ? ros::Time() : lastOf(*blocks_.back());
+}
+
+LocusNode::Window LocusNode::collect(const ros::Time& start, const ros::Time& end,
+                                     const Exciter& exciter) const {
+  Window window;
+  window.start = start;
+  window.end = end;
+  for (const auto& block : blocks_) {
+    window.period = block->period;
+    window.frame_id = block->header.frame_id;
+    const double first = (block->header.stamp - start).toSec() + kRounding * block->period;
+    const double limit = (end - start).toSec();
+    const double since = (block->header.stamp - exciter.header.stamp).toSec();
+    for (std::size_t k = 0; k < sizeOf(*block); ++k) {
+      const double later = block->period * static_cast<double>(k);
+      if (first + later < 0.0 || first + later >= limit) continue;
+      window.angle.push_back(exciter.direction *
+                             (exciter.frequency * (since + later) + exciter.phase));
+      const auto sample = block->displacement.begin() + static_cast<std::ptrdiff_t>(6 * k);
+      window.signals.insert(window.signals.end(), sample, sample + 6);
+    }
+  }
+  return window;
+}
+
+double LocusNode::carrierMotion(const ros::Time& start, const ros::Time& end) const {
+  const double lever = mechanism_.peg.coupling_height + mechanism_.peg.half_height;
+  std::optional<Pose> reference;
+  double largest = 0.0;
+  for (const auto& stamped : carrier_) {
+    if (stamped->header.stamp < start || stamped->header.stamp > end) continue;
+    const Pose X = fromPose(stamped->pose, "carrier_pose");
+    if (!reference) reference = X;
+    const double turn = vectorFromRotation(reference->R.transpose() * X.R).value.norm();
+    largest = std::max(largest, (X.p - reference->p).norm() + lever * turn);
+  }
+  return largest;
+}
+
+void LocusNode::slide() {
+  // idle while the exciter is off or nobody looks
+  if (!exciter_ || !exciter_->on) return;
+  if (locus_pub_.getNumSubscribers() == 0 && mode_pub_.getNumSubscribers() == 0) return;
+
+  // as many whole periods as fit, at least one, all under this exciter
+  const double cycle = kTwoPi / exciter_->frequency;
+  const double period = blocks_.back()->period;
+  const double length = cycle * std::max(1.0, std::floor(window_ / cycle));
+  const double samples = std::ceil(length / period - 1e-6);
+  if (samples * period > history_) return;
+  const ros::Time end = lastSample() + ros::Duration(period);
+  const double since = (end - exciter_->header.stamp).toSec();
+  if (since < samples * period) return;
+  const ros::Time start = end - ros::Duration(samples * period);
+  const Window window = collect(start, end, *exciter_);
+  if (static_cast<double>(window.angle.size()) < samples - 0.5) return;
+
+  try {
+    const LocusEstimate result = estimate(window, *exciter_);
+    locus_pub_.publish(result);
+    if (!mode_ || *mode_ != result.mode) {
+      mode_ = result.mode;
+      mode_pub_.publish(result);
+    }
+  } catch (const InputError& error) {
+    ROS_WARN_THROTTLE(5.0, "no locus: %s", error.what());
+  }
+}
+
+LocusEstimate LocusNode::estimate(const Window& window, const Exciter& exciter) const {
+  // drift is fitted: the carrier may still creep
+  const HarmonicFit fit = fitHarmonic(window.angle, window.signals);
+  const double rate = exciter.direction * exciter.frequency;
+  const Locus locus = centreOfMassLocus(mechanism_, rate, fit);
+  if (!std::isfinite(locus.semiMajor()) || !std::isfinite(locus.sigma)) {
+    throw InputError(text("the mechanism's model has no answer at %g rad/s: change the frequency",
+                          exciter.frequency));
+  }
+  const ModeDecision decision = decideMode(locus, false_alarm_, indifference_);
+
+  LocusEstimate out;
+  out.header.stamp = window.end;
+  out.header.frame_id = window.frame_id;
+  out.mode = static_cast<std::uint8_t>(decision.mode);
+  std::copy(decision.probabilities.begin(), decision.probabilities.end(),
+            out.probabilities.begin());
+  out.p = {locus.P.real(), locus.P.imag()};
+  out.n = {locus.N.real(), locus.N.imag()};
+  out.semi_major = locus.semiMajor();
+  out.semi_minor = locus.semiMinor();
+  const double sd = locus.orientationSd();
+  const bool oriented = decision.mode != LocusMode::kNone && decision.mode != LocusMode::kCircle &&
+                        sd < kUnknownOrientationSd;
+  out.orientation = oriented ? locus.orientation() : 0.0;
+  out.orientation_sd = oriented ? sd : kUnknownOrientationSd;
+  out.frequency = exciter.frequency;
+  out.noise_sd = locus.sigma;
+  out.samples = static_cast<std::uint32_t>(locus.samples);
+  out.inflation = locus.inflation;
+
+  // contact directions by the model of a single contact, where it holds
+  if (oriented) {
+    OperatingPoint point;
+    point.frequency = exciter.frequency;
+    point.amplitude = exciter.amplitude;
+    point.direction = exciter.direction;
+    point.press = pressFromDeflection(mechanism_, fit.offset);
+    const DirectionEstimate direction =
+        contactDirection(mechanism_, point, locus, LocusAxes::kSensor);
+    if (direction.misfit <= misfit_limit_) {
+      out.hypothesis_direction = {direction.alpha, direction.alpha_opposite};
+      out.hypothesis_weight = {direction.weight, 1.0 - direction.weight};
+    }
+  }
+  return out;
+}
+
+bool LocusNode::enable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  enabled_ = request.data;
+  response.success = true;
+  response.message = enabled_ ? "enabled" : "disabled: samples are kept, nothing is computed";
+  return true;
+}
+
+// ---- the action ----
+
+void LocusNode::identify(const IdentifyLocusGoal::ConstPtr& goal) {
+  IdentifyLocusResult result;
+  Exciter exciter = goal->exciter;
+  const ros::Time end = goal->start + goal->duration;
+  Window window;
+  result.message = [&]() -> std::string {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (!enabled_) return "disabled: call ~enable first";
+      if (exciter.header.stamp.isZero()) {
+        if (!exciter_) return "no exciter message yet: give the exciter in the goal";
+        exciter = *exciter_;
+      }
+    }
+    const std::string fault = faultOf(exciter);
+    if (!fault.empty()) return fault;
+    const double duration = goal->duration.toSec();
+    if (!(duration > 0.0 && duration <= history_)) {
+      return text("duration is %g s: give a positive one up to %g s", duration, history_);
+    }
+    const std::string reason = await(goal->start, end, exciter);
+    if (!reason.empty()) return reason;
+
+    double motion = 0.0;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      window = collect(goal->start, end, exciter);
+      motion = carrierMotion(goal->start, end);
+    }
+    const double expected = std::floor(duration / window.period + kRounding);
+    if (static_cast<double>(window.angle.size()) < expected) {
+      return text("%.0f of the window's %.0f samples are missing: repeat the reading",
+                  expected - static_cast<double>(window.angle.size()), expected);
+    }
+    if (motion > carrier_motion_) {
+      return text("the carrier moved the peg by %.2g m, more than %.2g m: hold it while reading",
+                  motion, carrier_motion_);
+    }
+    try {
+      result.locus = estimate(window, exciter);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    result.success = true;
+    return std::string(toString(static_cast<LocusMode>(result.locus.mode))) +
+           text(" from %.0f samples", static_cast<double>(window.angle.size()));
+  }();
+
+  if (server_.isPreemptRequested()) {
+    server_.setPreempted(result, result.message);
+  } else if (result.success) {
+    server_.setSucceeded(result, result.message);
+  } else {
+    server_.setAborted(result, result.message);
+  }
+}
+
+std::string LocusNode::await(const ros::Time& start, const ros::Time& end, const Exciter& exciter) {
+  using Clock = std::chrono::steady_clock;
+  const auto patience = std::chrono::duration<double>(data_timeout_);
+  auto deadline = Clock::now() + patience;
+  std::unique_lock<std::mutex> lock(mutex_);
+  const std::uint64_t cleared = cleared_;
+  std::uint64_t seen = block_count_;
+  while (true) {
+    if (!ros::ok()) return "the node is shutting down";
+    if (server_.isPreemptRequested()) return "preempted";
+    if (cleared_ != cleared) return "the clock jumped back: repeat the reading";
+    if (!blocks_.empty()) {
+      const double period = blocks_.back()->period;
+      const ros::Time first = blocks_.front()->header.stamp;
+      if (start + ros::Duration((1.0 + kRounding) * period) < first) {
+        return text("the window starts at %.6f s but samples are kept from %.6f s on: ask earlier",
+                    start.toSec(), first.toSec());
+      }
+      if (lastSample() + ros::Duration((1.0 + kRounding) * period) >= end) return {};
+    }
+    if (block_count_ != seen) {
+      seen = block_count_;
+      deadline = Clock::now() + patience;
+      // how far the reading is
+      const Window window = collect(start, end, exciter);
+      IdentifyLocusFeedback feedback;
+      feedback.probabilities[4] = 1.0;
+      feedback.cycles =
+          static_cast<double>(window.angle.size()) * window.period * exciter.frequency / kTwoPi;
+      lock.unlock();
+      if (feedback.cycles >= 1.0) {
+        try {
+          const LocusEstimate now = estimate(window, exciter);
+          feedback.probabilities = now.probabilities;
+        } catch (const InputError&) {
+          // too few samples yet: undecided
+        }
+      }
+      server_.publishFeedback(feedback);
+      lock.lock();
+      continue;
+    }
+    if (Clock::now() >= deadline) {
+      return text("no displacement samples for %g s: is the driver of sensor_b running?",
+                  data_timeout_);
+    }
+    arrived_.wait_for(lock, std::chrono::milliseconds(20));
+  }
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,318 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/report_program.h"
+
+#include <std_srvs/SetBool.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kTruthTimeout = 10.0;  // wall [s]
+constexpr int kEdgePoints = 3600;       // misses at most r (pi/3600)^2 / 2 = 1e-8 m
+
+std::string format(const char* pattern, double a, double b) {
+  char text[120];
+  std::snprintf(text, sizeof text, pattern, a, b);
+  return text;
+}
+
+Eigen::Vector2d vector(const boost::array<double, 2>& v) { return {v[0], v[1]}; }
+
+}  // namespace
+
+Eigen::Vector2d tiltOf(const Pose& X_HP) {
+  const Eigen::Vector3d axis = X_HP.R.col(2);
+  const double sine = std::hypot(axis.x(), axis.y());
+  const double angle = std::atan2(sine, axis.z());
+  if (sine == 0.0) return Eigen::Vector2d::Zero();
+  return Eigen::Vector2d(-axis.y(), axis.x()) * (angle / sine);
+}
+
+double edgeReach(const Pose& X_HP, double peg_radius) {
+  double reach = 0.0;
+  for (int i = 0; i < kEdgePoints; ++i) {
+    const double a = 2.0 * kPi * i / kEdgePoints;
+    const Eigen::Vector3d p =
+        X_HP.R * Eigen::Vector3d(peg_radius * std::cos(a), peg_radius * std::sin(a), 0.0) + X_HP.p;
+    reach = std::max(reach, p.head<2>().norm());
+  }
+  return reach;
+}
+
+void addTruth(AlignmentReport& report, const ReportDetails& details) {
+  report.truth_known = details.truth_start && details.truth_end;
+  if (!report.truth_known) return;
+  const Eigen::Vector2d tilt = tiltOf(*details.truth_start);
+  for (int i = 0; i < 2; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    report.true_offset[k] = -details.truth_start->p(i);
+    report.true_tilt[k] = tilt(i);
+  }
+}
+
+bool verdict(const AlignmentReport& report, const ReportDetails& details) {
+  if (!report.success) return false;
+  return !details.truth_end ||
+         edgeReach(*details.truth_end, details.peg_radius) <= details.hole_radius;
+}
+
+std::string table(const AlignmentReport& report, const ReportDetails& details) {
+  const Eigen::Vector2d offset = 1e3 * vector(report.estimated_offset);
+  const Eigen::Vector2d tilt = 180.0 / kPi * vector(report.estimated_tilt);
+  const Eigen::Vector2d true_offset = 1e3 * vector(report.true_offset);
+  const Eigen::Vector2d true_tilt = 180.0 / kPi * vector(report.true_tilt);
+  std::string out;
+  const auto row = [&out](const std::string& name, const std::string& a, const std::string& b,
+                          const std::string& c) {
+    char text[200];
+    std::snprintf(text, sizeof text, "  %-22s %20s %20s %10s\n", name.c_str(), a.c_str(), b.c_str(),
+                  c.c_str());
+    out += text;
+  };
+  const char* pair = "%8.3f %8.3f";
+  out += report.success ? "aligned\n" : "not aligned: " + report.reason + "\n";
+  row("at the start", report.truth_known ? "true" : "true (unknown)", "estimated", "error");
+  row("offset x, y [mm]", report.truth_known ? format(pair, true_offset.x(), true_offset.y()) : "-",
+      format(pair, offset.x(), offset.y()),
+      report.truth_known ? format("%.3f", (offset - true_offset).norm(), 0.0) : "-");
+  row("tilt x, y [deg]", report.truth_known ? format(pair, true_tilt.x(), true_tilt.y()) : "-",
+      format(pair, tilt.x(), tilt.y()),
+      report.truth_known ? format("%.3f", (tilt - true_tilt).norm(), 0.0) : "-");
+  if (details.truth_end) {
+    const double reach = edgeReach(*details.truth_end, details.peg_radius);
+    out += format(
+               "  peg's edge at the end: farthest point %.3f mm from the hole's axis, "
+               "hole's radius %.3f mm: ",
+               1e3 * reach, 1e3 * details.hole_radius) +
+           (reach <= details.hole_radius ? "inside\n" : "NOT inside\n");
+  }
+  out += "  contacts read: " + std::to_string(report.contacts) + "\n";
+  out += format("  time: %.2f s simulated, %.2f s wall clock", report.simulated_time,
+                report.wall_time) +
+         format(" (%.1f times real time)\n",
+                report.wall_time > 0.0 ? report.simulated_time / report.wall_time : 0.0, 0.0);
+  return out;
+}
+
+std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
+  YAML::Emitter out;
+  out.SetDoublePrecision(17);
+  const auto pair = [&out](const char* key, double x, double y, bool known = true) {
+    out << YAML::Key << key << YAML::Value;
+    if (known) {
+      out << YAML::Flow << YAML::BeginSeq << x << y << YAML::EndSeq;
+    } else {
+      out << YAML::Null;
+    }
+  };
+  const auto pose = [&out](const char* key, const geometry_msgs::Pose& p) {
+    out << YAML::Key << key << YAML::Value << YAML::BeginMap;
+    out << YAML::Key << "position" << YAML::Value << YAML::Flow << YAML::BeginSeq << p.position.x
+        << p.position.y << p.position.z << YAML::EndSeq;
+    out << YAML::Key << "quaternion" << YAML::Value << YAML::Flow << YAML::BeginSeq
+        << p.orientation.x << p.orientation.y << p.orientation.z << p.orientation.w << YAML::EndSeq
+        << YAML::EndMap;
+  };
+  const bool known = report.truth_known;
+  out << YAML::BeginMap;
+  out << YAML::Key << "success" << YAML::Value << static_cast<bool>(report.success);
+  out << YAML::Key << "reason" << YAML::Value << report.reason;
+  out << YAML::Key << "strategy" << YAML::Value << details.strategy;
+  out << YAML::Key << "truth_known" << YAML::Value << known;
+  pair("true_offset", report.true_offset[0], report.true_offset[1], known);
+  pair("estimated_offset", report.estimated_offset[0], report.estimated_offset[1]);
+  pair("true_tilt", report.true_tilt[0], report.true_tilt[1], known);
+  pair("estimated_tilt", report.estimated_tilt[0], report.estimated_tilt[1]);
+  out << YAML::Key << "contacts" << YAML::Value << report.contacts;
+  out << YAML::Key << "simulated_time" << YAML::Value << report.simulated_time;
+  out << YAML::Key << "wall_time" << YAML::Value << report.wall_time;
+  pose("estimated_pose", report.estimated_pose);
+  out << YAML::Key << "peg_radius" << YAML::Value << details.peg_radius;
+  out << YAML::Key << "hole_radius" << YAML::Value << details.hole_radius;
+  if (known) {
+    pose("true_pose_start", toPose(*details.truth_start));
+    pose("true_pose", toPose(*details.truth_end));
+    out << YAML::Key << "edge_reach" << YAML::Value
+        << edgeReach(*details.truth_end, details.peg_radius);
+  }
+  out << YAML::Key << "verdict" << YAML::Value << verdict(report, details);
+  out << YAML::EndMap;
+  return "# Alignment, as msg/AlignmentReport.msg and more, see docs/interfaces.md. [m] [rad] "
+         "[s]\n" +
+         std::string(out.c_str()) + "\n";
+}
+
+// ---- the program ----
+
+ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh)
+    : nh_(nh), client_(nh, "align", false) {
+  Parameters parameters(pnh);
+  strategy_ = parameters.text("strategy", "single_contact");
+  report_file_ = parameters.text("report_file", "");
+  simulator_ = parameters.text("simulator", "peg_hole_simulator");
+  unpause_ = parameters.flag("unpause", true);
+  timeout_ = parameters.number("timeout", kPositive, 600.0);
+  start_timeout_ = parameters.number("start_timeout", kPositive, 60.0);
+  parameters.refuseUnknown();
+  const double waited_until = ros::WallTime::now().toSec() + start_timeout_;
+  // the launch file may still be setting parameters
+  while (!nh_.hasParam("robot_description") && ros::WallTime::now().toSec() < waited_until) {
+    ros::WallDuration(0.1).sleep();
+  }
+  const CellDescription description =
+      loadCellDescription(Parameters(nh_).text("robot_description"));
+  details_.strategy = strategy_;
+  details_.peg_radius = description.peg.radius;
+  details_.hole_radius = description.hole.radius;
+}
+
+bool ReportProgram::waitFor(const std::string& what, double timeout,
+                            const std::function<bool()>& ready) const {
+  const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(timeout);
+  while (ros::ok()) {
+    if (ready()) return true;
+    if (ros::WallTime::now() > deadline) {
+      ROS_ERROR("report: no %s within %g s", what.c_str(), timeout);
+      return false;
+    }
+    ros::WallDuration(0.01).sleep();
+  }
+  return false;
+}
+
+std::optional<geometry_msgs::PoseStamped> ReportProgram::truth() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return truth_;
+}
+
+int ReportProgram::run() {
+  const auto pose = [](const geometry_msgs::PoseStamped& truth) {
+    return fromPose(truth.pose, "truth/pose");
+  };
+  truth_sub_ = nh_.subscribe<geometry_msgs::PoseStamped>(
+      "truth/pose", 1, [this](const geometry_msgs::PoseStamped::ConstPtr& message) {
+        std::lock_guard<std::mutex> lock(mutex_);
+        truth_ = *message;
+      });
+  if (!waitFor("action server align (is the supervisor running?)", start_timeout_,
+               [this] { return client_.isServerConnected(); })) {
+    return 1;
+  }
+  if (unpause_ &&
+      !waitFor("service " + simulator_ + "/pause (is the simulator running?)", start_timeout_,
+               [this] { return ros::service::exists(simulator_ + "/pause", false); })) {
+    return 1;
+  }
+
+  // the truth before anything moves, if somebody publishes it
+  ros::master::V_TopicInfo topics;
+  ros::master::getTopics(topics);
+  const std::string topic = nh_.resolveName("truth/pose");
+  const bool published = std::any_of(topics.begin(), topics.end(),
+                                     [&topic](const auto& info) { return info.name == topic; });
+  if (published) {
+    if (!waitFor("message on truth/pose", kTruthTimeout, [this] { return truth().has_value(); })) {
+      return 1;
+    }
+    details_.truth_start = pose(*truth());
+  }
+
+  // first the goal, then the clock: so the run starts with the first block
+  AlignPegGoal goal;
+  goal.strategy = strategy_;
+  client_.sendGoal(
+      goal,
+      [this](const actionlib::SimpleClientGoalState&, const AlignPegResultConstPtr& result) {
+        std::lock_guard<std::mutex> lock(mutex_);
+        result_ = result;
+        done_ = true;
+      },
+      [this] {
+        std::lock_guard<std::mutex> lock(mutex_);
+        active_ = true;
+      });
+  if (!waitFor("acceptance of the goal align", start_timeout_, [this] {
+        std::lock_guard<std::mutex> lock(mutex_);
+        return active_ || done_;
+      })) {
+    return 1;
+  }
+  if (unpause_) {
+    std_srvs::SetBool run;
+    run.request.data = false;
+    if (!ros::service::call(simulator_ + "/pause", run) || !run.response.success) {
+      ROS_ERROR("report: %s/pause failed: %s", simulator_.c_str(), run.response.message.c_str());
+      return 1;
+    }
+  }
+  if (!waitFor("result of align", timeout_, [this] {
+        std::lock_guard<std::mutex> lock(mutex_);
+        return done_;
+      })) {
+    client_.cancelGoal();
+    return 1;
+  }
+  if (!result_) {
+    ROS_ERROR("report: align ended without a result");
+    return 1;
+  }
+
+  // the truth at the end of the last block that the supervisor used, or later
+  AlignmentReport report = result_->report;
+  if (published) {
+    const auto settled = [this, &report] { return truth()->header.stamp >= report.header.stamp; };
+    if (!waitFor("message on truth/pose after the alignment", kTruthTimeout, settled)) return 1;
+    details_.truth_end = pose(*truth());
+  }
+  addTruth(report, details_);
+  std::cout << table(report, details_) << std::flush;
+  if (!report_file_.empty()) {
+    std::ofstream file(report_file_);
+    file << yaml(report, details_);
+    file.close();
+    if (!file) {
+      ROS_ERROR("report: can't write %s: check ~report_file", report_file_.c_str());
+      return 1;
+    }
+  }
+  return verdict(report, details_) ? 0 : 1;
+}
+
+int runReport(int argc, char** argv) {
+  try {
+    ros::init(argc, argv, "report");
+    // a node handle would wait for the master for ever
+    if (!ros::master::check()) {
+      ROS_FATAL("report: no ROS master at %s: start the cell first, or set ROS_MASTER_URI",
+                ros::master::getURI().c_str());
+      return 1;
+    }
+    ros::NodeHandle nh;
+    ros::NodeHandle pnh("~");
+    ros::AsyncSpinner spinner(2);
+    spinner.start();
+    ReportProgram program(nh, pnh);
+    return program.run();
+  } catch (const InputError& error) {
+    ROS_FATAL("report: %s", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    ROS_FATAL("report: %s", error.what());
+    return 1;
+  }
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,325 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/ros_plant.h"
+
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "assembly_cell/Ack.h"
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr int kQueue = 100;
+constexpr std::size_t kMemory = 50;  // blocks that may be incomplete at a time
+
+/// Mean of 6 × n numbers, sample after sample. False when it isn't one of finite numbers.
+bool mean(const std::vector<double>& samples, Vector6& out) {
+  const std::size_t n = samples.size() / 6;
+  if (n == 0 || samples.size() != 6 * n) return false;
+  out = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(samples.data(), 6,
+                                                                   static_cast<Eigen::Index>(n))
+            .rowwise()
+            .mean();
+  return out.allFinite();
+}
+
+/// End of a block: its last sample.
+template <class Samples>
+ros::Time endOf(const Samples& message, std::size_t values) {
+  return message.header.stamp +
+         ros::Duration(message.period * (static_cast<double>(values / 6) - 1.0));
+}
+
+}  // namespace
+
+RosPlant::RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout)
+    : lockstep_(lockstep), timeout_(timeout) {
+  // the name that the simulator knows: relative to the cell's namespace
+  name_ = ros::this_node::getName();
+  const std::string ns = nh.getNamespace() == "/" ? "/" : nh.getNamespace() + "/";
+  if (name_.compare(0, ns.size(), ns) == 0) name_ = name_.substr(ns.size());
+
+  // latched, so that who connects late has the state of carrier and exciter
+  command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true);
+  exciter_pub_ = nh.advertise<Exciter>("exciter", kQueue, true);
+  if (lockstep_) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
+  const auto hints = ros::TransportHints().tcpNoDelay();
+  wrench_a_sub_ =
+      nh.subscribe("sensor_a/wrench_samples", kQueue, &RosPlant::onWrenchA, this, hints);
+  wrench_b_sub_ =
+      nh.subscribe("sensor_b/wrench_samples", kQueue, &RosPlant::onWrenchB, this, hints);
+  displacement_b_sub_ = nh.subscribe("sensor_b/displacement_samples", kQueue,
+                                     &RosPlant::onDisplacementB, this, hints);
+  carrier_sub_ = nh.subscribe("carrier_pose", kQueue, &RosPlant::onCarrierPose, this, hints);
+  locus_client_ = std::make_unique<LocusClient>(nh, "identify_locus", false);
+}
+
+// ---- blocks ----
+
+void RosPlant::onWrenchA(const WrenchSamples::ConstPtr& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  parts_[message->sequence].wrench_a = message;
+  assemble();
+}
+
+void RosPlant::onWrenchB(const WrenchSamples::ConstPtr& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  parts_[message->sequence].wrench_b = message;
+  assemble();
+}
+
+void RosPlant::onDisplacementB(const DisplacementSamples::ConstPtr& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  parts_[message->sequence].displacement_b = message;
+  assemble();
+}
+
+void RosPlant::onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  carrier_poses_.push_back(message);
+  if (carrier_poses_.size() > kMemory) carrier_poses_.pop_front();
+  assemble();
+}
+
+void RosPlant::assemble() {
+  while (parts_.size() > kMemory) parts_.erase(parts_.begin());
+  for (auto it = parts_.begin(); it != parts_.end(); ++it) {
+    const Parts& parts = it->second;
+    if (!parts.wrench_a || !parts.wrench_b || !parts.displacement_b) continue;
+
+    // the carrier's pose at the block's end
+    const ros::Time end = endOf(*parts.wrench_b, parts.wrench_b->wrench.size());
+    const ros::Duration tolerance(0.5 * parts.wrench_b->period);
+    geometry_msgs::PoseStamped::ConstPtr carrier;
+    for (const auto& pose : carrier_poses_) {
+      if (pose->header.stamp >= end - tolerance && pose->header.stamp <= end + tolerance) {
+        carrier = pose;
+      }
+    }
+    if (!carrier) continue;
+
+    Block block;
+    block.sequence = it->first;
+    block.end = carrier->header.stamp;
+    bool good = mean(parts.wrench_a->wrench, block.means.wrench_a) &&
+                mean(parts.wrench_b->wrench, block.means.wrench_b) &&
+                mean(parts.displacement_b->displacement, block.means.displacement_b);
+    for (const auto* wrench : {&parts.wrench_a, &parts.wrench_b}) {
+      for (const auto bits : (*wrench)->saturated) block.means.saturated |= bits != 0;
+    }
+    try {
+      block.X_H_carrier = fromPose(carrier->pose, "carrier_pose");
+    } catch (const InputError& error) {
+      good = false;
+    }
+    // a repetition of a latched message makes no new block
+    const bool repeated = done_ && *done_ == block.sequence;
+    parts_.erase(parts_.begin(), std::next(it));
+    while (!carrier_poses_.empty() && carrier_poses_.front()->header.stamp <= block.end) {
+      carrier_poses_.pop_front();
+    }
+    if (repeated) return;
+    done_ = block.sequence;
+    pending_ack_ = block.sequence;
+    if (good) {
+      fresh_ = block;
+    } else {
+      ROS_ERROR_THROTTLE(1.0, "block %u is not one of finite samples: ignored", block.sequence);
+    }
+    if (!active_ || !good) acknowledge();
+    changed_.notify_all();
+    return;
+  }
+}
+
+void RosPlant::acknowledge() {
+  if (!pending_ack_) return;
+  if (lockstep_) {
+    Ack ack;
+    ack.node = name_;
+    ack.sequence = *pending_ack_;
+    ack.commands = commands_;
+    ack_pub_.publish(ack);
+  }
+  pending_ack_.reset();
+}
+
+// ---- the plant ----
+
+void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
+                       const std::function<bool()>& ready) {
+  const auto deadline = std::chrono::steady_clock::now() +
+                        std::chrono::milliseconds(static_cast<std::int64_t>(timeout_ * 1e3));
+  while (true) {
+    if (!ros::ok()) throw PlantError("the supervisor is shutting down");
+    if (cancelled_ && cancelled_()) throw PlantError("cancelled");
+    if (ready()) return;
+    if (std::chrono::steady_clock::now() >= deadline) {
+      throw PlantError("no " + what + " within " + std::to_string(static_cast<int>(timeout_)) +
+                       " s of wall time");
+    }
+    changed_.wait_for(lock, std::chrono::milliseconds(20));
+  }
+}
+
+void RosPlant::begin(const std::function<bool()>& cancelled) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  cancelled_ = cancelled;
+  active_ = true;
+  locus_wanted_ = false;
+  fresh_.reset();
+  last_ = Block{};
+  origin_ = ros::Time();
+  start_ = Pose{};
+  waitFor(lock, "block of samples (is the simulator paused, or a driver missing?)",
+          [this] { return fresh_.has_value(); });
+  last_ = *fresh_;
+  fresh_.reset();
+  origin_ = last_.end;
+  start_ = last_.X_H_carrier;
+}
+
+PlantBlock RosPlant::next(const PlantCommand& command) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  if (cancelled_ && cancelled_()) throw PlantError("cancelled");
+  if (command.rest) {
+    const Pose own = poseFromRest(*command.rest);
+    publishCarrier({own.R, own.p + start_.p});
+  }
+  if (command.exciter) publishExciter(*command.exciter);
+  if (command.locus) sendLocusGoal(lock, *command.locus);
+
+  // blocks from before the commands are of no interest
+  fresh_.reset();
+  acknowledge();
+  waitFor(lock, "block of samples (is the simulator paused, or a driver missing?)",
+          [this] { return fresh_.has_value(); });
+  last_ = *fresh_;
+  fresh_.reset();
+  PlantBlock block = plantBlock(last_);
+
+  // the window of a reading has ended: its result comes with this block
+  if (locus_wanted_ && block.time >= locus_end_) {
+    waitFor(lock, "result of identify_locus", [this] { return locus_done_; });
+    locus_wanted_ = false;
+    if (!locus_error_.empty()) throw PlantError("identify_locus: " + locus_error_);
+    const LocusEstimate& estimate = locus_result_->locus;
+    LocusReading reading;
+    reading.locus.P = {estimate.p[0], estimate.p[1]};
+    reading.locus.N = {estimate.n[0], estimate.n[1]};
+    reading.locus.sigma = estimate.noise_sd;
+    reading.locus.samples = estimate.samples;
+    reading.locus.inflation = estimate.inflation;
+    reading.mode.mode = static_cast<LocusMode>(estimate.mode);
+    for (std::size_t i = 0; i < reading.mode.probabilities.size(); ++i) {
+      reading.mode.probabilities[i] = estimate.probabilities[i];
+    }
+    block.locus = reading;
+  }
+  return block;
+}
+
+void RosPlant::end(bool hold) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  if (locus_wanted_) {
+    // actionlib's locks come before ours
+    lock.unlock();
+    locus_client_->cancelGoal();
+    lock.lock();
+    locus_wanted_ = false;
+  }
+  if (exciter_.on) publishExciter(ExciterParameters{});
+  if (hold && !last_.end.isZero()) publishCarrier(last_.X_H_carrier);
+  active_ = false;
+  cancelled_ = nullptr;
+  acknowledge();
+}
+
+ros::Time RosPlant::stamp() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return last_.end;
+}
+
+double RosPlant::time() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return (last_.end - origin_).toSec();
+}
+
+Pose RosPlant::carrierMotion() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return inverse(start_) * last_.X_H_carrier;
+}
+
+PlantBlock RosPlant::plantBlock(const Block& block) const {
+  PlantBlock out = block.means;
+  out.time = (block.end - origin_).toSec();
+  out.carrier = restFromPose({block.X_H_carrier.R, block.X_H_carrier.p - start_.p});
+  return out;
+}
+
+// ---- commands ----
+
+void RosPlant::publishCarrier(const Pose& X_H_carrier) {
+  geometry_msgs::PoseStamped message;
+  message.header.stamp = last_.end;
+  message.header.frame_id = "hole";
+  message.pose = toPose(X_H_carrier);
+  ++commands_;
+  command_pub_.publish(message);
+}
+
+void RosPlant::publishExciter(const ExciterParameters& drive) {
+  exciter_ = Exciter();
+  exciter_.header.stamp = last_.end;
+  exciter_.header.frame_id = "peg";
+  exciter_.on = drive.amplitude > 0.0;
+  exciter_.amplitude = drive.amplitude;
+  exciter_.frequency = drive.frequency;
+  exciter_.phase = drive.phase;
+  exciter_.direction = static_cast<std::int8_t>(drive.direction);
+  ++commands_;
+  exciter_pub_.publish(exciter_);
+}
+
+void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequest& request) {
+  waitFor(lock, "action server identify_locus (is the locus estimator running?)",
+          [this] { return locus_client_->isServerConnected(); });
+  IdentifyLocusGoal goal;
+  goal.start = origin_ + ros::Duration(request.start);
+  goal.duration = ros::Duration(request.duration);
+  goal.exciter = exciter_;
+  locus_wanted_ = true;
+  locus_active_ = false;
+  locus_done_ = false;
+  locus_error_.clear();
+  locus_end_ = request.start + request.duration - 1e-6;  // stamps are rounded to 1 ns
+  // callbacks lock mutex_; actionlib has locks of its own
+  lock.unlock();
+  locus_client_->sendGoal(
+      goal,
+      [this](const actionlib::SimpleClientGoalState& state,
+             const IdentifyLocusResult::ConstPtr& result) {
+        std::lock_guard<std::mutex> guard(mutex_);
+        locus_result_ = result;
+        if (!result || !result->success) {
+          locus_error_ =
+              result && !result->message.empty() ? result->message : "ended as " + state.toString();
+        }
+        locus_done_ = true;
+        changed_.notify_all();
+      },
+      [this] {
+        std::lock_guard<std::mutex> guard(mutex_);
+        locus_active_ = true;
+        changed_.notify_all();
+      });
+  lock.lock();
+  // the estimator must know of the window before its first sample comes
+  waitFor(lock, "acceptance of identify_locus", [this] { return locus_active_ || locus_done_; });
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,213 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/supervisor_node.h"
+
+#include <chrono>
+#include <cmath>
+
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+/// A plant that shows each block to `watch` before the strategy gets it.
+class WatchedPlant : public Plant {
+ public:
+  WatchedPlant(Plant& plant, std::function<void(const PlantBlock&)> watch)
+      : plant_(plant), watch_(std::move(watch)) {}
+
+  PlantBlock next(const PlantCommand& command) override {
+    const PlantBlock block = plant_.next(command);
+    watch_(block);
+    return block;
+  }
+
+ private:
+  Plant& plant_;
+  std::function<void(const PlantBlock&)> watch_;
+};
+
+/// What is not known is 0 on the wire, never NaN.
+double finite(double value) { return std::isfinite(value) ? value : 0.0; }
+
+double secondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
+  Parameters parameters(pnh);
+  mechanism_ = loadScenario(parameters.text("scenario"),
+                            parameters.texts("overrides", std::vector<std::string>{}));
+  // the strategies know the parts, not where they are
+  mechanism_.rest = RestPose{};
+  mechanism_.initial = InitialState{};
+
+  AlignParameters& p = parameters_;
+  p.strategy = parameters.text("strategy", p.strategy);
+  p.press_force = parameters.number("press_force", kAny, p.press_force);
+  p.press_tolerance = parameters.number("press_tolerance", kAny, p.press_tolerance);
+  p.force_limit = parameters.number("force_limit", kAny, p.force_limit);
+  p.descent_limit = parameters.number("descent_limit", kAny, p.descent_limit);
+  p.approach_step = parameters.number("approach_step", kAny, p.approach_step);
+  p.exciter_amplitude = parameters.number("exciter_amplitude", kAny, p.exciter_amplitude);
+  p.exciter_frequency = parameters.number("exciter_frequency", kAny, p.exciter_frequency);
+  p.exciter_direction = parameters.integer("exciter_direction", -1, 1, p.exciter_direction);
+  p.settle = parameters.number("settle", kAny, p.settle);
+  p.window = parameters.number("window", kAny, p.window);
+  p.sweep_tilt = parameters.number("sweep_tilt", kAny, p.sweep_tilt);
+  p.sweep_readings = parameters.integer("sweep_readings", 1, 1000, p.sweep_readings);
+  p.lift = parameters.number("lift", kAny, p.lift);
+  p.insertion_depth = parameters.number("insertion_depth", kAny, p.insertion_depth);
+  p.insertion_force = parameters.number("insertion_force", kAny, p.insertion_force);
+  p.rounds = parameters.integer("rounds", 1, 1000, p.rounds);
+  limits_.force = p.force_limit;
+  limits_.descent = p.descent_limit;
+  limits_.approach_step = p.approach_step;
+  const bool lockstep = parameters.flag("lockstep", false);
+  const double timeout = parameters.number("block_timeout", Range{0.1, 3600.0}, 10.0);
+  parameters.refuseUnknown();
+  try {
+    checkParameters(p);
+  } catch (const InputError& error) {
+    throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
+  }
+
+  plant_ = std::make_unique<RosPlant>(nh, lockstep, timeout);
+  report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
+  align_server_ = std::make_unique<AlignServer>(
+      nh, "align", [this](const AlignPegGoalConstPtr& goal) { executeAlign(goal); }, false);
+  contact_server_ = std::make_unique<ContactServer>(
+      nh, "move_to_contact",
+      [this](const MoveToContactGoalConstPtr& goal) { executeContact(goal); }, false);
+  align_server_->start();
+  contact_server_->start();
+}
+
+SupervisorNode::~SupervisorNode() {
+  // their threads use the rest
+  align_server_->shutdown();
+  contact_server_->shutdown();
+}
+
+void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
+  const auto start = std::chrono::steady_clock::now();
+  AlignParameters parameters = parameters_;
+  if (!goal->strategy.empty()) parameters.strategy = goal->strategy;
+  const auto progress = [this](const AlignProgress& now) {
+    AlignPegFeedback feedback;
+    feedback.state = now.state;
+    feedback.contacts = static_cast<std::uint32_t>(now.contacts);
+    feedback.time = finite(now.time);
+    feedback.message = now.message;
+    align_server_->publishFeedback(feedback);
+    ROS_INFO_NAMED("align", "%s: %s", now.state.c_str(), now.message.c_str());
+  };
+
+  AlignResult result;
+  const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
+  if (!turn) {
+    result.reason = "busy: move_to_contact is running";
+  } else {
+    bool hold = true;
+    try {
+      plant_->begin([this] { return align_server_->isPreemptRequested(); });
+      result = align(*plant_, mechanism_, parameters, progress);
+      hold = false;
+    } catch (const std::exception& error) {
+      result.success = false;
+      result.reason = error.what();
+    }
+    if (result.time == 0.0) result.time = plant_->time();
+    plant_->end(hold);
+  }
+
+  AlignPegResult answer;
+  answer.report = report(result, secondsSince(start));
+  if (turn) report_pub_.publish(answer.report);
+  if (result.success) {
+    align_server_->setSucceeded(answer, result.reason);
+  } else if (align_server_->isPreemptRequested()) {
+    align_server_->setPreempted(answer, result.reason);
+  } else {
+    align_server_->setAborted(answer, result.reason);
+  }
+}
+
+AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_time) const {
+  AlignmentReport report;
+  report.header.stamp = plant_->stamp();
+  report.header.frame_id = "hole";
+  report.success = result.success;
+  report.reason = result.reason;
+  for (int i = 0; i < 2; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    report.estimated_offset[k] = finite(result.offset(i));
+    report.estimated_tilt[k] = finite(result.tilt(i));
+  }
+  report.contacts = static_cast<std::uint32_t>(result.contacts);
+  report.simulated_time = finite(result.time);
+  report.wall_time = wall_time;
+
+  // the peg at the start as estimated, moved as the carrier has moved since
+  const double length = mechanism_.peg.coupling_height + mechanism_.peg.half_height;
+  const Pose X_CP{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, -length)};
+  const Eigen::Vector3d tilt(report.estimated_tilt[0], report.estimated_tilt[1], 0.0);
+  const Pose X_HP_start{
+      rotationFromVector({tilt}),
+      Eigen::Vector3d(-report.estimated_offset[0], -report.estimated_offset[1], 0.0)};
+  Pose X_HP = X_HP_start * inverse(X_CP) * plant_->carrierMotion() * X_CP;
+  X_HP.p.z() = 0.0;
+  report.estimated_pose = toPose(X_HP);
+  return report;
+}
+
+void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
+  MoveToContactResult result;
+  const double force = goal->force;
+  const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
+  if (!turn) {
+    result.message = "busy: align is running";
+  } else if (!std::isfinite(force) || force <= 0.0 || force >= limits_.force) {
+    result.message = "force is " + std::to_string(force) + " N: give more than 0 and less than " +
+                     std::to_string(limits_.force) + " N";
+  } else {
+    bool hold = true;
+    try {
+      plant_->begin([this] { return contact_server_->isPreemptRequested(); });
+      const Hand* watched = nullptr;
+      WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
+        MoveToContactFeedback feedback;
+        // the hand's zero, as it shows in its last block
+        if (watched != nullptr) {
+          feedback.force = block.wrench_b(2) - watched->last().wrench_b(2) + watched->forceZ();
+        }
+        feedback.z = block.carrier.z;
+        contact_server_->publishFeedback(feedback);
+      });
+      Hand hand(plant, limits_);
+      watched = &hand;
+      hand.tare();
+      hand.press(force, parameters_.press_tolerance);
+      result.success = true;
+      result.force = hand.forceZ();
+      result.message = "pressing";
+      hold = false;
+    } catch (const std::exception& error) {
+      result.message = error.what();
+    }
+    plant_->end(hold);
+  }
+  if (result.success) {
+    contact_server_->setSucceeded(result, result.message);
+  } else if (contact_server_->isPreemptRequested()) {
+    contact_server_->setPreempted(result, result.message);
+  } else {
+    contact_server_->setAborted(result, result.message);
+  }
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,337 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/scene/cell_description.h"
+
+#include <console_bridge/console.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/scene/part_pairs.h"
+
+namespace assembly_cell {
+namespace {
+
+// rounding of decimal numbers in text, relative
+constexpr double kRounding = 1e-9;
+// the block's shapes may touch the bore's wall; deeper than this is a contradiction [m]
+constexpr double kWallTolerance = 1e-5;
+
+std::string shown(double value) {
+  std::ostringstream out;
+  out.precision(12);
+  out << value;
+  return out.str();
+}
+
+std::string shown(const Eigen::Vector3d& v) {
+  return "(" + shown(v.x()) + ", " + shown(v.y()) + ", " + shown(v.z()) + ")";
+}
+
+bool same(double a, double b) {
+  return std::abs(a - b) <= kRounding * std::max({std::abs(a), std::abs(b)});
+}
+
+[[noreturn]] void refuse(const std::string& source, const std::string& item,
+                         const std::string& value, const std::string& remedy) {
+  std::string line = source + ": " + item + ": value " + value + ": " + remedy;
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  }
+  throw InputError(line);
+}
+
+// Collects the parser's complaints instead of printing them.
+class Complaints : public console_bridge::OutputHandler {
+ public:
+  Complaints() { console_bridge::useOutputHandler(this); }
+  ~Complaints() override { console_bridge::restorePreviousOutputHandler(); }
+  Complaints(const Complaints&) = delete;
+  Complaints& operator=(const Complaints&) = delete;
+
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level < console_bridge::CONSOLE_BRIDGE_LOG_ERROR) return;
+    text_ += (text_.empty() ? "" : "; ") + text;
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
+
+Pose poseOf(const urdf::Pose& pose) {
+  Pose X;
+  double qx, qy, qz, qw;
+  pose.rotation.getQuaternion(qx, qy, qz, qw);
+  X.R = Eigen::Quaterniond(qw, qx, qy, qz).normalized().toRotationMatrix();
+  X.p = Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z);
+  return X;
+}
+
+class Reader {
+ public:
+  Reader(const std::string& urdf, std::string source) : source_(std::move(source)) {
+    Complaints complaints;
+    model_ = urdf::parseURDF(urdf);
+    // a link whose mass or shape does not parse is kept without it: the complaints count
+    if (!model_ || !complaints.text().empty()) {
+      refuse("file", "unreadable", "no valid URDF (" + complaints.text() + "), correct it");
+    }
+  }
+
+  [[noreturn]] void refuse(const std::string& item, const std::string& value,
+                           const std::string& remedy) const {
+    assembly_cell::refuse(source_, item, value, remedy);
+  }
+
+  const urdf::Link& link(const std::string& name) const {
+    const urdf::LinkConstSharedPtr found = model_->getLink(name);
+    if (!found) refuse("link " + name, "missing", "add this link");
+    return *found;
+  }
+
+  /// Pose of a link in its parent, which must be `parent` through a joint of the type, unrotated.
+  Pose jointPose(const std::string& parent, const std::string& child, int type) const {
+    const urdf::JointSharedPtr joint = link(child).parent_joint;
+    if (!joint) refuse("joint " + parent + " -> " + child, "missing", "add this joint");
+    const std::string item = "joint " + joint->name;
+    if (joint->parent_link_name != parent) {
+      refuse(item + ": parent", joint->parent_link_name,
+             "the parent of " + child + " is " + parent);
+    }
+    if (joint->type != type) {
+      refuse(item + ": type", std::to_string(joint->type),
+             type == urdf::Joint::FIXED ? "make it fixed" : "make it floating");
+    }
+    const Pose X = poseOf(joint->parent_to_joint_origin_transform);
+    checkPose(item, X);
+    return X;
+  }
+
+  /// Inertial element with positive mass.
+  const urdf::Inertial& inertial(const std::string& name) const {
+    const urdf::InertialSharedPtr& found = link(name).inertial;
+    const std::string item = "link " + name + ": inertial";
+    if (!found) refuse(item, "missing", "add mass and inertia");
+    if (!(std::isfinite(found->mass) && found->mass > 0.0)) {
+      refuse(item + ": mass", shown(found->mass), "give a finite number > 0");
+    }
+    checkPose(item, poseOf(found->origin));
+    return *found;
+  }
+
+  /// Collision shapes of a link in the axes that X_BL leads to; at least one.
+  Part part(const std::string& name, const Pose& X_BL) const {
+    Part part{name, {}};
+    for (const urdf::CollisionSharedPtr& collision : link(name).collision_array) {
+      const std::string item = "link " + name + ": collision " + collision->name;
+      part.shapes.push_back(shape(item, collision->geometry, X_BL * poseOf(collision->origin)));
+    }
+    if (part.shapes.empty()) {
+      refuse("link " + name + ": collision", "missing", "add a box or cylinder");
+    }
+    return part;
+  }
+
+  PartShape shape(const std::string& item, const urdf::GeometrySharedPtr& geometry,
+                  const Pose& X) const {
+    PartShape shape;
+    if (geometry && geometry->type == urdf::Geometry::BOX) {
+      const urdf::Vector3& dim = static_cast<const urdf::Box&>(*geometry).dim;
+      shape.size = Eigen::Vector3d(dim.x, dim.y, dim.z);
+    } else if (geometry && geometry->type == urdf::Geometry::CYLINDER) {
+      const auto& cylinder = static_cast<const urdf::Cylinder&>(*geometry);
+      shape.kind = PartShape::Kind::kCylinder;
+      shape.size = Eigen::Vector3d(2.0 * cylinder.radius, 2.0 * cylinder.radius, cylinder.length);
+    } else {
+      refuse(item + ": geometry", "neither box nor cylinder", "use a box or a cylinder");
+    }
+    if (!shape.size.allFinite() || !(shape.size.minCoeff() > 0.0)) {
+      refuse(item + ": size", shown(shape.size), "give finite numbers > 0");
+    }
+    if (!X.p.allFinite() || !X.R.allFinite()) {
+      refuse(item + ": origin", shown(X.p), "give finite numbers");
+    }
+    shape.X_PS = X;
+    return shape;
+  }
+
+  /// A point on the z axis; returns its z.
+  double onAxis(const std::string& item, const Eigen::Vector3d& p) const {
+    if (p.x() != 0.0 || p.y() != 0.0) refuse(item, shown(p), "x and y must be 0");
+    return p.z();
+  }
+
+  void checkPose(const std::string& item, const Pose& X) const {
+    if (!X.p.allFinite() || !X.R.allFinite()) {
+      refuse(item + ": origin", shown(X.p), "give finite numbers");
+    }
+    if (!X.R.isIdentity(kRounding)) refuse(item + ": origin rpy", "not zero", "must be 0 0 0");
+  }
+
+ private:
+  std::string source_;
+  urdf::ModelInterfaceSharedPtr model_;
+};
+
+// Cylinder, centre of mass and inertia of the peg must agree: a body of revolution, uniform along
+// its axis, its frame at the centre of the bottom edge.
+PegParameters readPeg(const Reader& in) {
+  PegParameters peg;
+  const Part part = in.part("peg", Pose());
+  const std::string collision = "link peg: collision";
+  if (part.shapes.size() != 1 || part.shapes[0].kind != PartShape::Kind::kCylinder) {
+    in.refuse(collision, std::to_string(part.shapes.size()) + " shapes",
+              "give exactly one cylinder, the peg's radius and length");
+  }
+  const PartShape& cylinder = part.shapes[0];
+  in.checkPose(collision, cylinder.X_PS);
+  peg.radius = 0.5 * cylinder.size.x();
+  peg.half_height = 0.5 * cylinder.size.z();
+  const double middle = in.onAxis(collision + ": origin", cylinder.X_PS.p);
+  if (!same(middle, peg.half_height)) {
+    in.refuse(collision + ": origin z", shown(middle),
+              "half the cylinder's length is " + shown(peg.half_height) +
+                  ", make them equal: the frame lies at the bottom edge");
+  }
+
+  const urdf::Inertial& inertial = in.inertial("peg");
+  const double centre = in.onAxis("link peg: inertial: origin", poseOf(inertial.origin).p);
+  if (!same(centre, peg.half_height)) {
+    in.refuse("link peg: inertial: origin z", shown(centre),
+              "half the cylinder's length is " + shown(peg.half_height) + ", make them equal");
+  }
+  if (inertial.ixy != 0.0 || inertial.ixz != 0.0 || inertial.iyz != 0.0) {
+    in.refuse("link peg: inertia", shown({inertial.ixy, inertial.ixz, inertial.iyz}),
+              "ixy, ixz, iyz must be 0");
+  }
+  if (!same(inertial.ixx, inertial.iyy) || !(inertial.ixx > 0.0)) {
+    in.refuse("link peg: inertia ixx, iyy", shown(inertial.ixx) + ", " + shown(inertial.iyy),
+              "give two equal numbers > 0");
+  }
+  if (!(inertial.izz > 0.0) || inertial.izz > 2.0 * inertial.ixx) {
+    in.refuse("link peg: inertia izz", shown(inertial.izz),
+              "give a number > 0 and at most twice ixx (" + shown(inertial.ixx) + ")");
+  }
+  peg.mass = inertial.mass;
+  peg.inertia_transverse = inertial.ixx;
+  peg.inertia_axial = inertial.izz;
+  return peg;
+}
+
+// The bore is the visual of that name: a cylinder from the rim downwards.
+HoleParameters readBore(const Reader& in, const Part& block) {
+  const urdf::VisualSharedPtr* bore = nullptr;
+  for (const urdf::VisualSharedPtr& visual : in.link("hole").visual_array) {
+    if (visual->name != "bore") continue;
+    if (bore != nullptr) in.refuse("link hole: visual bore", "several", "keep one of them");
+    bore = &visual;
+  }
+  const std::string item = "link hole: visual bore";
+  if (bore == nullptr) in.refuse(item, "missing", "add a cylinder of the hole's radius and depth");
+
+  PartShape cylinder = in.shape(item, (*bore)->geometry, poseOf((*bore)->origin));
+  if (cylinder.kind != PartShape::Kind::kCylinder) in.refuse(item, "a box", "give a cylinder");
+  in.checkPose(item, cylinder.X_PS);
+  const double depth = cylinder.size.z();
+  const double middle = in.onAxis(item + ": origin", cylinder.X_PS.p);
+  if (!same(middle, -0.5 * depth)) {
+    in.refuse(
+        item + ": origin z", shown(middle),
+        "half the cylinder's length below the rim is " + shown(-0.5 * depth) + ", make them equal");
+  }
+
+  const double radius = 0.5 * cylinder.size.x();
+  cylinder.size -= Eigen::Vector3d::Constant(2.0 * kWallTolerance);
+  for (const PartShape& shape : block.shapes) {
+    if (shapesMeet(cylinder, shape)) {
+      in.refuse("link hole: collision at " + shown(shape.X_PS.p), shown(shape.size),
+                "reaches into the bore of radius " + shown(radius) + ", move or shrink it");
+    }
+  }
+  return {radius, depth};
+}
+
+}  // namespace
+
+CellDescription loadCellDescription(const std::string& urdf, const std::string& source) {
+  const Reader in(urdf, source);
+  CellDescription cell;
+
+  // the fixed side: world -> sensor_a -> hole
+  in.link("world");
+  cell.X_WA = in.jointPose("world", "sensor_a", urdf::Joint::FIXED);
+  cell.X_AH = in.jointPose("sensor_a", "hole", urdf::Joint::FIXED);
+  cell.fixed_parts = {in.part("sensor_a", inverse(cell.X_AH)), in.part("hole", Pose())};
+  cell.hole = readBore(in, cell.fixed_parts[1]);
+  const urdf::Inertial& block = in.inertial("hole");
+  cell.hole_block_mass = block.mass;
+  cell.hole_block_centre = poseOf(block.origin).p;
+
+  // the moving side: world -> carrier -> sensor_b -> peg -> exciter
+  in.jointPose("world", "carrier", urdf::Joint::FLOATING);
+  const Pose X_CB = in.jointPose("carrier", "sensor_b", urdf::Joint::FIXED);
+  if (X_CB.p != Eigen::Vector3d::Zero()) {
+    in.refuse("joint of sensor_b: origin", shown(X_CB.p),
+              "must be 0 0 0: sensor_b is the coupling at the carrier's frame");
+  }
+  cell.X_BP = in.jointPose("sensor_b", "peg", urdf::Joint::FIXED);
+  const Pose X_PE = in.jointPose("peg", "exciter", urdf::Joint::FIXED);
+  cell.moving_parts = {in.part("carrier", Pose()), in.part("sensor_b", Pose()),
+                       in.part("peg", cell.X_BP)};
+  const urdf::Inertial& carrier = in.inertial("carrier");
+  cell.carrier_mass = carrier.mass;
+  cell.carrier_inertia = carrier.izz;
+  if (!(std::isfinite(carrier.izz) && carrier.izz > 0.0)) {
+    in.refuse("link carrier: inertia izz", shown(carrier.izz), "give a finite number > 0");
+  }
+
+  // both joints of the peg give heights above its bottom edge
+  cell.peg = readPeg(in);
+  const double coupling = -in.onAxis("joint of peg: origin", cell.X_BP.p);
+  if (!(coupling > cell.peg.half_height)) {
+    in.refuse("joint of peg: origin z", shown(-coupling),
+              "the coupling must lie above the peg's centre of mass, give less than " +
+                  shown(-cell.peg.half_height));
+  }
+  cell.peg.coupling_height = coupling - cell.peg.half_height;
+  cell.peg.exciter_height = in.onAxis("joint of exciter: origin", X_PE.p) - cell.peg.half_height;
+  return cell;
+}
+
+void checkAgainst(const CellDescription& description, const Scenario& scenario) {
+  const PegParameters& peg = description.peg;
+  const struct {
+    const char* key;
+    double in_scenario;
+    double in_urdf;
+    const char* element;
+  } values[] = {
+      {"peg.radius", scenario.peg.radius, peg.radius, "link peg, collision cylinder"},
+      {"peg.half_height", scenario.peg.half_height, peg.half_height,
+       "link peg, half its collision cylinder"},
+      {"peg.mass", scenario.peg.mass, peg.mass, "link peg, inertial"},
+      {"peg.inertia_transverse", scenario.peg.inertia_transverse, peg.inertia_transverse,
+       "link peg, ixx"},
+      {"peg.inertia_axial", scenario.peg.inertia_axial, peg.inertia_axial, "link peg, izz"},
+      {"peg.coupling_height", scenario.peg.coupling_height, peg.coupling_height,
+       "joint of peg, less half the peg"},
+      {"peg.exciter_height", scenario.peg.exciter_height, peg.exciter_height,
+       "joint of exciter, less half the peg"},
+      {"hole.radius", scenario.hole.radius, description.hole.radius, "link hole, visual bore"},
+      {"hole.depth", std::isinf(scenario.hole.depth) ? description.hole.depth : scenario.hole.depth,
+       description.hole.depth, "link hole, visual bore"},
+      {"carrier.mass", scenario.carrier.mass, description.carrier_mass, "link carrier, inertial"},
+      {"carrier.inertia", scenario.carrier.inertia, description.carrier_inertia,
+       "link carrier, izz"},
+  };
+  for (const auto& value : values) {
+    if (same(value.in_scenario, value.in_urdf)) continue;
+    refuse("scenario " + scenario.name, value.key, shown(value.in_scenario),
+           "the URDF says " + shown(value.in_urdf) + " (" + value.element + "), make them equal");
+  }
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,196 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/sensor/replay.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <string_view>
+#include <utility>
+
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell {
+
+namespace {
+
+constexpr double kLatestStamp = 4294967295.0;  // what ros::Time holds [s]
+
+std::string_view trim(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(" \t\r");
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+std::vector<std::string_view> split(std::string_view line) {
+  std::vector<std::string_view> fields;
+  while (true) {
+    const std::size_t comma = line.find(',');
+    fields.push_back(trim(line.substr(0, comma)));
+    if (comma == std::string_view::npos) return fields;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+bool parse(std::string_view field, double& value) {
+  if (!field.empty() && field.front() == '+') field.remove_prefix(1);
+  const char* end = field.data() + field.size();
+  const auto [stop, error] = std::from_chars(field.data(), end, value);
+  return error == std::errc() && stop == end;
+}
+
+std::vector<std::string> neededColumns(ReplayQuantity quantity) {
+  if (quantity == ReplayQuantity::kWrench) return {"t", "fx", "fy", "fz", "tx", "ty", "tz"};
+  return {"t", "ch1", "ch2", "ch3", "ch4", "ch5", "ch6"};
+}
+
+// where the needed names stand among `names`; empty if one isn't there exactly once
+std::vector<std::size_t> locate(const std::vector<std::string>& needed,
+                                const std::vector<std::string>& names) {
+  std::vector<std::size_t> places;
+  for (const std::string& name : needed) {
+    if (std::count(names.begin(), names.end(), name) != 1) return {};
+    places.push_back(
+        static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin()));
+  }
+  return places;
+}
+
+std::string join(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+}  // namespace
+
+std::vector<std::string> defaultColumns(ReplayQuantity quantity) {
+  std::vector<std::string> columns = neededColumns(quantity);
+  if (quantity == ReplayQuantity::kWrench) {
+    for (const char* name : {"qx", "qy", "qz", "qw"}) columns.emplace_back(name);
+  }
+  return columns;
+}
+
+Recording loadRecording(const std::string& path, const ReplayFormat& format) {
+  const bool wrench = format.quantity == ReplayQuantity::kWrench;
+  const bool counts = format.quantity == ReplayQuantity::kCounts;
+  if (format.bits < 2 || format.bits > 32) {
+    throw InputError("replay: bits is " + std::to_string(format.bits) + ": give 2 to 32");
+  }
+  if (!(format.full_scale > 0.0) || !std::isfinite(format.full_scale)) {
+    throw InputError("replay: full_scale is " + std::to_string(format.full_scale) +
+                     ": give volts above 0");
+  }
+  const std::vector<std::string> needed = neededColumns(format.quantity);
+  const std::vector<std::string> columns =
+      format.columns.empty() ? defaultColumns(format.quantity) : format.columns;
+  std::vector<std::size_t> places = locate(needed, columns);
+  if (places.empty()) {
+    throw InputError("replay: columns are '" + join(columns) + "': name each of '" + join(needed) +
+                     "' once");
+  }
+
+  std::ifstream file(path);
+  if (!file) throw InputError("recording '" + path + "' can't be read: give an existing file");
+  const double codes = std::ldexp(1.0, format.bits - 1);
+  const double lsb = counts ? format.full_scale / codes : 1.0;
+  Recording recording;
+  std::vector<double> row(columns.size());
+  std::string line;
+  bool first = true;
+  for (std::size_t number = 1; std::getline(file, line); ++number) {
+    const std::string where = path + ":" + std::to_string(number) + ": ";
+    const std::string_view content = trim(line);
+    if (content.empty() || content.front() == '#') continue;
+    const std::vector<std::string_view> fields = split(content);
+    if (fields.size() != columns.size()) {
+      throw InputError(where + std::to_string(fields.size()) + " columns instead of " +
+                       std::to_string(columns.size()) + ": mend the row or name the columns (" +
+                       join(columns) + ")");
+    }
+    // a header may order the columns
+    double probe = 0.0;
+    if (std::exchange(first, false) && !parse(fields[0], probe)) {
+      const auto header = locate(needed, {fields.begin(), fields.end()});
+      if (!header.empty()) places = header;
+      continue;
+    }
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+      if (!parse(fields[i], row[i]) || !std::isfinite(row[i])) {
+        throw InputError(where + "column " + std::to_string(i + 1) + " is '" +
+                         std::string(fields[i]) + "': give a finite number");
+      }
+    }
+    const double t = row[places[0]];
+    if (t < 0.0 || t > kLatestStamp) {
+      throw InputError(where + "time is " + std::to_string(t) + ": give seconds from 0 to 4.29e9");
+    }
+    if (!recording.time.empty() && t <= recording.time.back()) {
+      throw InputError(where + "time goes from " + std::to_string(recording.time.back()) + " to " +
+                       std::to_string(t) + ": rows must increase in time");
+    }
+
+    Vector6 value;
+    std::uint8_t saturated = 0;
+    for (int k = 0; k < 6; ++k) {
+      const double entry = row[places[static_cast<std::size_t>(k) + 1]];
+      if (counts && (entry != std::nearbyint(entry) || entry < -codes || entry > codes - 1.0)) {
+        throw InputError(where + needed[static_cast<std::size_t>(k) + 1] + " is " +
+                         std::to_string(entry) + ": not a code of " + std::to_string(format.bits) +
+                         " bits; set bits");
+      }
+      const double low = counts ? -codes : -format.full_scale;
+      const double high = counts ? codes - 1.0 : format.full_scale;
+      if (!wrench && (entry <= low || entry >= high)) {
+        saturated = static_cast<std::uint8_t>(saturated | (1u << k));
+      }
+      value[k] = entry * lsb;
+    }
+    recording.time.push_back(t);
+    recording.values.push_back(value);
+    recording.saturated.push_back(saturated);
+  }
+  if (file.bad())
+    throw InputError("recording '" + path + "' can't be read to its end: copy it anew");
+  if (recording.time.size() < 2) {
+    throw InputError("recording '" + path + "' has " + std::to_string(recording.time.size()) +
+                     " rows: give at least 2");
+  }
+
+  std::vector<double> spacing;
+  for (std::size_t i = 1; i < recording.time.size(); ++i) {
+    spacing.push_back(recording.time[i] - recording.time[i - 1]);
+  }
+  const auto middle = spacing.begin() + static_cast<std::ptrdiff_t>(spacing.size() / 2);
+  std::nth_element(spacing.begin(), middle, spacing.end());
+  recording.period = *middle;
+  return recording;
+}
+
+Replay::Replay(Recording recording, std::size_t block_size, bool loop)
+    : recording_(std::move(recording)), block_size_(block_size), loop_(loop) {
+  if (block_size_ == 0) throw InputError("replay: block_size is 0: give at least 1");
+}
+
+bool Replay::next(ReplayBlock& block) {
+  const std::vector<double>& time = recording_.time;
+  if (position_ == time.size()) {
+    if (!loop_) return false;
+    offset_ += time.back() - time.front() + recording_.period;
+    position_ = 0;
+  }
+  const double start = time[position_];
+  std::size_t size = 1;
+  while (size < block_size_ && position_ + size < time.size() &&
+         std::abs(time[position_ + size] - start - static_cast<double>(size) * recording_.period) <=
+             0.5 * recording_.period) {
+    ++size;
+  }
+  block = {position_, size, start + offset_, sequence_++};
+  position_ += size;
+  return true;
+}
+
+}  // namespace assembly_cell

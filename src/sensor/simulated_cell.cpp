@@ -1,0 +1,78 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/sensor/simulated_cell.h"
+
+#include <Eigen/LU>
+
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell {
+
+Calibration designCalibration(const Bridge& bridge) {
+  Calibration c;
+  c.volts_to_wrench = strainMatrix(bridge).inverse();
+  for (int i = 0; i < 6; ++i) c.zero_volts(i) = bridge.hinges[static_cast<std::size_t>(i)].offset;
+  return c;
+}
+
+Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling) {
+  Calibration c = designCalibration(bridge);
+  // coupling stiffness in the order of a wrench: x y z, about x y z
+  const Vector6& k = coupling.stiffness.diagonal;
+  Matrix6 K = Matrix6::Zero();
+  K.diagonal() << k(1), k(2), k(0), k(4), k(5), k(3);
+  K(0, 4) = K(4, 0) = coupling.stiffness.k26;
+  K(1, 3) = K(3, 1) = coupling.stiffness.k35;
+  const Eigen::FullPivLU<Matrix6> lu(K);
+  if (!lu.isInvertible()) {
+    throw InputError(
+        "coupling.stiffness: singular, so the coupling can't serve as a displacement sensor; give "
+        "every direction a stiffness");
+  }
+  c.volts_to_displacement = lu.solve(c.volts_to_wrench);
+  return c;
+}
+
+SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& parameters)
+    : parameters_(parameters),
+      simulation_(scenario),
+      bridge_a_(bridgeA(parameters.bits, parameters.noise)),
+      bridge_b_(bridgeB(parameters.bits, parameters.noise)),
+      strain_matrix_a_(strainMatrix(bridge_a_)),
+      strain_matrix_b_(strainMatrix(bridge_b_)),
+      normal_a_(2 * parameters.seed),
+      normal_b_(2 * parameters.seed + 1) {
+  Vector6 weight = Vector6::Zero();
+  weight(2) = -parameters.hole_block_mass * scenario.gravity;
+  const Pose X_block{Eigen::Matrix3d::Identity(), parameters.hole_block_center};
+  block_weight_ = transformWrench(parameters.X_AH * X_block, weight);
+}
+
+StopReason SimulatedCell::next(StrainBlock& block) {
+  const auto n = static_cast<std::size_t>(parameters_.block_size);
+  block.period = parameters_.sample_period;
+  block.sequence = sequence_++;
+  block.volts_a.resize(6 * n);
+  block.volts_b.resize(6 * n);
+  block.saturated_a.resize(n);
+  block.saturated_b.resize(n);
+  block.time = static_cast<double>(samples_ + 1) * parameters_.sample_period;
+  for (std::size_t i = 0; i < n; ++i) {
+    ++samples_;
+    // times from the count of samples, so that rounding does not add up
+    const StopReason reason =
+        simulation_.advance(static_cast<double>(samples_) * parameters_.sample_period);
+    if (reason != StopReason::kOk) return reason;
+    const Vector6 wrench_a =
+        transformWrench(parameters_.X_AH, simulation_.holeWrench()) + block_weight_;
+    const StrainSample a = convert(bridge_a_, strain_matrix_a_, wrench_a, normal_a_);
+    const StrainSample b =
+        convert(bridge_b_, strain_matrix_b_, simulation_.couplingWrench(), normal_b_);
+    Vector6::Map(block.volts_a.data() + 6 * i) = a.volts;
+    Vector6::Map(block.volts_b.data() + 6 * i) = b.volts;
+    block.saturated_a[i] = a.saturated;
+    block.saturated_b[i] = b.saturated;
+  }
+  return StopReason::kOk;
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,348 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Runs one scenario and prints a YAML summary; the run itself goes to a CSV file.
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <system_error>
+#include <vector>
+
+#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace {
+
+using assembly_cell::ContactReport;
+using assembly_cell::InputError;
+using assembly_cell::RunCounts;
+using assembly_cell::Scenario;
+using assembly_cell::Simulation;
+using assembly_cell::StopReason;
+using Clock = std::chrono::steady_clock;
+
+constexpr const char* kHelp =
+    R"(Usage: simulate SCENARIO.yaml [options]
+
+Runs a scenario and prints a YAML summary.
+
+  --set KEY.PATH=VALUE  change a value of the scenario, also of a list: carrier.stiffness[0]=1e5; repeatable
+  --integrator NAME     the same as --set solver.integrator=NAME
+  --tolerance T         the same as --set solver.tolerance=T  [m]
+  --step H              the same as --set solver.step=H, of fixed-step integrators  [s]
+  --at T1,T2,...        times of the rows of the output  [s]
+  --rows N              number of evenly spaced rows when --at is absent (default 201)
+  --output RUN.csv      write the run, SI units, one row a time
+  --help                print this
+
+Exit code: 0 ok, 1 the run stopped before its duration (named in status), 2 bad input.
+
+Example: simulate config/scenarios/impact.yaml --set contact.rate=1000 --output run.csv
+)";
+
+constexpr int kDefaultRows = 201;
+constexpr int kMostRows = 10000000;
+
+struct Options {
+  std::string scenario;
+  std::vector<std::string> overrides;
+  std::vector<double> at;
+  int rows = kDefaultRows;
+  std::string output;
+  bool help = false;
+};
+
+template <typename Number>
+bool parseNumber(const std::string& text, Number& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+std::vector<double> parseTimes(const std::string& text) {
+  std::vector<double> times;
+  std::size_t from = 0;
+  while (from <= text.size()) {
+    const std::size_t comma = std::min(text.find(',', from), text.size());
+    const std::string item = text.substr(from, comma - from);
+    double time = 0.0;
+    if (!parseNumber(item, time) || !std::isfinite(time) || time < 0.0) {
+      throw InputError("--at: value " + item + ": give times >= 0 separated by commas");
+    }
+    times.push_back(time);
+    from = comma + 1;
+  }
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  return times;
+}
+
+Options parseOptions(const std::vector<std::string>& arguments) {
+  Options options;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& name = arguments[i];
+    if (name == "--help" || name == "-h") {
+      options.help = true;
+      return options;
+    }
+    if (name.rfind("-", 0) != 0) {
+      if (!options.scenario.empty()) {
+        throw InputError("argument: value " + name + ": give one scenario, see --help");
+      }
+      options.scenario = name;
+      continue;
+    }
+    const bool known = name == "--set" || name == "--integrator" || name == "--tolerance" ||
+                       name == "--step" || name == "--at" || name == "--rows" || name == "--output";
+    if (!known) throw InputError("argument: value " + name + ": unknown option, see --help");
+    if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
+    const std::string& value = arguments[++i];
+    if (value.empty()) throw InputError(name + ": value empty: see --help");
+    if (name == "--set") {
+      options.overrides.push_back(value);
+    } else if (name == "--at") {
+      options.at = parseTimes(value);
+    } else if (name == "--output") {
+      options.output = value;
+    } else if (name == "--rows") {
+      if (!parseNumber(value, options.rows) || options.rows < 2 || options.rows > kMostRows) {
+        throw InputError("--rows: value " + value + ": give a number from 2 to " +
+                         std::to_string(kMostRows));
+      }
+    } else {
+      options.overrides.push_back("solver." + name.substr(2) + "=" + value);
+    }
+  }
+  if (options.scenario.empty()) {
+    throw InputError("argument: value missing: give a scenario file, see --help");
+  }
+  return options;
+}
+
+std::vector<double> rowTimes(const Options& options, double duration) {
+  if (!options.at.empty()) {
+    if (options.at.back() > duration) {
+      throw InputError("--at: value " + std::to_string(options.at.back()) + ": the run ends at " +
+                       std::to_string(duration) + " s, stay within it or set duration");
+    }
+    return options.at;
+  }
+  if (duration == 0.0) return {0.0};
+  std::vector<double> times;
+  for (int i = 0; i < options.rows; ++i) times.push_back(duration * i / (options.rows - 1));
+  times.back() = duration;
+  return times;
+}
+
+// The shortest text that reads back as the same number, also for YAML readers that want a point
+// before an exponent; empty for what is undefined.
+std::string shown(double value) {
+  if (!std::isfinite(value)) return "";
+  char text[32];
+  const auto [end, error] = std::to_chars(text, text + sizeof(text), value);
+  std::string number(text, error == std::errc() ? end : text);
+  const std::size_t exponent = number.find('e');
+  if (exponent != std::string::npos && number.find('.') == std::string::npos) {
+    number.insert(exponent, ".0");
+  }
+  return number;
+}
+
+struct Column {
+  std::string name;
+  std::string value;  // empty: undefined
+};
+
+// One row: state, mode, energy, then force and gap of each contact slot.
+std::vector<Column> rowOf(Simulation& simulation) {
+  // places of x, y, z, ... in the state's order z, x, y, ...
+  const struct {
+    const char* name;
+    int index;
+  } coordinates[] = {{"x", 1},         {"y", 2},         {"z", 0},
+                     {"phi", 3},       {"theta", 4},     {"psi", 5},
+                     {"carrier_x", 6}, {"carrier_y", 7}, {"carrier_yaw", 8}};
+  const char* const slots[assembly_cell::kSlots] = {"edge_0", "edge_1", "plane"};
+
+  std::vector<Column> row = {{"t", shown(simulation.time())}};
+  for (const auto& c : coordinates) row.push_back({c.name, shown(simulation.state().q[c.index])});
+  for (const auto& c : coordinates) {
+    row.push_back({std::string(c.name) + "_rate", shown(simulation.state().v[c.index])});
+  }
+  std::string mode;
+  for (const ContactReport& contact : simulation.contacts()) mode += "-sS"[contact.state];
+  row.push_back({"mode", mode});
+  row.push_back({"energy", shown(simulation.energy())});
+  for (int i = 0; i < assembly_cell::kSlots; ++i) {
+    const Eigen::Vector3d& force = simulation.contacts()[static_cast<std::size_t>(i)].force;
+    for (int axis = 0; axis < 3; ++axis) {
+      row.push_back({std::string(slots[i]) + "_force_" + "xyz"[axis], shown(force[axis])});
+    }
+  }
+  for (int i = 0; i < assembly_cell::kSlots; ++i) {
+    const ContactReport& contact = simulation.contacts()[static_cast<std::size_t>(i)];
+    row.push_back({std::string(slots[i]) + "_gap", contact.valid ? shown(contact.gap) : ""});
+  }
+  return row;
+}
+
+// The run as CSV. A regular file appears under its name only when it is complete.
+class CsvFile {
+ public:
+  explicit CsvFile(const std::string& path) : path_(path) {
+    std::error_code none;
+    const auto status = std::filesystem::status(path, none);
+    if (std::filesystem::is_directory(status)) fail("a directory");
+    // a link keeps pointing to its file; a device or pipe is written as it is
+    if (std::filesystem::exists(status)) path_ = std::filesystem::canonical(path, none).string();
+    in_place_ = std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
+    written_ = in_place_ ? path_ : path_ + ".part" + std::to_string(getpid());
+    stream_.open(written_, std::ios::trunc);
+    if (!stream_) fail("cannot be written");
+  }
+
+  ~CsvFile() {
+    std::error_code none;
+    if (!finished_ && !in_place_) std::filesystem::remove(written_, none);
+  }
+
+  CsvFile(const CsvFile&) = delete;
+  CsvFile& operator=(const CsvFile&) = delete;
+
+  void write(const std::vector<Column>& row) {
+    if (!header_) line(row, &Column::name);
+    header_ = true;
+    line(row, &Column::value);
+    if (!stream_) fail("writing failed");
+  }
+
+  void finish() {
+    stream_.close();
+    std::error_code error;
+    if (stream_ && !in_place_) std::filesystem::rename(written_, path_, error);
+    if (!stream_ || error) fail("writing failed");
+    finished_ = true;
+  }
+
+ private:
+  void line(const std::vector<Column>& row, std::string Column::*text) {
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      stream_ << (i == 0 ? "" : ",") << row[i].*text;
+    }
+    stream_ << '\n';
+  }
+
+  [[noreturn]] void fail(const std::string& what) const {
+    throw InputError("--output: value " + path_ + ": " + what +
+                     ", give a file that can be written");
+  }
+
+  std::string path_;
+  std::string written_;
+  bool in_place_ = false;
+  bool header_ = false;
+  bool finished_ = false;
+  std::ofstream stream_;
+};
+
+// A line on standard error once a second, from the third second on.
+class Progress {
+ public:
+  void show(double time, double duration) {
+    const Clock::time_point now = Clock::now();
+    if (now - start_ < std::chrono::seconds(2) || now - last_ < std::chrono::seconds(1)) return;
+    last_ = now;
+    std::cerr << "simulate: " << shown(time) << " s of " << shown(duration) << " s" << std::endl;
+  }
+  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+ private:
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point last_ = start_;
+};
+
+void printSummary(Simulation& simulation, double wall_time) {
+  const RunCounts& counts = simulation.counts();
+  std::cout << "status: " << toString(simulation.stopReason()) << "\n"
+            << "stopped_at: " << shown(simulation.time()) << "\n"
+            << "evaluations: " << counts.evaluations << "\n"
+            << "steps: " << counts.steps << "\n"
+            << "rejected: " << counts.rejected << "\n"
+            << "events: " << counts.events << "\n"
+            << "impacts: " << counts.impacts << "\n"
+            << "wall_time: " << shown(wall_time) << "\n"
+            << "final:\n";
+  for (const Column& column : rowOf(simulation)) {
+    std::string value = column.value.empty() ? "null" : column.value;
+    // "---" alone would end the YAML document, and y is a truth value to some readers
+    if (column.name == "mode") value = "'" + value + "'";
+    const std::string name = column.name == "y" ? "'y'" : column.name;
+    std::cout << "  " << name << ": " << value << "\n";
+  }
+  std::cout.flush();
+  if (!std::cout) throw InputError("standard output: value closed: the summary cannot be written");
+}
+
+Simulation makeSimulation(const Scenario& scenario, const std::string& path) {
+  try {
+    return Simulation(scenario);
+  } catch (const InputError& e) {
+    throw InputError(path + ": " + e.what());
+  }
+}
+
+int run(const Options& options) {
+  const Scenario scenario = assembly_cell::loadScenario(options.scenario, options.overrides);
+  const std::vector<double> times = rowTimes(options, scenario.duration);
+  Simulation simulation = makeSimulation(scenario, options.scenario);
+  std::unique_ptr<CsvFile> csv;
+  if (!options.output.empty()) csv = std::make_unique<CsvFile>(options.output);
+
+  Progress progress;
+  double last_row = -1.0;
+  const auto writeRow = [&] {
+    last_row = simulation.time();
+    if (csv) csv->write(rowOf(simulation));
+    progress.show(simulation.time(), scenario.duration);
+  };
+  StopReason reason = StopReason::kOk;
+  for (const double time : times) {
+    reason = simulation.advance(time);
+    if (reason != StopReason::kOk) break;
+    writeRow();
+  }
+  if (reason == StopReason::kOk) reason = simulation.advance(scenario.duration);
+  // a run that stops early ends with the row of that time
+  if (reason != StopReason::kOk && simulation.time() > last_row) writeRow();
+  const double wall_time = progress.seconds();
+
+  if (csv) csv->finish();
+  printSummary(simulation, wall_time);
+  if (reason != StopReason::kOk) {
+    std::cerr << "simulate: stopped at " << shown(simulation.time()) << " s of "
+              << shown(scenario.duration) << " s: " << toString(reason) << std::endl;
+  }
+  return reason == StopReason::kOk ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const Options options = parseOptions({argv + 1, argv + argc});
+    if (options.help) {
+      std::cout << kHelp;
+      return 0;
+    }
+    return run(options);
+  } catch (const std::exception& e) {
+    std::cerr << "simulate: " << e.what() << std::endl;
+  }
+  return 2;
+}

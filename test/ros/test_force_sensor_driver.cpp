@@ -1,0 +1,679 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <assembly_cell/Ack.h>
+#include <assembly_cell/DisplacementSamples.h>
+#include <assembly_cell/GetCalibration.h>
+#include <assembly_cell/SensorCalibration.h>
+#include <assembly_cell/SetBias.h>
+#include <assembly_cell/SetCalibration.h>
+#include <assembly_cell/StrainSamples.h>
+#include <assembly_cell/WrenchSamples.h>
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <geometry_msgs/WrenchStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <std_srvs/Trigger.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <future>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/sensor/bridge.h"
+#include "assembly_cell/sensor/calibration.h"
+
+namespace assembly_cell::ros_bridge {
+namespace {
+
+constexpr double kPatience = 20.0;  // of the wall clock, for a busy machine [s]
+constexpr double kRounding = 1e-9;  // S C of double precision, condition 10 [N], [N·m]
+const double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+template <class Condition>
+bool waitFor(const Condition& condition) {
+  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(kPatience);
+  while (ros::ok() && ros::WallTime::now() < end) {
+    if (condition()) return true;
+    ros::WallDuration(0.002).sleep();
+  }
+  return condition();
+}
+
+// A sensor's topics and services as others see them, and the source that feeds it.
+class Sensor {
+ public:
+  explicit Sensor(const std::string& name)
+      : nh_(name), name_(name), bridge_(name == "sensor_a" ? bridgeA(16, 0.0) : bridgeB(16, 0.0)) {
+    C_ = strainMatrix(bridge_);
+    pub_ = nh_.advertise<StrainSamples>("bridge", 100);
+    keep("strain", strain_);
+    keep("wrench_samples", wrench_samples_);
+    keep("displacement_samples", displacement_samples_);
+    keep("wrench_raw", wrench_raw_);
+    keep("wrench", wrench_);
+    keep("bias", bias_);
+    keep("calibration", calibration_);
+  }
+
+  bool connected() const {
+    for (const ros::Subscriber& sub : subs_) {
+      const bool displacement = sub.getTopic() == nh_.resolveName("displacement_samples");
+      if (sub.getNumPublishers() == 0 && !(displacement && name_ == "sensor_a")) return false;
+    }
+    return pub_.getNumSubscribers() > 0;
+  }
+
+  // volts of a load, as the simulator's bridge would give them before conversion
+  Vector6 volts(const Vector6& w) const {
+    Vector6 v = C_ * w;
+    for (int k = 0; k < 6; ++k) v[k] += bridge_.hinges[static_cast<std::size_t>(k)].offset;
+    return v;
+  }
+
+  StrainSamples block(const std::vector<Vector6>& wrenches, double period = 2e-4) {
+    StrainSamples b;
+    time_ += period;
+    b.header.stamp = ros::Time(time_);
+    b.header.frame_id = name_;
+    b.period = period;
+    b.sequence = ++sequence_;
+    for (const Vector6& w : wrenches) {
+      const Vector6 v = volts(w);
+      b.volts.insert(b.volts.end(), v.data(), v.data() + 6);
+    }
+    b.saturated.assign(wrenches.size(), 0);
+    b.temperature = 21.5;
+    time_ += period * static_cast<double>(wrenches.size() - 1);
+    return b;
+  }
+  StrainSamples block(const Vector6& w, std::size_t samples = 100) {
+    return block(std::vector<Vector6>(samples, w));
+  }
+
+  void send(const StrainSamples& b) { pub_.publish(b); }
+
+  // sends a block and waits for its wrenches
+  WrenchSamples pass(const StrainSamples& b) {
+    send(b);
+    WrenchSamples seen;
+    EXPECT_TRUE(waitFor([&] {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      for (const WrenchSamples& w : wrench_samples_) {
+        if (w.sequence == b.sequence) seen = w;
+      }
+      return !seen.wrench.empty();
+    })) << "no wrench_samples for block "
+        << b.sequence;
+    return seen;
+  }
+  Vector6 firstOf(const WrenchSamples& w) const { return Vector6::Map(w.wrench.data()); }
+
+  template <class M>
+  std::vector<M> copy(const std::vector<M>& messages) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return messages;
+  }
+  template <class M>
+  void clear(std::vector<M>& messages) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    messages.clear();
+  }
+  // the newest message once the condition holds for it
+  template <class M, class Condition>
+  M newest(const std::vector<M>& messages, const Condition& condition) {
+    M found;
+    EXPECT_TRUE(waitFor([&] {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (messages.empty() || !condition(messages.back())) return false;
+      found = messages.back();
+      return true;
+    }));
+    return found;
+  }
+
+  template <class Service>
+  typename Service::Response call(const std::string& service,
+                                  const typename Service::Request& request = {}) {
+    Service s;
+    s.request = request;
+    const std::string name = nh_.resolveName("driver/" + service);
+    EXPECT_TRUE(ros::service::waitForService(name, ros::Duration(kPatience)));
+    EXPECT_TRUE(ros::service::call(name, s)) << name;
+    return s.response;
+  }
+  std_srvs::Trigger::Response trigger(const std::string& service) {
+    return call<std_srvs::Trigger>(service);
+  }
+
+  ros::NodeHandle nh_;
+  std::vector<StrainSamples> strain_;
+  std::vector<WrenchSamples> wrench_samples_;
+  std::vector<DisplacementSamples> displacement_samples_;
+  std::vector<geometry_msgs::WrenchStamped> wrench_raw_, wrench_, bias_;
+  std::vector<SensorCalibration> calibration_;
+  std::mutex mutex_;
+  std::uint32_t sequence_ = 100;
+
+ private:
+  template <class M>
+  void keep(const std::string& topic, std::vector<M>& messages) {
+    const boost::function<void(const boost::shared_ptr<const M>&)> callback =
+        [this, &messages](const boost::shared_ptr<const M>& m) {
+          const std::lock_guard<std::mutex> lock(mutex_);
+          messages.push_back(*m);
+        };
+    subs_.push_back(nh_.subscribe<M>(topic, 1000, callback));
+  }
+
+  std::string name_;
+  Bridge bridge_;
+  Matrix6 C_;
+  double time_ = 1.0;
+  ros::Publisher pub_;
+  std::vector<ros::Subscriber> subs_;
+};
+
+// Feeds blocks of a load at about 200 a second until it goes out of scope.
+class Feeder {
+ public:
+  Feeder(Sensor& sensor, const Vector6& w, double noise = 0.0)
+      : thread_([this, &sensor, w, noise] {
+          NormalSource normal(5);
+          while (!stop_) {
+            std::vector<Vector6> wrenches(20, w);
+            for (Vector6& x : wrenches) {
+              for (int k = 0; k < 6; ++k) x[k] += noise * normal();
+            }
+            sensor.send(sensor.block(wrenches));
+            ros::WallDuration(0.005).sleep();
+          }
+        }) {}
+  ~Feeder() {
+    stop_ = true;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+// Latest diagnostics by name.
+class Diagnostics {
+ public:
+  Diagnostics() {
+    const boost::function<void(const diagnostic_msgs::DiagnosticArray::ConstPtr&)> callback =
+        [this](const diagnostic_msgs::DiagnosticArray::ConstPtr& array) {
+          const std::lock_guard<std::mutex> lock(mutex_);
+          for (const auto& status : array->status) {
+            latest_[status.name] = status;
+            ++count_[status.name];
+          }
+        };
+    sub_ = nh_.subscribe<diagnostic_msgs::DiagnosticArray>("/diagnostics", 100, callback);
+  }
+  // a report that began after the call and for which the condition holds
+  template <class Condition>
+  diagnostic_msgs::DiagnosticStatus next(const std::string& name, const Condition& condition) {
+    const int before = count(name);
+    diagnostic_msgs::DiagnosticStatus found;
+    EXPECT_TRUE(waitFor([&] {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (count_[name] <= before || !condition(latest_[name])) return false;
+      found = latest_[name];
+      return true;
+    })) << name
+        << ": " << latest_[name].message;
+    return found;
+  }
+  int count(const std::string& name) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return count_[name];
+  }
+
+ private:
+  ros::NodeHandle nh_;
+  ros::Subscriber sub_;
+  std::mutex mutex_;
+  std::map<std::string, diagnostic_msgs::DiagnosticStatus> latest_;
+  std::map<std::string, int> count_;
+};
+
+std::string value(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
+  for (const auto& pair : status.values) {
+    if (pair.key == key) return pair.value;
+  }
+  ADD_FAILURE() << "no key '" << key << "' in " << status.name;
+  return "nan";
+}
+double number(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
+  return std::stod(value(status, key));
+}
+bool has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+const Vector6 kLoad = (Vector6() << 3, -4, 12, 0.2, -0.1, 0.05).finished();
+constexpr auto kAnything = [](const auto&) { return true; };
+
+class ForceSensorDriver : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(waitFor([&] { return a_.connected() && b_.connected(); }));
+    a_.trigger("clear_bias");
+    b_.trigger("clear_bias");
+  }
+  Sensor a_{"sensor_a"}, b_{"sensor_b"};
+
+  static void SetUpTestSuite() {
+    // blocks of all tests count on, as those of one source
+    next_sequence_ = 0;
+  }
+  ForceSensorDriver() { a_.sequence_ = b_.sequence_ = next_sequence_ += 100000; }
+  static std::uint32_t next_sequence_;
+};
+std::uint32_t ForceSensorDriver::next_sequence_ = 0;
+
+// +1 N or +0.1 N·m on the part gives + in every topic, − gives −; the other axes stay zero.
+TEST_F(ForceSensorDriver, HasTheSixSignsOfTheConvention) {
+  for (Sensor* sensor : {&a_, &b_}) {
+    for (int axis = 0; axis < 6; ++axis) {
+      for (const double sign : {1.0, -1.0}) {
+        Vector6 w = Vector6::Zero();
+        w[axis] = sign * (axis < 3 ? 1.0 : 0.1);
+        const StrainSamples block = sensor->block(w);
+        const WrenchSamples samples = sensor->pass(block);
+        ASSERT_EQ(samples.wrench.size(), 600u);
+        for (std::size_t k = 0; k < 100; ++k) {
+          const Vector6 got = Vector6::Map(&samples.wrench[6 * k]);
+          ASSERT_LE((got - w).cwiseAbs().maxCoeff(), kRounding) << "axis " << axis;
+        }
+        const ros::Time last = block.header.stamp + ros::Duration(99 * block.period);
+        for (const auto* topic : {&sensor->wrench_, &sensor->wrench_raw_}) {
+          const auto shown = sensor->newest(*topic, [&](const geometry_msgs::WrenchStamped& m) {
+            return std::abs((m.header.stamp - last).toSec()) < 1e-6;
+          });
+          EXPECT_LE((fromWrench(shown.wrench) - w).cwiseAbs().maxCoeff(), kRounding);
+          EXPECT_EQ(shown.header.frame_id, sensor == &a_ ? "sensor_a" : "sensor_b");
+        }
+      }
+    }
+  }
+}
+
+TEST_F(ForceSensorDriver, PassesBlocksOnAsTheyAre) {
+  StrainSamples block = a_.block(kLoad, 7);
+  block.saturated[3] = 0x21;
+  const WrenchSamples wrench = a_.pass(block);
+  const StrainSamples strain =
+      a_.newest(a_.strain_, [&](const StrainSamples& s) { return s.sequence == block.sequence; });
+  EXPECT_EQ(strain.volts, block.volts);
+  EXPECT_EQ(strain.saturated, block.saturated);
+  EXPECT_EQ(strain.header.stamp, block.header.stamp);
+  EXPECT_EQ(strain.temperature, 21.5);
+  EXPECT_EQ(wrench.header.stamp, block.header.stamp);
+  EXPECT_EQ(wrench.header.frame_id, "sensor_a");
+  EXPECT_EQ(wrench.period, block.period);
+  EXPECT_EQ(wrench.saturated, block.saturated);
+}
+
+// Displacement of sensor_b is the map of its file; sensor_a has no such topic.
+TEST_F(ForceSensorDriver, PublishesTheDisplacement) {
+  const Calibration c =
+      loadCalibration(ASSEMBLY_CELL_SOURCE_DIR "/config/calibration/sensor_b.yaml");
+  const StrainSamples block = b_.block(kLoad, 3);
+  b_.pass(block);
+  const DisplacementSamples d = b_.newest(
+      b_.displacement_samples_, [&](const auto& m) { return m.sequence == block.sequence; });
+  ASSERT_EQ(d.displacement.size(), 18u);
+  const Vector6 expected = displacementFromVolts(c, b_.volts(kLoad));
+  EXPECT_LE((Vector6::Map(&d.displacement[12]) - expected).cwiseAbs().maxCoeff(), 1e-15);
+  EXPECT_GT(expected.cwiseAbs().minCoeff(), 1e-6);  // [m], [rad]: every axis is at stake
+  EXPECT_EQ(d.header.stamp, block.header.stamp);
+  EXPECT_EQ(d.header.frame_id, "sensor_b");
+  EXPECT_TRUE(a_.copy(a_.displacement_samples_).empty());
+}
+
+// Short blocks are averaged until the display's period is over: 4 ms blocks at 50 Hz, five each.
+TEST_F(ForceSensorDriver, DisplaysTheMeanOfWhatItLeavesOut) {
+  // start from a display of its own
+  a_.pass(a_.block(Vector6::Zero(), 300));
+  a_.newest(a_.wrench_, kAnything);
+  a_.clear(a_.wrench_);
+  for (int i = 1; i <= 10; ++i) a_.pass(a_.block(i * kLoad, 20));
+  ASSERT_TRUE(waitFor([&] { return a_.copy(a_.wrench_).size() >= 2; }));
+  const auto shown = a_.copy(a_.wrench_);
+  ASSERT_EQ(shown.size(), 2u);
+  EXPECT_LE((fromWrench(shown[0].wrench) - 3 * kLoad).cwiseAbs().maxCoeff(), kRounding);
+  EXPECT_LE((fromWrench(shown[1].wrench) - 8 * kLoad).cwiseAbs().maxCoeff(), kRounding);
+}
+
+TEST_F(ForceSensorDriver, SubtractsTheBias) {
+  SetBias::Request request;
+  Vector6::Map(request.bias.data()) = 0.5 * kLoad;
+  EXPECT_TRUE(a_.call<SetBias>("set_bias", request).success);
+  EXPECT_LE((a_.firstOf(a_.pass(a_.block(kLoad))) - 0.5 * kLoad).cwiseAbs().maxCoeff(), kRounding);
+  const auto near = [](const geometry_msgs::WrenchStamped& m, const Vector6& w) {
+    return (fromWrench(m.wrench) - w).cwiseAbs().maxCoeff() < kRounding;
+  };
+  a_.newest(a_.wrench_, [&](const auto& m) { return near(m, 0.5 * kLoad); });
+  a_.newest(a_.wrench_raw_, [&](const auto& m) { return near(m, kLoad); });
+  const auto bias = a_.newest(a_.bias_, [&](const auto& m) { return near(m, 0.5 * kLoad); });
+  EXPECT_EQ(bias.header.frame_id, "sensor_a");
+
+  // a latecomer gets it too
+  Sensor late("sensor_a");
+  late.newest(late.bias_, [&](const auto& m) { return near(m, 0.5 * kLoad); });
+
+  request.bias[2] = kNaN;
+  const SetBias::Response refused = a_.call<SetBias>("set_bias", request);
+  EXPECT_FALSE(refused.success);
+  EXPECT_TRUE(has(refused.message, "not finite")) << refused.message;
+
+  EXPECT_TRUE(a_.trigger("clear_bias").success);
+  EXPECT_LE((a_.firstOf(a_.pass(a_.block(kLoad))) - kLoad).cwiseAbs().maxCoeff(), kRounding);
+}
+
+// The mean of at least 200 samples taken after the call: an older load doesn't count.
+TEST_F(ForceSensorDriver, ZeroAveragesNewSamples) {
+  for (int i = 0; i < 5; ++i) a_.pass(a_.block(-10 * kLoad));
+  const double sigma = 0.01;
+  std_srvs::Trigger::Response response;
+  {
+    Feeder feeder(a_, kLoad, sigma);
+    response = a_.trigger("zero");
+  }
+  ASSERT_TRUE(response.success) << response.message;
+  int n = 0;
+  double s = 0.0;
+  ASSERT_EQ(std::sscanf(response.message.c_str(), "bias = mean of %d samples", &n), 1);
+  EXPECT_GE(n, 200);
+  const std::size_t place = response.message.find("sigma of a sample: ");
+  ASSERT_NE(place, std::string::npos) << response.message;
+  s = std::stod(response.message.substr(place + 19));
+  EXPECT_NEAR(s / sigma, 1.0, 0.3);  // 5 % is one sigma of an estimate from 200
+  const Vector6 left = a_.firstOf(a_.pass(a_.block(kLoad)));
+  EXPECT_LE(left.cwiseAbs().maxCoeff(), 6 * sigma / std::sqrt(200.0));
+}
+
+TEST_F(ForceSensorDriver, ZeroIsRefusedWhileAChannelSaturates) {
+  std::atomic<bool> done{false};
+  auto answer = std::async(std::launch::async, [&] {
+    const auto response = a_.trigger("zero");
+    done = true;
+    return response;
+  });
+  while (!done) {
+    StrainSamples block = a_.block(kLoad, 20);
+    block.saturated[11] = 0x12;
+    a_.send(block);
+    ros::WallDuration(0.005).sleep();
+  }
+  const auto response = answer.get();
+  EXPECT_FALSE(response.success);
+  EXPECT_TRUE(has(response.message, "channel 2, 5 saturated")) << response.message;
+  EXPECT_LE((a_.firstOf(a_.pass(a_.block(kLoad))) - kLoad).cwiseAbs().maxCoeff(), kRounding);
+}
+
+TEST_F(ForceSensorDriver, ZeroOfASilentSourceIsRefusedInTime) {
+  const ros::WallTime start = ros::WallTime::now();
+  const auto response = a_.trigger("zero");
+  EXPECT_FALSE(response.success);
+  EXPECT_TRUE(has(response.message, "no samples for 1.5 s")) << response.message;
+  EXPECT_LT((ros::WallTime::now() - start).toSec(), kPatience);
+}
+
+// While one call of zero waits, data and the other services go on, and a second zero is refused.
+TEST_F(ForceSensorDriver, ServicesDoNotBlockTheData) {
+  auto answer = std::async(std::launch::async, [&] { return a_.trigger("zero"); });
+  // 1 sample a block: the zero needs 200 of them, and here come only 40
+  bool refused = false;
+  for (int i = 0; i < 40; ++i) {
+    a_.pass(a_.block(kLoad, 1));
+    if (i == 20) {
+      EXPECT_TRUE(a_.call<GetCalibration>("get_calibration").success);
+      refused = has(a_.trigger("zero").message, "another one is under way");
+    }
+  }
+  EXPECT_TRUE(refused);
+  EXPECT_FALSE(answer.get().success);
+}
+
+TEST_F(ForceSensorDriver, TellsItsCalibration) {
+  const Calibration file =
+      loadCalibration(ASSEMBLY_CELL_SOURCE_DIR "/config/calibration/sensor_a.yaml");
+  const auto response = a_.call<GetCalibration>("get_calibration");
+  const SensorCalibration latched = a_.newest(a_.calibration_, kAnything);
+  EXPECT_TRUE(response.success);
+  for (const SensorCalibration& c : {response.calibration, latched}) {
+    EXPECT_EQ(c.id, file.id);
+    EXPECT_EQ(c.serial_number, file.serial_number);
+    EXPECT_EQ(c.date, file.date);
+    EXPECT_EQ(c.header.frame_id, "sensor_a");
+    EXPECT_EQ(c.volts_to_wrench[1], file.volts_to_wrench(0, 1));  // row-major
+    EXPECT_EQ(c.zero_volts[5], file.zero_volts[5]);
+  }
+}
+
+TEST_F(ForceSensorDriver, TakesSoundCalibrationsOnly) {
+  SetBias::Request bias;
+  bias.bias[2] = 5.0;
+  a_.call<SetBias>("set_bias", bias);
+  const SensorCalibration old = a_.call<GetCalibration>("get_calibration").calibration;
+  SetCalibration::Request request;
+  const auto refused = [&](const std::string& part) {
+    const auto response = a_.call<SetCalibration>("set_calibration", request);
+    EXPECT_FALSE(response.success);
+    EXPECT_TRUE(has(response.message, part)) << response.message;
+  };
+  request.calibration = old;
+  request.calibration.volts_to_wrench.fill(1.0);
+  refused("singular");
+  request.calibration = old;
+  request.calibration.volts_to_wrench[7] = kNaN;
+  refused("not finite");
+  request.calibration = old;
+  request.calibration.id = "";
+  refused("id is empty");
+  request.calibration = old;
+  request.calibration.serial_number = "simulated-b";
+  refused("this sensor is 'simulated-a'");
+  EXPECT_NEAR(a_.firstOf(a_.pass(a_.block(kLoad)))[2], kLoad[2] - 5.0, kRounding);
+
+  // twice the matrix, twice the wrench; the bias belonged to the old one
+  request.calibration = old;
+  request.calibration.id = "doubled";
+  for (double& x : request.calibration.volts_to_wrench) x *= 2.0;
+  EXPECT_TRUE(a_.call<SetCalibration>("set_calibration", request).success);
+  EXPECT_LE((a_.firstOf(a_.pass(a_.block(kLoad))) - 2 * kLoad).cwiseAbs().maxCoeff(), kRounding);
+  a_.newest(a_.calibration_, [](const SensorCalibration& c) { return c.id == "doubled"; });
+  request.calibration = old;
+  EXPECT_TRUE(a_.call<SetCalibration>("set_calibration", request).success);
+
+  // sensor_b must keep its displacement
+  request.calibration = b_.call<GetCalibration>("get_calibration").calibration;
+  request.calibration.volts_to_displacement.fill(0.0);
+  const auto response = b_.call<SetCalibration>("set_calibration", request);
+  EXPECT_FALSE(response.success);
+  EXPECT_TRUE(has(response.message, "volts_to_displacement is zero")) << response.message;
+}
+
+// Every block is answered, also one that is dropped; nothing of a dropped one is published.
+TEST_F(ForceSensorDriver, AcknowledgesEveryBlockInLockstep) {
+  ros::NodeHandle nh;
+  std::mutex mutex;
+  std::vector<Ack> acks;
+  const boost::function<void(const Ack::ConstPtr&)> callback = [&](const Ack::ConstPtr& ack) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    acks.push_back(*ack);
+  };
+  const ros::Subscriber sub = nh.subscribe<Ack>("/ack", 100, callback);
+  ASSERT_TRUE(waitFor([&] { return sub.getNumPublishers() == 1; }));
+
+  const StrainSamples good = b_.block(kLoad, 5);
+  StrainSamples bad = b_.block(kLoad, 5), last = b_.block(kLoad, 5);
+  bad.volts[3] = kNaN;
+  for (const StrainSamples& block : {good, good, bad, last}) b_.send(block);
+  ASSERT_TRUE(waitFor([&] {
+    const std::lock_guard<std::mutex> lock(mutex);
+    return acks.size() >= 4;
+  }));
+  const std::array<std::uint32_t, 4> expected{good.sequence, good.sequence, bad.sequence,
+                                              last.sequence};
+  const std::lock_guard<std::mutex> lock(mutex);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(acks[i].node, "sensor_b/driver");
+    EXPECT_EQ(acks[i].sequence, expected[i]);
+    EXPECT_EQ(acks[i].commands, 0u);
+  }
+  b_.newest(b_.wrench_samples_, [&](const auto& m) { return m.sequence == last.sequence; });
+  std::vector<std::uint32_t> seen;
+  for (const WrenchSamples& m : b_.copy(b_.wrench_samples_)) seen.push_back(m.sequence);
+  EXPECT_EQ(seen, (std::vector<std::uint32_t>{good.sequence, last.sequence}));
+}
+
+TEST_F(ForceSensorDriver, DiagnosticsTellRateNoiseCalibrationAndBias) {
+  Diagnostics diagnostics;
+  SetBias::Request bias;
+  bias.bias[1] = 0.25;
+  a_.call<SetBias>("set_bias", bias);
+  const double sigma = 0.02;
+  Feeder feeder(a_, kLoad, sigma);
+  const auto samples = diagnostics.next("sensor_a/driver: samples", [&](const auto& status) {
+    return status.level == 0 &&
+           std::abs(std::stod(value(status, "noise rms fx [N]")) / sigma - 1) < 0.3;
+  });
+  EXPECT_EQ(samples.hardware_id, "simulated-a");
+  EXPECT_NEAR(number(samples, "rate [Hz]"), 5000.0, 1.0);
+  EXPECT_EQ(number(samples, "expected rate [Hz]"), 5000.0);
+  EXPECT_EQ(value(samples, "saturated channels"), "none");
+  EXPECT_EQ(number(samples, "temperature [degC]"), 21.5);
+  EXPECT_EQ(value(samples, "source"), "/sensor_a/bridge");
+  EXPECT_GT(number(samples, "samples"), 0);
+  const auto calibration = diagnostics.next("sensor_a/driver: calibration", kAnything);
+  EXPECT_EQ(calibration.level, 0);
+  EXPECT_EQ(calibration.hardware_id, "simulated-a");
+  EXPECT_EQ(value(calibration, "calibration id"), "sensor_a_design");
+  EXPECT_EQ(number(calibration, "bias fy [N]"), 0.25);
+  EXPECT_GE(number(calibration, "bias age [s]"), 0.0);
+  EXPECT_LT(number(calibration, "bias age [s]"), kPatience);
+}
+
+TEST_F(ForceSensorDriver, DiagnosticsNameWhatIsWrong) {
+  Diagnostics diagnostics;
+  const std::string name = "sensor_a/driver: samples";
+  const auto quiet = [](const auto& s) { return has(s.message, "no samples for"); };
+  // silence is an error, or in lockstep (the simulator may be paused) a warning; never nothing
+  EXPECT_EQ(diagnostics.next(name, quiet).level, 2);
+  EXPECT_EQ(diagnostics.next("sensor_b/driver: samples", quiet).level, 1);
+
+  const auto before = diagnostics.next(name, kAnything);
+  const auto more = [&](const auto& status, const std::string& key) {
+    return number(status, key) - number(before, key);
+  };
+  // a repeated block, one that is missing
+  const StrainSamples block = a_.block(kLoad);
+  a_.pass(block);
+  a_.send(block);
+  a_.block(kLoad);
+  a_.pass(a_.block(kLoad));
+  auto status = diagnostics.next(name, [&](const auto& s) { return more(s, "lost blocks") == 1; });
+  EXPECT_EQ(more(status, "duplicate blocks"), 1);
+
+  // a malformed one, a saturated one, one of another sensor
+  StrainSamples malformed = a_.block(kLoad);
+  malformed.volts.pop_back();
+  a_.send(malformed);
+  status =
+      diagnostics.next(name, [&](const auto& s) { return has(s.message, "malformed: block"); });
+  EXPECT_EQ(status.level, 2);
+  EXPECT_TRUE(has(status.message, "599 volts are no multiple of 6")) << status.message;
+  StrainSamples saturated = a_.block(kLoad);
+  saturated.saturated[5] = 0x08;
+  a_.send(saturated);
+  status =
+      diagnostics.next(name, [](const auto& s) { return has(s.message, "saturated channels: 4"); });
+  EXPECT_EQ(status.level, 2);
+  EXPECT_EQ(value(status, "saturated channels"), "4");
+  StrainSamples foreign = a_.block(kLoad);
+  foreign.header.frame_id = "sensor_b";
+  a_.send(foreign);
+  status = diagnostics.next(name, [](const auto& s) { return has(s.message, "from 'sensor_b'"); });
+  EXPECT_EQ(status.level, 1);
+
+  // a tenth of the rate
+  a_.send(a_.block(std::vector<Vector6>(100, kLoad), 2e-3));
+  status =
+      diagnostics.next(name, [](const auto& s) { return has(s.message, "instead of 5000 Hz"); });
+  EXPECT_EQ(status.level, 1);
+}
+
+// ---- bad input stops the node with one line ----
+
+struct Ended {
+  int code = -1;
+  std::string output;
+};
+
+Ended runDriver(const std::string& arguments) {
+  const std::string command = "timeout 30 " ASSEMBLY_CELL_BIN_DIR
+                              "/force_sensor_driver __name:=bad_driver _frame_id:=x " +
+                              arguments + " 2>&1";
+  Ended run;
+  FILE* pipe = popen(command.c_str(), "r");
+  if (pipe == nullptr) return run;
+  char buffer[512];
+  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) run.output += buffer;
+  const int status = pclose(pipe);
+  run.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  ros::param::del("/bad_driver");
+  return run;
+}
+
+TEST(BadInput, StopsTheNodeWithOneLine) {
+  const std::string config = ASSEMBLY_CELL_SOURCE_DIR "/config/calibration/";
+  const std::string good = "_calibration_file:=" + config + "sensor_a.yaml ";
+  const std::string replay = "_source:=replay _calibration_file:=" + config + "sensor_replay.yaml ";
+  const std::string drift = "_replay/file:=" ASSEMBLY_CELL_SOURCE_DIR "/test/data/drift.csv ";
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"", "/bad_driver/calibration_file"},
+      {"_calibration_file:=/none.yaml", "calibration file '/none.yaml' can't be read"},
+      {"_calibration_file:=" ASSEMBLY_CELL_SOURCE_DIR "/package.xml", "package.xml"},
+      {good + "_source:=serial", "/bad_driver/source"},
+      {good + "_display_rate:=0", "/bad_driver/display_rate"},
+      {good + "_dislay_rate:=10", "/bad_driver/dislay_rate"},
+      {good + "_publish_displacement:=true", "volts_to_displacement is zero"},
+      {replay, "/bad_driver/replay/file"},
+      {replay + "_replay/file:=/none.csv", "recording '/none.csv' can't be read"},
+      {replay + drift + "_replay/quantity:=volts", "drift.csv:1: 11 columns instead of 7"},
+      {replay + drift + "_lockstep:=true", "/bad_driver/lockstep"},
+      {replay + drift + "_replay/rate:=fast _replay/loop:=true", "/bad_driver/replay/loop"},
+      {"_source:=replay " + good + drift, "not the identity"},
+  };
+  for (const auto& [arguments, part] : cases) {
+    const Ended run = runDriver(arguments);
+    EXPECT_EQ(run.code, 1) << arguments << "\n" << run.output;
+    EXPECT_TRUE(has(run.output, part)) << arguments << "\n" << run.output;
+    EXPECT_EQ(std::count(run.output.begin(), run.output.end(), '\n'), 1) << run.output;
+  }
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "force_sensor_driver_test");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
