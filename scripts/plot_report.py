@@ -42,11 +42,12 @@ def panel(axes, true, estimated, unit, title):
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
     axes.set_aspect("equal")
     if points:
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), fontsize=8)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), fontsize=8)
 
 
 def plot(report, picture):
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 5.2), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 5.8))
+    figure.subplots_adjust(left=0.08, right=0.97, top=0.84, bottom=0.19, wspace=0.25)
     millimetres = [[1e3 * v for v in pair(report, key)] for key in ("true_offset", "estimated_offset")]
     degrees = [[math.degrees(v) for v in pair(report, key)] for key in ("true_tilt", "estimated_tilt")]
     panel(left, *millimetres, "mm", "hole's centre from the peg's bottom centre, at the start")

@@ -22,7 +22,8 @@ using Mat3 = Eigen::Matrix3d;
 
 constexpr double kMisfitLimit = 0.15;     // of a reading: beyond, the linear model does not hold
 constexpr double kDirectionLimit = 0.05;  // sd of a reading's direction that is of use [rad]
-constexpr double kClear = 5e-4;           // over the plane while moving sideways [m]
+constexpr double kClear = 3e-4;           // over the plane before the last way down [m]
+constexpr double kTravel = 2e-3;          // over the plane while moving sideways [m]
 
 // rotation that tilts z by a rotation vector (x, y)
 Mat3 tiltRotation(const Vec2& tilt) {
@@ -90,9 +91,16 @@ class SingleContact {
         if (round++ == p_.rounds) {
           throw Failure{text("not_inserted: no entry after %.0f sweeps", p_.rounds)};
         }
-        sweep();
-        resolve();
-      } while (!enter());
+        // an edge that went in on the way says where the hole is as well as a fit does
+        const bool swept = sweep();
+        if (swept) {
+          resolve();
+        } else {
+          report("sweep", "the tilted edge went in");
+          const Vec3 at = pegPose(hand_.target(), Vector6::Zero()).p;
+          hole_.center = at - hole_.normal * (hole_.normal.dot(at) - hole_.height);
+        }
+      } while (!enter(hole_.center));
       result.success = true;
       result.reason = "aligned";
     } catch (const Failure& failure) {
@@ -145,14 +153,28 @@ class SingleContact {
     return std::max(1, static_cast<int>(std::ceil(duration / block_ - 1e-6)));
   }
 
-  // one reading with the peg tilted by R about its bottom centre; the exciter runs only meanwhile
-  void read(const Mat3& R) {
+  // rest height at which a peg tilted by R must have touched unless its edge is in the hole: outside,
+  // the bottom's centre stays above the plane
+  double entryHeight(const Mat3& R) const {
+    if (!found_) return -1e9;
+    const double drop = hole_.normal.dot(bottom_) - hole_.height + p_.insertion_depth;
+    return restFor(bottom_ - drop * hole_.normal, R).z;
+  }
+
+  // one reading with the peg tilted by R about its bottom centre; the exciter runs only meanwhile.
+  // False when the edge went into the hole instead
+  bool read(const Mat3& R) {
     hand_.moveTo(restFor(bottom_, R));
-    hand_.press(p_.press_force, p_.press_tolerance);
+    if (!hand_.approach(entryHeight(R))) return false;
     RestPose touch = hand_.target();
     touch.z = hand_.touchZ();
 
+    // shake harder than the reading will, so that friction keeps no preload near its limit
+    hand_.hold(p_.press_force, p_.press_tolerance);
+    exciter(p_.shake * p_.exciter_amplitude);
+    hand_.wait(blocks(p_.settle));
     exciter(p_.exciter_amplitude);
+    hand_.hold(p_.press_force, p_.press_tolerance);
     hand_.wait(blocks(p_.settle));
     PlantCommand measure;
     measure.locus = LocusRequest{hand_.last().time, p_.window};
@@ -174,6 +196,7 @@ class SingleContact {
     touch.z += p_.lift;
     hand_.moveTo(touch);
     bottom_ = pegPose(touch, Vector6::Zero()).p;
+    return true;
   }
 
   // what a reading is kept for: its direction depends on the tilt, which is known better later
@@ -218,14 +241,16 @@ class SingleContact {
   }
 
   // the low side of the peg once round, at a constant tilt against what is known of the plane
-  void sweep() {
+  // false when the edge went into the hole on the way
+  bool sweep() {
     const Mat3 R_SH = rotationToAxis(hole_.normal);
     for (int i = 0; i < p_.sweep_readings; ++i) {
       const double a = 2 * kPi * i / p_.sweep_readings;
       // the rotation vector is a right angle ahead of the low side
       const Vec2 tilt = p_.sweep_tilt * Vec2(-std::sin(a), std::cos(a));
-      read(R_SH * tiltRotation(tilt));
+      if (!read(R_SH * tiltRotation(tilt))) return false;
     }
+    return true;
   }
 
   // directions need the plane's normal, the plane needs directions: a few turns settle both
@@ -249,44 +274,59 @@ class SingleContact {
                                hole_.normal_sd * 180 / kPi));
   }
 
-  // over the estimated hole and down; true when the edge went in without resistance
-  bool enter() {
+  // upright over the estimated hole and down; around it where the estimate is not good enough. True
+  // when the edge went in without resistance
+  bool enter(const Vec3& estimate) {
     const Mat3 R = rotationToAxis(hole_.normal);
-    Vec3 target = hole_.center + kClear * hole_.normal;
-    // up along the normal before sideways
-    Vec3 above = bottom_;
-    const double height = hole_.normal.dot(above) - hole_.height;
-    above += hole_.normal * std::max(0.0, 2e-3 - height);
-    hand_.moveTo(restFor(above, rotationToAxis((X_WS_.R.transpose() *
-                                                worldPose(hand_.target()).R).col(2))));
-    hand_.moveTo(restFor(target + 2e-3 * hole_.normal, R));
-    hand_.wait(blocks(p_.settle));
+    const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
+    const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+    // up along the normal before sideways and straight
+    Vec3 above = pegPose(hand_.target(), Vector6::Zero()).p;
+    above += hole_.normal * std::max(0.0, kTravel - hole_.normal.dot(above) + hole_.height);
+    hand_.moveTo(restFor(above, (inverse(X_WS_) * worldPose(hand_.target())).R));
     // the hanging peg sags differently in this pose
-    const Vec3 sag = pegPose(hand_.last().carrier, hand_.deflection()).p -
-                     (target + 2e-3 * hole_.normal);
-    report("enter", text("sag %.3f %.3f mm", sag.x() * 1e3, sag.y() * 1e3));
-    target -= sag - hole_.normal * hole_.normal.dot(sag);
-    const double way = kClear + p_.insertion_depth;
-    hand_.moveTo(restFor(target, R));
-    for (double down = 0.0; down < way;) {
-      down = std::min(way, down + p_.approach_step);
-      PlantCommand command;
-      command.rest = restFor(target - down * hole_.normal, R);
-      hand_.step(command);
-      if (hand_.forceZ() > p_.insertion_force) return refused(target);
-    }
-    hand_.moveTo(restFor(target - way * hole_.normal, R));
+    Vec3 target = estimate + kClear * hole_.normal;
+    hand_.moveTo(restFor(target + kTravel * hole_.normal, R));
     hand_.wait(blocks(p_.settle));
-    if (hand_.forceZ() > p_.insertion_force) return refused(target);
-    report("enter", text("in, contact force %.2f N", hand_.forceZ()));
-    return true;
+    const Vec3 sag = pegPose(hand_.last().carrier, hand_.deflection()).p -
+                     pegPose(hand_.target(), Vector6::Zero()).p;
+    target -= sag - hole_.normal * hole_.normal.dot(sag);
+
+    // centre, then rings a little closer than the clearance
+    for (int ring = 0; ring < 3; ++ring) {
+      const int places = ring == 0 ? 1 : 6 * ring;
+      for (int i = 0; i < places; ++i) {
+        const double a = 2 * kPi * i / places;
+        const Vec2 shift = 0.9 * clearance * ring * Vec2(std::cos(a), std::sin(a));
+        if (lower(target + axes * shift, R)) return true;
+      }
+    }
+    report("enter", "resistance everywhere, measuring again");
+    bottom_ = target + kTravel * hole_.normal;
+    hand_.moveTo(restFor(bottom_, R));
+    return false;
   }
 
-  bool refused(const Vec3& target) {
-    report("enter", text("resistance of %.2f N, measuring again", hand_.forceZ()));
-    bottom_ = target + 2e-3 * hole_.normal;
-    hand_.moveTo(restFor(bottom_, rotationToAxis(hole_.normal)));
-    return false;
+  // down from `from`, just over the plane; back up at the first resistance
+  bool lower(const Vec3& from, const Mat3& R) {
+    hand_.moveTo(restFor(from, R));
+    const double way = kClear + p_.insertion_depth;
+    double down = 0.0;
+    while (down < way && hand_.forceZ() < p_.insertion_force) {
+      down = std::min(way, down + p_.approach_step);
+      PlantCommand command;
+      command.rest = restFor(from - down * hole_.normal, R);
+      hand_.step(command);
+    }
+    if (down >= way) {
+      hand_.moveTo(restFor(from - way * hole_.normal, R));
+      hand_.wait(blocks(p_.settle));
+    }
+    const double force = hand_.forceZ();
+    const bool in = force < p_.insertion_force;
+    report("enter", text(in ? "in, contact force %.2f N" : "resistance of %.2f N", force));
+    if (!in) hand_.moveTo(restFor(from, R));
+    return in;
   }
 
   // exciter off; what went wrong is already known
@@ -357,6 +397,7 @@ void checkParameters(const AlignParameters& p) {
         p.exciter_frequency, "must lie in [0, 1e5] rad/s; 0 chooses it");
   check(p.exciter_direction == 1 || p.exciter_direction == -1, "exciter_direction",
         p.exciter_direction, "must be 1 or -1");
+  check(p.shake >= 1 && p.shake <= 5, "shake", p.shake, "must lie in 1 to 5");
   check(p.settle >= 0 && p.settle <= 60, "settle", p.settle, "must lie in [0, 60] s");
   check(p.window > 0 && p.window <= 60, "window", p.window, "must lie in (0, 60] s");
   check(p.sweep_tilt > 0 && p.sweep_tilt <= 0.14, "sweep_tilt", p.sweep_tilt,

@@ -11,7 +11,8 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kTouchForce = 1.5;      // this much along z is contact [N]
-constexpr double kFirstStiffness = 3e4;  // of the first secant step [N/m]
+constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
+constexpr int kHoldSteps = 30;
 constexpr int kSettleBlocks = 3;
 constexpr int kStillLimit = 200;  // blocks that a settling may take
 
@@ -84,38 +85,45 @@ void Hand::moveTo(const RestPose& target) {
                         target.z));
 }
 
-void Hand::press(double force, double tolerance) {
+bool Hand::approach(double floor) {
   // descend a little every block until the first touch
   const double start = target_.z;
-  const double down = limits_.approach_step;
   RestPose target = target_;
   while (forceZ() < kTouchForce) {
+    if (target.z <= floor) {
+      target_ = target;
+      return false;
+    }
     if (start - target.z > limits_.descent) {
       throw PressError(line("no_contact: none within %.1f mm of descent from z %.4f m",
                             limits_.descent * 1e3, start));
     }
-    target.z -= down;
+    target.z -= limits_.approach_step;
     PlantCommand command;
     command.rest = target;
     step(command);
   }
   touch_z_ = last_.carrier.z;
-
-  // secant steps to the force
-  double stiffness = kFirstStiffness;
-  target.z = last_.carrier.z;
+  target.z = touch_z_;
   moveTo(target);
+  return true;
+}
+
+void Hand::hold(double force, double tolerance) {
+  // secant steps to the force
+  RestPose target = target_;
   wait(kSettleBlocks);
-  for (int i = 0; i < 25; ++i) {
+  for (int i = 0; i < kHoldSteps; ++i) {
     const double before = forceZ();
     if (std::abs(before - force) <= tolerance * force) return;
-    const double change = std::clamp((force - before) / stiffness, -3e-4, 3e-4);
+    const double change = std::clamp((force - before) / stiffness_, -3e-4, 3e-4);
     target.z -= change;
     moveTo(target);
     wait(kSettleBlocks);
+    // slip makes single secants unreliable: change the estimate by no more than threefold
     const double measured = (forceZ() - before) / change;
-    stiffness = std::clamp(measured, 0.3 * stiffness, 3.0 * stiffness);
-    stiffness = std::clamp(stiffness, 2e3, 2e5);
+    stiffness_ = std::clamp(measured, stiffness_ / 3, stiffness_ * 3);
+    stiffness_ = std::clamp(stiffness_, kSoftest, kStiffest);
   }
   throw PressError(line("press_not_held: %.2f N instead of %.2f N", forceZ(), force));
 }

@@ -13,6 +13,8 @@ namespace {
 constexpr double kReach = 1e-9;          // a slot leaves reach above this gap [m]
 constexpr double kInitialReach = 1e-8;   // closed at the start up to this gap [m]
 constexpr double kDeepest = 0.1;         // penetration beyond this part of the radius is no contact
+constexpr double kPull = 1e-7;           // forces this far beyond a limit change no mode [N]
+constexpr double kApproach = 1e-6;       // nor does an idle gap's acceleration down to this [m/s²]
 constexpr double kEventTime = 1e-12;     // events are located to this [s]
 constexpr double kStepFloor = 1e-13;     // error control below this step gives up [s]
 constexpr std::int64_t kEventLimit = 10000000;
@@ -391,6 +393,7 @@ void Simulation::solveModes(const Kinematics& k, Slots& slots) const {
       ci.slot->force += x(i) * ci.direction;
     }
   }
+  shareInternalForce(slots);
   for (Slot& slot : slots) {
     if (slot.mode == Mode::kApart || !slot.point.valid) continue;
     slot.normal_force = slot.point.normal.dot(slot.force);
@@ -407,6 +410,54 @@ void Simulation::solveModes(const Kinematics& k, Slots& slots) const {
     slot.demand = slot.point.normal.dot(acceleration) + slot.rates.gap_bias +
                   c.rate * slot.gap_rate + c.pull_back * slot.point.gap;
   }
+}
+
+// Two sticking points can't change their distance: the force along their connection is undetermined.
+// Of all its values take the one farthest inside both friction cones.
+void Simulation::shareInternalForce(Slots& slots) const {
+  Slot* one = nullptr;
+  Slot* two = nullptr;
+  for (Slot& slot : slots) {
+    if (slot.mode != Mode::kStick || !slot.point.valid) continue;
+    (one ? two : one) = &slot;
+  }
+  if (!two) return;
+  const Vec3 apart = two->point.p - one->point.p;
+  const double distance = apart.norm();
+  if (!(distance > 0.0)) return;
+  const Vec3 along = apart / distance;
+  const double mu = scenario_.friction.static_coefficient;
+  const auto outside = [mu](const Vec3& force, const Vec3& normal) {
+    const double N = normal.dot(force);
+    return (force - N * normal).norm() - mu * N;
+  };
+  const auto worse = [&](double s) {
+    return std::max(outside(one->force + s * along, one->point.normal),
+                    outside(two->force - s * along, two->point.normal));
+  };
+  // convex in s: golden section
+  const double golden = 0.6180339887498949;
+  double low = -2.0 * (one->force.norm() + two->force.norm()), high = -low;
+  double a = high - golden * (high - low), b = low + golden * (high - low);
+  double fa = worse(a), fb = worse(b);
+  for (int i = 0; i < 50; ++i) {
+    if (fa < fb) {
+      high = b;
+      b = a;
+      fb = fa;
+      a = high - golden * (high - low);
+      fa = worse(a);
+    } else {
+      low = a;
+      a = b;
+      fa = fb;
+      b = low + golden * (high - low);
+      fb = worse(b);
+    }
+  }
+  const double s = 0.5 * (low + high);
+  one->force += s * along;
+  two->force -= s * along;
 }
 
 // which slots are in reach at the present state, then the rest by decide()
@@ -453,7 +504,7 @@ void Simulation::decide() {
     double excess = 0.0;
     for (Slot& slot : slots_) {
       if (slot.mode == Mode::kApart || !slot.point.valid) continue;
-      if (slot.mode != Mode::kIdle && slot.normal_force < -excess) {
+      if (slot.mode != Mode::kIdle && slot.normal_force < -std::max(excess, 0.5 * kPull)) {
         excess = -slot.normal_force;
         worst = &slot;
         change = Mode::kIdle;
@@ -465,7 +516,7 @@ void Simulation::decide() {
         const Vec3 tangential = slot.force - slot.normal_force * slot.point.normal;
         const double over =
             tangential.norm() - scenario_.friction.static_coefficient * slot.normal_force;
-        if (over > excess) {
+        if (over > std::max(excess, 0.5 * kPull)) {
           excess = over;
           worst = &slot;
           change = Mode::kSlip;
@@ -474,7 +525,7 @@ void Simulation::decide() {
     }
     if (!worst && pass < 12) {
       for (Slot& slot : slots_) {
-        if (slot.mode == Mode::kIdle && slot.point.valid && slot.demand < -1e-9 - excess) {
+        if (slot.mode == Mode::kIdle && slot.point.valid && slot.demand < -std::max(excess, 0.5 * kApproach)) {
           excess = -slot.demand;
           worst = &slot;
           change = Mode::kStick;
@@ -550,13 +601,13 @@ double Simulation::eventValue(const Slots& start, const Slots& end) const {
     value = std::min(value, kReach - s.point.gap);
     if (!discreteFriction()) continue;
     if (s.mode == Mode::kIdle) {
-      value = std::min(value, s.demand + 1e-9);
+      value = std::min(value, s.demand + kApproach);
       continue;
     }
-    value = std::min(value, s.normal_force + 1e-12);
+    value = std::min(value, s.normal_force + kPull);
     if (s.mode == Mode::kStick) {
       const double tangential = (s.force - s.normal_force * s.point.normal).norm();
-      value = std::min(value, mu * s.normal_force * (1 + 1e-6) + 1e-12 - tangential);
+      value = std::min(value, mu * s.normal_force + kPull - tangential);
     } else if (s.armed) {
       const double forward = s.tangential.dot(start[i].tangential.normalized());
       value = std::min(value, forward - slip_threshold_);

@@ -408,6 +408,11 @@ void ForceSensorNode::playDueBlocks() {
       message->volts.insert(message->volts.end(), value.data(), value.data() + 6);
       message->saturated.push_back(recording.saturated[k]);
     }
+    // the seam of a loop is no noise
+    if (due_->first == 0) {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      noise_.breakRun();
+    }
     due_.reset();
     process(message);
   }
@@ -537,6 +542,7 @@ bool ForceSensorNode::setCalibration(SetCalibration::Request& request,
   bias_.setZero();
   bias_time_.reset();
   noise_ = DifferenceNoise();
+  noise_samples_ = 0;
   display_sum_.setZero();
   display_count_ = 0;
   if (zero_.active) zero_.failure = "the calibration changed meanwhile: try again";
@@ -558,9 +564,11 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
     rate_from_ = last_time_;
     rate_samples_ = 0;
   }
-  if (noise_.count() >= kNoiseSamples || (noise_rms_.isZero(0.0) && noise_.count() > 1)) {
+  // the first estimate grows with its samples; then each one is complete
+  if (noise_.count() >= kNoiseSamples || noise_.count() > noise_samples_) {
     noise_rms_ = noise_.rms();
-    if (noise_.count() >= kNoiseSamples) noise_.clear();
+    noise_samples_ = noise_.count();
+    if (noise_samples_ >= kNoiseSamples) noise_.clear();
   }
   const std::uint64_t lost = sequence_.lost() - reported_lost_;
   const std::uint64_t duplicates = sequence_.duplicates() - reported_duplicates_;
@@ -616,6 +624,7 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
   status.add("saturated samples", total_saturated_);
   if (std::isfinite(temperature_)) status.add("temperature [degC]", temperature_);
   for (int k = 0; k < 6; ++k) status.add(std::string("noise rms ") + kAxes[k], noise_rms_[k]);
+  status.add("samples in noise rms", noise_samples_);
   window_ = Window();
   foreign_frame_.clear();
 }

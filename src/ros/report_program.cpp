@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iostream>
+#include <memory>
 
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
@@ -20,8 +21,9 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kTruthTimeout = 10.0;  // wall [s]
-constexpr int kEdgePoints = 3600;       // misses at most r (pi/3600)^2 / 2 = 1e-8 m
+constexpr double kTruthTimeout = 10.0;      // wall [s]
+constexpr std::size_t kTruthMemory = 1000;  // blocks
+constexpr int kEdgePoints = 3600;           // misses at most r (pi/3600)^2 / 2 = 1e-8 m
 
 std::string format(const char* pattern, double a, double b) {
   char text[120];
@@ -193,19 +195,21 @@ bool ReportProgram::waitFor(const std::string& what, double timeout,
   return false;
 }
 
-std::optional<geometry_msgs::PoseStamped> ReportProgram::truth() const {
+std::optional<Pose> ReportProgram::truthAt(const ros::Time& stamp) const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return truth_;
+  if (stamp.isZero() && !truth_.empty()) return fromPose(truth_.back()->pose, "truth/pose");
+  for (const auto& truth : truth_) {
+    if (truth->header.stamp >= stamp) return fromPose(truth->pose, "truth/pose");
+  }
+  return std::nullopt;
 }
 
 int ReportProgram::run() {
-  const auto pose = [](const geometry_msgs::PoseStamped& truth) {
-    return fromPose(truth.pose, "truth/pose");
-  };
   truth_sub_ = nh_.subscribe<geometry_msgs::PoseStamped>(
-      "truth/pose", 1, [this](const geometry_msgs::PoseStamped::ConstPtr& message) {
+      "truth/pose", kTruthMemory, [this](const geometry_msgs::PoseStamped::ConstPtr& message) {
         std::lock_guard<std::mutex> lock(mutex_);
-        truth_ = *message;
+        truth_.push_back(message);
+        if (truth_.size() > kTruthMemory) truth_.pop_front();
       });
   if (!waitFor("action server align (is the supervisor running?)", start_timeout_,
                [this] { return client_.isServerConnected(); })) {
@@ -223,12 +227,13 @@ int ReportProgram::run() {
   const std::string topic = nh_.resolveName("truth/pose");
   const bool published = std::any_of(topics.begin(), topics.end(),
                                      [&topic](const auto& info) { return info.name == topic; });
-  if (published) {
-    if (!waitFor("message on truth/pose", kTruthTimeout, [this] { return truth().has_value(); })) {
-      return 1;
-    }
-    details_.truth_start = pose(*truth());
-  }
+  const auto truthFrom = [this](const ros::Time& stamp, std::optional<Pose>& truth) {
+    return waitFor("message on truth/pose", kTruthTimeout, [this, &stamp, &truth] {
+      truth = truthAt(stamp);
+      return truth.has_value();
+    });
+  };
+  if (published && !truthFrom(ros::Time(), details_.truth_start)) return 1;
 
   // first the goal, then the clock: so the run starts with the first block
   AlignPegGoal goal;
@@ -270,13 +275,9 @@ int ReportProgram::run() {
     return 1;
   }
 
-  // the truth at the end of the last block that the supervisor used, or later
+  // the truth at the end of the last block that the supervisor used
   AlignmentReport report = result_->report;
-  if (published) {
-    const auto settled = [this, &report] { return truth()->header.stamp >= report.header.stamp; };
-    if (!waitFor("message on truth/pose after the alignment", kTruthTimeout, settled)) return 1;
-    details_.truth_end = pose(*truth());
-  }
+  if (published && !truthFrom(report.header.stamp, details_.truth_end)) return 1;
   addTruth(report, details_);
   std::cout << table(report, details_) << std::flush;
   if (!report_file_.empty()) {
@@ -292,6 +293,8 @@ int ReportProgram::run() {
 }
 
 int runReport(int argc, char** argv) {
+  // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
+  std::unique_ptr<ros::NodeHandle> nh;
   try {
     ros::init(argc, argv, "report");
     // a node handle would wait for the master for ever
@@ -300,11 +303,11 @@ int runReport(int argc, char** argv) {
                 ros::master::getURI().c_str());
       return 1;
     }
-    ros::NodeHandle nh;
+    nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
     ros::AsyncSpinner spinner(2);
     spinner.start();
-    ReportProgram program(nh, pnh);
+    ReportProgram program(*nh, pnh);
     return program.run();
   } catch (const InputError& error) {
     ROS_FATAL("report: %s", error.what());

@@ -386,11 +386,12 @@ void SimulatorNode::publishDiagnostics() {
 // ---- what comes in ----
 
 bool SimulatorNode::countCommand(const std::string& publisher, const std::string& topic,
-                                 std::uint32_t seq) {
+                                 const std_msgs::Header& header) {
   Sender& sender = senders_[publisher];
-  const auto last = sender.last_seq.find(topic);
-  if (last != sender.last_seq.end() && last->second == seq) return false;
-  sender.last_seq[topic] = seq;
+  const std::pair<std::uint32_t, ros::Time> mark(header.seq, header.stamp);
+  const auto last = sender.last.find(topic);
+  if (last != sender.last.end() && last->second == mark) return false;
+  sender.last[topic] = mark;
   ++sender.commands;
   return true;
 }
@@ -428,7 +429,7 @@ void SimulatorNode::onCarrierCommand(
     ROS_WARN("carrier_command of %s refused: %s", event.getPublisherName().c_str(), why->c_str());
   }
   std::lock_guard<std::mutex> lock(mutex_);
-  const bool fresh = countCommand(event.getPublisherName(), "carrier_command", command.header.seq);
+  const bool fresh = countCommand(event.getPublisherName(), "carrier_command", command.header);
   if (fresh && !why) carrier_command_ = fromPose(command.pose, "pose");
   changed_.notify_all();
 }
@@ -447,7 +448,7 @@ void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
         exciter.direction);
   }
   std::lock_guard<std::mutex> lock(mutex_);
-  const bool fresh = countCommand(event.getPublisherName(), "exciter", exciter.header.seq);
+  const bool fresh = countCommand(event.getPublisherName(), "exciter", exciter.header);
   if (fresh && good) exciter_ = exciter;
   changed_.notify_all();
 }

@@ -56,6 +56,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.exciter_amplitude = parameters.number("exciter_amplitude", kAny, p.exciter_amplitude);
   p.exciter_frequency = parameters.number("exciter_frequency", kAny, p.exciter_frequency);
   p.exciter_direction = parameters.integer("exciter_direction", -1, 1, p.exciter_direction);
+  p.shake = parameters.number("shake", kAny, p.shake);
   p.settle = parameters.number("settle", kAny, p.settle);
   p.window = parameters.number("window", kAny, p.window);
   p.sweep_tilt = parameters.number("sweep_tilt", kAny, p.sweep_tilt);
@@ -191,7 +192,11 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
       Hand hand(plant, limits_);
       watched = &hand;
       hand.tare();
-      hand.press(force, parameters_.press_tolerance);
+      if (!hand.approach(hand.target().z - limits_.descent)) {
+        throw PressError("no_contact: none within " + std::to_string(limits_.descent) +
+                         " m of descent");
+      }
+      hand.hold(force, parameters_.press_tolerance);
       result.success = true;
       result.force = hand.forceZ();
       result.message = "pressing";

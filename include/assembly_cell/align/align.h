@@ -19,10 +19,11 @@ struct AlignParameters {
   double exciter_amplitude = 1.0;     ///< [N]
   double exciter_frequency = 770.0;   ///< [rad/s]; 0: operatingFrequency()
   int exciter_direction = 1;
-  double settle = 0.2;                ///< vibrating before a reading [s]
+  double shake = 1.5;                 ///< exciter while the contact settles, times its amplitude
+  double settle = 0.1;                ///< vibrating before a reading, each of shaken and not [s]
   double window = 0.2;                ///< of one reading [s]
   double sweep_tilt = 0.052;          ///< commanded tilt of the sweep, about 3 degrees [rad]
-  int sweep_readings = 24;            ///< once round
+  int sweep_readings = 36;            ///< once round
   double lift = 3e-4;                 ///< above the touch before a rotation [m]
   double insertion_depth = 5e-4;      ///< of the edge below the plane that counts as aligned [m]
   double insertion_force = 2.0;       ///< more than this on the way means not aligned [N]

@@ -38,8 +38,10 @@ class Hand {
   void moveTo(const RestPose& target);
   const RestPose& target() const { return target_; }
 
-  /// Lowers until contact and then until the mean force along z is within tolerance·force. [N]
-  void press(double force, double tolerance);
+  /// Lowers until the first touch. False when the rest height `floor` [m] was reached without one.
+  bool approach(double floor);
+  /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
+  void hold(double force, double tolerance);
 
   double forceZ() const { return last_.wrench_b(2) - tare_(2); }  ///< contact force along z [N]
   /// Deflection of the coupling since the tare, sensor_b axes. [m], [rad]
@@ -56,6 +58,7 @@ class Hand {
   Vector6 tare_displacement_ = Vector6::Zero();
   bool tared_ = false;
   double touch_z_ = 0.0;
+  double stiffness_ = 3e4;  // of the contact along z, from the last secant [N/m]
 };
 
 }  // namespace assembly_cell

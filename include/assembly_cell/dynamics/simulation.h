@@ -118,6 +118,7 @@ class Simulation {
   void solveRegularised(const Kinematics& k, Slots& slots) const;
   void solveModes(const Kinematics& k, Slots& slots) const;
   void decide();
+  void shareInternalForce(Slots& slots) const;
   void findModes(bool initial);
   bool discreteFriction() const;
   double tryStep(double h, State& end, Vector9& slope, Slots& slots);

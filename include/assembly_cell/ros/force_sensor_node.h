@@ -139,6 +139,7 @@ class ForceSensorNode {
   // state of the diagnostics
   double rate_ = 0.0;  // as last measured [Hz]
   Vector6 noise_rms_ = Vector6::Zero();
+  std::size_t noise_samples_ = 0;  // differences it rests on
   std::uint64_t total_samples_ = 0, total_saturated_ = 0, total_malformed_ = 0;
   std::uint64_t reported_lost_ = 0, reported_duplicates_ = 0, reported_restarts_ = 0;
 

@@ -4,6 +4,7 @@
 #include <ros/ros.h>
 
 #include <exception>
+#include <memory>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -22,6 +23,8 @@ struct HasExitCode<Node, std::void_t<decltype(std::declval<Node>().exitCode())>>
 /// node has one, or 0.
 template <class Node>
 int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
+  // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
+  std::unique_ptr<ros::NodeHandle> nh;
   try {
     ros::init(argc, argv, name);
     // a node handle would wait for the master for ever
@@ -30,9 +33,9 @@ int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
                 name.c_str(), ros::master::getURI().c_str());
       return 1;
     }
-    ros::NodeHandle nh;
+    nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
-    Node node(nh, pnh);
+    Node node(*nh, pnh);
     ros::AsyncSpinner spinner(threads);
     spinner.start();
     ros::waitForShutdown();

@@ -5,6 +5,7 @@
 #include <geometry_msgs/PoseStamped.h>
 #include <ros/ros.h>
 
+#include <deque>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -53,7 +54,8 @@ class ReportProgram {
 
   /// Waits in wall time; one error line and false when `ready` doesn't come true.
   bool waitFor(const std::string& what, double timeout, const std::function<bool()>& ready) const;
-  std::optional<geometry_msgs::PoseStamped> truth() const;
+  /// First truth at or after a time, of those in memory; the newest for time 0.
+  std::optional<Pose> truthAt(const ros::Time& stamp) const;
 
   ros::NodeHandle nh_;
   std::string strategy_, report_file_, simulator_;
@@ -63,7 +65,7 @@ class ReportProgram {
   ReportDetails details_;
 
   mutable std::mutex mutex_;
-  std::optional<geometry_msgs::PoseStamped> truth_;
+  std::deque<geometry_msgs::PoseStamped::ConstPtr> truth_;
   bool active_ = false, done_ = false;
   AlignPegResultConstPtr result_;
 

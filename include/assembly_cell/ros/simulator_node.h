@@ -3,6 +3,7 @@
 
 #include <geometry_msgs/PoseStamped.h>
 #include <ros/ros.h>
+#include <std_msgs/Header.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/transform_broadcaster.h>
@@ -20,6 +21,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "assembly_cell/Ack.h"
@@ -55,7 +57,7 @@ class SimulatorNode {
   /// Commands received from one node, without repetitions.
   struct Sender {
     std::uint32_t commands = 0;
-    std::map<std::string, std::uint32_t> last_seq;  ///< by topic
+    std::map<std::string, std::pair<std::uint32_t, ros::Time>> last;  ///< seq, stamp by topic
   };
 
   void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
@@ -79,7 +81,8 @@ class SimulatorNode {
   void waitForAcks(std::uint32_t sequence);
   void pace();
   /// False for a repetition (latched messages may come twice).
-  bool countCommand(const std::string& publisher, const std::string& topic, std::uint32_t seq);
+  bool countCommand(const std::string& publisher, const std::string& topic,
+                    const std_msgs::Header& header);
   std::optional<std::string> refusal(const geometry_msgs::PoseStamped& command) const;
   /// Stamp of a time of the present cell.
   ros::Time stampAt(double cell_time) const;

@@ -23,10 +23,10 @@ struct Hinge {
 struct Bridge {
   std::array<Hinge, 6> hinges;
   Eigen::Vector3d reference_point = Eigen::Vector3d::Constant(0.030);  ///< in datum axes [m]
-  int bits = 16;               ///< 10, 16 or 24
-  double full_scale = 5.0;     ///< ± [V]
-  double noise = 0.5e-3;       ///< white, rms [V]
-  double temperature = 20.0;   ///< [°C]
+  int bits = 16;                                                       ///< 10, 16 or 24
+  double full_scale = 5.0;                                             ///< ± [V]
+  double noise = 0.5e-3;                                               ///< white, rms [V]
+  double temperature = 20.0;                                           ///< [°C]
 };
 
 /// The two bridges of the cell; throws InputError for bits other than 10, 16, 24 or noise < 0.
@@ -43,7 +43,8 @@ struct StrainSample {
   std::uint8_t saturated = 0;  ///< bit k: channel k at an end code
 };
 
-/// Deterministic generator of standard normal numbers: the same seed gives the same bits everywhere.
+/// Deterministic generator of standard normal numbers: the same seed gives the same bits
+/// everywhere.
 class NormalSource {
  public:
   explicit NormalSource(std::uint64_t seed) : engine_(seed) {}

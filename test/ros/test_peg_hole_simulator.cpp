@@ -1,0 +1,542 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <rosgraph_msgs/Clock.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <set>
+#include <string>
+#include <thread>
+
+#include "assembly_cell/Ack.h"
+#include "assembly_cell/ContactArray.h"
+#include "assembly_cell/Exciter.h"
+#include "assembly_cell/SetState.h"
+#include "assembly_cell/Step.h"
+#include "assembly_cell/StrainSamples.h"
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/scene/scenario.h"
+#include "cell_fixture.h"
+
+namespace assembly_cell::ros_bridge {
+namespace {
+
+using test::Child;
+using test::executable;
+using test::Record;
+using test::sourceFile;
+using test::waitFor;
+
+const double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kBlock = 0.02;        // 100 samples at 5 kHz [s]
+constexpr double kStamp = 2e-9;        // stamps are rounded to 1 ns [s]
+constexpr double kQuaternion = 1e-12;  // rounding through a quaternion
+
+// Everything the simulator offers, and the only participant of its lockstep.
+class Simulator : public ::testing::Test {
+ protected:
+  Simulator()
+      : bridge_a_(nh_, "sensor_a/bridge"),
+        bridge_b_(nh_, "sensor_b/bridge"),
+        carrier_(nh_, "carrier_pose"),
+        truth_(nh_, "truth/pose"),
+        contacts_(nh_, "truth/contacts"),
+        clock_(nh_, "/clock"),
+        tf_(nh_, "/tf"),
+        diagnostics_(nh_, "/diagnostics"),
+        scenario_(loadScenario(sourceFile("config/scenarios/cell.yaml"))) {
+    ack_sub_ = nh_.subscribe<StrainSamples>("sensor_b/bridge", 100,
+                                            [this](const StrainSamples::ConstPtr& block) {
+                                              if (answering_) acknowledge(block->sequence);
+                                            });
+  }
+
+  // one life for all tests, as the supervisor's: messages are counted
+  static void SetUpTestSuite() {
+    ros::NodeHandle nh;
+    command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", 100);
+    exciter_pub_ = nh.advertise<Exciter>("exciter", 100);
+    ack_pub_ = nh.advertise<Ack>("ack", 100);
+  }
+  static void TearDownTestSuite() {
+    for (auto* pub : {&command_pub_, &exciter_pub_, &ack_pub_}) pub->shutdown();
+  }
+
+  void SetUp() override {
+    ASSERT_TRUE(waitFor([this] {
+      return bridge_a_.connected() && bridge_b_.connected() && carrier_.connected() &&
+             truth_.last() && contacts_.connected() && clock_.last() && tf_.connected() &&
+             diagnostics_.connected() && command_pub_.getNumSubscribers() > 0 &&
+             exciter_pub_.getNumSubscribers() > 0 && ack_pub_.getNumSubscribers() > 0;
+    })) << "the simulator isn't there";
+    pause(true);
+    ASSERT_TRUE(trigger("reset").success);
+    // what earlier tests have left, also under way
+    ASSERT_TRUE(step(1).success);
+    ASSERT_TRUE(waitFor([this] { return synchronous(); }));
+    for (auto* record : {&bridge_a_, &bridge_b_}) record->clear();
+    carrier_.clear();
+    truth_.clear();
+    clock_.clear();
+    contacts_.clear();
+  }
+
+  // all topics have come to the same block
+  bool synchronous() const {
+    const auto a = bridge_a_.last();
+    const auto b = bridge_b_.last();
+    const auto c = carrier_.last();
+    const auto t = truth_.last();
+    if (!a || !b || !c || !t || a->sequence != b->sequence) return false;
+    const ros::Time end = b->header.stamp + ros::Duration(kBlock - b->period);
+    return std::abs((c->header.stamp - end).toSec()) < kStamp &&
+           t->header.stamp == c->header.stamp && clock_.last()->clock == c->header.stamp;
+  }
+
+  void acknowledge(std::uint32_t sequence) {
+    Ack ack;
+    ack.node = "tester";
+    ack.sequence = sequence;
+    ack.commands = commands_;
+    ack_pub_.publish(ack);
+  }
+  std_srvs::SetBool::Response pause(bool data) {
+    std_srvs::SetBool service;
+    service.request.data = data;
+    EXPECT_TRUE(ros::service::call("peg_hole_simulator/pause", service));
+    return service.response;
+  }
+  Step::Response step(std::uint32_t blocks) {
+    Step service;
+    service.request.blocks = blocks;
+    EXPECT_TRUE(ros::service::call("peg_hole_simulator/step", service));
+    return service.response;
+  }
+  std_srvs::Trigger::Response trigger(const std::string& name) {
+    std_srvs::Trigger service;
+    EXPECT_TRUE(ros::service::call("peg_hole_simulator/" + name, service));
+    return service.response;
+  }
+  void sendCommand(const geometry_msgs::PoseStamped& command) {
+    ++commands_;
+    command_pub_.publish(command);
+  }
+  void sendExciter(const Exciter& exciter) {
+    ++commands_;
+    exciter_pub_.publish(exciter);
+  }
+  geometry_msgs::PoseStamped restCommand(double dx) const {
+    RestPose rest = scenario_.rest;
+    rest.x += dx;
+    geometry_msgs::PoseStamped command;
+    command.header.frame_id = "hole";
+    command.pose = toPose(poseFromRest(rest));
+    return command;
+  }
+  // value of a key in the simulator's diagnostics
+  std::string diagnostic(const std::string& key) const {
+    const auto all = diagnostics_.all();
+    for (auto it = all.rbegin(); it != all.rend(); ++it) {
+      for (const auto& status : (*it)->status) {
+        if (status.name != "peg_hole_simulator: simulation") continue;
+        if (key == "message") return status.message;
+        for (const auto& value : status.values) {
+          if (value.key == key) return value.value;
+        }
+      }
+    }
+    return "";
+  }
+
+  ros::NodeHandle nh_;
+  Record<StrainSamples> bridge_a_, bridge_b_;
+  Record<geometry_msgs::PoseStamped> carrier_, truth_;
+  Record<ContactArray> contacts_;
+  Record<rosgraph_msgs::Clock> clock_;
+  Record<tf2_msgs::TFMessage> tf_;
+  Record<diagnostic_msgs::DiagnosticArray> diagnostics_;
+  Scenario scenario_;
+  ros::Subscriber ack_sub_;
+  std::atomic<bool> answering_{true};
+  static ros::Publisher command_pub_, exciter_pub_, ack_pub_;
+  static std::atomic<std::uint32_t> commands_;  // published by this node
+};
+ros::Publisher Simulator::command_pub_, Simulator::exciter_pub_, Simulator::ack_pub_;
+std::atomic<std::uint32_t> Simulator::commands_{0};
+
+TEST_F(Simulator, StepPublishesWholeBlocksInSequence) {
+  const auto response = step(3);
+  ASSERT_TRUE(response.success) << response.message;
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 3 && synchronous(); }));
+  EXPECT_EQ(bridge_a_.size(), 3U);
+  EXPECT_EQ(carrier_.size(), 3U);
+  EXPECT_EQ(truth_.size(), 3U);
+  EXPECT_EQ(clock_.size(), 3U);
+  const auto a = bridge_a_.all();
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i]->sequence, a[0]->sequence + i);
+    EXPECT_EQ(a[i]->header.frame_id, "sensor_a");
+    EXPECT_EQ(a[i]->volts.size(), 600U);
+    EXPECT_EQ(a[i]->saturated.size(), 100U);
+    EXPECT_TRUE(std::isfinite(a[i]->temperature));
+    // the first sample one period after the block's start, the last at its end
+    const double from_first = (a[i]->header.stamp - a[0]->header.stamp).toSec();
+    EXPECT_NEAR(from_first, kBlock * static_cast<double>(i), kStamp);
+    const double to_end = (carrier_.all()[i]->header.stamp - a[i]->header.stamp).toSec();
+    EXPECT_NEAR(to_end, kBlock - a[i]->period, kStamp);
+    EXPECT_EQ(clock_.all()[i]->clock, carrier_.all()[i]->header.stamp);
+    EXPECT_EQ(bridge_b_.all()[i]->header.stamp, a[i]->header.stamp);
+  }
+  EXPECT_EQ(bridge_b_.last()->header.frame_id, "sensor_b");
+  EXPECT_EQ(carrier_.last()->header.frame_id, "hole");
+  EXPECT_EQ(truth_.last()->header.frame_id, "hole");
+}
+
+TEST_F(Simulator, PausedPublishesNothingAndStepNeedsPause) {
+  const std::size_t blocks = bridge_b_.size();
+  EXPECT_FALSE(step(0).success);
+  // the service comes back between two blocks, so nothing is under way
+  ASSERT_TRUE(pause(true).success);
+  EXPECT_EQ(bridge_b_.size(), blocks);
+
+  ASSERT_TRUE(pause(false).success);
+  ASSERT_TRUE(waitFor([&] { return bridge_b_.size() > blocks + 5; }));
+  const auto refused = step(1);
+  EXPECT_FALSE(refused.success);
+  EXPECT_NE(refused.message.find("~pause"), std::string::npos) << refused.message;
+  ASSERT_TRUE(pause(true).success);
+}
+
+TEST_F(Simulator, CarrierPoseAndTruthStartAsTheScenarioSays) {
+  ASSERT_TRUE(trigger("reset").success);
+  const Pose start = poseFromRest(scenario_.rest);
+  ASSERT_TRUE(waitFor([this] { return truth_.last() != nullptr; }));
+  const Pose X_HP = fromPose(truth_.last()->pose, "truth");
+  const Eigen::Vector3d center = X_HP.p + scenario_.peg.half_height * X_HP.R.col(2);
+  EXPECT_LT((center - scenario_.initial.position).norm(), kQuaternion);
+  EXPECT_LT((X_HP.R - rotationFromEuler(scenario_.initial.euler)).norm(), kQuaternion);
+
+  ASSERT_TRUE(step(1).success);
+  ASSERT_TRUE(waitFor([this] { return carrier_.size() == 1; }));
+  const Pose X_HC = fromPose(carrier_.last()->pose, "carrier");
+  // z and tilt are prescribed; x, y and yaw give way by less than 0.1 mm and 1 mrad to the hanging
+  // peg
+  EXPECT_NEAR(X_HC.p.z(), start.p.z(), kQuaternion);
+  EXPECT_LT((X_HC.p - start.p).norm(), 1e-4);
+  EXPECT_LT((X_HC.R - start.R).norm(), 1e-3);
+}
+
+TEST_F(Simulator, ResetGoesBackToTheStartWhileTheClockGoesOn) {
+  ASSERT_TRUE(step(1).success);
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 1; }));
+  sendCommand(restCommand(1e-3));
+  ASSERT_TRUE(step(10).success);
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 11 && synchronous(); }));
+  EXPECT_NEAR(carrier_.last()->pose.position.x, scenario_.rest.x + 1e-3, 2e-4);
+  const ros::Time before = carrier_.last()->header.stamp;
+  const std::uint32_t sequence = bridge_b_.last()->sequence;
+
+  ASSERT_TRUE(trigger("reset").success);
+  ASSERT_TRUE(step(1).success);
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 12 && synchronous(); }));
+  EXPECT_NEAR((carrier_.last()->header.stamp - before).toSec(), kBlock, kStamp);
+  EXPECT_EQ(bridge_b_.last()->sequence, sequence + 1);
+  EXPECT_NEAR(carrier_.last()->pose.position.x, scenario_.rest.x, 1e-5);
+  // the same seed from the same start gives the same samples
+  const auto again = bridge_b_.last()->volts;
+  ASSERT_TRUE(trigger("reset").success);
+  ASSERT_TRUE(step(1).success);
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 13; }));
+  EXPECT_EQ(bridge_b_.last()->volts, again);
+}
+
+TEST_F(Simulator, CommandMovesTheRestSmoothlyToItsTarget) {
+  sendCommand(restCommand(2e-3));
+  ASSERT_TRUE(step(30).success);
+  ASSERT_TRUE(waitFor([this] { return carrier_.size() == 30; }));
+  double last = scenario_.rest.x;
+  double farthest = 0.0;
+  for (const auto& pose : carrier_.all()) {
+    farthest = std::max(farthest, std::abs(pose->pose.position.x - last));
+    last = pose->pose.position.x;
+  }
+  // never faster than the carrier may be, and a little for the spring that carries it
+  EXPECT_LT(farthest, scenario_.carrier.max_speed * kBlock + 1e-4);
+  EXPECT_GT(farthest, 0.0);
+  // the springs give way by the swinging peg's few tenths of a newton over 2e5 N/m
+  EXPECT_NEAR(last, scenario_.rest.x + 2e-3, 1e-5);
+}
+
+TEST_F(Simulator, RefusesCommandsThatCannotBeMeant) {
+  const auto refusedSoFar = [this] { return std::atoi(diagnostic("Commands refused").c_str()); };
+  ASSERT_TRUE(waitFor([this] { return !diagnostic("Commands refused").empty(); }));
+  const int before = refusedSoFar();
+  auto command = restCommand(1e-3);
+  command.header.frame_id = "world";
+  sendCommand(command);
+  command = restCommand(kNaN);
+  sendCommand(command);
+  command = restCommand(5.0);  // millimetres taken for metres
+  sendCommand(command);
+  command = restCommand(1e-3);
+  command.pose.orientation.w = 2.0;
+  sendCommand(command);
+  command.pose.orientation.x = 1.0;  // upside down
+  command.pose.orientation.y = command.pose.orientation.z = command.pose.orientation.w = 0.0;
+  sendCommand(command);
+  Exciter exciter;
+  exciter.on = true;
+  exciter.amplitude = kNaN;
+  exciter.frequency = 770.0;
+  exciter.direction = 1;
+  sendExciter(exciter);
+  exciter.amplitude = 1.0;
+  exciter.direction = 3;
+  sendExciter(exciter);
+
+  ASSERT_TRUE(step(10).success);
+  ASSERT_TRUE(waitFor([&] { return refusedSoFar() == before + 7; }))
+      << diagnostic("Commands refused");
+  ASSERT_TRUE(waitFor([this] { return carrier_.size() == 10; }));
+  EXPECT_NEAR(carrier_.last()->pose.position.x, scenario_.rest.x, 1e-5);
+}
+
+TEST_F(Simulator, ExciterShakesThePeg) {
+  const auto spread = [](const StrainSamples& block) {
+    double largest = 0.0;
+    for (std::size_t channel = 0; channel < 6; ++channel) {
+      double sum = 0.0, squares = 0.0;
+      for (std::size_t i = channel; i < block.volts.size(); i += 6) {
+        sum += block.volts[i];
+        squares += block.volts[i] * block.volts[i];
+      }
+      const double n = static_cast<double>(block.volts.size()) / 6.0;
+      largest = std::max(largest, std::sqrt(std::max(0.0, squares / n - sum * sum / n / n)));
+    }
+    return largest;
+  };
+  ASSERT_TRUE(step(1).success);
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 1; }));
+  const double quiet = spread(*bridge_b_.last());
+  Exciter exciter;
+  exciter.header.stamp = carrier_.last()->header.stamp;
+  exciter.on = true;
+  exciter.amplitude = 1.0;
+  exciter.frequency = 770.0;
+  exciter.direction = 1;
+  sendExciter(exciter);
+  ASSERT_TRUE(step(5).success);
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 6; }));
+  const double shaken = spread(*bridge_b_.last());
+  EXPECT_GT(shaken, 10.0 * quiet);
+
+  exciter.on = false;
+  sendExciter(exciter);
+  ASSERT_TRUE(step(50).success);
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 56; }));
+  EXPECT_LT(spread(*bridge_b_.last()), 0.1 * shaken);
+}
+
+TEST_F(Simulator, WaitsForTheCommandsThatAnAnswerClaims) {
+  // one more than has been sent
+  ++commands_;
+  std::atomic<bool> done{false};
+  std::thread stepping([&] {
+    step(2);
+    done = true;
+  });
+  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 1; }));
+  // the answer to block 1 is out, its command isn't: there is no block 2, however long one looks
+  EXPECT_FALSE(waitFor([&] { return done || bridge_b_.size() > 1; }, 0.5));
+  command_pub_.publish(restCommand(1e-3));
+  stepping.join();
+  EXPECT_TRUE(waitFor([this] { return bridge_b_.size() == 2; }));
+}
+
+TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
+  SetState service;
+  // upright, its edge 1 mm over the plane and beside the hole
+  const double length = scenario_.peg.half_height + scenario_.peg.coupling_height;
+  service.request.peg.position = toPoint({0.010, 0.0, 0.001});
+  service.request.peg.orientation.w = 1.0;
+  service.request.carrier.position = toPoint({0.010, 0.0, 0.001 + length});
+  service.request.carrier.orientation.w = 1.0;
+  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  ASSERT_TRUE(service.response.success) << service.response.message;
+  ASSERT_TRUE(waitFor([this] {
+    return truth_.last() && std::abs(truth_.last()->pose.position.x - 0.010) < kQuaternion &&
+           std::abs(truth_.last()->pose.position.z - 0.001) < kQuaternion;
+  }));
+
+  // tilted and pressed into the plane: contacts carry what the coupling presses
+  const double tilt = 0.02;
+  const Pose X_HC{rotationFromVector({Eigen::Vector3d(0.0, tilt, 0.0)}),
+                  Eigen::Vector3d(0.010, 0.0, length)};
+  service.request.carrier = toPose(X_HC);
+  service.request.peg =
+      toPose(X_HC * Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, -length)});
+  service.request.peg.position.z = scenario_.peg.radius * std::sin(tilt) + 1e-6;
+  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  ASSERT_TRUE(service.response.success) << service.response.message;
+  ASSERT_TRUE(step(50).success);
+  ASSERT_TRUE(waitFor([this] { return contacts_.size() >= 50; }));
+  double force = 0.0;
+  for (const auto& contact : contacts_.last()->contacts) {
+    EXPECT_TRUE(std::isfinite(contact.gap));
+    EXPECT_NEAR(Eigen::Vector3d(contact.normal.x, contact.normal.y, contact.normal.z).norm(), 1.0,
+                1e-9);
+    if (contact.state != Contact::OPEN) force += contact.force.z;
+  }
+  EXPECT_EQ(contacts_.last()->header.frame_id, "hole");
+  EXPECT_GT(force, 1.0);
+
+  service.request.peg.position.x = kNaN;
+  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  EXPECT_FALSE(service.response.success);
+  EXPECT_NE(service.response.message.find("peg"), std::string::npos) << service.response.message;
+}
+
+TEST_F(Simulator, TellsWhereCarrierAndPegAre) {
+  ASSERT_TRUE(step(1).success);
+  ASSERT_TRUE(waitFor([this] { return truth_.size() == 1; }));
+  std::set<std::string> edges;
+  ASSERT_TRUE(waitFor([&] {
+    for (const auto& message : tf_.all()) {
+      for (const auto& transform : message->transforms) {
+        edges.insert(transform.header.frame_id + " " + transform.child_frame_id);
+        if (transform.child_frame_id == "peg_truth" &&
+            transform.header.stamp == truth_.last()->header.stamp) {
+          EXPECT_EQ(transform.transform.translation.x, truth_.last()->pose.position.x);
+        }
+      }
+    }
+    return edges.count("world carrier") == 1 && edges.count("hole peg_truth") == 1;
+  }));
+}
+
+TEST_F(Simulator, StopsWithANamedReasonAndResetHelps) {
+  SetState service;
+  // far beyond any tilt that the mechanism has: nearly horizontal
+  const Pose X_HP{rotationFromEuler({0.0, 0.05, 0.0}), Eigen::Vector3d(0.0, 0.0, 0.2)};
+  service.request.peg = toPose(X_HP);
+  service.request.carrier = toPose(poseFromRest(scenario_.rest));
+  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  Step::Response response;
+  if (service.response.success) {
+    response = step(5);
+    EXPECT_FALSE(response.success);
+    EXPECT_NE(response.message.find("stopped"), std::string::npos) << response.message;
+    EXPECT_TRUE(waitFor([this] { return diagnostic("message").rfind("stopped: ", 0) == 0; }));
+  }
+  ASSERT_TRUE(trigger("reset").success);
+  response = step(1);
+  EXPECT_TRUE(response.success) << response.message;
+}
+
+TEST_F(Simulator, PacedKeepsToTheWallClockAndTruthCanBeWithheld) {
+  Record<StrainSamples> block(nh_, "paced/sensor_a/bridge");
+  ASSERT_TRUE(waitFor([&] { return block.size() >= 2; }));
+  const auto wall = ros::WallTime::now();
+  const std::size_t n = block.size();
+  ASSERT_TRUE(waitFor([&] { return block.size() >= n + 25; }));
+  // 0.5 s simulated at half the speed; at most one block was under way at either end
+  EXPECT_GT((ros::WallTime::now() - wall).toSec(), 2.0 * 23 * kBlock);
+  const auto all = block.all();
+  EXPECT_NEAR((all.back()->header.stamp - all.front()->header.stamp).toSec(),
+              kBlock * static_cast<double>(all.size() - 1), 1e-6);
+  ros::master::V_TopicInfo topics;
+  ASSERT_TRUE(ros::master::getTopics(topics));
+  for (const auto& topic : topics) {
+    EXPECT_TRUE(topic.name.rfind("/paced/truth", 0) != 0) << topic.name;
+  }
+}
+
+// ---- bad input: one line, exit code 1 ----
+
+class BadInput : public ::testing::Test {
+ protected:
+  // what the node says, in one line; `expected` must be part of it
+  void refuse(const std::vector<std::string>& arguments, const std::string& expected) {
+    std::vector<std::string> command = {executable("peg_hole_simulator"), "__ns:=/bad"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    Child child(command);
+    EXPECT_EQ(child.wait(), 1) << child.output();
+    EXPECT_EQ(child.lines("FATAL").size(), 1U) << child.output();
+    EXPECT_EQ(child.lines(expected).size(), 1U) << expected << "\n" << child.output();
+  }
+  void SetUp() override {
+    std::string description;
+    ASSERT_TRUE(ros::param::get("/robot_description", description));
+    ros::param::set("/bad/robot_description", description);
+    ros::param::del("/bad/peg_hole_simulator");
+  }
+  const std::string scenario_ = "_scenario:=" + sourceFile("config/scenarios/cell.yaml");
+};
+
+TEST_F(BadInput, Parameters) {
+  refuse({}, "/bad/peg_hole_simulator/scenario is missing");
+  ros::param::set("/bad/peg_hole_simulator/noise", kNaN);
+  refuse({scenario_}, "/bad/peg_hole_simulator/noise is nan");
+  ros::param::del("/bad/peg_hole_simulator/noise");
+  refuse({scenario_, "_noize:=0.1"}, "/bad/peg_hole_simulator/noize is unknown");
+  ros::param::del("/bad/peg_hole_simulator/noize");
+  refuse({scenario_, "_seed:=many"}, "/bad/peg_hole_simulator/seed is");
+  ros::param::del("/bad/peg_hole_simulator/seed");
+  refuse({scenario_, "_bits:=12"}, "bits");
+}
+
+TEST_F(BadInput, Scenario) {
+  refuse({"_scenario:=/nowhere.yaml"}, "/nowhere.yaml");
+  refuse({scenario_, "_overrides:=peg.mass=.nan"}, "peg.mass");
+  refuse({scenario_, "_overrides:=peg.colour=red"}, "colour");
+}
+
+TEST_F(BadInput, RobotDescription) {
+  refuse({scenario_, "_overrides:=peg.radius=0.024"}, "0.024");
+  std::string description;
+  ros::param::get("/bad/robot_description", description);
+  // a field less
+  const std::size_t at = description.find("<mass");
+  ASSERT_NE(at, std::string::npos);
+  std::string broken = description;
+  broken.erase(at, description.find("/>", at) + 2 - at);
+  ros::param::set("/bad/robot_description", broken);
+  ros::param::del("/bad/peg_hole_simulator");
+  refuse({scenario_}, "mass");
+  ros::param::del("/bad/robot_description");
+  refuse({scenario_}, "/bad/robot_description is missing");
+}
+
+TEST_F(BadInput, NoMaster) {
+  Child child({executable("peg_hole_simulator")}, {"ROS_MASTER_URI=http://localhost:1"});
+  EXPECT_EQ(child.wait(), 1) << child.output();
+  EXPECT_EQ(child.lines("no ROS master").size(), 1U) << child.output();
+}
+
+TEST_F(BadInput, MissingParticipantEndsTheNode) {
+  ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"nobody"});
+  Child child({executable("peg_hole_simulator"), "__ns:=/bad", "/clock:=clock", "/tf:=tf",
+               "_lockstep:=true", "_start_timeout:=0.5", scenario_});
+  EXPECT_EQ(child.wait(), 1) << child.output();
+  EXPECT_EQ(child.lines("nobody (never answered)").size(), 1U) << child.output();
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "peg_hole_simulator_test");
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::NodeHandle nh;
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
