@@ -26,9 +26,7 @@ constexpr double kClear = 3e-4;           // over the plane before the last way 
 constexpr double kTravel = 2e-3;          // over the plane while moving sideways [m]
 
 // rotation that tilts z by a rotation vector (x, y)
-Mat3 tiltRotation(const Vec2& tilt) {
-  return rotationFromVector({Vec3(tilt.x(), tilt.y(), 0.0)});
-}
+Mat3 tiltRotation(const Vec2& tilt) { return rotationFromVector({Vec3(tilt.x(), tilt.y(), 0.0)}); }
 
 // smallest rotation that takes z to n
 Mat3 rotationToAxis(const Vec3& n) {
@@ -45,9 +43,7 @@ std::string text(const char* format, double a, double b = 0.0) {
 }
 
 // rotation vector (x, y) of the smallest rotation that takes z to the axis
-Vec2 axisTilt(const Vec3& axis) {
-  return vectorFromRotation(rotationToAxis(axis)).value.head<2>();
-}
+Vec2 axisTilt(const Vec3& axis) { return vectorFromRotation(rotationToAxis(axis)).value.head<2>(); }
 
 // One reading as it was felt.
 struct Felt {
@@ -153,8 +149,8 @@ class SingleContact {
     return std::max(1, static_cast<int>(std::ceil(duration / block_ - 1e-6)));
   }
 
-  // rest height at which a peg tilted by R must have touched unless its edge is in the hole: outside,
-  // the bottom's centre stays above the plane
+  // rest height at which a peg tilted by R must have touched unless its edge is in the hole:
+  // outside, the bottom's centre stays above the plane
   double entryHeight(const Mat3& R) const {
     if (!found_) return -1e9;
     const double drop = hole_.normal.dot(bottom_) - hole_.height + p_.insertion_depth;
@@ -266,12 +262,12 @@ class SingleContact {
       if (!reason.empty()) throw Failure{reason};
     }
     found_ = true;
-    report("resolve", text("%.0f contacts on the plane, %.0f on the rim", hole_.plane_readings,
-                           hole_.rim_readings) +
-                          text(", centre %.3f %.3f mm", offset().x() * 1e3, offset().y() * 1e3) +
-                          text(" +- %.3f mm, tilt sd %.4f deg",
-                               std::sqrt(hole_.center_covariance.trace()) * 1e3,
-                               hole_.normal_sd * 180 / kPi));
+    report("resolve",
+           text("%.0f contacts on the plane, %.0f on the rim", hole_.plane_readings,
+                hole_.rim_readings) +
+               text(", centre %.3f %.3f mm", offset().x() * 1e3, offset().y() * 1e3) +
+               text(" +- %.3f mm, tilt sd %.4f deg",
+                    std::sqrt(hole_.center_covariance.trace()) * 1e3, hole_.normal_sd * 180 / kPi));
   }
 
   // upright over the estimated hole and down; around it where the estimate is not good enough. True

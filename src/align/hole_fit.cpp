@@ -10,8 +10,9 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kHeightFloor = 3e-5;   // heights within this always agree [m]
-constexpr double kLowTolerance = 0.05;  // a contact this near the lowest point is on the plane [rad]
+constexpr double kHeightFloor = 3e-5;  // heights within this always agree [m]
+constexpr double kLowTolerance =
+    0.05;  // a contact this near the lowest point is on the plane [rad]
 constexpr double kLeastScatter = 0.01;  // residuals are never taken for less than 0.1 sd, squared
 constexpr std::size_t kFewest = 5;      // readings for a plane with something left over
 constexpr int kFewestRim = 4;
@@ -136,7 +137,8 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
   const std::string reason = fitPlane(peg_radius, readings, e);
   if (!reason.empty()) return reason;
 
-  // contacts in plane coordinates, sorted into rim and plane by their distance from the lowest point
+  // contacts in plane coordinates, sorted into rim and plane by their distance from the lowest
+  // point
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(e.normal);
   std::vector<Vec2> rim, plane;
   std::vector<double> sd;

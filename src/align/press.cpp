@@ -10,7 +10,7 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kTouchForce = 1.5;      // this much along z is contact [N]
+constexpr double kTouchForce = 1.5;                // this much along z is contact [N]
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
 constexpr int kHoldSteps = 30;
 constexpr int kSettleBlocks = 3;
@@ -75,14 +75,14 @@ void Hand::moveTo(const RestPose& target) {
   step(command);
   for (int i = 0; i < kStillLimit; ++i) {
     const RestPose& at = last_.carrier;
-    const bool arrived = std::abs(at.z - target.z) < 1e-7 && std::abs(at.theta - target.theta) < 1e-7 &&
-                         std::abs(at.phi - target.phi) < 1e-7 &&
-                         std::hypot(at.x - target.x, at.y - target.y) < 5e-4;
+    const bool arrived =
+        std::abs(at.z - target.z) < 1e-7 && std::abs(at.theta - target.theta) < 1e-7 &&
+        std::abs(at.phi - target.phi) < 1e-7 && std::hypot(at.x - target.x, at.y - target.y) < 5e-4;
     if (arrived) return;
     step({});
   }
-  throw PressError(line("not_arrived: carrier at z %.4f m instead of %.4f m", last_.carrier.z,
-                        target.z));
+  throw PressError(
+      line("not_arrived: carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
 }
 
 bool Hand::approach(double floor) {

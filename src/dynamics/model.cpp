@@ -31,8 +31,7 @@ Deflection couplingDeflection(const Scenario& s, const Kinematics& k, const Stat
   out.d(3) = q(5) - q(8);
   out.d(4) = q(4) - rest.position(4);
   out.d(5) = q(3) - rest.position(5);
-  out.rate.head<3>() =
-      k.v + d2 * k.omega.cross(k.a) - Eigen::Vector3d(rest.rate(2), v(6), v(7));
+  out.rate.head<3>() = k.v + d2 * k.omega.cross(k.a) - Eigen::Vector3d(rest.rate(2), v(6), v(7));
   out.rate.tail<3>() = k.omega - Eigen::Vector3d(v(8), rest.rate(4), rest.rate(5));
   return out;
 }
@@ -66,10 +65,11 @@ RestMotion restMotion(const RestProfile& profile, double t) {
   const double rate = 1.0 / profile.duration;
   motion.position =
       c.col(0) + u * (c.col(1) + u * (c.col(2) + u * (c.col(3) + u * (c.col(4) + u * c.col(5)))));
-  motion.rate = rate * (c.col(1) +
-                        u * (2 * c.col(2) + u * (3 * c.col(3) + u * (4 * c.col(4) + u * 5 * c.col(5)))));
-  motion.acceleration = rate * rate *
-                        (2 * c.col(2) + u * (6 * c.col(3) + u * (12 * c.col(4) + u * 20 * c.col(5))));
+  motion.rate =
+      rate *
+      (c.col(1) + u * (2 * c.col(2) + u * (3 * c.col(3) + u * (4 * c.col(4) + u * 5 * c.col(5)))));
+  motion.acceleration =
+      rate * rate * (2 * c.col(2) + u * (6 * c.col(3) + u * (12 * c.col(4) + u * 20 * c.col(5))));
   return motion;
 }
 
@@ -103,9 +103,9 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
     double excess = 0.0;
     for (int i = 0; i <= 40; ++i) {
       const RestMotion m = restMotion(profile, t + T * i / 40.0 * (1 - 1e-12));
-      excess = std::max({excess, m.rate.cwiseProduct(weight).cwiseAbs().maxCoeff() / speed_limit,
-                         m.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff() /
-                             acceleration_limit});
+      excess = std::max(
+          {excess, m.rate.cwiseProduct(weight).cwiseAbs().maxCoeff() / speed_limit,
+           m.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff() / acceleration_limit});
       if (excess > best_excess && excess > 1.0) break;
     }
     if (excess < best_excess) {
@@ -173,8 +173,7 @@ FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state
 
   // dampers work on omega, springs on the angles (thesis 6.6, 6.10)
   const double d2 = s.peg.coupling_height;
-  const Eigen::Vector3d moment =
-      k.a.cross(s.peg.exciter_height * F - d2 * T) - m.FCm;
+  const Eigen::Vector3d moment = k.a.cross(s.peg.exciter_height * F - d2 * T) - m.FCm;
   Eigen::Vector3d Q = k.Re.transpose() * moment;
   Q(0) -= m.FKm(2);
   Q(1) -= m.FKm(1);
@@ -188,10 +187,10 @@ FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state
   m.force.segment<3>(3) = Q;
 
   const CarrierParameters& c = s.carrier;
-  m.force(6) = T(1) - c.stiffness(0) * (q(6) - rest.position(0)) -
-               c.damping(0) * (v(6) - rest.rate(0));
-  m.force(7) = T(2) - c.stiffness(1) * (q(7) - rest.position(1)) -
-               c.damping(1) * (v(7) - rest.rate(1));
+  m.force(6) =
+      T(1) - c.stiffness(0) * (q(6) - rest.position(0)) - c.damping(0) * (v(6) - rest.rate(0));
+  m.force(7) =
+      T(2) - c.stiffness(1) * (q(7) - rest.position(1)) - c.damping(1) * (v(7) - rest.rate(1));
   m.force(8) = FK(3) + FC(3) - c.stiffness(2) * (q(8) - rest.position(3)) -
                c.damping(2) * (v(8) - rest.rate(3));
   return m;
@@ -223,8 +222,8 @@ double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion&
              s.carrier.inertia * v(8) * v(8));
   const Vector6 d = couplingDeflection(s, k, state, rest).d;
   const double coupling = 0.5 * d.dot(multiply(s.coupling.stiffness, d));
-  const Eigen::Vector3d c = state.q.tail<3>() -
-                            Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));
+  const Eigen::Vector3d c =
+      state.q.tail<3>() - Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));
   const double carrier = 0.5 * s.carrier.stiffness.dot(c.cwiseProduct(c));
   return kinetic + coupling + carrier + s.peg.mass * s.gravity * state.q(0);
 }

@@ -10,13 +10,13 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kReach = 1e-9;          // a slot leaves reach above this gap [m]
-constexpr double kInitialReach = 1e-8;   // closed at the start up to this gap [m]
-constexpr double kDeepest = 0.1;         // penetration beyond this part of the radius is no contact
-constexpr double kPull = 1e-7;           // forces this far beyond a limit change no mode [N]
-constexpr double kApproach = 1e-6;       // nor does an idle gap's acceleration down to this [m/s²]
-constexpr double kEventTime = 1e-12;     // events are located to this [s]
-constexpr double kStepFloor = 1e-13;     // error control below this step gives up [s]
+constexpr double kReach = 1e-9;         // a slot leaves reach above this gap [m]
+constexpr double kInitialReach = 1e-8;  // closed at the start up to this gap [m]
+constexpr double kDeepest = 0.1;        // penetration beyond this part of the radius is no contact
+constexpr double kPull = 1e-7;          // forces this far beyond a limit change no mode [N]
+constexpr double kApproach = 1e-6;      // nor does an idle gap's acceleration down to this [m/s²]
+constexpr double kEventTime = 1e-12;    // events are located to this [s]
+constexpr double kStepFloor = 1e-13;    // error control below this step gives up [s]
 constexpr std::int64_t kEventLimit = 10000000;
 // relative diagonal shift that makes redundant sticking solvable (near least norm)
 constexpr double kShift = 1e-11;
@@ -56,8 +56,8 @@ constexpr double kA[7][6] = {
     {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656, 0},
     {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
 constexpr double kC[7] = {0, 0.2, 0.3, 0.8, 8.0 / 9, 1, 1};
-constexpr double kE[7] = {71.0 / 57600,      0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200,
-                          22.0 / 525, -1.0 / 40};
+constexpr double kE[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
+                          -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
 
 }  // namespace
 
@@ -202,9 +202,9 @@ void Simulation::locate(const Kinematics& k, Slots& slots) {
       slot.point.valid = false;
       continue;
     }
-    slot.point = i < 2 ? findEdgeEdge(edge, scenario_.hole.radius, i, slot.point.valid,
-                                      slot.point.t)
-                       : findEdgePlane(edge, scenario_.hole.radius);
+    slot.point = i < 2
+                     ? findEdgeEdge(edge, scenario_.hole.radius, i, slot.point.valid, slot.point.t)
+                     : findEdgePlane(edge, scenario_.hole.radius);
     if (slot.point.valid && slot.point.gap < -kDeepest * scenario_.peg.radius) {
       slot.point.valid = false;
     }
@@ -235,8 +235,8 @@ Vector9 Simulation::evaluate(double t, const State& state, Slots& slots) {
     slot.force.setZero();
     if (slot.mode == Mode::kApart || !slot.point.valid) continue;
     in_reach = true;
-    slot.acceleration = free.head<3>() + angular.cross(slot.r) +
-                        k.omega.cross(k.omega.cross(slot.r));
+    slot.acceleration =
+        free.head<3>() + angular.cross(slot.r) + k.omega.cross(k.omega.cross(slot.r));
   }
   if (!in_reach) return free;
 
@@ -382,8 +382,7 @@ void Simulation::solveModes(const Kinematics& k, Slots& slots) const {
       b(i) = ci.target;
       for (int j = 0; j < n; ++j) {
         const Column& cj = columns[static_cast<std::size_t>(j)];
-        A(i, j) =
-            ci.row.dot(influence(scenario_.peg, k.a, ci.slot->r, cj.slot->r) * cj.direction);
+        A(i, j) = ci.row.dot(influence(scenario_.peg, k.a, ci.slot->r, cj.slot->r) * cj.direction);
       }
     }
     if (n > 3) A.diagonal() *= 1.0 + kShift;
@@ -412,8 +411,8 @@ void Simulation::solveModes(const Kinematics& k, Slots& slots) const {
   }
 }
 
-// Two sticking points can't change their distance: the force along their connection is undetermined.
-// Of all its values take the one farthest inside both friction cones.
+// Two sticking points can't change their distance: the force along their connection is
+// undetermined. Of all its values take the one farthest inside both friction cones.
 void Simulation::shareInternalForce(Slots& slots) const {
   Slot* one = nullptr;
   Slot* two = nullptr;
@@ -525,7 +524,8 @@ void Simulation::decide() {
     }
     if (!worst && pass < 12) {
       for (Slot& slot : slots_) {
-        if (slot.mode == Mode::kIdle && slot.point.valid && slot.demand < -std::max(excess, 0.5 * kApproach)) {
+        if (slot.mode == Mode::kIdle && slot.point.valid &&
+            slot.demand < -std::max(excess, 0.5 * kApproach)) {
           excess = -slot.demand;
           worst = &slot;
           change = Mode::kStick;
@@ -543,8 +543,8 @@ void Simulation::decide() {
   }
 }
 
-// one step of size h from the present state with the modes frozen; returns the error relative to the
-// tolerance (0 for a fixed step)
+// one step of size h from the present state with the modes frozen; returns the error relative to
+// the tolerance (0 for a fixed step)
 double Simulation::tryStep(double h, State& end, Vector9& slope, Slots& slots) {
   Vector9 kq[7], kv[7];
   kq[0] = state_.v;
@@ -645,7 +645,8 @@ StopReason Simulation::advance(double t_end) {
   State end;
   Vector9 slope;
   while (time_ < t_end) {
-    double h = fixed_step_ ? scenario_.solver.step : std::min(next_step_, scenario_.solver.max_step);
+    double h =
+        fixed_step_ ? scenario_.solver.step : std::min(next_step_, scenario_.solver.max_step);
     bool last = false;
     if (time_ + h >= t_end - resolution) {
       h = t_end - time_;
@@ -656,8 +657,7 @@ StopReason Simulation::advance(double t_end) {
     const double error = tryStep(h, end, slope, slots);
     if (!finite(end) || !slope.allFinite() || !std::isfinite(error) || error > 1.0) {
       ++counts_.rejected;
-      const double factor =
-          std::isfinite(error) ? std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.1;
+      const double factor = std::isfinite(error) ? std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.1;
       if (fixed_step_ || h * factor < kStepFloor) {
         stop_ = finite(end) ? StopReason::kStepTooSmall : StopReason::kNonFinite;
         return stop_;
@@ -694,8 +694,8 @@ StopReason Simulation::advance(double t_end) {
       if (!(f_low > 0.0)) f_low = 1e-300;
       int side = 0;
       for (int i = 0; i < 200 && high - low > kEventTime; ++i) {
-        double middle = i % 3 == 2 ? 0.5 * (low + high)
-                                   : (low * f_high - high * f_low) / (f_high - f_low);
+        double middle =
+            i % 3 == 2 ? 0.5 * (low + high) : (low * f_high - high * f_low) / (f_high - f_low);
         middle = std::clamp(middle, low + 0.25 * kEventTime, high - 0.25 * kEventTime);
         slots = slots_;
         tryStep(middle, end, slope, slots);
@@ -764,10 +764,12 @@ const std::array<ContactReport, kSlots>& Simulation::contacts() {
     r.feature = i < 2 ? ContactReport::kEdgeEdge : ContactReport::kEdgePlane;
     r.valid = slot.point.valid;
     const bool carries = slot.mode != Mode::kApart && slot.normal_force > 0.0;
-    const bool rests =
-        discreteFriction() ? slot.mode == Mode::kStick
+    const bool rests = discreteFriction()
+                           ? slot.mode == Mode::kStick
                            : slot.tangential.norm() <= scenario_.contact.regularisation_speed;
-    r.state = !carries ? ContactReport::kOpen : rests ? ContactReport::kStick : ContactReport::kSlip;
+    r.state = !carries ? ContactReport::kOpen
+              : rests  ? ContactReport::kStick
+                       : ContactReport::kSlip;
     if (!r.valid) {
       r.force.setZero();
       r.gap = 0.0;
@@ -786,8 +788,8 @@ Vector6 Simulation::couplingWrench() {
   const Kinematics k = kinematics(state_);
   Mat3 inverse_transposed = k.Re.transpose().inverse();
   const Vec3 force = motion_.FK + motion_.FC;
-  const Vec3 moment = inverse_transposed * Vec3(motion_.FKm(2), motion_.FKm(1), motion_.FKm(0)) +
-                      motion_.FCm;
+  const Vec3 moment =
+      inverse_transposed * Vec3(motion_.FKm(2), motion_.FKm(1), motion_.FKm(0)) + motion_.FCm;
   // about the rest point, in the carrier's axes
   const Vec3 about_rest = moment + motion_.deflection.head<3>().cross(force);
   const Mat3 R_CH = carrierPose().R.transpose();

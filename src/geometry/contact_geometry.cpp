@@ -92,8 +92,8 @@ ContactPoint findEdgeEdge(const EdgeCircle& e, double r_h, int slot, bool use_wa
   if (search != Search::kFound) {
     // closed-form start: where the edge, if it were upright, crosses the hole's cylinder
     const double ey = e.center(1) / offset, ez = e.center(2) / offset;
-    const double t_out = std::atan2(e.axis1(1) * ey + e.axis1(2) * ez,
-                                    e.axis0(1) * ey + e.axis0(2) * ez);
+    const double t_out =
+        std::atan2(e.axis1(1) * ey + e.axis1(2) * ez, e.axis0(1) * ey + e.axis0(2) * ez);
     const double c = std::clamp(
         (r_h * r_h - e.radius * e.radius - offset * offset) / (2 * e.radius * offset), -1.0, 1.0);
     const double side = slot == 0 ? 1.0 : -1.0;
@@ -204,10 +204,9 @@ ContactRates contactRates(const EdgeCircle& e, const ContactPoint& c, const Eige
   const double determinant = a11 * a22 - a12 * a21;
   const double t_rate = (b1 * a22 - a12 * b2) / determinant;
   const double s_rate = (a11 * b2 - a21 * b1) / determinant;
-  const Eigen::Vector3d cross_rate = s_rate * rim_curvature.cross(c.dp) +
-                                     c.tangent.cross(turn - radial * t_rate);
-  const Eigen::Vector3d n_rate =
-      (cross_rate - c.normal * c.normal.dot(cross_rate)) / c.cross_norm;
+  const Eigen::Vector3d cross_rate =
+      s_rate * rim_curvature.cross(c.dp) + c.tangent.cross(turn - radial * t_rate);
+  const Eigen::Vector3d n_rate = (cross_rate - c.normal * c.normal.dot(cross_rate)) / c.cross_norm;
   return {c.normal.dot(turn) * t_rate + n_rate.dot(v_m), turn * t_rate};
 }
 

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <ios>
 #include <set>
 #include <sstream>
 #include <vector>
@@ -155,6 +156,8 @@ Calibration loadCalibration(const std::string& path) {
   } catch (const YAML::Exception& error) {
     throw InputError("calibration file '" + path + "', line " +
                      std::to_string(error.mark.line + 1) + ": " + error.msg + ": mend the YAML");
+  } catch (const std::ios_base::failure&) {
+    throw InputError("calibration file '" + path + "' can't be read: give a file, not a folder");
   }
   const std::string where = "calibration file '" + path + "'";
   if (!root.IsMap() || !root["format"] || !root["format"].IsScalar() ||

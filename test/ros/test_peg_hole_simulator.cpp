@@ -429,13 +429,11 @@ TEST_F(Simulator, StopsWithANamedReasonAndResetHelps) {
   service.request.peg = toPose(X_HP);
   service.request.carrier = toPose(poseFromRest(scenario_.rest));
   ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
-  Step::Response response;
-  if (service.response.success) {
-    response = step(5);
-    EXPECT_FALSE(response.success);
-    EXPECT_NE(response.message.find("stopped"), std::string::npos) << response.message;
-    EXPECT_TRUE(waitFor([this] { return diagnostic("message").rfind("stopped: ", 0) == 0; }));
-  }
+  ASSERT_TRUE(service.response.success) << service.response.message;
+  Step::Response response = step(5);
+  EXPECT_FALSE(response.success);
+  EXPECT_NE(response.message.find("stopped"), std::string::npos) << response.message;
+  EXPECT_TRUE(waitFor([this] { return diagnostic("message").rfind("stopped: ", 0) == 0; }));
   ASSERT_TRUE(trigger("reset").success);
   response = step(1);
   EXPECT_TRUE(response.success) << response.message;

@@ -116,6 +116,7 @@ TEST_F(RecordingFile, BadRowsAreNamedByLine) {
   expect(ok + "0.2,1,2,3,4,5,6\n0.1,1,2,3,4,5,6\n", ":3: time goes from 0.2");
   expect(ok, "recording '' has 1 rows");
   EXPECT_THROW(loadRecording(path_ + ".none", {}), InputError);
+  EXPECT_THROW(loadRecording(fs::path(path_).parent_path().string(), {}), InputError);
 }
 
 TEST_F(RecordingFile, CountsBecomeVoltsAndEndCodesAreFlagged) {

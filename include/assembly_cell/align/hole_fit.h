@@ -12,9 +12,14 @@ namespace assembly_cell {
 /// direction on its bottom edge the contact lay.
 struct HoleReading {
   Pose X_SP;
-  double alpha = 0.0;  ///< azimuth on the edge in peg axes, modulo π until fitHole resolves it [rad]
-  double sd = 0.0;     ///< of alpha [rad]
-  enum Kind { kOut, kPlane, kRim } kind = kOut;  ///< by fitHole: outlier, edge on plane, edge on rim
+  double alpha =
+      0.0;          ///< azimuth on the edge in peg axes, modulo π until fitHole resolves it [rad]
+  double sd = 0.0;  ///< of alpha [rad]
+  enum Kind {
+    kOut,
+    kPlane,
+    kRim
+  } kind = kOut;  ///< by fitHole: outlier, edge on plane, edge on rim
 };
 
 /// The hole in S.
@@ -23,7 +28,7 @@ struct HoleEstimate {
   double height = 0.0;                                ///< normal · any point of the plane [m]
   Eigen::Vector3d center = Eigen::Vector3d::Zero();   ///< of the rim [m]
   Eigen::Matrix2d center_covariance = Eigen::Matrix2d::Zero();  ///< in planeAxes(normal) [m²]
-  double normal_sd = 0.0;                                      ///< [rad]
+  double normal_sd = 0.0;                                       ///< [rad]
   int plane_readings = 0, rim_readings = 0;
 };
 
@@ -31,11 +36,12 @@ struct HoleEstimate {
 Eigen::Matrix<double, 3, 2> planeAxes(const Eigen::Vector3d& normal);
 
 /// Finds plane and centre from readings at several tilts. All contacts lie in the hole plane, which
-/// also tells C from C*: of the two ends of the edge's diameter only one is at the plane's height in
-/// every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at distance
-/// hole_radius from the centre; the others on the plane, outside of it (vibration_and_locus section 7,
-/// with clearance and tilt exact). `estimate.normal` is the start. Resolves alpha and kind of every
-/// reading. Returns an empty string, or the named reason why the hole is not determined.
+/// also tells C from C*: of the two ends of the edge's diameter only one is at the plane's height
+/// in every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at
+/// distance hole_radius from the centre; the others on the plane, outside of it
+/// (vibration_and_locus section 7, with clearance and tilt exact). `estimate.normal` is the start.
+/// Resolves alpha and kind of every reading. Returns an empty string, or the named reason why the
+/// hole is not determined.
 std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
                     HoleEstimate& estimate);
 

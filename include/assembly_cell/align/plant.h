@@ -25,20 +25,21 @@ struct LocusReading {
 
 /// What is done before the next block. Nothing set: only wait.
 struct PlantCommand {
-  std::optional<RestPose> rest;                ///< move the rest pose there, in the plant's own frame
-  std::optional<ExciterParameters> exciter;    ///< amplitude 0: off; the phase refers to the block's start
+  std::optional<RestPose> rest;  ///< move the rest pose there, in the plant's own frame
+  std::optional<ExciterParameters>
+      exciter;  ///< amplitude 0: off; the phase refers to the block's start
   std::optional<LocusRequest> locus;
 };
 
 /// What one block of samples says. Means over the block.
 struct PlantBlock {
-  double time = 0.0;                             ///< end of the block, plant clock [s]
-  Vector6 wrench_a = Vector6::Zero();            ///< sensor_a axes, untared [N], [N·m]
-  Vector6 wrench_b = Vector6::Zero();            ///< sensor_b axes, untared
-  Vector6 displacement_b = Vector6::Zero();      ///< of the coupling, sensor_b axes [m], [rad]
-  bool saturated = false;                        ///< any channel of either sensor
-  RestPose carrier;                              ///< the carrier's pose as its encoders say
-  std::optional<LocusReading> locus;             ///< in the first block at or after the window's end
+  double time = 0.0;                         ///< end of the block, plant clock [s]
+  Vector6 wrench_a = Vector6::Zero();        ///< sensor_a axes, untared [N], [N·m]
+  Vector6 wrench_b = Vector6::Zero();        ///< sensor_b axes, untared
+  Vector6 displacement_b = Vector6::Zero();  ///< of the coupling, sensor_b axes [m], [rad]
+  bool saturated = false;                    ///< any channel of either sensor
+  RestPose carrier;                          ///< the carrier's pose as its encoders say
+  std::optional<LocusReading> locus;         ///< in the first block at or after the window's end
 };
 
 /// The cell as a strategy sees it: simulated in core, or through ROS in the supervisor. It does not

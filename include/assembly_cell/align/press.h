@@ -7,9 +7,9 @@ namespace assembly_cell {
 
 /// Limits of whatever moves the carrier.
 struct PressLimits {
-  double force = 40.0;           ///< abort above this contact force [N]
-  double descent = 0.02;         ///< abort without contact after this way down [m]
-  double approach_step = 1e-4;   ///< way down in one block before contact [m]
+  double force = 40.0;          ///< abort above this contact force [N]
+  double descent = 0.02;        ///< abort without contact after this way down [m]
+  double approach_step = 1e-4;  ///< way down in one block before contact [m]
 };
 
 /// A move or a press was given up; what() begins with the name of the reason: force_limit,
@@ -18,8 +18,8 @@ struct PressError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Moves the carrier of a plant and feels with sensor_b: guarded moves, tare, press control at block
-/// rate. Every block passes through step(), which checks the limits.
+/// Moves the carrier of a plant and feels with sensor_b: guarded moves, tare, press control at
+/// block rate. Every block passes through step(), which checks the limits.
 class Hand {
  public:
   /// Waits for the first block. Throws PlantError.

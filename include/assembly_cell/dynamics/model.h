@@ -29,7 +29,9 @@ RestPose restPose(const Vector6& position);
 struct RestProfile {
   double start = 0.0;     ///< [s]
   double duration = 0.0;  ///< [s]; 0: at rest
-  Eigen::Matrix<double, 6, 6> coefficients = Eigen::Matrix<double, 6, 6>::Zero();  ///< row: coordinate, column: power of (t − start)/duration
+  Eigen::Matrix<double, 6, 6> coefficients =
+      Eigen::Matrix<double, 6,
+                    6>::Zero();  ///< row: coordinate, column: power of (t − start)/duration
 };
 RestProfile restProfile(const RestPose& at_rest);
 
@@ -48,21 +50,21 @@ Eigen::Vector2d exciterForce(const Drive& drive, double t);
 
 /// What one evaluation of the mechanism needs at a time and a state, without the contacts.
 struct Kinematics {
-  Eigen::Vector3d x, v;          ///< centre of mass, thesis axes
-  Eigen::Vector3d R0, R1, a;     ///< peg axes in thesis axes
-  Eigen::Matrix3d Re;            ///< omega = Re (phi', theta', psi')
-  Eigen::Matrix3d Re_rate;       ///< its time derivative
-  Eigen::Vector3d omega;         ///< [rad/s]
+  Eigen::Vector3d x, v;       ///< centre of mass, thesis axes
+  Eigen::Vector3d R0, R1, a;  ///< peg axes in thesis axes
+  Eigen::Matrix3d Re;         ///< omega = Re (phi', theta', psi')
+  Eigen::Matrix3d Re_rate;    ///< its time derivative
+  Eigen::Vector3d omega;      ///< [rad/s]
   double sin_theta, cos_theta;
 };
 Kinematics kinematics(const State& state);
 
 /// Free motion: forces of coupling, carrier, weight and exciter.
 struct FreeMotion {
-  Vector9 force;             ///< generalised forces f of M(q) v' = f, contacts left out
-  Eigen::Vector3d FK, FKm;   ///< spring force (T part) and generalised moments (FK4, FK5, FK6)
-  Eigen::Vector3d FC, FCm;   ///< damper force and moments (FC4, FC5, FC6)
-  Vector6 deflection;        ///< d of the coupling, thesis order 1..6
+  Vector9 force;            ///< generalised forces f of M(q) v' = f, contacts left out
+  Eigen::Vector3d FK, FKm;  ///< spring force (T part) and generalised moments (FK4, FK5, FK6)
+  Eigen::Vector3d FC, FCm;  ///< damper force and moments (FC4, FC5, FC6)
+  Vector6 deflection;       ///< d of the coupling, thesis order 1..6
 };
 FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state,
                       const RestMotion& rest, const Drive& drive, double t);

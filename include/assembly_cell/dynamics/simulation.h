@@ -12,12 +12,12 @@ namespace assembly_cell {
 /// How a run ended. kOk, or the named reason to stop.
 enum class StopReason {
   kOk,
-  kEdgePlane,        ///< lowest point on the plane, and features exclude edge_plane
-  kSingular,         ///< sin(theta) < 0.1: peg nearly horizontal
-  kNonFinite,        ///< state or acceleration not finite
-  kStepTooSmall,     ///< error control asks for steps below 1e-13 s
-  kEventLimit,       ///< more events than a run may have
-  kInitialOverlap,   ///< deeper than 1e-8 m at the start, refused by the rigid law
+  kEdgePlane,       ///< lowest point on the plane, and features exclude edge_plane
+  kSingular,        ///< sin(theta) < 0.1: peg nearly horizontal
+  kNonFinite,       ///< state or acceleration not finite
+  kStepTooSmall,    ///< error control asks for steps below 1e-13 s
+  kEventLimit,      ///< more events than a run may have
+  kInitialOverlap,  ///< deeper than 1e-8 m at the start, refused by the rigid law
 };
 const char* toString(StopReason reason);
 
@@ -25,8 +25,8 @@ struct RunCounts {
   std::int64_t evaluations = 0;  ///< right-hand sides
   std::int64_t steps = 0;        ///< accepted
   std::int64_t rejected = 0;
-  std::int64_t events = 0;       ///< contact opened, closed, stick, slip
-  std::int64_t impacts = 0;      ///< contacts closed at an approaching speed
+  std::int64_t events = 0;   ///< contact opened, closed, stick, slip
+  std::int64_t impacts = 0;  ///< contacts closed at an approaching speed
 };
 
 /// One contact as people and topics see it. Frame `hole`.
@@ -35,11 +35,11 @@ struct ContactReport {
   enum State : std::uint8_t { kOpen = 0, kSlip = 1, kStick = 2 };
   Feature feature = kEdgeEdge;
   State state = kOpen;
-  bool valid = false;                                   ///< the slot has a candidate point
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();      ///< on the peg's edge [m]
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();    ///< from block to peg
-  Eigen::Vector3d force = Eigen::Vector3d::Zero();      ///< on the peg, by the block [N]
-  double gap = 0.0;                                     ///< [m]; < 0 penetrating
+  bool valid = false;                                 ///< the slot has a candidate point
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();    ///< on the peg's edge [m]
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< from block to peg
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();    ///< on the peg, by the block [N]
+  double gap = 0.0;                                   ///< [m]; < 0 penetrating
 };
 
 /// Contact slots: two edge–edge candidates (thesis: left and right of the lowest edge point), then
@@ -82,8 +82,8 @@ class Simulation {
   /// Wrench of the peg's coupling on sensor_b (contact + weight when at rest), in the axes of the
   /// carrier frame about its origin: force, torque. [N], [N·m]
   Vector6 couplingWrench();
-  /// Deflection of the coupling: translation of the coupling point relative to its rest and rotation
-  /// vector, in the axes of the carrier frame. [m], [rad]
+  /// Deflection of the coupling: translation of the coupling point relative to its rest and
+  /// rotation vector, in the axes of the carrier frame. [m], [rad]
   Vector6 couplingDeflection();
   /// Wrench of the peg on the hole block about the origin of `hole` in its axes. [N], [N·m]
   Vector6 holeWrench();
@@ -107,8 +107,8 @@ class Simulation {
     double normal_force = 0.0;
     double gap_rate = 0.0;
     ContactRates rates;
-    double demand = 0.0;        // g'' + k g' + beta g without a force on an idle slot
-    bool armed = false;         // slip has been fast enough for the stop event
+    double demand = 0.0;  // g'' + k g' + beta g without a force on an idle slot
+    bool armed = false;   // slip has been fast enough for the stop event
   };
   using Slots = std::array<Slot, kSlots>;
 
@@ -135,13 +135,13 @@ class Simulation {
   RunCounts counts_;
   StopReason stop_ = StopReason::kOk;
   Slots slots_;
-  Vector9 slope_v_;            // v' at the present state
-  FreeMotion motion_;          // at the last evaluation
-  bool fixed_step_ = false;    // rk4
-  bool stale_ = true;          // slope_v_, slots_ and motion_ don't belong to the present state
+  Vector9 slope_v_;          // v' at the present state
+  FreeMotion motion_;        // at the last evaluation
+  bool fixed_step_ = false;  // rk4
+  bool stale_ = true;        // slope_v_, slots_ and motion_ don't belong to the present state
   double next_step_ = 0.0;
   double slip_threshold_ = 0.0;
-  int events_in_place_ = 0;    // events without progress in time
+  int events_in_place_ = 0;  // events without progress in time
   double last_event_ = -1.0;
   std::array<ContactReport, kSlots> report_;
 };

@@ -32,20 +32,20 @@ EdgeHeight edgeHeight(const EdgeCircle& edge);
 /// One candidate contact point between block and peg edge.
 struct ContactPoint {
   bool valid = false;
-  double t = 0.0;           ///< parameter on the edge circle
-  Eigen::Vector3d p;        ///< point of the peg's edge
-  Eigen::Vector3d dp;       ///< dp/dt
-  Eigen::Vector3d rim;      ///< H: nearest point of the rim (edge–edge), foot on the plane (edge–plane)
+  double t = 0.0;      ///< parameter on the edge circle
+  Eigen::Vector3d p;   ///< point of the peg's edge
+  Eigen::Vector3d dp;  ///< dp/dt
+  Eigen::Vector3d rim;  ///< H: nearest point of the rim (edge–edge), foot on the plane (edge–plane)
   Eigen::Vector3d tangent;  ///< T: rim tangent dH/ds, zero on the plane
   Eigen::Vector3d normal;   ///< n: unit, from block to peg
   double cross_norm = 0.0;  ///< |T × dp|, signed so that n = (T × dp)/cross_norm (edge–edge)
   double gap = 0.0;         ///< signed distance, < 0 penetrating
 };
 
-/// Edge–edge candidate of a slot: 0 where the edge leaves the hole with rising t (rho' > 0), 1 where
-/// it returns. Local minimum of the distance of the two circles with the edge climbing outwards
-/// (thesis Fig 3.3); invalid where there is none, or where the tangents are parallel. `warm`: t of
-/// the previous call, used when `use_warm`. Dynamics specification section 3.
+/// Edge–edge candidate of a slot: 0 where the edge leaves the hole with rising t (rho' > 0), 1
+/// where it returns. Local minimum of the distance of the two circles with the edge climbing
+/// outwards (thesis Fig 3.3); invalid where there is none, or where the tangents are parallel.
+/// `warm`: t of the previous call, used when `use_warm`. Dynamics specification section 3.
 ContactPoint findEdgeEdge(const EdgeCircle& edge, double hole_radius, int slot, bool use_warm,
                           double warm);
 
@@ -54,10 +54,10 @@ ContactPoint findEdgeEdge(const EdgeCircle& edge, double hole_radius, int slot, 
 ContactPoint findEdgePlane(const EdgeCircle& edge, double hole_radius);
 
 /// The contact point runs along the edges and the normal turns: with a_m the acceleration of the
-/// material point now in contact, g'' = n · a_m + gap_bias, and the velocity of the peg at the contact
-/// point changes by a_m + rolling.
+/// material point now in contact, g'' = n · a_m + gap_bias, and the velocity of the peg at the
+/// contact point changes by a_m + rolling.
 struct ContactRates {
-  double gap_bias = 0.0;                                ///< [m/s²]
+  double gap_bias = 0.0;                              ///< [m/s²]
   Eigen::Vector3d rolling = Eigen::Vector3d::Zero();  ///< (omega × p') t' [m/s²]
 };
 /// v_m: velocity of the material point [m/s], omega: of the peg [rad/s].

@@ -10,21 +10,21 @@
 
 namespace assembly_cell {
 
-/// Calibration of a bridge by its design: S = C^-1, offsets removed. With a coupling, the displacement
-/// map of the sensor that is this coupling: its static compliance times the wrench.
+/// Calibration of a bridge by its design: S = C^-1, offsets removed. With a coupling, the
+/// displacement map of the sensor that is this coupling: its static compliance times the wrench.
 /// Throws InputError for a coupling without a static map (singular stiffness).
 Calibration designCalibration(const Bridge& bridge);
 Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling);
 
 /// What the simulated cell is made of besides the mechanism.
 struct CellParameters {
-  int bits = 16;                 ///< converter: 10, 16 or 24
-  double noise = 0.5e-3;         ///< of every channel, rms [V]
-  double sample_period = 2e-4;   ///< [s]
-  int block_size = 100;          ///< samples a block
-  std::uint64_t seed = 1;        ///< of the sensors' noise
+  int bits = 16;                ///< converter: 10, 16 or 24
+  double noise = 0.5e-3;        ///< of every channel, rms [V]
+  double sample_period = 2e-4;  ///< [s]
+  int block_size = 100;         ///< samples a block
+  std::uint64_t seed = 1;       ///< of the sensors' noise
   Pose X_AH{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.06)};  ///< hole in sensor_a
-  double hole_block_mass = 2.0;  ///< carried by sensor_a [kg]
+  double hole_block_mass = 2.0;                    ///< carried by sensor_a [kg]
   Eigen::Vector3d hole_block_center{0, 0, -0.02};  ///< its centre of mass in `hole` [m]
 };
 
@@ -33,7 +33,7 @@ struct StrainBlock {
   double time = 0.0;    ///< of sample 0, simulation clock [s]
   double period = 0.0;  ///< [s]
   std::uint32_t sequence = 0;
-  std::vector<double> volts_a, volts_b;               ///< 6 × n, sample after sample [V]
+  std::vector<double> volts_a, volts_b;                ///< 6 × n, sample after sample [V]
   std::vector<std::uint8_t> saturated_a, saturated_b;  ///< bit per channel, per sample
 };
 

@@ -1,0 +1,27 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+
+// What the judge of an alignment looks at: true poses of frame `peg` in `hole`.
+
+/// Tilt of the peg's axis: smallest rotation from upright, rotation vector x, y [rad].
+Eigen::Vector2d tiltOf(const Pose& X_HP);
+
+/// Largest distance of the peg's bottom edge from the hole's axis [m]; exact to 1e-9 of the radius.
+double edgeReach(const Pose& X_HP, double peg_radius);
+
+/// The peg's whole bottom edge lies within the hole's cylinder.
+inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius) {
+  return edgeReach(X_HP, peg_radius) <= hole_radius;
+}
+
+/// A start for studies: the same mechanism with the peg hanging `height` over the plane (lowest
+/// edge point), its bottom centre off by offset [m] and its axis tilted by the rotation vector
+/// [rad].
+Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
+                 const Eigen::Vector2d& tilt, double height);
+
+}  // namespace assembly_cell

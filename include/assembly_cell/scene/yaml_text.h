@@ -1,0 +1,16 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <string>
+
+namespace assembly_cell {
+
+/// The shortest text that reads back as the same number and is a float for every YAML reader (a
+/// point before an exponent); null for what is not finite.
+std::string yamlNumber(double value);
+
+/// A number and nothing else in `text`, finite; false otherwise.
+bool parseNumber(const std::string& text, double& value);
+bool parseInteger(const std::string& text, long& value);
+
+}  // namespace assembly_cell

@@ -1,0 +1,57 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/outcome.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace assembly_cell {
+
+Eigen::Vector2d tiltOf(const Pose& X_HP) {
+  const Eigen::Vector3d axis = X_HP.R.col(2);
+  const double sine = std::hypot(axis.x(), axis.y());
+  if (sine == 0.0) return Eigen::Vector2d::Zero();
+  return Eigen::Vector2d(-axis.y(), axis.x()) * (std::atan2(sine, axis.z()) / sine);
+}
+
+double edgeReach(const Pose& X_HP, double peg_radius) {
+  const auto reach = [&](double a) {
+    const Eigen::Vector3d p =
+        X_HP.R * Eigen::Vector3d(peg_radius * std::cos(a), peg_radius * std::sin(a), 0.0) + X_HP.p;
+    return p.head<2>().norm();
+  };
+  // the distance has at most two maxima round the edge: best of a grid, then golden section
+  constexpr int kGrid = 360;
+  constexpr double kStep = 2.0 * 3.14159265358979323846 / kGrid;
+  int best = 0;
+  for (int i = 1; i < kGrid; ++i) {
+    if (reach(i * kStep) > reach(best * kStep)) best = i;
+  }
+  double low = (best - 1) * kStep, high = (best + 1) * kStep;
+  for (int i = 0; i < 40; ++i) {
+    const double a = high - 0.6180339887498949 * (high - low);
+    const double b = low + 0.6180339887498949 * (high - low);
+    (reach(a) > reach(b) ? high : low) = reach(a) > reach(b) ? b : a;
+  }
+  return std::max(reach(best * kStep), reach(0.5 * (low + high)));
+}
+
+Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
+                 const Eigen::Vector2d& tilt, double height) {
+  Scenario s = scenario;
+  const Eigen::Matrix3d R = rotationFromVector({Eigen::Vector3d(tilt.x(), tilt.y(), 0.0)});
+  const double low = s.peg.radius * std::hypot(R(2, 0), R(2, 1));
+  const Eigen::Vector3d bottom(offset.x(), offset.y(), height + low);
+  const Eigen::Vector3d coupling = bottom + (s.peg.half_height + s.peg.coupling_height) * R.col(2);
+  const EulerAngles angles = eulerFromRotation(R);
+  s.rest = {coupling.x(), coupling.y(), coupling.z(), angles.psi, angles.theta, angles.phi};
+  InitialState& start = s.initial;
+  start = InitialState{};
+  start.position = bottom + s.peg.half_height * R.col(2);
+  start.euler = angles;
+  start.carrier_x = s.rest.x;
+  start.carrier_y = s.rest.y;
+  start.carrier_yaw = s.rest.yaw;
+  return s;
+}
+
+}  // namespace assembly_cell

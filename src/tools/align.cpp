@@ -1,0 +1,309 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The whole alignment without ROS, once or many times from random starts, with statistics.
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <mutex>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/align/simulated_plant.h"
+#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/scene/yaml_text.h"
+
+namespace {
+
+using assembly_cell::AlignParameters;
+using assembly_cell::AlignProgress;
+using assembly_cell::AlignResult;
+using assembly_cell::CellParameters;
+using assembly_cell::InputError;
+using assembly_cell::Pose;
+using assembly_cell::Scenario;
+using assembly_cell::yamlNumber;
+using Clock = std::chrono::steady_clock;
+using Eigen::Vector2d;
+
+constexpr const char* kHelp =
+    R"(Usage: align SCENARIO.yaml [options]
+
+Aligns the peg with the hole in simulation, by feeling alone, and prints the result as YAML. One run starts as
+the scenario says; several start at random: offset uniform in a disc, tilt uniform up to a limit, any direction.
+
+  --strategy S          single_contact (default)
+  --seed N              of the sensors' noise and the random starts (default 1)
+  --runs K              number of runs (default 1)
+  --bits B              of the converters: 10, 16 (default) or 24
+  --noise V             of every strain channel, rms (default 5e-4)  [V]
+  --offset-max D        of random starts (default 0.008)  [m]
+  --tilt-max T          of random starts (default 0.026)  [rad]
+  --threads N           runs at the same time (default: the machine's cores)
+  --set KEY.PATH=VALUE  change a value of the scenario; repeatable
+  --report FILE.yaml    write the result to a file as well
+  --help                print this
+
+Exit code: 0 all runs ended aligned, 1 some did not (named in reason), 2 bad input.
+
+Example: align config/scenarios/cell.yaml --runs 20 --seed 7
+)";
+
+constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
+constexpr double kPi = 3.14159265358979323846;
+
+struct Options {
+  std::string scenario, report;
+  std::vector<std::string> overrides;
+  AlignParameters align;
+  CellParameters cell;
+  long runs = 1;
+  long threads = std::max(1L, static_cast<long>(std::thread::hardware_concurrency()));
+  double offset_max = 0.008, tilt_max = 0.026;
+  bool help = false;
+};
+
+Options parseOptions(const std::vector<std::string>& arguments) {
+  Options o;
+  const std::vector<std::string> known = {"--strategy", "--seed",       "--runs",     "--bits",
+                                          "--noise",    "--offset-max", "--tilt-max", "--threads",
+                                          "--set",      "--report"};
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& name = arguments[i];
+    if (name == "--help" || name == "-h") {
+      o.help = true;
+      return o;
+    }
+    if (name.rfind("-", 0) != 0) {
+      if (!o.scenario.empty()) {
+        throw InputError("argument: value " + name + ": give one scenario, see --help");
+      }
+      o.scenario = name;
+      continue;
+    }
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      throw InputError("argument: value " + name + ": unknown option, see --help");
+    }
+    if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
+    const std::string& value = arguments[++i];
+    const auto integer = [&](long low, long high) {
+      long number = 0;
+      if (!assembly_cell::parseInteger(value, number) || number < low || number > high) {
+        throw InputError(name + ": value " + value + ": give a whole number from " +
+                         std::to_string(low) + " to " + std::to_string(high));
+      }
+      return number;
+    };
+    const auto real = [&](double high) {
+      double number = 0.0;
+      if (!assembly_cell::parseNumber(value, number) || number < 0.0 || number > high) {
+        throw InputError(name + ": value " + value + ": give a number from 0 to " +
+                         yamlNumber(high));
+      }
+      return number;
+    };
+    if (name == "--strategy") o.align.strategy = value;
+    if (name == "--seed") o.cell.seed = static_cast<std::uint64_t>(integer(0, 1L << 62));
+    if (name == "--runs") o.runs = integer(1, 10000000);
+    if (name == "--bits") o.cell.bits = static_cast<int>(integer(1, 64));
+    if (name == "--noise") o.cell.noise = real(5.0);
+    if (name == "--offset-max") o.offset_max = real(0.1);
+    if (name == "--tilt-max") o.tilt_max = real(0.1);
+    if (name == "--threads") o.threads = integer(1, 1024);
+    if (name == "--set") o.overrides.push_back(value);
+    if (name == "--report") o.report = value;
+  }
+  if (o.scenario.empty()) {
+    throw InputError("argument: value missing: give a scenario file, see --help");
+  }
+  return o;
+}
+
+struct Run {
+  std::uint64_t seed = 0;
+  AlignResult result;
+  bool success = false;  // the strategy says so and the truth agrees
+  Vector2d true_offset{0, 0}, true_tilt{0, 0};
+  double final_offset = 0.0, wall_time = 0.0;
+};
+
+Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed) {
+  if (o.runs == 1) return scenario;
+  // bits of the engine itself: the same starts with every standard library
+  std::mt19937_64 engine(seed);
+  const auto uniform = [&engine] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
+  const double azimuth = 2 * kPi * uniform(), offset = o.offset_max * std::sqrt(uniform());
+  const double direction = 2 * kPi * uniform(), tilt = o.tilt_max * uniform();
+  return assembly_cell::startAt(scenario, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
+                                tilt * Vector2d(std::cos(direction), std::sin(direction)),
+                                kStartHeight);
+}
+
+Run runOnce(const Options& o, const Scenario& scenario, std::uint64_t seed,
+            const std::function<void(const AlignProgress&)>& progress) {
+  const Clock::time_point start = Clock::now();
+  Run run;
+  run.seed = seed;
+  CellParameters cell = o.cell;
+  cell.seed = seed;
+  assembly_cell::SimulatedPlant plant(startOf(o, scenario, seed), cell);
+  const Pose X_start = plant.truth().pegPose();
+  run.true_offset = -X_start.p.head<2>();
+  run.true_tilt = assembly_cell::tiltOf(X_start);
+  try {
+    run.result = assembly_cell::align(plant, scenario, o.align, progress);
+  } catch (const assembly_cell::PlantError& error) {
+    run.result.reason = error.what();
+  }
+  const Pose X_end = plant.truth().pegPose();
+  run.final_offset = X_end.p.head<2>().norm();
+  run.success = run.result.success &&
+                assembly_cell::edgeInside(X_end, scenario.peg.radius, scenario.hole.radius);
+  if (run.result.success && !run.success) run.result.reason = "edge_outside: not inside the hole";
+  run.wall_time = std::chrono::duration<double>(Clock::now() - start).count();
+  return run;
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + "\"";
+}
+
+std::string pair(const Vector2d& v) {
+  return "[" + yamlNumber(v.x()) + ", " + yamlNumber(v.y()) + "]";
+}
+
+// median and 95 % of what is sorted here
+std::string spread(std::vector<double> values) {
+  if (values.empty()) return "null";
+  std::sort(values.begin(), values.end());
+  const auto at = [&](double p) {
+    const auto last = static_cast<double>(values.size() - 1);
+    return yamlNumber(values[static_cast<std::size_t>(std::lround(p * last))]);
+  };
+  return "{median: " + at(0.5) + ", p95: " + at(0.95) + ", max: " + at(1.0) + "}";
+}
+
+std::string yaml(const std::vector<Run>& runs, const Options& o) {
+  std::ostringstream out;
+  // success rate with the Wilson interval
+  const auto n = static_cast<double>(runs.size());
+  const auto good = static_cast<double>(
+      std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.success; }));
+  const double p = good / n, z = 1.959963984540054;
+  const double middle = (p + z * z / (2 * n)) / (1 + z * z / n);
+  const double half = z / (1 + z * z / n) * std::sqrt(p * (1 - p) / n + z * z / (4 * n * n));
+  std::vector<double> offset, tilt, simulated, wall;
+  for (const Run& r : runs) {
+    simulated.push_back(r.result.time);
+    wall.push_back(r.wall_time);
+    if (!r.result.known) continue;
+    offset.push_back((r.result.offset - r.true_offset).norm());
+    tilt.push_back((r.result.tilt - r.true_tilt).norm());
+  }
+  out << "strategy: " << o.align.strategy << "\n"
+      << "runs: " << runs.size() << "\n"
+      << "succeeded: " << static_cast<long>(good) << "\n"
+      << "success_rate: " << yamlNumber(p) << "\n"
+      << "success_interval: [" << yamlNumber(std::max(0.0, middle - half)) << ", "
+      << yamlNumber(std::min(1.0, middle + half)) << "]\n"
+      << "offset_error: " << spread(offset) << "\n"
+      << "tilt_error: " << spread(tilt) << "\n"
+      << "simulated_time: " << spread(simulated) << "\n"
+      << "wall_time: " << spread(wall) << "\n"
+      << "results:\n";
+  for (const Run& r : runs) {
+    out << "  - seed: " << r.seed << "\n"
+        << "    success: " << (r.success ? "true" : "false") << "\n"
+        << "    reason: " << quoted(r.result.reason) << "\n"
+        << "    true_offset: " << pair(r.true_offset) << "\n"
+        << "    estimated_offset: " << (r.result.known ? pair(r.result.offset) : "null") << "\n"
+        << "    true_tilt: " << pair(r.true_tilt) << "\n"
+        << "    estimated_tilt: " << (r.result.known ? pair(r.result.tilt) : "null") << "\n"
+        << "    final_offset: " << yamlNumber(r.final_offset) << "\n"
+        << "    contacts: " << r.result.contacts << "\n"
+        << "    simulated_time: " << yamlNumber(r.result.time) << "\n"
+        << "    wall_time: " << yamlNumber(r.wall_time) << "\n";
+  }
+  return out.str();
+}
+
+int run(const Options& o) {
+  const Scenario scenario = assembly_cell::loadScenario(o.scenario, o.overrides);
+  assembly_cell::checkParameters(o.align);
+  std::ofstream file;
+  if (!o.report.empty()) {
+    file.open(o.report, std::ios::trunc);
+    if (!file) {
+      throw InputError("--report: value " + o.report + ": give a file that can be written");
+    }
+  }
+
+  std::vector<Run> runs(static_cast<std::size_t>(o.runs));
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::size_t done = 0;
+  std::string bad_input;
+  const auto show = [&](const AlignProgress& p) {
+    std::cerr << "align: " << yamlNumber(p.time) << " s, " << p.state << ": " << p.message << "\n";
+  };
+  const auto work = [&] {
+    for (std::size_t i = next++; i < runs.size(); i = next++) {
+      try {
+        runs[i] = runOnce(o, scenario, o.cell.seed + i,
+                          o.runs == 1 ? std::function<void(const AlignProgress&)>(show) : nullptr);
+      } catch (const InputError& error) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        bad_input = error.what();
+        next = runs.size();
+        return;
+      }
+      const std::lock_guard<std::mutex> lock(mutex);
+      ++done;
+      if (o.runs > 1) {
+        std::cerr << "align: " << done << " of " << o.runs << ", seed " << runs[i].seed << ": "
+                  << runs[i].result.reason << "\n";
+      }
+    }
+  };
+  std::vector<std::thread> threads;
+  for (long i = 1; i < std::min(o.threads, o.runs); ++i) threads.emplace_back(work);
+  work();
+  for (std::thread& thread : threads) thread.join();
+  if (!bad_input.empty()) throw InputError(o.scenario + ": " + bad_input);
+
+  const std::string text = yaml(runs, o);
+  std::cout << text << std::flush;
+  if (file.is_open()) {
+    file << text;
+    file.close();
+    if (!file) throw InputError("--report: value " + o.report + ": writing failed");
+  }
+  return std::all_of(runs.begin(), runs.end(), [](const Run& r) { return r.success; }) ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const Options options = parseOptions({argv + 1, argv + argc});
+    if (options.help) {
+      std::cout << kHelp;
+      return 0;
+    }
+    return run(options);
+  } catch (const std::exception& e) {
+    std::cerr << "align: " << e.what() << std::endl;
+    return 2;
+  }
+}
