@@ -132,10 +132,10 @@ class HeldMotion {
   HeldMotion(const Scenario& mechanism, const OperatingPoint& point)
       : free_(mechanism, point.direction * point.frequency, point.tilt, point.sensor_tilt),
         peg_(mechanism.peg),
-        press_(point.press),
+        contact_(point.friction.x(), point.friction.y(), point.press),
         weight_(mechanism.peg.mass * mechanism.gravity),
         rolling_(point.rolling && point.tilt.norm() > 1e-3
-                     ? point.press * mechanism.peg.radius / point.tilt.norm()
+                     ? mechanism.peg.radius / point.tilt.norm()
                      : 0.0) {
     const Vector3d force_in_peg(point.amplitude, 0.0, 0.0), quarter(0.0, point.amplitude, 0.0);
     force_.real() = free_.R_HP * force_in_peg;
@@ -153,17 +153,17 @@ class HeldMotion {
         free_.R_HP * Vector3d(peg_.radius * body.x(), peg_.radius * body.y(), -peg_.half_height);
 
     // static forces: contact, and the coupling that balances it and the weight
-    const Vector3d contact(0.0, 0.0, press_);
-    const Vector3d coupling(0.0, 0.0, weight_ - press_);
-    Matrix3d fixed = forceStiffness(contact, rho) + forceStiffness(coupling, free_.to_coupling);
+    const Vector3d coupling(-contact_.x(), -contact_.y(), weight_ - contact_.z());
+    Matrix3d fixed = forceStiffness(contact_, rho) + forceStiffness(coupling, free_.to_coupling);
     // the coupling's static moment acts on Euler angles, which differ from θ by θ×θ terms
-    const Vector3d moment = rho.cross(contact) + free_.to_coupling.cross(coupling);
+    const Vector3d moment = rho.cross(contact_) + free_.to_coupling.cross(coupling);
     Matrix3d euler;
     euler << 0.0, moment.z(), moment.y(), moment.z(), 0.0, -moment.x(), moment.y(), -moment.x(),
         0.0;
     fixed += 0.5 * euler;
-    // rolling shifts the press force along the edge
-    fixed.topLeftCorner<2, 2>() += rolling_ * radial * radial.transpose();
+    // rolling: a turn s about the radial axis moves the contact by -(r / tilt) s along the edge
+    const Vector3d along(-radial.y(), radial.x(), 0.0);
+    fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();
 
     // u = -θ × rho
     const Eigen::Matrix3cd held = skew(rho).cast<Complex>();
@@ -191,7 +191,9 @@ class HeldMotion {
  private:
   FreeMotion free_;
   PegParameters peg_;
-  double press_, weight_, rolling_;
+  Vector3d contact_;  // static force on the peg [N]
+  double weight_;     // [N]
+  double rolling_;    // contact's way along the edge per turn about the radial axis [m]
   Eigen::Vector3cd force_;
 };
 
@@ -210,6 +212,9 @@ void check(const OperatingPoint& point) {
   if (!(std::isfinite(point.press) && point.press >= 0.0)) {
     throw InputError("press force is " + std::to_string(point.press) +
                      ": give one of at least 0 in N");
+  }
+  if (!point.friction.allFinite()) {
+    throw InputError("friction force is not finite: give the horizontal contact force in N");
   }
   if (!(point.tilt.norm() < 0.5 && point.sensor_tilt.norm() < 0.5)) {
     throw InputError("tilt is " + std::to_string(point.tilt.norm()) +
@@ -291,9 +296,10 @@ Locus centreOfMassLocus(const Scenario& mechanism, double frequency, const Harmo
   return locusFromPhasors(xy[0], xy[1], std::sqrt(variance), fit.samples, fit.inflation);
 }
 
-double pressFromDeflection(const Scenario& mechanism, const Vector6& deflection) {
-  const double on_sensor = mechanism.coupling.stiffness.diagonal[0] * deflection[2];
-  return std::max(0.0, on_sensor + mechanism.peg.mass * mechanism.gravity);
+Vector3d contactForceFromDeflection(const Scenario& mechanism, const Vector6& deflection) {
+  Vector3d force = (sensorStiffness(mechanism) * deflection).head<3>();
+  force.z() = std::max(0.0, force.z() + mechanism.peg.mass * mechanism.gravity);
+  return force;
 }
 
 DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoint& point,

@@ -134,7 +134,7 @@ void ForceSensorNode::readParameters() {
       std::chrono::duration<double>(parameters.number("source_timeout", {0, 3600}, 2.0));
   diagnostic_period_ = parameters.number("diagnostic_period", {0.01, 3600}, 1.0);
 
-  if (replaying_) openReplay(parameters);
+  if (replaying_) openReplay();
   expected_rate_ = parameters.number("expected_rate", kPositive,
                                      replaying_ ? 1.0 / replay_->recording().period : 5000.0);
   parameters.refuseUnknown({"replay"});
@@ -143,25 +143,27 @@ void ForceSensorNode::readParameters() {
   checkUse(calibration_, "calibration file '" + calibration_file + "'");
 }
 
-void ForceSensorNode::openReplay(Parameters& parameters) {
+void ForceSensorNode::openReplay() {
   if (lockstep_) {
     throw InputError("parameter " + pnh_.resolveName("lockstep") +
                      " is true with source replay: only the simulator has a lockstep");
   }
+  Parameters parameters(ros::NodeHandle(pnh_, "replay"));
   ReplayFormat replay_format;
   const std::string quantity =
-      parameters.choice("replay/quantity", {"wrench", "volts", "counts"}, "wrench");
+      parameters.choice("quantity", {"wrench", "volts", "counts"}, "wrench");
   quantity_ = quantity == "wrench"  ? ReplayQuantity::kWrench
               : quantity == "volts" ? ReplayQuantity::kVolts
                                     : ReplayQuantity::kCounts;
   replay_format.quantity = quantity_;
-  replay_format.columns = parameters.texts("replay/columns", defaultColumns(quantity_));
-  replay_format.bits = parameters.integer("replay/bits", 2, 32, 16);
-  replay_format.full_scale = parameters.number("replay/full_scale", kPositive, 5.0);
-  const std::string file = parameters.text("replay/file");
-  replay_fast_ = parameters.choice("replay/rate", {"original", "fast"}, "original") == "fast";
-  const bool loop = parameters.flag("replay/loop", false);
-  const int block_size = parameters.integer("replay/block_size", 1, 100000, 1);
+  replay_format.columns = parameters.texts("columns", defaultColumns(quantity_));
+  replay_format.bits = parameters.integer("bits", 2, 32, 16);
+  replay_format.full_scale = parameters.number("full_scale", kPositive, 5.0);
+  const std::string file = parameters.text("file");
+  replay_fast_ = parameters.choice("rate", {"original", "fast"}, "original") == "fast";
+  const bool loop = parameters.flag("loop", false);
+  const int block_size = parameters.integer("block_size", 1, 100000, 1);
+  parameters.refuseUnknown();
   if (replay_fast_ && loop) {
     throw InputError("parameter " + pnh_.resolveName("replay/loop") +
                      " is true with replay/rate fast: it would flood for ever; loop at original");

@@ -282,7 +282,9 @@ LocusEstimate LocusNode::estimate(const Window& window, const Exciter& exciter) 
     point.frequency = exciter.frequency;
     point.amplitude = exciter.amplitude;
     point.direction = exciter.direction;
-    point.press = pressFromDeflection(mechanism_, fit.offset);
+    const Eigen::Vector3d force = contactForceFromDeflection(mechanism_, fit.offset);
+    point.press = force.z();
+    point.friction = force.head<2>();
     const DirectionEstimate direction =
         contactDirection(mechanism_, point, locus, LocusAxes::kSensor);
     if (direction.misfit <= misfit_limit_) {

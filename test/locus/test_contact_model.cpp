@@ -189,7 +189,8 @@ TEST(ContactModel, ClockwiseExciterIsTheMirrorImage) {
 // The mechanism's potential energy for finite rotations with a point of the edge fixed.
 class ExactPotential {
  public:
-  ExactPotential(const Scenario& s, const Vector2d& tilt, double alpha, double press) : s_(s) {
+  ExactPotential(const Scenario& s, const Vector2d& tilt, double alpha, const Vector3d& contact)
+      : s_(s) {
     const double phi = tilt.y(), about_x = tilt.x();
     R0_ =
         (Eigen::AngleAxisd(phi, Vector3d::UnitY()) * Eigen::AngleAxisd(about_x, Vector3d::UnitX()))
@@ -204,13 +205,13 @@ class ExactPotential {
     rho_ = {s.peg.radius * std::cos(low), s.peg.radius * std::sin(low), -s.peg.half_height};
     K_ = full(s.coupling.stiffness);
     // rest deflection that holds press, weight and their moments
-    const Vector3d contact(0, 0, press), coupling(0, 0, s.peg.mass * s.gravity - press);
+    const Vector3d coupling = Vector3d(0, 0, s.peg.mass * s.gravity) - contact;
     const Vector3d moment =
         (R0_ * rho_).cross(contact) + (R0_ * Vector3d(0, 0, s.peg.coupling_height)).cross(coupling);
     Matrix3d rates;  // rotation vector by psi, theta, phi
     rates << R0_(0, 2), std::cos(phi), 0, R0_(1, 2), 0, 1, R0_(2, 2), -std::sin(phi), 0;
     Vector6 load;  // on the sensor, generalised
-    load << -coupling.z(), 0, 0, rates.transpose() * moment;
+    load << -coupling.z(), -coupling.x(), -coupling.y(), rates.transpose() * moment;
     rest_ = K_.inverse() * load;
     euler0_ = euler(R0_);
     coupling0_ = R0_ * (Vector3d(0, 0, s.peg.coupling_height) - rho_);
@@ -304,11 +305,14 @@ TEST(ContactModel, StaticTermsAreTheSecondDerivativeOfTheExactEnergy) {
   const Scenario s = cell();
   for (const double press : {0.0, 12.0, 40.0}) {
     for (const double alpha : {0.4, 2.2, 3.9}) {
-      const ExactPotential upright(s, {0, 0}, alpha, press);
+      const Vector3d contact(-0.1 * press, 0.05 * press, press);
+      OperatingPoint p = operatingPoint(500, press);
+      p.friction = contact.head<2>();
+      const ExactPotential upright(s, {0, 0}, alpha, contact);
       // at rest: forces balance to the rounding of a difference quotient
       EXPECT_LT(upright.gradient().norm(), 1e-6);
       const Locus exact = upright.locus(500);
-      const ContactResponse r = contactResponse(s, operatingPoint(500, press), alpha);
+      const ContactResponse r = contactResponse(s, p, alpha);
       // differences of the energy: 1e-8 of the stiffness
       EXPECT_LT(relative(r, exact.P, exact.N), 1e-6) << press;
       // and the static terms are seen by this: they are larger than 1e-4
@@ -319,8 +323,7 @@ TEST(ContactModel, StaticTermsAreTheSecondDerivativeOfTheExactEnergy) {
       // tilted: the model leaves out products of tilt and static moment, to 0.05 · 1/50 near
       // resonance
       const Vector2d tilt(0.03, -0.04);
-      const Locus tilted = ExactPotential(s, tilt, alpha, press).locus(500);
-      OperatingPoint p = operatingPoint(500, press);
+      const Locus tilted = ExactPotential(s, tilt, alpha, contact).locus(500);
       // the rotation vector whose axis is Ry(tilt y) Rx(tilt x) z
       const Vector3d axis(std::sin(tilt.y()) * std::cos(tilt.x()), -std::sin(tilt.x()),
                           std::cos(tilt.y()) * std::cos(tilt.x()));
@@ -347,6 +350,9 @@ TEST(ContactModel, RollingStiffnessIsThatOfTheMovingLowestPoint) {
   const double stiffness = -moved.cross(Vector3d(0, 0, press)).x() / s;
   // first order in s over tilt
   EXPECT_NEAR(stiffness, press * mechanism.peg.radius / tilt, 1e-3 * stiffness);
+  // friction inward makes a moment about the vertical: the sign that the model takes
+  EXPECT_NEAR(moved.cross(Vector3d(-3.0, 0, press)).z() / s, -3.0 * mechanism.peg.radius / tilt,
+              1e-2 * stiffness);
 
   // the low side of a tilt about y is alpha = 0: there it acts as a spring about x
   Scenario stiffer = mechanism;
@@ -515,13 +521,15 @@ TEST(ContactModel, OperatingFrequencyOfTheCell) {
   EXPECT_LT(w0, 700);
 }
 
-TEST(ContactModel, PressFromTheMeanDeflection) {
+TEST(ContactModel, ContactForceFromTheMeanDeflection) {
   const Scenario s = cell();
-  Vector6 d = Vector6::Zero();
-  d[2] = (12.0 - s.peg.mass * s.gravity) / 5e4;  // on the sensor: contact + weight
-  EXPECT_NEAR(pressFromDeflection(s, d), 12.0, 1e-12);
+  Vector6 d;
+  d << 2e-5, -4e-5, (12.0 - s.peg.mass * s.gravity) / 5e4, 1e-3, 2e-3, 3e-3;
+  // on the sensor: contact + weight; across by 5e4 d, k26 about y, k35 about x
+  const Vector3d force(1.0 + 158 * 2e-3, -2.0 - 158 * 1e-3, 12.0);
+  EXPECT_LT((contactForceFromDeflection(s, d) - force).norm(), 1e-12);
   d[2] = -1.0;
-  EXPECT_EQ(pressFromDeflection(s, d), 0.0);
+  EXPECT_EQ(contactForceFromDeflection(s, d).z(), 0.0);
 }
 
 TEST(ContactModel, RefusesBadInput) {

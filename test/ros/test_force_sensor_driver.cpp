@@ -659,6 +659,7 @@ TEST(BadInput, StopsTheNodeWithOneLine) {
       {replay, "/bad_driver/replay/file"},
       {replay + "_replay/file:=/none.csv", "recording '/none.csv' can't be read"},
       {replay + drift + "_replay/quantity:=volts", "drift.csv:1: 11 columns instead of 7"},
+      {replay + drift + "_replay/colums:=t", "/bad_driver/replay/colums is unknown"},
       {replay + drift + "_lockstep:=true", "/bad_driver/lockstep"},
       {replay + drift + "_replay/rate:=fast _replay/loop:=true", "/bad_driver/replay/loop"},
       {"_source:=replay " + good + drift, "not the identity"},

@@ -16,12 +16,14 @@ namespace assembly_cell {
 
 /// What a prediction depends on besides the mechanism.
 struct OperatingPoint {
-  double frequency = 0.0;      ///< exciter [rad/s]
-  double amplitude = 0.0;      ///< exciter [N]
-  int direction = 1;           ///< +1 anticlockwise from above
-  double press = 0.0;          ///< contact force along z [N]
-  Eigen::Vector2d tilt{0, 0};  ///< of the peg axis: rotation vector (x, y) from upright [rad]
-  bool rolling = false;  ///< edge on plane: the contact rolls along the edge (stiffness N r / tilt)
+  double frequency = 0.0;          ///< exciter [rad/s]
+  double amplitude = 0.0;          ///< exciter [N]
+  int direction = 1;               ///< +1 anticlockwise from above
+  double press = 0.0;              ///< static contact force on the peg along z [N]
+  Eigen::Vector2d friction{0, 0};  ///< and across it [N]: what pressing has left
+  Eigen::Vector2d tilt{0, 0};      ///< of the peg axis: rotation vector (x, y) from upright [rad]
+  bool rolling =
+      false;  ///< edge on plane: the contact rolls along the edge (stiffness press r / tilt)
   Eigen::Vector2d sensor_tilt{0, 0};  ///< of the sensor's axes, as tilt [rad]
 };
 
@@ -85,7 +87,8 @@ Locus centreOfMassLocus(const Scenario& mechanism, double frequency, const Harmo
                         const Eigen::Vector2d& tilt = Eigen::Vector2d::Zero(),
                         const Eigen::Vector2d& sensor_tilt = Eigen::Vector2d::Zero());
 
-/// Contact force along z [N] from the mean deflection (sensor axes, untared), at least 0.
-double pressFromDeflection(const Scenario& mechanism, const Vector6& deflection);
+/// Static contact force on the peg [N] from the mean deflection (untared), sensor axes taken as
+/// upright; z at least 0.
+Eigen::Vector3d contactForceFromDeflection(const Scenario& mechanism, const Vector6& deflection);
 
 }  // namespace assembly_cell

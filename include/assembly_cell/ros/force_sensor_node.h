@@ -26,8 +26,6 @@
 
 namespace assembly_cell::ros_bridge {
 
-class Parameters;
-
 /// Driver of one six-axis sensor: blocks of strain samples, from the topic `bridge` or from a
 /// recording, become wrenches and displacements. Interfaces: docs/interfaces.md.
 /// Wrench: exerted by the environment on the part that the sensor carries, about the origin of
@@ -58,7 +56,7 @@ class ForceSensorNode {
   };
 
   void readParameters();
-  void openReplay(Parameters& parameters);
+  void openReplay();
   void advertise();
   void subscribe();
 

@@ -1,0 +1,215 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The tool estimate_locus: result keys, undefined results, bad input.
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+
+#include "assembly_cell/locus/contact_model.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+namespace {
+
+const std::string kCell = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml";
+
+struct ToolRun {
+  int code = -1;
+  std::string out, error;
+};
+
+class EstimateLocus : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "locus_XXXXXX").string();
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  std::string write(const std::string& text) const {
+    std::ofstream(path("samples.csv")) << text;
+    return path("samples.csv");
+  }
+
+  // samples of Z = P e^{ia} + N e^{-ia} with an offset, a = direction · frequency · t
+  std::string locus(std::complex<double> P, std::complex<double> N, double sigma,
+                    double frequency = 770, int direction = 1) const {
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> noise(0.0, 1.0);
+    std::string text = "t,x,y\n";
+    for (int k = 0; k < 1000; ++k) {
+      const double t = 0.3 + 2e-4 * k;
+      const std::complex<double> turn = std::polar(1.0, direction * frequency * t);
+      const std::complex<double> z = P * turn + N * std::conj(turn);
+      char line[120];
+      std::snprintf(line, sizeof(line), "%.17g,%.17g,%.17g\n", t,
+                    z.real() + 1e-3 + sigma * noise(random), z.imag() + sigma * noise(random));
+      text += line;
+    }
+    return write(text);
+  }
+
+  ToolRun run(const std::string& arguments) const {
+    const std::string command = std::string(ASSEMBLY_CELL_BIN_DIR) + "/estimate_locus " +
+                                arguments + " >" + path("out") + " 2>" + path("error");
+    ToolRun r;
+    const int status = std::system(command.c_str());
+    r.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    const auto read = [](const std::string& file) {
+      std::ifstream in(file);
+      return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    r.out = read(path("out"));
+    r.error = read(path("error"));
+    return r;
+  }
+
+  // bad input: exit 2, nothing on standard output, one line that contains `part`
+  void refused(const std::string& arguments, const std::string& part) const {
+    const ToolRun r = run(arguments);
+    EXPECT_EQ(r.code, 2) << arguments;
+    EXPECT_EQ(r.out, "");
+    EXPECT_EQ(std::count(r.error.begin(), r.error.end(), '\n'), 1) << r.error;
+    EXPECT_NE(r.error.find(part), std::string::npos) << r.error;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(EstimateLocus, PrintsEveryKeyOfAnEllipse) {
+  const std::complex<double> P = std::polar(3e-6, 0.4), N = std::polar(7e-6, 1.2);
+  const ToolRun r = run(locus(P, N, 1e-8) + " --frequency 770");
+  ASSERT_EQ(r.code, 0) << r.error;
+  const YAML::Node y = YAML::Load(r.out);
+  EXPECT_EQ(y["mode"].as<std::string>(), "ellipse");
+  // five standard deviations of the fit: sqrt(σ²/n)
+  const double tolerance = 5e-8 / std::sqrt(1000.0);
+  EXPECT_NEAR(y["P"][0].as<double>(), P.real(), tolerance);
+  EXPECT_NEAR(y["P"][1].as<double>(), P.imag(), tolerance);
+  EXPECT_NEAR(y["N"][0].as<double>(), N.real(), tolerance);
+  EXPECT_NEAR(y["N"][1].as<double>(), N.imag(), tolerance);
+  EXPECT_NEAR(y["semi_major"].as<double>(), 10e-6, 2 * tolerance);
+  EXPECT_NEAR(y["semi_minor"].as<double>(), -4e-6, 2 * tolerance);
+  const double sd = y["orientation_sd"].as<double>();
+  EXPECT_NEAR(y["orientation"].as<double>(), 0.8, 5 * sd);
+  EXPECT_NEAR(sd, 0.5e-8 / std::sqrt(1000.0) * std::hypot(1 / 3e-6, 1 / 7e-6), 0.1 * sd);
+  EXPECT_EQ(y["frequency"].as<double>(), 770.0);
+  EXPECT_NEAR(y["noise_sd"].as<double>(), 1e-8, 0.1e-8);
+  ASSERT_EQ(y["hypotheses"].size(), 4u);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    EXPECT_NEAR(y["hypotheses"][k]["direction"].as<double>(),
+                y["orientation"].as<double>() + static_cast<double>(k) * M_PI / 2, 1e-12);
+    EXPECT_EQ(y["hypotheses"][k]["weight"].as<double>(), 0.25);
+  }
+  for (const char* mode : {"none", "segment", "ellipse", "circle", "undecided"}) {
+    sum += y["probabilities"][mode].as<double>();
+  }
+  EXPECT_NEAR(sum, 1.0, 1e-12);
+}
+
+TEST_F(EstimateLocus, ClockwiseExciter) {
+  const ToolRun r =
+      run(locus(4e-6, 1e-6, 1e-8, 770, -1) + " --frequency 770 --direction -1 --drift");
+  ASSERT_EQ(r.code, 0) << r.error;
+  const YAML::Node y = YAML::Load(r.out);
+  EXPECT_NEAR(y["P"][0].as<double>(), 4e-6, 2e-9);
+  EXPECT_NEAR(y["semi_minor"].as<double>(), 3e-6, 4e-9);
+}
+
+TEST_F(EstimateLocus, ModesAndUndefinedResults) {
+  struct Case {
+    double p, n;
+    const char* mode;
+    bool oriented;
+  };
+  for (const Case& c : {Case{0, 0, "none", false}, Case{5e-6, 5e-6, "segment", true},
+                        Case{5e-6, 0, "circle", false}, Case{0, 5e-6, "ellipse", false}}) {
+    const ToolRun r = run(locus(c.p, c.n, 1e-8) + " --frequency 770");
+    ASSERT_EQ(r.code, 0) << r.error;
+    const YAML::Node y = YAML::Load(r.out);
+    EXPECT_EQ(y["mode"].as<std::string>(), c.mode);
+    EXPECT_TRUE(y["semi_major"].as<double>() >= 0.0);
+    EXPECT_TRUE(std::isfinite(y["semi_minor"].as<double>()));
+    if (c.oriented) {
+      EXPECT_NEAR(std::remainder(y["orientation"].as<double>(), M_PI), 0.0, 0.01) << c.mode;
+      EXPECT_EQ(y["hypotheses"].size(), 4u);
+    } else if (c.p > 0 || c.n == 0) {
+      for (const char* key : {"orientation", "orientation_sd", "hypotheses"}) {
+        EXPECT_TRUE(y[key].IsNull()) << c.mode << " " << key;
+      }
+    }
+  }
+}
+
+TEST_F(EstimateLocus, MechanismGivesHypothesesByInversion) {
+  const Scenario mechanism = loadScenario(kCell);
+  OperatingPoint point;
+  point.frequency = 500;
+  point.amplitude = 1;
+  point.press = 12;
+  const ContactResponse response = contactResponse(mechanism, point, 2.0);
+  const std::string samples = locus(response.P, response.N, 1e-8, 500);
+  const std::string mechanism_options = " --frequency 500 --mechanism " + kCell;
+  const ToolRun r = run(samples + mechanism_options + " --amplitude 1 --press 12");
+  ASSERT_EQ(r.code, 0) << r.error;
+  const YAML::Node y = YAML::Load(r.out);
+  ASSERT_EQ(y["hypotheses"].size(), 2u);
+  // either half turn; noise σ/(2 √n |N|) = 2e-5 rad
+  EXPECT_NEAR(std::remainder(y["hypotheses"][0]["direction"].as<double>() - 2.0, M_PI), 0.0, 1e-4);
+  EXPECT_NEAR(std::remainder(y["hypotheses"][1]["direction"].as<double>() -
+                                 y["hypotheses"][0]["direction"].as<double>() - M_PI,
+                             2 * M_PI),
+              0.0, 1e-4);
+  // another amplitude is no locus of this mechanism
+  const ToolRun other = run(samples + mechanism_options + " --amplitude 3 --press 12");
+  ASSERT_EQ(other.code, 0) << other.error;
+  EXPECT_TRUE(YAML::Load(other.out)["hypotheses"].IsNull());
+  // the cell's exciter is off
+  refused(samples + mechanism_options, "--amplitude: value missing");
+}
+
+TEST_F(EstimateLocus, RefusesBadInput) {
+  const std::string good = locus(1e-6, 1e-6, 1e-8);
+  refused("", "give a file of samples");
+  refused(good, "--frequency: value missing");
+  refused(good + " --frequency -3", "--frequency: value -3");
+  refused(good + " --frequency nan", "--frequency: value nan");
+  refused(good + " --frequency 770 --frobnicate", "--frobnicate: unknown option");
+  refused(good + " --frequency 770 --direction 2", "--direction: value 2");
+  refused(good + " --frequency 770 --false-alarm 0.7", "--false-alarm");
+  refused(good + " --frequency 770 --mechanism /nowhere.yaml", "/nowhere.yaml");
+  refused(good + " --frequency 1e-3", "at least one is needed");
+  refused("/nowhere.csv --frequency 770", "/nowhere.csv");
+  refused(write("") + " --frequency 770", "samples.csv");
+  refused(write("t,x\n0,1\n") + " --frequency 770", "samples.csv:1: column y is missing");
+  refused(write("t,x,y,x\n") + " --frequency 770", "column x is there twice");
+  refused(write("t,x,y\n") + " --frequency 770", "0 samples");
+  refused(write("t,x,y\n0,1,2\n1e-3,nan,2\n") + " --frequency 770",
+          "samples.csv:3: column x is 'nan': give a finite number");
+  refused(write("t,x,y\n0,1,2\n1e-3,3,abc\n") + " --frequency 770", ":3: column y is 'abc'");
+  refused(write("t,x,y\n0,1,2\n1e-3,3\n") + " --frequency 770", ":3: column y is missing");
+  refused(write("t,x,y\n0,1,2\n1e-3,3,4,5\n") + " --frequency 770", ":3: column 4 is '5'");
+  refused(write("t,x,y\n0,1,2\n0,3,4\n") + " --frequency 770", ":3: column t is '0'");
+}
+
+TEST_F(EstimateLocus, HelpHasAnExample) {
+  const ToolRun r = run("--help");
+  EXPECT_EQ(r.code, 0);
+  EXPECT_NE(r.out.find("Example: estimate_locus samples.csv --frequency"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace assembly_cell

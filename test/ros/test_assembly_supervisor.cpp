@@ -1,0 +1,219 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <actionlib/client/simple_action_client.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/AlignPegAction.h"
+#include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/ContactArray.h"
+#include "assembly_cell/Exciter.h"
+#include "assembly_cell/MoveToContactAction.h"
+#include "cell_fixture.h"
+
+namespace assembly_cell::ros_bridge {
+namespace {
+
+using actionlib::SimpleClientGoalState;
+using test::Child;
+using test::executable;
+using test::Record;
+using test::sourceFile;
+using test::waitFor;
+
+class Supervisor : public ::testing::Test {
+ protected:
+  Supervisor()
+      : command_(nh_, "carrier_command"),
+        exciter_(nh_, "exciter"),
+        carrier_(nh_, "carrier_pose"),
+        contacts_(nh_, "truth/contacts"),
+        report_(nh_, "report"),
+        align_(nh_, "align", false),
+        press_(nh_, "move_to_contact", false) {}
+
+  void SetUp() override {
+    ASSERT_TRUE(waitFor([this] {
+      return align_.isServerConnected() && press_.isServerConnected() && command_.connected() &&
+             exciter_.connected() && carrier_.size() > 0 && contacts_.connected() &&
+             report_.connected();
+    })) << "the cell isn't there";
+    // hanging over the plane again, with the clock going on
+    std_srvs::Trigger reset;
+    ASSERT_TRUE(ros::service::call("peg_hole_simulator/reset", reset));
+    ASSERT_TRUE(reset.response.success) << reset.response.message;
+    command_.clear();
+    exciter_.clear();
+    report_.clear();
+  }
+
+  void startAlign(const std::string& strategy) {
+    AlignPegGoal goal;
+    goal.strategy = strategy;
+    align_.sendGoal(goal, {}, {}, [this](const AlignPegFeedbackConstPtr& feedback) {
+      std::lock_guard<std::mutex> lock(mutex_);
+      feedback_.push_back(*feedback);
+    });
+  }
+  // under way, with the peg pressed and the exciter on
+  bool shaking() {
+    std::lock_guard<std::mutex> lock(mutex_);
+    return !feedback_.empty() && exciter_.last() && exciter_.last()->on;
+  }
+  template <class Client>
+  SimpleClientGoalState finish(Client& client) {
+    EXPECT_TRUE(waitFor([&] { return client.getState().isDone(); })) << "the goal doesn't end";
+    return client.getState();
+  }
+  SimpleClientGoalState press(double force) {
+    MoveToContactGoal goal;
+    goal.force = force;
+    press_.sendGoal(goal, {}, {}, [this](const MoveToContactFeedbackConstPtr& feedback) {
+      std::lock_guard<std::mutex> lock(mutex_);
+      press_feedback_.push_back(*feedback);
+    });
+    return finish(press_);
+  }
+
+  ros::NodeHandle nh_;
+  Record<geometry_msgs::PoseStamped> command_;
+  Record<Exciter> exciter_;
+  Record<geometry_msgs::PoseStamped> carrier_;
+  Record<ContactArray> contacts_;
+  Record<AlignmentReport> report_;
+  actionlib::SimpleActionClient<AlignPegAction> align_;
+  actionlib::SimpleActionClient<MoveToContactAction> press_;
+  std::mutex mutex_;
+  std::vector<AlignPegFeedback> feedback_;
+  std::vector<MoveToContactFeedback> press_feedback_;
+};
+
+TEST_F(Supervisor, HoldsThePressForceWithinFivePercent) {
+  const auto state = press(12.0);
+  ASSERT_EQ(state.state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  EXPECT_TRUE(press_.getResult()->success);
+  EXPECT_NEAR(press_.getResult()->force, 12.0, 0.05 * 12.0);
+  EXPECT_GT(command_.size(), 0U);
+
+  // the true contact force from here on, mean of 50 blocks
+  const std::size_t n = contacts_.size();
+  ASSERT_TRUE(waitFor([&] { return contacts_.size() >= n + 50; }));
+  const auto all = contacts_.all();
+  double sum = 0.0;
+  for (std::size_t i = n; i < n + 50; ++i) {
+    for (const auto& contact : all[i]->contacts) {
+      if (contact.state != Contact::OPEN) sum += contact.force.z;
+    }
+  }
+  EXPECT_NEAR(sum / 50, 12.0, 0.05 * 12.0);
+  std::lock_guard<std::mutex> lock(mutex_);
+  ASSERT_FALSE(press_feedback_.empty());
+  EXPECT_LT(press_feedback_.back().z, press_feedback_.front().z);
+}
+
+TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
+  for (const double force : {-1.0, 0.0, 100.0, std::numeric_limits<double>::quiet_NaN()}) {
+    EXPECT_EQ(press(force).state_, SimpleClientGoalState::ABORTED);
+    EXPECT_FALSE(press_.getResult()->success);
+    EXPECT_NE(press_.getResult()->message.find("force is"), std::string::npos);
+  }
+  EXPECT_EQ(command_.size(), 0U);
+}
+
+TEST_F(Supervisor, RefusesAnUnknownStrategyAndReportsIt) {
+  startAlign("telepathy");
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  const AlignmentReport report = align_.getResult()->report;
+  EXPECT_FALSE(report.success);
+  EXPECT_NE(report.reason.find("telepathy"), std::string::npos) << report.reason;
+  EXPECT_FALSE(report.truth_known);
+  ASSERT_TRUE(waitFor([this] { return report_.last() != nullptr; }));
+  EXPECT_EQ(report_.last()->reason, report.reason);
+  // latched: who comes late gets it too
+  Record<AlignmentReport> late(nh_, "report");
+  EXPECT_TRUE(waitFor([&] { return late.last() != nullptr; }));
+}
+
+TEST_F(Supervisor, CancelEndsAnAlignmentWithExciterOffAndCarrierAtRest) {
+  startAlign("single_contact");
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  align_.cancelGoal();
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED);
+  EXPECT_EQ(align_.getResult()->report.reason, "cancelled");
+  EXPECT_GT(align_.getResult()->report.simulated_time, 0.0);
+  ASSERT_TRUE(waitFor([this] { return exciter_.last() && !exciter_.last()->on; }));
+
+  // where it is told to be is where it was, and it stays there
+  ASSERT_TRUE(waitFor([this] { return command_.last() != nullptr; }));
+  const std::size_t n = carrier_.size();
+  ASSERT_TRUE(waitFor([&] { return carrier_.size() > n + 50; }));
+  const auto all = carrier_.all();
+  const auto& commanded = command_.last()->pose.position;
+  for (std::size_t i = n + 25; i < n + 50; ++i) {
+    EXPECT_NEAR(all[i]->pose.position.z, commanded.z, 1e-6);
+    // the carrier's springs yield by less than 40 N over 2e5 N/m
+    EXPECT_NEAR(all[i]->pose.position.x, commanded.x, 2e-4);
+  }
+}
+
+TEST_F(Supervisor, TakesOneGoalAtATime) {
+  startAlign("");
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  EXPECT_EQ(press(5.0).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_NE(press_.getResult()->message.find("busy"), std::string::npos);
+  align_.cancelGoal();
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED);
+}
+
+TEST_F(Supervisor, GivesUpWhenNoSamplesCome) {
+  std_srvs::SetBool pause;
+  pause.request.data = true;
+  ASSERT_TRUE(ros::service::call("peg_hole_simulator/pause", pause));
+  startAlign("single_contact");
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_NE(align_.getResult()->report.reason.find("no block of samples"), std::string::npos)
+      << align_.getResult()->report.reason;
+  pause.request.data = false;
+  ASSERT_TRUE(ros::service::call("peg_hole_simulator/pause", pause));
+  const std::size_t n = carrier_.size();
+  EXPECT_TRUE(waitFor([&] { return carrier_.size() > n; })) << "the lockstep is broken";
+}
+
+TEST(SupervisorBadInput, GivesOneLine) {
+  const std::string scenario = "_scenario:=" + sourceFile("config/scenarios/cell.yaml");
+  const auto refuse = [](const std::vector<std::string>& arguments, const std::string& expected) {
+    ros::param::del("/bad/assembly_supervisor");
+    std::vector<std::string> command = {executable("assembly_supervisor"), "__ns:=/bad"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    Child child(command);
+    EXPECT_EQ(child.wait(), 1) << child.output();
+    EXPECT_EQ(child.lines("FATAL").size(), 1U) << child.output();
+    EXPECT_EQ(child.lines(expected).size(), 1U) << expected << "\n" << child.output();
+  };
+  refuse({}, "/bad/assembly_supervisor/scenario is missing");
+  refuse({scenario, "_press_force:=nan"}, "/bad/assembly_supervisor/press_force is nan");
+  refuse({scenario, "_press_force:=50.0"}, "press_force: 50");
+  refuse({scenario, "_exciter_direction:=0"}, "exciter_direction: 0");
+  refuse({scenario, "_strategy:=telepathy"}, "telepathy");
+  refuse({scenario, "_windw:=0.1"}, "/bad/assembly_supervisor/windw is unknown");
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "assembly_supervisor_test");
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::NodeHandle nh;
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,144 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <geometry_msgs/PoseStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <ros/serialization.h>
+#include <stdlib.h>
+#include <unistd.h>
+#include <visualization_msgs/MarkerArray.h>
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/ContactArray.h"
+#include "assembly_cell/Exciter.h"
+#include "cell_fixture.h"
+
+namespace assembly_cell::ros_bridge {
+namespace {
+
+using test::Child;
+using test::executable;
+using test::Record;
+using test::waitFor;
+
+constexpr double kRunTime = 240.0;  // of one alignment on a busy machine, wall clock [s]
+
+// what a run of the whole cell has left
+struct CellRun {
+  int exit_code = -1;
+  YAML::Node report;
+  std::vector<std::string> commands;  // carrier_command, then exciter: serialised messages
+  std::size_t markers = 0;
+  std::string output;
+};
+
+template <class M>
+void serialise(const Record<M>& record, std::vector<std::string>& out) {
+  std::uint32_t expected = 0;
+  for (const auto& message : record.all()) {
+    // none is missing
+    EXPECT_EQ(message->header.seq, expected++);
+    const auto size = ros::serialization::serializationLength(*message);
+    std::string bytes(size, '\0');
+    ros::serialization::OStream stream(reinterpret_cast<std::uint8_t*>(bytes.data()),
+                                       static_cast<std::uint32_t>(size));
+    ros::serialization::serialize(stream, *message);
+    out.push_back(bytes);
+  }
+}
+
+// launches the cell, has it align once and stops it
+CellRun run(const std::vector<std::string>& arguments, bool watched) {
+  ros::NodeHandle nh;
+  CellRun out;
+  const std::string file =
+      std::string(::testing::TempDir()) + "cell_report_" + std::to_string(getpid()) + ".yaml";
+  Record<geometry_msgs::PoseStamped> commands(nh, "carrier_command");
+  Record<Exciter> exciter(nh, "exciter");
+  std::unique_ptr<Record<ContactArray>> contacts;
+  std::unique_ptr<Record<visualization_msgs::MarkerArray>> markers;
+  if (watched) {
+    contacts = std::make_unique<Record<ContactArray>>(nh, "truth/contacts");
+    markers = std::make_unique<Record<visualization_msgs::MarkerArray>>(nh, "markers");
+  }
+
+  std::vector<std::string> command = {"roslaunch", "assembly_cell", "cell.launch", "lockstep:=true",
+                                      "paused:=true"};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  Child cell(command);
+  EXPECT_TRUE(waitFor([&] {
+    return !cell.running() || (commands.connected() && exciter.connected());
+  })) << cell.output();
+  EXPECT_TRUE(cell.running()) << cell.output();
+
+  Child report({executable("report"), "_report_file:=" + file});
+  EXPECT_TRUE(waitFor([&] { return !report.running() || !cell.running(); }, kRunTime))
+      << report.output();
+  EXPECT_TRUE(cell.running()) << cell.output();
+  out.exit_code = report.wait();
+  out.output = report.output();
+  if (markers) out.markers = markers->size();
+  cell.stop();
+  serialise(commands, out.commands);
+  serialise(exciter, out.commands);
+  if (access(file.c_str(), R_OK) == 0) out.report = YAML::LoadFile(file);
+  unlink(file.c_str());
+  return out;
+}
+
+// the report without what depends on the wall clock, and without some keys
+std::string without(const YAML::Node& report, const std::vector<std::string>& keys) {
+  YAML::Node copy = YAML::Clone(report);
+  copy.remove("wall_time");
+  for (const auto& key : keys) copy.remove(key);
+  return YAML::Dump(copy);
+}
+
+TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
+  // once with everybody looking, once with nobody, once without any truth to look at
+  const CellRun seen = run({}, true);
+  ASSERT_EQ(seen.exit_code, 0) << seen.output;
+  EXPECT_GT(seen.markers, 0U);
+  EXPECT_TRUE(seen.report["success"].as<bool>());
+  EXPECT_TRUE(seen.report["verdict"].as<bool>());
+  EXPECT_LE(seen.report["edge_reach"].as<double>(), seen.report["hole_radius"].as<double>());
+  EXPECT_GT(seen.commands.size(), 100U);
+  // several millimetres and about a degree off at the start
+  const auto offset = seen.report["true_offset"].as<std::vector<double>>();
+  const auto tilt = seen.report["true_tilt"].as<std::vector<double>>();
+  EXPECT_GT(std::hypot(offset[0], offset[1]), 3e-3);
+  EXPECT_GT(std::hypot(tilt[0], tilt[1]), 0.01);
+
+  const CellRun unseen = run({}, false);
+  ASSERT_EQ(unseen.exit_code, 0) << unseen.output;
+  EXPECT_EQ(without(unseen.report, {}), without(seen.report, {}));
+  EXPECT_TRUE(unseen.commands == seen.commands)
+      << unseen.commands.size() << " and " << seen.commands.size() << " commands";
+
+  const CellRun blind = run({"publish_truth:=false"}, false);
+  ASSERT_EQ(blind.exit_code, 0) << blind.output;
+  EXPECT_FALSE(blind.report["truth_known"].as<bool>());
+  EXPECT_TRUE(blind.report["true_offset"].IsNull());
+  const std::vector<std::string> truth = {"truth_known",     "true_offset", "true_tilt",
+                                          "true_pose_start", "true_pose",   "edge_reach"};
+  EXPECT_EQ(without(blind.report, truth), without(seen.report, truth));
+  EXPECT_TRUE(blind.commands == seen.commands)
+      << blind.commands.size() << " and " << seen.commands.size() << " commands";
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "cell_test");
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::NodeHandle nh;
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,471 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <actionlib/client/simple_action_client.h>
+#include <assembly_cell/Ack.h>
+#include <assembly_cell/DisplacementSamples.h>
+#include <assembly_cell/Exciter.h>
+#include <assembly_cell/IdentifyLocusAction.h>
+#include <assembly_cell/LocusEstimate.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <std_srvs/SetBool.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <mutex>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/locus/contact_model.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell::ros_bridge {
+namespace {
+
+using Complex6 = Eigen::Matrix<std::complex<double>, 6, 1>;
+using Client = actionlib::SimpleActionClient<IdentifyLocusAction>;
+
+constexpr double kPatience = 20.0;  // of the wall clock, for a busy machine [s]
+constexpr double kPeriod = 2e-4;    // of the samples [s]
+constexpr std::size_t kBlock = 100;
+constexpr double kNoise = 1e-9;  // of each displacement [m], [rad]
+
+template <class Condition>
+bool waitFor(const Condition& condition) {
+  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(kPatience);
+  while (ros::ok() && ros::WallTime::now() < end) {
+    if (condition()) return true;
+    ros::WallDuration(0.002).sleep();
+  }
+  return condition();
+}
+
+class LocusEstimator : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    mechanism_ = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
+                              {"gravity=9.81"});
+    blocks_ = nh_.advertise<DisplacementSamples>("sensor_b/displacement_samples", 100);
+    exciters_ = nh_.advertise<Exciter>("exciter", 100);
+    poses_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", 100);
+    keep("ack", acks_);
+    keep("locus", loci_);
+    keep("contact_mode", modes_);
+    enable_ = nh_.serviceClient<std_srvs::SetBool>("locus_estimator/enable");
+    ASSERT_TRUE(enable_.waitForExistence(ros::Duration(kPatience)));
+    ASSERT_TRUE(client_.waitForServer(ros::Duration(kPatience)));
+    ASSERT_TRUE(waitFor([&] {
+      for (const ros::Subscriber& sub : subs_) {
+        if (sub.getNumPublishers() == 0) return false;
+      }
+      return blocks_.getNumSubscribers() > 0 && exciters_.getNumSubscribers() > 0 &&
+             poses_.getNumSubscribers() > 0;
+    }));
+    // each test an hour after the one before, so that none sees another's samples
+    static double start = 100.0;
+    time_ = start;
+    start += 3600.0;
+    exciter_.on = false;
+    exciters_.publish(exciter_);
+    push(Complex6::Zero());
+    clear();
+  }
+
+  // ---- what the estimator hears ----
+
+  void switchOn(double frequency, int direction) {
+    exciter_.header.stamp = ros::Time(time_);
+    exciter_.on = true;
+    exciter_.amplitude = 1.0;
+    exciter_.frequency = frequency;
+    exciter_.phase = 0.6;
+    exciter_.direction = static_cast<std::int8_t>(direction);
+    exciters_.publish(exciter_);
+    // topics have no common order: a block of rest gives it time to arrive
+    push(Complex6::Zero());
+  }
+
+  // the next block: phasors of the deflection under the exciter, press, noise
+  DisplacementSamples block(const Complex6& phasor, double press = 12.0) {
+    DisplacementSamples b;
+    b.header.stamp = ros::Time(time_ + kPeriod);
+    b.header.frame_id = "sensor_b";
+    b.period = kPeriod;
+    b.sequence = ++sequence_;
+    for (std::size_t k = 1; k <= kBlock; ++k) {
+      const double t = time_ + kPeriod * static_cast<double>(k);
+      const double angle =
+          exciter_.direction *
+          (exciter_.frequency * (t - exciter_.header.stamp.toSec()) + exciter_.phase);
+      for (int j = 0; j < 6; ++j) {
+        const double mean = (press - mechanism_.peg.mass * mechanism_.gravity) / 5e4;
+        b.displacement.push_back((phasor[j] * std::polar(1.0, angle)).real() +
+                                 (j == 2 ? mean : 0.0) + kNoise * normal_(random_));
+      }
+    }
+    time_ += kPeriod * kBlock;
+    return b;
+  }
+
+  void pose(double x) {
+    geometry_msgs::PoseStamped p;
+    p.header.stamp = ros::Time(time_);
+    p.header.frame_id = "hole";
+    p.pose.position.x = x;
+    p.pose.orientation.w = 1.0;
+    poses_.publish(p);
+  }
+
+  void send(const DisplacementSamples& b) {
+    blocks_.publish(b);
+    EXPECT_TRUE(waitFor([&] {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      return !acks_.empty() && acks_.back().sequence == b.sequence;
+    })) << "no ack of block "
+        << b.sequence;
+  }
+
+  void push(const Complex6& phasor, int count = 1) {
+    for (int k = 0; k < count; ++k) send(block(phasor));
+  }
+
+  // deflection of the coupling with the contact in direction alpha
+  ContactResponse response(double alpha) const {
+    OperatingPoint point;
+    point.frequency = exciter_.frequency;
+    point.amplitude = exciter_.amplitude;
+    point.direction = exciter_.direction;
+    point.press = 12.0;
+    return contactResponse(mechanism_, point, alpha);
+  }
+
+  // ---- what it says ----
+
+  template <class M>
+  void keep(const std::string& topic, std::vector<M>& messages) {
+    boost::function<void(const boost::shared_ptr<const M>&)> callback =
+        [this, &messages](const boost::shared_ptr<const M>& m) {
+          const std::lock_guard<std::mutex> lock(mutex_);
+          messages.push_back(*m);
+        };
+    subs_.push_back(nh_.subscribe<M>(topic, 1000, callback));
+  }
+  template <class M>
+  std::size_t count(const std::vector<M>& messages) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return messages.size();
+  }
+  template <class M>
+  M last(const std::vector<M>& messages) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return messages.empty() ? M() : messages.back();
+  }
+  void clear() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    acks_.clear();
+    loci_.clear();
+    modes_.clear();
+  }
+
+  void expectLocus(const LocusEstimate& e, const ContactResponse& truth, double alpha) {
+    // five standard deviations of the fit through the map from deflection to the centre of mass
+    const double tolerance = 5 * e.noise_sd * std::sqrt(e.inflation / e.samples);
+    EXPECT_NEAR(e.p[0], truth.P.real(), tolerance);
+    EXPECT_NEAR(e.p[1], truth.P.imag(), tolerance);
+    EXPECT_NEAR(e.n[0], truth.N.real(), tolerance);
+    EXPECT_NEAR(e.n[1], truth.N.imag(), tolerance);
+    EXPECT_LT(tolerance, 1e-2 * std::abs(truth.N));
+    EXPECT_NEAR(e.semi_major, std::abs(truth.P) + std::abs(truth.N), 3 * tolerance);
+    EXPECT_NEAR(e.semi_minor, std::abs(truth.P) - std::abs(truth.N), 3 * tolerance);
+    EXPECT_GE(e.orientation, 0.0);
+    EXPECT_LT(e.orientation, M_PI);
+    EXPECT_GT(e.orientation_sd, 0.0);
+    EXPECT_EQ(e.frequency, exciter_.frequency);
+    EXPECT_EQ(e.header.frame_id, "sensor_b");
+    double sum = 0.0;
+    for (const double p : e.probabilities) sum += p;
+    EXPECT_NEAR(sum, 1.0, 1e-12);
+    ASSERT_EQ(e.hypothesis_direction.size(), 2u);
+    ASSERT_EQ(e.hypothesis_weight.size(), 2u);
+    EXPECT_NEAR(e.hypothesis_weight[0] + e.hypothesis_weight[1], 1.0, 1e-12);
+    EXPECT_NEAR(std::remainder(e.hypothesis_direction[0] - alpha, M_PI), 0.0, 0.02);
+    EXPECT_NEAR(std::remainder(e.hypothesis_direction[1] - alpha, M_PI), 0.0, 0.02);
+  }
+
+  IdentifyLocusGoal goal(double start, double duration) const {
+    IdentifyLocusGoal g;
+    g.start = ros::Time(start);
+    g.duration = ros::Duration(duration);
+    g.exciter = exciter_;
+    return g;
+  }
+
+  IdentifyLocusResult resultOf(const IdentifyLocusGoal& g) {
+    client_.sendGoal(g);
+    EXPECT_TRUE(client_.waitForResult(ros::Duration(kPatience)));
+    const auto result = client_.getResult();
+    return result ? *result : IdentifyLocusResult();
+  }
+
+  void refused(const IdentifyLocusGoal& g, const std::string& part) {
+    const IdentifyLocusResult result = resultOf(g);
+    EXPECT_FALSE(result.success);
+    EXPECT_NE(result.message.find(part), std::string::npos) << result.message;
+    EXPECT_EQ(client_.getState(), actionlib::SimpleClientGoalState::ABORTED);
+  }
+
+  bool enable(bool on) {
+    std_srvs::SetBool call;
+    call.request.data = on;
+    return enable_.call(call) && call.response.success;
+  }
+
+  ros::NodeHandle nh_;
+  Scenario mechanism_;
+  Exciter exciter_;
+  double time_ = 0.0;
+  std::uint32_t sequence_ = 0;
+  std::mt19937_64 random_{1};
+  std::normal_distribution<double> normal_;
+  std::mutex mutex_;
+  std::vector<Ack> acks_;
+  std::vector<LocusEstimate> loci_, modes_;
+  ros::Publisher blocks_, exciters_, poses_;
+  std::vector<ros::Subscriber> subs_;
+  ros::ServiceClient enable_;
+  Client client_{"identify_locus", true};
+};
+
+TEST_F(LocusEstimator, AcknowledgesEveryBlockByItsName) {
+  push(Complex6::Zero(), 3);
+  ASSERT_EQ(count(acks_), 3u);
+  EXPECT_EQ(last(acks_).node, "locus_estimator");
+  EXPECT_EQ(last(acks_).commands, 0u);
+  // also one that it can't use
+  DisplacementSamples b = block(Complex6::Zero());
+  b.displacement[17] = std::numeric_limits<double>::quiet_NaN();
+  send(b);
+  b = block(Complex6::Zero());
+  b.displacement.pop_back();
+  send(b);
+  EXPECT_EQ(count(acks_), 5u);
+}
+
+TEST_F(LocusEstimator, SlidesOverWholePeriodsWhileTheExciterRuns) {
+  push(Complex6::Zero(), 10);
+  EXPECT_EQ(count(loci_), 0u);  // off: idle
+
+  for (const int direction : {1, -1}) {
+    switchOn(500, direction);
+    const double alpha = 2.0 + direction;
+    const ContactResponse truth = response(alpha);
+    push(truth.coupling, 4);
+    const std::size_t before = count(loci_);
+    push(truth.coupling, 6);
+    ASSERT_TRUE(waitFor([&] { return count(loci_) >= before + 6; }));
+    const LocusEstimate e = last(loci_);
+    // 0.1 s holds seven periods of 12.6 ms: 440 samples
+    EXPECT_EQ(e.samples, 440u);
+    EXPECT_NEAR(e.inflation, 1.0, 0.02);
+    EXPECT_NEAR(e.header.stamp.toSec(), time_ + kPeriod, 1e-6);
+    expectLocus(e, truth, alpha);
+    EXPECT_EQ(e.mode, LocusEstimate::SEGMENT);
+  }
+
+  // off again: idle again
+  exciter_.on = false;
+  exciters_.publish(exciter_);
+  push(Complex6::Zero(), 2);
+  const std::size_t before = count(loci_);
+  push(Complex6::Zero(), 5);
+  EXPECT_EQ(count(loci_), before);
+}
+
+TEST_F(LocusEstimator, ModeIsLatchedAndOnlySentWhenItChanges) {
+  switchOn(770, 1);
+  push(response(1.0).coupling, 15);
+  ASSERT_TRUE(waitFor([&] { return last(modes_).mode == LocusEstimate::ELLIPSE; }));
+  const std::size_t ellipses = count(modes_);
+  push(response(2.0).coupling, 15);
+  EXPECT_LE(count(modes_), ellipses + 2);  // at most while one locus turns into the other
+  push(Complex6::Zero(), 15);
+  ASSERT_TRUE(waitFor([&] { return last(modes_).mode == LocusEstimate::NONE; }));
+  const LocusEstimate none = last(modes_);
+  EXPECT_EQ(none.orientation, 0.0);
+  EXPECT_NEAR(none.orientation_sd, M_PI / std::sqrt(12.0), 1e-12);
+  EXPECT_TRUE(none.hypothesis_direction.empty());
+
+  // who comes late is told
+  std::vector<LocusEstimate> late;
+  keep("contact_mode", late);
+  ASSERT_TRUE(waitFor([&] { return count(late) > 0; }));
+  EXPECT_EQ(last(late).mode, LocusEstimate::NONE);
+  subs_.pop_back();
+}
+
+TEST_F(LocusEstimator, EnableStopsAndStartsIt) {
+  switchOn(500, 1);
+  ASSERT_TRUE(enable(false));
+  push(response(1.0).coupling, 10);
+  EXPECT_EQ(count(loci_), 0u);
+  refused(goal(time_ - 0.1, 0.1), "disabled");
+  ASSERT_TRUE(enable(true));
+  push(response(1.0).coupling);
+  EXPECT_TRUE(waitFor([&] { return count(loci_) > 0; }));
+}
+
+TEST_F(LocusEstimator, IdentifiesAWindowToCome) {
+  switchOn(500, 1);
+  const ContactResponse truth = response(0.7);
+  push(truth.coupling);
+  std::vector<IdentifyLocusFeedback> feedback;
+  client_.sendGoal(goal(time_, 0.2), Client::SimpleDoneCallback(), Client::SimpleActiveCallback(),
+                   [&](const IdentifyLocusFeedback::ConstPtr& f) {
+                     const std::lock_guard<std::mutex> lock(mutex_);
+                     feedback.push_back(*f);
+                   });
+  for (int k = 0; k < 11; ++k) {
+    EXPECT_FALSE(client_.getState().isDone()) << k;
+    pose(0.001);
+    const std::size_t before = count(feedback);
+    push(truth.coupling);
+    if (k < 9) {
+      ASSERT_TRUE(waitFor([&] { return count(feedback) > before; })) << k;
+    }
+    if (k == 9) break;
+  }
+  ASSERT_TRUE(client_.waitForResult(ros::Duration(kPatience)));
+  const IdentifyLocusResult result = *client_.getResult();
+  EXPECT_EQ(client_.getState(), actionlib::SimpleClientGoalState::SUCCEEDED);
+  EXPECT_TRUE(result.success) << result.message;
+  EXPECT_EQ(result.locus.samples, 1000u);
+  EXPECT_NEAR(result.locus.header.stamp.toSec(), time_, 1e-6);
+  expectLocus(result.locus, truth, 0.7);
+  // progress in cycles of the exciter, then probabilities
+  const IdentifyLocusFeedback f = last(feedback);
+  EXPECT_NEAR(f.cycles, 0.18 * 500 / (2 * M_PI), 0.1);
+  EXPECT_GT(f.probabilities[LocusEstimate::SEGMENT], 0.5);
+}
+
+TEST_F(LocusEstimator, IdentifiesAWindowOfThePast) {
+  switchOn(770, -1);
+  const ContactResponse truth = response(5.0);
+  const double start = time_;
+  push(truth.coupling, 15);
+  const IdentifyLocusResult result = resultOf(goal(start, 0.3));
+  ASSERT_TRUE(result.success) << result.message;
+  expectLocus(result.locus, truth, 5.0);
+  // the last exciter on the topic
+  IdentifyLocusGoal g = goal(start, 0.3);
+  g.exciter = Exciter();
+  const IdentifyLocusResult same = resultOf(g);
+  ASSERT_TRUE(same.success) << same.message;
+  EXPECT_EQ(same.locus.p, result.locus.p);
+  EXPECT_EQ(same.locus.hypothesis_direction, result.locus.hypothesis_direction);
+}
+
+TEST_F(LocusEstimator, RefusesWithAReason) {
+  switchOn(500, 1);
+  const double start = time_;
+  push(response(1.0).coupling, 12);
+  refused(goal(start, 0.0), "duration is 0");
+  refused(goal(start, 1000.0), "duration is 1000");
+  refused(goal(start - 50.0, 0.2), "samples are kept from");
+  refused(goal(start, 0.005), "at least one is needed");
+  IdentifyLocusGoal g = goal(start, 0.2);
+  g.exciter.on = false;
+  refused(g, "the exciter is off");
+  g = goal(start, 0.2);
+  g.exciter.frequency = std::numeric_limits<double>::quiet_NaN();
+  refused(g, "exciter frequency is nan");
+  g = goal(start, 0.2);
+  g.exciter.direction = 0;
+  refused(g, "exciter direction is 0");
+  // no samples to come
+  refused(goal(time_, 0.2), "no displacement samples for 2 s");
+
+  // a hole in the samples
+  const double hole = time_;
+  push(response(1.0).coupling, 2);
+  block(response(1.0).coupling);
+  push(response(1.0).coupling, 4);
+  refused(goal(hole, 0.1), "100 of the window's 500 samples are missing");
+  // the carrier must hold still
+  const double moving = time_;
+  for (int k = 0; k < 5; ++k) {
+    push(response(1.0).coupling);
+    pose(0.001 * k);
+  }
+  push(response(1.0).coupling);
+  ASSERT_TRUE(waitFor([&] {
+    const IdentifyLocusResult result = resultOf(goal(moving, 0.1));
+    return result.message.find("the carrier moved the peg by 0.00") != std::string::npos;
+  }));
+}
+
+TEST_F(LocusEstimator, IsPreempted) {
+  switchOn(500, 1);
+  push(response(1.0).coupling);
+  client_.sendGoal(goal(time_, 0.2));
+  push(response(1.0).coupling, 2);
+  client_.cancelGoal();
+  ASSERT_TRUE(client_.waitForResult(ros::Duration(kPatience)));
+  EXPECT_EQ(client_.getState(), actionlib::SimpleClientGoalState::PREEMPTED);
+  EXPECT_FALSE(client_.getResult()->success);
+  // and ready for the next
+  const double start = time_;
+  push(response(1.0).coupling, 10);
+  EXPECT_TRUE(resultOf(goal(start, 0.2)).success);
+}
+
+TEST_F(LocusEstimator, ClockThatJumpsBackClearsTheSamples) {
+  switchOn(500, 1);
+  const double later = time_;
+  push(response(1.0).coupling, 10);
+  time_ -= 1800.0;
+  push(Complex6::Zero(), 3);
+  refused(goal(later - 1801.0, 0.2), "samples are kept from");
+  clear();
+  switchOn(500, 1);
+  const ContactResponse truth = response(3.0);
+  push(truth.coupling, 8);
+  ASSERT_TRUE(waitFor([&] { return count(loci_) > 0; }));
+  expectLocus(last(loci_), truth, 3.0);
+}
+
+// a bad parameter: one line that names it, exit 1
+TEST_F(LocusEstimator, BadParametersEndTheNode) {
+  const std::string node = std::string(ASSEMBLY_CELL_BIN_DIR) + "/locus_estimator __name:=bad ";
+  const std::string scenario =
+      "_scenario:=" + std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml ";
+  const auto expectEnd = [&](const std::string& arguments, const std::string& part) {
+    FILE* pipe = popen(("timeout 60 " + node + arguments + " 2>&1").c_str(), "r");
+    std::string out;
+    std::array<char, 512> buffer{};
+    while (fgets(buffer.data(), buffer.size(), pipe)) out += buffer.data();
+    const int status = pclose(pipe);
+    EXPECT_EQ(WEXITSTATUS(status), 1) << arguments << out;
+    EXPECT_NE(out.find(part), std::string::npos) << out;
+    ros::param::del("/bad");
+  };
+  expectEnd("", "scenario");
+  expectEnd("_scenario:=/nowhere.yaml", "/nowhere.yaml");
+  expectEnd(scenario + "_window:=-1", "window");
+  expectEnd(scenario + "_windwo:=0.1", "windwo");
+  expectEnd(scenario + "_false_alarm:=abc", "false_alarm");
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "locus_estimator_test");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
