@@ -48,7 +48,8 @@ Vec2 axisTilt(const Vec3& axis) { return vectorFromRotation(rotationToAxis(axis)
 // One reading as it was felt.
 struct Felt {
   Locus locus;
-  Pose X_SC;  // carrier
+  Pose X_SC;   // carrier
+  Vec3 force;  // mean contact force, sensor axes [N]
   HoleReading reading;
 };
 
@@ -176,16 +177,19 @@ class SingleContact {
     measure.locus = LocusRequest{hand_.last().time, p_.window};
     hand_.step(measure);
     Vector6 deflection = hand_.deflection();
+    Vec3 force = hand_.force();
     int taken = 1;
     for (; !hand_.last().locus; ++taken) {
       if (taken > blocks(p_.window) + 2) throw Failure{"no_reading: the estimator gave none"};
       hand_.step({});
       deflection += hand_.deflection();
+      force += hand_.force();
     }
     deflection /= taken;
+    force /= taken;
     const LocusReading reading = *hand_.last().locus;
     ++contacts_;
-    use(reading, deflection);
+    use(reading, deflection, force);
     exciter(0.0);
 
     // clear of the plane for the next tilt
@@ -196,11 +200,12 @@ class SingleContact {
   }
 
   // what a reading is kept for: its direction depends on the tilt, which is known better later
-  void use(const LocusReading& reading, const Vector6& deflection) {
+  void use(const LocusReading& reading, const Vector6& deflection, const Vec3& force) {
     std::string note = toString(reading.mode.mode);
     if (reading.mode.mode == LocusMode::kEllipse || reading.mode.mode == LocusMode::kCircle) {
       Felt felt;
       felt.locus = reading.locus;
+      felt.force = force;
       felt.X_SC = inverse(X_WS_) * worldPose(hand_.last().carrier);
       felt.reading.X_SP = pegPose(hand_.last().carrier, deflection);
       const DirectionEstimate direction = invert(felt);
@@ -223,7 +228,10 @@ class SingleContact {
     point.frequency = frequency_;
     point.amplitude = p_.exciter_amplitude;
     point.direction = p_.exciter_direction;
-    point.press = p_.press_force;
+    const Vec3 force = R_HS * felt.X_SC.R * felt.force;
+    point.press = std::max(0.0, force.z());
+    point.friction = force.head<2>();
+    point.rolling = felt.reading.kind == HoleReading::kPlane;
     point.tilt = axisTilt(R_HP.col(2));
     point.sensor_tilt = axisTilt((R_HS * felt.X_SC.R).col(2));
     const DirectionEstimate direction =
@@ -260,6 +268,7 @@ class SingleContact {
       const std::string reason =
           fitHole(mechanism_.peg.radius, mechanism_.hole.radius, readings, hole_);
       if (!reason.empty()) throw Failure{reason};
+      for (std::size_t i = 0; i < felt_.size(); ++i) felt_[i].reading.kind = readings[i].kind;
     }
     found_ = true;
     report("resolve",

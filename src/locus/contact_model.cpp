@@ -100,6 +100,8 @@ struct FreeMotion {
     const Eigen::Matrix<Complex, 6, 9> damper_force = s * (damping * damper_of).cast<Complex>();
     wrench = spring.transpose().cast<Complex>() * spring_force +
              damper.transpose().cast<Complex>() * damper_force;
+    displaced = twist.topRows<3>();
+    displaced.block<2, 2>(0, kCarrier) -= Eigen::Matrix2d::Identity();
     dynamic = spring_of.transpose().cast<Complex>() * spring_force +
               damper_of.transpose().cast<Complex>() * damper_force;
 
@@ -121,9 +123,10 @@ struct FreeMotion {
   }
 
   Matrix3d R_HP, R_HS;
-  Vector3d to_coupling, to_exciter;     // from the centre of mass [m]
-  Eigen::Matrix<Complex, 6, 9> wrench;  // of the peg on the sensor at the coupling, hole axes
-  ComplexMatrix9 dynamic;               // generalised forces per coordinates
+  Vector3d to_coupling, to_exciter;       // from the centre of mass [m]
+  Eigen::Matrix<Complex, 6, 9> wrench;    // of the peg on the sensor at the coupling, hole axes
+  Eigen::Matrix<double, 3, 9> displaced;  // coupling point against the carrier, hole axes
+  ComplexMatrix9 dynamic;                 // generalised forces per coordinates
 };
 
 // The six coordinates that are left with a point of the peg's edge held: theta and the carrier.
@@ -143,6 +146,9 @@ class HeldMotion {
   }
 
   const FreeMotion& free() const { return free_; }
+
+  // static force of the peg on the sensor, hole axes [N]
+  Vector3d couplingForce() const { return contact_ - Vector3d(0.0, 0.0, weight_); }
 
   // all nine coordinates [m], [rad]
   Complex9 solve(double alpha) const {
@@ -239,6 +245,17 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const FreeMotion& free) {
   return twice(free.R_HS.transpose()).cast<Complex>() * free.wrench;
 }
 
+// the same with a static force on the coupling: moments are about the sensor's origin, which the
+// coupling point leaves, so each of both forces has the other's displacement as its arm
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const FreeMotion& free, const Vector3d& static_force,
+                                          const Vector3d& static_displacement) {
+  Eigen::Matrix<Complex, 6, 9> wrench = free.wrench;
+  const Eigen::Matrix<Complex, 3, 9> forces = free.wrench.topRows<3>();
+  wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -
+                            (skew(static_force) * free.displaced).cast<Complex>();
+  return twice(free.R_HS.transpose()).cast<Complex>() * wrench;
+}
+
 // centre of mass in the plane by the wrench on the sensor, in its axes: six wrench equations and
 // the carrier's three give all coordinates
 Eigen::Matrix<Complex, 2, 6> planeFromSensor(const FreeMotion& free) {
@@ -316,7 +333,10 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
   if (axes == LocusAxes::kSensor) {
     const FreeMotion upright(mechanism, point.direction * point.frequency, Vector2d::Zero(),
                              Vector2d::Zero());
-    seen = planeFromSensor(upright) * sensorWrench(held.free());
+    const Vector3d force = held.couplingForce();
+    const Vector6& k = mechanism.coupling.stiffness.diagonal;
+    const Vector3d displacement(force.x() / k[1], force.y() / k[2], force.z() / k[0]);
+    seen = planeFromSensor(upright) * sensorWrench(held.free(), force, displacement);
   }
   const auto predicted = [&](double alpha) {
     const Eigen::Vector2cd xy = seen * held.solve(alpha);

@@ -79,7 +79,8 @@ void ContactMarkersNode::publish() {
   if (contacts_) drawContacts();
   if (locus_) drawLocus();
   if (truth_) drawPeg("peg_true", truth_->pose, kTruePegColor);
-  if (report_) drawPeg("peg_estimated", report_->estimated_pose, kEstimatedPegColor);
+  if (report_ && report_->estimate_known)
+    drawPeg("peg_estimated", report_->estimated_pose, kEstimatedPegColor);
 
   // what was there before and has ended
   for (const auto& [ns, count] : drawn_before_) {

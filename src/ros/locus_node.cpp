@@ -368,7 +368,7 @@ std::string LocusNode::await(const ros::Time& start, const ros::Time& end, const
   auto deadline = Clock::now() + patience;
   std::unique_lock<std::mutex> lock(mutex_);
   const std::uint64_t cleared = cleared_;
-  std::uint64_t seen = block_count_;
+  std::optional<std::uint64_t> seen;
   while (true) {
     if (!ros::ok()) return "the node is shutting down";
     if (server_.isPreemptRequested()) return "preempted";
@@ -382,7 +382,7 @@ std::string LocusNode::await(const ros::Time& start, const ros::Time& end, const
       }
       if (lastSample() + ros::Duration((1.0 + kRounding) * period) >= end) return {};
     }
-    if (block_count_ != seen) {
+    if (seen != block_count_) {
       seen = block_count_;
       deadline = Clock::now() + patience;
       // how far the reading is

@@ -85,14 +85,15 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
     out += text;
   };
   const char* pair = "%8.3f %8.3f";
+  const bool known = report.truth_known, felt = report.estimate_known;
   out += report.success ? "aligned\n" : "not aligned: " + report.reason + "\n";
-  row("at the start", report.truth_known ? "true" : "true (unknown)", "estimated", "error");
-  row("offset x, y [mm]", report.truth_known ? format(pair, true_offset.x(), true_offset.y()) : "-",
-      format(pair, offset.x(), offset.y()),
-      report.truth_known ? format("%.3f", (offset - true_offset).norm(), 0.0) : "-");
-  row("tilt x, y [deg]", report.truth_known ? format(pair, true_tilt.x(), true_tilt.y()) : "-",
-      format(pair, tilt.x(), tilt.y()),
-      report.truth_known ? format("%.3f", (tilt - true_tilt).norm(), 0.0) : "-");
+  row("at the start", known ? "true" : "true (unknown)", "estimated", "error");
+  row("offset x, y [mm]", known ? format(pair, true_offset.x(), true_offset.y()) : "-",
+      felt ? format(pair, offset.x(), offset.y()) : "-",
+      known && felt ? format("%.3f", (offset - true_offset).norm(), 0.0) : "-");
+  row("tilt x, y [deg]", known ? format(pair, true_tilt.x(), true_tilt.y()) : "-",
+      felt ? format(pair, tilt.x(), tilt.y()) : "-",
+      known && felt ? format("%.3f", (tilt - true_tilt).norm(), 0.0) : "-");
   if (details.truth_end) {
     const double reach = edgeReach(*details.truth_end, details.peg_radius);
     out += format(
@@ -112,7 +113,7 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
 std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
   YAML::Emitter out;
   out.SetDoublePrecision(17);
-  const auto pair = [&out](const char* key, double x, double y, bool known = true) {
+  const auto pair = [&out](const char* key, double x, double y, bool known) {
     out << YAML::Key << key << YAML::Value;
     if (known) {
       out << YAML::Flow << YAML::BeginSeq << x << y << YAML::EndSeq;
@@ -128,20 +129,20 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
         << p.orientation.x << p.orientation.y << p.orientation.z << p.orientation.w << YAML::EndSeq
         << YAML::EndMap;
   };
-  const bool known = report.truth_known;
+  const bool known = report.truth_known, felt = report.estimate_known;
   out << YAML::BeginMap;
   out << YAML::Key << "success" << YAML::Value << static_cast<bool>(report.success);
   out << YAML::Key << "reason" << YAML::Value << report.reason;
   out << YAML::Key << "strategy" << YAML::Value << details.strategy;
   out << YAML::Key << "truth_known" << YAML::Value << known;
   pair("true_offset", report.true_offset[0], report.true_offset[1], known);
-  pair("estimated_offset", report.estimated_offset[0], report.estimated_offset[1]);
+  pair("estimated_offset", report.estimated_offset[0], report.estimated_offset[1], felt);
   pair("true_tilt", report.true_tilt[0], report.true_tilt[1], known);
-  pair("estimated_tilt", report.estimated_tilt[0], report.estimated_tilt[1]);
+  pair("estimated_tilt", report.estimated_tilt[0], report.estimated_tilt[1], felt);
   out << YAML::Key << "contacts" << YAML::Value << report.contacts;
   out << YAML::Key << "simulated_time" << YAML::Value << report.simulated_time;
   out << YAML::Key << "wall_time" << YAML::Value << report.wall_time;
-  pose("estimated_pose", report.estimated_pose);
+  if (felt) pose("estimated_pose", report.estimated_pose);
   out << YAML::Key << "peg_radius" << YAML::Value << details.peg_radius;
   out << YAML::Key << "hole_radius" << YAML::Value << details.hole_radius;
   if (known) {

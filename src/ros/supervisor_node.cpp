@@ -144,6 +144,7 @@ AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_ti
   report.header.frame_id = "hole";
   report.success = result.success;
   report.reason = result.reason;
+  report.estimate_known = result.known;
   for (int i = 0; i < 2; ++i) {
     const auto k = static_cast<std::size_t>(i);
     report.estimated_offset[k] = finite(result.offset(i));

@@ -8,8 +8,11 @@
 #include <visualization_msgs/MarkerArray.h>
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,6 +37,7 @@ struct CellRun {
   YAML::Node report;
   std::vector<std::string> commands;  // carrier_command, then exciter: serialised messages
   std::size_t markers = 0;
+  std::vector<std::string> undocumented;  // topics and services that the page doesn't name
   std::string output;
 };
 
@@ -51,6 +55,8 @@ void serialise(const Record<M>& record, std::vector<std::string>& out) {
     out.push_back(bytes);
   }
 }
+
+std::vector<std::string> undocumented();
 
 // launches the cell, has it align once and stops it
 CellRun run(const std::vector<std::string>& arguments, bool watched) {
@@ -81,6 +87,7 @@ CellRun run(const std::vector<std::string>& arguments, bool watched) {
       << report.output();
   EXPECT_TRUE(cell.running()) << cell.output();
   out.exit_code = report.wait();
+  if (watched) out.undocumented = undocumented();
   out.output = report.output();
   if (markers) out.markers = markers->size();
   cell.stop();
@@ -89,6 +96,60 @@ CellRun run(const std::vector<std::string>& arguments, bool watched) {
   if (access(file.c_str(), R_OK) == 0) out.report = YAML::LoadFile(file);
   unlink(file.c_str());
   return out;
+}
+
+// names of topics and services that the page may leave out: ROS's own, and the parts of an action
+bool common(const std::string& name) {
+  for (const std::string part : {"/rosout", "/tf_static", "/get_loggers", "/set_logger_level"}) {
+    if (name.find(part) != std::string::npos) return true;
+  }
+  return false;
+}
+
+// every topic and service of the running cell's nodes that the page does not name
+std::vector<std::string> undocumented() {
+  std::ifstream file(test::sourceFile("docs/interfaces.md"));
+  const std::string page((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  XmlRpc::XmlRpcValue request, response, state;
+  request[0] = ros::this_node::getName();
+  EXPECT_TRUE(ros::master::execute("getSystemState", request, response, state, false));
+  const std::vector<std::string> nodes = {"/peg_hole_simulator",  "/sensor_a/driver",
+                                          "/sensor_b/driver",     "/locus_estimator",
+                                          "/assembly_supervisor", "/contact_markers"};
+  std::vector<std::string> missing;
+  int found = 0;
+  for (int kind = 0; kind < 3; ++kind) {
+    for (int i = 0; i < state[kind].size(); ++i) {
+      const std::string name = state[kind][i][0];
+      bool ours = false;
+      for (int k = 0; k < state[kind][i][1].size(); ++k) {
+        const std::string node = state[kind][i][1][k];
+        ours |= std::find(nodes.begin(), nodes.end(), node) != nodes.end();
+      }
+      if (!ours || common(name)) continue;
+      ++found;
+      // as it is, relative to the cell, to the sensor's group, to a node, or an action by its name
+      std::vector<std::string> spellings = {name, name.substr(1)};
+      for (const std::string group : {"/sensor_a/", "/sensor_b/"}) {
+        if (name.rfind(group, 0) == 0) spellings.push_back(name.substr(group.size()));
+      }
+      for (const std::string& node : nodes) {
+        if (name.rfind(node + "/", 0) == 0) spellings.push_back("~" + name.substr(node.size() + 1));
+      }
+      const std::size_t last = name.rfind('/');
+      for (const std::string part : {"goal", "cancel", "feedback", "result", "status"}) {
+        if (last > 0 && name.substr(last + 1) == part)
+          spellings.push_back(name.substr(1, last - 1));
+      }
+      const bool named = std::any_of(spellings.begin(), spellings.end(), [&](const auto& spelling) {
+        return page.find("`" + spelling + "`") != std::string::npos;
+      });
+      if (!named) missing.push_back(name);
+    }
+  }
+  // the cell has far more than these; else the question was wrong
+  EXPECT_GT(found, 30);
+  return missing;
 }
 
 // the report without what depends on the wall clock, and without some keys
@@ -104,6 +165,7 @@ TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
   const CellRun seen = run({}, true);
   ASSERT_EQ(seen.exit_code, 0) << seen.output;
   EXPECT_GT(seen.markers, 0U);
+  EXPECT_EQ(seen.undocumented, std::vector<std::string>{});
   EXPECT_TRUE(seen.report["success"].as<bool>());
   EXPECT_TRUE(seen.report["verdict"].as<bool>());
   EXPECT_LE(seen.report["edge_reach"].as<double>(), seen.report["hole_radius"].as<double>());

@@ -173,6 +173,7 @@ TEST_F(Markers, DrawTheTrueAndTheEstimatedPeg) {
   truth.pose = toPose({Eigen::Matrix3d::Identity(), Eigen::Vector3d(1e-3, 2e-3, 3e-3)});
   truth_pub_.publish(truth);
   AlignmentReport report;
+  report.estimate_known = true;
   report.estimated_pose = toPose({Eigen::Matrix3d::Identity(), Eigen::Vector3d(4e-3, 5e-3, 0.0)});
   report_pub_.publish(report);
   for (const auto& marker : find("peg_true", 2)) {

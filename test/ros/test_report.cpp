@@ -89,6 +89,7 @@ class Report : public ::testing::Test {
     result.report.success = succeeds_;
     result.report.reason = succeeds_ ? "aligned" : "no_contact: none";
     result.report.header.stamp = ros::Time(stamp_ + 1.0);
+    result.report.estimate_known = true;
     result.report.estimated_offset = {-0.0019, 0.0};
     result.report.estimated_tilt = {0.0, 0.02};
     result.report.estimated_pose.orientation.w = 1.0;

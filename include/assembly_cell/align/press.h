@@ -44,6 +44,8 @@ class Hand {
   void hold(double force, double tolerance);
 
   double forceZ() const { return last_.wrench_b(2) - tare_(2); }  ///< contact force along z [N]
+  /// Contact force, sensor_b axes [N]
+  Eigen::Vector3d force() const { return (last_.wrench_b - tare_).head<3>(); }
   /// Deflection of the coupling since the tare, sensor_b axes. [m], [rad]
   Vector6 deflection() const { return last_.displacement_b - tare_displacement_; }
   const Vector6& tareDisplacement() const { return tare_displacement_; }

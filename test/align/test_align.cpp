@@ -1,0 +1,193 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/align.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/align/press.h"
+#include "assembly_cell/align/simulated_plant.h"
+#include "assembly_cell/scene/input_error.h"
+
+using namespace assembly_cell;
+using Eigen::Vector2d;
+
+namespace {
+
+Scenario cell(const std::vector<std::string>& overrides = {}) {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
+                      overrides);
+}
+
+// fails after a number of blocks, as a plant that is stopped does
+class StoppingPlant : public Plant {
+ public:
+  StoppingPlant(Plant& plant, int blocks) : plant_(plant), left_(blocks) {}
+  PlantBlock next(const PlantCommand& command) override {
+    if (left_-- == 0) throw PlantError("stopped");
+    return plant_.next(command);
+  }
+
+ private:
+  Plant& plant_;
+  int left_;
+};
+
+// what a strategy saw and did, to the last bit
+class RecordingPlant : public Plant {
+ public:
+  explicit RecordingPlant(Plant& plant) : plant_(plant) {}
+  PlantBlock next(const PlantCommand& command) override {
+    if (command.rest) {
+      for (const double v : {command.rest->x, command.rest->y, command.rest->z, command.rest->theta,
+                             command.rest->phi}) {
+        commands.push_back(v);
+      }
+    }
+    return plant_.next(command);
+  }
+  std::vector<double> commands;
+
+ private:
+  Plant& plant_;
+};
+
+}  // namespace
+
+TEST(Outcome, EdgeReachOfATiltedEdge) {
+  // upright: offset + radius; tilted across the offset: the same; along it: radius cos tilt
+  Pose X;
+  X.p = Eigen::Vector3d(0.003, 0, 0);
+  EXPECT_NEAR(edgeReach(X, 0.025), 0.028, 1e-12);
+  X.R = rotationFromVector({Eigen::Vector3d(0, 0.1, 0)});
+  X.p.setZero();
+  EXPECT_NEAR(edgeReach(X, 0.025), 0.025, 1e-12);
+  EXPECT_NEAR((tiltOf(X) - Vector2d(0, 0.1)).norm(), 0.0, 1e-15);
+}
+
+// the figure: 12 N within 5 %, for contacts on plane and rim and two tilts
+TEST(Press, HoldsTheForce) {
+  for (const double x : {0.004, 0.06}) {
+    for (const double tilt : {0.01, 0.05}) {
+      const Scenario s = startAt(cell(), Vector2d(x, 0), Vector2d(0, tilt), 0.001);
+      SimulatedPlant plant(s, CellParameters{});
+      Hand hand(plant, PressLimits{});
+      hand.tare();
+      ASSERT_TRUE(hand.approach(-1.0));
+      hand.hold(12.0, 0.05);
+      EXPECT_NEAR(hand.forceZ(), 12.0, 0.6);
+      // truth: the contacts carry what was felt, and it stays
+      hand.wait(25);
+      double force = 0.0;
+      for (const ContactReport& c : plant.truth().contacts()) force += c.force.z();
+      EXPECT_NEAR(force, 12.0, 0.6) << x << " " << tilt;
+    }
+  }
+}
+
+TEST(Press, GivesUpByName) {
+  const auto reason = [](const Scenario& s, const PressLimits& limits, double force) {
+    try {
+      SimulatedPlant plant(s, CellParameters{});
+      Hand hand(plant, limits);
+      hand.tare();
+      hand.approach(-1.0);
+      hand.hold(force, 0.05);
+    } catch (const PressError& error) {
+      return std::string(error.what());
+    }
+    return std::string("none");
+  };
+  const Scenario s = startAt(cell(), Vector2d(0.06, 0), Vector2d(0, 0.03), 0.003);
+  PressLimits limits;
+  limits.descent = 0.001;
+  EXPECT_EQ(reason(s, limits, 12.0).rfind("no_contact", 0), 0u);
+  limits = {};
+  limits.force = 8.0;
+  EXPECT_EQ(reason(s, limits, 12.0).rfind("force_limit", 0), 0u);
+  limits.force = 1e3;
+  const std::string saturated = reason(s, limits, 120.0);
+  EXPECT_EQ(saturated.rfind("sensor_saturated", 0), 0u) << saturated;
+}
+
+// random starts, all aligned by the judge's measure; the commands of one run repeat to the last bit
+TEST(Align, ReachesTheHole) {
+  const Scenario s = cell();
+  const struct {
+    Vector2d offset, tilt;
+  } starts[] = {{{0.0042, -0.0027}, {0.012, 0.013}},
+                {{-0.0015, 0.006}, {-0.01, 0.004}},
+                {{-0.007, -0.002}, {0.0, 0.0}}};
+  for (const auto& start : starts) {
+    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), CellParameters{});
+    const AlignResult result = align(plant, s, AlignParameters{});
+    EXPECT_TRUE(result.success) << result.reason;
+    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    // estimates: within the clearance of 0.1 mm and a tenth of a degree, tilt as the peg hung
+    EXPECT_LT((result.offset + start.offset).norm(), 2e-4);
+    EXPECT_LT((result.tilt - start.tilt).norm(), 2e-3);
+  }
+}
+
+TEST(Align, RepeatsToTheLastBit) {
+  std::vector<double> commands[2];
+  for (auto& c : commands) {
+    SimulatedPlant plant(cell(), CellParameters{});
+    RecordingPlant recording(plant);
+    align(recording, cell(), AlignParameters{});
+    c = recording.commands;
+  }
+  ASSERT_FALSE(commands[0].empty());
+  EXPECT_EQ(commands[0], commands[1]);
+}
+
+// another seed is another run
+TEST(Align, SeedMatters) {
+  std::vector<double> commands[2];
+  for (std::uint64_t seed = 0; seed < 2; ++seed) {
+    CellParameters parameters;
+    parameters.seed = seed;
+    SimulatedPlant plant(cell(), parameters);
+    RecordingPlant recording(plant);
+    align(recording, cell(), AlignParameters{});
+    commands[seed] = recording.commands;
+  }
+  EXPECT_NE(commands[0], commands[1]);
+}
+
+TEST(Align, FailuresAreNamed) {
+  // nothing under the peg's edge but plane
+  const Scenario s = cell();
+  {
+    SimulatedPlant plant(startAt(s, Vector2d(0.06, 0), Vector2d(0, 0), 0.002), CellParameters{});
+    const AlignResult result = align(plant, s, AlignParameters{});
+    EXPECT_FALSE(result.success);
+    EXPECT_EQ(result.reason.rfind("no_hole_under_edge", 0), 0u) << result.reason;
+  }
+  {
+    SimulatedPlant plant(startAt(s, Vector2d(0.06, 0), Vector2d(0, 0), 0.05), CellParameters{});
+    const AlignResult result = align(plant, s, AlignParameters{});
+    EXPECT_FALSE(result.success);
+    EXPECT_EQ(result.reason.rfind("no_contact", 0), 0u) << result.reason;
+  }
+  {
+    SimulatedPlant plant(s, CellParameters{});
+    StoppingPlant stopping(plant, 100);
+    EXPECT_THROW(align(stopping, s, AlignParameters{}), PlantError);
+  }
+}
+
+TEST(Align, BadParametersAreRefused) {
+  SimulatedPlant plant(cell(), CellParameters{});
+  AlignParameters p;
+  p.strategy = "by_eye";
+  EXPECT_THROW(align(plant, cell(), p), InputError);
+  p = {};
+  p.press_force = std::nan("");
+  EXPECT_THROW(align(plant, cell(), p), InputError);
+  p = {};
+  p.sweep_readings = 3;
+  EXPECT_THROW(align(plant, cell(), p), InputError);
+  EXPECT_THROW(align(plant, cell({"hole.radius=0.0249"}), AlignParameters{}), InputError);
+}

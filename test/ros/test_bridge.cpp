@@ -1,0 +1,136 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::ros_bridge {
+namespace {
+
+constexpr double kRounding = 1e-14;  // a few roundings near 1
+const double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+std::string refusal(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+void expectRefusal(const std::function<void()>& call, const std::string& expected) {
+  const std::string line = refusal(call);
+  EXPECT_NE(line.find(expected), std::string::npos)
+      << "'" << line << "' has no '" << expected << "'";
+  EXPECT_EQ(line.find('\n'), std::string::npos) << line;
+}
+
+TEST(Conversions, PosesComeBack) {
+  for (const double angle : {0.0, 1e-8, 0.3, 3.1, 3.14159265358979 - 1e-8}) {
+    const Eigen::Vector3d axis = Eigen::Vector3d(1.0, -2.0, 0.5).normalized();
+    const Pose X{rotationFromVector({angle * axis}), Eigen::Vector3d(0.1, -0.2, 0.3)};
+    const geometry_msgs::Pose message = toPose(X);
+    EXPECT_GE(message.orientation.w, 0.0);
+    const Pose back = fromPose(message, "pose");
+    EXPECT_LT((back.R - X.R).norm(), kRounding) << angle;
+    EXPECT_EQ(back.p, X.p);
+    EXPECT_EQ(toTransform(X).rotation.x, message.orientation.x);
+    EXPECT_EQ(toTransform(X).translation.z, 0.3);
+  }
+}
+
+TEST(Conversions, PosesThatAreNoneAreRefused) {
+  geometry_msgs::Pose pose = toPose(Pose{});
+  pose.position.y = kNaN;
+  expectRefusal([&] { fromPose(pose, "the source"); }, "the source: position");
+  pose = toPose(Pose{});
+  pose.orientation.w = 0.0;
+  expectRefusal([&] { fromPose(pose, "the source"); }, "the source: orientation");
+  pose.orientation.w = kNaN;
+  expectRefusal([&] { fromPose(pose, "the source"); }, "the source: orientation");
+}
+
+TEST(Conversions, WrenchesKeepForceBeforeTorque) {
+  Vector6 w;
+  w << 1, 2, 3, 4, 5, 6;
+  const geometry_msgs::Wrench message = toWrench(w);
+  EXPECT_EQ(message.force.y, 2.0);
+  EXPECT_EQ(message.torque.x, 4.0);
+  EXPECT_EQ(fromWrench(message), w);
+}
+
+TEST(Conversions, RestPosesAreThoseOfTheThesisAngles) {
+  const RestPose rest{0.01, -0.02, 0.08, 0.1, 1.6, -0.05};
+  const Pose X = poseFromRest(rest);
+  EXPECT_EQ(X.p, Eigen::Vector3d(0.01, -0.02, 0.08));
+  EXPECT_LT((X.R - rotationFromEuler({-0.05, 1.6, 0.1})).norm(), kRounding);
+  const RestPose back = restFromPose(X);
+  EXPECT_NEAR(back.yaw, rest.yaw, kRounding);
+  EXPECT_NEAR(back.theta, rest.theta, kRounding);
+  EXPECT_NEAR(back.phi, rest.phi, kRounding);
+  // upright is no rotation
+  EXPECT_LT((poseFromRest(RestPose{}).R - Eigen::Matrix3d::Identity()).norm(), kRounding);
+}
+
+TEST(ParametersTest, ReadsWhatIsThereAndFallsBack) {
+  Parameters p(ros::NodeHandle("~good"));
+  EXPECT_EQ(p.number("number", kPositive), 0.5);
+  EXPECT_EQ(p.number("integer", kAny), 3.0);
+  EXPECT_EQ(p.integer("integer", 0, 10), 3);
+  EXPECT_TRUE(p.flag("flag"));
+  EXPECT_EQ(p.text("text"), "word");
+  EXPECT_EQ(p.choice("text", {"another", "word"}), "word");
+  EXPECT_EQ(p.texts("list"), (std::vector<std::string>{"a", "b"}));
+  EXPECT_EQ(p.texts("text"), std::vector<std::string>{"word"});
+  EXPECT_EQ(p.numbers("three", 3), (std::vector<double>{1.0, 2.5, 3.0}));
+  EXPECT_EQ(p.number("absent", kAny, 7.0), 7.0);
+  EXPECT_EQ(p.text("absent", "x"), "x");
+  EXPECT_NO_THROW(p.refuseUnknown());
+}
+
+TEST(ParametersTest, RefusesInOneLineWithNameAndValue) {
+  Parameters p(ros::NodeHandle("~bad"));
+  const std::string name = "parameter /bridge_test/bad/";
+  expectRefusal([&] { p.number("absent", kAny); }, name + "absent is missing");
+  expectRefusal([&] { p.number("nan", kAny); }, name + "nan is nan");
+  expectRefusal([&] { p.number("infinite", kAny, 1.0); }, name + "infinite is inf");
+  expectRefusal([&] { p.number("text", kAny); }, name + "text is word");
+  expectRefusal([&] { p.number("low", kNotNegative); }, name + "low is -1");
+  expectRefusal([&] { p.number("low", {1.0, 2.0}); }, "from 1 to 2");
+  expectRefusal([&] { p.integer("low", 0, 1); }, name + "low is");
+  expectRefusal([&] { p.flag("text"); }, "true or false");
+  expectRefusal([&] { p.text("low"); }, "string");
+  expectRefusal([&] { p.choice("text", {"a", "b"}); }, "one of a, b");
+  expectRefusal([&] { p.texts("mixed"); }, name + "mixed is");
+  expectRefusal([&] { p.numbers("three", 3); }, name + "three is");
+  expectRefusal([&] { p.numbers("three", 2); }, "list of 2");
+}
+
+TEST(ParametersTest, RefusesWhatNobodyAskedFor) {
+  Parameters p(ros::NodeHandle("~good"));
+  p.number("number", kAny);
+  expectRefusal(
+      [&] {
+        p.refuseUnknown({"flag", "text", "list", "three"});
+      },
+      "parameter /bridge_test/good/integer is unknown");
+  EXPECT_NO_THROW(p.refuseUnknown({"flag", "text", "list", "three", "integer"}));
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "bridge_test");
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::NodeHandle nh;
+  return RUN_ALL_TESTS();
+}
