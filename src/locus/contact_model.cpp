@@ -240,15 +240,16 @@ Matrix6 sensorStiffness(const Scenario& mechanism) {
   return order.transpose() * symmetric(mechanism.coupling.stiffness) * order;
 }
 
-// wrench on the sensor, in its axes, by all coordinates
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const FreeMotion& free) {
-  return twice(free.R_HS.transpose()).cast<Complex>() * free.wrench;
-}
-
-// the same with a static force on the coupling: moments are about the sensor's origin, which the
-// coupling point leaves, so each of both forces has the other's displacement as its arm
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const FreeMotion& free, const Vector3d& static_force,
-                                          const Vector3d& static_displacement) {
+// Wrench on the sensor about its origin, in its axes, by all coordinates. The coupling point leaves
+// the origin, so the static force and the moving one each have the other's displacement as arm.
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const Scenario& mechanism, const FreeMotion& free,
+                                          const Vector3d& static_force) {
+  const Vector6& k = mechanism.coupling.stiffness.diagonal;
+  const auto give = [](double force, double stiffness) {
+    return stiffness > 0.0 ? force / stiffness : 0.0;
+  };
+  const Vector3d static_displacement(give(static_force.x(), k[1]), give(static_force.y(), k[2]),
+                                     give(static_force.z(), k[0]));
   Eigen::Matrix<Complex, 6, 9> wrench = free.wrench;
   const Eigen::Matrix<Complex, 3, 9> forces = free.wrench.topRows<3>();
   wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -
@@ -258,9 +259,10 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const FreeMotion& free, const Vector3d
 
 // centre of mass in the plane by the wrench on the sensor, in its axes: six wrench equations and
 // the carrier's three give all coordinates
-Eigen::Matrix<Complex, 2, 6> planeFromSensor(const FreeMotion& free) {
+Eigen::Matrix<Complex, 2, 6> planeFromSensor(const Scenario& mechanism, const FreeMotion& free,
+                                             const Vector3d& static_force) {
   ComplexMatrix9 system;
-  system << sensorWrench(free), free.dynamic.bottomRows<3>();
+  system << sensorWrench(mechanism, free, static_force), free.dynamic.bottomRows<3>();
   return system.fullPivLu().inverse().topLeftCorner<2, 6>();
 }
 
@@ -288,16 +290,17 @@ ContactResponse contactResponse(const Scenario& mechanism, const OperatingPoint&
     throw InputError(
         "coupling.stiffness is singular: the sensor's displacement needs a positive definite one");
   }
-  response.coupling = stiffness.inverse().cast<Complex>() * (sensorWrench(held.free()) * q);
+  response.coupling = stiffness.inverse().cast<Complex>() *
+                      (sensorWrench(mechanism, held.free(), held.couplingForce()) * q);
   return response;
 }
 
 void centreOfMassPhasors(const Scenario& mechanism, double frequency, const Complex6& coupling,
-                         Complex& x, Complex& y, const Vector2d& tilt,
-                         const Vector2d& sensor_tilt) {
+                         Complex& x, Complex& y, const Vector2d& tilt, const Vector2d& sensor_tilt,
+                         const Vector3d& static_force) {
   const FreeMotion free(mechanism, frequency, tilt, sensor_tilt);
-  const Eigen::Vector2cd plane =
-      planeFromSensor(free) * (sensorStiffness(mechanism).cast<Complex>() * coupling);
+  const Eigen::Vector2cd plane = planeFromSensor(mechanism, free, static_force) *
+                                 (sensorStiffness(mechanism).cast<Complex>() * coupling);
   x = plane[0];
   y = plane[1];
 }
@@ -305,8 +308,8 @@ void centreOfMassPhasors(const Scenario& mechanism, double frequency, const Comp
 Locus centreOfMassLocus(const Scenario& mechanism, double frequency, const HarmonicFit& fit,
                         const Vector2d& tilt, const Vector2d& sensor_tilt) {
   const FreeMotion free(mechanism, frequency, tilt, sensor_tilt);
-  const Eigen::Matrix<Complex, 2, 6> plane =
-      planeFromSensor(free) * sensorStiffness(mechanism).cast<Complex>();
+  const Eigen::Matrix<Complex, 2, 6> plane = planeFromSensor(mechanism, free, Vector3d::Zero()) *
+                                             sensorStiffness(mechanism).cast<Complex>();
   const Eigen::Vector2cd xy = plane * fit.phasor;
   // noise of each displacement by its column, mean of both axes
   const double variance = 0.5 * (plane.cwiseAbs2().colwise().sum() * fit.variance).value();
@@ -333,10 +336,8 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
   if (axes == LocusAxes::kSensor) {
     const FreeMotion upright(mechanism, point.direction * point.frequency, Vector2d::Zero(),
                              Vector2d::Zero());
-    const Vector3d force = held.couplingForce();
-    const Vector6& k = mechanism.coupling.stiffness.diagonal;
-    const Vector3d displacement(force.x() / k[1], force.y() / k[2], force.z() / k[0]);
-    seen = planeFromSensor(upright) * sensorWrench(held.free(), force, displacement);
+    seen = planeFromSensor(mechanism, upright, Vector3d::Zero()) *
+           sensorWrench(mechanism, held.free(), held.couplingForce());
   }
   const auto predicted = [&](double alpha) {
     const Eigen::Vector2cd xy = seen * held.solve(alpha);

@@ -379,10 +379,13 @@ TEST(ContactModel, PlaneMotionComesBackFromTheSensor) {
     const double a = angle(random), b = angle(random), t = size(random), u = size(random);
     p.tilt = {t * std::cos(a), t * std::sin(a)};
     p.sensor_tilt = {u * std::cos(b), u * std::sin(b)};
+    p.friction = {-1.0 + 0.02 * run, 0.7};
     p.direction = run % 2 ? -1 : 1;
     const ContactResponse r = contactResponse(s, p, angle(random));
     Complex x, y;
-    centreOfMassPhasors(s, p.direction * p.frequency, r.coupling, x, y, p.tilt, p.sensor_tilt);
+    const Vector3d on_sensor(p.friction.x(), p.friction.y(), p.press - s.peg.mass * s.gravity);
+    centreOfMassPhasors(s, p.direction * p.frequency, r.coupling, x, y, p.tilt, p.sensor_tilt,
+                        on_sensor);
     const Locus locus = locusFromPhasors(x, y, 0, 1, 1);
     EXPECT_LT(relative(r, locus.P, locus.N), 1e-12);
   }

@@ -22,8 +22,7 @@ struct OperatingPoint {
   double press = 0.0;              ///< static contact force on the peg along z [N]
   Eigen::Vector2d friction{0, 0};  ///< and across it [N]: what pressing has left
   Eigen::Vector2d tilt{0, 0};      ///< of the peg axis: rotation vector (x, y) from upright [rad]
-  bool rolling =
-      false;  ///< edge on plane: the contact rolls along the edge (stiffness press r / tilt)
+  bool rolling = false;  ///< edge on plane: rolls along the edge, press r / tilt [N m/rad]
   Eigen::Vector2d sensor_tilt{0, 0};  ///< of the sensor's axes, as tilt [rad]
 };
 
@@ -61,8 +60,9 @@ struct DirectionEstimate {
 
 /// How a measured locus came from the coupling's deflection.
 enum class LocusAxes {
-  kHole,   ///< centreOfMassPhasors with the tilts of the operating point
-  kSensor  ///< without tilts: sensor axes taken as upright, as locus_estimator does
+  kHole,   ///< centreOfMassPhasors with the tilts and the static force of the operating point
+  kSensor  ///< centreOfMassLocus without tilts: sensor axes taken as upright, as locus_estimator
+           ///< does
 };
 
 /// Weighted least squares over P and N. alpha is in hole axes either way. Refuse a misfit that
@@ -75,11 +75,14 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
 /// sensor's static map tells it (sensor axes). Undoes the damping in the sensor's wrench and adds
 /// the carrier's own motion, which follows from the coupling's force. frequency: rate of the
 /// exciter's angle, negative for a clockwise exciter [rad/s]. Tilts as in OperatingPoint.
+/// static_force: of the peg on the sensor, hole axes [N]; its arm moves with the deflection. Zero
+/// leaves the arm out.
 void centreOfMassPhasors(const Scenario& mechanism, double frequency,
                          const Eigen::Matrix<std::complex<double>, 6, 1>& coupling,
                          std::complex<double>& x, std::complex<double>& y,
                          const Eigen::Vector2d& tilt = Eigen::Vector2d::Zero(),
-                         const Eigen::Vector2d& sensor_tilt = Eigen::Vector2d::Zero());
+                         const Eigen::Vector2d& sensor_tilt = Eigen::Vector2d::Zero(),
+                         const Eigen::Vector3d& static_force = Eigen::Vector3d::Zero());
 
 /// Locus of the centre of mass from a fit of the six displacements, with the noise of all six
 /// carried over. frequency and tilts as in centreOfMassPhasors.

@@ -98,7 +98,7 @@ TEST(ParametersTest, ReadsWhatIsThereAndFallsBack) {
 
 TEST(ParametersTest, RefusesInOneLineWithNameAndValue) {
   Parameters p(ros::NodeHandle("~bad"));
-  const std::string name = "parameter /bridge_test/bad/";
+  const std::string name = "parameter /ros_bridge_test/bad/";
   expectRefusal([&] { p.number("absent", kAny); }, name + "absent is missing");
   expectRefusal([&] { p.number("nan", kAny); }, name + "nan is nan");
   expectRefusal([&] { p.number("infinite", kAny, 1.0); }, name + "infinite is inf");
@@ -121,7 +121,7 @@ TEST(ParametersTest, RefusesWhatNobodyAskedFor) {
       [&] {
         p.refuseUnknown({"flag", "text", "list", "three"});
       },
-      "parameter /bridge_test/good/integer is unknown");
+      "parameter /ros_bridge_test/good/integer is unknown");
   EXPECT_NO_THROW(p.refuseUnknown({"flag", "text", "list", "three", "integer"}));
 }
 
@@ -129,7 +129,7 @@ TEST(ParametersTest, RefusesWhatNobodyAskedFor) {
 }  // namespace assembly_cell::ros_bridge
 
 int main(int argc, char** argv) {
-  ros::init(argc, argv, "bridge_test");
+  ros::init(argc, argv, "ros_bridge_test");
   ::testing::InitGoogleTest(&argc, argv);
   ros::NodeHandle nh;
   return RUN_ALL_TESTS();
