@@ -13,8 +13,10 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kHeightFloor = 3e-5;  // heights within this always agree [m]
 constexpr double kLowTolerance =
     0.05;  // a contact this near the lowest point is on the plane [rad]
-constexpr double kLeastScatter = 0.01;  // residuals are never taken for less than 0.1 sd, squared
-constexpr std::size_t kFewest = 5;      // readings for a plane with something left over
+constexpr double kLeastScatter = 0.25;    // residuals are never taken for less than 0.5 sd, squared
+constexpr double kPointFloor = 3e-6;      // sd of a contact's place besides its direction [m]
+constexpr double kDirectionFloor = 1e-3;  // sd of a direction, model included [rad]
+constexpr std::size_t kFewest = 5;        // readings for a plane with something left over
 constexpr int kFewestRim = 4;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
@@ -78,31 +80,41 @@ std::string fitPlane(double radius, std::vector<HoleReading>& readings, HoleEsti
   return "";
 }
 
+// a contact on the rim, in plane coordinates
+struct RimPoint {
+  Vec2 p;        // [m]
+  Vec2 tangent;  // way of the point by its direction on the edge [m/rad]
+  double sd;     // of the direction [rad]
+};
+
 struct CircleFit {
   Vec2 center{0, 0};
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   double cost = 1e300;
 };
 
-// centre of a circle of given radius through points with robust weights
-CircleFit fitCircle(const std::vector<Vec2>& points, const std::vector<double>& sd,
-                    const std::vector<Vec2>& outside, double radius, Vec2 start) {
+// centre of a circle of given radius through points with robust weights. An error of the direction
+// moves a point along the peg's edge: for its distance from the centre only the part across the rim
+// counts, little where both circles are almost parallel
+CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>& outside,
+                    double radius, const Vec2& start) {
   CircleFit fit;
   fit.center = start;
   for (int iteration = 0; iteration < 60; ++iteration) {
     Eigen::Matrix2d H = Eigen::Matrix2d::Zero();
     Vec2 g = Vec2::Zero();
     double cost = 0.0, squares = 0.0;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const Vec2 d = fit.center - points[i];
+    for (const RimPoint& point : points) {
+      const Vec2 d = fit.center - point.p;
       const double distance = std::max(d.norm(), 1e-9);
-      const double z = (distance - radius) / sd[i];
-      // Geman–McClure beyond a few sd
+      const double sd = std::hypot(kPointFloor, d.dot(point.tangent) / distance * point.sd);
+      const double z = (distance - radius) / sd;
+      // Geman–McClure beyond a few sd; the likelihood's log sd counts when centres compete
       const double w = 1.0 / std::pow(1.0 + z * z / 16.0, 2);
-      const Vec2 row = d / (distance * sd[i]);
+      const Vec2 row = d / (distance * sd);
       H += w * row * row.transpose();
       g += w * row * z;
-      cost += z * z / (1.0 + z * z / 16.0);
+      cost += z * z / (1.0 + z * z / 16.0) + 2.0 * std::log(sd / kPointFloor);
       squares += w * z * z;
     }
     // a contact on the plane can't lie in the hole
@@ -140,8 +152,8 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
   // contacts in plane coordinates, sorted into rim and plane by their distance from the lowest
   // point
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(e.normal);
-  std::vector<Vec2> rim, plane;
-  std::vector<double> sd;
+  std::vector<RimPoint> rim;
+  std::vector<Vec2> plane;
   Vec2 middle = Vec2::Zero();
   e.plane_readings = e.rim_readings = 0;
   for (HoleReading& r : readings) {
@@ -151,8 +163,8 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
     const double away = std::abs(wrapPi(r.alpha - lowest(r, e.normal)));
     if (away > std::max(kLowTolerance, 4 * r.sd)) {
       r.kind = HoleReading::kRim;
-      rim.push_back(p);
-      sd.push_back(std::max(2e-6, peg_radius * r.sd));
+      const Vec3 along = contactPoint(r, peg_radius, r.alpha + 0.5 * kPi) - r.X_SP.p;
+      rim.push_back({p, axes.transpose() * along, std::max(kDirectionFloor, r.sd)});
       ++e.rim_readings;
     } else {
       plane.push_back(p);
@@ -170,7 +182,7 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
     for (const double distance : {0.01, 0.1, 0.4}) {
       const double a = 2 * kPi * i / 24.0;
       const Vec2 start = middle + distance * hole_radius * Vec2(std::cos(a), std::sin(a));
-      const CircleFit fit = fitCircle(rim, sd, plane, hole_radius, start);
+      const CircleFit fit = fitCircle(rim, plane, hole_radius, start);
       if (fit.cost < best.cost) best = fit;
     }
   }

@@ -16,7 +16,10 @@ constexpr double kDeepest = 0.1;        // penetration beyond this part of the r
 constexpr double kPull = 1e-7;          // forces this far beyond a limit change no mode [N]
 constexpr double kApproach = 1e-6;      // nor does an idle gap's acceleration down to this [m/s²]
 constexpr double kEventTime = 1e-12;    // events are located to this [s]
-constexpr double kStepFloor = 1e-13;    // error control below this step gives up [s]
+// as many events as are remembered within kCluster are a cluster (a peg that lies flat, rocking):
+// for kCoarseSpan the run goes on in steps of kCoarseStep without locating events [s]
+constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5;
+constexpr double kStepFloor = 1e-13;  // error control below this step gives up [s]
 constexpr std::int64_t kEventLimit = 10000000;
 // relative diagonal shift that makes redundant sticking solvable (near least norm)
 constexpr double kShift = 1e-11;
@@ -175,8 +178,8 @@ void Simulation::setState(const State& state) {
   stop_ = StopReason::kOk;
   next_step_ = scenario_.solver.max_step;
   slots_ = Slots{};
-  events_in_place_ = 0;
-  last_event_ = -1.0;
+  recent_events_.fill(-1.0);
+  coarse_until_ = -1.0;
   if (!finite(state_)) {
     stop_ = StopReason::kNonFinite;
     return;
@@ -671,20 +674,17 @@ StopReason Simulation::advance(double t_end) {
 
     const bool contacts_matter = scenario_.contact.law != ContactLaw::kNone;
     const double value = contacts_matter ? eventValue(slots_, slots) : 1.0;
-    const bool forced = events_in_place_ > 30;
-    if (value >= 0.0 || forced) {
-      // a forced step leaves a cluster of events behind
-      if (forced && h > 1e-6) {
-        h = 1e-6;
+    const bool coarse = time_ < coarse_until_;
+    if (value >= 0.0 || coarse) {
+      // amid a cluster of events: short steps, modes decided after each, nothing located
+      if (coarse && h > kCoarseStep) {
+        h = kCoarseStep;
         last = false;
         slots = slots_;
         tryStep(h, end, slope, slots);
       }
       accept(last ? t_end : time_ + h, end, slope, slots);
-      if (forced) {
-        events_in_place_ = 0;
-        findModes(false);
-      }
+      if (coarse) findModes(false);
     } else {
       // bracket the first change: Illinois with bisection against jumps
       double low = 0.0, high = h, f_low = eventValue(slots_, slots_), f_high = value;
@@ -716,8 +716,9 @@ StopReason Simulation::advance(double t_end) {
         }
       }
       const double t_event = time_ + high;
-      events_in_place_ = t_event - last_event_ < 1e-9 ? events_in_place_ + 1 : 0;
-      last_event_ = t_event;
+      double& oldest = recent_events_[static_cast<std::size_t>(counts_.events) % kRecentEvents];
+      if (t_event - oldest < kCluster) coarse_until_ = t_event + kCoarseSpan;
+      oldest = t_event;
       accept(t_event, state_high, slope_high, slots_high);
       ++counts_.events;
 

@@ -47,8 +47,8 @@ void place(Scenario& s, const Vector3d& bottom, double tilt, double lean) {
   s.initial.euler = {std::atan2(axis.x(), axis.z()), std::acos(axis.y()), 0.0};
   s.initial.position = bottom + s.peg.half_height * axis;
   const Vector3d coupling = s.initial.position + s.peg.coupling_height * axis;
-  s.rest = {coupling.x(), coupling.y(), coupling.z(), 0.0, s.initial.euler.theta,
-            s.initial.euler.phi};
+  s.rest = {coupling.x(), coupling.y(),          coupling.z(),
+            0.0,          s.initial.euler.theta, s.initial.euler.phi};
   s.initial.carrier_x = coupling.x();
   s.initial.carrier_y = coupling.y();
   s.initial.carrier_yaw = 0.0;
@@ -89,8 +89,8 @@ double kineticSpeed(const State& s) { return s.v.cwiseAbs().maxCoeff(); }
 TEST(Dynamics, FreeFlightHasItsClosedForm) {
   const Scenario s = load("free_flight");
   const double w = std::sqrt(s.coupling.stiffness.diagonal(0) / s.peg.mass);
-  const double X = s.initial.position.z() +
-                   s.peg.coupling_height * std::sin(s.initial.euler.theta) - s.rest.z;
+  const double X =
+      s.initial.position.z() + s.peg.coupling_height * std::sin(s.initial.euler.theta) - s.rest.z;
   EXPECT_NEAR(w, 33.753, 0.0005);      // listed [rad/s]
   EXPECT_NEAR(X, 8.4979e-3, 0.05e-6);  // listed [m]
   Simulation sim(s);
@@ -216,8 +216,8 @@ TEST(Dynamics, ImpactSinksInBySpeedOverRate) {
 }
 
 TEST(Dynamics, SlidingFollowsTheReference) {
-  const Scenario s = load(
-      "sliding", {"contact.law=viscous", "contact.stationary_rows=true", "contact.rate=700"});
+  const Scenario s =
+      load("sliding", {"contact.law=viscous", "contact.stationary_rows=true", "contact.rate=700"});
   Simulation sim(s);
   const double start = sim.state().q(2);
   // listed [mm] to three decimals, of the rigid law; it is sliding throughout, where the viscous

@@ -157,8 +157,7 @@ TEST_F(Model, VirtualWorkVanishesOnTheSolution) {
     const Vector3d exciter_point(0, 0, s.peg.exciter_height);
     for (int i = 0; i < 9; ++i) {
       const auto varied = [&](const Vector3d& in_peg) {
-        return derivative(
-            [&](double h) { return pegPoint(at.q + h * Vector9::Unit(i), in_peg); });
+        return derivative([&](double h) { return pegPoint(at.q + h * Vector9::Unit(i), in_peg); });
       };
       const auto add = [&](double work) {
         residual(i) += work;
@@ -166,9 +165,8 @@ TEST_F(Model, VirtualWorkVanishesOnTheSolution) {
       };
       for (std::size_t k = 0; k < 6; ++k) add(forces[k].dot(varied(body.points[k])));
       add(-drive.dot(varied(exciter_point)));
-      add(derivative([&](double h) {
-        return Scalar(potential(s, at.q + h * Vector9::Unit(i)));
-      })(0));
+      add(derivative([&](double h) { return Scalar(potential(s, at.q + h * Vector9::Unit(i))); })(
+          0));
     }
     residual(6) += s.carrier.mass * a(6);
     residual(7) += s.carrier.mass * a(7);
@@ -207,8 +205,7 @@ TEST_F(Model, PowerIsBalanced) {
     const Vector3d carrier = at.v.tail<3>();
     const double lost = rate.dot(multiply(s.coupling.damping, rate)) +
                         carrier.dot(s.carrier.damping.cwiseProduct(carrier));
-    const double given =
-        drivingForce(s, at.q, t).dot(moving({0, 0, s.peg.exciter_height}));
+    const double given = drivingForce(s, at.q, t).dot(moving({0, 0, s.peg.exciter_height}));
     EXPECT_GT(lost, 0.0);
     // (h·5 rad/s)⁴/30 of rates of change that nearly cancel
     const double gained = derivative(moved)(0) + derivative(accelerated)(0);

@@ -28,8 +28,8 @@ constexpr double kHoleRadius = 0.0251;
 // Edge whose lowest point lies in the direction of `lean` (angle from axis 2), tilted by `tilt`.
 EdgeCircle edgeAt(const Vector3d& center, double tilt, double lean, double spin = 0.0) {
   const Vector3d sideways(0.0, -std::sin(lean), std::cos(lean));
-  const Matrix3d R = (AngleAxisd(tilt, sideways) * AngleAxisd(spin, Vector3d::UnitX()))
-                         .toRotationMatrix();
+  const Matrix3d R =
+      (AngleAxisd(tilt, sideways) * AngleAxisd(spin, Vector3d::UnitX())).toRotationMatrix();
   return {center, R.col(1), R.col(2), kRadius};
 }
 
@@ -251,8 +251,7 @@ struct Motion {
     return velocity + acceleration * t + omega(t).cross(p - x);
   }
   Vector3d pointAcceleration(const Vector3d& p) const {  // at t = 0
-    const Vector3d alpha =
-        angular_acceleration * axis1 + (rate2 * axis2).cross(rate1 * axis1);
+    const Vector3d alpha = angular_acceleration * axis1 + (rate2 * axis2).cross(rate1 * axis1);
     const Vector3d w = omega(0), r = p - body;
     return acceleration + alpha.cross(r) + w.cross(w.cross(r));
   }
@@ -357,8 +356,8 @@ TEST_F(ContactGeometry, GapIsContinuousAlongPaths) {
       if (c.valid && last.valid) {
         // a distance changes by no more than the point moves: 1e-4 s times the mean point speed,
         // and what its change over the step adds
-        const double speed = std::max(m.pointVelocity(t, c.p).norm(),
-                                      m.pointVelocity(t - 1e-4, last.p).norm());
+        const double speed =
+            std::max(m.pointVelocity(t, c.p).norm(), m.pointVelocity(t - 1e-4, last.p).norm());
         EXPECT_LE(std::abs(c.gap - last.gap), 1e-4 * speed * 1.05 + 1e-9);
         ++steps;
       }
@@ -376,8 +375,8 @@ TEST_F(ContactGeometry, HandOverAtTheRimIsContinuous) {
     EdgeCircle e = edgeAt(Vector3d::Zero(), tilt, 0.0, uniform(-kPi, kPi));
     e.center(0) = edgeHeight(e).amplitude - depth;
     // the centre moves across the lean: the lowest point is on the rim here
-    const double across = std::sqrt(kHoleRadius * kHoleRadius -
-                                    std::pow(kRadius * std::cos(tilt), 2));
+    const double across =
+        std::sqrt(kHoleRadius * kHoleRadius - std::pow(kRadius * std::cos(tilt), 2));
     const double side = i % 2 ? 1.0 : -1.0;
     for (const double beyond : {1e-9, 1e-7, 1e-5}) {
       e.center(2) = side * (across + beyond);
@@ -436,8 +435,8 @@ TEST_F(ContactGeometry, WhollyInsideOrOutsideIsNoContact) {
   for (const double tilt : {0.0, 1e-6, 0.1}) {
     for (int slot = 0; slot < 2; ++slot) {
       // inside the bore with clearance all round; beside the block
-      EXPECT_FALSE(findEdgeEdge(edgeAt({-0.01, 2e-5, 0}, tilt, 1.0), kHoleRadius, slot, false, 0)
-                       .valid);
+      EXPECT_FALSE(
+          findEdgeEdge(edgeAt({-0.01, 2e-5, 0}, tilt, 1.0), kHoleRadius, slot, false, 0).valid);
       EXPECT_FALSE(
           findEdgeEdge(edgeAt({0, 0.06, 0.01}, tilt, 1.0), kHoleRadius, slot, false, 0).valid);
       EXPECT_FALSE(findEdgeEdge(edgeAt({0, 0, 0}, tilt, 1.0), kHoleRadius, slot, false, 0).valid);

@@ -141,8 +141,9 @@ class Simulation {
   bool stale_ = true;        // slope_v_, slots_ and motion_ don't belong to the present state
   double next_step_ = 0.0;
   double slip_threshold_ = 0.0;
-  int events_in_place_ = 0;  // events without progress in time
-  double last_event_ = -1.0;
+  static constexpr std::size_t kRecentEvents = 24;
+  std::array<double, kRecentEvents> recent_events_;  // times [s]
+  double coarse_until_ = -1.0;                       // no event is located before this time [s]
   std::array<ContactReport, kSlots> report_;
 };
 

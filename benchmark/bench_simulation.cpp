@@ -1,0 +1,293 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// What the mechanism's simulation costs, each time with the error it buys. See benchmark/README.md.
+#include <Eigen/Core>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/sensor/simulated_cell.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kRepeats = 7;
+
+Scenario load(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/" + name + ".yaml",
+                      overrides);
+}
+
+// Bottom edge centre, tilt towards an angle from x; pressed by lowering the coupling's rest.
+void place(Scenario& s, const Vector3d& bottom, double tilt, double lean, double press) {
+  const Vector3d axis(std::sin(tilt) * std::cos(lean), std::sin(tilt) * std::sin(lean),
+                      std::cos(tilt));
+  s.initial.close = press > 0.0;
+  s.initial.euler = {std::atan2(axis.x(), axis.z()), std::acos(axis.y()), 0.0};
+  s.initial.position = bottom + s.peg.half_height * axis;
+  const Vector3d coupling = s.initial.position + s.peg.coupling_height * axis;
+  s.initial.carrier_x = coupling.x();
+  s.initial.carrier_y = coupling.y();
+  s.rest = {coupling.x(), coupling.y(),          coupling.z(),
+            0.0,          s.initial.euler.theta, s.initial.euler.phi};
+  if (press > 0.0) {
+    s.initial.position.z() = Simulation(s).state().q(0);
+    s.rest.z = s.initial.position.z() + s.peg.coupling_height * axis.z() - press;
+    s.initial.close = false;
+  }
+}
+
+Scenario farAbove() {
+  Scenario s = load("cell");
+  place(s, {0.004, 0, 0.02}, 0.05, kPi, 0.0);
+  return s;
+}
+Scenario oneOnThePlane() {
+  Scenario s = load("cell");
+  place(s, {0.05, 0.02, 0.01}, 0.05, 0.0, 1e-4);
+  return s;
+}
+// leaning across the offset one edge crossing carries, leaning towards the hole both do
+Scenario oneEdge() {
+  Scenario s = load("cell");
+  place(s, {0.0032, 0.0050, 0.01}, 0.05, 3.34, 1e-4);
+  return s;
+}
+Scenario twoEdges() {
+  Scenario s = load("cell");
+  place(s, {0.004, 0, 0.01}, 0.05, kPi, 1e-4);
+  return s;
+}
+
+struct Run {
+  double seconds = 0.0;  // of wall time, the fastest of the repeats
+  RunCounts counts;
+  State state;
+  int closed = 0;
+  StopReason reason = StopReason::kOk;
+};
+
+// `duration` of simulated time after `settle` of it, in samples of 0.2 ms as the cell asks for
+Run measure(const Scenario& s, double duration, double settle = 0.0, int repeats = kRepeats) {
+  Run run;
+  run.seconds = 1e300;
+  for (int i = 0; i < repeats; ++i) {
+    Simulation sim(s);
+    run.reason = sim.advance(settle);
+    const RunCounts before = sim.counts();
+    const auto samples = static_cast<int>(std::lround(duration / 2e-4));
+    const auto start = std::chrono::steady_clock::now();
+    for (int k = 1; k <= samples; ++k) run.reason = sim.advance(settle + 2e-4 * k);
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    run.seconds = std::min(run.seconds, elapsed.count());
+    run.counts = sim.counts();
+    run.counts.evaluations -= before.evaluations;
+    run.counts.steps -= before.steps;
+    run.counts.events -= before.events;
+    run.state = sim.state();
+    run.closed = 0;
+    for (const ContactReport& c : sim.contacts()) {
+      run.closed += c.valid && c.state != ContactReport::kOpen ? 1 : 0;
+    }
+  }
+  return run;
+}
+
+double nsPerEvaluation(const Run& r) {
+  return 1e9 * r.seconds / static_cast<double>(r.counts.evaluations);
+}
+
+// largest difference of the three positions of the peg [m]
+double error(const Run& r, const Run& reference) {
+  return (r.state.q - reference.state.q).head<3>().cwiseAbs().maxCoeff();
+}
+
+Run referenceOf(Scenario s, double duration, double settle) {
+  s.solver.integrator = "dopri5";
+  s.solver.tolerance = 1e-13;
+  return measure(s, duration, settle, 1);
+}
+
+void printRun(const char* name, const Run& r, double e, double duration) {
+  std::printf("%-42s %8.0f %9lld %7lld %6lld %8d %10.1f   %.1e%s%s\n", name, nsPerEvaluation(r),
+              static_cast<long long>(r.counts.evaluations), static_cast<long long>(r.counts.steps),
+              static_cast<long long>(r.counts.events), r.closed, duration / r.seconds, e,
+              r.reason == StopReason::kOk ? "" : "  stopped: ",
+              r.reason == StopReason::kOk ? "" : toString(r.reason));
+}
+
+void header(const char* title) {
+  std::printf("\n%s\n%-42s %8s %9s %7s %6s %8s %10s   %s\n", title, "", "ns/rhs", "rhs", "steps",
+              "events", "contacts", "real time", "error [m]");
+}
+
+void rightHandSides() {
+  const double duration = 0.1, settle = 0.1;
+  header("Right-hand side by contact count and law, 0.1 s of the cell with the exciter at 0.1 N");
+  struct Case {
+    const char* name;
+    Scenario scene;
+  };
+  std::vector<Case> cases = {{"free, law none", farAbove()},
+                             {"free, viscous", farAbove()},
+                             {"1 edge-plane, viscous, stationary rows", oneOnThePlane()},
+                             {"1 edge-plane, viscous, regularised", oneOnThePlane()},
+                             {"1 edge-plane, spring_dashpot", oneOnThePlane()},
+                             {"1 edge-edge, viscous, stationary rows", oneEdge()},
+                             {"1 edge-edge, viscous, regularised", oneEdge()},
+                             {"2 edge-edge, viscous, stationary rows", twoEdges()},
+                             {"2 edge-edge, viscous, regularised", twoEdges()},
+                             {"2 edge-edge, spring_dashpot", twoEdges()}};
+  for (Case& c : cases) {
+    const std::string name = c.name;
+    const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
+    if (has("none")) c.scene.contact.law = ContactLaw::kNone;
+    if (has("regularised")) c.scene.contact.stationary_rows = false;
+    if (has("spring")) {
+      c.scene.contact.law = ContactLaw::kSpringDashpot;
+      c.scene.contact.stiffness = 1e5;
+      c.scene.contact.damping = 200;
+    }
+    c.scene.exciter.amplitude = 0.1;
+    const Run run = measure(c.scene, duration, settle);
+    printRun(c.name, run, error(run, referenceOf(c.scene, duration, settle)), duration);
+  }
+}
+
+void skips() {
+  const double duration = 0.2;
+  header("What the skips save, 0.2 s each (the same end state to the bit where it says so)");
+  Scenario above = farAbove();
+  above.initial.velocity = Vector3d(0.01, 0, 0);
+  const Run reference = referenceOf(above, duration, 0.0);
+  const Run searched = measure(above, duration);
+  above.contact.law = ContactLaw::kNone;
+  const Run none = measure(above, duration);
+  printRun("above the plane: height test, no search", searched, error(searched, reference),
+           duration);
+  printRun("law none: nothing to skip", none, error(none, reference), duration);
+  std::printf("  height test costs %.0f ns a right-hand side; end states %s\n",
+              nsPerEvaluation(searched) - nsPerEvaluation(none),
+              searched.state.q == none.state.q ? "equal to the bit" : "differ");
+
+  // what a search costs when the height test can't answer: edge inside the rim's height
+  EdgeCircle edge{{0.0, 0.004, 0.0}, Vector3d::Zero(), Vector3d::UnitZ(), 0.025};
+  edge.axis0 = Vector3d(std::sin(0.05), std::cos(0.05), 0.0);
+  edge.center(0) = 0.0;
+  double cold = 1e300, warm = 1e300, sum = 0.0;
+  constexpr int n = 20000;
+  for (int i = 0; i < kRepeats; ++i) {
+    for (const bool use_warm : {false, true}) {
+      double t = findEdgeEdge(edge, 0.0251, 0, false, 0.0).t;
+      const auto start = std::chrono::steady_clock::now();
+      for (int k = 0; k < n; ++k) {
+        edge.center(1) = 0.004 + 1e-9 * k;
+        const ContactPoint c = findEdgeEdge(edge, 0.0251, 0, use_warm, t);
+        t = c.t;
+        sum += c.gap;
+      }
+      const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+      double& best = use_warm ? warm : cold;
+      best = std::min(best, 1e9 * elapsed.count() / n);
+    }
+  }
+  std::printf("  edge-edge search: cold start %.0f ns, warm start %.0f ns a slot (sum %.1e)\n",
+              cold, warm, sum);
+
+  // the exciter off needs no sine and cosine
+  above.exciter.amplitude = 0.1;
+  const Run on = measure(above, duration);
+  printRun("exciter on, law none", on, error(on, referenceOf(above, duration, 0.0)), duration);
+  std::printf("  exciter off saves %.0f ns a right-hand side\n",
+              nsPerEvaluation(on) - nsPerEvaluation(none));
+}
+
+void realTime() {
+  std::printf("\nReal-time factor of the whole cell: both bridges, 5 kHz, blocks of 100 samples\n");
+  for (const bool vibrated : {false, true}) {
+    for (const bool contact : {false, true}) {
+      Scenario s = contact ? twoEdges() : farAbove();
+      if (vibrated) s.exciter.amplitude = 1.0;
+      SimulatedCell cell(s, CellParameters{});
+      StrainBlock block;
+      for (int k = 0; k < 5; ++k) cell.next(block);
+      double best = 1e300, worst = 0.0;
+      for (int k = 0; k < 50; ++k) {
+        const auto start = std::chrono::steady_clock::now();
+        cell.next(block);
+        const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+        best = std::min(best, elapsed.count());
+        worst = std::max(worst, elapsed.count());
+      }
+      std::printf("  %-12s exciter %-4s fastest block %7.1f x, slowest block %7.1f x\n",
+                  contact ? "2 contacts," : "free,", vibrated ? "1 N:" : "off:", 0.02 / best,
+                  0.02 / worst);
+    }
+  }
+}
+
+void workPrecision(const char* title, const Scenario& scene, double duration) {
+  header(title);
+  const Run reference = referenceOf(scene, duration, 0.0);
+  for (const double tolerance : {1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12}) {
+    Scenario s = scene;
+    s.solver.tolerance = tolerance;
+    char name[40];
+    std::snprintf(name, sizeof(name), "dopri5, tolerance %.0e", tolerance);
+    const Run run = measure(s, duration);
+    printRun(name, run, error(run, reference), duration);
+  }
+  for (const double step : {2e-4, 1e-4, 5e-5, 2e-5, 1e-5}) {
+    Scenario s = scene;
+    s.solver.integrator = "rk4";
+    s.solver.step = step;
+    char name[40];
+    std::snprintf(name, sizeof(name), "rk4, step %.0e s", step);
+    const Run run = measure(s, duration);
+    printRun(name, run, error(run, reference), duration);
+  }
+}
+
+int run() {
+  std::printf(
+      "times: fastest of %d runs on this machine; error: largest difference of the peg's "
+      "position from a run with tolerance 1e-13\n",
+      kRepeats);
+  rightHandSides();
+  skips();
+  realTime();
+  Scenario free = farAbove();
+  free.contact.law = ContactLaw::kNone;
+  free.exciter.amplitude = 1.0;
+  workPrecision("Free motion, exciter 1 N, 0.06 s", free, 0.06);
+  workPrecision(
+      "Two contacts pressed, exciter 0.1 N, 0.06 s",
+      [] {
+        Scenario s = twoEdges();
+        s.exciter.amplitude = 0.1;
+        return s;
+      }(),
+      0.06);
+  workPrecision("Impact (thesis Fig 7.2, viscous law), 0.03 s", load("impact"), 0.03);
+  return 0;
+}
+
+}  // namespace
+}  // namespace assembly_cell
+
+int main() {
+  try {
+    return assembly_cell::run();
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "bench_simulation: %s\n", e.what());
+    return 1;
+  }
+}

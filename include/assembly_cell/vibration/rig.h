@@ -1,0 +1,35 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+namespace assembly_cell {
+
+/// Rig of chapter 5. M_over_L is the moment scaled as a length; K a number, so K g an acceleration.
+struct RigCase {
+  double x0 = 0.0;  ///< misalignment
+  double M_over_L = 0.0, f_hz = 0.0, K = 0.0, g = 0.0;
+};
+
+/// One slide from rest at misalignment x.
+struct RigSlide {
+  double time = 0.0;     ///< sliding time
+  double x = 0.0;        ///< misalignment after it, 0 when assembled
+};
+
+struct RigResult {
+  bool never = false;  ///< x0 >= 2 M_over_L: never tips; time and cycles then mean nothing
+  double time = 0.0;   ///< from the first tip to assembly
+  int cycles = 0;      ///< slides
+};
+
+/// 5.2–5.5: the first sliding time after the trivial root 0 at which 5.6 (corrected: it is Δt² on the
+/// left) holds, or the time to assembly if that comes first. Needs 0 < x < 2 M_over_L.
+RigSlide rigSlide(const RigCase& c, double x);
+
+/// Slides repeated once a turn of the moment until nothing is left. Throws InputError beyond a
+/// million turns: x0 then equals 2 M_over_L but for rounding.
+RigResult rigAssembly(const RigCase& c);
+
+/// Below this frequency one slide assembles [1/s]; x0 < 2 M_over_L.
+double rigOneSlideFrequency(const RigCase& c);
+
+}  // namespace assembly_cell

@@ -1,0 +1,30 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cmath>
+
+namespace assembly_cell {
+
+// What the closed forms of vibration/ say to input outside their validity: InputError with one line
+// naming parameter, value and remedy. A NaN or an infinity never enters and never leaves.
+
+[[noreturn]] void refuse(const char* name, double value, const char* remedy);
+
+inline void requireFinite(const char* name, double value) {
+  if (!std::isfinite(value)) refuse(name, value, "give a finite number");
+}
+inline void requirePositive(const char* name, double value) {
+  if (!(value > 0.0) || !std::isfinite(value)) refuse(name, value, "give a positive number");
+}
+inline void requireNotNegative(const char* name, double value) {
+  if (!(value >= 0.0) || !std::isfinite(value)) refuse(name, value, "give a number, at least 0");
+}
+/// A result, or a refusal when the input was so large or small that it overflowed.
+inline double finiteResult(const char* name, double value) {
+  if (!std::isfinite(value)) {
+    refuse(name, value, "result out of range, give parameters of comparable size");
+  }
+  return value;
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,228 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Mechanism and both strain bridges together.
+#include "assembly_cell/sensor/simulated_cell.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector3d;
+
+Scenario cellScenario(const std::vector<std::string>& overrides = {}) {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
+                      overrides);
+}
+
+Vector6 sample(const std::vector<double>& volts, std::size_t i) {
+  return Vector6::Map(volts.data() + 6 * i);
+}
+
+TEST(SimulatedCell, BlocksFollowEachOtherInTime) {
+  CellParameters p;
+  p.block_size = 30;
+  p.sample_period = 2e-4;
+  SimulatedCell cell(cellScenario(), p);
+  StrainBlock block;
+  for (std::uint32_t k = 0; k < 20; ++k) {
+    ASSERT_EQ(cell.next(block), StopReason::kOk);
+    EXPECT_EQ(block.sequence, k);
+    EXPECT_EQ(block.period, 2e-4);
+    // the first sample one period after the block's start, the last at its end
+    EXPECT_NEAR(block.time, 2e-4 * (30 * k + 1), 1e-15);
+    EXPECT_NEAR(cell.simulation().time(), block.time + 29 * block.period, 1e-15);
+    EXPECT_EQ(block.volts_a.size(), 180u);
+    EXPECT_EQ(block.volts_b.size(), 180u);
+    EXPECT_EQ(block.saturated_a.size(), 30u);
+    EXPECT_EQ(block.saturated_b.size(), 30u);
+  }
+}
+
+// The cell hangs at rest, so that what varies is noise.
+TEST(SimulatedCell, NoiseHasItsRms) {
+  CellParameters p;
+  p.bits = 24;
+  p.noise = 0.5e-3;
+  SimulatedCell cell(cellScenario(), p);
+  Vector6 sum_a = Vector6::Zero(), sum_b = sum_a, squares_a = sum_a, squares_b = sum_a;
+  Vector6 products = sum_a;
+  StrainBlock block;
+  const int n = 100 * p.block_size;
+  Vector6 first_a = sum_a, first_b = sum_a;
+  for (int k = 0; k < 100; ++k) {
+    ASSERT_EQ(cell.next(block), StopReason::kOk);
+    for (std::size_t i = 0; i < block.saturated_a.size(); ++i) {
+      if (k == 0 && i == 0) first_a = sample(block.volts_a, 0), first_b = sample(block.volts_b, 0);
+      const Vector6 a = sample(block.volts_a, i) - first_a, b = sample(block.volts_b, i) - first_b;
+      sum_a += a;
+      sum_b += b;
+      squares_a += a.cwiseAbs2();
+      squares_b += b.cwiseAbs2();
+      products += a.cwiseProduct(b);
+    }
+  }
+  const Vector6 var_a = squares_a / n - (sum_a / n).cwiseAbs2();
+  const Vector6 var_b = squares_b / n - (sum_b / n).cwiseAbs2();
+  const Vector6 covariance = products / n - (sum_a / n).cwiseProduct(sum_b / n);
+  // five standard deviations of an estimate from n samples: rms/sqrt(2n), 1/sqrt(n)
+  for (int c = 0; c < 6; ++c) {
+    EXPECT_NEAR(std::sqrt(var_a(c)), p.noise, 5 * p.noise / std::sqrt(2.0 * n)) << c;
+    EXPECT_NEAR(std::sqrt(var_b(c)), p.noise, 5 * p.noise / std::sqrt(2.0 * n)) << c;
+    EXPECT_NEAR(covariance(c), 0.0, 5 * p.noise * p.noise / std::sqrt(1.0 * n)) << c;
+  }
+}
+
+TEST(SimulatedCell, VoltsAreCodesOfTheConverter) {
+  for (const int bits : {10, 16, 24}) {
+    CellParameters p;
+    p.bits = bits;
+    SimulatedCell cell(cellScenario(), p);
+    StrainBlock block;
+    ASSERT_EQ(cell.next(block), StopReason::kOk);
+    const double lsb = 10.0 / std::ldexp(1.0, bits);
+    for (const std::vector<double>& volts : {block.volts_a, block.volts_b}) {
+      for (const double v : volts) EXPECT_EQ(v / lsb, std::nearbyint(v / lsb)) << bits;
+    }
+  }
+}
+
+// Without noise the reading is within half a code of the design's volts.
+TEST(SimulatedCell, ReadingIsTheWrenchToHalfACode) {
+  CellParameters p;
+  p.noise = 0.0;
+  SimulatedCell cell(cellScenario(), p);
+  StrainBlock block;
+  ASSERT_EQ(cell.next(block), StopReason::kOk);
+  const Calibration b = designCalibration(bridgeB(p.bits, 0.0));
+  const Vector6 exact =
+      b.volts_to_wrench.inverse() * cell.simulation().couplingWrench() + b.zero_volts;
+  const Vector6 last = sample(block.volts_b, block.saturated_b.size() - 1);
+  const double lsb = 10.0 / std::ldexp(1.0, p.bits);
+  EXPECT_LE((last - exact).cwiseAbs().maxCoeff(), 0.5 * lsb * (1 + 1e-9));
+}
+
+TEST(SimulatedCell, OverloadIsFlagged) {
+  CellParameters p;
+  SimulatedCell cell(cellScenario({"contact={law: none}"}), p);
+  StrainBlock block;
+  ASSERT_EQ(cell.next(block), StopReason::kOk);
+  for (const std::uint8_t flags : block.saturated_b) EXPECT_EQ(flags, 0);
+
+  // the coupling stretched far beyond what its bridge can show
+  State far = cell.simulation().state();
+  far.q(1) += 0.02;
+  far.q(0) += 0.05;
+  cell.simulation().setState(far);
+  ASSERT_EQ(cell.next(block), StopReason::kOk);
+  int flagged = 0;
+  const double lsb = 10.0 / std::ldexp(1.0, p.bits);
+  for (std::size_t i = 0; i < block.saturated_b.size(); ++i) {
+    for (int c = 0; c < 6; ++c) {
+      const double v = sample(block.volts_b, i)(c);
+      const bool end_code = v == -5.0 || v == 5.0 - lsb;
+      EXPECT_EQ((block.saturated_b[i] >> c & 1) != 0, end_code);
+      flagged += end_code ? 1 : 0;
+    }
+    EXPECT_EQ(block.saturated_a[i], 0);  // nothing touches the hole
+  }
+  EXPECT_GT(flagged, 0);
+}
+
+TEST(SimulatedCell, SeedsDecideTheNoise) {
+  std::vector<StrainBlock> blocks(3);
+  for (std::size_t run = 0; run < 3; ++run) {
+    CellParameters p;
+    p.seed = run < 2 ? 7 : 8;
+    SimulatedCell cell(cellScenario(), p);
+    for (int k = 0; k < 3; ++k) ASSERT_EQ(cell.next(blocks[run]), StopReason::kOk);
+  }
+  EXPECT_EQ(blocks[0].volts_a, blocks[1].volts_a);
+  EXPECT_EQ(blocks[0].volts_b, blocks[1].volts_b);
+  EXPECT_NE(blocks[0].volts_a, blocks[2].volts_a);
+  EXPECT_NE(blocks[0].volts_b, blocks[2].volts_b);
+}
+
+// At rest in contact what the hole's sensor gains is what the peg's sensor loses.
+TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
+  CellParameters p;
+  p.bits = 24;
+  p.noise = 0.0;
+  const Scenario s = cellScenario({"coupling.damping.diagonal=[280, 280, 280, 0.15, 0.15, 0.15]"});
+  SimulatedCell cell(s, p);
+  Simulation& sim = cell.simulation();
+  const Calibration a = designCalibration(bridgeA(p.bits, 0.0));
+  const Calibration b = designCalibration(bridgeB(p.bits, 0.0), s.coupling);
+  RestPose down = s.rest;
+  down.z -= 0.0034;  // the lowest point hangs 3 mm above the plane
+  sim.setRestTarget(down);
+  StrainBlock block;
+  for (int k = 0; k < 100; ++k) ASSERT_EQ(cell.next(block), StopReason::kOk);
+  ASSERT_LT(sim.state().v.cwiseAbs().maxCoeff(), 1e-7);
+
+  const std::size_t last = block.saturated_a.size() - 1;
+  ASSERT_EQ(block.saturated_a[last] | block.saturated_b[last], 0);
+  // everything about the origin of `hole`
+  Vector6 weight = Vector6::Zero();
+  weight(2) = -p.hole_block_mass * s.gravity;
+  const Vector6 block_weight =
+      transformWrench({Eigen::Matrix3d::Identity(), p.hole_block_center}, weight);
+  const Vector6 on_hole =
+      transformWrench(inverse(p.X_AH), wrenchFromVolts(a, sample(block.volts_a, last))) -
+      block_weight;
+  const Vector6 on_b =
+      transformWrench(sim.carrierPose(), wrenchFromVolts(b, sample(block.volts_b, last)));
+  const Pose peg = sim.pegPose();
+  weight(2) = -s.peg.mass * s.gravity;
+  const Vector6 peg_weight = transformWrench(
+      {Eigen::Matrix3d::Identity(), peg.p + s.peg.half_height * peg.R.col(2)}, weight);
+  const Vector6 on_peg = on_b - peg_weight;
+  EXPECT_GT(on_peg(2), 5.0);
+  // half a code of six channels, 0.3 uV, through the inverse of the strain matrix
+  const double code = 0.5 * 10.0 / std::ldexp(1.0, p.bits) * 6;
+  const double bound =
+      code * (a.volts_to_wrench.cwiseAbs().maxCoeff() + b.volts_to_wrench.cwiseAbs().maxCoeff());
+  EXPECT_LT((on_hole + on_peg).cwiseAbs().maxCoeff(), bound + 1e-5);
+  // and the displacement it reports is the coupling's: frames differ by its tilt of 1e-3 rad
+  const Vector6 shown = displacementFromVolts(b, sample(block.volts_b, last));
+  const Vector6 truth = sim.couplingDeflection();
+  EXPECT_LT((shown - truth).head<3>().norm(), 0.02 * truth.head<3>().norm());
+}
+
+TEST(SimulatedCell, ReusesTheBlock) {
+  SimulatedCell cell(cellScenario(), CellParameters{});
+  StrainBlock block;
+  ASSERT_EQ(cell.next(block), StopReason::kOk);
+  const double* a = block.volts_a.data();
+  const double* b = block.volts_b.data();
+  ASSERT_EQ(cell.next(block), StopReason::kOk);
+  EXPECT_EQ(block.volts_a.data(), a);
+  EXPECT_EQ(block.volts_b.data(), b);
+}
+
+TEST(SimulatedCell, StopIsReported) {
+  SimulatedCell cell(cellScenario(), CellParameters{});
+  State over = cell.simulation().state();
+  over.q(4) = 0.05;
+  cell.simulation().setState(over);
+  StrainBlock block;
+  EXPECT_EQ(cell.next(block), StopReason::kSingular);
+}
+
+TEST(SimulatedCell, RefusesWhatCanNotMeasure) {
+  CellParameters p;
+  p.bits = 12;
+  EXPECT_THROW(SimulatedCell(cellScenario(), p), InputError);
+  CouplingParameters loose;
+  loose.stiffness.diagonal.setOnes();
+  loose.stiffness.diagonal(0) = 0.0;
+  EXPECT_THROW(designCalibration(bridgeB(16, 0.0), loose), InputError);
+}
+
+}  // namespace
+}  // namespace assembly_cell
