@@ -15,6 +15,8 @@ if [ -z "${HOME:-}" ] || [ ! -w "$HOME" ]; then
   mkdir -p "$HOME"
 fi
 export MPLCONFIGDIR=$build/matplotlib
+# the same cache serves every checkout
+export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 
 say() { printf '[%(%H:%M:%S)T] %s\n' -1 "$*" >&2; }
 

@@ -11,6 +11,7 @@
 #include <iostream>
 #include <memory>
 
+#include "assembly_cell/align/outcome.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/cell_description.h"
@@ -23,7 +24,6 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kTruthTimeout = 10.0;      // wall [s]
 constexpr std::size_t kTruthMemory = 1000;  // blocks
-constexpr int kEdgePoints = 3600;           // misses at most r (pi/3600)^2 / 2 = 1e-8 m
 
 std::string format(const char* pattern, double a, double b) {
   char text[120];
@@ -34,25 +34,6 @@ std::string format(const char* pattern, double a, double b) {
 Eigen::Vector2d vector(const boost::array<double, 2>& v) { return {v[0], v[1]}; }
 
 }  // namespace
-
-Eigen::Vector2d tiltOf(const Pose& X_HP) {
-  const Eigen::Vector3d axis = X_HP.R.col(2);
-  const double sine = std::hypot(axis.x(), axis.y());
-  const double angle = std::atan2(sine, axis.z());
-  if (sine == 0.0) return Eigen::Vector2d::Zero();
-  return Eigen::Vector2d(-axis.y(), axis.x()) * (angle / sine);
-}
-
-double edgeReach(const Pose& X_HP, double peg_radius) {
-  double reach = 0.0;
-  for (int i = 0; i < kEdgePoints; ++i) {
-    const double a = 2.0 * kPi * i / kEdgePoints;
-    const Eigen::Vector3d p =
-        X_HP.R * Eigen::Vector3d(peg_radius * std::cos(a), peg_radius * std::sin(a), 0.0) + X_HP.p;
-    reach = std::max(reach, p.head<2>().norm());
-  }
-  return reach;
-}
 
 void addTruth(AlignmentReport& report, const ReportDetails& details) {
   report.truth_known = details.truth_start && details.truth_end;

@@ -31,7 +31,10 @@ std::string yamlNumber(double value) {
 }
 
 bool parseNumber(const std::string& text, double& value) {
-  return parse(text, value) && std::isfinite(value);
+  double read = 0.0;
+  if (!parse(text, read) || !std::isfinite(read)) return false;
+  value = read;
+  return true;
 }
 
 bool parseInteger(const std::string& text, long& value) { return parse(text, value); }

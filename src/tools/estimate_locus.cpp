@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <iostream>
 #include <optional>
@@ -16,6 +14,7 @@
 #include "assembly_cell/locus/harmonic_fit.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/scene/yaml_text.h"
 
 namespace {
 
@@ -23,6 +22,7 @@ using assembly_cell::InputError;
 using assembly_cell::Locus;
 using assembly_cell::LocusMode;
 using assembly_cell::ModeDecision;
+using assembly_cell::yamlNumber;
 
 constexpr const char* kHelp =
     R"(Usage: estimate_locus SAMPLES.csv --frequency W [options]
@@ -64,15 +64,6 @@ struct Samples {
   std::vector<double> t, signals;  // signals: 6 × n, x and y first
 };
 
-std::optional<double> parseNumber(const std::string& text) {
-  double value = 0.0;
-  const char* first = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
-  const char* last = text.data() + text.size();
-  const auto [end, error] = std::from_chars(first, last, value);
-  if (error != std::errc() || end != last || !std::isfinite(value)) return std::nullopt;
-  return value;
-}
-
 Options parseOptions(const std::vector<std::string>& arguments) {
   Options options;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
@@ -109,7 +100,8 @@ Options parseOptions(const std::vector<std::string>& arguments) {
       if (!good) throw InputError(name + ": value " + text + ": " + remedy);
       return value;
     };
-    const double value = parseNumber(text).value_or(std::nan(""));
+    double value = std::nan("");
+    assembly_cell::parseNumber(text, value);
     if (name == "--frequency") {
       options.frequency = number(value > 0.0, value, "give a positive number of rad/s");
     } else if (name == "--direction") {
@@ -185,12 +177,10 @@ Samples readSamples(const std::string& path) {
         throw InputError(place + kColumns[c] + " is missing: give " +
                          std::to_string(header.size()) + " columns as in the header");
       }
-      const auto value = parseNumber(cells[column[c]]);
-      if (!value) {
+      if (!assembly_cell::parseNumber(cells[column[c]], values[c])) {
         throw InputError(place + kColumns[c] + " is '" + cells[column[c]] +
                          "': give a finite number");
       }
-      values[c] = *value;
     }
     if (cells.size() > header.size()) {
       throw InputError(place + std::to_string(header.size() + 1) + " is '" + cells[header.size()] +
@@ -203,21 +193,6 @@ Samples readSamples(const std::string& path) {
     samples.signals.insert(samples.signals.end(), {values[1], values[2], 0.0, 0.0, 0.0, 0.0});
   }
   return samples;
-}
-
-// shortest text that reads back as the same number, a float for every YAML reader
-std::string number(double value) {
-  if (!std::isfinite(value)) return "null";
-  std::array<char, 40> text{};
-  for (int digits = 15; digits <= 17; ++digits) {
-    std::snprintf(text.data(), text.size(), "%.*g", digits, value);
-    if (std::strtod(text.data(), nullptr) == value) break;
-  }
-  std::string out = text.data();
-  if (out.find('.') == std::string::npos) {
-    out.insert(std::min(out.find('e'), out.size()), ".0");
-  }
-  return out;
 }
 
 struct Hypothesis {
@@ -252,32 +227,32 @@ void print(const Options& options, const Locus& locus, const ModeDecision& decis
     std::cout << key << ": " << value << "\n";
   };
   const auto complex = [](std::complex<double> z) {
-    return "[" + number(z.real()) + ", " + number(z.imag()) + "]";
+    return "[" + yamlNumber(z.real()) + ", " + yamlNumber(z.imag()) + "]";
   };
   line("mode", assembly_cell::toString(decision.mode));
   std::string probabilities;
   for (std::size_t m = 0; m < decision.probabilities.size(); ++m) {
     probabilities += (m == 0 ? "{" : ", ") +
                      std::string(assembly_cell::toString(static_cast<LocusMode>(m))) + ": " +
-                     number(decision.probabilities[m]);
+                     yamlNumber(decision.probabilities[m]);
   }
   line("probabilities", probabilities + "}");
   line("P", complex(locus.P));
   line("N", complex(locus.N));
-  line("semi_major", number(locus.semiMajor()));
-  line("semi_minor", number(locus.semiMinor()));
-  line("orientation", oriented ? number(locus.orientation()) : "null");
-  line("orientation_sd", oriented ? number(locus.orientationSd()) : "null");
-  line("frequency", number(*options.frequency));
-  line("noise_sd", number(locus.sigma));
+  line("semi_major", yamlNumber(locus.semiMajor()));
+  line("semi_minor", yamlNumber(locus.semiMinor()));
+  line("orientation", oriented ? yamlNumber(locus.orientation()) : "null");
+  line("orientation_sd", oriented ? yamlNumber(locus.orientationSd()) : "null");
+  line("frequency", yamlNumber(*options.frequency));
+  line("noise_sd", yamlNumber(locus.sigma));
   if (hypotheses.empty()) {
     line("hypotheses", "null");
     return;
   }
   std::cout << "hypotheses:\n";
   for (const Hypothesis& h : hypotheses) {
-    std::cout << "  - {direction: " << number(h.direction) << ", weight: " << number(h.weight)
-              << "}\n";
+    std::cout << "  - {direction: " << yamlNumber(h.direction)
+              << ", weight: " << yamlNumber(h.weight) << "}\n";
   }
 }
 

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -17,6 +16,7 @@
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/scene/yaml_text.h"
 
 namespace {
 
@@ -47,23 +47,17 @@ Exit code: 0 ok, 1 the run stopped before its duration (named in status), 2 bad 
 Example: simulate config/scenarios/impact.yaml --set contact.rate=1000 --output run.csv
 )";
 
-constexpr int kDefaultRows = 201;
-constexpr int kMostRows = 10000000;
+constexpr long kDefaultRows = 201;
+constexpr long kMostRows = 10000000;
 
 struct Options {
   std::string scenario;
   std::vector<std::string> overrides;
   std::vector<double> at;
-  int rows = kDefaultRows;
+  long rows = kDefaultRows;
   std::string output;
   bool help = false;
 };
-
-template <typename Number>
-bool parseNumber(const std::string& text, Number& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size();
-}
 
 std::vector<double> parseTimes(const std::string& text) {
   std::vector<double> times;
@@ -72,7 +66,7 @@ std::vector<double> parseTimes(const std::string& text) {
     const std::size_t comma = std::min(text.find(',', from), text.size());
     const std::string item = text.substr(from, comma - from);
     double time = 0.0;
-    if (!parseNumber(item, time) || !std::isfinite(time) || time < 0.0) {
+    if (!assembly_cell::parseNumber(item, time) || time < 0.0) {
       throw InputError("--at: value " + item + ": give times >= 0 separated by commas");
     }
     times.push_back(time);
@@ -111,7 +105,8 @@ Options parseOptions(const std::vector<std::string>& arguments) {
     } else if (name == "--output") {
       options.output = value;
     } else if (name == "--rows") {
-      if (!parseNumber(value, options.rows) || options.rows < 2 || options.rows > kMostRows) {
+      if (!assembly_cell::parseInteger(value, options.rows) || options.rows < 2 ||
+          options.rows > kMostRows) {
         throw InputError("--rows: value " + value + ": give a number from 2 to " +
                          std::to_string(kMostRows));
       }
@@ -135,23 +130,17 @@ std::vector<double> rowTimes(const Options& options, double duration) {
   }
   if (duration == 0.0) return {0.0};
   std::vector<double> times;
-  for (int i = 0; i < options.rows; ++i) times.push_back(duration * i / (options.rows - 1));
+  const auto last = static_cast<double>(options.rows - 1);
+  for (long i = 0; i < options.rows; ++i) {
+    times.push_back(duration * static_cast<double>(i) / last);
+  }
   times.back() = duration;
   return times;
 }
 
-// The shortest text that reads back as the same number, also for YAML readers that want a point
-// before an exponent; empty for what is undefined.
+// empty for what is undefined
 std::string shown(double value) {
-  if (!std::isfinite(value)) return "";
-  char text[32];
-  const auto [end, error] = std::to_chars(text, text + sizeof(text), value);
-  std::string number(text, error == std::errc() ? end : text);
-  const std::size_t exponent = number.find('e');
-  if (exponent != std::string::npos && number.find('.') == std::string::npos) {
-    number.insert(exponent, ".0");
-  }
-  return number;
+  return std::isfinite(value) ? assembly_cell::yamlNumber(value) : "";
 }
 
 struct Column {

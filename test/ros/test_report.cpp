@@ -31,30 +31,6 @@ Pose tilted(double about_y, const Eigen::Vector3d& p) {
   return {rotationFromVector({Eigen::Vector3d(0.0, about_y, 0.0)}), p};
 }
 
-TEST(ReportGeometry, TiltIsTheRotationVectorOfTheAxis) {
-  // rotation about a horizontal axis: the vector itself; a turn about the peg's axis changes
-  // nothing
-  const Eigen::Vector3d v(0.012, -0.02, 0.0);
-  const Pose X{rotationFromVector({v}) * rotationFromVector({Eigen::Vector3d(0.0, 0.0, 1.0)}),
-               Eigen::Vector3d::Zero()};
-  EXPECT_LT((tiltOf(X) - v.head<2>()).norm(), 1e-15);
-  EXPECT_EQ(tiltOf(Pose{}).norm(), 0.0);
-}
-
-TEST(ReportGeometry, EdgeReachIsThatOfAnEllipse) {
-  // upright and off centre: r + d
-  EXPECT_NEAR(edgeReach({Eigen::Matrix3d::Identity(), Eigen::Vector3d(1e-3, 0.0, 5.0)}, kPeg),
-              0.026, 1e-12);
-  // tilted about y: semi-axes r cos and r, so r
-  EXPECT_NEAR(edgeReach(tilted(0.3, Eigen::Vector3d::Zero()), kPeg), kPeg, 1e-12);
-  // and moved along x by d: max over a of (r cos(t) cos(a) + d)² + (r sin(a))², closed form:
-  // r² + d² + r² d² cos²(t) / (r² sin²(t)) where its cos(a) = d cos(t) / (r sin²(t)) < 1
-  const double d = 1e-4, t = 0.3;
-  const double expected = std::sqrt(kPeg * kPeg + d * d + std::pow(d / std::tan(t), 2));
-  // the points miss the maximum by at most r (pi/3600)²/2 = 1e-8 m
-  EXPECT_NEAR(edgeReach(tilted(t, Eigen::Vector3d(d, 0.0, 0.0)), kPeg), expected, 1e-8);
-}
-
 // plays supervisor and simulator
 class Report : public ::testing::Test {
  protected:

@@ -24,12 +24,6 @@ struct ReportDetails {
   std::optional<Pose> truth_start, truth_end;  ///< X_HP
 };
 
-/// Rotation vector x, y that tilts the upright axis to that of the peg. [rad]
-Eigen::Vector2d tiltOf(const Pose& X_HP);
-
-/// Distance from the hole's axis of the farthest point of the peg's edge. [m]
-double edgeReach(const Pose& X_HP, double peg_radius);
-
 /// Adds the truth to the report.
 void addTruth(AlignmentReport& report, const ReportDetails& details);
 

@@ -36,10 +36,10 @@ struct TipResult {
   std::optional<double> impulse, t_flight, X_end;
 };
 
-/// 4.42–4.48: a peg flat on the plane against two edge contacts tips under F sin wt, falls back, and
-/// flies until the chord or the plane is touched again. J = e I |theta'|/(r + d), a model: a rigid
-/// plastic stop would need a pulling chord. The edge leaves the chord only for d < I_cm/(m r).
-/// Throws InputError for 2Fh >= m g r: then it tips about the far edge as well.
+/// 4.42–4.48: a peg flat on the plane against two edge contacts tips under F sin wt, falls back,
+/// and flies until the chord or the plane is touched again. J = e I |theta'|/(r + d), a model: a
+/// rigid plastic stop would need a pulling chord. The edge leaves the chord only for d < I_cm/(m
+/// r). Throws InputError for 2Fh >= m g r: then it tips about the far edge as well.
 TipResult tipBounce(const TipCase& c);
 
 }  // namespace assembly_cell

@@ -7,10 +7,10 @@ namespace assembly_cell {
 
 /// Inertia about the edge contact point. Local axes: x tangent (clockwise), y radial outward, z up.
 struct ContactInertia {
-  double Ix = 0.0, Iy = 0.0, Iz = 0.0;     ///< principal, about x and the axes turned by beta
-  double beta = 0.0;                       ///< from the horizontal to the y principal axis [rad]
-  double Iy_local = 0.0, Iz_local = 0.0;   ///< about the radial and the vertical axis
-  double Iyz_local = 0.0;                  ///< tensor element, +m r h
+  double Ix = 0.0, Iy = 0.0, Iz = 0.0;    ///< principal, about x and the axes turned by beta
+  double beta = 0.0;                      ///< from the horizontal to the y principal axis [rad]
+  double Iy_local = 0.0, Iz_local = 0.0;  ///< about the radial and the vertical axis
+  double Iyz_local = 0.0;                 ///< tensor element, +m r h
 };
 
 /// After 4.37. Corrected: beta = atan2(24rh, 16h² − 15r²)/2 (printed 12rh, and without a quadrant);

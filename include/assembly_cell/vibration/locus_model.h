@@ -6,14 +6,14 @@
 
 namespace assembly_cell {
 
-// Forward models of chapter 9: the planar motion of the centre of mass, Z = P e^{iwt} + N e^{-iwt}, under
-// a force F e^{iwt} at the peg's top. Any coherent units.
+// Forward models of chapter 9: the planar motion of the centre of mass, Z = P e^{iwt} + N e^{-iwt},
+// under a force F e^{iwt} at the peg's top. Any coherent units.
 
 struct PlanarLocus {
   std::complex<double> P, N;
-  double a = 0.0, b = 0.0;    ///< semi-axes |P| ± |N|; b < 0: against the exciter
-  double psi = 0.0;           ///< direction of the major axis in [0, pi)
-  bool has_direction = false; ///< false for a circle or no motion: psi then means nothing
+  double a = 0.0, b = 0.0;     ///< semi-axes |P| ± |N|; b < 0: against the exciter
+  double psi = 0.0;            ///< direction of the major axis in [0, pi)
+  bool has_direction = false;  ///< false for a circle or no motion: psi then means nothing
 };
 
 PlanarLocus planarLocus(std::complex<double> P, std::complex<double> N);

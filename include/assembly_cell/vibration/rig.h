@@ -11,8 +11,8 @@ struct RigCase {
 
 /// One slide from rest at misalignment x.
 struct RigSlide {
-  double time = 0.0;     ///< sliding time
-  double x = 0.0;        ///< misalignment after it, 0 when assembled
+  double time = 0.0;  ///< sliding time
+  double x = 0.0;     ///< misalignment after it, 0 when assembled
 };
 
 struct RigResult {
@@ -21,8 +21,8 @@ struct RigResult {
   int cycles = 0;      ///< slides
 };
 
-/// 5.2–5.5: the first sliding time after the trivial root 0 at which 5.6 (corrected: it is Δt² on the
-/// left) holds, or the time to assembly if that comes first. Needs 0 < x < 2 M_over_L.
+/// 5.2–5.5: the first sliding time after the trivial root 0 at which 5.6 (corrected: it is Δt² on
+/// the left) holds, or the time to assembly if that comes first. Needs 0 < x < 2 M_over_L.
 RigSlide rigSlide(const RigCase& c, double x);
 
 /// Slides repeated once a turn of the moment until nothing is left. Throws InputError beyond a

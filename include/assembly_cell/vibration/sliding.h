@@ -22,15 +22,15 @@ const char* toString(SlidingBand band);
 struct SlidingRatio {
   SlidingBand band = SlidingBand::kLow;
   double w_lower = 0.0, w_upper = 0.0;  ///< intermediate band [rad/s]
-  double D = 0.0;                       ///< force into the hole per rotation, without inertia forces
-  std::optional<double> p1, p2;         ///< thesis form, quasi-static
+  double D = 0.0;                ///< force into the hole per rotation, without inertia forces
+  std::optional<double> p1, p2;  ///< thesis form, quasi-static
   std::optional<double> p1_inertia, p2_inertia;  ///< with the inertia forces
 };
 
-/// 4.19–4.28 in one form, and completed by the d'Alembert forces. Corrected: F_S for the second F_x,
-/// cos((a + th)/2) before 4.24, the signs and parentheses of 4.23–4.28, the band's limit; without
-/// inertia forces the reversal at high frequency of 4.27 and 4.28 is an artefact.
-/// Throws InputError for K < kx (2h + l)², which 4.17 excludes.
+/// 4.19–4.28 in one form, and completed by the d'Alembert forces. Corrected: F_S for the second
+/// F_x, cos((a + th)/2) before 4.24, the signs and parentheses of 4.23–4.28, the band's limit;
+/// without inertia forces the reversal at high frequency of 4.27 and 4.28 is an artefact. Throws
+/// InputError for K < kx (2h + l)², which 4.17 excludes.
 SlidingRatio slidingRatio(const SlidingCase& s);
 
 /// One of the two forms: all that a map needs.
@@ -44,11 +44,11 @@ SlidingPair slidingPair(const SlidingCase& s, bool inertia);
 /// Peg, support and friction of a map over frequency and amplitude.
 struct DesignCase {
   double m = 0.0, r = 0.0, h = 0.0, g = 0.0;
-  double K = 0.0;             ///< about the chord
-  double kx = 0.0, l = 0.0;   ///< transverse stiffness at G, height of G above the peg's top
-  double d = 0.0;             ///< peg axis to chord, below r
+  double K = 0.0;            ///< about the chord
+  double kx = 0.0, l = 0.0;  ///< transverse stiffness at G, height of G above the peg's top
+  double d = 0.0;            ///< peg axis to chord, below r
   double phi = 0.0, mu = 0.0;
-  bool inertia = true;        ///< complete form; false: the thesis's
+  bool inertia = true;  ///< complete form; false: the thesis's
 };
 
 enum class VibrationOutcome {

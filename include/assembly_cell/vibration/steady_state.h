@@ -3,8 +3,8 @@
 
 namespace assembly_cell {
 
-// Steady vibration under a force F (cos wt, sin wt) at the peg's top, sticking contacts. Undamped: an
-// exciter at a resonance is refused.
+// Steady vibration under a force F (cos wt, sin wt) at the peg's top, sticking contacts. Undamped:
+// an exciter at a resonance is refused.
 
 struct ContactRotation {
   double theta_x = 0.0, theta_y = 0.0, theta_z = 0.0;  ///< about the principal axes [rad]
@@ -26,13 +26,13 @@ double doubleContact(double F, double h, double K, double I, double w, double t)
 
 /// Forces on a sticking single contact.
 struct SingleContactForces {
-  double X = 0.0, Y = 0.0, Z = 0.0;    ///< 4.11–4.13: support point G, radial, tangential (ccw), up
+  double X = 0.0, Y = 0.0, Z = 0.0;  ///< 4.11–4.13: support point G, radial, tangential (ccw), up
   double radial = 0.0, tangential = 0.0;  ///< 4.14, outward and counter-clockwise
   double normal = 0.0;                    ///< 4.15; not positive: the contact lifts
 };
 
-/// 4.11–4.15 with transverse stiffness k in all directions at G, l above the peg's top. Corrected: the
-/// l of these equations is the distance L = sqrt(r² + (2h + l)²) from the contact to G.
+/// 4.11–4.15 with transverse stiffness k in all directions at G, l above the peg's top. Corrected:
+/// the l of these equations is the distance L = sqrt(r² + (2h + l)²) from the contact to G.
 SingleContactForces singleContactForces(double m, double r, double h, double l, double k, double g,
                                         double F, double w, double alpha, double t,
                                         const ContactRotation& rotation);

@@ -36,7 +36,7 @@ struct WalkMotion {
   double theta_X = 0.0, theta_Y = 0.0, theta_Z = 0.0;
 };
 
-/// From  until the next segment: pivot 0 both contacts, +1 A, −1 B.
+/// From start until the next segment: pivot 0 both contacts, +1 A, −1 B.
 struct WalkSegment {
   double start = 0.0;
   int pivot = 0;
@@ -46,8 +46,8 @@ struct WalkSegment {
 struct Walk {
   std::vector<WalkPhase> phases;
   std::vector<WalkSegment> segments;
-  double dx = 0.0;        ///< sum of the steps
-  bool tension = false;   ///< both contacts would have lifted at once somewhere: read with care
+  double dx = 0.0;       ///< sum of the steps
+  bool tension = false;  ///< both contacts would have lifted at once somewhere: read with care
 };
 
 /// 4.7: double and single contact in turn, no sliding. Normal forces of the double contact with

@@ -1,0 +1,139 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/vibration/bounce.h"
+
+#include <algorithm>
+
+#include "assembly_cell/vibration/inertia.h"
+#include "assembly_cell/vibration/single_dof.h"
+#include "assembly_cell/vibration/validity.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kStepsPerTurn = 400, kTurns = 200;
+
+double sinc(double x) { return x == 0.0 ? 1.0 : std::sin(x) / x; }
+
+// (sinc a − sinc b)/(a² − b²); by its series where the difference would cancel
+double sincQuotient(double a2, double b2) {
+  if (a2 > 1.0) {
+    return (sinc(std::sqrt(a2)) - sinc(std::sqrt(b2))) / (a2 - b2);
+  }
+  double sum = 0.0, coefficient = 1.0, power = 1.0, homogeneous = 1.0;
+  for (int k = 1; k <= 9; ++k) {
+    coefficient /= -(2.0 * k) * (2.0 * k + 1.0);
+    sum += coefficient * homogeneous;
+    power *= b2;
+    homogeneous = homogeneous * a2 + power;  // sum of a2^i b2^j with i + j = k
+  }
+  return sum;
+}
+
+// first zero of f in (0, end]: positive after 0, then scanned and bisected
+template <typename Function>
+std::optional<double> firstReturn(double step, double end, const Function& f) {
+  double before = 0.0;
+  for (double t = step; t <= end; t += step) {
+    if (f(t) <= 0.0) {
+      double low = before, high = t;
+      if (low == 0.0) {  // back within the first step: find where it was up
+        low = t / 2;
+        for (int k = 0; k < 40 && f(low) <= 0.0; ++k) low /= 2;
+        if (f(low) <= 0.0) return std::nullopt;
+      }
+      for (int k = 0; k < 100; ++k) {
+        const double middle = 0.5 * (low + high);
+        (f(middle) > 0.0 ? low : high) = middle;
+      }
+      return 0.5 * (low + high);
+    }
+    before = t;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+FreeFlightState freeFlight(const FreeFlight& f, double t) {
+  requirePositive("m", f.m);
+  requirePositive("I", f.I);
+  requireNotNegative("kx", f.kx);
+  requireNotNegative("Krot", f.Krot);
+  requirePositive("h", f.h);
+  requireNotNegative("l", f.l);
+  requirePositive("r", f.r);
+  requireNotNegative("J", f.J);
+  requireNotNegative("g", f.g);
+  requireNotNegative("t", t);
+  const double arm = f.l + f.h, a = f.kx / f.m, b = (f.Krot + f.kx * arm * arm) / f.I;
+  // roots of w⁴ − (a + b) w² + a Krot/I; the smaller by the product, so it may be 0
+  const double coupling = a * arm * std::sqrt(f.m / f.I);
+  const double hi2 = (a + b) / 2 + std::hypot((a - b) / 2, coupling);
+  const double lo2 = hi2 > 0.0 ? a * (f.Krot / f.I) / hi2 : 0.0;
+  const double quotient = sincQuotient(hi2 * t * t, lo2 * t * t), spin = f.J * f.r / f.I;
+  FreeFlightState x;
+  x.w_hi = std::sqrt(hi2);
+  x.w_lo = std::sqrt(lo2);
+  x.X = finiteResult("X", a * arm * spin * t * t * t * quotient);
+  x.theta = finiteResult("theta", spin * t * (sinc(x.w_lo * t) + (hi2 - a) * t * t * quotient));
+  x.Z = finiteResult("Z", f.J / f.m * t - f.g * t * t / 2);
+  return x;
+}
+
+TipResult tipBounce(const TipCase& c) {
+  requirePositive("m", c.m);
+  requirePositive("g", c.g);
+  requirePositive("r", c.r);
+  requirePositive("h", c.h);
+  requireNotNegative("l", c.l);
+  requireNotNegative("kx", c.kx);
+  requirePositive("K_chord", c.K_chord);
+  requireNotNegative("F", c.F);
+  requirePositive("w", c.w);
+  if (!(c.alpha >= 0.0 && c.alpha <= kPi / 2)) {
+    refuse("alpha", c.alpha, "give the half contact angle, from 0 to a right angle");
+  }
+  if (!(c.restitution >= 0.0 && c.restitution <= 1.0)) {
+    refuse("restitution", c.restitution, "give a number from 0 to 1");
+  }
+  const double arm = 2 * c.h + c.l, spring = c.kx * arm * arm;
+  if (spring > c.K_chord * (1 + 1e-9)) {
+    refuse("K_chord", c.K_chord, "give at least kx (2h + l)^2, a part of it (4.17)");
+  }
+  if (2 * c.F * c.h >= c.m * c.g * c.r) {
+    refuse("F", c.F, "give less than m g r/(2h), else the peg tips about the far edge as well");
+  }
+  const double d = std::max(0.0, c.r * std::cos(c.alpha)), I_chord = chordInertia(c.m, c.r, c.h, d);
+  const double moment = 2 * c.F * c.h, weight = c.m * c.g * d;
+  TipResult x;
+  if (!(moment > weight)) return x;
+  x.t_tip = std::asin(weight / moment) / c.w;
+  const SingleDof tip{I_chord, c.K_chord, 0, 0, moment, -weight, c.w, *x.t_tip, 0, 0};
+  const double fastest = std::max(c.w, std::sqrt(c.K_chord / I_chord));
+  const std::optional<double> duration =
+      firstReturn(2 * kPi / fastest / kStepsPerTurn, 2 * kPi / c.w * kTurns,
+                  [&](double u) { return singleDof(tip, *x.t_tip + u).theta; });
+  if (!duration) return x;
+  x.t_impact = *x.t_tip + *duration;
+  x.omega_impact = singleDof(tip, *x.t_impact).theta_dot;
+  x.impulse = c.restitution * I_chord * std::abs(*x.omega_impact) / (c.r + d);
+  const FreeFlight flight{c.m,  centroidInertia(c.m, c.r, c.h),
+                          c.kx, std::max(0.0, c.K_chord - spring),
+                          c.h,  c.l,
+                          c.r,  *x.impulse,
+                          c.g};
+  // height of the peg over the chord and of the far edge over the plane, the lower of both
+  const auto gap = [&](double t) {
+    const FreeFlightState s = freeFlight(flight, t);
+    return std::min(s.Z - d * s.theta, s.Z + c.r * s.theta);
+  };
+  const double longest = 2 * *x.impulse / (c.m * c.g);  // of a body without rotation
+  if (longest > 0.0 && d < centroidInertia(c.m, c.r, c.h) / (c.m * c.r)) {
+    x.t_flight = firstReturn(longest / kStepsPerTurn, longest * 1.01, gap);
+  }
+  if (x.t_flight) x.X_end = freeFlight(flight, *x.t_flight).X;
+  return x;
+}
+
+}  // namespace assembly_cell

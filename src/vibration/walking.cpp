@@ -1,0 +1,250 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/vibration/walking.h"
+
+#include <algorithm>
+
+#include "assembly_cell/vibration/inertia.h"
+#include "assembly_cell/vibration/single_dof.h"
+#include "assembly_cell/vibration/validity.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kStepsPerTurn = 250;
+constexpr int kMostCycles = 100000;
+
+struct Pose {
+  WalkMotion angle, rate;
+};
+
+// the peg in its three phases
+class Walker {
+ public:
+  explicit Walker(const WalkCase& c)
+      : c_(c), d_(c.r * c.cos_alpha), s_(std::sqrt((c.r - d_) * (c.r + d_))) {
+    inertia_ = contactInertia(c.m, c.r, c.h);
+    chord_ = chordInertia(c.m, c.r, c.h, d_);
+    const double sb = std::sin(inertia_.beta), cb = std::cos(inertia_.beta);
+    const double p = c.r * sb + 2 * c.h * cb, q = c.r * cb - 2 * c.h * sb;
+    for (int k = 0; k < 2; ++k) {
+      const double sa = (k ? -s_ : s_) / c.r, ca = d_ / c.r;
+      Pivot& pivot = pivot_[k];
+      pivot.axis[0] = {sa, -ca, 0};
+      pivot.axis[1] = {ca * cb, sa * cb, sb};
+      pivot.axis[2] = {-ca * sb, -sa * sb, cb};
+      const double moment = 2 * c.F * c.h;
+      pivot.mode[0] = {inertia_.Ix, c.K, 0, -moment * ca, -moment * sa, c.m * c.g * c.r, c.w,
+                       0,           0,   0};
+      pivot.mode[1] = {inertia_.Iy, c.K, 0, c.F * p * sa, -c.F * p * ca, 0, c.w, 0, 0, 0};
+      pivot.mode[2] = {inertia_.Iz, c.K, 0, c.F * q * sa, -c.F * q * ca, 0, c.w, 0, 0, 0};
+    }
+  }
+
+  double halfChord() const { return s_; }
+  double equilibrium() const { return -c_.m * c_.g * d_ / c_.K; }
+  double step() const {
+    return 2 * kPi / std::max(c_.w, std::sqrt(c_.K / inertia_.Iz)) / kStepsPerTurn;
+  }
+
+  Pose pose(const WalkSegment& segment, double t) const {
+    Pose x;
+    if (segment.pivot == 0) {
+      const SingleDofState y =
+          singleDof({chord_, c_.K, 0, 2 * c_.F * c_.h, 0, -c_.m * c_.g * d_, c_.w, segment.start,
+                     segment.theta_Y, segment.theta_Y_dot},
+                    t);
+      x.angle = {0, y.theta, segment.theta_Z};
+      x.rate = {0, y.theta_dot, 0};
+      return x;
+    }
+    const Pivot& pivot = pivot_[segment.pivot > 0 ? 0 : 1];
+    for (int k = 0; k < 3; ++k) {
+      const WalkMotion& axis = pivot.axis[k];
+      SingleDof mode = pivot.mode[k];
+      mode.t1 = segment.start;
+      mode.th1 = axis.theta_Y * segment.theta_Y + axis.theta_Z * segment.theta_Z;
+      mode.thd1 = axis.theta_Y * segment.theta_Y_dot;
+      const SingleDofState y = singleDof(mode, t);
+      x.angle.theta_X += axis.theta_X * y.theta;
+      x.angle.theta_Y += axis.theta_Y * y.theta;
+      x.angle.theta_Z += axis.theta_Z * y.theta;
+      x.rate.theta_X += axis.theta_X * y.theta_dot;
+      x.rate.theta_Y += axis.theta_Y * y.theta_dot;
+      x.rate.theta_Z += axis.theta_Z * y.theta_dot;
+    }
+    return x;
+  }
+
+  // normal forces of the double contact: sum and difference A − B
+  void load(const WalkSegment& segment, double t, double& sum, double& difference) const {
+    const double theta = pose(segment, t).angle.theta_Y;
+    const double acceleration =
+        (2 * c_.F * c_.h * std::cos(c_.w * t) - c_.m * c_.g * d_ - c_.K * theta) / chord_;
+    sum = c_.m * (c_.g + d_ * acceleration);
+    difference = 2 * c_.h * c_.F * std::sin(c_.w * t) / s_;
+  }
+  // a contact leaves once its normal force is gone and the peg, let go there, would rise there
+  bool leaves(const WalkSegment& segment, double t, int& pivot) const {
+    double sum, difference;
+    load(segment, t, sum, difference);
+    pivot = difference >= 0.0 ? 1 : -1;
+    if (sum >= std::abs(difference)) return false;
+    const Pose x = pose(segment, t);
+    const Pivot& single = pivot_[pivot > 0 ? 0 : 1];
+    double acceleration = 0.0;  // of theta_X
+    for (int k = 0; k < 3; ++k) {
+      const SingleDof& mode = single.mode[k];
+      const WalkMotion& axis = single.axis[k];
+      const double theta = axis.theta_Y * x.angle.theta_Y + axis.theta_Z * x.angle.theta_Z;
+      acceleration +=
+          axis.theta_X *
+          (mode.A * std::cos(c_.w * t) + mode.B * std::sin(c_.w * t) + mode.C - mode.K * theta) /
+          mode.I;
+    }
+    return pivot * acceleration < 0.0;
+  }
+
+  // both contacts again: angular momentum about the chord is kept
+  double rateAfterLanding(int pivot, const WalkMotion& rate) const {
+    const double side = pivot > 0 ? 1.0 : -1.0;
+    return rate.theta_Y + side * c_.m * s_ * (c_.h * rate.theta_Z - d_ * rate.theta_X) / chord_;
+  }
+
+ private:
+  struct Pivot {
+    WalkMotion axis[3];  // principal axes in main axes
+    SingleDof mode[3];
+  };
+  WalkCase c_;
+  double d_, s_, chord_ = 0.0;
+  ContactInertia inertia_;
+  Pivot pivot_[2];
+};
+
+template <typename Function>
+double bisect(double low, double high, const Function& positive) {
+  for (int k = 0; k < 100; ++k) {
+    const double middle = 0.5 * (low + high);
+    if (!(middle > low && middle < high)) break;
+    (positive(middle) ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+void requireWalk(const WalkCase& c) {
+  requirePositive("m", c.m);
+  requirePositive("g", c.g);
+  requirePositive("r", c.r);
+  requirePositive("h", c.h);
+  requirePositive("K", c.K);
+  requireNotNegative("F", c.F);
+  requirePositive("w", c.w);
+  if (!(c.cos_alpha >= 0.0 && c.cos_alpha < 1.0)) {
+    refuse("cos_alpha", c.cos_alpha, "give d/r, from 0 to below 1: two contacts apart");
+  }
+  if (c.cycles < 1 || c.cycles > kMostCycles) {
+    refuse("cycles", c.cycles, "give a whole number from 1 to 100000");
+  }
+}
+
+}  // namespace
+
+double liftingForce(double m, double g, double r, double h, double delta) {
+  requirePositive("m", m);
+  requirePositive("g", g);
+  requirePositive("r", r);
+  requirePositive("h", h);
+  if (!(delta >= 0.0 && delta <= kPi / 2)) {
+    refuse("delta", delta, "give the half contact angle, from 0 to a right angle");
+  }
+  return finiteResult("F", m * g * r * std::sin(delta) / (2 * h));
+}
+
+WalkingLimit walkingLimit(double mu, double r, double h) {
+  requireNotNegative("mu", mu);
+  requirePositive("r", r);
+  requirePositive("h", h);
+  const double sine = std::min(1.0, 2 * h * (mu / r));
+  const double cosine = std::sqrt((1 - sine) * (1 + sine));
+  return {std::asin(sine), finiteResult("overlap", 2 * r * sine * sine / (1 + cosine))};
+}
+
+Walk walk(const WalkCase& c) {
+  requireWalk(c);
+  const Walker walker(c);
+  const double end = 2 * kPi * c.cycles / c.w, step = walker.step();
+  if (!(end / step < 1e9)) refuse("w", c.w, "give a frequency nearer to the peg's resonances");
+  const std::size_t most_phases = 1000 * static_cast<std::size_t>(c.cycles);
+  Walk walk;
+  WalkSegment now{0.0, 0, walker.equilibrium(), 0.0, 0.0};
+  walk.segments.push_back(now);
+  for (double t = 0.0; t < end;) {
+    // double contact until a normal force vanishes
+    double lift = t;
+    int pivot = 0;
+    if (!walker.leaves(now, t, pivot)) {
+      const double next = t + step;
+      if (!walker.leaves(now, next, pivot)) {
+        t = next;
+        continue;
+      }
+      lift = bisect(t, next, [&](double x) { return !walker.leaves(now, x, pivot); });
+      if (lift >= end) break;
+    }
+    double sum, difference;
+    walker.load(now, lift, sum, difference);
+    walk.tension = walk.tension || sum < 0.0;
+    const Pose start = walker.pose(now, lift);
+    const WalkSegment single{lift, difference >= 0.0 ? 1 : -1, start.angle.theta_Y,
+                             start.rate.theta_Y, start.angle.theta_Z};
+    // the free contact rises with −theta_X on pivot A, +theta_X on B
+    const auto up = [&](double x) {
+      return single.pivot * walker.pose(single, x).angle.theta_X < 0.0;
+    };
+    double high = lift + step, low = high;
+    for (int k = 0; k < 5 && !up(low); ++k) {
+      high = low;
+      low = lift + (low - lift) / 4;
+    }
+    if (!up(low)) {  // a hop too short to see
+      t = lift + step / 64;
+      continue;
+    }
+    while (up(high)) {
+      low = high;
+      high += step;
+    }
+    const double landing = bisect(low, high, up);
+    const Pose stop = walker.pose(single, landing);
+    WalkPhase phase;
+    phase.t_lift = lift;
+    phase.duration = landing - lift;
+    phase.dZ = stop.angle.theta_Z - single.theta_Z;
+    phase.outward_step = single.pivot * walker.halfChord() * phase.dZ;
+    phase.on_a = single.pivot > 0;
+    walk.dx += phase.outward_step;
+    walk.phases.push_back(phase);
+    walk.segments.push_back(single);
+    now = {landing, 0, stop.angle.theta_Y, walker.rateAfterLanding(single.pivot, stop.rate),
+           stop.angle.theta_Z};
+    walk.segments.push_back(now);
+    if (walk.phases.size() > most_phases) {
+      refuse("F", c.F, "more than a thousand contacts a cycle, give another F or w");
+    }
+    t = landing;
+  }
+  return walk;
+}
+
+WalkMotion walkMotion(const WalkCase& c, const Walk& walk, double t) {
+  requireWalk(c);
+  requireNotNegative("t", t);
+  if (walk.segments.empty()) refuse("walk", 0.0, "give the result of walk()");
+  const auto next = std::upper_bound(
+      walk.segments.begin() + 1, walk.segments.end(), t,
+      [](double time, const WalkSegment& segment) { return time < segment.start; });
+  return Walker(c).pose(*(next - 1), t).angle;
+}
+
+}  // namespace assembly_cell
