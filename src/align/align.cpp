@@ -70,9 +70,7 @@ class SingleContact {
         length_(mechanism.peg.half_height + mechanism.peg.coupling_height) {
     frequency_ = p.exciter_frequency > 0.0 ? p.exciter_frequency
                                            : operatingFrequency(mechanism, p.press_force);
-    start_ = hand_.last().carrier;
     start_time_ = hand_.last().time;
-    X_WS_ = worldPose(start_);
     hand_.wait(1);
     block_ = hand_.last().time - start_time_;
     bottom_ = Vec3(0, 0, -length_);
@@ -81,8 +79,11 @@ class SingleContact {
   AlignResult run() {
     AlignResult result;
     try {
-      report("tare", "hanging free");
+      // S is where the peg hangs at rest
       hand_.tare();
+      X_WS_ = worldPose(hand_.last().carrier);
+      reference_time_ = hand_.last().time;
+      report("tare", "hanging free");
       int round = 0;
       do {
         if (round++ == p_.rounds) {
@@ -351,6 +352,7 @@ class SingleContact {
   void summarise(AlignResult& result) const {
     result.contacts = contacts_;
     result.time = hand_.last().time - start_time_;
+    result.reference_time = reference_time_;
     if (!found_) return;
     result.known = true;
     result.offset = offset();
@@ -365,9 +367,8 @@ class SingleContact {
   Hand hand_;
   double length_;
   double frequency_ = 0.0;
-  RestPose start_;
-  double start_time_ = 0.0;
-  double block_ = 0.0;  // duration of a block [s]
+  double start_time_ = 0.0, reference_time_ = 0.0;  // plant clock [s]
+  double block_ = 0.0;                              // duration of a block [s]
   Pose X_WS_;
   Vec3 bottom_;  // where the peg is turned: its bottom centre in S
   int contacts_ = 0;

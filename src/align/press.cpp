@@ -14,6 +14,8 @@ constexpr double kTouchForce = 1.5;                // this much along z is conta
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
 constexpr int kHoldSteps = 30;
 constexpr int kSettleBlocks = 3;
+constexpr double kStillForce = 0.03;  // change from block to block of what is at rest [N]
+constexpr int kStillBlocks = 3;
 constexpr int kStillLimit = 200;  // blocks that a settling may take
 
 std::string line(const char* format, double a, double b) {
@@ -32,7 +34,8 @@ Hand::Hand(Plant& plant, const PressLimits& limits) : plant_(plant), limits_(lim
 const PlantBlock& Hand::step(const PlantCommand& command) {
   last_ = plant_.next(command);
   const Vector6 contact = last_.wrench_b - tare_;
-  if (last_.saturated) {
+  // before the tare the peg may still swing
+  if (tared_ && last_.saturated) {
     throw PressError("sensor_saturated: a channel is at its limit; lower the press force");
   }
   const double force = contact.head<3>().norm();
@@ -48,14 +51,16 @@ const PlantBlock& Hand::wait(int blocks) {
 }
 
 void Hand::tare(int blocks) {
-  // hanging free: wait until two blocks agree, then average
-  for (int i = 0; i < kStillLimit; ++i) {
-    const Vector6 before = last_.wrench_b;
-    wait(1);
-    if ((last_.wrench_b - before).head<3>().norm() < 0.03) break;
-    if (i + 1 == kStillLimit) {
+  // hanging free: wait until some blocks in a row agree, then average
+  int still = 0;
+  for (int i = 0; still < kStillBlocks; ++i) {
+    if (i == kStillLimit) {
       throw PressError("not_still: the hanging peg doesn't come to rest; check for contact");
     }
+    const Vector6 before = last_.wrench_b;
+    wait(1);
+    const bool agrees = (last_.wrench_b - before).head<3>().norm() < kStillForce;
+    still = agrees && !last_.saturated ? still + 1 : 0;
   }
   Vector6 wrench = Vector6::Zero(), displacement = Vector6::Zero();
   for (int i = 0; i < blocks; ++i) {
@@ -66,6 +71,7 @@ void Hand::tare(int blocks) {
   tare_ = wrench / blocks;
   tare_displacement_ = displacement / blocks;
   tared_ = true;
+  target_ = last_.carrier;
 }
 
 void Hand::moveTo(const RestPose& target) {

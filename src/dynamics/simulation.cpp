@@ -78,8 +78,6 @@ const char* toString(StopReason reason) {
       return "step_too_small";
     case StopReason::kEventLimit:
       return "event_limit";
-    case StopReason::kInitialOverlap:
-      return "initial_overlap";
   }
   return "unknown";
 }
@@ -222,8 +220,9 @@ void Simulation::locate(const Kinematics& k, Slots& slots) {
   }
 }
 
-// v' at a state with the slots' modes as they are; fills forces and what events need
-Vector9 Simulation::evaluate(double t, const State& state, Slots& slots) {
+// v' at a state with the slots' modes as they are; fills forces and what events need. `share`: also
+// the internal force of two resting points, which moves nothing
+Vector9 Simulation::evaluate(double t, const State& state, Slots& slots, bool share) {
   ++counts_.evaluations;
   const Kinematics k = kinematics(state);
   motion_ = freeMotion(scenario_, k, state, restAt(t), drive_, t);
@@ -244,7 +243,7 @@ Vector9 Simulation::evaluate(double t, const State& state, Slots& slots) {
   if (!in_reach) return free;
 
   if (discreteFriction()) {
-    solveModes(k, slots);
+    solveModes(k, slots, share);
   } else {
     solveRegularised(k, slots);
   }
@@ -346,7 +345,7 @@ void Simulation::solveRegularised(const Kinematics& k, Slots& slots) const {
 
 // law B with discrete stationary rows: slipping points have a known force direction (one unknown),
 // sticking points three; one linear system, shifted so that redundant sticking stays solvable
-void Simulation::solveModes(const Kinematics& k, Slots& slots) const {
+void Simulation::solveModes(const Kinematics& k, Slots& slots, bool share) const {
   const ContactParameters& c = scenario_.contact;
   struct Column {
     Slot* slot;
@@ -395,7 +394,7 @@ void Simulation::solveModes(const Kinematics& k, Slots& slots) const {
       ci.slot->force += x(i) * ci.direction;
     }
   }
-  shareInternalForce(slots);
+  if (share) shareInternalForce(slots);
   for (Slot& slot : slots) {
     if (slot.mode == Mode::kApart || !slot.point.valid) continue;
     slot.normal_force = slot.point.normal.dot(slot.force);
@@ -442,7 +441,7 @@ void Simulation::shareInternalForce(Slots& slots) const {
   double low = -2.0 * (one->force.norm() + two->force.norm()), high = -low;
   double a = high - golden * (high - low), b = low + golden * (high - low);
   double fa = worse(a), fb = worse(b);
-  for (int i = 0; i < 50; ++i) {
+  for (int i = 0; i < 36; ++i) {
     if (fa < fb) {
       high = b;
       b = a;
@@ -559,7 +558,7 @@ double Simulation::tryStep(double h, State& end, Vector9& slope, Slots& slots) {
       s.q = state_.q + c[i] * h * kq[i - 1];
       s.v = state_.v + c[i] * h * kv[i - 1];
       kq[i] = s.v;
-      kv[i] = evaluate(time_ + c[i] * h, s, slots);
+      kv[i] = evaluate(time_ + c[i] * h, s, slots, false);
     }
     end.q = state_.q + h / 6.0 * (kq[0] + 2.0 * kq[1] + 2.0 * kq[2] + kq[3]);
     end.v = state_.v + h / 6.0 * (kv[0] + 2.0 * kv[1] + 2.0 * kv[2] + kv[3]);
@@ -575,7 +574,7 @@ double Simulation::tryStep(double h, State& end, Vector9& slope, Slots& slots) {
     }
     if (i == 6) end = s;
     kq[i] = s.v;
-    kv[i] = evaluate(time_ + kC[i] * h, s, slots);
+    kv[i] = evaluate(time_ + kC[i] * h, s, slots, i == 6);
   }
   slope = kv[6];
   Vector9 eq = Vector9::Zero(), ev = Vector9::Zero();

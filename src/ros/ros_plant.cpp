@@ -244,6 +244,11 @@ ros::Time RosPlant::stamp() const {
   return last_.end;
 }
 
+ros::Time RosPlant::stampOf(double time) const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return origin_ + ros::Duration(time);
+}
+
 double RosPlant::time() const {
   std::lock_guard<std::mutex> lock(mutex_);
   return (last_.end - origin_).toSec();

@@ -142,6 +142,7 @@ AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_ti
   AlignmentReport report;
   report.header.stamp = plant_->stamp();
   report.header.frame_id = "hole";
+  if (result.reference_time > 0.0) report.reference = plant_->stampOf(result.reference_time);
   report.success = result.success;
   report.reason = result.reason;
   report.estimate_known = result.known;

@@ -153,11 +153,17 @@ Run runOnce(const Options& o, const Scenario& scenario, std::uint64_t seed,
   CellParameters cell = o.cell;
   cell.seed = seed;
   assembly_cell::SimulatedPlant plant(startOf(o, scenario, seed), cell);
-  const Pose X_start = plant.truth().pegPose();
-  run.true_offset = -X_start.p.head<2>();
-  run.true_tilt = assembly_cell::tiltOf(X_start);
+  // the truth that estimates refer to: the peg hanging at rest, before its first move
+  const auto watch = [&](const AlignProgress& now) {
+    if (now.state == "tare") {
+      const Pose X_start = plant.truth().pegPose();
+      run.true_offset = -X_start.p.head<2>();
+      run.true_tilt = assembly_cell::tiltOf(X_start);
+    }
+    if (progress) progress(now);
+  };
   try {
-    run.result = assembly_cell::align(plant, scenario, o.align, progress);
+    run.result = assembly_cell::align(plant, scenario, o.align, watch);
   } catch (const assembly_cell::PlantError& error) {
     run.result.reason = error.what();
   }

@@ -44,13 +44,14 @@ struct AlignResult {
   std::string reason;  ///< "aligned", or the named failure
   bool known = false;  ///< offset and tilt were estimated
   Eigen::Vector2d offset{
-      0, 0};  ///< estimated: hole centre relative to the peg's bottom centre at the start [m]
+      0, 0};  ///< estimated: hole centre relative to the peg's bottom centre at reference_time [m]
   Eigen::Matrix2d offset_covariance = Eigen::Matrix2d::Zero();  ///< [m²]
-  Eigen::Vector2d tilt{
-      0, 0};  ///< estimated tilt of the peg axis at the start, rotation vector x, y [rad]
-  double tilt_sd = 0.0;  ///< [rad]
-  int contacts = 0;      ///< readings taken
-  double time = 0.0;     ///< plant clock used [s]
+  Eigen::Vector2d tilt{0, 0};  ///< estimated tilt of the peg axis then, rotation vector x, y [rad]
+  double tilt_sd = 0.0;        ///< [rad]
+  int contacts = 0;            ///< readings taken
+  double time = 0.0;           ///< plant clock used [s]
+  double reference_time =
+      0.0;  ///< plant clock when the peg hung at rest, before its first move [s]
 };
 
 /// Throws InputError naming the parameter, its value and its range.

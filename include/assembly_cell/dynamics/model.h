@@ -36,7 +36,8 @@ struct RestProfile {
 RestProfile restProfile(const RestPose& at_rest);
 
 /// From the present motion to `target` within the carrier's speed and acceleration; angles count
-/// with the distance from the coupling to the peg's edge as their arm.
+/// with the distance from the coupling to the peg's edge as their arm. A plan that starts in
+/// mid-motion keeps the acceleration but may pass the speed by up to 40 %.
 RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
                      const CarrierParameters& limits, double arm);
 RestMotion restMotion(const RestProfile& profile, double t);

@@ -12,12 +12,11 @@ namespace assembly_cell {
 /// How a run ended. kOk, or the named reason to stop.
 enum class StopReason {
   kOk,
-  kEdgePlane,       ///< lowest point on the plane, and features exclude edge_plane
-  kSingular,        ///< sin(theta) < 0.1: peg nearly horizontal
-  kNonFinite,       ///< state or acceleration not finite
-  kStepTooSmall,    ///< error control asks for steps below 1e-13 s
-  kEventLimit,      ///< more events than a run may have
-  kInitialOverlap,  ///< deeper than 1e-8 m at the start, refused by the rigid law
+  kEdgePlane,     ///< lowest point on the plane, and features exclude edge_plane
+  kSingular,      ///< sin(theta) < 0.1: peg nearly horizontal
+  kNonFinite,     ///< state or acceleration not finite
+  kStepTooSmall,  ///< error control asks for steps below 1e-13 s
+  kEventLimit,    ///< more events than a run may have
 };
 const char* toString(StopReason reason);
 
@@ -114,9 +113,9 @@ class Simulation {
 
   RestMotion restAt(double t) const { return restMotion(profile_, t); }
   void locate(const Kinematics& k, Slots& slots);
-  Vector9 evaluate(double t, const State& state, Slots& slots);
+  Vector9 evaluate(double t, const State& state, Slots& slots, bool share = true);
   void solveRegularised(const Kinematics& k, Slots& slots) const;
-  void solveModes(const Kinematics& k, Slots& slots) const;
+  void solveModes(const Kinematics& k, Slots& slots, bool share) const;
   void decide();
   void shareInternalForce(Slots& slots) const;
   void findModes(bool initial);

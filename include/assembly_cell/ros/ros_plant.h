@@ -42,9 +42,10 @@ class RosPlant : public Plant {
   /// The strategy is through: exciter off; hold: the carrier stays where it is.
   void end(bool hold);
 
-  ros::Time stamp() const;     ///< end of the last block
-  double time() const;         ///< the same on the plant clock [s]
-  Pose carrierMotion() const;  ///< carrier in the carrier frame of begin(), last block
+  ros::Time stamp() const;               ///< end of the last block
+  ros::Time stampOf(double time) const;  ///< of a time on the plant's clock [s]
+  double time() const;                   ///< the same on the plant clock [s]
+  Pose carrierMotion() const;            ///< carrier in the carrier frame of begin(), last block
 
  private:
   /// A block as its parts come in.

@@ -1,0 +1,21 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <string>
+
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell {
+
+/// What a call says when it refuses its input.
+template <typename Call>
+std::string refusalOf(const Call& call) {
+  try {
+    call();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "nothing thrown";
+}
+
+}  // namespace assembly_cell
