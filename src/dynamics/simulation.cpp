@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "assembly_cell/scene/input_error.h"
+#include "contact_algebra.h"
 
 namespace assembly_cell {
 namespace {
@@ -15,31 +16,16 @@ constexpr double kInitialReach = 1e-8;  // closed at the start up to this gap [m
 constexpr double kDeepest = 0.1;        // penetration beyond this part of the radius is no contact
 constexpr double kPull = 1e-7;          // forces this far beyond a limit change no mode [N]
 constexpr double kApproach = 1e-6;      // nor does an idle gap's acceleration down to this [m/s²]
+constexpr double kRigidRate = 1e3;      // decay of what rounding leaves of closed contacts [1/s]
+constexpr double kRigidGap = 1e-12;     // an open rigid contact closes below minus this [m]
 constexpr double kEventTime = 1e-12;    // events are located to this [s]
 // as many events as are remembered within kCluster are a cluster (a peg that lies flat, rocking):
 // for kCoarseSpan the run goes on in steps of kCoarseStep without locating events [s]
 constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5;
 constexpr double kStepFloor = 1e-13;  // error control below this step gives up [s]
 constexpr std::int64_t kEventLimit = 10000000;
-// relative diagonal shift that makes redundant sticking solvable (near least norm)
-constexpr double kShift = 1e-11;
-
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
-template <int N>
-using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, N, N>;
-template <int N>
-using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, N, 1>;
-
-// change of the acceleration of point r by a unit force at point s: 1/m − [r] I^-1 [s]
-Mat3 influence(const PegParameters& peg, const Vec3& a, const Vec3& r, const Vec3& s) {
-  const double it = 1.0 / peg.inertia_transverse, ia = 1.0 / peg.inertia_axial - it;
-  const Mat3 R = skew(r), S = skew(s);
-  const Vec3 ra = r.cross(a), sa = s.cross(a);
-  // −[r](it 1 + ia a aᵀ)[s] = −it [r][s] + ia (r×a)(s×a)ᵀ
-  return Mat3::Identity() / peg.mass - it * (R * S) + ia * ra * sa.transpose();
-}
-
 EdgeCircle edgeOf(const Scenario& s, const Kinematics& k) {
   return {k.x - s.peg.half_height * k.a, k.R0, k.R1, s.peg.radius};
 }
@@ -72,6 +58,8 @@ const char* toString(StopReason reason) {
       return "edge_plane";
     case StopReason::kSingular:
       return "singular_orientation";
+    case StopReason::kInitialOverlap:
+      return "initial_overlap";
     case StopReason::kNonFinite:
       return "non_finite";
     case StopReason::kStepTooSmall:
@@ -83,8 +71,13 @@ const char* toString(StopReason reason) {
 }
 
 Simulation::Simulation(const Scenario& scenario) : scenario_(scenario) {
-  if (scenario_.contact.law == ContactLaw::kRigid) {
-    throw InputError("contact.law: rigid is not available; use viscous, spring_dashpot or none");
+  if (rigid() && scenario_.contact.restitution > 0.0) {
+    throw InputError("contact.restitution: " + std::to_string(scenario_.contact.restitution) +
+                     " is not available; the rigid law's impacts are plastic, use 0");
+  }
+  if (rigid()) {
+    scenario_.contact.rate = kRigidRate;
+    scenario_.contact.pull_back = 0.0;
   }
   const SolverParameters& solver = scenario_.solver;
   if (solver.integrator == "rk4") {
@@ -151,12 +144,19 @@ Simulation::Simulation(const Scenario& scenario) : scenario_(scenario) {
     start.q(0) = high;
   }
   setState(start);
+  if (stop_ == StopReason::kInitialOverlap) {
+    throw InputError(
+        "initial.peg.position: the peg's edge is more than 1e-8 m inside the block, which the "
+        "rigid law "
+        "refuses; raise it or set initial.close: true");
+  }
 }
 
 bool Simulation::finite(const State& s) const { return s.q.allFinite() && s.v.allFinite(); }
 
 bool Simulation::discreteFriction() const {
-  return scenario_.contact.law == ContactLaw::kViscous && scenario_.contact.stationary_rows;
+  return rigid() ||
+         (scenario_.contact.law == ContactLaw::kViscous && scenario_.contact.stationary_rows);
 }
 
 void Simulation::setRestTarget(const RestPose& target) {
@@ -470,11 +470,16 @@ void Simulation::findModes(bool initial) {
     for (Slot& slot : slots_) {
       if (!slot.point.valid) continue;
       const bool touching = initial && slot.point.gap <= kInitialReach && slot.gap_rate <= 1e-12;
+      if (initial && rigid() && slot.point.gap < -kInitialReach) {
+        stop_ = StopReason::kInitialOverlap;
+        return;
+      }
       if (slot.point.gap < 0.0 || touching) {
         slot.mode = discreteFriction() ? Mode::kIdle : Mode::kSlip;
       }
     }
   }
+  if (initial && rigid()) impact();
   decide();
 }
 
@@ -535,13 +540,17 @@ void Simulation::decide() {
       }
       if (worst && worst->tangential.norm() > 1.5 * threshold) change = Mode::kSlip;
     }
-    if (!worst) return;
+    if (!worst) break;
     if (change == Mode::kSlip && !worst->armed) {
       const Vec3 tangential = worst->force - worst->normal_force * worst->point.normal;
       worst->slip_direction =
           tangential.norm() > 0.0 ? Vec3(tangential.normalized()) : Vec3(Vec3::Zero());
     }
     worst->mode = change;
+  }
+  if (rigid()) {
+    project();
+    slope_v_ = evaluate(time_, state_, slots_);
   }
 }
 
@@ -596,7 +605,11 @@ double Simulation::eventValue(const Slots& start, const Slots& end) const {
   for (std::size_t i = 0; i < kSlots; ++i) {
     const Slot& s = end[i];
     if (s.mode == Mode::kApart) {
-      if (s.point.valid) value = std::min(value, s.point.gap);
+      if (s.point.valid) {
+        // a rigid contact that is just leaving may still be at its rounding
+        const bool leaving = rigid() && s.point.gap > -kReach && s.gap_rate > 0.0;
+        if (!leaving) value = std::min(value, s.point.gap + (rigid() ? kRigidGap : 0.0));
+      }
       continue;
     }
     if (!s.point.valid) return -1.0;
@@ -631,6 +644,7 @@ void Simulation::accept(double t, const State& end, const Vector9& slope, const 
       slot.armed = true;
     }
   }
+  if (rigid()) project();
 }
 
 void Simulation::refresh() {
@@ -722,6 +736,7 @@ StopReason Simulation::advance(double t_end) {
       ++counts_.events;
 
       // change the modes of those that asked for it
+      bool closed = false;
       for (std::size_t i = 0; i < kSlots; ++i) {
         Slot& slot = slots_[i];
         if (slot.mode == Mode::kApart) {
@@ -729,11 +744,13 @@ StopReason Simulation::advance(double t_end) {
             slot.mode = discreteFriction() ? Mode::kIdle : Mode::kSlip;
             slot.armed = false;
             if (slot.gap_rate < -1e-9) ++counts_.impacts;
+            closed = true;
           }
         } else if (!slot.point.valid || slot.point.gap >= kReach) {
           slot.mode = Mode::kApart;
         }
       }
+      if (closed && rigid()) impact();
       decide();
       if (counts_.events > kEventLimit) {
         stop_ = StopReason::kEventLimit;

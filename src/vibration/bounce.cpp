@@ -11,7 +11,7 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kStepsPerTurn = 400, kTurns = 200;
+constexpr int kStepsPerTurn = 400, kTurns = 20;
 
 double sinc(double x) { return x == 0.0 ? 1.0 : std::sin(x) / x; }
 
@@ -111,6 +111,7 @@ TipResult tipBounce(const TipCase& c) {
   x.t_tip = std::asin(weight / moment) / c.w;
   const SingleDof tip{I_chord, c.K_chord, 0, 0, moment, -weight, c.w, *x.t_tip, 0, 0};
   const double fastest = std::max(c.w, std::sqrt(c.K_chord / I_chord));
+  if (!(fastest <= 1e4 * c.w)) refuse("w", c.w, "give a frequency nearer to the peg's resonance");
   const std::optional<double> duration =
       firstReturn(2 * kPi / fastest / kStepsPerTurn, 2 * kPi / c.w * kTurns,
                   [&](double u) { return singleDof(tip, *x.t_tip + u).theta; });

@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kMostTurns = 1000000;
+constexpr double kKnifeEdge = 1e-12;  // misalignment this near to tipping alone: never
 
 void requireRig(const RigCase& c) {
   requirePositive("M_over_L", c.M_over_L);
@@ -34,8 +35,10 @@ double bisect(double low, double high, const Function& f) {
 // sliding time in units of 1/w from misalignment x A with acceleration a A w²
 RigSlide slide(double x, double a) {
   const double b0 = std::acos(x), to_hole = std::sqrt(2 * x / a);
-  // 5.6 is positive up to 2 b0, then concave while cos > a, then convex
-  const auto f = [&](double t) { return a * t * t / 2 - x + std::cos(t - b0); };
+  // 5.6 without cancellation: positive up to 2 b0, then concave while cos > a, then convex
+  const auto f = [&](double t) {
+    return a * t * t / 2 + 2 * std::sin(t / 2) * std::sin(b0 - t / 2);
+  };
   const double end = b0 + kPi / 2;
   const double convex = std::max(2 * b0, b0 + std::acos(std::min(1.0, a)));
   const auto falling = [&](double t) { return std::sin(t - b0) - a * t; };
@@ -70,7 +73,7 @@ RigResult rigAssembly(const RigCase& c) {
   const double A = 2 * c.M_over_L, w = 2 * kPi * c.f_hz, a = c.K * c.g / (A * w * w);
   requirePositive("K g / (2 M_over_L w^2)", a);
   RigResult result;
-  if (c.x0 >= A) {
+  if (c.x0 >= A * (1 - kKnifeEdge)) {
     result.never = true;
     return result;
   }

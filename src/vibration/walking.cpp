@@ -13,6 +13,7 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kStepsPerTurn = 250;
 constexpr int kMostCycles = 100000;
+constexpr double kMostSteps = 3e7;
 
 struct Pose {
   WalkMotion angle, rate;
@@ -174,7 +175,7 @@ Walk walk(const WalkCase& c) {
   requireWalk(c);
   const Walker walker(c);
   const double end = 2 * kPi * c.cycles / c.w, step = walker.step();
-  if (!(end / step < 1e9)) refuse("w", c.w, "give a frequency nearer to the peg's resonances");
+  if (!(end / step < kMostSteps)) refuse("w", c.w, "give a frequency nearer to the peg's resonances");
   const std::size_t most_phases = 1000 * static_cast<std::size_t>(c.cycles);
   Walk walk;
   WalkSegment now{0.0, 0, walker.equilibrium(), 0.0, 0.0};
@@ -214,6 +215,9 @@ Walk walk(const WalkCase& c) {
     while (up(high)) {
       low = high;
       high += step;
+      if (high - lift > end + 1e4 * step) {
+        refuse("F", c.F, "the peg does not come back to both contacts, give less force");
+      }
     }
     const double landing = bisect(low, high, up);
     const Pose stop = walker.pose(single, landing);

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "assembly_cell/vibration/inertia.h"
@@ -63,10 +64,11 @@ TEST(TipBounce, UndefinedFromWhatDoesNotHappen) {
 TEST(FreeFlight, SolvesTheEquationsOfMotion) {
   for (const double Krot : {0.0, 6e5, 1e7}) {
     for (const double kx : {0.0, 1280.0}) {
-      for (const double end : {2.4e-4, 0.05, 1.0}) {
+      for (const double end : {2.4e-4, 0.05, 0.2}) {
         const FreeFlight f{.766, 279.27, kx, Krot, 25, 12.5, 25, 6.4, 9806.6};
         const long double arm = 37.5;
-        long double X = 0, theta = 0, V = 0, spin = f.J * static_cast<long double>(f.r) / f.I;
+        long double X = 0, theta = 0, largest = 0, V = 0,
+                    spin = f.J * static_cast<long double>(f.r) / f.I;
         const auto force = [&](long double x, long double q) { return -kx * (x + arm * q) / f.m; };
         const auto moment = [&](long double x, long double q) {
           return -((Krot + kx * arm * arm) * q + kx * arm * x) / f.I;
@@ -83,13 +85,14 @@ TEST(FreeFlight, SolvesTheEquationsOfMotion) {
                                         theta + h / 2 * (spin + h / 2 * b1));
           const long double a4 = force(X + h * (V + h / 2 * a2), theta + h * (spin + h / 2 * b2)),
                             b4 = moment(X + h * (V + h / 2 * a2), theta + h * (spin + h / 2 * b2));
+          largest = std::max(largest, std::abs(X));
           X += h * V + h * h / 6 * (a1 + a2 + a3);
           theta += h * spin + h * h / 6 * (b1 + b2 + b3);
           V += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
           spin += h / 6 * (b1 + 2 * b2 + 2 * b3 + b4);
         }
         const FreeFlightState x = freeFlight(f, end);
-        EXPECT_NEAR(x.X, static_cast<double>(X), 1e-10 * std::abs(static_cast<double>(X)) + 1e-15)
+        EXPECT_NEAR(x.X, static_cast<double>(X), 1e-10 * static_cast<double>(largest))
             << kx << " " << Krot << " " << end;
         EXPECT_NEAR(x.theta, static_cast<double>(theta), 1e-10 * .57 * end);
         EXPECT_DOUBLE_EQ(x.Z, 6.4 / .766 * end - 9806.6 * end * end / 2);

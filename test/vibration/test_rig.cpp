@@ -106,6 +106,9 @@ TEST(Rig, Refusals) {
   EXPECT_NE(refusalOf([] { rigAssembly(rig(25, 25, 0)); }).find("f_hz"), std::string::npos);
   EXPECT_NE(refusalOf([] { rigSlide(rig(25, 10), 25); }).find("x: value 25.0"), std::string::npos);
   EXPECT_TRUE(rigAssembly(rig(50, 25)).never);
+  // the knife edge: never, whatever the rounding; just inside it a long but finite time
+  EXPECT_TRUE(rigAssembly(rig(50, std::nextafter(25, 26))).never);
+  EXPECT_GT(rigAssembly(rig(50 * (1 - 1e-9), 25)).cycles, 30);
   EXPECT_NE(refusalOf([] { rigOneSlideFrequency(rig(50, 25)); }).find("x0"), std::string::npos);
 }
 

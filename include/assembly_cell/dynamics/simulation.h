@@ -14,6 +14,7 @@ enum class StopReason {
   kOk,
   kEdgePlane,     ///< lowest point on the plane, and features exclude edge_plane
   kSingular,      ///< sin(theta) < 0.1: peg nearly horizontal
+  kInitialOverlap,  ///< a state deeper than 1e-8 m in the block, refused by the rigid law
   kNonFinite,     ///< state or acceleration not finite
   kStepTooSmall,  ///< error control asks for steps below 1e-13 s
   kEventLimit,    ///< more events than a run may have
@@ -119,7 +120,12 @@ class Simulation {
   void decide();
   void shareInternalForce(Slots& slots) const;
   void findModes(bool initial);
+  bool rigid() const { return scenario_.contact.law == ContactLaw::kRigid; }
   bool discreteFriction() const;
+  void impact();
+  void project();
+  void applyImpulse(const Kinematics& k, const Eigen::Vector3d& impulse,
+                    const Eigen::Vector3d& moment);
   double tryStep(double h, State& end, Vector9& slope, Slots& slots);
   double eventValue(const Slots& start, const Slots& end) const;
   void accept(double t, const State& end, const Vector9& slope, const Slots& slots);

@@ -16,9 +16,10 @@ struct RigSlide {
 };
 
 struct RigResult {
-  bool never = false;  ///< x0 >= 2 M_over_L: never tips; time and cycles then mean nothing
-  double time = 0.0;   ///< from the first tip to assembly
-  int cycles = 0;      ///< slides
+  bool never =
+      false;  ///< x0 >= 2 M_over_L (1 − 1e-12): never tips; time and cycles then mean nothing
+  double time = 0.0;  ///< from the first tip to assembly
+  int cycles = 0;     ///< slides
 };
 
 /// 5.2–5.5: the first sliding time after the trivial root 0 at which 5.6 (corrected: it is Δt² on
@@ -26,7 +27,7 @@ struct RigResult {
 RigSlide rigSlide(const RigCase& c, double x);
 
 /// Slides repeated once a turn of the moment until nothing is left. Throws InputError beyond a
-/// million turns: x0 then equals 2 M_over_L but for rounding.
+/// million turns.
 RigResult rigAssembly(const RigCase& c);
 
 /// Below this frequency one slide assembles [1/s]; x0 < 2 M_over_L.
