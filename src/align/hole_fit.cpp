@@ -16,7 +16,8 @@ constexpr double kLowTolerance =
 constexpr double kLeastScatter = 0.25;    // residuals are never taken for less than 0.5 sd, squared
 constexpr double kPointFloor = 3e-6;      // sd of a contact's place besides its direction [m]
 constexpr double kDirectionFloor = 1e-3;  // sd of a direction, model included [rad]
-constexpr std::size_t kFewest = 5;        // readings for a plane with something left over
+constexpr double kBranchDirection = 0.02;  // sd of a direction where centres compete [rad]
+constexpr std::size_t kFewest = 5;         // readings for a plane with something left over
 constexpr int kFewestRim = 4;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
@@ -135,6 +136,22 @@ CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>
   return fit;
 }
 
+// Where a peg over a hole with this centre would touch, as a direction in the plane: at its lowest
+// edge point, or where its edge crosses the rim nearest to it. All in plane coordinates; tilts are
+// small.
+double touchDirection(const Vec2& peg, double low, double peg_radius, const Vec2& center,
+                      double hole_radius) {
+  const Vec2 d = center - peg;
+  const double D = d.norm();
+  const double c = (peg_radius * peg_radius + D * D - hole_radius * hole_radius) /
+                   (2.0 * peg_radius * std::max(D, 1e-9));
+  const double toward = std::atan2(d.y(), d.x());
+  const double half = std::acos(std::clamp(c, -1.0, 1.0));  // the edge is over the hole within this
+  const double away = wrapPi(low - toward);
+  if (std::abs(away) >= half) return low;
+  return toward + (away > 0.0 ? half : -half);
+}
+
 }  // namespace
 
 Eigen::Matrix<double, 3, 2> planeAxes(const Vec3& normal) {
@@ -176,14 +193,33 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
     return "no_hole_under_edge: fewer than 4 contacts on the rim";
   }
 
-  // the circle through two points has two centres: start in every direction, keep the cheapest
+  // the circle through two points has two centres: start in every direction; of all that fit, the
+  // one under which every contact of the sweep would be where it was felt
   CircleFit best;
+  double least = 1e300;
   for (int i = 0; i < 24; ++i) {
     for (const double distance : {0.01, 0.1, 0.4}) {
       const double a = 2 * kPi * i / 24.0;
       const Vec2 start = middle + distance * hole_radius * Vec2(std::cos(a), std::sin(a));
       const CircleFit fit = fitCircle(rim, plane, hole_radius, start);
-      if (fit.cost < best.cost) best = fit;
+      double cost = 0.0;
+      for (const HoleReading& r : readings) {
+        if (r.kind == HoleReading::kOut) continue;
+        const Vec2 peg = axes.transpose() * r.X_SP.p;
+        const Vec2 felt = axes.transpose() * contactPoint(r, peg_radius, r.alpha) - peg;
+        const Vec2 lowest_point =
+            axes.transpose() * contactPoint(r, peg_radius, lowest(r, e.normal)) - peg;
+        const double expected = touchDirection(peg, std::atan2(lowest_point.y(), lowest_point.x()),
+                                               peg_radius, fit.center, hole_radius);
+        const double z =
+            wrapPi(std::atan2(felt.y(), felt.x()) - expected) / std::max(kBranchDirection, r.sd);
+        cost += z * z / (1.0 + z * z / 16.0);
+      }
+      // equal but for rounding: the better circle
+      if (cost < 0.999 * least || (cost <= 1.001 * least && fit.cost < best.cost)) {
+        least = std::min(least, cost);
+        best = fit;
+      }
     }
   }
   e.center = axes * best.center + e.normal * e.height;

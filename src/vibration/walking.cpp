@@ -175,7 +175,8 @@ Walk walk(const WalkCase& c) {
   requireWalk(c);
   const Walker walker(c);
   const double end = 2 * kPi * c.cycles / c.w, step = walker.step();
-  if (!(end / step < kMostSteps)) refuse("w", c.w, "give a frequency nearer to the peg's resonances");
+  if (!(end / step < kMostSteps))
+    refuse("w", c.w, "give a frequency nearer to the peg's resonances");
   const std::size_t most_phases = 1000 * static_cast<std::size_t>(c.cycles);
   Walk walk;
   WalkSegment now{0.0, 0, walker.equilibrium(), 0.0, 0.0};

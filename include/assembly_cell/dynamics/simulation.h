@@ -12,12 +12,12 @@ namespace assembly_cell {
 /// How a run ended. kOk, or the named reason to stop.
 enum class StopReason {
   kOk,
-  kEdgePlane,     ///< lowest point on the plane, and features exclude edge_plane
-  kSingular,      ///< sin(theta) < 0.1: peg nearly horizontal
+  kEdgePlane,       ///< lowest point on the plane, and features exclude edge_plane
+  kSingular,        ///< sin(theta) < 0.1: peg nearly horizontal
   kInitialOverlap,  ///< a state deeper than 1e-8 m in the block, refused by the rigid law
-  kNonFinite,     ///< state or acceleration not finite
-  kStepTooSmall,  ///< error control asks for steps below 1e-13 s
-  kEventLimit,    ///< more events than a run may have
+  kNonFinite,       ///< state or acceleration not finite
+  kStepTooSmall,    ///< error control asks for steps below 1e-13 s
+  kEventLimit,      ///< more events than a run may have
 };
 const char* toString(StopReason reason);
 
