@@ -11,6 +11,7 @@
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/scene/part_pairs.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -81,6 +82,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   scenario_ = loadScenario(file, overrides);
   description_ = loadCellDescription(Parameters(nh).text("robot_description"));
   checkAgainst(description_, scenario_);
+  pairParts();
   cell_parameters_.X_AH = description_.X_AH;
   cell_parameters_.hole_block_mass = description_.hole_block_mass;
   cell_parameters_.hole_block_center = description_.hole_block_centre;
@@ -130,6 +132,27 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   ROS_INFO("%s: scenario %s, %s, %zu participants", pnh.getNamespace().c_str(), file.c_str(),
            lockstep_ ? "lockstep" : "paced by the wall clock", participants_.size());
   thread_ = std::thread([this] { loop(); });
+}
+
+// Parts that can't meet while the carrier keeps to ~max_offset and to the tilts of an alignment are
+// never searched for contact.
+void SimulatorNode::pairParts() {
+  CarrierTravel travel;
+  travel.lateral = max_offset_;
+  bool peg_meets_hole = false;
+  for (const PartPair& pair : canMeet(description_, travel)) {
+    if (pair == PartPair{"peg", "hole"}) {
+      peg_meets_hole = true;
+    } else {
+      ROS_WARN_NAMED("simulator",
+                     "%s and %s can meet, but only peg and hole are searched for contact",
+                     pair.first.c_str(), pair.second.c_str());
+    }
+  }
+  if (!peg_meets_hole) {
+    ROS_INFO_NAMED("simulator", "peg and hole can't meet: no contact search");
+    scenario_.contact.law = ContactLaw::kNone;
+  }
 }
 
 SimulatorNode::~SimulatorNode() {

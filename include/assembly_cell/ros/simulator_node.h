@@ -47,6 +47,7 @@ class SimulatorNode {
   int exitCode() const { return exit_code_; }
 
  private:
+  void pairParts();
   /// Last answer of a participant.
   struct Participant {
     bool answered = false;
