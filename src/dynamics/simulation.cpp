@@ -22,8 +22,6 @@ constexpr double kEventTime = 1e-12;    // events are located to this [s]
 // as many events as are remembered within kCluster are a cluster (a peg that lies flat, rocking):
 // for kCoarseSpan the run goes on in steps of kCoarseStep without locating events [s]
 constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5;
-constexpr double kShortest =
-    1e-11;  // error control that asks for less is stepped over in contact [s]
 constexpr double kStepFloor = 1e-13;  // error control below this step gives up [s]
 constexpr std::int64_t kEventLimit = 10000000;
 using Mat3 = Eigen::Matrix3d;
@@ -217,8 +215,7 @@ void Simulation::locate(const Kinematics& k, Slots& slots) {
     slot.gap_rate = slot.point.normal.dot(slot.velocity);
     slot.tangential = slot.velocity - slot.gap_rate * slot.point.normal;
     if (slot.mode != Mode::kApart) {
-      slot.rates = time_ < coarse_until_ ? ContactRates{}
-                                         : contactRates(edge, slot.point, slot.velocity, k.omega);
+      slot.rates = contactRates(edge, slot.point, slot.velocity, k.omega);
     }
   }
 }
@@ -673,23 +670,10 @@ StopReason Simulation::advance(double t_end) {
     }
 
     Slots slots = slots_;
-    const bool coarse = time_ < coarse_until_;
-    if (coarse && h > kCoarseStep) {
-      h = kCoarseStep;
-      last = false;
-    }
-    const double attempt = tryStep(h, end, slope, slots);
-    const double error = coarse && std::isfinite(attempt) ? std::min(attempt, 1.0) : attempt;
+    const double error = tryStep(h, end, slope, slots);
     if (!finite(end) || !slope.allFinite() || !std::isfinite(error) || error > 1.0) {
       ++counts_.rejected;
       const double factor = std::isfinite(error) ? std::max(0.2, 0.9 * std::pow(error, -0.2)) : 0.1;
-      // a flat peg changes its lowest point at once: step over that
-      if (!fixed_step_ && h * factor < kShortest && finite(end) && slope.allFinite() &&
-          scenario_.contact.law != ContactLaw::kNone && time_ >= coarse_until_) {
-        coarse_until_ = time_ + kCoarseStep;
-        next_step_ = kCoarseStep;
-        continue;
-      }
       if (fixed_step_ || h * factor < kStepFloor) {
         stop_ = finite(end) ? StopReason::kStepTooSmall : StopReason::kNonFinite;
         return stop_;
@@ -703,8 +687,15 @@ StopReason Simulation::advance(double t_end) {
 
     const bool contacts_matter = scenario_.contact.law != ContactLaw::kNone;
     const double value = contacts_matter ? eventValue(slots_, slots) : 1.0;
+    const bool coarse = time_ < coarse_until_;
     if (value >= 0.0 || coarse) {
       // amid a cluster of events: short steps, modes decided after each, nothing located
+      if (coarse && h > kCoarseStep) {
+        h = kCoarseStep;
+        last = false;
+        slots = slots_;
+        tryStep(h, end, slope, slots);
+      }
       accept(last ? t_end : time_ + h, end, slope, slots);
       if (coarse) findModes(false);
     } else {

@@ -13,8 +13,6 @@ constexpr int kNewtonLimit = 12;
 constexpr int kScanPoints = 96;
 // below this |T × p'| / (r_h r_p) the tangents count as parallel and there is no candidate
 constexpr double kParallel = 1e-6;
-// below this tilt an edge on the plane counts as flat: its lowest point has no speed [rad]
-constexpr double kFlat = 1e-5;
 // an edge that crosses the hole's cylinder this high over the plane is not searched further [m]
 constexpr double kHighCrossing = 2e-5;
 
@@ -193,7 +191,7 @@ ContactRates contactRates(const EdgeCircle& e, const ContactPoint& c, const Eige
   if (c.tangent.isZero()) {
     // the lowest point runs along the edge: e1 · (p'' t' + omega × p') = 0
     const double curvature = -radial(0);
-    if (curvature < kFlat * e.radius) return {};
+    if (curvature < 1e-9 * e.radius) return {};
     const double t_rate = -turn(0) / curvature;
     return {turn(0) * t_rate, turn * t_rate};
   }
