@@ -508,12 +508,11 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
   const bool single = offset * e.a1 > bend;
   if (!warm && offset > 2 * bend) {
     if (e.r - (r_h - offset) > highest && offset < r_h) return;
+    // the nearest place is off the direction of the offset by the ellipse's bend
     Place towards{};
-    if (!placeTowards(e.c2, e.c3, towards)) return;
+    const bool directed = placeTowards(-o2, -o3, towards);
     const double height = r_h * (e.a2 * towards.c + e.a3 * towards.s) - along;
-    // the nearest place is off that direction by the ellipse's bend and by the slant of the axis
-    const double slant = 2 * bend + 2 * e.sine * std::abs(e.c1);
-    if (height * offset < -2 * r_h * e.sine * slant - kTouch * e.r * offset) return;
+    if (directed && height * offset < -4 * r_h * e.sine * bend - kTouch * e.r * offset) return;
   }
 
   RimPlace m;
