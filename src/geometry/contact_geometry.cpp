@@ -49,8 +49,9 @@ Place placeOf(double c, double s) { return {c, s, std::atan2(s, c)}; }
 bool placeTowards(double x, double y, Place& at) {
   const double norm = std::sqrt(x * x + y * y);
   if (!(norm > 0.0)) return false;
-  at.c = x / norm;
-  at.s = y / norm;
+  const double inverse = 1.0 / norm;
+  at.c = x * inverse;
+  at.s = y * inverse;
   return true;
 }
 
@@ -82,8 +83,9 @@ struct Peg {
         sine(amplitude / r),
         offset(std::sqrt(c2 * c2 + c3 * c3)) {
     const bool level = !(sine > kLevel);
-    lc = level ? 1.0 : -p1 / amplitude;
-    ls = level ? 0.0 : -q1 / amplitude;
+    const double inverse = level ? 0.0 : 1.0 / amplitude;
+    lc = level ? 1.0 : -p1 * inverse;
+    ls = -q1 * inverse;
   }
 };
 
@@ -123,8 +125,16 @@ bool admissible(const Meridian& m, int slot) {
 
 enum class Search { kFound, kNone, kFailed };
 
-// Newton on Phi(t) = x1 x1' + (rho − r_h) rho' = 0 to a local minimum of the distance to the rim;
-// kNone: of the other kind, or apart by more than `far`
+// Halley's step for the root of a function with this value, slope and half second derivative:
+// Newton's step, and what the parabola adds; `last`: cubic convergence leaves only rounding
+double halley(double value, double slope, double half_bend, bool& last) {
+  const double inverse = 1.0 / slope, step = value * inverse, bend = half_bend * inverse * step;
+  last = std::abs(step) < 1e-4 && bend * bend * std::abs(step) < 1e-15;
+  return std::abs(bend) < 0.25 ? step * (1.0 + bend) : step;
+}
+
+// Phi(t) = x1 x1' + (rho − r_h) rho' = 0 at a local minimum of the distance to the rim; kNone: of
+// the other kind, or apart by more than `far`
 Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meridian& m) {
   for (int i = 0; i < kNewtonLimit; ++i) {
     meridian(e, at, m);
@@ -132,16 +142,18 @@ Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meri
     const double value = m.x1 * m.dx1 + out * m.drho;
     const double slope = m.dx1 * m.dx1 - m.x1 * m.u1 + m.drho * m.drho + out * m.ddrho;
     if (!(slope > 0.0)) return Search::kFailed;
-    const double step = value / slope;
+    bool last = false;
+    const double step = halley(value, slope, 1.5 * (m.drho * m.ddrho - m.dx1 * m.u1), last);
     if (!(std::abs(step) < 0.5)) return Search::kFailed;
     at = stepBack(at, step);
-    // Newton squares the step times r / sqrt(slope): what is left now is rounding
-    const double d = step * step * e.r;
-    if (d * d < 1e-30 * slope) {
+    if (last) {
       edgePoint(e, at, m);
-      m.rho -= step * m.drho;
+      // 1/rho from its neighbour: one Newton step squares an error of the order of `step`
+      const double rho2 = m.x2 * m.x2 + m.x3 * m.x3;
       m.inverse_rho += step * m.drho * m.inverse_rho * m.inverse_rho;
-      m.drho -= step * m.ddrho;
+      m.inverse_rho *= 1.5 - 0.5 * rho2 * m.inverse_rho * m.inverse_rho;
+      m.rho = rho2 * m.inverse_rho;
+      m.drho = (m.x2 * m.dx2 + m.x3 * m.dx3) * m.inverse_rho;
       return admissible(m, slot) ? Search::kFound : Search::kNone;
     }
     const bool above = m.x1 > 0.0 && out < 0.0 && std::abs(step) < 0.1;
@@ -291,7 +303,9 @@ Search searchWall(const Peg& e, double least, Place& at, Meridian& m) {
     const double value = e.c2 * m.dx2 + e.c3 * m.dx3 - m.u1 * m.dx1;
     const double slope = m.u1 * m.u1 - m.dx1 * m.dx1 - (e.c2 * m.u2 + e.c3 * m.u3);
     if (!(slope < 0.0)) return Search::kFailed;
-    const double step = value / slope;
+    bool last = false;
+    const double half_bend = 2 * m.u1 * m.dx1 - 0.5 * (e.c2 * m.dx2 + e.c3 * m.dx3);
+    const double step = halley(value, slope, half_bend, last);
     if (!(std::abs(step) < 0.7)) return Search::kFailed;
     const double rho2 = m.x2 * m.x2 + m.x3 * m.x3;
     // the largest rho² of the parabola here, and as much again for what that leaves out
@@ -299,7 +313,7 @@ Search searchWall(const Peg& e, double least, Place& at, Meridian& m) {
       return Search::kNone;
     }
     at = stepBack(at, step);
-    if (std::abs(step) < 1e-9) {
+    if (last) {
       edgePoint(e, at, m);
       m.ddrho = slope;
       return Search::kFound;
@@ -417,11 +431,11 @@ void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, Co
 
 // a place of the rim in the peg's cylinder coordinates and their derivatives by s
 struct RimPlace {
-  double h2, h3;           // H
-  double s1, s2, s3;       // from the peg's axis to H, across the axis
-  double height, dheight;  // w along the axis
-  double value, slope;     // of (sigma²/2)'
-  double sigma2;           // squared distance from the axis
+  double h2, h3;                   // H
+  double s1, s2, s3;               // from the peg's axis to H, across the axis
+  double height, dheight;          // w along the axis
+  double value, slope, half_bend;  // of (sigma²/2)' and its derivatives
+  double sigma2;                   // squared distance from the axis
 };
 
 // the hole's centre as the peg sees it
@@ -445,7 +459,9 @@ void rimPlace(const Peg& e, const HoleOffset& o, double r_h, const Place& at, Ri
   m.s2 = o.o2 + m.h2 - rise * e.a2;
   m.s3 = o.o3 + m.h3 - rise * e.a3;
   m.sigma2 = m.s1 * m.s1 + m.s2 * m.s2 + m.s3 * m.s3;
-  m.value = o.o3 * m.h2 - o.o2 * m.h3 - rise * m.dheight;
+  const double turned = o.o3 * m.h2 - o.o2 * m.h3;
+  m.value = turned - rise * m.dheight;
+  m.half_bend = 2 * rise * m.dheight - 0.5 * turned;
   m.slope = rise * rise - m.dheight * m.dheight - (o.o2 * m.h2 + o.o3 * m.h3);
 }
 
@@ -456,11 +472,12 @@ Search searchSide(const Peg& e, const HoleOffset& o, double r_h, double most, Pl
   for (int i = 0; i < kNewtonLimit; ++i) {
     rimPlace(e, o, r_h, at, m);
     if (!(m.slope > 0.0)) return Search::kFailed;
-    const double step = m.value / m.slope;
+    bool last = false;
+    const double step = halley(m.value, m.slope, m.half_bend, last);
     if (!(std::abs(step) < 0.7)) return Search::kFailed;
     if (std::abs(step) < 0.2 && m.sigma2 - 2 * m.value * step > most * most) return Search::kNone;
     at = stepBack(at, step);
-    if (std::abs(step) < 1e-9) {
+    if (last) {
       rimPlace(e, o, r_h, at, m);
       return Search::kFound;
     }
