@@ -232,8 +232,8 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   const double n2 = -inward * e2, n3 = -inward * e3;
   if (up * e.a1 + n2 * e.a2 + n3 * e.a3 < 0.0 || up * m.u1 + n2 * m.u2 + n3 * m.u3 > 0.0) return;
   // deeper than the edge reaches sideways into the wall before it turns back: not at the rim
-  const double out = m.rho - r_h;
-  if (-m.x1 > out && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (m.x1 + out)) return;
+  const double out = m.rho - r_h, gap = up * m.x1 - inward * out;
+  if (gap < 0.0 && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (out + gap)) return;
 
   contact.valid = true;
   contact.feature = ContactFeature::kEdgeEdge;
@@ -246,7 +246,7 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   contact.tangent = {0.0, -r_h * e3, r_h * e2};
   contact.normal = {up, n2, n3};
   contact.cross_norm = (slot == 0 ? -r_h : r_h) * norm;
-  contact.gap = up * m.x1 - inward * out;
+  contact.gap = gap;
   contact.curvature = 0.0;
 }
 
