@@ -87,6 +87,8 @@ struct Peg {
     lc = level ? 1.0 : -p1 * inverse;
     ls = -q1 * inverse;
   }
+
+  bool finite() const { return std::isfinite(c1 + offset + amplitude + a1 + a2 + a3); }
 };
 
 // ---- the peg's edge against the rim
@@ -663,6 +665,10 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
   }
 
   const Peg e(edge);
+  if (!e.finite()) {
+    set.valid = 0;
+    return 0;
+  }
   const double far = 2 * shapes.reach;
   for (int slot = 0; slot < 2; ++slot) {
     ContactPoint& contact = set.slots[static_cast<std::size_t>(slot)];
