@@ -178,11 +178,13 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   const Place crossing{c * out.c + side * s * out.s, c * out.s - side * s * out.c, 0.0};
 
   // no contact where it crosses well above the plane; tilt moves the crossing by no more than the
-  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt)
+  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt). The gap is the
+  // height times the normal's slope, at least height / (1 + A/slope)
   const double slope = e.offset * s;
   const double shift = e.amplitude * e.sine;
   const double height = e.c1 + crossing.c * e.p1 + crossing.s * e.q1 - reach;
-  if (shift < 0.3 * slope && height * slope > 2 * e.amplitude * shift) return Search::kNone;
+  if (shift < 0.3 * slope && height * slope > e.amplitude * (2 * shift + reach))
+    return Search::kNone;
 
   at = placeOf(crossing.c, crossing.s);
   Search search = searchRim(e, r_h, 4 * reach, slot, at, m);
