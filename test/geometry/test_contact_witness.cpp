@@ -1,17 +1,15 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Two methods that know nothing of the search: Comba's pseudo-characteristic function (thesis
-// section 6.2) and FCL on a mesh of the block. Thesis axes.
-#include <fcl/geometry/bvh/BVH_model.h>
-#include <fcl/geometry/shape/cylinder.h>
-#include <fcl/narrowphase/collision.h>
+// section 6.2) and FCL on a block of boxes. Thesis axes.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 #include <random>
 #include <vector>
 
+#include "assembly_cell/scene/part_pairs.h"
 #include "contact_reference.h"
 
 namespace assembly_cell {
@@ -20,7 +18,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kRadius = 0.025;
-constexpr double kDepth = 0.04;
 
 // Comba's function of the block: the plane's height and the hole's distance joined by the smoothing
 // length t; C = −0.75 t puts its zero on the rim.
@@ -106,40 +103,32 @@ TEST_F(ContactWitness, CombaLeadsToTheSameCandidates) {
   }
 }
 
-// The block as a mesh of its top face and its wall: polygon of 720 corners, 0.24 µm off the circle.
-fcl::CollisionObjectd blockMesh(double r_h) {
-  constexpr int n = 720;
-  auto mesh = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
-  std::vector<fcl::Vector3d> points;
-  std::vector<fcl::Triangle> triangles;
+// The block as a ring of boxes whose inner faces are tangent to the hole: a polygon of 360 sides,
+// at its corners 1 µm outside the circle.
+std::vector<PartShape> blockOfBoxes(double r_h) {
+  constexpr int n = 360;
+  constexpr double outer = 0.1, depth = 0.04;
+  std::vector<PartShape> boxes;
   for (int i = 0; i < n; ++i) {
-    const double c = std::cos(2 * kPi * i / n), s = std::sin(2 * kPi * i / n);
-    points.emplace_back(r_h * c, r_h * s, -kDepth);
-    points.emplace_back(r_h * c, r_h * s, 0.0);
-    points.emplace_back(0.1 * c, 0.1 * s, 0.0);
+    const double angle = 2 * kPi * i / n;
+    PartShape box;
+    box.size = Vector3d(outer - r_h, 2 * outer * std::tan(kPi / n), depth);
+    box.X_PS.R = Eigen::AngleAxisd(angle, Vector3d::UnitZ()).toRotationMatrix();
+    box.X_PS.p = box.X_PS.R * Vector3d(0.5 * (outer + r_h), 0, -0.5 * depth);
+    boxes.push_back(box);
   }
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::size_t a = 3 * i, b = 3 * ((i + 1) % n);
-    for (const std::size_t k : {0u, 1u}) {
-      triangles.emplace_back(a + k, b + k, b + k + 1);
-      triangles.emplace_back(a + k, b + k + 1, a + k + 1);
-    }
-  }
-  mesh->beginModel();
-  mesh->addSubModel(points, triangles);
-  mesh->endModel();
-  return fcl::CollisionObjectd(mesh, fcl::Transform3d::Identity());
+  return boxes;
 }
 
-bool meet(const fcl::CollisionObjectd& block, const EdgeCircle& e, double length) {
+bool meet(const std::vector<PartShape>& block, const EdgeCircle& e, double length) {
   const Vector3d axis = e.axis0.cross(e.axis1);
-  fcl::Transform3d X = fcl::Transform3d::Identity();
-  X.linear() << fromThesisAxes(e.axis0), fromThesisAxes(e.axis1), fromThesisAxes(axis);
-  X.translation() = fromThesisAxes(e.center + 0.5 * length * axis);
-  const fcl::CollisionObjectd peg(std::make_shared<fcl::Cylinderd>(e.radius, length), X);
-  fcl::CollisionResultd result;
-  fcl::collide(&block, &peg, fcl::CollisionRequestd(), result);
-  return result.isCollision();
+  PartShape peg;
+  peg.kind = PartShape::Kind::kCylinder;
+  peg.size = Vector3d(2 * e.radius, 2 * e.radius, length);
+  peg.X_PS.R << fromThesisAxes(e.axis0), fromThesisAxes(e.axis1), fromThesisAxes(axis);
+  peg.X_PS.p = fromThesisAxes(e.center + 0.5 * length * axis);
+  const auto meets = [&](const PartShape& box) { return shapesMeet(peg, box); };
+  return std::any_of(block.begin(), block.end(), meets);
 }
 
 // From touch, 0.1 mm along the contact's normal either way: FCL says free, and overlapping.
@@ -147,7 +136,7 @@ TEST_F(ContactWitness, FclAgreesATenthOfAMillimetreFromTouch) {
   ContactShapes s;
   s.hole_radius = kRadius + 6e-4;
   s.peg_length = 0.06;
-  const fcl::CollisionObjectd block = blockMesh(s.hole_radius);
+  const std::vector<PartShape> block = blockOfBoxes(s.hole_radius);
   std::array<int, 5> met{};
   for (int i = 0; i < 120; ++i) {
     EdgeCircle e;
