@@ -87,6 +87,8 @@ struct Peg {
     lc = level ? 1.0 : -p1 * inverse;
     ls = -q1 * inverse;
   }
+
+  bool finite() const { return std::isfinite(c1 + offset + amplitude + a1 + a2 + a3); }
 };
 
 // ---- the peg's edge against the rim
@@ -176,11 +178,13 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   const Place crossing{c * out.c + side * s * out.s, c * out.s - side * s * out.c, 0.0};
 
   // no contact where it crosses well above the plane; tilt moves the crossing by no more than the
-  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt)
+  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt). The gap is the
+  // height times the normal's slope, at least height / (1 + A/slope)
   const double slope = e.offset * s;
   const double shift = e.amplitude * e.sine;
   const double height = e.c1 + crossing.c * e.p1 + crossing.s * e.q1 - reach;
-  if (shift < 0.3 * slope && height * slope > 2 * e.amplitude * shift) return Search::kNone;
+  if (shift < 0.3 * slope && height * slope > e.amplitude * (2 * shift + reach))
+    return Search::kNone;
 
   at = placeOf(crossing.c, crossing.s);
   Search search = searchRim(e, r_h, 4 * reach, slot, at, m);
@@ -232,8 +236,8 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   const double n2 = -inward * e2, n3 = -inward * e3;
   if (up * e.a1 + n2 * e.a2 + n3 * e.a3 < 0.0 || up * m.u1 + n2 * m.u2 + n3 * m.u3 > 0.0) return;
   // deeper than the edge reaches sideways into the wall before it turns back: not at the rim
-  const double out = m.rho - r_h;
-  if (-m.x1 > out && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (m.x1 + out)) return;
+  const double out = m.rho - r_h, gap = up * m.x1 - inward * out;
+  if (gap < 0.0 && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (out + gap)) return;
 
   contact.valid = true;
   contact.feature = ContactFeature::kEdgeEdge;
@@ -246,7 +250,7 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   contact.tangent = {0.0, -r_h * e3, r_h * e2};
   contact.normal = {up, n2, n3};
   contact.cross_norm = (slot == 0 ? -r_h : r_h) * norm;
-  contact.gap = up * m.x1 - inward * out;
+  contact.gap = gap;
   contact.curvature = 0.0;
 }
 
@@ -663,6 +667,10 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
   }
 
   const Peg e(edge);
+  if (!e.finite()) {
+    set.valid = 0;
+    return 0;
+  }
   const double far = 2 * shapes.reach;
   for (int slot = 0; slot < 2; ++slot) {
     ContactPoint& contact = set.slots[static_cast<std::size_t>(slot)];
