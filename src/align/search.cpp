@@ -147,7 +147,7 @@ bool Search::enter(const Vec3& center) {
 // down from `from`, just over the plane; back up at the first resistance
 bool Search::lower(const Vec3& from, const Mat3& R) {
   hand_.moveTo(restFor(from, R));
-  const double way = kClear + p_.insertion_depth;
+  const double way = kClear + p_.insertion_depth + 3.0 * hole_.height_sd;
   double down = 0.0;
   while (down < way && hand_.forceZ() < p_.insertion_force) {
     down = std::min(way, down + p_.approach_step);

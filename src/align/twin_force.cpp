@@ -34,6 +34,12 @@ constexpr double kTouchedFirst = 2e-3;  // sd of the hole plane's height from to
 constexpr double kTouched = 3e-5;       // and known [m]
 constexpr int kWindows = 10;            // tried until one is settled
 
+// Φ C Φᵀ, symmetric to the last bit.
+Matrix6 transported(const Matrix6& phi, const Matrix6& covariance) {
+  const Matrix6 c = phi * covariance * phi.transpose();
+  return 0.5 * (c + c.transpose());
+}
+
 // A contact that could be made: the peg's bottom centre and axes in S, then a pull sideways.
 struct Reach {
   Vec3 p;
@@ -91,9 +97,11 @@ class TwinForce : public Search {
         touch(advised());
         solve();
       }
-      if (!hasPose(estimate_.status)) {
-        throw Failure{std::string("no_pose: ") + toString(estimate_.status) + ": " +
-                      estimate_.reason};
+      const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+      if (position_sd_ > clearance) {
+        throw Failure{text("too_uncertain: centre known to %.3f mm with a clearance of %.3f mm; ",
+                           position_sd_ * 1e3, clearance * 1e3) +
+                      "press harder or use a finer converter"};
       }
       if (enter(hole_.center)) return;
       // one more at least
@@ -177,12 +185,14 @@ class TwinForce : public Search {
     TwinContact c;
     c.wrench_a = phi_a * (pressed.wrenchA() - free.wrenchA());
     c.wrench_b = phi_b * (pressed.wrenchB() - free.wrenchB() - weight(pressed) + weight(free));
-    c.covariance_a = phi_a * (pressed.covarianceA() + free.covarianceA() + 2.0 * now.rounding_a) *
-                     phi_a.transpose();
-    c.covariance_b = phi_b * (pressed.covarianceB() + free.covarianceB() + 2.0 * now.rounding_b) *
-                     phi_b.transpose();
-    c.covariance_a = 0.5 * (c.covariance_a + c.covariance_a.transpose()).eval();
-    c.covariance_b = 0.5 * (c.covariance_b + c.covariance_b.transpose()).eval();
+    c.covariance_a =
+        transported(phi_a, pressed.covarianceA() + free.covarianceA() + now.rounding_a);
+    c.covariance_b =
+        transported(phi_b, pressed.covarianceB() + free.covarianceB() + now.rounding_b);
+    // hanging free the load is the same each time, and so is its rounding
+    options_.tare_covariance = Matrix12::Zero();
+    options_.tare_covariance->topLeftCorner<6, 6>() = transported(phi_a, now.rounding_a);
+    options_.tare_covariance->bottomRightCorner<6, 6>() = transported(phi_b, now.rounding_b);
     c.move = X_PC * X_SC * X_CP_;
     Matrix6 move_covariance = Matrix6::Zero();
     move_covariance.diagonal() << Vec3::Constant(kEncoder * kEncoder),
@@ -235,6 +245,10 @@ class TwinForce : public Search {
     J.rightCols<3>() = skew(estimate_.pose.p).topRows<2>();
     hole_.center_covariance = J * estimate_.covariance * J.transpose();
     hole_.normal_sd = std::sqrt(estimate_.covariance(3, 3) + estimate_.covariance(4, 4));
+    Eigen::Matrix<double, 1, 6> Jz = Eigen::Matrix<double, 1, 6>::Zero();
+    Jz(2) = 1.0;
+    Jz.rightCols<3>() = skew(estimate_.pose.p).row(2);
+    hole_.height_sd = std::sqrt((Jz * estimate_.covariance * Jz.transpose()).value());
     found_ = true;
     position_sd_ = std::sqrt(hole_.center_covariance.trace());
     rotation_sd_ = hole_.normal_sd;
