@@ -49,8 +49,8 @@ enum class TwinForceMethod { kThesis, kRobust, kMaximumLikelihood };
 struct TwinForceOptions {
   TwinForceMethod method = TwinForceMethod::kMaximumLikelihood;
   std::optional<PosePrior> prior;
-  std::optional<Matrix12> tare_covariance;  ///< of an offset (w_A, w_b) common to all contacts,
-                                            ///< mean 0; semidefinite; maximum likelihood only
+  std::optional<Matrix12> tare_covariance;   ///< of an offset (w_A, w_b) common to all contacts,
+                                             ///< mean 0; semidefinite; maximum likelihood only
   double required_position = 1e-3;           ///< s_T: accuracy that is needed, per axis [m]
   double required_rotation = 1e-2;           ///< s_φ [rad]
   double smallest_p = 1e-3;                  ///< χ² below this probability is inconsistent
@@ -142,7 +142,8 @@ void checkCovariance(const Matrix6& covariance, const std::string& name, bool se
 std::optional<Pose> thesisPose(const TwinContact& first, const TwinContact& second);
 
 /// Robust form: rotation from the forces' SVD, with couple pairs where lines are parallel, then the
-/// translation. What the contacts can't tell stays at `start`; the dropped directions are columns.
+/// translation; away from parallel lines one likelihood step, which brings it to the bound. What
+/// the contacts can't tell stays at `start`; the dropped directions are columns.
 struct RobustPose {
   Pose pose;
   Eigen::Matrix3d dropped = Eigen::Matrix3d::Zero();  ///< unit directions of T that stayed
