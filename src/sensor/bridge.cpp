@@ -15,11 +15,25 @@ constexpr double kGain = 1000.0 * 2.5 * 2.10 / 2.0;
 // notch in Al 7075: 1/(E b t²/6) with E 71.7 GPa, b 40 mm, t 2 mm [1/(N m)]
 constexpr double kStrainPerMoment = 6.0 / (71.7e9 * 0.040 * 0.002 * 0.002);
 
-// a hinge as it was made: position [mm], direction (not normalised), strain and gain relative to
-// nominal, offset [V]
-Hinge hinge(const Eigen::Vector3d& position, const Eigen::Vector3d& direction, double strain,
-            double gain, double offset) {
-  return {1e-3 * position, direction.normalized(), strain * kStrainPerMoment, gain * kGain, offset};
+// the same notch, l 6 mm: E b t³/12/l [N m/rad]
+constexpr double kStiffness = 71.7e9 * 0.040 * 0.002 * 0.002 * 0.002 / 12.0 / 0.006;
+constexpr double kGainDrift = 2e-4;             // [1/K]
+constexpr double kReferenceTemperature = 20.0;  // [°C]
+// in series from the datum: channels 1 3 5 2 4 6
+constexpr std::array<std::size_t, 6> kOrder = {0, 2, 4, 1, 3, 5};
+
+// a hinge as it was made: position [mm], direction (not normalised), stiffness and strain relative
+// to nominal, curvature, gain relative to nominal, offset [V], zero drift [V/K]
+Hinge hinge(const Eigen::Vector3d& position, const Eigen::Vector3d& direction, double stiffness,
+            double strain, double curvature, double gain, double offset, double drift) {
+  return {1e-3 * position,
+          direction.normalized(),
+          strain * kStrainPerMoment,
+          gain * kGain,
+          offset,
+          stiffness * kStiffness,
+          curvature,
+          drift};
 }
 
 Bridge bridge(const std::array<Hinge, 6>& hinges, int bits, double noise) {
@@ -39,23 +53,33 @@ Bridge bridge(const std::array<Hinge, 6>& hinges, int bits, double noise) {
 }  // namespace
 
 Bridge bridgeA(int bits, double noise) {
-  return bridge({hinge({30, 30.6, 10.4}, {1, .010, -.008}, 1.00, 1.000, .012),
-                 hinge({30, 29.5, 49.7}, {1, -.012, .006}, .98, 1.004, -.020),
-                 hinge({9.6, 30, 30.7}, {.007, 1, .011}, 1.02, .997, .015),
-                 hinge({50.3, 30, 29.4}, {-.009, 1, -.010}, 1.01, 1.002, .008),
-                 hinge({30.5, 9.8, 30}, {.012, -.006, 1}, .99, .999, -.011),
-                 hinge({29.3, 50.4, 30}, {-.008, .009, 1}, 1.03, .995, .018)},
+  return bridge({hinge({30, 30.6, 10.4}, {1, .010, -.008}, 1.00, 1.00, .004, 1.000, .012, .0025),
+                 hinge({30, 29.5, 49.7}, {1, -.012, .006}, 1.03, .98, -.003, 1.004, -.020, -.0040),
+                 hinge({9.6, 30, 30.7}, {.007, 1, .011}, .97, 1.02, .002, .997, .015, .0030),
+                 hinge({50.3, 30, 29.4}, {-.009, 1, -.010}, 1.02, 1.01, .005, 1.002, .008, -.0020),
+                 hinge({30.5, 9.8, 30}, {.012, -.006, 1}, .98, .99, -.004, .999, -.011, .0035),
+                 hinge({29.3, 50.4, 30}, {-.008, .009, 1}, 1.01, 1.03, .003, .995, .018, .0015)},
                 bits, noise);
 }
 
 Bridge bridgeB(int bits, double noise) {
-  return bridge({hinge({30, 29.6, 10.5}, {1, -.007, .012}, 1.01, 1.001, -.016),
-                 hinge({30, 30.7, 49.8}, {1, .009, -.011}, 1.00, .996, .010),
-                 hinge({10.6, 30, 29.7}, {-.010, 1, .006}, .97, 1.003, -.009),
-                 hinge({49.5, 30, 30.4}, {.008, 1, .013}, 1.02, .998, .014),
-                 hinge({29.7, 10.6, 30}, {-.006, .012, 1}, 1.00, 1.005, .006),
-                 hinge({30.4, 49.4, 30}, {.011, -.007, 1}, .98, 1.000, -.013)},
+  return bridge({hinge({30, 29.6, 10.5}, {1, -.007, .012}, .99, 1.01, -.003, 1.001, -.016, -.0030),
+                 hinge({30, 30.7, 49.8}, {1, .009, -.011}, 1.01, 1.00, .004, .996, .010, .0020),
+                 hinge({10.6, 30, 29.7}, {-.010, 1, .006}, 1.02, .97, .003, 1.003, -.009, -.0015),
+                 hinge({49.5, 30, 30.4}, {.008, 1, .013}, .98, 1.02, -.002, .998, .014, .0040),
+                 hinge({29.7, 10.6, 30}, {-.006, .012, 1}, 1.03, 1.00, .005, 1.005, .006, -.0025),
+                 hinge({30.4, 49.4, 30}, {.011, -.007, 1}, 1.00, .98, -.004, 1.000, -.013, .0030)},
                 bits, noise);
+}
+
+Bridge nominalBridge() {
+  const auto as_drawn = [](const Eigen::Vector3d& position, const Eigen::Vector3d& direction) {
+    return hinge(position, direction, 1, 1, 0, 1, 0, 0);
+  };
+  return bridge({as_drawn({30, 30, 10}, {1, 0, 0}), as_drawn({30, 30, 50}, {1, 0, 0}),
+                 as_drawn({10, 30, 30}, {0, 1, 0}), as_drawn({50, 30, 30}, {0, 1, 0}),
+                 as_drawn({30, 10, 30}, {0, 0, 1}), as_drawn({30, 50, 30}, {0, 0, 1})},
+                16, 0.5e-3);
 }
 
 Matrix6 strainMatrix(const Bridge& bridge) {
@@ -68,6 +92,32 @@ Matrix6 strainMatrix(const Bridge& bridge) {
     C.row(k) *= h.gain * h.strain_per_moment;
   }
   return C;
+}
+
+BridgeState deflect(const Bridge& bridge, const Vector6& w) {
+  const Eigen::Vector3d F = w.head<3>();
+  const Eigen::Vector3d M = w.tail<3>() + bridge.reference_point.cross(F);  // about O_D
+  BridgeState state{Vector6::Zero(), {}};
+  Pose carried;  // what the hinges before do to the lines of those behind
+  for (const std::size_t k : kOrder) {
+    const Hinge& h = bridge.hinges[k];
+    const Eigen::Vector3d r = carried.R * h.position + carried.p;
+    const Eigen::Vector3d u = carried.R * h.direction;
+    const double m = u.dot(M - r.cross(F));
+    const double strain = h.strain_per_moment * m;
+    state.volts[static_cast<int>(k)] =
+        h.gain * strain * (1.0 + bridge.nonlinearity * h.curvature * strain / 1e-3);
+    // exp of the hinge's twist: a turn about its line
+    const auto turn = [&](double angle) {
+      const Eigen::Matrix3d R = rotationFromVector({angle * h.direction});
+      return Pose{R, h.position - R * h.position};
+    };
+    const double angle = m / h.stiffness;
+    carried = carried * turn(bridge.nonlinearity * angle);
+    state.X_DC = state.X_DC * turn(angle);
+  }
+  state.X_DC = state.X_DC * Pose{Eigen::Matrix3d::Identity(), kCarrierAtRest};
+  return state;
 }
 
 double NormalSource::operator()() {
@@ -94,15 +144,20 @@ double NormalSource::operator()() {
 
 StrainSample convert(const Bridge& bridge, const Matrix6& strain_matrix, const Vector6& w,
                      NormalSource& normal) {
+  return convertVolts(bridge, strain_matrix * w, normal);
+}
+
+StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal) {
   const double codes = std::ldexp(1.0, bridge.bits - 1);
   const double lsb = bridge.full_scale / codes;
-  const Vector6 ideal = strain_matrix * w;
+  const double warmth = bridge.temperature - kReferenceTemperature;
   StrainSample sample;
   for (int k = 0; k < 6; ++k) {
-    const double volts =
-        ideal[k] + bridge.hinges[static_cast<std::size_t>(k)].offset + bridge.noise * normal();
+    const Hinge& h = bridge.hinges[static_cast<std::size_t>(k)];
+    const double input = volts[k] * (1.0 + kGainDrift * warmth) + h.offset + h.zero_drift * warmth +
+                         bridge.noise * normal();
     // round to a code; the end codes stand for everything beyond (and for what is no number)
-    double code = std::nearbyint(volts / lsb);
+    double code = std::nearbyint(input / lsb);
     if (!(code < codes - 1.0)) code = codes - 1.0;
     if (code < -codes) code = -codes;
     if (code == codes - 1.0 || code == -codes) {

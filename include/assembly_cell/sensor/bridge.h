@@ -16,6 +16,9 @@ struct Hinge {
   double strain_per_moment;   ///< c [1/(N m)]
   double gain;                ///< [V] per unit strain
   double offset;              ///< [V]
+  double stiffness;           ///< κ [N·m/rad]
+  double curvature;           ///< q: strain ε (1 + q ε/10⁻³)
+  double zero_drift;          ///< [V/K]
 };
 
 /// The strain bridge of a sensor as the simulator's hidden truth: six channels.
@@ -26,16 +29,34 @@ struct Bridge {
   int bits = 16;                                                       ///< 10, 16 or 24
   double full_scale = 5.0;                                             ///< ± [V]
   double noise = 0.5e-3;                                               ///< white, rms [V]
-  double temperature = 20.0;                                           ///< [°C]
+  double temperature = 20.0;                                           ///< [°C], drift from 20
+  double nonlinearity = 0.0;  ///< 0: small loads; 1: finite rotations and curvature of section 8
 };
 
 /// The two bridges of the cell; throws InputError for bits other than 10, 16, 24 or noise < 0.
 Bridge bridgeA(int bits, double noise);
 Bridge bridgeB(int bits, double noise);
 
+/// The drawing's bridge without the scatter of manufacture: what is known before calibration.
+Bridge nominalBridge();
+
 /// V = C w: channel voltages [V] per wrench (force, torque) about the sensor frame's origin, small
 /// loads.
 Matrix6 strainMatrix(const Bridge& bridge);
+
+/// The carrier's corner O_C at rest, datum axes from O_D [m].
+inline const Eigen::Vector3d kCarrierAtRest(0.060, 0.0, 0.0);
+
+/// What a load does to the sensor.
+struct BridgeState {
+  Vector6 volts;  ///< offsets, noise and temperature apart [V]
+  Pose X_DC;      ///< carrier in datum axes from O_D, R = I and (60, 0, 0) mm at rest
+};
+
+/// The serial hinges (order from the datum 1 3 5 2 4 6) under wrench w in the sensor frame, which
+/// is that of the datum: the hinge lines are carried by the hinges before them. With nonlinearity 0
+/// the volts are strainMatrix(bridge) · w.
+BridgeState deflect(const Bridge& bridge, const Vector6& w);
 
 /// One conversion of the six channels.
 struct StrainSample {
@@ -60,5 +81,8 @@ class NormalSource {
 /// strainMatrix(bridge), computed once. w: wrench in the sensor frame. No allocation.
 StrainSample convert(const Bridge& bridge, const Matrix6& strain_matrix, const Vector6& w,
                      NormalSource& normal);
+
+/// The same for strain volts as of deflect().
+StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal);
 
 }  // namespace assembly_cell

@@ -1,0 +1,52 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/calibration/gate.h"
+#include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/sensor/calibration.h"
+
+namespace assembly_cell {
+
+enum class DisplacementModel {
+  kLinear,     ///< 6 terms a row
+  kThesis,     ///< strains and their squares (11.4): 12 terms; for comparison
+  kQuadratic,  ///< strains and all products: 27 terms; the one to use
+};
+
+/// Strain to displacement of one sensor: x y z [m] and rotation vector [rad] of O_C from rest.
+struct DisplacementSolution {
+  bool accepted = false;
+  DisplacementModel model = DisplacementModel::kQuadratic;
+  int terms = 27;
+  Eigen::MatrixXd T;                      ///< 6 × 27, terms that the model leaves out are 0
+  Eigen::MatrixXd unit_covariance;        ///< 27 × 27 of a row for unit variance of its output
+  Vector6 output_sd = Vector6::Zero();    ///< expected of one test: gauges and strain
+  Vector6 residual_sd = Vector6::Zero();  ///< found; 0 without degrees of freedom
+  Vector6 range = Vector6::Zero();        ///< largest |strain| of each channel in the tests [V]
+  int tests = 0, rank = 0, dof = 0;       ///< dof of one output
+  double condition = 0.0;                 ///< strains in parts of their range
+  double chi2 = 0.0, p = 1.0;             ///< all six outputs
+  std::string weak_direction;
+  std::vector<std::string> dropped;  ///< "observation 3: channel 2 saturated"
+  std::vector<Gate> gates;
+  std::string message;
+};
+
+/// Identifies from the displacement tests of one side.
+DisplacementSolution solveDisplacement(const ObservationSet& set, Side side,
+                                       DisplacementModel model = DisplacementModel::kQuadratic);
+
+/// Matrices, covariance and range into a calibration. Throws InputError for one not accepted.
+void applyDisplacement(const DisplacementSolution& solution, Calibration& calibration);
+
+/// Strains in parts of the range, one test a row. Central composite: 32 corners of the half
+/// fraction at 0.7, 12 axial, 2 centre.
+std::vector<Vector6> centralComposite();
+std::vector<Vector6> oneChannelAtATime();  ///< 12
+std::vector<Vector6> conferenceDesign();   ///< 12: ± rows of the order-6 conference matrix
+
+}  // namespace assembly_cell

@@ -1,0 +1,132 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/calibration/dial_gauge.h"
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell {
+
+/// What was done to the sensors while their strain was read.
+enum class ObservationKind {
+  kUnloaded,      ///< nothing touches: the zero of the loaded readings that follow
+  kReacting,      ///< the two sensors press on each other at a known relative pose
+  kWeight,        ///< a known mass hangs at a known point of one sensor
+  kIndentation,   ///< a force of unknown size and direction through a known point of one sensor
+  kDisplacement,  ///< the carrier of one sensor moved, its pose read from dial gauges
+  kLinearity,     ///< one step of the linearity test of one sensor (thesis Appendix 2)
+};
+
+enum class Side { kA, kB };
+
+/// unloaded, reacting, weight, indentation, displacement, linearity; a, b.
+const char* toString(ObservationKind kind);
+const char* toString(Side side);
+
+/// The settled strain of one sensor: the mean of a window of samples.
+struct Reading {
+  Vector6 volts = Vector6::Zero();       ///< mean [V]
+  Matrix6 covariance = Matrix6::Zero();  ///< of the mean, quantisation included [V²]
+  Vector6 noise = Vector6::Zero();       ///< of one sample, from differences of neighbours [V]
+  Vector6 spread = Vector6::Zero();      ///< standard deviation of one sample in the window [V]
+  int samples = 1;
+  std::uint8_t saturated = 0;                                     ///< bit k: channel k, ever
+  double temperature = std::numeric_limits<double>::quiet_NaN();  ///< [°C], NaN if unknown
+};
+
+/// One test. Which fields matter depends on `kind`. Frames: the sensor frames (axes of the datum,
+/// origin at the reference point); wrenches act on the part the sensor carries.
+struct Observation {
+  ObservationKind kind = ObservationKind::kUnloaded;
+  std::string id;        ///< free text without control characters, may be empty
+  double stamp = 0.0;    ///< of the middle of the window [s]
+  Side side = Side::kA;  ///< weight, indentation, displacement, linearity: which sensor
+  std::optional<Reading> a, b;
+  Pose X_AB;                            ///< reacting: pose of sensor B in sensor A
+  std::optional<Matrix6> X_covariance;  ///< reacting: (dp, dφ) in axes of A; default: accuracy
+  double mass = 0.0;                    ///< weight [kg]
+  Eigen::Vector3d direction{0, 0, -1};  ///< weight: of gravity, unit, sensor axes
+  Eigen::Vector3d point{0, 0, 0};       ///< weight, indentation: where the load acts [m]
+  bool point_at_rest = false;           ///< `point` is that of the unloaded sensor: it moves along
+  std::vector<double> gauges;           ///< displacement: readings in the order of the layout [m]
+  std::optional<Vector6> displacement;  ///< displacement: instead of gauges, pose rel. to rest
+  double load = 0.0;                    ///< linearity: set load in any unit
+  int channel = 0;                      ///< linearity: 0 … 5
+};
+
+/// The converter and the rough size of a sensor, as its maker states them.
+struct SensorDescription {
+  std::string serial_number;
+  int bits = 16;            ///< of the converter: 10, 16 or 24
+  double full_scale = 5.0;  ///< ± of the converter [V]
+  double noise = 0.5e-3;    ///< of one sample, rms [V]
+  Matrix6 nominal;          ///< S by the drawing: volts to wrench in the sensor frame, from which
+                            ///< designs are judged before anything is measured
+
+  SensorDescription();  ///< nominal: the bridge of section 8 as drawn
+
+  double lsb() const;  ///< [V]
+};
+
+/// One standard deviation of what the tests are compared with.
+struct ReferenceAccuracy {
+  double direction = 0.3e-3;  ///< of a weight [rad]
+  double mass = 3e-5;         ///< of a weight, relative
+  double point = 5e-6;        ///< of a weight or indentation, per axis [m]
+  double position = 20e-6;    ///< of a relative pose, per axis [m]
+  double rotation = 0.3e-3;   ///< of a relative pose, per axis [rad]
+  double gauge = 1e-6;        ///< of a dial gauge [m]
+};
+
+/// All that was measured, in the order of time.
+struct ObservationSet {
+  SensorDescription a, b;
+  double gravity = 9.80665;  ///< [m/s²]
+  ReferenceAccuracy accuracy;
+  GaugeLayout gauges_a, gauges_b;  ///< of displacement tests
+  std::vector<Observation> observations;
+};
+
+/// Mean of a settled window with its covariance: noise² + q²/12, divided by the number of samples
+/// only where the noise dithers the converter (noise ≥ q/2). Noise is that of neighbouring
+/// differences for 30 samples and more, the sensor's stated one below. Throws InputError for an
+/// empty window or different sizes.
+Reading averageReading(const std::vector<Vector6>& volts,
+                       const std::vector<std::uint8_t>& saturated, const SensorDescription& sensor);
+
+/// Saturated or unsettled (spread > 5 times the noise of one sample): why, or empty when usable.
+std::string unusable(const Reading& reading, const SensorDescription& sensor);
+
+/// Throws InputError, one line beginning with `source`: what makes this observation unusable as
+/// such (readings missing, not finite, mass not positive, direction no unit vector, rotation no
+/// rotation, too few gauges …). Saturated readings pass: the solver drops them and says so.
+void checkObservation(const Observation& observation, const ObservationSet& set,
+                      const std::string& source);
+
+/// One line of the observation file, without the end of line; reads back to the same bits.
+std::string observationLine(const Observation& observation);
+
+/// The file up to and with `observations:`.
+std::string observationHeader(const ObservationSet& set);
+
+/// Reads an observation file: YAML with one observation a line (docs/calibration.md), or CSV by
+/// named columns (path ends in .csv). A last line that a crash cut off (no end of line) is left
+/// out and `torn` set when given, else refused. Throws InputError naming file and line or key.
+ObservationSet readObservations(const std::string& path, bool* torn = nullptr);
+
+/// Writes the whole file atomically (temporary file, fsync, rename). Throws InputError.
+void writeObservations(const ObservationSet& set, const std::string& path);
+
+/// Appends one line and returns after fsync: what was returned from is on disk. A torn last line is
+/// cut off first. Throws InputError when it cannot.
+void appendObservation(const Observation& observation, const std::string& path);
+
+/// "crc32:" and eight digits over header and observations: what a calibration was made from.
+std::string observationsDigest(const ObservationSet& set);
+
+}  // namespace assembly_cell

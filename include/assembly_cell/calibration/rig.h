@@ -1,0 +1,62 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/calibration/plan.h"
+#include "assembly_cell/sensor/bridge.h"
+
+namespace assembly_cell {
+
+/// The simulated calibration bench: two sensors of section 8 as hidden truth, masses, dial gauges.
+struct RigSettings {
+  int bits = 16;
+  double noise = 0.5e-3;         ///< of one sample, rms [V]
+  double nonlinearity = 1.0;     ///< of the bridges: 0 linear … 1 as in section 8
+  double drift = 0.0;            ///< of the temperature [K/h]
+  bool reference_errors = true;  ///< known values are off by random errors of `accuracy`
+  ReferenceAccuracy accuracy;
+  double gravity = 9.80665;
+  int samples = 1;              ///< averaged by measure(); unloaded readings take 100
+  double sample_period = 2e-4;  ///< [s]
+  double test_time = 60.0;      ///< from one test to the next [s]
+  std::uint64_t seed = 1;
+};
+
+class CalibrationRig {
+ public:
+  explicit CalibrationRig(const RigSettings& settings);
+
+  /// Brings the load about. Returns the observation as a person would note it: known values with
+  /// their errors, gauges read, no readings of the sensors. Throws InputError for a request that
+  /// can't be done.
+  Observation apply(const LoadRequest& request);
+
+  /// One sample of both sensors under the present load; time goes on by a sample period.
+  std::pair<StrainSample, StrainSample> sample();
+
+  /// apply() and averaged readings: one complete observation.
+  Observation measure(const LoadRequest& request);
+
+  /// Header of an observation file for these sensors, no observations.
+  ObservationSet description() const;
+
+  double time() const { return time_; }
+  double temperature() const;  ///< [°C]
+
+  /// For judging results only.
+  const Bridge& truthA() const { return a_; }
+  const Bridge& truthB() const { return b_; }
+
+ private:
+  RigSettings settings_;
+  Bridge a_, b_;
+  NormalSource normal_;
+  double time_ = 0.0;
+  Vector6 volts_a_ = Vector6::Zero(), volts_b_ = Vector6::Zero();  ///< strain under load
+};
+
+}  // namespace assembly_cell
