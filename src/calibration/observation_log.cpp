@@ -6,12 +6,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <boost/crc.hpp>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 
 #include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {
 
@@ -25,12 +25,7 @@ namespace {
 
 std::string seal(std::size_t number, const std::string& text) {
   const std::string label = std::to_string(number);
-  boost::crc_32_type crc;
-  crc.process_bytes(label.data(), label.size());
-  crc.process_bytes(text.data(), text.size());
-  char digits[9];
-  std::snprintf(digits, sizeof(digits), "%08x", static_cast<unsigned>(crc.checksum()));
-  return "  # " + label + " crc32:" + digits;
+  return "  # " + label + " " + crcText(label + text);
 }
 
 // where the seal of a line begins, or npos
@@ -55,18 +50,6 @@ void writeAll(int file, const std::string& text, const std::string& path) {
     if (n < 0) fail(path, "write");
     done += static_cast<std::size_t>(n);
   }
-}
-
-std::string folderOf(const std::string& path) {
-  const std::size_t slash = path.rfind('/');
-  return slash == std::string::npos ? "." : path.substr(0, slash + 1);
-}
-
-void syncFolder(const std::string& path) {
-  const int folder = ::open(folderOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder < 0) return;
-  ::fsync(folder);
-  ::close(folder);
 }
 
 std::string contentOf(int file, const std::string& path) {
@@ -121,21 +104,8 @@ ObservationLog::~ObservationLog() {
 
 // the whole header at once: a reader sees no file, the old one, or one with its header
 void ObservationLog::create(const std::string& header) {
-  const std::string temporary = path_ + ".new";
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) fail(path_, "open");
   const std::string text = sealed(header);
-  try {
-    writeAll(file, text, path_);
-    if (::fsync(file) != 0) fail(path_, "fsync");
-  } catch (...) {
-    ::close(file);
-    ::unlink(temporary.c_str());
-    throw;
-  }
-  ::close(file);
-  if (std::rename(temporary.c_str(), path_.c_str()) != 0) fail(path_, "rename");
-  syncFolder(path_);
+  writeFileAtomically(path_, text, "journal '" + path_ + "'");
   size_ = static_cast<std::int64_t>(text.size());
 }
 

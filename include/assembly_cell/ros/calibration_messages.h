@@ -1,0 +1,27 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <assembly_cell/SensorCalibration.h>
+#include <assembly_cell/StrainSamples.h>
+
+#include <string>
+
+#include "assembly_cell/sensor/calibration.h"
+
+namespace assembly_cell::ros_bridge {
+
+SensorCalibration toMessage(const Calibration& calibration);
+
+/// Throws InputError beginning with `source` for arrays of a wrong size.
+Calibration fromMessage(const SensorCalibration& message, const std::string& source);
+
+/// Empty, or what is wrong with a block of samples.
+std::string faultOf(const StrainSamples& block);
+
+/// "2, 5" for the bits 1 and 4, "none" for 0.
+std::string channelText(unsigned channels);
+
+/// Six numbers in a printf pattern each, "fx fy fz N, tx ty tz N m".
+std::string wrenchText(const Vector6& w, const char* pattern);
+
+}  // namespace assembly_cell::ros_bridge
