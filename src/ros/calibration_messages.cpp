@@ -2,10 +2,12 @@
 #include "assembly_cell/ros/calibration_messages.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <vector>
 
+#include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
@@ -51,6 +53,17 @@ Eigen::MatrixXd squareOf(const std::vector<double>& data, Eigen::Index n, const 
   checkSize(data.size(), static_cast<std::size_t>(n * n), field, source);
   return Eigen::Map<const RowMajor>(data.data(), n, n);
 }
+
+std::vector<std::string> textsOf(const std::vector<Gate>& gates, Verdict verdict) {
+  std::vector<std::string> texts;
+  for (const Gate& gate : gates) {
+    if (gate.verdict == verdict) texts.push_back(gate.text);
+  }
+  return texts;
+}
+
+// -1 for what isn't known: no NaN on the wire
+double known(double value) { return std::isfinite(value) ? value : -1.0; }
 
 }  // namespace
 
@@ -109,6 +122,149 @@ Calibration fromMessage(const SensorCalibration& message, const std::string& sou
   c.displacement_fit = fromMessage(message.displacement_fit);
   c.observations_digest = message.observations_digest;
   return c;
+}
+
+CalibrationTest toMessage(const Observation& o) {
+  CalibrationTest test;
+  test.kind = toString(o.kind);
+  test.sensor = toString(o.side);
+  test.id = o.id;
+  test.pose = toPose(o.X_AB);
+  if (o.X_covariance) test.pose_covariance = rowsOf(*o.X_covariance);
+  test.mass = o.mass;
+  test.direction = toVector3(o.direction);
+  test.point = toPoint(o.point);
+  test.point_at_rest = o.point_at_rest;
+  test.gauges = o.gauges;
+  if (o.displacement) test.displacement.assign(o.displacement->data(), o.displacement->data() + 6);
+  test.load = o.load;
+  test.channel = static_cast<std::uint8_t>(o.channel);
+  return test;
+}
+
+Observation fromMessage(const CalibrationTest& test, const std::string& source) {
+  constexpr std::array<ObservationKind, 6> kKinds = {
+      ObservationKind::kUnloaded,    ObservationKind::kReacting,     ObservationKind::kWeight,
+      ObservationKind::kIndentation, ObservationKind::kDisplacement, ObservationKind::kLinearity};
+  Observation o;
+  const auto kind = std::find_if(kKinds.begin(), kKinds.end(),
+                                 [&](ObservationKind k) { return test.kind == toString(k); });
+  if (kind == kKinds.end()) {
+    throw InputError(source + ": kind is '" + test.kind +
+                     "': give unloaded, reacting, weight, indentation, displacement or linearity");
+  }
+  o.kind = *kind;
+  const bool one_side =
+      o.kind != ObservationKind::kUnloaded && o.kind != ObservationKind::kReacting;
+  if (one_side && test.sensor != "a" && test.sensor != "b") {
+    throw InputError(source + ": sensor is '" + test.sensor + "': give a or b");
+  }
+  o.side = one_side && test.sensor == "b" ? Side::kB : Side::kA;
+  o.id = test.id;
+  if (o.kind == ObservationKind::kReacting) {
+    geometry_msgs::Pose pose = test.pose;
+    auto& q = pose.orientation;
+    if (q.x == 0.0 && q.y == 0.0 && q.z == 0.0 && q.w == 0.0) q.w = 1.0;
+    o.X_AB = fromPose(pose, source + ": pose");
+    if (!test.pose_covariance.empty()) {
+      o.X_covariance = squareOf(test.pose_covariance, 6, "pose_covariance", source);
+    }
+  }
+  o.mass = test.mass;
+  if (o.kind == ObservationKind::kWeight) {
+    o.direction = {test.direction.x, test.direction.y, test.direction.z};
+  }
+  o.point = {test.point.x, test.point.y, test.point.z};
+  o.point_at_rest = test.point_at_rest;
+  o.gauges = test.gauges;
+  if (!test.displacement.empty()) {
+    checkSize(test.displacement.size(), 6, "displacement", source);
+    o.displacement = Vector6(test.displacement.data());
+  }
+  o.load = test.load;
+  o.channel = test.channel;
+  return o;
+}
+
+LoadStep toMessage(const LoadRequest& request) {
+  LoadStep step;
+  step.test = toMessage(request.target);
+  step.wrench = toWrench(request.wrench);
+  Vector6::Map(step.strain.data()) = request.strain;
+  step.text = describe(request);
+  return step;
+}
+
+LoadRequest fromMessage(const LoadStep& step, const std::string& source) {
+  LoadRequest request;
+  request.target = fromMessage(step.test, source);
+  request.wrench = fromWrench(step.wrench);
+  request.strain = Vector6::Map(step.strain.data());
+  if (!request.wrench.allFinite() || !request.strain.allFinite()) {
+    throw InputError(source + ": wrench or strain is not finite: give numbers");
+  }
+  return request;
+}
+
+CalibrationResult toMessage(const ForceSolution& s, const ObservationSet& set) {
+  CalibrationResult m;
+  m.accepted = s.accepted;
+  m.procedure = s.procedure == ForceProcedure::kAllRows     ? "all_rows"
+                : s.procedure == ForceProcedure::kForceRows ? "force_rows"
+                                                            : "thesis";
+  m.model = s.quadratic ? "quadratic" : "linear";
+  m.unknowns = static_cast<std::uint32_t>(s.unknowns);
+  m.equations = static_cast<std::uint32_t>(s.equations);
+  m.rank = static_cast<std::uint32_t>(s.rank);
+  m.dof = s.dof;
+  m.condition = known(s.condition);
+  m.chi2 = known(s.chi2);
+  m.p = known(s.p);
+  for (std::size_t k = 0; k < 6; ++k) {
+    const auto axis = static_cast<Eigen::Index>(k);
+    m.residual_rms[k] = known(s.residual_rms[axis]);
+    m.predicted_sd_a[k] = known(s.predicted_sd_a[axis]);
+    m.predicted_sd_b[k] = known(s.predicted_sd_b[axis]);
+  }
+  m.hold_out_rms = known(s.hold_out_rms);
+  m.weak_direction = s.weak_direction;
+  m.refusals = textsOf(s.gates, Verdict::kRefuse);
+  m.warnings = textsOf(s.gates, Verdict::kWarn);
+  m.normalised.assign(set.observations.size(), 0.0);
+  for (const TestResult& test : s.tests) {
+    const Observation& o = set.observations.at(test.observation);
+    if (!test.dropped.empty() || test.outlier) {
+      m.dropped.push_back("observation " + std::to_string(test.observation + 1) +
+                          (o.id.empty() ? "" : " (" + o.id + ")") + ": " +
+                          (test.dropped.empty() ? "outlier" : test.dropped));
+    } else {
+      m.normalised[test.observation] = known(test.normalised);
+      ++m.tests;
+    }
+  }
+  m.message = s.message;
+  return m;
+}
+
+DisplacementResult toMessage(const DisplacementSolution& s) {
+  DisplacementResult m;
+  m.accepted = s.accepted;
+  m.tests = static_cast<std::uint32_t>(s.tests);
+  m.rank = static_cast<std::uint32_t>(s.rank);
+  m.dof = s.dof;
+  m.condition = known(s.condition);
+  m.chi2 = known(s.chi2);
+  m.p = known(s.p);
+  for (std::size_t k = 0; k < 6; ++k) {
+    m.residual_sd[k] = known(s.residual_sd[static_cast<Eigen::Index>(k)]);
+    m.output_sd[k] = known(s.output_sd[static_cast<Eigen::Index>(k)]);
+  }
+  m.weak_direction = s.weak_direction;
+  m.refusals = textsOf(s.gates, Verdict::kRefuse);
+  m.warnings = textsOf(s.gates, Verdict::kWarn);
+  m.dropped = s.dropped;
+  m.message = s.message;
+  return m;
 }
 
 std::string faultOf(const StrainSamples& block) {
