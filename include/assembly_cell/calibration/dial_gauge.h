@@ -47,12 +47,6 @@ struct GaugePose {
 /// finite.
 Pose poseFromSixGauges(const Vector6& readings, double half_distance);
 
-/// λ = 2 tan(θ/2) n of a rotation, thesis 10.7 and 11.3; a type of its own.
-struct RodriguesLambda {
-  Eigen::Vector3d value = Eigen::Vector3d::Zero();
-};
-RodriguesLambda lambdaFromRotation(const Eigen::Matrix3d& R);
-
 /// Readings of the gauges for a pose of the carrier. Throws InputError for a gauge along its face.
 std::vector<double> gaugeReadings(const GaugeLayout& layout, const Pose& X_DC);
 

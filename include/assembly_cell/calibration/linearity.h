@@ -20,9 +20,9 @@ struct LinearityResult {
   double span = 0.0;                    ///< |slope| × range of loads
   double nonlinearity = 0.0;            ///< max |mean residual at a load| / span
   double hysteresis = 0.0;              ///< max |mean up − mean down| / span
-  double quadratic = 0.0;               ///< coefficient of load², per span at full load
-  double quadratic_t = 0.0;             ///< its t
-  double lack_of_fit_f = 0.0;           ///< against the pure error of repeats in the same direction
+  double quadratic = 0.0;      ///< of ((load − middle)/half range)², in parts of the span
+  double quadratic_t = 0.0;    ///< its t
+  double lack_of_fit_f = 0.0;  ///< against the pure error of repeats in the same direction
   int lack_of_fit_dof = 0, pure_error_dof = 0;
   double lack_of_fit_p = 1.0;
   bool linear_model_allowed = false;  ///< no gate refuses

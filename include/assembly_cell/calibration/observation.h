@@ -108,7 +108,8 @@ std::string unusable(const Reading& reading, const SensorDescription& sensor);
 void checkObservation(const Observation& observation, const ObservationSet& set,
                       const std::string& source);
 
-/// One line of the observation file, without the end of line; reads back to the same bits.
+/// One line of the observation file, without the end of line; reads back to the same bits, but
+/// for the rounding of a rotation to its quaternion.
 std::string observationLine(const Observation& observation);
 
 /// The file up to and with `observations:`.
@@ -122,9 +123,9 @@ ObservationSet readObservations(const std::string& path, bool* torn = nullptr);
 /// Writes the whole file atomically (temporary file, fsync, rename). Throws InputError.
 void writeObservations(const ObservationSet& set, const std::string& path);
 
-/// Appends one line and returns after fsync: what was returned from is on disk. A torn last line is
-/// cut off first. Throws InputError when it cannot.
-void appendObservation(const Observation& observation, const std::string& path);
+/// One record as observationLine() writes it. Throws InputError beginning with `source`.
+Observation parseObservation(const std::string& line, const ObservationSet& set,
+                             const std::string& source);
 
 /// "crc32:" and eight digits over header and observations: what a calibration was made from.
 std::string observationsDigest(const ObservationSet& set);

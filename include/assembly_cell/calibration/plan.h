@@ -56,7 +56,6 @@ NextTests nextTests(const ObservationSet& set, const std::vector<LoadRequest>& c
 
 /// Reacting tests at all 24 orientations of the square faces, weights along ± each axis on both
 /// sensors at several points, indentations at the corners: what a person can do.
-std::vector<LoadRequest> standardCandidates(const ObservationSet& set, const RatedLoad& rated = {},
-                                            std::uint64_t seed = 1);
+std::vector<LoadRequest> standardCandidates(const RatedLoad& rated = {}, std::uint64_t seed = 1);
 
 }  // namespace assembly_cell

@@ -1,0 +1,106 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/calibration/force.h"
+#include "assembly_cell/calibration/observation.h"
+
+namespace assembly_cell {
+
+// at most 6 × 6, on the stack
+using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6>;
+using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
+
+/// A zero that several tests share: an unknown with a prior.
+struct ZeroPart {
+  int index = -1;  ///< of the unknown; six numbers each
+  double weight = 0.0;
+};
+
+/// One sensor's part of a test: K S b(strain).
+struct Part {
+  bool present = false;
+  Small K;                               ///< equations × rows
+  Vector6 strain = Vector6::Zero();      ///< reading − zero [V]
+  Matrix6 covariance = Matrix6::Zero();  ///< of the strain, shared zeros apart
+  std::array<ZeroPart, 2> zeros;
+};
+
+/// K_a S_A b(a) + K_b S_B b(b) = known.
+struct ForceTest {
+  std::size_t observation = 0;
+  ObservationKind kind = ObservationKind::kReacting;
+  int equations = 0;
+  Part a, b;
+  SmallVector known;
+  Small reference;  ///< covariance of what the strains are compared with; reacting: see pose
+  Pose X_AB;
+  Matrix6 pose_covariance = Matrix6::Zero();  ///< (dp, dφ)
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();
+  double point_variance = 0.0;
+  bool used = true;
+};
+
+struct ForceSystem {
+  int rows = 6;
+  std::vector<ForceTest> tests;
+  std::vector<Matrix6> zero_covariance;  ///< of the shared zeros
+  std::vector<TestResult> dropped;
+};
+
+/// Equations of all usable force observations; rows 3 leaves moments and indentations out.
+ForceSystem buildSystem(const ObservationSet& set, const ForceSettings& settings, int rows);
+
+/// The noise-free strains of the same loads, had the sensors the nominal matrices.
+ForceSystem noiseFree(const ForceSystem& system, const ObservationSet& set);
+
+/// Rank at 10⁻⁸ and condition of the column-scaled design, with the vector of the smallest
+/// singular value.
+struct DesignRank {
+  int rank = 0, unknowns = 0, equations = 0;
+  double condition = 0.0;
+  Eigen::VectorXd weakest;  ///< unscaled parameters, largest entry 1
+};
+DesignRank rankOf(const ForceSystem& system, int terms);
+
+/// Linear or quadratic terms of strains.
+Eigen::VectorXd strainTerms(const Vector6& strain, int terms);
+
+/// Rows of one test's design matrix divided by the standard deviations of their residuals
+/// (whitened), at the matrices given and the test's own strains. Shared zeros are left out.
+Eigen::MatrixXd whitenedRows(const ForceTest& test, const Eigen::MatrixXd& S_a,
+                             const Eigen::MatrixXd& S_b, int rows, int terms);
+
+struct ForceFit {
+  bool converged = false;
+  Eigen::MatrixXd S_a, S_b;    ///< rows × terms
+  Eigen::MatrixXd covariance;  ///< of the parameters
+  Eigen::MatrixXd information;
+  double chi2 = 0.0;
+  int equations = 0, dof = 0, iterations = 0;
+  std::vector<SmallVector> residual;  ///< of every test, used or not
+  std::vector<double> test_chi2;      ///< rᵀ C⁻¹ r
+  std::vector<double> normalised;  ///< sqrt(χ²/equations), leverage of the used tests taken out;
+                                   ///< of the unused the prediction's uncertainty added
+};
+
+/// Gauss–Helmert from S_a, S_b. `iterate` false: only the information at the start. Without
+/// `normalise` the leverage is left alone.
+ForceFit fitForce(const ForceSystem& system, const Eigen::MatrixXd& S_a, const Eigen::MatrixXd& S_b,
+                  int terms, bool iterate, bool normalise);
+
+/// Least squares of the rows as they are, all weights 1; what the thesis does.
+bool plainLeastSquares(const ForceSystem& system, Eigen::MatrixXd& S_a, Eigen::MatrixXd& S_b);
+
+/// What the weakest direction means: which wrench component errs with which load.
+std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& set, int rows,
+                         int terms, const RatedLoad& rated);
+
+/// The covariance of w over rated loads, rms by axis, of one side's block of the covariance.
+Vector6 predictedSd(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& S,
+                    const Matrix6& nominal, int rows, int terms, const RatedLoad& rated);
+
+}  // namespace assembly_cell

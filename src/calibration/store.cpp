@@ -1,0 +1,97 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/calibration/store.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <system_error>
+
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::size_t kLongestName = 100;
+constexpr const char* kEnding = ".yaml";
+
+bool isName(const std::string& text) {
+  return !text.empty() && text.size() <= kLongestName && text[0] != '.' &&
+         std::all_of(text.begin(), text.end(), [](char c) {
+           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                  c == '.' || c == '_' || c == '-';
+         });
+}
+
+void checkName(const std::string& text, const std::string& what) {
+  if (isName(text)) return;
+  // a bad name is shown without what could break the line
+  std::string shown = text.substr(0, kLongestName);
+  std::replace_if(
+      shown.begin(), shown.end(), [](unsigned char c) { return c < 0x20 || c >= 0x7f; }, '?');
+  throw InputError(what + " is '" + shown +
+                   "': give letters, digits, '.', '_' and '-', not beginning with '.', at most " +
+                   std::to_string(kLongestName) + " of them");
+}
+
+}  // namespace
+
+std::string calibrationStore() {
+  const char* ros_home = std::getenv("ROS_HOME");
+  if (ros_home != nullptr && *ros_home != '\0') {
+    return (fs::path(ros_home) / "assembly_cell/calibrations").string();
+  }
+  const char* home = std::getenv("HOME");
+  if (home == nullptr || *home == '\0') {
+    throw InputError("calibration store: neither ROS_HOME nor HOME is set: set one of them");
+  }
+  return (fs::path(home) / ".ros/assembly_cell/calibrations").string();
+}
+
+std::string calibrationPath(const std::string& store, const std::string& sensor,
+                            const std::string& id) {
+  checkName(sensor, "sensor");
+  checkName(id, "calibration id");
+  return (fs::path(store) / sensor / (id + kEnding)).string();
+}
+
+void makeCalibrationFolder(const std::string& store, const std::string& sensor) {
+  checkName(sensor, "sensor");
+  std::error_code error;
+  fs::create_directories(fs::path(store) / sensor, error);
+  if (error) {
+    throw InputError("calibration folder '" + (fs::path(store) / sensor).string() +
+                     "' can't be made (" + error.message() + "): give a writable store");
+  }
+}
+
+std::vector<std::string> storedCalibrations(const std::string& store, const std::string& sensor) {
+  checkName(sensor, "sensor");
+  std::vector<std::string> ids;
+  std::error_code error;
+  for (fs::directory_iterator entry(fs::path(store) / sensor, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string id = entry->path().stem().string();
+    if (entry->path().extension() == kEnding && isName(id)) ids.push_back(id);
+  }
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
+std::string newCalibrationId(const std::string& store, const std::string& sensor) {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H-%M-%S", &utc);
+  std::string id = text;
+  for (int n = 2; fs::exists(calibrationPath(store, sensor, id)); ++n) {
+    id = std::string(text) + "_" + std::to_string(n);
+  }
+  return id;
+}
+
+}  // namespace assembly_cell
