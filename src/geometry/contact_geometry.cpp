@@ -49,8 +49,9 @@ Place placeOf(double c, double s) { return {c, s, std::atan2(s, c)}; }
 bool placeTowards(double x, double y, Place& at) {
   const double norm = std::sqrt(x * x + y * y);
   if (!(norm > 0.0)) return false;
-  at.c = x / norm;
-  at.s = y / norm;
+  const double inverse = 1.0 / norm;
+  at.c = x * inverse;
+  at.s = y * inverse;
   return true;
 }
 
@@ -82,9 +83,12 @@ struct Peg {
         sine(amplitude / r),
         offset(std::sqrt(c2 * c2 + c3 * c3)) {
     const bool level = !(sine > kLevel);
-    lc = level ? 1.0 : -p1 / amplitude;
-    ls = level ? 0.0 : -q1 / amplitude;
+    const double inverse = level ? 0.0 : 1.0 / amplitude;
+    lc = level ? 1.0 : -p1 * inverse;
+    ls = -q1 * inverse;
   }
+
+  bool finite() const { return std::isfinite(c1 + offset + amplitude + a1 + a2 + a3); }
 };
 
 // ---- the peg's edge against the rim
@@ -123,8 +127,16 @@ bool admissible(const Meridian& m, int slot) {
 
 enum class Search { kFound, kNone, kFailed };
 
-// Newton on Phi(t) = x1 x1' + (rho − r_h) rho' = 0 to a local minimum of the distance to the rim;
-// kNone: of the other kind, or apart by more than `far`
+// Halley's step for the root of a function with this value, slope and half second derivative:
+// Newton's step, and what the parabola adds; `last`: cubic convergence leaves only rounding
+double halley(double value, double slope, double half_bend, bool& last) {
+  const double inverse = 1.0 / slope, step = value * inverse, bend = half_bend * inverse * step;
+  last = std::abs(step) < 1e-4 && bend * bend * std::abs(step) < 1e-15;
+  return std::abs(bend) < 0.25 ? step * (1.0 + bend) : step;
+}
+
+// Phi(t) = x1 x1' + (rho − r_h) rho' = 0 at a local minimum of the distance to the rim; kNone: of
+// the other kind, or apart by more than `far`
 Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meridian& m) {
   for (int i = 0; i < kNewtonLimit; ++i) {
     meridian(e, at, m);
@@ -132,16 +144,18 @@ Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meri
     const double value = m.x1 * m.dx1 + out * m.drho;
     const double slope = m.dx1 * m.dx1 - m.x1 * m.u1 + m.drho * m.drho + out * m.ddrho;
     if (!(slope > 0.0)) return Search::kFailed;
-    const double step = value / slope;
+    bool last = false;
+    const double step = halley(value, slope, 1.5 * (m.drho * m.ddrho - m.dx1 * m.u1), last);
     if (!(std::abs(step) < 0.5)) return Search::kFailed;
     at = stepBack(at, step);
-    // Newton squares the step times r / sqrt(slope): what is left now is rounding
-    const double d = step * step * e.r;
-    if (d * d < 1e-30 * slope) {
+    if (last) {
       edgePoint(e, at, m);
-      m.rho -= step * m.drho;
+      // 1/rho from its neighbour: one Newton step squares an error of the order of `step`
+      const double rho2 = m.x2 * m.x2 + m.x3 * m.x3;
       m.inverse_rho += step * m.drho * m.inverse_rho * m.inverse_rho;
-      m.drho -= step * m.ddrho;
+      m.inverse_rho *= 1.5 - 0.5 * rho2 * m.inverse_rho * m.inverse_rho;
+      m.rho = rho2 * m.inverse_rho;
+      m.drho = (m.x2 * m.dx2 + m.x3 * m.dx3) * m.inverse_rho;
       return admissible(m, slot) ? Search::kFound : Search::kNone;
     }
     const bool above = m.x1 > 0.0 && out < 0.0 && std::abs(step) < 0.1;
@@ -164,11 +178,13 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   const Place crossing{c * out.c + side * s * out.s, c * out.s - side * s * out.c, 0.0};
 
   // no contact where it crosses well above the plane; tilt moves the crossing by no more than the
-  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt)
+  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt). The gap is the
+  // height times the normal's slope, at least height / (1 + A/slope)
   const double slope = e.offset * s;
   const double shift = e.amplitude * e.sine;
   const double height = e.c1 + crossing.c * e.p1 + crossing.s * e.q1 - reach;
-  if (shift < 0.3 * slope && height * slope > 2 * e.amplitude * shift) return Search::kNone;
+  if (shift < 0.3 * slope && height * slope > e.amplitude * (2 * shift + reach))
+    return Search::kNone;
 
   at = placeOf(crossing.c, crossing.s);
   Search search = searchRim(e, r_h, 4 * reach, slot, at, m);
@@ -220,8 +236,8 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   const double n2 = -inward * e2, n3 = -inward * e3;
   if (up * e.a1 + n2 * e.a2 + n3 * e.a3 < 0.0 || up * m.u1 + n2 * m.u2 + n3 * m.u3 > 0.0) return;
   // deeper than the edge reaches sideways into the wall before it turns back: not at the rim
-  const double out = m.rho - r_h;
-  if (-m.x1 > out && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (m.x1 + out)) return;
+  const double out = m.rho - r_h, gap = up * m.x1 - inward * out;
+  if (gap < 0.0 && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (out + gap)) return;
 
   contact.valid = true;
   contact.feature = ContactFeature::kEdgeEdge;
@@ -234,7 +250,7 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   contact.tangent = {0.0, -r_h * e3, r_h * e2};
   contact.normal = {up, n2, n3};
   contact.cross_norm = (slot == 0 ? -r_h : r_h) * norm;
-  contact.gap = up * m.x1 - inward * out;
+  contact.gap = gap;
   contact.curvature = 0.0;
 }
 
@@ -286,10 +302,14 @@ void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoi
 Search searchWall(const Peg& e, double least, Place& at, Meridian& m) {
   for (int i = 0; i < kNewtonLimit; ++i) {
     edgePoint(e, at, m);
-    const double value = m.x2 * m.dx2 + m.x3 * m.dx3;
-    const double slope = m.dx2 * m.dx2 + m.dx3 * m.dx3 - (m.x2 * m.u2 + m.x3 * m.u3);
+    // of (rho²/2)' and its derivative, with p' · (p − centre) = 0 and |p'| = |p − centre|: nothing
+    // large cancels near the axis
+    const double value = e.c2 * m.dx2 + e.c3 * m.dx3 - m.u1 * m.dx1;
+    const double slope = m.u1 * m.u1 - m.dx1 * m.dx1 - (e.c2 * m.u2 + e.c3 * m.u3);
     if (!(slope < 0.0)) return Search::kFailed;
-    const double step = value / slope;
+    bool last = false;
+    const double half_bend = 2 * m.u1 * m.dx1 - 0.5 * (e.c2 * m.dx2 + e.c3 * m.dx3);
+    const double step = halley(value, slope, half_bend, last);
     if (!(std::abs(step) < 0.7)) return Search::kFailed;
     const double rho2 = m.x2 * m.x2 + m.x3 * m.x3;
     // the largest rho² of the parabola here, and as much again for what that leaves out
@@ -297,7 +317,7 @@ Search searchWall(const Peg& e, double least, Place& at, Meridian& m) {
       return Search::kNone;
     }
     at = stepBack(at, step);
-    if (std::abs(step) < 1e-9) {
+    if (last) {
       edgePoint(e, at, m);
       m.ddrho = slope;
       return Search::kFound;
@@ -415,42 +435,54 @@ void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, Co
 
 // a place of the rim in the peg's cylinder coordinates and their derivatives by s
 struct RimPlace {
-  double h2, h3;           // H
-  double k1, k2, k3;       // H − bottom centre
-  double height, dheight;  // w along the axis
-  double value, slope;     // of (sigma²/2)'
-  double sigma2;           // squared distance from the axis
+  double h2, h3;                   // H
+  double s1, s2, s3;               // from the peg's axis to H, across the axis
+  double height, dheight;          // w along the axis
+  double value, slope, half_bend;  // of (sigma²/2)' and its derivatives
+  double sigma2;                   // squared distance from the axis
 };
 
-void rimPlace(const Peg& e, double r_h, const Place& at, RimPlace& m) {
+// the hole's centre as the peg sees it
+struct HoleOffset {
+  double along;       // axis · bottom centre: minus its height over the peg's face
+  double o1, o2, o3;  // its offset from the peg's axis, across the axis
+};
+
+HoleOffset holeOffset(const Peg& e) {
+  const double along = e.a1 * e.c1 + e.a2 * e.c2 + e.a3 * e.c3;
+  return {along, along * e.a1 - e.c1, along * e.a2 - e.c2, along * e.a3 - e.c3};
+}
+
+void rimPlace(const Peg& e, const HoleOffset& o, double r_h, const Place& at, RimPlace& m) {
   m.h2 = r_h * at.c;
   m.h3 = r_h * at.s;
-  m.k1 = -e.c1;
-  m.k2 = m.h2 - e.c2;
-  m.k3 = m.h3 - e.c3;
-  m.height = e.a1 * m.k1 + e.a2 * m.k2 + e.a3 * m.k3;
+  const double rise = e.a2 * m.h2 + e.a3 * m.h3;
+  m.height = rise - o.along;
   m.dheight = e.a3 * m.h2 - e.a2 * m.h3;
-  m.value = e.c2 * m.h3 - e.c3 * m.h2 - m.height * m.dheight;
-  m.slope =
-      e.c2 * m.h2 + e.c3 * m.h3 - m.dheight * m.dheight + m.height * (e.a2 * m.h2 + e.a3 * m.h3);
-  // from the part of H − centre across the axis: no difference of large squares
-  const double s1 = m.k1 - m.height * e.a1, s2 = m.k2 - m.height * e.a2,
-               s3 = m.k3 - m.height * e.a3;
-  m.sigma2 = s1 * s1 + s2 * s2 + s3 * s3;
+  m.s1 = o.o1 - rise * e.a1;
+  m.s2 = o.o2 + m.h2 - rise * e.a2;
+  m.s3 = o.o3 + m.h3 - rise * e.a3;
+  m.sigma2 = m.s1 * m.s1 + m.s2 * m.s2 + m.s3 * m.s3;
+  const double turned = o.o3 * m.h2 - o.o2 * m.h3;
+  m.value = turned - rise * m.dheight;
+  m.half_bend = 2 * rise * m.dheight - 0.5 * turned;
+  m.slope = rise * rise - m.dheight * m.dheight - (o.o2 * m.h2 + o.o3 * m.h3);
 }
 
 // Newton on (sigma²/2)' = 0 to a local minimum of the distance from the peg's axis; kNone: larger
 // than `most`
-Search searchSide(const Peg& e, double r_h, double most, Place& at, RimPlace& m) {
+Search searchSide(const Peg& e, const HoleOffset& o, double r_h, double most, Place& at,
+                  RimPlace& m) {
   for (int i = 0; i < kNewtonLimit; ++i) {
-    rimPlace(e, r_h, at, m);
+    rimPlace(e, o, r_h, at, m);
     if (!(m.slope > 0.0)) return Search::kFailed;
-    const double step = m.value / m.slope;
+    bool last = false;
+    const double step = halley(m.value, m.slope, m.half_bend, last);
     if (!(std::abs(step) < 0.7)) return Search::kFailed;
     if (std::abs(step) < 0.2 && m.sigma2 - 2 * m.value * step > most * most) return Search::kNone;
     at = stepBack(at, step);
-    if (std::abs(step) < 1e-9) {
-      rimPlace(e, r_h, at, m);
+    if (last) {
+      rimPlace(e, o, r_h, at, m);
       return Search::kFound;
     }
   }
@@ -496,12 +528,10 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
   const ContactSlotMask warm = set.valid & admitted & kRimSideSlots;
   set.slots[5].valid = set.slots[6].valid = false;
   const double r_h = shapes.hole_radius;
-  const double along = e.a1 * e.c1 + e.a2 * e.c2 + e.a3 * e.c3;
-  const double highest = r_h * e.sine - along;  // of the rim over the face
+  const HoleOffset o = holeOffset(e);
+  const double highest = r_h * e.sine - o.along;  // of the rim over the face
   if (!(highest >= -kTouch * e.r)) return;
-  // offset of the hole's centre from the axis, and its direction
-  const double o1 = along * e.a1 - e.c1, o2 = along * e.a2 - e.c2, o3 = along * e.a3 - e.c3;
-  const double offset = std::sqrt(o1 * o1 + o2 * o2 + o3 * o3);
+  const double offset = std::sqrt(o.o1 * o.o1 + o.o2 * o.o2 + o.o3 * o.o3);
   if (r_h * e.a1 - offset > e.r + far) return;
   const double bend = r_h * e.sine * e.sine;
   if (!(offset > kCoaxial * e.r) && !(bend > kCoaxial * e.r)) return;
@@ -510,8 +540,8 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
     if (e.r - (r_h - offset) > highest && offset < r_h) return;
     // the nearest place is off the direction of the offset by the ellipse's bend
     Place towards{};
-    const bool directed = placeTowards(-o2, -o3, towards);
-    const double height = r_h * (e.a2 * towards.c + e.a3 * towards.s) - along;
+    const bool directed = placeTowards(-o.o2, -o.o3, towards);
+    const double height = r_h * (e.a2 * towards.c + e.a3 * towards.s) - o.along;
     if (directed && height * offset < -4 * r_h * e.sine * bend - kTouch * e.r * offset) return;
   }
 
@@ -520,9 +550,7 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
   int found = 0;
   const auto fill = [&](const Place& at, ContactPoint& contact) {
     const double inverse = 1.0 / sigma;
-    const Eigen::Vector3d normal((m.height * e.a1 - m.k1) * inverse,
-                                 (m.height * e.a2 - m.k2) * inverse,
-                                 (m.height * e.a3 - m.k3) * inverse);
+    const Eigen::Vector3d normal(-m.s1 * inverse, -m.s2 * inverse, -m.s3 * inverse);
     fillRim(at, m, r_h, ContactFeature::kRimSide, normal, sigma - e.r, inverse, contact);
     ++found;
   };
@@ -530,7 +558,7 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
     if (!(warm >> slot & 1u)) continue;
     ContactPoint& contact = set.slots[static_cast<std::size_t>(slot)];
     Place at{contact.cos_t, contact.sin_t, contact.t};
-    if (searchSide(e, r_h, e.r + far, at, m) != Search::kFound ||
+    if (searchSide(e, o, r_h, e.r + far, at, m) != Search::kFound ||
         !acceptSide(e, shapes, far, m, sigma, set.top_reached)) {
       continue;
     }
@@ -543,15 +571,15 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
   // ellipse, its minor axis along the lean
   const bool level = !(e.sine > kLevel);
   const double l2 = level ? 1.0 : e.a2 / e.sine, l3 = level ? 0.0 : e.a3 / e.sine;
-  const double x0 = o3 * l2 - o2 * l3;
-  const double y0 = (o2 * l2 + o3 * l3) * e.a1 - o1 * e.sine;
+  const double x0 = o.o3 * l2 - o.o2 * l3;
+  const double y0 = (o.o2 * l2 + o.o3 * l3) * e.a1 - o.o1 * e.sine;
   const double first = y0 <= 0.0 ? 1.0 : -1.0;
   for (int k = 0; k < (single ? 1 : 2) && found < 2; ++k) {
     Place at{};
     if (!ellipseStart(r_h, e.sine, e.a1, x0, y0, k == 0 ? first : -first, true, at)) continue;
     // from the axes of the ellipse (across, lean) to s
     at = placeOf(at.s * l2 - at.c * l3, at.s * l3 + at.c * l2);
-    if (searchSide(e, r_h, e.r + far, at, m) != Search::kFound ||
+    if (searchSide(e, o, r_h, e.r + far, at, m) != Search::kFound ||
         !acceptSide(e, shapes, far, m, sigma, set.top_reached)) {
       continue;
     }
@@ -568,8 +596,8 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
 void rimFace(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact) {
   contact.valid = false;
   const double r_h = shapes.hole_radius;
-  const double along = e.a1 * e.c1 + e.a2 * e.c2 + e.a3 * e.c3;
-  const double highest = r_h * e.sine - along;
+  const HoleOffset o = holeOffset(e);
+  const double highest = r_h * e.sine - o.along;
   if (!(-highest <= far)) return;
   // parallel to the plane: the rim point nearest to the peg's axis stands for the face
   Place at{};
@@ -577,7 +605,7 @@ void rimFace(const Peg& e, const ContactShapes& shapes, double far, ContactPoint
                                         : e.offset >= 1e-15 && placeTowards(e.c2, e.c3, at);
   if (!directed) return;
   RimPlace m;
-  rimPlace(e, r_h, at, m);
+  rimPlace(e, o, r_h, at, m);
   if (!(m.sigma2 < e.r * e.r)) return;
   const double sigma = std::sqrt(m.sigma2);
   // farther over the face than it reaches in from the side before it turns back: at the side
@@ -639,6 +667,10 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
   }
 
   const Peg e(edge);
+  if (!e.finite()) {
+    set.valid = 0;
+    return 0;
+  }
   const double far = 2 * shapes.reach;
   for (int slot = 0; slot < 2; ++slot) {
     ContactPoint& contact = set.slots[static_cast<std::size_t>(slot)];

@@ -15,20 +15,21 @@ constexpr double kFlat = 1e-9;
 // both points run: speeds t' and s' keep p − H across both tangents, and turn the normal
 ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                            const Vec3& omega) {
-  const Vec3 radial = c.p - e.center;  // p'' = −radial, H'' = −H
+  const Vec3 radial = c.p - e.center;  // p'' = −radial, H'' = −H, D = p − H = gap n
   const Vec3 turn = omega.cross(c.dp);
-  const Vec3 D = c.p - c.rim;
-  const double a11 = c.dp.squaredNorm() - radial.dot(D), a12 = -c.dp.dot(c.tangent);
-  const double a22 = -c.rim.dot(c.p);  // −T·T + H''·D
-  const double b1 = -(c.dp.dot(v_m) + turn.dot(D)), b2 = -c.tangent.dot(v_m);
-  const double inverse = 1.0 / (a11 * a22 + a12 * a12);
-  const double t_rate = (b1 * a22 - a12 * b2) * inverse;
-  const double s_rate = (a11 * b2 + a12 * b1) * inverse;
+  const double rate = c.normal.dot(v_m), n_turn = c.normal.dot(turn);
+  const double a11 = e.radius * e.radius - c.gap * c.normal.dot(radial);  // p'·p' + p''·D
+  const double a12 = c.dp.dot(c.tangent);
+  const double a22 = c.rim.dot(c.p);  // T·T − H''·D
+  const double b1 = c.dp.dot(v_m) + c.gap * n_turn, b2 = c.tangent.dot(v_m);
+  const double inverse = 1.0 / (a11 * a22 - a12 * a12), inverse_cross = 1.0 / c.cross_norm;
+  const double t_rate = (a12 * b2 - a22 * b1) * inverse;
+  const double s_rate = (a11 * b2 - a12 * b1) * inverse;
   // n' · v_m with n' = (I − n nᵀ)(T × p')' / |T × p'|
-  const Vec3 slide = v_m - c.normal.dot(v_m) * c.normal;
+  const Vec3 slide = v_m - rate * c.normal;
   const double across =
-      c.tangent.cross(turn - radial * t_rate).dot(slide) - s_rate * c.rim.cross(c.dp).dot(slide);
-  return {c.normal.dot(turn) * t_rate + across / c.cross_norm, turn * t_rate};
+      slide.cross(c.tangent).dot(turn - radial * t_rate) - s_rate * slide.cross(c.rim).dot(c.dp);
+  return {n_turn * t_rate + across * inverse_cross, turn * t_rate};
 }
 
 // the edge runs over a fixed plane or round wall: the gap's second derivatives by t and time

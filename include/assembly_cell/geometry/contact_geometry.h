@@ -42,8 +42,7 @@ EdgeHeight edgeHeight(const EdgeCircle& edge);
 ///   edge_plane  bottom edge  plane z = 0 [1]   e1                     height of the lowest point
 ///   edge_wall   bottom edge  wall of the hole  −e_rho                 r_h − largest rho, z <= 0
 ///   rim_side    side         rim               −e_r of the peg        least axis distance − r_p
-///   rim_face    bottom face  rim               peg axis a             −largest height over the
-///   face
+///   rim_face    bottom face  rim               peg axis a             −its height over the face
 ///
 /// [1] or the floor z = −hole_depth where the lowest point lies inside the rim.
 /// edge_edge holds while n lies in the cones of both bodies: its limits n = e1, −e_rho, −e_r and a
@@ -93,8 +92,7 @@ struct ContactPoint {
   Eigen::Vector3d normal;           ///< n: unit, from block to peg
   double cross_norm = 0.0;  ///< |T × dp|, signed so that n = (T × dp)/cross_norm (edge–edge)
   double gap = 0.0;         ///< signed distance n · (p − rim), < 0 penetrating
-  double curvature =
-      0.0;  ///< of the round surface met: 1/rho (edge_wall), 1/axis distance (rim_side)
+  double curvature = 0.0;   ///< of the circle met: 1/rho (edge_wall), 1/axis distance (rim_side)
 };
 
 /// Sizes of the pair, and how far away a candidate still counts.
@@ -114,7 +112,10 @@ struct ContactSet {
 
 /// All candidate contacts of the admitted slots. Newton from the set's candidates, from closed-form
 /// starts where there are none; cheap bounds first. Returns and stores the mask of valid slots. No
-/// allocation, nothing but finite numbers for finite poses.
+/// allocation, nothing but finite numbers; a pose that is not finite touches nothing. Candidates
+/// with one normal and less than 1e-6 radii between their points count as one. An overlap takes its
+/// nearest way out: a place deeper over the plane than sideways in the wall is the wall's, and so
+/// on.
 ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes,
                              ContactSlotMask admitted, ContactSet& set);
 
