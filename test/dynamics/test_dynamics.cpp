@@ -503,8 +503,15 @@ TEST(Dynamics, AdvanceDoesNotAllocate) {
 #if defined(__SANITIZE_ADDRESS__)
   GTEST_SKIP() << "the sanitizer has its own malloc";
 #else
-  std::vector<Scenario> scenes = {onTwoEdges(0.05, 1e-4), onTwoEdges(0.05, 1e-4),
-                                  onTwoEdges(0.05, 1e-4), load("cell", {"contact={law: none}"})};
+  std::vector<Scenario> scenes = {
+      onTwoEdges(0.05, 1e-4),
+      onTwoEdges(0.05, 1e-4),
+      onTwoEdges(0.05, 1e-4),
+      load("cell", {"contact={law: none}"}),
+      load("impact", {"contact.law=rigid"}),
+      load("impact", {"contact.law=rigid", "contact.restitution=0.5"}),
+      load("impact", {"contact.law=rigid", "solver.integrator=hamming"}),
+      load("impact", {"contact.law=rigid", "solver.integrator=dop853"})};
   scenes[1].contact.stationary_rows = false;
   scenes[2].contact.law = ContactLaw::kSpringDashpot;
   scenes[2].contact.stiffness = 1e5;

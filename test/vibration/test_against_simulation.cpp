@@ -340,9 +340,8 @@ std::optional<double> rigTime(double x0, double M_over_L, double f_hz = 4) {
   s.initial.euler = {0, M_PI / 2, 0};
   s.initial.close = true;
   s.friction = {0.05, 0.05};
-  s.contact.law = ContactLaw::kViscous;
-  s.contact.rate = 2000;
-  s.contact.stationary_rows = true;
+  // the viscous law lets the flat peg sink in by up to a millimetre, which decides the times
+  s.contact.law = ContactLaw::kRigid;
   s.exciter = {M_over_L * kMass * s.gravity / (kSize + 0.2), 2 * M_PI * f_hz, 0, 1};
   s.solver.tolerance = 1e-8;
   s.solver.max_step = 1e-3;
