@@ -192,8 +192,11 @@ std::vector<Scene> scenes() {
                                            "contact.damping=200"};
   const std::vector<std::string> viscous = {"contact.law=viscous", "contact.rate=700"};
   const std::vector<std::string> rigid = {"contact.law=rigid"};
-  std::vector<Scene> all = {
-      {"free", "none", "chapter8_damping_one_high", 0.06, {"contact.law=none"}}};
+  std::vector<Scene> all = {{"free",
+                             "none",
+                             "chapter8_damping_one_high",
+                             0.06,
+                             {"contact.law=none", "initial.close=false"}}};
   const struct {
     const char* name;
     const char* file;
