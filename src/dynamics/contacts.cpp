@@ -17,7 +17,7 @@ constexpr double kDeepest = 0.1;      // penetration beyond this part of the rad
 constexpr double kFlat = 1e-5;        // below this tilt the lowest point has no speed [rad]
 constexpr double kSpare = 1.5;        // edge speed inside a step over that at its ends
 constexpr double kHysteresis = 1e-8;  // of the typical force: changes below it change no mode
-constexpr int kPasses = 24;
+constexpr int kPasses = 24, kTurns = 100;
 
 double slipFriction(double speed, const ContactParameters& c, const FrictionParameters& f) {
   return speed <= c.regularisation_speed ? f.static_coefficient * speed / c.regularisation_speed
@@ -309,9 +309,13 @@ void Simulation::solveModes(Look look) {
         -rate * touch.gap_rate - pull_back * point(i).gap - touch.rates.gap_bias;
     row.stick = slot.mode == Mode::kStick;
     if (!row.stick) {
+      // slip that begins has its limit's direction, soon that of the velocity
       const double speed = touch.tangential.norm();
-      const Vec3 friction =
-          slot.armed && speed > 0.0 ? Vec3(touch.tangential / -speed) : slot.slip_direction;
+      const double begin = slot.armed ? 0.0 : std::clamp(2.0 - speed / slip_threshold_, 0.0, 1.0);
+      Vec3 slip = -begin * slot.slip_direction;
+      if (speed > 0.0) slip += (1.0 - begin) / speed * touch.tangential;
+      const double size = slip.norm();
+      const Vec3 friction = size > 0.0 ? Vec3(slip / -size) : slot.slip_direction;
       row.direction = normal + scenario_.friction.sliding_coefficient * friction;
       row.change = (normal_target - normal.dot(touch.acceleration)) * normal;
     } else {
@@ -523,11 +527,45 @@ void Simulation::decide() {
     }
     slots_[worst].mode = change;
   }
+  turnSlip();
   if (rigid()) {
     project();
     slope_v_ = evaluate(time_, state_, Look::kEvents);
   }
   startStep();
+}
+
+// Slip that begins goes where the point is accelerated to, which depends on the friction against it
+// (prox iteration); where the friction still holds the point, against the friction.
+void Simulation::turnSlip() {
+  const double mu = scenario_.friction.sliding_coefficient;
+  if (mu == 0.0) return;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    double largest = 0.0;
+    const Body body = this->body();
+    const std::array<Touch, kSlots> at = touches_;
+    for (std::size_t i = 0; i < kSlots; ++i) {
+      Slot& slot = slots_[i];
+      if (!(closed_ >> i & 1u) || slot.mode != Mode::kSlip || slot.armed || !valid(i)) continue;
+      const Vec3& normal = point(i).normal;
+      Vec3 acceleration = at[i].acceleration + at[i].rates.rolling;
+      for (std::size_t j = 0; j < kSlots; ++j) {
+        if (closed_ >> j & 1u) acceleration += response(body, at[i].r, at[j].r, at[j].force);
+      }
+      acceleration -= normal * normal.dot(acceleration);
+      const Vec3 tangent = slot.slip_direction - normal * normal.dot(slot.slip_direction);
+      const double give =
+          mu * at[i].normal_force * tangent.dot(response(body, at[i].r, at[i].r, tangent));
+      const Vec3 next = tangent - acceleration / give;
+      const double size = next.norm();
+      if (!(give > 0.0) || !(size > 0.0) || !std::isfinite(size)) continue;
+      largest = std::max(largest, (next / size - slot.slip_direction).norm());
+      slot.slip_direction = next / size;
+    }
+    if (largest < 1e-14) return;
+    slope_v_ = withContacts(Look::kEvents);
+    if (largest < 1e-12) return;
+  }
 }
 
 }  // namespace assembly_cell

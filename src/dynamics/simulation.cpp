@@ -493,7 +493,7 @@ StopReason Simulation::advance(double t_end) {
     const bool coarse = time_ < coarse_until_;
     double h = planStep(t_end, last);
     const double attempt =
-        coarse ? tryOneStep(Method::kRk4, h, end, slope) : tryStep(h, end, slope);
+        coarse && rigid() ? tryOneStep(Method::kRk4, h, end, slope) : tryStep(h, end, slope);
     const bool is_finite = finite(end) && slope.allFinite();
     if (!is_finite || !(attempt <= 1.0)) {
       if (!shorten(h, attempt, is_finite)) return stop_;
@@ -509,6 +509,7 @@ StopReason Simulation::advance(double t_end) {
     if (coarse) {
       // amid a storm: short steps, modes decided after each, nothing located
       accept(last ? t_end : time_ + h, end, slope);
+      if (!rigid()) lengthen(h, attempt, last, t_end);
       findModes(false);
     } else if (quiet) {
       accept(last ? t_end : time_ + h, end, slope);

@@ -161,6 +161,7 @@ class Simulation {
   // who carries, slips and rests; what the rigid law does to velocities and positions
   void findModes(bool initial);
   void decide();
+  void turnSlip();
   void impact();
   void plasticImpact();
   void restitutionImpacts();
