@@ -8,7 +8,7 @@
 #include <cmath>
 #include <fstream>
 #include <initializer_list>
-#include <sstream>
+#include <iterator>
 
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/yaml_text.h"
@@ -230,11 +230,10 @@ ContactsFile parseContacts(const std::string& yaml, const std::string& source) {
 
 ContactsFile loadContacts(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  if (!file || !(text << file.rdbuf())) {
-    throw InputError(path + ": file missing, unreadable or empty: give a YAML file with contacts");
+  if (!file) {
+    throw InputError(path + ": file missing or unreadable: give a YAML file with contacts");
   }
-  const std::string yaml = text.str();
+  const std::string yaml(std::istreambuf_iterator<char>(file), {});
   if (yaml.size() > kLargestFile) {
     throw InputError(path + ": file of " + std::to_string(yaml.size()) +
                      " bytes: give a YAML file with contacts");

@@ -396,7 +396,9 @@ void checkInput(const std::vector<TwinContact>& contacts, const TwinForceOptions
     }
   }
   if (options.prior) {
-    checkCovariance(options.prior->covariance, "prior.covariance");
+    if (const char* fault = covarianceFault(options.prior->covariance, false)) {
+      refuseCovariance("prior.covariance", fault, false);
+    }
     if (!options.prior->pose.p.allFinite() || !options.prior->pose.R.allFinite() ||
         (options.prior->pose.R.transpose() * options.prior->pose.R - Matrix3d::Identity())
                 .cwiseAbs()
@@ -413,6 +415,7 @@ void checkInput(const std::vector<TwinContact>& contacts, const TwinForceOptions
 
 void report(const TwinForceOptions& options, const Fit& fit, TwinForceEstimate& e) {
   const Vector6 scale = scaleOf(options);
+  e.scale = scale;
   e.pose = fit.pose;
   e.rotation = fit.q.w() < 0.0 ? Eigen::Quaterniond(-fit.q.coeffs()) : fit.q;
   e.information = fit.normal.information;
@@ -468,6 +471,7 @@ void clear(TwinForceEstimate& e) {
   e.dof = e.null_count = e.iterations = 0;
   e.eigenvalues.setZero();
   e.weak_direction.setZero();
+  e.scale.setOnes();
   e.null_directions.setZero();
   e.rejected.clear();
   e.too_light.clear();
@@ -691,15 +695,17 @@ Matrix6 coordinateCovariance(const TwinForceEstimate& estimate) {
 double normalisedDistance(const TwinForceEstimate& estimate, const Pose& pose) {
   Vector6 d;
   d << pose.p - estimate.pose.p, vectorFromRotation(pose.R * estimate.pose.R.transpose()).value;
-  // over the range of the covariance, in units of its own size
-  const Vector6 sd = estimate.covariance.diagonal().cwiseSqrt().cwiseMax(1e-300);
-  const Matrix6 correlation =
-      sd.cwiseInverse().asDiagonal() * estimate.covariance * sd.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(correlation);
-  const Vector6 y = eigen.eigenvectors().transpose() * d.cwiseQuotient(sd);
+  // in units of what is required; null directions are orthonormal there
+  const Vector6 inverse = estimate.scale.cwiseInverse();
+  const auto null = estimate.null_directions.leftCols(estimate.null_count);
+  Vector6 y = inverse.cwiseProduct(d);
+  y -= null * (null.transpose() * y);
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(inverse.asDiagonal() * estimate.covariance *
+                                                     inverse.asDiagonal());
   double sum = 0.0;
   for (int k = estimate.null_count; k < 6; ++k) {
-    if (eigen.eigenvalues()[k] > 1e-12) sum += y[k] * y[k] / eigen.eigenvalues()[k];
+    const double part = eigen.eigenvectors().col(k).dot(y);
+    sum += part * part / eigen.eigenvalues()[k];
   }
   return sum;
 }

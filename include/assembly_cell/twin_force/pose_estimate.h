@@ -90,7 +90,8 @@ struct TwinForceEstimate {
   int dof = 0;
   double p = 0.0;  ///< probability of a larger χ²
   Vector6 eigenvalues =
-      Vector6::Zero();  ///< of Λ = S I S, ascending; 1 is just as good as required
+      Vector6::Zero();              ///< of Λ = S I S, ascending; 1 is just as good as required
+  Vector6 scale = Vector6::Ones();  ///< diagonal of S: s_T three times, s_φ three times
   Vector6 weak_direction = Vector6::Zero();  ///< unit eigenvector of the smallest: δ/(s_T, s_φ)
   Matrix6 null_directions =
       Matrix6::Zero();  ///< first null_count columns, scaled as weak_direction
