@@ -115,7 +115,7 @@ TwinForceNode::TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   S_b_.setZero();
 
   pose_pub_ = nh.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", 10);
-  status_pub_ = nh.advertise<TwinForceStatus>("twin_force/status", 10, true);
+  status_pub_ = nh.advertise<TwinForceState>("twin_force/status", 10, true);
   if (lockstep_) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
   const auto hints = ros::TransportHints().tcpNoDelay();
   a_sub_ = nh.subscribe("sensor_a/wrench_samples", kQueue, &TwinForceNode::onWrenchA, this, hints);
@@ -404,8 +404,8 @@ bool TwinForceNode::onSolve(SolveTwinForce::Request&, SolveTwinForce::Response& 
 
 // ---- what goes out ----
 
-TwinForceStatus TwinForceNode::status() const {
-  TwinForceStatus out;
+TwinForceState TwinForceNode::status() const {
+  TwinForceState out;
   out.header.frame_id = "hole";
   const TwinForceEstimate& e = contacts_->estimate();
   out.status = toString(e.status);
@@ -413,7 +413,7 @@ TwinForceStatus TwinForceNode::status() const {
   out.signs = signs_;
   for (std::size_t i = 0; i < readings_.size(); ++i) {
     const TwinContact& c = contacts_->contacts()[i];
-    TwinForceStatus::_contacts_type::value_type contact;
+    FeltContact contact;
     contact.stamp = out.header.stamp = readings_[i].middle;
     copy(c.wrench_a, contact.wrench_a);
     copy(c.wrench_b, contact.wrench_b);

@@ -20,7 +20,7 @@
 #include "assembly_cell/DisplacementSamples.h"
 #include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/SolveTwinForce.h"
-#include "assembly_cell/TwinForceStatus.h"
+#include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/twin_contacts.h"
 
@@ -58,7 +58,7 @@ class TwinForceNode {
   /// The coming window of both sensors. Throws InputError with the reason of a refusal.
   Reading read(double duration);
   void publishPose();
-  TwinForceStatus status() const;
+  TwinForceState status() const;
 
   std::string name_;  ///< in the simulator's ~participants
   bool lockstep_ = false;
