@@ -83,14 +83,14 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   const bool lockstep = parameters.flag("lockstep", false);
   const double timeout = parameters.number("block_timeout", Range{0.1, 3600.0}, 10.0);
   parameters.refuseUnknown();
-  // where sensor_a sits under the hole
-  p.X_AH = loadCellDescription(Parameters(nh).text("robot_description")).X_AH;
   try {
     checkParameters(p);
   } catch (const InputError& error) {
     throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
   }
 
+  // where sensor_a sits under the hole
+  p.X_AH = loadCellDescription(Parameters(nh).text("robot_description")).X_AH;
   plant_ = std::make_unique<RosPlant>(nh, lockstep, timeout, converter_step);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
   align_server_ = std::make_unique<AlignServer>(
