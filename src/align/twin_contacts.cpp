@@ -175,9 +175,11 @@ ContactAdvice TwinForceContacts::advise(ReachableContact& best) const {
       c.move_covariance = contacts_.back().move_covariance;
       for (int side = 0; side < (pull > 0.0 ? 5 : 1); ++side) {
         const double s = a + 0.5 * kPi * side;
-        ReachableContact r{X_HP, Vec3::Zero()};
+        ReachableContact r;
+        r.X_HP = X_HP;
         if (side > 0) r.pull = pull * Vec3(std::cos(s), std::sin(s), 0.0);
-        c.force = X_PH.R * (Vec3(0, 0, setup_.contact_force) + r.pull);
+        r.force = Vec3(0, 0, setup_.contact_force) + r.pull;
+        c.force = X_PH.R * r.force;
         candidates.push_back(c);
         reachable.push_back(r);
       }

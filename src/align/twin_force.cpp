@@ -92,7 +92,7 @@ class TwinForce : public Search {
       }
       if (enter(hole_.center)) return;
       // one more at least
-      if (contacts_ < most) touch(advised());
+      if (contacts_ < p_.rounds * p_.most_contacts) touch(advised());
     }
     throw Failure{text("not_inserted: no entry after %.0f contacts", contacts_)};
   }

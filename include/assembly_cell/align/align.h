@@ -36,7 +36,7 @@ struct AlignParameters {
   double settled_force = 0.02;      ///< a window whose halves differ by more is not settled [N]
   int fewest_contacts = 3;          ///< before the peg is moved over the hole
   int most_contacts = 12;           ///< of one round
-  double required_position = 2e-5;  ///< sd of the hole, per axis, that is enough [m]
+  double required_position = 3e-5;  ///< sd of the hole, per axis, that is enough [m]
   double required_rotation = 1e-3;  ///< [rad]
   Pose X_AH{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.06)};  ///< hole in sensor_a
 };

@@ -31,7 +31,8 @@ PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd)
 /// A contact that the carrier can make: the undeflected peg at the touch, then a pull sideways.
 struct ReachableContact {
   Pose X_HP;
-  Eigen::Vector3d pull = Eigen::Vector3d::Zero();  ///< axes of hole [N]
+  Eigen::Vector3d pull = Eigen::Vector3d::Zero();   ///< axes of hole [N]
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< to be felt by the peg, axes of hole [N]
 };
 
 /// Contacts felt by sensor_a and sensor_b, and the pose of the peg in the hole from them. A is
