@@ -78,6 +78,19 @@ LoadRequest reacting(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
   return request;
 }
 
+// the same, bolted together: any wrench that is within the rated load of both sensors
+LoadRequest bolted(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
+  LoadRequest request;
+  request.target.kind = ObservationKind::kReacting;
+  request.target.X_AB = X_AB;
+  Vector6 w_b;
+  do {
+    request.wrench << draw.box(rated.force), draw.box(rated.torque);
+    w_b = transformWrench(inverse(X_AB), request.wrench);
+  } while (w_b.tail<3>().cwiseAbs().maxCoeff() > rated.torque);
+  return request;
+}
+
 Pose mating(Draw& draw, const Eigen::Matrix3d& R, std::size_t face) {
   Eigen::Vector3d p = draw.box(kShift);
   const auto axis = static_cast<Eigen::Index>(face % 3);
@@ -107,7 +120,7 @@ LoadRequest indentation(Draw& draw, Side side, std::size_t k, const RatedLoad& r
   o.point = kHalfCube * Eigen::Vector3d((k & 1) != 0 ? 0.9 : -0.9, (k & 2) != 0 ? 0.9 : -0.9,
                                         (k & 4) != 0 ? 0.9 : -0.9);
   o.point[static_cast<Eigen::Index>(k % 3)] *= draw.uniform(0.2, 1.0);
-  const Eigen::Vector3d F = draw.uniform(0.3, 1.0) * rated.force * draw.direction();
+  const Eigen::Vector3d F = draw.box(rated.force);
   request.wrench << F, o.point.cross(F);
   return request;
 }
@@ -199,7 +212,8 @@ std::vector<LoadRequest> makePlan(PlanName name, const ObservationSet& set, cons
       poses.push_back(mating(draw, turns[k * 5 % turns.size()], k));
     }
     for (std::size_t k = 0; k < static_cast<std::size_t>(reacting_tests); ++k) {
-      tests.push_back(reacting(draw, poses[k % turned], rated));
+      const Pose& X = poses[k % turned];
+      tests.push_back(indentations > 0 ? bolted(draw, X, rated) : reacting(draw, X, rated));
     }
     for (const Side side : {Side::kA, Side::kB}) {
       for (std::size_t k = 0; k < static_cast<std::size_t>(weights); ++k) {

@@ -23,7 +23,8 @@ std::string describe(const LoadRequest& request);
 /// Named plans.
 enum class PlanName {
   kRecommended,    ///< 32 reacting over 8 orientations + 6 weights on each
-  kQuadratic,      ///< 120 reacting + 24 weights and 30 indentations on each
+  kQuadratic,      ///< 120 reacting, bolted so that all of the rated load is covered, + 24 weights
+                   ///< and 30 indentations on each
   kDisplacement,   ///< 46 tests of each sensor, central composite
   kThesisFixed,    ///< 11 reacting at one pose + 1 weight: rank 21 of 36; for comparison
   kThesisShifted,  ///< 11 parallel, shifted + 1 weight: rank 30 of 36; for comparison
