@@ -374,7 +374,8 @@ struct FullGroup {
 };
 
 FullGroup fullFit(const Group& data, const GroupFit& fit, const Timeline& line,
-                  const std::vector<std::size_t>& starts, double floor) {
+                  const std::vector<std::size_t>& starts, double floor,
+                  bool equal_weights = false) {
   const auto n = static_cast<Index>(line.order.size());
   FullGroup out;
   Index effects = 3;
@@ -403,6 +404,7 @@ FullGroup fullFit(const Group& data, const GroupFit& fit, const Timeline& line,
   }
   // generalised least squares; variances with the effects' degrees of freedom
   Vector3d variance = fit.variance;
+  if (equal_weights) variance.setConstant(variance.mean());
   MatrixXd N(effects, effects);
   for (int round = 0; round < 4; ++round) {
     N.setZero();
@@ -427,6 +429,7 @@ FullGroup fullFit(const Group& data, const GroupFit& fit, const Timeline& line,
     }
     const double mean = squares.sum() / dof.sum();
     variance = ((squares.array() + 2.0 * mean) / (dof.array() + 2.0)).max(floor * floor);
+    if (equal_weights) variance.setConstant(variance.mean());
   }
 
   std::array<VectorXd, 3> own_inverse;  // diagonal of V⁻¹
@@ -975,11 +978,11 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   const Group force_data = forceGroup(problem.R, problem.w);
   const FullGroup plain_force =
       fullFit(force_data, plainFit(force_data, problem.line, problem.force_floor), problem.line,
-              {0}, problem.force_floor);
+              {0}, problem.force_floor, true);
   const Group torque_data = torqueGroup(problem.R, problem.w, plain_force.group.effects.head<3>());
   const FullGroup plain_torque =
       fullFit(torque_data, plainFit(torque_data, problem.line, problem.torque_floor), problem.line,
-              {0}, problem.torque_floor);
+              {0}, problem.torque_floor, true);
   model.plain_force_rms = rmsOf(plain_force);
   model.plain_torque_rms = rmsOf(plain_torque);
   for (std::size_t a = 0; a < 6; ++a) {

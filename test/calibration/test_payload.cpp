@@ -58,13 +58,13 @@ TEST(Payload, ExactWithoutNoise) {
   EXPECT_FALSE(m.structure_tested);
 }
 
-// False alarms of 500 clean recordings (docs/payload.md): drift at most 1 %, break none, outlier
-// 0.2 %. Of 100 at three lengths 4 drifts would be a chance of 2 %.
+// False alarms of clean recordings are about 1 % (drift) and below (docs/payload.md): 4 of 30 would
+// be a chance of 2e-4.
 TEST(Payload, CleanRecordingsStayPlain) {
   for (const std::size_t poses : {20u, 50u}) {
     int drift = 0, breaks = 0, outliers = 0;
     double distance = 0.0;
-    for (unsigned seed = 0; seed < 60; ++seed) {
+    for (unsigned seed = 0; seed < 30; ++seed) {
       RecordingPlan plan;
       plan.poses = poses;
       plan.seed = seed;
@@ -76,12 +76,12 @@ TEST(Payload, CleanRecordingsStayPlain) {
       breaks += !m.breaks.empty();
       outliers += !m.rejected.empty();
       const Eigen::Vector3d e = m.gravity - Eigen::Vector3d(0.0, 0.0, -8.0);
-      distance += e.dot(m.gravity_covariance.inverse() * e) / 60.0;
+      distance += e.dot(m.gravity_covariance.inverse() * e) / 30.0;
     }
     EXPECT_LE(drift, 3);
     EXPECT_LE(breaks, 1);
     EXPECT_LE(outliers, 3);
-    EXPECT_NEAR(distance, 3.0, 1.3);  // mean of 60 chi-square(3): sd 0.32, four of them
+    EXPECT_NEAR(distance, 3.0, 1.8);  // mean of 30 chi-square(3): sd 0.45, four of them
   }
 }
 
