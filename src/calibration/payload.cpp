@@ -27,12 +27,13 @@ constexpr std::size_t kMostPoses = 2000;
 constexpr std::size_t kLeastForStructure = 16;  // fewer poses cannot tell drift from noise
 constexpr std::size_t kLeastRecording = 4;      // poses between breaks
 constexpr std::size_t kMostBreaks = 6;
-constexpr double kAxisCost = 7.0;           // of a drift: −2 log likelihood beyond BIC, see docs
-constexpr double kBreakTail = 0.003;        // false breaks a clean recording, all places together
+constexpr double kAxisCost = 9.0;           // of a drift: −2 log likelihood beyond BIC, see docs
+constexpr double kBreakTail = 1e-5;         // false breaks a clean recording, all places together
+constexpr double kLeastJump = 5.0;          // of a break, in sd of a reading: less is drift
 constexpr double kOutlierTail = 0.01;       // false outliers a clean recording
 constexpr double kMostOutliers = 0.25;      // of the poses
 constexpr double kNoiseFloor = 1e-7;        // of the largest reading: rounding, not noise
-constexpr double kWeakestDirection = 0.05;  // rms sine of gravity's directions, least axis
+constexpr double kWeakestDirection = 0.05;  // share of the weight that rotation makes visible
 constexpr int kScanPlaces = 120;
 
 // ---- one component of one group: readings y = X shared + own effects + drift + noise
@@ -267,6 +268,7 @@ struct Problem {
   std::vector<Vector6> w;  // sensor axes
   Timeline line;
   double force_floor = 0.0, torque_floor = 0.0;
+  std::vector<double> no_break;  // orders at which a break was looked at and found too small
 };
 
 Structure fitWith(const Problem& problem, const Group& force, const Group& torque,
@@ -316,24 +318,24 @@ Structure searchStructure(const Problem& problem, bool drift, bool breaks) {
       // coarse scan of places for long recordings, then neighbours of the best
       const std::size_t stride = std::max<std::size_t>(1, n / kScanPlaces);
       Structure found;
+      std::size_t centre = 0;
       found.criterion = std::numeric_limits<double>::infinity();
       const auto look = [&](std::size_t place) {
-        if (!roomFor(best.starts, place, n)) return;
+        const bool small = std::find(problem.no_break.begin(), problem.no_break.end(),
+                                     problem.line.order[place]) != problem.no_break.end();
+        if (small || !roomFor(best.starts, place, n)) return;
         std::vector<std::size_t> starts = best.starts;
         starts.insert(std::upper_bound(starts.begin(), starts.end(), place), place);
         Structure trial = fitWith(problem, force, torque, starts, drift);
         if (trial.criterion < found.criterion) {
           found = std::move(trial);
-          found.gains.assign(1, static_cast<double>(place));
+          centre = place;
         }
       };
       for (std::size_t place = kLeastRecording; place < n; place += stride) look(place);
-      if (stride > 1 && !found.gains.empty()) {
-        const auto centre = static_cast<std::size_t>(found.gains[0]);
-        for (std::size_t place = centre - std::min(centre, stride); place <= centre + stride;
-             ++place) {
-          look(place);
-        }
+      if (stride > 1 && centre > 0) {
+        const std::size_t low = centre - std::min(centre, stride), high = centre + stride;
+        for (std::size_t place = low; place <= high; ++place) look(place);
       }
       if (!(found.criterion < best.criterion)) break;
       best = std::move(found);
@@ -372,7 +374,8 @@ struct FullGroup {
 };
 
 FullGroup fullFit(const Group& data, const GroupFit& fit, const Timeline& line,
-                  const std::vector<std::size_t>& starts, double floor) {
+                  const std::vector<std::size_t>& starts, double floor,
+                  bool equal_weights = false) {
   const auto n = static_cast<Index>(line.order.size());
   FullGroup out;
   Index effects = 3;
@@ -401,6 +404,7 @@ FullGroup fullFit(const Group& data, const GroupFit& fit, const Timeline& line,
   }
   // generalised least squares; variances with the effects' degrees of freedom
   Vector3d variance = fit.variance;
+  if (equal_weights) variance.setConstant(variance.mean());
   MatrixXd N(effects, effects);
   for (int round = 0; round < 4; ++round) {
     N.setZero();
@@ -425,6 +429,7 @@ FullGroup fullFit(const Group& data, const GroupFit& fit, const Timeline& line,
     }
     const double mean = squares.sum() / dof.sum();
     variance = ((squares.array() + 2.0 * mean) / (dof.array() + 2.0)).max(floor * floor);
+    if (equal_weights) variance.setConstant(variance.mean());
   }
 
   std::array<VectorXd, 3> own_inverse;  // diagonal of V⁻¹
@@ -460,17 +465,14 @@ FullGroup fullFit(const Group& data, const GroupFit& fit, const Timeline& line,
 
 // ---- refusals
 
-// rms length of gravity's directions in sensor axes along their least axis, mean removed
-double weakestDirection(const std::vector<Matrix3d>& R, double* weight_sd_factor) {
-  // what determines g when a constant in sensor axes is free: Σ (1 − R̄ R̄ᵀ) per component
+// what a free constant in sensor axes leaves of g: least root of 1 − R̄ R̄ᵀ, R̄ the mean rotation
+double weakestDirection(const std::vector<Matrix3d>& R) {
   const auto n = static_cast<double>(R.size());
   Matrix3d mean = Matrix3d::Zero();
   for (const Matrix3d& r : R) mean += r / n;
   const Matrix3d information = Matrix3d::Identity() - mean * mean.transpose();
   const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(information);
-  const double least = std::sqrt(std::max(solver.eigenvalues()[0], 0.0));
-  if (weight_sd_factor) *weight_sd_factor = 1.0 / std::max(least, 1e-12);
-  return least;
+  return std::sqrt(std::max(solver.eigenvalues()[0], 0.0));
 }
 
 std::vector<Vector6> inSensorAxes(const std::vector<StaticPose>& poses,
@@ -524,15 +526,52 @@ GroupFit plainFit(const Group& group, const Timeline& line, double floor) {
   return fit;
 }
 
-double medianForceResidual(const FullGroup& fit) {
+double medianHeldOut(const FullGroup& fit) {
   std::vector<double> sizes;
-  const Index n = fit.residual[0].size();
-  for (Index i = 0; i < n; ++i) {
-    sizes.push_back(Vector3d(fit.residual[0][i], fit.residual[1][i], fit.residual[2][i]).norm());
-  }
+  for (const Vector3d& e : fit.held_out) sizes.push_back(e.norm());
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
   return *middle;
+}
+
+// how well one reading of the axes fits, with a bias that may do what it likes
+struct Reading {
+  double force = 0.0, torque = 0.0;  // median held-out error
+  double weight = 0.0;
+};
+
+Reading tryReading(const Problem& p, bool drift) {
+  const auto fitOf = [&](const Group& group, double floor) {
+    Timeline plain = p.line;
+    plain.temperature.clear();
+    GroupFit fit;
+    for (std::size_t a = 0; a < 3; ++a) {
+      fit.choice[a] = candidateOf(group[a], drift ? DriftShape::kRandomWalk : DriftShape::kNone,
+                                  drift ? 0.3 / plain.step : 0.0, false, plain, {0});
+    }
+    profile(fit, static_cast<double>(plain.order.size()), floor);
+    return fullFit(group, fit, plain, {0}, floor);
+  };
+  Reading out;
+  const FullGroup force = fitOf(forceGroup(p.R, p.w), p.force_floor);
+  const Vector3d gravity = force.group.effects.head<3>();
+  out.force = std::max(medianHeldOut(force), p.force_floor);
+  out.torque = std::max(medianHeldOut(fitOf(torqueGroup(p.R, p.w, gravity), p.torque_floor)),
+                        p.torque_floor);
+  out.weight = gravity.norm();
+  return out;
+}
+
+// base, sensor, or auto where neither fits better
+WrenchAxes chooseAxes(const Reading& base, const Reading& sensor) {
+  constexpr double kClearly = 0.7;
+  const double ratio = base.force * base.torque / (sensor.force * sensor.torque);
+  if (ratio < kClearly) return WrenchAxes::kBase;
+  if (ratio > 1.0 / kClearly) return WrenchAxes::kSensor;
+  // a weight without bias and centre of mass reads as a bias without weight in the wrong axes
+  if (sensor.weight < 0.2 * base.weight) return WrenchAxes::kBase;
+  if (base.weight < 0.2 * sensor.weight) return WrenchAxes::kSensor;
+  return WrenchAxes::kAuto;
 }
 
 void checkInput(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches) {
@@ -557,6 +596,12 @@ void checkInput(const std::vector<StaticPose>& poses, const std::vector<Vector6>
 }
 
 // ---- linear functions of the fit
+
+void checkIdentified(const PayloadModel& model) {
+  if (!model.refusal.empty() || model.order.empty()) {
+    throw InputError("payload: not identified: " + model.refusal);
+  }
+}
 
 struct Functional {
   VectorXd row;     // on the effects
@@ -607,6 +652,31 @@ std::pair<double, double> evaluate(const BiasGroup& group, std::size_t component
   const VectorXd rest = f.row - b.design.transpose() * (b.whitener.transpose() * k);
   const double own = std::max(f.variance - k.squaredNorm(), 0.0) * b.noise * b.noise;
   return {value, std::max(rest.dot(group.covariance * rest), 0.0) + own};
+}
+
+// first pose after the break whose largest jump is least, if that is no more than the scatter
+std::optional<std::size_t> smallestBreak(const PayloadModel& model) {
+  std::optional<std::size_t> place;
+  double least = kLeastJump;
+  for (std::size_t r = 1; r < model.starts.size(); ++r) {
+    const std::size_t start = model.starts[r];
+    double size = 0.0;
+    for (int axis = 0; axis < 6; ++axis) {
+      const BiasGroup& group = model.group[static_cast<std::size_t>(axis / 3)];
+      const auto component = static_cast<std::size_t>(axis % 3);
+      const auto biasAt = [&](std::size_t i) {
+        return evaluate(group, component,
+                        biasFunctional(model, axis, model.order[i], model.temperature_mean))
+            .first;
+      };
+      size = std::max(
+          size, std::abs(biasAt(start) - biasAt(start - 1)) / group.component[component].noise);
+    }
+    if (size >= least) continue;
+    least = size;
+    place = start;
+  }
+  return place;
 }
 
 double rms(const std::vector<Vector6>& values, Index first) {
@@ -744,6 +814,7 @@ SequenceTest testSequence(const std::vector<double>& residuals) {
 }
 
 PredictedWrench predictBias(const PayloadModel& model, double order, double temperature) {
+  checkIdentified(model);
   PredictedWrench out;
   for (int axis = 0; axis < 6; ++axis) {
     const BiasGroup& group = model.group[static_cast<std::size_t>(axis / 3)];
@@ -756,6 +827,7 @@ PredictedWrench predictBias(const PayloadModel& model, double order, double temp
 }
 
 PredictedWrench predictWrench(const PayloadModel& model, const StaticPose& pose) {
+  checkIdentified(model);
   PredictedWrench out;
   const Vector3d load = pose.R.transpose() * model.gravity;
   const Matrix3d lever = -skew(load);
@@ -789,7 +861,7 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   }
   std::vector<Matrix3d> rotations;
   for (const StaticPose& p : poses) rotations.push_back(p.R);
-  const double weakest = weakestDirection(rotations, nullptr);
+  const double weakest = weakestDirection(rotations);
   if (weakest < kWeakestDirection) {
     model.refusal =
         "the orientations do not tell weight from bias (rank below 6): turn the sensor about two "
@@ -801,25 +873,20 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   const bool structured = poses.size() >= kLeastForStructure;
   std::vector<std::size_t> all(poses.size());
   std::iota(all.begin(), all.end(), std::size_t{0});
-  double residual[2] = {0.0, 0.0};
-  for (const WrenchAxes axes : {WrenchAxes::kBase, WrenchAxes::kSensor}) {
+  std::array<Reading, 2> reading;
+  for (std::size_t k = 0; k < 2; ++k) {
     double mean = 0.0;
-    const Problem p = problemOf(poses, inSensorAxes(poses, wrenches, axes), all, mean);
-    const Group group = forceGroup(p.R, p.w);
-    const GroupFit fit = plainFit(group, p.line, p.force_floor);
-    residual[axes == WrenchAxes::kSensor] =
-        medianForceResidual(fullFit(group, fit, p.line, {0}, p.force_floor));
+    const WrenchAxes axes = k == 0 ? WrenchAxes::kBase : WrenchAxes::kSensor;
+    reading[k] = tryReading(problemOf(poses, inSensorAxes(poses, wrenches, axes), all, mean),
+                            structured && options.drift);
   }
-  model.base_residual = residual[0];
-  model.sensor_residual = residual[1];
-  model.axes = options.axes;
-  if (options.axes == WrenchAxes::kAuto) {
-    model.axes = residual[1] < residual[0] ? WrenchAxes::kSensor : WrenchAxes::kBase;
-    const double low = std::min(residual[0], residual[1]);
-    if (!(low < 0.8 * std::max(residual[0], residual[1]))) {
-      model.refusal = "wrenches in base axes and in sensor axes fit alike: say which they are";
-      return model;
-    }
+  model.base_residual = reading[0].force;
+  model.sensor_residual = reading[1].force;
+  model.axes =
+      options.axes == WrenchAxes::kAuto ? chooseAxes(reading[0], reading[1]) : options.axes;
+  if (model.axes == WrenchAxes::kAuto) {
+    model.refusal = "wrenches in base axes and in sensor axes fit alike: say which they are";
+    return model;
   }
 
   // structure, then the worst outlier, until nothing changes
@@ -828,9 +895,11 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   Structure structure;
   Problem problem;
   FullGroup force, torque;
+  std::vector<double> no_break;
   const auto most = static_cast<std::size_t>(kMostOutliers * static_cast<double>(poses.size()));
   while (true) {
     problem = problemOf(poses, w, model.used, model.temperature_mean);
+    problem.no_break = no_break;
     if (!structured) problem.line.temperature.clear();
     structure = searchStructure(problem, options.drift && structured, options.breaks && structured);
     force = fullFit(forceGroup(problem.R, problem.w), structure.force, problem.line,
@@ -838,6 +907,16 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
     const Vector3d gravity = force.group.effects.head<3>();
     torque = fullFit(torqueGroup(problem.R, problem.w, gravity), structure.torque, problem.line,
                      structure.starts, problem.torque_floor);
+    model.order = problem.line.order;
+    model.starts = structure.starts;
+    model.group = {force.group, torque.group};
+    if (const auto place = smallestBreak(model)) {
+      // the break and its neighbours are drift
+      for (std::size_t i = *place - 2; i <= std::min(*place + 2, model.order.size() - 1); ++i) {
+        no_break.push_back(model.order[i]);
+      }
+      continue;
+    }
     const auto n = static_cast<double>(model.used.size());
     if (!options.outliers || model.used.size() <= kLeastPoses + 2 ||
         model.rejected.size() >= most) {
@@ -861,10 +940,7 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   // numbers
   const std::size_t n = model.used.size();
   model.structure_tested = structured;
-  model.order = problem.line.order;
   model.has_temperature = !problem.line.temperature.empty();
-  model.starts = structure.starts;
-  model.group = {force.group, torque.group};
   model.gravity = force.group.effects.head<3>();
   model.gravity_covariance = force.group.covariance.topLeftCorner<3, 3>();
   model.weight = model.gravity.norm();
@@ -902,11 +978,11 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   const Group force_data = forceGroup(problem.R, problem.w);
   const FullGroup plain_force =
       fullFit(force_data, plainFit(force_data, problem.line, problem.force_floor), problem.line,
-              {0}, problem.force_floor);
+              {0}, problem.force_floor, true);
   const Group torque_data = torqueGroup(problem.R, problem.w, plain_force.group.effects.head<3>());
   const FullGroup plain_torque =
       fullFit(torque_data, plainFit(torque_data, problem.line, problem.torque_floor), problem.line,
-              {0}, problem.torque_floor);
+              {0}, problem.torque_floor, true);
   model.plain_force_rms = rmsOf(plain_force);
   model.plain_torque_rms = rmsOf(plain_torque);
   for (std::size_t a = 0; a < 6; ++a) {
@@ -920,8 +996,7 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   }
 
   // bias, drift and breaks with their uncertainty
-  const double first = model.order.front(), last = model.order.back();
-  (void)first;
+  const double last = model.order.back();
   const double mean_temperature = model.temperature_mean;
   const PredictedWrench at_last = predictBias(model, last, poses[model.used.back()].temperature);
   model.last_bias = at_last.wrench;

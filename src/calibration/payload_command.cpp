@@ -477,9 +477,11 @@ int run(const Options& options, std::ostream& out) {
   for (std::size_t k = 0; k < further.values.size(); ++k) {
     StaticPose pose = further.values[k];
     if (!further.ordered) {
-      pose.order = k + 1 < given.size()
-                       ? 0.5 * (given[k].order + given[k + 1].order)
-                       : given.back().order + (static_cast<double>(k - given.size()) + 1.5) * step;
+      pose.order =
+          k + 1 < given.size()
+              ? 0.5 * (given[k].order + given[k + 1].order)
+              : given.back().order +
+                    (static_cast<double>(k + 1) + 0.5 - static_cast<double>(given.size())) * step;
     }
     const PredictedWrench w = predictWrench(model, pose);
     out << "  - {order: " << yamlNumber(pose.order) << ", wrench: " << list(w.wrench)

@@ -96,7 +96,8 @@ struct InSituCorrection {
 struct PayloadModel {
   std::string refusal;  ///< empty: identified
   WrenchAxes axes = WrenchAxes::kBase;
-  double base_residual = 0.0, sensor_residual = 0.0;  ///< median |force residual| of either reading
+  double base_residual = 0.0,
+         sensor_residual = 0.0;  ///< median held-out |force| error of either reading
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();  ///< g: weight vector in base axes [N]
   Eigen::Matrix3d gravity_covariance = Eigen::Matrix3d::Zero();
   double weight = 0.0, weight_sd = 0.0;                      ///< |g| [N]
@@ -133,7 +134,8 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
                              const std::vector<Vector6>& wrenches, const PayloadOptions& options);
 
 /// Wrench of a further reading and its sd (noise included), in the recording's axes. A pose between
-/// the last of one recording and the first of the next belongs to the earlier one.
+/// the last of one recording and the first of the next belongs to the earlier one. Throws
+/// InputError for a model that was refused.
 struct PredictedWrench {
   Vector6 wrench = Vector6::Zero();
   Vector6 sd = Vector6::Zero();
