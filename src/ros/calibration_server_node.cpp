@@ -501,9 +501,11 @@ bool CalibrationServerNode::plan(PlanCalibration::Request& request,
       response.success = true;
       response.message = std::to_string(steps.size()) + " steps";
       if (name != "displacement") {
+        if (name == "quadratic") settings.model = StrainModel::kQuadratic;
         const ObservationSet predicted = predictPlan(steps, set);
         const ForceSolution design = judgeDesign(predicted, settings);
         response.design = toMessage(design, predicted);
+        response.design.normalised.clear();
         const std::string refusal = gateTexts(design.gates, Verdict::kRefuse);
         response.success = refusal.empty();
         response.message += "; " + (refusal.empty() ? design.message : "refused: " + refusal);
