@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -10,9 +11,9 @@
 
 namespace assembly_cell {
 
-// at most 6 × 6, on the stack
-using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6>;
-using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
+// of one test: at most 6 × 6
+using Small = Eigen::MatrixXd;
+using SmallVector = Eigen::VectorXd;
 
 /// A zero that several tests share: an unknown with a prior.
 struct ZeroPart {
@@ -73,6 +74,10 @@ Eigen::VectorXd strainTerms(const Vector6& strain, int terms);
 /// (whitened), at the matrices given and the test's own strains. Shared zeros are left out.
 Eigen::MatrixXd whitenedRows(const ForceTest& test, const Eigen::MatrixXd& S_a,
                              const Eigen::MatrixXd& S_b, int rows, int terms);
+
+/// Rows of the design matrix of one test at strains a and b.
+void designRows(const ForceTest& test, int rows, int terms, const Vector6& a, const Vector6& b,
+                Eigen::Ref<Eigen::MatrixXd> A);
 
 struct ForceFit {
   bool converged = false;

@@ -20,7 +20,7 @@ struct RigSettings {
   bool reference_errors = true;  ///< known values are off by random errors of `accuracy`
   ReferenceAccuracy accuracy;
   double gravity = 9.80665;
-  int samples = 1;              ///< averaged by measure(); unloaded readings take 100
+  int samples = 20;             ///< averaged by measure(); unloaded readings take 100
   double sample_period = 2e-4;  ///< [s]
   double test_time = 60.0;      ///< from one test to the next [s]
   std::uint64_t seed = 1;

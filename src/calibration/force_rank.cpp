@@ -1,0 +1,182 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "assembly_cell/sensor/bridge.h"
+#include "force_system.h"
+
+namespace assembly_cell {
+
+namespace {
+
+constexpr double kRank = 1e-8;         // of the column-scaled design
+constexpr double kSurelyFull = 1e-10;  // of eigenvalues: far above rounding
+constexpr int kLoads = 200;            // over which a predicted sd is taken
+
+const Matrix6& nominalOf(const ObservationSet& set, Side side) {
+  return side == Side::kA ? set.a.nominal : set.b.nominal;
+}
+
+}  // namespace
+
+DesignRank rankOf(const ForceSystem& system, int terms) {
+  DesignRank out;
+  out.unknowns = 2 * system.rows * terms;
+  for (const ForceTest& test : system.tests) out.equations += test.used ? test.equations : 0;
+  out.weakest = Eigen::VectorXd::Zero(out.unknowns);
+  if (out.equations == 0) return out;
+  Eigen::MatrixXd A(out.equations, out.unknowns);
+  Eigen::Index row = 0;
+  for (const ForceTest& test : system.tests) {
+    if (!test.used) continue;
+    designRows(test, system.rows, terms, test.a.strain, test.b.strain,
+               A.middleRows(row, test.equations));
+    row += test.equations;
+  }
+  Eigen::VectorXd scale = A.colwise().norm().transpose();
+  for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
+  A = A * scale.asDiagonal();
+
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(out.unknowns, out.unknowns);
+  normal.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
+  const double largest = eigen.eigenvalues()[out.unknowns - 1];
+  if (out.equations >= out.unknowns && eigen.eigenvalues()[0] > kSurelyFull * largest) {
+    out.rank = out.unknowns;
+    out.condition = std::sqrt(largest / eigen.eigenvalues()[0]);
+    out.weakest = eigen.eigenvectors().col(0);
+  } else {
+    // squared singular values drown in rounding: pivoted triangle instead
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A);
+    const auto& R = qr.matrixQR();
+    const Eigen::Index most = std::min(R.rows(), R.cols());
+    while (out.rank < most && std::abs(R(out.rank, out.rank)) > kRank * std::abs(R(0, 0))) {
+      ++out.rank;
+    }
+    out.condition = HUGE_VAL;
+    if (out.rank == out.unknowns) {
+      out.condition = std::abs(R(0, 0) / R(out.rank - 1, out.rank - 1));
+      out.weakest = eigen.eigenvectors().col(0);
+    } else {
+      // a vector that the rows do not see
+      Eigen::VectorXd blind = Eigen::VectorXd::Zero(out.unknowns);
+      blind[out.rank] = 1.0;
+      blind.head(out.rank) = -R.topLeftCorner(out.rank, out.rank)
+                                  .triangularView<Eigen::Upper>()
+                                  .solve(Eigen::VectorXd(R.col(out.rank).head(out.rank)));
+      out.weakest = (qr.colsPermutation() * blind).normalized();
+    }
+  }
+  out.weakest = scale.asDiagonal() * out.weakest;
+  const double most = out.weakest.cwiseAbs().maxCoeff();
+  if (most > 0.0) out.weakest /= most;
+  return out;
+}
+
+bool plainLeastSquares(const ForceSystem& system, Eigen::MatrixXd& S_a, Eigen::MatrixXd& S_b) {
+  constexpr int kTerms = 6;
+  const int rows = system.rows;
+  Eigen::Index equations = 0;
+  for (const ForceTest& test : system.tests) equations += test.used ? test.equations : 0;
+  if (equations == 0) return false;
+  const Eigen::Index unknowns = 2 * rows * kTerms;
+  Eigen::MatrixXd A(equations, unknowns);
+  Eigen::VectorXd y(equations);
+  Eigen::Index row = 0;
+  for (const ForceTest& test : system.tests) {
+    if (!test.used) continue;
+    designRows(test, rows, kTerms, test.a.strain, test.b.strain, A.middleRows(row, test.equations));
+    y.segment(row, test.equations) = test.known;
+    row += test.equations;
+  }
+  const Eigen::VectorXd theta = A.colPivHouseholderQr().solve(y);
+  S_a = S_b = Eigen::MatrixXd::Zero(rows, kTerms);
+  for (int r = 0; r < rows; ++r) {
+    S_a.row(r) = theta.segment(r * kTerms, kTerms).transpose();
+    S_b.row(r) = theta.segment((rows + r) * kTerms, kTerms).transpose();
+  }
+  return theta.allFinite();
+}
+
+std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& set, int rows,
+                         int terms, const RatedLoad& rated) {
+  constexpr std::array<const char*, 6> kAxes = {"fx", "fy", "fz", "tx", "ty", "tz"};
+  if (weakest.size() != 2 * rows * terms || weakest.isZero(0.0)) return "none";
+  Vector6 full;
+  full << Eigen::Vector3d::Constant(rated.force), Eigen::Vector3d::Constant(rated.torque);
+
+  // error of each component per true load, in parts of full scale
+  struct Entry {
+    double size;
+    std::string text;
+  };
+  std::vector<Entry> found;
+  double quadratic = 0.0, linear = 0.0;
+  Eigen::MatrixXd L_both[2];
+  for (int side = 0; side < 2; ++side) {
+    Eigen::MatrixXd dS(rows, terms);
+    for (int r = 0; r < rows; ++r) {
+      dS.row(r) = weakest.segment((side * rows + r) * terms, terms).transpose();
+    }
+    const Matrix6 C = nominalOf(set, side == 0 ? Side::kA : Side::kB).inverse();
+    Eigen::MatrixXd L = dS.leftCols(6) * C * full.asDiagonal();
+    for (int r = 0; r < rows; ++r) L.row(r) /= full[r];
+    L_both[side] = L;
+    linear = std::max(linear, L.cwiseAbs().maxCoeff());
+    if (terms == 27) {
+      // products of strains at about 2 V
+      for (int r = 0; r < rows; ++r) {
+        quadratic = std::max(quadratic, 4.0 * dS.row(r).tail(21).cwiseAbs().maxCoeff() / full[r]);
+      }
+    }
+    for (int r = 0; r < rows; ++r) {
+      for (int c = 0; c < 6; ++c) {
+        found.push_back({std::abs(L(r, c)), std::string(kAxes[static_cast<std::size_t>(r)]) +
+                                                " of " + (side == 0 ? "A" : "B") + " under " +
+                                                kAxes[static_cast<std::size_t>(c)]});
+      }
+    }
+  }
+  if (quadratic > 3.0 * linear) return "products of strains";
+  // one common factor of everything
+  const double p = L_both[0](0, 0);
+  const Eigen::MatrixXd scaled = p * Eigen::MatrixXd::Identity(rows, 6);
+  if (std::abs(p) > 0.0 && (L_both[0] - scaled).norm() < 0.2 * scaled.norm() &&
+      (L_both[1] - scaled).norm() < 0.2 * scaled.norm()) {
+    return "common scale of both sensors";
+  }
+  std::sort(found.begin(), found.end(),
+            [](const Entry& l, const Entry& r) { return l.size > r.size; });
+  std::string out = found[0].text;
+  for (std::size_t i = 1; i < 3 && found[i].size > 0.5 * found[0].size; ++i) {
+    out += ", " + found[i].text;
+  }
+  return out;
+}
+
+Vector6 predictedSd(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& S,
+                    const Matrix6& nominal, int rows, int terms, const RatedLoad& rated) {
+  Matrix6 C = nominal.inverse();
+  if (rows == 6) {
+    const Matrix6 own = Matrix6(S.leftCols(6)).inverse();
+    if (own.allFinite()) C = own;
+  }
+  NormalSource normal(1);
+  const auto uniform = [&] { return std::erf(normal() / std::sqrt(2.0)); };
+  Vector6 sum = Vector6::Zero();
+  for (int i = 0; i < kLoads; ++i) {
+    Vector6 w;
+    for (int k = 0; k < 6; ++k) w[k] = (k < 3 ? rated.force : rated.torque) * uniform();
+    const Eigen::VectorXd x = strainTerms(C * w, terms);
+    for (int r = 0; r < rows; ++r) {
+      sum[r] += x.dot(covariance.block(r * terms, r * terms, terms, terms) * x);
+    }
+  }
+  return (sum.cwiseMax(0.0) / kLoads).cwiseSqrt();
+}
+
+}  // namespace assembly_cell
