@@ -62,6 +62,10 @@ std::vector<std::string> textsOf(const std::vector<Gate>& gates, Verdict verdict
   return texts;
 }
 
+bool isOneSided(ObservationKind kind) {
+  return kind != ObservationKind::kUnloaded && kind != ObservationKind::kReacting;
+}
+
 // -1 for what isn't known: no NaN on the wire
 double known(double value) { return std::isfinite(value) ? value : -1.0; }
 
@@ -127,7 +131,7 @@ Calibration fromMessage(const SensorCalibration& message, const std::string& sou
 CalibrationTest toMessage(const Observation& o) {
   CalibrationTest test;
   test.kind = toString(o.kind);
-  test.sensor = toString(o.side);
+  if (isOneSided(o.kind)) test.sensor = toString(o.side);
   test.id = o.id;
   test.pose = toPose(o.X_AB);
   if (o.X_covariance) test.pose_covariance = rowsOf(*o.X_covariance);
@@ -154,8 +158,7 @@ Observation fromMessage(const CalibrationTest& test, const std::string& source) 
                      "': give unloaded, reacting, weight, indentation, displacement or linearity");
   }
   o.kind = *kind;
-  const bool one_side =
-      o.kind != ObservationKind::kUnloaded && o.kind != ObservationKind::kReacting;
+  const bool one_side = isOneSided(o.kind);
   if (one_side && test.sensor != "a" && test.sensor != "b") {
     throw InputError(source + ": sensor is '" + test.sensor + "': give a or b");
   }
