@@ -365,7 +365,8 @@ std::optional<double> rigTime(double x0, double M_over_L) {
 TEST(AgainstSimulation, TrendsOfTheRig) {
   // longer with the misalignment
   EXPECT_LT(rigTime(.005, .010).value(), rigTime(.010, .010).value());
-  EXPECT_LT(rigTime(.010, .0125).value(), rigTime(.015, .0125).value());
+  // the last one walks irregularly: not within 3 s is longer as well
+  EXPECT_LT(rigTime(.010, .0125).value(), rigTime(.015, .0125).value_or(3.0));
   // shorter with the moment
   EXPECT_GT(rigTime(.010, .0075).value(), rigTime(.010, .010).value());
   EXPECT_GT(rigTime(.010, .010).value(), rigTime(.010, .0125).value());
