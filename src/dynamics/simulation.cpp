@@ -20,8 +20,9 @@ constexpr double kTaylorTime =
 // as many events as are remembered within kCluster are a storm (a peg that lies flat, rocking): for
 // kCoarseSpan the run goes on in steps of kCoarseStep without locating events [s]
 constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5;
-// the rigid law has storms only where the peg is flat [rad], or when time stands still [s]
-constexpr double kFlatTilt = 1e-3, kStandstill = 1e-8;
+// the rigid law has storms only where the peg is flat [rad], or within this [s]: two places of
+// contact that merge push each other open for ever
+constexpr double kFlatTilt = 1e-3, kStandstill = 8e-6;
 constexpr double kShortest = 2e-6;    // a rigid flat peg that asks for less is stepped over [s]
 constexpr double kStepFloor = 1e-13;  // error control below this step gives up [s]
 constexpr std::int64_t kEventLimit = 10000000;
