@@ -67,7 +67,7 @@ def grid(panels, x, label, path):
     axes[0][0].legend(fontsize=7)
     figure.supxlabel(label)
     figure.supylabel("largest error of the peg's position [m]; x: failed or beyond the scale")
-    figure.tight_layout()
+    figure.tight_layout(rect=(0.015, 0, 1, 1))
     figure.savefig(path, dpi=90)
     plt.close(figure)
 

@@ -33,6 +33,7 @@ inline Verdict judge(const Scenario& s, double duration, bool driven) {
   const auto start = Clock::now();
   Simulation sim(s);
   const double before = sim.energy();
+  double lowest = before;
   // what can move: kinetic and elastic energy, and the weight over a peg's length
   const double floor = s.peg.mass * s.gravity * sim.state().q(0);
   const double scale = std::abs(before - floor) + s.peg.mass * s.gravity * 2 * s.peg.half_height +
@@ -44,7 +45,9 @@ inline Verdict judge(const Scenario& s, double duration, bool driven) {
       v.finite = v.finite && sim.state().q.allFinite() && sim.state().v.allFinite() &&
                  std::isfinite(sim.energy());
       for (const ContactReport& c : sim.contacts()) v.finite = v.finite && c.force.allFinite();
-      if (!driven) v.gain = std::max(v.gain, (sim.energy() - before) / scale);
+      if (!driven) v.gain = std::max(v.gain, (sim.energy() - lowest) / scale);
+      // a compliant contact gives back what it stored, a rigid one stores nothing
+      if (s.contact.law == ContactLaw::kRigid) lowest = std::min(lowest, sim.energy());
     }
     v.seconds = std::chrono::duration<double>(Clock::now() - start).count();
     v.hung = v.seconds > kPatience;
@@ -168,8 +171,9 @@ class RandomScene {
 inline bool energyCounts(const RandomScene& r) {
   return !r.driven && r.adaptive && r.scene.contact.law != ContactLaw::kViscous;
 }
-constexpr double kGain =
-    1e-5;  // of the energy in play: tolerances of 1e-8 of the size, many events
+// Of the energy in play. Error control bounds positions, not energy: millimetre pegs with stiff
+// couplings wobble by up to 1e-4 in contact between events, less with a smaller tolerance.
+constexpr double kGain = 1e-3;
 
 inline Verdict run(const RandomScene& r, double duration) {
   Verdict v = judge(r.scene, duration, r.driven);
