@@ -13,6 +13,9 @@ using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 constexpr int kPasses = 24;
 constexpr double kSlipTolerance = 1e-12;  // post-impact slip below this has no direction [m/s]
+constexpr int kTurns = 40, kStarts = 24;  // of the search for friction directions
+constexpr double kTurn = 1e-7;            // to measure how an error changes [rad]
+constexpr double kDirection = 1e-14, kSettled = 1e-9;  // aimed at; good enough [rad]
 // slower approaches do not bounce: ends the accumulation of ever smaller bounces [m/s]
 constexpr double kLeastBounce = 1e-3;
 constexpr int kBounces = 60;       // impulses of one impact of several points, one after the other
@@ -159,7 +162,8 @@ void Simulation::plasticImpact() {
     return v;
   };
 
-  for (int pass = 0; pass < kPasses; ++pass) {
+  // impulses for these kinds and friction directions; false: no point is left
+  const auto solve = [&] {
     std::array<Constraint, kSlots> constraints;
     std::array<std::size_t, kSlots> slot_of{};
     std::size_t n = 0, sticks = 0;
@@ -175,7 +179,7 @@ void Simulation::plasticImpact() {
       row.direction = row.normal + mu * friction[i];
       row.change = -touches_[i].velocity;
     }
-    if (n == 0) break;
+    if (n == 0) return false;
     solveConstraints(body, constraints.data(), static_cast<int>(n));
     for (std::size_t j = 0; j < n; ++j) {
       impulse[slot_of[j]] = constraints[j].force;
@@ -191,58 +195,130 @@ void Simulation::plasticImpact() {
       shareInternalForce(pair[0], pair[1]);
       for (const std::size_t i : pair) impulse[i] = touches_[i].force;
     }
+    return true;
+  };
 
-    // pulled, beyond the cone, slip direction wrong, or left out but approaching
+  // Friction opposes the slip after the impact: angles in the contact planes by Newton, from the
+  // present directions, from the slip before the impact, and for one point from all round.
+  std::array<std::size_t, kSlots> slipping{};
+  std::size_t slips = 0;
+  using Angles = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kSlots, 1>;
+  const auto turn = [&](std::size_t i, double angle) {
+    const Vec3& f = friction[i];
+    friction[i] = (std::cos(angle) * f + std::sin(angle) * point(i).normal.cross(f)).normalized();
+  };
+  const auto errors = [&] {
+    solve();
+    Angles e(static_cast<Eigen::Index>(slips));
+    for (std::size_t j = 0; j < slips; ++j) {
+      const Vec3& normal = point(slipping[j]).normal;
+      Vec3 slip = velocityAfter(slipping[j]);
+      slip -= normal * normal.dot(slip);
+      const Vec3& f = friction[slipping[j]];
+      e(static_cast<Eigen::Index>(j)) =
+          slip.norm() > kSlipTolerance ? std::atan2(-normal.dot(f.cross(slip)), -f.dot(slip)) : 0.0;
+    }
+    return e;
+  };
+  const auto converge = [&] {
+    Angles e = errors();
+    for (int step = 0; step < kTurns && e.cwiseAbs().maxCoeff() > kDirection; ++step) {
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kSlots> slope(e.size(),
+                                                                                     e.size());
+      const auto from = friction;
+      for (std::size_t j = 0; j < slips; ++j) {
+        turn(slipping[j], kTurn);
+        slope.col(static_cast<Eigen::Index>(j)) = (errors() - e) / kTurn;
+        friction = from;
+      }
+      const Angles full = -slope.partialPivLu().solve(e);
+      // shortened until the errors shrink
+      bool better = false;
+      for (double part = std::min(1.0, 1.0 / full.cwiseAbs().maxCoeff()); part > 1e-3; part /= 2) {
+        for (std::size_t j = 0; j < slips; ++j) {
+          turn(slipping[j], part * full(static_cast<Eigen::Index>(j)));
+        }
+        const Angles next = errors();
+        if (next.norm() < e.norm()) {
+          e = next;
+          better = true;
+          break;
+        }
+        friction = from;
+      }
+      if (!better) break;
+    }
+    return e.cwiseAbs().maxCoeff();
+  };
+  const auto settleDirections = [&] {
+    const auto start = friction;
+    auto best = friction;
+    double least = converge();
+    const auto attempt = [&] {
+      const double error = converge();
+      if (error < least) {
+        least = error;
+        best = friction;
+      }
+    };
+    best = friction;
+    if (least > kSettled) {
+      for (std::size_t j = 0; j < slips; ++j) {
+        const Vec3& before = touches_[slipping[j]].tangential;
+        if (before.norm() > kSlipTolerance) friction[slipping[j]] = -before.normalized();
+      }
+      attempt();
+    }
+    for (int k = 1; least > kSettled && slips == 1 && k < kStarts; ++k) {
+      friction = start;
+      turn(slipping[0], k * 6.283185307179586 / kStarts);
+      attempt();
+    }
+    friction = best;
+    solve();
+  };
+
+  for (int pass = 0; pass < kPasses; ++pass) {
+    slips = 0;
+    for (std::size_t i = 0; i < kSlots; ++i) {
+      if (kind[i] == Kind::kSlip) slipping[slips++] = i;
+    }
+    if (!solve()) break;
+    if (slips > 0 && mu > 0.0) settleDirections();
+
+    // pulled, beyond the cone, or left out but approaching
     std::size_t worst = kSlots;
-    Kind change = Kind::kNone;
     double total = 0.0;
     for (std::size_t i = 0; i < kSlots; ++i) total += impulse[i].norm();
     double excess = 1e-12 * total;
+    std::size_t offender = kSlots;  // beyond the cone
     for (std::size_t i = 0; i < kSlots; ++i) {
       if (kind[i] == Kind::kNone) continue;
       const double N = point(i).normal.dot(impulse[i]);
       if (N < -excess) {
         excess = -N;
         worst = i;
-        change = Kind::kNone;
       }
     }
-    bool turned = false;
-    if (worst == kSlots) {
-      for (std::size_t i = 0; i < kSlots; ++i) {
-        if (kind[i] == Kind::kNone) continue;
-        const Vec3& normal = point(i).normal;
-        if (kind[i] == Kind::kStick) {
-          const double N = normal.dot(impulse[i]);
-          const Vec3 tangential = impulse[i] - N * normal;
-          const double size = tangential.norm();
-          if (size - mu * N > std::max(excess, 1e-12 * size)) {
-            excess = size - mu * N;
-            worst = i;
-            change = Kind::kSlip;
-            friction[i] = tangential / size;
-          }
-        } else {
-          Vec3 slip = velocityAfter(i);
-          slip -= normal * normal.dot(slip);
-          const double speed = slip.norm();
-          if (speed > kSlipTolerance) {
-            const Vec3 opposed = slip / -speed;
-            if ((opposed - friction[i]).norm() > 1e-9) {
-              // half way, so that a direction that swings settles
-              const Vec3 half = opposed + friction[i];
-              friction[i] = half.norm() > 0.1 ? Vec3(half.normalized()) : opposed;
-              turned = true;
-            }
-          }
-        }
+    for (std::size_t i = 0; worst == kSlots && i < kSlots; ++i) {
+      if (kind[i] != Kind::kStick) continue;
+      const double N = point(i).normal.dot(impulse[i]);
+      const Vec3 tangential = impulse[i] - N * point(i).normal;
+      const double size = tangential.norm();
+      if (size - mu * N > std::max(excess, 1e-12 * size)) {
+        excess = size - mu * N;
+        offender = i;
+        friction[i] = tangential / size;
       }
     }
-    if (worst < kSlots) {
-      kind[worst] = change;
+    if (offender < kSlots) {
+      kind[offender] = Kind::kSlip;
       continue;
     }
-    if (turned) continue;
+    if (worst < kSlots) {
+      kind[worst] = Kind::kNone;
+      continue;
+    }
     bool rejoined = false;
     for (std::size_t i = 0; i < kSlots && pass < kPasses / 2; ++i) {
       if (kind[i] != Kind::kNone || !(closed_ >> i & 1u) || !valid(i)) continue;
