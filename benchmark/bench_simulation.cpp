@@ -12,6 +12,7 @@
 
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/sensor/simulated_cell.h"
+#include "marker.h"
 
 namespace assembly_cell {
 namespace {
@@ -145,12 +146,16 @@ void rightHandSides() {
                              {"1 edge-edge, viscous, regularised", oneEdge()},
                              {"2 edge-edge, viscous, stationary rows", twoEdges()},
                              {"2 edge-edge, viscous, regularised", twoEdges()},
-                             {"2 edge-edge, spring_dashpot", twoEdges()}};
+                             {"2 edge-edge, spring_dashpot", twoEdges()},
+                             {"1 edge-plane, rigid", oneOnThePlane()},
+                             {"1 edge-edge, rigid", oneEdge()},
+                             {"2 edge-edge, rigid", twoEdges()}};
   for (Case& c : cases) {
     const std::string name = c.name;
     const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
     if (has("none")) c.scene.contact.law = ContactLaw::kNone;
     if (has("regularised")) c.scene.contact.stationary_rows = false;
+    if (has("rigid")) c.scene.contact.law = ContactLaw::kRigid;
     if (has("spring")) {
       c.scene.contact.law = ContactLaw::kSpringDashpot;
       c.scene.contact.stiffness = 1e5;
@@ -159,6 +164,40 @@ void rightHandSides() {
     c.scene.exciter.amplitude = 0.1;
     const Run run = measure(c.scene, duration, settle);
     printRun(c.name, run, error(run, referenceOf(c.scene, duration, settle)), duration);
+  }
+}
+
+// Chapter 8 of the thesis, two points, high stiffness, 0.15 s with the rigid law at 1e-7 m
+void vibratedRuns() {
+  header("Rigid law, 0.15 s, two points, high stiffness, tolerance 1e-7 m, events included");
+  struct Case {
+    const char* name;
+    double force, rest, across, about;
+  };
+  for (const Case& c : {Case{"0.3 N, medium damping", 0.3, 0.0, 28, 0.015},
+                        Case{"10 N, high damping, x1e = 60 mm", 10, 0.06, 280, 0.15}}) {
+    Scenario s = load(
+        "sliding",
+        {"friction.static=0.35", "friction.sliding=0.35", "push=[0, 0, 0]", "carrier.mass=0.396",
+         "carrier.inertia=1.0e-3", "coupling.stiffness.diagonal=[100, 5.0e4, 5.0e4, 50, 50, 50]",
+         "coupling.stiffness.k26=158", "coupling.stiffness.k35=-158", "exciter.frequency=1000",
+         "exciter.phase=-1.5707963267948966", "solver.max_step=0.002", "solver.tolerance=1e-7"});
+    s.coupling.damping.diagonal << 0, c.across, c.across, c.about, c.about, c.about;
+    s.rest.z = c.rest;
+    s.exciter.amplitude = c.force;
+    double best = 1e300;
+    RunCounts counts;
+    for (int i = 0; i < 5 * kRepeats; ++i) {
+      const auto start = std::chrono::steady_clock::now();
+      Simulation sim(s);
+      sim.advance(0.15);
+      const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+      best = std::min(best, elapsed.count());
+      counts = sim.counts();
+    }
+    std::printf("%-42s %8.3f ms, %lld rhs, %lld events, %lld impacts\n", c.name, 1e3 * best,
+                static_cast<long long>(counts.evaluations), static_cast<long long>(counts.events),
+                static_cast<long long>(counts.impacts));
   }
 }
 
@@ -261,7 +300,10 @@ int run() {
       "times: fastest of %d runs on this machine; error: largest difference of the peg's "
       "position from a run with tolerance 1e-13\n",
       kRepeats);
+  std::printf("marker (frozen loop, benchmark/marker.h): %.1f ns\n", markerTime());
   rightHandSides();
+  std::printf("marker: %.1f ns\n", markerTime());
+  vibratedRuns();
   skips();
   realTime();
   Scenario free = farAbove();

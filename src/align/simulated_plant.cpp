@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/locus/contact_model.h"
 
 namespace assembly_cell {
@@ -13,7 +14,12 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const CellParameters& p
       calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
       calibration_b_(
           designCalibration(bridgeB(parameters.bits, parameters.noise), scenario.coupling)),
-      exciter_(scenario.exciter) {}
+      exciter_(scenario.exciter) {
+  const Bridge bridge = bridgeA(parameters.bits, parameters.noise);
+  const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);
+  rounding_a_ = roundingCovariance(calibration_a_.volts_to_wrench, step);
+  rounding_b_ = roundingCovariance(calibration_b_.volts_to_wrench, step);
+}
 
 PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   Simulation& simulation = cell_.simulation();
@@ -36,26 +42,31 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
 
   PlantBlock out;
   const std::size_t n = block_.saturated_a.size();
+  out.samples = static_cast<int>(n);
+  const BlockMoments volts_a = momentsOf(block_.volts_a.data(), n);
+  const BlockMoments volts_b = momentsOf(block_.volts_b.data(), n);
+  out.wrench_a = wrenchFromVolts(calibration_a_, volts_a.mean);
+  out.wrench_b = wrenchFromVolts(calibration_b_, volts_b.mean);
+  out.displacement_b = displacementFromVolts(calibration_b_, volts_b.mean);
+  const Matrix6& S_a = calibration_a_.volts_to_wrench;
+  const Matrix6& S_b = calibration_b_.volts_to_wrench;
+  out.covariance_a = S_a * volts_a.covariance * S_a.transpose();
+  out.covariance_b = S_b * volts_b.covariance * S_b.transpose();
+  out.rounding_a = rounding_a_;
+  out.rounding_b = rounding_b_;
   for (std::size_t i = 0; i < n; ++i) {
-    const Vector6 a = Vector6::Map(block_.volts_a.data() + 6 * i);
-    const Vector6 b = Vector6::Map(block_.volts_b.data() + 6 * i);
-    const Vector6 displacement = displacementFromVolts(calibration_b_, b);
-    out.wrench_a += wrenchFromVolts(calibration_a_, a);
-    out.wrench_b += wrenchFromVolts(calibration_b_, b);
-    out.displacement_b += displacement;
     out.saturated = out.saturated || block_.saturated_a[i] || block_.saturated_b[i];
     if (request_) {
       const double t = block_.time + static_cast<double>(i) * block_.period;
       if (t >= request_->start && t < request_->start + request_->duration) {
+        const Vector6 volts = Vector6::Map(block_.volts_b.data() + 6 * i);
+        const Vector6 displacement = displacementFromVolts(calibration_b_, volts);
         angles_.push_back(exciter_.direction *
                           (exciter_.frequency * (t - exciter_reference_) + exciter_.phase));
         displacements_.insert(displacements_.end(), displacement.data(), displacement.data() + 6);
       }
     }
   }
-  out.wrench_a /= static_cast<double>(n);
-  out.wrench_b /= static_cast<double>(n);
-  out.displacement_b /= static_cast<double>(n);
   out.time = simulation.time();
   const Vector9& q = simulation.state().q;
   out.carrier = simulation.rest();

@@ -1,32 +1,42 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Small dense algebra of the contact points, shared by the files of this folder.
+// Closed-form algebra of the contact points of one rigid body, shared by the files of this folder.
+// The same equations give forces from accelerations, impulses from velocities and corrections from
+// gaps.
 #pragma once
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 
 #include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell {
 
-/// Matrices and vectors of at most N rows without heap.
-template <int N>
-using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, N, N>;
-template <int N>
-using SmallVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, N, 1>;
+/// How the peg answers a force at a point: linear and angular acceleration.
+struct Body {
+  double mass = 1.0, inertia_transverse = 1.0, inertia_axial = 1.0;
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
+  Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Identity();
+  bool symmetric = true;  ///< inverse_inertia is the inverse of the inertia, not a thesis switch's
+};
 
-/// Relative diagonal shift that makes redundant rows solvable (near least norm).
-constexpr double kShift = 1e-11;
+/// One point of the body whose change is asked for, and the force that makes it.
+struct Constraint {
+  bool stick = false;         ///< three components are asked for, else the one along the normal
+  Eigen::Vector3d r;          ///< lever from the centre of mass
+  Eigen::Vector3d normal;     ///< slip: row
+  Eigen::Vector3d direction;  ///< slip: of the force, scaled to 1 along the normal
+  Eigen::Vector3d change;     ///< asked for; slip: only its part along the normal
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< result
+};
 
-/// Change of the acceleration (velocity) of peg point r by a unit force (impulse) at peg point s,
-/// levers from the centre of mass: 1/m − [r] I^-1 [s]. a: peg axis.
-inline Eigen::Matrix3d influence(const PegParameters& peg, const Eigen::Vector3d& a,
-                                 const Eigen::Vector3d& r, const Eigen::Vector3d& s) {
-  const double it = 1.0 / peg.inertia_transverse, ia = 1.0 / peg.inertia_axial - it;
-  const Eigen::Vector3d ra = r.cross(a), sa = s.cross(a);
-  // −[r](it 1 + ia a aᵀ)[s] = −it [r][s] + ia (r×a)(s×a)ᵀ, and [r][s] = s rᵀ − (r·s) 1
-  return (1.0 / peg.mass + it * r.dot(s)) * Eigen::Matrix3d::Identity() - it * s * r.transpose() +
-         ia * ra * sa.transpose();
+/// Forces that make the changes asked for. Redundant rows (two sticking points never change their
+/// distance, points that coincide) get the least-norm solution. A slipping point beyond Painlevé's
+/// bound, where friction would pull the contact shut by itself, is solved without its friction.
+void solveConstraints(const Body& body, Constraint* constraints, int n);
+
+/// Change of the acceleration (velocity) of point r by a force (impulse) at point s.
+inline Eigen::Vector3d response(const Body& body, const Eigen::Vector3d& r,
+                                const Eigen::Vector3d& s, const Eigen::Vector3d& force) {
+  return force / body.mass + (body.inverse_inertia * s.cross(force)).cross(r);
 }
 
 }  // namespace assembly_cell

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/dynamics/model.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -155,7 +156,11 @@ FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state
   const Vector9& v = state.v;
   const Deflection deflection = couplingDeflection(s, k, state, rest);
   m.deflection = deflection.d;
-  const Vector6 FK = multiply(s.coupling.stiffness, deflection.d);
+  Vector6 FK = multiply(s.coupling.stiffness, deflection.d);
+  if (s.thesis.cross_stiffness) {
+    FK += multiply({Vector6::Zero(), s.coupling.stiffness.k26, s.coupling.stiffness.k35},
+                   deflection.d);
+  }
   const Vector6 FC = multiply(s.coupling.damping, deflection.rate);
   m.FK = FK.head<3>();
   m.FKm = FK.tail<3>();
@@ -175,6 +180,11 @@ FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state
   const double d2 = s.peg.coupling_height;
   const Eigen::Vector3d moment = k.a.cross(s.peg.exciter_height * F - d2 * T) - m.FCm;
   Eigen::Vector3d Q = k.Re.transpose() * moment;
+  if (s.thesis.moments) {
+    // of the exciter and the push: by the inverse instead of the transpose
+    const Eigen::Vector3d drive_moment = s.peg.exciter_height * k.a.cross(F);
+    Q += k.Re.inverse() * drive_moment - k.Re.transpose() * drive_moment;
+  }
   Q(0) -= m.FKm(2);
   Q(1) -= m.FKm(1);
   Q(2) -= m.FKm(0);

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // What the rigid law adds: impacts, and the projection of closed contacts.
 #include <algorithm>
+#include <cmath>
 
 #include "assembly_cell/dynamics/simulation.h"
 #include "contact_algebra.h"
@@ -8,91 +9,199 @@
 namespace assembly_cell {
 namespace {
 
+using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 constexpr int kPasses = 24;
 constexpr double kSlipTolerance = 1e-12;  // post-impact slip below this has no direction [m/s]
+// slower approaches do not bounce: ends the accumulation of ever smaller bounces [m/s]
+constexpr double kLeastBounce = 1e-3;
+constexpr int kBounces = 60;       // impulses of one impact of several points, one after the other
+constexpr int kImpulseSteps = 64;  // steps along the impulse of each phase
 
 }  // namespace
 
 // impulses at points of the peg change its velocities
-void Simulation::applyImpulse(const Kinematics& k, const Vec3& impulse, const Vec3& moment) {
-  Vector9 generalised = Vector9::Zero();
-  generalised.head<3>() = impulse;
-  generalised.segment<3>(3) = k.Re.transpose() * moment;
-  state_.v += solveMass(scenario_, k, generalised);
+void Simulation::applyImpulse(const Vec3& impulse, const Vec3& moment) {
+  state_.v += accelerationBy(impulse, moment);
+  evaluateFree(time_, state_);
+  locateAll();
 }
 
-// Plastic impact over all closed points: no point approaches afterwards, impulses only push,
-// Coulomb's law with the sliding coefficient on the slip after the impact. Points are tried as
-// sticking first; the worst offender changes until none is left. Dynamics specification section 4C.
+// At least one closed point approaches. Points that bounce do so one after the other, the fastest
+// first; what still approaches then, or too slowly to bounce, is stopped by one plastic impact of
+// all closed points.
 void Simulation::impact() {
-  const Kinematics k = kinematics(state_);
-  locate(k, slots_);
+  if (scenario_.contact.restitution > 0.0) restitutionImpacts();
+  plasticImpact();
+  // who leaves is apart at once
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    if ((closed_ >> i & 1u) && valid(i) && touches_[i].gap_rate > 1e-9) setMode(i, Mode::kApart);
+  }
+}
+
+void Simulation::restitutionImpacts() {
+  for (int n = 0; n < kBounces; ++n) {
+    std::size_t fastest = kSlots;
+    double approach = -kLeastBounce;
+    for (std::size_t i = 0; i < kSlots; ++i) {
+      if (!(closed_ >> i & 1u) || !valid(i) || touches_[i].gap_rate >= approach) continue;
+      approach = touches_[i].gap_rate;
+      fastest = i;
+    }
+    if (fastest == kSlots) return;
+    const Vec3 impulse = restitutionImpulse(fastest);
+    applyImpulse(impulse, touches_[fastest].r.cross(impulse));
+  }
+}
+
+// One point's impact with Stronge's energetic coefficient e: the normal force gives back e² of the
+// work it took in compression. Slip is followed along the impulse, v' = W (n − mu v_t/|v_t|), with
+// stick where friction can hold; then the total is shortened until the energy doesn't grow.
+Vec3 Simulation::restitutionImpulse(std::size_t i) const {
+  const Touch& touch = touches_[i];
+  const Vec3& n = point(i).normal;
+  const Body body = this->body();
+  Mat3 W;
+  for (int axis = 0; axis < 3; ++axis) {
+    W.col(axis) = response(body, touch.r, touch.r, Vec3::Unit(axis));
+  }
+  const double mu = scenario_.friction.sliding_coefficient;
+  const double mu_static = scenario_.friction.static_coefficient;
+  const double e = scenario_.contact.restitution;
+  // impulse a unit of normal impulse that keeps the point from slipping
+  const Vec3 t1 = n.unitOrthogonal(), t2 = n.cross(t1);
+  Eigen::Matrix2d Wt;
+  Wt << t1.dot(W * t1), t1.dot(W * t2), t2.dot(W * t1), t2.dot(W * t2);
+  const Eigen::Vector2d hold = -Wt.inverse() * Eigen::Vector2d(t1.dot(W * n), t2.dot(W * n));
+  const bool holds = hold.norm() <= mu_static;
+  const Vec3 stick = n + hold(0) * t1 + hold(1) * t2;
+
+  Vec3 v = touch.velocity, impulse = Vec3::Zero();
+  bool stuck = false;
+  const auto direction = [&](const Vec3& velocity) -> Vec3 {
+    if (stuck) return stick;
+    const Vec3 slip = velocity - n * n.dot(velocity);
+    const double speed = slip.norm();
+    return speed > 0.0 ? Vec3(n - mu / speed * slip) : stick;
+  };
+  // one step of normal impulse p by the midpoint rule; slip that would reverse within it stops
+  const auto step = [&](double p) {
+    const Vec3 middle = v + 0.5 * p * (W * direction(v));
+    Vec3 d = direction(middle);
+    const Vec3 slip = v - n * n.dot(v);
+    Vec3 next = v + p * (W * d);
+    if (!stuck && holds && slip.dot(next) <= 0.0) {
+      stuck = true;
+      // the impulse that stops the slip, as far as friction gives it, then the rest held
+      const Eigen::Vector2d stop = -Wt.inverse() * (Eigen::Vector2d(t1.dot(slip), t2.dot(slip)));
+      const Vec3 tangential = stop(0) * t1 + stop(1) * t2;
+      d = stick + tangential / p;
+      next = v + p * (W * d);
+    }
+    impulse += p * d;
+    v = next;
+  };
+  // compression until the point approaches no more
+  double work = 0.0;
+  for (int k = 0; k < 100 * kImpulseSteps && n.dot(v) < 0.0; ++k) {
+    const double gain = n.dot(W * direction(v));
+    const double left = gain > 0.0 ? -n.dot(v) / gain : -n.dot(v) / n.dot(W * n);
+    const double p = std::min(left, -touch.gap_rate / n.dot(W * n) / kImpulseSteps);
+    const double before = n.dot(v);
+    step(p);
+    work += 0.5 * (before + n.dot(v)) * p;
+    if (n.dot(v) > -1e-12 * std::abs(touch.gap_rate)) break;
+  }
+  // restitution until e² of it is back
+  const Vec3 compressed = impulse;
+  double left = -e * e * work;
+  for (int k = 0; k < 100 * kImpulseSteps && left > 0.0; ++k) {
+    const double now = std::max(0.0, n.dot(v)), gain = n.dot(W * direction(v));
+    if (!(gain > 0.0)) break;
+    const double rest = (-now + std::sqrt(now * now + 2.0 * gain * left)) / gain;
+    const double p = std::min(rest, -touch.gap_rate / n.dot(W * n) / kImpulseSteps);
+    step(p);
+    const double given = 0.5 * (now + n.dot(v)) * p;
+    left = p == rest ? 0.0 : left - given;
+  }
+  // kinetic energy changes by P · (v + v+)/2; rounding and step errors may not make it grow
+  const auto energy = [&](const Vec3& P) { return P.dot(touch.velocity + 0.5 * (W * P)); };
+  if (energy(impulse) > 0.0) {
+    double low = 0.0, high = 1.0;
+    for (int k = 0; k < 60; ++k) {
+      const double middle = 0.5 * (low + high);
+      (energy(compressed + middle * (impulse - compressed)) > 0.0 ? high : low) = middle;
+    }
+    impulse = compressed + low * (impulse - compressed);
+  }
+  return impulse;
+}
+
+// No point approaches afterwards, impulses only push, Coulomb's law with the sliding coefficient on
+// the slip after the impact. Points are tried as sticking first; the worst offender changes until
+// none is left. Dynamics specification section 4C.
+void Simulation::plasticImpact() {
+  const Body body = this->body();
   enum class Kind { kNone, kStick, kSlip };
   std::array<Kind, kSlots> kind{};
   std::array<Vec3, kSlots> friction{}, impulse{};
   for (std::size_t i = 0; i < kSlots; ++i) {
-    const Slot& s = slots_[i];
-    kind[i] = s.mode != Mode::kApart && s.point.valid ? Kind::kStick : Kind::kNone;
+    kind[i] = (closed_ >> i & 1u) && valid(i) ? Kind::kStick : Kind::kNone;
     friction[i].setZero();
+    impulse[i].setZero();
   }
   const double mu = scenario_.friction.sliding_coefficient;
   const auto velocityAfter = [&](std::size_t i) {
-    Vec3 v = slots_[i].velocity;
+    Vec3 v = touches_[i].velocity;
     for (std::size_t j = 0; j < kSlots; ++j) {
-      if (kind[j] != Kind::kNone) {
-        v += influence(scenario_.peg, k.a, slots_[i].r, slots_[j].r) * impulse[j];
-      }
+      if (kind[j] != Kind::kNone) v += response(body, touches_[i].r, touches_[j].r, impulse[j]);
     }
     return v;
   };
 
   for (int pass = 0; pass < kPasses; ++pass) {
-    // one unknown for a slipping point, three for a sticking one
-    struct Column {
-      std::size_t slot;
-      Vec3 row, direction;
-    };
-    std::array<Column, 3 * kSlots> columns;
-    int n = 0;
+    std::array<Constraint, kSlots> constraints;
+    std::array<std::size_t, kSlots> slot_of{};
+    std::size_t n = 0, sticks = 0;
     for (std::size_t i = 0; i < kSlots; ++i) {
       impulse[i].setZero();
-      if (kind[i] == Kind::kSlip) {
-        const Vec3& normal = slots_[i].point.normal;
-        columns[static_cast<std::size_t>(n++)] = {i, normal, normal + mu * friction[i]};
-      } else if (kind[i] == Kind::kStick) {
-        for (int axis = 0; axis < 3; ++axis) {
-          columns[static_cast<std::size_t>(n++)] = {i, Vec3::Unit(axis), Vec3::Unit(axis)};
-        }
-      }
+      if (kind[i] == Kind::kNone) continue;
+      Constraint& row = constraints[n];
+      slot_of[n++] = i;
+      row.stick = kind[i] == Kind::kStick;
+      sticks += row.stick ? 1 : 0;
+      row.r = touches_[i].r;
+      row.normal = point(i).normal;
+      row.direction = row.normal + mu * friction[i];
+      row.change = -touches_[i].velocity;
     }
     if (n == 0) break;
-    Small<3 * kSlots> A(n, n);
-    SmallVector<3 * kSlots> b(n);
-    for (int i = 0; i < n; ++i) {
-      const Column& ci = columns[static_cast<std::size_t>(i)];
-      b(i) = -ci.row.dot(slots_[ci.slot].velocity);
-      for (int j = 0; j < n; ++j) {
-        const Column& cj = columns[static_cast<std::size_t>(j)];
-        A(i, j) = ci.row.dot(influence(scenario_.peg, k.a, slots_[ci.slot].r, slots_[cj.slot].r) *
-                             cj.direction);
-      }
+    solveConstraints(body, constraints.data(), static_cast<int>(n));
+    for (std::size_t j = 0; j < n; ++j) {
+      impulse[slot_of[j]] = constraints[j].force;
+      touches_[slot_of[j]].force = constraints[j].force;
+      touches_[slot_of[j]].normal_force = constraints[j].normal.dot(constraints[j].force);
     }
-    A.diagonal() *= 1.0 + kShift;
-    const SmallVector<3 * kSlots> x = A.partialPivLu().solve(b);
-    for (int i = 0; i < n; ++i) {
-      const Column& c = columns[static_cast<std::size_t>(i)];
-      impulse[c.slot] += x(i) * c.direction;
+    if (sticks == 2) {
+      std::array<std::size_t, 2> pair{};
+      std::size_t found = 0;
+      for (std::size_t j = 0; j < n; ++j) {
+        if (constraints[j].stick) pair[found++] = slot_of[j];
+      }
+      shareInternalForce(pair[0], pair[1]);
+      for (const std::size_t i : pair) impulse[i] = touches_[i].force;
     }
 
     // pulled, beyond the cone, slip direction wrong, or left out but approaching
     std::size_t worst = kSlots;
     Kind change = Kind::kNone;
-    double excess = 0.0;
+    double total = 0.0;
+    for (std::size_t i = 0; i < kSlots; ++i) total += impulse[i].norm();
+    double excess = 1e-12 * total;
     for (std::size_t i = 0; i < kSlots; ++i) {
       if (kind[i] == Kind::kNone) continue;
-      const double N = slots_[i].point.normal.dot(impulse[i]);
-      if (N < -std::max(excess, 1e-15)) {
+      const double N = point(i).normal.dot(impulse[i]);
+      if (N < -excess) {
         excess = -N;
         worst = i;
         change = Kind::kNone;
@@ -101,26 +210,28 @@ void Simulation::impact() {
     bool turned = false;
     if (worst == kSlots) {
       for (std::size_t i = 0; i < kSlots; ++i) {
-        const Vec3& normal = slots_[i].point.normal;
+        if (kind[i] == Kind::kNone) continue;
+        const Vec3& normal = point(i).normal;
         if (kind[i] == Kind::kStick) {
           const double N = normal.dot(impulse[i]);
           const Vec3 tangential = impulse[i] - N * normal;
-          if (tangential.norm() - mu * N > std::max(excess, 1e-12 * tangential.norm())) {
-            excess = tangential.norm() - mu * N;
+          const double size = tangential.norm();
+          if (size - mu * N > std::max(excess, 1e-12 * size)) {
+            excess = size - mu * N;
             worst = i;
             change = Kind::kSlip;
-            friction[i] = tangential.normalized();
+            friction[i] = tangential / size;
           }
-        } else if (kind[i] == Kind::kSlip) {
+        } else {
           Vec3 slip = velocityAfter(i);
           slip -= normal * normal.dot(slip);
-          if (slip.norm() > kSlipTolerance) {
-            const Vec3 opposed = -slip.normalized();
+          const double speed = slip.norm();
+          if (speed > kSlipTolerance) {
+            const Vec3 opposed = slip / -speed;
             if ((opposed - friction[i]).norm() > 1e-9) {
               // half way, so that a direction that swings settles
-              friction[i] = (opposed + friction[i]).norm() > 0.1
-                                ? Vec3((opposed + friction[i]).normalized())
-                                : opposed;
+              const Vec3 half = opposed + friction[i];
+              friction[i] = half.norm() > 0.1 ? Vec3(half.normalized()) : opposed;
               turned = true;
             }
           }
@@ -134,9 +245,8 @@ void Simulation::impact() {
     if (turned) continue;
     bool rejoined = false;
     for (std::size_t i = 0; i < kSlots && pass < kPasses / 2; ++i) {
-      const Slot& s = slots_[i];
-      if (kind[i] != Kind::kNone || s.mode == Mode::kApart || !s.point.valid) continue;
-      if (s.point.normal.dot(velocityAfter(i)) < -1e-12) {
+      if (kind[i] != Kind::kNone || !(closed_ >> i & 1u) || !valid(i)) continue;
+      if (point(i).normal.dot(velocityAfter(i)) < -1e-12) {
         kind[i] = Kind::kStick;
         rejoined = true;
       }
@@ -148,73 +258,42 @@ void Simulation::impact() {
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (kind[i] == Kind::kNone) continue;
     total += impulse[i];
-    moment += slots_[i].r.cross(impulse[i]);
+    moment += touches_[i].r.cross(impulse[i]);
   }
-  applyImpulse(k, total, moment);
-  // who leaves is apart at once
-  locate(kinematics(state_), slots_);
-  for (Slot& s : slots_) {
-    if (s.mode != Mode::kApart && s.point.valid && s.gap_rate > 1e-9) s.mode = Mode::kApart;
-  }
+  applyImpulse(total, moment);
 }
 
 // Closed contacts stay closed: gaps, gap rates and the slip of resting points are put to zero by
-// the smallest correction in the metric of the kinetic energy.
+// the smallest correction in the metric of the kinetic energy. Frictionless rows throughout.
 void Simulation::project() {
-  const Kinematics k = kinematics(state_);
-  struct Row {
-    const Slot* slot;
-    Vec3 direction;
-    double velocity;
-  };
-  std::array<Row, 3 * kSlots> rows;
-  int n = 0, normals = 0;
-  const auto closed = [](const Slot& s) {
-    return (s.mode == Mode::kSlip || s.mode == Mode::kStick) && s.point.valid;
-  };
-  for (const Slot& s : slots_) {
-    if (closed(s)) rows[static_cast<std::size_t>(n++)] = {&s, s.point.normal, s.gap_rate};
+  std::array<Constraint, kSlots> velocity, position;
+  std::size_t n = 0;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    if (slots_[i].mode == Mode::kIdle || !valid(i)) continue;
+    Constraint& row = velocity[n];
+    row.stick = slots_[i].mode == Mode::kStick;
+    row.r = touches_[i].r;
+    row.normal = row.direction = point(i).normal;
+    row.change = -(row.stick ? touches_[i].velocity : Vec3(touches_[i].gap_rate * row.normal));
+    position[n] = row;
+    position[n].stick = false;
+    position[n].change = -point(i).gap * row.normal;
+    ++n;
   }
-  normals = n;
-  if (normals == 0) return;
-  for (const Slot& s : slots_) {
-    if (!closed(s) || s.mode != Mode::kStick) continue;
-    const Vec3 one = s.point.normal.unitOrthogonal(), two = s.point.normal.cross(one);
-    rows[static_cast<std::size_t>(n++)] = {&s, one, one.dot(s.velocity)};
-    rows[static_cast<std::size_t>(n++)] = {&s, two, two.dot(s.velocity)};
+  if (n == 0) return;
+  Body body = this->body();
+  solveConstraints(body, velocity.data(), static_cast<int>(n));
+  solveConstraints(body, position.data(), static_cast<int>(n));
+  Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero(), lift = Vec3::Zero(), turn = Vec3::Zero();
+  for (std::size_t j = 0; j < n; ++j) {
+    impulse += velocity[j].force;
+    moment += velocity[j].r.cross(velocity[j].force);
+    lift += position[j].force;
+    turn += position[j].r.cross(position[j].force);
   }
-  Small<3 * kSlots> A(n, n);
-  SmallVector<3 * kSlots> b(n);
-  for (int i = 0; i < n; ++i) {
-    const Row& ri = rows[static_cast<std::size_t>(i)];
-    b(i) = -ri.velocity;
-    for (int j = 0; j < n; ++j) {
-      const Row& rj = rows[static_cast<std::size_t>(j)];
-      A(i, j) =
-          ri.direction.dot(influence(scenario_.peg, k.a, ri.slot->r, rj.slot->r) * rj.direction);
-    }
-  }
-  A.diagonal() *= 1.0 + kShift;
-
-  // positions by the normal rows alone
-  const Small<3 * kSlots> An = A.topLeftCorner(normals, normals);
-  SmallVector<3 * kSlots> gaps(normals);
-  for (int i = 0; i < normals; ++i) gaps(i) = -rows[static_cast<std::size_t>(i)].slot->point.gap;
-  const SmallVector<3 * kSlots> lift = An.partialPivLu().solve(gaps);
-  const SmallVector<3 * kSlots> push = A.partialPivLu().solve(b);
-
-  Vector9 shift = Vector9::Zero();
-  Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();
-  for (int i = 0; i < n; ++i) {
-    const Row& r = rows[static_cast<std::size_t>(i)];
-    impulse += push(i) * r.direction;
-    moment += push(i) * r.slot->r.cross(r.direction);
-    if (i >= normals) continue;
-    shift.head<3>() += lift(i) * r.direction;
-    shift.segment<3>(3) += lift(i) * (k.Re.transpose() * r.slot->r.cross(r.direction));
-  }
-  applyImpulse(k, impulse, moment);
-  state_.q += solveMass(scenario_, k, shift);
+  state_.v += accelerationBy(impulse, moment);
+  state_.q += accelerationBy(lift, turn);
 }
 
 }  // namespace assembly_cell

@@ -16,12 +16,18 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr std::size_t kMinSamples = 8;
-constexpr int kColumns = 4;  // cos, sin, 1, drift
+constexpr int kLocusColumns = 4;  // cos, sin, 1, drift
+constexpr int kMostHarmonics = 4;
+constexpr int kMostColumns = 2 + 2 * kMostHarmonics;  // cos, sin, 1, drift, then each harmonic
 constexpr double kTwoPi = 6.283185307179586;
+constexpr double kHuber = 1.7;              // 1.7 % of efficiency on clean data
+constexpr double kRayleighMedian = 1.1774;  // of a planar residual, in units of one axis's noise
+constexpr int kReweightings = 50;
 
-using Design = Eigen::Matrix<double, kColumns, 1>;
-using Normal = Eigen::Matrix<double, kColumns, kColumns>;
-using Coefficients = Eigen::Matrix<double, kColumns, 6>;
+using Design = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostColumns, 1>;
+using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostColumns, kMostColumns>;
+using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMostColumns, 6>;
+using Signals = Eigen::Map<const Vector6>;
 
 // names the first value that isn't finite
 [[noreturn]] void throwNonFinite(const std::vector<double>& angle,
@@ -57,72 +63,144 @@ double tailOfF(double f, double k, double nu, double lambda) {
 
 }  // namespace
 
-HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
-                        bool drift) {
+namespace {
+
+// the columns of a fit
+class Columns {
+ public:
+  Columns(double first, double last, const HarmonicOptions& options)
+      : middle_(0.5 * (first + last)), span_(last - first), options_(options) {}
+  int count() const { return 2 * options_.harmonics + (options_.drift ? 2 : 1); }
+  void row(double angle, Design& a) const {
+    a.resize(count());
+    int i = 0;
+    const double c = std::cos(angle), s = std::sin(angle);
+    a[i++] = c;
+    a[i++] = s;
+    a[i++] = 1.0;
+    if (options_.drift) a[i++] = (angle - middle_) * 2.0 / span_;  // -1 to 1
+    double ck = c, sk = s;
+    for (int k = 2; k <= options_.harmonics; ++k) {
+      const double next = ck * c - sk * s;
+      sk = sk * c + ck * s;
+      ck = next;
+      a[i++] = ck;
+      a[i++] = sk;
+    }
+  }
+
+ private:
+  double middle_, span_;
+  HarmonicOptions options_;
+};
+
+void requireWindow(const std::vector<double>& angle, const std::vector<double>& signals,
+                   const HarmonicOptions& options) {
   const std::size_t n = angle.size();
+  if (options.harmonics < 1 || options.harmonics > kMostHarmonics) {
+    throw InputError("harmonics is " + std::to_string(options.harmonics) +
+                     ": give a number from 1 to " + std::to_string(kMostHarmonics));
+  }
   if (signals.size() != 6 * n) {
     throw InputError("signals have " + std::to_string(signals.size()) + " values for " +
                      std::to_string(n) + " samples: six a sample are needed");
   }
-  if (n < kMinSamples) {
+  const std::size_t needed = std::max(kMinSamples, static_cast<std::size_t>(4 * options.harmonics));
+  if (n < needed) {
     throw InputError("window has " + std::to_string(n) + " samples: at least " +
-                     std::to_string(kMinSamples) + " are needed");
+                     std::to_string(needed) + " are needed");
   }
   const double samples = static_cast<double>(n);
   const double span = angle.back() - angle.front();
   const double periods = std::abs(span) * samples / (samples - 1.0) / kTwoPi;
-  if (!std::isfinite(span)) {
-    throwNonFinite(angle, signals);
-  }
+  if (!std::isfinite(span)) throwNonFinite(angle, signals);
   if (periods < 1.0 - 1e-6) {
     throw InputError("window covers " + std::to_string(periods) +
                      " periods of the exciter: at least one is needed");
   }
-  if (samples <= 2.0 * periods) {
+  if (samples <= 2.0 * options.harmonics * periods) {
     throw InputError("window has " + std::to_string(samples / periods) +
-                     " samples a period of the exciter: more than two are needed");
+                     " samples a period of the exciter: more than " +
+                     (options.harmonics == 1 ? "two" : std::to_string(2 * options.harmonics)) +
+                     " are needed");
   }
+}
 
-  // drift runs from -1 to 1; without it the column is dropped by a unit pivot
-  const double middle = 0.5 * (angle.front() + angle.back());
-  const auto row = [&](std::size_t k) {
-    const double a = angle[k];
-    return Design(std::cos(a), std::sin(a), 1.0, drift ? (a - middle) * 2.0 / span : 0.0);
-  };
+// weights: of a robust fit on return; empty otherwise
+HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<double>& signals,
+                        const HarmonicOptions& options, std::vector<double>& weights) {
+  requireWindow(angle, signals, options);
+  const std::size_t n = angle.size();
+  const double samples = static_cast<double>(n);
+  const Columns columns(angle.front(), angle.back(), options);
+  const int q = columns.count();
 
   // normal equations relative to the first sample, so that a large offset costs no digits
-  const Vector6 origin = Eigen::Map<const Vector6>(signals.data());
-  Normal normal = Normal::Zero();
-  Coefficients moment = Coefficients::Zero();
-  for (std::size_t k = 0; k < n; ++k) {
-    const Design a = row(k);
-    normal += a * a.transpose();
-    moment += a * (Eigen::Map<const Vector6>(&signals[6 * k]) - origin).transpose();
-  }
-  if (!normal.allFinite() || !moment.allFinite()) {
-    throwNonFinite(angle, signals);
-  }
-  if (!drift) {
-    normal(3, 3) = samples;
-  }
-  const Normal inverse = normal.inverse();
+  const Vector6 origin = Signals(signals.data());
+  const auto signalsOf = [&](std::size_t k) -> Vector6 {
+    return Signals(&signals[6 * k]) - origin;
+  };
+  weights.clear();
+  const auto weightOf = [&](std::size_t k) { return weights.empty() ? 1.0 : weights[k]; };
+  Normal normal(q, q), inverse(q, q);
+  Coefficients moment(q, 6), fit(q, 6);
+  Design a;
+  const auto solve = [&] {
+    normal.setZero();
+    moment.setZero();
+    for (std::size_t k = 0; k < n; ++k) {
+      columns.row(angle[k], a);
+      const double w = weightOf(k);
+      normal.noalias() += w * a * a.transpose();
+      moment.noalias() += w * a * signalsOf(k).transpose();
+    }
+    if (!normal.allFinite() || !moment.allFinite()) throwNonFinite(angle, signals);
+    inverse = normal.ldlt().solve(Normal::Identity(q, q));
+    fit = inverse * moment;
+  };
+  solve();
   const double inflation = inverse.topLeftCorner<2, 2>().trace() * samples / 4.0;
   if (!(inflation > 0.0 && inflation < 1e6)) {
     throw InputError(
         "the samples do not resolve the exciter's angle: use a sampling rate that is no multiple "
         "or fraction of its frequency");
   }
+  const auto residualOf = [&](std::size_t k) -> Vector6 {
+    columns.row(angle[k], a);
+    return signalsOf(k) - fit.transpose() * a;
+  };
+
+  // Huber: weights from the planar residual, its scale from the median
+  double efficiency = 1.0;  // mean slope of the influence function
+  if (options.robust) {
+    std::vector<double> radius(n), sorted(n);
+    double before = 0.0;
+    for (int pass = 0; pass < kReweightings; ++pass) {
+      for (std::size_t k = 0; k < n; ++k) radius[k] = residualOf(k).head<2>().norm();
+      sorted = radius;
+      const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
+      std::nth_element(sorted.begin(), middle, sorted.end());
+      const double limit = kHuber * *middle / kRayleighMedian;
+      if (!(limit > 0.0) || std::abs(limit - before) <= 1e-9 * limit) break;
+      before = limit;
+      weights.assign(n, 1.0);
+      efficiency = 0.0;
+      for (std::size_t k = 0; k < n; ++k) {
+        const bool inside = radius[k] <= limit;
+        if (!inside) weights[k] = limit / radius[k];
+        efficiency += (inside ? 1.0 : 0.5 * limit / radius[k]) / samples;
+      }
+      solve();
+    }
+  }
 
   // residuals give the noise and one step of refinement
-  Coefficients fit = inverse * moment;
-  Coefficients rest = Coefficients::Zero();
+  Coefficients rest = Coefficients::Zero(q, 6);
   Vector6 sum_squares = Vector6::Zero();
   for (std::size_t k = 0; k < n; ++k) {
-    const Design a = row(k);
-    const Vector6 residual =
-        Eigen::Map<const Vector6>(&signals[6 * k]) - origin - fit.transpose() * a;
+    const Vector6 residual = weightOf(k) * residualOf(k);
     sum_squares += residual.cwiseAbs2();
-    rest += a * residual.transpose();
+    rest.noalias() += a * residual.transpose();
   }
   fit += inverse * rest;
 
@@ -130,10 +208,104 @@ HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<doub
   result.samples = n;
   result.inflation = inflation;
   result.offset = origin + fit.row(2).transpose();
-  result.variance = sum_squares / (samples - (drift ? 4.0 : 3.0));
+  result.variance = sum_squares / (samples - q) / (efficiency * efficiency);
   // c cos a + s sin a = Re((c - i s) e^{ia})
   result.phasor.real() = fit.row(0).transpose();
   result.phasor.imag() = -fit.row(1).transpose();
+  return result;
+}
+
+}  // namespace
+
+HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
+                        const HarmonicOptions& options) {
+  std::vector<double> weights;
+  return fitWeighted(angle, signals, options, weights);
+}
+
+FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double>& signals,
+                          double frequency, double range, const HarmonicOptions& options) {
+  if (!(frequency > 0.0 && std::isfinite(frequency))) {
+    throw InputError("frequency is " + std::to_string(frequency) +
+                     ": give a positive one in rad/s");
+  }
+  if (!(range > 0.0 && range < frequency)) {
+    throw InputError("range is " + std::to_string(range) +
+                     ": give a positive one in rad/s, below the frequency");
+  }
+  const std::size_t n = t.size();
+  std::vector<double> angle(n);
+  const double middle = n > 0 ? 0.5 * (t.front() + t.back()) : 0.0;
+  const auto anglesAt = [&](double w) {
+    for (std::size_t k = 0; k < n; ++k) angle[k] = w * (t[k] - middle);
+  };
+  const auto powerAt = [&](double w) {
+    anglesAt(w);
+    const HarmonicFit fit = fitHarmonic(angle, signals, options);
+    return std::norm(fit.phasor[0]) + std::norm(fit.phasor[1]);
+  };
+
+  // a quarter of the line's width a step
+  anglesAt(frequency);
+  requireWindow(angle, signals, options);
+  const double duration = t.back() - t.front();
+  const int steps = std::max(1, static_cast<int>(std::ceil(range * duration / (kTwoPi / 8))));
+  double best = frequency, most = powerAt(frequency);
+  for (int k = -steps; k <= steps; ++k) {
+    const double w = frequency + range * k / steps;
+    const double power = k == 0 ? 0.0 : powerAt(w);
+    if (power > most) {
+      most = power;
+      best = w;
+    }
+  }
+
+  // Gauss–Newton: how the fitted motion changes with the frequency, less what the columns explain
+  FrequencyFit result{best, 0.0};
+  std::vector<double> weights;
+  for (int pass = 0; pass < 30; ++pass) {
+    anglesAt(result.frequency);
+    const Columns columns(angle.front(), angle.back(), options);
+    const int q = columns.count();
+    const HarmonicFit fit = fitWeighted(angle, signals, options, weights);
+    double weight_sum = 0.0;
+    Normal normal = Normal::Zero(q, q);
+    Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMostColumns, 4> moment(q, 4);
+    moment.setZero();
+    Eigen::Vector4d squares = Eigen::Vector4d::Zero(), row;  // slopes of x, y; x, y
+    Eigen::Vector2d products = Eigen::Vector2d::Zero();
+    Design a;
+    const Vector6 origin = Signals(signals.data());
+    for (std::size_t k = 0; k < n; ++k) {
+      columns.row(angle[k], a);
+      const Complex turn = Complex(0, t[k] - middle) * Complex(a[0], a[1]);
+      row << (fit.phasor[0] * turn).real(), (fit.phasor[1] * turn).real(),
+          signals[6 * k] - origin[0], signals[6 * k + 1] - origin[1];
+      const double w = weights.empty() ? 1.0 : weights[k];
+      weight_sum += w;
+      normal.noalias() += w * a * a.transpose();
+      moment.noalias() += w * a * row.transpose();
+      squares += w * row.cwiseAbs2();
+      products += w * row.head<2>().cwiseProduct(row.tail<2>());
+    }
+    const Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMostColumns, 4> explained =
+        normal.ldlt().solve(moment);
+    double slope2 = 0.0, along = 0.0;
+    for (int i = 0; i < 2; ++i) {
+      slope2 += squares[i] - moment.col(i).dot(explained.col(i));
+      along += products[i] - moment.col(i).dot(explained.col(i + 2));
+    }
+    if (!(slope2 > 0.0)) throw InputError("there is no motion whose frequency could be fitted");
+    const double step = along / slope2;
+    const double spread = slope2 * static_cast<double>(n) / weight_sum;
+    result.sd = std::sqrt(0.5 * (fit.variance[0] + fit.variance[1]) / spread);
+    result.frequency += step;
+    if (!(std::abs(result.frequency - frequency) <= range)) {
+      throw InputError("the best frequency is not within " + std::to_string(range) +
+                       " rad/s of the given one: give a better one or a wider range");
+    }
+    if (std::abs(step) <= 1e-13 * result.frequency || std::abs(step) <= 1e-6 * result.sd) break;
+  }
   return result;
 }
 
@@ -186,7 +358,8 @@ const char* toString(LocusMode mode) {
   return "undecided";
 }
 
-ModeDecision decideMode(const Locus& locus, double false_alarm, double indifference) {
+ModeDecision decideMode(const Locus& locus, double false_alarm, double indifference,
+                        std::optional<LocusMode> previous) {
   if (!(false_alarm > 0.0 && false_alarm < 0.5)) {
     throw InputError("false_alarm is " + std::to_string(false_alarm) +
                      ": give a rate between 0 and 0.5");
@@ -215,7 +388,7 @@ ModeDecision decideMode(const Locus& locus, double false_alarm, double indiffere
   // rounding counts as rounding
   const double v = std::max(locus.variance(), 1e-26 * size);
   const double n2 = 2.0 * static_cast<double>(locus.samples);
-  const double nu = n2 - 2.0 * kColumns;
+  const double nu = n2 - 2.0 * kLocusColumns;
   const double minor = radius_p - radius_n;
   const double from_none = size / v;
   const double from_circle = radius_n * radius_n / v;
@@ -224,11 +397,18 @@ ModeDecision decideMode(const Locus& locus, double false_alarm, double indiffere
   // F tests, vibration_and_locus section 6.5
   const double eps2 = indifference * indifference;
   const double lambda = from_none * eps2 / (1.0 + eps2);
-  if (tailOfF(from_none / 4.0, 4.0, nu, 0.0) >= false_alarm) {
+  // whether a mode's own test lets it pass; the previous one has it easier
+  const auto passes = [&](LocusMode mode, double tail) {
+    const double rate = previous == mode                  ? 0.1 * false_alarm
+                        : previous == LocusMode::kEllipse ? std::min(0.5, 10.0 * false_alarm)
+                                                          : false_alarm;
+    return tail >= rate;
+  };
+  if (passes(LocusMode::kNone, tailOfF(from_none / 4.0, 4.0, nu, 0.0))) {
     decision.mode = LocusMode::kNone;
   } else {
-    const bool circle = tailOfF(from_circle / 2.0, 2.0, nu, lambda) >= false_alarm;
-    const bool segment = tailOfF(from_segment, 1.0, nu, lambda) >= false_alarm;
+    const bool circle = passes(LocusMode::kCircle, tailOfF(from_circle / 2.0, 2.0, nu, lambda));
+    const bool segment = passes(LocusMode::kSegment, tailOfF(from_segment, 1.0, nu, lambda));
     decision.mode = circle && segment ? LocusMode::kUndecided
                     : circle          ? LocusMode::kCircle
                     : segment         ? LocusMode::kSegment

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/contact_markers_node.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -8,6 +9,7 @@
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/twin_force/line_of_action.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -32,6 +34,7 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
   force_scale_ = parameters.number("force_scale", kPositive, 0.002);
   force_threshold_ = parameters.number("force_threshold", kPositive, 0.05);
   locus_scale_ = parameters.number("locus_scale", kPositive, 1000.0);
+  ellipsoid_scale_ = parameters.number("ellipsoid_scale", kPositive, 100.0);
   locus_height_ = parameters.number("locus_height", kAny, 0.15);
   parameters.refuseUnknown();
   const CellDescription description = loadCellDescription(Parameters(nh).text("robot_description"));
@@ -55,6 +58,8 @@ void ContactMarkersNode::update() {
         "truth/pose", 1, [this](const geometry_msgs::PoseStamped::ConstPtr& m) { truth_ = m; });
     report_sub_ = nh_.subscribe<AlignmentReport>(
         "report", 1, [this](const AlignmentReport::ConstPtr& m) { report_ = m; });
+    twin_force_sub_ = nh_.subscribe<TwinForceState>(
+        "twin_force/status", 1, [this](const TwinForceState::ConstPtr& m) { twin_force_ = m; });
     // whatever an earlier life of this node has left
     Marker all;
     all.action = Marker::DELETEALL;
@@ -62,11 +67,13 @@ void ContactMarkersNode::update() {
     array_.markers.push_back(all);
     drawn_.clear();
   } else if (!wanted && active_) {
-    for (auto* sub : {&contacts_sub_, &locus_sub_, &truth_sub_, &report_sub_}) sub->shutdown();
+    for (auto* sub : {&contacts_sub_, &locus_sub_, &truth_sub_, &report_sub_, &twin_force_sub_})
+      sub->shutdown();
     contacts_.reset();
     locus_.reset();
     truth_.reset();
     report_.reset();
+    twin_force_.reset();
   }
   active_ = wanted;
   if (active_) publish();
@@ -78,6 +85,7 @@ void ContactMarkersNode::publish() {
   addCircle("hole", kHoleFrame, hole_radius_, kHoleColor);
   if (contacts_) drawContacts();
   if (locus_) drawLocus();
+  if (twin_force_) drawTwinForce();
   if (truth_) drawPeg("peg_true", truth_->pose, kTruePegColor);
   if (report_ && report_->estimate_known)
     drawPeg("peg_estimated", report_->estimated_pose, kEstimatedPegColor);
@@ -135,6 +143,51 @@ void ContactMarkersNode::drawLocus() {
              Eigen::Vector3d(peg_radius_ * std::cos(alpha), peg_radius_ * std::sin(alpha), 0.0),
              color);
   }
+}
+
+void ContactMarkersNode::drawTwinForce() {
+  const TwinForceState& state = *twin_force_;
+  if (!state.pose_known || state.contacts.empty()) return;
+  const auto pose = [](const geometry_msgs::Pose& p) { return fromPose(p, "twin_force/status"); };
+  // the undeflected peg at the first contact, from the one at the last
+  const FeltContact& last = state.contacts.back();
+  const auto vector6 = [](const auto& values) -> Vector6 { return Vector6::Map(values.data()); };
+  const Vector6 d = vector6(last.deflection);
+  const Pose X_CP{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, -peg_length_)};
+  const Pose D{rotationFromVector({Eigen::Vector3d(d.tail<3>())}), d.head<3>()};
+  const Pose X_HP = pose(state.pose.pose);
+  const Pose X_HB = X_HP * inverse(inverse(X_CP) * D * X_CP) * inverse(pose(last.move));
+  const auto line = [this](const char* ns, const Vector6& wrench, const Color& color) {
+    const auto action = lineOfAction(wrench);
+    if (!action || action->force < force_threshold_) return;
+    // where it passes the hole's plane
+    const Eigen::Vector3d& u = action->direction;
+    const double way = std::abs(u.z()) > 0.1 ? -action->point.z() / u.z() : 0.0;
+    const Eigen::Vector3d at = action->point + way * u;
+    const double length = force_scale_ * action->force;
+    addArrow(ns, kHoleFrame, at - length * u, at + length * u, color);
+  };
+  for (const FeltContact& contact : state.contacts) {
+    // both as they act on the peg
+    line("action_a", -vector6(contact.wrench_a), kActionAColor);
+    line("action_b", transformWrench(X_HB * pose(contact.move), vector6(contact.wrench_b)),
+         kActionBColor);
+  }
+  using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+  const Eigen::Matrix3d covariance =
+      Eigen::Map<const RowMajor>(state.pose.covariance.data()).topLeftCorner<3, 3>();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(covariance);
+  Eigen::Matrix3d R = axes.eigenvectors();
+  if (R.determinant() < 0.0) R.col(0) = -R.col(0);
+  Marker& ellipsoid = add("uncertainty", Marker::SPHERE, kHoleFrame, kUncertaintyColor);
+  ellipsoid.pose = toPose({R, X_HP.p});
+  const auto diameter = [&](int i) {
+    const double sd = std::sqrt(std::max(0.0, axes.eigenvalues()(i)));
+    return std::clamp(6.0 * ellipsoid_scale_ * sd, 1e-4, 0.5);
+  };
+  ellipsoid.scale.x = diameter(0);
+  ellipsoid.scale.y = diameter(1);
+  ellipsoid.scale.z = diameter(2);
 }
 
 void ContactMarkersNode::drawPeg(const std::string& ns, const geometry_msgs::Pose& pose,

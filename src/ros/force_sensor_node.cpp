@@ -3,9 +3,10 @@
 
 #include <assembly_cell/Ack.h>
 #include <assembly_cell/DisplacementSamples.h>
+#include <assembly_cell/DisplacementWithCovariance.h>
 #include <assembly_cell/WrenchSamples.h>
+#include <assembly_cell/WrenchWithCovariance.h>
 #include <diagnostic_msgs/DiagnosticStatus.h>
-#include <geometry_msgs/WrenchStamped.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +14,7 @@
 #include <limits>
 #include <utility>
 
+#include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/input_error.h"
@@ -26,10 +28,10 @@ using diagnostic_msgs::DiagnosticStatus;
 constexpr std::uint32_t kQueue = 100;      // wherever every sample counts
 constexpr std::size_t kNoiseSamples = 50;  // differences in one estimate of the noise
 constexpr double kReplayTick = 2e-3;       // of the wall clock [s]
+constexpr std::size_t kUndoSteps = 32;     // biases remembered
 constexpr int kMostBlocksPerTick = 256;    // leaves the thread to others in between
 constexpr const char* kAxes[6] = {"fx [N]", "fy [N]", "fz [N]", "tx [N m]", "ty [N m]", "tz [N m]"};
 
-using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 using Volts = Eigen::Map<const Vector6>;
 
 std::string format(const char* pattern, double value) {
@@ -38,62 +40,7 @@ std::string format(const char* pattern, double value) {
   return text;
 }
 
-std::string describe(const Vector6& w, const char* pattern) {
-  std::string text;
-  for (int k = 0; k < 6; ++k) {
-    text += (k == 0 ? "" : " ") + format(pattern, w[k]) + (k == 2 ? " N," : "");
-  }
-  return text + " N m";
-}
-
-std::string channels(std::uint8_t saturated) {
-  std::string text;
-  for (int k = 0; k < 6; ++k) {
-    if (saturated >> k & 1) text += (text.empty() ? "" : ", ") + std::to_string(k + 1);
-  }
-  return text.empty() ? "none" : text;
-}
-
-SensorCalibration toMessage(const Calibration& c) {
-  SensorCalibration message;
-  message.id = c.id;
-  message.serial_number = c.serial_number;
-  message.date = c.date;
-  RowMajor::Map(message.volts_to_wrench.data()) = c.volts_to_wrench;
-  RowMajor::Map(message.volts_to_displacement.data()) = c.volts_to_displacement;
-  Vector6::Map(message.zero_volts.data()) = c.zero_volts;
-  return message;
-}
-
-Calibration fromMessage(const SensorCalibration& message) {
-  Calibration c;
-  c.id = message.id;
-  c.serial_number = message.serial_number;
-  c.date = message.date;
-  c.volts_to_wrench = RowMajor::Map(message.volts_to_wrench.data());
-  c.volts_to_displacement = RowMajor::Map(message.volts_to_displacement.data());
-  c.zero_volts = Vector6::Map(message.zero_volts.data());
-  return c;
-}
-
-// empty, or what is wrong with a block
-std::string faultOf(const StrainSamples& block) {
-  if (block.volts.empty() || block.volts.size() % 6 != 0) {
-    return std::to_string(block.volts.size()) + " volts are no multiple of 6";
-  }
-  if (block.saturated.size() != block.volts.size() / 6) {
-    return std::to_string(block.saturated.size()) + " saturation bytes for " +
-           std::to_string(block.volts.size() / 6) + " samples";
-  }
-  if (!(block.period > 0.0) || !std::isfinite(block.period)) {
-    return "period is " + std::to_string(block.period);
-  }
-  if (!std::all_of(block.volts.begin(), block.volts.end(),
-                   [](double v) { return std::isfinite(v); })) {
-    return "volts are not finite";
-  }
-  return {};
-}
+double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
 
 }  // namespace
 
@@ -204,6 +151,10 @@ void ForceSensorNode::advertise() {
   }
   wrench_raw_pub_ = nh_.advertise<geometry_msgs::WrenchStamped>("wrench_raw", queue);
   wrench_pub_ = nh_.advertise<geometry_msgs::WrenchStamped>("wrench", queue);
+  wrench_covariance_pub_ = nh_.advertise<WrenchWithCovariance>("wrench_with_covariance", queue);
+  if (publish_displacement_) {
+    displacement_pub_ = nh_.advertise<DisplacementWithCovariance>("displacement", queue);
+  }
   bias_pub_ = nh_.advertise<geometry_msgs::WrenchStamped>("bias", 1, true);
   calibration_pub_ = nh_.advertise<SensorCalibration>("calibration", 1, true);
   // all participants answer at the cell's root, one above the sensor's group
@@ -211,6 +162,7 @@ void ForceSensorNode::advertise() {
     ack_pub_ = nh_.advertise<Ack>(
         ros::names::append(ros::names::parentNamespace(nh_.getNamespace()), "ack"), kQueue, true);
   }
+  calibration_time_ = ros::Time::now();
   publishBias();
   publishCalibration();
 
@@ -218,6 +170,8 @@ void ForceSensorNode::advertise() {
   ros::NodeHandle service_nh(pnh_);
   service_nh.setCallbackQueue(&service_queue_);
   zero_srv_ = service_nh.advertiseService("zero", &ForceSensorNode::zero, this);
+  zero_to_srv_ = service_nh.advertiseService("zero_to", &ForceSensorNode::zeroTo, this);
+  undo_bias_srv_ = service_nh.advertiseService("undo_bias", &ForceSensorNode::undoBias, this);
   set_bias_srv_ = service_nh.advertiseService("set_bias", &ForceSensorNode::setBias, this);
   clear_bias_srv_ = service_nh.advertiseService("clear_bias", &ForceSensorNode::clearBias, this);
   get_calibration_srv_ =
@@ -288,6 +242,7 @@ void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
     rate_from_ = start;
     rate_samples_ = samples - 1;
     display_sum_.setZero();
+    display_volts_.setZero();
     display_count_ = 0;
     displayed_ = -1.0;
   } else {
@@ -303,12 +258,13 @@ void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
   wrench->sequence = block->sequence;
   wrench->saturated = block->saturated;
   wrench->wrench.resize(6 * samples);
-  Vector6 sum = Vector6::Zero();
+  Vector6 sum = Vector6::Zero(), volts_sum = Vector6::Zero();
   std::uint8_t saturated = 0;
   for (std::size_t k = 0; k < samples; ++k) {
     const Vector6 raw = wrenchFromVolts(calibration_, Volts(&block->volts[6 * k]));
     Vector6::Map(&wrench->wrench[6 * k]) = raw - bias_;
     sum += raw;
+    volts_sum += Volts(&block->volts[6 * k]);
     noise_.add(raw);
     if (zero_.active && zero_.armed) zero_.moments.add(raw);
     saturated = static_cast<std::uint8_t>(saturated | block->saturated[k]);
@@ -328,7 +284,7 @@ void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
   if (zero_.active && zero_.failure.empty()) {
     if (arrival == Arrival::kRestart) zero_.failure = "the source started anew: try again";
     if (zero_.armed && saturated != 0) {
-      zero_.failure = "channel " + channels(saturated) + " saturated in block " +
+      zero_.failure = "channel " + channelText(saturated) + " saturated in block " +
                       std::to_string(block->sequence) + ": unload the sensor or look at its bridge";
     }
     zero_.armed = true;
@@ -348,12 +304,13 @@ void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
     }
     displacement_samples_pub_.publish(displacement);
   }
-  display(block->header.stamp + ros::Duration(end - start), block->period, sum, samples);
+  display(block->header.stamp + ros::Duration(end - start), block->period, sum, volts_sum, samples);
 }
 
 void ForceSensorNode::display(const ros::Time& end, double period, const Vector6& sum,
-                              std::size_t samples) {
+                              const Vector6& volts_sum, std::size_t samples) {
   display_sum_ += sum;
+  display_volts_ += volts_sum;
   display_count_ += samples;
   // half a sample of slack: blocks as long as the display's period all show
   if (displayed_ >= 0.0 && end.toSec() - displayed_ < display_period_ - 0.5 * period) return;
@@ -367,8 +324,35 @@ void ForceSensorNode::display(const ros::Time& end, double period, const Vector6
   wrench_raw_pub_.publish(message);
   message.wrench = toWrench(raw - bias_);
   wrench_pub_.publish(message);
+  displayCovariance(message, display_volts_ / static_cast<double>(display_count_));
   display_sum_.setZero();
+  display_volts_.setZero();
   display_count_ = 0;
+}
+
+void ForceSensorNode::displayCovariance(const geometry_msgs::WrenchStamped& wrench,
+                                        const Vector6& volts) {
+  window_.outside |= outsideWrenchRange(calibration_, volts);
+  // of one sample: an average doesn't reduce what the converter rounds
+  const Matrix6 strain = calibration_.noise.cwiseAbs2().asDiagonal();
+  // a covariance that overflows is not told
+  if (wrench_covariance_pub_.getNumSubscribers() > 0) {
+    const Matrix6 covariance = wrenchCovariance(calibration_, volts, strain);
+    WrenchWithCovariance message;
+    message.header = wrench.header;
+    message.wrench = wrench.wrench;
+    Matrix6::Map(message.covariance.data()) = covariance;
+    if (covariance.allFinite()) wrench_covariance_pub_.publish(message);
+  }
+  if (publish_displacement_ && displacement_pub_.getNumSubscribers() > 0) {
+    const Vector6 displacement = displacementFromVolts(calibration_, volts);
+    const Matrix6 covariance = displacementCovariance(calibration_, volts, strain);
+    DisplacementWithCovariance message;
+    message.header = wrench.header;
+    Vector6::Map(message.displacement.data()) = displacement;
+    Matrix6::Map(message.covariance.data()) = covariance;
+    if (displacement.allFinite() && covariance.allFinite()) displacement_pub_.publish(message);
+  }
 }
 
 void ForceSensorNode::playDueBlocks() {
@@ -432,17 +416,42 @@ void ForceSensorNode::publishBias() {
 
 void ForceSensorNode::publishCalibration() {
   SensorCalibration message = toMessage(calibration_);
-  message.header.stamp = ros::Time::now();
+  message.header.stamp = calibration_time_;
   message.header.frame_id = frame_id_;
   calibration_pub_.publish(message);
 }
 
+void ForceSensorNode::changeBias(const Vector6& bias, std::optional<ros::Time> time) {
+  if (earlier_biases_.size() == kUndoSteps) earlier_biases_.pop_front();
+  earlier_biases_.push_back({bias_, bias_time_});
+  bias_ = bias;
+  bias_time_ = time;
+  publishBias();
+}
+
 bool ForceSensorNode::zero(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  takeZero(Vector6::Zero(), "zero", response.success, response.message);
+  return true;
+}
+
+bool ForceSensorNode::zeroTo(ZeroTo::Request& request, ZeroTo::Response& response) {
+  const Vector6 load = Vector6::Map(request.wrench.data());
+  if (load.allFinite()) {
+    takeZero(load, "zero_to", response.success, response.message);
+  } else {
+    response.success = false;
+    response.message = "zero_to refused: wrench is not finite: give six numbers";
+  }
+  return true;
+}
+
+void ForceSensorNode::takeZero(const Vector6& load, const std::string& service, uint8_t& success,
+                               std::string& message) {
   std::unique_lock<std::mutex> lock(mutex_);
-  response.success = false;
+  success = false;
   if (zero_.active) {
-    response.message = "zero refused: another one is under way: wait for it";
-    return true;
+    message = service + " refused: another one is under way: wait for it";
+    return;
   }
   zero_ = Zero();
   zero_.active = true;
@@ -471,18 +480,17 @@ bool ForceSensorNode::zero(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
   }
   zero_.active = false;
   if (!zero_.failure.empty()) {
-    response.message = "zero refused: " + zero_.failure;
-    return true;
+    message = service + " refused: " + zero_.failure;
+    return;
   }
 
-  bias_ = zero_.moments.mean();
-  bias_time_ = ros::Time::now();
-  publishBias();
-  response.success = true;
-  response.message = "bias = mean of " + std::to_string(zero_.moments.count()) +
-                     " samples: " + describe(bias_, "%.5g") +
-                     "; sigma of a sample: " + describe(zero_.moments.sd(), "%.3g");
-  return true;
+  changeBias(zero_.moments.mean() - load, ros::Time::now());
+  success = true;
+  message = "bias = mean of " + std::to_string(zero_.moments.count()) + " samples" +
+            (load.isZero(0.0) ? "" : " - load (" + wrenchText(load, "%.5g") + ")") + ": " +
+            wrenchText(bias_, "%.5g") +
+            "; sigma of a sample: " + wrenchText(zero_.moments.sd(), "%.3g") + "; it was " +
+            wrenchText(earlier_biases_.back().bias, "%.5g");
 }
 
 bool ForceSensorNode::setBias(SetBias::Request& request, SetBias::Response& response) {
@@ -493,39 +501,55 @@ bool ForceSensorNode::setBias(SetBias::Request& request, SetBias::Response& resp
     return true;
   }
   const std::lock_guard<std::mutex> lock(mutex_);
-  bias_ = bias;
-  bias_time_ = ros::Time::now();
-  publishBias();
-  response.message = "bias = " + describe(bias_, "%.5g");
+  changeBias(bias, ros::Time::now());
+  response.message = "bias = " + wrenchText(bias_, "%.5g");
   return true;
 }
 
 bool ForceSensorNode::clearBias(std_srvs::Trigger::Request&,
                                 std_srvs::Trigger::Response& response) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  response.message = "cleared; it was " + describe(bias_, "%.5g");
-  bias_.setZero();
-  bias_time_.reset();
-  publishBias();
+  response.message = "cleared; it was " + wrenchText(bias_, "%.5g");
+  changeBias(Vector6::Zero(), std::nullopt);
   response.success = true;
+  return true;
+}
+
+bool ForceSensorNode::undoBias(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  response.success = !earlier_biases_.empty();
+  if (!response.success) {
+    response.message = "undo_bias refused: nothing to undo since the calibration came in force";
+    return true;
+  }
+  response.message = "bias was " + wrenchText(bias_, "%.5g");
+  bias_ = earlier_biases_.back().bias;
+  bias_time_ = earlier_biases_.back().time;
+  earlier_biases_.pop_back();
+  publishBias();
+  response.message +=
+      "; it is " + wrenchText(bias_, "%.5g") + ", " +
+      (bias_time_ ? "taken " + format("%.0f s ago", age(*bias_time_)) : "never set");
   return true;
 }
 
 bool ForceSensorNode::getCalibration(GetCalibration::Request&, GetCalibration::Response& response) {
   const std::lock_guard<std::mutex> lock(mutex_);
   response.calibration = toMessage(calibration_);
-  response.calibration.header.stamp = ros::Time::now();
+  response.calibration.header.stamp = calibration_time_;
   response.calibration.header.frame_id = frame_id_;
   response.success = true;
-  response.message = calibration_.id + " of " + calibration_.date;
+  response.message = calibration_.id + " of " + calibration_.date + ", in force for " +
+                     format("%.0f s", age(calibration_time_));
   return true;
 }
 
 bool ForceSensorNode::setCalibration(SetCalibration::Request& request,
                                      SetCalibration::Response& response) {
-  const Calibration calibration = fromMessage(request.calibration);
+  Calibration calibration;
   response.success = false;
   try {
+    calibration = fromMessage(request.calibration, "set_calibration refused");
     checkCalibration(calibration, "set_calibration refused");
     checkUse(calibration, "set_calibration refused");
   } catch (const InputError& error) {
@@ -541,11 +565,14 @@ bool ForceSensorNode::setCalibration(SetCalibration::Request& request,
   }
   // the bias was read through the old calibration, and so was a zero under way
   calibration_ = calibration;
+  calibration_time_ = ros::Time::now();
   bias_.setZero();
   bias_time_.reset();
+  earlier_biases_.clear();
   noise_ = DifferenceNoise();
   noise_samples_ = 0;
   display_sum_.setZero();
+  display_volts_.setZero();
   display_count_ = 0;
   if (zero_.active) zero_.failure = "the calibration changed meanwhile: try again";
   zero_changed_.notify_all();
@@ -596,7 +623,10 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
                                : "no samples yet from " + source_);
   }
   if (window_.malformed > 0) fail("malformed: " + fault_);
-  if (window_.saturated != 0) fail("saturated channels: " + channels(window_.saturated));
+  if (window_.saturated != 0) fail("saturated channels: " + channelText(window_.saturated));
+  if (window_.outside != 0) {
+    warn("load beyond the tests of the calibration, channels: " + channelText(window_.outside));
+  }
   if (lost > 0) warn(std::to_string(lost) + " blocks lost");
   if (duplicates > 0) warn(std::to_string(duplicates) + " blocks twice or out of order");
   if (restarts > 0) warn("the source started anew");
@@ -622,7 +652,7 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
   status.add("duplicate blocks", sequence_.duplicates());
   status.add("source restarts", sequence_.restarts());
   status.add("malformed blocks", total_malformed_);
-  status.add("saturated channels", channels(window_.saturated));
+  status.add("saturated channels", channelText(window_.saturated));
   status.add("saturated samples", total_saturated_);
   if (std::isfinite(temperature_)) status.add("temperature [degC]", temperature_);
   for (int k = 0; k < 6; ++k) status.add(std::string("noise rms ") + kAxes[k], noise_rms_[k]);
@@ -638,8 +668,10 @@ void ForceSensorNode::diagnoseCalibration(diagnostic_updater::DiagnosticStatusWr
   status.add("serial number", calibration_.serial_number);
   status.add("calibration id", calibration_.id);
   status.add("calibration date", calibration_.date);
+  status.add("calibration in force [s]", age(calibration_time_));
+  status.add("model", calibration_.quadratic_wrench ? "quadratic" : "linear");
   if (bias_time_) {
-    status.add("bias age [s]", std::max(0.0, (ros::Time::now() - *bias_time_).toSec()));
+    status.add("bias age [s]", age(*bias_time_));
   } else {
     status.add("bias age [s]", "never set");
   }

@@ -234,7 +234,7 @@ void LocusNode::slide() {
   if (static_cast<double>(window.angle.size()) < samples - 0.5) return;
 
   try {
-    const LocusEstimate result = estimate(window, *exciter_);
+    const LocusEstimate result = estimate(window, *exciter_, mode_);
     locus_pub_.publish(result);
     if (!mode_ || *mode_ != result.mode) {
       mode_ = result.mode;
@@ -245,7 +245,8 @@ void LocusNode::slide() {
   }
 }
 
-LocusEstimate LocusNode::estimate(const Window& window, const Exciter& exciter) const {
+LocusEstimate LocusNode::estimate(const Window& window, const Exciter& exciter,
+                                  std::optional<std::uint8_t> previous) const {
   // drift is fitted: the carrier may still creep
   const HarmonicFit fit = fitHarmonic(window.angle, window.signals);
   const double rate = exciter.direction * exciter.frequency;
@@ -254,7 +255,9 @@ LocusEstimate LocusNode::estimate(const Window& window, const Exciter& exciter) 
     throw InputError(text("the mechanism's model has no answer at %g rad/s: change the frequency",
                           exciter.frequency));
   }
-  const ModeDecision decision = decideMode(locus, false_alarm_, indifference_);
+  std::optional<LocusMode> kept;
+  if (previous) kept = static_cast<LocusMode>(*previous);
+  const ModeDecision decision = decideMode(locus, false_alarm_, indifference_, kept);
 
   LocusEstimate out;
   out.header.stamp = window.end;

@@ -1,11 +1,14 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/ros_plant.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "assembly_cell/Ack.h"
+#include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/scene/input_error.h"
 
@@ -16,15 +19,18 @@ namespace {
 constexpr int kQueue = 100;
 constexpr std::size_t kMemory = 50;  // blocks that may be incomplete at a time
 
-/// Mean of 6 × n numbers, sample after sample. False when it isn't one of finite numbers.
-bool mean(const std::vector<double>& samples, Vector6& out) {
+constexpr double kConnectionCheck = 5.0;  // wall clock [s]
+constexpr char kWrenchA[] = "sensor_a/wrench_samples";
+constexpr char kWrenchB[] = "sensor_b/wrench_samples";
+constexpr char kDisplacementB[] = "sensor_b/displacement_samples";
+constexpr char kCarrier[] = "carrier_pose";
+
+/// Of 6 × n numbers, sample after sample. False when it isn't a block of finite numbers.
+bool moments(const std::vector<double>& samples, BlockMoments& out) {
   const std::size_t n = samples.size() / 6;
   if (n == 0 || samples.size() != 6 * n) return false;
-  out = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(samples.data(), 6,
-                                                                   static_cast<Eigen::Index>(n))
-            .rowwise()
-            .mean();
-  return out.allFinite();
+  out = momentsOf(samples.data(), n);
+  return out.mean.allFinite() && out.covariance.allFinite();
 }
 
 /// End of a block: its last sample.
@@ -36,8 +42,8 @@ ros::Time endOf(const Samples& message, std::size_t values) {
 
 }  // namespace
 
-RosPlant::RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout)
-    : lockstep_(lockstep), timeout_(timeout) {
+RosPlant::RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout, double converter_step)
+    : lockstep_(lockstep), timeout_(timeout), converter_step_(converter_step), nh_(nh) {
   // the name that the simulator knows: relative to the cell's namespace
   name_ = ros::this_node::getName();
   const std::string ns = nh.getNamespace() == "/" ? "/" : nh.getNamespace() + "/";
@@ -47,18 +53,68 @@ RosPlant::RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout)
   command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true);
   exciter_pub_ = nh.advertise<Exciter>("exciter", kQueue, true);
   if (lockstep_) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
-  const auto hints = ros::TransportHints().tcpNoDelay();
-  wrench_a_sub_ =
-      nh.subscribe("sensor_a/wrench_samples", kQueue, &RosPlant::onWrenchA, this, hints);
-  wrench_b_sub_ =
-      nh.subscribe("sensor_b/wrench_samples", kQueue, &RosPlant::onWrenchB, this, hints);
-  displacement_b_sub_ = nh.subscribe("sensor_b/displacement_samples", kQueue,
-                                     &RosPlant::onDisplacementB, this, hints);
-  carrier_sub_ = nh.subscribe("carrier_pose", kQueue, &RosPlant::onCarrierPose, this, hints);
+  for (const char* topic : {kWrenchA, kWrenchB, kDisplacementB, kCarrier}) subscribe(topic);
+  const auto onCalibration = [this](std::optional<Matrix6>& rounding,
+                                    const SensorCalibration& calibration) {
+    using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+    const Matrix6 S = Eigen::Map<const RowMajor>(calibration.volts_to_wrench.data());
+    std::lock_guard<std::mutex> lock(mutex_);
+    rounding = roundingCovariance(S, converter_step_);
+    changed_.notify_all();
+  };
+  calibration_a_sub_ = nh.subscribe<SensorCalibration>(
+      "sensor_a/calibration", 1,
+      [this, onCalibration](const auto& m) { onCalibration(rounding_a_, *m); });
+  calibration_b_sub_ = nh.subscribe<SensorCalibration>(
+      "sensor_b/calibration", 1,
+      [this, onCalibration](const auto& m) { onCalibration(rounding_b_, *m); });
+  if (lockstep_) {
+    connection_timer_ = nh.createWallTimer(ros::WallDuration(kConnectionCheck),
+                                           [this](const auto&) { checkConnections(); });
+  }
   locus_client_ = std::make_unique<LocusClient>(nh, "identify_locus", false);
 }
 
 // ---- blocks ----
+
+void RosPlant::subscribe(const std::string& topic) {
+  const auto hints = ros::TransportHints().tcpNoDelay();
+  ros::Subscriber& sub = subs_[topic];
+  if (topic == kWrenchA) sub = nh_.subscribe(topic, kQueue, &RosPlant::onWrenchA, this, hints);
+  if (topic == kWrenchB) sub = nh_.subscribe(topic, kQueue, &RosPlant::onWrenchB, this, hints);
+  if (topic == kCarrier) sub = nh_.subscribe(topic, kQueue, &RosPlant::onCarrierPose, this, hints);
+  if (topic == kDisplacementB) {
+    sub = nh_.subscribe(topic, kQueue, &RosPlant::onDisplacementB, this, hints);
+  }
+}
+
+// A block that stays incomplete stops the lockstep: a connection was never made, or a message got
+// lost with it. ROS doesn't try again; to subscribe anew does, and what is latched comes again.
+void RosPlant::checkConnections() {
+  std::vector<std::string> missing;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    const bool part_of_block = !parts_.empty() && (!done_ || parts_.rbegin()->first != *done_);
+    const bool carrier_ahead =
+        !carrier_poses_.empty() && carrier_poses_.back()->header.stamp > done_end_;
+    const bool incomplete = part_of_block || carrier_ahead;
+    const bool stuck = incomplete && incomplete_ && done_ == checked_;
+    incomplete_ = incomplete;
+    checked_ = done_;
+    if (!stuck) return;
+    const Parts parts = part_of_block ? parts_.rbegin()->second : Parts{};
+    if (!parts.wrench_a) missing.emplace_back(kWrenchA);
+    if (!parts.wrench_b) missing.emplace_back(kWrenchB);
+    if (!parts.displacement_b) missing.emplace_back(kDisplacementB);
+    if (!carrier_ahead) missing.emplace_back(kCarrier);
+  }
+  // without the lock: callbacks under way take it
+  for (const std::string& topic : missing) {
+    ROS_WARN("block incomplete: subscribing to %s anew", topic.c_str());
+    subs_[topic].shutdown();
+    subscribe(topic);
+  }
+}
 
 void RosPlant::onWrenchA(const WrenchSamples::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
@@ -105,9 +161,15 @@ void RosPlant::assemble() {
     Block block;
     block.sequence = it->first;
     block.end = carrier->header.stamp;
-    bool good = mean(parts.wrench_a->wrench, block.means.wrench_a) &&
-                mean(parts.wrench_b->wrench, block.means.wrench_b) &&
-                mean(parts.displacement_b->displacement, block.means.displacement_b);
+    BlockMoments a, b, d;
+    bool good = moments(parts.wrench_a->wrench, a) && moments(parts.wrench_b->wrench, b) &&
+                moments(parts.displacement_b->displacement, d);
+    block.means.wrench_a = a.mean;
+    block.means.wrench_b = b.mean;
+    block.means.displacement_b = d.mean;
+    block.means.covariance_a = a.covariance;
+    block.means.covariance_b = b.covariance;
+    block.means.samples = std::min(a.count, b.count);
     for (const auto* wrench : {&parts.wrench_a, &parts.wrench_b}) {
       for (const auto bits : (*wrench)->saturated) block.means.saturated |= bits != 0;
     }
@@ -124,6 +186,7 @@ void RosPlant::assemble() {
     }
     if (repeated) return;
     done_ = block.sequence;
+    done_end_ = block.end;
     pending_ack_ = block.sequence;
     if (good) {
       fresh_ = block;
@@ -177,6 +240,8 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   start_ = Pose{};
   waitFor(lock, "block of samples (is the simulator paused, or a driver missing?)",
           [this] { return fresh_.has_value(); });
+  waitFor(lock, "calibration of sensor_a and sensor_b",
+          [this] { return rounding_a_ && rounding_b_; });
   last_ = *fresh_;
   fresh_.reset();
   origin_ = last_.end;
@@ -261,6 +326,8 @@ Pose RosPlant::carrierMotion() const {
 
 PlantBlock RosPlant::plantBlock(const Block& block) const {
   PlantBlock out = block.means;
+  out.rounding_a = rounding_a_.value_or(Matrix6::Zero());
+  out.rounding_b = rounding_b_.value_or(Matrix6::Zero());
   out.time = (block.end - origin_).toSec();
   out.carrier = restFromPose({block.X_H_carrier.R, block.X_H_carrier.p - start_.p});
   return out;

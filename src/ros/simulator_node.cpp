@@ -4,6 +4,7 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <rosgraph_msgs/Clock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -18,7 +19,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr char kHoleFrame[] = "hole";
-constexpr int kQueue = 100;  // wherever every sample counts
+constexpr int kQueue = 100;                          // wherever every sample counts
+constexpr std::chrono::seconds kConnectionCheck{5};  // wall clock
 
 std::int64_t nanoseconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
@@ -52,7 +54,7 @@ diagnostic_msgs::KeyValue keyValue(const std::string& key, const std::string& va
 
 }  // namespace
 
-SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
+SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
   // all parameters are read and checked here
   Parameters parameters(pnh);
   const std::string file = parameters.text("scenario");
@@ -116,12 +118,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
                             boost::function<void(const ros::MessageEvent<Exciter const>&)>(
                                 [this](const auto& event) { onExciter(event); }),
                             ros::VoidConstPtr(), hints);
-  if (lockstep_) {
-    ack_sub_ = nh.subscribe<Ack>("ack", kQueue,
-                                 boost::function<void(const ros::MessageEvent<Ack const>&)>(
-                                     [this](const auto& event) { onAck(event); }),
-                                 ros::VoidConstPtr(), hints);
-  }
+  if (lockstep_) subscribeToAcks();
   pause_srv_ = pnh.advertiseService("pause", &SimulatorNode::onPause, this);
   step_srv_ = pnh.advertiseService("step", &SimulatorNode::onStep, this);
   reset_srv_ = pnh.advertiseService("reset", &SimulatorNode::onReset, this);
@@ -250,6 +247,14 @@ void SimulatorNode::restart(const Scenario& scenario) {
   publishState();
 }
 
+void SimulatorNode::subscribeToAcks() {
+  ack_sub_.shutdown();
+  ack_sub_ = nh_.subscribe<Ack>("ack", kQueue,
+                                boost::function<void(const ros::MessageEvent<Ack const>&)>(
+                                    [this](const auto& event) { onAck(event); }),
+                                ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+}
+
 void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   std::unique_lock<std::mutex> lock(mutex_);
   const auto missing = [this, sequence] {
@@ -276,7 +281,16 @@ void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   const double timeout = first ? start_timeout_ : ack_timeout_;
   const auto deadline =
       std::chrono::steady_clock::now() + std::chrono::nanoseconds(nanoseconds(timeout));
-  if (changed_.wait_until(lock, deadline, [&] { return quit_ || missing().empty(); })) return;
+  const auto answered = [&] { return quit_ || missing().empty(); };
+  while (true) {
+    const auto check = std::chrono::steady_clock::now() + kConnectionCheck;
+    if (changed_.wait_until(lock, std::min(check, deadline), answered)) return;
+    if (std::chrono::steady_clock::now() >= deadline) break;
+    // a connection that was never made isn't tried again by ROS: answers are latched, ask anew
+    lock.unlock();
+    subscribeToAcks();
+    lock.lock();
+  }
   ROS_FATAL(
       "no answer to block %u within %g s of wall time from %s: is it running, with ~lockstep?",
       sequence, timeout, missing().c_str());

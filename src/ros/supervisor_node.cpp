@@ -6,11 +6,14 @@
 
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/cell_description.h"
 #include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
+
+constexpr double kConverterStep = 10.0 / 65536;  // 16 bit over ±5 V [V]
 
 /// A plant that shows each block to `watch` before the strategy gets it.
 class WatchedPlant : public Plant {
@@ -65,6 +68,15 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.insertion_depth = parameters.number("insertion_depth", kAny, p.insertion_depth);
   p.insertion_force = parameters.number("insertion_force", kAny, p.insertion_force);
   p.rounds = parameters.integer("rounds", 1, 1000, p.rounds);
+  p.contact_force = parameters.number("contact_force", kAny, p.contact_force);
+  p.contact_tilt = parameters.number("contact_tilt", kAny, p.contact_tilt);
+  p.contact_window = parameters.number("contact_window", kAny, p.contact_window);
+  p.settled_force = parameters.number("settled_force", kAny, p.settled_force);
+  p.fewest_contacts = parameters.integer("fewest_contacts", 1, 1000, p.fewest_contacts);
+  p.most_contacts = parameters.integer("most_contacts", 1, 1000, p.most_contacts);
+  p.required_position = parameters.number("required_position", kAny, p.required_position);
+  p.required_rotation = parameters.number("required_rotation", kAny, p.required_rotation);
+  const double converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
   limits_.force = p.force_limit;
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;
@@ -77,7 +89,9 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
     throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
   }
 
-  plant_ = std::make_unique<RosPlant>(nh, lockstep, timeout);
+  // where sensor_a sits under the hole
+  p.X_AH = loadCellDescription(Parameters(nh).text("robot_description")).X_AH;
+  plant_ = std::make_unique<RosPlant>(nh, lockstep, timeout, converter_step);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
   align_server_ = std::make_unique<AlignServer>(
       nh, "align", [this](const AlignPegGoalConstPtr& goal) { executeAlign(goal); }, false);
@@ -104,6 +118,8 @@ void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
     feedback.contacts = static_cast<std::uint32_t>(now.contacts);
     feedback.time = finite(now.time);
     feedback.message = now.message;
+    feedback.position_sd = finite(now.position_sd);
+    feedback.rotation_sd = finite(now.rotation_sd);
     align_server_->publishFeedback(feedback);
     ROS_INFO_NAMED("align", "%s: %s", now.state.c_str(), now.message.c_str());
   };

@@ -333,24 +333,41 @@ FrictionParameters readFriction(Section in) {
 }
 
 ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
+  struct Name {
+    const char* text;
+    bool ContactFeatures::*admitted;
+  };
+  constexpr Name kNames[] = {{"edge_edge", &ContactFeatures::edge_edge},
+                             {"edge_plane", &ContactFeatures::edge_plane},
+                             {"edge_wall", &ContactFeatures::edge_wall},
+                             {"rim_side", &ContactFeatures::rim_side},
+                             {"rim_face", &ContactFeatures::rim_face}};
   const std::string path = in.at("features");
-  const std::string available = "available are edge_edge and edge_plane";
+  const std::string available =
+      "available are edge_edge, edge_plane, edge_wall, rim_side and rim_face";
   if (!node.IsSequence()) in.refuse(path, shown(node), "give a list of names, " + available);
-  ContactFeatures features{false, false};
+  ContactFeatures features{false, false, false, false, false};
   for (std::size_t i = 0; i < node.size(); ++i) {
     const std::string entry = path + "[" + std::to_string(i) + "]";
-    const std::string name = node[i].IsScalar() ? node[i].Scalar() : "";
-    if (name == "edge_wall" || name == "rim_face" || name == "rim_side") {
-      in.refuse(entry, name, "this contact is not available, remove it; " + available);
-    }
-    if (name != "edge_edge" && name != "edge_plane") {
-      in.refuse(entry, shown(node[i]), "unknown contact, " + available);
-    }
-    bool& admitted = name == "edge_edge" ? features.edge_edge : features.edge_plane;
-    if (admitted) in.refuse(entry, name, "named twice, keep one of them");
+    const std::string text = node[i].IsScalar() ? node[i].Scalar() : "";
+    const auto* name = std::find_if(std::begin(kNames), std::end(kNames),
+                                    [&](const Name& n) { return text == n.text; });
+    if (name == std::end(kNames)) in.refuse(entry, shown(node[i]), "unknown contact, " + available);
+    bool& admitted = features.*(name->admitted);
+    if (admitted) in.refuse(entry, text, "named twice, keep one of them");
     admitted = true;
   }
   return features;
+}
+
+ThesisSwitches readThesis(Section& in) {
+  ThesisSwitches thesis;
+  thesis.moments = in.flag("thesis_moments", false);
+  thesis.cross_stiffness = in.flag("thesis_cross_stiffness", false);
+  thesis.creep = in.flag("thesis_creep", false);
+  thesis.no_centripetal = in.flag("thesis_no_centripetal", false);
+  thesis.sign_flip = in.flag("thesis_sign_flip", false);
+  return thesis;
 }
 
 ContactParameters readContact(Section in) {
@@ -458,6 +475,7 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
   scenario.push = in.vector("push");
   scenario.friction = readFriction(in.section("friction"));
   scenario.contact = readContact(in.section("contact"));
+  scenario.thesis = readThesis(in);
   const YAML::Node initial =
       in.optional("initial") ? in.required("initial", "") : YAML::Node(YAML::NodeType::Map);
   scenario.initial = readInitial(initial, source, scenario.rest, scenario.peg.coupling_height);

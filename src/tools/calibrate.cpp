@@ -12,6 +12,7 @@
 #include "assembly_cell/calibration/displacement.h"
 #include "assembly_cell/calibration/force.h"
 #include "assembly_cell/calibration/linearity.h"
+#include "assembly_cell/calibration/payload_command.h"
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/store.h"
@@ -27,6 +28,7 @@ constexpr const char* kHelp =
     R"(usage: calibrate plan NAME [--seed N] [--observations FILE] [--next K] [--simulate FILE] [--bits B] [--nonlinearity X]
        calibrate solve FILE [--procedure P] [--model M] [--displacement] [--save FOLDER] [--id ID]
        calibrate check FILE [--observations FILE]
+       calibrate payload POSES.csv WRENCHES.csv [options]   see calibrate payload --help
 
 plan   the tests of a plan, judged before anything is measured: rank, condition, degrees of freedom, predicted
        standard deviation. NAME: recommended, quadratic, displacement, thesis_fixed, thesis_shifted.
@@ -430,6 +432,10 @@ int check(const std::vector<std::string>& given) {
 int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + 1, argv + argc);
   try {
+    // has a help of its own
+    if (!arguments.empty() && arguments[0] == "payload") {
+      return assembly_cell::payloadCommand(argc - 1, argv + 1);
+    }
     if (arguments.empty() || arguments[0] == "--help" ||
         (arguments.size() > 1 && arguments[1] == "--help")) {
       (arguments.empty() ? std::cerr : std::cout) << kHelp;
@@ -439,7 +445,8 @@ int main(int argc, char** argv) {
     if (arguments[0] == "plan") return plan(rest);
     if (arguments[0] == "solve") return solve(rest);
     if (arguments[0] == "check") return check(rest);
-    throw InputError("command is '" + arguments[0] + "': give plan, solve or check, see --help");
+    throw InputError("command is '" + arguments[0] +
+                     "': give plan, solve, check or payload, see --help");
   } catch (const InputError& error) {
     std::cerr << "calibrate: " << error.what() << "\n";
     return 2;

@@ -34,6 +34,10 @@ x and y of the peg's centre of mass in m. The window is the whole file, at least
   --frequency W         of the exciter [rad/s]; its phase is zero at t = 0
   --direction D         of the exciter: 1 anticlockwise from above (default), -1 clockwise
   --drift               fit a linear drift besides the offset
+  --harmonics K         fit multiples of the exciter's frequency up to the K-th, 1 to 4 (default 1)
+  --robust              Huber weights against outliers; give --drift and --harmonics too where they occur
+  --fit-frequency R     W is not exact: find it within R rad/s on both sides
+  --acceleration        x and y are accelerations [m/s2]: P, N and the noise are divided by -W^2 (no integration)
   --false-alarm A       rate at which a true mode is refused (default 0.01)
   --indifference E      a minor axis, or a counter-rotating part, below this ratio counts as none (default 0.05)
   --mechanism FILE      scenario of the mechanism: hypotheses by inverting its linear model with one point held
@@ -52,9 +56,10 @@ constexpr double kMisfitLimit = 0.2;  // of a single contact's model
 
 struct Options {
   std::string samples, mechanism;
-  std::optional<double> frequency, amplitude, press;
+  std::optional<double> frequency, amplitude, press, frequency_range;
   int direction = 1;
-  bool drift = false;
+  assembly_cell::HarmonicOptions fit{false, 1, false};
+  bool acceleration = false;
   double false_alarm = 0.01;
   double indifference = 0.05;
   bool help = false;
@@ -72,8 +77,10 @@ Options parseOptions(const std::vector<std::string>& arguments) {
       options.help = true;
       return options;
     }
-    if (name == "--drift") {
-      options.drift = true;
+    if (name == "--drift" || name == "--robust" || name == "--acceleration") {
+      (name == "--drift"    ? options.fit.drift
+       : name == "--robust" ? options.fit.robust
+                            : options.acceleration) = true;
       continue;
     }
     if (name.rfind("-", 0) != 0) {
@@ -83,9 +90,9 @@ Options parseOptions(const std::vector<std::string>& arguments) {
       options.samples = name;
       continue;
     }
-    constexpr std::array<const char*, 7> kNames = {"--frequency",    "--direction", "--false-alarm",
-                                                   "--indifference", "--mechanism", "--amplitude",
-                                                   "--press"};
+    constexpr std::array<const char*, 9> kNames = {
+        "--frequency", "--direction", "--false-alarm", "--indifference", "--mechanism",
+        "--amplitude", "--press",     "--harmonics",   "--fit-frequency"};
     if (std::find(kNames.begin(), kNames.end(), name) == kNames.end()) {
       throw InputError("argument: value " + name + ": unknown option, see --help");
     }
@@ -104,6 +111,12 @@ Options parseOptions(const std::vector<std::string>& arguments) {
     assembly_cell::parseNumber(text, value);
     if (name == "--frequency") {
       options.frequency = number(value > 0.0, value, "give a positive number of rad/s");
+    } else if (name == "--fit-frequency") {
+      options.frequency_range = number(value > 0.0, value, "give a positive number of rad/s");
+    } else if (name == "--harmonics") {
+      number(value == std::floor(value) && value >= 1.0 && value <= 4.0, value,
+             "give a whole number from 1 to 4");
+      options.fit.harmonics = static_cast<int>(value);
     } else if (name == "--direction") {
       number(value == 1.0 || value == -1.0, value, "give 1 or -1");
       options.direction = value > 0.0 ? 1 : -1;
@@ -221,8 +234,8 @@ std::vector<Hypothesis> hypothesesOf(const Options& options, const Locus& locus)
   return {{direction.alpha, direction.weight}, {direction.alpha_opposite, 1.0 - direction.weight}};
 }
 
-void print(const Options& options, const Locus& locus, const ModeDecision& decision,
-           const std::vector<Hypothesis>& hypotheses, bool oriented) {
+void print(const Options& options, double frequency_sd, const Locus& locus,
+           const ModeDecision& decision, const std::vector<Hypothesis>& hypotheses, bool oriented) {
   const auto line = [](const char* key, const std::string& value) {
     std::cout << key << ": " << value << "\n";
   };
@@ -244,7 +257,11 @@ void print(const Options& options, const Locus& locus, const ModeDecision& decis
   line("orientation", oriented ? yamlNumber(locus.orientation()) : "null");
   line("orientation_sd", oriented ? yamlNumber(locus.orientationSd()) : "null");
   line("frequency", yamlNumber(*options.frequency));
+  if (options.frequency_range) line("frequency_sd", yamlNumber(frequency_sd));
   line("noise_sd", yamlNumber(locus.sigma));
+  // of Re and Im of P and N each; all four are independent over whole periods
+  line("variance", yamlNumber(locus.variance()));
+  line("semi_axes_sd", yamlNumber(std::sqrt(2.0 * locus.variance())));
   if (hypotheses.empty()) {
     line("hypotheses", "null");
     return;
@@ -257,31 +274,40 @@ void print(const Options& options, const Locus& locus, const ModeDecision& decis
 }
 
 int run(const std::vector<std::string>& arguments) {
-  const Options options = parseOptions(arguments);
+  Options options = parseOptions(arguments);
   if (options.help) {
     std::cout << kHelp;
     return 0;
   }
   const Samples samples = readSamples(options.samples);
-  std::vector<double> angle;
-  angle.reserve(samples.t.size());
-  for (const double t : samples.t) angle.push_back(options.direction * *options.frequency * t);
+  double frequency_sd = 0.0;
   assembly_cell::HarmonicFit fit;
   try {
-    fit = assembly_cell::fitHarmonic(angle, samples.signals, options.drift);
+    if (options.frequency_range) {
+      const assembly_cell::FrequencyFit found = assembly_cell::fitFrequency(
+          samples.t, samples.signals, *options.frequency, *options.frequency_range, options.fit);
+      options.frequency = found.frequency;
+      frequency_sd = found.sd;
+    }
+    std::vector<double> angle;
+    angle.reserve(samples.t.size());
+    for (const double t : samples.t) angle.push_back(options.direction * *options.frequency * t);
+    fit = assembly_cell::fitHarmonic(angle, samples.signals, options.fit);
   } catch (const InputError& error) {
     throw InputError(options.samples + ": " + error.what());
   }
-  const double sigma = std::sqrt(0.5 * (fit.variance[0] + fit.variance[1]));
-  const Locus locus = assembly_cell::locusFromPhasors(fit.phasor[0], fit.phasor[1], sigma,
-                                                      fit.samples, fit.inflation);
+  // a steady vibration's displacement is its acceleration over −W²
+  const double unit = options.acceleration ? -1.0 / (*options.frequency * *options.frequency) : 1.0;
+  const double sigma = std::abs(unit) * std::sqrt(0.5 * (fit.variance[0] + fit.variance[1]));
+  const Locus locus = assembly_cell::locusFromPhasors(unit * fit.phasor[0], unit * fit.phasor[1],
+                                                      sigma, fit.samples, fit.inflation);
   const ModeDecision decision =
       assembly_cell::decideMode(locus, options.false_alarm, options.indifference);
 
   // neither no movement nor a circle has a direction
   const bool oriented = decision.mode != LocusMode::kNone && decision.mode != LocusMode::kCircle &&
                         locus.orientationSd() < assembly_cell::kUnknownOrientationSd;
-  print(options, locus, decision,
+  print(options, frequency_sd, locus, decision,
         oriented ? hypothesesOf(options, locus) : std::vector<Hypothesis>{}, oriented);
   return 0;
 }

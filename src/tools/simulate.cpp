@@ -34,9 +34,9 @@ constexpr const char* kHelp =
 Runs a scenario and prints a YAML summary.
 
   --set KEY.PATH=VALUE  change a value of the scenario, also of a list: carrier.stiffness[0]=1e5; repeatable
-  --integrator NAME     the same as --set solver.integrator=NAME
+  --integrator NAME     hamming, rk4, dopri5 or dop853; the same as --set solver.integrator=NAME
   --tolerance T         the same as --set solver.tolerance=T  [m]
-  --step H              the same as --set solver.step=H, of fixed-step integrators  [s]
+  --step H              the same as --set solver.step=H, of rk4 and, if given, hamming  [s]
   --at T1,T2,...        times of the rows of the output  [s]
   --rows N              number of evenly spaced rows when --at is absent (default 201)
   --output RUN.csv      write the run, SI units, one row a time
@@ -148,6 +148,20 @@ struct Column {
   std::string value;  // empty: undefined
 };
 
+// Contact slots with columns: edges and plane always, those of a peg in the hole where admitted.
+struct SlotColumn {
+  const char* name;
+  std::size_t slot;
+};
+std::vector<SlotColumn> slotColumns(const Scenario& scenario) {
+  const assembly_cell::ContactFeatures& admitted = scenario.contact.features;
+  std::vector<SlotColumn> columns = {{"edge_0", 0}, {"edge_1", 1}, {"plane", 2}};
+  if (admitted.edge_wall) columns.insert(columns.end(), {{"wall_0", 3}, {"wall_1", 4}});
+  if (admitted.rim_side) columns.insert(columns.end(), {{"side_0", 5}, {"side_1", 6}});
+  if (admitted.rim_face) columns.push_back({"face", 7});
+  return columns;
+}
+
 // One row: state, mode, energy, then force and gap of each contact slot.
 std::vector<Column> rowOf(Simulation& simulation) {
   // places of x, y, z, ... in the state's order z, x, y, ...
@@ -157,7 +171,8 @@ std::vector<Column> rowOf(Simulation& simulation) {
   } coordinates[] = {{"x", 1},         {"y", 2},         {"z", 0},
                      {"phi", 3},       {"theta", 4},     {"psi", 5},
                      {"carrier_x", 6}, {"carrier_y", 7}, {"carrier_yaw", 8}};
-  const char* const slots[assembly_cell::kSlots] = {"edge_0", "edge_1", "plane"};
+  const std::vector<SlotColumn> slots = slotColumns(simulation.scenario());
+  const auto contacts = simulation.contacts();
 
   std::vector<Column> row = {{"t", shown(simulation.time())}};
   for (const auto& c : coordinates) row.push_back({c.name, shown(simulation.state().q[c.index])});
@@ -165,18 +180,18 @@ std::vector<Column> rowOf(Simulation& simulation) {
     row.push_back({std::string(c.name) + "_rate", shown(simulation.state().v[c.index])});
   }
   std::string mode;
-  for (const ContactReport& contact : simulation.contacts()) mode += "-sS"[contact.state];
+  for (const SlotColumn& column : slots) mode += "-sS"[contacts[column.slot].state];
   row.push_back({"mode", mode});
   row.push_back({"energy", shown(simulation.energy())});
-  for (int i = 0; i < assembly_cell::kSlots; ++i) {
-    const Eigen::Vector3d& force = simulation.contacts()[static_cast<std::size_t>(i)].force;
+  for (const SlotColumn& column : slots) {
     for (int axis = 0; axis < 3; ++axis) {
-      row.push_back({std::string(slots[i]) + "_force_" + "xyz"[axis], shown(force[axis])});
+      row.push_back({std::string(column.name) + "_force_" + "xyz"[axis],
+                     shown(contacts[column.slot].force[axis])});
     }
   }
-  for (int i = 0; i < assembly_cell::kSlots; ++i) {
-    const ContactReport& contact = simulation.contacts()[static_cast<std::size_t>(i)];
-    row.push_back({std::string(slots[i]) + "_gap", contact.valid ? shown(contact.gap) : ""});
+  for (const SlotColumn& column : slots) {
+    const ContactReport& contact = contacts[column.slot];
+    row.push_back({std::string(column.name) + "_gap", contact.valid ? shown(contact.gap) : ""});
   }
   return row;
 }
@@ -249,7 +264,6 @@ class Progress {
     last_ = now;
     std::cerr << "simulate: " << shown(time) << " s of " << shown(duration) << " s" << std::endl;
   }
-  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
  private:
   Clock::time_point start_ = Clock::now();
@@ -300,16 +314,23 @@ int run(const Options& options) {
     if (csv) csv->write(rowOf(simulation));
     progress.show(simulation.time(), scenario.duration);
   };
+  // wall time is that of the simulation, without the rows
+  double wall_time = 0.0;
+  const auto advance = [&](double time) {
+    const Clock::time_point start = Clock::now();
+    const StopReason reason = simulation.advance(time);
+    wall_time += std::chrono::duration<double>(Clock::now() - start).count();
+    return reason;
+  };
   StopReason reason = StopReason::kOk;
   for (const double time : times) {
-    reason = simulation.advance(time);
+    reason = advance(time);
     if (reason != StopReason::kOk) break;
     writeRow();
   }
-  if (reason == StopReason::kOk) reason = simulation.advance(scenario.duration);
+  if (reason == StopReason::kOk) reason = advance(scenario.duration);
   // a run that stops early ends with the row of that time
   if (reason != StopReason::kOk && simulation.time() > last_row) writeRow();
-  const double wall_time = progress.seconds();
 
   if (csv) csv->finish();
   printSummary(simulation, wall_time);

@@ -1,9 +1,10 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/vibration/locus_model.h"
 
-#include <Eigen/LU>
+#include <algorithm>
 #include <limits>
 
+#include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/validity.h"
 
@@ -15,6 +16,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kRounding = 8 * std::numeric_limits<double>::epsilon();
+constexpr const char* kSingular =
+    "singular: an undamped resonance or no stiffness, change w, K6 or C6";
 constexpr const char* kResonance = "undamped resonance: change w or give a damping";
 
 void requireCase(const LocusCase& s) {
@@ -32,10 +35,32 @@ Complex stiffness(double K, double I, double c, double w) {
   return value;
 }
 
-Matrix3d skew(const Vector3d& v) {
-  Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
+// T' M T with T = [−[support]; 1]: a support's matrix about the contact
+Matrix3d aboutContact(const SupportMatrix& M, const Vector3d& support) {
+  // column by column: K T, then T' of it
+  const auto forces = [&](int i, int j, int k, int row) {
+    return Vector3d(support[j] * M(row, k) - support[k] * M(row, j) + M(row, 3 + i),
+                    support[j] * M(row + 1, k) - support[k] * M(row + 1, j) + M(row + 1, 3 + i),
+                    support[j] * M(row + 2, k) - support[k] * M(row + 2, j) + M(row + 2, 3 + i));
+  };
+  Matrix3d result;
+  for (int i = 0; i < 3; ++i) {
+    const int j = (i + 1) % 3, k = (i + 2) % 3;
+    result.col(i) = support.cross(forces(i, j, k, 0)) + forces(i, j, k, 3);
+  }
+  return result;
+}
+
+// complex algebra without the checks for infinities that std::complex makes at each product
+struct ComplexVector {
+  Vector3d re, im;
+  double squaredNorm() const { return re.squaredNorm() + im.squaredNorm(); }
+};
+ComplexVector cross(const ComplexVector& a, const ComplexVector& b) {
+  return {a.re.cross(b.re) - a.im.cross(b.im), a.re.cross(b.im) + a.im.cross(b.re)};
+}
+Complex dot(const ComplexVector& a, const ComplexVector& b) {
+  return {a.re.dot(b.re) - a.im.dot(b.im), a.re.dot(b.im) + a.im.dot(b.re)};
 }
 
 }  // namespace
@@ -47,7 +72,9 @@ PlanarLocus planarLocus(Complex P, Complex N) {
   locus.b = p - n;
   locus.has_direction = std::min(p, n) > kRounding * std::max(p, n);
   if (locus.has_direction) {
-    const double psi = std::remainder((std::arg(P) + std::arg(N)) / 2, kPi);
+    // half the angle of the product of both directions
+    const double pr = P.real() / p, pi = P.imag() / p, nr = N.real() / n, ni = N.imag() / n;
+    const double psi = std::atan2(pr * ni + pi * nr, pr * nr - pi * ni) / 2;
     locus.psi = psi < 0.0 ? psi + kPi : psi;
     if (locus.psi >= kPi) locus.psi = 0.0;
   }
@@ -110,34 +137,52 @@ PlanarLocus generalLocus(const LocusCase& s, double l, double hF, double g, cons
   requireNotNegative("l", l);
   requireFinite("hF", hF);
   requireNotNegative("g", g);
-  if (!K6.allFinite() || !C6.allFinite()) refuse("K6", K6.sum() + C6.sum(), "give finite numbers");
-  const double centroid = centroidInertia(s.m, s.r, s.h);
-  // from the contact to the centre of mass, the force and the support
-  const Vector3d mass(-s.r * std::cos(s.alpha), -s.r * std::sin(s.alpha), s.h);
-  const Vector3d force(mass.x(), mass.y(), hF), support(mass.x(), mass.y(), 2 * s.h + l);
-  Eigen::Matrix<double, 6, 3> T;
-  T << -skew(support), Matrix3d::Identity();
-  Matrix3d K = T.transpose() * K6 * T;
-  const Matrix3d C = T.transpose() * C6 * T;
-  Matrix3d weight;
-  weight << 2 * mass.z(), 0, -mass.x(), 0, 2 * mass.z(), -mass.y(), -mass.x(), -mass.y(), 0;
-  K -= s.m * g / 2 * weight;
-  Matrix3d I = Vector3d(centroid, centroid, s.m * s.r * s.r / 2).asDiagonal();
-  I += s.m * (mass.squaredNorm() * Matrix3d::Identity() - mass * mass.transpose());
-  Eigen::Matrix3cd system;
-  system.real() = K - s.w * s.w * I;
-  system.imag() = s.w * C;
-  const Eigen::Vector3cd moment =
-      skew(force).cast<Complex>() * Eigen::Vector3cd(s.F, Complex(0.0, -s.F), 0.0);
-  // singular relative to its own size: a resonance, or a support that lets the peg turn
-  const double size = system.cwiseAbs().maxCoeff();
-  const Eigen::Matrix3cd inverse = (system / size).inverse();
-  if (!(size > 0.0) || !inverse.allFinite() || inverse.cwiseAbs().maxCoeff() * kRounding > 1.0) {
-    refuse("w", s.w, "singular: an undamped resonance or no stiffness, change w, K6 or C6");
+  const double centroid = centroidInertia(s.m, s.r, s.h), axial = s.m * s.r * s.r / 2;
+  // from the contact to the centre of mass; force and support lie on the same axis
+  const double x = -s.r * std::cos(s.alpha), y = -s.r * std::sin(s.alpha), z = s.h;
+  const Vector3d support(x, y, 2 * s.h + l);
+  Matrix3d real = aboutContact(K6, support), imag = s.w * aboutContact(C6, support);
+  // stiffness less that of the weight, less the inertia about the contact
+  const double weight = s.m * g / 2, ww = s.w * s.w;
+  real(0, 0) -= 2 * weight * z + ww * (centroid + s.m * (y * y + z * z));
+  real(1, 1) -= 2 * weight * z + ww * (centroid + s.m * (x * x + z * z));
+  real(2, 2) -= ww * (axial + s.m * (x * x + y * y));
+  const double xy = ww * s.m * x * y, xz = (ww * s.m * z + weight) * x,
+               yz = (ww * s.m * z + weight) * y;
+  real(0, 1) += xy;
+  real(1, 0) += xy;
+  real(0, 2) += xz;
+  real(2, 0) += xz;
+  real(1, 2) += yz;
+  real(2, 1) += yz;
+  const double size = std::max(real.cwiseAbs().maxCoeff(), imag.cwiseAbs().maxCoeff());
+  if (!std::isfinite(real.sum() + imag.sum())) {
+    refuse("K6", K6.sum() + C6.sum(), "give finite numbers of comparable size");
   }
-  const Eigen::Vector3cd motion = -skew(mass).cast<Complex>() * (inverse * moment / size);
-  const Complex i(0.0, 1.0), x = motion.x(), y = motion.y();
-  return planarLocus((x + i * y) / 2.0, std::conj(x - i * y) / 2.0);
+  if (!(size > 0.0)) refuse("w", s.w, kSingular);
+  real *= 1.0 / size;
+  imag *= 1.0 / size;
+  // Cramer's rule; the force (F, −iF, 0) has the moment F (i hF, hF, −i x − y)
+  const ComplexVector A{real.col(0), imag.col(0)}, B{real.col(1), imag.col(1)},
+      C{real.col(2), imag.col(2)};
+  const ComplexVector moment{s.F * Vector3d(0, hF, -y), s.F * Vector3d(hF, 0, -x)};
+  const ComplexVector BC = cross(B, C), CA = cross(C, A), AB = cross(A, B);
+  const Complex determinant = dot(A, BC);
+  const double square = std::norm(determinant);
+  const double largest = std::max({BC.squaredNorm(), CA.squaredNorm(), AB.squaredNorm()});
+  // singular relative to its own size: a resonance, or a support that lets the peg turn
+  if (!(largest * kRounding * kRounding < square)) refuse("w", s.w, kSingular);
+  const double scale = 1.0 / (square * size);
+  const auto solved = [&](const ComplexVector& cofactor) {
+    const Complex n = dot(cofactor, moment);
+    return Complex((n.real() * determinant.real() + n.imag() * determinant.imag()) * scale,
+                   (n.imag() * determinant.real() - n.real() * determinant.imag()) * scale);
+  };
+  // motion = rotation × (x, y, z)
+  const Complex about_x = solved(BC), about_y = solved(CA), about_z = solved(AB);
+  const Complex u = about_y * z - about_z * y, v = about_z * x - about_x * z;
+  return planarLocus(Complex(u.real() - v.imag(), u.imag() + v.real()) / 2.0,
+                     Complex(u.real() + v.imag(), v.real() - u.imag()) / 2.0);
 }
 
 }  // namespace assembly_cell

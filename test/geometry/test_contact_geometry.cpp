@@ -415,19 +415,15 @@ TEST_F(ContactGeometry, MirroredPegsMirrorTheirContacts) {
     const ContactPoint c = findEdgeEdge(e, kHoleRadius, slot, false, 0.0);
     ASSERT_TRUE(c.valid);
     const Eigen::DiagonalMatrix<double, 3> mirror(1, -1, 1);
-    // the mirror image runs backwards: t and slots as they are for the mirrored axes, the other
-    // slot at −t when the second axis is turned round
-    const EdgeCircle image{mirror * e.center, mirror * e.axis0, mirror * e.axis1, e.radius};
-    const EdgeCircle reversed{image.center, image.axis0, -image.axis1, e.radius};
-    const ContactPoint a = findEdgeEdge(image, kHoleRadius, slot, false, 0.0);
-    const ContactPoint b = findEdgeEdge(reversed, kHoleRadius, 1 - slot, false, 0.0);
-    ASSERT_TRUE(a.valid && b.valid);
+    // the mirror image with its second axis turned round is right-handed again: t runs backwards
+    // and the slots change places
+    const EdgeCircle image{mirror * e.center, mirror * e.axis0, mirror * -e.axis1, e.radius};
+    const ContactPoint m = findEdgeEdge(image, kHoleRadius, 1 - slot, false, 0.0);
+    ASSERT_TRUE(m.valid);
     // rounding of lengths below 0.03, amplified by nearly parallel tangents
-    for (const ContactPoint& m : {a, b}) {
-      EXPECT_NEAR(m.gap, c.gap, 1e-16);
-      EXPECT_LT((m.p - mirror * c.p).norm(), 1e-15);
-      EXPECT_LT((m.normal - mirror * c.normal).norm(), 1e-12);
-    }
+    EXPECT_NEAR(m.gap, c.gap, 1e-16);
+    EXPECT_LT((m.p - mirror * c.p).norm(), 1e-15);
+    EXPECT_LT((m.normal - mirror * c.normal).norm(), 1e-12);
   }
 }
 

@@ -83,7 +83,7 @@ TEST(HarmonicFit, InflationOfWindowsThatAreNotWholePeriods) {
     const std::size_t n = 4000;
     const Samples s =
         sample(n, static_cast<double>(n) / periods, 1, [](int, double, double) { return 0.0; });
-    return fitHarmonic(s.angle, s.signals, drift).inflation;
+    return fitHarmonic(s.angle, s.signals, {drift}).inflation;
   };
   EXPECT_NEAR(inflation(1.5, false), 1.05, 0.006);
   EXPECT_NEAR(inflation(2.5, true), 1.02, 0.006);

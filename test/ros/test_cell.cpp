@@ -59,7 +59,8 @@ void serialise(const Record<M>& record, std::vector<std::string>& out) {
 std::vector<std::string> undocumented();
 
 // launches the cell, has it align once and stops it
-CellRun run(const std::vector<std::string>& arguments, bool watched) {
+CellRun run(const std::vector<std::string>& arguments, bool watched,
+            const std::string& strategy = "single_contact") {
   ros::NodeHandle nh;
   CellRun out;
   const std::string file =
@@ -82,7 +83,7 @@ CellRun run(const std::vector<std::string>& arguments, bool watched) {
   })) << cell.output();
   EXPECT_TRUE(cell.running()) << cell.output();
 
-  Child report({executable("report"), "_report_file:=" + file});
+  Child report({executable("report"), "_report_file:=" + file, "_strategy:=" + strategy});
   EXPECT_TRUE(waitFor([&] { return !report.running() || !cell.running(); }, kRunTime))
       << report.output();
   EXPECT_TRUE(cell.running()) << cell.output();
@@ -113,9 +114,9 @@ std::vector<std::string> undocumented() {
   XmlRpc::XmlRpcValue request, response, state;
   request[0] = ros::this_node::getName();
   EXPECT_TRUE(ros::master::execute("getSystemState", request, response, state, false));
-  const std::vector<std::string> nodes = {"/peg_hole_simulator",  "/sensor_a/driver",
-                                          "/sensor_b/driver",     "/locus_estimator",
-                                          "/assembly_supervisor", "/contact_markers"};
+  const std::vector<std::string> nodes = {
+      "/peg_hole_simulator",  "/sensor_a/driver", "/sensor_b/driver",     "/locus_estimator",
+      "/assembly_supervisor", "/contact_markers", "/twin_force_estimator"};
   std::vector<std::string> missing;
   int found = 0;
   for (int kind = 0; kind < 3; ++kind) {
@@ -191,6 +192,25 @@ TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
   EXPECT_EQ(without(blind.report, truth), without(seen.report, truth));
   EXPECT_TRUE(blind.commands == seen.commands)
       << blind.commands.size() << " and " << seen.commands.size() << " commands";
+}
+
+TEST(Cell, AlignsFromBothSensorsWrenches) {
+  // with the estimator as a participant, which the strategy doesn't need
+  const CellRun both = run({"twin_force:=true"}, true, "twin_force");
+  ASSERT_EQ(both.exit_code, 0) << both.output;
+  EXPECT_EQ(both.undocumented, std::vector<std::string>{});
+  EXPECT_TRUE(both.report["verdict"].as<bool>());
+  EXPECT_EQ(both.report["strategy"].as<std::string>(), "twin_force");
+  EXPECT_GE(both.report["contacts"].as<int>(), 3);
+  // a fifth of the clearance of 0.1 mm
+  const auto offset = both.report["true_offset"].as<std::vector<double>>();
+  const auto estimated = both.report["estimated_offset"].as<std::vector<double>>();
+  EXPECT_LT(std::hypot(offset[0] - estimated[0], offset[1] - estimated[1]), 2e-5);
+
+  const CellRun alone = run({"publish_truth:=false"}, false, "twin_force");
+  ASSERT_EQ(alone.exit_code, 0) << alone.output;
+  EXPECT_TRUE(alone.commands == both.commands)
+      << alone.commands.size() << " and " << both.commands.size() << " commands";
 }
 
 }  // namespace

@@ -1,12 +1,15 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <assembly_cell/Ack.h>
 #include <assembly_cell/DisplacementSamples.h>
+#include <assembly_cell/DisplacementWithCovariance.h>
 #include <assembly_cell/GetCalibration.h>
 #include <assembly_cell/SensorCalibration.h>
 #include <assembly_cell/SetBias.h>
 #include <assembly_cell/SetCalibration.h>
 #include <assembly_cell/StrainSamples.h>
 #include <assembly_cell/WrenchSamples.h>
+#include <assembly_cell/WrenchWithCovariance.h>
+#include <assembly_cell/ZeroTo.h>
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <geometry_msgs/WrenchStamped.h>
 #include <gtest/gtest.h>
@@ -27,6 +30,7 @@
 #include <thread>
 #include <vector>
 
+#include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
@@ -60,13 +64,16 @@ class Sensor {
     keep("displacement_samples", displacement_samples_);
     keep("wrench_raw", wrench_raw_);
     keep("wrench", wrench_);
+    keep("wrench_with_covariance", wrench_with_covariance_);
+    keep("displacement", displacement_);
     keep("bias", bias_);
     keep("calibration", calibration_);
   }
 
   bool connected() const {
     for (const ros::Subscriber& sub : subs_) {
-      const bool displacement = sub.getTopic() == nh_.resolveName("displacement_samples");
+      const bool displacement = sub.getTopic() == nh_.resolveName("displacement_samples") ||
+                                sub.getTopic() == nh_.resolveName("displacement");
       if (sub.getNumPublishers() == 0 && !(displacement && name_ == "sensor_a")) return false;
     }
     return pub_.getNumSubscribers() > 0;
@@ -159,6 +166,8 @@ class Sensor {
   std::vector<WrenchSamples> wrench_samples_;
   std::vector<DisplacementSamples> displacement_samples_;
   std::vector<geometry_msgs::WrenchStamped> wrench_raw_, wrench_, bias_;
+  std::vector<WrenchWithCovariance> wrench_with_covariance_;
+  std::vector<DisplacementWithCovariance> displacement_;
   std::vector<SensorCalibration> calibration_;
   std::mutex mutex_;
   std::uint32_t sequence_ = 0, first_ = 0;  // last sent, last of another test
@@ -503,6 +512,191 @@ TEST_F(ForceSensorDriver, TakesSoundCalibrationsOnly) {
   const auto response = b_.call<SetCalibration>("set_calibration", request);
   EXPECT_FALSE(response.success);
   EXPECT_TRUE(has(response.message, "volts_to_displacement is zero")) << response.message;
+}
+
+// Tared to a load that hangs there, the sensor reads that load; undo goes back step by step, with
+// the time of the earlier bias; what the sensor read before the bias never changes.
+TEST_F(ForceSensorDriver, ZeroToALoadAndUndo) {
+  const Vector6 offset = (Vector6() << 0.5, 0.25, -1, 0.01, 0.02, -0.03).finished();
+  const auto reads = [&](const Vector6& w) {
+    const StrainSamples block = a_.block(kLoad + offset);
+    EXPECT_LE((a_.firstOf(a_.pass(block)) - w).cwiseAbs().maxCoeff(), kRounding);
+    const auto stamp = block.header.stamp + ros::Duration(99 * block.period);
+    const auto raw = a_.newest(a_.wrench_raw_, [&](const auto& m) {
+      return std::abs((m.header.stamp - stamp).toSec()) < 1e-6;
+    });
+    EXPECT_LE((fromWrench(raw.wrench) - kLoad - offset).cwiseAbs().maxCoeff(), kRounding);
+    const auto strain =
+        a_.newest(a_.strain_, [&](const StrainSamples& s) { return s.sequence == block.sequence; });
+    EXPECT_EQ(strain.volts, block.volts);
+  };
+  const auto bias = [&](const Vector6& b) {
+    return a_.newest(a_.bias_, [&](const geometry_msgs::WrenchStamped& m) {
+      return (fromWrench(m.wrench) - b).cwiseAbs().maxCoeff() < kRounding;
+    });
+  };
+  ZeroTo::Request request;
+  Vector6::Map(request.wrench.data()) = kLoad;
+  ZeroTo::Response response;
+  {
+    Feeder feeder(a_, kLoad + offset);
+    response = a_.call<ZeroTo>("zero_to", request);
+  }
+  ASSERT_TRUE(response.success) << response.message;
+  EXPECT_TRUE(has(response.message, "- load (3 -4 12 N, 0.2 -0.1 0.05 N m): 0.5 0.25 -1 N,"))
+      << response.message;
+  reads(kLoad);
+  const ros::Time taken = bias(offset).header.stamp;
+  EXPECT_GT(taken.toSec(), 0.0);
+
+  SetBias::Request other;
+  other.bias[2] = 7.0;
+  EXPECT_TRUE(a_.call<SetBias>("set_bias", other).success);
+  EXPECT_TRUE(a_.trigger("clear_bias").success);
+  reads(kLoad + offset);
+  EXPECT_EQ(bias(Vector6::Zero()).header.stamp, ros::Time());
+  EXPECT_TRUE(a_.trigger("undo_bias").success);
+  bias(7.0 * Vector6::Unit(2));
+  EXPECT_TRUE(a_.trigger("undo_bias").success);
+  EXPECT_EQ(bias(offset).header.stamp, taken);
+  reads(kLoad);
+
+  // a zero that is refused is no step; a new calibration leaves nothing to undo
+  request.wrench[4] = kNaN;
+  EXPECT_TRUE(has(a_.call<ZeroTo>("zero_to", request).message, "not finite"));
+  EXPECT_FALSE(a_.trigger("zero").success);
+  bias(offset);
+  SetCalibration::Request same;
+  same.calibration = a_.call<GetCalibration>("get_calibration").calibration;
+  EXPECT_TRUE(a_.call<SetCalibration>("set_calibration", same).success);
+  reads(kLoad + offset);
+  const auto nothing = a_.trigger("undo_bias");
+  EXPECT_FALSE(nothing.success);
+  EXPECT_TRUE(has(nothing.message, "nothing to undo")) << nothing.message;
+}
+
+// Under a stream of blocks every sample is read through one calibration, whole, and none through an
+// older one than the sample before; the latched one is that of the last call.
+TEST_F(ForceSensorDriver, CalibrationsChangeBetweenTwoSamples) {
+  const SensorCalibration old = a_.call<GetCalibration>("get_calibration").calibration;
+  std::atomic<int> calls{0};
+  constexpr int kCalls = 60;
+  auto changes = std::async(std::launch::async, [&] {
+    SetCalibration::Request request;
+    for (int n = 1; n <= kCalls; ++n) {
+      // twice the same load at the next factor: matrix and zero must come together
+      request.calibration = old;
+      request.calibration.id = "factor " + std::to_string(1 + n);
+      for (double& x : request.calibration.volts_to_wrench) x *= 1 + n;
+      EXPECT_TRUE(a_.call<SetCalibration>("set_calibration", request).success);
+      ++calls;
+    }
+  });
+  const std::uint32_t first = a_.sequence_ + 1;
+  while (calls < kCalls) {
+    a_.send(a_.block(kLoad, 50));
+    ros::WallDuration(0.002).sleep();
+  }
+  changes.get();
+  a_.pass(a_.block(kLoad, 50));
+  double last = 1.0;
+  int factors = 0;
+  for (const WrenchSamples& w : a_.copy(a_.wrench_samples_)) {
+    if (w.sequence < first) continue;
+    for (std::size_t k = 0; k < w.saturated.size(); ++k) {
+      const Vector6 got = Vector6::Map(&w.wrench[6 * k]);
+      const double factor = std::round(got[2] / kLoad[2]);
+      ASSERT_LE((got - factor * kLoad).cwiseAbs().maxCoeff(), kCalls * kRounding);
+      ASSERT_GE(factor, last);
+      factors += factor > last;
+      last = factor;
+    }
+  }
+  EXPECT_EQ(last, kCalls + 1);
+  EXPECT_GT(factors, 5);  // changes did happen within the stream
+  const SensorCalibration latched =
+      a_.newest(a_.calibration_, [](const SensorCalibration& c) { return c.id == "factor 61"; });
+  const auto now = a_.call<GetCalibration>("get_calibration");
+  EXPECT_EQ(now.calibration.id, "factor 61");
+  EXPECT_EQ(now.calibration.header.stamp, latched.header.stamp);  // since when: its age
+  EXPECT_LT(std::abs((ros::Time::now() - latched.header.stamp).toSec()), kPatience);
+  EXPECT_TRUE(has(now.message, "in force for")) << now.message;
+  SetCalibration::Request request;
+  request.calibration = old;
+  EXPECT_TRUE(a_.call<SetCalibration>("set_calibration", request).success);
+}
+
+// A complete quadratic map with covariance comes over the wire whole, and is used.
+TEST_F(ForceSensorDriver, TakesQuadraticCalibrationsWithCovariance) {
+  const SensorCalibration old = b_.call<GetCalibration>("get_calibration").calibration;
+  Calibration c = fromMessage(old, "");
+  c.id = "quadratic";
+  c.quadratic_wrench = c.quadratic_displacement = true;
+  for (int i = 0; i < 6; ++i) {
+    for (int k = 0; k < kStrainProducts; ++k) {
+      c.wrench_products(i, k) = 0.01 * (i + 1) + 0.003 * k;
+      c.displacement_products(i, k) = 1e-6 * (i - 3 + 0.1 * k);
+    }
+  }
+  const auto spread = [](Eigen::Index n, double scale) {
+    Eigen::MatrixXd m(n, n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      for (Eigen::Index j = 0; j < n; ++j) m(i, j) = scale / (1.0 + static_cast<double>(i + j));
+    }
+    return m;  // of Hilbert: symmetric, positive
+  };
+  c.wrench_covariance = spread(162, 1e-6) + 1e-9 * Eigen::MatrixXd::Identity(162, 162);
+  c.displacement_covariance = spread(27, 1e-3) + 1e-6 * Eigen::MatrixXd::Identity(27, 27);
+  c.displacement_variance.setConstant(1e-12);
+  c.noise.setConstant(4e-4);
+  c.wrench_range.setConstant(1.0);
+  c.wrench_fit.dof = 192;
+  c.wrench_fit.chi2 = 180.5;
+  c.observations_digest = "crc32:01234567";
+  SetCalibration::Request request;
+  request.calibration = toMessage(c);
+  const auto response = b_.call<SetCalibration>("set_calibration", request);
+  ASSERT_TRUE(response.success) << response.message;
+  const Calibration got = fromMessage(b_.call<GetCalibration>("get_calibration").calibration, "");
+  EXPECT_EQ(calibrationChecksum(got), calibrationChecksum(c));
+
+  const Vector6 v = b_.volts(kLoad);
+  const StrainSamples block = b_.block(kLoad, 200);
+  EXPECT_LE((b_.firstOf(b_.pass(block)) - wrenchFromVolts(c, v)).cwiseAbs().maxCoeff(), kRounding);
+  const ros::Time end = block.header.stamp + ros::Duration(199 * block.period);
+  const auto now = [&](const auto& m) { return std::abs((m.header.stamp - end).toSec()) < 1e-6; };
+  const auto wrench = b_.newest(b_.wrench_with_covariance_, now);
+  const Matrix6 noise = c.noise.cwiseAbs2().asDiagonal();
+  const Matrix6 expected = wrenchCovariance(c, v, noise);
+  // rounding of the mean of 200 readings
+  EXPECT_LE((Matrix6::Map(wrench.covariance.data()) - expected).norm(), 1e-9 * expected.norm());
+  EXPECT_LE((fromWrench(wrench.wrench) - wrenchFromVolts(c, v)).norm(), kRounding);
+  const auto displacement = b_.newest(b_.displacement_, now);
+  const Matrix6 of_displacement = displacementCovariance(c, v, noise);
+  EXPECT_LE((Matrix6::Map(displacement.covariance.data()) - of_displacement).norm(),
+            1e-9 * of_displacement.norm());
+  EXPECT_LE((Vector6::Map(displacement.displacement.data()) - displacementFromVolts(c, v)).norm(),
+            1e-12);
+
+  // an array of a wrong size, or no covariance at all
+  const auto refused = [&](const std::string& part) {
+    const auto answer = b_.call<SetCalibration>("set_calibration", request);
+    EXPECT_FALSE(answer.success);
+    EXPECT_TRUE(has(answer.message, part)) << answer.message;
+  };
+  request.calibration.wrench_products.pop_back();
+  refused("wrench_products has 125 entries");
+  request.calibration = toMessage(c);
+  request.calibration.wrench_covariance.resize(36);
+  refused("wrench_covariance has 36 entries: give none or 26244");
+  request.calibration = toMessage(c);
+  request.calibration.wrench_covariance[0] = -1.0;
+  refused("covariance");
+  request.calibration = toMessage(c);
+  request.calibration.displacement_products[4] = kNaN;
+  refused("not finite");
+  request.calibration = old;
+  EXPECT_TRUE(b_.call<SetCalibration>("set_calibration", request).success);
 }
 
 // Every block is answered (a latecomer hears of the last one, too old to count here), also one that

@@ -28,6 +28,17 @@ struct AlignParameters {
   double insertion_depth = 5e-4;  ///< of the edge below the plane that counts as aligned [m]
   double insertion_force = 2.0;   ///< more than this on the way means not aligned [N]
   int rounds = 3;                 ///< sweeps at most
+
+  // twin_force
+  double contact_force = 15.0;      ///< of each contact [N]
+  double contact_tilt = 0.052;      ///< of the peg against the plane, about 3 degrees [rad]
+  double contact_window = 0.2;      ///< that is averaged, hanging free and pressed [s]
+  double settled_force = 0.02;      ///< a window whose halves differ by more is not settled [N]
+  int fewest_contacts = 3;          ///< before the peg is moved over the hole
+  int most_contacts = 12;           ///< of one round
+  double required_position = 3e-5;  ///< sd of the hole, per axis, that is enough [m]
+  double required_rotation = 1e-3;  ///< [rad]
+  Pose X_AH{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.06)};  ///< hole in sensor_a
 };
 
 /// Progress for people and for the action's feedback.
@@ -36,6 +47,8 @@ struct AlignProgress {
   int contacts = 0;   ///< readings taken
   double time = 0.0;  ///< plant clock [s]
   std::string message;
+  double position_sd = 0.0;  ///< of the hole's centre as known now, 2 axes; 0: not known [m]
+  double rotation_sd = 0.0;  ///< of its axis, 2 axes [rad]
 };
 
 /// How an alignment ended.

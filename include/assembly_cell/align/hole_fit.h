@@ -26,6 +26,7 @@ struct HoleReading {
 struct HoleEstimate {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< of the hole plane, out of the hole
   double height = 0.0;                                ///< normal · any point of the plane [m]
+  double height_sd = 0.0;                             ///< at the centre [m]; fitHole doesn't set it
   Eigen::Vector3d center = Eigen::Vector3d::Zero();   ///< of the rim [m]
   Eigen::Matrix2d center_covariance = Eigen::Matrix2d::Zero();  ///< in planeAxes(normal) [m²]
   double normal_sd = 0.0;                                       ///< [rad]

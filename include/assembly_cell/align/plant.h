@@ -33,9 +33,14 @@ struct PlantCommand {
 
 /// What one block of samples says. Means over the block.
 struct PlantBlock {
-  double time = 0.0;                         ///< end of the block, plant clock [s]
-  Vector6 wrench_a = Vector6::Zero();        ///< sensor_a axes, untared [N], [N·m]
-  Vector6 wrench_b = Vector6::Zero();        ///< sensor_b axes, untared
+  double time = 0.0;                       ///< end of the block, plant clock [s]
+  Vector6 wrench_a = Vector6::Zero();      ///< sensor_a axes, untared [N], [N·m]
+  Vector6 wrench_b = Vector6::Zero();      ///< sensor_b axes, untared
+  Matrix6 covariance_a = Matrix6::Zero();  ///< of one sample of wrench_a about the mean
+  Matrix6 covariance_b = Matrix6::Zero();
+  Matrix6 rounding_a = Matrix6::Zero();  ///< that the converter adds to every mean
+  Matrix6 rounding_b = Matrix6::Zero();
+  int samples = 0;                           ///< in the block
   Vector6 displacement_b = Vector6::Zero();  ///< of the coupling, sensor_b axes [m], [rad]
   bool saturated = false;                    ///< any channel of either sensor
   RestPose carrier;                          ///< the carrier's pose as its encoders say

@@ -23,6 +23,7 @@ class SimulatedPlant : public Plant {
   Scenario scenario_;
   SimulatedCell cell_;
   Calibration calibration_a_, calibration_b_;
+  Matrix6 rounding_a_, rounding_b_;
   StrainBlock block_;
   ExciterParameters exciter_;
   double exciter_reference_ = 0.0;

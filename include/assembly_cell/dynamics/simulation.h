@@ -9,10 +9,17 @@
 
 namespace assembly_cell {
 
+struct Body;
+
 /// How a run ended. kOk, or the named reason to stop.
 enum class StopReason {
   kOk,
-  kEdgePlane,       ///< lowest point on the plane, and features exclude edge_plane
+  kEdgeEdge,        ///< these five: a contact closes that contact.features excludes
+  kEdgePlane,       ///< lowest edge point on the plane (or the hole's floor)
+  kEdgeWall,        ///< edge on the wall of the hole
+  kRimSide,         ///< rim on the peg's side
+  kRimFace,         ///< rim on the peg's bottom face
+  kPegTop,          ///< the rim has run off the side over the peg's top edge
   kSingular,        ///< sin(theta) < 0.1: peg nearly horizontal
   kInitialOverlap,  ///< a state deeper than 1e-8 m in the block, refused by the rigid law
   kNonFinite,       ///< state or acceleration not finite
@@ -31,7 +38,7 @@ struct RunCounts {
 
 /// One contact as people and topics see it. Frame `hole`.
 struct ContactReport {
-  enum Feature : std::uint8_t { kEdgeEdge = 0, kEdgePlane = 1 };
+  enum Feature : std::uint8_t { kEdgeEdge, kEdgePlane, kEdgeWall, kRimSide, kRimFace };
   enum State : std::uint8_t { kOpen = 0, kSlip = 1, kStick = 2 };
   Feature feature = kEdgeEdge;
   State state = kOpen;
@@ -42,9 +49,9 @@ struct ContactReport {
   double gap = 0.0;                                   ///< [m]; < 0 penetrating
 };
 
-/// Contact slots: two edge–edge candidates (thesis: left and right of the lowest edge point), then
-/// the edge–plane candidate.
-constexpr int kSlots = 3;
+/// Contact slots, as geometry numbers them: edge–edge left and right of the lowest edge point,
+/// edge–plane, then those of a peg in the hole.
+constexpr int kSlots = kContactSlots;
 
 /// The nine-degree-of-freedom mechanism in time. Deterministic: the same calls give the same bits.
 /// No allocation after construction.
@@ -93,44 +100,102 @@ class Simulation {
   double energy() const;     ///< kinetic + coupling + carrier springs + weight [J]
 
  private:
-  // what a slot does: apart (gap open), idle (in reach but no force), slip, stick
+  // what a slot does between two decisions: apart (gap open), idle (in reach, no force), slip,
+  // stick
   enum class Mode : std::uint8_t { kApart, kIdle, kSlip, kStick };
   struct Slot {
     Mode mode = Mode::kApart;
-    ContactPoint point;                                        // at the last evaluation
-    Eigen::Vector3d r = Eigen::Vector3d::Zero();               // lever from the centre of mass
-    Eigen::Vector3d velocity = Eigen::Vector3d::Zero();        // of the material point
-    Eigen::Vector3d tangential = Eigen::Vector3d::Zero();      // its part along the contact plane
-    Eigen::Vector3d force = Eigen::Vector3d::Zero();           // on the peg
-    Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();    // of the material point, force-free
+    bool armed = false;  // slip has been fast enough for the stop event
     Eigen::Vector3d slip_direction = Eigen::Vector3d::Zero();  // of friction while slip begins
+    Eigen::Vector3d slip_start = Eigen::Vector3d::Zero();  // unit, of the slip at the step's start
+  };
+  // what the last evaluation found at a slot
+  struct Touch {
+    Eigen::Vector3d r = Eigen::Vector3d::Zero();             // lever from the centre of mass
+    Eigen::Vector3d velocity = Eigen::Vector3d::Zero();      // of the material point
+    Eigen::Vector3d tangential = Eigen::Vector3d::Zero();    // its part along the contact plane
+    Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // of the material point, force-free
+    Eigen::Vector3d force = Eigen::Vector3d::Zero();         // on the peg
+    ContactRates rates;
     double normal_force = 0.0;
     double gap_rate = 0.0;
-    ContactRates rates;
     double demand = 0.0;  // g'' + k g' + beta g without a force on an idle slot
-    bool armed = false;   // slip has been fast enough for the stop event
   };
-  using Slots = std::array<Slot, kSlots>;
+  // how much an evaluation must find: forces alone, what events need, what people see
+  enum class Look : std::uint8_t { kForces, kEvents, kReport };
+  enum class Method : std::uint8_t { kRk4, kDopri5, kDop853, kHamming };
+  // the past of a multistep method: rows 0 (oldest) to count − 1 (present state)
+  struct History {
+    static constexpr int kMost = 7;
+    std::array<State, kMost> y, slope;
+    State defect;  // predictor less corrector of the last step
+    int count = 0;
+    double h = 0.0;
+  };
 
   RestMotion restAt(double t) const { return restMotion(profile_, t); }
-  void locate(const Kinematics& k, Slots& slots);
-  Vector9 evaluate(double t, const State& state, Slots& slots, bool share = true);
-  void solveRegularised(const Kinematics& k, Slots& slots) const;
-  void solveModes(const Kinematics& k, Slots& slots, bool share) const;
-  void decide();
-  void shareInternalForce(Slots& slots) const;
-  void findModes(bool initial);
   bool rigid() const { return scenario_.contact.law == ContactLaw::kRigid; }
   bool discreteFriction() const;
+  const ContactPoint& point(std::size_t i) const {
+    return (closed_ >> i & 1u ? closed_set_ : open_set_).slots[i];
+  }
+  bool valid(std::size_t i) const {
+    return ((closed_ >> i & 1u ? closed_set_ : open_set_).valid >> i & 1u) != 0;
+  }
+  void setMode(std::size_t i, Mode mode);
+
+  // one right-hand side: free motion, contact points, contact forces
+  Vector9 evaluate(double t, const State& state, Look look);
+  void evaluateFree(double t, const State& state);
+  void locate(ContactSlotMask mask, ContactSet& set);
+  void locateAll();
+  double edgeSpeed() const;
+  Body body() const;
+  Vector9 accelerationBy(const Eigen::Vector3d& force, const Eigen::Vector3d& moment) const;
+  Vector9 withContacts(Look look);
+  void solveRegularised();
+  void solveModes(Look look);
+  void shareInternalForce(std::size_t one, std::size_t two);
+  double coneExcess(std::size_t i) const;
+
+  // who carries, slips and rests; what the rigid law does to velocities and positions
+  void findModes(bool initial);
+  void decide();
+  void turnSlip();
   void impact();
+  void plasticImpact();
+  void restitutionImpacts();
+  Eigen::Vector3d restitutionImpulse(std::size_t i) const;
   void project();
-  void applyImpulse(const Kinematics& k, const Eigen::Vector3d& impulse,
-                    const Eigen::Vector3d& moment);
-  double tryStep(double h, State& end, Vector9& slope, Slots& slots);
-  double eventValue(const Slots& start, const Slots& end) const;
-  void accept(double t, const State& end, const Vector9& slope, const Slots& slots);
+  void applyImpulse(const Eigen::Vector3d& impulse, const Eigen::Vector3d& moment);
+
+  // one step from the present state with the modes frozen; returns error over tolerance
+  double tryStep(double h, State& end, Vector9& slope);
+  double tryOneStep(Method method, double h, State& end, Vector9& slope);
+  double tryHamming(double h, State& end, Vector9& slope);
+  template <class Tableau>
+  double tryTableau(double h, State& end, Vector9& slope);
+  double errorOf(const State& error) const;
+  void remember(double h);
+  void resetDefect();
+  void halveHistory();
+  void doubleHistory();
+
+  // events on the interpolant of a step
+  static constexpr std::size_t kEventKinds = 3;
+  using Events = std::array<double, kEventKinds * kSlots>;
+  Events eventValues() const;
+  double locateEvent(double h, const Events& at_end, State& end, Vector9& slope);
+  State interpolate(double h, const State& end, const Vector9& slope, double tau) const;
+  void accept(double t, const State& end, const Vector9& slope);
+  void startStep();
+  void changeModes();
+  bool storm(double t);
   void refresh();
-  bool finite(const State& state) const;
+  StopReason excludedContact() const;
+  double planStep(double t_end, bool& last) const;
+  bool shorten(double h, double error, bool finite);
+  void lengthen(double h, double error, bool last, double t_end);
 
   Scenario scenario_;
   State state_;
@@ -139,17 +204,43 @@ class Simulation {
   Drive drive_;
   RunCounts counts_;
   StopReason stop_ = StopReason::kOk;
-  Slots slots_;
-  Vector9 slope_v_;          // v' at the present state
-  FreeMotion motion_;        // at the last evaluation
-  bool fixed_step_ = false;  // rk4
-  bool stale_ = true;        // slope_v_, slots_ and motion_ don't belong to the present state
+  Vector9 slope_v_;    // v' at the present state
+  bool stale_ = true;  // slope_v_, touches_ and now_ don't belong to the present state
+
+  // contacts
+  ContactSlotMask admitted_ = 0, excluded_ = 0;  // excluded: watched, ends the run
+  ContactShapes shapes_;
+  std::array<Slot, kSlots> slots_;
+  std::array<Touch, kSlots> touches_;
+  ContactSlotMask closed_ = 0;        // slots that are not apart
+  ContactSet closed_set_, open_set_;  // their points, and the others'
+  double clearance_ = 0.0;            // no open slot closes before an edge point moved this far [m]
+  Events start_events_;               // event functions at the start of the step
+  double start_speed_ = 0.0;          // of the edge's fastest point, at the start of the step
+  double slip_threshold_ = 0.0;       // slip slower than this is rest [m/s]
+  double pull_ = 0.0, approach_ = 0.0;  // hysteresis of forces [N] and accelerations [m/s²]
+  std::array<ContactReport, kSlots> report_;
+
+  // the last evaluation
+  struct Now {
+    Kinematics k;
+    EdgeCircle edge;
+    FreeMotion motion;
+    Vector9 free = Vector9::Zero();  // v' without contacts
+    Eigen::Vector3d rates;           // of the Euler angles
+  } now_;
+
+  // integration
+  Method method_ = Method::kDopri5;
+  bool fixed_step_ = false;
+  History history_;
+  State trial_defect_;
   double next_step_ = 0.0;
-  double slip_threshold_ = 0.0;
+
+  // storms of events: a peg that lies flat
   static constexpr std::size_t kRecentEvents = 24;
   std::array<double, kRecentEvents> recent_events_;  // times [s]
   double coarse_until_ = -1.0;                       // no event is located before this time [s]
-  std::array<ContactReport, kSlots> report_;
 };
 
 }  // namespace assembly_cell

@@ -2,17 +2,22 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <limits>
 
 namespace assembly_cell {
 
-// Exact contact of the peg's bottom edge circle with the hole block {z <= 0, rho >= r_h}.
-// All vectors of this header are in thesis axes (1, 2, 3) = (z, x, y) of frame `hole`. [m], [rad]
+// Exact contact of the peg (solid cylinder) with the hole block (half-space z <= 0 less a
+// cylinder). All vectors of this header are in thesis axes (1, 2, 3) = (z, x, y) of frame `hole`.
+// [m], [rad]
 
 /// A vector of thesis axes in the axes x, y, z of frame `hole`, and back.
 inline Eigen::Vector3d fromThesisAxes(const Eigen::Vector3d& v) { return {v(1), v(2), v(0)}; }
 inline Eigen::Vector3d toThesisAxes(const Eigen::Vector3d& v) { return {v(2), v(0), v(1)}; }
 
-/// The peg's edge circle: p(t) = center + radius (cos t axis0 + sin t axis1).
+/// The peg's bottom edge circle: p(t) = center + radius (cos t axis0 + sin t axis1). The peg stands
+/// on it along axis0 × axis1.
 struct EdgeCircle {
   Eigen::Vector3d center;  ///< bottom centre
   Eigen::Vector3d axis0;   ///< R0, thesis peg axis 1
@@ -29,18 +34,94 @@ struct EdgeHeight {
 };
 EdgeHeight edgeHeight(const EdgeCircle& edge);
 
-/// One candidate contact point between block and peg edge.
+/// The five ways in which a point of the peg and a point of the block can touch. Three come from
+/// the peg's edge circle p(t) against the block, three from the rim circle H(s) against the peg:
+///
+///   feature     peg          block             normal (block → peg)   gap
+///   edge_edge   bottom edge  rim               across both tangents   ± distance of the circles
+///   edge_plane  bottom edge  plane z = 0 [1]   e1                     height of the lowest point
+///   edge_wall   bottom edge  wall of the hole  −e_rho                 r_h − largest rho, z <= 0
+///   rim_side    side         rim               −e_r of the peg        least axis distance − r_p
+///   rim_face    bottom face  rim               peg axis a             −its height over the face
+///
+/// [1] or the floor z = −hole_depth where the lowest point lies inside the rim.
+/// edge_edge holds while n lies in the cones of both bodies: its limits n = e1, −e_rho, −e_r and a
+/// are the four others, and gap and normal go over without a step. A rim_face gap is never below
+/// zero unless the gap of edge_plane is too: it matters only where edge_plane is not admitted.
+enum class ContactFeature : std::uint8_t { kEdgeEdge, kEdgePlane, kEdgeWall, kRimSide, kRimFace };
+const char* toString(ContactFeature feature);  ///< as in scenario files: "edge_edge", ...
+
+/// Fixed contact slots. An edge circle that is tilted by an angle has two places of each kind only
+/// where the axes are nearly aligned, so that seldom more than two and never more than four touch.
+///   0, 1  edge_edge: the edge leaves the hole with rising t (0), returns (1)
+///   2     edge_plane
+///   3, 4  edge_wall: a slot follows its place from call to call; found anew, the farther one is 3
+///   5, 6  rim_side: likewise, the nearer one is 5
+///   7     rim_face
+constexpr int kContactSlots = 8;
+constexpr ContactFeature featureOfSlot(int slot) {
+  return slot < 2   ? ContactFeature::kEdgeEdge
+         : slot < 3 ? ContactFeature::kEdgePlane
+         : slot < 5 ? ContactFeature::kEdgeWall
+         : slot < 7 ? ContactFeature::kRimSide
+                    : ContactFeature::kRimFace;
+}
+
+/// Sets of slots, one bit each.
+using ContactSlotMask = unsigned;
+constexpr ContactSlotMask kEdgeEdgeSlots = 0x03, kEdgePlaneSlots = 0x04, kEdgeWallSlots = 0x18,
+                          kRimSideSlots = 0x60, kRimFaceSlots = 0x80, kAllContactSlots = 0xff;
+constexpr ContactSlotMask slotsOf(ContactFeature feature) {
+  return feature == ContactFeature::kEdgeEdge    ? kEdgeEdgeSlots
+         : feature == ContactFeature::kEdgePlane ? kEdgePlaneSlots
+         : feature == ContactFeature::kEdgeWall  ? kEdgeWallSlots
+         : feature == ContactFeature::kRimSide   ? kRimSideSlots
+                                                 : kRimFaceSlots;
+}
+
+/// One candidate contact point between block and peg.
 struct ContactPoint {
   bool valid = false;
-  double t = 0.0;      ///< parameter on the edge circle
-  Eigen::Vector3d p;   ///< point of the peg's edge
-  Eigen::Vector3d dp;  ///< dp/dt
-  Eigen::Vector3d rim;  ///< H: nearest point of the rim (edge–edge), foot on the plane (edge–plane)
-  Eigen::Vector3d tangent;  ///< T: rim tangent dH/ds, zero on the plane
-  Eigen::Vector3d normal;   ///< n: unit, from block to peg
+  ContactFeature feature = ContactFeature::kEdgeEdge;
+  double t = 0.0;                   ///< parameter on the edge circle; on the rim (s) for rim_*
+  double cos_t = 1.0, sin_t = 0.0;  ///< of t
+  Eigen::Vector3d p;                ///< point of the peg
+  Eigen::Vector3d dp;               ///< dp/dt along the edge; zero for rim_*
+  Eigen::Vector3d rim;              ///< point of the block: of the rim (H), plane, floor or wall
+  Eigen::Vector3d tangent;          ///< T: rim tangent dH/ds for edge_edge and rim_*, else zero
+  Eigen::Vector3d normal;           ///< n: unit, from block to peg
   double cross_norm = 0.0;  ///< |T × dp|, signed so that n = (T × dp)/cross_norm (edge–edge)
-  double gap = 0.0;         ///< signed distance, < 0 penetrating
+  double gap = 0.0;         ///< signed distance n · (p − rim), < 0 penetrating
+  double curvature = 0.0;   ///< of the circle met: 1/rho (edge_wall), 1/axis distance (rim_side)
 };
+
+/// Sizes of the pair, and how far away a candidate still counts.
+struct ContactShapes {
+  double hole_radius = 0.0;
+  double hole_depth = std::numeric_limits<double>::infinity();
+  double peg_length = std::numeric_limits<double>::infinity();  ///< 2 h: side ends at the top edge
+  double reach = 2e-5;  ///< slots with a larger gap may be left out (not valid) [m]
+};
+
+/// The slots of one peg. Holds the warm starts: hand the same set (or a copy) to the next search.
+struct ContactSet {
+  std::array<ContactPoint, kContactSlots> slots;  ///< only those of `valid` have a meaning
+  ContactSlotMask valid = 0;
+  bool top_reached = false;  ///< the rim has run off the side over the peg's top edge
+};
+
+/// All candidate contacts of the admitted slots. Newton from the set's candidates, from closed-form
+/// starts where there are none; cheap bounds first. Returns and stores the mask of valid slots. No
+/// allocation, nothing but finite numbers; a pose that is not finite touches nothing. Candidates
+/// with one normal and less than 1e-6 radii between their points count as one. An overlap takes its
+/// nearest way out: a place deeper over the plane than sideways in the wall is the wall's, and so
+/// on.
+ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes,
+                             ContactSlotMask admitted, ContactSet& set);
+
+/// Lower bound of the distance of peg and block, 0 where the bound can't tell: while no point of
+/// the peg has moved that far there is no contact, and no search is needed.
+double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes);
 
 /// Edge–edge candidate of a slot: 0 where the edge leaves the hole with rising t (rho' > 0), 1
 /// where it returns. Local minimum of the distance of the two circles with the edge climbing
@@ -53,14 +134,14 @@ ContactPoint findEdgeEdge(const EdgeCircle& edge, double hole_radius, int slot, 
 /// parallel to the plane: the edge point farthest from the hole's axis.
 ContactPoint findEdgePlane(const EdgeCircle& edge, double hole_radius);
 
-/// The contact point runs along the edges and the normal turns: with a_m the acceleration of the
+/// The contact point runs along both bodies and the normal turns: with a_m the acceleration of the
 /// material point now in contact, g'' = n · a_m + gap_bias, and the velocity of the peg at the
-/// contact point changes by a_m + rolling.
+/// contact point changes by a_m + rolling. The gap rate is n · v_m. Exact for any gap.
 struct ContactRates {
   double gap_bias = 0.0;                              ///< [m/s²]
-  Eigen::Vector3d rolling = Eigen::Vector3d::Zero();  ///< (omega × p') t' [m/s²]
+  Eigen::Vector3d rolling = Eigen::Vector3d::Zero();  ///< omega × (run of the contact point) [m/s²]
 };
-/// v_m: velocity of the material point [m/s], omega: of the peg [rad/s].
+/// v_m: velocity of the peg's material point at p [m/s], omega: of the peg [rad/s].
 ContactRates contactRates(const EdgeCircle& edge, const ContactPoint& contact,
                           const Eigen::Vector3d& v_m, const Eigen::Vector3d& omega);
 

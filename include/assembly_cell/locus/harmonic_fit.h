@@ -4,6 +4,7 @@
 #include <array>
 #include <complex>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,18 +17,37 @@ namespace assembly_cell {
 struct HarmonicFit {
   Eigen::Matrix<std::complex<double>, 6, 1> phasor;  ///< U, in the signal's unit
   Vector6 offset = Vector6::Zero();                  ///< at the window's centre
-  Vector6 variance = Vector6::Zero();                ///< white noise variance of one sample
+  Vector6 variance = Vector6::Zero();  ///< white noise variance of one sample; of a robust fit what
+                                       ///< a plain one would need for the same accuracy
   std::size_t samples = 0;
   double inflation = 1.0;  ///< variance of P, N relative to σ²/n (window not whole periods)
 };
 
+/// What a fit holds besides the exciter's own angle and an offset.
+struct HarmonicOptions {
+  bool drift = true;    ///< a column that is linear in the angle
+  int harmonics = 1;    ///< fitted multiples of the angle, 1 to 4; the first alone is returned
+  bool robust = false;  ///< Huber weights by the joint residual of signals 0 and 1 (c = 1.7)
+};
+
 /// angle: of the exciting force at each sample, direction·(frequency·t + phase) [rad]; it rises for
 /// an anticlockwise exciter and falls for a clockwise one, so P always turns with the exciter.
-/// signals: 6 × n, sample after sample. `drift` adds a column that is linear in the angle. Throws
-/// InputError for fewer than 8 samples, sizes that disagree, non-finite values, a window shorter
-/// than one period, or two samples a period or fewer.
+/// signals: 6 × n, sample after sample. Throws InputError for fewer than 8 samples, sizes that
+/// disagree, non-finite values, a window shorter than one period, or too few samples a period: two
+/// or fewer for each harmonic.
 HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
-                        bool drift = true);
+                        const HarmonicOptions& options = {});
+
+/// Frequency of signals 0 and 1 by least squares together with all that `options` fit.
+struct FrequencyFit {
+  double frequency = 0.0;  ///< [rad/s]
+  double sd = 0.0;         ///< Cramér–Rao with the noise that the fit leaves [rad/s]
+};
+/// t: times of the samples [s], rising. Looks within `range` on both sides of `frequency` [rad/s],
+/// then refines by Gauss–Newton. Throws InputError as fitHarmonic, and where the best frequency
+/// lies at the end of the range.
+FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double>& signals,
+                          double frequency, double range, const HarmonicOptions& options = {});
 
 /// Counter-rotating amplitudes of the planar locus Z = X + iY = P e^{ia} + N e^{−ia}, a the
 /// exciter's angle (thesis chapter 9; vibration_and_locus section 4).
@@ -62,6 +82,10 @@ struct ModeDecision {
 /// axis, or N, below eps of the other counts as none. Probabilities are BIC weights; half of them
 /// goes to undecided where tests and BIC disagree. Throws InputError unless 0 < false_alarm < 0.5,
 /// 0 ≤ indifference < 1 and there are at least 8 samples.
-ModeDecision decideMode(const Locus& locus, double false_alarm = 0.01, double indifference = 0.05);
+/// `previous` gives hysteresis: none, segment and circle, once decided, are kept until their own
+/// test refuses them at a tenth of the rate, and an ellipse until another passes at ten times the
+/// rate (at most 0.5).
+ModeDecision decideMode(const Locus& locus, double false_alarm = 0.01, double indifference = 0.05,
+                        std::optional<LocusMode> previous = {});
 
 }  // namespace assembly_cell

@@ -13,12 +13,14 @@
 #include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/LocusEstimate.h"
+#include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/ros/marker_colors.h"
 
 namespace assembly_cell::ros_bridge {
 
-/// Node contact_markers: contacts, locus, hypotheses, estimated and true peg, and the hole's rim
+/// Node contact_markers: contacts, locus, hypotheses, estimated and true peg, lines of
+/// action and uncertainty of the twin-force estimate, and the hole's rim
 /// for rviz. Subscribes and works only while `markers` has a subscriber. To be spun by one thread.
 class ContactMarkersNode {
  public:
@@ -32,6 +34,7 @@ class ContactMarkersNode {
   void publish();
   void drawContacts();
   void drawLocus();
+  void drawTwinForce();
   void drawPeg(const std::string& ns, const geometry_msgs::Pose& pose, const Color& color);
 
   /// Adds a marker with all that is common; its id is the next free one of its namespace.
@@ -46,6 +49,7 @@ class ContactMarkersNode {
   double force_scale_ = 0.002;     // [m/N]
   double force_threshold_ = 0.05;  // [N]
   double locus_scale_ = 1000.0;
+  double ellipsoid_scale_ = 100.0;
   double locus_height_ = 0.15;                                      // above the peg's edge [m]
   double peg_radius_ = 0.0, peg_length_ = 0.0, hole_radius_ = 0.0;  // [m]
 
@@ -53,11 +57,12 @@ class ContactMarkersNode {
   LocusEstimate::ConstPtr locus_;
   geometry_msgs::PoseStamped::ConstPtr truth_;
   AlignmentReport::ConstPtr report_;
+  TwinForceState::ConstPtr twin_force_;
   visualization_msgs::MarkerArray array_;
   std::map<std::string, int> drawn_, drawn_before_;  // markers by namespace
 
   bool active_ = false;
-  ros::Subscriber contacts_sub_, locus_sub_, truth_sub_, report_sub_;
+  ros::Subscriber contacts_sub_, locus_sub_, truth_sub_, report_sub_, twin_force_sub_;
   ros::Publisher pub_;
   ros::WallTimer timer_;
 };

@@ -6,7 +6,9 @@
 #include <assembly_cell/SetBias.h>
 #include <assembly_cell/SetCalibration.h>
 #include <assembly_cell/StrainSamples.h>
+#include <assembly_cell/ZeroTo.h>
 #include <diagnostic_updater/diagnostic_updater.h>
+#include <geometry_msgs/WrenchStamped.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
@@ -14,6 +16,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -52,7 +55,14 @@ class ForceSensorNode {
     std::uint64_t samples = 0;
     std::uint64_t saturated_samples = 0;
     std::uint8_t saturated = 0;   ///< bit per channel
+    unsigned outside = 0;         ///< bit per channel: displayed means beyond the tests' range
     std::uint64_t malformed = 0;  ///< blocks
+  };
+
+  /// What ~undo_bias goes back to.
+  struct EarlierBias {
+    Vector6 bias;
+    std::optional<ros::Time> time;
   };
 
   void readParameters();
@@ -63,17 +73,26 @@ class ForceSensorNode {
   // the data path
   void process(const StrainSamples::ConstPtr& block);
   void publishBlock(const StrainSamples::ConstPtr& block);
-  void display(const ros::Time& end, double period, const Vector6& sum, std::size_t samples);
+  void display(const ros::Time& end, double period, const Vector6& sum, const Vector6& volts_sum,
+               std::size_t samples);
+  void displayCovariance(const geometry_msgs::WrenchStamped& wrench, const Vector6& volts);
   void playDueBlocks();
 
   // services
   bool zero(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
+  bool zeroTo(ZeroTo::Request& request, ZeroTo::Response& response);
+  bool undoBias(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
   bool setBias(SetBias::Request& request, SetBias::Response& response);
   bool clearBias(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
   bool getCalibration(GetCalibration::Request&, GetCalibration::Response& response);
   bool setCalibration(SetCalibration::Request& request, SetCalibration::Response& response);
 
+  /// Blocking: bias = mean of new samples − load.
+  void takeZero(const Vector6& load, const std::string& service, uint8_t& success,
+                std::string& message);
+
   // with mutex_ held
+  void changeBias(const Vector6& bias, std::optional<ros::Time> time);
   void publishBias();
   void publishCalibration();
 
@@ -113,8 +132,10 @@ class ForceSensorNode {
   std::condition_variable zero_changed_;
   bool stopping_ = false;
   Calibration calibration_;
+  ros::Time calibration_time_;  // since when it's in force
   Vector6 bias_ = Vector6::Zero();
   std::optional<ros::Time> bias_time_;
+  std::deque<EarlierBias> earlier_biases_;  // the newest last, all of the same calibration
   Zero zero_;
   std::optional<Clock::time_point> last_block_;
 
@@ -131,6 +152,7 @@ class ForceSensorNode {
   std::string fault_;                                              // of the last malformed block
   std::string foreign_frame_;              // of blocks that say they're from another sensor
   Vector6 display_sum_ = Vector6::Zero();  // of wrench_raw
+  Vector6 display_volts_ = Vector6::Zero();
   std::size_t display_count_ = 0;
   double displayed_ = -1.0;  // time of the last display [s], −1: none
 
@@ -144,9 +166,9 @@ class ForceSensorNode {
   ros::CallbackQueue service_queue_;
   ros::Subscriber bridge_sub_;
   ros::Publisher strain_pub_, wrench_samples_pub_, displacement_samples_pub_, wrench_raw_pub_,
-      wrench_pub_, bias_pub_, calibration_pub_, ack_pub_;
-  ros::ServiceServer zero_srv_, set_bias_srv_, clear_bias_srv_, get_calibration_srv_,
-      set_calibration_srv_;
+      wrench_pub_, wrench_covariance_pub_, displacement_pub_, bias_pub_, calibration_pub_, ack_pub_;
+  ros::ServiceServer zero_srv_, zero_to_srv_, undo_bias_srv_, set_bias_srv_, clear_bias_srv_,
+      get_calibration_srv_, set_calibration_srv_;
   ros::WallTimer diagnostics_timer_, replay_timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   ros::AsyncSpinner service_spinner_{2, &service_queue_};

@@ -64,7 +64,9 @@ class LocusNode {
   void slide();
 
   /// Throws InputError where the window or the exciter does not allow a fit.
-  LocusEstimate estimate(const Window& window, const Exciter& exciter) const;
+  /// `previous`: the sliding estimate's last mode, kept by hysteresis.
+  LocusEstimate estimate(const Window& window, const Exciter& exciter,
+                         std::optional<std::uint8_t> previous = {}) const;
 
   // the action, in its own thread
   void identify(const IdentifyLocusGoal::ConstPtr& goal);

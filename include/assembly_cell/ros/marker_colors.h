@@ -25,6 +25,9 @@ constexpr Color kLocusColor{1.0F, 0.0F, 1.0F, 1.0F};          ///< magenta
 constexpr Color kHypothesisColor{0.7F, 0.3F, 1.0F, 1.0F};     ///< violet; alpha follows the weight
 constexpr Color kEstimatedPegColor{0.0F, 1.0F, 1.0F, 1.0F};   ///< cyan
 constexpr Color kTruePegColor{0.0F, 1.0F, 0.0F, 1.0F};        ///< green
+constexpr Color kActionAColor{0.9F, 0.2F, 0.2F, 0.6F};        ///< red, see-through
+constexpr Color kActionBColor{0.2F, 0.4F, 0.9F, 0.6F};        ///< blue, see-through
+constexpr Color kUncertaintyColor{0.0F, 1.0F, 1.0F, 0.3F};    ///< cyan, see-through
 constexpr Color kHoleColor{1.0F, 1.0F, 0.0F, 1.0F};           ///< yellow
 
 }  // namespace assembly_cell::ros_bridge

@@ -18,6 +18,7 @@
 #include "assembly_cell/DisplacementSamples.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/IdentifyLocusAction.h"
+#include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/plant.h"
 
@@ -30,8 +31,9 @@ namespace assembly_cell::ros_bridge {
 /// the carrier's encoders and its origin where the carrier's rest point is at begin().
 class RosPlant : public Plant {
  public:
-  /// lockstep: answer blocks on `ack`. timeout: of every wait, wall time [s].
-  RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout);
+  /// lockstep: answer blocks on `ack`. timeout: of every wait, wall time [s]. converter_step: of
+  /// both sensors [V].
+  RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout, double converter_step);
 
   /// A strategy takes over: waits for a block, whose end is time 0 of the plant clock.
   /// `cancelled` is asked while waiting; when it says true, next() throws.
@@ -64,6 +66,8 @@ class RosPlant : public Plant {
   void onWrenchB(const WrenchSamples::ConstPtr& message);
   void onDisplacementB(const DisplacementSamples::ConstPtr& message);
   void onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message);
+  void subscribe(const std::string& topic);
+  void checkConnections();
   void assemble();
   void acknowledge();
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
@@ -77,17 +81,23 @@ class RosPlant : public Plant {
 
   const bool lockstep_;
   const double timeout_;
+  const double converter_step_;  ///< [V]
+  ros::NodeHandle nh_;
   std::string name_;  ///< in the simulator's ~participants
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::map<std::uint32_t, Parts> parts_;                            // by sequence, not complete yet
   std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_poses_;  // not used yet
-  std::optional<std::uint32_t> done_;                               // last complete block
-  std::optional<std::uint32_t> pending_ack_;                        // not acknowledged yet
-  std::optional<Block> fresh_;                                      // complete, not handed out yet
-  Block last_;                                                      // handed out
-  bool active_ = false;                                             // a strategy is running
+  ros::Time done_end_;                                              ///< of the last complete block
+  bool incomplete_ = false;               ///< a block was, at the last check of the connections
+  std::optional<std::uint32_t> checked_;  ///< last complete block then
+  std::optional<Matrix6> rounding_a_, rounding_b_;
+  std::optional<std::uint32_t> done_;         // last complete block
+  std::optional<std::uint32_t> pending_ack_;  // not acknowledged yet
+  std::optional<Block> fresh_;                // complete, not handed out yet
+  Block last_;                                // handed out
+  bool active_ = false;                       // a strategy is running
   ros::Time origin_;
   Pose start_;  // X_H,carrier at begin()
   std::function<bool()> cancelled_;
@@ -101,7 +111,9 @@ class RosPlant : public Plant {
   IdentifyLocusResult::ConstPtr locus_result_;
 
   ros::Publisher command_pub_, exciter_pub_, ack_pub_;
-  ros::Subscriber wrench_a_sub_, wrench_b_sub_, displacement_b_sub_, carrier_sub_;
+  std::map<std::string, ros::Subscriber> subs_;  ///< of the blocks' parts, by topic
+  ros::Subscriber calibration_a_sub_, calibration_b_sub_;
+  ros::WallTimer connection_timer_;
   std::unique_ptr<LocusClient> locus_client_;
 };
 

@@ -47,6 +47,8 @@ class SimulatorNode {
   int exitCode() const { return exit_code_; }
 
  private:
+  ros::NodeHandle nh_;
+
   void pairParts();
   /// Last answer of a participant.
   struct Participant {
@@ -79,6 +81,7 @@ class SimulatorNode {
   void publishBlock();
   void publishState();
   void publishDiagnostics();
+  void subscribeToAcks();
   void waitForAcks(std::uint32_t sequence);
   void pace();
   /// False for a repetition (latched messages may come twice).

@@ -78,6 +78,9 @@ enum class ContactLaw { kNone, kSpringDashpot, kViscous, kRigid };
 struct ContactFeatures {
   bool edge_edge = true;
   bool edge_plane = true;
+  bool edge_wall = true;
+  bool rim_side = true;
+  bool rim_face = true;
 };
 
 struct ContactParameters {
@@ -88,8 +91,23 @@ struct ContactParameters {
   double damping = 0.0;                ///< spring_dashpot [N s/m]
   double rate = 0.0;                   ///< viscous k [1/s]
   double pull_back = 0.0;              ///< viscous beta [1/s²]
-  double restitution = 0.0;            ///< rigid
+  /// rigid: energetic (Stronge) coefficient, 0 plastic to 1. Approaches slower than 1 mm/s don't
+  /// bounce, so that bounces end; several points bounce one after the other, the fastest first.
+  double restitution = 0.0;
   ContactFeatures features;
+};
+
+/// What the thesis does differently and wrongly (specification section 6), each off by default: to
+/// show what it does. Top-level keys thesis_moments and so on. Its pull-back "-15 x1" is
+/// contact.pull_back: 15; its coupling of 0.5 sqrt(Kii Kjj) instead of the printed 0.1 is k26, k35.
+struct ThesisSwitches {
+  bool moments =
+      false;  ///< moments of exciter and contacts by Re^-1, Rpe^-1 instead of Re^T, Rpe^T
+  bool cross_stiffness = false;  ///< k26 and k35 count twice (listing, 6.14–6.16)
+  bool creep = false;            ///< stationary rows ask for no acceleration only (6.35, 6.36)
+  bool no_centripetal = false;  ///< 6.38–6.40 without omega × (omega × r) and without the way of
+                                ///< the contact point and the turn of the normal
+  bool sign_flip = false;  ///< viscous: a pulling normal force is negated, not released
 };
 
 struct InitialState {
@@ -103,10 +121,12 @@ struct InitialState {
 };
 
 struct SolverParameters {
+  /// dopri5 (order 5), dop853 (order 8), hamming (the thesis's predictor–corrector, order 4): error
+  /// control by tolerance. rk4, and hamming where `step` is given: fixed steps.
   std::string integrator = "dopri5";
   double tolerance = 1e-9;  ///< absolute position error per step [m]; angles 30 rad/m × that
   double max_step = 2e-4;   ///< [s]
-  double step = 0.0;        ///< fixed-step methods [s]
+  double step = 0.0;        ///< of fixed-step methods [s]
 };
 
 struct Scenario {
@@ -123,6 +143,7 @@ struct Scenario {
       Eigen::Vector3d::Zero();  ///< constant force, peg axes, exciter's point [N]
   FrictionParameters friction;
   ContactParameters contact;
+  ThesisSwitches thesis;
   InitialState initial;
   SolverParameters solver;
 };

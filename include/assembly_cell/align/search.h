@@ -1,0 +1,86 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/align/hole_fit.h"
+#include "assembly_cell/align/press.h"
+
+namespace assembly_cell {
+
+/// What all strategies share: poses relative to S, the carrier's rest frame at the start (origin:
+/// coupling point) as its encoders say, and the way into the hole. Where the hole is in S is the
+/// unknown, which find() has to supply.
+class Search {
+ public:
+  virtual ~Search() = default;
+  AlignResult run();
+
+ protected:
+  using Progress = std::function<void(const AlignProgress&)>;
+  Search(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+         const Progress& progress);
+
+  struct Failure {
+    std::string reason;
+  };
+
+  /// Finds the hole and puts the peg's edge into it. Throws Failure, PressError or PlantError.
+  virtual void find() = 0;
+  /// Deflection of the coupling that frame `peg` includes.
+  virtual Vector6 deflection() const = 0;
+  /// What is known of the hole; only called if found_.
+  virtual void summarise(AlignResult& result) const = 0;
+
+  Pose worldPose(const RestPose& rest) const;
+  /// Carrier in S.
+  Pose carrierPose() const { return inverse(X_WS_) * worldPose(hand_.last().carrier); }
+  /// Rest pose whose undeflected peg has its bottom centre at p and its axes along R.
+  RestPose restFor(const Eigen::Vector3d& p, const Eigen::Matrix3d& R) const;
+  /// Frame `peg` in S from a carrier pose and a deflection.
+  Pose pegPose(const RestPose& carrier, const Vector6& deflection) const;
+  int blocks(double duration) const;
+  void report(const char* state, const std::string& message);
+  /// Hanging at rest: S from here on.
+  void begin();
+
+  /// Upright over the hole and down; around it where the estimate is not good enough. True when the
+  /// edge went in without resistance.
+  bool enter(const Eigen::Vector3d& center);
+
+  const Scenario& mechanism_;
+  const AlignParameters& p_;
+  const Progress& progress_;
+  Hand hand_;
+  double length_;                                   // coupling to bottom edge [m]
+  double start_time_ = 0.0, reference_time_ = 0.0;  // plant clock [s]
+  double block_ = 0.0;                              // duration of a block [s]
+  Pose X_WS_;
+  int contacts_ = 0;
+  double position_sd_ = 0.0, rotation_sd_ = 0.0;  // for the progress; 0: not known
+  HoleEstimate hole_;
+  bool found_ = false;
+
+ private:
+  bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
+};
+
+/// Rotation that tilts z by a rotation vector (x, y).
+Eigen::Matrix3d tiltRotation(const Eigen::Vector2d& tilt);
+/// Smallest rotation that takes z to n.
+Eigen::Matrix3d rotationToAxis(const Eigen::Vector3d& n);
+/// Rotation vector (x, y) of the smallest rotation that takes z to the axis.
+Eigen::Vector2d axisTilt(const Eigen::Vector3d& axis);
+/// printf of two numbers.
+std::string text(const char* format, double a, double b = 0.0);
+
+// the strategies
+AlignResult singleContact(Plant& plant, const Scenario& mechanism,
+                          const AlignParameters& parameters,
+                          const std::function<void(const AlignProgress&)>& progress);
+AlignResult twinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+                      const std::function<void(const AlignProgress&)>& progress);
+
+}  // namespace assembly_cell

@@ -1,0 +1,55 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace assembly_cell {
+
+/// Journal of records that survives a kill or a power cut at any moment: what append() returned
+/// from is on disk. A plain text file: a header of any lines, then one record a line. The header's
+/// last line and every record end with a seal, "  # <number> crc32:<eight digits>", number 0 for
+/// the header: for YAML a comment, so that a journal of observation lines is an observation file.
+/// One process at a time has a journal open (a lock on <path>.lock).
+class ObservationLog {
+ public:
+  /// Opens or creates. A last line that a crash cut off was never acknowledged and is cut off;
+  /// torn() tells. Throws InputError, one line that names file and line: no journal, a line whose
+  /// seal is wrong or missing, records with another header than `header` (one without records
+  /// begins anew), another process has it, or the file can't be written.
+  /// `header`: at least one line, each with its end of line.
+  ObservationLog(const std::string& path, const std::string& header);
+  ~ObservationLog();
+  ObservationLog(const ObservationLog&) = delete;
+  ObservationLog& operator=(const ObservationLog&) = delete;
+
+  /// Returns after fsync. Throws InputError for a record that is empty or not one line, or when it
+  /// can't be written; the journal is then as before.
+  void append(const std::string& record);
+
+  /// Takes the last record off and returns after fsync. Throws InputError when there is none.
+  void removeLast();
+
+  /// Begins anew with `header`; the old file is kept as <path>.previous.
+  void clear(const std::string& header);
+
+  const std::vector<std::string>& records() const { return records_; }
+  const std::string& path() const { return path_; }
+  bool torn() const { return torn_; }
+
+ private:
+  void create(const std::string& header);
+  bool read(const std::string& header);
+  void open();
+
+  std::string path_;
+  std::vector<std::string> records_;
+  std::vector<std::int64_t> starts_;  ///< of the records in the file
+  std::int64_t size_ = 0;             ///< of the file, whole lines
+  int file_ = -1, lock_ = -1;
+  bool torn_ = false;
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,158 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell {
+
+// Pose of component B in component A from the wrenches that both feel (thesis chapter 10,
+// corrected). Frames A and B are the components' datum frames, b is B's datum at one contact, B at
+// the reference contact. Pose errors are δ = (dT, dφ): T_true = T + dT, R_true = exp([dφ]) R, both
+// in axes of A; covariances use this order. [m], [rad]
+
+using Vector12 = Eigen::Matrix<double, 12, 1>;
+using Matrix12 = Eigen::Matrix<double, 12, 12>;
+
+/// One contact: w_A + Φ(X_AB) Φ(X_Bb) w_b = 0. Wrenches act ON the part that the sensor carries,
+/// force before moment, tare and gravity removed at the present orientation. [N], [N·m]
+struct TwinContact {
+  Vector6 wrench_a = Vector6::Zero();          ///< on A, about A's origin, axes of A
+  Vector6 wrench_b = Vector6::Zero();          ///< on B, about B's origin, axes of b
+  Matrix6 covariance_a = Matrix6::Identity();  ///< of wrench_a, full [N², N²·m, N²·m²]
+  Matrix6 covariance_b = Matrix6::Identity();  ///< of wrench_b, full
+  Pose move;                               ///< X_Bb: B at this contact in axes of the reference B
+  std::optional<Matrix6> move_covariance;  ///< of move as a twist (dt, dφ) at O_B, axes of B
+  double time_difference = 0.0;            ///< between the two wrenches [s]
+  bool moving = false;                     ///< B moved while the wrenches were taken
+  bool saturated = false;                  ///< an ADC channel was at its end
+  double tare_age = 0.0;                   ///< time since the older tare [s]
+};
+
+/// What is known of X_AB before the contacts.
+struct PosePrior {
+  Pose pose;
+  Matrix6 covariance = Matrix6::Identity();  ///< of δ
+};
+
+/// 10 mm and 0.1 rad per axis: what to use whenever lines may be within 10° of parallel.
+PosePrior defaultPrior(const Pose& nominal);
+
+enum class TwinForceMethod { kThesis, kRobust, kMaximumLikelihood };
+
+struct TwinForceOptions {
+  TwinForceMethod method = TwinForceMethod::kMaximumLikelihood;
+  std::optional<PosePrior> prior;
+  std::optional<Matrix12> tare_covariance;   ///< of an offset (w_A, w_b) common to all contacts,
+                                             ///< mean 0; semidefinite; maximum likelihood only
+  double required_position = 1e-3;           ///< s_T: accuracy that is needed, per axis [m]
+  double required_rotation = 1e-2;           ///< s_φ [rad]
+  double smallest_p = 1e-3;                  ///< χ² below this probability is inconsistent
+  double smallest_force = 20.0;              ///< of a contact, in its sd
+  bool remove_outliers = true;               ///< robust and maximum likelihood
+  double largest_difference_at_rest = 0.02;  ///< [s]
+  double largest_difference_moving = 0.001;  ///< [s]
+  double oldest_tare = std::numeric_limits<double>::infinity();  ///< [s]
+  int largest_iterations = 50;
+};
+
+enum class TwinForceStatus {
+  kOk,                  ///< as good as required in every direction
+  kWeak,                ///< usable with its covariance; see next_contact.h
+  kDegenerate,          ///< observable part only; null_directions have infinite variance
+  kRefuse,              ///< non-finite, saturated, stale tare, not simultaneous: no pose
+  kRefuseTooFew,        ///< fewer than 2 contacts with enough force: no pose
+  kRefuseSingular,      ///< thesis form beyond its limits: no pose
+  kRefuseInconsistent,  ///< p(χ²) too small after removal: no pose
+};
+
+/// OK, WEAK, DEGENERATE, REFUSE, REFUSE_TOO_FEW, REFUSE_SINGULAR, REFUSE_INCONSISTENT.
+const char* toString(TwinForceStatus status);
+bool hasPose(TwinForceStatus status);  ///< kOk, kWeak, kDegenerate
+
+struct TwinForceEstimate {
+  TwinForceStatus status = TwinForceStatus::kRefuseTooFew;
+  const char* reason = "";  ///< one phrase why the status is not OK; static text
+  int culprit = -1;         ///< contact that a REFUSE is about, −1 none
+  Pose pose;                ///< X_AB; meaningful if hasPose(status)
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< of pose, w ≥ 0
+  Matrix6 covariance = Matrix6::Zero();  ///< of δ over the observable directions, always finite
+  Vector6 variance = Vector6::Zero();  ///< of each component of δ; infinite where a null direction
+                                       ///< has a part in it
+  Matrix6 information = Matrix6::Zero();  ///< Fisher information, prior included; finite
+  double chi2 = 0.0;
+  int dof = 0;
+  double p = 0.0;  ///< probability of a larger χ²
+  Vector6 eigenvalues =
+      Vector6::Zero();              ///< of Λ = S I S, ascending; 1 is just as good as required
+  Vector6 scale = Vector6::Ones();  ///< diagonal of S: s_T three times, s_φ three times
+  Vector6 weak_direction = Vector6::Zero();  ///< unit eigenvector of the smallest: δ/(s_T, s_φ)
+  Matrix6 null_directions =
+      Matrix6::Zero();  ///< first null_count columns, scaled as weak_direction
+  int null_count = 0;
+  std::vector<int> rejected;         ///< contacts left out as outliers, ascending, zero-based
+  std::vector<int> too_light;        ///< contacts left out for want of force
+  bool unconfirmed = false;          ///< 3 contacts, one rejected: nothing confirms the rest
+  bool opposed_signs = false;        ///< fits with one sensor's sign changed
+  Vector12 tare = Vector12::Zero();  ///< estimated offset, with tare_covariance
+  int iterations = 0;
+};
+
+/// Covariance for messages and files: variance on the diagonal; rows and columns of components with
+/// infinite variance are 0 elsewhere.
+Matrix6 coordinateCovariance(const TwinForceEstimate& estimate);
+
+/// δᵀ P⁻¹ δ of `pose` against the estimate over the observable directions: 6 in the mean if pose is
+/// the truth and all six are observable.
+double normalisedDistance(const TwinForceEstimate& estimate, const Pose& pose);
+
+/// Memory of an estimator of up to `capacity` contacts: estimatePose allocates nothing.
+class TwinForceWorkspace {
+ public:
+  explicit TwinForceWorkspace(std::size_t capacity);
+  ~TwinForceWorkspace();
+  TwinForceWorkspace(TwinForceWorkspace&&) noexcept;
+  TwinForceWorkspace& operator=(TwinForceWorkspace&&) noexcept;
+  std::size_t capacity() const;
+  struct Memory;
+  Memory& memory() { return *memory_; }
+
+ private:
+  std::unique_ptr<Memory> memory_;
+};
+
+/// Estimates X_AB at the reference. The result lives in the workspace until the next call. Throws
+/// InputError for covariances that are not finite, symmetric and positive definite, naming them
+/// (`contacts[2].covariance_b`), options out of range and more contacts than the workspace holds;
+/// non-finite wrenches, moves and times give kRefuse with the contact as culprit.
+const TwinForceEstimate& estimatePose(const std::vector<TwinContact>& contacts,
+                                      const TwinForceOptions& options,
+                                      TwinForceWorkspace& workspace);
+
+/// Refuses a covariance of 6 components: InputError with `name`, what is wrong and what to do.
+void checkCovariance(const Matrix6& covariance, const std::string& name, bool semidefinite = false);
+
+/// Closed form of the thesis (10.3–10.6, 10.10) with the Gibbs matrix, from two contacts. Empty
+/// where |a2·b1| < 0.1 |a2||b1| or |F_A2·M1| < 0.1 |F_A2||M1|.
+std::optional<Pose> thesisPose(const TwinContact& first, const TwinContact& second);
+
+/// Robust form: rotation from the forces' SVD, with couple pairs where lines are parallel, then the
+/// translation; away from parallel lines one likelihood step, which brings it to the bound. What
+/// the contacts can't tell stays at `start`; the dropped directions are columns.
+struct RobustPose {
+  Pose pose;
+  Eigen::Matrix3d dropped = Eigen::Matrix3d::Zero();  ///< unit directions of T that stayed
+  int dropped_count = 0;
+  bool turn_known = true;     ///< false: the turn about the common line stayed
+  bool couple_pairs = false;  ///< forces were parallel within 0.05
+};
+RobustPose robustPose(const std::vector<TwinContact>& contacts, const Pose& start,
+                      TwinForceWorkspace& workspace);
+
+}  // namespace assembly_cell

@@ -1,0 +1,91 @@
+#!/usr/bin/python3
+# Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+"""Runs the studies of the locus estimator and plots them: figures of docs/locus.md.
+
+usage: plot_locus.py [--tool STUDY_LOCUS] [--runs N] [--output FOLDER]
+  --tool    the executable (default: study_locus, found in PATH or in .build; build it with -DASSEMBLY_CELL_BENCHMARK=ON)
+  --runs    Monte Carlo runs a point (default 4000)
+  --output  where CSV files and pictures go (default: docs/images of the source tree)
+exit: 0 ok, 2 bad input
+"""
+import argparse
+import csv
+import io
+import os
+import shutil
+import subprocess
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+SOURCE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+BUILT = os.path.join(SOURCE, ".build", "devel", "lib", "assembly_cell", "study_locus")
+MODES = ["none", "segment", "ellipse", "circle", "undecided"]
+
+
+def study(tool, folder, name, *arguments):
+    run = subprocess.run([tool, name, *arguments], capture_output=True, text=True, check=False)
+    if run.returncode:
+        raise ValueError(run.stderr.strip() or f"{tool} {name}: exit code {run.returncode}")
+    with open(os.path.join(folder, f"locus_{name}.csv"), "w", encoding="utf-8") as file:
+        file.write(run.stdout)
+    return list(csv.DictReader(io.StringIO(run.stdout)))
+
+
+def plot_accuracy(rows, folder):
+    ellipses = sorted({(float(r["a"]), float(r["b"])) for r in rows}, reverse=True)
+    figure, axes = plt.subplots(1, len(ellipses), figsize=(4 * len(ellipses), 4), sharey=True)
+    for axis, (a, b) in zip(axes, ellipses):
+        mine = [r for r in rows if (float(r["a"]), float(r["b"])) == (a, b)]
+        sigma = [float(r["sigma"]) for r in mine]
+        for key, label, style in [("fit", "harmonic fit", "o-"), ("principal_axes", "principal axes", "s-"),
+                                  ("ellipse_fit", "direct ellipse fit", "^-"), ("fit_phase", "fit, phase known", "o--")]:
+            bound = "bound_phase" if key == "fit_phase" else "bound_shape"
+            axis.plot(sigma, [float(r[key]) / float(r[bound]) for r in mine], style, ms=3, label=label)
+        axis.axhline(1.05, color="0.6", lw=0.8)
+        axis.set(xscale="log", ylim=(0.9, 2.5), xlabel="noise of one sample, sigma/a", title=f"b/a = {b:g}")
+    axes[0].set_ylabel("rms error of the direction / Cramér–Rao bound")
+    axes[0].legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(os.path.join(folder, "locus_accuracy.png"), dpi=110)
+    plt.close(figure)
+
+
+def plot_modes(rows, folder):
+    figure, axis = plt.subplots(figsize=(9, 6))
+    labels = [f"{r['true']}{'' if r['true'] != 'ellipse' else ' ' + r['b_over_a']}, {r['sigma_over_a']}" for r in rows]
+    left = [0.0] * len(rows)
+    for mode, color in zip(MODES, ["#bbbbbb", "#2a9d8f", "#457b9d", "#f4a261", "#e63946"]):
+        values = [float(r[mode]) for r in rows]
+        axis.barh(labels, values, left=left, color=color, label=mode, height=0.9)
+        left = [a + b for a, b in zip(left, values)]
+    axis.invert_yaxis()
+    axis.set(xlim=(0, 1), xlabel="share of decisions", ylabel="true mode, sigma/a")
+    axis.tick_params(axis="y", labelsize=7)
+    axis.legend(ncol=5, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=8)
+    figure.tight_layout()
+    figure.savefig(os.path.join(folder, "locus_modes.png"), dpi=110)
+    plt.close(figure)
+
+
+def main():
+    parser = argparse.ArgumentParser(usage=__doc__)
+    parser.add_argument("--tool", default=shutil.which("study_locus") or BUILT)
+    parser.add_argument("--runs", default="4000")
+    parser.add_argument("--output", default=os.path.join(SOURCE, "docs", "images"))
+    arguments = parser.parse_args()
+    try:
+        os.makedirs(arguments.output, exist_ok=True)
+        plot_accuracy(study(arguments.tool, arguments.output, "accuracy", arguments.runs), arguments.output)
+        plot_modes(study(arguments.tool, arguments.output, "modes", arguments.runs), arguments.output)
+    except (OSError, ValueError) as error:
+        print(f"plot_locus.py: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,169 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+
+constexpr double kClear = 3e-4;   // over the plane before the last way down [m]
+constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
+
+}  // namespace
+
+Mat3 tiltRotation(const Vec2& tilt) { return rotationFromVector({Vec3(tilt.x(), tilt.y(), 0.0)}); }
+
+Mat3 rotationToAxis(const Vec3& n) {
+  const Vec3 axis(-n.y(), n.x(), 0.0);
+  const double sine = axis.norm();
+  if (sine < 1e-15) return Mat3::Identity();
+  return rotationFromVector({axis * (std::atan2(sine, n.z()) / sine)});
+}
+
+Vec2 axisTilt(const Vec3& axis) { return vectorFromRotation(rotationToAxis(axis)).value.head<2>(); }
+
+std::string text(const char* format, double a, double b) {
+  char buffer[240];
+  std::snprintf(buffer, sizeof buffer, format, a, b);
+  return buffer;
+}
+
+Search::Search(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+               const Progress& progress)
+    : mechanism_(mechanism),
+      p_(parameters),
+      progress_(progress),
+      hand_(plant, {parameters.force_limit, parameters.descent_limit, parameters.approach_step}),
+      length_(mechanism.peg.half_height + mechanism.peg.coupling_height) {
+  start_time_ = hand_.last().time;
+  hand_.wait(1);
+  block_ = hand_.last().time - start_time_;
+}
+
+AlignResult Search::run() {
+  AlignResult result;
+  try {
+    find();
+    result.success = true;
+    result.reason = "aligned";
+  } catch (const Failure& failure) {
+    result.reason = failure.reason;
+  } catch (const PressError& error) {
+    result.reason = error.what();
+  }
+  if (!result.success) {
+    // exciter off; what went wrong is already known
+    try {
+      PlantCommand off;
+      off.exciter = ExciterParameters{0.0, 0.0, 0.0, p_.exciter_direction};
+      hand_.step(off);
+    } catch (const PressError&) {
+    }
+  }
+  result.contacts = contacts_;
+  result.time = hand_.last().time - start_time_;
+  result.reference_time = reference_time_;
+  if (found_) summarise(result);
+  return result;
+}
+
+Pose Search::worldPose(const RestPose& rest) const {
+  return {rotationFromEuler({rest.phi, rest.theta, rest.yaw}), Vec3(rest.x, rest.y, rest.z)};
+}
+
+RestPose Search::restFor(const Vec3& p, const Mat3& R) const {
+  const Pose X_W = X_WS_ * Pose{R, p + length_ * R.col(2)};
+  const EulerAngles angles = eulerFromRotation(X_W.R);
+  RestPose rest;
+  rest.x = X_W.p.x();
+  rest.y = X_W.p.y();
+  rest.z = X_W.p.z();
+  rest.yaw = angles.psi;
+  rest.theta = angles.theta;
+  rest.phi = angles.phi;
+  return rest;
+}
+
+Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
+  const Pose deflected{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()};
+  const Pose bottom{Mat3::Identity(), Vec3(0, 0, -length_)};
+  return inverse(X_WS_) * worldPose(carrier) * deflected * bottom;
+}
+
+int Search::blocks(double duration) const {
+  return std::max(1, static_cast<int>(std::ceil(duration / block_ - 1e-6)));
+}
+
+void Search::report(const char* state, const std::string& message) {
+  if (!progress_) return;
+  progress_(
+      {state, contacts_, hand_.last().time - start_time_, message, position_sd_, rotation_sd_});
+}
+
+void Search::begin() {
+  hand_.tare();
+  X_WS_ = worldPose(hand_.last().carrier);
+  reference_time_ = hand_.last().time;
+  report("tare", "hanging free");
+}
+
+bool Search::enter(const Vec3& center) {
+  const Mat3 R = rotationToAxis(hole_.normal);
+  const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
+  const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+  // up along the normal before sideways and straight
+  Vec3 above = pegPose(hand_.target(), Vector6::Zero()).p;
+  above += hole_.normal * std::max(0.0, kTravel - hole_.normal.dot(above) + hole_.height);
+  hand_.moveTo(restFor(above, (inverse(X_WS_) * worldPose(hand_.target())).R));
+  // the hanging peg sags differently in this pose
+  Vec3 target = center + kClear * hole_.normal;
+  hand_.moveTo(restFor(target + kTravel * hole_.normal, R));
+  hand_.wait(blocks(p_.settle));
+  const Vec3 sag =
+      pegPose(hand_.last().carrier, deflection()).p - pegPose(hand_.target(), Vector6::Zero()).p;
+  target -= sag - hole_.normal * hole_.normal.dot(sag);
+
+  // centre, then rings a little closer than the clearance
+  for (int ring = 0; ring < 3; ++ring) {
+    const int places = ring == 0 ? 1 : 6 * ring;
+    for (int i = 0; i < places; ++i) {
+      const double a = 2 * kPi * i / places;
+      const Vec2 shift = 0.9 * clearance * ring * Vec2(std::cos(a), std::sin(a));
+      if (lower(target + axes * shift, R)) return true;
+    }
+  }
+  report("enter", "resistance everywhere, measuring again");
+  hand_.moveTo(restFor(target + kTravel * hole_.normal, R));
+  return false;
+}
+
+// down from `from`, just over the plane; back up at the first resistance
+bool Search::lower(const Vec3& from, const Mat3& R) {
+  hand_.moveTo(restFor(from, R));
+  const double way = kClear + p_.insertion_depth + 3.0 * hole_.height_sd;
+  double down = 0.0;
+  while (down < way && hand_.forceZ() < p_.insertion_force) {
+    down = std::min(way, down + p_.approach_step);
+    PlantCommand command;
+    command.rest = restFor(from - down * hole_.normal, R);
+    hand_.step(command);
+  }
+  if (down >= way) {
+    hand_.moveTo(restFor(from - way * hole_.normal, R));
+    hand_.wait(blocks(p_.settle));
+  }
+  const double force = hand_.forceZ();
+  const bool in = force < p_.insertion_force;
+  report("enter", text(in ? "in, contact force %.2f N" : "resistance of %.2f N", force));
+  if (!in) hand_.moveTo(restFor(from, R));
+  return in;
+}
+
+}  // namespace assembly_cell

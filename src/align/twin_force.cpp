@@ -1,0 +1,235 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/align/search.h"
+#include "assembly_cell/align/twin_contacts.h"
+#include "assembly_cell/twin_force/contact_checks.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+
+constexpr double kLift = 2e-3;         // over a touch while moving on [m]
+constexpr double kHover = 1e-3;        // over the expected touch [m]
+constexpr double kNominal = 0.02;      // sd of the nominal place of the hole [m]
+constexpr double kNominalAngle = 0.1;  // of its orientation [rad]
+constexpr int kWindows = 10;           // tried until one is settled
+
+// A contact to make: the undeflected peg over it in S, then a pull sideways.
+struct Reach {
+  Vec3 p;
+  Mat3 R;
+  Vec3 pull = Vec3::Zero();  // in S [N]
+};
+
+// The strategy `twin_force`: the pose of the peg in the hole from the wrenches that sensor_a and
+// sensor_b feel of the same contacts (thesis chapter 10). A is `hole`, B is frame `peg` as it would
+// be without deflection, the reference is its pose at the start.
+class TwinForce : public Search {
+ public:
+  TwinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& p,
+            const Progress& progress)
+      : Search(plant, mechanism, p, progress),
+        X_CP_{Mat3::Identity(), Vec3(0, 0, -length_)},
+        contacts_kept_(setup(mechanism, p, X_CP_)) {
+    // how far the carrier goes sideways for a pull at the peg's edge
+    const Vector6& k = mechanism.coupling.stiffness.diagonal;
+    compliance_ = 1.0 / k(1) + length_ * length_ / k(4);
+  }
+
+ private:
+  static TwinForceSetup setup(const Scenario& mechanism, const AlignParameters& p,
+                              const Pose& X_CP) {
+    TwinForceSetup s;
+    s.mechanism = mechanism;
+    s.X_AH = p.X_AH;
+    s.X_CP = X_CP;
+    s.options.required_position = p.required_position;
+    s.options.required_rotation = p.required_rotation;
+    s.options.prior = nominalPrior({}, kNominal, kNominalAngle);
+    s.contact_force = p.contact_force;
+    s.contact_tilt = p.contact_tilt;
+    s.capacity = static_cast<std::size_t>(p.rounds * p.most_contacts);
+    return s;
+  }
+
+  // the coupling's own zero counts: the sag under the peg's weight is part of the peg's pose
+  Vector6 deflection() const override { return hand_.last().displacement_b; }
+
+  void find() override {
+    begin();
+    const ContactWindow free = window("hanging free");
+    X_PQ_start_ = contacts_kept_.deflected(free.displacement());
+    contacts_kept_.setReference(carrierPose());
+    // two sides of the edge, where the peg happens to be
+    Reach reach{Vec3(0, 0, -length_ + mechanism_.peg.radius * p_.contact_tilt),
+                tiltRotation({0.0, p_.contact_tilt})};
+    touch(reach);
+    reach.p.z() = bottomAt(hand_.touchZ()).z();
+    reach.R = tiltRotation({0.0, -p_.contact_tilt});
+    reach.p.z() += kLift;
+    touch(reach);
+    for (int round = 0; round < p_.rounds; ++round) {
+      const int most = p_.most_contacts * (round + 1);
+      solve();
+      while (contacts_ < p_.fewest_contacts ||
+             (estimate().status != TwinForceStatus::kOk && contacts_ < most)) {
+        touch(advised());
+        solve();
+      }
+      const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+      if (position_sd_ > clearance) {
+        throw Failure{text("too_uncertain: centre known to %.3f mm with a clearance of %.3f mm; ",
+                           position_sd_ * 1e3, clearance * 1e3) +
+                      "press harder or use a finer converter"};
+      }
+      if (enter(hole_.center)) return;
+      // one more at least
+      if (contacts_ < p_.rounds * p_.most_contacts) touch(advised());
+    }
+    throw Failure{text("not_inserted: no entry after %.0f contacts", contacts_)};
+  }
+
+  const TwinForceEstimate& estimate() const { return contacts_kept_.estimate(); }
+
+  // bottom centre of the undeflected peg in S with the carrier's target at a height
+  Vec3 bottomAt(double z) const {
+    RestPose rest = hand_.target();
+    rest.z = z;
+    return pegPose(rest, Vector6::Zero()).p;
+  }
+
+  // mean of both sensors once nothing moves
+  ContactWindow window(const char* what) {
+    ContactWindow w;
+    for (int tried = 0; tried < kWindows; ++tried) {
+      w.clear();
+      for (int i = 0; i < std::max(2, blocks(p_.contact_window)); ++i) {
+        const PlantBlock& b = hand_.step({});
+        w.add({b.wrench_a, b.covariance_a, b.samples}, {b.wrench_b, b.covariance_b, b.samples},
+              b.displacement_b);
+      }
+      if (w.settled(p_.settled_force)) return w;
+    }
+    throw Failure{std::string("not_settled: ") + what +
+                  text(", halves of a window differ by more than %.3f N", p_.settled_force)};
+  }
+
+  // one contact: hang free there, take the zero, lower, press, pull, average, leave
+  void touch(const Reach& reach) {
+    RestPose above = hand_.target();
+    above.z += kLift;
+    if (contacts_ > 0) hand_.moveTo(above);
+    const RestPose hover = restFor(reach.p, reach.R);
+    RestPose higher = hover;
+    higher.z = std::max(hover.z, above.z);
+    if (contacts_ > 0) hand_.moveTo(higher);
+    hand_.moveTo(hover);
+    hand_.tare(2);
+    contacts_kept_.tare(window("hanging free"), carrierPose());
+
+    hand_.approach(-1e9);
+    hand_.hold(p_.contact_force, p_.press_tolerance);
+    if (!reach.pull.isZero()) {
+      RestPose pulled = hand_.target();
+      const Vec3 shift = X_WS_.R * reach.pull * compliance_;
+      pulled.x -= shift.x();
+      pulled.y -= shift.y();
+      hand_.moveTo(pulled);
+      hand_.hold(p_.contact_force, p_.press_tolerance);
+    }
+    hand_.wait(blocks(p_.settle));
+    const ContactWindow pressed = window("pressed");
+    ++contacts_;
+    keep(pressed);
+    // clear of it again
+    RestPose clear = hand_.target();
+    clear.z = std::max(clear.z, hand_.touchZ());
+    hand_.moveTo(clear);
+  }
+
+  void keep(const ContactWindow& pressed) {
+    const PlantBlock& now = hand_.last();
+    const TwinContact& c =
+        contacts_kept_.add(pressed, carrierPose(), now.rounding_a, now.rounding_b);
+    const SignCheck signs = checkSigns(c, Mat3::Identity(), Vec3::UnitZ());
+    if (signs.pair == SignVerdict::kReversed || signs.a == SignVerdict::kReversed ||
+        signs.b == SignVerdict::kReversed) {
+      throw Failure{
+          "sensor_signs: one sensor reports the opposite sign; check its calibration and mounting"};
+    }
+    report("contact", text("pressed with %.2f N, deflection %.3f mm", c.wrench_b.head<3>().norm(),
+                           pressed.displacement().head<3>().norm() * 1e3));
+  }
+
+  // where the hole is, from all contacts
+  void solve() {
+    const TwinForceEstimate& e = contacts_kept_.solve();
+    if (!hasPose(e.status)) {
+      throw Failure{std::string("no_pose: ") + toString(e.status) + ": " + e.reason};
+    }
+    const Pose X_SH = X_CP_ * inverse(e.pose);
+    hole_.normal = X_SH.R.col(2);
+    hole_.center = X_SH.p;
+    hole_.height = hole_.normal.dot(hole_.center);
+    const Mat3 covariance = contacts_kept_.centerCovariance();
+    hole_.center_covariance = covariance.topLeftCorner<2, 2>();
+    hole_.height_sd = std::sqrt(covariance(2, 2));
+    hole_.normal_sd = std::sqrt(e.covariance(3, 3) + e.covariance(4, 4));
+    found_ = true;
+    position_sd_ = std::sqrt(hole_.center_covariance.trace());
+    rotation_sd_ = hole_.normal_sd;
+    const Vec2 offset = -(e.pose * X_PQ_start_).p.head<2>();
+    report("solve",
+           std::string(toString(estimate().status)) +
+               text(", centre %.3f %.3f mm", offset.x() * 1e3, offset.y() * 1e3) +
+               text(" +- %.4f mm, tilt sd %.4f deg", position_sd_ * 1e3, rotation_sd_ * 180 / kPi) +
+               text(", chi2 %.1f of %.0f", e.chi2, e.dof) +
+               text(", smallest eigenvalue %.3g", e.eigenvalues(0)));
+  }
+
+  // the contact that the information matrix asks for
+  Reach advised() {
+    ReachableContact best;
+    const ContactAdvice advice = contacts_kept_.advise(best);
+    if (advice.candidate < 0) throw Failure{"no_advice: no contact within reach tells more"};
+    report("advice", text("contact %.0f", advice.candidate) +
+                         text(" of those within reach, expected: smallest eigenvalue %.3g, sd %.4f "
+                              "mm",
+                              advice.smallest_eigenvalue, advice.position_sd * 1e3));
+    best.X_HP.p.z() += kHover;
+    const Pose X_SH = X_CP_ * inverse(estimate().pose);
+    const Pose X_SP = X_SH * best.X_HP;
+    return {X_SP.p, X_SP.R, X_SH.R * best.pull};
+  }
+
+  void summarise(AlignResult& result) const override {
+    const Pose X_HQ = estimate().pose * X_PQ_start_;
+    result.known = true;
+    result.offset = -X_HQ.p.head<2>();
+    result.offset_covariance = hole_.center_covariance;
+    result.tilt = tiltOf(X_HQ);
+    result.tilt_sd = hole_.normal_sd;
+  }
+
+  Pose X_CP_;
+  TwinForceContacts contacts_kept_;
+  Pose X_PQ_start_;          // hanging peg at the start, relative to the undeflected one
+  double compliance_ = 0.0;  // sideways, at the peg's edge [m/N]
+};
+
+}  // namespace
+
+AlignResult twinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+                      const std::function<void(const AlignProgress&)>& progress) {
+  return TwinForce(plant, mechanism, parameters, progress).run();
+}
+
+}  // namespace assembly_cell

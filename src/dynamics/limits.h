@@ -1,0 +1,11 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Thresholds of contact that several files of this folder share.
+#pragma once
+
+namespace assembly_cell {
+
+constexpr double kInitialReach = 1e-8;  // closed at the start up to this gap [m]
+constexpr double kReach = 1e-9;         // a closed slot leaves reach above this gap [m]
+constexpr double kShift = 1e-11;        // relative, makes redundant rows of law B solvable
+
+}  // namespace assembly_cell

@@ -1,0 +1,95 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "assembly_cell/geometry/contact_geometry.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec3 = Eigen::Vector3d;
+
+// a minimum flatter than this part of its radius runs anywhere: no rolling terms
+constexpr double kFlat = 1e-9;
+
+// both points run: speeds t' and s' keep p − H across both tangents, and turn the normal
+ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
+                           const Vec3& omega) {
+  const Vec3 radial = c.p - e.center;  // p'' = −radial, H'' = −H, D = p − H = gap n
+  const Vec3 turn = omega.cross(c.dp);
+  const double rate = c.normal.dot(v_m), n_turn = c.normal.dot(turn);
+  const double a11 = e.radius * e.radius - c.gap * c.normal.dot(radial);  // p'·p' + p''·D
+  const double a12 = c.dp.dot(c.tangent);
+  const double a22 = c.rim.dot(c.p);  // T·T − H''·D
+  const double b1 = c.dp.dot(v_m) + c.gap * n_turn, b2 = c.tangent.dot(v_m);
+  const double inverse = 1.0 / (a11 * a22 - a12 * a12), inverse_cross = 1.0 / c.cross_norm;
+  const double t_rate = (a12 * b2 - a22 * b1) * inverse;
+  const double s_rate = (a11 * b2 - a12 * b1) * inverse;
+  // n' · v_m with n' = (I − n nᵀ)(T × p')' / |T × p'|
+  const Vec3 slide = v_m - rate * c.normal;
+  const double across =
+      slide.cross(c.tangent).dot(turn - radial * t_rate) - s_rate * slide.cross(c.rim).dot(c.dp);
+  return {n_turn * t_rate + across * inverse_cross, turn * t_rate};
+}
+
+// the edge runs over a fixed plane or round wall: the gap's second derivatives by t and time
+ContactRates edgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
+                       const Vec3& omega) {
+  const Vec3 turn = omega.cross(c.dp);
+  // along the wall's circles: e1 × n; zero curvature on the plane
+  const double v_round = c.normal(1) * v_m(2) - c.normal(2) * v_m(1);
+  const double dp_round = c.normal(1) * c.dp(2) - c.normal(2) * c.dp(1);
+  const double bend = -c.curvature * v_round;
+  const double mixed = c.normal.dot(turn) + bend * dp_round;
+  const double sharpness = -c.normal.dot(c.p - e.center) - c.curvature * dp_round * dp_round;
+  ContactRates rates;
+  rates.gap_bias = bend * v_round;
+  if (sharpness < kFlat * e.radius) return rates;
+  const double t_rate = -mixed / sharpness;
+  rates.gap_bias += mixed * t_rate;
+  rates.rolling = turn * t_rate;
+  return rates;
+}
+
+// the rim's point runs over the peg's side or face: in the axes of the peg it moves at −v_m
+ContactRates rimRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
+                      const Vec3& omega) {
+  const Vec3& n = c.normal;
+  const Vec3 axis = e.axis0.cross(e.axis1);
+  const Vec3 round = axis.cross(n);
+  const Vec3 v_rim = v_m - c.gap * omega.cross(n);  // of the peg's material at the rim
+  const double spin = omega.dot(n);
+  const double v_round = -round.dot(v_rim), t_round = round.dot(c.tangent);
+  const double mixed = n.dot(omega.cross(c.tangent)) + c.curvature * v_round * t_round;
+  const double sharpness = n.dot(c.rim) + c.curvature * t_round * t_round;  // H'' = −H
+  ContactRates rates;
+  rates.gap_bias = c.gap * (omega.squaredNorm() - spin * spin) - 2 * n.dot(omega.cross(v_rim)) +
+                   c.curvature * v_round * v_round;
+  const bool flat = sharpness < kFlat * c.rim.norm();
+  const double s_rate = flat ? 0.0 : -mixed / sharpness;
+  rates.gap_bias += mixed * s_rate;
+  // run of the contact point over the peg: on the side the part around the axis at its radius
+  Vec3 run = s_rate * c.tangent - v_rim;
+  run -= n.dot(run) * n + c.curvature * c.gap * round.dot(run) * round;
+  rates.rolling = omega.cross(run);
+  return rates;
+}
+
+}  // namespace
+
+ContactRates contactRates(const EdgeCircle& edge, const ContactPoint& contact, const Vec3& v_m,
+                          const Vec3& omega) {
+  switch (contact.feature) {
+    case ContactFeature::kEdgeEdge:
+      return edgeEdgeRates(edge, contact, v_m, omega);
+    case ContactFeature::kEdgePlane:
+    case ContactFeature::kEdgeWall:
+      return edgeRates(edge, contact, v_m, omega);
+    case ContactFeature::kRimSide:
+    case ContactFeature::kRimFace:
+      break;
+  }
+  return rimRates(edge, contact, v_m, omega);
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,9 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/calibration_server_node.h"
+#include "assembly_cell/ros/node_main.h"
+
+int main(int argc, char** argv) {
+  // one thread for the data; services and the action have threads of their own
+  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::CalibrationServerNode>(
+      argc, argv, "calibration_server", 1);
+}

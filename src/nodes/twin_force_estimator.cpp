@@ -1,0 +1,9 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/node_main.h"
+#include "assembly_cell/ros/twin_force_node.h"
+
+int main(int argc, char** argv) {
+  // four threads: a service that waits for samples must not hold them up
+  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::TwinForceNode>(
+      argc, argv, "twin_force_estimator", 4);
+}

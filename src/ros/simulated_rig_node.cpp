@@ -1,0 +1,110 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/simulated_rig_node.h"
+
+#include <assembly_cell/StrainSamples.h>
+
+#include <string>
+#include <utility>
+
+#include "assembly_cell/ros/calibration_messages.h"
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr std::uint32_t kQueue = 100;
+constexpr double kTick = 2e-3;          // of the wall clock [s]
+constexpr int kMostBlocksPerTick = 10;  // a machine that was asleep catches up little by little
+
+void append(StrainSamples& block, const StrainSample& sample) {
+  block.volts.insert(block.volts.end(), sample.volts.data(), sample.volts.data() + 6);
+  block.saturated.push_back(sample.saturated);
+}
+
+}  // namespace
+
+SimulatedRigNode::SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
+    : nh_(nh), pnh_(pnh) {
+  Parameters parameters(pnh_);
+  settings_.bits = parameters.integer("bits", 10, 24, 16);
+  if (settings_.bits != 10 && settings_.bits != 16 && settings_.bits != 24) {
+    throw InputError("parameter " + pnh_.resolveName("bits") + " is " +
+                     std::to_string(settings_.bits) + ": give 10, 16 or 24");
+  }
+  settings_.noise = parameters.number("noise", kNotNegative, settings_.noise);
+  settings_.nonlinearity = parameters.number("nonlinearity", {0.0, 1.0}, 0.0);
+  settings_.drift = parameters.number("drift", {-100.0, 100.0}, 0.0);
+  settings_.reference_errors = parameters.flag("reference_errors", true);
+  settings_.gravity = parameters.number("gravity", kPositive, settings_.gravity);
+  settings_.sample_period = 1.0 / parameters.number("rate", {1.0, 1e6}, 5000.0);
+  settings_.test_time = parameters.number("test_time", kNotNegative, settings_.test_time);
+  settings_.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
+  block_size_ = parameters.integer("block_size", 1, 100000, 100);
+  speed_ = parameters.number("real_time_factor", {1e-3, 1e3}, 1.0);
+  parameters.refuseUnknown();
+  if (ros::Time::isSimTime()) {
+    throw InputError("parameter /use_sim_time is true: the rig keeps to the wall clock; unset it");
+  }
+
+  rig_ = std::make_unique<CalibrationRig>(settings_);
+  start_ = ros::Time::now();
+  wall_start_ = Clock::now();
+  bridge_a_pub_ = nh_.advertise<StrainSamples>("sensor_a/bridge", kQueue);
+  bridge_b_pub_ = nh_.advertise<StrainSamples>("sensor_b/bridge", kQueue);
+  apply_srv_ = pnh_.advertiseService("apply", &SimulatedRigNode::apply, this);
+  timer_ = nh_.createWallTimer(ros::WallDuration(kTick),
+                               [this](const ros::WallTimerEvent&) { publishDueBlocks(); });
+}
+
+ros::Time SimulatedRigNode::stampOf(std::uint64_t sample) const {
+  return start_ + ros::Duration(static_cast<double>(sample) * settings_.sample_period);
+}
+
+void SimulatedRigNode::publishDueBlocks() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const std::chrono::duration<double> elapsed = Clock::now() - wall_start_;
+  const auto due = static_cast<std::uint64_t>(elapsed.count() * speed_ / settings_.sample_period);
+  for (int i = 0; i < kMostBlocksPerTick; ++i) {
+    if (samples_ + static_cast<std::uint64_t>(block_size_) > due) return;
+    publishBlock();
+  }
+}
+
+void SimulatedRigNode::publishBlock() {
+  auto a = boost::make_shared<StrainSamples>(), b = boost::make_shared<StrainSamples>();
+  for (const auto& [block, frame] : {std::pair(a, "sensor_a"), std::pair(b, "sensor_b")}) {
+    block->header.stamp = stampOf(samples_);
+    block->header.frame_id = frame;
+    block->period = settings_.sample_period;
+    block->sequence = sequence_;
+    block->temperature = rig_->temperature();
+  }
+  for (int k = 0; k < block_size_; ++k) {
+    const auto [sample_a, sample_b] = rig_->sample();
+    append(*a, sample_a);
+    append(*b, sample_b);
+  }
+  samples_ += static_cast<std::uint64_t>(block_size_);
+  ++sequence_;
+  bridge_a_pub_.publish(a);
+  bridge_b_pub_.publish(b);
+}
+
+bool SimulatedRigNode::apply(ApplyLoad::Request& request, ApplyLoad::Response& response) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  try {
+    const Observation noted = rig_->apply(fromMessage(request.step, "apply refused"));
+    response.test = toMessage(noted);
+    response.since = stampOf(samples_);
+    response.success = true;
+    response.message = request.step.text;
+  } catch (const InputError& error) {
+    response.success = false;
+    response.message = error.what();
+  }
+  return true;
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,254 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "closed_forms.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+#include "assembly_cell/twin_force/rodrigues.h"
+
+namespace assembly_cell {
+namespace twin_force {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double kThesisLimit = 0.1;      // of the denominators, relative
+constexpr double kThesisNoise = 3.0;      // sd: vectors below it have no direction
+constexpr double kCouplePairs = 0.05;     // second singular value of the forces
+constexpr double kUnknownArm = 0.2;       // T before it is known [m]
+constexpr double kTurnInformation = 9.0;  // [1/rad²]: less than this is noise
+constexpr double kShiftNoise = 9.0;       // times what noise alone gives
+constexpr double kRounding = 1e-13;       // of eigenvalues
+
+// free vectors u = R v of two nearly parallel forces, Σ c F ≈ 0
+struct CouplePair {
+  int i, k;
+  double c_i, c_k;
+  Vector3d u, v;
+  double lever;  // variance of T × Σ c F, T unknown [N²·m²]
+  double weight;
+};
+
+// term with the largest force along the axis: partner of all others
+int partner(const std::vector<Term>& terms, const std::vector<int>& used, const Vector3d& axis) {
+  return *std::max_element(used.begin(), used.end(), [&](int i, int k) {
+    return std::abs(terms[static_cast<std::size_t>(i)].F_A.dot(axis)) <
+           std::abs(terms[static_cast<std::size_t>(k)].F_A.dot(axis));
+  });
+}
+
+CouplePair couplePair(const std::vector<Term>& terms, int i, int k, const Vector3d& axis) {
+  const Term& a = terms[static_cast<std::size_t>(i)];
+  const Term& b = terms[static_cast<std::size_t>(k)];
+  CouplePair pair{i, k, b.F_A.dot(axis), -a.F_A.dot(axis), {}, {}, 0.0, 0.0};
+  const double size = std::hypot(pair.c_i, pair.c_k);
+  pair.c_i /= size;
+  pair.c_k /= size;
+  pair.u = pair.c_i * a.M_A + pair.c_k * b.M_A;
+  pair.v = -(pair.c_i * a.M_B + pair.c_k * b.M_B);
+  const auto mix = [&pair](double x, double y) {
+    return pair.c_i * pair.c_i * x + pair.c_k * pair.c_k * y;
+  };
+  // forces that aren't quite parallel leave a force, beyond its noise, with an unknown lever
+  const double left = (pair.c_i * a.F_A + pair.c_k * b.F_A).squaredNorm();
+  pair.lever =
+      kUnknownArm * kUnknownArm * std::max(0.0, left - 3.0 * mix(a.var_force, b.var_force));
+  pair.weight = 1.0 / (mix(a.var_moment, b.var_moment) + pair.lever);
+  return pair;
+}
+
+// [v]ᵀ[v] = v·v I − v vᵀ
+Matrix3d squaredCross(const Vector3d& v) {
+  Matrix3d out = -v * v.transpose();
+  out.diagonal().array() += v.squaredNorm();
+  return out;
+}
+
+}  // namespace
+
+RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int>& used,
+                           const Pose& start) {
+  RobustSolution s;
+  // R minimises Σ w |F_A + R F_B|²
+  Matrix3d B = Matrix3d::Zero(), gram = Matrix3d::Zero();
+  for (const int i : used) {
+    const Term& t = terms[static_cast<std::size_t>(i)];
+    B.noalias() -= (t.F_A / t.var_force) * t.F_B.transpose();
+    gram.noalias() += t.F_A * t.F_A.transpose();
+  }
+  Eigen::SelfAdjointEigenSolver<Matrix3d> forces;
+  forces.computeDirect(gram);
+  s.mean_axis = forces.eigenvectors().col(2);
+  s.parallelism = std::sqrt(std::max(0.0, forces.eigenvalues()[1]) / forces.eigenvalues()[2]);
+
+  // couples settle the turn about parallel lines
+  s.result.couple_pairs = s.parallelism < kCouplePairs;
+  if (s.result.couple_pairs) {
+    const int k = partner(terms, used, s.mean_axis);
+    for (const int i : used) {
+      if (i == k) continue;
+      const CouplePair pair = couplePair(terms, i, k, s.mean_axis);
+      B += pair.weight * pair.u * pair.v.transpose();
+    }
+  }
+  const Eigen::JacobiSVD<Matrix3d> svd(B, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Matrix3d& U = svd.matrixU();
+  const Matrix3d& V = svd.matrixV();
+  const double sign = U.determinant() * V.determinant() < 0.0 ? -1.0 : 1.0;
+  Matrix3d R = U * Vector3d(1.0, 1.0, sign).asDiagonal() * V.transpose();
+
+  // turn about the axis of the first singular value: information s2 + s3
+  const Vector3d axis = U.col(0);
+  const double turn_information = svd.singularValues()[1] + sign * svd.singularValues()[2];
+  s.result.turn_known = turn_information > kTurnInformation;
+  if (!s.result.turn_known) {
+    // nearest to the start
+    const Matrix3d M = R * start.R.transpose();
+    const Matrix3d cross = skew(axis);
+    const double psi = std::atan2((cross * M).trace(), M.trace() - axis.dot(M * axis));
+    R = Eigen::AngleAxisd(psi, axis) * R;
+  }
+  // inverse of Hessian tr(D) I − D, D = U S' Uᵀ
+  Vector3d h(turn_information, svd.singularValues()[0] + sign * svd.singularValues()[2],
+             svd.singularValues()[0] + svd.singularValues()[1]);
+  Vector3d inverse = h.cwiseInverse();
+  if (!s.result.turn_known) inverse[0] = 0.0;
+  s.turn_inverse = U * inverse.asDiagonal() * U.transpose();
+  s.result.pose.R = R;
+  solveTranslation(terms, used, start.p, s);
+  return s;
+}
+
+void solveTranslation(const std::vector<Term>& terms, const std::vector<int>& used,
+                      const Vector3d& start, RobustSolution& out) {
+  const Matrix3d& R = out.result.pose.R;
+  // −[F̂] T = M, weighted; F̂ from both sensors
+  Matrix3d normal = Matrix3d::Zero();
+  Vector3d rhs = Vector3d::Zero();
+  double noise = 0.0;
+  for (const int i : used) {
+    const Term& t = terms[static_cast<std::size_t>(i)];
+    const Vector3d f = 0.5 * (t.F_A - R * t.F_B);
+    const Vector3d h = t.M_A + R * t.M_B - start.cross(f);
+    const double weight = 1.0 / t.var_moment;
+    normal += weight * squaredCross(f);
+    rhs += weight * f.cross(h);  // (−[f])ᵀ h
+    noise += weight * 0.5 * t.var_force;
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(normal);
+  const Vector3d& values = eigen.eigenvalues();
+  const double limit = std::max(kRounding * values[2], kShiftNoise * noise);
+  Vector3d inverse = Vector3d::Zero();
+  out.result.dropped_count = 0;
+  for (int k = 0; k < 3; ++k) {
+    if (values[k] > limit) {
+      inverse[k] = 1.0 / values[k];
+    } else {
+      out.result.dropped.col(out.result.dropped_count++) = eigen.eigenvectors().col(k);
+    }
+  }
+  out.shift_inverse =
+      eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+  out.result.pose.p = start + out.shift_inverse * rhs;
+}
+
+Matrix6 robustCovariance(const std::vector<Term>& terms, const std::vector<int>& used,
+                         const RobustSolution& s) {
+  const Pose& X = s.result.pose;
+  const Matrix3d cross_T = skew(X.p);
+  const int k = s.result.couple_pairs ? partner(terms, used, s.mean_axis) : -1;
+  // how the translation answers a turn: −N⁺ Σ w [f]ᵀ (−[m] + ½[T][f])
+  Matrix3d turn_to_shift = Matrix3d::Zero();
+  Matrix3d partner_gain = Matrix3d::Zero(), lever = Matrix3d::Zero();
+  for (const int i : used) {
+    const Term& t = terms[static_cast<std::size_t>(i)];
+    const Matrix3d cross_f = skew(0.5 * (t.F_A - X.R * t.F_B));
+    turn_to_shift +=
+        1.0 / t.var_moment * cross_f.transpose() * (-skew(X.R * t.M_B) + 0.5 * cross_T * cross_f);
+    if (k >= 0 && i != k) {
+      const CouplePair pair = couplePair(terms, i, k, s.mean_axis);
+      partner_gain += pair.c_k * pair.weight * skew(pair.u).transpose();
+      lever += pair.weight * pair.weight * pair.lever * squaredCross(pair.u);
+    }
+  }
+  turn_to_shift = (-s.shift_inverse * turn_to_shift).eval();
+
+  Eigen::Matrix<double, 6, 3> from_turn;
+  from_turn << turn_to_shift * s.turn_inverse, s.turn_inverse;
+  Matrix6 P = from_turn * lever * from_turn.transpose();
+  for (const int i : used) {
+    const Term& t = terms[static_cast<std::size_t>(i)];
+    const Matrix3d cross_f = skew(0.5 * (t.F_A - X.R * t.F_B));
+    Matrix6 gain = Matrix6::Zero();  // −δ per residual
+    gain.bottomLeftCorner<3, 3>() = 1.0 / t.var_force * s.turn_inverse * cross_f.transpose();
+    if (k >= 0) {
+      Matrix3d couple = partner_gain;
+      if (i != k) {
+        const CouplePair pair = couplePair(terms, i, k, s.mean_axis);
+        couple = pair.c_i * pair.weight * skew(pair.u).transpose();
+      }
+      gain.bottomRightCorner<3, 3>() = s.turn_inverse * couple;
+    }
+    const Matrix3d shift = 1.0 / t.var_moment * s.shift_inverse * cross_f.transpose();
+    gain.topLeftCorner<3, 3>() =
+        -0.5 * shift * cross_T + turn_to_shift * gain.bottomLeftCorner<3, 3>();
+    gain.topRightCorner<3, 3>() = shift + turn_to_shift * gain.bottomRightCorner<3, 3>();
+    P += gain * residualCovariance(t, X) * gain.transpose();
+  }
+  return 0.5 * (P + P.transpose());
+}
+
+bool solveThesis(const Term& first, const Term& second, Pose& pose,
+                 Eigen::Matrix<double, 6, 12>* slope) {
+  // g × a = b, 10.3–10.5
+  const Vector3d a2 = second.F_A - second.F_B;
+  const Vector3d b1 = first.F_A + first.F_B, b2 = second.F_A + second.F_B;
+  const double d = a2.dot(b1);
+  const double noise_b = 3.0 * kThesisNoise * kThesisNoise;
+  if (!(d * d > kThesisLimit * kThesisLimit * a2.squaredNorm() * b1.squaredNorm()) ||
+      !(b1.squaredNorm() > noise_b * first.var_force) ||
+      !(b2.squaredNorm() > noise_b * second.var_force)) {
+    return false;
+  }
+  const Vector3d g = b1.cross(b2) / d;
+  pose.R = rotationFromGibbs({g});
+  // T × F_A = M, 10.6 and 10.10
+  const Vector3d m1 = pose.R * first.M_B, m2 = pose.R * second.M_B;
+  const Vector3d M1 = first.M_A + m1, M2 = second.M_A + m2;
+  const double e = second.F_A.dot(M1);
+  if (!(e * e > kThesisLimit * kThesisLimit * second.F_A.squaredNorm() * M1.squaredNorm()) ||
+      !(M1.squaredNorm() > noise_b * first.var_moment)) {
+    return false;
+  }
+  pose.p = M1.cross(M2) / e;
+  if (slope == nullptr) return true;
+
+  // dg, dφ = 2/(1 + g²) (dg + g × dg)
+  Eigen::Matrix<double, 3, 12> dg = Eigen::Matrix<double, 3, 12>::Zero();
+  dg.block<3, 3>(0, 0) = (-skew(b2) - g * a2.transpose()) / d;
+  dg.block<3, 3>(0, 6) = (skew(b1) - g * b1.transpose()) / d;
+  const Eigen::Matrix<double, 3, 12> dphi =
+      2.0 / (1.0 + g.squaredNorm()) * (Matrix3d::Identity() + skew(g)) * dg;
+  Eigen::Matrix<double, 3, 12> dM1 = -skew(m1) * dphi, dM2 = -skew(m2) * dphi;
+  dM1.block<3, 3>(0, 3) += Matrix3d::Identity();
+  dM2.block<3, 3>(0, 9) += Matrix3d::Identity();
+  Eigen::Matrix<double, 1, 12> de = second.F_A.transpose() * dM1;
+  de.segment<3>(6) += M1.transpose();
+  slope->topRows<3>() = (skew(M1) * dM2 - skew(M2) * dM1 - pose.p * de) / e;
+  slope->bottomRows<3>() = dphi;
+  return true;
+}
+
+}  // namespace twin_force
+
+std::optional<Pose> thesisPose(const TwinContact& first, const TwinContact& second) {
+  Pose pose;
+  if (!twin_force::solveThesis(twin_force::bareTerm(first), twin_force::bareTerm(second), pose))
+    return std::nullopt;
+  return pose;
+}
+
+}  // namespace assembly_cell

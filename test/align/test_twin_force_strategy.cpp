@@ -1,0 +1,147 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/align/simulated_plant.h"
+#include "assembly_cell/scene/input_error.h"
+
+using namespace assembly_cell;
+using Eigen::Vector2d;
+
+namespace {
+
+Scenario cell(const std::vector<std::string>& overrides = {}) {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
+                      overrides);
+}
+
+AlignParameters twinForceParameters() {
+  AlignParameters p;
+  p.strategy = "twin_force";
+  return p;
+}
+
+// changes what a strategy sees or counts what it does
+class WatchedPlant : public Plant {
+ public:
+  explicit WatchedPlant(Plant& plant) : plant_(plant) {}
+  PlantBlock next(const PlantCommand& command) override {
+    shaken = shaken || (command.exciter && command.exciter->amplitude > 0.0);
+    if (command.rest) commands.push_back(command.rest->x);
+    PlantBlock block = plant_.next(command);
+    block.wrench_a *= sign;
+    drift += drift_per_block;
+    block.wrench_b(2) += drift;
+    return block;
+  }
+  double sign = 1.0, drift_per_block = 0.0, drift = 0.0;
+  bool shaken = false;
+  std::vector<double> commands;
+
+ private:
+  Plant& plant_;
+};
+
+}  // namespace
+
+// 15 mm and 2 degrees off; estimates against the truth of the peg as it hung
+TEST(TwinForceStrategy, ReachesTheHole) {
+  const Scenario s = cell();
+  const struct {
+    Vector2d offset, tilt;
+  } starts[] = {{{0.0042, -0.0027}, {0.012, 0.013}},
+                {{-0.0106, 0.0106}, {-0.03, 0.018}},
+                {{0.002, 0.0}, {0.0, 0.0}}};
+  for (const auto& start : starts) {
+    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), CellParameters{});
+    WatchedPlant watched(plant);
+    Vector2d true_offset(0, 0), true_tilt(0, 0);
+    const AlignResult result =
+        align(watched, s, twinForceParameters(), [&](const AlignProgress& now) {
+          if (now.state != "tare") return;
+          true_offset = -plant.truth().pegPose().p.head<2>();
+          true_tilt = tiltOf(plant.truth().pegPose());
+        });
+    EXPECT_TRUE(result.success) << result.reason;
+    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_FALSE(watched.shaken);
+    EXPECT_GE(result.contacts, 3);
+    EXPECT_LE(result.contacts, 12);
+    // a fifth of the clearance of 0.1 mm, and 6 of its own sd
+    EXPECT_LT((result.offset - true_offset).norm(), 2e-5);
+    EXPECT_LT((result.offset - true_offset).norm(),
+              6 * std::sqrt(result.offset_covariance.trace()));
+    EXPECT_LT((result.tilt - true_tilt).norm(), std::max(3e-4, 6 * result.tilt_sd));
+  }
+}
+
+TEST(TwinForceStrategy, RepeatsToTheLastBit) {
+  const Scenario s = cell();
+  std::vector<double> first;
+  for (int i = 0; i < 2; ++i) {
+    SimulatedPlant plant(s, CellParameters{});
+    WatchedPlant watched(plant);
+    align(watched, s, twinForceParameters());
+    if (i == 0) first = watched.commands;
+    EXPECT_GT(watched.commands.size(), 50u);
+    EXPECT_EQ(watched.commands, first);
+  }
+}
+
+TEST(TwinForceStrategy, FailsByName) {
+  const Scenario s = cell();
+  const auto reason = [&](double sign, double drift, int bits) {
+    CellParameters parameters;
+    parameters.bits = bits;
+    SimulatedPlant plant(s, parameters);
+    WatchedPlant watched(plant);
+    watched.sign = sign;
+    watched.drift_per_block = drift;
+    const AlignResult result = align(watched, s, twinForceParameters());
+    EXPECT_FALSE(result.success);
+    return result.reason;
+  };
+  // one sensor mounted the wrong way round
+  EXPECT_EQ(reason(-1.0, 0.0, 16).rfind("sensor_signs", 0), 0u);
+  // 0.5 N/s: within what counts as still from block to block, not over a window
+  EXPECT_EQ(reason(1.0, 0.01, 16).rfind("not_settled", 0), 0u);
+  // 10 bit can't tell the centre within the clearance, and the strategy knows
+  EXPECT_EQ(reason(1.0, 0.0, 10).rfind("too_uncertain", 0), 0u);
+}
+
+TEST(TwinForceStrategy, RefusesBadParameters) {
+  const Scenario s = cell();
+  const auto message = [&](const std::function<void(AlignParameters&)>& change) {
+    AlignParameters p = twinForceParameters();
+    change(p);
+    try {
+      checkParameters(p);
+    } catch (const InputError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(message([](AlignParameters&) {}), "");
+  const std::string unknown = message([](AlignParameters& p) { p.strategy = "twin"; });
+  EXPECT_NE(unknown.find("twin is not available"), std::string::npos) << unknown;
+  EXPECT_NE(unknown.find("single_contact, twin_force"), std::string::npos) << unknown;
+  EXPECT_NE(message([](AlignParameters& p) { p.contact_force = 41.0; }).find("contact_force: 41"),
+            std::string::npos);
+  EXPECT_NE(message([](AlignParameters& p) { p.fewest_contacts = 1; }).find("fewest_contacts"),
+            std::string::npos);
+  EXPECT_NE(message([](AlignParameters& p) { p.most_contacts = 2; }).find("most_contacts"),
+            std::string::npos);
+  EXPECT_NE(message([](AlignParameters& p) {
+              p.required_position = std::nan("");
+            }).find("required_position"),
+            std::string::npos);
+  EXPECT_NE(message([](AlignParameters& p) { p.contact_window = 0.0; }).find("contact_window"),
+            std::string::npos);
+}

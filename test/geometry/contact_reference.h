@@ -1,0 +1,109 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "assembly_cell/geometry/contact_geometry.h"
+
+namespace assembly_cell {
+
+// Independent reference of peg and block: both circles sampled densely, then refined, in extended
+// precision. Thesis axes.
+
+using Real = long double;
+using Vec3L = Eigen::Matrix<Real, 3, 1>;
+
+constexpr double kPi = 3.14159265358979323846;
+
+struct BodiesReference {
+  Vec3L center, axis0, axis1, axis;
+  Real r_p, r_h, length, depth;
+
+  BodiesReference(const EdgeCircle& e, const ContactShapes& s)
+      : center(e.center.cast<Real>()),
+        axis0(e.axis0.cast<Real>()),
+        axis1(e.axis1.cast<Real>()),
+        axis(axis0.cross(axis1)),
+        r_p(e.radius),
+        r_h(s.hole_radius),
+        length(s.peg_length),
+        depth(s.hole_depth) {}
+
+  Vec3L edge(Real t) const { return center + r_p * (std::cos(t) * axis0 + std::sin(t) * axis1); }
+  Vec3L rim(Real s) const { return {0, r_h * std::cos(s), r_h * std::sin(s)}; }
+  static Real rho(const Vec3L& p) { return std::hypot(p(1), p(2)); }
+  Real height(const Vec3L& x) const { return axis.dot(x - center); }
+  Real axisDistance(const Vec3L& x) const { return axis.cross(x - center).norm(); }
+
+  // how far a point of the edge is inside the block, of the rim inside the peg: the least of the
+  // distances to the surfaces' carriers, > 0 inside
+  Real edgeDepth(Real t) const {
+    const Vec3L p = edge(t);
+    return std::max(std::min(-p(0), rho(p) - r_h), -depth - p(0));
+  }
+  Real rimDepth(Real s) const {
+    const Vec3L x = rim(s);
+    const Real w = height(x);
+    return std::min({w, r_p - axisDistance(x), length - w});
+  }
+  // > 0: the bodies overlap
+  Real overlap() const {
+    const Real e = largest([&](Real t) { return edgeDepth(t); });
+    const Real r = largest([&](Real s) { return rimDepth(s); });
+    return std::max(e, r);
+  }
+
+  // global maximum over the circle: samples, then golden section around the best ones
+  template <typename F>
+  static Real largest(const F& f, Real* where = nullptr) {
+    constexpr int n = 180;
+    constexpr Real step = 2 * 3.14159265358979323846L / n;
+    Real values[n];
+    for (int i = 0; i < n; ++i) values[i] = f(i * step);
+    Real best = -1e30L;
+    for (int i = 0; i < n; ++i) {
+      const Real before = values[(i + n - 1) % n], here = values[i], after = values[(i + 1) % n];
+      if (here < before || here < after) continue;
+      Real at = 0;
+      const Real value = peak(f, (i - 1) * step, (i + 1) * step, at);
+      if (value <= best) continue;
+      best = value;
+      if (where) *where = at;
+    }
+    return best;
+  }
+
+  template <typename F>
+  static Real peak(const F& f, Real low, Real high, Real& at) {
+    const Real g = 0.5L * (std::sqrt(5.0L) - 1);
+    Real a = high - g * (high - low), b = low + g * (high - low);
+    Real fa = f(a), fb = f(b);
+    for (int i = 0; i < 80; ++i) {
+      if (fa > fb) {
+        high = b, b = a, fb = fa;
+        fa = f(a = high - g * (high - low));
+      } else {
+        low = a, a = b, fa = fb;
+        fb = f(b = low + g * (high - low));
+      }
+    }
+    at = (low + high) / 2;
+    return f(at);
+  }
+};
+
+// edge whose lowest point lies in the direction of `lean` (angle from axis 2), tilted by `tilt`
+inline EdgeCircle edgeAt(const Eigen::Vector3d& center, double tilt, double lean, double spin,
+                         double radius) {
+  const Eigen::Vector3d sideways(0.0, -std::sin(lean), std::cos(lean));
+  const Eigen::Matrix3d R =
+      (Eigen::AngleAxisd(tilt, sideways) * Eigen::AngleAxisd(spin, Eigen::Vector3d::UnitX()))
+          .toRotationMatrix();
+  return {center, R.col(1), R.col(2), radius};
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,285 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// All five features against dense minimisation, their hand-overs, and the degenerate cases of the
+// dynamics specification, section 3. Thesis axes.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "contact_reference.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kRadius = 0.025;
+
+ContactShapes shapesOf(double clearance) {
+  ContactShapes s;
+  s.hole_radius = kRadius + clearance;
+  s.peg_length = 0.06;
+  return s;
+}
+
+struct Smallest {
+  double gap = 1.0;
+  int slot = -1;
+};
+Smallest smallest(const ContactSet& set) {
+  Smallest best;
+  for (int i = 0; i < kContactSlots; ++i) {
+    const double gap = set.slots[static_cast<std::size_t>(i)].gap;
+    if (set.valid >> i & 1u && gap < best.gap) best = {gap, i};
+  }
+  return best;
+}
+Smallest smallest(const EdgeCircle& e, const ContactShapes& shapes,
+                  ContactSlotMask admitted = kAllContactSlots) {
+  ContactSet set;
+  findContacts(e, shapes, admitted, set);
+  return smallest(set);
+}
+
+double overlap(const EdgeCircle& e, const ContactShapes& shapes) {
+  return static_cast<double>(BodiesReference(e, shapes).overlap());
+}
+
+// A straight way through x1, x2, x3 and the tilt's two components that ends where the bodies touch.
+struct Approach {
+  ContactShapes shapes;
+  std::array<double, 5> from, way;
+  double spin, touch;
+
+  EdgeCircle at(double q) const {
+    std::array<double, 5> x;
+    for (std::size_t i = 0; i < 5; ++i) x[i] = from[i] + q * way[i];
+    return edgeAt({x[0], x[1], x[2]}, std::hypot(x[3], x[4]), std::atan2(x[4], x[3]), spin,
+                  kRadius);
+  }
+};
+
+class ContactFeatures : public ::testing::Test {
+ protected:
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+
+  // inside: a centred upright peg in the hole, moved and tilted; else beside the hole, lowered
+  Approach approach(bool inside) {
+    for (;;) {
+      Approach a;
+      const double clearance = std::pow(10, uniform(-6, -2.7));
+      a.shapes = shapesOf(clearance);
+      a.spin = uniform(-4, 4);
+      if (inside) {
+        a.from = {-uniform(5e-4, 0.014), 0, 0, 0, 0};
+        a.way = {0, clearance * uniform(-1, 1), clearance * uniform(-1, 1),
+                 50 * clearance * uniform(-1, 1), 50 * clearance * uniform(-1, 1)};
+        if (uniform(0, 1) < 0.2) a.way[1] = a.way[2] = 0.0;
+        if (uniform(0, 1) < 0.2) a.way[3] = a.way[4] = 0.0;
+      } else {
+        const double where = uniform(-kPi, kPi), offset = uniform(0, 0.01);
+        const double lean = where + kPi + uniform(-0.6, 0.6), tilt = uniform(0.001, 0.3);
+        a.from = {0.03 * tilt + 0.003, offset * std::cos(where), offset * std::sin(where),
+                  tilt * std::cos(lean), tilt * std::sin(lean)};
+        a.way = {-0.003, 1e-3 * uniform(-1, 1), 1e-3 * uniform(-1, 1), 1e-2 * uniform(-1, 1),
+                 1e-2 * uniform(-1, 1)};
+      }
+      if (overlap(a.at(0), a.shapes) >= 0.0) continue;
+      double high = 0.25, at_high = overlap(a.at(high), a.shapes);
+      while (high < 15 && at_high <= 0.0) at_high = overlap(a.at(high += 0.25), a.shapes);
+      if (at_high <= 0.0) continue;
+      // regula falsi; an end that stays twice weighs half (Illinois)
+      double low = high - 0.25, at_low = overlap(a.at(low), a.shapes), value = at_high;
+      a.touch = high;
+      for (int i = 0, side = 0; i < 80 && std::abs(value) > 1e-18; ++i) {
+        a.touch = low + (high - low) * at_low / (at_low - at_high);
+        value = overlap(a.at(a.touch), a.shapes);
+        if (value > 0.0) {
+          high = a.touch, at_high = value;
+          if (side == 1) at_low *= 0.5;
+          side = 1;
+        } else {
+          low = a.touch, at_low = value;
+          if (side == -1) at_high *= 0.5;
+          side = -1;
+        }
+      }
+      if (std::abs(value) > 1e-16) continue;
+      return a;
+    }
+  }
+
+ private:
+  std::mt19937_64 engine_{7};
+};
+
+// Where the bodies first touch by dense minimisation, the smallest gap is zero; before, none is
+// negative. Each feature is met.
+TEST_F(ContactFeatures, FirstTouchIsFound) {
+  std::array<int, 5> met{};
+  for (int i = 0; i < 120; ++i) {
+    const Approach a = approach(i % 2 == 0);
+    const Smallest touch = smallest(a.at(a.touch), a.shapes);
+    ASSERT_GE(touch.slot, 0) << i;
+    // the search finds 5e-17 m: lengths below 0.03 m, rounded
+    EXPECT_NEAR(touch.gap, 0.0, 1e-15) << i << " slot " << touch.slot;
+    ++met[static_cast<std::size_t>(featureOfSlot(touch.slot))];
+    for (int k = 1; k < 20; ++k) {
+      EXPECT_GE(smallest(a.at(a.touch * (1 - std::pow(0.6, k))), a.shapes).gap, -1e-15) << i;
+    }
+  }
+  EXPECT_GT(met[0], 10);
+  EXPECT_GT(met[1], 1);
+  EXPECT_GT(met[2], 10);
+  EXPECT_GT(met[3], 10);
+}
+
+// What the slot minimises, in extended precision.
+Real minimised(const BodiesReference& b, const ContactPoint& c, Real t) {
+  switch (c.feature) {
+    case ContactFeature::kEdgeEdge: {
+      const Vec3L p = b.edge(t);
+      return std::hypot(p(0), b.rho(p) - b.r_h);
+    }
+    case ContactFeature::kEdgePlane:
+      return b.edge(t)(0);
+    case ContactFeature::kEdgeWall:
+      return b.r_h - b.rho(b.edge(t));
+    case ContactFeature::kRimSide:
+      return b.axisDistance(b.rim(t)) - b.r_p;
+    case ContactFeature::kRimFace:
+      break;
+  }
+  return -b.height(b.rim(t));
+}
+
+// Points, gaps and frames near touch, apart and penetrating, against the minimum found by halving
+// intervals of the slope.
+TEST_F(ContactFeatures, PointsAndGapsAreTheMinima) {
+  std::array<int, 5> met{};
+  for (int i = 0; i < 120; ++i) {
+    const Approach a = approach(i % 2 == 0);
+    const double speed =
+        std::hypot(a.way[0], a.way[1], a.way[2]) + 0.02 * std::hypot(a.way[3], a.way[4]);
+    for (const double depth : {-1e-5, -1e-7, 1e-8, 1e-6}) {
+      const EdgeCircle e = a.at(a.touch + depth / speed);
+      const BodiesReference b(e, a.shapes);
+      ContactSet set;
+      findContacts(e, a.shapes, kAllContactSlots, set);
+      for (const ContactPoint& c : set.slots) {
+        if (!c.valid) continue;
+        const bool rim =
+            c.feature == ContactFeature::kRimSide || c.feature == ContactFeature::kRimFace;
+        // zero distances have no smooth minimum: take the square
+        const auto f = [&](Real t) {
+          const Real value = minimised(b, c, t);
+          return c.feature == ContactFeature::kEdgeEdge ? value * value : value;
+        };
+        const auto slope = [&](Real t) { return f(t + 1e-6L) - f(t - 1e-6L); };
+        Real low = c.t - 1e-3L, high = c.t + 1e-3L;
+        const Real low_slope = slope(low), high_slope = slope(high);
+        ASSERT_TRUE(low_slope < 0 && high_slope > 0) << toString(c.feature) << " " << c.gap;
+        const Real bend = (high_slope - low_slope) / 4e-9L;
+        for (int k = 0; k < 60; ++k) {
+          const Real middle = (low + high) / 2;
+          (slope(middle) < 0 ? low : high) = middle;
+        }
+        const Real t = (low + high) / 2;
+        const Vec3L on_circle = rim ? b.rim(t) : b.edge(t);
+        // rounding of the reference's slope (1e-21 m over the step) over its bend, times the
+        // radius; squares are rounded at the gap's square
+        EXPECT_LT((on_circle - (rim ? c.rim : c.p).cast<Real>()).norm(), 1e-12L + 1e-16L / bend)
+            << toString(c.feature) << " gap " << c.gap;
+        const Real gap = minimised(b, c, t);
+        EXPECT_NEAR(
+            static_cast<double>(c.feature == ContactFeature::kEdgeEdge ? std::abs(c.gap) - gap
+                                                                       : c.gap - gap),
+            0.0, 1e-15)
+            << toString(c.feature);
+        // the frame is as promised
+        EXPECT_NEAR(c.normal.norm(), 1.0, 1e-14);
+        EXPECT_LT((c.gap * c.normal - (c.p - c.rim)).norm(), 1e-14) << toString(c.feature);
+        EXPECT_LT(std::abs(c.normal.dot(rim ? c.tangent : c.dp)), 1e-14 + kRadius * 1e-10)
+            << toString(c.feature);
+        ++met[static_cast<std::size_t>(c.feature)];
+      }
+    }
+  }
+  EXPECT_GT(met[1], 3);
+  for (const int n : {met[0], met[2], met[3]}) EXPECT_GT(n, 30);
+}
+
+// From any touch in the hole the peg is drawn out: features hand over at the rim. The smallest gap
+// has the sign of the overlap all the way and no step, and where one feature follows another at the
+// same place, neither gap nor normal jumps.
+TEST_F(ContactFeatures, DrawnOutOfTheHoleFeaturesHandOver) {
+  int changes = 0;
+  for (int i = 0; i < 60; ++i) {
+    Approach a = approach(true);
+    const double penetration =
+        std::array<double, 3>{1e-9, 1e-7, 2e-6}[static_cast<std::size_t>(i % 3)];
+    const EdgeCircle start = a.at(a.touch);
+    // sideways into the contact it found
+    ContactSet set;
+    findContacts(start, a.shapes, kAllContactSlots, set);
+    const Vector3d into =
+        -penetration * set.slots[static_cast<std::size_t>(smallest(set).slot)].normal;
+    const double height = -start.center(0) + 2e-4;
+    const auto at = [&](double q) {
+      EdgeCircle e = start;
+      e.center += into + Vector3d(q * height, 0, 0);
+      return e;
+    };
+    Smallest last;
+    ContactSet last_set;
+    set = ContactSet{};
+    constexpr int steps = 400;
+    for (int k = 0; k <= steps; ++k) {
+      const double q = static_cast<double>(k) / steps;
+      const EdgeCircle e = at(q);
+      findContacts(e, a.shapes, kAllContactSlots, set);
+      const Smallest now = smallest(set);
+      if (k % 8 == 0) {
+        const double depth = overlap(e, a.shapes);
+        EXPECT_TRUE(std::abs(depth) < 1e-12 || (depth > 0.0) == (now.gap < 0.0)) << i << " " << q;
+      }
+      if (k > 0 && now.slot >= 0 && last.slot >= 0 &&
+          featureOfSlot(now.slot) != featureOfSlot(last.slot)) {
+        // to the moment of the change
+        double low = q - 1.0 / steps, high = q;
+        for (int n = 0; n < 60; ++n) {
+          const double middle = 0.5 * (low + high);
+          const Smallest there = smallest(at(middle), a.shapes);
+          (there.slot == last.slot ? low : high) = middle;
+        }
+        ContactSet before, after;
+        findContacts(at(low), a.shapes, kAllContactSlots, before);
+        findContacts(at(high), a.shapes, kAllContactSlots, after);
+        const Smallest b = smallest(before), f = smallest(after);
+        ASSERT_TRUE(b.slot >= 0 && f.slot >= 0);
+        // where an overlapping corner changes its nearest way out, that is told to second order
+        EXPECT_NEAR(b.gap, f.gap, 1e-13 + 1e-4 * penetration) << i << " " << q;
+        const ContactPoint& cb = before.slots[static_cast<std::size_t>(b.slot)];
+        const ContactPoint& cf = after.slots[static_cast<std::size_t>(f.slot)];
+        const bool edge =
+            cb.feature == ContactFeature::kEdgeEdge || cf.feature == ContactFeature::kEdgeEdge;
+        if (edge && (cb.p - cf.p).norm() < 1e-7) {
+          EXPECT_LT((cb.normal - cf.normal).norm(), 1e-5)
+              << i << " " << toString(cb.feature) << " to " << toString(cf.feature);
+          ++changes;
+        }
+      }
+      last = now;
+    }
+  }
+  EXPECT_GT(changes, 10);
+}
+
+}  // namespace
+}  // namespace assembly_cell
