@@ -304,6 +304,12 @@ int solve(const std::vector<std::string>& given) {
       settings.displacement_b = &calibrations[1];
     }
   }
+  const bool forces =
+      std::any_of(set.observations.begin(), set.observations.end(), [](const Observation& o) {
+        return o.kind == ObservationKind::kReacting || o.kind == ObservationKind::kWeight ||
+               o.kind == ObservationKind::kIndentation;
+      });
+  if (displacement && !forces && arguments.count("--save") == 0) return good ? 0 : 1;
   const ForceSolution solution = solveForce(set, settings);
   printForce(solution, true);
   good = good && solution.accepted;

@@ -69,6 +69,47 @@ TEST(Bridge, ChannelsMeasureTheMomentAboutTheirHinge) {
   }
 }
 
+// Small loads: the serial hinges give the printed matrix whatever the nonlinearity; the second
+// order is left, some 1 % of the strain at full load and so 10⁻⁵ of it at a thousandth.
+TEST(Bridge, FiniteRotationsVanishForSmallLoads) {
+  Vector6 w;
+  w << 40, -30, 20, 1.0, 1.5, -2.0;
+  for (Bridge bridge : {bridgeA(16, 0.0), bridgeB(16, 0.0)}) {
+    const Vector6 linear = strainMatrix(bridge) * w;
+    EXPECT_LT((deflect(bridge, w).volts - linear).norm(), 1e-13 * linear.norm());
+    bridge.nonlinearity = 1.0;
+    const double large = (deflect(bridge, w).volts - linear).norm() / linear.norm();
+    const double small = (1e3 * deflect(bridge, 1e-3 * w).volts - linear).norm() / linear.norm();
+    EXPECT_GT(large, 1e-3);
+    EXPECT_LT(large, 5e-2);
+    EXPECT_NEAR(small / large, 1e-3, 2e-4);
+  }
+}
+
+// "Load 50 N along x: 127 µm", three digits.
+TEST(Bridge, CarrierMovesAsPrinted) {
+  Bridge bridge = bridgeA(16, 0.0);
+  bridge.nonlinearity = 1.0;
+  Vector6 w = Vector6::Zero();
+  w[0] = 50;
+  const BridgeState state = deflect(bridge, w);
+  EXPECT_NEAR((state.X_DC.p - kCarrierAtRest).x(), 127e-6, 3e-6);
+  EXPECT_EQ(deflect(bridge, Vector6::Zero()).X_DC.p, kCarrierAtRest);
+}
+
+// 1 K moves the zero by the printed drift and the gain by 2·10⁻⁴.
+TEST(Bridge, TemperatureMovesZeroAndGain) {
+  Bridge warm = bridgeA(24, 0.0);
+  warm.temperature = 21.0;
+  const Bridge cold = bridgeA(24, 0.0);
+  NormalSource normal(1);
+  const Vector6 strain = Vector6::Constant(2.0);
+  const Vector6 change =
+      convertVolts(warm, strain, normal).volts - convertVolts(cold, strain, normal).volts;
+  const double drift[] = {.0025, -.0040, .0030, -.0020, .0035, .0015};
+  for (int k = 0; k < 6; ++k) EXPECT_NEAR(change[k], drift[k] + 4e-4, 1.3e-6);  // two codes
+}
+
 // "Rated: ±50 N, ±2 N·m on all six together gives at most 4.36 V": over both sensors, offsets
 // apart.
 TEST(Bridge, RatedLoadsFitTheConverter) {

@@ -84,6 +84,97 @@ TEST_F(CalibrationFile, KeepsEveryBit) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
 }
 
+// A map with everything a calibration may carry.
+Calibration quadraticSample() {
+  Calibration c;
+  c.id = "quadratic";
+  c.serial_number = "simulated-a";
+  c.volts_to_wrench = strainMatrix(bridgeA(16, 0.0)).inverse();
+  c.volts_to_displacement = c.volts_to_wrench / 3e5;
+  c.quadratic_wrench = c.quadratic_displacement = true;
+  NormalSource normal(1);
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < kStrainProducts; ++j) {
+      c.wrench_products(i, j) = 0.05 * normal();
+      c.displacement_products(i, j) = 1e-6 * normal();
+    }
+  }
+  Eigen::MatrixXd root(162, 162);
+  for (Eigen::Index i = 0; i < root.size(); ++i) root.data()[i] = 1e-3 * normal();
+  c.wrench_covariance = root * root.transpose();
+  c.displacement_covariance = root.topLeftCorner(27, 27) * root.topLeftCorner(27, 27).transpose();
+  c.wrench_covariance = (0.5 * (c.wrench_covariance + c.wrench_covariance.transpose())).eval();
+  c.displacement_covariance =
+      (0.5 * (c.displacement_covariance + c.displacement_covariance.transpose())).eval();
+  c.displacement_variance.setConstant(1e-12);
+  c.temperature = 21.5;
+  c.noise.setConstant(5e-4);
+  c.wrench_range.setConstant(4.0);
+  c.wrench_fit = {190.0, 192, 0.5, Vector6::Constant(0.01), Vector6::Constant(0.02)};
+  c.observations_digest = "crc32:01234567";
+  return c;
+}
+
+TEST_F(CalibrationFile, KeepsProductsCovarianceAndStatistics) {
+  const Calibration c = quadraticSample();
+  saveCalibration(c, path_);
+  const Calibration back = loadCalibration(path_);
+  EXPECT_TRUE(back.quadratic_wrench && back.quadratic_displacement);
+  EXPECT_EQ(back.wrench_products, c.wrench_products);
+  EXPECT_EQ(back.displacement_products, c.displacement_products);
+  EXPECT_EQ(back.wrench_covariance, c.wrench_covariance);
+  EXPECT_EQ(back.displacement_covariance, c.displacement_covariance);
+  EXPECT_EQ(back.displacement_variance, c.displacement_variance);
+  EXPECT_EQ(back.temperature, c.temperature);
+  EXPECT_EQ(back.wrench_fit.dof, 192);
+  EXPECT_EQ(back.wrench_fit.residual_rms, c.wrench_fit.residual_rms);
+  EXPECT_EQ(back.observations_digest, c.observations_digest);
+  EXPECT_EQ(calibrationChecksum(back), calibrationChecksum(c));
+  // one digit of a product
+  std::string content = read(path_);
+  content.replace(content.find("21.5"), 4, "22.5");
+  std::ofstream(path_) << content;
+  EXPECT_THROW(loadCalibration(path_), InputError);
+}
+
+// (I⊗b)ᵀ P (I⊗b) + J Σ Jᵀ written with full Kronecker products and finite differences.
+TEST(CalibrationCovariance, IsThatOfItsDefinition) {
+  const Calibration c = quadraticSample();
+  Vector6 v;
+  v << 1.0, -2.0, 0.5, 3.0, -1.5, 0.2;
+  Eigen::Matrix<double, 27, 1> b;
+  b << v, strainProducts(v);
+  Eigen::MatrixXd B = Eigen::MatrixXd::Zero(162, 6);
+  for (int i = 0; i < 6; ++i) B.block(27 * i, i, 27, 1) = b;
+  Matrix6 J;
+  const double h = 1e-4;  // the map is quadratic: central differences are exact but for rounding
+  for (int k = 0; k < 6; ++k) {
+    const Vector6 step = h * Vector6::Unit(k);
+    J.col(k) = (wrenchFromVolts(c, v + step) - wrenchFromVolts(c, v - step)) / (2 * h);
+  }
+  Matrix6 noise = Matrix6::Identity() * 2.5e-7;
+  noise(0, 1) = noise(1, 0) = 1e-7;
+  const Matrix6 expected = B.transpose() * c.wrench_covariance * B + J * noise * J.transpose();
+  EXPECT_LT((wrenchCovariance(c, v, noise) - expected).norm(), 1e-9 * expected.norm());
+  for (int k = 0; k < 6; ++k) {
+    const Vector6 step = h * Vector6::Unit(k);
+    J.col(k) = (displacementFromVolts(c, v + step) - displacementFromVolts(c, v - step)) / (2 * h);
+  }
+  Matrix6 displacement = J * noise * J.transpose();
+  displacement.diagonal().array() += 1e-12 * b.dot(c.displacement_covariance * b);
+  EXPECT_LT((displacementCovariance(c, v, noise) - displacement).norm(),
+            1e-8 * displacement.norm());
+  Calibration plain = c;
+  plain.quadratic_wrench = false;
+  plain.wrench_covariance = c.wrench_covariance.topLeftCorner(36, 36);
+  Eigen::MatrixXd B6 = Eigen::MatrixXd::Zero(36, 6);
+  for (int i = 0; i < 6; ++i) B6.block(6 * i, i, 6, 1) = v;
+  const Matrix6 linear = B6.transpose() * plain.wrench_covariance * B6 +
+                         c.volts_to_wrench * noise * c.volts_to_wrench.transpose();
+  EXPECT_LT((wrenchCovariance(plain, v, noise) - linear).norm(), 1e-9 * linear.norm());
+  EXPECT_EQ(outsideWrenchRange(c, Vector6::Unit(2) * 4.5), 4u);
+}
+
 TEST_F(CalibrationFile, AnyChangeOfTheContentIsSeen) {
   for (const auto& change : {std::pair{"sample", "simple"},
                              {"2026", "2025"},

@@ -1,0 +1,86 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The tool as a person uses it: plan, solve, check, without a master.
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Result {
+  int code;
+  std::string text;
+};
+
+class Calibrate : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "calibrate_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  Result run(const std::string& arguments) const {
+    const std::string command =
+        "cd " + folder_ + " && " ASSEMBLY_CELL_BIN_DIR "/calibrate " + arguments + " 2>&1";
+    FILE* pipe = popen(command.c_str(), "r");
+    Result result{-1, ""};
+    if (pipe == nullptr) return result;
+    std::array<char, 4096> buffer;
+    while (std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) {
+      result.text.append(buffer.data(), n);
+    }
+    result.code = WEXITSTATUS(pclose(pipe));
+    return result;
+  }
+  static bool has(const Result& result, const std::string& part) {
+    return result.text.find(part) != std::string::npos;
+  }
+  std::string folder_;
+};
+
+TEST_F(Calibrate, PlansSolvesSavesAndChecks) {
+  const Result plan = run("plan recommended --nonlinearity 0 --simulate t.yaml");
+  EXPECT_EQ(plan.code, 0) << plan.text;
+  EXPECT_TRUE(has(plan, "rank: 72\n")) << plan.text;
+  const Result solve = run("solve t.yaml --save store --id first");
+  EXPECT_EQ(solve.code, 0) << solve.text;
+  EXPECT_TRUE(has(solve, "accepted: true"));
+  const Result check = run("check store/simulated-a/first.yaml --observations t.yaml");
+  EXPECT_EQ(check.code, 0) << check.text;
+  EXPECT_TRUE(has(check, "weights: 6\n")) << check.text;
+  EXPECT_EQ(run("check t.yaml").code, 0);
+  const Result next = run("plan next --observations t.yaml --next 2");
+  EXPECT_EQ(next.code, 0) << next.text;
+  EXPECT_TRUE(has(next, "gain:")) << next.text;
+}
+
+TEST_F(Calibrate, RefusesTheThesisWithOne) {
+  EXPECT_EQ(run("plan thesis_fixed --simulate t.yaml").code, 1);
+  const Result all = run("solve t.yaml");
+  EXPECT_EQ(all.code, 1);
+  EXPECT_TRUE(has(all, "rank 21 of 36")) << all.text;
+  EXPECT_TRUE(has(all, "add ")) << all.text;
+  EXPECT_EQ(run("plan thesis_shifted --simulate s.yaml").code, 1);
+  EXPECT_TRUE(has(run("solve s.yaml --procedure thesis"), "rank 30 of 36"));
+}
+
+TEST_F(Calibrate, BadInputEndsWithTwoAndOneLine) {
+  for (const char* arguments :
+       {"", "dance", "solve", "solve none.yaml", "plan", "plan nothing", "check none.yaml",
+        "solve a b", "plan recommended --bits 12", "plan recommended --bits", "solve x --what"}) {
+    EXPECT_EQ(run(arguments).code, 2) << arguments << "\n" << run(arguments).text;
+  }
+  const Result none = run("solve none.yaml");
+  EXPECT_EQ(std::count(none.text.begin(), none.text.end(), '\n'), 1) << none.text;
+  EXPECT_EQ(run("--help").code, 0);
+}
+
+}  // namespace
