@@ -23,8 +23,10 @@ constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5;
 // the rigid law has storms only where the peg is flat [rad], or within this [s]: two places of
 // contact that merge push each other open for ever
 constexpr double kFlatTilt = 1e-3, kStandstill = 8e-6;
-constexpr double kShortest = 2e-6;    // a rigid flat peg that asks for less is stepped over [s]
-constexpr double kStepFloor = 1e-13;  // error control below this step gives up [s]
+constexpr double kShortest = 2e-6;      // a rigid flat peg that asks for less is stepped over [s]
+constexpr double kShortestHalf = 1e-9;  // Hamming halves no further [s]
+constexpr double kBridge = 1e-6;        // tried then [s]
+constexpr double kStepFloor = 1e-13;    // error control below this step gives up [s]
 constexpr std::int64_t kEventLimit = 10000000;
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
@@ -424,7 +426,7 @@ double Simulation::planStep(double t_end, bool& last) const {
   const double left = t_end - time_;
   double h = fixed_step_ ? scenario_.solver.step : std::min(next_step_, scenario_.solver.max_step);
   if (time_ < coarse_until_) h = std::min(h, kCoarseStep);
-  if (method_ == Method::kHamming && left > h) {
+  if (method_ == Method::kHamming && !bridging_ && left > h) {
     // equal steps to the end, so that the past stays of use
     const bool same = history_.count > 0 && history_.h <= h * (1 + 1e-6);
     const double wanted = same ? history_.h : h;
@@ -454,7 +456,14 @@ bool Simulation::shorten(double h, double error, bool is_finite) {
     return false;
   }
   next_step_ = h * factor;
-  if (method_ == Method::kHamming) {
+  if (method_ == Method::kHamming && !bridging_) {
+    if (h < kShortestHalf) {
+      // halving finds no smooth past here: one step of dopri5, then a new start
+      bridging_ = true;
+      history_.count = 0;
+      next_step_ = kBridge;
+      return true;
+    }
     next_step_ = 0.5 * h;
     if (history_.count >= 4) {
       halveHistory();
@@ -493,8 +502,9 @@ StopReason Simulation::advance(double t_end) {
     bool last = false;
     const bool coarse = time_ < coarse_until_;
     double h = planStep(t_end, last);
-    const double attempt =
-        coarse && rigid() ? tryOneStep(Method::kRk4, h, end, slope) : tryStep(h, end, slope);
+    const double attempt = coarse && rigid() ? tryOneStep(Method::kRk4, h, end, slope)
+                           : bridging_       ? tryOneStep(Method::kDopri5, h, end, slope)
+                                             : tryStep(h, end, slope);
     const bool is_finite = finite(end) && slope.allFinite();
     if (!is_finite || !(attempt <= 1.0)) {
       if (!shorten(h, attempt, is_finite)) return stop_;
@@ -514,9 +524,15 @@ StopReason Simulation::advance(double t_end) {
       findModes(false);
     } else if (quiet) {
       accept(last ? t_end : time_ + h, end, slope);
-      if (method_ == Method::kHamming) remember(h);
-      lengthen(h, attempt, last, t_end);
+      if (bridging_) {
+        bridging_ = false;
+        next_step_ = std::max(next_step_, kBridge);
+      } else {
+        if (method_ == Method::kHamming) remember(h);
+        lengthen(h, attempt, last, t_end);
+      }
     } else {
+      bridging_ = false;
       h = locateEvent(h, events, end, slope);
       if (storm(time_ + h)) coarse_until_ = time_ + h + kCoarseSpan;
       accept(time_ + h, end, slope);

@@ -235,6 +235,7 @@ class Simulation {
   bool fixed_step_ = false;
   History history_;
   State trial_defect_;
+  bool bridging_ = false;  // hamming: one step of another method, past what it can't start in
   double next_step_ = 0.0;
 
   // storms of events: a peg that lies flat
