@@ -425,7 +425,7 @@ StopReason Simulation::excludedContact() const {
 double Simulation::planStep(double t_end, bool& last) const {
   const double left = t_end - time_;
   double h = fixed_step_ ? scenario_.solver.step : std::min(next_step_, scenario_.solver.max_step);
-  if (time_ < coarse_until_) h = std::min(h, kCoarseStep);
+  if (time_ < coarse_until_) h = std::min(h, coarse_step_);
   if (method_ == Method::kHamming && !bridging_ && left > h) {
     // equal steps to the end, so that the past stays of use
     const bool same = history_.count > 0 && history_.h <= h * (1 + 1e-6);
@@ -448,7 +448,7 @@ bool Simulation::shorten(double h, double error, bool is_finite) {
   if (!fixed_step_ && h * factor < kShortest && is_finite && rigid() && flat &&
       time_ >= coarse_until_) {
     coarse_until_ = time_ + kCoarseSpan;
-    next_step_ = kCoarseStep;
+    next_step_ = coarse_step_ = kCoarseStep;
     return true;
   }
   if (fixed_step_ || h * factor < kStepFloor) {
@@ -534,7 +534,13 @@ StopReason Simulation::advance(double t_end) {
     } else {
       bridging_ = false;
       h = locateEvent(h, events, end, slope);
-      if (storm(time_ + h)) coarse_until_ = time_ + h + kCoarseSpan;
+      if (storm(time_ + h)) {
+        // a tenth of both where no flat peg is the cause: modes decided late cost energy
+        const bool flat = std::hypot(now_.k.a(1), now_.k.a(2)) < kFlatTilt;
+        const double part = rigid() && !flat ? 0.1 : 1.0;
+        coarse_step_ = part * kCoarseStep;
+        coarse_until_ = time_ + h + part * kCoarseSpan;
+      }
       accept(time_ + h, end, slope);
       ++counts_.events;
       changeModes();

@@ -241,6 +241,7 @@ class Simulation {
   // storms of events: a peg that lies flat
   static constexpr std::size_t kRecentEvents = 24;
   std::array<double, kRecentEvents> recent_events_;  // times [s]
+  double coarse_step_ = 0.0;                         // until then [s]
   double coarse_until_ = -1.0;                       // no event is located before this time [s]
 };
 
