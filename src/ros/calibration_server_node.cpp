@@ -5,6 +5,7 @@
 #include <assembly_cell/CalibrationStatus.h>
 #include <assembly_cell/GetCalibration.h>
 #include <assembly_cell/SetCalibration.h>
+#include <std_msgs/String.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -182,6 +183,7 @@ void CalibrationServerNode::openStore() {
 
 void CalibrationServerNode::advertise() {
   status_pub_ = pnh_.advertise<CalibrationStatus>("status", 1, true);
+  observations_pub_ = pnh_.advertise<std_msgs::String>("observations", 1, true);
   for (Sensor& sensor : sensors_) {
     sensor.calibration_pub =
         pnh_.advertise<SensorCalibration>(sensor.name + "/calibration", 1, true);
@@ -799,6 +801,24 @@ void CalibrationServerNode::publishStatus() {
   }
   status.header.stamp = ros::Time::now();
   status_pub_.publish(status);
+  publishObservations();
+}
+
+// the whole observation file, so that a bag's last message is the session
+void CalibrationServerNode::publishObservations() {
+  std_msgs::String file;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (set_.observations.size() == observations_published_) return;
+    observations_published_ = set_.observations.size();
+    ObservationSet header = set_;
+    header.observations.clear();
+    file.data = observationHeader(header);
+    for (const Observation& observation : set_.observations) {
+      file.data += observationLine(observation) + "\n";
+    }
+  }
+  observations_pub_.publish(file);
 }
 
 // ---- the action ----

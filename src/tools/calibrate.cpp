@@ -1,7 +1,12 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <stdlib.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <map>
@@ -35,7 +40,7 @@ plan   the tests of a plan, judged before anything is measured: rank, condition,
        --observations FILE --next K   instead of a plan: the K tests that add most to these observations (NAME: next)
        --simulate FILE                carries the plan out on the simulated bench and writes an observation file
        --bits 10|16|24, --nonlinearity 0..1, --samples N   of the simulated sensors (16, 1, 20)
-solve  both sensors from an observation file (.yaml, or .csv by named columns)
+solve  both sensors from an observation file (.yaml, or .csv by named columns) or a .bag of the server's ~observations
        --procedure all_rows|force_rows|thesis   (all_rows; the others are for comparison and refused for use)
        --model automatic|linear|quadratic       --rated FORCE,TORQUE [N],[N m] (50,2)
        --displacement                           identifies the displacement from its tests as well
@@ -47,6 +52,40 @@ Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/calibra
 )";
 
 using Arguments = std::map<std::string, std::string>;
+
+// An observation file, or a bag of the server's ~observations, whose last message is one. The
+// script beside this tool reads bags: the core knows no ROS.
+ObservationSet readRecorded(const std::string& path) {
+  namespace fs = std::filesystem;
+  if (fs::path(path).extension() != ".bag") return readObservations(path);
+  std::string file = (fs::temp_directory_path() / "observations_XXXXXX").string();
+  const int opened = mkstemp(file.data());
+  if (opened < 0) throw InputError(file + ": can't be written: free space in the temporary folder");
+  close(opened);
+  const fs::path yaml = file + ".yaml";
+  fs::rename(file, yaml);
+  const auto quoted = [](const std::string& text) {
+    std::string out = "'";
+    for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return out + "'";
+  };
+  const fs::path script =
+      fs::read_symlink("/proc/self/exe").parent_path() / "observations_from_bag.py";
+  const int status = std::system(
+      (quoted(script.string()) + " " + quoted(path) + " " + quoted(yaml.string())).c_str());
+  try {
+    if (status != 0) {
+      throw InputError(path +
+                       ": no observations read: give a bag of calibration_server/observations");
+    }
+    const ObservationSet set = readObservations(yaml.string());
+    fs::remove(yaml);
+    return set;
+  } catch (const InputError&) {
+    fs::remove(yaml);
+    throw;
+  }
+}
 
 Arguments parse(const std::vector<std::string>& given, std::vector<std::string>& positional,
                 const std::map<std::string, bool>& known) {
@@ -208,7 +247,7 @@ int plan(const std::vector<std::string>& given) {
   CalibrationRig rig(settings);
   ObservationSet set = rig.description();
   if (arguments.count("--observations") > 0) {
-    set = readObservations(arguments.at("--observations"));
+    set = readRecorded(arguments.at("--observations"));
   }
   std::vector<LoadRequest> requests;
   if (positional[0] == "next") {
@@ -284,7 +323,7 @@ int solve(const std::vector<std::string>& given) {
       throw InputError("--rated: value is '" + text + "': give FORCE,TORQUE above 0");
     }
   }
-  const ObservationSet set = readObservations(positional[0]);
+  const ObservationSet set = readRecorded(positional[0]);
   const bool displacement = arguments.count("--displacement") > 0;
   std::array<Calibration, 2> calibrations;
   bool good = true;
@@ -364,7 +403,7 @@ int check(const std::vector<std::string>& given) {
     if (arguments.count("--observations") == 0) return 0;
 
     // weights that it was not made from
-    const ObservationSet set = readObservations(arguments.at("--observations"));
+    const ObservationSet set = readRecorded(arguments.at("--observations"));
     double force = 0.0, torque = 0.0;
     int count = 0;
     Calibration zeroed = c;
@@ -387,7 +426,7 @@ int check(const std::vector<std::string>& given) {
     line("torque_error_rms", yamlNumber(count > 0 ? std::sqrt(torque / 3 / count) : std::nan("")));
     return 0;
   }
-  const ObservationSet set = readObservations(positional[0]);
+  const ObservationSet set = readRecorded(positional[0]);
   std::map<std::string, int> counts;
   bool good = true;
   std::string bad;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 
@@ -45,6 +46,23 @@ class Calibrate : public ::testing::Test {
   }
   std::string folder_;
 };
+
+// a bag of the server's ~observations says what the file says; its last message counts
+TEST_F(Calibrate, ReadsABag) {
+  ASSERT_EQ(run("plan recommended --nonlinearity 0 --simulate t.yaml").code, 0);
+  const std::string write =
+      "cd " + folder_ +
+      " && /usr/bin/python3 -c \"import rosbag; from std_msgs.msg import String; b = rosbag.Bag("
+      "'t.bag', 'w'); b.write('/calibration_server/observations', String('old')); "
+      "b.write('/calibration_server/observations', String(open('t.yaml').read())); b.close()\"";
+  ASSERT_EQ(std::system(write.c_str()), 0);
+  const Result file = run("solve t.yaml"), bag = run("solve t.bag");
+  EXPECT_EQ(bag.code, 0) << bag.text;
+  EXPECT_EQ(bag.text, file.text);
+  const Result missing = run("solve none.bag");
+  EXPECT_EQ(missing.code, 2);
+  EXPECT_TRUE(has(missing, "none.bag: no observations read")) << missing.text;
+}
 
 TEST_F(Calibrate, PlansSolvesSavesAndChecks) {
   const Result plan = run("plan recommended --nonlinearity 0 --simulate t.yaml");

@@ -141,6 +141,7 @@ class CalibrationServerNode {
   Solution solveAll(ForceSettings settings) const;
   void publishCalibration(Sensor& sensor);
   void publishStatus();
+  void publishObservations();
   ObservationSet observations() const;
 
   // parameters
@@ -174,7 +175,8 @@ class CalibrationServerNode {
   bool in_action_ = false;
 
   ros::CallbackQueue service_queue_;
-  ros::Publisher status_pub_;
+  ros::Publisher status_pub_, observations_pub_;
+  std::size_t observations_published_ = 0;  ///< how many were in the last message
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<actionlib::SimpleActionServer<CalibrateSensorsAction>> action_;
   ros::AsyncSpinner service_spinner_{4, &service_queue_};
