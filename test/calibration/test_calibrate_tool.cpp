@@ -47,6 +47,23 @@ class Calibrate : public ::testing::Test {
   std::string folder_;
 };
 
+// gates that the core's own tests do not reach: hold-out and data for the quadratic model on the
+// nonlinear sensor, orientations on the thesis's procedure
+TEST_F(Calibrate, GatesSayWhatIsMissing) {
+  ASSERT_EQ(run("plan recommended --simulate n.yaml").code, 0);
+  const Result nonlinear = run("solve n.yaml");
+  EXPECT_EQ(nonlinear.code, 1);
+  EXPECT_TRUE(has(nonlinear, "the linear model does not fit the tests")) << nonlinear.text;
+  EXPECT_TRUE(has(nonlinear, "for the quadratic model add 28 more reacting tests"));
+  EXPECT_TRUE(has(nonlinear, "tests held out miss by"));
+  run("plan thesis_shifted --simulate s.yaml");
+  const Result thesis = run("solve s.yaml --procedure thesis");
+  EXPECT_EQ(thesis.code, 1);
+  EXPECT_TRUE(has(thesis, "reacting tests turn about 0 axes")) << thesis.text;
+  EXPECT_TRUE(has(thesis, "rank 30 of 36"));
+  EXPECT_TRUE(has(thesis, "residual degrees of freedom, below 20"));
+}
+
 // a bag of the server's ~observations says what the file says; its last message counts
 TEST_F(Calibrate, ReadsABag) {
   ASSERT_EQ(run("plan recommended --nonlinearity 0 --simulate t.yaml").code, 0);
