@@ -10,6 +10,7 @@
 #include <set>
 #include <sstream>
 
+#include "assembly_cell/scene/csv_text.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/yaml_text.h"
 #include "assembly_cell/sensor/bridge.h"
@@ -415,18 +416,6 @@ ObservationSet readYaml(const std::string& content, const std::string& path) {
 
 // ---- CSV: a row becomes the same mapping ----
 
-std::vector<std::string> cells(const std::string& line) {
-  std::vector<std::string> out;
-  std::stringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) {
-    const auto first = cell.find_first_not_of(" \t\r\"");
-    const auto last = cell.find_last_not_of(" \t\r\"");
-    out.push_back(first == std::string::npos ? "" : cell.substr(first, last - first + 1));
-  }
-  if (!line.empty() && line.back() == ',') out.emplace_back();
-  return out;
-}
-
 const std::set<std::string>& csvColumns() {
   static const std::set<std::string> columns = [] {
     std::set<std::string> names = {
@@ -499,7 +488,8 @@ ObservationSet readCsv(const std::string& content, const std::string& path) {
       head += line.substr(1, line.find('\r') - 1) + "\n";
       continue;
     }
-    const std::vector<std::string> row = cells(line);
+    const auto cells = csvCells(line, " \t\r\"");
+    const std::vector<std::string> row(cells.begin(), cells.end());
     if (header.empty()) {
       header = row;
       for (const std::string& name : header) {
@@ -758,16 +748,16 @@ ObservationSet readObservations(const std::string& path, bool* torn) {
   }
 }
 
-void writeObservations(const ObservationSet& set, const std::string& path) {
+std::string observationsText(const ObservationSet& set) {
   std::string content = observationHeader(set);
   for (const Observation& o : set.observations) content += observationLine(o) + "\n";
-  writeFileAtomically(path, content, "observation file '" + path + "'");
+  return content;
 }
 
-std::string observationsDigest(const ObservationSet& set) {
-  std::string content = observationHeader(set);
-  for (const Observation& o : set.observations) content += observationLine(o) + "\n";
-  return crcText(content);
+void writeObservations(const ObservationSet& set, const std::string& path) {
+  writeFileAtomically(path, observationsText(set), "observation file '" + path + "'");
 }
+
+std::string observationsDigest(const ObservationSet& set) { return crcText(observationsText(set)); }
 
 }  // namespace assembly_cell

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "assembly_cell/calibration/payload.h"
+#include "assembly_cell/scene/csv_text.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/yaml_text.h"
 
@@ -124,16 +125,11 @@ struct Table {
   std::vector<std::size_t> line;  // of each row
 };
 
-std::vector<std::string> splitRow(const std::string& text) {
-  std::vector<std::string> cells;
-  std::stringstream stream(text);
-  std::string cell;
-  while (std::getline(stream, cell, ',')) {
-    const auto first = cell.find_first_not_of(" \t\r\"");
-    const auto last = cell.find_last_not_of(" \t\r\"");
-    cells.push_back(first == std::string::npos ? "" : cell.substr(first, last - first + 1));
-  }
-  return cells;
+// a comma at the end of a row makes no cell
+std::vector<std::string> cellsOf(const std::string& text) {
+  auto cells = csvCells(text, " \t\r\"");
+  if (!text.empty() && text.back() == ',') cells.pop_back();
+  return {cells.begin(), cells.end()};
 }
 
 Table readTable(const std::string& path, const std::vector<std::string>& columns,
@@ -145,7 +141,7 @@ Table readTable(const std::string& path, const std::vector<std::string>& columns
   for (std::size_t line = 1; std::getline(file, text); ++line) {
     if (line == 1 && text.rfind("\xEF\xBB\xBF", 0) == 0) text.erase(0, 3);
     if (text.find_first_not_of(" \t\r") == std::string::npos || text[0] == '#') continue;
-    const std::vector<std::string> cells = splitRow(text);
+    const std::vector<std::string> cells = cellsOf(text);
     double value = 0.0;
     if (table.names.empty()) {
       table.header = !cells.empty() && !parseNumber(cells[0], value) && !cells[0].empty() &&

@@ -252,8 +252,8 @@ void Simulation::plasticImpact() {
   };
   const auto settleDirections = [&] {
     const auto start = friction;
-    auto best = friction;
     double least = converge();
+    auto best = friction;
     const auto attempt = [&] {
       const double error = converge();
       if (error < least) {
@@ -261,7 +261,6 @@ void Simulation::plasticImpact() {
         best = friction;
       }
     };
-    best = friction;
     if (least > kSettled) {
       for (std::size_t j = 0; j < slips; ++j) {
         const Vec3& before = touches_[slipping[j]].tangential;

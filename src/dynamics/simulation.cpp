@@ -383,13 +383,15 @@ void Simulation::changeModes() {
   decide();
 }
 
+bool Simulation::flat() const { return std::hypot(now_.k.a(1), now_.k.a(2)) < kFlatTilt; }
+
 // events so dense that they are not worth locating: the peg lies flat and rocks
 bool Simulation::storm(double t) {
   double& oldest = recent_events_[static_cast<std::size_t>(counts_.events) % kRecentEvents];
   const double span = t - oldest;
   oldest = t;
   if (span >= kCluster) return false;
-  return !rigid() || std::hypot(now_.k.a(1), now_.k.a(2)) < kFlatTilt || span < kStandstill;
+  return !rigid() || flat() || span < kStandstill;
 }
 
 // forces after a command, before the run goes on; leaves no trace in it
@@ -444,8 +446,7 @@ bool Simulation::shorten(double h, double error, bool is_finite) {
   const double factor =
       std::isfinite(error) && is_finite ? std::max(0.2, 0.9 * std::pow(error, -1.0 / order)) : 0.1;
   // the lowest point of a flat peg changes at once: step over that
-  const bool flat = std::hypot(now_.k.a(1), now_.k.a(2)) < kFlatTilt;
-  if (!fixed_step_ && h * factor < kShortest && is_finite && rigid() && flat &&
+  if (!fixed_step_ && h * factor < kShortest && is_finite && rigid() && flat() &&
       time_ >= coarse_until_) {
     coarse_until_ = time_ + kCoarseSpan;
     next_step_ = coarse_step_ = kCoarseStep;
@@ -536,8 +537,7 @@ StopReason Simulation::advance(double t_end) {
       h = locateEvent(h, events, end, slope);
       if (storm(time_ + h)) {
         // a tenth of both where no flat peg is the cause: modes decided late cost energy
-        const bool flat = std::hypot(now_.k.a(1), now_.k.a(2)) < kFlatTilt;
-        const double part = rigid() && !flat ? 0.1 : 1.0;
+        const double part = rigid() && !flat() ? 0.1 : 1.0;
         coarse_step_ = part * kCoarseStep;
         coarse_until_ = time_ + h + part * kCoarseSpan;
       }

@@ -183,7 +183,10 @@ void CalibrationServerNode::openStore() {
 
 void CalibrationServerNode::advertise() {
   status_pub_ = pnh_.advertise<CalibrationStatus>("status", 1, true);
-  observations_pub_ = pnh_.advertise<std_msgs::String>("observations", 1, true);
+  observations_pub_ = pnh_.advertise<std_msgs::String>(
+      "observations", 10, [this](const ros::SingleSubscriberPublisher& subscriber) {
+        subscriber.publish(observationsMessage());
+      });
   for (Sensor& sensor : sensors_) {
     sensor.calibration_pub =
         pnh_.advertise<SensorCalibration>(sensor.name + "/calibration", 1, true);
@@ -804,21 +807,17 @@ void CalibrationServerNode::publishStatus() {
   publishObservations();
 }
 
-// the whole observation file, so that a bag's last message is the session
+// The whole observation file, so that a bag's last message is the session: written out only for a
+// subscriber, who gets it on connecting and after each change.
 void CalibrationServerNode::publishObservations() {
+  if (observations_pub_.getNumSubscribers() > 0) observations_pub_.publish(observationsMessage());
+}
+
+std_msgs::String CalibrationServerNode::observationsMessage() {
+  const std::lock_guard<std::mutex> lock(mutex_);
   std_msgs::String file;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (set_.observations.size() == observations_published_) return;
-    observations_published_ = set_.observations.size();
-    ObservationSet header = set_;
-    header.observations.clear();
-    file.data = observationHeader(header);
-    for (const Observation& observation : set_.observations) {
-      file.data += observationLine(observation) + "\n";
-    }
-  }
-  observations_pub_.publish(file);
+  file.data = observationsText(set_);
+  return file;
 }
 
 // ---- the action ----

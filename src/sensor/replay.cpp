@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "assembly_cell/scene/csv_text.h"
 #include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
@@ -16,22 +17,6 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kLatestStamp = 4294967295.0;  // what ros::Time holds [s]
-
-std::string_view trim(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(" \t\r");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
-std::vector<std::string_view> split(std::string_view line) {
-  std::vector<std::string_view> fields;
-  while (true) {
-    const std::size_t comma = line.find(',');
-    fields.push_back(trim(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return fields;
-    line.remove_prefix(comma + 1);
-  }
-}
 
 bool parse(std::string_view field, double& value) {
   if (!field.empty() && field.front() == '+') field.remove_prefix(1);
@@ -102,9 +87,9 @@ Recording loadRecording(const std::string& path, const ReplayFormat& format) {
   bool first = true;
   for (std::size_t number = 1; std::getline(file, line); ++number) {
     const std::string where = path + ":" + std::to_string(number) + ": ";
-    const std::string_view content = trim(line);
+    const std::string_view content = trimmed(line);
     if (content.empty() || content.front() == '#') continue;
-    const std::vector<std::string_view> fields = split(content);
+    const std::vector<std::string_view> fields = csvCells(content);
     if (fields.size() != columns.size()) {
       throw InputError(where + std::to_string(fields.size()) + " columns instead of " +
                        std::to_string(columns.size()) + ": mend the row or name the columns (" +

@@ -12,6 +12,7 @@
 
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/scene/csv_text.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/scenario.h"
 #include "assembly_cell/scene/yaml_text.h"
@@ -142,18 +143,9 @@ Options parseOptions(const std::vector<std::string>& arguments) {
   return options;
 }
 
-std::vector<std::string> splitRow(const std::string& line) {
-  std::vector<std::string> cells;
-  std::size_t from = 0;
-  while (from <= line.size()) {
-    const std::size_t comma = std::min(line.find(',', from), line.size());
-    std::string cell = line.substr(from, comma - from);
-    const auto first = cell.find_first_not_of(" \t\r");
-    const auto last = cell.find_last_not_of(" \t\r");
-    cells.push_back(first == std::string::npos ? "" : cell.substr(first, last - first + 1));
-    from = comma + 1;
-  }
-  return cells;
+std::vector<std::string> cellsOf(const std::string& line) {
+  const auto cells = assembly_cell::csvCells(line);
+  return {cells.begin(), cells.end()};
 }
 
 Samples readSamples(const std::string& path) {
@@ -165,7 +157,7 @@ Samples readSamples(const std::string& path) {
   if (line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
 
   // columns by name
-  const std::vector<std::string> header = splitRow(line);
+  const std::vector<std::string> header = cellsOf(line);
   constexpr std::array<const char*, 3> kColumns = {"t", "x", "y"};
   std::array<std::size_t, 3> column{};
   for (std::size_t c = 0; c < 3; ++c) {
@@ -182,7 +174,7 @@ Samples readSamples(const std::string& path) {
   Samples samples;
   for (std::size_t row = 2; std::getline(file, line); ++row) {
     const std::string place = path + ":" + std::to_string(row) + ": column ";
-    const std::vector<std::string> cells = splitRow(line);
+    const std::vector<std::string> cells = cellsOf(line);
     if (cells.size() == 1 && cells[0].empty()) continue;
     std::array<double, 3> values{};
     for (std::size_t c = 0; c < 3; ++c) {

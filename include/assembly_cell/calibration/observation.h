@@ -115,6 +115,9 @@ std::string observationLine(const Observation& observation);
 /// The file up to and with `observations:`.
 std::string observationHeader(const ObservationSet& set);
 
+/// The whole observation file.
+std::string observationsText(const ObservationSet& set);
+
 /// Reads an observation file: YAML with one observation a line (docs/calibration.md), or CSV by
 /// named columns (path ends in .csv). A last line that a crash cut off (no end of line) is left
 /// out and `torn` set when given, else refused. Throws InputError naming file and line or key.

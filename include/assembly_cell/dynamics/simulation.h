@@ -190,6 +190,7 @@ class Simulation {
   void accept(double t, const State& end, const Vector9& slope);
   void startStep();
   void changeModes();
+  bool flat() const;  // the peg's tilt is too small to tell its lowest point
   bool storm(double t);
   void refresh();
   StopReason excludedContact() const;

@@ -13,6 +13,7 @@
 #include <assembly_cell/StrainSamples.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
+#include <std_msgs/String.h>
 #include <std_srvs/Trigger.h>
 
 #include <array>
@@ -142,6 +143,7 @@ class CalibrationServerNode {
   void publishCalibration(Sensor& sensor);
   void publishStatus();
   void publishObservations();
+  std_msgs::String observationsMessage();
   ObservationSet observations() const;
 
   // parameters
@@ -176,7 +178,6 @@ class CalibrationServerNode {
 
   ros::CallbackQueue service_queue_;
   ros::Publisher status_pub_, observations_pub_;
-  std::size_t observations_published_ = 0;  ///< how many were in the last message
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<actionlib::SimpleActionServer<CalibrateSensorsAction>> action_;
   ros::AsyncSpinner service_spinner_{4, &service_queue_};
