@@ -223,10 +223,10 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
 
   // residuals give the noise and one step of refinement
   Coefficients rest = Coefficients::Zero(q, 6);
-  Vector6 sum_squares = Vector6::Zero();
+  Matrix6 sum_squares = Matrix6::Zero();
   for (std::size_t k = 0; k < n; ++k) {
     const Vector6 residual = weightOf(k) * residualOf(k);
-    sum_squares += residual.cwiseAbs2() / givenOf(k);
+    sum_squares.noalias() += residual * residual.transpose() / givenOf(k);
     rest.noalias() += a * residual.transpose();
   }
   fit += inverse * rest;
@@ -236,7 +236,7 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
   result.inflation = inflation;
   result.scatter = scatter;
   result.offset = origin + fit.row(2).transpose();
-  result.variance = sum_squares / (samples - q) / (efficiency * efficiency);
+  result.noise = sum_squares / (samples - q) / (efficiency * efficiency);
   // c cos a + s sin a = Re((c - i s) e^{ia})
   result.phasor.real() = fit.row(0).transpose();
   result.phasor.imag() = -fit.row(1).transpose();
@@ -328,7 +328,7 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
     if (!(slope2 > 0.0)) throw InputError("there is no motion whose frequency could be fitted");
     const double step = along / slope2;
     const double spread = slope2 * static_cast<double>(n) / weight_sum;
-    result.sd = std::sqrt(0.5 * (fit.variance[0] + fit.variance[1]) / spread);
+    result.sd = std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)) / spread);
     result.frequency += step;
     if (!(std::abs(result.frequency - frequency) <= range)) {
       throw InputError("the best frequency is not within " + std::to_string(range) +
@@ -372,18 +372,27 @@ Locus locusFromPhasors(Complex x, Complex y, double sigma, std::size_t samples, 
   return locus;
 }
 
+Locus locusFromFit(const HarmonicFit& fit) {
+  return locusFromPhasors(fit.phasor[0], fit.phasor[1],
+                          std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1))), fit.samples,
+                          fit.inflation);
+}
+
 LocusCovariance locusCovariance(const HarmonicFit& fit) {
   // coefficients of cos and sin of x, then of y
-  Eigen::Matrix4d coefficients = Eigen::Matrix4d::Zero();
-  coefficients.topLeftCorner<2, 2>() = fit.variance[0] * fit.scatter;
-  coefficients.bottomRightCorner<2, 2>() = fit.variance[1] * fit.scatter;
+  Eigen::Matrix4d coefficients;
+  for (int i = 0; i < 2; ++i) {
+    for (int j = 0; j < 2; ++j) {
+      coefficients.block<2, 2>(2 * i, 2 * j) = fit.noise(i, j) * fit.scatter;
+    }
+  }
   Eigen::Matrix4d turned;
   turned << 1, 0, 0, 1, 0, -1, 1, 0, 1, 0, 0, -1, 0, 1, 1, 0;
   turned *= 0.5;
   LocusCovariance covariance;
   covariance.amplitudes = turned * coefficients * turned.transpose();
 
-  const Locus locus = locusFromPhasors(fit.phasor[0], fit.phasor[1], 0.0, fit.samples, 1.0);
+  const Locus locus = locusFromFit(fit);
   const double p = std::abs(locus.P), n = std::abs(locus.N);
   const Complex up = locus.P / p, un = locus.N / n;
   Eigen::Matrix4d slopes;

@@ -33,7 +33,8 @@ void SlidingFit<kSignals>::reset() {
 template <int kSignals>
 void SlidingFit<kSignals>::put(const Sample& o, double d) {
   const double cc = o.c * o.c, cs = o.c * o.s, dd = d * d, dc = d * o.c, ds = d * o.s;
-  const Values xc = o.c * o.x, xs = o.s * o.x, xd = d * o.x, xx = o.x.cwiseAbs2();
+  const Values xc = o.c * o.x, xs = o.s * o.x, xd = d * o.x;
+  const Squares xx = o.x * o.x.transpose();
   for (Sums* sums : {&sums_, &fresh_}) {
     sums->c += o.c;
     sums->s += o.s;
@@ -65,7 +66,7 @@ void SlidingFit<kSignals>::take(const Sample& o, double d) {
   sums_.xc -= o.c * o.x;
   sums_.xs -= o.s * o.x;
   sums_.xd -= d * o.x;
-  sums_.xx -= o.x.cwiseAbs2();
+  sums_.xx.noalias() -= o.x * o.x.transpose();
 }
 
 template <int kSignals>
@@ -131,8 +132,7 @@ HarmonicFit SlidingFit<kSignals>::fit() const {
         "sampling rate that is no multiple or fraction of its frequency");
   }
   const Eigen::Matrix<double, 3, kSignals> fitted = inverse * moment;
-  const Values squares =
-      sums_.xx - n * x.cwiseAbs2() - fitted.cwiseProduct(moment).colwise().sum().transpose();
+  const Squares squares = sums_.xx - n * x * x.transpose() - fitted.transpose() * normal * fitted;
 
   HarmonicFit result;
   result.samples = count_;
@@ -144,18 +144,20 @@ HarmonicFit SlidingFit<kSignals>::fit() const {
   result.phasor.imag().template head<kSignals>() = -fitted.row(1).transpose();
   result.offset.template head<kSignals>() =
       origin_ + x - c * fitted.row(0).transpose() - s * fitted.row(1).transpose();
-  result.variance.template head<kSignals>() = squares.cwiseMax(0.0) / (n - (drift_ ? 4.0 : 3.0));
+  const double freedom = n - (drift_ ? 4.0 : 3.0);
+  result.noise.template topLeftCorner<kSignals, kSignals>() = squares / freedom;
+  // rounding may leave less than nothing
+  for (int i = 0; i < kSignals; ++i) {
+    if (result.noise(i, i) > 0.0) continue;
+    result.noise.row(i).setZero();
+    result.noise.col(i).setZero();
+  }
   return result;
 }
 
 template class SlidingFit<2>;
 template class SlidingFit<6>;
 
-Locus SlidingLocus::locus() const {
-  const HarmonicFit fit = fit_.fit();
-  return locusFromPhasors(fit.phasor[0], fit.phasor[1],
-                          std::sqrt(0.5 * (fit.variance[0] + fit.variance[1])), fit.samples,
-                          fit.inflation);
-}
+Locus SlidingLocus::locus() const { return locusFromFit(fit_.fit()); }
 
 }  // namespace assembly_cell

@@ -39,9 +39,7 @@ TEST(SlidingLocus, IsTheFitOfItsWindow) {
       const auto skip = static_cast<std::ptrdiff_t>(angle.size() - window);
       const HarmonicFit fit = fitHarmonic({angle.begin() + skip, angle.end()},
                                           {signals.begin() + 6 * skip, signals.end()}, {false});
-      const Locus expected = locusFromPhasors(fit.phasor[0], fit.phasor[1],
-                                              std::sqrt(0.5 * (fit.variance[0] + fit.variance[1])),
-                                              window, fit.inflation);
+      const Locus expected = locusFromFit(fit);
       const Locus found = sliding.locus();
       // rounding of window sums of 4e-6
       EXPECT_LT(std::abs(found.P - expected.P), 1e-19);
@@ -82,8 +80,8 @@ TEST(SlidingFit, IsTheFitOfItsWindowWithDrift) {
       // rounding of window sums of 150 × 6e-4, through the inflation of a short window
       EXPECT_LT((found.phasor - expected.phasor).cwiseAbs().maxCoeff(), 1e-16);
       EXPECT_LT((found.offset - expected.offset).cwiseAbs().maxCoeff(), 1e-15);
-      EXPECT_LT((found.variance - expected.variance).cwiseAbs().maxCoeff(),
-                1e-6 * expected.variance.maxCoeff());
+      EXPECT_LT((found.noise - expected.noise).cwiseAbs().maxCoeff(),
+                1e-6 * expected.noise.maxCoeff());
       EXPECT_LT((found.scatter - expected.scatter).cwiseAbs().maxCoeff(), 1e-12);
       EXPECT_NEAR(found.inflation, expected.inflation, 1e-11);
     }

@@ -17,8 +17,9 @@ namespace assembly_cell {
 struct HarmonicFit {
   Eigen::Matrix<std::complex<double>, 6, 1> phasor;  ///< U, in the signal's unit
   Vector6 offset = Vector6::Zero();                  ///< at the window's centre
-  Vector6 variance = Vector6::Zero();  ///< white noise variance of one sample; of a robust fit what
-                                       ///< a plain one would need for the same accuracy
+  /// Covariance of one sample's white noise; of a robust fit what a plain one would need for the
+  /// same accuracy.
+  Matrix6 noise = Matrix6::Zero();
   std::size_t samples = 0;
   double inflation = 1.0;  ///< variance of P, N relative to σ²/n (window not whole periods)
   /// Covariance of the coefficients of cos a and sin a, 2/n each over whole periods, for unit
@@ -71,6 +72,8 @@ struct Locus {
 };
 Locus locusFromPhasors(std::complex<double> x, std::complex<double> y, double sigma,
                        std::size_t samples, double inflation);
+/// Of signals 0 and 1.
+Locus locusFromFit(const HarmonicFit& fit);
 
 /// Of signals 0 and 1 of a fit: the whole covariance, which `Locus` keeps the mean of.
 struct LocusCovariance {

@@ -18,6 +18,7 @@ template <int kSignals>
 class SlidingFit {
  public:
   using Values = Eigen::Matrix<double, kSignals, 1>;
+  using Squares = Eigen::Matrix<double, kSignals, kSignals>;
 
   /// window: samples, best whole periods of the exciter. Throws InputError for fewer than 8.
   explicit SlidingFit(std::size_t window, bool drift = false);
@@ -41,8 +42,8 @@ class SlidingFit {
   // sums over samples; d: place in the window, signals relative to origin_
   struct Sums {
     double c = 0, s = 0, cc = 0, cs = 0, d = 0, dd = 0, dc = 0, ds = 0;
-    Values x = Values::Zero(), xc = Values::Zero(), xs = Values::Zero(), xd = Values::Zero(),
-           xx = Values::Zero();
+    Values x = Values::Zero(), xc = Values::Zero(), xs = Values::Zero(), xd = Values::Zero();
+    Squares xx = Squares::Zero();
   };
   struct Sample {
     double c = 0, s = 0;
