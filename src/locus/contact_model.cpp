@@ -117,7 +117,7 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
   };
 
   // best of a coarse grid
-  constexpr int kGrid = 24;
+  constexpr int kGrid = 12;
   std::array<double, kGrid> grid{};
   for (std::size_t k = 0; k < kGrid; ++k) {
     grid[k] = cost(2.0 * M_PI * static_cast<double>(k) / kGrid);
@@ -133,33 +133,33 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
     return best;
   };
 
+  const double noise_of_locus = locus.samples > 0 ? locus.variance() : 0.0;
+
   // Gauss–Newton, a step only where it lowers the cost
   double information = 0.0;  // of the last one refined, |d(P, N)/dα|² [m²]
   const auto refine = [&](double alpha, double& lowest) {
     constexpr double kStep = 1e-4;
-    lowest = cost(alpha);
+    Eigen::Vector2cd rest = measured - predicted(alpha);
+    lowest = rest.squaredNorm();
     for (int iteration = 0; iteration < 30; ++iteration) {
       const Eigen::Vector2cd slope =
           (predicted(alpha + kStep) - predicted(alpha - kStep)) / (2.0 * kStep);
       information = slope.squaredNorm();
-      double step = slope.dot(measured - predicted(alpha)).real() / information;
-      if (!std::isfinite(step)) {
-        break;
-      }
+      double step = slope.dot(rest).real() / information;
+      if (!std::isfinite(step)) break;
+      // to a thousandth of the noise
+      const double enough = std::max(1e-8, 1e-3 * std::sqrt(noise_of_locus / information));
       step = std::clamp(step, -0.2, 0.2);
-      double tried = cost(alpha + step);
-      while (tried > lowest && std::abs(step) > 1e-12) {
+      Eigen::Vector2cd tried = measured - predicted(alpha + step);
+      while (!(tried.squaredNorm() <= lowest) && std::abs(step) > enough) {
         step *= 0.5;
-        tried = cost(alpha + step);
+        tried = measured - predicted(alpha + step);
       }
-      if (tried > lowest) {
-        break;
-      }
+      if (!(tried.squaredNorm() <= lowest)) break;
       alpha += step;
-      lowest = tried;
-      if (std::abs(step) < 1e-12) {
-        break;
-      }
+      rest = tried;
+      lowest = rest.squaredNorm();
+      if (std::abs(step) <= enough) break;
     }
     return alpha;
   };
@@ -179,8 +179,7 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
   }
 
   // noise of the four numbers, or what the model leaves (three degrees of freedom) where larger
-  const double noise = std::max(locus.samples > 0 ? locus.variance() : 0.0,
-                                std::max(cost_best / 3.0, 1e-32 * size * size));
+  const double noise = std::max(noise_of_locus, std::max(cost_best / 3.0, 1e-32 * size * size));
   estimate.alpha = wrapped(best);
   estimate.alpha_opposite = wrapped(opposite);
   estimate.weight = 1.0 / (1.0 + std::exp(-0.5 * (cost_opposite - cost_best) / noise));

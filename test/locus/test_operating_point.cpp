@@ -43,28 +43,28 @@ TEST(OperatingPoint, ForecastIsTheScatterOfReadings) {
   const DirectionForecast forecast = forecastDirection(s, p, noise, 1000);
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
-  double worst = 0.0;
-  constexpr int kRuns = 1000;
-  for (const double alpha : {0.0, 1.0}) {  // the upright cell is the same in all directions
-    HarmonicFit fit;
-    fit.samples = 1000;
-    fit.noise = noise;
-    const ContactResponse r = contactResponse(s, p, alpha);
-    double squares = 0.0, mean = 0.0;
-    for (int run = 0; run < kRuns; ++run) {
-      Eigen::Matrix<std::complex<double>, 6, 1> white;
-      for (auto& w : white) w = {normal(random), normal(random)};
-      fit.phasor = r.coupling + std::sqrt(2.0 / 1000) * root.cast<std::complex<double>>() * white;
-      const DirectionEstimate e =
-          contactDirection(s, p, centreOfMassLocus(s, p.frequency, fit), LocusAxes::kSensor);
-      const double error = std::remainder(e.alpha - alpha, M_PI);
-      mean += error / kRuns;
-      squares += error * error / kRuns;
-    }
-    worst = std::max(worst, std::sqrt(squares - mean * mean));
+  constexpr int kRuns = 4000;
+  // the upright cell is the same in all directions
+  constexpr double alpha = 1.0;
+  HarmonicFit fit;
+  fit.samples = 1000;
+  fit.noise = noise;
+  const ContactResponse r = contactResponse(s, p, alpha);
+  double squares = 0.0, mean = 0.0;
+  for (int run = 0; run < kRuns; ++run) {
+    Eigen::Matrix<std::complex<double>, 6, 1> white;
+    for (auto& w : white) w = {normal(random), normal(random)};
+    fit.phasor = r.coupling + std::sqrt(2.0 / 1000) * root.cast<std::complex<double>>() * white;
+    const DirectionEstimate e =
+        contactDirection(s, p, centreOfMassLocus(s, p.frequency, fit), LocusAxes::kSensor);
+    const double error = std::remainder(e.alpha - alpha, M_PI);
+    mean += error / kRuns;
+    squares += error * error / kRuns;
   }
-  // 3 standard errors of an rms; the static force's arm, which the map leaves out, is a bias
-  EXPECT_NEAR(worst / forecast.direction_sd, 1.0, 0.07);
+  const double scatter = std::sqrt(squares - mean * mean);
+  // 3 standard errors of an rms, and noise that differs a little between P and N; the static
+  // force's arm, which the map leaves out, is a bias
+  EXPECT_NEAR(scatter / forecast.direction_sd, 1.0, 0.055);
 }
 
 // sd falls with the root of the samples and with the force
