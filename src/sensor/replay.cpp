@@ -25,8 +25,8 @@ bool parse(std::string_view field, double& value) {
   return error == std::errc() && stop == end;
 }
 
-std::vector<std::string> neededColumns(ReplayQuantity quantity) {
-  if (quantity == ReplayQuantity::kWrench) return {"t", "fx", "fy", "fz", "tx", "ty", "tz"};
+std::vector<std::string> neededColumns(SampleQuantity quantity) {
+  if (quantity == SampleQuantity::kWrench) return {"t", "fx", "fy", "fz", "tx", "ty", "tz"};
   return {"t", "ch1", "ch2", "ch3", "ch4", "ch5", "ch6"};
 }
 
@@ -50,17 +50,17 @@ std::string join(const std::vector<std::string>& names) {
 
 }  // namespace
 
-std::vector<std::string> defaultColumns(ReplayQuantity quantity) {
+std::vector<std::string> defaultColumns(SampleQuantity quantity) {
   std::vector<std::string> columns = neededColumns(quantity);
-  if (quantity == ReplayQuantity::kWrench) {
+  if (quantity == SampleQuantity::kWrench) {
     for (const char* name : {"qx", "qy", "qz", "qw"}) columns.emplace_back(name);
   }
   return columns;
 }
 
 Recording loadRecording(const std::string& path, const ReplayFormat& format) {
-  const bool wrench = format.quantity == ReplayQuantity::kWrench;
-  const bool counts = format.quantity == ReplayQuantity::kCounts;
+  const bool wrench = format.quantity == SampleQuantity::kWrench;
+  const bool counts = format.quantity == SampleQuantity::kCounts;
   if (format.bits < 2 || format.bits > 32) {
     throw InputError("replay: bits is " + std::to_string(format.bits) + ": give 2 to 32");
   }

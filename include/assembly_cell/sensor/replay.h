@@ -7,19 +7,13 @@
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/sensor/strain_source.h"
 
 namespace assembly_cell {
 
-/// What the six columns of a recording hold.
-enum class ReplayQuantity {
-  kCounts,  ///< codes of a converter
-  kVolts,   ///< strain channels [V]
-  kWrench,  ///< fx fy fz [N] tx ty tz [N·m]
-};
-
 /// How to read a recording.
 struct ReplayFormat {
-  ReplayQuantity quantity = ReplayQuantity::kWrench;
+  SampleQuantity quantity = SampleQuantity::kWrench;
   /// Names of the file's columns, in order. Needed are t [s] and fx fy fz tx ty tz, or ch1 … ch6
   /// for counts and volts; others are passed over. Empty: defaultColumns(). A header line that
   /// holds the needed names goes before this.
@@ -29,7 +23,7 @@ struct ReplayFormat {
 };
 
 /// wrench: t fx fy fz tx ty tz qx qy qz qw; counts, volts: t ch1 … ch6.
-std::vector<std::string> defaultColumns(ReplayQuantity quantity);
+std::vector<std::string> defaultColumns(SampleQuantity quantity);
 
 /// A recording in memory.
 struct Recording {
