@@ -46,6 +46,8 @@ struct SourceInfo {
   double rate = 0.0;                                 ///< nominal [Hz], 0 if unknown
   int bits = 0;                                      ///< of the converter, 0 if unknown
   double full_scale = 0.0;                           ///< ± [V], 0 if unknown
+  bool recorded = false;  ///< a recording: stamps follow from device_time, not from reception
+  bool paced = true;      ///< false: as fast as it's read (recording, simulation)
 };
 
 /// When the last sample of a block reached this computer.
