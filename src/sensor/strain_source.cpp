@@ -13,7 +13,10 @@
 #include <utility>
 
 #include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/sensor/iio_source.h"
+#include "assembly_cell/sensor/netft_source.h"
 #include "assembly_cell/sensor/replay_source.h"
+#include "assembly_cell/sensor/serial_source.h"
 #include "assembly_cell/sensor/simulated_source.h"
 #include "assembly_cell/sensor/source_parameters.h"
 
@@ -85,6 +88,7 @@ void StrainSource::close() noexcept {
   doClose();
   open_ = false;
   const std::lock_guard<std::mutex> state_lock(state_);
+  if (bias_requested_.exchange(false)) device_bias_.state = DeviceBias::State::kFailed;
   published_ = counts_;
 }
 
@@ -160,6 +164,9 @@ struct Type {
 constexpr Type kTypes[] = {
     {"simulated", make<SimulatedSource>},
     {"replay", make<ReplaySource>},
+    {"netft", make<NetftSource>},
+    {"serial", make<SerialSource>},
+    {"iio", make<IioSource>},
 };
 
 }  // namespace
