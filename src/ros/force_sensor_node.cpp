@@ -99,9 +99,9 @@ void ForceSensorNode::openReplay() {
   ReplayFormat replay_format;
   const std::string quantity =
       parameters.choice("quantity", {"wrench", "volts", "counts"}, "wrench");
-  quantity_ = quantity == "wrench"  ? ReplayQuantity::kWrench
-              : quantity == "volts" ? ReplayQuantity::kVolts
-                                    : ReplayQuantity::kCounts;
+  quantity_ = quantity == "wrench"  ? SampleQuantity::kWrench
+              : quantity == "volts" ? SampleQuantity::kVolts
+                                    : SampleQuantity::kCounts;
   replay_format.quantity = quantity_;
   replay_format.columns = parameters.texts("columns", defaultColumns(quantity_));
   replay_format.bits = parameters.integer("bits", 2, 32, 16);
@@ -129,7 +129,7 @@ void ForceSensorNode::checkUse(const Calibration& c, const std::string& source) 
                      ": volts_to_displacement is zero but publish_displacement is true: "
                      "identify the displacement, or set publish_displacement false");
   }
-  if (quantity_ == ReplayQuantity::kWrench &&
+  if (quantity_ == SampleQuantity::kWrench &&
       !(c.volts_to_wrench.isIdentity(0.0) && c.zero_volts.isZero(0.0))) {
     throw InputError(source +
                      ": volts_to_wrench is not the identity but the recording holds "
@@ -140,7 +140,7 @@ void ForceSensorNode::checkUse(const Calibration& c, const std::string& source) 
 void ForceSensorNode::advertise() {
   // a replay as fast as possible outruns every queue of fixed size
   const std::uint32_t queue = replay_fast_ ? 0 : kQueue;
-  if (quantity_ != ReplayQuantity::kWrench) {
+  if (quantity_ != SampleQuantity::kWrench) {
     strain_pub_ = nh_.advertise<StrainSamples>("strain", queue);
   }
   // in lockstep latched: who connects late must not miss the first block

@@ -120,7 +120,7 @@ class ForceSensorNode {
 
   // replay
   std::unique_ptr<Replay> replay_;
-  ReplayQuantity quantity_ = ReplayQuantity::kVolts;
+  SampleQuantity quantity_ = SampleQuantity::kVolts;
   bool replay_fast_ = false;
   bool replay_ended_ = false;
   std::optional<ReplayBlock> due_;  // the block to come
