@@ -44,6 +44,21 @@ void Simulation::setMode(std::size_t i, Mode mode) {
   closed_ ^= bit;
 }
 
+// a contact that just closed deeper than it can have come; `handed`: gap of the one it takes over
+void Simulation::keepDepth(std::size_t i, double handed) {
+  const double deeper = touches_[i].gap - handed;
+  if (deeper >= -kFound) return;
+  slots_[i].depth += deeper;
+  touches_[i].gap = handed;
+}
+
+void Simulation::healDepths() {
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    double& depth = slots_[i].depth;
+    if (depth < 0.0) depth = valid(i) ? std::min(0.0, std::max(depth, point(i).gap)) : 0.0;
+  }
+}
+
 void Simulation::evaluateFree(double t, const State& state) {
   ++counts_.evaluations;
   now_.k = kinematics(state);
@@ -63,6 +78,7 @@ void Simulation::locate(ContactSlotMask mask, ContactSet& set) {
       continue;
     }
     Touch& touch = touches_[i];
+    touch.gap = point.gap - slots_[i].depth;
     touch.r = point.p - now_.k.x;
     touch.velocity = now_.k.v + now_.k.omega.cross(touch.r);
     touch.gap_rate = point.normal.dot(touch.velocity);
@@ -194,7 +210,7 @@ void Simulation::solveRegularised() {
   };
   if (c.law == ContactLaw::kSpringDashpot) {
     for (std::size_t i = 0; i < n; ++i) {
-      const double gap = point(reach[i]).gap;
+      const double gap = touches_[reach[i]].gap;
       apply(i, gap < 0.0
                    ? std::max(0.0, -c.stiffness * gap - c.damping * touches_[reach[i]].gap_rate)
                    : 0.0);
@@ -212,7 +228,7 @@ void Simulation::solveRegularised() {
     const Vec3& normal = point(reach[i]).normal;
     const auto row = static_cast<Eigen::Index>(i);
     b(row) = normal.dot(ti.acceleration) + ti.rates.gap_bias + c.rate * ti.gap_rate +
-             c.pull_back * point(reach[i]).gap;
+             c.pull_back * ti.gap;
     scale = std::max(scale, std::abs(b(row)));
     for (std::size_t j = 0; j < n; ++j) {
       A(row, static_cast<Eigen::Index>(j)) =
@@ -306,7 +322,7 @@ void Simulation::solveModes(Look look) {
     row.r = touch.r;
     row.normal = normal;
     const double normal_target =
-        -rate * touch.gap_rate - pull_back * point(i).gap - touch.rates.gap_bias;
+        -rate * touch.gap_rate - pull_back * touch.gap - touch.rates.gap_bias;
     row.stick = slot.mode == Mode::kStick;
     if (!row.stick) {
       // slip that begins has its limit's direction, soon that of the velocity
@@ -356,7 +372,7 @@ void Simulation::solveModes(Look look) {
       acceleration += response(body, touch.r, constraints[j].r, touches_[slot_of[j]].force);
     }
     touch.demand = point(i).normal.dot(acceleration) + touch.rates.gap_bias +
-                   rate * touch.gap_rate + pull_back * point(i).gap;
+                   rate * touch.gap_rate + pull_back * touch.gap;
   }
 }
 
@@ -427,7 +443,7 @@ void Simulation::findModes(bool initial) {
     bool closing = false;
     for (std::size_t i = 0; i < kSlots; ++i) {
       if (!(admitted_ >> i & 1u) || !valid(i)) continue;
-      const double gap = point(i).gap, rate = touches_[i].gap_rate;
+      const double gap = touches_[i].gap, rate = touches_[i].gap_rate;
       if (initial && rigid() && gap < -kInitialReach) {
         stop_ = StopReason::kInitialOverlap;
         return;
@@ -436,6 +452,7 @@ void Simulation::findModes(bool initial) {
       if (gap < 0.0 || touching) {
         setMode(i, discreteFriction() ? Mode::kIdle : Mode::kSlip);
         slots_[i].armed = false;
+        if (!initial && rigid()) keepDepth(i, 0.0);
         closing = closing || rate < 0.0;
       }
     }

@@ -5,6 +5,7 @@
 
 #include "assembly_cell/dynamics/simulation.h"
 #include "contact_algebra.h"
+#include "limits.h"
 
 namespace assembly_cell {
 namespace {
@@ -19,7 +20,6 @@ constexpr double kDirection = 1e-14, kSettled = 1e-9;  // aimed at; good enough 
 // slower approaches do not bounce: ends the accumulation of ever smaller bounces [m/s]
 constexpr double kLeastBounce = 1e-3;
 constexpr int kBounces = 60;       // impulses of one impact of several points, one after the other
-constexpr double kSettledSpeed = 1e-9;  // approach let be after an impact [m/s]
 constexpr int kStormPasses = 24;     // impacts of a step amid a storm
 constexpr double kStormGap = 1e-12;  // penetration let be then [m]
 constexpr int kImpulseSteps = 64;  // steps along the impulse of each phase
@@ -408,7 +408,7 @@ void Simulation::project() {
     row.change = -(row.stick ? touches_[i].velocity : Vec3(touches_[i].gap_rate * row.normal));
     position[n] = row;
     position[n].stick = false;
-    position[n].change = -point(i).gap * row.normal;
+    position[n].change = -touches_[i].gap * row.normal;
     ++n;
   }
   if (n == 0) return;
@@ -447,6 +447,7 @@ void Simulation::stormStep(double t) {
   std::array<Vec3, kSlots> impulse;
   impulse.fill(Vec3::Zero());
   state_.v += fall;
+  for (Slot& slot : slots_) slot.depth = 0.0;
   for (int pass = 0; pass < kStormPasses; ++pass) {
     // of the step: mean velocity, place at the end
     state_.q = start.q + h * state_.v;

@@ -22,6 +22,7 @@ constexpr double kTaylorTime =
 // rigid law so short that a point pressed on falls by less than kHop between two impacts [m]
 constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5, kLeastCoarse = 5e-7;
 constexpr double kHop = 1e-10;
+constexpr double kIdleDepth = 1e-12;  // an idle contact that goes on approaching is hit there [m]
 constexpr double kLift = 1e-11;  // a contact lifted farther at an event pays for it with speed [m]
 // the rigid law has storms only where the peg is flat [rad], or within this [s]: two places of
 // contact that merge push each other open for ever
@@ -214,8 +215,8 @@ Simulation::Events Simulation::eventValues() const {
     if (slot.mode == Mode::kApart) {
       if (!valid(i)) continue;
       // a rigid contact that is just leaving may still be at its rounding
-      const bool leaving = rigid() && point(i).gap > -kReach && touch.gap_rate > 0.0;
-      if (!leaving) value[0] = point(i).gap + kTouch;
+      const bool leaving = rigid() && touch.gap > -kReach && touch.gap_rate > 0.0;
+      if (!leaving) value[0] = touch.gap + kTouch;
       continue;
     }
     if (!valid(i)) {
@@ -224,10 +225,11 @@ Simulation::Events Simulation::eventValues() const {
     }
     if (slot.mode == Mode::kIdle) {
       // an idle slot out of reach asks for nothing any more
-      if (point(i).gap < kReach) value[1] = touch.demand + approach_;
+      if (touch.gap < kReach) value[1] = touch.demand + approach_;
+      if (rigid() && touch.gap_rate < -kSettledSpeed) value[0] = touch.gap + kIdleDepth;
       continue;
     }
-    value[0] = kReach - point(i).gap;
+    value[0] = kReach - touch.gap;
     if (!discreteFriction()) continue;
     value[1] = touch.normal_force + pull_;
     if (slot.mode == Mode::kStick) {
@@ -342,6 +344,7 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
   state_ = end;
   slope_v_ = slope;
   ++counts_.steps;
+  if (admitted_) healDepths();
   if (!closed_) {
     if (admitted_) startStep();
     return;
@@ -352,7 +355,7 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
     if (slot.mode == Mode::kSlip && touches_[i].tangential.norm() > 2.0 * slip_threshold_) {
       slot.armed = true;
     }
-    if (slot.mode == Mode::kIdle && valid(i) && point(i).gap >= kReach) setMode(i, Mode::kApart);
+    if (slot.mode == Mode::kIdle && valid(i) && touches_[i].gap >= kReach) setMode(i, Mode::kApart);
   }
   if (rigid()) project();
   startStep();
@@ -362,22 +365,27 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
 void Simulation::changeModes() {
   const double before = rigid() ? energy() : 0.0;
   bool closed = false, lost = false;
+  double handed = 0.0;  // gap of a contact that was lost
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
-    if (!valid(i) || point(i).gap >= kReach) {
+    if (!valid(i) || touches_[i].gap >= kReach) {
       lost = lost || !valid(i);
+      if (!valid(i) && !rigid()) handed = std::min(handed, touches_[i].gap);
       setMode(i, Mode::kApart);
+    } else if (rigid() && slots_[i].mode == Mode::kIdle && touches_[i].gap < 0.0) {
+      closed = closed || touches_[i].gap_rate < -kSettledSpeed;
     }
   }
   // a contact that is handed over to the next feature finds it at gap zero
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(admitted_ >> i & 1u) || (closed_ >> i & 1u) || !valid(i)) continue;
-    const double gap = point(i).gap, rate = touches_[i].gap_rate;
+    const double gap = touches_[i].gap, rate = touches_[i].gap_rate;
     const bool closes = gap < 0.0 && !(rigid() && gap > -kReach && rate > 0.0);
     const bool at_event = gap <= 2.0 * kEventTime * std::abs(rate) && rate < 0.0;
     if (!closes && !at_event && !(lost && gap < kReach)) continue;
     setMode(i, discreteFriction() ? Mode::kIdle : Mode::kSlip);
     slots_[i].armed = false;
+    if (scenario_.contact.law != ContactLaw::kViscous) keepDepth(i, handed);
     if (rate < -1e-9) {
       ++counts_.impacts;
       closed = true;

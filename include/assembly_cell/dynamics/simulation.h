@@ -110,6 +110,9 @@ class Simulation {
   struct Slot {
     Mode mode = Mode::kApart;
     bool armed = false;  // slip has been fast enough for the stop event
+    // <= 0: found this deep where features hand over without a common gap; kept there, never pushed
+    // out, until the gap opens
+    double depth = 0.0;
     Eigen::Vector3d slip_direction = Eigen::Vector3d::Zero();  // of friction while slip begins
     Eigen::Vector3d slip_start = Eigen::Vector3d::Zero();  // unit, of the slip at the step's start
   };
@@ -122,6 +125,7 @@ class Simulation {
     Eigen::Vector3d force = Eigen::Vector3d::Zero();         // on the peg
     ContactRates rates;
     double normal_force = 0.0;
+    double gap = 0.0;  // over the slot's depth
     double gap_rate = 0.0;
     double demand = 0.0;  // g'' + k g' + beta g without a force on an idle slot
   };
@@ -147,6 +151,8 @@ class Simulation {
     return ((closed_ >> i & 1u ? closed_set_ : open_set_).valid >> i & 1u) != 0;
   }
   void setMode(std::size_t i, Mode mode);
+  void keepDepth(std::size_t i, double handed);
+  void healDepths();
 
   // one right-hand side: free motion, contact points, contact forces
   Vector9 evaluate(double t, const State& state, Look look);
