@@ -16,7 +16,8 @@ using Vec3 = Eigen::Vector3d;
 constexpr double kDeepest = 0.1;      // penetration beyond this part of the radius is no contact
 constexpr double kFlat = 1e-5;        // below this tilt the lowest point has no speed [rad]
 constexpr double kSpare = 1.5;        // edge speed inside a step over that at its ends
-constexpr double kHysteresis = 1e-8;  // of the typical force: changes below it change no mode
+// of the typical force, at a tolerance of 1e-9 m and above: changes below it change no mode
+constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
 
 double slipFriction(double speed, const ContactParameters& c, const FrictionParameters& f) {
@@ -68,6 +69,12 @@ void Simulation::evaluateFree(double t, const State& state) {
 }
 
 void Simulation::locate(ContactSlotMask mask, ContactSet& set) {
+  // places that closed slots hold are not for open ones
+  for (ContactSlotMask left = (kEdgeWallSlots | kRimSideSlots) & ~mask; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    set.slots[i].valid = false;
+    if (&set == &open_set_ && (closed_ >> i & 1u) && valid(i)) set.slots[i] = closed_set_.slots[i];
+  }
   findContacts(now_.edge, shapes_, mask, set);
   ContactSlotMask found = set.valid & mask;
   for (ContactSlotMask left = found; left; left &= left - 1) {
@@ -496,9 +503,10 @@ void Simulation::decide() {
       }
       // decisions go by half the smaller of the old and the new limit, so that what made an event
       // is found
-      limit =
-          0.5 * (approach_ > 0.0 ? std::min(approach_, kHysteresis * scale) : kHysteresis * scale);
-      approach_ = kHysteresis * scale;
+      const double fine = std::clamp(scenario_.solver.tolerance / 1e-9, 1e-3, 1.0);
+      const double change = kHysteresis * fine * scale;
+      limit = 0.5 * (approach_ > 0.0 ? std::min(approach_, change) : change);
+      approach_ = change;
       pull_ = approach_ * scenario_.peg.mass;
     }
     // the worst offender changes: pulled, beyond the cone, or idle but approaching

@@ -112,6 +112,10 @@ Simulation::Simulation(const Scenario& scenario) : scenario_(scenario) {
   shapes_.peg_length = 2.0 * scenario_.peg.half_height;
   // slip is told from rest above the integrator's velocity error
   slip_threshold_ = std::max(1e-8, 1e4 * (fixed_step_ ? 1e-9 : solver.tolerance));
+  // the thesis's rows let a stationary contact creep below v_ST
+  if (scenario_.thesis.creep) {
+    slip_threshold_ = std::max(slip_threshold_, scenario_.contact.regularisation_speed);
+  }
   profile_ = restProfile(scenario_.rest);
   drive_.exciter = scenario_.exciter;
 
