@@ -100,6 +100,13 @@ Scenario onTheSide(const std::vector<std::string>& overrides = {}) {
   s.initial.velocity = Vector3d(0.05, 0.01, -0.02);
   return s;
 }
+// tilted by the coupling until the bottom is at one wall and the rim at the other side
+Scenario jammed(const std::vector<std::string>& overrides = {}) {
+  Scenario s = mechanism(overrides);
+  place(s, {-2.5e-4, 0, -0.015}, 0.02, {1e-3, 5e-5, -5e-3});
+  s.rest.phi += 0.1;
+  return s;
+}
 const std::array<Meeting, 2> kPlane = {Meeting::kEdgePlane, Meeting::kEdgeWall};
 const std::array<Meeting, 2> kInside = {Meeting::kEdgeWall, Meeting::kRimSide};
 
@@ -114,6 +121,35 @@ TEST(InnerContacts, Rigid) {
   compare("plane, 10 N", onThePlane(hard), kPlane, 0.02, {2}, kSteps);
   compare("wall, 10 N", onTheWall(hard), kInside, 0.02, {3}, kSteps);
   compare("side, 10 N", onTheSide(hard), kInside, 0.02, {5}, kSteps);
+}
+
+TEST(InnerContacts, RigidJammed) {
+  compare("wall and side", jammed(), kInside, 0.02, {3, 5}, 1e-10);
+  compare("wall and side, 10 N", jammed({"exciter.amplitude=10"}), kInside, 0.02, {3, 5}, 1e-10);
+}
+
+TEST(InnerContacts, CompliantLaws) {
+  for (const std::string name : {"spring_dashpot", "viscous"}) {
+    const std::string law =
+        "contact={law: " + name +
+        (name == "viscous" ? ", rate: 700}" : ", stiffness: 1e5, damping: 200}");
+    compare("plane, " + name, onThePlane({law}), kPlane, 0.01, {2}, kSteps);
+    compare("wall, " + name, onTheWall({law}), kInside, 0.01, {3}, kSteps);
+    compare("side, " + name, onTheSide({law}), kInside, 0.01, {5}, kSteps);
+    // the viscous contact gives way: the side is not reached
+    const std::vector<std::size_t> carry = {3, name == "viscous" ? 3u : 5u};
+    compare("wall and side, " + name, jammed({law}), kInside, 0.02, carry, 1e-10);
+  }
+}
+
+TEST(InnerContacts, WithRestitution) {
+  for (const std::string e : {"0.5", "1"}) {
+    const std::vector<std::string> bouncing = {"contact.restitution=" + e};
+    compare("plane, e = " + e, onThePlane(bouncing), kPlane, 0.02, {}, kSteps);
+    compare("wall, e = " + e, onTheWall(bouncing), kInside, 0.02, {}, kSteps);
+    compare("side, e = " + e, onTheSide(bouncing), kInside, 0.02, {}, kSteps);
+    compare("wall and side, e = " + e, jammed(bouncing), kInside, 0.02, {}, 1e-10);
+  }
 }
 
 }  // namespace
