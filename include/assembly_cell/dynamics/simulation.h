@@ -64,6 +64,8 @@ class Simulation {
 
   double time() const { return time_; }  ///< [s] from the start of the scenario
   const State& state() const { return state_; }
+  /// Rates of state().v at the end of the last step.
+  const Vector9& acceleration() const { return slope_v_; }
   const Scenario& scenario() const { return scenario_; }
   const RunCounts& counts() const { return counts_; }
   StopReason stopReason() const { return stop_; }
