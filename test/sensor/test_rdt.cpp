@@ -151,6 +151,18 @@ TEST(RdtStream, AStreamThatBeginsAnewIsNoDuplicate) {
   EXPECT_TRUE(std::is_sorted(streamed.sequences.begin(), streamed.sequences.end()));
 }
 
+TEST(RdtStream, ADeviceThatRepeatsItsLifeIsHeardAfterAStart) {
+  // power back within a fraction of a second: the same numbers again
+  Streamed streamed;
+  for (std::uint32_t n = 1; n <= 50; ++n) streamed.push(Streamed::record(n, n, 1));
+  streamed.stream->expectRestart();
+  for (std::uint32_t n = 1; n <= 50; ++n) streamed.push(Streamed::record(n, n, 2));
+  streamed.take(true);
+  EXPECT_EQ(streamed.counters.restarts, 1u);
+  EXPECT_EQ(streamed.counters.duplicates, 0u);
+  EXPECT_EQ(streamed.counters.samples, 100u);
+}
+
 TEST(RdtStream, AnAbsurdNumberCountsNoBillions) {
   Streamed streamed;
   for (std::uint32_t n = 1; n <= 50; ++n) streamed.push(Streamed::record(n, n, 0));
