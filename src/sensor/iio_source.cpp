@@ -17,8 +17,8 @@
 
 #include "assembly_cell/scene/csv_text.h"
 #include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"
-#include "reception.h"
 
 namespace assembly_cell {
 

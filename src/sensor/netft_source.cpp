@@ -14,8 +14,8 @@
 
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/sensor/descriptor.h"
+#include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"
-#include "reception.h"
 
 namespace assembly_cell {
 
@@ -230,6 +230,7 @@ void NetftSource::doOpen() {
   socket_ = std::move(opened);
 
   // the start may get lost: again until the first record
+  drained_ = Clock::now();
   const auto refuse = [&](const std::string& why) {
     doClose();
     throw SourceError("source netft: " + why);
@@ -281,11 +282,15 @@ void NetftSource::receive() {
         header.msg_control = s.controls[i].data();
         header.msg_controllen = s.controls[i].size();
       }
+      const Clock::time_point before = Clock::now();
       const int n =
           recvmmsg(s.descriptor.get(), s.headers.data(), kDatagrams, MSG_DONTWAIT, nullptr);
       s.position = 0;
       s.count = n > 0 ? static_cast<std::size_t>(n) : 0;
-      if (n <= 0) return;
+      if (n <= 0) {
+        drained_ = before;
+        return;
+      }
     }
 
     const Reception now = clocksNow();
@@ -301,7 +306,6 @@ void NetftSource::receive() {
         ++counts_.malformed;
         continue;
       }
-      // the kernel's note is of the system clock; a step since then would put it off
       Reception received = now;
       msghdr header = message.msg_hdr;
       for (cmsghdr* c = CMSG_FIRSTHDR(&header); c != nullptr; c = CMSG_NXTHDR(&header, c)) {
@@ -310,9 +314,7 @@ void NetftSource::receive() {
         std::memcpy(&arrival, CMSG_DATA(c), sizeof arrival);
         const auto at = std::chrono::system_clock::time_point(
             std::chrono::seconds(arrival.tv_sec) + std::chrono::nanoseconds(arrival.tv_nsec));
-        const auto age = now.system - at;
-        if (age < std::chrono::nanoseconds(0) || now.steady - age < last_start_) continue;
-        received = {now.steady - age, at};
+        received = arrivalOf(at, now, drained_);
       }
       if (!stream_->push(record, received, counts_)) return;
       last_record_ = now.steady;

@@ -47,7 +47,6 @@ void RdtStream::begin() {
   // old records of the new stream must not fall among those of the stream before
   if (started_) next_ = newest_ + 1 + kWindow;
   started_ = false;
-  delivered_ = false;
 }
 
 // Older than the newest, or implausibly far ahead: an old record, or numbers that began anew?

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
+#include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"
-#include "reception.h"
 
 namespace assembly_cell {
 

@@ -130,7 +130,7 @@ bool FrameDecoder::next(SerialFrame& frame, SourceCounters& counters) {
         const bool finite = format_->decode(start, frame);
         frame.skipped = skipped_;
         begin_ += format_->size;
-        in_step_ = true;
+        in_step_ = started_ = true;
         if (!finite) {
           ++counters.malformed;
           skipped_ += format_->size;
@@ -145,7 +145,7 @@ bool FrameDecoder::next(SerialFrame& frame, SourceCounters& counters) {
     in_step_ = false;
     ++begin_;
     ++skipped_;
-    ++counters.garbage;
+    if (started_) ++counters.garbage;
   }
 
   // room for what comes
@@ -158,7 +158,7 @@ bool FrameDecoder::next(SerialFrame& frame, SourceCounters& counters) {
 
 void FrameDecoder::reset() {
   begin_ = end_ = skipped_ = 0;
-  in_step_ = false;
+  in_step_ = started_ = false;
 }
 
 }  // namespace assembly_cell

@@ -13,9 +13,9 @@
 #include <cstring>
 
 #include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"
 #include "byte_order.h"
-#include "reception.h"
 
 namespace assembly_cell {
 

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"
-#include "reception.h"
 
 namespace assembly_cell {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "reception.h"
+#include "assembly_cell/sensor/reception.h"
 
 namespace assembly_cell {
 

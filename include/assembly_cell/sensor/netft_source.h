@@ -53,7 +53,8 @@ class NetftSource : public StrainSource {
   std::unique_ptr<RdtStream> stream_;
   std::size_t block_samples_ = 0;  // that make a block; 0: by time
   Clock::time_point last_record_, last_start_;
-  int starts_ = 0;  // sent since the last record
+  Clock::time_point drained_;  // when the socket was last found empty
+  int starts_ = 0;             // sent since the last record
 
   // bias in the device
   Clock::time_point bias_sent_;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <iosfwd>
 #include <string>
 #include <vector>
 
@@ -36,8 +37,12 @@ struct Recording {
 /// Reads a CSV file; a first line that doesn't begin with a number is a header, lines that begin
 /// with # are comments. Throws InputError with file:line for a row with the wrong number of
 /// columns, an entry that is no finite number, a code outside the converter's, time that doesn't
-/// increase or can't be a stamp; and for an unreadable file or fewer than two rows.
+/// increase or can't be a stamp; for a row of more than 64 KiB, more than 5e7 rows or fewer than
+/// two; and for an unreadable file.
 Recording loadRecording(const std::string& path, const ReplayFormat& format);
+
+/// The same from a stream that is called `name` in messages.
+Recording readRecording(std::istream& stream, const std::string& name, const ReplayFormat& format);
 
 /// Samples [first, first + size) of a recording, to be published together.
 struct ReplayBlock {

@@ -70,7 +70,7 @@ class FrameDecoder {
   void added(std::size_t size) { end_ += size; }
 
   /// The next frame; false: more bytes are needed. Counts crc_errors (frames in step whose CRC is
-  /// wrong), garbage (bytes passed over) and malformed.
+  /// wrong), malformed, and garbage: bytes passed over once a first frame has come.
   bool next(SerialFrame& frame, SourceCounters& counters);
 
   void reset();
@@ -82,6 +82,7 @@ class FrameDecoder {
   std::array<std::uint8_t, 4096> buffer_{};
   std::size_t begin_ = 0, end_ = 0;  // of the bytes not yet decoded
   bool in_step_ = false;
+  bool started_ = false;     // a frame has come
   std::size_t skipped_ = 0;  // since the last frame
 };
 
