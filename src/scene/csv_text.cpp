@@ -19,4 +19,12 @@ std::vector<std::string_view> csvCells(std::string_view line, std::string_view b
   }
 }
 
+std::string csvCell(std::string text) {
+  for (char& c : text) {
+    if (c == ',') c = ';';
+    if (static_cast<unsigned char>(c) < 0x20 || c == '"' || c == 0x7f) c = ' ';
+  }
+  return text;
+}
+
 }  // namespace assembly_cell

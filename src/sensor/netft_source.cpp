@@ -73,7 +73,7 @@ NetftSource::NetftSource() : stream_(std::make_unique<RdtStream>()) {
 NetftSource::~NetftSource() { close(); }
 
 void NetftSource::doConfigure(const YAML::Node& map) {
-  SourceParameters parameters(map, info_.type);
+  SourceParameters parameters(map, "source " + info_.type);
   address_ = parameters.text("address");
   port_ = parameters.integer("port", 1, 65535, 49152);
   bind_address_ = parameters.text("bind_address", "127.0.0.1");

@@ -1,0 +1,84 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <yaml-cpp/yaml.h>
+
+#include <Eigen/Core>
+#include <string>
+#include <utility>
+#include <vector>
+
+// Files that people write, read key by key: every refusal is one line that names the source, the
+// key's path, the value and the remedy.
+namespace assembly_cell::yaml {
+
+[[noreturn]] void refuse(const std::string& source, const std::string& path,
+                         const std::string& value, const std::string& remedy);
+
+std::string shown(double value);
+/// What stands in the file, shortened to fit a line.
+std::string shown(const YAML::Node& node);
+
+/// Number in YAML's notation without octal, hexadecimal, .inf, .nan or quotes.
+bool readNumber(const YAML::Node& node, double& value);
+
+enum class Range { kAny, kNotNegative, kPositive };
+const char* remedy(Range range);
+bool inRange(double value, Range range);
+
+/// A mapping of the file that is read key by key; finish() refuses what nobody asked for.
+class Section {
+ public:
+  Section(const YAML::Node& node, std::string path, const std::string& source);
+
+  /// Path of a key, or of the section itself for an empty one.
+  std::string at(const std::string& key) const;
+  bool has(const std::string& key) const { return find(key) != nullptr; }
+  const std::string& source() const { return source_; }
+
+  [[noreturn]] void refuse(const std::string& path, const std::string& value,
+                           const std::string& what_to_do) const;
+  [[noreturn]] void refuse(const std::string& path, double value,
+                           const std::string& what_to_do) const;
+
+  /// The node of a key that must be there.
+  YAML::Node required(const std::string& key, const std::string& what_to_do);
+  /// Marks a key as known; true when the file has it.
+  bool optional(const std::string& key);
+
+  Section section(const std::string& key);
+  double number(const std::string& key, Range range);
+  double number(const std::string& key, Range range, double otherwise);
+  template <int N>
+  Eigen::Matrix<double, N, 1> numbers(const std::string& key, Range range) {
+    Eigen::Matrix<double, N, 1> values;
+    readNumbers(key, range, N, values.data());
+    return values;
+  }
+  Eigen::Vector3d vector(const std::string& key);
+  std::string text(const std::string& key, const std::string& what_to_do);
+  bool flag(const std::string& key, bool otherwise);
+
+  void finish() const;
+
+ private:
+  const YAML::Node* find(const std::string& key) const;
+  void readNumbers(const std::string& key, Range range, int count, double* values);
+
+  std::string path_;
+  const std::string& source_;
+  std::vector<std::pair<std::string, YAML::Node>> entries_;
+  std::vector<std::string> known_;
+};
+
+/// The text of a file of at most 1 MiB; `what` it should be ("scenario") for the refusal of others.
+std::string fileText(const std::string& path, const std::string& what);
+
+/// The first document of the text; syntax errors and further documents are refused.
+YAML::Node loadYaml(const std::string& text, const std::string& source);
+
+/// The tree after an override "key.path=value", the value in YAML syntax. Copies what lies on the
+/// way, so that a node shared through a YAML alias changes in one place only.
+YAML::Node withOverride(const YAML::Node& root, const std::string& text);
+
+}  // namespace assembly_cell::yaml

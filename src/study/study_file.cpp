@@ -1,0 +1,560 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "../scene/yaml_section.h"
+#include "assembly_cell/scene/csv_text.h"
+#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/sensor/calibration.h"
+#include "assembly_cell/study/run.h"
+#include "assembly_cell/study/study.h"
+
+namespace assembly_cell {
+namespace {
+
+namespace fs = std::filesystem;
+using yaml::Range;
+using yaml::Section;
+using yaml::shown;
+
+constexpr std::int64_t kMostRuns = 100000000;
+constexpr std::size_t kMostValues = 100000;  // of one axis
+
+// a node as YAML text on one line
+std::string flowText(const YAML::Node& node) {
+  if (node.IsScalar()) return node.Scalar();
+  std::string text;
+  if (node.IsSequence()) {
+    for (const auto& entry : node) text += (text.empty() ? "" : ", ") + flowText(entry);
+    return "[" + text + "]";
+  }
+  if (node.IsMap()) {
+    for (const auto& entry : node) {
+      text += (text.empty() ? "" : ", ") + entry.first.Scalar() + ": " + flowText(entry.second);
+    }
+    return "{" + text + "}";
+  }
+  return "null";
+}
+
+std::int64_t integer(Section& in, const std::string& key, std::int64_t least, std::int64_t most,
+                     std::int64_t otherwise) {
+  if (!in.optional(key)) return otherwise;
+  const double value = in.number(key, Range::kAny);
+  if (value != std::round(value) || value < static_cast<double>(least) ||
+      value > static_cast<double>(most)) {
+    in.refuse(in.at(key), value,
+              "give a whole number from " + std::to_string(least) + " to " + std::to_string(most));
+  }
+  return static_cast<std::int64_t>(value);
+}
+
+// Reads a study; what refers to files is looked up beside it.
+class Reader {
+ public:
+  Reader(const YAML::Node& root, const std::string& path)
+      : path_(path), folder_(fs::path(path).parent_path()), in_(root, "", path) {}
+
+  Study read() {
+    study_.name = csvCell(in_.text("name", "give the study a name"));
+    study_.scenarios.push_back(
+        file(in_.text("scenario", "give a scenario file, seen from the study's folder")));
+    readJob();
+    study_.seed = static_cast<std::uint64_t>(integer(in_, "seed", 0, 1L << 53, 1));
+    study_.samples = integer(in_, "samples", 1, kMostRuns, 1);
+    study_.paired = in_.flag("paired", false);
+    if (in_.optional("set")) {
+      study_.set = settings(in_.required("set", ""), in_.at("set"));
+    }
+    if (in_.optional("axes")) readAxes(in_.required("axes", ""));
+    readSearch();
+    readOutcomes();
+    readEnough();
+    in_.finish();
+    checkCount();
+    loadScenarios();
+    checkFirstRun();
+    findDirectKeys();
+    return std::move(study_);
+  }
+
+ private:
+  // an error of what the study refers to, with the study's place in front
+  template <class Do>
+  void within(const std::string& where, const Do& what) const {
+    try {
+      what();
+    } catch (const InputError& e) {
+      throw InputError(path_ + ": " + where + ": " + e.what());
+    }
+  }
+
+  std::string file(const std::string& name) const {
+    const fs::path path(name);
+    return (path.is_absolute() ? path : folder_ / path).lexically_normal().string();
+  }
+
+  // a mapping "key.path: value"
+  std::vector<StudySetting> settings(const YAML::Node& node, const std::string& where) {
+    if (!node.IsMap()) in_.refuse(where, shown(node), "give a mapping of key paths and values");
+    std::vector<StudySetting> list;
+    for (const auto& entry : node) {
+      if (!entry.first.IsScalar() || entry.second.IsNull()) {
+        in_.refuse(where, shown(entry.first), "give key.path: value");
+      }
+      list.push_back(setting(entry.first.Scalar(), flowText(entry.second), where));
+    }
+    return list;
+  }
+
+  // a value of the job is checked here, a scenario joins the files
+  StudySetting setting(const std::string& key, const std::string& value, const std::string& where) {
+    StudySetting s{key, value};
+    if (key == "scenario") {
+      s.value = file(value);
+      if (std::find(study_.scenarios.begin(), study_.scenarios.end(), s.value) ==
+          study_.scenarios.end()) {
+        study_.scenarios.push_back(s.value);
+      }
+    }
+    StudyJob copy = study_.job;
+    within(where, [&] { setStudyJob(copy, s); });
+    return s;
+  }
+
+  void readJob() {
+    StudyJob& job = study_.job;
+    const std::string kind = in_.optional("job") ? in_.text("job", "") : "simulate";
+    if (kind != "simulate" && kind != "align") in_.refuse("job", kind, "give simulate or align");
+    job.kind = kind == "align" ? StudyJob::Kind::kAlign : StudyJob::Kind::kSimulate;
+    for (const char* section : {"start", "move", "assembled", "stop", "cell", "align"}) {
+      if (!in_.optional(section)) continue;
+      const YAML::Node node = in_.required(section, "");
+      const Section keys(node, section, in_.source());
+      for (const auto& entry : node) {
+        const std::string key = std::string(section) + "." + entry.first.Scalar();
+        within(section, [&] { setStudyJob(job, {key, flowText(entry.second)}); });
+      }
+    }
+    if (in_.optional("look")) {
+      const YAML::Node node = in_.required("look", "");
+      within("look", [&] { setStudyJob(job, {"look", flowText(node)}); });
+    }
+    study_.history = in_.flag("history", false);
+    if (study_.history && job.kind == StudyJob::Kind::kAlign) {
+      in_.refuse("history", "true", "only runs of job: simulate have one");
+    }
+    within("align", [&] { checkParameters(job.align); });
+  }
+
+  void readAxes(const YAML::Node& node) {
+    if (!node.IsSequence()) in_.refuse("axes", shown(node), "give a list of axes");
+    std::set<std::string> names, keys;
+    for (std::size_t i = 0; i < node.size(); ++i) {
+      const std::string where = "axes[" + std::to_string(i) + "]";
+      study_.axes.push_back(axis(Section(node[i], where, in_.source())));
+      const StudyAxis& a = study_.axes.back();
+      if (!names.insert(a.name).second) {
+        in_.refuse(where + ".name", a.name, "two axes of one name, rename one");
+      }
+      std::set<std::string> mine;
+      for (const StudyAxis::Target& target : a.targets) mine.insert(target.key);
+      for (const auto& one : a.cases) {
+        for (const StudySetting& s : one) mine.insert(s.key);
+      }
+      for (const std::string& key : mine) {
+        if (!keys.insert(key).second) {
+          in_.refuse(where, key, "two axes set this key, keep it in one of them");
+        }
+      }
+    }
+  }
+
+  StudyAxis axis(Section in) {
+    StudyAxis a;
+    readTargets(in, a);
+    const std::vector<std::string> kinds = {"cases",       "values", "range", "uniform",
+                                            "log_uniform", "normal", "search"};
+    std::vector<std::string> given;
+    for (const std::string& kind : kinds) {
+      if (in.has(kind)) given.push_back(kind);
+    }
+    if (given.size() != 1) {
+      in.refuse(in.at(""), given.empty() ? "no values" : given[0] + " and " + given[1],
+                "give one of cases, values, range, uniform, log_uniform, normal, search");
+    }
+    if (given[0] == "cases") {
+      readCases(in, a);
+    } else if (given[0] == "values") {
+      readValues(in, a);
+    } else if (given[0] == "range") {
+      readRange(in.section("range"), a);
+    } else {
+      readPair(in, given[0], a);
+    }
+    if (a.kind != StudyAxis::Kind::kCases && a.targets.empty()) {
+      in.refuse(in.at("key"), "missing", "give the key path that the axis changes");
+    }
+    in.finish();
+    return a;
+  }
+
+  // key: path | key: [paths] | scale: {path: power}
+  void readTargets(Section& in, StudyAxis& a) {
+    if (in.has("key") && in.has("scale")) {
+      in.refuse(in.at("scale"), "given with key", "keep one of them");
+    }
+    if (in.optional("key")) {
+      const YAML::Node node = in.required("key", "");
+      const std::size_t count = node.IsSequence() ? node.size() : 1;
+      for (std::size_t i = 0; i < count; ++i) {
+        const YAML::Node entry = node.IsSequence() ? node[i] : node;
+        if (!entry.IsScalar() || entry.Scalar().empty()) {
+          in.refuse(in.at("key"), shown(entry), "give a key path or a list of them");
+        }
+        a.targets.push_back({entry.Scalar(), 0.0});
+      }
+    }
+    if (in.optional("scale")) {
+      const YAML::Node node = in.required("scale", "");
+      if (!node.IsMap()) in.refuse(in.at("scale"), shown(node), "give key.path: power");
+      for (const auto& entry : node) {
+        const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
+        double power = 0.0;
+        Scenario any;
+        if (scenarioNumber(any, key) == nullptr) {
+          in.refuse(in.at("scale"), key, "no number of a scenario that can be scaled");
+        }
+        if (!yaml::readNumber(entry.second, power) || power == 0.0) {
+          in.refuse(in.at("scale") + "." + key, shown(entry.second),
+                    "give the power of the factor, not 0");
+        }
+        a.targets.push_back({key, power});
+      }
+    }
+    if (in.optional("name")) {
+      a.name = csvCell(in.text("name", "give a name"));
+    } else if (!a.targets.empty()) {
+      a.name = csvCell(a.targets.front().key);
+    } else {
+      in.refuse(in.at("name"), "missing", "give the axis a name");
+    }
+    a.stream = 0;
+    for (const char c : a.name) {
+      a.stream = a.stream * 1099511628211ull + static_cast<unsigned char>(c);
+    }
+    a.stream += static_cast<std::uint64_t>(integer(in, "seed", 0, 1L << 53, 0)) * 0x9e3779b97f4aull;
+  }
+
+  // cases: {label: {key.path: value, ...}, ...}
+  void readCases(Section& in, StudyAxis& a) {
+    const YAML::Node node = in.required("cases", "");
+    const Section unique(node, in.at("cases"), in.source());
+    if (!a.targets.empty()) in.refuse(in.at("key"), "given with cases", "cases name their keys");
+    for (const auto& entry : node) {
+      const std::string& label = entry.first.Scalar();
+      a.labels.push_back(csvCell(label));
+      a.cases.push_back(settings(entry.second, in.at("cases." + label)));
+    }
+    if (a.cases.empty()) in.refuse(in.at("cases"), "empty", "give at least one case");
+  }
+
+  void readValues(Section& in, StudyAxis& a) {
+    const YAML::Node node = in.required("values", "");
+    if (!node.IsSequence() || node.size() == 0 || node.size() > kMostValues) {
+      in.refuse(in.at("values"), shown(node),
+                "give a list of 1 to " + std::to_string(kMostValues) + " values");
+    }
+    const bool scaled = std::any_of(a.targets.begin(), a.targets.end(),
+                                    [](const auto& target) { return target.power != 0.0; });
+    for (std::size_t i = 0; i < node.size(); ++i) {
+      const std::string where = in.at("values") + "[" + std::to_string(i) + "]";
+      if (scaled) {
+        double value = 0.0;
+        if (!yaml::readNumber(node[i], value) || value <= 0.0) {
+          in.refuse(where, shown(node[i]), "give a factor > 0");
+        }
+        a.kind = StudyAxis::Kind::kValues;
+        a.values.push_back(value);
+        continue;
+      }
+      if (node[i].IsNull()) in.refuse(where, shown(node[i]), "give a value");
+      const std::string text = flowText(node[i]);
+      std::vector<StudySetting> list;
+      for (const StudyAxis::Target& target : a.targets) {
+        list.push_back(setting(target.key, text, where));
+      }
+      // a file is shown by its name, not by where it is
+      const bool is_file = !list.empty() && list.front().key == "scenario";
+      a.labels.push_back(csvCell(is_file ? fs::path(text).stem().string() : text));
+      a.cases.push_back(list);
+    }
+    if (!scaled && a.targets.empty()) {
+      in.refuse(in.at("key"), "missing", "give the key path that the axis changes");
+    }
+    if (!scaled) a.targets.clear();
+  }
+
+  void readRange(Section in, StudyAxis& a) {
+    a.kind = StudyAxis::Kind::kValues;
+    const double from = in.number("from", Range::kAny), to = in.number("to", Range::kAny);
+    const std::int64_t count = integer(in, "count", 2, static_cast<std::int64_t>(kMostValues), 0);
+    if (count == 0) in.refuse(in.at("count"), "missing", "give the number of values");
+    const bool logarithmic = spacing(in);
+    in.finish();
+    if (logarithmic && !(from > 0.0 && to > 0.0)) {
+      in.refuse(in.at("from"), std::min(from, to), "logarithmic spacing needs bounds > 0");
+    }
+    checkScaled(in, a, std::min(from, to));
+    for (std::int64_t i = 0; i < count; ++i) {
+      const double u = static_cast<double>(i) / static_cast<double>(count - 1);
+      double value = logarithmic ? from * std::pow(to / from, u) : from + (to - from) * u;
+      if (i == count - 1) value = to;
+      // a grid shows round numbers: 0.3, not 0.30000000000000004
+      char text[32];
+      std::snprintf(text, sizeof text, "%.14g", value);
+      a.values.push_back(std::stod(text));
+    }
+  }
+
+  bool spacing(Section& in) {
+    if (!in.optional("spacing")) return false;
+    const std::string text = in.text("spacing", "give linear or log");
+    if (text != "linear" && text != "log") in.refuse(in.at("spacing"), text, "give linear or log");
+    return text == "log";
+  }
+
+  // uniform: [low, high], log_uniform: [low, high], normal: [mean, sd], search: [low, high]
+  void readPair(Section& in, const std::string& kind, StudyAxis& a) {
+    const Eigen::Vector2d pair = in.numbers<2>(kind, Range::kAny);
+    a.low = pair[0];
+    a.high = pair[1];
+    if (kind == "uniform") a.kind = StudyAxis::Kind::kUniform;
+    if (kind == "log_uniform") a.kind = StudyAxis::Kind::kLogUniform;
+    if (kind == "normal") a.kind = StudyAxis::Kind::kNormal;
+    if (kind == "search") {
+      a.kind = StudyAxis::Kind::kSearch;
+      a.logarithmic = spacing(in);
+    }
+    const bool bounds = kind != "normal";
+    if (bounds && !(a.low < a.high)) {
+      in.refuse(in.at(kind), flowText(in.required(kind, "")), "give [low, high] with low < high");
+    }
+    if (!bounds && a.high < 0.0) {
+      in.refuse(in.at(kind) + "[1]", a.high, "give a standard deviation >= 0");
+    }
+    if ((kind == "log_uniform" || a.logarithmic) && a.low <= 0.0) {
+      in.refuse(in.at(kind) + "[0]", a.low, "logarithmic spacing needs bounds > 0");
+    }
+    if (bounds) checkScaled(in, a, a.low);
+  }
+
+  void checkScaled(const Section& in, const StudyAxis& a, double least) const {
+    for (const StudyAxis::Target& target : a.targets) {
+      if (target.power != 0.0 && least <= 0.0) in.refuse(in.at(""), least, "factors must be > 0");
+    }
+  }
+
+  void readSearch() {
+    const bool searched = std::any_of(study_.axes.begin(), study_.axes.end(), [](const auto& a) {
+      return a.kind == StudyAxis::Kind::kSearch;
+    });
+    if (!in_.optional("search")) {
+      if (searched) in_.refuse("search", "missing", "an axis is searched: say what for");
+      return;
+    }
+    if (!searched) in_.refuse("search", "given", "needs an axis with search: [low, high]");
+    StudySearch& search = study_.search;
+    Section in = in_.section("search");
+    search.maximise = in.has("maximise");
+    if (search.maximise == in.has("minimise")) {
+      in.refuse(in.at("minimise"), search.maximise ? "given with maximise" : "missing",
+                "give minimise or maximise with the name of an outcome");
+    }
+    const std::string key = search.maximise ? "maximise" : "minimise";
+    search.outcome = in.text(key, "give the name of an outcome");
+    const auto& names = outcomeNames(study_.job.kind);
+    if (std::find(names.begin(), names.end(), search.outcome) == names.end()) {
+      in.refuse(in.at(key), search.outcome, "no outcome of this job, see docs/studies.md");
+    }
+    search.otherwise = in.number("otherwise", Range::kAny);
+    search.tolerance = in.number("tolerance", Range::kPositive, search.tolerance);
+    const YAML::Node steps = in.required("steps", "give a list of {algorithm, evaluations}");
+    if (!steps.IsSequence() || steps.size() == 0) {
+      in.refuse(in.at("steps"), shown(steps), "give a list of {algorithm, evaluations}");
+    }
+    const std::vector<std::string> known = {"direct", "crs2",   "isres",  "esch",
+                                            "sbplx",  "cobyla", "bobyqa", "nelder_mead"};
+    for (std::size_t i = 0; i < steps.size(); ++i) {
+      Section step(steps[i], in.at("steps") + "[" + std::to_string(i) + "]", in.source());
+      StudySearch::Step s;
+      s.algorithm = step.text("algorithm", "give the name of an algorithm");
+      if (std::find(known.begin(), known.end(), s.algorithm) == known.end()) {
+        step.refuse(step.at("algorithm"), s.algorithm,
+                    "give direct, crs2, isres, esch, sbplx, cobyla, bobyqa or nelder_mead");
+      }
+      s.evaluations = static_cast<int>(integer(step, "evaluations", 1, 1000000, 0));
+      if (s.evaluations == 0) {
+        step.refuse(step.at("evaluations"), "missing", "give the most points it may try");
+      }
+      step.finish();
+      search.steps.push_back(s);
+    }
+    in.finish();
+    // points are compared with one another: by the same draws
+    study_.paired = true;
+  }
+
+  void readOutcomes() {
+    const auto& names = outcomeNames(study_.job.kind);
+    if (!in_.optional("outcomes")) {
+      study_.outcomes = names;
+      return;
+    }
+    const YAML::Node node = in_.required("outcomes", "");
+    if (!node.IsSequence()) in_.refuse("outcomes", shown(node), "give a list of names");
+    for (std::size_t i = 0; i < node.size(); ++i) {
+      const std::string where = "outcomes[" + std::to_string(i) + "]";
+      const std::string name = node[i].IsScalar() ? node[i].Scalar() : "";
+      if (std::find(names.begin(), names.end(), name) == names.end()) {
+        std::string known;
+        for (const std::string& n : names) known += (known.empty() ? "" : ", ") + n;
+        in_.refuse(where, shown(node[i]), "unknown outcome, known for this job: " + known);
+      }
+      if (std::count(study_.outcomes.begin(), study_.outcomes.end(), name) != 0) {
+        in_.refuse(where, name, "named twice, keep one of them");
+      }
+      study_.outcomes.push_back(name);
+    }
+  }
+
+  void readEnough() {
+    if (!in_.optional("enough")) return;
+    if (!study_.search.outcome.empty()) {
+      in_.refuse("enough", "given with search", "a search ends by its steps, drop it");
+    }
+    Section in = in_.section("enough");
+    StudyEnough& enough = study_.enough;
+    enough.least = integer(in, "least", 1, kMostRuns, enough.least);
+    enough.half_width = in.number("half_width", Range::kPositive, enough.half_width);
+    enough.failed = in.number("failed", Range::kPositive, enough.failed);
+    in.finish();
+  }
+
+  void checkCount() {
+    double count = static_cast<double>(study_.samples);
+    for (const StudyAxis& a : study_.axes) {
+      if (a.grid()) count *= static_cast<double>(a.size());
+    }
+    double points = study_.search.outcome.empty() ? 1.0 : 0.0;
+    for (const StudySearch::Step& step : study_.search.steps) points += step.evaluations;
+    count *= points;
+    if (count > static_cast<double>(kMostRuns)) {
+      in_.refuse("samples", yaml::shown(count) + " runs", "give at most 1e8 runs in all");
+    }
+  }
+
+  void loadScenarios() {
+    std::vector<std::string> overrides;
+    for (const StudySetting& s : study_.set) {
+      StudyJob copy = study_.job;
+      if (s.key == "scenario") in_.refuse("set.scenario", s.value, "use the key scenario");
+      if (!setStudyJob(copy, s)) overrides.push_back(s.key + "=" + s.value);
+      study_.job = copy;
+    }
+    for (const std::string& path : study_.scenarios) {
+      within("scenario", [&] {
+        study_.texts.push_back(yaml::fileText(path, "scenario"));
+        const std::string& text = study_.texts.back();
+        study_.digests.push_back(crcText(text));
+        study_.bases.push_back(parseScenario(text, path, overrides));
+      });
+    }
+  }
+
+  // a key that doesn't exist makes every run fail alike: said here
+  void checkFirstRun() const {
+    StudyTask task;
+    task.point.assign(study_.axes.size(), 0.5);
+    for (const StudySetting& s : studyRun(study_, task).settings) {
+      StudyJob job = study_.job;
+      if (s.key == "scenario" || setStudyJob(job, s)) continue;
+      try {
+        parseScenario(study_.texts.front(), "scenario", {s.key + "=" + s.value});
+      } catch (const InputError& e) {
+        const std::string what = e.what();
+        if (what.rfind("--set", 0) == 0 || what.find(": unknown key") != std::string::npos) {
+          throw InputError(path_ + ": axes: " + what);
+        }
+      }
+    }
+  }
+
+  // numbers whose extremes the parser admits need no parser in between
+  void findDirectKeys() {
+    for (const StudyAxis& a : study_.axes) {
+      std::vector<StudySetting> ends;
+      for (const auto& one : a.cases) ends.insert(ends.end(), one.begin(), one.end());
+      std::vector<double> numbers = a.values;
+      if (a.kind == StudyAxis::Kind::kUniform || a.kind == StudyAxis::Kind::kLogUniform ||
+          a.kind == StudyAxis::Kind::kSearch) {
+        numbers = {a.low, a.high};
+      }
+      for (const StudyAxis::Target& target : a.targets) {
+        if (target.power != 0.0) continue;
+        for (const double number : numbers) ends.push_back({target.key, yamlNumber(number)});
+      }
+      std::set<std::string> keys, bad;
+      for (const StudySetting& s : ends) {
+        Scenario scratch = study_.bases.front();
+        bool alone = false;
+        double value = 0.0;
+        const bool number = scenarioNumber(scratch, s.key, &alone) != nullptr;
+        if (!number || !alone || !parseNumber(s.value, value) || !admitted(s)) bad.insert(s.key);
+        keys.insert(s.key);
+      }
+      for (const std::string& key : keys) {
+        if (bad.count(key) == 0) study_.direct.push_back(key);
+      }
+    }
+  }
+
+  bool admitted(const StudySetting& s) const {
+    for (std::size_t i = 0; i < study_.texts.size(); ++i) {
+      try {
+        parseScenario(study_.texts[i], study_.scenarios[i], {s.key + "=" + s.value});
+      } catch (const InputError&) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  std::string path_;
+  fs::path folder_;
+  Section in_;
+  Study study_;
+};
+
+}  // namespace
+
+Study loadStudy(const std::string& path, const std::vector<std::string>& overrides) {
+  YAML::Node root = yaml::loadYaml(yaml::fileText(path, "study"), path);
+  if (!root.IsMap()) {
+    yaml::refuse(path, "file", shown(root), "give a mapping of keys, see docs/studies.md");
+  }
+  for (const std::string& text : overrides) root.reset(yaml::withOverride(root, text));
+  Study study = Reader(root, path).read();
+  // comments and layout decide nothing
+  std::string all = YAML::Dump(root);
+  for (std::size_t i = 0; i < study.texts.size(); ++i) {
+    all += "\n" + YAML::Dump(yaml::loadYaml(study.texts[i], study.scenarios[i]));
+  }
+  study.digest = crcText(all);
+  return study;
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,53 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/study/ledger.h"
+
+namespace assembly_cell {
+
+/// The processes of one study under mpirun. Rank 0 keeps the ledger, hands out blocks of runs and
+/// works itself; the others ask, work and send records. All waiting is asleep.
+class Ranks {
+ public:
+  /// True when a launcher of MPI has started this process.
+  static bool launched();
+
+  Ranks();
+  ~Ranks();
+  Ranks(const Ranks&) = delete;
+  Ranks& operator=(const Ranks&) = delete;
+
+  int rank() const { return rank_; }
+  int size() const { return size_; }
+
+  /// True on all ranks when `text` is the same on all and `good` everywhere. Collective.
+  bool agree(const std::string& text, bool good) const;
+
+  /// Rank 0: does what the ledger offers, with all ranks. A rank that was told to stop stops all.
+  void serve(const Study& study, StudyLedger& ledger, int threads, std::atomic<bool>& stop,
+             const std::function<void()>& tick);
+  /// Rank 0: the others may leave.
+  void release();
+  /// Other ranks: work until released.
+  void work(const Study& study, int threads, const std::atomic<bool>& stop) const;
+
+ private:
+  struct Peer {
+    bool asking = false;     // waits for a block
+    std::int64_t block = 0;  // runs it has
+    double sent = 0.0;       // when [s]
+    double run_time = 0.0;   // of one run, as measured [s]; 0: not known
+  };
+  void receive(StudyLedger& ledger, std::atomic<bool>& stop, bool& any);
+  void handOut(StudyLedger& ledger, int threads);
+
+  int rank_ = 0, size_ = 1;
+  std::vector<Peer> peers_;
+};
+
+}  // namespace assembly_cell

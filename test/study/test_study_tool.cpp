@@ -1,0 +1,295 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The tool `study` as people call it: threads, ranks, kills, files and exit codes.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <thread>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string kTool = std::string(ASSEMBLY_CELL_BIN_DIR) + "/study";
+const std::string kScenarios = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/";
+
+std::string textOf(const fs::path& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+std::vector<std::string> linesOf(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+class StudyTool : public testing::Test {
+ protected:
+  StudyTool()
+      : folder_(fs::temp_directory_path() / ("test_study_tool_" + std::to_string(getpid()))) {
+    fs::create_directories(folder_);
+    // mpirun: no second machine is asked for, no shared memory between users is needed
+    setenv("OMPI_MCA_plm_rsh_agent", "", 1);
+    setenv("OMPI_MCA_btl_vader_single_copy_mechanism", "none", 1);
+    setenv("OMPI_MCA_rmaps_base_oversubscribe", "1", 1);
+    setenv("OMPI_ALLOW_RUN_AS_ROOT", "1", 1);
+    setenv("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1", 1);
+  }
+  ~StudyTool() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  std::string study(const std::string& text) const {
+    std::ofstream(path("study.yaml")) << text;
+    return path("study.yaml");
+  }
+
+  // a study of short runs: draws, a grid, rows that fail
+  std::string usual(int samples) const {
+    return study("name: usual\nscenario: " + kScenarios +
+                 "chapter8_force_two_10N.yaml\n"
+                 "set: {duration: 0.01, solver.tolerance: 1.0e-7}\n"
+                 "samples: " +
+                 std::to_string(samples) +
+                 "\nhistory: true\n"
+                 "axes:\n  - {key: exciter.phase, uniform: [-3, 3]}\n"
+                 "  - {key: friction.sliding, values: [0.2, 0.3, 0.4]}\n");
+  }
+
+  struct Result {
+    int exit_code;
+    std::string out, err;
+  };
+
+  pid_t start(const std::vector<std::string>& words) const {
+    const pid_t child = fork();
+    if (child == 0) {
+      const int out = ::open(path("out").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+      const int err = ::open(path("err").c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+      dup2(out, STDOUT_FILENO);
+      dup2(err, STDERR_FILENO);
+      std::vector<char*> argv;
+      for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
+      argv.push_back(nullptr);
+      execvp(argv[0], argv.data());
+      _exit(127);
+    }
+    return child;
+  }
+
+  Result wait(pid_t child) const {
+    int status = 0;
+    waitpid(child, &status, 0);
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status), textOf(path("out")),
+            textOf(path("err"))};
+  }
+
+  Result run(const std::vector<std::string>& arguments) const {
+    std::vector<std::string> words = {kTool};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    return wait(start(words));
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(StudyTool, HelpShowsAnExample) {
+  const Result result = run({"--help"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.out.find("Example: study"), std::string::npos);
+}
+
+TEST_F(StudyTool, ResultsDoNotDependOnThreadsAndRanks) {
+  const std::string file = usual(20);
+  const std::string csv = [&] {
+    const Result one = run({file, "--threads", "1", "--output", path("one")});
+    EXPECT_EQ(one.exit_code, 0) << one.err;
+    return textOf(path("one/results.csv"));
+  }();
+  const std::vector<std::string> lines = linesOf(csv);
+  ASSERT_EQ(lines.size(), 61u);
+  EXPECT_EQ(lines[0].rfind("run,seed,exciter.phase,friction.sliding,status,reason,stopped_at,", 0),
+            0u);
+  for (std::size_t i = 1; i < lines.size(); ++i) {
+    EXPECT_EQ(lines[i].rfind(std::to_string(i - 1) + ",", 0), 0u);
+    const bool bad = lines[i].find(",0.4,") != std::string::npos;
+    EXPECT_EQ(lines[i].find(",bad_input,") != std::string::npos, bad) << lines[i];
+  }
+  for (const char* threads : {"2", "3"}) {
+    const Result more = run({file, "--threads", threads, "--output", path(threads)});
+    ASSERT_EQ(more.exit_code, 0) << more.err;
+    for (const char* name : {"results.csv", "history.csv", "manifest.yaml"}) {
+      EXPECT_EQ(textOf(path(threads) + "/" + name), textOf(path("one") + "/" + name)) << name;
+    }
+  }
+  for (const char* ranks : {"1", "2", "3"}) {
+    const std::string folder = path("ranks") + ranks;
+    const Result more =
+        wait(start({"mpirun", "-n", ranks, kTool, file, "--output", folder, "--quiet"}));
+    ASSERT_EQ(more.exit_code, 0) << more.err;
+    for (const char* name : {"results.csv", "history.csv", "manifest.yaml"}) {
+      EXPECT_EQ(textOf(folder + "/" + name), textOf(path("one") + "/" + name)) << name;
+    }
+  }
+}
+
+TEST_F(StudyTool, ManifestSaysWhatMadeTheResults) {
+  ASSERT_EQ(run({usual(2), "--output", path("a")}).exit_code, 0);
+  const YAML::Node manifest = YAML::LoadFile(path("a/manifest.yaml"));
+  EXPECT_EQ(manifest["study"].as<std::string>(), "usual");
+  EXPECT_NE(manifest["program"].as<std::string>().find("assembly_cell "), std::string::npos);
+  EXPECT_EQ(manifest["digest"].as<std::string>().size(), 14u);
+  EXPECT_EQ(manifest["scenarios"][0]["file"].as<std::string>(), "chapter8_force_two_10N.yaml");
+  EXPECT_EQ(manifest["scenarios"][0]["digest"].as<std::string>().size(), 14u);
+  EXPECT_EQ(manifest["seed"].as<int>(), 1);
+  EXPECT_EQ(manifest["runs"].as<int>(), 6);
+  EXPECT_TRUE(manifest["complete"].as<bool>());
+  EXPECT_EQ(manifest["statuses"]["bad_input"].as<int>(), 2);
+  const std::string header = linesOf(textOf(path("a/results.csv")))[0];
+  std::string columns;
+  for (const auto& name : manifest["columns"]) {
+    columns += (columns.empty() ? "" : ",") + name.as<std::string>();
+  }
+  EXPECT_EQ(columns, header);
+}
+
+TEST_F(StudyTool, KilledAtAnyTimeItGoesOnToTheSameFiles) {
+  const std::string file = usual(100);
+  ASSERT_EQ(run({file, "--output", path("calm")}).exit_code, 0);
+  const std::string calm = textOf(path("calm/results.csv"));
+  // kills at growing times; the last start runs to its end
+  int kills = 0;
+  for (const int milliseconds : {5, 20, 30, 45, 60}) {
+    const pid_t child = start({kTool, file, "--output", path("killed"), "--threads", "2"});
+    std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+    kill(child, SIGKILL);
+    if (wait(child).exit_code == -SIGKILL) ++kills;
+  }
+  EXPECT_GT(kills, 0);
+  // a record that was cut off, and one that is damaged
+  std::ofstream(path("killed/journal"), std::ios::app) << "7 0 0 nan 30 0 crc32:12345678\n7,1,";
+  const Result last = run({file, "--output", path("killed")});
+  ASSERT_EQ(last.exit_code, 0) << last.err;
+  EXPECT_EQ(textOf(path("killed/results.csv")), calm);
+  EXPECT_EQ(textOf(path("killed/history.csv")), textOf(path("calm/history.csv")));
+  EXPECT_EQ(textOf(path("killed/manifest.yaml")), textOf(path("calm/manifest.yaml")));
+  // done is done: nothing is run again
+  const YAML::Node again = YAML::Load(run({file, "--output", path("killed")}).out);
+  EXPECT_EQ(again["done_before"].as<int>(), 300);
+  EXPECT_EQ(textOf(path("killed/results.csv")), calm);
+}
+
+TEST_F(StudyTool, InterruptKeepsWhatIsDoneAndSaysHowToGoOn) {
+  const std::string file = usual(3000);
+  const pid_t child = start({kTool, file, "--output", path("a"), "--threads", "1"});
+  while (!fs::exists(path("a/journal")) || fs::file_size(path("a/journal")) < 20000) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  kill(child, SIGINT);
+  const Result result = wait(child);
+  EXPECT_EQ(result.exit_code, 130);
+  EXPECT_NE(result.err.find("of 9000 runs; they are kept"), std::string::npos) << result.err;
+  EXPECT_FALSE(fs::exists(path("a/results.csv")));
+  EXPECT_FALSE(YAML::LoadFile(path("a/manifest.yaml"))["complete"].as<bool>());
+  // another study isn't mixed in, --fresh begins anew
+  const Result other = run({usual(1), "--output", path("a")});
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_NE(other.err.find("--fresh"), std::string::npos) << other.err;
+  EXPECT_EQ(run({usual(1), "--output", path("a"), "--fresh"}).exit_code, 0);
+  EXPECT_EQ(linesOf(textOf(path("a/results.csv"))).size(), 4u);
+}
+
+TEST_F(StudyTool, EnoughEndsAtTheSameRunWithAnyWorkers) {
+  const std::string file =
+      study("name: enough\nscenario: " + kScenarios +
+            "chapter8_force_two_10N.yaml\nset: {duration: 1.0e-4}\n"
+            "samples: 5000\nassembled: {offset: 0.043}\n"
+            "enough: {half_width: 0.08, least: 20}\n"
+            "axes: [{key: 'initial.peg.position[1]', uniform: [0.039, 0.041]}]\n");
+  const Result one = run({file, "--threads", "1", "--output", path("one")});
+  ASSERT_EQ(one.exit_code, 0) << one.err;
+  const YAML::Node summary = YAML::Load(one.out);
+  const int runs = summary["runs"].as<int>();
+  // half width z sqrt(p (1 - p)/n): at most 150 runs for 0.08
+  EXPECT_LT(runs, 160);
+  EXPECT_GE(runs, 20);
+  const auto interval = summary["assembled"]["interval"];
+  EXPECT_LE(interval[1].as<double>() - interval[0].as<double>(), 0.16);
+  ASSERT_EQ(run({file, "--threads", "3", "--output", path("three")}).exit_code, 0);
+  EXPECT_EQ(textOf(path("three/results.csv")), textOf(path("one/results.csv")));
+}
+
+TEST_F(StudyTool, SearchFindsAKnownOptimumWithAnyWorkers) {
+  // hanging still, the bottom centre lies where it starts: nearest to the axis at x = 3 mm - draw
+  const std::string file = study(
+      "name: search\nscenario: " + kScenarios +
+      "cell.yaml\nset: {duration: 1.0e-3}\nstart: {offset: 0.004, azimuth: 3.14159265358979}\n"
+      "axes:\n  - {key: start.x, search: [-0.01, 0.02]}\n"
+      "  - {key: start.y, search: [-0.015, 0.01]}\n"
+      "search:\n  minimise: final_offset\n  otherwise: 1\n  tolerance: 1.0e-4\n"
+      "  steps: [{algorithm: direct, evaluations: 30}, {algorithm: sbplx, evaluations: 120}]\n");
+  const Result one = run({file, "--threads", "1", "--output", path("one")});
+  ASSERT_EQ(one.exit_code, 0) << one.err;
+  const YAML::Node best = YAML::Load(one.out)["optimum"];
+  // the tolerance is 1e-4 of the ranges, 3 um
+  EXPECT_NEAR(best["start.x"].as<double>(), 0.004, 1e-5);
+  EXPECT_NEAR(best["start.y"].as<double>(), 0.0, 1e-5);
+  EXPECT_LT(best["final_offset"].as<double>(), 1.5e-5);
+  const Result two =
+      wait(start({"mpirun", "-n", "2", kTool, file, "--output", path("two"), "--quiet"}));
+  ASSERT_EQ(two.exit_code, 0) << two.err;
+  EXPECT_EQ(textOf(path("two/results.csv")), textOf(path("one/results.csv")));
+  // what the journal holds isn't run again
+  const YAML::Node again = YAML::Load(run({file, "--output", path("two")}).out);
+  EXPECT_EQ(again["done_before"].as<int>(), again["runs"].as<int>());
+}
+
+TEST_F(StudyTool, BadInputExitsWithTwoAndOneLine) {
+  const std::string good = usual(1);
+  const std::string bad = path("bad.yaml");
+  std::ofstream(bad) << "name: bad\nscenario: nowhere.yaml\n";
+  const std::vector<std::vector<std::string>> calls = {
+      {},
+      {path("absent.yaml")},
+      {folder_.string()},
+      {bad},
+      {good, good},
+      {good, "--threads", "0"},
+      {good, "--threads"},
+      {good, "--speed"},
+      {good, "--set", "samples=-1"},
+      {good, "--set", "nonsense"},
+      {good, "--output", good},
+      {good, "--output", "/proc/nowhere"},
+  };
+  for (const auto& call : calls) {
+    const Result result = run(call);
+    EXPECT_EQ(result.exit_code, 2) << result.err;
+    EXPECT_EQ(linesOf(result.err).size(), 1u) << result.err;
+    EXPECT_TRUE(result.out.empty());
+  }
+  const Result ranks = wait(start({"mpirun", "-n", "2", kTool, bad}));
+  EXPECT_EQ(ranks.exit_code, 2);
+  EXPECT_NE(ranks.err.find("nowhere.yaml"), std::string::npos) << ranks.err;
+}
+
+TEST_F(StudyTool, ListShowsTheRunsWithoutDoingThem) {
+  const Result result = run({usual(2), "--list", "--output", path("a")});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(linesOf(result.out).size(), 7u);
+  EXPECT_EQ(linesOf(result.out)[0], "run,seed,exciter.phase,friction.sliding");
+  EXPECT_FALSE(fs::exists(path("a")));
+}
+
+}  // namespace
