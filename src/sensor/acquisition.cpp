@@ -90,7 +90,8 @@ bool Acquisition::tryOpen() {
   }
   std::string static_cause, dynamic_cause;
   try {
-    source_.open();
+    // the owner may have opened it, to be sure of it
+    if (!source_.isOpen()) source_.open();
   } catch (const InputError& error) {
     static_cause = error.what();
   } catch (const std::exception& error) {

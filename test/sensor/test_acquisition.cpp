@@ -225,6 +225,17 @@ TEST(Acquisition, TellsStaticCausesApart) {
   EXPECT_TRUE(waitFor([&] { return !source.isOpen(); }));
 }
 
+// What its owner has opened already is read as it is.
+TEST(Acquisition, TakesASourceThatIsOpen) {
+  Scripted source;
+  source.open();
+  Acquisition acquisition(source, quick());
+  acquisition.start();
+  ASSERT_NE(acquisition.next(kPatience), nullptr);
+  EXPECT_EQ(acquisition.status().failed_opens, 0u);
+  EXPECT_EQ(source.attempts.size(), 1u);
+}
+
 TEST(Acquisition, NeitherSamplesNorBlocksAllocate) {
   Scripted source;
   Acquisition acquisition(source, quick());
