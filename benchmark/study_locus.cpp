@@ -46,9 +46,7 @@ void record(double a, double b, double psi, double sigma, std::mt19937_64& rando
 
 Locus locusOf(const Recording& r) {
   const HarmonicFit fit = fitHarmonic(r.angle, r.signals, {false});
-  return locusFromPhasors(fit.phasor[0], fit.phasor[1],
-                          std::sqrt(0.5 * (fit.variance[0] + fit.variance[1])), fit.samples,
-                          fit.inflation);
+  return locusFromFit(fit);
 }
 
 // major axis by the covariance of the points

@@ -432,7 +432,7 @@ void Simulation::findModes(bool initial) {
         stop_ = StopReason::kInitialOverlap;
         return;
       }
-      const bool touching = initial && gap <= kInitialReach && rate <= 1e-12;
+      const bool touching = gap <= (initial ? kInitialReach : kReach) && rate <= 1e-12;
       if (gap < 0.0 || touching) {
         setMode(i, discreteFriction() ? Mode::kIdle : Mode::kSlip);
         slots_[i].armed = false;
@@ -528,7 +528,7 @@ void Simulation::decide() {
     slots_[worst].mode = change;
   }
   turnSlip();
-  if (rigid()) {
+  if (rigid() && time_ >= coarse_until_) {
     project();
     slope_v_ = evaluate(time_, state_, Look::kEvents);
   }

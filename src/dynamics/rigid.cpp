@@ -19,6 +19,9 @@ constexpr double kDirection = 1e-14, kSettled = 1e-9;  // aimed at; good enough 
 // slower approaches do not bounce: ends the accumulation of ever smaller bounces [m/s]
 constexpr double kLeastBounce = 1e-3;
 constexpr int kBounces = 60;       // impulses of one impact of several points, one after the other
+constexpr double kSettledSpeed = 1e-9;  // approach let be after an impact [m/s]
+constexpr int kStormPasses = 24;     // impacts of a step amid a storm
+constexpr double kStormGap = 1e-12;  // penetration let be then [m]
 constexpr int kImpulseSteps = 64;  // steps along the impulse of each phase
 
 }  // namespace
@@ -32,25 +35,38 @@ void Simulation::applyImpulse(const Vec3& impulse, const Vec3& moment) {
 
 // At least one closed point approaches. Points that bounce do so one after the other, the fastest
 // first; what still approaches then, or too slowly to bounce, is stopped by one plastic impact of
-// all closed points.
+// all closed points, or one after the other where friction leaves that without a solution.
 void Simulation::impact() {
+  const double before = energy();
   if (scenario_.contact.restitution > 0.0) restitutionImpacts();
-  plasticImpact();
+  plasticImpact(closed_);
+  for (int n = 0; n < kBounces; ++n) {
+    const std::size_t i = fastestApproach(kSettledSpeed);
+    if (i == kSlots) break;
+    plasticImpact(1u << i);
+  }
+  limitEnergy(before);
   // who leaves is apart at once
   for (std::size_t i = 0; i < kSlots; ++i) {
     if ((closed_ >> i & 1u) && valid(i) && touches_[i].gap_rate > 1e-9) setMode(i, Mode::kApart);
   }
 }
 
+// the closed slot that approaches fastest; kSlots where none is faster than `speed`
+std::size_t Simulation::fastestApproach(double speed) const {
+  std::size_t fastest = kSlots;
+  double approach = -speed;
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    if (!(closed_ >> i & 1u) || !valid(i) || touches_[i].gap_rate >= approach) continue;
+    approach = touches_[i].gap_rate;
+    fastest = i;
+  }
+  return fastest;
+}
+
 void Simulation::restitutionImpacts() {
   for (int n = 0; n < kBounces; ++n) {
-    std::size_t fastest = kSlots;
-    double approach = -kLeastBounce;
-    for (std::size_t i = 0; i < kSlots; ++i) {
-      if (!(closed_ >> i & 1u) || !valid(i) || touches_[i].gap_rate >= approach) continue;
-      approach = touches_[i].gap_rate;
-      fastest = i;
-    }
+    const std::size_t fastest = fastestApproach(kLeastBounce);
     if (fastest == kSlots) return;
     const Vec3 impulse = restitutionImpulse(fastest);
     applyImpulse(impulse, touches_[fastest].r.cross(impulse));
@@ -143,13 +159,13 @@ Vec3 Simulation::restitutionImpulse(std::size_t i) const {
 // No point approaches afterwards, impulses only push, Coulomb's law with the sliding coefficient on
 // the slip after the impact. Points are tried as sticking first; the worst offender changes until
 // none is left. Dynamics specification section 4C.
-void Simulation::plasticImpact() {
+void Simulation::plasticImpact(ContactSlotMask points) {
   const Body body = this->body();
   enum class Kind { kNone, kStick, kSlip };
   std::array<Kind, kSlots> kind{};
   std::array<Vec3, kSlots> friction{}, impulse{};
   for (std::size_t i = 0; i < kSlots; ++i) {
-    kind[i] = (closed_ >> i & 1u) && valid(i) ? Kind::kStick : Kind::kNone;
+    kind[i] = (points >> i & 1u) && valid(i) ? Kind::kStick : Kind::kNone;
     friction[i].setZero();
     impulse[i].setZero();
   }
@@ -320,7 +336,7 @@ void Simulation::plasticImpact() {
     }
     bool rejoined = false;
     for (std::size_t i = 0; i < kSlots && pass < kPasses / 2; ++i) {
-      if (kind[i] != Kind::kNone || !(closed_ >> i & 1u) || !valid(i)) continue;
+      if (kind[i] != Kind::kNone || !(points >> i & 1u) || !valid(i)) continue;
       if (point(i).normal.dot(velocityAfter(i)) < -1e-12) {
         kind[i] = Kind::kStick;
         rejoined = true;
@@ -336,6 +352,45 @@ void Simulation::plasticImpact() {
     moment += touches_[i].r.cross(impulse[i]);
   }
   applyImpulse(total, moment);
+  for (std::size_t i = 0; i < kSlots; ++i) touches_[i].force = impulse[i];
+}
+
+// Impact without collision: friction wedges slipping points the faster the harder they press
+// (Painlevé's paradox, two points against each other) and force grows without bound within
+// finite time. All points come to rest at once; those that would be pulled are left out.
+void Simulation::jam() {
+  ++counts_.jams;
+  ContactSlotMask resting = closed_;
+  const Body body = this->body();
+  std::array<Constraint, kSlots> rows;
+  while (resting) {
+    std::size_t n = 0;
+    std::array<std::size_t, kSlots> slot_of{};
+    for (ContactSlotMask left = resting; left; left &= left - 1) {
+      const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+      if (!valid(i)) continue;
+      rows[n].stick = true;
+      rows[n].r = touches_[i].r;
+      rows[n].normal = rows[n].direction = point(i).normal;
+      rows[n].change = -touches_[i].velocity;
+      slot_of[n++] = i;
+    }
+    solveConstraints(body, rows.data(), static_cast<int>(n));
+    Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();
+    double worst = 0.0;
+    std::size_t pulled = kSlots;
+    for (std::size_t j = 0; j < n; ++j) {
+      impulse += rows[j].force;
+      moment += rows[j].r.cross(rows[j].force);
+      const double N = rows[j].normal.dot(rows[j].force);
+      if (N < worst) worst = N, pulled = slot_of[j];
+    }
+    if (pulled == kSlots) {
+      applyImpulse(impulse, moment);
+      return;
+    }
+    resting &= ~(1u << pulled);
+  }
 }
 
 // Closed contacts stay closed: gaps, gap rates and the slip of resting points are put to zero by
@@ -369,6 +424,79 @@ void Simulation::project() {
   }
   state_.v += accelerationBy(impulse, moment);
   state_.q += accelerationBy(lift, turn);
+}
+
+// takes from all speeds alike what the present energy is above `most`
+void Simulation::limitEnergy(double most) {
+  const double excess = energy() - most;
+  if (!(excess > 0.0)) return;
+  const State moving = state_;
+  state_.v.setZero();
+  const double kinetic = most + excess - energy();
+  state_.v = moving.v * std::sqrt(std::max(0.0, 1.0 - excess / kinetic));
+}
+
+// A step amid a storm of events, to time t: an impact that lets no point be closer than zero at the
+// end, again and again (a flat peg that is stopped on one side comes down on the other), then free
+// flight. Of first order at contacts; a peg at rest hops by nanometres. Never gives energy.
+void Simulation::stormStep(double t) {
+  const double h = t - time_, before = energy();
+  const State start = state_;
+  evaluateFree(time_, state_);
+  const Vector9 fall = 0.5 * h * now_.free;
+  std::array<Vec3, kSlots> impulse;
+  impulse.fill(Vec3::Zero());
+  state_.v += fall;
+  for (int pass = 0; pass < kStormPasses; ++pass) {
+    // of the step: mean velocity, place at the end
+    state_.q = start.q + h * state_.v;
+    for (std::size_t i = 0; i < kSlots; ++i) setMode(i, Mode::kApart);
+    evaluateFree(t, state_);
+    locateAll();
+    for (std::size_t i = 0; i < kSlots; ++i) {
+      if (!(admitted_ >> i & 1u) || !valid(i) || point(i).gap > -kStormGap) continue;
+      setMode(i, Mode::kIdle);
+      touches_[i].velocity += (point(i).gap / h - touches_[i].gap_rate) * point(i).normal;
+    }
+    if (!closed_) break;
+    plasticImpact(closed_);
+    for (std::size_t i = 0; i < kSlots; ++i) {
+      if (closed_ >> i & 1u) impulse[i] += touches_[i].force;
+    }
+  }
+  for (std::size_t i = 0; i < kSlots; ++i) setMode(i, Mode::kApart);
+  state_ = {start.q, state_.v - fall};
+  limitEnergy(before);
+  evaluateFree(time_, state_);
+  slope_v_ = now_.free;
+  State end;
+  Vector9 slope;
+  tryOneStep(Method::kRk4, h, end, slope);
+  time_ = t;
+  state_ = end;
+  ++counts_.steps;
+  if (time_ >= coarse_until_) {
+    const double most = energy();
+    findModes(false);
+    if (energy() > most) {
+      limitEnergy(most);
+      decide();
+    }
+    return;
+  }
+  // mean forces of the step
+  evaluateFree(time_, state_);
+  locateAll();
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    if (!(admitted_ >> i & 1u) || !valid(i) || impulse[i].isZero()) continue;
+    Touch& touch = touches_[i];
+    touch.force = impulse[i] / h;
+    touch.normal_force = point(i).normal.dot(touch.force);
+    const Vec3 friction = touch.force - touch.normal_force * point(i).normal;
+    const bool slips =
+        friction.norm() > 0.999 * scenario_.friction.sliding_coefficient * touch.normal_force;
+    setMode(i, slips ? Mode::kSlip : Mode::kStick);
+  }
 }
 
 }  // namespace assembly_cell

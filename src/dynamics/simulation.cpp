@@ -18,8 +18,11 @@ constexpr double kEventTime = 1e-12;  // events are located to this [s]
 constexpr double kTaylorTime =
     1e-9;  // a step is lengthened by less than this without a new one [s]
 // as many events as are remembered within kCluster are a storm (a peg that lies flat, rocking): for
-// kCoarseSpan the run goes on in steps of kCoarseStep without locating events [s]
-constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5;
+// kCoarseSpan the run goes on in steps of at most kCoarseStep without locating events [s]; under the
+// rigid law so short that a point pressed on falls by less than kHop between two impacts [m]
+constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5, kLeastCoarse = 5e-7;
+constexpr double kHop = 1e-10;
+constexpr double kLift = 1e-11;  // a contact lifted farther at an event pays for it with speed [m]
 // the rigid law has storms only where the peg is flat [rad], or within this [s]: two places of
 // contact that merge push each other open for ever
 constexpr double kFlatTilt = 1e-3, kStandstill = 8e-6;
@@ -357,6 +360,7 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
 
 // at an event: slots that have closed or left are told so, decide() does the rest
 void Simulation::changeModes() {
+  const double before = rigid() ? energy() : 0.0;
   bool closed = false, lost = false;
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
@@ -381,6 +385,17 @@ void Simulation::changeModes() {
   }
   if (closed && rigid()) impact();
   decide();
+  if (rigid() && closed_ && energy() > before + kLift * freeAcceleration() * scenario_.peg.mass) {
+    limitEnergy(before);
+    decide();
+  }
+}
+
+bool Simulation::slips() const {
+  for (const Slot& slot : slots_) {
+    if (slot.mode == Mode::kSlip && slot.armed) return true;
+  }
+  return false;
 }
 
 bool Simulation::flat() const { return std::hypot(now_.k.a(1), now_.k.a(2)) < kFlatTilt; }
@@ -403,6 +418,15 @@ void Simulation::refresh() {
   open_set_ = open;
 }
 
+// what ends a run after a step
+void Simulation::checkState() {
+  if (std::sin(state_.q(4)) < 0.1) {
+    stop_ = StopReason::kSingular;
+  } else if (admitted_) {
+    stop_ = excludedContact();
+  }
+}
+
 // a contact that `features` excludes ends the run
 StopReason Simulation::excludedContact() const {
   if (admitted_ && (closed_set_.top_reached || open_set_.top_reached)) return StopReason::kPegTop;
@@ -423,11 +447,21 @@ StopReason Simulation::excludedContact() const {
   return StopReason::kRimFace;
 }
 
+// bound of the peg's acceleration without contacts, at its edge
+double Simulation::freeAcceleration() const {
+  const double arm = std::hypot(scenario_.peg.half_height, scenario_.peg.radius);
+  return now_.free.head<3>().norm() + arm * now_.free.segment<3>(3).norm();
+}
+
+double Simulation::coarseStep() const {
+  return std::clamp(std::sqrt(8.0 * kHop / freeAcceleration()), kLeastCoarse, kCoarseStep);
+}
+
 // the next step to take; true in `last` where it ends at t_end
 double Simulation::planStep(double t_end, bool& last) const {
   const double left = t_end - time_;
   double h = fixed_step_ ? scenario_.solver.step : std::min(next_step_, scenario_.solver.max_step);
-  if (time_ < coarse_until_) h = std::min(h, coarse_step_);
+  if (time_ < coarse_until_) h = rigid() ? coarseStep() : std::min(h, kCoarseStep);
   if (method_ == Method::kHamming && !bridging_ && left > h) {
     // equal steps to the end, so that the past stays of use
     const bool same = history_.count > 0 && history_.h <= h * (1 + 1e-6);
@@ -449,7 +483,14 @@ bool Simulation::shorten(double h, double error, bool is_finite) {
   if (!fixed_step_ && h * factor < kShortest && is_finite && rigid() && flat() &&
       time_ >= coarse_until_) {
     coarse_until_ = time_ + kCoarseSpan;
-    next_step_ = coarse_step_ = kCoarseStep;
+    return true;
+  }
+  if (rigid() && is_finite && h * factor < kStepFloor && slips()) {
+    ++counts_.events;
+    if (storm(time_)) coarse_until_ = time_ + kCoarseSpan;
+    jam();
+    decide();
+    next_step_ = kBridge;
     return true;
   }
   if (fixed_step_ || h * factor < kStepFloor) {
@@ -496,16 +537,20 @@ void Simulation::lengthen(double h, double error, bool last, double t_end) {
 StopReason Simulation::advance(double t_end) {
   if (stop_ != StopReason::kOk) return stop_;
   // forces jump with the commands: decide anew who slips
-  if (stale_) decide();
+  if (stale_ && !(rigid() && time_ < coarse_until_)) decide();
   State end;
   Vector9 slope;
   while (time_ < t_end && stop_ == StopReason::kOk) {
     bool last = false;
     const bool coarse = time_ < coarse_until_;
     double h = planStep(t_end, last);
-    const double attempt = coarse && rigid() ? tryOneStep(Method::kRk4, h, end, slope)
-                           : bridging_       ? tryOneStep(Method::kDopri5, h, end, slope)
-                                             : tryStep(h, end, slope);
+    if (coarse && rigid()) {
+      stormStep(last ? t_end : time_ + h);
+      checkState();
+      continue;
+    }
+    const double attempt =
+        bridging_ ? tryOneStep(Method::kDopri5, h, end, slope) : tryStep(h, end, slope);
     const bool is_finite = finite(end) && slope.allFinite();
     if (!is_finite || !(attempt <= 1.0)) {
       if (!shorten(h, attempt, is_finite)) return stop_;
@@ -519,9 +564,9 @@ StopReason Simulation::advance(double t_end) {
       for (const double value : events) quiet = quiet && value >= 0.0;
     }
     if (coarse) {
-      // amid a storm: short steps, modes decided after each, nothing located
+      // amid a storm: modes decided after each step, nothing located
       accept(last ? t_end : time_ + h, end, slope);
-      if (!rigid()) lengthen(h, attempt, last, t_end);
+      lengthen(h, attempt, last, t_end);
       findModes(false);
     } else if (quiet) {
       accept(last ? t_end : time_ + h, end, slope);
@@ -537,9 +582,7 @@ StopReason Simulation::advance(double t_end) {
       h = locateEvent(h, events, end, slope);
       if (storm(time_ + h)) {
         // a tenth of both where no flat peg is the cause: modes decided late cost energy
-        const double part = rigid() && !flat() ? 0.1 : 1.0;
-        coarse_step_ = part * kCoarseStep;
-        coarse_until_ = time_ + h + part * kCoarseSpan;
+        coarse_until_ = time_ + h + kCoarseSpan;
       }
       accept(time_ + h, end, slope);
       ++counts_.events;
@@ -549,11 +592,7 @@ StopReason Simulation::advance(double t_end) {
         return stop_;
       }
     }
-    if (std::sin(state_.q(4)) < 0.1) {
-      stop_ = StopReason::kSingular;
-      return stop_;
-    }
-    if (admitted_) stop_ = excludedContact();
+    checkState();
   }
   return stop_;
 }

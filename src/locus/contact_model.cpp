@@ -6,264 +6,31 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <string>
 
 #include "assembly_cell/scene/input_error.h"
+#include "linear_motion.h"
 
 namespace assembly_cell {
-namespace {
 
-using Complex = std::complex<double>;
-using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-using Complex6 = Eigen::Matrix<Complex, 6, 1>;
-using Complex9 = Eigen::Matrix<Complex, 9, 1>;
-using ComplexMatrix6 = Eigen::Matrix<Complex, 6, 6>;
-using ComplexMatrix9 = Eigen::Matrix<Complex, 9, 9>;
-using Matrix69 = Eigen::Matrix<double, 6, 9>;
+using linear_motion::check;
+using linear_motion::Complex;
+using linear_motion::Complex6;
+using linear_motion::Complex9;
+using linear_motion::counterRotating;
+using linear_motion::FreeMotion;
+using linear_motion::HeldMotion;
+using linear_motion::motionFromSensor;
+using linear_motion::sensorStiffness;
+using linear_motion::sensorWrench;
 
-// coordinates: u, translation of the centre of mass; theta, rotation vector; carrier x, y, yaw
-constexpr int kU = 0, kTheta = 3, kCarrier = 6;
+namespace {
 
-// rows of the thesis order z, x, y by x, y, z
-Matrix3d thesisOrder() { return (Matrix3d() << 0, 0, 1, 1, 0, 0, 0, 1, 0).finished(); }
-
-// 6×6 of the coupling, thesis order
-Matrix6 symmetric(const CouplingMatrix& m) {
-  Matrix6 full = m.diagonal.asDiagonal();
-  full(1, 5) = full(5, 1) = m.k26;
-  full(2, 4) = full(4, 2) = m.k35;
-  return full;
-}
-
-// the same matrix for both halves of a twist or wrench
-Matrix6 twice(const Matrix3d& m) {
-  Matrix6 both = Matrix6::Zero();
-  both.topLeftCorner<3, 3>() = both.bottomRightCorner<3, 3>() = m;
-  return both;
-}
-
-// axes of a body whose axis is tilted by the rotation vector (x, y), Euler angle psi zero
-Matrix3d tilted(const Vector2d& tilt) {
-  Vector3d axis = Vector3d::UnitZ();
-  const double angle = tilt.norm();
-  if (angle > 0.0) {
-    axis = Eigen::AngleAxisd(angle, Vector3d(tilt.x(), tilt.y(), 0.0) / angle) * axis;
-  }
-  const double phi = std::atan2(axis.x(), axis.z());
-  const double about_x = std::asin(std::clamp(-axis.y(), -1.0, 1.0));
-  return (Eigen::AngleAxisd(phi, Vector3d::UnitY()) * Eigen::AngleAxisd(about_x, Vector3d::UnitX()))
-      .toRotationMatrix();
-}
-
-// second-order term of a constant force f at the lever l of a body that rotates: the energy
-// -f·(θ×(θ×l))/2 as a stiffness
-Matrix3d forceStiffness(const Vector3d& f, const Vector3d& l) {
-  return f.dot(l) * Matrix3d::Identity() - 0.5 * (f * l.transpose() + l * f.transpose());
-}
-
-// The mechanism without contact at one frequency and tilt.
-struct FreeMotion {
-  FreeMotion(const Scenario& mechanism, double rate, const Vector2d& tilt,
-             const Vector2d& sensor_tilt)
-      : R_HP(tilted(tilt)), R_HS(tilted(sensor_tilt)) {
-    const Matrix6 stiffness = symmetric(mechanism.coupling.stiffness);
-    const Complex s(0.0, rate);
-    const Matrix6 damping = symmetric(mechanism.coupling.damping);
-    const Vector3d axis = R_HP.col(2);
-    to_coupling = mechanism.peg.coupling_height * axis;
-    to_exciter = mechanism.peg.exciter_height * axis;
-
-    // deflection of the coupling by the peg's rotation: springs see Euler angles, dampers rates
-    const double phi = std::atan2(axis.x(), axis.z());
-    Matrix3d euler;  // columns: rotation by theta, phi, psi
-    euler << std::cos(phi), 0.0, axis.x(), 0.0, 1.0, axis.y(), -std::sin(phi), 0.0, axis.z();
-    Matrix3d about;  // rows: about z (psi), about x (theta), about y (phi)
-    const Matrix3d inverse = euler.inverse();
-    about << inverse.row(2), inverse.row(0), inverse.row(1);
-
-    // deflection = twist of the coupling point + carrier's part
-    const Matrix6 damper = twice(thesisOrder());
-    Matrix6 spring = damper;
-    spring.bottomRightCorner<3, 3>() = about;
-    Matrix69 twist = Matrix69::Zero();  // of the coupling point by all coordinates
-    twist.block<3, 3>(0, kU).setIdentity();
-    twist.block<3, 3>(0, kTheta) = -skew(to_coupling);
-    twist.block<3, 3>(3, kTheta).setIdentity();
-    Matrix69 carrier = Matrix69::Zero();
-    carrier(1, kCarrier) = carrier(2, kCarrier + 1) = carrier(3, kCarrier + 2) = -1.0;
-    const Matrix69 spring_of = spring * twist + carrier;
-    const Matrix69 damper_of = damper * twist + carrier;
-
-    const Eigen::Matrix<Complex, 6, 9> spring_force = (stiffness * spring_of).cast<Complex>();
-    const Eigen::Matrix<Complex, 6, 9> damper_force = s * (damping * damper_of).cast<Complex>();
-    wrench = spring.transpose().cast<Complex>() * spring_force +
-             damper.transpose().cast<Complex>() * damper_force;
-    displaced = twist.topRows<3>();
-    displaced.block<2, 2>(0, kCarrier) -= Eigen::Matrix2d::Identity();
-    dynamic = spring_of.transpose().cast<Complex>() * spring_force +
-              damper_of.transpose().cast<Complex>() * damper_force;
-
-    // masses and the carrier's own springs and dampers
-    const PegParameters& peg = mechanism.peg;
-    const Matrix3d inertia =
-        R_HP *
-        Vector3d(peg.inertia_transverse, peg.inertia_transverse, peg.inertia_axial).asDiagonal() *
-        R_HP.transpose();
-    dynamic.block<3, 3>(kU, kU) -= (rate * rate * peg.mass * Matrix3d::Identity()).cast<Complex>();
-    dynamic.block<3, 3>(kTheta, kTheta) -= (rate * rate * inertia).cast<Complex>();
-    const Vector3d carrier_mass(mechanism.carrier.mass, mechanism.carrier.mass,
-                                mechanism.carrier.inertia);
-    for (int k = 0; k < 3; ++k) {
-      dynamic(kCarrier + k, kCarrier + k) += mechanism.carrier.stiffness[k] +
-                                             s * mechanism.carrier.damping[k] -
-                                             rate * rate * carrier_mass[k];
-    }
-  }
-
-  Matrix3d R_HP, R_HS;
-  Vector3d to_coupling, to_exciter;       // from the centre of mass [m]
-  Eigen::Matrix<Complex, 6, 9> wrench;    // of the peg on the sensor at the coupling, hole axes
-  Eigen::Matrix<double, 3, 9> displaced;  // coupling point against the carrier, hole axes
-  ComplexMatrix9 dynamic;                 // generalised forces per coordinates
-};
-
-// The six coordinates that are left with a point of the peg's edge held: theta and the carrier.
-class HeldMotion {
- public:
-  HeldMotion(const Scenario& mechanism, const OperatingPoint& point)
-      : free_(mechanism, point.direction * point.frequency, point.tilt, point.sensor_tilt),
-        peg_(mechanism.peg),
-        contact_(point.friction.x(), point.friction.y(), point.press),
-        weight_(mechanism.peg.mass * mechanism.gravity),
-        rolling_(point.rolling && point.tilt.norm() > 1e-3
-                     ? mechanism.peg.radius / point.tilt.norm()
-                     : 0.0) {
-    const Vector3d force_in_peg(point.amplitude, 0.0, 0.0), quarter(0.0, point.amplitude, 0.0);
-    force_.real() = free_.R_HP * force_in_peg;
-    force_.imag() = free_.R_HP * -quarter;
-  }
-
-  const FreeMotion& free() const { return free_; }
-
-  // static force of the peg on the sensor, hole axes [N]
-  Vector3d couplingForce() const { return contact_ - Vector3d(0.0, 0.0, weight_); }
-
-  // all nine coordinates [m], [rad]
-  Complex9 solve(double alpha) const {
-    // the held point: its horizontal direction from the bottom centre is alpha
-    const Vector2d radial(std::cos(alpha), std::sin(alpha));
-    const Vector2d body = (free_.R_HP.topLeftCorner<2, 2>().inverse() * radial).normalized();
-    const Vector3d rho =
-        free_.R_HP * Vector3d(peg_.radius * body.x(), peg_.radius * body.y(), -peg_.half_height);
-
-    // static forces: contact, and the coupling that balances it and the weight
-    const Vector3d coupling(-contact_.x(), -contact_.y(), weight_ - contact_.z());
-    Matrix3d fixed = forceStiffness(contact_, rho) + forceStiffness(coupling, free_.to_coupling);
-    // the coupling's static moment acts on Euler angles, which differ from θ by θ×θ terms
-    const Vector3d moment = rho.cross(contact_) + free_.to_coupling.cross(coupling);
-    Matrix3d euler;
-    euler << 0.0, moment.z(), moment.y(), moment.z(), 0.0, -moment.x(), moment.y(), -moment.x(),
-        0.0;
-    fixed += 0.5 * euler;
-    // rolling: a turn s about the radial axis moves the contact by -(r / tilt) s along the edge
-    const Vector3d along(-radial.y(), radial.x(), 0.0);
-    fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();
-
-    // u = -θ × rho
-    const Eigen::Matrix3cd held = skew(rho).cast<Complex>();
-    const ComplexMatrix9& d = free_.dynamic;
-    ComplexMatrix6 reduced = d.bottomRightCorner<6, 6>();
-    reduced.topLeftCorner<3, 3>() +=
-        held.transpose() * (d.block<3, 3>(kU, kU) * held + d.block<3, 3>(kU, kTheta)) +
-        d.block<3, 3>(kTheta, kU) * held + fixed.cast<Complex>();
-    reduced.topRightCorner<3, 3>() += held.transpose() * d.block<3, 3>(kU, kCarrier);
-    reduced.bottomLeftCorner<3, 3>() += d.block<3, 3>(kCarrier, kU) * held;
-    Complex6 load = Complex6::Zero();
-    load.head<3>() = skew(free_.to_exciter - rho).cast<Complex>() * force_;
-
-    Complex9 q;
-    q.tail<6>() = reduced.partialPivLu().solve(load);
-    q.head<3>() = held * q.segment<3>(kTheta);
-    return q;
-  }
-
-  // on the peg at the held point, besides the press force [N]
-  Eigen::Vector3cd contactForce(const Complex9& q) const {
-    return free_.dynamic.topRows<3>() * q - force_;
-  }
-
- private:
-  FreeMotion free_;
-  PegParameters peg_;
-  Vector3d contact_;  // static force on the peg [N]
-  double weight_;     // [N]
-  double rolling_;    // contact's way along the edge per turn about the radial axis [m]
-  Eigen::Vector3cd force_;
-};
-
-void check(const OperatingPoint& point) {
-  if (!(std::isfinite(point.frequency) && point.frequency > 0.0)) {
-    throw InputError("exciter frequency is " + std::to_string(point.frequency) +
-                     ": give a positive one in rad/s");
-  }
-  if (!(std::isfinite(point.amplitude) && point.amplitude > 0.0)) {
-    throw InputError("exciter amplitude is " + std::to_string(point.amplitude) +
-                     ": give a positive one in N");
-  }
-  if (point.direction != 1 && point.direction != -1) {
-    throw InputError("exciter direction is " + std::to_string(point.direction) + ": give 1 or -1");
-  }
-  if (!(std::isfinite(point.press) && point.press >= 0.0)) {
-    throw InputError("press force is " + std::to_string(point.press) +
-                     ": give one of at least 0 in N");
-  }
-  if (!point.friction.allFinite()) {
-    throw InputError("friction force is not finite: give the horizontal contact force in N");
-  }
-  if (!(point.tilt.norm() < 0.5 && point.sensor_tilt.norm() < 0.5)) {
-    throw InputError("tilt is " + std::to_string(point.tilt.norm()) +
-                     ": the small-motion model holds below 0.5 rad");
-  }
-}
-
-// counter-rotating amplitudes of the plane motion
-Eigen::Vector2cd counterRotating(Complex x, Complex y) {
-  const Complex i(0.0, 1.0);
-  return {0.5 * (x + i * y), 0.5 * std::conj(x - i * y)};
-}
-
-// stiffness of the coupling in the order x, y, z, about x, about y, about z
-Matrix6 sensorStiffness(const Scenario& mechanism) {
-  const Matrix6 order = twice(thesisOrder());
-  return order.transpose() * symmetric(mechanism.coupling.stiffness) * order;
-}
-
-// Wrench on the sensor about its origin, in its axes, by all coordinates. The coupling point leaves
-// the origin, so the static force and the moving one each have the other's displacement as arm.
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const Scenario& mechanism, const FreeMotion& free,
-                                          const Vector3d& static_force) {
-  const Vector6& k = mechanism.coupling.stiffness.diagonal;
-  const auto give = [](double force, double stiffness) {
-    return stiffness > 0.0 ? force / stiffness : 0.0;
-  };
-  const Vector3d static_displacement(give(static_force.x(), k[1]), give(static_force.y(), k[2]),
-                                     give(static_force.z(), k[0]));
-  Eigen::Matrix<Complex, 6, 9> wrench = free.wrench;
-  const Eigen::Matrix<Complex, 3, 9> forces = free.wrench.topRows<3>();
-  wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -
-                            (skew(static_force) * free.displaced).cast<Complex>();
-  return twice(free.R_HS.transpose()).cast<Complex>() * wrench;
-}
-
-// centre of mass in the plane by the wrench on the sensor, in its axes: six wrench equations and
-// the carrier's three give all coordinates
+// centre of mass in the plane by the wrench on the sensor, in its axes
 Eigen::Matrix<Complex, 2, 6> planeFromSensor(const Scenario& mechanism, const FreeMotion& free,
                                              const Vector3d& static_force) {
-  ComplexMatrix9 system;
-  system << sensorWrench(mechanism, free, static_force), free.dynamic.bottomRows<3>();
-  return system.fullPivLu().inverse().topLeftCorner<2, 6>();
+  return motionFromSensor(mechanism, free, static_force).topRows<2>();
 }
 
 double wrapped(double angle) {
@@ -311,8 +78,9 @@ Locus centreOfMassLocus(const Scenario& mechanism, double frequency, const Harmo
   const Eigen::Matrix<Complex, 2, 6> plane = planeFromSensor(mechanism, free, Vector3d::Zero()) *
                                              sensorStiffness(mechanism).cast<Complex>();
   const Eigen::Vector2cd xy = plane * fit.phasor;
-  // noise of each displacement by its column, mean of both axes
-  const double variance = 0.5 * (plane.cwiseAbs2().colwise().sum() * fit.variance).value();
+  // mean of both axes
+  const double variance =
+      0.5 * (plane * fit.noise.cast<Complex>() * plane.adjoint()).trace().real();
   return locusFromPhasors(xy[0], xy[1], std::sqrt(variance), fit.samples, fit.inflation);
 }
 
@@ -349,7 +117,7 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
   };
 
   // best of a coarse grid
-  constexpr int kGrid = 24;
+  constexpr int kGrid = 12;
   std::array<double, kGrid> grid{};
   for (std::size_t k = 0; k < kGrid; ++k) {
     grid[k] = cost(2.0 * M_PI * static_cast<double>(k) / kGrid);
@@ -365,33 +133,33 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
     return best;
   };
 
+  const double noise_of_locus = locus.samples > 0 ? locus.variance() : 0.0;
+
   // Gauss–Newton, a step only where it lowers the cost
   double information = 0.0;  // of the last one refined, |d(P, N)/dα|² [m²]
   const auto refine = [&](double alpha, double& lowest) {
     constexpr double kStep = 1e-4;
-    lowest = cost(alpha);
+    Eigen::Vector2cd rest = measured - predicted(alpha);
+    lowest = rest.squaredNorm();
     for (int iteration = 0; iteration < 30; ++iteration) {
       const Eigen::Vector2cd slope =
           (predicted(alpha + kStep) - predicted(alpha - kStep)) / (2.0 * kStep);
       information = slope.squaredNorm();
-      double step = slope.dot(measured - predicted(alpha)).real() / information;
-      if (!std::isfinite(step)) {
-        break;
-      }
+      double step = slope.dot(rest).real() / information;
+      if (!std::isfinite(step)) break;
+      // to a thousandth of the noise
+      const double enough = std::max(1e-8, 1e-3 * std::sqrt(noise_of_locus / information));
       step = std::clamp(step, -0.2, 0.2);
-      double tried = cost(alpha + step);
-      while (tried > lowest && std::abs(step) > 1e-12) {
+      Eigen::Vector2cd tried = measured - predicted(alpha + step);
+      while (!(tried.squaredNorm() <= lowest) && std::abs(step) > enough) {
         step *= 0.5;
-        tried = cost(alpha + step);
+        tried = measured - predicted(alpha + step);
       }
-      if (tried > lowest) {
-        break;
-      }
+      if (!(tried.squaredNorm() <= lowest)) break;
       alpha += step;
-      lowest = tried;
-      if (std::abs(step) < 1e-12) {
-        break;
-      }
+      rest = tried;
+      lowest = rest.squaredNorm();
+      if (std::abs(step) <= enough) break;
     }
     return alpha;
   };
@@ -411,8 +179,7 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
   }
 
   // noise of the four numbers, or what the model leaves (three degrees of freedom) where larger
-  const double noise = std::max(locus.samples > 0 ? locus.variance() : 0.0,
-                                std::max(cost_best / 3.0, 1e-32 * size * size));
+  const double noise = std::max(noise_of_locus, std::max(cost_best / 3.0, 1e-32 * size * size));
   estimate.alpha = wrapped(best);
   estimate.alpha_opposite = wrapped(opposite);
   estimate.weight = 1.0 / (1.0 + std::exp(-0.5 * (cost_opposite - cost_best) / noise));

@@ -126,9 +126,32 @@ void requireWindow(const std::vector<double>& angle, const std::vector<double>& 
   }
 }
 
-// weights: of a robust fit on return; empty otherwise
+// 1/sd², mean 1
+std::vector<double> weightsOf(const std::vector<double>& sd, std::size_t n) {
+  if (sd.empty()) return {};
+  if (sd.size() != n) {
+    throw InputError("uncertainty has " + std::to_string(sd.size()) + " values for " +
+                     std::to_string(n) + " samples: give one a sample");
+  }
+  for (std::size_t k = 0; k < n; ++k) {
+    if (!(sd[k] > 0.0 && std::isfinite(sd[k]))) {
+      throw InputError("uncertainty of sample " + std::to_string(k) + " is " +
+                       std::to_string(sd[k]) + ": give a positive one");
+    }
+  }
+  const double smallest = *std::min_element(sd.begin(), sd.end());
+  std::vector<double> weights(n);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < n; ++k) sum += weights[k] = std::pow(smallest / sd[k], 2);
+  for (double& w : weights) w *= static_cast<double>(n) / sum;
+  return weights;
+}
+
+// given: weights of the samples, mean 1, or empty. weights: these times the robust ones on return;
+// empty where all are 1
 HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<double>& signals,
-                        const HarmonicOptions& options, std::vector<double>& weights) {
+                        const HarmonicOptions& options, const std::vector<double>& given,
+                        std::vector<double>& weights) {
   requireWindow(angle, signals, options);
   const std::size_t n = angle.size();
   const double samples = static_cast<double>(n);
@@ -140,7 +163,8 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
   const auto signalsOf = [&](std::size_t k) -> Vector6 {
     return Signals(&signals[6 * k]) - origin;
   };
-  weights.clear();
+  weights = given;
+  const auto givenOf = [&](std::size_t k) { return given.empty() ? 1.0 : given[k]; };
   const auto weightOf = [&](std::size_t k) { return weights.empty() ? 1.0 : weights[k]; };
   Normal normal(q, q), inverse(q, q);
   Coefficients moment(q, 6), fit(q, 6);
@@ -159,7 +183,8 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
     fit = inverse * moment;
   };
   solve();
-  const double inflation = inverse.topLeftCorner<2, 2>().trace() * samples / 4.0;
+  const Eigen::Matrix2d scatter = inverse.topLeftCorner<2, 2>();
+  const double inflation = scatter.trace() * samples / 4.0;
   if (!(inflation > 0.0 && inflation < 1e6)) {
     throw InputError(
         "the samples do not resolve the exciter's angle: use a sampling rate that is no multiple "
@@ -176,7 +201,9 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
     std::vector<double> radius(n), sorted(n);
     double before = 0.0;
     for (int pass = 0; pass < kReweightings; ++pass) {
-      for (std::size_t k = 0; k < n; ++k) radius[k] = residualOf(k).head<2>().norm();
+      for (std::size_t k = 0; k < n; ++k) {
+        radius[k] = std::sqrt(givenOf(k)) * residualOf(k).head<2>().norm();
+      }
       sorted = radius;
       const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
       std::nth_element(sorted.begin(), middle, sorted.end());
@@ -187,7 +214,7 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
       efficiency = 0.0;
       for (std::size_t k = 0; k < n; ++k) {
         const bool inside = radius[k] <= limit;
-        if (!inside) weights[k] = limit / radius[k];
+        weights[k] = givenOf(k) * (inside ? 1.0 : limit / radius[k]);
         efficiency += (inside ? 1.0 : 0.5 * limit / radius[k]) / samples;
       }
       solve();
@@ -196,10 +223,10 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
 
   // residuals give the noise and one step of refinement
   Coefficients rest = Coefficients::Zero(q, 6);
-  Vector6 sum_squares = Vector6::Zero();
+  Matrix6 sum_squares = Matrix6::Zero();
   for (std::size_t k = 0; k < n; ++k) {
     const Vector6 residual = weightOf(k) * residualOf(k);
-    sum_squares += residual.cwiseAbs2();
+    sum_squares.noalias() += residual * residual.transpose() / givenOf(k);
     rest.noalias() += a * residual.transpose();
   }
   fit += inverse * rest;
@@ -207,8 +234,9 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
   HarmonicFit result;
   result.samples = n;
   result.inflation = inflation;
+  result.scatter = scatter;
   result.offset = origin + fit.row(2).transpose();
-  result.variance = sum_squares / (samples - q) / (efficiency * efficiency);
+  result.noise = sum_squares / (samples - q) / (efficiency * efficiency);
   // c cos a + s sin a = Re((c - i s) e^{ia})
   result.phasor.real() = fit.row(0).transpose();
   result.phasor.imag() = -fit.row(1).transpose();
@@ -218,13 +246,14 @@ HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<doub
 }  // namespace
 
 HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
-                        const HarmonicOptions& options) {
+                        const HarmonicOptions& options, const std::vector<double>& sd) {
   std::vector<double> weights;
-  return fitWeighted(angle, signals, options, weights);
+  return fitWeighted(angle, signals, options, weightsOf(sd, angle.size()), weights);
 }
 
 FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double>& signals,
-                          double frequency, double range, const HarmonicOptions& options) {
+                          double frequency, double range, const HarmonicOptions& options,
+                          const std::vector<double>& sd) {
   if (!(frequency > 0.0 && std::isfinite(frequency))) {
     throw InputError("frequency is " + std::to_string(frequency) +
                      ": give a positive one in rad/s");
@@ -241,7 +270,7 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
   };
   const auto powerAt = [&](double w) {
     anglesAt(w);
-    const HarmonicFit fit = fitHarmonic(angle, signals, options);
+    const HarmonicFit fit = fitHarmonic(angle, signals, options, sd);
     return std::norm(fit.phasor[0]) + std::norm(fit.phasor[1]);
   };
 
@@ -262,12 +291,13 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
 
   // Gauss–Newton: how the fitted motion changes with the frequency, less what the columns explain
   FrequencyFit result{best, 0.0};
+  const std::vector<double> given = weightsOf(sd, n);
   std::vector<double> weights;
   for (int pass = 0; pass < 30; ++pass) {
     anglesAt(result.frequency);
     const Columns columns(angle.front(), angle.back(), options);
     const int q = columns.count();
-    const HarmonicFit fit = fitWeighted(angle, signals, options, weights);
+    const HarmonicFit fit = fitWeighted(angle, signals, options, given, weights);
     double weight_sum = 0.0;
     Normal normal = Normal::Zero(q, q);
     Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMostColumns, 4> moment(q, 4);
@@ -298,7 +328,7 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
     if (!(slope2 > 0.0)) throw InputError("there is no motion whose frequency could be fitted");
     const double step = along / slope2;
     const double spread = slope2 * static_cast<double>(n) / weight_sum;
-    result.sd = std::sqrt(0.5 * (fit.variance[0] + fit.variance[1]) / spread);
+    result.sd = std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)) / spread);
     result.frequency += step;
     if (!(std::abs(result.frequency - frequency) <= range)) {
       throw InputError("the best frequency is not within " + std::to_string(range) +
@@ -340,6 +370,38 @@ Locus locusFromPhasors(Complex x, Complex y, double sigma, std::size_t samples, 
   locus.samples = samples;
   locus.inflation = inflation;
   return locus;
+}
+
+Locus locusFromFit(const HarmonicFit& fit) {
+  return locusFromPhasors(fit.phasor[0], fit.phasor[1],
+                          std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1))), fit.samples,
+                          fit.inflation);
+}
+
+LocusCovariance locusCovariance(const HarmonicFit& fit) {
+  // coefficients of cos and sin of x, then of y
+  Eigen::Matrix4d coefficients;
+  for (int i = 0; i < 2; ++i) {
+    for (int j = 0; j < 2; ++j) {
+      coefficients.block<2, 2>(2 * i, 2 * j) = fit.noise(i, j) * fit.scatter;
+    }
+  }
+  Eigen::Matrix4d turned;
+  turned << 1, 0, 0, 1, 0, -1, 1, 0, 1, 0, 0, -1, 0, 1, 1, 0;
+  turned *= 0.5;
+  LocusCovariance covariance;
+  covariance.amplitudes = turned * coefficients * turned.transpose();
+
+  const Locus locus = locusFromFit(fit);
+  const double p = std::abs(locus.P), n = std::abs(locus.N);
+  const Complex up = locus.P / p, un = locus.N / n;
+  Eigen::Matrix4d slopes;
+  slopes << up.real(), up.imag(), un.real(), un.imag(),  //
+      up.real(), up.imag(), -un.real(), -un.imag(),      //
+      -up.imag() / (2 * p), up.real() / (2 * p), -un.imag() / (2 * n), un.real() / (2 * n),
+      -up.imag() / (2 * p), up.real() / (2 * p), un.imag() / (2 * n), -un.real() / (2 * n);
+  covariance.ellipse = slopes * covariance.amplitudes * slopes.transpose();
+  return covariance;
 }
 
 const char* toString(LocusMode mode) {

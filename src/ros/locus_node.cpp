@@ -7,7 +7,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
+#include <limits>
 
+#include "assembly_cell/locus/half_turn.h"
+#include "assembly_cell/locus/operating_point.h"
+#include "assembly_cell/locus/sliding_friction.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/input_error.h"
@@ -18,7 +23,9 @@ namespace {
 
 constexpr std::uint32_t kQueue = 100;  // every sample counts
 constexpr double kTwoPi = 6.283185307179586;
-constexpr double kRounding = 0.01;  // of a sample's period, for stamps rounded to 1 ns
+constexpr double kFewestSamples = 8.0;
+constexpr double kMostAcross = 0.4;  // of the contact force that should oppose the slip
+constexpr double kRounding = 0.01;   // of a sample's period, for stamps rounded to 1 ns
 
 std::string text(const char* format, double a, double b = 0.0) {
   char line[160];
@@ -94,6 +101,7 @@ void LocusNode::readParameters() {
   false_alarm_ = parameters.number("false_alarm", {1e-6, 0.49}, 0.01);
   indifference_ = parameters.number("indifference", {0.0, 0.5}, 0.05);
   misfit_limit_ = parameters.number("misfit_limit", kPositive, 0.2);
+  direction_limit_ = parameters.number("direction_limit", kPositive, 0.1);
   carrier_motion_ = parameters.number("carrier_motion", kPositive, 1e-3);
   history_ = parameters.number("history", {window_, 60.0}, std::max(2.0, window_));
   data_timeout_ = parameters.number("data_timeout", {0.01, 3600.0}, 10.0);
@@ -154,6 +162,7 @@ bool LocusNode::keep(const DisplacementSamples::ConstPtr& block) {
     if (timeOf(*block, 0) < lastOf(last) + ros::Duration(0.5 * last.period)) {
       ROS_WARN("the clock jumped back to %.3f s: samples dropped", block->header.stamp.toSec());
       blocks_.clear();
+      stream_.reset();
       ++cleared_;
       if (exciter_ && exciter_->header.stamp > lastOf(*block)) exciter_.reset();
     }
@@ -217,24 +226,56 @@ double LocusNode::carrierMotion(const ros::Time& start, const ros::Time& end) co
 
 void LocusNode::slide() {
   // idle while the exciter is off or nobody looks
-  if (!exciter_ || !exciter_->on) return;
-  if (locus_pub_.getNumSubscribers() == 0 && mode_pub_.getNumSubscribers() == 0) return;
+  if (!exciter_ || !exciter_->on ||
+      (locus_pub_.getNumSubscribers() == 0 && mode_pub_.getNumSubscribers() == 0)) {
+    stream_.reset();
+    return;
+  }
 
   // as many whole periods as fit, at least one, all under this exciter
+  const DisplacementSamples& newest = *blocks_.back();
   const double cycle = kTwoPi / exciter_->frequency;
-  const double period = blocks_.back()->period;
   const double length = cycle * std::max(1.0, std::floor(window_ / cycle));
-  const double samples = std::ceil(length / period - 1e-6);
-  if (samples * period > history_) return;
-  const ros::Time end = lastSample() + ros::Duration(period);
-  const double since = (end - exciter_->header.stamp).toSec();
-  if (since < samples * period) return;
-  const ros::Time start = end - ros::Duration(samples * period);
-  const Window window = collect(start, end, *exciter_);
-  if (static_cast<double>(window.angle.size()) < samples - 0.5) return;
+  const double samples = std::ceil(length / newest.period - 1e-6);
+  if (samples * newest.period > history_ || samples < kFewestSamples) return;
+  if (!stream_ || stream_->exciter.header.stamp != exciter_->header.stamp ||
+      stream_->exciter.frequency != exciter_->frequency ||
+      stream_->exciter.phase != exciter_->phase ||
+      stream_->exciter.direction != exciter_->direction ||
+      static_cast<double>(stream_->fit.window()) != samples) {
+    // drift is fitted: the carrier may still creep
+    stream_.emplace(
+        Stream{SlidingFit<6>(static_cast<std::size_t>(samples), true), *exciter_, {}, {}});
+  }
+
+  // what has come since, of a new stream a window's worth from the past
+  const ros::Time from =
+      stream_->last ? *stream_->last + ros::Duration(0.5 * newest.period)
+                    : std::max(exciter_->header.stamp - ros::Duration(kRounding * newest.period),
+                               lastSample() - ros::Duration((samples - 0.5) * newest.period));
+  auto block = blocks_.end();
+  while (block != blocks_.begin() && lastOf(**std::prev(block)) >= from) --block;
+  for (; block != blocks_.end(); ++block) {
+    const DisplacementSamples& b = **block;
+    if (stream_->last && (b.header.stamp - *stream_->last).toSec() > 1.5 * b.period) {
+      stream_->fit.reset();
+    }
+    const double since = (b.header.stamp - exciter_->header.stamp).toSec();
+    const double skipped = std::ceil((from - b.header.stamp).toSec() / b.period);
+    for (auto k = static_cast<std::size_t>(std::max(0.0, skipped)); k < sizeOf(b); ++k) {
+      const double t = since + b.period * static_cast<double>(k);
+      stream_->fit.add(exciter_->direction * (exciter_->frequency * t + exciter_->phase),
+                       Vector6::Map(b.displacement.data() + 6 * k));
+    }
+    stream_->last = lastOf(b);
+  }
+  if (!stream_->fit.full()) return;
 
   try {
-    const LocusEstimate result = estimate(window, *exciter_, mode_);
+    const ros::Time end = lastSample() + ros::Duration(newest.period);
+    const LocusEstimate result =
+        estimate(stream_->fit.fit(), *exciter_, end, newest.header.frame_id, stream_->mode);
+    stream_->mode = static_cast<LocusMode>(result.mode);
     locus_pub_.publish(result);
     if (!mode_ || *mode_ != result.mode) {
       mode_ = result.mode;
@@ -245,23 +286,20 @@ void LocusNode::slide() {
   }
 }
 
-LocusEstimate LocusNode::estimate(const Window& window, const Exciter& exciter,
-                                  std::optional<std::uint8_t> previous) const {
-  // drift is fitted: the carrier may still creep
-  const HarmonicFit fit = fitHarmonic(window.angle, window.signals);
+LocusEstimate LocusNode::estimate(const HarmonicFit& fit, const Exciter& exciter,
+                                  const ros::Time& end, const std::string& frame_id,
+                                  std::optional<LocusMode> previous) const {
   const double rate = exciter.direction * exciter.frequency;
   const Locus locus = centreOfMassLocus(mechanism_, rate, fit);
   if (!std::isfinite(locus.semiMajor()) || !std::isfinite(locus.sigma)) {
     throw InputError(text("the mechanism's model has no answer at %g rad/s: change the frequency",
                           exciter.frequency));
   }
-  std::optional<LocusMode> kept;
-  if (previous) kept = static_cast<LocusMode>(*previous);
-  const ModeDecision decision = decideMode(locus, false_alarm_, indifference_, kept);
+  const ModeDecision decision = decideMode(locus, false_alarm_, indifference_, previous);
 
   LocusEstimate out;
-  out.header.stamp = window.end;
-  out.header.frame_id = window.frame_id;
+  out.header.stamp = end;
+  out.header.frame_id = frame_id;
   out.mode = static_cast<std::uint8_t>(decision.mode);
   std::copy(decision.probabilities.begin(), decision.probabilities.end(),
             out.probabilities.begin());
@@ -270,32 +308,62 @@ LocusEstimate LocusNode::estimate(const Window& window, const Exciter& exciter,
   out.semi_major = locus.semiMajor();
   out.semi_minor = locus.semiMinor();
   const double sd = locus.orientationSd();
-  const bool oriented = decision.mode != LocusMode::kNone && decision.mode != LocusMode::kCircle &&
-                        sd < kUnknownOrientationSd;
+  const bool moves = decision.mode != LocusMode::kNone;
+  const bool oriented = moves && decision.mode != LocusMode::kCircle && sd < kUnknownOrientationSd;
   out.orientation = oriented ? locus.orientation() : 0.0;
   out.orientation_sd = oriented ? sd : kUnknownOrientationSd;
+  out.direction_sd = kUnknownOrientationSd;
   out.frequency = exciter.frequency;
   out.noise_sd = locus.sigma;
   out.samples = static_cast<std::uint32_t>(locus.samples);
   out.inflation = locus.inflation;
+  if (!moves) return out;
 
-  // contact directions by the model of a single contact, where it holds
-  if (oriented) {
-    OperatingPoint point;
-    point.frequency = exciter.frequency;
-    point.amplitude = exciter.amplitude;
-    point.direction = exciter.direction;
-    const Eigen::Vector3d force = contactForceFromDeflection(mechanism_, fit.offset);
-    point.press = force.z();
-    point.friction = force.head<2>();
-    const DirectionEstimate direction =
-        contactDirection(mechanism_, point, locus, LocusAxes::kSensor);
-    if (direction.misfit <= misfit_limit_) {
+  // contact directions by the model of a single contact, where it holds; N alone tells them, so a
+  // circle against the exciter has them, too
+  OperatingPoint point;
+  point.frequency = exciter.frequency;
+  point.amplitude = exciter.amplitude;
+  point.direction = exciter.direction;
+  const Eigen::Vector3d force = contactForceFromDeflection(mechanism_, fit.offset);
+  point.press = force.z();
+  point.friction = force.head<2>();
+  if (decision.mode != LocusMode::kCircle) {
+    DirectionEstimate direction = contactDirection(mechanism_, point, locus, LocusAxes::kSensor);
+    if (direction.misfit <= misfit_limit_ && direction.sd < kUnknownOrientationSd) {
+      // vertical motion and yaw tell the half turn
+      direction = resolveHalfTurn(mechanism_, point, halfTurnEvidence(mechanism_, rate, fit),
+                                  direction, LocusAxes::kSensor);
       out.hypothesis_direction = {direction.alpha, direction.alpha_opposite};
       out.hypothesis_weight = {direction.weight, 1.0 - direction.weight};
+      out.direction_sd = direction.sd;
+      return out;
+    }
+  }
+  // where none sticks, one may slide
+  if (point.press > 0.0) {
+    const SlidingFriction friction = slidingFriction(mechanism_, point, fit);
+    if (friction.coefficient > 3.0 * friction.sd && friction.across <= kMostAcross) {
+      out.friction = friction.coefficient;
+      out.friction_sd = friction.sd;
     }
   }
   return out;
+}
+
+std::string LocusNode::refusalOfReading(const HarmonicFit& fit, const Exciter& exciter) const {
+  OperatingPoint point;
+  point.frequency = exciter.frequency;
+  point.amplitude = exciter.amplitude;
+  point.direction = exciter.direction;
+  point.press = contactForceFromDeflection(mechanism_, fit.offset).z();
+  ForecastLimits limits;
+  limits.direction_sd = direction_limit_;
+  // whether it slips or looks like two contacts, the reading itself tells
+  limits.friction_demand = std::numeric_limits<double>::infinity();
+  limits.axes_ratio = 0.0;
+  return refusalOf(
+      forecastDirection(mechanism_, point, fit.noise, static_cast<double>(fit.samples)), limits);
 }
 
 bool LocusNode::enable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response) {
@@ -347,7 +415,10 @@ void LocusNode::identify(const IdentifyLocusGoal::ConstPtr& goal) {
                   motion, carrier_motion_);
     }
     try {
-      result.locus = estimate(window, exciter);
+      const HarmonicFit fit = fitHarmonic(window.angle, window.signals);
+      const std::string refusal = refusalOfReading(fit, exciter);
+      if (!refusal.empty()) return refusal;
+      result.locus = estimate(fit, exciter, window.end, window.frame_id);
     } catch (const InputError& error) {
       return error.what();
     }
@@ -397,8 +468,9 @@ std::string LocusNode::await(const ros::Time& start, const ros::Time& end, const
       lock.unlock();
       if (feedback.cycles >= 1.0) {
         try {
-          const LocusEstimate now = estimate(window, exciter);
-          feedback.probabilities = now.probabilities;
+          const HarmonicFit fit = fitHarmonic(window.angle, window.signals);
+          feedback.probabilities =
+              estimate(fit, exciter, window.end, window.frame_id).probabilities;
         } catch (const InputError&) {
           // too few samples yet: undecided
         }

@@ -46,6 +46,35 @@ std::string describe(const Range& range) {
   return "give a number from " + print(range.min) + " to " + print(range.max);
 }
 
+YAML::Node toYaml(XmlRpcValue& value) {
+  YAML::Node node;
+  switch (value.getType()) {
+    case XmlRpcValue::TypeStruct:
+      node = YAML::Node(YAML::NodeType::Map);
+      for (auto& entry : value) node[entry.first] = toYaml(entry.second);
+      break;
+    case XmlRpcValue::TypeArray:
+      node = YAML::Node(YAML::NodeType::Sequence);
+      for (int i = 0; i < value.size(); ++i) node.push_back(toYaml(value[i]));
+      break;
+    case XmlRpcValue::TypeBoolean:
+      node = static_cast<bool>(value);
+      break;
+    case XmlRpcValue::TypeInt:
+      node = static_cast<int>(value);
+      break;
+    case XmlRpcValue::TypeDouble:
+      node = static_cast<double>(value);
+      break;
+    case XmlRpcValue::TypeString:
+      node = static_cast<std::string>(value);
+      break;
+    default:
+      node = print(value);
+  }
+  return node;
+}
+
 [[noreturn]] void refuse(const ros::NodeHandle& nh, const std::string& name,
                          const std::string& value, const std::string& remedy) {
   throw InputError("parameter " + nh.resolveName(name) + " is " + value + ": " + remedy);
@@ -150,6 +179,18 @@ std::vector<double> Parameters::numbers(const std::string& name, std::size_t siz
     out.push_back(toDouble((*value)[i]));
   }
   return out;
+}
+
+YAML::Node Parameters::tree(const std::string& name) {
+  auto value = find(name, false);
+  if (!value) return YAML::Node(YAML::NodeType::Map);
+  if (value->getType() != XmlRpcValue::TypeStruct) refuse(nh_, name, print(*value), "give a map");
+  return toYaml(*value);
+}
+
+bool Parameters::isTree(const std::string& name) const {
+  XmlRpcValue value;
+  return nh_.getParam(name, value) && value.getType() == XmlRpcValue::TypeStruct;
 }
 
 void Parameters::refuseUnknown(const std::set<std::string>& others) const {

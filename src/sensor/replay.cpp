@@ -6,17 +6,21 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <istream>
 #include <string_view>
 #include <utility>
 
 #include "assembly_cell/scene/csv_text.h"
 #include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/sensor/source_parameters.h"
 
 namespace assembly_cell {
 
 namespace {
 
-constexpr double kLatestStamp = 4294967295.0;  // what ros::Time holds [s]
+constexpr double kLatestStamp = 4294967295.0;   // what ros::Time holds [s]
+constexpr std::size_t kLongestRow = 64 * 1024;  // [bytes]
+constexpr std::size_t kMostRows = 50000000;     // 3 GB in memory
 
 bool parse(std::string_view field, double& value) {
   if (!field.empty() && field.front() == '+') field.remove_prefix(1);
@@ -25,8 +29,8 @@ bool parse(std::string_view field, double& value) {
   return error == std::errc() && stop == end;
 }
 
-std::vector<std::string> neededColumns(ReplayQuantity quantity) {
-  if (quantity == ReplayQuantity::kWrench) return {"t", "fx", "fy", "fz", "tx", "ty", "tz"};
+std::vector<std::string> neededColumns(SampleQuantity quantity) {
+  if (quantity == SampleQuantity::kWrench) return {"t", "fx", "fy", "fz", "tx", "ty", "tz"};
   return {"t", "ch1", "ch2", "ch3", "ch4", "ch5", "ch6"};
 }
 
@@ -50,17 +54,23 @@ std::string join(const std::vector<std::string>& names) {
 
 }  // namespace
 
-std::vector<std::string> defaultColumns(ReplayQuantity quantity) {
+std::vector<std::string> defaultColumns(SampleQuantity quantity) {
   std::vector<std::string> columns = neededColumns(quantity);
-  if (quantity == ReplayQuantity::kWrench) {
+  if (quantity == SampleQuantity::kWrench) {
     for (const char* name : {"qx", "qy", "qz", "qw"}) columns.emplace_back(name);
   }
   return columns;
 }
 
 Recording loadRecording(const std::string& path, const ReplayFormat& format) {
-  const bool wrench = format.quantity == ReplayQuantity::kWrench;
-  const bool counts = format.quantity == ReplayQuantity::kCounts;
+  std::ifstream file(path);
+  if (!file) throw InputError("recording '" + path + "' can't be read: give an existing file");
+  return readRecording(file, path, format);
+}
+
+Recording readRecording(std::istream& stream, const std::string& name, const ReplayFormat& format) {
+  const bool wrench = format.quantity == SampleQuantity::kWrench;
+  const bool counts = format.quantity == SampleQuantity::kCounts;
   if (format.bits < 2 || format.bits > 32) {
     throw InputError("replay: bits is " + std::to_string(format.bits) + ": give 2 to 32");
   }
@@ -77,21 +87,22 @@ Recording loadRecording(const std::string& path, const ReplayFormat& format) {
                      "' once");
   }
 
-  std::ifstream file(path);
-  if (!file) throw InputError("recording '" + path + "' can't be read: give an existing file");
   const double codes = std::ldexp(1.0, format.bits - 1);
   const double lsb = counts ? format.full_scale / codes : 1.0;
   Recording recording;
   std::vector<double> row(columns.size());
-  std::string line;
+  std::vector<char> line(kLongestRow);
   bool first = true;
-  for (std::size_t number = 1; std::getline(file, line); ++number) {
-    const std::string where = path + ":" + std::to_string(number) + ": ";
-    const std::string_view content = trimmed(line);
+  for (std::size_t number = 1;
+       stream.getline(line.data(), static_cast<std::streamsize>(line.size())); ++number) {
+    const auto where = [&] { return name + ":" + std::to_string(number) + ": "; };
+    // the newline counts, the end of the file doesn't
+    const auto length = static_cast<std::size_t>(stream.gcount()) - (stream.eof() ? 0 : 1);
+    const std::string_view content = trimmed({line.data(), length});
     if (content.empty() || content.front() == '#') continue;
     const std::vector<std::string_view> fields = csvCells(content);
     if (fields.size() != columns.size()) {
-      throw InputError(where + std::to_string(fields.size()) + " columns instead of " +
+      throw InputError(where() + std::to_string(fields.size()) + " columns instead of " +
                        std::to_string(columns.size()) + ": mend the row or name the columns (" +
                        join(columns) + ")");
     }
@@ -104,17 +115,18 @@ Recording loadRecording(const std::string& path, const ReplayFormat& format) {
     }
     for (std::size_t i = 0; i < fields.size(); ++i) {
       if (!parse(fields[i], row[i]) || !std::isfinite(row[i])) {
-        throw InputError(where + "column " + std::to_string(i + 1) + " is '" +
-                         std::string(fields[i]) + "': give a finite number");
+        throw InputError(where() + "column " + std::to_string(i + 1) + " is '" +
+                         printable(std::string(fields[i])) + "': give a finite number");
       }
     }
     const double t = row[places[0]];
     if (t < 0.0 || t > kLatestStamp) {
-      throw InputError(where + "time is " + std::to_string(t) + ": give seconds from 0 to 4.29e9");
+      throw InputError(where() + "time is " + std::to_string(t) +
+                       ": give seconds from 0 to 4.29e9");
     }
     if (!recording.time.empty() && t <= recording.time.back()) {
-      throw InputError(where + "time goes from " + std::to_string(recording.time.back()) + " to " +
-                       std::to_string(t) + ": rows must increase in time");
+      throw InputError(where() + "time goes from " + std::to_string(recording.time.back()) +
+                       " to " + std::to_string(t) + ": rows must increase in time");
     }
 
     Vector6 value;
@@ -122,7 +134,7 @@ Recording loadRecording(const std::string& path, const ReplayFormat& format) {
     for (int k = 0; k < 6; ++k) {
       const double entry = row[places[static_cast<std::size_t>(k) + 1]];
       if (counts && (entry != std::nearbyint(entry) || entry < -codes || entry > codes - 1.0)) {
-        throw InputError(where + needed[static_cast<std::size_t>(k) + 1] + " is " +
+        throw InputError(where() + needed[static_cast<std::size_t>(k) + 1] + " is " +
                          std::to_string(entry) + ": not a code of " + std::to_string(format.bits) +
                          " bits; set bits");
       }
@@ -133,14 +145,20 @@ Recording loadRecording(const std::string& path, const ReplayFormat& format) {
       }
       value[k] = entry * lsb;
     }
+    if (recording.time.size() == kMostRows) {
+      throw InputError(where() + "the recording has more than " + std::to_string(kMostRows) +
+                       " rows: cut it");
+    }
     recording.time.push_back(t);
     recording.values.push_back(value);
     recording.saturated.push_back(saturated);
   }
-  if (file.bad())
-    throw InputError("recording '" + path + "' can't be read to its end: copy it anew");
+  if (!stream.eof()) {
+    throw InputError("recording '" + name + "' has a row of more than " +
+                     std::to_string(kLongestRow) + " bytes, or can't be read to its end");
+  }
   if (recording.time.size() < 2) {
-    throw InputError("recording '" + path + "' has " + std::to_string(recording.time.size()) +
+    throw InputError("recording '" + name + "' has " + std::to_string(recording.time.size()) +
                      " rows: give at least 2");
   }
 

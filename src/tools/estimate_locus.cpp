@@ -290,7 +290,7 @@ int run(const std::vector<std::string>& arguments) {
   }
   // a steady vibration's displacement is its acceleration over −W²
   const double unit = options.acceleration ? -1.0 / (*options.frequency * *options.frequency) : 1.0;
-  const double sigma = std::abs(unit) * std::sqrt(0.5 * (fit.variance[0] + fit.variance[1]));
+  const double sigma = std::abs(unit) * std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)));
   const Locus locus = assembly_cell::locusFromPhasors(unit * fit.phasor[0], unit * fit.phasor[1],
                                                       sigma, fit.samples, fit.inflation);
   const ModeDecision decision =

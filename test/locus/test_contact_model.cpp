@@ -397,7 +397,12 @@ TEST(ContactModel, NoiseIsCarriedOver) {
   HarmonicFit fit;
   fit.samples = 500;
   fit.inflation = 1.25;
-  fit.variance << 1, 2, 3, 40, 50, 60;
+  // correlated, as a strain matrix makes it
+  Eigen::Matrix<double, 6, 6> mix;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) mix(i, j) = (i < 3 ? 1 : 20) * std::sin(1.0 + 5 * i + 7 * j);
+  }
+  fit.noise = mix * mix.transpose();
   fit.phasor.setZero();
   const Locus locus = centreOfMassLocus(s, 700, fit);
   EXPECT_EQ(locus.samples, 500u);
@@ -407,10 +412,9 @@ TEST(ContactModel, NoiseIsCarriedOver) {
   double sum = 0.0;
   constexpr int kRuns = 5000;
   for (int run = 0; run < kRuns; ++run) {
-    for (int j = 0; j < 6; ++j) {
-      fit.phasor[j] =
-          std::sqrt(2 * fit.variance[j] / 500 * 1.25) * Complex(normal(random), normal(random));
-    }
+    Eigen::Matrix<Complex, 6, 1> white;
+    for (Complex& w : white) w = {normal(random), normal(random)};
+    fit.phasor = std::sqrt(2.0 / 500 * 1.25) * mix.cast<Complex>() * white;
     const Locus noisy = centreOfMassLocus(s, 700, fit);
     sum += (std::norm(noisy.P) + std::norm(noisy.N)) / (4.0 * kRuns);
   }

@@ -54,9 +54,7 @@ Errors orientationErrors(double sigma, bool disturbed, const HarmonicOptions& op
     const double psi = any(random);
     const Recording r = record(psi, sigma, disturbed, random);
     const HarmonicFit fit = fitHarmonic(r.angle, r.signals, options);
-    const Locus locus = locusFromPhasors(fit.phasor[0], fit.phasor[1],
-                                         std::sqrt(0.5 * (fit.variance[0] + fit.variance[1])),
-                                         fit.samples, fit.inflation);
+    const Locus locus = locusFromFit(fit);
     const double error = std::remainder(locus.orientation() - psi, M_PI) * 180 / M_PI;
     e.rms += error * error / runs;
     e.bias += error / runs;

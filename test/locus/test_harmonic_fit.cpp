@@ -57,7 +57,7 @@ TEST(HarmonicFit, ExactOnNoiselessDataWithOffsetAndDrift) {
       for (int j = 0; j < 6; ++j) {
         EXPECT_LT(std::abs(fit.phasor[j] - phasor(j)), 1e-12 * 1e-4) << j << " n " << n;
         EXPECT_NEAR(fit.offset[j], 1e-4 * (j - 2), 1e-12 * 1e-4);
-        EXPECT_LT(fit.variance[j], 1e-30);
+        EXPECT_LT(fit.noise(j, j), 1e-30);
       }
     }
   }
@@ -105,7 +105,7 @@ TEST(HarmonicFit, VarianceAndScatterAreAsStated) {
     const HarmonicFit fit = fitHarmonic(s.angle, s.signals);
     inflation = fit.inflation;
     for (int j = 0; j < 6; ++j) {
-      variance += fit.variance[j] / (6.0 * kRuns);
+      variance += fit.noise(j, j) / (6.0 * kRuns);
       scatter += std::norm(fit.phasor[j] - 1.0) / (6.0 * kRuns);
     }
   }

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -38,9 +39,7 @@ TEST(SlidingLocus, IsTheFitOfItsWindow) {
       const auto skip = static_cast<std::ptrdiff_t>(angle.size() - window);
       const HarmonicFit fit = fitHarmonic({angle.begin() + skip, angle.end()},
                                           {signals.begin() + 6 * skip, signals.end()}, {false});
-      const Locus expected = locusFromPhasors(fit.phasor[0], fit.phasor[1],
-                                              std::sqrt(0.5 * (fit.variance[0] + fit.variance[1])),
-                                              window, fit.inflation);
+      const Locus expected = locusFromFit(fit);
       const Locus found = sliding.locus();
       // rounding of window sums of 4e-6
       EXPECT_LT(std::abs(found.P - expected.P), 1e-19);
@@ -48,6 +47,43 @@ TEST(SlidingLocus, IsTheFitOfItsWindow) {
       EXPECT_NEAR(found.sigma, expected.sigma, 1e-8 * expected.sigma);
       EXPECT_NEAR(found.inflation, expected.inflation, 1e-12);
       EXPECT_EQ(found.samples, window);
+    }
+  }
+}
+
+// all six signals and a drift, while the window fills and after
+TEST(SlidingFit, IsTheFitOfItsWindowWithDrift) {
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> noise(0.0, 2e-7);
+  constexpr std::size_t kWindow = 150;
+  for (const bool drift : {false, true}) {
+    SlidingFit<6> sliding(kWindow, drift);
+    std::vector<double> angle, signals;
+    for (std::size_t k = 0; k < 4 * kWindow + 41; ++k) {
+      const double a = 0.154 * static_cast<double>(k) - 0.7;
+      Vector6 x;
+      for (int i = 0; i < 6; ++i) {
+        x[i] = 1e-6 * (i + 1) * std::cos(a + i) + 1e-4 * i +
+               1e-8 * (i - 2) * static_cast<double>(k) + noise(random);
+      }
+      ASSERT_TRUE(sliding.add(a, x));
+      angle.push_back(a);
+      signals.insert(signals.end(), x.data(), x.data() + 6);
+      const std::size_t n = std::min(k + 1, kWindow);
+      EXPECT_EQ(sliding.samples(), n);
+      if (n < 60 || k % 23 != 0) continue;
+      const auto skip = static_cast<std::ptrdiff_t>(angle.size() - n);
+      const HarmonicFit expected =
+          fitHarmonic({angle.begin() + skip, angle.end()},
+                      {signals.begin() + 6 * skip, signals.end()}, {drift});
+      const HarmonicFit found = sliding.fit();
+      // rounding of window sums of 150 × 6e-4, through the inflation of a short window
+      EXPECT_LT((found.phasor - expected.phasor).cwiseAbs().maxCoeff(), 1e-16);
+      EXPECT_LT((found.offset - expected.offset).cwiseAbs().maxCoeff(), 1e-15);
+      EXPECT_LT((found.noise - expected.noise).cwiseAbs().maxCoeff(),
+                1e-6 * expected.noise.maxCoeff());
+      EXPECT_LT((found.scatter - expected.scatter).cwiseAbs().maxCoeff(), 1e-12);
+      EXPECT_NEAR(found.inflation, expected.inflation, 1e-11);
     }
   }
 }

@@ -44,7 +44,7 @@ class RecordingFile : public ::testing::Test {
     return "accepted";
   }
 
-  static ReplayFormat bare(ReplayQuantity quantity = ReplayQuantity::kWrench) {
+  static ReplayFormat bare(SampleQuantity quantity = SampleQuantity::kWrench) {
     ReplayFormat format;
     format.quantity = quantity;
     format.columns = defaultColumns(quantity);
@@ -120,7 +120,7 @@ TEST_F(RecordingFile, BadRowsAreNamedByLine) {
 }
 
 TEST_F(RecordingFile, CountsBecomeVoltsAndEndCodesAreFlagged) {
-  ReplayFormat format = bare(ReplayQuantity::kCounts);
+  ReplayFormat format = bare(SampleQuantity::kCounts);
   const Recording r = load("0,0,1,-1,32767,-32768,100\n1,0,0,0,0,0,0\n", format);
   const double lsb = 10.0 / 65536.0;
   EXPECT_EQ(r.values[0][1], lsb);
@@ -131,7 +131,7 @@ TEST_F(RecordingFile, CountsBecomeVoltsAndEndCodesAreFlagged) {
   EXPECT_NE(refusal("0,0,1,-1,32768,0,0\n", format).find("ch4 is 32768"), std::string::npos);
   EXPECT_NE(refusal("0,0.5,1,-1,3,0,0\n", format).find("ch1 is 0.5"), std::string::npos);
 
-  const Recording volts = load("0,4.9,5,-5,0,0,6\n1,0,0,0,0,0,0\n", bare(ReplayQuantity::kVolts));
+  const Recording volts = load("0,4.9,5,-5,0,0,6\n1,0,0,0,0,0,0\n", bare(SampleQuantity::kVolts));
   EXPECT_EQ(volts.values[0][0], 4.9);
   EXPECT_EQ(volts.saturated[0], (1 << 1) | (1 << 2) | (1 << 5));
 }

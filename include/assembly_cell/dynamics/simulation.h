@@ -34,6 +34,7 @@ struct RunCounts {
   std::int64_t rejected = 0;
   std::int64_t events = 0;   ///< contact opened, closed, stick, slip
   std::int64_t impacts = 0;  ///< contacts closed at an approaching speed
+  std::int64_t jams = 0;     ///< impacts without collision: slipping points wedged by friction
 };
 
 /// One contact as people and topics see it. Frame `hole`.
@@ -163,10 +164,14 @@ class Simulation {
   void decide();
   void turnSlip();
   void impact();
-  void plasticImpact();
+  void plasticImpact(ContactSlotMask points);
+  std::size_t fastestApproach(double speed) const;
   void restitutionImpacts();
   Eigen::Vector3d restitutionImpulse(std::size_t i) const;
+  void jam();
   void project();
+  void stormStep(double t);
+  void limitEnergy(double most);
   void applyImpulse(const Eigen::Vector3d& impulse, const Eigen::Vector3d& moment);
 
   // one step from the present state with the modes frozen; returns error over tolerance
@@ -191,10 +196,14 @@ class Simulation {
   void startStep();
   void changeModes();
   bool flat() const;  // the peg's tilt is too small to tell its lowest point
+  bool slips() const;  // some point has a slip to lose
   bool storm(double t);
   void refresh();
+  void checkState();
   StopReason excludedContact() const;
   double planStep(double t_end, bool& last) const;
+  double freeAcceleration() const;
+  double coarseStep() const;
   bool shorten(double h, double error, bool finite);
   void lengthen(double h, double error, bool last, double t_end);
 
@@ -242,7 +251,6 @@ class Simulation {
   // storms of events: a peg that lies flat
   static constexpr std::size_t kRecentEvents = 24;
   std::array<double, kRecentEvents> recent_events_;  // times [s]
-  double coarse_step_ = 0.0;                         // until then [s]
   double coarse_until_ = -1.0;                       // no event is located before this time [s]
 };
 

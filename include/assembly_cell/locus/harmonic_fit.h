@@ -17,10 +17,14 @@ namespace assembly_cell {
 struct HarmonicFit {
   Eigen::Matrix<std::complex<double>, 6, 1> phasor;  ///< U, in the signal's unit
   Vector6 offset = Vector6::Zero();                  ///< at the window's centre
-  Vector6 variance = Vector6::Zero();  ///< white noise variance of one sample; of a robust fit what
-                                       ///< a plain one would need for the same accuracy
+  /// Covariance of one sample's white noise; of a robust fit what a plain one would need for the
+  /// same accuracy.
+  Matrix6 noise = Matrix6::Zero();
   std::size_t samples = 0;
   double inflation = 1.0;  ///< variance of P, N relative to σ²/n (window not whole periods)
+  /// Covariance of the coefficients of cos a and sin a, 2/n each over whole periods, for unit
+  /// noise.
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
 };
 
 /// What a fit holds besides the exciter's own angle and an offset.
@@ -32,11 +36,13 @@ struct HarmonicOptions {
 
 /// angle: of the exciting force at each sample, direction·(frequency·t + phase) [rad]; it rises for
 /// an anticlockwise exciter and falls for a clockwise one, so P always turns with the exciter.
-/// signals: 6 × n, sample after sample. Throws InputError for fewer than 8 samples, sizes that
-/// disagree, non-finite values, a window shorter than one period, or too few samples a period: two
-/// or fewer for each harmonic.
+/// signals: 6 × n, sample after sample. sd: noise of each sample, all signals alike; empty: the
+/// same for all. Only its ratios count: the fit's variance is that of a sample of mean weight
+/// 1/sd². Throws InputError for fewer than 8 samples, sizes that disagree, non-finite values, an sd
+/// that is not positive, a window shorter than one period, or too few samples a period: two or
+/// fewer for each harmonic.
 HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
-                        const HarmonicOptions& options = {});
+                        const HarmonicOptions& options = {}, const std::vector<double>& sd = {});
 
 /// Frequency of signals 0 and 1 by least squares together with all that `options` fit.
 struct FrequencyFit {
@@ -47,7 +53,8 @@ struct FrequencyFit {
 /// then refines by Gauss–Newton. Throws InputError as fitHarmonic, and where the best frequency
 /// lies at the end of the range.
 FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double>& signals,
-                          double frequency, double range, const HarmonicOptions& options = {});
+                          double frequency, double range, const HarmonicOptions& options = {},
+                          const std::vector<double>& sd = {});
 
 /// Counter-rotating amplitudes of the planar locus Z = X + iY = P e^{ia} + N e^{−ia}, a the
 /// exciter's angle (thesis chapter 9; vibration_and_locus section 4).
@@ -65,6 +72,17 @@ struct Locus {
 };
 Locus locusFromPhasors(std::complex<double> x, std::complex<double> y, double sigma,
                        std::size_t samples, double inflation);
+/// Of signals 0 and 1.
+Locus locusFromFit(const HarmonicFit& fit);
+
+/// Of signals 0 and 1 of a fit: the whole covariance, which `Locus` keeps the mean of.
+struct LocusCovariance {
+  Eigen::Matrix4d amplitudes;  ///< Re P, Im P, Re N, Im N [m²]; diagonal over whole periods
+  /// Semi-major and semi-minor axis [m], orientation [rad], phase (arg P − arg N)/2 of the motion
+  /// along the ellipse [rad], to first order; NaN where P or N is 0.
+  Eigen::Matrix4d ellipse;
+};
+LocusCovariance locusCovariance(const HarmonicFit& fit);
 
 /// Sd of a direction mod π that nothing is known about, π/√12 [rad]: an orientation with a larger
 /// sd is undefined.

@@ -13,6 +13,7 @@
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
@@ -22,15 +23,22 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 
+#include "assembly_cell/ros/ros_clock.h"
+#include "assembly_cell/ros/source_choice.h"
+#include "assembly_cell/sensor/acquisition.h"
 #include "assembly_cell/sensor/calibration.h"
-#include "assembly_cell/sensor/replay.h"
+#include "assembly_cell/sensor/stamp_filter.h"
 #include "assembly_cell/sensor/statistics.h"
 
 namespace assembly_cell::ros_bridge {
 
-/// Driver of one six-axis sensor: blocks of strain samples, from the topic `bridge` or from a
-/// recording, become wrenches and displacements. Interfaces: docs/interfaces.md.
+class Parameters;
+
+/// Driver of one six-axis sensor: blocks of samples, from the topic `bridge` or from a StrainSource
+/// (device, recording, plug-in), become wrenches and displacements. A source is read by a thread of
+/// its own and published by another. Interfaces: docs/interfaces.md.
 /// Wrench: exerted by the environment on the part that the sensor carries, about the origin of
 /// frame_id; wrench = wrench_raw − bias.
 class ForceSensorNode {
@@ -66,8 +74,10 @@ class ForceSensorNode {
   };
 
   void readParameters();
-  void openReplay();
+  /// The nominal rate of a recording [Hz], or 0.
+  double prepareSource(Parameters& parameters);
   void advertise();
+  void advertiseStrain();
   void subscribe();
 
   // the data path
@@ -76,7 +86,14 @@ class ForceSensorNode {
   void display(const ros::Time& end, double period, const Vector6& sum, const Vector6& volts_sum,
                std::size_t samples);
   void displayCovariance(const geometry_msgs::WrenchStamped& wrench, const Vector6& volts);
-  void playDueBlocks();
+
+  // blocks of a source, in the publishing thread
+  void publishBlocks();
+  void publishAll();
+  void publishSource(const SourceBlock& block);
+  /// Checks what the configuration can't know before the first block; false if it can't work.
+  bool beginStream();
+  void stampBlock(const SourceBlock& block, bool first, StrainSamples& message);
 
   // services
   bool zero(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
@@ -85,6 +102,7 @@ class ForceSensorNode {
   bool setBias(SetBias::Request& request, SetBias::Response& response);
   bool clearBias(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
   bool getCalibration(GetCalibration::Request&, GetCalibration::Response& response);
+  bool deviceBias(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response);
   bool setCalibration(SetCalibration::Request& request, SetCalibration::Response& response);
 
   /// Blocking: bias = mean of new samples − load.
@@ -100,11 +118,11 @@ class ForceSensorNode {
   void checkUse(const Calibration& calibration, const std::string& source) const;
 
   void diagnoseSamples(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& status);
   void diagnoseCalibration(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   // parameters
   ros::NodeHandle nh_, pnh_;
-  bool replaying_ = false;
   std::string frame_id_;
   bool publish_displacement_ = false;
   bool lockstep_ = false;
@@ -118,19 +136,25 @@ class ForceSensorNode {
   double diagnostic_period_ = 0.0;  // [s]
   std::string source_;              // for people
 
-  // replay
-  std::unique_ptr<Replay> replay_;
-  ReplayQuantity quantity_ = ReplayQuantity::kVolts;
-  bool replay_fast_ = false;
-  bool replay_ended_ = false;
-  std::optional<ReplayBlock> due_;  // the block to come
-  std::optional<ros::Time> replay_origin_;
-  Clock::time_point replay_start_;
+  // the source, unless blocks come on a topic
+  SourceChoice choice_;
+  bool recorded_ = false, paced_ = true;
+  bool calibrated_ = true;  // a calibration file was given
+  std::chrono::duration<double> device_bias_timeout_{0.0};
+  std::unique_ptr<Acquisition> acquisition_;
+
+  // state of the publishing thread
+  StampFilter stamp_filter_;
+  ros::Time recording_start_;
+  std::optional<std::uint32_t> stream_;
+  std::uint64_t next_sample_ = 0;               // sequence of the sample that should follow
+  std::uint32_t block_sequence_ = 0xffffffffu;  // of the latest block; the first one is 0
 
   // state shared by the data path and the services
   std::mutex mutex_;
   std::condition_variable zero_changed_;
-  bool stopping_ = false;
+  std::atomic<bool> stopping_{false};
+  std::atomic<bool> replay_ended_{false};
   Calibration calibration_;
   ros::Time calibration_time_;  // since when it's in force
   Vector6 bias_ = Vector6::Zero();
@@ -138,6 +162,10 @@ class ForceSensorNode {
   std::deque<EarlierBias> earlier_biases_;  // the newest last, all of the same calibration
   Zero zero_;
   std::optional<Clock::time_point> last_block_;
+  SampleQuantity quantity_ = SampleQuantity::kVolts;
+  bool quantity_known_ = false;  // a device tells it when it's open
+  RosClock ros_clock_;
+  Delays delays_;  // from the arrival of a block's last sample to its publication
 
   // state of the data path
   Clock::time_point started_;
@@ -161,6 +189,9 @@ class ForceSensorNode {
   Vector6 noise_rms_ = Vector6::Zero();
   std::size_t noise_samples_ = 0;  // differences it rests on
   std::uint64_t total_samples_ = 0, total_saturated_ = 0, total_malformed_ = 0;
+  SourceCounters reported_counters_;
+  LinkStatus reported_link_;
+  std::uint64_t reported_steps_ = 0;
   std::uint64_t reported_lost_ = 0, reported_duplicates_ = 0, reported_restarts_ = 0;
 
   ros::CallbackQueue service_queue_;
@@ -168,10 +199,11 @@ class ForceSensorNode {
   ros::Publisher strain_pub_, wrench_samples_pub_, displacement_samples_pub_, wrench_raw_pub_,
       wrench_pub_, wrench_covariance_pub_, displacement_pub_, bias_pub_, calibration_pub_, ack_pub_;
   ros::ServiceServer zero_srv_, zero_to_srv_, undo_bias_srv_, set_bias_srv_, clear_bias_srv_,
-      get_calibration_srv_, set_calibration_srv_;
-  ros::WallTimer diagnostics_timer_, replay_timer_;
+      get_calibration_srv_, set_calibration_srv_, device_bias_srv_;
+  ros::WallTimer diagnostics_timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   ros::AsyncSpinner service_spinner_{2, &service_queue_};
+  std::thread publisher_;
 };
 
 }  // namespace assembly_cell::ros_bridge

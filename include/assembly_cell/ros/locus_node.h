@@ -20,6 +20,7 @@
 
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/locus/sliding_locus.h"
 #include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell::ros_bridge {
@@ -60,13 +61,16 @@ class LocusNode {
   ros::Time lastSample() const;
   double carrierMotion(const ros::Time& start, const ros::Time& end) const;  ///< of the tip [m]
 
-  /// The sliding estimate after a block, if its window is filled.
+  /// Brings the sliding estimate up to the last block; tells the locus if its window is filled.
   void slide();
 
-  /// Throws InputError where the window or the exciter does not allow a fit.
+  /// Throws InputError where the exciter does not allow an estimate. end: of the window.
   /// `previous`: the sliding estimate's last mode, kept by hysteresis.
-  LocusEstimate estimate(const Window& window, const Exciter& exciter,
-                         std::optional<std::uint8_t> previous = {}) const;
+  LocusEstimate estimate(const HarmonicFit& fit, const Exciter& exciter, const ros::Time& end,
+                         const std::string& frame_id, std::optional<LocusMode> previous = {}) const;
+
+  /// Empty, or why a reading of this noise at this operating point is of no use.
+  std::string refusalOfReading(const HarmonicFit& fit, const Exciter& exciter) const;
 
   // the action, in its own thread
   void identify(const IdentifyLocusGoal::ConstPtr& goal);
@@ -79,9 +83,10 @@ class LocusNode {
   double false_alarm_ = 0.0;
   double indifference_ = 0.0;
   double misfit_limit_ = 0.0;
-  double carrier_motion_ = 0.0;  // [m]
-  double history_ = 0.0;         // [s]
-  double data_timeout_ = 0.0;    // [s] wall clock
+  double direction_limit_ = 0.0;  // [rad]
+  double carrier_motion_ = 0.0;   // [m]
+  double history_ = 0.0;          // [s]
+  double data_timeout_ = 0.0;     // [s] wall clock
   bool lockstep_ = false;
   std::string name_in_lockstep_;
 
@@ -94,6 +99,15 @@ class LocusNode {
   std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_;
   std::optional<Exciter> exciter_;
   std::optional<std::uint8_t> mode_;  // last on contact_mode
+
+  // the sliding estimate, updated with every sample: of one exciter message, without gaps
+  struct Stream {
+    SlidingFit<6> fit;
+    Exciter exciter;
+    std::optional<ros::Time> last;  // sample in it
+    std::optional<LocusMode> mode;
+  };
+  std::optional<Stream> stream_;
 
   ros::Publisher locus_pub_, mode_pub_, ack_pub_;
   ros::Subscriber block_sub_, exciter_sub_, carrier_sub_;

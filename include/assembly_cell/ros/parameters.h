@@ -2,6 +2,7 @@
 #pragma once
 
 #include <ros/node_handle.h>
+#include <yaml-cpp/yaml.h>
 
 #include <limits>
 #include <optional>
@@ -42,6 +43,14 @@ class Parameters {
   /// A list of `size` finite numbers.
   std::vector<double> numbers(const std::string& name, std::size_t size,
                               std::optional<std::vector<double>> fallback = std::nullopt);
+
+  /// A map of values of any kind, for a reader with rules of its own; an empty one where it's
+  /// missing.
+  YAML::Node tree(const std::string& name);
+  /// Counts as asked for: somebody else reads it.
+  void tell(const std::string& name) { asked_.insert(name); }
+  /// Does `name` hold a map?
+  bool isTree(const std::string& name) const;
 
   /// Throws for the first parameter of the namespace that none of the calls above has asked for and
   /// that is not in `others`: a slip of the pen must not pass as a default.

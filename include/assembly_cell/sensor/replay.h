@@ -3,23 +3,18 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <iosfwd>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/sensor/strain_source.h"
 
 namespace assembly_cell {
 
-/// What the six columns of a recording hold.
-enum class ReplayQuantity {
-  kCounts,  ///< codes of a converter
-  kVolts,   ///< strain channels [V]
-  kWrench,  ///< fx fy fz [N] tx ty tz [N·m]
-};
-
 /// How to read a recording.
 struct ReplayFormat {
-  ReplayQuantity quantity = ReplayQuantity::kWrench;
+  SampleQuantity quantity = SampleQuantity::kWrench;
   /// Names of the file's columns, in order. Needed are t [s] and fx fy fz tx ty tz, or ch1 … ch6
   /// for counts and volts; others are passed over. Empty: defaultColumns(). A header line that
   /// holds the needed names goes before this.
@@ -29,7 +24,7 @@ struct ReplayFormat {
 };
 
 /// wrench: t fx fy fz tx ty tz qx qy qz qw; counts, volts: t ch1 … ch6.
-std::vector<std::string> defaultColumns(ReplayQuantity quantity);
+std::vector<std::string> defaultColumns(SampleQuantity quantity);
 
 /// A recording in memory.
 struct Recording {
@@ -42,8 +37,12 @@ struct Recording {
 /// Reads a CSV file; a first line that doesn't begin with a number is a header, lines that begin
 /// with # are comments. Throws InputError with file:line for a row with the wrong number of
 /// columns, an entry that is no finite number, a code outside the converter's, time that doesn't
-/// increase or can't be a stamp; and for an unreadable file or fewer than two rows.
+/// increase or can't be a stamp; for a row of more than 64 KiB, more than 5e7 rows or fewer than
+/// two; and for an unreadable file.
 Recording loadRecording(const std::string& path, const ReplayFormat& format);
+
+/// The same from a stream that is called `name` in messages.
+Recording readRecording(std::istream& stream, const std::string& name, const ReplayFormat& format);
 
 /// Samples [first, first + size) of a recording, to be published together.
 struct ReplayBlock {

@@ -1,0 +1,53 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <complex>
+#include <optional>
+
+#include "assembly_cell/locus/contact_model.h"
+
+namespace assembly_cell {
+
+// The motion in the plane is the same for a contact C and for C*, half a turn further on the edge
+// (vibration_and_locus section 5). What is odd under the half turn tells them apart: vertical
+// motion, yaw, or how the contact moves when the peg is tilted a little.
+
+/// A phasor Re(U e^{ia}) of the exciter's angle a as measured.
+struct MeasuredPhasor {
+  std::complex<double> value;
+  double variance = 0.0;  ///< of the real and of the imaginary part each
+};
+
+struct HalfTurnEvidence {
+  std::optional<MeasuredPhasor> vertical;  ///< of the centre of mass [m]: an acceleration over −ω²
+  std::optional<MeasuredPhasor> yaw;       ///< of the peg [rad]: a rate over iω
+};
+
+/// Vertical motion and yaw from a fit of the coupling's six displacements, as centreOfMassLocus
+/// without tilts. frequency: rate of the exciter's angle, negative for a clockwise one [rad/s].
+HalfTurnEvidence halfTurnEvidence(const Scenario& mechanism, double frequency,
+                                  const HarmonicFit& fit);
+
+/// Multiplies the odds of both directions by those of the evidence and puts the likelier first.
+/// What the model leaves out counts as a twentieth of the predicted motion, or the estimate's
+/// misfit where larger. axes: how the evidence was measured. Throws InputError as contactDirection.
+DirectionEstimate resolveHalfTurn(const Scenario& mechanism, const OperatingPoint& point,
+                                  const HalfTurnEvidence& evidence, DirectionEstimate estimate,
+                                  LocusAxes axes = LocusAxes::kHole);
+
+/// The peg's tilt against the plane from the contact's directions (each modulo π) before and after
+/// a small turn of the peg, edge on plane (section 7.1, exact).
+struct WobbleTilt {
+  Eigen::Vector2d before{0, 0};  ///< tilt before the turn: rotation vector x, y [rad]
+  double along = 0.0;            ///< of the edge's dip along `direction` before the turn [rad]
+  double sd = 0.0;               ///< of `along`; infinite for a turn along the tilt
+};
+/// turn: rotation vector x, y of the peg [rad]; direction_sd: of both directions [rad].
+WobbleTilt tiltFromWobble(double direction_before, double direction_after,
+                          const Eigen::Vector2d& turn, double direction_sd);
+
+/// The contact is where the edge dips: the same by a wobble. `estimate` is the one before the turn.
+DirectionEstimate resolveByWobble(DirectionEstimate estimate, double direction_after,
+                                  const Eigen::Vector2d& turn, double direction_sd);
+
+}  // namespace assembly_cell

@@ -1,0 +1,112 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/locus/half_turn.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "linear_motion.h"
+
+namespace assembly_cell {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using linear_motion::Complex;
+using linear_motion::Complex9;
+
+namespace {
+
+constexpr double kModelError = 0.05;  // of vertical motion and yaw that the linear model predicts
+constexpr int kVertical = linear_motion::kU + 2, kYaw = linear_motion::kTheta + 2;
+
+// odds of the first direction against the other, as a logarithm that stays finite
+double logOdds(double weight) {
+  constexpr double kSmallest = 1e-300;
+  return std::log(std::max(weight, kSmallest)) - std::log(std::max(1.0 - weight, kSmallest));
+}
+
+DirectionEstimate withOdds(DirectionEstimate estimate, double odds) {
+  if (odds < 0.0) {
+    std::swap(estimate.alpha, estimate.alpha_opposite);
+    odds = -odds;
+  }
+  estimate.weight = 1.0 / (1.0 + std::exp(-odds));
+  return estimate;
+}
+
+}  // namespace
+
+HalfTurnEvidence halfTurnEvidence(const Scenario& mechanism, double frequency,
+                                  const HarmonicFit& fit) {
+  const linear_motion::FreeMotion free(mechanism, frequency, Vector2d::Zero(), Vector2d::Zero());
+  const Eigen::Matrix<Complex, 9, 6> motion =
+      linear_motion::motionFromSensor(mechanism, free, Vector3d::Zero()) *
+      linear_motion::sensorStiffness(mechanism).cast<Complex>();
+  const auto measured = [&](int row) {
+    const Eigen::Matrix<Complex, 1, 6> m = motion.row(row);
+    const double noise = (m * fit.noise.cast<Complex>() * m.adjoint()).value().real();
+    // a phasor has twice the variance of P and N
+    return MeasuredPhasor{m * fit.phasor,
+                          2.0 * noise * fit.inflation / static_cast<double>(fit.samples)};
+  };
+  return {measured(kVertical), measured(kYaw)};
+}
+
+DirectionEstimate resolveHalfTurn(const Scenario& mechanism, const OperatingPoint& point,
+                                  const HalfTurnEvidence& evidence, DirectionEstimate estimate,
+                                  LocusAxes axes) {
+  linear_motion::check(point);
+  const linear_motion::HeldMotion held(mechanism, point);
+  linear_motion::ComplexMatrix9 seen = linear_motion::ComplexMatrix9::Identity();
+  if (axes == LocusAxes::kSensor) {
+    const linear_motion::FreeMotion upright(mechanism, point.direction * point.frequency,
+                                            Vector2d::Zero(), Vector2d::Zero());
+    seen = linear_motion::motionFromSensor(mechanism, upright, Vector3d::Zero()) *
+           linear_motion::sensorWrench(mechanism, held.free(), held.couplingForce());
+  }
+  const Complex9 first = seen * held.solve(estimate.alpha);
+  const Complex9 second = seen * held.solve(estimate.alpha_opposite);
+  const double error = std::max(kModelError, estimate.misfit);
+  double odds = logOdds(estimate.weight);
+  const auto weigh = [&](const std::optional<MeasuredPhasor>& measured, int row) {
+    if (!measured) return;
+    const double size = 0.5 * (std::norm(first[row]) + std::norm(second[row]));
+    const double variance = measured->variance + error * error * size;
+    const double gain =
+        (std::norm(measured->value - second[row]) - std::norm(measured->value - first[row])) /
+        (2.0 * variance);
+    if (std::isfinite(gain)) odds += gain;
+  };
+  weigh(evidence.vertical, kVertical);
+  weigh(evidence.yaw, kYaw);
+  return withOdds(estimate, odds);
+}
+
+WobbleTilt tiltFromWobble(double direction_before, double direction_after, const Vector2d& turn,
+                          double direction_sd) {
+  // q = θ_y - i θ_x points to the lowest edge point; Im(q e^{-i α}) = 0 before and after the turn
+  const Complex step(turn.y(), -turn.x());
+  const double swing = std::sin(direction_after - direction_before);
+  WobbleTilt tilt;
+  tilt.sd = std::numeric_limits<double>::infinity();
+  if (!(std::abs(swing) > 1e-12)) return tilt;
+  tilt.along = (step * std::polar(1.0, -direction_after)).imag() / swing;
+  const Complex q = tilt.along * std::polar(1.0, direction_before);
+  tilt.before = {-q.imag(), q.real()};
+  tilt.sd =
+      direction_sd *
+      std::hypot(tilt.along * std::cos(direction_after - direction_before), std::abs(q + step)) /
+      std::abs(swing);
+  return tilt;
+}
+
+DirectionEstimate resolveByWobble(DirectionEstimate estimate, double direction_after,
+                                  const Vector2d& turn, double direction_sd) {
+  const WobbleTilt tilt = tiltFromWobble(estimate.alpha, direction_after, turn, direction_sd);
+  const double z = std::isfinite(tilt.sd) && tilt.sd > 0.0 ? tilt.along / tilt.sd : 0.0;
+  const double likely = 0.5 * std::erfc(-z / std::sqrt(2.0));
+  return withOdds(estimate, logOdds(estimate.weight) + logOdds(likely));
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,221 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "linear_motion.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::linear_motion {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+// rows of the thesis order z, x, y by x, y, z
+Matrix3d thesisOrder() { return (Matrix3d() << 0, 0, 1, 1, 0, 0, 0, 1, 0).finished(); }
+
+// 6×6 of the coupling, thesis order
+Matrix6 symmetric(const CouplingMatrix& m) {
+  Matrix6 full = m.diagonal.asDiagonal();
+  full(1, 5) = full(5, 1) = m.k26;
+  full(2, 4) = full(4, 2) = m.k35;
+  return full;
+}
+
+// the same matrix for both halves of a twist or wrench
+Matrix6 twice(const Matrix3d& m) {
+  Matrix6 both = Matrix6::Zero();
+  both.topLeftCorner<3, 3>() = both.bottomRightCorner<3, 3>() = m;
+  return both;
+}
+
+// axes of a body whose axis is tilted by the rotation vector (x, y), Euler angle psi zero
+Matrix3d tilted(const Vector2d& tilt) {
+  Vector3d axis = Vector3d::UnitZ();
+  const double angle = tilt.norm();
+  if (angle > 0.0) {
+    axis = Eigen::AngleAxisd(angle, Vector3d(tilt.x(), tilt.y(), 0.0) / angle) * axis;
+  }
+  const double phi = std::atan2(axis.x(), axis.z());
+  const double about_x = std::asin(std::clamp(-axis.y(), -1.0, 1.0));
+  return (Eigen::AngleAxisd(phi, Vector3d::UnitY()) * Eigen::AngleAxisd(about_x, Vector3d::UnitX()))
+      .toRotationMatrix();
+}
+
+// second-order term of a constant force f at the lever l of a body that rotates: the energy
+// -f·(θ×(θ×l))/2 as a stiffness
+Matrix3d forceStiffness(const Vector3d& f, const Vector3d& l) {
+  return f.dot(l) * Matrix3d::Identity() - 0.5 * (f * l.transpose() + l * f.transpose());
+}
+
+}  // namespace
+
+FreeMotion::FreeMotion(const Scenario& mechanism, double rate, const Vector2d& tilt,
+                       const Vector2d& sensor_tilt)
+    : R_HP(tilted(tilt)), R_HS(tilted(sensor_tilt)) {
+  const Matrix6 stiffness = symmetric(mechanism.coupling.stiffness);
+  const Complex s(0.0, rate);
+  const Matrix6 damping = symmetric(mechanism.coupling.damping);
+  const Vector3d axis = R_HP.col(2);
+  to_coupling = mechanism.peg.coupling_height * axis;
+  to_exciter = mechanism.peg.exciter_height * axis;
+
+  // deflection of the coupling by the peg's rotation: springs see Euler angles, dampers rates
+  const double phi = std::atan2(axis.x(), axis.z());
+  Matrix3d euler;  // columns: rotation by theta, phi, psi
+  euler << std::cos(phi), 0.0, axis.x(), 0.0, 1.0, axis.y(), -std::sin(phi), 0.0, axis.z();
+  Matrix3d about;  // rows: about z (psi), about x (theta), about y (phi)
+  const Matrix3d inverse = euler.inverse();
+  about << inverse.row(2), inverse.row(0), inverse.row(1);
+
+  // deflection = twist of the coupling point + carrier's part
+  const Matrix6 damper = twice(thesisOrder());
+  Matrix6 spring = damper;
+  spring.bottomRightCorner<3, 3>() = about;
+  Matrix69 twist = Matrix69::Zero();  // of the coupling point by all coordinates
+  twist.block<3, 3>(0, kU).setIdentity();
+  twist.block<3, 3>(0, kTheta) = -skew(to_coupling);
+  twist.block<3, 3>(3, kTheta).setIdentity();
+  Matrix69 carrier = Matrix69::Zero();
+  carrier(1, kCarrier) = carrier(2, kCarrier + 1) = carrier(3, kCarrier + 2) = -1.0;
+  const Matrix69 spring_of = spring * twist + carrier;
+  const Matrix69 damper_of = damper * twist + carrier;
+
+  const Eigen::Matrix<Complex, 6, 9> spring_force = (stiffness * spring_of).cast<Complex>();
+  const Eigen::Matrix<Complex, 6, 9> damper_force = s * (damping * damper_of).cast<Complex>();
+  wrench = spring.transpose().cast<Complex>() * spring_force +
+           damper.transpose().cast<Complex>() * damper_force;
+  displaced = twist.topRows<3>();
+  displaced.block<2, 2>(0, kCarrier) -= Eigen::Matrix2d::Identity();
+  dynamic = spring_of.transpose().cast<Complex>() * spring_force +
+            damper_of.transpose().cast<Complex>() * damper_force;
+
+  // masses and the carrier's own springs and dampers
+  const PegParameters& peg = mechanism.peg;
+  const Matrix3d inertia =
+      R_HP *
+      Vector3d(peg.inertia_transverse, peg.inertia_transverse, peg.inertia_axial).asDiagonal() *
+      R_HP.transpose();
+  dynamic.block<3, 3>(kU, kU) -= (rate * rate * peg.mass * Matrix3d::Identity()).cast<Complex>();
+  dynamic.block<3, 3>(kTheta, kTheta) -= (rate * rate * inertia).cast<Complex>();
+  const Vector3d carrier_mass(mechanism.carrier.mass, mechanism.carrier.mass,
+                              mechanism.carrier.inertia);
+  for (int k = 0; k < 3; ++k) {
+    dynamic(kCarrier + k, kCarrier + k) += mechanism.carrier.stiffness[k] +
+                                           s * mechanism.carrier.damping[k] -
+                                           rate * rate * carrier_mass[k];
+  }
+}
+
+HeldMotion::HeldMotion(const Scenario& mechanism, const OperatingPoint& point)
+    : free_(mechanism, point.direction * point.frequency, point.tilt, point.sensor_tilt),
+      peg_(mechanism.peg),
+      contact_(point.friction.x(), point.friction.y(), point.press),
+      weight_(mechanism.peg.mass * mechanism.gravity),
+      rolling_(point.rolling && point.tilt.norm() > 1e-3 ? mechanism.peg.radius / point.tilt.norm()
+                                                         : 0.0) {
+  const Vector3d force_in_peg(point.amplitude, 0.0, 0.0), quarter(0.0, point.amplitude, 0.0);
+  force_.real() = free_.R_HP * force_in_peg;
+  force_.imag() = free_.R_HP * -quarter;
+}
+
+Complex9 HeldMotion::solve(double alpha) const {
+  // the held point: its horizontal direction from the bottom centre is alpha
+  const Vector2d radial(std::cos(alpha), std::sin(alpha));
+  const Vector2d body = (free_.R_HP.topLeftCorner<2, 2>().inverse() * radial).normalized();
+  const Vector3d rho =
+      free_.R_HP * Vector3d(peg_.radius * body.x(), peg_.radius * body.y(), -peg_.half_height);
+
+  // static forces: contact, and the coupling that balances it and the weight
+  const Vector3d coupling(-contact_.x(), -contact_.y(), weight_ - contact_.z());
+  Matrix3d fixed = forceStiffness(contact_, rho) + forceStiffness(coupling, free_.to_coupling);
+  // the coupling's static moment acts on Euler angles, which differ from θ by θ×θ terms
+  const Vector3d moment = rho.cross(contact_) + free_.to_coupling.cross(coupling);
+  Matrix3d euler;
+  euler << 0.0, moment.z(), moment.y(), moment.z(), 0.0, -moment.x(), moment.y(), -moment.x(), 0.0;
+  fixed += 0.5 * euler;
+  // rolling: a turn s about the radial axis moves the contact by -(r / tilt) s along the edge
+  const Vector3d along(-radial.y(), radial.x(), 0.0);
+  fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();
+
+  // u = -θ × rho
+  const Eigen::Matrix3cd held = skew(rho).cast<Complex>();
+  const ComplexMatrix9& d = free_.dynamic;
+  ComplexMatrix6 reduced = d.bottomRightCorner<6, 6>();
+  reduced.topLeftCorner<3, 3>() +=
+      held.transpose() * (d.block<3, 3>(kU, kU) * held + d.block<3, 3>(kU, kTheta)) +
+      d.block<3, 3>(kTheta, kU) * held + fixed.cast<Complex>();
+  reduced.topRightCorner<3, 3>() += held.transpose() * d.block<3, 3>(kU, kCarrier);
+  reduced.bottomLeftCorner<3, 3>() += d.block<3, 3>(kCarrier, kU) * held;
+  Complex6 load = Complex6::Zero();
+  load.head<3>() = skew(free_.to_exciter - rho).cast<Complex>() * force_;
+
+  Complex9 q;
+  q.tail<6>() = reduced.partialPivLu().solve(load);
+  q.head<3>() = held * q.segment<3>(kTheta);
+  return q;
+}
+
+void check(const OperatingPoint& point) {
+  if (!(std::isfinite(point.frequency) && point.frequency > 0.0)) {
+    throw InputError("exciter frequency is " + std::to_string(point.frequency) +
+                     ": give a positive one in rad/s");
+  }
+  if (!(std::isfinite(point.amplitude) && point.amplitude > 0.0)) {
+    throw InputError("exciter amplitude is " + std::to_string(point.amplitude) +
+                     ": give a positive one in N");
+  }
+  if (point.direction != 1 && point.direction != -1) {
+    throw InputError("exciter direction is " + std::to_string(point.direction) + ": give 1 or -1");
+  }
+  if (!(std::isfinite(point.press) && point.press >= 0.0)) {
+    throw InputError("press force is " + std::to_string(point.press) +
+                     ": give one of at least 0 in N");
+  }
+  if (!point.friction.allFinite()) {
+    throw InputError("friction force is not finite: give the horizontal contact force in N");
+  }
+  if (!(point.tilt.norm() < 0.5 && point.sensor_tilt.norm() < 0.5)) {
+    throw InputError("tilt is " + std::to_string(point.tilt.norm()) +
+                     ": the small-motion model holds below 0.5 rad");
+  }
+}
+
+Eigen::Vector2cd counterRotating(Complex x, Complex y) {
+  const Complex i(0.0, 1.0);
+  return {0.5 * (x + i * y), 0.5 * std::conj(x - i * y)};
+}
+
+Matrix6 sensorStiffness(const Scenario& mechanism) {
+  const Matrix6 order = twice(thesisOrder());
+  return order.transpose() * symmetric(mechanism.coupling.stiffness) * order;
+}
+
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const Scenario& mechanism, const FreeMotion& free,
+                                          const Vector3d& static_force) {
+  const Vector6& k = mechanism.coupling.stiffness.diagonal;
+  const auto give = [](double force, double stiffness) {
+    return stiffness > 0.0 ? force / stiffness : 0.0;
+  };
+  const Vector3d static_displacement(give(static_force.x(), k[1]), give(static_force.y(), k[2]),
+                                     give(static_force.z(), k[0]));
+  Eigen::Matrix<Complex, 6, 9> wrench = free.wrench;
+  const Eigen::Matrix<Complex, 3, 9> forces = free.wrench.topRows<3>();
+  wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -
+                            (skew(static_force) * free.displaced).cast<Complex>();
+  return twice(free.R_HS.transpose()).cast<Complex>() * wrench;
+}
+
+Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Scenario& mechanism, const FreeMotion& free,
+                                              const Vector3d& static_force) {
+  ComplexMatrix9 system;
+  system << sensorWrench(mechanism, free, static_force), free.dynamic.bottomRows<3>();
+  return system.fullPivLu().inverse().leftCols<6>();
+}
+
+}  // namespace assembly_cell::linear_motion

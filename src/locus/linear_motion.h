@@ -1,0 +1,80 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The linear motion behind contact_model.h and operating_point.h: the mechanism free, with a point
+// of the peg's edge held, and as its sensor tells it.
+#pragma once
+
+#include <complex>
+
+#include "assembly_cell/locus/contact_model.h"
+
+namespace assembly_cell::linear_motion {
+
+using Complex = std::complex<double>;
+using Complex6 = Eigen::Matrix<Complex, 6, 1>;
+using Complex9 = Eigen::Matrix<Complex, 9, 1>;
+using ComplexMatrix6 = Eigen::Matrix<Complex, 6, 6>;
+using ComplexMatrix9 = Eigen::Matrix<Complex, 9, 9>;
+using Matrix69 = Eigen::Matrix<double, 6, 9>;
+
+// coordinates: u, translation of the centre of mass; theta, rotation vector; carrier x, y, yaw
+constexpr int kU = 0, kTheta = 3, kCarrier = 6;
+
+// The mechanism without contact at one frequency and tilt.
+struct FreeMotion {
+  FreeMotion(const Scenario& mechanism, double rate, const Eigen::Vector2d& tilt,
+             const Eigen::Vector2d& sensor_tilt);
+
+  Eigen::Matrix3d R_HP, R_HS;
+  Eigen::Vector3d to_coupling, to_exciter;  // from the centre of mass [m]
+  Eigen::Matrix<Complex, 6, 9> wrench;      // of the peg on the sensor at the coupling, hole axes
+  Eigen::Matrix<double, 3, 9> displaced;    // coupling point against the carrier, hole axes
+  ComplexMatrix9 dynamic;                   // generalised forces per coordinates
+};
+
+// The six coordinates that are left with a point of the peg's edge held: theta and the carrier.
+class HeldMotion {
+ public:
+  HeldMotion(const Scenario& mechanism, const OperatingPoint& point);
+
+  const FreeMotion& free() const { return free_; }
+
+  // static force of the peg on the sensor, hole axes [N]
+  Eigen::Vector3d couplingForce() const { return contact_ - Eigen::Vector3d(0.0, 0.0, weight_); }
+
+  // all nine coordinates [m], [rad]
+  Complex9 solve(double alpha) const;
+
+  // on the peg at the held point, besides the press force, hole axes [N]
+  Eigen::Vector3cd contactForce(const Complex9& q) const {
+    return free_.dynamic.topRows<3>() * q - force_;
+  }
+
+ private:
+  FreeMotion free_;
+  PegParameters peg_;
+  Eigen::Vector3d contact_;  // static force on the peg [N]
+  double weight_;            // [N]
+  double rolling_;           // contact's way along the edge per turn about the radial axis [m]
+  Eigen::Vector3cd force_;
+};
+
+// Throws InputError for an operating point that is none.
+void check(const OperatingPoint& point);
+
+// counter-rotating amplitudes of the plane motion
+Eigen::Vector2cd counterRotating(Complex x, Complex y);
+
+// stiffness of the coupling in the order x, y, z, about x, about y, about z
+Matrix6 sensorStiffness(const Scenario& mechanism);
+
+// Wrench on the sensor about its origin, in its axes, by all coordinates. The coupling point leaves
+// the origin, so the static force and the moving one each have the other's displacement as arm.
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const Scenario& mechanism, const FreeMotion& free,
+                                          const Eigen::Vector3d& static_force);
+
+// All coordinates by the wrench on the sensor, in its axes: six wrench equations and the carrier's
+// three.
+Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Scenario& mechanism, const FreeMotion& free,
+                                              const Eigen::Vector3d& static_force);
+
+}  // namespace assembly_cell::linear_motion

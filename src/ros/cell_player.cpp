@@ -1,0 +1,280 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/cell_player.h"
+
+#include <assembly_cell/DisplacementSamples.h>
+#include <assembly_cell/StrainSamples.h>
+#include <assembly_cell/WrenchSamples.h>
+#include <rosgraph_msgs/Clock.h>
+
+#include <algorithm>
+#include <set>
+
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr std::uint32_t kQueue = 1000;
+constexpr auto kRepetitionPatience = std::chrono::milliseconds(500);
+
+// the sequence of a block of samples, if the message is one
+std::optional<std::uint32_t> blockSequence(const rosbag::MessageInstance& message) {
+  if (const auto b = message.instantiate<WrenchSamples>()) return b->sequence;
+  if (const auto b = message.instantiate<DisplacementSamples>()) return b->sequence;
+  if (const auto b = message.instantiate<StrainSamples>()) return b->sequence;
+  return std::nullopt;
+}
+
+ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
+                                const std::string& topic) {
+  ros::AdvertiseOptions options;
+  options.topic = topic;
+  options.queue_size = kQueue;
+  options.md5sum = connection.md5sum;
+  options.datatype = connection.datatype;
+  options.message_definition = connection.msg_def;
+  // who connects late must not miss the first one
+  options.latch = true;
+  return options;
+}
+
+}  // namespace
+
+CellPlayer::CellPlayer(const ros::NodeHandle& nh, const ros::NodeHandle& pnh) : nh_(nh), pnh_(pnh) {
+  readParameters();
+  openBag();
+  if (clock_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", kQueue);
+  ack_sub_ =
+      nh_.subscribe("ack", kQueue, &CellPlayer::onAck, this, ros::TransportHints().tcpNoDelay());
+  thread_ = std::thread([this] { play(); });
+}
+
+CellPlayer::~CellPlayer() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopping_ = true;
+  }
+  answered_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void CellPlayer::readParameters() {
+  Parameters parameters(pnh_);
+  file_ = parameters.text("bag");
+  namespace_ = parameters.text("recorded_namespace", std::string("/"));
+  topics_ = parameters.texts("topics");
+  fast_ = parameters.choice("rate", {"original", "fast"}, "original") == "fast";
+  rate_ = parameters.number("factor", {1e-3, 1e3}, 1.0);
+  clock_ = parameters.flag("clock", false);
+  for (const std::string& entry : parameters.texts("participants", std::vector<std::string>{})) {
+    const std::size_t place = entry.find('=');
+    if (place == std::string::npos || place == 0 || place + 1 == entry.size()) {
+      throw InputError("parameter " + pnh_.resolveName("participants") + " has '" + entry +
+                       "': give node=topic whose blocks it acknowledges");
+    }
+    Participant participant;
+    participant.name = entry.substr(0, place);
+    participant.topic = entry.substr(place + 1);
+    if (std::find(topics_.begin(), topics_.end(), participant.topic) == topics_.end()) {
+      throw InputError("parameter " + pnh_.resolveName("participants") + " has '" + entry +
+                       "': its topic is not among ~topics");
+    }
+    participants_.push_back(participant);
+  }
+  ack_timeout_ =
+      std::chrono::duration<double>(parameters.number("ack_timeout", {0.01, 3600}, 10.0));
+  start_timeout_ =
+      std::chrono::duration<double>(parameters.number("start_timeout", {0.01, 3600}, 60.0));
+  parameters.refuseUnknown();
+}
+
+void CellPlayer::openBag() {
+  try {
+    bag_.open(file_, rosbag::bagmode::Read);
+  } catch (const rosbag::BagException& error) {
+    throw InputError("bag '" + file_ + "' can't be read: " + error.what() +
+                     ": give a bag that record.launch made, or mend it with `rosbag reindex`");
+  }
+  rosbag::View all(bag_);
+  for (const std::string& topic : topics_) {
+    const std::string recorded = ros::names::append(namespace_, topic);
+    for (const rosbag::ConnectionInfo* connection : all.getConnections()) {
+      if (connection->topic != recorded || publishers_.count(recorded) != 0) continue;
+      ros::AdvertiseOptions options = optionsOf(*connection, topic);
+      publishers_[recorded] = nh_.advertise(options);
+    }
+  }
+  for (const Participant& participant : participants_) {
+    const std::string recorded = ros::names::append(namespace_, participant.topic);
+    if (publishers_.count(recorded) == 0) {
+      throw InputError("bag '" + file_ + "' has no " + recorded + ", which " + participant.name +
+                       " needs: record it, or set recorded_namespace");
+    }
+  }
+  if (publishers_.empty()) {
+    throw InputError("bag '" + file_ + "' has none of ~topics: set recorded_namespace");
+  }
+}
+
+void CellPlayer::play() {
+  try {
+    playAll();
+    if (!stopping_) {
+      ROS_INFO_NAMED("player", "the bag is over: %llu messages played",
+                     static_cast<unsigned long long>(played_));
+    }
+  } catch (const std::exception& error) {
+    ROS_FATAL_NAMED("player", "cell_player: %s", error.what());
+    exit_code_ = 1;
+  }
+  if (!stopping_) ros::requestShutdown();
+}
+
+void CellPlayer::playAll() {
+  std::vector<std::string> names;
+  for (const auto& entry : publishers_) names.push_back(entry.first);
+  rosbag::View view(bag_, rosbag::TopicQuery(names));
+  awaitConnections();
+  const Clock::time_point start = Clock::now();
+  const ros::Time first = view.getBeginTime();
+  for (const rosbag::MessageInstance& message : view) {
+    if (!fast_) {
+      const std::chrono::duration<double> since((message.getTime() - first).toSec() / rate_);
+      std::unique_lock<std::mutex> lock(mutex_);
+      answered_.wait_until(lock, start + std::chrono::duration_cast<Clock::duration>(since),
+                           [this] { return stopping_.load(); });
+    }
+    if (stopping_) return;
+    if (clock_) publishClock(message.getTime());
+    publish(message);
+    ++played_;
+  }
+}
+
+void CellPlayer::publish(const rosbag::MessageInstance& message) {
+  const std::string& topic = message.getTopic();
+  const std::optional<std::uint32_t> sequence = blockSequence(message);
+  if (sequence && unsettled_) settle(topic);
+  publishers_[topic].publish(message);
+  if (sequence) {
+    awaitAnswers(topic, *sequence);
+    latest_.erase(topic);
+    latest_.emplace(topic, message);
+  } else {
+    unsettled_ = true;
+  }
+}
+
+void CellPlayer::publishClock(const ros::Time& time) {
+  rosgraph_msgs::Clock clock;
+  clock.clock = time;
+  clock_pub_.publish(clock);
+}
+
+void CellPlayer::onAck(const Ack::ConstPtr& ack) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (Participant& participant : participants_) {
+      if (participant.name != ack->node) continue;
+      participant.sequence = ack->sequence;
+      ++participant.answers;
+    }
+  }
+  answered_.notify_all();
+}
+
+void CellPlayer::awaitConnections() {
+  const Clock::time_point limit =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(start_timeout_);
+  std::string missing;
+  do {
+    missing.clear();
+    // who wants what, as the master knows it
+    XmlRpc::XmlRpcValue request, response, state;
+    request[0] = ros::this_node::getName();
+    std::map<std::string, std::set<std::string>> listeners;
+    if (ros::master::execute("getSystemState", request, response, state, false)) {
+      for (int i = 0; i < state[1].size(); ++i) {
+        XmlRpc::XmlRpcValue& nodes = state[1][i][1];
+        for (int k = 0; k < nodes.size(); ++k) {
+          listeners[static_cast<std::string>(state[1][i][0])].insert(
+              static_cast<std::string>(nodes[k]));
+        }
+      }
+    }
+    for (const Participant& participant : participants_) {
+      const std::string node = ros::names::append(nh_.getNamespace(), participant.name);
+      const auto listens = [&](const auto& entry) {
+        return listeners[entry.second.getTopic()].count(node) != 0;
+      };
+      if (std::none_of(publishers_.begin(), publishers_.end(), listens)) missing = node;
+    }
+    for (const auto& [name, publisher] : publishers_) {
+      if (publisher.getNumSubscribers() < listeners[publisher.getTopic()].size()) {
+        missing = "a listener of " + publisher.getTopic();
+      }
+    }
+    if (ack_sub_.getNumPublishers() < participants_.size()) missing = "an acknowledgement";
+    if (missing.empty()) return;
+    std::unique_lock<std::mutex> lock(mutex_);
+    answered_.wait_for(lock, std::chrono::milliseconds(20), [this] { return stopping_.load(); });
+  } while (!stopping_ && Clock::now() < limit);
+  if (!stopping_) {
+    throw InputError("no connection to " + missing + " in " +
+                     std::to_string(start_timeout_.count()) +
+                     " s: start it, in lockstep, or take it out of ~participants");
+  }
+}
+
+void CellPlayer::awaitAnswers(const std::string& topic, std::uint32_t sequence) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  const Clock::time_point limit =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(ack_timeout_);
+  for (Participant& participant : participants_) {
+    if (ros::names::append(namespace_, participant.topic) != topic) continue;
+    const auto answered = [&] {
+      return stopping_ || (participant.answers > 0 && participant.sequence == sequence);
+    };
+    if (!answered_.wait_until(lock, limit, answered)) {
+      throw InputError(participant.name + " didn't acknowledge block " + std::to_string(sequence) +
+                       " of " + topic + " in " + std::to_string(ack_timeout_.count()) +
+                       " s: is it in lockstep?");
+    }
+  }
+}
+
+// A message that went out before a repeated block lies with the receiver, at the latest, when that
+// block is repeated once more: topics have no common order, but each round trip has.
+void CellPlayer::settle(const std::string& topic) {
+  const auto block = latest_.find(topic);
+  if (block == latest_.end()) return;
+  for (int round = 0; round < 2; ++round) {
+    std::map<std::string, std::uint64_t> before;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      for (const Participant& participant : participants_) {
+        before[participant.name] = participant.answers;
+      }
+    }
+    bool anyone = false;
+    for (const Participant& participant : participants_) {
+      anyone = anyone || (ros::names::append(namespace_, participant.topic) == topic &&
+                          participant.answers_repetition);
+    }
+    if (!anyone) return;
+    publishers_[topic].publish(block->second);
+    std::unique_lock<std::mutex> lock(mutex_);
+    const Clock::time_point limit = Clock::now() + kRepetitionPatience;
+    for (Participant& participant : participants_) {
+      if (ros::names::append(namespace_, participant.topic) != topic) continue;
+      if (!participant.answers_repetition) continue;
+      participant.answers_repetition = answered_.wait_until(
+          lock, limit, [&] { return stopping_ || participant.answers > before[participant.name]; });
+    }
+  }
+  unsettled_ = false;
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,254 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/force_sensor_node.h"
+
+#include <diagnostic_msgs/DiagnosticStatus.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "assembly_cell/ros/calibration_messages.h"
+#include "assembly_cell/ros/conversions.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+constexpr std::size_t kNoiseSamples = 50;  // differences in one estimate of the noise
+constexpr const char* kAxes[6] = {"fx [N]", "fy [N]", "fz [N]", "tx [N m]", "ty [N m]", "tz [N m]"};
+
+std::string format(const char* pattern, double value) {
+  char text[64];
+  std::snprintf(text, sizeof(text), pattern, value);
+  return text;
+}
+
+double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
+
+}  // namespace
+
+void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  status.hardware_id = calibration_.serial_number;
+  const std::chrono::duration<double> silence = Clock::now() - last_block_.value_or(started_);
+  if (rate_samples_ > 0 && last_time_ > rate_from_) {
+    rate_ = static_cast<double>(rate_samples_) / (last_time_ - rate_from_);
+    rate_from_ = last_time_;
+    rate_samples_ = 0;
+  }
+  // the first estimate grows with its samples; then each one is complete
+  if (noise_.count() >= kNoiseSamples || noise_.count() > noise_samples_) {
+    noise_rms_ = noise_.rms();
+    noise_samples_ = noise_.count();
+    if (noise_samples_ >= kNoiseSamples) noise_.clear();
+  }
+  const std::uint64_t lost = sequence_.lost() - reported_lost_;
+  const std::uint64_t duplicates = sequence_.duplicates() - reported_duplicates_;
+  const std::uint64_t restarts = sequence_.restarts() - reported_restarts_;
+  reported_lost_ = sequence_.lost();
+  reported_duplicates_ = sequence_.duplicates();
+  reported_restarts_ = sequence_.restarts();
+
+  // causes since the last report, the worst last
+  const auto warn = [&](const std::string& text) {
+    status.mergeSummary(DiagnosticStatus::WARN, text);
+  };
+  const auto fail = [&](const std::string& text) {
+    status.mergeSummary(DiagnosticStatus::ERROR, text);
+  };
+  status.summary(DiagnosticStatus::OK, "");
+  if (replay_ended_) {
+    status.summary(DiagnosticStatus::OK, "the recording has ended");
+  } else if (silence > source_timeout_) {
+    // the simulator may be paused in lockstep
+    status.summary(lockstep_ ? DiagnosticStatus::WARN : DiagnosticStatus::ERROR,
+                   last_block_ ? "no samples for " + format("%.1f s", silence.count())
+                               : "no samples yet from " + source_);
+  }
+  if (window_.malformed > 0) fail("malformed: " + fault_);
+  if (window_.saturated != 0) fail("saturated channels: " + channelText(window_.saturated));
+  if (window_.outside != 0) {
+    warn("load beyond the tests of the calibration, channels: " + channelText(window_.outside));
+  }
+  if (lost > 0) warn(std::to_string(lost) + " blocks lost");
+  if (duplicates > 0) warn(std::to_string(duplicates) + " blocks twice or out of order");
+  if (restarts > 0) warn("the source started anew");
+  if (!foreign_frame_.empty()) {
+    warn("blocks say they're from '" + foreign_frame_ + "', frame_id is '" + frame_id_ + "'");
+  }
+  // a device may know its own rate
+  const double expected =
+      expected_rate_ > 0.0 || !acquisition_ ? expected_rate_ : acquisition_->info().rate;
+  if (rate_ > 0.0 && expected > 0.0 && std::abs(rate_ - expected) > rate_tolerance_ * expected) {
+    warn("rate " + format("%.4g Hz", rate_) + " instead of " + format("%.4g Hz", expected));
+  }
+  if (status.message.empty()) {
+    status.summary(DiagnosticStatus::OK, "sampling at " + format("%.4g Hz", rate_));
+  }
+  total_samples_ += window_.samples;
+  total_saturated_ += window_.saturated_samples;
+  total_malformed_ += window_.malformed;
+
+  status.add("source", source_);
+  status.add("rate [Hz]", rate_);
+  status.add("expected rate [Hz]", expected);
+  status.add("age of last block [s]", last_block_ ? silence.count() : -1.0);
+  status.add("samples", total_samples_);
+  status.add("lost blocks", sequence_.lost());
+  status.add("duplicate blocks", sequence_.duplicates());
+  status.add("source restarts", sequence_.restarts());
+  status.add("malformed blocks", total_malformed_);
+  status.add("saturated channels", channelText(window_.saturated));
+  status.add("saturated samples", total_saturated_);
+  if (std::isfinite(temperature_)) status.add("temperature [degC]", temperature_);
+  for (int k = 0; k < 6; ++k) status.add(std::string("noise rms ") + kAxes[k], noise_rms_[k]);
+  status.add("samples in noise rms", noise_samples_);
+  window_ = Window();
+  foreign_frame_.clear();
+}
+
+void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const LinkStatus link = acquisition_->status();
+  const SourceInfo info = acquisition_->info();
+  const SourceCounters counters = choice_.source->counters();
+  const DeviceBias bias = choice_.source->deviceBias();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  status.hardware_id = calibration_.serial_number;
+  const auto now = Clock::now();
+  const auto seconds = [](auto span) { return std::chrono::duration<double>(span).count(); };
+
+  // static causes: somebody must change something
+  std::string fixed = link.static_cause;
+  const auto add = [](std::string& list, const std::string& text) {
+    list += (list.empty() ? "" : "; ") + text;
+  };
+  std::uint8_t fixed_level = fixed.empty() ? DiagnosticStatus::OK : DiagnosticStatus::ERROR;
+  const bool foreign_calibration = link.opens > 0 && !info.serial_number.empty() &&
+                                   info.serial_number != calibration_.serial_number;
+  if (foreign_calibration) {
+    add(fixed, "the device is '" + info.serial_number + "' but the calibration is of '" +
+                   calibration_.serial_number + "'");
+    fixed_level = std::max<std::uint8_t>(fixed_level, info.quantity == SampleQuantity::kWrench
+                                                          ? DiagnosticStatus::WARN
+                                                          : DiagnosticStatus::ERROR);
+  }
+  if (!link.priority_fault.empty()) {
+    add(fixed, link.priority_fault);
+    fixed_level = std::max<std::uint8_t>(fixed_level, DiagnosticStatus::WARN);
+  }
+
+  // dynamic causes: they pass by themselves, or with a cable
+  std::string passing;
+  std::uint8_t level = DiagnosticStatus::OK;
+  const auto warn = [&](std::uint8_t l, const std::string& text) {
+    add(passing, text);
+    level = std::max(level, l);
+  };
+  const bool gone = link.state == LinkState::kBackingOff || link.state == LinkState::kConnecting;
+  if (!link.dynamic_cause.empty()) {
+    std::string text = link.dynamic_cause;
+    if (gone && !link.ever_sampled) text += " (not once since the start: is it the right device?)";
+    warn(DiagnosticStatus::ERROR, text);
+  } else if (link.state == LinkState::kConnected && link.fault != 0) {
+    warn(DiagnosticStatus::ERROR, "the device reports a fault");
+  } else if (link.state == LinkState::kConnected && !link.ever_sampled) {
+    warn(DiagnosticStatus::WARN, "open, but no samples yet");
+  }
+  const auto since = [&](std::uint64_t SourceCounters::*count) {
+    return counters.*count - reported_counters_.*count;
+  };
+  const auto count = [&](std::uint8_t l, std::uint64_t n, const std::string& what) {
+    if (n > 0) warn(l, std::to_string(n) + " " + what);
+  };
+  count(DiagnosticStatus::WARN, since(&SourceCounters::lost), "samples lost");
+  count(DiagnosticStatus::WARN, since(&SourceCounters::late), "samples too late");
+  count(DiagnosticStatus::WARN, since(&SourceCounters::duplicates), "samples twice");
+  count(DiagnosticStatus::ERROR, since(&SourceCounters::faulty), "samples dropped for a fault");
+  count(DiagnosticStatus::ERROR, since(&SourceCounters::stale), "stale samples: the device stalls");
+  count(DiagnosticStatus::WARN, since(&SourceCounters::crc_errors), "checksums wrong");
+  count(DiagnosticStatus::WARN, since(&SourceCounters::malformed), "malformed frames");
+  count(DiagnosticStatus::WARN, since(&SourceCounters::foreign), "datagrams from others");
+  count(DiagnosticStatus::WARN, since(&SourceCounters::restarts), "restarts of the device");
+  count(DiagnosticStatus::WARN, link.dropped_samples - reported_link_.dropped_samples,
+        "samples dropped: the driver is too slow");
+  count(DiagnosticStatus::WARN, link.reconnects - reported_link_.reconnects, "reconnects");
+  count(DiagnosticStatus::WARN, ros_clock_.steps() - reported_steps_, "steps of the system clock");
+  reported_counters_ = counters;
+  reported_link_ = link;
+  reported_steps_ = ros_clock_.steps();
+
+  status.summary(DiagnosticStatus::OK, "");
+  if (!fixed.empty()) status.mergeSummary(fixed_level, "configuration: " + fixed);
+  if (!passing.empty()) status.mergeSummary(level, passing);
+  if (status.message.empty()) {
+    status.summary(DiagnosticStatus::OK, std::string(toText(link.state)) +
+                                             (info.device.empty() ? "" : " to " + info.device));
+  }
+
+  status.add("state", toText(link.state));
+  status.add("static cause", fixed);
+  status.add("dynamic cause", passing);
+  status.add("last loss", link.last_loss);
+  status.add("type", choice_.type);
+  status.add("device", info.device);
+  status.add("device serial number", info.serial_number);
+  status.add("firmware", info.firmware);
+  status.add("note", info.note);
+  status.add("quantity", toText(info.quantity));
+  status.add("opens", link.opens);
+  status.add("failed opens", link.failed_opens);
+  status.add("reconnects", link.reconnects);
+  status.add("back-off [s]", seconds(link.back_off));
+  status.add("next attempt in [s]", gone ? std::max(0.0, seconds(link.next_attempt - now)) : 0.0);
+  status.add("age of last samples [s]",
+             link.ever_sampled ? seconds(now - link.last_samples) : -1.0);
+  status.add("samples", counters.samples);
+  status.add("lost samples", counters.lost);
+  status.add("late samples", counters.late);
+  status.add("duplicate samples", counters.duplicates);
+  status.add("reordered samples", counters.reordered);
+  status.add("faulty samples", counters.faulty);
+  status.add("stale samples", counters.stale);
+  status.add("CRC errors", counters.crc_errors);
+  status.add("garbage bytes", counters.garbage);
+  status.add("malformed frames", counters.malformed);
+  status.add("foreign datagrams", counters.foreign);
+  status.add("device restarts", counters.restarts);
+  char word[16];
+  std::snprintf(word, sizeof(word), "0x%08x", link.fault);
+  status.add("fault word", std::string(word));
+  status.add("dropped blocks", link.dropped_blocks);
+  status.add("dropped samples", link.dropped_samples);
+  status.add("most blocks in queue", link.queue_high);
+  status.add("clock steps", ros_clock_.steps());
+  status.add("last clock step [s]", ros_clock_.lastStep());
+  status.add("delay median [ms]", 1e3 * delays_.percentile(0.5));
+  status.add("delay p99 [ms]", 1e3 * delays_.percentile(0.99));
+  if (bias.state != DeviceBias::State::kNone) {
+    const char* states[] = {"none", "pending", "verified", "failed"};
+    status.add("device bias", states[static_cast<std::size_t>(bias.state)]);
+    status.add("device bias residual", wrenchText(Vector6::Map(bias.residual.data()), "%.3g"));
+  }
+}
+
+void ForceSensorNode::diagnoseCalibration(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  status.hardware_id = calibration_.serial_number;
+  status.summary(DiagnosticStatus::OK,
+                 "calibration " + calibration_.id + (bias_time_ ? ", zeroed" : ", not zeroed"));
+  status.add("serial number", calibration_.serial_number);
+  status.add("calibration id", calibration_.id);
+  status.add("calibration date", calibration_.date);
+  status.add("calibration in force [s]", age(calibration_time_));
+  status.add("model", calibration_.quadratic_wrench ? "quadratic" : "linear");
+  if (bias_time_) {
+    status.add("bias age [s]", age(*bias_time_));
+  } else {
+    status.add("bias age [s]", "never set");
+  }
+  for (int k = 0; k < 6; ++k) status.add(std::string("bias ") + kAxes[k], bias_[k]);
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,185 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "targets.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <istream>
+#include <memory>
+#include <streambuf>
+#include <string>
+#include <string_view>
+
+#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/sensor/iio_text.h"
+#include "assembly_cell/sensor/netft_configuration.h"
+#include "assembly_cell/sensor/rdt.h"
+#include "assembly_cell/sensor/replay.h"
+#include "assembly_cell/sensor/serial_frame.h"
+
+namespace assembly_cell {
+
+namespace {
+
+void require(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "broken: %s\n", what);
+  std::abort();
+}
+
+// Frames out of bytes in pieces whose sizes the first byte tells.
+void fuzzFrames(const FrameFormat& format, const std::uint8_t* data, std::size_t size) {
+  static const auto kept = std::make_unique<FrameDecoder>(format);
+  FrameDecoder& decoder = *kept;
+  decoder.reset();
+  if (size == 0) return;
+  const std::size_t piece = 1 + data[0] % 64;
+  SourceCounters counters;
+  std::size_t frames = 0;
+  for (std::size_t at = 1; at < size;) {
+    require(decoder.room() > 0, "room for the next bytes");
+    const std::size_t n = std::min({piece, size - at, decoder.room()});
+    std::copy(data + at, data + at + n, decoder.space());
+    decoder.added(n);
+    at += n;
+    SerialFrame frame;
+    while (decoder.next(frame, counters)) {
+      ++frames;
+      for (const double value : frame.values) require(std::isfinite(value), "finite values");
+    }
+  }
+  require(frames * format.size + counters.garbage <= size, "each byte counts once");
+}
+
+}  // namespace
+
+// Records one after another, through the stream, with a take now and then.
+void fuzzRdtRecord(const std::uint8_t* data, std::size_t size) {
+  RdtRequest request;
+  if (unpackRdtRequest(data, size, request)) {
+    const auto packed = packRdtRequest(request);
+    require(std::equal(packed.begin(), packed.end(), data), "a request packs to its bytes");
+  }
+  static const auto stream = std::make_unique<RdtStream>();
+  static const auto block = std::make_unique<SourceBlock>();
+  RdtPolicy policy;
+  policy.scale.fill(1e-6);
+  stream->setPolicy(policy);
+  // what was left by the input before
+  SourceCounters counters;
+  while (stream->take(*block, kBlockCapacity, true, counters) != ReadResult::kTimeout) {
+  }
+  stream->begin();
+  counters = SourceCounters();
+
+  std::uint64_t last = 0, delivered = 0;
+  const auto take = [&](bool flush) {
+    if (stream->take(*block, kBlockCapacity, flush, counters) != ReadResult::kSamples) return false;
+    require(block->count > 0 && block->count <= kBlockCapacity, "a block within its capacity");
+    require(delivered == 0 || block->sequence > last, "sequences grow");
+    last = block->sequence + block->count - 1;
+    delivered += block->count;
+    return true;
+  };
+  std::size_t records = 0;
+  for (std::size_t at = 0; at < size; at += kRdtRecordSize) {
+    RdtRecord record;
+    const std::size_t n = std::min(kRdtRecordSize, size - at);
+    if (!unpackRdtRecord(data + at, n, record)) {
+      require(n != kRdtRecordSize, "a record of the right size is one");
+      break;
+    }
+    const auto packed = packRdtRecord(record);
+    require(std::equal(packed.begin(), packed.end(), data + at), "a record packs to its bytes");
+    ++records;
+    for (int tries = 0; !stream->push(record, Reception(), counters); ++tries) {
+      require(tries < 4096, "room after taking");
+      take(true);
+    }
+    if ((record.counts[5] & 7) == 0) take((record.counts[5] & 8) == 0);
+  }
+  while (stream->pending() > 0) take(true);
+  require(counters.samples == delivered, "samples are those delivered");
+  require(
+      delivered + counters.duplicates + counters.late + counters.faulty + counters.stale == records,
+      "each record counts once");
+}
+
+void fuzzNetftConfiguration(const std::uint8_t* data, std::size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  try {
+    httpComplete(text);
+    const bool http = text.substr(0, 5) == "HTTP/";
+    const NetftConfiguration c = parseNetftConfiguration(http ? httpBody(text) : text);
+    const NetftScale scale = netftScale(c);
+    require(scale.force > 0.0 && std::isfinite(scale.force), "a scale of forces");
+    require(scale.torque > 0.0 && std::isfinite(scale.torque), "a scale of torques");
+  } catch (const SourceError& error) {
+    const std::string_view line = error.what();
+    require(line.size() < 400 && line.find('\n') == line.npos, "an error is one short line");
+  }
+}
+
+void fuzzBotaFrames(const std::uint8_t* data, std::size_t size) {
+  fuzzFrames(kBotaFormat, data, size);
+}
+
+void fuzzRobotiqFrames(const std::uint8_t* data, std::size_t size) {
+  fuzzFrames(kRobotiqFormat, data, size);
+}
+
+void fuzzReplay(const std::uint8_t* data, std::size_t size) {
+  if (size == 0) return;
+  struct Bytes : std::streambuf {
+    Bytes(const std::uint8_t* from, std::size_t count) {
+      // a streambuf that only reads
+      char* start = const_cast<char*>(reinterpret_cast<const char*>(from));
+      setg(start, start, start + count);
+    }
+  } bytes(data + 1, size - 1);
+  std::istream stream(&bytes);
+  ReplayFormat format;
+  format.quantity = static_cast<SampleQuantity>(data[0] % 3);
+  if ((data[0] & 4) != 0) {
+    format.columns =
+        format.quantity == SampleQuantity::kWrench
+            ? std::vector<std::string>{"t", "fx", "fy", "fz", "tx", "ty", "tz"}
+            : std::vector<std::string>{"x", "ch6", "ch5", "ch4", "ch3", "ch2", "ch1", "t"};
+  }
+  try {
+    const Recording recording = readRecording(stream, "fuzz.csv", format);
+    require(recording.time.size() >= 2 && recording.period > 0.0, "two rows and a period");
+    for (const Vector6& value : recording.values) require(value.allFinite(), "finite values");
+    Replay replay(recording, 7, false);
+    ReplayBlock block;
+    std::size_t samples = 0;
+    while (replay.next(block)) samples += block.size;
+    require(samples == recording.time.size(), "each row is played once");
+  } catch (const InputError& error) {
+    require(std::string_view(error.what()).find('\n') == std::string_view::npos,
+            "an error is one line");
+  }
+}
+
+void fuzzIioText(const std::uint8_t* data, std::size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  double number = 0.0;
+  if (parseIioNumber(text, number)) require(std::isfinite(number), "a finite number");
+  std::int64_t integer = 0;
+  parseIioInteger(text, integer);
+  // a type on the first line, a sample after it
+  const std::size_t end = std::min(text.find('\n'), text.size());
+  IioType type;
+  if (!parseIioType(text.substr(0, end), type)) return;
+  require(type.bits >= 1 && type.bits + type.shift <= type.storage, "bits within the storage");
+  if (size - end < 1 + type.storage / 8) return;
+  const std::int64_t code = decodeIioSample(data + end + 1, type);
+  isIioEndCode(code, type);
+  if (type.bits > 62) return;
+  const std::int64_t span = std::int64_t{1} << type.bits;
+  const std::int64_t low = type.is_signed ? -span / 2 : 0;
+  require(code >= low && code < low + span, "a code within its bits");
+}
+
+}  // namespace assembly_cell

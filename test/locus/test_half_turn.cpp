@@ -1,0 +1,193 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// C against C*: by vertical motion and yaw of the model and of the simulated cell, by a wobble
+// against exact rotations.
+#include "assembly_cell/locus/half_turn.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <string>
+
+#include "../../benchmark/simulated_reading.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+Scenario cell() {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+}
+
+OperatingPoint upright(double frequency) {
+  OperatingPoint p;
+  p.frequency = frequency;
+  p.amplitude = 1.0;
+  p.press = 12.0;
+  return p;
+}
+
+double apart(double a, double b) { return std::abs(std::remainder(a - b, 2 * M_PI)); }
+
+// the coupling's six displacements of a contact in direction alpha
+HarmonicFit felt(const ContactResponse& r, double noise) {
+  HarmonicFit fit;
+  fit.phasor = r.coupling;
+  fit.samples = 1000;
+  fit.noise = noise * noise * Matrix6::Identity();
+  return fit;
+}
+
+TEST(HalfTurn, VerticalMotionAndYawTell) {
+  const Scenario s = cell();
+  for (const int direction : {1, -1}) {
+    for (int k = 0; k < 12; ++k) {
+      OperatingPoint p = upright(k % 2 ? 770 : 450);
+      p.direction = direction;
+      const double alpha = 0.5 * k + 0.1;
+      const ContactResponse r = contactResponse(s, p, alpha);
+      const HarmonicFit fit = felt(r, 1e-9);
+      const Locus locus = centreOfMassLocus(s, direction * p.frequency, fit);
+      const DirectionEstimate plane = contactDirection(s, p, locus, LocusAxes::kSensor);
+      EXPECT_NEAR(plane.weight, 0.5, 1e-3);  // upright: the plane doesn't
+      const HalfTurnEvidence all = halfTurnEvidence(s, direction * p.frequency, fit);
+      // each alone, and both
+      for (const int use : {1, 2, 3}) {
+        HalfTurnEvidence evidence;
+        if (use & 1) evidence.vertical = all.vertical;
+        if (use & 2) evidence.yaw = all.yaw;
+        const DirectionEstimate e = resolveHalfTurn(s, p, evidence, plane, LocusAxes::kSensor);
+        EXPECT_LT(apart(e.alpha, alpha), 1e-3) << use;
+        EXPECT_LT(apart(e.alpha_opposite, alpha + M_PI), 1e-3) << use;
+        EXPECT_GT(e.weight, 0.999999) << use;
+      }
+      EXPECT_EQ(resolveHalfTurn(s, p, {}, plane).weight, plane.weight);
+    }
+  }
+}
+
+// weights are probabilities: of what is called 80 to 95 %, that share is right
+TEST(HalfTurn, WeightsAreCalibrated) {
+  const Scenario s = cell();
+  const OperatingPoint p = upright(770);
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> any(0, 2 * M_PI);
+  int said = 0, right = 0;
+  double expected = 0.0;
+  for (int run = 0; run < 4000; ++run) {
+    const double alpha = any(random);
+    const HarmonicFit fit = felt(contactResponse(s, p, alpha), 0);
+    HalfTurnEvidence evidence = halfTurnEvidence(s, p.frequency, fit);
+    evidence.yaw.reset();
+    const double sd = 0.8 * std::abs(evidence.vertical->value);
+    evidence.vertical->value += sd * std::complex<double>(normal(random), normal(random));
+    evidence.vertical->variance = sd * sd;
+    DirectionEstimate plane;
+    plane.alpha = alpha;
+    plane.alpha_opposite = alpha + M_PI;
+    const DirectionEstimate e = resolveHalfTurn(s, p, evidence, plane);
+    if (e.weight < 0.8 || e.weight > 0.95) continue;
+    ++said;
+    expected += e.weight;
+    right += apart(e.alpha, alpha) < 1.0;
+  }
+  ASSERT_GT(said, 300);
+  // 4 standard deviations of a count, a weight that the model's 5 % make cautious
+  EXPECT_NEAR(right, expected, 4 * std::sqrt(0.13 * said));
+}
+
+// The simulated cell, sensor noise of 16 bits at the exciter force of an alignment, tilts that the
+// estimator does not know: never a wrong half turn.
+TEST(HalfTurn, OfTheSimulatedCell) {
+  for (const double tilt : {0.02, 0.07}) {
+    for (const double lean : {0.2, 2.5, 4.4}) {
+      for (const bool rim : {false, true}) {
+        SimulatedReadingOptions o;
+        o.lean = lean;
+        o.tilt = tilt;
+        o.amplitude = 1.0;
+        o.bits = 16;
+        o.noise = 0.5e-3;
+        o.direction = lean > 3 ? -1 : 1;
+        o.offset = rim ? Vector2d(-0.006 * Vector2d(std::cos(lean + 0.9), std::sin(lean + 0.9)))
+                       : Vector2d(0.03 * Vector2d(std::cos(lean), std::sin(lean)));
+        const SimulatedReading r = readSimulated(o);
+        ASSERT_EQ(r.closed.size(), 1u);
+        OperatingPoint blind = r.point;
+        blind.tilt.setZero();
+        blind.sensor_tilt.setZero();
+        blind.rolling = false;
+        const DirectionEstimate plane =
+            contactDirection(r.mechanism, blind, r.locus, LocusAxes::kSensor);
+        const DirectionEstimate e = resolveHalfTurn(
+            r.mechanism, blind, halfTurnEvidence(r.mechanism, o.direction * o.frequency, r.fit),
+            plane, LocusAxes::kSensor);
+        EXPECT_LT(apart(e.alpha, r.contact), 0.3) << tilt << " " << lean << " " << rim;
+        EXPECT_GT(e.weight, 0.99) << tilt << " " << lean << " " << rim;
+      }
+    }
+  }
+}
+
+// direction of the lowest edge point of a peg with axis R ez
+double dipOf(const Eigen::Matrix3d& R) { return std::atan2(R(1, 2), R(0, 2)); }
+
+TEST(HalfTurn, WobbleGivesTiltAndSide) {
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> any(-1, 1);
+  for (int run = 0; run < 200; ++run) {
+    const Vector2d tilt = 0.02 * Vector2d(any(random), any(random));
+    const Vector2d turn = 0.01 * Vector2d(any(random), any(random));
+    const std::complex<double> q0(tilt.y(), -tilt.x()),
+        q1 = q0 + std::complex<double>(turn.y(), -turn.x());
+    const double before = std::arg(q0), after = std::arg(q1);
+    if (std::abs(std::sin(after - before)) < 0.05) continue;
+    // either half turn of both: the tilt is the same
+    for (const double shift : {0.0, M_PI}) {
+      const WobbleTilt w = tiltFromWobble(before + shift, after - shift, turn, 1e-3);
+      EXPECT_LT((w.before - tilt).norm(), 1e-13);
+      EXPECT_NEAR(w.along, (shift == 0.0 ? 1 : -1) * tilt.norm(), 1e-13);
+      DirectionEstimate e;
+      e.alpha = before + shift;
+      e.alpha_opposite = before + M_PI - shift;
+      const DirectionEstimate resolved = resolveByWobble(e, after, turn, 1e-3);
+      EXPECT_LT(apart(resolved.alpha, before), 1e-12);
+      EXPECT_GT(resolved.weight, 0.99);
+    }
+    // finite rotations instead of sums of rotation vectors: second order in the tilt
+    const auto R = [](const Vector2d& v) {
+      return Eigen::AngleAxisd(v.norm(), Vector3d(v.x(), v.y(), 0) / v.norm()).toRotationMatrix();
+    };
+    const Eigen::Matrix3d turned = R(turn) * R(tilt);
+    const WobbleTilt w = tiltFromWobble(dipOf(R(tilt)), dipOf(turned), turn, 1e-3);
+    EXPECT_LT((w.before - tilt).norm(), 1e-3 * tilt.norm());
+  }
+}
+
+// section 7.1: tilt of 3°, directions to 0.5°, wobbles across it of 0.5, 1, 3°
+TEST(HalfTurn, WobbleAccuracyOfTheSpecification) {
+  const double degree = M_PI / 180;
+  for (const auto& [wobble, sd] : {std::pair{0.5, 0.23}, {1.0, 0.117}, {3.0, 0.059}}) {
+    const std::complex<double> q0(3 * degree, 0), step(0, wobble * degree);
+    const Vector2d turn(-step.imag(), step.real());
+    const WobbleTilt w = tiltFromWobble(std::arg(q0), std::arg(q0 + step), turn, 0.5 * degree);
+    EXPECT_NEAR(w.sd / degree, sd, 0.012);
+  }
+}
+
+TEST(HalfTurn, WobbleAlongTheTiltTellsNothing) {
+  DirectionEstimate e;
+  e.alpha = 0.3;
+  e.alpha_opposite = 0.3 + M_PI;
+  const WobbleTilt w = tiltFromWobble(0.3, 0.3, {0.01, 0}, 1e-3);
+  EXPECT_TRUE(std::isinf(w.sd));
+  EXPECT_EQ(resolveByWobble(e, 0.3, {0.01, 0}, 1e-3).weight, 0.5);
+  // directions that are all but the same: no confidence
+  EXPECT_LT(resolveByWobble(e, 0.3 + 1e-4, {0.01, 0}, 1e-2).weight, 0.6);
+}
+
+}  // namespace
+}  // namespace assembly_cell
