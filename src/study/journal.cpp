@@ -8,12 +8,16 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <thread>
 
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/study/ledger.h"
 
 namespace assembly_cell {
 namespace {
+
+constexpr int kLockTries = 30;
+constexpr std::chrono::milliseconds kLockPause(100);
 
 [[noreturn]] void fail(const std::string& path, const std::string& what) {
   throw InputError("journal " + path + ": " + what + ": " + std::strerror(errno) +
@@ -104,7 +108,13 @@ StudyJournal::StudyJournal(const std::string& path, const std::string& header, b
   file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (file_ < 0) fail(path, "open");
   try {
-    if (::flock(file_, LOCK_EX | LOCK_NB) != 0) {
+    // ranks whose launcher was killed take a moment to end
+    int locked = ::flock(file_, LOCK_EX | LOCK_NB);
+    for (int i = 0; i < kLockTries && locked != 0; ++i) {
+      std::this_thread::sleep_for(kLockPause);
+      locked = ::flock(file_, LOCK_EX | LOCK_NB);
+    }
+    if (locked != 0) {
       throw InputError("journal " + path +
                        ": in use by another process: end that, or give another --output");
     }

@@ -198,12 +198,10 @@ void simulateRun(const Scenario& scenario, const StudyJob& job, std::int64_t run
     result.status = toString(reason);
     result.failed = true;
     result.reason = "stopped at " + shown(simulation.time()) + " s of " + shown(duration) + " s";
-    if (reason != StopReason::kNonFinite) {
-      Result at_end;
-      observer.look(at_end);
-      result.history += at_end.history;
-      result.assembled = result.assembled || at_end.assembled;
-    }
+    // the last state belongs to the history and the peak, but no success is late
+    Result at_end;
+    if (reason != StopReason::kNonFinite) observer.look(at_end);
+    result.history += at_end.history;
   } else if (result.status == "force_limit" || result.status == "evaluation_limit") {
     result.failed = true;
     result.reason = "a rule of stop at " + shown(simulation.time()) + " s";

@@ -59,7 +59,10 @@ class Reader {
       : path_(path), folder_(fs::path(path).parent_path()), in_(root, "", path) {}
 
   Study read() {
-    study_.name = csvCell(in_.text("name", "give the study a name"));
+    study_.name = in_.text("name", "give the study a name");
+    std::replace_if(
+        study_.name.begin(), study_.name.end(),
+        [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
     study_.scenarios.push_back(
         file(in_.text("scenario", "give a scenario file, seen from the study's folder")));
     readJob();

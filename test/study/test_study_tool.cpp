@@ -193,7 +193,8 @@ TEST_F(StudyTool, KilledAtAnyTimeItGoesOnToTheSameFiles) {
 TEST_F(StudyTool, InterruptKeepsWhatIsDoneAndSaysHowToGoOn) {
   const std::string file = usual(3000);
   const pid_t child = start({kTool, file, "--output", path("a"), "--threads", "1"});
-  while (!fs::exists(path("a/journal")) || fs::file_size(path("a/journal")) < 20000) {
+  for (int i = 0; i < 30000; ++i) {
+    if (fs::exists(path("a/journal")) && fs::file_size(path("a/journal")) > 20000) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   kill(child, SIGINT);
@@ -290,6 +291,30 @@ TEST_F(StudyTool, ListShowsTheRunsWithoutDoingThem) {
   EXPECT_EQ(linesOf(result.out).size(), 7u);
   EXPECT_EQ(linesOf(result.out)[0], "run,seed,exciter.phase,friction.sliding");
   EXPECT_FALSE(fs::exists(path("a")));
+}
+
+// every study of the package is one that the tool takes
+TEST_F(StudyTool, StudiesOfThePackageAreGood) {
+  int count = 0;
+  for (const auto& entry :
+       fs::directory_iterator(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/studies")) {
+    const Result result = run({entry.path().string(), "--list"});
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_GE(linesOf(result.out).size(), 2u);
+    ++count;
+  }
+  EXPECT_GE(count, 13);
+}
+
+TEST_F(StudyTool, ResultsArePlotted) {
+  ASSERT_EQ(run({usual(3), "--output", path("a")}).exit_code, 0);
+  const std::string script = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/scripts/plot_study.py";
+  const Result good = wait(start({script, path("a"), path("a.png")}));
+  EXPECT_EQ(good.exit_code, 0) << good.err;
+  EXPECT_EQ(textOf(path("a.png")).substr(1, 3), "PNG");
+  const Result bad = wait(start({script, path("absent"), path("b.png")}));
+  EXPECT_EQ(bad.exit_code, 2);
+  EXPECT_EQ(linesOf(bad.err).size(), 1u) << bad.err;
 }
 
 }  // namespace

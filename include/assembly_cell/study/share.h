@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -18,7 +17,7 @@ inline ShareInterval shareInterval(std::int64_t successes, std::int64_t trials) 
   const double p = static_cast<double>(successes) / n;
   const double middle = (p + kZ * kZ / (2 * n)) / (1 + kZ * kZ / n);
   const double half = kZ / (1 + kZ * kZ / n) * std::sqrt(p * (1 - p) / n + kZ * kZ / (4 * n * n));
-  return {p, std::max(0.0, middle - half), std::min(1.0, middle + half)};
+  return {p, successes == 0 ? 0.0 : middle - half, successes == trials ? 1.0 : middle + half};
 }
 
 }  // namespace assembly_cell
