@@ -13,9 +13,9 @@ namespace {
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 
-constexpr double kDeepest = 0.1;      // penetration beyond this part of the radius is no contact
-constexpr double kFlat = 1e-5;        // below this tilt the lowest point has no speed [rad]
-constexpr double kSpare = 1.5;        // edge speed inside a step over that at its ends
+constexpr double kDeepest = 0.1;  // penetration beyond this part of the radius is no contact
+constexpr double kFlat = 1e-5;    // below this tilt the lowest point has no speed [rad]
+constexpr double kSpare = 1.5;    // edge speed inside a step over that at its ends
 // of the typical force, at a tolerance of 1e-9 m and above: changes below it change no mode
 constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
@@ -31,6 +31,9 @@ bool Simulation::discreteFriction() const {
   return rigid() ||
          (scenario_.contact.law == ContactLaw::kViscous && scenario_.contact.stationary_rows);
 }
+
+// a contact opens above this: without states of rest its force ends at zero gap
+double Simulation::leaveGap() const { return discreteFriction() ? kReach : kTouch; }
 
 void Simulation::setMode(std::size_t i, Mode mode) {
   const ContactSlotMask bit = 1u << i;
@@ -62,11 +65,17 @@ void Simulation::healDepths() {
 
 void Simulation::evaluateFree(double t, const State& state) {
   ++counts_.evaluations;
-  now_.k = kinematics(state);
+  kinematics(state, near_, now_.k);
   now_.rates = state.v.segment<3>(3);
-  now_.motion = t < profile_.start + profile_.duration
-                    ? freeMotion(scenario_, now_.k, state, restAt(t), drive_, t)
-                    : freeMotion(scenario_, now_.k, state, settled_, drive_, t);
+  if (t != drive_time_) {
+    drive_time_ = t;
+    drive_force_ = exciterForce(drive_, t);
+  }
+  if (t < profile_.start + profile_.duration) {
+    freeMotion(scenario_, now_.k, state, restAt(t), drive_force_, now_.motion);
+  } else {
+    freeMotion(scenario_, now_.k, state, settled_, drive_force_, now_.motion);
+  }
   now_.free = solveMass(scenario_, now_.k, now_.motion.force);
 }
 
