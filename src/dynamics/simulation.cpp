@@ -236,12 +236,19 @@ Simulation::Events Simulation::eventValues() const {
     }
     if (slot.mode == Mode::kIdle) {
       // an idle slot out of reach asks for nothing any more
-      if (touch.gap < kReach) value[1] = touch.demand + approach_;
+      if (touch.gap < leaveGap()) value[1] = touch.demand + approach_;
       if (rigid() && touch.gap_rate < -kSettledSpeed) value[0] = touch.gap + kIdleDepth;
       continue;
     }
     value[0] = leaveGap() - touch.gap;
-    if (!discreteFriction()) continue;
+    if (!discreteFriction()) {
+      // the branch that friction has been on, a rounding beyond its end
+      const double limit = scenario_.contact.regularisation_speed;
+      const double beyond = touch.tangential.norm() - limit;
+      if (!scenario_.thesis.sign_flip) value[1] = touch.normal_force + pull_;
+      value[2] = 1e-9 * limit + (slot.armed ? beyond : -beyond);
+      continue;
+    }
     value[1] = touch.normal_force + pull_;
     if (slot.mode == Mode::kStick) {
       value[2] = pull_ - coneExcess(i);
@@ -385,10 +392,12 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
     Slot& slot = slots_[i];
-    if (slot.mode == Mode::kSlip && touches_[i].tangential.norm() > 2.0 * slip_threshold_) {
+    if (slot.mode == Mode::kSlip && discreteFriction() &&
+        touches_[i].tangential.norm() > 2.0 * slip_threshold_) {
       slot.armed = true;
     }
-    if (slot.mode == Mode::kIdle && valid(i) && touches_[i].gap >= kReach) setMode(i, Mode::kApart);
+    if (slot.mode == Mode::kIdle && valid(i) && touches_[i].gap >= leaveGap())
+      setMode(i, Mode::kApart);
   }
   if (rigid()) project();
   startStep();
