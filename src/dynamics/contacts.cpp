@@ -64,7 +64,9 @@ void Simulation::evaluateFree(double t, const State& state) {
   ++counts_.evaluations;
   now_.k = kinematics(state);
   now_.rates = state.v.segment<3>(3);
-  now_.motion = freeMotion(scenario_, now_.k, state, restAt(t), drive_, t);
+  now_.motion = t < profile_.start + profile_.duration
+                    ? freeMotion(scenario_, now_.k, state, restAt(t), drive_, t)
+                    : freeMotion(scenario_, now_.k, state, settled_, drive_, t);
   now_.free = solveMass(scenario_, now_.k, now_.motion.force);
 }
 
@@ -109,24 +111,26 @@ Vector9 Simulation::evaluate(double t, const State& state, Look look) {
 
   // closed contacts, and at a step's end the others: not while the edge can't have come down to
   // the block since the clearance was known
+  const ContactSlotMask open = admitted_ & ~closed_;
+  bool search = false;
+  if (look != Look::kForces && open) {
+    speed_ = edgeSpeed();
+    moved_ = kSpare * (t - time_) * std::max(start_speed_, speed_);
+    search = look == Look::kReport || moved_ >= clearance_;
+    if (!search) open_set_.valid = 0;
+  }
+  clear_ = !search && !closed_;
+  if (clear_) return now_.free;
   const Kinematics& k = now_.k;
   now_.edge = {k.x - scenario_.peg.half_height * k.a, k.R0, k.R1, scenario_.peg.radius};
   if (closed_) locate(closed_, closed_set_);
-  const ContactSlotMask open = admitted_ & ~closed_;
-  if (look != Look::kForces && open) {
-    const double moved = kSpare * (t - time_) * std::max(start_speed_, edgeSpeed());
-    if (look == Look::kReport || moved >= clearance_) {
-      locate(open, open_set_);
-    } else {
-      open_set_.valid = 0;
-    }
-  }
+  if (search) locate(open, open_set_);
   return closed_ ? withContacts(look) : now_.free;
 }
 
+// bound of the speed of the peg's edge
 double Simulation::edgeSpeed() const {
-  const double arm = std::hypot(scenario_.peg.half_height, scenario_.peg.radius);
-  return now_.k.v.norm() + arm * now_.k.omega.norm();
+  return std::sqrt(2.0 * (now_.k.v.squaredNorm() + arm_ * arm_ * now_.k.omega.squaredNorm()));
 }
 
 Body Simulation::body() const {

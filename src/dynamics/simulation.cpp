@@ -28,6 +28,7 @@ constexpr double kLift = 1e-11;  // a contact lifted farther at an event pays fo
 // contact that merge push each other open for ever
 constexpr double kFlatTilt = 1e-3, kStandstill = 8e-6;
 constexpr double kShortest = 2e-6;      // a rigid flat peg that asks for less is stepped over [s]
+constexpr double kBlindPhase = 0.3;     // longer steps are looked at in their middle, too [rad]
 constexpr double kShortestHalf = 1e-9;  // Hamming halves no further [s]
 constexpr double kBridge = 1e-6;        // tried then [s]
 constexpr double kStepFloor = 1e-13;    // error control below this step gives up [s]
@@ -116,7 +117,8 @@ Simulation::Simulation(const Scenario& scenario) : scenario_(scenario) {
   if (scenario_.thesis.creep) {
     slip_threshold_ = std::max(slip_threshold_, scenario_.contact.regularisation_speed);
   }
-  profile_ = restProfile(scenario_.rest);
+  arm_ = std::hypot(scenario_.peg.half_height, scenario_.peg.radius);
+  setProfile(restProfile(scenario_.rest));
   drive_.exciter = scenario_.exciter;
 
   const InitialState& s = scenario_.initial;
@@ -171,9 +173,14 @@ Simulation::Simulation(const Scenario& scenario) : scenario_(scenario) {
   }
 }
 
+void Simulation::setProfile(const RestProfile& profile) {
+  profile_ = profile;
+  settled_ = restMotion(profile, profile.start + profile.duration);
+}
+
 void Simulation::setRestTarget(const RestPose& target) {
   const double arm = scenario_.peg.coupling_height + scenario_.peg.half_height;
-  profile_ = planRest(restAt(time_), time_, target, scenario_.carrier, arm);
+  setProfile(planRest(restAt(time_), time_, target, scenario_.carrier, arm));
   stale_ = true;
 }
 
@@ -331,6 +338,26 @@ double Simulation::locateEvent(double h, const Events& at_end, State& end, Vecto
   return tau;
 }
 
+// a mode broken in the middle of a step that ends with none: resting contacts are shaken loose and
+// caught within part of a turn of the exciter. The last evaluation stays that of the end.
+bool Simulation::hiddenEvent(double h, const State& end, const Vector9& slope) {
+  if (fixed_step_ || !discreteFriction() || !closed_ ||
+      h * drive_.exciter.frequency < kBlindPhase) {
+    return false;
+  }
+  const std::array<Touch, kSlots> touches = touches_;
+  const ContactSet closed = closed_set_, open = open_set_;
+  const Now now = now_;
+  evaluate(time_ + 0.5 * h, interpolate(h, end, slope, 0.5 * h), Look::kEvents);
+  bool broken = false;
+  for (const double value : eventValues()) broken = broken || value < 0.0;
+  touches_ = touches;
+  closed_set_ = closed;
+  open_set_ = open;
+  now_ = now;
+  return broken;
+}
+
 // what the next step's events are told by
 void Simulation::startStep() {
   for (std::size_t i = 0; i < kSlots; ++i) {
@@ -348,11 +375,13 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
   state_ = end;
   slope_v_ = slope;
   ++counts_.steps;
-  if (admitted_) healDepths();
-  if (!closed_) {
-    if (admitted_) startStep();
+  if (!admitted_) return;
+  if (clear_) {
+    clearance_ -= moved_;
+    start_speed_ = speed_;
     return;
   }
+  healDepths();
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
     Slot& slot = slots_[i];
@@ -461,8 +490,7 @@ StopReason Simulation::excludedContact() const {
 
 // bound of the peg's acceleration without contacts, at its edge
 double Simulation::freeAcceleration() const {
-  const double arm = std::hypot(scenario_.peg.half_height, scenario_.peg.radius);
-  return now_.free.head<3>().norm() + arm * now_.free.segment<3>(3).norm();
+  return now_.free.head<3>().norm() + arm_ * now_.free.segment<3>(3).norm();
 }
 
 double Simulation::coarseStep() const {
@@ -571,9 +599,14 @@ StopReason Simulation::advance(double t_end, std::int64_t attempts) {
 
     Events events;
     bool quiet = true;
-    if (admitted_ && !coarse) {
+    if (admitted_ && !coarse && !clear_) {
       events = eventValues();
       for (const double value : events) quiet = quiet && value >= 0.0;
+      if (quiet && hiddenEvent(h, end, slope)) {
+        ++counts_.rejected;
+        next_step_ = 0.5 * h;
+        continue;
+      }
     }
     if (coarse) {
       // amid a storm: modes decided after each step, nothing located

@@ -156,6 +156,7 @@ class Simulation {
 
   // one right-hand side: free motion, contact points, contact forces
   Vector9 evaluate(double t, const State& state, Look look);
+  void setProfile(const RestProfile& profile);
   void evaluateFree(double t, const State& state);
   void locate(ContactSlotMask mask, ContactSet& set);
   void locateAll();
@@ -189,6 +190,8 @@ class Simulation {
   double tryHamming(double h, State& end, Vector9& slope);
   template <class Tableau>
   double tryTableau(double h, State& end, Vector9& slope);
+  using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
+  double errorOf(const Vector18& error) const;
   double errorOf(const State& error) const;
   void remember(double h);
   void resetDefect();
@@ -206,6 +209,7 @@ class Simulation {
   void changeModes();
   bool flat() const;  // the peg's tilt is too small to tell its lowest point
   bool slips() const;  // some point has a slip to lose
+  bool hiddenEvent(double h, const State& end, const Vector9& slope);
   bool storm(double t);
   void refresh();
   void checkState();
@@ -220,6 +224,7 @@ class Simulation {
   State state_;
   double time_ = 0.0;
   RestProfile profile_;
+  RestMotion settled_;  // of the rest pose once the profile has ended
   Drive drive_;
   RunCounts counts_;
   StopReason stop_ = StopReason::kOk;
@@ -234,6 +239,9 @@ class Simulation {
   ContactSlotMask closed_ = 0;        // slots that are not apart
   ContactSet closed_set_, open_set_;  // their points, and the others'
   double clearance_ = 0.0;            // no open slot closes before an edge point moved this far [m]
+  double moved_ = 0.0, speed_ = 0.0;  // of the edge in the step, at its end: bounds
+  bool clear_ = false;                // the last evaluation has left out the search by them
+  double arm_ = 0.0;                  // from the centre of mass to the edge [m]
   Events start_events_;               // event functions at the start of the step
   double start_speed_ = 0.0;          // of the edge's fastest point, at the start of the step
   double slip_threshold_ = 0.0;       // slip slower than this is rest [m/s]
