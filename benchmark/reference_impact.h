@@ -8,7 +8,7 @@
 #include <array>
 #include <boost/numeric/odeint/stepper/runge_kutta_fehlberg78.hpp>
 #include <cmath>
-#include <vector>
+#include <limits>
 
 namespace assembly_cell::reference {
 

@@ -90,6 +90,8 @@ void check(const char* title, const std::string& file, double end) {
 
 TEST(Order, ThroughAnImpact) { check("impact", "impact", 0.05); }
 
+TEST(Order, ThroughStickAndSlip) { check("stick-slip", "chapter8_force_one_3N", 0.03); }
+
 // a run that is looked at between its steps is the same run
 TEST(Order, PiecesOfAnAdvanceGiveTheSameBits) {
   for (const std::string integrator : {"dopri5", "dop853", "hamming"}) {
