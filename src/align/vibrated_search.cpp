@@ -16,9 +16,14 @@ using Mat3 = Eigen::Matrix3d;
 constexpr double kMisfitLimit = 0.15;     // of a reading: beyond, the linear model does not hold
 constexpr double kDirectionLimit = 0.05;  // sd of a reading's direction that is of use [rad]
 constexpr int kAttempts = 3;
-constexpr double kMoreTilt = 0.035;     // of another attempt [rad]
-constexpr double kMostTilt = 0.14;      // 8 degrees [rad]
-constexpr double kRetreat = 3e-3;       // above where an attempt failed [m]
+constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
+constexpr double kMostTilt = 0.14;     // 8 degrees [rad]
+constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
+constexpr double kBeside = 0.2;        // of the radius
+constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
+constexpr double kHoverWay = 6e-4;     // sideways, to find out whether the peg is free [m]
+constexpr double kHoverForce = 1.0;    // [N]
+constexpr int kHoverBlocks = 3;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
 
 bool begins(const std::string& text, const char* name) { return text.rfind(name, 0) == 0; }
@@ -76,7 +81,11 @@ void VibratedSearch::recover(const std::string& reason, int attempt) {
   report("recover", reason);
   hand_.retreat(kRetreat);
   bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
-  if (begins(reason, "no_hole_under_edge")) {
+  touches_ = 0;
+  if (begins(reason, "edge_in_hole")) {
+    // the hole is right below: a little beside it the edge stays out
+    bottom_.x() += kBeside * mechanism_.peg.radius;
+  } else if (begins(reason, "no_hole_under_edge")) {
     // a third of a turn each, so that three attempts look to all sides
     const double a = 2 * kPi * attempt / kAttempts;
     bottom_ += mechanism_.peg.radius *
@@ -96,9 +105,36 @@ void VibratedSearch::exciter(double amplitude) {
 // rest height at which a peg tilted by R must have touched unless its edge is in the hole: outside,
 // the bottom's centre stays above the plane
 double VibratedSearch::entryHeight(const Mat3& R) const {
-  if (!planeKnown()) return -1e9;
+  if (!planeKnown()) {
+    if (touches_ == 0) return -1e9;
+    return restFor(Vec3(bottom_.x(), bottom_.y(), highest_ - touchRange()), R).z;
+  }
   const double drop = hole_.normal.dot(bottom_) - hole_.height + p_.insertion_depth;
   return restFor(bottom_ - drop * hole_.normal, R).z;
+}
+
+// as long as the plane is not known: by how much the bottom's centre may be lower at one touch than
+// at another
+double VibratedSearch::touchRange() const {
+  return mechanism_.peg.radius * std::sin(tilt_ + kUnknownTilt) + p_.insertion_depth;
+}
+
+// just off the first touch: a peg that can't be moved sideways is in the hole already
+bool VibratedSearch::caught() {
+  RestPose hover = hand_.target();
+  hover.z += p_.lift;
+  hand_.moveTo(hover);
+  hand_.wait(kHoverBlocks);
+  const Vec3 before = hand_.force();
+  RestPose beside = hover;
+  beside.x += kHoverWay;
+  hand_.moveTo(beside);
+  hand_.wait(kHoverBlocks);
+  const bool held = (hand_.force() - before).head<2>().norm() > kHoverForce;
+  hand_.moveTo(hover);
+  hover.z -= p_.lift;
+  hand_.moveTo(hover);
+  return held;
 }
 
 // way up before the peg is turned to R, so that its edge stays off the plane: no point of the edge
@@ -121,9 +157,19 @@ Mat3 VibratedSearch::lowAt(double low) const {
 bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt) {
   bottom_ += clearance(R) * (planeKnown() ? hole_.normal : Vec3::UnitZ());
   hand_.moveTo(restFor(bottom_, R));
-  if (!hand_.approach(entryHeight(R))) return false;
+  const bool in = !hand_.approach(entryHeight(R));
+  if (in && planeKnown()) return false;
   RestPose touch = hand_.target();
-  touch.z = hand_.touchZ();
+  if (!in) {
+    touch.z = hand_.touchZ();
+    const double height = pegPose(touch, Vector6::Zero()).p.z();
+    highest_ = touches_ == 0 ? height : std::max(highest_, height);
+    lowest_ = touches_ == 0 ? height : std::min(lowest_, height);
+    ++touches_;
+  }
+  if (in || (!planeKnown() && (highest_ - lowest_ > touchRange() || (touches_ == 1 && caught())))) {
+    throw Failure{"edge_in_hole: the tilted edge went into the hole before the plane was known"};
+  }
 
   // shake harder than the reading will, so that friction keeps no preload near its limit
   hand_.hold(vibration_.press, p_.press_tolerance);
