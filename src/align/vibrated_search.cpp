@@ -19,6 +19,7 @@ constexpr int kAttempts = 3;
 constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
 constexpr double kMostTilt = 0.14;     // 8 degrees [rad]
 constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
+constexpr double kGentler = 0.8;       // press and exciter after too much force
 constexpr double kBeside = 0.2;        // of the radius
 constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
 constexpr double kHoverWay = 6e-4;     // sideways, to find out whether the peg is free [m]
@@ -79,18 +80,29 @@ void VibratedSearch::choosePoint() {
 // clear of everything, zero checked; then what may help this time
 void VibratedSearch::recover(const std::string& reason, int attempt) {
   report("recover", reason);
-  hand_.retreat(kRetreat);
+  try {
+    hand_.retreat(kRetreat);
+  } catch (const PressError& error) {
+    // deeper in the hole than it was thought
+    report("recover", error.what());
+    hand_.retreat(kRetreat);
+  }
   bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
   touches_ = 0;
-  if (begins(reason, "edge_in_hole")) {
-    // the hole is right below: a little beside it the edge stays out
+  if (begins(reason, "force_limit") || begins(reason, "sensor_saturated")) {
+    vibration_.press *= kGentler;
+    vibration_.amplitude *= kGentler;
+  }
+  if (!planeKnown()) {
+    // the hole may be right below, where a tilted edge goes in: beside it the edge stays out
     bottom_.x() += kBeside * mechanism_.peg.radius;
   } else if (begins(reason, "no_hole_under_edge")) {
     // a third of a turn each, so that three attempts look to all sides
     const double a = 2 * kPi * attempt / kAttempts;
     bottom_ += mechanism_.peg.radius *
                (rotationToAxis(hole_.normal) * Vec3(std::cos(a), std::sin(a), 0.0));
-  } else if (begins(reason, "no_plane_reading") || begins(reason, "one_edge_only")) {
+  }
+  if (begins(reason, "no_plane_reading") || begins(reason, "one_edge_only")) {
     tilt_ = std::min(kMostTilt, tilt_ + kMoreTilt);
   }
   if (!found_) felt_.clear();
@@ -305,7 +317,7 @@ void VibratedSearch::summarise(AlignResult& result) const {
   result.tilt = -axisTilt(hole_.normal);
   result.tilt_sd = hole_.normal_sd;
   for (const Felt& felt : felt_) {
-    if (felt.reading.kind == HoleReading::kOut) continue;
+    if (felt.reading.kind == HoleReading::kOut || !felt.reading.explained) continue;
     result.readings.push_back({felt.start, felt.end, felt.reading.alpha, felt.reading.sd});
   }
 }
