@@ -7,7 +7,8 @@ namespace assembly_cell {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double kParallel = 1e-9;  // sine below which two directions are one
+constexpr double kParallel = 1e-9;   // sine below which two directions are one
+constexpr double kSingular = 1e-12;  // of a determinant, relative
 
 }  // namespace
 
@@ -31,7 +32,7 @@ std::optional<Complex> tiltFromReadings(const std::vector<WobbleReading>& readin
   }
   const double determinant = ss * cc - sc * sc;
   const double n = ss + cc;
-  if (!(determinant > kParallel * kParallel * n * n)) return {};
+  if (!(determinant > kSingular * n * n)) return {};
   return Complex(bs * cc - bc * sc, bc * ss - bs * sc) / determinant;
 }
 

@@ -17,6 +17,7 @@ constexpr double kLeastScatter = 0.25;    // residuals are never taken for less 
 constexpr double kPointFloor = 3e-6;      // sd of a contact's place besides its direction [m]
 constexpr double kDirectionFloor = 1e-3;  // sd of a direction, model included [rad]
 constexpr double kBranchDirection = 0.02;  // sd of a direction where centres compete [rad]
+constexpr double kExplained = 0.008;       // off an expected direction by less is no error [rad]
 constexpr std::size_t kFewest = 5;         // readings for a plane with something left over
 constexpr int kFewestRim = 4;
 using Vec2 = Eigen::Vector2d;
@@ -89,20 +90,36 @@ CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>
   return fit;
 }
 
-// Where a peg over a hole with this centre would touch, as a direction in the plane: at its lowest
-// edge point, or where its edge crosses the rim nearest to it. All in plane coordinates; tilts are
-// small.
-double touchDirection(const Vec2& peg, double low, double peg_radius, const Vec2& center,
-                      double hole_radius) {
+// Half of the arc of the peg's edge that is over the hole, and the direction of its middle. All in
+// plane coordinates; tilts are small.
+struct Arc {
+  double toward, half;
+};
+Arc arcOver(const Vec2& peg, double peg_radius, const Vec2& center, double hole_radius) {
   const Vec2 d = center - peg;
   const double D = d.norm();
   const double c = (peg_radius * peg_radius + D * D - hole_radius * hole_radius) /
                    (2.0 * peg_radius * std::max(D, 1e-9));
-  const double toward = std::atan2(d.y(), d.x());
-  const double half = std::acos(std::clamp(c, -1.0, 1.0));  // the edge is over the hole within this
-  const double away = wrapPi(low - toward);
-  if (std::abs(away) >= half) return low;
-  return toward + (away > 0.0 ? half : -half);
+  return {std::atan2(d.y(), d.x()), std::acos(std::clamp(c, -1.0, 1.0))};
+}
+
+// Where a peg touches, as a direction in the plane: at its lowest edge point, or where its edge
+// crosses the rim nearest to it.
+double touchDirection(const Arc& arc, double low) {
+  const double away = wrapPi(low - arc.toward);
+  if (std::abs(away) >= arc.half) return low;
+  return arc.toward + (away > 0.0 ? arc.half : -arc.half);
+}
+
+// directions in the plane of a reading's contact and of its lowest edge point
+void directionsOf(const HoleReading& r, double radius, const HoleEstimate& e,
+                  const Eigen::Matrix<double, 3, 2>& axes, double& felt, double& low) {
+  const auto direction = [&](double alpha) {
+    const Vec2 p = axes.transpose() * (contactPoint(r, radius, alpha) - r.X_SP.p);
+    return std::atan2(p.y(), p.x());
+  };
+  felt = direction(r.alpha);
+  low = direction(lowest(r, e.normal));
 }
 
 }  // namespace
@@ -205,14 +222,10 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
       double cost = 0.0;
       for (const HoleReading& r : readings) {
         if (r.kind == HoleReading::kOut) continue;
-        const Vec2 peg = axes.transpose() * r.X_SP.p;
-        const Vec2 felt = axes.transpose() * contactPoint(r, peg_radius, r.alpha) - peg;
-        const Vec2 lowest_point =
-            axes.transpose() * contactPoint(r, peg_radius, lowest(r, e.normal)) - peg;
-        const double expected = touchDirection(peg, std::atan2(lowest_point.y(), lowest_point.x()),
-                                               peg_radius, fit.center, hole_radius);
-        const double z =
-            wrapPi(std::atan2(felt.y(), felt.x()) - expected) / std::max(kBranchDirection, r.sd);
+        double felt = 0.0, low = 0.0;
+        directionsOf(r, peg_radius, e, axes, felt, low);
+        const Arc arc = arcOver(axes.transpose() * r.X_SP.p, peg_radius, fit.center, hole_radius);
+        const double z = wrapPi(felt - touchDirection(arc, low)) / std::max(kBranchDirection, r.sd);
         cost += z * z / (1.0 + z * z / 16.0);
       }
       // equal but for rounding: the better circle
@@ -221,6 +234,19 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
         best = fit;
       }
     }
+  }
+  // a contact that neither the plane nor an edge of this hole explains was read wrong
+  for (HoleReading& r : readings) {
+    r.explained = false;
+    if (r.kind == HoleReading::kOut) continue;
+    double felt = 0.0, low = 0.0;
+    directionsOf(r, peg_radius, e, axes, felt, low);
+    const Arc arc = arcOver(axes.transpose() * r.X_SP.p, peg_radius, best.center, hole_radius);
+    double off = std::abs(wrapPi(felt - low));
+    for (const double half : {-arc.half, arc.half}) {
+      off = std::min(off, std::abs(wrapPi(felt - arc.toward - half)));
+    }
+    r.explained = off < std::max(kExplained, 4 * std::min(r.sd, kExplained));
   }
   e.center = axes * best.center + e.normal * e.height;
   e.center_covariance = best.covariance;

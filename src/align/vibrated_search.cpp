@@ -16,9 +16,15 @@ using Mat3 = Eigen::Matrix3d;
 constexpr double kMisfitLimit = 0.15;     // of a reading: beyond, the linear model does not hold
 constexpr double kDirectionLimit = 0.05;  // sd of a reading's direction that is of use [rad]
 constexpr int kAttempts = 3;
-constexpr double kMoreTilt = 0.035;     // of another attempt [rad]
-constexpr double kMostTilt = 0.14;      // 8 degrees [rad]
-constexpr double kRetreat = 3e-3;       // above where an attempt failed [m]
+constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
+constexpr double kMostTilt = 0.14;     // 8 degrees [rad]
+constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
+constexpr double kGentler = 0.8;       // press and exciter after too much force
+constexpr double kBeside = 0.2;        // of the radius
+constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
+constexpr double kHoverWay = 6e-4;     // sideways, to find out whether the peg is free [m]
+constexpr double kHoverForce = 1.0;    // [N]
+constexpr int kHoverBlocks = 3;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
 
 bool begins(const std::string& text, const char* name) { return text.rfind(name, 0) == 0; }
@@ -74,14 +80,29 @@ void VibratedSearch::choosePoint() {
 // clear of everything, zero checked; then what may help this time
 void VibratedSearch::recover(const std::string& reason, int attempt) {
   report("recover", reason);
-  hand_.retreat(kRetreat);
+  try {
+    hand_.retreat(kRetreat);
+  } catch (const PressError& error) {
+    // deeper in the hole than it was thought
+    report("recover", error.what());
+    hand_.retreat(kRetreat);
+  }
   bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
-  if (begins(reason, "no_hole_under_edge")) {
+  touches_ = 0;
+  if (begins(reason, "force_limit") || begins(reason, "sensor_saturated")) {
+    vibration_.press *= kGentler;
+    vibration_.amplitude *= kGentler;
+  }
+  if (!planeKnown()) {
+    // the hole may be right below, where a tilted edge goes in: beside it the edge stays out
+    bottom_.x() += kBeside * mechanism_.peg.radius;
+  } else if (begins(reason, "no_hole_under_edge")) {
     // a third of a turn each, so that three attempts look to all sides
     const double a = 2 * kPi * attempt / kAttempts;
     bottom_ += mechanism_.peg.radius *
                (rotationToAxis(hole_.normal) * Vec3(std::cos(a), std::sin(a), 0.0));
-  } else if (begins(reason, "no_plane_reading") || begins(reason, "one_edge_only")) {
+  }
+  if (begins(reason, "no_plane_reading") || begins(reason, "one_edge_only")) {
     tilt_ = std::min(kMostTilt, tilt_ + kMoreTilt);
   }
   if (!found_) felt_.clear();
@@ -96,9 +117,36 @@ void VibratedSearch::exciter(double amplitude) {
 // rest height at which a peg tilted by R must have touched unless its edge is in the hole: outside,
 // the bottom's centre stays above the plane
 double VibratedSearch::entryHeight(const Mat3& R) const {
-  if (!planeKnown()) return -1e9;
+  if (!planeKnown()) {
+    if (touches_ == 0) return -1e9;
+    return restFor(Vec3(bottom_.x(), bottom_.y(), highest_ - touchRange()), R).z;
+  }
   const double drop = hole_.normal.dot(bottom_) - hole_.height + p_.insertion_depth;
   return restFor(bottom_ - drop * hole_.normal, R).z;
+}
+
+// as long as the plane is not known: by how much the bottom's centre may be lower at one touch than
+// at another
+double VibratedSearch::touchRange() const {
+  return mechanism_.peg.radius * std::sin(tilt_ + kUnknownTilt) + p_.insertion_depth;
+}
+
+// just off the first touch: a peg that can't be moved sideways is in the hole already
+bool VibratedSearch::caught() {
+  RestPose hover = hand_.target();
+  hover.z += p_.lift;
+  hand_.moveTo(hover);
+  hand_.wait(kHoverBlocks);
+  const Vec3 before = hand_.force();
+  RestPose beside = hover;
+  beside.x += kHoverWay;
+  hand_.moveTo(beside);
+  hand_.wait(kHoverBlocks);
+  const bool held = (hand_.force() - before).head<2>().norm() > kHoverForce;
+  hand_.moveTo(hover);
+  hover.z -= p_.lift;
+  hand_.moveTo(hover);
+  return held;
 }
 
 // way up before the peg is turned to R, so that its edge stays off the plane: no point of the edge
@@ -121,9 +169,19 @@ Mat3 VibratedSearch::lowAt(double low) const {
 bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt) {
   bottom_ += clearance(R) * (planeKnown() ? hole_.normal : Vec3::UnitZ());
   hand_.moveTo(restFor(bottom_, R));
-  if (!hand_.approach(entryHeight(R))) return false;
+  const bool in = !hand_.approach(entryHeight(R));
+  if (in && planeKnown()) return false;
   RestPose touch = hand_.target();
-  touch.z = hand_.touchZ();
+  if (!in) {
+    touch.z = hand_.touchZ();
+    const double height = pegPose(touch, Vector6::Zero()).p.z();
+    highest_ = touches_ == 0 ? height : std::max(highest_, height);
+    lowest_ = touches_ == 0 ? height : std::min(lowest_, height);
+    ++touches_;
+  }
+  if (in || (!planeKnown() && (highest_ - lowest_ > touchRange() || (touches_ == 1 && caught())))) {
+    throw Failure{"edge_in_hole: the tilted edge went into the hole before the plane was known"};
+  }
 
   // shake harder than the reading will, so that friction keeps no preload near its limit
   hand_.hold(vibration_.press, p_.press_tolerance);
@@ -259,7 +317,7 @@ void VibratedSearch::summarise(AlignResult& result) const {
   result.tilt = -axisTilt(hole_.normal);
   result.tilt_sd = hole_.normal_sd;
   for (const Felt& felt : felt_) {
-    if (felt.reading.kind == HoleReading::kOut) continue;
+    if (felt.reading.kind == HoleReading::kOut || !felt.reading.explained) continue;
     result.readings.push_back({felt.start, felt.end, felt.reading.alpha, felt.reading.sd});
   }
 }

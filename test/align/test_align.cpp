@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "assembly_cell/align/judge.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/align/press.h"
 #include "assembly_cell/align/simulated_plant.h"
@@ -146,6 +147,51 @@ TEST(Align, ReachesTheHole) {
     EXPECT_LT((result.offset + start.offset).norm(), 2e-4);
     EXPECT_LT((result.tilt - start.tilt).norm(), 2e-3);
   }
+}
+
+// both edges at once, two converters: 10 bit takes more force (vibration_point.h)
+TEST(Align, DoubleContactReachesTheHole) {
+  const Scenario s = cell();
+  const Vector2d offset(-0.0106, 0.0086), tilt(0.02, 0.018);
+  AlignParameters p;
+  p.strategy = "double_contact";
+  for (const int bits : {10, 16}) {
+    CellParameters sensors;
+    sensors.bits = bits;
+    SimulatedPlant plant(startAt(s, offset, tilt, 0.003), sensors);
+    Judge judge(plant);
+    const AlignResult result = align(judge, s, p);
+    EXPECT_TRUE(result.success) << bits << ": " << result.reason;
+    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    // a fifth of the clearance; issue's figure of the direction
+    const Pose start = judge.startPose(result);
+    EXPECT_LT((result.offset + start.p.head<2>()).norm(), 2e-5);
+    EXPECT_LT((result.tilt - tiltOf(start)).norm(), 2e-3);
+    double sum = 0.0;
+    int n = 0;
+    for (const DirectionReading& reading : result.readings) {
+      const auto error = judge.directionError(reading);
+      if (!error) continue;
+      sum += *error * *error;
+      ++n;
+    }
+    EXPECT_GE(n, 6);
+    EXPECT_LT(std::sqrt(sum / n), 0.2 * 3.14159265 / 180 * (bits == 10 ? 3 : 1));
+  }
+}
+
+// too little force for the converter: said before anything is touched
+TEST(Align, RefusesWhatItCannotMeasure) {
+  CellParameters sensors;
+  sensors.bits = 10;
+  AlignParameters p;
+  p.exciter_amplitude = 0.05;
+  p.press_force = 5.0;
+  SimulatedPlant plant(cell(), sensors);
+  const AlignResult result = align(plant, cell(), p);
+  EXPECT_FALSE(result.success);
+  EXPECT_EQ(result.reason.rfind("too_uncertain", 0), 0u) << result.reason;
+  EXPECT_EQ(result.contacts, 0);
 }
 
 TEST(Align, RepeatsToTheLastBit) {

@@ -19,7 +19,8 @@ struct HoleReading {
     kOut,
     kPlane,
     kRim
-  } kind = kOut;  ///< by fitHole: outlier, edge on plane, edge on rim
+  } kind = kOut;          ///< by fitHole: outlier, edge on plane, edge on rim
+  bool explained = true;  ///< by fitHole: plane or an edge of the hole found lie in this direction
 };
 
 /// The hole in S.

@@ -60,11 +60,15 @@ class VibratedSearch : public Search {
   void choosePoint();
   void exciter(double amplitude);
   double entryHeight(const Eigen::Matrix3d& R) const;
+  double touchRange() const;
+  bool caught();
   double clearance(const Eigen::Matrix3d& R) const;
   void recover(const std::string& reason, int attempt);
   bool planeKnown() const { return level_ || found_; }
 
-  bool level_ = false;  // the plane is known, the centre may not be
+  int touches_ = 0;                      // since the start or the last failure
+  double highest_ = 0.0, lowest_ = 0.0;  // bottom centre at these touches, S [m]
+  bool level_ = false;                   // the plane is known, the centre may not be
 };
 
 }  // namespace assembly_cell
