@@ -140,6 +140,13 @@ TEST_P(Conformance, AnAbsentDeviceIsNamed) {
 
 TEST_P(Conformance, ComesBackWheneverTheDeviceDoes) {
   Rig rig(GetParam());
+  if (std::string(GetParam()) == "netft") {
+    // gives up soon, for a hundred losses
+    YAML::Node parameters = rig.bench->parameters();
+    parameters["receive_timeout"] = 0.01;
+    parameters["start_retries"] = 2;
+    rig.source->configure(parameters);
+  }
   rig.open();
   std::mt19937_64 random(3);
   for (int i = 0; i < (rig.bench->hasDevice() ? 100 : 5); ++i) {
