@@ -18,6 +18,7 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::uint32_t kQueue = 1000;
+constexpr auto kOthersPatience = std::chrono::seconds(5);
 constexpr auto kRepetitionPatience = std::chrono::milliseconds(500);
 
 // the sequence of a block of samples, if the message is one
@@ -205,31 +206,42 @@ void CellPlayer::onAck(const Ack::ConstPtr& ack) {
 void CellPlayer::awaitConnections() {
   const Clock::time_point limit =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(start_timeout_);
+  const Clock::time_point others = Clock::now() + kOthersPatience;
   std::string missing;
+  std::map<std::string, std::set<std::string>> listeners, known;
   do {
     missing.clear();
-    // who wants what, as the master knows it
+    // who wants what and who acknowledges, as the master knows it
     XmlRpc::XmlRpcValue request, response, state;
     request[0] = ros::this_node::getName();
-    std::map<std::string, std::set<std::string>> listeners;
+    known.swap(listeners);
+    listeners.clear();
+    std::set<std::string> acknowledging;
     if (ros::master::execute("getSystemState", request, response, state, false)) {
-      for (int i = 0; i < state[1].size(); ++i) {
-        XmlRpc::XmlRpcValue& nodes = state[1][i][1];
-        for (int k = 0; k < nodes.size(); ++k) {
-          listeners[static_cast<std::string>(state[1][i][0])].insert(
-              static_cast<std::string>(nodes[k]));
+      const auto collect = [](XmlRpc::XmlRpcValue& list, auto&& take) {
+        for (int i = 0; i < list.size(); ++i) {
+          for (int k = 0; k < list[i][1].size(); ++k) {
+            take(static_cast<std::string>(list[i][0]), static_cast<std::string>(list[i][1][k]));
+          }
         }
-      }
+      };
+      collect(state[0], [&](const std::string& topic, const std::string& node) {
+        if (topic == ack_sub_.getTopic()) acknowledging.insert(node);
+      });
+      collect(state[1], [&](const std::string& topic, const std::string& node) {
+        listeners[topic].insert(node);
+      });
     }
     for (const Participant& participant : participants_) {
       const std::string node = ros::names::append(nh_.getNamespace(), participant.name);
-      const auto listens = [&](const auto& entry) {
-        return listeners[entry.second.getTopic()].count(node) != 0;
-      };
-      if (std::none_of(publishers_.begin(), publishers_.end(), listens)) missing = node;
+      if (acknowledging.count(node) == 0) missing = node;
     }
+    // a node that is just starting may want more
+    if (missing.empty() && listeners != known) missing = "all nodes: they keep on subscribing";
     for (const auto& [name, publisher] : publishers_) {
-      if (publisher.getNumSubscribers() < listeners[publisher.getTopic()].size()) {
+      // a listener that takes no part may have died without a word
+      if (Clock::now() < others &&
+          publisher.getNumSubscribers() < listeners[publisher.getTopic()].size()) {
         missing = "a listener of " + publisher.getTopic();
       }
     }

@@ -23,6 +23,7 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::uint32_t kQueue = 100;                       // wherever every sample counts
+constexpr double kShortestPeriod = 1e-5;                    // of stamps [s]
 constexpr auto kPatience = std::chrono::milliseconds(100);  // of a wait for blocks
 
 using Volts = Eigen::Map<const Vector6>;
@@ -110,7 +111,7 @@ double ForceSensorNode::prepareSource(Parameters& parameters) {
   options.first_back_off = seconds("back_off", {1e-3, 60.0}, 0.25);
   options.longest_back_off =
       std::max(options.first_back_off, seconds("longest_back_off", {1e-3, 600.0}, 5.0));
-  options.priority = parameters.integer("realtime_priority", 0, 99, 0);
+  options.priority = priority_ = parameters.integer("realtime_priority", 0, 99, 0);
   device_bias_timeout_ =
       std::chrono::duration<double>(parameters.number("device_bias_timeout", {0.01, 3600}, 5.0));
 
@@ -398,6 +399,8 @@ void ForceSensorNode::publishAll() {
          wrench_pub_.getNumSubscribers() == 0 && wrench_raw_pub_.getNumSubscribers() == 0) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
+  // a block that waits for its publisher is as late as one that waits to be read
+  raisePriority(priority_);
   acquisition_->start();
   bool ended = false;
   while (!stopping_) {
@@ -503,8 +506,20 @@ void ForceSensorNode::stampBlock(const SourceBlock& block, bool first, StrainSam
   } else {
     const StampFilter::Stamp stamp = stamp_filter_.update(block);
     if (stamp.period > 0.0) message.period = stamp.period;
+    const auto span = [&](double seconds) {
+      return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds));
+    };
+    Clock::time_point start = stamp.time.steady;
+    const Clock::time_point end = start + span(length * message.period);
+    // stamps never go back: what came in too short a time is told in that time
+    if (!first && start <= last_sample_) {
+      const std::chrono::duration<double> left = end - last_sample_;
+      message.period = std::max(left.count() / (length + 1.0), kShortestPeriod);
+      start = last_sample_ + span(message.period);
+    }
+    last_sample_ = start + span(length * message.period);
     const std::lock_guard<std::mutex> lock(mutex_);
-    message.header.stamp = ros_clock_.at(stamp.time.steady);
+    message.header.stamp = ros_clock_.at(start);
   }
 }
 

@@ -10,6 +10,7 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr int kTries = 5;
+constexpr std::int64_t kSmoothing = 16;    // readings: their noise is some hundred nanoseconds
 constexpr std::int64_t kTight = 20'000;    // between the readings of one offset [ns]
 constexpr std::int64_t kStep = 5'000'000;  // beyond any slewing between two blocks [ns]
 
@@ -39,7 +40,7 @@ ros::Time RosClock::at(Steady::time_point point) {
     last_step_ = offset - offset_;
     offset_ = offset;
   } else if (tightest <= kTight) {
-    offset_ = offset;
+    offset_ += (offset - offset_) / kSmoothing;
   }
   ros::Time time;
   const std::int64_t stamp = std::max<std::int64_t>(nanoseconds(point) + offset_, 0);

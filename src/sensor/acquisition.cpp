@@ -18,6 +18,16 @@ using Clock = std::chrono::steady_clock;
 
 }  // namespace
 
+std::string raisePriority(int priority) {
+  if (priority <= 0) return {};
+  sched_param parameter{};
+  parameter.sched_priority = priority;
+  const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
+  if (error == 0) return {};
+  return "no real-time priority " + std::to_string(priority) + ": " + std::strerror(error) +
+         ": give this user rtprio, see docs/hardware.md";
+}
+
 const char* toText(LinkState state) {
   switch (state) {
     case LinkState::kConnecting:
@@ -65,9 +75,10 @@ void Acquisition::stop() {
 // ---- the reading thread ----
 
 void Acquisition::run() {
-  raisePriority();
+  const std::string fault = raisePriority(options_.priority);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
+    status_.priority_fault = fault;
     status_.back_off = options_.first_back_off;
   }
   while (!stop_) {
@@ -209,17 +220,6 @@ void Acquisition::backOff() {
   status_.next_attempt = Clock::now() + wait;
   room_.wait_until(lock, status_.next_attempt, [this] { return stop_.load(); });
   status_.back_off = std::min(2 * wait, options_.longest_back_off);
-}
-
-void Acquisition::raisePriority() {
-  if (options_.priority <= 0) return;
-  sched_param parameter{};
-  parameter.sched_priority = options_.priority;
-  const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
-  if (error == 0) return;
-  const std::lock_guard<std::mutex> lock(mutex_);
-  status_.priority_fault = "no real-time priority " + std::to_string(options_.priority) + ": " +
-                           std::strerror(error) + ": give this user rtprio, see docs/hardware.md";
 }
 
 // ---- the consumer ----

@@ -142,11 +142,13 @@ class ForceSensorNode {
   bool recorded_ = false, paced_ = true;
   bool calibrated_ = true;  // a calibration file was given
   std::chrono::duration<double> device_bias_timeout_{0.0};
+  int priority_ = 0;
   std::unique_ptr<Acquisition> acquisition_;
 
   // state of the publishing thread
   StampFilter stamp_filter_;
   std::string told_;  // of the link, in the log
+  Clock::time_point last_sample_{};
   ros::Time recording_start_;
   std::optional<std::uint32_t> stream_;
   std::uint64_t next_sample_ = 0;               // sequence of the sample that should follow

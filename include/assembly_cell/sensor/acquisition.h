@@ -26,6 +26,10 @@ struct AcquisitionOptions {
   int priority = 0;       ///< of the thread, SCHED_FIFO 1 … 99; 0: as the program
 };
 
+/// Gives this thread SCHED_FIFO with that priority, 0 leaves it as it is. Says why it can't, in one
+/// line, or nothing.
+std::string raisePriority(int priority);
+
 enum class LinkState {
   kConnecting,     ///< open() is under way
   kConnected,      ///< open; whether samples come tells last_samples
@@ -92,7 +96,6 @@ class Acquisition {
   SourceBlock& slot();
   void commit();
   void lose(const std::string& reason);
-  void raisePriority();
 
   StrainSource& source_;
   const AcquisitionOptions options_;
