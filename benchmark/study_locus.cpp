@@ -2,7 +2,10 @@
 // Studies of the locus estimator, as CSV on standard output. study_locus accuracy: rms error of the
 // direction against the Cramér–Rao bound over the noise, beside principal components and a direct
 // ellipse fit. study_locus modes: how often each mode is decided for each true one. study_locus
-// cost: one update of the sliding estimate, beside a fit of its window.
+// alarms: how often a true mode is refused, beside the stated rate. study_locus settling: error of
+// the direction after a step of the contact, over the window. study_locus bias: the direction of
+// the simulated cell, without noise, by inversion and by the textbook. study_locus friction: of the
+// simulated cell. study_locus cost: one update of the sliding estimate, beside a fit of its window.
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -16,8 +19,11 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/locus/half_turn.h"
 #include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/locus/sliding_friction.h"
 #include "assembly_cell/locus/sliding_locus.h"
+#include "simulated_reading.h"
 
 namespace {
 
@@ -145,8 +151,137 @@ int modes(int runs, std::uint64_t seed) {
   return 0;
 }
 
+int alarms(int runs, std::uint64_t seed) {
+  std::printf("true,stated,none,segment,ellipse,circle,undecided,refused_over_stated\n");
+  struct Truth {
+    const char* name;
+    double a, b;
+    LocusMode mode;
+  };
+  for (const Truth& truth :
+       {Truth{"none", 0, 0, LocusMode::kNone}, Truth{"segment", 1, 0, LocusMode::kSegment},
+        Truth{"circle", 1, 1, LocusMode::kCircle}}) {
+    for (const double rate : {.002, .01, .05}) {
+      std::mt19937_64 random(seed);
+      std::uniform_real_distribution<double> any(0.0, M_PI);
+      std::array<int, 5> count{};
+      Recording r;
+      // enough of the refused for 5 % of their number
+      const int enough = std::max(runs, static_cast<int>(400 / rate));
+      for (int run = 0; run < enough; ++run) {
+        record(truth.a, truth.b, any(random), 0.3, random, r);
+        ++count[static_cast<std::size_t>(decideMode(locusOf(r), rate, 0.0).mode)];
+      }
+      std::printf("%s,%g", truth.name, rate);
+      for (const int c : count) std::printf(",%.5f", static_cast<double>(c) / enough);
+      const double refused =
+          1.0 - static_cast<double>(count[static_cast<std::size_t>(truth.mode)]) / enough;
+      std::printf(",%.3f\n", refused / rate);
+    }
+  }
+  return 0;
+}
+
+// the contact turns by 40° at 0; error of the direction by arg N
+int settling() {
+  std::printf("periods,samples_after_step_over_window,error_over_step\n");
+  const double turn = 40 * kDegree;
+  for (const std::size_t periods : {1u, 2u, 5u, 10u}) {
+    const std::size_t window = 40 * periods;
+    SlidingLocus sliding(window);
+    for (std::size_t k = 0; k < 4 * window; ++k) {
+      const double a = kStep * static_cast<double>(k);
+      const Complex z = std::polar(0.3, a) + std::polar(1.0, (k < 2 * window ? 0 : 2 * turn) - a);
+      sliding.add(a, z.real(), z.imag());
+      if (k + 1 < 2 * window || (k + 1) % (window / 20) != 0 || k >= 3 * window + window / 10)
+        continue;
+      const double error = std::abs(std::arg(sliding.locus().N * std::polar(1.0, -2 * turn)) / 2);
+      std::printf("%zu,%.3f,%.6f\n", periods,
+                  static_cast<double>(k + 1 - 2 * window) / static_cast<double>(window),
+                  error / turn);
+    }
+  }
+  return 0;
+}
+
+// without noise: what inversion and textbook leave of the true direction
+int bias() {
+  std::printf(
+      "contact,law,friction,frequency,tilt_deg,lean,closed,inversion_deg,misfit,without_tilt_deg,"
+      "textbook_phase_deg,textbook_shape_deg,half_turn_right\n");
+  for (const bool rim : {false, true}) {
+    for (const char* law : {"viscous", "rigid"}) {
+      for (const double friction : {0.5, 0.2}) {
+        for (const double frequency : {450.0, 500.0, 770.0}) {
+          for (const double tilt : {1.0, 2.0, 4.0, 8.0}) {
+            for (const double lean : {0.2, 2.5, 4.4}) {
+              SimulatedReadingOptions o;
+              o.overrides = {std::string("contact.law=") + law,
+                             "friction.static=" + std::to_string(friction),
+                             "friction.sliding=" + std::to_string(friction)};
+              o.lean = lean;
+              o.tilt = tilt * kDegree;
+              o.frequency = frequency;
+              o.offset = rim ? Eigen::Vector2d(-0.006 * std::cos(lean + 0.9),
+                                               -0.006 * std::sin(lean + 0.9))
+                             : Eigen::Vector2d(0.03 * std::cos(lean), 0.03 * std::sin(lean));
+              const SimulatedReading r = readSimulated(o);
+              if (r.closed.size() != 1) continue;
+              const auto error = [&](double alpha, double modulo) {
+                return std::remainder(alpha - r.contact, modulo) / kDegree;
+              };
+              const DirectionEstimate e =
+                  contactDirection(r.mechanism, r.point, r.locus, LocusAxes::kSensor);
+              OperatingPoint upright = r.point;
+              upright.tilt.setZero();
+              upright.sensor_tilt.setZero();
+              upright.rolling = false;
+              const DirectionEstimate u =
+                  contactDirection(r.mechanism, upright, r.locus, LocusAxes::kSensor);
+              const DirectionEstimate h = resolveHalfTurn(
+                  r.mechanism, upright, halfTurnEvidence(r.mechanism, frequency, r.fit), u,
+                  LocusAxes::kSensor);
+              std::printf(
+                  "%s,%s,%g,%g,%g,%g,1,%.4f,%.5f,%.3f,%.3f,%.3f,%d\n", rim ? "rim" : "plane", law,
+                  friction, frequency, tilt, lean, error(e.alpha, M_PI), e.misfit,
+                  error(u.alpha, M_PI), error(0.5 * std::arg(-r.locus.N), M_PI),
+                  error(r.locus.orientation(), M_PI / 2), std::abs(error(h.alpha, 2 * M_PI)) < 90);
+            }
+          }
+        }
+      }
+    }
+  }
+  return 0;
+}
+
+int friction() {
+  std::printf("true,frequency,amplitude,press,found,sd,across,textbook\n");
+  for (const double mu : {0.1, 0.2, 0.35}) {
+    for (const double frequency : {500.0, 770.0}) {
+      for (const double amplitude : {8.0, 15.0, 30.0}) {
+        SimulatedReadingOptions o;
+        o.lean = 0.7;
+        o.tilt = 0.02;
+        o.offset = 0.03 * Eigen::Vector2d(std::cos(o.lean), std::sin(o.lean));
+        o.frequency = frequency;
+        o.amplitude = amplitude;
+        o.press = 8.0;
+        o.overrides = {"friction.static=" + std::to_string(mu),
+                       "friction.sliding=" + std::to_string(mu)};
+        const SimulatedReading r = readSimulated(o);
+        const SlidingFriction f = slidingFriction(r.mechanism, r.point, r.fit);
+        std::printf("%g,%g,%g,%.2f,%.4f,%.4f,%.3f,%.3f\n", mu, frequency, amplitude, r.point.press,
+                    f.coefficient, f.sd, f.across,
+                    slidingFriction(r.locus, amplitude, r.point.press).coefficient);
+      }
+    }
+  }
+  return 0;
+}
+
 int cost() {
-  std::printf("window,update_ns,update_and_locus_ns,fit_of_window_ns\n");
+  std::printf("signals,window,update_ns,update_and_result_ns,fit_of_window_ns\n");
   for (const std::size_t window : {200u, 1000u, 5000u}) {
     const auto nanoseconds = [](int calls, const auto& call) {
       double best = 1e300;
@@ -178,7 +313,24 @@ int cost() {
     });
     const double fit = nanoseconds(
         20, [&](int) { sink = sink + fitHarmonic(r.angle, r.signals, {false}).phasor[0].real(); });
-    std::printf("%zu,%.1f,%.1f,%.0f\n", window, update, both, fit);
+    std::printf("2,%zu,%.1f,%.1f,%.0f\n", window, update, both, fit);
+
+    // all six, with drift, as locus_estimator streams them
+    SlidingFit<6> displacement(window, true);
+    const auto add_six = [&](int k) {
+      Vector6 d;
+      for (int i = 0; i < 6; ++i) d[i] = 1e-6 * (k % (5 + i));
+      displacement.add(0.1542 * k, d);
+    };
+    for (int k = 0; k < static_cast<int>(window); ++k) add_six(k);
+    const double update_six = nanoseconds(200000, add_six);
+    const double both_six = nanoseconds(100000, [&](int k) {
+      add_six(k);
+      sink = sink + displacement.fit().phasor[0].real();
+    });
+    const double fit_six = nanoseconds(
+        20, [&](int) { sink = sink + fitHarmonic(r.angle, r.signals).phasor[0].real(); });
+    std::printf("6,%zu,%.1f,%.1f,%.0f\n", window, update_six, both_six, fit_six);
   }
   return 0;
 }
@@ -191,7 +343,13 @@ int main(int argc, char** argv) {
   const auto seed = static_cast<std::uint64_t>(argc > 3 ? std::atoll(argv[3]) : 1);
   if (runs > 0 && study == "accuracy") return accuracy(runs, seed);
   if (runs > 0 && study == "modes") return modes(runs, seed);
+  if (runs > 0 && study == "alarms") return alarms(runs, seed);
+  if (study == "settling") return settling();
+  if (study == "bias") return bias();
+  if (study == "friction") return friction();
   if (study == "cost") return cost();
-  std::fprintf(stderr, "usage: study_locus accuracy|modes [RUNS [SEED]] | cost\n");
+  std::fprintf(stderr,
+               "usage: study_locus accuracy|modes|alarms [RUNS [SEED]] | settling | bias | "
+               "friction | cost\n");
   return 2;
 }

@@ -14,6 +14,7 @@ struct NamedStrategy {
   Strategy run;
 };
 constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
+                                         {"double_contact", doubleContact},
                                          {"twin_force", twinForce}};
 
 Strategy strategyOf(const std::string& name) {
@@ -33,8 +34,9 @@ void check(bool good, const char* name, double value, const char* remedy) {
 
 void checkParameters(const AlignParameters& p) {
   strategyOf(p.strategy);
-  check(p.press_force >= 2.0 && p.press_force < p.force_limit, "press_force", p.press_force,
-        "must be at least 2 N and below force_limit");
+  check(p.press_force == 0.0 || (p.press_force >= 2.0 && p.press_force < p.force_limit),
+        "press_force", p.press_force,
+        "must be at least 2 N and below force_limit, or 0 to choose it");
   check(p.press_tolerance > 0 && p.press_tolerance <= 0.5, "press_tolerance", p.press_tolerance,
         "must lie in (0, 0.5]");
   check(p.force_limit > 0 && p.force_limit <= 1000, "force_limit", p.force_limit,
@@ -43,8 +45,8 @@ void checkParameters(const AlignParameters& p) {
         "must lie in (0, 1] m");
   check(p.approach_step > 0 && p.approach_step <= 1e-2, "approach_step", p.approach_step,
         "must lie in (0, 0.01] m");
-  check(p.exciter_amplitude > 0 && p.exciter_amplitude <= 1000, "exciter_amplitude",
-        p.exciter_amplitude, "must lie in (0, 1000] N");
+  check(p.exciter_amplitude >= 0 && p.exciter_amplitude <= 1000, "exciter_amplitude",
+        p.exciter_amplitude, "must lie in [0, 1000] N; 0 chooses it");
   check(p.exciter_frequency >= 0 && p.exciter_frequency <= 1e5, "exciter_frequency",
         p.exciter_frequency, "must lie in [0, 1e5] rad/s; 0 chooses it");
   check(p.exciter_direction == 1 || p.exciter_direction == -1, "exciter_direction",
@@ -56,6 +58,8 @@ void checkParameters(const AlignParameters& p) {
         "must lie in (0, 0.14] rad");
   check(p.sweep_readings >= 8 && p.sweep_readings <= 360, "sweep_readings", p.sweep_readings,
         "must lie in 8 to 360");
+  check(p.direction_limit > 0 && p.direction_limit <= 1, "direction_limit", p.direction_limit,
+        "must lie in (0, 1] rad");
   check(p.lift > 0 && p.lift <= 0.01, "lift", p.lift, "must lie in (0, 0.01] m");
   check(p.insertion_depth > 0 && p.insertion_depth <= 0.01, "insertion_depth", p.insertion_depth,
         "must lie in (0, 0.01] m");

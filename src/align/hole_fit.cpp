@@ -34,53 +34,6 @@ double lowest(const HoleReading& r, const Vec3& normal) {
   return std::atan2(-r.X_SP.R.col(1).dot(normal), -r.X_SP.R.col(0).dot(normal));
 }
 
-// plane through the contacts by least squares; C or C* by what lies at its height
-std::string fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstimate& e) {
-  double spread = 0.0;
-  for (int pass = 0; pass < 15; ++pass) {
-    Mat3 A = Mat3::Zero();
-    Vec3 b = Vec3::Zero();
-    std::size_t n = 0;
-    for (HoleReading& r : readings) {
-      const double opposite = wrapPi(r.alpha + kPi);
-      const double here = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
-      const double there = e.normal.dot(contactPoint(r, radius, opposite)) - e.height;
-      bool take;
-      if (pass < 3) {
-        // at first only what is clear: ends of a diameter well down the slope
-        if (there < here) r.alpha = opposite;
-        take = std::abs(here - there) > 0.02 * radius;
-      } else {
-        if (std::abs(there) < std::abs(here)) r.alpha = opposite;
-        take = std::min(std::abs(here), std::abs(there)) < std::max(kHeightFloor, 4 * spread);
-      }
-      r.kind = take ? HoleReading::kPlane : HoleReading::kOut;
-      if (!take) continue;
-      const Vec3 p = contactPoint(r, radius, r.alpha);
-      const Vec3 row(1.0, p.x(), p.y());
-      A += row * row.transpose();
-      b += row * p.z();
-      ++n;
-    }
-    if (n < kFewest) return "no_plane_reading: fewer than 5 contacts agree on a plane";
-    const Eigen::FullPivLU<Mat3> lu(A);
-    if (!lu.isInvertible()) return "no_plane_reading: the contacts lie on one line";
-    const Vec3 x = lu.solve(b);
-    e.normal = Vec3(-x(1), -x(2), 1.0).normalized();
-    e.height = x(0) * e.normal.z();
-    double sum = 0.0;
-    for (const HoleReading& r : readings) {
-      if (r.kind == HoleReading::kOut) continue;
-      const double d = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
-      sum += d * d;
-    }
-    spread = std::sqrt(sum / static_cast<double>(n - 3));
-    const Mat3 inverse = lu.inverse();
-    e.normal_sd = std::max(spread, 1e-7) * std::sqrt(inverse(1, 1) + inverse(2, 2));
-  }
-  return "";
-}
-
 // a contact on the rim, in plane coordinates
 struct RimPoint {
   Vec2 p;        // [m]
@@ -154,6 +107,53 @@ double touchDirection(const Vec2& peg, double low, double peg_radius, const Vec2
 
 }  // namespace
 
+// plane through the contacts by least squares; C or C* by what lies at its height
+std::string fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstimate& e) {
+  double spread = 0.0;
+  for (int pass = 0; pass < 15; ++pass) {
+    Mat3 A = Mat3::Zero();
+    Vec3 b = Vec3::Zero();
+    std::size_t n = 0;
+    for (HoleReading& r : readings) {
+      const double opposite = wrapPi(r.alpha + kPi);
+      const double here = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
+      const double there = e.normal.dot(contactPoint(r, radius, opposite)) - e.height;
+      bool take;
+      if (pass < 3) {
+        // at first only what is clear: ends of a diameter well down the slope
+        if (there < here) r.alpha = opposite;
+        take = std::abs(here - there) > 0.02 * radius;
+      } else {
+        if (std::abs(there) < std::abs(here)) r.alpha = opposite;
+        take = std::min(std::abs(here), std::abs(there)) < std::max(kHeightFloor, 4 * spread);
+      }
+      r.kind = take ? HoleReading::kPlane : HoleReading::kOut;
+      if (!take) continue;
+      const Vec3 p = contactPoint(r, radius, r.alpha);
+      const Vec3 row(1.0, p.x(), p.y());
+      A += row * row.transpose();
+      b += row * p.z();
+      ++n;
+    }
+    if (n < kFewest) return "no_plane_reading: fewer than 5 contacts agree on a plane";
+    const Eigen::FullPivLU<Mat3> lu(A);
+    if (!lu.isInvertible()) return "no_plane_reading: the contacts lie on one line";
+    const Vec3 x = lu.solve(b);
+    e.normal = Vec3(-x(1), -x(2), 1.0).normalized();
+    e.height = x(0) * e.normal.z();
+    double sum = 0.0;
+    for (const HoleReading& r : readings) {
+      if (r.kind == HoleReading::kOut) continue;
+      const double d = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
+      sum += d * d;
+    }
+    spread = std::sqrt(sum / static_cast<double>(n - 3));
+    const Mat3 inverse = lu.inverse();
+    e.normal_sd = std::max(spread, 1e-7) * std::sqrt(inverse(1, 1) + inverse(2, 2));
+  }
+  return "";
+}
+
 Eigen::Matrix<double, 3, 2> planeAxes(const Vec3& normal) {
   const Vec3 x = (Vec3::UnitX() - normal * normal.x()).normalized();
   Eigen::Matrix<double, 3, 2> axes;
@@ -198,7 +198,7 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
   CircleFit best;
   double least = 1e300;
   for (int i = 0; i < 24; ++i) {
-    for (const double distance : {0.01, 0.1, 0.4}) {
+    for (const double distance : {0.01, 0.1, 0.4, 1.2}) {
       const double a = 2 * kPi * i / 24.0;
       const Vec2 start = middle + distance * hole_radius * Vec2(std::cos(a), std::sin(a));
       const CircleFit fit = fitCircle(rim, plane, hole_radius, start);

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kTouchForce = 1.5;                // this much along z is contact [N]
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
+constexpr double kZeroForce = 1.0;  // of a free peg: its weight pulls sideways when tilted [N]
 constexpr int kHoldSteps = 30;
 constexpr int kSettleBlocks = 3;
 constexpr double kStillForce = 0.03;  // change from block to block of what is at rest [N]
@@ -26,6 +27,15 @@ std::string line(const char* format, double a, double b) {
 
 }  // namespace
 
+Matrix6 couplingStiffness(const CouplingParameters& coupling) {
+  const Vector6& k = coupling.stiffness.diagonal;  // order z, x, y, about z, x, y
+  Matrix6 K = Matrix6::Zero();
+  K.diagonal() << k(1), k(2), k(0), k(4), k(5), k(3);
+  K(0, 4) = K(4, 0) = coupling.stiffness.k26;
+  K(1, 3) = K(3, 1) = coupling.stiffness.k35;
+  return K;
+}
+
 Hand::Hand(Plant& plant, const PressLimits& limits) : plant_(plant), limits_(limits) {
   wait(1);
   target_ = last_.carrier;
@@ -35,11 +45,11 @@ const PlantBlock& Hand::step(const PlantCommand& command) {
   last_ = plant_.next(command);
   const Vector6 contact = last_.wrench_b - tare_;
   // before the tare the peg may still swing
-  if (tared_ && last_.saturated) {
+  if (tared_ && guarded_ && last_.saturated) {
     throw PressError("sensor_saturated: a channel is at its limit; lower the press force");
   }
   const double force = contact.head<3>().norm();
-  if (tared_ && force > limits_.force) {
+  if (tared_ && guarded_ && force > limits_.force) {
     throw PressError(line("force_limit: %.1f N is over %.1f N", force, limits_.force));
   }
   return last_;
@@ -63,11 +73,14 @@ void Hand::tare(int blocks) {
     still = agrees && !last_.saturated ? still + 1 : 0;
   }
   Vector6 wrench = Vector6::Zero(), displacement = Vector6::Zero();
+  Matrix6 scatter = Matrix6::Zero();
   for (int i = 0; i < blocks; ++i) {
     wait(1);
     wrench += last_.wrench_b;
     displacement += last_.displacement_b;
+    scatter += last_.covariance_b;
   }
+  scatter_ = scatter / blocks;
   tare_ = wrench / blocks;
   tare_displacement_ = displacement / blocks;
   tared_ = true;
@@ -89,6 +102,29 @@ void Hand::moveTo(const RestPose& target) {
   }
   throw PressError(
       line("not_arrived: carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
+}
+
+void Hand::retreat(double way) {
+  RestPose up = last_.carrier;
+  up.z += way;
+  guarded_ = false;
+  PlantCommand off;
+  off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
+  step(off);
+  moveTo(up);
+  int still = 0;
+  for (int i = 0; still < kStillBlocks; ++i) {
+    if (i == kStillLimit) throw PressError("stuck: the peg doesn't come free");
+    const Vector6 before = last_.wrench_b;
+    wait(1);
+    const bool agrees = (last_.wrench_b - before).head<3>().norm() < kStillForce;
+    still = agrees && !last_.saturated ? still + 1 : 0;
+  }
+  guarded_ = true;
+  if (force().norm() > kZeroForce) {
+    throw PressError(line("zero_shifted: %.2f N with the peg free, %.2f N are allowed",
+                          force().norm(), kZeroForce));
+  }
 }
 
 bool Hand::approach(double floor) {

@@ -16,6 +16,11 @@ using Mat3 = Eigen::Matrix3d;
 constexpr double kClear = 3e-4;   // over the plane before the last way down [m]
 constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
 
+constexpr double kWallGive = 2e-5;   // of the peg against its carrier that is a wall [m]
+constexpr double kWallSearch = 6.0;  // way to a wall at most, in clearances
+constexpr double kWallSd = 5e-6;     // of a middle between walls, per axis [m]
+constexpr int kWallBlocks = 2;       // to come to rest
+
 }  // namespace
 
 Mat3 tiltRotation(const Vec2& tilt) { return rotationFromVector({Vec3(tilt.x(), tilt.y(), 0.0)}); }
@@ -126,9 +131,8 @@ bool Search::enter(const Vec3& center) {
   Vec3 target = center + kClear * hole_.normal;
   hand_.moveTo(restFor(target + kTravel * hole_.normal, R));
   hand_.wait(blocks(p_.settle));
-  const Vec3 sag =
-      pegPose(hand_.last().carrier, deflection()).p - pegPose(hand_.target(), Vector6::Zero()).p;
-  target -= sag - hole_.normal * hole_.normal.dot(sag);
+  sag_ = pegPose(hand_.last().carrier, deflection()).p - pegPose(hand_.target(), Vector6::Zero()).p;
+  target -= sag_ - hole_.normal * hole_.normal.dot(sag_);
 
   // centre, then rings a little closer than the clearance
   for (int ring = 0; ring < 3; ++ring) {
@@ -136,7 +140,7 @@ bool Search::enter(const Vec3& center) {
     for (int i = 0; i < places; ++i) {
       const double a = 2 * kPi * i / places;
       const Vec2 shift = 0.9 * clearance * ring * Vec2(std::cos(a), std::sin(a));
-      if (lower(target + axes * shift, R)) return true;
+      if (lower(target + axes * shift, R) && (!feelsWalls() || centre(R))) return true;
     }
   }
   report("enter", "resistance everywhere, measuring again");
@@ -164,6 +168,55 @@ bool Search::lower(const Vec3& from, const Mat3& R) {
   report("enter", text(in ? "in, contact force %.2f N" : "resistance of %.2f N", force));
   if (!in) hand_.moveTo(restFor(from, R));
   return in;
+}
+
+// sideways in small steps until the wall pushes back; `at` is the bottom's centre then. False when
+// there is no wall where one must be
+bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
+  const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+  const double step = std::clamp(0.25 * clearance, 5e-6, 1e-4);
+  const Matrix6 compliance = couplingStiffness(mechanism_.coupling).inverse();
+  Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
+  const Vec3 way = R.transpose() * direction;
+  row << way.transpose(), Vec3(0, 0, -length_).cross(way).transpose();
+  const Eigen::Matrix<double, 1, 6> by_wrench = row * compliance;
+  const double felt =
+      kWallGive + 4.0 * std::sqrt((by_wrench * hand_.rounding() * by_wrench.transpose()).value());
+  Vec3 target = pegPose(hand_.target(), Vector6::Zero()).p;
+  for (double moved = 0.0; moved <= kWallSearch * clearance; moved += step) {
+    at = pegPose(hand_.last().carrier, deflection()).p - sag_;
+    if ((target - at).dot(direction) > felt) return true;
+    target += step * direction;
+    hand_.moveTo(restFor(target, R));
+    hand_.wait(kWallBlocks);
+  }
+  return false;
+}
+
+// to the middle between the walls along two axes, which is the hole's centre
+bool Search::centre(const Mat3& R) {
+  const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
+  for (int axis = 0; axis < 2; ++axis) {
+    Vec3 ahead, behind;
+    const Vec3 along = axes.col(axis);
+    if (!findWall(along, R, ahead) || !findWall(-along, R, behind)) {
+      report("centre", "no wall: not in the hole");
+      return false;
+    }
+    Vec3 target = pegPose(hand_.target(), Vector6::Zero()).p;
+    target += along * along.dot(0.5 * (ahead + behind) - target);
+    hand_.moveTo(restFor(target, R));
+    hand_.wait(kWallBlocks);
+    if (axis == 1) {
+      // no wall pushes any more: the peg itself is in the middle
+      const Vec3 center = target + sag_;
+      hole_.center = center - hole_.normal * (hole_.normal.dot(center) - hole_.height);
+      hole_.center_covariance = Eigen::Matrix2d::Identity() * kWallSd * kWallSd;
+      found_ = true;
+      report("centre", text("between walls %.3f mm apart", (ahead - behind).norm() * 1e3));
+    }
+  }
+  return true;
 }
 
 }  // namespace assembly_cell

@@ -16,7 +16,8 @@ using Vec3 = Eigen::Vector3d;
 constexpr double kDeepest = 0.1;      // penetration beyond this part of the radius is no contact
 constexpr double kFlat = 1e-5;        // below this tilt the lowest point has no speed [rad]
 constexpr double kSpare = 1.5;        // edge speed inside a step over that at its ends
-constexpr double kHysteresis = 1e-8;  // of the typical force: changes below it change no mode
+// of the typical force, at a tolerance of 1e-9 m and above: changes below it change no mode
+constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
 
 double slipFriction(double speed, const ContactParameters& c, const FrictionParameters& f) {
@@ -44,15 +45,38 @@ void Simulation::setMode(std::size_t i, Mode mode) {
   closed_ ^= bit;
 }
 
+// a contact that just closed deeper than it can have come; `handed`: gap of the one it takes over
+void Simulation::keepDepth(std::size_t i, double handed) {
+  const double deeper = touches_[i].gap - handed;
+  if (deeper >= -kFound) return;
+  slots_[i].depth += deeper;
+  touches_[i].gap = handed;
+}
+
+void Simulation::healDepths() {
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    double& depth = slots_[i].depth;
+    if (depth < 0.0) depth = valid(i) ? std::min(0.0, std::max(depth, point(i).gap)) : 0.0;
+  }
+}
+
 void Simulation::evaluateFree(double t, const State& state) {
   ++counts_.evaluations;
   now_.k = kinematics(state);
   now_.rates = state.v.segment<3>(3);
-  now_.motion = freeMotion(scenario_, now_.k, state, restAt(t), drive_, t);
+  now_.motion = t < profile_.start + profile_.duration
+                    ? freeMotion(scenario_, now_.k, state, restAt(t), drive_, t)
+                    : freeMotion(scenario_, now_.k, state, settled_, drive_, t);
   now_.free = solveMass(scenario_, now_.k, now_.motion.force);
 }
 
 void Simulation::locate(ContactSlotMask mask, ContactSet& set) {
+  // places that closed slots hold are not for open ones
+  for (ContactSlotMask left = (kEdgeWallSlots | kRimSideSlots) & ~mask; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    set.slots[i].valid = false;
+    if (&set == &open_set_ && (closed_ >> i & 1u) && valid(i)) set.slots[i] = closed_set_.slots[i];
+  }
   findContacts(now_.edge, shapes_, mask, set);
   ContactSlotMask found = set.valid & mask;
   for (ContactSlotMask left = found; left; left &= left - 1) {
@@ -63,6 +87,7 @@ void Simulation::locate(ContactSlotMask mask, ContactSet& set) {
       continue;
     }
     Touch& touch = touches_[i];
+    touch.gap = point.gap - slots_[i].depth;
     touch.r = point.p - now_.k.x;
     touch.velocity = now_.k.v + now_.k.omega.cross(touch.r);
     touch.gap_rate = point.normal.dot(touch.velocity);
@@ -86,24 +111,26 @@ Vector9 Simulation::evaluate(double t, const State& state, Look look) {
 
   // closed contacts, and at a step's end the others: not while the edge can't have come down to
   // the block since the clearance was known
+  const ContactSlotMask open = admitted_ & ~closed_;
+  bool search = false;
+  if (look != Look::kForces && open) {
+    speed_ = edgeSpeed();
+    moved_ = kSpare * (t - time_) * std::max(start_speed_, speed_);
+    search = look == Look::kReport || moved_ >= clearance_;
+    if (!search) open_set_.valid = 0;
+  }
+  clear_ = !search && !closed_;
+  if (clear_) return now_.free;
   const Kinematics& k = now_.k;
   now_.edge = {k.x - scenario_.peg.half_height * k.a, k.R0, k.R1, scenario_.peg.radius};
   if (closed_) locate(closed_, closed_set_);
-  const ContactSlotMask open = admitted_ & ~closed_;
-  if (look != Look::kForces && open) {
-    const double moved = kSpare * (t - time_) * std::max(start_speed_, edgeSpeed());
-    if (look == Look::kReport || moved >= clearance_) {
-      locate(open, open_set_);
-    } else {
-      open_set_.valid = 0;
-    }
-  }
+  if (search) locate(open, open_set_);
   return closed_ ? withContacts(look) : now_.free;
 }
 
+// bound of the speed of the peg's edge
 double Simulation::edgeSpeed() const {
-  const double arm = std::hypot(scenario_.peg.half_height, scenario_.peg.radius);
-  return now_.k.v.norm() + arm * now_.k.omega.norm();
+  return std::sqrt(2.0 * (now_.k.v.squaredNorm() + arm_ * arm_ * now_.k.omega.squaredNorm()));
 }
 
 Body Simulation::body() const {
@@ -194,7 +221,7 @@ void Simulation::solveRegularised() {
   };
   if (c.law == ContactLaw::kSpringDashpot) {
     for (std::size_t i = 0; i < n; ++i) {
-      const double gap = point(reach[i]).gap;
+      const double gap = touches_[reach[i]].gap;
       apply(i, gap < 0.0
                    ? std::max(0.0, -c.stiffness * gap - c.damping * touches_[reach[i]].gap_rate)
                    : 0.0);
@@ -212,7 +239,7 @@ void Simulation::solveRegularised() {
     const Vec3& normal = point(reach[i]).normal;
     const auto row = static_cast<Eigen::Index>(i);
     b(row) = normal.dot(ti.acceleration) + ti.rates.gap_bias + c.rate * ti.gap_rate +
-             c.pull_back * point(reach[i]).gap;
+             c.pull_back * ti.gap;
     scale = std::max(scale, std::abs(b(row)));
     for (std::size_t j = 0; j < n; ++j) {
       A(row, static_cast<Eigen::Index>(j)) =
@@ -306,7 +333,7 @@ void Simulation::solveModes(Look look) {
     row.r = touch.r;
     row.normal = normal;
     const double normal_target =
-        -rate * touch.gap_rate - pull_back * point(i).gap - touch.rates.gap_bias;
+        -rate * touch.gap_rate - pull_back * touch.gap - touch.rates.gap_bias;
     row.stick = slot.mode == Mode::kStick;
     if (!row.stick) {
       // slip that begins has its limit's direction, soon that of the velocity
@@ -356,7 +383,7 @@ void Simulation::solveModes(Look look) {
       acceleration += response(body, touch.r, constraints[j].r, touches_[slot_of[j]].force);
     }
     touch.demand = point(i).normal.dot(acceleration) + touch.rates.gap_bias +
-                   rate * touch.gap_rate + pull_back * point(i).gap;
+                   rate * touch.gap_rate + pull_back * touch.gap;
   }
 }
 
@@ -427,7 +454,7 @@ void Simulation::findModes(bool initial) {
     bool closing = false;
     for (std::size_t i = 0; i < kSlots; ++i) {
       if (!(admitted_ >> i & 1u) || !valid(i)) continue;
-      const double gap = point(i).gap, rate = touches_[i].gap_rate;
+      const double gap = touches_[i].gap, rate = touches_[i].gap_rate;
       if (initial && rigid() && gap < -kInitialReach) {
         stop_ = StopReason::kInitialOverlap;
         return;
@@ -436,6 +463,7 @@ void Simulation::findModes(bool initial) {
       if (gap < 0.0 || touching) {
         setMode(i, discreteFriction() ? Mode::kIdle : Mode::kSlip);
         slots_[i].armed = false;
+        if (!initial && rigid()) keepDepth(i, 0.0);
         closing = closing || rate < 0.0;
       }
     }
@@ -479,9 +507,10 @@ void Simulation::decide() {
       }
       // decisions go by half the smaller of the old and the new limit, so that what made an event
       // is found
-      limit =
-          0.5 * (approach_ > 0.0 ? std::min(approach_, kHysteresis * scale) : kHysteresis * scale);
-      approach_ = kHysteresis * scale;
+      const double fine = std::clamp(scenario_.solver.tolerance / 1e-9, 1e-3, 1.0);
+      const double change = kHysteresis * fine * scale;
+      limit = 0.5 * (approach_ > 0.0 ? std::min(approach_, change) : change);
+      approach_ = change;
       pull_ = approach_ * scenario_.peg.mass;
     }
     // the worst offender changes: pulled, beyond the cone, or idle but approaching

@@ -6,6 +6,8 @@ namespace assembly_cell {
 
 constexpr double kInitialReach = 1e-8;  // closed at the start up to this gap [m]
 constexpr double kReach = 1e-9;         // a closed slot leaves reach above this gap [m]
+constexpr double kFound = 1e-11;         // a contact found deeper is kept there [m]
 constexpr double kShift = 1e-11;        // relative, makes redundant rows of law B solvable
+constexpr double kSettledSpeed = 1e-9;  // approach let be after an impact [m/s]
 
 }  // namespace assembly_cell

@@ -5,6 +5,8 @@
 
 #include "assembly_cell/dynamics/simulation.h"
 #include "contact_algebra.h"
+#include "energetic_impact.h"
+#include "limits.h"
 
 namespace assembly_cell {
 namespace {
@@ -18,11 +20,9 @@ constexpr double kTurn = 1e-7;            // to measure how an error changes [ra
 constexpr double kDirection = 1e-14, kSettled = 1e-9;  // aimed at; good enough [rad]
 // slower approaches do not bounce: ends the accumulation of ever smaller bounces [m/s]
 constexpr double kLeastBounce = 1e-3;
-constexpr int kBounces = 60;       // impulses of one impact of several points, one after the other
-constexpr double kSettledSpeed = 1e-9;  // approach let be after an impact [m/s]
-constexpr int kStormPasses = 24;     // impacts of a step amid a storm
+constexpr int kBounces = 60;      // impulses of one impact of several points, one after the other
+constexpr int kStormPasses = 24;  // impacts of a step amid a storm
 constexpr double kStormGap = 1e-12;  // penetration let be then [m]
-constexpr int kImpulseSteps = 64;  // steps along the impulse of each phase
 
 }  // namespace
 
@@ -73,87 +73,17 @@ void Simulation::restitutionImpacts() {
   }
 }
 
-// One point's impact with Stronge's energetic coefficient e: the normal force gives back e² of the
-// work it took in compression. Slip is followed along the impulse, v' = W (n − mu v_t/|v_t|), with
-// stick where friction can hold; then the total is shortened until the energy doesn't grow.
+// One point's impact with Stronge's energetic coefficient.
 Vec3 Simulation::restitutionImpulse(std::size_t i) const {
   const Touch& touch = touches_[i];
-  const Vec3& n = point(i).normal;
   const Body body = this->body();
   Mat3 W;
   for (int axis = 0; axis < 3; ++axis) {
     W.col(axis) = response(body, touch.r, touch.r, Vec3::Unit(axis));
   }
-  const double mu = scenario_.friction.sliding_coefficient;
-  const double mu_static = scenario_.friction.static_coefficient;
-  const double e = scenario_.contact.restitution;
-  // impulse a unit of normal impulse that keeps the point from slipping
-  const Vec3 t1 = n.unitOrthogonal(), t2 = n.cross(t1);
-  Eigen::Matrix2d Wt;
-  Wt << t1.dot(W * t1), t1.dot(W * t2), t2.dot(W * t1), t2.dot(W * t2);
-  const Eigen::Vector2d hold = -Wt.inverse() * Eigen::Vector2d(t1.dot(W * n), t2.dot(W * n));
-  const bool holds = hold.norm() <= mu_static;
-  const Vec3 stick = n + hold(0) * t1 + hold(1) * t2;
-
-  Vec3 v = touch.velocity, impulse = Vec3::Zero();
-  bool stuck = false;
-  const auto direction = [&](const Vec3& velocity) -> Vec3 {
-    if (stuck) return stick;
-    const Vec3 slip = velocity - n * n.dot(velocity);
-    const double speed = slip.norm();
-    return speed > 0.0 ? Vec3(n - mu / speed * slip) : stick;
-  };
-  // one step of normal impulse p by the midpoint rule; slip that would reverse within it stops
-  const auto step = [&](double p) {
-    const Vec3 middle = v + 0.5 * p * (W * direction(v));
-    Vec3 d = direction(middle);
-    const Vec3 slip = v - n * n.dot(v);
-    Vec3 next = v + p * (W * d);
-    if (!stuck && holds && slip.dot(next) <= 0.0) {
-      stuck = true;
-      // the impulse that stops the slip, as far as friction gives it, then the rest held
-      const Eigen::Vector2d stop = -Wt.inverse() * (Eigen::Vector2d(t1.dot(slip), t2.dot(slip)));
-      const Vec3 tangential = stop(0) * t1 + stop(1) * t2;
-      d = stick + tangential / p;
-      next = v + p * (W * d);
-    }
-    impulse += p * d;
-    v = next;
-  };
-  // compression until the point approaches no more
-  double work = 0.0;
-  for (int k = 0; k < 100 * kImpulseSteps && n.dot(v) < 0.0; ++k) {
-    const double gain = n.dot(W * direction(v));
-    const double left = gain > 0.0 ? -n.dot(v) / gain : -n.dot(v) / n.dot(W * n);
-    const double p = std::min(left, -touch.gap_rate / n.dot(W * n) / kImpulseSteps);
-    const double before = n.dot(v);
-    step(p);
-    work += 0.5 * (before + n.dot(v)) * p;
-    if (n.dot(v) > -1e-12 * std::abs(touch.gap_rate)) break;
-  }
-  // restitution until e² of it is back
-  const Vec3 compressed = impulse;
-  double left = -e * e * work;
-  for (int k = 0; k < 100 * kImpulseSteps && left > 0.0; ++k) {
-    const double now = std::max(0.0, n.dot(v)), gain = n.dot(W * direction(v));
-    if (!(gain > 0.0)) break;
-    const double rest = (-now + std::sqrt(now * now + 2.0 * gain * left)) / gain;
-    const double p = std::min(rest, -touch.gap_rate / n.dot(W * n) / kImpulseSteps);
-    step(p);
-    const double given = 0.5 * (now + n.dot(v)) * p;
-    left = p == rest ? 0.0 : left - given;
-  }
-  // kinetic energy changes by P · (v + v+)/2; rounding and step errors may not make it grow
-  const auto energy = [&](const Vec3& P) { return P.dot(touch.velocity + 0.5 * (W * P)); };
-  if (energy(impulse) > 0.0) {
-    double low = 0.0, high = 1.0;
-    for (int k = 0; k < 60; ++k) {
-      const double middle = 0.5 * (low + high);
-      (energy(compressed + middle * (impulse - compressed)) > 0.0 ? high : low) = middle;
-    }
-    impulse = compressed + low * (impulse - compressed);
-  }
-  return impulse;
+  return energeticImpulse(W, point(i).normal, touch.velocity,
+                          scenario_.friction.sliding_coefficient,
+                          scenario_.friction.static_coefficient, scenario_.contact.restitution);
 }
 
 // No point approaches afterwards, impulses only push, Coulomb's law with the sliding coefficient on
@@ -408,7 +338,7 @@ void Simulation::project() {
     row.change = -(row.stick ? touches_[i].velocity : Vec3(touches_[i].gap_rate * row.normal));
     position[n] = row;
     position[n].stick = false;
-    position[n].change = -point(i).gap * row.normal;
+    position[n].change = -touches_[i].gap * row.normal;
     ++n;
   }
   if (n == 0) return;
@@ -447,6 +377,7 @@ void Simulation::stormStep(double t) {
   std::array<Vec3, kSlots> impulse;
   impulse.fill(Vec3::Zero());
   state_.v += fall;
+  for (Slot& slot : slots_) slot.depth = 0.0;
   for (int pass = 0; pass < kStormPasses; ++pass) {
     // of the step: mean velocity, place at the end
     state_.q = start.q + h * state_.v;

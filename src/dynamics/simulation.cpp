@@ -22,11 +22,13 @@ constexpr double kTaylorTime =
 // rigid law so short that a point pressed on falls by less than kHop between two impacts [m]
 constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5, kLeastCoarse = 5e-7;
 constexpr double kHop = 1e-10;
+constexpr double kIdleDepth = 1e-12;  // an idle contact that goes on approaching is hit there [m]
 constexpr double kLift = 1e-11;  // a contact lifted farther at an event pays for it with speed [m]
 // the rigid law has storms only where the peg is flat [rad], or within this [s]: two places of
 // contact that merge push each other open for ever
 constexpr double kFlatTilt = 1e-3, kStandstill = 8e-6;
 constexpr double kShortest = 2e-6;      // a rigid flat peg that asks for less is stepped over [s]
+constexpr double kBlindPhase = 0.3;     // longer steps are looked at in their middle, too [rad]
 constexpr double kShortestHalf = 1e-9;  // Hamming halves no further [s]
 constexpr double kBridge = 1e-6;        // tried then [s]
 constexpr double kStepFloor = 1e-13;    // error control below this step gives up [s]
@@ -111,7 +113,12 @@ Simulation::Simulation(const Scenario& scenario) : scenario_(scenario) {
   shapes_.peg_length = 2.0 * scenario_.peg.half_height;
   // slip is told from rest above the integrator's velocity error
   slip_threshold_ = std::max(1e-8, 1e4 * (fixed_step_ ? 1e-9 : solver.tolerance));
-  profile_ = restProfile(scenario_.rest);
+  // the thesis's rows let a stationary contact creep below v_ST
+  if (scenario_.thesis.creep) {
+    slip_threshold_ = std::max(slip_threshold_, scenario_.contact.regularisation_speed);
+  }
+  arm_ = std::hypot(scenario_.peg.half_height, scenario_.peg.radius);
+  setProfile(restProfile(scenario_.rest));
   drive_.exciter = scenario_.exciter;
 
   const InitialState& s = scenario_.initial;
@@ -166,9 +173,14 @@ Simulation::Simulation(const Scenario& scenario) : scenario_(scenario) {
   }
 }
 
+void Simulation::setProfile(const RestProfile& profile) {
+  profile_ = profile;
+  settled_ = restMotion(profile, profile.start + profile.duration);
+}
+
 void Simulation::setRestTarget(const RestPose& target) {
   const double arm = scenario_.peg.coupling_height + scenario_.peg.half_height;
-  profile_ = planRest(restAt(time_), time_, target, scenario_.carrier, arm);
+  setProfile(planRest(restAt(time_), time_, target, scenario_.carrier, arm));
   stale_ = true;
 }
 
@@ -214,8 +226,8 @@ Simulation::Events Simulation::eventValues() const {
     if (slot.mode == Mode::kApart) {
       if (!valid(i)) continue;
       // a rigid contact that is just leaving may still be at its rounding
-      const bool leaving = rigid() && point(i).gap > -kReach && touch.gap_rate > 0.0;
-      if (!leaving) value[0] = point(i).gap + kTouch;
+      const bool leaving = rigid() && touch.gap > -kReach && touch.gap_rate > 0.0;
+      if (!leaving) value[0] = touch.gap + kTouch;
       continue;
     }
     if (!valid(i)) {
@@ -224,10 +236,11 @@ Simulation::Events Simulation::eventValues() const {
     }
     if (slot.mode == Mode::kIdle) {
       // an idle slot out of reach asks for nothing any more
-      if (point(i).gap < kReach) value[1] = touch.demand + approach_;
+      if (touch.gap < kReach) value[1] = touch.demand + approach_;
+      if (rigid() && touch.gap_rate < -kSettledSpeed) value[0] = touch.gap + kIdleDepth;
       continue;
     }
-    value[0] = kReach - point(i).gap;
+    value[0] = kReach - touch.gap;
     if (!discreteFriction()) continue;
     value[1] = touch.normal_force + pull_;
     if (slot.mode == Mode::kStick) {
@@ -325,6 +338,26 @@ double Simulation::locateEvent(double h, const Events& at_end, State& end, Vecto
   return tau;
 }
 
+// a mode broken in the middle of a step that ends with none: resting contacts are shaken loose and
+// caught within part of a turn of the exciter. The last evaluation stays that of the end.
+bool Simulation::hiddenEvent(double h, const State& end, const Vector9& slope) {
+  if (fixed_step_ || !discreteFriction() || !closed_ ||
+      h * drive_.exciter.frequency < kBlindPhase) {
+    return false;
+  }
+  const std::array<Touch, kSlots> touches = touches_;
+  const ContactSet closed = closed_set_, open = open_set_;
+  const Now now = now_;
+  evaluate(time_ + 0.5 * h, interpolate(h, end, slope, 0.5 * h), Look::kEvents);
+  bool broken = false;
+  for (const double value : eventValues()) broken = broken || value < 0.0;
+  touches_ = touches;
+  closed_set_ = closed;
+  open_set_ = open;
+  now_ = now;
+  return broken;
+}
+
 // what the next step's events are told by
 void Simulation::startStep() {
   for (std::size_t i = 0; i < kSlots; ++i) {
@@ -342,17 +375,20 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
   state_ = end;
   slope_v_ = slope;
   ++counts_.steps;
-  if (!closed_) {
-    if (admitted_) startStep();
+  if (!admitted_) return;
+  if (clear_) {
+    clearance_ -= moved_;
+    start_speed_ = speed_;
     return;
   }
+  healDepths();
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
     Slot& slot = slots_[i];
     if (slot.mode == Mode::kSlip && touches_[i].tangential.norm() > 2.0 * slip_threshold_) {
       slot.armed = true;
     }
-    if (slot.mode == Mode::kIdle && valid(i) && point(i).gap >= kReach) setMode(i, Mode::kApart);
+    if (slot.mode == Mode::kIdle && valid(i) && touches_[i].gap >= kReach) setMode(i, Mode::kApart);
   }
   if (rigid()) project();
   startStep();
@@ -362,22 +398,27 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
 void Simulation::changeModes() {
   const double before = rigid() ? energy() : 0.0;
   bool closed = false, lost = false;
+  double handed = 0.0;  // gap of a contact that was lost
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
-    if (!valid(i) || point(i).gap >= kReach) {
+    if (!valid(i) || touches_[i].gap >= kReach) {
       lost = lost || !valid(i);
+      if (!valid(i) && !rigid()) handed = std::min(handed, touches_[i].gap);
       setMode(i, Mode::kApart);
+    } else if (rigid() && slots_[i].mode == Mode::kIdle && touches_[i].gap < 0.0) {
+      closed = closed || touches_[i].gap_rate < -kSettledSpeed;
     }
   }
   // a contact that is handed over to the next feature finds it at gap zero
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(admitted_ >> i & 1u) || (closed_ >> i & 1u) || !valid(i)) continue;
-    const double gap = point(i).gap, rate = touches_[i].gap_rate;
+    const double gap = touches_[i].gap, rate = touches_[i].gap_rate;
     const bool closes = gap < 0.0 && !(rigid() && gap > -kReach && rate > 0.0);
     const bool at_event = gap <= 2.0 * kEventTime * std::abs(rate) && rate < 0.0;
     if (!closes && !at_event && !(lost && gap < kReach)) continue;
     setMode(i, discreteFriction() ? Mode::kIdle : Mode::kSlip);
     slots_[i].armed = false;
+    if (scenario_.contact.law != ContactLaw::kViscous) keepDepth(i, handed);
     if (rate < -1e-9) {
       ++counts_.impacts;
       closed = true;
@@ -449,8 +490,7 @@ StopReason Simulation::excludedContact() const {
 
 // bound of the peg's acceleration without contacts, at its edge
 double Simulation::freeAcceleration() const {
-  const double arm = std::hypot(scenario_.peg.half_height, scenario_.peg.radius);
-  return now_.free.head<3>().norm() + arm * now_.free.segment<3>(3).norm();
+  return now_.free.head<3>().norm() + arm_ * now_.free.segment<3>(3).norm();
 }
 
 double Simulation::coarseStep() const {
@@ -534,13 +574,13 @@ void Simulation::lengthen(double h, double error, bool last, double t_end) {
   next_step_ = h * std::clamp(0.9 * std::pow(std::max(error, 1e-10), -1.0 / order), 0.2, 5.0);
 }
 
-StopReason Simulation::advance(double t_end) {
+StopReason Simulation::advance(double t_end, std::int64_t attempts) {
   if (stop_ != StopReason::kOk) return stop_;
   // forces jump with the commands: decide anew who slips
   if (stale_ && !(rigid() && time_ < coarse_until_)) decide();
   State end;
   Vector9 slope;
-  while (time_ < t_end && stop_ == StopReason::kOk) {
+  while (time_ < t_end && stop_ == StopReason::kOk && attempts-- > 0) {
     bool last = false;
     const bool coarse = time_ < coarse_until_;
     double h = planStep(t_end, last);
@@ -559,9 +599,14 @@ StopReason Simulation::advance(double t_end) {
 
     Events events;
     bool quiet = true;
-    if (admitted_ && !coarse) {
+    if (admitted_ && !coarse && !clear_) {
       events = eventValues();
       for (const double value : events) quiet = quiet && value >= 0.0;
+      if (quiet && hiddenEvent(h, end, slope)) {
+        ++counts_.rejected;
+        next_step_ = 0.5 * h;
+        continue;
+      }
     }
     if (coarse) {
       // amid a storm: modes decided after each step, nothing located

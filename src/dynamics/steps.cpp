@@ -11,15 +11,25 @@
 namespace assembly_cell {
 namespace {
 
-// end += h (sum of coefficient times slope), zero coefficients left out at compile time
-template <int J, class Row, class Slopes>
-void add(State& end, double h, Row row, const Slopes& slopes) {
-  constexpr double a = Row::value(J);
-  if constexpr (a != 0.0) {
-    end.q += (h * a) * slopes[J].q;
-    end.v += (h * a) * slopes[J].v;
+template <class Row>
+constexpr int lastNonZero() {
+  int last = 0;
+  for (int j = 0; j < Row::kSize; ++j) {
+    if (Row::value(j) != 0.0) last = j;
   }
-  if constexpr (J + 1 < Row::kSize) add<J + 1>(end, h, row, slopes);
+  return last;
+}
+
+// sum of coefficient times slope from the J-th on, zero coefficients left out at compile time
+template <class Row, int J = 0, class Slopes>
+auto weighted(const Slopes& slopes) {
+  if constexpr (Row::value(J) == 0.0) {
+    return weighted<Row, J + 1>(slopes);
+  } else if constexpr (lastNonZero<Row>() == J) {
+    return Row::value(J) * slopes[J];
+  } else {
+    return Row::value(J) * slopes[J] + weighted<Row, J + 1>(slopes);
+  }
 }
 
 template <class T, int I>
@@ -50,48 +60,48 @@ struct HasThirdError<T, std::void_t<decltype(T::e3)>> : std::true_type {};
 }  // namespace
 
 // the largest component over its tolerance: positions 1, angles 30 rad/m, velocities 30 1/s
-double Simulation::errorOf(const State& error) const {
-  static const Vector9 scale =
-      (Vector9() << 1, 1, 1, 1 / 30.0, 1 / 30.0, 1 / 30.0, 1, 1, 1 / 30.0).finished();
-  const double position = error.q.cwiseProduct(scale).cwiseAbs().maxCoeff();
-  const double velocity = error.v.cwiseProduct(scale).cwiseAbs().maxCoeff();
-  // maxCoeff passes a NaN by
-  if (!error.q.allFinite() || !error.v.allFinite()) return HUGE_VAL;
-  return std::max(position, velocity / 30.0) / scenario_.solver.tolerance;
+double Simulation::errorOf(const Vector18& error) const {
+  static constexpr double a = 1 / 30.0, b = a * a;
+  static constexpr std::array<double, 18> kScale = {1, 1, 1, a, a, a, 1, 1, a,
+                                                    a, a, a, b, b, b, a, a, b};
+  const Eigen::Map<const Vector18> scale(kScale.data());
+  const double largest = error.cwiseProduct(scale).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+  return std::isfinite(largest) ? largest / scenario_.solver.tolerance : HUGE_VAL;
 }
 
-template <class T, int I, class Evaluate>
-void stages(const State& start, double h, std::array<State, T::kStages + 1>& slopes, State& end,
-            const Evaluate& evaluate) {
-  State s = start;
-  add<0>(s, h, StageRow<T, I>{}, slopes);
+double Simulation::errorOf(const State& error) const {
+  Vector18 both;
+  both << error.q, error.v;
+  return errorOf(both);
+}
+
+template <class T, int I, class Slopes, class Evaluate>
+void stages(const Eigen::Matrix<double, 18, 1>& start, double h, Slopes& slopes, State& end, const Evaluate& evaluate) {
+  const Eigen::Matrix<double, 18, 1> y = start + h * weighted<StageRow<T, I>>(slopes);
+  end.q = y.head<9>();
+  end.v = y.tail<9>();
   constexpr auto i = static_cast<std::size_t>(I);
-  slopes[i].q = s.v;
-  slopes[i].v = evaluate(T::c[I] * h, s, I == T::kStages);
-  if constexpr (I < T::kStages) {
-    stages<T, I + 1>(start, h, slopes, end, evaluate);
-  } else {
-    end = s;
-  }
+  slopes[i].template head<9>() = end.v;
+  slopes[i].template tail<9>() = evaluate(T::c[I] * h, end, I == T::kStages);
+  if constexpr (I < T::kStages) stages<T, I + 1>(start, h, slopes, end, evaluate);
 }
 
 template <class T>
 double Simulation::tryTableau(double h, State& end, Vector9& slope) {
-  std::array<State, T::kStages + 1> slopes;
-  slopes[0].q = state_.v;
-  slopes[0].v = slope_v_;
-  stages<T, 1>(state_, h, slopes, end, [&](double dt, const State& s, bool last) {
+  std::array<Vector18, T::kStages + 1> slopes;
+  Vector18 start;
+  start.head<9>() = state_.q;
+  start.tail<9>() = state_.v;
+  slopes[0].template head<9>() = state_.v;
+  slopes[0].template tail<9>() = slope_v_;
+  stages<T, 1>(start, h, slopes, end, [&](double dt, const State& s, bool last) {
     return evaluate(time_ + dt, s, last ? Look::kEvents : Look::kForces);
   });
-  slope = slopes[T::kStages].v;
+  slope = slopes[T::kStages].template tail<9>();
   if constexpr (HasError<T>::value) {
-    State error{Vector9::Zero(), Vector9::Zero()};
-    add<0>(error, h, ErrorRow<T>{}, slopes);
-    const double e = errorOf(error);
+    const double e = errorOf(Vector18(h * weighted<ErrorRow<T>>(slopes)));
     if constexpr (HasThirdError<T>::value) {
-      State third{Vector9::Zero(), Vector9::Zero()};
-      add<0>(third, h, ThirdErrorRow<T>{}, slopes);
-      const double e3 = errorOf(third);
+      const double e3 = errorOf(Vector18(h * weighted<ThirdErrorRow<T>>(slopes)));
       return e > 0.0 ? e * e / std::hypot(e, 0.1 * e3) : 0.0;
     }
     return e;
@@ -148,7 +158,7 @@ double Simulation::tryHamming(double h, State& end, Vector9& slope) {
       state_ = start;
       slope_v_ = slope_start;
       time_ = time;
-      error = errorOf({(half.q - whole.q) / 15.0, (half.v - whole.v) / 15.0});
+      error = errorOf(State{(half.q - whole.q) / 15.0, (half.v - whole.v) / 15.0});
     }
     tryTableau<Ralston4>(h, end, slope);
     return error;
@@ -171,7 +181,7 @@ double Simulation::tryHamming(double h, State& end, Vector9& slope) {
   end.v = corrected.v + last * change.v;
   slope = evaluate(time_ + h, end, Look::kEvents);
   trial_defect_ = change;
-  return fixed_step_ ? 0.0 : errorOf({last * change.q, last * change.v});
+  return fixed_step_ ? 0.0 : errorOf(State{last * change.q, last * change.v});
 }
 
 // the accepted step becomes the newest row of the past

@@ -357,6 +357,16 @@ bool acceptWall(const Peg& e, double r_h, double far, Meridian& m) {
   return square(below) * -m.ddrho * m.inverse_rho <= m.dx1 * m.dx1 * 2 * depth;
 }
 
+// of two slots of one kind: those admitted are empty now, the others hold their places; how many
+int held(ContactSet& set, ContactSlotMask admitted, std::size_t first) {
+  int places = 0;
+  for (std::size_t i = first; i < first + 2; ++i) {
+    if (admitted >> i & 1u) set.slots[i].valid = false;
+    places += set.slots[i].valid ? 1 : 0;
+  }
+  return places;
+}
+
 bool sameAngle(const ContactPoint& a, const Place& b) {
   return std::abs(a.sin_t * b.c - a.cos_t * b.s) < kMerged && a.cos_t * b.c + a.sin_t * b.s > 0.0;
 }
@@ -379,7 +389,7 @@ bool ellipseStart(double r, double sine, double cosine, double x0, double y0, do
 
 void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, ContactSet& set) {
   const ContactSlotMask warm = set.valid & admitted & kEdgeWallSlots;
-  set.slots[3].valid = set.slots[4].valid = false;
+  int found = held(set, admitted, 3);
   if (e.offset + e.r < r_h - far) return;
   const double bend = e.amplitude * e.sine;
   if (!(e.offset > kCoaxial * e.r) && !(bend > kCoaxial * e.r)) return;
@@ -395,13 +405,13 @@ void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, Co
   }
 
   Meridian m;
-  int found = 0;
   for (int slot = 3; slot < 5; ++slot) {
     if (!(warm >> slot & 1u)) continue;
     ContactPoint& contact = set.slots[static_cast<std::size_t>(slot)];
     Place at{contact.cos_t, contact.sin_t, contact.t};
     if (searchWall(e, r_h - far, at, m) != Search::kFound || !acceptWall(e, r_h, far, m)) continue;
-    if (slot == 4 && set.slots[3].valid && sameAngle(set.slots[3], at)) continue;
+    const ContactPoint& twin = set.slots[static_cast<std::size_t>(7 - slot)];
+    if (twin.valid && sameAngle(twin, at)) continue;
     fillWall(at, m, r_h, contact);
     ++found;
   }
@@ -526,7 +536,7 @@ bool acceptSide(const Peg& e, const ContactShapes& shapes, double far, RimPlace&
 void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotMask admitted,
              ContactSet& set) {
   const ContactSlotMask warm = set.valid & admitted & kRimSideSlots;
-  set.slots[5].valid = set.slots[6].valid = false;
+  int found = held(set, admitted, 5);
   const double r_h = shapes.hole_radius;
   const HoleOffset o = holeOffset(e);
   const double highest = r_h * e.sine - o.along;  // of the rim over the face
@@ -547,7 +557,6 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
 
   RimPlace m;
   double sigma = 0.0;
-  int found = 0;
   const auto fill = [&](const Place& at, ContactPoint& contact) {
     const double inverse = 1.0 / sigma;
     const Eigen::Vector3d normal(-m.s1 * inverse, -m.s2 * inverse, -m.s3 * inverse);
@@ -562,7 +571,8 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
         !acceptSide(e, shapes, far, m, sigma, set.top_reached)) {
       continue;
     }
-    if (slot == 6 && set.slots[5].valid && sameAngle(set.slots[5], at)) continue;
+    const ContactPoint& twin = set.slots[static_cast<std::size_t>(11 - slot)];
+    if (twin.valid && sameAngle(twin, at)) continue;
     fill(at, contact);
   }
   if (found == 2 || (found == 1 && single)) return;

@@ -130,13 +130,15 @@ ReadResult BagSource::doRead(SourceBlock& block, Clock::time_point deadline) {
   sample_ += count;
   if (sample_ < due_->saturated.size()) return ReadResult::kSamples;
   const std::uint32_t number = due_->sequence;
-  const std::size_t size = due_->saturated.size();
+  const ros::Time end = due_->header.stamp +
+                        ros::Duration(due_->period * static_cast<double>(due_->saturated.size()));
   sample_ = 0;
   due_ = load();
   if (due_) {
     const auto step = static_cast<std::int32_t>(due_->sequence - number);
     if (step > 1) {
-      const std::uint64_t gap = static_cast<std::uint64_t>(step - 1) * size;
+      const double missing = std::round((due_->header.stamp - end).toSec() / due_->period);
+      const auto gap = static_cast<std::uint64_t>(std::max(missing, step - 1.0));
       counts_.lost += gap;
       sequence_ += gap;
     } else if (step < 1) {

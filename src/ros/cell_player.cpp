@@ -7,6 +7,7 @@
 #include <rosgraph_msgs/Clock.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <set>
 
 #include "assembly_cell/ros/parameters.h"
@@ -40,6 +41,17 @@ ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
   return options;
 }
 
+std::string seconds(std::chrono::duration<double> time) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%g s", time.count());
+  return text;
+}
+
+// the name in the bag: relative to the recorded cell, unless it begins with a slash
+std::string recordedName(const std::string& space, const std::string& topic) {
+  return topic[0] == '/' ? topic : ros::names::append(space, topic);
+}
+
 }  // namespace
 
 CellPlayer::CellPlayer(const ros::NodeHandle& nh, const ros::NodeHandle& pnh) : nh_(nh), pnh_(pnh) {
@@ -63,8 +75,13 @@ CellPlayer::~CellPlayer() {
 void CellPlayer::readParameters() {
   Parameters parameters(pnh_);
   file_ = parameters.text("bag");
+  if (file_.empty()) {
+    throw InputError("parameter " + pnh_.resolveName("bag") +
+                     " is empty: give the bag to play, for example bag:=/tmp/run.bag");
+  }
   namespace_ = parameters.text("recorded_namespace", std::string("/"));
   topics_ = parameters.texts("topics");
+  topics_.erase(std::remove(topics_.begin(), topics_.end(), std::string()), topics_.end());
   fast_ = parameters.choice("rate", {"original", "fast"}, "original") == "fast";
   rate_ = parameters.number("factor", {1e-3, 1e3}, 1.0);
   clock_ = parameters.flag("clock", false);
@@ -99,7 +116,7 @@ void CellPlayer::openBag() {
   }
   rosbag::View all(bag_);
   for (const std::string& topic : topics_) {
-    const std::string recorded = ros::names::append(namespace_, topic);
+    const std::string recorded = recordedName(namespace_, topic);
     for (const rosbag::ConnectionInfo* connection : all.getConnections()) {
       if (connection->topic != recorded || publishers_.count(recorded) != 0) continue;
       ros::AdvertiseOptions options = optionsOf(*connection, topic);
@@ -107,7 +124,7 @@ void CellPlayer::openBag() {
     }
   }
   for (const Participant& participant : participants_) {
-    const std::string recorded = ros::names::append(namespace_, participant.topic);
+    const std::string recorded = recordedName(namespace_, participant.topic);
     if (publishers_.count(recorded) == 0) {
       throw InputError("bag '" + file_ + "' has no " + recorded + ", which " + participant.name +
                        " needs: record it, or set recorded_namespace");
@@ -216,15 +233,16 @@ void CellPlayer::awaitConnections() {
         missing = "a listener of " + publisher.getTopic();
       }
     }
-    if (ack_sub_.getNumPublishers() < participants_.size()) missing = "an acknowledgement";
+    if (missing.empty() && ack_sub_.getNumPublishers() < participants_.size()) {
+      missing = "all who acknowledge";
+    }
     if (missing.empty()) return;
     std::unique_lock<std::mutex> lock(mutex_);
     answered_.wait_for(lock, std::chrono::milliseconds(20), [this] { return stopping_.load(); });
   } while (!stopping_ && Clock::now() < limit);
   if (!stopping_) {
-    throw InputError("no connection to " + missing + " in " +
-                     std::to_string(start_timeout_.count()) +
-                     " s: start it, in lockstep, or take it out of ~participants");
+    throw InputError("no connection to " + missing + " in " + seconds(start_timeout_) +
+                     ": start it, in lockstep, or take it out of ~participants");
   }
 }
 
@@ -233,14 +251,13 @@ void CellPlayer::awaitAnswers(const std::string& topic, std::uint32_t sequence) 
   const Clock::time_point limit =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(ack_timeout_);
   for (Participant& participant : participants_) {
-    if (ros::names::append(namespace_, participant.topic) != topic) continue;
+    if (recordedName(namespace_, participant.topic) != topic) continue;
     const auto answered = [&] {
       return stopping_ || (participant.answers > 0 && participant.sequence == sequence);
     };
     if (!answered_.wait_until(lock, limit, answered)) {
       throw InputError(participant.name + " didn't acknowledge block " + std::to_string(sequence) +
-                       " of " + topic + " in " + std::to_string(ack_timeout_.count()) +
-                       " s: is it in lockstep?");
+                       " of " + topic + " in " + seconds(ack_timeout_) + ": is it in lockstep?");
     }
   }
 }
@@ -260,7 +277,7 @@ void CellPlayer::settle(const std::string& topic) {
     }
     bool anyone = false;
     for (const Participant& participant : participants_) {
-      anyone = anyone || (ros::names::append(namespace_, participant.topic) == topic &&
+      anyone = anyone || (recordedName(namespace_, participant.topic) == topic &&
                           participant.answers_repetition);
     }
     if (!anyone) return;
@@ -268,7 +285,7 @@ void CellPlayer::settle(const std::string& topic) {
     std::unique_lock<std::mutex> lock(mutex_);
     const Clock::time_point limit = Clock::now() + kRepetitionPatience;
     for (Participant& participant : participants_) {
-      if (ros::names::append(namespace_, participant.topic) != topic) continue;
+      if (recordedName(namespace_, participant.topic) != topic) continue;
       if (!participant.answers_repetition) continue;
       participant.answers_repetition = answered_.wait_until(
           lock, limit, [&] { return stopping_ || participant.answers > before[participant.name]; });

@@ -87,8 +87,12 @@ void ContactMarkersNode::publish() {
   if (locus_) drawLocus();
   if (twin_force_) drawTwinForce();
   if (truth_) drawPeg("peg_true", truth_->pose, kTruePegColor);
-  if (report_ && report_->estimate_known)
+  if (report_ && report_->estimate_known) {
     drawPeg("peg_estimated", report_->estimated_pose, kEstimatedPegColor);
+    // where that peg saw the hole: the estimate without the truth
+    addCircle("hole_estimated", kPegFrame, hole_radius_, kEstimatedHoleColor);
+    array_.markers.back().pose = toPose(inverse(fromPose(report_->estimated_pose, "report")));
+  }
 
   // what was there before and has ended
   for (const auto& [ns, count] : drawn_before_) {

@@ -81,7 +81,8 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
   // a device may know its own rate
   const double expected =
       expected_rate_ > 0.0 || !acquisition_ ? expected_rate_ : acquisition_->info().rate;
-  if (rate_ > 0.0 && expected > 0.0 && std::abs(rate_ - expected) > rate_tolerance_ * expected) {
+  if (!replay_ended_ && rate_ > 0.0 && expected > 0.0 &&
+      std::abs(rate_ - expected) > rate_tolerance_ * expected) {
     warn("rate " + format("%.4g Hz", rate_) + " instead of " + format("%.4g Hz", expected));
   }
   if (status.message.empty()) {
@@ -114,7 +115,11 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   const SourceInfo info = acquisition_->info();
   const SourceCounters counters = choice_.source->counters();
   const DeviceBias bias = choice_.source->deviceBias();
-  const std::lock_guard<std::mutex> lock(mutex_);
+  std::unique_lock<std::mutex> lock(mutex_);
+  const Delays delays = delays_;
+  lock.unlock();
+  const double median = delays.percentile(0.5), p99 = delays.percentile(0.99);
+  lock.lock();
   status.hardware_id = calibration_.serial_number;
   const auto now = Clock::now();
   const auto seconds = [](auto span) { return std::chrono::duration<double>(span).count(); };
@@ -224,8 +229,9 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   status.add("most blocks in queue", link.queue_high);
   status.add("clock steps", ros_clock_.steps());
   status.add("last clock step [s]", ros_clock_.lastStep());
-  status.add("delay median [ms]", 1e3 * delays_.percentile(0.5));
-  status.add("delay p99 [ms]", 1e3 * delays_.percentile(0.99));
+  status.add("delay median [ms]", 1e3 * median);
+  status.add("delay p99 [ms]", 1e3 * p99);
+  status.add("delays", delays.count());
   if (bias.state != DeviceBias::State::kNone) {
     const char* states[] = {"none", "pending", "verified", "failed"};
     status.add("device bias", states[static_cast<std::size_t>(bias.state)]);

@@ -413,8 +413,18 @@ void ForceSensorNode::publishAll() {
       }
     } else if (ended) {
       std::this_thread::sleep_for(kPatience);
+    } else {
+      tellLink();
     }
   }
+}
+
+void ForceSensorNode::tellLink() {
+  const LinkStatus link = acquisition_->status();
+  const std::string& cause = link.static_cause.empty() ? link.dynamic_cause : link.static_cause;
+  if (cause.empty() || cause == told_) return;
+  told_ = cause;
+  ROS_WARN_NAMED("driver", "%s (trying again)", cause.c_str());
 }
 
 void ForceSensorNode::publishSource(const SourceBlock& block) {
@@ -470,6 +480,8 @@ bool ForceSensorNode::beginStream() {
     return false;
   }
   if (!wrench && !strain_pub_) advertiseStrain();
+  if (!told_.empty()) ROS_INFO_NAMED("driver", "samples from %s", info.device.c_str());
+  told_.clear();
   return true;
 }
 

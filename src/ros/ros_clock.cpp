@@ -48,7 +48,7 @@ ros::Time RosClock::at(Steady::time_point point) {
 
 double Delays::percentile(double fraction) const {
   if (count_ == 0) return 0.0;
-  std::array<double, 1024> sorted = delays_;
+  auto sorted = delays_;
   const auto end = sorted.begin() + static_cast<std::ptrdiff_t>(count_);
   const auto rank = static_cast<std::ptrdiff_t>(std::min(
       static_cast<double>(count_ - 1), std::ceil(fraction * static_cast<double>(count_)) - 1.0));

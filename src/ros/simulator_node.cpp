@@ -62,6 +62,10 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   cell_parameters_.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
   cell_parameters_.bits = parameters.integer("bits", 10, 24, 16);
   cell_parameters_.noise = parameters.number("noise", Range{0.0, 1.0}, 0.5e-3);
+  cell_parameters_.accelerometer_noise =
+      parameters.number("accelerometer_noise", Range{0.0, 1e3}, 0.02);
+  cell_parameters_.accelerometer_height =
+      parameters.number("accelerometer_height", Range{-1.0, 1.0}, 0.0);
   publish_truth_ = parameters.flag("publish_truth", true);
   bool use_sim_time = false;
   ros::param::get("/use_sim_time", use_sim_time);
@@ -98,6 +102,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   // latched, so that a participant that connects late doesn't miss the first block
   bridge_a_pub_ = nh.advertise<StrainSamples>("sensor_a/bridge", kQueue, true);
   bridge_b_pub_ = nh.advertise<StrainSamples>("sensor_b/bridge", kQueue, true);
+  accelerometers_pub_ = nh.advertise<AccelerometerSamples>("accelerometers", kQueue);
   carrier_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
   diagnostics_pub_ = nh.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
   if (lockstep_) clock_pub_ = nh.advertise<rosgraph_msgs::Clock>("/clock", 10, true);
@@ -189,7 +194,7 @@ void SimulatorNode::loop() {
 
 void SimulatorNode::stepBlock() {
   applyCommands();
-  const StopReason reason = cell_->next(block_);
+  const StopReason reason = cell_->next(block_, accelerometers_pub_.getNumSubscribers() > 0);
   const std::uint32_t sequence = sequence_;
   if (reason == StopReason::kOk) {
     publishBlock();
@@ -333,6 +338,15 @@ void SimulatorNode::publishBlock() {
   a.sequence = b.sequence = sequence_;
   bridge_a_pub_.publish(a);
   bridge_b_pub_.publish(b);
+  if (!block_.accelerations.empty()) {
+    AccelerometerSamples felt;
+    felt.header = b.header;
+    felt.header.frame_id = "peg";
+    felt.period = b.period;
+    felt.sequence = sequence_;
+    felt.acceleration = block_.accelerations;
+    accelerometers_pub_.publish(felt);
+  }
 
   geometry_msgs::PoseStamped carrier;
   carrier.header.stamp = stampAt(cell_->simulation().time());

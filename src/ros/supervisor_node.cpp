@@ -64,6 +64,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.window = parameters.number("window", kAny, p.window);
   p.sweep_tilt = parameters.number("sweep_tilt", kAny, p.sweep_tilt);
   p.sweep_readings = parameters.integer("sweep_readings", 1, 1000, p.sweep_readings);
+  p.direction_limit = parameters.number("direction_limit", kAny, p.direction_limit);
   p.lift = parameters.number("lift", kAny, p.lift);
   p.insertion_depth = parameters.number("insertion_depth", kAny, p.insertion_depth);
   p.insertion_force = parameters.number("insertion_force", kAny, p.insertion_force);

@@ -90,7 +90,8 @@ bool Acquisition::tryOpen() {
   }
   std::string static_cause, dynamic_cause;
   try {
-    source_.open();
+    // the owner may have opened it, to be sure of it
+    if (!source_.isOpen()) source_.open();
   } catch (const InputError& error) {
     static_cause = error.what();
   } catch (const std::exception& error) {
@@ -156,19 +157,12 @@ bool Acquisition::readAll() {
   return false;
 }
 
-// A block to read into: a free one, or the oldest that waits.
+// A free block to read into; there always is one, as the queue and the reader leave one over.
 SourceBlock& Acquisition::slot() {
   std::unique_lock<std::mutex> lock(mutex_);
   if (writing_ != kNone) return blocks_[writing_];
   if (options_.lossless) {
     room_.wait(lock, [this] { return stop_ || count_ < ready_.size(); });
-  } else if (count_ == ready_.size()) {
-    const std::size_t oldest = ready_[first_];
-    first_ = (first_ + 1) % ready_.size();
-    --count_;
-    free_.push_back(oldest);
-    ++status_.dropped_blocks;
-    status_.dropped_samples += blocks_[oldest].count;
   }
   writing_ = free_.back();
   free_.pop_back();
@@ -178,6 +172,14 @@ SourceBlock& Acquisition::slot() {
 void Acquisition::commit() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
+    if (count_ == ready_.size()) {
+      const std::size_t oldest = ready_[first_];
+      first_ = (first_ + 1) % ready_.size();
+      --count_;
+      free_.push_back(oldest);
+      ++status_.dropped_blocks;
+      status_.dropped_samples += blocks_[oldest].count;
+    }
     ready_[(first_ + count_) % ready_.size()] = writing_;
     ++count_;
     status_.queue_high = std::max(status_.queue_high, count_);

@@ -332,6 +332,11 @@ bool NetftEmulator::streaming() const {
   return streaming_;
 }
 
+int NetftEmulator::clientPort() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return ntohs(sockets_->client.sin_port);
+}
+
 // ---- serial sensor ----
 
 SerialEmulator::SerialEmulator(const Options& options)

@@ -65,7 +65,7 @@ IioSource::IioSource() {
 }
 
 void IioSource::doConfigure(const YAML::Node& map) {
-  SourceParameters parameters(map, info_.type);
+  SourceParameters parameters(map, "source " + info_.type);
   root_ = parameters.text("iio_root", "/sys/bus/iio/devices");
   device_ = parameters.text("device");
   channel_names_ =

@@ -26,6 +26,7 @@ constexpr std::size_t kMostAtOnce = 4096;  // datagrams in one go, whoever sends
 constexpr int kReceiveBuffer = 4 << 20;    // asked for [bytes]
 constexpr auto kHttpTimeout = std::chrono::seconds(2);
 constexpr auto kShortestNap = std::chrono::microseconds(100);
+constexpr auto kIdle = std::chrono::microseconds(1500);  // without records a block isn't waited for
 constexpr auto kBiasSettling = std::chrono::milliseconds(50);
 constexpr std::size_t kBiasSamples = 100;
 constexpr int kBiasAttempts = 3;
@@ -73,7 +74,7 @@ NetftSource::NetftSource() : stream_(std::make_unique<RdtStream>()) {
 NetftSource::~NetftSource() { close(); }
 
 void NetftSource::doConfigure(const YAML::Node& map) {
-  SourceParameters parameters(map, info_.type);
+  SourceParameters parameters(map, "source " + info_.type);
   address_ = parameters.text("address");
   port_ = parameters.integer("port", 1, 65535, 49152);
   bind_address_ = parameters.text("bind_address", "127.0.0.1");
@@ -323,7 +324,12 @@ void NetftSource::receive() {
   }
 }
 
-// When the block under way should be complete.
+// Silence after which a block goes out as it is.
+std::chrono::nanoseconds NetftSource::idle() const {
+  return std::max<std::chrono::nanoseconds>(kIdle, nanoseconds(3.0 / info_.rate));
+}
+
+// When to look again for the block under way.
 StrainSource::Clock::time_point NetftSource::napUntil() const {
   const Clock::time_point latest = stream_->oldest().steady + block_period_ + block_period_ / 2;
   const Clock::time_point soonest = Clock::now() + kShortestNap;
@@ -331,7 +337,7 @@ StrainSource::Clock::time_point NetftSource::napUntil() const {
   const std::size_t missing = block_samples_ - std::min(block_samples_, stream_->pending());
   const auto expected =
       stream_->newest().steady + nanoseconds(static_cast<double>(missing) / info_.rate);
-  return std::max(soonest, std::min(expected, latest));
+  return std::max(soonest, std::min({expected, latest, Clock::now() + idle()}));
 }
 
 ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
@@ -349,7 +355,8 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
       const auto age = now - stream_->oldest().steady;
       const bool old = age >= block_period_ + block_period_ / 2 || crowded || now >= deadline;
       const bool full = block_samples_ > 0 && stream_->pending() >= block_samples_;
-      const bool timed = block_samples_ == 0 && age >= block_period_;
+      const bool timed =
+          block_samples_ == 0 ? age >= block_period_ : now - stream_->newest().steady >= idle();
       if (full || timed || old) {
         const std::size_t most = block_samples_ > 0 ? block_samples_ : kBlockCapacity;
         const ReadResult result = stream_->take(block, most, old, counts_);
@@ -368,6 +375,7 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
                     " requests to start: check power and cable");
       }
       send(RdtCommand::kStart);
+      stream_->expectRestart();
       last_start_ = now;
       ++starts_;
     }

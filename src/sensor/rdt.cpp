@@ -52,6 +52,7 @@ void RdtStream::begin() {
 // Older than the newest, or implausibly far ahead: an old record, or numbers that began anew?
 bool RdtStream::startsAnew(const RdtRecord& record, std::int64_t step) const {
   if (step > 0) return step > kLargestGap;
+  if (restart_expected_) return true;
   const auto behind = static_cast<std::uint64_t>(-step);
   const auto measured = static_cast<std::int32_t>(record.ft_sequence - newest_ft_);
   if (behind >= kWindow) return true;
@@ -113,6 +114,7 @@ bool RdtStream::push(const RdtRecord& record, const Reception& received, SourceC
     if (step < 0) ++counters.reordered;
   }
   slot(sequence) = {sequence, Kind::kFilled, record, received};
+  restart_expected_ = false;
   if (anew || step > 0) {
     newest_ = sequence;
     newest_rdt_ = record.rdt_sequence;

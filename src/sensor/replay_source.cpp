@@ -13,7 +13,7 @@ namespace assembly_cell {
 ReplaySource::ReplaySource() { info_.type = "replay"; }
 
 void ReplaySource::doConfigure(const YAML::Node& map) {
-  SourceParameters parameters(map, info_.type);
+  SourceParameters parameters(map, "source " + info_.type);
   file_ = parameters.text("file");
   const std::string quantity =
       parameters.choice("quantity", {"counts", "volts", "wrench"}, "wrench");

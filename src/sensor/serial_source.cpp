@@ -46,7 +46,7 @@ SerialSource::SerialSource() {
 SerialSource::~SerialSource() { close(); }
 
 void SerialSource::doConfigure(const YAML::Node& map) {
-  SourceParameters parameters(map, info_.type);
+  SourceParameters parameters(map, "source " + info_.type);
   path_ = parameters.text("port");
   const std::string protocol = parameters.choice("protocol", {"bota", "robotiq"});
   const bool bota = protocol == "bota";

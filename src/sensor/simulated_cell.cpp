@@ -40,14 +40,31 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
       strain_matrix_a_(strainMatrix(bridge_a_)),
       strain_matrix_b_(strainMatrix(bridge_b_)),
       normal_a_(2 * parameters.seed),
-      normal_b_(2 * parameters.seed + 1) {
+      normal_b_(2 * parameters.seed + 1),
+      normal_accelerometers_(~parameters.seed) {
   Vector6 weight = Vector6::Zero();
   weight(2) = -parameters.hole_block_mass * scenario.gravity;
   const Pose X_block{Eigen::Matrix3d::Identity(), parameters.hole_block_center};
   block_weight_ = transformWrench(parameters.X_AH * X_block, weight);
 }
 
-StopReason SimulatedCell::next(StrainBlock& block) {
+// Specific force along the peg's x and y axes, as an accelerometer feels it: acceleration less
+// gravity.
+Eigen::Vector2d SimulatedCell::accelerometers() {
+  const Kinematics k = kinematics(simulation_.state());
+  const Vector9& rate = simulation_.acceleration();
+  const Eigen::Vector3d euler_rates = simulation_.state().v.segment<3>(3);
+  const Eigen::Vector3d turn = k.Re * rate.segment<3>(3) + k.Re_rate * euler_rates;
+  const Eigen::Vector3d arm = parameters_.accelerometer_height * k.a;
+  Eigen::Vector3d felt = rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
+  felt[0] += simulation_.scenario().gravity;  // thesis axis 1 is up
+  // peg axes: x is the thesis's second, y against its first
+  Eigen::Vector2d reading(k.R1.dot(felt), -k.R0.dot(felt));
+  for (double& axis : reading) axis += parameters_.accelerometer_noise * normal_accelerometers_();
+  return reading;
+}
+
+StopReason SimulatedCell::next(StrainBlock& block, bool accelerations) {
   const auto n = static_cast<std::size_t>(parameters_.block_size);
   block.period = parameters_.sample_period;
   block.sequence = sequence_++;
@@ -55,6 +72,7 @@ StopReason SimulatedCell::next(StrainBlock& block) {
   block.volts_b.resize(6 * n);
   block.saturated_a.resize(n);
   block.saturated_b.resize(n);
+  block.accelerations.resize(accelerations ? 2 * n : 0);
   block.time = static_cast<double>(samples_ + 1) * parameters_.sample_period;
   for (std::size_t i = 0; i < n; ++i) {
     ++samples_;
@@ -71,6 +89,7 @@ StopReason SimulatedCell::next(StrainBlock& block) {
     Vector6::Map(block.volts_b.data() + 6 * i) = b.volts;
     block.saturated_a[i] = a.saturated;
     block.saturated_b[i] = b.saturated;
+    if (accelerations) Eigen::Vector2d::Map(block.accelerations.data() + 2 * i) = accelerometers();
   }
   return StopReason::kOk;
 }

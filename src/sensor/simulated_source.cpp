@@ -24,7 +24,7 @@ SimulatedSource::SimulatedSource() {
 }
 
 void SimulatedSource::doConfigure(const YAML::Node& map) {
-  SourceParameters parameters(map, info_.type);
+  SourceParameters parameters(map, "source " + info_.type);
   const std::string bridge = parameters.choice("bridge", {"a", "b", "nominal"}, "a");
   const int bits = parameters.integer("bits", 10, 24, 16);
   const double noise = parameters.number("noise", 0.0, 10.0, 0.5e-3);

@@ -53,17 +53,16 @@ std::string printable(const std::string& text, std::size_t longest) {
   return text.size() > longest ? line + "..." : line;
 }
 
-SourceParameters::SourceParameters(const YAML::Node& map, std::string source)
-    : map_(map), source_(std::move(source)) {
+SourceParameters::SourceParameters(const YAML::Node& map, std::string subject)
+    : map_(map), subject_(std::move(subject)) {
   if (map_.IsDefined() && !map_.IsNull() && !map_.IsMap()) {
-    throw InputError("source " + source_ + ": the parameters are " + shown(map_) +
-                     ": give a map of keys");
+    throw InputError(subject_ + ": the parameters are " + shown(map_) + ": give a map of keys");
   }
 }
 
 void SourceParameters::refuse(const std::string& key, const std::string& value,
                               const std::string& remedy) const {
-  throw InputError("source " + source_ + ": " + key + " is " + value + ": " + remedy);
+  throw InputError(subject_ + ": " + key + " is " + value + ": " + remedy);
 }
 
 bool SourceParameters::has(const std::string& key) const {
@@ -172,8 +171,8 @@ void SourceParameters::refuseUnknown() const {
   for (const auto& entry : map_) {
     const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : shown(entry.first);
     if (key != "type" && std::find(asked_.begin(), asked_.end(), key) == asked_.end()) {
-      throw InputError("source " + source_ + ": key '" + printable(key) +
-                       "' is unknown: there are " + join(asked_));
+      throw InputError(subject_ + ": key '" + printable(key) + "' is unknown: there are " +
+                       join(asked_));
     }
   }
 }

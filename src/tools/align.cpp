@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "assembly_cell/align/align.h"
+#include "assembly_cell/align/judge.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/align/simulated_plant.h"
 #include "assembly_cell/scene/input_error.h"
@@ -38,13 +39,13 @@ constexpr const char* kHelp =
 Aligns the peg with the hole in simulation, by feeling alone, and prints the result as YAML. One run starts as
 the scenario says; several start at random: offset uniform in a disc, tilt uniform up to a limit, any direction.
 
-  --strategy S          single_contact (default) or twin_force
+  --strategy S          single_contact (default), double_contact or twin_force
   --seed N              of the sensors' noise and the random starts (default 1)
   --runs K              number of runs (default 1)
   --bits B              of the converters: 10, 16 (default) or 24
   --noise V             of every strain channel, rms (default 5e-4)  [V]
-  --offset-max D        of random starts (default 0.008)  [m]
-  --tilt-max T          of random starts (default 0.026)  [rad]
+  --offset-max D        of random starts (default 0.015)  [m]
+  --tilt-max T          of random starts (default 0.0349, 2 degrees)  [rad]
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario; repeatable
   --report FILE.yaml    write the result to a file as well
@@ -65,7 +66,7 @@ struct Options {
   CellParameters cell;
   long runs = 1;
   long threads = std::max(1L, static_cast<long>(std::thread::hardware_concurrency()));
-  double offset_max = 0.008, tilt_max = 0.026;
+  double offset_max = 0.015, tilt_max = 0.0349;
   bool help = false;
 };
 
@@ -131,6 +132,7 @@ struct Run {
   bool success = false;  // the strategy says so and the truth agrees
   Vector2d true_offset{0, 0}, true_tilt{0, 0};
   double final_offset = 0.0, wall_time = 0.0;
+  std::vector<double> direction_errors;  // of its readings [rad]
 };
 
 Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed) {
@@ -153,19 +155,18 @@ Run runOnce(const Options& o, const Scenario& scenario, std::uint64_t seed,
   CellParameters cell = o.cell;
   cell.seed = seed;
   assembly_cell::SimulatedPlant plant(startOf(o, scenario, seed), cell);
-  // the truth that estimates refer to: the peg hanging at rest, before its first move
-  const auto watch = [&](const AlignProgress& now) {
-    if (now.state == "tare") {
-      const Pose X_start = plant.truth().pegPose();
-      run.true_offset = -X_start.p.head<2>();
-      run.true_tilt = assembly_cell::tiltOf(X_start);
-    }
-    if (progress) progress(now);
-  };
+  assembly_cell::Judge judge(plant);
   try {
-    run.result = assembly_cell::align(plant, scenario, o.align, watch);
+    run.result = assembly_cell::align(judge, scenario, o.align, progress);
   } catch (const assembly_cell::PlantError& error) {
     run.result.reason = error.what();
+  }
+  const Pose X_start = judge.startPose(run.result);
+  run.true_offset = -X_start.p.head<2>();
+  run.true_tilt = assembly_cell::tiltOf(X_start);
+  for (const assembly_cell::DirectionReading& reading : run.result.readings) {
+    const auto error = judge.directionError(reading);
+    if (error) run.direction_errors.push_back(std::abs(*error));
   }
   const Pose X_end = plant.truth().pegPose();
   run.final_offset = X_end.p.head<2>().norm();
@@ -189,6 +190,13 @@ std::string pair(const Vector2d& v) {
   return "[" + yamlNumber(v.x()) + ", " + yamlNumber(v.y()) + "]";
 }
 
+std::string rms(const std::vector<double>& values) {
+  if (values.empty()) return "null";
+  double sum = 0.0;
+  for (const double v : values) sum += v * v;
+  return yamlNumber(std::sqrt(sum / static_cast<double>(values.size())));
+}
+
 // median and 95 % of what is sorted here
 std::string spread(std::vector<double> values) {
   if (values.empty()) return "null";
@@ -209,10 +217,11 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
   const double p = good / n, z = 1.959963984540054;
   const double middle = (p + z * z / (2 * n)) / (1 + z * z / n);
   const double half = z / (1 + z * z / n) * std::sqrt(p * (1 - p) / n + z * z / (4 * n * n));
-  std::vector<double> offset, tilt, simulated, wall;
+  std::vector<double> offset, tilt, simulated, wall, direction;
   for (const Run& r : runs) {
     simulated.push_back(r.result.time);
     wall.push_back(r.wall_time);
+    direction.insert(direction.end(), r.direction_errors.begin(), r.direction_errors.end());
     if (!r.result.known) continue;
     offset.push_back((r.result.offset - r.true_offset).norm());
     tilt.push_back((r.result.tilt - r.true_tilt).norm());
@@ -225,6 +234,8 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       << yamlNumber(std::min(1.0, middle + half)) << "]\n"
       << "offset_error: " << spread(offset) << "\n"
       << "tilt_error: " << spread(tilt) << "\n"
+      << "direction_error_rms: " << rms(direction) << "\n"
+      << "direction_error: " << spread(direction) << "\n"
       << "simulated_time: " << spread(simulated) << "\n"
       << "wall_time: " << spread(wall) << "\n"
       << "results:\n";
@@ -237,6 +248,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    true_tilt: " << pair(r.true_tilt) << "\n"
         << "    estimated_tilt: " << (r.result.known ? pair(r.result.tilt) : "null") << "\n"
         << "    final_offset: " << yamlNumber(r.final_offset) << "\n"
+        << "    direction_error_rms: " << rms(r.direction_errors) << "\n"
         << "    contacts: " << r.result.contacts << "\n"
         << "    simulated_time: " << yamlNumber(r.result.time) << "\n"
         << "    wall_time: " << yamlNumber(r.wall_time) << "\n";

@@ -21,6 +21,7 @@
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/store.h"
+#include "assembly_cell/scene/bag.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
@@ -53,36 +54,22 @@ Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/calibra
 
 using Arguments = std::map<std::string, std::string>;
 
-// An observation file, or a bag of the server's ~observations, whose last message is one. The
-// script beside this tool reads bags: the core knows no ROS.
+// An observation file, or a bag of the server's ~observations, whose last message is one.
 ObservationSet readRecorded(const std::string& path) {
   namespace fs = std::filesystem;
   if (fs::path(path).extension() != ".bag") return readObservations(path);
-  std::string file = (fs::temp_directory_path() / "observations_XXXXXX").string();
-  const int opened = mkstemp(file.data());
+  const std::string text = textFromBag("observations", path);
+  std::string file = (fs::temp_directory_path() / "observations_XXXXXX.yaml").string();
+  const int opened = mkstemps(file.data(), 5);
   if (opened < 0) throw InputError(file + ": can't be written: free space in the temporary folder");
   close(opened);
-  const fs::path yaml = file + ".yaml";
-  fs::rename(file, yaml);
-  const auto quoted = [](const std::string& text) {
-    std::string out = "'";
-    for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return out + "'";
-  };
-  const fs::path script =
-      fs::read_symlink("/proc/self/exe").parent_path() / "observations_from_bag.py";
-  const int status = std::system(
-      (quoted(script.string()) + " " + quoted(path) + " " + quoted(yaml.string())).c_str());
+  std::ofstream(file) << text;
   try {
-    if (status != 0) {
-      throw InputError(path +
-                       ": no observations read: give a bag of calibration_server/observations");
-    }
-    const ObservationSet set = readObservations(yaml.string());
-    fs::remove(yaml);
+    const ObservationSet set = readObservations(file);
+    fs::remove(file);
     return set;
   } catch (const InputError&) {
-    fs::remove(yaml);
+    fs::remove(file);
     throw;
   }
 }

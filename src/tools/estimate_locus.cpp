@@ -1,306 +1,469 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Locus of a recorded planar motion under a rotating exciter: ellipse, mode, contact direction.
+// Locus of a recorded planar motion under a rotating exciter: ellipse, mode, contact direction. And
+// what a reading would be worth, before it is taken.
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
 #include <iostream>
+#include <iterator>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/locus/contact_model.h"
+#include "assembly_cell/locus/half_turn.h"
 #include "assembly_cell/locus/harmonic_fit.h"
-#include "assembly_cell/scene/csv_text.h"
+#include "assembly_cell/locus/integrate_twice.h"
+#include "assembly_cell/locus/operating_point.h"
+#include "assembly_cell/locus/samples_file.h"
+#include "assembly_cell/locus/sliding_friction.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/scenario.h"
 #include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/sensor/simulated_cell.h"
 
 namespace {
 
-using assembly_cell::InputError;
-using assembly_cell::Locus;
-using assembly_cell::LocusMode;
-using assembly_cell::ModeDecision;
-using assembly_cell::yamlNumber;
+using namespace assembly_cell;
 
 constexpr const char* kHelp =
     R"(Usage: estimate_locus SAMPLES.csv --frequency W [options]
+       estimate_locus RECORDING.bag [options]
+       estimate_locus --plan --mechanism FILE --amplitude F [options]
 
 Fits the locus of a planar motion under a rotating exciter, decides its mode and prints the contact's
 direction as YAML. SAMPLES.csv: one header row with the columns t, x, y (others are ignored); t in s, rising;
-x and y of the peg's centre of mass in m. The window is the whole file, at least one period of the exciter.
+x and y of the peg's centre of mass in m; uncertainty, if there: sd of a sample's x and y, in any unit. Or ax, ay: accelerations in m/s2; or
+x, y, z, rx, ry, rz: displacement of the coupling as sensor_b tells it. The window is the whole file, at least one
+period of the exciter. RECORDING.bag: displacement_samples or accelerometers, with the exciter's messages.
 
-  --frequency W         of the exciter [rad/s]; its phase is zero at t = 0
+  --frequency W         of the exciter [rad/s]; its phase is zero at t = 0; default: as the bag says
   --direction D         of the exciter: 1 anticlockwise from above (default), -1 clockwise
+  --topic T             of a bag with several
+  --start S             leave out what is earlier than S after the first sample [s]
+  --duration D          of the window [s]
   --drift               fit a linear drift besides the offset
   --harmonics K         fit multiples of the exciter's frequency up to the K-th, 1 to 4 (default 1)
   --robust              Huber weights against outliers; give --drift and --harmonics too where they occur
   --fit-frequency R     W is not exact: find it within R rad/s on both sides
-  --acceleration        x and y are accelerations [m/s2]: P, N and the noise are divided by -W^2 (no integration)
+  --acceleration        x and y are accelerations [m/s2]
+  --trace FILE          write the displacement in the plane as t,x,y; accelerations integrated twice
   --false-alarm A       rate at which a true mode is refused (default 0.01)
   --indifference E      a minor axis, or a counter-rotating part, below this ratio counts as none (default 0.05)
   --mechanism FILE      scenario of the mechanism: hypotheses by inverting its linear model with one point held
-  --amplitude F         of the exciter [N], for --mechanism (default: exciter.amplitude of the scenario)
-  --press N             contact force [N], for --mechanism (default: the peg's weight)
+  --amplitude F         of the exciter [N] (default: as the bag says, or exciter.amplitude of the scenario)
+  --press N             contact force [N] (default: of a displacement its mean, else the peg's weight)
+  --plan                no samples: choose the frequency, or judge --frequency, and forecast a reading's worth
+  --bits B, --noise V   of the sensor's converter and channels, for --plan (default 16, 0.0005)
+  --rate HZ             of the samples, for --plan (default 5000); its window is --duration (default 0.2)
+  --direction-limit S   --plan refuses where the direction's sd would be larger [rad] (default 0.1)
   --help                print this
 
+Accelerations are integrated twice in the frequency domain: at the exciter's line, P, N and the noise over -W^2.
 An undefined result is null: the orientation where there is no movement or a circle, and the hypotheses with it;
 with --mechanism, the hypotheses where no direction of a single contact explains the locus within 20 %.
-Exit code: 0 ok, 2 bad input.
+Exit code: 0 ok, 1 --plan refuses, 2 bad input.
 
 Example: estimate_locus samples.csv --frequency 770 --mechanism config/scenarios/cell.yaml --amplitude 1 --press 12
 )";
 
 constexpr double kMisfitLimit = 0.2;  // of a single contact's model
+constexpr double kMostAcross = 0.4;   // of the contact force that should oppose a slip
 
 struct Options {
-  std::string samples, mechanism;
-  std::optional<double> frequency, amplitude, press, frequency_range;
-  int direction = 1;
-  assembly_cell::HarmonicOptions fit{false, 1, false};
-  bool acceleration = false;
-  double false_alarm = 0.01;
-  double indifference = 0.05;
-  bool help = false;
-};
-
-struct Samples {
-  std::vector<double> t, signals;  // signals: 6 × n, x and y first
+  std::string samples, mechanism, topic, trace;
+  std::optional<double> frequency, amplitude, press, frequency_range, start, duration;
+  std::optional<int> direction;
+  HarmonicOptions fit{false, 1, false};
+  bool acceleration = false, plan = false, help = false;
+  double false_alarm = 0.01, indifference = 0.05;
+  double bits = 16, noise = 0.5e-3, rate = 5000, direction_limit = 0.1;
 };
 
 Options parseOptions(const std::vector<std::string>& arguments) {
-  Options options;
+  Options o;
+  const std::map<std::string, bool*> flags = {{"--drift", &o.fit.drift},
+                                              {"--robust", &o.fit.robust},
+                                              {"--acceleration", &o.acceleration},
+                                              {"--plan", &o.plan}};
+  const std::map<std::string, std::string*> texts = {
+      {"--mechanism", &o.mechanism}, {"--topic", &o.topic}, {"--trace", &o.trace}};
+  double value = 0.0;
+  struct Number {
+    bool (*good)(double);
+    const char* remedy;
+    void (*put)(Options&, double);
+  };
+  const auto positive = [](double v) { return v > 0.0; };
+  const std::map<std::string, Number> numbers = {
+      {"--frequency",
+       {positive, "give a positive number of rad/s",
+        [](Options& p, double v) { p.frequency = v; }}},
+      {"--fit-frequency",
+       {positive, "give a positive number of rad/s",
+        [](Options& p, double v) { p.frequency_range = v; }}},
+      {"--harmonics",
+       {[](double v) { return v == std::floor(v) && v >= 1.0 && v <= 4.0; },
+        "give a whole number from 1 to 4",
+        [](Options& p, double v) { p.fit.harmonics = static_cast<int>(v); }}},
+      {"--direction",
+       {[](double v) { return v == 1.0 || v == -1.0; }, "give 1 or -1",
+        [](Options& p, double v) { p.direction = v > 0.0 ? 1 : -1; }}},
+      {"--false-alarm",
+       {[](double v) { return v > 0.0 && v < 0.5; }, "give a rate in (0, 0.5)",
+        [](Options& p, double v) { p.false_alarm = v; }}},
+      {"--indifference",
+       {[](double v) { return v >= 0.0 && v < 1.0; }, "give a ratio in [0, 1)",
+        [](Options& p, double v) { p.indifference = v; }}},
+      {"--amplitude",
+       {positive, "give a positive number of N", [](Options& p, double v) { p.amplitude = v; }}},
+      {"--press",
+       {[](double v) { return v >= 0.0; }, "give a number of N, at least 0",
+        [](Options& p, double v) { p.press = v; }}},
+      {"--start",
+       {[](double v) { return v >= 0.0; }, "give a number of s, at least 0",
+        [](Options& p, double v) { p.start = v; }}},
+      {"--duration",
+       {positive, "give a positive number of s", [](Options& p, double v) { p.duration = v; }}},
+      {"--bits",
+       {[](double v) { return v == 10 || v == 16 || v == 24; }, "give 10, 16 or 24",
+        [](Options& p, double v) { p.bits = v; }}},
+      {"--noise",
+       {[](double v) { return v >= 0.0; }, "give a number of V, at least 0",
+        [](Options& p, double v) { p.noise = v; }}},
+      {"--rate",
+       {positive, "give a positive number of Hz", [](Options& p, double v) { p.rate = v; }}},
+      {"--direction-limit", {positive, "give a positive number of rad", [](Options& p, double v) {
+                               p.direction_limit = v;
+                             }}}};
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     const std::string& name = arguments[i];
     if (name == "--help" || name == "-h") {
-      options.help = true;
-      return options;
+      o.help = true;
+      return o;
     }
-    if (name == "--drift" || name == "--robust" || name == "--acceleration") {
-      (name == "--drift"    ? options.fit.drift
-       : name == "--robust" ? options.fit.robust
-                            : options.acceleration) = true;
+    if (const auto flag = flags.find(name); flag != flags.end()) {
+      *flag->second = true;
       continue;
     }
     if (name.rfind("-", 0) != 0) {
-      if (!options.samples.empty()) {
+      if (!o.samples.empty()) {
         throw InputError("argument: value " + name + ": give one file of samples, see --help");
       }
-      options.samples = name;
+      o.samples = name;
       continue;
     }
-    constexpr std::array<const char*, 9> kNames = {
-        "--frequency", "--direction", "--false-alarm", "--indifference", "--mechanism",
-        "--amplitude", "--press",     "--harmonics",   "--fit-frequency"};
-    if (std::find(kNames.begin(), kNames.end(), name) == kNames.end()) {
+    const auto text = texts.find(name);
+    const auto number = numbers.find(name);
+    if (text == texts.end() && number == numbers.end()) {
       throw InputError("argument: value " + name + ": unknown option, see --help");
     }
     if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
-    const std::string& text = arguments[++i];
-    if (name == "--mechanism") {
-      if (text.empty()) throw InputError(name + ": value empty: give a scenario file");
-      options.mechanism = text;
-      continue;
-    }
-    const auto number = [&](bool good, double value, const char* remedy) {
-      if (!good) throw InputError(name + ": value " + text + ": " + remedy);
-      return value;
-    };
-    double value = std::nan("");
-    assembly_cell::parseNumber(text, value);
-    if (name == "--frequency") {
-      options.frequency = number(value > 0.0, value, "give a positive number of rad/s");
-    } else if (name == "--fit-frequency") {
-      options.frequency_range = number(value > 0.0, value, "give a positive number of rad/s");
-    } else if (name == "--harmonics") {
-      number(value == std::floor(value) && value >= 1.0 && value <= 4.0, value,
-             "give a whole number from 1 to 4");
-      options.fit.harmonics = static_cast<int>(value);
-    } else if (name == "--direction") {
-      number(value == 1.0 || value == -1.0, value, "give 1 or -1");
-      options.direction = value > 0.0 ? 1 : -1;
-    } else if (name == "--false-alarm") {
-      options.false_alarm = number(value > 0.0 && value < 0.5, value, "give a rate in (0, 0.5)");
-    } else if (name == "--indifference") {
-      options.indifference = number(value >= 0.0 && value < 1.0, value, "give a ratio in [0, 1)");
-    } else if (name == "--amplitude") {
-      options.amplitude = number(value > 0.0, value, "give a positive number of N");
+    const std::string& given = arguments[++i];
+    if (text != texts.end()) {
+      if (given.empty()) throw InputError(name + ": value empty: give a name");
+      *text->second = given;
+    } else if (!parseNumber(given, value) || !number->second.good(value)) {
+      throw InputError(name + ": value " + given + ": " + number->second.remedy);
     } else {
-      options.press = number(value >= 0.0, value, "give a number of N, at least 0");
+      number->second.put(o, value);
     }
   }
-  if (options.samples.empty()) {
+  if (o.plan) {
+    if (!o.samples.empty())
+      throw InputError("--plan: takes no samples: leave " + o.samples + " out");
+    if (o.mechanism.empty()) throw InputError("--mechanism: value missing: --plan needs it");
+  } else if (o.samples.empty()) {
     throw InputError("argument: value missing: give a file of samples, see --help");
   }
-  if (!options.frequency) {
-    throw InputError("--frequency: value missing: give the exciter's frequency in rad/s");
-  }
-  if (options.mechanism.empty() && (options.amplitude || options.press)) {
-    throw InputError("--mechanism: value missing: --amplitude and --press need it");
-  }
-  return options;
+  return o;
 }
 
-std::vector<std::string> cellsOf(const std::string& line) {
-  const auto cells = assembly_cell::csvCells(line);
-  return {cells.begin(), cells.end()};
+// ---- the recording ----
+
+// keeps the window of --start and --duration
+void cut(const Options& o, RecordedMotion& motion) {
+  if (motion.t.empty() || (!o.start && !o.duration)) return;
+  const double from = motion.t.front() + o.start.value_or(0.0);
+  const double to = o.duration ? from + *o.duration : motion.t.back() + 1.0;
+  const auto place = [&](double t) {
+    return std::lower_bound(motion.t.begin(), motion.t.end(), t) - motion.t.begin();
+  };
+  const std::ptrdiff_t first = place(from), last = place(to);
+  const auto keep = [&](std::vector<double>& v, std::ptrdiff_t width) {
+    if (v.empty()) return;
+    v = {v.begin() + width * first, v.begin() + width * last};
+  };
+  keep(motion.signals, 6);
+  keep(motion.sd, 1);
+  keep(motion.t, 1);
 }
 
-Samples readSamples(const std::string& path) {
-  std::ifstream file(path);
-  std::string line;
-  if (!file || !std::getline(file, line)) {
-    throw InputError(path + ": file missing, unreadable or empty: give a CSV file with t,x,y");
+void writeTrace(const Options& o, const RecordedMotion& motion) {
+  const std::size_t n = motion.t.size();
+  std::array<std::vector<double>, 2> plane;
+  for (std::size_t k = 0; k < n; ++k) {
+    for (std::size_t i = 0; i < 2; ++i) plane[i].push_back(motion.signals[6 * k + i]);
   }
-  if (line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
-
-  // columns by name
-  const std::vector<std::string> header = cellsOf(line);
-  constexpr std::array<const char*, 3> kColumns = {"t", "x", "y"};
-  std::array<std::size_t, 3> column{};
-  for (std::size_t c = 0; c < 3; ++c) {
-    const auto count = std::count(header.begin(), header.end(), kColumns[c]);
-    if (count != 1) {
-      throw InputError(path + ":1: column " + kColumns[c] +
-                       (count == 0 ? " is missing" : " is there twice") +
-                       ": give the header t,x,y");
-    }
-    column[c] = static_cast<std::size_t>(std::find(header.begin(), header.end(), kColumns[c]) -
-                                         header.begin());
+  if (motion.kind == RecordedMotion::Kind::kAcceleration) {
+    const double rate = static_cast<double>(n - 1) / (motion.t.back() - motion.t.front());
+    for (auto& axis : plane) axis = integrateTwice(axis, rate, 0.5 * *o.frequency);
   }
-
-  Samples samples;
-  for (std::size_t row = 2; std::getline(file, line); ++row) {
-    const std::string place = path + ":" + std::to_string(row) + ": column ";
-    const std::vector<std::string> cells = cellsOf(line);
-    if (cells.size() == 1 && cells[0].empty()) continue;
-    std::array<double, 3> values{};
-    for (std::size_t c = 0; c < 3; ++c) {
-      if (column[c] >= cells.size()) {
-        throw InputError(place + kColumns[c] + " is missing: give " +
-                         std::to_string(header.size()) + " columns as in the header");
-      }
-      if (!assembly_cell::parseNumber(cells[column[c]], values[c])) {
-        throw InputError(place + kColumns[c] + " is '" + cells[column[c]] +
-                         "': give a finite number");
-      }
-    }
-    if (cells.size() > header.size()) {
-      throw InputError(place + std::to_string(header.size() + 1) + " is '" + cells[header.size()] +
-                       "': give " + std::to_string(header.size()) + " columns as in the header");
-    }
-    if (!samples.t.empty() && values[0] <= samples.t.back()) {
-      throw InputError(place + "t is '" + cells[column[0]] + "': give times that rise");
-    }
-    samples.t.push_back(values[0]);
-    samples.signals.insert(samples.signals.end(), {values[1], values[2], 0.0, 0.0, 0.0, 0.0});
+  std::ofstream file(o.trace);
+  file << "t,x,y\n";
+  for (std::size_t k = 0; k < n; ++k) {
+    file << yamlNumber(motion.t[k]) << "," << yamlNumber(plane[0][k]) << ","
+         << yamlNumber(plane[1][k]) << "\n";
   }
-  return samples;
+  file.flush();
+  if (!file) throw InputError("--trace: value " + o.trace + ": can't be written");
 }
 
-struct Hypothesis {
-  double direction, weight;
+// ---- the result ----
+
+struct Result {
+  Locus locus;
+  LocusCovariance covariance;
+  ModeDecision decision;
+  bool oriented = false;
+  struct Hypothesis {
+    double direction, weight;
+  };
+  std::vector<Hypothesis> hypotheses;
+  std::optional<double> direction_sd;  // of the hypotheses
+  std::optional<SlidingFriction> friction;
 };
 
-std::vector<Hypothesis> hypothesesOf(const Options& options, const Locus& locus) {
-  if (options.mechanism.empty()) {
-    std::vector<Hypothesis> out;
-    for (int k = 0; k < 4; ++k) out.push_back({locus.orientation() + k * M_PI / 2.0, 0.25});
-    return out;
+// contact directions by the mechanism, or the friction of a peg that slides
+void invert(const Options& o, const Scenario& mechanism, RecordedMotion::Kind kind,
+            const HarmonicFit& fit, Result& result) {
+  const bool displacement = kind == RecordedMotion::Kind::kDisplacement;
+  OperatingPoint point;
+  point.frequency = *o.frequency;
+  point.direction = o.direction.value_or(1);
+  point.amplitude = o.amplitude.value_or(mechanism.exciter.amplitude);
+  point.press = o.press.value_or(mechanism.peg.mass * mechanism.gravity);
+  if (displacement) {
+    const Eigen::Vector3d force = contactForceFromDeflection(mechanism, fit.offset);
+    point.friction = force.head<2>();
+    if (!o.press) point.press = force.z();
   }
-  const assembly_cell::Scenario mechanism = assembly_cell::loadScenario(options.mechanism);
-  assembly_cell::OperatingPoint point;
-  point.frequency = *options.frequency;
-  point.direction = options.direction;
-  point.amplitude = options.amplitude.value_or(mechanism.exciter.amplitude);
-  point.press = options.press.value_or(mechanism.peg.mass * mechanism.gravity);
   if (!(point.amplitude > 0.0)) {
     throw InputError("--amplitude: value missing: the scenario's exciter.amplitude is 0");
   }
-  const auto direction = assembly_cell::contactDirection(mechanism, point, locus);
-  std::cerr << "estimate_locus: a single contact leaves a misfit of " << direction.misfit
-            << " of the locus\n";
-  if (!(direction.misfit <= kMisfitLimit)) return {};
-  return {{direction.alpha, direction.weight}, {direction.alpha_opposite, 1.0 - direction.weight}};
+  const LocusAxes axes = displacement ? LocusAxes::kSensor : LocusAxes::kHole;
+  if (result.decision.mode != LocusMode::kCircle) {
+    DirectionEstimate direction = contactDirection(mechanism, point, result.locus, axes);
+    std::cerr << "estimate_locus: a single contact leaves a misfit of " << direction.misfit
+              << " of the locus\n";
+    if (direction.misfit <= kMisfitLimit && direction.sd < kUnknownOrientationSd) {
+      if (displacement) {
+        const double rate = point.direction * point.frequency;
+        direction = resolveHalfTurn(mechanism, point, halfTurnEvidence(mechanism, rate, fit),
+                                    direction, axes);
+      }
+      result.hypotheses = {{direction.alpha, direction.weight},
+                           {direction.alpha_opposite, 1.0 - direction.weight}};
+      result.direction_sd = direction.sd;
+      return;
+    }
+  }
+  if (displacement && point.press > 0.0) {
+    const SlidingFriction friction = slidingFriction(mechanism, point, fit);
+    if (friction.coefficient > 0.0 && friction.across <= kMostAcross) result.friction = friction;
+  }
 }
 
-void print(const Options& options, double frequency_sd, const Locus& locus,
-           const ModeDecision& decision, const std::vector<Hypothesis>& hypotheses, bool oriented) {
-  const auto line = [](const char* key, const std::string& value) {
-    std::cout << key << ": " << value << "\n";
-  };
+Result estimate(const Options& o, RecordedMotion::Kind kind, HarmonicFit fit) {
+  Result result;
+  std::optional<Scenario> mechanism;
+  if (!o.mechanism.empty()) mechanism = loadScenario(o.mechanism);
+  const bool displacement = kind == RecordedMotion::Kind::kDisplacement;
+  if (kind == RecordedMotion::Kind::kAcceleration) {
+    // double integration of the exciter's line
+    const double w2 = *o.frequency * *o.frequency;
+    fit.phasor /= -w2;
+    fit.noise /= w2 * w2;
+  }
+  result.covariance = locusCovariance(fit);
+  result.locus = locusFromFit(fit);
+  if (displacement && mechanism) {
+    const Locus seen = centreOfMassLocus(*mechanism, o.direction.value_or(1) * *o.frequency, fit);
+    result.locus = seen;
+    // both axes alike, as that locus tells its noise
+    HarmonicFit plane = fit;
+    const std::complex<double> i(0.0, 1.0);
+    plane.phasor[0] = seen.P + std::conj(seen.N);
+    plane.phasor[1] = -i * (seen.P - std::conj(seen.N));
+    plane.noise = seen.sigma * seen.sigma * Matrix6::Identity();
+    result.covariance = locusCovariance(plane);
+  } else if (displacement) {
+    std::cerr << "estimate_locus: without --mechanism the locus is that of the coupling point\n";
+  }
+  const Locus& locus = result.locus;
+  if (!std::isfinite(locus.semiMajor()) || !std::isfinite(locus.variance())) {
+    throw InputError(o.samples + ": values are too large: give them in SI units");
+  }
+  result.decision = decideMode(locus, o.false_alarm, o.indifference);
+
+  // neither no movement nor a circle has a direction
+  const bool moves = result.decision.mode != LocusMode::kNone;
+  result.oriented = moves && result.decision.mode != LocusMode::kCircle &&
+                    locus.orientationSd() < kUnknownOrientationSd;
+  if (mechanism && moves) {
+    invert(o, *mechanism, kind, fit, result);
+  } else if (!mechanism && result.oriented) {
+    for (int k = 0; k < 4; ++k) {
+      result.hypotheses.push_back({locus.orientation() + k * M_PI / 2.0, 0.25});
+    }
+  }
+  if (!mechanism && result.decision.mode == LocusMode::kCircle && o.amplitude && o.press &&
+      *o.press > 0.0) {
+    result.friction = slidingFriction(locus, *o.amplitude, *o.press);
+  }
+  return result;
+}
+
+void line(const char* key, const std::string& value) { std::cout << key << ": " << value << "\n"; }
+
+void printMatrix(const char* key, const Eigen::Matrix4d& m) {
+  std::string values;
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j) {
+      values += (values.empty() ? "[" : ", ") +
+                (std::isfinite(m(i, j)) ? yamlNumber(m(i, j)) : std::string("null"));
+    }
+  }
+  line(key, values + "]");
+}
+
+void print(const Options& o, double frequency_sd, const Result& r) {
   const auto complex = [](std::complex<double> z) {
     return "[" + yamlNumber(z.real()) + ", " + yamlNumber(z.imag()) + "]";
   };
-  line("mode", assembly_cell::toString(decision.mode));
+  const Locus& locus = r.locus;
+  line("mode", toString(r.decision.mode));
   std::string probabilities;
-  for (std::size_t m = 0; m < decision.probabilities.size(); ++m) {
-    probabilities += (m == 0 ? "{" : ", ") +
-                     std::string(assembly_cell::toString(static_cast<LocusMode>(m))) + ": " +
-                     yamlNumber(decision.probabilities[m]);
+  for (std::size_t m = 0; m < r.decision.probabilities.size(); ++m) {
+    probabilities += (m == 0 ? "{" : ", ") + std::string(toString(static_cast<LocusMode>(m))) +
+                     ": " + yamlNumber(r.decision.probabilities[m]);
   }
   line("probabilities", probabilities + "}");
   line("P", complex(locus.P));
   line("N", complex(locus.N));
   line("semi_major", yamlNumber(locus.semiMajor()));
   line("semi_minor", yamlNumber(locus.semiMinor()));
-  line("orientation", oriented ? yamlNumber(locus.orientation()) : "null");
-  line("orientation_sd", oriented ? yamlNumber(locus.orientationSd()) : "null");
-  line("frequency", yamlNumber(*options.frequency));
-  if (options.frequency_range) line("frequency_sd", yamlNumber(frequency_sd));
+  line("orientation", r.oriented ? yamlNumber(locus.orientation()) : "null");
+  line("orientation_sd", r.oriented ? yamlNumber(locus.orientationSd()) : "null");
+  line("frequency", yamlNumber(*o.frequency));
+  if (o.frequency_range) line("frequency_sd", yamlNumber(frequency_sd));
   line("noise_sd", yamlNumber(locus.sigma));
-  // of Re and Im of P and N each; all four are independent over whole periods
+  line("samples", std::to_string(locus.samples));
+  // mean of Re and Im of P and N
   line("variance", yamlNumber(locus.variance()));
   line("semi_axes_sd", yamlNumber(std::sqrt(2.0 * locus.variance())));
-  if (hypotheses.empty()) {
+  printMatrix("covariance", r.covariance.amplitudes);
+  printMatrix("ellipse_covariance", r.covariance.ellipse);
+  if (r.friction) {
+    std::cout << "friction: {coefficient: " << yamlNumber(r.friction->coefficient)
+              << ", sd: " << yamlNumber(r.friction->sd) << "}\n";
+  } else {
+    line("friction", "null");
+  }
+  line("direction_sd", r.direction_sd ? yamlNumber(*r.direction_sd) : "null");
+  if (r.hypotheses.empty()) {
     line("hypotheses", "null");
     return;
   }
   std::cout << "hypotheses:\n";
-  for (const Hypothesis& h : hypotheses) {
+  for (const auto& h : r.hypotheses) {
     std::cout << "  - {direction: " << yamlNumber(h.direction)
               << ", weight: " << yamlNumber(h.weight) << "}\n";
   }
 }
 
+// ---- before a reading ----
+
+int plan(const Options& o) {
+  const Scenario mechanism = loadScenario(o.mechanism);
+  OperatingPoint point;
+  point.direction = o.direction.value_or(1);
+  point.amplitude = o.amplitude.value_or(mechanism.exciter.amplitude);
+  point.press = o.press.value_or(mechanism.peg.mass * mechanism.gravity);
+  if (!(point.amplitude > 0.0)) {
+    throw InputError("--amplitude: value missing: the scenario's exciter.amplitude is 0");
+  }
+  const Bridge bridge = bridgeB(static_cast<int>(o.bits), o.noise);
+  const Matrix6 map = designCalibration(bridge, mechanism.coupling).volts_to_displacement;
+  const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);
+  const double variance = o.noise * o.noise + step * step / 12.0;
+  const Matrix6 noise = variance * map * map.transpose();
+  const double duration = o.duration.value_or(0.2);
+  ForecastLimits limits;
+  limits.direction_sd = o.direction_limit;
+  limits.friction_demand = mechanism.friction.static_coefficient;
+  DirectionForecast forecast;
+  if (o.frequency) {
+    point.frequency = *o.frequency;
+    forecast = forecastDirection(mechanism, point, noise, std::floor(o.rate * duration));
+  } else {
+    forecast = chooseFrequency(mechanism, point, noise, o.rate, duration, limits);
+  }
+  const std::string refusal = refusalOf(forecast, limits);
+  line("frequency", yamlNumber(forecast.frequency));
+  line("direction_sd", yamlNumber(forecast.direction_sd));
+  line("direction_bias", yamlNumber(forecast.direction_bias));
+  line("axes_ratio", yamlNumber(forecast.axes_ratio));
+  line("friction_demand", yamlNumber(forecast.friction_demand));
+  line("refusal", refusal.empty() ? "null" : "\"" + refusal + "\"");
+  return refusal.empty() ? 0 : 1;
+}
+
 int run(const std::vector<std::string>& arguments) {
-  Options options = parseOptions(arguments);
-  if (options.help) {
+  Options o = parseOptions(arguments);
+  if (o.help) {
     std::cout << kHelp;
     return 0;
   }
-  const Samples samples = readSamples(options.samples);
+  if (o.plan) return plan(o);
+  if (o.frequency_range && !o.frequency) {
+    throw InputError("--frequency: value missing: --fit-frequency looks around it");
+  }
+  RecordedMotion motion = readMotion(o.samples, o.topic);
+  if (o.acceleration && motion.kind == RecordedMotion::Kind::kPlane) {
+    motion.kind = RecordedMotion::Kind::kAcceleration;
+  }
+  if (!o.frequency) o.frequency = motion.frequency;
+  if (!o.amplitude) o.amplitude = motion.amplitude;
+  if (!o.direction) o.direction = motion.direction;
+  if (!o.frequency) {
+    throw InputError("--frequency: value missing: give the exciter's frequency in rad/s");
+  }
+  cut(o, motion);
+
   double frequency_sd = 0.0;
-  assembly_cell::HarmonicFit fit;
+  HarmonicFit fit;
   try {
-    if (options.frequency_range) {
-      const assembly_cell::FrequencyFit found = assembly_cell::fitFrequency(
-          samples.t, samples.signals, *options.frequency, *options.frequency_range, options.fit);
-      options.frequency = found.frequency;
+    if (o.frequency_range) {
+      const FrequencyFit found = fitFrequency(motion.t, motion.signals, *o.frequency,
+                                              *o.frequency_range, o.fit, motion.sd);
+      o.frequency = found.frequency;
       frequency_sd = found.sd;
     }
     std::vector<double> angle;
-    angle.reserve(samples.t.size());
-    for (const double t : samples.t) angle.push_back(options.direction * *options.frequency * t);
-    fit = assembly_cell::fitHarmonic(angle, samples.signals, options.fit);
+    angle.reserve(motion.t.size());
+    for (const double t : motion.t) {
+      angle.push_back(o.direction.value_or(1) * *o.frequency * t);
+    }
+    fit = fitHarmonic(angle, motion.signals, o.fit, motion.sd);
+    if (!o.trace.empty()) writeTrace(o, motion);
   } catch (const InputError& error) {
-    throw InputError(options.samples + ": " + error.what());
+    throw InputError(o.samples + ": " + error.what());
   }
-  // a steady vibration's displacement is its acceleration over −W²
-  const double unit = options.acceleration ? -1.0 / (*options.frequency * *options.frequency) : 1.0;
-  const double sigma = std::abs(unit) * std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)));
-  const Locus locus = assembly_cell::locusFromPhasors(unit * fit.phasor[0], unit * fit.phasor[1],
-                                                      sigma, fit.samples, fit.inflation);
-  const ModeDecision decision =
-      assembly_cell::decideMode(locus, options.false_alarm, options.indifference);
-
-  // neither no movement nor a circle has a direction
-  const bool oriented = decision.mode != LocusMode::kNone && decision.mode != LocusMode::kCircle &&
-                        locus.orientationSd() < assembly_cell::kUnknownOrientationSd;
-  print(options, frequency_sd, locus, decision,
-        oriented ? hypothesesOf(options, locus) : std::vector<Hypothesis>{}, oriented);
+  print(o, frequency_sd, estimate(o, motion.kind, fit));
   return 0;
 }
 

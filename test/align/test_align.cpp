@@ -178,7 +178,7 @@ TEST(Align, FailuresAreNamed) {
   // nothing under the peg's edge but plane
   const Scenario s = cell();
   {
-    SimulatedPlant plant(startAt(s, Vector2d(0.06, 0), Vector2d(0, 0), 0.002), CellParameters{});
+    SimulatedPlant plant(startAt(s, Vector2d(0.09, 0), Vector2d(0, 0), 0.002), CellParameters{});
     const AlignResult result = align(plant, s, AlignParameters{});
     EXPECT_FALSE(result.success);
     EXPECT_EQ(result.reason.rfind("no_hole_under_edge", 0), 0u) << result.reason;

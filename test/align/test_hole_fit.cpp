@@ -87,7 +87,7 @@ Scene sweep(const Vector3d& offset, double hole_tilt, double tilt, int count, do
 // exact readings give the exact hole: the touching points come from bisection to 1e-15 rad, the
 // golden section on the flat bottom of the edge to about 1e-8 rad, 3e-10 m
 TEST(HoleFit, ExactWithoutNoise) {
-  for (const double offset : {0.0005, 0.002, 0.006, 0.015}) {
+  for (const double offset : {0.0005, 0.002, 0.006, 0.015, 0.03}) {
     for (const double hole_tilt : {0.0, 0.02}) {
       Scene s = sweep({-0.8 * offset, 0.6 * offset, -0.003}, hole_tilt, 0.052, 36, 0.0, 1);
       HoleEstimate e;

@@ -181,6 +181,201 @@ TEST_F(EstimateLocus, MechanismGivesHypothesesByInversion) {
   refused(samples + mechanism_options, "--amplitude: value missing");
 }
 
+// key by key as the architecture has them, and covariances that agree with the scalars
+TEST_F(EstimateLocus, Covariances) {
+  const ToolRun r = run(locus(4e-6, std::polar(1e-6, 0.9), 1e-7) + " --frequency 770");
+  ASSERT_EQ(r.code, 0) << r.error;
+  const YAML::Node y = YAML::Load(r.out);
+  ASSERT_EQ(y["covariance"].size(), 16u);
+  ASSERT_EQ(y["ellipse_covariance"].size(), 16u);
+  double trace = 0.0;
+  for (std::size_t i = 0; i < 4; ++i) trace += y["covariance"][5 * i].as<double>() / 4;
+  EXPECT_NEAR(trace, y["variance"].as<double>(), 1e-6 * trace);
+  EXPECT_NEAR(std::sqrt(y["ellipse_covariance"][10].as<double>()), y["orientation_sd"].as<double>(),
+              0.05 * y["orientation_sd"].as<double>());
+  // a peg at rest has no axes: null, the rest is there
+  const ToolRun rest =
+      run(write("t,x,y\n0,1,1\n1,1,1\n2,1,1\n3,1,1\n4,1,1\n5,1,1\n6,1,1\n7,1,1\n8,1,1\n") +
+          " --frequency 2");
+  ASSERT_EQ(rest.code, 0) << rest.error;
+  const YAML::Node still = YAML::Load(rest.out);
+  EXPECT_EQ(still["mode"].as<std::string>(), "none");
+  EXPECT_TRUE(still["hypotheses"].IsNull());
+  EXPECT_TRUE(still["ellipse_covariance"][10].IsNull());
+  EXPECT_EQ(rest.out.find("nan"), std::string::npos);
+}
+
+// samples that say how uncertain they are: the bad half hardly counts
+TEST_F(EstimateLocus, UncertaintyOfSamples) {
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  std::string text = "t,x,y,uncertainty\n";
+  for (int k = 0; k < 1000; ++k) {
+    const double sd = k % 2 ? 1e-8 : 1e-6, a = 770 * 2e-4 * k;
+    char row[120];
+    std::snprintf(row, sizeof(row), "%.17g,%.17g,%.17g,%g\n", 2e-4 * k,
+                  5e-6 * std::cos(a) + sd * noise(random), 3e-6 * std::sin(a) + sd * noise(random),
+                  sd);
+    text += row;
+  }
+  const ToolRun r = run(write(text) + " --frequency 770");
+  ASSERT_EQ(r.code, 0) << r.error;
+  const YAML::Node y = YAML::Load(r.out);
+  // 500 good samples
+  EXPECT_NEAR(std::sqrt(y["variance"].as<double>()), 1e-8 / std::sqrt(500.0), 0.1e-9);
+  EXPECT_NEAR(y["semi_major"].as<double>(), 5e-6, 5 * y["semi_axes_sd"].as<double>());
+  refused(write("t,x,y,uncertainty\n0,1,2,0\n") + " --frequency 770",
+          ":2: column uncertainty is '0'");
+}
+
+// accelerations as columns of their own, and their double integral
+TEST_F(EstimateLocus, Accelerations) {
+  const double w2 = 770.0 * 770.0;
+  std::string text = "t,ax,ay\n";
+  for (int k = 0; k < 1000; ++k) {
+    const double a = 770 * 2e-4 * k;
+    char row[120];
+    std::snprintf(row, sizeof(row), "%.17g,%.17g,%.17g\n", 2e-4 * k,
+                  -w2 * 5e-6 * std::cos(a) + 0.17, -w2 * 3e-6 * std::sin(a));
+    text += row;
+  }
+  const ToolRun r = run(write(text) + " --frequency 770 --trace " + path("trace.csv"));
+  ASSERT_EQ(r.code, 0) << r.error;
+  const YAML::Node y = YAML::Load(r.out);
+  EXPECT_NEAR(y["semi_major"].as<double>(), 5e-6, 1e-12);
+  EXPECT_NEAR(y["semi_minor"].as<double>(), 3e-6, 1e-12);
+  const ToolRun again = run(path("trace.csv") + " --frequency 770 --start 0.05 --duration 0.1");
+  ASSERT_EQ(again.code, 0) << again.error;
+  EXPECT_NEAR(YAML::Load(again.out)["semi_major"].as<double>(), 5e-6, 5e-8);
+}
+
+// displacements of the coupling through the mechanism: the half turn is told, too
+TEST_F(EstimateLocus, DisplacementsOfTheCoupling) {
+  const Scenario mechanism = loadScenario(kCell);
+  OperatingPoint point;
+  point.frequency = 770;
+  point.amplitude = 1;
+  point.press = 12;
+  const ContactResponse response = contactResponse(mechanism, point, 2.0);
+  std::string text = "# frequency=770 amplitude=1 direction=1\nt,x,y,z,rx,ry,rz\n";
+  for (int k = 0; k < 1000; ++k) {
+    const double t = 2e-4 * k;
+    text += std::to_string(t);
+    for (int j = 0; j < 6; ++j) {
+      const double mean = j == 2 ? (12 - mechanism.peg.mass * mechanism.gravity) / 5e4 : 0.0;
+      char cell[40];
+      std::snprintf(cell, sizeof(cell), ",%.17g",
+                    (response.coupling[j] * std::polar(1.0, 770 * t)).real() + mean);
+      text += cell;
+    }
+    text += "\n";
+  }
+  const ToolRun r = run(write(text) + " --mechanism " + kCell);
+  ASSERT_EQ(r.code, 0) << r.error;
+  const YAML::Node y = YAML::Load(r.out);
+  ASSERT_EQ(y["hypotheses"].size(), 2u);
+  EXPECT_NEAR(y["hypotheses"][0]["direction"].as<double>(), 2.0, 0.01);
+  EXPECT_GT(y["hypotheses"][0]["weight"].as<double>(), 0.99);
+  EXPECT_EQ(y["frequency"].as<double>(), 770.0);
+}
+
+TEST_F(EstimateLocus, Plan) {
+  const std::string base = "--plan --mechanism " + kCell + " --press 12 ";
+  const ToolRun chosen = run(base + "--amplitude 1");
+  ASSERT_EQ(chosen.code, 0) << chosen.error;
+  const YAML::Node y = YAML::Load(chosen.out);
+  EXPECT_GT(y["frequency"].as<double>(), 100);
+  EXPECT_LT(y["direction_sd"].as<double>(), 0.01);
+  EXPECT_TRUE(y["refusal"].IsNull());
+  const ToolRun given = run(base + "--amplitude 1 --frequency 770");
+  ASSERT_EQ(given.code, 0) << given.error;
+  EXPECT_EQ(YAML::Load(given.out)["frequency"].as<double>(), 770);
+  const ToolRun weak = run(base + "--amplitude 0.001 --bits 10");
+  EXPECT_EQ(weak.code, 1);
+  EXPECT_EQ(YAML::Load(weak.out)["refusal"].as<std::string>().rfind("too_uncertain", 0), 0u);
+  refused("--plan", "--mechanism: value missing");
+  refused(base, "--amplitude: value missing");
+  refused(base + "--amplitude 1 --bits 12", "--bits: value 12");
+}
+
+// bags of the displacement and of the accelerometers, phase and settings by the exciter's messages
+TEST_F(EstimateLocus, Bags) {
+  const std::string python = "PYTHONPATH=" + std::string(ASSEMBLY_CELL_BIN_DIR) +
+                             "/../python3/dist-packages:$PYTHONPATH /usr/bin/python3 ";
+  if (std::system((python + "-c 'import assembly_cell.msg, rosbag' 2>/dev/null").c_str()) != 0) {
+    GTEST_SKIP() << "the messages' Python is not built";
+  }
+  std::ofstream(path("write.py")) << R"(
+import math, rosbag, rospy, sys
+from assembly_cell.msg import AccelerometerSamples, DisplacementSamples, Exciter
+bag = rosbag.Bag(sys.argv[1], 'w')
+e = Exciter(on=True, amplitude=2.0, frequency=770.0, phase=0.6, direction=-1)
+e.header.stamp = rospy.Time(100, 0)
+bag.write('/exciter', e, e.header.stamp)
+for b in range(10):
+    d, a = DisplacementSamples(period=2e-4), AccelerometerSamples(period=2e-4)
+    d.header.stamp = a.header.stamp = rospy.Time.from_sec(100 + 0.02 * b)
+    for k in range(100):
+        angle = -(770.0 * (0.02 * b + 2e-4 * k) + 0.6)
+        x, y = 5e-6 * math.cos(angle), 3e-6 * math.sin(angle)
+        d.displacement += [x, y, 0, 0, 0, 0]
+        a.acceleration += [-770.0 ** 2 * x, -770.0 ** 2 * y]
+    for _ in range(2):  # latched ones come again
+        bag.write('/sensor_b/displacement_samples', d, d.header.stamp)
+        bag.write('/accelerometers', a, a.header.stamp)
+e.on = False
+e.header.stamp = rospy.Time.from_sec(100.16)
+bag.write('/exciter', e, e.header.stamp)
+bag.close()
+)";
+  ASSERT_EQ(std::system((python + path("write.py") + " " + path("r.bag")).c_str()), 0);
+  for (const char* topic : {"", " --topic accelerometers"}) {
+    const ToolRun r = run(path("r.bag") + topic);
+    ASSERT_EQ(r.code, 0) << r.error;
+    const YAML::Node y = YAML::Load(r.out);
+    EXPECT_EQ(y["frequency"].as<double>(), 770);
+    EXPECT_EQ(y["samples"].as<int>(), 800);  // until it was switched off
+    // turns with the exciter, at its phase
+    EXPECT_NEAR(y["P"][0].as<double>(), 4e-6, 1e-9) << topic;
+    EXPECT_NEAR(y["P"][1].as<double>(), 0, 1e-9) << topic;
+    EXPECT_NEAR(y["N"][0].as<double>(), 1e-6, 1e-9) << topic;
+  }
+  refused(path("r.bag") + " --topic nowhere", "no samples on nowhere");
+  refused(path("none.bag"), "there is no such file");
+  refused(write("not a bag") + " --topic x", "is for bags only");
+}
+
+TEST_F(EstimateLocus, RefusesHostileInput) {
+  refused(write("t,x,y\n0,1,2\n") + " --frequency 770", "window has 1 samples");
+  const std::string good = locus(1e-6, 1e-6, 1e-8);
+  refused(good + " --frequency 0", "--frequency: value 0");
+  refused(good + " --frequency 15800", "samples a period of the exciter: more than two are needed");
+  refused(good + " --frequency 1e300", "samples.csv: ");
+  refused(good + " --frequency 770 --start 5", "0 samples");
+  refused(good + " --frequency 770 --duration 1e-3", "samples.csv: ");
+  refused(folder_.string() + " --frequency 770", "missing, unreadable or empty");
+  std::string huge = "t,x,y\n";
+  for (int k = 0; k < 100; ++k) {
+    huge += std::to_string(1e-3 * k) + (k % 2 ? ",1e200,1e300\n" : ",-1e200,-1e300\n");
+  }
+  refused(write(huge) + " --frequency 200", "too large");
+  // uneven times are no trouble: least squares take them as they are
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> uniform(1e-5, 4e-4);
+  std::string uneven = "t,x,y\n";
+  double t = 0.0;
+  for (int k = 0; k < 1000; ++k) {
+    t += uniform(random);
+    char row[120];
+    std::snprintf(row, sizeof(row), "%.17g,%.17g,%.17g\n", t, 5e-6 * std::cos(770 * t),
+                  3e-6 * std::sin(770 * t));
+    uneven += row;
+  }
+  const ToolRun r = run(write(uneven) + " --frequency 770");
+  ASSERT_EQ(r.code, 0) << r.error;
+  EXPECT_NEAR(YAML::Load(r.out)["semi_major"].as<double>(), 5e-6, 1e-15);
+}
+
 TEST_F(EstimateLocus, RefusesBadInput) {
   const std::string good = locus(1e-6, 1e-6, 1e-8);
   refused("", "give a file of samples");

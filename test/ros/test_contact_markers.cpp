@@ -181,6 +181,11 @@ TEST_F(Markers, DrawTheTrueAndTheEstimatedPeg) {
     EXPECT_EQ(marker.pose.position.x, 1e-3);
     EXPECT_EQ(marker.color.g, kTruePegColor.g);
   }
+  // the hole as that peg saw it
+  const Marker hole = find("hole_estimated", 1).front();
+  EXPECT_EQ(hole.header.frame_id, "peg");
+  EXPECT_NEAR(hole.pose.position.x, -4e-3, kExact);
+  EXPECT_NEAR(hole.pose.position.y, -5e-3, kExact);
   for (const auto& marker : find("peg_estimated", 2)) {
     EXPECT_EQ(marker.pose.position.x, 4e-3);
     EXPECT_EQ(marker.color.b, kEstimatedPegColor.b);

@@ -16,6 +16,7 @@
 #include <string>
 #include <thread>
 
+#include "assembly_cell/AccelerometerSamples.h"
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
@@ -343,6 +344,31 @@ TEST_F(Simulator, ExciterShakesThePeg) {
   ASSERT_TRUE(step(50).success);
   ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 56; }));
   EXPECT_LT(spread(*bridge_b_.last()), 0.1 * shaken);
+}
+
+// the peg's accelerometers: sampled only while somebody listens, with the bridges' stamps
+TEST_F(Simulator, AccelerometersForWhoListens) {
+  Exciter exciter;
+  exciter.header.stamp = carrier_.last()->header.stamp;
+  exciter.on = true;
+  exciter.amplitude = 1.0;
+  exciter.frequency = 770.0;
+  exciter.direction = 1;
+  sendExciter(exciter);
+  const Record<AccelerometerSamples> felt(nh_, "accelerometers");
+  ASSERT_TRUE(waitFor([&] { return felt.connected(); }));
+  ASSERT_TRUE(step(10).success);
+  ASSERT_TRUE(waitFor([&] { return felt.size() == 10 && synchronous(); }));
+  const auto block = felt.last();
+  ASSERT_EQ(block->acceleration.size(), 200u);
+  EXPECT_EQ(block->header.stamp, bridge_b_.last()->header.stamp);
+  EXPECT_EQ(block->sequence, bridge_b_.last()->sequence);
+  EXPECT_EQ(block->header.frame_id, "peg");
+  double largest = 0.0;
+  for (const double a : block->acceleration) largest = std::max(largest, std::abs(a));
+  // 1 N on 0.4 kg and what the coupling adds
+  EXPECT_GT(largest, 0.5);
+  EXPECT_LT(largest, 50.0);
 }
 
 TEST_F(Simulator, WaitsForTheCommandsThatAnAnswerClaims) {

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "assembly_cell/align/plant.h"
 
@@ -11,19 +12,20 @@ namespace assembly_cell {
 /// Parameters of a strategy. Defaults are those of the default cell.
 struct AlignParameters {
   std::string strategy = "single_contact";
-  double press_force = 12.0;         ///< [N]
-  double press_tolerance = 0.05;     ///< fraction of press_force
-  double force_limit = 40.0;         ///< abort above [N]
-  double descent_limit = 0.02;       ///< abort when no contact within [m]
-  double approach_step = 1e-4;       ///< way down in one block before contact [m]
-  double exciter_amplitude = 1.0;    ///< [N]
-  double exciter_frequency = 770.0;  ///< [rad/s]; 0: operatingFrequency()
+  double press_force = 0.0;        ///< while a locus is read; 0: chosen [N]
+  double press_tolerance = 0.05;   ///< fraction of press_force
+  double force_limit = 40.0;       ///< abort above [N]
+  double descent_limit = 0.02;     ///< abort when no contact within [m]
+  double approach_step = 1e-4;     ///< way down in one block before contact [m]
+  double exciter_amplitude = 0.0;  ///< 0: chosen [N]
+  double exciter_frequency = 0.0;  ///< 0: chosen, see chooseVibration() [rad/s]
   int exciter_direction = 1;
   double shake = 1.5;             ///< exciter while the contact settles, times its amplitude
   double settle = 0.1;            ///< vibrating before a reading, each of shaken and not [s]
   double window = 0.2;            ///< of one reading [s]
   double sweep_tilt = 0.052;      ///< commanded tilt of the sweep, about 3 degrees [rad]
-  int sweep_readings = 36;        ///< once round
+  int sweep_readings = 20;        ///< of all rounds
+  double direction_limit = 0.01;  ///< expected sd of a reading beyond which nothing is tried [rad]
   double lift = 3e-4;             ///< above the touch before a rotation [m]
   double insertion_depth = 5e-4;  ///< of the edge below the plane that counts as aligned [m]
   double insertion_force = 2.0;   ///< more than this on the way means not aligned [N]
@@ -51,6 +53,13 @@ struct AlignProgress {
   double rotation_sd = 0.0;  ///< of its axis, 2 axes [rad]
 };
 
+/// A direction of contact that was felt.
+struct DirectionReading {
+  double start = 0.0, end = 0.0;  ///< window of the reading, plant clock [s]
+  double direction = 0.0;         ///< azimuth of the contact on the peg's edge, peg axes [rad]
+  double sd = 0.0;                ///< [rad]
+};
+
 /// How an alignment ended.
 struct AlignResult {
   bool success = false;
@@ -65,6 +74,7 @@ struct AlignResult {
   double time = 0.0;           ///< plant clock used [s]
   double reference_time =
       0.0;  ///< plant clock when the peg hung at rest, before its first move [s]
+  std::vector<DirectionReading> readings;  ///< that the last estimate rests on
 };
 
 /// Throws InputError naming the parameter, its value and its range.

@@ -36,6 +36,10 @@ struct HoleEstimate {
 /// Two unit vectors that span the plane: S's x projected, and normal × it.
 Eigen::Matrix<double, 3, 2> planeAxes(const Eigen::Vector3d& normal);
 
+/// Plane alone: normal, height and normal_sd through the contacts by least squares. Resolves alpha;
+/// kind is kPlane for all that lie in it, rim or not. Returns as fitHole.
+std::string fitPlane(double peg_radius, std::vector<HoleReading>& readings, HoleEstimate& estimate);
+
 /// Finds plane and centre from readings at several tilts. All contacts lie in the hole plane, which
 /// also tells C from C*: of the two ends of the edge's diameter only one is at the plane's height
 /// in every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at

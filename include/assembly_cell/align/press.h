@@ -2,8 +2,12 @@
 #pragma once
 
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell {
+
+/// Static stiffness of the coupling in the order of a wrench: x y z [N/m], about x y z [N·m/rad].
+Matrix6 couplingStiffness(const CouplingParameters& coupling);
 
 /// Limits of whatever moves the carrier.
 struct PressLimits {
@@ -13,7 +17,7 @@ struct PressLimits {
 };
 
 /// A move or a press was given up; what() begins with the name of the reason: force_limit,
-/// sensor_saturated, no_contact, press_not_held, not_still, not_arrived.
+/// sensor_saturated, no_contact, press_not_held, not_still, not_arrived, stuck, zero_shifted.
 struct PressError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -33,6 +37,15 @@ class Hand {
   /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
   /// deflection.
   void tare(int blocks = 10);
+
+  /// Scatter of one sample of sensor_b and rounding of its converter, as of the tare.
+  const Matrix6& scatter() const { return scatter_; }
+  const Matrix6& rounding() const { return last_.rounding_b; }
+
+  /// Exciter off and up by `way` [m] whatever is felt, and waits until the peg hangs still. Throws
+  /// PressError `stuck` when it doesn't come free, `zero_shifted` when the free peg weighs
+  /// something else than at the tare.
+  void retreat(double way);
 
   /// Moves the rest pose and waits until it is there.
   void moveTo(const RestPose& target);
@@ -58,7 +71,8 @@ class Hand {
   RestPose target_;
   Vector6 tare_ = Vector6::Zero();
   Vector6 tare_displacement_ = Vector6::Zero();
-  bool tared_ = false;
+  Matrix6 scatter_ = Matrix6::Zero();
+  bool tared_ = false, guarded_ = true;
   double touch_z_ = 0.0;
   double stiffness_ = 3e4;  // of the contact along z, from the last secant [N/m]
 };

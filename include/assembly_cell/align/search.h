@@ -31,6 +31,8 @@ class Search {
   virtual void find() = 0;
   /// Deflection of the coupling that frame `peg` includes.
   virtual Vector6 deflection() const = 0;
+  /// Whether the walls, felt after entry, tell more of the hole's centre than find() did.
+  virtual bool feelsWalls() const { return false; }
   /// What is known of the hole; only called if found_.
   virtual void summarise(AlignResult& result) const = 0;
 
@@ -46,8 +48,8 @@ class Search {
   /// Hanging at rest: S from here on.
   void begin();
 
-  /// Upright over the hole and down; around it where the estimate is not good enough. True when the
-  /// edge went in without resistance.
+  /// Upright over the hole and down; around it where the estimate is not good enough, then to the
+  /// middle between the walls. True when the edge went in without resistance.
   bool enter(const Eigen::Vector3d& center);
 
   const Scenario& mechanism_;
@@ -65,6 +67,10 @@ class Search {
 
  private:
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
+  bool centre(const Eigen::Matrix3d& R);
+  bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);
+
+  Eigen::Vector3d sag_;  // of the upright peg's bottom centre, in S [m]
 };
 
 /// Rotation that tilts z by a rotation vector (x, y).
@@ -78,6 +84,9 @@ std::string text(const char* format, double a, double b = 0.0);
 
 // the strategies
 AlignResult singleContact(Plant& plant, const Scenario& mechanism,
+                          const AlignParameters& parameters,
+                          const std::function<void(const AlignProgress&)>& progress);
+AlignResult doubleContact(Plant& plant, const Scenario& mechanism,
                           const AlignParameters& parameters,
                           const std::function<void(const AlignProgress&)>& progress);
 AlignResult twinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,

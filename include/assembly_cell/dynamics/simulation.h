@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "assembly_cell/dynamics/model.h"
@@ -63,12 +64,16 @@ class Simulation {
 
   double time() const { return time_; }  ///< [s] from the start of the scenario
   const State& state() const { return state_; }
+  /// Rates of state().v at the end of the last step.
+  const Vector9& acceleration() const { return slope_v_; }
   const Scenario& scenario() const { return scenario_; }
   const RunCounts& counts() const { return counts_; }
   StopReason stopReason() const { return stop_; }
 
-  /// Integrates to exactly t_end, or stops earlier with a reason. Returns stopReason().
-  StopReason advance(double t_end);
+  /// Integrates to exactly t_end, or stops earlier with a reason. Returns stopReason(). Comes back
+  /// after so many `attempts` at a step, time() before t_end: the next call goes on, same bits.
+  StopReason advance(double t_end,
+                     std::int64_t attempts = std::numeric_limits<std::int64_t>::max());
 
   /// From now on move the rest pose to `target` along a C² profile within the carrier's limits.
   void setRestTarget(const RestPose& target);
@@ -107,6 +112,9 @@ class Simulation {
   struct Slot {
     Mode mode = Mode::kApart;
     bool armed = false;  // slip has been fast enough for the stop event
+    // <= 0: found this deep where features hand over without a common gap; kept there, never pushed
+    // out, until the gap opens
+    double depth = 0.0;
     Eigen::Vector3d slip_direction = Eigen::Vector3d::Zero();  // of friction while slip begins
     Eigen::Vector3d slip_start = Eigen::Vector3d::Zero();  // unit, of the slip at the step's start
   };
@@ -119,6 +127,7 @@ class Simulation {
     Eigen::Vector3d force = Eigen::Vector3d::Zero();         // on the peg
     ContactRates rates;
     double normal_force = 0.0;
+    double gap = 0.0;  // over the slot's depth
     double gap_rate = 0.0;
     double demand = 0.0;  // g'' + k g' + beta g without a force on an idle slot
   };
@@ -144,9 +153,12 @@ class Simulation {
     return ((closed_ >> i & 1u ? closed_set_ : open_set_).valid >> i & 1u) != 0;
   }
   void setMode(std::size_t i, Mode mode);
+  void keepDepth(std::size_t i, double handed);
+  void healDepths();
 
   // one right-hand side: free motion, contact points, contact forces
   Vector9 evaluate(double t, const State& state, Look look);
+  void setProfile(const RestProfile& profile);
   void evaluateFree(double t, const State& state);
   void locate(ContactSlotMask mask, ContactSet& set);
   void locateAll();
@@ -180,6 +192,8 @@ class Simulation {
   double tryHamming(double h, State& end, Vector9& slope);
   template <class Tableau>
   double tryTableau(double h, State& end, Vector9& slope);
+  using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
+  double errorOf(const Vector18& error) const;
   double errorOf(const State& error) const;
   void remember(double h);
   void resetDefect();
@@ -197,6 +211,7 @@ class Simulation {
   void changeModes();
   bool flat() const;  // the peg's tilt is too small to tell its lowest point
   bool slips() const;  // some point has a slip to lose
+  bool hiddenEvent(double h, const State& end, const Vector9& slope);
   bool storm(double t);
   void refresh();
   void checkState();
@@ -211,6 +226,7 @@ class Simulation {
   State state_;
   double time_ = 0.0;
   RestProfile profile_;
+  RestMotion settled_;  // of the rest pose once the profile has ended
   Drive drive_;
   RunCounts counts_;
   StopReason stop_ = StopReason::kOk;
@@ -225,6 +241,9 @@ class Simulation {
   ContactSlotMask closed_ = 0;        // slots that are not apart
   ContactSet closed_set_, open_set_;  // their points, and the others'
   double clearance_ = 0.0;            // no open slot closes before an edge point moved this far [m]
+  double moved_ = 0.0, speed_ = 0.0;  // of the edge in the step, at its end: bounds
+  bool clear_ = false;                // the last evaluation has left out the search by them
+  double arm_ = 0.0;                  // from the centre of mass to the edge [m]
   Events start_events_;               // event functions at the start of the step
   double start_speed_ = 0.0;          // of the edge's fastest point, at the start of the step
   double slip_threshold_ = 0.0;       // slip slower than this is rest [m/s]

@@ -115,7 +115,8 @@ struct ContactSet {
 /// allocation, nothing but finite numbers; a pose that is not finite touches nothing. Candidates
 /// with one normal and less than 1e-6 radii between their points count as one. An overlap takes its
 /// nearest way out: a place deeper over the plane than sideways in the wall is the wall's, and so
-/// on.
+/// on. A wall or side slot that isn't admitted but whose point is valid holds its place: the other
+/// slot of its kind isn't given the same.
 ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes,
                              ContactSlotMask admitted, ContactSet& set);
 

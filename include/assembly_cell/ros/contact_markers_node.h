@@ -19,7 +19,7 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Node contact_markers: contacts, locus, hypotheses, estimated and true peg, lines of
+/// Node contact_markers: contacts, locus, hypotheses, estimated hole and peg, true peg, lines of
 /// action and uncertainty of the twin-force estimate, and the hole's rim
 /// for rviz. Subscribes and works only while `markers` has a subscriber. To be spun by one thread.
 class ContactMarkersNode {

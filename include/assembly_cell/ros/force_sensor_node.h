@@ -91,6 +91,7 @@ class ForceSensorNode {
   void publishBlocks();
   void publishAll();
   void publishSource(const SourceBlock& block);
+  void tellLink();  ///< in the log, what is wrong with it, once
   /// Checks what the configuration can't know before the first block; false if it can't work.
   bool beginStream();
   void stampBlock(const SourceBlock& block, bool first, StrainSamples& message);
@@ -145,6 +146,7 @@ class ForceSensorNode {
 
   // state of the publishing thread
   StampFilter stamp_filter_;
+  std::string told_;  // of the link, in the log
   ros::Time recording_start_;
   std::optional<std::uint32_t> stream_;
   std::uint64_t next_sample_ = 0;               // sequence of the sample that should follow

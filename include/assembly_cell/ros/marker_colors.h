@@ -18,16 +18,17 @@ struct Color {
   }
 };
 
-constexpr Color kContactPointColor{1.0F, 0.0F, 0.0F, 1.0F};   ///< red
-constexpr Color kContactNormalColor{0.0F, 0.4F, 1.0F, 1.0F};  ///< blue
-constexpr Color kContactForceColor{1.0F, 0.55F, 0.0F, 1.0F};  ///< orange
-constexpr Color kLocusColor{1.0F, 0.0F, 1.0F, 1.0F};          ///< magenta
-constexpr Color kHypothesisColor{0.7F, 0.3F, 1.0F, 1.0F};     ///< violet; alpha follows the weight
-constexpr Color kEstimatedPegColor{0.0F, 1.0F, 1.0F, 1.0F};   ///< cyan
-constexpr Color kTruePegColor{0.0F, 1.0F, 0.0F, 1.0F};        ///< green
-constexpr Color kActionAColor{0.9F, 0.2F, 0.2F, 0.6F};        ///< red, see-through
-constexpr Color kActionBColor{0.2F, 0.4F, 0.9F, 0.6F};        ///< blue, see-through
-constexpr Color kUncertaintyColor{0.0F, 1.0F, 1.0F, 0.3F};    ///< cyan, see-through
-constexpr Color kHoleColor{1.0F, 1.0F, 0.0F, 1.0F};           ///< yellow
+constexpr Color kContactPointColor{1.0F, 0.0F, 0.0F, 1.0F};    ///< red
+constexpr Color kContactNormalColor{0.0F, 0.4F, 1.0F, 1.0F};   ///< blue
+constexpr Color kContactForceColor{1.0F, 0.55F, 0.0F, 1.0F};   ///< orange
+constexpr Color kLocusColor{1.0F, 0.0F, 1.0F, 1.0F};           ///< magenta
+constexpr Color kHypothesisColor{0.7F, 0.3F, 1.0F, 1.0F};      ///< violet; alpha follows the weight
+constexpr Color kEstimatedPegColor{0.0F, 1.0F, 1.0F, 1.0F};    ///< cyan
+constexpr Color kEstimatedHoleColor{1.0F, 0.75F, 0.0F, 1.0F};  ///< amber
+constexpr Color kTruePegColor{0.0F, 1.0F, 0.0F, 1.0F};         ///< green
+constexpr Color kActionAColor{0.9F, 0.2F, 0.2F, 0.6F};         ///< red, see-through
+constexpr Color kActionBColor{0.2F, 0.4F, 0.9F, 0.6F};         ///< blue, see-through
+constexpr Color kUncertaintyColor{0.0F, 1.0F, 1.0F, 0.3F};     ///< cyan, see-through
+constexpr Color kHoleColor{1.0F, 1.0F, 0.0F, 1.0F};            ///< yellow
 
 }  // namespace assembly_cell::ros_bridge

@@ -29,7 +29,7 @@ class RosClock {
   std::int64_t last_step_ = 0;  // [ns]
 };
 
-/// The latest 1024 delays.
+/// The latest 16384 delays.
 class Delays {
  public:
   void add(double delay) {
@@ -39,10 +39,9 @@ class Delays {
   }
   std::size_t count() const { return count_; }
   double percentile(double fraction) const;  ///< [s]; 0 without any
-  double largest() const { return percentile(1.0); }
 
  private:
-  std::array<double, 1024> delays_{};
+  std::array<double, 16384> delays_{};
   std::size_t next_ = 0, count_ = 0;
 };
 

@@ -24,6 +24,7 @@
 #include <utility>
 #include <vector>
 
+#include "assembly_cell/AccelerometerSamples.h"
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/SetState.h"
@@ -131,8 +132,8 @@ class SimulatorNode {
   std::chrono::steady_clock::time_point figures_start_;
   double figures_time_ = 0.0;
 
-  ros::Publisher bridge_a_pub_, bridge_b_pub_, carrier_pub_, clock_pub_, truth_pose_pub_,
-      truth_contacts_pub_, diagnostics_pub_;
+  ros::Publisher bridge_a_pub_, bridge_b_pub_, accelerometers_pub_, carrier_pub_, clock_pub_,
+      truth_pose_pub_, truth_contacts_pub_, diagnostics_pub_;
   std::unique_ptr<tf2_ros::TransformBroadcaster> tf_;
   ros::Subscriber command_sub_, exciter_sub_, ack_sub_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;

@@ -86,6 +86,7 @@ class NetftEmulator {
   int stops() const { return stops_; }
   int biases() const { return biases_; }
   bool streaming() const;
+  int clientPort() const;  ///< the latest client's; 0: none yet
 
  private:
   struct Sockets;

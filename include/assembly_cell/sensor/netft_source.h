@@ -36,6 +36,7 @@ class NetftSource : public StrainSource {
   std::string readConfiguration();
   void send(RdtCommand command) const;
   void receive();
+  std::chrono::nanoseconds idle() const;
   Clock::time_point napUntil() const;
   void watchBias(const SourceBlock& block);
 

@@ -69,6 +69,10 @@ class RdtStream {
   /// The next record opens a new stream. What wasn't taken is dropped.
   void begin();
 
+  /// A start was asked for again after a silence: an old number is now the first of a new stream,
+  /// though a device that lost power repeats its numbers.
+  void expectRestart() { restart_expected_ = true; }
+
   /// False: no room until more is taken; then push the same record again.
   bool push(const RdtRecord& record, const Reception& received, SourceCounters& counters);
 
@@ -104,6 +108,7 @@ class RdtStream {
   RdtPolicy policy_;
   std::array<Slot, kWindow> slots_;
   bool started_ = false;
+  bool restart_expected_ = false;
   bool delivered_ = false;        // last_ft_ holds
   std::uint64_t next_ = kWindow;  // to take
   std::uint64_t newest_ = 0;      // that arrived

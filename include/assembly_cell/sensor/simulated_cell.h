@@ -26,6 +26,8 @@ struct CellParameters {
   Pose X_AH{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.06)};  ///< hole in sensor_a
   double hole_block_mass = 2.0;                    ///< carried by sensor_a [kg]
   Eigen::Vector3d hole_block_center{0, 0, -0.02};  ///< its centre of mass in `hole` [m]
+  double accelerometer_noise = 0.02;  ///< of either accelerometer on the peg, white, rms [m/s²]
+  double accelerometer_height = 0.0;  ///< above the peg's centre of mass, on its axis [m]
 };
 
 /// A block of samples of both bridges. Sample k is at time + k·period.
@@ -35,6 +37,7 @@ struct StrainBlock {
   std::uint32_t sequence = 0;
   std::vector<double> volts_a, volts_b;                ///< 6 × n, sample after sample [V]
   std::vector<std::uint8_t> saturated_a, saturated_b;  ///< bit per channel, per sample
+  std::vector<double> accelerations;  ///< 2 × n, along the peg's x and y [m/s²]; empty unless asked
 };
 
 /// The mechanism with both strain bridges: the plant behind the simulator node and behind align().
@@ -44,18 +47,21 @@ class SimulatedCell {
 
   /// Advances by one block and fills it (no allocation once `block` has its size). The first sample
   /// is one period after the present time, the last at the block's end. Returns the simulation's
-  /// stop reason; after anything but kOk the block is not valid.
-  StopReason next(StrainBlock& block);
+  /// stop reason; after anything but kOk the block is not valid. accelerations: the two
+  /// accelerometers of the peg, too; the bridges' samples are the same either way.
+  StopReason next(StrainBlock& block, bool accelerations = false);
 
   Simulation& simulation() { return simulation_; }
   const CellParameters& parameters() const { return parameters_; }
 
  private:
+  Eigen::Vector2d accelerometers();
+
   CellParameters parameters_;
   Simulation simulation_;
   Bridge bridge_a_, bridge_b_;
   Matrix6 strain_matrix_a_, strain_matrix_b_;
-  NormalSource normal_a_, normal_b_;
+  NormalSource normal_a_, normal_b_, normal_accelerometers_;
   Vector6 block_weight_;  ///< of the hole block on sensor_a, in sensor_a
   std::uint32_t sequence_ = 0;
   std::uint64_t samples_ = 0;

@@ -17,8 +17,9 @@ namespace assembly_cell {
 /// and what to do.
 class SourceParameters {
  public:
-  /// `map` outlives this; null counts as empty. Throws InputError for anything but a map.
-  SourceParameters(const YAML::Node& map, std::string source);
+  /// `map` outlives this; null counts as empty. `subject` begins messages, as "source netft".
+  /// Throws InputError for anything but a map.
+  SourceParameters(const YAML::Node& map, std::string subject);
 
   double number(const std::string& key, double min, double max,
                 std::optional<double> fallback = std::nullopt);
@@ -46,7 +47,7 @@ class SourceParameters {
                            const std::string& remedy) const;
 
   const YAML::Node& map_;
-  std::string source_;
+  std::string subject_;
   std::vector<std::string> asked_;
 };
 

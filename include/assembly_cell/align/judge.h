@@ -1,0 +1,39 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/align/simulated_plant.h"
+
+namespace assembly_cell {
+
+/// A simulated plant with somebody who looks on: passes all commands and blocks on unchanged and
+/// remembers the truth at the end of every block.
+class Judge : public Plant {
+ public:
+  explicit Judge(SimulatedPlant& plant) : plant_(plant) {}
+  PlantBlock next(const PlantCommand& command) override;
+
+  /// Frame `peg` in `hole` at the result's reference time: what its estimates refer to.
+  Pose startPose(const AlignResult& result) const;
+  /// Direction felt less the true one [rad]. The contact rolls to and fro with the exciter: the
+  /// truth is the constant of a least-squares fit with the exciter's harmonic to the blocks' ends
+  /// in the window. Nothing where fewer than 4 of them see one and the same contact.
+  std::optional<double> directionError(const DirectionReading& reading) const;
+
+ private:
+  struct Look {
+    double time;  // [s]
+    Pose X_HP;
+    double direction;  // of the contact that carries most, peg axes [rad]
+    double angle;      // of the exciter [rad]
+    int contacts;      // that carry force
+  };
+  SimulatedPlant& plant_;
+  double frequency_ = 0.0, since_ = 0.0;
+  std::vector<Look> looks_;
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,70 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <vector>
+
+#include "assembly_cell/align/search.h"
+#include "assembly_cell/align/vibration_point.h"
+#include "assembly_cell/locus/contact_model.h"
+
+namespace assembly_cell {
+
+/// What the strategies of the vibrated peg share: one reading, plane and hole from the readings,
+/// recovery. Each attempt of a strategy may fail; three are made.
+class VibratedSearch : public Search {
+ protected:
+  using Search::Search;
+
+  /// One reading as it was felt.
+  struct Felt {
+    Locus locus;
+    LocusMode mode = LocusMode::kUndecided;
+    bool usable = false;  ///< a single contact explains it
+    double misfit = 0.0;
+    Pose X_SC;                                        ///< carrier
+    Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< mean contact force, sensor axes [N]
+    double start = 0.0, end = 0.0;                    ///< plant clock [s]
+    HoleReading reading;
+  };
+
+  /// The strategy's own way to the hole. True when the peg is in.
+  virtual bool attempt() = 0;
+
+  void find() final;
+  Vector6 deflection() const final { return hand_.deflection(); }
+  void summarise(AlignResult& result) const final;
+  bool feelsWalls() const final { return true; }
+
+  /// One reading with the peg tilted by R about its bottom centre; the exciter runs only meanwhile.
+  /// False when the edge went into the hole instead.
+  bool read(const Eigen::Matrix3d& R, const char* state, Felt& felt);
+  /// From a locus to a direction on the peg's edge, with the tilts against the plane as known now.
+  DirectionEstimate invert(Felt& felt) const;
+  /// Tilt against the plane as known now, low side at azimuth `low`.
+  Eigen::Matrix3d lowAt(double low) const;
+  /// Plane alone from what was felt. False when it isn't determined.
+  bool level();
+  /// Plane and centre from what was felt. Throws Failure.
+  void resolve();
+  /// An edge that went in on the way says where the hole is.
+  void takeEntry();
+  /// Hole centre relative to the start's bottom centre, along the hole plane.
+  Eigen::Vector2d offset() const;
+
+  VibrationPoint vibration_;
+  Eigen::Vector3d bottom_;  ///< where the peg is turned: its bottom centre in S
+  double tilt_ = 0.0;       ///< of the sweep [rad]
+  std::vector<Felt> felt_;  ///< of use
+
+ private:
+  void choosePoint();
+  void exciter(double amplitude);
+  double entryHeight(const Eigen::Matrix3d& R) const;
+  double clearance(const Eigen::Matrix3d& R) const;
+  void recover(const std::string& reason, int attempt);
+  bool planeKnown() const { return level_ || found_; }
+
+  bool level_ = false;  // the plane is known, the centre may not be
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,61 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/judge.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kCarries = 0.5;  // [N]
+constexpr int kFewest = 4;        // looks for a constant and a harmonic
+constexpr double kPi = 3.14159265358979323846;
+
+}  // namespace
+
+PlantBlock Judge::next(const PlantCommand& command) {
+  Simulation& truth = plant_.truth();
+  if (command.exciter) {
+    frequency_ = command.exciter->frequency;
+    since_ = truth.time();
+  }
+  const PlantBlock block = plant_.next(command);
+  Look look{block.time, truth.pegPose(), 0.0, frequency_ * (block.time - since_), 0};
+  double most = kCarries;
+  for (const ContactReport& contact : truth.contacts()) {
+    const double force = contact.force.norm();
+    if (!contact.valid || force < kCarries) continue;
+    ++look.contacts;
+    if (force < most) continue;
+    most = force;
+    const Eigen::Vector3d p = look.X_HP.R.transpose() * (contact.point - look.X_HP.p);
+    look.direction = std::atan2(p.y(), p.x());
+  }
+  looks_.push_back(look);
+  return block;
+}
+
+Pose Judge::startPose(const AlignResult& result) const {
+  for (const Look& look : looks_) {
+    if (look.time >= result.reference_time) return look.X_HP;
+  }
+  return plant_.truth().pegPose();
+}
+
+std::optional<double> Judge::directionError(const DirectionReading& reading) const {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  int n = 0;
+  for (const Look& look : looks_) {
+    if (look.time <= reading.start + 1e-9 || look.time > reading.end + 1e-9) continue;
+    if (look.contacts != 1) continue;
+    const Eigen::Vector3d row(1.0, std::cos(look.angle), std::sin(look.angle));
+    A += row * row.transpose();
+    b += row * std::remainder(reading.direction - look.direction, 2 * kPi);
+    ++n;
+  }
+  if (n < kFewest) return {};
+  return Eigen::Vector3d(A.ldlt().solve(b)).x();
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,267 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/vibrated_search.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+
+constexpr double kMisfitLimit = 0.15;     // of a reading: beyond, the linear model does not hold
+constexpr double kDirectionLimit = 0.05;  // sd of a reading's direction that is of use [rad]
+constexpr int kAttempts = 3;
+constexpr double kMoreTilt = 0.035;     // of another attempt [rad]
+constexpr double kMostTilt = 0.14;      // 8 degrees [rad]
+constexpr double kRetreat = 3e-3;       // above where an attempt failed [m]
+constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
+
+bool begins(const std::string& text, const char* name) { return text.rfind(name, 0) == 0; }
+
+}  // namespace
+
+void VibratedSearch::find() {
+  begin();
+  bottom_ = Vec3(0, 0, -length_);
+  tilt_ = p_.sweep_tilt;
+  choosePoint();
+  for (int k = 1;; ++k) {
+    std::string reason;
+    try {
+      if (attempt()) return;
+      reason = "not_inserted: resistance everywhere";
+    } catch (const Failure& failure) {
+      reason = failure.reason;
+    } catch (const PressError& error) {
+      reason = error.what();
+    }
+    if (k >= kAttempts || begins(reason, "too_uncertain") || begins(reason, "no_reading") ||
+        begins(reason, "no_contact")) {
+      throw Failure{reason};
+    }
+    recover(reason, k);
+  }
+}
+
+void VibratedSearch::choosePoint() {
+  VibrationDemand demand;
+  demand.given = {p_.exciter_frequency, p_.exciter_amplitude, p_.press_force, 0.0};
+  demand.tilt = p_.sweep_tilt;
+  demand.shake = p_.shake;
+  demand.greatest_press = kPressReserve * p_.force_limit;
+  demand.window = p_.window;
+  demand.samples = std::max(8.0, hand_.last().samples * p_.window / block_);
+  demand.scatter = hand_.scatter();
+  demand.rounding = hand_.rounding();
+  vibration_ = chooseVibration(mechanism_, demand);
+  report("operating_point",
+         text("exciter %.0f rad/s with %.2f N, ", vibration_.frequency, vibration_.amplitude) +
+             text("press %.1f N, expected sd of a direction %.3f deg", vibration_.press,
+                  vibration_.direction_sd * 180 / kPi));
+  if (vibration_.direction_sd > p_.direction_limit) {
+    throw Failure{
+        text("too_uncertain: a reading's direction would have an sd of %.2f deg, %.2f "
+             "are allowed; use a finer converter, more force or a longer window",
+             vibration_.direction_sd * 180 / kPi, p_.direction_limit * 180 / kPi)};
+  }
+}
+
+// clear of everything, zero checked; then what may help this time
+void VibratedSearch::recover(const std::string& reason, int attempt) {
+  report("recover", reason);
+  hand_.retreat(kRetreat);
+  bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
+  if (begins(reason, "no_hole_under_edge")) {
+    // a third of a turn each, so that three attempts look to all sides
+    const double a = 2 * kPi * attempt / kAttempts;
+    bottom_ += mechanism_.peg.radius *
+               (rotationToAxis(hole_.normal) * Vec3(std::cos(a), std::sin(a), 0.0));
+  } else if (begins(reason, "no_plane_reading") || begins(reason, "one_edge_only")) {
+    tilt_ = std::min(kMostTilt, tilt_ + kMoreTilt);
+  }
+  if (!found_) felt_.clear();
+}
+
+void VibratedSearch::exciter(double amplitude) {
+  PlantCommand command;
+  command.exciter = ExciterParameters{amplitude, vibration_.frequency, 0.0, p_.exciter_direction};
+  hand_.step(command);
+}
+
+// rest height at which a peg tilted by R must have touched unless its edge is in the hole: outside,
+// the bottom's centre stays above the plane
+double VibratedSearch::entryHeight(const Mat3& R) const {
+  if (!planeKnown()) return -1e9;
+  const double drop = hole_.normal.dot(bottom_) - hole_.height + p_.insertion_depth;
+  return restFor(bottom_ - drop * hole_.normal, R).z;
+}
+
+// way up before the peg is turned to R, so that its edge stays off the plane: no point of the edge
+// goes down by more than the radius times the turn, nor below its lowest point
+double VibratedSearch::clearance(const Mat3& R) const {
+  const Mat3 before = (inverse(X_WS_) * worldPose(hand_.target())).R;
+  const double turn = std::acos(std::clamp(R.col(2).dot(before.col(2)), -1.0, 1.0));
+  const double way = mechanism_.peg.radius * turn;
+  if (!planeKnown()) return way;
+  const double low = mechanism_.peg.radius *
+                     std::sqrt(std::max(0.0, 1.0 - std::pow(hole_.normal.dot(R.col(2)), 2)));
+  return std::clamp(low + p_.lift - hole_.normal.dot(bottom_) + hole_.height, 0.0, way);
+}
+
+Mat3 VibratedSearch::lowAt(double low) const {
+  // the rotation vector is a right angle ahead of the low side
+  return rotationToAxis(hole_.normal) * tiltRotation(tilt_ * Vec2(-std::sin(low), std::cos(low)));
+}
+
+bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt) {
+  bottom_ += clearance(R) * (planeKnown() ? hole_.normal : Vec3::UnitZ());
+  hand_.moveTo(restFor(bottom_, R));
+  if (!hand_.approach(entryHeight(R))) return false;
+  RestPose touch = hand_.target();
+  touch.z = hand_.touchZ();
+
+  // shake harder than the reading will, so that friction keeps no preload near its limit
+  hand_.hold(vibration_.press, p_.press_tolerance);
+  exciter(p_.shake * vibration_.amplitude);
+  hand_.wait(blocks(p_.settle));
+  exciter(vibration_.amplitude);
+  hand_.hold(vibration_.press, p_.press_tolerance);
+  hand_.wait(blocks(p_.settle));
+  PlantCommand measure;
+  measure.locus = LocusRequest{hand_.last().time, p_.window};
+  felt = Felt{};
+  felt.start = hand_.last().time;
+  hand_.step(measure);
+  Vector6 deflection = hand_.deflection();
+  felt.force = hand_.force();
+  int taken = 1;
+  for (; !hand_.last().locus; ++taken) {
+    if (taken > blocks(p_.window) + 2) throw Failure{"no_reading: the estimator gave none"};
+    hand_.step({});
+    deflection += hand_.deflection();
+    felt.force += hand_.force();
+  }
+  deflection /= taken;
+  felt.force /= taken;
+  felt.end = felt.start + p_.window;
+  felt.locus = hand_.last().locus->locus;
+  felt.mode = hand_.last().locus->mode.mode;
+  felt.X_SC = carrierPose();
+  felt.reading.X_SP = pegPose(hand_.last().carrier, deflection);
+  ++contacts_;
+  exciter(0.0);
+
+  std::string note = toString(felt.mode);
+  if (felt.mode == LocusMode::kEllipse || felt.mode == LocusMode::kCircle) {
+    const DirectionEstimate direction = invert(felt);
+    felt.misfit = direction.misfit;
+    felt.usable = direction.misfit < kMisfitLimit && direction.sd < kDirectionLimit;
+    note += text(", direction %.2f deg, sd %.2f", felt.reading.alpha * 180 / kPi,
+                 felt.reading.sd * 180 / kPi);
+    if (!felt.usable) note += text(": left out, misfit %.2f", direction.misfit);
+  }
+  report(state, note);
+
+  // clear of the plane for the next tilt
+  touch.z += p_.lift;
+  hand_.moveTo(touch);
+  bottom_ = pegPose(touch, Vector6::Zero()).p;
+  return true;
+}
+
+DirectionEstimate VibratedSearch::invert(Felt& felt) const {
+  const Mat3 R_HS = rotationToAxis(hole_.normal).transpose();
+  const Mat3 R_HP = R_HS * felt.reading.X_SP.R;
+  OperatingPoint point;
+  point.frequency = vibration_.frequency;
+  point.amplitude = vibration_.amplitude;
+  point.direction = p_.exciter_direction;
+  const Vec3 force = R_HS * felt.X_SC.R * felt.force;
+  point.press = std::max(0.0, force.z());
+  point.friction = force.head<2>();
+  point.rolling = felt.reading.kind == HoleReading::kPlane;
+  point.tilt = axisTilt(R_HP.col(2));
+  point.sensor_tilt = axisTilt((R_HS * felt.X_SC.R).col(2));
+  const DirectionEstimate direction =
+      contactDirection(mechanism_, point, felt.locus, LocusAxes::kSensor);
+  // horizontal direction from the bottom centre -> azimuth on the edge
+  const Vec2 horizontal(std::cos(direction.alpha), std::sin(direction.alpha));
+  const Vec2 body = R_HP.topLeftCorner<2, 2>().inverse() * horizontal;
+  felt.reading.alpha = std::atan2(body.y(), body.x());
+  felt.reading.sd = direction.sd;
+  return direction;
+}
+
+bool VibratedSearch::level() {
+  std::vector<HoleReading> readings(felt_.size());
+  HoleEstimate plane = hole_;
+  for (int turn = 0; turn < 3; ++turn) {
+    for (std::size_t i = 0; i < felt_.size(); ++i) {
+      invert(felt_[i]);
+      readings[i] = felt_[i].reading;
+    }
+    plane = hole_;
+    if (!fitPlane(mechanism_.peg.radius, readings, plane).empty()) return false;
+    hole_.normal = plane.normal;
+  }
+  hole_.height = plane.height;
+  hole_.normal_sd = plane.normal_sd;
+  level_ = true;
+  rotation_sd_ = hole_.normal_sd;
+  report("level", text("plane from %.0f contacts, tilt sd %.4f deg",
+                       static_cast<double>(felt_.size()), hole_.normal_sd * 180 / kPi));
+  return true;
+}
+
+// directions need the plane's normal, the plane needs directions: a few turns settle both
+void VibratedSearch::resolve() {
+  std::vector<HoleReading> readings(felt_.size());
+  for (int turn = 0; turn < 4; ++turn) {
+    for (std::size_t i = 0; i < felt_.size(); ++i) {
+      invert(felt_[i]);
+      readings[i] = felt_[i].reading;
+    }
+    const std::string reason =
+        fitHole(mechanism_.peg.radius, mechanism_.hole.radius, readings, hole_);
+    if (!reason.empty()) throw Failure{reason};
+    for (std::size_t i = 0; i < felt_.size(); ++i) felt_[i].reading = readings[i];
+  }
+  found_ = true;
+  position_sd_ = std::sqrt(hole_.center_covariance.trace());
+  rotation_sd_ = hole_.normal_sd;
+  report("resolve",
+         text("%.0f contacts on the plane, %.0f on the rim", hole_.plane_readings,
+              hole_.rim_readings) +
+             text(", centre %.3f %.3f mm", offset().x() * 1e3, offset().y() * 1e3) +
+             text(" +- %.3f mm, tilt sd %.4f deg", position_sd_ * 1e3, rotation_sd_ * 180 / kPi));
+}
+
+void VibratedSearch::takeEntry() {
+  report("entry", "the tilted edge went in");
+  const Vec3 at = pegPose(hand_.target(), Vector6::Zero()).p;
+  hole_.center = at - hole_.normal * (hole_.normal.dot(at) - hole_.height);
+}
+
+Vec2 VibratedSearch::offset() const {
+  return (rotationToAxis(hole_.normal).transpose() * (hole_.center - Vec3(0, 0, -length_)))
+      .head<2>();
+}
+
+void VibratedSearch::summarise(AlignResult& result) const {
+  result.known = true;
+  result.offset = offset();
+  result.offset_covariance = hole_.center_covariance;
+  result.tilt = -axisTilt(hole_.normal);
+  result.tilt_sd = hole_.normal_sd;
+  for (const Felt& felt : felt_) {
+    if (felt.reading.kind == HoleReading::kOut) continue;
+    result.readings.push_back({felt.start, felt.end, felt.reading.alpha, felt.reading.sd});
+  }
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,171 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <assembly_cell/DisplacementSamples.h>
+#include <assembly_cell/Exciter.h>
+#include <assembly_cell/LocusEstimate.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "driver_fixture.h"
+
+namespace assembly_cell::test {
+namespace {
+
+constexpr double kTwoPi = 6.283185307179586;
+
+// All bits but those of header.seq, which ROS counts by itself.
+std::vector<std::uint8_t> bits(LocusEstimate estimate) {
+  estimate.header.seq = 0;
+  std::vector<std::uint8_t> bytes(ros::serialization::serializationLength(estimate));
+  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  ros::serialization::serialize(stream, estimate);
+  return bytes;
+}
+
+std::map<ros::Time, std::vector<std::uint8_t>> byStamp(const Record<LocusEstimate>& record) {
+  std::map<ros::Time, std::vector<std::uint8_t>> all;
+  for (const auto& estimate : record.all()) all[estimate->header.stamp] = bits(*estimate);
+  return all;
+}
+
+std::string temporaryFolder() {
+  std::string path = (std::filesystem::temp_directory_path() / "assembly_cell_XXXXXX").string();
+  return mkdtemp(path.data()) == nullptr ? "" : path;
+}
+
+// A run of a sensor under an exciter, live, recorded, and played again three times.
+class RecordReplay : public ::testing::Test {
+ protected:
+  ~RecordReplay() override { std::filesystem::remove_all(folder_); }
+
+  void exciter(ros::Publisher& publisher, bool on, double frequency) {
+    Exciter message;
+    message.header.stamp = ros::Time::now();
+    message.on = on;
+    message.amplitude = 1.0;
+    message.frequency = frequency;
+    message.direction = 1;
+    publisher.publish(message);
+  }
+
+  // plays the bag and returns what the estimator made of it
+  std::map<ros::Time, std::vector<std::uint8_t>> replay(const std::string& ns,
+                                                        const std::vector<std::string>& arguments) {
+    Record<LocusEstimate> loci(nh_, "/" + ns + "/locus");
+    std::vector<std::string> command = {"roslaunch",    "assembly_cell", "replay.launch",
+                                        "bag:=" + bag_, "ns:=/" + ns,    "recorded_ns:=/live",
+                                        "clock:=false"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    Child player(command);
+    EXPECT_EQ(player.wait(), 0) << player.output();
+    EXPECT_EQ(player.lines("the bag is over").size(), 1u) << player.output();
+    return byStamp(loci);
+  }
+
+  ros::NodeHandle nh_;
+  std::string folder_ = temporaryFolder();
+  std::string bag_ = folder_ + "/run.bag";
+};
+
+TEST_F(RecordReplay, TheSameBagGivesTheSameEstimatesToTheLastBit) {
+  ros::Publisher exciters = nh_.advertise<Exciter>("/live/exciter", 100, true);
+  Record<LocusEstimate> live(nh_, "/live/locus");
+  Record<DisplacementSamples> blocks(nh_, "/live/sensor_b/displacement_samples");
+  {
+    Child recorder({"roslaunch", "assembly_cell", "record.launch", "bag:=" + bag_, "ns:=/live"});
+    Child estimator({executable("locus_estimator"), "__ns:=/live", "__name:=locus_estimator",
+                     "_scenario:=" + sourceFile("config/scenarios/cell.yaml")});
+    // the exciter's subscribers are these two
+    ASSERT_TRUE(waitFor([&] { return exciters.getNumSubscribers() >= 2; })) << recorder.output();
+    const double frequency = 120.0;  // [Hz]
+    // a command line can't give a list
+    const std::string source = "/live/sensor_b/driver/source/";
+    ros::param::set(source + "load", std::vector<double>{0, 0, 12, 0, 0, 0});
+    ros::param::set(source + "amplitude", std::vector<double>{1, 0.5, 0.2, 0, 0, 0});
+    Driver driver("live/sensor_b",
+                  {"_source/type:=simulated", "_source/bridge:=b", "_source/block_size:=100",
+                   "_source/frequency:=" + std::to_string(frequency), "_publish_displacement:=true",
+                   "_calibration_file:=" + sourceFile("config/calibration/sensor_b.yaml")});
+    ASSERT_TRUE(waitFor([&] { return blocks.size() > 60 && live.connected(); })) << driver.output();
+
+    // on, another frequency, off, on: each change while blocks go on
+    exciter(exciters, true, kTwoPi * frequency);
+    ASSERT_TRUE(waitFor([&] { return live.size() > 30; })) << estimator.output();
+    exciter(exciters, true, kTwoPi * 1.01 * frequency);
+    const std::size_t changed = blocks.size();
+    ASSERT_TRUE(waitFor([&] { return blocks.size() > changed + 30; }));
+    exciter(exciters, false, kTwoPi * frequency);
+    ASSERT_TRUE(waitFor([&] { return blocks.size() > changed + 40; }));
+    exciter(exciters, true, kTwoPi * frequency);
+    ASSERT_TRUE(waitFor([&] { return blocks.size() > changed + 75; }));
+    recorder.stop();
+  }
+  ASSERT_TRUE(std::filesystem::exists(bag_));
+
+  const auto first = replay("replay_1", {});
+  const auto second = replay("replay_2", {});
+  EXPECT_GT(first.size(), 40u);
+  EXPECT_EQ(first, second);
+
+  // as fast as possible: the listener may connect after the first estimates, the others are equal
+  const auto fast = replay("replay_3", {"rate:=fast"});
+  std::size_t common = 0;
+  for (const auto& [stamp, estimate] : fast) {
+    const auto other = first.find(stamp);
+    ASSERT_NE(other, first.end());
+    EXPECT_EQ(estimate, other->second);
+    ++common;
+  }
+  EXPECT_GT(common, first.size() / 2);
+
+  // and the live run's, but where a change of the exciter arrived between other blocks
+  const auto at_once = byStamp(live);
+  std::size_t equal = 0, shared = 0;
+  for (const auto& [stamp, estimate] : at_once) {
+    const auto other = first.find(stamp);
+    if (other == first.end()) continue;
+    ++shared;
+    equal += estimate == other->second;
+  }
+  EXPECT_GT(shared, 40u);
+  EXPECT_GE(equal + 6, shared);
+}
+
+// One line each, and exit code 1.
+TEST_F(RecordReplay, RefusesWhatItCannotPlay) {
+  Child none({executable("cell_player"), "__name:=no_bag", "_bag:=/none.bag", "_topics:=exciter"});
+  EXPECT_EQ(none.wait(), 1);
+  EXPECT_TRUE(has(none.output(), "bag '/none.bag' can't be read")) << none.output();
+
+  {
+    rosbag::Bag bag(bag_, rosbag::bagmode::Write);
+    bag.write("/exciter", ros::Time(1.0), Exciter());
+  }
+  Child silent({executable("cell_player"), "__name:=no_topic", "_bag:=" + bag_, "_topics:=exciter",
+                "_participants:=nobody=exciter", "_start_timeout:=0.3"});
+  EXPECT_EQ(silent.wait(), 1);
+  EXPECT_TRUE(has(silent.output(), "no connection to /nobody")) << silent.output();
+
+  Child foreign({executable("cell_player"), "__name:=foreign", "_bag:=" + bag_, "_topics:=exciter",
+                 "_recorded_namespace:=/other"});
+  EXPECT_EQ(foreign.wait(), 1);
+  EXPECT_TRUE(has(foreign.output(), "set recorded_namespace")) << foreign.output();
+}
+
+}  // namespace
+}  // namespace assembly_cell::test
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "record_replay_test");
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
