@@ -223,6 +223,9 @@ def optimum(folder):
     axes[0].plot(best[0], best[1], "r+", ms=14, mew=2)
     axes[0].set(xscale="log", yscale="log", xlabel="frequency [rad/s]", ylabel="stiffness, factor",
                 title=f"best: {best[0]:.0f} rad/s, factor {best[1]:.2g}, {1e3 * best[2]:.0f} ms")
+    axes[0].set_xticks([200, 500, 1000, 2000], ["200", "500", "1000", "2000"])
+    axes[0].set_yticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
+    axes[0].minorticks_off()
     axes[1].plot(1e3 * points[:, 2], ".", color="0.6")
     axes[1].plot(1e3 * np.minimum.accumulate(points[:, 2]))
     axes[1].set(xlabel="evaluation", ylabel="mean time to assemble [ms]", title="tried, and best so far")
