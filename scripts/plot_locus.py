@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Runs the studies of the locus estimator and plots them: figures of docs/locus.md.
+"""Runs the studies of the locus estimator: figures and tables of docs/locus.md.
 
 usage: plot_locus.py [--tool STUDY_LOCUS] [--runs N] [--output FOLDER]
   --tool    the executable (default: study_locus, found in PATH or in .build; build it with -DASSEMBLY_CELL_BENCHMARK=ON)
@@ -81,6 +81,9 @@ def main():
         os.makedirs(arguments.output, exist_ok=True)
         plot_accuracy(study(arguments.tool, arguments.output, "accuracy", arguments.runs), arguments.output)
         plot_modes(study(arguments.tool, arguments.output, "modes", arguments.runs), arguments.output)
+        study(arguments.tool, arguments.output, "alarms", arguments.runs)
+        for name in ("settling", "bias", "friction", "cost"):
+            study(arguments.tool, arguments.output, name)
     except (OSError, ValueError) as error:
         print(f"plot_locus.py: {error}", file=sys.stderr)
         return 2

@@ -348,6 +348,8 @@ TEST_F(Simulator, ExciterShakesThePeg) {
 
 // the peg's accelerometers: sampled only while somebody listens, with the bridges' stamps
 TEST_F(Simulator, AccelerometersForWhoListens) {
+  ASSERT_TRUE(step(1).success);
+  ASSERT_TRUE(waitFor([this] { return synchronous(); }));
   Exciter exciter;
   exciter.header.stamp = carrier_.last()->header.stamp;
   exciter.on = true;
