@@ -79,7 +79,7 @@ class Reader {
     in_.finish();
     checkCount();
     loadScenarios();
-    checkFirstRun();
+    checkKeys();
     findDirectKeys();
     return std::move(study_);
   }
@@ -479,12 +479,17 @@ class Reader {
   }
 
   // a key that doesn't exist makes every run fail alike: said here
-  void checkFirstRun() const {
+  void checkKeys() const {
     StudyTask task;
     task.point.assign(study_.axes.size(), 0.5);
-    for (const StudySetting& s : studyRun(study_, task).settings) {
+    std::vector<StudySetting> all = studyRun(study_, task).settings;
+    for (const StudyAxis& a : study_.axes) {
+      for (const auto& one : a.cases) all.insert(all.end(), one.begin(), one.end());
+    }
+    std::set<std::string> seen;
+    for (const StudySetting& s : all) {
       StudyJob job = study_.job;
-      if (s.key == "scenario" || setStudyJob(job, s)) continue;
+      if (!seen.insert(s.key).second || s.key == "scenario" || setStudyJob(job, s)) continue;
       try {
         parseScenario(study_.texts.front(), "scenario", {s.key + "=" + s.value});
       } catch (const InputError& e) {

@@ -294,6 +294,7 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
       {"axes: [{name: k, scale: {gravity: 1}, values: [-2]}]\n", "axes[0].values[0]"},
       {"axes: [{name: k, cases: {}}]\n", "axes[0].cases"},
       {"axes: [{name: k, cases: {a: 3}}]\n", "axes[0].cases.a"},
+      {"axes: [{name: k, cases: {a: {gravity: 1}, b: {gravitas: 1}}}]\n", "gravitas"},
       {"axes: [{key: gravity, search: [1, 2]}]\n", "search"},
       {"search: {minimise: final_x}\n", "search"},
       {"axes: [{key: gravity, search: [1, 2]}]\nsearch: {minimise: beauty}\n", "beauty"},

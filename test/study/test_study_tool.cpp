@@ -283,6 +283,10 @@ TEST_F(StudyTool, BadInputExitsWithTwoAndOneLine) {
   const Result ranks = wait(start({"mpirun", "-n", "2", kTool, bad}));
   EXPECT_EQ(ranks.exit_code, 2);
   EXPECT_NE(ranks.err.find("nowhere.yaml"), std::string::npos) << ranks.err;
+  // what only rank 0 sees ends the others too
+  const Result folder = wait(start({"mpirun", "-n", "2", kTool, good, "--output", good}));
+  EXPECT_EQ(folder.exit_code, 2);
+  EXPECT_NE(folder.err.find("--output"), std::string::npos) << folder.err;
 }
 
 TEST_F(StudyTool, ListShowsTheRunsWithoutDoingThem) {

@@ -16,9 +16,10 @@
 namespace assembly_cell {
 namespace {
 
-constexpr int kRecords = 1, kTasks = 2;         // message tags
-constexpr std::chrono::microseconds kNap(100);  // between looks for a message
-constexpr double kBlockTime = 0.1;              // of a block of runs [s]
+constexpr int kRecords = 1, kTasks = 2;  // message tags
+// between looks for a message: rank 0 shares its core with a worker, the others have nothing else
+constexpr std::chrono::microseconds kServerNap(1000), kWorkerNap(200);
+constexpr double kBlockTime = 0.1;  // of a block of runs [s]
 constexpr std::int64_t kLargestBlock = 4096;
 
 std::string receiveFrom(const MPI_Status& status) {
@@ -165,7 +166,7 @@ void Ranks::serve(const Study& study, StudyLedger& ledger, int threads, std::ato
           if (!stop) handOut(ledger, threads);
           if (!out() && (stop || ledger.waiting() == 0)) break;
           tick();
-          if (!any) std::this_thread::sleep_for(kNap);
+          if (!any) std::this_thread::sleep_for(kServerNap);
         }
       } else {
         StudyRunner runner(study);
@@ -203,7 +204,7 @@ void Ranks::work(const Study& study, int threads, const std::atomic<bool>& stop)
     MPI_Status status;
     MPI_Iprobe(0, kTasks, MPI_COMM_WORLD, &there, &status);
     while (there == 0) {
-      std::this_thread::sleep_for(kNap);
+      std::this_thread::sleep_for(kWorkerNap);
       MPI_Iprobe(0, kTasks, MPI_COMM_WORLD, &there, &status);
     }
     const std::vector<StudyTask> tasks = unpackTasks(receiveFrom(status));
