@@ -13,16 +13,16 @@ namespace {
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 
-constexpr double kDeepest = 0.1;      // penetration beyond this part of the radius is no contact
-constexpr double kFlat = 1e-5;        // below this tilt the lowest point has no speed [rad]
-constexpr double kSpare = 1.5;        // edge speed inside a step over that at its ends
+constexpr double kDeepest = 0.1;  // penetration beyond this part of the radius is no contact
+constexpr double kFlat = 1e-5;    // below this tilt the lowest point has no speed [rad]
+constexpr double kSpare = 1.5;    // edge speed inside a step over that at its ends
 // of the typical force, at a tolerance of 1e-9 m and above: changes below it change no mode
 constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
 
-double slipFriction(double speed, const ContactParameters& c, const FrictionParameters& f) {
-  return speed <= c.regularisation_speed ? f.static_coefficient * speed / c.regularisation_speed
-                                         : f.sliding_coefficient;
+double slipFriction(bool slides, double speed, const ContactParameters& c,
+                    const FrictionParameters& f) {
+  return slides ? f.sliding_coefficient : f.static_coefficient * speed / c.regularisation_speed;
 }
 
 }  // namespace
@@ -31,6 +31,9 @@ bool Simulation::discreteFriction() const {
   return rigid() ||
          (scenario_.contact.law == ContactLaw::kViscous && scenario_.contact.stationary_rows);
 }
+
+// a contact opens above this: without states of rest its force ends at zero gap
+double Simulation::leaveGap() const { return discreteFriction() ? kReach : kTouch; }
 
 void Simulation::setMode(std::size_t i, Mode mode) {
   const ContactSlotMask bit = 1u << i;
@@ -62,11 +65,17 @@ void Simulation::healDepths() {
 
 void Simulation::evaluateFree(double t, const State& state) {
   ++counts_.evaluations;
-  now_.k = kinematics(state);
+  kinematics(state, near_, now_.k);
   now_.rates = state.v.segment<3>(3);
-  now_.motion = t < profile_.start + profile_.duration
-                    ? freeMotion(scenario_, now_.k, state, restAt(t), drive_, t)
-                    : freeMotion(scenario_, now_.k, state, settled_, drive_, t);
+  if (t != drive_time_) {
+    drive_time_ = t;
+    drive_force_ = exciterForce(drive_, t);
+  }
+  if (t < profile_.start + profile_.duration) {
+    freeMotion(scenario_, now_.k, state, restAt(t), drive_force_, now_.motion);
+  } else {
+    freeMotion(scenario_, now_.k, state, settled_, drive_force_, now_.motion);
+  }
   now_.free = solveMass(scenario_, now_.k, now_.motion.force);
 }
 
@@ -199,9 +208,15 @@ Vector9 Simulation::accelerationBy(const Vec3& force, const Vec3& moment) const 
 }
 
 // laws A and B with the regularised friction: force direction is known, normal forces by the spring
-// or by the linear complementarity of all points in reach (enumerated)
+// or by the linear complementarity of all points in reach. Who carries (slip) or not (idle) and the
+// branch of friction are frozen, so that forces are smooth within a step and changes are events;
+// where a point is undecided (stick) they are found, the complementarity by enumeration.
 void Simulation::solveRegularised() {
   const ContactParameters& c = scenario_.contact;
+  bool choose = false;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    choose = choose || slots_[static_cast<std::size_t>(__builtin_ctz(left))].mode == Mode::kStick;
+  }
   std::array<std::size_t, kSlots> reach{};
   std::array<Vec3, kSlots> direction;
   std::size_t n = 0;
@@ -209,7 +224,8 @@ void Simulation::solveRegularised() {
     const auto i = static_cast<std::size_t>(__builtin_ctz(left));
     if (!valid(i)) continue;
     const double speed = touches_[i].tangential.norm();
-    const double mu = slipFriction(speed, c, scenario_.friction);
+    if (choose) slots_[i].armed = speed > c.regularisation_speed;
+    const double mu = slipFriction(slots_[i].armed, speed, c, scenario_.friction);
     Vec3 d = point(i).normal;
     if (speed > 0.0) d -= mu / speed * touches_[i].tangential;
     direction[n] = d;
@@ -221,10 +237,14 @@ void Simulation::solveRegularised() {
   };
   if (c.law == ContactLaw::kSpringDashpot) {
     for (std::size_t i = 0; i < n; ++i) {
-      const double gap = touches_[reach[i]].gap;
-      apply(i, gap < 0.0
-                   ? std::max(0.0, -c.stiffness * gap - c.damping * touches_[reach[i]].gap_rate)
-                   : 0.0);
+      Touch& touch = touches_[reach[i]];
+      const double N = -c.stiffness * touch.gap - c.damping * touch.gap_rate;
+      if (choose) slots_[reach[i]].mode = N > 0.0 ? Mode::kSlip : Mode::kIdle;
+      if (slots_[reach[i]].mode == Mode::kSlip) {
+        apply(i, N);
+      } else {
+        touch.demand = -N / scenario_.peg.mass;
+      }
     }
     return;
   }
@@ -246,15 +266,22 @@ void Simulation::solveRegularised() {
           normal.dot(response(body, ti.r, touches_[reach[j]].r, direction[j]));
     }
   }
-  if (n == 1) {
-    const double N = -b(0) / A(0, 0);
-    apply(0, scenario_.thesis.sign_flip ? std::abs(N) : std::max(0.0, N));
+  if (n == 1 && scenario_.thesis.sign_flip) {
+    slots_[reach[0]].mode = Mode::kSlip;
+    apply(0, std::abs(b(0) / A(0, 0)));
     return;
+  }
+  const bool frozen = !choose && !scenario_.thesis.sign_flip;
+  int carriers = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (slots_[reach[i]].mode == Mode::kSlip) carriers |= 1 << i;
   }
   // the subset with the least violation; an exact one ends the search
   Eigen::Matrix<double, kSlots, 1> best = Eigen::Matrix<double, kSlots, 1>::Zero();
   double least = 1e300;
-  for (int subset = (1 << n) - 1; subset >= 0 && least > 0.0; --subset) {
+  int chosen = 0;
+  const int first = frozen ? carriers : (1 << n) - 1, last = frozen ? carriers : 0;
+  for (int subset = first; subset >= last && least > 0.0; --subset) {
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kSlots> As;
     Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kSlots, 1> bs;
     std::array<Eigen::Index, kSlots> index{};
@@ -295,17 +322,37 @@ void Simulation::solveRegularised() {
       violation = std::max(violation, -w);
     }
     if (!std::isfinite(violation)) continue;
+    if (frozen) {
+      best = trial;
+      chosen = subset;
+      break;
+    }
     if (scenario_.thesis.sign_flip && subset == (1 << n) - 1) {
       best = trial.cwiseAbs();
+      chosen = subset;
       break;
     }
     if (violation < 1e-13 * scale) violation = 0.0;
     if (violation < least) {
       least = violation;
       best = trial.cwiseMax(0.0);
+      chosen = subset;
     }
   }
-  for (std::size_t i = 0; i < n; ++i) apply(i, best(static_cast<Eigen::Index>(i)));
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    const bool carries = chosen >> i & 1;
+    if (choose) slots_[reach[i]].mode = carries ? Mode::kSlip : Mode::kIdle;
+    if (carries) {
+      apply(i, best(row));
+      continue;
+    }
+    double& demand = touches_[reach[i]].demand;
+    demand = b(row);
+    for (std::size_t j = 0; j < n; ++j) {
+      demand += A(row, static_cast<Eigen::Index>(j)) * best(static_cast<Eigen::Index>(j));
+    }
+  }
 }
 
 // discrete modes: slipping points have a known force direction (one unknown), sticking points three
@@ -483,6 +530,14 @@ void Simulation::decide() {
   }
   locateAll();
   if (!discreteFriction() || !closed_) {
+    double scale = 1e-3;
+    for (ContactSlotMask left = closed_; left; left &= left - 1) {
+      const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+      slots_[i].mode = Mode::kStick;  // undecided
+      if (valid(i)) scale = std::max(scale, std::abs(point(i).normal.dot(now_.free.head<3>())));
+    }
+    approach_ = 1e-4 * kHysteresis * scale;
+    pull_ = approach_ * scenario_.peg.mass;
     slope_v_ = closed_ ? withContacts(Look::kEvents) : now_.free;
     startStep();
     return;

@@ -4,9 +4,11 @@
 
 namespace assembly_cell {
 
+// a contact closes below minus this: far under every tolerance, over the rounding of a gap [m]
+constexpr double kTouch = 1e-14;
 constexpr double kInitialReach = 1e-8;  // closed at the start up to this gap [m]
 constexpr double kReach = 1e-9;         // a closed slot leaves reach above this gap [m]
-constexpr double kFound = 1e-11;         // a contact found deeper is kept there [m]
+constexpr double kFound = 1e-11;        // a contact found deeper is kept there [m]
 constexpr double kShift = 1e-11;        // relative, makes redundant rows of law B solvable
 constexpr double kSettledSpeed = 1e-9;  // approach let be after an impact [m/s]
 

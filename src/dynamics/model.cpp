@@ -126,13 +126,37 @@ Eigen::Vector2d exciterForce(const Drive& drive, double t) {
   return {-e.amplitude * std::sin(angle), e.amplitude * std::cos(angle)};
 }
 
+Direction directionOf(double angle) { return {angle, std::cos(angle), std::sin(angle)}; }
+
+Direction directionNear(const Direction& base, double angle) {
+  const double turn = angle - base.angle;
+  if (!(std::abs(turn) < 0.03)) return directionOf(angle);
+  const double d = turn * turn;
+  // cosine less 1, so that the base's rounding is all there is
+  const double versine = -0.5 * d * (1.0 - d * (1.0 / 12) * (1.0 - d * (1.0 / 30)));
+  const double sine =
+      turn * (1.0 - d * (1.0 / 6) * (1.0 - d * (1.0 / 20) * (1.0 - d * (1.0 / 42))));
+  return {angle, base.cosine + (base.cosine * versine - base.sine * sine),
+          base.sine + (base.sine * versine + base.cosine * sine)};
+}
+
+EulerDirections directionsOf(const State& state) {
+  return {directionOf(state.q(3)), directionOf(state.q(4)), directionOf(state.q(5))};
+}
+
 Kinematics kinematics(const State& state) {
   Kinematics k;
+  kinematics(state, directionsOf(state), k);
+  return k;
+}
+
+void kinematics(const State& state, const EulerDirections& near, Kinematics& k) {
   const Vector9& q = state.q;
   const Vector9& v = state.v;
-  const double cph = std::cos(q(3)), sph = std::sin(q(3));
-  const double cth = std::cos(q(4)), sth = std::sin(q(4));
-  const double cps = std::cos(q(5)), sps = std::sin(q(5));
+  const Direction phi = directionNear(near[0], q(3)), theta = directionNear(near[1], q(4));
+  const Direction psi = directionNear(near[2], q(5));
+  const double cph = phi.cosine, sph = phi.sine, cth = theta.cosine, sth = theta.sine;
+  const double cps = psi.cosine, sps = psi.sine;
   k.x = q.head<3>();
   k.v = v.head<3>();
   k.R0 << cph * cth * cps - sph * sps, sph * cth * cps + cph * sps, -sth * cps;
@@ -146,12 +170,17 @@ Kinematics kinematics(const State& state) {
       0, -sph * p, cph * sth * p + sph * cth * th,            //
       0, 0, -sth * th;
   k.omega = k.Re * v.segment<3>(3);
-  return k;
 }
 
 FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state,
                       const RestMotion& rest, const Drive& drive, double t) {
   FreeMotion m;
+  freeMotion(s, k, state, rest, exciterForce(drive, t), m);
+  return m;
+}
+
+void freeMotion(const Scenario& s, const Kinematics& k, const State& state, const RestMotion& rest,
+                const Eigen::Vector2d& exciter_force, FreeMotion& m) {
   const Vector9& q = state.q;
   const Vector9& v = state.v;
   const Deflection deflection = couplingDeflection(s, k, state, rest);
@@ -170,7 +199,7 @@ FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state
 
   // exciter and constant push at d1 along the axis; peg axes x = axis 2, y = −(axis 1)
   Eigen::Vector3d Fp(-s.push(1), s.push(0), s.push(2));
-  Fp.head<2>() += exciterForce(drive, t);
+  Fp.head<2>() += exciter_force;
   const Eigen::Vector3d F = k.R0 * Fp(0) + k.R1 * Fp(1) + k.a * Fp(2);
 
   m.force.head<3>() = F - T;
@@ -203,7 +232,6 @@ FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state
       T(2) - c.stiffness(1) * (q(7) - rest.position(1)) - c.damping(1) * (v(7) - rest.rate(1));
   m.force(8) = FK(3) + FC(3) - c.stiffness(2) * (q(8) - rest.position(3)) -
                c.damping(2) * (v(8) - rest.rate(3));
-  return m;
 }
 
 Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& f) {
@@ -221,21 +249,23 @@ Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& f) {
   return a;
 }
 
-double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest) {
+double kineticEnergy(const Scenario& s, const State& state) {
   const Kinematics k = kinematics(state);
   const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial;
   const double spin = k.omega.dot(k.a);
   const Vector9& v = state.v;
-  const double kinetic =
-      0.5 * (s.peg.mass * k.v.squaredNorm() + I * (k.omega.squaredNorm() - spin * spin) +
-             I3 * spin * spin + s.carrier.mass * (v(6) * v(6) + v(7) * v(7)) +
-             s.carrier.inertia * v(8) * v(8));
-  const Vector6 d = couplingDeflection(s, k, state, rest).d;
+  return 0.5 * (s.peg.mass * k.v.squaredNorm() + I * (k.omega.squaredNorm() - spin * spin) +
+                I3 * spin * spin + s.carrier.mass * (v(6) * v(6) + v(7) * v(7)) +
+                s.carrier.inertia * v(8) * v(8));
+}
+
+double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest) {
+  const Vector6 d = couplingDeflection(s, kinematics(state), state, rest).d;
   const double coupling = 0.5 * d.dot(multiply(s.coupling.stiffness, d));
   const Eigen::Vector3d c =
       state.q.tail<3>() - Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));
   const double carrier = 0.5 * s.carrier.stiffness.dot(c.cwiseProduct(c));
-  return kinetic + coupling + carrier + s.peg.mass * s.gravity * state.q(0);
+  return kineticEnergy(s, state) + coupling + carrier + s.peg.mass * s.gravity * state.q(0);
 }
 
 }  // namespace assembly_cell

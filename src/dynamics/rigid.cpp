@@ -5,8 +5,8 @@
 
 #include "assembly_cell/dynamics/simulation.h"
 #include "contact_algebra.h"
-#include "energetic_impact.h"
 #include "limits.h"
+#include "stronge.h"
 
 namespace assembly_cell {
 namespace {
@@ -37,7 +37,7 @@ void Simulation::applyImpulse(const Vec3& impulse, const Vec3& moment) {
 // first; what still approaches then, or too slowly to bounce, is stopped by one plastic impact of
 // all closed points, or one after the other where friction leaves that without a solution.
 void Simulation::impact() {
-  const double before = energy();
+  const double before = kineticEnergy(scenario_, state_);
   if (scenario_.contact.restitution > 0.0) restitutionImpacts();
   plasticImpact(closed_);
   for (int n = 0; n < kBounces; ++n) {
@@ -45,7 +45,8 @@ void Simulation::impact() {
     if (i == kSlots) break;
     plasticImpact(1u << i);
   }
-  limitEnergy(before);
+  const double after = kineticEnergy(scenario_, state_);
+  if (after > before) state_.v *= std::sqrt(before / after);
   // who leaves is apart at once
   for (std::size_t i = 0; i < kSlots; ++i) {
     if ((closed_ >> i & 1u) && valid(i) && touches_[i].gap_rate > 1e-9) setMode(i, Mode::kApart);
@@ -73,7 +74,7 @@ void Simulation::restitutionImpacts() {
   }
 }
 
-// One point's impact with Stronge's energetic coefficient.
+// of one point's impact
 Vec3 Simulation::restitutionImpulse(std::size_t i) const {
   const Touch& touch = touches_[i];
   const Body body = this->body();
@@ -81,9 +82,8 @@ Vec3 Simulation::restitutionImpulse(std::size_t i) const {
   for (int axis = 0; axis < 3; ++axis) {
     W.col(axis) = response(body, touch.r, touch.r, Vec3::Unit(axis));
   }
-  return energeticImpulse(W, point(i).normal, touch.velocity,
-                          scenario_.friction.sliding_coefficient,
-                          scenario_.friction.static_coefficient, scenario_.contact.restitution);
+  return strongeImpulse(W, point(i).normal, touch.velocity, scenario_.friction,
+                        scenario_.contact.restitution);
 }
 
 // No point approaches afterwards, impulses only push, Coulomb's law with the sliding coefficient on
@@ -360,10 +360,7 @@ void Simulation::project() {
 void Simulation::limitEnergy(double most) {
   const double excess = energy() - most;
   if (!(excess > 0.0)) return;
-  const State moving = state_;
-  state_.v.setZero();
-  const double kinetic = most + excess - energy();
-  state_.v = moving.v * std::sqrt(std::max(0.0, 1.0 - excess / kinetic));
+  state_.v *= std::sqrt(std::max(0.0, 1.0 - excess / kineticEnergy(scenario_, state_)));
 }
 
 // A step amid a storm of events, to time t: an impact that lets no point be closer than zero at the

@@ -12,14 +12,12 @@
 namespace assembly_cell {
 namespace {
 
-// a contact closes below minus this: far under every tolerance, over the rounding of a gap [m]
-constexpr double kTouch = 1e-14;
 constexpr double kEventTime = 1e-12;  // events are located to this [s]
 constexpr double kTaylorTime =
     1e-9;  // a step is lengthened by less than this without a new one [s]
 // as many events as are remembered within kCluster are a storm (a peg that lies flat, rocking): for
-// kCoarseSpan the run goes on in steps of at most kCoarseStep without locating events [s]; under the
-// rigid law so short that a point pressed on falls by less than kHop between two impacts [m]
+// kCoarseSpan the run goes on in steps of at most kCoarseStep without locating events [s]; under
+// the rigid law so short that a point pressed on falls by less than kHop between two impacts [m]
 constexpr double kCluster = 2e-4, kCoarseSpan = 2e-3, kCoarseStep = 2e-5, kLeastCoarse = 5e-7;
 constexpr double kHop = 1e-10;
 constexpr double kIdleDepth = 1e-12;  // an idle contact that goes on approaching is hit there [m]
@@ -187,6 +185,7 @@ void Simulation::setRestTarget(const RestPose& target) {
 void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
   drive_.exciter = exciter;
   drive_.t_ref = t_ref;
+  drive_time_ = -1.0;
   stale_ = true;
 }
 
@@ -203,6 +202,7 @@ void Simulation::setState(const State& state) {
   history_.count = 0;
   recent_events_.fill(-1.0);
   coarse_until_ = -1.0;
+  near_ = {};
   if (!finite(state_)) {
     stop_ = StopReason::kNonFinite;
     return;
@@ -236,12 +236,19 @@ Simulation::Events Simulation::eventValues() const {
     }
     if (slot.mode == Mode::kIdle) {
       // an idle slot out of reach asks for nothing any more
-      if (touch.gap < kReach) value[1] = touch.demand + approach_;
+      if (touch.gap < leaveGap()) value[1] = touch.demand + approach_;
       if (rigid() && touch.gap_rate < -kSettledSpeed) value[0] = touch.gap + kIdleDepth;
       continue;
     }
-    value[0] = kReach - touch.gap;
-    if (!discreteFriction()) continue;
+    value[0] = leaveGap() - touch.gap;
+    if (!discreteFriction()) {
+      // the branch that friction has been on, a rounding beyond its end
+      const double limit = scenario_.contact.regularisation_speed;
+      const double beyond = touch.tangential.norm() - limit;
+      if (!scenario_.thesis.sign_flip) value[1] = touch.normal_force + pull_;
+      value[2] = 1e-9 * limit + (slot.armed ? beyond : -beyond);
+      continue;
+    }
     value[1] = touch.normal_force + pull_;
     if (slot.mode == Mode::kStick) {
       value[2] = pull_ - coneExcess(i);
@@ -385,10 +392,12 @@ void Simulation::accept(double t, const State& end, const Vector9& slope) {
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
     Slot& slot = slots_[i];
-    if (slot.mode == Mode::kSlip && touches_[i].tangential.norm() > 2.0 * slip_threshold_) {
+    if (slot.mode == Mode::kSlip && discreteFriction() &&
+        touches_[i].tangential.norm() > 2.0 * slip_threshold_) {
       slot.armed = true;
     }
-    if (slot.mode == Mode::kIdle && valid(i) && touches_[i].gap >= kReach) setMode(i, Mode::kApart);
+    if (slot.mode == Mode::kIdle && valid(i) && touches_[i].gap >= leaveGap())
+      setMode(i, Mode::kApart);
   }
   if (rigid()) project();
   startStep();
@@ -401,7 +410,7 @@ void Simulation::changeModes() {
   double handed = 0.0;  // gap of a contact that was lost
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u)) continue;
-    if (!valid(i) || touches_[i].gap >= kReach) {
+    if (!valid(i) || touches_[i].gap >= leaveGap()) {
       lost = lost || !valid(i);
       if (!valid(i) && !rigid()) handed = std::min(handed, touches_[i].gap);
       setMode(i, Mode::kApart);

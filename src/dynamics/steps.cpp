@@ -76,7 +76,8 @@ double Simulation::errorOf(const State& error) const {
 }
 
 template <class T, int I, class Slopes, class Evaluate>
-void stages(const Eigen::Matrix<double, 18, 1>& start, double h, Slopes& slopes, State& end, const Evaluate& evaluate) {
+void stages(const Eigen::Matrix<double, 18, 1>& start, double h, Slopes& slopes, State& end,
+            const Evaluate& evaluate) {
   const Eigen::Matrix<double, 18, 1> y = start + h * weighted<StageRow<T, I>>(slopes);
   end.q = y.head<9>();
   end.v = y.tail<9>();
@@ -88,6 +89,7 @@ void stages(const Eigen::Matrix<double, 18, 1>& start, double h, Slopes& slopes,
 
 template <class T>
 double Simulation::tryTableau(double h, State& end, Vector9& slope) {
+  near_ = directionsOf(state_);
   std::array<Vector18, T::kStages + 1> slopes;
   Vector18 start;
   start.head<9>() = state_.q;

@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <array>
+
 #include "assembly_cell/geometry/contact_geometry.h"
 #include "assembly_cell/scene/scenario.h"
 
@@ -60,6 +62,19 @@ struct Kinematics {
 };
 Kinematics kinematics(const State& state);
 
+/// Angle with its cosine and sine, and those of an angle near it without a library call (within
+/// 0.03 rad; exact to rounding).
+struct Direction {
+  double angle = 0.0, cosine = 1.0, sine = 0.0;
+};
+Direction directionOf(double angle);
+Direction directionNear(const Direction& base, double angle);
+using EulerDirections = std::array<Direction, 3>;  ///< of phi, theta, psi
+EulerDirections directionsOf(const State& state);
+
+/// The same, from the directions of a state near it.
+void kinematics(const State& state, const EulerDirections& near, Kinematics& k);
+
 /// Free motion: forces of coupling, carrier, weight and exciter.
 struct FreeMotion {
   Vector9 force;            ///< generalised forces f of M(q) v' = f, contacts left out
@@ -69,10 +84,14 @@ struct FreeMotion {
 };
 FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state,
                       const RestMotion& rest, const Drive& drive, double t);
+/// The same with the exciting force at hand.
+void freeMotion(const Scenario& s, const Kinematics& k, const State& state, const RestMotion& rest,
+                const Eigen::Vector2d& exciter_force, FreeMotion& m);
 
 /// v' = M(q)^-1 f.
 Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& force);
 
+double kineticEnergy(const Scenario& s, const State& state);  ///< of peg and carrier [J]
 /// Kinetic + coupling + carrier springs + weight [J].
 double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest);
 

@@ -144,6 +144,7 @@ class Simulation {
   RestMotion restAt(double t) const { return restMotion(profile_, t); }
   bool rigid() const { return scenario_.contact.law == ContactLaw::kRigid; }
   bool discreteFriction() const;
+  double leaveGap() const;
   const ContactPoint& point(std::size_t i) const {
     return (closed_ >> i & 1u ? closed_set_ : open_set_).slots[i];
   }
@@ -207,7 +208,7 @@ class Simulation {
   void accept(double t, const State& end, const Vector9& slope);
   void startStep();
   void changeModes();
-  bool flat() const;  // the peg's tilt is too small to tell its lowest point
+  bool flat() const;   // the peg's tilt is too small to tell its lowest point
   bool slips() const;  // some point has a slip to lose
   bool hiddenEvent(double h, const State& end, const Vector9& slope);
   bool storm(double t);
@@ -228,6 +229,9 @@ class Simulation {
   Drive drive_;
   RunCounts counts_;
   StopReason stop_ = StopReason::kOk;
+  EulerDirections near_;      // at the start of the step
+  double drive_time_ = -1.0;  // of drive_force_, kept for the stages at one time [s]
+  Eigen::Vector2d drive_force_ = Eigen::Vector2d::Zero();
   Vector9 slope_v_;    // v' at the present state
   bool stale_ = true;  // slope_v_, touches_ and now_ don't belong to the present state
 
