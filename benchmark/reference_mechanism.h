@@ -3,7 +3,8 @@
 // the scenario file with it and nothing else: Newton–Euler equations in fixed axes with the angular
 // velocity as state (there: Lagrange's in Euler rates), contact derivatives by Taylor arithmetic
 // (there: closed formulas), contact modes by trial and check, Fehlberg's 7(8) pair of Boost.Odeint.
-// Edge–edge contacts only; the rest pose does not move; plastic impacts.
+// Two places of contact, edge on edge unless told otherwise; the rest pose does not move; impacts
+// plastic or with Stronge's restitution, by reference_impact.h.
 #pragma once
 
 #include <Eigen/Dense>
@@ -15,6 +16,7 @@
 #include <vector>
 
 #include "assembly_cell/scene/scenario.h"
+#include "reference_impact.h"
 
 namespace assembly_cell::reference {
 
@@ -98,6 +100,10 @@ void stationary(const EdgePoint<Scalar>& e, const Scalar& r_hole, Scalar& phi, S
   slope = e.p1[0] * e.p1[0] + e.p[0] * e.p2[0] + e.rho1 * e.rho1 + (e.rho - r_hole) * e.rho2;
 }
 
+/// What meets what at a place of contact: the peg's bottom edge (first three) or its side or bottom
+/// face with the rim.
+enum class Meeting { kEdgeEdge, kEdgePlane, kEdgeWall, kRimSide, kRimFace };
+
 template <typename Real>
 class Mechanism {
  public:
@@ -108,8 +114,10 @@ class Mechanism {
   /// x (3), Euler angles (3), carrier (3), then v (3), omega in fixed axes (3), carrier rates (3)
   using State = std::array<Real, 18>;
 
-  explicit Mechanism(const Scenario& s, Real tolerance)
-      : s_(s), tolerance_(tolerance), rigid_(s.contact.law == ContactLaw::kRigid) {
+  explicit Mechanism(const Scenario& s, Real tolerance,
+                     const std::array<Meeting, 2>& places = {Meeting::kEdgeEdge,
+                                                             Meeting::kEdgeEdge})
+      : s_(s), tolerance_(tolerance), rigid_(s.contact.law == ContactLaw::kRigid), places_(places) {
     const InitialState& i = s.initial;
     const Real q[9] = {i.position.z(), i.position.x(), i.position.y(), i.euler.phi,  i.euler.theta,
                        i.euler.psi,    i.carrier_x,    i.carrier_y,    i.carrier_yaw};
@@ -224,7 +232,8 @@ class Mechanism {
   struct Contact {
     bool found = false;
     Real gap = 0, gap_rate = 0, gap_acc = 0;  // the last without contact forces
-    Vec3 r, n, v, v_t, acc;  // acc: change of v at the moving contact, without forces
+    Vec3 r = Vec3::Zero(), n = Vec3::Zero(), v = Vec3::Zero(), v_t = Vec3::Zero();
+    Vec3 acc = Vec3::Zero();  // change of v at the moving contact, without forces
   };
 
   static Mat3 eulerMatrix(const State& y) {
@@ -369,12 +378,109 @@ class Mechanism {
     return any;
   }
 
+  // The other meetings: the gap over the angle u on the circle that meets (edge or rim), half the
+  // derivative of what is least there, its slope, the point of the peg, and the normal.
+  template <typename Scalar>
+  struct Place {
+    Scalar gap, phi, slope;
+    std::array<Scalar, 3> p, n;
+  };
+  template <typename Scalar>
+  Place<Scalar> place(Meeting meeting, const std::array<Scalar, 6>& pose, const Scalar& u) const {
+    using std::cos;
+    using std::sin;
+    using std::sqrt;
+    const Real h = s_.peg.half_height, r = s_.peg.radius;
+    const Scalar R(static_cast<Real>(s_.hole.radius)), zero(Real(0)), one(Real(1));
+    Place<Scalar> out;
+    if (meeting == Meeting::kEdgePlane || meeting == Meeting::kEdgeWall) {
+      const auto e = edgePoint<Scalar, Real>(pose, u, h, r);
+      out.p = e.p;
+      if (meeting == Meeting::kEdgePlane) {
+        out.gap = e.p[0], out.phi = e.p1[0], out.slope = e.p2[0];
+        out.n = {one, zero, zero};
+      } else {
+        out.gap = R - e.rho, out.phi = zero - e.rho1, out.slope = zero - e.rho2;
+        out.n = {zero, zero - e.p[1] / e.rho, zero - e.p[2] / e.rho};
+      }
+      return out;
+    }
+    const Scalar sth = sin(pose[4]);
+    const std::array<Scalar, 3> a = {cos(pose[3]) * sth, sin(pose[3]) * sth, cos(pose[4])};
+    const std::array<Scalar, 3> H = {zero, R * cos(u), R * sin(u)};
+    const std::array<Scalar, 3> H1 = {zero, zero - H[2], H[1]};
+    std::array<Scalar, 3> w;
+    for (std::size_t i = 0; i < 3; ++i) w[i] = H[i] - pose[i] + Scalar(h) * a[i];
+    const auto dot = [](const std::array<Scalar, 3>& x, const std::array<Scalar, 3>& y) {
+      return x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+    };
+    const Scalar up = dot(w, a), up1 = dot(H1, a), up2 = zero - dot(H, a);
+    if (meeting == Meeting::kRimFace) {
+      out.gap = zero - up, out.phi = zero - up1, out.slope = zero - up2;
+      out.n = a;
+    } else {
+      const Scalar d = sqrt(dot(w, w) - up * up);
+      out.gap = d - Scalar(r), out.phi = dot(w, H1) - up * up1;
+      out.slope = dot(H1, H1) - dot(w, H) - up1 * up1 - up * up2;
+      for (std::size_t i = 0; i < 3; ++i) out.n[i] = (up * a[i] - w[i]) / d;
+    }
+    for (std::size_t i = 0; i < 3; ++i) out.p[i] = H[i] + out.gap * out.n[i];
+    return out;
+  }
+
+  // the least gap of a meeting: the nearest place to a warm start, from a scan without one
+  bool searchPlace(Meeting meeting, const std::array<Real, 6>& pose, Real& u) const {
+    const auto polish = [&](Real& at) {
+      for (int i = 0; i < 30; ++i) {
+        const auto f = place<Real>(meeting, pose, at);
+        if (!(f.slope > 0)) return false;
+        const Real step = -f.phi / f.slope;
+        if (std::abs(step) > Real(0.1)) return false;
+        at += step;
+        if (std::abs(step) < Real(1e-17)) break;
+      }
+      return true;
+    };
+    if (std::isfinite(u) && polish(u)) return true;
+    Real best = 1e3L;
+    constexpr int n = 400;
+    for (int i = 0; i < n; ++i) {
+      Real at = 2 * std::acos(Real(-1)) * i / n;
+      if (place<Real>(meeting, pose, at).gap > best || !polish(at)) continue;
+      const Real gap = place<Real>(meeting, pose, at).gap;
+      if (gap < best) best = gap, u = at;
+    }
+    return best < 1e3L;
+  }
+
+  Contact placeContact(Meeting meeting, const std::array<Taylor<Real>, 6>& moving,
+                       const std::array<Real, 6>& pose, const Kinetics& k, Real& warm) const {
+    Contact c;
+    if (!searchPlace(meeting, pose, warm)) return c;
+    using T = Taylor<Real>;
+    T u(warm);
+    for (int i = 0; i < 2; ++i) {
+      const auto f = place<T>(meeting, moving, u);
+      u = u - f.phi / f.slope;
+    }
+    const auto f = place<T>(meeting, moving, u);
+    if (std::abs(f.gap.f) > Real(0.1) * Real(s_.peg.radius)) return c;
+    c.found = true;
+    c.gap = f.gap.f, c.gap_rate = f.gap.d, c.gap_acc = f.gap.dd;
+    c.n << f.n[0].f, f.n[1].f, f.n[2].f;
+    const Vec3 p(f.p[0].f, f.p[1].f, f.p[2].f), p_dot(f.p[0].d, f.p[1].d, f.p[2].d);
+    c.r = p - k.x;
+    c.v = k.v + k.omega.cross(c.r);
+    c.v_t = c.v - c.n.dot(c.v) * c.n;
+    c.acc = k.acc + k.alpha.cross(c.r) + k.omega.cross(p_dot - k.v);
+    return c;
+  }
+
   Contact contact(int slot, const State& y, const Kinetics& k) {
     Contact c;
     std::array<Real, 6> pose;
     std::copy(y.begin(), y.begin() + 6, pose.begin());
     Real& t = warm_[static_cast<std::size_t>(slot)];
-    if (!search(slot, pose, t)) return c;
     using T = Taylor<Real>;
     std::array<T, 6> moving;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -382,6 +488,9 @@ class Mechanism {
       moving[i] = T(pose[i], k.v(j), k.acc(j));
       moving[i + 3] = T(pose[i + 3], k.rates(j), k.rates2(j));
     }
+    const Meeting meeting = places_[static_cast<std::size_t>(slot)];
+    if (meeting != Meeting::kEdgeEdge) return placeContact(meeting, moving, pose, k, t);
+    if (!search(slot, pose, t)) return c;
     const Real h = s_.peg.half_height, r = s_.peg.radius;
     const T R(static_cast<Real>(s_.hole.radius));
     T u(t);
@@ -715,12 +824,39 @@ class Mechanism {
       branch(false);
       return;
     }
-    if (closed) impact();
+    if (closed) {
+      if (s_.contact.restitution > 0) bounce();
+      impact();
+    }
     decide();
+  }
+
+  // points that bounce, the fastest first; the package's rules: slower than 1 mm/s does not
+  void bounce() {
+    for (int n = 0; n < 60; ++n) {
+      const Kinetics k = kinetics(time_, y_);
+      const std::array<Contact, 2> c = contacts(y_, k);
+      int fastest = -1;
+      Real approach = -Real(1e-3);
+      for (int i = 0; i < 2; ++i) {
+        if (mode_[i] == Mode::kOpen || !c[i].found || c[i].gap_rate >= approach) continue;
+        approach = c[i].gap_rate;
+        fastest = i;
+      }
+      if (fastest < 0) return;
+      std::array<Vec3, 2> P{Vec3::Zero(), Vec3::Zero()};
+      const Contact& hit = c[fastest];
+      P[fastest] = strongeImpact<Real>(influence(k, hit.r, hit.r), hit.v, hit.n,
+                                       s_.friction.sliding_coefficient,
+                                       s_.friction.static_coefficient, s_.contact.restitution)
+                       .impulse;
+      kick(k, c, P);
+    }
   }
 
   void kick(const Kinetics& k, const std::array<Contact, 2>& c, const std::array<Vec3, 2>& P) {
     for (int i = 0; i < 2; ++i) {
+      if (!c[i].found) continue;
       const Vec3 dv = P[i] / Real(s_.peg.mass), dw = k.J_inverse * c[i].r.cross(P[i]);
       for (std::size_t j = 0; j < 3; ++j) {
         y_[9 + j] += dv(static_cast<Eigen::Index>(j));
@@ -1031,6 +1167,7 @@ class Mechanism {
   Scenario s_;
   Real tolerance_;
   bool rigid_;
+  std::array<Meeting, 2> places_;
   State y_{};
   Real time_ = 0, step_ = Real(1e-7);
   std::array<Mode, 2> mode_{Mode::kOpen, Mode::kOpen};

@@ -17,9 +17,10 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy
 
-STYLES = {"dopri5": ("#2a6f97", "o-"), "dop853": ("#d1495b", "s-"), "rk4": ("#2a9d8f", "^-"), "hamming": ("#f4a261", "v-"),
+STYLES = {"dopri5": ("#2a6f97", "o-"), "dop853": ("#d1495b", "s-"), "hamming": ("#e76f51", "P-"), "rk4, fixed": ("#2a9d8f", "^-"),
+          "hamming, fixed": ("#f4a261", "v-"),
           "odeint dopri5": ("#2a6f97", "o:"), "odeint rkf78": ("#7b2d8b", "D:")}
-ADAPTIVE = ("dopri5", "dop853", "odeint dopri5", "odeint rkf78")
+ADAPTIVE = ("dopri5", "dop853", "hamming", "odeint dopri5", "odeint rkf78")
 CEILING = 1e-2  # errors above, and failed runs, stand here [m]
 FLOOR = 1e-14   # rounding: positions of 0.05 m, some digits lost [m]
 
@@ -73,7 +74,7 @@ def grid(panels, x, label, path):
 
 
 def slope(rows, x):
-    kept = [r for r in rows if good(r) and r["error"] > FLOOR]
+    kept = [r for r in rows if good(r) and r["error"] > FLOOR and r[x] > 0]
     if len(kept) < 3:
         return math.nan
     return numpy.polyfit(numpy.log10([r[x] for r in kept]), numpy.log10([r["error"] for r in kept]), 1)[0]

@@ -5,8 +5,8 @@
 
 #include "assembly_cell/dynamics/simulation.h"
 #include "contact_algebra.h"
+#include "energetic_impact.h"
 #include "limits.h"
-#include "stronge.h"
 
 namespace assembly_cell {
 namespace {
@@ -74,7 +74,7 @@ void Simulation::restitutionImpacts() {
   }
 }
 
-// of one point's impact
+// One point's impact with Stronge's energetic coefficient.
 Vec3 Simulation::restitutionImpulse(std::size_t i) const {
   const Touch& touch = touches_[i];
   const Body body = this->body();
@@ -82,8 +82,9 @@ Vec3 Simulation::restitutionImpulse(std::size_t i) const {
   for (int axis = 0; axis < 3; ++axis) {
     W.col(axis) = response(body, touch.r, touch.r, Vec3::Unit(axis));
   }
-  return strongeImpulse(W, point(i).normal, touch.velocity, scenario_.friction,
-                        scenario_.contact.restitution);
+  return energeticImpulse(W, point(i).normal, touch.velocity,
+                          scenario_.friction.sliding_coefficient,
+                          scenario_.friction.static_coefficient, scenario_.contact.restitution);
 }
 
 // No point approaches afterwards, impulses only push, Coulomb's law with the sliding coefficient on

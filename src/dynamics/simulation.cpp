@@ -583,13 +583,13 @@ void Simulation::lengthen(double h, double error, bool last, double t_end) {
   next_step_ = h * std::clamp(0.9 * std::pow(std::max(error, 1e-10), -1.0 / order), 0.2, 5.0);
 }
 
-StopReason Simulation::advance(double t_end) {
+StopReason Simulation::advance(double t_end, std::int64_t attempts) {
   if (stop_ != StopReason::kOk) return stop_;
   // forces jump with the commands: decide anew who slips
   if (stale_ && !(rigid() && time_ < coarse_until_)) decide();
   State end;
   Vector9 slope;
-  while (time_ < t_end && stop_ == StopReason::kOk) {
+  while (time_ < t_end && stop_ == StopReason::kOk && attempts-- > 0) {
     bool last = false;
     const bool coarse = time_ < coarse_until_;
     double h = planStep(t_end, last);

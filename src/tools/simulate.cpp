@@ -49,6 +49,7 @@ Example: simulate config/scenarios/impact.yaml --set contact.rate=1000 --output 
 
 constexpr long kDefaultRows = 201;
 constexpr long kMostRows = 10000000;
+constexpr long kStepsBetweenLooks = 10000;  // steps after which the clock is looked at
 
 struct Options {
   std::string scenario;
@@ -258,11 +259,14 @@ class CsvFile {
 // A line on standard error once a second, from the third second on.
 class Progress {
  public:
-  void show(double time, double duration) {
+  void show(const Simulation& simulation) {
     const Clock::time_point now = Clock::now();
     if (now - start_ < std::chrono::seconds(2) || now - last_ < std::chrono::seconds(1)) return;
     last_ = now;
-    std::cerr << "simulate: " << shown(time) << " s of " << shown(duration) << " s" << std::endl;
+    const double duration = simulation.scenario().duration;
+    std::cerr << "simulate: " << shown(simulation.time()) << " s of " << shown(duration) << " s, "
+              << simulation.counts().steps << " steps, " << simulation.counts().events << " events"
+              << std::endl;
   }
 
  private:
@@ -312,14 +316,17 @@ int run(const Options& options) {
   const auto writeRow = [&] {
     last_row = simulation.time();
     if (csv) csv->write(rowOf(simulation));
-    progress.show(simulation.time(), scenario.duration);
   };
   // wall time is that of the simulation, without the rows
   double wall_time = 0.0;
   const auto advance = [&](double time) {
-    const Clock::time_point start = Clock::now();
-    const StopReason reason = simulation.advance(time);
-    wall_time += std::chrono::duration<double>(Clock::now() - start).count();
+    StopReason reason = StopReason::kOk;
+    do {
+      const Clock::time_point start = Clock::now();
+      reason = simulation.advance(time, kStepsBetweenLooks);
+      wall_time += std::chrono::duration<double>(Clock::now() - start).count();
+      progress.show(simulation);
+    } while (reason == StopReason::kOk && simulation.time() < time);
     return reason;
   };
   StopReason reason = StopReason::kOk;

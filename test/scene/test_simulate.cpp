@@ -260,6 +260,19 @@ TEST_F(Simulate, OutputReplacesAFileOnlyAfterTheRun) {
   EXPECT_EQ(files(), 4u) << "no temporary file stays behind";
 }
 
+// Progress shows on long runs between the rows too, on standard error, without touching the result.
+TEST_F(Simulate, LongRunsTellTheirProgress) {
+  const std::string command = "timeout 4 '" ASSEMBLY_CELL_BIN_DIR "/simulate' " + kScenarios +
+                              "impact.yaml --set duration=1e6 --rows 2 > '" + path("out") +
+                              "' 2> '" + path("err") + "'";
+  EXPECT_NE(std::system(command.c_str()), 0);
+  const std::string said = textOf(path("err"));
+  EXPECT_EQ(said.rfind("simulate: ", 0), 0u) << said;
+  EXPECT_NE(said.find(" s of 1.0e+06 s"), std::string::npos) << said;
+  EXPECT_TRUE(textOf(path("out")).empty());
+  EXPECT_TRUE(run(kScenarios + "impact.yaml").err.empty()) << "short runs say nothing";
+}
+
 // A full device is noticed: the run is not reported as written.
 TEST_F(Simulate, AFullDiskIsAnError) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "assembly_cell/dynamics/model.h"
@@ -67,8 +68,10 @@ class Simulation {
   const RunCounts& counts() const { return counts_; }
   StopReason stopReason() const { return stop_; }
 
-  /// Integrates to exactly t_end, or stops earlier with a reason. Returns stopReason().
-  StopReason advance(double t_end);
+  /// Integrates to exactly t_end, or stops earlier with a reason. Returns stopReason(). Comes back
+  /// after so many `attempts` at a step, time() before t_end: the next call goes on, same bits.
+  StopReason advance(double t_end,
+                     std::int64_t attempts = std::numeric_limits<std::int64_t>::max());
 
   /// From now on move the rest pose to `target` along a C² profile within the carrier's limits.
   void setRestTarget(const RestPose& target);
