@@ -7,6 +7,13 @@
 #include "assembly_cell/locus/contact_model.h"
 
 namespace assembly_cell {
+namespace {
+
+// A peg wedged in the hole that creeps takes millions of steps a second: a run may have so many in
+// all and so many more for each second of it [1/s], several times what an alignment needs.
+constexpr double kMostSteps = 3e6, kMostStepsPerSecond = 1e5;
+
+}  // namespace
 
 SimulatedPlant::SimulatedPlant(const Scenario& scenario, const CellParameters& parameters)
     : scenario_(scenario),
@@ -38,6 +45,10 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   const StopReason reason = cell_.next(block_);
   if (reason != StopReason::kOk) {
     throw PlantError(std::string("simulation stopped: ") + toString(reason));
+  }
+  const auto steps = static_cast<double>(simulation.counts().steps);
+  if (steps > kMostSteps + kMostStepsPerSecond * simulation.time()) {
+    throw PlantError("simulation stopped: too_many_steps");
   }
 
   PlantBlock out;
