@@ -58,18 +58,18 @@ def measure(tool, strategy, runs, seed, options):
 def plot(rows, folder):
     figure, axes = plt.subplots(3, len(STUDIES), figsize=(4 * len(STUDIES), 9), squeeze=False)
     for column, (name, unit, _, _) in enumerate(STUDIES):
-        for strategy, marker in zip(STRATEGIES, "os"):
+        for strategy, marker, colour in zip(STRATEGIES, "os", ("C0", "C1")):
             mine = [r for r in rows if r["study"] == name and r["strategy"] == strategy]
             x = [r["value"] for r in mine]
             share = [r["succeeded"] / r["runs"] for r in mine]
             axes[0][column].errorbar(x, share, [[s - r["success_low"] for s, r in zip(share, mine)],
                                                 [r["success_high"] - s for s, r in zip(share, mine)]],
-                                     fmt=marker + "-", ms=4, capsize=2, label=strategy)
+                                     fmt=marker + "-", color=colour, ms=4, capsize=2, label=strategy)
             for part, line in (("median", "-"), ("p95", ":")):
                 known = [r for r in mine if r[f"offset_{part}"] != ""]
                 axes[1][column].plot([r["value"] for r in known], [r[f"offset_{part}"] * 1e3 for r in known],
-                                     marker + line, ms=4, label=f"{strategy}, {part}")
-            axes[2][column].plot(x, [r["time_median"] for r in mine], marker + "-", ms=4, label=strategy)
+                                     marker + line, color=colour, ms=4, label=f"{strategy}, {part}")
+            axes[2][column].plot(x, [r["time_median"] for r in mine], marker + "-", color=colour, ms=4, label=strategy)
         axes[0][column].set(title=f"{name} [{unit}]", ylim=(0, 1.05))
         axes[1][column].set(yscale="log")
         axes[2][column].set(xlabel=f"{name} [{unit}]", ylim=(0, None))
