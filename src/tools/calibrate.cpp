@@ -468,10 +468,12 @@ int main(int argc, char** argv) {
     if (!arguments.empty() && arguments[0] == "payload") {
       return assembly_cell::payloadCommand(argc - 1, argv + 1);
     }
-    if (arguments.empty() || arguments[0] == "--help" ||
-        (arguments.size() > 1 && arguments[1] == "--help")) {
-      (arguments.empty() ? std::cerr : std::cout) << kHelp;
-      return arguments.empty() ? 2 : 0;
+    if (arguments.empty()) {
+      throw InputError("command missing: give plan, solve, check or payload, see --help");
+    }
+    if (arguments[0] == "--help" || (arguments.size() > 1 && arguments[1] == "--help")) {
+      std::cout << kHelp;
+      return 0;
     }
     const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
     if (arguments[0] == "plan") return plan(rest);

@@ -113,8 +113,10 @@ TEST_F(Calibrate, BadInputEndsWithTwoAndOneLine) {
         "solve a b", "plan recommended --bits 12", "plan recommended --bits", "solve x --what"}) {
     EXPECT_EQ(run(arguments).code, 2) << arguments << "\n" << run(arguments).text;
   }
-  const Result none = run("solve none.yaml");
-  EXPECT_EQ(std::count(none.text.begin(), none.text.end(), '\n'), 1) << none.text;
+  for (const char* arguments : {"", "solve none.yaml"}) {
+    const std::string text = run(arguments).text;
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
+  }
   EXPECT_EQ(run("--help").code, 0);
 }
 
