@@ -70,6 +70,7 @@ AlignTrial tryAlignment(const Scenario& start, const Scenario& mechanism,
     trial.result = align(judge, mechanism, parameters, progress);
   } catch (const PlantError& error) {
     trial.result.reason = error.what();
+    trial.result.time = plant.truth().time();
   }
   const Pose X_start = judge.startPose(trial.result);
   trial.true_offset = -X_start.p.head<2>();

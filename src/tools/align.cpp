@@ -28,6 +28,7 @@ using assembly_cell::CellParameters;
 using assembly_cell::InputError;
 using assembly_cell::Scenario;
 using assembly_cell::yamlNumber;
+using assembly_cell::yamlQuoted;
 using Clock = std::chrono::steady_clock;
 using Eigen::Vector2d;
 
@@ -154,15 +155,6 @@ Run runOnce(const Options& o, const Scenario& scenario, std::uint64_t seed,
   return run;
 }
 
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += c;
-  }
-  return out + "\"";
-}
-
 std::string pair(const Vector2d& v) {
   return "[" + yamlNumber(v.x()) + ", " + yamlNumber(v.y()) + "]";
 }
@@ -215,7 +207,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
   for (const auto& [seed, trial, wall_time] : runs) {
     out << "  - seed: " << seed << "\n"
         << "    success: " << (trial.success ? "true" : "false") << "\n"
-        << "    reason: " << quoted(trial.result.reason) << "\n"
+        << "    reason: " << yamlQuoted(trial.result.reason) << "\n"
         << "    true_offset: " << pair(trial.true_offset) << "\n"
         << "    estimated_offset: " << (trial.result.known ? pair(trial.result.offset) : "null")
         << "\n"
