@@ -51,7 +51,7 @@ Under mpirun the ranks share the runs; results do not depend on threads and rank
 Exit code: 0 complete, 2 bad input, 130 or 143 ended by a signal (what is done is kept).
 
 Example: study config/studies/exciting_force.yaml
-         mpirun -n 4 study config/studies/success_map.yaml --output map
+         mpirun -n 4 study config/studies/success_misalignment.yaml --output map
 )";
 
 std::atomic<bool> stop_requested{false};
