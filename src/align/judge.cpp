@@ -4,6 +4,8 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "assembly_cell/align/outcome.h"
+
 namespace assembly_cell {
 namespace {
 
@@ -56,6 +58,34 @@ std::optional<double> Judge::directionError(const DirectionReading& reading) con
   }
   if (n < kFewest) return {};
   return Eigen::Vector3d(A.ldlt().solve(b)).x();
+}
+
+AlignTrial tryAlignment(const Scenario& start, const Scenario& mechanism,
+                        const CellParameters& cell, const AlignParameters& parameters,
+                        const std::function<void(const AlignProgress&)>& progress) {
+  SimulatedPlant plant(start, cell);
+  Judge judge(plant);
+  AlignTrial trial;
+  try {
+    trial.result = align(judge, mechanism, parameters, progress);
+  } catch (const PlantError& error) {
+    trial.result.reason = error.what();
+    trial.result.time = plant.truth().time();
+  }
+  const Pose X_start = judge.startPose(trial.result);
+  trial.true_offset = -X_start.p.head<2>();
+  trial.true_tilt = tiltOf(X_start);
+  for (const DirectionReading& reading : trial.result.readings) {
+    const auto error = judge.directionError(reading);
+    if (error) trial.direction_errors.push_back(std::abs(*error));
+  }
+  trial.X_HP = plant.truth().pegPose();
+  trial.success =
+      trial.result.success && edgeInside(trial.X_HP, start.peg.radius, start.hole.radius);
+  if (trial.result.success && !trial.success) {
+    trial.result.reason = "edge_outside: not inside the hole";
+  }
+  return trial;
 }
 
 }  // namespace assembly_cell

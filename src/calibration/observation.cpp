@@ -41,12 +41,6 @@ std::string list(const Eigen::MatrixBase<Derived>& m) {
   return out + "]";
 }
 
-std::string quoted(const std::string& text) {
-  YAML::Emitter out;
-  out << YAML::DoubleQuoted << text;
-  return out.c_str();
-}
-
 std::string readingText(const Reading& r) {
   const Vector6 diagonal = r.covariance.diagonal();
   const bool independent = r.covariance == Matrix6(diagonal.asDiagonal());
@@ -650,7 +644,7 @@ void checkObservation(const Observation& o, const ObservationSet& set, const std
 
 std::string observationLine(const Observation& o) {
   std::string out = std::string("- {kind: ") + toString(o.kind);
-  if (!o.id.empty()) out += ", id: " + quoted(o.id);
+  if (!o.id.empty()) out += ", id: " + yamlQuoted(o.id);
   out += ", stamp: " + yamlNumber(o.stamp);
   if (o.kind != ObservationKind::kUnloaded && o.kind != ObservationKind::kReacting) {
     out += std::string(", sensor: ") + toString(o.side);
@@ -693,7 +687,7 @@ std::string observationLine(const Observation& o) {
 
 std::string observationHeader(const ObservationSet& set) {
   const auto sensor = [](const SensorDescription& s) {
-    return "{serial_number: " + quoted(s.serial_number) + ", bits: " + std::to_string(s.bits) +
+    return "{serial_number: " + yamlQuoted(s.serial_number) + ", bits: " + std::to_string(s.bits) +
            ", full_scale: " + yamlNumber(s.full_scale) + ", noise: " + yamlNumber(s.noise) +
            ",\n  nominal: " + list(s.nominal) + "}\n";
   };

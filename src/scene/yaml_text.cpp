@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/scene/yaml_text.h"
 
+#include <yaml-cpp/yaml.h>
+
 #include <charconv>
 #include <cmath>
 #include <system_error>
@@ -28,6 +30,12 @@ std::string yamlNumber(double value) {
     number.insert(exponent == std::string::npos ? number.size() : exponent, ".0");
   }
   return number;
+}
+
+std::string yamlQuoted(const std::string& text) {
+  YAML::Emitter out;
+  out << YAML::DoubleQuoted << text;
+  return out.c_str();
 }
 
 bool parseNumber(const std::string& text, double& value) {

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/scene/yaml_text.h"
 
 namespace assembly_cell {
 
@@ -75,12 +76,6 @@ std::string list(const Vector6& v) { return list(v.data(), 1, 6, ""); }
 bool printable(const std::string& text) {
   return std::all_of(text.begin(), text.end(),
                      [](unsigned char c) { return c >= 0x20 && c != 0x7f; });
-}
-
-std::string quoted(const std::string& text) {
-  YAML::Emitter out;
-  out << YAML::DoubleQuoted << text;
-  return out.c_str();
 }
 
 std::vector<double> numbers(const YAML::Node& node, std::size_t size, const std::string& where) {
@@ -200,7 +195,7 @@ std::string extensions(const Calibration& c) {
   if (known(c.wrench_fit)) out += "wrench_fit: " + statistics(c.wrench_fit);
   if (known(c.displacement_fit)) out += "displacement_fit: " + statistics(c.displacement_fit);
   if (!c.observations_digest.empty())
-    out += "observations: " + quoted(c.observations_digest) + "\n";
+    out += "observations: " + yamlQuoted(c.observations_digest) + "\n";
   if (c.wrench_covariance.size() > 0) {
     out += "wrench_covariance:      # of the coefficients, row after row" +
            matrix(c.wrench_covariance);
@@ -452,9 +447,9 @@ void saveCalibration(const Calibration& c, const std::string& path) {
   out << "# wrench = volts_to_wrench (volts - zero_volts), force before torque, sensor frame\n"
       << "# displacement = volts_to_displacement (volts - zero_volts), x y z, rotation vector\n"
       << "format: " << (more.empty() ? kFormat : kExtendedFormat) << "\n"
-      << "id: " << quoted(c.id) << "\n"
-      << "serial_number: " << quoted(c.serial_number) << "\n"
-      << "date: " << quoted(c.date) << "\n"
+      << "id: " << yamlQuoted(c.id) << "\n"
+      << "serial_number: " << yamlQuoted(c.serial_number) << "\n"
+      << "date: " << yamlQuoted(c.date) << "\n"
       << "volts_to_wrench:        # [N/V], [N m/V], row after row" << matrix(c.volts_to_wrench)
       << "volts_to_displacement:  # [m/V], [rad/V]; zero where the sensor is rigid"
       << matrix(c.volts_to_displacement) << "zero_volts: " << list(c.zero_volts)

@@ -66,15 +66,6 @@ std::string madeFolder(const std::string& folder) {
   return folder;
 }
 
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += c;
-  }
-  return out + "\"";
-}
-
 }  // namespace
 
 StudyLedger::StudyLedger(const Study& study, const std::string& folder, bool fresh)
@@ -218,13 +209,14 @@ std::map<std::string, std::int64_t> StudyLedger::finish() {
 
 void StudyLedger::writeManifest(const std::map<std::string, std::int64_t>* statuses) const {
   std::ostringstream out;
-  out << "study: " << quoted(study_.name) << "\n"
-      << "program: " << quoted(studyProgram()) << "\n"
+  out << "study: " << yamlQuoted(study_.name) << "\n"
+      << "program: " << yamlQuoted(studyProgram()) << "\n"
       << "digest: \"" << study_.digest << "\"  # of study and scenarios\n"
       << "job: " << (study_.job.kind == StudyJob::Kind::kAlign ? "align" : "simulate") << "\n"
       << "scenarios:\n";
   for (std::size_t i = 0; i < study_.scenarios.size(); ++i) {
-    out << "  - {file: " << quoted(std::filesystem::path(study_.scenarios[i]).filename().string())
+    out << "  - {file: "
+        << yamlQuoted(std::filesystem::path(study_.scenarios[i]).filename().string())
         << ", digest: \"" << study_.digests[i] << "\"}\n";
   }
   out << "seed: " << study_.seed << "  # a run's own seed is in its row\n"
@@ -232,14 +224,14 @@ void StudyLedger::writeManifest(const std::map<std::string, std::int64_t>* statu
       << "paired: " << (study_.paired ? "true" : "false") << "\n"
       << "axes: [";
   for (std::size_t i = 0; i < study_.axes.size(); ++i) {
-    out << (i == 0 ? "" : ", ") << quoted(study_.axes[i].name);
+    out << (i == 0 ? "" : ", ") << yamlQuoted(study_.axes[i].name);
   }
   out << "]\n"
       << "columns: [";
   std::string separator;
   const std::string header = resultsHeader(study_);
   for (const std::string_view name : csvCells(header)) {
-    out << separator << quoted(std::string(name));
+    out << separator << yamlQuoted(std::string(name));
     separator = ", ";
   }
   out << "]  # SI units\n"
@@ -249,7 +241,7 @@ void StudyLedger::writeManifest(const std::map<std::string, std::int64_t>* statu
         << "statuses: {";
     separator.clear();
     for (const auto& [name, count] : *statuses) {
-      out << separator << quoted(name) << ": " << count;
+      out << separator << yamlQuoted(name) << ": " << count;
       separator = ", ";
     }
     out << "}\n";

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "assembly_cell/align/judge.h"
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/simulated_plant.h"
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/scene/csv_text.h"
 #include "assembly_cell/scene/input_error.h"
@@ -213,40 +213,30 @@ void simulateRun(const Scenario& scenario, const StudyJob& job, std::int64_t run
 
 void alignRun(const Scenario& scenario, const Scenario& mechanism, const StudyJob& job,
               Result& result) {
-  SimulatedPlant plant(scenario, job.cell);
-  // the truth that estimates refer to: the peg hanging at rest, before its first move
-  Vector2d true_offset(0, 0), true_tilt(0, 0);
-  const auto watch = [&](const AlignProgress& now) {
-    if (now.state != "tare") return;
-    const Pose X_start = plant.truth().pegPose();
-    true_offset = -X_start.p.head<2>();
-    true_tilt = tiltOf(X_start);
-  };
-  AlignResult aligned;
-  try {
-    aligned = align(plant, mechanism, job.align, watch);
-  } catch (const PlantError& e) {
-    aligned.reason = e.what();
-  }
-  const Pose X_end = plant.truth().pegPose();
-  result.assembled =
-      aligned.success && edgeInside(X_end, scenario.peg.radius, scenario.hole.radius);
-  if (aligned.success && !result.assembled) aligned.reason = "edge_outside: not inside the hole";
+  const AlignTrial trial = tryAlignment(scenario, mechanism, job.cell, job.align);
+  const AlignResult& aligned = trial.result;
+  result.assembled = trial.success;
   result.failed = !result.assembled;
   result.status = aligned.reason.substr(0, aligned.reason.find(':'));
   result.reason = result.assembled ? "" : aligned.reason;
   result.set("assembled", result.assembled);
   if (result.assembled) result.set("time_to_assemble", aligned.time);
   result.set("stopped_at", aligned.time);
-  result.set("final_offset", X_end.p.head<2>().norm());
-  result.set("final_tilt", tiltOf(X_end).norm());
-  result.set("start_offset", true_offset.norm());
-  result.set("start_tilt", true_tilt.norm());
+  result.set("final_offset", trial.X_HP.p.head<2>().norm());
+  result.set("final_tilt", tiltOf(trial.X_HP).norm());
+  result.set("start_offset", trial.true_offset.norm());
+  result.set("start_tilt", trial.true_tilt.norm());
   if (aligned.known) {
-    result.set("offset_error", (aligned.offset - true_offset).norm());
-    result.set("tilt_error", (aligned.tilt - true_tilt).norm());
+    result.set("offset_error", (aligned.offset - trial.true_offset).norm());
+    result.set("tilt_error", (aligned.tilt - trial.true_tilt).norm());
     result.set("offset_sd", std::sqrt(std::max(0.0, aligned.offset_covariance.trace())));
     result.set("tilt_sd", aligned.tilt_sd);
+  }
+  if (!trial.direction_errors.empty()) {
+    double sum = 0.0;
+    for (const double error : trial.direction_errors) sum += error * error;
+    result.set("direction_error",
+               std::sqrt(sum / static_cast<double>(trial.direction_errors.size())));
   }
   result.set("contacts", static_cast<std::int64_t>(aligned.contacts));
 }
@@ -259,10 +249,10 @@ const std::vector<std::string>& outcomeNames(StudyJob::Kind kind) {
       "final_tilt",  "final_distance", "final_x",          "final_y",      "final_z",
       "final_theta", "final_psi",      "peak_force",       "mode_changes", "modes",
       "events",      "impacts",        "evaluations"};
-  static const std::vector<std::string> align = {"stopped_at",   "assembled",    "time_to_assemble",
-                                                 "final_offset", "final_tilt",   "start_offset",
-                                                 "start_tilt",   "offset_error", "tilt_error",
-                                                 "offset_sd",    "tilt_sd",      "contacts"};
+  static const std::vector<std::string> align = {
+      "stopped_at",   "assembled",       "time_to_assemble", "final_offset", "final_tilt",
+      "start_offset", "start_tilt",      "offset_error",     "tilt_error",   "offset_sd",
+      "tilt_sd",      "direction_error", "contacts"};
   return kind == StudyJob::Kind::kAlign ? align : simulate;
 }
 

@@ -13,23 +13,22 @@
 #include <thread>
 #include <vector>
 
-#include "assembly_cell/align/align.h"
 #include "assembly_cell/align/judge.h"
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/simulated_plant.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/study/share.h"
 
 namespace {
 
 using assembly_cell::AlignParameters;
 using assembly_cell::AlignProgress;
-using assembly_cell::AlignResult;
+using assembly_cell::AlignTrial;
 using assembly_cell::CellParameters;
 using assembly_cell::InputError;
-using assembly_cell::Pose;
 using assembly_cell::Scenario;
 using assembly_cell::yamlNumber;
+using assembly_cell::yamlQuoted;
 using Clock = std::chrono::steady_clock;
 using Eigen::Vector2d;
 
@@ -128,11 +127,8 @@ Options parseOptions(const std::vector<std::string>& arguments) {
 
 struct Run {
   std::uint64_t seed = 0;
-  AlignResult result;
-  bool success = false;  // the strategy says so and the truth agrees
-  Vector2d true_offset{0, 0}, true_tilt{0, 0};
-  double final_offset = 0.0, wall_time = 0.0;
-  std::vector<double> direction_errors;  // of its readings [rad]
+  AlignTrial trial;
+  double wall_time = 0.0;
 };
 
 Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed) {
@@ -150,40 +146,13 @@ Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed)
 Run runOnce(const Options& o, const Scenario& scenario, std::uint64_t seed,
             const std::function<void(const AlignProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
-  Run run;
-  run.seed = seed;
   CellParameters cell = o.cell;
   cell.seed = seed;
-  assembly_cell::SimulatedPlant plant(startOf(o, scenario, seed), cell);
-  assembly_cell::Judge judge(plant);
-  try {
-    run.result = assembly_cell::align(judge, scenario, o.align, progress);
-  } catch (const assembly_cell::PlantError& error) {
-    run.result.reason = error.what();
-  }
-  const Pose X_start = judge.startPose(run.result);
-  run.true_offset = -X_start.p.head<2>();
-  run.true_tilt = assembly_cell::tiltOf(X_start);
-  for (const assembly_cell::DirectionReading& reading : run.result.readings) {
-    const auto error = judge.directionError(reading);
-    if (error) run.direction_errors.push_back(std::abs(*error));
-  }
-  const Pose X_end = plant.truth().pegPose();
-  run.final_offset = X_end.p.head<2>().norm();
-  run.success = run.result.success &&
-                assembly_cell::edgeInside(X_end, scenario.peg.radius, scenario.hole.radius);
-  if (run.result.success && !run.success) run.result.reason = "edge_outside: not inside the hole";
+  Run run;
+  run.seed = seed;
+  run.trial = tryAlignment(startOf(o, scenario, seed), scenario, cell, o.align, progress);
   run.wall_time = std::chrono::duration<double>(Clock::now() - start).count();
   return run;
-}
-
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += c;
-  }
-  return out + "\"";
 }
 
 std::string pair(const Vector2d& v) {
@@ -210,28 +179,24 @@ std::string spread(std::vector<double> values) {
 
 std::string yaml(const std::vector<Run>& runs, const Options& o) {
   std::ostringstream out;
-  // success rate with the Wilson interval
-  const auto n = static_cast<double>(runs.size());
-  const auto good = static_cast<double>(
-      std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.success; }));
-  const double p = good / n, z = 1.959963984540054;
-  const double middle = (p + z * z / (2 * n)) / (1 + z * z / n);
-  const double half = z / (1 + z * z / n) * std::sqrt(p * (1 - p) / n + z * z / (4 * n * n));
+  const auto good =
+      std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.trial.success; });
+  const assembly_cell::ShareInterval share =
+      assembly_cell::shareInterval(good, static_cast<std::int64_t>(runs.size()));
   std::vector<double> offset, tilt, simulated, wall, direction;
-  for (const Run& r : runs) {
-    simulated.push_back(r.result.time);
-    wall.push_back(r.wall_time);
-    direction.insert(direction.end(), r.direction_errors.begin(), r.direction_errors.end());
-    if (!r.result.known) continue;
-    offset.push_back((r.result.offset - r.true_offset).norm());
-    tilt.push_back((r.result.tilt - r.true_tilt).norm());
+  for (const auto& [seed, trial, wall_time] : runs) {
+    simulated.push_back(trial.result.time);
+    wall.push_back(wall_time);
+    direction.insert(direction.end(), trial.direction_errors.begin(), trial.direction_errors.end());
+    if (!trial.result.known) continue;
+    offset.push_back((trial.result.offset - trial.true_offset).norm());
+    tilt.push_back((trial.result.tilt - trial.true_tilt).norm());
   }
   out << "strategy: " << o.align.strategy << "\n"
       << "runs: " << runs.size() << "\n"
-      << "succeeded: " << static_cast<long>(good) << "\n"
-      << "success_rate: " << yamlNumber(p) << "\n"
-      << "success_interval: [" << yamlNumber(std::max(0.0, middle - half)) << ", "
-      << yamlNumber(std::min(1.0, middle + half)) << "]\n"
+      << "succeeded: " << good << "\n"
+      << "success_rate: " << yamlNumber(share.share) << "\n"
+      << "success_interval: [" << yamlNumber(share.low) << ", " << yamlNumber(share.high) << "]\n"
       << "offset_error: " << spread(offset) << "\n"
       << "tilt_error: " << spread(tilt) << "\n"
       << "direction_error_rms: " << rms(direction) << "\n"
@@ -239,19 +204,20 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       << "simulated_time: " << spread(simulated) << "\n"
       << "wall_time: " << spread(wall) << "\n"
       << "results:\n";
-  for (const Run& r : runs) {
-    out << "  - seed: " << r.seed << "\n"
-        << "    success: " << (r.success ? "true" : "false") << "\n"
-        << "    reason: " << quoted(r.result.reason) << "\n"
-        << "    true_offset: " << pair(r.true_offset) << "\n"
-        << "    estimated_offset: " << (r.result.known ? pair(r.result.offset) : "null") << "\n"
-        << "    true_tilt: " << pair(r.true_tilt) << "\n"
-        << "    estimated_tilt: " << (r.result.known ? pair(r.result.tilt) : "null") << "\n"
-        << "    final_offset: " << yamlNumber(r.final_offset) << "\n"
-        << "    direction_error_rms: " << rms(r.direction_errors) << "\n"
-        << "    contacts: " << r.result.contacts << "\n"
-        << "    simulated_time: " << yamlNumber(r.result.time) << "\n"
-        << "    wall_time: " << yamlNumber(r.wall_time) << "\n";
+  for (const auto& [seed, trial, wall_time] : runs) {
+    out << "  - seed: " << seed << "\n"
+        << "    success: " << (trial.success ? "true" : "false") << "\n"
+        << "    reason: " << yamlQuoted(trial.result.reason) << "\n"
+        << "    true_offset: " << pair(trial.true_offset) << "\n"
+        << "    estimated_offset: " << (trial.result.known ? pair(trial.result.offset) : "null")
+        << "\n"
+        << "    true_tilt: " << pair(trial.true_tilt) << "\n"
+        << "    estimated_tilt: " << (trial.result.known ? pair(trial.result.tilt) : "null") << "\n"
+        << "    final_offset: " << yamlNumber(trial.X_HP.p.head<2>().norm()) << "\n"
+        << "    direction_error_rms: " << rms(trial.direction_errors) << "\n"
+        << "    contacts: " << trial.result.contacts << "\n"
+        << "    simulated_time: " << yamlNumber(trial.result.time) << "\n"
+        << "    wall_time: " << yamlNumber(wall_time) << "\n";
   }
   return out.str();
 }
@@ -290,7 +256,7 @@ int run(const Options& o) {
       ++done;
       if (o.runs > 1) {
         std::cerr << "align: " << done << " of " << o.runs << ", seed " << runs[i].seed << ": "
-                  << runs[i].result.reason << "\n";
+                  << runs[i].trial.result.reason << "\n";
       }
     }
   };
@@ -307,7 +273,8 @@ int run(const Options& o) {
     file.close();
     if (!file) throw InputError("--report: value " + o.report + ": writing failed");
   }
-  return std::all_of(runs.begin(), runs.end(), [](const Run& r) { return r.success; }) ? 0 : 1;
+  return std::all_of(runs.begin(), runs.end(), [](const Run& r) { return r.trial.success; }) ? 0
+                                                                                             : 1;
 }
 
 }  // namespace

@@ -137,15 +137,6 @@ std::string list(const Eigen::VectorXd& v) {
   return out + "]";
 }
 
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += c;
-  }
-  return out + "\"";
-}
-
 void line(const std::string& key, const std::string& value) {
   std::cout << key << ": " << value << "\n";
 }
@@ -169,21 +160,21 @@ void printGates(const std::vector<Gate>& gates, const std::string& indent = "") 
                   : gate.verdict == Verdict::kWarn ? "warn"
                                                    : "refuse")
               << ", value: " << yamlNumber(gate.value) << ", limit: " << yamlNumber(gate.limit);
-    if (!gate.text.empty()) std::cout << ", text: " << quoted(gate.text);
+    if (!gate.text.empty()) std::cout << ", text: " << yamlQuoted(gate.text);
     std::cout << "}\n";
   }
 }
 
 void printForce(const ForceSolution& s, bool matrices) {
   line("accepted", s.accepted ? "true" : "false");
-  line("message", quoted(s.message));
+  line("message", yamlQuoted(s.message));
   line("model", s.quadratic ? "quadratic" : "linear");
   line("rank", std::to_string(s.rank));
   line("unknowns", std::to_string(s.unknowns));
   line("equations", std::to_string(s.equations));
   line("condition", yamlNumber(s.condition));
   line("dof", std::to_string(s.dof));
-  line("weak_direction", quoted(s.weak_direction));
+  line("weak_direction", yamlQuoted(s.weak_direction));
   const bool predicted = s.covariance.size() > 0;
   line("predicted_sd_a", predicted ? list(s.predicted_sd_a) : "null");
   line("predicted_sd_b", predicted ? list(s.predicted_sd_b) : "null");
@@ -200,7 +191,7 @@ void printForce(const ForceSolution& s, bool matrices) {
     for (const TestResult& test : s.tests) {
       if (!test.dropped.empty()) {
         std::cout << "  - {observation: " << test.observation
-                  << ", reason: " << quoted(test.dropped)
+                  << ", reason: " << yamlQuoted(test.dropped)
                   << ", normalised: " << yamlNumber(test.normalised) << "}\n";
       }
     }
@@ -241,12 +232,12 @@ int plan(const std::vector<std::string>& given) {
     const auto count = static_cast<std::size_t>(integer(arguments, "--next", 6, 1, 1000));
     const std::vector<LoadRequest> candidates = standardCandidates({}, seed);
     const NextTests next = nextTests(set, candidates, count);
-    line("weak_direction_before", quoted(next.weak_direction_before));
-    line("weak_direction_after", quoted(next.weak_direction_after));
+    line("weak_direction_before", yamlQuoted(next.weak_direction_before));
+    line("weak_direction_after", yamlQuoted(next.weak_direction_after));
     std::cout << "tests:\n";
     for (std::size_t i = 0; i < next.chosen.size(); ++i) {
       std::cout << "  - {gain: " << yamlNumber(next.gain[i])
-                << ", do: " << quoted(describe(candidates[next.chosen[i]])) << "}\n";
+                << ", do: " << yamlQuoted(describe(candidates[next.chosen[i]])) << "}\n";
     }
     printForce(next.after, false);
     return next.after.accepted ? 0 : 1;
@@ -260,7 +251,7 @@ int plan(const std::vector<std::string>& given) {
   requests = makePlan(name, set, {}, seed);
   std::cout << "tests:\n";
   for (const LoadRequest& request : requests) {
-    std::cout << "  - " << quoted(describe(request)) << "\n";
+    std::cout << "  - " << yamlQuoted(describe(request)) << "\n";
   }
   bool good = true;
   if (name != PlanName::kDisplacement) {
@@ -319,7 +310,7 @@ int solve(const std::vector<std::string>& given) {
       const DisplacementSolution d = solveDisplacement(set, side);
       std::cout << "displacement_" << toString(side)
                 << ": {accepted: " << (d.accepted ? "true" : "false")
-                << ", message: " << quoted(d.message) << ", tests: " << d.tests
+                << ", message: " << yamlQuoted(d.message) << ", tests: " << d.tests
                 << ", rank: " << d.rank << ", condition: " << yamlNumber(d.condition)
                 << ", residual_sd: " << list(d.residual_sd) << "}\n";
       good = good && d.accepted;
@@ -355,7 +346,7 @@ int solve(const std::vector<std::string>& given) {
       const std::string path = calibrationPath(folder, c.serial_number, c.id);
       makeCalibrationFolder(folder, c.serial_number);
       saveCalibration(c, path);
-      line(std::string("saved_") + toString(side), quoted(path));
+      line(std::string("saved_") + toString(side), yamlQuoted(path));
     }
   }
   return 0;
@@ -377,16 +368,16 @@ int check(const std::vector<std::string>& given) {
   if (positional.size() != 1) throw InputError("check: give one file");
   if (!isObservationFile(positional[0])) {
     const Calibration c = loadCalibration(positional[0]);
-    line("id", quoted(c.id));
-    line("serial_number", quoted(c.serial_number));
-    line("date", quoted(c.date));
-    line("checksum", quoted(calibrationChecksum(c)));
+    line("id", yamlQuoted(c.id));
+    line("serial_number", yamlQuoted(c.serial_number));
+    line("date", yamlQuoted(c.date));
+    line("checksum", yamlQuoted(calibrationChecksum(c)));
     line("model", c.quadratic_wrench ? "quadratic" : "linear");
     line("temperature", yamlNumber(c.temperature));
     line("chi2_per_dof",
          yamlNumber(c.wrench_fit.dof > 0 ? c.wrench_fit.chi2 / c.wrench_fit.dof : std::nan("")));
     line("predicted_sd", list(c.wrench_fit.predicted_sd));
-    line("observations", quoted(c.observations_digest));
+    line("observations", yamlQuoted(c.observations_digest));
     if (arguments.count("--observations") == 0) return 0;
 
     // weights that it was not made from
@@ -427,7 +418,7 @@ int check(const std::vector<std::string>& given) {
       if (why.empty()) continue;
       good = false;
       bad += "  - {observation: " + std::to_string(i) + ", sensor: " + side +
-             ", reason: " + quoted(why) + "}\n";
+             ", reason: " + yamlQuoted(why) + "}\n";
     }
   }
   std::cout << (bad.empty() ? "unusable: []\n" : "unusable:\n" + bad) << "counts: {";
@@ -455,7 +446,7 @@ int check(const std::vector<std::string>& given) {
       good = good && r.linear_model_allowed;
     }
   }
-  line("digest", quoted(observationsDigest(set)));
+  line("digest", yamlQuoted(observationsDigest(set)));
   return good ? 0 : 1;
 }
 

@@ -418,7 +418,7 @@ int plan(const Options& o) {
   line("direction_bias", yamlNumber(forecast.direction_bias));
   line("axes_ratio", yamlNumber(forecast.axes_ratio));
   line("friction_demand", yamlNumber(forecast.friction_demand));
-  line("refusal", refusal.empty() ? "null" : "\"" + refusal + "\"");
+  line("refusal", refusal.empty() ? "null" : yamlQuoted(refusal));
   return refusal.empty() ? 0 : 1;
 }
 

@@ -25,6 +25,7 @@ using assembly_cell::TwinForceMethod;
 using assembly_cell::TwinForceOptions;
 using assembly_cell::TwinForceStatus;
 using assembly_cell::yamlNumber;
+using assembly_cell::yamlQuoted;
 
 constexpr const char* kHelp =
     R"(Usage: estimate_pose CONTACTS.yaml [options]
@@ -158,7 +159,7 @@ void print(const TwinForceEstimate& e, const ContactsFile& file, const TwinForce
   const bool pose = hasPose(e.status);
   const auto orNull = [](bool there, const std::string& text) { return there ? text : "null"; };
   line("status", assembly_cell::toString(e.status));
-  line("reason", "\"" + std::string(e.reason) + "\"");
+  line("reason", yamlQuoted(e.reason));
   line("culprit", orNull(e.culprit >= 0, std::to_string(e.culprit)));
   line("position", orNull(pose, list(e.pose.p)));
   line("quaternion", orNull(pose, list(Eigen::Vector4d(e.rotation.coeffs()))));

@@ -30,6 +30,7 @@ using assembly_cell::Study;
 using assembly_cell::StudyLedger;
 using assembly_cell::StudyOptimum;
 using assembly_cell::yamlNumber;
+using assembly_cell::yamlQuoted;
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* kHelp =
@@ -50,7 +51,7 @@ Under mpirun the ranks share the runs; results do not depend on threads and rank
 Exit code: 0 complete, 2 bad input, 130 or 143 ended by a signal (what is done is kept).
 
 Example: study config/studies/exciting_force.yaml
-         mpirun -n 4 study config/studies/success_map.yaml --output map
+         mpirun -n 4 study config/studies/success_misalignment.yaml --output map
 )";
 
 std::atomic<bool> stop_requested{false};
@@ -193,13 +194,13 @@ void printList(const Study& study) {
 void printSummary(const Study& study, const StudyLedger& ledger, const StudyOptimum& optimum,
                   const std::map<std::string, std::int64_t>& statuses, double seconds) {
   const StudyLedger::Count count = ledger.count();
-  std::cout << "study: \"" << study.name << "\"\n"
+  std::cout << "study: " << yamlQuoted(study.name) << "\n"
             << "runs: " << count.total << "\n"
             << "done_before: " << std::min(count.before, count.total) << "\n"
             << "statuses: {";
   std::string separator;
   for (const auto& [name, number] : statuses) {
-    std::cout << separator << "\"" << name << "\": " << number;
+    std::cout << separator << yamlQuoted(name) << ": " << number;
     separator = ", ";
   }
   std::cout << "}\n";
@@ -218,7 +219,7 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
     std::cout << "  evaluations: " << optimum.evaluations
               << "\n  first_run: " << optimum.number * assembly_cell::runsPerPoint(study) << "\n";
   }
-  std::cout << "results: \"" << ledger.resultsPath() << "\"\n"
+  std::cout << "results: " << yamlQuoted(ledger.resultsPath()) << "\n"
             << "wall_time: " << yamlNumber(seconds) << "\n";
   std::cout.flush();
 }

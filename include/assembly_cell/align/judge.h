@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -35,5 +36,20 @@ class Judge : public Plant {
   double frequency_ = 0.0, since_ = 0.0;
   std::vector<Look> looks_;
 };
+
+/// One simulated alignment and what the truth says of it.
+struct AlignTrial {
+  AlignResult result;
+  bool success = false;                    ///< the strategy says so and the edge is inside the hole
+  Eigen::Vector2d true_offset, true_tilt;  ///< as AlignResult's offset [m] and tilt [rad]
+  Pose X_HP;                               ///< frame `peg` in `hole` at the end
+  std::vector<double> direction_errors;    ///< of the readings that can be judged, absolute [rad]
+};
+
+/// Aligns in simulation from `start`; the strategy knows `mechanism` alone. A simulation that stops
+/// is a failure with its reason. Throws InputError.
+AlignTrial tryAlignment(const Scenario& start, const Scenario& mechanism,
+                        const CellParameters& cell, const AlignParameters& parameters,
+                        const std::function<void(const AlignProgress&)>& progress = {});
 
 }  // namespace assembly_cell

@@ -9,6 +9,9 @@ namespace assembly_cell {
 /// point before an exponent); null for what is not finite.
 std::string yamlNumber(double value);
 
+/// Text as a double-quoted scalar on one line.
+std::string yamlQuoted(const std::string& text);
+
 /// A number and nothing else in `text`, finite; false otherwise.
 bool parseNumber(const std::string& text, double& value);
 bool parseInteger(const std::string& text, long& value);

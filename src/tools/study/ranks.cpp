@@ -1,9 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "ranks.h"
 
-#define OMPI_SKIP_MPICXX 1
-#include <mpi.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
@@ -20,6 +17,7 @@ constexpr int kRecords = 1, kTasks = 2;  // message tags
 // between looks for a message: rank 0 shares its core with a worker, the others have nothing else
 constexpr std::chrono::microseconds kServerNap(1000), kWorkerNap(200);
 constexpr double kBlockTime = 0.1;  // of a block of runs [s]
+constexpr std::size_t kBlocks = 2;  // of a rank: at work and waiting
 constexpr std::int64_t kLargestBlock = 4096;
 
 std::string receiveFrom(const MPI_Status& status) {
@@ -115,34 +113,42 @@ void Ranks::receive(StudyLedger& ledger, std::atomic<bool>& stop, bool& any) {
       at += taken;
       ++count;
     }
-    if (count < peer.block) stop = true;
-    if (count > 0) peer.run_time = (MPI_Wtime() - peer.sent) / static_cast<double>(count);
-    peer.asking = true;
-    peer.block = 0;
+    if (count < peer.blocks.front().runs) stop = true;
+    const double now = MPI_Wtime();
+    if (count > 0) peer.run_time = (now - peer.since) / static_cast<double>(count);
+    peer.since = now;
+    MPI_Wait(&peer.blocks.front().request, MPI_STATUS_IGNORE);
+    peer.blocks.pop_front();
   }
 }
 
-// Blocks take about the same time, and get smaller when little is left.
+// Blocks take about the same time, and get smaller when little is left; then nothing waits in line.
 void Ranks::handOut(StudyLedger& ledger, int threads) {
-  for (std::size_t i = 1; i < peers_.size(); ++i) {
-    Peer& peer = peers_[i];
-    if (!peer.asking) continue;
-    const auto wanted = peer.run_time > 0.0
-                            ? static_cast<std::int64_t>(kBlockTime * threads / peer.run_time)
-                            : threads;
-    const std::int64_t fair = ledger.waiting() / (2 * size_);
-    const std::int64_t size =
-        std::min(kLargestBlock, std::max<std::int64_t>(threads, std::min(wanted, fair)));
-    std::vector<StudyTask> tasks;
-    StudyTask task;
-    while (static_cast<std::int64_t>(tasks.size()) < size && ledger.take(task)) {
-      tasks.push_back(task);
+  for (std::size_t line = 0; line < kBlocks; ++line) {
+    for (std::size_t i = 1; i < peers_.size(); ++i) {
+      Peer& peer = peers_[i];
+      if (peer.blocks.size() > line) continue;
+      const std::int64_t fair = ledger.waiting() / (2 * size_);
+      if (line > 0 && fair < threads) return;
+      const auto wanted = peer.run_time > 0.0
+                              ? static_cast<std::int64_t>(kBlockTime * threads / peer.run_time)
+                              : threads;
+      const std::int64_t size =
+          std::min(kLargestBlock, std::max<std::int64_t>(threads, std::min(wanted, fair)));
+      std::vector<StudyTask> tasks;
+      StudyTask task;
+      while (static_cast<std::int64_t>(tasks.size()) < size && ledger.take(task)) {
+        tasks.push_back(task);
+      }
+      if (tasks.empty()) return;
+      if (peer.blocks.empty()) peer.since = MPI_Wtime();
+      peer.blocks.push_back(
+          {static_cast<std::int64_t>(tasks.size()), packTasks(tasks), MPI_REQUEST_NULL});
+      Block& block = peer.blocks.back();
+      // never waits: the rank may be at work, or waiting until its records are taken
+      MPI_Isend(block.bytes.data(), static_cast<int>(block.bytes.size()), MPI_CHAR,
+                static_cast<int>(i), kTasks, MPI_COMM_WORLD, &block.request);
     }
-    if (tasks.empty()) return;
-    sendTo(static_cast<int>(i), kTasks, packTasks(tasks));
-    peer.asking = false;
-    peer.block = static_cast<std::int64_t>(tasks.size());
-    peer.sent = MPI_Wtime();
   }
 }
 
@@ -158,7 +164,7 @@ void Ranks::serve(const Study& study, StudyLedger& ledger, int threads, std::ato
       if (main_thread) {
         const auto out = [this] {
           return std::any_of(peers_.begin(), peers_.end(),
-                             [](const Peer& peer) { return peer.block > 0; });
+                             [](const Peer& peer) { return !peer.blocks.empty(); });
         };
         while (true) {
           bool any = false;
@@ -186,10 +192,11 @@ void Ranks::release() {
   for (int i = 1; i < size_; ++i) {
     Peer& peer = peers_[static_cast<std::size_t>(i)];
     // what a rank still does is left undone here: it is done anew when the study goes on
-    if (!peer.asking) {
+    for (Block& block : peer.blocks) {
       MPI_Status status;
       MPI_Probe(i, kRecords, MPI_COMM_WORLD, &status);
       receiveFrom(status);
+      MPI_Wait(&block.request, MPI_STATUS_IGNORE);
     }
     sendTo(i, kTasks, "");
   }
@@ -197,9 +204,7 @@ void Ranks::release() {
 
 void Ranks::work(const Study& study, int threads, const std::atomic<bool>& stop) const {
   std::vector<StudyRunner> runners(static_cast<std::size_t>(threads), StudyRunner(study));
-  std::string records;
   while (true) {
-    sendTo(0, kRecords, records);
     int there = 0;
     MPI_Status status;
     MPI_Iprobe(0, kTasks, MPI_COMM_WORLD, &there, &status);
@@ -209,7 +214,7 @@ void Ranks::work(const Study& study, int threads, const std::atomic<bool>& stop)
     }
     const std::vector<StudyTask> tasks = unpackTasks(receiveFrom(status));
     if (tasks.empty()) return;
-    records.clear();
+    std::string records;
     std::atomic<std::size_t> next{0};
 #pragma omp parallel for num_threads(threads) schedule(static, 1)
     for (int thread = 0; thread < threads; ++thread) {
@@ -221,6 +226,7 @@ void Ranks::work(const Study& study, int threads, const std::atomic<bool>& stop)
 #pragma omp critical
       records += mine;
     }
+    sendTo(0, kRecords, records);
   }
 }
 

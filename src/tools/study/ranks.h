@@ -1,7 +1,12 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#define OMPI_SKIP_MPICXX 1
+#include <mpi.h>
+
 #include <atomic>
+#include <cstdint>
+#include <deque>
 #include <functional>
 #include <string>
 #include <vector>
@@ -11,7 +16,8 @@
 namespace assembly_cell {
 
 /// The processes of one study under mpirun. Rank 0 keeps the ledger, hands out blocks of runs and
-/// works itself; the others ask, work and send records. All waiting is asleep.
+/// works itself; the others ask, work and send records. While a rank works on a block the next is
+/// on its way, so that nobody waits for an answer. All waiting is asleep.
 class Ranks {
  public:
   /// True when a launcher of MPI has started this process.
@@ -37,11 +43,15 @@ class Ranks {
   void work(const Study& study, int threads, const std::atomic<bool>& stop) const;
 
  private:
+  struct Block {
+    std::int64_t runs = 0;
+    std::string bytes;  // of its tasks, untouched until they have arrived
+    MPI_Request request = MPI_REQUEST_NULL;
+  };
   struct Peer {
-    bool asking = false;     // waits for a block
-    std::int64_t block = 0;  // runs it has
-    double sent = 0.0;       // when [s]
-    double run_time = 0.0;   // of one run, as measured [s]; 0: not known
+    std::deque<Block> blocks;  // that it has
+    double since = 0.0;        // when it began with the first of them [s]
+    double run_time = 0.0;     // of one run, as measured [s]; 0: not known
   };
   void receive(StudyLedger& ledger, std::atomic<bool>& stop, bool& any);
   void handOut(StudyLedger& ledger, int threads);
