@@ -13,6 +13,9 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::size_t kUndoSteps = 32;  // biases remembered
+constexpr double kLargestWrench = 1e6;  // [N] [N m]; NaN is not below it
+
+bool isWrench(const Vector6& w) { return (w.array().abs() <= kLargestWrench).all(); }
 
 std::string format(const char* pattern, double value) {
   char text[64];
@@ -54,11 +57,12 @@ bool ForceSensorNode::zero(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
 
 bool ForceSensorNode::zeroTo(ZeroTo::Request& request, ZeroTo::Response& response) {
   const Vector6 load = Vector6::Map(request.wrench.data());
-  if (load.allFinite()) {
+  if (isWrench(load)) {
     takeZero(load, "zero_to", response.success, response.message);
   } else {
     response.success = false;
-    response.message = "zero_to refused: wrench is not finite: give six numbers";
+    response.message =
+        "zero_to refused: wrench is not finite or beyond 1e6: give six numbers in N and N m";
   }
   return true;
 }
@@ -113,9 +117,10 @@ void ForceSensorNode::takeZero(const Vector6& load, const std::string& service, 
 
 bool ForceSensorNode::setBias(SetBias::Request& request, SetBias::Response& response) {
   const Vector6 bias = Vector6::Map(request.bias.data());
-  response.success = bias.allFinite();
+  response.success = isWrench(bias);
   if (!response.success) {
-    response.message = "set_bias refused: bias is not finite: give six numbers";
+    response.message =
+        "set_bias refused: bias is not finite or beyond 1e6: give six numbers in N and N m";
     return true;
   }
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -381,10 +381,13 @@ TEST_F(ForceSensorDriver, SubtractsTheBias) {
   Sensor late("sensor_a");
   late.newest(late.bias_, [&](const auto& m) { return near(m, 0.5 * kLoad); });
 
-  request.bias[2] = kNaN;
-  const SetBias::Response refused = a_.call<SetBias>("set_bias", request);
-  EXPECT_FALSE(refused.success);
-  EXPECT_TRUE(has(refused.message, "not finite")) << refused.message;
+  // the square of the latter isn't finite either
+  for (const double wrong : {kNaN, 1e300}) {
+    request.bias[2] = wrong;
+    const SetBias::Response refused = a_.call<SetBias>("set_bias", request);
+    EXPECT_FALSE(refused.success);
+    EXPECT_TRUE(has(refused.message, "not finite")) << refused.message;
+  }
 
   EXPECT_TRUE(a_.trigger("clear_bias").success);
   EXPECT_LE((a_.firstOf(a_.pass(a_.block(kLoad))) - kLoad).cwiseAbs().maxCoeff(), kRounding);
