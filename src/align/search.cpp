@@ -20,6 +20,7 @@ constexpr double kWallGive = 2e-5;   // of the peg against its carrier that is a
 constexpr double kWallSearch = 6.0;  // way to a wall at most, in clearances
 constexpr double kWallSd = 5e-6;     // of a middle between walls, per axis [m]
 constexpr int kWallBlocks = 2;       // to come to rest
+constexpr int kSwingBlocks = 5;      // until a swing is gone that looks like a wall
 
 }  // namespace
 
@@ -183,9 +184,16 @@ bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   const double felt =
       kWallGive + 4.0 * std::sqrt((by_wrench * hand_.rounding() * by_wrench.transpose()).value());
   Vec3 target = pegPose(hand_.target(), Vector6::Zero()).p;
-  for (double moved = 0.0; moved <= kWallSearch * clearance; moved += step) {
+  const auto pushed = [&] {
     at = pegPose(hand_.last().carrier, deflection()).p - sag_;
-    if ((target - at).dot(direction) > felt) return true;
+    return (target - at).dot(direction) > felt;
+  };
+  for (double moved = 0.0; moved <= kWallSearch * clearance; moved += step) {
+    // a peg that still swings from the step seems pushed, too, but not for long
+    if (pushed()) {
+      hand_.wait(kSwingBlocks);
+      if (pushed()) return true;
+    }
     target += step * direction;
     hand_.moveTo(restFor(target, R));
     hand_.wait(kWallBlocks);

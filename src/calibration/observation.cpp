@@ -398,7 +398,7 @@ ObservationSet readYaml(const std::string& content, const std::string& path) {
            "observations"});
   ObservationSet set;
   readHeader(in, set);
-  if (root["observations"].IsNull()) return set;
+  if (in.has("observations") && root["observations"].IsNull()) return set;
   const Reader list = in.at("observations");
   for (std::size_t i = 0; i < list.size(); ++i) {
     set.observations.push_back(readObservation(list.at(i), set));

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <istream>
 #include <sstream>
+#include <string_view>
 
 #include "assembly_cell/scene/bag.h"
 #include "assembly_cell/scene/csv_text.h"
@@ -55,6 +56,12 @@ std::vector<std::string> wantedColumns(const std::vector<std::string>& header, K
   return {"t", "x", "y"};
 }
 
+// nothing to read: blank, or a comment
+bool passedOver(const std::string& line) {
+  const std::string_view text = trimmed(line, " \t\r");
+  return text.empty() || text.front() == '#';
+}
+
 RecordedMotion parseMotion(std::istream& file, const std::string& path) {
   RecordedMotion motion;
   std::string line;
@@ -66,7 +73,7 @@ RecordedMotion parseMotion(std::istream& file, const std::string& path) {
     }
     if (row == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
     if (line.rfind("#", 0) == 0) readSettings(line, motion);
-  } while (line.rfind("#", 0) == 0);
+  } while (passedOver(line));
 
   // columns by name
   const std::vector<std::string> header = cellsOf(line);
@@ -90,9 +97,9 @@ RecordedMotion parseMotion(std::istream& file, const std::string& path) {
   std::vector<double> values(names.size());
   while (std::getline(file, line)) {
     ++row;
+    if (passedOver(line)) continue;
     const std::string place = path + ":" + std::to_string(row) + ": column ";
     const std::vector<std::string> cells = cellsOf(line);
-    if (cells.size() == 1 && cells[0].empty()) continue;
     for (std::size_t c = 0; c < names.size(); ++c) {
       if (column[c] >= cells.size()) {
         throw InputError(place + names[c] + " is missing: give " + std::to_string(header.size()) +

@@ -18,16 +18,44 @@ using yaml::shown;
 constexpr double kSmallestSinTheta = 0.1;
 // rounding of k² against the product of its diagonal entries
 constexpr double kDefiniteRounding = 1e-12;
+// beyond these a number is a slip of the pen, and a run with it would not end
+constexpr double kLargestLength = 1e3;     // [m]
+constexpr double kLargestAngle = 1e3;      // [rad]
+constexpr double kLargestFrequency = 1e6;  // [rad/s]
+constexpr double kMostSteps = 1e10;
+
+double withinSize(const Section& in, const std::string& key, double value, double largest) {
+  if (std::abs(value) > largest) {
+    in.refuse(in.at(key), value, "give at most " + shown(largest) + " in size, SI units");
+  }
+  return value;
+}
+
+double readLength(Section& in, const std::string& key, Range range) {
+  return withinSize(in, key, in.number(key, range), kLargestLength);
+}
+
+double readAngle(Section& in, const std::string& key) {
+  return withinSize(in, key, in.number(key, Range::kAny), kLargestAngle);
+}
+
+Eigen::Vector3d readTriple(Section& in, const std::string& key, double largest) {
+  const Eigen::Vector3d values = in.numbers<3>(key, Range::kAny);
+  for (int i = 0; i < 3; ++i) {
+    withinSize(in, key + "[" + std::to_string(i) + "]", values[i], largest);
+  }
+  return values;
+}
 
 PegParameters readPeg(Section in) {
   PegParameters peg;
-  peg.radius = in.number("radius", Range::kPositive);
-  peg.half_height = in.number("half_height", Range::kPositive);
+  peg.radius = readLength(in, "radius", Range::kPositive);
+  peg.half_height = readLength(in, "half_height", Range::kPositive);
   peg.mass = in.number("mass", Range::kPositive);
   peg.inertia_transverse = in.number("inertia_transverse", Range::kPositive);
   peg.inertia_axial = in.number("inertia_axial", Range::kPositive);
-  peg.coupling_height = in.number("coupling_height", Range::kAny);
-  peg.exciter_height = in.number("exciter_height", Range::kAny);
+  peg.coupling_height = readLength(in, "coupling_height", Range::kAny);
+  peg.exciter_height = readLength(in, "exciter_height", Range::kAny);
   in.finish();
   // no body has more inertia about an axis than the sum about the two across
   if (peg.inertia_axial > 2.0 * peg.inertia_transverse) {
@@ -40,7 +68,7 @@ PegParameters readPeg(Section in) {
 
 HoleParameters readHole(Section in) {
   HoleParameters hole;
-  hole.radius = in.number("radius", Range::kPositive);
+  hole.radius = readLength(in, "radius", Range::kPositive);
   hole.depth = in.number("depth", Range::kPositive, hole.depth);
   in.finish();
   return hole;
@@ -56,9 +84,9 @@ CarrierParameters readCarrier(Section in, RestPose& rest) {
   carrier.max_acceleration =
       in.number("max_acceleration", Range::kPositive, carrier.max_acceleration);
   Section in_rest = in.section("rest");
-  rest.x = in_rest.number("x", Range::kAny);
-  rest.y = in_rest.number("y", Range::kAny);
-  rest.yaw = in_rest.number("yaw", Range::kAny);
+  rest.x = readLength(in_rest, "x", Range::kAny);
+  rest.y = readLength(in_rest, "y", Range::kAny);
+  rest.yaw = readAngle(in_rest, "yaw");
   in_rest.finish();
   in.finish();
   return carrier;
@@ -97,9 +125,9 @@ CouplingParameters readCoupling(Section in, RestPose& rest) {
   coupling.stiffness = readCouplingMatrix(in.section("stiffness"), "k");
   coupling.damping = readCouplingMatrix(in.section("damping"), "c");
   Section in_rest = in.section("rest");
-  rest.z = in_rest.number("z", Range::kAny);
-  rest.theta = in_rest.number("theta", Range::kAny);
-  rest.phi = in_rest.number("phi", Range::kAny);
+  rest.z = readLength(in_rest, "z", Range::kAny);
+  rest.theta = readAngle(in_rest, "theta");
+  rest.phi = readAngle(in_rest, "phi");
   in_rest.finish();
   checkTheta(in_rest, in_rest.at("theta"), rest.theta);
   in.finish();
@@ -109,8 +137,9 @@ CouplingParameters readCoupling(Section in, RestPose& rest) {
 ExciterParameters readExciter(Section in) {
   ExciterParameters exciter;
   exciter.amplitude = in.number("amplitude", Range::kNotNegative);
-  exciter.frequency = in.number("frequency", Range::kNotNegative);
-  exciter.phase = in.number("phase", Range::kAny, 0.0);
+  exciter.frequency =
+      withinSize(in, "frequency", in.number("frequency", Range::kNotNegative), kLargestFrequency);
+  exciter.phase = in.optional("phase") ? readAngle(in, "phase") : 0.0;
   const double direction = in.number("direction", Range::kAny, 1.0);
   in.finish();
   if (std::abs(direction) != 1.0) {
@@ -224,9 +253,9 @@ InitialState readInitial(const YAML::Node& node, const std::string& source, cons
   initial.carrier_yaw = rest.yaw;
   if (in.optional("carrier")) {
     Section carrier = in.section("carrier");
-    initial.carrier_x = carrier.number("x", Range::kAny);
-    initial.carrier_y = carrier.number("y", Range::kAny);
-    initial.carrier_yaw = carrier.number("yaw", Range::kAny);
+    initial.carrier_x = readLength(carrier, "x", Range::kAny);
+    initial.carrier_y = readLength(carrier, "y", Range::kAny);
+    initial.carrier_yaw = readAngle(carrier, "yaw");
     initial.carrier_velocity = carrier.vector("velocity");
     carrier.finish();
   }
@@ -237,8 +266,8 @@ InitialState readInitial(const YAML::Node& node, const std::string& source, cons
       Eigen::Vector3d(initial.carrier_x, initial.carrier_y, rest.z) - coupling_height * axis;
   if (in.optional("peg")) {
     Section peg = in.section("peg");
-    initial.position = peg.numbers<3>("position", Range::kAny);
-    const Eigen::Vector3d euler = peg.numbers<3>("euler", Range::kAny);
+    initial.position = readTriple(peg, "position", kLargestLength);
+    const Eigen::Vector3d euler = readTriple(peg, "euler", kLargestAngle);
     initial.euler = {euler[0], euler[1], euler[2]};
     initial.velocity = peg.vector("velocity");
     initial.euler_rates = peg.vector("euler_rates");
@@ -281,6 +310,13 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
   scenario.initial = readInitial(initial, source, scenario.rest, scenario.peg.coupling_height);
   if (in.optional("solver")) scenario.solver = readSolver(in.section("solver"));
   in.finish();
+  const double longest_step = std::min(
+      scenario.solver.max_step, scenario.solver.step > 0.0 ? scenario.solver.step : HUGE_VAL);
+  if (scenario.duration > kMostSteps * longest_step) {
+    in.refuse("duration", scenario.duration,
+              "more than " + shown(kMostSteps) + " steps of solver.max_step or solver.step (" +
+                  shown(longest_step) + "), give a shorter time or longer steps");
+  }
   return scenario;
 }
 

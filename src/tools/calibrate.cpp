@@ -48,7 +48,7 @@ solve  both sensors from an observation file (.yaml, or .csv by named columns) o
        --save FOLDER [--id ID]                  writes FOLDER/<serial number>/<ID>.yaml of each sensor
 check  a calibration file (its checksum, what it says), or an observation file (what is in it, what would be dropped,
        linearity tests); with --observations: a calibration file against observations it was not made from
-Example: calibrate plan recommended --simulate tests.yaml && calibrate solve tests.yaml --save .
+Example: calibrate plan recommended --nonlinearity 0 --simulate tests.yaml && calibrate solve tests.yaml --save .
 Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/calibration.md
 )";
 
@@ -459,10 +459,12 @@ int main(int argc, char** argv) {
     if (!arguments.empty() && arguments[0] == "payload") {
       return assembly_cell::payloadCommand(argc - 1, argv + 1);
     }
-    if (arguments.empty() || arguments[0] == "--help" ||
-        (arguments.size() > 1 && arguments[1] == "--help")) {
-      (arguments.empty() ? std::cerr : std::cout) << kHelp;
-      return arguments.empty() ? 2 : 0;
+    if (arguments.empty()) {
+      throw InputError("command missing: give plan, solve, check or payload, see --help");
+    }
+    if (arguments[0] == "--help" || (arguments.size() > 1 && arguments[1] == "--help")) {
+      std::cout << kHelp;
+      return 0;
     }
     const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
     if (arguments[0] == "plan") return plan(rest);

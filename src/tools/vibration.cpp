@@ -105,6 +105,8 @@ class Parameters {
       root = YAML::LoadFile(file);
     } catch (const YAML::BadFile&) {
       throw InputError(file + ": cannot be read, give a YAML file");
+    } catch (const std::ios_base::failure&) {
+      throw InputError(file + ": cannot be read, give a YAML file, not a folder");
     } catch (const YAML::Exception& error) {
       throw InputError(file + ": line " + std::to_string(error.mark.line + 1) +
                        ": not YAML: " + error.msg);

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <fstream>
 #include <initializer_list>
-#include <iterator>
 
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/yaml_text.h"
@@ -230,12 +229,15 @@ ContactsFile parseContacts(const std::string& yaml, const std::string& source) {
 
 ContactsFile loadContacts(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  if (!file) {
+  std::string yaml(kLargestFile + 1, '\0');
+  // a folder opens, but can't be read
+  file.read(&yaml[0], static_cast<std::streamsize>(yaml.size()));
+  if (!file.is_open() || file.bad()) {
     throw InputError(path + ": file missing or unreadable: give a YAML file with contacts");
   }
-  const std::string yaml(std::istreambuf_iterator<char>(file), {});
+  yaml.resize(static_cast<std::size_t>(file.gcount()));
   if (yaml.size() > kLargestFile) {
-    throw InputError(path + ": file of " + std::to_string(yaml.size()) +
+    throw InputError(path + ": file of more than " + std::to_string(kLargestFile) +
                      " bytes: give a YAML file with contacts");
   }
   return parseContacts(yaml, path);

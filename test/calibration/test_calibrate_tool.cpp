@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 namespace {
@@ -113,8 +114,12 @@ TEST_F(Calibrate, BadInputEndsWithTwoAndOneLine) {
         "solve a b", "plan recommended --bits 12", "plan recommended --bits", "solve x --what"}) {
     EXPECT_EQ(run(arguments).code, 2) << arguments << "\n" << run(arguments).text;
   }
-  const Result none = run("solve none.yaml");
-  EXPECT_EQ(std::count(none.text.begin(), none.text.end(), '\n'), 1) << none.text;
+  std::ofstream(folder_ + "/head_only.yaml") << "format: assembly_cell observations 1\n";
+  EXPECT_EQ(run("solve head_only.yaml").code, 2);
+  for (const char* arguments : {"", "solve none.yaml", "solve head_only.yaml"}) {
+    const std::string text = run(arguments).text;
+    EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
+  }
   EXPECT_EQ(run("--help").code, 0);
 }
 

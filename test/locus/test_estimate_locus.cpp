@@ -376,6 +376,20 @@ TEST_F(EstimateLocus, RefusesHostileInput) {
   EXPECT_NEAR(YAML::Load(r.out)["semi_major"].as<double>(), 5e-6, 1e-15);
 }
 
+// As spreadsheets and loggers write them: comments and blank lines anywhere, CRLF, a byte order
+// mark, blanks round the commas.
+TEST_F(EstimateLocus, PassesOverCommentsAndBlankLines) {
+  std::ifstream in(locus(5e-6, 2e-6, 1e-8));
+  const std::string plain(std::istreambuf_iterator<char>(in), {});
+  std::string dressed = "\xEF\xBB\xBF# logger\r\n\r\n  \r\n# of the rig\r\n";
+  for (const char c : plain) dressed += c == '\n' ? "\r\n  # row\r\n\r\n" : std::string(1, c);
+  const ToolRun clean = run(write(plain) + " --frequency 770");
+  const ToolRun commented = run(write(dressed) + " --frequency 770");
+  ASSERT_EQ(clean.code, 0) << clean.error;
+  EXPECT_EQ(commented.code, 0) << commented.error;
+  EXPECT_EQ(commented.out, clean.out);
+}
+
 TEST_F(EstimateLocus, RefusesBadInput) {
   const std::string good = locus(1e-6, 1e-6, 1e-8);
   refused("", "give a file of samples");

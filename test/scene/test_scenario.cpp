@@ -264,6 +264,16 @@ TEST(Scenario, RefusesWhatIsWrongByItsPath) {
       {"solver.tolerance=0", "solver.tolerance", "> 0"},
       {"solver.max_step=-1", "solver.max_step", "> 0"},
       {"solver.step=0", "solver.step", "> 0"},
+      // sizes with which a run has no end
+      {"duration=1e9", "duration: value 1000000000", "solver.max_step or solver.step (0.0002)"},
+      {"solver.max_step=1e-300", "duration: value", "longer steps"},
+      {"peg.radius=25000", "peg.radius: value 25000", "at most 1000"},
+      {"coupling.rest.z=-1e9", "coupling.rest.z: value -1000000000", "at most 1000"},
+      {"carrier.rest.yaw=1e9", "carrier.rest.yaw: value 1000000000", "at most 1000"},
+      {"initial.peg={position: [0, 1e9, 0], euler: [0, 1.57, 0]}", "initial.peg.position[1]",
+       "at most 1000"},
+      {"exciter={amplitude: 0, frequency: 1e9}", "exciter.frequency: value 1000000000",
+       "at most 1000000"},
       {"solver.integrator=[a]", "solver.integrator", "name of an integrator"},
   };
   for (const auto& c : cases) {

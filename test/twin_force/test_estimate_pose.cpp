@@ -188,6 +188,8 @@ TEST_F(EstimatePose, RefusesBadInput) {
   };
   refused("", "give a file of contacts");
   refused("/nowhere.yaml", "/nowhere.yaml");
+  refused(std::filesystem::temp_directory_path().string(), "missing or unreadable");
+  refused("/dev/zero", "give a YAML file with contacts");
   refused(write(good) + " --method best", "--method: value best");
   refused(write(good) + " --position -1", "--position: value -1");
   refused(write(good) + " --frobnicate", "unknown option");

@@ -202,6 +202,7 @@ TEST_F(Vibration, HelpAndRefusals) {
   refused(call("walking"), "walking");
   refused(call("rig"), "PARAMETERS.yaml");
   refused(call("rig /nowhere.yaml"), "/nowhere.yaml");
+  refused(call("rig /"), "vibration: /: cannot be read");
   refused(run("inertia", "{m: 1, r: 2}"), "h: missing");
   refused(run("inertia", "{m: 1, r: 2, h: 3, l: 4}"), "l: no parameter");
   refused(run("inertia", "{m: 1, r: 2, h: x}"), "h: value x");
