@@ -18,15 +18,17 @@ using Mat3 = Eigen::Matrix3d;
 constexpr double kClear = 3e-4;   // over the plane before the last way down [m]
 constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
 
-constexpr double kWallGive = 2e-5;   // of the peg against its carrier that is a wall [m]
-constexpr double kWallSearch = 6.0;  // way to a wall at most, in clearances
-constexpr double kWallSd = 5e-6;     // of a middle between walls, per axis [m]
-constexpr int kWallBlocks = 2;       // to come to rest
-constexpr double kGive = 3.0;        // way of a press, times what the coupling gives
-constexpr int kTouches = 4;          // that may give way, one after the other
-constexpr int kFeelBlocks = 2;       // a light touch: to come to rest, and then the mean of as many
-constexpr double kGolden = 2.4;      // from one way aside to the next, never the same twice [rad]
-constexpr double kUpright = 0.364;   // slope of a rim contact that is safe to press, 20 degrees
+constexpr double kWallGive = 2e-5;     // of the peg against its carrier that is a wall [m]
+constexpr double kWallSearch = 6.0;    // way to a wall at most, in clearances
+constexpr double kWallSd = 5e-6;       // of a middle between walls, per axis [m]
+constexpr double kWallForce = 1.0;     // of a wall that stops a peg at rest [N]
+constexpr double kUnknownAxis = 0.05;  // sd of the axis of a hole that only walls tell [rad]
+constexpr int kWallBlocks = 2;         // to come to rest
+constexpr double kGive = 3.0;          // way of a press, times what the coupling gives
+constexpr int kTouches = 4;            // that may give way, one after the other
+constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
+constexpr double kGolden = 2.4;     // from one way aside to the next, never the same twice [rad]
+constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
 // way of the carrier per force of one edge point [m/N]
 double pressCompliance(const Scenario& mechanism) {
@@ -202,11 +204,36 @@ void Search::report(const char* state, const std::string& message) {
       {state, contacts_, hand_.last().time - start_time_, message, position_sd_, rotation_sd_});
 }
 
-void Search::begin() {
+bool Search::begin() {
   hand_.tare();
   X_WS_ = worldPose(hand_.last().carrier);
   reference_time_ = hand_.last().time;
   report("tare", "hanging free");
+  return alreadyIn();
+}
+
+// a wall within reach on one side; if so, on all
+bool Search::alreadyIn() {
+  const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+  const RestPose start = hand_.target();
+  const Vec3 bottom = pegPose(start, Vector6::Zero()).p;
+  const Vec3 beside = bottom + kWallSearch * clearance * Vec3::UnitX();
+  hand_.moveTo(restFor(beside, Mat3::Identity()));
+  hand_.wait(kWallBlocks);
+  const bool wall = hand_.force().head<2>().norm() > kWallForce;
+  hand_.moveTo(start);
+  hand_.wait(kWallBlocks);
+  if (!wall) return false;
+  hole_.normal = Vec3::UnitZ();
+  hole_.height = bottom.z();
+  hole_.normal_sd = kUnknownAxis;
+  sag_ = pegPose(hand_.last().carrier, deflection()).p - bottom;
+  if (centre(Mat3::Identity())) return true;
+  // no hole: something on one side only
+  found_ = false;
+  hole_ = HoleEstimate();
+  hand_.moveTo(start);
+  return false;
 }
 
 bool Search::enter(const Vec3& center) {

@@ -68,7 +68,10 @@ class TwinForce : public Search {
   Vector6 deflection() const override { return hand_.last().displacement_b; }
 
   void find() override {
-    begin();
+    if (begin()) {
+      found_ = false;  // of the pose in the hole nothing was felt
+      return;
+    }
     const ContactWindow free = window("hanging free");
     X_PQ_start_ = contacts_kept_.deflected(free.displacement());
     X_SC_start_ = carrierPose();

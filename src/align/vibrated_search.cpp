@@ -23,7 +23,7 @@ constexpr double kGentler = 0.8;       // press and exciter after too much force
 constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
 constexpr double kHoverWay = 6e-4;     // sideways, to find out whether the peg is free [m]
 constexpr double kHoverForce = 1.0;    // [N]
-constexpr int kHoverBlocks = 3;
+constexpr int kHoverBlocks = 3, kHoverSteps = 6;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
 
 bool begins(const std::string& text, const char* name) { return text.rfind(name, 0) == 0; }
@@ -31,7 +31,7 @@ bool begins(const std::string& text, const char* name) { return text.rfind(name,
 }  // namespace
 
 void VibratedSearch::find() {
-  begin();
+  if (begin()) return;
   bottom_ = Vec3(0, 0, -length_);
   tilt_ = p_.sweep_tilt;
   choosePoint();
@@ -135,10 +135,15 @@ bool VibratedSearch::caught() {
   hand_.wait(kHoverBlocks);
   const Vec3 before = hand_.force();
   RestPose beside = hover;
-  beside.x += kHoverWay;
-  hand_.moveTo(beside);
-  hand_.wait(kHoverBlocks);
-  const bool held = (hand_.force() - before).head<2>().norm() > kHoverForce;
+  const auto pushed = [&] { return (hand_.force() - before).head<2>().norm() > kHoverForce; };
+  bool held = false;
+  for (int i = 0; i < kHoverSteps && !held; ++i) {
+    beside.x += kHoverWay / kHoverSteps;
+    hand_.moveTo(beside);
+    hand_.wait(1);
+    if (pushed()) hand_.wait(kHoverBlocks);  // it may only swing
+    held = pushed();
+  }
   hand_.moveTo(hover);
   if (held) return true;
   hover.z -= p_.lift;
@@ -177,12 +182,12 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
     lowest_ = touches_ == 0 ? height : std::min(lowest_, height);
     ++touches_;
   }
+  // light first: a wedge is never pressed, nor are both edges unless they are what is looked for
+  if (light) refuseWedge(*light, R);
   if (in || (!planeKnown() && (highest_ - lowest_ > touchRange() || (touches_ == 1 && caught())))) {
     throw Failure{"edge_in_hole: the tilted edge went into the hole before the plane was known"};
   }
 
-  // light first: a wedge is never pressed, nor are both edges unless they are what is looked for
-  refuseWedge(*light, R);
   felt = Felt{};
   if (light->straddles() && !press_both) {
     holeOnLowSide(R);

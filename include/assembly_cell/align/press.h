@@ -14,7 +14,7 @@ struct PressLimits {
   double force = 40.0;          ///< abort above this contact force [N]
   double descent = 0.02;        ///< abort without contact after this way down [m]
   double approach_step = 1e-4;  ///< way down in one block before contact [m]
-  double give = 1e-4;           ///< way down per force while pressing: more is no contact [m/N]
+  double give = 5e-4;           ///< way down per force while pressing: more is no contact [m/N]
 };
 
 /// A free peg may differ by so much from its tare: its weight pulls sideways when tilted [N]

@@ -77,8 +77,9 @@ class Search {
   Pose pegPose(const RestPose& carrier, const Vector6& deflection) const;
   int blocks(double duration) const;
   void report(const char* state, const std::string& message);
-  /// Hanging at rest: S from here on.
-  void begin();
+  /// Hanging at rest: S from here on. True when the peg is in the hole already: walls on all four
+  /// sides; its centre is known then, its axis isn't.
+  bool begin();
 
   /// Upright over the hole and down; around it where the estimate is not good enough, then to the
   /// middle between the walls. True when the edge went in without resistance.
@@ -99,6 +100,7 @@ class Search {
 
  private:
   Touch feel();
+  bool alreadyIn();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
   bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);
