@@ -20,6 +20,7 @@ constexpr double kSpare = 1.5;    // edge speed inside a step over that at its e
 constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
 constexpr double kRest = 1.5;          // slip below this many times its threshold may be rest
+constexpr double kAhead = 0.9;         // slip goes against its friction: cosine
 constexpr double kLeastForce = 1e-12;  // [N]
 constexpr int kWedge = 40;             // doublings of the force that holds a wedge, and halvings
 
@@ -533,7 +534,7 @@ void Simulation::findModes(bool initial) {
 }
 
 // discrete friction: find for the points in reach who carries force, who slips and who rests
-void Simulation::decide() {
+void Simulation::decide(bool again) {
   stale_ = false;
   history_.count = 0;
   evaluateFree(time_, state_);
@@ -626,6 +627,7 @@ void Simulation::decide() {
     slots_[worst].mode = change;
   }
   if (!turnSlip()) wedge();
+  if (!again && stopTurnedSlip()) return decide(true);
   if (rigid() && time_ >= coarse_until_) {
     project();
     slope_v_ = evaluate(time_, state_, Look::kEvents);
@@ -665,6 +667,67 @@ bool Simulation::turnSlip() {
     if (largest < 1e-12) return true;
   }
   return false;
+}
+
+// Slip that begins has a friction of fixed direction. Below zero: it goes elsewhere than against
+// that, fast enough to tell; under the rigid law, which keeps resting points at zero speed, only
+// when it goes along with it [m/s].
+double Simulation::slipAhead(std::size_t i) const {
+  const Vec3& slip = touches_[i].tangential;
+  const double against = -slip.dot(slots_[i].slip_direction);
+  if (rigid()) return slip_threshold_ + against;
+  if (scenario_.friction.sliding_coefficient == 0.0) return HUGE_VAL;
+  const double speed = slip.norm();
+  return std::max(slip_threshold_ - speed, against - kAhead * speed);
+}
+
+// Slip that has begun one way and goes another gets the friction of its velocity. Where that brakes
+// it, it would come to rest at once: it is put to rest, and all is decided anew (true).
+bool Simulation::stopTurnedSlip() {
+  ContactSlotMask turned = 0;
+  if (rigid()) return false;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    Slot& slot = slots_[i];
+    if (slot.mode != Mode::kSlip || slot.armed || !valid(i) || slipAhead(i) >= 0.0) continue;
+    slot.armed = true;
+    turned |= 1u << i;
+  }
+  if (!turned) return false;
+  slope_v_ = withContacts(Look::kEvents);
+  const Body body = this->body();
+  std::array<Constraint, kSlots> rows;
+  std::size_t n = 0;
+  bool stops = false;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    if (slots_[i].mode == Mode::kIdle || !valid(i)) continue;
+    const Touch& touch = touches_[i];
+    bool stop = false;
+    if (turned >> i & 1u) {
+      Vec3 acceleration = touch.acceleration + touch.rates.rolling;
+      for (ContactSlotMask others = closed_; others; others &= others - 1) {
+        const auto j = static_cast<std::size_t>(__builtin_ctz(others));
+        acceleration += response(body, touch.r, touches_[j].r, touches_[j].force);
+      }
+      stop = acceleration.dot(touch.tangential) < 0.0;
+    }
+    Constraint& row = rows[n++];
+    row.stick = stop || slots_[i].mode == Mode::kStick;
+    row.r = touch.r;
+    row.normal = row.direction = point(i).normal;
+    row.change = stop ? Vec3(-touch.tangential) : Vec3(Vec3::Zero());
+    stops = stops || stop;
+  }
+  if (!stops) return false;
+  solveConstraints(body, rows.data(), static_cast<int>(n));
+  Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();
+  for (std::size_t j = 0; j < n; ++j) {
+    impulse += rows[j].force;
+    moment += rows[j].r.cross(rows[j].force);
+  }
+  applyImpulse(impulse, moment);
+  return true;
 }
 
 // Where two points can't begin to slip in any direction, and their connection lies inside both

@@ -174,9 +174,11 @@ class Simulation {
 
   // who carries, slips and rests; what the rigid law does to velocities and positions
   void findModes(bool initial);
-  void decide();
+  void decide(bool again = false);
   bool turnSlip();
   void wedge();
+  double slipAhead(std::size_t i) const;
+  bool stopTurnedSlip();
   void impact();
   void plasticImpact(ContactSlotMask points);
   std::size_t fastestApproach(double speed) const;
