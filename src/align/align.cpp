@@ -15,7 +15,8 @@ struct NamedStrategy {
 };
 constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
                                          {"double_contact", doubleContact},
-                                         {"twin_force", twinForce}};
+                                         {"twin_force", twinForce},
+                                         {"vibratory", vibratory}};
 
 Strategy strategyOf(const std::string& name) {
   std::string known;

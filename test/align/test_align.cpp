@@ -206,6 +206,52 @@ TEST(Align, DoubleContactReachesTheHole) {
   }
 }
 
+// never tells a double contact
+class OneSidedPlant : public Plant {
+ public:
+  explicit OneSidedPlant(Plant& plant) : plant_(plant) {}
+  PlantBlock next(const PlantCommand& command) override {
+    PlantBlock block = plant_.next(command);
+    if (block.locus && block.locus->mode.mode == LocusMode::kSegment) {
+      block.locus->mode.mode = LocusMode::kUndecided;
+    }
+    return block;
+  }
+
+ private:
+  Plant& plant_;
+};
+
+// double contact where it is to be had, else the sweep; both from the same hanging peg
+TEST(Align, VibratoryTakesTheOtherWay) {
+  const Scenario s = cell();
+  const Vector2d offset(-0.007, 0.004), tilt(0.0196, 0.0114);  // 1.3 degrees
+  AlignParameters p;
+  int readings[2];
+  for (const bool one_sided : {false, true}) {
+    SimulatedPlant plant(startAt(s, offset, tilt, 0.003), CellParameters{});
+    Judge judge(plant);
+    OneSidedPlant blind(judge);
+    std::string failed;
+    p.strategy = "vibratory";
+    const AlignResult result = align(one_sided ? static_cast<Plant&>(blind) : judge, s, p,
+                                     [&](const AlignProgress& progress) {
+                                       if (progress.state == "single_contact") {
+                                         failed = progress.message;
+                                       }
+                                     });
+    EXPECT_TRUE(result.success) << result.reason;
+    EXPECT_EQ(failed.rfind("not_double", 0) == 0, one_sided) << failed;
+    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    // a fifth of the clearance, of the peg as it hung before the first move
+    const Pose start = judge.startPose(result);
+    EXPECT_LT((result.offset + start.p.head<2>()).norm(), 2e-5);
+    EXPECT_NEAR(result.time, plant.truth().time(), 0.1);
+    readings[one_sided] = result.contacts;
+  }
+  EXPECT_GT(readings[1], readings[0] + 20);
+}
+
 // too little force for the converter: said before anything is touched
 TEST(Align, RefusesWhatItCannotMeasure) {
   CellParameters sensors;

@@ -126,6 +126,9 @@ AlignResult singleContact(Plant& plant, const Scenario& mechanism,
 AlignResult doubleContact(Plant& plant, const Scenario& mechanism,
                           const AlignParameters& parameters,
                           const std::function<void(const AlignProgress&)>& progress);
+/// double_contact, and where that fails single_contact from the start again.
+AlignResult vibratory(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+                      const std::function<void(const AlignProgress&)>& progress);
 AlignResult twinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress);
 

@@ -1,0 +1,68 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "assembly_cell/align/search.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kRise = 8e-3;     // before the way back [m]
+constexpr double kThere = 1e-7;    // of height and tilt, which are as commanded [m] [rad]
+constexpr double kBeside = 5e-4;   // of x and y, which give way [m]
+constexpr int kMostBlocks = 500;   // for one of both ways
+constexpr int kSettleBlocks = 10;  // before the zero is taken anew
+
+// what another strategy would end with, too
+bool isFinal(const std::string& reason) {
+  for (const char* name : {"too_uncertain", "no_reading", "no_contact", "not_still"}) {
+    if (reason.rfind(name, 0) == 0) return true;
+  }
+  return false;
+}
+
+bool goTo(Plant& plant, const RestPose& rest) {
+  PlantCommand command;
+  command.rest = rest;
+  for (int i = 0; i < kMostBlocks; ++i) {
+    const RestPose at = plant.next(command).carrier;
+    command.rest.reset();
+    if (std::abs(at.z - rest.z) < kThere && std::abs(at.theta - rest.theta) < kThere &&
+        std::abs(at.phi - rest.phi) < kThere &&
+        std::hypot(at.x - rest.x, at.y - rest.y) < kBeside) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// straight up and to where the peg hung at the start
+bool goBack(Plant& plant, const RestPose& start) {
+  RestPose up = plant.next({}).carrier;
+  up.z = std::max(start.z, up.z + kRise);
+  RestPose over = start;
+  over.z = up.z;
+  if (!goTo(plant, up) || !goTo(plant, over) || !goTo(plant, start)) return false;
+  for (int i = 0; i < kSettleBlocks; ++i) plant.next({});
+  return true;
+}
+
+}  // namespace
+
+AlignResult vibratory(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+                      const std::function<void(const AlignProgress&)>& progress) {
+  const PlantBlock first = plant.next({});
+  const AlignResult quick = doubleContact(plant, mechanism, parameters, progress);
+  if (quick.success || isFinal(quick.reason)) return quick;
+  if (progress) progress({"single_contact", quick.contacts, quick.time, quick.reason});
+  if (!goBack(plant, first.carrier)) return quick;
+  const double before = plant.next({}).time - first.time;
+  AlignResult result = singleContact(plant, mechanism, parameters, progress);
+  result.contacts += quick.contacts;
+  result.time += before;
+  result.reference_time = quick.reference_time;
+  return result;
+}
+
+}  // namespace assembly_cell
