@@ -80,6 +80,7 @@ class DoubleContact : public VibratedSearch {
             return false;
           } else {
             bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
+            goAside();
             state = State::kSeek;
           }
           break;
@@ -91,9 +92,9 @@ class DoubleContact : public VibratedSearch {
   }
 
   // one reading at a tilt q against the plane; nothing when the edge went in
-  bool readAt(Complex q, const char* name, Felt& felt) {
+  bool readAt(Complex q, const char* name, Felt& felt, bool press_both = true) {
     const Mat3 R = rotationToAxis(hole_.normal) * tiltRotation(tiltFromComplex(q));
-    if (!read(R, name, felt)) {
+    if (!read(R, name, felt, press_both)) {
       takeEntry();
       return false;
     }
@@ -106,8 +107,8 @@ class DoubleContact : public VibratedSearch {
     for (int i = 0; i < kLevelReadings; ++i) {
       Felt felt;
       const double low = 2 * kPi * i / kLevelReadings;
-      if (!readAt(std::polar(tilt_, low), "level", felt)) return false;
-      if (felt.mode == LocusMode::kSegment) double_low_ = low;
+      if (!readAt(std::polar(tilt_, low), "level", felt, false)) return false;
+      if (felt.straddles) double_low_ = low;
     }
     if (!level()) throw Failure{"no_plane_reading: the contacts don't agree on a plane"};
     return true;

@@ -10,9 +10,9 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kTouchForce = 1.5;                // this much along z is contact [N]
+constexpr double kTouchForce = 1.5;      // this much in any direction is contact [N]
+constexpr double kSidewaysTouch = 0.75;  // and this much sideways: a tilted peg's weight is less
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
-constexpr double kZeroForce = 1.0;  // of a free peg: its weight pulls sideways when tilted [N]
 constexpr int kHoldSteps = 30;
 constexpr int kSettleBlocks = 3;
 constexpr double kStillForce = 0.03;  // change from block to block of what is at rest [N]
@@ -82,9 +82,10 @@ void Hand::tare(int blocks) {
   }
   scatter_ = scatter / blocks;
   tare_ = wrench / blocks;
+  if (!tared_) zero_ = tare_;
   tare_displacement_ = displacement / blocks;
   tared_ = true;
-  target_ = last_.carrier;
+  target_ = tare_pose_ = last_.carrier;
 }
 
 void Hand::moveTo(const RestPose& target) {
@@ -104,13 +105,14 @@ void Hand::moveTo(const RestPose& target) {
       line("not_arrived: carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
 }
 
-void Hand::retreat(double way) {
-  RestPose up = last_.carrier;
-  up.z += way;
+void Hand::retreat(const RestPose& relaxed, double way) {
   guarded_ = false;
   PlantCommand off;
   off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
   step(off);
+  moveTo(relaxed);
+  RestPose up = relaxed;
+  up.z += way;
   moveTo(up);
   int still = 0;
   for (int i = 0; still < kStillBlocks; ++i) {
@@ -121,17 +123,18 @@ void Hand::retreat(double way) {
     still = agrees && !last_.saturated ? still + 1 : 0;
   }
   guarded_ = true;
-  if (force().norm() > kZeroForce) {
-    throw PressError(line("zero_shifted: %.2f N with the peg free, %.2f N are allowed",
-                          force().norm(), kZeroForce));
+  const double shift = (last_.wrench_b - zero_).head<3>().norm();
+  if (shift > kFreeForce) {
+    throw PressError(
+        line("zero_shifted: %.2f N with the peg free, %.2f N are allowed", shift, kFreeForce));
   }
 }
 
 bool Hand::approach(double floor) {
-  // descend a little every block until the first touch
+  // descend a little every block until the first touch; a steep one hardly pushes up
   const double start = target_.z;
   RestPose target = target_;
-  while (forceZ() < kTouchForce) {
+  while (force().norm() < kTouchForce && force().head<2>().norm() < kSidewaysTouch) {
     if (target.z <= floor) {
       target_ = target;
       return false;
@@ -154,12 +157,17 @@ bool Hand::approach(double floor) {
 void Hand::hold(double force, double tolerance) {
   // secant steps to the force
   RestPose target = target_;
+  const double start = target.z;
   wait(kSettleBlocks);
   for (int i = 0; i < kHoldSteps; ++i) {
     const double before = forceZ();
     if (std::abs(before - force) <= tolerance * force) return;
     const double change = std::clamp((force - before) / stiffness_, -3e-4, 3e-4);
     target.z -= change;
+    if (start - target.z > limits_.give * force) {
+      throw PressError(
+          line("gave_way: %.1f mm down for %.1f N", (start - target.z) * 1e3, forceZ()));
+    }
     moveTo(target);
     wait(kSettleBlocks);
     // slip makes single secants unreliable: change the estimate by no more than threefold

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "assembly_cell/align/contact_window.h"
+
 namespace assembly_cell {
 namespace {
 
@@ -16,11 +18,25 @@ using Mat3 = Eigen::Matrix3d;
 constexpr double kClear = 3e-4;   // over the plane before the last way down [m]
 constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
 
-constexpr double kWallGive = 2e-5;   // of the peg against its carrier that is a wall [m]
-constexpr double kWallSearch = 6.0;  // way to a wall at most, in clearances
-constexpr double kWallSd = 5e-6;     // of a middle between walls, per axis [m]
-constexpr int kWallBlocks = 2;       // to come to rest
-constexpr int kSwingBlocks = 5;      // until a swing is gone that looks like a wall
+constexpr double kWallGive = 2e-5;     // of the peg against its carrier that is a wall [m]
+constexpr double kWallSearch = 6.0;    // way to a wall at most, in clearances
+constexpr double kWallSd = 5e-6;       // of a middle between walls, per axis [m]
+constexpr double kWallForce = 1.0;     // of a wall that stops a peg at rest [N]
+constexpr double kUnknownAxis = 0.05;  // sd of the axis of a hole that only walls tell [rad]
+constexpr int kWallBlocks = 2;         // to come to rest
+constexpr int kSwingBlocks = 5;        // until a swing is gone that looks like a wall
+constexpr double kGive = 3.0;          // way of a press, times what the coupling gives
+constexpr int kTouches = 4;            // that may give way, one after the other
+constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
+constexpr double kGolden = 2.4;     // from one way aside to the next, never the same twice [rad]
+constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
+
+// way of the carrier per force of one edge point [m/N]
+double pressCompliance(const Scenario& mechanism) {
+  const Matrix6 compliance = couplingStiffness(mechanism.coupling).inverse();
+  const double r = mechanism.peg.radius;
+  return compliance(2, 2) + r * r * std::max(compliance(3, 3), compliance(4, 4));
+}
 
 }  // namespace
 
@@ -46,7 +62,8 @@ Search::Search(Plant& plant, const Scenario& mechanism, const AlignParameters& p
     : mechanism_(mechanism),
       p_(parameters),
       progress_(progress),
-      hand_(plant, {parameters.force_limit, parameters.descent_limit, parameters.approach_step}),
+      hand_(plant, {parameters.force_limit, parameters.descent_limit, parameters.approach_step,
+                    kGive * pressCompliance(mechanism)}),
       length_(mechanism.peg.half_height + mechanism.peg.coupling_height) {
   start_time_ = hand_.last().time;
   hand_.wait(1);
@@ -103,6 +120,81 @@ Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
   return inverse(X_WS_) * worldPose(carrier) * deflected * bottom;
 }
 
+Search::Touch Search::feel() {
+  hand_.wait(kFeelBlocks);
+  Vector6 w = Vector6::Zero(), d = Vector6::Zero();
+  for (int i = 0; i < kFeelBlocks; ++i) {
+    hand_.wait(1);
+    w += hand_.wrench() / kFeelBlocks;
+    d += deflection() / kFeelBlocks;
+  }
+  // the weight has turned since the tare
+  const Pose X_WC = worldPose(hand_.last().carrier);
+  const Vec3 up = Vec3::UnitZ();
+  w -= pegWeight(mechanism_.peg, mechanism_.gravity, X_WC.R.transpose() * up, d) -
+       pegWeight(mechanism_.peg, mechanism_.gravity, worldPose(hand_.tarePose()).R.transpose() * up,
+                 Vector6::Zero());
+  const Pose X_CQ = Pose{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()} *
+                    Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
+  const Vector6 at = transformWrench(inverse(X_CQ), w);
+  Touch touch;
+  touch.force = at(2);
+  touch.sideways = at.head<2>().norm();
+  if (touch.force > 0.0)
+    touch.reach = at.segment<2>(3).norm() / touch.force / mechanism_.peg.radius;
+  return touch;
+}
+
+std::optional<Search::Touch> Search::lightTouch(double floor) {
+  Touch touch;
+  for (int i = 0; i < kTouches && !touch.felt(); ++i) {
+    if (!hand_.approach(floor)) return {};
+    touch = feel();
+  }
+  return touch;
+}
+
+void Search::refuseWedge(const Touch& touch, const Mat3& R) {
+  if (touch.felt() && !touch.steep()) return;
+  holeOnLowSide(R);
+  throw Failure{touch.felt() ? text("wedged: a light touch of %.1f N pushes sideways with %.1f N",
+                                    touch.force, touch.sideways)
+                             : std::string("wedged: a light touch gives way")};
+}
+
+void Search::holeOnLowSide(const Mat3& R) {
+  const Vec3 low(R.col(2).x(), R.col(2).y(), 0.0);
+  if (low.norm() < 1e-6) return;
+  aside_ = -low.normalized();
+  asides_ = 0;
+}
+
+void Search::backOut(double way) {
+  const auto out = [&] {
+    const Pose peg = pegPose(hand_.last().carrier, deflection());
+    hand_.retreat(restFor(peg.p, peg.R), way);
+  };
+  try {
+    out();
+  } catch (const PressError& error) {
+    // deeper in the hole than it was thought
+    report("recover", error.what());
+    out();
+  }
+}
+
+Vec3 Search::wayAside(double tilt) {
+  const Mat3 turn = rotationFromVector({Vec3(0, 0, kGolden * asides_++)});
+  const double way = trapWidth(tilt);
+  report("aside", text("by %.1f mm", way * 1e3));
+  return way * (rotationToAxis(hole_.normal) * turn * aside_);
+}
+
+double Search::trapWidth(double tilt) const {
+  const double r = mechanism_.peg.radius, R = mechanism_.hole.radius;
+  return std::sqrt(R * R - r * r) + r * tilt / kUpright;
+}
+
 int Search::blocks(double duration) const {
   return std::max(1, static_cast<int>(std::ceil(duration / block_ - 1e-6)));
 }
@@ -113,11 +205,36 @@ void Search::report(const char* state, const std::string& message) {
       {state, contacts_, hand_.last().time - start_time_, message, position_sd_, rotation_sd_});
 }
 
-void Search::begin() {
+bool Search::begin() {
   hand_.tare();
   X_WS_ = worldPose(hand_.last().carrier);
   reference_time_ = hand_.last().time;
   report("tare", "hanging free");
+  return alreadyIn();
+}
+
+// a wall within reach on one side; if so, on all
+bool Search::alreadyIn() {
+  const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+  const RestPose start = hand_.target();
+  const Vec3 bottom = pegPose(start, Vector6::Zero()).p;
+  const Vec3 beside = bottom + kWallSearch * clearance * Vec3::UnitX();
+  hand_.moveTo(restFor(beside, Mat3::Identity()));
+  hand_.wait(kWallBlocks);
+  const bool wall = hand_.force().head<2>().norm() > kWallForce;
+  hand_.moveTo(start);
+  hand_.wait(kWallBlocks);
+  if (!wall) return false;
+  hole_.normal = Vec3::UnitZ();
+  hole_.height = bottom.z();
+  hole_.normal_sd = kUnknownAxis;
+  sag_ = pegPose(hand_.last().carrier, deflection()).p - bottom;
+  if (centre(Mat3::Identity())) return true;
+  // no hole: something on one side only
+  found_ = false;
+  hole_ = HoleEstimate();
+  hand_.moveTo(start);
+  return false;
 }
 
 bool Search::enter(const Vec3& center) {

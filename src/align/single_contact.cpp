@@ -29,7 +29,9 @@ class SingleContact : public VibratedSearch {
         case State::kLevel:
           // a first round with few readings: the tilt that the peg began with adds to each
           state = sweep("level", kLevelReadings, 0.0) ? State::kSweep : State::kEnter;
-          if (state == State::kSweep) level();
+          if (state == State::kSweep && !level()) {
+            throw Failure{"no_plane_reading: the contacts don't agree on a plane"};
+          }
           break;
         case State::kSweep:
           ++sweeps;
@@ -55,6 +57,7 @@ class SingleContact : public VibratedSearch {
             return false;
           } else {
             bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
+            goAside();
             state = State::kSweep;
           }
           break;

@@ -21,6 +21,10 @@ constexpr double kHover = 1e-3;        // over the expected touch [m]
 constexpr double kNominal = 0.02;      // sd of the nominal place of the hole [m]
 constexpr double kNominalAngle = 0.1;  // of its orientation [rad]
 constexpr int kWindows = 10;           // tried until one is settled
+constexpr int kAttempts = 4;
+constexpr int kHigher = 5;             // lifts until the peg hangs free
+constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
+constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
 
 // A contact to make: the undeflected peg over it in S, then a pull sideways.
 struct Reach {
@@ -64,13 +68,54 @@ class TwinForce : public Search {
   Vector6 deflection() const override { return hand_.last().displacement_b; }
 
   void find() override {
-    begin();
+    if (begin()) {
+      found_ = false;  // of the pose in the hole nothing was felt
+      return;
+    }
     const ContactWindow free = window("hanging free");
     X_PQ_start_ = contacts_kept_.deflected(free.displacement());
-    contacts_kept_.setReference(carrierPose());
+    X_SC_start_ = carrierPose();
+    Vec3 place(0, 0, -length_ + mechanism_.peg.radius * p_.contact_tilt);
+    for (int k = 1;; ++k) {
+      std::string reason;
+      try {
+        attempt(place);
+        return;
+      } catch (const Failure& failure) {
+        reason = failure.reason;
+      } catch (const PressError& error) {
+        reason = error.what();
+      }
+      if (k >= kAttempts || !recoverable(reason)) throw Failure{reason};
+      // out, and beside a hole that is too near to press tilted
+      report("recover", reason);
+      backOut(kRetreat);
+      found_ = false;
+      hole_ = HoleEstimate();
+      // across the tilts to come, so that not both edges carry; then to the other sides
+      const double way = trapWidth(p_.contact_tilt + kUnknownTilt);
+      const double a = 0.5 * kPi + 2 * kPi * (k - 1) / (kAttempts - 1);
+      place = way * Vec3(std::cos(a), std::sin(a), 0.0);
+      place.z() = pegPose(hand_.target(), Vector6::Zero()).p.z();
+      report("aside", text("by %.1f mm", way * 1e3));
+    }
+  }
+
+  static bool recoverable(const std::string& reason) {
+    for (const char* name :
+         {"wedged", "gave_way", "both_edges", "not_free", "no_pose", "press_not_held",
+          "force_limit", "sensor_saturated", "not_inserted", "not_settled: pressed"}) {
+      if (reason.rfind(name, 0) == 0) return true;
+    }
+    return false;
+  }
+
+  // pose and entry from a place; Failure when it can't be done there
+  void attempt(const Vec3& place) {
+    contacts_kept_.clear();
+    contacts_kept_.setReference(X_SC_start_);
     // two sides of the edge, where the peg happens to be
-    Reach reach{Vec3(0, 0, -length_ + mechanism_.peg.radius * p_.contact_tilt),
-                tiltRotation({0.0, p_.contact_tilt})};
+    Reach reach{place, tiltRotation({0.0, p_.contact_tilt})};
     touch(reach);
     reach.p.z() = bottomAt(hand_.touchZ()).z();
     reach.R = tiltRotation({0.0, -p_.contact_tilt});
@@ -79,8 +124,8 @@ class TwinForce : public Search {
     for (int round = 0; round < p_.rounds; ++round) {
       const int most = p_.most_contacts * (round + 1);
       solve();
-      while (contacts_ < p_.fewest_contacts ||
-             (estimate().status != TwinForceStatus::kOk && contacts_ < most)) {
+      while (kept() < p_.fewest_contacts ||
+             (estimate().status != TwinForceStatus::kOk && kept() < most)) {
         touch(advised());
         solve();
       }
@@ -92,10 +137,12 @@ class TwinForce : public Search {
       }
       if (enter(hole_.center)) return;
       // one more at least
-      if (contacts_ < p_.rounds * p_.most_contacts) touch(advised());
+      if (kept() < p_.rounds * p_.most_contacts) touch(advised());
     }
-    throw Failure{text("not_inserted: no entry after %.0f contacts", contacts_)};
+    throw Failure{text("not_inserted: no entry after %.0f contacts", kept())};
   }
+
+  int kept() const { return static_cast<int>(contacts_kept_.size()); }
 
   const TwinForceEstimate& estimate() const { return contacts_kept_.estimate(); }
 
@@ -128,14 +175,28 @@ class TwinForce : public Search {
     above.z += kLift;
     if (contacts_ > 0) hand_.moveTo(above);
     const RestPose hover = restFor(reach.p, reach.R);
-    RestPose higher = hover;
-    higher.z = std::max(hover.z, above.z);
-    if (contacts_ > 0) hand_.moveTo(higher);
+    RestPose over = hover;
+    over.z = std::max(hover.z, above.z);
+    if (contacts_ > 0) hand_.moveTo(over);
     hand_.moveTo(hover);
     hand_.tare(2);
+    for (int higher = 0; hand_.tareShift() > kFreeForce; ++higher) {
+      // the edge already rests on something
+      if (higher == kHigher) throw Failure{"not_free: the peg doesn't come free over the contact"};
+      RestPose up = hand_.target();
+      up.z += kLift;
+      hand_.moveTo(up);
+      hand_.tare(2);
+    }
     contacts_kept_.tare(window("hanging free"), carrierPose());
 
-    hand_.approach(-1e9);
+    // light first: a wedge is never pressed, nor are both edges while the hole may be anywhere
+    const Touch light = *lightTouch(-1e9);
+    refuseWedge(light, reach.R);
+    if (light.straddles() && !found_) {
+      throw Failure{text("both_edges: the line of action is %.1f mm from the axis",
+                         light.reach * mechanism_.peg.radius * 1e3)};
+    }
     hand_.hold(p_.contact_force, p_.press_tolerance);
     if (!reach.pull.isZero()) {
       RestPose pulled = hand_.target();
@@ -221,6 +282,7 @@ class TwinForce : public Search {
 
   Pose X_CP_;
   TwinForceContacts contacts_kept_;
+  Pose X_SC_start_;          // carrier at the start
   Pose X_PQ_start_;          // hanging peg at the start, relative to the undeflected one
   double compliance_ = 0.0;  // sideways, at the peg's edge [m/N]
 };

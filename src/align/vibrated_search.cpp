@@ -15,16 +15,15 @@ using Mat3 = Eigen::Matrix3d;
 
 constexpr double kMisfitLimit = 0.15;     // of a reading: beyond, the linear model does not hold
 constexpr double kDirectionLimit = 0.05;  // sd of a reading's direction that is of use [rad]
-constexpr int kAttempts = 3;
+constexpr int kAttempts = 4;
 constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
 constexpr double kMostTilt = 0.14;     // 8 degrees [rad]
 constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
 constexpr double kGentler = 0.8;       // press and exciter after too much force
-constexpr double kBeside = 0.2;        // of the radius
 constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
 constexpr double kHoverWay = 6e-4;     // sideways, to find out whether the peg is free [m]
 constexpr double kHoverForce = 1.0;    // [N]
-constexpr int kHoverBlocks = 3;
+constexpr int kHoverBlocks = 3, kHoverSteps = 6;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
 
 bool begins(const std::string& text, const char* name) { return text.rfind(name, 0) == 0; }
@@ -32,7 +31,7 @@ bool begins(const std::string& text, const char* name) { return text.rfind(name,
 }  // namespace
 
 void VibratedSearch::find() {
-  begin();
+  if (begin()) return;
   bottom_ = Vec3(0, 0, -length_);
   tilt_ = p_.sweep_tilt;
   choosePoint();
@@ -80,22 +79,17 @@ void VibratedSearch::choosePoint() {
 // clear of everything, zero checked; then what may help this time
 void VibratedSearch::recover(const std::string& reason, int attempt) {
   report("recover", reason);
-  try {
-    hand_.retreat(kRetreat);
-  } catch (const PressError& error) {
-    // deeper in the hole than it was thought
-    report("recover", error.what());
-    hand_.retreat(kRetreat);
-  }
+  backOut(kRetreat);
   bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
   touches_ = 0;
   if (begins(reason, "force_limit") || begins(reason, "sensor_saturated")) {
     vibration_.press *= kGentler;
     vibration_.amplitude *= kGentler;
   }
-  if (!planeKnown()) {
+  if (!planeKnown() || begins(reason, "wedged") || begins(reason, "gave_way") ||
+      begins(reason, "edge_in_hole")) {
     // the hole may be right below, where a tilted edge goes in: beside it the edge stays out
-    bottom_.x() += kBeside * mechanism_.peg.radius;
+    goAside();
   } else if (begins(reason, "no_hole_under_edge")) {
     // a third of a turn each, so that three attempts look to all sides
     const double a = 2 * kPi * attempt / kAttempts;
@@ -107,6 +101,8 @@ void VibratedSearch::recover(const std::string& reason, int attempt) {
   }
   if (!found_) felt_.clear();
 }
+
+void VibratedSearch::goAside() { bottom_ += wayAside(tilt_ + (planeKnown() ? 0.0 : kUnknownTilt)); }
 
 void VibratedSearch::exciter(double amplitude) {
   PlantCommand command;
@@ -139,14 +135,20 @@ bool VibratedSearch::caught() {
   hand_.wait(kHoverBlocks);
   const Vec3 before = hand_.force();
   RestPose beside = hover;
-  beside.x += kHoverWay;
-  hand_.moveTo(beside);
-  hand_.wait(kHoverBlocks);
-  const bool held = (hand_.force() - before).head<2>().norm() > kHoverForce;
+  const auto pushed = [&] { return (hand_.force() - before).head<2>().norm() > kHoverForce; };
+  bool held = false;
+  for (int i = 0; i < kHoverSteps && !held; ++i) {
+    beside.x += kHoverWay / kHoverSteps;
+    hand_.moveTo(beside);
+    hand_.wait(1);
+    if (pushed()) hand_.wait(kHoverBlocks);  // it may only swing
+    held = pushed();
+  }
   hand_.moveTo(hover);
+  if (held) return true;
   hover.z -= p_.lift;
   hand_.moveTo(hover);
-  return held;
+  return false;
 }
 
 // way up before the peg is turned to R, so that its edge stays off the plane: no point of the edge
@@ -166,10 +168,11 @@ Mat3 VibratedSearch::lowAt(double low) const {
   return rotationToAxis(hole_.normal) * tiltRotation(tilt_ * Vec2(-std::sin(low), std::cos(low)));
 }
 
-bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt) {
+bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool press_both) {
   bottom_ += clearance(R) * (planeKnown() ? hole_.normal : Vec3::UnitZ());
   hand_.moveTo(restFor(bottom_, R));
-  const bool in = !hand_.approach(entryHeight(R));
+  const std::optional<Touch> light = lightTouch(entryHeight(R));
+  const bool in = !light;
   if (in && planeKnown()) return false;
   RestPose touch = hand_.target();
   if (!in) {
@@ -179,8 +182,22 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt) {
     lowest_ = touches_ == 0 ? height : std::min(lowest_, height);
     ++touches_;
   }
+  // light first: a wedge is never pressed, nor are both edges unless they are what is looked for
+  if (light) refuseWedge(*light, R);
   if (in || (!planeKnown() && (highest_ - lowest_ > touchRange() || (touches_ == 1 && caught())))) {
     throw Failure{"edge_in_hole: the tilted edge went into the hole before the plane was known"};
+  }
+
+  felt = Felt{};
+  if (light->straddles() && !press_both) {
+    holeOnLowSide(R);
+    felt.straddles = true;
+    report(state, text("both edges carry, line of action %.1f mm from the axis",
+                       light->reach * mechanism_.peg.radius * 1e3));
+    touch.z += p_.lift;
+    hand_.moveTo(touch);
+    bottom_ = pegPose(touch, Vector6::Zero()).p;
+    return true;
   }
 
   // shake harder than the reading will, so that friction keeps no preload near its limit
@@ -192,7 +209,6 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt) {
   hand_.wait(blocks(p_.settle));
   PlantCommand measure;
   measure.locus = LocusRequest{hand_.last().time, p_.window};
-  felt = Felt{};
   felt.start = hand_.last().time;
   hand_.step(measure);
   Vector6 deflection = hand_.deflection();

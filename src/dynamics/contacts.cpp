@@ -19,6 +19,10 @@ constexpr double kSpare = 1.5;    // edge speed inside a step over that at its e
 // of the typical force, at a tolerance of 1e-9 m and above: changes below it change no mode
 constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
+constexpr double kRest = 1.5;          // slip below this many times its threshold may be rest
+constexpr double kAhead = 0.9;         // slip goes against its friction: cosine
+constexpr double kLeastForce = 1e-12;  // [N]
+constexpr int kWedge = 40;             // doublings of the force that holds a wedge, and halvings
 
 double slipFriction(bool slides, double speed, const ContactParameters& c,
                     const FrictionParameters& f) {
@@ -485,7 +489,17 @@ void Simulation::shareInternalForce(std::size_t one, std::size_t two) {
       fb = worse(b);
     }
   }
-  const double s = 0.5 * (low + high);
+  double s = 0.5 * (low + high);
+  // a wedge, their connection inside both cones, holds by as much force as it takes: the least
+  if (wedged_ && worse(s) > 0.0) {
+    double short_of = 0.0;
+    s = std::copysign(std::max(std::abs(s), kLeastForce), c1.n);
+    for (int k = 0; k < kWedge && worse(s) > 0.0; ++k) short_of = s, s *= 2.0;
+    for (int k = 0; k < kWedge && std::abs(s - short_of) > 1e-6 * std::abs(s); ++k) {
+      const double half = 0.5 * (short_of + s);
+      (worse(half) > 0.0 ? short_of : s) = half;
+    }
+  }
   touches_[one].force += s * along;
   touches_[two].force -= s * along;
   touches_[one].normal_force += s * c1.n;
@@ -520,7 +534,7 @@ void Simulation::findModes(bool initial) {
 }
 
 // discrete friction: find for the points in reach who carries force, who slips and who rests
-void Simulation::decide() {
+void Simulation::decide(bool again) {
   stale_ = false;
   history_.count = 0;
   evaluateFree(time_, state_);
@@ -545,9 +559,10 @@ void Simulation::decide() {
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u) || !valid(i)) continue;
     Slot& slot = slots_[i];
-    slot.armed = touches_[i].tangential.norm() > 1.5 * slip_threshold_;
+    slot.armed = touches_[i].tangential.norm() > kRest * slip_threshold_;
     slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
   }
+  wedged_ = false;
   double limit = 0.0;
   for (int pass = 0; pass < kPasses; ++pass) {
     slope_v_ = withContacts(Look::kEvents);
@@ -611,7 +626,8 @@ void Simulation::decide() {
     }
     slots_[worst].mode = change;
   }
-  turnSlip();
+  if (!turnSlip()) wedge();
+  if (!again && stopTurnedSlip()) return decide(true);
   if (rigid() && time_ >= coarse_until_) {
     project();
     slope_v_ = evaluate(time_, state_, Look::kEvents);
@@ -621,9 +637,9 @@ void Simulation::decide() {
 
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it
 // (prox iteration); where the friction still holds the point, against the friction.
-void Simulation::turnSlip() {
+bool Simulation::turnSlip() {
   const double mu = scenario_.friction.sliding_coefficient;
-  if (mu == 0.0) return;
+  if (mu == 0.0) return true;
   for (int turn = 0; turn < kTurns; ++turn) {
     double largest = 0.0;
     const Body body = this->body();
@@ -646,10 +662,94 @@ void Simulation::turnSlip() {
       largest = std::max(largest, (next / size - slot.slip_direction).norm());
       slot.slip_direction = next / size;
     }
-    if (largest < 1e-14) return;
+    if (largest < 1e-14) return true;
     slope_v_ = withContacts(Look::kEvents);
-    if (largest < 1e-12) return;
+    if (largest < 1e-12) return true;
   }
+  return false;
+}
+
+// Slip that begins has a friction of fixed direction. Below zero: it goes elsewhere than against
+// that, fast enough to tell; under the rigid law, which keeps resting points at zero speed, only
+// when it goes along with it [m/s].
+double Simulation::slipAhead(std::size_t i) const {
+  const Vec3& slip = touches_[i].tangential;
+  const double against = -slip.dot(slots_[i].slip_direction);
+  if (rigid()) return slip_threshold_ + against;
+  if (scenario_.friction.sliding_coefficient == 0.0) return HUGE_VAL;
+  const double speed = slip.norm();
+  return std::max(slip_threshold_ - speed, against - kAhead * speed);
+}
+
+// Slip that has begun one way and goes another gets the friction of its velocity. Where that brakes
+// it, it would come to rest at once: it is put to rest, and all is decided anew (true).
+bool Simulation::stopTurnedSlip() {
+  ContactSlotMask turned = 0;
+  if (rigid()) return false;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    Slot& slot = slots_[i];
+    if (slot.mode != Mode::kSlip || slot.armed || !valid(i) || slipAhead(i) >= 0.0) continue;
+    slot.armed = true;
+    turned |= 1u << i;
+  }
+  if (!turned) return false;
+  slope_v_ = withContacts(Look::kEvents);
+  const Body body = this->body();
+  std::array<Constraint, kSlots> rows;
+  std::size_t n = 0;
+  bool stops = false;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    if (slots_[i].mode == Mode::kIdle || !valid(i)) continue;
+    const Touch& touch = touches_[i];
+    bool stop = false;
+    if (turned >> i & 1u) {
+      Vec3 acceleration = touch.acceleration + touch.rates.rolling;
+      for (ContactSlotMask others = closed_; others; others &= others - 1) {
+        const auto j = static_cast<std::size_t>(__builtin_ctz(others));
+        acceleration += response(body, touch.r, touches_[j].r, touches_[j].force);
+      }
+      stop = acceleration.dot(touch.tangential) < 0.0;
+    }
+    Constraint& row = rows[n++];
+    row.stick = stop || slots_[i].mode == Mode::kStick;
+    row.r = touch.r;
+    row.normal = row.direction = point(i).normal;
+    row.change = stop ? Vec3(-touch.tangential) : Vec3(Vec3::Zero());
+    stops = stops || stop;
+  }
+  if (!stops) return false;
+  solveConstraints(body, rows.data(), static_cast<int>(n));
+  Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();
+  for (std::size_t j = 0; j < n; ++j) {
+    impulse += rows[j].force;
+    moment += rows[j].r.cross(rows[j].force);
+  }
+  applyImpulse(impulse, moment);
+  return true;
+}
+
+// Where two points can't begin to slip in any direction, and their connection lies inside both
+// cones of friction, they rest: a wedge holds any load.
+void Simulation::wedge() {
+  std::array<std::size_t, 2> pair{};
+  std::size_t slow = 0;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    if (!valid(i) || slots_[i].armed) continue;
+    if (slow < 2) pair[slow] = i;
+    ++slow;
+  }
+  if (slow != 2) return;
+  const Vec3 along = touches_[pair[1]].r - touches_[pair[0]].r;
+  const double n0 = point(pair[0]).normal.dot(along), n1 = -point(pair[1]).normal.dot(along);
+  const double mu = scenario_.friction.static_coefficient;
+  const double inside = along.norm() / std::sqrt(1.0 + mu * mu);
+  if (!(n0 * n1 > 0.0) || std::abs(n0) <= inside || std::abs(n1) <= inside) return;
+  for (const std::size_t i : pair) slots_[i].mode = Mode::kStick;
+  wedged_ = true;
+  slope_v_ = withContacts(Look::kEvents);
 }
 
 }  // namespace assembly_cell

@@ -255,7 +255,7 @@ Simulation::Events Simulation::eventValues() const {
     } else if (slot.armed) {
       value[2] = touch.tangential.dot(slot.slip_start) - slip_threshold_;
     } else {
-      value[2] = slip_threshold_ - touch.tangential.dot(slot.slip_direction);
+      value[2] = slipAhead(i);
     }
   }
   return events;

@@ -82,6 +82,8 @@ class StudyTool : public testing::Test {
       std::vector<char*> argv;
       for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
       argv.push_back(nullptr);
+      // what OpenMPI's plug-ins leave behind is no finding of a build with sanitizers
+      if (words[0] == "mpirun") setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
       execvp(argv[0], argv.data());
       _exit(127);
     }

@@ -14,10 +14,15 @@ struct PressLimits {
   double force = 40.0;          ///< abort above this contact force [N]
   double descent = 0.02;        ///< abort without contact after this way down [m]
   double approach_step = 1e-4;  ///< way down in one block before contact [m]
+  double give = 5e-4;           ///< way down per force while pressing: more is no contact [m/N]
 };
 
+/// A free peg may differ by so much from its tare: its weight pulls sideways when tilted [N]
+inline constexpr double kFreeForce = 1.0;
+
 /// A move or a press was given up; what() begins with the name of the reason: force_limit,
-/// sensor_saturated, no_contact, press_not_held, not_still, not_arrived, stuck, zero_shifted.
+/// sensor_saturated, no_contact, press_not_held, gave_way, not_still, not_arrived, stuck,
+/// zero_shifted.
 struct PressError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -42,10 +47,10 @@ class Hand {
   const Matrix6& scatter() const { return scatter_; }
   const Matrix6& rounding() const { return last_.rounding_b; }
 
-  /// Exciter off and up by `way` [m] whatever is felt, and waits until the peg hangs still. Throws
-  /// PressError `stuck` when it doesn't come free, `zero_shifted` when the free peg weighs
-  /// something else than at the tare.
-  void retreat(double way);
+  /// Exciter off, over `relaxed` (where the coupling isn't strained) and up by `way` [m] whatever
+  /// is felt, and waits until the peg hangs still. Throws PressError `stuck` when it doesn't come
+  /// free, `zero_shifted` when the free peg weighs something else than at the first tare.
+  void retreat(const RestPose& relaxed, double way);
 
   /// Moves the rest pose and waits until it is there.
   void moveTo(const RestPose& target);
@@ -56,11 +61,16 @@ class Hand {
   /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
   void hold(double force, double tolerance);
 
+  /// Contact wrench, sensor_b axes about its origin; the weight is that at the tare. [N], [N·m]
+  Vector6 wrench() const { return last_.wrench_b - tare_; }
   double forceZ() const { return last_.wrench_b(2) - tare_(2); }  ///< contact force along z [N]
   /// Contact force, sensor_b axes [N]
   Eigen::Vector3d force() const { return (last_.wrench_b - tare_).head<3>(); }
   /// Deflection of the coupling since the tare, sensor_b axes. [m], [rad]
   Vector6 deflection() const { return last_.displacement_b - tare_displacement_; }
+  /// Force of the latest tare against the first [N]: a free peg's weight, or it wasn't free.
+  double tareShift() const { return (tare_ - zero_).head<3>().norm(); }
+  const RestPose& tarePose() const { return tare_pose_; }  ///< of the carrier at the tare
   const Vector6& tareDisplacement() const { return tare_displacement_; }
   double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
 
@@ -69,8 +79,9 @@ class Hand {
   PressLimits limits_;
   PlantBlock last_;
   RestPose target_;
-  Vector6 tare_ = Vector6::Zero();
+  Vector6 tare_ = Vector6::Zero(), zero_ = Vector6::Zero();  // latest, first
   Vector6 tare_displacement_ = Vector6::Zero();
+  RestPose tare_pose_;
   Matrix6 scatter_ = Matrix6::Zero();
   bool tared_ = false, guarded_ = true;
   double touch_z_ = 0.0;

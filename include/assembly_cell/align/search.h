@@ -1,7 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <cmath>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "assembly_cell/align/align.h"
@@ -36,6 +38,36 @@ class Search {
   /// What is known of the hole; only called if found_.
   virtual void summarise(AlignResult& result) const = 0;
 
+  /// A light touch: what the resting force says of the contact before anything is pressed.
+  struct Touch {
+    double force = 0.0;     ///< along the peg [N]
+    double sideways = 0.0;  ///< [N]
+    double reach = 0.0;  ///< line of action's distance from the axis at the bottom over the radius
+
+    /// The force is still there.
+    bool felt() const { return std::hypot(force, sideways) > 0.5; }
+    /// One point of the edge can't feel like this: two carry, or the wall does.
+    bool straddles() const { return reach < 0.8; }
+    /// Steeper than friction on any contact that may be pressed: the hole's rim nearly along the
+    /// edge, a wall, a wedge.
+    bool steep() const { return sideways > 0.75 * force; }
+  };
+
+  /// Down to a contact that stays, felt at rest; a peg that swings seems to touch. Nothing when the
+  /// rest height `floor` [m] was reached without one.
+  std::optional<Touch> lightTouch(double floor);
+  /// Throws Failure `wedged` for a peg tilted by R at a steep contact or one that gave way.
+  void refuseWedge(const Touch& touch, const Eigen::Matrix3d& R);
+  /// The hole lies on the low side of a peg tilted by R: later ways aside lead away from it.
+  void holeOnLowSide(const Eigen::Matrix3d& R);
+  /// Out of whatever the peg is in, by `way` above [m]; the zero checked.
+  void backOut(double way);
+  /// Way aside from where the peg was in vain, another direction each time. In S [m]
+  Eigen::Vector3d wayAside(double tilt);
+  /// Way aside to where neither edge is steep: beyond √(R² − r²) the rim crosses the edge ahead of
+  /// the peg's middle, and the crossing's normal is within 20 degrees of upright at this tilt. [m]
+  double trapWidth(double tilt) const;
+
   Pose worldPose(const RestPose& rest) const;
   /// Carrier in S.
   Pose carrierPose() const { return inverse(X_WS_) * worldPose(hand_.last().carrier); }
@@ -45,8 +77,9 @@ class Search {
   Pose pegPose(const RestPose& carrier, const Vector6& deflection) const;
   int blocks(double duration) const;
   void report(const char* state, const std::string& message);
-  /// Hanging at rest: S from here on.
-  void begin();
+  /// Hanging at rest: S from here on. True when the peg is in the hole already: walls on all four
+  /// sides; its centre is known then, its axis isn't.
+  bool begin();
 
   /// Upright over the hole and down; around it where the estimate is not good enough, then to the
   /// middle between the walls. True when the edge went in without resistance.
@@ -66,11 +99,15 @@ class Search {
   bool found_ = false;
 
  private:
+  Touch feel();
+  bool alreadyIn();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
   bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);
 
   Eigen::Vector3d sag_;  // of the upright peg's bottom centre, in S [m]
+  Eigen::Vector3d aside_ = Eigen::Vector3d::UnitX();  // away from the hole, as far as is known
+  int asides_ = 0;                                    // in this direction and others since
 };
 
 /// Rotation that tilts z by a rotation vector (x, y).

@@ -19,7 +19,8 @@ class VibratedSearch : public Search {
   struct Felt {
     Locus locus;
     LocusMode mode = LocusMode::kUndecided;
-    bool usable = false;  ///< a single contact explains it
+    bool usable = false;     ///< a single contact explains it
+    bool straddles = false;  ///< both edges carried at the touch; not pressed, nothing else is set
     double misfit = 0.0;
     Pose X_SC;                                        ///< carrier
     Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< mean contact force, sensor axes [N]
@@ -36,8 +37,11 @@ class VibratedSearch : public Search {
   bool feelsWalls() const final { return true; }
 
   /// One reading with the peg tilted by R about its bottom centre; the exciter runs only meanwhile.
-  /// False when the edge went into the hole instead.
-  bool read(const Eigen::Matrix3d& R, const char* state, Felt& felt);
+  /// False when the edge went into the hole instead. Presses both edges only if asked to, and never
+  /// a wedge (Failure wedged).
+  bool read(const Eigen::Matrix3d& R, const char* state, Felt& felt, bool press_both = false);
+  /// Over a place off the trap, seen from where the peg was in vain; another direction each time.
+  void goAside();
   /// From a locus to a direction on the peg's edge, with the tilts against the plane as known now.
   DirectionEstimate invert(Felt& felt) const;
   /// Tilt against the plane as known now, low side at azimuth `low`.

@@ -1,0 +1,113 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Starts less than the trap's width off: the tilted edge drops into the hole; and what else ends
+// the loop of a strategy (vibration_and_locus section 7.4).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+
+#include "assembly_cell/align/judge.h"
+#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/align/simulated_plant.h"
+
+using namespace assembly_cell;
+using Eigen::Vector2d;
+
+namespace {
+
+Scenario cell() {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml", {});
+}
+
+// remembers the greatest true force of one contact; may keep the exciter from the strategy
+class WatchedPlant : public Plant {
+ public:
+  explicit WatchedPlant(SimulatedPlant& plant) : plant_(plant) {}
+  PlantBlock next(const PlantCommand& command) override {
+    PlantCommand passed = command;
+    if (dead_exciter && passed.exciter) passed.exciter->amplitude = 0.0;
+    PlantBlock block = plant_.next(passed);
+    if (undecided && block.locus) block.locus->mode.mode = LocusMode::kUndecided;
+    for (const ContactReport& c : plant_.truth().contacts()) {
+      if (c.valid) greatest = std::max(greatest, c.force.norm());
+    }
+    return block;
+  }
+  bool dead_exciter = false, undecided = false;
+  double greatest = 0.0;
+
+ private:
+  SimulatedPlant& plant_;
+};
+
+class NearStarts : public testing::TestWithParam<const char*> {};
+
+}  // namespace
+
+// towards other sides and with other tilts: in the clearance, self-locking (0.3 mm), steep (0.8
+// mm), just before the rim crosses ahead of the peg's middle (2 mm)
+TEST_P(NearStarts, Align) {
+  const Scenario s = cell();
+  AlignParameters p;
+  p.strategy = GetParam();
+  const struct {
+    Vector2d offset, tilt;
+  } starts[] = {{{-3e-5, 5e-5}, {0.004, -0.006}},
+                {{-2.4e-4, 1.8e-4}, {0.02, 0.01}},
+                {{3e-4, 7.4e-4}, {-0.001, 0.004}},
+                {{2e-3, 0.0}, {0.0, -0.03}}};
+  for (const auto& start : starts) {
+    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), CellParameters{});
+    WatchedPlant watched(plant);
+    const AlignResult result = align(watched, s, p);
+    EXPECT_TRUE(result.success) << start.offset.transpose() << ": " << result.reason;
+    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_LT(plant.truth().pegPose().p.z(), -0.5 * p.insertion_depth);
+    // a third of the clearance, a tenth of a degree
+    EXPECT_LT((result.offset + start.offset).norm(), 3e-5);
+    EXPECT_LT((result.tilt - start.tilt).norm(), 2e-3);
+    // nothing is pressed that multiplies the force of a press
+    EXPECT_LT(watched.greatest, p.force_limit) << start.offset.transpose();
+  }
+}
+
+TEST_P(NearStarts, InTheHoleAlready) {
+  const Scenario s = cell();
+  AlignParameters p;
+  p.strategy = GetParam();
+  for (const double depth : {0.002, 0.02}) {
+    SimulatedPlant plant(startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.001, 0.0), -depth),
+                         CellParameters{});
+    const AlignResult result = align(plant, s, p);
+    EXPECT_TRUE(result.success) << result.reason;
+    EXPECT_EQ(result.contacts, 0);
+    EXPECT_LT(result.time, 5.0);
+    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_LT(plant.truth().pegPose().p.z(), -0.5 * depth);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Strategies, NearStarts,
+                         testing::Values("single_contact", "double_contact", "twin_force"),
+                         [](const auto& p) { return std::string(p.param); });
+
+// nothing moves, or no mode can be told: both strategies of the vibrated peg end by name
+TEST(FailureCases, NoMovementAndUndecided) {
+  const Scenario s = cell();
+  for (const char* strategy : {"single_contact", "double_contact"}) {
+    for (const bool dead : {true, false}) {
+      SimulatedPlant plant(startAt(s, Vector2d(0.006, 0.0), Vector2d(0.0, 0.0), 0.001),
+                           CellParameters{});
+      WatchedPlant watched(plant);
+      watched.dead_exciter = dead;
+      watched.undecided = !dead;
+      AlignParameters p;
+      p.strategy = strategy;
+      const AlignResult result = align(watched, s, p);
+      EXPECT_FALSE(result.success);
+      EXPECT_EQ(result.reason.rfind("no_plane_reading", 0), 0u) << strategy << " " << result.reason;
+      // so many attempts and no more
+      EXPECT_LE(result.contacts, 4 * 6);
+    }
+  }
+}
