@@ -261,7 +261,11 @@ void Simulation::plasticImpact(ContactSlotMask points) {
       continue;
     }
     if (worst < kSlots) {
-      kind[worst] = Kind::kNone;
+      // to stop the slip may ask for a pull: it goes on
+      const Vec3& slip = touches_[worst].tangential;
+      const bool goes_on = kind[worst] == Kind::kStick && slip.norm() > kSlipTolerance && mu > 0.0;
+      kind[worst] = goes_on ? Kind::kSlip : Kind::kNone;
+      if (goes_on) friction[worst] = -slip.normalized();
       continue;
     }
     bool rejoined = false;
