@@ -14,6 +14,8 @@ constexpr double kTouchForce = 1.5;      // this much in any direction is contac
 constexpr double kSidewaysTouch = 0.75;  // and this much sideways: a tilted peg's weight is less
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
 constexpr int kHoldSteps = 30;
+constexpr double kPullStep = 2.5e-4;  // of the way out [m]
+constexpr int kPullSteps = 8;
 constexpr int kSettleBlocks = 3;
 constexpr double kStillForce = 0.03;  // change from block to block of what is at rest [N]
 constexpr int kStillBlocks = 3;
@@ -111,8 +113,16 @@ void Hand::retreat(const RestPose& relaxed, double way) {
   off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
   step(off);
   moveTo(relaxed);
+  // a wedge only tightens when it is pulled: gently until it is out
   RestPose up = relaxed;
-  up.z += way;
+  for (int i = 0; i < kPullSteps; ++i) {
+    up.z += kPullStep;
+    moveTo(up);
+    if ((last_.wrench_b - zero_).head<3>().norm() > limits_.force) {
+      throw PressError("stuck: the peg doesn't come free");
+    }
+  }
+  up.z = relaxed.z + std::max(way, kPullSteps * kPullStep);
   moveTo(up);
   int still = 0;
   for (int i = 0; still < kStillBlocks; ++i) {

@@ -28,6 +28,7 @@ constexpr int kSwingBlocks = 5;        // until a swing is gone that looks like 
 constexpr double kGive = 3.0;          // way of a press, times what the coupling gives
 constexpr int kTouches = 4;            // that may give way, one after the other
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
+constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one way aside to the next, never the same twice [rad]
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
@@ -170,16 +171,16 @@ void Search::holeOnLowSide(const Mat3& R) {
 }
 
 void Search::backOut(double way) {
-  const auto out = [&] {
+  for (int i = 0;; ++i) {
     const Pose peg = pegPose(hand_.last().carrier, deflection());
-    hand_.retreat(restFor(peg.p, peg.R), way);
-  };
-  try {
-    out();
-  } catch (const PressError& error) {
-    // deeper in the hole than it was thought
-    report("recover", error.what());
-    out();
+    try {
+      // unstrained; if that does not free it, turned back first: pulling may tighten a wedge
+      hand_.retreat(restFor(peg.p, i == 0 ? peg.R : Mat3(Mat3::Identity())), way);
+      return;
+    } catch (const PressError& error) {
+      if (i == kBackOuts) throw;
+      report("recover", error.what());
+    }
   }
 }
 

@@ -133,6 +133,12 @@ bool VibratedSearch::caught() {
   hover.z += p_.lift;
   hand_.moveTo(hover);
   hand_.wait(kHoverBlocks);
+  if (hand_.forceZ() < -kHoverForce) {
+    // it doesn't even come up: not pulled any more
+    hover.z -= p_.lift;
+    hand_.moveTo(hover);
+    return true;
+  }
   const Vec3 before = hand_.force();
   RestPose beside = hover;
   const auto pushed = [&] { return (hand_.force() - before).head<2>().norm() > kHoverForce; };

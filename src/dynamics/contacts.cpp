@@ -19,10 +19,8 @@ constexpr double kSpare = 1.5;    // edge speed inside a step over that at its e
 // of the typical force, at a tolerance of 1e-9 m and above: changes below it change no mode
 constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
-constexpr double kRest = 1.5;          // slip below this many times its threshold may be rest
-constexpr double kAhead = 0.9;         // slip goes against its friction: cosine
-constexpr double kLeastForce = 1e-12;  // [N]
-constexpr int kWedge = 40;             // doublings of the force that holds a wedge, and halvings
+constexpr double kRest = 1.5;   // slip below this many times its threshold may be rest
+constexpr double kAhead = 0.9;  // slip goes against its friction: cosine
 
 double slipFriction(bool slides, double speed, const ContactParameters& c,
                     const FrictionParameters& f) {
@@ -489,17 +487,7 @@ void Simulation::shareInternalForce(std::size_t one, std::size_t two) {
       fb = worse(b);
     }
   }
-  double s = 0.5 * (low + high);
-  // a wedge, their connection inside both cones, holds by as much force as it takes: the least
-  if (wedged_ && worse(s) > 0.0) {
-    double short_of = 0.0;
-    s = std::copysign(std::max(std::abs(s), kLeastForce), c1.n);
-    for (int k = 0; k < kWedge && worse(s) > 0.0; ++k) short_of = s, s *= 2.0;
-    for (int k = 0; k < kWedge && std::abs(s - short_of) > 1e-6 * std::abs(s); ++k) {
-      const double half = 0.5 * (short_of + s);
-      (worse(half) > 0.0 ? short_of : s) = half;
-    }
-  }
+  const double s = 0.5 * (low + high);
   touches_[one].force += s * along;
   touches_[two].force -= s * along;
   touches_[one].normal_force += s * c1.n;
@@ -562,7 +550,6 @@ void Simulation::decide(bool again) {
     slot.armed = touches_[i].tangential.norm() > kRest * slip_threshold_;
     slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
   }
-  wedged_ = false;
   double limit = 0.0;
   for (int pass = 0; pass < kPasses; ++pass) {
     slope_v_ = withContacts(Look::kEvents);
@@ -626,7 +613,7 @@ void Simulation::decide(bool again) {
     }
     slots_[worst].mode = change;
   }
-  if (!turnSlip()) wedge();
+  turnSlip();
   if (!again && stopTurnedSlip()) return decide(true);
   if (rigid() && time_ >= coarse_until_) {
     project();
@@ -637,9 +624,9 @@ void Simulation::decide(bool again) {
 
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it
 // (prox iteration); where the friction still holds the point, against the friction.
-bool Simulation::turnSlip() {
+void Simulation::turnSlip() {
   const double mu = scenario_.friction.sliding_coefficient;
-  if (mu == 0.0) return true;
+  if (mu == 0.0) return;
   for (int turn = 0; turn < kTurns; ++turn) {
     double largest = 0.0;
     const Body body = this->body();
@@ -662,11 +649,10 @@ bool Simulation::turnSlip() {
       largest = std::max(largest, (next / size - slot.slip_direction).norm());
       slot.slip_direction = next / size;
     }
-    if (largest < 1e-14) return true;
+    if (largest < 1e-14) return;
     slope_v_ = withContacts(Look::kEvents);
-    if (largest < 1e-12) return true;
+    if (largest < 1e-12) return;
   }
-  return false;
 }
 
 // Slip that begins has a friction of fixed direction. Below zero: it goes elsewhere than against
@@ -728,28 +714,6 @@ bool Simulation::stopTurnedSlip() {
   }
   applyImpulse(impulse, moment);
   return true;
-}
-
-// Where two points can't begin to slip in any direction, and their connection lies inside both
-// cones of friction, they rest: a wedge holds any load.
-void Simulation::wedge() {
-  std::array<std::size_t, 2> pair{};
-  std::size_t slow = 0;
-  for (ContactSlotMask left = closed_; left; left &= left - 1) {
-    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
-    if (!valid(i) || slots_[i].armed) continue;
-    if (slow < 2) pair[slow] = i;
-    ++slow;
-  }
-  if (slow != 2) return;
-  const Vec3 along = touches_[pair[1]].r - touches_[pair[0]].r;
-  const double n0 = point(pair[0]).normal.dot(along), n1 = -point(pair[1]).normal.dot(along);
-  const double mu = scenario_.friction.static_coefficient;
-  const double inside = along.norm() / std::sqrt(1.0 + mu * mu);
-  if (!(n0 * n1 > 0.0) || std::abs(n0) <= inside || std::abs(n1) <= inside) return;
-  for (const std::size_t i : pair) slots_[i].mode = Mode::kStick;
-  wedged_ = true;
-  slope_v_ = withContacts(Look::kEvents);
 }
 
 }  // namespace assembly_cell

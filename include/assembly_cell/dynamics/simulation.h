@@ -175,8 +175,7 @@ class Simulation {
   // who carries, slips and rests; what the rigid law does to velocities and positions
   void findModes(bool initial);
   void decide(bool again = false);
-  bool turnSlip();
-  void wedge();
+  void turnSlip();
   double slipAhead(std::size_t i) const;
   bool stopTurnedSlip();
   void impact();
@@ -249,7 +248,6 @@ class Simulation {
   ContactSet closed_set_, open_set_;  // their points, and the others'
   double clearance_ = 0.0;            // no open slot closes before an edge point moved this far [m]
   double moved_ = 0.0, speed_ = 0.0;  // of the edge in the step, at its end: bounds
-  bool wedged_ = false;               // two resting points hold by any force between them
   bool clear_ = false;                // the last evaluation has left out the search by them
   double arm_ = 0.0;                  // from the centre of mass to the edge [m]
   Events start_events_;               // event functions at the start of the step
