@@ -20,6 +20,10 @@ constexpr int kSettleBlocks = 3;
 constexpr double kStillForce = 0.03;  // change from block to block of what is at rest [N]
 constexpr int kStillBlocks = 3;
 constexpr int kStillLimit = 200;  // blocks that a settling may take
+// After so many blocks a swing has died away, and what is left of change may be noise: the norm of
+// a change in three axes is below 2.5 times its rms in 999 of 1000 (chi distribution).
+constexpr int kSwingBlocks = 50;
+constexpr double kNoiseRms = 2.5;
 
 std::string line(const char* format, double a, double b) {
   char text[200];
@@ -62,17 +66,27 @@ const PlantBlock& Hand::wait(int blocks) {
   return last_;
 }
 
-void Hand::tare(int blocks) {
-  // hanging free: wait until some blocks in a row agree, then average
+bool Hand::settle() {
   int still = 0;
   for (int i = 0; still < kStillBlocks; ++i) {
-    if (i == kStillLimit) {
-      throw PressError("not_still: the hanging peg doesn't come to rest; check for contact");
-    }
+    if (i == kStillLimit) return false;
     const Vector6 before = last_.wrench_b;
     wait(1);
-    const bool agrees = (last_.wrench_b - before).head<3>().norm() < kStillForce;
+    double limit = kStillForce;
+    if (i >= kSwingBlocks && last_.samples > 0) {
+      const Matrix6 of_mean = last_.covariance_b / last_.samples + last_.rounding_b;
+      limit = std::max(limit, kNoiseRms * std::sqrt(2 * of_mean.topLeftCorner<3, 3>().trace()));
+    }
+    const bool agrees = (last_.wrench_b - before).head<3>().norm() < limit;
     still = agrees && !last_.saturated ? still + 1 : 0;
+  }
+  return true;
+}
+
+void Hand::tare(int blocks) {
+  // hanging free: wait until some blocks in a row agree, then average
+  if (!settle()) {
+    throw PressError("not_still: the hanging peg doesn't come to rest; check for contact");
   }
   Vector6 wrench = Vector6::Zero(), displacement = Vector6::Zero();
   Matrix6 scatter = Matrix6::Zero();
@@ -124,14 +138,7 @@ void Hand::retreat(const RestPose& relaxed, double way) {
   }
   up.z = relaxed.z + std::max(way, kPullSteps * kPullStep);
   moveTo(up);
-  int still = 0;
-  for (int i = 0; still < kStillBlocks; ++i) {
-    if (i == kStillLimit) throw PressError("stuck: the peg doesn't come free");
-    const Vector6 before = last_.wrench_b;
-    wait(1);
-    const bool agrees = (last_.wrench_b - before).head<3>().norm() < kStillForce;
-    still = agrees && !last_.saturated ? still + 1 : 0;
-  }
+  if (!settle()) throw PressError("stuck: the peg doesn't come free");
   guarded_ = true;
   const double shift = (last_.wrench_b - zero_).head<3>().norm();
   if (shift > kFreeForce) {

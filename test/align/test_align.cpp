@@ -132,6 +132,41 @@ TEST(Press, GivesUpByName) {
   EXPECT_EQ(saturated.rfind("sensor_saturated", 0), 0u) << saturated;
 }
 
+// hangs over the hole with noise of the sensor, and a swing that doesn't die away
+class SwingingPlant : public Plant {
+ public:
+  SwingingPlant(Plant& plant, double force) : plant_(plant), force_(force) {}
+  PlantBlock next(const PlantCommand& command) override {
+    PlantBlock block = plant_.next(command);
+    block.wrench_b(0) += force_ * std::sin(2 * M_PI * 5.0 * block.time);
+    return block;
+  }
+
+ private:
+  Plant& plant_;
+  double force_;
+};
+
+// with 20 mV blocks differ by 0.12 N rms, which never stays below 0.03 N: noise; 2 N at 5 Hz are a
+// swing
+TEST(Press, TellsNoiseFromASwing) {
+  CellParameters parameters;
+  parameters.noise = 20e-3;
+  const Scenario s = startAt(cell(), Vector2d(0.06, 0), Vector2d(0, 0.03), 0.003);
+  for (parameters.seed = 100; parameters.seed < 110; ++parameters.seed) {
+    SimulatedPlant plant(s, parameters);
+    EXPECT_NO_THROW(Hand(plant, PressLimits{}).tare()) << parameters.seed;
+    SwingingPlant swinging(plant, 2.0);
+    Hand hand(swinging, PressLimits{});
+    try {
+      hand.tare();
+      ADD_FAILURE() << parameters.seed;
+    } catch (const PressError& error) {
+      EXPECT_EQ(std::string(error.what()).rfind("not_still", 0), 0u);
+    }
+  }
+}
+
 // random starts, all aligned by the judge's measure; the commands of one run repeat to the last bit
 TEST(Align, ReachesTheHole) {
   const Scenario s = cell();

@@ -75,6 +75,8 @@ class Hand {
   double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
 
  private:
+  bool settle();  // waits until blocks in a row agree; false: they never do
+
   Plant& plant_;
   PressLimits limits_;
   PlantBlock last_;
