@@ -43,34 +43,24 @@ void oneSlip(const Body& b, Constraint& c) {
   c.force = c.normal.dot(c.change) / c.normal.dot(response(b, c.r, c.r, d)) * d;
 }
 
-// normal responses of two slipping points to each other's forces
-struct SlipPair {
-  Vec3 d1, d2;
-  double a11, a12, a21, a22, determinant;
-};
-SlipPair slipPair(const Body& b, const Constraint& one, const Constraint& two) {
-  SlipPair p;
-  p.d1 = slipDirection(b, one);
-  p.d2 = slipDirection(b, two);
-  p.a11 = one.normal.dot(response(b, one.r, one.r, p.d1));
-  p.a12 = one.normal.dot(response(b, one.r, two.r, p.d2));
-  p.a21 = two.normal.dot(response(b, two.r, one.r, p.d1));
-  p.a22 = two.normal.dot(response(b, two.r, two.r, p.d2));
-  p.determinant = p.a11 * p.a22 - p.a12 * p.a21;
-  return p;
-}
-
-void twoSlips(const Body& b, Constraint& one, Constraint& two) {
-  const auto [d1, d2, a11, a12, a21, a22, determinant] = slipPair(b, one, two);
+// true: far from wedging each other
+bool twoSlips(const Body& b, Constraint& one, Constraint& two) {
+  const Vec3 d1 = slipDirection(b, one), d2 = slipDirection(b, two);
+  const double a11 = one.normal.dot(response(b, one.r, one.r, d1));
+  const double a12 = one.normal.dot(response(b, one.r, two.r, d2));
+  const double a21 = two.normal.dot(response(b, two.r, one.r, d1));
+  const double a22 = two.normal.dot(response(b, two.r, two.r, d2));
   const double c1 = one.normal.dot(one.change), c2 = two.normal.dot(two.change);
+  const double determinant = a11 * a22 - a12 * a21;
   if (std::abs(determinant) < kRank * a11 * a22) {
     // the same row twice: each carries half
     one.force = c1 / (a11 + a12) * d1;
     two.force = c2 / (a21 + a22) * d2;
-    return;
+    return true;
   }
   one.force = (c1 * a22 - a12 * c2) / determinant * d1;
   two.force = (a11 * c2 - a21 * c1) / determinant * d2;
+  return determinant > kAmple * a11 * a22;
 }
 
 void stickAndSlip(const Body& b, Constraint& stick, Constraint& slip) {
@@ -212,10 +202,6 @@ double slipDeterminant(const Body& b, const Constraint* c, int n, bool friction)
 
 double wedgeMargin(const Body& body, const Constraint* c, int n) {
   if (n < 2 || std::all_of(c, c + n, [](const Constraint& one) { return one.stick; })) return 1.0;
-  if (n == 2 && !c[0].stick && !c[1].stick) {
-    const SlipPair pair = slipPair(body, c[0], c[1]);
-    if (pair.determinant > kAmple * pair.a11 * pair.a22) return 1.0;
-  }
   const double wedged = slipDeterminant(body, c, n, true);
   if (wedged > kAmple) return 1.0;
   const double free = slipDeterminant(body, c, n, false);
@@ -223,7 +209,7 @@ double wedgeMargin(const Body& body, const Constraint* c, int n) {
   return wedged / std::max(free, kRedundant);
 }
 
-void solveConstraints(const Body& body, Constraint* c, int n) {
+bool solveConstraints(const Body& body, Constraint* c, int n) {
   if (n == 1 && c[0].stick) {
     c[0].force = influence(body, c[0].r, c[0].r).inverse() * c[0].change;
   } else if (n == 1) {
@@ -233,10 +219,11 @@ void solveConstraints(const Body& body, Constraint* c, int n) {
   } else if (n == 2 && c[0].stick != c[1].stick) {
     stickAndSlip(body, c[c[0].stick ? 0 : 1], c[c[0].stick ? 1 : 0]);
   } else if (n == 2 && !c[0].stick) {
-    twoSlips(body, c[0], c[1]);
+    return twoSlips(body, c[0], c[1]);
   } else if (n > 0) {
     general(body, c, n);
   }
+  return n < 2;
 }
 
 }  // namespace assembly_cell

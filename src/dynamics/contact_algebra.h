@@ -31,7 +31,8 @@ struct Constraint {
 /// Forces that make the changes asked for. Redundant rows (two sticking points never change their
 /// distance, points that coincide) get the least-norm solution. A slipping point beyond Painlevé's
 /// bound, where friction would pull the contact shut by itself, is solved without its friction.
-void solveConstraints(const Body& body, Constraint* constraints, int n);
+/// True where it has shown that wedgeMargin() is 1.
+bool solveConstraints(const Body& body, Constraint* constraints, int n);
 
 /// How far slipping points are from being wedged by their friction: the determinant of their
 /// equations, sticking points held, over the one without friction. At zero no finite force keeps

@@ -403,14 +403,14 @@ void Simulation::solveModes(Look look) {
       row.change = normal * normal_target - creep * touch.tangential - rolling - touch.acceleration;
     }
   }
-  solveConstraints(body, constraints.data(), static_cast<int>(n));
+  const bool free = solveConstraints(body, constraints.data(), static_cast<int>(n));
   for (std::size_t j = 0; j < n; ++j) {
     Touch& touch = touches_[slot_of[j]];
     touch.force = constraints[j].force;
     touch.normal_force = constraints[j].normal.dot(touch.force);
   }
   if (look == Look::kForces) return;
-  if (held && n > 1 && slips()) {
+  if (held && !free && slips()) {
     wedge_margin_ = wedgeMargin(body, constraints.data(), static_cast<int>(n));
   }
 
@@ -555,6 +555,7 @@ void Simulation::findModes(bool initial) {
 void Simulation::decide(int again) {
   stale_ = false;
   history_.count = 0;
+  wedge_margin_ = 1.0;
   evaluateFree(time_, state_);
   if (!admitted_) {
     slope_v_ = now_.free;

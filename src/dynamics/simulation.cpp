@@ -259,7 +259,7 @@ Simulation::Events Simulation::eventValues() const {
       value[2] = slipAhead(i);
     }
   }
-  if (!rigid() && slips()) events.back() = wedge_margin_ - kWedged;
+  events.back() = wedge_margin_ - kWedged;
   return events;
 }
 
