@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <Eigen/QR>
+#include <algorithm>
 #include <array>
 
 #include "assembly_cell/dynamics/simulation.h"
@@ -14,6 +15,8 @@ using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 constexpr double kRank = 1e-10;       // relative pivots below this are redundant rows
 constexpr double kPainleve = 1e-3;    // of 1/mass: normal response to the force of a slipping point
+constexpr double kAmple = 0.1;        // a determinant over this is far from zero
+constexpr double kRedundant = 1e-9;   // below this so is what friction makes of it
 constexpr double kCoincident = 1e-9;  // points closer than this are one [m]
 
 // the response of all force components at s: 1/m − [r] B [s]
@@ -40,7 +43,8 @@ void oneSlip(const Body& b, Constraint& c) {
   c.force = c.normal.dot(c.change) / c.normal.dot(response(b, c.r, c.r, d)) * d;
 }
 
-void twoSlips(const Body& b, Constraint& one, Constraint& two) {
+// true: far from wedging each other
+bool twoSlips(const Body& b, Constraint& one, Constraint& two) {
   const Vec3 d1 = slipDirection(b, one), d2 = slipDirection(b, two);
   const double a11 = one.normal.dot(response(b, one.r, one.r, d1));
   const double a12 = one.normal.dot(response(b, one.r, two.r, d2));
@@ -52,10 +56,11 @@ void twoSlips(const Body& b, Constraint& one, Constraint& two) {
     // the same row twice: each carries half
     one.force = c1 / (a11 + a12) * d1;
     two.force = c2 / (a21 + a22) * d2;
-    return;
+    return true;
   }
   one.force = (c1 * a22 - a12 * c2) / determinant * d1;
   two.force = (a11 * c2 - a21 * c1) / determinant * d2;
+  return determinant > kAmple * a11 * a22;
 }
 
 void stickAndSlip(const Body& b, Constraint& stick, Constraint& slip) {
@@ -138,9 +143,73 @@ void general(const Body& b, Constraint* c, int n) {
   }
 }
 
+// The equations of the slipping points' normals once the sticking ones are held, rows over their
+// own coefficient; without friction less what makes points part when another one is pressed.
+using Slips = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kSlots>;
+double slipDeterminant(const Body& b, const Constraint* c, int n, bool friction) {
+  std::array<const Constraint*, kSlots> slips{}, sticks{};
+  Eigen::Index m = 0, held = 0;
+  for (int i = 0; i < n; ++i) {
+    (c[i].stick ? sticks[static_cast<std::size_t>(held++)] : slips[static_cast<std::size_t>(m++)]) =
+        &c[i];
+  }
+  std::array<Vec3, kSlots> directions;
+  for (Eigen::Index i = 0; i < m; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    directions[k] = friction ? slipDirection(b, *slips[k]) : slips[k]->normal;
+  }
+  Slips left(m, m);
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kSlots, 1> own(m);
+  for (Eigen::Index i = 0; i < m; ++i) {
+    const Constraint& row = *slips[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j < m; ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      left(i, j) = row.normal.dot(response(b, row.r, slips[k]->r, directions[k]));
+    }
+    own(i) = left(i, i);
+  }
+  if (held > 0) {
+    constexpr int kMost = 3 * kSlots;
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost> W(3 * held, 3 * held);
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kSlots> moved(3 * held, m);
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kMost> moves(m, 3 * held);
+    for (Eigen::Index i = 0; i < held; ++i) {
+      const Vec3& at = sticks[static_cast<std::size_t>(i)]->r;
+      for (Eigen::Index j = 0; j < held; ++j) {
+        W.block<3, 3>(3 * i, 3 * j) = influence(b, at, sticks[static_cast<std::size_t>(j)]->r);
+      }
+      for (Eigen::Index j = 0; j < m; ++j) {
+        const auto k = static_cast<std::size_t>(j);
+        moved.block<3, 1>(3 * i, j) = response(b, at, slips[k]->r, directions[k]);
+        moves.block<1, 3>(j, 3 * i) = slips[k]->normal.transpose() * influence(b, slips[k]->r, at);
+      }
+    }
+    Eigen::CompleteOrthogonalDecomposition<decltype(W)> least_norm(3 * held, 3 * held);
+    least_norm.setThreshold(kRank);
+    least_norm.compute(W);
+    left -= moves * least_norm.solve(moved);
+  }
+  for (Eigen::Index i = 0; i < m; ++i) {
+    left.row(i) /= own(i);
+    for (Eigen::Index j = 0; j < m && !friction; ++j) {
+      if (j != i) left(i, j) = std::max(0.0, left(i, j));
+    }
+  }
+  return left.determinant();
+}
+
 }  // namespace
 
-void solveConstraints(const Body& body, Constraint* c, int n) {
+double wedgeMargin(const Body& body, const Constraint* c, int n) {
+  if (n < 2 || std::all_of(c, c + n, [](const Constraint& one) { return one.stick; })) return 1.0;
+  const double wedged = slipDeterminant(body, c, n, true);
+  if (wedged > kAmple) return 1.0;
+  const double free = slipDeterminant(body, c, n, false);
+  if (std::abs(wedged) < kRedundant && free < kRedundant) return 1.0;
+  return wedged / std::max(free, kRedundant);
+}
+
+bool solveConstraints(const Body& body, Constraint* c, int n) {
   if (n == 1 && c[0].stick) {
     c[0].force = influence(body, c[0].r, c[0].r).inverse() * c[0].change;
   } else if (n == 1) {
@@ -150,10 +219,11 @@ void solveConstraints(const Body& body, Constraint* c, int n) {
   } else if (n == 2 && c[0].stick != c[1].stick) {
     stickAndSlip(body, c[c[0].stick ? 0 : 1], c[c[0].stick ? 1 : 0]);
   } else if (n == 2 && !c[0].stick) {
-    twoSlips(body, c[0], c[1]);
+    return twoSlips(body, c[0], c[1]);
   } else if (n > 0) {
     general(body, c, n);
   }
+  return n < 2;
 }
 
 }  // namespace assembly_cell

@@ -31,7 +31,14 @@ struct Constraint {
 /// Forces that make the changes asked for. Redundant rows (two sticking points never change their
 /// distance, points that coincide) get the least-norm solution. A slipping point beyond Painlevé's
 /// bound, where friction would pull the contact shut by itself, is solved without its friction.
-void solveConstraints(const Body& body, Constraint* constraints, int n);
+/// True where it has shown that wedgeMargin() is 1.
+bool solveConstraints(const Body& body, Constraint* constraints, int n);
+
+/// How far slipping points are from being wedged by their friction: the determinant of their
+/// equations, sticking points held, over the one without friction. At zero no finite force keeps
+/// the points apart (Painlevé's paradox), beyond it friction drives them together. 1 where nothing
+/// slips, where the points are redundant, and anywhere well above zero.
+double wedgeMargin(const Body& body, const Constraint* constraints, int n);
 
 /// Change of the acceleration (velocity) of point r by a force (impulse) at point s.
 inline Eigen::Vector3d response(const Body& body, const Eigen::Vector3d& r,

@@ -20,6 +20,7 @@ constexpr double kSpare = 1.5;    // edge speed inside a step over that at its e
 constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
 constexpr double kRest = 1.5;   // slip below this many times its threshold may be rest
+constexpr int kShares = 2;      // rounds of that among more than two
 constexpr double kAhead = 0.9;  // slip goes against its friction: cosine
 
 double slipFriction(bool slides, double speed, const ContactParameters& c,
@@ -168,6 +169,7 @@ Vector9 Simulation::withContacts(Look look) {
   const Vec3 angular = k.Re * now_.free.segment<3>(3) + k.Re_rate * now_.rates;
   const bool centripetal = !scenario_.thesis.no_centripetal;
   bool carries = false;
+  wedge_margin_ = 1.0;
   for (ContactSlotMask left = closed_; left; left &= left - 1) {
     const auto i = static_cast<std::size_t>(__builtin_ctz(left));
     Touch& touch = touches_[i];
@@ -401,25 +403,25 @@ void Simulation::solveModes(Look look) {
       row.change = normal * normal_target - creep * touch.tangential - rolling - touch.acceleration;
     }
   }
-  solveConstraints(body, constraints.data(), static_cast<int>(n));
+  const bool free = solveConstraints(body, constraints.data(), static_cast<int>(n));
   for (std::size_t j = 0; j < n; ++j) {
     Touch& touch = touches_[slot_of[j]];
     touch.force = constraints[j].force;
     touch.normal_force = constraints[j].normal.dot(touch.force);
   }
   if (look == Look::kForces) return;
+  if (held && !free && slips()) {
+    wedge_margin_ = wedgeMargin(body, constraints.data(), static_cast<int>(n));
+  }
 
-  // two resting points: the force along their connection moves nothing; any value inside both
-  // cones will do, the best one is looked for where the even one is outside
-  if (sticks == 2) {
-    std::array<std::size_t, 2> pair{};
-    std::size_t found = 0;
+  // resting points: the force along their connections moves nothing; any value inside all cones
+  // will do, the best one is looked for where the even one is outside
+  if (sticks > 1) {
+    ContactSlotMask resting = 0;
     for (std::size_t j = 0; j < n; ++j) {
-      if (constraints[j].stick) pair[found++] = slot_of[j];
+      if (constraints[j].stick) resting |= 1u << slot_of[j];
     }
-    if (look == Look::kReport || coneExcess(pair[0]) > 0.0 || coneExcess(pair[1]) > 0.0) {
-      shareInternalForce(pair[0], pair[1]);
-    }
+    if (look == Look::kReport || !inCones(resting, 0.0)) shareInternalForces(resting, kLoads);
   }
   if (!idle) return;
   // what an idle slot's gap would do
@@ -443,9 +445,36 @@ double Simulation::coneExcess(std::size_t i) const {
   return tangential.norm() - scenario_.friction.static_coefficient * touch.normal_force;
 }
 
+// none of these points needs more friction than there is, by more than this [N]
+bool Simulation::inCones(ContactSlotMask points, double by) const {
+  for (ContactSlotMask left = points; left; left &= left - 1) {
+    if (coneExcess(static_cast<std::size_t>(__builtin_ctz(left))) > by) return false;
+  }
+  return true;
+}
+
+// Resting points share the forces along their connections, pair by pair, each up to `most` times
+// the load of all.
+void Simulation::shareInternalForces(ContactSlotMask points, double most) {
+  double load = 0.0;
+  for (ContactSlotMask left = points; left; left &= left - 1) {
+    load += touches_[static_cast<std::size_t>(__builtin_ctz(left))].force.norm();
+  }
+  const bool pair = __builtin_popcount(points) < 3;
+  for (int round = 0; round < (pair ? 1 : kShares); ++round) {
+    for (ContactSlotMask left = points; left; left &= left - 1) {
+      for (ContactSlotMask second = left & (left - 1); second; second &= second - 1) {
+        shareInternalForce(static_cast<std::size_t>(__builtin_ctz(left)),
+                           static_cast<std::size_t>(__builtin_ctz(second)), most * load);
+        if (!pair && inCones(points, 0.0)) return;
+      }
+    }
+  }
+}
+
 // Two sticking points can't change their distance: the force along their connection is
-// undetermined. Of all its values take the one farthest inside both friction cones.
-void Simulation::shareInternalForce(std::size_t one, std::size_t two) {
+// undetermined. Of all its values up to `most` take the one farthest inside both friction cones.
+void Simulation::shareInternalForce(std::size_t one, std::size_t two, double most) {
   const Vec3 apart = touches_[two].r - touches_[one].r;
   const double distance = apart.norm();
   if (!(distance > 0.0)) return;
@@ -469,7 +498,7 @@ void Simulation::shareInternalForce(std::size_t one, std::size_t two) {
   const auto worse = [&](double s) { return std::max(outside(c1, s), outside(c2, s)); };
   // convex in s: golden section
   const double golden = 0.6180339887498949;
-  double low = -2.0 * (touches_[one].force.norm() + touches_[two].force.norm()), high = -low;
+  double low = -most, high = most;
   double a = high - golden * (high - low), b = low + golden * (high - low);
   double fa = worse(a), fb = worse(b);
   for (int i = 0; i < 48; ++i) {
@@ -521,10 +550,12 @@ void Simulation::findModes(bool initial) {
   decide();
 }
 
-// discrete friction: find for the points in reach who carries force, who slips and who rests
-void Simulation::decide(bool again) {
+// discrete friction: find for the points in reach who carries force, who slips and who rests;
+// `again`: after slip that was stopped here, 1 for having turned, 2 and 3 by a jam
+void Simulation::decide(int again) {
   stale_ = false;
   history_.count = 0;
+  wedge_margin_ = 1.0;
   evaluateFree(time_, state_);
   if (!admitted_) {
     slope_v_ = now_.free;
@@ -614,12 +645,30 @@ void Simulation::decide(bool again) {
     slots_[worst].mode = change;
   }
   turnSlip();
-  if (!again && stopTurnedSlip()) return decide(true);
+  if (again == 0 && stopTurnedSlip()) return decide(1);
+  if (!rigid() && again < 3 && slips() && (wedge_margin_ < 2.0 * kWedged || contradicted(limit))) {
+    jam(again == 2);
+    return decide(again == 2 ? 3 : 2);
+  }
   if (rigid() && time_ >= coarse_until_) {
     project();
     slope_v_ = evaluate(time_, state_, Look::kEvents);
   }
   startStep();
+}
+
+// no choice of modes has been found that all points agree with
+bool Simulation::contradicted(double limit) const {
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    if (!valid(i)) continue;
+    const bool idle = slots_[i].mode == Mode::kIdle;
+    if (idle ? touches_[i].demand < -limit
+             : touches_[i].normal_force < -limit * scenario_.peg.mass) {
+      return true;
+    }
+  }
+  return false;
 }
 
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it

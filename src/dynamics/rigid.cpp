@@ -22,7 +22,9 @@ constexpr double kDirection = 1e-14, kSettled = 1e-9;  // aimed at; good enough 
 constexpr double kLeastBounce = 1e-3;
 constexpr int kBounces = 60;      // impulses of one impact of several points, one after the other
 constexpr int kStormPasses = 24;  // impacts of a step amid a storm
-constexpr double kStormGap = 1e-12;  // penetration let be then [m]
+constexpr double kWedgeImpulse = 1e3;  // of the load: an impulse between two of them
+constexpr double kOutside = 1e-9;      // of all impulses: beyond a cone
+constexpr double kStormGap = 1e-12;    // penetration let be then [m]
 
 }  // namespace
 
@@ -133,13 +135,12 @@ void Simulation::plasticImpact(ContactSlotMask points) {
       touches_[slot_of[j]].normal_force = constraints[j].normal.dot(constraints[j].force);
     }
     if (sticks == 2) {
-      std::array<std::size_t, 2> pair{};
-      std::size_t found = 0;
+      ContactSlotMask resting = 0;
       for (std::size_t j = 0; j < n; ++j) {
-        if (constraints[j].stick) pair[found++] = slot_of[j];
+        if (constraints[j].stick) resting |= 1u << slot_of[j];
       }
-      shareInternalForce(pair[0], pair[1]);
-      for (const std::size_t i : pair) impulse[i] = touches_[i].force;
+      shareInternalForces(resting, kLoads);
+      for (std::size_t j = 0; j < n; ++j) impulse[slot_of[j]] = touches_[slot_of[j]].force;
     }
     return true;
   };
@@ -290,41 +291,81 @@ void Simulation::plasticImpact(ContactSlotMask points) {
 }
 
 // Impact without collision: friction wedges slipping points the faster the harder they press
-// (Painlevé's paradox, two points against each other) and force grows without bound within
-// finite time. All points come to rest at once; those that would be pulled are left out.
-void Simulation::jam() {
+// (Painlevé's paradox, two points against each other) and force grows without bound within finite
+// time, or no force agrees with their slip at all. Points come to rest at once: of all sets that
+// impulses within the cones of friction bring to rest without another point approaching, the one
+// that loses most energy; all points where there is none, or where it wasn't enough (`everything`).
+void Simulation::jam(bool everything) {
   ++counts_.jams;
-  ContactSlotMask resting = closed_;
+  ContactSlotMask all = 0;
+  for (ContactSlotMask left = closed_; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    if (valid(i)) all |= 1u << i;
+  }
   const Body body = this->body();
-  std::array<Constraint, kSlots> rows;
-  while (resting) {
+  // energy lost by the impulses that bring these points to rest; left in touches_
+  const auto stop = [&](ContactSlotMask points) {
+    std::array<Constraint, kSlots> rows;
     std::size_t n = 0;
-    std::array<std::size_t, kSlots> slot_of{};
-    for (ContactSlotMask left = resting; left; left &= left - 1) {
+    for (ContactSlotMask left = points; left; left &= left - 1) {
       const auto i = static_cast<std::size_t>(__builtin_ctz(left));
-      if (!valid(i)) continue;
       rows[n].stick = true;
       rows[n].r = touches_[i].r;
       rows[n].normal = rows[n].direction = point(i).normal;
-      rows[n].change = -touches_[i].velocity;
-      slot_of[n++] = i;
+      rows[n++].change = -touches_[i].velocity;
     }
     solveConstraints(body, rows.data(), static_cast<int>(n));
-    Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();
-    double worst = 0.0;
-    std::size_t pulled = kSlots;
-    for (std::size_t j = 0; j < n; ++j) {
-      impulse += rows[j].force;
-      moment += rows[j].r.cross(rows[j].force);
-      const double N = rows[j].normal.dot(rows[j].force);
-      if (N < worst) worst = N, pulled = slot_of[j];
+    double loss = 0.0;
+    n = 0;
+    for (ContactSlotMask left = points; left; left &= left - 1) {
+      Touch& touch = touches_[static_cast<std::size_t>(__builtin_ctz(left))];
+      touch.force = rows[n].force;
+      touch.normal_force = rows[n].normal.dot(touch.force);
+      loss += 0.5 * rows[n].force.dot(rows[n].change);
+      ++n;
     }
-    if (pulled == kSlots) {
-      applyImpulse(impulse, moment);
-      return;
-    }
-    resting &= ~(1u << pulled);
+    return loss;
+  };
+  ContactSlotMask best = all;
+  double most = 0.0;
+  for (ContactSlotMask points = everything ? 0 : all; points; points = (points - 1) & all) {
+    const double loss = stop(points);
+    if (loss <= most || !restInCones(points, all & ~points)) continue;
+    most = loss;
+    best = points;
   }
+  stop(best);
+  Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();
+  for (ContactSlotMask left = best; left; left &= left - 1) {
+    const Touch& touch = touches_[static_cast<std::size_t>(__builtin_ctz(left))];
+    impulse += touch.force;
+    moment += touch.r.cross(touch.force);
+  }
+  const double before = kineticEnergy(scenario_, state_);
+  applyImpulse(impulse, moment);
+  const double after = kineticEnergy(scenario_, state_);
+  if (after > before) state_.v *= std::sqrt(before / after);
+}
+
+// The impulses that bring these points to rest lie within their cones, with as much between any two
+// of them as it takes, and let none of the others approach faster.
+bool Simulation::restInCones(ContactSlotMask points, ContactSlotMask others) {
+  const Body body = this->body();
+  for (ContactSlotMask left = others; left; left &= left - 1) {
+    const auto i = static_cast<std::size_t>(__builtin_ctz(left));
+    double change = 0.0;
+    for (ContactSlotMask from = points; from; from &= from - 1) {
+      const Touch& touch = touches_[static_cast<std::size_t>(__builtin_ctz(from))];
+      change += point(i).normal.dot(response(body, touches_[i].r, touch.r, touch.force));
+    }
+    if (std::max(change, touches_[i].gap_rate + change) < -kSettledSpeed) return false;
+  }
+  double size = 0.0;
+  for (ContactSlotMask left = points; left; left &= left - 1) {
+    size += touches_[static_cast<std::size_t>(__builtin_ctz(left))].force.norm();
+  }
+  if (!inCones(points, kOutside * size)) shareInternalForces(points, kWedgeImpulse);
+  return inCones(points, kOutside * size);
 }
 
 // Closed contacts stay closed: gaps, gap rates and the slip of resting points are put to zero by

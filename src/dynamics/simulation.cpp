@@ -214,7 +214,8 @@ void Simulation::setState(const State& state) {
   findModes(true);
 }
 
-// The event functions of the slots: gap, normal force, friction; below zero a mode must change.
+// The event functions of the slots: gap, normal force, friction; and what slipping points are from
+// a wedge. Below zero a mode must change.
 Simulation::Events Simulation::eventValues() const {
   Events events;
   events.fill(HUGE_VAL);
@@ -258,6 +259,7 @@ Simulation::Events Simulation::eventValues() const {
       value[2] = slipAhead(i);
     }
   }
+  events.back() = wedge_margin_ - kWedged;
   return events;
 }
 
@@ -355,6 +357,7 @@ bool Simulation::hiddenEvent(double h, const State& end, const Vector9& slope) {
   const std::array<Touch, kSlots> touches = touches_;
   const ContactSet closed = closed_set_, open = open_set_;
   const Now now = now_;
+  const double margin = wedge_margin_;
   evaluate(time_ + 0.5 * h, interpolate(h, end, slope, 0.5 * h), Look::kEvents);
   bool broken = false;
   for (const double value : eventValues()) broken = broken || value < 0.0;
@@ -362,6 +365,7 @@ bool Simulation::hiddenEvent(double h, const State& end, const Vector9& slope) {
   closed_set_ = closed;
   open_set_ = open;
   now_ = now;
+  wedge_margin_ = margin;
   return broken;
 }
 
@@ -658,14 +662,12 @@ const std::array<ContactReport, kSlots>& Simulation::contacts() {
   const ContactSet open = open_set_;
   refresh();
   if (const ContactSlotMask others = admitted_ & ~closed_) locate(others, open_set_);
-  std::array<std::size_t, 2> pair{};
-  std::size_t sticks = 0;
+  ContactSlotMask resting = 0;
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (!(closed_ >> i & 1u) || !valid(i) || slots_[i].mode != Mode::kStick) continue;
-    if (sticks < 2) pair[sticks] = i;
-    ++sticks;
+    resting |= 1u << i;
   }
-  if (sticks == 2) shareInternalForce(pair[0], pair[1]);
+  if (__builtin_popcount(resting) == 2) shareInternalForces(resting, kLoads);
   for (std::size_t i = 0; i < kSlots; ++i) {
     const Slot& slot = slots_[i];
     const Touch& touch = touches_[i];

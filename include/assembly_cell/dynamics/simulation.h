@@ -169,12 +169,15 @@ class Simulation {
   Vector9 withContacts(Look look);
   void solveRegularised();
   void solveModes(Look look);
-  void shareInternalForce(std::size_t one, std::size_t two);
+  void shareInternalForce(std::size_t one, std::size_t two, double most);
+  void shareInternalForces(ContactSlotMask points, double most);
+  bool inCones(ContactSlotMask points, double by) const;
   double coneExcess(std::size_t i) const;
 
   // who carries, slips and rests; what the rigid law does to velocities and positions
   void findModes(bool initial);
-  void decide(bool again = false);
+  void decide(int again = 0);
+  bool contradicted(double limit) const;
   void turnSlip();
   double slipAhead(std::size_t i) const;
   bool stopTurnedSlip();
@@ -183,7 +186,8 @@ class Simulation {
   std::size_t fastestApproach(double speed) const;
   void restitutionImpacts();
   Eigen::Vector3d restitutionImpulse(std::size_t i) const;
-  void jam();
+  void jam(bool everything = false);
+  bool restInCones(ContactSlotMask points, ContactSlotMask others);
   void project();
   void stormStep(double t);
   void limitEnergy(double most);
@@ -205,7 +209,7 @@ class Simulation {
 
   // events on the interpolant of a step
   static constexpr std::size_t kEventKinds = 3;
-  using Events = std::array<double, kEventKinds * kSlots>;
+  using Events = std::array<double, kEventKinds * kSlots + 1>;  // the last: friction wedges
   Events eventValues() const;
   double locateEvent(double h, const Events& at_end, State& end, Vector9& slope);
   State interpolate(double h, const State& end, const Vector9& slope, double tau) const;
@@ -253,6 +257,7 @@ class Simulation {
   Events start_events_;               // event functions at the start of the step
   double start_speed_ = 0.0;          // of the edge's fastest point, at the start of the step
   double slip_threshold_ = 0.0;       // slip slower than this is rest [m/s]
+  double wedge_margin_ = 1.0;         // of the slipping points, as of wedgeMargin()
   double pull_ = 0.0, approach_ = 0.0;  // hysteresis of forces [N] and accelerations [m/s²]
   std::array<ContactReport, kSlots> report_;
 
