@@ -249,7 +249,8 @@ YAML::Node withValue(const YAML::Node& node, const std::vector<std::string>& key
     const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), index);
     if (error != std::errc() || end != key.data() + key.size() || index >= node.size()) {
       refuse(source, "index", key,
-             "give an index from 0 to " + std::to_string(node.size()) + " - 1");
+             node.size() == 0 ? std::string("the list is empty")
+                              : "give an index from 0 to " + std::to_string(node.size() - 1));
     }
     YAML::Node list(YAML::NodeType::Sequence);
     for (std::size_t i = 0; i < node.size(); ++i) {

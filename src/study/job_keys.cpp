@@ -27,7 +27,7 @@ const JobNumber kNumbers[] = {
     {"start.tilt", [](StudyJob& j) -> double& { return j.start.tilt; }, -1, 1},
     {"start.tilt_azimuth", [](StudyJob& j) -> double& { return j.start.tilt_azimuth; }, -kAny,
      kAny},
-    {"start.height", [](StudyJob& j) -> double& { return j.start.height; }, -1, 1},
+    {"start.height", [](StudyJob& j) -> double& { return j.start.height; }, 0, 1},
     {"move.x", [](StudyJob& j) -> double& { return j.move.x; }, -1, 1},
     {"move.y", [](StudyJob& j) -> double& { return j.move.y; }, -1, 1},
     {"move.z", [](StudyJob& j) -> double& { return j.move.z; }, -1, 1},
@@ -82,10 +82,17 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
   if (std::find(std::begin(sections), std::end(sections), section) == std::end(sections)) {
     return false;
   }
+  const bool align = job.kind == StudyJob::Kind::kAlign;
+  if (section != "start" && (section == "cell" || section == "align") != align) {
+    refuse(s, align ? "of no use with job: align, leave it out" : "needs job: align");
+  }
   if (section == "start") job.start.given = true;
   if (section == "move") job.move.given = true;
 
   if (s.key == "align.strategy") {
+    AlignParameters probe;
+    probe.strategy = s.value;
+    checkParameters(probe);
     job.align.strategy = s.value;
     return true;
   }

@@ -83,6 +83,11 @@ StudyLedger::StudyLedger(const Study& study, const std::string& folder, bool fre
   journal_.read([this](const StudyRecord& record, std::int64_t place) { note(record, place); });
   settle();
   count_.before = count_.done;
+  // tables of other runs don't stay beside a study that isn't complete
+  for (const std::string& path : {resultsPath(), historyPath()}) {
+    std::error_code error;
+    std::filesystem::remove(path, error);
+  }
   writeManifest(nullptr);
 }
 
@@ -192,10 +197,16 @@ std::map<std::string, std::int64_t> StudyLedger::finish() {
   results.line(resultsHeader(study_));
   std::unique_ptr<NewFile> history;
   if (study_.history) {
-    history = std::make_unique<NewFile>(folder_ + "/history.csv");
+    history = std::make_unique<NewFile>(historyPath());
     history->line(historyHeader());
   }
+  // runs beyond the end of the study don't count
+  count_.done = total_;
+  count_.failed = count_.assembled = 0;
   for (std::int64_t run = 0; run < total_; ++run) {
+    const std::uint8_t flags = flags_[static_cast<std::size_t>(run)];
+    count_.failed += (flags & kFailed) != 0 ? 1 : 0;
+    count_.assembled += (flags & kAssembled) != 0 ? 1 : 0;
     const StudyRecord record = journal_.at(place_[static_cast<std::size_t>(run)]);
     results.line(record.row);
     if (history) history->write(record.history);

@@ -204,7 +204,8 @@ void simulateRun(const Scenario& scenario, const StudyJob& job, std::int64_t run
     result.history += at_end.history;
   } else if (result.status == "force_limit" || result.status == "evaluation_limit") {
     result.failed = true;
-    result.reason = "a rule of stop at " + shown(simulation.time()) + " s";
+    result.reason = (result.status == "force_limit" ? "stop.force" : "stop.evaluations") +
+                    std::string(" reached at ") + shown(simulation.time()) + " s";
   } else if (result.status.empty()) {
     result.status = "ok";
   }
@@ -217,7 +218,10 @@ void alignRun(const Scenario& scenario, const Scenario& mechanism, const StudyJo
   const AlignResult& aligned = trial.result;
   result.assembled = trial.success;
   result.failed = !result.assembled;
-  result.status = aligned.reason.substr(0, aligned.reason.find(':'));
+  // "name: explanation", or the plant's "simulation stopped: name"
+  const std::string stopped = "simulation stopped: ";
+  const std::size_t begin = aligned.reason.rfind(stopped, 0) == 0 ? stopped.size() : 0;
+  result.status = aligned.reason.substr(begin, aligned.reason.find(':', begin) - begin);
   result.reason = result.assembled ? "" : aligned.reason;
   result.set("assembled", result.assembled);
   if (result.assembled) result.set("time_to_assemble", aligned.time);

@@ -79,6 +79,9 @@ class Reader {
     in_.finish();
     checkCount();
     loadScenarios();
+    study_.judged = study_.job.kind == StudyJob::Kind::kAlign ||
+                    std::isfinite(study_.job.assembled_depth) ||
+                    std::isfinite(study_.job.assembled_offset);
     checkKeys();
     findDirectKeys();
     return std::move(study_);
@@ -91,7 +94,7 @@ class Reader {
     try {
       what();
     } catch (const InputError& e) {
-      throw InputError(path_ + ": " + where + ": " + e.what());
+      throw InputError(path_ + ": " + (where.empty() ? "" : where + ": ") + e.what());
     }
   }
 
@@ -105,12 +108,24 @@ class Reader {
     if (!node.IsMap()) in_.refuse(where, shown(node), "give a mapping of key paths and values");
     std::vector<StudySetting> list;
     for (const auto& entry : node) {
-      if (!entry.first.IsScalar() || entry.second.IsNull()) {
-        in_.refuse(where, shown(entry.first), "give key.path: value");
-      }
-      list.push_back(setting(entry.first.Scalar(), flowText(entry.second), where));
+      if (!entry.first.IsScalar()) in_.refuse(where, shown(entry.first), "give key.path: value");
+      addSettings(entry.first.Scalar(), entry.second, where, list);
     }
     return list;
+  }
+
+  // a mapping as value changes the keys it names and leaves the others
+  void addSettings(const std::string& key, const YAML::Node& value, const std::string& where,
+                   std::vector<StudySetting>& list) {
+    if (value.IsNull()) in_.refuse(where, key, "give key.path: value");
+    if (!value.IsMap()) {
+      list.push_back(setting(key, flowText(value), where));
+      return;
+    }
+    for (const auto& entry : value) {
+      if (!entry.first.IsScalar()) in_.refuse(where, shown(entry.first), "give key.path: value");
+      addSettings(key + "." + entry.first.Scalar(), entry.second, where, list);
+    }
   }
 
   // a value of the job is checked here, a scenario joins the files
@@ -139,18 +154,18 @@ class Reader {
       const Section keys(node, section, in_.source());
       for (const auto& entry : node) {
         const std::string key = std::string(section) + "." + entry.first.Scalar();
-        within(section, [&] { setStudyJob(job, {key, flowText(entry.second)}); });
+        within("", [&] { setStudyJob(job, {key, flowText(entry.second)}); });
       }
     }
     if (in_.optional("look")) {
       const YAML::Node node = in_.required("look", "");
-      within("look", [&] { setStudyJob(job, {"look", flowText(node)}); });
+      within("", [&] { setStudyJob(job, {"look", flowText(node)}); });
     }
     study_.history = in_.flag("history", false);
     if (study_.history && job.kind == StudyJob::Kind::kAlign) {
       in_.refuse("history", "true", "only runs of job: simulate have one");
     }
-    within("align", [&] { checkParameters(job.align); });
+    within("", [&] { checkParameters(job.align); });
   }
 
   void readAxes(const YAML::Node& node) {
@@ -160,6 +175,11 @@ class Reader {
       const std::string where = "axes[" + std::to_string(i) + "]";
       study_.axes.push_back(axis(Section(node[i], where, in_.source())));
       const StudyAxis& a = study_.axes.back();
+      const auto& outcomes = outcomeNames(study_.job.kind);
+      if (a.name == "run" || a.name == "seed" || a.name == "status" || a.name == "reason" ||
+          std::find(outcomes.begin(), outcomes.end(), a.name) != outcomes.end()) {
+        in_.refuse(where + ".name", a.name, "a column of the results, give the axis another name");
+      }
       if (!names.insert(a.name).second) {
         in_.refuse(where + ".name", a.name, "two axes of one name, rename one");
       }
@@ -200,6 +220,11 @@ class Reader {
     }
     if (a.kind != StudyAxis::Kind::kCases && a.targets.empty()) {
       in.refuse(in.at("key"), "missing", "give the key path that the axis changes");
+    }
+    for (const StudyAxis::Target& target : a.targets) {
+      for (const char* text : {"scenario", "align.strategy", "stop.assembled"}) {
+        if (target.key == text) in.refuse(in.at("key"), text, "no number, use values or cases");
+      }
     }
     in.finish();
     return a;
@@ -288,7 +313,7 @@ class Reader {
       const std::string text = flowText(node[i]);
       std::vector<StudySetting> list;
       for (const StudyAxis::Target& target : a.targets) {
-        list.push_back(setting(target.key, text, where));
+        addSettings(target.key, node[i], where, list);
       }
       // a file is shown by its name, not by where it is
       const bool is_file = !list.empty() && list.front().key == "scenario";
@@ -380,11 +405,15 @@ class Reader {
     const std::string key = search.maximise ? "maximise" : "minimise";
     search.outcome = in.text(key, "give the name of an outcome");
     const auto& names = outcomeNames(study_.job.kind);
-    if (std::find(names.begin(), names.end(), search.outcome) == names.end()) {
-      in.refuse(in.at(key), search.outcome, "no outcome of this job, see docs/studies.md");
+    if (search.outcome == "modes" ||
+        std::find(names.begin(), names.end(), search.outcome) == names.end()) {
+      in.refuse(in.at(key), search.outcome, "no number of this job's, see docs/studies.md");
     }
     search.otherwise = in.number("otherwise", Range::kAny);
     search.tolerance = in.number("tolerance", Range::kPositive, search.tolerance);
+    if (search.tolerance >= 1.0) {
+      in.refuse(in.at("tolerance"), search.tolerance, "give a part of the ranges, below 1");
+    }
     const YAML::Node steps = in.required("steps", "give a list of {algorithm, evaluations}");
     if (!steps.IsSequence() || steps.size() == 0) {
       in.refuse(in.at("steps"), shown(steps), "give a list of {algorithm, evaluations}");
@@ -443,6 +472,9 @@ class Reader {
     StudyEnough& enough = study_.enough;
     enough.least = integer(in, "least", 1, kMostRuns, enough.least);
     enough.half_width = in.number("half_width", Range::kPositive, enough.half_width);
+    if (enough.half_width >= 0.5) {
+      in.refuse(in.at("half_width"), enough.half_width, "give a share below 0.5");
+    }
     enough.failed = in.number("failed", Range::kPositive, enough.failed);
     in.finish();
   }
@@ -479,7 +511,7 @@ class Reader {
   }
 
   // a key that doesn't exist makes every run fail alike: said here
-  void checkKeys() const {
+  void checkKeys() {
     StudyTask task;
     task.point.assign(study_.axes.size(), 0.5);
     std::vector<StudySetting> all = studyRun(study_, task).settings;
@@ -489,12 +521,16 @@ class Reader {
     std::set<std::string> seen;
     for (const StudySetting& s : all) {
       StudyJob job = study_.job;
-      if (!seen.insert(s.key).second || s.key == "scenario" || setStudyJob(job, s)) continue;
+      if (s.key.rfind("assembled.", 0) == 0) study_.judged = true;
+      if (!seen.insert(s.key).second || s.key == "scenario") continue;
       try {
+        if (setStudyJob(job, s)) continue;
         parseScenario(study_.texts.front(), "scenario", {s.key + "=" + s.value});
       } catch (const InputError& e) {
         const std::string what = e.what();
-        if (what.rfind("--set", 0) == 0 || what.find(": unknown key") != std::string::npos) {
+        // a value out of range is the matter of the runs that have it
+        if (what.rfind("--set", 0) == 0 || what.find(": unknown key") != std::string::npos ||
+            what.find("job: align") != std::string::npos) {
           throw InputError(path_ + ": axes: " + what);
         }
       }

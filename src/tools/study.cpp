@@ -178,6 +178,12 @@ class Progress {
   bool shown_ = false;
 };
 
+// what was printed has arrived
+void checkOutput() {
+  std::cout.flush();
+  if (!std::cout) throw InputError("standard output: cannot be written: give it room");
+}
+
 void printList(const Study& study) {
   std::cout << "run,seed";
   for (const auto& axis : study.axes) std::cout << "," << axis.name;
@@ -188,7 +194,7 @@ void printList(const Study& study) {
     for (const std::string& label : plan.labels) std::cout << "," << label;
     std::cout << "\n";
   }
-  std::cout.flush();
+  checkOutput();
 }
 
 void printSummary(const Study& study, const StudyLedger& ledger, const StudyOptimum& optimum,
@@ -206,8 +212,13 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
   std::cout << "}\n";
   const assembly_cell::ShareInterval share =
       assembly_cell::shareInterval(count.assembled, count.total);
-  std::cout << "assembled: {runs: " << count.assembled << ", share: " << yamlNumber(share.share)
-            << ", interval: [" << yamlNumber(share.low) << ", " << yamlNumber(share.high) << "]}\n";
+  if (!study.judged) {
+    std::cout << "assembled: null\n";
+  } else {
+    std::cout << "assembled: {runs: " << count.assembled << ", share: " << yamlNumber(share.share)
+              << ", interval: [" << yamlNumber(share.low) << ", " << yamlNumber(share.high)
+              << "]}\n";
+  }
   if (!study.search.outcome.empty()) {
     std::cout << "optimum:\n  " << study.search.outcome << ": " << yamlNumber(optimum.value)
               << "\n";
@@ -221,7 +232,7 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
   }
   std::cout << "results: " << yamlQuoted(ledger.resultsPath()) << "\n"
             << "wall_time: " << yamlNumber(seconds) << "\n";
-  std::cout.flush();
+  checkOutput();
 }
 
 // Rank 0, or the only process.

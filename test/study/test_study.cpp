@@ -185,6 +185,20 @@ TEST_F(StudyFile, FailedRunsAreRowsWithTheirReason) {
   EXPECT_TRUE(record.failed);
 }
 
+TEST_F(StudyFile, AMappingChangesTheKeysItNames) {
+  const Scenario file = study("").bases.front();
+  const Study s =
+      study("axes: [{name: k, cases: {a: {exciter: {amplitude: 3}}}}]\n",
+            {"set={duration: 0.004, friction: {sliding: 0.1}, hole: {radius: 0.0252}}"});
+  const Scenario& base = s.bases.front();
+  EXPECT_EQ(base.hole.radius, 0.0252);
+  EXPECT_EQ(base.hole.depth, file.hole.depth);
+  EXPECT_EQ(base.friction.static_coefficient, file.friction.static_coefficient);
+  const StudyRun run = studyRun(s, {0, {}});
+  ASSERT_EQ(run.settings.size(), 1u);
+  EXPECT_EQ(run.settings[0].key, "exciter.amplitude");
+}
+
 TEST_F(StudyFile, RulesEndARun) {
   const std::string cell = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml";
   const std::vector<std::string> base = {
@@ -308,7 +322,19 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
       {"look: 0\n", "look"},
       {"move: {z: far}\n", "move.z"},
       {"assembled: {depth: .inf}\n", "assembled.depth"},
-      {"align: {press_force: -3}\n", "press_force"},
+      {"job: align\nalign: {press_force: -3}\n", "press_force"},
+      {"align: {press_force: 3}\n", "job: align"},
+      {"axes: [{key: cell.noise, values: [0]}]\n", "cell.noise"},
+      {"axes: [{key: cell.noise, uniform: [0, 1]}]\n", "job: align"},
+      {"job: align\nlook: 0.1\n", "look"},
+      {"job: align\naxes: [{key: align.strategy, values: [twin_force, luck]}]\n", "luck"},
+      {"job: align\naxes: [{key: align.strategy, uniform: [0, 1]}]\n", "align.strategy"},
+      {"axes: [{key: scenario, uniform: [0, 1]}]\n", "axes[0].key"},
+      {"axes: [{key: gravity, name: status, values: [1]}]\n", "axes[0].name"},
+      {"axes: [{key: gravity, name: final_x, values: [1]}]\n", "axes[0].name"},
+      {"start: {height: -0.001}\n", "start.height"},
+      {"axes: [{key: gravity, search: [1, 2]}]\nsearch: {minimise: modes}\n", "modes"},
+      {"enough: {half_width: 2}\n", "enough.half_width"},
       {"enough: {half_width: 0}\n", "enough.half_width"},
       {"name: again\n", "name"},
       {"set: {gravity: 1}\n", "set"},

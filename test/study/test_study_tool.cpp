@@ -83,7 +83,7 @@ class StudyTool : public testing::Test {
       for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
       argv.push_back(nullptr);
       // what OpenMPI's plug-ins leave behind is no finding of a build with sanitizers
-      if (words[0] == "mpirun") setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
+      if (words[0] != kTool) setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
       execvp(argv[0], argv.data());
       _exit(127);
     }
@@ -211,6 +211,15 @@ TEST_F(StudyTool, InterruptKeepsWhatIsDoneAndSaysHowToGoOn) {
   EXPECT_NE(other.err.find("--fresh"), std::string::npos) << other.err;
   EXPECT_EQ(run({usual(1), "--output", path("a"), "--fresh"}).exit_code, 0);
   EXPECT_EQ(linesOf(textOf(path("a/results.csv"))).size(), 4u);
+  // tables of another study don't stay beside one that has begun
+  const pid_t begun = start({kTool, usual(3000), "--output", path("a"), "--fresh"});
+  for (int i = 0; i < 30000; ++i) {
+    if (!fs::exists(path("a/results.csv"))) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  kill(begun, SIGINT);
+  EXPECT_EQ(wait(begun).exit_code, 130);
+  EXPECT_FALSE(fs::exists(path("a/results.csv")));
 }
 
 TEST_F(StudyTool, EnoughEndsAtTheSameRunWithAnyWorkers) {
@@ -229,8 +238,34 @@ TEST_F(StudyTool, EnoughEndsAtTheSameRunWithAnyWorkers) {
   EXPECT_GE(runs, 20);
   const auto interval = summary["assembled"]["interval"];
   EXPECT_LE(interval[1].as<double>() - interval[0].as<double>(), 0.16);
-  ASSERT_EQ(run({file, "--threads", "3", "--output", path("three")}).exit_code, 0);
+  const Result three = run({file, "--threads", "3", "--output", path("three")});
+  ASSERT_EQ(three.exit_code, 0);
   EXPECT_EQ(textOf(path("three/results.csv")), textOf(path("one/results.csv")));
+  // runs that others had begun beyond the end don't count
+  EXPECT_EQ(YAML::Dump(YAML::Load(three.out)["assembled"]), YAML::Dump(summary["assembled"]));
+  EXPECT_EQ(summary["assembled"]["runs"].as<int>(), summary["statuses"]["assembled"].as<int>(0));
+}
+
+TEST_F(StudyTool, NoRoomEndsThreadsAndRanksByName) {
+  const std::string file = usual(400);
+  // files of at most 32 KiB: writing more fails as on a full disk
+  const std::string command = "trap '' XFSZ; ulimit -f 64; exec " + kTool + " " + file +
+                              " --quiet --output " + path("full");
+  for (const bool ranks : {false, true}) {
+    std::vector<std::string> words = {"timeout", "60"};
+    if (ranks) words.insert(words.end(), {"mpirun", "-n", "2"});
+    words.insert(words.end(), {"sh", "-c", command});
+    const Result result = wait(start(words));
+    EXPECT_EQ(result.exit_code, 2) << ranks;
+    EXPECT_NE(result.err.find("journal"), std::string::npos) << result.err;
+    fs::remove_all(path("full"));
+  }
+}
+
+TEST_F(StudyTool, ALostListIsSaid) {
+  const Result result = wait(start({"sh", "-c", kTool + " " + usual(1) + " --list > /dev/full"}));
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_NE(result.err.find("standard output"), std::string::npos) << result.err;
 }
 
 TEST_F(StudyTool, SearchFindsAKnownOptimumWithAnyWorkers) {

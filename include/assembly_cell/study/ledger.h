@@ -71,6 +71,7 @@ class StudyLedger {
   /// Writes results.csv, history.csv and manifest.yaml; returns the number of rows by status.
   std::map<std::string, std::int64_t> finish();
   std::string resultsPath() const { return folder_ + "/results.csv"; }
+  std::string historyPath() const { return folder_ + "/history.csv"; }
 
  private:
   void note(const StudyRecord& record, std::int64_t place);

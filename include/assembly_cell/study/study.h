@@ -111,6 +111,7 @@ struct Study {
   bool paired = false;  ///< sample k draws the same numbers and has the same seed at every point
   std::vector<StudyAxis> axes;
   std::vector<std::string> outcomes;  ///< columns
+  bool judged = false;                ///< runs are told to assemble or not
   bool history = false;               ///< a second file with a row per look
   StudyEnough enough;
   StudySearch search;

@@ -105,6 +105,10 @@ void Ranks::receive(StudyLedger& ledger, std::atomic<bool>& stop, bool& any) {
     any = true;
     const std::string text = receiveFrom(status);
     Peer& peer = peers_[static_cast<std::size_t>(status.MPI_SOURCE)];
+    // done with the block before anything can throw: release() waits for those that are out
+    const std::int64_t runs = peer.blocks.front().runs;
+    MPI_Wait(&peer.blocks.front().request, MPI_STATUS_IGNORE);
+    peer.blocks.pop_front();
     std::size_t at = 0;
     std::int64_t count = 0;
     StudyRecord record;
@@ -113,12 +117,10 @@ void Ranks::receive(StudyLedger& ledger, std::atomic<bool>& stop, bool& any) {
       at += taken;
       ++count;
     }
-    if (count < peer.blocks.front().runs) stop = true;
+    if (count < runs) stop = true;
     const double now = MPI_Wtime();
     if (count > 0) peer.run_time = (now - peer.since) / static_cast<double>(count);
     peer.since = now;
-    MPI_Wait(&peer.blocks.front().request, MPI_STATUS_IGNORE);
-    peer.blocks.pop_front();
   }
 }
 
