@@ -20,7 +20,7 @@ constexpr double kSpare = 1.5;    // edge speed inside a step over that at its e
 constexpr double kHysteresis = 1e-8;
 constexpr int kPasses = 24, kTurns = 100;
 constexpr double kRest = 1.5;   // slip below this many times its threshold may be rest
-constexpr int kShares = 2;      // rounds of that among more than two
+constexpr int kShares = 2;      // rounds of sharing among more than two resting points
 constexpr double kAhead = 0.9;  // slip goes against its friction: cosine
 
 double slipFriction(bool slides, double speed, const ContactParameters& c,
