@@ -414,7 +414,7 @@ TEST(Scenario, RefusesOverridesThatLeadNowhere) {
       {"push[[1]]=2", "write key.path=value"},
       {"push[1.2]=2", "write key.path=value"},
       {"peg.radius.x=1", "nothing below 0.025"},
-      {"coupling.stiffness.diagonal[6]=1", "index from 0 to 6 - 1"},
+      {"coupling.stiffness.diagonal[6]=1", "index from 0 to 5"},
       {"coupling.stiffness.diagonal[-1]=1", "index from 0"},
       {"coupling.stiffness.diagonal.first=1", "index from 0"},
       {"push={1, 2", "not YAML"},
