@@ -14,8 +14,9 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kRecords = 1, kTasks = 2;  // message tags
-// between looks for a message: rank 0 shares its core with a worker, the others have nothing else
-constexpr std::chrono::microseconds kServerNap(1000), kWorkerNap(200);
+// between looks for a message: rank 0 shares its core with a worker, and while ranks have a block
+// in line nobody waits for it; the others have nothing else to do
+constexpr std::chrono::microseconds kLongNap(5000), kShortNap(1000), kWorkerNap(200);
 constexpr double kBlockTime = 0.1;  // of a block of runs [s]
 constexpr std::size_t kBlocks = 2;  // of a rank: at work and waiting
 constexpr std::int64_t kLargestBlock = 4096;
@@ -174,7 +175,10 @@ void Ranks::serve(const Study& study, StudyLedger& ledger, int threads, std::ato
           if (!stop) handOut(ledger, threads);
           if (!out() && (stop || ledger.waiting() == 0)) break;
           tick();
-          if (!any) std::this_thread::sleep_for(kServerNap);
+          const bool in_line = std::all_of(peers_.begin() + 1, peers_.end(), [](const Peer& peer) {
+            return peer.blocks.size() == kBlocks;
+          });
+          if (!any) std::this_thread::sleep_for(in_line ? kLongNap : kShortNap);
         }
       } else {
         StudyRunner runner(study);
