@@ -6,14 +6,15 @@
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/single_dof.h"
 #include "assembly_cell/vibration/validity.h"
+#include "numeric.h"
 
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr int kStepsPerTurn = 400, kTurns = 20;
+using vibration::sinc;
 
-double sinc(double x) { return x == 0.0 ? 1.0 : std::sin(x) / x; }
+constexpr int kStepsPerTurn = 400;  // of the fastest motion, to find the impact
+constexpr int kTurns = 20;          // of the force, until which the peg has fallen back
 
 // (sinc a − sinc b)/(a² − b²); by its series where the difference would cancel
 double sincQuotient(double a2, double b2) {
@@ -42,11 +43,7 @@ std::optional<double> firstReturn(double step, double end, const Function& f) {
         for (int k = 0; k < 40 && f(low) <= 0.0; ++k) low /= 2;
         if (f(low) <= 0.0) return std::nullopt;
       }
-      for (int k = 0; k < 100; ++k) {
-        const double middle = 0.5 * (low + high);
-        (f(middle) > 0.0 ? low : high) = middle;
-      }
-      return 0.5 * (low + high);
+      return vibration::lastOf(low, high, [&](double x) { return f(x) > 0.0; });
     }
     before = t;
   }
@@ -91,7 +88,7 @@ TipResult tipBounce(const TipCase& c) {
   requirePositive("K_chord", c.K_chord);
   requireNotNegative("F", c.F);
   requirePositive("w", c.w);
-  if (!(c.alpha >= 0.0 && c.alpha <= kPi / 2)) {
+  if (!(c.alpha >= 0.0 && c.alpha <= M_PI / 2)) {
     refuse("alpha", c.alpha, "give the half contact angle, from 0 to a right angle");
   }
   if (!(c.restitution >= 0.0 && c.restitution <= 1.0)) {
@@ -113,7 +110,7 @@ TipResult tipBounce(const TipCase& c) {
   const double fastest = std::max(c.w, std::sqrt(c.K_chord / I_chord));
   if (!(fastest <= 1e4 * c.w)) refuse("w", c.w, "give a frequency nearer to the peg's resonance");
   const std::optional<double> duration =
-      firstReturn(2 * kPi / fastest / kStepsPerTurn, 2 * kPi / c.w * kTurns,
+      firstReturn(2 * M_PI / fastest / kStepsPerTurn, 2 * M_PI / c.w * kTurns,
                   [&](double u) { return singleDof(tip, *x.t_tip + u).theta; });
   if (!duration) return x;
   x.t_impact = *x.t_tip + *duration;

@@ -4,13 +4,13 @@
 #include <complex>
 
 #include "assembly_cell/vibration/validity.h"
+#include "numeric.h"
 
 namespace assembly_cell {
 namespace {
 
 using Complex = std::complex<double>;
-
-double sinc(double x) { return x == 0.0 ? 1.0 : std::sin(x) / x; }
+using vibration::sinc;
 
 // (e^{iwu} − e^{su})/(iw − s) = u e^{su} (e^z − 1)/z with z = (iw − s) u; also for z → 0
 Complex drivenTerm(double w, Complex s, double u) {

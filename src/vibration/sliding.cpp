@@ -9,8 +9,7 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kRightAngle = 1.5707963267948966;
-constexpr double kLargestSwing = 0.5;  // [rad]; beyond it small motion means nothing
+constexpr double kMaxSwing = 0.5;  // [rad]; beyond it small motion means nothing
 
 void requireCase(const SlidingCase& s) {
   requirePositive("K", s.K);
@@ -22,8 +21,8 @@ void requireCase(const SlidingCase& s) {
   requirePositive("m", s.m);
   requirePositive("g", s.g);
   requireNotNegative("d", s.d);
-  if (!(std::abs(s.phi) < kRightAngle)) refuse("phi", s.phi, "give a tilt below a right angle");
-  if (!(s.theta >= 0.0 && s.theta < kRightAngle)) {
+  if (!(std::abs(s.phi) < M_PI / 2)) refuse("phi", s.phi, "give a tilt below a right angle");
+  if (!(s.theta >= 0.0 && s.theta < M_PI / 2)) {
     refuse("theta", s.theta, "give an amplitude from 0 to a right angle");
   }
   const double arm = 2 * s.h + s.l;
@@ -48,6 +47,11 @@ std::optional<double> ratioAt(const SlidingCase& s, double D, bool inertia, doub
   return finiteResult("p", (weight * std::sin(mean) + D * x * std::cos(lag)) / normal);
 }
 
+// p1 and p2 of one of the two forms
+struct SlidingPair {
+  std::optional<double> p1, p2;
+};
+
 SlidingPair pairOf(const SlidingCase& s, bool inertia) {
   const double D = finiteResult("D", forcePerRotation(s, inertia));
   const double x = D < 0.0 ? -s.theta : s.theta;
@@ -59,38 +63,14 @@ SlidingPair pairOf(const SlidingCase& s, bool inertia) {
 }  // namespace
 
 const char* toString(SlidingBand band) {
-  switch (band) {
-    case SlidingBand::kLow:
-      return "low";
-    case SlidingBand::kIntermediate:
-      return "intermediate";
-    case SlidingBand::kHigh:
-      break;
-  }
-  return "high";
+  constexpr const char* kNames[] = {"low", "intermediate", "high"};
+  return kNames[static_cast<int>(band)];
 }
 
 const char* toString(VibrationOutcome outcome) {
-  switch (outcome) {
-    case VibrationOutcome::kSticks:
-      return "sticks";
-    case VibrationOutcome::kAssembles:
-      return "assembles";
-    case VibrationOutcome::kSlidesBoth:
-      return "slides_both";
-    case VibrationOutcome::kSlidesOut:
-      return "slides_out";
-    case VibrationOutcome::kLifts:
-      return "lifts";
-    case VibrationOutcome::kWalksOut:
-      break;
-  }
-  return "walks_out";
-}
-
-SlidingPair slidingPair(const SlidingCase& s, bool inertia) {
-  requireCase(s);
-  return pairOf(s, inertia);
+  constexpr const char* kNames[] = {"sticks",     "assembles", "slides_both",
+                                    "slides_out", "lifts",     "walks_out"};
+  return kNames[static_cast<int>(outcome)];
 }
 
 SlidingRatio slidingRatio(const SlidingCase& s) {
@@ -123,8 +103,8 @@ DesignPoint designPoint(const DesignCase& c, double w, double F) {
   const double stiffness = std::abs(s.K - s.I * w * w), moment = 2 * F * c.h;
   const double half_chord = std::sqrt((c.r - c.d) * (c.r + c.d));
   // 4.31 over a whole turn: weight less inertia cos wt against exciter sin wt
-  const bool swings = moment < kLargestSwing * stiffness;
-  point.theta = swings ? moment / stiffness : kLargestSwing;
+  const bool swings = moment < kMaxSwing * stiffness;
+  point.theta = swings ? moment / stiffness : kMaxSwing;
   const bool lifts =
       !swings || std::hypot(c.d * w * w * point.theta, moment / (c.m * half_chord)) > c.g;
   if (swings) {

@@ -6,16 +6,17 @@
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/single_dof.h"
 #include "assembly_cell/vibration/validity.h"
+#include "numeric.h"
 
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr int kStepsPerTurn = 250;
-constexpr int kMostCycles = 100000;
-constexpr double kMostSteps = 3e7;
+constexpr int kStepsPerTurn = 250;  // of the fastest motion, to find lift and landing
+// a minute of computing
+constexpr int kMaxCycles = 100000;
+constexpr double kMaxSteps = 3e7;
 
-struct Pose {
+struct Swing {
   WalkMotion angle, rate;
 };
 
@@ -45,11 +46,11 @@ class Walker {
   double halfChord() const { return s_; }
   double equilibrium() const { return -c_.m * c_.g * d_ / c_.K; }
   double step() const {
-    return 2 * kPi / std::max(c_.w, std::sqrt(c_.K / inertia_.Iz)) / kStepsPerTurn;
+    return 2 * M_PI / std::max(c_.w, std::sqrt(c_.K / inertia_.Iz)) / kStepsPerTurn;
   }
 
-  Pose pose(const WalkSegment& segment, double t) const {
-    Pose x;
+  Swing swing(const WalkSegment& segment, double t) const {
+    Swing x;
     if (segment.pivot == 0) {
       const SingleDofState y =
           singleDof({chord_, c_.K, 0, 2 * c_.F * c_.h, 0, -c_.m * c_.g * d_, c_.w, segment.start,
@@ -79,7 +80,7 @@ class Walker {
 
   // normal forces of the double contact: sum and difference A − B
   void load(const WalkSegment& segment, double t, double& sum, double& difference) const {
-    const double theta = pose(segment, t).angle.theta_Y;
+    const double theta = swing(segment, t).angle.theta_Y;
     const double acceleration =
         (2 * c_.F * c_.h * std::cos(c_.w * t) - c_.m * c_.g * d_ - c_.K * theta) / chord_;
     sum = c_.m * (c_.g + d_ * acceleration);
@@ -91,7 +92,7 @@ class Walker {
     load(segment, t, sum, difference);
     pivot = difference >= 0.0 ? 1 : -1;
     if (sum >= std::abs(difference)) return false;
-    const Pose x = pose(segment, t);
+    const Swing x = swing(segment, t);
     const Pivot& single = pivot_[pivot > 0 ? 0 : 1];
     double acceleration = 0.0;  // of theta_X
     for (int k = 0; k < 3; ++k) {
@@ -123,16 +124,6 @@ class Walker {
   Pivot pivot_[2];
 };
 
-template <typename Function>
-double bisect(double low, double high, const Function& positive) {
-  for (int k = 0; k < 100; ++k) {
-    const double middle = 0.5 * (low + high);
-    if (!(middle > low && middle < high)) break;
-    (positive(middle) ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
-}
-
 void requireWalk(const WalkCase& c) {
   requirePositive("m", c.m);
   requirePositive("g", c.g);
@@ -144,23 +135,12 @@ void requireWalk(const WalkCase& c) {
   if (!(c.cos_alpha >= 0.0 && c.cos_alpha < 1.0)) {
     refuse("cos_alpha", c.cos_alpha, "give d/r, from 0 to below 1: two contacts apart");
   }
-  if (c.cycles < 1 || c.cycles > kMostCycles) {
+  if (c.cycles < 1 || c.cycles > kMaxCycles) {
     refuse("cycles", c.cycles, "give a whole number from 1 to 100000");
   }
 }
 
 }  // namespace
-
-double liftingForce(double m, double g, double r, double h, double delta) {
-  requirePositive("m", m);
-  requirePositive("g", g);
-  requirePositive("r", r);
-  requirePositive("h", h);
-  if (!(delta >= 0.0 && delta <= kPi / 2)) {
-    refuse("delta", delta, "give the half contact angle, from 0 to a right angle");
-  }
-  return finiteResult("F", m * g * r * std::sin(delta) / (2 * h));
-}
 
 WalkingLimit walkingLimit(double mu, double r, double h) {
   requireNotNegative("mu", mu);
@@ -174,10 +154,10 @@ WalkingLimit walkingLimit(double mu, double r, double h) {
 Walk walk(const WalkCase& c) {
   requireWalk(c);
   const Walker walker(c);
-  const double end = 2 * kPi * c.cycles / c.w, step = walker.step();
-  if (!(end / step < kMostSteps))
+  const double end = 2 * M_PI * c.cycles / c.w, step = walker.step();
+  if (!(end / step < kMaxSteps))
     refuse("w", c.w, "give a frequency nearer to the peg's resonances");
-  const std::size_t most_phases = 1000 * static_cast<std::size_t>(c.cycles);
+  const std::size_t max_phases = 1000 * static_cast<std::size_t>(c.cycles);
   Walk walk;
   WalkSegment now{0.0, 0, walker.equilibrium(), 0.0, 0.0};
   walk.segments.push_back(now);
@@ -191,18 +171,18 @@ Walk walk(const WalkCase& c) {
         t = next;
         continue;
       }
-      lift = bisect(t, next, [&](double x) { return !walker.leaves(now, x, pivot); });
+      lift = vibration::lastOf(t, next, [&](double x) { return !walker.leaves(now, x, pivot); });
       if (lift >= end) break;
     }
     double sum, difference;
     walker.load(now, lift, sum, difference);
     walk.tension = walk.tension || sum < 0.0;
-    const Pose start = walker.pose(now, lift);
+    const Swing start = walker.swing(now, lift);
     const WalkSegment single{lift, difference >= 0.0 ? 1 : -1, start.angle.theta_Y,
                              start.rate.theta_Y, start.angle.theta_Z};
     // the free contact rises with −theta_X on pivot A, +theta_X on B
     const auto up = [&](double x) {
-      return single.pivot * walker.pose(single, x).angle.theta_X < 0.0;
+      return single.pivot * walker.swing(single, x).angle.theta_X < 0.0;
     };
     double high = lift + step, low = high;
     for (int k = 0; k < 5 && !up(low); ++k) {
@@ -220,8 +200,8 @@ Walk walk(const WalkCase& c) {
         refuse("F", c.F, "the peg does not come back to both contacts, give less force");
       }
     }
-    const double landing = bisect(low, high, up);
-    const Pose stop = walker.pose(single, landing);
+    const double landing = vibration::lastOf(low, high, up);
+    const Swing stop = walker.swing(single, landing);
     WalkPhase phase;
     phase.t_lift = lift;
     phase.duration = landing - lift;
@@ -234,7 +214,7 @@ Walk walk(const WalkCase& c) {
     now = {landing, 0, stop.angle.theta_Y, walker.rateAfterLanding(single.pivot, stop.rate),
            stop.angle.theta_Z};
     walk.segments.push_back(now);
-    if (walk.phases.size() > most_phases) {
+    if (walk.phases.size() > max_phases) {
       refuse("F", c.F, "more than a thousand contacts a cycle, give another F or w");
     }
     t = landing;
@@ -249,7 +229,7 @@ WalkMotion walkMotion(const WalkCase& c, const Walk& walk, double t) {
   const auto next = std::upper_bound(
       walk.segments.begin() + 1, walk.segments.end(), t,
       [](double time, const WalkSegment& segment) { return time < segment.start; });
-  return Walker(c).pose(*(next - 1), t).angle;
+  return Walker(c).swing(*(next - 1), t).angle;
 }
 
 }  // namespace assembly_cell

@@ -18,6 +18,7 @@
 #include "assembly_cell/vibration/locus_model.h"
 #include "assembly_cell/vibration/rig.h"
 #include "assembly_cell/vibration/sliding.h"
+#include "thesis_forms.h"
 
 namespace assembly_cell {
 namespace {
@@ -221,9 +222,9 @@ TEST(AgainstSimulation, GeneralLocusOfTheTextbook) {
   EXPECT_LT((std::abs(v.P - model.P) + std::abs(v.N - model.N)) / model.a, 0.04);
 }
 
-// Thesis peg (SI) in double contact, springs at the support as in section 2.4, no vertical spring:
-// tilted by 0.1 rad toward the hole, force raised slowly to `F`. Mean movement per cycle toward the
-// hole [m] and the part of the time that contacts slip.
+// Thesis peg (SI) in double contact, springs at the support as in docs/vibration.md, no vertical
+// spring: tilted by 0.1 rad toward the hole, force raised slowly to `F`. Mean movement per cycle
+// toward the hole [m] and the part of the time that contacts slip.
 struct Slip {
   double step = 0.0, slipping = 0.0;
   bool lifted = false;
@@ -364,8 +365,8 @@ double typicalRigTime(double x0, double M_over_L) {
   return times[1];
 }
 
-// The trends of section 5.5, as rigAssembly has them; the times themselves depend on what K stands
-// for.
+// The trends of docs/vibration.md, as rigAssembly has them; the times themselves depend on what K
+// stands for.
 TEST(AgainstSimulation, TrendsOfTheRig) {
   const double middle = typicalRigTime(.010, .010);
   // longer with the misalignment

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Tipping, impact and flight of section 2.6 (thesis Table 4.3: kg, mm, s).
+// Tipping, impact and flight, thesis 4.42 to 4.48 (its Table 4.3: kg, mm, s).
 #include "assembly_cell/vibration/bounce.h"
 
 #include <gtest/gtest.h>

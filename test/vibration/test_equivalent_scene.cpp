@@ -101,7 +101,7 @@ TEST(EquivalentScene, SingleContact) {
   for (const double w : {100.0, 180.0, 400.0}) {
     const Vibrated v = vibrate(0.5, kRadius * Vector3d(ca, sa, 0), 1, w);
     const auto model = [&](double t) {
-      return singleContact(kMass, kRadius, kHalfHeight, kStiffness, kForce, w, alpha, t);
+      return singleContact({kMass, kRadius, kHalfHeight, kStiffness, kForce, w, alpha}, t);
     };
     const ContactRotation now = model(0), later = model(M_PI / (2 * w));
     const Complex theta[] = {{now.theta_x, -later.theta_x},

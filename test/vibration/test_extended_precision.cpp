@@ -15,6 +15,7 @@
 #include "assembly_cell/vibration/rig.h"
 #include "assembly_cell/vibration/sliding.h"
 #include "assembly_cell/vibration/steady_state.h"
+#include "thesis_forms.h"
 
 namespace assembly_cell {
 namespace {
@@ -206,7 +207,7 @@ TEST(ExtendedPrecision, SteadySingleContact) {
                    2,
                sb = std::sin(beta), cb = std::cos(beta);
     const Vec x(sa, -ca, 0), y(ca * cb, sa * cb, sb), z(-ca * sb, -sa * sb, cb);
-    const ContactRotation found = singleContact(s.m, s.r, s.h, K, s.F, s.w, s.alpha, t);
+    const ContactRotation found = singleContact({s.m, s.r, s.h, K, s.F, s.w, s.alpha}, t);
     const Real terms = rotation.cwiseAbs().sum();
     EXPECT_NEAR(found.theta_x, double(x.dot(theta)), double(kTolerance * terms));
     EXPECT_NEAR(found.theta_y, double(y.dot(theta)), double(kTolerance * terms));

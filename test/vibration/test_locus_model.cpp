@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Forward models of section 4 (thesis peg: kg, mm, s).
+// Forward models of thesis chapter 9 (thesis peg: kg, mm, s).
 #include "assembly_cell/vibration/locus_model.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The rig of section 3.
+// The rig of thesis chapter 5.
 #include "assembly_cell/vibration/rig.h"
 
 #include <gtest/gtest.h>
@@ -8,13 +8,14 @@
 #include <random>
 
 #include "refusals.h"
+#include "thesis_forms.h"
 
 namespace assembly_cell {
 namespace {
 
 RigCase rig(double x0, double M, double f = 4) { return {x0, M, f, .075, 9806.6}; }
 
-// section 3's table, 4 Hz: printed digits and cycles; 0: never
+// 4 Hz: time and cycles, worked out apart from this code to the digits given; 0: never
 TEST(Rig, Table) {
   constexpr double kM[] = {10, 12.5, 15, 17.5, 20, 22.5, 25};
   struct Row {

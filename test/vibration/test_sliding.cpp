@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Sliding force ratios of section 2.4 (thesis peg: kg, mm, s) and the design map.
+// Sliding force ratios, thesis 4.19 to 4.28 (its peg: kg, mm, s) and the design map.
 #include "assembly_cell/vibration/sliding.h"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ SlidingCase thesis(double kx, double w, double phi, double theta) {
   return {1e7, chordInertia(0.766, 25, 25, 12.5), w, 25, kx, 12.5, 0.766, 9806.6, phi, theta, 12.5};
 }
 
-// the table of section 2.4 in its printed digits
+// worked out apart from this code, to the digits given
 TEST(SlidingRatio, Table) {
   constexpr double kAt[5][2] = {{.05, .005}, {.1, .005}, {.1, .02}, {.2, .005}, {.2, .02}};
   struct Row {

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Inertia, stiffness and steady vibration of sections 2.1 and 2.2 (thesis peg: kg, mm, s).
+// Inertia, stiffness and steady vibration, thesis 4.4 to 4.18 (its peg: kg, mm, s).
 #include "assembly_cell/vibration/steady_state.h"
 
 #include <gtest/gtest.h>
@@ -11,13 +11,14 @@
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/single_dof.h"
 #include "refusals.h"
+#include "thesis_forms.h"
 
 namespace assembly_cell {
 namespace {
 
 constexpr double kM = 0.766, kR = 25, kH = 25, kK = 1e7;
 
-// printed digits of section 2.1
+// worked out apart from this code, to the digits given
 TEST(Inertia, ThesisPeg) {
   const ContactInertia i = contactInertia(kM, kR, kH);
   EXPECT_NEAR(i.Ix, 1236.77, 0.005);
@@ -75,7 +76,7 @@ TEST(SteadyState, SolvesTheEquationsOfMotion) {
       Eigen::Vector3d(0, -kR, 2 * kH).cross(F * Eigen::Vector3d(-std::sin(tau), std::cos(tau), 0));
   const Eigen::Vector3d y(0, std::cos(i.beta), std::sin(i.beta));
   const Eigen::Vector3d z(0, -std::sin(i.beta), std::cos(i.beta));
-  const ContactRotation x = singleContact(kM, kR, kH, kK, F, w, alpha, t);
+  const ContactRotation x = singleContact({kM, kR, kH, kK, F, w, alpha}, t);
   // rounding of sums of moments
   EXPECT_NEAR(x.theta_x * (kK - i.Ix * w * w), moment.x(), 1e-9 * F * kH);
   EXPECT_NEAR(x.theta_y * (kK - i.Iy * w * w), moment.dot(y), 1e-9 * F * kH);
@@ -88,10 +89,10 @@ TEST(SteadyState, SolvesTheEquationsOfMotion) {
 }
 
 TEST(SteadyState, SymmetricAndPeriodic) {
-  const ContactRotation a = singleContact(kM, kR, kH, kK, 1500, 60, 0.3, 0.01);
-  const ContactRotation turned = singleContact(kM, kR, kH, kK, 1500, 60, 0.3 + 0.6, 0.02);
+  const ContactRotation a = singleContact({kM, kR, kH, kK, 1500, 60, 0.3}, 0.01);
+  const ContactRotation turned = singleContact({kM, kR, kH, kK, 1500, 60, 0.3 + 0.6}, 0.02);
   EXPECT_NEAR(a.theta_x, turned.theta_x, 1e-15);
-  const ContactRotation half = singleContact(kM, kR, kH, kK, 1500, 60, 0.3 + M_PI, 0.01);
+  const ContactRotation half = singleContact({kM, kR, kH, kK, 1500, 60, 0.3 + M_PI}, 0.01);
   EXPECT_NEAR(a.theta_y, -half.theta_y, 1e-15);
   const PlaneRotation p = planeRotation(a, 0.7);
   EXPECT_NEAR(p.theta_p * std::cos(p.axis - 0.7), a.theta_y, 1e-15);
@@ -102,8 +103,8 @@ TEST(SteadyState, SymmetricAndPeriodic) {
 TEST(SteadyState, ForcesOnTheContact) {
   const double l = 12.5, k = 300, g = 9806.6, F = 1500, w = 60, alpha = 0.8, t = 0.123;
   const double beta = contactInertia(kM, kR, kH).beta;
-  const ContactRotation x = singleContact(kM, kR, kH, kK, F, w, alpha, t);
-  const SingleContactForces f = singleContactForces(kM, kR, kH, l, k, g, F, w, alpha, t, x);
+  const ContactRotation x = singleContact({kM, kR, kH, kK, F, w, alpha}, t);
+  const SingleContactForces f = singleContactForces({kM, kR, kH, kK, F, w, alpha}, {l, k, g}, t, x);
   const Eigen::Vector3d rotation(x.theta_x, x.theta_y * std::cos(beta) - x.theta_z * std::sin(beta),
                                  x.theta_y * std::sin(beta) + x.theta_z * std::cos(beta));
   const Eigen::Vector3d G = rotation.cross(Eigen::Vector3d(0, -kR, 2 * kH + l));
@@ -118,7 +119,7 @@ TEST(SteadyState, ForcesOnTheContact) {
 TEST(SteadyState, Refusals) {
   const double w = std::sqrt(kK / contactInertia(kM, kR, kH).Iy);
   const auto at = [&](double frequency) {
-    return refusalOf([&] { singleContact(kM, kR, kH, kK, 1500, frequency, 0, 0.1); });
+    return refusalOf([&] { singleContact({kM, kR, kH, kK, 1500, frequency, 0}, 0.1); });
   };
   EXPECT_NE(at(w).find("resonance"), std::string::npos);
   EXPECT_EQ(at(w * 1.001), "nothing thrown");

@@ -16,6 +16,7 @@
 #include "assembly_cell/vibration/steady_state.h"
 #include "assembly_cell/vibration/walking.h"
 #include "refusals.h"
+#include "thesis_forms.h"
 
 namespace assembly_cell {
 namespace {
@@ -44,14 +45,14 @@ TEST(Validity, NeverNaN) {
       [&] { return finite(chordStiffness(any(), any(), any(), any(), any(), any())); },
       [&] {
         const ContactRotation x =
-            singleContact(any(), any(), any(), any(), any(), any(), any(), any());
+            singleContact({any(), any(), any(), any(), any(), any(), any()}, any());
         return finite(x.theta_x) + finite(x.theta_y) + finite(x.theta_z);
       },
       [&] { return finite(doubleContact(any(), any(), any(), any(), any(), any())); },
       [&] {
         const SingleContactForces f =
-            singleContactForces(any(), any(), any(), any(), any(), any(), any(), any(), any(),
-                                any(), {any(), any(), any()});
+            singleContactForces({any(), any(), any(), any(), any(), any(), any()},
+                                {any(), any(), any()}, any(), {any(), any(), any()});
         return finite(f.X) + finite(f.Y) + finite(f.Z) + finite(f.radial) + finite(f.normal);
       },
       [&] {

@@ -56,7 +56,7 @@ constexpr const char* kSliding =
     "0.02, d: 12.5}";
 constexpr const char* kRig = "{x0: 25, M_over_L: 25, f_hz: 4, K: 0.075, g: 9806.6}";
 
-// every model answers under the agreed names, with a number of the specification
+// every model answers under the names of its help, with a number worked out apart from this code
 TEST_F(Vibration, ModelsAndNames) {
   struct Case {
     const char *model, *parameters, *key;

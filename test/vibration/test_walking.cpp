@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Walking of section 2.5 (thesis Table 4.2: kg, mm, s).
+// Walking, thesis 4.31 to 4.41 (its Table 4.2: kg, mm, s).
 #include "assembly_cell/vibration/walking.h"
 
 #include <gtest/gtest.h>
@@ -9,6 +9,7 @@
 
 #include "assembly_cell/vibration/inertia.h"
 #include "refusals.h"
+#include "thesis_forms.h"
 
 namespace assembly_cell {
 namespace {
@@ -17,7 +18,7 @@ WalkCase table42(double F, double w, int cycles = 40) {
   return {0.766, 9806.6, 25, 25, 1e7, F, w, .96, cycles};
 }
 
-// section 2.5: mean step per cycle over 40 cycles, printed digits; irregular in between
+// docs/vibration.md: mean step per cycle over 40 cycles, printed digits; irregular in between
 TEST(Walk, Table42GoesOutward) {
   constexpr double kMean[][2] = {
       {40, -.0007}, {60, -.0008}, {80, -.0060}, {120, -.0009}, {200, -.0004}};

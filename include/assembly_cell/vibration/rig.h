@@ -9,7 +9,7 @@ struct RigCase {
   double M_over_L = 0.0, f_hz = 0.0, K = 0.0, g = 0.0;
 };
 
-/// One slide from rest at misalignment x.
+/// One slide from rest.
 struct RigSlide {
   double time = 0.0;  ///< sliding time
   double x = 0.0;     ///< misalignment after it, 0 when assembled
@@ -23,14 +23,12 @@ struct RigResult {
 };
 
 /// 5.2–5.5: the first sliding time after the trivial root 0 at which 5.6 (corrected: it is Δt² on
-/// the left) holds, or the time to assembly if that comes first. Needs 0 < x < 2 M_over_L.
-RigSlide rigSlide(const RigCase& c, double x);
+/// the left) holds, or the time to assembly if that comes first. From misalignment x in (0, 1) with
+/// acceleration a > 0; lengths in 2 M_over_L, times in 1/w: a = K g/(2 M_over_L w²).
+RigSlide rigSlide(double x, double a);
 
 /// Slides repeated once a turn of the moment until nothing is left. Throws InputError beyond a
 /// million turns.
 RigResult rigAssembly(const RigCase& c);
-
-/// Below this frequency one slide assembles [1/s]; x0 < 2 M_over_L.
-double rigOneSlideFrequency(const RigCase& c);
 
 }  // namespace assembly_cell

@@ -33,12 +33,6 @@ struct SlidingRatio {
 /// InputError for K < kx (2h + l)², which 4.17 excludes.
 SlidingRatio slidingRatio(const SlidingCase& s);
 
-/// One of the two forms: all that a map needs.
-struct SlidingPair {
-  std::optional<double> p1, p2;
-};
-SlidingPair slidingPair(const SlidingCase& s, bool inertia);
-
 // ---- design aid ----
 
 /// Peg, support and friction of a map over frequency and amplitude.
@@ -57,7 +51,7 @@ enum class VibrationOutcome {
   kSlidesBoth,  ///< p1 > p2 > mu: both ways, more inwards
   kSlidesOut,   ///< p2 > mu, p2 >= p1
   kLifts,       ///< a contact lifts and friction is too small to hold the other (4.41)
-  kWalksOut     ///< a contact lifts and the other holds: section 4.7
+  kWalksOut     ///< a contact lifts and the other holds: 4.35–4.41
 };
 const char* toString(VibrationOutcome outcome);
 

@@ -5,9 +5,6 @@
 
 namespace assembly_cell {
 
-/// 4.31: force above which a quasi-static double contact lifts, m g s/(2h) with s = r sin(delta).
-double liftingForce(double m, double g, double r, double h, double delta);
-
 /// 4.41: up to what half contact angle a single contact holds by friction, and the overlap there.
 struct WalkingLimit {
   double alpha = 0.0;    ///< half contact angle (delta) [rad]; a right angle: always holds
