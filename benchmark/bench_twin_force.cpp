@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <random>
 
+#include "../src/twin_force/closed_forms.h"
 #include "../test/twin_force/truth.h"
 #include "assembly_cell/twin_force/next_contact.h"
 #include "assembly_cell/twin_force/pose_estimate.h"
@@ -61,10 +62,19 @@ int main() {
     return Eigen::LLT<Matrix6>(A).solve(b).sum();
   });
   std::printf("%-52s %8.3f us\n", "marker: 6x6 Cholesky solve", marker);
-  report("thesis form, 2 contacts", marker, 0.5,
-         [&] { return thesisPose(two[0], two[1]).value_or(Pose()).p.x(); });
-  report("robust form, 4 contacts", marker, 5,
-         [&] { return robustPose(four, Pose(), workspace).pose.p.x(); });
+  report("thesis form with its covariance, 2 contacts", marker, 0.5, [&] {
+    Pose pose;
+    Eigen::Matrix<double, 6, 12> slope;
+    twin_force::solveThesis(twin_force::bareTerm(two[0]), twin_force::bareTerm(two[1]), pose,
+                            slope);
+    return pose.p.x() + slope(0, 0);
+  });
+  std::vector<twin_force::Term> terms;
+  const std::vector<int> used = {0, 1, 2, 3};
+  for (const TwinContact& contact : four) terms.push_back(twin_force::makeTerm(contact));
+  report("robust form without its likelihood step, 4 contacts", marker, 5, [&] {
+    return twin_force::solveRobust(terms, used, Pose()).pose.p.x();
+  });
   const auto whole = [&](const char* name, double limit, const std::vector<TwinContact>& contacts,
                          const TwinForceOptions& options) {
     report(name, marker, limit,

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "../test/twin_force/thesis_forms.h"
 #include "../test/twin_force/truth.h"
 
 namespace {
@@ -111,9 +112,9 @@ void figureStudy(const std::string& folder) {
     press(s, {0, 0.03, 0.02}, {0, 0, -20});
     press(s, {0, -0.03, 0.02}, -20 * Vector3d(std::sin(b), 0, std::cos(b)));
     const Matrix6 P = bound(s);
-    const double sine = std::sin(b);
+    const PoseErrorRule rule = poseErrorRule(20, 0.05, 2e-3, b);
     angle << beta << ',' << 1e3 * positionOf(P) << ',' << 1e3 * rotationOf(P) << ','
-          << 1e3 * 2.8 * 2e-3 / 20 / (sine * sine) << ',' << 1e3 * 2.0 * 0.05 / 20 / sine << '\n';
+          << 1e3 * rule.position << ',' << 1e3 * rule.rotation << '\n';
   }
   std::ofstream arms(folder + "/twin_force_arms.csv");
   arms << "arm_mm,two_lines_mrad,three_lines_mrad,two_lines_noisy_mrad,three_lines_noisy_mrad\n";

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "assembly_cell/twin_force/rodrigues.h"
-
 namespace assembly_cell {
 namespace twin_force {
 namespace {
@@ -85,8 +83,8 @@ RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int
   s.parallelism = std::sqrt(std::max(0.0, forces.eigenvalues()[1]) / forces.eigenvalues()[2]);
 
   // couples settle the turn about parallel lines
-  s.result.couple_pairs = s.parallelism < kCouplePairs;
-  if (s.result.couple_pairs) {
+  s.couple_pairs = s.parallelism < kCouplePairs;
+  if (s.couple_pairs) {
     const int k = partner(terms, used, s.mean_axis);
     for (const int i : used) {
       if (i == k) continue;
@@ -103,8 +101,8 @@ RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int
   // turn about the axis of the first singular value: information s2 + s3
   const Vector3d axis = U.col(0);
   const double turn_information = svd.singularValues()[1] + sign * svd.singularValues()[2];
-  s.result.turn_known = turn_information > kTurnInformation;
-  if (!s.result.turn_known) {
+  s.turn_known = turn_information > kTurnInformation;
+  if (!s.turn_known) {
     // nearest to the start
     const Matrix3d M = R * start.R.transpose();
     const Matrix3d cross = skew(axis);
@@ -115,16 +113,16 @@ RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int
   Vector3d h(turn_information, svd.singularValues()[0] + sign * svd.singularValues()[2],
              svd.singularValues()[0] + svd.singularValues()[1]);
   Vector3d inverse = h.cwiseInverse();
-  if (!s.result.turn_known) inverse[0] = 0.0;
+  if (!s.turn_known) inverse[0] = 0.0;
   s.turn_inverse = U * inverse.asDiagonal() * U.transpose();
-  s.result.pose.R = R;
+  s.pose.R = R;
   solveTranslation(terms, used, start.p, s);
   return s;
 }
 
 void solveTranslation(const std::vector<Term>& terms, const std::vector<int>& used,
                       const Vector3d& start, RobustSolution& out) {
-  const Matrix3d& R = out.result.pose.R;
+  const Matrix3d& R = out.pose.R;
   // −[F̂] T = M, weighted; F̂ from both sensors
   Matrix3d normal = Matrix3d::Zero();
   Vector3d rhs = Vector3d::Zero();
@@ -142,24 +140,24 @@ void solveTranslation(const std::vector<Term>& terms, const std::vector<int>& us
   const Vector3d& values = eigen.eigenvalues();
   const double limit = std::max(kRounding * values[2], kShiftNoise * noise);
   Vector3d inverse = Vector3d::Zero();
-  out.result.dropped_count = 0;
+  out.dropped_count = 0;
   for (int k = 0; k < 3; ++k) {
     if (values[k] > limit) {
       inverse[k] = 1.0 / values[k];
     } else {
-      out.result.dropped.col(out.result.dropped_count++) = eigen.eigenvectors().col(k);
+      out.dropped.col(out.dropped_count++) = eigen.eigenvectors().col(k);
     }
   }
   out.shift_inverse =
       eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
-  out.result.pose.p = start + out.shift_inverse * rhs;
+  out.pose.p = start + out.shift_inverse * rhs;
 }
 
 Matrix6 robustCovariance(const std::vector<Term>& terms, const std::vector<int>& used,
                          const RobustSolution& s) {
-  const Pose& X = s.result.pose;
+  const Pose& X = s.pose;
   const Matrix3d cross_T = skew(X.p);
-  const int k = s.result.couple_pairs ? partner(terms, used, s.mean_axis) : -1;
+  const int k = s.couple_pairs ? partner(terms, used, s.mean_axis) : -1;
   // how the translation answers a turn: −N⁺ Σ w [f]ᵀ (−[m] + ½[T][f])
   Matrix3d turn_to_shift = Matrix3d::Zero();
   Matrix3d partner_gain = Matrix3d::Zero(), lever = Matrix3d::Zero();
@@ -202,7 +200,7 @@ Matrix6 robustCovariance(const std::vector<Term>& terms, const std::vector<int>&
 }
 
 bool solveThesis(const Term& first, const Term& second, Pose& pose,
-                 Eigen::Matrix<double, 6, 12>* slope) {
+                 Eigen::Matrix<double, 6, 12>& slope) {
   // g × a = b, 10.3–10.5
   const Vector3d a2 = second.F_A - second.F_B;
   const Vector3d b1 = first.F_A + first.F_B, b2 = second.F_A + second.F_B;
@@ -214,7 +212,8 @@ bool solveThesis(const Term& first, const Term& second, Pose& pose,
     return false;
   }
   const Vector3d g = b1.cross(b2) / d;
-  pose.R = rotationFromGibbs({g});
+  const Matrix3d cross = skew(g);
+  pose.R = Matrix3d::Identity() + 2.0 / (1.0 + g.squaredNorm()) * (cross + cross * cross);
   // T × F_A = M, 10.6 and 10.10
   const Vector3d m1 = pose.R * first.M_B, m2 = pose.R * second.M_B;
   const Vector3d M1 = first.M_A + m1, M2 = second.M_A + m2;
@@ -224,31 +223,23 @@ bool solveThesis(const Term& first, const Term& second, Pose& pose,
     return false;
   }
   pose.p = M1.cross(M2) / e;
-  if (slope == nullptr) return true;
 
   // dg, dφ = 2/(1 + g²) (dg + g × dg)
   Eigen::Matrix<double, 3, 12> dg = Eigen::Matrix<double, 3, 12>::Zero();
   dg.block<3, 3>(0, 0) = (-skew(b2) - g * a2.transpose()) / d;
   dg.block<3, 3>(0, 6) = (skew(b1) - g * b1.transpose()) / d;
   const Eigen::Matrix<double, 3, 12> dphi =
-      2.0 / (1.0 + g.squaredNorm()) * (Matrix3d::Identity() + skew(g)) * dg;
+      2.0 / (1.0 + g.squaredNorm()) * (Matrix3d::Identity() + cross) * dg;
   Eigen::Matrix<double, 3, 12> dM1 = -skew(m1) * dphi, dM2 = -skew(m2) * dphi;
   dM1.block<3, 3>(0, 3) += Matrix3d::Identity();
   dM2.block<3, 3>(0, 9) += Matrix3d::Identity();
   Eigen::Matrix<double, 1, 12> de = second.F_A.transpose() * dM1;
   de.segment<3>(6) += M1.transpose();
-  slope->topRows<3>() = (skew(M1) * dM2 - skew(M2) * dM1 - pose.p * de) / e;
-  slope->bottomRows<3>() = dphi;
+  slope.topRows<3>() = (skew(M1) * dM2 - skew(M2) * dM1 - pose.p * de) / e;
+  slope.bottomRows<3>() = dphi;
   return true;
 }
 
 }  // namespace twin_force
-
-std::optional<Pose> thesisPose(const TwinContact& first, const TwinContact& second) {
-  Pose pose;
-  if (!twin_force::solveThesis(twin_force::bareTerm(first), twin_force::bareTerm(second), pose))
-    return std::nullopt;
-  return pose;
-}
 
 }  // namespace assembly_cell

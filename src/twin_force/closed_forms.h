@@ -10,9 +10,14 @@
 namespace assembly_cell {
 namespace twin_force {
 
-/// Robust pose with what its covariance needs.
+/// Rotation from the forces' SVD, with couple pairs where lines are parallel, then the translation.
+/// What the contacts can't tell stays at the start; the dropped directions are columns.
 struct RobustSolution {
-  RobustPose result;
+  Pose pose;
+  Eigen::Matrix3d dropped = Eigen::Matrix3d::Zero();  ///< unit directions of T that stayed
+  int dropped_count = 0;
+  bool turn_known = true;         ///< false: the turn about the common line stayed
+  bool couple_pairs = false;      ///< forces were parallel within kCouplePairs
   Eigen::Vector3d mean_axis;      ///< of the forces on A, unit
   double parallelism = 0.0;       ///< second over first singular value of the forces on A
   Eigen::Matrix3d turn_inverse;   ///< of the rotation's normal matrix, known directions only
@@ -31,9 +36,10 @@ void solveTranslation(const std::vector<Term>& terms, const std::vector<int>& us
 Matrix6 robustCovariance(const std::vector<Term>& terms, const std::vector<int>& used,
                          const RobustSolution& solution);
 
-/// Thesis form from two terms; `slope`, if given, gets d δ / d (w_A1, w_A2).
+/// Closed form of the thesis (10.3–10.6, 10.10) with the Gibbs matrix, from two contacts; `slope`
+/// is d δ / d (w_A1, w_A2). False where |a2·b1| < 0.1 |a2||b1| or |F_A2·M1| < 0.1 |F_A2||M1|.
 bool solveThesis(const Term& first, const Term& second, Pose& pose,
-                 Eigen::Matrix<double, 6, 12>* slope = nullptr);
+                 Eigen::Matrix<double, 6, 12>& slope);
 
 }  // namespace twin_force
 }  // namespace assembly_cell

@@ -89,39 +89,4 @@ SignVerdict checkSigns(const std::vector<TwinContact>& contacts) {
   return out;
 }
 
-PairMisfit pairMisfit(const TwinContact& i, const TwinContact& j) {
-  struct Side {
-    double force, reciprocal, var_force, var_reciprocal;
-  };
-  const auto side = [](const Vector6& wi, const Matrix6& ci, const Vector6& wj, const Matrix6& cj,
-                       bool same) {
-    // d(F_i·F_j) and d(F_i·M_j + F_j·M_i) by both wrenches
-    Vector6 fi, fj, ri, rj;
-    fi << wj.head<3>(), Vector3d::Zero();
-    fj << wi.head<3>(), Vector3d::Zero();
-    ri << wj.tail<3>(), wj.head<3>();
-    rj << wi.tail<3>(), wi.head<3>();
-    Side s;
-    s.force = wi.head<3>().dot(wj.head<3>());
-    s.reciprocal = wi.head<3>().dot(wj.tail<3>()) + wj.head<3>().dot(wi.tail<3>());
-    if (same) {
-      s.var_force = 4.0 * fi.dot(ci * fi);
-      s.var_reciprocal = 4.0 * ri.dot(ci * ri);
-    } else {
-      s.var_force = fi.dot(ci * fi) + fj.dot(cj * fj);
-      s.var_reciprocal = ri.dot(ci * ri) + rj.dot(cj * rj);
-    }
-    return s;
-  };
-  const bool same = &i == &j;
-  const Term ti = twin_force::makeTerm(i), tj = twin_force::makeTerm(j);
-  Vector6 bi, bj;
-  bi << ti.F_B, ti.M_B;
-  bj << tj.F_B, tj.M_B;
-  const Side a = side(i.wrench_a, ti.cov_a, j.wrench_a, tj.cov_a, same);
-  const Side b = side(bi, ti.cov_b, bj, tj.cov_b, same);
-  return {(a.force - b.force) / std::sqrt(a.var_force + b.var_force),
-          (a.reciprocal - b.reciprocal) / std::sqrt(a.var_reciprocal + b.var_reciprocal)};
-}
-
 }  // namespace assembly_cell

@@ -32,7 +32,7 @@ void checkCandidate(const ContactCandidate& c, std::size_t i) {
   }
 }
 
-ContactAdvice judge(const Matrix6& information, const TwinForceOptions& options) {
+ContactAdvice predict(const Matrix6& information, const TwinForceOptions& options) {
   Vector6 s;
   s << Vector3d::Constant(options.required_position), Vector3d::Constant(options.required_rotation);
   const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(s.asDiagonal() * information * s.asDiagonal());
@@ -58,8 +58,7 @@ ContactAdvice judge(const Matrix6& information, const TwinForceOptions& options)
   return out;
 }
 
-}  // namespace
-
+// JᵀC⁻¹J that a candidate adds at pose X_AB
 Matrix6 candidateInformation(const ContactCandidate& candidate, const Pose& X_AB) {
   TwinContact c;
   c.wrench_b << candidate.force, candidate.point.cross(candidate.force);
@@ -73,14 +72,7 @@ Matrix6 candidateInformation(const ContactCandidate& candidate, const Pose& X_AB
   return J.transpose() * twin_force::residualCovariance(term, X_AB).llt().solve(J);
 }
 
-ContactAdvice predictContact(const TwinForceEstimate& estimate, const ContactCandidate& candidate,
-                             const TwinForceOptions& options) {
-  checkCandidate(candidate, 0);
-  ContactAdvice out =
-      judge(estimate.information + candidateInformation(candidate, estimate.pose), options);
-  out.candidate = 0;
-  return out;
-}
+}  // namespace
 
 ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,
                                 const std::vector<ContactCandidate>& candidates,
@@ -89,7 +81,7 @@ ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     checkCandidate(candidates[i], i);
     ContactAdvice advice =
-        judge(estimate.information + candidateInformation(candidates[i], estimate.pose), options);
+        predict(estimate.information + candidateInformation(candidates[i], estimate.pose), options);
     advice.candidate = static_cast<int>(i);
     const double ratio = advice.smallest_eigenvalue - best.smallest_eigenvalue;
     const double margin = kEqual * best.smallest_eigenvalue;

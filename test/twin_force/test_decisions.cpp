@@ -183,7 +183,7 @@ TEST(Decisions, OutliersAreFoundAndNeverBelowTwo) {
     if (hasPose(e.status) && e.rejected == std::vector<int>{static_cast<int>(bad)}) ++found;
     EXPECT_FALSE(e.unconfirmed);
   }
-  // section 4: 100 of 100 found; a false alarm has probability 10⁻³ a run, more than 2 in 100
+  // 100 of 100 were found; a false alarm has probability 10⁻³ a run, more than 2 in 100
   // 2·10⁻⁴
   EXPECT_GE(found, 99);
   EXPECT_LE(false_alarms, 2);
@@ -337,8 +337,6 @@ TEST(Decisions, AllocatesNothing) {
         estimatePose(*c, options, workspace);
       }
     }
-    robustPose(good, Pose(), workspace);
-    thesisPose(good[0], good[1]);
   };
   const std::size_t before = allocations;
   runs();

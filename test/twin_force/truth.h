@@ -184,7 +184,69 @@ inline Vector6 errorOf(const Pose& truth, const Pose& estimate) {
   return d;
 }
 
-/// The geometries of section 5: 20 N, arms about 60 mm, |T| 0.14 m.
+/// 10 mm and 0.1 rad per axis.
+inline PosePrior defaultPrior(const Pose& nominal) {
+  PosePrior prior;
+  prior.pose = nominal;
+  prior.covariance.setZero();
+  prior.covariance.diagonal() << Vector3d::Constant(1e-4), Vector3d::Constant(1e-2);
+  return prior;
+}
+
+/// δᵀ P⁻¹ δ of `pose` against the estimate over the observable directions: 6 in the mean if pose is
+/// the truth and all six are observable.
+inline double normalisedDistance(const TwinForceEstimate& estimate, const Pose& pose) {
+  Vector6 d;
+  d << pose.p - estimate.pose.p, vectorFromRotation(pose.R * estimate.pose.R.transpose()).value;
+  // in units of what is required; null directions are orthonormal there
+  const Vector6 inverse = estimate.scale.cwiseInverse();
+  const auto null = estimate.null_directions.leftCols(estimate.null_count);
+  Vector6 y = inverse.cwiseProduct(d);
+  y -= null * (null.transpose() * y);
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(inverse.asDiagonal() * estimate.covariance *
+                                                     inverse.asDiagonal());
+  double sum = 0.0;
+  for (int k = estimate.null_count; k < 6; ++k) {
+    const double part = eigen.eigenvectors().col(k).dot(y);
+    sum += part * part / eigen.eigenvalues()[k];
+  }
+  return sum;
+}
+
+/// What must agree between A and B whatever the pose: F_i·F_j and F_i·M_j + F_j·M_i (i = j allowed,
+/// then F·M counts twice). Differences A − B in standard deviations. Moves are known.
+struct PairMisfit {
+  double force = 0.0, reciprocal = 0.0;
+};
+inline PairMisfit pairMisfit(const TwinContact& i, const TwinContact& j) {
+  // values, and variances by d(F_i·F_j) and d(F_i·M_j + F_j·M_i) of both wrenches
+  struct Side {
+    double force, reciprocal, var_force, var_reciprocal;
+  };
+  const auto side = [same = &i == &j](const Vector6& wi, const Matrix6& ci, const Vector6& wj,
+                                      const Matrix6& cj) {
+    Vector6 fi, fj, ri, rj;
+    fi << wj.head<3>(), Vector3d::Zero();
+    fj << wi.head<3>(), Vector3d::Zero();
+    ri << wj.tail<3>(), wj.head<3>();
+    rj << wi.tail<3>(), wi.head<3>();
+    const double both = same ? 4.0 : 1.0, other = same ? 0.0 : 1.0;
+    return Side{wi.head<3>().dot(wj.head<3>()),
+                wi.head<3>().dot(wj.tail<3>()) + wj.head<3>().dot(wi.tail<3>()),
+                both * fi.dot(ci * fi) + other * fj.dot(cj * fj),
+                both * ri.dot(ci * ri) + other * rj.dot(cj * rj)};
+  };
+  const auto inB = [](const TwinContact& c) {
+    const Matrix6 phi = wrenchTransform(c.move);
+    return Matrix6(phi * c.covariance_b * phi.transpose());
+  };
+  const Side a = side(i.wrench_a, i.covariance_a, j.wrench_a, j.covariance_a);
+  const Side b = side(seenFrom(i.move, i.wrench_b), inB(i), seenFrom(j.move, j.wrench_b), inB(j));
+  return {(a.force - b.force) / std::sqrt(a.var_force + b.var_force),
+          (a.reciprocal - b.reciprocal) / std::sqrt(a.var_reciprocal + b.var_reciprocal)};
+}
+
+/// The geometries of docs/twin_force.md: 20 N, arms about 60 mm, |T| 0.14 m.
 inline std::vector<Scene> geometries() {
   const Vector3d x = Vector3d::UnitX(), z = Vector3d::UnitZ();
   const double deg = M_PI / 180;

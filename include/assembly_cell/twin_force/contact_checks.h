@@ -27,11 +27,4 @@ SignCheck checkSigns(const TwinContact& contact, const Eigen::Matrix3d& R_AB,
 /// Undecided for fewer or (nearly) coplanar forces, below 3 sd of the determinant.
 SignVerdict checkSigns(const std::vector<TwinContact>& contacts);
 
-/// What must agree between A and B whatever the pose: F_i·F_j and F_i·M_j + F_j·M_i (i = j allowed,
-/// then F·M counts twice). Differences A − B in standard deviations.
-struct PairMisfit {
-  double force = 0.0, reciprocal = 0.0;
-};
-PairMisfit pairMisfit(const TwinContact& i, const TwinContact& j);
-
 }  // namespace assembly_cell

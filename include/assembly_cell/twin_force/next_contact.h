@@ -27,13 +27,6 @@ struct ContactAdvice {
   double position_sd = 0.0, rotation_sd = 0.0;  ///< predicted, 3 axes; ∞ if still unobservable
 };
 
-/// Information JᵀC⁻¹J that a candidate adds at pose X_AB.
-Matrix6 candidateInformation(const ContactCandidate& candidate, const Pose& X_AB);
-
-/// Prediction for one candidate (candidate index 0).
-ContactAdvice predictContact(const TwinForceEstimate& estimate, const ContactCandidate& candidate,
-                             const TwinForceOptions& options);
-
 /// The candidate with the largest smallest eigenvalue (equal within 1 %: largest log determinant).
 /// Throws InputError for a candidate that is not finite or without force.
 ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,

@@ -35,14 +35,12 @@ struct TwinContact {
   double tare_age = 0.0;                   ///< time since the older tare [s]
 };
 
-/// What is known of X_AB before the contacts.
+/// What is known of X_AB before the contacts; 10 mm and 0.1 rad per axis are enough to help
+/// wherever lines may be within 10° of parallel.
 struct PosePrior {
   Pose pose;
   Matrix6 covariance = Matrix6::Identity();  ///< of δ
 };
-
-/// 10 mm and 0.1 rad per axis: what to use whenever lines may be within 10° of parallel.
-PosePrior defaultPrior(const Pose& nominal);
 
 enum class TwinForceMethod { kThesis, kRobust, kMaximumLikelihood };
 
@@ -83,8 +81,8 @@ struct TwinForceEstimate {
   Pose pose;                ///< X_AB; meaningful if hasPose(status)
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< of pose, w ≥ 0
   Matrix6 covariance = Matrix6::Zero();  ///< of δ over the observable directions, always finite
-  Vector6 variance = Vector6::Zero();  ///< of each component of δ; infinite where a null direction
-                                       ///< has a part in it
+  /// Of each component of δ; infinite where a null direction has a part in it.
+  Vector6 variance = Vector6::Constant(std::numeric_limits<double>::infinity());
   Matrix6 information = Matrix6::Zero();  ///< Fisher information, prior included; finite
   double chi2 = 0.0;
   int dof = 0;
@@ -108,10 +106,6 @@ struct TwinForceEstimate {
 /// infinite variance are 0 elsewhere.
 Matrix6 coordinateCovariance(const TwinForceEstimate& estimate);
 
-/// δᵀ P⁻¹ δ of `pose` against the estimate over the observable directions: 6 in the mean if pose is
-/// the truth and all six are observable.
-double normalisedDistance(const TwinForceEstimate& estimate, const Pose& pose);
-
 /// Memory of an estimator of up to `capacity` contacts: estimatePose allocates nothing.
 class TwinForceWorkspace {
  public:
@@ -119,7 +113,6 @@ class TwinForceWorkspace {
   ~TwinForceWorkspace();
   TwinForceWorkspace(TwinForceWorkspace&&) noexcept;
   TwinForceWorkspace& operator=(TwinForceWorkspace&&) noexcept;
-  std::size_t capacity() const;
   struct Memory;
   Memory& memory() { return *memory_; }
 
@@ -137,22 +130,5 @@ const TwinForceEstimate& estimatePose(const std::vector<TwinContact>& contacts,
 
 /// Refuses a covariance of 6 components: InputError with `name`, what is wrong and what to do.
 void checkCovariance(const Matrix6& covariance, const std::string& name, bool semidefinite = false);
-
-/// Closed form of the thesis (10.3–10.6, 10.10) with the Gibbs matrix, from two contacts. Empty
-/// where |a2·b1| < 0.1 |a2||b1| or |F_A2·M1| < 0.1 |F_A2||M1|.
-std::optional<Pose> thesisPose(const TwinContact& first, const TwinContact& second);
-
-/// Robust form: rotation from the forces' SVD, with couple pairs where lines are parallel, then the
-/// translation; away from parallel lines one likelihood step, which brings it to the bound. What
-/// the contacts can't tell stays at `start`; the dropped directions are columns.
-struct RobustPose {
-  Pose pose;
-  Eigen::Matrix3d dropped = Eigen::Matrix3d::Zero();  ///< unit directions of T that stayed
-  int dropped_count = 0;
-  bool turn_known = true;     ///< false: the turn about the common line stayed
-  bool couple_pairs = false;  ///< forces were parallel within 0.05
-};
-RobustPose robustPose(const std::vector<TwinContact>& contacts, const Pose& start,
-                      TwinForceWorkspace& workspace);
 
 }  // namespace assembly_cell
