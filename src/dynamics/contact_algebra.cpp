@@ -4,9 +4,8 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
-#include <array>
 
-#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
 namespace {
@@ -105,83 +104,79 @@ void hinge(const Body& b, Constraint& one, Constraint& two) {
   one.force = force - two.force;
 }
 
-void general(const Body& b, Constraint* c, int n) {
-  constexpr int kMost = 3 * kSlots;
+constexpr int kMaxRows = 3 * kContactSlots;
+template <int kRows, int kColumns>
+using Bounded = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kRows, kColumns>;
+template <int kRows>
+using BoundedVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kRows, 1>;
+
+void general(const Body& b, Constraints& all) {
   struct Column {
-    int point;
+    Constraint* at;
     Vec3 row, direction;
   };
-  std::array<Column, kMost> columns;
-  int m = 0;
-  for (int i = 0; i < n; ++i) {
-    if (c[i].stick) {
+  std::array<Column, kMaxRows> columns;
+  std::size_t m = 0;
+  for (Constraint& c : all) {
+    if (c.stick) {
       for (int axis = 0; axis < 3; ++axis) {
-        columns[static_cast<std::size_t>(m++)] = {i, Vec3::Unit(axis), Vec3::Unit(axis)};
+        columns[m++] = {&c, Vec3::Unit(axis), Vec3::Unit(axis)};
       }
     } else {
-      columns[static_cast<std::size_t>(m++)] = {i, c[i].normal, slipDirection(b, c[i])};
+      columns[m++] = {&c, c.normal, slipDirection(b, c)};
     }
-    c[i].force.setZero();
+    c.force.setZero();
   }
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost> A(m, m);
-  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1> y(m);
-  for (int i = 0; i < m; ++i) {
-    const Column& ci = columns[static_cast<std::size_t>(i)];
-    y(i) = ci.row.dot(c[ci.point].change);
-    for (int j = 0; j < m; ++j) {
-      const Column& cj = columns[static_cast<std::size_t>(j)];
-      A(i, j) = ci.row.dot(response(b, c[ci.point].r, c[cj.point].r, cj.direction));
+  Bounded<kMaxRows, kMaxRows> A(m, m);
+  BoundedVector<kMaxRows> y(m);
+  for (std::size_t i = 0; i < m; ++i) {
+    const Column& ci = columns[i];
+    y(i) = ci.row.dot(ci.at->change);
+    for (std::size_t j = 0; j < m; ++j) {
+      A(i, j) = ci.row.dot(response(b, ci.at->r, columns[j].at->r, columns[j].direction));
     }
   }
   Eigen::CompleteOrthogonalDecomposition<decltype(A)> least_norm(m, m);
   least_norm.setThreshold(kRank);
   least_norm.compute(A);
-  const Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1> x = least_norm.solve(y);
-  for (int i = 0; i < m; ++i) {
-    const Column& ci = columns[static_cast<std::size_t>(i)];
-    c[ci.point].force += x(i) * ci.direction;
-  }
+  const BoundedVector<kMaxRows> x = least_norm.solve(y);
+  for (std::size_t i = 0; i < m; ++i) columns[i].at->force += x(i) * columns[i].direction;
 }
 
 // The equations of the slipping points' normals once the sticking ones are held, rows over their
 // own coefficient; without friction less what makes points part when another one is pressed.
-using Slips = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kSlots>;
-double slipDeterminant(const Body& b, const Constraint* c, int n, bool friction) {
-  std::array<const Constraint*, kSlots> slips{}, sticks{};
-  Eigen::Index m = 0, held = 0;
-  for (int i = 0; i < n; ++i) {
-    (c[i].stick ? sticks[static_cast<std::size_t>(held++)] : slips[static_cast<std::size_t>(m++)]) =
-        &c[i];
+double slipDeterminant(const Body& b, const Constraints& all, bool friction) {
+  std::array<const Constraint*, kContactSlots> slips{}, sticks{};
+  std::array<Vec3, kContactSlots> directions;
+  std::size_t m = 0, held = 0;
+  for (const Constraint& c : all) {
+    if (c.stick) {
+      sticks[held++] = &c;
+    } else {
+      directions[m] = friction ? slipDirection(b, c) : c.normal;
+      slips[m++] = &c;
+    }
   }
-  std::array<Vec3, kSlots> directions;
-  for (Eigen::Index i = 0; i < m; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    directions[k] = friction ? slipDirection(b, *slips[k]) : slips[k]->normal;
-  }
-  Slips left(m, m);
-  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kSlots, 1> own(m);
-  for (Eigen::Index i = 0; i < m; ++i) {
-    const Constraint& row = *slips[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; j < m; ++j) {
-      const auto k = static_cast<std::size_t>(j);
-      left(i, j) = row.normal.dot(response(b, row.r, slips[k]->r, directions[k]));
+  Bounded<kContactSlots, kContactSlots> left(m, m);
+  BoundedVector<kContactSlots> own(m);
+  for (std::size_t i = 0; i < m; ++i) {
+    for (std::size_t j = 0; j < m; ++j) {
+      left(i, j) = slips[i]->normal.dot(response(b, slips[i]->r, slips[j]->r, directions[j]));
     }
     own(i) = left(i, i);
   }
   if (held > 0) {
-    constexpr int kMost = 3 * kSlots;
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost> W(3 * held, 3 * held);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kSlots> moved(3 * held, m);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kMost> moves(m, 3 * held);
-    for (Eigen::Index i = 0; i < held; ++i) {
-      const Vec3& at = sticks[static_cast<std::size_t>(i)]->r;
-      for (Eigen::Index j = 0; j < held; ++j) {
-        W.block<3, 3>(3 * i, 3 * j) = influence(b, at, sticks[static_cast<std::size_t>(j)]->r);
+    Bounded<kMaxRows, kMaxRows> W(3 * held, 3 * held);
+    Bounded<kMaxRows, kContactSlots> moved(3 * held, m);
+    Bounded<kContactSlots, kMaxRows> moves(m, 3 * held);
+    for (std::size_t i = 0; i < held; ++i) {
+      const Vec3& at = sticks[i]->r;
+      for (std::size_t j = 0; j < held; ++j) {
+        W.block<3, 3>(3 * i, 3 * j) = influence(b, at, sticks[j]->r);
       }
-      for (Eigen::Index j = 0; j < m; ++j) {
-        const auto k = static_cast<std::size_t>(j);
-        moved.block<3, 1>(3 * i, j) = response(b, at, slips[k]->r, directions[k]);
-        moves.block<1, 3>(j, 3 * i) = slips[k]->normal.transpose() * influence(b, slips[k]->r, at);
+      for (std::size_t j = 0; j < m; ++j) {
+        moved.block<3, 1>(3 * i, j) = response(b, at, slips[j]->r, directions[j]);
+        moves.block<1, 3>(j, 3 * i) = slips[j]->normal.transpose() * influence(b, slips[j]->r, at);
       }
     }
     Eigen::CompleteOrthogonalDecomposition<decltype(W)> least_norm(3 * held, 3 * held);
@@ -189,9 +184,9 @@ double slipDeterminant(const Body& b, const Constraint* c, int n, bool friction)
     least_norm.compute(W);
     left -= moves * least_norm.solve(moved);
   }
-  for (Eigen::Index i = 0; i < m; ++i) {
+  for (std::size_t i = 0; i < m; ++i) {
     left.row(i) /= own(i);
-    for (Eigen::Index j = 0; j < m && !friction; ++j) {
+    for (std::size_t j = 0; j < m && !friction; ++j) {
       if (j != i) left(i, j) = std::max(0.0, left(i, j));
     }
   }
@@ -200,30 +195,32 @@ double slipDeterminant(const Body& b, const Constraint* c, int n, bool friction)
 
 }  // namespace
 
-double wedgeMargin(const Body& body, const Constraint* c, int n) {
-  if (n < 2 || std::all_of(c, c + n, [](const Constraint& one) { return one.stick; })) return 1.0;
-  const double wedged = slipDeterminant(body, c, n, true);
+double wedgeMargin(const Body& body, const Constraints& all) {
+  const auto sticks = [](const Constraint& one) { return one.stick; };
+  if (all.n < 2 || std::all_of(all.begin(), all.end(), sticks)) return 1.0;
+  const double wedged = slipDeterminant(body, all, true);
   if (wedged > kAmple) return 1.0;
-  const double free = slipDeterminant(body, c, n, false);
+  const double free = slipDeterminant(body, all, false);
   if (std::abs(wedged) < kRedundant && free < kRedundant) return 1.0;
   return wedged / std::max(free, kRedundant);
 }
 
-bool solveConstraints(const Body& body, Constraint* c, int n) {
-  if (n == 1 && c[0].stick) {
+bool solveConstraints(const Body& body, Constraints& all) {
+  auto& c = all.rows;
+  if (all.n == 1 && c[0].stick) {
     c[0].force = influence(body, c[0].r, c[0].r).inverse() * c[0].change;
-  } else if (n == 1) {
+  } else if (all.n == 1) {
     oneSlip(body, c[0]);
-  } else if (n == 2 && c[0].stick && c[1].stick && body.symmetric) {
+  } else if (all.n == 2 && c[0].stick && c[1].stick && body.symmetric) {
     hinge(body, c[0], c[1]);
-  } else if (n == 2 && c[0].stick != c[1].stick) {
+  } else if (all.n == 2 && c[0].stick != c[1].stick) {
     stickAndSlip(body, c[c[0].stick ? 0 : 1], c[c[0].stick ? 1 : 0]);
-  } else if (n == 2 && !c[0].stick) {
+  } else if (all.n == 2 && !c[0].stick) {
     return twoSlips(body, c[0], c[1]);
-  } else if (n > 0) {
-    general(body, c, n);
+  } else if (all.n > 0) {
+    general(body, all);
   }
-  return n < 2;
+  return all.n < 2;
 }
 
 }  // namespace assembly_cell

@@ -5,8 +5,9 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/geometry/contact_geometry.h"
 
 namespace assembly_cell {
 
@@ -18,8 +19,18 @@ struct Body {
   bool symmetric = true;  ///< inverse_inertia is the inverse of the inertia, not a thesis switch's
 };
 
+/// A force at the centre of mass with its moment about it.
+struct ForceMoment {
+  void add(const Eigen::Vector3d& r, const Eigen::Vector3d& at_r) {
+    force += at_r;
+    moment += r.cross(at_r);
+  }
+  Eigen::Vector3d force = Eigen::Vector3d::Zero(), moment = Eigen::Vector3d::Zero();
+};
+
 /// One point of the body whose change is asked for, and the force that makes it.
 struct Constraint {
+  std::size_t slot = 0;       ///< of the contact; free to the caller
   bool stick = false;         ///< three components are asked for, else the one along the normal
   Eigen::Vector3d r;          ///< lever from the centre of mass
   Eigen::Vector3d normal;     ///< slip: row
@@ -28,17 +39,41 @@ struct Constraint {
   Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< result
 };
 
+/// Points that are solved together.
+struct Constraints {
+  /// Frictionless until told otherwise; `change` is left to the caller.
+  Constraint& add(std::size_t slot, const Eigen::Vector3d& r, const Eigen::Vector3d& normal) {
+    Constraint& row = rows[n++];
+    row.slot = slot;
+    row.r = r;
+    row.normal = row.direction = normal;
+    return row;
+  }
+  Constraint* begin() { return rows.data(); }
+  Constraint* end() { return rows.data() + n; }
+  const Constraint* begin() const { return rows.data(); }
+  const Constraint* end() const { return rows.data() + n; }
+  ForceMoment total() const {
+    ForceMoment sum;
+    for (const Constraint& row : *this) sum.add(row.r, row.force);
+    return sum;
+  }
+
+  std::array<Constraint, kContactSlots> rows;
+  std::size_t n = 0;
+};
+
 /// Forces that make the changes asked for. Redundant rows (two sticking points never change their
 /// distance, points that coincide) get the least-norm solution. A slipping point beyond Painlevé's
 /// bound, where friction would pull the contact shut by itself, is solved without its friction.
 /// True where it has shown that wedgeMargin() is 1.
-bool solveConstraints(const Body& body, Constraint* constraints, int n);
+bool solveConstraints(const Body& body, Constraints& constraints);
 
 /// How far slipping points are from being wedged by their friction: the determinant of their
 /// equations, sticking points held, over the one without friction. At zero no finite force keeps
 /// the points apart (Painlevé's paradox), beyond it friction drives them together. 1 where nothing
 /// slips, where the points are redundant, and anywhere well above zero.
-double wedgeMargin(const Body& body, const Constraint* constraints, int n);
+double wedgeMargin(const Body& body, const Constraints& constraints);
 
 /// Change of the acceleration (velocity) of point r by a force (impulse) at point s.
 inline Eigen::Vector3d response(const Body& body, const Eigen::Vector3d& r,

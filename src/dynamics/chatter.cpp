@@ -1,0 +1,120 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "chatter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "contact_modes.h"
+#include "contact_tolerances.h"
+#include "impact.h"
+#include "integrator.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec3 = Eigen::Vector3d;
+// as many events as are remembered within kCluster are chatter: for kChatterSpan the run goes on in
+// steps of at most kMaxChatterStep without locating events [s]; under the rigid law so short that a
+// point pressed on falls by less than kHop between two impacts [m]
+constexpr double kCluster = 2e-4, kChatterSpan = 2e-3, kMaxChatterStep = 2e-5,
+                 kMinChatterStep = 5e-7;
+constexpr double kHop = 1e-10;
+// the rigid law chatters only where the peg is flat [rad], or within this [s]: two places of
+// contact that merge push each other open for ever
+constexpr double kFlatTilt = 1e-3, kStandstill = 8e-6;
+constexpr int kImpactPasses = 24;       // impacts of a step
+constexpr double kPenetration = 1e-12;  // let be then [m]
+
+void openAll(Context& c, Evaluation& e) {
+  for (std::size_t i = 0; i < kSlots; ++i) setMode(i, Mode::kApart, c, e);
+}
+
+// velocities at the step's end that let no point be closer than zero there; the impulses
+std::array<Vec3, kSlots> stopPenetration(const System& s, double t, Context& c, Evaluation& e) {
+  const double h = t - c.time;
+  const State start = c.state;
+  std::array<Vec3, kSlots> impulse;
+  impulse.fill(Vec3::Zero());
+  evaluateFree(s, c.commands, c.time, c.state, e);
+  const Vector9 fall = 0.5 * h * e.free;
+  c.state.v += fall;
+  for (Slot& slot : c.slots) slot.depth = 0.0;
+  for (int pass = 0; pass < kImpactPasses; ++pass) {
+    // of the step: mean velocity, place at the end
+    c.state.q = start.q + h * c.state.v;
+    openAll(c, e);
+    evaluateFree(s, c.commands, t, c.state, e);
+    locateAll(s, c, e);
+    for (const std::size_t i : Slots(s.admitted & e.open_set.valid)) {
+      const ContactPoint& point = e.point(i);
+      if (point.gap > -kPenetration) continue;
+      e.contacts[i].velocity += (point.gap / h - e.contacts[i].gap_rate) * point.normal;
+      setMode(i, Mode::kIdle, c, e);
+    }
+    if (!e.closed) break;
+    plasticImpact(s, e.closed, c, e);
+    for (const std::size_t i : Slots(e.closed)) impulse[i] += e.contacts[i].force;
+  }
+  openAll(c, e);
+  c.state = {start.q, c.state.v - fall};
+  return impulse;
+}
+
+}  // namespace
+
+bool noteEvent(const System& s, const Evaluation& e, double t, Context& c) {
+  double& oldest =
+      c.recent_events[static_cast<std::size_t>(c.counts.events) % Context::kRecentEvents];
+  const double span = t - oldest;
+  oldest = t;
+  if (span >= kCluster) return false;
+  return !s.rigid || isFlat(e) || span < kStandstill;
+}
+
+void beginChatter(double t, Context& c) { c.chatter_until = t + kChatterSpan; }
+
+bool isFlat(const Evaluation& e) { return std::hypot(e.k.a(1), e.k.a(2)) < kFlatTilt; }
+
+double chatterStep(const System& s, const Evaluation& e, double h) {
+  if (!s.rigid) return std::min(h, kMaxChatterStep);
+  return std::clamp(std::sqrt(8.0 * kHop / freeAcceleration(s, e)), kMinChatterStep,
+                    kMaxChatterStep);
+}
+
+void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
+  const double before = energyOf(s, c);
+  Trial flight;
+  flight.h = t - c.time;
+  const std::array<Vec3, kSlots> impulse = stopPenetration(s, t, c, e);
+  limitEnergy(s, before, c);
+  evaluateFree(s, c.commands, c.time, c.state, e);
+  c.slope = e.free;
+  attemptStep(s, c, Method::kRk4, flight, e);
+  c.time = t;
+  c.state = flight.end;
+  ++c.counts.steps;
+  if (c.time >= c.chatter_until) {
+    const double limit = energyOf(s, c);
+    findModes(s, false, c, e);
+    if (energyOf(s, c) > limit) {
+      limitEnergy(s, limit, c);
+      decide(s, c, e);
+    }
+    return;
+  }
+  // mean forces of the step
+  evaluatePresent(s, c, e);
+  for (const std::size_t i : Slots(s.admitted & e.open_set.valid)) {
+    if (impulse[i].isZero()) continue;
+    ContactKinematics& at = e.contacts[i];
+    at.force = impulse[i] / flight.h;
+    const Vec3& normal = e.point(i).normal;
+    at.normal_force = normal.dot(at.force);
+    const Vec3 friction = at.force - at.normal_force * normal;
+    const bool slides =
+        friction.norm() > 0.999 * s.scenario.friction.sliding_coefficient * at.normal_force;
+    setMode(i, slides ? Mode::kSlip : Mode::kStick, c, e);
+  }
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,328 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "contact_modes.h"
+
+#include <algorithm>
+
+#include "contact_solver.h"
+#include "contact_tolerances.h"
+#include "event_locator.h"
+#include "impact.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec3 = Eigen::Vector3d;
+
+// of the typical force, at a tolerance of 1e-9 m and above: changes below it change no mode
+constexpr double kHysteresis = 1e-8;
+constexpr int kPasses = 24, kTurns = 100;
+constexpr double kRest = 1.5;    // slip below this many times its threshold may be rest
+constexpr double kAhead = 0.9;   // slip goes against its friction: cosine
+constexpr double kLift = 1e-11;  // a contact lifted farther at an event pays for it with speed [m]
+
+// acceleration of a contact's point, contact forces included, as it rolls
+Vec3 accelerationOf(const Body& body, const Evaluation& e, std::size_t i) {
+  const ContactKinematics& at = e.contacts[i];
+  Vec3 acceleration = at.acceleration + at.rates.rolling;
+  for (const std::size_t j : Slots(e.closed)) {
+    acceleration += response(body, at.r, e.contacts[j].r, e.contacts[j].force);
+  }
+  return acceleration;
+}
+
+// Slip that begins goes where the point is accelerated to, which depends on the friction against it
+// (prox iteration); where the friction still holds the point, against the friction.
+void turnSlip(const System& s, Context& c, Evaluation& e) {
+  const double mu = s.scenario.friction.sliding_coefficient;
+  if (mu == 0.0) return;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    double largest = 0.0;
+    const Body body = bodyOf(s, e.k);
+    for (const std::size_t i : Slots(e.active())) {
+      Slot& slot = c.slots[i];
+      if (slot.mode != Mode::kSlip || slot.armed) continue;
+      const Vec3& normal = e.point(i).normal;
+      const ContactKinematics& at = e.contacts[i];
+      Vec3 acceleration = accelerationOf(body, e, i);
+      acceleration -= normal * normal.dot(acceleration);
+      const Vec3 tangent = slot.slip_direction - normal * normal.dot(slot.slip_direction);
+      const double compliance =
+          mu * at.normal_force * tangent.dot(response(body, at.r, at.r, tangent));
+      const Vec3 next = tangent - acceleration / compliance;
+      const double size = next.norm();
+      if (!(compliance > 0.0) || !(size > 0.0) || !std::isfinite(size)) continue;
+      largest = std::max(largest, (next / size - slot.slip_direction).norm());
+      slot.slip_direction = next / size;
+    }
+    if (largest < 1e-14) return;
+    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    if (largest < 1e-12) return;
+  }
+}
+
+// Slip that has begun one way and goes another gets the friction of its velocity. Where that brakes
+// it, it would come to rest at once: it is put to rest, and all is to be decided anew (true).
+bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
+  if (s.rigid) return false;
+  ContactSlotMask turned = 0;
+  for (const std::size_t i : Slots(e.active())) {
+    Slot& slot = c.slots[i];
+    if (slot.mode != Mode::kSlip || slot.armed || slipAhead(s, slot, e.contacts[i]) >= 0.0) {
+      continue;
+    }
+    slot.armed = true;
+    turned |= 1u << i;
+  }
+  if (!turned) return false;
+  c.slope = contactForces(s, c.slots, Level::kEvents, e);
+  const Body body = bodyOf(s, e.k);
+  Constraints rows;
+  bool stops = false;
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode == Mode::kIdle) continue;
+    const ContactKinematics& at = e.contacts[i];
+    const bool stop = (turned >> i & 1u) && accelerationOf(body, e, i).dot(at.tangential) < 0.0;
+    Constraint& row = rows.add(i, at.r, e.point(i).normal);
+    row.stick = stop || c.slots[i].mode == Mode::kStick;
+    row.change = stop ? Vec3(-at.tangential) : Vec3(Vec3::Zero());
+    stops = stops || stop;
+  }
+  if (!stops) return false;
+  solveConstraints(body, rows);
+  applyImpulse(s, rows.total(), c, e);
+  return true;
+}
+
+// Sets the hysteresis by the accelerations that count here. Returns the limit of decisions: half
+// the smaller of the old and the new one, so that what made an event is found.
+double setHysteresis(const System& s, Context& c, const Evaluation& e) {
+  double scale = 1e-3;
+  for (const std::size_t i : Slots(e.active())) {
+    const ContactKinematics& at = e.contacts[i];
+    scale = std::max(
+        scale, std::abs(e.point(i).normal.dot(at.acceleration)) + std::abs(at.rates.gap_bias));
+  }
+  const double fine = std::clamp(s.scenario.solver.tolerance / 1e-9, 1e-3, 1.0);
+  const double change = kHysteresis * fine * scale;
+  const double limit = 0.5 * (c.approach > 0.0 ? std::min(c.approach, change) : change);
+  c.approach = change;
+  c.pull = c.approach * s.scenario.peg.mass;
+  return limit;
+}
+
+// Changes the mode of the worst offender: pulled, else beyond its cone, else (while `joining`)
+// idle but approaching. False where there is none.
+bool changeWorst(const System& s, double limit, bool joining, Context& c, const Evaluation& e) {
+  std::size_t worst = kSlots;
+  Mode change = Mode::kIdle;
+  double excess = limit * s.scenario.peg.mass;
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode == Mode::kIdle || !(e.contacts[i].normal_force < -excess)) continue;
+    excess = -e.contacts[i].normal_force;
+    worst = i;
+  }
+  if (worst == kSlots) {
+    for (const std::size_t i : Slots(e.active())) {
+      if (c.slots[i].mode != Mode::kStick) continue;
+      const double over = coneExcess(s, e, i);
+      if (!(over > excess)) continue;
+      excess = over;
+      worst = i;
+      change = Mode::kSlip;
+    }
+  }
+  if (worst == kSlots && joining) {
+    excess = limit;
+    for (const std::size_t i : Slots(e.active())) {
+      if (c.slots[i].mode != Mode::kIdle || !(e.contacts[i].demand < -excess)) continue;
+      excess = -e.contacts[i].demand;
+      worst = i;
+      change = c.slots[i].armed ? Mode::kSlip : Mode::kStick;
+    }
+  }
+  if (worst == kSlots) return false;
+  Slot& slot = c.slots[worst];
+  if (change == Mode::kSlip && !slot.armed) {
+    const ContactKinematics& at = e.contacts[worst];
+    const Vec3 tangential = at.force - at.normal_force * e.point(worst).normal;
+    const double size = tangential.norm();
+    slot.slip_direction = size > 0.0 ? Vec3(tangential / size) : Vec3(Vec3::Zero());
+  }
+  slot.mode = change;
+  return true;
+}
+
+// no consistent contact mode has been found
+bool contradicted(const System& s, double limit, const Context& c, const Evaluation& e) {
+  for (const std::size_t i : Slots(e.active())) {
+    const ContactKinematics& at = e.contacts[i];
+    const bool idle = c.slots[i].mode == Mode::kIdle;
+    if (idle ? at.demand < -limit : at.normal_force < -limit * s.scenario.peg.mass) return true;
+  }
+  return false;
+}
+
+void decideRegularised(const System& s, Context& c, Evaluation& e) {
+  double scale = 1e-3;
+  for (const std::size_t i : Slots(e.closed)) c.slots[i].mode = Mode::kIdle;
+  for (const std::size_t i : Slots(e.active())) {
+    scale = std::max(scale, std::abs(e.point(i).normal.dot(e.free.head<3>())));
+  }
+  c.approach = 1e-4 * kHysteresis * scale;
+  c.pull = c.approach * s.scenario.peg.mass;
+  c.slope = e.closed ? chooseCarriers(s, c.slots, e) : e.free;
+}
+
+// What has been tried at this decision: slip that went astray was stopped, points were jammed, all.
+enum class Tried { kNothing, kStop, kJam, kJamAll };
+
+void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
+  c.stale = false;
+  ++c.decisions;
+  e.wedge_margin = 1.0;
+  evaluateFree(s, c.commands, c.time, c.state, e);
+  if (!s.admitted) {
+    c.slope = e.free;
+    return;
+  }
+  locateAll(s, c, e);
+  if (!s.discrete_friction || !e.closed) {
+    decideRegularised(s, c, e);
+    beginStep(s, c, e);
+    return;
+  }
+  for (const std::size_t i : Slots(e.active())) {
+    Slot& slot = c.slots[i];
+    slot.armed = e.contacts[i].tangential.norm() > kRest * s.slip_threshold;
+    slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
+  }
+  double limit = 0.0;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    if (pass == 0) limit = setHysteresis(s, c, e);
+    if (!changeWorst(s, limit, pass < kPasses / 2, c, e)) break;
+  }
+  turnSlip(s, c, e);
+  if (tried == Tried::kNothing && stopTurnedSlip(s, c, e)) return decide(s, Tried::kStop, c, e);
+  if (!s.rigid && tried != Tried::kJamAll && slips(c.slots) &&
+      (e.wedge_margin < 2.0 * kWedged || contradicted(s, limit, c, e))) {
+    const bool everything = tried == Tried::kJam;
+    jam(s, everything, c, e);
+    return decide(s, everything ? Tried::kJamAll : Tried::kJam, c, e);
+  }
+  if (s.rigid && c.time >= c.chatter_until) {
+    project(s, c, e);
+    c.slope = evaluate(s, c, c.time, c.state, Level::kEvents, e);
+  }
+  beginStep(s, c, e);
+}
+
+}  // namespace
+
+void setMode(std::size_t i, Mode mode, Context& c, Evaluation& e) {
+  const ContactSlotMask bit = 1u << i;
+  const bool was = (e.closed & bit) != 0, is = mode != Mode::kApart;
+  c.slots[i].mode = mode;
+  if (was == is) return;
+  const ContactSet& from = was ? e.closed_set : e.open_set;
+  ContactSet& to = was ? e.open_set : e.closed_set;
+  to.slots[i] = from.slots[i];
+  to.valid = (to.valid & ~bit) | (from.valid & bit);
+  e.closed ^= bit;
+}
+
+void findModes(const System& s, bool initial, Context& c, Evaluation& e) {
+  for (std::size_t i = 0; i < kSlots; ++i) setMode(i, Mode::kApart, c, e);
+  if (s.admitted) {
+    evaluatePresent(s, c, e);
+    bool closing = false;
+    for (const std::size_t i : Slots(s.admitted & e.open_set.valid)) {
+      const double gap = e.contacts[i].gap, rate = e.contacts[i].gap_rate;
+      if (initial && s.rigid && gap < -kInitialReach) {
+        c.stop = StopReason::kInitialOverlap;
+        return;
+      }
+      const bool touching = gap <= (initial ? kInitialReach : kReach) && rate <= 1e-12;
+      if (!(gap < 0.0 || touching)) continue;
+      setMode(i, s.discrete_friction ? Mode::kIdle : Mode::kSlip, c, e);
+      c.slots[i].armed = false;
+      if (!initial && s.rigid) keepDepth(i, 0.0, c, e);
+      closing = closing || rate < 0.0;
+    }
+    if (s.rigid && (initial || closing)) impact(s, c, e);
+  }
+  decide(s, c, e);
+}
+
+void changeModes(const System& s, Context& c, Evaluation& e) {
+  const double before = s.rigid ? energyOf(s, c) : 0.0;
+  bool closed = false, lost = false;
+  double handed = 0.0;  // gap of a contact that was lost
+  for (const std::size_t i : Slots(e.closed)) {
+    const ContactKinematics& at = e.contacts[i];
+    if (!e.valid(i) || at.gap >= s.leave_gap) {
+      lost = lost || !e.valid(i);
+      if (!e.valid(i) && !s.rigid) handed = std::min(handed, at.gap);
+      setMode(i, Mode::kApart, c, e);
+    } else if (s.rigid && c.slots[i].mode == Mode::kIdle && at.gap < 0.0) {
+      closed = closed || at.gap_rate < -kSettledSpeed;
+    }
+  }
+  // a contact that is handed over to the next feature finds it at gap zero
+  for (const std::size_t i : Slots(s.admitted & ~e.closed & e.open_set.valid)) {
+    const double gap = e.contacts[i].gap, rate = e.contacts[i].gap_rate;
+    const bool closes = gap < 0.0 && !(s.rigid && gap > -kReach && rate > 0.0);
+    const bool at_event = gap <= 2.0 * kEventTime * std::abs(rate) && rate < 0.0;
+    if (!closes && !at_event && !(lost && gap < kReach)) continue;
+    setMode(i, s.discrete_friction ? Mode::kIdle : Mode::kSlip, c, e);
+    c.slots[i].armed = false;
+    if (s.scenario.contact.law != ContactLaw::kViscous) keepDepth(i, handed, c, e);
+    if (rate < -1e-9) {
+      ++c.counts.impacts;
+      closed = true;
+    }
+  }
+  if (closed && s.rigid) impact(s, c, e);
+  decide(s, c, e);
+  if (s.rigid && e.closed &&
+      energyOf(s, c) > before + kLift * freeAcceleration(s, e) * s.scenario.peg.mass) {
+    limitEnergy(s, before, c);
+    decide(s, c, e);
+  }
+}
+
+void decide(const System& s, Context& c, Evaluation& e) { decide(s, Tried::kNothing, c, e); }
+
+void keepDepth(std::size_t i, double handed, Context& c, Evaluation& e) {
+  const double deeper = e.contacts[i].gap - handed;
+  if (deeper >= -kFound) return;
+  c.slots[i].depth += deeper;
+  e.contacts[i].gap = handed;
+}
+
+void updateSlots(const System& s, Context& c, Evaluation& e) {
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    double& depth = c.slots[i].depth;
+    if (depth < 0.0) depth = e.valid(i) ? std::min(0.0, std::max(depth, e.point(i).gap)) : 0.0;
+  }
+  for (const std::size_t i : Slots(e.closed)) {
+    Slot& slot = c.slots[i];
+    if (slot.mode == Mode::kSlip && s.discrete_friction &&
+        e.contacts[i].tangential.norm() > 2.0 * s.slip_threshold) {
+      slot.armed = true;
+    }
+    if (slot.mode == Mode::kIdle && e.valid(i) && e.contacts[i].gap >= s.leave_gap) {
+      setMode(i, Mode::kApart, c, e);
+    }
+  }
+}
+
+double slipAhead(const System& s, const Slot& slot, const ContactKinematics& at) {
+  const double against = -at.tangential.dot(slot.slip_direction);
+  if (s.rigid) return s.slip_threshold + against;
+  if (s.scenario.friction.sliding_coefficient == 0.0) return HUGE_VAL;
+  const double speed = at.tangential.norm();
+  return std::max(s.slip_threshold - speed, against - kAhead * speed);
+}
+
+}  // namespace assembly_cell

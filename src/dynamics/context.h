@@ -1,0 +1,157 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The values that the parts of the simulation work on: the constant system, the explicit context of
+// a run, and what the last evaluation of the right-hand side found.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "assembly_cell/dynamics/simulation.h"
+
+namespace assembly_cell {
+
+enum class Method : std::uint8_t { kRk4, kDopri5, kDop853, kHamming };
+
+/// What is constant in a run: the scenario and what follows from it.
+struct System {
+  /// Throws InputError for a law or integrator that is not available.
+  explicit System(const Scenario& s);
+  EdgeCircle edge(const Kinematics& k) const {
+    return {k.x - scenario.peg.half_height * k.a, k.R0, k.R1, scenario.peg.radius};
+  }
+
+  Scenario scenario;
+  Method method = Method::kDopri5;
+  bool fixed_step = false;
+  bool rigid = false;
+  bool discrete_friction = false;  ///< stick and slip are modes; else regularised friction
+  double leave_gap = 0.0;          ///< a contact opens above this [m]
+  double slip_threshold = 0.0;     ///< slip slower than this is rest [m/s]
+  double arm = 0.0;                ///< from the centre of mass to the peg's edge [m]
+  ContactSlotMask admitted = 0, excluded = 0;  ///< excluded: watched, ends the run
+  ContactShapes shapes;
+};
+
+/// The scenario's start; lowered into contact where it says so. Throws InputError where there is
+/// none.
+State initialState(const System& s);
+
+/// What a slot does between two decisions: apart (gap open), idle (in reach, no force), slip,
+/// stick.
+enum class Mode : std::uint8_t { kApart, kIdle, kSlip, kStick };
+struct Slot {
+  Mode mode = Mode::kApart;
+  bool armed = false;  ///< slip has been fast enough for the event of its end
+  /// <= 0: found this deep where features hand over without a common gap; kept there, never pushed
+  /// out, until the gap opens [m]
+  double depth = 0.0;
+  Eigen::Vector3d slip_direction = Eigen::Vector3d::Zero();  ///< of friction while slip begins
+  Eigen::Vector3d slip_start = Eigen::Vector3d::Zero();  ///< unit, of the slip at the step's start
+};
+using SlotArray = std::array<Slot, kSlots>;
+
+/// What is commanded: the rest pose's motion and the exciter.
+struct Commands {
+  explicit Commands(const System& s) {
+    setProfile(restProfile(s.scenario.rest));
+    drive.exciter = s.scenario.exciter;
+  }
+  void setProfile(const RestProfile& from_now_on) {
+    profile = from_now_on;
+    settled = restMotion(profile, profile.start + profile.duration);
+  }
+  RestMotion restAt(double t) const { return restMotion(profile, t); }
+
+  RestProfile profile;
+  RestMotion settled;  ///< of the rest pose once the profile has ended
+  Drive drive;
+};
+
+/// Event functions: kEventKinds a slot, and how far friction is from a wedge. Below zero a mode
+/// must change.
+constexpr std::size_t kEventKinds = 3;
+using Events = std::array<double, kEventKinds * kSlots + 1>;
+
+/// Where a run is: everything that the next step starts from and takes as frozen.
+struct Context {
+  explicit Context(const System& s) : commands(s) { recent_events.fill(-1.0); }
+
+  double time = 0.0;  ///< [s]
+  State state;
+  Vector9 slope = Vector9::Zero();  ///< v' at the present state
+  bool stale = true;  ///< after a command: slope and the last evaluation are not of the present
+  Commands commands;
+  SlotArray slots;
+  double pull = 0.0, approach = 0.0;  ///< hysteresis of forces [N] and accelerations [m/s²]
+  Events events;                      ///< at the start of the step
+  double edge_speed = 0.0;            ///< of the edge's fastest point there, a bound [m/s]
+  double clearance = 0.0;      ///< no open slot closes before an edge point moved this far [m]
+  std::int64_t decisions = 0;  ///< times that modes were decided: solutions are smooth in between
+  static constexpr std::size_t kRecentEvents = 24;
+  std::array<double, kRecentEvents> recent_events;  ///< times [s]
+  double chatter_until = -1.0;                      ///< no event is located before this time [s]
+  RunCounts counts;                                 ///< without evaluations
+  StopReason stop = StopReason::kOk;
+};
+
+/// Kinematics of a slot's contact, and its force.
+struct ContactKinematics {
+  Eigen::Vector3d r = Eigen::Vector3d::Zero();             ///< lever from the centre of mass
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();      ///< of the material point
+  Eigen::Vector3d tangential = Eigen::Vector3d::Zero();    ///< its part along the contact plane
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  ///< of the material point, force-free
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();         ///< on the peg
+  ContactRates rates;
+  double normal_force = 0.0;
+  double gap = 0.0;  ///< over the slot's depth
+  double gap_rate = 0.0;
+  double demand = 0.0;  ///< g'' + k g' + beta g without a force on an idle slot
+};
+
+/// What one right-hand side finds. A part that looks ahead works on a copy.
+struct Evaluation {
+  const ContactPoint& point(std::size_t i) const {
+    return (closed >> i & 1u ? closed_set : open_set).slots[i];
+  }
+  ContactSlotMask valid() const { return (closed & closed_set.valid) | (~closed & open_set.valid); }
+  bool valid(std::size_t i) const { return (valid() >> i & 1u) != 0; }
+  /// Closed slots that have a point.
+  ContactSlotMask active() const { return closed & closed_set.valid; }
+
+  Kinematics k;
+  EdgeCircle edge;
+  FreeMotion motion;
+  Vector9 free = Vector9::Zero();  ///< v' without contacts
+  Eigen::Vector3d euler_rates = Eigen::Vector3d::Zero();
+  ContactSlotMask closed = 0;       ///< slots that are not apart: searched in every evaluation
+  ContactSet closed_set, open_set;  ///< their points, and the others'
+  std::array<ContactKinematics, kSlots> contacts;
+  double wedge_margin = 1.0;        ///< of the slipping points, as of wedgeMargin()
+  double moved = 0.0, speed = 0.0;  ///< of the edge since the step's start, and now: bounds
+  bool clear = false;               ///< open slots were left out by these bounds, none is closed
+  std::int64_t count = 0;           ///< right-hand sides so far
+  // kept from one to the next because they cost
+  EulerDirections near;      ///< angles near those of the step
+  double drive_time = -1.0;  ///< of drive_force [s]
+  Eigen::Vector2d drive_force = Eigen::Vector2d::Zero();
+};
+
+/// The slots of a mask, rising: for (const std::size_t i : Slots(mask)).
+class Slots {
+ public:
+  explicit Slots(ContactSlotMask mask) : left_(mask) {}
+  Slots begin() const { return *this; }
+  Slots end() const { return Slots(0); }
+  std::size_t operator*() const { return static_cast<std::size_t>(__builtin_ctz(left_)); }
+  Slots& operator++() {
+    left_ &= left_ - 1;
+    return *this;
+  }
+  bool operator!=(const Slots& other) const { return left_ != other.left_; }
+
+ private:
+  ContactSlotMask left_;
+};
+
+}  // namespace assembly_cell

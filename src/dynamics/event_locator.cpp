@@ -1,0 +1,179 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "event_locator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "contact_modes.h"
+#include "contact_solver.h"
+#include "contact_tolerances.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kTaylorTime =
+    1e-9;  // a step is lengthened by less than this without a new one [s]
+constexpr double kIdleDepth = 1e-12;  // an idle contact that goes on approaching is hit there [m]
+constexpr double kBlindPhase = 0.3;   // longer steps are looked at in their middle, too [rad]
+
+// gap, normal force, friction of a closed contact
+void slotEvents(const System& s, const Context& c, const Evaluation& e, std::size_t i,
+                double* value) {
+  const Slot& slot = c.slots[i];
+  const ContactKinematics& at = e.contacts[i];
+  if (slot.mode == Mode::kIdle) {
+    // an idle slot out of reach asks for nothing any more
+    if (at.gap < s.leave_gap) value[1] = at.demand + c.approach;
+    if (s.rigid && at.gap_rate < -kSettledSpeed) value[0] = at.gap + kIdleDepth;
+    return;
+  }
+  value[0] = s.leave_gap - at.gap;
+  if (!s.discrete_friction) {
+    // the branch that friction has been on, a rounding beyond its end
+    const double limit = s.scenario.contact.regularisation_speed;
+    const double beyond = at.tangential.norm() - limit;
+    if (!s.scenario.thesis.sign_flip) value[1] = at.normal_force + c.pull;
+    value[2] = 1e-9 * limit + (slot.armed ? beyond : -beyond);
+    return;
+  }
+  value[1] = at.normal_force + c.pull;
+  if (slot.mode == Mode::kStick) {
+    value[2] = c.pull - coneExcess(s, e, i);
+  } else if (slot.armed) {
+    value[2] = at.tangential.dot(slot.slip_start) - s.slip_threshold;
+  } else {
+    value[2] = slipAhead(s, slot, at);
+  }
+}
+
+// Position, velocity and acceleration at both ends make one polynomial of order six for all
+// integrators; short steps, where it would cancel, take velocities from their own cubic.
+State interpolate(const Context& c, const Trial& step, double tau) {
+  const double h = step.h, u = tau / h;
+  const Vector9 v0 = h * c.state.v, v1 = h * step.end.v, a0 = h * h * c.slope,
+                a1 = h * h * step.slope;
+  const Vector9 d = step.end.q - c.state.q;
+  const Vector9 c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1;
+  const Vector9 c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1;
+  const Vector9 c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1;
+  State s;
+  s.q = c.state.q + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))));
+  if (h > 1e-6) {
+    s.v = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / h;
+  } else {
+    const Vector9 dv = step.end.v - c.state.v, s0 = h * c.slope, s1 = h * step.slope;
+    s.v = c.state.v + u * (s0 + u * (3.0 * dv - 2.0 * s0 - s1 + u * (-2.0 * dv + s0 + s1)));
+  }
+  return s;
+}
+
+// of the events that are broken at the end, each against its value there
+double firstOf(const Events& events, const Events& at_end) {
+  double value = 1e3;
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    if (at_end[i] < 0.0) value = std::min(value, events[i] / -at_end[i]);
+  }
+  return value;
+}
+
+}  // namespace
+
+Events eventValues(const System& s, const Context& c, const Evaluation& e) {
+  Events events;
+  events.fill(HUGE_VAL);
+  for (const std::size_t i : Slots(s.admitted)) {
+    double* const value = &events[kEventKinds * i];
+    const ContactKinematics& at = e.contacts[i];
+    if (c.slots[i].mode == Mode::kApart) {
+      // a rigid contact that is just leaving may still be at its rounding
+      const bool leaving = s.rigid && at.gap > -kReach && at.gap_rate > 0.0;
+      if (e.valid(i) && !leaving) value[0] = at.gap + kTouch;
+    } else if (!e.valid(i)) {
+      value[0] = -1.0;
+    } else {
+      slotEvents(s, c, e, i, value);
+    }
+  }
+  events.back() = e.wedge_margin - kWedged;
+  return events;
+}
+
+void beginStep(const System& s, Context& c, const Evaluation& e) {
+  for (const std::size_t i : Slots(e.closed)) {
+    if (!c.slots[i].armed) continue;
+    const double speed = e.contacts[i].tangential.norm();
+    if (speed > 0.0) c.slots[i].slip_start = e.contacts[i].tangential / speed;
+  }
+  c.edge_speed = edgeSpeed(s, e.k);
+  c.clearance = contactClearance(e.edge, s.shapes);
+  c.events = eventValues(s, c, e);
+}
+
+bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e) {
+  if (s.fixed_step || !s.discrete_friction || !e.closed ||
+      step.h * c.commands.drive.exciter.frequency < kBlindPhase) {
+    return false;
+  }
+  Evaluation middle = e;
+  evaluate(s, c, c.time + 0.5 * step.h, interpolate(c, step, 0.5 * step.h), Level::kEvents, middle);
+  e.count = middle.count;
+  const Events events = eventValues(s, c, middle);
+  return std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
+}
+
+// Bracketed on the interpolant (Illinois with bisection against jumps), then the step is taken anew
+// to exactly there and corrected if the event functions are off.
+void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,
+                 Evaluation& e) {
+  const Trial whole = step;
+  const double h = whole.h;
+  // the interpolant is not worth more
+  const double resolution = std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), 1e-7 * h});
+  const auto valueAt = [&](double tau) {
+    const State at = interpolate(c, whole, tau);
+    if (!isFinite(at)) return -1.0;
+    evaluate(s, c, c.time + tau, at, Level::kEvents, e);
+    return firstOf(eventValues(s, c, e), at_end);
+  };
+  double low = 0.0, high = h, f_low = std::max(firstOf(c.events, at_end), 1e-300), f_high = -1.0;
+  int side = 0;
+  for (int i = 0; i < 200 && high - low > resolution; ++i) {
+    double middle =
+        i % 4 == 3 ? 0.5 * (low + high) : (low * f_high - high * f_low) / (f_high - f_low);
+    middle = std::clamp(middle, low + 0.25 * resolution, high - 0.25 * resolution);
+    const double f = valueAt(middle);
+    if (f < 0.0) {
+      high = middle;
+      f_high = f;
+      if (side == -1) f_low *= 0.5;
+      side = -1;
+    } else {
+      low = middle;
+      f_low = std::max(f, 1e-300);
+      if (side == 1) f_high *= 0.5;
+      side = 1;
+    }
+  }
+
+  // exactly there; slope of the event function for the correction
+  const double span = std::min(1e-6, 0.5 * high);
+  const double rate = (valueAt(high) - valueAt(high - span)) / span;
+  const Method method = s.method == Method::kHamming ? Method::kRk4 : s.method;
+  step.h = high;
+  for (int i = 0; i < 3; ++i) {
+    attemptStep(s, c, method, step, e);
+    const double f = firstOf(eventValues(s, c, e), at_end);
+    const double off = rate < 0.0 && std::isfinite(f) ? -f / rate : 0.0;
+    if (std::abs(off) < 0.5 * kEventTime || std::abs(off) > 0.1 * h || i == 2) break;
+    step.h += std::clamp(off, -0.5 * step.h, h - step.h);
+    if (std::abs(off) < kTaylorTime) {
+      // so near that the slopes at hand are exact
+      step.end.q += off * (step.end.v + 0.5 * off * step.slope);
+      step.end.v += off * step.slope;
+      step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
+      break;
+    }
+  }
+}
+
+}  // namespace assembly_cell

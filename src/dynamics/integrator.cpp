@@ -1,0 +1,349 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "integrator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <type_traits>
+#include <utility>
+
+#include "chatter.h"
+#include "tableaus.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kShortestHalf = 1e-9;          // Hamming halves no further [s]
+constexpr double kBridge = 1e-6;                // tried then [s]
+using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
+
+template <class Row>
+constexpr int lastNonZero() {
+  int last = 0;
+  for (int j = 0; j < Row::kSize; ++j) {
+    if (Row::value(j) != 0.0) last = j;
+  }
+  return last;
+}
+
+// sum of coefficient times slope from the J-th on, zero coefficients left out at compile time
+template <class Row, int J = 0, class Slopes>
+auto weighted(const Slopes& slopes) {
+  if constexpr (Row::value(J) == 0.0) {
+    return weighted<Row, J + 1>(slopes);
+  } else if constexpr (lastNonZero<Row>() == J) {
+    return Row::value(J) * slopes[J];
+  } else {
+    return Row::value(J) * slopes[J] + weighted<Row, J + 1>(slopes);
+  }
+}
+
+template <class T, int I>
+struct StageRow {
+  static constexpr int kSize = I;
+  static constexpr double value(int j) { return T::a[I][j]; }
+};
+template <class T>
+struct ErrorRow {
+  static constexpr int kSize = T::kStages + 1;
+  static constexpr double value(int j) { return T::e[j]; }
+};
+template <class T>
+struct ThirdErrorRow {
+  static constexpr int kSize = T::kStages + 1;
+  static constexpr double value(int j) { return T::e3[j]; }
+};
+
+template <class T, class = void>
+struct HasError : std::false_type {};
+template <class T>
+struct HasError<T, std::void_t<decltype(T::e)>> : std::true_type {};
+template <class T, class = void>
+struct HasThirdError : std::false_type {};
+template <class T>
+struct HasThirdError<T, std::void_t<decltype(T::e3)>> : std::true_type {};
+
+// the largest component over its tolerance: positions 1, angles 30 rad/m, velocities 30 1/s
+double errorOf(const System& s, const Vector18& error) {
+  static constexpr double a = 1 / 30.0, b = a * a;
+  static constexpr std::array<double, 18> kScale = {1, 1, 1, a, a, a, 1, 1, a,
+                                                    a, a, a, b, b, b, a, a, b};
+  const Eigen::Map<const Vector18> scale(kScale.data());
+  const double largest = error.cwiseProduct(scale).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+  return std::isfinite(largest) ? largest / s.scenario.solver.tolerance : HUGE_VAL;
+}
+
+double errorOf(const System& s, const Vector9& q, const Vector9& v) {
+  Vector18 both;
+  both << q, v;
+  return errorOf(s, both);
+}
+
+template <class T, int I, class Slopes, class Evaluate>
+void stages(const Vector18& start, double h, Slopes& slopes, State& end, const Evaluate& slopeAt) {
+  const Vector18 y = start + h * weighted<StageRow<T, I>>(slopes);
+  end.q = y.head<9>();
+  end.v = y.tail<9>();
+  slopes[I].template head<9>() = end.v;
+  slopes[I].template tail<9>() = slopeAt(T::c[I] * h, end, I == T::kStages);
+  if constexpr (I < T::kStages) stages<T, I + 1>(start, h, slopes, end, slopeAt);
+}
+
+template <class T>
+void attemptTableau(const System& s, const Context& c, Trial& step, Evaluation& e) {
+  e.near = directionsOf(c.state);
+  std::array<Vector18, T::kStages + 1> slopes;
+  Vector18 start;
+  start.head<9>() = c.state.q;
+  start.tail<9>() = c.state.v;
+  slopes[0].template head<9>() = c.state.v;
+  slopes[0].template tail<9>() = c.slope;
+  stages<T, 1>(start, step.h, slopes, step.end, [&](double dt, const State& at, bool last) {
+    return evaluate(s, c, c.time + dt, at, last ? Level::kEvents : Level::kForces, e);
+  });
+  step.slope = slopes[T::kStages].template tail<9>();
+  step.error = 0.0;
+  if constexpr (HasError<T>::value) {
+    const double fifth = errorOf(s, Vector18(step.h * weighted<ErrorRow<T>>(slopes)));
+    step.error = fifth;
+    if constexpr (HasThirdError<T>::value) {
+      const double third = errorOf(s, Vector18(step.h * weighted<ThirdErrorRow<T>>(slopes)));
+      step.error = fifth > 0.0 ? fifth * fifth / std::hypot(fifth, 0.1 * third) : 0.0;
+    }
+  }
+}
+
+// the first step against two of half its size
+double firstError(const System& s, const Context& c, double h, Evaluation& e) {
+  Trial whole, half;
+  whole.h = h;
+  half.h = 0.5 * h;
+  attemptTableau<Ralston4>(s, c, whole, e);
+  attemptTableau<Ralston4>(s, c, half, e);
+  Context middle = c;
+  middle.time += half.h;
+  middle.state = half.end;
+  middle.slope = half.slope;
+  attemptTableau<Ralston4>(s, middle, half, e);
+  return errorOf(s, (half.end.q - whole.end.q) / 15.0, (half.end.v - whole.end.v) / 15.0);
+}
+
+double orderOf(const System& s) { return s.method == Method::kDop853 ? 8.0 : 5.0; }
+
+}  // namespace
+
+void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e) {
+  switch (method) {
+    case Method::kRk4:
+      return attemptTableau<Classical4>(s, c, step, e);
+    case Method::kDopri5:
+      return attemptTableau<Dopri5>(s, c, step, e);
+    case Method::kDop853:
+      return attemptTableau<Dop853>(s, c, step, e);
+    case Method::kHamming:
+      break;
+  }
+  attemptTableau<Ralston4>(s, c, step, e);
+}
+
+void Integrator::restart(const System& s) {
+  next_step_ = s.scenario.solver.max_step;
+  past_.count = 0;
+}
+
+bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, double t_end,
+                      Trial& step) {
+  if (decisions_ != c.decisions) past_.count = 0;
+  decisions_ = c.decisions;
+  const double left = t_end - c.time;
+  step.h = s.fixed_step ? s.scenario.solver.step : std::min(next_step_, s.scenario.solver.max_step);
+  if (c.time < c.chatter_until) step.h = chatterStep(s, e, step.h);
+  if (s.method == Method::kHamming && !bridging_ && left > step.h) {
+    // equal steps to the end, so that the past stays of use
+    const bool same = past_.count > 0 && past_.h <= step.h * (1 + 1e-6);
+    const double wanted = same ? past_.h : step.h;
+    step.h = left / std::max(1.0, std::ceil(left / wanted - 1e-6));
+  }
+  const double resolution = 4e-16 * std::max(1.0, std::abs(t_end));
+  const bool last = c.time + step.h >= t_end - resolution;
+  if (last) step.h = left;
+  return last;
+}
+
+void Integrator::attempt(const System& s, const Context& c, Trial& step, Evaluation& e) {
+  if (bridging_) {
+    attemptStep(s, c, Method::kDopri5, step, e);
+  } else if (s.method == Method::kHamming) {
+    attemptHamming(s, c, step, e);
+  } else {
+    attemptStep(s, c, s.method, step, e);
+  }
+}
+
+double Integrator::shrinkBy(const System& s, const Trial& step) {
+  if (!std::isfinite(step.error) || !step.finite()) return 0.1;
+  return std::max(0.2, 0.9 * std::pow(step.error, -1.0 / orderOf(s)));
+}
+
+void Integrator::refuse(const System& s, const Context& c, const Trial& step, Evaluation& e) {
+  next_step_ = step.h * shrinkBy(s, step);
+  if (s.method != Method::kHamming || bridging_) return;
+  if (step.h < kShortestHalf) {
+    // halving finds no smooth past here: one step of dopri5, then a new start
+    bridging_ = true;
+    past_.count = 0;
+    next_step_ = kBridge;
+    return;
+  }
+  next_step_ = 0.5 * step.h;
+  if (past_.count >= 4) {
+    halvePast(s, c, e);
+  } else {
+    past_.count = 0;
+  }
+}
+
+void Integrator::accept(const System& s, const Context& c, const Trial& step, bool last,
+                        double t_end) {
+  if (bridging_) {
+    bridging_ = false;
+    next_step_ = std::max(next_step_, kBridge);
+    return;
+  }
+  if (s.method == Method::kHamming) remember(c, step.h);
+  lengthen(s, c, step, last, t_end);
+}
+
+void Integrator::lengthen(const System& s, const Context& c, const Trial& step, bool last,
+                          double t_end) {
+  if (s.fixed_step) return;
+  if (s.method == Method::kHamming) {
+    // HPCG: twice the step below a fiftieth of the tolerance, at an even number of steps to go
+    const double steps = std::round((t_end - c.time) / step.h);
+    if (past_.count == Past::kMaxRows && step.error < 0.02 && std::fmod(steps, 2.0) == 0.0 &&
+        2.0 * step.h <= s.scenario.solver.max_step * (1 + 1e-9)) {
+      doublePast();
+      next_step_ = 2.0 * step.h;
+    }
+    return;
+  }
+  if (last && step.error <= 0.5) return;
+  next_step_ =
+      step.h * std::clamp(0.9 * std::pow(std::max(step.error, 1e-10), -1.0 / orderOf(s)), 0.2, 5.0);
+}
+
+// Hamming's modified predictor–corrector as IBM's HPCG has it: Ralston's method for the first three
+// steps, predictor, modifier, corrector, final value; the slope is evaluated at the modified
+// predictor and at the final value.
+void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, Evaluation& e) {
+  Past& past = past_;
+  const double h = step.h;
+  if (past.count == 0 || std::abs(h - past.h) > 1e-6 * past.h) {
+    past.y[0] = c.state;
+    past.slope[0] = {c.state.v, c.slope};
+    past.count = 1;
+    past.h = h;
+    past.defect = {Vector9::Zero(), Vector9::Zero()};
+  }
+  if (past.count < 4) {
+    const double error = !s.fixed_step && past.count == 1 ? firstError(s, c, h, e) : 0.0;
+    attemptTableau<Ralston4>(s, c, step, e);
+    step.error = error;
+    return;
+  }
+  const int n = past.count - 1;
+  const State &y0 = past.y[n], &y2 = past.y[n - 2], &y3 = past.y[n - 3];
+  const State &f0 = past.slope[n], &f1 = past.slope[n - 1], &f2 = past.slope[n - 2];
+  const double part = 112.0 / 121.0, last = 9.0 / 121.0;
+  State predicted, modified, corrected, change;
+  predicted.q = y3.q + (4.0 / 3.0 * h) * (2.0 * f0.q - f1.q + 2.0 * f2.q);
+  predicted.v = y3.v + (4.0 / 3.0 * h) * (2.0 * f0.v - f1.v + 2.0 * f2.v);
+  modified.q = predicted.q - part * past.defect.q;
+  modified.v = predicted.v - part * past.defect.v;
+  const Vector9 at = evaluate(s, c, c.time + h, modified, Level::kForces, e);
+  corrected.q = (9.0 * y0.q - y2.q + (3.0 * h) * (modified.v + 2.0 * f0.q - f1.q)) / 8.0;
+  corrected.v = (9.0 * y0.v - y2.v + (3.0 * h) * (at + 2.0 * f0.v - f1.v)) / 8.0;
+  change.q = predicted.q - corrected.q;
+  change.v = predicted.v - corrected.v;
+  step.end.q = corrected.q + last * change.q;
+  step.end.v = corrected.v + last * change.v;
+  step.slope = evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
+  trial_defect_ = change;
+  step.error = s.fixed_step ? 0.0 : errorOf(s, last * change.q, last * change.v);
+}
+
+// the accepted step becomes the newest row of the past
+void Integrator::remember(const Context& c, double h) {
+  Past& past = past_;
+  if (past.count == 0 || std::abs(h - past.h) > 1e-6 * past.h) {
+    past.count = 0;
+    return;
+  }
+  if (past.count >= 4) past.defect = trial_defect_;
+  if (past.count == Past::kMaxRows) {
+    std::move(past.y.begin() + 1, past.y.end(), past.y.begin());
+    std::move(past.slope.begin() + 1, past.slope.end(), past.slope.begin());
+    --past.count;
+  }
+  const int n = past.count++;
+  past.y[n] = c.state;
+  past.slope[n] = {c.state.v, c.slope};
+}
+
+// what HPCG does after each change of the step: predictor less corrector from the past
+void Integrator::resetDefect() {
+  Past& past = past_;
+  const int n = past.count - 1;
+  const auto defect = [&](auto part) -> Vector9 {
+    return 242.0 / 27.0 * (past.y[n].*part - past.y[n - 3].*part) -
+           121.0 / 36.0 * past.h *
+               (past.slope[n].*part + 3.0 * (past.slope[n - 1].*part + past.slope[n - 2].*part) +
+                past.slope[n - 3].*part);
+  };
+  past.defect = {defect(&State::q), defect(&State::v)};
+}
+
+// half the step: values between the last three from a formula of order six
+void Integrator::halvePast(const System& s, const Context& c, Evaluation& e) {
+  Past& past = past_;
+  const int n = past.count - 1;
+  const double h = past.h / 256.0;
+  State near, far;
+  const auto between = [&](auto part) {
+    const Vector9 &y0 = past.y[n].*part, &y1 = past.y[n - 1].*part, &y2 = past.y[n - 2].*part,
+                  &y3 = past.y[n - 3].*part;
+    const Vector9 &f0 = past.slope[n].*part, &f1 = past.slope[n - 1].*part,
+                  &f2 = past.slope[n - 2].*part;
+    near.*part = (80.0 * y0 + 135.0 * y1 + 40.0 * y2 + y3) / 256.0 +
+                 h * (-15.0 * f0 + 90.0 * f1 + 15.0 * f2);
+    far.*part = (12.0 * y0 + 135.0 * y1 + 108.0 * y2 + y3) / 256.0 +
+                h * (-3.0 * f0 - 54.0 * f1 + 27.0 * f2);
+  };
+  between(&State::q);
+  between(&State::v);
+  const State y0 = past.y[n], f0 = past.slope[n], y1 = past.y[n - 1], f1 = past.slope[n - 1];
+  past.h *= 0.5;
+  past.y[0] = far;
+  past.slope[0] = {far.v, evaluate(s, c, c.time - 3.0 * past.h, far, Level::kForces, e)};
+  past.y[1] = y1;
+  past.slope[1] = f1;
+  past.y[2] = near;
+  past.slope[2] = {near.v, evaluate(s, c, c.time - past.h, near, Level::kForces, e)};
+  past.y[3] = y0;
+  past.slope[3] = f0;
+  past.count = 4;
+  resetDefect();
+}
+
+// twice the step: every other row
+void Integrator::doublePast() {
+  Past& past = past_;
+  for (int i = 1; i < 4; ++i) {
+    past.y[i] = past.y[2 * i];
+    past.slope[i] = past.slope[2 * i];
+  }
+  past.count = 4;
+  past.h *= 2.0;
+  resetDefect();
+}
+
+}  // namespace assembly_cell

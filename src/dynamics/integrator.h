@@ -1,0 +1,70 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Steps of the four integrators, with the modes of the contacts frozen, and their length.
+#pragma once
+
+#include "evaluation.h"
+
+namespace assembly_cell {
+
+inline bool isFinite(const State& state) { return state.q.allFinite() && state.v.allFinite(); }
+
+/// A step of length h from the context's state, tried.
+struct Trial {
+  bool finite() const { return isFinite(end) && slope.allFinite(); }
+
+  double h = 0.0;
+  State end;
+  Vector9 slope;       ///< v' there
+  double error = 0.0;  ///< over the tolerance; 0 without error control
+};
+
+/// A step of length step.h by a one-step method (kHamming: of the method that starts it). e: of its
+/// end.
+void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e);
+
+/// The scenario's integrator: its past and its step size.
+class Integrator {
+ public:
+  /// A new run from the present state.
+  void restart(const System& s);
+  /// From now on steps of at most this length, until they grow by themselves [s].
+  void setStep(double h) { next_step_ = h; }
+
+  /// Sets step.h to the next step to take; true where it ends at t_end.
+  bool plan(const System& s, const Context& c, const Evaluation& e, double t_end, Trial& step);
+  void attempt(const System& s, const Context& c, Trial& step, Evaluation& e);
+  /// Factor of the step to try after a failed one.
+  static double shrinkBy(const System& s, const Trial& step);
+  /// The step was refused: a shorter one next.
+  void refuse(const System& s, const Context& c, const Trial& step, Evaluation& e);
+  /// The step was accepted as it was tried, c is at its end.
+  void accept(const System& s, const Context& c, const Trial& step, bool last, double t_end);
+  /// The step was cut short by an event.
+  void interrupt() { bridging_ = false; }
+  /// The next step as its error asks for.
+  void lengthen(const System& s, const Context& c, const Trial& step, bool last, double t_end);
+
+ private:
+  // the past of a multistep method: rows 0 (oldest) to count − 1 (present state)
+  struct Past {
+    static constexpr int kMaxRows = 7;
+    std::array<State, kMaxRows> y, slope;
+    State defect;  // predictor less corrector of the last step
+    int count = 0;
+    double h = 0.0;
+  };
+
+  void attemptHamming(const System& s, const Context& c, Trial& step, Evaluation& e);
+  void remember(const Context& c, double h);
+  void resetDefect();
+  void halvePast(const System& s, const Context& c, Evaluation& e);
+  void doublePast();
+
+  Past past_;
+  State trial_defect_;
+  std::int64_t decisions_ = -1;  // of the context when the past began
+  bool bridging_ = false;        // hamming: one step of dopri5, past what it can't start in
+  double next_step_ = 0.0;
+};
+
+}  // namespace assembly_cell

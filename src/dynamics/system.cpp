@@ -1,0 +1,110 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+
+#include "assembly_cell/scene/input_error.h"
+#include "contact_tolerances.h"
+#include "context.h"
+
+namespace assembly_cell {
+namespace {
+
+Method methodOf(const std::string& name) {
+  if (name == "rk4") return Method::kRk4;
+  if (name == "hamming") return Method::kHamming;
+  if (name == "dop853") return Method::kDop853;
+  if (name == "dopri5") return Method::kDopri5;
+  throw InputError("solver.integrator: " + name +
+                   " is not available; use hamming, rk4, dopri5 or dop853");
+}
+
+ContactSlotMask slotsOf(const ContactFeatures& features) {
+  ContactSlotMask mask = 0;
+  if (features.edge_edge) mask |= kEdgeEdgeSlots;
+  if (features.edge_plane) mask |= kEdgePlaneSlots;
+  if (features.edge_wall) mask |= kEdgeWallSlots;
+  if (features.rim_side) mask |= kRimSideSlots;
+  if (features.rim_face) mask |= kRimFaceSlots;
+  return mask;
+}
+
+// the smallest gap of the admitted features with the peg's centre of mass at this height [m]
+double smallestGap(const System& s, State at, double height) {
+  at.q(0) = height;
+  ContactSet set;
+  findContacts(s.edge(kinematics(at)), s.shapes, s.admitted & ~s.excluded, set);
+  double gap = 1.0;
+  for (const std::size_t i : Slots(set.valid)) gap = std::min(gap, set.slots[i].gap);
+  return gap;
+}
+
+// lowers the peg until the smallest gap is zero: gaps fall with the height
+double closedHeight(const System& s, const State& start) {
+  const auto smallest = [&](double height) { return smallestGap(s, start, height); };
+  double high = start.q(0), low = high;
+  const double span = s.scenario.peg.half_height + s.scenario.peg.radius;
+  double step = 1e-4 * span;
+  while (smallest(high) <= 0.0 && high < start.q(0) + 2 * span) high += step, step *= 1.5;
+  step = 1e-4 * span;
+  while (smallest(low) > 0.0 && low > start.q(0) - 4 * span) {
+    high = low;
+    low -= step;
+    step = std::min(1.2 * step, 0.02 * span);
+  }
+  if (smallest(low) > 0.0 || smallest(high) <= 0.0) {
+    throw InputError(
+        "initial.close: true, but lowering the peg closes no contact of contact.features; "
+        "move initial.peg.position over the block or set close: false");
+  }
+  for (int i = 0; i < 200 && high - low > 1e-17; ++i) {
+    const double middle = 0.5 * (low + high);
+    (smallest(middle) > 0.0 ? high : low) = middle;
+  }
+  return high;
+}
+
+}  // namespace
+
+System::System(const Scenario& given) : scenario(given), method(methodOf(given.solver.integrator)) {
+  const SolverParameters& solver = scenario.solver;
+  const ContactParameters& contact = scenario.contact;
+  if (method == Method::kRk4 && !(solver.step > 0.0)) {
+    throw InputError("solver.step: integrator rk4 needs a fixed step; set solver.step > 0 [s]");
+  }
+  fixed_step = method == Method::kRk4 || (method == Method::kHamming && solver.step > 0.0);
+  rigid = contact.law == ContactLaw::kRigid;
+  discrete_friction = rigid || (contact.law == ContactLaw::kViscous && contact.stationary_rows);
+  // without modes of rest a contact's force ends at zero gap
+  leave_gap = discrete_friction ? kReach : kTouch;
+  if (contact.law != ContactLaw::kNone) {
+    // contacts that `features` excludes are watched as well: they end the run. The bottom face
+    // never meets the rim before the edge meets the plane
+    const bool face = contact.features.rim_face && !contact.features.edge_plane;
+    admitted = kAllContactSlots & ~(face ? 0u : kRimFaceSlots);
+    excluded = admitted & ~slotsOf(contact.features);
+  }
+  shapes.hole_radius = scenario.hole.radius;
+  shapes.hole_depth = scenario.hole.depth;
+  shapes.peg_length = 2.0 * scenario.peg.half_height;
+  // slip is told from rest above the integrator's velocity error
+  slip_threshold = std::max(1e-8, 1e4 * (fixed_step ? 1e-9 : solver.tolerance));
+  // the thesis's rows let a stationary contact creep below v_ST
+  if (scenario.thesis.creep) {
+    slip_threshold = std::max(slip_threshold, contact.regularisation_speed);
+  }
+  arm = std::hypot(scenario.peg.half_height, scenario.peg.radius);
+}
+
+State initialState(const System& s) {
+  const InitialState& given = s.scenario.initial;
+  State start;
+  start.q.head<3>() = toThesisAxes(given.position);
+  start.q.segment<3>(3) << given.euler.phi, given.euler.theta, given.euler.psi;
+  start.q.tail<3>() << given.carrier_x, given.carrier_y, given.carrier_yaw;
+  start.v.head<3>() = toThesisAxes(given.velocity);
+  start.v.segment<3>(3) = given.euler_rates;
+  start.v.tail<3>() = given.carrier_velocity;
+  if (given.close) start.q(0) = closedHeight(s, start);
+  return start;
+}
+
+}  // namespace assembly_cell
