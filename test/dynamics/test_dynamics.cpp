@@ -291,7 +291,7 @@ TEST(Dynamics, SpringContactSinksInByTheWeight) {
   s.coupling.stiffness.diagonal(0) = 0.0;
   Simulation sim(s);
   ASSERT_EQ(sim.advance(2.0), StopReason::kOk);
-  const ContactReport& c = sim.contacts()[2];
+  const ContactReport c = sim.contacts()[2];
   ASSERT_TRUE(c.valid && c.state != ContactReport::kOpen);
   // settled: creep against the coupling, v_ST/(mu N) times its stiffness, fades within 0.1 s
   EXPECT_NEAR(-c.gap, s.peg.mass * s.gravity / s.contact.stiffness, 1e-10);

@@ -144,7 +144,7 @@ TEST(Restitution, IsTheRatioOfSpeedsWithoutFriction) {
   double arrival = 0.0, departure = 0.0, last_gap = 1.0;
   for (int i = 1; i < 4000 && departure == 0.0; ++i) {
     ASSERT_EQ(sim.advance(1e-5 * i), StopReason::kOk);
-    const ContactReport& c = sim.contacts()[2];
+    const ContactReport c = sim.contacts()[2];
     if (!c.valid) continue;
     const double rate = (c.gap - last_gap) / 1e-5;
     if (sim.counts().impacts == 0) arrival = rate;
