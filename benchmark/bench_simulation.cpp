@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "../test/geometry/single_slot.h"
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/sensor/simulated_cell.h"
 #include "marker.h"

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Degenerate cases of the dynamics specification, section 3, slots, bounds, and smooth paths.
-// Thesis axes.
+// Degenerate cases of the contact search: parallel, coaxial, touching in a line; slots, bounds, and
+// smooth paths. Thesis axes.
 #include <gtest/gtest.h>
 
 #include <array>

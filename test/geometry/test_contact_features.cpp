@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// All five features against dense minimisation, their hand-overs, and the degenerate cases of the
-// dynamics specification, section 3. Thesis axes.
+// All five features against dense minimisation, their hand-overs, and the degenerate cases:
+// parallel, coaxial, in a line. Thesis axes.
 #include <gtest/gtest.h>
 
 #include <array>

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "assembly_cell/scene/part_pairs.h"
+#include "single_slot.h"
 
 namespace assembly_cell {
 namespace {
@@ -179,7 +180,7 @@ TEST_F(ContactGeometry, WarmAndColdStartsAgree) {
   }
 }
 
-// Starts of the thesis's figures 7.7 and 8.1, dynamics specification section 7.
+// Starts of the thesis's figures 7.7 and 8.1.
 EdgeCircle thesisEdge(double height, double x2, double phi) {
   const Matrix3d R = (AngleAxisd(phi, Vector3d::UnitZ()) * AngleAxisd(1.771, Vector3d::UnitY()))
                          .toRotationMatrix();  // thesis axes; psi = 0

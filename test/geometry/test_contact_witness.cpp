@@ -11,6 +11,7 @@
 
 #include "assembly_cell/scene/part_pairs.h"
 #include "contact_reference.h"
+#include "single_slot.h"
 
 namespace assembly_cell {
 namespace {

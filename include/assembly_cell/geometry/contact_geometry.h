@@ -53,8 +53,10 @@ const char* toString(ContactFeature feature);  ///< as in scenario files: "edge_
 
 /// Fixed contact slots. An edge circle that is tilted by an angle has two places of each kind only
 /// where the axes are nearly aligned, so that seldom more than two and never more than four touch.
-///   0, 1  edge_edge: the edge leaves the hole with rising t (0), returns (1)
-///   2     edge_plane
+///   0, 1  edge_edge: the edge leaves the hole with rising t (0), returns (1); local minima of the
+///         distance of the two circles with the edge climbing outwards (thesis Fig 3.3)
+///   2     edge_plane: the lowest point outside the rim; of a level edge the one farthest from the
+///         hole's axis
 ///   3, 4  edge_wall: a slot follows its place from call to call; found anew, the farther one is 3
 ///   5, 6  rim_side: likewise, the nearer one is 5
 ///   7     rim_face
@@ -123,17 +125,6 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
 /// Lower bound of the distance of peg and block, 0 where the bound can't tell: while no point of
 /// the peg has moved that far there is no contact, and no search is needed.
 double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes);
-
-/// Edge–edge candidate of a slot: 0 where the edge leaves the hole with rising t (rho' > 0), 1
-/// where it returns. Local minimum of the distance of the two circles with the edge climbing
-/// outwards (thesis Fig 3.3); invalid where there is none, or where the tangents are parallel.
-/// `warm`: t of the previous call, used when `use_warm`. Dynamics specification section 3.
-ContactPoint findEdgeEdge(const EdgeCircle& edge, double hole_radius, int slot, bool use_warm,
-                          double warm);
-
-/// Edge–plane candidate: the lowest edge point, valid while it lies outside the rim. With the edge
-/// parallel to the plane: the edge point farthest from the hole's axis.
-ContactPoint findEdgePlane(const EdgeCircle& edge, double hole_radius);
 
 /// The contact point runs along both bodies and the normal turns: with a_m the acceleration of the
 /// material point now in contact, g'' = n · a_m + gap_bias, and the velocity of the peg at the

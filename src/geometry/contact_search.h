@@ -1,0 +1,229 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// What the searches of edge and rim share: places on circles, the peg, Newton steps, pairs of
+// slots. Thesis axes.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstddef>
+
+#include "assembly_cell/geometry/contact_geometry.h"
+
+namespace assembly_cell {
+namespace contact_search {
+
+using Vec3 = Eigen::Vector3d;
+
+constexpr int kNewtonLimit = 12;
+// below this |T × p'| / (r_h r_p) the tangents count as parallel and there is no candidate
+constexpr double kParallel = 1e-6;
+// lengths of these parts of the peg's radius: tilts (sine) and offsets that have no direction, and
+// rounding of a height at a hand-over
+constexpr double kLevel = 1e-12, kCoaxial = 1e-13, kTouch = 1e-12;
+constexpr double kNoOffset = 1e-15;  // [m] from the axis: no direction
+// candidates of one kind nearer than this (angle, chord over radius) are one
+constexpr double kMerged = 1e-6;
+
+inline double square(double x) { return x * x; }
+
+// product of the parts in the hole's plane, and their length; by elements, as pairs of them would
+// wait for one another in memory (a fifth of a search)
+inline double levelDot(const Vec3& a, const Vec3& b) { return a(1) * b(1) + a(2) * b(2); }
+inline Vec3 combined(double a, const Vec3& u, double b, const Vec3& v) {
+  return {a * u(0) + b * v(0), a * u(1) + b * v(1), a * u(2) + b * v(2)};
+}
+inline double squaredNorm(const Vec3& v) { return v(0) * v(0) + v(1) * v(1) + v(2) * v(2); }
+inline double levelNorm(const Vec3& v) { return std::sqrt(levelDot(v, v)); }
+
+// a place on a circle, kept as cosine and sine so that Newton steps need no trigonometry
+struct Place {
+  double c, s, t;
+};
+
+// turns a place back by `step`, normalised anew
+inline Place stepBack(const Place& at, double step) {
+  double cosine, sine;
+  if (std::abs(step) < 0.02) {
+    const double d = step * step;
+    cosine = 1.0 - d / 2 * (1.0 - d / 12 * (1.0 - d / 30));
+    sine = step * (1.0 - d / 6 * (1.0 - d / 20 * (1.0 - d / 42)));
+  } else {
+    cosine = std::cos(step);
+    sine = std::sin(step);
+  }
+  const double c = at.c * cosine + at.s * sine, s = at.s * cosine - at.c * sine;
+  const double scale = 1.5 - 0.5 * (c * c + s * s);
+  return {c * scale, s * scale, at.t - step};
+}
+
+inline Place placeOf(double c, double s) { return {c, s, std::atan2(s, c)}; }
+
+// place in the direction (x, y); false where that is none
+inline bool placeTowards(double x, double y, Place& at) {
+  const double norm = std::sqrt(x * x + y * y);
+  if (!(norm > 0.0)) return false;
+  const double inverse = 1.0 / norm;
+  at.c = x * inverse;
+  at.s = y * inverse;
+  return true;
+}
+
+// the peg as the searches want it: scaled axes of the edge, its axis, tilt and offset
+struct Peg {
+  double r;
+  Vec3 center;  // of the bottom
+  Vec3 p, q;    // r R0, r R1
+  Vec3 axis;
+  double amplitude;     // A = r sin(tilt)
+  double sine, offset;  // of the tilt; of the centre from the hole's axis
+  double lc, ls;        // t of the lowest point; of t = 0 for an upright peg
+
+  explicit Peg(const EdgeCircle& e)
+      : r(e.radius),
+        center(e.center),
+        p(r * e.axis0),
+        q(r * e.axis1),
+        axis(e.axis0.cross(e.axis1)),
+        amplitude(std::sqrt(p(0) * p(0) + q(0) * q(0))),
+        sine(amplitude / r),
+        offset(levelNorm(center)) {
+    const bool upright = !tilted();
+    const double inverse = upright ? 0.0 : 1.0 / amplitude;
+    lc = upright ? 1.0 : -p(0) * inverse;
+    ls = -q(0) * inverse;
+  }
+
+  bool tilted() const { return sine > kLevel; }
+  bool finite() const { return std::isfinite(center(0) + offset + amplitude + axis.sum()); }
+
+  // the edge's place in the direction of the centre's offset from the hole's axis
+  bool placeOfOffset(Place& at) const {
+    return placeTowards(levelDot(p, center), levelDot(q, center), at);
+  }
+};
+
+enum class Search { kFound, kNone, kFailed };
+
+// Halley's step for the root of a function with this value, slope and half second derivative:
+// Newton's step, and what the parabola adds; `last`: cubic convergence leaves only rounding
+inline double halley(double value, double slope, double half_bend, bool& last) {
+  const double inverse = 1.0 / slope, step = value * inverse, bend = half_bend * inverse * step;
+  last = std::abs(step) < 1e-4 && bend * bend * std::abs(step) < 1e-15;
+  return std::abs(bend) < 0.25 ? step * (1.0 + bend) : step;
+}
+
+// ---- extremal places of a circle, and the two slots of a kind
+
+// half of a squared distance along a circle: its first and second derivative, half of the third,
+// and the squared distance
+struct Extremum {
+  double value, slope, half_bend, distance2;
+};
+
+// Newton to the place of the least (sign 1) or largest (sign -1) distance, from the Extremum that
+// `evaluate` gives at a place; `e` is the last but one, the last is evaluated for its side effect.
+// kNone: beyond the limit
+template <typename Evaluate>
+Search searchExtremum(const Evaluate& evaluate, double sign, double limit2, Place& at,
+                      Extremum& e) {
+  for (int i = 0; i < kNewtonLimit; ++i) {
+    e = evaluate(at);
+    if (!(sign * e.slope > 0.0)) return Search::kFailed;
+    bool last = false;
+    const double step = halley(e.value, e.slope, e.half_bend, last);
+    if (!(std::abs(step) < 0.7)) return Search::kFailed;
+    // the extremal distance of the parabola here, and as much again for what that leaves out
+    if (std::abs(step) < 0.2 && sign * (e.distance2 - 2 * e.value * step) > sign * limit2) {
+      return Search::kNone;
+    }
+    at = stepBack(at, step);
+    if (last) {
+      evaluate(at);
+      return Search::kFound;
+    }
+  }
+  return Search::kFailed;
+}
+
+inline bool sameAngle(const ContactPoint& a, const Place& b) {
+  return std::abs(a.sin_t * b.c - a.cos_t * b.s) < kMerged && a.cos_t * b.c + a.sin_t * b.s > 0.0;
+}
+
+// the two slots of edge_wall or rim_side: those admitted are empty now, the others hold their
+// places
+struct SlotPair {
+  ContactSet& set;
+  ContactSlotMask admitted, warm;  // warm: with a candidate of the previous call
+  std::size_t first;
+  int found = 0;  // places held and found
+
+  SlotPair(ContactSet& s, ContactSlotMask a, ContactSlotMask kind, std::size_t f)
+      : set(s), admitted(a), warm(s.valid & a & kind), first(f) {
+    for (std::size_t i = first; i < first + 2; ++i) {
+      if (admitted >> i & 1u) set.slots[i].valid = false;
+      found += set.slots[i].valid ? 1 : 0;
+    }
+  }
+  bool taken(const Place& at) const {
+    const ContactPoint &a = set.slots[first], &b = set.slots[first + 1];
+    return (a.valid && sameAngle(a, at)) || (b.valid && sameAngle(b, at));
+  }
+};
+
+// Fills a pair: from its candidates of the previous call, then anew into the free slots, the first
+// place first. `find` moves a place to a contact, `start` gives the first or second one to begin
+// from, `fill` makes the contact that was found. single: there is one place only
+template <typename Find, typename Start, typename Fill>
+void fillPair(SlotPair& pair, bool single, const Find& find, const Start& start, const Fill& fill) {
+  auto& slots = pair.set.slots;
+  for (std::size_t slot = pair.first; slot < pair.first + 2; ++slot) {
+    if (!(pair.warm >> slot & 1u)) continue;
+    Place at{slots[slot].cos_t, slots[slot].sin_t, slots[slot].t};
+    if (!find(at) || pair.taken(at)) continue;
+    fill(at, slots[slot]);
+    ++pair.found;
+  }
+  if (pair.found == 2 || (pair.found == 1 && single)) return;
+  for (int k = 0; k < (single ? 1 : 2) && pair.found < 2; ++k) {
+    Place at{};
+    if (!start(k == 0, at) || !find(at) || pair.taken(at)) continue;
+    const std::size_t slot =
+        pair.first + (pair.admitted >> pair.first & 1u && !slots[pair.first].valid ? 0 : 1);
+    if (!(pair.admitted >> slot & 1u) || slots[slot].valid) continue;
+    fill(at, slots[slot]);
+    ++pair.found;
+  }
+}
+
+// a circle of radius r, tilted by its sine, seen along a direction: an ellipse with its centre at
+// (x, y) from a point along major and minor axis
+struct Ellipse {
+  double r, sine, cosine, x, y;
+
+  // closed-form start for the place farthest from the point (end of the major axis) or nearest to
+  // it (end of the minor axis); `end` ±1
+  bool start(double end, bool nearest, Place& at) const {
+    const double bend = r * sine * sine;
+    double lead = end;
+    for (int i = 0; i < 2; ++i) {
+      const bool directed = nearest ? placeTowards(-x, bend * lead - cosine * y, at)
+                                    : placeTowards(x + bend * lead, cosine * y, at);
+      if (!directed) return false;
+      lead = nearest ? at.s : at.c;
+    }
+    return true;
+  }
+};
+
+// ---- the searches; each leaves out what is farther apart than `far` and not admitted
+
+void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, ContactPoint& contact);
+void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact);
+void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, ContactSet& set);
+void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotMask admitted,
+             ContactSet& set);
+void rimFace(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact);
+
+}  // namespace contact_search
+}  // namespace assembly_cell

@@ -1,0 +1,266 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The peg's edge against rim, plane, floor and wall.
+#include <algorithm>
+#include <limits>
+
+#include "contact_search.h"
+
+namespace assembly_cell {
+namespace contact_search {
+namespace {
+
+constexpr int kScanPoints = 48;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// a point of the edge, and its meridian curve (x(0), rho), with derivatives by t
+struct Meridian {
+  Vec3 x, dx, u;  // p, p', p − centre
+  double rho, inverse_rho, drho, ddrho;
+};
+
+void edgePoint(const Peg& e, const Place& at, Meridian& m) {
+  m.u = combined(at.c, e.p, at.s, e.q);
+  m.dx = combined(at.c, e.q, -at.s, e.p);
+  m.x = combined(1.0, e.center, 1.0, m.u);
+}
+
+void meridian(const Peg& e, const Place& at, Meridian& m) {
+  edgePoint(e, at, m);
+  m.rho = levelNorm(m.x);
+  m.inverse_rho = m.rho > 0.0 ? 1.0 / m.rho : 0.0;
+  m.drho = levelDot(m.x, m.dx) * m.inverse_rho;
+  m.ddrho = (levelDot(m.dx, m.dx) - levelDot(m.x, m.u) - m.drho * m.drho) * m.inverse_rho;
+}
+
+// all but the block's point, normal and gap; by elements, which the compiler keeps in registers
+void setEdge(ContactFeature feature, const Place& at, const Meridian& m, ContactPoint& contact) {
+  contact.valid = true;
+  contact.feature = feature;
+  contact.t = at.t;
+  contact.cos_t = at.c;
+  contact.sin_t = at.s;
+  contact.p = Vec3(m.x);
+  contact.dp = Vec3(m.dx);
+  contact.tangent.setZero();
+  contact.cross_norm = contact.curvature = 0.0;
+}
+
+// slot 0 leaves the hole with rising t; in both the edge climbs outwards
+bool admissible(const Meridian& m, int slot) {
+  return slot == 0 ? m.drho >= 0.0 && m.dx(0) >= 0.0 : m.drho <= 0.0 && m.dx(0) <= 0.0;
+}
+
+// Phi(t) = x1 x1' + (rho − r_h) rho' = 0 at a local minimum of the distance to the rim; kNone: of
+// the other kind, or apart by more than `far`
+Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meridian& m) {
+  for (int i = 0; i < kNewtonLimit; ++i) {
+    meridian(e, at, m);
+    const double out = m.rho - r_h;
+    const double x = m.x(0), dx = m.dx(0), u = m.u(0);
+    const double value = x * dx + out * m.drho;
+    const double slope = dx * dx - x * u + m.drho * m.drho + out * m.ddrho;
+    if (!(slope > 0.0)) return Search::kFailed;
+    bool last = false;
+    const double step = halley(value, slope, 1.5 * (m.drho * m.ddrho - dx * u), last);
+    if (!(std::abs(step) < 0.5)) return Search::kFailed;
+    at = stepBack(at, step);
+    if (last) {
+      edgePoint(e, at, m);
+      // 1/rho from its neighbour: one Newton step squares an error of the order of `step`
+      const double rho2 = levelDot(m.x, m.x);
+      m.inverse_rho += step * m.drho * m.inverse_rho * m.inverse_rho;
+      m.inverse_rho *= 1.5 - 0.5 * rho2 * m.inverse_rho * m.inverse_rho;
+      m.rho = rho2 * m.inverse_rho;
+      m.drho = levelDot(m.x, m.dx) * m.inverse_rho;
+      return admissible(m, slot) ? Search::kFound : Search::kNone;
+    }
+    const bool above = x > 0.0 && out < 0.0 && std::abs(step) < 0.1;
+    if (above && x * x + out * out - value * step > far * far) return Search::kNone;
+  }
+  return Search::kFailed;
+}
+
+// a candidate without a warm start; `reach`: crossings higher over the plane may be left out
+Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at, Meridian& m) {
+  // where the edge, if it were upright, crosses the hole's cylinder
+  const double side = slot == 0 ? 1.0 : -1.0;
+  const double c =
+      std::clamp((r_h * r_h - e.r * e.r - e.offset * e.offset) / (2 * e.r * e.offset), -1.0, 1.0);
+  const double s = std::sqrt(1.0 - c * c);
+  Place out{};
+  if (!e.placeOfOffset(out)) return Search::kNone;
+  const Place crossing{c * out.c + side * s * out.s, c * out.s - side * s * out.c, 0.0};
+
+  // no contact where it crosses well above the plane; tilt moves the crossing by no more than the
+  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt). The gap is the
+  // height times the normal's slope, at least height / (1 + A/slope)
+  const double slope = e.offset * s;
+  const double shift = e.amplitude * e.sine;
+  const double height = e.center(0) + crossing.c * e.p(0) + crossing.s * e.q(0) - reach;
+  if (shift < 0.3 * slope && height * slope > e.amplitude * (2 * shift + reach))
+    return Search::kNone;
+
+  at = placeOf(crossing.c, crossing.s);
+  Search search = searchRim(e, r_h, 4 * reach, slot, at, m);
+  if (search == Search::kFound || !(e.amplitude > 0.0)) return search;
+  // second start: where the edge crosses the plane
+  const double cp = std::clamp(e.center(0) / e.amplitude, -1.0, 1.0),
+               sp = side * std::sqrt(1 - cp * cp);
+  at = placeOf(e.lc * cp - e.ls * sp, e.ls * cp + e.lc * sp);
+  const Search second = searchRim(e, r_h, 4 * reach, slot, at, m);
+  if (second != Search::kFailed) return second;
+  if (search != Search::kFailed) return search;
+
+  // last resort: the nearest point of the right kind among samples of the half circle
+  double best = kInfinity;
+  const double turn = -side * M_PI / kScanPoints;
+  Place sample = stepBack({e.lc, e.ls, 0.0}, 0.5 * turn), start{};
+  for (int i = 0; i < kScanPoints; ++i) {
+    meridian(e, sample, m);
+    const double distance = m.x(0) * m.x(0) + square(m.rho - r_h);
+    if (distance < best && admissible(m, slot)) {
+      best = distance;
+      start = sample;
+    }
+    sample = stepBack(sample, turn);
+  }
+  if (!(best < kInfinity)) return Search::kNone;
+  at = placeOf(start.c, start.s);
+  return searchRim(e, r_h, kInfinity, slot, at, m);
+}
+
+// is a farthest place of the edge a contact with the wall: below the plane, and not so flat under
+// it that the plane is nearer
+bool acceptWall(const Peg& e, double r_h, double far, Meridian& m) {
+  if (!(m.x(0) <= kTouch * e.r)) return false;
+  m.rho = levelNorm(m.x);
+  m.inverse_rho = 1.0 / m.rho;
+  const double depth = m.rho - r_h;
+  if (!(-depth <= far)) return false;
+  const double below = depth + m.x(0);
+  if (below <= 0.0 || depth <= 0.0) return true;
+  // the edge comes back out of the wall at sqrt(2 depth/|rho''|) to both sides; how deep on one
+  return square(below) * -m.ddrho * m.inverse_rho <= m.dx(0) * m.dx(0) * 2 * depth;
+}
+
+}  // namespace
+
+void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, ContactPoint& contact) {
+  Place at{contact.cos_t, contact.sin_t, contact.t};
+  contact.valid = false;
+  // the edge stays inside the hole's cylinder, or outside it: no crossing, no contact
+  if (e.offset + e.r <= r_h || e.offset >= e.r + r_h || e.offset < kNoOffset) return;
+  // nor where all of it is deeper than it reaches sideways into the block
+  if (e.center(0) + e.amplitude < -(e.offset + e.r - r_h)) return;
+
+  Meridian m;
+  Search search = warm ? searchRim(e, r_h, kInfinity, slot, at, m) : Search::kFailed;
+  if (search != Search::kFound) search = searchRimCold(e, r_h, reach, slot, at, m);
+  if (search != Search::kFound) return;
+  const double norm = std::sqrt(m.dx(0) * m.dx(0) + m.drho * m.drho);
+  if (!(norm > kParallel * e.r)) return;
+
+  // up and towards the axis; in the peg's cone too, else side or face of the peg are nearer
+  const double inverse = 1.0 / norm;
+  const double up = std::abs(m.drho) * inverse, inward = std::abs(m.dx(0)) * inverse;
+  const double e2 = m.x(1) * m.inverse_rho, e3 = m.x(2) * m.inverse_rho;
+  const Vec3 normal(up, -inward * e2, -inward * e3);
+  if (normal.dot(e.axis) < 0.0 || normal.dot(m.u) > 0.0) return;
+  // deeper than the edge reaches sideways into the wall before it turns back: not at the rim
+  const double out = m.rho - r_h, gap = up * m.x(0) - inward * out;
+  if (gap < 0.0 && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (out + gap)) return;
+  setEdge(ContactFeature::kEdgeEdge, at, m, contact);
+  contact.rim = {0.0, r_h * e2, r_h * e3};
+  contact.tangent = {0.0, -r_h * e3, r_h * e2};
+  contact.normal = Vec3(normal);
+  contact.cross_norm = (slot == 0 ? -r_h : r_h) * norm;
+  contact.gap = gap;
+}
+
+void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact) {
+  contact.valid = false;
+  const double lowest = e.center(0) - e.amplitude;
+  const bool floor = lowest <= far - shapes.hole_depth;
+  if (!(lowest <= far)) return;
+  Place at{e.lc, e.ls, 0.0};
+  // parallel to the plane: the edge point farthest from the hole's axis stands for the face
+  if (!e.tilted()) {
+    const bool directed = e.offset >= kNoOffset && e.placeOfOffset(at);
+    if (!directed && !floor) return;
+  }
+  Meridian m;
+  edgePoint(e, at, m);
+  const double rho2 = levelDot(m.x, m.x), r_h = shapes.hole_radius;
+  const bool outside = rho2 > r_h * r_h;
+  if (!outside && !floor) return;
+  double height = outside ? 0.0 : -shapes.hole_depth;
+  if (outside && lowest < 0.0 && square(r_h - lowest) > rho2) {
+    // deeper than it reaches sideways into the wall before it turns back: in the hole
+    meridian(e, at, m);
+    const double sideways = lowest + m.rho - r_h;
+    if (m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * sideways) {
+      if (!floor) return;
+      height = -shapes.hole_depth;
+    }
+  }
+  at.t = std::atan2(at.s, at.c);
+  setEdge(ContactFeature::kEdgePlane, at, m, contact);
+  contact.rim = {height, m.x(1), m.x(2)};
+  contact.normal = {1.0, 0.0, 0.0};
+  contact.gap = lowest - height;
+}
+
+void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, ContactSet& set) {
+  SlotPair pair(set, admitted, kEdgeWallSlots, 3);
+  if (e.offset + e.r < r_h - far) return;
+  const double bend = e.amplitude * e.sine;
+  if (!(e.offset > kCoaxial * e.r) && !(bend > kCoaxial * e.r)) return;
+  // one farthest place only, near the direction of the offset: skipped where it's flat under the
+  // plane or above it
+  const bool single = e.offset * e.axis(0) > bend;
+  if (!pair.warm && e.offset > 2 * bend) {
+    if (e.offset + e.r * e.axis(0) - r_h > e.amplitude - e.center(0)) return;
+    Place towards{};
+    if (!e.placeOfOffset(towards)) return;
+    const double height = e.center(0) + towards.c * e.p(0) + towards.s * e.q(0);
+    if (height * e.offset > 2 * e.amplitude * bend + kTouch * e.r * e.offset) return;
+  }
+
+  Meridian m;
+  Extremum extremum{};
+  // of rho²/2, with p' · (p − centre) = 0 and |p'| = |p − centre|: nothing large cancels near the
+  // axis
+  const auto evaluate = [&](const Place& at) {
+    edgePoint(e, at, m);
+    const double u = m.u(0), dx = m.dx(0);
+    const double along = levelDot(e.center, m.dx);
+    return Extremum{along - u * dx, u * u - dx * dx - levelDot(e.center, m.u),
+                    2 * u * dx - 0.5 * along, levelDot(m.x, m.x)};
+  };
+  const double limit2 = square(std::max(r_h - far, 0.0));
+  const auto find = [&](Place& at) {
+    if (searchExtremum(evaluate, -1.0, limit2, at, extremum) != Search::kFound) return false;
+    m.ddrho = extremum.slope;
+    return acceptWall(e, r_h, far, m);
+  };
+  const auto start = [&](bool farther, Place& at) {
+    // the minor axis's image has length cos(tilt): `low` carries it
+    const Vec3 low = (e.lc * e.p + e.ls * e.q) / e.r, major = (e.lc * e.q - e.ls * e.p) / e.r;
+    const Ellipse seen{e.r, e.sine, 1.0, levelDot(major, e.center), -levelDot(low, e.center)};
+    if (!seen.start((seen.x >= 0.0) == farther ? 1.0 : -1.0, false, at)) return false;
+    // from the axes of the ellipse (major, −low) to t
+    at = placeOf(-at.c * e.ls - at.s * e.lc, at.c * e.lc - at.s * e.ls);
+    return true;
+  };
+  fillPair(pair, single, find, start, [&](const Place& at, ContactPoint& contact) {
+    const double e2 = m.x(1) * m.inverse_rho, e3 = m.x(2) * m.inverse_rho;
+    setEdge(ContactFeature::kEdgeWall, at, m, contact);
+    contact.rim = {m.x(0), r_h * e2, r_h * e3};
+    contact.normal = {0.0, -e2, -e3};
+    contact.gap = r_h - m.rho;
+    contact.curvature = m.inverse_rho;
+  });
+}
+
+}  // namespace contact_search
+}  // namespace assembly_cell
