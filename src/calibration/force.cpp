@@ -5,17 +5,17 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "assembly_cell/scene/input_error.h"
 #include "force_system.h"
+#include "format.h"
 
 namespace assembly_cell {
 
 namespace {
 
-// gates of section 9
+// gates: docs/calibration.md, "What is refused"
 constexpr double kWarnCondition = 100.0;
 constexpr double kSdLimitFewBits = 0.01;  // of full scale
 constexpr double kSdLimit = 0.001;        // of full scale, 16 bits and more
@@ -30,12 +30,6 @@ constexpr double kPlane = 0.1;      // third singular value of unit directions t
 constexpr int kQuadraticBits = 16, kQuadraticReacting = 60, kQuadraticWeights = 12,
               kQuadraticIndentations = 18;
 
-std::string format(const char* pattern, double a, double b = 0.0, double c = 0.0) {
-  char text[300];
-  std::snprintf(text, sizeof text, pattern, a, b, c);
-  return text;
-}
-
 // rms extents of the rows along their principal axes, largest first
 Eigen::Vector3d spread(const std::vector<Eigen::Vector3d>& rows) {
   if (rows.empty()) return Eigen::Vector3d::Zero();
@@ -47,22 +41,40 @@ Eigen::Vector3d spread(const std::vector<Eigen::Vector3d>& rows) {
 }
 
 // what kinds of tests there are, from which advice follows
+struct SideGeometry {
+  int weights = 0, indentations = 0, weight_rank = 0;
+  bool collinear = false, coplanar = false;  // indentations
+};
 struct Geometry {
   int reacting = 0;
-  std::array<int, 2> weights{}, indentations{};
   int turn_axes = 0;  // 0 parallel, 1 about one axis, 2 enough
   bool shifted = false;
-  std::array<int, 2> weight_rank{};
-  std::array<bool, 2> collinear{}, coplanar{};
+  PerSide<SideGeometry> on;
 };
+
+struct Directions {
+  std::vector<Eigen::Vector3d> weights, points, forces;
+};
+
+void judgeSide(Directions& found, SideGeometry& g) {
+  g.weights = static_cast<int>(found.weights.size());
+  g.indentations = static_cast<int>(found.points.size());
+  for (const double extent : spread(found.weights)) g.weight_rank += extent > kPlane ? 1 : 0;
+  if (found.points.empty()) return;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& p : found.points) mean += p / static_cast<double>(found.points.size());
+  for (auto& p : found.points) p -= mean;
+  g.collinear = !(spread(found.points)[1] > kShift);
+  g.coplanar = !(spread(found.forces)[2] > kPlane);
+}
 
 Geometry geometryOf(const ForceSystem& system, const ObservationSet& set) {
   Geometry g;
-  std::array<std::vector<Eigen::Vector3d>, 2> directions, points, forces;
+  PerSide<Directions> found;
   std::vector<Eigen::Vector3d> turns;
   const ForceTest* first = nullptr;
   for (const ForceTest& test : system.tests) {
-    const std::size_t side = test.a.present ? 0 : 1;
+    const Side side = test.part.a.present ? Side::kA : Side::kB;
     if (test.kind == ObservationKind::kReacting) {
       ++g.reacting;
       if (first == nullptr) first = &test;
@@ -71,27 +83,15 @@ Geometry geometryOf(const ForceSystem& system, const ObservationSet& set) {
       if (turn.norm() > kParallel) turns.push_back(turn.normalized());
       g.shifted = g.shifted || (test.X_AB.p - first->X_AB.p).norm() > kShift;
     } else if (test.kind == ObservationKind::kWeight) {
-      ++g.weights[side];
-      directions[side].push_back(set.observations[test.observation].direction);
+      found[side].weights.push_back(set.observations[test.observation].direction);
     } else {
-      ++g.indentations[side];
-      const Part& part = side == 0 ? test.a : test.b;
-      const Eigen::Vector3d F = ((side == 0 ? set.a : set.b).nominal * part.strain).head<3>();
-      if (F.norm() > 0.0) forces[side].push_back(F.normalized());
-      points[side].push_back(test.point);
+      const Eigen::Vector3d F = (set.sensor[side].nominal * test.part[side].strain).head<3>();
+      if (F.norm() > 0.0) found[side].forces.push_back(F.normalized());
+      found[side].points.push_back(test.point);
     }
   }
   if (!turns.empty()) g.turn_axes = spread(turns)[1] > kPlane ? 2 : 1;
-  for (std::size_t side = 0; side < 2; ++side) {
-    const Eigen::Vector3d d = spread(directions[side]);
-    for (int k = 0; k < 3; ++k) g.weight_rank[side] += d[k] > kPlane ? 1 : 0;
-    if (points[side].empty()) continue;
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const auto& p : points[side]) mean += p / static_cast<double>(points[side].size());
-    for (auto& p : points[side]) p -= mean;
-    g.collinear[side] = !(spread(points[side])[1] > kShift);
-    g.coplanar[side] = !(spread(forces[side])[2] > kPlane);
-  }
+  for (const Side side : kSides) judgeSide(found[side], g.on[side]);
   return g;
 }
 
@@ -109,18 +109,15 @@ std::string advice(const Geometry& g, int rows) {
     add("the relative orientations turn about one axis only: add reacting tests turned about a "
         "second axis, or a weight oblique to that axis");
   }
-  if (g.weights[0] + g.weights[1] == 0) {
+  if (g.on.a.weights + g.on.b.weights == 0) {
     add("no weight fixes the scale: add at least one weight, better 6 on each sensor along + and - "
         "each axis");
   }
-  if (g.reacting == 0) {
-    for (std::size_t side = 0; side < 2; ++side) {
-      if (g.weights[side] < 6) {
-        add(std::string("sensor ") + (side == 0 ? "a" : "b") +
-            " has no reacting tests and too few weights: add reacting tests turned about two axes, "
-            "or 18 weights at known points");
-      }
-    }
+  for (const Side side : kSides) {
+    if (g.reacting > 0 || g.on[side].weights >= 6) continue;
+    add(std::string("sensor ") + toString(side) +
+        " has no reacting tests and too few weights: add reacting tests turned about two axes, "
+        "or 18 weights at known points");
   }
   if (out.empty()) {
     add(rows == 6
@@ -132,93 +129,88 @@ std::string advice(const Geometry& g, int rows) {
 }
 
 void judgeGeometry(const Geometry& g, std::vector<Gate>& gates) {
-  const int rank = std::max(g.weight_rank[0], g.weight_rank[1]);
-  Gate turns{"orientations", Verdict::kPass, double(g.turn_axes), 2, ""};
+  const int rank = std::max(g.on.a.weight_rank, g.on.b.weight_rank);
+  std::string text;
   if (g.reacting > 0 && g.turn_axes < 2 && rank < 3) {
-    turns.verdict = Verdict::kRefuse;
-    turns.text = "reacting tests turn about " + std::to_string(g.turn_axes) +
-                 " axes and the weights span " + std::to_string(rank) +
-                 " of 3 directions: add reacting tests turned about two or more axes, or three "
-                 "non-coplanar weights on one sensor";
+    text = "reacting tests turn about " + std::to_string(g.turn_axes) +
+           " axes and the weights span " + std::to_string(rank) +
+           " of 3 directions: add reacting tests turned about two or more axes, or three "
+           "non-coplanar weights on one sensor";
   }
-  gates.push_back(turns);
-  for (std::size_t side = 0; side < 2; ++side) {
-    if (g.indentations[side] == 0) continue;
-    Gate gate{std::string("indentations_") + (side == 0 ? "a" : "b"), Verdict::kPass,
-              double(g.indentations[side]), 0, ""};
-    if (g.collinear[side] || g.coplanar[side]) {
-      // one or two more points beside other tests do no harm
-      gate.verdict = g.indentations[side] < 3 ? Verdict::kWarn : Verdict::kRefuse;
-      gate.text =
-          std::string("indentations of sensor ") + (side == 0 ? "a" : "b") +
-          (g.collinear[side]
-               ? " lie on one line: add a point off it (three non-collinear points at least)"
-               : " press in coplanar directions: turn the sensor on its datum faces and add "
-                 "a third direction");
+  gates.push_back(makeGate("orientations", g.turn_axes, 2, text));
+  for (const Side side : kSides) {
+    const SideGeometry& on = g.on[side];
+    if (on.indentations == 0) continue;
+    text.clear();
+    if (on.collinear || on.coplanar) {
+      text = std::string("indentations of sensor ") + toString(side) +
+             (on.collinear
+                  ? " lie on one line: add a point off it (three non-collinear points at least)"
+                  : " press in coplanar directions: turn the sensor on its datum faces and add "
+                    "a third direction");
     }
-    gates.push_back(gate);
+    // one or two more points beside other tests do no harm
+    gates.push_back(makeGate(std::string("indentations_") + toString(side), on.indentations, 0,
+                             text, on.indentations < 3 ? Verdict::kWarn : Verdict::kRefuse));
   }
 }
 
-void judgeRank(const DesignRank& design, const DesignRank* force_rows, const Geometry& geometry,
-               int rows, ForceSolution& out) {
+// `force_rows`: what is known of the force rows alone, in brackets
+void judgeRank(const DesignRank& design, const std::string& force_rows, const Geometry& geometry,
+               ForceSolution& out) {
   out.rank = design.rank;
   out.unknowns = design.unknowns;
   out.equations = design.equations;
   out.dof = design.equations - design.unknowns;
   out.condition = design.condition;
-  Gate rank{"rank", Verdict::kPass, double(design.rank), double(design.unknowns), ""};
-  if (design.rank < design.unknowns) {
-    rank.verdict = Verdict::kRefuse;
-    rank.text = "rank " + std::to_string(design.rank) + " of " + std::to_string(design.unknowns);
-    if (force_rows != nullptr) {
-      rank.text += " (force rows alone: rank " + std::to_string(force_rows->rank) + " of " +
-                   std::to_string(force_rows->unknowns) + ")";
-    }
-    rank.text += ", weakest direction: " + out.weak_direction + ": " + advice(geometry, rows);
-  }
-  out.gates.push_back(rank);
-  Gate condition{"condition", Verdict::kPass, design.condition, kWarnCondition, ""};
-  if (design.rank == design.unknowns && design.condition > kWarnCondition) {
-    condition.verdict = Verdict::kWarn;
-    condition.text = format("condition %.3g is above %.3g: ", design.condition, kWarnCondition) +
-                     "add tests that move " + out.weak_direction;
-  }
-  out.gates.push_back(condition);
-  Gate dof{"dof", Verdict::kPass, double(out.dof), kLeastDof, ""};
-  if (out.dof < kLeastDof) {
-    dof.verdict = Verdict::kRefuse;
-    dof.text = format("%.0f residual degrees of freedom, below %.0f: nothing would prove the fit; ",
-                      out.dof, kLeastDof) +
-               "add " + std::to_string((kLeastDof - out.dof + rows - 1) / rows) +
-               " or more reacting tests or weights";
-  }
-  out.gates.push_back(dof);
+  const bool full = design.rank == design.unknowns;
+  out.gates.push_back(makeGate("rank", design.rank, design.unknowns,
+                               full ? ""
+                                    : "rank " + std::to_string(design.rank) + " of " +
+                                          std::to_string(design.unknowns) + force_rows +
+                                          ", weakest direction: " + out.weak_direction + ": " +
+                                          advice(geometry, out.rows)));
+  out.gates.push_back(
+      makeGate("condition", design.condition, kWarnCondition,
+               full && design.condition > kWarnCondition
+                   ? format("condition %.3g is above %.3g: ", design.condition, kWarnCondition) +
+                         "add tests that move " + out.weak_direction
+                   : "",
+               Verdict::kWarn));
+  out.gates.push_back(makeGate(
+      "dof", out.dof, kLeastDof,
+      out.dof < kLeastDof
+          ? format("%d residual degrees of freedom, below %d: nothing would prove the fit; ",
+                   out.dof, kLeastDof) +
+                "add " + std::to_string((kLeastDof - out.dof + out.rows - 1) / out.rows) +
+                " or more reacting tests or weights"
+          : ""));
 }
 
 void judgePrediction(const ObservationSet& set, const RatedLoad& rated, ForceSolution& out) {
   const Eigen::Index half = out.rows * out.terms;
-  out.predicted_sd_a = predictedSd(out.covariance.topLeftCorner(half, half), out.S_a, set.a.nominal,
-                                   out.rows, out.terms, rated);
-  out.predicted_sd_b = predictedSd(out.covariance.bottomRightCorner(half, half), out.S_b,
-                                   set.b.nominal, out.rows, out.terms, rated);
-  const auto worst = [&](const Vector6& sd) {
+  double worst = 0.0;
+  for (const Side side : kSides) {
+    const Eigen::Index first = side == Side::kA ? 0 : half;
+    const Vector6 sd = predictedSd(out.covariance.block(first, first, half, half), out.S[side],
+                                   set.sensor[side].nominal, rated);
     const double force = sd.head<3>().norm() / std::sqrt(3.0) / rated.force;
     const double torque = sd.tail<3>().norm() / std::sqrt(3.0) / rated.torque;
-    return std::max(force, torque);
-  };
-  Gate gate{"predicted_sd", Verdict::kPass,
-            std::max(worst(out.predicted_sd_a), worst(out.predicted_sd_b)),
-            std::min(set.a.bits, set.b.bits) < 16 ? kSdLimitFewBits : kSdLimit, ""};
-  if (!(gate.value <= gate.limit)) {
-    gate.verdict = Verdict::kRefuse;
-    gate.text = format(
-                    "predicted standard deviation of a wrench over rated loads is %.3g %% of "
-                    "full scale, above %.3g %%: ",
-                    100 * gate.value, 100 * gate.limit) +
-                "add tests that move " + out.weak_direction + ", or average more samples";
+    out.predicted_sd[side] = sd;
+    // a NaN stays
+    const double larger = std::max(force, torque);
+    worst = side == Side::kA ? larger : std::max(worst, larger);
   }
-  out.gates.push_back(gate);
+  const double limit =
+      std::min(set.sensor.a.bits, set.sensor.b.bits) < 16 ? kSdLimitFewBits : kSdLimit;
+  out.gates.push_back(makeGate(
+      "predicted_sd", worst, limit,
+      worst <= limit
+          ? ""
+          : format("predicted standard deviation of a wrench over rated loads is %.3g %% "
+                   "of full scale, above %.3g %%: ",
+                   100 * worst, 100 * limit) +
+                "add tests that move " + out.weak_direction + ", or average more samples"));
 }
 
 void summarise(ForceSolution& out) {
@@ -226,8 +218,7 @@ void summarise(ForceSolution& out) {
   const std::string warnings = gateTexts(out.gates, Verdict::kWarn);
   out.accepted = reasons.empty() && out.procedure == ForceProcedure::kAllRows;
   if (out.procedure != ForceProcedure::kAllRows) {
-    out.message = std::string("refused for use: the ") +
-                  (out.procedure == ForceProcedure::kThesis ? "thesis" : "force_rows") +
+    out.message = std::string("refused for use: the ") + toString(out.procedure) +
                   " procedure is for comparison" + (reasons.empty() ? "" : "; " + reasons);
   } else if (!reasons.empty()) {
     out.message = "refused: " + reasons;
@@ -243,15 +234,14 @@ void summarise(ForceSolution& out) {
 
 ForceFit fitOf(const ForceSystem& system, const ObservationSet& set, const ForceFit* start,
                int terms, bool normalise) {
-  Eigen::MatrixXd S_a = Eigen::MatrixXd::Zero(system.rows, terms), S_b = S_a;
+  PerSide<Eigen::MatrixXd> S = nominalMatrices(set, system.rows, terms);
   if (start != nullptr && start->converged) {
-    S_a.leftCols(start->S_a.cols()) = start->S_a;
-    S_b.leftCols(start->S_b.cols()) = start->S_b;
-  } else {
-    S_a.leftCols(6) = set.a.nominal.topRows(system.rows);
-    S_b.leftCols(6) = set.b.nominal.topRows(system.rows);
+    for (const Side side : kSides) {
+      S[side].setZero();
+      S[side].leftCols(start->S[side].cols()) = start->S[side];
+    }
   }
-  return fitForce(system, S_a, S_b, terms, true, normalise);
+  return fitForce(system, S, normalise);
 }
 
 // removes the largest normalised residual while χ² is improbable
@@ -284,8 +274,9 @@ ForceFit fitWithoutOutliers(ForceSystem& system, const ObservationSet& set, cons
 }
 
 // every so many tests of each kind aside; normalised rms of their residuals
-void holdOut(ForceSystem system, const ObservationSet& set, const ForceFit& fit, int terms,
-             double share, ForceSolution& out) {
+void holdOut(ForceSystem system, const ObservationSet& set, const ForceFit& fit, double share,
+             ForceSolution& out) {
+  const int terms = out.terms;
   out.hold_out_rms = std::numeric_limits<double>::quiet_NaN();
   if (!(share > 0.0)) return;
   const auto step = static_cast<int>(std::lround(1.0 / share));
@@ -294,7 +285,7 @@ void holdOut(ForceSystem system, const ObservationSet& set, const ForceFit& fit,
   for (std::size_t k = 0; k < system.tests.size(); ++k) {
     ForceTest& test = system.tests[k];
     if (!test.used) continue;
-    const auto kind = static_cast<std::size_t>(test.kind) + (test.a.present ? 0 : 1);
+    const auto kind = static_cast<std::size_t>(test.kind) + (test.part.a.present ? 0 : 1);
     if (++count[kind] % step == step / 2) {
       test.used = false;
       aside.push_back(k);
@@ -321,23 +312,22 @@ std::string missingForQuadratic(const Geometry& g, const ObservationSet& set) {
     if (have >= least) return;
     out += (out.empty() ? "" : ", ") + std::to_string(least - have) + " more " + what;
   };
-  if (std::min(set.a.bits, set.b.bits) < kQuadraticBits) {
+  if (std::min(set.sensor.a.bits, set.sensor.b.bits) < kQuadraticBits) {
     return "a converter of 16 bits or more (10 bits fit noise)";
   }
   need(g.reacting, kQuadraticReacting, "reacting tests");
-  for (std::size_t side = 0; side < 2; ++side) {
-    const std::string on = std::string(" on sensor ") + (side == 0 ? "a" : "b");
-    need(g.weights[side], kQuadraticWeights, "weights" + on);
-    need(g.indentations[side], kQuadraticIndentations, "indentations" + on);
+  for (const Side side : kSides) {
+    const std::string on = std::string(" on sensor ") + toString(side);
+    need(g.on[side].weights, kQuadraticWeights, "weights" + on);
+    need(g.on[side].indentations, kQuadraticIndentations, "indentations" + on);
   }
   return out;
 }
 
 void takeOver(const ForceSystem& system, const ForceFit& fit, ForceSolution& out) {
-  out.S_a = fit.S_a;
-  out.S_b = fit.S_b;
+  out.S = fit.S;
   out.covariance = fit.covariance;
-  out.terms = static_cast<int>(fit.S_a.cols());
+  out.terms = static_cast<int>(fit.S.a.cols());
   out.quadratic = out.terms == 27;
   out.unknowns = 2 * out.rows * out.terms;
   out.equations = fit.equations;
@@ -351,8 +341,7 @@ void takeOver(const ForceSystem& system, const ForceFit& fit, ForceSolution& out
     const ForceTest& test = system.tests[k];
     TestResult result;
     result.observation = test.observation;
-    result.outlier = !test.used;
-    if (result.outlier) result.dropped = "outlier";
+    if (!test.used) result.dropped = {CalibrationFailure::kOutlier, "outlier"};
     result.equations = test.equations;
     // the rows of an indentation are moments
     const int first = test.kind == ObservationKind::kIndentation ? 3 : 0;
@@ -372,62 +361,61 @@ void takeOver(const ForceSystem& system, const ForceFit& fit, ForceSolution& out
   }
 }
 
+Gate droppedGate(const std::vector<TestResult>& tests) {
+  int count = 0;
+  std::string first;
+  for (const TestResult& test : tests) {
+    if (!test.dropped || test.dropped.code == CalibrationFailure::kOutlier) continue;
+    if (++count == 1) first = test.dropped.text;
+  }
+  return makeGate(
+      "dropped", count, 0,
+      count > 0 ? std::to_string(count) + " tests dropped, the first because of " + first : "",
+      Verdict::kWarn);
+}
+
+std::string lackOfFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
+                      const ForceSolution& out) {
+  if (!(out.p < kLeastP)) return "";
+  const double ratio = out.dof > 0 ? out.chi2 / out.dof : 0.0;
+  const std::string text = format("chi2/dof %.3g (p %.2g): the ", ratio, out.p) +
+                           (out.quadratic ? "quadratic" : "linear") +
+                           " model does not fit the tests";
+  if (out.quadratic || !(ratio > kModelChi2)) {
+    return text + ": check poses, masses and points of the tests with the largest residuals";
+  }
+  const std::string missing = missingForQuadratic(geometry, set);
+  return text + (missing.empty() || wanted == StrainModel::kLinear
+                     ? ": use the quadratic model, or restrict the loads to half the rated range"
+                     : ": for the quadratic model add " + missing +
+                           "; or restrict the loads to half the rated range");
+}
+
 void judgeFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
               std::size_t tests, ForceSolution& out) {
   const double ratio = out.dof > 0 ? out.chi2 / out.dof : 0.0;
-  Gate chi2{"chi2", Verdict::kPass, out.p, kLeastP, ""};
-  if (out.p < kLeastP) {
-    chi2.verdict = Verdict::kRefuse;
-    chi2.text = format("chi2/dof %.3g (p %.2g): the ", ratio, out.p) +
-                (out.quadratic ? "quadratic" : "linear") + " model does not fit the tests";
-    if (!out.quadratic && ratio > kModelChi2) {
-      const std::string missing = missingForQuadratic(geometry, set);
-      chi2.text += missing.empty() || wanted == StrainModel::kLinear
-                       ? ": use the quadratic model, or restrict the loads to half the rated range"
-                       : ": for the quadratic model add " + missing +
-                             "; or restrict the loads to half the rated range";
-    } else {
-      chi2.text += ": check poses, masses and points of the tests with the largest residuals";
-    }
-  }
-  out.gates.push_back(chi2);
-  Gate low{"low_chi2", Verdict::kPass, ratio, kLowChi2, ""};
-  if (out.dof >= kLeastDof && ratio < kLowChi2) {
-    low.verdict = Verdict::kWarn;
-    low.text = format("chi2/dof %.3g is below %.3g: the noise is overstated or data are copied",
-                      ratio, kLowChi2);
-  }
-  out.gates.push_back(low);
-  int outliers = 0, dropped = 0;
-  std::string first_reason;
-  for (const TestResult& test : out.tests) {
-    outliers += test.outlier ? 1 : 0;
-    if (!test.outlier && !test.dropped.empty()) {
-      ++dropped;
-      if (first_reason.empty()) first_reason = test.dropped;
-    }
-  }
-  Gate outlier{"outliers", Verdict::kPass, double(outliers), 0.1 * static_cast<double>(tests), ""};
-  if (outliers > 0) {
-    outlier.verdict = Verdict::kWarn;
-    outlier.text = std::to_string(outliers) + " tests removed as outliers";
-  }
-  out.gates.push_back(outlier);
-  Gate unusable{"dropped", Verdict::kPass, double(dropped), 0, ""};
-  if (dropped > 0) {
-    unusable.verdict = Verdict::kWarn;
-    unusable.text =
-        std::to_string(dropped) + " tests dropped, the first because of " + first_reason;
-  }
-  out.gates.push_back(unusable);
-  Gate held{"hold_out", Verdict::kPass, out.hold_out_rms, kHoldOut, ""};
-  if (out.hold_out_rms > kHoldOut) {
-    held.verdict = Verdict::kRefuse;
-    held.text = format("tests held out miss by %.3g standard deviations rms, above %.3g: ",
-                       out.hold_out_rms, kHoldOut) +
-                "the fit does not predict; add tests";
-  }
-  out.gates.push_back(held);
+  out.gates.push_back(makeGate("chi2", out.p, kLeastP, lackOfFit(geometry, set, wanted, out)));
+  out.gates.push_back(makeGate(
+      "low_chi2", ratio, kLowChi2,
+      out.dof >= kLeastDof && ratio < kLowChi2
+          ? format("chi2/dof %.3g is below %.3g: the noise is overstated or data are copied", ratio,
+                   kLowChi2)
+          : "",
+      Verdict::kWarn));
+  const auto outliers = std::count_if(
+      out.tests.begin(), out.tests.end(),
+      [](const TestResult& test) { return test.dropped.code == CalibrationFailure::kOutlier; });
+  out.gates.push_back(makeGate(
+      "outliers", double(outliers), 0.1 * static_cast<double>(tests),
+      outliers > 0 ? std::to_string(outliers) + " tests removed as outliers" : "", Verdict::kWarn));
+  out.gates.push_back(droppedGate(out.tests));
+  out.gates.push_back(
+      makeGate("hold_out", out.hold_out_rms, kHoldOut,
+               out.hold_out_rms > kHoldOut
+                   ? format("tests held out miss by %.3g standard deviations rms, above %.3g: ",
+                            out.hold_out_rms, kHoldOut) +
+                         "the fit does not predict; add tests"
+                   : ""));
 }
 
 int rowsOf(ForceProcedure procedure) { return procedure == ForceProcedure::kAllRows ? 6 : 3; }
@@ -436,6 +424,7 @@ int rowsOf(ForceProcedure procedure) { return procedure == ForceProcedure::kAllR
 bool judgeSystem(const ForceSystem& system, const ObservationSet& set,
                  const ForceSettings& settings, int terms, const Geometry& geometry,
                  ForceSolution& out) {
+  out.tests = system.dropped;
   out.procedure = settings.procedure;
   out.rows = system.rows;
   out.terms = terms;
@@ -445,12 +434,13 @@ bool judgeSystem(const ForceSystem& system, const ObservationSet& set,
   out.weak_vector = design.weakest;
   out.weak_direction = describeWeak(design.weakest, set, system.rows, terms, settings.rated);
   const bool full = design.rank == design.unknowns;
-  DesignRank force_rows;
-  const bool both = !full && system.rows == 6 && terms == 6;
-  if (both) {
-    force_rows = rankOf(noiseFree(buildSystem(set, settings, 3), set), terms);
+  std::string force_rows;
+  if (!full && system.rows == 6 && terms == 6) {
+    const DesignRank alone = rankOf(noiseFree(buildSystem(set, settings, 3), set), terms);
+    force_rows = " (force rows alone: rank " + std::to_string(alone.rank) + " of " +
+                 std::to_string(alone.unknowns) + ")";
   }
-  judgeRank(design, both ? &force_rows : nullptr, geometry, system.rows, out);
+  judgeRank(design, force_rows, geometry, out);
   return full;
 }
 
@@ -460,80 +450,82 @@ void checkAll(const ObservationSet& set) {
   }
 }
 
+struct Fitted {
+  ForceSystem system;  // with the outliers marked
+  ForceFit fit;
+};
+
+// linear, or complete quadratic where that is wanted or the linear one fits badly and data suffice;
+// `out`: gates of the model taken
+Fitted fitModel(const ForceSystem& system, const ObservationSet& set, const ForceSettings& settings,
+                const Geometry& geometry, ForceSolution& out) {
+  Fitted found{system, {}};
+  const std::string missing = missingForQuadratic(geometry, set);
+  // a model that is wrong everywhere has no outliers
+  const ForceFit linear = fitOf(system, set, nullptr, 6, false);
+  if (settings.model == StrainModel::kQuadratic) {
+    out.gates.push_back(
+        makeGate("quadratic_data", 0, 0,
+                 missing.empty() ? "" : "too few data for the quadratic model: add " + missing));
+    found.fit = fitWithoutOutliers(found.system, set, &linear, 27, settings.max_outliers);
+    return found;
+  }
+  const bool may_grow =
+      settings.model == StrainModel::kAutomatic && missing.empty() && system.rows == 6;
+  const auto isPoor = [&] {
+    return may_grow && found.fit.converged && found.fit.chi2 > kModelChi2 * found.fit.dof;
+  };
+  found.fit = linear;
+  if (!isPoor()) {
+    found.fit = fitWithoutOutliers(found.system, set, nullptr, 6, settings.max_outliers);
+  }
+  if (!isPoor()) return found;
+  ForceSolution quadratic;
+  if (!judgeSystem(system, set, settings, 27, geometry, quadratic)) {
+    // as it was before: all tests count
+    for (ForceTest& test : found.system.tests) test.used = true;
+    return found;
+  }
+  const ForceFit start = found.fit;
+  found.system = system;
+  found.fit = fitWithoutOutliers(found.system, set, &start, 27, settings.max_outliers);
+  out = quadratic;
+  return found;
+}
+
 }  // namespace
+
+const char* toString(ForceProcedure procedure) {
+  return procedure == ForceProcedure::kAllRows     ? "all_rows"
+         : procedure == ForceProcedure::kForceRows ? "force_rows"
+                                                   : "thesis";
+}
 
 ForceSolution solveForce(const ObservationSet& set, const ForceSettings& settings) {
   checkAll(set);
-  const int rows = rowsOf(settings.procedure);
-  ForceSystem system = buildSystem(set, settings, rows);
+  const ForceSystem system = buildSystem(set, settings, rowsOf(settings.procedure));
   const Geometry geometry = geometryOf(system, set);
-  const int first_terms = settings.model == StrainModel::kQuadratic ? 27 : 6;
+  const int terms = settings.model == StrainModel::kQuadratic ? 27 : 6;
   ForceSolution out;
-  out.tests = system.dropped;
-  if (!judgeSystem(system, set, settings, first_terms, geometry, out)) {
-    // the noisy numbers that the thesis would have taken
-    if (settings.procedure == ForceProcedure::kThesis) {
-      plainLeastSquares(system, out.S_a, out.S_b);
-    }
-    Gate dropped{"dropped", Verdict::kPass, double(system.dropped.size()), 0, ""};
-    if (!system.dropped.empty()) {
-      dropped.verdict = Verdict::kWarn;
-      dropped.text = std::to_string(system.dropped.size()) +
-                     " tests dropped, the first because of " + system.dropped[0].dropped;
-    }
-    out.gates.push_back(dropped);
+  const bool solvable = judgeSystem(system, set, settings, terms, geometry, out);
+  // the noisy numbers that the thesis would have taken
+  if (settings.procedure == ForceProcedure::kThesis) out.S = plainLeastSquares(system);
+  if (!solvable) out.gates.push_back(droppedGate(system.dropped));
+  if (!solvable || settings.procedure == ForceProcedure::kThesis) {
     summarise(out);
     return out;
   }
-  if (settings.procedure == ForceProcedure::kThesis) {
-    plainLeastSquares(system, out.S_a, out.S_b);
-    summarise(out);
-    return out;
-  }
-
-  const ForceSystem whole = system;
-  ForceFit fit;
-  int terms = first_terms;
-  if (terms == 27) {
-    const std::string missing = missingForQuadratic(geometry, set);
-    Gate gate{"quadratic_data", Verdict::kPass, 0, 0, ""};
-    if (!missing.empty()) {
-      gate.verdict = Verdict::kRefuse;
-      gate.text = "too few data for the quadratic model: add " + missing;
-    }
-    out.gates.push_back(gate);
-    const ForceFit linear = fitOf(system, set, nullptr, 6, false);
-    fit = fitWithoutOutliers(system, set, &linear, terms, settings.max_outliers);
-  } else {
-    // a model that is wrong everywhere has no outliers
-    fit = fitOf(system, set, nullptr, 6, false);
-    const bool may_grow = settings.model == StrainModel::kAutomatic &&
-                          missingForQuadratic(geometry, set).empty() && rows == 6;
-    if (!(may_grow && fit.converged && fit.chi2 > kModelChi2 * fit.dof)) {
-      fit = fitWithoutOutliers(system, set, nullptr, 6, settings.max_outliers);
-    }
-    if (may_grow && fit.converged && fit.chi2 > kModelChi2 * fit.dof) {
-      ForceSolution quadratic;
-      system = whole;
-      quadratic.tests = system.dropped;
-      if (judgeSystem(system, set, settings, 27, geometry, quadratic)) {
-        const ForceFit linear = fit;
-        fit = fitWithoutOutliers(system, set, &linear, 27, settings.max_outliers);
-        terms = 27;
-        out = quadratic;
-      }
-    }
-  }
-  if (!fit.converged) {
-    out.gates.push_back({"convergence", Verdict::kRefuse, double(fit.iterations), 30,
+  const Fitted found = fitModel(system, set, settings, geometry, out);
+  if (!found.fit.converged) {
+    out.gates.push_back({"convergence", Verdict::kRefuse, double(found.fit.iterations), 30,
                          "the estimate does not converge: check units, poses and signs of the "
                          "tests"});
     summarise(out);
     return out;
   }
-  takeOver(system, fit, out);
+  takeOver(found.system, found.fit, out);
   judgePrediction(set, settings.rated, out);
-  holdOut(system, set, fit, terms, settings.hold_out, out);
+  holdOut(found.system, set, found.fit, settings.hold_out, out);
   judgeFit(geometry, set, settings.model, system.tests.size(), out);
   summarise(out);
   return out;
@@ -546,15 +538,10 @@ ForceSolution judgeDesign(const ObservationSet& set, const ForceSettings& settin
   const ForceSystem system = buildSystem(set, settings, rows);
   const Geometry geometry = geometryOf(system, set);
   ForceSolution out;
-  out.tests = system.dropped;
   if (judgeSystem(system, set, settings, terms, geometry, out)) {
-    Eigen::MatrixXd S_a = Eigen::MatrixXd::Zero(rows, terms), S_b = S_a;
-    S_a.leftCols(6) = set.a.nominal.topRows(rows);
-    S_b.leftCols(6) = set.b.nominal.topRows(rows);
-    const ForceFit fit = fitForce(noiseFree(system, set), S_a, S_b, terms, false, false);
+    out.S = nominalMatrices(set, rows, terms);
+    const ForceFit fit = covarianceAt(noiseFree(system, set), out.S);
     if (fit.converged) {
-      out.S_a = S_a;
-      out.S_b = S_b;
       out.covariance = fit.covariance;
       judgePrediction(set, settings.rated, out);
     }
@@ -563,7 +550,7 @@ ForceSolution judgeDesign(const ObservationSet& set, const ForceSettings& settin
   if (out.accepted) {
     out.message = "design is good: rank " + std::to_string(out.rank) + " of " +
                   std::to_string(out.unknowns) +
-                  format(", condition %.3g, %.0f degrees of freedom", out.condition, out.dof);
+                  format(", condition %.3g, %d degrees of freedom", out.condition, out.dof);
     const std::string warnings = gateTexts(out.gates, Verdict::kWarn);
     if (!warnings.empty()) out.message += "; warning: " + warnings;
   }
@@ -575,8 +562,8 @@ void applyForce(const ForceSolution& solution, const ObservationSet& set, Side s
   if (!solution.accepted || solution.rows != 6) {
     throw InputError("calibration: " + solution.message);
   }
-  const SensorDescription& sensor = side == Side::kA ? set.a : set.b;
-  const Eigen::MatrixXd& S = side == Side::kA ? solution.S_a : solution.S_b;
+  const SensorDescription& sensor = set.sensor[side];
+  const Eigen::MatrixXd& S = solution.S[side];
   const Eigen::Index half = 6 * solution.terms, first = side == Side::kA ? 0 : half;
   if (!sensor.serial_number.empty()) c.serial_number = sensor.serial_number;
   c.volts_to_wrench = S.leftCols<6>();
@@ -585,15 +572,15 @@ void applyForce(const ForceSolution& solution, const ObservationSet& set, Side s
   if (solution.quadratic) c.wrench_products = S.rightCols<kStrainProducts>();
   c.wrench_covariance = solution.covariance.block(first, first, half, half);
   c.wrench_fit = {solution.chi2, solution.dof, solution.p, solution.residual_rms,
-                  side == Side::kA ? solution.predicted_sd_a : solution.predicted_sd_b};
-  c.noise.setConstant(std::sqrt(sensor.noise * sensor.noise + sensor.lsb() * sensor.lsb() / 12.0));
+                  solution.predicted_sd[side]};
+  c.noise.setConstant(std::sqrt(sensor.variance(sensor.noise)));
   c.observations_digest = observationsDigest(set);
   c.wrench_range.setZero();
   double warmth = 0.0;
   int warm = 0;
   for (const Observation& o : set.observations) {
-    const auto& reading = side == Side::kA ? o.a : o.b;
-    if (!reading || !unusable(*reading, sensor).empty()) continue;
+    const auto& reading = o.reading[side];
+    if (!reading || unusable(*reading, sensor)) continue;
     if (o.kind == ObservationKind::kUnloaded) c.zero_volts = reading->volts;
     if (std::isfinite(reading->temperature)) {
       warmth += reading->temperature;
@@ -602,9 +589,8 @@ void applyForce(const ForceSolution& solution, const ObservationSet& set, Side s
   }
   if (warm > 0) c.temperature = warmth / warm;
   for (const TestResult& test : solution.tests) {
-    if (!test.dropped.empty()) continue;
-    const auto& reading = side == Side::kA ? set.observations[test.observation].a
-                                           : set.observations[test.observation].b;
+    if (test.dropped) continue;
+    const auto& reading = set.observations[test.observation].reading[side];
     if (!reading) continue;
     c.wrench_range = c.wrench_range.cwiseMax((reading->volts - c.zero_volts).cwiseAbs());
   }

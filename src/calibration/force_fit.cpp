@@ -37,49 +37,46 @@ Small slope(const Eigen::MatrixXd& S, const Vector6& strain) {
   return out;
 }
 
-// M += W ⊗ (x yᵀ) at blocks of x.size() × y.size()
-void addKronecker(Eigen::MatrixXd& M, Eigen::Index row, Eigen::Index col, const Small& W,
-                  const Eigen::VectorXd& x, const Eigen::VectorXd& y, Eigen::MatrixXd& outer) {
-  outer.noalias() = x * y.transpose();
+// M += W ⊗ outer
+void addKronecker(Eigen::Ref<Eigen::MatrixXd> M, const Small& W, const Eigen::MatrixXd& outer) {
   for (Eigen::Index j = 0; j < W.cols(); ++j) {
     for (Eigen::Index i = 0; i < W.rows(); ++i) {
       if (W(i, j) == 0.0) continue;
-      M.block(row + i * x.size(), col + j * y.size(), x.size(), y.size()) += W(i, j) * outer;
+      M.block(i * outer.rows(), j * outer.cols(), outer.rows(), outer.cols()) += W(i, j) * outer;
     }
   }
 }
 
 // what a test contributes at a state of the adjustment
 struct Linear {
-  Small D_a, D_b;  // d(residual)/d(strain)
-  Small C, W;      // covariance of the residual and its inverse
-  SmallVector y;   // known side, carried to the measured strains
+  PerSide<Small> D;  // d(residual)/d(strain)
+  Small C, W;        // covariance of the residual and its inverse
+  SmallVector y;     // known side, carried to the measured strains
 };
 
-Linear linearised(const ForceTest& test, const Eigen::MatrixXd& S_a, const Eigen::MatrixXd& S_b,
-                  const Vector6& a, const Vector6& b, int rows, int terms) {
+Linear linearised(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S,
+                  const PerSide<Vector6>& strain) {
+  const int rows = static_cast<int>(S.a.rows()), terms = static_cast<int>(S.a.cols());
   Linear out;
   out.C = test.reference;
   out.y = test.known;
-  if (test.a.present) {
-    out.D_a = test.a.K * slope(S_a, a);
-    out.C += out.D_a * test.a.covariance * out.D_a.transpose();
-    out.y -= out.D_a * (test.a.strain - a);
-  }
-  if (test.b.present) {
-    out.D_b = test.b.K * slope(S_b, b);
-    out.C += out.D_b * test.b.covariance * out.D_b.transpose();
-    out.y -= out.D_b * (test.b.strain - b);
+  for (const Side side : kSides) {
+    const Part& part = test.part[side];
+    if (!part.present) continue;
+    Small& D = out.D[side];
+    D = part.K * slope(S[side], strain[side]);
+    out.C += D * part.covariance * D.transpose();
+    out.y -= D * (part.strain - strain[side]);
   }
   if (test.kind == ObservationKind::kReacting && !test.pose_covariance.isZero(0.0)) {
     Vector6 w = Vector6::Zero();
-    w.head(rows) = S_b * strainTerms(b, terms);
+    w.head(rows) = S.b * strainTerms(strain.b, terms);
     const Small J = poseJacobian(test.X_AB, w, rows);
     out.C += J * test.pose_covariance * J.transpose();
   }
   if (test.kind == ObservationKind::kIndentation && test.point_variance > 0.0) {
-    const Eigen::MatrixXd& S = test.a.present ? S_a : S_b;
-    const Eigen::Vector3d F = (S * strainTerms(test.a.present ? a : b, terms)).head<3>();
+    const Side side = test.part.a.present ? Side::kA : Side::kB;
+    const Eigen::Vector3d F = (S[side] * strainTerms(strain[side], terms)).head<3>();
     out.C += test.point_variance * skew(F) * skew(F).transpose();
   }
   // perfect data: keep the weights finite
@@ -89,207 +86,248 @@ Linear linearised(const ForceTest& test, const Eigen::MatrixXd& S_a, const Eigen
   return out;
 }
 
-}  // namespace
+// Gauss–Helmert (docs/calibration.md, "How it is estimated"): linearise at the present matrices and
+// adjusted strains, solve for matrices and shared zeros, adjust the strains, until nothing moves.
+class Adjustment {
+ public:
+  Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S);
 
-Eigen::MatrixXd whitenedRows(const ForceTest& test, const Eigen::MatrixXd& S_a,
-                             const Eigen::MatrixXd& S_b, int rows, int terms) {
-  const Linear p = linearised(test, S_a, S_b, test.a.strain, test.b.strain, rows, terms);
-  Eigen::MatrixXd A(test.equations, 2 * rows * terms);
-  designRows(test, rows, terms, test.a.strain, test.b.strain, A);
-  return p.C.llt().matrixL().solve(A);
+  void iterate();
+  void stopAtTheStart();
+  void judgeResiduals(bool normalise);
+
+  ForceFit fit;
+
+ private:
+  // one sensor's part of a linearised test
+  struct Block {
+    const Part* part;
+    const Small* D;
+    Eigen::Index first;
+    Eigen::VectorXd x;
+  };
+
+  PerSide<Vector6> measured(const ForceTest& test) const {
+    return {test.part.a.strain, test.part.b.strain};
+  }
+  void linearise();
+  void accumulate(const std::vector<Block>& blocks, const Linear& p);
+  void eliminateZeros();
+  bool factorise();
+  double adjustStrains();
+  void finish();
+
+  const ForceSystem& system_;
+  int rows_, terms_;
+  Eigen::Index half_, unknowns_, zeros_;
+  std::vector<PerSide<Vector6>> strain_;  // adjusted
+  std::vector<Linear> parts_;
+  Eigen::VectorXd zeta_, u_;  // shared zeros; in standard deviations of their prior
+  Eigen::MatrixXd prior_;     // root of their prior covariance
+  Eigen::MatrixXd N_, N_z_, H_;
+  Eigen::VectorXd rhs_, rhs_z_, scale_;
+  Eigen::LLT<Eigen::MatrixXd> factor_, zero_factor_;
+};
+
+Adjustment::Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S)
+    : system_(system),
+      rows_(system.rows),
+      terms_(static_cast<int>(S.a.cols())),
+      half_(rows_ * terms_),
+      unknowns_(2 * half_),
+      zeros_(6 * static_cast<Eigen::Index>(system.zero_covariance.size())),
+      parts_(system.tests.size()),
+      zeta_(Eigen::VectorXd::Zero(zeros_)),
+      u_(zeta_),
+      prior_(Eigen::MatrixXd::Zero(zeros_, zeros_)),
+      N_(unknowns_, unknowns_),
+      N_z_(unknowns_, zeros_),
+      H_(zeros_, zeros_),
+      rhs_(unknowns_),
+      rhs_z_(zeros_) {
+  fit.S = S;
+  fit.equations = equationsOf(system);
+  fit.dof = fit.equations - static_cast<int>(unknowns_);
+  fit.residual.resize(system.tests.size());
+  fit.test_chi2.assign(system.tests.size(), 0.0);
+  fit.normalised = fit.test_chi2;
+  for (const ForceTest& test : system.tests) strain_.push_back(measured(test));
+  // a perfect zero keeps a tiny covariance
+  for (std::size_t z = 0; z < system.zero_covariance.size(); ++z) {
+    const Matrix6 covariance = system.zero_covariance[z] + 1e-24 * Matrix6::Identity();
+    prior_.block<6, 6>(6 * z, 6 * z) = covariance.llt().matrixL();
+  }
 }
 
-ForceFit fitForce(const ForceSystem& system, const Eigen::MatrixXd& S_a, const Eigen::MatrixXd& S_b,
-                  int terms, bool iterate, bool normalise) {
-  const int rows = system.rows;
-  const Eigen::Index half = rows * terms, unknowns = 2 * half;
-  const auto zeros = static_cast<Eigen::Index>(6 * system.zero_covariance.size());
-  const std::size_t n = system.tests.size();
-  ForceFit fit;
-  fit.S_a = S_a;
-  fit.S_b = S_b;
-  fit.residual.resize(n);
-  fit.test_chi2.assign(n, 0.0);
-  fit.normalised.assign(n, 0.0);
-  for (const ForceTest& test : system.tests) fit.equations += test.used ? test.equations : 0;
-  fit.dof = fit.equations - static_cast<int>(unknowns);
-
-  // state of the adjustment
-  std::vector<Vector6> a(n), b(n);
-  for (std::size_t k = 0; k < n; ++k) {
-    a[k] = system.tests[k].a.strain;
-    b[k] = system.tests[k].b.strain;
-  }
-  Eigen::VectorXd zeta = Eigen::VectorXd::Zero(zeros);
-  // root of their prior covariance; a perfect zero keeps a tiny one
-  Eigen::MatrixXd prior = Eigen::MatrixXd::Zero(zeros, zeros);
-  for (std::size_t z = 0; z < system.zero_covariance.size(); ++z) {
-    const auto at = static_cast<Eigen::Index>(6 * z);
-    const Matrix6 covariance = system.zero_covariance[z] + 1e-24 * Matrix6::Identity();
-    prior.block<6, 6>(at, at) = covariance.llt().matrixL();
-  }
-
-  const auto linearise = [&](std::size_t k) {
-    return linearised(system.tests[k], fit.S_a, fit.S_b, a[k], b[k], rows, terms);
-  };
-  const auto zeroPart = [&](const Part& part) {
-    Vector6 out = Vector6::Zero();
-    for (const ZeroPart& zero : part.zeros) {
-      if (zero.index >= 0) out += zero.weight * zeta.segment<6>(6 * zero.index);
+// normal equations of all tests in use
+void Adjustment::linearise() {
+  N_.setZero();
+  N_z_.setZero();
+  H_.setZero();
+  rhs_.setZero();
+  rhs_z_.setZero();
+  for (std::size_t k = 0; k < system_.tests.size(); ++k) {
+    const ForceTest& test = system_.tests[k];
+    parts_[k] = linearised(test, fit.S, strain_[k]);
+    if (!test.used) continue;
+    std::vector<Block> blocks;
+    for (const Side side : kSides) {
+      if (!test.part[side].present) continue;
+      blocks.push_back({&test.part[side], &parts_[k].D[side], side == Side::kA ? 0 : half_,
+                        strainTerms(strain_[k][side], terms_)});
     }
-    return out;
-  };
+    accumulate(blocks, parts_[k]);
+  }
+  N_.triangularView<Eigen::StrictlyUpper>() = N_.transpose();
+}
 
-  Eigen::MatrixXd N(unknowns, unknowns), N_z(unknowns, zeros), H(zeros, zeros), outer;
-  Eigen::VectorXd rhs(unknowns), rhs_z(zeros), u = Eigen::VectorXd::Zero(zeros);
-  std::vector<Linear> parts(n);
-  Eigen::LLT<Eigen::MatrixXd> factor;
-  Eigen::VectorXd scale;
-  for (int iteration = 1; iteration <= (iterate ? kIterations : 1); ++iteration) {
-    N.setZero();
-    N_z.setZero();
-    H.setZero();
-    rhs.setZero();
-    rhs_z.setZero();
-    for (std::size_t k = 0; k < n; ++k) {
-      parts[k] = linearise(k);
-      const ForceTest& test = system.tests[k];
-      if (!test.used) continue;
-      const Linear& p = parts[k];
-      struct Block {
-        const Part* part;
-        const Small* D;
-        Eigen::Index first;
-        Eigen::VectorXd x;
-      };
-      std::array<Block, 2> blocks;
-      std::size_t count = 0;
-      if (test.a.present) blocks[count++] = {&test.a, &p.D_a, 0, strainTerms(a[k], terms)};
-      if (test.b.present) blocks[count++] = {&test.b, &p.D_b, half, strainTerms(b[k], terms)};
-      for (std::size_t i = 0; i < count; ++i) {
-        const Small KW = blocks[i].part->K.transpose() * p.W;
-        for (std::size_t j = 0; j <= i; ++j) {
-          addKronecker(N, blocks[i].first, blocks[j].first, KW * blocks[j].part->K, blocks[i].x,
-                       blocks[j].x, outer);
+// residual: Aθ − y − Dζ
+void Adjustment::accumulate(const std::vector<Block>& blocks, const Linear& p) {
+  const auto forZeros = [](const Block& block, const auto& work) {
+    for (const ZeroPart& zero : block.part->zeros) {
+      if (zero.index >= 0) work(zero);
+    }
+  };
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const Block& row = blocks[i];
+    const Small KW = row.part->K.transpose() * p.W;
+    for (std::size_t j = 0; j <= i; ++j) {
+      addKronecker(N_.block(row.first, blocks[j].first, half_, half_), KW * blocks[j].part->K,
+                   row.x * blocks[j].x.transpose());
+    }
+    const SmallVector Ky = KW * p.y;
+    for (int r = 0; r < rows_; ++r) {
+      rhs_.segment(row.first + r * terms_, terms_) += Ky[r] * row.x;
+    }
+    for (const Block& column : blocks) {
+      const Small KWD = KW * *column.D;
+      forZeros(column, [&](const ZeroPart& zero) {
+        for (int r = 0; r < rows_; ++r) {
+          N_z_.block(row.first + r * terms_, 6 * zero.index, terms_, 6) -=
+              zero.weight * row.x * KWD.row(r);
         }
-        const SmallVector Ky = KW * p.y;
-        for (int r = 0; r < rows; ++r) {
-          rhs.segment(blocks[i].first + r * terms, terms) += Ky[r] * blocks[i].x;
-        }
-        // shared zeros: residual is Aθ − y − Dζ
-        for (std::size_t j = 0; j < count; ++j) {
-          const Small KWD = KW * *blocks[j].D;
-          for (const ZeroPart& zero : blocks[j].part->zeros) {
-            if (zero.index < 0) continue;
-            for (int r = 0; r < rows; ++r) {
-              N_z.block(blocks[i].first + r * terms, 6 * zero.index, terms, 6) -=
-                  zero.weight * blocks[i].x * KWD.row(r);
-            }
-          }
-        }
-        const Small DW = blocks[i].D->transpose() * p.W;
-        const SmallVector DWy = DW * p.y;
-        for (const ZeroPart& zi : blocks[i].part->zeros) {
-          if (zi.index < 0) continue;
-          rhs_z.segment<6>(6 * zi.index) -= zi.weight * DWy;
-          for (std::size_t j = 0; j < count; ++j) {
-            const Small DWD = DW * *blocks[j].D;
-            for (const ZeroPart& zj : blocks[j].part->zeros) {
-              if (zj.index < 0) continue;
-              H.block<6, 6>(6 * zi.index, 6 * zj.index) += zi.weight * zj.weight * DWD;
-            }
-          }
-        }
+      });
+    }
+    const Small DW = row.D->transpose() * p.W;
+    const SmallVector DWy = DW * p.y;
+    forZeros(row, [&](const ZeroPart& zi) {
+      rhs_z_.segment<6>(6 * zi.index) -= zi.weight * DWy;
+      for (const Block& column : blocks) {
+        const Small DWD = DW * *column.D;
+        forZeros(column, [&](const ZeroPart& zj) {
+          H_.block<6, 6>(6 * zi.index, 6 * zj.index) += zi.weight * zj.weight * DWD;
+        });
       }
-    }
-    N.triangularView<Eigen::StrictlyUpper>() = N.transpose();
+    });
+  }
+}
 
-    // zeros eliminated: with P = LLᵀ, (H + P⁻¹)⁻¹ = L (I + LᵀHL)⁻¹ Lᵀ
-    Eigen::LLT<Eigen::MatrixXd> zero_factor;
-    if (zeros > 0) {
-      const Eigen::MatrixXd HL = H * prior;
-      Eigen::MatrixXd inner = prior.transpose() * HL;
-      inner.diagonal().array() += 1.0;
-      zero_factor.compute(inner);
-      const Eigen::MatrixXd NL = N_z * prior;
-      const Eigen::MatrixXd half_step = zero_factor.matrixL().solve(NL.transpose());
-      const Eigen::VectorXd projected = prior.transpose() * rhs_z;
-      N.noalias() -= half_step.transpose() * half_step;
-      rhs.noalias() -= NL * zero_factor.solve(projected);
+// with P = LLᵀ the zeros' prior, (H + P⁻¹)⁻¹ = L (I + LᵀHL)⁻¹ Lᵀ
+void Adjustment::eliminateZeros() {
+  if (zeros_ == 0) return;
+  const Eigen::MatrixXd HL = H_ * prior_;
+  Eigen::MatrixXd inner = prior_.transpose() * HL;
+  inner.diagonal().array() += 1.0;
+  zero_factor_.compute(inner);
+  const Eigen::MatrixXd NL = N_z_ * prior_;
+  const Eigen::MatrixXd half_step = zero_factor_.matrixL().solve(NL.transpose());
+  const Eigen::VectorXd projected = prior_.transpose() * rhs_z_;
+  N_.noalias() -= half_step.transpose() * half_step;
+  rhs_.noalias() -= NL * zero_factor_.solve(projected);
+}
+
+bool Adjustment::factorise() {
+  scale_ = N_.diagonal().cwiseMax(0.0).cwiseSqrt();
+  for (double& s : scale_) s = s > 0.0 ? 1.0 / s : 1.0;
+  factor_.compute(scale_.asDiagonal() * N_ * scale_.asDiagonal());
+  return factor_.info() == Eigen::Success;
+}
+
+// residuals of all tests and the strains that belong to them; the largest change of a strain [V]
+double Adjustment::adjustStrains() {
+  double moved = 0.0;
+  for (std::size_t k = 0; k < system_.tests.size(); ++k) {
+    const ForceTest& test = system_.tests[k];
+    const Linear& p = parts_[k];
+    SmallVector r = -p.y;
+    PerSide<Vector6> zero = {Vector6::Zero(), Vector6::Zero()};
+    for (const Side side : kSides) {
+      const Part& part = test.part[side];
+      if (!part.present) continue;
+      for (const ZeroPart& z : part.zeros) {
+        if (z.index >= 0) zero[side] += z.weight * zeta_.segment<6>(6 * z.index);
+      }
+      r += part.K * (fit.S[side] * strainTerms(strain_[k][side], terms_)) - p.D[side] * zero[side];
     }
-    scale = N.diagonal().cwiseMax(0.0).cwiseSqrt();
-    for (double& s : scale) s = s > 0.0 ? 1.0 / s : 1.0;
-    fit.information = N;
-    factor.compute(scale.asDiagonal() * N * scale.asDiagonal());
-    if (factor.info() != Eigen::Success) return fit;
+    fit.residual[k] = r;
+    const SmallVector Wr = p.W * r;
+    fit.test_chi2[k] = r.dot(Wr);
+    for (const Side side : kSides) {
+      const Part& part = test.part[side];
+      if (!part.present) continue;
+      const Vector6 next =
+          part.strain - zero[side] - part.covariance * (p.D[side].transpose() * Wr);
+      moved = std::max(moved, (next - strain_[k][side]).cwiseAbs().maxCoeff());
+      strain_[k][side] = next;
+    }
+  }
+  return moved;
+}
+
+void Adjustment::iterate() {
+  for (int iteration = 1; iteration <= kIterations && !fit.converged; ++iteration) {
+    linearise();
+    eliminateZeros();
+    if (!factorise()) return;
     fit.iterations = iteration;
-    if (!iterate) {
-      fit.converged = true;
-      break;
+    const Eigen::VectorXd theta = scale_.cwiseProduct(factor_.solve(scale_.cwiseProduct(rhs_)));
+    if (!theta.allFinite()) return;
+    const PerSide<Eigen::MatrixXd> old = fit.S;
+    fit.S = matricesOf(theta, rows_, terms_);
+    if (zeros_ > 0) {
+      const Eigen::VectorXd pull = rhs_z_ - N_z_.transpose() * theta;
+      const Eigen::VectorXd projected = prior_.transpose() * pull;
+      u_ = zero_factor_.solve(projected);
+      zeta_ = prior_ * u_;
     }
-    const Eigen::VectorXd theta = scale.cwiseProduct(factor.solve(scale.cwiseProduct(rhs)));
-    if (!theta.allFinite()) return fit;
-
-    // parameters, zeros, adjusted strains
-    const Eigen::MatrixXd old_a = fit.S_a, old_b = fit.S_b;
-    for (int r = 0; r < rows; ++r) {
-      fit.S_a.row(r) = theta.segment(r * terms, terms).transpose();
-      fit.S_b.row(r) = theta.segment(half + r * terms, terms).transpose();
-    }
-    if (zeros > 0) {
-      const Eigen::VectorXd pull = rhs_z - N_z.transpose() * theta;
-      const Eigen::VectorXd projected = prior.transpose() * pull;
-      u = zero_factor.solve(projected);  // ζ in standard deviations of its prior
-      zeta = prior * u;
-    }
-    double moved = 0.0;
-    for (std::size_t k = 0; k < n; ++k) {
-      const ForceTest& test = system.tests[k];
-      const Linear& p = parts[k];
-      SmallVector r = -p.y;
-      const Vector6 za = zeroPart(test.a), zb = zeroPart(test.b);
-      if (test.a.present) {
-        r += test.a.K * (fit.S_a * strainTerms(a[k], terms)) - p.D_a * za;
-      }
-      if (test.b.present) {
-        r += test.b.K * (fit.S_b * strainTerms(b[k], terms)) - p.D_b * zb;
-      }
-      fit.residual[k] = r;
-      const SmallVector Wr = p.W * r;
-      fit.test_chi2[k] = r.dot(Wr);
-      const auto adjust = [&](const Part& part, const Small& D, const Vector6& zero, Vector6& v) {
-        if (!part.present) return;
-        const Vector6 next = part.strain - zero - part.covariance * (D.transpose() * Wr);
-        moved = std::max(moved, (next - v).cwiseAbs().maxCoeff());
-        v = next;
-      };
-      adjust(test.a, p.D_a, za, a[k]);
-      adjust(test.b, p.D_b, zb, b[k]);
-    }
-    const double change = std::max((fit.S_a - old_a).norm() / fit.S_a.norm(),
-                                   (fit.S_b - old_b).norm() / fit.S_b.norm());
-    if (change < kConverged && moved < 1e-9) {
-      fit.converged = true;
-      break;
-    }
+    const double moved = adjustStrains();
+    const double change = std::max((fit.S.a - old.a).norm() / fit.S.a.norm(),
+                                   (fit.S.b - old.b).norm() / fit.S.b.norm());
+    fit.converged = change < kConverged && moved < 1e-9;
   }
+  finish();
+}
 
-  fit.covariance = scale.asDiagonal() *
-                   factor.solve(Eigen::MatrixXd::Identity(unknowns, unknowns)) * scale.asDiagonal();
+void Adjustment::stopAtTheStart() {
+  linearise();
+  eliminateZeros();
+  if (!factorise()) return;
+  fit.iterations = 1;
+  fit.converged = true;
+  finish();
+}
+
+void Adjustment::finish() {
+  fit.covariance = scale_.asDiagonal() *
+                   factor_.solve(Eigen::MatrixXd::Identity(unknowns_, unknowns_)) *
+                   scale_.asDiagonal();
   fit.covariance = (0.5 * (fit.covariance + fit.covariance.transpose())).eval();
-  if (!iterate) return fit;
-  fit.chi2 = u.squaredNorm();
-  for (std::size_t k = 0; k < n; ++k) {
-    const ForceTest& test = system.tests[k];
+}
+
+void Adjustment::judgeResiduals(bool normalise) {
+  if (fit.covariance.size() == 0) return;
+  fit.chi2 = u_.squaredNorm();
+  for (std::size_t k = 0; k < system_.tests.size(); ++k) {
+    const ForceTest& test = system_.tests[k];
     if (test.used) fit.chi2 += fit.test_chi2[k];
     fit.normalised[k] = std::sqrt(fit.test_chi2[k] / test.equations);
     if (!normalise) continue;
     // a used test has pulled the result towards itself, an unused one adds the result's error
-    Eigen::MatrixXd A(test.equations, unknowns);
-    designRows(test, rows, terms, a[k], b[k], A);
+    Eigen::MatrixXd A(test.equations, unknowns_);
+    designRows(test, rows_, terms_, strain_[k], A);
     const Small APA = A * fit.covariance * A.transpose();
     // C ∓ APAᵀ is that of this residual; the floor keeps what nothing else checks from counting
-    Eigen::MatrixXd Q = parts[k].C * (1.0 + kLeastRedundancy);
+    Eigen::MatrixXd Q = parts_[k].C * (1.0 + kLeastRedundancy);
     if (test.used) {
       Q -= APA;
     } else {
@@ -301,7 +339,30 @@ ForceFit fitForce(const ForceSystem& system, const Eigen::MatrixXd& S_a, const E
                            : fit.test_chi2[k];
     fit.normalised[k] = std::sqrt(sum / test.equations);
   }
-  return fit;
+}
+
+}  // namespace
+
+Eigen::MatrixXd whitenedRows(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S) {
+  const int rows = static_cast<int>(S.a.rows()), terms = static_cast<int>(S.a.cols());
+  const PerSide<Vector6> strain = {test.part.a.strain, test.part.b.strain};
+  const Linear p = linearised(test, S, strain);
+  Eigen::MatrixXd A(test.equations, 2 * rows * terms);
+  designRows(test, rows, terms, strain, A);
+  return p.C.llt().matrixL().solve(A);
+}
+
+ForceFit fitForce(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S, bool normalise) {
+  Adjustment adjustment(system, S);
+  adjustment.iterate();
+  adjustment.judgeResiduals(normalise);
+  return adjustment.fit;
+}
+
+ForceFit covarianceAt(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S) {
+  Adjustment adjustment(system, S);
+  adjustment.stopAtTheStart();
+  return adjustment.fit;
 }
 
 }  // namespace assembly_cell

@@ -17,26 +17,15 @@ constexpr double kRank = 1e-8;         // of the column-scaled design
 constexpr double kSurelyFull = 1e-10;  // of eigenvalues: far above rounding
 constexpr int kLoads = 200;            // over which a predicted sd is taken
 
-const Matrix6& nominalOf(const ObservationSet& set, Side side) {
-  return side == Side::kA ? set.a.nominal : set.b.nominal;
-}
-
 }  // namespace
 
 DesignRank rankOf(const ForceSystem& system, int terms) {
   DesignRank out;
   out.unknowns = 2 * system.rows * terms;
-  for (const ForceTest& test : system.tests) out.equations += test.used ? test.equations : 0;
+  out.equations = equationsOf(system);
   out.weakest = Eigen::VectorXd::Zero(out.unknowns);
   if (out.equations == 0) return out;
-  Eigen::MatrixXd A(out.equations, out.unknowns);
-  Eigen::Index row = 0;
-  for (const ForceTest& test : system.tests) {
-    if (!test.used) continue;
-    designRows(test, system.rows, terms, test.a.strain, test.b.strain,
-               A.middleRows(row, test.equations));
-    row += test.equations;
-  }
+  Eigen::MatrixXd A = designOf(system, terms);
   Eigen::VectorXd scale = A.colwise().norm().transpose();
   for (double& s : scale) s = s > 0.0 ? 1.0 / s : 0.0;
   A = A * scale.asDiagonal();
@@ -77,29 +66,17 @@ DesignRank rankOf(const ForceSystem& system, int terms) {
   return out;
 }
 
-bool plainLeastSquares(const ForceSystem& system, Eigen::MatrixXd& S_a, Eigen::MatrixXd& S_b) {
+PerSide<Eigen::MatrixXd> plainLeastSquares(const ForceSystem& system) {
   constexpr int kTerms = 6;
-  const int rows = system.rows;
-  Eigen::Index equations = 0;
-  for (const ForceTest& test : system.tests) equations += test.used ? test.equations : 0;
-  if (equations == 0) return false;
-  const Eigen::Index unknowns = 2 * rows * kTerms;
-  Eigen::MatrixXd A(equations, unknowns);
-  Eigen::VectorXd y(equations);
+  if (equationsOf(system) == 0) return {};
+  Eigen::VectorXd y(equationsOf(system));
   Eigen::Index row = 0;
   for (const ForceTest& test : system.tests) {
     if (!test.used) continue;
-    designRows(test, rows, kTerms, test.a.strain, test.b.strain, A.middleRows(row, test.equations));
     y.segment(row, test.equations) = test.known;
     row += test.equations;
   }
-  const Eigen::VectorXd theta = A.colPivHouseholderQr().solve(y);
-  S_a = S_b = Eigen::MatrixXd::Zero(rows, kTerms);
-  for (int r = 0; r < rows; ++r) {
-    S_a.row(r) = theta.segment(r * kTerms, kTerms).transpose();
-    S_b.row(r) = theta.segment((rows + r) * kTerms, kTerms).transpose();
-  }
-  return theta.allFinite();
+  return matricesOf(designOf(system, kTerms).colPivHouseholderQr().solve(y), system.rows, kTerms);
 }
 
 std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& set, int rows,
@@ -116,37 +93,31 @@ std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& s
   };
   std::vector<Entry> found;
   double quadratic = 0.0, linear = 0.0;
-  Eigen::MatrixXd L_both[2];
-  for (int side = 0; side < 2; ++side) {
-    Eigen::MatrixXd dS(rows, terms);
+  const PerSide<Eigen::MatrixXd> dS = matricesOf(weakest, rows, terms);
+  PerSide<Eigen::MatrixXd> errors;
+  for (const Side side : kSides) {
+    Eigen::MatrixXd& L = errors[side];
+    L = dS[side].leftCols(6) * Matrix6(set.sensor[side].nominal.inverse()) * full.asDiagonal();
     for (int r = 0; r < rows; ++r) {
-      dS.row(r) = weakest.segment((side * rows + r) * terms, terms).transpose();
-    }
-    const Matrix6 C = nominalOf(set, side == 0 ? Side::kA : Side::kB).inverse();
-    Eigen::MatrixXd L = dS.leftCols(6) * C * full.asDiagonal();
-    for (int r = 0; r < rows; ++r) L.row(r) /= full[r];
-    L_both[side] = L;
-    linear = std::max(linear, L.cwiseAbs().maxCoeff());
-    if (terms == 27) {
+      L.row(r) /= full[r];
       // products of strains at about 2 V
-      for (int r = 0; r < rows; ++r) {
-        quadratic = std::max(quadratic, 4.0 * dS.row(r).tail(21).cwiseAbs().maxCoeff() / full[r]);
-      }
-    }
-    for (int r = 0; r < rows; ++r) {
+      const double product =
+          terms == 27 ? 4.0 * dS[side].row(r).tail(21).cwiseAbs().maxCoeff() / full[r] : 0.0;
+      quadratic = std::max(quadratic, product);
       for (int c = 0; c < 6; ++c) {
-        found.push_back({std::abs(L(r, c)), std::string(kAxes[static_cast<std::size_t>(r)]) +
-                                                " of " + (side == 0 ? "A" : "B") + " under " +
-                                                kAxes[static_cast<std::size_t>(c)]});
+        found.push_back({std::abs(L(r, c)), std::string(kAxes[r]) + " of " +
+                                                (side == Side::kA ? "A" : "B") + " under " +
+                                                kAxes[c]});
       }
     }
+    linear = std::max(linear, L.cwiseAbs().maxCoeff());
   }
   if (quadratic > 3.0 * linear) return "products of strains";
   // one common factor of everything
-  const double p = L_both[0](0, 0);
+  const double p = errors.a(0, 0);
   const Eigen::MatrixXd scaled = p * Eigen::MatrixXd::Identity(rows, 6);
-  if (std::abs(p) > 0.0 && (L_both[0] - scaled).norm() < 0.2 * scaled.norm() &&
-      (L_both[1] - scaled).norm() < 0.2 * scaled.norm()) {
+  if (std::abs(p) > 0.0 && (errors.a - scaled).norm() < 0.2 * scaled.norm() &&
+      (errors.b - scaled).norm() < 0.2 * scaled.norm()) {
     return "common scale of both sensors";
   }
   std::sort(found.begin(), found.end(),
@@ -159,7 +130,8 @@ std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& s
 }
 
 Vector6 predictedSd(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& S,
-                    const Matrix6& nominal, int rows, int terms, const RatedLoad& rated) {
+                    const Matrix6& nominal, const RatedLoad& rated) {
+  const auto rows = S.rows(), terms = S.cols();
   Matrix6 C = nominal.inverse();
   if (rows == 6) {
     const Matrix6 own = Matrix6(S.leftCols(6)).inverse();
@@ -171,7 +143,7 @@ Vector6 predictedSd(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& S,
   for (int i = 0; i < kLoads; ++i) {
     Vector6 w;
     for (int k = 0; k < 6; ++k) w[k] = (k < 3 ? rated.force : rated.torque) * uniform();
-    const Eigen::VectorXd x = strainTerms(C * w, terms);
+    const Eigen::VectorXd x = strainTerms(C * w, static_cast<int>(terms));
     for (int r = 0; r < rows; ++r) {
       sum[r] += x.dot(covariance.block(r * terms, r * terms, terms, terms) * x);
     }

@@ -4,17 +4,13 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "assembly_cell/sensor/bridge.h"
+#include "format.h"
 
 namespace assembly_cell {
 
 namespace {
-
-const Matrix6& nominalOf(const ObservationSet& set, Side side) {
-  return side == Side::kA ? set.a.nominal : set.b.nominal;
-}
 
 constexpr std::size_t kSharedZeros = 24;  // beyond that their correlation is left out
 
@@ -35,12 +31,12 @@ struct Zeros {
 };
 
 Zeros zerosOf(const ObservationSet& set, Side side) {
-  const SensorDescription& sensor = side == Side::kA ? set.a : set.b;
+  const SensorDescription& sensor = set.sensor[side];
   Zeros zeros;
   for (std::size_t i = 0; i < set.observations.size(); ++i) {
     const Observation& o = set.observations[i];
-    const auto& reading = side == Side::kA ? o.a : o.b;
-    if (o.kind != ObservationKind::kUnloaded || !reading || !unusable(*reading, sensor).empty()) {
+    const auto& reading = o.reading[side];
+    if (o.kind != ObservationKind::kUnloaded || !reading || unusable(*reading, sensor)) {
       continue;
     }
     zeros.list.push_back({o.stamp, i, reading->volts, reading->covariance});
@@ -63,15 +59,17 @@ Zeros zerosOf(const ObservationSet& set, Side side) {
   return zeros;
 }
 
-// strain of a reading: zero of its time, drift judged; returns why not
-std::string strainOf(const Observation& o, std::size_t order, Side side, const ObservationSet& set,
-                     const Zeros& zeros, Part& part) {
-  const SensorDescription& sensor = side == Side::kA ? set.a : set.b;
-  const Reading& reading = side == Side::kA ? *o.a : *o.b;
+// strain of a test's reading: zero of its time, drift judged
+CalibrationRefusal strainOf(const ObservationSet& set, std::size_t order, Side side,
+                            const Zeros& zeros, Part& part) {
+  const SensorDescription& sensor = set.sensor[side];
+  const Observation& o = set.observations[order];
+  const Reading& reading = *o.reading[side];
   const std::string name = std::string("sensor ") + toString(side) + ": ";
-  const std::string why = unusable(reading, sensor);
-  if (!why.empty()) return name + why;
-  if (zeros.list.empty()) return name + "no unloaded reading: add one before the test";
+  if (const CalibrationRefusal why = unusable(reading, sensor)) return {why.code, name + why.text};
+  if (zeros.list.empty()) {
+    return {CalibrationFailure::kNoZero, name + "no unloaded reading: add one before the test"};
+  }
   std::size_t after = 0;
   while (after < zeros.list.size() && zeros.list[after].order < order) ++after;
   const std::size_t before = after > 0 ? after - 1 : 0;
@@ -80,14 +78,12 @@ std::string strainOf(const Observation& o, std::size_t order, Side side, const O
   double weight = 0.0;
   if (after != before) {
     // drift between the unloaded readings around the test
-    const double one = std::sqrt(sensor.noise * sensor.noise + sensor.lsb() * sensor.lsb() / 12.0);
-    const double limit = std::max(3.0 * one, sensor.lsb());
+    const double limit = std::max(3.0 * std::sqrt(sensor.variance(sensor.noise)), sensor.lsb());
     const double drift = (z1.volts - z0.volts).cwiseAbs().maxCoeff();
     if (drift > limit) {
-      char text[120];
-      std::snprintf(text, sizeof text, "zero drifted by %.3g V (limit %.3g V): tare more often",
-                    drift, limit);
-      return name + text;
+      return {
+          CalibrationFailure::kZeroDrifted,
+          name + format("zero drifted by %.3g V (limit %.3g V): tare more often", drift, limit)};
     }
     if (z1.stamp > z0.stamp) {
       weight = std::clamp((o.stamp - z0.stamp) / (z1.stamp - z0.stamp), 0.0, 1.0);
@@ -103,7 +99,7 @@ std::string strainOf(const Observation& o, std::size_t order, Side side, const O
     part.covariance +=
         (1.0 - weight) * (1.0 - weight) * z0.covariance + weight * weight * z1.covariance;
   }
-  return "";
+  return {};
 }
 
 // loaded position of a point that moves with the carrier
@@ -114,23 +110,105 @@ Eigen::Vector3d loadedPoint(const Eigen::Vector3d& point, const Calibration& c,
   return corner + d.head<3>() + rotationFromVector({d.tail<3>()}) * (point - corner);
 }
 
+// what the test compares with: the other sensor, a weight, or no moment about a point
+void compareWithOther(const Observation& o, const ReferenceAccuracy* accuracy, int rows,
+                      ForceTest& test) {
+  test.X_AB = o.X_AB;
+  test.part.a.K = Small::Identity(rows, rows);
+  test.part.b.K = rows == 6 ? Small(wrenchTransform(o.X_AB)) : Small(o.X_AB.R);
+  if (accuracy == nullptr) return;
+  if (o.X_covariance) {
+    test.pose_covariance = *o.X_covariance;
+  } else {
+    test.pose_covariance.diagonal()
+        << Eigen::Vector3d::Constant(accuracy->position * accuracy->position),
+        Eigen::Vector3d::Constant(accuracy->rotation * accuracy->rotation);
+  }
+}
+
+void compareWithWeight(const Observation& o, double gravity, const ReferenceAccuracy* accuracy,
+                       int rows, ForceTest& test) {
+  test.part[o.side].K = Small::Identity(rows, rows);
+  Vector6 w;
+  const Eigen::Vector3d F = o.mass * gravity * o.direction;
+  w << F, test.point.cross(F);
+  test.known = w.head(rows);
+  if (accuracy == nullptr) return;
+  // (turn of the direction, relative mass, point)
+  Eigen::Matrix<double, 6, 7> J = Eigen::Matrix<double, 6, 7>::Zero();
+  J.topLeftCorner<3, 3>() = -skew(F);
+  J.block<3, 1>(0, 3) = F;
+  J.bottomLeftCorner<3, 4>() = skew(test.point) * J.topLeftCorner<3, 4>();
+  J.bottomRightCorner<3, 3>() = -skew(F);
+  Eigen::Matrix<double, 7, 1> variance;
+  variance << Eigen::Vector3d::Constant(accuracy->direction * accuracy->direction),
+      accuracy->mass * accuracy->mass, Eigen::Vector3d::Constant(test.point_variance);
+  const Matrix6 C = J * variance.asDiagonal() * J.transpose();
+  test.reference = C.topLeftCorner(rows, rows);
+}
+
+void compareMoments(const Observation& o, ForceTest& test) {
+  Small& K = test.part[o.side].K;
+  K = Small::Zero(3, 6);
+  K.leftCols(3) = -skew(test.point);
+  K.rightCols(3).setIdentity();
+}
+
+// strains of all sensors that the observation concerns, and its point under load
+CalibrationRefusal readTest(const ObservationSet& set, const ForceSettings& settings,
+                            const PerSide<Zeros>& zeros, ForceTest& test) {
+  const Observation& o = set.observations[test.observation];
+  for (const Side side : kSides) {
+    if (!o.concerns(side)) continue;
+    if (auto why = strainOf(set, test.observation, side, zeros[side], test.part[side])) return why;
+  }
+  test.point = o.point;
+  if (!isOneSided(o.kind) || !o.point_at_rest) return {};
+  if (settings.displacement[o.side] == nullptr) {
+    return {CalibrationFailure::kNoDisplacement,
+            std::string("sensor ") + toString(o.side) +
+                ": the point is that at rest but no displacement calibration is given: identify "
+                "the displacement first"};
+  }
+  test.point = loadedPoint(o.point, *settings.displacement[o.side], test.part[o.side].strain,
+                           Bridge{}.reference_point);
+  return {};
+}
+
 }  // namespace
 
-// rows of the design matrix of one test
-void designRows(const ForceTest& test, int rows, int terms, const Vector6& a, const Vector6& b,
+void designRows(const ForceTest& test, int rows, int terms, const PerSide<Vector6>& strain,
                 Eigen::Ref<Eigen::MatrixXd> A) {
   A.setZero();
-  const auto fill = [&](const Part& part, const Vector6& strain, Eigen::Index first) {
-    if (!part.present) return;
-    const Eigen::RowVectorXd x = strainTerms(strain, terms).transpose();
+  for (const Side side : kSides) {
+    const Part& part = test.part[side];
+    if (!part.present) continue;
+    const Eigen::Index first = side == Side::kA ? 0 : rows * terms;
+    const Eigen::RowVectorXd x = strainTerms(strain[side], terms).transpose();
     for (int i = 0; i < test.equations; ++i) {
       for (int r = 0; r < rows; ++r) {
         A.block(i, first + r * terms, 1, terms) = part.K(i, r) * x;
       }
     }
-  };
-  fill(test.a, a, 0);
-  fill(test.b, b, rows * terms);
+  }
+}
+
+Eigen::MatrixXd designOf(const ForceSystem& system, int terms) {
+  Eigen::MatrixXd A(equationsOf(system), 2 * system.rows * terms);
+  Eigen::Index row = 0;
+  for (const ForceTest& test : system.tests) {
+    if (!test.used) continue;
+    designRows(test, system.rows, terms, {test.part.a.strain, test.part.b.strain},
+               A.middleRows(row, test.equations));
+    row += test.equations;
+  }
+  return A;
+}
+
+int equationsOf(const ForceSystem& system) {
+  int equations = 0;
+  for (const ForceTest& test : system.tests) equations += test.used ? test.equations : 0;
+  return equations;
 }
 
 Eigen::VectorXd strainTerms(const Vector6& strain, int terms) {
@@ -140,94 +218,62 @@ Eigen::VectorXd strainTerms(const Vector6& strain, int terms) {
   return x;
 }
 
+PerSide<Eigen::MatrixXd> matricesOf(const Eigen::VectorXd& theta, int rows, int terms) {
+  PerSide<Eigen::MatrixXd> S;
+  for (const Side side : kSides) {
+    S[side].resize(rows, terms);
+    const int first = side == Side::kA ? 0 : rows;
+    for (int r = 0; r < rows; ++r) {
+      S[side].row(r) = theta.segment((first + r) * terms, terms).transpose();
+    }
+  }
+  return S;
+}
+
+PerSide<Eigen::MatrixXd> nominalMatrices(const ObservationSet& set, int rows, int terms) {
+  PerSide<Eigen::MatrixXd> S;
+  for (const Side side : kSides) {
+    S[side] = Eigen::MatrixXd::Zero(rows, terms);
+    S[side].leftCols(6) = set.sensor[side].nominal.topRows(rows);
+  }
+  return S;
+}
+
 ForceSystem buildSystem(const ObservationSet& set, const ForceSettings& settings, int rows) {
   ForceSystem system;
   system.rows = rows;
-  std::array<Zeros, 2> zeros = {zerosOf(set, Side::kA), zerosOf(set, Side::kB)};
-  for (Zeros& side : zeros) {
-    side.shared = zeros[0].list.size() + zeros[1].list.size() <= kSharedZeros;
-    side.first = system.zero_covariance.size();
-    if (!side.shared) continue;
-    for (const Zero& zero : side.list) system.zero_covariance.push_back(zero.covariance);
+  PerSide<Zeros> zeros = {zerosOf(set, Side::kA), zerosOf(set, Side::kB)};
+  const bool shared = zeros.a.list.size() + zeros.b.list.size() <= kSharedZeros;
+  for (const Side side : kSides) {
+    zeros[side].shared = shared;
+    zeros[side].first = system.zero_covariance.size();
+    if (!shared) continue;
+    for (const Zero& zero : zeros[side].list) system.zero_covariance.push_back(zero.covariance);
   }
-  const ReferenceAccuracy& accuracy = set.accuracy;
-  const Eigen::Vector3d reference = Bridge{}.reference_point;
-
+  const ReferenceAccuracy* accuracy = settings.use_reference_covariance ? &set.accuracy : nullptr;
   for (std::size_t i = 0; i < set.observations.size(); ++i) {
     const Observation& o = set.observations[i];
     const bool indentation = o.kind == ObservationKind::kIndentation;
-    if (o.kind != ObservationKind::kReacting && o.kind != ObservationKind::kWeight &&
-        !(indentation && rows == 6)) {
-      continue;
-    }
+    if (!isForceTest(o.kind) || (indentation && rows != 6)) continue;
     ForceTest test;
     test.observation = i;
     test.kind = o.kind;
     test.equations = indentation ? 3 : rows;
     test.known = SmallVector::Zero(test.equations);
     test.reference = Small::Zero(test.equations, test.equations);
-    const bool reacting = o.kind == ObservationKind::kReacting;
-    std::string why;
-    if (reacting || o.side == Side::kA) why = strainOf(o, i, Side::kA, set, zeros[0], test.a);
-    if (why.empty() && (reacting || o.side == Side::kB)) {
-      why = strainOf(o, i, Side::kB, set, zeros[1], test.b);
-    }
-    Part& part = o.side == Side::kA ? test.a : test.b;
-    test.point = o.point;
-    test.point_variance = settings.use_reference_covariance ? accuracy.point * accuracy.point : 0.0;
-    if (why.empty() && !reacting && o.point_at_rest) {
-      const Calibration* c = o.side == Side::kA ? settings.displacement_a : settings.displacement_b;
-      if (c == nullptr) {
-        why = std::string("sensor ") + toString(o.side) +
-              ": the point is that at rest but no displacement calibration is given: identify the "
-              "displacement first";
-      } else {
-        test.point = loadedPoint(o.point, *c, part.strain, reference);
-      }
-    }
-    if (!why.empty()) {
-      TestResult dropped;
-      dropped.observation = i;
-      dropped.dropped = why;
-      system.dropped.push_back(dropped);
+    if (accuracy != nullptr) test.point_variance = accuracy->point * accuracy->point;
+    if (const CalibrationRefusal why = readTest(set, settings, zeros, test)) {
+      system.dropped.emplace_back();
+      system.dropped.back().observation = i;
+      system.dropped.back().dropped = why;
       continue;
     }
-    if (reacting) {
-      test.X_AB = o.X_AB;
-      test.a.K = Small::Identity(rows, rows);
-      test.b.K = rows == 6 ? Small(wrenchTransform(o.X_AB)) : Small(o.X_AB.R);
-      if (settings.use_reference_covariance) {
-        if (o.X_covariance) {
-          test.pose_covariance = *o.X_covariance;
-        } else {
-          test.pose_covariance.diagonal()
-              << Eigen::Vector3d::Constant(accuracy.position * accuracy.position),
-              Eigen::Vector3d::Constant(accuracy.rotation * accuracy.rotation);
-        }
-      }
+    if (o.kind == ObservationKind::kReacting) {
+      compareWithOther(o, accuracy, rows, test);
     } else if (indentation) {
-      part.K = Small::Zero(3, 6);
-      part.K.leftCols(3) = -skew(test.point);
-      part.K.rightCols(3).setIdentity();
+      compareMoments(o, test);
     } else {
-      part.K = Small::Identity(rows, rows);
-      Vector6 w;
-      const Eigen::Vector3d F = o.mass * set.gravity * o.direction;
-      w << F, test.point.cross(F);
-      test.known = w.head(rows);
-      if (settings.use_reference_covariance) {
-        // (turn of the direction, relative mass, point)
-        Eigen::Matrix<double, 6, 7> J = Eigen::Matrix<double, 6, 7>::Zero();
-        J.topLeftCorner<3, 3>() = -skew(F);
-        J.block<3, 1>(0, 3) = F;
-        J.bottomLeftCorner<3, 4>() = skew(test.point) * J.topLeftCorner<3, 4>();
-        J.bottomRightCorner<3, 3>() = -skew(F);
-        Eigen::Matrix<double, 7, 1> variance;
-        variance << Eigen::Vector3d::Constant(accuracy.direction * accuracy.direction),
-            accuracy.mass * accuracy.mass, Eigen::Vector3d::Constant(test.point_variance);
-        const Matrix6 C = J * variance.asDiagonal() * J.transpose();
-        test.reference = C.topLeftCorner(rows, rows);
-      }
+      compareWithWeight(o, set.gravity, accuracy, rows, test);
     }
     system.tests.push_back(test);
   }
@@ -236,21 +282,21 @@ ForceSystem buildSystem(const ObservationSet& set, const ForceSettings& settings
 
 ForceSystem noiseFree(const ForceSystem& system, const ObservationSet& set) {
   ForceSystem out = system;
-  const Matrix6 C_a = nominalOf(set, Side::kA).inverse(), C_b = nominalOf(set, Side::kB).inverse();
+  PerSide<Matrix6> C;
+  for (const Side side : kSides) C[side] = set.sensor[side].nominal.inverse();
   for (ForceTest& test : out.tests) {
     if (test.kind == ObservationKind::kReacting) {
-      const Vector6 w = nominalOf(set, Side::kA) * test.a.strain;
-      test.b.strain = -C_b * transformWrench(inverse(test.X_AB), w);
+      const Vector6 w = set.sensor.a.nominal * test.part.a.strain;
+      test.part.b.strain = -C.b * transformWrench(inverse(test.X_AB), w);
       continue;
     }
-    const bool on_a = test.a.present;
-    Part& part = on_a ? test.a : test.b;
-    Vector6 w = nominalOf(set, on_a ? Side::kA : Side::kB) * part.strain;
+    const Side side = test.part.a.present ? Side::kA : Side::kB;
+    Vector6 w = set.sensor[side].nominal * test.part[side].strain;
     if (test.kind == ObservationKind::kWeight) w.head(system.rows) = test.known;
     if (test.kind == ObservationKind::kIndentation || system.rows == 3) {
       w.tail<3>() = test.point.cross(w.head<3>());
     }
-    part.strain = (on_a ? C_a : C_b) * w;
+    test.part[side].strain = C[side] * w;
   }
   return out;
 }

@@ -35,7 +35,7 @@ struct ForceTest {
   std::size_t observation = 0;
   ObservationKind kind = ObservationKind::kReacting;
   int equations = 0;
-  Part a, b;
+  PerSide<Part> part;
   SmallVector known;
   Small reference;  ///< covariance of what the strains are compared with; reacting: see pose
   Pose X_AB;
@@ -51,6 +51,9 @@ struct ForceSystem {
   std::vector<Matrix6> zero_covariance;  ///< of the shared zeros
   std::vector<TestResult> dropped;
 };
+
+/// Of the tests in use.
+int equationsOf(const ForceSystem& system);
 
 /// Equations of all usable force observations; rows 3 leaves moments and indentations out.
 ForceSystem buildSystem(const ObservationSet& set, const ForceSettings& settings, int rows);
@@ -70,20 +73,26 @@ DesignRank rankOf(const ForceSystem& system, int terms);
 /// Linear or quadratic terms of strains.
 Eigen::VectorXd strainTerms(const Vector6& strain, int terms);
 
+/// The parameters as two matrices of rows × terms.
+PerSide<Eigen::MatrixXd> matricesOf(const Eigen::VectorXd& theta, int rows, int terms);
+
+/// The drawings' matrices with zeros for products.
+PerSide<Eigen::MatrixXd> nominalMatrices(const ObservationSet& set, int rows, int terms);
+
 /// Rows of one test's design matrix divided by the standard deviations of their residuals
 /// (whitened), at the matrices given and the test's own strains. Shared zeros are left out.
-Eigen::MatrixXd whitenedRows(const ForceTest& test, const Eigen::MatrixXd& S_a,
-                             const Eigen::MatrixXd& S_b, int rows, int terms);
+Eigen::MatrixXd whitenedRows(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S);
 
-/// Rows of the design matrix of one test at strains a and b.
-void designRows(const ForceTest& test, int rows, int terms, const Vector6& a, const Vector6& b,
+/// Rows of the design matrix of one test at these strains.
+void designRows(const ForceTest& test, int rows, int terms, const PerSide<Vector6>& strain,
                 Eigen::Ref<Eigen::MatrixXd> A);
+/// The same of all tests in use, at their own strains.
+Eigen::MatrixXd designOf(const ForceSystem& system, int terms);
 
 struct ForceFit {
   bool converged = false;
-  Eigen::MatrixXd S_a, S_b;    ///< rows × terms
+  PerSide<Eigen::MatrixXd> S;  ///< rows × terms
   Eigen::MatrixXd covariance;  ///< of the parameters
-  Eigen::MatrixXd information;
   double chi2 = 0.0;
   int equations = 0, dof = 0, iterations = 0;
   std::vector<SmallVector> residual;  ///< of every test, used or not
@@ -92,13 +101,14 @@ struct ForceFit {
                                    ///< of the unused the prediction's uncertainty added
 };
 
-/// Gauss–Helmert from S_a, S_b. `iterate` false: only the information at the start. Without
-/// `normalise` the leverage is left alone.
-ForceFit fitForce(const ForceSystem& system, const Eigen::MatrixXd& S_a, const Eigen::MatrixXd& S_b,
-                  int terms, bool iterate, bool normalise);
+/// Gauss–Helmert from S. Without `normalise` the leverage is left alone.
+ForceFit fitForce(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S, bool normalise);
+
+/// Only the covariance that a fit at S would have.
+ForceFit covarianceAt(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S);
 
 /// Least squares of the rows as they are, all weights 1; what the thesis does.
-bool plainLeastSquares(const ForceSystem& system, Eigen::MatrixXd& S_a, Eigen::MatrixXd& S_b);
+PerSide<Eigen::MatrixXd> plainLeastSquares(const ForceSystem& system);
 
 /// What the weakest direction means: which wrench component errs with which load.
 std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& set, int rows,
@@ -106,6 +116,6 @@ std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& s
 
 /// The covariance of w over rated loads, rms by axis, of one side's block of the covariance.
 Vector6 predictedSd(const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& S,
-                    const Matrix6& nominal, int rows, int terms, const RatedLoad& rated);
+                    const Matrix6& nominal, const RatedLoad& rated);
 
 }  // namespace assembly_cell

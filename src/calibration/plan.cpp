@@ -6,12 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "assembly_cell/calibration/displacement.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "force_system.h"
+#include "format.h"
 
 namespace assembly_cell {
 
@@ -135,65 +135,93 @@ LoadRequest unloaded() {
 Vector6 lastZero(const ObservationSet& set, Side side) {
   Vector6 zero = Vector6::Zero();
   for (const Observation& o : set.observations) {
-    const auto& reading = side == Side::kA ? o.a : o.b;
+    const auto& reading = o.reading[side];
     if (o.kind == ObservationKind::kUnloaded && reading) zero = reading->volts;
   }
   return zero;
 }
 
-Reading predicted(const Vector6& volts, const SensorDescription& sensor) {
-  Reading r;
-  r.volts = volts;
-  r.covariance.diagonal().setConstant(sensor.noise * sensor.noise +
-                                      sensor.lsb() * sensor.lsb() / 12.0);
-  return r;
+std::string triple(const char* pattern, const Eigen::Vector3d& v) {
+  return format(pattern, v.x(), v.y(), v.z());
 }
 
-std::string text(const char* pattern, double a, double b, double c, double d = 0.0) {
-  char out[200];
-  std::snprintf(out, sizeof out, pattern, a, b, c, d);
-  return out;
+// the readings that the nominal sensors would give, free of noise
+Observation predictReadings(const LoadRequest& request, const ObservationSet& set) {
+  Observation o = request.target;
+  o.point_at_rest = false;
+  PerSide<Vector6> wrench = {Vector6::Zero(), Vector6::Zero()};
+  Vector6& w = wrench[o.side];
+  if (o.kind == ObservationKind::kReacting) {
+    wrench.a = request.wrench;
+    wrench.b = -transformWrench(inverse(o.X_AB), wrench.a);
+  } else if (o.kind == ObservationKind::kWeight) {
+    const Eigen::Vector3d F = o.mass * set.gravity * o.direction;
+    w << F, o.point.cross(F);
+  } else if (o.kind == ObservationKind::kIndentation) {
+    const Eigen::Vector3d F = request.wrench.head<3>();
+    w << F, o.point.cross(F);
+  } else if (o.kind == ObservationKind::kDisplacement) {
+    w = set.sensor[o.side].nominal * (kStrainRange * request.strain);
+  } else if (o.kind == ObservationKind::kLinearity) {
+    w = request.wrench;
+  }
+  for (const Side side : kSides) {
+    if (!o.concerns(side)) continue;
+    const SensorDescription& sensor = set.sensor[side];
+    Reading& r = o.reading[side].emplace();
+    r.volts = lastZero(set, side) + sensor.nominal.inverse() * wrench[side];
+    r.covariance.diagonal().setConstant(sensor.variance(sensor.noise));
+    // zeros are averaged until they no longer count
+    if (o.kind == ObservationKind::kUnloaded) r.covariance *= 0.01;
+  }
+  if (o.kind == ObservationKind::kDisplacement && o.gauges.empty() && !o.displacement) {
+    o.displacement = Vector6::Zero();
+  }
+  return o;
 }
 
 }  // namespace
 
 std::string describe(const LoadRequest& request) {
   const Observation& o = request.target;
-  const std::string sensor = o.side == Side::kA ? "sensor a" : "sensor b";
-  const Eigen::Vector3d mm = 1e3 * o.point;
+  const std::string sensor = std::string("sensor ") + toString(o.side);
+  const Eigen::Vector3d force = request.wrench.head<3>(), torque = request.wrench.tail<3>();
   switch (o.kind) {
     case ObservationKind::kUnloaded:
       return "unload both sensors and read their zero";
     case ObservationKind::kReacting: {
       const Eigen::Vector3d turn = vectorFromRotation(o.X_AB.R).value * 180.0 / M_PI;
-      return text("sensor b in a at (%.0f, %.0f, %.0f) mm", 1e3 * o.X_AB.p.x(), 1e3 * o.X_AB.p.y(),
-                  1e3 * o.X_AB.p.z()) +
-             text(", turned by (%.0f, %.0f, %.0f) deg", turn.x(), turn.y(), turn.z()) +
-             text("; press on a with about (%.0f, %.0f, %.0f) N", request.wrench[0],
-                  request.wrench[1], request.wrench[2]) +
-             text(" and (%.2f, %.2f, %.2f) N m", request.wrench[3], request.wrench[4],
-                  request.wrench[5]);
+      return triple("sensor b in a at (%.0f, %.0f, %.0f) mm", 1e3 * o.X_AB.p) +
+             triple(", turned by (%.0f, %.0f, %.0f) deg", turn) +
+             triple("; press on a with about (%.0f, %.0f, %.0f) N", force) +
+             triple(" and (%.2f, %.2f, %.2f) N m", torque);
     }
     case ObservationKind::kWeight:
-      return sensor + text(": hang %.3f kg", o.mass, 0, 0) +
-             text(" at (%.1f, %.1f, %.1f) mm", mm.x(), mm.y(), mm.z()) +
-             text(", gravity along (%.2f, %.2f, %.2f)", o.direction.x(), o.direction.y(),
-                  o.direction.z());
+      return sensor + format(": hang %.3f kg", o.mass) +
+             triple(" at (%.1f, %.1f, %.1f) mm", 1e3 * o.point) +
+             triple(", gravity along (%.2f, %.2f, %.2f)", o.direction);
     case ObservationKind::kIndentation:
-      return sensor + text(": press at (%.1f, %.1f, %.1f) mm", mm.x(), mm.y(), mm.z()) +
-             text(" with about (%.0f, %.0f, %.0f) N", request.wrench[0], request.wrench[1],
-                  request.wrench[2]);
+      return sensor + triple(": press at (%.1f, %.1f, %.1f) mm", 1e3 * o.point) +
+             triple(" with about (%.0f, %.0f, %.0f) N", force);
     case ObservationKind::kDisplacement:
       return sensor +
-             text(": move the carrier until the strains are about %.1f %.1f %.1f",
-                  kStrainRange * request.strain[0], kStrainRange * request.strain[1],
-                  kStrainRange * request.strain[2]) +
-             text(" %.1f %.1f %.1f V and read the gauges", kStrainRange * request.strain[3],
-                  kStrainRange * request.strain[4], kStrainRange * request.strain[5]);
+             triple(": move the carrier until the strains are about %.1f %.1f %.1f",
+                    kStrainRange * request.strain.head<3>()) +
+             triple(" %.1f %.1f %.1f V and read the gauges",
+                    kStrainRange * request.strain.tail<3>());
     case ObservationKind::kLinearity:
-      return sensor + text(": channel %.0f, load %.4g", o.channel, o.load, 0);
+      return sensor + format(": channel %d, load %.4g", o.channel, o.load);
   }
   return "";
+}
+
+std::optional<PlanName> planName(const std::string& name) {
+  const std::array<const char*, 5> names = {"recommended", "quadratic", "displacement",
+                                            "thesis_fixed", "thesis_shifted"};
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    if (name == names[k]) return static_cast<PlanName>(k);
+  }
+  return std::nullopt;
 }
 
 std::vector<LoadRequest> makePlan(PlanName name, const ObservationSet& set, const RatedLoad& rated,
@@ -249,8 +277,7 @@ std::vector<LoadRequest> makePlan(PlanName name, const ObservationSet& set, cons
           LoadRequest request;
           request.target.kind = ObservationKind::kDisplacement;
           request.target.side = side;
-          const GaugeLayout& layout = side == Side::kA ? set.gauges_a : set.gauges_b;
-          request.target.gauges.assign(layout.gauges.size(), 0.0);
+          request.target.gauges.assign(set.gauges[side].gauges.size(), 0.0);
           request.strain = strain;
           tests.push_back(request);
         }
@@ -267,50 +294,12 @@ std::vector<LoadRequest> makePlan(PlanName name, const ObservationSet& set, cons
   return plan;
 }
 
-Observation predictReadings(const LoadRequest& request, const ObservationSet& set) {
-  Observation o = request.target;
-  o.point_at_rest = false;
-  const Vector6 zero_a = lastZero(set, Side::kA), zero_b = lastZero(set, Side::kB);
-  Vector6 w_a = Vector6::Zero(), w_b = Vector6::Zero();
-  Vector6& w = o.side == Side::kA ? w_a : w_b;
-  if (o.kind == ObservationKind::kReacting) {
-    w_a = request.wrench;
-    w_b = -transformWrench(inverse(o.X_AB), w_a);
-  } else if (o.kind == ObservationKind::kWeight) {
-    const Eigen::Vector3d F = o.mass * set.gravity * o.direction;
-    w << F, o.point.cross(F);
-  } else if (o.kind == ObservationKind::kIndentation) {
-    const Eigen::Vector3d F = request.wrench.head<3>();
-    w << F, o.point.cross(F);
-  } else if (o.kind == ObservationKind::kDisplacement) {
-    w = (o.side == Side::kA ? set.a : set.b).nominal * (kStrainRange * request.strain);
-  } else if (o.kind == ObservationKind::kLinearity) {
-    w = request.wrench;
-  }
-  const bool both = o.kind == ObservationKind::kUnloaded || o.kind == ObservationKind::kReacting;
-  if (both || o.side == Side::kA) {
-    o.a = predicted(zero_a + set.a.nominal.inverse() * w_a, set.a);
-  }
-  if (both || o.side == Side::kB) {
-    o.b = predicted(zero_b + set.b.nominal.inverse() * w_b, set.b);
-  }
-  if (o.kind == ObservationKind::kUnloaded) {
-    // zeros are averaged until they no longer count
-    o.a->covariance *= 0.01;
-    o.b->covariance *= 0.01;
-  }
-  if (o.kind == ObservationKind::kDisplacement && o.gauges.empty() && !o.displacement) {
-    o.displacement = Vector6::Zero();
-  }
-  return o;
-}
-
 ObservationSet predictPlan(const std::vector<LoadRequest>& plan, const ObservationSet& set) {
   ObservationSet out = set;
   for (const Side side : {Side::kA, Side::kB}) {
     const bool zeroed =
         std::any_of(out.observations.begin(), out.observations.end(), [&](const Observation& o) {
-          return o.kind == ObservationKind::kUnloaded && (side == Side::kA ? o.a : o.b).has_value();
+          return o.kind == ObservationKind::kUnloaded && o.reading[side];
         });
     if (!zeroed) {
       out.observations.insert(out.observations.begin(), predictReadings(unloaded(), set));
@@ -330,15 +319,13 @@ NextTests nextTests(const ObservationSet& set, const std::vector<LoadRequest>& c
                     std::size_t count, const ForceSettings& settings) {
   const int rows = settings.procedure == ForceProcedure::kAllRows ? 6 : 3;
   const int terms = settings.model == StrainModel::kQuadratic ? 27 : 6;
-  Eigen::MatrixXd S_a = Eigen::MatrixXd::Zero(rows, terms), S_b = S_a;
-  S_a.leftCols(6) = set.a.nominal.topRows(rows);
-  S_b.leftCols(6) = set.b.nominal.topRows(rows);
+  const PerSide<Eigen::MatrixXd> S = nominalMatrices(set, rows, terms);
 
   // a coefficient nothing is known of: ten times the largest of its row
   Eigen::VectorXd sd(2 * rows * terms);
-  for (int r = 0; r < rows; ++r) {
-    sd.segment(r * terms, terms).setConstant(kPriorSd * S_a.row(r).cwiseAbs().maxCoeff());
-    sd.segment((rows + r) * terms, terms).setConstant(kPriorSd * S_b.row(r).cwiseAbs().maxCoeff());
+  for (int r = 0; r < 2 * rows; ++r) {
+    const auto row = r < rows ? S.a.row(r) : S.b.row(r - rows);
+    sd.segment(r * terms, terms).setConstant(kPriorSd * row.cwiseAbs().maxCoeff());
   }
   Eigen::MatrixXd P = sd.cwiseAbs2().asDiagonal();
   const auto absorb = [&](const Eigen::MatrixXd& A) {
@@ -350,9 +337,7 @@ NextTests nextTests(const ObservationSet& set, const std::vector<LoadRequest>& c
   NextTests out;
   out.weak_direction_before = "everything";
   const ForceSystem present = noiseFree(buildSystem(set, settings, rows), set);
-  for (const ForceTest& test : present.tests) {
-    absorb(whitenedRows(test, S_a, S_b, rows, terms));
-  }
+  for (const ForceTest& test : present.tests) absorb(whitenedRows(test, S));
   if (!present.tests.empty()) {
     out.weak_direction_before =
         describeWeak(rankOf(present, terms).weakest, set, rows, terms, settings.rated);
@@ -363,9 +348,7 @@ NextTests nextTests(const ObservationSet& set, const std::vector<LoadRequest>& c
     ObservationSet one = set;
     one.observations.clear();
     const ForceSystem system = buildSystem(predictPlan({candidates[k]}, one), settings, rows);
-    if (!system.tests.empty()) {
-      design[k] = whitenedRows(system.tests[0], S_a, S_b, rows, terms);
-    }
+    if (!system.tests.empty()) design[k] = whitenedRows(system.tests[0], S);
   }
   std::vector<LoadRequest> chosen;
   while (out.chosen.size() < std::min(count, candidates.size())) {

@@ -23,8 +23,7 @@ Eigen::Vector3d errors(NormalSource& normal, double sd) {
 
 CalibrationRig::CalibrationRig(const RigSettings& settings)
     : settings_(settings),
-      a_(bridgeA(settings.bits, settings.noise)),
-      b_(bridgeB(settings.bits, settings.noise)),
+      bridge_{bridgeA(settings.bits, settings.noise), bridgeB(settings.bits, settings.noise)},
       normal_(settings.seed) {
   if (!(settings.nonlinearity >= 0.0) || !std::isfinite(settings.nonlinearity) ||
       !std::isfinite(settings.drift) || settings.samples < 1 || !(settings.sample_period > 0.0) ||
@@ -33,7 +32,7 @@ CalibrationRig::CalibrationRig(const RigSettings& settings)
         "calibration rig: nonlinearity, drift, samples, sample_period, test_time or gravity is out "
         "of range: give sizes above 0");
   }
-  a_.nonlinearity = b_.nonlinearity = settings.nonlinearity;
+  bridge_.a.nonlinearity = bridge_.b.nonlinearity = settings.nonlinearity;
 }
 
 double CalibrationRig::temperature() const {
@@ -42,14 +41,12 @@ double CalibrationRig::temperature() const {
 
 Observation CalibrationRig::apply(const LoadRequest& request) {
   Observation o = request.target;
-  o.a.reset();
-  o.b.reset();
+  o.reading = {};
   const double sd = settings_.reference_errors ? 1.0 : 0.0;
   const ReferenceAccuracy& accuracy = settings_.accuracy;
-  const bool on_a = o.side == Side::kA;
-  const Bridge& bridge = on_a ? a_ : b_;
-  Vector6 w_a = Vector6::Zero(), w_b = Vector6::Zero();
-  Vector6& w = on_a ? w_a : w_b;
+  const Bridge& bridge = bridge_[o.side];
+  PerSide<Vector6> wrench = {Vector6::Zero(), Vector6::Zero()};
+  Vector6& w = wrench[o.side];
 
   // a force at a point, the point displaced where it is given at rest
   const auto press = [&](const Eigen::Vector3d& F) {
@@ -72,8 +69,8 @@ Observation CalibrationRig::apply(const LoadRequest& request) {
       Pose X = o.X_AB;
       X.p += errors(normal_, sd * accuracy.position);
       X.R = rotationFromVector({errors(normal_, sd * accuracy.rotation)}) * X.R;
-      w_a = request.wrench;
-      w_b = -transformWrench(inverse(X), w_a);
+      wrench.a = request.wrench;
+      wrench.b = -transformWrench(inverse(X), wrench.a);
       break;
     }
     case ObservationKind::kWeight: {
@@ -99,20 +96,22 @@ Observation CalibrationRig::apply(const LoadRequest& request) {
       w = request.wrench;
       break;
   }
-  if (!w_a.allFinite() || !w_b.allFinite()) {
+  if (!wrench.a.allFinite() || !wrench.b.allFinite()) {
     throw InputError("calibration rig: a load is not finite: correct the request");
   }
-  volts_a_ = deflect(a_, w_a).volts;
-  volts_b_ = deflect(b_, w_b).volts;
+  for (const Side side : kSides) volts_[side] = deflect(bridge_[side], wrench[side]).volts;
   time_ += settings_.test_time;
   o.stamp = time_;
   return o;
 }
 
-std::pair<StrainSample, StrainSample> CalibrationRig::sample() {
-  a_.temperature = b_.temperature = temperature();
+PerSide<StrainSample> CalibrationRig::sample() {
+  bridge_.a.temperature = bridge_.b.temperature = temperature();
   time_ += settings_.sample_period;
-  return {convertVolts(a_, volts_a_, normal_), convertVolts(b_, volts_b_, normal_)};
+  // in this order: both draw from one source of noise
+  PerSide<StrainSample> out;
+  for (const Side side : kSides) out[side] = convertVolts(bridge_[side], volts_[side], normal_);
+  return out;
 }
 
 Observation CalibrationRig::measure(const LoadRequest& request) {
@@ -120,23 +119,19 @@ Observation CalibrationRig::measure(const LoadRequest& request) {
   const ObservationSet header = description();
   const int n = o.kind == ObservationKind::kUnloaded ? std::max(settings_.samples, kUnloadedSamples)
                                                      : settings_.samples;
-  std::vector<Vector6> a, b;
-  std::vector<std::uint8_t> saturated_a, saturated_b;
+  PerSide<std::vector<Vector6>> volts;
+  PerSide<std::vector<std::uint8_t>> saturated;
   for (int i = 0; i < n; ++i) {
-    const auto [sample_a, sample_b] = sample();
-    a.push_back(sample_a.volts);
-    b.push_back(sample_b.volts);
-    saturated_a.push_back(sample_a.saturated);
-    saturated_b.push_back(sample_b.saturated);
+    const PerSide<StrainSample> both = sample();
+    for (const Side side : kSides) {
+      volts[side].push_back(both[side].volts);
+      saturated[side].push_back(both[side].saturated);
+    }
   }
-  const bool both = o.kind == ObservationKind::kUnloaded || o.kind == ObservationKind::kReacting;
-  if (both || o.side == Side::kA) {
-    o.a = averageReading(a, saturated_a, header.a);
-    o.a->temperature = temperature();
-  }
-  if (both || o.side == Side::kB) {
-    o.b = averageReading(b, saturated_b, header.b);
-    o.b->temperature = temperature();
+  for (const Side side : kSides) {
+    if (!o.concerns(side)) continue;
+    o.reading[side] = averageReading(volts[side], saturated[side], header.sensor[side]);
+    o.reading[side]->temperature = temperature();
   }
   o.stamp = time_;
   return o;
@@ -144,13 +139,14 @@ Observation CalibrationRig::measure(const LoadRequest& request) {
 
 ObservationSet CalibrationRig::description() const {
   ObservationSet set;
-  set.a.serial_number = "simulated-a";
-  set.b.serial_number = "simulated-b";
-  set.a.bits = set.b.bits = settings_.bits;
-  set.a.noise = set.b.noise = settings_.noise;
+  for (const Side side : kSides) {
+    set.sensor[side].serial_number = std::string("simulated-") + toString(side);
+    set.sensor[side].bits = settings_.bits;
+    set.sensor[side].noise = settings_.noise;
+    set.gauges[side] = thesisGauges();
+  }
   set.gravity = settings_.gravity;
   set.accuracy = settings_.accuracy;
-  set.gauges_a = set.gauges_b = thesisGauges();
   return set;
 }
 

@@ -18,16 +18,8 @@ namespace {
 constexpr std::size_t kLongestName = 100;
 constexpr const char* kEnding = ".yaml";
 
-bool isName(const std::string& text) {
-  return !text.empty() && text.size() <= kLongestName && text[0] != '.' &&
-         std::all_of(text.begin(), text.end(), [](char c) {
-           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                  c == '.' || c == '_' || c == '-';
-         });
-}
-
 void checkName(const std::string& text, const std::string& what) {
-  if (isName(text)) return;
+  if (isCalibrationName(text)) return;
   // a bad name is shown without what could break the line
   std::string shown = text.substr(0, kLongestName);
   std::replace_if(
@@ -37,7 +29,24 @@ void checkName(const std::string& text, const std::string& what) {
                    std::to_string(kLongestName) + " of them");
 }
 
+std::string timeNow(const char* pattern) {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, pattern, &utc);
+  return text;
+}
+
 }  // namespace
+
+bool isCalibrationName(const std::string& text) {
+  return !text.empty() && text.size() <= kLongestName && text[0] != '.' &&
+         std::all_of(text.begin(), text.end(), [](char c) {
+           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                  c == '.' || c == '_' || c == '-';
+         });
+}
 
 std::string calibrationStore() {
   const char* ros_home = std::getenv("ROS_HOME");
@@ -75,23 +84,36 @@ std::vector<std::string> storedCalibrations(const std::string& store, const std:
   for (fs::directory_iterator entry(fs::path(store) / sensor, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string id = entry->path().stem().string();
-    if (entry->path().extension() == kEnding && isName(id)) ids.push_back(id);
+    if (entry->path().extension() == kEnding && isCalibrationName(id)) ids.push_back(id);
   }
   std::sort(ids.begin(), ids.end());
   return ids;
 }
 
-std::string newCalibrationId(const std::string& store, const std::string& sensor) {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H-%M-%S", &utc);
-  std::string id = text;
-  for (int n = 2; fs::exists(calibrationPath(store, sensor, id)); ++n) {
-    id = std::string(text) + "_" + std::to_string(n);
+void removeLeftovers(const std::string& folder) {
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    const std::size_t mark = name.rfind(".yaml.tmp");
+    if (mark == std::string::npos || mark == 0) continue;
+    const std::string digits = name.substr(mark + 9);
+    if (!digits.empty() && digits.find_first_not_of("0123456789") == std::string::npos) {
+      std::error_code ignored;
+      fs::remove(entry->path(), ignored);
+    }
+  }
+}
+
+std::string newCalibrationId(const std::vector<std::string>& taken) {
+  const std::string now = timeNow("%Y-%m-%dT%H-%M-%S");
+  std::string id = now;
+  for (int n = 2; std::find(taken.begin(), taken.end(), id) != taken.end(); ++n) {
+    id = now + "_" + std::to_string(n);
   }
   return id;
 }
+
+std::string calibrationDate() { return timeNow("%Y-%m-%dT%H:%M:%SZ"); }
 
 }  // namespace assembly_cell

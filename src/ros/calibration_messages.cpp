@@ -2,7 +2,6 @@
 #include "assembly_cell/ros/calibration_messages.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <vector>
@@ -60,10 +59,6 @@ std::vector<std::string> textsOf(const std::vector<Gate>& gates, Verdict verdict
     if (gate.verdict == verdict) texts.push_back(gate.text);
   }
   return texts;
-}
-
-bool isOneSided(ObservationKind kind) {
-  return kind != ObservationKind::kUnloaded && kind != ObservationKind::kReacting;
 }
 
 // -1 for what isn't known: no NaN on the wire
@@ -147,16 +142,11 @@ CalibrationTest toMessage(const Observation& o) {
 }
 
 Observation fromMessage(const CalibrationTest& test, const std::string& source) {
-  constexpr std::array<ObservationKind, 6> kKinds = {
-      ObservationKind::kUnloaded,    ObservationKind::kReacting,     ObservationKind::kWeight,
-      ObservationKind::kIndentation, ObservationKind::kDisplacement, ObservationKind::kLinearity};
-  Observation o;
-  const auto kind = std::find_if(kKinds.begin(), kKinds.end(),
-                                 [&](ObservationKind k) { return test.kind == toString(k); });
-  if (kind == kKinds.end()) {
-    throw InputError(source + ": kind is '" + test.kind +
-                     "': give unloaded, reacting, weight, indentation, displacement or linearity");
+  const auto kind = observationKind(test.kind);
+  if (!kind) {
+    throw InputError(source + ": kind is '" + test.kind + "': give " + kObservationKinds);
   }
+  Observation o;
   o.kind = *kind;
   const bool one_side = isOneSided(o.kind);
   if (one_side && test.sensor != "a" && test.sensor != "b") {
@@ -212,9 +202,7 @@ LoadRequest fromMessage(const LoadStep& step, const std::string& source) {
 CalibrationResult toMessage(const ForceSolution& s, const ObservationSet& set) {
   CalibrationResult m;
   m.accepted = s.accepted;
-  m.procedure = s.procedure == ForceProcedure::kAllRows     ? "all_rows"
-                : s.procedure == ForceProcedure::kForceRows ? "force_rows"
-                                                            : "thesis";
+  m.procedure = toString(s.procedure);
   m.model = s.quadratic ? "quadratic" : "linear";
   m.unknowns = static_cast<std::uint32_t>(s.unknowns);
   m.equations = static_cast<std::uint32_t>(s.equations);
@@ -224,10 +212,9 @@ CalibrationResult toMessage(const ForceSolution& s, const ObservationSet& set) {
   m.chi2 = known(s.chi2);
   m.p = known(s.p);
   for (std::size_t k = 0; k < 6; ++k) {
-    const auto axis = static_cast<Eigen::Index>(k);
-    m.residual_rms[k] = known(s.residual_rms[axis]);
-    m.predicted_sd_a[k] = known(s.predicted_sd_a[axis]);
-    m.predicted_sd_b[k] = known(s.predicted_sd_b[axis]);
+    m.residual_rms[k] = known(s.residual_rms[k]);
+    m.predicted_sd_a[k] = known(s.predicted_sd.a[k]);
+    m.predicted_sd_b[k] = known(s.predicted_sd.b[k]);
   }
   m.hold_out_rms = known(s.hold_out_rms);
   m.weak_direction = s.weak_direction;
@@ -236,10 +223,9 @@ CalibrationResult toMessage(const ForceSolution& s, const ObservationSet& set) {
   m.normalised.assign(set.observations.size(), 0.0);
   for (const TestResult& test : s.tests) {
     const Observation& o = set.observations.at(test.observation);
-    if (!test.dropped.empty() || test.outlier) {
+    if (test.dropped) {
       m.dropped.push_back("observation " + std::to_string(test.observation + 1) +
-                          (o.id.empty() ? "" : " (" + o.id + ")") + ": " +
-                          (test.dropped.empty() ? "outlier" : test.dropped));
+                          (o.id.empty() ? "" : " (" + o.id + ")") + ": " + test.dropped.text);
     } else {
       m.normalised[test.observation] = known(test.normalised);
       ++m.tests;
@@ -259,13 +245,23 @@ DisplacementResult toMessage(const DisplacementSolution& s) {
   m.chi2 = known(s.chi2);
   m.p = known(s.p);
   for (std::size_t k = 0; k < 6; ++k) {
-    m.residual_sd[k] = known(s.residual_sd[static_cast<Eigen::Index>(k)]);
-    m.output_sd[k] = known(s.output_sd[static_cast<Eigen::Index>(k)]);
+    m.residual_sd[k] = known(s.residual_sd[k]);
+    m.output_sd[k] = known(s.output_sd[k]);
   }
   m.weak_direction = s.weak_direction;
   m.refusals = textsOf(s.gates, Verdict::kRefuse);
   m.warnings = textsOf(s.gates, Verdict::kWarn);
   m.dropped = s.dropped;
+  m.message = s.message;
+  return m;
+}
+
+CalibrationResult toMessage(const CalibrationSolution& s) {
+  CalibrationResult m;
+  if (s.force) m = toMessage(*s.force, s.set);
+  if (s.displacement.a) m.displacement_a = toMessage(*s.displacement.a);
+  if (s.displacement.b) m.displacement_b = toMessage(*s.displacement.b);
+  m.accepted = s.accepted;
   m.message = s.message;
   return m;
 }

@@ -4,7 +4,6 @@
 #include <assembly_cell/StrainSamples.h>
 
 #include <string>
-#include <utility>
 
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/parameters.h"
@@ -51,8 +50,9 @@ SimulatedRigNode::SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHan
   rig_ = std::make_unique<CalibrationRig>(settings_);
   start_ = ros::Time::now();
   wall_start_ = Clock::now();
-  bridge_a_pub_ = nh_.advertise<StrainSamples>("sensor_a/bridge", kQueue);
-  bridge_b_pub_ = nh_.advertise<StrainSamples>("sensor_b/bridge", kQueue);
+  for (const Side side : kSides) {
+    bridge_pub_[side] = nh_.advertise<StrainSamples>(sensorName(side) + "/bridge", kQueue);
+  }
   apply_srv_ = pnh_.advertiseService("apply", &SimulatedRigNode::apply, this);
   timer_ = nh_.createWallTimer(ros::WallDuration(kTick),
                                [this](const ros::WallTimerEvent&) { publishDueBlocks(); });
@@ -73,23 +73,22 @@ void SimulatedRigNode::publishDueBlocks() {
 }
 
 void SimulatedRigNode::publishBlock() {
-  auto a = boost::make_shared<StrainSamples>(), b = boost::make_shared<StrainSamples>();
-  for (const auto& [block, frame] : {std::pair(a, "sensor_a"), std::pair(b, "sensor_b")}) {
-    block->header.stamp = stampOf(samples_);
-    block->header.frame_id = frame;
-    block->period = settings_.sample_period;
-    block->sequence = sequence_;
-    block->temperature = rig_->temperature();
+  PerSide<StrainSamples::Ptr> blocks;
+  for (const Side side : kSides) {
+    blocks[side] = boost::make_shared<StrainSamples>();
+    blocks[side]->header.stamp = stampOf(samples_);
+    blocks[side]->header.frame_id = sensorName(side);
+    blocks[side]->period = settings_.sample_period;
+    blocks[side]->sequence = sequence_;
+    blocks[side]->temperature = rig_->temperature();
   }
   for (int k = 0; k < block_size_; ++k) {
-    const auto [sample_a, sample_b] = rig_->sample();
-    append(*a, sample_a);
-    append(*b, sample_b);
+    const PerSide<StrainSample> sample = rig_->sample();
+    for (const Side side : kSides) append(*blocks[side], sample[side]);
   }
   samples_ += static_cast<std::uint64_t>(block_size_);
   ++sequence_;
-  bridge_a_pub_.publish(a);
-  bridge_b_pub_.publish(b);
+  for (const Side side : kSides) bridge_pub_[side].publish(blocks[side]);
 }
 
 bool SimulatedRigNode::apply(ApplyLoad::Request& request, ApplyLoad::Response& response) {

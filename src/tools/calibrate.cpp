@@ -1,27 +1,18 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include <stdlib.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <map>
 #include <string>
-#include <tuple>
 #include <vector>
 
-#include "assembly_cell/calibration/displacement.h"
-#include "assembly_cell/calibration/force.h"
 #include "assembly_cell/calibration/linearity.h"
 #include "assembly_cell/calibration/payload_command.h"
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
+#include "assembly_cell/calibration/session.h"
 #include "assembly_cell/calibration/store.h"
-#include "assembly_cell/scene/bag.h"
 #include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
@@ -45,7 +36,7 @@ solve  both sensors from an observation file (.yaml, or .csv by named columns) o
        --procedure all_rows|force_rows|thesis   (all_rows; the others are for comparison and refused for use)
        --model automatic|linear|quadratic       --rated FORCE,TORQUE [N],[N m] (50,2)
        --displacement                           identifies the displacement from its tests as well
-       --save FOLDER [--id ID]                  writes FOLDER/<serial number>/<ID>.yaml of each sensor
+       --save FOLDER [--id ID]                  writes FOLDER/sensor_a/<ID>.yaml and FOLDER/sensor_b/<ID>.yaml
 check  a calibration file (its checksum, what it says), or an observation file (what is in it, what would be dropped,
        linearity tests); with --observations: a calibration file against observations it was not made from
 Example: calibrate plan recommended --nonlinearity 0 --simulate tests.yaml && calibrate solve tests.yaml --save .
@@ -53,26 +44,6 @@ Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/calibra
 )";
 
 using Arguments = std::map<std::string, std::string>;
-
-// An observation file, or a bag of the server's ~observations, whose last message is one.
-ObservationSet readRecorded(const std::string& path) {
-  namespace fs = std::filesystem;
-  if (fs::path(path).extension() != ".bag") return readObservations(path);
-  const std::string text = textFromBag("observations", path);
-  std::string file = (fs::temp_directory_path() / "observations_XXXXXX.yaml").string();
-  const int opened = mkstemps(file.data(), 5);
-  if (opened < 0) throw InputError(file + ": can't be written: free space in the temporary folder");
-  close(opened);
-  std::ofstream(file) << text;
-  try {
-    const ObservationSet set = readObservations(file);
-    fs::remove(file);
-    return set;
-  } catch (const InputError&) {
-    fs::remove(file);
-    throw;
-  }
-}
 
 Arguments parse(const std::vector<std::string>& given, std::vector<std::string>& positional,
                 const std::map<std::string, bool>& known) {
@@ -175,9 +146,10 @@ void printForce(const ForceSolution& s, bool matrices) {
   line("condition", yamlNumber(s.condition));
   line("dof", std::to_string(s.dof));
   line("weak_direction", yamlQuoted(s.weak_direction));
-  const bool predicted = s.covariance.size() > 0;
-  line("predicted_sd_a", predicted ? list(s.predicted_sd_a) : "null");
-  line("predicted_sd_b", predicted ? list(s.predicted_sd_b) : "null");
+  for (const Side side : kSides) {
+    line(std::string("predicted_sd_") + toString(side),
+         s.covariance.size() > 0 ? list(s.predicted_sd[side]) : "null");
+  }
   if (matrices) {
     line("chi2", yamlNumber(s.chi2));
     line("chi2_per_dof", yamlNumber(s.dof > 0 ? s.chi2 / s.dof : std::nan("")));
@@ -185,18 +157,17 @@ void printForce(const ForceSolution& s, bool matrices) {
     line("residual_rms", list(s.residual_rms));
     line("hold_out_rms", yamlNumber(s.hold_out_rms));
     line("hold_out_tests", std::to_string(s.hold_out_tests));
-    const bool none = std::all_of(s.tests.begin(), s.tests.end(),
-                                  [](const TestResult& test) { return test.dropped.empty(); });
-    std::cout << "dropped:" << (none ? " []" : "") << "\n";
+    const bool any = std::any_of(s.tests.begin(), s.tests.end(),
+                                 [](const TestResult& test) { return bool(test.dropped); });
+    std::cout << "dropped:" << (any ? "" : " []") << "\n";
     for (const TestResult& test : s.tests) {
-      if (!test.dropped.empty()) {
-        std::cout << "  - {observation: " << test.observation
-                  << ", reason: " << yamlQuoted(test.dropped)
-                  << ", normalised: " << yamlNumber(test.normalised) << "}\n";
-      }
+      if (!test.dropped) continue;
+      std::cout << "  - {observation: " << test.observation
+                << ", reason: " << yamlQuoted(test.dropped.text)
+                << ", normalised: " << yamlNumber(test.normalised) << "}\n";
     }
-    printMatrix("S_a", s.S_a);
-    printMatrix("S_b", s.S_b);
+    printMatrix("S_a", s.S.a);
+    printMatrix("S_b", s.S.b);
   }
   printGates(s.gates);
 }
@@ -225,9 +196,8 @@ int plan(const std::vector<std::string>& given) {
   CalibrationRig rig(settings);
   ObservationSet set = rig.description();
   if (arguments.count("--observations") > 0) {
-    set = readRecorded(arguments.at("--observations"));
+    set = readObservations(arguments.at("--observations"));
   }
-  std::vector<LoadRequest> requests;
   if (positional[0] == "next") {
     const auto count = static_cast<std::size_t>(integer(arguments, "--next", 6, 1, 1000));
     const std::vector<LoadRequest> candidates = standardCandidates({}, seed);
@@ -242,21 +212,19 @@ int plan(const std::vector<std::string>& given) {
     printForce(next.after, false);
     return next.after.accepted ? 0 : 1;
   }
-  const PlanName name = choice<PlanName>("plan", positional[0],
-                                         {{"recommended", PlanName::kRecommended},
-                                          {"quadratic", PlanName::kQuadratic},
-                                          {"displacement", PlanName::kDisplacement},
-                                          {"thesis_fixed", PlanName::kThesisFixed},
-                                          {"thesis_shifted", PlanName::kThesisShifted}});
-  requests = makePlan(name, set, {}, seed);
+  const auto name = planName(positional[0]);
+  if (!name) {
+    throw InputError("plan: value is '" + positional[0] + "': give one of " + kPlanNames);
+  }
+  const std::vector<LoadRequest> requests = makePlan(*name, set, {}, seed);
   std::cout << "tests:\n";
   for (const LoadRequest& request : requests) {
     std::cout << "  - " << yamlQuoted(describe(request)) << "\n";
   }
   bool good = true;
-  if (name != PlanName::kDisplacement) {
+  if (*name != PlanName::kDisplacement) {
     ForceSettings force;
-    if (name == PlanName::kQuadratic) force.model = StrainModel::kQuadratic;
+    if (*name == PlanName::kQuadratic) force.model = StrainModel::kQuadratic;
     const ForceSolution judged = judgeDesign(predictPlan(requests, set), force);
     printForce(judged, false);
     good = judged.accepted;
@@ -279,75 +247,56 @@ int solve(const std::vector<std::string>& given) {
                                      {"--save", true},
                                      {"--id", true}});
   if (positional.size() != 1) throw InputError("solve: give one observation file");
-  ForceSettings settings;
+  SolveSettings settings;
+  ForceSettings& force = settings.force;
   if (arguments.count("--procedure") > 0) {
-    settings.procedure = choice<ForceProcedure>("--procedure", arguments.at("--procedure"),
-                                                {{"all_rows", ForceProcedure::kAllRows},
-                                                 {"force_rows", ForceProcedure::kForceRows},
-                                                 {"thesis", ForceProcedure::kThesis}});
+    force.procedure = choice<ForceProcedure>("--procedure", arguments.at("--procedure"),
+                                             {{"all_rows", ForceProcedure::kAllRows},
+                                              {"force_rows", ForceProcedure::kForceRows},
+                                              {"thesis", ForceProcedure::kThesis}});
   }
   if (arguments.count("--model") > 0) {
-    settings.model = choice<StrainModel>("--model", arguments.at("--model"),
-                                         {{"automatic", StrainModel::kAutomatic},
-                                          {"linear", StrainModel::kLinear},
-                                          {"quadratic", StrainModel::kQuadratic}});
+    force.model = choice<StrainModel>("--model", arguments.at("--model"),
+                                      {{"automatic", StrainModel::kAutomatic},
+                                       {"linear", StrainModel::kLinear},
+                                       {"quadratic", StrainModel::kQuadratic}});
   }
   if (arguments.count("--rated") > 0) {
     const std::string& text = arguments.at("--rated");
     const std::size_t comma = std::min(text.find(','), text.size());
-    if (comma == text.size() || !parseNumber(text.substr(0, comma), settings.rated.force) ||
-        !parseNumber(text.substr(comma + 1), settings.rated.torque) ||
-        !(settings.rated.force > 0.0) || !(settings.rated.torque > 0.0)) {
+    if (comma == text.size() || !parseNumber(text.substr(0, comma), force.rated.force) ||
+        !parseNumber(text.substr(comma + 1), force.rated.torque) || !(force.rated.force > 0.0) ||
+        !(force.rated.torque > 0.0)) {
       throw InputError("--rated: value is '" + text + "': give FORCE,TORQUE above 0");
     }
   }
-  const ObservationSet set = readRecorded(positional[0]);
   const bool displacement = arguments.count("--displacement") > 0;
-  std::array<Calibration, 2> calibrations;
-  bool good = true;
-  if (displacement) {
-    for (const Side side : {Side::kA, Side::kB}) {
-      const DisplacementSolution d = solveDisplacement(set, side);
-      std::cout << "displacement_" << toString(side)
-                << ": {accepted: " << (d.accepted ? "true" : "false")
-                << ", message: " << yamlQuoted(d.message) << ", tests: " << d.tests
-                << ", rank: " << d.rank << ", condition: " << yamlNumber(d.condition)
-                << ", residual_sd: " << list(d.residual_sd) << "}\n";
-      good = good && d.accepted;
-      if (d.accepted) applyDisplacement(d, calibrations[side == Side::kA ? 0 : 1]);
-    }
-    if (good) {
-      settings.displacement_a = &calibrations[0];
-      settings.displacement_b = &calibrations[1];
-    }
+  const bool save = arguments.count("--save") > 0;
+  CalibrationSession session(save ? arguments.at("--save") : "", readObservations(positional[0]));
+  for (const std::string& text : session.warnings()) std::cerr << "calibrate: " << text << "\n";
+  settings.displacement = {displacement, displacement};
+  settings.wrench = !displacement || save || solveSettings(session.observations()).wrench;
+  const CalibrationSolution& solution = session.solve(settings);
+  for (const Side side : kSides) {
+    if (!displacement) continue;
+    const DisplacementSolution& d = *solution.displacement[side];
+    std::cout << "displacement_" << toString(side)
+              << ": {accepted: " << (d.accepted ? "true" : "false")
+              << ", message: " << yamlQuoted(d.message) << ", tests: " << d.tests
+              << ", rank: " << d.rank << ", condition: " << yamlNumber(d.condition)
+              << ", residual_sd: " << list(d.residual_sd) << "}\n";
   }
-  const bool forces =
-      std::any_of(set.observations.begin(), set.observations.end(), [](const Observation& o) {
-        return o.kind == ObservationKind::kReacting || o.kind == ObservationKind::kWeight ||
-               o.kind == ObservationKind::kIndentation;
-      });
-  if (displacement && !forces && arguments.count("--save") == 0) return good ? 0 : 1;
-  const ForceSolution solution = solveForce(set, settings);
-  printForce(solution, true);
-  good = good && solution.accepted;
-  if (!good) {
+  if (!solution.force) return solution.accepted ? 0 : 1;
+  printForce(*solution.force, true);
+  if (!solution.accepted) {
     std::cerr << "calibrate: " << solution.message << "\n";
     return 1;
   }
-  if (arguments.count("--save") > 0) {
-    const std::string& folder = arguments.at("--save");
-    for (const Side side : {Side::kA, Side::kB}) {
-      Calibration& c = calibrations[side == Side::kA ? 0 : 1];
-      applyForce(solution, set, side, c);
-      if (c.serial_number.empty()) c.serial_number = std::string("sensor_") + toString(side);
-      c.id = arguments.count("--id") > 0 ? arguments.at("--id")
-                                         : newCalibrationId(folder, c.serial_number);
-      c.date = newCalibrationId(folder, c.serial_number).substr(0, 10);
-      const std::string path = calibrationPath(folder, c.serial_number, c.id);
-      makeCalibrationFolder(folder, c.serial_number);
-      saveCalibration(c, path);
-      line(std::string("saved_") + toString(side), yamlQuoted(path));
-    }
+  if (!save) return 0;
+  const auto saved = session.save(arguments.count("--id") > 0 ? arguments.at("--id") : "");
+  for (const Side side : kSides) {
+    line(std::string("saved_") + toString(side),
+         yamlQuoted(calibrationPath(session.store(), sensorName(side), saved[side]->id)));
   }
   return 0;
 }
@@ -362,73 +311,52 @@ bool isObservationFile(const std::string& path) {
   return false;
 }
 
-int check(const std::vector<std::string>& given) {
-  std::vector<std::string> positional;
-  const Arguments arguments = parse(given, positional, {{"--observations", true}});
-  if (positional.size() != 1) throw InputError("check: give one file");
-  if (!isObservationFile(positional[0])) {
-    const Calibration c = loadCalibration(positional[0]);
-    line("id", yamlQuoted(c.id));
-    line("serial_number", yamlQuoted(c.serial_number));
-    line("date", yamlQuoted(c.date));
-    line("checksum", yamlQuoted(calibrationChecksum(c)));
-    line("model", c.quadratic_wrench ? "quadratic" : "linear");
-    line("temperature", yamlNumber(c.temperature));
-    line("chi2_per_dof",
-         yamlNumber(c.wrench_fit.dof > 0 ? c.wrench_fit.chi2 / c.wrench_fit.dof : std::nan("")));
-    line("predicted_sd", list(c.wrench_fit.predicted_sd));
-    line("observations", yamlQuoted(c.observations_digest));
-    if (arguments.count("--observations") == 0) return 0;
+// weights that a calibration was not made from
+void compareWithWeights(const Calibration& c, const ObservationSet& set) {
+  const Side side = c.serial_number == set.sensor.b.serial_number ? Side::kB : Side::kA;
+  double force = 0.0, torque = 0.0;
+  int count = 0;
+  Calibration zeroed = c;
+  for (const Observation& o : set.observations) {
+    const auto& reading = o.reading[side];
+    if (!reading) continue;
+    if (o.kind == ObservationKind::kUnloaded) zeroed.zero_volts = reading->volts;
+    if (o.kind != ObservationKind::kWeight || o.side != side) continue;
+    const Eigen::Vector3d F = o.mass * set.gravity * o.direction;
+    Vector6 error = wrenchFromVolts(zeroed, reading->volts);
+    error.head<3>() -= F;
+    error.tail<3>() -= o.point.cross(F);
+    force += error.head<3>().squaredNorm();
+    torque += error.tail<3>().squaredNorm();
+    ++count;
+  }
+  line("weights", std::to_string(count));
+  line("force_error_rms", yamlNumber(count > 0 ? std::sqrt(force / 3 / count) : std::nan("")));
+  line("torque_error_rms", yamlNumber(count > 0 ? std::sqrt(torque / 3 / count) : std::nan("")));
+}
 
-    // weights that it was not made from
-    const ObservationSet set = readRecorded(arguments.at("--observations"));
-    double force = 0.0, torque = 0.0;
-    int count = 0;
-    Calibration zeroed = c;
-    for (const Observation& o : set.observations) {
-      const Side side = c.serial_number == set.b.serial_number ? Side::kB : Side::kA;
-      const auto& reading = side == Side::kA ? o.a : o.b;
-      if (!reading) continue;
-      if (o.kind == ObservationKind::kUnloaded) zeroed.zero_volts = reading->volts;
-      if (o.kind != ObservationKind::kWeight || o.side != side) continue;
-      const Eigen::Vector3d F = o.mass * set.gravity * o.direction;
-      Vector6 error = wrenchFromVolts(zeroed, reading->volts);
-      error.head<3>() -= F;
-      error.tail<3>() -= o.point.cross(F);
-      force += error.head<3>().squaredNorm();
-      torque += error.tail<3>().squaredNorm();
-      ++count;
-    }
-    line("weights", std::to_string(count));
-    line("force_error_rms", yamlNumber(count > 0 ? std::sqrt(force / 3 / count) : std::nan("")));
-    line("torque_error_rms", yamlNumber(count > 0 ? std::sqrt(torque / 3 / count) : std::nan("")));
-    return 0;
+int checkCalibrationFile(const std::string& path, const Arguments& arguments) {
+  const Calibration c = loadCalibration(path);
+  line("id", yamlQuoted(c.id));
+  line("serial_number", yamlQuoted(c.serial_number));
+  line("date", yamlQuoted(c.date));
+  line("checksum", yamlQuoted(calibrationChecksum(c)));
+  line("model", c.quadratic_wrench ? "quadratic" : "linear");
+  line("temperature", yamlNumber(c.temperature));
+  line("chi2_per_dof",
+       yamlNumber(c.wrench_fit.dof > 0 ? c.wrench_fit.chi2 / c.wrench_fit.dof : std::nan("")));
+  line("predicted_sd", list(c.wrench_fit.predicted_sd));
+  line("observations", yamlQuoted(c.observations_digest));
+  if (arguments.count("--observations") > 0) {
+    compareWithWeights(c, readObservations(arguments.at("--observations")));
   }
-  const ObservationSet set = readRecorded(positional[0]);
-  std::map<std::string, int> counts;
+  return 0;
+}
+
+// false where a channel refuses the linear model
+bool printLinearity(const ObservationSet& set) {
   bool good = true;
-  std::string bad;
-  for (std::size_t i = 0; i < set.observations.size(); ++i) {
-    const Observation& o = set.observations[i];
-    ++counts[toString(o.kind)];
-    for (const auto& [reading, sensor, side] :
-         {std::tuple{&o.a, &set.a, "a"}, std::tuple{&o.b, &set.b, "b"}}) {
-      if (!*reading) continue;
-      const std::string why = unusable(**reading, *sensor);
-      if (why.empty()) continue;
-      good = false;
-      bad += "  - {observation: " + std::to_string(i) + ", sensor: " + side +
-             ", reason: " + yamlQuoted(why) + "}\n";
-    }
-  }
-  std::cout << (bad.empty() ? "unusable: []\n" : "unusable:\n" + bad) << "counts: {";
-  bool first = true;
-  for (const auto& [kind, count] : counts) {
-    std::cout << (first ? "" : ", ") << kind << ": " << count;
-    first = false;
-  }
-  std::cout << "}\nlinearity:" << (counts.count("linearity") > 0 ? "" : " []") << "\n";
-  for (const Side side : {Side::kA, Side::kB}) {
+  for (const Side side : kSides) {
     for (int channel = 0; channel < 6; ++channel) {
       const auto steps = linearitySteps(set, side, channel);
       if (steps.empty()) continue;
@@ -446,8 +374,40 @@ int check(const std::vector<std::string>& given) {
       good = good && r.linear_model_allowed;
     }
   }
+  return good;
+}
+
+int checkObservationFile(const std::string& path) {
+  const ObservationSet set = readObservations(path);
+  std::map<std::string, int> counts;
+  std::string bad, kinds;
+  for (std::size_t i = 0; i < set.observations.size(); ++i) {
+    const Observation& o = set.observations[i];
+    ++counts[toString(o.kind)];
+    for (const Side side : kSides) {
+      if (!o.reading[side]) continue;
+      const CalibrationRefusal why = unusable(*o.reading[side], set.sensor[side]);
+      if (!why) continue;
+      bad += "  - {observation: " + std::to_string(i) + ", sensor: " + toString(side) +
+             ", reason: " + yamlQuoted(why.text) + "}\n";
+    }
+  }
+  for (const auto& [kind, count] : counts) {
+    kinds += (kinds.empty() ? "" : ", ") + kind + ": " + std::to_string(count);
+  }
+  std::cout << (bad.empty() ? "unusable: []\n" : "unusable:\n" + bad) << "counts: {" << kinds
+            << "}\nlinearity:" << (counts.count("linearity") > 0 ? "" : " []") << "\n";
+  const bool linear = printLinearity(set);
   line("digest", yamlQuoted(observationsDigest(set)));
-  return good ? 0 : 1;
+  return bad.empty() && linear ? 0 : 1;
+}
+
+int check(const std::vector<std::string>& given) {
+  std::vector<std::string> positional;
+  const Arguments arguments = parse(given, positional, {{"--observations", true}});
+  if (positional.size() != 1) throw InputError("check: give one file");
+  return isObservationFile(positional[0]) ? checkObservationFile(positional[0])
+                                          : checkCalibrationFile(positional[0], arguments);
 }
 
 }  // namespace

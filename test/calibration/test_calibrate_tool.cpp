@@ -89,9 +89,13 @@ TEST_F(Calibrate, PlansSolvesSavesAndChecks) {
   const Result solve = run("solve t.yaml --save store --id first");
   EXPECT_EQ(solve.code, 0) << solve.text;
   EXPECT_TRUE(has(solve, "accepted: true"));
-  const Result check = run("check store/simulated-a/first.yaml --observations t.yaml");
+  const Result check = run("check store/sensor_a/first.yaml --observations t.yaml");
   EXPECT_EQ(check.code, 0) << check.text;
   EXPECT_TRUE(has(check, "weights: 6\n")) << check.text;
+  // stored ones are never overwritten
+  const Result taken = run("solve t.yaml --save store --id first");
+  EXPECT_EQ(taken.code, 2);
+  EXPECT_TRUE(has(taken, "id 'first' is taken")) << taken.text;
   EXPECT_EQ(run("check t.yaml").code, 0);
   const Result next = run("plan next --observations t.yaml --next 2");
   EXPECT_EQ(next.code, 0) << next.text;

@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/calibration/observation_log.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "calibration_fixture.h"
@@ -151,13 +152,13 @@ TEST_F(Bench, AveragesASettledWindow) {
   // the journal is an observation file
   const ObservationSet set = readObservations(server_.journal());
   ASSERT_EQ(set.observations.size(), 2u);
-  EXPECT_EQ(set.a.serial_number, "simulated-a");
+  EXPECT_EQ(set.sensor.a.serial_number, "simulated-a");
   EXPECT_EQ(set.observations[1].kind, ObservationKind::kWeight);
   EXPECT_EQ(set.observations[1].id, test.id);
   EXPECT_EQ(set.observations[1].mass, 3.0);
-  EXPECT_EQ(set.observations[1].a->samples, 200);
-  EXPECT_FALSE(set.observations[1].b.has_value());
-  EXPECT_EQ(set.observations[1].a->volts[2], one.volts_a[2]);
+  EXPECT_EQ(set.observations[1].reading.a->samples, 200);
+  EXPECT_FALSE(set.observations[1].reading.b.has_value());
+  EXPECT_EQ(set.observations[1].reading.a->volts[2], one.volts_a[2]);
 }
 
 TEST_F(Bench, RefusesWhatItCannotUse) {
@@ -406,6 +407,156 @@ TEST_F(Bench, RefusesCorruptAndForeignFiles) {
   in_force = server_.call<GetCalibrations>("get_calibration");
   ASSERT_EQ(in_force.calibrations.size(), 1u);
   EXPECT_EQ(in_force.calibrations[0].id, "good");
+}
+
+// ---- the tool and the server have one store ----
+
+int calibrate(const std::string& arguments) {
+  const int status = std::system((ASSEMBLY_CELL_BIN_DIR "/calibrate " + arguments).c_str());
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+SensorCalibration published(const std::string& sensor, const std::string& id) {
+  SensorCalibration found;
+  EXPECT_TRUE(waitFor([&] {
+    const auto message = ros::topic::waitForMessage<SensorCalibration>(
+        "/bench/calibration_server/" + sensor + "/calibration", ros::Duration(kPatience));
+    if (message) found = *message;
+    return found.id == id;
+  }));
+  return found;
+}
+
+using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+// to the last bit
+void expectSame(const Calibration& file, const SensorCalibration& message) {
+  const auto same = [](const auto& matrix, const auto& data) {
+    const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
+    EXPECT_TRUE(std::equal(rows.data(), rows.data() + rows.size(), data.begin(), data.end()));
+  };
+  EXPECT_EQ(file.id, message.id);
+  EXPECT_EQ(file.serial_number, message.serial_number);
+  EXPECT_EQ(file.observations_digest, message.observations_digest);
+  EXPECT_FALSE(file.volts_to_displacement.isZero(0.0));
+  EXPECT_EQ(file.volts_to_wrench, RowMajor6::Map(message.volts_to_wrench.data()));
+  EXPECT_EQ(file.volts_to_displacement, RowMajor6::Map(message.volts_to_displacement.data()));
+  EXPECT_EQ(file.zero_volts, Vector6::Map(message.zero_volts.data()));
+  same(file.displacement_products, message.displacement_products);
+  same(file.wrench_covariance, message.wrench_covariance);
+  same(file.displacement_covariance, message.displacement_covariance);
+}
+
+// An observation file of the simulated bench: force tests of linear sensors, and displacements.
+void simulateSession(const std::string& folder) {
+  ASSERT_EQ(calibrate("plan recommended --nonlinearity 0 --simulate " + folder +
+                      "/force.yaml > /dev/null 2>&1"),
+            0);
+  ASSERT_EQ(calibrate("plan displacement --nonlinearity 0 --simulate " + folder +
+                      "/displacement.yaml > /dev/null 2>&1"),
+            0);
+  const std::string moved = contentOf(folder + "/displacement.yaml");
+  const std::size_t first = moved.find("observations:\n") + std::string("observations:\n").size();
+  std::ofstream(folder + "/all.yaml") << contentOf(folder + "/force.yaml") << moved.substr(first);
+}
+
+// What the tool saves the server loads and publishes, displacement and all; a file of forces alone
+// keeps the displacement in force, also over a restart.
+TEST_F(Bench, LoadsWhatTheToolSaves) {
+  const Folder work;
+  simulateSession(work.path());
+  const auto save = [&](const std::string& file, const std::string& id) {
+    return calibrate("solve " + work.path() + "/" + file + " --save " + folder_.path() + " --id " +
+                     id + " > /dev/null 2>&1");
+  };
+  ASSERT_EQ(save("all.yaml --displacement", "whole"), 0);
+  LoadCalibration::Request request;
+  request.id = "whole";
+  auto loaded = server_.call<LoadCalibration>("load", request);
+  ASSERT_TRUE(loaded.success) << loaded.message;
+  for (const std::string sensor : {"sensor_a", "sensor_b"}) {
+    expectSame(loadCalibration(folder_.path() + "/" + sensor + "/whole.yaml"),
+               published(sensor, "whole"));
+  }
+  // into a store with a calibration in force the tool saves its displacement, too
+  ASSERT_EQ(save("force.yaml", "force"), 0);
+  request.id = "force";
+  loaded = server_.call<LoadCalibration>("load", request);
+  ASSERT_TRUE(loaded.success) << loaded.message;
+  expectSame(loadCalibration(folder_.path() + "/sensor_a/force.yaml"),
+             published("sensor_a", "force"));
+
+  // a file from elsewhere, without a displacement
+  const Calibration whole = loadCalibration(folder_.path() + "/sensor_a/force.yaml");
+  Calibration bare;
+  bare.id = "bare";
+  bare.serial_number = whole.serial_number;
+  bare.date = whole.date;
+  bare.volts_to_wrench = whole.volts_to_wrench;
+  saveCalibration(bare, folder_.path() + "/sensor_a/bare.yaml");
+  request.id = "bare";
+  request.sensor = "sensor_a";
+  loaded = server_.call<LoadCalibration>("load", request);
+  ASSERT_TRUE(loaded.success) << loaded.message;
+  EXPECT_TRUE(has(loaded.message, "sensor_a keeps the displacement of force")) << loaded.message;
+  for (int life = 0; life < 2; ++life) {
+    const SensorCalibration now = published("sensor_a", "bare");
+    EXPECT_EQ(whole.volts_to_displacement, RowMajor6::Map(now.volts_to_displacement.data()));
+    if (life == 0) {
+      server_.end(SIGKILL);
+      start();
+    }
+  }
+}
+
+// Calibrations that calibrate solve once put below the serial number are found.
+TEST_F(Bench, LoadsFromTheOldPlace) {
+  fs::create_directory(folder_.path() + "/simulated-a");
+  saveCalibration(calibrationOf("sensor_a", "old", 1.0), folder_.path() + "/simulated-a/old.yaml");
+  LoadCalibration::Request request;
+  request.id = "old";
+  request.sensor = "sensor_a";
+  const auto loaded = server_.call<LoadCalibration>("load", request);
+  EXPECT_TRUE(loaded.success) << loaded.message;
+  EXPECT_EQ(server_.call<GetCalibrations>("get_calibration").stored_a,
+            std::vector<std::string>{"old"});
+}
+
+// What the server saves the tool reads, and its store takes what the tool solves from the journal.
+TEST_F(Bench, TheToolReadsWhatTheServerSaves) {
+  // a journal as a session would leave it
+  const Folder work;
+  simulateSession(work.path());
+  server_.end(SIGTERM);
+  const ObservationSet set = readObservations(work.path() + "/all.yaml");
+  {
+    ObservationLog log(server_.journal(), observationHeader(readObservations(server_.journal())));
+    for (const Observation& o : set.observations) log.append(observationLine(o));
+  }
+  start();
+  const auto solved = server_.call<SolveCalibration>("solve");
+  ASSERT_TRUE(solved.success) << solved.message;
+  SaveCalibration::Request request;
+  request.id = "ours";
+  const auto saved = server_.call<SaveCalibration>("save", request);
+  ASSERT_TRUE(saved.success) << saved.message;
+  EXPECT_EQ(saved.id, "ours");
+  for (const std::string sensor : {"sensor_a", "sensor_b"}) {
+    const std::string path = folder_.path() + "/" + sensor + "/ours.yaml";
+    EXPECT_EQ(
+        calibrate("check " + path + " --observations " + work.path() + "/force.yaml > /dev/null"),
+        0);
+    expectSame(loadCalibration(path), published(sensor, "ours"));
+  }
+  // the same observations, the same maps
+  ASSERT_EQ(calibrate("solve " + server_.journal() + " --displacement --save " + folder_.path() +
+                      " --id tools > /dev/null 2>&1"),
+            0);
+  for (const std::string sensor : {"sensor_a", "sensor_b"}) {
+    Calibration tools = loadCalibration(folder_.path() + "/" + sensor + "/tools.yaml");
+    tools.id = "ours";
+    expectSame(tools, published(sensor, "ours"));
+  }
 }
 
 // ---- bad input stops the node with one line ----

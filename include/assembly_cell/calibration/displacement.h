@@ -46,7 +46,5 @@ void applyDisplacement(const DisplacementSolution& solution, Calibration& calibr
 /// Strains in parts of the range, one test a row. Central composite: 32 corners of the half
 /// fraction at 0.7, 12 axial, 2 centre.
 std::vector<Vector6> centralComposite();
-std::vector<Vector6> oneChannelAtATime();  ///< 12
-std::vector<Vector6> conferenceDesign();   ///< 12: ± rows of the order-6 conference matrix
 
 }  // namespace assembly_cell

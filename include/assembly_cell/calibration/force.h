@@ -40,15 +40,15 @@ struct ForceSettings {
   double max_outliers = 0.1;  ///< share of tests
   double hold_out = 0.2;      ///< share of tests
   /// Displacement calibrations, for points given at rest; null: such points are refused.
-  const Calibration* displacement_a = nullptr;
-  const Calibration* displacement_b = nullptr;
+  PerSide<const Calibration*> displacement;
 };
+
+const char* toString(ForceProcedure procedure);  ///< all_rows, force_rows, thesis
 
 /// What became of one test.
 struct TestResult {
   std::size_t observation = 0;  ///< index in the set
-  std::string dropped;          ///< why it was not used; empty when used
-  bool outlier = false;
+  CalibrationRefusal dropped;   ///< why it was not used
   int equations = 0;
   Vector6 residual = Vector6::Zero();  ///< force, torque; unused rows 0 [N], [N·m]
   double chi2 = 0.0;                   ///< rᵀ C⁻¹ r
@@ -64,7 +64,7 @@ struct ForceSolution {
   bool quadratic = false;
   int rows = 6;                ///< a sensor; 3: forces only
   int terms = 6;               ///< a row: 6 or 27
-  Eigen::MatrixXd S_a, S_b;    ///< rows × terms; empty when the rank is short
+  PerSide<Eigen::MatrixXd> S;  ///< rows × terms; empty when the rank is short
   Eigen::MatrixXd covariance;  ///< of the parameters
   int unknowns = 0, equations = 0, dof = 0;
   int rank = 0;            ///< noise-free, column-scaled, at 10⁻⁸
@@ -72,9 +72,9 @@ struct ForceSolution {
   double chi2 = 0.0;
   double p = 0.0;
   int iterations = 0;
-  Vector6 residual_rms = Vector6::Zero();    ///< by axis [N], [N·m]
-  Vector6 predicted_sd_a = Vector6::Zero();  ///< of a wrench over rated loads, rms [N], [N·m]
-  Vector6 predicted_sd_b = Vector6::Zero();
+  Vector6 residual_rms = Vector6::Zero();  ///< by axis [N], [N·m]
+  /// Of a wrench over rated loads, rms [N], [N·m].
+  PerSide<Vector6> predicted_sd = {Vector6::Zero(), Vector6::Zero()};
   double hold_out_rms = 0.0;  ///< normalised; NaN: not possible
   int hold_out_tests = 0;
   std::string weak_direction;   ///< in words
@@ -90,7 +90,7 @@ ForceSolution solveForce(const ObservationSet& set, const ForceSettings& setting
 
 /// Before any measurement: rank, condition, χ² degrees of freedom and predicted standard deviation
 /// of a design whose observations carry poses, weights and points but no readings of their own
-/// (predictReadings() in plan.h gives noise-free ones). S_a, S_b are the nominal ones. The gates
+/// (predictPlan() in plan.h gives noise-free ones). S are the nominal ones. The gates
 /// on geometry, rank, condition, dof and predicted sd are judged.
 ForceSolution judgeDesign(const ObservationSet& set, const ForceSettings& settings = {});
 

@@ -9,8 +9,8 @@ namespace assembly_cell {
 /// What a check found: nothing, a warning, or a reason to refuse.
 enum class Verdict { kPass, kWarn, kRefuse };
 
-/// One check of section 9 with its numbers. `text` is one line that names what is wrong and what to
-/// add; empty when passed.
+/// One check (docs/calibration.md, "What is refused") with its numbers. `text` is one line that
+/// names what is wrong and what to add; empty when passed.
 struct Gate {
   std::string name;  ///< rank, condition, predicted_sd, dof, chi2, low_chi2, geometry, …
   Verdict verdict = Verdict::kPass;
@@ -18,6 +18,12 @@ struct Gate {
   double limit = 0.0;
   std::string text;
 };
+
+/// Passed where `text` is empty.
+inline Gate makeGate(const std::string& name, double value, double limit, const std::string& text,
+                     Verdict otherwise = Verdict::kRefuse) {
+  return {name, text.empty() ? Verdict::kPass : otherwise, value, limit, text};
+}
 
 inline bool refused(const std::vector<Gate>& gates) {
   for (const Gate& gate : gates) {

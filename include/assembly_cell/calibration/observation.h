@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "assembly_cell/calibration/dial_gauge.h"
+#include "assembly_cell/calibration/failure.h"
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
@@ -23,10 +25,34 @@ enum class ObservationKind {
 };
 
 enum class Side { kA, kB };
+constexpr std::array<Side, 2> kSides = {Side::kA, Side::kB};
+
+/// One of each sensor.
+template <typename T>
+struct PerSide {
+  T a{}, b{};
+  T& operator[](Side side) { return side == Side::kA ? a : b; }
+  const T& operator[](Side side) const { return side == Side::kA ? a : b; }
+};
 
 /// unloaded, reacting, weight, indentation, displacement, linearity; a, b.
 const char* toString(ObservationKind kind);
 const char* toString(Side side);
+std::optional<ObservationKind> observationKind(const std::string& name);
+constexpr const char* kObservationKinds =
+    "unloaded, reacting, weight, indentation, displacement or linearity";
+/// "sensor_a", "sensor_b": how topics, folders and messages call it.
+std::string sensorName(Side side);
+
+/// Weights, indentations, displacements and linearity tests have a `side`.
+inline bool isOneSided(ObservationKind kind) {
+  return kind != ObservationKind::kUnloaded && kind != ObservationKind::kReacting;
+}
+/// Equations of the strain-to-wrench maps follow from it.
+inline bool isForceTest(ObservationKind kind) {
+  return kind == ObservationKind::kReacting || kind == ObservationKind::kWeight ||
+         kind == ObservationKind::kIndentation;
+}
 
 /// The settled strain of one sensor: the mean of a window of samples.
 struct Reading {
@@ -46,7 +72,7 @@ struct Observation {
   std::string id;        ///< free text without control characters, may be empty
   double stamp = 0.0;    ///< of the middle of the window [s]
   Side side = Side::kA;  ///< weight, indentation, displacement, linearity: which sensor
-  std::optional<Reading> a, b;
+  PerSide<std::optional<Reading>> reading;
   Pose X_AB;                            ///< reacting: pose of sensor B in sensor A
   std::optional<Matrix6> X_covariance;  ///< reacting: (dp, dφ) in axes of A; default: accuracy
   double mass = 0.0;                    ///< weight [kg]
@@ -57,6 +83,9 @@ struct Observation {
   std::optional<Vector6> displacement;  ///< displacement: instead of gauges, pose rel. to rest
   double load = 0.0;                    ///< linearity: set load in any unit
   int channel = 0;                      ///< linearity: 0 … 5
+
+  /// Its readings are of this sensor (an unloaded reading may lack one).
+  bool concerns(Side s) const { return !isOneSided(kind) || side == s; }
 };
 
 /// The converter and the rough size of a sensor, as its maker states them.
@@ -70,7 +99,11 @@ struct SensorDescription {
 
   SensorDescription();  ///< nominal: the bridge of section 8 as drawn
 
-  double lsb() const;  ///< [V]
+  double lsb() const;           ///< [V]
+  double quantisation() const;  ///< variance of the converter's steps [V²]
+  /// Of the mean of samples of this sd: noise² + q²/12, divided by their number only where the
+  /// noise dithers the converter (noise ≥ q/2) [V²].
+  double variance(double sd, int samples = 1) const;
 };
 
 /// One standard deviation of what the tests are compared with.
@@ -85,22 +118,21 @@ struct ReferenceAccuracy {
 
 /// All that was measured, in the order of time.
 struct ObservationSet {
-  SensorDescription a, b;
+  PerSide<SensorDescription> sensor;
   double gravity = 9.80665;  ///< [m/s²]
   ReferenceAccuracy accuracy;
-  GaugeLayout gauges_a, gauges_b;  ///< of displacement tests
+  PerSide<GaugeLayout> gauges;  ///< of displacement tests
   std::vector<Observation> observations;
 };
 
-/// Mean of a settled window with its covariance: noise² + q²/12, divided by the number of samples
-/// only where the noise dithers the converter (noise ≥ q/2). Noise is that of neighbouring
-/// differences for 30 samples and more, the sensor's stated one below. Throws InputError for an
-/// empty window or different sizes.
+/// Mean of a settled window with its covariance (SensorDescription::variance). Noise is that of
+/// neighbouring differences for 30 samples and more, the sensor's stated one below. Throws
+/// InputError for an empty window or different sizes.
 Reading averageReading(const std::vector<Vector6>& volts,
                        const std::vector<std::uint8_t>& saturated, const SensorDescription& sensor);
 
-/// Saturated or unsettled (spread > 5 times the noise of one sample): why, or empty when usable.
-std::string unusable(const Reading& reading, const SensorDescription& sensor);
+/// Saturated or unsettled (spread > 5 times the noise of one sample), or nothing when usable.
+CalibrationRefusal unusable(const Reading& reading, const SensorDescription& sensor);
 
 /// Throws InputError, one line beginning with `source`: what makes this observation unusable as
 /// such (readings missing, not finite, mass not positive, direction no unit vector, rotation no
@@ -118,10 +150,10 @@ std::string observationHeader(const ObservationSet& set);
 /// The whole observation file.
 std::string observationsText(const ObservationSet& set);
 
-/// Reads an observation file: YAML with one observation a line (docs/calibration.md), or CSV by
-/// named columns (path ends in .csv). A last line that a crash cut off (no end of line) is left
-/// out and `torn` set when given, else refused. Throws InputError naming file and line or key.
-ObservationSet readObservations(const std::string& path, bool* torn = nullptr);
+/// Reads an observation file: YAML with one observation a line (docs/calibration.md), CSV by named
+/// columns (path ends in .csv), or the last message of a server's ~observations (a .bag). Throws
+/// InputError naming file and line or key.
+ObservationSet readObservations(const std::string& path);
 
 /// Writes the whole file atomically (temporary file, fsync, rename). Throws InputError.
 void writeObservations(const ObservationSet& set, const std::string& path);

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,17 +31,19 @@ enum class PlanName {
   kThesisShifted,  ///< 11 parallel, shifted + 1 weight: rank 30 of 36; for comparison
 };
 
+/// recommended, quadratic, displacement, thesis_fixed, thesis_shifted; none for another name.
+std::optional<PlanName> planName(const std::string& name);
+constexpr const char* kPlanNames =
+    "recommended, quadratic, displacement, thesis_fixed, thesis_shifted";
+
 /// Unloaded readings are put in before the first test and after every `zero_every` tests. The seed
 /// chooses sizes and points of the loads.
 std::vector<LoadRequest> makePlan(PlanName name, const ObservationSet& set,
                                   const RatedLoad& rated = {}, std::uint64_t seed = 1,
                                   int zero_every = 11);
 
-/// The readings that the nominal sensors would give, free of noise, zero at rest.
-Observation predictReadings(const LoadRequest& request, const ObservationSet& set);
-
-/// A set with the predicted readings of a plan appended to its observations: input of
-/// judgeDesign().
+/// A set with the readings that the nominal sensors would give under a plan, free of noise,
+/// appended to its observations: input of judgeDesign().
 ObservationSet predictPlan(const std::vector<LoadRequest>& plan, const ObservationSet& set);
 
 /// D-optimal continuation: from the candidates the `count` that add most to log det of the

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <string>
-#include <utility>
 
 #include "assembly_cell/calibration/observation.h"
 #include "assembly_cell/calibration/plan.h"
@@ -11,11 +10,11 @@
 
 namespace assembly_cell {
 
-/// The simulated calibration bench: two sensors of section 8 as hidden truth, masses, dial gauges.
+/// The simulated calibration bench: two sensors (bridge.h) as hidden truth, masses, dial gauges.
 struct RigSettings {
   int bits = 16;
   double noise = 0.5e-3;         ///< of one sample, rms [V]
-  double nonlinearity = 1.0;     ///< of the bridges: 0 linear … 1 as in section 8
+  double nonlinearity = 1.0;     ///< of the bridges: 0 linear … 1 as built
   double drift = 0.0;            ///< of the temperature [K/h]
   bool reference_errors = true;  ///< known values are off by random errors of `accuracy`
   ReferenceAccuracy accuracy;
@@ -36,7 +35,7 @@ class CalibrationRig {
   Observation apply(const LoadRequest& request);
 
   /// One sample of both sensors under the present load; time goes on by a sample period.
-  std::pair<StrainSample, StrainSample> sample();
+  PerSide<StrainSample> sample();
 
   /// apply() and averaged readings: one complete observation.
   Observation measure(const LoadRequest& request);
@@ -47,16 +46,12 @@ class CalibrationRig {
   double time() const { return time_; }
   double temperature() const;  ///< [°C]
 
-  /// For judging results only.
-  const Bridge& truthA() const { return a_; }
-  const Bridge& truthB() const { return b_; }
-
  private:
   RigSettings settings_;
-  Bridge a_, b_;
+  PerSide<Bridge> bridge_;
   NormalSource normal_;
   double time_ = 0.0;
-  Vector6 volts_a_ = Vector6::Zero(), volts_b_ = Vector6::Zero();  ///< strain under load
+  PerSide<Vector6> volts_ = {Vector6::Zero(), Vector6::Zero()};  ///< strain under load
 };
 
 }  // namespace assembly_cell

@@ -12,16 +12,23 @@ std::string calibrationStore();
 
 /// <store>/<sensor>/<id>.yaml. Names are letters, digits, '.', '_' and '-', not beginning with a
 /// dot, at most 100 characters: never a path. Throws InputError naming `what` is wrong.
+bool isCalibrationName(const std::string& text);
 std::string calibrationPath(const std::string& store, const std::string& sensor,
                             const std::string& id);
 
 /// Makes <store>/<sensor> with parents. Throws InputError when it can't.
 void makeCalibrationFolder(const std::string& store, const std::string& sensor);
 
-/// Ids stored for a sensor, sorted; temporary files left out.
+/// Ids stored in a folder, sorted; temporary files left out.
 std::vector<std::string> storedCalibrations(const std::string& store, const std::string& sensor);
 
+/// Removes what a kill left of files that were never finished; for the one process that writes.
+void removeLeftovers(const std::string& folder);
+
 /// An id that isn't taken: the date and time, "2026-01-12T15-04-05", with a number when needed.
-std::string newCalibrationId(const std::string& store, const std::string& sensor);
+std::string newCalibrationId(const std::vector<std::string>& taken);
+
+/// Date and time in UTC, "2026-01-12T15:04:05Z".
+std::string calibrationDate();
 
 }  // namespace assembly_cell

@@ -10,10 +10,8 @@
 
 #include <string>
 
-#include "assembly_cell/calibration/displacement.h"
-#include "assembly_cell/calibration/force.h"
-#include "assembly_cell/calibration/observation.h"
 #include "assembly_cell/calibration/plan.h"
+#include "assembly_cell/calibration/session.h"
 #include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell::ros_bridge {
@@ -35,6 +33,7 @@ LoadRequest fromMessage(const LoadStep& step, const std::string& source);
 
 CalibrationResult toMessage(const ForceSolution& solution, const ObservationSet& set);
 DisplacementResult toMessage(const DisplacementSolution& solution);
+CalibrationResult toMessage(const CalibrationSolution& solution);
 
 /// Empty, or what is wrong with a block of samples.
 std::string faultOf(const StrainSamples& block);

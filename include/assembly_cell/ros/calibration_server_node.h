@@ -9,30 +9,24 @@
 #include <assembly_cell/LoadCalibration.h>
 #include <assembly_cell/PlanCalibration.h>
 #include <assembly_cell/SaveCalibration.h>
+#include <assembly_cell/SensorCalibration.h>
 #include <assembly_cell/SolveCalibration.h>
-#include <assembly_cell/StrainSamples.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_msgs/String.h>
 #include <std_srvs/Trigger.h>
 
-#include <array>
 #include <atomic>
-#include <chrono>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
-#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
-#include "assembly_cell/calibration/displacement.h"
-#include "assembly_cell/calibration/force.h"
-#include "assembly_cell/calibration/observation.h"
-#include "assembly_cell/calibration/observation_log.h"
 #include "assembly_cell/calibration/plan.h"
-#include "assembly_cell/sensor/calibration.h"
-#include "assembly_cell/sensor/statistics.h"
+#include "assembly_cell/calibration/session.h"
+#include "assembly_cell/ros/strain_windows.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -45,62 +39,18 @@ class CalibrationServerNode {
   ~CalibrationServerNode();
 
  private:
-  using Clock = std::chrono::steady_clock;
-  using Seconds = std::chrono::duration<double>;
-
-  /// Samples of one sensor while somebody waits for them.
-  struct Collector {
-    bool active = false;
-    bool armed = false;  ///< the block that was under way at the call has gone by
-    ros::Time from;      ///< of the first sample that counts
-    std::vector<Vector6> volts;
-    std::vector<std::uint8_t> saturated;
-    double first = 0.0, last = 0.0;  ///< stamps [s]
-    double temperature = 0.0;        ///< of the last block [degC]
-    std::optional<Clock::time_point> heard;
-    SequenceMonitor sequence;
-    std::string failure;
-  };
+  using Seconds = StrainWindows::Seconds;
 
   struct Sensor {
-    std::string name;  ///< sensor_a, sensor_b: topics, frame and folder of the store
-    Side side = Side::kA;
-    Collector collector;
-    std::optional<Calibration> in_force;
     ros::Time in_force_since;
-    ros::Subscriber strain_sub;
     ros::Publisher calibration_pub;
-    std::string driver_service;  ///< set_calibration of its driver
-  };
-
-  /// What was found from the observations as they are.
-  struct Solution {
-    ForceSolution force;
-    std::array<std::optional<DisplacementSolution>, 2> displacement;
-    ObservationSet set;  ///< solved
-    CalibrationResult result;
-  };
-
-  /// Why a window can't be used; `again` when a repetition may help.
-  struct Refusal {
-    std::string reason;
-    bool again = false;
   };
 
   /// A step of an action that waits for a person.
   enum class Waiting { kNo, kOpen, kReading, kDone };
 
-  void readParameters();
-  void openStore();
+  StrainWindows::Settings readParameters();
   void advertise();
-
-  // data
-  void collect(Sensor& sensor, const StrainSamples::ConstPtr& block);
-  /// Attaches readings of a settled window of the sensors `wanted`. Samples count from `from` on,
-  /// or (zero) those that were all taken after the call.
-  std::optional<Refusal> read(Observation& observation, const std::array<bool, 2>& wanted,
-                              const ros::Time& from);
-  std::string unsettled(const Reading& reading, const Sensor& sensor) const;
 
   // services
   bool plan(PlanCalibration::Request& request, PlanCalibration::Response& response);
@@ -115,11 +65,12 @@ class CalibrationServerNode {
 
   // the action
   void calibrate(const CalibrateSensorsGoalConstPtr& goal);
+  std::vector<LoadRequest> openPlan(const CalibrateSensorsGoal& goal, std::set<std::string>& there);
   CalibrateSensorsResult runPlan(const CalibrateSensorsGoal& goal);
-  /// Loads, reads, keeps. Empty, or why the step has no observation; throws InputError when the
-  /// plan can't go on.
-  std::string stepByRig(const LoadRequest& step);
-  std::string stepByPerson(const LoadRequest& step);
+  /// Loads, reads, keeps; or why the step has no observation. Throws InputError when the plan
+  /// can't go on.
+  CalibrationRefusal stepByRig(const LoadRequest& step);
+  CalibrationRefusal stepByPerson(const LoadRequest& step);
   bool cancelled();
   void tell(const std::string& state, const std::string& message);
 
@@ -127,54 +78,54 @@ class CalibrationServerNode {
   std::unique_lock<std::mutex> acquire();
   // with that right held
   void keep(const Observation& observation);
+  /// Attaches readings and keeps it. Throws InputError when that can't be.
+  void read(Observation& observation, const PerSide<bool>& wanted);
   void startAnew();
-  std::string saveSolution(const std::string& id);  ///< returns the id
+  struct Stored {
+    std::string id, message;
+  };
+  Stored saveSolution(const std::string& id);
 
-  /// The calibration in force, here or in the sensor's driver; empty when there is none.
-  Calibration before(const Sensor& sensor) const;
-  /// Puts calibrations in force here and in the drivers; a line about drivers that didn't take it.
-  std::string putInForce(const std::array<std::optional<Calibration>, 2>& calibrations);
-  Calibration loadStored(const Sensor& sensor, const std::string& id) const;
-  void writeInForce() const;
-  void readInForce();
+  /// What the drivers of these sensors have, empty where they have none of ours.
+  PerSide<Calibration> inDrivers(const PerSide<bool>& wanted) const;
+  /// Hands calibrations to the drivers; returns a line about those that aren't there or refuse.
+  /// With `before` a refusal is an error, and the drivers have again what they had.
+  std::string handOver(const MaybePerSide<CalibrationInForce>& calibrations,
+                       const PerSide<Calibration>* before);
+  void putInForce(const MaybePerSide<CalibrationInForce>& calibrations);
 
   std::vector<LoadRequest> makeSteps(const std::string& plan, std::uint32_t seed) const;
-  Solution solveAll(ForceSettings settings) const;
-  void publishCalibration(Sensor& sensor);
+  CalibrationResult solveAll(const ForceSettings& force);
+  SensorCalibration messageOf(Side side, const Calibration& calibration) const;
+  std::uint32_t observationCount() const;
+  void publishCalibrations(const PerSide<bool>& wanted);
   void publishStatus();
-  void publishObservations();
-  std_msgs::String observationsMessage();
-  ObservationSet observations() const;
+  std_msgs::String observationsMessage() const;
 
-  // parameters
   ros::NodeHandle nh_, pnh_;
-  std::string store_;
-  ObservationSet set_;  ///< of the header, and all observations
   RatedLoad rated_;
-  std::size_t window_ = 0;
-  Seconds settle_timeout_{0.0}, source_timeout_{0.0};
+  Seconds source_timeout_{0.0};
   std::string rig_;  ///< service that applies loads; empty: a person does
   std::string default_plan_;
+  std::size_t window_ = 0;
   int zero_every_ = 0;
   double max_dropped_ = 0.0;
   bool set_drivers_ = true;
 
-  std::unique_ptr<ObservationLog> journal_;
+  std::unique_ptr<CalibrationSession> session_;
+  std::unique_ptr<StrainWindows> windows_;
 
   /// Held by whoever changes observations or calibrations: one at a time, others are refused.
   std::mutex busy_;
-  /// Guards what follows, briefly.
+  /// Guards the step that is waited for and the feedback, briefly.
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::atomic<bool> stopping_{false};
-  std::array<Sensor, 2> sensors_;
-  std::optional<Solution> solution_;
-  std::string state_ = "idle";
-  std::string last_id_;
+  PerSide<Sensor> sensors_;
   Waiting waiting_ = Waiting::kNo;
   Observation awaited_;  ///< of the step that a person brings about
   CalibrateSensorsFeedback feedback_;
-  bool in_action_ = false;
+  std::atomic<bool> in_action_{false};
 
   ros::CallbackQueue service_queue_;
   ros::Publisher status_pub_, observations_pub_;
@@ -182,5 +133,17 @@ class CalibrationServerNode {
   std::unique_ptr<actionlib::SimpleActionServer<CalibrateSensorsAction>> action_;
   ros::AsyncSpinner service_spinner_{4, &service_queue_};
 };
+
+/// What a service answers: `work`, or why it was refused.
+template <class Response, class Work>
+bool answer(Response& response, const char* service, const Work& work) {
+  try {
+    work();
+  } catch (const InputError& error) {
+    response.success = false;
+    response.message = std::string(service) + " refused: " + error.what();
+  }
+  return true;
+}
 
 }  // namespace assembly_cell::ros_bridge

@@ -40,7 +40,7 @@ class SimulatedRigNode {
   std::uint64_t samples_ = 0;  // given so far
   std::uint32_t sequence_ = 0;
 
-  ros::Publisher bridge_a_pub_, bridge_b_pub_;
+  PerSide<ros::Publisher> bridge_pub_;
   ros::ServiceServer apply_srv_;
   ros::WallTimer timer_;
 };

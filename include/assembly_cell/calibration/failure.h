@@ -1,0 +1,60 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <string>
+
+#include "assembly_cell/scene/input_error.h"
+
+namespace assembly_cell {
+
+/// Why a reading, a test, a request or a recording is of no use.
+enum class CalibrationFailure {
+  kNone,
+  // a reading
+  kSaturated,
+  kUnsettled,
+  // a test of a set
+  kNoZero,          ///< no unloaded reading before it
+  kZeroDrifted,     ///< the unloaded readings around it differ
+  kNoDisplacement,  ///< its point is that at rest, and no displacement map is known
+  kOutlier,
+  // a window of samples
+  kSilent,     ///< no samples
+  kTooSlow,    ///< too few samples
+  kRestarted,  ///< the source began anew meanwhile
+  kApart,      ///< the sensors' samples are not of the same time
+  kCancelled,
+  // a session
+  kNothingToSolve,
+  kNotSolved,
+  kNotAccepted,
+  kNoWrench,  ///< a displacement alone makes no calibration
+  kIdTaken,
+  kUnknownId,
+  kForeign,  ///< of another sensor
+  kRenamed,  ///< its id isn't the file's name
+  // rig and drivers
+  kRigRefused,
+  kDriverRefused,
+  // static poses
+  kTooFewPoses,
+  kOneAxis,        ///< the orientations do not tell weight from bias
+  kAxesUndecided,  ///< base and sensor axes fit alike
+};
+
+/// A failure and one line about it; converts to true where there is one.
+struct CalibrationRefusal {
+  CalibrationFailure code = CalibrationFailure::kNone;
+  std::string text;
+
+  explicit operator bool() const { return code != CalibrationFailure::kNone; }
+};
+
+/// A request that a session refuses.
+struct CalibrationError : InputError {
+  CalibrationError(CalibrationFailure failure, const std::string& text)
+      : InputError(text), code(failure) {}
+  CalibrationFailure code;
+};
+
+}  // namespace assembly_cell
