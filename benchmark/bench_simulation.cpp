@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "../test/geometry/single_slot.h"
+#include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/dynamics/simulation.h"
-#include "assembly_cell/sensor/simulated_cell.h"
 #include "marker.h"
 
 namespace assembly_cell {
@@ -34,15 +34,15 @@ void place(Scenario& s, const Vector3d& bottom, double tilt, double lean, double
                       std::cos(tilt));
   s.initial.close = press > 0.0;
   s.initial.euler = {std::atan2(axis.x(), axis.z()), std::acos(axis.y()), 0.0};
-  s.initial.position = bottom + s.peg.half_height * axis;
-  const Vector3d coupling = s.initial.position + s.peg.coupling_height * axis;
+  s.initial.position = bottom + s.mechanism.peg.half_height * axis;
+  const Vector3d coupling = s.initial.position + s.mechanism.peg.coupling_height * axis;
   s.initial.carrier_x = coupling.x();
   s.initial.carrier_y = coupling.y();
   s.rest = {coupling.x(), coupling.y(),          coupling.z(),
             0.0,          s.initial.euler.theta, s.initial.euler.phi};
   if (press > 0.0) {
     s.initial.position.z() = Simulation(s).state().q(0);
-    s.rest.z = s.initial.position.z() + s.peg.coupling_height * axis.z() - press;
+    s.rest.z = s.initial.position.z() + s.mechanism.peg.coupling_height * axis.z() - press;
     s.initial.close = false;
   }
 }
@@ -183,9 +183,9 @@ void vibratedRuns() {
          "carrier.inertia=1.0e-3", "coupling.stiffness.diagonal=[100, 5.0e4, 5.0e4, 50, 50, 50]",
          "coupling.stiffness.k26=158", "coupling.stiffness.k35=-158", "exciter.frequency=1000",
          "exciter.phase=-1.5707963267948966", "solver.max_step=0.002", "solver.tolerance=1e-7"});
-    s.coupling.damping.diagonal << 0, c.across, c.across, c.about, c.about, c.about;
+    s.mechanism.coupling.damping.diagonal << 0, c.across, c.across, c.about, c.about, c.about;
     s.rest.z = c.rest;
-    s.exciter.amplitude = c.force;
+    s.mechanism.exciter.amplitude = c.force;
     double best = 1e300;
     RunCounts counts;
     for (int i = 0; i < 5 * kRepeats; ++i) {
@@ -235,7 +235,7 @@ double carrierRows() {
   double best = 1e300;
   volatile double sink = 0.0;
   const Scenario s = load("cell");
-  const CarrierParameters& c = s.carrier;
+  const CarrierParameters& c = s.mechanism.carrier;
   constexpr int n = 20000;
   for (int i = 0; i < 5 * kRepeats; ++i) {
     Vector3d q(1e-3, 2e-3, 3e-3), v(0.1, 0.2, 0.3), a = Vector3d::Zero();
@@ -335,7 +335,7 @@ void realTime() {
   for (const bool vibrated : {false, true}) {
     for (const bool contact : {false, true}) {
       Scenario s = contact ? twoEdges() : farAbove();
-      if (vibrated) s.exciter.amplitude = 1.0;
+      if (vibrated) s.mechanism.exciter.amplitude = 1.0;
       SimulatedCell cell(s, CellParameters{});
       StrainBlock block;
       for (int k = 0; k < 5; ++k) cell.next(block);
@@ -395,7 +395,7 @@ int run() {
       "Two contacts pressed, exciter 0.1 N, 0.06 s",
       [] {
         Scenario s = twoEdges();
-        s.exciter.amplitude = 0.1;
+        s.mechanism.exciter.amplitude = 0.1;
         return s;
       }(),
       0.06);

@@ -20,7 +20,7 @@
 #include <thread>
 #include <vector>
 
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/emulators.h"
 #include "assembly_cell/sensor/stamp_filter.h"
 #include "assembly_cell/sensor/strain_source.h"

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/dynamics/simulation.h"
-#include "assembly_cell/scene/yaml_text.h"
 #include "assembly_cell/study/ledger.h"
 
 namespace assembly_cell {

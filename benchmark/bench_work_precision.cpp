@@ -155,7 +155,7 @@ Row measurePeer(const Scene& scene, const Path& truth, double tolerance, int rep
   Path path;
   const State start = Simulation(s).state();
   for (int n = 0; n < repeats; ++n) {
-    PeerEquations f{s, Drive{s.exciter, 0.0}, restMotion(restProfile(s.rest), 0.0)};
+    PeerEquations f{s, Drive{s.mechanism.exciter, 0.0}, restMotion(restProfile(s.rest), 0.0)};
     PeerState y;
     for (std::size_t i = 0; i < 9; ++i) {
       y[i] = start.q(static_cast<int>(i)) / PeerEquations::scale(i);

@@ -246,7 +246,7 @@ class Mechanism {
 
   Kinetics kinetics(Real t, const State& y) const {
     Kinetics k;
-    const PegParameters& peg = s_.peg;
+    const PegParameters& peg = s_.mechanism.peg;
     k.x << y[0], y[1], y[2];
     k.v << y[9], y[10], y[11];
     k.omega << y[12], y[13], y[14];
@@ -265,11 +265,11 @@ class Mechanism {
     d[4] = y[4] - Real(s_.rest.theta), dd[4] = k.omega(1);
     d[5] = y[3] - Real(s_.rest.phi), dd[5] = k.omega(2);
     Real spring[6], damper[6];
-    apply(s_.coupling.stiffness, d, spring);
-    apply(s_.coupling.damping, dd, damper);
+    apply(s_.mechanism.coupling.stiffness, d, spring);
+    apply(s_.mechanism.coupling.damping, dd, damper);
     const Vec3 pull(spring[0] + damper[0], spring[1] + damper[1], spring[2] + damper[2]);
     // exciter and push in peg axes x = axis 2, y = −(axis 1)
-    const ExciterParameters& e = s_.exciter;
+    const ExciterParameters& e = s_.mechanism.exciter;
     const Real angle = Real(e.direction) * (Real(e.frequency) * t + Real(e.phase));
     const Real fx = Real(s_.push(0)) + Real(e.amplitude) * std::cos(angle);
     const Real fy = Real(s_.push(1)) + Real(e.amplitude) * std::sin(angle);
@@ -278,7 +278,7 @@ class Mechanism {
     const Vec3 e1(cph * cth, sph * cth, -sth), e2(-sph, cph, 0);
     const Vec3 axis1 = cps * e1 + sps * e2, axis2 = cps * e2 - sps * e1;
     const Vec3 drive = -fy * axis1 + fx * axis2 + Real(s_.push(2)) * k.a;
-    k.force = drive - pull - Real(peg.mass) * Real(s_.gravity) * Vec3::UnitX();
+    k.force = drive - pull - Real(peg.mass) * Real(s_.mechanism.gravity) * Vec3::UnitX();
     // springs act on the angles: the moment whose work on a turn of (phi, theta, psi) is theirs
     const Vec3 on_angles(-spring[5], -spring[4], -spring[3]);
     k.torque = d1 * k.a.cross(drive) - d2 * k.a.cross(pull) -
@@ -288,7 +288,7 @@ class Mechanism {
     k.J_inverse = Mat3::Identity() / I + (1 / I3 - 1 / I) * k.a * k.a.transpose();
     k.acc = k.force / Real(peg.mass);
     k.alpha = k.J_inverse * (k.torque - k.omega.cross(momentum));
-    const CarrierParameters& c = s_.carrier;
+    const CarrierParameters& c = s_.mechanism.carrier;
     k.carrier[0] =
         (pull(1) - Real(c.stiffness(0)) * (y[6] - Real(s_.rest.x)) - Real(c.damping(0)) * y[15]) /
         Real(c.mass);
@@ -316,7 +316,7 @@ class Mechanism {
 
   // change of the velocity of peg point r by a unit impulse at r_other
   Mat3 influence(const Kinetics& k, const Vec3& r, const Vec3& r_other) const {
-    return Mat3::Identity() / Real(s_.peg.mass) - skew(r) * k.J_inverse * skew(r_other);
+    return Mat3::Identity() / Real(s_.mechanism.peg.mass) - skew(r) * k.J_inverse * skew(r_other);
   }
   static Mat3 skew(const Vec3& r) {
     Mat3 S;
@@ -326,7 +326,8 @@ class Mechanism {
 
   // angle of the candidate of one half of the edge at a pose
   bool search(int slot, const std::array<Real, 6>& pose, Real& t) const {
-    const Real h = s_.peg.half_height, r = s_.peg.radius, R = s_.hole.radius;
+    const Real h = s_.mechanism.peg.half_height, r = s_.mechanism.peg.radius,
+               R = s_.mechanism.hole.radius;
     const Real pi = std::acos(Real(-1));
     // lowest point: height over u = psi + t is cos(phi) cos(theta) cos(u) − sin(phi) sin(u)
     const Real c = std::cos(pose[3]) * std::cos(pose[4]), sn = -std::sin(pose[3]);
@@ -390,8 +391,8 @@ class Mechanism {
     using std::cos;
     using std::sin;
     using std::sqrt;
-    const Real h = s_.peg.half_height, r = s_.peg.radius;
-    const Scalar R(static_cast<Real>(s_.hole.radius)), zero(Real(0)), one(Real(1));
+    const Real h = s_.mechanism.peg.half_height, r = s_.mechanism.peg.radius;
+    const Scalar R(static_cast<Real>(s_.mechanism.hole.radius)), zero(Real(0)), one(Real(1));
     Place<Scalar> out;
     if (meeting == Meeting::kEdgePlane || meeting == Meeting::kEdgeWall) {
       const auto e = edgePoint<Scalar, Real>(pose, u, h, r);
@@ -464,7 +465,7 @@ class Mechanism {
       u = u - f.phi / f.slope;
     }
     const auto f = place<T>(meeting, moving, u);
-    if (std::abs(f.gap.f) > Real(0.1) * Real(s_.peg.radius)) return c;
+    if (std::abs(f.gap.f) > Real(0.1) * Real(s_.mechanism.peg.radius)) return c;
     c.found = true;
     c.gap = f.gap.f, c.gap_rate = f.gap.d, c.gap_acc = f.gap.dd;
     c.n << f.n[0].f, f.n[1].f, f.n[2].f;
@@ -491,8 +492,8 @@ class Mechanism {
     const Meeting meeting = places_[static_cast<std::size_t>(slot)];
     if (meeting != Meeting::kEdgeEdge) return placeContact(meeting, moving, pose, k, t);
     if (!search(slot, pose, t)) return c;
-    const Real h = s_.peg.half_height, r = s_.peg.radius;
-    const T R(static_cast<Real>(s_.hole.radius));
+    const Real h = s_.mechanism.peg.half_height, r = s_.mechanism.peg.radius;
+    const T R(static_cast<Real>(s_.mechanism.hole.radius));
     T u(t);
     for (int i = 0; i < 2; ++i) {
       T phi, slope;
@@ -538,7 +539,8 @@ class Mechanism {
     for (int i = 0; i < 2; ++i) {
       if (m[i] == Mode::kOpen || !c[i].found) continue;
       if (m[i] == Mode::kSlip) {
-        rows.push_back({i, c[i].n, c[i].n + Real(s_.friction.sliding_coefficient) * direction[i],
+        rows.push_back({i, c[i].n,
+                        c[i].n + Real(s_.mechanism.friction.sliding_coefficient) * direction[i],
                         -c[i].gap_acc});
       } else {
         // normal by the gap, tangential by the rest of the contact point
@@ -585,7 +587,7 @@ class Mechanism {
   // undetermined force along the chord: as far inside both cones as possible (golden section)
   void share(const std::array<Contact, 2>& c, Solution& out) const {
     const Vec3 along = (c[1].r - c[0].r).normalized();
-    const Real mu = s_.friction.static_coefficient;
+    const Real mu = s_.mechanism.friction.static_coefficient;
     const auto worst = [&](Real s) {
       Real w = -1e30L;
       for (int i = 0; i < 2; ++i) {
@@ -636,8 +638,8 @@ class Mechanism {
       if (!in[i]) continue;
       const Real u = c[i].v_t.norm(), limit = law.regularisation_speed;
       // divided by the speed already
-      const Real over = sliding_[i] ? Real(s_.friction.sliding_coefficient) / u
-                                    : Real(s_.friction.static_coefficient) / limit;
+      const Real over = sliding_[i] ? Real(s_.mechanism.friction.sliding_coefficient) / u
+                                    : Real(s_.mechanism.friction.static_coefficient) / limit;
       d[i] = c[i].n - over * c[i].v_t;
       out.speed_margin[i] = sliding_[i] ? u - limit : limit - u;
     }
@@ -733,7 +735,7 @@ class Mechanism {
       }
       for (int i = 0; i < 2; ++i) {
         if (!c[i].found) continue;
-        acc += f[i] / Real(s_.peg.mass);
+        acc += f[i] / Real(s_.mechanism.peg.mass);
         alpha += k.J_inverse * c[i].r.cross(f[i]);
       }
     }
@@ -791,7 +793,7 @@ class Mechanism {
       if (mode_[i] == Mode::kOpen) continue;
       value = std::min(value, f.normal[i] + kRounding);
       if (mode_[i] == Mode::kStick) {
-        value = std::min(value, Real(s_.friction.static_coefficient) * f.normal[i] -
+        value = std::min(value, Real(s_.mechanism.friction.static_coefficient) * f.normal[i] -
                                     f.tangential[i] + kRounding);
       } else if (fast_[i]) {
         value = std::min(value, -slip_[i].dot(c[i].v_t) - kRest);
@@ -846,10 +848,11 @@ class Mechanism {
       if (fastest < 0) return;
       std::array<Vec3, 2> P{Vec3::Zero(), Vec3::Zero()};
       const Contact& hit = c[fastest];
-      P[fastest] = strongeImpact<Real>(influence(k, hit.r, hit.r), hit.v, hit.n,
-                                       s_.friction.sliding_coefficient,
-                                       s_.friction.static_coefficient, s_.contact.restitution)
-                       .impulse;
+      P[fastest] =
+          strongeImpact<Real>(influence(k, hit.r, hit.r), hit.v, hit.n,
+                              s_.mechanism.friction.sliding_coefficient,
+                              s_.mechanism.friction.static_coefficient, s_.contact.restitution)
+              .impulse;
       kick(k, c, P);
     }
   }
@@ -857,7 +860,7 @@ class Mechanism {
   void kick(const Kinetics& k, const std::array<Contact, 2>& c, const std::array<Vec3, 2>& P) {
     for (int i = 0; i < 2; ++i) {
       if (!c[i].found) continue;
-      const Vec3 dv = P[i] / Real(s_.peg.mass), dw = k.J_inverse * c[i].r.cross(P[i]);
+      const Vec3 dv = P[i] / Real(s_.mechanism.peg.mass), dw = k.J_inverse * c[i].r.cross(P[i]);
       for (std::size_t j = 0; j < 3; ++j) {
         y_[9 + j] += dv(static_cast<Eigen::Index>(j));
         y_[12 + j] += dw(static_cast<Eigen::Index>(j));
@@ -971,7 +974,7 @@ class Mechanism {
     const std::array<Contact, 2> c = contacts(y_, k);
     constexpr Mode kinds[3] = {Mode::kStick, Mode::kSlip, Mode::kOpen};
     std::array<Vec3, 2> P{Vec3::Zero(), Vec3::Zero()};
-    const Real mu = s_.friction.sliding_coefficient;
+    const Real mu = s_.mechanism.friction.sliding_coefficient;
     bool done = false;
     for (int code = 0; code < 9 && !done; ++code) {
       const std::array<Mode, 2> m{kinds[code % 3], kinds[code / 3]};
@@ -1038,7 +1041,7 @@ class Mechanism {
     };
     std::stable_sort(trials.begin(), trials.end(),
                      [&](const auto& a, const auto& b) { return rank(a) < rank(b); });
-    const Real mu_s = Real(s_.friction.static_coefficient) * (1 - Real(1e-9));
+    const Real mu_s = Real(s_.mechanism.friction.static_coefficient) * (1 - Real(1e-9));
     for (const auto& m : trials) {
       std::array<Vec3, 2> direction{}, force{};
       for (int i = 0; i < 2; ++i) {
@@ -1147,9 +1150,9 @@ class Mechanism {
       for (int slot = 0; slot < 2; ++slot) {
         Real t = std::nan("");
         if (!search(slot, pose, t)) continue;
-        const auto e =
-            edgePoint<Real, Real>(pose, t, Real(s_.peg.half_height), Real(s_.peg.radius));
-        const Real distance = std::hypot(e.p[0], e.rho - Real(s_.hole.radius));
+        const auto e = edgePoint<Real, Real>(pose, t, Real(s_.mechanism.peg.half_height),
+                                             Real(s_.mechanism.peg.radius));
+        const Real distance = std::hypot(e.p[0], e.rho - Real(s_.mechanism.hole.radius));
         least = std::min(least, e.p[0] < 0 ? -distance : distance);
       }
       return least;

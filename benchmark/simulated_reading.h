@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/locus/contact_model.h"
-#include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/scenario.h"
-#include "assembly_cell/sensor/simulated_cell.h"
 
 namespace assembly_cell {
 
@@ -49,19 +49,20 @@ inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
                              std::sin(o.tilt) * std::sin(o.lean), std::cos(o.tilt));
   s.rest.theta = std::acos(axis.y());
   s.rest.phi = std::atan2(axis.x(), axis.z());
-  const double length = s.peg.half_height + s.peg.coupling_height;
+  const double length = s.mechanism.peg.half_height + s.mechanism.peg.coupling_height;
   s.rest.x = o.offset.x() + length * axis.x();
   s.rest.y = o.offset.y() + length * axis.y();
   s.initial.euler = {s.rest.phi, s.rest.theta, 0.0};
   s.initial.carrier_x = s.rest.x;
   s.initial.carrier_y = s.rest.y;
-  s.initial.position = Eigen::Vector3d(s.rest.x, s.rest.y, s.rest.z) - s.peg.coupling_height * axis;
+  s.initial.position =
+      Eigen::Vector3d(s.rest.x, s.rest.y, s.rest.z) - s.mechanism.peg.coupling_height * axis;
 
   CellParameters parameters;
   parameters.bits = o.bits;
   parameters.noise = o.noise;
   SimulatedCell cell(s, parameters);
-  const Calibration calibration = designCalibration(bridgeB(o.bits, o.noise), s.coupling);
+  const Calibration calibration = designCalibration(bridgeB(o.bits, o.noise), s.mechanism.coupling);
   StrainBlock block;
   const auto displacement = [&](std::size_t k) -> Vector6 {
     return displacementFromVolts(calibration, Vector6::Map(block.volts_b.data() + 6 * k));
@@ -81,7 +82,7 @@ inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
   RestPose rest = s.rest;
   Vector6 mean = step();
   for (int k = 0; k < 150; ++k) {
-    const double force = contactForceFromDeflection(s, mean).z();
+    const double force = contactForceFromDeflection(s.mechanism, mean).z();
     rest.z -= force < 0.5 ? 2e-4 : std::clamp((o.press - force) / 1.6e5, -5e-4, 5e-4);
     cell.simulation().setRestTarget(rest);
     mean = step();
@@ -114,7 +115,7 @@ inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
   }
   mean /= blocks;
   r.fit = fitHarmonic(angle, signals);
-  r.locus = centreOfMassLocus(s, o.direction * o.frequency, r.fit);
+  r.locus = centreOfMassLocus(s.mechanism, o.direction * o.frequency, r.fit);
 
   // rotation vector (x, y) that tilts an upright axis to R's
   const auto tiltOf = [](const Eigen::Matrix3d& R) -> Eigen::Vector2d {
@@ -122,9 +123,9 @@ inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
     return std::acos(std::min(1.0, a.z())) * Eigen::Vector2d(-a.y(), a.x()).normalized();
   };
   // what the sensor carries, turned upright, and the weight that it doesn't feel
-  const Eigen::Vector3d weight(0, 0, s.peg.mass * s.gravity);
+  const Eigen::Vector3d weight(0, 0, s.mechanism.peg.mass * s.mechanism.gravity);
   const Eigen::Vector3d force =
-      truth.carrierPose().R * (contactForceFromDeflection(s, mean) - weight) + weight;
+      truth.carrierPose().R * (contactForceFromDeflection(s.mechanism, mean) - weight) + weight;
   r.point.frequency = o.frequency;
   r.point.amplitude = o.amplitude;
   r.point.direction = o.direction;

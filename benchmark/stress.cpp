@@ -8,7 +8,7 @@
 #include <map>
 
 #include "../test/stress/random_scene.h"
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 int main(int argc, char** argv) {
   using namespace assembly_cell;

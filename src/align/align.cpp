@@ -2,12 +2,12 @@
 #include "assembly_cell/align/align.h"
 
 #include "assembly_cell/align/search.h"
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
 namespace {
 
-using Strategy = AlignResult (*)(Plant&, const Scenario&, const AlignParameters&,
+using Strategy = AlignResult (*)(Plant&, const Mechanism&, const AlignParameters&,
                                  const std::function<void(const AlignProgress&)>&);
 struct NamedStrategy {
   const char* name;
@@ -85,7 +85,7 @@ void checkParameters(const AlignParameters& p) {
   check(p.rounds >= 1 && p.rounds <= 10, "rounds", p.rounds, "must lie in 1 to 10");
 }
 
-AlignResult align(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                   const std::function<void(const AlignProgress&)>& progress) {
   checkParameters(parameters);
   if (!(mechanism.hole.radius > mechanism.peg.radius)) {

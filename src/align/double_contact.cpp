@@ -36,7 +36,7 @@ double turnFrom(double a, double b) {
 // once tell the hole's direction, a wobble about it which of them stays, and where the plane is.
 class DoubleContact : public VibratedSearch {
  public:
-  DoubleContact(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+  DoubleContact(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                 const Progress& progress)
       : VibratedSearch(plant, mechanism, parameters, progress) {}
 
@@ -277,7 +277,7 @@ class DoubleContact : public VibratedSearch {
 
 }  // namespace
 
-AlignResult doubleContact(Plant& plant, const Scenario& mechanism,
+AlignResult doubleContact(Plant& plant, const Mechanism& mechanism,
                           const AlignParameters& parameters,
                           const std::function<void(const AlignProgress&)>& progress) {
   return DoubleContact(plant, mechanism, parameters, progress).run();

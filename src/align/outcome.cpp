@@ -35,23 +35,4 @@ double edgeReach(const Pose& X_HP, double peg_radius) {
   return std::max(reach(best * kStep), reach(0.5 * (low + high)));
 }
 
-Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
-                 const Eigen::Vector2d& tilt, double height) {
-  Scenario s = scenario;
-  const Eigen::Matrix3d R = rotationFromVector({Eigen::Vector3d(tilt.x(), tilt.y(), 0.0)});
-  const double low = s.peg.radius * std::hypot(R(2, 0), R(2, 1));
-  const Eigen::Vector3d bottom(offset.x(), offset.y(), height + low);
-  const Eigen::Vector3d coupling = bottom + (s.peg.half_height + s.peg.coupling_height) * R.col(2);
-  const EulerAngles angles = eulerFromRotation(R);
-  s.rest = {coupling.x(), coupling.y(), coupling.z(), angles.psi, angles.theta, angles.phi};
-  InitialState& start = s.initial;
-  start = InitialState{};
-  start.position = bottom + s.peg.half_height * R.col(2);
-  start.euler = angles;
-  start.carrier_x = s.rest.x;
-  start.carrier_y = s.rest.y;
-  start.carrier_yaw = s.rest.yaw;
-  return s;
-}
-
 }  // namespace assembly_cell

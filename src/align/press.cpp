@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
 namespace {
@@ -32,15 +32,6 @@ std::string line(const char* format, double a, double b) {
 }
 
 }  // namespace
-
-Matrix6 couplingStiffness(const CouplingParameters& coupling) {
-  const Vector6& k = coupling.stiffness.diagonal;  // order z, x, y, about z, x, y
-  Matrix6 K = Matrix6::Zero();
-  K.diagonal() << k(1), k(2), k(0), k(4), k(5), k(3);
-  K(0, 4) = K(4, 0) = coupling.stiffness.k26;
-  K(1, 3) = K(3, 1) = coupling.stiffness.k35;
-  return K;
-}
 
 Hand::Hand(Plant& plant, const PressLimits& limits) : plant_(plant), limits_(limits) {
   wait(1);

@@ -33,7 +33,7 @@ constexpr double kGolden = 2.4;     // from one way aside to the next, never the
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
 // way of the carrier per force of one edge point [m/N]
-double pressCompliance(const Scenario& mechanism) {
+double pressCompliance(const Mechanism& mechanism) {
   const Matrix6 compliance = couplingStiffness(mechanism.coupling).inverse();
   const double r = mechanism.peg.radius;
   return compliance(2, 2) + r * r * std::max(compliance(3, 3), compliance(4, 4));
@@ -58,7 +58,7 @@ std::string text(const char* format, double a, double b) {
   return buffer;
 }
 
-Search::Search(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+Search::Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                const Progress& progress)
     : mechanism_(mechanism),
       p_(parameters),

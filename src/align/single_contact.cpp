@@ -14,7 +14,7 @@ constexpr int kLevelReadings = 6;  // before the plane is first known
 // once round, at a constant tilt against the plane.
 class SingleContact : public VibratedSearch {
  public:
-  SingleContact(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+  SingleContact(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                 const Progress& progress)
       : VibratedSearch(plant, mechanism, parameters, progress) {}
 
@@ -84,7 +84,7 @@ class SingleContact : public VibratedSearch {
 
 }  // namespace
 
-AlignResult singleContact(Plant& plant, const Scenario& mechanism,
+AlignResult singleContact(Plant& plant, const Mechanism& mechanism,
                           const AlignParameters& parameters,
                           const std::function<void(const AlignProgress&)>& progress) {
   return SingleContact(plant, mechanism, parameters, progress).run();

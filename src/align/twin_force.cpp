@@ -38,7 +38,7 @@ struct Reach {
 // be without deflection, the reference is its pose at the start.
 class TwinForce : public Search {
  public:
-  TwinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& p,
+  TwinForce(Plant& plant, const Mechanism& mechanism, const AlignParameters& p,
             const Progress& progress)
       : Search(plant, mechanism, p, progress),
         X_CP_{Mat3::Identity(), Vec3(0, 0, -length_)},
@@ -49,7 +49,7 @@ class TwinForce : public Search {
   }
 
  private:
-  static TwinForceSetup setup(const Scenario& mechanism, const AlignParameters& p,
+  static TwinForceSetup setup(const Mechanism& mechanism, const AlignParameters& p,
                               const Pose& X_CP) {
     TwinForceSetup s;
     s.mechanism = mechanism;
@@ -289,7 +289,7 @@ class TwinForce : public Search {
 
 }  // namespace
 
-AlignResult twinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+AlignResult twinForce(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress) {
   return TwinForce(plant, mechanism, parameters, progress).run();
 }

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "assembly_cell/align/press.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/contact_model.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
 namespace {
@@ -24,7 +24,7 @@ using Complex = std::complex<double>;
 using Complex6 = Eigen::Matrix<Complex, 6, 1>;
 
 // real and imaginary parts of P and N by those of the sensor's six wrench phasors
-Eigen::Matrix<double, 4, 12> planeByWrench(const Scenario& mechanism, double frequency) {
+Eigen::Matrix<double, 4, 12> planeByWrench(const Mechanism& mechanism, double frequency) {
   const Matrix6 compliance = couplingStiffness(mechanism.coupling).inverse();
   Eigen::Matrix<double, 4, 12> A;
   for (int j = 0; j < 12; ++j) {
@@ -47,7 +47,7 @@ struct Answer {
   double steps = 1e9;    // rms vibration of a channel in steps of the converter
 };
 
-Answer answerAt(const Scenario& mechanism, const VibrationDemand& demand, double frequency,
+Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, double frequency,
                 double press) {
   const Eigen::Matrix<double, 4, 12> plane = planeByWrench(mechanism, frequency);
   const auto carried = [&plane](const Matrix6& covariance) {
@@ -110,7 +110,7 @@ Answer answerAt(const Scenario& mechanism, const VibrationDemand& demand, double
 
 }  // namespace
 
-VibrationPoint chooseVibration(const Scenario& mechanism, const VibrationDemand& demand) {
+VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand& demand) {
   const VibrationPoint& given = demand.given;
   const double middle = given.frequency > 0.0
                             ? given.frequency

@@ -50,7 +50,7 @@ bool goBack(Plant& plant, const RestPose& start) {
 
 }  // namespace
 
-AlignResult vibratory(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+AlignResult vibratory(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress) {
   const PlantBlock first = plant.next({});
   const AlignResult quick = doubleContact(plant, mechanism, parameters, progress);

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <string>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/gate.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
 

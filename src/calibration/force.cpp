@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "force_system.h"
 #include "format.h"
 

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <map>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "format.h"
 
 namespace assembly_cell {

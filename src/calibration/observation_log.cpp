@@ -10,7 +10,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {

@@ -9,10 +9,10 @@
 #include <set>
 #include <sstream>
 
-#include "assembly_cell/scene/bag.h"
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/bag.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "observation_text.h"
 
 namespace assembly_cell {

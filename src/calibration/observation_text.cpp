@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {

@@ -9,7 +9,7 @@
 #include <limits>
 #include <numeric>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "bias_series.h"
 
 namespace assembly_cell {

@@ -11,10 +11,10 @@
 #include <optional>
 #include <sstream>
 
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/payload.h"
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
 
 namespace assembly_cell {
 

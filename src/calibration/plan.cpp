@@ -7,8 +7,8 @@
 #include <array>
 #include <cmath>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/displacement.h"
-#include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "force_system.h"
 #include "format.h"

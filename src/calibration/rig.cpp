@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
 

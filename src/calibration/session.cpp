@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/store.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
 
 namespace assembly_cell {
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
 

@@ -111,8 +111,8 @@ void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
     const Vec3& normal = e.point(i).normal;
     at.normal_force = normal.dot(at.force);
     const Vec3 friction = at.force - at.normal_force * normal;
-    const bool slides =
-        friction.norm() > 0.999 * s.scenario.friction.sliding_coefficient * at.normal_force;
+    const bool slides = friction.norm() >
+                        0.999 * s.scenario.mechanism.friction.sliding_coefficient * at.normal_force;
     setMode(i, slides ? Mode::kSlip : Mode::kStick, c, e);
   }
 }

@@ -33,7 +33,7 @@ Vec3 accelerationOf(const Body& body, const Evaluation& e, std::size_t i) {
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it
 // (prox iteration); where the friction still holds the point, against the friction.
 void turnSlip(const System& s, Context& c, Evaluation& e) {
-  const double mu = s.scenario.friction.sliding_coefficient;
+  const double mu = s.scenario.mechanism.friction.sliding_coefficient;
   if (mu == 0.0) return;
   for (int turn = 0; turn < kTurns; ++turn) {
     double largest = 0.0;
@@ -106,7 +106,7 @@ double setHysteresis(const System& s, Context& c, const Evaluation& e) {
   const double change = kHysteresis * fine * scale;
   const double limit = 0.5 * (c.approach > 0.0 ? std::min(c.approach, change) : change);
   c.approach = change;
-  c.pull = c.approach * s.scenario.peg.mass;
+  c.pull = c.approach * s.scenario.mechanism.peg.mass;
   return limit;
 }
 
@@ -115,7 +115,7 @@ double setHysteresis(const System& s, Context& c, const Evaluation& e) {
 bool changeWorst(const System& s, double limit, bool joining, Context& c, const Evaluation& e) {
   std::size_t worst = kSlots;
   Mode change = Mode::kIdle;
-  double excess = limit * s.scenario.peg.mass;
+  double excess = limit * s.scenario.mechanism.peg.mass;
   for (const std::size_t i : Slots(e.active())) {
     if (c.slots[i].mode == Mode::kIdle || !(e.contacts[i].normal_force < -excess)) continue;
     excess = -e.contacts[i].normal_force;
@@ -157,7 +157,8 @@ bool contradicted(const System& s, double limit, const Context& c, const Evaluat
   for (const std::size_t i : Slots(e.active())) {
     const ContactKinematics& at = e.contacts[i];
     const bool idle = c.slots[i].mode == Mode::kIdle;
-    if (idle ? at.demand < -limit : at.normal_force < -limit * s.scenario.peg.mass) return true;
+    if (idle ? at.demand < -limit : at.normal_force < -limit * s.scenario.mechanism.peg.mass)
+      return true;
   }
   return false;
 }
@@ -169,7 +170,7 @@ void decideRegularised(const System& s, Context& c, Evaluation& e) {
     scale = std::max(scale, std::abs(e.point(i).normal.dot(e.free.head<3>())));
   }
   c.approach = 1e-4 * kHysteresis * scale;
-  c.pull = c.approach * s.scenario.peg.mass;
+  c.pull = c.approach * s.scenario.mechanism.peg.mass;
   c.slope = e.closed ? chooseCarriers(s, c.slots, e) : e.free;
 }
 
@@ -285,7 +286,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
   if (closed && s.rigid) impact(s, c, e);
   decide(s, c, e);
   if (s.rigid && e.closed &&
-      energyOf(s, c) > before + kLift * freeAcceleration(s, e) * s.scenario.peg.mass) {
+      energyOf(s, c) > before + kLift * freeAcceleration(s, e) * s.scenario.mechanism.peg.mass) {
     limitEnergy(s, before, c);
     decide(s, c, e);
   }
@@ -320,7 +321,7 @@ void updateSlots(const System& s, Context& c, Evaluation& e) {
 double slipAhead(const System& s, const Slot& slot, const ContactKinematics& at) {
   const double against = -at.tangential.dot(slot.slip_direction);
   if (s.rigid) return s.slip_threshold + against;
-  if (s.scenario.friction.sliding_coefficient == 0.0) return HUGE_VAL;
+  if (s.scenario.mechanism.friction.sliding_coefficient == 0.0) return HUGE_VAL;
   const double speed = at.tangential.norm();
   return std::max(s.slip_threshold - speed, against - kAhead * speed);
 }

@@ -66,7 +66,7 @@ void addRow(const System& s, const Slot& slot, std::size_t i, const Evaluation& 
   if (speed > 0.0) slip += (1.0 - begin) / speed * at.tangential;
   const double size = slip.norm();
   const Vec3 friction = size > 0.0 ? Vec3(slip / -size) : slot.slip_direction;
-  row.direction = normal + s.scenario.friction.sliding_coefficient * friction;
+  row.direction = normal + s.scenario.mechanism.friction.sliding_coefficient * friction;
   row.change = (normal_target - normal.dot(at.acceleration)) * normal;
 }
 
@@ -121,7 +121,7 @@ void shareInternalForce(const System& s, std::size_t one, std::size_t two, doubl
   const double distance = apart.norm();
   if (!(distance > 0.0)) return;
   const Vec3 along = apart / distance;
-  const double mu = s.scenario.friction.static_coefficient;
+  const double mu = s.scenario.mechanism.friction.static_coefficient;
   // (T + s t)² and N + s n of either point
   struct Cone {
     double tt, ts, ss, N, n;
@@ -201,7 +201,7 @@ bool slips(const SlotArray& slots) {
 double coneExcess(const System& s, const Evaluation& e, std::size_t i) {
   const ContactKinematics& at = e.contacts[i];
   const Vec3 tangential = at.force - at.normal_force * e.point(i).normal;
-  return tangential.norm() - s.scenario.friction.static_coefficient * at.normal_force;
+  return tangential.norm() - s.scenario.mechanism.friction.static_coefficient * at.normal_force;
 }
 
 bool insideCones(const System& s, const Evaluation& e, ContactSlotMask points, double by) {

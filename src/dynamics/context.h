@@ -18,7 +18,8 @@ struct System {
   /// Throws InputError for a law or integrator that is not available.
   explicit System(const Scenario& s);
   EdgeCircle edge(const Kinematics& k) const {
-    return {k.x - scenario.peg.half_height * k.a, k.R0, k.R1, scenario.peg.radius};
+    return {k.x - scenario.mechanism.peg.half_height * k.a, k.R0, k.R1,
+            scenario.mechanism.peg.radius};
   }
 
   Scenario scenario;
@@ -55,7 +56,7 @@ using SlotArray = std::array<Slot, kSlots>;
 struct Commands {
   explicit Commands(const System& s) {
     setProfile(restProfile(s.scenario.rest));
-    drive.exciter = s.scenario.exciter;
+    drive.exciter = s.scenario.mechanism.exciter;
   }
   void setProfile(const RestProfile& from_now_on) {
     profile = from_now_on;

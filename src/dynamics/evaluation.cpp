@@ -42,7 +42,7 @@ void locate(const System& s, const Context& c, ContactSlotMask mask, Evaluation&
   ContactSlotMask found = set.valid & mask;
   for (const std::size_t i : Slots(found)) {
     const ContactPoint& point = set.slots[i];
-    if (point.gap < -kDeepest * s.scenario.peg.radius) {
+    if (point.gap < -kDeepest * s.scenario.mechanism.peg.radius) {
       found &= ~(1u << i);
       continue;
     }
@@ -101,7 +101,7 @@ double freeAcceleration(const System& s, const Evaluation& e) {
 
 Body bodyOf(const System& s, const Kinematics& k) {
   Body b;
-  const PegParameters& peg = s.scenario.peg;
+  const PegParameters& peg = s.scenario.mechanism.peg;
   b.mass = peg.mass;
   b.inertia_transverse = peg.inertia_transverse;
   b.inertia_axial = peg.inertia_axial;

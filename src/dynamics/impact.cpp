@@ -39,7 +39,7 @@ Vec3 restitutionImpulse(const System& s, const Evaluation& e, std::size_t i) {
   for (int axis = 0; axis < 3; ++axis) {
     W.col(axis) = response(body, at.r, at.r, Vec3::Unit(axis));
   }
-  return strongeImpulse(W, e.point(i).normal, at.velocity, s.scenario.friction,
+  return strongeImpulse(W, e.point(i).normal, at.velocity, s.scenario.mechanism.friction,
                         s.scenario.contact.restitution);
 }
 

@@ -24,7 +24,7 @@ struct Deflection {
 
 Deflection couplingDeflection(const Scenario& s, const Kinematics& k, const State& state,
                               const RestMotion& rest) {
-  const double d2 = s.peg.coupling_height;
+  const double d2 = s.mechanism.peg.coupling_height;
   Deflection out;
   const Vector9& q = state.q;
   const Vector9& v = state.v;
@@ -185,12 +185,13 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   const Vector9& v = state.v;
   const Deflection deflection = couplingDeflection(s, k, state, rest);
   m.deflection = deflection.d;
-  Vector6 FK = multiply(s.coupling.stiffness, deflection.d);
+  Vector6 FK = multiply(s.mechanism.coupling.stiffness, deflection.d);
   if (s.thesis.cross_stiffness) {
-    FK += multiply({Vector6::Zero(), s.coupling.stiffness.k26, s.coupling.stiffness.k35},
-                   deflection.d);
+    FK += multiply(
+        {Vector6::Zero(), s.mechanism.coupling.stiffness.k26, s.mechanism.coupling.stiffness.k35},
+        deflection.d);
   }
-  const Vector6 FC = multiply(s.coupling.damping, deflection.rate);
+  const Vector6 FC = multiply(s.mechanism.coupling.damping, deflection.rate);
   m.FK = FK.head<3>();
   m.FKm = FK.tail<3>();
   m.FC = FC.head<3>();
@@ -203,21 +204,21 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   const Eigen::Vector3d F = k.R0 * Fp(0) + k.R1 * Fp(1) + k.a * Fp(2);
 
   m.force.head<3>() = F - T;
-  m.force(0) -= s.peg.mass * s.gravity;
+  m.force(0) -= s.mechanism.peg.mass * s.mechanism.gravity;
 
   // dampers work on omega, springs on the angles (thesis 6.6, 6.10)
-  const double d2 = s.peg.coupling_height;
-  const Eigen::Vector3d moment = k.a.cross(s.peg.exciter_height * F - d2 * T) - m.FCm;
+  const double d2 = s.mechanism.peg.coupling_height;
+  const Eigen::Vector3d moment = k.a.cross(s.mechanism.peg.exciter_height * F - d2 * T) - m.FCm;
   Eigen::Vector3d Q = k.Re.transpose() * moment;
   if (s.thesis.moments) {
     // of the exciter and the push: by the inverse instead of the transpose
-    const Eigen::Vector3d drive_moment = s.peg.exciter_height * k.a.cross(F);
+    const Eigen::Vector3d drive_moment = s.mechanism.peg.exciter_height * k.a.cross(F);
     Q += k.Re.inverse() * drive_moment - k.Re.transpose() * drive_moment;
   }
   Q(0) -= m.FKm(2);
   Q(1) -= m.FKm(1);
   Q(2) -= m.FKm(0);
-  const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial;
+  const double I = s.mechanism.peg.inertia_transverse, I3 = s.mechanism.peg.inertia_axial;
   const double sc = k.sin_theta * k.cos_theta, sth = k.sin_theta;
   const double ph = v(3), th = v(4), ps = v(5);
   Q(0) -= 2 * I * ph * th * sc - I3 * (2 * ph * th * sc + th * ps * sth);
@@ -225,7 +226,7 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   Q(2) += I3 * ph * th * sth;
   m.force.segment<3>(3) = Q;
 
-  const CarrierParameters& c = s.carrier;
+  const CarrierParameters& c = s.mechanism.carrier;
   m.force(6) =
       T(1) - c.stiffness(0) * (q(6) - rest.position(0)) - c.damping(0) * (v(6) - rest.rate(0));
   m.force(7) =
@@ -236,36 +237,38 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
 
 Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& f) {
   Vector9 a;
-  a.head<3>() = f.head<3>() / s.peg.mass;
-  const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial;
+  a.head<3>() = f.head<3>() / s.mechanism.peg.mass;
+  const double I = s.mechanism.peg.inertia_transverse, I3 = s.mechanism.peg.inertia_axial;
   const double transverse = 1.0 / (I * k.sin_theta * k.sin_theta);
   const double c = k.cos_theta;
   a(3) = transverse * (f(3) - c * f(5));
   a(4) = f(4) / I;
   a(5) = -c * transverse * f(3) + (1.0 / I3 + c * c * transverse) * f(5);
-  a(6) = f(6) / s.carrier.mass;
-  a(7) = f(7) / s.carrier.mass;
-  a(8) = f(8) / s.carrier.inertia;
+  a(6) = f(6) / s.mechanism.carrier.mass;
+  a(7) = f(7) / s.mechanism.carrier.mass;
+  a(8) = f(8) / s.mechanism.carrier.inertia;
   return a;
 }
 
 double kineticEnergy(const Scenario& s, const State& state) {
   const Kinematics k = kinematics(state);
-  const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial;
+  const double I = s.mechanism.peg.inertia_transverse, I3 = s.mechanism.peg.inertia_axial;
   const double spin = k.omega.dot(k.a);
   const Vector9& v = state.v;
-  return 0.5 * (s.peg.mass * k.v.squaredNorm() + I * (k.omega.squaredNorm() - spin * spin) +
-                I3 * spin * spin + s.carrier.mass * (v(6) * v(6) + v(7) * v(7)) +
-                s.carrier.inertia * v(8) * v(8));
+  return 0.5 *
+         (s.mechanism.peg.mass * k.v.squaredNorm() + I * (k.omega.squaredNorm() - spin * spin) +
+          I3 * spin * spin + s.mechanism.carrier.mass * (v(6) * v(6) + v(7) * v(7)) +
+          s.mechanism.carrier.inertia * v(8) * v(8));
 }
 
 double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest) {
   const Vector6 d = couplingDeflection(s, kinematics(state), state, rest).d;
-  const double coupling = 0.5 * d.dot(multiply(s.coupling.stiffness, d));
+  const double coupling = 0.5 * d.dot(multiply(s.mechanism.coupling.stiffness, d));
   const Eigen::Vector3d c =
       state.q.tail<3>() - Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));
-  const double carrier = 0.5 * s.carrier.stiffness.dot(c.cwiseProduct(c));
-  return kineticEnergy(s, state) + coupling + carrier + s.peg.mass * s.gravity * state.q(0);
+  const double carrier = 0.5 * s.mechanism.carrier.stiffness.dot(c.cwiseProduct(c));
+  return kineticEnergy(s, state) + coupling + carrier +
+         s.mechanism.peg.mass * s.mechanism.gravity * state.q(0);
 }
 
 }  // namespace assembly_cell

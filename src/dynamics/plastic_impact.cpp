@@ -25,7 +25,7 @@ class PlasticImpact {
         s_(s),
         body_(bodyOf(s, e.k)),
         points_(points & e.valid()),
-        mu_(s.scenario.friction.sliding_coefficient) {
+        mu_(s.scenario.mechanism.friction.sliding_coefficient) {
     kind_.fill(Kind::kNone);
     for (const std::size_t i : Slots(points_)) kind_[i] = Kind::kStick;
     friction_.fill(Vec3::Zero());

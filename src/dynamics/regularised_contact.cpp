@@ -107,7 +107,7 @@ unsigned solve(const Complementarity& p, bool sign_flip, bool choose, unsigned c
 ContactSlotMask regularisedForces(const System& s, const SlotArray& slots, ContactSlotMask carriers,
                                   Evaluation& e) {
   const ContactParameters& law = s.scenario.contact;
-  const FrictionParameters& friction = s.scenario.friction;
+  const FrictionParameters& friction = s.scenario.mechanism.friction;
   const bool choose = carriers == kUndecided;
   std::array<std::size_t, kSlots> slot_of{};
   std::array<Vec3, kSlots> direction;
@@ -136,7 +136,7 @@ ContactSlotMask regularisedForces(const System& s, const SlotArray& slots, Conta
         carrying |= 1u << slot_of[i];
         apply(i, N);
       } else {
-        at.demand = -N / s.scenario.peg.mass;
+        at.demand = -N / s.scenario.mechanism.peg.mass;
       }
     }
     return carrying;

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <optional>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "chatter.h"
 #include "contact_modes.h"
 #include "contact_solver.h"
@@ -237,8 +237,9 @@ StopReason Simulation::advance(double t_end, std::int64_t attempts) {
 
 void Simulation::setRestTarget(const RestPose& target) {
   Context& c = run_->context;
-  const PegParameters& peg = scenario().peg;
-  c.commands.setProfile(planRest(c.commands.restAt(c.time), c.time, target, scenario().carrier,
+  const PegParameters& peg = scenario().mechanism.peg;
+  c.commands.setProfile(planRest(c.commands.restAt(c.time), c.time, target,
+                                 scenario().mechanism.carrier,
                                  peg.coupling_height + peg.half_height));
   c.stale = true;
 }
@@ -339,7 +340,7 @@ Pose Simulation::pegPose() const {
   X.R.col(0) = fromThesisAxes(k.R1);
   X.R.col(1) = -fromThesisAxes(k.R0);
   X.R.col(2) = fromThesisAxes(k.a);
-  X.p = fromThesisAxes(k.x - scenario().peg.half_height * k.a);
+  X.p = fromThesisAxes(k.x - scenario().mechanism.peg.half_height * k.a);
   return X;
 }
 

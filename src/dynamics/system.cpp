@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <algorithm>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "contact_tolerances.h"
 #include "context.h"
 
@@ -41,7 +41,7 @@ double smallestGap(const System& s, State at, double height) {
 double closedHeight(const System& s, const State& start) {
   const auto smallest = [&](double height) { return smallestGap(s, start, height); };
   double high = start.q(0), low = high;
-  const double span = s.scenario.peg.half_height + s.scenario.peg.radius;
+  const double span = s.scenario.mechanism.peg.half_height + s.scenario.mechanism.peg.radius;
   double step = 1e-4 * span;
   while (smallest(high) <= 0.0 && high < start.q(0) + 2 * span) high += step, step *= 1.5;
   step = 1e-4 * span;
@@ -82,16 +82,16 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
     admitted = kAllContactSlots & ~(face ? 0u : kRimFaceSlots);
     excluded = admitted & ~slotsOf(contact.features);
   }
-  shapes.hole_radius = scenario.hole.radius;
-  shapes.hole_depth = scenario.hole.depth;
-  shapes.peg_length = 2.0 * scenario.peg.half_height;
+  shapes.hole_radius = scenario.mechanism.hole.radius;
+  shapes.hole_depth = scenario.mechanism.hole.depth;
+  shapes.peg_length = 2.0 * scenario.mechanism.peg.half_height;
   // slip is told from rest above the integrator's velocity error
   slip_threshold = std::max(1e-8, 1e4 * (fixed_step ? 1e-9 : solver.tolerance));
   // the thesis's rows let a stationary contact creep below v_ST
   if (scenario.thesis.creep) {
     slip_threshold = std::max(slip_threshold, contact.regularisation_speed);
   }
-  arm = std::hypot(scenario.peg.half_height, scenario.peg.radius);
+  arm = std::hypot(scenario.mechanism.peg.half_height, scenario.mechanism.peg.radius);
 }
 
 State initialState(const System& s) {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "linear_motion.h"
 
 namespace assembly_cell {
@@ -28,7 +28,7 @@ using linear_motion::sensorWrench;
 namespace {
 
 // centre of mass in the plane by the wrench on the sensor, in its axes
-Eigen::Matrix<Complex, 2, 6> planeFromSensor(const Scenario& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 2, 6> planeFromSensor(const Mechanism& mechanism, const FreeMotion& free,
                                              const Vector3d& static_force) {
   return motionFromSensor(mechanism, free, static_force).topRows<2>();
 }
@@ -40,7 +40,7 @@ double wrapped(double angle) {
 
 }  // namespace
 
-ContactResponse contactResponse(const Scenario& mechanism, const OperatingPoint& point,
+ContactResponse contactResponse(const Mechanism& mechanism, const OperatingPoint& point,
                                 double alpha) {
   check(point);
   const HeldMotion held(mechanism, point);
@@ -62,7 +62,7 @@ ContactResponse contactResponse(const Scenario& mechanism, const OperatingPoint&
   return response;
 }
 
-void centreOfMassPhasors(const Scenario& mechanism, double frequency, const Complex6& coupling,
+void centreOfMassPhasors(const Mechanism& mechanism, double frequency, const Complex6& coupling,
                          Complex& x, Complex& y, const Vector2d& tilt, const Vector2d& sensor_tilt,
                          const Vector3d& static_force) {
   const FreeMotion free(mechanism, frequency, tilt, sensor_tilt);
@@ -72,7 +72,7 @@ void centreOfMassPhasors(const Scenario& mechanism, double frequency, const Comp
   y = plane[1];
 }
 
-Locus centreOfMassLocus(const Scenario& mechanism, double frequency, const HarmonicFit& fit,
+Locus centreOfMassLocus(const Mechanism& mechanism, double frequency, const HarmonicFit& fit,
                         const Vector2d& tilt, const Vector2d& sensor_tilt) {
   const FreeMotion free(mechanism, frequency, tilt, sensor_tilt);
   const Eigen::Matrix<Complex, 2, 6> plane = planeFromSensor(mechanism, free, Vector3d::Zero()) *
@@ -84,13 +84,13 @@ Locus centreOfMassLocus(const Scenario& mechanism, double frequency, const Harmo
   return locusFromPhasors(xy[0], xy[1], std::sqrt(variance), fit.samples, fit.inflation);
 }
 
-Vector3d contactForceFromDeflection(const Scenario& mechanism, const Vector6& deflection) {
+Vector3d contactForceFromDeflection(const Mechanism& mechanism, const Vector6& deflection) {
   Vector3d force = (sensorStiffness(mechanism) * deflection).head<3>();
   force.z() = std::max(0.0, force.z() + mechanism.peg.mass * mechanism.gravity);
   return force;
 }
 
-DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoint& point,
+DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                    const Locus& locus, LocusAxes axes) {
   check(point);
   const Eigen::Vector2cd measured(locus.P, locus.N);
@@ -188,7 +188,7 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
   return estimate;
 }
 
-double operatingFrequency(const Scenario& mechanism, double press) {
+double operatingFrequency(const Mechanism& mechanism, double press) {
   OperatingPoint point;
   point.amplitude = 1.0;
   point.press = press;

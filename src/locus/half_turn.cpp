@@ -37,7 +37,7 @@ DirectionEstimate withOdds(DirectionEstimate estimate, double odds) {
 
 }  // namespace
 
-HalfTurnEvidence halfTurnEvidence(const Scenario& mechanism, double frequency,
+HalfTurnEvidence halfTurnEvidence(const Mechanism& mechanism, double frequency,
                                   const HarmonicFit& fit) {
   const linear_motion::FreeMotion free(mechanism, frequency, Vector2d::Zero(), Vector2d::Zero());
   const Eigen::Matrix<Complex, 9, 6> motion =
@@ -53,7 +53,7 @@ HalfTurnEvidence halfTurnEvidence(const Scenario& mechanism, double frequency,
   return {measured(kVertical), measured(kYaw)};
 }
 
-DirectionEstimate resolveHalfTurn(const Scenario& mechanism, const OperatingPoint& point,
+DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoint& point,
                                   const HalfTurnEvidence& evidence, DirectionEstimate estimate,
                                   LocusAxes axes) {
   linear_motion::check(point);

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <limits>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell::linear_motion {
 
@@ -55,7 +55,7 @@ Matrix3d forceStiffness(const Vector3d& f, const Vector3d& l) {
 
 }  // namespace
 
-FreeMotion::FreeMotion(const Scenario& mechanism, double rate, const Vector2d& tilt,
+FreeMotion::FreeMotion(const Mechanism& mechanism, double rate, const Vector2d& tilt,
                        const Vector2d& sensor_tilt)
     : R_HP(tilted(tilt)), R_HS(tilted(sensor_tilt)) {
   const Matrix6 stiffness = symmetric(mechanism.coupling.stiffness);
@@ -112,7 +112,7 @@ FreeMotion::FreeMotion(const Scenario& mechanism, double rate, const Vector2d& t
   }
 }
 
-HeldMotion::HeldMotion(const Scenario& mechanism, const OperatingPoint& point)
+HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point)
     : free_(mechanism, point.direction * point.frequency, point.tilt, point.sensor_tilt),
       peg_(mechanism.peg),
       contact_(point.friction.x(), point.friction.y(), point.press),
@@ -191,12 +191,12 @@ Eigen::Vector2cd counterRotating(Complex x, Complex y) {
   return {0.5 * (x + i * y), 0.5 * std::conj(x - i * y)};
 }
 
-Matrix6 sensorStiffness(const Scenario& mechanism) {
+Matrix6 sensorStiffness(const Mechanism& mechanism) {
   const Matrix6 order = twice(thesisOrder());
   return order.transpose() * symmetric(mechanism.coupling.stiffness) * order;
 }
 
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const Scenario& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const FreeMotion& free,
                                           const Vector3d& static_force) {
   const Vector6& k = mechanism.coupling.stiffness.diagonal;
   const auto give = [](double force, double stiffness) {
@@ -211,7 +211,7 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const Scenario& mechanism, const FreeM
   return twice(free.R_HS.transpose()).cast<Complex>() * wrench;
 }
 
-Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Scenario& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const FreeMotion& free,
                                               const Vector3d& static_force) {
   ComplexMatrix9 system;
   system << sensorWrench(mechanism, free, static_force), free.dynamic.bottomRows<3>();

@@ -21,7 +21,7 @@ constexpr int kU = 0, kTheta = 3, kCarrier = 6;
 
 // The mechanism without contact at one frequency and tilt.
 struct FreeMotion {
-  FreeMotion(const Scenario& mechanism, double rate, const Eigen::Vector2d& tilt,
+  FreeMotion(const Mechanism& mechanism, double rate, const Eigen::Vector2d& tilt,
              const Eigen::Vector2d& sensor_tilt);
 
   Eigen::Matrix3d R_HP, R_HS;
@@ -34,7 +34,7 @@ struct FreeMotion {
 // The six coordinates that are left with a point of the peg's edge held: theta and the carrier.
 class HeldMotion {
  public:
-  HeldMotion(const Scenario& mechanism, const OperatingPoint& point);
+  HeldMotion(const Mechanism& mechanism, const OperatingPoint& point);
 
   const FreeMotion& free() const { return free_; }
 
@@ -65,16 +65,16 @@ void check(const OperatingPoint& point);
 Eigen::Vector2cd counterRotating(Complex x, Complex y);
 
 // stiffness of the coupling in the order x, y, z, about x, about y, about z
-Matrix6 sensorStiffness(const Scenario& mechanism);
+Matrix6 sensorStiffness(const Mechanism& mechanism);
 
 // Wrench on the sensor about its origin, in its axes, by all coordinates. The coupling point leaves
 // the origin, so the static force and the moving one each have the other's displacement as arm.
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const Scenario& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const FreeMotion& free,
                                           const Eigen::Vector3d& static_force);
 
 // All coordinates by the wrench on the sensor, in its axes: six wrench equations and the carrier's
 // three.
-Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Scenario& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const FreeMotion& free,
                                               const Eigen::Vector3d& static_force);
 
 }  // namespace assembly_cell::linear_motion

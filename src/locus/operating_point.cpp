@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <optional>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "linear_motion.h"
 
 namespace assembly_cell {
@@ -47,7 +47,7 @@ double frictionDemand(const Eigen::Vector3cd& contact, const OperatingPoint& poi
 
 }  // namespace
 
-DirectionForecast forecastDirection(const Scenario& mechanism, const OperatingPoint& point,
+DirectionForecast forecastDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                     const Matrix6& noise, double samples) {
   linear_motion::check(point);
   if (!(samples >= 8.0 && std::isfinite(samples)) || !noise.allFinite()) {
@@ -118,7 +118,7 @@ std::string refusalOf(const DirectionForecast& forecast, const ForecastLimits& l
   return {};
 }
 
-DirectionForecast chooseFrequency(const Scenario& mechanism, OperatingPoint point,
+DirectionForecast chooseFrequency(const Mechanism& mechanism, OperatingPoint point,
                                   const Matrix6& noise, double rate, double duration,
                                   const ForecastLimits& limits) {
   const double middle = operatingFrequency(mechanism, point.press);

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "linear_motion.h"
 
 namespace assembly_cell {
@@ -32,7 +32,7 @@ SlidingFriction slidingFriction(const Locus& locus, double force, double press) 
   return friction;
 }
 
-SlidingFriction slidingFriction(const Scenario& mechanism, const OperatingPoint& point,
+SlidingFriction slidingFriction(const Mechanism& mechanism, const OperatingPoint& point,
                                 const HarmonicFit& fit) {
   linear_motion::check(point);
   requirePress(point.press);

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <set>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/source_parameters.h"
 
 namespace assembly_cell::ros_bridge {

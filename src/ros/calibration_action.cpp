@@ -6,9 +6,9 @@
 #include <set>
 #include <utility>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/calibration_server_node.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

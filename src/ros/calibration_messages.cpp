@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

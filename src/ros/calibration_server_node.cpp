@@ -8,10 +8,10 @@
 #include <map>
 #include <utility>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/store.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

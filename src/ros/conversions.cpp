@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

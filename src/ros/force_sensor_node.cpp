@@ -12,11 +12,11 @@
 #include <limits>
 #include <utility>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/bag_source.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

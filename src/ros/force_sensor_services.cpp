@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

@@ -10,12 +10,12 @@
 #include <iterator>
 #include <limits>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/half_turn.h"
 #include "assembly_cell/locus/operating_point.h"
 #include "assembly_cell/locus/sliding_friction.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -95,8 +95,8 @@ LocusNode::~LocusNode() {
 
 void LocusNode::readParameters() {
   Parameters parameters(pnh_);
-  mechanism_ = loadScenario(parameters.text("scenario"),
-                            parameters.texts("overrides", std::vector<std::string>{}));
+  mechanism_ = loadMechanism(parameters.text("scenario"),
+                             parameters.texts("overrides", std::vector<std::string>{}));
   window_ = parameters.number("window", {1e-3, 10.0}, 0.2);
   false_alarm_ = parameters.number("false_alarm", {1e-6, 0.49}, 0.01);
   indifference_ = parameters.number("indifference", {0.0, 0.5}, 0.05);

@@ -12,10 +12,10 @@
 #include <memory>
 
 #include "assembly_cell/align/outcome.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/cell_description.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

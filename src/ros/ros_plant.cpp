@@ -9,8 +9,8 @@
 
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

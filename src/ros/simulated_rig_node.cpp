@@ -5,9 +5,9 @@
 
 #include <string>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

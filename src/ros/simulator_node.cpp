@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "assembly_cell/ContactArray.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/part_pairs.h"
 
 namespace assembly_cell::ros_bridge {
@@ -87,7 +87,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   // the cell: the mechanism of the scenario, which must be the one of the robot description
   scenario_ = loadScenario(file, overrides);
   description_ = loadCellDescription(Parameters(nh).text("robot_description"));
-  checkAgainst(description_, scenario_);
+  checkAgainst(description_, scenario_.mechanism, scenario_.name);
   pairParts();
   cell_parameters_.X_AH = description_.X_AH;
   cell_parameters_.hole_block_mass = description_.hole_block_mass;
@@ -589,7 +589,7 @@ bool SimulatorNode::onSetState(SetState::Request& request, SetState::Response& r
     const Pose X_HP = fromPose(request.peg, "peg");
     scenario.rest = restFromPose(fromPose(request.carrier, "carrier"));
     scenario.initial = InitialState{};
-    scenario.initial.position = X_HP.p + scenario.peg.half_height * X_HP.R.col(2);
+    scenario.initial.position = X_HP.p + scenario.mechanism.peg.half_height * X_HP.R.col(2);
     scenario.initial.euler = eulerFromRotation(X_HP.R);
     scenario.initial.carrier_x = scenario.rest.x;
     scenario.initial.carrier_y = scenario.rest.y;

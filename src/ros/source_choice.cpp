@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/bag_source.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 

@@ -4,10 +4,10 @@
 #include <chrono>
 #include <cmath>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/cell_description.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -43,11 +43,8 @@ double secondsSince(std::chrono::steady_clock::time_point start) {
 
 SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
-  mechanism_ = loadScenario(parameters.text("scenario"),
-                            parameters.texts("overrides", std::vector<std::string>{}));
-  // the strategies know the parts, not where they are
-  mechanism_.rest = RestPose{};
-  mechanism_.initial = InitialState{};
+  mechanism_ = loadMechanism(parameters.text("scenario"),
+                             parameters.texts("overrides", std::vector<std::string>{}));
 
   AlignParameters& p = parameters_;
   p.strategy = parameters.text("strategy", p.strategy);

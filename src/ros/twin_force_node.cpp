@@ -7,10 +7,10 @@
 #include <cstdio>
 
 #include "assembly_cell/Ack.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/cell_description.h"
-#include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/twin_force/contact_checks.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 
@@ -76,8 +76,8 @@ void copy(const Source& from, Array& to) {
 TwinForceNode::TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
   TwinForceSetup setup;
-  setup.mechanism = loadScenario(parameters.text("scenario"),
-                                 parameters.texts("overrides", std::vector<std::string>{}));
+  setup.mechanism = loadMechanism(parameters.text("scenario"),
+                                  parameters.texts("overrides", std::vector<std::string>{}));
   window_ = parameters.number("window", {1e-3, kHistory}, 0.2);
   time_limit_ = parameters.number("time_limit", {0.0, 0.02}, 1e-3);
   settled_force_ = parameters.number("settled_force", kPositive, 0.02);

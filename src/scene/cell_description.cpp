@@ -8,7 +8,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/scene/part_pairs.h"
 
 namespace assembly_cell {
@@ -301,7 +301,8 @@ CellDescription loadCellDescription(const std::string& urdf, const std::string& 
   return cell;
 }
 
-void checkAgainst(const CellDescription& description, const Scenario& scenario) {
+void checkAgainst(const CellDescription& description, const Mechanism& mechanism,
+                  const std::string& scenario) {
   const PegParameters& peg = description.peg;
   const struct {
     const char* key;
@@ -309,27 +310,28 @@ void checkAgainst(const CellDescription& description, const Scenario& scenario) 
     double in_urdf;
     const char* element;
   } values[] = {
-      {"peg.radius", scenario.peg.radius, peg.radius, "link peg, collision cylinder"},
-      {"peg.half_height", scenario.peg.half_height, peg.half_height,
+      {"peg.radius", mechanism.peg.radius, peg.radius, "link peg, collision cylinder"},
+      {"peg.half_height", mechanism.peg.half_height, peg.half_height,
        "link peg, half its collision cylinder"},
-      {"peg.mass", scenario.peg.mass, peg.mass, "link peg, inertial"},
-      {"peg.inertia_transverse", scenario.peg.inertia_transverse, peg.inertia_transverse,
+      {"peg.mass", mechanism.peg.mass, peg.mass, "link peg, inertial"},
+      {"peg.inertia_transverse", mechanism.peg.inertia_transverse, peg.inertia_transverse,
        "link peg, ixx"},
-      {"peg.inertia_axial", scenario.peg.inertia_axial, peg.inertia_axial, "link peg, izz"},
-      {"peg.coupling_height", scenario.peg.coupling_height, peg.coupling_height,
+      {"peg.inertia_axial", mechanism.peg.inertia_axial, peg.inertia_axial, "link peg, izz"},
+      {"peg.coupling_height", mechanism.peg.coupling_height, peg.coupling_height,
        "joint of peg, less half the peg"},
-      {"peg.exciter_height", scenario.peg.exciter_height, peg.exciter_height,
+      {"peg.exciter_height", mechanism.peg.exciter_height, peg.exciter_height,
        "joint of exciter, less half the peg"},
-      {"hole.radius", scenario.hole.radius, description.hole.radius, "link hole, visual bore"},
-      {"hole.depth", std::isinf(scenario.hole.depth) ? description.hole.depth : scenario.hole.depth,
+      {"hole.radius", mechanism.hole.radius, description.hole.radius, "link hole, visual bore"},
+      {"hole.depth",
+       std::isinf(mechanism.hole.depth) ? description.hole.depth : mechanism.hole.depth,
        description.hole.depth, "link hole, visual bore"},
-      {"carrier.mass", scenario.carrier.mass, description.carrier_mass, "link carrier, inertial"},
-      {"carrier.inertia", scenario.carrier.inertia, description.carrier_inertia,
+      {"carrier.mass", mechanism.carrier.mass, description.carrier_mass, "link carrier, inertial"},
+      {"carrier.inertia", mechanism.carrier.inertia, description.carrier_inertia,
        "link carrier, izz"},
   };
   for (const auto& value : values) {
     if (same(value.in_scenario, value.in_urdf)) continue;
-    refuse("scenario " + scenario.name, value.key, shown(value.in_scenario),
+    refuse("scenario " + scenario, value.key, shown(value.in_scenario),
            "the URDF says " + shown(value.in_urdf) + " (" + value.element + "), make them equal");
   }
 }

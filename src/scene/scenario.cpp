@@ -5,161 +5,22 @@
 #include <cmath>
 #include <iterator>
 
-#include "yaml_section.h"
+#include "assembly_cell/mechanism/mechanism_file.h"
 
 namespace assembly_cell {
 namespace {
 
+using mechanism_file::checkTheta;
+using mechanism_file::kLargestAngle;
+using mechanism_file::kLargestLength;
+using mechanism_file::readAngle;
+using mechanism_file::readLength;
+using mechanism_file::readTriple;
 using yaml::Range;
 using yaml::Section;
 using yaml::shown;
 
-// the Euler angles are singular at sin(theta) = 0: peg horizontal
-constexpr double kSmallestSinTheta = 0.1;
-// rounding of k² against the product of its diagonal entries
-constexpr double kDefiniteRounding = 1e-12;
-// beyond these a number is a slip of the pen, and a run with it would not end
-constexpr double kLargestLength = 1e3;     // [m]
-constexpr double kLargestAngle = 1e3;      // [rad]
-constexpr double kLargestFrequency = 1e6;  // [rad/s]
-constexpr double kMostSteps = 1e10;
-
-double withinSize(const Section& in, const std::string& key, double value, double largest) {
-  if (std::abs(value) > largest) {
-    in.refuse(in.at(key), value, "give at most " + shown(largest) + " in size, SI units");
-  }
-  return value;
-}
-
-double readLength(Section& in, const std::string& key, Range range) {
-  return withinSize(in, key, in.number(key, range), kLargestLength);
-}
-
-double readAngle(Section& in, const std::string& key) {
-  return withinSize(in, key, in.number(key, Range::kAny), kLargestAngle);
-}
-
-Eigen::Vector3d readTriple(Section& in, const std::string& key, double largest) {
-  const Eigen::Vector3d values = in.numbers<3>(key, Range::kAny);
-  for (int i = 0; i < 3; ++i) {
-    withinSize(in, key + "[" + std::to_string(i) + "]", values[i], largest);
-  }
-  return values;
-}
-
-PegParameters readPeg(Section in) {
-  PegParameters peg;
-  peg.radius = readLength(in, "radius", Range::kPositive);
-  peg.half_height = readLength(in, "half_height", Range::kPositive);
-  peg.mass = in.number("mass", Range::kPositive);
-  peg.inertia_transverse = in.number("inertia_transverse", Range::kPositive);
-  peg.inertia_axial = in.number("inertia_axial", Range::kPositive);
-  peg.coupling_height = readLength(in, "coupling_height", Range::kAny);
-  peg.exciter_height = readLength(in, "exciter_height", Range::kAny);
-  in.finish();
-  // no body has more inertia about an axis than the sum about the two across
-  if (peg.inertia_axial > 2.0 * peg.inertia_transverse) {
-    in.refuse(in.at("inertia_axial"), peg.inertia_axial,
-              "no body has more than twice inertia_transverse (" + shown(peg.inertia_transverse) +
-                  "), correct one of them");
-  }
-  return peg;
-}
-
-HoleParameters readHole(Section in) {
-  HoleParameters hole;
-  hole.radius = readLength(in, "radius", Range::kPositive);
-  hole.depth = in.number("depth", Range::kPositive, hole.depth);
-  in.finish();
-  return hole;
-}
-
-CarrierParameters readCarrier(Section in, RestPose& rest) {
-  CarrierParameters carrier;
-  carrier.mass = in.number("mass", Range::kPositive);
-  carrier.inertia = in.number("inertia", Range::kPositive);
-  carrier.stiffness = in.numbers<3>("stiffness", Range::kNotNegative);
-  carrier.damping = in.numbers<3>("damping", Range::kNotNegative);
-  carrier.max_speed = in.number("max_speed", Range::kPositive, carrier.max_speed);
-  carrier.max_acceleration =
-      in.number("max_acceleration", Range::kPositive, carrier.max_acceleration);
-  Section in_rest = in.section("rest");
-  rest.x = readLength(in_rest, "x", Range::kAny);
-  rest.y = readLength(in_rest, "y", Range::kAny);
-  rest.yaw = readAngle(in_rest, "yaw");
-  in_rest.finish();
-  in.finish();
-  return carrier;
-}
-
-// Diagonal and the two cross terms, named with the letter k or c; positive semidefinite.
-CouplingMatrix readCouplingMatrix(Section in, const std::string& letter) {
-  CouplingMatrix matrix;
-  matrix.diagonal = in.numbers<6>("diagonal", Range::kNotNegative);
-  matrix.k26 = in.number(letter + "26", Range::kAny);
-  matrix.k35 = in.number(letter + "35", Range::kAny);
-  in.finish();
-  const auto check = [&](const std::string& key, double cross, int i, int j) {
-    const double limit = matrix.diagonal[i] * matrix.diagonal[j];
-    if (cross * cross > limit * (1.0 + kDefiniteRounding)) {
-      in.refuse(in.at(key), cross,
-                "the matrix is not positive semidefinite, give at most sqrt(diagonal[" +
-                    std::to_string(i) + "] * diagonal[" + std::to_string(j) +
-                    "]) = " + shown(std::sqrt(limit)) + " in size");
-    }
-  };
-  check(letter + "26", matrix.k26, 1, 5);
-  check(letter + "35", matrix.k35, 2, 4);
-  return matrix;
-}
-
-void checkTheta(const Section& in, const std::string& key, double theta) {
-  // reversed axes (theta outside 0..pi) name the same poses a second time
-  if (!(theta > 0.0 && theta < M_PI && std::sin(theta) >= kSmallestSinTheta)) {
-    in.refuse(key, theta, "give an angle with sin(theta) >= 0.1 between 0 and pi, upright is pi/2");
-  }
-}
-
-CouplingParameters readCoupling(Section in, RestPose& rest) {
-  CouplingParameters coupling;
-  coupling.stiffness = readCouplingMatrix(in.section("stiffness"), "k");
-  coupling.damping = readCouplingMatrix(in.section("damping"), "c");
-  Section in_rest = in.section("rest");
-  rest.z = readLength(in_rest, "z", Range::kAny);
-  rest.theta = readAngle(in_rest, "theta");
-  rest.phi = readAngle(in_rest, "phi");
-  in_rest.finish();
-  checkTheta(in_rest, in_rest.at("theta"), rest.theta);
-  in.finish();
-  return coupling;
-}
-
-ExciterParameters readExciter(Section in) {
-  ExciterParameters exciter;
-  exciter.amplitude = in.number("amplitude", Range::kNotNegative);
-  exciter.frequency =
-      withinSize(in, "frequency", in.number("frequency", Range::kNotNegative), kLargestFrequency);
-  exciter.phase = in.optional("phase") ? readAngle(in, "phase") : 0.0;
-  const double direction = in.number("direction", Range::kAny, 1.0);
-  in.finish();
-  if (std::abs(direction) != 1.0) {
-    in.refuse(in.at("direction"), direction, "give 1 (anticlockwise from above) or -1 (clockwise)");
-  }
-  exciter.direction = direction > 0.0 ? 1 : -1;
-  return exciter;
-}
-
-FrictionParameters readFriction(Section in) {
-  FrictionParameters friction;
-  friction.static_coefficient = in.number("static", Range::kNotNegative);
-  friction.sliding_coefficient = in.number("sliding", Range::kNotNegative);
-  in.finish();
-  if (friction.sliding_coefficient > friction.static_coefficient) {
-    in.refuse(in.at("sliding"), friction.sliding_coefficient,
-              "give at most friction.static (" + shown(friction.static_coefficient) + ")");
-  }
-  return friction;
-}
+constexpr double kMostSteps = 1e10;  // a run with more would not end
 
 ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
   struct Name {
@@ -295,19 +156,14 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
   Scenario scenario;
   scenario.name = in.text("name", "give the scenario a name");
   scenario.duration = in.number("duration", Range::kNotNegative);
-  scenario.gravity = in.number("gravity", Range::kNotNegative);
-  scenario.peg = readPeg(in.section("peg"));
-  scenario.hole = readHole(in.section("hole"));
-  scenario.carrier = readCarrier(in.section("carrier"), scenario.rest);
-  scenario.coupling = readCoupling(in.section("coupling"), scenario.rest);
-  if (in.optional("exciter")) scenario.exciter = readExciter(in.section("exciter"));
+  scenario.mechanism = mechanism_file::readMechanism(in, &scenario.rest);
   scenario.push = in.vector("push");
-  scenario.friction = readFriction(in.section("friction"));
   scenario.contact = readContact(in.section("contact"));
   scenario.thesis = readThesis(in);
   const YAML::Node initial =
       in.optional("initial") ? in.required("initial", "") : YAML::Node(YAML::NodeType::Map);
-  scenario.initial = readInitial(initial, source, scenario.rest, scenario.peg.coupling_height);
+  scenario.initial =
+      readInitial(initial, source, scenario.rest, scenario.mechanism.peg.coupling_height);
   if (in.optional("solver")) scenario.solver = readSolver(in.section("solver"));
   in.finish();
   const double longest_step = std::min(
@@ -324,12 +180,7 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
 
 Scenario parseScenario(const std::string& text, const std::string& source,
                        const std::vector<std::string>& overrides) {
-  YAML::Node root = yaml::loadYaml(text, source);
-  if (!root.IsMap()) {
-    yaml::refuse(source, "file", shown(root), "give a mapping of keys, see docs/interfaces.md");
-  }
-  for (const std::string& change : overrides) root.reset(yaml::withOverride(root, change));
-  return readScenario(root, source);
+  return readScenario(yaml::loadMapping(text, source, overrides), source);
 }
 
 Scenario loadScenario(const std::string& path, const std::vector<std::string>& overrides) {

@@ -18,8 +18,8 @@
 #include <sstream>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 

@@ -19,7 +19,7 @@
 #include <filesystem>
 #include <limits>
 
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/descriptor.h"
 #include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"

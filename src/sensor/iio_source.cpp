@@ -15,8 +15,8 @@
 #include <set>
 #include <string_view>
 
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"
 

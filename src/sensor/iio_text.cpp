@@ -4,7 +4,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "assembly_cell/scene/csv_text.h"
+#include "assembly_cell/base/csv_text.h"
 
 namespace assembly_cell {
 

@@ -5,8 +5,8 @@
 #include <array>
 #include <cctype>
 
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/source_parameters.h"
 #include "assembly_cell/sensor/strain_source.h"
 

@@ -12,7 +12,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/descriptor.h"
 #include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"

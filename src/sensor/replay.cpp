@@ -10,8 +10,8 @@
 #include <string_view>
 #include <utility>
 
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/source_parameters.h"
 
 namespace assembly_cell {

@@ -12,7 +12,7 @@
 #include <functional>
 #include <utility>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/iio_source.h"
 #include "assembly_cell/sensor/netft_source.h"
 #include "assembly_cell/sensor/replay_source.h"

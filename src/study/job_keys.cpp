@@ -3,8 +3,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/study/study.h"
 
 namespace assembly_cell {
@@ -140,33 +140,38 @@ double* scenarioNumber(Scenario& s, const std::string& key, bool* alone) {
   };
   static const Number kScenario[] = {
       {"duration", [](Scenario& c) -> double& { return c.duration; }, true},
-      {"gravity", [](Scenario& c) -> double& { return c.gravity; }, true},
-      {"peg.radius", [](Scenario& c) -> double& { return c.peg.radius; }, true},
-      {"peg.mass", [](Scenario& c) -> double& { return c.peg.mass; }, true},
-      {"peg.inertia_transverse", [](Scenario& c) -> double& { return c.peg.inertia_transverse; },
+      {"gravity", [](Scenario& c) -> double& { return c.mechanism.gravity; }, true},
+      {"peg.radius", [](Scenario& c) -> double& { return c.mechanism.peg.radius; }, true},
+      {"peg.mass", [](Scenario& c) -> double& { return c.mechanism.peg.mass; }, true},
+      {"peg.inertia_transverse",
+       [](Scenario& c) -> double& { return c.mechanism.peg.inertia_transverse; }, false},
+      {"peg.inertia_axial", [](Scenario& c) -> double& { return c.mechanism.peg.inertia_axial; },
        false},
-      {"peg.inertia_axial", [](Scenario& c) -> double& { return c.peg.inertia_axial; }, false},
-      {"peg.exciter_height", [](Scenario& c) -> double& { return c.peg.exciter_height; }, true},
-      {"hole.radius", [](Scenario& c) -> double& { return c.hole.radius; }, true},
-      {"carrier.mass", [](Scenario& c) -> double& { return c.carrier.mass; }, true},
-      {"carrier.inertia", [](Scenario& c) -> double& { return c.carrier.inertia; }, true},
-      {"carrier.max_speed", [](Scenario& c) -> double& { return c.carrier.max_speed; }, true},
+      {"peg.exciter_height", [](Scenario& c) -> double& { return c.mechanism.peg.exciter_height; },
+       true},
+      {"hole.radius", [](Scenario& c) -> double& { return c.mechanism.hole.radius; }, true},
+      {"carrier.mass", [](Scenario& c) -> double& { return c.mechanism.carrier.mass; }, true},
+      {"carrier.inertia", [](Scenario& c) -> double& { return c.mechanism.carrier.inertia; }, true},
+      {"carrier.max_speed", [](Scenario& c) -> double& { return c.mechanism.carrier.max_speed; },
+       true},
       {"coupling.rest.z", [](Scenario& c) -> double& { return c.rest.z; }, false},
-      {"coupling.stiffness.k26", [](Scenario& c) -> double& { return c.coupling.stiffness.k26; },
-       false},
-      {"coupling.stiffness.k35", [](Scenario& c) -> double& { return c.coupling.stiffness.k35; },
-       false},
-      {"coupling.damping.c26", [](Scenario& c) -> double& { return c.coupling.damping.k26; },
-       false},
-      {"coupling.damping.c35", [](Scenario& c) -> double& { return c.coupling.damping.k35; },
-       false},
-      {"exciter.amplitude", [](Scenario& c) -> double& { return c.exciter.amplitude; }, true},
-      {"exciter.frequency", [](Scenario& c) -> double& { return c.exciter.frequency; }, true},
-      {"exciter.phase", [](Scenario& c) -> double& { return c.exciter.phase; }, true},
-      {"friction.static", [](Scenario& c) -> double& { return c.friction.static_coefficient; },
-       false},
-      {"friction.sliding", [](Scenario& c) -> double& { return c.friction.sliding_coefficient; },
-       false},
+      {"coupling.stiffness.k26",
+       [](Scenario& c) -> double& { return c.mechanism.coupling.stiffness.k26; }, false},
+      {"coupling.stiffness.k35",
+       [](Scenario& c) -> double& { return c.mechanism.coupling.stiffness.k35; }, false},
+      {"coupling.damping.c26",
+       [](Scenario& c) -> double& { return c.mechanism.coupling.damping.k26; }, false},
+      {"coupling.damping.c35",
+       [](Scenario& c) -> double& { return c.mechanism.coupling.damping.k35; }, false},
+      {"exciter.amplitude", [](Scenario& c) -> double& { return c.mechanism.exciter.amplitude; },
+       true},
+      {"exciter.frequency", [](Scenario& c) -> double& { return c.mechanism.exciter.frequency; },
+       true},
+      {"exciter.phase", [](Scenario& c) -> double& { return c.mechanism.exciter.phase; }, true},
+      {"friction.static",
+       [](Scenario& c) -> double& { return c.mechanism.friction.static_coefficient; }, false},
+      {"friction.sliding",
+       [](Scenario& c) -> double& { return c.mechanism.friction.sliding_coefficient; }, false},
       {"contact.rate", [](Scenario& c) -> double& { return c.contact.rate; }, true},
       {"solver.tolerance", [](Scenario& c) -> double& { return c.solver.tolerance; }, true},
       {"solver.max_step", [](Scenario& c) -> double& { return c.solver.max_step; }, true},
@@ -184,10 +189,10 @@ double* scenarioNumber(Scenario& s, const std::string& key, bool* alone) {
     int size;
   };
   const List lists[] = {
-      {"coupling.stiffness.diagonal", s.coupling.stiffness.diagonal.data(), 6},
-      {"coupling.damping.diagonal", s.coupling.damping.diagonal.data(), 6},
-      {"carrier.stiffness", s.carrier.stiffness.data(), 3},
-      {"carrier.damping", s.carrier.damping.data(), 3},
+      {"coupling.stiffness.diagonal", s.mechanism.coupling.stiffness.diagonal.data(), 6},
+      {"coupling.damping.diagonal", s.mechanism.coupling.damping.diagonal.data(), 6},
+      {"carrier.stiffness", s.mechanism.carrier.stiffness.data(), 3},
+      {"carrier.damping", s.mechanism.carrier.damping.data(), 3},
       {"push", s.push.data(), 3},
       {"initial.peg.position", s.initial.position.data(), 3},
   };

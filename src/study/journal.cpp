@@ -10,7 +10,7 @@
 #include <cstring>
 #include <thread>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/study/ledger.h"
 
 namespace assembly_cell {

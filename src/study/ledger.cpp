@@ -13,9 +13,9 @@
 #include <sstream>
 #include <system_error>
 
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "assembly_cell/study/share.h"
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/study/ledger.h"
 #include "assembly_cell/study/study.h"
 

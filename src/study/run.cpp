@@ -6,12 +6,13 @@
 #include <cmath>
 #include <cstdio>
 
-#include "assembly_cell/align/judge.h"
 #include "assembly_cell/align/outcome.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {
@@ -135,7 +136,7 @@ class Observer {
   // of the highest point of the peg's bottom edge below the hole's plane
   double depth(const Pose& X_HP) const {
     return -(X_HP.p.z() +
-             simulation_.scenario().peg.radius * std::hypot(X_HP.R(2, 0), X_HP.R(2, 1)));
+             simulation_.scenario().mechanism.peg.radius * std::hypot(X_HP.R(2, 0), X_HP.R(2, 1)));
   }
 
   bool assembled() const {
@@ -144,8 +145,8 @@ class Observer {
     if (!by_depth && !by_offset) return false;
     const Pose X_HP = simulation_.pegPose();
     const double offset = X_HP.p.head<2>().norm();
-    if (by_depth &&
-        !(depth(X_HP) >= job_.assembled_depth && offset < simulation_.scenario().hole.radius)) {
+    if (by_depth && !(depth(X_HP) >= job_.assembled_depth &&
+                      offset < simulation_.scenario().mechanism.hole.radius)) {
       return false;
     }
     return !by_offset || offset <= job_.assembled_offset;
@@ -212,7 +213,7 @@ void simulateRun(const Scenario& scenario, const StudyJob& job, std::int64_t run
   observer.summarise(result);
 }
 
-void alignRun(const Scenario& scenario, const Scenario& mechanism, const StudyJob& job,
+void alignRun(const Scenario& scenario, const Mechanism& mechanism, const StudyJob& job,
               Result& result) {
   const AlignTrial trial = tryAlignment(scenario, mechanism, job.cell, job.align);
   const AlignResult& aligned = trial.result;
@@ -314,19 +315,19 @@ StudyRecord StudyRunner::run(const StudyTask& task) {
   Result result;
   try {
     StudyJob job = study_.job;
-    const Scenario mechanism = scenarioOf(plan.settings, job);
+    const Scenario nominal = scenarioOf(plan.settings, job);
     job.cell.seed = plan.seed;
-    Scenario scenario = mechanism;
+    Scenario scenario = nominal;
     if (job.start.given) {
       const StudyStart& s = job.start;
       const Vector2d offset =
           Vector2d(s.x, s.y) + s.offset * Vector2d(std::cos(s.azimuth), std::sin(s.azimuth));
       const Vector2d tilt = Vector2d(s.tilt_x, s.tilt_y) +
                             s.tilt * Vector2d(std::cos(s.tilt_azimuth), std::sin(s.tilt_azimuth));
-      scenario = startAt(mechanism, offset, tilt, s.height);
+      scenario = startAt(nominal, offset, tilt, s.height);
     }
     if (job.kind == StudyJob::Kind::kAlign) {
-      alignRun(scenario, mechanism, job, result);
+      alignRun(scenario, nominal.mechanism, job, result);
     } else {
       simulateRun(scenario, job, task.run, study_.history, result);
     }

@@ -4,10 +4,10 @@
 #include <filesystem>
 #include <set>
 
-#include "../scene/yaml_section.h"
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "assembly_cell/study/run.h"
 #include "assembly_cell/study/study.h"

@@ -13,10 +13,10 @@
 #include <thread>
 #include <vector>
 
-#include "assembly_cell/align/judge.h"
-#include "assembly_cell/align/outcome.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/study/share.h"
 
 namespace {
@@ -150,7 +150,7 @@ Run runOnce(const Options& o, const Scenario& scenario, std::uint64_t seed,
   cell.seed = seed;
   Run run;
   run.seed = seed;
-  run.trial = tryAlignment(startOf(o, scenario, seed), scenario, cell, o.align, progress);
+  run.trial = tryAlignment(startOf(o, scenario, seed), scenario.mechanism, cell, o.align, progress);
   run.wall_time = std::chrono::duration<double>(Clock::now() - start).count();
   return run;
 }

@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/linearity.h"
 #include "assembly_cell/calibration/payload_command.h"
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/session.h"
 #include "assembly_cell/calibration/store.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
 
 using namespace assembly_cell;

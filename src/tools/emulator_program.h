@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/source_parameters.h"
 #include "assembly_cell/sensor/strain_source.h"
 

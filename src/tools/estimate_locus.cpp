@@ -13,6 +13,9 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/locus/half_turn.h"
 #include "assembly_cell/locus/harmonic_fit.h"
@@ -20,10 +23,7 @@
 #include "assembly_cell/locus/operating_point.h"
 #include "assembly_cell/locus/samples_file.h"
 #include "assembly_cell/locus/sliding_friction.h"
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/scenario.h"
-#include "assembly_cell/scene/yaml_text.h"
-#include "assembly_cell/sensor/simulated_cell.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace {
 
@@ -238,7 +238,7 @@ struct Result {
 };
 
 // contact directions by the mechanism, or the friction of a peg that slides
-void invert(const Options& o, const Scenario& mechanism, RecordedMotion::Kind kind,
+void invert(const Options& o, const Mechanism& mechanism, RecordedMotion::Kind kind,
             const HarmonicFit& fit, Result& result) {
   const bool displacement = kind == RecordedMotion::Kind::kDisplacement;
   OperatingPoint point;
@@ -279,8 +279,8 @@ void invert(const Options& o, const Scenario& mechanism, RecordedMotion::Kind ki
 
 Result estimate(const Options& o, RecordedMotion::Kind kind, HarmonicFit fit) {
   Result result;
-  std::optional<Scenario> mechanism;
-  if (!o.mechanism.empty()) mechanism = loadScenario(o.mechanism);
+  std::optional<Mechanism> mechanism;
+  if (!o.mechanism.empty()) mechanism = loadMechanism(o.mechanism);
   const bool displacement = kind == RecordedMotion::Kind::kDisplacement;
   if (kind == RecordedMotion::Kind::kAcceleration) {
     // double integration of the exciter's line
@@ -388,7 +388,7 @@ void print(const Options& o, double frequency_sd, const Result& r) {
 // ---- before a reading ----
 
 int plan(const Options& o) {
-  const Scenario mechanism = loadScenario(o.mechanism);
+  const Mechanism mechanism = loadMechanism(o.mechanism);
   OperatingPoint point;
   point.direction = o.direction.value_or(1);
   point.amplitude = o.amplitude.value_or(mechanism.exciter.amplitude);

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 #include "assembly_cell/twin_force/next_contact.h"
 #include "assembly_cell/twin_force/pose_estimate.h"

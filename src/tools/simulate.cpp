@@ -13,10 +13,10 @@
 #include <system_error>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/dynamics/simulation.h"
-#include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/scenario.h"
-#include "assembly_cell/scene/yaml_text.h"
 
 namespace {
 

@@ -16,8 +16,8 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/study/ledger.h"
 #include "assembly_cell/study/share.h"
 #include "study/ranks.h"

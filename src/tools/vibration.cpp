@@ -17,8 +17,8 @@
 #include <variant>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/vibration/models.h"
 
 namespace {

@@ -9,8 +9,8 @@
 #include <fstream>
 #include <initializer_list>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 namespace {

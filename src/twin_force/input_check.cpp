@@ -5,8 +5,8 @@
 #include <cmath>
 #include <string>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 namespace {

@@ -8,7 +8,7 @@
 #include <limits>
 #include <string>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/twin_force/line_of_action.h"
 #include "likelihood.h"
 

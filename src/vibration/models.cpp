@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/vibration/bounce.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/locus_model.h"

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/scene/yaml_text.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 

@@ -7,11 +7,12 @@
 #include <cstdint>
 #include <random>
 
-#include "assembly_cell/align/judge.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/align/press.h"
-#include "assembly_cell/align/simulated_plant.h"
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/cell/start.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
@@ -92,7 +93,7 @@ TEST(Press, HoldsTheForce) {
   for (const double x : {0.004, 0.06}) {
     for (const double tilt : {0.01, 0.05}) {
       const Scenario s = startAt(cell(), Vector2d(x, 0), Vector2d(0, tilt), 0.001);
-      SimulatedPlant plant(s, CellParameters{});
+      SimulatedPlant plant(s, s.mechanism, CellParameters{});
       Hand hand(plant, PressLimits{});
       hand.tare();
       ASSERT_TRUE(hand.approach(-1.0));
@@ -110,7 +111,7 @@ TEST(Press, HoldsTheForce) {
 TEST(Press, GivesUpByName) {
   const auto reason = [](const Scenario& s, const PressLimits& limits, double force) {
     try {
-      SimulatedPlant plant(s, CellParameters{});
+      SimulatedPlant plant(s, s.mechanism, CellParameters{});
       Hand hand(plant, limits);
       hand.tare();
       hand.approach(-1.0);
@@ -154,7 +155,7 @@ TEST(Press, TellsNoiseFromASwing) {
   parameters.noise = 20e-3;
   const Scenario s = startAt(cell(), Vector2d(0.06, 0), Vector2d(0, 0.03), 0.003);
   for (parameters.seed = 100; parameters.seed < 110; ++parameters.seed) {
-    SimulatedPlant plant(s, parameters);
+    SimulatedPlant plant(s, s.mechanism, parameters);
     EXPECT_NO_THROW(Hand(plant, PressLimits{}).tare()) << parameters.seed;
     SwingingPlant swinging(plant, 2.0);
     Hand hand(swinging, PressLimits{});
@@ -176,10 +177,12 @@ TEST(Align, ReachesTheHole) {
                 {{-0.0015, 0.006}, {-0.01, 0.004}},
                 {{-0.007, -0.002}, {0.0, 0.0}}};
   for (const auto& start : starts) {
-    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), CellParameters{});
-    const AlignResult result = align(plant, s, AlignParameters{});
+    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), s.mechanism,
+                         CellParameters{});
+    const AlignResult result = align(plant, s.mechanism, AlignParameters{});
     EXPECT_TRUE(result.success) << result.reason;
-    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_TRUE(
+        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
     // estimates: within the clearance of 0.1 mm and a tenth of a degree, tilt as the peg hung
     EXPECT_LT((result.offset + start.offset).norm(), 2e-4);
     EXPECT_LT((result.tilt - start.tilt).norm(), 2e-3);
@@ -199,9 +202,9 @@ TEST(Align, ASwingIsNoWall) {
     sensors.seed = seed;
     SimulatedPlant plant(startAt(s, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
                                  tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003),
-                         sensors);
+                         s.mechanism, sensors);
     Judge judge(plant);
-    const AlignResult result = align(judge, s, AlignParameters{});
+    const AlignResult result = align(judge, s.mechanism, AlignParameters{});
     EXPECT_TRUE(result.success) << result.reason;
     const Eigen::Vector3d end = plant.truth().pegPose().p, start = judge.startPose(result).p;
     // a fifth of the clearance of 0.1 mm for the estimate, half of it for the peg, which may swing
@@ -219,11 +222,12 @@ TEST(Align, DoubleContactReachesTheHole) {
   for (const int bits : {10, 16}) {
     CellParameters sensors;
     sensors.bits = bits;
-    SimulatedPlant plant(startAt(s, offset, tilt, 0.003), sensors);
+    SimulatedPlant plant(startAt(s, offset, tilt, 0.003), s.mechanism, sensors);
     Judge judge(plant);
-    const AlignResult result = align(judge, s, p);
+    const AlignResult result = align(judge, s.mechanism, p);
     EXPECT_TRUE(result.success) << bits << ": " << result.reason;
-    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_TRUE(
+        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
     // a fifth of the clearance; issue's figure of the direction
     const Pose start = judge.startPose(result);
     EXPECT_LT((result.offset + start.p.head<2>()).norm(), 2e-5);
@@ -264,12 +268,12 @@ TEST(Align, VibratoryTakesTheOtherWay) {
   AlignParameters p;
   int readings[2];
   for (const bool one_sided : {false, true}) {
-    SimulatedPlant plant(startAt(s, offset, tilt, 0.003), CellParameters{});
+    SimulatedPlant plant(startAt(s, offset, tilt, 0.003), s.mechanism, CellParameters{});
     Judge judge(plant);
     OneSidedPlant blind(judge);
     std::string failed;
     p.strategy = "vibratory";
-    const AlignResult result = align(one_sided ? static_cast<Plant&>(blind) : judge, s, p,
+    const AlignResult result = align(one_sided ? static_cast<Plant&>(blind) : judge, s.mechanism, p,
                                      [&](const AlignProgress& progress) {
                                        if (progress.state == "single_contact") {
                                          failed = progress.message;
@@ -277,7 +281,8 @@ TEST(Align, VibratoryTakesTheOtherWay) {
                                      });
     EXPECT_TRUE(result.success) << result.reason;
     EXPECT_EQ(failed.rfind("not_double", 0) == 0, one_sided) << failed;
-    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_TRUE(
+        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
     // a fifth of the clearance, of the peg as it hung before the first move
     const Pose start = judge.startPose(result);
     EXPECT_LT((result.offset + start.p.head<2>()).norm(), 2e-5);
@@ -294,8 +299,8 @@ TEST(Align, RefusesWhatItCannotMeasure) {
   AlignParameters p;
   p.exciter_amplitude = 0.05;
   p.press_force = 5.0;
-  SimulatedPlant plant(cell(), sensors);
-  const AlignResult result = align(plant, cell(), p);
+  SimulatedPlant plant(cell(), cell().mechanism, sensors);
+  const AlignResult result = align(plant, cell().mechanism, p);
   EXPECT_FALSE(result.success);
   EXPECT_EQ(result.reason.rfind("too_uncertain", 0), 0u) << result.reason;
   EXPECT_EQ(result.contacts, 0);
@@ -304,9 +309,9 @@ TEST(Align, RefusesWhatItCannotMeasure) {
 TEST(Align, RepeatsToTheLastBit) {
   std::vector<double> commands[2];
   for (auto& c : commands) {
-    SimulatedPlant plant(cell(), CellParameters{});
+    SimulatedPlant plant(cell(), cell().mechanism, CellParameters{});
     RecordingPlant recording(plant);
-    align(recording, cell(), AlignParameters{});
+    align(recording, cell().mechanism, AlignParameters{});
     c = recording.commands;
   }
   ASSERT_FALSE(commands[0].empty());
@@ -319,9 +324,9 @@ TEST(Align, SeedMatters) {
   for (std::uint64_t seed = 0; seed < 2; ++seed) {
     CellParameters parameters;
     parameters.seed = seed;
-    SimulatedPlant plant(cell(), parameters);
+    SimulatedPlant plant(cell(), cell().mechanism, parameters);
     RecordingPlant recording(plant);
-    align(recording, cell(), AlignParameters{});
+    align(recording, cell().mechanism, AlignParameters{});
     commands[seed] = recording.commands;
   }
   EXPECT_NE(commands[0], commands[1]);
@@ -331,34 +336,36 @@ TEST(Align, FailuresAreNamed) {
   // nothing under the peg's edge but plane
   const Scenario s = cell();
   {
-    SimulatedPlant plant(startAt(s, Vector2d(0.09, 0), Vector2d(0, 0), 0.002), CellParameters{});
-    const AlignResult result = align(plant, s, AlignParameters{});
+    SimulatedPlant plant(startAt(s, Vector2d(0.09, 0), Vector2d(0, 0), 0.002), s.mechanism,
+                         CellParameters{});
+    const AlignResult result = align(plant, s.mechanism, AlignParameters{});
     EXPECT_FALSE(result.success);
     EXPECT_EQ(result.reason.rfind("no_hole_under_edge", 0), 0u) << result.reason;
   }
   {
-    SimulatedPlant plant(startAt(s, Vector2d(0.06, 0), Vector2d(0, 0), 0.05), CellParameters{});
-    const AlignResult result = align(plant, s, AlignParameters{});
+    SimulatedPlant plant(startAt(s, Vector2d(0.06, 0), Vector2d(0, 0), 0.05), s.mechanism,
+                         CellParameters{});
+    const AlignResult result = align(plant, s.mechanism, AlignParameters{});
     EXPECT_FALSE(result.success);
     EXPECT_EQ(result.reason.rfind("no_contact", 0), 0u) << result.reason;
   }
   {
-    SimulatedPlant plant(s, CellParameters{});
+    SimulatedPlant plant(s, s.mechanism, CellParameters{});
     StoppingPlant stopping(plant, 100);
-    EXPECT_THROW(align(stopping, s, AlignParameters{}), PlantError);
+    EXPECT_THROW(align(stopping, s.mechanism, AlignParameters{}), PlantError);
   }
 }
 
 TEST(Align, BadParametersAreRefused) {
-  SimulatedPlant plant(cell(), CellParameters{});
+  SimulatedPlant plant(cell(), cell().mechanism, CellParameters{});
   AlignParameters p;
   p.strategy = "by_eye";
-  EXPECT_THROW(align(plant, cell(), p), InputError);
+  EXPECT_THROW(align(plant, cell().mechanism, p), InputError);
   p = {};
   p.press_force = std::nan("");
-  EXPECT_THROW(align(plant, cell(), p), InputError);
+  EXPECT_THROW(align(plant, cell().mechanism, p), InputError);
   p = {};
   p.sweep_readings = 3;
-  EXPECT_THROW(align(plant, cell(), p), InputError);
-  EXPECT_THROW(align(plant, cell({"hole.radius=0.0249"}), AlignParameters{}), InputError);
+  EXPECT_THROW(align(plant, cell().mechanism, p), InputError);
+  EXPECT_THROW(align(plant, cell({"hole.radius=0.0249"}).mechanism, AlignParameters{}), InputError);
 }

@@ -6,9 +6,10 @@
 #include <algorithm>
 #include <string>
 
-#include "assembly_cell/align/judge.h"
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/simulated_plant.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/cell/start.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
@@ -57,11 +58,13 @@ TEST_P(NearStarts, Align) {
                 {{3e-4, 7.4e-4}, {-0.001, 0.004}},
                 {{2e-3, 0.0}, {0.0, -0.03}}};
   for (const auto& start : starts) {
-    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), CellParameters{});
+    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), s.mechanism,
+                         CellParameters{});
     WatchedPlant watched(plant);
-    const AlignResult result = align(watched, s, p);
+    const AlignResult result = align(watched, s.mechanism, p);
     EXPECT_TRUE(result.success) << start.offset.transpose() << ": " << result.reason;
-    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_TRUE(
+        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
     EXPECT_LT(plant.truth().pegPose().p.z(), -0.5 * p.insertion_depth);
     // a third of the clearance, a tenth of a degree
     EXPECT_LT((result.offset + start.offset).norm(), 3e-5);
@@ -77,12 +80,13 @@ TEST_P(NearStarts, InTheHoleAlready) {
   p.strategy = GetParam();
   for (const double depth : {0.002, 0.02}) {
     SimulatedPlant plant(startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.001, 0.0), -depth),
-                         CellParameters{});
-    const AlignResult result = align(plant, s, p);
+                         s.mechanism, CellParameters{});
+    const AlignResult result = align(plant, s.mechanism, p);
     EXPECT_TRUE(result.success) << result.reason;
     EXPECT_EQ(result.contacts, 0);
     EXPECT_LT(result.time, 5.0);
-    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_TRUE(
+        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
     EXPECT_LT(plant.truth().pegPose().p.z(), -0.5 * depth);
   }
 }
@@ -96,14 +100,14 @@ TEST(FailureCases, NoMovementAndUndecided) {
   const Scenario s = cell();
   for (const char* strategy : {"single_contact", "double_contact"}) {
     for (const bool dead : {true, false}) {
-      SimulatedPlant plant(startAt(s, Vector2d(0.006, 0.0), Vector2d(0.0, 0.0), 0.001),
+      SimulatedPlant plant(startAt(s, Vector2d(0.006, 0.0), Vector2d(0.0, 0.0), 0.001), s.mechanism,
                            CellParameters{});
       WatchedPlant watched(plant);
       watched.dead_exciter = dead;
       watched.undecided = !dead;
       AlignParameters p;
       p.strategy = strategy;
-      const AlignResult result = align(watched, s, p);
+      const AlignResult result = align(watched, s.mechanism, p);
       EXPECT_FALSE(result.success);
       EXPECT_EQ(result.reason.rfind("no_plane_reading", 0), 0u) << strategy << " " << result.reason;
       // so many attempts and no more

@@ -9,8 +9,9 @@
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/simulated_plant.h"
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/cell/start.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
@@ -60,17 +61,19 @@ TEST(TwinForceStrategy, ReachesTheHole) {
                 {{-0.0106, 0.0106}, {-0.03, 0.018}},
                 {{0.002, 0.0}, {0.0, 0.0}}};
   for (const auto& start : starts) {
-    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), CellParameters{});
+    SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), s.mechanism,
+                         CellParameters{});
     WatchedPlant watched(plant);
     Vector2d true_offset(0, 0), true_tilt(0, 0);
     const AlignResult result =
-        align(watched, s, twinForceParameters(), [&](const AlignProgress& now) {
+        align(watched, s.mechanism, twinForceParameters(), [&](const AlignProgress& now) {
           if (now.state != "tare") return;
           true_offset = -plant.truth().pegPose().p.head<2>();
           true_tilt = tiltOf(plant.truth().pegPose());
         });
     EXPECT_TRUE(result.success) << result.reason;
-    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.peg.radius, s.hole.radius));
+    EXPECT_TRUE(
+        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
     EXPECT_FALSE(watched.shaken);
     EXPECT_GE(result.contacts, 3);
     EXPECT_LE(result.contacts, 12);
@@ -86,9 +89,9 @@ TEST(TwinForceStrategy, RepeatsToTheLastBit) {
   const Scenario s = cell();
   std::vector<double> first;
   for (int i = 0; i < 2; ++i) {
-    SimulatedPlant plant(s, CellParameters{});
+    SimulatedPlant plant(s, s.mechanism, CellParameters{});
     WatchedPlant watched(plant);
-    align(watched, s, twinForceParameters());
+    align(watched, s.mechanism, twinForceParameters());
     if (i == 0) first = watched.commands;
     EXPECT_GT(watched.commands.size(), 50u);
     EXPECT_EQ(watched.commands, first);
@@ -100,11 +103,11 @@ TEST(TwinForceStrategy, FailsByName) {
   const auto reason = [&](double sign, double drift, int bits) {
     CellParameters parameters;
     parameters.bits = bits;
-    SimulatedPlant plant(s, parameters);
+    SimulatedPlant plant(s, s.mechanism, parameters);
     WatchedPlant watched(plant);
     watched.sign = sign;
     watched.drift_per_block = drift;
-    const AlignResult result = align(watched, s, twinForceParameters());
+    const AlignResult result = align(watched, s.mechanism, twinForceParameters());
     EXPECT_FALSE(result.success);
     return result.reason;
   };

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <string>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/dial_gauge.h"
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
 namespace {

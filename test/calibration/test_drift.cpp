@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/replay.h"
 
 namespace assembly_cell {

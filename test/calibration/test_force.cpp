@@ -9,9 +9,9 @@
 #include <memory>
 #include <string>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
 namespace {

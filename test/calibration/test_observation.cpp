@@ -10,11 +10,11 @@
 #include <sstream>
 #include <string>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/linearity.h"
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/store.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
 namespace {

@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {

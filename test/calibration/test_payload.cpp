@@ -9,7 +9,7 @@
 #include <limits>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "payload_recordings.h"
 
 namespace assembly_cell {

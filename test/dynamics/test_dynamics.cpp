@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/dynamics/simulation.h"
-#include "assembly_cell/scene/input_error.h"
 
 #if !defined(__SANITIZE_ADDRESS__)
 // Every allocation of the program passes here, operator new's too.
@@ -45,8 +45,8 @@ void place(Scenario& s, const Vector3d& bottom, double tilt, double lean) {
   const Vector3d axis(std::sin(tilt) * std::cos(lean), std::sin(tilt) * std::sin(lean),
                       std::cos(tilt));
   s.initial.euler = {std::atan2(axis.x(), axis.z()), std::acos(axis.y()), 0.0};
-  s.initial.position = bottom + s.peg.half_height * axis;
-  const Vector3d coupling = s.initial.position + s.peg.coupling_height * axis;
+  s.initial.position = bottom + s.mechanism.peg.half_height * axis;
+  const Vector3d coupling = s.initial.position + s.mechanism.peg.coupling_height * axis;
   s.rest = {coupling.x(), coupling.y(),          coupling.z(),
             0.0,          s.initial.euler.theta, s.initial.euler.phi};
   s.initial.carrier_x = coupling.x();
@@ -70,7 +70,7 @@ Scenario onTwoEdges(double tilt, double press) {
   const Simulation closed(s);
   s.initial.close = false;
   s.initial.position.z() = closed.state().q(0);
-  s.rest.z = closed.state().q(0) + s.peg.coupling_height * std::cos(tilt) - press;
+  s.rest.z = closed.state().q(0) + s.mechanism.peg.coupling_height * std::cos(tilt) - press;
   return s;
 }
 
@@ -88,9 +88,9 @@ double kineticSpeed(const State& s) { return s.v.cwiseAbs().maxCoeff(); }
 
 TEST(Dynamics, FreeFlightHasItsClosedForm) {
   const Scenario s = load("free_flight");
-  const double w = std::sqrt(s.coupling.stiffness.diagonal(0) / s.peg.mass);
-  const double X =
-      s.initial.position.z() + s.peg.coupling_height * std::sin(s.initial.euler.theta) - s.rest.z;
+  const double w = std::sqrt(s.mechanism.coupling.stiffness.diagonal(0) / s.mechanism.peg.mass);
+  const double X = s.initial.position.z() +
+                   s.mechanism.peg.coupling_height * std::sin(s.initial.euler.theta) - s.rest.z;
   EXPECT_NEAR(w, 33.753, 0.0005);      // listed [rad/s]
   EXPECT_NEAR(X, 8.4979e-3, 0.05e-6);  // listed [m]
   Simulation sim(s);
@@ -104,15 +104,15 @@ TEST(Dynamics, FreeFlightHasItsClosedForm) {
 
 TEST(Dynamics, EnergyIsConservedWithoutDampers) {
   Scenario s = load("cell", {"contact={law: none}", "solver.tolerance=1e-11"});
-  s.coupling.damping = CouplingMatrix{};
-  s.carrier.damping.setZero();
+  s.mechanism.coupling.damping = CouplingMatrix{};
+  s.mechanism.carrier.damping.setZero();
   Simulation sim(s);
   State start = sim.state();
   start.v << 0.01, -0.02, 0.015, 0.2, -0.3, 0.5, 0.01, 0.02, 0.1;
   start.q(5) += 0.01;
   sim.setState(start);
   const double before = sim.energy();
-  const double scale = before - s.peg.mass * s.gravity * sim.state().q(0);
+  const double scale = before - s.mechanism.peg.mass * s.mechanism.gravity * sim.state().q(0);
   ASSERT_EQ(sim.advance(1.0), StopReason::kOk);
   // every step errs by at most 1e-11 m and 3e-10 m/s, angles 30 times more, with forces up to
   // 100 N, moments of 1 N m, momenta of 0.01 kg m/s: below 1e-9 J, in 1 s of some 5000 steps;
@@ -288,14 +288,14 @@ TEST(Dynamics, SpringContactSinksInByTheWeight) {
   s.contact.law = ContactLaw::kSpringDashpot;
   s.contact.stiffness = 1e5;
   s.contact.damping = 200;
-  s.coupling.stiffness.diagonal(0) = 0.0;
+  s.mechanism.coupling.stiffness.diagonal(0) = 0.0;
   Simulation sim(s);
   ASSERT_EQ(sim.advance(2.0), StopReason::kOk);
   const ContactReport c = sim.contacts()[2];
   ASSERT_TRUE(c.valid && c.state != ContactReport::kOpen);
   // settled: creep against the coupling, v_ST/(mu N) times its stiffness, fades within 0.1 s
-  EXPECT_NEAR(-c.gap, s.peg.mass * s.gravity / s.contact.stiffness, 1e-10);
-  EXPECT_NEAR(c.force.z(), s.peg.mass * s.gravity, 1e-5);
+  EXPECT_NEAR(-c.gap, s.mechanism.peg.mass * s.mechanism.gravity / s.contact.stiffness, 1e-10);
+  EXPECT_NEAR(c.force.z(), s.mechanism.peg.mass * s.mechanism.gravity, 1e-5);
 }
 
 // A push below the friction limit, nothing else holds the peg sideways.
@@ -303,9 +303,9 @@ class HeldContact : public ::testing::Test {
  protected:
   static Scenario scene(bool stationary_rows) {
     Scenario s = onThePlane(kTilt);
-    s.coupling.stiffness.diagonal.head<3>().setZero();
-    s.coupling.stiffness.k26 = s.coupling.stiffness.k35 = 0.0;
-    s.coupling.damping.diagonal.head<3>().setZero();
+    s.mechanism.coupling.stiffness.diagonal.head<3>().setZero();
+    s.mechanism.coupling.stiffness.k26 = s.mechanism.coupling.stiffness.k35 = 0.0;
+    s.mechanism.coupling.damping.diagonal.head<3>().setZero();
     // along the plane, in the plane of the tilt
     s.push = AngleAxisd(-kTilt, Vector3d::UnitY()) * Vector3d(kPush, 0, 0);
     s.contact.stationary_rows = stationary_rows;
@@ -337,8 +337,9 @@ TEST_F(HeldContact, CreepsWithRegularisedFriction) {
   ASSERT_EQ(sim.advance(2.5), StopReason::kOk);
   const double speed = (sim.contacts()[2].point.x() - before) / 0.5;
   const double turned = sim.state().q(3) - kTilt;  // the push turns with the peg
-  const double normal = s.peg.mass * s.gravity + kPush * std::sin(turned);
-  const double expected = kPush * std::cos(turned) / (s.friction.static_coefficient * normal) *
+  const double normal = s.mechanism.peg.mass * s.mechanism.gravity + kPush * std::sin(turned);
+  const double expected = kPush * std::cos(turned) /
+                          (s.mechanism.friction.static_coefficient * normal) *
                           s.contact.regularisation_speed;
   EXPECT_NEAR(speed, expected, 1e-7 * expected);
 }
@@ -364,8 +365,8 @@ TEST(Dynamics, VibratedDoubleContactHasFewEvents) {
 Vector6 weightAbout(const Simulation& sim) {  // of the peg, about the origin of `hole`
   const Pose peg = sim.pegPose();
   const Scenario& s = sim.scenario();
-  const Vector3d force(0, 0, -s.peg.mass * s.gravity);
-  const Vector3d at = peg.p + s.peg.half_height * peg.R.col(2);
+  const Vector3d force(0, 0, -s.mechanism.peg.mass * s.mechanism.gravity);
+  const Vector3d at = peg.p + s.mechanism.peg.half_height * peg.R.col(2);
   return (Vector6() << force, at.cross(force)).finished();
 }
 
@@ -401,13 +402,14 @@ TEST(Dynamics, SignsOfWrenchAndDeflection) {
   place(s, {0.001, -0.002, 0.01}, 0.0, 0.0);
   Simulation sim(s);
   const State rest = sim.state();
-  const double arm = s.peg.coupling_height;
+  const double arm = s.mechanism.peg.coupling_height;
   const double small = 1e-6;
-  const Vector6& k = s.coupling.stiffness.diagonal;  // thesis order z, x, y, about z, x, y
+  const Vector6& k =
+      s.mechanism.coupling.stiffness.diagonal;  // thesis order z, x, y, about z, x, y
   const double kx = k(1), ky = k(2), kz = k(0), cx = k(4), cy = k(5), cz = k(3);
   Matrix6 K = (Vector6() << kx, ky, kz, cx, cy, cz).finished().asDiagonal();
-  K(0, 4) = K(4, 0) = s.coupling.stiffness.k26;
-  K(1, 3) = K(3, 1) = s.coupling.stiffness.k35;
+  K(0, 4) = K(4, 0) = s.mechanism.coupling.stiffness.k26;
+  K(1, 3) = K(3, 1) = s.mechanism.coupling.stiffness.k35;
   for (int i = 0; i < 6; ++i) {
     State moved = rest;
     // translations of the coupling point x, y, z; rotations about it: the centre of mass hangs
@@ -433,12 +435,12 @@ TEST(Dynamics, SignsOfWrenchAndDeflection) {
 TEST(Dynamics, HangingPegDeflectsTheCoupling) {
   Scenario s = load("cell", {"contact={law: none}"});
   place(s, {0, 0, 0.01}, 0.0, 0.0);
-  s.coupling.damping.diagonal(0) = 280;
+  s.mechanism.coupling.damping.diagonal(0) = 280;
   Simulation sim(s);
   ASSERT_EQ(sim.advance(0.5), StopReason::kOk);
-  const double weight = s.peg.mass * s.gravity;
+  const double weight = s.mechanism.peg.mass * s.mechanism.gravity;
   Vector6 deflection = Vector6::Zero(), wrench = Vector6::Zero();
-  deflection(2) = -weight / s.coupling.stiffness.diagonal(0);
+  deflection(2) = -weight / s.mechanism.coupling.stiffness.diagonal(0);
   wrench(2) = -weight;
   // settled: the time constant is 3 ms
   EXPECT_LT((sim.couplingDeflection() - deflection).norm(), 1e-11);
@@ -566,7 +568,7 @@ TEST(Dynamics, StopsWithAReason) {
 
   // turning over on the way: thrown about x without a coupling to hold it
   Scenario thrown = load("cell", {"contact={law: none}", "gravity=0"});
-  thrown.coupling = CouplingParameters{};
+  thrown.mechanism.coupling = CouplingParameters{};
   thrown.initial.euler_rates = Vector3d(0, 20, 0);
   Simulation turning(thrown);
   EXPECT_EQ(turning.advance(1.0), StopReason::kSingular);

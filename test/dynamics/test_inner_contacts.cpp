@@ -37,15 +37,15 @@ void place(Scenario& s, const Vector3d& bottom, double tilt, const Vector3d& pul
   const Vector3d axis(std::sin(tilt), 0.0, std::cos(tilt));
   s.initial = InitialState{};
   s.initial.euler = {tilt, std::acos(0.0), 0.0};
-  s.initial.position = bottom + s.peg.half_height * axis;
-  const Vector3d coupling = s.initial.position + s.peg.coupling_height * axis;
+  s.initial.position = bottom + s.mechanism.peg.half_height * axis;
+  const Vector3d coupling = s.initial.position + s.mechanism.peg.coupling_height * axis;
   s.initial.carrier_x = coupling.x();
   s.initial.carrier_y = coupling.y();
   s.rest = {coupling.x() + pull.x(), coupling.y() + pull.y(),
             coupling.z() + pull.z(), 0.0,
             std::acos(0.0),          tilt};
-  s.carrier.stiffness = Vector3d(5e4, 5e4, 50);
-  s.carrier.damping = Vector3d(50, 50, 0.01);
+  s.mechanism.carrier.stiffness = Vector3d(5e4, 5e4, 50);
+  s.mechanism.carrier.damping = Vector3d(50, 50, 0.01);
 }
 
 // Largest difference of the peg's position at ten times against `bound`; the slots that must have

@@ -24,21 +24,21 @@ constexpr double kHalfPi = 1.5707963267948966;
 // Everything on: all stiffnesses and dampers, cross terms, carrier, weight, push and exciter.
 Scenario everything() {
   Scenario s;
-  s.gravity = 9.8;
-  s.peg = {0.025, 0.030, 0.395, 2.5e-4, 1.0e-4, 0.050, 0.056};
-  s.hole.radius = 0.0251;
-  s.carrier.mass = 0.3;
-  s.carrier.inertia = 0.002;
-  s.carrier.stiffness = Vector3d(130, 170, 1.3);
-  s.carrier.damping = Vector3d(2, 3, 0.02);
-  s.coupling.stiffness.diagonal << 450, 400, 500, 1.4, 2.7, 2.1;
-  s.coupling.stiffness.k26 = 7;
-  s.coupling.stiffness.k35 = -8;
-  s.coupling.damping.diagonal << 5, 6, 7, 0.02, 0.03, 0.04;
-  s.coupling.damping.k26 = 0.1;
-  s.coupling.damping.k35 = -0.2;
+  s.mechanism.gravity = 9.8;
+  s.mechanism.peg = {0.025, 0.030, 0.395, 2.5e-4, 1.0e-4, 0.050, 0.056};
+  s.mechanism.hole.radius = 0.0251;
+  s.mechanism.carrier.mass = 0.3;
+  s.mechanism.carrier.inertia = 0.002;
+  s.mechanism.carrier.stiffness = Vector3d(130, 170, 1.3);
+  s.mechanism.carrier.damping = Vector3d(2, 3, 0.02);
+  s.mechanism.coupling.stiffness.diagonal << 450, 400, 500, 1.4, 2.7, 2.1;
+  s.mechanism.coupling.stiffness.k26 = 7;
+  s.mechanism.coupling.stiffness.k35 = -8;
+  s.mechanism.coupling.damping.diagonal << 5, 6, 7, 0.02, 0.03, 0.04;
+  s.mechanism.coupling.damping.k26 = 0.1;
+  s.mechanism.coupling.damping.k35 = -0.2;
   s.rest = {0.001, -0.002, 0.08, 0.05, 1.6, -0.03};
-  s.exciter = {1.5, 40, 0.3, -1};
+  s.mechanism.exciter = {1.5, 40, 0.3, -1};
   s.push = Vector3d(0.3, -0.4, 0.5);
   return s;
 }
@@ -106,39 +106,41 @@ Vector6 multiply(const CouplingMatrix& m, const Vector6& d) {
 }
 
 double potential(const Scenario& s, const Vector9& q) {
-  const Vector3d coupling = pegPoint(q, {0, 0, s.peg.coupling_height});
+  const Vector3d coupling = pegPoint(q, {0, 0, s.mechanism.peg.coupling_height});
   Vector6 d;  // thesis order
   d << coupling.z() - s.rest.z, coupling.x() - q(6), coupling.y() - q(7), q(5) - q(8),
       q(4) - s.rest.theta, q(3) - s.rest.phi;
   const Vector3d c(q(6) - s.rest.x, q(7) - s.rest.y, q(8) - s.rest.yaw);
-  return 0.5 * d.dot(multiply(s.coupling.stiffness, d)) +
-         0.5 * c.dot(s.carrier.stiffness.cwiseProduct(c)) + s.peg.mass * s.gravity * q(0);
+  return 0.5 * d.dot(multiply(s.mechanism.coupling.stiffness, d)) +
+         0.5 * c.dot(s.mechanism.carrier.stiffness.cwiseProduct(c)) +
+         s.mechanism.peg.mass * s.mechanism.gravity * q(0);
 }
 
 // force on the peg at the exciter's point, hole axes; angle law of Drive
 Vector3d drivingForce(const Scenario& s, const Vector9& q, double t) {
-  const double angle = s.exciter.direction * (s.exciter.frequency * t + s.exciter.phase);
+  const double angle = s.mechanism.exciter.direction *
+                       (s.mechanism.exciter.frequency * t + s.mechanism.exciter.phase);
   const Vector3d in_peg =
-      s.push + s.exciter.amplitude * Vector3d(std::cos(angle), std::sin(angle), 0);
+      s.push + s.mechanism.exciter.amplitude * Vector3d(std::cos(angle), std::sin(angle), 0);
   return pegRotation(q) * in_peg;
 }
 
 Vector9 acceleration(const Scenario& s, const State& state, double t) {
   const Kinematics k = kinematics(state);
   const RestMotion rest = restMotion(restProfile(s.rest), t);
-  return solveMass(s, k, freeMotion(s, k, state, rest, {s.exciter, 0.0}, t).force);
+  return solveMass(s, k, freeMotion(s, k, state, rest, {s.mechanism.exciter, 0.0}, t).force);
 }
 
 void switchDampersOff(Scenario& s) {
-  s.carrier.damping.setZero();
-  s.coupling.damping = CouplingMatrix{};
+  s.mechanism.carrier.damping.setZero();
+  s.mechanism.coupling.damping = CouplingMatrix{};
 }
 
 // sum over mass points of m P'' · dP = (driving force) · dP − dV for every variation
 TEST_F(Model, VirtualWorkVanishesOnTheSolution) {
   Scenario s = everything();
   switchDampersOff(s);
-  const MassPoints body = massPoints(s.peg);
+  const MassPoints body = massPoints(s.mechanism.peg);
   for (int n = 0; n < 300; ++n) {
     const State at = state();
     const double t = uniform(0, 1);
@@ -154,7 +156,7 @@ TEST_F(Model, VirtualWorkVanishesOnTheSolution) {
                        secondDerivative([&](double h) { return point(at.q + h * at.v); }));
     }
     const Vector3d drive = drivingForce(s, at.q, t);
-    const Vector3d exciter_point(0, 0, s.peg.exciter_height);
+    const Vector3d exciter_point(0, 0, s.mechanism.peg.exciter_height);
     for (int i = 0; i < 9; ++i) {
       const auto varied = [&](const Vector3d& in_peg) {
         return derivative([&](double h) { return pegPoint(at.q + h * Vector9::Unit(i), in_peg); });
@@ -168,9 +170,9 @@ TEST_F(Model, VirtualWorkVanishesOnTheSolution) {
       add(derivative([&](double h) { return Scalar(potential(s, at.q + h * Vector9::Unit(i))); })(
           0));
     }
-    residual(6) += s.carrier.mass * a(6);
-    residual(7) += s.carrier.mass * a(7);
-    residual(8) += s.carrier.inertia * a(8);
+    residual(6) += s.mechanism.carrier.mass * a(6);
+    residual(7) += s.mechanism.carrier.mass * a(7);
+    residual(8) += s.mechanism.carrier.inertia * a(8);
     // second differences: h⁴/90 times the sixth power of some 10 rad/s, 1e-17 m/h² of rounding
     for (int i = 0; i < 9; ++i) EXPECT_NEAR(residual(i), 0.0, 1e-6 * size(i) + 1e-9) << i;
   }
@@ -198,14 +200,15 @@ TEST_F(Model, PowerIsBalanced) {
     const Matrix3d W = derivative([&](double h) { return pegRotation(at.q + h * at.v); }) *
                        pegRotation(at.q).transpose();
     const Vector3d omega(W(2, 1), W(0, 2), W(1, 0));
-    const Vector3d coupling = moving({0, 0, s.peg.coupling_height});
+    const Vector3d coupling = moving({0, 0, s.mechanism.peg.coupling_height});
     Vector6 rate;
     rate << coupling.z(), coupling.x() - at.v(6), coupling.y() - at.v(7), omega.z() - at.v(8),
         omega.x(), omega.y();
     const Vector3d carrier = at.v.tail<3>();
-    const double lost = rate.dot(multiply(s.coupling.damping, rate)) +
-                        carrier.dot(s.carrier.damping.cwiseProduct(carrier));
-    const double given = drivingForce(s, at.q, t).dot(moving({0, 0, s.peg.exciter_height}));
+    const double lost = rate.dot(multiply(s.mechanism.coupling.damping, rate)) +
+                        carrier.dot(s.mechanism.carrier.damping.cwiseProduct(carrier));
+    const double given =
+        drivingForce(s, at.q, t).dot(moving({0, 0, s.mechanism.peg.exciter_height}));
     EXPECT_GT(lost, 0.0);
     // (h·5 rad/s)⁴/30 of rates of change that nearly cancel
     const double gained = derivative(moved)(0) + derivative(accelerated)(0);
@@ -215,12 +218,13 @@ TEST_F(Model, PowerIsBalanced) {
 
 TEST_F(Model, EnergyIsThatOfTheMassPoints) {
   const Scenario s = everything();
-  const MassPoints body = massPoints(s.peg);
+  const MassPoints body = massPoints(s.mechanism.peg);
   const RestMotion rest = restMotion(restProfile(s.rest), 0.0);
   for (int n = 0; n < 100; ++n) {
     const State at = state();
-    double expected = potential(s, at.q) + 0.5 * s.carrier.mass * at.v.segment<2>(6).squaredNorm() +
-                      0.5 * s.carrier.inertia * at.v(8) * at.v(8);
+    double expected = potential(s, at.q) +
+                      0.5 * s.mechanism.carrier.mass * at.v.segment<2>(6).squaredNorm() +
+                      0.5 * s.mechanism.carrier.inertia * at.v(8) * at.v(8);
     for (const Vector3d& p : body.points) {
       const Vector3d v = derivative([&](double h) { return pegPoint(at.q + h * at.v, p); });
       expected += 0.5 * body.mass * v.squaredNorm();
@@ -268,7 +272,7 @@ TEST_F(Model, RestProfileStartsAndEndsAtRest) {
     for (int i = 0; i < 6; ++i) by(i) = uniform(-0.02, 0.02);
     const RestMotion rest = restMotion(restProfile(s.rest), 0.0);
     const RestPose target = moved(s.rest, by);
-    const RestProfile profile = planRest(rest, 2.0, target, s.carrier, kArm);
+    const RestProfile profile = planRest(rest, 2.0, target, s.mechanism.carrier, kArm);
     const double end = profile.start + profile.duration;
     for (const double t : {0.0, 2.0, end, end + 1.0}) {
       const RestMotion m = restMotion(profile, t);
@@ -290,10 +294,10 @@ TEST_F(Model, RestProfileStartsAndEndsAtRest) {
     // limits are looked at in 41 places: a peak between two is 0.3 % higher (third derivative of
     // the quintic); the grid of durations is 5 % coarse, so one of the limits is nearly used
     const auto [speed, acceleration] = peaks(profile);
-    EXPECT_LE(speed, 1.003 * s.carrier.max_speed);
-    EXPECT_LE(acceleration, 1.003 * s.carrier.max_acceleration);
-    EXPECT_TRUE(speed > 0.94 * s.carrier.max_speed ||
-                acceleration > 0.89 * s.carrier.max_acceleration);
+    EXPECT_LE(speed, 1.003 * s.mechanism.carrier.max_speed);
+    EXPECT_LE(acceleration, 1.003 * s.mechanism.carrier.max_acceleration);
+    EXPECT_TRUE(speed > 0.94 * s.mechanism.carrier.max_speed ||
+                acceleration > 0.89 * s.mechanism.carrier.max_acceleration);
   }
 }
 
@@ -307,7 +311,7 @@ TEST_F(Model, RestProfileIsReplannedWithoutAStep) {
     for (int i = 0; i < 6; ++i) by(i) = uniform(-0.01, 0.01);
     const RestPose target = moved(s.rest, by);
     const RestMotion before = restMotion(profile, t);
-    profile = planRest(before, t, target, s.carrier, kArm);
+    profile = planRest(before, t, target, s.mechanism.carrier, kArm);
     const RestMotion after = restMotion(profile, t);
     // rounding of coefficients of a few times the distance over the duration's powers
     EXPECT_LT((after.position - before.position).norm(), 1e-16);
@@ -318,8 +322,8 @@ TEST_F(Model, RestProfileIsReplannedWithoutAStep) {
     // one quintic that takes over an acceleration near full speed overshoots: the worst of all
     // phases of a profile reaches 1.4 times the speed limit; acceleration keeps its limit
     const auto [speed, acceleration] = peaks(profile);
-    EXPECT_LE(speed, 1.5 * s.carrier.max_speed);
-    EXPECT_LE(acceleration, 1.01 * s.carrier.max_acceleration);
+    EXPECT_LE(speed, 1.5 * s.mechanism.carrier.max_speed);
+    EXPECT_LE(acceleration, 1.01 * s.mechanism.carrier.max_acceleration);
     t += uniform(0.1, 1.1) * profile.duration;
   }
 }
@@ -327,7 +331,7 @@ TEST_F(Model, RestProfileIsReplannedWithoutAStep) {
 TEST_F(Model, RestProfileToWhereItIsStaysThere) {
   const Scenario s = everything();
   const RestProfile profile =
-      planRest(restMotion(restProfile(s.rest), 0.0), 1.0, s.rest, s.carrier, kArm);
+      planRest(restMotion(restProfile(s.rest), 0.0), 1.0, s.rest, s.mechanism.carrier, kArm);
   for (const double t : {1.0, 1.001, 3.0}) {
     EXPECT_EQ(restMotion(profile, t).position, restVector(s.rest));
     EXPECT_EQ(restMotion(profile, t).rate, Vector6::Zero());

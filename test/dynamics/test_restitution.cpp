@@ -94,22 +94,23 @@ const Strike kStrikes[] = {
 Scenario scenario(const Strike& c) {
   Scenario s = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
                             {"contact.law=rigid", "gravity=0", "solver.tolerance=1e-13"});
-  s.coupling = CouplingParameters{};
-  s.carrier.stiffness.setZero();
-  s.friction = {c.mu, c.mu};
+  s.mechanism.coupling = CouplingParameters{};
+  s.mechanism.carrier.stiffness.setZero();
+  s.mechanism.friction = {c.mu, c.mu};
   s.contact.restitution = c.e;
   s.initial = InitialState{};
   s.initial.euler = {c.tilt, std::acos(0.0), 0.0};
-  const double low = s.peg.half_height * std::cos(c.tilt) + s.peg.radius * std::sin(c.tilt);
+  const double low =
+      s.mechanism.peg.half_height * std::cos(c.tilt) + s.mechanism.peg.radius * std::sin(c.tilt);
   s.initial.position = Vector3d(0.08, 0.0, low + 1e-4);
   s.initial.velocity = Vector3d(c.vx, 0.0, c.vz);
   return s;
 }
 
 Bar barOf(const Scenario& s, double tilt) {
-  const double h = s.peg.half_height, r = s.peg.radius;
-  return {s.peg.mass, s.peg.inertia_transverse, r * std::cos(tilt) - h * std::sin(tilt),
-          -h * std::cos(tilt) - r * std::sin(tilt)};
+  const double h = s.mechanism.peg.half_height, r = s.mechanism.peg.radius;
+  return {s.mechanism.peg.mass, s.mechanism.peg.inertia_transverse,
+          r * std::cos(tilt) - h * std::sin(tilt), -h * std::cos(tilt) - r * std::sin(tilt)};
 }
 
 TEST(Restitution, BarStrikesThePlane) {
@@ -125,10 +126,10 @@ TEST(Restitution, BarStrikesThePlane) {
     const Planar P = expected.impulse;
     // 1e-10: rounding of the gap at the impact, 1e-14 m over the gap's 1e-4 m
     const double tolerance = 1e-10 * std::abs(c.vz);
-    EXPECT_NEAR(v(1), c.vx + P.x / s.peg.mass, tolerance) << c.name;
-    EXPECT_NEAR(v(0), c.vz + P.z / s.peg.mass, tolerance) << c.name;
-    EXPECT_NEAR(v(3), (bar.rz * P.x - bar.rx * P.z) / s.peg.inertia_transverse,
-                tolerance / s.peg.radius)
+    EXPECT_NEAR(v(1), c.vx + P.x / s.mechanism.peg.mass, tolerance) << c.name;
+    EXPECT_NEAR(v(0), c.vz + P.z / s.mechanism.peg.mass, tolerance) << c.name;
+    EXPECT_NEAR(v(3), (bar.rz * P.x - bar.rx * P.z) / s.mechanism.peg.inertia_transverse,
+                tolerance / s.mechanism.peg.radius)
         << c.name;
     EXPECT_NEAR(v(2), 0.0, tolerance) << c.name;
   }

@@ -29,7 +29,7 @@ Scenario vibrated(double force, double tolerance) {
             "coupling.stiffness.k26=158", "coupling.stiffness.k35=-158",
             "coupling.damping.diagonal=[0, 28, 28, 0.015, 0.015, 0.015]", "coupling.rest.z=0",
             "exciter.frequency=1000", "exciter.phase=-1.5707963267948966", "solver.max_step=0.01"});
-  s.exciter.amplitude = force;
+  s.mechanism.exciter.amplitude = force;
   s.solver.tolerance = tolerance;
   return s;
 }
@@ -102,7 +102,7 @@ Scenario bouncing(double restitution, double friction) {
   Scenario s = load("impact", {"contact.law=rigid", "solver.tolerance=1e-11",
                                "coupling.damping.diagonal=[0, 0, 0, 0, 0, 0]"});
   s.contact.restitution = restitution;
-  s.friction = {friction, friction};
+  s.mechanism.friction = {friction, friction};
   return s;
 }
 
@@ -137,7 +137,7 @@ TEST(Restitution, IsTheRatioOfSpeedsWithoutFriction) {
                              "gravity=0", "initial.peg.position=[0.05, 0.0, 0.0341]",
                              "initial.peg.euler=[0.1, 1.5707963267948966, 0]",
                              "initial.peg.velocity=[0, 0, -0.2]"});
-  s.coupling = CouplingParameters{};
+  s.mechanism.coupling = CouplingParameters{};
   s.contact.restitution = 0.6;
   s.solver.tolerance = 1e-12;
   Simulation sim(s);
@@ -230,7 +230,7 @@ TEST(ThesisSwitches, ChangeWhatTheySay) {
 TEST(ThesisSwitches, MomentsMakeTheOnePointRunLoseContact) {
   for (const bool moments : {false, true}) {
     Scenario s = vibrated(0.3, 1e-9);
-    s.coupling.damping = CouplingMatrix{};
+    s.mechanism.coupling.damping = CouplingMatrix{};
     s.initial.position = Vector3d(-0.00225, 0.040, 0.03485);
     s.initial.euler = {0.1, 1.771, 0.0};
     s.rest.phi = 0.1;

@@ -41,7 +41,7 @@ State randomState(unsigned seed) {
 Vector9 extraForce(const Scenario& on, const State& state, double t) {
   Scenario off = on;
   off.thesis = ThesisSwitches{};
-  const Drive drive{on.exciter, 0.0};
+  const Drive drive{on.mechanism.exciter, 0.0};
   const RestMotion rest = restMotion(restProfile(on.rest), 0.0);
   const Kinematics k = kinematics(state);
   return freeMotion(on, k, state, rest, drive, t).force -
@@ -61,11 +61,12 @@ TEST(ThesisMoments, OfTheExciter) {
   Scenario s = load("chapter8_force_one_10N", {"thesis_moments=true"});
   for (unsigned seed = 1; seed <= 50; ++seed) {
     const State state = randomState(seed);
-    const double t = 1e-4 * seed, angle = s.exciter.frequency * t + s.exciter.phase;
+    const double t = 1e-4 * seed,
+                 angle = s.mechanism.exciter.frequency * t + s.mechanism.exciter.phase;
     // in thesis peg axes 1, 2: x is axis 2, y is −(axis 1)
-    const double Fp1 = -s.exciter.amplitude * std::sin(angle);
-    const double Fp2 = s.exciter.amplitude * std::cos(angle);
-    const double d1 = s.peg.exciter_height;
+    const double Fp1 = -s.mechanism.exciter.amplitude * std::sin(angle);
+    const double Fp2 = s.mechanism.exciter.amplitude * std::cos(angle);
+    const double d1 = s.mechanism.peg.exciter_height;
     const Vector9& q = state.q;
     const double cph = std::cos(q(3)), sph = std::sin(q(3)), cth = std::cos(q(4)),
                  sth = std::sin(q(4)), cps = std::cos(q(5)), sps = std::sin(q(5));
@@ -85,7 +86,7 @@ TEST(ThesisMoments, OfTheExciter) {
 TEST(ThesisMoments, OfAContact) {
   Scenario s = load("cell", {"contact={law: spring_dashpot, stiffness: 1e5, damping: 0}",
                              "friction={static: 0, sliding: 0}", "solver.tolerance=1e-14"});
-  const double phi = 0.3, theta = 1.9, h = s.peg.half_height, r = s.peg.radius;
+  const double phi = 0.3, theta = 1.9, h = s.mechanism.peg.half_height, r = s.mechanism.peg.radius;
   const Vector3d a(std::cos(phi) * std::sin(theta), std::sin(phi) * std::sin(theta),
                    std::cos(theta));
   const double flat = std::sqrt(1 - a(0) * a(0)), N = 1.0;
@@ -93,7 +94,7 @@ TEST(ThesisMoments, OfAContact) {
   s.initial = InitialState{};
   s.initial.euler = {phi, theta, 0.0};
   s.initial.position = Vector3d(0.08, 0.02, h * a(0) + r * flat - N / s.contact.stiffness);
-  const double d2 = s.peg.coupling_height;
+  const double d2 = s.mechanism.peg.coupling_height;
   s.rest = {
       0.08 + d2 * a(1), 0.02 + d2 * a(2), s.initial.position.z() + d2 * a(0), 0.0, theta, phi};
   s.initial.carrier_x = s.rest.x;
@@ -110,8 +111,8 @@ TEST(ThesisMoments, OfAContact) {
   const Vector9 got = 2 * difference(1e-6) - difference(2e-6);
   const Vector3d Q = momentError((Vector9() << 0, 0, 0, phi, theta, 0, 0, 0, 0).finished(),
                                  lever.cross(N * Vector3d::UnitX()));
-  const double I = s.peg.inertia_transverse, I3 = s.peg.inertia_axial, sn = std::sin(theta),
-               c = std::cos(theta);
+  const double I = s.mechanism.peg.inertia_transverse, I3 = s.mechanism.peg.inertia_axial,
+               sn = std::sin(theta), c = std::cos(theta);
   const Vector3d expected((Q(0) - c * Q(2)) / (I * sn * sn), Q(1) / I,
                           -c * Q(0) / (I * sn * sn) + (1 / I3 + c * c / (I * sn * sn)) * Q(2));
   EXPECT_GT(expected.norm(), 1.0);
@@ -131,11 +132,11 @@ TEST(ThesisMoments, ErrorIsNoneUprightAndAFifthAtFig81) {
 // Listing, 6.14–6.16: FK2 and FK6 with K26 twice, FK3 and FK5 with K35 twice
 TEST(ThesisCrossStiffness, CountsTwice) {
   const Scenario s = load("chapter8_force_one_10N", {"thesis_cross_stiffness=true"});
-  const double k26 = s.coupling.stiffness.k26, k35 = s.coupling.stiffness.k35;
+  const double k26 = s.mechanism.coupling.stiffness.k26, k35 = s.mechanism.coupling.stiffness.k35;
   for (unsigned seed = 1; seed <= 50; ++seed) {
     const State state = randomState(seed);
     const Vector9& q = state.q;
-    const double d2 = s.peg.coupling_height;
+    const double d2 = s.mechanism.peg.coupling_height;
     const double cph = std::cos(q(3)), sph = std::sin(q(3)), cth = std::cos(q(4)),
                  sth = std::sin(q(4));
     const double x2 = q(1) + d2 * sph * sth - q(6), x3 = q(2) + d2 * cth - q(7);
@@ -147,7 +148,8 @@ TEST(ThesisCrossStiffness, CountsTwice) {
     EXPECT_LT((extraForce(s, state, 0.0) - expected).norm(), 1e-12 * (1 + expected.norm())) << seed;
   }
   // with the text's 0.5 sqrt(Kii Kjj) the doubled block has no stiffness left in one direction
-  const double k2 = s.coupling.stiffness.diagonal(1), k6 = s.coupling.stiffness.diagonal(5);
+  const double k2 = s.mechanism.coupling.stiffness.diagonal(1),
+               k6 = s.mechanism.coupling.stiffness.diagonal(5);
   EXPECT_NEAR(k2 * k6 - std::pow(2 * 0.5 * std::sqrt(k2 * k6), 2), 0.0, 1e-9 * k2 * k6);
 }
 
@@ -170,18 +172,18 @@ PlaneScene onThePlane(const std::vector<std::string>& overrides, double tilt, do
                       double lift) {
   PlaneScene p;
   p.s = load("cell", overrides);
-  p.h = p.s.peg.half_height;
-  p.r = p.s.peg.radius;
+  p.h = p.s.mechanism.peg.half_height;
+  p.r = p.s.mechanism.peg.radius;
   InitialState& i = p.s.initial;
   i = InitialState{};
   i.euler = {tilt, kUpright, 0.0};
   i.position = Vector3d(0.08, 0.0, p.h * std::cos(tilt) + p.r * std::sin(tilt));
   i.euler_rates = Vector3d(spin, 0.0, 0.0);
   i.velocity.z() = -(p.h * std::sin(tilt) - p.r * std::cos(tilt)) * spin;  // gap rate zero
-  const double d2 = p.s.peg.coupling_height;
+  const double d2 = p.s.mechanism.peg.coupling_height;
   i.carrier_x = i.position.x() + d2 * std::sin(tilt);
   p.s.rest = {i.carrier_x, 0.0, i.position.z() + d2 * std::cos(tilt) + lift, 0.0, kUpright, tilt};
-  p.s.coupling.damping = CouplingMatrix{};
+  p.s.mechanism.coupling.damping = CouplingMatrix{};
   return p;
 }
 
@@ -251,10 +253,13 @@ TEST(ThesisSignFlip, PushesWhereItWouldPull) {
     if (on) continue;
     // by hand: the coupling lifts with k_z (lift + 1e-6), the weight pulls; both act on gap and
     // tilt
-    const double T = 0.2, d2 = p.s.peg.coupling_height, kz = p.s.coupling.stiffness.diagonal(0);
-    const double lift = kz * (1e-3 + 1e-6), force = lift - p.s.peg.mass * p.s.gravity;
-    const double angular = -d2 * std::sin(T) * lift / p.s.peg.inertia_transverse;
-    const double A = force / p.s.peg.mass + (p.h * std::sin(T) - p.r * std::cos(T)) * angular;
+    const double T = 0.2, d2 = p.s.mechanism.peg.coupling_height,
+                 kz = p.s.mechanism.coupling.stiffness.diagonal(0);
+    const double lift = kz * (1e-3 + 1e-6),
+                 force = lift - p.s.mechanism.peg.mass * p.s.mechanism.gravity;
+    const double angular = -d2 * std::sin(T) * lift / p.s.mechanism.peg.inertia_transverse;
+    const double A =
+        force / p.s.mechanism.peg.mass + (p.h * std::sin(T) - p.r * std::cos(T)) * angular;
     EXPECT_GT(A, 10.0);
     EXPECT_NEAR(rate[0], A, 1e-5 * A);  // springs change by 1e-12 of it, the rest is rounding
   }

@@ -31,21 +31,21 @@ Scenario cell(const std::vector<std::string>& overrides) {
 TEST(WallStatics, SlidesDownTheWall) {
   Scenario s = cell({"contact={law: rigid}", "peg.exciter_height=0.01", "push=[2, 0, 0]",
                      "friction={static: 0.2, sliding: 0.2}"});
-  s.coupling = CouplingParameters{};
-  s.carrier.stiffness.setZero();
+  s.mechanism.coupling = CouplingParameters{};
+  s.mechanism.carrier.stiffness.setZero();
   s.initial = InitialState{};
   s.initial.euler = {0.0, kUpright, 0.0};
   const double start = -0.02, speed = -0.01;
-  s.initial.position = Vector3d(s.hole.radius - s.peg.radius, 0.0, start);
+  s.initial.position = Vector3d(s.mechanism.hole.radius - s.mechanism.peg.radius, 0.0, start);
   s.initial.velocity = Vector3d(0, 0, speed);
-  const double fall = -s.gravity + 0.2 * 2.0 / s.peg.mass;
+  const double fall = -s.mechanism.gravity + 0.2 * 2.0 / s.mechanism.peg.mass;
   Simulation sim(s);
   for (int i = 1; i <= 10; ++i) {
     const double t = 0.003 * i;
     ASSERT_EQ(sim.advance(t), StopReason::kOk);
     // exact for every method: rounding only
     EXPECT_NEAR(sim.state().q(0), start + t * (speed + 0.5 * fall * t), 1e-13) << t;
-    EXPECT_NEAR(sim.state().q(1), s.hole.radius - s.peg.radius, 1e-13) << t;
+    EXPECT_NEAR(sim.state().q(1), s.mechanism.hole.radius - s.mechanism.peg.radius, 1e-13) << t;
     EXPECT_NEAR(sim.state().q(3), 0.0, 1e-12) << t;
   }
   // moments about the centre of mass: (d1 + h − mu r) F = (h − z) N_rim, the wall has the rest
@@ -56,9 +56,9 @@ TEST(WallStatics, SlidesDownTheWall) {
     pressed -= c.force.x();
     if (c.feature == ContactReport::kRimSide) at_rim -= c.force.x();
   }
-  const double h = s.peg.half_height, z = sim.state().q(0);
+  const double h = s.mechanism.peg.half_height, z = sim.state().q(0);
   EXPECT_NEAR(pressed, 2.0, 1e-9);
-  EXPECT_NEAR(at_rim, 2.0 * (0.01 + h - 0.2 * s.peg.radius) / (h - z), 1e-9);
+  EXPECT_NEAR(at_rim, 2.0 * (0.01 + h - 0.2 * s.mechanism.peg.radius) / (h - z), 1e-9);
 }
 
 // ---- at rest under springs: V(x, z, tilt) least where the gap is zero (or −N/K) ----
@@ -72,10 +72,10 @@ using Gap = std::function<long double(long double, long double, long double)>;
 Rest equilibrium(const Scenario& s, const Gap& gap, double stiffness, Rest start) {
   using Real = long double;
   using Vector = Eigen::Matrix<Real, 4, 1>;
-  const Real kx = s.coupling.stiffness.diagonal(1), kc = s.carrier.stiffness(0);
-  const Real k = kx * kc / (kx + kc), kz = s.coupling.stiffness.diagonal(0),
-             kr = s.coupling.stiffness.diagonal(5), d2 = s.peg.coupling_height,
-             weight = static_cast<Real>(s.peg.mass) * s.gravity;
+  const Real kx = s.mechanism.coupling.stiffness.diagonal(1), kc = s.mechanism.carrier.stiffness(0);
+  const Real k = kx * kc / (kx + kc), kz = s.mechanism.coupling.stiffness.diagonal(0),
+             kr = s.mechanism.coupling.stiffness.diagonal(5), d2 = s.mechanism.peg.coupling_height,
+             weight = static_cast<Real>(s.mechanism.peg.mass) * s.mechanism.gravity;
   const auto residual = [&](const Vector& u) {
     const Real x = u(0), z = u(1), T = u(2), N = u(3), e = 1e-6L;
     const Real fx = k * (x + d2 * std::sin(T) - s.rest.x);
@@ -118,7 +118,8 @@ struct Lean {
 
 std::vector<Lean> leans(const Scenario& s) {
   using Real = long double;
-  const Real R = s.hole.radius, r = s.peg.radius, h = s.peg.half_height;
+  const Real R = s.mechanism.hole.radius, r = s.mechanism.peg.radius,
+             h = s.mechanism.peg.half_height;
   return {{"edge on the plane",
            ContactReport::kEdgePlane,
            [=](Real, Real z, Real T) { return z - h * std::cos(T) - r * std::sin(T); },
@@ -145,15 +146,15 @@ TEST(WallStatics, LeansAtRestUnderSprings) {
                        rigid ? "contact={law: rigid}"
                              : "contact={law: spring_dashpot, stiffness: 1e5, damping: 200}"});
     // near critical, so that 0.3 s settle to rounding
-    s.coupling.stiffness.k26 = s.coupling.stiffness.k35 = 0.0;
-    s.coupling.damping.diagonal << 150, 150, 150, 0.1, 0.2, 0.2;
+    s.mechanism.coupling.stiffness.k26 = s.mechanism.coupling.stiffness.k35 = 0.0;
+    s.mechanism.coupling.damping.diagonal << 150, 150, 150, 0.1, 0.2, 0.2;
     for (const Lean& lean : leans(s)) {
       const std::string what = std::string(lean.name) + (rigid ? ", rigid" : ", spring_dashpot");
       const Vector3d axis(std::sin(lean.tilt), 0.0, std::cos(lean.tilt));
       s.initial = InitialState{};
       s.initial.euler = {lean.tilt, kUpright, 0.0};
-      s.initial.position = lean.bottom + s.peg.half_height * axis;
-      const Vector3d at = s.initial.position + s.peg.coupling_height * axis;
+      s.initial.position = lean.bottom + s.mechanism.peg.half_height * axis;
+      const Vector3d at = s.initial.position + s.mechanism.peg.coupling_height * axis;
       s.rest = {at.x() + lean.pull(0),   0.0, at.z() + lean.pull(1), 0.0, kUpright,
                 lean.tilt + lean.pull(2)};
       s.initial.carrier_x = s.rest.x;

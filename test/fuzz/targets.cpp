@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/iio_text.h"
 #include "assembly_cell/sensor/netft_configuration.h"
 #include "assembly_cell/sensor/rdt.h"

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/locus/harmonic_fit.h"
 #include "assembly_cell/locus/integrate_twice.h"
 #include "assembly_cell/scene/scenario.h"
-#include "assembly_cell/sensor/simulated_cell.h"
 
 namespace assembly_cell {
 namespace {
@@ -30,7 +30,7 @@ Scenario swinging() {
 // a point on the peg's axis, `height` above its centre of mass
 Vector3d pointOf(const Simulation& s, double height) {
   const Pose X = s.pegPose();
-  return X.p + (s.scenario().peg.half_height + height) * X.R.col(2);
+  return X.p + (s.scenario().mechanism.peg.half_height + height) * X.R.col(2);
 }
 
 TEST(Accelerometers, AreTheSecondDifferenceLessGravity) {

@@ -7,8 +7,8 @@
 #include <functional>
 #include <random>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/contact_model.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
 namespace {
@@ -19,8 +19,8 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // the default cell
-Scenario cell() {
-  Scenario s;
+Mechanism cell() {
+  Mechanism s;
   s.gravity = 9.8;
   s.peg = {0.025, 0.030, 0.395, 2.5e-4, 1.0e-4, 0.050, 0.056};
   s.hole.radius = 0.0251;
@@ -38,8 +38,8 @@ Scenario cell() {
 }
 
 // thesis peg on a coupling of rotational springs alone that does not yaw, fixed carrier; SI
-Scenario thesisPeg() {
-  Scenario s;
+Mechanism thesisPeg() {
+  Mechanism s;
   const double m = 0.766, r = 0.025, h = 0.025;
   s.peg = {r, h, m, m * (3 * r * r + 4 * h * h) / 12, m * r * r / 2, h, h};
   s.carrier.mass = 1e9;
@@ -84,7 +84,7 @@ TEST(ContactModel, TextbookTableOfTheSupportWithoutYaw) {
   struct Row {
     double frequency, radial, tangential;
   };
-  Scenario s = thesisPeg();
+  Mechanism s = thesisPeg();
   // the sensor's static map needs some stiffness in all directions: 1e-6 of the rocking's here
   s.coupling.stiffness.diagonal << 1e-3, 1e-3, 1e-3, 1e6, 10, 10;
   for (const Row& row :
@@ -104,7 +104,7 @@ TEST(ContactModel, TextbookTableOfTheSupportWithoutYaw) {
 
 // the same support: P vanishes at sqrt((K_x + K_y)/(I_x + I_y')), 100.13 rad/s
 TEST(ContactModel, OperatingFrequencyOfTheTextbook) {
-  Scenario s = thesisPeg();
+  Mechanism s = thesisPeg();
   const double m = 0.766, r = 0.025, h = 0.025;
   const double inertia = m * (16 * h * h + 15 * r * r) / 12 + m * (16 * h * h + 3 * r * r) / 12;
   // golden section to 1e-7, on a dip that is sharp
@@ -114,7 +114,7 @@ TEST(ContactModel, OperatingFrequencyOfTheTextbook) {
 
 // vibration_and_locus section 4, "general support": any coupling, fixed carrier, no static terms
 TEST(ContactModel, GeneralSupportFormula) {
-  Scenario s = cell();
+  Mechanism s = cell();
   s.gravity = 0.0;
   s.carrier.stiffness.setConstant(1e18);
   s.coupling.stiffness.diagonal << 4e4, 5e4, 6e4, 40, 50, 60;
@@ -156,7 +156,7 @@ TEST(ContactModel, GeneralSupportFormula) {
 // vibration_and_locus section 5: without tilt and yaw-tilt coupling nothing tells alpha from
 // alpha + π, and alpha is in N alone, as 2 alpha
 TEST(ContactModel, HalfTurnAndDoubleAngle) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   for (const double w : {300.0, 500.0, 770.0}) {
     const OperatingPoint p = operatingPoint(w);
     const ContactResponse zero = contactResponse(s, p, 0.0);
@@ -173,7 +173,7 @@ TEST(ContactModel, HalfTurnAndDoubleAngle) {
 
 // A clockwise exciter is the mirror image: y, alpha and the angle change sign.
 TEST(ContactModel, ClockwiseExciterIsTheMirrorImage) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   OperatingPoint p = operatingPoint(600), q = p;
   p.tilt = {0.02, -0.03};
   q.tilt = {-0.02, -0.03};
@@ -189,7 +189,7 @@ TEST(ContactModel, ClockwiseExciterIsTheMirrorImage) {
 // The mechanism's potential energy for finite rotations with a point of the edge fixed.
 class ExactPotential {
  public:
-  ExactPotential(const Scenario& s, const Vector2d& tilt, double alpha, const Vector3d& contact)
+  ExactPotential(const Mechanism& s, const Vector2d& tilt, double alpha, const Vector3d& contact)
       : s_(s) {
     const double phi = tilt.y(), about_x = tilt.x();
     R0_ =
@@ -294,7 +294,7 @@ class ExactPotential {
     return {std::atan2(R(1, 0), R(1, 1)), std::asin(-R(1, 2)), std::atan2(R(0, 2), R(2, 2))};
   }
 
-  Scenario s_;
+  Mechanism s_;
   Matrix3d R0_;
   Vector3d rho_, euler0_, coupling0_;
   Matrix6 K_;
@@ -302,7 +302,7 @@ class ExactPotential {
 };
 
 TEST(ContactModel, StaticTermsAreTheSecondDerivativeOfTheExactEnergy) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   for (const double press : {0.0, 12.0, 40.0}) {
     for (const double alpha : {0.4, 2.2, 3.9}) {
       const Vector3d contact(-0.1 * press, 0.05 * press, press);
@@ -337,7 +337,7 @@ TEST(ContactModel, StaticTermsAreTheSecondDerivativeOfTheExactEnergy) {
 // edge; the press force there makes a moment about the old one.
 TEST(ContactModel, RollingStiffnessIsThatOfTheMovingLowestPoint) {
   const double tilt = 0.01, press = 12.0, s = 1e-6;
-  const Scenario mechanism = cell();
+  const Mechanism mechanism = cell();
   const auto lowest = [&](const Matrix3d& R) {
     // direction of steepest descent in the plane of the edge
     const Vector2d down(-R(2, 0), -R(2, 1));
@@ -355,7 +355,7 @@ TEST(ContactModel, RollingStiffnessIsThatOfTheMovingLowestPoint) {
               1e-2 * stiffness);
 
   // the low side of a tilt about y is alpha = 0: there it acts as a spring about x
-  Scenario stiffer = mechanism;
+  Mechanism stiffer = mechanism;
   stiffer.coupling.stiffness.diagonal[4] += stiffness;
   OperatingPoint p = operatingPoint(600, press);
   p.tilt = {0, tilt};
@@ -371,7 +371,7 @@ TEST(ContactModel, RollingStiffnessIsThatOfTheMovingLowestPoint) {
 // ---- inversion ----
 
 TEST(ContactModel, PlaneMotionComesBackFromTheSensor) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> angle(0, 2 * M_PI), size(0, 0.05);
   for (int run = 0; run < 100; ++run) {
@@ -393,7 +393,7 @@ TEST(ContactModel, PlaneMotionComesBackFromTheSensor) {
 
 // The noise of the centre of mass is that of the six displacements through the same linear map.
 TEST(ContactModel, NoiseIsCarriedOver) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   HarmonicFit fit;
   fit.samples = 500;
   fit.inflation = 1.25;
@@ -424,7 +424,7 @@ TEST(ContactModel, NoiseIsCarriedOver) {
 
 // any tilt to 3°, either sense, either definition of the locus: exact
 TEST(ContactModel, DirectionIsExactWithoutNoise) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   std::mt19937_64 random(4);
   std::uniform_real_distribution<double> angle(0, 2 * M_PI), size(0, 3 * M_PI / 180);
   for (int run = 0; run < 200; ++run) {
@@ -457,7 +457,7 @@ TEST(ContactModel, DirectionIsExactWithoutNoise) {
 }
 
 TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   const OperatingPoint p = operatingPoint(500);
   const double alpha = 2.3;
   const Locus truth = locusOf(contactResponse(s, p, alpha), 1e-6, 1000);
@@ -490,7 +490,7 @@ TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
 
 // tilt breaks the half turn: the weight says how clearly
 TEST(ContactModel, WeightTellsTheHalfTurnsApartWhenTheDataDo) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   OperatingPoint p = operatingPoint(500);
   p.tilt = {0.03, 0.0};
   const ContactResponse r = contactResponse(s, p, 1.0);
@@ -500,8 +500,8 @@ TEST(ContactModel, WeightTellsTheHalfTurnsApartWhenTheDataDo) {
 
 // a locus that no direction explains shows as misfit
 TEST(ContactModel, MisfitOfAnotherMechanism) {
-  const Scenario s = cell();
-  Scenario other = s;
+  const Mechanism s = cell();
+  Mechanism other = s;
   other.coupling.stiffness.diagonal.tail<3>() *= 1.5;
   const OperatingPoint p = operatingPoint(500);
   const Locus locus = locusOf(contactResponse(other, p, 1.0), 1e-9, 1000);
@@ -510,7 +510,7 @@ TEST(ContactModel, MisfitOfAnotherMechanism) {
 
 // the default cell's operating point lies between its resonances, where alpha shows best
 TEST(ContactModel, OperatingFrequencyOfTheCell) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   const double w0 = operatingFrequency(s, 12.0);
   const auto ratio = [&](double w) {
     double p = 0, n = 0;
@@ -529,7 +529,7 @@ TEST(ContactModel, OperatingFrequencyOfTheCell) {
 }
 
 TEST(ContactModel, ContactForceFromTheMeanDeflection) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   Vector6 d;
   d << 2e-5, -4e-5, (12.0 - s.peg.mass * s.gravity) / 5e4, 1e-3, 2e-3, 3e-3;
   // on the sensor: contact + weight; across by 5e4 d, k26 about y, k35 about x
@@ -540,7 +540,7 @@ TEST(ContactModel, ContactForceFromTheMeanDeflection) {
 }
 
 TEST(ContactModel, RefusesBadInput) {
-  const Scenario s = cell();
+  const Mechanism s = cell();
   const auto message = [&](const std::function<void(OperatingPoint&)>& spoil) {
     OperatingPoint p = operatingPoint(500);
     spoil(p);
@@ -557,7 +557,7 @@ TEST(ContactModel, RefusesBadInput) {
   EXPECT_NE(message([](auto& p) { p.press = -1; }).find("press"), std::string::npos);
   EXPECT_NE(message([](auto& p) { p.tilt = {1, 0}; }).find("tilt"), std::string::npos);
   EXPECT_THROW(contactDirection(s, operatingPoint(500), Locus{}), InputError);
-  Scenario soft = s;
+  Mechanism soft = s;
   soft.coupling.stiffness.diagonal[0] = 0;
   EXPECT_THROW(contactResponse(soft, operatingPoint(500), 0.0), InputError);
   soft.coupling.stiffness = CouplingMatrix{};

@@ -160,7 +160,7 @@ TEST_F(EstimateLocus, MechanismGivesHypothesesByInversion) {
   point.frequency = 500;
   point.amplitude = 1;
   point.press = 12;
-  const ContactResponse response = contactResponse(mechanism, point, 2.0);
+  const ContactResponse response = contactResponse(mechanism.mechanism, point, 2.0);
   const std::string samples = locus(response.P, response.N, 1e-8, 500);
   const std::string mechanism_options = " --frequency 500 --mechanism " + kCell;
   const ToolRun r = run(samples + mechanism_options + " --amplitude 1 --press 12");
@@ -256,13 +256,14 @@ TEST_F(EstimateLocus, DisplacementsOfTheCoupling) {
   point.frequency = 770;
   point.amplitude = 1;
   point.press = 12;
-  const ContactResponse response = contactResponse(mechanism, point, 2.0);
+  const ContactResponse response = contactResponse(mechanism.mechanism, point, 2.0);
   std::string text = "# frequency=770 amplitude=1 direction=1\nt,x,y,z,rx,ry,rz\n";
   for (int k = 0; k < 1000; ++k) {
     const double t = 2e-4 * k;
     text += std::to_string(t);
     for (int j = 0; j < 6; ++j) {
-      const double mean = j == 2 ? (12 - mechanism.peg.mass * mechanism.gravity) / 5e4 : 0.0;
+      const double mean =
+          j == 2 ? (12 - mechanism.mechanism.peg.mass * mechanism.mechanism.gravity) / 5e4 : 0.0;
       char cell[40];
       std::snprintf(cell, sizeof(cell), ",%.17g",
                     (response.coupling[j] * std::polar(1.0, 770 * t)).real() + mean);

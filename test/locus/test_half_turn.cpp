@@ -47,23 +47,24 @@ TEST(HalfTurn, VerticalMotionAndYawTell) {
       OperatingPoint p = upright(k % 2 ? 770 : 450);
       p.direction = direction;
       const double alpha = 0.5 * k + 0.1;
-      const ContactResponse r = contactResponse(s, p, alpha);
+      const ContactResponse r = contactResponse(s.mechanism, p, alpha);
       const HarmonicFit fit = felt(r, 1e-9);
-      const Locus locus = centreOfMassLocus(s, direction * p.frequency, fit);
-      const DirectionEstimate plane = contactDirection(s, p, locus, LocusAxes::kSensor);
+      const Locus locus = centreOfMassLocus(s.mechanism, direction * p.frequency, fit);
+      const DirectionEstimate plane = contactDirection(s.mechanism, p, locus, LocusAxes::kSensor);
       EXPECT_NEAR(plane.weight, 0.5, 1e-3);  // upright: the plane doesn't
-      const HalfTurnEvidence all = halfTurnEvidence(s, direction * p.frequency, fit);
+      const HalfTurnEvidence all = halfTurnEvidence(s.mechanism, direction * p.frequency, fit);
       // each alone, and both
       for (const int use : {1, 2, 3}) {
         HalfTurnEvidence evidence;
         if (use & 1) evidence.vertical = all.vertical;
         if (use & 2) evidence.yaw = all.yaw;
-        const DirectionEstimate e = resolveHalfTurn(s, p, evidence, plane, LocusAxes::kSensor);
+        const DirectionEstimate e =
+            resolveHalfTurn(s.mechanism, p, evidence, plane, LocusAxes::kSensor);
         EXPECT_LT(apart(e.alpha, alpha), 1e-3) << use;
         EXPECT_LT(apart(e.alpha_opposite, alpha + M_PI), 1e-3) << use;
         EXPECT_GT(e.weight, 0.999999) << use;
       }
-      EXPECT_EQ(resolveHalfTurn(s, p, {}, plane).weight, plane.weight);
+      EXPECT_EQ(resolveHalfTurn(s.mechanism, p, {}, plane).weight, plane.weight);
     }
   }
 }
@@ -79,8 +80,8 @@ TEST(HalfTurn, WeightsAreCalibrated) {
   double expected = 0.0;
   for (int run = 0; run < 4000; ++run) {
     const double alpha = any(random);
-    const HarmonicFit fit = felt(contactResponse(s, p, alpha), 0);
-    HalfTurnEvidence evidence = halfTurnEvidence(s, p.frequency, fit);
+    const HarmonicFit fit = felt(contactResponse(s.mechanism, p, alpha), 0);
+    HalfTurnEvidence evidence = halfTurnEvidence(s.mechanism, p.frequency, fit);
     evidence.yaw.reset();
     const double sd = 0.8 * std::abs(evidence.vertical->value);
     evidence.vertical->value += sd * std::complex<double>(normal(random), normal(random));
@@ -88,7 +89,7 @@ TEST(HalfTurn, WeightsAreCalibrated) {
     DirectionEstimate plane;
     plane.alpha = alpha;
     plane.alpha_opposite = alpha + M_PI;
-    const DirectionEstimate e = resolveHalfTurn(s, p, evidence, plane);
+    const DirectionEstimate e = resolveHalfTurn(s.mechanism, p, evidence, plane);
     if (e.weight < 0.8 || e.weight > 0.95) continue;
     ++said;
     expected += e.weight;
@@ -121,10 +122,11 @@ TEST(HalfTurn, OfTheSimulatedCell) {
         blind.sensor_tilt.setZero();
         blind.rolling = false;
         const DirectionEstimate plane =
-            contactDirection(r.mechanism, blind, r.locus, LocusAxes::kSensor);
+            contactDirection(r.mechanism.mechanism, blind, r.locus, LocusAxes::kSensor);
         const DirectionEstimate e = resolveHalfTurn(
-            r.mechanism, blind, halfTurnEvidence(r.mechanism, o.direction * o.frequency, r.fit),
-            plane, LocusAxes::kSensor);
+            r.mechanism.mechanism, blind,
+            halfTurnEvidence(r.mechanism.mechanism, o.direction * o.frequency, r.fit), plane,
+            LocusAxes::kSensor);
         EXPECT_LT(apart(e.alpha, r.contact), 0.3) << tilt << " " << lean << " " << rim;
         EXPECT_GT(e.weight, 0.99) << tilt << " " << lean << " " << rim;
       }

@@ -6,8 +6,8 @@
 #include <limits>
 #include <random>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/harmonic_fit.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell {
 namespace {

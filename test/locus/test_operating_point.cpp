@@ -8,8 +8,8 @@
 #include <random>
 #include <string>
 
-#include "assembly_cell/scene/input_error.h"
-#include "assembly_cell/sensor/simulated_cell.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/simulated_cell.h"
 
 namespace assembly_cell {
 namespace {
@@ -29,7 +29,7 @@ OperatingPoint point(double frequency, double amplitude = 1.0) {
 // of one sample of the displacements through the bridge of sensor_b
 Matrix6 noiseOf(int bits) {
   const Bridge bridge = bridgeB(bits, 0.5e-3);
-  const Matrix6 T = designCalibration(bridge, cell().coupling).volts_to_displacement;
+  const Matrix6 T = designCalibration(bridge, cell().mechanism.coupling).volts_to_displacement;
   const double step = 2 * bridge.full_scale / std::ldexp(1.0, bits);
   return (bridge.noise * bridge.noise + step * step / 12) * T * T.transpose();
 }
@@ -40,7 +40,7 @@ TEST(OperatingPoint, ForecastIsTheScatterOfReadings) {
   const OperatingPoint p = point(770);
   const Matrix6 noise = noiseOf(16);
   const Matrix6 root = noise.llt().matrixL();
-  const DirectionForecast forecast = forecastDirection(s, p, noise, 1000);
+  const DirectionForecast forecast = forecastDirection(s.mechanism, p, noise, 1000);
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
   constexpr int kRuns = 4000;
@@ -49,14 +49,14 @@ TEST(OperatingPoint, ForecastIsTheScatterOfReadings) {
   HarmonicFit fit;
   fit.samples = 1000;
   fit.noise = noise;
-  const ContactResponse r = contactResponse(s, p, alpha);
+  const ContactResponse r = contactResponse(s.mechanism, p, alpha);
   double squares = 0.0, mean = 0.0;
   for (int run = 0; run < kRuns; ++run) {
     Eigen::Matrix<std::complex<double>, 6, 1> white;
     for (auto& w : white) w = {normal(random), normal(random)};
     fit.phasor = r.coupling + std::sqrt(2.0 / 1000) * root.cast<std::complex<double>>() * white;
-    const DirectionEstimate e =
-        contactDirection(s, p, centreOfMassLocus(s, p.frequency, fit), LocusAxes::kSensor);
+    const DirectionEstimate e = contactDirection(
+        s.mechanism, p, centreOfMassLocus(s.mechanism, p.frequency, fit), LocusAxes::kSensor);
     const double error = std::remainder(e.alpha - alpha, M_PI);
     mean += error / kRuns;
     squares += error * error / kRuns;
@@ -71,11 +71,12 @@ TEST(OperatingPoint, ForecastIsTheScatterOfReadings) {
 TEST(OperatingPoint, ForecastScales) {
   const Scenario s = cell();
   const Matrix6 noise = noiseOf(16);
-  const double once = forecastDirection(s, point(770), noise, 1000).direction_sd;
-  EXPECT_NEAR(forecastDirection(s, point(770), noise, 4000).direction_sd, once / 2, 1e-9);
-  EXPECT_NEAR(forecastDirection(s, point(770, 2.0), noise, 1000).direction_sd, once / 2, 1e-9);
+  const double once = forecastDirection(s.mechanism, point(770), noise, 1000).direction_sd;
+  EXPECT_NEAR(forecastDirection(s.mechanism, point(770), noise, 4000).direction_sd, once / 2, 1e-9);
+  EXPECT_NEAR(forecastDirection(s.mechanism, point(770, 2.0), noise, 1000).direction_sd, once / 2,
+              1e-9);
   // ten bits: steps 64 times as large, the noise of the amplifier stays
-  EXPECT_NEAR(forecastDirection(s, point(770), noiseOf(10), 1000).direction_sd / once,
+  EXPECT_NEAR(forecastDirection(s.mechanism, point(770), noiseOf(10), 1000).direction_sd / once,
               std::sqrt((0.25e-6 + std::pow(10.0 / 1024, 2) / 12) /
                         (0.25e-6 + std::pow(10.0 / 65536, 2) / 12)),
               1e-6);
@@ -85,46 +86,47 @@ TEST(OperatingPoint, ChoosesNearTheMiddleOfTheResonances) {
   const Scenario s = cell();
   const Matrix6 noise = noiseOf(16);
   const ForecastLimits limits;
-  const DirectionForecast best = chooseFrequency(s, point(1), noise, 5000, 0.2, limits);
-  const double middle = operatingFrequency(s, 12.0);
+  const DirectionForecast best = chooseFrequency(s.mechanism, point(1), noise, 5000, 0.2, limits);
+  const double middle = operatingFrequency(s.mechanism, 12.0);
   EXPECT_GT(best.frequency, middle / 2);
   EXPECT_LT(best.frequency, middle * 2);
   EXPECT_EQ(refusalOf(best, limits), "");
   // no other one that is not refused is better
   for (double w = middle / 2; w < 2 * middle; w *= 1.03) {
-    const DirectionForecast f = forecastDirection(s, point(w), noise, 1000);
+    const DirectionForecast f = forecastDirection(s.mechanism, point(w), noise, 1000);
     if (refusalOf(f, limits).empty()) {
       EXPECT_GT(f.direction_sd, 0.99 * best.direction_sd) << w;
     }
   }
   // where |P| is least the damped cell's single contact is all but a segment
-  const DirectionForecast there = forecastDirection(s, point(middle), noise, 1000);
+  const DirectionForecast there = forecastDirection(s.mechanism, point(middle), noise, 1000);
   EXPECT_EQ(refusalOf(there, limits).rfind("looks_double: ", 0), 0u);
 }
 
 TEST(OperatingPoint, RefusesByName) {
   const Scenario s = cell();
   const ForecastLimits limits;
-  EXPECT_EQ(refusalOf(forecastDirection(s, point(770), noiseOf(16), 1000), limits), "");
+  EXPECT_EQ(refusalOf(forecastDirection(s.mechanism, point(770), noiseOf(16), 1000), limits), "");
   const std::string weak =
-      refusalOf(forecastDirection(s, point(770, 0.01), noiseOf(10), 1000), limits);
+      refusalOf(forecastDirection(s.mechanism, point(770, 0.01), noiseOf(10), 1000), limits);
   EXPECT_EQ(weak.rfind("too_uncertain: ", 0), 0u) << weak;
   const std::string strong =
-      refusalOf(forecastDirection(s, point(770, 6.0), noiseOf(16), 1000), limits);
+      refusalOf(forecastDirection(s.mechanism, point(770, 6.0), noiseOf(16), 1000), limits);
   EXPECT_EQ(strong.rfind("would_slip: ", 0), 0u) << strong;
   // the choice says so, too
-  const DirectionForecast none = chooseFrequency(s, point(1, 1e-3), noiseOf(10), 5000, 0.2);
+  const DirectionForecast none =
+      chooseFrequency(s.mechanism, point(1, 1e-3), noiseOf(10), 5000, 0.2);
   EXPECT_EQ(refusalOf(none, limits).rfind("too_uncertain: ", 0), 0u);
 }
 
 TEST(OperatingPoint, BadInput) {
   const Scenario s = cell();
-  EXPECT_THROW(forecastDirection(s, point(770), noiseOf(16), 3), InputError);
-  EXPECT_THROW(forecastDirection(s, point(0), noiseOf(16), 1000), InputError);
+  EXPECT_THROW(forecastDirection(s.mechanism, point(770), noiseOf(16), 3), InputError);
+  EXPECT_THROW(forecastDirection(s.mechanism, point(0), noiseOf(16), 1000), InputError);
   Matrix6 bad = noiseOf(16);
   bad(2, 2) = std::nan("");
-  EXPECT_THROW(forecastDirection(s, point(770), bad, 1000), InputError);
-  EXPECT_THROW(chooseFrequency(s, point(1), noiseOf(16), 50, 0.2), InputError);
+  EXPECT_THROW(forecastDirection(s.mechanism, point(770), bad, 1000), InputError);
+  EXPECT_THROW(chooseFrequency(s.mechanism, point(1), noiseOf(16), 50, 0.2), InputError);
 }
 
 }  // namespace

@@ -27,7 +27,7 @@
 
 #include "../../benchmark/simulated_reading.h"
 #include "assembly_cell/locus/contact_model.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
@@ -53,8 +53,8 @@ bool waitFor(const Condition& condition) {
 class LocusEstimator : public ::testing::Test {
  protected:
   void SetUp() override {
-    mechanism_ = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
-                              {"gravity=9.81"});
+    mechanism_ = loadMechanism(
+        std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml", {"gravity=9.81"});
     blocks_ = nh_.advertise<DisplacementSamples>("sensor_b/displacement_samples", 100);
     exciters_ = nh_.advertise<Exciter>("exciter", 100);
     poses_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", 100);
@@ -240,7 +240,7 @@ class LocusEstimator : public ::testing::Test {
   }
 
   ros::NodeHandle nh_;
-  Scenario mechanism_;
+  Mechanism mechanism_;
   Exciter exciter_;
   double time_ = 0.0;
   std::uint32_t sequence_ = 0;

@@ -221,7 +221,7 @@ TEST_F(Simulator, CarrierPoseAndTruthStartAsTheScenarioSays) {
   const Pose start = poseFromRest(scenario_.rest);
   ASSERT_TRUE(waitFor([this] { return truth_.last() != nullptr; }));
   const Pose X_HP = fromPose(truth_.last()->pose, "truth");
-  const Eigen::Vector3d center = X_HP.p + scenario_.peg.half_height * X_HP.R.col(2);
+  const Eigen::Vector3d center = X_HP.p + scenario_.mechanism.peg.half_height * X_HP.R.col(2);
   EXPECT_LT((center - scenario_.initial.position).norm(), kQuaternion);
   EXPECT_LT((X_HP.R - rotationFromEuler(scenario_.initial.euler)).norm(), kQuaternion);
 
@@ -270,7 +270,7 @@ TEST_F(Simulator, CommandMovesTheRestSmoothlyToItsTarget) {
     last = pose->pose.position.x;
   }
   // never faster than the carrier may be, and a little for the spring that carries it
-  EXPECT_LT(farthest, scenario_.carrier.max_speed * kBlock + 1e-4);
+  EXPECT_LT(farthest, scenario_.mechanism.carrier.max_speed * kBlock + 1e-4);
   EXPECT_GT(farthest, 0.0);
   // the springs give way by the swinging peg's few tenths of a newton over 2e5 N/m
   EXPECT_NEAR(last, scenario_.rest.x + 2e-3, 1e-5);
@@ -392,7 +392,8 @@ TEST_F(Simulator, WaitsForTheCommandsThatAnAnswerClaims) {
 TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   SetState service;
   // upright, its edge 1 mm over the plane and beside the hole
-  const double length = scenario_.peg.half_height + scenario_.peg.coupling_height;
+  const double length =
+      scenario_.mechanism.peg.half_height + scenario_.mechanism.peg.coupling_height;
   service.request.peg.position = toPoint({0.010, 0.0, 0.001});
   service.request.peg.orientation.w = 1.0;
   service.request.carrier.position = toPoint({0.010, 0.0, 0.001 + length});
@@ -411,7 +412,7 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   service.request.carrier = toPose(X_HC);
   service.request.peg =
       toPose(X_HC * Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, -length)});
-  service.request.peg.position.z = scenario_.peg.radius * std::sin(tilt) + 1e-6;
+  service.request.peg.position.z = scenario_.mechanism.peg.radius * std::sin(tilt) + 1e-6;
   ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
   ASSERT_TRUE(service.response.success) << service.response.message;
   ASSERT_TRUE(step(50).success);

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/input_error.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {

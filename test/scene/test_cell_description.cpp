@@ -6,9 +6,10 @@
 #include <fstream>
 #include <iterator>
 
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/scene/cell_description.h"
-#include "assembly_cell/scene/input_error.h"
 #include "assembly_cell/scene/part_pairs.h"
+#include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell {
 namespace {
@@ -68,7 +69,7 @@ TEST(CellDescription, ReadsTheDefaultCell) {
 
 TEST(CellDescription, AgreesWithTheDefaultScenario) {
   const Scenario scenario = loadScenario(kSource + "/config/scenarios/cell.yaml");
-  EXPECT_NO_THROW(checkAgainst(loadCellDescription(cellUrdf()), scenario));
+  EXPECT_NO_THROW(checkAgainst(loadCellDescription(cellUrdf()), scenario.mechanism, scenario.name));
 }
 
 // Each change breaks the description in one way; the line names the link or joint and its element.
@@ -176,12 +177,14 @@ TEST(CellDescription, RefusesAScenarioThatContradictsIt) {
   for (const auto& [key, value] : cases) {
     const std::string setting = std::string(key) + "=" + value;
     const Scenario scenario = loadScenario(path, {setting});
-    const std::string error = errorOf([&] { checkAgainst(cell, scenario); });
+    const std::string error =
+        errorOf([&] { checkAgainst(cell, scenario.mechanism, scenario.name); });
     EXPECT_EQ(error.rfind("scenario cell: " + std::string(key) + ": value ", 0), 0u) << error;
     EXPECT_NE(error.find("the URDF says "), std::string::npos) << error;
   }
   // differences of rounding are none
-  EXPECT_NO_THROW(checkAgainst(cell, loadScenario(path, {"peg.radius=0.0250000000000001"})));
+  EXPECT_NO_THROW(
+      checkAgainst(cell, loadMechanism(path, {"peg.radius=0.0250000000000001"}), "cell"));
 }
 
 // The only parts that can meet are the peg and the hole block: the others need no search.

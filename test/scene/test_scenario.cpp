@@ -7,7 +7,7 @@
 #include <random>
 #include <sstream>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell {
@@ -60,41 +60,42 @@ TEST(Scenario, EveryKeyArrivesInItsField) {
        "solver={integrator: rk4, tolerance: 1e-8, max_step: 1e-3, step: 1e-5}"});
   EXPECT_EQ(s.name, "base");
   EXPECT_EQ(s.duration, 0.3);
-  EXPECT_EQ(s.gravity, 9.8);
-  EXPECT_EQ(s.peg.radius, 0.025);
-  EXPECT_EQ(s.peg.half_height, 0.030);
-  EXPECT_EQ(s.peg.mass, 0.395);
-  EXPECT_EQ(s.peg.inertia_transverse, 2.5e-4);
-  EXPECT_EQ(s.peg.inertia_axial, 1.0e-4);
-  EXPECT_EQ(s.peg.coupling_height, 0.050);
-  EXPECT_EQ(s.peg.exciter_height, 0.056);
-  EXPECT_EQ(s.hole.radius, 0.0251);
-  EXPECT_EQ(s.hole.depth, 0.05);
-  EXPECT_EQ(s.carrier.mass, 0.395);
-  EXPECT_EQ(s.carrier.inertia, 0.081);
-  EXPECT_EQ(s.carrier.stiffness, Eigen::Vector3d(1, 2, 3));
-  EXPECT_EQ(s.carrier.damping, Eigen::Vector3d(4, 5, 6));
-  EXPECT_EQ(s.carrier.max_speed, 0.07);
-  EXPECT_EQ(s.carrier.max_acceleration, 2.0);
-  EXPECT_EQ(s.coupling.stiffness.diagonal, (Vector6() << 10, 20, 30, 40, 50, 60).finished());
-  EXPECT_EQ(s.coupling.stiffness.k26, 7.0);
-  EXPECT_EQ(s.coupling.stiffness.k35, -8.0);
-  EXPECT_EQ(s.coupling.damping.diagonal, (Vector6() << 1, 2, 3, 4, 5, 6).finished());
-  EXPECT_EQ(s.coupling.damping.k26, 0.7);
-  EXPECT_EQ(s.coupling.damping.k35, -0.8);
+  EXPECT_EQ(s.mechanism.gravity, 9.8);
+  EXPECT_EQ(s.mechanism.peg.radius, 0.025);
+  EXPECT_EQ(s.mechanism.peg.half_height, 0.030);
+  EXPECT_EQ(s.mechanism.peg.mass, 0.395);
+  EXPECT_EQ(s.mechanism.peg.inertia_transverse, 2.5e-4);
+  EXPECT_EQ(s.mechanism.peg.inertia_axial, 1.0e-4);
+  EXPECT_EQ(s.mechanism.peg.coupling_height, 0.050);
+  EXPECT_EQ(s.mechanism.peg.exciter_height, 0.056);
+  EXPECT_EQ(s.mechanism.hole.radius, 0.0251);
+  EXPECT_EQ(s.mechanism.hole.depth, 0.05);
+  EXPECT_EQ(s.mechanism.carrier.mass, 0.395);
+  EXPECT_EQ(s.mechanism.carrier.inertia, 0.081);
+  EXPECT_EQ(s.mechanism.carrier.stiffness, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(s.mechanism.carrier.damping, Eigen::Vector3d(4, 5, 6));
+  EXPECT_EQ(s.mechanism.carrier.max_speed, 0.07);
+  EXPECT_EQ(s.mechanism.carrier.max_acceleration, 2.0);
+  EXPECT_EQ(s.mechanism.coupling.stiffness.diagonal,
+            (Vector6() << 10, 20, 30, 40, 50, 60).finished());
+  EXPECT_EQ(s.mechanism.coupling.stiffness.k26, 7.0);
+  EXPECT_EQ(s.mechanism.coupling.stiffness.k35, -8.0);
+  EXPECT_EQ(s.mechanism.coupling.damping.diagonal, (Vector6() << 1, 2, 3, 4, 5, 6).finished());
+  EXPECT_EQ(s.mechanism.coupling.damping.k26, 0.7);
+  EXPECT_EQ(s.mechanism.coupling.damping.k35, -0.8);
   EXPECT_EQ(s.rest.x, 0.001);
   EXPECT_EQ(s.rest.y, 0.002);
   EXPECT_EQ(s.rest.z, 0.075);
   EXPECT_EQ(s.rest.yaw, 0.3);
   EXPECT_EQ(s.rest.theta, 1.6);
   EXPECT_EQ(s.rest.phi, 0.02);
-  EXPECT_EQ(s.exciter.amplitude, 1.5);
-  EXPECT_EQ(s.exciter.frequency, 770.0);
-  EXPECT_EQ(s.exciter.phase, 0.4);
-  EXPECT_EQ(s.exciter.direction, -1);
+  EXPECT_EQ(s.mechanism.exciter.amplitude, 1.5);
+  EXPECT_EQ(s.mechanism.exciter.frequency, 770.0);
+  EXPECT_EQ(s.mechanism.exciter.phase, 0.4);
+  EXPECT_EQ(s.mechanism.exciter.direction, -1);
   EXPECT_EQ(s.push, Eigen::Vector3d(1, -2, 3));
-  EXPECT_EQ(s.friction.static_coefficient, 0.3);
-  EXPECT_EQ(s.friction.sliding_coefficient, 0.2);
+  EXPECT_EQ(s.mechanism.friction.static_coefficient, 0.3);
+  EXPECT_EQ(s.mechanism.friction.sliding_coefficient, 0.2);
   EXPECT_EQ(s.contact.law, ContactLaw::kSpringDashpot);
   EXPECT_EQ(s.contact.regularisation_speed, 0.002);
   EXPECT_TRUE(s.contact.stationary_rows);
@@ -125,13 +126,13 @@ TEST(Scenario, EveryKeyArrivesInItsField) {
 TEST(Scenario, AbsentOptionalKeysTakeTheirDefaults) {
   const Scenario s = with({});
   const Scenario defaults;
-  EXPECT_TRUE(std::isinf(s.hole.depth));
-  EXPECT_EQ(s.exciter.amplitude, 0.0);
+  EXPECT_TRUE(std::isinf(s.mechanism.hole.depth));
+  EXPECT_EQ(s.mechanism.exciter.amplitude, 0.0);
   EXPECT_EQ(s.push, Eigen::Vector3d::Zero());
   EXPECT_TRUE(s.contact.features.edge_edge);
   EXPECT_TRUE(s.contact.features.edge_plane);
   EXPECT_EQ(s.contact.regularisation_speed, defaults.contact.regularisation_speed);
-  EXPECT_EQ(s.carrier.max_speed, defaults.carrier.max_speed);
+  EXPECT_EQ(s.mechanism.carrier.max_speed, defaults.mechanism.carrier.max_speed);
   EXPECT_EQ(s.solver.integrator, defaults.solver.integrator);
   EXPECT_EQ(s.solver.tolerance, defaults.solver.tolerance);
 }
@@ -387,16 +388,19 @@ TEST(Scenario, MessagesStayOneShortLine) {
 }
 
 TEST(Scenario, OverridesReachListsAndAbsentKeys) {
-  EXPECT_EQ(with({"coupling.stiffness.diagonal[1]=99"}).coupling.stiffness.diagonal,
+  EXPECT_EQ(with({"coupling.stiffness.diagonal[1]=99"}).mechanism.coupling.stiffness.diagonal,
             (Vector6() << 10, 99, 30, 40, 50, 60).finished());
-  EXPECT_EQ(with({"coupling.stiffness.diagonal.1=98"}).coupling.stiffness.diagonal[1], 98.0);
-  EXPECT_EQ(with({"carrier.max_speed=0.2"}).carrier.max_speed, 0.2);
+  EXPECT_EQ(with({"coupling.stiffness.diagonal.1=98"}).mechanism.coupling.stiffness.diagonal[1],
+            98.0);
+  EXPECT_EQ(with({"carrier.max_speed=0.2"}).mechanism.carrier.max_speed, 0.2);
   EXPECT_TRUE(with({"initial.close=true"}).initial.close);
   EXPECT_EQ(with({"solver.step=1e-5"}).solver.step, 1e-5);
   // the last one counts, the value may hold an equals sign, and an earlier one may build its parent
   EXPECT_EQ(with({"duration=1", "duration=2"}).duration, 2.0);
   EXPECT_EQ(with({"name=a=b"}).name, "a=b");
-  EXPECT_EQ(with({"exciter={amplitude: 1, frequency: 2}", "exciter.phase=3"}).exciter.phase, 3.0);
+  EXPECT_EQ(
+      with({"exciter={amplitude: 1, frequency: 2}", "exciter.phase=3"}).mechanism.exciter.phase,
+      3.0);
   EXPECT_EQ(with({"push=[1, 2, 3]", "push[2]=4"}).push, Eigen::Vector3d(1, 2, 4));
 }
 
@@ -432,8 +436,8 @@ TEST(Scenario, OverrideOfAnAliasedListChangesOnePlace) {
   text.replace(text.find("stiffness: [1, 2, 3], damping: [4, 5, 6]"), 41,
                "stiffness: &k [1, 2, 3], damping: *k, ");
   const Scenario s = parseScenario(text, "file.yaml", {"carrier.damping[0]=9"});
-  EXPECT_EQ(s.carrier.stiffness, Eigen::Vector3d(1, 2, 3));
-  EXPECT_EQ(s.carrier.damping, Eigen::Vector3d(9, 2, 3));
+  EXPECT_EQ(s.mechanism.carrier.stiffness, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(s.mechanism.carrier.damping, Eigen::Vector3d(9, 2, 3));
 }
 
 TEST(Scenario, UnreadableFilesAreRefusedByOneLine) {
@@ -461,13 +465,13 @@ TEST(Scenario, ShippedScenariosAreAccepted) {
 TEST(Scenario, DefaultCellIsMisalignedAsItSays) {
   const Scenario s = loadScenario(configPath("cell.yaml"));
   const Eigen::Vector3d axis = rotationFromEuler(s.initial.euler).col(2);
-  const Eigen::Vector3d bottom = s.initial.position - s.peg.half_height * axis;
+  const Eigen::Vector3d bottom = s.initial.position - s.mechanism.peg.half_height * axis;
   // 0.05 mm and 0.01 rad·1e-1: the figures are rounded to one decimal
   EXPECT_NEAR(bottom.x(), 4.2e-3, 5e-5);
   EXPECT_NEAR(bottom.y(), -2.7e-3, 5e-5);
   const double tilt = std::acos(axis.z());
   EXPECT_NEAR(tilt * 180.0 / M_PI, 1.0, 0.05);
-  EXPECT_NEAR(bottom.z() - s.peg.radius * std::sin(tilt), 3e-3, 5e-5);
+  EXPECT_NEAR(bottom.z() - s.mechanism.peg.radius * std::sin(tilt), 3e-3, 5e-5);
 }
 
 // Random damage to a good file ends in a scenario or in one line, never in another exception.

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {

@@ -12,7 +12,7 @@
 #include <sstream>
 #include <string>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/scene/scenario.h"
 #include "assembly_cell/sensor/bridge.h"
 
@@ -277,7 +277,8 @@ TEST(ShippedCalibration, OfSensorAIsItsBridge) {
 TEST(ShippedCalibration, OfSensorBIsItsBridgeAndTheCoupling) {
   const Calibration c = loadCalibration(kConfig + "calibration/sensor_b.yaml");
   expectBridge(c, bridgeB(16, 0.0));
-  const CouplingMatrix k = loadScenario(kConfig + "scenarios/cell.yaml").coupling.stiffness;
+  const CouplingMatrix k =
+      loadScenario(kConfig + "scenarios/cell.yaml").mechanism.coupling.stiffness;
   const Matrix6 C = strainMatrix(bridgeB(16, 0.0));
   Vector6 d;  // x y z [m], rotation vector [rad]
   d << 1e-4, -2e-4, 3e-5, 2e-3, -1e-3, 4e-3;

@@ -9,7 +9,7 @@
 #include <random>
 #include <thread>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "source_bench.h"
 
 namespace {

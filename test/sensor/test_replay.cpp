@@ -8,7 +8,7 @@
 #include <fstream>
 #include <string>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/statistics.h"
 
 namespace assembly_cell {

@@ -35,9 +35,11 @@ inline Verdict judge(const Scenario& s, double duration, bool driven) {
   const double before = sim.energy();
   double lowest = before;
   // what can move: kinetic and elastic energy, and the weight over a peg's length
-  const double floor = s.peg.mass * s.gravity * sim.state().q(0);
-  const double scale = std::abs(before - floor) + s.peg.mass * s.gravity * 2 * s.peg.half_height +
-                       1e-6 * s.peg.mass * s.peg.radius * s.peg.radius;
+  const double floor = s.mechanism.peg.mass * s.mechanism.gravity * sim.state().q(0);
+  const double scale =
+      std::abs(before - floor) +
+      s.mechanism.peg.mass * s.mechanism.gravity * 2 * s.mechanism.peg.half_height +
+      1e-6 * s.mechanism.peg.mass * s.mechanism.peg.radius * s.mechanism.peg.radius;
   StopReason reason = sim.stopReason();
   for (int i = 1; i <= 40 && reason == StopReason::kOk; ++i) {
     reason = sim.advance(duration * i / 40);
@@ -65,79 +67,88 @@ class RandomScene {
   RandomScene(const Scenario& base, unsigned seed) : scene(base), random_(seed) {
     Scenario& s = scene;
     const double size = decades(-1, 1);
-    s.peg.radius = 0.025 * size;
-    s.peg.half_height = s.peg.radius * between(0.3, 2.0);
-    s.peg.mass = 0.395 * size * size * size * decades(-0.5, 0.5);
-    s.peg.inertia_transverse = s.peg.mass * s.peg.radius * s.peg.radius * between(0.3, 2.0);
-    s.peg.inertia_axial = s.peg.inertia_transverse * between(0.2, 1.5);
-    s.peg.coupling_height = s.peg.half_height * between(0.5, 2.0);
-    s.peg.exciter_height = s.peg.half_height * between(0.0, 2.0);
-    const double clearance = chance(0.2) ? 0.0 : s.peg.radius * decades(-5, -1);
-    s.hole.radius = s.peg.radius + clearance;
-    s.hole.depth = s.peg.half_height * between(0.2, 4.0);
-    s.carrier.mass = s.peg.mass * decades(-1, 1);
-    s.carrier.inertia = s.peg.inertia_axial * decades(-1, 2);
-    const double weight = s.peg.mass / (size * size);
+    s.mechanism.peg.radius = 0.025 * size;
+    s.mechanism.peg.half_height = s.mechanism.peg.radius * between(0.3, 2.0);
+    s.mechanism.peg.mass = 0.395 * size * size * size * decades(-0.5, 0.5);
+    s.mechanism.peg.inertia_transverse =
+        s.mechanism.peg.mass * s.mechanism.peg.radius * s.mechanism.peg.radius * between(0.3, 2.0);
+    s.mechanism.peg.inertia_axial = s.mechanism.peg.inertia_transverse * between(0.2, 1.5);
+    s.mechanism.peg.coupling_height = s.mechanism.peg.half_height * between(0.5, 2.0);
+    s.mechanism.peg.exciter_height = s.mechanism.peg.half_height * between(0.0, 2.0);
+    const double clearance = chance(0.2) ? 0.0 : s.mechanism.peg.radius * decades(-5, -1);
+    s.mechanism.hole.radius = s.mechanism.peg.radius + clearance;
+    s.mechanism.hole.depth = s.mechanism.peg.half_height * between(0.2, 4.0);
+    s.mechanism.carrier.mass = s.mechanism.peg.mass * decades(-1, 1);
+    s.mechanism.carrier.inertia = s.mechanism.peg.inertia_axial * decades(-1, 2);
+    const double weight = s.mechanism.peg.mass / (size * size);
     for (int i = 0; i < 3; ++i) {
-      const double arm = i < 2 ? 1.0 : s.peg.radius * s.peg.radius;
-      s.carrier.stiffness(i) = chance(0.3) ? 0.0 : weight * arm * decades(2, 6);
-      s.carrier.damping(i) =
-          chance(0.3) ? 0.0
-                      : std::sqrt(s.carrier.stiffness(i) * s.carrier.mass * arm) * between(0, 1);
-    }
-    for (int i = 0; i < 6; ++i) {
-      const double arm = i < 3 ? 1.0 : s.peg.radius * s.peg.radius;
-      s.coupling.stiffness.diagonal(i) = weight * arm * decades(1, 6);
-      s.coupling.damping.diagonal(i) =
+      const double arm = i < 2 ? 1.0 : s.mechanism.peg.radius * s.mechanism.peg.radius;
+      s.mechanism.carrier.stiffness(i) = chance(0.3) ? 0.0 : weight * arm * decades(2, 6);
+      s.mechanism.carrier.damping(i) =
           chance(0.3)
               ? 0.0
-              : std::sqrt(s.coupling.stiffness.diagonal(i) * s.peg.mass * arm) * between(0, 0.5);
+              : std::sqrt(s.mechanism.carrier.stiffness(i) * s.mechanism.carrier.mass * arm) *
+                    between(0, 1);
+    }
+    for (int i = 0; i < 6; ++i) {
+      const double arm = i < 3 ? 1.0 : s.mechanism.peg.radius * s.mechanism.peg.radius;
+      s.mechanism.coupling.stiffness.diagonal(i) = weight * arm * decades(1, 6);
+      s.mechanism.coupling.damping.diagonal(i) =
+          chance(0.3)
+              ? 0.0
+              : std::sqrt(s.mechanism.coupling.stiffness.diagonal(i) * s.mechanism.peg.mass * arm) *
+                    between(0, 0.5);
     }
     const auto cross = [&](int i, int j) {
-      return between(-0.8, 0.8) *
-             std::sqrt(s.coupling.stiffness.diagonal(i) * s.coupling.stiffness.diagonal(j));
+      return between(-0.8, 0.8) * std::sqrt(s.mechanism.coupling.stiffness.diagonal(i) *
+                                            s.mechanism.coupling.stiffness.diagonal(j));
     };
-    s.coupling.stiffness.k26 = cross(1, 5);
-    s.coupling.stiffness.k35 = cross(2, 4);
-    s.coupling.damping.k26 = s.coupling.damping.k35 = 0.0;
-    s.friction.static_coefficient = chance(0.1) ? 0.0 : between(0.0, 1.0);
-    s.friction.sliding_coefficient = s.friction.static_coefficient * between(0.6, 1.0);
-    s.gravity = chance(0.2) ? 0.0 : 9.8;
+    s.mechanism.coupling.stiffness.k26 = cross(1, 5);
+    s.mechanism.coupling.stiffness.k35 = cross(2, 4);
+    s.mechanism.coupling.damping.k26 = s.mechanism.coupling.damping.k35 = 0.0;
+    s.mechanism.friction.static_coefficient = chance(0.1) ? 0.0 : between(0.0, 1.0);
+    s.mechanism.friction.sliding_coefficient =
+        s.mechanism.friction.static_coefficient * between(0.6, 1.0);
+    s.mechanism.gravity = chance(0.2) ? 0.0 : 9.8;
 
     const double tilt = chance(0.1) ? 0.0 : decades(-4, -0.4), lean = between(-3.1416, 3.1416);
     const Eigen::Vector3d axis(std::sin(tilt) * std::cos(lean), std::sin(tilt) * std::sin(lean),
                                std::cos(tilt));
-    const double away = s.peg.radius * (chance(0.2) ? 0.0 : between(0.0, 1.2));
+    const double away = s.mechanism.peg.radius * (chance(0.2) ? 0.0 : between(0.0, 1.2));
     const double round = between(-3.1416, 3.1416);
-    const double height = s.peg.radius * (std::sin(tilt) + decades(-6, -1));
+    const double height = s.mechanism.peg.radius * (std::sin(tilt) + decades(-6, -1));
     const Eigen::Vector3d bottom(away * std::cos(round), away * std::sin(round), height);
     s.initial = InitialState{};
     s.initial.euler = {std::atan2(axis.x(), axis.z()), std::acos(axis.y()), between(-1, 1)};
-    s.initial.position = bottom + s.peg.half_height * axis;
-    const double speed = std::sqrt(9.8 * s.peg.radius) * decades(-3, 0);
+    s.initial.position = bottom + s.mechanism.peg.half_height * axis;
+    const double speed = std::sqrt(9.8 * s.mechanism.peg.radius) * decades(-3, 0);
     for (int i = 0; i < 3; ++i) {
       s.initial.velocity(i) = speed * between(-1, 1);
-      s.initial.euler_rates(i) = speed / s.peg.radius * between(-1, 1);
+      s.initial.euler_rates(i) = speed / s.mechanism.peg.radius * between(-1, 1);
     }
     s.initial.velocity.z() = -std::abs(s.initial.velocity.z());
-    const Eigen::Vector3d coupling = s.initial.position + s.peg.coupling_height * axis;
+    const Eigen::Vector3d coupling = s.initial.position + s.mechanism.peg.coupling_height * axis;
     s.initial.carrier_x = coupling.x();
     s.initial.carrier_y = coupling.y();
-    s.rest = {coupling.x(), coupling.y(),          coupling.z() - s.peg.radius * decades(-5, -1),
-              0.0,          s.initial.euler.theta, s.initial.euler.phi};
+    s.rest = {coupling.x(),
+              coupling.y(),
+              coupling.z() - s.mechanism.peg.radius * decades(-5, -1),
+              0.0,
+              s.initial.euler.theta,
+              s.initial.euler.phi};
 
     driven = chance(0.5);
-    s.exciter = ExciterParameters{};
+    s.mechanism.exciter = ExciterParameters{};
     if (driven) {
-      s.exciter.amplitude = s.peg.mass * 9.8 * decades(-2, 1);
-      s.exciter.frequency = decades(1, 3.5);
-      s.exciter.direction = chance(0.5) ? 1 : -1;
+      s.mechanism.exciter.amplitude = s.mechanism.peg.mass * 9.8 * decades(-2, 1);
+      s.mechanism.exciter.frequency = decades(1, 3.5);
+      s.mechanism.exciter.direction = chance(0.5) ? 1 : -1;
     }
     const ContactLaw laws[] = {ContactLaw::kSpringDashpot, ContactLaw::kViscous, ContactLaw::kRigid,
                                ContactLaw::kRigid};
     s.contact.law = laws[pick(4)];
     s.contact.stiffness = weight * decades(4, 7);
-    s.contact.damping = std::sqrt(s.contact.stiffness * s.peg.mass) * between(0, 1);
+    s.contact.damping = std::sqrt(s.contact.stiffness * s.mechanism.peg.mass) * between(0, 1);
     s.contact.rate = decades(2, 4);
     // explicit steps of N mu / (m v): a smaller speed makes impacts stiff beyond patience
     s.contact.regularisation_speed = 1e-2 * size;

@@ -35,7 +35,7 @@ TEST(Extremes, ContactStiffnessOverEightDecades) {
   for (double ratio = 1.0; ratio < 2e8; ratio *= 100.0) {
     Scenario s = load("chapter8_force_two_3N", {"contact.law=spring_dashpot"});
     s.contact.stiffness = 100.0 * ratio;  // over the coupling's 100 N/m along the axis
-    s.contact.damping = 0.2 * std::sqrt(s.contact.stiffness * s.peg.mass);
+    s.contact.damping = 0.2 * std::sqrt(s.contact.stiffness * s.mechanism.peg.mass);
     s.solver.tolerance = 1e-9;
     expectSane(s, 0.004, "ratio " + std::to_string(ratio));
   }
@@ -62,15 +62,17 @@ TEST(Extremes, FrictionUpToOneStaysBelowPainlevesBound) {
     Simulation sim(load(name));
     const Scenario& s = sim.scenario();
     const Pose peg = sim.pegPose();
-    const Vector3d a = peg.R.col(2), center = peg.p + s.peg.half_height * a;
-    const Matrix3d J = Matrix3d::Identity() / s.peg.inertia_transverse +
-                       (1 / s.peg.inertia_axial - 1 / s.peg.inertia_transverse) * a * a.transpose();
+    const Vector3d a = peg.R.col(2), center = peg.p + s.mechanism.peg.half_height * a;
+    const Matrix3d J =
+        Matrix3d::Identity() / s.mechanism.peg.inertia_transverse +
+        (1 / s.mechanism.peg.inertia_axial - 1 / s.mechanism.peg.inertia_transverse) * a *
+            a.transpose();
     for (const ContactReport& c : sim.contacts()) {
       if (!c.valid || std::abs(c.gap) > 1e-8) continue;
       const Vector3d r = c.point - center;
       Matrix3d S;
       S << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
-      const Vector3d Wn = (Matrix3d::Identity() / s.peg.mass - S * J * S) * c.normal;
+      const Vector3d Wn = (Matrix3d::Identity() / s.mechanism.peg.mass - S * J * S) * c.normal;
       const double normal = c.normal.dot(Wn);
       least = std::min(least, normal / (Wn - normal * c.normal).norm());
     }
@@ -80,7 +82,7 @@ TEST(Extremes, FrictionUpToOneStaysBelowPainlevesBound) {
   EXPECT_LT(least, 1.7);
   for (const double mu : {0.0, 0.01, 0.1, 0.35, 0.6, 0.8, 1.0}) {
     Scenario s = load("chapter8_force_two_10N");
-    s.friction = {mu, mu};
+    s.mechanism.friction = {mu, mu};
     s.solver.tolerance = 1e-9;
     expectSane(s, 0.03, "mu " + std::to_string(mu));
   }
@@ -92,19 +94,20 @@ TEST(Extremes, MassAndLengthScale) {
     Scenario s = load("chapter8_force_one_3N");
     const double L = length, M = mass;
     for (double* x :
-         {&s.peg.radius, &s.peg.half_height, &s.peg.coupling_height, &s.peg.exciter_height,
-          &s.hole.radius, &s.rest.x, &s.rest.y, &s.rest.z, &s.initial.carrier_x,
-          &s.initial.carrier_y, &s.gravity, &s.solver.tolerance}) {
+         {&s.mechanism.peg.radius, &s.mechanism.peg.half_height, &s.mechanism.peg.coupling_height,
+          &s.mechanism.peg.exciter_height, &s.mechanism.hole.radius, &s.rest.x, &s.rest.y,
+          &s.rest.z, &s.initial.carrier_x, &s.initial.carrier_y, &s.mechanism.gravity,
+          &s.solver.tolerance}) {
       *x *= L;
     }
     s.initial.position *= L;
-    s.peg.mass *= M;
-    s.carrier.mass *= M;
-    s.carrier.inertia *= M * L * L;
-    s.peg.inertia_transverse *= M * L * L;
-    s.peg.inertia_axial *= M * L * L;
-    s.exciter.amplitude *= M * L;
-    for (CouplingMatrix* K : {&s.coupling.stiffness, &s.coupling.damping}) {
+    s.mechanism.peg.mass *= M;
+    s.mechanism.carrier.mass *= M;
+    s.mechanism.carrier.inertia *= M * L * L;
+    s.mechanism.peg.inertia_transverse *= M * L * L;
+    s.mechanism.peg.inertia_axial *= M * L * L;
+    s.mechanism.exciter.amplitude *= M * L;
+    for (CouplingMatrix* K : {&s.mechanism.coupling.stiffness, &s.mechanism.coupling.damping}) {
       K->diagonal.head<3>() *= M;
       K->diagonal.tail<3>() *= M * L * L;
       K->k26 *= M * L;
@@ -132,13 +135,13 @@ TEST(Extremes, ZeroClearanceAndTransitions) {
       for (const double clearance : {0.0, 1e-9, 1e-5}) {
         Scenario s = load("cell");
         s.contact.law = ContactLaw::kRigid;
-        s.hole.radius = s.peg.radius + clearance;
+        s.mechanism.hole.radius = s.mechanism.peg.radius + clearance;
         const Vector3d axis(std::sin(tilt), 0.0, std::cos(tilt));
         s.initial = InitialState{};
         s.initial.euler = {std::atan2(axis.x(), axis.z()), std::acos(axis.y()), 0.0};
-        s.initial.position =
-            Vector3d(offset, 0, s.peg.radius * std::sin(tilt) + 1e-6) + s.peg.half_height * axis;
-        const Vector3d coupling = s.initial.position + s.peg.coupling_height * axis;
+        s.initial.position = Vector3d(offset, 0, s.mechanism.peg.radius * std::sin(tilt) + 1e-6) +
+                             s.mechanism.peg.half_height * axis;
+        const Vector3d coupling = s.initial.position + s.mechanism.peg.coupling_height * axis;
         s.initial.carrier_x = coupling.x();
         s.rest = {coupling.x(),       0.0, coupling.z() - 1e-4, 0.0, s.initial.euler.theta,
                   s.initial.euler.phi};
@@ -155,14 +158,14 @@ TEST(Extremes, ZeroClearanceAndTransitions) {
 TEST(Extremes, ChatterAndResonance) {
   // slow drive through stick and slip
   Scenario chatter = load("chapter8_force_two_1N");
-  chatter.friction = {0.35, 0.05};
-  chatter.exciter.amplitude = 4.0;
-  chatter.exciter.frequency = 30.0;
+  chatter.mechanism.friction = {0.35, 0.05};
+  chatter.mechanism.exciter.amplitude = 4.0;
+  chatter.mechanism.exciter.frequency = 30.0;
   expectSane(chatter, 0.05, "chatter");
   // natural frequencies of the high stiffness, specification section 9
   for (const double w : {16.0, 229.0, 737.0, 969.0, 991.0}) {
     Scenario s = load("chapter8_damping_two_none");
-    s.exciter.frequency = w;
+    s.mechanism.exciter.frequency = w;
     s.solver.tolerance = 1e-9;
     expectSane(s, 0.05, "resonance " + std::to_string(w));
   }
@@ -173,8 +176,8 @@ TEST(Extremes, RestitutionOfOneCreatesNoEnergy) {
     for (const double e : {0.5, 1.0}) {
       Scenario s = load("impact", {"contact.law=rigid"});
       s.contact.restitution = e;
-      s.friction = {mu, mu};
-      s.coupling.damping = CouplingMatrix{};
+      s.mechanism.friction = {mu, mu};
+      s.mechanism.coupling.damping = CouplingMatrix{};
       s.solver.tolerance = 1e-12;
       const stress::Verdict v = stress::judge(s, 0.06, false);
       EXPECT_TRUE(v.finite && !v.hung) << mu << " " << e;
@@ -187,13 +190,14 @@ TEST(Extremes, RestitutionOfOneCreatesNoEnergy) {
 TEST(Extremes, MillionsOfStepsWithoutDrift) {
   const bool long_run = std::getenv("ASSEMBLY_CELL_LONG_STRESS") != nullptr;
   Scenario s = load("cell", {"contact={law: none}"});
-  s.coupling.damping = CouplingMatrix{};
-  s.carrier.damping.setZero();
+  s.mechanism.coupling.damping = CouplingMatrix{};
+  s.mechanism.carrier.damping.setZero();
   s.solver.integrator = "rk4";
   s.solver.step = 2e-5;
   s.initial.velocity = Vector3d(0.01, -0.02, 0.015);
   Simulation sim(s);
-  const double before = sim.energy(), scale = before - s.peg.mass * s.gravity * sim.state().q(0);
+  const double before = sim.energy(),
+               scale = before - s.mechanism.peg.mass * s.mechanism.gravity * sim.state().q(0);
   const double steps = long_run ? 1e7 : 2e5;
   ASSERT_EQ(sim.advance(steps * s.solver.step), StopReason::kOk);
   const double drift = std::abs(sim.energy() - before) / scale;

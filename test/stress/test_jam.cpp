@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
 
 namespace assembly_cell {
@@ -26,24 +26,24 @@ struct Lowering {
 Scenario lowering(const Lowering& run) {
   Scenario s =
       loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/lowering.yaml", {});
-  s.exciter.frequency = run.frequency;
-  s.coupling.stiffness.diagonal.tail<5>() *= run.stiffness;
-  s.coupling.damping.diagonal.tail<5>() *= std::sqrt(run.stiffness);
-  s.coupling.stiffness.k26 *= run.stiffness;
-  s.coupling.stiffness.k35 *= run.stiffness;
+  s.mechanism.exciter.frequency = run.frequency;
+  s.mechanism.coupling.stiffness.diagonal.tail<5>() *= run.stiffness;
+  s.mechanism.coupling.damping.diagonal.tail<5>() *= std::sqrt(run.stiffness);
+  s.mechanism.coupling.stiffness.k26 *= run.stiffness;
+  s.mechanism.coupling.stiffness.k35 *= run.stiffness;
   return startAt(s, run.start, Vector2d(0.1, 0.0), 5e-4);
 }
 
 double exciterSpeed(const Simulation& sim) {
   const Kinematics k = kinematics(sim.state());
-  return k.v.norm() + sim.scenario().peg.exciter_height * k.omega.norm();
+  return k.v.norm() + sim.scenario().mechanism.peg.exciter_height * k.omega.norm();
 }
 
 class Jam : public testing::TestWithParam<Lowering> {};
 
 TEST_P(Jam, SlipWedgedByFrictionComesToRest) {
   const Scenario scene = lowering(GetParam());
-  const double mu = scene.friction.static_coefficient;
+  const double mu = scene.mechanism.friction.static_coefficient;
   Simulation sim(scene);
   ASSERT_EQ(sim.advance(0.0), StopReason::kOk);
   RestPose rest = sim.rest();
@@ -61,16 +61,16 @@ TEST_P(Jam, SlipWedgedByFrictionComesToRest) {
       ASSERT_LT(sim.counts().evaluations, 200000) << "creeps at " << sim.time();
       if (sim.counts().jams == jams) continue;
       // the exciter's work in the step that ends with the jam
-      const double work =
-          scene.exciter.amplitude * std::max(before, exciterSpeed(sim)) * (sim.time() - time);
+      const double work = scene.mechanism.exciter.amplitude * std::max(before, exciterSpeed(sim)) *
+                          (sim.time() - time);
       EXPECT_LE(sim.energy() - energy, work + 1e-12) << sim.time();
       lost = std::max(lost, energy - sim.energy());
     }
     // the forces, each within its cone, make the motion: Newton's law of the peg
     const Kinematics k = kinematics(sim.state());
-    const Vector2d drive = exciterForce({scene.exciter, 0.0}, sim.time());
+    const Vector2d drive = exciterForce({scene.mechanism.exciter, 0.0}, sim.time());
     Vector3d force = fromThesisAxes(drive(0) * k.R0 + drive(1) * k.R1);
-    force.z() -= scene.peg.mass * scene.gravity;
+    force.z() -= scene.mechanism.peg.mass * scene.mechanism.gravity;
     largest = 0.0;
     for (const ContactReport& c : sim.contacts()) {
       if (c.state == ContactReport::kOpen) continue;
@@ -84,7 +84,7 @@ TEST_P(Jam, SlipWedgedByFrictionComesToRest) {
     }
     force += -sim.carrierPose().R * Vector3d(sim.couplingWrench().head<3>());
     const Vector9& a = sim.acceleration();
-    const Vector3d momentum = scene.peg.mass * Vector3d(a(1), a(2), a(0));
+    const Vector3d momentum = scene.mechanism.peg.mass * Vector3d(a(1), a(2), a(0));
     EXPECT_LT((force - momentum).norm(), 1e-9 * std::max(1.0, largest)) << sim.time();
   }
   // what a slip of a tenth of a metre per second had

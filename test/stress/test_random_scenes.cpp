@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <map>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "random_scene.h"
 
 namespace assembly_cell {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/align/simulated_plant.h"
+#include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/dynamics/simulation.h"
 
 namespace assembly_cell {
@@ -52,19 +52,19 @@ TEST(Wedge, SlipThatGoesAstrayEnds) {
       ASSERT_EQ(sim.advance(2e-3 * i, 100000), StopReason::kOk);
       ASSERT_EQ(sim.time(), 2e-3 * i) << "too many steps";
       // the forces, each within its cone, make the motion: Newton's law of the peg
-      Vector3d force(0, 0, -scene.peg.mass * scene.gravity);
+      Vector3d force(0, 0, -scene.mechanism.peg.mass * scene.mechanism.gravity);
       for (const ContactReport& c : sim.contacts()) {
         if (!c.valid) continue;
         force += c.force;
         const double N = c.normal.dot(c.force);
         largest = std::max(largest, N);
         const double friction = (c.force - N * c.normal).norm();
-        EXPECT_LE(friction, scene.friction.static_coefficient * N * (1 + 1e-6) + 1e-6);
+        EXPECT_LE(friction, scene.mechanism.friction.static_coefficient * N * (1 + 1e-6) + 1e-6);
       }
       const Vector6 w = sim.couplingWrench();
       force += -sim.carrierPose().R * Vector3d(w.head<3>());
       const Vector9& a = sim.acceleration();
-      const Vector3d momentum = scene.peg.mass * Vector3d(a(1), a(2), a(0));
+      const Vector3d momentum = scene.mechanism.peg.mass * Vector3d(a(1), a(2), a(0));
       EXPECT_LT((force - momentum).norm(), 1e-9 * std::max(1.0, largest)) << sim.time();
     }
     EXPECT_LT((sim.pegPose().p - start.p).norm(), 1e-4);
@@ -76,7 +76,8 @@ TEST(Wedge, SlipThatGoesAstrayEnds) {
 TEST(Wedge, ARunOfTooManyStepsEndsByItsName) {
   CellParameters parameters;
   parameters.block_size = 47;
-  SimulatedPlant plant(cell({"solver.integrator=rk4", "solver.step=3e-9"}), parameters);
+  SimulatedPlant plant(cell({"solver.integrator=rk4", "solver.step=3e-9"}),
+                       cell({"solver.integrator=rk4", "solver.step=3e-9"}).mechanism, parameters);
   std::string reason;
   try {
     plant.next({});

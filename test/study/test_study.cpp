@@ -9,8 +9,8 @@
 #include <fstream>
 #include <set>
 
-#include "assembly_cell/scene/csv_text.h"
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/study/run.h"
 #include "assembly_cell/study/share.h"
 
@@ -191,9 +191,9 @@ TEST_F(StudyFile, AMappingChangesTheKeysItNames) {
       study("axes: [{name: k, cases: {a: {exciter: {amplitude: 3}}}}]\n",
             {"set={duration: 0.004, friction: {sliding: 0.1}, hole: {radius: 0.0252}}"});
   const Scenario& base = s.bases.front();
-  EXPECT_EQ(base.hole.radius, 0.0252);
-  EXPECT_EQ(base.hole.depth, file.hole.depth);
-  EXPECT_EQ(base.friction.static_coefficient, file.friction.static_coefficient);
+  EXPECT_EQ(base.mechanism.hole.radius, 0.0252);
+  EXPECT_EQ(base.mechanism.hole.depth, file.mechanism.hole.depth);
+  EXPECT_EQ(base.mechanism.friction.static_coefficient, file.mechanism.friction.static_coefficient);
   const StudyRun run = studyRun(s, {0, {}});
   ASSERT_EQ(run.settings.size(), 1u);
   EXPECT_EQ(run.settings[0].key, "exciter.amplitude");

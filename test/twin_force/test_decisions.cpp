@@ -6,7 +6,7 @@
 #include <limits>
 #include <new>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/twin_force/contact_checks.h"
 #include "truth.h"
 

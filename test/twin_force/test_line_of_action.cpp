@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/twin_force/line_of_action.h"
 #include "assembly_cell/twin_force/next_contact.h"
 #include "thesis_forms.h"

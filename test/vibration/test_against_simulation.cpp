@@ -41,15 +41,17 @@ SupportMatrix supportOf(const CouplingMatrix& m) {
 // the cell with a solid cylinder for a peg, much friction, and a carrier that does not move
 Scenario clamped() {
   Scenario s = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
-  s.carrier.mass = 1e6;
-  s.carrier.inertia = 1e6;
-  s.carrier.stiffness = {1e12, 1e12, 1e12};
-  s.carrier.damping = {1e9, 1e9, 1e9};
-  s.peg.inertia_transverse = centroidInertia(s.peg.mass, s.peg.radius, s.peg.half_height);
-  s.peg.inertia_axial = s.peg.mass * s.peg.radius * s.peg.radius / 2;
-  s.friction = {1.0, 1.0};
+  s.mechanism.carrier.mass = 1e6;
+  s.mechanism.carrier.inertia = 1e6;
+  s.mechanism.carrier.stiffness = {1e12, 1e12, 1e12};
+  s.mechanism.carrier.damping = {1e9, 1e9, 1e9};
+  s.mechanism.peg.inertia_transverse =
+      centroidInertia(s.mechanism.peg.mass, s.mechanism.peg.radius, s.mechanism.peg.half_height);
+  s.mechanism.peg.inertia_axial =
+      s.mechanism.peg.mass * s.mechanism.peg.radius * s.mechanism.peg.radius / 2;
+  s.mechanism.friction = {1.0, 1.0};
   s.contact.rate = 20000;  // the law's lag, w/rate, below the comparison's tolerance
-  s.coupling.damping.diagonal << 60, 60, 60, 0.06, 0.06, 0.06;
+  s.mechanism.coupling.damping.diagonal << 60, 60, 60, 0.06, 0.06, 0.06;
   s.solver.tolerance = 1e-11;
   return s;
 }
@@ -79,7 +81,8 @@ Vibrated vibrate(double lean, const Vector2d& offset, double frequency, int dire
   s.initial.euler = {s.rest.phi, s.rest.theta, 0.0};
   s.initial.carrier_x = s.rest.x;
   s.initial.carrier_y = s.rest.y;
-  s.initial.position = Vector3d(s.rest.x, s.rest.y, s.rest.z) - s.peg.coupling_height * axis;
+  s.initial.position =
+      Vector3d(s.rest.x, s.rest.y, s.rest.z) - s.mechanism.peg.coupling_height * axis;
   Simulation simulation(s);
   const auto contactForce = [&] {
     Vector3d sum = Vector3d::Zero();
@@ -150,7 +153,7 @@ TEST(AgainstSimulation, SingleContact) {
       const Vector3d arm = v.closed[0].point - v.bottom;
       const double alpha = std::atan2(arm.y(), arm.x());
       const std::string what = std::to_string(frequency) + " " + std::to_string(direction);
-      const ContactResponse model = contactResponse(v.scenario, v.point, alpha);
+      const ContactResponse model = contactResponse(v.scenario.mechanism, v.point, alpha);
       const double whole = std::abs(model.P) + std::abs(model.N);
       expectClose(v.P, model.P, whole, what + " P");
       expectClose(v.N, model.N, whole, what + " N");
@@ -163,7 +166,7 @@ TEST(AgainstSimulation, DoubleContact) {
   for (const double frequency : {300.0, 500.0, 900.0}) {
     const Vibrated v = vibrate(1.0 + M_PI, {.0032, .0050}, frequency, 1);
     ASSERT_EQ(v.closed.size(), 2u);
-    const PegParameters& peg = v.scenario.peg;
+    const PegParameters& peg = v.scenario.mechanism.peg;
     const Vector3d C = v.closed[0].point, e = (v.closed[1].point - C).normalized();
     const Vector3d rho = v.mass - C;
     const Matrix3d tilt =
@@ -190,15 +193,16 @@ TEST(AgainstSimulation, DoubleContact) {
     const double I = e.dot(body * e) + peg.mass * e.cross(rho).squaredNorm();
     // static forces turn with the peg: weight at the centre of mass, the rest of the press at the
     // support
-    const double weight = peg.mass * v.scenario.gravity;
+    const double weight = peg.mass * v.scenario.mechanism.gravity;
     const Vector3d pull(-v.point.friction.x(), -v.point.friction.y(), weight - v.point.press);
-    const double K = about(v.scenario.coupling.stiffness) - pull.dot(e.cross(e.cross(support))) +
-                     weight * e.cross(e.cross(rho)).z();
+    const double K = about(v.scenario.mechanism.coupling.stiffness) -
+                     pull.dot(e.cross(e.cross(support))) + weight * e.cross(e.cross(rho)).z();
     const double w = frequency;
     const Eigen::Vector3cd F =
         0.05 * (tilt.cast<Complex>() * Eigen::Vector3cd(1.0, Complex(0.0, -1.0), 0.0));
     const Complex moment = e.cast<Complex>().dot(skew(force).cast<Complex>() * F);
-    const Complex angle = moment / Complex(K - I * w * w, w * about(v.scenario.coupling.damping));
+    const Complex angle =
+        moment / Complex(K - I * w * w, w * about(v.scenario.mechanism.coupling.damping));
     const Eigen::Vector3cd motion = e.cross(rho).cast<Complex>() * angle;
     const double whole = motion.norm();
     for (int axis_index = 0; axis_index < 3; ++axis_index) {
@@ -212,13 +216,13 @@ TEST(AgainstSimulation, DoubleContact) {
 // above (tilt 1°, 12 N on 80 mm of lever against 370 N m/rad) is 1 % off resonance.
 TEST(AgainstSimulation, GeneralLocusOfTheTextbook) {
   const Vibrated v = vibrate(3.34, {.0032, .0050}, 300, 1);
-  const PegParameters& peg = v.scenario.peg;
+  const PegParameters& peg = v.scenario.mechanism.peg;
   const Vector3d arm = v.closed.at(0).point - v.bottom;
   const LocusCase s{peg.mass, peg.radius, peg.half_height, 0.05, 300, std::atan2(arm.y(), arm.x())};
   const PlanarLocus model =
       generalLocus(s, peg.coupling_height - peg.half_height, peg.half_height + peg.exciter_height,
-                   v.scenario.gravity, supportOf(v.scenario.coupling.stiffness),
-                   supportOf(v.scenario.coupling.damping));
+                   v.scenario.mechanism.gravity, supportOf(v.scenario.mechanism.coupling.stiffness),
+                   supportOf(v.scenario.mechanism.coupling.damping));
   EXPECT_LT((std::abs(v.P - model.P) + std::abs(v.N - model.N)) / model.a, 0.04);
 }
 
@@ -233,30 +237,30 @@ constexpr double kMass = 0.766, kSize = 0.025, kChord = 0.0125, kAbove = 0.0125,
 
 Slip slipOf(double w, double kx, double mu, double F) {
   Scenario s;
-  s.gravity = 9.8066;
-  s.peg = {
+  s.mechanism.gravity = 9.8066;
+  s.mechanism.peg = {
       kSize,          kSize, kMass, centroidInertia(kMass, kSize, kSize), kMass * kSize * kSize / 2,
       kSize + kAbove, kSize};
-  s.hole.radius = kSize;
-  s.carrier.mass = s.carrier.inertia = 1e6;
-  s.carrier.stiffness = {1e12, 1e12, 1e12};
-  s.carrier.damping = {1e9, 1e9, 1e9};
+  s.mechanism.hole.radius = kSize;
+  s.mechanism.carrier.mass = s.mechanism.carrier.inertia = 1e6;
+  s.mechanism.carrier.stiffness = {1e12, 1e12, 1e12};
+  s.mechanism.carrier.damping = {1e9, 1e9, 1e9};
   const double arm = 2 * kSize + kAbove, K = 10 - kx * arm * arm;
   const double damping = 0.04 * std::sqrt(10 * chordInertia(kMass, kSize, kSize, kChord));
-  s.coupling.stiffness.diagonal << 0, kx, kx, K, K, K;
-  s.coupling.damping.diagonal << 0, 0, 0, damping, damping, damping;
+  s.mechanism.coupling.stiffness.diagonal << 0, kx, kx, K, K, K;
+  s.mechanism.coupling.damping.diagonal << 0, 0, 0, damping, damping, damping;
   // chord at x = -d of the hole and +d of the peg; the rest tilt carries the weight's moment
   const Vector3d axis(std::sin(kPhi), 0, std::cos(kPhi)), across(axis.z(), 0, -axis.x());
   const Vector3d mass = Vector3d(-kChord, 0, 0) - kChord * across + kSize * axis;
-  const Vector3d support = mass + s.peg.coupling_height * axis;
+  const Vector3d support = mass + s.mechanism.peg.coupling_height * axis;
   s.rest.x = support.x();
   s.rest.z = support.z();
-  s.rest.phi = kPhi - kMass * s.gravity * (mass.x() + kChord) / K;
+  s.rest.phi = kPhi - kMass * s.mechanism.gravity * (mass.x() + kChord) / K;
   s.initial.position = mass;
   s.initial.euler = {kPhi, M_PI / 2, 0};
   s.initial.carrier_x = s.rest.x;
   s.initial.close = true;
-  s.friction = {mu, mu};
+  s.mechanism.friction = {mu, mu};
   s.contact.law = ContactLaw::kViscous;
   s.contact.rate = 5000;
   s.contact.stationary_rows = true;
@@ -327,24 +331,26 @@ TEST(AgainstSimulation, SlidesWhereP1ExceedsMu) {
 // the peg is over the hole or has dropped 3 mm into it [s]; empty if not within 3 s.
 std::optional<double> rigTime(double x0, double M_over_L, double f_hz = 4) {
   Scenario s;
-  s.gravity = 9.8066;
-  s.peg = {kSize, kSize, kMass, centroidInertia(kMass, kSize, kSize), kMass * kSize * kSize / 2,
-           0.05,  0.2};
-  s.hole.radius = kSize + 1e-4;
-  s.carrier.mass = s.carrier.inertia = 1e6;
-  s.carrier.stiffness = {1e12, 1e12, 1e12};
-  s.carrier.damping = {1e9, 1e9, 1e9};
-  s.coupling.stiffness.diagonal << 0, 0, 0, 1, 0.3, 0.3;
-  s.coupling.damping.diagonal << 0, 3, 3, 0.01, 0.007, 0.007;
+  s.mechanism.gravity = 9.8066;
+  s.mechanism.peg = {
+      kSize, kSize, kMass, centroidInertia(kMass, kSize, kSize), kMass * kSize * kSize / 2,
+      0.05,  0.2};
+  s.mechanism.hole.radius = kSize + 1e-4;
+  s.mechanism.carrier.mass = s.mechanism.carrier.inertia = 1e6;
+  s.mechanism.carrier.stiffness = {1e12, 1e12, 1e12};
+  s.mechanism.carrier.damping = {1e9, 1e9, 1e9};
+  s.mechanism.coupling.stiffness.diagonal << 0, 0, 0, 1, 0.3, 0.3;
+  s.mechanism.coupling.damping.diagonal << 0, 3, 3, 0.01, 0.007, 0.007;
   s.rest.x = s.initial.position.x() = s.initial.carrier_x = -x0;
   s.rest.z = kSize + 0.05;
   s.initial.position.z() = kSize + 1e-6;
   s.initial.euler = {0, M_PI / 2, 0};
   s.initial.close = true;
-  s.friction = {0.05, 0.05};
+  s.mechanism.friction = {0.05, 0.05};
   // the viscous law lets the flat peg sink in by up to a millimetre, which decides the times
   s.contact.law = ContactLaw::kRigid;
-  s.exciter = {M_over_L * kMass * s.gravity / (kSize + 0.2), 2 * M_PI * f_hz, 0, 1};
+  s.mechanism.exciter = {M_over_L * kMass * s.mechanism.gravity / (kSize + 0.2), 2 * M_PI * f_hz, 0,
+                         1};
   s.solver.tolerance = 1e-8;
   s.solver.max_step = 1e-3;
   Simulation simulation(s);

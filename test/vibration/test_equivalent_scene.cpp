@@ -30,24 +30,24 @@ struct Vibrated {
 // carry `at` together; harmonic of its rotation after the transient.
 Vibrated vibrate(double lean, const Vector3d& at, int contacts, double w) {
   Scenario s;
-  s.gravity = 0;
-  s.peg = {kRadius,
-           kHalfHeight,
-           kMass,
-           centroidInertia(kMass, kRadius, kHalfHeight),
-           kMass * kRadius * kRadius / 2,
-           -kHalfHeight,
-           kHalfHeight};
-  s.hole.radius = kRadius;
-  s.carrier.mass = s.carrier.inertia = 1e6;
-  s.carrier.stiffness = {1e12, 1e12, 1e12};
-  s.carrier.damping = {1e9, 1e9, 1e9};
+  s.mechanism.gravity = 0;
+  s.mechanism.peg = {kRadius,
+                     kHalfHeight,
+                     kMass,
+                     centroidInertia(kMass, kRadius, kHalfHeight),
+                     kMass * kRadius * kRadius / 2,
+                     -kHalfHeight,
+                     kHalfHeight};
+  s.mechanism.hole.radius = kRadius;
+  s.mechanism.carrier.mass = s.mechanism.carrier.inertia = 1e6;
+  s.mechanism.carrier.stiffness = {1e12, 1e12, 1e12};
+  s.mechanism.carrier.damping = {1e9, 1e9, 1e9};
   // damping of 0.2 % moves phases by less than 0.6° away from resonance, and forgets in 2 s
   const double damping =
       0.004 * std::sqrt(kStiffness * chordInertia(kMass, kRadius, kHalfHeight, 0));
   const double pull = 10;
-  s.coupling.stiffness.diagonal << pull, 0, 0, kStiffness, kStiffness, kStiffness;
-  s.coupling.damping.diagonal << 0.1, 0, 0, damping, damping, damping;
+  s.mechanism.coupling.stiffness.diagonal << pull, 0, 0, kStiffness, kStiffness, kStiffness;
+  s.mechanism.coupling.damping.diagonal << 0.1, 0, 0, damping, damping, damping;
   // rotation of the peg, and of the springs' rest, which carries the moment of the press
   const Vector3d tilt = kTilt * Vector3d(-std::sin(lean), std::cos(lean), 0);
   const Vector3d rest = tilt - kPress / kStiffness * Vector3d(at.y(), -at.x(), 0);
@@ -60,9 +60,9 @@ Vibrated vibrate(double lean, const Vector3d& at, int contacts, double w) {
   s.initial.euler = {tilt.y(), M_PI / 2 + tilt.x(), 0};
   s.initial.position = Vector3d(-2 * kChord, 0, 1e-4) + kHalfHeight * axis;
   s.initial.close = true;
-  s.friction = {1, 1};
+  s.mechanism.friction = {1, 1};
   s.contact.law = ContactLaw::kRigid;
-  s.exciter = {kForce, w, 0, 1};
+  s.mechanism.exciter = {kForce, w, 0, 1};
   s.solver.tolerance = 1e-10;
   Simulation simulation(s);
   const double period = 2 * M_PI / w;

@@ -83,7 +83,7 @@ void checkParameters(const AlignParameters& parameters);
 /// Runs a strategy until the peg's edge lies within the hole or a failure is named. `mechanism`
 /// gives the nominal parameters of the parts (not where they are). Throws InputError for bad
 /// parameters, PlantError when the plant fails.
-AlignResult align(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                   const std::function<void(const AlignProgress&)>& progress = nullptr);
 
 }  // namespace assembly_cell

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 

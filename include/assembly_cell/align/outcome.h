@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
 
@@ -17,11 +17,5 @@ double edgeReach(const Pose& X_HP, double peg_radius);
 inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius) {
   return edgeReach(X_HP, peg_radius) <= hole_radius;
 }
-
-/// A start for studies: the same mechanism with the peg hanging `height` over the plane (lowest
-/// edge point), its bottom centre off by offset [m] and its axis tilted by the rotation vector
-/// [rad].
-Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
-                 const Eigen::Vector2d& tilt, double height);
 
 }  // namespace assembly_cell

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "assembly_cell/locus/harmonic_fit.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 

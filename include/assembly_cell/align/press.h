@@ -2,12 +2,9 @@
 #pragma once
 
 #include "assembly_cell/align/plant.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
-
-/// Static stiffness of the coupling in the order of a wrench: x y z [N/m], about x y z [N·m/rad].
-Matrix6 couplingStiffness(const CouplingParameters& coupling);
 
 /// Limits of whatever moves the carrier.
 struct PressLimits {

@@ -22,7 +22,7 @@ class Search {
 
  protected:
   using Progress = std::function<void(const AlignProgress&)>;
-  Search(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+  Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
          const Progress& progress);
 
   struct Failure {
@@ -85,7 +85,7 @@ class Search {
   /// middle between the walls. True when the edge went in without resistance.
   bool enter(const Eigen::Vector3d& center);
 
-  const Scenario& mechanism_;
+  const Mechanism& mechanism_;
   const AlignParameters& p_;
   const Progress& progress_;
   Hand hand_;
@@ -120,16 +120,16 @@ Eigen::Vector2d axisTilt(const Eigen::Vector3d& axis);
 std::string text(const char* format, double a, double b = 0.0);
 
 // the strategies
-AlignResult singleContact(Plant& plant, const Scenario& mechanism,
+AlignResult singleContact(Plant& plant, const Mechanism& mechanism,
                           const AlignParameters& parameters,
                           const std::function<void(const AlignProgress&)>& progress);
-AlignResult doubleContact(Plant& plant, const Scenario& mechanism,
+AlignResult doubleContact(Plant& plant, const Mechanism& mechanism,
                           const AlignParameters& parameters,
                           const std::function<void(const AlignProgress&)>& progress);
 /// double_contact, and where that fails single_contact from the start again.
-AlignResult vibratory(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+AlignResult vibratory(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress);
-AlignResult twinForce(Plant& plant, const Scenario& mechanism, const AlignParameters& parameters,
+AlignResult twinForce(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress);
 
 }  // namespace assembly_cell

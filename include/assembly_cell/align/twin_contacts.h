@@ -5,14 +5,14 @@
 #include <vector>
 
 #include "assembly_cell/align/contact_window.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/twin_force/next_contact.h"
 
 namespace assembly_cell {
 
 /// What the cell's twin-force sensing is made of.
 struct TwinForceSetup {
-  Scenario mechanism;           ///< nominal parts; where they are is not used
+  Mechanism mechanism;          ///< nominal parts
   Pose X_AH;                    ///< hole in sensor_a
   Pose X_CP;                    ///< undeflected peg in the carrier
   TwinForceOptions options;     ///< a prior's pose is the nominal one

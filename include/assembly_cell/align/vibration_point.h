@@ -2,7 +2,7 @@
 #pragma once
 
 #include "assembly_cell/geometry/spatial.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 
@@ -33,6 +33,6 @@ struct VibrationDemand {
 /// every period: an error of 0.11/√A steps (Bessel series of a rounded sine) that no window
 /// averages out, so that coarse converters need force. Throws InputError where no frequency will
 /// do.
-VibrationPoint chooseVibration(const Scenario& mechanism, const VibrationDemand& demand);
+VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand& demand);
 
 }  // namespace assembly_cell

@@ -4,7 +4,7 @@
 #include <complex>
 
 #include "assembly_cell/locus/harmonic_fit.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 
@@ -40,13 +40,13 @@ struct ContactResponse {
 /// Response with the contact in direction alpha: horizontal direction from the centre of the peg's
 /// bottom edge [rad]. Throws InputError for an operating point without frequency or amplitude, or a
 /// coupling without a static map (singular stiffness).
-ContactResponse contactResponse(const Scenario& mechanism, const OperatingPoint& point,
+ContactResponse contactResponse(const Mechanism& mechanism, const OperatingPoint& point,
                                 double alpha);
 
 /// Frequency between the rocking resonances of an upright peg where |P| is smallest against |N| in
 /// the mean over alpha [rad/s]: the recommended operating point (without damping P vanishes there).
 /// Throws InputError if there is none.
-double operatingFrequency(const Scenario& mechanism, double press);
+double operatingFrequency(const Mechanism& mechanism, double press);
 
 /// Contact direction from a measured locus by inverting contactResponse.
 struct DirectionEstimate {
@@ -68,7 +68,7 @@ enum class LocusAxes {
 /// Weighted least squares over P and N. alpha is in hole axes either way. Refuse a misfit that
 /// noise cannot explain: then the model (mode, press, friction, amplitude) does not hold. Throws
 /// InputError as contactResponse, and for a locus of size zero.
-DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoint& point,
+DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                    const Locus& locus, LocusAxes axes = LocusAxes::kHole);
 
 /// Phasors of the centre of mass in the plane from those of the coupling's deflection as the
@@ -77,7 +77,7 @@ DirectionEstimate contactDirection(const Scenario& mechanism, const OperatingPoi
 /// exciter's angle, negative for a clockwise exciter [rad/s]. Tilts as in OperatingPoint.
 /// static_force: of the peg on the sensor, hole axes [N]; its arm moves with the deflection. Zero
 /// leaves the arm out.
-void centreOfMassPhasors(const Scenario& mechanism, double frequency,
+void centreOfMassPhasors(const Mechanism& mechanism, double frequency,
                          const Eigen::Matrix<std::complex<double>, 6, 1>& coupling,
                          std::complex<double>& x, std::complex<double>& y,
                          const Eigen::Vector2d& tilt = Eigen::Vector2d::Zero(),
@@ -86,12 +86,12 @@ void centreOfMassPhasors(const Scenario& mechanism, double frequency,
 
 /// Locus of the centre of mass from a fit of the six displacements, with the noise of all six
 /// carried over. frequency and tilts as in centreOfMassPhasors.
-Locus centreOfMassLocus(const Scenario& mechanism, double frequency, const HarmonicFit& fit,
+Locus centreOfMassLocus(const Mechanism& mechanism, double frequency, const HarmonicFit& fit,
                         const Eigen::Vector2d& tilt = Eigen::Vector2d::Zero(),
                         const Eigen::Vector2d& sensor_tilt = Eigen::Vector2d::Zero());
 
 /// Static contact force on the peg [N] from the mean deflection (untared), sensor axes taken as
 /// upright; z at least 0.
-Eigen::Vector3d contactForceFromDeflection(const Scenario& mechanism, const Vector6& deflection);
+Eigen::Vector3d contactForceFromDeflection(const Mechanism& mechanism, const Vector6& deflection);
 
 }  // namespace assembly_cell

@@ -25,13 +25,13 @@ struct HalfTurnEvidence {
 
 /// Vertical motion and yaw from a fit of the coupling's six displacements, as centreOfMassLocus
 /// without tilts. frequency: rate of the exciter's angle, negative for a clockwise one [rad/s].
-HalfTurnEvidence halfTurnEvidence(const Scenario& mechanism, double frequency,
+HalfTurnEvidence halfTurnEvidence(const Mechanism& mechanism, double frequency,
                                   const HarmonicFit& fit);
 
 /// Multiplies the odds of both directions by those of the evidence and puts the likelier first.
 /// What the model leaves out counts as a twentieth of the predicted motion, or the estimate's
 /// misfit where larger. axes: how the evidence was measured. Throws InputError as contactDirection.
-DirectionEstimate resolveHalfTurn(const Scenario& mechanism, const OperatingPoint& point,
+DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoint& point,
                                   const HalfTurnEvidence& evidence, DirectionEstimate estimate,
                                   LocusAxes axes = LocusAxes::kHole);
 

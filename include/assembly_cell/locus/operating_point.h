@@ -19,7 +19,7 @@ struct DirectionForecast {
 
 /// noise: covariance of one sample of the coupling's six displacements; samples: of the window.
 /// Throws InputError as contactResponse.
-DirectionForecast forecastDirection(const Scenario& mechanism, const OperatingPoint& point,
+DirectionForecast forecastDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                     const Matrix6& noise, double samples);
 
 /// When a reading is refused.
@@ -38,7 +38,7 @@ std::string refusalOf(const DirectionForecast& forecast, const ForecastLimits& l
 /// all but its frequency. rate: of the samples [Hz], at least three a turn; duration: of the window
 /// [s]. Throws InputError as operatingFrequency, and where the rate is too low for the whole
 /// octave.
-DirectionForecast chooseFrequency(const Scenario& mechanism, OperatingPoint point,
+DirectionForecast chooseFrequency(const Mechanism& mechanism, OperatingPoint point,
                                   const Matrix6& noise, double rate, double duration,
                                   const ForecastLimits& limits = {});
 

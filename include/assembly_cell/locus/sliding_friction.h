@@ -24,7 +24,7 @@ SlidingFriction slidingFriction(const Locus& locus, double force, double press);
 /// the coupling tell the motion, the motion the force at the contact; what of it opposes the slip
 /// of the peg's bottom, over the press, is μ. Throws InputError as contactResponse, and for a press
 /// of 0.
-SlidingFriction slidingFriction(const Scenario& mechanism, const OperatingPoint& point,
+SlidingFriction slidingFriction(const Mechanism& mechanism, const OperatingPoint& point,
                                 const HarmonicFit& fit);
 
 }  // namespace assembly_cell

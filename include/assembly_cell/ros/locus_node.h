@@ -21,7 +21,7 @@
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/locus/harmonic_fit.h"
 #include "assembly_cell/locus/sliding_locus.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -78,7 +78,7 @@ class LocusNode {
   std::string await(const ros::Time& start, const ros::Time& end, const Exciter& exciter);
 
   ros::NodeHandle nh_, pnh_;
-  Scenario mechanism_;
+  Mechanism mechanism_;
   double window_ = 0.0;  // [s]
   double false_alarm_ = 0.0;
   double indifference_ = 0.0;

@@ -30,8 +30,8 @@
 #include "assembly_cell/SetState.h"
 #include "assembly_cell/Step.h"
 #include "assembly_cell/StrainSamples.h"
+#include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/scene/cell_description.h"
-#include "assembly_cell/sensor/simulated_cell.h"
 
 namespace assembly_cell::ros_bridge {
 

@@ -34,7 +34,7 @@ class SupervisorNode {
   void executeContact(const MoveToContactGoalConstPtr& goal);
   AlignmentReport report(const AlignResult& result, double wall_time) const;
 
-  Scenario mechanism_;  ///< nominal parts; nothing of where they are
+  Mechanism mechanism_;  ///< nominal parts
   AlignParameters parameters_;
   PressLimits limits_;
 

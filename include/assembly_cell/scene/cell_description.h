@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
-#include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 
@@ -46,6 +46,7 @@ CellDescription loadCellDescription(const std::string& urdf,
 
 /// Throws InputError naming both values where scenario and description differ by more than 1e-9
 /// (relative). A scenario without hole.depth leaves the depth open.
-void checkAgainst(const CellDescription& description, const Scenario& scenario);
+void checkAgainst(const CellDescription& description, const Mechanism& mechanism,
+                  const std::string& scenario);
 
 }  // namespace assembly_cell

@@ -1,76 +1,15 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <limits>
 #include <string>
 #include <vector>
 
-#include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 
 // A scenario file, typed. SI units, frame `hole` (z out of the hole). Field by field the layout of
 // config/scenarios/*.yaml, see docs/interfaces.md.
-
-struct PegParameters {
-  double radius = 0.0;              ///< [m]
-  double half_height = 0.0;         ///< h: centre of mass to bottom edge circle [m]
-  double mass = 0.0;                ///< [kg]
-  double inertia_transverse = 0.0;  ///< about the centre of mass [kg m²]
-  double inertia_axial = 0.0;       ///< [kg m²]
-  double coupling_height = 0.0;     ///< d2: centre of mass to coupling, along the axis [m]
-  double exciter_height = 0.0;      ///< d1: centre of mass to the exciter's force [m]
-};
-
-struct HoleParameters {
-  double radius = 0.0;                                     ///< [m]
-  double depth = std::numeric_limits<double>::infinity();  ///< [m]
-};
-
-/// Rest pose of the mechanism: of the coupling point and the tilt it holds. Thesis x2e, x3e, x1e,
-/// theta1e, theta2e, theta3e.
-struct RestPose {
-  double x = 0.0;                     ///< x2e [m]
-  double y = 0.0;                     ///< x3e [m]
-  double z = 0.0;                     ///< x1e, height of the coupling point [m]
-  double yaw = 0.0;                   ///< theta1e [rad]
-  double theta = 1.5707963267948966;  ///< theta2e, upright π/2 [rad]
-  double phi = 0.0;                   ///< theta3e [rad]
-};
-
-struct CarrierParameters {
-  double mass = 0.0;                                    ///< [kg]
-  double inertia = 0.0;                                 ///< yaw [kg m²]
-  Eigen::Vector3d stiffness = Eigen::Vector3d::Zero();  ///< x, y [N/m], yaw [N m/rad]
-  Eigen::Vector3d damping = Eigen::Vector3d::Zero();    ///< x, y [N s/m], yaw [N m s/rad]
-  double max_speed = 0.05;                              ///< of the commanded rest pose [m/s]
-  double max_acceleration = 1.0;                        ///< [m/s²]
-};
-
-/// Symmetric 6×6 in thesis order z, x, y, about z, about x, about y: a diagonal plus (2,6), (3,5).
-struct CouplingMatrix {
-  Vector6 diagonal = Vector6::Zero();
-  double k26 = 0.0;  ///< x with rotation about y
-  double k35 = 0.0;  ///< y with rotation about x
-};
-
-struct CouplingParameters {
-  CouplingMatrix stiffness;  ///< [N/m], [N m/rad], cross [N/rad]
-  CouplingMatrix damping;    ///< [N s/m], [N m s/rad], cross [N s/rad]
-};
-
-/// Rotating exciting force in peg axes x, y at angle direction·(frequency·t + phase).
-struct ExciterParameters {
-  double amplitude = 0.0;  ///< [N]; 0 is off
-  double frequency = 0.0;  ///< [rad/s]
-  double phase = 0.0;      ///< [rad]
-  int direction = 1;       ///< +1 anticlockwise from above, −1 clockwise
-};
-
-struct FrictionParameters {
-  double static_coefficient = 0.0;
-  double sliding_coefficient = 0.0;
-};
 
 enum class ContactLaw { kNone, kSpringDashpot, kViscous, kRigid };
 
@@ -132,16 +71,10 @@ struct SolverParameters {
 struct Scenario {
   std::string name;
   double duration = 0.0;  ///< [s]
-  double gravity = 0.0;   ///< along −z [m/s²]
-  PegParameters peg;
-  HoleParameters hole;
-  CarrierParameters carrier;
-  CouplingParameters coupling;
+  Mechanism mechanism;
   RestPose rest;  ///< from carrier.rest and coupling.rest
-  ExciterParameters exciter;
   Eigen::Vector3d push =
       Eigen::Vector3d::Zero();  ///< constant force, peg axes, exciter's point [N]
-  FrictionParameters friction;
   ContactParameters contact;
   ThesisSwitches thesis;
   InitialState initial;

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "assembly_cell/align/align.h"
+#include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/scene/scenario.h"
-#include "assembly_cell/sensor/simulated_cell.h"
 
 namespace assembly_cell {
 

@@ -4,15 +4,18 @@
 #include <vector>
 
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/sensor/calibration.h"
-#include "assembly_cell/sensor/simulated_cell.h"
 
 namespace assembly_cell {
 
 /// The cell without ROS: mechanism, bridges, converters, calibrations and locus fit in one process.
 class SimulatedPlant : public Plant {
  public:
-  SimulatedPlant(const Scenario& scenario, const CellParameters& parameters);
+  /// Simulates `scenario`; displacements and loci are computed from the nominal mechanism, as the
+  /// driver and the estimator of a real cell do.
+  SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
+                 const CellParameters& parameters);
 
   PlantBlock next(const PlantCommand& command) override;
 
@@ -20,7 +23,7 @@ class SimulatedPlant : public Plant {
   Simulation& truth() { return cell_.simulation(); }
 
  private:
-  Scenario scenario_;
+  Mechanism nominal_;
   SimulatedCell cell_;
   Calibration calibration_a_, calibration_b_;
   Matrix6 rounding_a_, rounding_b_;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "assembly_cell/align/align.h"
-#include "assembly_cell/align/simulated_plant.h"
+#include "assembly_cell/cell/simulated_plant.h"
 
 namespace assembly_cell {
 
@@ -48,7 +48,7 @@ struct AlignTrial {
 
 /// Aligns in simulation from `start`; the strategy knows `mechanism` alone. A simulation that stops
 /// is a failure with its reason. Throws InputError.
-AlignTrial tryAlignment(const Scenario& start, const Scenario& mechanism,
+AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const CellParameters& cell, const AlignParameters& parameters,
                         const std::function<void(const AlignProgress&)>& progress = {});
 

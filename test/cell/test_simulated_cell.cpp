@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Mechanism and both strain bridges together.
-#include "assembly_cell/sensor/simulated_cell.h"
+#include "assembly_cell/cell/simulated_cell.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
 namespace {
@@ -157,7 +157,7 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   SimulatedCell cell(s, p);
   Simulation& sim = cell.simulation();
   const Calibration a = designCalibration(bridgeA(p.bits, 0.0));
-  const Calibration b = designCalibration(bridgeB(p.bits, 0.0), s.coupling);
+  const Calibration b = designCalibration(bridgeB(p.bits, 0.0), s.mechanism.coupling);
   RestPose down = s.rest;
   down.z -= 0.0034;  // the lowest point hangs 3 mm above the plane
   sim.setRestTarget(down);
@@ -169,7 +169,7 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   ASSERT_EQ(block.saturated_a[last] | block.saturated_b[last], 0);
   // everything about the origin of `hole`
   Vector6 weight = Vector6::Zero();
-  weight(2) = -p.hole_block_mass * s.gravity;
+  weight(2) = -p.hole_block_mass * s.mechanism.gravity;
   const Vector6 block_weight =
       transformWrench({Eigen::Matrix3d::Identity(), p.hole_block_center}, weight);
   const Vector6 on_hole =
@@ -178,9 +178,9 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   const Vector6 on_b =
       transformWrench(sim.carrierPose(), wrenchFromVolts(b, sample(block.volts_b, last)));
   const Pose peg = sim.pegPose();
-  weight(2) = -s.peg.mass * s.gravity;
+  weight(2) = -s.mechanism.peg.mass * s.mechanism.gravity;
   const Vector6 peg_weight = transformWrench(
-      {Eigen::Matrix3d::Identity(), peg.p + s.peg.half_height * peg.R.col(2)}, weight);
+      {Eigen::Matrix3d::Identity(), peg.p + s.mechanism.peg.half_height * peg.R.col(2)}, weight);
   const Vector6 on_peg = on_b - peg_weight;
   EXPECT_GT(on_peg(2), 5.0);
   // half a code of six channels, 0.3 uV, through the inverse of the strain matrix

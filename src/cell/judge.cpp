@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/align/judge.h"
+#include "assembly_cell/cell/judge.h"
 
 #include <Eigen/Cholesky>
 #include <cmath>
@@ -60,10 +60,10 @@ std::optional<double> Judge::directionError(const DirectionReading& reading) con
   return Eigen::Vector3d(A.ldlt().solve(b)).x();
 }
 
-AlignTrial tryAlignment(const Scenario& start, const Scenario& mechanism,
+AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const CellParameters& cell, const AlignParameters& parameters,
                         const std::function<void(const AlignProgress&)>& progress) {
-  SimulatedPlant plant(start, cell);
+  SimulatedPlant plant(start, mechanism, cell);
   Judge judge(plant);
   AlignTrial trial;
   try {
@@ -80,8 +80,8 @@ AlignTrial tryAlignment(const Scenario& start, const Scenario& mechanism,
     if (error) trial.direction_errors.push_back(std::abs(*error));
   }
   trial.X_HP = plant.truth().pegPose();
-  trial.success =
-      trial.result.success && edgeInside(trial.X_HP, start.peg.radius, start.hole.radius);
+  trial.success = trial.result.success &&
+                  edgeInside(trial.X_HP, start.mechanism.peg.radius, start.mechanism.hole.radius);
   if (trial.result.success && !trial.success) {
     trial.result.reason = "edge_outside: not inside the hole";
   }

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/align/simulated_plant.h"
+#include "assembly_cell/cell/simulated_plant.h"
 
 #include <cmath>
 
@@ -15,13 +15,14 @@ constexpr double kMostSteps = 3e6, kMostStepsPerSecond = 1e5;
 
 }  // namespace
 
-SimulatedPlant::SimulatedPlant(const Scenario& scenario, const CellParameters& parameters)
-    : scenario_(scenario),
+SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
+                               const CellParameters& parameters)
+    : nominal_(nominal),
       cell_(scenario, parameters),
       calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
       calibration_b_(
-          designCalibration(bridgeB(parameters.bits, parameters.noise), scenario.coupling)),
-      exciter_(scenario.exciter) {
+          designCalibration(bridgeB(parameters.bits, parameters.noise), nominal.coupling)),
+      exciter_(scenario.mechanism.exciter) {
   const Bridge bridge = bridgeA(parameters.bits, parameters.noise);
   const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);
   rounding_a_ = roundingCovariance(calibration_a_.volts_to_wrench, step);
@@ -88,7 +89,7 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   if (request_ && out.time >= request_->start + request_->duration - 1e-9) {
     const HarmonicFit fit = fitHarmonic(angles_, displacements_);
     LocusReading reading;
-    reading.locus = centreOfMassLocus(scenario_, exciter_.direction * exciter_.frequency, fit);
+    reading.locus = centreOfMassLocus(nominal_, exciter_.direction * exciter_.frequency, fit);
     reading.mode = decideMode(reading.locus);
     out.locus = reading;
     request_.reset();

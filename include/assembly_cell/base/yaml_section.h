@@ -81,4 +81,8 @@ YAML::Node loadYaml(const std::string& text, const std::string& source);
 /// way, so that a node shared through a YAML alias changes in one place only.
 YAML::Node withOverride(const YAML::Node& root, const std::string& text);
 
+/// A mapping of keys with overrides applied.
+YAML::Node loadMapping(const std::string& text, const std::string& source,
+                       const std::vector<std::string>& overrides);
+
 }  // namespace assembly_cell::yaml

@@ -1,9 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/sensor/simulated_cell.h"
+#include "assembly_cell/cell/simulated_cell.h"
 
 #include <Eigen/LU>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
 
@@ -16,13 +16,7 @@ Calibration designCalibration(const Bridge& bridge) {
 
 Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling) {
   Calibration c = designCalibration(bridge);
-  // coupling stiffness in the order of a wrench: x y z, about x y z
-  const Vector6& k = coupling.stiffness.diagonal;
-  Matrix6 K = Matrix6::Zero();
-  K.diagonal() << k(1), k(2), k(0), k(4), k(5), k(3);
-  K(0, 4) = K(4, 0) = coupling.stiffness.k26;
-  K(1, 3) = K(3, 1) = coupling.stiffness.k35;
-  const Eigen::FullPivLU<Matrix6> lu(K);
+  const Eigen::FullPivLU<Matrix6> lu(couplingStiffness(coupling));
   if (!lu.isInvertible()) {
     throw InputError(
         "coupling.stiffness: singular, so the coupling can't serve as a displacement sensor; give "
@@ -43,7 +37,7 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
       normal_b_(2 * parameters.seed + 1),
       normal_accelerometers_(~parameters.seed) {
   Vector6 weight = Vector6::Zero();
-  weight(2) = -parameters.hole_block_mass * scenario.gravity;
+  weight(2) = -parameters.hole_block_mass * scenario.mechanism.gravity;
   const Pose X_block{Eigen::Matrix3d::Identity(), parameters.hole_block_center};
   block_weight_ = transformWrench(parameters.X_AH * X_block, weight);
 }
@@ -57,7 +51,7 @@ Eigen::Vector2d SimulatedCell::accelerometers() {
   const Eigen::Vector3d turn = k.Re * rate.segment<3>(3) + k.Re_rate * euler_rates;
   const Eigen::Vector3d arm = parameters_.accelerometer_height * k.a;
   Eigen::Vector3d felt = rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
-  felt[0] += simulation_.scenario().gravity;  // thesis axis 1 is up
+  felt[0] += simulation_.scenario().mechanism.gravity;  // thesis axis 1 is up
   // peg axes: x is the thesis's second, y against its first
   Eigen::Vector2d reading(k.R1.dot(felt), -k.R0.dot(felt));
   for (double& axis : reading) axis += parameters_.accelerometer_noise * normal_accelerometers_();

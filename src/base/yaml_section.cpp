@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "yaml_section.h"
+#include "assembly_cell/base/yaml_section.h"
 
 #include <algorithm>
 #include <cctype>
@@ -10,7 +10,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "assembly_cell/scene/input_error.h"
+#include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell::yaml {
 
@@ -295,6 +295,16 @@ YAML::Node withOverride(const YAML::Node& root, const std::string& text) {
   }
   const YAML::Node value = loadYaml(text.substr(equals + 1), "--set " + text);
   return withValue(root, keys, 0, value, text);
+}
+
+YAML::Node loadMapping(const std::string& text, const std::string& source,
+                       const std::vector<std::string>& overrides) {
+  YAML::Node root = loadYaml(text, source);
+  if (!root.IsMap()) {
+    refuse(source, "file", shown(root), "give a mapping of keys, see docs/interfaces.md");
+  }
+  for (const std::string& change : overrides) root.reset(withOverride(root, change));
+  return root;
 }
 
 }  // namespace assembly_cell::yaml

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/scene/csv_text.h"
+#include "assembly_cell/base/csv_text.h"
 
 namespace assembly_cell {
 

@@ -1,0 +1,14 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+
+/// A start for studies: the same mechanism with the peg hanging `height` over the plane (lowest
+/// edge point), its bottom centre off by offset [m] and its axis tilted by the rotation vector
+/// [rad].
+Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
+                 const Eigen::Vector2d& tilt, double height);
+
+}  // namespace assembly_cell
