@@ -98,27 +98,15 @@ AlignResult Search::run() {
   return result;
 }
 
-Pose Search::worldPose(const RestPose& rest) const {
-  return {rotationFromEuler({rest.phi, rest.theta, rest.yaw}), Vec3(rest.x, rest.y, rest.z)};
-}
-
 RestPose Search::restFor(const Vec3& p, const Mat3& R) const {
   const Pose X_W = X_WS_ * Pose{R, p + length_ * R.col(2)};
-  const EulerAngles angles = eulerFromRotation(X_W.R);
-  RestPose rest;
-  rest.x = X_W.p.x();
-  rest.y = X_W.p.y();
-  rest.z = X_W.p.z();
-  rest.yaw = angles.psi;
-  rest.theta = angles.theta;
-  rest.phi = angles.phi;
-  return rest;
+  return restFromPose(X_W);
 }
 
 Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
   const Pose deflected{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()};
   const Pose bottom{Mat3::Identity(), Vec3(0, 0, -length_)};
-  return inverse(X_WS_) * worldPose(carrier) * deflected * bottom;
+  return inverse(X_WS_) * poseFromRest(carrier) * deflected * bottom;
 }
 
 Search::Touch Search::feel() {
@@ -130,10 +118,10 @@ Search::Touch Search::feel() {
     d += deflection() / kFeelBlocks;
   }
   // the weight has turned since the tare
-  const Pose X_WC = worldPose(hand_.last().carrier);
+  const Pose X_WC = poseFromRest(hand_.last().carrier);
   const Vec3 up = Vec3::UnitZ();
   w -= pegWeight(mechanism_.peg, mechanism_.gravity, X_WC.R.transpose() * up, d) -
-       pegWeight(mechanism_.peg, mechanism_.gravity, worldPose(hand_.tarePose()).R.transpose() * up,
+       pegWeight(mechanism_.peg, mechanism_.gravity, poseFromRest(hand_.tarePose()).R.transpose() * up,
                  Vector6::Zero());
   const Pose X_CQ = Pose{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()} *
                     Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
@@ -208,7 +196,7 @@ void Search::report(const char* state, const std::string& message) {
 
 bool Search::begin() {
   hand_.tare();
-  X_WS_ = worldPose(hand_.last().carrier);
+  X_WS_ = poseFromRest(hand_.last().carrier);
   reference_time_ = hand_.last().time;
   report("tare", "hanging free");
   return alreadyIn();
@@ -245,7 +233,7 @@ bool Search::enter(const Vec3& center) {
   // up along the normal before sideways and straight
   Vec3 above = pegPose(hand_.target(), Vector6::Zero()).p;
   above += hole_.normal * std::max(0.0, kTravel - hole_.normal.dot(above) + hole_.height);
-  hand_.moveTo(restFor(above, (inverse(X_WS_) * worldPose(hand_.target())).R));
+  hand_.moveTo(restFor(above, (inverse(X_WS_) * poseFromRest(hand_.target())).R));
   // the hanging peg sags differently in this pose
   Vec3 target = center + kClear * hole_.normal;
   hand_.moveTo(restFor(target + kTravel * hole_.normal, R));

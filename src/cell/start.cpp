@@ -25,4 +25,10 @@ Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
   return s;
 }
 
+Pose carrierBase(const Scenario& scenario) {
+  RestPose base = scenario.rest;
+  base.yaw = 0.0;
+  return poseFromRest(base);
+}
+
 }  // namespace assembly_cell

@@ -181,6 +181,16 @@ Mechanism readMechanism(Section& in, RestPose* rest) {
 
 }  // namespace mechanism_file
 
+Pose poseFromRest(const RestPose& rest) {
+  return {rotationFromEuler({rest.phi, rest.theta, rest.yaw}),
+          Eigen::Vector3d(rest.x, rest.y, rest.z)};
+}
+
+RestPose restFromPose(const Pose& pose) {
+  const EulerAngles angles = eulerFromRotation(pose.R);
+  return {pose.p.x(), pose.p.y(), pose.p.z(), angles.psi, angles.theta, angles.phi};
+}
+
 Matrix6 couplingStiffness(const CouplingParameters& coupling) {
   const Vector6& k = coupling.stiffness.diagonal;  // order z, x, y, about z, x, y
   Matrix6 K = Matrix6::Zero();

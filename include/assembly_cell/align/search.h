@@ -68,9 +68,8 @@ class Search {
   /// the peg's middle, and the crossing's normal is within 20 degrees of upright at this tilt. [m]
   double trapWidth(double tilt) const;
 
-  Pose worldPose(const RestPose& rest) const;
   /// Carrier in S.
-  Pose carrierPose() const { return inverse(X_WS_) * worldPose(hand_.last().carrier); }
+  Pose carrierPose() const { return inverse(X_WS_) * poseFromRest(hand_.last().carrier); }
   /// Rest pose whose undeflected peg has its bottom centre at p and its axes along R.
   RestPose restFor(const Eigen::Vector3d& p, const Eigen::Matrix3d& R) const;
   /// Frame `peg` in S from a carrier pose and a deflection.

@@ -38,6 +38,10 @@ struct RestPose {
   double phi = 0.0;                   ///< theta3e [rad]
 };
 
+/// Pose of the coupling point at rest in the frame of `rest`, and back.
+Pose poseFromRest(const RestPose& rest);
+RestPose restFromPose(const Pose& pose);
+
 struct CarrierParameters {
   double mass = 0.0;                                    ///< [kg]
   double inertia = 0.0;                                 ///< yaw [kg m²]
