@@ -9,6 +9,7 @@
 #include <random>
 
 #include "contact_reference.h"
+#include "single_slot.h"
 
 namespace assembly_cell {
 namespace {
@@ -332,6 +333,15 @@ TEST_F(ContactDegenerate, ClearanceIsALowerBound) {
     }
   }
   EXPECT_GT(positive, 100);
+}
+
+TEST_F(ContactDegenerate, CoaxialEqualCirclesHaveNoContactPoint) {
+  const EdgeCircle e = edgeAt(Eigen::Vector3d::Zero(), 0, 0, 0, kRadius);
+  for (int slot = 0; slot < 2; ++slot) {
+    EXPECT_FALSE(findEdgeEdge(e, kRadius, slot, false, 0).valid);
+    EXPECT_FALSE(findEdgeEdge(e, kRadius, slot, true, 1.0).valid);
+  }
+  EXPECT_FALSE(findEdgePlane(e, kRadius).valid);
 }
 
 }  // namespace

@@ -12,7 +12,7 @@
 #include <random>
 #include <vector>
 
-#include "assembly_cell/scene/part_pairs.h"
+#include "contact_reference.h"
 #include "single_slot.h"
 
 namespace assembly_cell {
@@ -22,16 +22,12 @@ using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kRadius = 0.025;
 constexpr double kHoleRadius = 0.0251;
 
 // Edge whose lowest point lies in the direction of `lean` (angle from axis 2), tilted by `tilt`.
 EdgeCircle edgeAt(const Vector3d& center, double tilt, double lean, double spin = 0.0) {
-  const Vector3d sideways(0.0, -std::sin(lean), std::cos(lean));
-  const Matrix3d R =
-      (AngleAxisd(tilt, sideways) * AngleAxisd(spin, Vector3d::UnitX())).toRotationMatrix();
-  return {center, R.col(1), R.col(2), kRadius};
+  return assembly_cell::edgeAt(center, tilt, lean, spin, kRadius);
 }
 
 Vector3d pointOf(const EdgeCircle& e, double t) {
@@ -443,14 +439,6 @@ TEST_F(ContactGeometry, WhollyInsideOrOutsideIsNoContact) {
   }
 }
 
-TEST_F(ContactGeometry, CoaxialEqualCirclesHaveNoContactPoint) {
-  for (int slot = 0; slot < 2; ++slot) {
-    EXPECT_FALSE(findEdgeEdge(edgeAt(Vector3d::Zero(), 0, 0), kRadius, slot, false, 0).valid);
-    EXPECT_FALSE(findEdgeEdge(edgeAt(Vector3d::Zero(), 0, 0), kRadius, slot, true, 1.0).valid);
-  }
-  EXPECT_FALSE(findEdgePlane(edgeAt(Vector3d::Zero(), 0, 0), kRadius).valid);
-}
-
 // Parallel circles: the contacts are their crossings, all normals upright.
 TEST_F(ContactGeometry, UprightPegTouchesWhereTheCirclesCross) {
   const double offset = 0.004, height = -1e-6;
@@ -501,33 +489,6 @@ TEST_F(ContactGeometry, NeverNaN) {
     }
   }
   EXPECT_GT(valid, 10000);
-}
-
-// FCL, which knows bodies and not edges: lifted by the depth a cylinder just leaves a big box.
-TEST_F(ContactGeometry, DepthOnThePlaneAgreesWithFcl) {
-  const double half_height = 0.03;
-  PartShape block;  // top face in the plane; the hole is out of reach
-  block.size = Vector3d(1, 1, 0.2);
-  block.X_PS.p = Vector3d(0.5 + 0.08, 0, -0.1);
-  for (int i = 0; i < 50; ++i) {
-    EdgeCircle e = edgeAt({0, 0.3, uniform(-0.1, 0.1)}, uniform(0.05, 0.6), uniform(-kPi, kPi));
-    const double depth = uniform(1e-4, 2e-3);
-    e.center(0) = edgeHeight(e).amplitude - depth;
-    const ContactPoint c = findEdgePlane(e, kHoleRadius);
-    ASSERT_TRUE(c.valid);
-    PartShape peg;
-    peg.kind = PartShape::Kind::kCylinder;
-    peg.size = Vector3d(2 * kRadius, 2 * kRadius, 2 * half_height);
-    const Vector3d axis = fromThesisAxes(e.axis0.cross(e.axis1));
-    peg.X_PS.R << fromThesisAxes(e.axis0), fromThesisAxes(e.axis1), axis;
-    const Vector3d middle = fromThesisAxes(e.center) + half_height * axis;
-    // FCL's search of bodies is exact to its default tolerance of 1e-6 m; a tenth of the depth
-    const double margin = 1e-5;
-    peg.X_PS.p = middle + Vector3d(0, 0, -c.gap - margin);
-    EXPECT_TRUE(shapesMeet(peg, block)) << i;
-    peg.X_PS.p = middle + Vector3d(0, 0, -c.gap + margin);
-    EXPECT_FALSE(shapesMeet(peg, block)) << i;
-  }
 }
 
 }  // namespace

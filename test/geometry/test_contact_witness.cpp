@@ -193,5 +193,33 @@ TEST_F(ContactWitness, FclAgreesATenthOfAMillimetreFromTouch) {
   for (const int n : {met[0], met[1], met[2], met[3]}) EXPECT_GT(n, 5);
 }
 
+// FCL, which knows bodies and not edges: lifted by the depth a cylinder just leaves a big box.
+TEST_F(ContactWitness, DepthOnThePlaneAgreesWithFcl) {
+  const double half_height = 0.03;
+  PartShape block;  // top face in the plane; the hole is out of reach
+  block.size = Vector3d(1, 1, 0.2);
+  block.X_PS.p = Vector3d(0.5 + 0.08, 0, -0.1);
+  for (int i = 0; i < 50; ++i) {
+    EdgeCircle e =
+        edgeAt({0, 0.3, uniform(-0.1, 0.1)}, uniform(0.05, 0.6), uniform(-kPi, kPi), 0.0, kRadius);
+    const double depth = uniform(1e-4, 2e-3);
+    e.center(0) = edgeHeight(e).amplitude - depth;
+    const ContactPoint c = findEdgePlane(e, 0.0251);
+    ASSERT_TRUE(c.valid);
+    PartShape peg;
+    peg.kind = PartShape::Kind::kCylinder;
+    peg.size = Vector3d(2 * kRadius, 2 * kRadius, 2 * half_height);
+    const Vector3d axis = fromThesisAxes(e.axis0.cross(e.axis1));
+    peg.X_PS.R << fromThesisAxes(e.axis0), fromThesisAxes(e.axis1), axis;
+    const Vector3d middle = fromThesisAxes(e.center) + half_height * axis;
+    // FCL's search of bodies is exact to its default tolerance of 1e-6 m; a tenth of the depth
+    const double margin = 1e-5;
+    peg.X_PS.p = middle + Vector3d(0, 0, -c.gap - margin);
+    EXPECT_TRUE(shapesMeet(peg, block)) << i;
+    peg.X_PS.p = middle + Vector3d(0, 0, -c.gap + margin);
+    EXPECT_FALSE(shapesMeet(peg, block)) << i;
+  }
+}
+
 }  // namespace
 }  // namespace assembly_cell

@@ -36,6 +36,7 @@ TEST(Validity, NeverNaN) {
     if (unit(random) > 0.95) return 0.0;
     return std::copysign(std::pow(10.0, reach * unit(random)), unit(random) + 0.8);
   };
+  const auto body = [&] { return LocusCase{any(), any(), any(), any(), any(), any()}; };
   const std::function<double()> calls[] = {
       [&] {
         const ContactInertia i = contactInertia(any(), any(), any());
@@ -80,13 +81,8 @@ TEST(Validity, NeverNaN) {
         const RigSlide x = rigSlide({any(), any(), any(), any(), any()}, any());
         return finite(x.time) + finite(x.x);
       },
-      [&] {
-        return finite(isotropicLocus({any(), any(), any(), any(), any(), any()}, any(), any()));
-      },
-      [&] {
-        return finite(
-            transverseLocus({any(), any(), any(), any(), any(), any()}, any(), any(), any()));
-      },
+      [&] { return finite(isotropicLocus(body(), any(), any())); },
+      [&] { return finite(transverseLocus(body(), any(), any(), any())); },
       [&] { return finite(slidingLocus(any(), any(), any(), any(), any())); },
       [&] {
         SupportMatrix K6, C6;
@@ -94,8 +90,7 @@ TEST(Validity, NeverNaN) {
           K6(i) = any();
           C6(i) = any();
         }
-        return finite(
-            generalLocus({any(), any(), any(), any(), any(), any()}, any(), any(), any(), K6, C6));
+        return finite(generalLocus(body(), any(), any(), any(), K6, C6));
       }};
   for (const double decades : {0.5, 3.0, 40.0, 150.0, 300.0}) {
     reach = decades;
