@@ -72,9 +72,8 @@ int main() {
   std::vector<twin_force::Term> terms;
   const std::vector<int> used = {0, 1, 2, 3};
   for (const TwinContact& contact : four) terms.push_back(twin_force::makeTerm(contact));
-  report("robust form without its likelihood step, 4 contacts", marker, 5, [&] {
-    return twin_force::solveRobust(terms, used, Pose()).pose.p.x();
-  });
+  report("robust form without its likelihood step, 4 contacts", marker, 5,
+         [&] { return twin_force::solveRobust(terms, used, Pose()).pose.p.x(); });
   const auto whole = [&](const char* name, double limit, const std::vector<TwinContact>& contacts,
                          const TwinForceOptions& options) {
     report(name, marker, limit,

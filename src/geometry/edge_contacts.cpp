@@ -9,6 +9,7 @@ namespace assembly_cell {
 namespace contact_search {
 namespace {
 
+// of half a circle; half and twice of them: other contacts in 24 and 8 of 360 000 random searches
 constexpr int kScanPoints = 48;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 

@@ -53,16 +53,9 @@ std::optional<double> firstReturn(double step, double end, const Function& f) {
 }  // namespace
 
 FreeFlightState freeFlight(const FreeFlight& f, double t) {
-  requirePositive("m", f.m);
-  requirePositive("I", f.I);
-  requireNotNegative("kx", f.kx);
-  requireNotNegative("Krot", f.Krot);
-  requirePositive("h", f.h);
-  requireNotNegative("l", f.l);
-  requirePositive("r", f.r);
-  requireNotNegative("J", f.J);
-  requireNotNegative("g", f.g);
-  requireNotNegative("t", t);
+  requirePositive({{"m", f.m}, {"I", f.I}, {"h", f.h}, {"r", f.r}});
+  requireNotNegative(
+      {{"kx", f.kx}, {"Krot", f.Krot}, {"l", f.l}, {"J", f.J}, {"g", f.g}, {"t", t}});
   const double arm = f.l + f.h, a = f.kx / f.m, b = (f.Krot + f.kx * arm * arm) / f.I;
   // roots of w⁴ − (a + b) w² + a Krot/I; the smaller by the product, so it may be 0
   const double coupling = a * arm * std::sqrt(f.m / f.I);
@@ -79,15 +72,9 @@ FreeFlightState freeFlight(const FreeFlight& f, double t) {
 }
 
 TipResult tipBounce(const TipCase& c) {
-  requirePositive("m", c.m);
-  requirePositive("g", c.g);
-  requirePositive("r", c.r);
-  requirePositive("h", c.h);
-  requireNotNegative("l", c.l);
-  requireNotNegative("kx", c.kx);
-  requirePositive("K_chord", c.K_chord);
-  requireNotNegative("F", c.F);
-  requirePositive("w", c.w);
+  requirePositive(
+      {{"m", c.m}, {"g", c.g}, {"r", c.r}, {"h", c.h}, {"K_chord", c.K_chord}, {"w", c.w}});
+  requireNotNegative({{"l", c.l}, {"kx", c.kx}, {"F", c.F}});
   if (!(c.alpha >= 0.0 && c.alpha <= M_PI / 2)) {
     refuse("alpha", c.alpha, "give the half contact angle, from 0 to a right angle");
   }

@@ -7,9 +7,7 @@ namespace assembly_cell {
 namespace {
 
 void requireCylinder(double m, double r, double h) {
-  requirePositive("m", m);
-  requirePositive("r", r);
-  requirePositive("h", h);
+  requirePositive({{"m", m}, {"r", r}, {"h", h}});
 }
 
 }  // namespace
@@ -45,12 +43,8 @@ double chordInertia(double m, double r, double h, double d) {
 }
 
 double chordStiffness(double kx, double kz, double KY, double h, double l, double d) {
-  requireNotNegative("kx", kx);
-  requireNotNegative("kz", kz);
-  requireNotNegative("KY", KY);
+  requireNotNegative({{"kx", kx}, {"kz", kz}, {"KY", KY}, {"l", l}, {"d", d}});
   requirePositive("h", h);
-  requireNotNegative("l", l);
-  requireNotNegative("d", d);
   const double arm = 2 * h + l;
   return finiteResult("K", kx * arm * arm + KY + kz * d * d);
 }

@@ -21,8 +21,7 @@ constexpr const char* kSingular =
 constexpr const char* kResonance = "undamped resonance: change w or give a damping";
 
 void requireCase(const LocusCase& s) {
-  requireNotNegative("F", s.F);
-  requireNotNegative("w", s.w);
+  requireNotNegative({{"F", s.F}, {"w", s.w}});
   requireFinite("alpha", s.alpha);
 }
 
@@ -119,10 +118,8 @@ PlanarLocus doubleContactLocus(const LocusCase& s, double d, double K, double c)
 }
 
 PlanarLocus slidingLocus(double m, double k, double F, double mu_N, double w) {
-  requirePositive("m", m);
-  requireNotNegative("k", k);
-  requireNotNegative("mu_N", mu_N);
-  requirePositive("w", w);
+  requirePositive({{"m", m}, {"w", w}});
+  requireNotNegative({{"k", k}, {"mu_N", mu_N}});
   if (!(F > mu_N) || !std::isfinite(F)) refuse("F", F, "give more than mu_N, else the peg sticks");
   const double stiff = k - m * w * w;
   if (!(std::abs(stiff) > kRounding * (k + m * w * w))) refuse("w", w, kResonance);
@@ -134,9 +131,8 @@ PlanarLocus slidingLocus(double m, double k, double F, double mu_N, double w) {
 PlanarLocus generalLocus(const LocusCase& s, double l, double hF, double g, const SupportMatrix& K6,
                          const SupportMatrix& C6) {
   requireCase(s);
-  requireNotNegative("l", l);
+  requireNotNegative({{"l", l}, {"g", g}});
   requireFinite("hF", hF);
-  requireNotNegative("g", g);
   const double centroid = centroidInertia(s.m, s.r, s.h), axial = s.m * s.r * s.r / 2;
   // from the contact to the centre of mass; force and support lie on the same axis
   const double x = -s.r * std::cos(s.alpha), y = -s.r * std::sin(s.alpha), z = s.h;

@@ -16,10 +16,7 @@ constexpr int kMaxTurns = 1000000;
 constexpr double kKnifeEdge = 1e-12;
 
 void requireRig(const RigCase& c) {
-  requirePositive("M_over_L", c.M_over_L);
-  requirePositive("f_hz", c.f_hz);
-  requirePositive("K", c.K);
-  requirePositive("g", c.g);
+  requirePositive({{"M_over_L", c.M_over_L}, {"f_hz", c.f_hz}, {"K", c.K}, {"g", c.g}});
   finiteResult("K g", c.K * c.g);
   finiteResult("M_over_L", 2 * c.M_over_L);
 }

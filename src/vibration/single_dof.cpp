@@ -86,16 +86,15 @@ SingleDofState damped(const SingleDof& s, double t) {
 }  // namespace
 
 SingleDofState singleDof(const SingleDof& s, double t) {
-  requirePositive("I", s.I);
-  requirePositive("K", s.K);
+  requirePositive({{"I", s.I}, {"K", s.K}});
   requireNotNegative("c", s.c);
-  requireFinite("A", s.A);
-  requireFinite("B", s.B);
-  requireFinite("C", s.C);
-  requireFinite("w", s.w);
-  requireFinite("t1", s.t1);
-  requireFinite("th1", s.th1);
-  requireFinite("thd1", s.thd1);
+  requireFinite({{"A", s.A},
+                 {"B", s.B},
+                 {"C", s.C},
+                 {"w", s.w},
+                 {"t1", s.t1},
+                 {"th1", s.th1},
+                 {"thd1", s.thd1}});
   if (!(t >= s.t1) || !std::isfinite(t)) refuse("t", t, "give a time, at least t1");
   const SingleDofState x = s.c == 0.0 ? undamped(s, t) : damped(s, t);
   finiteResult("theta", x.theta);

@@ -12,15 +12,8 @@ namespace {
 constexpr double kMaxSwing = 0.5;  // [rad]; beyond it small motion means nothing
 
 void requireCase(const SlidingCase& s) {
-  requirePositive("K", s.K);
-  requirePositive("I", s.I);
-  requireNotNegative("w", s.w);
-  requirePositive("h", s.h);
-  requireNotNegative("kx", s.kx);
-  requireNotNegative("l", s.l);
-  requirePositive("m", s.m);
-  requirePositive("g", s.g);
-  requireNotNegative("d", s.d);
+  requirePositive({{"K", s.K}, {"I", s.I}, {"h", s.h}, {"m", s.m}, {"g", s.g}});
+  requireNotNegative({{"w", s.w}, {"kx", s.kx}, {"l", s.l}, {"d", s.d}});
   if (!(std::abs(s.phi) < M_PI / 2)) refuse("phi", s.phi, "give a tilt below a right angle");
   if (!(s.theta >= 0.0 && s.theta < M_PI / 2)) {
     refuse("theta", s.theta, "give an amplitude from 0 to a right angle");
@@ -91,10 +84,8 @@ SlidingRatio slidingRatio(const SlidingCase& s) {
 }
 
 DesignPoint designPoint(const DesignCase& c, double w, double F) {
-  requireNotNegative("F", F);
-  requireNotNegative("mu", c.mu);
-  requirePositive("m", c.m);
-  requirePositive("g", c.g);
+  requireNotNegative({{"F", F}, {"mu", c.mu}});
+  requirePositive({{"m", c.m}, {"g", c.g}});
   if (!(c.d >= 0.0 && c.d < c.r)) refuse("d", c.d, "give the chord's distance, from 0 to below r");
   SlidingCase s{c.K, chordInertia(c.m, c.r, c.h, c.d), w, c.h, c.kx, c.l, c.m, c.g, c.phi, 0.0,
                 c.d};

@@ -22,10 +22,8 @@ double dynamicStiffness(double K, double I, double w) {
 
 ContactRotation singleContact(const SingleContactCase& s, double t) {
   requirePositive("K", s.K);
-  requireNotNegative("F", s.F);
-  requireNotNegative("w", s.w);
-  requireFinite("alpha", s.alpha);
-  requireFinite("t", t);
+  requireNotNegative({{"F", s.F}, {"w", s.w}});
+  requireFinite({{"alpha", s.alpha}, {"t", t}});
   const ContactInertia i = contactInertia(s.m, s.r, s.h);
   const double tau = s.w * t - s.alpha;
   requireFinite("w t", tau);
@@ -41,13 +39,9 @@ ContactRotation singleContact(const SingleContactCase& s, double t) {
 }
 
 double doubleContact(double F, double h, double K, double I, double w, double t) {
-  requireNotNegative("F", F);
-  requirePositive("h", h);
-  requirePositive("K", K);
-  requirePositive("I", I);
-  requireNotNegative("w", w);
-  requireFinite("t", t);
-  requireFinite("w t", w * t);
+  requireNotNegative({{"F", F}, {"w", w}});
+  requirePositive({{"h", h}, {"K", K}, {"I", I}});
+  requireFinite({{"t", t}, {"w t", w * t}});
   return finiteResult("theta", 2 * F * h * std::cos(w * t) / dynamicStiffness(K, I, w));
 }
 

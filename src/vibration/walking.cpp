@@ -125,13 +125,8 @@ class Walker {
 };
 
 void requireWalk(const WalkCase& c) {
-  requirePositive("m", c.m);
-  requirePositive("g", c.g);
-  requirePositive("r", c.r);
-  requirePositive("h", c.h);
-  requirePositive("K", c.K);
+  requirePositive({{"m", c.m}, {"g", c.g}, {"r", c.r}, {"h", c.h}, {"K", c.K}, {"w", c.w}});
   requireNotNegative("F", c.F);
-  requirePositive("w", c.w);
   if (!(c.cos_alpha >= 0.0 && c.cos_alpha < 1.0)) {
     refuse("cos_alpha", c.cos_alpha, "give d/r, from 0 to below 1: two contacts apart");
   }
@@ -144,8 +139,7 @@ void requireWalk(const WalkCase& c) {
 
 WalkingLimit walkingLimit(double mu, double r, double h) {
   requireNotNegative("mu", mu);
-  requirePositive("r", r);
-  requirePositive("h", h);
+  requirePositive({{"r", r}, {"h", h}});
   const double sine = std::min(1.0, 2 * h * (mu / r));
   const double cosine = std::sqrt((1 - sine) * (1 + sine));
   return {std::asin(sine), finiteResult("overlap", 2 * r * sine * sine / (1 + cosine))};

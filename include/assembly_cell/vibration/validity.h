@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cmath>
+#include <initializer_list>
+#include <utility>
 
 namespace assembly_cell {
 
@@ -19,6 +21,19 @@ inline void requirePositive(const char* name, double value) {
 inline void requireNotNegative(const char* name, double value) {
   if (!(value >= 0.0) || !std::isfinite(value)) refuse(name, value, "give a number, at least 0");
 }
+
+/// The same of several, each with its name.
+using Named = std::initializer_list<std::pair<const char*, double>>;
+inline void requireFinite(Named values) {
+  for (const auto& v : values) requireFinite(v.first, v.second);
+}
+inline void requirePositive(Named values) {
+  for (const auto& v : values) requirePositive(v.first, v.second);
+}
+inline void requireNotNegative(Named values) {
+  for (const auto& v : values) requireNotNegative(v.first, v.second);
+}
+
 /// A result, or a refusal when the input was so large or small that it overflowed.
 inline double finiteResult(const char* name, double value) {
   if (!std::isfinite(value)) {
