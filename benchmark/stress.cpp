@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
       continue;
     }
     ++reasons[v.reason];
-    if (!v.finite || v.hung || v.gain > stress::kGain || v.reason == "unknown") {
+    if (!v.finite || v.hung || !(v.gain < 1.0) || v.reason == "unknown") {
       ++wrong;
       std::printf("seed %d: %s, %s%s%s, gain %.1e, %.1f s\n", seed, v.scene.c_str(),
                   v.reason.c_str(), v.finite ? "" : ", not finite", v.hung ? ", hung" : "", v.gain,
@@ -49,7 +49,8 @@ int main(int argc, char** argv) {
   }
   for (const auto& [reason, count] : reasons) std::printf("%6d %s\n", count, reason.c_str());
   std::printf(
-      "worst energy gain %.1e (seed %d, %s)\nmost evaluations %.0f (seed %d, %s)\n%d wrong\n",
+      "worst energy gain %.1e of what the tolerance allows (seed %d, %s)\nmost evaluations %.0f "
+      "(seed %d, %s)\n%d wrong\n",
       gain.gain, gain_seed, gain.scene.c_str(), slow.evaluations, slow_seed, slow.scene.c_str(),
       wrong);
   return wrong > 0 ? 1 : 0;

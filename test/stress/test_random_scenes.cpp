@@ -34,14 +34,15 @@ TEST(Stress, RandomScenes) {
     EXPECT_TRUE(v.finite) << "seed " << seed << ", " << v.scene;
     EXPECT_FALSE(v.hung) << "seed " << seed << ", " << v.scene;
     EXPECT_NE(v.reason, "unknown") << "seed " << seed;
-    EXPECT_LT(v.gain, stress::kGain) << "seed " << seed << ", " << v.scene << ", " << v.reason;
+    EXPECT_LT(v.gain, 1.0) << "seed " << seed << ", " << v.scene << ", " << v.reason;
     if (v.gain > gain.gain) gain = v, gain_seed = seed;
     if (v.evaluations > slow.evaluations) slow = v, slow_seed = seed;
   }
   for (const auto& [reason, count] : reasons) std::printf("%6d %s\n", count, reason.c_str());
-  std::printf("worst energy gain %.1e (seed %d, %s); most evaluations %.0f (seed %d, %s)\n",
-              gain.gain, gain_seed, gain.scene.c_str(), slow.evaluations, slow_seed,
-              slow.scene.c_str());
+  std::printf(
+      "worst energy gain %.1e of what the tolerance allows (seed %d, %s); most evaluations %.0f "
+      "(seed %d, %s)\n",
+      gain.gain, gain_seed, gain.scene.c_str(), slow.evaluations, slow_seed, slow.scene.c_str());
   // fixed steps beyond their stability give the only states that are not finite
   EXPECT_GT(reasons["ok"], scenes / 2);
 }
