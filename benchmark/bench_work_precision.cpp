@@ -138,7 +138,9 @@ struct PeerEquations {
       state.v(static_cast<int>(i)) = y[i + 9] * scale(i + 9);
     }
     const Kinematics k = kinematics(state);
-    const Vector9 a = solveMass(s, k, freeMotion(s, k, state, rest, drive, t).force);
+    FreeMotion motion;
+    freeMotion(s, k, state, rest, exciterForce(drive, t), motion);
+    const Vector9 a = solveMass(s, k, motion.force);
     for (std::size_t i = 0; i < 9; ++i) {
       dy[i] = state.v(static_cast<int>(i)) / scale(i);
       dy[i + 9] = a(static_cast<int>(i)) / scale(i + 9);

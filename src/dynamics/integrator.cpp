@@ -145,11 +145,6 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
   attemptTableau<Ralston4>(s, c, step, e);
 }
 
-void Integrator::restart(const System& s) {
-  next_step_ = s.scenario.solver.max_step;
-  past_.count = 0;
-}
-
 bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, double t_end,
                       Trial& step) {
   if (decisions_ != c.decisions) past_.count = 0;

@@ -25,8 +25,7 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
 /// The scenario's integrator: its past and its step size.
 class Integrator {
  public:
-  /// A new run from the present state.
-  void restart(const System& s);
+  explicit Integrator(double first_step) : next_step_(first_step) {}
   /// From now on steps of at most this length, until they grow by themselves [s].
   void setStep(double h) { next_step_ = h; }
 
@@ -64,7 +63,7 @@ class Integrator {
   State trial_defect_;
   std::int64_t decisions_ = -1;  // of the context when the past began
   bool bridging_ = false;        // hamming: one step of dopri5, past what it can't start in
-  double next_step_ = 0.0;
+  double next_step_;
 };
 
 }  // namespace assembly_cell

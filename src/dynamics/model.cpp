@@ -172,13 +172,6 @@ void kinematics(const State& state, const EulerDirections& near, Kinematics& k) 
   k.omega = k.Re * v.segment<3>(3);
 }
 
-FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state,
-                      const RestMotion& rest, const Drive& drive, double t) {
-  FreeMotion m;
-  freeMotion(s, k, state, rest, exciterForce(drive, t), m);
-  return m;
-}
-
 void freeMotion(const Scenario& s, const Kinematics& k, const State& state, const RestMotion& rest,
                 const Eigen::Vector2d& exciter_force, FreeMotion& m) {
   const Vector9& q = state.q;

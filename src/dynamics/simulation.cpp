@@ -57,9 +57,8 @@ const char* toString(StopReason reason) {
 }
 
 struct Simulation::Run {
-  explicit Run(const Scenario& scenario) : system(scenario), context(system) {}
+  explicit Run(const Scenario& scenario);
 
-  void start(const State& state);
   void step(double t_end);
   void refuse(const Trial& trial);
   void accept(double t, const Trial& trial);
@@ -73,22 +72,12 @@ struct Simulation::Run {
   Integrator integrator;
 };
 
-// contacts are found anew
-void Simulation::Run::start(const State& state) {
-  context.state = state;
-  context.stop = StopReason::kOk;
-  context.slots = {};
-  context.clearance = 0.0;
-  context.recent_events.fill(-1.0);
-  context.chatter_until = -1.0;
-  integrator.restart(system);
-  now.contacts = {};
-  now.closed = 0;
-  now.closed_set = now.open_set = {};
-  now.near = {};
-  if (!isFinite(state)) {
+Simulation::Run::Run(const Scenario& scenario)
+    : system(scenario), context(system), integrator(scenario.solver.max_step) {
+  context.state = initialState(system);
+  if (!isFinite(context.state)) {
     context.stop = StopReason::kNonFinite;
-  } else if (std::sin(state.q(4)) < kLeastSine) {
+  } else if (std::sin(context.state.q(4)) < kLeastSine) {
     context.stop = StopReason::kSingular;
   } else {
     findModes(system, true, context, now);
@@ -201,7 +190,6 @@ const Evaluation& Simulation::Run::present(std::optional<Evaluation>& after_comm
 }
 
 Simulation::Simulation(const Scenario& scenario) : run_(std::make_unique<Run>(scenario)) {
-  run_->start(initialState(run_->system));
   if (stopReason() == StopReason::kInitialOverlap) {
     throw InputError(
         "initial.peg.position: the peg's edge is more than 1e-8 m inside the block, which the "
@@ -248,18 +236,11 @@ RestPose Simulation::rest() const {
   return restPose(run_->context.commands.restAt(time()).position);
 }
 
-bool Simulation::restMoving() const {
-  const RestProfile& profile = run_->context.commands.profile;
-  return time() < profile.start + profile.duration;
-}
-
 void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
   run_->context.commands.drive = {exciter, t_ref};
   run_->context.stale = true;
   run_->now.drive_time = -1.0;
 }
-
-void Simulation::setState(const State& state) { run_->start(state); }
 
 std::array<ContactReport, kSlots> Simulation::contacts() const {
   const System& s = run_->system;
@@ -310,16 +291,6 @@ Vector6 Simulation::couplingWrench() const {
   Vector6 w;
   w << R_CH * fromThesisAxes(force), R_CH * fromThesisAxes(about_rest);
   return w;
-}
-
-Vector6 Simulation::couplingDeflection() const {
-  std::optional<Evaluation> after_command;
-  const FreeMotion& motion = run_->present(after_command).motion;
-  const Mat3 R_CH = carrierPose().R.transpose();
-  Vector6 d;
-  d << R_CH * fromThesisAxes(motion.deflection.head<3>()),
-      vectorFromRotation(R_CH * pegPose().R).value;
-  return d;
 }
 
 Vector6 Simulation::holeWrench() const {

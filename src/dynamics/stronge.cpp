@@ -16,7 +16,7 @@ using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 constexpr double kTolerance = 1e-14;  // of a step, relative
 constexpr double kSlipEnd = 34.5;     // slip has ended at its start's e^-34.5 = 1e-15
-constexpr int kMostSteps = 4000, kDirections = 180, kHalvings = 60;
+constexpr int kMaxSteps = 4000, kDirections = 180, kHalvings = 60;
 constexpr double kPi = 3.14159265358979323846;
 
 // Slip in polar coordinates along a path tau with d(normal impulse) = speed dtau: smooth through
@@ -31,6 +31,7 @@ struct Slip {
   // impulse a unit of normal impulse while the point slips along phi
   Vec3 ray(double phi) const { return n - mu * along(phi); }
   double swerve(double phi) const { return across(phi).dot(W * ray(phi)); }
+  double stretch(double phi) const { return along(phi).dot(W * ray(phi)); }
 };
 
 // logarithm of the slip's speed, its direction, normal velocity, work of the normal force, impulse
@@ -63,7 +64,7 @@ double step(const Slip& slip, const Path& x, double h, const Path& scale, Path& 
 
 // the direction that slip keeps once it has begun anew
 double newDirection(const Slip& slip, double phi) {
-  double best = phi, most = 0.0;
+  double best = phi, largest = 0.0;
   for (int i = 0; i < kDirections; ++i) {
     double low = phi + 2 * kPi * i / kDirections, high = phi + 2 * kPi * (i + 1) / kDirections;
     const bool rises = slip.swerve(low) < 0.0;
@@ -72,71 +73,79 @@ double newDirection(const Slip& slip, double phi) {
       const double middle = 0.5 * (low + high);
       ((slip.swerve(middle) < 0.0) == rises ? low : high) = middle;
     }
-    const double stretch = slip.along(low).dot(slip.W * slip.ray(low));
-    if (stretch > most) {
-      most = stretch;
+    if (slip.stretch(low) > largest) {
+      largest = slip.stretch(low);
       best = low;
     }
   }
   return best;
 }
 
-}  // namespace
+// One impact: compression, then restitution, while the point slips or once slip has ended.
+class StrongeImpact {
+ public:
+  StrongeImpact(const Slip& slip, const Vec3& v, const FrictionParameters& friction,
+                double restitution)
+      : slip_(slip),
+        v_(v),
+        holding_(friction.static_coefficient),
+        restitution_(restitution),
+        arrival_(-v.dot(slip.n)) {
+    const Eigen::Vector2d start(v.dot(slip.t1), v.dot(slip.t2));
+    const double speed = start.norm(), impulse = arrival_ / slip.n.dot(slip.W * slip.n);
+    x_(kLog) = speed > 0.0 ? std::log(speed) : -HUGE_VAL;
+    x_(kPhi) = std::atan2(start(1), start(0));
+    x_(kNormal) = -arrival_;
+    end_of_slip_ = std::log(std::max(speed, 1e-6 * arrival_)) - kSlipEnd;
+    work_ = arrival_ * impulse;
+    scale_ << 1.0, 1.0, arrival_, work_, impulse, impulse, impulse;
+    scale_ *= kTolerance;
+  }
 
-Vec3 strongeImpulse(const Mat3& W, const Vec3& n, const Vec3& v, const FrictionParameters& friction,
-                    double restitution) {
-  const Vec3 t1 = n.unitOrthogonal();
-  const Slip slip{W, n, t1, n.cross(t1), friction.sliding_coefficient};
-  Eigen::Matrix2d Wt;
-  Wt << t1.dot(W * t1), t1.dot(W * slip.t2), slip.t2.dot(W * t1), slip.t2.dot(W * slip.t2);
-  const Eigen::Vector2d hold = -Wt.inverse() * Eigen::Vector2d(t1.dot(W * n), slip.t2.dot(W * n));
+  Vec3 impulse() {
+    slide();
+    if (!done_) goStraight();
+    return withoutGain();
+  }
 
-  const Eigen::Vector2d start(v.dot(t1), v.dot(slip.t2));
-  const double speed = start.norm(), arrival = -v.dot(n);
-  Path x = Path::Zero();
-  x(kLog) = speed > 0.0 ? std::log(speed) : -HUGE_VAL;
-  x(kPhi) = std::atan2(start(1), start(0));
-  x(kNormal) = -arrival;
-  const double end_of_slip = std::log(std::max(speed, 1e-6 * arrival)) - kSlipEnd;
-  const double impulse = arrival / n.dot(W * n), work = arrival * impulse;
-  Path scale;
-  scale << 1.0, 1.0, arrival, work, impulse, impulse, impulse;
-  scale *= kTolerance;
-
+ private:
   // the phases end where this is zero
-  bool restoring = false;
-  double owed = 0.0;
-  Vec3 compressed = Vec3::Zero();
-  const auto left = [&](const Path& at) { return restoring ? owed - at(kWork) : -at(kNormal); };
-  const auto restore = [&] {
-    restoring = true;
-    owed = x(kWork) * (1.0 - restitution * restitution);
-    compressed = x.tail<3>();
-  };
-  bool done = false;
-  const double rate = slip.swerve(x(kPhi)), shrink = slip.along(x(kPhi)).dot(W * slip.ray(x(kPhi)));
-  double h = 0.1 / std::max({std::abs(rate), std::abs(shrink), 1e-300});
-  for (int i = 0; i < kMostSteps && !done && x(kLog) > end_of_slip; ++i) {
-    Path end;
-    const double error = step(slip, x, h, scale, end);
-    const double factor = std::clamp(0.9 * std::pow(std::max(error, 1e-10), -0.125), 0.2, 3.0);
-    if (!(error <= 1.0)) {
-      h *= std::isfinite(error) ? factor : 0.2;
-      continue;
+  double left(const Path& at) const { return restoring_ ? owed_ - at(kWork) : -at(kNormal); }
+  void restore() {
+    restoring_ = true;
+    owed_ = x_(kWork) * (1.0 - restitution_ * restitution_);
+    compressed_ = x_.tail<3>();
+  }
+
+  void slide() {
+    const double phi = x_(kPhi), rate = slip_.swerve(phi), shrink = slip_.stretch(phi);
+    double h = 0.1 / std::max({std::abs(rate), std::abs(shrink), 1e-300});
+    for (int i = 0; i < kMaxSteps && !done_ && x_(kLog) > end_of_slip_; ++i) {
+      Path end;
+      const double error = step(slip_, x_, h, scale_, end);
+      const double factor = std::clamp(0.9 * std::pow(std::max(error, 1e-10), -0.125), 0.2, 3.0);
+      if (!(error <= 1.0)) {
+        h *= std::isfinite(error) ? factor : 0.2;
+      } else if (left(end) > 0.0) {
+        x_ = end;
+        h *= factor;
+      } else {
+        x_ = endOfPhase(h, end);
+        done_ = restoring_;
+        if (!restoring_) restore();
+      }
     }
-    if (left(end) > 0.0) {
-      x = end;
-      h *= factor;
-      continue;
-    }
-    // shortened to the end of the phase: secant steps kept in the bracket
-    double low = 0.0, high = h, f_low = left(x), f_high = left(end);
+  }
+
+  // a step that passes the end of a phase, shortened: secant steps kept in the bracket
+  Path endOfPhase(double h, const Path& end) const {
+    double low = 0.0, high = h, f_low = left(x_), f_high = left(end);
     Path at = end;
     for (int k = 0; k < kHalvings && high - low > 1e-16 * h; ++k) {
       double middle =
           k % 3 == 2 ? 0.5 * (low + high) : low + (high - low) * f_low / (f_low - f_high);
       middle = std::clamp(middle, low, high);
-      step(slip, x, middle, scale, at);
+      step(slip_, x_, middle, scale_, at);
       const double f = left(at);
       if (f > 0.0) {
         low = middle;
@@ -145,45 +154,65 @@ Vec3 strongeImpulse(const Mat3& W, const Vec3& n, const Vec3& v, const FrictionP
         high = middle;
         f_high = f;
       }
-      if (std::abs(f) <= 1e-16 * (restoring ? work : arrival)) break;
+      if (std::abs(f) <= 1e-16 * (restoring_ ? work_ : arrival_)) break;
     }
-    x = at;
-    done = restoring;
-    if (!restoring) restore();
+    return at;
   }
+
   // slip has ended: rest, or slip anew in one direction; straight from here
-  if (!done) {
-    const bool holds = hold.norm() <= friction.static_coefficient;
-    const Vec3 ray =
-        holds ? Vec3(n + hold(0) * t1 + hold(1) * slip.t2) : slip.ray(newDirection(slip, x(kPhi)));
+  void goStraight() {
+    const Mat3& W = slip_.W;
+    const Vec3 &n = slip_.n, &t1 = slip_.t1, &t2 = slip_.t2;
+    Eigen::Matrix2d Wt;
+    Wt << t1.dot(W * t1), t1.dot(W * t2), t2.dot(W * t1), t2.dot(W * t2);
+    const Eigen::Vector2d hold = -Wt.inverse() * Eigen::Vector2d(t1.dot(W * n), t2.dot(W * n));
+    const Vec3 ray = hold.norm() <= holding_ ? Vec3(n + hold(0) * t1 + hold(1) * t2)
+                                             : slip_.ray(newDirection(slip_, x_(kPhi)));
     const double gain = n.dot(W * ray);
+    if (!(gain > 0.0)) return;
     const auto go = [&](double p) {
-      x(kWork) += p * (x(kNormal) + 0.5 * gain * p);
-      x(kNormal) += gain * p;
-      x.tail<3>() += p * ray;
+      x_(kWork) += p * (x_(kNormal) + 0.5 * gain * p);
+      x_(kNormal) += gain * p;
+      x_.tail<3>() += p * ray;
     };
-    if (gain > 0.0) {
-      if (!restoring) {
-        go(-x(kNormal) / gain);
-        restore();
-      }
-      const double now = std::max(0.0, x(kNormal));
-      go((-now + std::sqrt(now * now + 2.0 * gain * std::max(0.0, owed - x(kWork)))) / gain);
+    if (!restoring_) {
+      go(-x_(kNormal) / gain);
+      restore();
     }
+    const double now = std::max(0.0, x_(kNormal));
+    go((-now + std::sqrt(now * now + 2.0 * gain * std::max(0.0, owed_ - x_(kWork)))) / gain);
   }
 
   // kinetic energy changes by P · (v + v+)/2: rounding may not make it grow
-  Vec3 P = x.tail<3>();
-  const auto energy = [&](const Vec3& total) { return total.dot(v + 0.5 * (W * total)); };
-  if (energy(P) > 0.0) {
+  Vec3 withoutGain() const {
+    const Vec3 P = x_.tail<3>();
+    const auto energy = [&](const Vec3& total) { return total.dot(v_ + 0.5 * (slip_.W * total)); };
+    if (!(energy(P) > 0.0)) return P;
     double low = 0.0, high = 1.0;
     for (int k = 0; k < kHalvings; ++k) {
       const double middle = 0.5 * (low + high);
-      (energy(compressed + middle * (P - compressed)) > 0.0 ? high : low) = middle;
+      (energy(compressed_ + middle * (P - compressed_)) > 0.0 ? high : low) = middle;
     }
-    P = compressed + low * (P - compressed);
+    return compressed_ + low * (P - compressed_);
   }
-  return P;
+
+  const Slip& slip_;
+  const Vec3 v_;
+  const double holding_, restitution_, arrival_;
+  double work_, end_of_slip_;
+  Path x_ = Path::Zero(), scale_;
+  bool restoring_ = false, done_ = false;
+  double owed_ = 0.0;
+  Vec3 compressed_ = Vec3::Zero();
+};
+
+}  // namespace
+
+Vec3 strongeImpulse(const Mat3& W, const Vec3& n, const Vec3& v, const FrictionParameters& friction,
+                    double restitution) {
+  const Vec3 t1 = n.unitOrthogonal();
+  const Slip slip{W, n, t1, n.cross(t1), friction.sliding_coefficient};
+  return StrongeImpact(slip, v, friction, restitution).impulse();
 }
 
 }  // namespace assembly_cell

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "../dynamics/scenes.h"
 #include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
@@ -109,16 +110,15 @@ TEST(SimulatedCell, ReadingIsTheWrenchToHalfACode) {
 
 TEST(SimulatedCell, OverloadIsFlagged) {
   CellParameters p;
-  SimulatedCell cell(cellScenario({"contact={law: none}"}), p);
+  Scenario scene = cellScenario({"contact={law: none}"});
+  SimulatedCell relaxed(scene, p);
   StrainBlock block;
-  ASSERT_EQ(cell.next(block), StopReason::kOk);
+  ASSERT_EQ(relaxed.next(block), StopReason::kOk);
   for (const std::uint8_t flags : block.saturated_b) EXPECT_EQ(flags, 0);
 
   // the coupling stretched far beyond what its bridge can show
-  State far = cell.simulation().state();
-  far.q(1) += 0.02;
-  far.q(0) += 0.05;
-  cell.simulation().setState(far);
+  scene.initial.position += Vector3d(0.02, 0.0, 0.05);
+  SimulatedCell cell(scene, p);
   ASSERT_EQ(cell.next(block), StopReason::kOk);
   int flagged = 0;
   const double lsb = 10.0 / std::ldexp(1.0, p.bits);
@@ -190,7 +190,7 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   EXPECT_LT((on_hole + on_peg).cwiseAbs().maxCoeff(), bound + 1e-5);
   // and the displacement it reports is the coupling's: frames differ by its tilt of 1e-3 rad
   const Vector6 shown = displacementFromVolts(b, sample(block.volts_b, last));
-  const Vector6 truth = sim.couplingDeflection();
+  const Vector6 truth = couplingDeflection(sim);
   EXPECT_LT((shown - truth).head<3>().norm(), 0.02 * truth.head<3>().norm());
 }
 
@@ -206,10 +206,9 @@ TEST(SimulatedCell, ReusesTheBlock) {
 }
 
 TEST(SimulatedCell, StopIsReported) {
-  SimulatedCell cell(cellScenario(), CellParameters{});
-  State over = cell.simulation().state();
-  over.q(4) = 0.05;
-  cell.simulation().setState(over);
+  Scenario lying = cellScenario();
+  lying.initial.euler.theta = 0.05;
+  SimulatedCell cell(lying, CellParameters{});
   StrainBlock block;
   EXPECT_EQ(cell.next(block), StopReason::kSingular);
 }

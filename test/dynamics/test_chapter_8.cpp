@@ -36,7 +36,7 @@ Outcome run(const std::string& name, const std::vector<std::string>& overrides =
   return out;
 }
 
-// Half of the last digit that the specification lists [mm].
+// Half of the last digit that docs/theory.md lists [mm].
 constexpr double kListed = 0.05;
 // The independent reference of benchmark/, through up to 145 events; half of the last digit [mm].
 constexpr double kManyEvents = 6e-4;
@@ -58,7 +58,7 @@ TEST(Chapter8, EveryFileRunsToItsEndOrANamedStop) {
   EXPECT_EQ(files, 30);
 }
 
-TEST(Chapter8, BothStartsTouchWhereTheSpecificationSays) {
+TEST(Chapter8, BothStartsTouchAtTheListedHeight) {
   const struct {
     const char* name;
     double height;

@@ -128,7 +128,9 @@ Vector3d drivingForce(const Scenario& s, const Vector9& q, double t) {
 Vector9 acceleration(const Scenario& s, const State& state, double t) {
   const Kinematics k = kinematics(state);
   const RestMotion rest = restMotion(restProfile(s.rest), t);
-  return solveMass(s, k, freeMotion(s, k, state, rest, {s.mechanism.exciter, 0.0}, t).force);
+  FreeMotion motion;
+  freeMotion(s, k, state, rest, exciterForce({s.mechanism.exciter, 0.0}, t), motion);
+  return solveMass(s, k, motion.force);
 }
 
 void switchDampersOff(Scenario& s) {

@@ -41,11 +41,13 @@ State randomState(unsigned seed) {
 Vector9 extraForce(const Scenario& on, const State& state, double t) {
   Scenario off = on;
   off.thesis = ThesisSwitches{};
-  const Drive drive{on.mechanism.exciter, 0.0};
+  const Eigen::Vector2d drive = exciterForce({on.mechanism.exciter, 0.0}, t);
   const RestMotion rest = restMotion(restProfile(on.rest), 0.0);
   const Kinematics k = kinematics(state);
-  return freeMotion(on, k, state, rest, drive, t).force -
-         freeMotion(off, k, state, rest, drive, t).force;
+  FreeMotion with, without;
+  freeMotion(on, k, state, rest, drive, with);
+  freeMotion(off, k, state, rest, drive, without);
+  return with.force - without.force;
 }
 
 // moments (phi, theta, psi) of M in fixed axes by Re^-1 less by Re^T, written out: phi gets
@@ -82,7 +84,7 @@ TEST(ThesisMoments, OfTheExciter) {
 }
 
 // the listing's A(4..6, 7..12): moments of contact forces. One edge on the plane that presses with
-// N = −K gap; lever and inverse mass matrix of the specification's section 2.
+// N = −K gap; lever and inverse mass matrix as in docs/theory.md.
 TEST(ThesisMoments, OfAContact) {
   Scenario s = load("cell", {"contact={law: spring_dashpot, stiffness: 1e5, damping: 0}",
                              "friction={static: 0, sliding: 0}", "solver.tolerance=1e-14"});
@@ -125,7 +127,7 @@ TEST(ThesisMoments, ErrorIsNoneUprightAndAFifthAtFig81) {
   Vector9 q = Vector9::Zero();
   q(4) = kUpright;
   EXPECT_LT(momentError(q, Vector3d(1, 2, 3)).norm(), 1e-15);
-  q(4) = 1.771;  // what M1 puts into phi: specification section 6, 20 %
+  q(4) = 1.771;  // what M1 puts into phi: docs/theory.md, 20 %
   EXPECT_NEAR(momentError(q, Vector3d(1, 0, 0))(0), 0.20, 5e-3);
 }
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "../dynamics/scenes.h"
 #include "assembly_cell/cell/simulated_plant.h"
-#include "assembly_cell/dynamics/simulation.h"
 
 namespace assembly_cell {
 namespace {
@@ -42,10 +42,9 @@ RestPose rest() {
 
 TEST(Wedge, SlipThatGoesAstrayEnds) {
   for (const double tilting : {-1.0, 0.0, 1.0}) {
-    Scenario scene = cell();
+    Scenario scene = startedFrom(cell(), wedged(tilting));
     scene.rest = rest();
     Simulation sim(scene);
-    sim.setState(wedged(tilting));
     const Pose start = sim.pegPose();
     double largest = 0.0;
     for (int i = 1; i <= 10; ++i) {

@@ -82,9 +82,6 @@ struct FreeMotion {
   Eigen::Vector3d FC, FCm;  ///< damper force and moments (FC4, FC5, FC6)
   Vector6 deflection;       ///< d of the coupling, thesis order 1..6
 };
-FreeMotion freeMotion(const Scenario& s, const Kinematics& k, const State& state,
-                      const RestMotion& rest, const Drive& drive, double t);
-/// The same with the exciting force at hand.
 void freeMotion(const Scenario& s, const Kinematics& k, const State& state, const RestMotion& rest,
                 const Eigen::Vector2d& exciter_force, FreeMotion& m);
 

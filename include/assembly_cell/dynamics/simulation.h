@@ -96,15 +96,11 @@ class Simulation {
 
   /// From now on move the rest pose to `target` along a C² profile within the carrier's limits.
   void setRestTarget(const RestPose& target);
-  RestPose rest() const;    ///< at the present time
-  bool restMoving() const;  ///< the profile has not reached its target yet
+  RestPose rest() const;  ///< at the present time
 
   /// Exciter from now on. `angle_at` is the force angle law: direction·(frequency·(t − t_ref) +
   /// phase) with t_ref on the simulation's clock.
   void setExciter(const ExciterParameters& exciter, double t_ref);
-
-  /// Replaces the state (same time); contacts are found anew.
-  void setState(const State& state);
 
   /// Contacts at the present time. Forces are those of the last evaluation.
   std::array<ContactReport, kSlots> contacts() const;
@@ -112,9 +108,6 @@ class Simulation {
   /// Wrench of the peg's coupling on sensor_b (contact + weight when at rest), in the axes of the
   /// carrier frame about its origin: force, torque. [N], [N·m]
   Vector6 couplingWrench() const;
-  /// Deflection of the coupling: translation of the coupling point relative to its rest and
-  /// rotation vector, in the axes of the carrier frame. [m], [rad]
-  Vector6 couplingDeflection() const;
   /// Wrench of the peg on the hole block about the origin of `hole` in its axes. [N], [N·m]
   Vector6 holeWrench() const;
 

@@ -1,0 +1,274 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// What a simulation shows, and how it behaves as a program: determinism, allocations, reasons to
+// stop.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/base/input_error.h"
+#include "scenes.h"
+
+#if !defined(__SANITIZE_ADDRESS__)
+// Every allocation of the program passes here, operator new's too.
+namespace {
+std::atomic<long> allocations{0};
+}
+extern "C" void* __libc_malloc(std::size_t);
+extern "C" void* malloc(std::size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+#endif
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector3d;
+
+// ---- forces and deflections ----
+
+Vector6 weightAbout(const Simulation& sim) {  // of the peg, about the origin of `hole`
+  const Pose peg = sim.pegPose();
+  const Scenario& s = sim.scenario();
+  const Vector3d force(0, 0, -s.mechanism.peg.mass * s.mechanism.gravity);
+  const Vector3d at = peg.p + s.mechanism.peg.half_height * peg.R.col(2);
+  return (Vector6() << force, at.cross(force)).finished();
+}
+
+TEST(Simulation, AtRestTheCouplingCarriesContactAndWeight) {
+  std::vector<Scenario> scenes = {onThePlane(0.05, 0.7), onTwoEdges(0.05, 1e-4)};
+  scenes[0].rest.z -= 1e-4;
+  scenes[0].rest.x += 1e-5;
+  scenes[0].rest.yaw = 0.002;
+  for (const Scenario& s : scenes) {
+    Simulation sim(s);
+    ASSERT_EQ(sim.advance(1.0), StopReason::kOk);
+    ASSERT_LT(kineticSpeed(sim.state()), 1e-7);
+    ASSERT_GE(closedContacts(sim), 1);
+    const Vector6 in_hole = transformWrench(sim.carrierPose(), sim.couplingWrench());
+    const Vector6 contact = -sim.holeWrench();
+    EXPECT_GT(contact(2), 1.0);
+    // what accelerations are left of settling, on 0.4 kg and 1e-4 kg m²
+    EXPECT_LT((in_hole - contact - weightAbout(sim)).norm(), 1e-5);
+    // the hole's wrench is that of the reported contacts
+    Vector6 reported = Vector6::Zero();
+    for (const ContactReport& c : sim.contacts()) {
+      if (!c.valid) continue;
+      reported.head<3>() += c.force;
+      reported.tail<3>() += c.point.cross(c.force);
+    }
+    EXPECT_LT((contact - reported).norm(), 1e-12);
+  }
+}
+
+// Six small deflections of an upright peg, one at a time: the peg drags sensor_b along.
+TEST(Simulation, SignsOfWrenchAndDeflection) {
+  Scenario s = load("cell", {"contact={law: none}", "gravity=0"});
+  place(s, {0.001, -0.002, 0.01}, 0.0, 0.0);
+  const State rest = Simulation(s).state();
+  const double arm = s.mechanism.peg.coupling_height;
+  const double small = 1e-6;
+  const Vector6& k =
+      s.mechanism.coupling.stiffness.diagonal;  // thesis order z, x, y, about z, x, y
+  const double kx = k(1), ky = k(2), kz = k(0), cx = k(4), cy = k(5), cz = k(3);
+  Matrix6 K = (Vector6() << kx, ky, kz, cx, cy, cz).finished().asDiagonal();
+  K(0, 4) = K(4, 0) = s.mechanism.coupling.stiffness.k26;
+  K(1, 3) = K(3, 1) = s.mechanism.coupling.stiffness.k35;
+  for (int i = 0; i < 6; ++i) {
+    State moved = rest;
+    // translations of the coupling point x, y, z; rotations about it: the centre of mass hangs
+    // below, so +x (theta) swings it to +y, +y (phi) to -x
+    if (i < 3) moved.q(i == 2 ? 0 : i + 1) += small;
+    if (i == 3) moved.q(4) += small, moved.q(2) += arm * std::sin(small);
+    if (i == 4) moved.q(3) += small, moved.q(1) -= arm * std::sin(small);
+    if (i == 5) moved.q(5) += small;
+    Simulation sim(startedFrom(s, moved));
+    const Vector6 expected = small * Vector6::Unit(i);
+    // second order in 1e-6: arms times 1e-12
+    EXPECT_LT((couplingDeflection(sim) - expected).norm(), 1e-12) << i;
+    EXPECT_LT((sim.couplingWrench() - K * expected).norm(), 1e-7) << i;
+    EXPECT_GT(sim.couplingWrench()(i), 0.0);
+    // and the peg is pulled back: its acceleration is against the deflection
+    ASSERT_EQ(sim.advance(sim.time() + 1e-6), StopReason::kOk);
+    const int rate = i < 3 ? (i == 2 ? 0 : i + 1) : (i == 3 ? 4 : i == 4 ? 3 : 5);
+    EXPECT_LT(sim.state().v(rate), 0.0) << i;
+  }
+}
+
+// Hanging in the upright coupling: deflected down by weight over stiffness, and nothing else.
+TEST(Simulation, HangingPegDeflectsTheCoupling) {
+  Scenario s = load("cell", {"contact={law: none}"});
+  place(s, {0, 0, 0.01}, 0.0, 0.0);
+  s.mechanism.coupling.damping.diagonal(0) = 280;
+  Simulation sim(s);
+  ASSERT_EQ(sim.advance(0.5), StopReason::kOk);
+  const double weight = s.mechanism.peg.mass * s.mechanism.gravity;
+  Vector6 deflection = Vector6::Zero(), wrench = Vector6::Zero();
+  deflection(2) = -weight / s.mechanism.coupling.stiffness.diagonal(0);
+  wrench(2) = -weight;
+  // settled: the time constant is 3 ms
+  EXPECT_LT((couplingDeflection(sim) - deflection).norm(), 1e-11);
+  EXPECT_LT((sim.couplingWrench() - wrench).norm(), 1e-6);
+}
+
+TEST(Simulation, PosesAreThoseOfTheScenario) {
+  Scenario s = load("cell");
+  place(s, {0.003, -0.004, 0.02}, 0.3, 2.0);
+  s.initial.carrier_yaw = s.rest.yaw = 0.1;
+  Simulation sim(s);
+  const Vector3d axis(std::sin(0.3) * std::cos(2.0), std::sin(0.3) * std::sin(2.0), std::cos(0.3));
+  EXPECT_LT((sim.pegPose().p - Vector3d(0.003, -0.004, 0.02)).norm(), 1e-16);
+  EXPECT_LT((sim.pegPose().R.col(2) - axis).norm(), 1e-15);
+  EXPECT_LT((sim.carrierPose().p - Vector3d(s.rest.x, s.rest.y, s.rest.z)).norm(), 1e-16);
+  EulerAngles tilted = s.initial.euler;
+  tilted.psi = 0.1;
+  EXPECT_LT((sim.carrierPose().R - rotationFromEuler(tilted)).norm(), 1e-15);
+}
+
+TEST(Simulation, RestTargetIsReachedByTheCarrier) {
+  Scenario s = load("cell", {"contact={law: none}"});
+  Simulation sim(s);
+  RestPose target = s.rest;
+  target.x += 0.002;
+  target.z -= 0.001;
+  target.yaw += 0.01;
+  target.theta -= 0.02;
+  sim.setRestTarget(target);
+  EXPECT_GT((restVector(sim.rest()) - restVector(target)).norm(), 0.01);
+  ASSERT_EQ(sim.advance(0.5), StopReason::kOk);
+  EXPECT_LT((restVector(sim.rest()) - restVector(target)).norm(), 1e-15);
+  ASSERT_EQ(sim.advance(1.0), StopReason::kOk);
+  // the carrier's springs give way to what its load is: nothing but the hanging peg's moment
+  EXPECT_NEAR(sim.carrierPose().p.x(), target.x, 1e-6);
+  EXPECT_NEAR(sim.state().q(8), target.yaw, 1e-5);
+}
+
+// ---- properties of the program ----
+
+TEST(Simulation, SameCallsGiveTheSameBits) {
+  std::vector<State> ends;
+  for (int run = 0; run < 2; ++run) {
+    Simulation sim(onTwoEdges(0.05, 1e-4));
+    EXPECT_EQ(sim.advance(0.02), StopReason::kOk);
+    sim.setExciter({1.0, 770, 0.0, 1}, sim.time());
+    RestPose target = sim.rest();
+    target.x -= 0.001;
+    sim.setRestTarget(target);
+    for (int i = 1; i <= 500; ++i) {
+      EXPECT_EQ(sim.advance(0.02 + 2e-4 * i), StopReason::kOk);
+      if (run == 0 && i % 7 == 0) sim.contacts();  // looking does not disturb
+    }
+    ends.push_back(sim.state());
+  }
+  EXPECT_EQ(std::memcmp(ends[0].q.data(), ends[1].q.data(), 9 * sizeof(double)), 0);
+  EXPECT_EQ(std::memcmp(ends[0].v.data(), ends[1].v.data(), 9 * sizeof(double)), 0);
+}
+
+TEST(Simulation, AdvanceDoesNotAllocate) {
+#if defined(__SANITIZE_ADDRESS__)
+  GTEST_SKIP() << "the sanitizer has its own malloc";
+#else
+  std::vector<Scenario> scenes = {
+      onTwoEdges(0.05, 1e-4),
+      onTwoEdges(0.05, 1e-4),
+      onTwoEdges(0.05, 1e-4),
+      load("cell", {"contact={law: none}"}),
+      load("impact", {"contact.law=rigid"}),
+      load("impact", {"contact.law=rigid", "contact.restitution=0.5"}),
+      load("impact", {"contact.law=rigid", "solver.integrator=hamming"}),
+      load("impact", {"contact.law=rigid", "solver.integrator=dop853"})};
+  scenes[1].contact.stationary_rows = false;
+  scenes[2].contact.law = ContactLaw::kSpringDashpot;
+  scenes[2].contact.stiffness = 1e5;
+  scenes[2].contact.damping = 200;
+  for (const Scenario& s : scenes) {
+    Simulation sim(s);
+    sim.setExciter({1.0, 770, 0.0, 1}, 0.0);
+    RestPose target = sim.rest();
+    target.y += 1e-4;
+    const long before = allocations;
+    sim.setRestTarget(target);
+    const StopReason reason = sim.advance(0.05);
+    sim.contacts();
+    const double sum =
+        sim.couplingWrench().sum() + sim.holeWrench().sum() + sim.pegPose().p.sum() + sim.energy();
+    const long after = allocations;
+    EXPECT_EQ(after - before, 0);
+    EXPECT_EQ(reason, StopReason::kOk);
+    EXPECT_TRUE(std::isfinite(sum));
+  }
+  // the counter counts: vectors and Eigen's own storage
+  const long before = allocations;
+  const std::vector<double> one(100);
+  const Eigen::VectorXd two(100);
+  EXPECT_GE(allocations - before, one.size() && two.size() ? 2 : 3);
+#endif
+}
+
+TEST(Simulation, StopsWithAReason) {
+  const Scenario cell = load("cell");
+  const State good = Simulation(cell).state();
+
+  State horizontal = good;
+  horizontal.q(4) = 0.09;
+  Simulation flat(startedFrom(cell, horizontal));
+  EXPECT_EQ(flat.advance(0.1), StopReason::kSingular);
+  EXPECT_EQ(flat.time(), 0.0);
+
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (int i = 0; i < 9; ++i) {
+      State broken = good;
+      (i % 2 ? broken.q : broken.v)(i) = bad;
+      Simulation sim(startedFrom(cell, broken));
+      EXPECT_EQ(sim.advance(0.1), StopReason::kNonFinite);
+      EXPECT_EQ(sim.stopReason(), StopReason::kNonFinite);
+    }
+  }
+  EXPECT_EQ(Simulation(startedFrom(cell, good)).advance(0.01), StopReason::kOk);
+
+  // turning over on the way: thrown about x without a coupling to hold it
+  Scenario thrown = load("cell", {"contact={law: none}", "gravity=0"});
+  thrown.mechanism.coupling = CouplingParameters{};
+  thrown.initial.euler_rates = Vector3d(0, 20, 0);
+  Simulation turning(thrown);
+  EXPECT_EQ(turning.advance(1.0), StopReason::kSingular);
+  EXPECT_NEAR(turning.time(), (3.14159265358979 - 0.1 - thrown.initial.euler.theta) / 20, 3e-4);
+
+  // the lowest point reaches the plane in a run without this contact
+  Scenario excluded = onThePlane(0.1);
+  excluded.initial.position.z() += 1e-4;
+  excluded.initial.velocity.z() = -0.1;
+  excluded.contact.features.edge_plane = false;
+  Simulation falling(excluded);
+  EXPECT_EQ(falling.advance(0.1), StopReason::kEdgePlane);
+  EXPECT_GT(falling.time(), 0.8e-3);
+  EXPECT_LT(falling.time(), 1.5e-3);
+}
+
+TEST(Simulation, NamesWhatIsNotAvailable) {
+  const auto error = [](const std::vector<std::string>& overrides) -> std::string {
+    try {
+      Simulation sim(load("cell", overrides));
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "accepted";
+  };
+  EXPECT_NE(error({"solver.integrator=euler"}).find("solver.integrator"), std::string::npos);
+  EXPECT_NE(error({"solver.integrator=rk4"}).find("solver.step"), std::string::npos);
+  EXPECT_NE(error({"initial.close=true", "initial.peg.position=[0, 0, 0.1]",
+                   "initial.peg.euler=[0, 1.5707963267948966, 0]", "contact.features=[edge_edge]"})
+                .find("initial.close"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace assembly_cell
