@@ -12,6 +12,7 @@ namespace {
 
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
+// Ranks are clear: no result changes at half or twice of any of these.
 constexpr double kRank = 1e-10;       // relative pivots below this are redundant rows
 constexpr double kPainleve = 1e-3;    // of 1/mass: normal response to the force of a slipping point
 constexpr double kAmple = 0.1;        // a determinant over this is far from zero

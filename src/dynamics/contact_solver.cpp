@@ -10,7 +10,9 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-constexpr double kFlat = 1e-5;  // below this tilt the lowest point has no speed [rad]
+// Below this tilt a rigid peg's lowest point has no speed: it would run round the edge in no time.
+// Half and twice: 13 and 15 of 400 random scenes end elsewhere, effort within 2 %.
+constexpr double kFlat = 1e-5;  // [rad]
 constexpr int kShares = 2;      // rounds of sharing among more than two sticking points
 
 // accelerations of the active contacts without forces; false where there is none

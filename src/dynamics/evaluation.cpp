@@ -9,8 +9,12 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kDeepest = 0.1;  // penetration beyond this part of the radius is no contact
-constexpr double kSpare = 1.5;    // edge speed inside a step over that at its ends
+// Penetration beyond this part of the radius is no contact but the other side of the peg. Half and
+// twice: 7 and 2 of 400 random scenes end elsewhere.
+constexpr double kDeepest = 0.1;
+// Edge speed inside a step over that at its ends, for the bound that spares a search. Half and
+// twice: 10 and 2 of 400 random scenes end elsewhere, by less than 1 um.
+constexpr double kSpare = 1.5;
 
 }  // namespace
 

@@ -11,10 +11,15 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kTaylorTime =
-    1e-9;  // a step is lengthened by less than this without a new one [s]
-constexpr double kIdleDepth = 1e-12;  // an idle contact that goes on approaching is hit there [m]
-constexpr double kBlindPhase = 0.3;   // longer steps are looked at in their middle, too [rad]
+// A step is lengthened by less than this without a new one: a third order term of 1e-27 s³. Half
+// and twice: 61 and 58 of 400 random scenes, those with many impacts, end elsewhere, effort −3 %
+// and −1 %.
+constexpr double kTaylorTime = 1e-9;  // [s]
+// An idle contact that goes on approaching is hit there, over kTouch: 3 of 400 scenes, by 0.1 um.
+constexpr double kIdleDepth = 1e-12;  // [m]
+// Longer steps are looked at in their middle, too: a contact is shaken loose and caught within a
+// part of a turn of the exciter. Half: no result changes; twice: one jammed run of six does.
+constexpr double kBlindPhase = 0.3;  // [rad]
 
 // gap, normal force, friction of a closed contact
 void slotEvents(const System& s, const Context& c, const Evaluation& e, std::size_t i,

@@ -19,10 +19,15 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kShortest = 2e-6;    // a rigid flat peg that asks for less is stepped over [s]
-constexpr double kStepFloor = 1e-13;  // error control below this step gives up [s]
-constexpr double kAfterJam = 1e-6;    // the first step after a jam [s]
-constexpr double kLeastSine = 0.1;    // of theta: the Euler angles are singular at 0
+// A rigid flat peg that asks for shorter steps is stepped over: a hundredth of the usual ones. Half
+// and twice: 19 and 21 of 400 random scenes end elsewhere, effort within 1 %; Chapter 8 moves by 2
+// nm.
+constexpr double kShortest = 2e-6;  // [s]
+// No result changes at half or twice of these.
+constexpr double kStepFloor =
+    1e-13;                          // error control below this gives up: a tenth of kEventTime [s]
+constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
+constexpr double kLeastSine = 0.1;  // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;

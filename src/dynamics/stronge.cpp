@@ -14,8 +14,9 @@ namespace {
 
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
-constexpr double kTolerance = 1e-14;  // of a step, relative
-constexpr double kSlipEnd = 34.5;     // slip has ended at its start's e^-34.5 = 1e-15
+// Of a step, relative; slip has ended at its start's e^-34.5 = 1e-15. Half and twice change nothing
+// but roundings: 4 of 400 random scenes end elsewhere, by up to 7 um.
+constexpr double kTolerance = 1e-14, kSlipEnd = 34.5;
 constexpr int kMaxSteps = 4000, kDirections = 180, kHalvings = 60;
 constexpr double kPi = 3.14159265358979323846;
 

@@ -35,7 +35,9 @@ void expectSane(const Scenario& s, double duration, const std::string& what) {
   } else {
     EXPECT_LT(v.reached, duration) << what << ": " << v.reason;
   }
-  if (stress::controlsError(s)) EXPECT_LT(v.gain, 1.0) << what << ": " << v.reason;
+  if (stress::controlsError(s)) {
+    EXPECT_LT(v.gain, 1.0) << what << ": " << v.reason;
+  }
 }
 
 TEST(Extremes, ContactStiffnessOverEightDecades) {
