@@ -20,6 +20,7 @@ struct Verdict {
   std::string reason;    ///< how it ended
   double reached = 0.0;  ///< time [s]
   double gain = 0.0;     ///< largest energy gain over what the tolerance allows (EnergyBalance)
+  double share = 0.0;    ///< and over the energy in play
   double seconds = 0.0;  ///< wall time
   double evaluations = 0.0;
   bool finite = true;  ///< state and energy stayed finite while the run said ok
@@ -67,10 +68,12 @@ class EnergyBalance {
         s_.mechanism.exciter.amplitude == 0.0 && s_.contact.law != ContactLaw::kViscous;
     const double allowed = passive ? std::min(allowed_, 1e-6 * in_play_) : allowed_;
     gain_ = std::max(gain_, (left - lowest_) / (allowed + 1e-15 * in_play_));
+    share_ = std::max(share_, (left - lowest_) / in_play_);
     // a compliant contact gives back what it stored, a rigid one stores nothing
     if (s_.contact.law != ContactLaw::kSpringDashpot) lowest_ = std::min(lowest_, left);
   }
   double gain() const { return gain_; }
+  double share() const { return share_; }
 
  private:
   struct Moment {
@@ -140,7 +143,7 @@ class EnergyBalance {
   const Simulation& sim_;
   const Scenario& s_;
   Moment last_;
-  double lowest_ = 0.0, in_play_ = 0.0, work_ = 0.0, allowed_ = 0.0, gain_ = 0.0;
+  double lowest_ = 0.0, in_play_ = 0.0, work_ = 0.0, allowed_ = 0.0, gain_ = 0.0, share_ = 0.0;
   std::int64_t events_ = 0;
 };
 
@@ -167,6 +170,7 @@ inline Verdict judge(const Scenario& s, double duration) {
     for (const ContactReport& c : sim.contacts()) v.finite = v.finite && c.force.allFinite();
   }
   v.gain = balance.gain();
+  v.share = balance.share();
   v.reached = sim.time();
   v.reason = toString(reason);
   v.evaluations = static_cast<double>(sim.counts().evaluations);
