@@ -162,7 +162,7 @@ void rightHandSides() {
       c.scene.contact.stiffness = 1e5;
       c.scene.contact.damping = 200;
     }
-    c.scene.exciter.amplitude = 0.1;
+    c.scene.mechanism.exciter.amplitude = 0.1;
     const Run run = measure(c.scene, duration, settle);
     printRun(c.name, run, error(run, referenceOf(c.scene, duration, settle)), duration);
   }
@@ -279,7 +279,8 @@ void skips() {
   hovering.contact.law = ContactLaw::kRigid;
   hovering.initial.position.z() += 2e-5;
   hovering.rest.z += 1.2e-4;
-  hovering.rest.z += hovering.peg.mass * hovering.gravity / hovering.coupling.stiffness.diagonal(0);
+  hovering.rest.z += hovering.mechanism.peg.mass * hovering.mechanism.gravity /
+                     hovering.mechanism.coupling.stiffness.diagonal(0);
   Scenario unsearched = hovering;
   unsearched.contact.law = ContactLaw::kNone;
   const Pair searched = compare(unsearched, hovering, duration);
@@ -310,20 +311,20 @@ void skips() {
 
   // no exciter terms when off
   Scenario on = none;
-  on.exciter.amplitude = 1e-9;  // moves nothing, costs all
+  on.mechanism.exciter.amplitude = 1e-9;  // moves nothing, costs all
   skipRow("no exciter terms when off", compare(none, on, duration));
 
   // no friction rows at mu = 0: a point that slides freely has one row, a sticking one three
   Scenario smooth = oneOnThePlane();
   smooth.contact.law = ContactLaw::kRigid;
-  smooth.friction = {0.0, 0.0};
+  smooth.mechanism.friction = {0.0, 0.0};
   Scenario rough = oneOnThePlane();
   rough.contact.law = ContactLaw::kRigid;
   skipRow("no friction rows at mu = 0 (against sticking, mu = 0.2)",
           compare(smooth, rough, duration));
   Scenario pair_smooth = twoEdges(), pair_rough = twoEdges();
   for (Scenario* s : {&pair_smooth, &pair_rough}) s->contact.law = ContactLaw::kRigid;
-  pair_smooth.friction = {0.0, 0.0};
+  pair_smooth.mechanism.friction = {0.0, 0.0};
   skipRow("the same with two points", compare(pair_smooth, pair_rough, duration));
 
   std::printf("%-58s %8s %8s %7.1f %9s  kept: all scenes have a carrier\n",
@@ -389,7 +390,7 @@ int run() {
   realTime();
   Scenario free = farAbove();
   free.contact.law = ContactLaw::kNone;
-  free.exciter.amplitude = 1.0;
+  free.mechanism.exciter.amplitude = 1.0;
   workPrecision("Free motion, exciter 1 N, 0.06 s", free, 0.06);
   workPrecision(
       "Two contacts pressed, exciter 0.1 N, 0.06 s",
