@@ -10,6 +10,7 @@
 
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/part_pairs.h"
@@ -18,7 +19,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr char kHoleFrame[] = "hole";
 constexpr int kQueue = 100;                          // wherever every sample counts
 constexpr std::chrono::seconds kConnectionCheck{5};  // wall clock
 
@@ -86,6 +86,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
 
   // the cell: the mechanism of the scenario, which must be the one of the robot description
   scenario_ = loadScenario(file, overrides);
+  X_HB_ = carrierBase(scenario_);
   description_ = loadCellDescription(Parameters(nh).text("robot_description"));
   checkAgainst(description_, scenario_.mechanism, scenario_.name);
   pairParts();
@@ -110,7 +111,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
     truth_pose_pub_ = nh.advertise<geometry_msgs::PoseStamped>("truth/pose", 10, true);
     truth_contacts_pub_ = nh.advertise<ContactArray>("truth/contacts", 10);
   }
-  tf_ = std::make_unique<tf2_ros::TransformBroadcaster>();
+  publishStaticFrames();
 
   const auto hints = ros::TransportHints().tcpNoDelay();
   command_sub_ = nh.subscribe<geometry_msgs::PoseStamped>(
@@ -224,7 +225,7 @@ void SimulatorNode::applyCommands() {
     exciter.swap(exciter_);
   }
   Simulation& simulation = cell_->simulation();
-  if (command) simulation.setRestTarget(restFromPose(*command));
+  if (command) simulation.setRestTarget(restFromPose(X_HB_ * *command));
   if (exciter) {
     ExciterParameters drive;
     drive.amplitude = exciter->on ? exciter->amplitude : 0.0;
@@ -350,9 +351,21 @@ void SimulatorNode::publishBlock() {
 
   geometry_msgs::PoseStamped carrier;
   carrier.header.stamp = stampAt(cell_->simulation().time());
-  carrier.header.frame_id = kHoleFrame;
-  carrier.pose = toPose(cell_->simulation().carrierPose());
+  carrier.header.frame_id = kCarrierBaseFrame;
+  carrier.pose = toPose(inverse(X_HB_) * cell_->simulation().carrierPose());
   carrier_pub_.publish(carrier);
+}
+
+// Where a person believes the carrier to be: upright over the hole's middle. Where it is belongs to
+// the truth.
+void SimulatorNode::publishStaticFrames() {
+  const Pose X_HB{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, scenario_.rest.z)};
+  std::vector<geometry_msgs::TransformStamped> frames = {transformStamped(
+      kWorldFrame, kCarrierBaseFrame, description_.X_WA * description_.X_AH * X_HB, epoch_)};
+  if (publish_truth_) {
+    frames.push_back(transformStamped(kCarrierBaseFrame, kHoleTruthFrame, inverse(X_HB_), epoch_));
+  }
+  static_tf_.sendTransform(frames);
 }
 
 void SimulatorNode::publishState() {
@@ -360,31 +373,22 @@ void SimulatorNode::publishState() {
   const ros::Time stamp = stampAt(simulation.time());
   now_ = base_ + simulation.time();
 
-  geometry_msgs::TransformStamped carrier;
-  carrier.header.stamp = stamp;
-  carrier.header.frame_id = "world";
-  carrier.child_frame_id = "carrier";
-  carrier.transform = toTransform(description_.X_WA * description_.X_AH * simulation.carrierPose());
-  tf_->sendTransform(carrier);
+  tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame,
+                                     inverse(X_HB_) * simulation.carrierPose(), stamp));
 
   if (publish_truth_) {
     const Pose X_HP = simulation.pegPose();
     geometry_msgs::PoseStamped peg;
     peg.header.stamp = stamp;
-    peg.header.frame_id = kHoleFrame;
+    peg.header.frame_id = kHoleTruthFrame;
     peg.pose = toPose(X_HP);
     truth_pose_pub_.publish(peg);
-
-    geometry_msgs::TransformStamped truth;
-    truth.header = peg.header;
-    truth.child_frame_id = "peg_truth";
-    truth.transform = toTransform(X_HP);
-    tf_->sendTransform(truth);
+    tf_.sendTransform(transformStamped(kHoleTruthFrame, kPegTruthFrame, X_HP, stamp));
   }
   if (publish_truth_ && truth_contacts_pub_.getNumSubscribers() > 0) {
     ContactArray contacts;
     contacts.header.stamp = stamp;
-    contacts.header.frame_id = kHoleFrame;
+    contacts.header.frame_id = kHoleTruthFrame;
     for (const auto& report : simulation.contacts()) {
       if (!report.valid || !report.force.allFinite() || !report.normal.allFinite()) continue;
       Contact contact;
@@ -448,8 +452,8 @@ bool SimulatorNode::countCommand(const std::string& publisher, const std::string
 }
 
 std::optional<std::string> SimulatorNode::refusal(const geometry_msgs::PoseStamped& command) const {
-  if (command.header.frame_id != kHoleFrame) {
-    return "frame_id is \"" + command.header.frame_id + "\": give hole";
+  if (command.header.frame_id != kCarrierBaseFrame) {
+    return "frame_id is \"" + command.header.frame_id + "\": give " + kCarrierBaseFrame;
   }
   Pose X;
   try {
@@ -458,7 +462,7 @@ std::optional<std::string> SimulatorNode::refusal(const geometry_msgs::PoseStamp
     return error.what();
   }
   // far from the scenario's rest pose is a mistake of unit or frame
-  const Pose start = poseFromRest(scenario_.rest);
+  const Pose start = inverse(X_HB_) * poseFromRest(scenario_.rest);
   if ((X.p - start.p).norm() > max_offset_) {
     return "position " + describe(X.p) + " is more than " + std::to_string(max_offset_) +
            " m from the scenario's rest position " + describe(start.p) + ": see ~max_offset";

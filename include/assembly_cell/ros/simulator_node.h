@@ -6,6 +6,7 @@
 #include <std_msgs/Header.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
+#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <atomic>
@@ -80,6 +81,7 @@ class SimulatorNode {
   /// A new cell at the present node time.
   void restart(const Scenario& scenario);
   void publishBlock();
+  void publishStaticFrames();
   void publishState();
   void publishDiagnostics();
   void subscribeToAcks();
@@ -96,6 +98,7 @@ class SimulatorNode {
   Scenario scenario_;
   CellParameters cell_parameters_;
   CellDescription description_;
+  Pose X_HB_;  // carrier's base in the true hole
   bool lockstep_ = false;
   bool publish_truth_ = false;
   double real_time_factor_ = 1.0;
@@ -134,7 +137,8 @@ class SimulatorNode {
 
   ros::Publisher bridge_a_pub_, bridge_b_pub_, accelerometers_pub_, carrier_pub_, clock_pub_,
       truth_pose_pub_, truth_contacts_pub_, diagnostics_pub_;
-  std::unique_ptr<tf2_ros::TransformBroadcaster> tf_;
+  tf2_ros::TransformBroadcaster tf_;
+  tf2_ros::StaticTransformBroadcaster static_tf_;
   ros::Subscriber command_sub_, exciter_sub_, ack_sub_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
   ros::WallTimer diagnostics_timer_;
