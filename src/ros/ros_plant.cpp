@@ -24,7 +24,6 @@ constexpr char kWrenchA[] = "sensor_a/wrench_samples";
 constexpr char kWrenchB[] = "sensor_b/wrench_samples";
 constexpr char kDisplacementB[] = "sensor_b/displacement_samples";
 constexpr char kCarrier[] = "carrier_pose";
-constexpr char kBaseFrame[] = "carrier_base";
 
 /// Of 6 × n numbers, sample after sample. False when it isn't a block of finite numbers.
 bool moments(const std::vector<double>& samples, BlockMoments& out) {
@@ -317,9 +316,11 @@ double RosPlant::time() const {
   return (last_.end - origin_).toSec();
 }
 
-Pose RosPlant::carrierMotion() const {
+Pose RosPlant::carrierMotion() const { return inverse(start_) * carrierPose(); }
+
+Pose RosPlant::carrierPose() const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return inverse(start_) * last_.X_BC;
+  return last_.X_BC;
 }
 
 PlantBlock RosPlant::plantBlock(const Block& block) const {
@@ -336,7 +337,7 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
 void RosPlant::publishCarrier(const Pose& X_BC) {
   geometry_msgs::PoseStamped message;
   message.header.stamp = last_.end;
-  message.header.frame_id = kBaseFrame;
+  message.header.frame_id = kCarrierBaseFrame;
   message.pose = toPose(X_BC);
   ++commands_;
   command_pub_.publish(message);

@@ -48,6 +48,7 @@ class RosPlant : public Plant {
   ros::Time stampOf(double time) const;  ///< of a time on the plant's clock [s]
   double time() const;                   ///< the same on the plant clock [s]
   Pose carrierMotion() const;            ///< carrier in the carrier frame of begin(), last block
+  Pose carrierPose() const;              ///< in its base, at the last block's end
 
  private:
   /// A block as its parts come in.
