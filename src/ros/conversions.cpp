@@ -48,6 +48,15 @@ geometry_msgs::Pose toPose(const Pose& X) {
   return out;
 }
 
+geometry_msgs::PoseStamped poseStamped(const std::string& frame, const Pose& X,
+                                       const ros::Time& stamp) {
+  geometry_msgs::PoseStamped out;
+  out.header.stamp = stamp;
+  out.header.frame_id = frame;
+  out.pose = toPose(X);
+  return out;
+}
+
 geometry_msgs::TransformStamped transformStamped(const std::string& parent,
                                                  const std::string& child, const Pose& X,
                                                  const ros::Time& stamp) {

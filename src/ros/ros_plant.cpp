@@ -335,12 +335,8 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
 // ---- commands ----
 
 void RosPlant::publishCarrier(const Pose& X_BC) {
-  geometry_msgs::PoseStamped message;
-  message.header.stamp = last_.end;
-  message.header.frame_id = kCarrierBaseFrame;
-  message.pose = toPose(X_BC);
   ++commands_;
-  command_pub_.publish(message);
+  command_pub_.publish(poseStamped(kCarrierBaseFrame, X_BC, last_.end));
 }
 
 void RosPlant::publishExciter(const ExciterParameters& drive) {

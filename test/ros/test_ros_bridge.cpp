@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <geometry_msgs/Point.h>
-#include <geometry_msgs/Pose.h>
+#include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/TransformStamped.h>
 #include <geometry_msgs/Vector3.h>
 #include <geometry_msgs/Wrench.h>
@@ -29,6 +29,8 @@ geometry_msgs::Vector3 toVector3(const Eigen::Vector3d& v);
 
 /// Quaternions on the wire are unit, with w ≥ 0.
 geometry_msgs::Pose toPose(const Pose& X);
+geometry_msgs::PoseStamped poseStamped(const std::string& frame, const Pose& X,
+                                       const ros::Time& stamp);
 geometry_msgs::TransformStamped transformStamped(const std::string& parent,
                                                  const std::string& child, const Pose& X,
                                                  const ros::Time& stamp);

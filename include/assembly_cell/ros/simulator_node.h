@@ -3,7 +3,6 @@
 
 #include <geometry_msgs/PoseStamped.h>
 #include <ros/ros.h>
-#include <std_msgs/Header.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/static_transform_broadcaster.h>
@@ -16,22 +15,19 @@
 #include <deque>
 #include <functional>
 #include <future>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "assembly_cell/AccelerometerSamples.h"
-#include "assembly_cell/Ack.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/SetState.h"
 #include "assembly_cell/Step.h"
 #include "assembly_cell/StrainSamples.h"
 #include "assembly_cell/cell/simulated_cell.h"
+#include "assembly_cell/ros/participants.h"
 #include "assembly_cell/scene/cell_description.h"
 
 namespace assembly_cell::ros_bridge {
@@ -51,19 +47,9 @@ class SimulatorNode {
  private:
   ros::NodeHandle nh_;
 
+  void readParameters(ros::NodeHandle& pnh);
   void pairParts();
-  /// Last answer of a participant.
-  struct Participant {
-    bool answered = false;
-    std::uint32_t sequence = 0;
-    std::uint32_t commands = 0;
-    std::string publisher;  ///< node that sent it
-  };
-  /// Commands received from one node, without repetitions.
-  struct Sender {
-    std::uint32_t commands = 0;
-    std::map<std::string, std::pair<std::uint32_t, ros::Time>> last;  ///< seq, stamp by topic
-  };
+  void advertise(ros::NodeHandle& pnh);
 
   void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
   void onExciter(const ros::MessageEvent<Exciter const>& event);
@@ -87,14 +73,12 @@ class SimulatorNode {
   void subscribeToAcks();
   void waitForAcks(std::uint32_t sequence);
   void pace();
-  /// False for a repetition (latched messages may come twice).
-  bool countCommand(const std::string& publisher, const std::string& topic,
-                    const std_msgs::Header& header);
   std::optional<std::string> refusal(const geometry_msgs::PoseStamped& command) const;
   /// Stamp of a time of the present cell.
   ros::Time stampAt(double cell_time) const;
 
   // parameters
+  std::string file_;
   Scenario scenario_;
   CellParameters cell_parameters_;
   CellDescription description_;
@@ -126,8 +110,7 @@ class SimulatorNode {
   std::deque<std::packaged_task<void()>> tasks_;
   std::optional<Pose> carrier_command_;
   std::optional<Exciter> exciter_;
-  std::map<std::string, Participant> participants_;
-  std::map<std::string, Sender> senders_;
+  Participants participants_;
 
   std::atomic<double> now_{0.0};  // node time [s]
   std::atomic<std::uint64_t> refused_{0};
