@@ -13,7 +13,7 @@
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/part_pairs.h"
+#include "assembly_cell/description/part_pairs.h"
 
 namespace assembly_cell::ros_bridge {
 

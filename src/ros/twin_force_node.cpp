@@ -10,7 +10,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/twin_force/contact_checks.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 

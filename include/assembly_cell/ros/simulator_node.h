@@ -28,7 +28,7 @@
 #include "assembly_cell/StrainSamples.h"
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/ros/participants.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 
 namespace assembly_cell::ros_bridge {
 
