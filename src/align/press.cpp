@@ -31,7 +31,16 @@ std::string line(const char* format, double a, double b) {
   return text;
 }
 
+constexpr double kThere = 2e-5;   // of height [m] and tilt [rad]
+constexpr double kBeside = 5e-4;  // of x and y [m]
+
 }  // namespace
+
+bool arrived(const RestPose& at, const RestPose& target) {
+  return std::abs(at.z - target.z) < kThere && std::abs(at.theta - target.theta) < kThere &&
+         std::abs(at.phi - target.phi) < kThere &&
+         std::hypot(at.x - target.x, at.y - target.y) < kBeside;
+}
 
 Hand::Hand(Plant& plant, const PressLimits& limits) : plant_(plant), limits_(limits) {
   wait(1);
@@ -101,11 +110,7 @@ void Hand::moveTo(const RestPose& target) {
   command.rest = target;
   step(command);
   for (int i = 0; i < kStillLimit; ++i) {
-    const RestPose& at = last_.carrier;
-    const bool arrived =
-        std::abs(at.z - target.z) < 1e-7 && std::abs(at.theta - target.theta) < 1e-7 &&
-        std::abs(at.phi - target.phi) < 1e-7 && std::hypot(at.x - target.x, at.y - target.y) < 5e-4;
-    if (arrived) return;
+    if (arrived(last_.carrier, target)) return;
     step({});
   }
   throw PressError(

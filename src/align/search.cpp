@@ -99,14 +99,14 @@ AlignResult Search::run() {
 }
 
 RestPose Search::restFor(const Vec3& p, const Mat3& R) const {
-  const Pose X_W = X_WS_ * Pose{R, p + length_ * R.col(2)};
-  return restFromPose(X_W);
+  const Pose X_B = X_BS_ * Pose{R, p + length_ * R.col(2)};
+  return restFromPose(X_B);
 }
 
 Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
   const Pose deflected{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()};
   const Pose bottom{Mat3::Identity(), Vec3(0, 0, -length_)};
-  return inverse(X_WS_) * poseFromRest(carrier) * deflected * bottom;
+  return inverse(X_BS_) * poseFromRest(carrier) * deflected * bottom;
 }
 
 Search::Touch Search::feel() {
@@ -117,12 +117,12 @@ Search::Touch Search::feel() {
     w += hand_.wrench() / kFeelBlocks;
     d += deflection() / kFeelBlocks;
   }
-  // the weight has turned since the tare
-  const Pose X_WC = poseFromRest(hand_.last().carrier);
-  const Vec3 up = Vec3::UnitZ();
-  w -= pegWeight(mechanism_.peg, mechanism_.gravity, X_WC.R.transpose() * up, d) -
-       pegWeight(mechanism_.peg, mechanism_.gravity, poseFromRest(hand_.tarePose()).R.transpose() * up,
-                 Vector6::Zero());
+  // the weight has turned since the tare; the base stands upright to a few degrees, which is 10 mN
+  const auto weight = [this](const RestPose& carrier, const Vector6& deflection) {
+    const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
+    return pegWeight(mechanism_.peg, mechanism_.gravity, up, deflection);
+  };
+  w -= weight(hand_.last().carrier, d) - weight(hand_.tarePose(), Vector6::Zero());
   const Pose X_CQ = Pose{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()} *
                     Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
   const Vector6 at = transformWrench(inverse(X_CQ), w);
@@ -196,7 +196,7 @@ void Search::report(const char* state, const std::string& message) {
 
 bool Search::begin() {
   hand_.tare();
-  X_WS_ = poseFromRest(hand_.last().carrier);
+  X_BS_ = poseFromRest(hand_.last().carrier);
   reference_time_ = hand_.last().time;
   report("tare", "hanging free");
   return alreadyIn();
@@ -233,7 +233,7 @@ bool Search::enter(const Vec3& center) {
   // up along the normal before sideways and straight
   Vec3 above = pegPose(hand_.target(), Vector6::Zero()).p;
   above += hole_.normal * std::max(0.0, kTravel - hole_.normal.dot(above) + hole_.height);
-  hand_.moveTo(restFor(above, (inverse(X_WS_) * poseFromRest(hand_.target())).R));
+  hand_.moveTo(restFor(above, (inverse(X_BS_) * poseFromRest(hand_.target())).R));
   // the hanging peg sags differently in this pose
   Vec3 target = center + kClear * hole_.normal;
   hand_.moveTo(restFor(target + kTravel * hole_.normal, R));

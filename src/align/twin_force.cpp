@@ -200,7 +200,7 @@ class TwinForce : public Search {
     hand_.hold(p_.contact_force, p_.press_tolerance);
     if (!reach.pull.isZero()) {
       RestPose pulled = hand_.target();
-      const Vec3 shift = X_WS_.R * reach.pull * compliance_;
+      const Vec3 shift = X_BS_.R * reach.pull * compliance_;
       pulled.x -= shift.x();
       pulled.y -= shift.y();
       hand_.moveTo(pulled);

@@ -160,7 +160,7 @@ bool VibratedSearch::caught() {
 // way up before the peg is turned to R, so that its edge stays off the plane: no point of the edge
 // goes down by more than the radius times the turn, nor below its lowest point
 double VibratedSearch::clearance(const Mat3& R) const {
-  const Mat3 before = (inverse(X_WS_) * poseFromRest(hand_.target())).R;
+  const Mat3 before = (inverse(X_BS_) * poseFromRest(hand_.target())).R;
   const double turn = std::acos(std::clamp(R.col(2).dot(before.col(2)), -1.0, 1.0));
   const double way = mechanism_.peg.radius * turn;
   if (!planeKnown()) return way;

@@ -9,8 +9,6 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kRise = 8e-3;     // before the way back [m]
-constexpr double kThere = 1e-7;    // of height and tilt, which are as commanded [m] [rad]
-constexpr double kBeside = 5e-4;   // of x and y, which give way [m]
 constexpr int kMostBlocks = 500;   // for one of both ways
 constexpr int kSettleBlocks = 10;  // before the zero is taken anew
 
@@ -26,13 +24,8 @@ bool goTo(Plant& plant, const RestPose& rest) {
   PlantCommand command;
   command.rest = rest;
   for (int i = 0; i < kMostBlocks; ++i) {
-    const RestPose at = plant.next(command).carrier;
+    if (arrived(plant.next(command).carrier, rest)) return true;
     command.rest.reset();
-    if (std::abs(at.z - rest.z) < kThere && std::abs(at.theta - rest.theta) < kThere &&
-        std::abs(at.phi - rest.phi) < kThere &&
-        std::hypot(at.x - rest.x, at.y - rest.y) < kBeside) {
-      return true;
-    }
   }
   return false;
 }

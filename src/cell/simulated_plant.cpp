@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/locus/contact_model.h"
 
 namespace assembly_cell {
@@ -18,6 +19,7 @@ constexpr double kMostSteps = 3e6, kMostStepsPerSecond = 1e5;
 SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
                                const CellParameters& parameters)
     : nominal_(nominal),
+      X_HB_(carrierBase(scenario)),
       cell_(scenario, parameters),
       calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
       calibration_b_(
@@ -31,7 +33,9 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
 
 PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   Simulation& simulation = cell_.simulation();
-  if (command.rest) simulation.setRestTarget(*command.rest);
+  if (command.rest) {
+    simulation.setRestTarget(restFromPose(X_HB_ * poseFromRest(*command.rest)));
+  }
   if (command.exciter) {
     exciter_ = *command.exciter;
     exciter_reference_ = simulation.time();
@@ -81,10 +85,11 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   }
   out.time = simulation.time();
   const Vector9& q = simulation.state().q;
-  out.carrier = simulation.rest();
-  out.carrier.x = q(6);
-  out.carrier.y = q(7);
-  out.carrier.yaw = q(8);
+  RestPose carrier = simulation.rest();
+  carrier.x = q(6);
+  carrier.y = q(7);
+  carrier.yaw = q(8);
+  out.carrier = restFromPose(inverse(X_HB_) * poseFromRest(carrier));
 
   if (request_ && out.time >= request_->start + request_->duration - 1e-9) {
     const HarmonicFit fit = fitHarmonic(angles_, displacements_);

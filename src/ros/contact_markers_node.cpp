@@ -8,15 +8,13 @@
 
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/twin_force/line_of_action.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr char kHoleFrame[] = "hole";
-constexpr char kPegFrame[] = "peg";
 constexpr int kCirclePoints = 64;
 constexpr double kLineWidth = 0.0006;    // [m]
 constexpr double kPointSize = 0.004;     // [m]
@@ -82,16 +80,14 @@ void ContactMarkersNode::update() {
 void ContactMarkersNode::publish() {
   drawn_before_.swap(drawn_);
   drawn_.clear();
-  addCircle("hole", kHoleFrame, hole_radius_, kHoleColor);
+  addCircle("hole", truth_ ? kHoleTruthFrame : kHoleFrame, hole_radius_, kHoleColor);
   if (contacts_) drawContacts();
   if (locus_) drawLocus();
   if (twin_force_) drawTwinForce();
-  if (truth_) drawPeg("peg_true", truth_->pose, kTruePegColor);
+  if (truth_) drawPeg("peg_true", kHoleTruthFrame, truth_->pose, kTruePegColor);
   if (report_ && report_->estimate_known) {
-    drawPeg("peg_estimated", report_->estimated_pose, kEstimatedPegColor);
-    // where that peg saw the hole: the estimate without the truth
-    addCircle("hole_estimated", kPegFrame, hole_radius_, kEstimatedHoleColor);
-    array_.markers.back().pose = toPose(inverse(fromPose(report_->estimated_pose, "report")));
+    drawPeg("peg_estimated", kHoleEstimatedFrame, report_->estimated_pose, kEstimatedPegColor);
+    addCircle("hole_estimated", kHoleEstimatedFrame, hole_radius_, kEstimatedHoleColor);
   }
 
   // what was there before and has ended
@@ -115,12 +111,12 @@ void ContactMarkersNode::drawContacts() {
     const Eigen::Vector3d p(contact.position.x, contact.position.y, contact.position.z);
     const Eigen::Vector3d n(contact.normal.x, contact.normal.y, contact.normal.z);
     const Eigen::Vector3d f(contact.force.x, contact.force.y, contact.force.z);
-    Marker& point = add("contact_points", Marker::SPHERE, kHoleFrame, kContactPointColor);
+    Marker& point = add("contact_points", Marker::SPHERE, kHoleTruthFrame, kContactPointColor);
     point.pose.position = contact.position;
     point.scale.x = point.scale.y = point.scale.z = kPointSize;
-    addArrow("contact_normals", kHoleFrame, p, p + kNormalLength * n, kContactNormalColor);
+    addArrow("contact_normals", kHoleTruthFrame, p, p + kNormalLength * n, kContactNormalColor);
     if (f.norm() > force_threshold_) {
-      addArrow("contact_forces", kHoleFrame, p, p + force_scale_ * f, kContactForceColor);
+      addArrow("contact_forces", kHoleTruthFrame, p, p + force_scale_ * f, kContactForceColor);
     }
   }
 }
@@ -194,11 +190,11 @@ void ContactMarkersNode::drawTwinForce() {
   ellipsoid.scale.z = diameter(2);
 }
 
-void ContactMarkersNode::drawPeg(const std::string& ns, const geometry_msgs::Pose& pose,
-                                 const Color& color) {
-  addCircle(ns, kHoleFrame, peg_radius_, color);
+void ContactMarkersNode::drawPeg(const std::string& ns, const std::string& frame,
+                                 const geometry_msgs::Pose& pose, const Color& color) {
+  addCircle(ns, frame, peg_radius_, color);
   array_.markers.back().pose = pose;
-  Marker& axis = add(ns, Marker::LINE_STRIP, kHoleFrame, color);
+  Marker& axis = add(ns, Marker::LINE_STRIP, frame, color);
   axis.pose = pose;
   axis.scale.x = kLineWidth;
   axis.points = {toPoint({0.0, 0.0, 0.0}), toPoint({0.0, 0.0, peg_length_})};

@@ -48,10 +48,24 @@ geometry_msgs::Pose toPose(const Pose& X) {
   return out;
 }
 
-geometry_msgs::Transform toTransform(const Pose& X) {
-  geometry_msgs::Transform out;
-  out.translation = toVector3(X.p);
-  out.rotation = toQuaternion(X.R);
+geometry_msgs::PoseStamped poseStamped(const std::string& frame, const Pose& X,
+                                       const ros::Time& stamp) {
+  geometry_msgs::PoseStamped out;
+  out.header.stamp = stamp;
+  out.header.frame_id = frame;
+  out.pose = toPose(X);
+  return out;
+}
+
+geometry_msgs::TransformStamped transformStamped(const std::string& parent,
+                                                 const std::string& child, const Pose& X,
+                                                 const ros::Time& stamp) {
+  geometry_msgs::TransformStamped out;
+  out.header.stamp = stamp;
+  out.header.frame_id = parent;
+  out.child_frame_id = child;
+  out.transform.translation = toVector3(X.p);
+  out.transform.rotation = toQuaternion(X.R);
   return out;
 }
 
@@ -78,16 +92,6 @@ Vector6 fromWrench(const geometry_msgs::Wrench& w) {
   Vector6 out;
   out << w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z;
   return out;
-}
-
-Pose poseFromRest(const RestPose& rest) {
-  return {rotationFromEuler({rest.phi, rest.theta, rest.yaw}),
-          Eigen::Vector3d(rest.x, rest.y, rest.z)};
-}
-
-RestPose restFromPose(const Pose& X) {
-  const EulerAngles euler = eulerFromRotation(X.R);
-  return {X.p.x(), X.p.y(), X.p.z(), euler.psi, euler.theta, euler.phi};
 }
 
 }  // namespace assembly_cell::ros_bridge

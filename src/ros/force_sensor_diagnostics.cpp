@@ -27,6 +27,76 @@ std::string format(const char* pattern, double value) {
 
 double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
 
+/// A number that a source counts: its key, and what it means when it grows (null: nothing).
+struct Counter {
+  std::uint64_t SourceCounters::*count;
+  const char* key;
+  std::uint8_t level;
+  const char* cause;
+};
+constexpr std::uint8_t kOk = DiagnosticStatus::OK, kWarn = DiagnosticStatus::WARN,
+                       kError = DiagnosticStatus::ERROR;
+constexpr Counter kCounters[] = {
+    {&SourceCounters::samples, "samples", kOk, nullptr},
+    {&SourceCounters::lost, "lost samples", kWarn, "samples lost"},
+    {&SourceCounters::late, "late samples", kWarn, "samples too late"},
+    {&SourceCounters::duplicates, "duplicate samples", kWarn, "samples twice"},
+    {&SourceCounters::reordered, "reordered samples", kOk, nullptr},
+    {&SourceCounters::faulty, "faulty samples", kError, "samples dropped for a fault"},
+    {&SourceCounters::stale, "stale samples", kError, "stale samples: the device stalls"},
+    {&SourceCounters::crc_errors, "CRC errors", kWarn, "checksums wrong"},
+    {&SourceCounters::garbage, "garbage bytes", kOk, nullptr},
+    {&SourceCounters::malformed, "malformed frames", kWarn, "malformed frames"},
+    {&SourceCounters::foreign, "foreign datagrams", kWarn, "datagrams from others"},
+    {&SourceCounters::restarts, "device restarts", kWarn, "restarts of the device"},
+};
+
+/// Causes in one line, and the worst of their levels.
+struct Causes {
+  std::string text;
+  std::uint8_t level = kOk;
+
+  void add(std::uint8_t of_cause, const std::string& cause) {
+    text += (text.empty() ? "" : "; ") + cause;
+    level = std::max(level, of_cause);
+  }
+  void add(std::uint8_t of_cause, std::uint64_t count, const char* what) {
+    if (count > 0) add(of_cause, std::to_string(count) + " " + what);
+  }
+};
+
+bool gone(const LinkStatus& link) {
+  return link.state == LinkState::kBackingOff || link.state == LinkState::kConnecting;
+}
+
+/// Static causes: somebody must change something.
+Causes lastingCauses(const LinkStatus& link, const SourceInfo& info, const std::string& serial) {
+  Causes out;
+  if (!link.static_cause.empty()) out.add(kError, link.static_cause);
+  if (link.opens > 0 && !info.serial_number.empty() && info.serial_number != serial) {
+    out.add(
+        info.quantity == SampleQuantity::kWrench ? kWarn : kError,
+        "the device is '" + info.serial_number + "' but the calibration is of '" + serial + "'");
+  }
+  if (!link.priority_fault.empty()) out.add(kWarn, link.priority_fault);
+  return out;
+}
+
+/// Dynamic causes of the link: they pass by themselves, or with a cable.
+Causes passingCauses(const LinkStatus& link) {
+  Causes out;
+  if (!link.dynamic_cause.empty()) {
+    const bool never = gone(link) && !link.ever_sampled;
+    out.add(kError, link.dynamic_cause +
+                        (never ? " (not once since the start: is it the right device?)" : ""));
+  } else if (link.state == LinkState::kConnected && link.fault != 0) {
+    out.add(kError, "the device reports a fault");
+  } else if (link.state == LinkState::kConnected && !link.ever_sampled) {
+    out.add(kWarn, "open, but no samples yet");
+  }
+  return out;
+}
+
 }  // namespace
 
 void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -52,18 +122,14 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
   reported_restarts_ = sequence_.restarts();
 
   // causes since the last report, the worst last
-  const auto warn = [&](const std::string& text) {
-    status.mergeSummary(DiagnosticStatus::WARN, text);
-  };
-  const auto fail = [&](const std::string& text) {
-    status.mergeSummary(DiagnosticStatus::ERROR, text);
-  };
-  status.summary(DiagnosticStatus::OK, "");
+  const auto warn = [&](const std::string& text) { status.mergeSummary(kWarn, text); };
+  const auto fail = [&](const std::string& text) { status.mergeSummary(kError, text); };
+  status.summary(kOk, "");
   if (replay_ended_) {
-    status.summary(DiagnosticStatus::OK, "the recording has ended");
+    status.summary(kOk, "the recording has ended");
   } else if (silence > source_timeout_) {
     // the simulator may be paused in lockstep
-    status.summary(lockstep_ ? DiagnosticStatus::WARN : DiagnosticStatus::ERROR,
+    status.summary(lockstep_ ? kWarn : kError,
                    last_block_ ? "no samples for " + format("%.1f s", silence.count())
                                : "no samples yet from " + source_);
   }
@@ -86,7 +152,7 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
     warn("rate " + format("%.4g Hz", rate_) + " instead of " + format("%.4g Hz", expected));
   }
   if (status.message.empty()) {
-    status.summary(DiagnosticStatus::OK, "sampling at " + format("%.4g Hz", rate_));
+    status.summary(kOk, "sampling at " + format("%.4g Hz", rate_));
   }
   total_samples_ += window_.samples;
   total_saturated_ += window_.saturated_samples;
@@ -124,77 +190,34 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   const auto now = Clock::now();
   const auto seconds = [](auto span) { return std::chrono::duration<double>(span).count(); };
 
-  // static causes: somebody must change something
-  std::string fixed = link.static_cause;
-  const auto add = [](std::string& list, const std::string& text) {
-    list += (list.empty() ? "" : "; ") + text;
-  };
-  std::uint8_t fixed_level = fixed.empty() ? DiagnosticStatus::OK : DiagnosticStatus::ERROR;
-  const bool foreign_calibration = link.opens > 0 && !info.serial_number.empty() &&
-                                   info.serial_number != calibration_.serial_number;
-  if (foreign_calibration) {
-    add(fixed, "the device is '" + info.serial_number + "' but the calibration is of '" +
-                   calibration_.serial_number + "'");
-    fixed_level = std::max<std::uint8_t>(fixed_level, info.quantity == SampleQuantity::kWrench
-                                                          ? DiagnosticStatus::WARN
-                                                          : DiagnosticStatus::ERROR);
+  const Causes lasting = lastingCauses(link, info, calibration_.serial_number);
+  Causes passing = passingCauses(link);
+  for (const Counter& c : kCounters) {
+    if (c.cause != nullptr) {
+      passing.add(c.level, counters.*c.count - reported_counters_.*c.count, c.cause);
+    }
   }
-  if (!link.priority_fault.empty()) {
-    add(fixed, link.priority_fault);
-    fixed_level = std::max<std::uint8_t>(fixed_level, DiagnosticStatus::WARN);
-  }
-
-  // dynamic causes: they pass by themselves, or with a cable
-  std::string passing;
-  std::uint8_t level = DiagnosticStatus::OK;
-  const auto warn = [&](std::uint8_t l, const std::string& text) {
-    add(passing, text);
-    level = std::max(level, l);
-  };
-  const bool gone = link.state == LinkState::kBackingOff || link.state == LinkState::kConnecting;
-  if (!link.dynamic_cause.empty()) {
-    std::string text = link.dynamic_cause;
-    if (gone && !link.ever_sampled) text += " (not once since the start: is it the right device?)";
-    warn(DiagnosticStatus::ERROR, text);
-  } else if (link.state == LinkState::kConnected && link.fault != 0) {
-    warn(DiagnosticStatus::ERROR, "the device reports a fault");
-  } else if (link.state == LinkState::kConnected && !link.ever_sampled) {
-    warn(DiagnosticStatus::WARN, "open, but no samples yet");
-  }
-  const auto since = [&](std::uint64_t SourceCounters::*count) {
-    return counters.*count - reported_counters_.*count;
-  };
-  const auto count = [&](std::uint8_t l, std::uint64_t n, const std::string& what) {
-    if (n > 0) warn(l, std::to_string(n) + " " + what);
-  };
-  count(DiagnosticStatus::WARN, since(&SourceCounters::lost), "samples lost");
-  count(DiagnosticStatus::WARN, since(&SourceCounters::late), "samples too late");
-  count(DiagnosticStatus::WARN, since(&SourceCounters::duplicates), "samples twice");
-  count(DiagnosticStatus::ERROR, since(&SourceCounters::faulty), "samples dropped for a fault");
-  count(DiagnosticStatus::ERROR, since(&SourceCounters::stale), "stale samples: the device stalls");
-  count(DiagnosticStatus::WARN, since(&SourceCounters::crc_errors), "checksums wrong");
-  count(DiagnosticStatus::WARN, since(&SourceCounters::malformed), "malformed frames");
-  count(DiagnosticStatus::WARN, since(&SourceCounters::foreign), "datagrams from others");
-  count(DiagnosticStatus::WARN, since(&SourceCounters::restarts), "restarts of the device");
-  count(DiagnosticStatus::WARN, link.dropped_samples - reported_link_.dropped_samples,
-        "samples dropped: the driver is too slow");
-  count(DiagnosticStatus::WARN, link.reconnects - reported_link_.reconnects, "reconnects");
-  count(DiagnosticStatus::WARN, ros_clock_.steps() - reported_steps_, "steps of the system clock");
+  passing.add(kWarn, link.dropped_samples - reported_link_.dropped_samples,
+              "samples dropped: the driver is too slow");
+  passing.add(kWarn, link.reconnects - reported_link_.reconnects, "reconnects");
+  passing.add(kWarn, ros_clock_.steps() - reported_steps_, "steps of the system clock");
   reported_counters_ = counters;
   reported_link_ = link;
   reported_steps_ = ros_clock_.steps();
 
-  status.summary(DiagnosticStatus::OK, "");
-  if (!fixed.empty()) status.mergeSummary(fixed_level, "configuration: " + fixed);
-  if (!passing.empty()) status.mergeSummary(level, passing);
+  status.summary(kOk, "");
+  if (!lasting.text.empty()) {
+    status.mergeSummary(lasting.level, "configuration: " + lasting.text);
+  }
+  if (!passing.text.empty()) status.mergeSummary(passing.level, passing.text);
   if (status.message.empty()) {
-    status.summary(DiagnosticStatus::OK, std::string(toText(link.state)) +
-                                             (info.device.empty() ? "" : " to " + info.device));
+    status.summary(
+        kOk, std::string(toText(link.state)) + (info.device.empty() ? "" : " to " + info.device));
   }
 
   status.add("state", toText(link.state));
-  status.add("static cause", fixed);
-  status.add("dynamic cause", passing);
+  status.add("static cause", lasting.text);
+  status.add("dynamic cause", passing.text);
   status.add("last loss", link.last_loss);
   status.add("type", choice_.type);
   status.add("device", info.device);
@@ -206,21 +229,11 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   status.add("failed opens", link.failed_opens);
   status.add("reconnects", link.reconnects);
   status.add("back-off [s]", seconds(link.back_off));
-  status.add("next attempt in [s]", gone ? std::max(0.0, seconds(link.next_attempt - now)) : 0.0);
+  status.add("next attempt in [s]",
+             gone(link) ? std::max(0.0, seconds(link.next_attempt - now)) : 0.0);
   status.add("age of last samples [s]",
              link.ever_sampled ? seconds(now - link.last_samples) : -1.0);
-  status.add("samples", counters.samples);
-  status.add("lost samples", counters.lost);
-  status.add("late samples", counters.late);
-  status.add("duplicate samples", counters.duplicates);
-  status.add("reordered samples", counters.reordered);
-  status.add("faulty samples", counters.faulty);
-  status.add("stale samples", counters.stale);
-  status.add("CRC errors", counters.crc_errors);
-  status.add("garbage bytes", counters.garbage);
-  status.add("malformed frames", counters.malformed);
-  status.add("foreign datagrams", counters.foreign);
-  status.add("device restarts", counters.restarts);
+  for (const Counter& c : kCounters) status.add(c.key, counters.*c.count);
   char word[16];
   std::snprintf(word, sizeof(word), "0x%08x", link.fault);
   status.add("fault word", std::string(word));
@@ -242,7 +255,7 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
 void ForceSensorNode::diagnoseCalibration(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
   status.hardware_id = calibration_.serial_number;
-  status.summary(DiagnosticStatus::OK,
+  status.summary(kOk,
                  "calibration " + calibration_.id + (bias_time_ ? ", zeroed" : ", not zeroed"));
   status.add("serial number", calibration_.serial_number);
   status.add("calibration id", calibration_.id);

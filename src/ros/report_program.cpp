@@ -15,7 +15,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -145,7 +145,7 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
 ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     : nh_(nh), client_(nh, "align", false) {
   Parameters parameters(pnh);
-  strategy_ = parameters.text("strategy", "single_contact");
+  details_.strategy = parameters.text("strategy", "single_contact");
   report_file_ = parameters.text("report_file", "");
   simulator_ = parameters.text("simulator", "peg_hole_simulator");
   unpause_ = parameters.flag("unpause", true);
@@ -159,7 +159,6 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   }
   const CellDescription description =
       loadCellDescription(Parameters(nh_).text("robot_description"));
-  details_.strategy = strategy_;
   details_.peg_radius = description.peg.radius;
   details_.hole_radius = description.hole.radius;
 }
@@ -187,6 +186,69 @@ std::optional<Pose> ReportProgram::truthAt(const ros::Time& stamp) const {
   return std::nullopt;
 }
 
+bool ReportProgram::readTruth(const ros::Time& stamp, std::optional<Pose>& truth) const {
+  return !truth_published_ || waitFor("message on truth/pose", kTruthTimeout, [&] {
+    truth = truthAt(stamp);
+    return truth.has_value();
+  });
+}
+
+bool ReportProgram::othersAreThere() {
+  if (!waitFor("action server align (is the supervisor running?)", start_timeout_,
+               [this] { return client_.isServerConnected(); })) {
+    return false;
+  }
+  if (unpause_ &&
+      !waitFor("service " + simulator_ + "/pause (is the simulator running?)", start_timeout_,
+               [this] { return ros::service::exists(simulator_ + "/pause", false); })) {
+    return false;
+  }
+  ros::master::V_TopicInfo topics;
+  ros::master::getTopics(topics);
+  const std::string topic = nh_.resolveName("truth/pose");
+  truth_published_ = std::any_of(topics.begin(), topics.end(),
+                                 [&topic](const auto& info) { return info.name == topic; });
+  return true;
+}
+
+bool ReportProgram::align() {
+  const auto locked = [this](const bool& flag) {
+    return [this, &flag] {
+      std::lock_guard<std::mutex> lock(mutex_);
+      return flag;
+    };
+  };
+  // first the goal, then the clock: so the run starts with the first block
+  AlignPegGoal goal;
+  goal.strategy = details_.strategy;
+  client_.sendGoal(
+      goal,
+      [this](const actionlib::SimpleClientGoalState&, const AlignPegResultConstPtr& result) {
+        std::lock_guard<std::mutex> lock(mutex_);
+        result_ = result;
+        active_ = done_ = true;
+      },
+      [this] {
+        std::lock_guard<std::mutex> lock(mutex_);
+        active_ = true;
+      });
+  if (!waitFor("acceptance of the goal align", start_timeout_, locked(active_))) return false;
+  if (unpause_) {
+    std_srvs::SetBool run;
+    run.request.data = false;
+    if (!ros::service::call(simulator_ + "/pause", run) || !run.response.success) {
+      ROS_ERROR("report: %s/pause failed: %s", simulator_.c_str(), run.response.message.c_str());
+      return false;
+    }
+  }
+  if (!waitFor("result of align", timeout_, locked(done_))) {
+    client_.cancelGoal();
+    return false;
+  }
+  if (!result_) ROS_ERROR("report: align ended without a result");
+  return result_ != nullptr;
+}
+
 int ReportProgram::run() {
   truth_sub_ = nh_.subscribe<geometry_msgs::PoseStamped>(
       "truth/pose", kTruthMemory, [this](const geometry_msgs::PoseStamped::ConstPtr& message) {
@@ -194,76 +256,15 @@ int ReportProgram::run() {
         truth_.push_back(message);
         if (truth_.size() > kTruthMemory) truth_.pop_front();
       });
-  if (!waitFor("action server align (is the supervisor running?)", start_timeout_,
-               [this] { return client_.isServerConnected(); })) {
-    return 1;
-  }
-  if (unpause_ &&
-      !waitFor("service " + simulator_ + "/pause (is the simulator running?)", start_timeout_,
-               [this] { return ros::service::exists(simulator_ + "/pause", false); })) {
-    return 1;
-  }
-
-  // the truth before anything moves, if somebody publishes it
-  ros::master::V_TopicInfo topics;
-  ros::master::getTopics(topics);
-  const std::string topic = nh_.resolveName("truth/pose");
-  const bool published = std::any_of(topics.begin(), topics.end(),
-                                     [&topic](const auto& info) { return info.name == topic; });
-  const auto truthFrom = [this](const ros::Time& stamp, std::optional<Pose>& truth) {
-    return waitFor("message on truth/pose", kTruthTimeout, [this, &stamp, &truth] {
-      truth = truthAt(stamp);
-      return truth.has_value();
-    });
-  };
-  if (published && !truthFrom(ros::Time(), details_.truth_start)) return 1;
-
-  // first the goal, then the clock: so the run starts with the first block
-  AlignPegGoal goal;
-  goal.strategy = strategy_;
-  client_.sendGoal(
-      goal,
-      [this](const actionlib::SimpleClientGoalState&, const AlignPegResultConstPtr& result) {
-        std::lock_guard<std::mutex> lock(mutex_);
-        result_ = result;
-        done_ = true;
-      },
-      [this] {
-        std::lock_guard<std::mutex> lock(mutex_);
-        active_ = true;
-      });
-  if (!waitFor("acceptance of the goal align", start_timeout_, [this] {
-        std::lock_guard<std::mutex> lock(mutex_);
-        return active_ || done_;
-      })) {
-    return 1;
-  }
-  if (unpause_) {
-    std_srvs::SetBool run;
-    run.request.data = false;
-    if (!ros::service::call(simulator_ + "/pause", run) || !run.response.success) {
-      ROS_ERROR("report: %s/pause failed: %s", simulator_.c_str(), run.response.message.c_str());
-      return 1;
-    }
-  }
-  if (!waitFor("result of align", timeout_, [this] {
-        std::lock_guard<std::mutex> lock(mutex_);
-        return done_;
-      })) {
-    client_.cancelGoal();
-    return 1;
-  }
-  if (!result_) {
-    ROS_ERROR("report: align ended without a result");
-    return 1;
-  }
+  // the truth before anything moves
+  if (!othersAreThere() || !readTruth(ros::Time(), details_.truth_start) || !align()) return 1;
 
   // the truth at the end of the last block that the supervisor used
   AlignmentReport report = result_->report;
-  if (published && !truthFrom(report.header.stamp, details_.truth_end)) return 1;
+  if (!readTruth(report.header.stamp, details_.truth_end)) return 1;
   // estimates refer to the peg hanging at rest; a little earlier, as stamps are rounded
-  if (published && !report.reference.isZero() &&
-      !truthFrom(report.reference - ros::Duration(kRounding), details_.truth_start)) {
+  if (!report.reference.isZero() &&
+      !readTruth(report.reference - ros::Duration(kRounding), details_.truth_start)) {
     return 1;
   }
   addTruth(report, details_);

@@ -174,7 +174,7 @@ void RosPlant::assemble() {
       for (const auto bits : (*wrench)->saturated) block.means.saturated |= bits != 0;
     }
     try {
-      block.X_H_carrier = fromPose(carrier->pose, "carrier_pose");
+      block.X_BC = fromPose(carrier->pose, "carrier_pose");
     } catch (const InputError& error) {
       good = false;
     }
@@ -245,16 +245,13 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   last_ = *fresh_;
   fresh_.reset();
   origin_ = last_.end;
-  start_ = last_.X_H_carrier;
+  start_ = last_.X_BC;
 }
 
 PlantBlock RosPlant::next(const PlantCommand& command) {
   std::unique_lock<std::mutex> lock(mutex_);
   if (cancelled_ && cancelled_()) throw PlantError("cancelled");
-  if (command.rest) {
-    const Pose own = poseFromRest(*command.rest);
-    publishCarrier({own.R, own.p + start_.p});
-  }
+  if (command.rest) publishCarrier(poseFromRest(*command.rest));
   if (command.exciter) publishExciter(*command.exciter);
   if (command.locus) sendLocusGoal(lock, *command.locus);
 
@@ -298,7 +295,7 @@ void RosPlant::end(bool hold) {
     locus_wanted_ = false;
   }
   if (exciter_.on) publishExciter(ExciterParameters{});
-  if (hold && !last_.end.isZero()) publishCarrier(last_.X_H_carrier);
+  if (hold && !last_.end.isZero()) publishCarrier(last_.X_BC);
   active_ = false;
   cancelled_ = nullptr;
   acknowledge();
@@ -319,9 +316,11 @@ double RosPlant::time() const {
   return (last_.end - origin_).toSec();
 }
 
-Pose RosPlant::carrierMotion() const {
+Pose RosPlant::carrierMotion() const { return inverse(start_) * carrierPose(); }
+
+Pose RosPlant::carrierPose() const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return inverse(start_) * last_.X_H_carrier;
+  return last_.X_BC;
 }
 
 PlantBlock RosPlant::plantBlock(const Block& block) const {
@@ -329,19 +328,15 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
   out.rounding_a = rounding_a_.value_or(Matrix6::Zero());
   out.rounding_b = rounding_b_.value_or(Matrix6::Zero());
   out.time = (block.end - origin_).toSec();
-  out.carrier = restFromPose({block.X_H_carrier.R, block.X_H_carrier.p - start_.p});
+  out.carrier = restFromPose(block.X_BC);
   return out;
 }
 
 // ---- commands ----
 
-void RosPlant::publishCarrier(const Pose& X_H_carrier) {
-  geometry_msgs::PoseStamped message;
-  message.header.stamp = last_.end;
-  message.header.frame_id = "hole";
-  message.pose = toPose(X_H_carrier);
+void RosPlant::publishCarrier(const Pose& X_BC) {
   ++commands_;
-  command_pub_.publish(message);
+  command_pub_.publish(poseStamped(kCarrierBaseFrame, X_BC, last_.end));
 }
 
 void RosPlant::publishExciter(const ExciterParameters& drive) {

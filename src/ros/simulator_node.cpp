@@ -10,15 +10,15 @@
 
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/part_pairs.h"
+#include "assembly_cell/description/part_pairs.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr char kHoleFrame[] = "hole";
 constexpr int kQueue = 100;                          // wherever every sample counts
 constexpr std::chrono::seconds kConnectionCheck{5};  // wall clock
 
@@ -30,47 +30,35 @@ double seconds(std::chrono::steady_clock::duration duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
-StrainSamples strainMessage(const StrainBlock& block, const std::vector<double>& volts,
-                            const std::vector<std::uint8_t>& saturated) {
-  StrainSamples message;
-  message.period = block.period;
-  message.volts = volts;
-  message.saturated = saturated;
-  message.temperature = Bridge{}.temperature;
-  return message;
-}
-
-std::string describe(const Eigen::Vector3d& p) {
-  return "(" + std::to_string(p.x()) + ", " + std::to_string(p.y()) + ", " + std::to_string(p.z()) +
-         ") m";
-}
-
-diagnostic_msgs::KeyValue keyValue(const std::string& key, const std::string& value) {
-  diagnostic_msgs::KeyValue entry;
-  entry.key = key;
-  entry.value = value;
-  return entry;
-}
-
 }  // namespace
 
 SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
-  // all parameters are read and checked here
+  readParameters(pnh);
+  cell_ = std::make_unique<SimulatedCell>(scenario_, cell_parameters_);
+  epoch_ = lockstep_ ? ros::Time(1, 0) : ros::Time::now();
+  figures_start_ = std::chrono::steady_clock::now();
+  advertise(pnh);
+  ROS_INFO("%s: scenario %s, %s, %zu participants", pnh.getNamespace().c_str(), file_.c_str(),
+           lockstep_ ? "lockstep" : "paced by the wall clock", participants_.size());
+  thread_ = std::thread([this] { loop(); });
+}
+
+void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
-  const std::string file = parameters.text("scenario");
+  file_ = parameters.text("scenario");
   const auto overrides = parameters.texts("overrides", std::vector<std::string>{});
-  cell_parameters_.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
-  cell_parameters_.bits = parameters.integer("bits", 10, 24, 16);
-  cell_parameters_.noise = parameters.number("noise", Range{0.0, 1.0}, 0.5e-3);
-  cell_parameters_.accelerometer_noise =
-      parameters.number("accelerometer_noise", Range{0.0, 1e3}, 0.02);
-  cell_parameters_.accelerometer_height =
-      parameters.number("accelerometer_height", Range{-1.0, 1.0}, 0.0);
+  CellParameters& cell = cell_parameters_;
+  cell.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
+  cell.bits = parameters.integer("bits", 10, 24, 16);
+  cell.noise = parameters.number("noise", Range{0.0, 1.0}, 0.5e-3);
+  cell.accelerometer_noise = parameters.number("accelerometer_noise", Range{0.0, 1e3}, 0.02);
+  cell.accelerometer_height = parameters.number("accelerometer_height", Range{-1.0, 1.0}, 0.0);
   publish_truth_ = parameters.flag("publish_truth", true);
   bool use_sim_time = false;
   ros::param::get("/use_sim_time", use_sim_time);
   lockstep_ = parameters.flag("lockstep", use_sim_time);
   const auto names = parameters.texts("participants", std::vector<std::string>{});
+  if (lockstep_) participants_ = Participants(names);
   ack_timeout_ = parameters.number("ack_timeout", Range{0.1, 3600.0}, 10.0);
   start_timeout_ = parameters.number("start_timeout", Range{0.1, 3600.0}, 60.0);
   paused_ = parameters.flag("paused", false);
@@ -84,56 +72,42 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
                      "or neither");
   }
 
-  // the cell: the mechanism of the scenario, which must be the one of the robot description
-  scenario_ = loadScenario(file, overrides);
-  description_ = loadCellDescription(Parameters(nh).text("robot_description"));
+  // the mechanism of the scenario must be the one of the robot description
+  scenario_ = loadScenario(file_, overrides);
+  X_HB_ = carrierBase(scenario_);
+  description_ = loadCellDescription(Parameters(nh_).text("robot_description"));
   checkAgainst(description_, scenario_.mechanism, scenario_.name);
   pairParts();
-  cell_parameters_.X_AH = description_.X_AH;
-  cell_parameters_.hole_block_mass = description_.hole_block_mass;
-  cell_parameters_.hole_block_center = description_.hole_block_centre;
-  cell_ = std::make_unique<SimulatedCell>(scenario_, cell_parameters_);
-  if (lockstep_) {
-    for (const auto& name : names) participants_[name];
-  }
-  epoch_ = lockstep_ ? ros::Time(1, 0) : ros::Time::now();
-  figures_start_ = std::chrono::steady_clock::now();
+  cell.X_AH = description_.X_AH;
+  cell.hole_block_mass = description_.hole_block_mass;
+  cell.hole_block_center = description_.hole_block_centre;
+}
 
+void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   // latched, so that a participant that connects late doesn't miss the first block
-  bridge_a_pub_ = nh.advertise<StrainSamples>("sensor_a/bridge", kQueue, true);
-  bridge_b_pub_ = nh.advertise<StrainSamples>("sensor_b/bridge", kQueue, true);
-  accelerometers_pub_ = nh.advertise<AccelerometerSamples>("accelerometers", kQueue);
-  carrier_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
-  diagnostics_pub_ = nh.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
-  if (lockstep_) clock_pub_ = nh.advertise<rosgraph_msgs::Clock>("/clock", 10, true);
+  bridge_a_pub_ = nh_.advertise<StrainSamples>("sensor_a/bridge", kQueue, true);
+  bridge_b_pub_ = nh_.advertise<StrainSamples>("sensor_b/bridge", kQueue, true);
+  accelerometers_pub_ = nh_.advertise<AccelerometerSamples>("accelerometers", kQueue);
+  carrier_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
+  diagnostics_pub_ = nh_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
+  if (lockstep_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", 10, true);
   if (publish_truth_) {
-    truth_pose_pub_ = nh.advertise<geometry_msgs::PoseStamped>("truth/pose", 10, true);
-    truth_contacts_pub_ = nh.advertise<ContactArray>("truth/contacts", 10);
+    truth_pose_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("truth/pose", 10, true);
+    truth_contacts_pub_ = nh_.advertise<ContactArray>("truth/contacts", 10);
   }
-  tf_ = std::make_unique<tf2_ros::TransformBroadcaster>();
+  publishStaticFrames();
 
-  const auto hints = ros::TransportHints().tcpNoDelay();
-  command_sub_ = nh.subscribe<geometry_msgs::PoseStamped>(
-      "carrier_command", kQueue,
-      boost::function<void(const ros::MessageEvent<geometry_msgs::PoseStamped const>&)>(
-          [this](const auto& event) { onCarrierCommand(event); }),
-      ros::VoidConstPtr(), hints);
-  exciter_sub_ =
-      nh.subscribe<Exciter>("exciter", kQueue,
-                            boost::function<void(const ros::MessageEvent<Exciter const>&)>(
-                                [this](const auto& event) { onExciter(event); }),
-                            ros::VoidConstPtr(), hints);
+  command_sub_ = nh_.subscribe("carrier_command", kQueue, &SimulatorNode::onCarrierCommand, this,
+                               ros::TransportHints().tcpNoDelay());
+  exciter_sub_ = nh_.subscribe("exciter", kQueue, &SimulatorNode::onExciter, this,
+                               ros::TransportHints().tcpNoDelay());
   if (lockstep_) subscribeToAcks();
   pause_srv_ = pnh.advertiseService("pause", &SimulatorNode::onPause, this);
   step_srv_ = pnh.advertiseService("step", &SimulatorNode::onStep, this);
   reset_srv_ = pnh.advertiseService("reset", &SimulatorNode::onReset, this);
   set_state_srv_ = pnh.advertiseService("set_state", &SimulatorNode::onSetState, this);
-  diagnostics_timer_ = nh.createWallTimer(
+  diagnostics_timer_ = nh_.createWallTimer(
       ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { publishDiagnostics(); });
-
-  ROS_INFO("%s: scenario %s, %s, %zu participants", pnh.getNamespace().c_str(), file.c_str(),
-           lockstep_ ? "lockstep" : "paced by the wall clock", participants_.size());
-  thread_ = std::thread([this] { loop(); });
 }
 
 // Parts that can't meet while the carrier keeps to ~max_offset and to the tilts of an alignment are
@@ -224,7 +198,7 @@ void SimulatorNode::applyCommands() {
     exciter.swap(exciter_);
   }
   Simulation& simulation = cell_->simulation();
-  if (command) simulation.setRestTarget(restFromPose(*command));
+  if (command) simulation.setRestTarget(restFromPose(X_HB_ * *command));
   if (exciter) {
     ExciterParameters drive;
     drive.amplitude = exciter->on ? exciter->amplitude : 0.0;
@@ -254,39 +228,16 @@ void SimulatorNode::restart(const Scenario& scenario) {
 
 void SimulatorNode::subscribeToAcks() {
   ack_sub_.shutdown();
-  ack_sub_ = nh_.subscribe<Ack>("ack", kQueue,
-                                boost::function<void(const ros::MessageEvent<Ack const>&)>(
-                                    [this](const auto& event) { onAck(event); }),
-                                ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+  ack_sub_ =
+      nh_.subscribe("ack", kQueue, &SimulatorNode::onAck, this, ros::TransportHints().tcpNoDelay());
 }
 
 void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   std::unique_lock<std::mutex> lock(mutex_);
-  const auto missing = [this, sequence] {
-    std::string list;
-    for (const auto& [name, participant] : participants_) {
-      // answered for this block, and all it had sent before has come in
-      const auto sender = senders_.find(participant.publisher);
-      const std::uint32_t received = sender == senders_.end() ? 0 : sender->second.commands;
-      if (participant.answered && participant.sequence >= sequence &&
-          received >= participant.commands) {
-        continue;
-      }
-      list += (list.empty() ? "" : ", ") + name;
-      if (!participant.answered) {
-        list += " (never answered)";
-      } else if (participant.sequence >= sequence) {
-        list += " (commands lost)";
-      }
-    }
-    return list;
-  };
-  bool first = false;
-  for (const auto& entry : participants_) first |= !entry.second.answered;
-  const double timeout = first ? start_timeout_ : ack_timeout_;
+  const double timeout = participants_.allKnown() ? ack_timeout_ : start_timeout_;
   const auto deadline =
       std::chrono::steady_clock::now() + std::chrono::nanoseconds(nanoseconds(timeout));
-  const auto answered = [&] { return quit_ || missing().empty(); };
+  const auto answered = [&] { return quit_ || participants_.missing(sequence).empty(); };
   while (true) {
     const auto check = std::chrono::steady_clock::now() + kConnectionCheck;
     if (changed_.wait_until(lock, std::min(check, deadline), answered)) return;
@@ -298,7 +249,7 @@ void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   }
   ROS_FATAL(
       "no answer to block %u within %g s of wall time from %s: is it running, with ~lockstep?",
-      sequence, timeout, missing().c_str());
+      sequence, timeout, participants_.missing(sequence).c_str());
   exit_code_ = 1;
   quit_ = true;
   ros::requestShutdown();
@@ -330,29 +281,45 @@ ros::Time SimulatorNode::stampAt(double cell_time) const {
 // ---- what goes out ----
 
 void SimulatorNode::publishBlock() {
-  StrainSamples a = strainMessage(block_, block_.volts_a, block_.saturated_a);
-  StrainSamples b = strainMessage(block_, block_.volts_b, block_.saturated_b);
-  a.header.stamp = b.header.stamp = stampAt(block_.time);
-  a.header.frame_id = "sensor_a";
-  b.header.frame_id = "sensor_b";
-  a.sequence = b.sequence = sequence_;
-  bridge_a_pub_.publish(a);
-  bridge_b_pub_.publish(b);
+  StrainSamples message;
+  message.header.stamp = stampAt(block_.time);
+  message.period = block_.period;
+  message.sequence = sequence_;
+  message.temperature = Bridge{}.temperature;
+  const auto bridge = [&message](const ros::Publisher& pub, const char* sensor, const auto& volts,
+                                 const auto& saturated) {
+    message.header.frame_id = sensor;
+    message.volts = volts;
+    message.saturated = saturated;
+    pub.publish(message);
+  };
+  bridge(bridge_a_pub_, "sensor_a", block_.volts_a, block_.saturated_a);
+  bridge(bridge_b_pub_, "sensor_b", block_.volts_b, block_.saturated_b);
   if (!block_.accelerations.empty()) {
     AccelerometerSamples felt;
-    felt.header = b.header;
-    felt.header.frame_id = "peg";
-    felt.period = b.period;
+    felt.header.stamp = message.header.stamp;
+    felt.header.frame_id = kPegFrame;
+    felt.period = message.period;
     felt.sequence = sequence_;
     felt.acceleration = block_.accelerations;
     accelerometers_pub_.publish(felt);
   }
 
-  geometry_msgs::PoseStamped carrier;
-  carrier.header.stamp = stampAt(cell_->simulation().time());
-  carrier.header.frame_id = kHoleFrame;
-  carrier.pose = toPose(cell_->simulation().carrierPose());
-  carrier_pub_.publish(carrier);
+  Simulation& simulation = cell_->simulation();
+  carrier_pub_.publish(poseStamped(kCarrierBaseFrame, inverse(X_HB_) * simulation.carrierPose(),
+                                   stampAt(simulation.time())));
+}
+
+// Where a person believes the carrier to be: upright over the hole's middle. Where it is belongs to
+// the truth.
+void SimulatorNode::publishStaticFrames() {
+  const Pose X_HB{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, scenario_.rest.z)};
+  std::vector<geometry_msgs::TransformStamped> frames = {transformStamped(
+      kWorldFrame, kCarrierBaseFrame, description_.X_WA * description_.X_AH * X_HB, epoch_)};
+  if (publish_truth_) {
+    frames.push_back(transformStamped(kCarrierBaseFrame, kHoleTruthFrame, inverse(X_HB_), epoch_));
+  }
+  static_tf_.sendTransform(frames);
 }
 
 void SimulatorNode::publishState() {
@@ -360,31 +327,18 @@ void SimulatorNode::publishState() {
   const ros::Time stamp = stampAt(simulation.time());
   now_ = base_ + simulation.time();
 
-  geometry_msgs::TransformStamped carrier;
-  carrier.header.stamp = stamp;
-  carrier.header.frame_id = "world";
-  carrier.child_frame_id = "carrier";
-  carrier.transform = toTransform(description_.X_WA * description_.X_AH * simulation.carrierPose());
-  tf_->sendTransform(carrier);
+  tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame,
+                                     inverse(X_HB_) * simulation.carrierPose(), stamp));
 
   if (publish_truth_) {
     const Pose X_HP = simulation.pegPose();
-    geometry_msgs::PoseStamped peg;
-    peg.header.stamp = stamp;
-    peg.header.frame_id = kHoleFrame;
-    peg.pose = toPose(X_HP);
-    truth_pose_pub_.publish(peg);
-
-    geometry_msgs::TransformStamped truth;
-    truth.header = peg.header;
-    truth.child_frame_id = "peg_truth";
-    truth.transform = toTransform(X_HP);
-    tf_->sendTransform(truth);
+    truth_pose_pub_.publish(poseStamped(kHoleTruthFrame, X_HP, stamp));
+    tf_.sendTransform(transformStamped(kHoleTruthFrame, kPegTruthFrame, X_HP, stamp));
   }
   if (publish_truth_ && truth_contacts_pub_.getNumSubscribers() > 0) {
     ContactArray contacts;
     contacts.header.stamp = stamp;
-    contacts.header.frame_id = kHoleFrame;
+    contacts.header.frame_id = kHoleTruthFrame;
     for (const auto& report : simulation.contacts()) {
       if (!report.valid || !report.force.allFinite() || !report.normal.allFinite()) continue;
       Contact contact;
@@ -425,182 +379,17 @@ void SimulatorNode::publishDiagnostics() {
       status.message = "stopped: " + stopped_;
     }
   }
-  status.values.push_back(keyValue("Simulated time [s]", std::to_string(time)));
-  status.values.push_back(keyValue("Real-time factor", std::to_string(factor)));
-  status.values.push_back(keyValue("Commands refused", std::to_string(refused_)));
+  for (const auto& [key, value] : {std::pair{"Simulated time [s]", std::to_string(time)},
+                                   {"Real-time factor", std::to_string(factor)},
+                                   {"Commands refused", std::to_string(refused_)}}) {
+    status.values.emplace_back();
+    status.values.back().key = key;
+    status.values.back().value = value;
+  }
   diagnostic_msgs::DiagnosticArray array;
   array.header.stamp = ros::Time::now();
   array.status.push_back(status);
   diagnostics_pub_.publish(array);
-}
-
-// ---- what comes in ----
-
-bool SimulatorNode::countCommand(const std::string& publisher, const std::string& topic,
-                                 const std_msgs::Header& header) {
-  Sender& sender = senders_[publisher];
-  const std::pair<std::uint32_t, ros::Time> mark(header.seq, header.stamp);
-  const auto last = sender.last.find(topic);
-  if (last != sender.last.end() && last->second == mark) return false;
-  sender.last[topic] = mark;
-  ++sender.commands;
-  return true;
-}
-
-std::optional<std::string> SimulatorNode::refusal(const geometry_msgs::PoseStamped& command) const {
-  if (command.header.frame_id != kHoleFrame) {
-    return "frame_id is \"" + command.header.frame_id + "\": give hole";
-  }
-  Pose X;
-  try {
-    X = fromPose(command.pose, "pose");
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  // far from the scenario's rest pose is a mistake of unit or frame
-  const Pose start = poseFromRest(scenario_.rest);
-  if ((X.p - start.p).norm() > max_offset_) {
-    return "position " + describe(X.p) + " is more than " + std::to_string(max_offset_) +
-           " m from the scenario's rest position " + describe(start.p) + ": see ~max_offset";
-  }
-  const double angle = Eigen::AngleAxisd(start.R.transpose() * X.R).angle();
-  if (angle > max_rotation_) {
-    return "orientation is " + std::to_string(angle) + " rad, more than " +
-           std::to_string(max_rotation_) + " rad, from the scenario's rest: see ~max_rotation";
-  }
-  return std::nullopt;
-}
-
-void SimulatorNode::onCarrierCommand(
-    const ros::MessageEvent<geometry_msgs::PoseStamped const>& event) {
-  const geometry_msgs::PoseStamped& command = *event.getConstMessage();
-  const auto why = refusal(command);
-  if (why) {
-    ++refused_;
-    ROS_WARN("carrier_command of %s refused: %s", event.getPublisherName().c_str(), why->c_str());
-  }
-  std::lock_guard<std::mutex> lock(mutex_);
-  const bool fresh = countCommand(event.getPublisherName(), "carrier_command", command.header);
-  if (fresh && !why) carrier_command_ = fromPose(command.pose, "pose");
-  changed_.notify_all();
-}
-
-void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
-  const Exciter& exciter = *event.getConstMessage();
-  const bool good = std::isfinite(exciter.amplitude) && exciter.amplitude >= 0.0 &&
-                    std::isfinite(exciter.frequency) && exciter.frequency >= 0.0 &&
-                    std::isfinite(exciter.phase) && std::abs(exciter.direction) == 1;
-  if (!good) {
-    ++refused_;
-    ROS_WARN(
-        "exciter of %s refused: amplitude %g, frequency %g, phase %g, direction %d: give finite "
-        "numbers, amplitude and frequency not negative, direction 1 or -1",
-        event.getPublisherName().c_str(), exciter.amplitude, exciter.frequency, exciter.phase,
-        exciter.direction);
-  }
-  std::lock_guard<std::mutex> lock(mutex_);
-  const bool fresh = countCommand(event.getPublisherName(), "exciter", exciter.header);
-  if (fresh && good) exciter_ = exciter;
-  changed_.notify_all();
-}
-
-void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
-  const Ack& ack = *event.getConstMessage();
-  std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = participants_.find(ack.node);
-  if (found == participants_.end()) {
-    ROS_WARN_ONCE("ack of %s, which is not in ~participants", ack.node.c_str());
-    return;
-  }
-  found->second = {true, ack.sequence, ack.commands, event.getPublisherName()};
-  changed_.notify_all();
-}
-
-// ---- services ----
-
-void SimulatorNode::betweenBlocks(const std::function<void()>& task) {
-  std::future<void> done;
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    if (quit_) throw InputError("the simulator is shutting down");
-    tasks_.emplace_back(task);
-    done = tasks_.back().get_future();
-  }
-  changed_.notify_all();
-  // bounded: the loop waits for participants at most ~ack_timeout, then drops its tasks
-  done.get();
-}
-
-bool SimulatorNode::onPause(std_srvs::SetBool::Request& request,
-                            std_srvs::SetBool::Response& response) {
-  try {
-    betweenBlocks([this, &request] {
-      std::lock_guard<std::mutex> lock(mutex_);
-      paused_ = request.data;
-    });
-    response.success = true;
-    response.message =
-        std::string(request.data ? "paused" : "running") + " at " + std::to_string(now_) + " s";
-  } catch (const std::exception& error) {
-    response.message = error.what();
-  }
-  return true;
-}
-
-bool SimulatorNode::onStep(Step::Request& request, Step::Response& response) {
-  std::unique_lock<std::mutex> lock(mutex_);
-  if (!paused_) {
-    response.message = "not paused: call ~pause with data: true first";
-  } else if (request.blocks == 0) {
-    response.message = "blocks is 0: give the number of blocks to advance";
-  } else if (!stopped_.empty()) {
-    response.message = "the simulation has stopped (" + stopped_ + "): call ~reset first";
-  } else if (steps_ > 0) {
-    response.message = "another ~step is under way";
-  } else {
-    steps_ = request.blocks;
-    changed_.notify_all();
-    const auto done = [this] { return quit_ || steps_ == 0 || !stopped_.empty(); };
-    while (ros::ok() && !done()) changed_.wait_for(lock, std::chrono::milliseconds(100), done);
-    response.success = steps_ == 0 && stopped_.empty();
-    response.message = "at " + std::to_string(now_) + " s";
-    if (!stopped_.empty()) response.message += ", stopped: " + stopped_;
-    steps_ = 0;
-  }
-  return true;
-}
-
-bool SimulatorNode::onReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  try {
-    betweenBlocks([this] { restart(scenario_); });
-    response.success = true;
-    response.message =
-        "at the scenario's start, the clock goes on at " + std::to_string(now_) + " s";
-  } catch (const std::exception& error) {
-    response.message = error.what();
-  }
-  return true;
-}
-
-bool SimulatorNode::onSetState(SetState::Request& request, SetState::Response& response) {
-  try {
-    // the scenario with another start, at rest
-    Scenario scenario = scenario_;
-    const Pose X_HP = fromPose(request.peg, "peg");
-    scenario.rest = restFromPose(fromPose(request.carrier, "carrier"));
-    scenario.initial = InitialState{};
-    scenario.initial.position = X_HP.p + scenario.mechanism.peg.half_height * X_HP.R.col(2);
-    scenario.initial.euler = eulerFromRotation(X_HP.R);
-    scenario.initial.carrier_x = scenario.rest.x;
-    scenario.initial.carrier_y = scenario.rest.y;
-    scenario.initial.carrier_yaw = scenario.rest.yaw;
-    betweenBlocks([this, &scenario] { restart(scenario); });
-    response.success = true;
-    response.message = "state set at " + std::to_string(now_) + " s";
-  } catch (const std::exception& error) {
-    response.message = error.what();
-  }
-  return true;
 }
 
 }  // namespace assembly_cell::ros_bridge

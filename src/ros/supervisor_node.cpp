@@ -7,7 +7,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -45,6 +45,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
   mechanism_ = loadMechanism(parameters.text("scenario"),
                              parameters.texts("overrides", std::vector<std::string>{}));
+  X_CP_.p.z() = -mechanism_.peg.coupling_height - mechanism_.peg.half_height;
 
   AlignParameters& p = parameters_;
   p.strategy = parameters.text("strategy", p.strategy);
@@ -143,6 +144,13 @@ void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
   AlignPegResult answer;
   answer.report = report(result, secondsSince(start));
   if (turn) report_pub_.publish(answer.report);
+  if (turn && result.known) {
+    // where that peg has the hole, its rim at the height of the peg's edge
+    const Pose X_PH = inverse(fromPose(answer.report.estimated_pose, "report"));
+    frames_.sendTransform(transformStamped(kCarrierBaseFrame, kHoleEstimatedFrame,
+                                           plant_->carrierPose() * X_CP_ * X_PH,
+                                           answer.report.header.stamp));
+  }
   if (result.success) {
     align_server_->setSucceeded(answer, result.reason);
   } else if (align_server_->isPreemptRequested()) {
@@ -155,7 +163,7 @@ void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
 AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_time) const {
   AlignmentReport report;
   report.header.stamp = plant_->stamp();
-  report.header.frame_id = "hole";
+  report.header.frame_id = kHoleFrame;
   if (result.reference_time > 0.0) report.reference = plant_->stampOf(result.reference_time);
   report.success = result.success;
   report.reason = result.reason;
@@ -170,13 +178,11 @@ AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_ti
   report.wall_time = wall_time;
 
   // the peg at the start as estimated, moved as the carrier has moved since
-  const double length = mechanism_.peg.coupling_height + mechanism_.peg.half_height;
-  const Pose X_CP{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, -length)};
   const Eigen::Vector3d tilt(report.estimated_tilt[0], report.estimated_tilt[1], 0.0);
   const Pose X_HP_start{
       rotationFromVector({tilt}),
       Eigen::Vector3d(-report.estimated_offset[0], -report.estimated_offset[1], 0.0)};
-  Pose X_HP = X_HP_start * inverse(X_CP) * plant_->carrierMotion() * X_CP;
+  Pose X_HP = X_HP_start * inverse(X_CP_) * plant_->carrierMotion() * X_CP_;
   X_HP.p.z() = 0.0;
   report.estimated_pose = toPose(X_HP);
   return report;

@@ -10,7 +10,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/twin_force/contact_checks.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 
@@ -283,11 +283,11 @@ TwinForceNode::Reading TwinForceNode::read(double length) {
   for (const auto& pose : carrier_) {
     if (pose->header.stamp < window.front()->header.stamp) continue;
     if (pose->header.stamp > end + ros::Duration(window.back()->period)) break;
-    reading.X_HC = fromPose(pose->pose, "carrier_pose");
-    if (!first) first = reading.X_HC;
+    reading.X_SC = fromPose(pose->pose, "carrier_pose");
+    if (!first) first = reading.X_SC;
     const double motion =
-        (reading.X_HC.p - first->p).norm() +
-        0.1 * vectorFromRotation(first->R.transpose() * reading.X_HC.R).value.norm();
+        (reading.X_SC.p - first->p).norm() +
+        0.1 * vectorFromRotation(first->R.transpose() * reading.X_SC.R).value.norm();
     if (motion > carrier_motion_) {
       throw InputError(text("moving: the carrier moved by %.2g m, more than %g m; hold it", motion,
                             carrier_motion_));
@@ -307,7 +307,7 @@ bool TwinForceNode::onTare(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
   const std::lock_guard<std::mutex> turn(services_);
   try {
     const Reading free = read(0.0);
-    contacts_->tare(free.window, free.X_HC);
+    contacts_->tare(free.window, free.X_SC);
     response.success = true;
     response.message = text("zero from %.0f samples", free.window.samples());
   } catch (const InputError& error) {
@@ -332,7 +332,7 @@ bool TwinForceNode::onAdd(AddContact::Request& request, AddContact::Response& re
       rounding_b = S_b_.isZero() ? plain : roundingCovariance(S_b_, converter_step_);
     }
     const TwinContact& contact =
-        contacts_->add(reading.window, reading.X_HC, rounding_a, rounding_b);
+        contacts_->add(reading.window, reading.X_SC, rounding_a, rounding_b);
     readings_.push_back(reading);
     response.success = true;
     response.message = text("contact %.0f: %.2f N", static_cast<double>(contacts_->size() - 1),
@@ -406,7 +406,7 @@ bool TwinForceNode::onSolve(SolveTwinForce::Request&, SolveTwinForce::Response& 
 
 TwinForceState TwinForceNode::status() const {
   TwinForceState out;
-  out.header.frame_id = "hole";
+  out.header.frame_id = kHoleFrame;
   const TwinForceEstimate& e = contacts_->estimate();
   out.status = toString(e.status);
   out.reason = e.reason;
@@ -433,7 +433,7 @@ TwinForceState TwinForceNode::status() const {
   out.pose_known = true;
   for (const int i : e.rejected) out.rejected.push_back(static_cast<std::uint32_t>(i));
   const Reading& last = readings_.back();
-  const Pose X_HP = contacts_->pegPose(last.X_HC, last.window.displacement());
+  const Pose X_HP = contacts_->pegPose(last.X_SC, last.window.displacement());
   out.pose.pose = toPose(X_HP);
   copy(coordinateCovariance(e), out.pose.covariance);
   out.chi2 = e.chi2;
@@ -457,13 +457,13 @@ void TwinForceNode::publishPose() {
   const std::unique_lock<std::mutex> turn(services_, std::try_to_lock);
   if (!turn || !pose_known_) return;
   geometry_msgs::PoseWithCovarianceStamped message;
-  Pose X_HC;
+  Pose X_SC;
   Vector6 displacement = Vector6::Zero();
   {
     std::lock_guard<std::mutex> lock(mutex_);
     if (carrier_.empty()) return;
     message.header.stamp = carrier_.back()->header.stamp;
-    X_HC = fromPose(carrier_.back()->pose, "carrier_pose");
+    X_SC = fromPose(carrier_.back()->pose, "carrier_pose");
     if (use_displacement_ && !d_.empty()) {
       const auto& d = *d_.back();
       if (finiteBlock(d.displacement, d.period)) {
@@ -471,10 +471,10 @@ void TwinForceNode::publishPose() {
       }
     }
   }
-  message.header.frame_id = "hole";
+  message.header.frame_id = kHoleFrame;
   // the estimate, moved as the carrier has moved since; its covariance refers to the new place
   const TwinForceEstimate& e = contacts_->estimate();
-  const Pose X_HP = contacts_->pegPose(X_HC, displacement);
+  const Pose X_HP = contacts_->pegPose(X_SC, displacement);
   message.pose.pose = toPose(X_HP);
   Matrix6 shift = Matrix6::Identity();
   shift.topRightCorner<3, 3>() = -skew(X_HP.p - e.pose.p);
@@ -482,11 +482,7 @@ void TwinForceNode::publishPose() {
   copy(observable ? Matrix6(shift * e.covariance * shift.transpose()) : coordinateCovariance(e),
        message.pose.covariance);
   pose_pub_.publish(message);
-  geometry_msgs::TransformStamped transform;
-  transform.header = message.header;
-  transform.child_frame_id = "peg_estimated";
-  transform.transform = toTransform(X_HP);
-  tf_.sendTransform(transform);
+  tf_.sendTransform(transformStamped(kHoleFrame, "peg_estimated", X_HP, message.header.stamp));
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -52,6 +52,97 @@ std::string join(const std::vector<std::string>& names) {
   return text;
 }
 
+/// Reads row after row into a recording. Errors don't name the place.
+class RowReader {
+ public:
+  explicit RowReader(const ReplayFormat& format)
+      : format_(format),
+        needed_(neededColumns(format.quantity)),
+        columns_(format.columns.empty() ? defaultColumns(format.quantity) : format.columns),
+        places_(locate(needed_, columns_)),
+        row_(columns_.size()) {
+    if (format.bits < 2 || format.bits > 32) {
+      throw InputError("replay: bits is " + std::to_string(format.bits) + ": give 2 to 32");
+    }
+    if (!(format.full_scale > 0.0) || !std::isfinite(format.full_scale)) {
+      throw InputError("replay: full_scale is " + std::to_string(format.full_scale) +
+                       ": give volts above 0");
+    }
+    if (places_.empty()) {
+      throw InputError("replay: columns are '" + join(columns_) + "': name each of '" +
+                       join(needed_) + "' once");
+    }
+  }
+
+  void read(std::string_view content, Recording& recording) {
+    if (!parseRow(csvCells(content))) return;
+    const double t = row_[places_[0]];
+    if (t < 0.0 || t > kLatestStamp) {
+      throw InputError("time is " + std::to_string(t) + ": give seconds from 0 to 4.29e9");
+    }
+    if (!recording.time.empty() && t <= recording.time.back()) {
+      throw InputError("time goes from " + std::to_string(recording.time.back()) + " to " +
+                       std::to_string(t) + ": rows must increase in time");
+    }
+    Vector6 value;
+    std::uint8_t saturated = 0;
+    for (std::size_t k = 0; k < 6; ++k) {
+      value[static_cast<Eigen::Index>(k)] = channel(k, saturated);
+    }
+    if (recording.time.size() == kMostRows) {
+      throw InputError("the recording has more than " + std::to_string(kMostRows) +
+                       " rows: cut it");
+    }
+    recording.time.push_back(t);
+    recording.values.push_back(value);
+    recording.saturated.push_back(saturated);
+  }
+
+ private:
+  /// False for a header, which may order the columns.
+  bool parseRow(const std::vector<std::string_view>& fields) {
+    if (fields.size() != columns_.size()) {
+      throw InputError(std::to_string(fields.size()) + " columns instead of " +
+                       std::to_string(columns_.size()) + ": mend the row or name the columns (" +
+                       join(columns_) + ")");
+    }
+    double probe = 0.0;
+    if (std::exchange(first_, false) && !parse(fields[0], probe)) {
+      const auto header = locate(needed_, {fields.begin(), fields.end()});
+      if (!header.empty()) places_ = header;
+      return false;
+    }
+    for (std::size_t i = 0; i < fields.size(); ++i) {
+      if (!parse(fields[i], row_[i]) || !std::isfinite(row_[i])) {
+        throw InputError("column " + std::to_string(i + 1) + " is '" +
+                         printable(std::string(fields[i])) + "': give a finite number");
+      }
+    }
+    return true;
+  }
+
+  double channel(std::size_t k, std::uint8_t& saturated) const {
+    const double entry = row_[places_[k + 1]];
+    if (format_.quantity == SampleQuantity::kWrench) return entry;
+    const bool counts = format_.quantity == SampleQuantity::kCounts;
+    const double codes = std::ldexp(1.0, format_.bits - 1);
+    if (counts && (entry != std::nearbyint(entry) || entry < -codes || entry > codes - 1.0)) {
+      throw InputError(needed_[k + 1] + " is " + std::to_string(entry) + ": not a code of " +
+                       std::to_string(format_.bits) + " bits; set bits");
+    }
+    const double low = counts ? -codes : -format_.full_scale;
+    const double high = counts ? codes - 1.0 : format_.full_scale;
+    if (entry <= low || entry >= high) saturated = static_cast<std::uint8_t>(saturated | (1u << k));
+    return counts ? entry * (format_.full_scale / codes) : entry;
+  }
+
+  const ReplayFormat& format_;
+  const std::vector<std::string> needed_, columns_;
+  std::vector<std::size_t> places_;
+  std::vector<double> row_;
+  bool first_ = true;
+};
+
 }  // namespace
 
 std::vector<std::string> defaultColumns(SampleQuantity quantity) {
@@ -69,89 +160,20 @@ Recording loadRecording(const std::string& path, const ReplayFormat& format) {
 }
 
 Recording readRecording(std::istream& stream, const std::string& name, const ReplayFormat& format) {
-  const bool wrench = format.quantity == SampleQuantity::kWrench;
-  const bool counts = format.quantity == SampleQuantity::kCounts;
-  if (format.bits < 2 || format.bits > 32) {
-    throw InputError("replay: bits is " + std::to_string(format.bits) + ": give 2 to 32");
-  }
-  if (!(format.full_scale > 0.0) || !std::isfinite(format.full_scale)) {
-    throw InputError("replay: full_scale is " + std::to_string(format.full_scale) +
-                     ": give volts above 0");
-  }
-  const std::vector<std::string> needed = neededColumns(format.quantity);
-  const std::vector<std::string> columns =
-      format.columns.empty() ? defaultColumns(format.quantity) : format.columns;
-  std::vector<std::size_t> places = locate(needed, columns);
-  if (places.empty()) {
-    throw InputError("replay: columns are '" + join(columns) + "': name each of '" + join(needed) +
-                     "' once");
-  }
-
-  const double codes = std::ldexp(1.0, format.bits - 1);
-  const double lsb = counts ? format.full_scale / codes : 1.0;
+  RowReader reader(format);
   Recording recording;
-  std::vector<double> row(columns.size());
   std::vector<char> line(kLongestRow);
-  bool first = true;
   for (std::size_t number = 1;
        stream.getline(line.data(), static_cast<std::streamsize>(line.size())); ++number) {
-    const auto where = [&] { return name + ":" + std::to_string(number) + ": "; };
     // the newline counts, the end of the file doesn't
     const auto length = static_cast<std::size_t>(stream.gcount()) - (stream.eof() ? 0 : 1);
     const std::string_view content = trimmed({line.data(), length});
     if (content.empty() || content.front() == '#') continue;
-    const std::vector<std::string_view> fields = csvCells(content);
-    if (fields.size() != columns.size()) {
-      throw InputError(where() + std::to_string(fields.size()) + " columns instead of " +
-                       std::to_string(columns.size()) + ": mend the row or name the columns (" +
-                       join(columns) + ")");
+    try {
+      reader.read(content, recording);
+    } catch (const InputError& error) {
+      throw InputError(name + ":" + std::to_string(number) + ": " + error.what());
     }
-    // a header may order the columns
-    double probe = 0.0;
-    if (std::exchange(first, false) && !parse(fields[0], probe)) {
-      const auto header = locate(needed, {fields.begin(), fields.end()});
-      if (!header.empty()) places = header;
-      continue;
-    }
-    for (std::size_t i = 0; i < fields.size(); ++i) {
-      if (!parse(fields[i], row[i]) || !std::isfinite(row[i])) {
-        throw InputError(where() + "column " + std::to_string(i + 1) + " is '" +
-                         printable(std::string(fields[i])) + "': give a finite number");
-      }
-    }
-    const double t = row[places[0]];
-    if (t < 0.0 || t > kLatestStamp) {
-      throw InputError(where() + "time is " + std::to_string(t) +
-                       ": give seconds from 0 to 4.29e9");
-    }
-    if (!recording.time.empty() && t <= recording.time.back()) {
-      throw InputError(where() + "time goes from " + std::to_string(recording.time.back()) +
-                       " to " + std::to_string(t) + ": rows must increase in time");
-    }
-
-    Vector6 value;
-    std::uint8_t saturated = 0;
-    for (int k = 0; k < 6; ++k) {
-      const double entry = row[places[static_cast<std::size_t>(k) + 1]];
-      if (counts && (entry != std::nearbyint(entry) || entry < -codes || entry > codes - 1.0)) {
-        throw InputError(where() + needed[static_cast<std::size_t>(k) + 1] + " is " +
-                         std::to_string(entry) + ": not a code of " + std::to_string(format.bits) +
-                         " bits; set bits");
-      }
-      const double low = counts ? -codes : -format.full_scale;
-      const double high = counts ? codes - 1.0 : format.full_scale;
-      if (!wrench && (entry <= low || entry >= high)) {
-        saturated = static_cast<std::uint8_t>(saturated | (1u << k));
-      }
-      value[k] = entry * lsb;
-    }
-    if (recording.time.size() == kMostRows) {
-      throw InputError(where() + "the recording has more than " + std::to_string(kMostRows) +
-                       " rows: cut it");
-    }
-    recording.time.push_back(t);
-    recording.values.push_back(value);
-    recording.saturated.push_back(saturated);
   }
   if (!stream.eof()) {
     throw InputError("recording '" + name + "' has a row of more than " +

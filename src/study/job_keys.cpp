@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -12,63 +13,61 @@ namespace {
 
 struct JobNumber {
   const char* key;
-  double& (*of)(StudyJob&);
-  double least, most;
+  double* value;
+  double min, max;
 };
 constexpr double kAny = std::numeric_limits<double>::max();
 
-const JobNumber kNumbers[] = {
-    {"start.x", [](StudyJob& j) -> double& { return j.start.x; }, -1, 1},
-    {"start.y", [](StudyJob& j) -> double& { return j.start.y; }, -1, 1},
-    {"start.offset", [](StudyJob& j) -> double& { return j.start.offset; }, -1, 1},
-    {"start.azimuth", [](StudyJob& j) -> double& { return j.start.azimuth; }, -kAny, kAny},
-    {"start.tilt_x", [](StudyJob& j) -> double& { return j.start.tilt_x; }, -1, 1},
-    {"start.tilt_y", [](StudyJob& j) -> double& { return j.start.tilt_y; }, -1, 1},
-    {"start.tilt", [](StudyJob& j) -> double& { return j.start.tilt; }, -1, 1},
-    {"start.tilt_azimuth", [](StudyJob& j) -> double& { return j.start.tilt_azimuth; }, -kAny,
-     kAny},
-    {"start.height", [](StudyJob& j) -> double& { return j.start.height; }, 0, 1},
-    {"move.x", [](StudyJob& j) -> double& { return j.move.x; }, -1, 1},
-    {"move.y", [](StudyJob& j) -> double& { return j.move.y; }, -1, 1},
-    {"move.z", [](StudyJob& j) -> double& { return j.move.z; }, -1, 1},
-    {"move.delay", [](StudyJob& j) -> double& { return j.move.delay; }, 0, kAny},
-    {"look", [](StudyJob& j) -> double& { return j.look; }, 1e-6, kAny},
-    {"assembled.depth", [](StudyJob& j) -> double& { return j.assembled_depth; }, 0, 1},
-    {"assembled.offset", [](StudyJob& j) -> double& { return j.assembled_offset; }, 0, 1},
-    {"stop.force", [](StudyJob& j) -> double& { return j.stop_force; }, 0, kAny},
-    {"stop.evaluations", [](StudyJob& j) -> double& { return j.stop_evaluations; }, 1, kAny},
-    {"cell.noise", [](StudyJob& j) -> double& { return j.cell.noise; }, 0, 5},
-    // ranges of align.* are those of checkParameters()
-    {"align.press_force", [](StudyJob& j) -> double& { return j.align.press_force; }, -kAny, kAny},
-    {"align.force_limit", [](StudyJob& j) -> double& { return j.align.force_limit; }, -kAny, kAny},
-    {"align.exciter_amplitude", [](StudyJob& j) -> double& { return j.align.exciter_amplitude; },
-     -kAny, kAny},
-    {"align.exciter_frequency", [](StudyJob& j) -> double& { return j.align.exciter_frequency; },
-     -kAny, kAny},
-    {"align.settle", [](StudyJob& j) -> double& { return j.align.settle; }, -kAny, kAny},
-    {"align.window", [](StudyJob& j) -> double& { return j.align.window; }, -kAny, kAny},
-    {"align.sweep_tilt", [](StudyJob& j) -> double& { return j.align.sweep_tilt; }, -kAny, kAny},
-    {"align.contact_force", [](StudyJob& j) -> double& { return j.align.contact_force; }, -kAny,
-     kAny},
-    {"align.contact_tilt", [](StudyJob& j) -> double& { return j.align.contact_tilt; }, -kAny,
-     kAny},
-    {"align.insertion_depth", [](StudyJob& j) -> double& { return j.align.insertion_depth; }, -kAny,
-     kAny},
-    {"align.insertion_force", [](StudyJob& j) -> double& { return j.align.insertion_force; }, -kAny,
-     kAny},
-};
+std::vector<JobNumber> numbersOf(StudyJob& j) {
+  return {
+      {"start.x", &j.start.x, -1, 1},
+      {"start.y", &j.start.y, -1, 1},
+      {"start.offset", &j.start.offset, -1, 1},
+      {"start.azimuth", &j.start.azimuth, -kAny, kAny},
+      {"start.tilt_x", &j.start.tilt_x, -1, 1},
+      {"start.tilt_y", &j.start.tilt_y, -1, 1},
+      {"start.tilt", &j.start.tilt, -1, 1},
+      {"start.tilt_azimuth", &j.start.tilt_azimuth, -kAny, kAny},
+      {"start.height", &j.start.height, 0, 1},
+      {"move.x", &j.move.x, -1, 1},
+      {"move.y", &j.move.y, -1, 1},
+      {"move.z", &j.move.z, -1, 1},
+      {"move.delay", &j.move.delay, 0, kAny},
+      {"look", &j.look, 1e-6, kAny},
+      {"assembled.depth", &j.assembled_depth, 0, 1},
+      {"assembled.offset", &j.assembled_offset, 0, 1},
+      {"stop.force", &j.stop_force, 0, kAny},
+      {"stop.evaluations", &j.stop_evaluations, 1, kAny},
+      {"cell.noise", &j.cell.noise, 0, 5},
+      // ranges of align.* are those of checkParameters()
+      {"align.press_force", &j.align.press_force, -kAny, kAny},
+      {"align.force_limit", &j.align.force_limit, -kAny, kAny},
+      {"align.exciter_amplitude", &j.align.exciter_amplitude, -kAny, kAny},
+      {"align.exciter_frequency", &j.align.exciter_frequency, -kAny, kAny},
+      {"align.settle", &j.align.settle, -kAny, kAny},
+      {"align.window", &j.align.window, -kAny, kAny},
+      {"align.sweep_tilt", &j.align.sweep_tilt, -kAny, kAny},
+      {"align.contact_force", &j.align.contact_force, -kAny, kAny},
+      {"align.contact_tilt", &j.align.contact_tilt, -kAny, kAny},
+      {"align.insertion_depth", &j.align.insertion_depth, -kAny, kAny},
+      {"align.insertion_force", &j.align.insertion_force, -kAny, kAny},
+  };
+}
 
 struct JobInteger {
   const char* key;
-  int& (*of)(StudyJob&);
+  int* value;
 };
-const JobInteger kIntegers[] = {
-    {"cell.bits", [](StudyJob& j) -> int& { return j.cell.bits; }},
-    {"align.sweep_readings", [](StudyJob& j) -> int& { return j.align.sweep_readings; }},
-    {"align.rounds", [](StudyJob& j) -> int& { return j.align.rounds; }},
-    {"align.fewest_contacts", [](StudyJob& j) -> int& { return j.align.fewest_contacts; }},
-    {"align.most_contacts", [](StudyJob& j) -> int& { return j.align.most_contacts; }},
-};
+
+std::vector<JobInteger> integersOf(StudyJob& j) {
+  return {
+      {"cell.bits", &j.cell.bits},
+      {"align.sweep_readings", &j.align.sweep_readings},
+      {"align.rounds", &j.align.rounds},
+      {"align.fewest_contacts", &j.align.fewest_contacts},
+      {"align.most_contacts", &j.align.most_contacts},
+  };
+}
 
 [[noreturn]] void refuse(const StudySetting& s, const std::string& remedy) {
   throw InputError(s.key + ": value " + s.value + ": " + remedy);
@@ -101,32 +100,32 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
     job.stop_assembled = s.value == "true";
     return true;
   }
-  for (const JobNumber& number : kNumbers) {
+  for (const JobNumber& number : numbersOf(job)) {
     if (s.key != number.key) continue;
     double value = 0.0;
     if (!parseNumber(s.value, value)) refuse(s, "give a finite number");
-    if (value < number.least || value > number.most) {
-      refuse(s, "give a number from " + yamlNumber(number.least) +
-                    (number.most < kAny ? " to " + yamlNumber(number.most) : " on"));
+    if (value < number.min || value > number.max) {
+      refuse(s, "give a number from " + yamlNumber(number.min) +
+                    (number.max < kAny ? " to " + yamlNumber(number.max) : " on"));
     }
-    number.of(job) = value;
+    *number.value = value;
     return true;
   }
-  for (const JobInteger& integer : kIntegers) {
+  for (const JobInteger& integer : integersOf(job)) {
     if (s.key != integer.key) continue;
     double value = 0.0;
     if (!parseNumber(s.value, value) || value != std::round(value) || std::abs(value) > 1e9) {
       refuse(s, "give a whole number");
     }
-    integer.of(job) = static_cast<int>(value);
+    *integer.value = static_cast<int>(value);
     return true;
   }
   std::string known;
   const auto add = [&](const std::string& key) {
     if (key.compare(0, section.size(), section) == 0) known += (known.empty() ? "" : ", ") + key;
   };
-  for (const JobNumber& number : kNumbers) add(number.key);
-  for (const JobInteger& integer : kIntegers) add(integer.key);
+  for (const JobNumber& number : numbersOf(job)) add(number.key);
+  for (const JobInteger& integer : integersOf(job)) add(integer.key);
   add("stop.assembled");
   add("align.strategy");
   refuse(s, "unknown key, known here: " + known);
@@ -135,51 +134,40 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
 double* scenarioNumber(Scenario& s, const std::string& key, bool* alone) {
   struct Number {
     const char* key;
-    double& (*of)(Scenario&);
+    double* value;
     bool alone;
   };
-  static const Number kScenario[] = {
-      {"duration", [](Scenario& c) -> double& { return c.duration; }, true},
-      {"gravity", [](Scenario& c) -> double& { return c.mechanism.gravity; }, true},
-      {"peg.radius", [](Scenario& c) -> double& { return c.mechanism.peg.radius; }, true},
-      {"peg.mass", [](Scenario& c) -> double& { return c.mechanism.peg.mass; }, true},
-      {"peg.inertia_transverse",
-       [](Scenario& c) -> double& { return c.mechanism.peg.inertia_transverse; }, false},
-      {"peg.inertia_axial", [](Scenario& c) -> double& { return c.mechanism.peg.inertia_axial; },
-       false},
-      {"peg.exciter_height", [](Scenario& c) -> double& { return c.mechanism.peg.exciter_height; },
-       true},
-      {"hole.radius", [](Scenario& c) -> double& { return c.mechanism.hole.radius; }, true},
-      {"carrier.mass", [](Scenario& c) -> double& { return c.mechanism.carrier.mass; }, true},
-      {"carrier.inertia", [](Scenario& c) -> double& { return c.mechanism.carrier.inertia; }, true},
-      {"carrier.max_speed", [](Scenario& c) -> double& { return c.mechanism.carrier.max_speed; },
-       true},
-      {"coupling.rest.z", [](Scenario& c) -> double& { return c.rest.z; }, false},
-      {"coupling.stiffness.k26",
-       [](Scenario& c) -> double& { return c.mechanism.coupling.stiffness.k26; }, false},
-      {"coupling.stiffness.k35",
-       [](Scenario& c) -> double& { return c.mechanism.coupling.stiffness.k35; }, false},
-      {"coupling.damping.c26",
-       [](Scenario& c) -> double& { return c.mechanism.coupling.damping.k26; }, false},
-      {"coupling.damping.c35",
-       [](Scenario& c) -> double& { return c.mechanism.coupling.damping.k35; }, false},
-      {"exciter.amplitude", [](Scenario& c) -> double& { return c.mechanism.exciter.amplitude; },
-       true},
-      {"exciter.frequency", [](Scenario& c) -> double& { return c.mechanism.exciter.frequency; },
-       true},
-      {"exciter.phase", [](Scenario& c) -> double& { return c.mechanism.exciter.phase; }, true},
-      {"friction.static",
-       [](Scenario& c) -> double& { return c.mechanism.friction.static_coefficient; }, false},
-      {"friction.sliding",
-       [](Scenario& c) -> double& { return c.mechanism.friction.sliding_coefficient; }, false},
-      {"contact.rate", [](Scenario& c) -> double& { return c.contact.rate; }, true},
-      {"solver.tolerance", [](Scenario& c) -> double& { return c.solver.tolerance; }, true},
-      {"solver.max_step", [](Scenario& c) -> double& { return c.solver.max_step; }, true},
+  Mechanism& m = s.mechanism;
+  const Number numbers[] = {
+      {"duration", &s.duration, true},
+      {"gravity", &m.gravity, true},
+      {"peg.radius", &m.peg.radius, true},
+      {"peg.mass", &m.peg.mass, true},
+      {"peg.inertia_transverse", &m.peg.inertia_transverse, false},
+      {"peg.inertia_axial", &m.peg.inertia_axial, false},
+      {"peg.exciter_height", &m.peg.exciter_height, true},
+      {"hole.radius", &m.hole.radius, true},
+      {"carrier.mass", &m.carrier.mass, true},
+      {"carrier.inertia", &m.carrier.inertia, true},
+      {"carrier.max_speed", &m.carrier.max_speed, true},
+      {"coupling.rest.z", &s.rest.z, false},
+      {"coupling.stiffness.k26", &m.coupling.stiffness.k26, false},
+      {"coupling.stiffness.k35", &m.coupling.stiffness.k35, false},
+      {"coupling.damping.c26", &m.coupling.damping.k26, false},
+      {"coupling.damping.c35", &m.coupling.damping.k35, false},
+      {"exciter.amplitude", &m.exciter.amplitude, true},
+      {"exciter.frequency", &m.exciter.frequency, true},
+      {"exciter.phase", &m.exciter.phase, true},
+      {"friction.static", &m.friction.static_coefficient, false},
+      {"friction.sliding", &m.friction.sliding_coefficient, false},
+      {"contact.rate", &s.contact.rate, true},
+      {"solver.tolerance", &s.solver.tolerance, true},
+      {"solver.max_step", &s.solver.max_step, true},
   };
-  for (const Number& number : kScenario) {
+  for (const Number& number : numbers) {
     if (key != number.key) continue;
     if (alone != nullptr) *alone = number.alone;
-    return &number.of(s);
+    return number.value;
   }
   if (alone != nullptr) *alone = false;
   // entries of lists
@@ -189,10 +177,10 @@ double* scenarioNumber(Scenario& s, const std::string& key, bool* alone) {
     int size;
   };
   const List lists[] = {
-      {"coupling.stiffness.diagonal", s.mechanism.coupling.stiffness.diagonal.data(), 6},
-      {"coupling.damping.diagonal", s.mechanism.coupling.damping.diagonal.data(), 6},
-      {"carrier.stiffness", s.mechanism.carrier.stiffness.data(), 3},
-      {"carrier.damping", s.mechanism.carrier.damping.data(), 3},
+      {"coupling.stiffness.diagonal", m.coupling.stiffness.diagonal.data(), 6},
+      {"coupling.damping.diagonal", m.coupling.damping.diagonal.data(), 6},
+      {"carrier.stiffness", m.carrier.stiffness.data(), 3},
+      {"carrier.damping", m.carrier.damping.data(), 3},
       {"push", s.push.data(), 3},
       {"initial.peg.position", s.initial.position.data(), 3},
   };

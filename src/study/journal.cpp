@@ -1,7 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include <elf.h>
 #include <fcntl.h>
-#include <link.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -50,58 +48,7 @@ std::string readAt(int file, std::int64_t place, std::size_t size, const std::st
   return text;
 }
 
-// the build id that the linker put into the file with this address
-struct BuildId {
-  std::uintptr_t address;
-  std::string text;
-};
-
-int findBuildId(dl_phdr_info* info, std::size_t, void* data) {
-  BuildId& id = *static_cast<BuildId*>(data);
-  bool here = false;
-  for (int i = 0; i < info->dlpi_phnum; ++i) {
-    const auto& part = info->dlpi_phdr[i];
-    const std::uintptr_t begin = info->dlpi_addr + part.p_vaddr;
-    here = here ||
-           (part.p_type == PT_LOAD && id.address >= begin && id.address < begin + part.p_memsz);
-  }
-  if (!here) return 0;
-  for (int i = 0; i < info->dlpi_phnum; ++i) {
-    const auto& part = info->dlpi_phdr[i];
-    if (part.p_type != PT_NOTE) continue;
-    // a note: sizes of name and content, type, name, content; each padded to four bytes
-    const auto* bytes = reinterpret_cast<const unsigned char*>(info->dlpi_addr + part.p_vaddr);
-    std::size_t at = 0;
-    while (at + sizeof(ElfW(Nhdr)) <= part.p_memsz) {
-      ElfW(Nhdr) note;
-      std::memcpy(&note, bytes + at, sizeof note);
-      const std::size_t name = at + sizeof note;
-      const std::size_t content = name + ((note.n_namesz + 3u) & ~3u);
-      const std::size_t next = content + ((note.n_descsz + 3u) & ~3u);
-      if (next > part.p_memsz) break;
-      if (note.n_type == NT_GNU_BUILD_ID && note.n_namesz == 4 &&
-          std::memcmp(bytes + name, "GNU", 4) == 0) {
-        char digits[3];
-        for (std::size_t k = 0; k < note.n_descsz; ++k) {
-          std::snprintf(digits, sizeof digits, "%02x", bytes[content + k]);
-          id.text += digits;
-        }
-        return 1;
-      }
-      at = next;
-    }
-  }
-  return 1;
-}
-
 }  // namespace
-
-std::string studyProgram() {
-  BuildId id{reinterpret_cast<std::uintptr_t>(&studyProgram), ""};
-  dl_iterate_phdr(findBuildId, &id);
-  return std::string("assembly_cell ") + ASSEMBLY_CELL_VERSION + " build " +
-         (id.text.empty() ? "unknown" : id.text.substr(0, 16));
-}
 
 StudyJournal::StudyJournal(const std::string& path, const std::string& header, bool fresh)
     : path_(path) {

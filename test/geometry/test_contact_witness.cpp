@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-#include "assembly_cell/scene/part_pairs.h"
+#include "assembly_cell/description/part_pairs.h"
 #include "contact_reference.h"
 #include "single_slot.h"
 

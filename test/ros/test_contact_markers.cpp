@@ -15,7 +15,7 @@
 #include "assembly_cell/LocusEstimate.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/marker_colors.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 #include "cell_fixture.h"
 
 namespace assembly_cell::ros_bridge {
@@ -177,16 +177,17 @@ TEST_F(Markers, DrawTheTrueAndTheEstimatedPeg) {
   report.estimated_pose = toPose({Eigen::Matrix3d::Identity(), Eigen::Vector3d(4e-3, 5e-3, 0.0)});
   report_pub_.publish(report);
   for (const auto& marker : find("peg_true", 2)) {
-    EXPECT_EQ(marker.header.frame_id, "hole");
+    EXPECT_EQ(marker.header.frame_id, "hole_truth");
     EXPECT_EQ(marker.pose.position.x, 1e-3);
     EXPECT_EQ(marker.color.g, kTruePegColor.g);
   }
-  // the hole as that peg saw it
+  EXPECT_EQ(find("hole", 1).front().header.frame_id, "hole_truth");
+  // where the alignment found the hole, and the peg in it
   const Marker hole = find("hole_estimated", 1).front();
-  EXPECT_EQ(hole.header.frame_id, "peg");
-  EXPECT_NEAR(hole.pose.position.x, -4e-3, kExact);
-  EXPECT_NEAR(hole.pose.position.y, -5e-3, kExact);
+  EXPECT_EQ(hole.header.frame_id, "hole_estimated");
+  EXPECT_EQ(toPoint(Eigen::Vector3d::Zero()), hole.pose.position);
   for (const auto& marker : find("peg_estimated", 2)) {
+    EXPECT_EQ(marker.header.frame_id, "hole_estimated");
     EXPECT_EQ(marker.pose.position.x, 4e-3);
     EXPECT_EQ(marker.color.b, kEstimatedPegColor.b);
   }

@@ -120,7 +120,7 @@ class LocusEstimator : public ::testing::Test {
   void pose(double x) {
     geometry_msgs::PoseStamped p;
     p.header.stamp = ros::Time(time_);
-    p.header.frame_id = "hole";
+    p.header.frame_id = "carrier_base";
     p.pose.position.x = x;
     p.pose.orientation.w = 1.0;
     poses_.publish(p);

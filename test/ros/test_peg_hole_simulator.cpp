@@ -11,6 +11,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -23,6 +24,7 @@
 #include "assembly_cell/SetState.h"
 #include "assembly_cell/Step.h"
 #include "assembly_cell/StrainSamples.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/scene/scenario.h"
 #include "cell_fixture.h"
@@ -53,7 +55,10 @@ class Simulator : public ::testing::Test {
         clock_(nh_, "/clock"),
         tf_(nh_, "/tf"),
         diagnostics_(nh_, "/diagnostics"),
-        scenario_(loadScenario(sourceFile("config/scenarios/cell.yaml"))) {
+        tf_static_(nh_, "/tf_static"),
+        scenario_(loadScenario(sourceFile("config/scenarios/cell.yaml"))),
+        X_HB_(carrierBase(scenario_)),
+        start_(inverse(X_HB_) * poseFromRest(scenario_.rest)) {
     ack_sub_ = nh_.subscribe<StrainSamples>("sensor_b/bridge", 100,
                                             [this](const StrainSamples::ConstPtr& block) {
                                               if (answering_) acknowledge(block->sequence);
@@ -135,11 +140,9 @@ class Simulator : public ::testing::Test {
     exciter_pub_.publish(exciter);
   }
   geometry_msgs::PoseStamped restCommand(double dx) const {
-    RestPose rest = scenario_.rest;
-    rest.x += dx;
     geometry_msgs::PoseStamped command;
-    command.header.frame_id = "hole";
-    command.pose = toPose(poseFromRest(rest));
+    command.header.frame_id = "carrier_base";
+    command.pose = toPose({start_.R, start_.p + Eigen::Vector3d(dx, 0.0, 0.0)});
     return command;
   }
   // value of a key in the simulator's diagnostics
@@ -164,7 +167,10 @@ class Simulator : public ::testing::Test {
   Record<rosgraph_msgs::Clock> clock_;
   Record<tf2_msgs::TFMessage> tf_;
   Record<diagnostic_msgs::DiagnosticArray> diagnostics_;
+  Record<tf2_msgs::TFMessage> tf_static_;
   Scenario scenario_;
+  Pose X_HB_;   // the carrier's base, true
+  Pose start_;  // of the carrier in it
   ros::Subscriber ack_sub_;
   std::atomic<bool> answering_{true};
   static ros::Publisher command_pub_, exciter_pub_, ack_pub_;
@@ -197,8 +203,8 @@ TEST_F(Simulator, StepPublishesWholeBlocksInSequence) {
     EXPECT_EQ(bridge_b_.all()[i]->header.stamp, a[i]->header.stamp);
   }
   EXPECT_EQ(bridge_b_.last()->header.frame_id, "sensor_b");
-  EXPECT_EQ(carrier_.last()->header.frame_id, "hole");
-  EXPECT_EQ(truth_.last()->header.frame_id, "hole");
+  EXPECT_EQ(carrier_.last()->header.frame_id, "carrier_base");
+  EXPECT_EQ(truth_.last()->header.frame_id, "hole_truth");
 }
 
 TEST_F(Simulator, PausedPublishesNothingAndStepNeedsPause) {
@@ -227,7 +233,7 @@ TEST_F(Simulator, CarrierPoseAndTruthStartAsTheScenarioSays) {
 
   ASSERT_TRUE(step(1).success);
   ASSERT_TRUE(waitFor([this] { return carrier_.size() == 1; }));
-  const Pose X_HC = fromPose(carrier_.last()->pose, "carrier");
+  const Pose X_HC = X_HB_ * fromPose(carrier_.last()->pose, "carrier");
   // z and tilt are prescribed; x, y and yaw give way by less than 0.1 mm and 1 mrad to the hanging
   // peg
   EXPECT_NEAR(X_HC.p.z(), start.p.z(), kQuaternion);
@@ -241,7 +247,7 @@ TEST_F(Simulator, ResetGoesBackToTheStartWhileTheClockGoesOn) {
   sendCommand(restCommand(1e-3));
   ASSERT_TRUE(step(10).success);
   ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 11 && synchronous(); }));
-  EXPECT_NEAR(carrier_.last()->pose.position.x, scenario_.rest.x + 1e-3, 2e-4);
+  EXPECT_NEAR(carrier_.last()->pose.position.x, start_.p.x() + 1e-3, 2e-4);
   const ros::Time before = carrier_.last()->header.stamp;
   const std::uint32_t sequence = bridge_b_.last()->sequence;
 
@@ -250,7 +256,7 @@ TEST_F(Simulator, ResetGoesBackToTheStartWhileTheClockGoesOn) {
   ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 12 && synchronous(); }));
   EXPECT_NEAR((carrier_.last()->header.stamp - before).toSec(), kBlock, kStamp);
   EXPECT_EQ(bridge_b_.last()->sequence, sequence + 1);
-  EXPECT_NEAR(carrier_.last()->pose.position.x, scenario_.rest.x, 1e-5);
+  EXPECT_NEAR(carrier_.last()->pose.position.x, start_.p.x(), 1e-5);
   // the same seed from the same start gives the same samples
   const auto again = bridge_b_.last()->volts;
   ASSERT_TRUE(trigger("reset").success);
@@ -263,7 +269,7 @@ TEST_F(Simulator, CommandMovesTheRestSmoothlyToItsTarget) {
   sendCommand(restCommand(2e-3));
   ASSERT_TRUE(step(30).success);
   ASSERT_TRUE(waitFor([this] { return carrier_.size() == 30; }));
-  double last = scenario_.rest.x;
+  double last = start_.p.x();
   double farthest = 0.0;
   for (const auto& pose : carrier_.all()) {
     farthest = std::max(farthest, std::abs(pose->pose.position.x - last));
@@ -273,7 +279,7 @@ TEST_F(Simulator, CommandMovesTheRestSmoothlyToItsTarget) {
   EXPECT_LT(farthest, scenario_.mechanism.carrier.max_speed * kBlock + 1e-4);
   EXPECT_GT(farthest, 0.0);
   // the springs give way by the swinging peg's few tenths of a newton over 2e5 N/m
-  EXPECT_NEAR(last, scenario_.rest.x + 2e-3, 1e-5);
+  EXPECT_NEAR(last, start_.p.x() + 2e-3, 1e-5);
 }
 
 TEST_F(Simulator, RefusesCommandsThatCannotBeMeant) {
@@ -281,8 +287,10 @@ TEST_F(Simulator, RefusesCommandsThatCannotBeMeant) {
   ASSERT_TRUE(waitFor([this] { return !diagnostic("Commands refused").empty(); }));
   const int before = refusedSoFar();
   auto command = restCommand(1e-3);
-  command.header.frame_id = "world";
-  sendCommand(command);
+  for (const char* frame : {"world", "hole"}) {
+    command.header.frame_id = frame;
+    sendCommand(command);
+  }
   command = restCommand(kNaN);
   sendCommand(command);
   command = restCommand(5.0);  // millimetres taken for metres
@@ -304,10 +312,10 @@ TEST_F(Simulator, RefusesCommandsThatCannotBeMeant) {
   sendExciter(exciter);
 
   ASSERT_TRUE(step(10).success);
-  ASSERT_TRUE(waitFor([&] { return refusedSoFar() == before + 7; }))
+  ASSERT_TRUE(waitFor([&] { return refusedSoFar() == before + 8; }))
       << diagnostic("Commands refused");
   ASSERT_TRUE(waitFor([this] { return carrier_.size() == 10; }));
-  EXPECT_NEAR(carrier_.last()->pose.position.x, scenario_.rest.x, 1e-5);
+  EXPECT_NEAR(carrier_.last()->pose.position.x, start_.p.x(), 1e-5);
 }
 
 TEST_F(Simulator, ExciterShakesThePeg) {
@@ -424,7 +432,7 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
                 1e-9);
     if (contact.state != Contact::OPEN) force += contact.force.z;
   }
-  EXPECT_EQ(contacts_.last()->header.frame_id, "hole");
+  EXPECT_EQ(contacts_.last()->header.frame_id, "hole_truth");
   EXPECT_GT(force, 1.0);
 
   service.request.peg.position.x = kNaN;
@@ -447,8 +455,29 @@ TEST_F(Simulator, TellsWhereCarrierAndPegAre) {
         }
       }
     }
-    return edges.count("world carrier") == 1 && edges.count("hole peg_truth") == 1;
+    return edges.count("carrier_base carrier") == 1 && edges.count("hole_truth peg_truth") == 1;
   }));
+  EXPECT_EQ(edges.size(), 2U);
+
+  // where a person believes the carrier's base to be, and where the hole is
+  std::map<std::string, geometry_msgs::TransformStamped> fixed;
+  ASSERT_TRUE(waitFor([&] {
+    for (const auto& message : tf_static_.all()) {
+      for (const auto& transform : message->transforms) fixed[transform.child_frame_id] = transform;
+    }
+    return fixed.count("carrier_base") == 1 && fixed.count("hole_truth") == 1;
+  }));
+  const auto& base = fixed["carrier_base"];
+  EXPECT_EQ(base.header.frame_id, "world");
+  EXPECT_EQ(base.transform.translation.x, 0.0);
+  EXPECT_EQ(base.transform.translation.y, 0.0);
+  EXPECT_NEAR(base.transform.translation.z, 0.09 + scenario_.rest.z, kQuaternion);
+  EXPECT_EQ(base.transform.rotation.w, 1.0);
+  const auto& hole = fixed["hole_truth"];
+  EXPECT_EQ(hole.header.frame_id, "carrier_base");
+  const Pose expected = inverse(X_HB_);
+  EXPECT_EQ(toPoint(expected.p).x, hole.transform.translation.x);
+  EXPECT_EQ(toPose(expected).orientation, hole.transform.rotation);
 }
 
 TEST_F(Simulator, StopsWithANamedReasonAndResetHelps) {
@@ -484,6 +513,10 @@ TEST_F(Simulator, PacedKeepsToTheWallClockAndTruthCanBeWithheld) {
   for (const auto& topic : topics) {
     EXPECT_TRUE(topic.name.rfind("/paced/truth", 0) != 0) << topic.name;
   }
+  const Record<tf2_msgs::TFMessage> frames(nh_, "paced/tf_static");
+  ASSERT_TRUE(waitFor([&] { return frames.size() == 1; }));
+  ASSERT_EQ(frames.last()->transforms.size(), 1U);
+  EXPECT_EQ(frames.last()->transforms[0].child_frame_id, "carrier_base");
 }
 
 // ---- bad input: one line, exit code 1 ----
@@ -551,7 +584,7 @@ TEST_F(BadInput, NoMaster) {
 TEST_F(BadInput, MissingParticipantEndsTheNode) {
   ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"nobody"});
   Child child({executable("peg_hole_simulator"), "__ns:=/bad", "/clock:=clock", "/tf:=tf",
-               "_lockstep:=true", "_start_timeout:=0.5", scenario_});
+               "/tf_static:=tf_static", "_lockstep:=true", "_start_timeout:=0.5", scenario_});
   EXPECT_EQ(child.wait(), 1) << child.output();
   EXPECT_EQ(child.lines("nobody (never answered)").size(), 1U) << child.output();
 }

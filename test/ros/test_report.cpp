@@ -48,7 +48,7 @@ class Report : public ::testing::Test {
 
   void publishTruth(const Pose& X_HP) {
     geometry_msgs::PoseStamped truth;
-    truth.header.frame_id = "hole";
+    truth.header.frame_id = "hole_truth";
     truth.header.stamp = ros::Time(stamp_ += 1.0);
     truth.pose = toPose(X_HP);
     if (!truth_pub_) {

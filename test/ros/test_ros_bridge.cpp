@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 
@@ -42,8 +43,10 @@ TEST(Conversions, PosesComeBack) {
     const Pose back = fromPose(message, "pose");
     EXPECT_LT((back.R - X.R).norm(), kRounding) << angle;
     EXPECT_EQ(back.p, X.p);
-    EXPECT_EQ(toTransform(X).rotation.x, message.orientation.x);
-    EXPECT_EQ(toTransform(X).translation.z, 0.3);
+    const auto frame = transformStamped("a", "b", X, ros::Time(2.0));
+    EXPECT_EQ(frame.transform.rotation, message.orientation);
+    EXPECT_EQ(frame.transform.translation.z, 0.3);
+    EXPECT_EQ(frame.header.frame_id + frame.child_frame_id, "ab");
   }
 }
 

@@ -104,7 +104,7 @@ class TwinForceEstimator : public ::testing::Test {
     time_ += kPeriod * kBlock;
     geometry_msgs::PoseStamped carrier;
     carrier.header.stamp = ros::Time(time_);
-    carrier.header.frame_id = "hole";
+    carrier.header.frame_id = "carrier_base";
     // only differences may count: somewhere else as a whole
     Pose X = elsewhere_ * move * inverse(X_CP);
     X.p.x() += feed.speed * time_;

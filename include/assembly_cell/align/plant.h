@@ -25,7 +25,7 @@ struct LocusReading {
 
 /// What is done before the next block. Nothing set: only wait.
 struct PlantCommand {
-  std::optional<RestPose> rest;  ///< move the rest pose there, in the plant's own frame
+  std::optional<RestPose> rest;  ///< move the rest pose there, in the carrier's base frame
   std::optional<ExciterParameters>
       exciter;  ///< amplitude 0: off; the phase refers to the block's start
   std::optional<LocusRequest> locus;
@@ -43,7 +43,7 @@ struct PlantBlock {
   int samples = 0;                           ///< in the block
   Vector6 displacement_b = Vector6::Zero();  ///< of the coupling, sensor_b axes [m], [rad]
   bool saturated = false;                    ///< any channel of either sensor
-  RestPose carrier;                          ///< the carrier's pose as its encoders say
+  RestPose carrier;                          ///< its pose in its base frame, as its encoders say
   std::optional<LocusReading> locus;         ///< in the first block at or after the window's end
 };
 

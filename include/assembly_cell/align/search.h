@@ -12,8 +12,8 @@
 
 namespace assembly_cell {
 
-/// What all strategies share: poses relative to S, the carrier's rest frame at the start (origin:
-/// coupling point) as its encoders say, and the way into the hole. Where the hole is in S is the
+/// What all strategies share: poses relative to S, the carrier at the start (origin: coupling
+/// point) as its encoders say, and the way into the hole. Where the hole is in S is the
 /// unknown, which find() has to supply.
 class Search {
  public:
@@ -69,7 +69,7 @@ class Search {
   double trapWidth(double tilt) const;
 
   /// Carrier in S.
-  Pose carrierPose() const { return inverse(X_WS_) * poseFromRest(hand_.last().carrier); }
+  Pose carrierPose() const { return inverse(X_BS_) * poseFromRest(hand_.last().carrier); }
   /// Rest pose whose undeflected peg has its bottom centre at p and its axes along R.
   RestPose restFor(const Eigen::Vector3d& p, const Eigen::Matrix3d& R) const;
   /// Frame `peg` in S from a carrier pose and a deflection.
@@ -91,7 +91,7 @@ class Search {
   double length_;                                   // coupling to bottom edge [m]
   double start_time_ = 0.0, reference_time_ = 0.0;  // plant clock [s]
   double block_ = 0.0;                              // duration of a block [s]
-  Pose X_WS_;
+  Pose X_BS_;
   int contacts_ = 0;
   double position_sd_ = 0.0, rotation_sd_ = 0.0;  // for the progress; 0: not known
   HoleEstimate hole_;

@@ -10,6 +10,7 @@
 namespace assembly_cell {
 
 /// The cell without ROS: mechanism, bridges, converters, calibrations and locus fit in one process.
+/// Rest poses go in and out in the carrier's base frame, see carrierBase().
 class SimulatedPlant : public Plant {
  public:
   /// Simulates `scenario`; displacements and loci are computed from the nominal mechanism, as the
@@ -24,6 +25,7 @@ class SimulatedPlant : public Plant {
 
  private:
   Mechanism nominal_;
+  Pose X_HB_;  // the carrier's base
   SimulatedCell cell_;
   Calibration calibration_a_, calibration_b_;
   Matrix6 rounding_a_, rounding_b_;

@@ -35,7 +35,8 @@ class ContactMarkersNode {
   void drawContacts();
   void drawLocus();
   void drawTwinForce();
-  void drawPeg(const std::string& ns, const geometry_msgs::Pose& pose, const Color& color);
+  void drawPeg(const std::string& ns, const std::string& frame, const geometry_msgs::Pose& pose,
+               const Color& color);
 
   /// Adds a marker with all that is common; its id is the next free one of its namespace.
   Marker& add(const std::string& ns, int type, const std::string& frame, const Color& color);

@@ -2,24 +2,38 @@
 #pragma once
 
 #include <geometry_msgs/Point.h>
-#include <geometry_msgs/Pose.h>
-#include <geometry_msgs/Transform.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/TransformStamped.h>
 #include <geometry_msgs/Vector3.h>
 #include <geometry_msgs/Wrench.h>
 
 #include <string>
 
 #include "assembly_cell/geometry/spatial.h"
-#include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell::ros_bridge {
+
+/// Frames of tf, see docs/conventions.md. Those of the truth leave the simulator with
+/// ~publish_truth only.
+constexpr char kWorldFrame[] = "world";
+constexpr char kHoleFrame[] = "hole";
+constexpr char kCarrierBaseFrame[] = "carrier_base";
+constexpr char kCarrierFrame[] = "carrier";
+constexpr char kPegFrame[] = "peg";
+constexpr char kHoleEstimatedFrame[] = "hole_estimated";
+constexpr char kHoleTruthFrame[] = "hole_truth";
+constexpr char kPegTruthFrame[] = "peg_truth";
 
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 geometry_msgs::Vector3 toVector3(const Eigen::Vector3d& v);
 
 /// Quaternions on the wire are unit, with w ≥ 0.
 geometry_msgs::Pose toPose(const Pose& X);
-geometry_msgs::Transform toTransform(const Pose& X);
+geometry_msgs::PoseStamped poseStamped(const std::string& frame, const Pose& X,
+                                       const ros::Time& stamp);
+geometry_msgs::TransformStamped transformStamped(const std::string& parent,
+                                                 const std::string& child, const Pose& X,
+                                                 const ros::Time& stamp);
 
 /// Throws InputError that names `source` and the field: non-finite, or a quaternion whose norm is
 /// off by more than 1e-3 (nearer ones are normalised).
@@ -28,10 +42,5 @@ Pose fromPose(const geometry_msgs::Pose& pose, const std::string& source);
 /// Force before torque, [N], [N·m].
 geometry_msgs::Wrench toWrench(const Vector6& w);
 Vector6 fromWrench(const geometry_msgs::Wrench& w);
-
-/// Rest pose of the mechanism as the pose of the coupling's rest point in `hole`:
-/// position (x2e, x3e, x1e), orientation rotationFromEuler(theta3e, theta2e, theta1e).
-Pose poseFromRest(const RestPose& rest);
-RestPose restFromPose(const Pose& X);
 
 }  // namespace assembly_cell::ros_bridge

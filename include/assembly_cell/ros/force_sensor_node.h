@@ -83,6 +83,7 @@ class ForceSensorNode {
   // the data path
   void process(const StrainSamples::ConstPtr& block);
   void publishBlock(const StrainSamples::ConstPtr& block);
+  void publishDisplacement(const StrainSamples& block, const std_msgs::Header& header);
   void display(const ros::Time& end, double period, const Vector6& sum, const Vector6& volts_sum,
                std::size_t samples);
   void displayCovariance(const geometry_msgs::WrenchStamped& wrench, const Vector6& volts);

@@ -50,10 +50,16 @@ class ReportProgram {
   bool waitFor(const std::string& what, double timeout, const std::function<bool()>& ready) const;
   /// First truth at or after a time, of those in memory; the newest for time 0.
   std::optional<Pose> truthAt(const ros::Time& stamp) const;
+  /// Waits for it; one error line and false when it doesn't come. True where nobody publishes it.
+  bool readTruth(const ros::Time& stamp, std::optional<Pose>& truth) const;
+  /// Waits for supervisor and simulator, and asks whether the truth is published.
+  bool othersAreThere();
+  /// Sends the goal, lets the simulator run and waits for result_.
+  bool align();
 
   ros::NodeHandle nh_;
-  std::string strategy_, report_file_, simulator_;
-  bool unpause_ = true;
+  std::string report_file_, simulator_;
+  bool unpause_ = true, truth_published_ = false;
   double timeout_ = 600.0;       // of the alignment, wall [s]
   double start_timeout_ = 60.0;  // of whoever must be there first, wall [s]
   ReportDetails details_;

@@ -27,8 +27,8 @@ namespace assembly_cell::ros_bridge {
 /// The cell through ROS, as a strategy's plant: commands go out on carrier_command and exciter,
 /// blocks come in from both drivers and the carrier, readings from the action identify_locus.
 /// In lockstep a block is acknowledged when the strategy asks for the next one, so its decisions
-/// follow blocks and not the wall clock; without a strategy at once. Its own frame has the axes of
-/// the carrier's encoders and its origin where the carrier's rest point is at begin().
+/// follow blocks and not the wall clock; without a strategy at once. The carrier's poses are in its
+/// base frame, `carrier_base`.
 class RosPlant : public Plant {
  public:
   /// lockstep: answer blocks on `ack`. timeout: of every wait, wall time [s]. converter_step: of
@@ -48,6 +48,7 @@ class RosPlant : public Plant {
   ros::Time stampOf(double time) const;  ///< of a time on the plant's clock [s]
   double time() const;                   ///< the same on the plant clock [s]
   Pose carrierMotion() const;            ///< carrier in the carrier frame of begin(), last block
+  Pose carrierPose() const;              ///< in its base, at the last block's end
 
  private:
   /// A block as its parts come in.
@@ -58,7 +59,7 @@ class RosPlant : public Plant {
   struct Block {
     std::uint32_t sequence = 0;
     ros::Time end;
-    Pose X_H_carrier;
+    Pose X_BC;         ///< of the carrier
     PlantBlock means;  ///< all but time and carrier
   };
 
@@ -72,7 +73,7 @@ class RosPlant : public Plant {
   void acknowledge();
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
                const std::function<bool()>& ready);
-  void publishCarrier(const Pose& X_H_carrier);
+  void publishCarrier(const Pose& X_BC);
   void publishExciter(const ExciterParameters& drive);
   void sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequest& request);
   PlantBlock plantBlock(const Block& block) const;
@@ -99,7 +100,7 @@ class RosPlant : public Plant {
   Block last_;                                // handed out
   bool active_ = false;                       // a strategy is running
   ros::Time origin_;
-  Pose start_;  // X_H,carrier at begin()
+  Pose start_;  // X_BC at begin()
   std::function<bool()> cancelled_;
   std::uint32_t commands_ = 0;  // published so far
   Exciter exciter_;             // last published

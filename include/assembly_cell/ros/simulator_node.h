@@ -3,9 +3,9 @@
 
 #include <geometry_msgs/PoseStamped.h>
 #include <ros/ros.h>
-#include <std_msgs/Header.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
+#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <atomic>
@@ -15,23 +15,20 @@
 #include <deque>
 #include <functional>
 #include <future>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "assembly_cell/AccelerometerSamples.h"
-#include "assembly_cell/Ack.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/SetState.h"
 #include "assembly_cell/Step.h"
 #include "assembly_cell/StrainSamples.h"
 #include "assembly_cell/cell/simulated_cell.h"
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/ros/participants.h"
+#include "assembly_cell/description/cell_description.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -50,19 +47,9 @@ class SimulatorNode {
  private:
   ros::NodeHandle nh_;
 
+  void readParameters(ros::NodeHandle& pnh);
   void pairParts();
-  /// Last answer of a participant.
-  struct Participant {
-    bool answered = false;
-    std::uint32_t sequence = 0;
-    std::uint32_t commands = 0;
-    std::string publisher;  ///< node that sent it
-  };
-  /// Commands received from one node, without repetitions.
-  struct Sender {
-    std::uint32_t commands = 0;
-    std::map<std::string, std::pair<std::uint32_t, ros::Time>> last;  ///< seq, stamp by topic
-  };
+  void advertise(ros::NodeHandle& pnh);
 
   void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
   void onExciter(const ros::MessageEvent<Exciter const>& event);
@@ -80,22 +67,22 @@ class SimulatorNode {
   /// A new cell at the present node time.
   void restart(const Scenario& scenario);
   void publishBlock();
+  void publishStaticFrames();
   void publishState();
   void publishDiagnostics();
   void subscribeToAcks();
   void waitForAcks(std::uint32_t sequence);
   void pace();
-  /// False for a repetition (latched messages may come twice).
-  bool countCommand(const std::string& publisher, const std::string& topic,
-                    const std_msgs::Header& header);
   std::optional<std::string> refusal(const geometry_msgs::PoseStamped& command) const;
   /// Stamp of a time of the present cell.
   ros::Time stampAt(double cell_time) const;
 
   // parameters
+  std::string file_;
   Scenario scenario_;
   CellParameters cell_parameters_;
   CellDescription description_;
+  Pose X_HB_;  // carrier's base in the true hole
   bool lockstep_ = false;
   bool publish_truth_ = false;
   double real_time_factor_ = 1.0;
@@ -123,8 +110,7 @@ class SimulatorNode {
   std::deque<std::packaged_task<void()>> tasks_;
   std::optional<Pose> carrier_command_;
   std::optional<Exciter> exciter_;
-  std::map<std::string, Participant> participants_;
-  std::map<std::string, Sender> senders_;
+  Participants participants_;
 
   std::atomic<double> now_{0.0};  // node time [s]
   std::atomic<std::uint64_t> refused_{0};
@@ -134,7 +120,8 @@ class SimulatorNode {
 
   ros::Publisher bridge_a_pub_, bridge_b_pub_, accelerometers_pub_, carrier_pub_, clock_pub_,
       truth_pose_pub_, truth_contacts_pub_, diagnostics_pub_;
-  std::unique_ptr<tf2_ros::TransformBroadcaster> tf_;
+  tf2_ros::TransformBroadcaster tf_;
+  tf2_ros::StaticTransformBroadcaster static_tf_;
   ros::Subscriber command_sub_, exciter_sub_, ack_sub_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
   ros::WallTimer diagnostics_timer_;

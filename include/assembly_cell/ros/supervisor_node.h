@@ -3,6 +3,7 @@
 
 #include <actionlib/server/simple_action_server.h>
 #include <ros/ros.h>
+#include <tf2_ros/static_transform_broadcaster.h>
 
 #include <functional>
 #include <memory>
@@ -35,12 +36,14 @@ class SupervisorNode {
   AlignmentReport report(const AlignResult& result, double wall_time) const;
 
   Mechanism mechanism_;  ///< nominal parts
+  Pose X_CP_;            ///< peg in the carrier, at rest
   AlignParameters parameters_;
   PressLimits limits_;
 
   std::unique_ptr<RosPlant> plant_;
   std::mutex busy_;  ///< held by the goal that runs
   ros::Publisher report_pub_;
+  tf2_ros::StaticTransformBroadcaster frames_;
   std::unique_ptr<AlignServer> align_server_;
   std::unique_ptr<ContactServer> contact_server_;
 };

@@ -39,7 +39,7 @@ class TwinForceNode {
   /// A settled window and where the carrier was.
   struct Reading {
     ContactWindow window;
-    Pose X_HC;
+    Pose X_SC;  ///< S: carrier_base
     ros::Time middle;
     double time_difference = 0.0;  ///< largest, between the two wrenches [s]
   };

@@ -14,7 +14,8 @@
 
 namespace assembly_cell {
 
-/// What identifies the program that made results: version and build of the core library.
+/// What identifies the program that made results: version and a digest of its sources, written by
+/// the build (cmake/version.cmake).
 std::string studyProgram();
 
 /// The file of finished runs. Only grows; survives the end of the process at any time: a record

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 
 namespace assembly_cell {
 

@@ -7,8 +7,8 @@
 #include <iterator>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/scene/cell_description.h"
-#include "assembly_cell/scene/part_pairs.h"
+#include "assembly_cell/description/cell_description.h"
+#include "assembly_cell/description/part_pairs.h"
 #include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell {

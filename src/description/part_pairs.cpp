@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/scene/part_pairs.h"
+#include "assembly_cell/description/part_pairs.h"
 
 #include <fcl/narrowphase/collision.h>
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/scene/cell_description.h"
+#include "assembly_cell/description/cell_description.h"
 
 #include <console_bridge/console.h>
 #include <urdf_parser/urdf_parser.h>
@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/scene/part_pairs.h"
+#include "assembly_cell/description/part_pairs.h"
 
 namespace assembly_cell {
 namespace {

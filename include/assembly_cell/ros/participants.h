@@ -1,0 +1,49 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <ros/time.h>
+#include <std_msgs/Header.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "assembly_cell/Ack.h"
+
+namespace assembly_cell::ros_bridge {
+
+/// Who must answer a block in lockstep before the next one begins, and how many commands have come
+/// in from whom. Not thread-safe.
+class Participants {
+ public:
+  explicit Participants(const std::vector<std::string>& names = {});
+
+  std::size_t size() const { return answers_.size(); }
+  /// All have answered at least once.
+  bool allKnown() const;
+  /// Counts a command of a node; false for a repetition (latched messages may come twice).
+  bool count(const std::string& publisher, const std::string& topic,
+             const std_msgs::Header& header);
+  /// Takes an answer; false when it is of none of them.
+  bool answer(const Ack& ack, const std::string& publisher);
+  /// Those who have not answered block `sequence`, or whose commands have not all come in, with the
+  /// reason; empty when there are none.
+  std::string missing(std::uint32_t sequence) const;
+
+ private:
+  struct Answer {
+    bool known = false;
+    std::uint32_t sequence = 0, commands = 0;
+    std::string publisher;  ///< node that sent it
+  };
+  struct Sender {
+    std::uint32_t commands = 0;
+    std::map<std::string, std::pair<std::uint32_t, ros::Time>> last;  ///< seq, stamp by topic
+  };
+  std::map<std::string, Answer> answers_;  // the latest, by participant
+  std::map<std::string, Sender> senders_;
+};
+
+}  // namespace assembly_cell::ros_bridge
