@@ -17,7 +17,6 @@ using Vec3 = Eigen::Vector3d;
 constexpr double kTolerance = 1e-14;  // of a step, relative
 constexpr double kSlipEnd = 34.5;     // slip has ended at its start's e^-34.5 = 1e-15
 constexpr int kMostSteps = 4000, kDirections = 180, kHalvings = 60;
-constexpr double kPi = 3.14159265358979323846;
 
 // Slip in polar coordinates along a path tau with d(normal impulse) = speed dtau: smooth through
 // the end of slip, which tau never reaches.
@@ -65,7 +64,7 @@ double step(const Slip& slip, const Path& x, double h, const Path& scale, Path& 
 double newDirection(const Slip& slip, double phi) {
   double best = phi, most = 0.0;
   for (int i = 0; i < kDirections; ++i) {
-    double low = phi + 2 * kPi * i / kDirections, high = phi + 2 * kPi * (i + 1) / kDirections;
+    double low = phi + 2 * M_PI * i / kDirections, high = phi + 2 * M_PI * (i + 1) / kDirections;
     const bool rises = slip.swerve(low) < 0.0;
     if (rises == (slip.swerve(high) < 0.0)) continue;
     for (int k = 0; k < kHalvings; ++k) {
