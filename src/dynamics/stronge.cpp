@@ -18,7 +18,6 @@ using Vec3 = Eigen::Vector3d;
 // but roundings: 4 of 400 random scenes end elsewhere, by up to 7 um.
 constexpr double kTolerance = 1e-14, kSlipEnd = 34.5;
 constexpr int kMaxSteps = 4000, kDirections = 180, kHalvings = 60;
-constexpr double kPi = 3.14159265358979323846;
 
 // Slip in polar coordinates along a path tau with d(normal impulse) = speed dtau: smooth through
 // the end of slip, which tau never reaches.
@@ -67,7 +66,7 @@ double step(const Slip& slip, const Path& x, double h, const Path& scale, Path& 
 double newDirection(const Slip& slip, double phi) {
   double best = phi, largest = 0.0;
   for (int i = 0; i < kDirections; ++i) {
-    double low = phi + 2 * kPi * i / kDirections, high = phi + 2 * kPi * (i + 1) / kDirections;
+    double low = phi + 2 * M_PI * i / kDirections, high = phi + 2 * M_PI * (i + 1) / kDirections;
     const bool rises = slip.swerve(low) < 0.0;
     if (rises == (slip.swerve(high) < 0.0)) continue;
     for (int k = 0; k < kHalvings; ++k) {
