@@ -2,6 +2,7 @@
 #include "assembly_cell/calibration/drift.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
@@ -17,17 +18,7 @@ constexpr double kLargestCorrelation = 0.98;  // beyond it a window says nothing
 }  // namespace
 
 const char* toString(Settling verdict) {
-  switch (verdict) {
-    case Settling::kFilling:
-      return "filling";
-    case Settling::kSpread:
-      return "spread";
-    case Settling::kTrend:
-      return "trend";
-    case Settling::kSettled:
-      return "settled";
-  }
-  return "filling";
+  return std::array{"filling", "spread", "trend", "settled"}[static_cast<std::size_t>(verdict)];
 }
 
 SettledWindow::SettledWindow(const SettlingLimits& limits) : limits_(limits) {
