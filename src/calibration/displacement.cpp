@@ -16,9 +16,9 @@ namespace {
 constexpr int kTerms = 27;  // strains and all products
 constexpr double kRank = 1e-8;
 constexpr double kWorstCondition = 30.0;
-constexpr double kResidual = 3.0;         // times the expected noise
-constexpr double kCorner = 0.7;           // of the central composite
-constexpr Eigen::Index kFewestTests = 6;  // for a name of the weak direction
+constexpr double kResidual = 3.0;      // times the expected noise
+constexpr double kCorner = 0.7;        // of the central composite
+constexpr Eigen::Index kMinTests = 6;  // for a name of the weak direction
 
 std::string termName(Eigen::Index column) {
   if (column < 6) return "channel " + std::to_string(column);
@@ -87,7 +87,7 @@ Movements movementsOf(const ObservationSet& set, Side side, DisplacementSolution
 // rank, condition and weak direction of the design; true when it can be solved
 bool judgeDesign(const Eigen::MatrixXd& Z, DisplacementSolution& out) {
   std::string& weak = out.weak_direction = "every channel";
-  if (Z.rows() >= kFewestTests) {
+  if (Z.rows() >= kMinTests) {
     const Eigen::VectorXd norms = Z.colwise().norm().transpose().cwiseMax(1e-300);
     const Eigen::JacobiSVD<Eigen::MatrixXd> scaled(Z * norms.cwiseInverse().asDiagonal(),
                                                    Eigen::ComputeFullV);

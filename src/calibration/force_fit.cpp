@@ -10,8 +10,8 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kIterations = 30;
-constexpr double kConverged = 1e-10;       // of the change of S, in parts of S
-constexpr double kLeastRedundancy = 0.02;  // of a test whose residual still says something
+constexpr double kConverged = 1e-10;     // of the change of S, in parts of S
+constexpr double kMinRedundancy = 0.02;  // of a test whose residual still says something
 
 Small poseJacobian(const Pose& X, const Vector6& w_B, int rows) {
   const Eigen::Matrix3d f = skew(X.R * w_B.head<3>());
@@ -90,7 +90,7 @@ Linear linearised(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S,
 // adjusted strains, solve for matrices and shared zeros, adjust the strains, until nothing moves.
 class Adjustment {
  public:
-  djustment::Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S)
+  Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S)
       : system_(system),
         rows_(system.rows),
         terms_(static_cast<int>(S.a.cols())),
@@ -167,7 +167,7 @@ class Adjustment {
       designRows(test, rows_, terms_, strain_[k], A);
       const Small APA = A * fit.covariance * A.transpose();
       // C ∓ APAᵀ is that of this residual; the floor keeps what nothing else checks from counting
-      Eigen::MatrixXd Q = parts_[k].C * (1.0 + kLeastRedundancy);
+      Eigen::MatrixXd Q = parts_[k].C * (1.0 + kMinRedundancy);
       if (test.used) {
         Q -= APA;
       } else {

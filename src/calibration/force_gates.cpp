@@ -15,8 +15,8 @@ namespace {
 constexpr double kWarnCondition = 100.0;
 constexpr double kSdLimitFewBits = 0.01;  // of full scale
 constexpr double kSdLimit = 0.001;        // of full scale, 16 bits and more
-constexpr int kLeastDof = 20;
-constexpr double kLeastP = 1e-3;
+constexpr int kMinDof = 20;
+constexpr double kMinP = 1e-3;
 constexpr double kLowChi2 = 0.3;    // χ²/dof
 constexpr double kModelChi2 = 3.0;  // χ²/dof beyond which the linear model is doubted
 constexpr double kHoldOut = 1.5;    // normalised rms
@@ -189,11 +189,11 @@ void judgeRank(const DesignRank& design, const std::string& force_rows, const Ge
            format("condition %.3g is above %.3g: add tests that move ", design.condition,
                   kWarnCondition) +
                out.weak_direction});
-  addGate(out.gates, out.dof < kLeastDof,
-          {"dof", Verdict::kRefuse, double(out.dof), kLeastDof,
+  addGate(out.gates, out.dof < kMinDof,
+          {"dof", Verdict::kRefuse, double(out.dof), kMinDof,
            format("%d residual degrees of freedom, below %d: nothing would prove the fit; add %d "
                   "or more reacting tests or weights",
-                  out.dof, kLeastDof, (kLeastDof - out.dof + out.rows - 1) / out.rows)});
+                  out.dof, kMinDof, (kMinDof - out.dof + out.rows - 1) / out.rows)});
 }
 
 void judgePrediction(const ObservationSet& set, const RatedLoad& rated, ForceSolution& out) {
@@ -233,9 +233,9 @@ void judgeDropped(ForceSolution& out) {
 void judgeFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
               std::size_t tests, ForceSolution& out) {
   const double ratio = out.dof > 0 ? out.chi2 / out.dof : 0.0;
-  addGate(out.gates, out.p < kLeastP,
-          {"chi2", Verdict::kRefuse, out.p, kLeastP, lackOfFit(geometry, set, wanted, out)});
-  addGate(out.gates, out.dof >= kLeastDof && ratio < kLowChi2,
+  addGate(out.gates, out.p < kMinP,
+          {"chi2", Verdict::kRefuse, out.p, kMinP, lackOfFit(geometry, set, wanted, out)});
+  addGate(out.gates, out.dof >= kMinDof && ratio < kLowChi2,
           {"low_chi2", Verdict::kWarn, ratio, kLowChi2,
            format("chi2/dof %.3g is below %.3g: the noise is overstated or data are copied", ratio,
                   kLowChi2)});

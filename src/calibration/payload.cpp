@@ -22,24 +22,27 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr std::size_t kLeastPoses = 6;
-constexpr std::size_t kMostPoses = 2000;
-constexpr std::size_t kLeastForStructure = 16;  // fewer poses cannot tell drift from noise
-constexpr double kLeastJump = 5.0;              // of a break, in sd of a reading: less is drift
-constexpr double kOutlierTail = 0.01;           // false outliers a clean recording
-constexpr double kMostOutliers = 0.25;          // of the poses
-constexpr double kNoiseFloor = 1e-7;            // of the largest reading: rounding, not noise
-constexpr double kWeakestDirection = 0.05;      // share of the weight that rotation makes visible
-constexpr double kClearly = 0.7;                // held-out errors, force times torque: see docs
+constexpr std::size_t kMinPoses = 6;
+constexpr std::size_t kMaxPoses = 2000;
+constexpr std::size_t kMinForStructure = 16;  // fewer poses cannot tell drift from noise
+constexpr double kMinJump = 5.0;              // of a break, in sd of a reading: less is drift
+constexpr double kOutlierTail = 0.01;         // false outliers a clean recording
+constexpr double kMaxOutliers = 0.25;         // of the poses
+constexpr double kNoiseFloor = 1e-7;          // of the largest reading: rounding, not noise
+constexpr double kWeakestDirection = 0.05;    // share of the weight that rotation makes visible
+// median held-out errors, force times torque, of one reading of the axes over the other's. The
+// recording of test/data and four simulated ones lie below 0.004 or above 4e4: half of it decides
+// alike, from 1 on nothing stays undecided
+constexpr double kClearly = 0.7;
 
 void checkInput(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches) {
   if (poses.size() != wrenches.size()) {
     throw InputError("payload: " + std::to_string(poses.size()) + " poses, " +
                      std::to_string(wrenches.size()) + " wrenches: give one wrench a pose");
   }
-  if (poses.size() > kMostPoses) {
+  if (poses.size() > kMaxPoses) {
     throw InputError("payload: " + std::to_string(poses.size()) + " poses: give at most " +
-                     std::to_string(kMostPoses) + ", averages of standing periods");
+                     std::to_string(kMaxPoses) + ", averages of standing periods");
   }
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const std::string place = "payload: pose " + std::to_string(i) + ": ";
@@ -163,9 +166,9 @@ WrenchAxes chooseAxes(const AxesFit& base, const AxesFit& sensor) {
 // ---- identification
 
 CalibrationRefusal refusalOf(const std::vector<StaticPose>& poses) {
-  if (poses.size() < kLeastPoses) {
+  if (poses.size() < kMinPoses) {
     return {CalibrationFailure::kTooFewPoses,
-            std::to_string(poses.size()) + " poses: give at least " + std::to_string(kLeastPoses)};
+            std::to_string(poses.size()) + " poses: give at least " + std::to_string(kMinPoses)};
   }
   if (weakestDirection(poses) < kWeakestDirection) {
     return {CalibrationFailure::kOneAxis,
@@ -219,7 +222,7 @@ Identified identify(const std::vector<StaticPose>& poses, const std::vector<Vect
                     const PayloadOptions& options, PayloadModel& model) {
   Identified found;
   std::vector<double> no_break;
-  const auto most = static_cast<std::size_t>(kMostOutliers * static_cast<double>(poses.size()));
+  const auto most = static_cast<std::size_t>(kMaxOutliers * static_cast<double>(poses.size()));
   while (true) {
     Problem& problem = found.problem;
     problem = problemOf(poses, w, model.used, model.temperature_mean);
@@ -233,15 +236,14 @@ Identified identify(const std::vector<StaticPose>& poses, const std::vector<Vect
     model.order = problem.line.order;
     model.starts = found.structure.starts;
     model.group = {found.full[kForce].group, found.full[kTorque].group};
-    if (const auto place = smallestBreak(model, kLeastJump)) {
+    if (const auto place = smallestBreak(model, kMinJump)) {
       // the break and its neighbours are drift
       for (std::size_t i = *place - 2; i <= std::min(*place + 2, model.order.size() - 1); ++i) {
         no_break.push_back(model.order[i]);
       }
       continue;
     }
-    if (!options.outliers || model.used.size() <= kLeastPoses + 2 ||
-        model.rejected.size() >= most) {
+    if (!options.outliers || model.used.size() <= kMinPoses + 2 || model.rejected.size() >= most) {
       break;
     }
     const auto worst = worstPose(found.full);
@@ -426,7 +428,7 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   PayloadModel model;
   model.refusal = refusalOf(poses);
   if (model.refusal) return model;
-  model.structure_tested = poses.size() >= kLeastForStructure;
+  model.structure_tested = poses.size() >= kMinForStructure;
   const WrenchAxes fitting =
       findAxes(poses, wrenches, model.structure_tested && options.drift, model);
   model.axes = options.axes == WrenchAxes::kAuto ? fitting : options.axes;
