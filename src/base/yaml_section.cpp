@@ -14,14 +14,21 @@
 
 namespace assembly_cell::yaml {
 
-void refuse(const std::string& source, const std::string& path, const std::string& value,
-            const std::string& remedy) {
-  // one line, whatever the file holds
-  std::string line = source + ": " + path + ": value " + value + ": " + remedy;
+namespace {
+
+// one line, whatever the file holds
+[[noreturn]] void throwLine(std::string line) {
   for (char& c : line) {
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
   }
   throw InputError(line);
+}
+
+}  // namespace
+
+void refuse(const std::string& source, const std::string& path, const std::string& value,
+            const std::string& remedy) {
+  throwLine(source + ": " + path + ": value " + value + ": " + remedy);
 }
 
 std::string shown(double value) {
@@ -45,7 +52,9 @@ std::string shown(const YAML::Node& node) {
 bool readNumber(const YAML::Node& node, double& value) {
   if (!node.IsDefined() || !node.IsScalar()) return false;
   const std::string& tag = node.Tag();
-  if (tag != "?" && tag != "tag:yaml.org,2002:float" && tag != "tag:yaml.org,2002:int") {
+  // a node made by hand has none
+  if (tag != "?" && !tag.empty() && tag != "tag:yaml.org,2002:float" &&
+      tag != "tag:yaml.org,2002:int") {
     return false;
   }
   const std::string& text = node.Scalar();
@@ -77,8 +86,8 @@ bool inRange(double value, Range range) {
   return range == Range::kAny || value > 0.0 || (range == Range::kNotNegative && value == 0.0);
 }
 
-Section::Section(const YAML::Node& node, std::string path, const std::string& source)
-    : path_(std::move(path)), source_(source) {
+Section::Section(const YAML::Node& node, std::string path, std::string source, Wording wording)
+    : path_(std::move(path)), source_(std::move(source)), wording_(wording) {
   if (!node.IsDefined() || !node.IsMap()) {
     refuse(at(""), shown(node), "give a mapping of keys, see docs/interfaces.md");
   }
@@ -87,7 +96,10 @@ Section::Section(const YAML::Node& node, std::string path, const std::string& so
       refuse(at(""), shown(entry.first), "a key must be a plain word");
     }
     const std::string& key = entry.first.Scalar();
-    if (has(key)) refuse(at(key), shown(entry.second), "duplicate key, keep one of them");
+    if (has(key)) {
+      refuseKey(key, shown(entry.second), "duplicate key, keep one of them",
+                "key '" + at(key) + "' is there twice: keep one of them");
+    }
     entries_.emplace_back(key, entry.second);
   }
 }
@@ -97,9 +109,23 @@ std::string Section::at(const std::string& key) const {
   return path_.empty() ? key : path_ + "." + key;
 }
 
+std::vector<std::string> Section::keys() const {
+  std::vector<std::string> all;
+  for (const auto& entry : entries_) all.push_back(entry.first);
+  return all;
+}
+
 void Section::refuse(const std::string& path, const std::string& value,
                      const std::string& what_to_do) const {
-  yaml::refuse(source_, path, value, what_to_do);
+  if (wording_ == Wording::kValue) yaml::refuse(source_, path, value, what_to_do);
+  throwLine(source_ + ": " + path + " is '" + value + "': " + what_to_do);
+}
+
+// what is wrong with the key, not with its value
+void Section::refuseKey(const std::string& key, const std::string& value,
+                        const std::string& what_to_do, const std::string& is) const {
+  if (wording_ == Wording::kValue) refuse(at(key), value, what_to_do);
+  throwLine(source_ + ": " + is);
 }
 
 void Section::refuse(const std::string& path, double value, const std::string& what_to_do) const {
@@ -107,19 +133,36 @@ void Section::refuse(const std::string& path, double value, const std::string& w
 }
 
 YAML::Node Section::required(const std::string& key, const std::string& what_to_do) {
-  known_.push_back(key);
+  know(key);
   const YAML::Node* node = find(key);
-  if (node == nullptr) refuse(at(key), "missing", what_to_do);
+  if (node == nullptr) {
+    refuseKey(key, "missing", what_to_do, "key '" + at(key) + "' is missing: add it");
+  }
   return *node;
 }
 
+void Section::know(const std::string& key) {
+  if (std::find(known_.begin(), known_.end(), key) == known_.end()) known_.push_back(key);
+}
+
 bool Section::optional(const std::string& key) {
-  known_.push_back(key);
+  know(key);
   return has(key);
 }
 
 Section Section::section(const std::string& key) {
-  return Section(required(key, "add this mapping, see docs/interfaces.md"), at(key), source_);
+  return Section(required(key, "add this mapping, see docs/interfaces.md"), at(key), source_,
+                 wording_);
+}
+
+std::vector<Section> Section::sections(const std::string& key) {
+  const YAML::Node list = required(key, "give a list");
+  if (!list.IsSequence()) refuse(at(key), shown(list), "give a list");
+  std::vector<Section> all;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    all.emplace_back(list[i], at(key) + "[" + std::to_string(i) + "]", source_, wording_);
+  }
+  return all;
 }
 
 double Section::number(const std::string& key, Range range) {
@@ -135,11 +178,42 @@ double Section::number(const std::string& key, Range range, double otherwise) {
   return optional(key) ? number(key, range) : otherwise;
 }
 
+double Section::number(const std::string& key, double low, double high,
+                       std::optional<double> otherwise) {
+  if (otherwise && !optional(key)) return *otherwise;
+  const std::string what = "give a number from " + shown(low) + " to " + shown(high);
+  const YAML::Node node = required(key, what);
+  double value = 0.0;
+  if (!readNumber(node, value) || value < low || value > high) refuse(at(key), shown(node), what);
+  return value;
+}
+
+std::int64_t Section::integer(const std::string& key, std::int64_t low, std::int64_t high,
+                              std::optional<std::int64_t> otherwise) {
+  if (otherwise && !optional(key)) return *otherwise;
+  const std::string what =
+      "give a whole number from " + std::to_string(low) + " to " + std::to_string(high);
+  const YAML::Node node = required(key, what);
+  double value = 0.0;
+  if (!readNumber(node, value) || value != std::round(value) || value < static_cast<double>(low) ||
+      value > static_cast<double>(high)) {
+    refuse(at(key), shown(node), what);
+  }
+  return static_cast<std::int64_t>(value);
+}
+
+std::vector<double> Section::numbers(const std::string& key, std::size_t count) {
+  std::vector<double> values(count);
+  readNumbers(key, Range::kAny, static_cast<int>(count), values.data());
+  return values;
+}
+
 void Section::readNumbers(const std::string& key, Range range, int count, double* values) {
   const std::string size = "give a list of " + std::to_string(count) + " numbers";
   const YAML::Node node = required(key, size);
   if (!node.IsSequence() || node.size() != static_cast<std::size_t>(count)) {
-    refuse(at(key), shown(node), size);
+    refuseKey(key, shown(node), size,
+              at(key) + " has " + std::to_string(node.size()) + " entries: " + size);
   }
   for (int i = 0; i < count; ++i) {
     const YAML::Node entry = node[static_cast<std::size_t>(i)];
@@ -159,23 +233,50 @@ std::string Section::text(const std::string& key, const std::string& what_to_do)
   return node.Scalar();
 }
 
+std::string Section::choice(const std::string& key, const std::vector<std::string>& choices,
+                            const std::optional<std::string>& otherwise) {
+  if (otherwise && !optional(key)) return *otherwise;
+  std::string what;
+  for (const std::string& one : choices) what += (what.empty() ? "give one of " : ", ") + one;
+  const std::string value = text(key, what);
+  if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
+    refuse(at(key), value, what);
+  }
+  return value;
+}
+
+std::vector<std::string> Section::texts(const std::string& key) {
+  const char* what = "give a list of texts";
+  const YAML::Node node = required(key, what);
+  if (!node.IsSequence()) refuse(at(key), shown(node), what);
+  std::vector<std::string> values;
+  for (const YAML::Node& entry : node) {
+    if (!entry.IsScalar()) refuse(at(key), "a list with " + shown(entry), what);
+    values.push_back(entry.Scalar());
+  }
+  return values;
+}
+
 bool Section::flag(const std::string& key, bool otherwise) {
   if (!optional(key)) return otherwise;
   const YAML::Node node = *find(key);
-  const std::string value = node.IsScalar() && node.Tag() == "?" ? node.Scalar() : "";
+  const std::string value = node.IsScalar() && node.Tag() != "!" ? node.Scalar() : "";
   if (value != "true" && value != "false") refuse(at(key), shown(node), "give true or false");
   return value == "true";
+}
+
+void Section::only(std::initializer_list<const char*> keys) {
+  for (const char* key : keys) know(key);
+  finish();
 }
 
 void Section::finish() const {
   for (const auto& [key, node] : entries_) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
     std::string names;
-    for (const std::string& name : known_) {
-      if (names.find(" " + name + ",") == std::string::npos) names += " " + name + ",";
-    }
-    names.pop_back();
-    refuse(at(key), shown(node), "unknown key, known here:" + names);
+    for (const std::string& name : known_) names += (names.empty() ? " " : ", ") + name;
+    refuseKey(key, shown(node), "unknown key, known here:" + names,
+              "unknown key '" + at(key) + "': known are" + names);
   }
 }
 
@@ -186,20 +287,20 @@ const YAML::Node* Section::find(const std::string& key) const {
   return nullptr;
 }
 
-std::string fileText(const std::string& path, const std::string& what) {
-  // a page of text; more than this is another kind of file
-  constexpr std::size_t kLargestFile = 1 << 20;
+std::string fileText(const std::string& path, const std::string& what, std::size_t largest) {
   errno = 0;
   std::ifstream file(path, std::ios::binary);
-  std::string text(kLargestFile + 1, '\0');
+  std::string text(largest + 1, '\0');
   if (file) file.read(&text[0], static_cast<std::streamsize>(text.size()));
   if (!file.is_open() || file.bad()) {
     const std::string reason = errno != 0 ? std::strerror(errno) : "read error";
-    refuse(path, "file", "unreadable", reason + ", check the path and its permissions");
+    throw InputError(path + ": cannot be read: file missing or unreadable (" + reason +
+                     "): check the path and its permissions");
   }
   text.resize(static_cast<std::size_t>(file.gcount()));
-  if (text.size() > kLargestFile) {
-    refuse(path, "file", "more than 1 MiB", "this is no " + what + ", check the path");
+  if (text.size() > largest) {
+    refuse(path, "file", "more than " + std::to_string(largest >> 20) + " MiB",
+           "this is too much, give a YAML file with " + what);
   }
   return text;
 }

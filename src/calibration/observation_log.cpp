@@ -1,27 +1,18 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/calibration/observation_log.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
+#include <filesystem>
 
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/sensor/calibration.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 
 namespace {
-
-[[noreturn]] void fail(const std::string& path, const std::string& what) {
-  const std::string reason = std::strerror(errno);
-  throw InputError("journal '" + path + "' can't be written (" + what + ": " + reason +
-                   "): give a writable folder with room");
-}
 
 std::string seal(std::size_t number, const std::string& text) {
   const std::string label = std::to_string(number);
@@ -42,83 +33,34 @@ std::string sealed(const std::string& header) {
   return text + seal(0, text) + "\n";
 }
 
-void writeAll(int file, const std::string& text, const std::string& path) {
-  std::size_t done = 0;
-  while (done < text.size()) {
-    const ssize_t n = ::write(file, text.data() + done, text.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) fail(path, "write");
-    done += static_cast<std::size_t>(n);
-  }
-}
-
-std::string contentOf(int file, const std::string& path) {
-  std::string content;
-  char buffer[65536];
-  for (;;) {
-    const ssize_t n = ::read(file, buffer, sizeof(buffer));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) {
-      throw InputError("journal '" + path + "' can't be read (" + std::strerror(errno) +
-                       "): give a file that can be read and written");
-    }
-    if (n == 0) return content;
-    content.append(buffer, static_cast<std::size_t>(n));
-  }
+void checkHeader(const Journal& journal, const std::string& header) {
+  if (!header.empty() && header.back() == '\n') return;
+  throw InputError(journal.where() + ": header has no end of line: give whole lines");
 }
 
 }  // namespace
 
-ObservationLog::ObservationLog(const std::string& path, const std::string& header) : path_(path) {
-  if (header.empty() || header.back() != '\n') {
-    throw InputError("journal '" + path + "': header has no end of line: give whole lines");
-  }
-  const std::string lock = path + ".lock";
-  lock_ = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  try {
-    if (lock_ < 0) fail(path, "open");
-    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
-      throw InputError("journal '" + path +
-                       "' is in use by another process: end it, or give another folder");
-    }
-    struct stat there;
-    if (::stat(path.c_str(), &there) != 0) {
-      create(header);
-    } else if (!read(header)) {
-      create(header);
-      records_.clear();
-      starts_.clear();
-    }
-    if (file_ < 0) open();
-  } catch (...) {
-    if (file_ >= 0) ::close(file_);
-    if (lock_ >= 0) ::close(lock_);
-    throw;
-  }
-}
-
-ObservationLog::~ObservationLog() {
-  ::close(file_);
-  ::close(lock_);
+ObservationLog::ObservationLog(const std::string& path, const std::string& header)
+    : journal_(path, "give a writable folder with room") {
+  checkHeader(journal_, header);
+  journal_.lockOut(path + ".lock", 0.0);
+  if (!std::filesystem::exists(path) || !read(header)) create(header);
 }
 
 // the whole header at once: a reader sees no file, the old one, or one with its header
 void ObservationLog::create(const std::string& header) {
-  const std::string text = sealed(header);
-  writeFileAtomically(path_, text, "journal '" + path_ + "'");
-  size_ = static_cast<std::int64_t>(text.size());
-}
-
-void ObservationLog::open() {
-  file_ = ::open(path_.c_str(), O_RDWR | O_APPEND | O_CLOEXEC);
-  if (file_ < 0) fail(path_, "open");
+  writeFileAtomically(path(), sealed(header), journal_.where());
+  journal_.open();
+  records_.clear();
+  starts_.clear();
+  torn_ = false;
 }
 
 // false: the file holds no record, and another header
 bool ObservationLog::read(const std::string& header) {
-  open();
-  const std::string content = contentOf(file_, path_);
-  const std::string where = "journal '" + path_ + "'";
+  journal_.open();
+  const std::string content = journal_.read(0, static_cast<std::size_t>(journal_.size()));
+  const std::string where = journal_.where();
   bool in_header = true;
   std::string found;
   std::size_t begin = 0;
@@ -171,56 +113,37 @@ bool ObservationLog::read(const std::string& header) {
                        std::to_string(records_.size()) +
                        " records): use the same sensors and accuracies, or move the file away");
     }
-    ::close(file_);
-    file_ = -1;
     return false;
   }
-  size_ = static_cast<std::int64_t>(begin);
-  if (torn_ && (::ftruncate(file_, size_) != 0 || ::fsync(file_) != 0)) fail(path_, "truncate");
+  if (torn_) journal_.cut(static_cast<std::int64_t>(begin));
   return true;
 }
 
 void ObservationLog::append(const std::string& record) {
   if (record.empty() || record.find_first_of(std::string("\n\0", 2)) != std::string::npos) {
-    throw InputError("journal '" + path_ + "': a record must be one line that isn't empty");
+    throw InputError(journal_.where() + ": a record must be one line that isn't empty");
   }
-  const std::string line = record + seal(records_.size() + 1, record) + "\n";
-  try {
-    writeAll(file_, line, path_);
-    if (::fsync(file_) != 0) fail(path_, "fsync");
-  } catch (...) {
-    // half a line must not stay in front of the next
-    if (::ftruncate(file_, size_) == 0) ::fsync(file_);
-    throw;
-  }
-  starts_.push_back(size_);
+  const std::int64_t start = journal_.size();
+  journal_.append(record + seal(records_.size() + 1, record) + "\n", true);
+  starts_.push_back(start);
   records_.push_back(record);
-  size_ += static_cast<std::int64_t>(line.size());
 }
 
 void ObservationLog::removeLast() {
-  if (records_.empty()) throw InputError("journal '" + path_ + "' is empty: nothing to remove");
-  if (::ftruncate(file_, starts_.back()) != 0 || ::fsync(file_) != 0) fail(path_, "truncate");
-  size_ = starts_.back();
+  if (records_.empty()) throw InputError(journal_.where() + " is empty: nothing to remove");
+  journal_.cut(starts_.back());
   starts_.pop_back();
   records_.pop_back();
 }
 
 void ObservationLog::clear(const std::string& header) {
-  if (header.empty() || header.back() != '\n') {
-    throw InputError("journal '" + path_ + "': header has no end of line: give whole lines");
-  }
+  checkHeader(journal_, header);
   // the old file under both names, then the new one in its place: at no moment there is none
-  const std::string previous = path_ + ".previous", link = path_ + ".old";
+  const std::string previous = path() + ".previous", link = path() + ".old";
   ::unlink(link.c_str());
-  if (::link(path_.c_str(), link.c_str()) != 0) fail(path_, "link");
-  if (std::rename(link.c_str(), previous.c_str()) != 0) fail(path_, "rename");
+  if (::link(path().c_str(), link.c_str()) != 0) journal_.fail("link");
+  if (std::rename(link.c_str(), previous.c_str()) != 0) journal_.fail("rename");
   create(header);
-  ::close(file_);
-  open();
-  records_.clear();
-  starts_.clear();
-  torn_ = false;
 }
 
 }  // namespace assembly_cell

@@ -4,8 +4,9 @@
 
 #include <cmath>
 
+#include "assembly_cell/base/files.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {
 

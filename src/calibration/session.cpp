@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/store.h"

@@ -11,7 +11,6 @@ namespace {
 
 constexpr double kCarries = 0.5;  // [N]
 constexpr int kFewest = 4;        // looks for a constant and a harmonic
-constexpr double kPi = 3.14159265358979323846;
 
 }  // namespace
 
@@ -53,7 +52,7 @@ std::optional<double> Judge::directionError(const DirectionReading& reading) con
     if (look.contacts != 1) continue;
     const Eigen::Vector3d row(1.0, std::cos(look.angle), std::sin(look.angle));
     A += row * row.transpose();
-    b += row * std::remainder(reading.direction - look.direction, 2 * kPi);
+    b += row * std::remainder(reading.direction - look.direction, 2 * M_PI);
     ++n;
   }
   if (n < kFewest) return {};

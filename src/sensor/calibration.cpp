@@ -1,24 +1,17 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/sensor/calibration.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-#include <yaml-cpp/yaml.h>
-
 #include <Eigen/SVD>
 #include <algorithm>
-#include <boost/crc.hpp>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
-#include <ios>
-#include <set>
 #include <sstream>
 #include <vector>
 
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
@@ -27,21 +20,18 @@ namespace {
 
 constexpr const char* kFormat = "assembly_cell calibration 1";
 constexpr const char* kExtendedFormat = "assembly_cell calibration 2";  // may have kExtensions
-const std::set<std::string> kKeys = {
-    "format",     "id",      "serial_number", "date", "volts_to_wrench", "volts_to_displacement",
-    "zero_volts", "checksum"};
-const std::set<std::string> kExtensions = {"wrench_products",
-                                           "displacement_products",
-                                           "temperature",
-                                           "noise",
-                                           "wrench_range",
-                                           "displacement_range",
-                                           "wrench_fit",
-                                           "displacement_fit",
-                                           "observations",
-                                           "wrench_covariance",
-                                           "displacement_covariance",
-                                           "displacement_variance"};
+constexpr const char* kExtensions[] = {"wrench_products",
+                                       "displacement_products",
+                                       "temperature",
+                                       "noise",
+                                       "wrench_range",
+                                       "displacement_range",
+                                       "wrench_fit",
+                                       "displacement_fit",
+                                       "observations",
+                                       "wrench_covariance",
+                                       "displacement_covariance",
+                                       "displacement_variance"};
 constexpr double kQueryRange = 1.1;  // beyond the tests that is extrapolation
 constexpr double kSingular = 1e-9;  // smallest over largest singular value; real ones are near 1e-2
 
@@ -73,96 +63,35 @@ std::string matrix(const RowMajor& m) {
 
 std::string list(const Vector6& v) { return list(v.data(), 1, 6, ""); }
 
-bool printable(const std::string& text) {
-  return std::all_of(text.begin(), text.end(),
-                     [](unsigned char c) { return c >= 0x20 && c != 0x7f; });
-}
-
-std::vector<double> numbers(const YAML::Node& node, std::size_t size, const std::string& where) {
-  if (!node.IsSequence() || node.size() != size) {
-    throw InputError(where + " has " +
-                     (node.IsSequence() ? std::to_string(node.size()) + " entries" : "no list") +
-                     ": give a list of " + std::to_string(size) + " numbers");
+// rows 0: any square one of coefficients
+Eigen::MatrixXd matrix(yaml::Section& in, const char* key, int rows = 0, int cols = 0) {
+  yaml::Section m = in.section(key);
+  const std::int64_t given_rows = m.integer("rows", 1, 1000),
+                     given_cols = m.integer("cols", 1, 1000);
+  for (const int size : {6, 27, 36, 162}) {
+    if (rows == 0 && given_rows == size) rows = cols = size;
   }
-  std::vector<double> values;
-  for (const YAML::Node& entry : node) {
-    double value = 0.0;
-    if (!YAML::convert<double>::decode(entry, value) || !std::isfinite(value)) {
-      throw InputError(where + "[" + std::to_string(values.size()) + "] is '" +
-                       (entry.IsScalar() ? entry.Scalar() : "not a scalar") +
-                       "': give a finite number");
-    }
-    values.push_back(value);
-  }
-  return values;
-}
-
-void checkKeys(const YAML::Node& node, const std::set<std::string>& keys, const std::string& where,
-               const std::set<std::string>& optional = {}) {
-  if (!node.IsMap()) throw InputError(where + " is not a mapping: give a calibration file");
-  std::set<std::string> seen;
-  for (const auto& item : node) {
-    const std::string key = item.first.IsScalar() ? item.first.Scalar() : "?";
-    if (keys.count(key) == 0 && optional.count(key) == 0) {
-      throw InputError(where + ": unknown key '" + key + "': remove it");
-    }
-    if (!seen.insert(key).second) throw InputError(where + ": key '" + key + "' is there twice");
-  }
-  for (const std::string& key : keys) {
-    if (seen.count(key) == 0) throw InputError(where + ": key '" + key + "' is missing: add it");
-  }
-}
-
-std::string text(const YAML::Node& root, const std::string& key, const std::string& path) {
-  if (!root[key].IsScalar()) throw InputError(path + ": " + key + " is no text: give one line");
-  return root[key].Scalar();
-}
-
-// size 0: any square one
-Eigen::MatrixXd matrix(const YAML::Node& root, const std::string& key, const std::string& path,
-                       int rows = 0, int cols = 0) {
-  const std::string where = path + ": " + key;
-  checkKeys(root[key], {"rows", "cols", "data"}, where);
-  const std::string given_rows = text(root[key], "rows", where);
-  const std::string given_cols = text(root[key], "cols", where);
-  if (rows == 0) {
-    for (const int size : {6, 27, 36, 162}) {
-      if (given_rows == std::to_string(size)) rows = cols = size;
-    }
-  }
-  if (given_rows != std::to_string(rows) || given_cols != std::to_string(cols)) {
-    throw InputError(where + " is not " + std::to_string(rows) + " by " + std::to_string(cols) +
-                     ": give rows: " + std::to_string(rows) + ", cols: " + std::to_string(cols));
+  if (given_rows != rows || given_cols != cols) {
+    throw InputError(in.source() + ": " + in.at(key) + " is not " + std::to_string(rows) + " by " +
+                     std::to_string(cols) + ": give rows: " + std::to_string(rows) +
+                     ", cols: " + std::to_string(cols));
   }
   const auto size = static_cast<std::size_t>(rows) * static_cast<std::size_t>(cols);
-  return Eigen::Map<const RowMajor>(numbers(root[key]["data"], size, where + ".data").data(), rows,
-                                    cols);
+  const std::vector<double> values = m.numbers("data", size);
+  m.finish();
+  return Eigen::Map<const RowMajor>(values.data(), rows, cols);
 }
 
-Vector6 vector(const YAML::Node& root, const std::string& key, const std::string& path) {
-  return Vector6(numbers(root[key], 6, path + ": " + key).data());
-}
+Vector6 vector(yaml::Section& in, const char* key) { return in.numbers<6>(key, yaml::Range::kAny); }
 
-double scalar(const YAML::Node& root, const std::string& key, const std::string& path) {
-  double value = 0.0;
-  const std::string given = text(root, key, path);
-  if (!YAML::convert<double>::decode(root[key], value) || !std::isfinite(value)) {
-    throw InputError(path + ": " + key + " is '" + given + "': give a finite number");
-  }
-  return value;
-}
-
-FitStatistics statistics(const YAML::Node& root, const std::string& key, const std::string& path) {
-  const std::string where = path + ": " + key;
-  checkKeys(root[key], {"chi2", "dof", "p", "residual_rms", "predicted_sd"}, where);
+FitStatistics statistics(yaml::Section in) {
   FitStatistics fit;
-  fit.chi2 = scalar(root[key], "chi2", where);
-  if (!YAML::convert<int>::decode(root[key]["dof"], fit.dof) || fit.dof < 0) {
-    throw InputError(where + ": dof is no count: give a whole number");
-  }
-  fit.p = scalar(root[key], "p", where);
-  fit.residual_rms = vector(root[key], "residual_rms", where);
-  fit.predicted_sd = vector(root[key], "predicted_sd", where);
+  fit.chi2 = in.number("chi2", yaml::Range::kAny);
+  fit.dof = static_cast<int>(in.integer("dof", 0, 2147483647));
+  fit.p = in.number("p", yaml::Range::kAny);
+  fit.residual_rms = vector(in, "residual_rms");
+  fit.predicted_sd = vector(in, "predicted_sd");
+  in.finish();
   return fit;
 }
 
@@ -206,6 +135,32 @@ std::string extensions(const Calibration& c) {
            "displacement_variance: " + list(c.displacement_variance) + "  # [m2], [rad2]\n";
   }
   return out;
+}
+
+// and read
+void readExtensions(yaml::Section& in, Calibration& c) {
+  c.quadratic_wrench = in.optional("wrench_products");
+  if (c.quadratic_wrench) c.wrench_products = matrix(in, "wrench_products", 6, kStrainProducts);
+  c.quadratic_displacement = in.optional("displacement_products");
+  if (c.quadratic_displacement) {
+    c.displacement_products = matrix(in, "displacement_products", 6, kStrainProducts);
+  }
+  c.temperature = in.number("temperature", yaml::Range::kAny, c.temperature);
+  if (in.optional("noise")) c.noise = vector(in, "noise");
+  if (in.optional("wrench_range")) c.wrench_range = vector(in, "wrench_range");
+  if (in.optional("displacement_range")) c.displacement_range = vector(in, "displacement_range");
+  if (in.optional("wrench_fit")) c.wrench_fit = statistics(in.section("wrench_fit"));
+  if (in.optional("displacement_fit")) {
+    c.displacement_fit = statistics(in.section("displacement_fit"));
+  }
+  if (in.optional("observations")) c.observations_digest = in.text("observations", "give one line");
+  if (in.optional("wrench_covariance")) c.wrench_covariance = matrix(in, "wrench_covariance");
+  if (in.optional("displacement_covariance")) {
+    c.displacement_covariance = matrix(in, "displacement_covariance");
+  }
+  if (in.optional("displacement_variance")) {
+    c.displacement_variance = vector(in, "displacement_variance");
+  }
 }
 
 void checkCovariance(const Eigen::MatrixXd& covariance, int size, const std::string& where) {
@@ -268,7 +223,7 @@ void checkCalibration(const Calibration& c, const std::string& source) {
   if (c.id.empty()) throw InputError(source + ": id is empty: name the calibration");
   if (c.serial_number.empty())
     throw InputError(source + ": serial_number is empty: name the sensor");
-  if (!printable(c.id) || !printable(c.serial_number) || !printable(c.date)) {
+  if (!isLine(c.id) || !isLine(c.serial_number) || !isLine(c.date)) {
     throw InputError(source +
                      ": id, serial_number or date holds control characters: give one line");
   }
@@ -287,7 +242,7 @@ void checkCalibration(const Calibration& c, const std::string& source) {
                      ": wrench_products or displacement_products is not finite: calibrate "
                      "anew");
   }
-  if (!printable(c.observations_digest)) {
+  if (!isLine(c.observations_digest)) {
     throw InputError(source + ": observations holds control characters: give one line");
   }
   for (const auto& [values, key] : {std::pair{&c.noise, "noise"},
@@ -359,14 +314,6 @@ unsigned outsideDisplacementRange(const Calibration& c, const Vector6& volts) {
   return outside(c.displacement_range, volts - c.zero_volts);
 }
 
-std::string crcText(const std::string& bytes) {
-  boost::crc_32_type crc;
-  crc.process_bytes(bytes.data(), bytes.size());
-  char digits[9];
-  std::snprintf(digits, sizeof(digits), "%08x", static_cast<unsigned>(crc.checksum()));
-  return std::string("crc32:") + digits;
-}
-
 std::string calibrationChecksum(const Calibration& c) {
   std::string content = c.id + "\n" + c.serial_number + "\n" + c.date + "\n" +
                         entries(c.volts_to_wrench, "") + "\n" +
@@ -377,60 +324,36 @@ std::string calibrationChecksum(const Calibration& c) {
 }
 
 Calibration loadCalibration(const std::string& path) {
-  YAML::Node root;
-  try {
-    root = YAML::LoadFile(path);
-  } catch (const YAML::BadFile&) {
-    throw InputError("calibration file '" + path + "' can't be read: give an existing file");
-  } catch (const YAML::Exception& error) {
-    throw InputError("calibration file '" + path + "', line " +
-                     std::to_string(error.mark.line + 1) + ": " + error.msg + ": mend the YAML");
-  } catch (const std::ios_base::failure&) {
-    throw InputError("calibration file '" + path + "' can't be read: give a file, not a folder");
-  }
   const std::string where = "calibration file '" + path + "'";
-  if (!root.IsMap() || !root["format"] || !root["format"].IsScalar() ||
-      (root["format"].Scalar() != kFormat && root["format"].Scalar() != kExtendedFormat)) {
+  // 162 by 162 numbers of a covariance
+  constexpr std::size_t kLargestFile = 4 << 20;
+  const YAML::Node root =
+      yaml::loadYaml(yaml::fileText(path, "a calibration", kLargestFile), where);
+  const std::string format =
+      root.IsMap() && root["format"] && root["format"].IsScalar() ? root["format"].Scalar() : "";
+  if (format != kFormat && format != kExtendedFormat) {
     throw InputError(where + " is no calibration: its format must be '" + kFormat + "' or '" +
                      kExtendedFormat + "'");
   }
-  checkKeys(root, kKeys, where,
-            root["format"].Scalar() == kFormat ? std::set<std::string>{} : kExtensions);
+  yaml::Section in(root, "", where, yaml::Wording::kIs);
+  if (format == kExtendedFormat) {
+    for (const char* key : kExtensions) in.optional(key);
+  }
+  in.only({"format", "id", "serial_number", "date", "volts_to_wrench", "volts_to_displacement",
+           "zero_volts", "checksum"});
 
   Calibration c;
-  c.id = text(root, "id", where);
-  c.serial_number = text(root, "serial_number", where);
-  c.date = text(root, "date", where);
-  c.volts_to_wrench = matrix(root, "volts_to_wrench", where, 6, 6);
-  c.volts_to_displacement = matrix(root, "volts_to_displacement", where, 6, 6);
-  c.zero_volts = vector(root, "zero_volts", where);
-  c.quadratic_wrench = root["wrench_products"].IsDefined();
-  if (c.quadratic_wrench) {
-    c.wrench_products = matrix(root, "wrench_products", where, 6, kStrainProducts);
-  }
-  c.quadratic_displacement = root["displacement_products"].IsDefined();
-  if (c.quadratic_displacement) {
-    c.displacement_products = matrix(root, "displacement_products", where, 6, kStrainProducts);
-  }
-  if (root["temperature"]) c.temperature = scalar(root, "temperature", where);
-  if (root["noise"]) c.noise = vector(root, "noise", where);
-  if (root["wrench_range"]) c.wrench_range = vector(root, "wrench_range", where);
-  if (root["displacement_range"]) {
-    c.displacement_range = vector(root, "displacement_range", where);
-  }
-  if (root["wrench_fit"]) c.wrench_fit = statistics(root, "wrench_fit", where);
-  if (root["displacement_fit"]) c.displacement_fit = statistics(root, "displacement_fit", where);
-  if (root["observations"]) c.observations_digest = text(root, "observations", where);
-  if (root["wrench_covariance"]) c.wrench_covariance = matrix(root, "wrench_covariance", where);
-  if (root["displacement_covariance"]) {
-    c.displacement_covariance = matrix(root, "displacement_covariance", where);
-  }
-  if (root["displacement_variance"]) {
-    c.displacement_variance = vector(root, "displacement_variance", where);
-  }
+  const char* line = "give one line";
+  c.id = in.text("id", line);
+  c.serial_number = in.text("serial_number", line);
+  c.date = in.text("date", line);
+  c.volts_to_wrench = matrix(in, "volts_to_wrench", 6, 6);
+  c.volts_to_displacement = matrix(in, "volts_to_displacement", 6, 6);
+  c.zero_volts = vector(in, "zero_volts");
+  const std::string stored = in.text("checksum", line);
+  if (format == kExtendedFormat) readExtensions(in, c);
   checkCalibration(c, where);
 
-  const std::string stored = text(root, "checksum", where);
   const std::string computed = calibrationChecksum(c);
   if (stored != computed) {
     throw InputError(where + ": checksum is '" + stored + "' but the content has '" + computed +
@@ -456,43 +379,6 @@ void saveCalibration(const Calibration& c, const std::string& path) {
       << "  # unloaded [V]\n"
       << more << "checksum: \"" << calibrationChecksum(c) << "\"  # of all the above\n";
   writeFileAtomically(path, out.str(), where);
-}
-
-void writeFileAtomically(const std::string& path, const std::string& content,
-                         const std::string& where) {
-  // a reader sees the old file or the new one, whatever happens in between
-  const std::string temporary = path + ".tmp" + std::to_string(::getpid());
-  const auto fail = [&](const char* what) {
-    const std::string reason = std::strerror(errno);
-    ::unlink(temporary.c_str());
-    throw InputError(where + " can't be written (" + what + ": " + reason +
-                     "): give a writable folder");
-  };
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) fail("open");
-  std::size_t done = 0;
-  while (done < content.size()) {
-    const ssize_t n = ::write(file, content.data() + done, content.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) {
-      const int error = errno;
-      ::close(file);
-      errno = error;
-      fail("write");
-    }
-    done += static_cast<std::size_t>(n);
-  }
-  const bool synced = ::fsync(file) == 0;
-  const bool closed = ::close(file) == 0;
-  if (!synced || !closed) fail("fsync");
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) fail("rename");
-  const std::size_t slash = path.rfind('/');
-  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (directory >= 0) {
-    ::fsync(directory);
-    ::close(directory);
-  }
 }
 
 }  // namespace assembly_cell

@@ -13,7 +13,6 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kLargestLoad = 1e6;  // [N], [N·m]
 
 }  // namespace
@@ -32,8 +31,8 @@ void SimulatedSource::doConfigure(const YAML::Node& map) {
   rate_ = parameters.number("rate", 0.1, 1e6, 5000.0);
   block_size_ = static_cast<std::size_t>(
       parameters.integer("block_size", 1, static_cast<int>(kBlockCapacity), 25));
-  const auto load = parameters.numbers("load", 6, std::vector<double>(6, 0.0));
-  const auto amplitude = parameters.numbers("amplitude", 6, std::vector<double>(6, 0.0));
+  const auto load = parameters.numbers("load", std::vector<double>(6, 0.0));
+  const auto amplitude = parameters.numbers("amplitude", std::vector<double>(6, 0.0));
   frequency_ = parameters.number("frequency", 0.0, 1e6, 1.0);
   samples_ = static_cast<std::uint64_t>(parameters.integer("samples", 0, 2147483647, 0));
   paced_ = parameters.choice("pace", {"original", "fast"}, "original") == "original";
@@ -81,7 +80,7 @@ ReadResult SimulatedSource::doRead(SourceBlock& block, Clock::time_point deadlin
 
   for (std::size_t i = 0; i < size; ++i) {
     const double t = static_cast<double>(position_ + i) / rate_;
-    const Vector6 w = load_ + amplitude_ * std::sin(2.0 * kPi * frequency_ * t);
+    const Vector6 w = load_ + amplitude_ * std::sin(2.0 * M_PI * frequency_ * t);
     const StrainSample sample = convert(bridge_, strain_matrix_, w, normal_);
     std::copy(sample.volts.begin(), sample.volts.end(), block.values.begin() + 6 * i);
     block.saturated[i] = sample.saturated;

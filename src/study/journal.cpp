@@ -1,54 +1,19 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <elf.h>
-#include <fcntl.h>
 #include <link.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
-#include <thread>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/study/ledger.h"
 
 namespace assembly_cell {
 namespace {
 
-constexpr int kLockTries = 30;
-constexpr std::chrono::milliseconds kLockPause(100);
-
-[[noreturn]] void fail(const std::string& path, const std::string& what) {
-  throw InputError("journal " + path + ": " + what + ": " + std::strerror(errno) +
-                   ", give --output a folder that can be written, with room");
-}
-
-void writeAll(int file, const std::string& text, const std::string& path) {
-  std::size_t done = 0;
-  while (done < text.size()) {
-    const ssize_t n = ::write(file, text.data() + done, text.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) fail(path, "write");
-    done += static_cast<std::size_t>(n);
-  }
-}
-
-// Bytes from a place on, as many as there are.
-std::string readAt(int file, std::int64_t place, std::size_t size, const std::string& path) {
-  std::string text(size, '\0');
-  std::size_t done = 0;
-  while (done < size) {
-    const ssize_t n =
-        ::pread(file, &text[done], size - done, place + static_cast<std::int64_t>(done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) fail(path, "read");
-    if (n == 0) break;
-    done += static_cast<std::size_t>(n);
-  }
-  text.resize(done);
-  return text;
-}
+// ranks whose launcher was killed take a moment to end [s]
+constexpr double kLockPatience = 3.0;
 
 // the build id that the linker put into the file with this address
 struct BuildId {
@@ -81,11 +46,7 @@ int findBuildId(dl_phdr_info* info, std::size_t, void* data) {
       if (next > part.p_memsz) break;
       if (note.n_type == NT_GNU_BUILD_ID && note.n_namesz == 4 &&
           std::memcmp(bytes + name, "GNU", 4) == 0) {
-        char digits[3];
-        for (std::size_t k = 0; k < note.n_descsz; ++k) {
-          std::snprintf(digits, sizeof digits, "%02x", bytes[content + k]);
-          id.text += digits;
-        }
+        for (std::size_t k = 0; k < note.n_descsz; ++k) id.text += text("%02x", bytes[content + k]);
         return 1;
       }
       at = next;
@@ -104,48 +65,30 @@ std::string studyProgram() {
 }
 
 StudyJournal::StudyJournal(const std::string& path, const std::string& header, bool fresh)
-    : path_(path) {
-  file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (file_ < 0) fail(path, "open");
-  try {
-    // ranks whose launcher was killed take a moment to end
-    int locked = ::flock(file_, LOCK_EX | LOCK_NB);
-    for (int i = 0; i < kLockTries && locked != 0; ++i) {
-      std::this_thread::sleep_for(kLockPause);
-      locked = ::flock(file_, LOCK_EX | LOCK_NB);
-    }
-    if (locked != 0) {
-      throw InputError("journal " + path +
-                       ": in use by another process: end that, or give another --output");
-    }
-    const std::string first = header + "\n";
-    const std::string found = readAt(file_, 0, 4096, path);
-    const std::string line = found.substr(0, found.find('\n'));
-    // nothing, or a first line that was cut off: begin
-    const bool begun = found.find('\n') != std::string::npos;
-    if (begun && line != header && !fresh) {
-      throw InputError("journal " + path + ": begun by \"" + line + "\", this is \"" + header +
-                       "\": give another --output, or --fresh to drop its runs");
-    }
-    if (!begun && first.compare(0, found.size(), found) != 0 && !fresh) {
-      throw InputError("journal " + path +
-                       ": no journal of a study: give another --output, or --fresh");
-    }
-    if (!begun || fresh) {
-      if (::ftruncate(file_, 0) != 0) fail(path, "truncate");
-      writeAll(file_, first, path);
-    }
-    begin_ = size_ = static_cast<std::int64_t>(first.size());
-  } catch (...) {
-    ::close(file_);
-    throw;
+    : journal_(path, "give --output a folder that can be written, with room") {
+  journal_.lockOut(path, kLockPatience);
+  journal_.open();
+  const std::string first = header + "\n";
+  const std::string found = journal_.read(0, 4096);
+  const std::string line = found.substr(0, found.find('\n'));
+  // nothing, or a first line that was cut off: begin
+  const bool begun = found.find('\n') != std::string::npos;
+  if (begun && line != header && !fresh) {
+    throw InputError(journal_.where() + ": begun by \"" + line + "\", this is \"" + header +
+                     "\": give another --output, or --fresh to drop its runs");
   }
+  if (!begun && first.compare(0, found.size(), found) != 0 && !fresh) {
+    throw InputError(journal_.where() +
+                     ": no journal of a study: give another --output, or --fresh");
+  }
+  if (!begun || fresh) {
+    journal_.cut(0);
+    journal_.append(first, false);
+  }
+  begin_ = static_cast<std::int64_t>(first.size());
 }
 
-StudyJournal::~StudyJournal() {
-  ::fdatasync(file_);
-  ::close(file_);
-}
+StudyJournal::~StudyJournal() { journal_.sync(); }
 
 void StudyJournal::read(const std::function<void(const StudyRecord&, std::int64_t)>& visit) {
   constexpr std::size_t kChunk = 1 << 20;
@@ -154,8 +97,7 @@ void StudyJournal::read(const std::function<void(const StudyRecord&, std::int64_
   StudyRecord record;
   bool more = true;
   while (more) {
-    const std::string chunk =
-        readAt(file_, place + static_cast<std::int64_t>(text.size()), kChunk, path_);
+    const std::string chunk = journal_.read(place + static_cast<std::int64_t>(text.size()), kChunk);
     more = !chunk.empty();
     text += chunk;
     std::size_t at = 0;
@@ -167,34 +109,25 @@ void StudyJournal::read(const std::function<void(const StudyRecord&, std::int64_
     text.erase(0, at);
   }
   // what is left was cut off
-  size_ = place;
-  if (::ftruncate(file_, size_) != 0) fail(path_, "truncate");
+  if (place < journal_.size()) journal_.cut(place);
 }
 
 std::int64_t StudyJournal::append(const StudyRecord& record) {
-  const std::string text = encodeRecord(record);
-  try {
-    writeAll(file_, text, path_);
-  } catch (...) {
-    // half a record must not stay in front of the next
-    if (::ftruncate(file_, size_) != 0) fail(path_, "truncate");
-    throw;
-  }
-  const std::int64_t place = size_;
-  size_ += static_cast<std::int64_t>(text.size());
+  const std::int64_t place = journal_.size();
+  journal_.append(encodeRecord(record), false);
   return place;
 }
 
 StudyRecord StudyJournal::at(std::int64_t place) const {
   StudyRecord record;
   for (std::size_t size = 4096; size < (std::size_t{1} << 32); size *= 16) {
-    const std::string text = readAt(file_, place, size, path_);
+    const std::string text = journal_.read(place, size);
     if (decodeRecord(text.data(), text.size(), record) != 0) return record;
     if (text.size() < size) break;
   }
-  throw InputError("journal " + path_ + ": damaged while it was in use: give another --output");
+  throw InputError(journal_.where() + ": damaged while it was in use: give another --output");
 }
 
-void StudyJournal::sync() const { ::fdatasync(file_); }
+void StudyJournal::sync() const { journal_.sync(); }
 
 }  // namespace assembly_cell

@@ -14,9 +14,9 @@
 #include <system_error>
 
 #include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/sensor/calibration.h"
 #include "assembly_cell/study/share.h"
 
 namespace assembly_cell {

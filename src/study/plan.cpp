@@ -9,8 +9,6 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 // one step of the SplitMix64 generator: any two inputs give unrelated outputs
 std::uint64_t mix(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15ull;
@@ -34,7 +32,7 @@ double draw(const StudyAxis& a, std::uint64_t seed, std::uint64_t index) {
       return std::min(a.high, std::max(a.low, a.low * std::pow(a.high / a.low, u)));
     default:  // normal, by Box and Muller
       return a.low + a.high * std::sqrt(-2.0 * std::log(u)) *
-                         std::cos(2.0 * kPi * uniform(stream, 2 * index + 1));
+                         std::cos(2.0 * M_PI * uniform(stream, 2 * index + 1));
   }
 }
 

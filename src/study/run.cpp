@@ -9,11 +9,11 @@
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
-#include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {
 namespace {
@@ -85,9 +85,7 @@ class Observer {
     if (mode != mode_) {
       mode_ = mode;
       ++changes_;
-      char time[32];
-      std::snprintf(time, sizeof time, "%.6g:", simulation_.time());
-      modes_ += (modes_.empty() ? "" : " ") + (time + mode);
+      modes_ += (modes_.empty() ? "" : " ") + text("%.6g:", simulation_.time()) + mode;
     }
     if (history_) writeRow(force, mode, result.history);
 
@@ -360,11 +358,10 @@ StudyRecord StudyRunner::run(const StudyTask& task) {
 }
 
 std::string encodeRecord(const StudyRecord& record) {
-  std::string payload = record.row + "\n" + record.history;
-  char head[128];
-  std::snprintf(head, sizeof head, "%" PRId64 " %d %d %a %zu %zu ", record.run,
-                record.failed ? 1 : 0, record.assembled ? 1 : 0, record.objective,
-                record.row.size(), record.history.size());
+  const std::string payload = record.row + "\n" + record.history;
+  const std::string head =
+      text("%" PRId64 " %d %d %a %zu %zu ", record.run, record.failed ? 1 : 0,
+           record.assembled ? 1 : 0, record.objective, record.row.size(), record.history.size());
   return head + crcText(head + payload) + "\n" + payload + "\n";
 }
 

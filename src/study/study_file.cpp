@@ -6,9 +6,9 @@
 
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/sensor/calibration.h"
 #include "assembly_cell/study/run.h"
 #include "assembly_cell/study/study.h"
 
@@ -40,18 +40,6 @@ std::string flowText(const YAML::Node& node) {
   return "null";
 }
 
-std::int64_t integer(Section& in, const std::string& key, std::int64_t least, std::int64_t most,
-                     std::int64_t otherwise) {
-  if (!in.optional(key)) return otherwise;
-  const double value = in.number(key, Range::kAny);
-  if (value != std::round(value) || value < static_cast<double>(least) ||
-      value > static_cast<double>(most)) {
-    in.refuse(in.at(key), value,
-              "give a whole number from " + std::to_string(least) + " to " + std::to_string(most));
-  }
-  return static_cast<std::int64_t>(value);
-}
-
 // Reads a study; what refers to files is looked up beside it.
 class Reader {
  public:
@@ -66,8 +54,8 @@ class Reader {
     study_.scenarios.push_back(
         file(in_.text("scenario", "give a scenario file, seen from the study's folder")));
     readJob();
-    study_.seed = static_cast<std::uint64_t>(integer(in_, "seed", 0, 1L << 53, 1));
-    study_.samples = integer(in_, "samples", 1, kMostRuns, 1);
+    study_.seed = static_cast<std::uint64_t>(in_.integer("seed", 0, 1L << 53, 1));
+    study_.samples = in_.integer("samples", 1, kMostRuns, 1);
     study_.paired = in_.flag("paired", false);
     if (in_.optional("set")) {
       study_.set = settings(in_.required("set", ""), in_.at("set"));
@@ -274,7 +262,7 @@ class Reader {
     for (const char c : a.name) {
       a.stream = a.stream * 1099511628211ull + static_cast<unsigned char>(c);
     }
-    a.stream += static_cast<std::uint64_t>(integer(in, "seed", 0, 1L << 53, 0)) * 0x9e3779b97f4aull;
+    a.stream += static_cast<std::uint64_t>(in.integer("seed", 0, 1L << 53, 0)) * 0x9e3779b97f4aull;
   }
 
   // cases: {label: {key.path: value, ...}, ...}
@@ -329,9 +317,8 @@ class Reader {
   void readRange(Section in, StudyAxis& a) {
     a.kind = StudyAxis::Kind::kValues;
     const double from = in.number("from", Range::kAny), to = in.number("to", Range::kAny);
-    const std::int64_t count = integer(in, "count", 2, static_cast<std::int64_t>(kMostValues), 0);
-    if (count == 0) in.refuse(in.at("count"), "missing", "give the number of values");
-    const bool logarithmic = spacing(in);
+    const std::int64_t count = in.integer("count", 2, static_cast<std::int64_t>(kMostValues));
+    const bool logarithmic = in.choice("spacing", {"linear", "log"}, "linear") == "log";
     in.finish();
     if (logarithmic && !(from > 0.0 && to > 0.0)) {
       in.refuse(in.at("from"), std::min(from, to), "logarithmic spacing needs bounds > 0");
@@ -342,17 +329,8 @@ class Reader {
       double value = logarithmic ? from * std::pow(to / from, u) : from + (to - from) * u;
       if (i == count - 1) value = to;
       // a grid shows round numbers: 0.3, not 0.30000000000000004
-      char text[32];
-      std::snprintf(text, sizeof text, "%.14g", value);
-      a.values.push_back(std::stod(text));
+      a.values.push_back(std::stod(text("%.14g", value)));
     }
-  }
-
-  bool spacing(Section& in) {
-    if (!in.optional("spacing")) return false;
-    const std::string text = in.text("spacing", "give linear or log");
-    if (text != "linear" && text != "log") in.refuse(in.at("spacing"), text, "give linear or log");
-    return text == "log";
   }
 
   // uniform: [low, high], log_uniform: [low, high], normal: [mean, sd], search: [low, high]
@@ -365,7 +343,7 @@ class Reader {
     if (kind == "normal") a.kind = StudyAxis::Kind::kNormal;
     if (kind == "search") {
       a.kind = StudyAxis::Kind::kSearch;
-      a.logarithmic = spacing(in);
+      a.logarithmic = in.choice("spacing", {"linear", "log"}, "linear") == "log";
     }
     const bool bounds = kind != "normal";
     if (bounds && !(a.low < a.high)) {
@@ -414,24 +392,16 @@ class Reader {
     if (search.tolerance >= 1.0) {
       in.refuse(in.at("tolerance"), search.tolerance, "give a part of the ranges, below 1");
     }
-    const YAML::Node steps = in.required("steps", "give a list of {algorithm, evaluations}");
-    if (!steps.IsSequence() || steps.size() == 0) {
-      in.refuse(in.at("steps"), shown(steps), "give a list of {algorithm, evaluations}");
+    std::vector<Section> steps = in.sections("steps");
+    if (steps.empty()) {
+      in.refuse(in.at("steps"), "empty", "give a list of {algorithm, evaluations}");
     }
     const std::vector<std::string> known = {"direct", "crs2",   "isres",  "esch",
                                             "sbplx",  "cobyla", "bobyqa", "nelder_mead"};
-    for (std::size_t i = 0; i < steps.size(); ++i) {
-      Section step(steps[i], in.at("steps") + "[" + std::to_string(i) + "]", in.source());
+    for (Section& step : steps) {
       StudySearch::Step s;
-      s.algorithm = step.text("algorithm", "give the name of an algorithm");
-      if (std::find(known.begin(), known.end(), s.algorithm) == known.end()) {
-        step.refuse(step.at("algorithm"), s.algorithm,
-                    "give direct, crs2, isres, esch, sbplx, cobyla, bobyqa or nelder_mead");
-      }
-      s.evaluations = static_cast<int>(integer(step, "evaluations", 1, 1000000, 0));
-      if (s.evaluations == 0) {
-        step.refuse(step.at("evaluations"), "missing", "give the most points it may try");
-      }
+      s.algorithm = step.choice("algorithm", known);
+      s.evaluations = static_cast<int>(step.integer("evaluations", 1, 1000000));
       step.finish();
       search.steps.push_back(s);
     }
@@ -470,7 +440,7 @@ class Reader {
     }
     Section in = in_.section("enough");
     StudyEnough& enough = study_.enough;
-    enough.least = integer(in, "least", 1, kMostRuns, enough.least);
+    enough.least = in.integer("least", 1, kMostRuns, enough.least);
     enough.half_width = in.number("half_width", Range::kPositive, enough.half_width);
     if (enough.half_width >= 0.5) {
       in.refuse(in.at("half_width"), enough.half_width, "give a share below 0.5");

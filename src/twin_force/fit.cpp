@@ -3,9 +3,10 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <limits>
+
+#include "assembly_cell/base/distributions.h"
 
 namespace assembly_cell {
 namespace twin_force {
@@ -19,12 +20,6 @@ constexpr double kLongestTurn = 0.5;    // of one step [rad]
 constexpr double kSmallTurn = 0.1;      // of the robust form's correction [rad]
 constexpr double kConverged = 1e-12;    // step over the arm, and turn [rad]
 constexpr double kDecrement = 1e-18;    // δᵀIδ: a step of 1e-9 sd
-
-double survival(double chi2, int dof) {
-  if (dof <= 0) return 1.0;
-  if (!(chi2 < 1e6)) return 0.0;
-  return boost::math::gamma_q(0.5 * dof, 0.5 * chi2);
-}
 
 const Term& termOf(const Problem& problem, int i) {
   return (*problem.terms)[static_cast<std::size_t>(i)];
@@ -110,7 +105,7 @@ void judge(const Problem& problem, std::size_t contacts, Fit& fit) {
     ++fit.null_count;
   }
   fit.dof = 6 * static_cast<int>(contacts) - (6 - fit.null_count) + (problem.prior ? 6 : 0);
-  fit.p = fit.solved ? survival(fit.normal.chi2, fit.dof) : 0.0;
+  fit.p = fit.solved ? chiSquareTail(fit.normal.chi2, fit.dof) : 0.0;
 }
 
 Fit fitLikelihood(const Problem& problem, const std::vector<int>& used) {

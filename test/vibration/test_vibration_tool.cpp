@@ -209,7 +209,7 @@ TEST_F(Vibration, HelpAndRefusals) {
   refused(run("inertia", "{m: 1, r: 2, h: .nan}"), "h: value .nan");
   refused(run("inertia", "{m: 1, r: 2, h: -3}"), "h: value -3.0");
   refused(run("inertia", "{m: 1, r: 2, h: [3]}"), "h: value");
-  refused(run("inertia", "m: 1\nm: 2\nr: 1\nh: 1\n"), "m: given twice");
+  refused(run("inertia", "m: 1\nm: 2\nr: 1\nh: 1\n"), "m: value 2: duplicate key");
   refused(run("inertia", "[1, 2"), "p.yaml");
   refused(run("inertia", "3"), "mapping");
   refused(run("rig", kRig, "--sweep q=1,2"), "q: no parameter");

@@ -4,6 +4,9 @@
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,14 +29,20 @@ enum class Range { kAny, kNotNegative, kPositive };
 const char* remedy(Range range);
 bool inRange(double value, Range range);
 
+/// How a section says what is wrong: "peg.mass: value -1: give ..." or "peg.mass is '-1': give
+/// ...".
+enum class Wording { kValue, kIs };
+
 /// A mapping of the file that is read key by key; finish() refuses what nobody asked for.
 class Section {
  public:
-  Section(const YAML::Node& node, std::string path, const std::string& source);
+  Section(const YAML::Node& node, std::string path, std::string source,
+          Wording wording = Wording::kValue);
 
   /// Path of a key, or of the section itself for an empty one.
   std::string at(const std::string& key) const;
   bool has(const std::string& key) const { return find(key) != nullptr; }
+  std::vector<std::string> keys() const;
   const std::string& source() const { return source_; }
 
   [[noreturn]] void refuse(const std::string& path, const std::string& value,
@@ -45,34 +54,58 @@ class Section {
   YAML::Node required(const std::string& key, const std::string& what_to_do);
   /// Marks a key as known; true when the file has it.
   bool optional(const std::string& key);
+  /// Marks these keys as known and refuses all others.
+  void only(std::initializer_list<const char*> keys);
 
   Section section(const std::string& key);
+  /// A list of mappings.
+  std::vector<Section> sections(const std::string& key);
   double number(const std::string& key, Range range);
   double number(const std::string& key, Range range, double otherwise);
+  /// Bounds included; without `otherwise` the key must be there.
+  double number(const std::string& key, double low, double high,
+                std::optional<double> otherwise = std::nullopt);
+  std::int64_t integer(const std::string& key, std::int64_t low, std::int64_t high,
+                       std::optional<std::int64_t> otherwise = std::nullopt);
   template <int N>
   Eigen::Matrix<double, N, 1> numbers(const std::string& key, Range range) {
     Eigen::Matrix<double, N, 1> values;
     readNumbers(key, range, N, values.data());
     return values;
   }
+  std::vector<double> numbers(const std::string& key, std::size_t count);
   Eigen::Vector3d vector(const std::string& key);
   std::string text(const std::string& key, const std::string& what_to_do);
+  /// One of `choices`.
+  std::string choice(const std::string& key, const std::vector<std::string>& choices,
+                     const std::optional<std::string>& otherwise = std::nullopt);
+  /// A list of scalars.
+  std::vector<std::string> texts(const std::string& key);
   bool flag(const std::string& key, bool otherwise);
 
   void finish() const;
 
+ protected:
+  const std::vector<std::string>& known() const { return known_; }
+
  private:
+  [[noreturn]] void refuseKey(const std::string& key, const std::string& value,
+                              const std::string& what_to_do, const std::string& is) const;
   const YAML::Node* find(const std::string& key) const;
+  void know(const std::string& key);
   void readNumbers(const std::string& key, Range range, int count, double* values);
 
   std::string path_;
-  const std::string& source_;
+  std::string source_;
+  Wording wording_;
   std::vector<std::pair<std::string, YAML::Node>> entries_;
   std::vector<std::string> known_;
 };
 
-/// The text of a file of at most 1 MiB; `what` it should be ("scenario") for the refusal of others.
-std::string fileText(const std::string& path, const std::string& what);
+/// The text of a file of at most `largest` bytes; `what` it should be ("scenario") for the refusal
+/// of others.
+std::string fileText(const std::string& path, const std::string& what,
+                     std::size_t largest = 1 << 20);
 
 /// The first document of the text; syntax errors and further documents are refused.
 YAML::Node loadYaml(const std::string& text, const std::string& source);

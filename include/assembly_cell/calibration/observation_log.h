@@ -1,10 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
+
+#include "assembly_cell/base/journal.h"
 
 namespace assembly_cell {
 
@@ -21,9 +22,6 @@ class ObservationLog {
   /// begins anew), another process has it, or the file can't be written.
   /// `header`: at least one line, each with its end of line.
   ObservationLog(const std::string& path, const std::string& header);
-  ~ObservationLog();
-  ObservationLog(const ObservationLog&) = delete;
-  ObservationLog& operator=(const ObservationLog&) = delete;
 
   /// Returns after fsync. Throws InputError for a record that is empty or not one line, or when it
   /// can't be written; the journal is then as before.
@@ -36,19 +34,16 @@ class ObservationLog {
   void clear(const std::string& header);
 
   const std::vector<std::string>& records() const { return records_; }
-  const std::string& path() const { return path_; }
+  const std::string& path() const { return journal_.path(); }
   bool torn() const { return torn_; }
 
  private:
   void create(const std::string& header);
   bool read(const std::string& header);
-  void open();
 
-  std::string path_;
+  Journal journal_;
   std::vector<std::string> records_;
   std::vector<std::int64_t> starts_;  ///< of the records in the file
-  std::int64_t size_ = 0;             ///< of the file, whole lines
-  int file_ = -1, lock_ = -1;
   bool torn_ = false;
 };
 

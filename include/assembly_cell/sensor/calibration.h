@@ -98,9 +98,6 @@ void checkCalibration(const Calibration& calibration, const std::string& source)
 /// digits.
 std::string calibrationChecksum(const Calibration& calibration);
 
-/// "crc32:" and eight hexadecimal digits of any bytes.
-std::string crcText(const std::string& bytes);
-
 /// Reads and checks a calibration file (matrices as {rows, cols, data}, checksum), of format 1
 /// (linear, no statistics) or 2. Throws InputError for an unreadable, foreign, corrupt (checksum)
 /// or non-finite file.
@@ -108,10 +105,5 @@ Calibration loadCalibration(const std::string& path);
 
 /// Writes atomically: temporary file, fsync, rename. Throws InputError when it cannot.
 void saveCalibration(const Calibration& calibration, const std::string& path);
-
-/// Temporary file, fsync, rename, fsync of the folder: a reader sees the old content or the new
-/// one. Throws InputError beginning with `where`.
-void writeFileAtomically(const std::string& path, const std::string& content,
-                         const std::string& where);
 
 }  // namespace assembly_cell

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/journal.h"
 #include "assembly_cell/study/run.h"
 
 namespace assembly_cell {
@@ -25,8 +26,6 @@ class StudyJournal {
   /// writable, in use, begun by another study or program (unless `fresh`, which begins anew).
   StudyJournal(const std::string& path, const std::string& header, bool fresh);
   ~StudyJournal();
-  StudyJournal(const StudyJournal&) = delete;
-  StudyJournal& operator=(const StudyJournal&) = delete;
 
   /// All records that were there at the start, with their places.
   void read(const std::function<void(const StudyRecord&, std::int64_t place)>& visit);
@@ -36,9 +35,8 @@ class StudyJournal {
   void sync() const;
 
  private:
-  std::string path_;
-  int file_ = -1;
-  std::int64_t begin_ = 0, size_ = 0;
+  Journal journal_;
+  std::int64_t begin_ = 0;
 };
 
 /// Who does which run, what is done, when it is enough, and the files at the end. Thread-safe.

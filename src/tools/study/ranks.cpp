@@ -8,7 +8,7 @@
 #include <exception>
 #include <thread>
 
-#include "assembly_cell/sensor/calibration.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 namespace {

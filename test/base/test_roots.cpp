@@ -1,0 +1,67 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Roots and distributions: against a loop by hand and the tables.
+
+#include "assembly_cell/base/roots.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "assembly_cell/base/distributions.h"
+
+namespace assembly_cell {
+namespace {
+
+TEST(Bisect, GivesTheBitsOfALoopByHand) {
+  for (int k = 1; k < 200; ++k) {
+    const double root = std::sqrt(k) / 3.0;
+    const auto holds = [root](double x) { return x <= root; };
+    for (const int halvings : {1, 20, 60, 200}) {
+      double low = -0.1, high = 5.0;
+      for (int i = 0; i < halvings; ++i) {
+        const double middle = 0.5 * (low + high);
+        (holds(middle) ? low : high) = middle;
+      }
+      const Bracket found = bisect(-0.1, 5.0, holds, 0.0, halvings);
+      EXPECT_EQ(found.low, low);
+      EXPECT_EQ(found.high, high);
+    }
+    const Bracket wide = bisect(-0.1, 5.0, holds, 1e-3);
+    EXPECT_LE(wide.high - wide.low, 1e-3);
+    EXPECT_GT(wide.high - wide.low, 4e-4);
+  }
+}
+
+TEST(Bisect, AsksBetweenTheEndsOnly) {
+  const auto inside = [](double x) {
+    EXPECT_TRUE(x > 0.0 && x < 1.0);
+    return true;
+  };
+  EXPECT_EQ(bisect(0.0, 1.0, inside).high, 1.0);
+}
+
+// Abramowitz and Stegun, tables 26.1, 26.8 and 26.9.
+TEST(Distributions, AgreeWithTheTables) {
+  EXPECT_NEAR(normalTail(1.959963984540054), 0.025, 1e-15);
+  EXPECT_NEAR(chiSquareTail(12.5916, 6), 0.05, 1e-6);
+  EXPECT_NEAR(chiSquareLimit(0.05, 6), 12.5916, 5e-5);
+  EXPECT_NEAR(fTail(3.2839, 5, 12), 0.0433, 1e-4);
+  EXPECT_NEAR(fTail(3.1059, 5, 12), 0.05, 1e-5);
+}
+
+TEST(Distributions, AreDefinedAtTheirEnds) {
+  const double inf = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(chiSquareTail(0.0, 6), 1.0);
+  EXPECT_EQ(chiSquareTail(3.0, 0), 1.0);
+  EXPECT_EQ(chiSquareTail(inf, 6), 0.0);
+  EXPECT_EQ(chiSquareLimit(0.1, 0), 0.0);
+  EXPECT_EQ(fTail(0.0, 2, 3), 1.0);
+  EXPECT_EQ(fTail(2.0, 0, 3), 1.0);
+  EXPECT_EQ(fTail(inf, 2, 3), 0.0);
+  // far out: the normal form meets the exact one
+  EXPECT_NEAR(fTail(2500.0, 4, 400, 1.001e4), fTail(2500.0, 4, 400, 0.999e4), 0.02);
+}
+
+}  // namespace
+}  // namespace assembly_cell
