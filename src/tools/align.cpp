@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
@@ -66,63 +67,23 @@ struct Options {
   long runs = 1;
   long threads = std::max(1L, static_cast<long>(std::thread::hardware_concurrency()));
   double offset_max = 0.015, tilt_max = 0.0349;
-  bool help = false;
 };
 
-Options parseOptions(const std::vector<std::string>& arguments) {
-  Options o;
-  const std::vector<std::string> known = {"--strategy", "--seed",       "--runs",     "--bits",
-                                          "--noise",    "--offset-max", "--tilt-max", "--threads",
-                                          "--set",      "--report"};
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& name = arguments[i];
-    if (name == "--help" || name == "-h") {
-      o.help = true;
-      return o;
-    }
-    if (name.rfind("-", 0) != 0) {
-      if (!o.scenario.empty()) {
-        throw InputError("argument: value " + name + ": give one scenario, see --help");
-      }
-      o.scenario = name;
-      continue;
-    }
-    if (std::find(known.begin(), known.end(), name) == known.end()) {
-      throw InputError("argument: value " + name + ": unknown option, see --help");
-    }
-    if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
-    const std::string& value = arguments[++i];
-    const auto integer = [&](long low, long high) {
-      long number = 0;
-      if (!assembly_cell::parseInteger(value, number) || number < low || number > high) {
-        throw InputError(name + ": value " + value + ": give a whole number from " +
-                         std::to_string(low) + " to " + std::to_string(high));
-      }
-      return number;
-    };
-    const auto real = [&](double high) {
-      double number = 0.0;
-      if (!assembly_cell::parseNumber(value, number) || number < 0.0 || number > high) {
-        throw InputError(name + ": value " + value + ": give a number from 0 to " +
-                         yamlNumber(high));
-      }
-      return number;
-    };
-    if (name == "--strategy") o.align.strategy = value;
-    if (name == "--seed") o.cell.seed = static_cast<std::uint64_t>(integer(0, 1L << 62));
-    if (name == "--runs") o.runs = integer(1, 10000000);
-    if (name == "--bits") o.cell.bits = static_cast<int>(integer(1, 64));
-    if (name == "--noise") o.cell.noise = real(5.0);
-    if (name == "--offset-max") o.offset_max = real(0.1);
-    if (name == "--tilt-max") o.tilt_max = real(0.1);
-    if (name == "--threads") o.threads = integer(1, 1024);
-    if (name == "--set") o.overrides.push_back(value);
-    if (name == "--report") o.report = value;
-  }
-  if (o.scenario.empty()) {
-    throw InputError("argument: value missing: give a scenario file, see --help");
-  }
-  return o;
+// false after --help
+bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
+  assembly_cell::OptionParser parser(kHelp);
+  parser.file("scenario file", o.scenario);
+  parser.text("--strategy", o.align.strategy);
+  parser.integer("--seed", o.cell.seed, 0, 1L << 62);
+  parser.integer("--runs", o.runs, 1, 10000000);
+  parser.integer("--bits", o.cell.bits, 1, 64);
+  parser.number("--noise", o.cell.noise, 0.0, 5.0);
+  parser.number("--offset-max", o.offset_max, 0.0, 0.1);
+  parser.number("--tilt-max", o.tilt_max, 0.0, 0.1);
+  parser.integer("--threads", o.threads, 1, 1024);
+  parser.texts("--set", o.overrides);
+  parser.text("--report", o.report);
+  return parser.parse(arguments);
 }
 
 struct Run {
@@ -222,7 +183,9 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
   return out.str();
 }
 
-int run(const Options& o) {
+int run(const std::vector<std::string>& arguments) {
+  Options o;
+  if (!parseOptions(arguments, o)) return 0;
   const Scenario scenario = assembly_cell::loadScenario(o.scenario, o.overrides);
   assembly_cell::checkParameters(o.align);
   std::ofstream file;
@@ -279,16 +242,4 @@ int run(const Options& o) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  try {
-    const Options options = parseOptions({argv + 1, argv + argc});
-    if (options.help) {
-      std::cout << kHelp;
-      return 0;
-    }
-    return run(options);
-  } catch (const std::exception& e) {
-    std::cerr << "align: " << e.what() << std::endl;
-    return 2;
-  }
-}
+int main(int argc, char** argv) { return assembly_cell::runTool("align", argc, argv, run); }

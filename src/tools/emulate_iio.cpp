@@ -2,7 +2,11 @@
 // A converter of six bridge channels as sysfs shows it, to try the driver without one.
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <iostream>
 
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/sensor/emulators.h"
 #include "emulator_program.h"
 
@@ -25,16 +29,20 @@ Exit code: 0 ok, 2 bad input.
 Example: emulate_iio --load 0.1,0,0,0,0,0
 )";
 
-void emulate(assembly_cell::SourceParameters& options) {
+int run(const std::vector<std::string>& arguments) {
   using assembly_cell::IioEmulator;
   IioEmulator::Options converter;
-  converter.root = options.text("root", "");
-  const double rate = options.number("rate", 0.1, 1000.0, 100.0);
-  const auto load = options.numbers("load", 6, std::vector<double>(6, 0.0));
-  const double amplitude = options.number("amplitude", 0.0, 1000.0, 1.0);
-  const double duration = options.number("duration", 0.0, 1e6, 0.0);
-  options.refuseUnknown();
+  double rate = 100.0, amplitude = 1.0, duration = 0.0;
+  std::array<double, 6> load{};
+  assembly_cell::OptionParser parser(kHelp);
+  parser.text("--root", converter.root);
+  parser.number("--rate", rate, 0.1, 1000.0);
+  parser.numbers("--load", load.data(), load.size());
+  parser.number("--amplitude", amplitude, 0.0, 1000.0);
+  parser.number("--duration", duration, 0.0, 1e6);
+  if (!parser.parse(arguments)) return 0;
 
+  assembly_cell::holdSignals();
   IioEmulator emulator(converter);
   std::cout << "source: {type: iio, iio_root: " << emulator.root() << ", device: " << converter.name
             << ", rate: " << rate << "}" << std::endl;
@@ -51,10 +59,9 @@ void emulate(assembly_cell::SourceParameters& options) {
     emulator.set(codes);
   } while (static_cast<double>(++n) < steps && assembly_cell::waitForEnd(1.0 / rate));
   std::cout << "codes: " << n << std::endl;
+  return 0;
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  return assembly_cell::runEmulator("emulate_iio", kHelp, argc, argv, emulate);
-}
+int main(int argc, char** argv) { return assembly_cell::runTool("emulate_iio", argc, argv, run); }

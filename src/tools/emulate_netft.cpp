@@ -1,8 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // A Net F/T box on loopback, to try the driver without one.
 
-#include <algorithm>
+#include <iostream>
 
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/sensor/emulators.h"
 #include "emulator_program.h"
 
@@ -34,56 +35,49 @@ Exit code: 0 ok, 2 bad input.
 Example: emulate_netft --loss 0.1 --duplication 0.05 --reordering 0.05
 )";
 
-void emulate(assembly_cell::SourceParameters& options) {
+int run(const std::vector<std::string>& arguments) {
   using assembly_cell::NetftEmulator;
   NetftEmulator::Options box;
-  box.bind_address = options.text("bind_address", "127.0.0.1");
-  box.port = options.integer("port", 0, 65535, 49152);
-  box.http_port = options.integer("http_port", 0, 65535, 0);
-  box.rate = options.number("rate", 1.0, 1e5, 7000.0);
+  box.port = 49152;
+  box.rate = 7000.0;
+  box.amplitude = 0.01;
+  double status = 0.0, period = 0.0, length = 1.0, duration = 0.0;
+  assembly_cell::OptionParser parser(kHelp);
+  parser.text("--bind-address", box.bind_address);
+  parser.integer("--port", box.port, 0, 65535);
+  parser.integer("--http-port", box.http_port, 0, 65535);
+  parser.number("--rate", box.rate, 1.0, 1e5);
+  parser.numbers("--load", box.load.data(), box.load.size());
+  parser.number("--amplitude", box.amplitude, 0.0, 50.0);
+  parser.number("--loss", box.faults.loss, 0.0, 1.0);
+  parser.number("--duplication", box.faults.duplication, 0.0, 1.0);
+  parser.number("--reordering", box.faults.reordering, 0.0, 1.0);
+  parser.number("--status", status, 0.0, 4294967295.0);
+  parser.number("--outage-period", period, 0.0, 1e6);
+  parser.number("--outage-length", length, 0.001, 1e6);
+  parser.number("--duration", duration, 0.0, 1e6);
+  parser.integer("--seed", box.seed, 0, 2147483647);
+  if (!parser.parse(arguments)) return 0;
   box.configuration.rate = box.rate;
-  box.load = assembly_cell::six(options.numbers("load", 6, std::vector<double>(6, 0.0)));
-  box.amplitude = options.number("amplitude", 0.0, 50.0, 0.01);
-  box.faults.loss = options.number("loss", 0.0, 1.0, 0.0);
-  box.faults.duplication = options.number("duplication", 0.0, 1.0, 0.0);
-  box.faults.reordering = options.number("reordering", 0.0, 1.0, 0.0);
-  const auto status = static_cast<std::uint32_t>(options.number("status", 0.0, 4294967295.0, 0.0));
-  const double period = options.number("outage_period", 0.0, 1e6, 0.0);
-  const double length = options.number("outage_length", 0.001, 1e6, 1.0);
-  const double duration = options.number("duration", 0.0, 1e6, 0.0);
-  box.seed = static_cast<std::uint64_t>(options.integer("seed", 0, 2147483647, 1));
-  options.refuseUnknown();
 
+  assembly_cell::holdSignals();
   NetftEmulator emulator(box);
-  emulator.setStatus(status);
+  emulator.setStatus(static_cast<std::uint32_t>(status));
   std::cout << "source: {type: netft, address: " << box.bind_address
             << ", bind_address: " << box.bind_address << ", port: " << emulator.port()
             << ", http_port: " << emulator.httpPort() << "}" << std::endl;
 
-  const auto start = std::chrono::steady_clock::now();
-  const auto left = [&] {
-    const std::chrono::duration<double> gone = std::chrono::steady_clock::now() - start;
-    return std::max(1e-3, duration - gone.count());
-  };
-  if (period <= 0.0) {
-    assembly_cell::waitForEnd(duration > 0.0 ? left() : 0.0);
-  } else {
-    // on and off until the end
-    for (bool on = true; duration <= 0.0 || left() > 1e-3; on = !on) {
-      emulator.setDead(!on);
-      if (!on) emulator.restart();
-      const double wait = on ? period : length;
-      if (!assembly_cell::waitForEnd(duration > 0.0 ? std::min(wait, left()) : wait)) break;
-    }
-  }
+  assembly_cell::runWithOutages(duration, period, length, [&](bool on) {
+    emulator.setDead(!on);
+    if (!on) emulator.restart();
+  });
   std::cout << "records: " << emulator.sent() << "\nlost: " << emulator.lost()
             << "\nduplicated: " << emulator.duplicated() << "\nreordered: " << emulator.reordered()
             << "\nstarts: " << emulator.starts() << "\nstops: " << emulator.stops()
             << "\nbiases: " << emulator.biases() << std::endl;
+  return 0;
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  return assembly_cell::runEmulator("emulate_netft", kHelp, argc, argv, emulate);
-}
+int main(int argc, char** argv) { return assembly_cell::runTool("emulate_netft", argc, argv, run); }

@@ -1,8 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // A serial six-axis sensor on a pseudo-terminal, to try the driver without one.
 
-#include <algorithm>
+#include <iostream>
 
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/sensor/emulators.h"
 #include "emulator_program.h"
 
@@ -29,52 +30,45 @@ Exit code: 0 ok, 2 bad input.
 Example: emulate_serial --link /tmp/force_sensor
 )";
 
-void emulate(assembly_cell::SourceParameters& options) {
+int run(const std::vector<std::string>& arguments) {
   using assembly_cell::SerialEmulator;
   SerialEmulator::Options sensor;
-  const std::string protocol = options.choice("protocol", {"bota", "robotiq"}, "bota");
-  sensor.robotiq = protocol == "robotiq";
-  sensor.link = options.text("link", "");
-  sensor.rate = options.number("rate", 1.0, 1e4, sensor.robotiq ? 100.0 : 400.0);
+  int status = 0;
+  double period = 0.0, length = 1.0, duration = 0.0;
+  assembly_cell::OptionParser parser(kHelp);
+  parser.choice("--protocol", sensor.robotiq, {{"bota", false}, {"robotiq", true}});
+  parser.text("--link", sensor.link);
+  parser.number("--rate", sensor.rate, 1.0, 1e4);
+  parser.number("--loss", sensor.faults.loss, 0.0, 1.0);
+  parser.integer("--status", status, 0, 65535);
+  parser.number("--outage-period", period, 0.0, 1e6);
+  parser.number("--outage-length", length, 0.001, 1e6);
+  parser.number("--duration", duration, 0.0, 1e6);
+  parser.integer("--seed", sensor.seed, 0, 2147483647);
+  if (!parser.parse(arguments)) return 0;
+  if (sensor.rate == 0.0) sensor.rate = sensor.robotiq ? 100.0 : 400.0;
   sensor.device_rate = sensor.rate;
-  sensor.faults.loss = options.number("loss", 0.0, 1.0, 0.0);
-  const int status = options.integer("status", 0, 65535, 0);
-  const double period = options.number("outage_period", 0.0, 1e6, 0.0);
-  const double length = options.number("outage_length", 0.001, 1e6, 1.0);
-  const double duration = options.number("duration", 0.0, 1e6, 0.0);
-  sensor.seed = static_cast<std::uint64_t>(options.integer("seed", 0, 2147483647, 1));
-  options.refuseUnknown();
 
+  assembly_cell::holdSignals();
   SerialEmulator emulator(sensor);
   emulator.setStatus(static_cast<std::uint32_t>(status));
-  std::cout << "source: {type: serial, protocol: " << protocol << ", port: " << emulator.path()
-            << ", rate: " << sensor.rate << "}" << std::endl;
+  std::cout << "source: {type: serial, protocol: " << (sensor.robotiq ? "robotiq" : "bota")
+            << ", port: " << emulator.path() << ", rate: " << sensor.rate << "}" << std::endl;
 
-  const auto start = std::chrono::steady_clock::now();
-  const auto left = [&] {
-    const std::chrono::duration<double> gone = std::chrono::steady_clock::now() - start;
-    return std::max(1e-3, duration - gone.count());
-  };
-  if (period <= 0.0) {
-    assembly_cell::waitForEnd(duration > 0.0 ? left() : 0.0);
-  } else {
-    // on and off until the end
-    for (bool on = true; duration <= 0.0 || left() > 1e-3; on = !on) {
-      if (on) {
-        emulator.plug();
-      } else {
-        emulator.unplug();
-      }
-      const double wait = on ? period : length;
-      if (!assembly_cell::waitForEnd(duration > 0.0 ? std::min(wait, left()) : wait)) break;
+  assembly_cell::runWithOutages(duration, period, length, [&](bool on) {
+    if (on) {
+      emulator.plug();
+    } else {
+      emulator.unplug();
     }
-  }
+  });
   std::cout << "frames: " << emulator.sample() << "\nstarts: " << emulator.starts()
             << "\nstops: " << emulator.stops() << std::endl;
+  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  return assembly_cell::runEmulator("emulate_serial", kHelp, argc, argv, emulate);
+  return assembly_cell::runTool("emulate_serial", argc, argv, run);
 }

@@ -8,12 +8,12 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/locus/contact_model.h"
@@ -78,100 +78,43 @@ struct Options {
   std::optional<double> frequency, amplitude, press, frequency_range, start, duration;
   std::optional<int> direction;
   HarmonicOptions fit{false, 1, false};
-  bool acceleration = false, plan = false, help = false;
+  bool acceleration = false, plan = false;
   double false_alarm = 0.01, indifference = 0.05;
   double bits = 16, noise = 0.5e-3, rate = 5000, direction_limit = 0.1;
 };
 
-Options parseOptions(const std::vector<std::string>& arguments) {
-  Options o;
-  const std::map<std::string, bool*> flags = {{"--drift", &o.fit.drift},
-                                              {"--robust", &o.fit.robust},
-                                              {"--acceleration", &o.acceleration},
-                                              {"--plan", &o.plan}};
-  const std::map<std::string, std::string*> texts = {
-      {"--mechanism", &o.mechanism}, {"--topic", &o.topic}, {"--trace", &o.trace}};
-  double value = 0.0;
-  struct Number {
-    bool (*good)(double);
-    const char* remedy;
-    void (*put)(Options&, double);
-  };
+// false after --help
+bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
+  OptionParser parser(kHelp);
+  parser.file("file of samples", o.samples, false);
+  parser.text("--mechanism", o.mechanism);
+  parser.text("--topic", o.topic);
+  parser.text("--trace", o.trace);
+  parser.flag("--drift", o.fit.drift);
+  parser.flag("--robust", o.fit.robust);
+  parser.flag("--acceleration", o.acceleration);
+  parser.flag("--plan", o.plan);
   const auto positive = [](double v) { return v > 0.0; };
-  const std::map<std::string, Number> numbers = {
-      {"--frequency",
-       {positive, "give a positive number of rad/s",
-        [](Options& p, double v) { p.frequency = v; }}},
-      {"--fit-frequency",
-       {positive, "give a positive number of rad/s",
-        [](Options& p, double v) { p.frequency_range = v; }}},
-      {"--harmonics",
-       {[](double v) { return v == std::floor(v) && v >= 1.0 && v <= 4.0; },
-        "give a whole number from 1 to 4",
-        [](Options& p, double v) { p.fit.harmonics = static_cast<int>(v); }}},
-      {"--direction",
-       {[](double v) { return v == 1.0 || v == -1.0; }, "give 1 or -1",
-        [](Options& p, double v) { p.direction = v > 0.0 ? 1 : -1; }}},
-      {"--false-alarm",
-       {[](double v) { return v > 0.0 && v < 0.5; }, "give a rate in (0, 0.5)",
-        [](Options& p, double v) { p.false_alarm = v; }}},
-      {"--indifference",
-       {[](double v) { return v >= 0.0 && v < 1.0; }, "give a ratio in [0, 1)",
-        [](Options& p, double v) { p.indifference = v; }}},
-      {"--amplitude",
-       {positive, "give a positive number of N", [](Options& p, double v) { p.amplitude = v; }}},
-      {"--press",
-       {[](double v) { return v >= 0.0; }, "give a number of N, at least 0",
-        [](Options& p, double v) { p.press = v; }}},
-      {"--start",
-       {[](double v) { return v >= 0.0; }, "give a number of s, at least 0",
-        [](Options& p, double v) { p.start = v; }}},
-      {"--duration",
-       {positive, "give a positive number of s", [](Options& p, double v) { p.duration = v; }}},
-      {"--bits",
-       {[](double v) { return v == 10 || v == 16 || v == 24; }, "give 10, 16 or 24",
-        [](Options& p, double v) { p.bits = v; }}},
-      {"--noise",
-       {[](double v) { return v >= 0.0; }, "give a number of V, at least 0",
-        [](Options& p, double v) { p.noise = v; }}},
-      {"--rate",
-       {positive, "give a positive number of Hz", [](Options& p, double v) { p.rate = v; }}},
-      {"--direction-limit", {positive, "give a positive number of rad", [](Options& p, double v) {
-                               p.direction_limit = v;
-                             }}}};
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& name = arguments[i];
-    if (name == "--help" || name == "-h") {
-      o.help = true;
-      return o;
-    }
-    if (const auto flag = flags.find(name); flag != flags.end()) {
-      *flag->second = true;
-      continue;
-    }
-    if (name.rfind("-", 0) != 0) {
-      if (!o.samples.empty()) {
-        throw InputError("argument: value " + name + ": give one file of samples, see --help");
-      }
-      o.samples = name;
-      continue;
-    }
-    const auto text = texts.find(name);
-    const auto number = numbers.find(name);
-    if (text == texts.end() && number == numbers.end()) {
-      throw InputError("argument: value " + name + ": unknown option, see --help");
-    }
-    if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
-    const std::string& given = arguments[++i];
-    if (text != texts.end()) {
-      if (given.empty()) throw InputError(name + ": value empty: give a name");
-      *text->second = given;
-    } else if (!parseNumber(given, value) || !number->second.good(value)) {
-      throw InputError(name + ": value " + given + ": " + number->second.remedy);
-    } else {
-      number->second.put(o, value);
-    }
-  }
+  const auto not_negative = [](double v) { return v >= 0.0; };
+  parser.number("--frequency", o.frequency, positive, "give a positive number of rad/s");
+  parser.number("--fit-frequency", o.frequency_range, positive, "give a positive number of rad/s");
+  parser.integer("--harmonics", o.fit.harmonics, 1, 4);
+  parser.choice("--direction", o.direction, {{"1", 1}, {"-1", -1}});
+  parser.number(
+      "--false-alarm", o.false_alarm, [](double v) { return v > 0.0 && v < 0.5; },
+      "give a rate in (0, 0.5)");
+  parser.number(
+      "--indifference", o.indifference, [](double v) { return v >= 0.0 && v < 1.0; },
+      "give a ratio in [0, 1)");
+  parser.number("--amplitude", o.amplitude, positive, "give a positive number of N");
+  parser.number("--press", o.press, not_negative, "give a number of N, at least 0");
+  parser.number("--start", o.start, not_negative, "give a number of s, at least 0");
+  parser.number("--duration", o.duration, positive, "give a positive number of s");
+  parser.choice("--bits", o.bits, {{"10", 10}, {"16", 16}, {"24", 24}});
+  parser.number("--noise", o.noise, not_negative, "give a number of V, at least 0");
+  parser.number("--rate", o.rate, positive, "give a positive number of Hz");
+  parser.number("--direction-limit", o.direction_limit, positive, "give a positive number of rad");
+  if (!parser.parse(arguments)) return false;
   if (o.plan) {
     if (!o.samples.empty())
       throw InputError("--plan: takes no samples: leave " + o.samples + " out");
@@ -179,7 +122,7 @@ Options parseOptions(const std::vector<std::string>& arguments) {
   } else if (o.samples.empty()) {
     throw InputError("argument: value missing: give a file of samples, see --help");
   }
-  return o;
+  return true;
 }
 
 // ---- the recording ----
@@ -423,11 +366,8 @@ int plan(const Options& o) {
 }
 
 int run(const std::vector<std::string>& arguments) {
-  Options o = parseOptions(arguments);
-  if (o.help) {
-    std::cout << kHelp;
-    return 0;
-  }
+  Options o;
+  if (!parseOptions(arguments, o)) return 0;
   if (o.plan) return plan(o);
   if (o.frequency_range && !o.frequency) {
     throw InputError("--frequency: value missing: --fit-frequency looks around it");
@@ -469,11 +409,4 @@ int run(const std::vector<std::string>& arguments) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  try {
-    return run({argv + 1, argv + argc});
-  } catch (const InputError& error) {
-    std::cerr << "estimate_locus: " << error.what() << "\n";
-    return 2;
-  }
-}
+int main(int argc, char** argv) { return runTool("estimate_locus", argc, argv, run); }

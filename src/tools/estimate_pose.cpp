@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 #include "assembly_cell/twin_force/next_contact.h"
@@ -54,52 +55,20 @@ Example: estimate_pose config/contacts/peg_on_rim.yaml --method robust
 struct Options {
   std::string contacts;
   TwinForceOptions estimator;
-  bool help = false;
 };
 
-Options parseOptions(const std::vector<std::string>& arguments) {
-  Options options;
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& name = arguments[i];
-    if (name == "--help" || name == "-h") {
-      options.help = true;
-      return options;
-    }
-    if (name.rfind("-", 0) != 0) {
-      if (!options.contacts.empty()) {
-        throw InputError("argument: value " + name + ": give one file of contacts, see --help");
-      }
-      options.contacts = name;
-      continue;
-    }
-    if (name != "--method" && name != "--position" && name != "--rotation") {
-      throw InputError("argument: value " + name + ": unknown option, see --help");
-    }
-    if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
-    const std::string& text = arguments[++i];
-    if (name == "--method") {
-      if (text == "thesis") {
-        options.estimator.method = TwinForceMethod::kThesis;
-      } else if (text == "robust") {
-        options.estimator.method = TwinForceMethod::kRobust;
-      } else if (text == "ml") {
-        options.estimator.method = TwinForceMethod::kMaximumLikelihood;
-      } else {
-        throw InputError("--method: value " + text + ": give thesis, robust or ml");
-      }
-      continue;
-    }
-    double value = 0.0;
-    if (!assembly_cell::parseNumber(text, value) || !(value > 0.0)) {
-      throw InputError(name + ": value " + text + ": give a number > 0");
-    }
-    (name == "--position" ? options.estimator.required_position
-                          : options.estimator.required_rotation) = value;
-  }
-  if (options.contacts.empty()) {
-    throw InputError("argument: value missing: give a file of contacts, see --help");
-  }
-  return options;
+// false after --help
+bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
+  assembly_cell::OptionParser parser(kHelp);
+  parser.file("file of contacts", o.contacts);
+  parser.choice("--method", o.estimator.method,
+                {{"thesis", TwinForceMethod::kThesis},
+                 {"robust", TwinForceMethod::kRobust},
+                 {"ml", TwinForceMethod::kMaximumLikelihood}});
+  const auto positive = [](double value) { return value > 0.0; };
+  parser.number("--position", o.estimator.required_position, positive, "give a number > 0");
+  parser.number("--rotation", o.estimator.required_rotation, positive, "give a number > 0");
+  return parser.parse(arguments);
 }
 
 std::string number(double value) {
@@ -189,11 +158,8 @@ void print(const TwinForceEstimate& e, const ContactsFile& file, const TwinForce
 }
 
 int run(const std::vector<std::string>& arguments) {
-  Options options = parseOptions(arguments);
-  if (options.help) {
-    std::cout << kHelp;
-    return 0;
-  }
+  Options options;
+  if (!parseOptions(arguments, options)) return 0;
   const ContactsFile file = assembly_cell::loadContacts(options.contacts);
   options.estimator.prior = file.prior;
   options.estimator.tare_covariance = file.tare_covariance;
@@ -210,11 +176,4 @@ int run(const std::vector<std::string>& arguments) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  try {
-    return run({argv + 1, argv + argc});
-  } catch (const InputError& error) {
-    std::cerr << "estimate_pose: " << error.what() << "\n";
-    return 2;
-  }
-}
+int main(int argc, char** argv) { return assembly_cell::runTool("estimate_pose", argc, argv, run); }

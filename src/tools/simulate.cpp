@@ -13,7 +13,9 @@
 #include <system_error>
 #include <vector>
 
+#include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/scene/scenario.h"
@@ -57,68 +59,41 @@ struct Options {
   std::vector<double> at;
   long rows = kDefaultRows;
   std::string output;
-  bool help = false;
 };
 
 std::vector<double> parseTimes(const std::string& text) {
   std::vector<double> times;
-  std::size_t from = 0;
-  while (from <= text.size()) {
-    const std::size_t comma = std::min(text.find(',', from), text.size());
-    const std::string item = text.substr(from, comma - from);
+  for (const std::string_view cell : assembly_cell::csvCells(text, "")) {
+    const std::string item(cell);
     double time = 0.0;
     if (!assembly_cell::parseNumber(item, time) || time < 0.0) {
       throw InputError("--at: value " + item + ": give times >= 0 separated by commas");
     }
     times.push_back(time);
-    from = comma + 1;
   }
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end()), times.end());
   return times;
 }
 
-Options parseOptions(const std::vector<std::string>& arguments) {
-  Options options;
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& name = arguments[i];
-    if (name == "--help" || name == "-h") {
-      options.help = true;
-      return options;
-    }
-    if (name.rfind("-", 0) != 0) {
-      if (!options.scenario.empty()) {
-        throw InputError("argument: value " + name + ": give one scenario, see --help");
-      }
-      options.scenario = name;
-      continue;
-    }
-    const bool known = name == "--set" || name == "--integrator" || name == "--tolerance" ||
-                       name == "--step" || name == "--at" || name == "--rows" || name == "--output";
-    if (!known) throw InputError("argument: value " + name + ": unknown option, see --help");
-    if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
-    const std::string& value = arguments[++i];
-    if (value.empty()) throw InputError(name + ": value empty: see --help");
-    if (name == "--set") {
-      options.overrides.push_back(value);
-    } else if (name == "--at") {
-      options.at = parseTimes(value);
-    } else if (name == "--output") {
-      options.output = value;
-    } else if (name == "--rows") {
-      if (!assembly_cell::parseInteger(value, options.rows) || options.rows < 2 ||
-          options.rows > kMostRows) {
-        throw InputError("--rows: value " + value + ": give a number from 2 to " +
-                         std::to_string(kMostRows));
-      }
-    } else {
-      options.overrides.push_back("solver." + name.substr(2) + "=" + value);
-    }
+// false after --help
+bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
+  assembly_cell::OptionParser parser(kHelp);
+  parser.file("scenario file", o.scenario);
+  parser.texts("--set", o.overrides);
+  for (const std::string name : {"integrator", "tolerance", "step"}) {
+    parser.value("--" + name, "", [&o, name](const std::string& value) {
+      o.overrides.push_back("solver." + name + "=" + value);
+      return true;
+    });
   }
-  if (options.scenario.empty()) {
-    throw InputError("argument: value missing: give a scenario file, see --help");
-  }
-  return options;
+  parser.value("--at", "", [&o](const std::string& value) {
+    o.at = parseTimes(value);
+    return true;
+  });
+  parser.integer("--rows", o.rows, 2, kMostRows);
+  parser.text("--output", o.output);
+  return parser.parse(arguments);
 }
 
 std::vector<double> rowTimes(const Options& options, double duration) {
@@ -304,7 +279,9 @@ Simulation makeSimulation(const Scenario& scenario, const std::string& path) {
   }
 }
 
-int run(const Options& options) {
+int run(const std::vector<std::string>& arguments) {
+  Options options;
+  if (!parseOptions(arguments, options)) return 0;
   const Scenario scenario = assembly_cell::loadScenario(options.scenario, options.overrides);
   const std::vector<double> times = rowTimes(options, scenario.duration);
   Simulation simulation = makeSimulation(scenario, options.scenario);
@@ -350,16 +327,4 @@ int run(const Options& options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  try {
-    const Options options = parseOptions({argv + 1, argv + argc});
-    if (options.help) {
-      std::cout << kHelp;
-      return 0;
-    }
-    return run(options);
-  } catch (const std::exception& e) {
-    std::cerr << "simulate: " << e.what() << std::endl;
-  }
-  return 2;
-}
+int main(int argc, char** argv) { return assembly_cell::runTool("simulate", argc, argv, run); }

@@ -8,7 +8,6 @@
 #include <atomic>
 #include <chrono>
 #include <csignal>
-#include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -17,6 +16,8 @@
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/study/ledger.h"
 #include "assembly_cell/study/share.h"
@@ -68,47 +69,24 @@ struct Options {
   std::string study, output;
   std::vector<std::string> overrides;
   long threads = 0;
-  bool fresh = false, list = false, quiet = false, help = false;
+  bool fresh = false, list = false, quiet = false;
 };
 
-Options parseOptions(const std::vector<std::string>& arguments) {
-  Options o;
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& name = arguments[i];
-    if (name == "--help" || name == "-h") {
-      o.help = true;
-      return o;
-    }
-    if (name == "--fresh" || name == "--list" || name == "--quiet") {
-      (name == "--fresh" ? o.fresh : name == "--list" ? o.list : o.quiet) = true;
-      continue;
-    }
-    if (name.rfind("-", 0) != 0) {
-      if (!o.study.empty()) {
-        throw InputError("argument: value " + name + ": give one study, see --help");
-      }
-      o.study = name;
-      continue;
-    }
-    if (name != "--output" && name != "--threads" && name != "--set") {
-      throw InputError("argument: value " + name + ": unknown option, see --help");
-    }
-    if (i + 1 == arguments.size() || arguments[i + 1].empty()) {
-      throw InputError(name + ": value missing: see --help");
-    }
-    const std::string& value = arguments[++i];
-    if (name == "--output") o.output = value;
-    if (name == "--set") o.overrides.push_back(value);
-    if (name == "--threads" &&
-        (!assembly_cell::parseInteger(value, o.threads) || o.threads < 1 || o.threads > 1024)) {
-      throw InputError("--threads: value " + value + ": give a whole number from 1 to 1024");
-    }
-  }
-  if (o.study.empty()) throw InputError("argument: value missing: give a study, see --help");
+// false after --help
+bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
+  assembly_cell::OptionParser parser(kHelp);
+  parser.file("study", o.study);
+  parser.flag("--fresh", o.fresh);
+  parser.flag("--list", o.list);
+  parser.flag("--quiet", o.quiet);
+  parser.text("--output", o.output);
+  parser.texts("--set", o.overrides);
+  parser.integer("--threads", o.threads, 1, 1024);
+  if (!parser.parse(arguments)) return false;
   if (o.output.empty()) {
     o.output = "results/" + std::filesystem::path(o.study).stem().string();
   }
-  return o;
+  return true;
 }
 
 // A bar on a terminal, a line every ten seconds elsewhere.
@@ -142,12 +120,11 @@ class Progress {
     const double share =
         count.total > 0 ? static_cast<double>(count.done) / static_cast<double>(count.total) : 1.0;
     const int filled = static_cast<int>(kWidth * share);
-    char text[200];
-    std::snprintf(text, sizeof text, "study: [%s%s] %ld of %ld runs, %.3g/s, ",
-                  std::string(static_cast<std::size_t>(filled), '#').c_str(),
-                  std::string(static_cast<std::size_t>(kWidth - filled), '-').c_str(),
-                  static_cast<long>(count.done), static_cast<long>(count.total), rate);
-    std::string line = text;
+    std::string line =
+        assembly_cell::text("study: [%s%s] %ld of %ld runs, %.3g/s, ",
+                            std::string(static_cast<std::size_t>(filled), '#').c_str(),
+                            std::string(static_cast<std::size_t>(kWidth - filled), '-').c_str(),
+                            static_cast<long>(count.done), static_cast<long>(count.total), rate);
     if (rate > 0.0) {
       line += remaining(static_cast<double>(count.total - count.done) / rate) + " left";
     } else {
@@ -313,11 +290,8 @@ int run(Options o, Ranks* ranks) {
 int main(int argc, char** argv) {
   std::unique_ptr<Ranks> ranks;
   try {
-    const Options options = parseOptions({argv + 1, argv + argc});
-    if (options.help) {
-      std::cout << kHelp;
-      return 0;
-    }
+    Options options;
+    if (!parseOptions({argv + 1, argv + argc}, options)) return 0;
     if (Ranks::launched()) ranks = std::make_unique<Ranks>();
     return run(options, ranks.get());
   } catch (const std::exception& e) {

@@ -1,8 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Closed forms of vibratory assembly, the rig and the design map, from a flat YAML file.
 
-#include <yaml-cpp/yaml.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,10 +12,13 @@
 #include <optional>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
+#include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/vibration/models.h"
 
@@ -78,32 +79,12 @@ Names words(const std::string& list) {
 // the flat mapping of a file, each key read by its type or refused
 class Parameters {
  public:
-  explicit Parameters(const std::string& file) : file_(file) {
-    YAML::Node root;
-    try {
-      root = YAML::LoadFile(file);
-    } catch (const YAML::BadFile&) {
-      throw InputError(file + ": cannot be read, give a YAML file");
-    } catch (const std::ios_base::failure&) {
-      throw InputError(file + ": cannot be read, give a YAML file, not a folder");
-    } catch (const YAML::Exception& error) {
-      throw InputError(file + ": line " + std::to_string(error.mark.line + 1) +
-                       ": not YAML: " + error.msg);
-    }
-    if (root.IsNull()) return;
-    if (!root.IsMap()) throw InputError(file + ": not a mapping, give KEY: NUMBER lines");
-    for (const auto& item : root) {
-      if (!item.first.IsScalar())
-        throw InputError(file + ": a key is not a word, give KEY: NUMBER");
-      const std::string key = item.first.Scalar();
-      if (!nodes_.emplace(key, item.second).second) {
-        throw InputError(file + ": " + key + ": given twice, remove one");
-      }
-    }
-  }
+  explicit Parameters(const std::string& file)
+      : file_(file),
+        in_(mapping(yaml::loadYaml(yaml::fileText(file, "KEY: NUMBER"), file)), "", file_) {}
 
   void set(const std::string& key, double value) { values_[key] = value; }
-  bool has(const std::string& key) const { return values_.count(key) || nodes_.count(key); }
+  bool has(const std::string& key) const { return values_.count(key) || in_.has(key); }
 
   // exactly the keys of a model, apart from those that it can do without
   void expect(const VibrationModel& model) const {
@@ -119,7 +100,7 @@ class Parameters {
       throw InputError(file_ + ": " + key + ": no parameter of " + model.name + ", which takes" +
                        list);
     };
-    for (const auto& item : nodes_) check(item.first);
+    for (const std::string& key : in_.keys()) check(key);
     for (const auto& item : values_) check(item.first);
     for (const std::string& key : required) {
       if (!has(key)) {
@@ -129,7 +110,7 @@ class Parameters {
   }
 
   // what a model reads, each by its kind
-  ModelParameters read(const VibrationModel& model) const {
+  ModelParameters read(const VibrationModel& model) {
     expect(model);
     ModelParameters parameters;
     for (const char* names : {model.required, model.optional}) {
@@ -140,21 +121,22 @@ class Parameters {
     return parameters;
   }
 
-  std::string word(const std::string& key) const {
-    const YAML::Node& node = nodes_.at(key);
-    if (!node.IsScalar()) throw InputError(file_ + ": " + key + ": give a word");
-    return node.Scalar();
-  }
+  std::string word(const std::string& key) { return in_.text(key, "give a word"); }
 
  private:
-  std::vector<double> valuesOf(const std::string& key) const {
+  // an empty file is one without keys
+  static YAML::Node mapping(const YAML::Node& root) {
+    return root.IsNull() ? YAML::Node(YAML::NodeType::Map) : root;
+  }
+
+  std::vector<double> valuesOf(const std::string& key) {
     switch (parameterKind(key)) {
       case ParameterKind::kWord:
         return {};
       case ParameterKind::kMatrix:
         return matrix(key);
       case ParameterKind::kFlag:
-        return {boolean(key) ? 1.0 : 0.0};
+        return {in_.flag(key, false) ? 1.0 : 0.0};
       case ParameterKind::kWhole:
         return {whole(key)};
       case ParameterKind::kNumber:
@@ -163,51 +145,35 @@ class Parameters {
     return {number(key)};
   }
 
-  double number(const std::string& key) const {
+  double number(const std::string& key) {
     const auto swept = values_.find(key);
-    if (swept != values_.end()) return swept->second;
-    return numberOf(key, nodes_.at(key));
+    return swept != values_.end() ? swept->second : in_.number(key, yaml::Range::kAny);
   }
-  double whole(const std::string& key) const {
+  double whole(const std::string& key) {
     const double value = number(key);
     if (value != std::floor(value) || std::abs(value) > 1e9) {
-      throw InputError(file_ + ": " + key + ": value " + yamlNumber(value) +
-                       ": give a whole number");
+      in_.refuse(key, value, "give a whole number");
     }
     return value;
   }
-  bool boolean(const std::string& key) const {
-    const std::string value = word(key);
-    if (value != "true" && value != "false") {
-      throw InputError(file_ + ": " + key + ": value " + value + ": give true or false");
-    }
-    return value == "true";
-  }
-  std::vector<double> matrix(const std::string& key) const {
-    const YAML::Node node = nodes_.count(key) ? nodes_.at(key) : YAML::Node();
+  std::vector<double> matrix(const std::string& key) {
+    const char* remedy = "give 36 numbers, row by row";
+    const YAML::Node node = in_.required(key, remedy);
     const bool rows = node.IsSequence() && node.size() == 6;
     bool good = node.IsSequence() && (node.size() == 36 || rows);
     for (std::size_t i = 0; good && rows && i < 6; ++i) {
       good = node[i].IsSequence() && node[i].size() == 6;
     }
-    if (!good) throw InputError(file_ + ": " + key + ": give 36 numbers, row by row");
-    std::vector<double> values;
-    for (std::size_t i = 0; i < 36; ++i) {
-      values.push_back(numberOf(key, rows ? node[i / 6][i % 6] : node[i]));
+    std::vector<double> values(36);
+    for (std::size_t i = 0; good && i < 36; ++i) {
+      good = yaml::readNumber(rows ? node[i / 6][i % 6] : node[i], values[i]);
     }
+    if (!good) in_.refuse(key, yaml::shown(node), remedy);
     return values;
-  }
-  double numberOf(const std::string& key, const YAML::Node& node) const {
-    double value = 0.0;
-    if (!node.IsScalar() || !parseNumber(node.Scalar(), value)) {
-      const std::string given = node.IsScalar() ? node.Scalar() : "not a number";
-      throw InputError(file_ + ": " + key + ": value " + given + ": give a finite number");
-    }
-    return value;
   }
 
   std::string file_;
-  std::map<std::string, YAML::Node> nodes_;
+  yaml::Section in_;
   std::map<std::string, double> values_;
 };
 
@@ -216,26 +182,24 @@ class Parameters {
 struct Options {
   std::string model, file, output, sweep_key;
   std::vector<double> sweep, frequency, force;
-  bool help = false;
 };
 
-std::vector<double> parseValues(const std::string& option, const std::string& given) {
-  const auto refused = [&]() -> InputError {
-    return InputError(option + ": value " + given + ": give a list 1,2,5 or FIRST:LAST:COUNT");
-  };
-  std::vector<double> values;
+constexpr const char* kValues = "give a list 1,2,5 or FIRST:LAST:COUNT";
+
+bool parseValues(const std::string& given, std::vector<double>& values) {
+  values.clear();
   const char separator = given.find(':') == std::string::npos ? ',' : ':';
   std::string part;
   for (std::istringstream parts(given); std::getline(parts, part, separator);) {
     double value = 0.0;
-    if (!parseNumber(part, value)) throw refused();
+    if (!parseNumber(part, value)) return false;
     values.push_back(value);
   }
-  if (values.empty() || given.back() == separator) throw refused();
-  if (separator == ',') return values;
+  if (values.empty() || given.back() == separator) return false;
+  if (separator == ',') return true;
   if (values.size() != 3 || values[2] != std::floor(values[2]) || values[2] < 1 ||
       values[2] > static_cast<double>(kMaxPoints)) {
-    throw refused();
+    return false;
   }
   const double first = values[0], last = values[1];
   const auto count = static_cast<std::size_t>(values[2]);
@@ -244,47 +208,36 @@ std::vector<double> parseValues(const std::string& option, const std::string& gi
     const double part_of = count > 1 ? static_cast<double>(i) / static_cast<double>(count - 1) : 0;
     values[i] = first * (1 - part_of) + last * part_of;
   }
-  return values;
+  return true;
 }
 
-Options parseOptions(const Names& arguments) {
-  Options o;
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::string& name = arguments[i];
-    if (name == "--help" || name == "-h") {
-      o.help = true;
-      return o;
-    }
-    if (name.rfind("--", 0) != 0 || (name == "--map" && o.model.empty())) {
-      std::string& place = o.model.empty() ? o.model : o.file;
-      if (!place.empty()) throw InputError("argument: value " + name + ": too many, see --help");
-      place = name == "--map" ? "map" : name;
-      continue;
-    }
-    if (name != "--sweep" && name != "--times" && name != "--frequency" && name != "--force" &&
-        name != "--output") {
-      throw InputError("argument: value " + name + ": unknown option, see --help");
-    }
-    if (i + 1 == arguments.size()) throw InputError(name + ": value missing: see --help");
-    const std::string& value = arguments[++i];
-    if (name == "--output") {
-      if (value.empty()) throw InputError(name + ": value empty: give a file");
-      o.output = value;
-    } else if (name == "--frequency") {
-      o.frequency = parseValues(name, value);
-    } else if (name == "--force") {
-      o.force = parseValues(name, value);
-    } else {
-      if (!o.sweep_key.empty())
-        throw InputError(name + ": value " + value + ": sweep one key only");
-      const std::size_t equals = value.find('=');
-      if (name == "--sweep" && (equals == std::string::npos || equals == 0)) {
-        throw InputError(name + ": value " + value + ": give KEY=VALUES");
-      }
-      o.sweep_key = name == "--times" ? "t" : value.substr(0, equals);
-      o.sweep = parseValues(name, name == "--times" ? value : value.substr(equals + 1));
-    }
-  }
+// false after --help
+bool parseOptions(const Names& arguments, Options& o) {
+  bool map = false;
+  OptionParser parser(kHelp);
+  parser.file("model", o.model, false);
+  parser.file("file", o.file, false);
+  parser.flag("--map", map);
+  parser.text("--output", o.output);
+  const auto values = [&parser](const std::string& name, std::vector<double>& to) {
+    parser.value(name, kValues, [&to](const std::string& value) { return parseValues(value, to); });
+  };
+  values("--frequency", o.frequency);
+  values("--force", o.force);
+  const auto sweep = [&o](const std::string& key, const std::string& list) {
+    if (!o.sweep_key.empty()) throw InputError("--sweep: value " + key + ": sweep one key only");
+    o.sweep_key = key;
+    return !key.empty() && parseValues(list, o.sweep);
+  };
+  parser.value("--times", kValues, [&](const std::string& value) { return sweep("t", value); });
+  parser.value("--sweep", "give KEY=VALUES, the values as a list 1,2,5 or FIRST:LAST:COUNT",
+               [&](const std::string& value) {
+                 const std::size_t equals = std::min(value.find('='), value.size());
+                 return sweep(value.substr(0, equals),
+                              value.substr(std::min(equals + 1, value.size())));
+               });
+  if (!parser.parse(arguments)) return false;
+  if (map) o.file = std::exchange(o.model, "map");
   if (o.model.empty()) throw InputError("MODEL: value missing: see --help");
   if (!vibrationModel(o.model)) {
     throw InputError("MODEL: value " + o.model + ": unknown, see --help");
@@ -301,18 +254,18 @@ Options parseOptions(const Names& arguments) {
   } else if (!o.frequency.empty() || !o.force.empty()) {
     throw InputError("--frequency, --force: value given: only for map");
   }
-  return o;
+  return true;
 }
 
 // ---- output ----
 
-std::string text(double value) { return yamlNumber(value); }
-std::string text(bool value) { return value ? "true" : "false"; }
-std::string text(int value) { return std::to_string(value); }
-std::string text(const char* value) { return value; }
+std::string cellOf(double value) { return yamlNumber(value); }
+std::string cellOf(bool value) { return value ? "true" : "false"; }
+std::string cellOf(int value) { return std::to_string(value); }
+std::string cellOf(const char* value) { return value; }
 template <typename Value>
-std::string text(const std::optional<Value>& value) {
-  return value ? text(*value) : "null";
+std::string cellOf(const std::optional<Value>& value) {
+  return value ? cellOf(*value) : "null";
 }
 
 // a result as cells: one, two of a complex number, or those of a list
@@ -326,14 +279,14 @@ using Columns = std::vector<Column>;
 struct CellsOf {
   template <typename Value>
   Names operator()(const Value& value) const {
-    return {text(value)};
+    return {cellOf(value)};
   }
   Names operator()(const std::complex<double>& value) const {
-    return {text(value.real()), text(value.imag())};
+    return {cellOf(value.real()), cellOf(value.imag())};
   }
   Names operator()(const std::vector<double>& list) const {
     Names cells;
-    for (const double value : list) cells.push_back(text(value));
+    for (const double value : list) cells.push_back(cellOf(value));
     return cells;
   }
 };
@@ -386,8 +339,8 @@ void sweep(const Options& o, Parameters& p, const VibrationModel& model, Columns
   lists = columns = {{o.sweep_key, {}, true}};
   for (const double value : o.sweep) {
     p.set(o.sweep_key, value);
-    lists[0].cells.push_back(text(value));
-    columns[0].cells.push_back(text(value));
+    lists[0].cells.push_back(cellOf(value));
+    columns[0].cells.push_back(cellOf(value));
     std::size_t column = 1, list = 1;
     for (const Column& result : evaluate(model, p.read(model))) {
       if (result.list) throw InputError("--sweep: value " + o.sweep_key + ": not for this model");
@@ -410,17 +363,17 @@ Columns walkMotionAt(const std::vector<double>& times, const ModelParameters& pa
       {"t", {}, true}, {"theta_X", {}, true}, {"theta_Y", {}, true}, {"theta_Z", {}, true}};
   for (const double t : times) {
     if (t * c.w > 2 * M_PI * c.cycles * (1 + 1e-12)) {
-      throw InputError("--times: value " + text(t) + ": give times within the cycles");
+      throw InputError("--times: value " + cellOf(t) + ": give times within the cycles");
     }
     const WalkMotion x = walkMotion(c, w, t);
     const double row[] = {t, x.theta_X, x.theta_Y, x.theta_Z};
-    for (std::size_t k = 0; k < 4; ++k) columns[k].cells.push_back(text(row[k]));
+    for (std::size_t k = 0; k < 4; ++k) columns[k].cells.push_back(cellOf(row[k]));
   }
   return columns;
 }
 
 // the model that a file is for: `locus` names one of several in the file
-const VibrationModel& modelOf(const Options& o, const Parameters& p) {
+const VibrationModel& modelOf(const Options& o, Parameters& p) {
   const VibrationModel& model = *vibrationModel(o.model);
   if (o.model != "locus") return model;
   if (!p.has("model")) p.expect(model);
@@ -468,16 +421,16 @@ void runMap(const Options& o) {
   std::string csv = "w,F,theta,p1,p2,outcome\n";
   csv.reserve(o.frequency.size() * o.force.size() * 100);
   Names forces;
-  for (const double F : o.force) forces.push_back(text(F));
+  for (const double F : o.force) forces.push_back(cellOf(F));
   for (const double w : o.frequency) {
-    const std::string start = text(w) + ',';
+    const std::string start = cellOf(w) + ',';
     for (std::size_t i = 0; i < o.force.size(); ++i) {
       const DesignPoint x = designPoint(c, w, o.force[i]);
       csv += start;
       csv += forces[i];
       for (const std::optional<double>& value : {std::optional<double>(x.theta), x.p1, x.p2}) {
         csv += ',';
-        if (value) csv += text(*value);
+        if (value) csv += cellOf(*value);
       }
       csv += ',';
       csv += toString(x.outcome);
@@ -495,21 +448,17 @@ void runMap(const Options& o) {
   }
 }
 
+int run(const Names& arguments) {
+  Options o;
+  if (!parseOptions(arguments, o)) return 0;
+  if (o.model == "map") {
+    runMap(o);
+  } else {
+    runModel(o);
+  }
+  return 0;
+}
+
 }  // namespace
 
-int main(int argc, char** argv) {
-  try {
-    const Options options = parseOptions(Names(argv + 1, argv + argc));
-    if (options.help) {
-      std::cout << kHelp;
-    } else if (options.model == "map") {
-      runMap(options);
-    } else {
-      runModel(options);
-    }
-    return 0;
-  } catch (const std::exception& error) {
-    std::cerr << "vibration: " << error.what() << '\n';
-  }
-  return 2;
-}
+int main(int argc, char** argv) { return runTool("vibration", argc, argv, run); }

@@ -1,0 +1,111 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <functional>
+#include <iosfwd>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace assembly_cell {
+
+/// The command line of a tool: options are bound to variables, parse() fills them. What it refuses
+/// is an InputError "--name: value X: what to do".
+class OptionParser {
+ public:
+  /// Puts the text of a value where it belongs; false refuses it.
+  using Read = std::function<bool(const std::string&)>;
+
+  explicit OptionParser(std::string help) : help_(std::move(help)) {}
+
+  /// Sets `variable` to `value`; takes no value on the command line.
+  void flag(const std::string& name, bool& variable, bool value = true);
+  /// `remedy` says what to give instead of a value that `read` refuses. The last one given holds,
+  /// unless `read` collects them.
+  void value(const std::string& name, const std::string& remedy, Read read);
+  void text(const std::string& name, std::string& variable);
+  void texts(const std::string& name, std::vector<std::string>& variable);
+  /// "a,b,c": as many finite numbers as `variable` has.
+  void numbers(const std::string& name, double* variable, std::size_t count);
+  template <typename Number>
+  void number(const std::string& name, Number& variable, bool (*good)(double),
+              const std::string& remedy) {
+    value(name, remedy, [&variable, good](const std::string& text) {
+      double number = 0.0;
+      if (!readNumber(text, number) || !good(number)) return false;
+      variable = static_cast<Number>(number);
+      return true;
+    });
+  }
+  template <typename Number>
+  void number(const std::string& name, Number& variable, double low, double high) {
+    value(name, range(low, high), [&variable, low, high](const std::string& text) {
+      double number = 0.0;
+      if (!readNumber(text, number) || number < low || number > high) return false;
+      variable = number;
+      return true;
+    });
+  }
+  template <typename Integer>
+  void integer(const std::string& name, Integer& variable, long low, long high) {
+    value(name, range(low, high), [&variable, low, high](const std::string& text) {
+      long number = 0;
+      if (!readInteger(text, number) || number < low || number > high) return false;
+      variable = static_cast<Integer>(number);
+      return true;
+    });
+  }
+  template <typename Choice>
+  void choice(const std::string& name, Choice& variable,
+              const std::vector<std::pair<std::string, Choice>>& choices) {
+    std::string names;
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      names += (i == 0 ? "" : i + 1 < choices.size() ? ", " : " or ") + choices[i].first;
+    }
+    value(name, "give " + names, [&variable, choices](const std::string& text) {
+      for (const auto& [word, choice] : choices) {
+        if (word != text) continue;
+        variable = choice;
+        return true;
+      }
+      return false;
+    });
+  }
+  /// The next argument without a name, such as "scenario file".
+  void file(const std::string& what, std::string& variable, bool required = true);
+
+  /// False after --help, which prints the help (without `out`: to standard output).
+  bool parse(const std::vector<std::string>& arguments) const;
+  bool parse(const std::vector<std::string>& arguments, std::ostream& out) const;
+
+ private:
+  struct Option {
+    std::string remedy;
+    Read read;
+    bool* flag;  ///< null: the option takes a value
+    bool set;    ///< what the flag becomes
+  };
+  struct File {
+    std::string what;
+    std::string* variable;
+    bool required;
+  };
+
+  static bool readNumber(const std::string& text, double& number);
+  static bool readInteger(const std::string& text, long& number);
+  static std::string range(double low, double high);
+  static std::string range(long low, long high);
+  void readOption(const std::string& name, const std::vector<std::string>& values) const;
+
+  std::string help_;
+  std::map<std::string, Option> options_;
+  std::vector<File> files_;
+};
+
+/// main() of a tool: the code that `run` returns, or 2 and one line "tool: ..." on standard error
+/// for what it throws.
+int runTool(const std::string& tool, int argc, char** argv,
+            int (*run)(const std::vector<std::string>& arguments));
+
+}  // namespace assembly_cell
