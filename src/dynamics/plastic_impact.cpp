@@ -167,7 +167,7 @@ class PlasticImpact {
     }
     for (int k = 1; least > kSettled && slips_ == 1 && k < kStarts; ++k) {
       friction_ = start;
-      turn(slipping_[0], k * 6.283185307179586 / kStarts);
+      turn(slipping_[0], k * 2.0 * M_PI / kStarts);
       attempt();
     }
     friction_ = best;

@@ -6,6 +6,8 @@
 #include <limits>
 #include <utility>
 
+#include "assembly_cell/base/distributions.h"
+
 #include "linear_motion.h"
 
 namespace assembly_cell {
@@ -105,7 +107,7 @@ DirectionEstimate resolveByWobble(DirectionEstimate estimate, double direction_a
                                   const Vector2d& turn, double direction_sd) {
   const WobbleTilt tilt = tiltFromWobble(estimate.alpha, direction_after, turn, direction_sd);
   const double z = std::isfinite(tilt.sd) && tilt.sd > 0.0 ? tilt.along / tilt.sd : 0.0;
-  const double likely = 0.5 * std::erfc(-z / std::sqrt(2.0));
+  const double likely = normalTail(-z);
   return withOdds(estimate, logOdds(estimate.weight) + logOdds(likely));
 }
 

@@ -3,11 +3,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <boost/math/distributions/fisher_f.hpp>
-#include <boost/math/distributions/non_central_f.hpp>
 #include <cmath>
 #include <limits>
 
+#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
@@ -19,7 +18,7 @@ constexpr std::size_t kMinSamples = 8;
 constexpr int kLocusColumns = 4;  // cos, sin, 1, drift
 constexpr int kMostHarmonics = 4;
 constexpr int kMostColumns = 2 + 2 * kMostHarmonics;  // cos, sin, 1, drift, then each harmonic
-constexpr double kTwoPi = 6.283185307179586;
+constexpr double kTwoPi = 2.0 * M_PI;
 constexpr double kHuber = 1.7;              // 1.7 % of efficiency on clean data
 constexpr double kRayleighMedian = 1.1774;  // of a planar residual, in units of one axis's noise
 constexpr int kReweightings = 50;
@@ -45,20 +44,6 @@ using Signals = Eigen::Map<const Vector6>;
     }
   }
   throw InputError("signals are too large to be summed: give them in SI units");
-}
-
-// P(F > f) for F(k, nu) with non-centrality lambda
-double tailOfF(double f, double k, double nu, double lambda) {
-  // far out the root of a non-central chi-square is normal, and so is its ratio to sigma
-  constexpr double kLarge = 1e4;
-  if (lambda > kLarge || k * f > 1e8) {
-    const double z = (std::sqrt(k * f) - std::sqrt(lambda)) / std::sqrt(1.0 + lambda / (2.0 * nu));
-    return 0.5 * std::erfc(z / std::sqrt(2.0));
-  }
-  if (lambda <= 0.0) {
-    return boost::math::cdf(boost::math::complement(boost::math::fisher_f(k, nu), f));
-  }
-  return boost::math::cdf(boost::math::complement(boost::math::non_central_f(k, nu, lambda), f));
 }
 
 }  // namespace
@@ -466,11 +451,11 @@ ModeDecision decideMode(const Locus& locus, double false_alarm, double indiffere
                                                           : false_alarm;
     return tail >= rate;
   };
-  if (passes(LocusMode::kNone, tailOfF(from_none / 4.0, 4.0, nu, 0.0))) {
+  if (passes(LocusMode::kNone, fTail(from_none / 4.0, 4.0, nu, 0.0))) {
     decision.mode = LocusMode::kNone;
   } else {
-    const bool circle = passes(LocusMode::kCircle, tailOfF(from_circle / 2.0, 2.0, nu, lambda));
-    const bool segment = passes(LocusMode::kSegment, tailOfF(from_segment, 1.0, nu, lambda));
+    const bool circle = passes(LocusMode::kCircle, fTail(from_circle / 2.0, 2.0, nu, lambda));
+    const bool segment = passes(LocusMode::kSegment, fTail(from_segment, 1.0, nu, lambda));
     decision.mode = circle && segment ? LocusMode::kUndecided
                     : circle          ? LocusMode::kCircle
                     : segment         ? LocusMode::kSegment

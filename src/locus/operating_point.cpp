@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <cstdio>
 #include <optional>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "linear_motion.h"
 
 namespace assembly_cell {
@@ -24,12 +24,6 @@ namespace {
 constexpr int kDirections = 12;
 constexpr double kDetuning = 0.01;
 constexpr double kSamplesPerTurn = 3.0;
-
-std::string text(const char* format, double a, double b) {
-  char line[200];
-  std::snprintf(line, sizeof(line), format, a, b);
-  return line;
-}
 
 // tangential over normal force of a plane contact, worst in a turn
 double frictionDemand(const Eigen::Vector3cd& contact, const OperatingPoint& point) {

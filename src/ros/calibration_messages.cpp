@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
 
 namespace assembly_cell::ros_bridge {
@@ -293,13 +293,11 @@ std::string channelText(unsigned channels) {
 }
 
 std::string wrenchText(const Vector6& w, const char* pattern) {
-  std::string text;
+  std::string line;
   for (int k = 0; k < 6; ++k) {
-    char number[64];
-    std::snprintf(number, sizeof(number), pattern, w[k]);
-    text += (k == 0 ? "" : " ") + std::string(number) + (k == 2 ? " N," : "");
+    line += (k == 0 ? "" : " ") + text(pattern, w[k]) + (k == 2 ? " N," : "");
   }
-  return text + " N m";
+  return line + " N m";
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -7,10 +7,10 @@
 #include <rosgraph_msgs/Clock.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <set>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
@@ -42,11 +42,7 @@ ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
   return options;
 }
 
-std::string seconds(std::chrono::duration<double> time) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%g s", time.count());
-  return text;
-}
+std::string seconds(std::chrono::duration<double> time) { return text("%g s", time.count()); }
 
 // the name in the bag: relative to the recorded cell, unless it begins with a slash
 std::string recordedName(const std::string& space, const std::string& topic) {

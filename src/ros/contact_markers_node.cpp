@@ -23,7 +23,6 @@ constexpr double kPointSize = 0.004;     // [m]
 constexpr double kArrowShaft = 0.0012;   // diameter [m]
 constexpr double kArrowHead = 0.003;     // diameter [m]
 constexpr double kNormalLength = 0.015;  // [m]
-constexpr double kPi = 3.14159265358979323846;
 
 }  // namespace
 
@@ -132,7 +131,7 @@ void ContactMarkersNode::drawLocus() {
   Marker& ellipse = add("locus", Marker::LINE_STRIP, kPegFrame, kLocusColor);
   ellipse.scale.x = kLineWidth;
   for (int i = 0; i <= kCirclePoints; ++i) {
-    const std::complex<double> turn = std::polar(1.0, 2.0 * kPi * i / kCirclePoints);
+    const std::complex<double> turn = std::polar(1.0, 2.0 * M_PI * i / kCirclePoints);
     const std::complex<double> Z = locus_scale_ * (P * turn + N / turn);
     ellipse.points.push_back(toPoint({Z.real(), Z.imag(), locus_height_}));
   }
@@ -233,7 +232,7 @@ void ContactMarkersNode::addCircle(const std::string& ns, const std::string& fra
   Marker& circle = add(ns, Marker::LINE_STRIP, frame, color);
   circle.scale.x = kLineWidth;
   for (int i = 0; i <= kCirclePoints; ++i) {
-    const double a = 2.0 * kPi * i / kCirclePoints;
+    const double a = 2.0 * M_PI * i / kCirclePoints;
     circle.points.push_back(toPoint({radius * std::cos(a), radius * std::sin(a), 0.0}));
   }
 }

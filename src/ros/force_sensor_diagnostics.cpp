@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
 
@@ -18,12 +18,6 @@ using diagnostic_msgs::DiagnosticStatus;
 
 constexpr std::size_t kNoiseSamples = 50;  // differences in one estimate of the noise
 constexpr const char* kAxes[6] = {"fx [N]", "fy [N]", "fz [N]", "tx [N m]", "ty [N m]", "tz [N m]"};
-
-std::string format(const char* pattern, double value) {
-  char text[64];
-  std::snprintf(text, sizeof(text), pattern, value);
-  return text;
-}
 
 double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
 
@@ -64,7 +58,7 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
   } else if (silence > source_timeout_) {
     // the simulator may be paused in lockstep
     status.summary(lockstep_ ? DiagnosticStatus::WARN : DiagnosticStatus::ERROR,
-                   last_block_ ? "no samples for " + format("%.1f s", silence.count())
+                   last_block_ ? "no samples for " + text("%.1f s", silence.count())
                                : "no samples yet from " + source_);
   }
   if (window_.malformed > 0) fail("malformed: " + fault_);
@@ -83,10 +77,10 @@ void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrappe
       expected_rate_ > 0.0 || !acquisition_ ? expected_rate_ : acquisition_->info().rate;
   if (!replay_ended_ && rate_ > 0.0 && expected > 0.0 &&
       std::abs(rate_ - expected) > rate_tolerance_ * expected) {
-    warn("rate " + format("%.4g Hz", rate_) + " instead of " + format("%.4g Hz", expected));
+    warn("rate " + text("%.4g Hz", rate_) + " instead of " + text("%.4g Hz", expected));
   }
   if (status.message.empty()) {
-    status.summary(DiagnosticStatus::OK, "sampling at " + format("%.4g Hz", rate_));
+    status.summary(DiagnosticStatus::OK, "sampling at " + text("%.4g Hz", rate_));
   }
   total_samples_ += window_.samples;
   total_saturated_ += window_.saturated_samples;
@@ -221,9 +215,7 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   status.add("malformed frames", counters.malformed);
   status.add("foreign datagrams", counters.foreign);
   status.add("device restarts", counters.restarts);
-  char word[16];
-  std::snprintf(word, sizeof(word), "0x%08x", link.fault);
-  status.add("fault word", std::string(word));
+  status.add("fault word", text("0x%08x", link.fault));
   status.add("dropped blocks", link.dropped_blocks);
   status.add("dropped samples", link.dropped_samples);
   status.add("most blocks in queue", link.queue_high);

@@ -2,9 +2,9 @@
 #include "assembly_cell/ros/force_sensor_node.h"
 
 #include <algorithm>
-#include <cstdio>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
 
@@ -16,12 +16,6 @@ constexpr std::size_t kUndoSteps = 32;  // biases remembered
 constexpr double kLargestWrench = 1e6;  // [N] [N m]; NaN is not below it
 
 bool isWrench(const Vector6& w) { return (w.array().abs() <= kLargestWrench).all(); }
-
-std::string format(const char* pattern, double value) {
-  char text[64];
-  std::snprintf(text, sizeof(text), pattern, value);
-  return text;
-}
 
 double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
 
@@ -92,12 +86,12 @@ void ForceSensorNode::takeZero(const Vector6& load, const std::string& service, 
     } else if (Clock::now() < limit) {
       zero_changed_.wait_until(lock, limit);
     } else if (limit == silent) {
-      zero_.failure = "no samples for " + format("%g s", source_timeout_.count()) +
+      zero_.failure = "no samples for " + text("%g s", source_timeout_.count()) +
                       ": start the source, or let the simulator run";
     } else {
       zero_.failure = "only " + std::to_string(zero_.moments.count()) + " of " +
                       std::to_string(zero_samples_) + " samples came in " +
-                      format("%g s", zero_timeout_.count()) + ": raise zero_timeout";
+                      text("%g s", zero_timeout_.count()) + ": raise zero_timeout";
     }
   }
   zero_.active = false;
@@ -150,9 +144,8 @@ bool ForceSensorNode::undoBias(std_srvs::Trigger::Request&, std_srvs::Trigger::R
   bias_time_ = earlier_biases_.back().time;
   earlier_biases_.pop_back();
   publishBias();
-  response.message +=
-      "; it is " + wrenchText(bias_, "%.5g") + ", " +
-      (bias_time_ ? "taken " + format("%.0f s ago", age(*bias_time_)) : "never set");
+  response.message += "; it is " + wrenchText(bias_, "%.5g") + ", " +
+                      (bias_time_ ? "taken " + text("%.0f s ago", age(*bias_time_)) : "never set");
   return true;
 }
 
@@ -188,7 +181,7 @@ bool ForceSensorNode::deviceBias(std_srvs::Trigger::Request&,
       break;
     default:
       response.message = "device bias sent but not verified in " +
-                         format("%g s", device_bias_timeout_.count()) +
+                         text("%g s", device_bias_timeout_.count()) +
                          ": no samples came: look at the device";
   }
   return true;
@@ -201,7 +194,7 @@ bool ForceSensorNode::getCalibration(GetCalibration::Request&, GetCalibration::R
   response.calibration.header.frame_id = frame_id_;
   response.success = true;
   response.message = calibration_.id + " of " + calibration_.date + ", in force for " +
-                     format("%.0f s", age(calibration_time_));
+                     text("%.0f s", age(calibration_time_));
   return true;
 }
 

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <limits>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/locus/half_turn.h"
 #include "assembly_cell/locus/operating_point.h"
 #include "assembly_cell/locus/sliding_friction.h"
@@ -22,16 +22,10 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::uint32_t kQueue = 100;  // every sample counts
-constexpr double kTwoPi = 6.283185307179586;
+constexpr double kTwoPi = 2.0 * M_PI;
 constexpr double kFewestSamples = 8.0;
 constexpr double kMostAcross = 0.4;  // of the contact force that should oppose the slip
 constexpr double kRounding = 0.01;   // of a sample's period, for stamps rounded to 1 ns
-
-std::string text(const char* format, double a, double b = 0.0) {
-  char line[160];
-  std::snprintf(line, sizeof(line), format, a, b);
-  return line;
-}
 
 std::size_t sizeOf(const DisplacementSamples& block) { return block.displacement.size() / 6; }
 

@@ -6,13 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <iostream>
 #include <memory>
 
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/cell_description.h"
@@ -21,16 +21,9 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kTruthTimeout = 10.0;       // wall [s]
 constexpr double kRounding = 0.001;          // well below a block [s]
 constexpr std::size_t kTruthMemory = 50000;  // blocks, 1000 s
-
-std::string format(const char* pattern, double a, double b) {
-  char text[120];
-  std::snprintf(text, sizeof text, pattern, a, b);
-  return text;
-}
 
 Eigen::Vector2d vector(const boost::array<double, 2>& v) { return {v[0], v[1]}; }
 
@@ -55,40 +48,37 @@ bool verdict(const AlignmentReport& report, const ReportDetails& details) {
 
 std::string table(const AlignmentReport& report, const ReportDetails& details) {
   const Eigen::Vector2d offset = 1e3 * vector(report.estimated_offset);
-  const Eigen::Vector2d tilt = 180.0 / kPi * vector(report.estimated_tilt);
+  const Eigen::Vector2d tilt = 180.0 / M_PI * vector(report.estimated_tilt);
   const Eigen::Vector2d true_offset = 1e3 * vector(report.true_offset);
-  const Eigen::Vector2d true_tilt = 180.0 / kPi * vector(report.true_tilt);
+  const Eigen::Vector2d true_tilt = 180.0 / M_PI * vector(report.true_tilt);
   std::string out;
   const auto row = [&out](const std::string& name, const std::string& a, const std::string& b,
                           const std::string& c) {
-    char text[200];
-    std::snprintf(text, sizeof text, "  %-22s %20s %20s %10s\n", name.c_str(), a.c_str(), b.c_str(),
-                  c.c_str());
-    out += text;
+    out += text("  %-22s %20s %20s %10s\n", name.c_str(), a.c_str(), b.c_str(), c.c_str());
   };
   const char* pair = "%8.3f %8.3f";
   const bool known = report.truth_known, felt = report.estimate_known;
   out += report.success ? "aligned\n" : "not aligned: " + report.reason + "\n";
   row("at the start", known ? "true" : "true (unknown)", "estimated", "error");
-  row("offset x, y [mm]", known ? format(pair, true_offset.x(), true_offset.y()) : "-",
-      felt ? format(pair, offset.x(), offset.y()) : "-",
-      known && felt ? format("%.3f", (offset - true_offset).norm(), 0.0) : "-");
-  row("tilt x, y [deg]", known ? format(pair, true_tilt.x(), true_tilt.y()) : "-",
-      felt ? format(pair, tilt.x(), tilt.y()) : "-",
-      known && felt ? format("%.3f", (tilt - true_tilt).norm(), 0.0) : "-");
+  row("offset x, y [mm]", known ? text(pair, true_offset.x(), true_offset.y()) : "-",
+      felt ? text(pair, offset.x(), offset.y()) : "-",
+      known && felt ? text("%.3f", (offset - true_offset).norm()) : "-");
+  row("tilt x, y [deg]", known ? text(pair, true_tilt.x(), true_tilt.y()) : "-",
+      felt ? text(pair, tilt.x(), tilt.y()) : "-",
+      known && felt ? text("%.3f", (tilt - true_tilt).norm()) : "-");
   if (details.truth_end) {
     const double reach = edgeReach(*details.truth_end, details.peg_radius);
-    out += format(
+    out += text(
                "  peg's edge at the end: farthest point %.3f mm from the hole's axis, "
                "hole's radius %.3f mm: ",
                1e3 * reach, 1e3 * details.hole_radius) +
            (reach <= details.hole_radius ? "inside\n" : "NOT inside\n");
   }
   out += "  contacts read: " + std::to_string(report.contacts) + "\n";
-  out += format("  time: %.2f s simulated, %.2f s wall clock", report.simulated_time,
-                report.wall_time) +
-         format(" (%.1f times real time)\n",
-                report.wall_time > 0.0 ? report.simulated_time / report.wall_time : 0.0, 0.0);
+  out +=
+      text("  time: %.2f s simulated, %.2f s wall clock", report.simulated_time, report.wall_time) +
+      text(" (%.1f times real time)\n",
+           report.wall_time > 0.0 ? report.simulated_time / report.wall_time : 0.0, 0.0);
   return out;
 }
 

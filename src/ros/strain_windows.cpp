@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/calibration/drift.h"
 #include "assembly_cell/ros/calibration_messages.h"
 
@@ -13,12 +14,6 @@ namespace {
 
 constexpr std::uint32_t kQueue = 100;  // every sample counts
 constexpr double kSlice = 0.05;        // of waiting, after which `stop` is asked [s]
-
-std::string format(const char* pattern, double value) {
-  char text[64];
-  std::snprintf(text, sizeof(text), pattern, value);
-  return text;
-}
 
 }  // namespace
 
@@ -79,9 +74,9 @@ CalibrationRefusal StrainWindows::unsettled(const Reading& reading, Side side) c
   if (report.verdict == Settling::kSettled) return unusable(reading, sensor);
   return {CalibrationFailure::kUnsettled,
           "channel " + std::to_string(report.axis + 1) + " unsettled (" + toString(report.verdict) +
-              "; sd " + format("%.3g V", reading.spread[report.axis]) + ", change " +
-              format("%.3g V", report.change[report.axis]) + " in " +
-              std::to_string(report.samples) + " samples)"};
+              "; sd " + text("%.3g V", reading.spread[report.axis]) + ", change " +
+              text("%.3g V", report.change[report.axis]) + " in " + std::to_string(report.samples) +
+              " samples)"};
 }
 
 // why a sensor that lacks samples is waited for in vain
@@ -92,7 +87,7 @@ CalibrationRefusal StrainWindows::waiting(Side side, Clock::time_point begun) co
   if (now - std::max(begun, c.heard.value_or(begun)) > settings_.source_timeout) {
     return {CalibrationFailure::kSilent,
             name + ": no samples on " + c.strain_sub.getTopic() + " for " +
-                format("%g s", settings_.source_timeout.count()) + ": start its driver"};
+                text("%g s", settings_.source_timeout.count()) + ": start its driver"};
   }
   if (now - begun > settings_.settle_timeout + settings_.source_timeout +
                         Seconds(static_cast<double>(settings_.window) * 1e-2)) {
@@ -156,7 +151,7 @@ CalibrationRefusal StrainWindows::judge(const PerSide<bool>& wanted,
   const Collector &a = collectors_.a, &b = collectors_.b;
   if (!refusal && wanted.a && wanted.b && (a.last < b.first || b.last < a.first)) {
     refusal = {CalibrationFailure::kApart,
-               "sensor_a and sensor_b: readings " + format("%.3g s", std::abs(a.first - b.first)) +
+               "sensor_a and sensor_b: readings " + text("%.3g s", std::abs(a.first - b.first)) +
                    " apart, not of the same time: synchronise their clocks"};
   }
   return refusal;
@@ -178,8 +173,8 @@ CalibrationRefusal StrainWindows::read(Observation& observation, const PerSide<b
     }
     if (refusal.code == CalibrationFailure::kSaturated) return refusal;
     if (Clock::now() - called > settings_.settle_timeout) {
-      refusal.text += " after " + format("%g s", settings_.settle_timeout.count()) +
-                      ": wait until nothing moves";
+      refusal.text +=
+          " after " + text("%g s", settings_.settle_timeout.count()) + ": wait until nothing moves";
       return refusal;
     }
   }

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/scene/cell_description.h"
@@ -23,12 +23,6 @@ constexpr std::size_t kCapacity = 64;            // contacts that are kept
 constexpr double kHistory = 60.0;                // of blocks kept at most, and longest window [s]
 constexpr double kUnknownVariance = 1e6;         // on the wire, for what no contact tells
 constexpr double kConverterStep = 10.0 / 65536;  // 16 bit over ±5 V [V]
-
-std::string text(const char* format, double a, double b = 0.0) {
-  char line[240];
-  std::snprintf(line, sizeof line, format, a, b);
-  return line;
-}
 
 template <class Message>
 double duration(const Message& message, std::size_t values) {
