@@ -7,6 +7,9 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <utility>
 
 #include "assembly_cell/base/input_error.h"
 
@@ -21,6 +24,44 @@ bool writeAll(int file, const std::string& bytes) {
     done += static_cast<std::size_t>(n);
   }
   return true;
+}
+
+NewFile::NewFile(const std::string& path, std::string what, std::string remedy)
+    : path_(path), what_(std::move(what)), remedy_(std::move(remedy)) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  const fs::file_status status = fs::status(path, none);
+  if (fs::is_directory(status)) {
+    errno = EISDIR;
+    fail("cannot be written");
+  }
+  if (fs::exists(status)) path_ = fs::canonical(path, none).string();
+  const bool in_place = fs::exists(status) && !fs::is_regular_file(status);
+  written_ = in_place ? path_ : path_ + ".part" + std::to_string(::getpid());
+  file_ = std::fopen(written_.c_str(), "w");
+  if (file_ == nullptr) fail("cannot be written");
+}
+
+NewFile::~NewFile() {
+  if (file_ == nullptr) return;
+  std::fclose(file_);
+  if (written_ != path_) ::unlink(written_.c_str());
+}
+
+void NewFile::write(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), file_) != text.size()) fail("writing failed");
+}
+
+void NewFile::finish() {
+  if (std::fflush(file_) != 0) fail("writing failed");
+  if (written_ == path_) return;
+  if (::fsync(::fileno(file_)) != 0 || std::rename(written_.c_str(), path_.c_str()) != 0)
+    fail("writing failed");
+  std::fclose(std::exchange(file_, nullptr));
+}
+
+void NewFile::fail(const char* how) const {
+  throw InputError(what_ + ": " + how + " (" + std::strerror(errno) + "), " + remedy_);
 }
 
 void writeFileAtomically(const std::string& path, const std::string& content,

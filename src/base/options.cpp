@@ -81,6 +81,10 @@ void OptionParser::readOption(const std::string& name,
 }
 
 bool OptionParser::parse(const std::vector<std::string>& arguments) const {
+  return parse(arguments, std::cout);
+}
+
+bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream& out) const {
   po::options_description known;
   known.add_options()("help", new po::untyped_value(true));
   for (const auto& [name, option] : options_) {
@@ -104,7 +108,7 @@ bool OptionParser::parse(const std::vector<std::string>& arguments) const {
   for (const po::option& one : given) {
     const std::string& argument = one.original_tokens.front();
     if (one.string_key == "help" || argument == "-h") {
-      std::cout << help_;
+      out << help_;
       return false;
     }
     if (one.unregistered || (argument[0] == '-' && one.string_key.empty())) {

@@ -7,6 +7,8 @@
 #include <array>
 #include <cmath>
 
+#include "assembly_cell/base/roots.h"
+
 #include "tableaus.h"
 
 namespace assembly_cell {
@@ -66,16 +68,15 @@ double step(const Slip& slip, const Path& x, double h, const Path& scale, Path& 
 double newDirection(const Slip& slip, double phi) {
   double best = phi, largest = 0.0;
   for (int i = 0; i < kDirections; ++i) {
-    double low = phi + 2 * M_PI * i / kDirections, high = phi + 2 * M_PI * (i + 1) / kDirections;
-    const bool rises = slip.swerve(low) < 0.0;
-    if (rises == (slip.swerve(high) < 0.0)) continue;
-    for (int k = 0; k < kHalvings; ++k) {
-      const double middle = 0.5 * (low + high);
-      ((slip.swerve(middle) < 0.0) == rises ? low : high) = middle;
-    }
-    if (slip.stretch(low) > largest) {
-      largest = slip.stretch(low);
-      best = low;
+    const double from = phi + 2 * M_PI * i / kDirections,
+                 to = phi + 2 * M_PI * (i + 1) / kDirections;
+    const bool rises = slip.swerve(from) < 0.0;
+    if (rises == (slip.swerve(to) < 0.0)) continue;
+    const auto before = [&](double x) { return (slip.swerve(x) < 0.0) == rises; };
+    const double turn = bisect(from, to, before, 0.0, kHalvings).low;
+    if (slip.stretch(turn) > largest) {
+      largest = slip.stretch(turn);
+      best = turn;
     }
   }
   return best;
@@ -188,12 +189,9 @@ class StrongeImpact {
     const Vec3 P = x_.tail<3>();
     const auto energy = [&](const Vec3& total) { return total.dot(v_ + 0.5 * (slip_.W * total)); };
     if (!(energy(P) > 0.0)) return P;
-    double low = 0.0, high = 1.0;
-    for (int k = 0; k < kHalvings; ++k) {
-      const double middle = 0.5 * (low + high);
-      (energy(compressed_ + middle * (P - compressed_)) > 0.0 ? high : low) = middle;
-    }
-    return compressed_ + low * (P - compressed_);
+    const auto part = [&](double x) { return Vec3(compressed_ + x * (P - compressed_)); };
+    const auto loses = [&](double x) { return !(energy(part(x)) > 0.0); };
+    return part(bisect(0.0, 1.0, loses, 0.0, kHalvings).low);
   }
 
   const Slip& slip_;

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/roots.h"
 #include "contact_tolerances.h"
 #include "context.h"
 
@@ -61,11 +62,9 @@ double closedHeight(const System& s, const State& start) {
         "initial.close: true, but lowering the peg closes no contact of contact.features; "
         "move initial.peg.position over the block or set close: false");
   }
-  for (int i = 0; i < 200 && high - low > 1e-17; ++i) {
-    const double middle = 0.5 * (low + high);
-    (smallest(middle) > 0.0 ? high : low) = middle;
-  }
-  return high;
+  return bisect(
+             low, high, [&](double x) { return !(smallest(x) > 0.0); }, 1e-17)
+      .high;
 }
 
 }  // namespace

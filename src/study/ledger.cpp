@@ -1,12 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/study/ledger.h"
 
-#include <unistd.h>
-
-#include <cerrno>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <memory>
@@ -24,37 +19,6 @@ namespace {
 
 constexpr std::uint8_t kFailed = 1, kAssembled = 2;
 constexpr std::chrono::seconds kSyncInterval(1);
-
-// A file that appears under its name when it is complete.
-class NewFile {
- public:
-  explicit NewFile(const std::string& path)
-      : path_(path), file_(std::fopen((path + ".part").c_str(), "w"), &std::fclose) {
-    if (!file_) fail();
-  }
-  void line(const std::string& text) {
-    if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size() ||
-        std::fputc('\n', file_.get()) == EOF) {
-      fail();
-    }
-  }
-  void write(const std::string& text) {
-    if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
-  }
-  void finish() {
-    if (std::fflush(file_.get()) != 0 || ::fsync(::fileno(file_.get())) != 0) fail();
-    file_.reset();
-    if (std::rename((path_ + ".part").c_str(), path_.c_str()) != 0) fail();
-  }
-
- private:
-  [[noreturn]] void fail() const {
-    throw InputError("results " + path_ + ": cannot be written: " + std::strerror(errno) +
-                     ", give --output a folder that can be written, with room");
-  }
-  std::string path_;
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
-};
 
 std::string madeFolder(const std::string& folder) {
   std::error_code error;
@@ -193,12 +157,13 @@ std::map<std::string, std::int64_t> StudyLedger::finish() {
   const std::lock_guard<std::mutex> lock(mutex_);
   const std::size_t status = 2 + study_.axes.size();
   std::map<std::string, std::int64_t> statuses;
-  NewFile results(resultsPath());
-  results.line(resultsHeader(study_));
+  const char* remedy = "give --output a folder that can be written, with room";
+  NewFile results(resultsPath(), "results " + resultsPath(), remedy);
+  results.write(resultsHeader(study_) + "\n");
   std::unique_ptr<NewFile> history;
   if (study_.history) {
-    history = std::make_unique<NewFile>(historyPath());
-    history->line(historyHeader());
+    history = std::make_unique<NewFile>(historyPath(), "results " + historyPath(), remedy);
+    history->write(historyHeader() + "\n");
   }
   // runs beyond the end of the study don't count
   count_.done = total_;
@@ -208,7 +173,7 @@ std::map<std::string, std::int64_t> StudyLedger::finish() {
     count_.failed += (flags & kFailed) != 0 ? 1 : 0;
     count_.assembled += (flags & kAssembled) != 0 ? 1 : 0;
     const StudyRecord record = journal_.at(place_[static_cast<std::size_t>(run)]);
-    results.line(record.row);
+    results.write(record.row + "\n");
     if (history) history->write(record.history);
     ++statuses[std::string(csvCells(record.row).at(status))];
   }

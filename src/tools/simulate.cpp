@@ -1,19 +1,15 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Runs one scenario and prints a YAML summary; the run itself goes to a CSV file.
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
-#include <system_error>
 #include <vector>
 
 #include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -172,64 +168,11 @@ std::vector<Column> rowOf(Simulation& simulation) {
   return row;
 }
 
-// The run as CSV. A regular file appears under its name only when it is complete.
-class CsvFile {
- public:
-  explicit CsvFile(const std::string& path) : path_(path) {
-    std::error_code none;
-    const auto status = std::filesystem::status(path, none);
-    if (std::filesystem::is_directory(status)) fail("a directory");
-    // a link keeps pointing to its file; a device or pipe is written as it is
-    if (std::filesystem::exists(status)) path_ = std::filesystem::canonical(path, none).string();
-    in_place_ = std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
-    written_ = in_place_ ? path_ : path_ + ".part" + std::to_string(getpid());
-    stream_.open(written_, std::ios::trunc);
-    if (!stream_) fail("cannot be written");
-  }
-
-  ~CsvFile() {
-    std::error_code none;
-    if (!finished_ && !in_place_) std::filesystem::remove(written_, none);
-  }
-
-  CsvFile(const CsvFile&) = delete;
-  CsvFile& operator=(const CsvFile&) = delete;
-
-  void write(const std::vector<Column>& row) {
-    if (!header_) line(row, &Column::name);
-    header_ = true;
-    line(row, &Column::value);
-    if (!stream_) fail("writing failed");
-  }
-
-  void finish() {
-    stream_.close();
-    std::error_code error;
-    if (stream_ && !in_place_) std::filesystem::rename(written_, path_, error);
-    if (!stream_ || error) fail("writing failed");
-    finished_ = true;
-  }
-
- private:
-  void line(const std::vector<Column>& row, std::string Column::*text) {
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      stream_ << (i == 0 ? "" : ",") << row[i].*text;
-    }
-    stream_ << '\n';
-  }
-
-  [[noreturn]] void fail(const std::string& what) const {
-    throw InputError("--output: value " + path_ + ": " + what +
-                     ", give a file that can be written");
-  }
-
-  std::string path_;
-  std::string written_;
-  bool in_place_ = false;
-  bool header_ = false;
-  bool finished_ = false;
-  std::ofstream stream_;
-};
+std::string csvLine(const std::vector<Column>& row, std::string Column::*text) {
+  std::string line;
+  for (std::size_t i = 0; i < row.size(); ++i) line += (i == 0 ? "" : ",") + row[i].*text;
+  return line + "\n";
+}
 
 // A line on standard error once a second, from the third second on.
 class Progress {
@@ -285,14 +228,21 @@ int run(const std::vector<std::string>& arguments) {
   const Scenario scenario = assembly_cell::loadScenario(options.scenario, options.overrides);
   const std::vector<double> times = rowTimes(options, scenario.duration);
   Simulation simulation = makeSimulation(scenario, options.scenario);
-  std::unique_ptr<CsvFile> csv;
-  if (!options.output.empty()) csv = std::make_unique<CsvFile>(options.output);
+  std::unique_ptr<assembly_cell::NewFile> csv;
+  if (!options.output.empty()) {
+    csv = std::make_unique<assembly_cell::NewFile>(
+        options.output, "--output: value " + options.output, "give a file that can be written");
+  }
 
   Progress progress;
   double last_row = -1.0;
   const auto writeRow = [&] {
+    if (csv) {
+      const std::vector<Column> row = rowOf(simulation);
+      if (last_row < 0.0) csv->write(csvLine(row, &Column::name));
+      csv->write(csvLine(row, &Column::value));
+    }
     last_row = simulation.time();
-    if (csv) csv->write(rowOf(simulation));
   };
   // wall time is that of the simulation, without the rows
   double wall_time = 0.0;

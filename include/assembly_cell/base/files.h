@@ -1,9 +1,30 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <cstdio>
 #include <string>
 
 namespace assembly_cell {
+
+/// A file that appears under its name only when it's complete. A link keeps pointing to its file; a
+/// device or pipe is written as it is. Throws InputError "<what>: cannot be written (why),
+/// <remedy>".
+class NewFile {
+ public:
+  NewFile(const std::string& path, std::string what, std::string remedy);
+  ~NewFile();
+  NewFile(const NewFile&) = delete;
+  NewFile& operator=(const NewFile&) = delete;
+
+  void write(const std::string& text);
+  void finish();
+
+ private:
+  [[noreturn]] void fail(const char* how) const;
+
+  std::string path_, written_, what_, remedy_;
+  std::FILE* file_ = nullptr;
+};
 
 /// Temporary file, fsync, rename, fsync of the folder: a reader sees the old content or the new
 /// one. Throws InputError beginning with `where`.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <iosfwd>
 #include <map>
 #include <string>
 #include <utility>
@@ -74,8 +75,9 @@ class OptionParser {
   /// The next argument without a name, such as "scenario file".
   void file(const std::string& what, std::string& variable, bool required = true);
 
-  /// False after --help, which prints the help.
+  /// False after --help, which prints the help (without `out`: to standard output).
   bool parse(const std::vector<std::string>& arguments) const;
+  bool parse(const std::vector<std::string>& arguments, std::ostream& out) const;
 
  private:
   struct Option {
