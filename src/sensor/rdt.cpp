@@ -129,11 +129,11 @@ const Reception& RdtStream::oldest() const {
   return slot(sequence).received;
 }
 
-ReadResult RdtStream::take(SourceBlock& block, std::size_t most, bool flush,
+ReadResult RdtStream::take(SourceBlock& block, std::size_t max_count, bool flush,
                            SourceCounters& counters) {
   block.count = 0;
   bool faults = false;
-  while (pending() > 0 && block.count < std::min(most, kBlockCapacity)) {
+  while (pending() > 0 && block.count < std::min(max_count, kBlockCapacity)) {
     Slot& entry = slot(next_);
     if (kind(next_) != Kind::kFilled) {
       if (block.count > 0 || !(flush || newest_ - next_ >= kDepth)) break;

@@ -76,9 +76,9 @@ class RdtStream {
   /// False: no room until more is taken; then push the same record again.
   bool push(const RdtRecord& record, const Reception& received, SourceCounters& counters);
 
-  /// The next samples without a gap, at most `most`: kSamples; kFault with count 0 if only dropped
-  /// records came by; kTimeout if nothing is there. flush: don't wait for what is missing.
-  ReadResult take(SourceBlock& block, std::size_t most, bool flush, SourceCounters& counters);
+  /// The next samples without a gap, at most `max_count`: kSamples; kFault with count 0 if only
+  /// dropped records came by; kTimeout if nothing is there. flush: don't wait for what is missing.
+  ReadResult take(SourceBlock& block, std::size_t max_count, bool flush, SourceCounters& counters);
 
   /// Numbers from the next to take to the newest that arrived.
   std::size_t pending() const {
