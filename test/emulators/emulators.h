@@ -14,8 +14,7 @@
 #include <vector>
 
 #include "assembly_cell/sensor/netft_configuration.h"
-#include "assembly_cell/sensor/rdt.h"
-#include "assembly_cell/sensor/serial_frame.h"
+#include "device_codecs.h"
 
 namespace assembly_cell {
 

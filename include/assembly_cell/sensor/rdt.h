@@ -38,10 +38,8 @@ struct RdtRecord {
 };
 
 std::array<std::uint8_t, kRdtRequestSize> packRdtRequest(const RdtRequest& request);
-std::array<std::uint8_t, kRdtRecordSize> packRdtRecord(const RdtRecord& record);
 
-/// False for a wrong size, or a wrong header.
-bool unpackRdtRequest(const std::uint8_t* data, std::size_t size, RdtRequest& request);
+/// False for a wrong size.
 bool unpackRdtRecord(const std::uint8_t* data, std::size_t size, RdtRecord& record);
 
 /// A condition of the monitor was met: says nothing against the measurement.
