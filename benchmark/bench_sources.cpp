@@ -21,9 +21,9 @@
 #include <vector>
 
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/sensor/emulators.h"
 #include "assembly_cell/sensor/stamp_filter.h"
 #include "assembly_cell/sensor/strain_source.h"
+#include "emulators.h"
 
 namespace {
 

@@ -5,6 +5,7 @@
 #include <assembly_cell/StrainSamples.h>
 #include <assembly_cell/WrenchSamples.h>
 #include <rosgraph_msgs/Clock.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
 #include <set>
@@ -171,7 +172,16 @@ void CellPlayer::publish(const rosbag::MessageInstance& message) {
   const std::string& topic = message.getTopic();
   const std::optional<std::uint32_t> sequence = blockSequence(message);
   if (sequence && unsettled_) settle(topic);
-  publishers_[topic].publish(message);
+  if (const auto frames = message.instantiate<tf2_msgs::TFMessage>();
+      frames && publishers_[topic].getTopic() == "/tf_static") {
+    // several nodes have sent, this is one: who connects late must get all of it, not the last
+    for (const auto& frame : frames->transforms) fixed_frames_[frame.child_frame_id] = frame;
+    tf2_msgs::TFMessage all;
+    for (const auto& entry : fixed_frames_) all.transforms.push_back(entry.second);
+    publishers_[topic].publish(all);
+  } else {
+    publishers_[topic].publish(message);
+  }
   if (sequence) {
     awaitAnswers(topic, *sequence);
     latest_.erase(topic);

@@ -20,7 +20,7 @@ using yaml::Range;
 using yaml::Section;
 using yaml::shown;
 
-constexpr double kMostSteps = 1e10;  // a run with more would not end
+constexpr double kMaxSteps = 1e10;  // a run with more would not end
 
 ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
   struct Name {
@@ -168,9 +168,9 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
   in.finish();
   const double longest_step = std::min(
       scenario.solver.max_step, scenario.solver.step > 0.0 ? scenario.solver.step : HUGE_VAL);
-  if (scenario.duration > kMostSteps * longest_step) {
+  if (scenario.duration > kMaxSteps * longest_step) {
     in.refuse("duration", scenario.duration,
-              "more than " + shown(kMostSteps) + " steps of solver.max_step or solver.step (" +
+              "more than " + shown(kMaxSteps) + " steps of solver.max_step or solver.step (" +
                   shown(longest_step) + "), give a shorter time or longer steps");
   }
   return scenario;

@@ -310,10 +310,6 @@ unsigned outsideWrenchRange(const Calibration& c, const Vector6& volts) {
   return outside(c.wrench_range, volts - c.zero_volts);
 }
 
-unsigned outsideDisplacementRange(const Calibration& c, const Vector6& volts) {
-  return outside(c.displacement_range, volts - c.zero_volts);
-}
-
 std::string calibrationChecksum(const Calibration& c) {
   std::string content = c.id + "\n" + c.serial_number + "\n" + c.date + "\n" +
                         entries(c.volts_to_wrench, "") + "\n" +

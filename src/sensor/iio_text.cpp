@@ -66,23 +66,6 @@ bool parseIioType(std::string_view text, IioType& type) {
   return true;
 }
 
-std::int64_t decodeIioSample(const std::uint8_t* data, const IioType& type) {
-  const unsigned bytes = type.storage / 8;
-  std::uint64_t code = 0;
-  for (unsigned i = 0; i < bytes; ++i) {
-    code |= static_cast<std::uint64_t>(data[i]) << 8 * (type.big_endian ? bytes - 1 - i : i);
-  }
-  code >>= type.shift;
-  if (type.bits == 64) return static_cast<std::int64_t>(code);
-  const std::uint64_t top = std::uint64_t{1} << (type.bits - 1);
-  code &= (top << 1) - 1;
-  // sign in the top bit
-  if (type.is_signed && (code & top) != 0) {
-    return -static_cast<std::int64_t>((top << 1) - code);
-  }
-  return static_cast<std::int64_t>(code);
-}
-
 bool isIioEndCode(std::int64_t code, const IioType& type) {
   if (type.bits == 0 || type.bits > 62) return false;
   const std::int64_t span = std::int64_t{1} << type.bits;

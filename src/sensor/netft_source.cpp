@@ -21,9 +21,9 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr std::size_t kDatagrams = 64;     // read at once
-constexpr std::size_t kMostAtOnce = 4096;  // datagrams in one go, whoever sends them
-constexpr int kReceiveBuffer = 4 << 20;    // asked for [bytes]
+constexpr std::size_t kDatagrams = 64;    // read at once
+constexpr std::size_t kMaxAtOnce = 4096;  // datagrams in one go, whoever sends them
+constexpr int kReceiveBuffer = 4 << 20;   // asked for [bytes]
 constexpr auto kHttpTimeout = std::chrono::seconds(2);
 constexpr auto kShortestNap = std::chrono::microseconds(100);
 constexpr auto kIdle = std::chrono::microseconds(1500);  // without records a block isn't waited for
@@ -274,7 +274,7 @@ void NetftSource::send(RdtCommand command) const {
 // Every datagram that waits goes into the stream, as long as it has room.
 void NetftSource::receive() {
   Socket& s = *socket_;
-  for (std::size_t total = 0; total < kMostAtOnce;) {
+  for (std::size_t total = 0; total < kMaxAtOnce;) {
     if (s.position == s.count) {
       for (std::size_t i = 0; i < kDatagrams; ++i) {
         msghdr& header = s.headers[i].msg_hdr;
@@ -358,8 +358,8 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
       const bool timed =
           block_samples_ == 0 ? age >= block_period_ : now - stream_->newest().steady >= idle();
       if (full || timed || old) {
-        const std::size_t most = block_samples_ > 0 ? block_samples_ : kBlockCapacity;
-        const ReadResult result = stream_->take(block, most, old, counts_);
+        const std::size_t max_count = block_samples_ > 0 ? block_samples_ : kBlockCapacity;
+        const ReadResult result = stream_->take(block, max_count, old, counts_);
         if (result == ReadResult::kSamples) {
           block.period = info_.rate > 0.0 ? 1.0 / info_.rate : 0.0;
           if (bias_attempts_ > 0) watchBias(block);

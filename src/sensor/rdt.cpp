@@ -15,23 +15,6 @@ std::array<std::uint8_t, kRdtRequestSize> packRdtRequest(const RdtRequest& reque
   return data;
 }
 
-std::array<std::uint8_t, kRdtRecordSize> packRdtRecord(const RdtRecord& record) {
-  std::array<std::uint8_t, kRdtRecordSize> data;
-  putBig32(&data[0], record.rdt_sequence);
-  putBig32(&data[4], record.ft_sequence);
-  putBig32(&data[8], record.status);
-  for (std::size_t k = 0; k < 6; ++k) {
-    putBig32(&data[12 + 4 * k], static_cast<std::uint32_t>(record.counts[k]));
-  }
-  return data;
-}
-
-bool unpackRdtRequest(const std::uint8_t* data, std::size_t size, RdtRequest& request) {
-  if (size != kRdtRequestSize || big16(data) != kRdtHeader) return false;
-  request = {big16(data + 2), big32(data + 4)};
-  return true;
-}
-
 bool unpackRdtRecord(const std::uint8_t* data, std::size_t size, RdtRecord& record) {
   if (size != kRdtRecordSize) return false;
   record.rdt_sequence = big32(data);
@@ -129,11 +112,11 @@ const Reception& RdtStream::oldest() const {
   return slot(sequence).received;
 }
 
-ReadResult RdtStream::take(SourceBlock& block, std::size_t most, bool flush,
+ReadResult RdtStream::take(SourceBlock& block, std::size_t max_count, bool flush,
                            SourceCounters& counters) {
   block.count = 0;
   bool faults = false;
-  while (pending() > 0 && block.count < std::min(most, kBlockCapacity)) {
+  while (pending() > 0 && block.count < std::min(max_count, kBlockCapacity)) {
     Slot& entry = slot(next_);
     if (kind(next_) != Kind::kFilled) {
       if (block.count > 0 || !(flush || newest_ - next_ >= kDepth)) break;

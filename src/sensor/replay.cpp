@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kLatestStamp = 4294967295.0;   // what ros::Time holds [s]
 constexpr std::size_t kLongestRow = 64 * 1024;  // [bytes]
-constexpr std::size_t kMostRows = 50000000;     // 3 GB in memory
+constexpr std::size_t kMaxRows = 50000000;      // 3 GB in memory
 
 bool parse(std::string_view field, double& value) {
   if (!field.empty() && field.front() == '+') field.remove_prefix(1);
@@ -89,9 +89,8 @@ class RowReader {
     for (std::size_t k = 0; k < 6; ++k) {
       value[static_cast<Eigen::Index>(k)] = channel(k, saturated);
     }
-    if (recording.time.size() == kMostRows) {
-      throw InputError("the recording has more than " + std::to_string(kMostRows) +
-                       " rows: cut it");
+    if (recording.time.size() == kMaxRows) {
+      throw InputError("the recording has more than " + std::to_string(kMaxRows) + " rows: cut it");
     }
     recording.time.push_back(t);
     recording.values.push_back(value);

@@ -11,9 +11,6 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kRobotiqForce = 0.01;    // [N] per count
-constexpr double kRobotiqTorque = 0.001;  // [N·m] per count
-
 std::uint16_t reflectedCrc(const std::uint8_t* data, std::size_t size, unsigned polynomial) {
   unsigned crc = 0xffff;
   for (std::size_t i = 0; i < size; ++i) {
@@ -28,13 +25,6 @@ double littleFloat(const std::uint8_t* from) {
   float value = 0.0f;
   std::memcpy(&value, &bits, sizeof value);
   return static_cast<double>(value);
-}
-
-void putLittleFloat(std::uint8_t* to, double number) {
-  const float value = static_cast<float>(number);
-  std::uint32_t bits = 0;
-  std::memcpy(&bits, &value, sizeof bits);
-  putLittle32(to, bits);
 }
 
 bool botaIntact(const std::uint8_t* frame) { return crcX25(frame + 1, 34) == little16(frame + 35); }
@@ -84,31 +74,6 @@ std::uint16_t crcX25(const std::uint8_t* data, std::size_t size) {
 
 std::uint16_t crcModbus(const std::uint8_t* data, std::size_t size) {
   return reflectedCrc(data, size, 0xa001);
-}
-
-std::array<std::uint8_t, kBotaSize> packBotaFrame(const SerialFrame& frame) {
-  std::array<std::uint8_t, kBotaSize> data;
-  data[0] = kBotaFormat.header[0];
-  putLittle16(&data[1], static_cast<std::uint16_t>(frame.status));
-  for (std::size_t k = 0; k < 6; ++k) putLittleFloat(&data[3 + 4 * k], frame.values[k]);
-  putLittle32(&data[27], frame.timestamp);
-  putLittleFloat(&data[31], frame.temperature);
-  putLittle16(&data[35], crcX25(&data[1], 34));
-  return data;
-}
-
-std::array<std::uint8_t, kRobotiqSize> packRobotiqFrame(const SerialFrame& frame) {
-  std::array<std::uint8_t, kRobotiqSize> data;
-  data[0] = kRobotiqFormat.header[0];
-  data[1] = kRobotiqFormat.header[1];
-  for (std::size_t k = 0; k < 6; ++k) {
-    const double counts =
-        std::nearbyint(frame.values[k] / (k < 3 ? kRobotiqForce : kRobotiqTorque));
-    const auto code = static_cast<std::int16_t>(std::clamp(counts, -32768.0, 32767.0));
-    putLittle16(&data[2 + 2 * k], static_cast<std::uint16_t>(code));
-  }
-  putLittle16(&data[14], crcModbus(data.data(), 14));
-  return data;
 }
 
 bool FrameDecoder::headerAt(std::size_t position) const {

@@ -24,8 +24,8 @@ namespace {
 constexpr double kTick = 1e-6;            // of Bota's time stamps [s]
 constexpr double kLongestStep = 60.0;     // of time stamps; more is a device that started anew [s]
 constexpr double kShortestRestart = 1.0;  // back by more: the device started anew [s]
-constexpr std::uint64_t kMostLost = 1 << 20;  // in one gap
-constexpr int kJamLength = 50;                // characters that end Robotiq's stream
+constexpr std::uint64_t kMaxLost = 1 << 20;  // in one gap
+constexpr int kJamLength = 50;               // characters that end Robotiq's stream
 
 struct Baud {
   int rate;
@@ -225,7 +225,7 @@ bool SerialSource::number(const SerialFrame& frame) {
   }
   const auto missing =
       numbered_ ? static_cast<std::uint64_t>(std::max(0ll, std::llround(seconds * rate_) - 1)) : 1;
-  if (numbered_) counts_.lost += std::min(missing, kMostLost);
+  if (numbered_) counts_.lost += std::min(missing, kMaxLost);
   sequence_ += 1 + missing;
   numbered_ = true;
   seen_[seen_count_++ % seen_.size()] = frame.timestamp;

@@ -10,9 +10,9 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kLongestDelay = 0.25;       // beyond the least; more is a pause of the device [s]
-constexpr double kLongestBase = 1e3;         // keeps times exact to 1e-13 s [s]
-constexpr std::size_t kFewestArrivals = 16;  // for a period of one's own
+constexpr double kLongestDelay = 0.25;    // beyond the least; more is a pause of the device [s]
+constexpr double kLongestBase = 1e3;      // keeps times exact to 1e-13 s [s]
+constexpr std::size_t kMinArrivals = 16;  // for a period of one's own
 
 double seconds(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double>(duration).count();
@@ -26,7 +26,7 @@ StampFilter::Line StampFilter::fit(double nominal) const {
     return arrivals_[(oldest + i) % kWindow];
   };
   // few arrivals, or one sample only: the nominal period under all of them
-  if ((size_ < kFewestArrivals && nominal > 0.0) || at(0).sample == at(size_ - 1).sample) {
+  if ((size_ < kMinArrivals && nominal > 0.0) || at(0).sample == at(size_ - 1).sample) {
     double time = at(0).time - nominal * at(0).sample;
     for (std::size_t i = 1; i < size_; ++i) {
       time = std::min(time, at(i).time - nominal * at(i).sample);

@@ -11,11 +11,15 @@
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/study/run.h"
 #include "assembly_cell/study/study.h"
+#include "study_check.h"
 
 namespace assembly_cell {
 namespace {
 
 namespace fs = std::filesystem;
+using study_file::checkKeys;
+using study_file::findDirectKeys;
+using study_file::loadScenarios;
 using yaml::Range;
 using yaml::Section;
 using yaml::shown;
@@ -66,24 +70,19 @@ class Reader {
     readEnough();
     in_.finish();
     checkCount();
-    loadScenarios();
+    loadScenarios(study_, path_);
     study_.judged = study_.job.kind == StudyJob::Kind::kAlign ||
                     std::isfinite(study_.job.assembled_depth) ||
                     std::isfinite(study_.job.assembled_offset);
-    checkKeys();
-    findDirectKeys();
+    checkKeys(study_, path_);
+    findDirectKeys(study_);
     return std::move(study_);
   }
 
  private:
-  // an error of what the study refers to, with the study's place in front
   template <class Do>
   void within(const std::string& where, const Do& what) const {
-    try {
-      what();
-    } catch (const InputError& e) {
-      throw InputError(path_ + ": " + (where.empty() ? "" : where + ": ") + e.what());
-    }
+    study_file::within(path_, where, what);
   }
 
   std::string file(const std::string& name) const {
@@ -460,91 +459,6 @@ class Reader {
     if (count > static_cast<double>(kMostRuns)) {
       in_.refuse("samples", yaml::shown(count) + " runs", "give at most 1e8 runs in all");
     }
-  }
-
-  void loadScenarios() {
-    std::vector<std::string> overrides;
-    for (const StudySetting& s : study_.set) {
-      StudyJob copy = study_.job;
-      if (s.key == "scenario") in_.refuse("set.scenario", s.value, "use the key scenario");
-      if (!setStudyJob(copy, s)) overrides.push_back(s.key + "=" + s.value);
-      study_.job = copy;
-    }
-    for (const std::string& path : study_.scenarios) {
-      within("scenario", [&] {
-        study_.texts.push_back(yaml::fileText(path, "scenario"));
-        const std::string& text = study_.texts.back();
-        study_.digests.push_back(crcText(text));
-        study_.bases.push_back(parseScenario(text, path, overrides));
-      });
-    }
-  }
-
-  // a key that doesn't exist makes every run fail alike: said here
-  void checkKeys() {
-    StudyTask task;
-    task.point.assign(study_.axes.size(), 0.5);
-    std::vector<StudySetting> all = studyRun(study_, task).settings;
-    for (const StudyAxis& a : study_.axes) {
-      for (const auto& one : a.cases) all.insert(all.end(), one.begin(), one.end());
-    }
-    std::set<std::string> seen;
-    for (const StudySetting& s : all) {
-      StudyJob job = study_.job;
-      if (s.key.rfind("assembled.", 0) == 0) study_.judged = true;
-      if (!seen.insert(s.key).second || s.key == "scenario") continue;
-      try {
-        if (setStudyJob(job, s)) continue;
-        parseScenario(study_.texts.front(), "scenario", {s.key + "=" + s.value});
-      } catch (const InputError& e) {
-        const std::string what = e.what();
-        // a value out of range is the matter of the runs that have it
-        if (what.rfind("--set", 0) == 0 || what.find(": unknown key") != std::string::npos ||
-            what.find("job: align") != std::string::npos) {
-          throw InputError(path_ + ": axes: " + what);
-        }
-      }
-    }
-  }
-
-  // numbers whose extremes the parser admits need no parser in between
-  void findDirectKeys() {
-    for (const StudyAxis& a : study_.axes) {
-      std::vector<StudySetting> ends;
-      for (const auto& one : a.cases) ends.insert(ends.end(), one.begin(), one.end());
-      std::vector<double> numbers = a.values;
-      if (a.kind == StudyAxis::Kind::kUniform || a.kind == StudyAxis::Kind::kLogUniform ||
-          a.kind == StudyAxis::Kind::kSearch) {
-        numbers = {a.low, a.high};
-      }
-      for (const StudyAxis::Target& target : a.targets) {
-        if (target.power != 0.0) continue;
-        for (const double number : numbers) ends.push_back({target.key, yamlNumber(number)});
-      }
-      std::set<std::string> keys, bad;
-      for (const StudySetting& s : ends) {
-        Scenario scratch = study_.bases.front();
-        bool alone = false;
-        double value = 0.0;
-        const bool number = scenarioNumber(scratch, s.key, &alone) != nullptr;
-        if (!number || !alone || !parseNumber(s.value, value) || !admitted(s)) bad.insert(s.key);
-        keys.insert(s.key);
-      }
-      for (const std::string& key : keys) {
-        if (bad.count(key) == 0) study_.direct.push_back(key);
-      }
-    }
-  }
-
-  bool admitted(const StudySetting& s) const {
-    for (std::size_t i = 0; i < study_.texts.size(); ++i) {
-      try {
-        parseScenario(study_.texts[i], study_.scenarios[i], {s.key + "=" + s.value});
-      } catch (const InputError&) {
-        return false;
-      }
-    }
-    return true;
   }
 
   std::string path_;

@@ -4,8 +4,8 @@
 #include <iostream>
 
 #include "assembly_cell/base/options.h"
-#include "assembly_cell/sensor/emulators.h"
 #include "emulator_program.h"
+#include "emulators.h"
 
 namespace {
 

@@ -4,6 +4,7 @@
 #include <ros/ros.h>
 #include <ros/serialization.h>
 #include <stdlib.h>
+#include <tf2_msgs/TFMessage.h>
 #include <unistd.h>
 #include <visualization_msgs/MarkerArray.h>
 #include <yaml-cpp/yaml.h>
@@ -13,12 +14,14 @@
 #include <cstdint>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
+#include "assembly_cell/geometry/spatial.h"
 #include "cell_fixture.h"
 
 namespace assembly_cell::ros_bridge {
@@ -37,6 +40,7 @@ struct CellRun {
   YAML::Node report;
   std::vector<std::string> commands;  // carrier_command, then exciter: serialised messages
   std::size_t markers = 0;
+  std::map<std::string, Pose> in_base;    // of static frames in carrier_base
   std::vector<std::string> undocumented;  // topics and services that the page doesn't name
   std::string output;
 };
@@ -83,6 +87,7 @@ CellRun run(const std::vector<std::string>& arguments, bool watched,
   })) << cell.output();
   EXPECT_TRUE(cell.running()) << cell.output();
 
+  const Record<tf2_msgs::TFMessage> frames(nh, "/tf_static");
   Child report({executable("report"), "_report_file:=" + file, "_strategy:=" + strategy});
   EXPECT_TRUE(waitFor([&] { return !report.running() || !cell.running(); }, kRunTime))
       << report.output();
@@ -91,6 +96,15 @@ CellRun run(const std::vector<std::string>& arguments, bool watched,
   if (watched) out.undocumented = undocumented();
   out.output = report.output();
   if (markers) out.markers = markers->size();
+  for (const auto& message : frames.all()) {
+    for (const auto& t : message->transforms) {
+      if (t.header.frame_id != "carrier_base") continue;
+      const auto& p = t.transform.translation;
+      const auto& q = t.transform.rotation;
+      out.in_base[t.child_frame_id] = {Eigen::Quaterniond(q.w, q.x, q.y, q.z).toRotationMatrix(),
+                                       Eigen::Vector3d(p.x, p.y, p.z)};
+    }
+  }
   cell.stop();
   serialise(commands, out.commands);
   serialise(exciter, out.commands);
@@ -177,6 +191,13 @@ TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
   EXPECT_GT(std::hypot(offset[0], offset[1]), 3e-3);
   EXPECT_GT(std::hypot(tilt[0], tilt[1]), 0.01);
 
+  // the hole was found where it is, within the clearance of 0.1 mm, its rim where the edge is
+  ASSERT_EQ(seen.in_base.count("hole_estimated") + seen.in_base.count("hole_truth"), 2U);
+  const Pose error = inverse(seen.in_base.at("hole_truth")) * seen.in_base.at("hole_estimated");
+  EXPECT_LT(error.p.head<2>().norm(), 1e-4);
+  EXPECT_LT(std::abs(error.p.z()), 2e-3);
+  EXPECT_LT(error.R.col(2).head<2>().norm(), 2e-3);
+
   const CellRun unseen = run({}, false);
   ASSERT_EQ(unseen.exit_code, 0) << unseen.output;
   EXPECT_EQ(without(unseen.report, {}), without(seen.report, {}));
@@ -186,6 +207,8 @@ TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
   const CellRun blind = run({"publish_truth:=false"}, false);
   ASSERT_EQ(blind.exit_code, 0) << blind.output;
   EXPECT_FALSE(blind.report["truth_known"].as<bool>());
+  EXPECT_EQ(blind.in_base.count("hole_estimated"), 1U);
+  EXPECT_EQ(blind.in_base.count("hole_truth"), 0U);
   EXPECT_TRUE(blind.report["true_offset"].IsNull());
   const std::vector<std::string> truth = {"truth_known",     "true_offset", "true_tilt",
                                           "true_pose_start", "true_pose",   "edge_reach"};

@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
-#include "assembly_cell/sensor/emulators.h"
 #include "driver_fixture.h"
+#include "emulators.h"
 
 namespace assembly_cell::test {
 namespace {

@@ -139,7 +139,7 @@ TEST_F(Simulate, FreeFlightFollowsTheClosedForm) {
   }
 }
 
-// Both edges arrive with u = 179.3 mm/s and sink in by u / k (dynamics.md: Fig 7.2, viscous law).
+// Both edges arrive with u = 179.3 mm/s and sink in by u / k (thesis Fig 7.2, viscous law).
 TEST_F(Simulate, ImpactSinksInBySpeedOverRate) {
   const Result result = run(kScenarios + "impact.yaml --output " + path("run.csv"));
   ASSERT_EQ(result.exit_code, 0) << result.err;

@@ -17,8 +17,8 @@
 #include <utility>
 #include <vector>
 
-#include "assembly_cell/sensor/emulators.h"
 #include "assembly_cell/sensor/strain_source.h"
+#include "emulators.h"
 
 namespace assembly_cell {
 

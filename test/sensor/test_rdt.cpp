@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "assembly_cell/sensor/reception.h"
+#include "device_codecs.h"
 
 namespace assembly_cell {
 namespace {

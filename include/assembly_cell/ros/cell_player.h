@@ -2,6 +2,7 @@
 #pragma once
 
 #include <assembly_cell/Ack.h>
+#include <geometry_msgs/TransformStamped.h>
 #include <ros/ros.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
@@ -62,8 +63,9 @@ class CellPlayer {
   std::chrono::duration<double> ack_timeout_{0.0}, start_timeout_{0.0};
 
   rosbag::Bag bag_;
-  std::map<std::string, ros::Publisher> publishers_;       ///< by name in the bag
-  std::map<std::string, rosbag::MessageInstance> latest_;  ///< block of a topic
+  std::map<std::string, ros::Publisher> publishers_;                     ///< by name in the bag
+  std::map<std::string, rosbag::MessageInstance> latest_;                ///< block of a topic
+  std::map<std::string, geometry_msgs::TransformStamped> fixed_frames_;  ///< so far, by child
   bool unsettled_ = false;  ///< something but blocks has gone out since settle()
   std::uint64_t played_ = 0;
 

@@ -87,7 +87,6 @@ Matrix6 displacementCovariance(const Calibration& c, const Vector6& volts,
 
 /// A bit per channel beyond 1.1 times the range of the tests; 0 where the range is unknown.
 unsigned outsideWrenchRange(const Calibration& c, const Vector6& volts);
-unsigned outsideDisplacementRange(const Calibration& c, const Vector6& volts);
 
 /// Throws InputError, one line beginning with `source` and naming the item: no id or serial number,
 /// a non-finite number, a singular volts_to_wrench, a covariance of the wrong size, not symmetric

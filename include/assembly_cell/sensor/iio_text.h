@@ -7,8 +7,7 @@
 
 namespace assembly_cell {
 
-/// What the attributes of Linux Industrial I/O say (Documentation/ABI/testing/sysfs-bus-iio), and
-/// the samples of its buffers.
+/// What the attributes of Linux Industrial I/O say (Documentation/ABI/testing/sysfs-bus-iio).
 
 constexpr std::size_t kLongestIioText = 64;  ///< characters of a number
 
@@ -29,9 +28,6 @@ struct IioType {
 
 /// False for another notation, or one with repetition (X).
 bool parseIioType(std::string_view text, IioType& type);
-
-/// The code of storage/8 bytes.
-std::int64_t decodeIioSample(const std::uint8_t* data, const IioType& type);
 
 /// True at either end of the type's codes.
 bool isIioEndCode(std::int64_t code, const IioType& type);

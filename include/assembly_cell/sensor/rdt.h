@@ -38,10 +38,8 @@ struct RdtRecord {
 };
 
 std::array<std::uint8_t, kRdtRequestSize> packRdtRequest(const RdtRequest& request);
-std::array<std::uint8_t, kRdtRecordSize> packRdtRecord(const RdtRecord& record);
 
-/// False for a wrong size, or a wrong header.
-bool unpackRdtRequest(const std::uint8_t* data, std::size_t size, RdtRequest& request);
+/// False for a wrong size.
 bool unpackRdtRecord(const std::uint8_t* data, std::size_t size, RdtRecord& record);
 
 /// A condition of the monitor was met: says nothing against the measurement.
@@ -76,9 +74,9 @@ class RdtStream {
   /// False: no room until more is taken; then push the same record again.
   bool push(const RdtRecord& record, const Reception& received, SourceCounters& counters);
 
-  /// The next samples without a gap, at most `most`: kSamples; kFault with count 0 if only dropped
-  /// records came by; kTimeout if nothing is there. flush: don't wait for what is missing.
-  ReadResult take(SourceBlock& block, std::size_t most, bool flush, SourceCounters& counters);
+  /// The next samples without a gap, at most `max_count`: kSamples; kFault with count 0 if only
+  /// dropped records came by; kTimeout if nothing is there. flush: don't wait for what is missing.
+  ReadResult take(SourceBlock& block, std::size_t max_count, bool flush, SourceCounters& counters);
 
   /// Numbers from the next to take to the newest that arrived.
   std::size_t pending() const {

@@ -51,10 +51,8 @@ constexpr std::uint16_t kBotaOverrun = 1, kBotaOverrange = 2, kBotaInvalid = 4, 
 /// CRC-16/Modbus of the 14 before.
 extern const FrameFormat kRobotiqFormat;
 constexpr std::size_t kRobotiqSize = 16;
-
-/// A frame as the device sends it: for emulators and tests.
-std::array<std::uint8_t, kBotaSize> packBotaFrame(const SerialFrame& frame);
-std::array<std::uint8_t, kRobotiqSize> packRobotiqFrame(const SerialFrame& frame);
+constexpr double kRobotiqForce = 0.01;    ///< [N] per count
+constexpr double kRobotiqTorque = 0.001;  ///< [N·m] per count
 
 /// Finds frames in bytes as they come. In step, a frame is one with the right header and CRC where
 /// the last one ended. Out of step (at the start, after anything else) the header of the next frame

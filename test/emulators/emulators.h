@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <random>
@@ -13,8 +14,7 @@
 #include <vector>
 
 #include "assembly_cell/sensor/netft_configuration.h"
-#include "assembly_cell/sensor/rdt.h"
-#include "assembly_cell/sensor/serial_frame.h"
+#include "device_codecs.h"
 
 namespace assembly_cell {
 
@@ -24,6 +24,13 @@ namespace assembly_cell {
 /// What every emulator measures: channel k of sample n, [N] or [N·m]; small whole numbers of 0.01,
 /// exact in every format and different for neighbours, so that a test knows a sample by its number.
 double emulatedValue(std::uint64_t n, std::size_t channel);
+
+/// From 0 to 1, evenly.
+double chance(std::mt19937_64& random);
+
+/// Calls `emit` every millisecond with the number of samples that are due at a rate [Hz].
+void emitAtRate(double rate, const std::atomic<bool>& stop,
+                const std::function<void(std::size_t)>& emit);
 
 /// What a link does to records. Chances are of one record; a reordered one goes out after the next
 /// 1 … 4.
@@ -94,7 +101,6 @@ class NetftEmulator {
   std::array<std::int32_t, 6> counts(const std::array<double, 6>& values) const;
   void serveRequests();
   void serveHttp();
-  void stream();
   void send(const std::array<std::uint8_t, kRdtRecordSize>& data);
   bool emitLocked(std::size_t count);
   void flushLocked();
@@ -164,7 +170,6 @@ class SerialEmulator {
 
  private:
   void listen();
-  void stream();
   bool sendLocked(const std::vector<std::uint8_t>& bytes);
 
   Options options_;
