@@ -100,11 +100,10 @@ std::optional<std::string_view> field(std::string_view header, std::string_view 
     const std::size_t end = std::min(header.find('\n'), header.size());
     const std::string_view line = header.substr(0, end);
     header.remove_prefix(std::min(end + 1, header.size()));
-    const std::size_t colon = line.find(':');
-    if (colon != name.size()) continue;
+    if (line.size() <= name.size() || line[name.size()] != ':') continue;
     if (std::equal(name.begin(), name.end(), line.begin(),
                    [](char a, char b) { return a == lower(b); })) {
-      return trimmed(line.substr(colon + 1));
+      return trimmed(line.substr(name.size() + 1));
     }
   }
   return std::nullopt;
