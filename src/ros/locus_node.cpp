@@ -46,7 +46,7 @@ std::string faultOf(const Exciter& exciter) {
   }
   if (!std::isfinite(exciter.phase)) return "exciter phase is not finite: give it in rad";
   if (exciter.direction != 1 && exciter.direction != -1) {
-    return text("exciter direction is %g: give 1 or -1", exciter.direction);
+    return text("exciter direction is %d: give 1 or -1", exciter.direction);
   }
   return {};
 }

@@ -303,7 +303,7 @@ bool TwinForceNode::onTare(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
     const Reading free = read(0.0);
     contacts_->tare(free.window, free.X_SC);
     response.success = true;
-    response.message = text("zero from %.0f samples", free.window.samples());
+    response.message = text("zero from %d samples", free.window.samples());
   } catch (const InputError& error) {
     response.message = error.what();
   }
@@ -314,7 +314,7 @@ bool TwinForceNode::onAdd(AddContact::Request& request, AddContact::Response& re
   const std::lock_guard<std::mutex> turn(services_);
   try {
     if (contacts_->full()) {
-      throw InputError(text("%.0f contacts are kept: call ~reset first", kCapacity));
+      throw InputError(text("%zu contacts are kept: call ~reset first", kCapacity));
     }
     const Reading reading = read(request.window);
     Matrix6 rounding_a, rounding_b;
