@@ -13,9 +13,9 @@
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/description/cell_description.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -78,7 +78,7 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
   out +=
       text("  time: %.2f s simulated, %.2f s wall clock", report.simulated_time, report.wall_time) +
       text(" (%.1f times real time)\n",
-           report.wall_time > 0.0 ? report.simulated_time / report.wall_time : 0.0, 0.0);
+           report.wall_time > 0.0 ? report.simulated_time / report.wall_time : 0.0);
   return out;
 }
 

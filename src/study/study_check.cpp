@@ -3,6 +3,7 @@
 
 #include <set>
 
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/calibration.h"
