@@ -31,15 +31,22 @@ std::string line(const char* format, double a, double b) {
   return text;
 }
 
-constexpr double kThere = 2e-5;   // of height [m] and tilt [rad]
-constexpr double kBeside = 5e-4;  // of x and y [m]
+constexpr double kThere = 1e-7;   // of height [m] and tilt [rad], as commanded
+constexpr double kNear = 2e-5;    // of the same where they give way a little
+constexpr double kRest = 2e-6;    // their change in a block once the move has ended
+constexpr double kBeside = 5e-4;  // of x and y, which give way [m]
+
+// difference of height and tilt, the greatest
+double apart(const RestPose& a, const RestPose& b) {
+  return std::max({std::abs(a.z - b.z), std::abs(a.theta - b.theta), std::abs(a.phi - b.phi)});
+}
 
 }  // namespace
 
-bool arrived(const RestPose& at, const RestPose& target) {
-  return std::abs(at.z - target.z) < kThere && std::abs(at.theta - target.theta) < kThere &&
-         std::abs(at.phi - target.phi) < kThere &&
-         std::hypot(at.x - target.x, at.y - target.y) < kBeside;
+bool arrived(const RestPose& before, const RestPose& at, const RestPose& target) {
+  if (std::hypot(at.x - target.x, at.y - target.y) >= kBeside) return false;
+  const double off = apart(at, target);
+  return off < kThere || (off < kNear && apart(at, before) < kRest);
 }
 
 Hand::Hand(Plant& plant, const PressLimits& limits) : plant_(plant), limits_(limits) {
@@ -108,10 +115,11 @@ void Hand::moveTo(const RestPose& target) {
   target_ = target;
   PlantCommand command;
   command.rest = target;
-  step(command);
-  for (int i = 0; i < kStillLimit; ++i) {
-    if (arrived(last_.carrier, target)) return;
-    step({});
+  for (int i = 0; i <= kStillLimit; ++i) {
+    const RestPose before = last_.carrier;
+    step(command);
+    if (arrived(before, last_.carrier, target)) return;
+    command.rest.reset();
   }
   throw PressError(
       line("not_arrived: carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));

@@ -23,8 +23,11 @@ bool isFinal(const std::string& reason) {
 bool goTo(Plant& plant, const RestPose& rest) {
   PlantCommand command;
   command.rest = rest;
+  RestPose before = plant.next({}).carrier;
   for (int i = 0; i < kMostBlocks; ++i) {
-    if (arrived(plant.next(command).carrier, rest)) return true;
+    const RestPose at = plant.next(command).carrier;
+    if (arrived(before, at, rest)) return true;
+    before = at;
     command.rest.reset();
   }
   return false;

@@ -26,8 +26,9 @@ struct PressError : std::runtime_error {
 
 /// The carrier is where it was sent. x, y and yaw give way; where the base isn't parallel to the
 /// axes that give way, so does the rest a little: 2e-4 m and 4e-4 rad under 40 N, times a tilt of
-/// 0.05 rad. A move's last 20 µm take 6 ms, less than a block.
-bool arrived(const RestPose& at, const RestPose& target);
+/// 0.05 rad. There, arrived is near and not moving since the block before; a command given in the
+/// last of a move, within 20 µm, ended alignments of twin_force with force_limit.
+bool arrived(const RestPose& before, const RestPose& at, const RestPose& target);
 
 /// Moves the carrier of a plant and feels with sensor_b: guarded moves, tare, press control at
 /// block rate. Every block passes through step(), which checks the limits.
