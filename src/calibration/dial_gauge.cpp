@@ -60,12 +60,11 @@ struct Fit {
   Matrix6 inverse = Matrix6::Zero();  // of JᵀJ
   Eigen::VectorXd residuals;
   Eigen::MatrixXd J;
-  int iterations = 0;
 };
 
-Fit fit(const GaugeLayout& layout, const std::vector<double>& readings, const Pose& start) {
+Fit fit(const GaugeLayout& layout, const std::vector<double>& readings) {
   const auto n = static_cast<Eigen::Index>(readings.size());
-  Fit out{start, Matrix6::Zero(), Eigen::VectorXd(n), Eigen::MatrixXd(n, 6), 0};
+  Fit out{Pose(), Matrix6::Zero(), Eigen::VectorXd(n), Eigen::MatrixXd(n, 6)};
   Vector6 scale;
   scale << 1, 1, 1, 1 / kArm, 1 / kArm, 1 / kArm;
   for (int iteration = 1; iteration <= kIterations; ++iteration) {
@@ -87,7 +86,6 @@ Fit fit(const GaugeLayout& layout, const std::vector<double>& readings, const Po
     if (turn > 0.5) step *= 0.5 / turn;
     out.X.p += step.head<3>();
     out.X.R = rotationFromVector({step.tail<3>()}) * out.X.R;
-    out.iterations = iteration;
     if (!step.allFinite()) break;
     // at rounding: 1e-15 of a metre, or no longer getting better
     if (step.head<3>().norm() < 1e-14 && step.tail<3>().norm() < 1e-13) {
@@ -117,35 +115,6 @@ GaugeLayout thesisGauges(double half_distance) {
   return layout;
 }
 
-Pose poseFromSixGauges(const Vector6& readings, double half_distance) {
-  const GaugeLayout layout = thesisGauges(half_distance);
-  if (!readings.allFinite()) throw InputError("gauges: a reading is not finite: read it again");
-  // slopes of the three faces
-  const double E = (readings[1] - readings[0]) / (2 * half_distance);
-  const double F = (readings[3] - readings[2]) / (2 * half_distance);
-  const double G = (readings[5] - readings[4]) / (2 * half_distance);
-  const double q = 1.0 + E * F * G;
-  if (!(q > 0.0)) {
-    throw InputError("gauges: 1 + EFG is " + std::to_string(q) +
-                     ": no such pose of orthogonal faces; check order and signs of the readings");
-  }
-  const double U = (E * F - G * (E * E + 1.0)) / q;
-  const double V = (F * G - E * (F * F + 1.0)) / q;
-  const double W = (G * E - F * (G * G + 1.0)) / q;
-  Pose X;
-  X.R.col(0) = Eigen::Vector3d(1, E, U).normalized();
-  X.R.col(1) = Eigen::Vector3d(V, 1, F).normalized();
-  X.R.col(2) = Eigen::Vector3d(G, W, 1).normalized();
-  // each face passes through the tip of its first gauge
-  Eigen::Vector3d d;
-  for (int face = 0; face < 3; ++face) {
-    const DialGauge& gauge = layout.gauges[static_cast<std::size_t>(2 * face)];
-    d[face] = X.R.col(face).dot(gauge.point + readings[2 * face] * gauge.axis);
-  }
-  X.p = X.R * d;
-  return X;
-}
-
 std::vector<double> gaugeReadings(const GaugeLayout& layout, const Pose& X_DC) {
   checkLayout(layout);
   std::vector<double> readings;
@@ -156,7 +125,7 @@ std::vector<double> gaugeReadings(const GaugeLayout& layout, const Pose& X_DC) {
 }
 
 GaugePose poseFromGauges(const GaugeLayout& layout, const std::vector<double>& readings,
-                         double sigma, const Pose& start) {
+                         double sigma) {
   checkLayout(layout);
   const std::size_t n = layout.gauges.size();
   if (n < 6 || readings.size() != n) {
@@ -169,13 +138,12 @@ GaugePose poseFromGauges(const GaugeLayout& layout, const std::vector<double>& r
   for (const double value : readings) {
     if (!std::isfinite(value)) throw InputError("gauges: a reading is not finite: read it again");
   }
-  const Fit all = fit(layout, readings, start);
+  const Fit all = fit(layout, readings);
   GaugePose out;
   out.X_DC = all.X;
   out.covariance = sigma * sigma * all.inverse;
   out.chi2 = all.residuals.squaredNorm() / (sigma * sigma);
   out.dof = static_cast<int>(n) - 6;
-  out.iterations = all.iterations;
   if (out.dof == 0) out.chi2 = 0.0;
   if (out.dof == 0 || chi2Tail(out.chi2, out.dof) >= kFault) return out;
 

@@ -2,6 +2,7 @@
 #include "assembly_cell/calibration/drift.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
@@ -11,23 +12,13 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr std::size_t kLeastWindow = 8;
+constexpr std::size_t kMinWindow = 8;
 constexpr double kLargestCorrelation = 0.98;  // beyond it a window says nothing of its own noise
 
 }  // namespace
 
 const char* toString(Settling verdict) {
-  switch (verdict) {
-    case Settling::kFilling:
-      return "filling";
-    case Settling::kSpread:
-      return "spread";
-    case Settling::kTrend:
-      return "trend";
-    case Settling::kSettled:
-      return "settled";
-  }
-  return "filling";
+  return std::array{"filling", "spread", "trend", "settled"}[static_cast<std::size_t>(verdict)];
 }
 
 SettledWindow::SettledWindow(const SettlingLimits& limits) : limits_(limits) {
@@ -35,7 +26,7 @@ SettledWindow::SettledWindow(const SettlingLimits& limits) : limits_(limits) {
     throw InputError(std::string("settling: ") + name + " is " + std::to_string(value) + ": " +
                      remedy);
   };
-  if (limits.window < kLeastWindow) {
+  if (limits.window < kMinWindow) {
     refuse("window", static_cast<double>(limits.window), "give at least 8 samples");
   }
   for (const double noise : limits.noise) {
@@ -115,7 +106,7 @@ SettlingReport SettledWindow::report() const {
   const double n = run.count;
   const Vector6 mean = run.sum / n;
   report.mean = reference_ + mean;
-  if (report.samples < kLeastWindow) return report;
+  if (report.samples < kMinWindow) return report;
 
   // straight line, scatter about it, and how long its noise remembers
   const double moment = n * (n * n - 1.0) / 12.0;

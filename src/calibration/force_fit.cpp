@@ -10,8 +10,8 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kIterations = 30;
-constexpr double kConverged = 1e-10;       // of the change of S, in parts of S
-constexpr double kLeastRedundancy = 0.02;  // of a test whose residual still says something
+constexpr double kConverged = 1e-10;     // of the change of S, in parts of S
+constexpr double kMinRedundancy = 0.02;  // of a test whose residual still says something
 
 Small poseJacobian(const Pose& X, const Vector6& w_B, int rows) {
   const Eigen::Matrix3d f = skew(X.R * w_B.head<3>());
@@ -90,11 +90,96 @@ Linear linearised(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S,
 // adjusted strains, solve for matrices and shared zeros, adjust the strains, until nothing moves.
 class Adjustment {
  public:
-  Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S);
+  Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S)
+      : system_(system),
+        rows_(system.rows),
+        terms_(static_cast<int>(S.a.cols())),
+        half_(rows_ * terms_),
+        unknowns_(2 * half_),
+        zeros_(6 * static_cast<Eigen::Index>(system.zero_covariance.size())),
+        parts_(system.tests.size()),
+        zeta_(Eigen::VectorXd::Zero(zeros_)),
+        u_(zeta_),
+        prior_(Eigen::MatrixXd::Zero(zeros_, zeros_)),
+        N_(unknowns_, unknowns_),
+        N_z_(unknowns_, zeros_),
+        H_(zeros_, zeros_),
+        rhs_(unknowns_),
+        rhs_z_(zeros_) {
+    fit.S = S;
+    fit.equations = equationsOf(system);
+    fit.dof = fit.equations - static_cast<int>(unknowns_);
+    fit.residual.resize(system.tests.size());
+    fit.test_chi2.assign(system.tests.size(), 0.0);
+    fit.normalised = fit.test_chi2;
+    for (const ForceTest& test : system.tests)
+      strain_.push_back({test.part.a.strain, test.part.b.strain});
+    // a perfect zero keeps a tiny covariance
+    for (std::size_t z = 0; z < system.zero_covariance.size(); ++z) {
+      const Matrix6 covariance = system.zero_covariance[z] + 1e-24 * Matrix6::Identity();
+      prior_.block<6, 6>(6 * z, 6 * z) = covariance.llt().matrixL();
+    }
+  }
 
-  void iterate();
-  void stopAtTheStart();
-  void judgeResiduals(bool normalise);
+  void iterate() {
+    for (int iteration = 1; iteration <= kIterations && !fit.converged; ++iteration) {
+      linearise();
+      eliminateZeros();
+      if (!factorise()) return;
+      fit.iterations = iteration;
+      const Eigen::VectorXd theta = scale_.cwiseProduct(factor_.solve(scale_.cwiseProduct(rhs_)));
+      if (!theta.allFinite()) return;
+      const PerSide<Eigen::MatrixXd> old = fit.S;
+      fit.S = matricesOf(theta, rows_, terms_);
+      if (zeros_ > 0) {
+        const Eigen::VectorXd pull = rhs_z_ - N_z_.transpose() * theta;
+        const Eigen::VectorXd projected = prior_.transpose() * pull;
+        u_ = zero_factor_.solve(projected);
+        zeta_ = prior_ * u_;
+      }
+      const double moved = adjustStrains();
+      const double change = std::max((fit.S.a - old.a).norm() / fit.S.a.norm(),
+                                     (fit.S.b - old.b).norm() / fit.S.b.norm());
+      fit.converged = change < kConverged && moved < 1e-9;
+    }
+    finish();
+  }
+
+  void stopAtTheStart() {
+    linearise();
+    eliminateZeros();
+    if (!factorise()) return;
+    fit.iterations = 1;
+    fit.converged = true;
+    finish();
+  }
+
+  void judgeResiduals(bool normalise) {
+    if (fit.covariance.size() == 0) return;
+    fit.chi2 = u_.squaredNorm();
+    for (std::size_t k = 0; k < system_.tests.size(); ++k) {
+      const ForceTest& test = system_.tests[k];
+      if (test.used) fit.chi2 += fit.test_chi2[k];
+      fit.normalised[k] = std::sqrt(fit.test_chi2[k] / test.equations);
+      if (!normalise) continue;
+      // a used test has pulled the result towards itself, an unused one adds the result's error
+      Eigen::MatrixXd A(test.equations, unknowns_);
+      designRows(test, rows_, terms_, strain_[k], A);
+      const Small APA = A * fit.covariance * A.transpose();
+      // C ∓ APAᵀ is that of this residual; the floor keeps what nothing else checks from counting
+      Eigen::MatrixXd Q = parts_[k].C * (1.0 + kMinRedundancy);
+      if (test.used) {
+        Q -= APA;
+      } else {
+        Q += APA;
+      }
+      const Eigen::LLT<Eigen::MatrixXd> root(Q);
+      const double sum = root.info() == Eigen::Success
+                             ? fit.residual[k].dot(root.solve(fit.residual[k]))
+                             : fit.test_chi2[k];
+      fit.normalised[k] = std::sqrt(sum / test.equations);
+    }
+  }
 
   ForceFit fit;
 
@@ -107,15 +192,128 @@ class Adjustment {
     Eigen::VectorXd x;
   };
 
-  PerSide<Vector6> measured(const ForceTest& test) const {
-    return {test.part.a.strain, test.part.b.strain};
+  // normal equations of all tests in use
+  void linearise() {
+    N_.setZero();
+    N_z_.setZero();
+    H_.setZero();
+    rhs_.setZero();
+    rhs_z_.setZero();
+    for (std::size_t k = 0; k < system_.tests.size(); ++k) {
+      const ForceTest& test = system_.tests[k];
+      parts_[k] = linearised(test, fit.S, strain_[k]);
+      if (!test.used) continue;
+      std::vector<Block> blocks;
+      for (const Side side : kSides) {
+        if (!test.part[side].present) continue;
+        blocks.push_back({&test.part[side], &parts_[k].D[side], side == Side::kA ? 0 : half_,
+                          strainTerms(strain_[k][side], terms_)});
+      }
+      accumulate(blocks, parts_[k]);
+    }
+    N_.triangularView<Eigen::StrictlyUpper>() = N_.transpose();
   }
-  void linearise();
-  void accumulate(const std::vector<Block>& blocks, const Linear& p);
-  void eliminateZeros();
-  bool factorise();
-  double adjustStrains();
-  void finish();
+
+  // residual: Aθ − y − Dζ
+  void accumulate(const std::vector<Block>& blocks, const Linear& p) {
+    const auto forZeros = [](const Block& block, const auto& work) {
+      for (const ZeroPart& zero : block.part->zeros) {
+        if (zero.index >= 0) work(zero);
+      }
+    };
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      const Block& row = blocks[i];
+      const Small KW = row.part->K.transpose() * p.W;
+      for (std::size_t j = 0; j <= i; ++j) {
+        addKronecker(N_.block(row.first, blocks[j].first, half_, half_), KW * blocks[j].part->K,
+                     row.x * blocks[j].x.transpose());
+      }
+      const SmallVector Ky = KW * p.y;
+      for (int r = 0; r < rows_; ++r) {
+        rhs_.segment(row.first + r * terms_, terms_) += Ky[r] * row.x;
+      }
+      for (const Block& column : blocks) {
+        const Small KWD = KW * *column.D;
+        forZeros(column, [&](const ZeroPart& zero) {
+          for (int r = 0; r < rows_; ++r) {
+            N_z_.block(row.first + r * terms_, 6 * zero.index, terms_, 6) -=
+                zero.weight * row.x * KWD.row(r);
+          }
+        });
+      }
+      const Small DW = row.D->transpose() * p.W;
+      const SmallVector DWy = DW * p.y;
+      forZeros(row, [&](const ZeroPart& zi) {
+        rhs_z_.segment<6>(6 * zi.index) -= zi.weight * DWy;
+        for (const Block& column : blocks) {
+          const Small DWD = DW * *column.D;
+          forZeros(column, [&](const ZeroPart& zj) {
+            H_.block<6, 6>(6 * zi.index, 6 * zj.index) += zi.weight * zj.weight * DWD;
+          });
+        }
+      });
+    }
+  }
+
+  // with P = LLᵀ the zeros' prior, (H + P⁻¹)⁻¹ = L (I + LᵀHL)⁻¹ Lᵀ
+  void eliminateZeros() {
+    if (zeros_ == 0) return;
+    const Eigen::MatrixXd HL = H_ * prior_;
+    Eigen::MatrixXd inner = prior_.transpose() * HL;
+    inner.diagonal().array() += 1.0;
+    zero_factor_.compute(inner);
+    const Eigen::MatrixXd NL = N_z_ * prior_;
+    const Eigen::MatrixXd half_step = zero_factor_.matrixL().solve(NL.transpose());
+    const Eigen::VectorXd projected = prior_.transpose() * rhs_z_;
+    N_.noalias() -= half_step.transpose() * half_step;
+    rhs_.noalias() -= NL * zero_factor_.solve(projected);
+  }
+
+  bool factorise() {
+    scale_ = N_.diagonal().cwiseMax(0.0).cwiseSqrt();
+    for (double& s : scale_) s = s > 0.0 ? 1.0 / s : 1.0;
+    factor_.compute(scale_.asDiagonal() * N_ * scale_.asDiagonal());
+    return factor_.info() == Eigen::Success;
+  }
+
+  // residuals of all tests and the strains that belong to them; the largest change of a strain [V]
+  double adjustStrains() {
+    double moved = 0.0;
+    for (std::size_t k = 0; k < system_.tests.size(); ++k) {
+      const ForceTest& test = system_.tests[k];
+      const Linear& p = parts_[k];
+      SmallVector r = -p.y;
+      PerSide<Vector6> zero = {Vector6::Zero(), Vector6::Zero()};
+      for (const Side side : kSides) {
+        const Part& part = test.part[side];
+        if (!part.present) continue;
+        for (const ZeroPart& z : part.zeros) {
+          if (z.index >= 0) zero[side] += z.weight * zeta_.segment<6>(6 * z.index);
+        }
+        r +=
+            part.K * (fit.S[side] * strainTerms(strain_[k][side], terms_)) - p.D[side] * zero[side];
+      }
+      fit.residual[k] = r;
+      const SmallVector Wr = p.W * r;
+      fit.test_chi2[k] = r.dot(Wr);
+      for (const Side side : kSides) {
+        const Part& part = test.part[side];
+        if (!part.present) continue;
+        const Vector6 next =
+            part.strain - zero[side] - part.covariance * (p.D[side].transpose() * Wr);
+        moved = std::max(moved, (next - strain_[k][side]).cwiseAbs().maxCoeff());
+        strain_[k][side] = next;
+      }
+    }
+    return moved;
+  }
+
+  void finish() {
+    fit.covariance = scale_.asDiagonal() *
+                     factor_.solve(Eigen::MatrixXd::Identity(unknowns_, unknowns_)) *
+                     scale_.asDiagonal();
+    fit.covariance = (0.5 * (fit.covariance + fit.covariance.transpose())).eval();
+  }
 
   const ForceSystem& system_;
   int rows_, terms_;
@@ -128,218 +326,6 @@ class Adjustment {
   Eigen::VectorXd rhs_, rhs_z_, scale_;
   Eigen::LLT<Eigen::MatrixXd> factor_, zero_factor_;
 };
-
-Adjustment::Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S)
-    : system_(system),
-      rows_(system.rows),
-      terms_(static_cast<int>(S.a.cols())),
-      half_(rows_ * terms_),
-      unknowns_(2 * half_),
-      zeros_(6 * static_cast<Eigen::Index>(system.zero_covariance.size())),
-      parts_(system.tests.size()),
-      zeta_(Eigen::VectorXd::Zero(zeros_)),
-      u_(zeta_),
-      prior_(Eigen::MatrixXd::Zero(zeros_, zeros_)),
-      N_(unknowns_, unknowns_),
-      N_z_(unknowns_, zeros_),
-      H_(zeros_, zeros_),
-      rhs_(unknowns_),
-      rhs_z_(zeros_) {
-  fit.S = S;
-  fit.equations = equationsOf(system);
-  fit.dof = fit.equations - static_cast<int>(unknowns_);
-  fit.residual.resize(system.tests.size());
-  fit.test_chi2.assign(system.tests.size(), 0.0);
-  fit.normalised = fit.test_chi2;
-  for (const ForceTest& test : system.tests) strain_.push_back(measured(test));
-  // a perfect zero keeps a tiny covariance
-  for (std::size_t z = 0; z < system.zero_covariance.size(); ++z) {
-    const Matrix6 covariance = system.zero_covariance[z] + 1e-24 * Matrix6::Identity();
-    prior_.block<6, 6>(6 * z, 6 * z) = covariance.llt().matrixL();
-  }
-}
-
-// normal equations of all tests in use
-void Adjustment::linearise() {
-  N_.setZero();
-  N_z_.setZero();
-  H_.setZero();
-  rhs_.setZero();
-  rhs_z_.setZero();
-  for (std::size_t k = 0; k < system_.tests.size(); ++k) {
-    const ForceTest& test = system_.tests[k];
-    parts_[k] = linearised(test, fit.S, strain_[k]);
-    if (!test.used) continue;
-    std::vector<Block> blocks;
-    for (const Side side : kSides) {
-      if (!test.part[side].present) continue;
-      blocks.push_back({&test.part[side], &parts_[k].D[side], side == Side::kA ? 0 : half_,
-                        strainTerms(strain_[k][side], terms_)});
-    }
-    accumulate(blocks, parts_[k]);
-  }
-  N_.triangularView<Eigen::StrictlyUpper>() = N_.transpose();
-}
-
-// residual: Aθ − y − Dζ
-void Adjustment::accumulate(const std::vector<Block>& blocks, const Linear& p) {
-  const auto forZeros = [](const Block& block, const auto& work) {
-    for (const ZeroPart& zero : block.part->zeros) {
-      if (zero.index >= 0) work(zero);
-    }
-  };
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    const Block& row = blocks[i];
-    const Small KW = row.part->K.transpose() * p.W;
-    for (std::size_t j = 0; j <= i; ++j) {
-      addKronecker(N_.block(row.first, blocks[j].first, half_, half_), KW * blocks[j].part->K,
-                   row.x * blocks[j].x.transpose());
-    }
-    const SmallVector Ky = KW * p.y;
-    for (int r = 0; r < rows_; ++r) {
-      rhs_.segment(row.first + r * terms_, terms_) += Ky[r] * row.x;
-    }
-    for (const Block& column : blocks) {
-      const Small KWD = KW * *column.D;
-      forZeros(column, [&](const ZeroPart& zero) {
-        for (int r = 0; r < rows_; ++r) {
-          N_z_.block(row.first + r * terms_, 6 * zero.index, terms_, 6) -=
-              zero.weight * row.x * KWD.row(r);
-        }
-      });
-    }
-    const Small DW = row.D->transpose() * p.W;
-    const SmallVector DWy = DW * p.y;
-    forZeros(row, [&](const ZeroPart& zi) {
-      rhs_z_.segment<6>(6 * zi.index) -= zi.weight * DWy;
-      for (const Block& column : blocks) {
-        const Small DWD = DW * *column.D;
-        forZeros(column, [&](const ZeroPart& zj) {
-          H_.block<6, 6>(6 * zi.index, 6 * zj.index) += zi.weight * zj.weight * DWD;
-        });
-      }
-    });
-  }
-}
-
-// with P = LLᵀ the zeros' prior, (H + P⁻¹)⁻¹ = L (I + LᵀHL)⁻¹ Lᵀ
-void Adjustment::eliminateZeros() {
-  if (zeros_ == 0) return;
-  const Eigen::MatrixXd HL = H_ * prior_;
-  Eigen::MatrixXd inner = prior_.transpose() * HL;
-  inner.diagonal().array() += 1.0;
-  zero_factor_.compute(inner);
-  const Eigen::MatrixXd NL = N_z_ * prior_;
-  const Eigen::MatrixXd half_step = zero_factor_.matrixL().solve(NL.transpose());
-  const Eigen::VectorXd projected = prior_.transpose() * rhs_z_;
-  N_.noalias() -= half_step.transpose() * half_step;
-  rhs_.noalias() -= NL * zero_factor_.solve(projected);
-}
-
-bool Adjustment::factorise() {
-  scale_ = N_.diagonal().cwiseMax(0.0).cwiseSqrt();
-  for (double& s : scale_) s = s > 0.0 ? 1.0 / s : 1.0;
-  factor_.compute(scale_.asDiagonal() * N_ * scale_.asDiagonal());
-  return factor_.info() == Eigen::Success;
-}
-
-// residuals of all tests and the strains that belong to them; the largest change of a strain [V]
-double Adjustment::adjustStrains() {
-  double moved = 0.0;
-  for (std::size_t k = 0; k < system_.tests.size(); ++k) {
-    const ForceTest& test = system_.tests[k];
-    const Linear& p = parts_[k];
-    SmallVector r = -p.y;
-    PerSide<Vector6> zero = {Vector6::Zero(), Vector6::Zero()};
-    for (const Side side : kSides) {
-      const Part& part = test.part[side];
-      if (!part.present) continue;
-      for (const ZeroPart& z : part.zeros) {
-        if (z.index >= 0) zero[side] += z.weight * zeta_.segment<6>(6 * z.index);
-      }
-      r += part.K * (fit.S[side] * strainTerms(strain_[k][side], terms_)) - p.D[side] * zero[side];
-    }
-    fit.residual[k] = r;
-    const SmallVector Wr = p.W * r;
-    fit.test_chi2[k] = r.dot(Wr);
-    for (const Side side : kSides) {
-      const Part& part = test.part[side];
-      if (!part.present) continue;
-      const Vector6 next =
-          part.strain - zero[side] - part.covariance * (p.D[side].transpose() * Wr);
-      moved = std::max(moved, (next - strain_[k][side]).cwiseAbs().maxCoeff());
-      strain_[k][side] = next;
-    }
-  }
-  return moved;
-}
-
-void Adjustment::iterate() {
-  for (int iteration = 1; iteration <= kIterations && !fit.converged; ++iteration) {
-    linearise();
-    eliminateZeros();
-    if (!factorise()) return;
-    fit.iterations = iteration;
-    const Eigen::VectorXd theta = scale_.cwiseProduct(factor_.solve(scale_.cwiseProduct(rhs_)));
-    if (!theta.allFinite()) return;
-    const PerSide<Eigen::MatrixXd> old = fit.S;
-    fit.S = matricesOf(theta, rows_, terms_);
-    if (zeros_ > 0) {
-      const Eigen::VectorXd pull = rhs_z_ - N_z_.transpose() * theta;
-      const Eigen::VectorXd projected = prior_.transpose() * pull;
-      u_ = zero_factor_.solve(projected);
-      zeta_ = prior_ * u_;
-    }
-    const double moved = adjustStrains();
-    const double change = std::max((fit.S.a - old.a).norm() / fit.S.a.norm(),
-                                   (fit.S.b - old.b).norm() / fit.S.b.norm());
-    fit.converged = change < kConverged && moved < 1e-9;
-  }
-  finish();
-}
-
-void Adjustment::stopAtTheStart() {
-  linearise();
-  eliminateZeros();
-  if (!factorise()) return;
-  fit.iterations = 1;
-  fit.converged = true;
-  finish();
-}
-
-void Adjustment::finish() {
-  fit.covariance = scale_.asDiagonal() *
-                   factor_.solve(Eigen::MatrixXd::Identity(unknowns_, unknowns_)) *
-                   scale_.asDiagonal();
-  fit.covariance = (0.5 * (fit.covariance + fit.covariance.transpose())).eval();
-}
-
-void Adjustment::judgeResiduals(bool normalise) {
-  if (fit.covariance.size() == 0) return;
-  fit.chi2 = u_.squaredNorm();
-  for (std::size_t k = 0; k < system_.tests.size(); ++k) {
-    const ForceTest& test = system_.tests[k];
-    if (test.used) fit.chi2 += fit.test_chi2[k];
-    fit.normalised[k] = std::sqrt(fit.test_chi2[k] / test.equations);
-    if (!normalise) continue;
-    // a used test has pulled the result towards itself, an unused one adds the result's error
-    Eigen::MatrixXd A(test.equations, unknowns_);
-    designRows(test, rows_, terms_, strain_[k], A);
-    const Small APA = A * fit.covariance * A.transpose();
-    // C ∓ APAᵀ is that of this residual; the floor keeps what nothing else checks from counting
-    Eigen::MatrixXd Q = parts_[k].C * (1.0 + kLeastRedundancy);
-    if (test.used) {
-      Q -= APA;
-    } else {
-      Q += APA;
-    }
-    const Eigen::LLT<Eigen::MatrixXd> root(Q);
-    const double sum = root.info() == Eigen::Success
-                           ? fit.residual[k].dot(root.solve(fit.residual[k]))
-                           : fit.test_chi2[k];
-    fit.normalised[k] = std::sqrt(sum / test.equations);
-  }
-}
 
 }  // namespace
 

@@ -6,6 +6,12 @@
 
 namespace assembly_cell {
 
+void addGate(std::vector<Gate>& gates, bool bad, Gate gate) {
+  if (!bad) gate.verdict = Verdict::kPass;
+  if (!bad) gate.text.clear();
+  gates.push_back(gate);
+}
+
 double chi2Tail(double chi2, int dof) {
   if (dof <= 0 || chi2 <= 0.0) return 1.0;
   if (!std::isfinite(chi2)) return 0.0;

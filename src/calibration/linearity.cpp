@@ -147,20 +147,17 @@ LinearityResult testLinearity(const std::vector<LinearityStep>& steps) {
   out.quadratic_t = variance > 0.0 ? parabola[2] / std::sqrt(variance) : 0.0;
 
   const bool bent = out.nonlinearity > kRefuseNonlinearity;
-  out.gates.push_back(
-      makeGate("nonlinearity", out.nonlinearity, kRefuseNonlinearity,
-               out.nonlinearity > kWarnNonlinearity
-                   ? format("nonlinearity %.3g %% of span is above %.3g %%", 100 * out.nonlinearity,
-                            100 * (bent ? kRefuseNonlinearity : kWarnNonlinearity)) +
-                         (bent ? ": no linear model" : "")
-                   : "",
-               bent ? Verdict::kRefuse : Verdict::kWarn));
-  out.gates.push_back(makeGate(
-      "hysteresis", out.hysteresis, kHysteresis,
-      out.hysteresis > kHysteresis
-          ? format("hysteresis %.3g %% of span is above %.3g %%: check gauges and clamping",
-                   100 * out.hysteresis, 100 * kHysteresis)
-          : ""));
+  const double limit = bent ? kRefuseNonlinearity : kWarnNonlinearity;
+  addGate(out.gates, out.nonlinearity > kWarnNonlinearity,
+          {"nonlinearity", bent ? Verdict::kRefuse : Verdict::kWarn, out.nonlinearity,
+           kRefuseNonlinearity,
+           format("nonlinearity %.3g %% of span is above %.3g %%", 100 * out.nonlinearity,
+                  100 * limit) +
+               (bent ? ": no linear model" : "")});
+  addGate(out.gates, out.hysteresis > kHysteresis,
+          {"hysteresis", Verdict::kRefuse, out.hysteresis, kHysteresis,
+           format("hysteresis %.3g %% of span is above %.3g %%: check gauges and clamping",
+                  100 * out.hysteresis, 100 * kHysteresis)});
   out.linear_model_allowed = !refused(out.gates);
   return out;
 }

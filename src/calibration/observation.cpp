@@ -48,6 +48,15 @@ std::string sensorName(Side side) { return std::string("sensor_") + toString(sid
 
 SensorDescription::SensorDescription() : nominal(strainMatrix(nominalBridge()).inverse()) {}
 
+std::array<std::pair<const char*, double*>, 6> ReferenceAccuracy::items() {
+  return {{{"direction", &direction},
+           {"mass", &mass},
+           {"point", &point},
+           {"position", &position},
+           {"rotation", &rotation},
+           {"gauge", &gauge}}};
+}
+
 double SensorDescription::lsb() const { return 2.0 * full_scale * std::ldexp(1.0, -bits); }
 
 double SensorDescription::quantisation() const {

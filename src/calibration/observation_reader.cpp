@@ -180,12 +180,7 @@ SensorDescription readSensor(const Reader& in) {
 ReferenceAccuracy readAccuracy(const Reader& in) {
   in.keys({"direction", "mass", "point", "position", "rotation", "gauge"});
   ReferenceAccuracy accuracy;
-  for (const auto& [key, value] : {std::pair{"direction", &accuracy.direction},
-                                   {"mass", &accuracy.mass},
-                                   {"point", &accuracy.point},
-                                   {"position", &accuracy.position},
-                                   {"rotation", &accuracy.rotation},
-                                   {"gauge", &accuracy.gauge}}) {
+  for (const auto& [key, value] : accuracy.items()) {
     *value = in.number(key, *value);
     if (!(*value >= 0.0)) in.refuse(key, "is negative: give a standard deviation");
   }

@@ -1,20 +1,18 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/calibration/payload_command.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
 #include <iostream>
-#include <limits>
-#include <optional>
+#include <map>
 #include <sstream>
 
-#include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/payload.h"
+#include "payload_files.h"
 
 namespace assembly_cell {
 
@@ -51,55 +49,49 @@ struct Options {
 
 Options parseOptions(const std::vector<std::string>& arguments) {
   Options options;
+  PayloadOptions& payload = options.payload;
+  std::string axes, weight;
+  const std::map<std::string, std::string*> values = {{"--predict", &options.predict},
+                                                      {"--output", &options.output},
+                                                      {"--trace", &options.trace},
+                                                      {"--axes", &axes},
+                                                      {"--weight", &weight}};
+  const std::map<std::string, std::pair<bool*, bool>> flags = {
+      {"--holdout", {&options.holdout, true}},
+      {"--in-situ", {&payload.in_situ, true}},
+      {"--no-drift", {&payload.drift, false}},
+      {"--no-breaks", {&payload.breaks, false}},
+      {"--help", {&options.help, true}},
+      {"-h", {&options.help, true}},
+      {"--keep-outliers", {&payload.outliers, false}}};
   std::vector<std::string> files;
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
+  for (std::size_t i = 0; i < arguments.size() && !options.help; ++i) {
     const std::string& name = arguments[i];
-    const auto value = [&]() -> const std::string& {
+    if (const auto flag = flags.find(name); flag != flags.end()) {
+      *flag->second.first = flag->second.second;
+    } else if (const auto value = values.find(name); value != values.end()) {
       if (i + 1 == arguments.size() || arguments[i + 1].empty()) {
         throw InputError(name + ": value missing: see --help");
       }
-      return arguments[++i];
-    };
-    if (name == "--help" || name == "-h") {
-      options.help = true;
-      return options;
-    }
-    if (name == "--predict") {
-      options.predict = value();
-    } else if (name == "--output") {
-      options.output = value();
-    } else if (name == "--trace") {
-      options.trace = value();
-    } else if (name == "--axes") {
-      const std::string& axes = value();
-      if (axes != "base" && axes != "sensor" && axes != "auto") {
-        throw InputError("--axes: value " + axes + ": give base, sensor or auto");
-      }
-      options.payload.axes = axes == "base"     ? WrenchAxes::kBase
-                             : axes == "sensor" ? WrenchAxes::kSensor
-                                                : WrenchAxes::kAuto;
-    } else if (name == "--weight") {
-      const std::string& text = value();
-      double weight = 0.0;
-      if (!parseNumber(text, weight) || !(weight > 0.0)) {
-        throw InputError("--weight: value " + text + ": give a positive number of N");
-      }
-      options.payload.known_weight = weight;
-    } else if (name == "--holdout") {
-      options.holdout = true;
-    } else if (name == "--in-situ") {
-      options.payload.in_situ = true;
-    } else if (name == "--no-drift") {
-      options.payload.drift = false;
-    } else if (name == "--no-breaks") {
-      options.payload.breaks = false;
-    } else if (name == "--keep-outliers") {
-      options.payload.outliers = false;
+      *value->second = arguments[++i];
     } else if (name.rfind("-", 0) == 0) {
       throw InputError("argument: value " + name + ": unknown option, see --help");
     } else {
       files.push_back(name);
     }
+  }
+  if (options.help) return options;
+  for (const WrenchAxes choice : {WrenchAxes::kBase, WrenchAxes::kSensor, WrenchAxes::kAuto}) {
+    if (axes == toString(choice)) payload.axes = choice;
+  }
+  if (!axes.empty() && axes != toString(payload.axes)) {
+    throw InputError("--axes: value " + axes + ": give base, sensor or auto");
+  }
+  if (double known = 0.0; !weight.empty()) {
+    if (!parseNumber(weight, known) || !(known > 0.0)) {
+      throw InputError("--weight: value " + weight + ": give a positive number of N");
+    }
+    payload.known_weight = known;
   }
   if (files.size() != 2) {
     throw InputError("argument: " + std::to_string(files.size()) +
@@ -108,148 +100,12 @@ Options parseOptions(const std::vector<std::string>& arguments) {
   if (!options.output.empty() && options.predict.empty()) {
     throw InputError("--output: nothing to write: give --predict FILE too");
   }
-  if (options.payload.known_weight && !options.payload.in_situ) {
+  if (payload.known_weight && !payload.in_situ) {
     throw InputError("--weight: serves the correction matrix: give --in-situ too");
   }
   options.poses = files[0];
   options.wrenches = files[1];
   return options;
-}
-
-// ---- CSV with optional header
-
-struct Table {
-  bool header = false;
-  std::vector<std::string> names;  // lower case
-  std::vector<std::vector<double>> rows;
-  std::vector<std::size_t> line;  // of each row
-};
-
-// a comma at the end of a row makes no cell
-std::vector<std::string> cellsOf(const std::string& text) {
-  auto cells = csvCells(text, " \t\r\"");
-  if (!text.empty() && text.back() == ',') cells.pop_back();
-  return {cells.begin(), cells.end()};
-}
-
-Table readTable(const std::string& path, const std::vector<std::string>& columns,
-                const std::vector<std::string>& further) {
-  std::ifstream file(path);
-  if (!file) throw InputError(path + ": file missing or unreadable: give a CSV file");
-  Table table;
-  std::string text;
-  for (std::size_t line = 1; std::getline(file, text); ++line) {
-    if (line == 1 && text.rfind("\xEF\xBB\xBF", 0) == 0) text.erase(0, 3);
-    if (text.find_first_not_of(" \t\r") == std::string::npos || text[0] == '#') continue;
-    const std::vector<std::string> cells = cellsOf(text);
-    double value = 0.0;
-    if (table.names.empty()) {
-      table.header = !cells.empty() && !parseNumber(cells[0], value) && !cells[0].empty() &&
-                     std::isalpha(static_cast<unsigned char>(cells[0][0])) != 0 &&
-                     cells[0] != "nan" && cells[0] != "NaN" && cells[0] != "inf";
-      if (table.header) {
-        for (std::string name : cells) {
-          std::transform(name.begin(), name.end(), name.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-          table.names.push_back(name);
-        }
-        continue;
-      }
-      table.names = columns;
-      for (const std::string& name : further) {
-        if (table.names.size() < cells.size()) table.names.push_back(name);
-      }
-    }
-    const std::string place = path + ":" + std::to_string(line) + ": ";
-    if (cells.size() != table.names.size()) {
-      throw InputError(place + std::to_string(cells.size()) + " columns: give " +
-                       std::to_string(table.names.size()) + " as in the first row");
-    }
-    std::vector<double> row;
-    for (std::size_t c = 0; c < cells.size(); ++c) {
-      if (!parseNumber(cells[c], value)) {
-        throw InputError(place + "column " + table.names[c] + " is '" + cells[c] +
-                         "': give a finite number");
-      }
-      row.push_back(value);
-    }
-    table.rows.push_back(std::move(row));
-    table.line.push_back(line);
-  }
-  if (table.rows.empty()) throw InputError(path + ": no rows: give one row a pose");
-  return table;
-}
-
-// index of the one column with one of these names; none if absent
-std::optional<std::size_t> columnOf(const Table& table, const std::string& path,
-                                    const std::vector<std::string>& names) {
-  std::optional<std::size_t> found;
-  for (std::size_t c = 0; c < table.names.size(); ++c) {
-    if (std::find(names.begin(), names.end(), table.names[c]) == names.end()) continue;
-    if (found) throw InputError(path + ":1: column " + table.names[c] + ": there are two such");
-    found = c;
-  }
-  return found;
-}
-
-std::size_t needColumn(const Table& table, const std::string& path, const std::string& name) {
-  const auto column = columnOf(table, path, {name});
-  if (!column) throw InputError(path + ":1: column " + name + " is missing: add it");
-  return *column;
-}
-
-struct Poses {
-  std::vector<StaticPose> values;
-  bool ordered = false;
-};
-
-Poses readPoses(const std::string& path) {
-  const Table table = readTable(path, {"x", "y", "z", "qx", "qy", "qz", "qw"}, {"order"});
-  std::array<std::size_t, 4> q{};
-  const std::array<const char*, 4> names = {"qx", "qy", "qz", "qw"};
-  for (std::size_t k = 0; k < 4; ++k) q[k] = needColumn(table, path, names[k]);
-  const auto order = columnOf(table, path, {"order", "index", "time", "t"});
-  const auto temperature = columnOf(table, path, {"temperature"});
-  Poses out;
-  out.ordered = order.has_value();
-  for (std::size_t i = 0; i < table.rows.size(); ++i) {
-    const std::vector<double>& row = table.rows[i];
-    Eigen::Quaterniond rotation(row[q[3]], row[q[0]], row[q[1]], row[q[2]]);
-    const double norm = rotation.norm();
-    if (!(std::abs(norm - 1.0) < 0.01)) {
-      throw InputError(path + ":" + std::to_string(table.line[i]) + ": quaternion has length " +
-                       yamlNumber(norm) + ": give a unit quaternion qx,qy,qz,qw");
-    }
-    StaticPose pose;
-    pose.R = rotation.normalized().toRotationMatrix();
-    pose.order = order ? row[*order] : static_cast<double>(i);
-    if (temperature) pose.temperature = row[*temperature];
-    out.values.push_back(pose);
-  }
-  return out;
-}
-
-struct Wrenches {
-  std::vector<Vector6> values;
-  std::vector<double> temperature;
-  bool header = false;
-};
-
-Wrenches readWrenches(const std::string& path) {
-  const std::vector<std::string> names = {"fx", "fy", "fz", "tx", "ty", "tz"};
-  const Table table = readTable(path, names, {});
-  Wrenches out;
-  out.header = table.header;
-  const auto temperature = columnOf(table, path, {"temperature"});
-  for (const std::vector<double>& row : table.rows) {
-    Vector6 w;
-    for (std::size_t k = 0; k < 6; ++k) {
-      w[static_cast<Eigen::Index>(k)] = row[needColumn(table, path, names[k])];
-    }
-    out.values.push_back(w);
-    if (temperature) out.temperature.push_back(row[*temperature]);
-  }
-  return out;
 }
 
 // ---- YAML
@@ -356,13 +212,11 @@ void printModel(std::ostream& out, const PayloadModel& m, bool holdout) {
   out << "bias_last: " << list(m.last_bias) << "\n";
   out << "bias_last_sd: " << list(m.last_bias_sd) << "\n";
 
-  out << "drift:\n";
   bool significant = false;
-  for (std::size_t a = 0; a < 6; ++a) {
-    const BiasComponent& c = m.group[a / 3].component[a % 3];
-    significant = significant || c.shape != DriftShape::kNone;
+  for (const BiasGroup& group : m.group) {
+    for (const BiasComponent& c : group.component) significant |= c.shape != DriftShape::kNone;
   }
-  out << "  significant: " << (significant ? "true" : "false") << "\n";
+  out << "drift:\n  significant: " << (significant ? "true" : "false") << "\n";
   for (std::size_t a = 0; a < 6; ++a) {
     const BiasComponent& c = m.group[a / 3].component[a % 3];
     out << "  " << kAxisNames[a] << ": {shape: " << toString(c.shape) << ", change: "
@@ -388,12 +242,12 @@ void printModel(std::ostream& out, const PayloadModel& m, bool holdout) {
   } else {
     out << "temperature: null\n";
   }
-  out << "residual_rms: {force: " << yamlNumber(m.force_rms)
-      << ", torque: " << yamlNumber(m.torque_rms) << "}\n";
-  out << "plain_rms: {force: " << yamlNumber(m.plain_force_rms)
-      << ", torque: " << yamlNumber(m.plain_torque_rms) << "}\n";
-  out << "held_out_rms: {force: " << yamlNumber(m.held_out_force_rms)
-      << ", torque: " << yamlNumber(m.held_out_torque_rms) << "}\n";
+  for (const auto& [key, rms] : {std::pair{"residual_rms", m.rms},
+                                 {"plain_rms", m.plain_rms},
+                                 {"held_out_rms", m.held_out_rms}}) {
+    out << key << ": {force: " << yamlNumber(rms.force) << ", torque: " << yamlNumber(rms.torque)
+        << "}\n";
+  }
   if (holdout) {
     out << "held_out:\n";
     for (std::size_t i = 0; i < m.used.size(); ++i) {
@@ -455,8 +309,8 @@ int run(const Options& options, std::ostream& out) {
   if (!options.predict.empty()) further = readPoses(options.predict);
 
   const PayloadModel model = identifyPayload(poses.values, wrenches.values, options.payload);
-  if (!model.refusal.empty()) {
-    out << "status: refused\nreason: \"" << model.refusal << "\"\n";
+  if (model.refusal) {
+    out << "status: refused\nreason: \"" << model.refusal.text << "\"\n";
     return 1;
   }
   printModel(out, model, options.holdout);

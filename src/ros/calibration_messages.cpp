@@ -64,6 +64,21 @@ std::vector<std::string> textsOf(const std::vector<Gate>& gates, Verdict verdict
 // -1 for what isn't known: no NaN on the wire
 double known(double value) { return std::isfinite(value) ? value : -1.0; }
 
+// what solutions of forces and of displacements both say
+template <class Solution, class Message>
+void fillCommon(const Solution& s, Message& m) {
+  m.accepted = s.accepted;
+  m.rank = static_cast<std::uint32_t>(s.rank);
+  m.dof = s.dof;
+  m.condition = known(s.condition);
+  m.chi2 = known(s.chi2);
+  m.p = known(s.p);
+  m.weak_direction = s.weak_direction;
+  m.refusals = textsOf(s.gates, Verdict::kRefuse);
+  m.warnings = textsOf(s.gates, Verdict::kWarn);
+  m.message = s.message;
+}
+
 }  // namespace
 
 SensorCalibration toMessage(const Calibration& c) {
@@ -201,25 +216,17 @@ LoadRequest fromMessage(const LoadStep& step, const std::string& source) {
 
 CalibrationResult toMessage(const ForceSolution& s, const ObservationSet& set) {
   CalibrationResult m;
-  m.accepted = s.accepted;
+  fillCommon(s, m);
   m.procedure = toString(s.procedure);
   m.model = s.quadratic ? "quadratic" : "linear";
   m.unknowns = static_cast<std::uint32_t>(s.unknowns);
   m.equations = static_cast<std::uint32_t>(s.equations);
-  m.rank = static_cast<std::uint32_t>(s.rank);
-  m.dof = s.dof;
-  m.condition = known(s.condition);
-  m.chi2 = known(s.chi2);
-  m.p = known(s.p);
   for (std::size_t k = 0; k < 6; ++k) {
     m.residual_rms[k] = known(s.residual_rms[k]);
     m.predicted_sd_a[k] = known(s.predicted_sd.a[k]);
     m.predicted_sd_b[k] = known(s.predicted_sd.b[k]);
   }
   m.hold_out_rms = known(s.hold_out_rms);
-  m.weak_direction = s.weak_direction;
-  m.refusals = textsOf(s.gates, Verdict::kRefuse);
-  m.warnings = textsOf(s.gates, Verdict::kWarn);
   m.normalised.assign(set.observations.size(), 0.0);
   for (const TestResult& test : s.tests) {
     const Observation& o = set.observations.at(test.observation);
@@ -231,28 +238,18 @@ CalibrationResult toMessage(const ForceSolution& s, const ObservationSet& set) {
       ++m.tests;
     }
   }
-  m.message = s.message;
   return m;
 }
 
 DisplacementResult toMessage(const DisplacementSolution& s) {
   DisplacementResult m;
-  m.accepted = s.accepted;
+  fillCommon(s, m);
   m.tests = static_cast<std::uint32_t>(s.tests);
-  m.rank = static_cast<std::uint32_t>(s.rank);
-  m.dof = s.dof;
-  m.condition = known(s.condition);
-  m.chi2 = known(s.chi2);
-  m.p = known(s.p);
   for (std::size_t k = 0; k < 6; ++k) {
     m.residual_sd[k] = known(s.residual_sd[k]);
     m.output_sd[k] = known(s.output_sd[k]);
   }
-  m.weak_direction = s.weak_direction;
-  m.refusals = textsOf(s.gates, Verdict::kRefuse);
-  m.warnings = textsOf(s.gates, Verdict::kWarn);
   m.dropped = s.dropped;
-  m.message = s.message;
   return m;
 }
 

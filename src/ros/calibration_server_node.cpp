@@ -98,13 +98,7 @@ StrainWindows::Settings CalibrationServerNode::readParameters() {
     }
   }
   Parameters accuracy(ros::NodeHandle(pnh_, "accuracy"));
-  for (const auto& [name, value] :
-       {std::pair<const char*, double*>{"direction", &set.accuracy.direction},
-        {"mass", &set.accuracy.mass},
-        {"point", &set.accuracy.point},
-        {"position", &set.accuracy.position},
-        {"rotation", &set.accuracy.rotation},
-        {"gauge", &set.accuracy.gauge}}) {
+  for (const auto& [name, value] : set.accuracy.items()) {
     *value = accuracy.number(name, kPositive, *value);
   }
   accuracy.refuseUnknown();

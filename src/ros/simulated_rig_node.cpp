@@ -14,8 +14,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::uint32_t kQueue = 100;
-constexpr double kTick = 2e-3;          // of the wall clock [s]
-constexpr int kMostBlocksPerTick = 10;  // a machine that was asleep catches up little by little
+constexpr double kTick = 2e-3;         // of the wall clock [s]
+constexpr int kMaxBlocksPerTick = 10;  // a machine that was asleep catches up little by little
 
 void append(StrainSamples& block, const StrainSample& sample) {
   block.volts.insert(block.volts.end(), sample.volts.data(), sample.volts.data() + 6);
@@ -66,7 +66,7 @@ void SimulatedRigNode::publishDueBlocks() {
   const std::lock_guard<std::mutex> lock(mutex_);
   const std::chrono::duration<double> elapsed = Clock::now() - wall_start_;
   const auto due = static_cast<std::uint64_t>(elapsed.count() * speed_ / settings_.sample_period);
-  for (int i = 0; i < kMostBlocksPerTick; ++i) {
+  for (int i = 0; i < kMaxBlocksPerTick; ++i) {
     if (samples_ + static_cast<std::uint64_t>(block_size_) > due) return;
     publishBlock();
   }

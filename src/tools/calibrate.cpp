@@ -80,13 +80,13 @@ double number(const Arguments& arguments, const char* key, double fallback) {
   return value;
 }
 
-long integer(const Arguments& arguments, const char* key, long fallback, long least, long most) {
+long integer(const Arguments& arguments, const char* key, long fallback, long min, long max) {
   const auto found = arguments.find(key);
   if (found == arguments.end()) return fallback;
   long value = 0;
-  if (!parseInteger(found->second, value) || value < least || value > most) {
+  if (!parseInteger(found->second, value) || value < min || value > max) {
     throw InputError(std::string(key) + ": value is '" + found->second + "': give a whole number " +
-                     std::to_string(least) + " to " + std::to_string(most));
+                     std::to_string(min) + " to " + std::to_string(max));
   }
   return value;
 }

@@ -130,13 +130,13 @@ TEST(SettledWindow, GapsAndBadSamplesStartAnew) {
   SettledWindow window(limits);
   EXPECT_EQ(window.report().verdict, Settling::kFilling);
   for (int i = 0; i < 12; ++i) window.add(Vector6::Ones());
-  EXPECT_TRUE(window.settled());
+  EXPECT_TRUE((window.report().verdict == Settling::kSettled));
   window.add(Vector6::Constant(std::numeric_limits<double>::quiet_NaN()));
   EXPECT_EQ(window.report().samples, 0u);
   for (int i = 0; i < 7; ++i) window.add(Vector6::Ones());
   EXPECT_EQ(window.report().verdict, Settling::kFilling);
   window.add(Vector6::Ones());
-  EXPECT_TRUE(window.settled());
+  EXPECT_TRUE((window.report().verdict == Settling::kSettled));
 
   limits.window = 7;
   EXPECT_THROW(SettledWindow{limits}, InputError);
@@ -160,7 +160,7 @@ TEST(SettledWindow, RealRecording) {
   std::vector<bool> settled;
   for (const Vector6& x : recording.values) {
     window.add(x);
-    settled.push_back(window.settled());
+    settled.push_back((window.report().verdict == Settling::kSettled));
   }
   ASSERT_EQ(settled.size(), 300u);
   const auto count = [&](std::size_t from, std::size_t to) {

@@ -51,7 +51,7 @@ TEST(Payload, ExactWithoutNoise) {
   plan.force_noise = plan.torque_noise = 0.0;
   plan.bias = [](double) { return (Vector6() << 3, -2, 17, 0.1, -0.05, 0.02).finished(); };
   const PayloadModel m = identify(simulate(plan));
-  ASSERT_EQ(m.refusal, "");
+  ASSERT_FALSE(m.refusal);
   EXPECT_NEAR(m.weight, 8.0, 1e-9);  // rounding
   EXPECT_LT((m.center_of_mass - plan.center).norm(), 1e-9);
   EXPECT_LT((m.bias - plan.bias(0.0)).norm(), 1e-9);
@@ -70,7 +70,7 @@ TEST(Payload, CleanRecordingsStayPlain) {
       plan.seed = seed;
       plan.base_axes = seed % 2 == 0;
       const PayloadModel m = identify(simulate(plan));
-      ASSERT_EQ(m.refusal, "");
+      ASSERT_FALSE(m.refusal);
       EXPECT_EQ(m.axes, plan.base_axes ? WrenchAxes::kBase : WrenchAxes::kSensor);
       drift += anyDrift(m);
       breaks += !m.breaks.empty();
@@ -108,7 +108,7 @@ TEST(Payload, FindsDriftAndBreakWhereverTheyAre) {
     };
     const SimulatedRecording recording = simulate(plan);
     const PayloadModel m = identify(recording);
-    ASSERT_EQ(m.refusal, "");
+    ASSERT_FALSE(m.refusal);
     ASSERT_EQ(m.breaks.size(), 1u) << "axis " << c.axis;
     EXPECT_EQ(m.breaks[0].pose, c.place);
     const double before = c.size * double(c.place - 1) / (double(c.place) - 0.25);
@@ -210,11 +210,11 @@ TEST(Payload, SaysWhenItCannotKnow) {
     flat.poses[i].R =
         Eigen::AngleAxisd(0.3 * double(i), Eigen::Vector3d::UnitZ()).toRotationMatrix();
   }
-  EXPECT_NE(identify(flat).refusal.find("rank"), std::string::npos);
+  EXPECT_EQ(identify(flat).refusal.code, CalibrationFailure::kOneAxis);
   SimulatedRecording few = r;
   few.poses.resize(5);
   few.wrenches.resize(5);
-  EXPECT_NE(identify(few).refusal, "");
+  EXPECT_EQ(identify(few).refusal.code, CalibrationFailure::kTooFewPoses);
 
   few.wrenches.pop_back();
   EXPECT_THROW(identify(few), InputError);

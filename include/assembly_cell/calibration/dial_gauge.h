@@ -39,23 +39,17 @@ struct GaugePose {
   double chi2 = 0.0;                     ///< of the residuals; 0 with six gauges
   int dof = 0;                           ///< gauges − 6
   int suspect = -1;                      ///< gauge that a fault test names, −1: none
-  int iterations = 0;
 };
-
-/// Corrected closed form for six gauges at ±half_distance on orthogonal faces (exact). Readings [m]
-/// X11 X12 X21 X22 X31 X32. Throws InputError when 1 + EFG is not positive or a reading is not
-/// finite.
-Pose poseFromSixGauges(const Vector6& readings, double half_distance);
 
 /// Readings of the gauges for a pose of the carrier. Throws InputError for a gauge along its face.
 std::vector<double> gaugeReadings(const GaugeLayout& layout, const Pose& X_DC);
 
 /// Least squares for six or more gauges and calibrated faces, with covariance for gauges of
-/// standard deviation `sigma` [m]. Starts from the identity or from `start`. With seven or more,
+/// standard deviation `sigma` [m]. Starts from the identity. With seven or more,
 /// when p(χ²) < 10⁻³, `suspect` is the gauge whose removal leaves the best fit (with exactly seven
 /// all removals fit: then it is the largest normalised residual and only a hint). Throws
 /// InputError: sizes, rank below 6, no convergence.
 GaugePose poseFromGauges(const GaugeLayout& layout, const std::vector<double>& readings,
-                         double sigma, const Pose& start = {});
+                         double sigma);
 
 }  // namespace assembly_cell

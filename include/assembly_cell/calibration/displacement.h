@@ -11,19 +11,13 @@
 
 namespace assembly_cell {
 
-enum class DisplacementModel {
-  kLinear,     ///< 6 terms a row
-  kThesis,     ///< strains and their squares (11.4): 12 terms; for comparison
-  kQuadratic,  ///< strains and all products: 27 terms; the one to use
-};
-
-/// Strain to displacement of one sensor: x y z [m] and rotation vector [rad] of O_C from rest.
+/// Strain to displacement of one sensor: x y z [m] and rotation vector [rad] of O_C from rest, 27
+/// terms a row: strains and all their products (thesis 11.4 leaves those of different strains out).
 struct DisplacementSolution {
   bool accepted = false;
-  DisplacementModel model = DisplacementModel::kQuadratic;
-  int terms = 27;
-  Eigen::MatrixXd T;                      ///< 6 × 27, terms that the model leaves out are 0
-  Eigen::MatrixXd unit_covariance;        ///< 27 × 27 of a row for unit variance of its output
+  Eigen::MatrixXd T = Eigen::MatrixXd::Zero(6, 27);
+  Eigen::MatrixXd unit_covariance =
+      Eigen::MatrixXd::Zero(27, 27);      ///< of a row, output of variance 1
   Vector6 output_sd = Vector6::Zero();    ///< expected of one test: gauges and strain
   Vector6 residual_sd = Vector6::Zero();  ///< found; 0 without degrees of freedom
   Vector6 range = Vector6::Zero();        ///< largest |strain| of each channel in the tests [V]
@@ -37,8 +31,7 @@ struct DisplacementSolution {
 };
 
 /// Identifies from the displacement tests of one side.
-DisplacementSolution solveDisplacement(const ObservationSet& set, Side side,
-                                       DisplacementModel model = DisplacementModel::kQuadratic);
+DisplacementSolution solveDisplacement(const ObservationSet& set, Side side);
 
 /// Matrices, covariance and range into a calibration. Throws InputError for one not accepted.
 void applyDisplacement(const DisplacementSolution& solution, Calibration& calibration);

@@ -53,8 +53,6 @@ class SettledWindow {
   void clear();  ///< after a gap, a saturated sample or a commanded move
 
   SettlingReport report() const;
-  bool settled() const { return report().verdict == Settling::kSettled; }
-  const SettlingLimits& limits() const { return limits_; }
 
  private:
   /// Sums over a run of samples, relative to reference_; runs join in O(1).

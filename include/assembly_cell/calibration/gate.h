@@ -19,11 +19,8 @@ struct Gate {
   std::string text;
 };
 
-/// Passed where `text` is empty.
-inline Gate makeGate(const std::string& name, double value, double limit, const std::string& text,
-                     Verdict otherwise = Verdict::kRefuse) {
-  return {name, text.empty() ? Verdict::kPass : otherwise, value, limit, text};
-}
+/// Adds a check; one that isn't `bad` passes, its verdict and text don't count.
+void addGate(std::vector<Gate>& gates, bool bad, Gate gate);
 
 inline bool refused(const std::vector<Gate>& gates) {
   for (const Gate& gate : gates) {

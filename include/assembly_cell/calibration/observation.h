@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "assembly_cell/calibration/dial_gauge.h"
@@ -114,6 +115,9 @@ struct ReferenceAccuracy {
   double position = 20e-6;    ///< of a relative pose, per axis [m]
   double rotation = 0.3e-3;   ///< of a relative pose, per axis [rad]
   double gauge = 1e-6;        ///< of a dial gauge [m]
+
+  /// All of them by name.
+  std::array<std::pair<const char*, double*>, 6> items();
 };
 
 /// All that was measured, in the order of time.

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/calibration/failure.h"
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
@@ -84,6 +85,10 @@ struct SequenceTest {
 };
 SequenceTest testSequence(const std::vector<double>& residuals);
 
+struct ForceTorque {
+  double force = 0.0, torque = 0.0;
+};
+
 struct InSituCorrection {
   bool given = false;
   std::string reason;                    ///< why not, or what it rests on
@@ -94,7 +99,7 @@ struct InSituCorrection {
 
 /// Payload and bias: f = R_BSᵀ g + b_f(t), τ = c × (R_BSᵀ g) + b_τ(t) in sensor axes.
 struct PayloadModel {
-  std::string refusal;  ///< empty: identified
+  CalibrationRefusal refusal;  ///< none: identified
   WrenchAxes axes = WrenchAxes::kBase;
   double base_residual = 0.0,
          sensor_residual = 0.0;  ///< median held-out |force| error of either reading
@@ -117,10 +122,9 @@ struct PayloadModel {
   Vector6 temperature_coefficient = Vector6::Zero(), temperature_sd = Vector6::Zero();
   bool has_temperature = false;
 
-  double plain_force_rms = 0.0, plain_torque_rms = 0.0;  ///< constant bias, per component
-  double force_rms = 0.0, torque_rms = 0.0;              ///< of the model with drift and breaks
-  double held_out_force_rms = 0.0, held_out_torque_rms = 0.0;  ///< leave-one-out, used poses
-  std::vector<Vector6> residual, held_out;                     ///< of the used poses, sensor axes
+  ForceTorque plain_rms, rms;  ///< per component: with a constant bias, with drift and breaks
+  ForceTorque held_out_rms;    ///< leave-one-out, used poses
+  std::vector<Vector6> residual, held_out;  ///< of the used poses, sensor axes
   std::array<SequenceTest, 6> plain_test, final_test;
   bool structure_tested = false;  ///< false: too few poses to look for drift and breaks
   InSituCorrection in_situ;
