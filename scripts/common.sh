@@ -57,6 +57,22 @@ install_packages() {
     fail "install packages" "$log"
 }
 
+# shows how far ninja's output (standard input) has come: one line on a terminal, else one every 10 s
+show_progress() {
+  local line shown=-10 terminal=false
+  if [ -t 2 ]; then terminal=true; fi
+  while IFS= read -r line; do
+    [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]] || continue
+    if $terminal; then
+      printf '\r[%(%H:%M:%S)T] built %s of %s ' -1 "${BASH_REMATCH[1]}" "${BASH_REMATCH[2]}" >&2
+    elif [ $((SECONDS - shown)) -ge 10 ]; then
+      say "built ${BASH_REMATCH[1]} of ${BASH_REMATCH[2]}"
+      shown=$SECONDS
+    fi
+  done
+  if $terminal; then echo >&2; fi
+}
+
 # build TARGET...: configures when needed, builds what has changed
 build() {
   local log=$logs/configure.log
@@ -69,7 +85,10 @@ build() {
   fi
   log=$logs/build.log
   say "building (log: $log)"
-  cmake --build "$build" -j"$(nproc)" --target "$@" >"$log" 2>&1 </dev/null || fail "build" "$log"
+  (
+    set -o pipefail
+    cmake --build "$build" -j"$(nproc)" --target "$@" 2>&1 </dev/null | tee "$log" | show_progress
+  ) || fail "build" "$log"
   set +u
   # shellcheck disable=SC1091
   . "$build/devel/setup.bash"
