@@ -180,8 +180,7 @@ TEST(Displacement, QuadraticModelReachesTheGauges) {
   applyDisplacement(quadratic, c);
   EXPECT_TRUE(c.quadratic_displacement);
   EXPECT_EQ(c.displacement_covariance.rows(), 27);
-  EXPECT_NE(outsideDisplacementRange(c, Vector6::Constant(5.0)), 0u);
-  EXPECT_EQ(outsideDisplacementRange(c, 0.5 * quadratic.range), 0u);
+  EXPECT_EQ(c.displacement_range, quadratic.range);
 }
 
 TEST(Displacement, GatesRefuseByName) {

@@ -85,8 +85,8 @@ TEST(SlidingFriction, Refusals) {
   EXPECT_THROW(slidingFriction(locus, 1.0, std::nan("")), InputError);
   locus.P = 0;
   EXPECT_EQ(slidingFriction(locus, 1.0, 1.0).coefficient, 0.0);
-  const Scenario s =
-      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  const Mechanism s =
+      loadMechanism(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
   OperatingPoint p;
   p.frequency = 770;
   p.amplitude = 1;
