@@ -275,8 +275,12 @@ void Section::finish() const {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
     std::string names;
     for (const std::string& name : known_) names += (names.empty() ? " " : ", ") + name;
-    refuseKey(key, shown(node), "unknown key, known here:" + names,
-              "unknown key '" + at(key) + "': known are" + names);
+    try {
+      refuseKey(key, shown(node), "unknown key, known here:" + names,
+                "unknown key '" + at(key) + "': known are" + names);
+    } catch (const InputError& e) {
+      throw KeyError(e.what());
+    }
   }
 }
 
@@ -294,8 +298,8 @@ std::string fileText(const std::string& path, const std::string& what, std::size
   if (file) file.read(&text[0], static_cast<std::streamsize>(text.size()));
   if (!file.is_open() || file.bad()) {
     const std::string reason = errno != 0 ? std::strerror(errno) : "read error";
-    throw InputError(path + ": cannot be read: file missing or unreadable (" + reason +
-                     "): check the path and its permissions");
+    refuse(path, "file", "unreadable",
+           "file missing or unreadable (" + reason + "), check the path and its permissions");
   }
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (text.size() > largest) {
@@ -387,7 +391,7 @@ YAML::Node withValue(const YAML::Node& node, const std::vector<std::string>& key
 
 }  // namespace
 
-YAML::Node withOverride(const YAML::Node& root, const std::string& text) {
+YAML::Node withOverride(const YAML::Node& root, const std::string& text) try {
   const std::size_t equals = text.find('=');
   const std::vector<std::string> keys =
       equals == std::string::npos ? std::vector<std::string>{} : splitPath(text.substr(0, equals));
@@ -396,6 +400,8 @@ YAML::Node withOverride(const YAML::Node& root, const std::string& text) {
   }
   const YAML::Node value = loadYaml(text.substr(equals + 1), "--set " + text);
   return withValue(root, keys, 0, value, text);
+} catch (const InputError& e) {
+  throw KeyError(e.what());
 }
 
 YAML::Node loadMapping(const std::string& text, const std::string& source,

@@ -69,8 +69,12 @@ std::vector<JobInteger> integersOf(StudyJob& j) {
   };
 }
 
+std::string refusal(const StudySetting& s, const std::string& remedy) {
+  return s.key + ": value " + s.value + ": " + remedy;
+}
+
 [[noreturn]] void refuse(const StudySetting& s, const std::string& remedy) {
-  throw InputError(s.key + ": value " + s.value + ": " + remedy);
+  throw InputError(refusal(s, remedy));
 }
 
 }  // namespace
@@ -83,7 +87,8 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
   }
   const bool align = job.kind == StudyJob::Kind::kAlign;
   if (section != "start" && (section == "cell" || section == "align") != align) {
-    refuse(s, align ? "of no use with job: align, leave it out" : "needs job: align");
+    throw KeyError(
+        refusal(s, align ? "of no use with job: align, leave it out" : "needs job: align"));
   }
   if (section == "start") job.start.given = true;
   if (section == "move") job.move.given = true;
@@ -128,7 +133,7 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
   for (const JobInteger& integer : integersOf(job)) add(integer.key);
   add("stop.assembled");
   add("align.strategy");
-  refuse(s, "unknown key, known here: " + known);
+  throw KeyError(refusal(s, "unknown key, known here: " + known));
 }
 
 double* scenarioNumber(Scenario& s, const std::string& key, bool* alone) {

@@ -76,12 +76,19 @@ Names words(const std::string& list) {
   return {std::istream_iterator<std::string>(stream), {}};
 }
 
+std::string textOf(const std::string& file) {
+  try {
+    return yaml::fileText(file, "KEY: NUMBER");
+  } catch (const InputError&) {
+    throw InputError(file + ": cannot be read, give a YAML file");
+  }
+}
+
 // the flat mapping of a file, each key read by its type or refused
 class Parameters {
  public:
   explicit Parameters(const std::string& file)
-      : file_(file),
-        in_(mapping(yaml::loadYaml(yaml::fileText(file, "KEY: NUMBER"), file)), "", file_) {}
+      : file_(file), in_(mapping(yaml::loadYaml(textOf(file), file)), "", file_) {}
 
   void set(const std::string& key, double value) { values_[key] = value; }
   bool has(const std::string& key) const { return values_.count(key) || in_.has(key); }

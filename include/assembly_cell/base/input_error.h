@@ -12,4 +12,9 @@ struct InputError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// A key that doesn't exist, or is of no use where it stands: wrong whatever its value.
+struct KeyError : InputError {
+  using InputError::InputError;
+};
+
 }  // namespace assembly_cell
