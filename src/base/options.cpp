@@ -115,6 +115,10 @@ bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream
       throw InputError("argument: value " + argument + ": unknown option, see --help");
     }
     if (!one.string_key.empty()) {
+      // another option in place of the value
+      if (one.original_tokens.size() > 1 && options_.count(one.original_tokens[1]) > 0) {
+        throw InputError("--" + one.string_key + ": value missing: see --help");
+      }
       readOption("--" + one.string_key, one.value);
     } else if (files == files_.size()) {
       throw InputError("argument: value " + argument + ": " +

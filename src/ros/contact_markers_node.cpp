@@ -6,9 +6,9 @@
 #include <cmath>
 #include <complex>
 
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/twin_force/line_of_action.h"
 
 namespace assembly_cell::ros_bridge {

@@ -11,9 +11,9 @@
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/start.h"
+#include "assembly_cell/description/part_pairs.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/description/part_pairs.h"
 
 namespace assembly_cell::ros_bridge {
 

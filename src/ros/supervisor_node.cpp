@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/description/cell_description.h"
 
 namespace assembly_cell::ros_bridge {
 

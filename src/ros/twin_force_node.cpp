@@ -8,9 +8,9 @@
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
-#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/twin_force/contact_checks.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 

@@ -13,9 +13,9 @@
 #include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/LocusEstimate.h"
+#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/marker_colors.h"
-#include "assembly_cell/description/cell_description.h"
 #include "cell_fixture.h"
 
 namespace assembly_cell::ros_bridge {

@@ -378,7 +378,7 @@ TEST(BadInput, StopsTheNodeWithOneLine) {
   const std::string drift = "_replay/file:=" ASSEMBLY_CELL_SOURCE_DIR "/test/data/drift.csv ";
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"", "/bad_driver/calibration_file"},
-      {"_calibration_file:=/none.yaml", "calibration file '/none.yaml' can't be read"},
+      {"_calibration_file:=/none.yaml", "/none.yaml: file: value unreadable"},
       {"_calibration_file:=" ASSEMBLY_CELL_SOURCE_DIR "/package.xml", "package.xml"},
       {good + "_source:=serial", "/bad_driver/source"},
       {good + "_display_rate:=0", "/bad_driver/display_rate"},

@@ -468,51 +468,6 @@ TEST_F(LocusEstimator, FrictionOfASlidingPeg) {
   EXPECT_GT(result.locus.friction_sd, 0.0);
 }
 
-// CPU time of the node while a 5 kHz stream runs through it, every sample into the sliding
-// estimate, locus, mode and directions told once a block: at most a hundredth of a core
-TEST_F(LocusEstimator, CostsAtMostOnePercentOfACore) {
-  const auto pid = [] {
-    XmlRpc::XmlRpcValue request, response, payload;
-    request[0] = ros::this_node::getName();
-    request[1] = "/locus_estimator";
-    std::string host;
-    std::uint32_t port = 0;
-    EXPECT_TRUE(ros::master::execute("lookupNode", request, response, payload, true));
-    EXPECT_TRUE(ros::network::splitURI(payload, host, port));
-    XmlRpc::XmlRpcClient node(host.c_str(), static_cast<int>(port), "/");
-    XmlRpc::XmlRpcValue name, answer;
-    name[0] = ros::this_node::getName();
-    EXPECT_TRUE(node.execute("getPid", name, answer));
-    return static_cast<int>(answer[2]);
-  }();
-  // of all threads [s]
-  const auto cpuTime = [&] {
-    double sum = 0.0;
-    const std::string tasks = "/proc/" + std::to_string(pid) + "/task";
-    for (const auto& task : std::filesystem::directory_iterator(tasks)) {
-      double ns = 0.0;
-      std::ifstream(task.path() / "schedstat") >> ns;
-      sum += 1e-9 * ns;
-    }
-    return sum;
-  };
-  switchOn(770, 1);
-  const Complex6 coupling = response(1.0).coupling;
-  push(coupling, 20);
-  // the least disturbed of a few stretches
-  double least = 1.0;
-  constexpr int kBlocks = 250;
-  for (int stretch = 0; stretch < 4; ++stretch) {
-    const double before = cpuTime();
-    push(coupling, kBlocks);
-    least = std::min(least, (cpuTime() - before) / (kPeriod * kBlock * kBlocks));
-  }
-  RecordProperty("percent_of_a_core", std::to_string(100 * least));
-  std::printf("%.2f %% of a core at 5 kHz\n", 100 * least);
-  EXPECT_GT(least, 0.0);
-  EXPECT_LT(least, 0.01);
-}
-
 TEST_F(LocusEstimator, IsPreempted) {
   switchOn(500, 1);
   push(response(1.0).coupling);

@@ -27,8 +27,8 @@
 #include "assembly_cell/Step.h"
 #include "assembly_cell/StrainSamples.h"
 #include "assembly_cell/cell/simulated_cell.h"
-#include "assembly_cell/ros/participants.h"
 #include "assembly_cell/description/cell_description.h"
+#include "assembly_cell/ros/participants.h"
 
 namespace assembly_cell::ros_bridge {
 
