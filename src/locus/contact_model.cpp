@@ -19,16 +19,16 @@ using linear_motion::Complex;
 using linear_motion::Complex6;
 using linear_motion::Complex9;
 using linear_motion::counterRotating;
-using linear_motion::FreeMotion;
 using linear_motion::HeldMotion;
 using linear_motion::motionFromSensor;
 using linear_motion::sensorStiffness;
 using linear_motion::sensorWrench;
+using linear_motion::UnheldMotion;
 
 namespace {
 
 // centre of mass in the plane by the wrench on the sensor, in its axes
-Eigen::Matrix<Complex, 2, 6> planeFromSensor(const Mechanism& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 2, 6> planeFromSensor(const Mechanism& mechanism, const UnheldMotion& free,
                                              const Vector3d& static_force) {
   return motionFromSensor(mechanism, free, static_force).topRows<2>();
 }
@@ -36,6 +36,93 @@ Eigen::Matrix<Complex, 2, 6> planeFromSensor(const Mechanism& mechanism, const F
 double wrapped(double angle) {
   const double turned = angle - 2.0 * M_PI * std::floor(angle / (2.0 * M_PI));
   return turned < 2.0 * M_PI ? turned : 0.0;
+}
+
+// P and N as the estimator sees them of a contact in direction alpha: of the true plane, or through
+// a map without tilts
+class Prediction {
+ public:
+  Prediction(const Mechanism& mechanism, const OperatingPoint& point, LocusAxes axes)
+      : held_(mechanism, point) {
+    if (axes == LocusAxes::kHole) return;
+    const UnheldMotion upright(mechanism, point.direction * point.frequency, Vector2d::Zero(),
+                               Vector2d::Zero());
+    seen_ = planeFromSensor(mechanism, upright, Vector3d::Zero()) *
+            sensorWrench(mechanism, held_.free(), held_.couplingForce());
+  }
+  Eigen::Vector2cd operator()(double alpha) const {
+    const Eigen::Vector2cd xy = seen_ * held_.solve(alpha);
+    return counterRotating(xy[0], xy[1]);
+  }
+
+ private:
+  HeldMotion held_;
+  Eigen::Matrix<Complex, 2, 9> seen_ = Eigen::Matrix<Complex, 2, 9>::Identity();
+};
+
+// Starts of the refinement.
+constexpr int kGrid = 12;
+double gridDirection(int k) { return 2.0 * M_PI * k / kGrid; }
+
+class DirectionGrid {
+ public:
+  DirectionGrid(const Prediction& predicted, const Eigen::Vector2cd& measured) {
+    for (int k = 0; k < kGrid; ++k) {
+      const double c = (measured - predicted(gridDirection(k))).squaredNorm();
+      cost(k) = std::isfinite(c) ? c : std::numeric_limits<double>::infinity();
+    }
+  }
+  // of `count` directions from `first` on, round the circle
+  int best(int first, int count) const {
+    int best = first;
+    for (int k = first; k < first + count; ++k) {
+      if (cost(k) < cost(best)) best = k;
+    }
+    return best;
+  }
+
+ private:
+  double& cost(int k) { return cost_[static_cast<std::size_t>((k + kGrid) % kGrid)]; }
+  double cost(int k) const { return cost_[static_cast<std::size_t>((k + kGrid) % kGrid)]; }
+
+  std::array<double, kGrid> cost_{};
+};
+
+struct Refined {
+  double alpha = 0.0;
+  double cost = 0.0;         // [m²]
+  double information = 0.0;  // |d(P, N)/dα|² [m²]
+};
+
+// Gauss–Newton, a step only where it lowers the cost
+Refined refine(const Prediction& predicted, const Eigen::Vector2cd& measured, double alpha,
+               double noise) {
+  constexpr double kStep = 1e-4;    // of the central difference [rad]
+  constexpr double kLongest = 0.2;  // of one step [rad]
+  constexpr int kMostSteps = 30;
+  Eigen::Vector2cd rest = measured - predicted(alpha);
+  Refined refined{alpha, rest.squaredNorm(), 0.0};
+  for (int iteration = 0; iteration < kMostSteps; ++iteration) {
+    const Eigen::Vector2cd slope =
+        (predicted(refined.alpha + kStep) - predicted(refined.alpha - kStep)) / (2.0 * kStep);
+    refined.information = slope.squaredNorm();
+    double step = slope.dot(rest).real() / refined.information;
+    if (!std::isfinite(step)) break;
+    // to a thousandth of the noise
+    const double enough = std::max(1e-8, 1e-3 * std::sqrt(noise / refined.information));
+    step = std::clamp(step, -kLongest, kLongest);
+    Eigen::Vector2cd tried = measured - predicted(refined.alpha + step);
+    while (!(tried.squaredNorm() <= refined.cost) && std::abs(step) > enough) {
+      step *= 0.5;
+      tried = measured - predicted(refined.alpha + step);
+    }
+    if (!(tried.squaredNorm() <= refined.cost)) break;
+    refined.alpha += step;
+    rest = tried;
+    refined.cost = rest.squaredNorm();
+    if (std::abs(step) <= enough) break;
+  }
+  return refined;
 }
 
 }  // namespace
@@ -65,7 +152,7 @@ ContactResponse contactResponse(const Mechanism& mechanism, const OperatingPoint
 void centreOfMassPhasors(const Mechanism& mechanism, double frequency, const Complex6& coupling,
                          Complex& x, Complex& y, const Vector2d& tilt, const Vector2d& sensor_tilt,
                          const Vector3d& static_force) {
-  const FreeMotion free(mechanism, frequency, tilt, sensor_tilt);
+  const UnheldMotion free(mechanism, frequency, tilt, sensor_tilt);
   const Eigen::Vector2cd plane = planeFromSensor(mechanism, free, static_force) *
                                  (sensorStiffness(mechanism).cast<Complex>() * coupling);
   x = plane[0];
@@ -74,7 +161,7 @@ void centreOfMassPhasors(const Mechanism& mechanism, double frequency, const Com
 
 Locus centreOfMassLocus(const Mechanism& mechanism, double frequency, const HarmonicFit& fit,
                         const Vector2d& tilt, const Vector2d& sensor_tilt) {
-  const FreeMotion free(mechanism, frequency, tilt, sensor_tilt);
+  const UnheldMotion free(mechanism, frequency, tilt, sensor_tilt);
   const Eigen::Matrix<Complex, 2, 6> plane = planeFromSensor(mechanism, free, Vector3d::Zero()) *
                                              sensorStiffness(mechanism).cast<Complex>();
   const Eigen::Vector2cd xy = plane * fit.phasor;
@@ -98,93 +185,25 @@ DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPo
   if (!(std::isfinite(size) && size > 0.0)) {
     throw InputError("the locus has no size: excite the peg before asking for a direction");
   }
-  // what the estimator sees of all coordinates: the true plane, or that of a map without tilts
-  const HeldMotion held(mechanism, point);
-  Eigen::Matrix<Complex, 2, 9> seen = Eigen::Matrix<Complex, 2, 9>::Identity();
-  if (axes == LocusAxes::kSensor) {
-    const FreeMotion upright(mechanism, point.direction * point.frequency, Vector2d::Zero(),
-                             Vector2d::Zero());
-    seen = planeFromSensor(mechanism, upright, Vector3d::Zero()) *
-           sensorWrench(mechanism, held.free(), held.couplingForce());
-  }
-  const auto predicted = [&](double alpha) {
-    const Eigen::Vector2cd xy = seen * held.solve(alpha);
-    return counterRotating(xy[0], xy[1]);
-  };
-  const auto cost = [&](double alpha) {
-    const double c = (measured - predicted(alpha)).squaredNorm();
-    return std::isfinite(c) ? c : std::numeric_limits<double>::infinity();
-  };
-
-  // best of a coarse grid
-  constexpr int kGrid = 12;
-  std::array<double, kGrid> grid{};
-  for (std::size_t k = 0; k < kGrid; ++k) {
-    grid[k] = cost(2.0 * M_PI * static_cast<double>(k) / kGrid);
-  }
-  const auto best_of = [&](int first, int count) {
-    int best = first;
-    for (int k = first; k < first + count; ++k) {
-      if (grid[static_cast<std::size_t>((k + kGrid) % kGrid)] <
-          grid[static_cast<std::size_t>((best + kGrid) % kGrid)]) {
-        best = k;
-      }
-    }
-    return best;
-  };
-
+  const Prediction predicted(mechanism, point, axes);
+  const DirectionGrid grid(predicted, measured);
   const double noise_of_locus = locus.samples > 0 ? locus.variance() : 0.0;
 
-  // Gauss–Newton, a step only where it lowers the cost
-  double information = 0.0;  // of the last one refined, |d(P, N)/dα|² [m²]
-  const auto refine = [&](double alpha, double& lowest) {
-    constexpr double kStep = 1e-4;
-    Eigen::Vector2cd rest = measured - predicted(alpha);
-    lowest = rest.squaredNorm();
-    for (int iteration = 0; iteration < 30; ++iteration) {
-      const Eigen::Vector2cd slope =
-          (predicted(alpha + kStep) - predicted(alpha - kStep)) / (2.0 * kStep);
-      information = slope.squaredNorm();
-      double step = slope.dot(rest).real() / information;
-      if (!std::isfinite(step)) break;
-      // to a thousandth of the noise
-      const double enough = std::max(1e-8, 1e-3 * std::sqrt(noise_of_locus / information));
-      step = std::clamp(step, -0.2, 0.2);
-      Eigen::Vector2cd tried = measured - predicted(alpha + step);
-      while (!(tried.squaredNorm() <= lowest) && std::abs(step) > enough) {
-        step *= 0.5;
-        tried = measured - predicted(alpha + step);
-      }
-      if (!(tried.squaredNorm() <= lowest)) break;
-      alpha += step;
-      rest = tried;
-      lowest = rest.squaredNorm();
-      if (std::abs(step) <= enough) break;
-    }
-    return alpha;
-  };
-
-  DirectionEstimate estimate;
-  const int start = best_of(0, kGrid);
-  double cost_best = 0.0, cost_opposite = 0.0;
-  double best = refine(2.0 * M_PI * start / kGrid, cost_best);
-  double information_best = information;
+  const int start = grid.best(0, kGrid);
+  Refined best = refine(predicted, measured, gridDirection(start), noise_of_locus);
   // the other half turn: within a quarter of the opposite direction
-  const int turned = best_of(start + kGrid / 2 - kGrid / 4, kGrid / 2 + 1);
-  double opposite = refine(2.0 * M_PI * turned / kGrid, cost_opposite);
-  if (cost_opposite < cost_best) {
-    std::swap(best, opposite);
-    std::swap(cost_best, cost_opposite);
-    information_best = information;
-  }
+  const int turned = grid.best(start + kGrid / 2 - kGrid / 4, kGrid / 2 + 1);
+  Refined opposite = refine(predicted, measured, gridDirection(turned), noise_of_locus);
+  if (opposite.cost < best.cost) std::swap(best, opposite);
 
   // noise of the four numbers, or what the model leaves (three degrees of freedom) where larger
-  const double noise = std::max(noise_of_locus, std::max(cost_best / 3.0, 1e-32 * size * size));
-  estimate.alpha = wrapped(best);
-  estimate.alpha_opposite = wrapped(opposite);
-  estimate.weight = 1.0 / (1.0 + std::exp(-0.5 * (cost_opposite - cost_best) / noise));
-  estimate.sd = information_best > 0.0 ? std::min(std::sqrt(noise / information_best), M_PI) : M_PI;
-  estimate.misfit = std::sqrt(cost_best) / size;
+  const double noise = std::max(noise_of_locus, std::max(best.cost / 3.0, 1e-32 * size * size));
+  DirectionEstimate estimate;
+  estimate.alpha = wrapped(best.alpha);
+  estimate.alpha_opposite = wrapped(opposite.alpha);
+  estimate.weight = 1.0 / (1.0 + std::exp(-0.5 * (opposite.cost - best.cost) / noise));
+  estimate.sd = best.information > 0.0 ? std::min(std::sqrt(noise / best.information), M_PI) : M_PI;
+  estimate.misfit = std::sqrt(best.cost) / size;
   return estimate;
 }
 

@@ -41,7 +41,7 @@ DirectionEstimate withOdds(DirectionEstimate estimate, double odds) {
 
 HalfTurnEvidence halfTurnEvidence(const Mechanism& mechanism, double frequency,
                                   const HarmonicFit& fit) {
-  const linear_motion::FreeMotion free(mechanism, frequency, Vector2d::Zero(), Vector2d::Zero());
+  const linear_motion::UnheldMotion free(mechanism, frequency, Vector2d::Zero(), Vector2d::Zero());
   const Eigen::Matrix<Complex, 9, 6> motion =
       linear_motion::motionFromSensor(mechanism, free, Vector3d::Zero()) *
       linear_motion::sensorStiffness(mechanism).cast<Complex>();
@@ -62,8 +62,8 @@ DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoi
   const linear_motion::HeldMotion held(mechanism, point);
   linear_motion::ComplexMatrix9 seen = linear_motion::ComplexMatrix9::Identity();
   if (axes == LocusAxes::kSensor) {
-    const linear_motion::FreeMotion upright(mechanism, point.direction * point.frequency,
-                                            Vector2d::Zero(), Vector2d::Zero());
+    const linear_motion::UnheldMotion upright(mechanism, point.direction * point.frequency,
+                                              Vector2d::Zero(), Vector2d::Zero());
     seen = linear_motion::motionFromSensor(mechanism, upright, Vector3d::Zero()) *
            linear_motion::sensorWrench(mechanism, held.free(), held.couplingForce());
   }

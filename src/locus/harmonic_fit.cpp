@@ -4,9 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
-#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
@@ -15,13 +13,15 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr std::size_t kMinSamples = 8;
-constexpr int kLocusColumns = 4;  // cos, sin, 1, drift
 constexpr int kMostHarmonics = 4;
 constexpr int kMostColumns = 2 + 2 * kMostHarmonics;  // cos, sin, 1, drift, then each harmonic
 constexpr double kTwoPi = 2.0 * M_PI;
 constexpr double kHuber = 1.7;              // 1.7 % of efficiency on clean data
 constexpr double kRayleighMedian = 1.1774;  // of a planar residual, in units of one axis's noise
 constexpr int kReweightings = 50;
+constexpr double kSettled = 1e-9;
+constexpr double kWorstInflation = 1e6;
+constexpr int kFrequencySteps = 30;
 
 using Design = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostColumns, 1>;
 using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostColumns, kMostColumns>;
@@ -45,10 +45,6 @@ using Signals = Eigen::Map<const Vector6>;
   }
   throw InputError("signals are too large to be summed: give them in SI units");
 }
-
-}  // namespace
-
-namespace {
 
 // the columns of a fit
 class Columns {
@@ -132,157 +128,167 @@ std::vector<double> weightsOf(const std::vector<double>& sd, std::size_t n) {
   return weights;
 }
 
-// given: weights of the samples, mean 1, or empty. weights: these times the robust ones on return;
-// empty where all are 1
-HarmonicFit fitWeighted(const std::vector<double>& angle, const std::vector<double>& signals,
-                        const HarmonicOptions& options, const std::vector<double>& given,
-                        std::vector<double>& weights) {
-  requireWindow(angle, signals, options);
-  const std::size_t n = angle.size();
-  const double samples = static_cast<double>(n);
-  const Columns columns(angle.front(), angle.back(), options);
-  const int q = columns.count();
-
-  // normal equations relative to the first sample, so that a large offset costs no digits
-  const Vector6 origin = Signals(signals.data());
-  const auto signalsOf = [&](std::size_t k) -> Vector6 {
-    return Signals(&signals[6 * k]) - origin;
-  };
-  weights = given;
-  const auto givenOf = [&](std::size_t k) { return given.empty() ? 1.0 : given[k]; };
-  const auto weightOf = [&](std::size_t k) { return weights.empty() ? 1.0 : weights[k]; };
-  Normal normal(q, q), inverse(q, q);
-  Coefficients moment(q, 6), fit(q, 6);
-  Design a;
-  const auto solve = [&] {
-    normal.setZero();
-    moment.setZero();
-    for (std::size_t k = 0; k < n; ++k) {
-      columns.row(angle[k], a);
-      const double w = weightOf(k);
-      normal.noalias() += w * a * a.transpose();
-      moment.noalias() += w * a * signalsOf(k).transpose();
+// Least squares on the columns with weights of the samples: `given` (mean 1, or empty: all 1) times
+// those of a robust fit.
+class WeightedFit {
+ public:
+  WeightedFit(const std::vector<double>& angle, const std::vector<double>& signals,
+              const HarmonicOptions& options, const std::vector<double>& given)
+      : angle_(angle),
+        signals_(signals),
+        given_(given),
+        n_(angle.size()),
+        samples_(static_cast<double>(n_)),
+        columns_(angle.front(), angle.back(), options),
+        origin_(Signals(signals.data())),
+        q_(columns_.count()),
+        weights_(given),
+        inverse_(q_, q_),
+        fit_(q_, 6) {
+    solve();
+    scatter_ = inverse_.topLeftCorner<2, 2>();
+    inflation_ = scatter_.trace() * samples_ / 4.0;
+    if (!(inflation_ > 0.0 && inflation_ < kWorstInflation)) {
+      throw InputError(
+          "the samples do not resolve the exciter's angle: use a sampling rate that is no multiple "
+          "or fraction of its frequency");
     }
-    if (!normal.allFinite() || !moment.allFinite()) throwNonFinite(angle, signals);
-    inverse = normal.ldlt().solve(Normal::Identity(q, q));
-    fit = inverse * moment;
-  };
-  solve();
-  const Eigen::Matrix2d scatter = inverse.topLeftCorner<2, 2>();
-  const double inflation = scatter.trace() * samples / 4.0;
-  if (!(inflation > 0.0 && inflation < 1e6)) {
-    throw InputError(
-        "the samples do not resolve the exciter's angle: use a sampling rate that is no multiple "
-        "or fraction of its frequency");
+    if (options.robust) reweigh();
   }
-  const auto residualOf = [&](std::size_t k) -> Vector6 {
-    columns.row(angle[k], a);
-    return signalsOf(k) - fit.transpose() * a;
-  };
+
+  // given times robust weights; empty where all are 1
+  const std::vector<double>& weights() const { return weights_; }
+
+  // residuals give the noise and one step of refinement
+  HarmonicFit result() {
+    Coefficients rest = Coefficients::Zero(q_, 6);
+    Matrix6 sum_squares = Matrix6::Zero();
+    for (std::size_t k = 0; k < n_; ++k) {
+      const Vector6 residual = weight(k) * residualOf(k);
+      sum_squares.noalias() += residual * residual.transpose() / given(k);
+      rest.noalias() += row_ * residual.transpose();
+    }
+    fit_ += inverse_ * rest;
+
+    HarmonicFit result;
+    result.samples = n_;
+    result.inflation = inflation_;
+    result.scatter = scatter_;
+    result.offset = origin_ + fit_.row(2).transpose();
+    result.noise = sum_squares / (samples_ - q_) / (efficiency_ * efficiency_);
+    // c cos a + s sin a = Re((c - i s) e^{ia})
+    result.phasor.real() = fit_.row(0).transpose();
+    result.phasor.imag() = -fit_.row(1).transpose();
+    return result;
+  }
+
+ private:
+  double given(std::size_t k) const { return given_.empty() ? 1.0 : given_[k]; }
+  double weight(std::size_t k) const { return weights_.empty() ? 1.0 : weights_[k]; }
+  // relative to the first sample, so that a large offset costs no digits
+  Vector6 signalsOf(std::size_t k) const { return Signals(&signals_[6 * k]) - origin_; }
+  // leaves the sample's columns in row_
+  Vector6 residualOf(std::size_t k) {
+    columns_.row(angle_[k], row_);
+    return signalsOf(k) - fit_.transpose() * row_;
+  }
+
+  void solve() {
+    Normal normal = Normal::Zero(q_, q_);
+    Coefficients moment = Coefficients::Zero(q_, 6);
+    for (std::size_t k = 0; k < n_; ++k) {
+      columns_.row(angle_[k], row_);
+      const double w = weight(k);
+      normal.noalias() += w * row_ * row_.transpose();
+      moment.noalias() += w * row_ * signalsOf(k).transpose();
+    }
+    if (!normal.allFinite() || !moment.allFinite()) throwNonFinite(angle_, signals_);
+    inverse_ = normal.ldlt().solve(Normal::Identity(q_, q_));
+    fit_ = inverse_ * moment;
+  }
 
   // Huber: weights from the planar residual, its scale from the median
-  double efficiency = 1.0;  // mean slope of the influence function
-  if (options.robust) {
-    std::vector<double> radius(n), sorted(n);
+  void reweigh() {
+    std::vector<double> radius(n_), sorted(n_);
     double before = 0.0;
     for (int pass = 0; pass < kReweightings; ++pass) {
-      for (std::size_t k = 0; k < n; ++k) {
-        radius[k] = std::sqrt(givenOf(k)) * residualOf(k).head<2>().norm();
+      for (std::size_t k = 0; k < n_; ++k) {
+        radius[k] = std::sqrt(given(k)) * residualOf(k).head<2>().norm();
       }
       sorted = radius;
-      const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
+      const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n_ / 2);
       std::nth_element(sorted.begin(), middle, sorted.end());
       const double limit = kHuber * *middle / kRayleighMedian;
-      if (!(limit > 0.0) || std::abs(limit - before) <= 1e-9 * limit) break;
+      if (!(limit > 0.0) || std::abs(limit - before) <= kSettled * limit) break;
       before = limit;
-      weights.assign(n, 1.0);
-      efficiency = 0.0;
-      for (std::size_t k = 0; k < n; ++k) {
+      weights_.assign(n_, 1.0);
+      efficiency_ = 0.0;
+      for (std::size_t k = 0; k < n_; ++k) {
         const bool inside = radius[k] <= limit;
-        weights[k] = givenOf(k) * (inside ? 1.0 : limit / radius[k]);
-        efficiency += (inside ? 1.0 : 0.5 * limit / radius[k]) / samples;
+        weights_[k] = given(k) * (inside ? 1.0 : limit / radius[k]);
+        efficiency_ += (inside ? 1.0 : 0.5 * limit / radius[k]) / samples_;
       }
       solve();
     }
   }
 
-  // residuals give the noise and one step of refinement
-  Coefficients rest = Coefficients::Zero(q, 6);
-  Matrix6 sum_squares = Matrix6::Zero();
-  for (std::size_t k = 0; k < n; ++k) {
-    const Vector6 residual = weightOf(k) * residualOf(k);
-    sum_squares.noalias() += residual * residual.transpose() / givenOf(k);
-    rest.noalias() += a * residual.transpose();
-  }
-  fit += inverse * rest;
+  const std::vector<double>&angle_, &signals_, &given_;
+  std::size_t n_;
+  double samples_;
+  Columns columns_;
+  Vector6 origin_;
+  int q_;
+  std::vector<double> weights_;
+  Normal inverse_;
+  Coefficients fit_;
+  Design row_;
+  Eigen::Matrix2d scatter_;
+  double inflation_ = 1.0;
+  double efficiency_ = 1.0;  // mean slope of the influence function
+};
 
-  HarmonicFit result;
-  result.samples = n;
-  result.inflation = inflation;
-  result.scatter = scatter;
-  result.offset = origin + fit.row(2).transpose();
-  result.noise = sum_squares / (samples - q) / (efficiency * efficiency);
-  // c cos a + s sin a = Re((c - i s) e^{ia})
-  result.phasor.real() = fit.row(0).transpose();
-  result.phasor.imag() = -fit.row(1).transpose();
-  return result;
-}
+// a search for the frequency: the motion fitted at trial frequencies, about the window's middle
+class FrequencySearch {
+ public:
+  FrequencySearch(const std::vector<double>& t, const std::vector<double>& signals,
+                  const HarmonicOptions& options, const std::vector<double>& sd)
+      : t_(t),
+        signals_(signals),
+        options_(options),
+        sd_(sd),
+        n_(t.size()),
+        angle_(n_),
+        middle_(n_ > 0 ? 0.5 * (t.front() + t.back()) : 0.0) {}
 
-}  // namespace
-
-HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
-                        const HarmonicOptions& options, const std::vector<double>& sd) {
-  std::vector<double> weights;
-  return fitWeighted(angle, signals, options, weightsOf(sd, angle.size()), weights);
-}
-
-FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double>& signals,
-                          double frequency, double range, const HarmonicOptions& options,
-                          const std::vector<double>& sd) {
-  if (!(frequency > 0.0 && std::isfinite(frequency))) {
-    throw InputError("frequency is " + std::to_string(frequency) +
-                     ": give a positive one in rad/s");
-  }
-  if (!(range > 0.0 && range < frequency)) {
-    throw InputError("range is " + std::to_string(range) +
-                     ": give a positive one in rad/s, below the frequency");
-  }
-  const std::size_t n = t.size();
-  std::vector<double> angle(n);
-  const double middle = n > 0 ? 0.5 * (t.front() + t.back()) : 0.0;
-  const auto anglesAt = [&](double w) {
-    for (std::size_t k = 0; k < n; ++k) angle[k] = w * (t[k] - middle);
-  };
-  const auto powerAt = [&](double w) {
-    anglesAt(w);
-    const HarmonicFit fit = fitHarmonic(angle, signals, options, sd);
-    return std::norm(fit.phasor[0]) + std::norm(fit.phasor[1]);
-  };
-
-  // a quarter of the line's width a step
-  anglesAt(frequency);
-  requireWindow(angle, signals, options);
-  const double duration = t.back() - t.front();
-  const int steps = std::max(1, static_cast<int>(std::ceil(range * duration / (kTwoPi / 8))));
-  double best = frequency, most = powerAt(frequency);
-  for (int k = -steps; k <= steps; ++k) {
-    const double w = frequency + range * k / steps;
-    const double power = k == 0 ? 0.0 : powerAt(w);
-    if (power > most) {
-      most = power;
-      best = w;
+  // the best of steps of a quarter of the line's width
+  double coarse(double frequency, double range) {
+    anglesAt(frequency);
+    requireWindow(angle_, signals_, options_);
+    const double duration = t_.back() - t_.front();
+    const int steps = std::max(1, static_cast<int>(std::ceil(range * duration / (kTwoPi / 8))));
+    double best = frequency, most = powerAt(frequency);
+    for (int k = -steps; k <= steps; ++k) {
+      const double w = frequency + range * k / steps;
+      const double power = k == 0 ? 0.0 : powerAt(w);
+      if (power > most) {
+        most = power;
+        best = w;
+      }
     }
+    return best;
   }
 
-  // Gauss–Newton: how the fitted motion changes with the frequency, less what the columns explain
-  FrequencyFit result{best, 0.0};
-  const std::vector<double> given = weightsOf(sd, n);
-  std::vector<double> weights;
-  for (int pass = 0; pass < 30; ++pass) {
-    anglesAt(result.frequency);
-    const Columns columns(angle.front(), angle.back(), options);
+  // Gauss–Newton: how the fitted motion changes with the frequency, less what the columns explain.
+  // Returns the step, and the sd at the present frequency.
+  double step(double frequency, double& sd) {
+    anglesAt(frequency);
+    requireWindow(angle_, signals_, options_);
+    const std::vector<double> given = weightsOf(sd_, n_);
+    WeightedFit weighted(angle_, signals_, options_, given);
+    const HarmonicFit fit = weighted.result();
+    const std::vector<double>& weights = weighted.weights();
+    const Columns columns(angle_.front(), angle_.back(), options_);
     const int q = columns.count();
-    const HarmonicFit fit = fitWeighted(angle, signals, options, given, weights);
     double weight_sum = 0.0;
     Normal normal = Normal::Zero(q, q);
     Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMostColumns, 4> moment(q, 4);
@@ -290,12 +296,12 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
     Eigen::Vector4d squares = Eigen::Vector4d::Zero(), row;  // slopes of x, y; x, y
     Eigen::Vector2d products = Eigen::Vector2d::Zero();
     Design a;
-    const Vector6 origin = Signals(signals.data());
-    for (std::size_t k = 0; k < n; ++k) {
-      columns.row(angle[k], a);
-      const Complex turn = Complex(0, t[k] - middle) * Complex(a[0], a[1]);
+    const Vector6 origin = Signals(signals_.data());
+    for (std::size_t k = 0; k < n_; ++k) {
+      columns.row(angle_[k], a);
+      const Complex turn = Complex(0, t_[k] - middle_) * Complex(a[0], a[1]);
       row << (fit.phasor[0] * turn).real(), (fit.phasor[1] * turn).real(),
-          signals[6 * k] - origin[0], signals[6 * k + 1] - origin[1];
+          signals_[6 * k] - origin[0], signals_[6 * k + 1] - origin[1];
       const double w = weights.empty() ? 1.0 : weights[k];
       weight_sum += w;
       normal.noalias() += w * a * a.transpose();
@@ -311,9 +317,53 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
       along += products[i] - moment.col(i).dot(explained.col(i + 2));
     }
     if (!(slope2 > 0.0)) throw InputError("there is no motion whose frequency could be fitted");
-    const double step = along / slope2;
-    const double spread = slope2 * static_cast<double>(n) / weight_sum;
-    result.sd = std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)) / spread);
+    const double spread = slope2 * static_cast<double>(n_) / weight_sum;
+    sd = std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)) / spread);
+    return along / slope2;
+  }
+
+ private:
+  void anglesAt(double w) {
+    for (std::size_t k = 0; k < n_; ++k) angle_[k] = w * (t_[k] - middle_);
+  }
+  double powerAt(double w) {
+    anglesAt(w);
+    const HarmonicFit fit = fitHarmonic(angle_, signals_, options_, sd_);
+    return std::norm(fit.phasor[0]) + std::norm(fit.phasor[1]);
+  }
+
+  const std::vector<double>&t_, &signals_;
+  const HarmonicOptions& options_;
+  const std::vector<double>& sd_;
+  std::size_t n_;
+  std::vector<double> angle_;
+  double middle_;
+};
+
+}  // namespace
+
+HarmonicFit fitHarmonic(const std::vector<double>& angle, const std::vector<double>& signals,
+                        const HarmonicOptions& options, const std::vector<double>& sd) {
+  const std::vector<double> given = weightsOf(sd, angle.size());
+  requireWindow(angle, signals, options);
+  return WeightedFit(angle, signals, options, given).result();
+}
+
+FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double>& signals,
+                          double frequency, double range, const HarmonicOptions& options,
+                          const std::vector<double>& sd) {
+  if (!(frequency > 0.0 && std::isfinite(frequency))) {
+    throw InputError("frequency is " + std::to_string(frequency) +
+                     ": give a positive one in rad/s");
+  }
+  if (!(range > 0.0 && range < frequency)) {
+    throw InputError("range is " + std::to_string(range) +
+                     ": give a positive one in rad/s, below the frequency");
+  }
+  FrequencySearch search(t, signals, options, sd);
+  FrequencyFit result{search.coarse(frequency, range), 0.0};
+  for (int pass = 0; pass < kFrequencySteps; ++pass) {
+    const double step = search.step(result.frequency, result.sd);
     result.frequency += step;
     if (!(std::abs(result.frequency - frequency) <= range)) {
       throw InputError("the best frequency is not within " + std::to_string(range) +
@@ -322,173 +372,6 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
     if (std::abs(step) <= 1e-13 * result.frequency || std::abs(step) <= 1e-6 * result.sd) break;
   }
   return result;
-}
-
-double Locus::semiMajor() const { return std::abs(P) + std::abs(N); }
-
-double Locus::semiMinor() const { return std::abs(P) - std::abs(N); }
-
-double Locus::orientation() const {
-  if (P == 0.0 || N == 0.0) {
-    return std::numeric_limits<double>::quiet_NaN();
-  }
-  const double half = 0.5 * (std::arg(P) + std::arg(N));
-  const double turned = half - M_PI * std::floor(half / M_PI);
-  return turned < M_PI ? turned : 0.0;
-}
-
-double Locus::orientationSd() const {
-  if (P == 0.0 || N == 0.0) {
-    return std::numeric_limits<double>::infinity();
-  }
-  return std::sqrt(0.25 * variance() * (1.0 / std::norm(P) + 1.0 / std::norm(N)));
-}
-
-double Locus::variance() const { return inflation * sigma * sigma / static_cast<double>(samples); }
-
-Locus locusFromPhasors(Complex x, Complex y, double sigma, std::size_t samples, double inflation) {
-  const Complex i(0.0, 1.0);
-  Locus locus;
-  locus.P = 0.5 * (x + i * y);
-  locus.N = 0.5 * std::conj(x - i * y);
-  locus.sigma = sigma;
-  locus.samples = samples;
-  locus.inflation = inflation;
-  return locus;
-}
-
-Locus locusFromFit(const HarmonicFit& fit) {
-  return locusFromPhasors(fit.phasor[0], fit.phasor[1],
-                          std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1))), fit.samples,
-                          fit.inflation);
-}
-
-LocusCovariance locusCovariance(const HarmonicFit& fit) {
-  // coefficients of cos and sin of x, then of y
-  Eigen::Matrix4d coefficients;
-  for (int i = 0; i < 2; ++i) {
-    for (int j = 0; j < 2; ++j) {
-      coefficients.block<2, 2>(2 * i, 2 * j) = fit.noise(i, j) * fit.scatter;
-    }
-  }
-  Eigen::Matrix4d turned;
-  turned << 1, 0, 0, 1, 0, -1, 1, 0, 1, 0, 0, -1, 0, 1, 1, 0;
-  turned *= 0.5;
-  LocusCovariance covariance;
-  covariance.amplitudes = turned * coefficients * turned.transpose();
-
-  const Locus locus = locusFromFit(fit);
-  const double p = std::abs(locus.P), n = std::abs(locus.N);
-  const Complex up = locus.P / p, un = locus.N / n;
-  Eigen::Matrix4d slopes;
-  slopes << up.real(), up.imag(), un.real(), un.imag(),  //
-      up.real(), up.imag(), -un.real(), -un.imag(),      //
-      -up.imag() / (2 * p), up.real() / (2 * p), -un.imag() / (2 * n), un.real() / (2 * n),
-      -up.imag() / (2 * p), up.real() / (2 * p), un.imag() / (2 * n), -un.real() / (2 * n);
-  covariance.ellipse = slopes * covariance.amplitudes * slopes.transpose();
-  return covariance;
-}
-
-const char* toString(LocusMode mode) {
-  switch (mode) {
-    case LocusMode::kNone:
-      return "none";
-    case LocusMode::kSegment:
-      return "segment";
-    case LocusMode::kEllipse:
-      return "ellipse";
-    case LocusMode::kCircle:
-      return "circle";
-    case LocusMode::kUndecided:
-      break;
-  }
-  return "undecided";
-}
-
-ModeDecision decideMode(const Locus& locus, double false_alarm, double indifference,
-                        std::optional<LocusMode> previous) {
-  if (!(false_alarm > 0.0 && false_alarm < 0.5)) {
-    throw InputError("false_alarm is " + std::to_string(false_alarm) +
-                     ": give a rate between 0 and 0.5");
-  }
-  if (!(indifference >= 0.0 && indifference < 1.0)) {
-    throw InputError("indifference is " + std::to_string(indifference) +
-                     ": give a ratio of axes from 0 to below 1");
-  }
-  if (locus.samples < kMinSamples) {
-    throw InputError("locus has " + std::to_string(locus.samples) + " samples: at least " +
-                     std::to_string(kMinSamples) + " are needed");
-  }
-
-  ModeDecision decision;
-  auto& p = decision.probabilities;
-  const double radius_p = std::abs(locus.P);
-  const double radius_n = std::abs(locus.N);
-  const double size = radius_p * radius_p + radius_n * radius_n;
-  if (size == 0.0) {
-    decision.mode = LocusMode::kNone;
-    p[0] = 1.0;
-    return decision;
-  }
-
-  // squared distances of the measurement from each mode, in units of its variance; noise below
-  // rounding counts as rounding
-  const double v = std::max(locus.variance(), 1e-26 * size);
-  const double n2 = 2.0 * static_cast<double>(locus.samples);
-  const double nu = n2 - 2.0 * kLocusColumns;
-  const double minor = radius_p - radius_n;
-  const double from_none = size / v;
-  const double from_circle = radius_n * radius_n / v;
-  const double from_segment = 0.5 * minor * minor / v;
-
-  // F tests, vibration_and_locus section 6.5
-  const double eps2 = indifference * indifference;
-  const double lambda = from_none * eps2 / (1.0 + eps2);
-  // whether a mode's own test lets it pass; the previous one has it easier
-  const auto passes = [&](LocusMode mode, double tail) {
-    const double rate = previous == mode                  ? 0.1 * false_alarm
-                        : previous == LocusMode::kEllipse ? std::min(0.5, 10.0 * false_alarm)
-                                                          : false_alarm;
-    return tail >= rate;
-  };
-  if (passes(LocusMode::kNone, fTail(from_none / 4.0, 4.0, nu, 0.0))) {
-    decision.mode = LocusMode::kNone;
-  } else {
-    const bool circle = passes(LocusMode::kCircle, fTail(from_circle / 2.0, 2.0, nu, lambda));
-    const bool segment = passes(LocusMode::kSegment, fTail(from_segment, 1.0, nu, lambda));
-    decision.mode = circle && segment ? LocusMode::kUndecided
-                    : circle          ? LocusMode::kCircle
-                    : segment         ? LocusMode::kSegment
-                                      : LocusMode::kEllipse;
-  }
-
-  // BIC weights with 0, 3, 4, 2 parameters; what lies in the indifference zone costs nothing
-  const auto outside = [&](double distance, double allowed) {
-    const double rest = std::max(0.0, distance - indifference * allowed);
-    return rest * rest / (1.0 + eps2) / v;
-  };
-  const std::array<double, 4> extra = {from_none,
-                                       0.5 * outside(std::abs(minor), radius_p + radius_n), 0.0,
-                                       outside(radius_n, radius_p)};
-  const std::array<double, 4> parameters = {0.0, 3.0, 4.0, 2.0};
-  std::array<double, 4> bic{};
-  for (std::size_t m = 0; m < 4; ++m) {
-    bic[m] = n2 * std::log1p(extra[m] / nu) + parameters[m] * std::log(n2);
-  }
-  const double best = *std::min_element(bic.begin(), bic.end());
-  double sum = 0.0;
-  for (std::size_t m = 0; m < 4; ++m) {
-    p[m] = std::exp(-0.5 * (bic[m] - best));
-    sum += p[m];
-  }
-  const std::size_t likeliest =
-      static_cast<std::size_t>(std::min_element(bic.begin(), bic.end()) - bic.begin());
-  const bool agree = likeliest == static_cast<std::size_t>(decision.mode);
-  for (std::size_t m = 0; m < 4; ++m) {
-    p[m] *= (agree ? 1.0 : 0.5) / sum;
-  }
-  p[4] = agree ? 0.0 : 0.5;
-  return decision;
 }
 
 }  // namespace assembly_cell

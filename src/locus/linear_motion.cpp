@@ -55,8 +55,8 @@ Matrix3d forceStiffness(const Vector3d& f, const Vector3d& l) {
 
 }  // namespace
 
-FreeMotion::FreeMotion(const Mechanism& mechanism, double rate, const Vector2d& tilt,
-                       const Vector2d& sensor_tilt)
+UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate, const Vector2d& tilt,
+                           const Vector2d& sensor_tilt)
     : R_HP(tilted(tilt)), R_HS(tilted(sensor_tilt)) {
   const Matrix6 stiffness = symmetric(mechanism.coupling.stiffness);
   const Complex s(0.0, rate);
@@ -196,7 +196,7 @@ Matrix6 sensorStiffness(const Mechanism& mechanism) {
   return order.transpose() * symmetric(mechanism.coupling.stiffness) * order;
 }
 
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const UnheldMotion& free,
                                           const Vector3d& static_force) {
   const Vector6& k = mechanism.coupling.stiffness.diagonal;
   const auto give = [](double force, double stiffness) {
@@ -211,7 +211,7 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const Free
   return twice(free.R_HS.transpose()).cast<Complex>() * wrench;
 }
 
-Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const UnheldMotion& free,
                                               const Vector3d& static_force) {
   ComplexMatrix9 system;
   system << sensorWrench(mechanism, free, static_force), free.dynamic.bottomRows<3>();

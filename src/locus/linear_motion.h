@@ -20,9 +20,9 @@ using Matrix69 = Eigen::Matrix<double, 6, 9>;
 constexpr int kU = 0, kTheta = 3, kCarrier = 6;
 
 // The mechanism without contact at one frequency and tilt.
-struct FreeMotion {
-  FreeMotion(const Mechanism& mechanism, double rate, const Eigen::Vector2d& tilt,
-             const Eigen::Vector2d& sensor_tilt);
+struct UnheldMotion {
+  UnheldMotion(const Mechanism& mechanism, double rate, const Eigen::Vector2d& tilt,
+               const Eigen::Vector2d& sensor_tilt);
 
   Eigen::Matrix3d R_HP, R_HS;
   Eigen::Vector3d to_coupling, to_exciter;  // from the centre of mass [m]
@@ -36,7 +36,7 @@ class HeldMotion {
  public:
   HeldMotion(const Mechanism& mechanism, const OperatingPoint& point);
 
-  const FreeMotion& free() const { return free_; }
+  const UnheldMotion& free() const { return free_; }
 
   // static force of the peg on the sensor, hole axes [N]
   Eigen::Vector3d couplingForce() const { return contact_ - Eigen::Vector3d(0.0, 0.0, weight_); }
@@ -50,7 +50,7 @@ class HeldMotion {
   }
 
  private:
-  FreeMotion free_;
+  UnheldMotion free_;
   PegParameters peg_;
   Eigen::Vector3d contact_;  // static force on the peg [N]
   double weight_;            // [N]
@@ -69,12 +69,12 @@ Matrix6 sensorStiffness(const Mechanism& mechanism);
 
 // Wrench on the sensor about its origin, in its axes, by all coordinates. The coupling point leaves
 // the origin, so the static force and the moving one each have the other's displacement as arm.
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const UnheldMotion& free,
                                           const Eigen::Vector3d& static_force);
 
 // All coordinates by the wrench on the sensor, in its axes: six wrench equations and the carrier's
 // three.
-Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const FreeMotion& free,
+Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const UnheldMotion& free,
                                               const Eigen::Vector3d& static_force);
 
 }  // namespace assembly_cell::linear_motion

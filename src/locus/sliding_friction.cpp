@@ -38,7 +38,7 @@ SlidingFriction slidingFriction(const Mechanism& mechanism, const OperatingPoint
   requirePress(point.press);
   const double rate = point.direction * point.frequency;
   const linear_motion::HeldMotion held(mechanism, point);
-  const linear_motion::FreeMotion& free = held.free();
+  const linear_motion::UnheldMotion& free = held.free();
   const Eigen::Matrix<Complex, 9, 6> motion =
       linear_motion::motionFromSensor(mechanism, free, held.couplingForce()) *
       linear_motion::sensorStiffness(mechanism).cast<Complex>();

@@ -169,8 +169,8 @@ TEST(HalfTurn, WobbleGivesTiltAndSide) {
   }
 }
 
-// section 7.1: tilt of 3°, directions to 0.5°, wobbles across it of 0.5, 1, 3°
-TEST(HalfTurn, WobbleAccuracyOfTheSpecification) {
+// docs/theory.md, "Locus": tilt of 3°, directions to 0.5°, wobbles across it of 0.5, 1, 3°
+TEST(HalfTurn, WobbleAccuracy) {
   const double degree = M_PI / 180;
   for (const auto& [wobble, sd] : {std::pair{0.5, 0.23}, {1.0, 0.117}, {3.0, 0.059}}) {
     const std::complex<double> q0(3 * degree, 0), step(0, wobble * degree);

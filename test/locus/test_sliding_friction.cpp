@@ -14,7 +14,8 @@
 namespace assembly_cell {
 namespace {
 
-// P = R e^{-if}, R = sqrt(F² - (μN)²)/|k - mω²|, f = atan2(μN, (k - mω²)R) (section 4)
+// P = R e^{-if}, R = sqrt(F² - (μN)²)/|k - mω²|, f = atan2(μN, (k - mω²)R) (docs/theory.md,
+// "Locus")
 TEST(SlidingFriction, OfTheTextbookCircle) {
   for (const double k : {1e3, 1e5}) {
     const double m = 0.4, w = 300, F = 2.0, mu = 0.15, N = 5.0;

@@ -9,8 +9,8 @@
 namespace assembly_cell {
 
 // The motion in the plane is the same for a contact C and for C*, half a turn further on the edge
-// (vibration_and_locus section 5). What is odd under the half turn tells them apart: vertical
-// motion, yaw, or how the contact moves when the peg is tilted a little.
+// (docs/theory.md, "Locus"). What is odd under the half turn tells them apart: vertical motion,
+// yaw, or how the contact moves when the peg is tilted a little.
 
 /// A phasor Re(U e^{ia}) of the exciter's angle a as measured.
 struct MeasuredPhasor {
@@ -36,7 +36,7 @@ DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoi
                                   LocusAxes axes = LocusAxes::kHole);
 
 /// The peg's tilt against the plane from the contact's directions (each modulo π) before and after
-/// a small turn of the peg, edge on plane (section 7.1, exact).
+/// a small turn of the peg, edge on plane (docs/theory.md, "Locus").
 struct WobbleTilt {
   Eigen::Vector2d before{0, 0};  ///< tilt before the turn: rotation vector x, y [rad]
   double along = 0.0;            ///< of the edge's dip along `direction` before the turn [rad]
