@@ -110,7 +110,8 @@ class DoubleContact : public VibratedSearch {
       if (!readAt(std::polar(tilt_, low), "level", felt, false)) return false;
       if (felt.straddles) double_low_ = low;
     }
-    if (!level()) throw Failure{"no_plane_reading: the contacts don't agree on a plane"};
+    if (!level())
+      throw AlignError(AlignFailure::kNoPlaneReading, "the contacts don't agree on a plane");
     return true;
   }
 
@@ -149,7 +150,8 @@ class DoubleContact : public VibratedSearch {
     };
     for (const Felt& felt : felt_) keep(contactOf(felt));
     if (!behind && !ahead && !double_low_) {
-      throw Failure{"no_hole_under_edge: no contact of the first round was on the rim"};
+      throw AlignError(AlignFailure::kNoHoleUnderEdge,
+                       "no contact of the first round was on the rim");
     }
     bool halve = false;
     int bounced = 0;
@@ -185,7 +187,8 @@ class DoubleContact : public VibratedSearch {
         ++bounced;
       }
     }
-    throw Failure{"not_double: the peg doesn't rest on both edges in any direction"};
+    throw AlignError(AlignFailure::kNotDouble,
+                     "the peg doesn't rest on both edges in any direction");
   }
 
   // rotates about the hole's direction: one contact opens, the other stays, and far enough the
@@ -203,7 +206,8 @@ class DoubleContact : public VibratedSearch {
       Felt felt;
       const Complex q = Complex(kDoubleTilt, -sign * turn) * std::polar(1.0, alpha_);
       if (!readAt(q, "step", felt)) return false;
-      if (felt.mode == LocusMode::kNone) throw Failure{"lost_contact: nothing moves any more"};
+      if (felt.mode == LocusMode::kNone)
+        throw AlignError(AlignFailure::kLostContact, "nothing moves any more");
       if (!felt.usable) continue;
       Contact c = contactOf(felt);
       c.turn = sign * turn;
@@ -221,7 +225,8 @@ class DoubleContact : public VibratedSearch {
       } else if (c.side == Side::kPlane && plateau < kPlateau) {
         // too far at once: back, with a quarter of the step
         if (++finer > kFinerSteps) {
-          throw Failure{"edge_not_resolved: the hole's arc is narrower than a step"};
+          throw AlignError(AlignFailure::kEdgeNotResolved,
+                           "the hole's arc is narrower than a step");
         }
         turn -= size;
         size *= 0.25;
@@ -231,7 +236,8 @@ class DoubleContact : public VibratedSearch {
       }
     }
     if (plateau == 0) {
-      throw Failure{"edge_not_resolved: no contact on the rim beside the double one"};
+      throw AlignError(AlignFailure::kEdgeNotResolved,
+                       "no contact on the rim beside the double one");
     }
     return true;
   }
@@ -245,12 +251,14 @@ class DoubleContact : public VibratedSearch {
       if (c.side == Side::kBehind && !behind) behind = c;
       if (c.side == Side::kAhead && !ahead) ahead = c;
     }
-    if (!behind || !ahead) throw Failure{"edge_not_resolved: only one of both edges was felt"};
+    if (!behind || !ahead)
+      throw AlignError(AlignFailure::kEdgeNotResolved, "only one of both edges was felt");
     const Complex middle = 0.5 * (behind->point + ahead->point);
     const auto centre = centreThrough(mechanism_.hole.radius, behind->point, ahead->point,
                                       middle + std::polar(1.0, alpha_));
     if (!centre)
-      throw Failure{"edge_not_resolved: the edges are farther apart than the hole is wide"};
+      throw AlignError(AlignFailure::kEdgeNotResolved,
+                       "the edges are farther apart than the hole is wide");
     const std::optional<double> tilt = tiltFromDouble(alpha_, plane);
     const Mat3 R_SH = rotationToAxis(hole_.normal);
     hole_.center = R_SH * Vec3(centre->real(), centre->imag(), 0.0);
@@ -264,9 +272,9 @@ class DoubleContact : public VibratedSearch {
     const HoleEstimate formula = hole_;
     try {
       resolve();
-    } catch (const Failure& failure) {
+    } catch (const AlignError& error) {
       hole_ = formula;
-      report("resolve", failure.reason + "; the formula's centre stands");
+      report("resolve", std::string(error.what()) + "; the formula's centre stands");
     }
   }
 

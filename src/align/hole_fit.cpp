@@ -125,7 +125,7 @@ void directionsOf(const HoleReading& r, double radius, const HoleEstimate& e,
 }  // namespace
 
 // plane through the contacts by least squares; C or C* by what lies at its height
-std::string fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstimate& e) {
+FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstimate& e) {
   double spread = 0.0;
   for (int pass = 0; pass < 15; ++pass) {
     Mat3 A = Mat3::Zero();
@@ -152,9 +152,13 @@ std::string fitPlane(double radius, std::vector<HoleReading>& readings, HoleEsti
       b += row * p.z();
       ++n;
     }
-    if (n < kFewest) return "no_plane_reading: fewer than 5 contacts agree on a plane";
+    if (n < kFewest) {
+      return {AlignFailure::kNoPlaneReading, "fewer than 5 contacts agree on a plane"};
+    }
     const Eigen::FullPivLU<Mat3> lu(A);
-    if (!lu.isInvertible()) return "no_plane_reading: the contacts lie on one line";
+    if (!lu.isInvertible()) {
+      return {AlignFailure::kNoPlaneReading, "the contacts lie on one line"};
+    }
     const Vec3 x = lu.solve(b);
     e.normal = Vec3(-x(1), -x(2), 1.0).normalized();
     e.height = x(0) * e.normal.z();
@@ -168,7 +172,7 @@ std::string fitPlane(double radius, std::vector<HoleReading>& readings, HoleEsti
     const Mat3 inverse = lu.inverse();
     e.normal_sd = std::max(spread, 1e-7) * std::sqrt(inverse(1, 1) + inverse(2, 2));
   }
-  return "";
+  return {};
 }
 
 Eigen::Matrix<double, 3, 2> planeAxes(const Vec3& normal) {
@@ -178,10 +182,10 @@ Eigen::Matrix<double, 3, 2> planeAxes(const Vec3& normal) {
   return axes;
 }
 
-std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
-                    HoleEstimate& e) {
-  const std::string reason = fitPlane(peg_radius, readings, e);
-  if (!reason.empty()) return reason;
+FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
+                  HoleEstimate& e) {
+  const FitStatus status = fitPlane(peg_radius, readings, e);
+  if (!status.good()) return status;
 
   // contacts in plane coordinates, sorted into rim and plane by their distance from the lowest
   // point
@@ -207,7 +211,7 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
   }
   middle /= e.plane_readings + e.rim_readings;
   if (e.rim_readings < kFewestRim) {
-    return "no_hole_under_edge: fewer than 4 contacts on the rim";
+    return {AlignFailure::kNoHoleUnderEdge, "fewer than 4 contacts on the rim"};
   }
 
   // the circle through two points has two centres: start in every direction; of all that fit, the
@@ -251,9 +255,10 @@ std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReadi
   e.center = axes * best.center + e.normal * e.height;
   e.center_covariance = best.covariance;
   if (std::sqrt(best.covariance.trace()) > 0.02 * hole_radius) {
-    return "one_edge_only: the rim was felt on one side only, the centre is not determined";
+    return {AlignFailure::kOneEdgeOnly,
+            "the rim was felt on one side only, the centre is not determined"};
   }
-  return "";
+  return {};
 }
 
 }  // namespace assembly_cell

@@ -59,11 +59,13 @@ const PlantBlock& Hand::step(const PlantCommand& command) {
   const Vector6 contact = last_.wrench_b - tare_;
   // before the tare the peg may still swing
   if (tared_ && guarded_ && last_.saturated) {
-    throw PressError("sensor_saturated: a channel is at its limit; lower the press force");
+    throw AlignError(AlignFailure::kSensorSaturated,
+                     "a channel is at its limit; lower the press force");
   }
   const double force = contact.head<3>().norm();
   if (tared_ && guarded_ && force > limits_.force) {
-    throw PressError(line("force_limit: %.1f N is over %.1f N", force, limits_.force));
+    throw AlignError(AlignFailure::kForceLimit,
+                     line("%.1f N is over %.1f N", force, limits_.force));
   }
   return last_;
 }
@@ -93,7 +95,8 @@ bool Hand::settle() {
 void Hand::tare(int blocks) {
   // hanging free: wait until some blocks in a row agree, then average
   if (!settle()) {
-    throw PressError("not_still: the hanging peg doesn't come to rest; check for contact");
+    throw AlignError(AlignFailure::kNotStill,
+                     "the hanging peg doesn't come to rest; check for contact");
   }
   Vector6 wrench = Vector6::Zero(), displacement = Vector6::Zero();
   Matrix6 scatter = Matrix6::Zero();
@@ -121,8 +124,8 @@ void Hand::moveTo(const RestPose& target) {
     if (arrived(before, last_.carrier, target)) return;
     command.rest.reset();
   }
-  throw PressError(
-      line("not_arrived: carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
+  throw AlignError(AlignFailure::kNotArrived,
+                   line("carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
 }
 
 void Hand::retreat(const RestPose& relaxed, double way) {
@@ -137,17 +140,17 @@ void Hand::retreat(const RestPose& relaxed, double way) {
     up.z += kPullStep;
     moveTo(up);
     if ((last_.wrench_b - zero_).head<3>().norm() > limits_.force) {
-      throw PressError("stuck: the peg doesn't come free");
+      throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
     }
   }
   up.z = relaxed.z + std::max(way, kPullSteps * kPullStep);
   moveTo(up);
-  if (!settle()) throw PressError("stuck: the peg doesn't come free");
+  if (!settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   guarded_ = true;
   const double shift = (last_.wrench_b - zero_).head<3>().norm();
   if (shift > kFreeForce) {
-    throw PressError(
-        line("zero_shifted: %.2f N with the peg free, %.2f N are allowed", shift, kFreeForce));
+    throw AlignError(AlignFailure::kZeroShifted,
+                     line("%.2f N with the peg free, %.2f N are allowed", shift, kFreeForce));
   }
 }
 
@@ -161,8 +164,9 @@ bool Hand::approach(double floor) {
       return false;
     }
     if (start - target.z > limits_.descent) {
-      throw PressError(line("no_contact: none within %.1f mm of descent from z %.4f m",
-                            limits_.descent * 1e3, start));
+      throw AlignError(
+          AlignFailure::kNoContact,
+          line("none within %.1f mm of descent from z %.4f m", limits_.descent * 1e3, start));
     }
     target.z -= limits_.approach_step;
     PlantCommand command;
@@ -186,8 +190,8 @@ void Hand::hold(double force, double tolerance) {
     const double change = std::clamp((force - before) / stiffness_, -3e-4, 3e-4);
     target.z -= change;
     if (start - target.z > limits_.give * force) {
-      throw PressError(
-          line("gave_way: %.1f mm down for %.1f N", (start - target.z) * 1e3, forceZ()));
+      throw AlignError(AlignFailure::kGaveWay,
+                       line("%.1f mm down for %.1f N", (start - target.z) * 1e3, forceZ()));
     }
     moveTo(target);
     wait(kSettleBlocks);
@@ -196,7 +200,7 @@ void Hand::hold(double force, double tolerance) {
     stiffness_ = std::clamp(measured, stiffness_ / 3, stiffness_ * 3);
     stiffness_ = std::clamp(stiffness_, kSoftest, kStiffest);
   }
-  throw PressError(line("press_not_held: %.2f N instead of %.2f N", forceZ(), force));
+  throw AlignError(AlignFailure::kPressNotHeld, line("%.2f N instead of %.2f N", forceZ(), force));
 }
 
 }  // namespace assembly_cell

@@ -76,10 +76,9 @@ AlignResult Search::run() {
   try {
     find();
     result.success = true;
-    result.reason = "aligned";
-  } catch (const Failure& failure) {
-    result.reason = failure.reason;
-  } catch (const PressError& error) {
+    result.reason = toString(result.failure);
+  } catch (const AlignError& error) {
+    result.failure = error.failure;
     result.reason = error.what();
   }
   if (!result.success) {
@@ -88,7 +87,7 @@ AlignResult Search::run() {
       PlantCommand off;
       off.exciter = ExciterParameters{0.0, 0.0, 0.0, p_.exciter_direction};
       hand_.step(off);
-    } catch (const PressError&) {
+    } catch (const AlignError&) {
     }
   }
   result.contacts = contacts_;
@@ -146,9 +145,10 @@ std::optional<Search::Touch> Search::lightTouch(double floor) {
 void Search::refuseWedge(const Touch& touch, const Mat3& R) {
   if (touch.felt() && !touch.steep()) return;
   holeOnLowSide(R);
-  throw Failure{touch.felt() ? text("wedged: a light touch of %.1f N pushes sideways with %.1f N",
-                                    touch.force, touch.sideways)
-                             : std::string("wedged: a light touch gives way")};
+  if (!touch.felt()) throw AlignError(AlignFailure::kWedged, "a light touch gives way");
+  throw AlignError(
+      AlignFailure::kWedged,
+      text("a light touch of %.1f N pushes sideways with %.1f N", touch.force, touch.sideways));
 }
 
 void Search::holeOnLowSide(const Mat3& R) {
@@ -165,7 +165,7 @@ void Search::backOut(double way) {
       // unstrained; if that does not free it, turned back first: pulling may tighten a wedge
       hand_.retreat(restFor(peg.p, i == 0 ? peg.R : Mat3(Mat3::Identity())), way);
       return;
-    } catch (const PressError& error) {
+    } catch (const AlignError& error) {
       if (i == kBackOuts) throw;
       report("recover", error.what());
     }

@@ -30,7 +30,7 @@ class SingleContact : public VibratedSearch {
           // a first round with few readings: the tilt that the peg began with adds to each
           state = sweep("level", kLevelReadings, 0.0) ? State::kSweep : State::kEnter;
           if (state == State::kSweep && !level()) {
-            throw Failure{"no_plane_reading: the contacts don't agree on a plane"};
+            throw AlignError(AlignFailure::kNoPlaneReading, "the contacts don't agree on a plane");
           }
           break;
         case State::kSweep:
@@ -44,7 +44,7 @@ class SingleContact : public VibratedSearch {
           state = State::kEnter;
           try {
             resolve();
-          } catch (const Failure&) {
+          } catch (const AlignError&) {
             // some of the rim was felt: a closer look will tell
             if (hole_.rim_readings == 0 || sweeps >= p_.rounds) throw;
             state = State::kSweep;

@@ -72,24 +72,20 @@ class TwinForce : public Search {
       found_ = false;  // of the pose in the hole nothing was felt
       return;
     }
-    const ContactWindow free = window("hanging free");
+    const ContactWindow free = window(false);
     X_PQ_start_ = contacts_kept_.deflected(free.displacement());
     X_SC_start_ = carrierPose();
     Vec3 place(0, 0, -length_ + mechanism_.peg.radius * p_.contact_tilt);
     for (int k = 1;; ++k) {
-      std::string reason;
       try {
         attempt(place);
         return;
-      } catch (const Failure& failure) {
-        reason = failure.reason;
-      } catch (const PressError& error) {
-        reason = error.what();
+      } catch (const AlignError& error) {
+        if (k >= kAttempts || !recoverable(error.failure)) throw;
+        // out, and beside a hole that is too near to press tilted
+        report("recover", error.what());
+        backOut(kRetreat);
       }
-      if (k >= kAttempts || !recoverable(reason)) throw Failure{reason};
-      // out, and beside a hole that is too near to press tilted
-      report("recover", reason);
-      backOut(kRetreat);
       found_ = false;
       hole_ = HoleEstimate();
       // across the tilts to come, so that not both edges carry; then to the other sides
@@ -101,13 +97,23 @@ class TwinForce : public Search {
     }
   }
 
-  static bool recoverable(const std::string& reason) {
-    for (const char* name :
-         {"wedged", "gave_way", "both_edges", "not_free", "no_pose", "press_not_held",
-          "force_limit", "sensor_saturated", "not_inserted", "not_settled: pressed"}) {
-      if (reason.rfind(name, 0) == 0) return true;
+  bool recoverable(AlignFailure failure) const {
+    switch (failure) {
+      case AlignFailure::kWedged:
+      case AlignFailure::kGaveWay:
+      case AlignFailure::kBothEdges:
+      case AlignFailure::kNotFree:
+      case AlignFailure::kNoPose:
+      case AlignFailure::kPressNotHeld:
+      case AlignFailure::kForceLimit:
+      case AlignFailure::kSensorSaturated:
+      case AlignFailure::kNotInserted:
+        return true;
+      case AlignFailure::kNotSettled:
+        return pressed_;
+      default:
+        return false;
     }
-    return false;
   }
 
   // pose and entry from a place; Failure when it can't be done there
@@ -131,15 +137,16 @@ class TwinForce : public Search {
       }
       const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
       if (position_sd_ > clearance) {
-        throw Failure{text("too_uncertain: centre known to %.3f mm with a clearance of %.3f mm; ",
-                           position_sd_ * 1e3, clearance * 1e3) +
-                      "press harder or use a finer converter"};
+        throw AlignError(AlignFailure::kTooUncertain,
+                         text("centre known to %.3f mm with a clearance of %.3f mm; ",
+                              position_sd_ * 1e3, clearance * 1e3) +
+                             "press harder or use a finer converter");
       }
       if (enter(hole_.center)) return;
       // one more at least
       if (kept() < p_.rounds * p_.most_contacts) touch(advised());
     }
-    throw Failure{text("not_inserted: no entry after %.0f contacts", kept())};
+    throw AlignError(AlignFailure::kNotInserted, text("no entry after %.0f contacts", kept()));
   }
 
   int kept() const { return static_cast<int>(contacts_kept_.size()); }
@@ -154,7 +161,8 @@ class TwinForce : public Search {
   }
 
   // mean of both sensors once nothing moves
-  ContactWindow window(const char* what) {
+  ContactWindow window(bool pressed) {
+    pressed_ = pressed;
     ContactWindow w;
     for (int tried = 0; tried < kWindows; ++tried) {
       w.clear();
@@ -165,8 +173,9 @@ class TwinForce : public Search {
       }
       if (w.settled(p_.settled_force)) return w;
     }
-    throw Failure{std::string("not_settled: ") + what +
-                  text(", halves of a window differ by more than %.3f N", p_.settled_force)};
+    throw AlignError(AlignFailure::kNotSettled,
+                     std::string(pressed ? "pressed" : "hanging free") +
+                         text(", halves of a window differ by more than %.3f N", p_.settled_force));
   }
 
   // one contact: hang free there, take the zero, lower, press, pull, average, leave
@@ -182,20 +191,21 @@ class TwinForce : public Search {
     hand_.tare(2);
     for (int higher = 0; hand_.tareShift() > kFreeForce; ++higher) {
       // the edge already rests on something
-      if (higher == kHigher) throw Failure{"not_free: the peg doesn't come free over the contact"};
+      if (higher == kHigher)
+        throw AlignError(AlignFailure::kNotFree, "the peg doesn't come free over the contact");
       RestPose up = hand_.target();
       up.z += kLift;
       hand_.moveTo(up);
       hand_.tare(2);
     }
-    contacts_kept_.tare(window("hanging free"), carrierPose());
+    contacts_kept_.tare(window(false), carrierPose());
 
     // light first: a wedge is never pressed, nor are both edges while the hole may be anywhere
     const Touch light = *lightTouch(-1e9);
     refuseWedge(light, reach.R);
     if (light.straddles() && !found_) {
-      throw Failure{text("both_edges: the line of action is %.1f mm from the axis",
-                         light.reach * mechanism_.peg.radius * 1e3)};
+      throw AlignError(AlignFailure::kBothEdges, text("the line of action is %.1f mm from the axis",
+                                                      light.reach * mechanism_.peg.radius * 1e3));
     }
     hand_.hold(p_.contact_force, p_.press_tolerance);
     if (!reach.pull.isZero()) {
@@ -207,7 +217,7 @@ class TwinForce : public Search {
       hand_.hold(p_.contact_force, p_.press_tolerance);
     }
     hand_.wait(blocks(p_.settle));
-    const ContactWindow pressed = window("pressed");
+    const ContactWindow pressed = window(true);
     ++contacts_;
     keep(pressed);
     // clear of it again
@@ -223,8 +233,8 @@ class TwinForce : public Search {
     const SignCheck signs = checkSigns(c, Mat3::Identity(), Vec3::UnitZ());
     if (signs.pair == SignVerdict::kReversed || signs.a == SignVerdict::kReversed ||
         signs.b == SignVerdict::kReversed) {
-      throw Failure{
-          "sensor_signs: one sensor reports the opposite sign; check its calibration and mounting"};
+      throw AlignError(AlignFailure::kSensorSigns,
+                       "one sensor reports the opposite sign; check its calibration and mounting");
     }
     report("contact", text("pressed with %.2f N, deflection %.3f mm", c.wrench_b.head<3>().norm(),
                            pressed.displacement().head<3>().norm() * 1e3));
@@ -234,7 +244,7 @@ class TwinForce : public Search {
   void solve() {
     const TwinForceEstimate& e = contacts_kept_.solve();
     if (!hasPose(e.status)) {
-      throw Failure{std::string("no_pose: ") + toString(e.status) + ": " + e.reason};
+      throw AlignError(AlignFailure::kNoPose, std::string(toString(e.status)) + ": " + e.reason);
     }
     const Pose X_SH = X_CP_ * inverse(e.pose);
     hole_.normal = X_SH.R.col(2);
@@ -260,7 +270,8 @@ class TwinForce : public Search {
   Reach advised() {
     ReachableContact best;
     const ContactAdvice advice = contacts_kept_.advise(best);
-    if (advice.candidate < 0) throw Failure{"no_advice: no contact within reach tells more"};
+    if (advice.candidate < 0)
+      throw AlignError(AlignFailure::kNoAdvice, "no contact within reach tells more");
     report("advice", text("contact %.0f", advice.candidate) +
                          text(" of those within reach, expected: smallest eigenvalue %.3g, sd %.4f "
                               "mm",
@@ -280,6 +291,7 @@ class TwinForce : public Search {
     result.tilt_sd = hole_.normal_sd;
   }
 
+  bool pressed_ = false;  // in the latest window
   Pose X_CP_;
   TwinForceContacts contacts_kept_;
   Pose X_SC_start_;          // carrier at the start

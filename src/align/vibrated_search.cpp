@@ -26,7 +26,11 @@ constexpr double kHoverForce = 1.0;    // [N]
 constexpr int kHoverBlocks = 3, kHoverSteps = 6;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
 
-bool begins(const std::string& text, const char* name) { return text.rfind(name, 0) == 0; }
+// what another attempt would end with, too
+bool isFinal(AlignFailure failure) {
+  return failure == AlignFailure::kTooUncertain || failure == AlignFailure::kNoReading ||
+         failure == AlignFailure::kNoContact;
+}
 
 }  // namespace
 
@@ -36,20 +40,13 @@ void VibratedSearch::find() {
   tilt_ = p_.sweep_tilt;
   choosePoint();
   for (int k = 1;; ++k) {
-    std::string reason;
     try {
       if (attempt()) return;
-      reason = "not_inserted: resistance everywhere";
-    } catch (const Failure& failure) {
-      reason = failure.reason;
-    } catch (const PressError& error) {
-      reason = error.what();
+      throw AlignError(AlignFailure::kNotInserted, "resistance everywhere");
+    } catch (const AlignError& error) {
+      if (k >= kAttempts || isFinal(error.failure)) throw;
+      recover(error, k);
     }
-    if (k >= kAttempts || begins(reason, "too_uncertain") || begins(reason, "no_reading") ||
-        begins(reason, "no_contact")) {
-      throw Failure{reason};
-    }
-    recover(reason, k);
   }
 }
 
@@ -69,34 +66,35 @@ void VibratedSearch::choosePoint() {
              text("press %.1f N, expected sd of a direction %.3f deg", vibration_.press,
                   vibration_.direction_sd * 180 / kPi));
   if (vibration_.direction_sd > p_.direction_limit) {
-    throw Failure{
-        text("too_uncertain: a reading's direction would have an sd of %.2f deg, %.2f "
-             "are allowed; use a finer converter, more force or a longer window",
-             vibration_.direction_sd * 180 / kPi, p_.direction_limit * 180 / kPi)};
+    throw AlignError(AlignFailure::kTooUncertain,
+                     text("a reading's direction would have an sd of %.2f deg, %.2f "
+                          "are allowed; use a finer converter, more force or a longer window",
+                          vibration_.direction_sd * 180 / kPi, p_.direction_limit * 180 / kPi));
   }
 }
 
 // clear of everything, zero checked; then what may help this time
-void VibratedSearch::recover(const std::string& reason, int attempt) {
-  report("recover", reason);
+void VibratedSearch::recover(const AlignError& error, int attempt) {
+  const AlignFailure failure = error.failure;
+  report("recover", error.what());
   backOut(kRetreat);
   bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
   touches_ = 0;
-  if (begins(reason, "force_limit") || begins(reason, "sensor_saturated")) {
+  if (failure == AlignFailure::kForceLimit || failure == AlignFailure::kSensorSaturated) {
     vibration_.press *= kGentler;
     vibration_.amplitude *= kGentler;
   }
-  if (!planeKnown() || begins(reason, "wedged") || begins(reason, "gave_way") ||
-      begins(reason, "edge_in_hole")) {
+  if (!planeKnown() || failure == AlignFailure::kWedged || failure == AlignFailure::kGaveWay ||
+      failure == AlignFailure::kEdgeInHole) {
     // the hole may be right below, where a tilted edge goes in: beside it the edge stays out
     goAside();
-  } else if (begins(reason, "no_hole_under_edge")) {
-    // a third of a turn each, so that three attempts look to all sides
+  } else if (failure == AlignFailure::kNoHoleUnderEdge) {
+    // a quarter of a turn from one attempt to the next: three recoveries look to three sides
     const double a = 2 * kPi * attempt / kAttempts;
     bottom_ += mechanism_.peg.radius *
                (rotationToAxis(hole_.normal) * Vec3(std::cos(a), std::sin(a), 0.0));
   }
-  if (begins(reason, "no_plane_reading") || begins(reason, "one_edge_only")) {
+  if (failure == AlignFailure::kNoPlaneReading || failure == AlignFailure::kOneEdgeOnly) {
     tilt_ = std::min(kMostTilt, tilt_ + kMoreTilt);
   }
   if (!found_) felt_.clear();
@@ -191,7 +189,8 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
   // light first: a wedge is never pressed, nor are both edges unless they are what is looked for
   if (light) refuseWedge(*light, R);
   if (in || (!planeKnown() && (highest_ - lowest_ > touchRange() || (touches_ == 1 && caught())))) {
-    throw Failure{"edge_in_hole: the tilted edge went into the hole before the plane was known"};
+    throw AlignError(AlignFailure::kEdgeInHole,
+                     "the tilted edge went into the hole before the plane was known");
   }
 
   felt = Felt{};
@@ -221,7 +220,8 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
   felt.force = hand_.force();
   int taken = 1;
   for (; !hand_.last().locus; ++taken) {
-    if (taken > blocks(p_.window) + 2) throw Failure{"no_reading: the estimator gave none"};
+    if (taken > blocks(p_.window) + 2)
+      throw AlignError(AlignFailure::kNoReading, "the estimator gave none");
     hand_.step({});
     deflection += hand_.deflection();
     felt.force += hand_.force();
@@ -286,7 +286,7 @@ bool VibratedSearch::level() {
       readings[i] = felt_[i].reading;
     }
     plane = hole_;
-    if (!fitPlane(mechanism_.peg.radius, readings, plane).empty()) return false;
+    if (!fitPlane(mechanism_.peg.radius, readings, plane).good()) return false;
     hole_.normal = plane.normal;
   }
   hole_.height = plane.height;
@@ -306,9 +306,9 @@ void VibratedSearch::resolve() {
       invert(felt_[i]);
       readings[i] = felt_[i].reading;
     }
-    const std::string reason =
+    const FitStatus status =
         fitHole(mechanism_.peg.radius, mechanism_.hole.radius, readings, hole_);
-    if (!reason.empty()) throw Failure{reason};
+    if (!status.good()) throw AlignError(status.failure, status.message);
     for (std::size_t i = 0; i < felt_.size(); ++i) felt_[i].reading = readings[i];
   }
   found_ = true;

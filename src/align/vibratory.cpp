@@ -13,11 +13,9 @@ constexpr int kMostBlocks = 500;   // for one of both ways
 constexpr int kSettleBlocks = 10;  // before the zero is taken anew
 
 // what another strategy would end with, too
-bool isFinal(const std::string& reason) {
-  for (const char* name : {"too_uncertain", "no_reading", "no_contact", "not_still"}) {
-    if (reason.rfind(name, 0) == 0) return true;
-  }
-  return false;
+bool isFinal(AlignFailure failure) {
+  return failure == AlignFailure::kTooUncertain || failure == AlignFailure::kNoReading ||
+         failure == AlignFailure::kNoContact || failure == AlignFailure::kNotStill;
 }
 
 bool goTo(Plant& plant, const RestPose& rest) {
@@ -50,7 +48,7 @@ AlignResult vibratory(Plant& plant, const Mechanism& mechanism, const AlignParam
                       const std::function<void(const AlignProgress&)>& progress) {
   const PlantBlock first = plant.next({});
   const AlignResult quick = doubleContact(plant, mechanism, parameters, progress);
-  if (quick.success || isFinal(quick.reason)) return quick;
+  if (quick.success || isFinal(quick.failure)) return quick;
   if (progress) progress({"single_contact", quick.contacts, quick.time, quick.reason});
   if (!goBack(plant, first.carrier)) return quick;
   const double before = plant.next({}).time - first.time;

@@ -67,8 +67,11 @@ AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
   AlignTrial trial;
   try {
     trial.result = align(judge, mechanism, parameters, progress);
+    trial.status = toString(trial.result.failure);
   } catch (const PlantError& error) {
+    trial.result.failure = error.failure;
     trial.result.reason = error.what();
+    trial.status = error.status;
     trial.result.time = plant.truth().time();
   }
   const Pose X_start = judge.startPose(trial.result);
@@ -82,7 +85,10 @@ AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
   trial.success = trial.result.success &&
                   edgeInside(trial.X_HP, start.mechanism.peg.radius, start.mechanism.hole.radius);
   if (trial.result.success && !trial.success) {
-    trial.result.reason = "edge_outside: not inside the hole";
+    const AlignError outside(AlignFailure::kEdgeOutside, "not inside the hole");
+    trial.result.failure = outside.failure;
+    trial.result.reason = outside.what();
+    trial.status = toString(outside.failure);
   }
   return trial;
 }

@@ -49,11 +49,13 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
 
   const StopReason reason = cell_.next(block_);
   if (reason != StopReason::kOk) {
-    throw PlantError(std::string("simulation stopped: ") + toString(reason));
+    throw PlantError(AlignFailure::kStopped, std::string("simulation stopped: ") + toString(reason),
+                     toString(reason));
   }
   const auto steps = static_cast<double>(simulation.counts().steps);
   if (steps > kMostSteps + kMostStepsPerSecond * simulation.time()) {
-    throw PlantError("simulation stopped: too_many_steps");
+    throw PlantError(AlignFailure::kStopped, "simulation stopped: too_many_steps",
+                     "too_many_steps");
   }
 
   PlantBlock out;

@@ -218,12 +218,13 @@ void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& wh
   const auto deadline = std::chrono::steady_clock::now() +
                         std::chrono::milliseconds(static_cast<std::int64_t>(timeout_ * 1e3));
   while (true) {
-    if (!ros::ok()) throw PlantError("the supervisor is shutting down");
-    if (cancelled_ && cancelled_()) throw PlantError("cancelled");
+    if (!ros::ok()) throw PlantError(AlignFailure::kStopped, "the supervisor is shutting down");
+    if (cancelled_ && cancelled_()) throw PlantError(AlignFailure::kCancelled, "cancelled");
     if (ready()) return;
     if (std::chrono::steady_clock::now() >= deadline) {
-      throw PlantError("no " + what + " within " + std::to_string(static_cast<int>(timeout_)) +
-                       " s of wall time");
+      throw PlantError(AlignFailure::kNoData, "no " + what + " within " +
+                                                  std::to_string(static_cast<int>(timeout_)) +
+                                                  " s of wall time");
     }
     changed_.wait_for(lock, std::chrono::milliseconds(20));
   }
@@ -250,7 +251,7 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
 
 PlantBlock RosPlant::next(const PlantCommand& command) {
   std::unique_lock<std::mutex> lock(mutex_);
-  if (cancelled_ && cancelled_()) throw PlantError("cancelled");
+  if (cancelled_ && cancelled_()) throw PlantError(AlignFailure::kCancelled, "cancelled");
   if (command.rest) publishCarrier(poseFromRest(*command.rest));
   if (command.exciter) publishExciter(*command.exciter);
   if (command.locus) sendLocusGoal(lock, *command.locus);
@@ -268,7 +269,9 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
   if (locus_wanted_ && block.time >= locus_end_) {
     waitFor(lock, "result of identify_locus", [this] { return locus_done_; });
     locus_wanted_ = false;
-    if (!locus_error_.empty()) throw PlantError("identify_locus: " + locus_error_);
+    if (!locus_error_.empty()) {
+      throw PlantError(AlignFailure::kNoReading, "identify_locus: " + locus_error_);
+    }
     const LocusEstimate& estimate = locus_result_->locus;
     LocusReading reading;
     reading.locus.P = {estimate.p[0], estimate.p[1]};

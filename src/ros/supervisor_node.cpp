@@ -215,8 +215,8 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
       watched = &hand;
       hand.tare();
       if (!hand.approach(hand.target().z - limits_.descent)) {
-        throw PressError("no_contact: none within " + std::to_string(limits_.descent) +
-                         " m of descent");
+        throw AlignError(AlignFailure::kNoContact,
+                         "none within " + std::to_string(limits_.descent) + " m of descent");
       }
       hand.hold(force, parameters_.press_tolerance);
       result.success = true;

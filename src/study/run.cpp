@@ -217,10 +217,7 @@ void alignRun(const Scenario& scenario, const Mechanism& mechanism, const StudyJ
   const AlignResult& aligned = trial.result;
   result.assembled = trial.success;
   result.failed = !result.assembled;
-  // "name: explanation", or the plant's "simulation stopped: name"
-  const std::string stopped = "simulation stopped: ";
-  const std::size_t begin = aligned.reason.rfind(stopped, 0) == 0 ? stopped.size() : 0;
-  result.status = aligned.reason.substr(begin, aligned.reason.find(':', begin) - begin);
+  result.status = trial.status;
   result.reason = result.assembled ? "" : aligned.reason;
   result.set("assembled", result.assembled);
   if (result.assembled) result.set("time_to_assemble", aligned.time);

@@ -29,7 +29,7 @@ class StoppingPlant : public Plant {
  public:
   StoppingPlant(Plant& plant, int blocks) : plant_(plant), left_(blocks) {}
   PlantBlock next(const PlantCommand& command) override {
-    if (left_-- == 0) throw PlantError("stopped");
+    if (left_-- == 0) throw PlantError(AlignFailure::kStopped, "stopped");
     return plant_.next(command);
   }
 
@@ -116,7 +116,7 @@ TEST(Press, GivesUpByName) {
       hand.tare();
       hand.approach(-1.0);
       hand.hold(force, 0.05);
-    } catch (const PressError& error) {
+    } catch (const AlignError& error) {
       return std::string(error.what());
     }
     return std::string("none");
@@ -162,7 +162,7 @@ TEST(Press, TellsNoiseFromASwing) {
     try {
       hand.tare();
       ADD_FAILURE() << parameters.seed;
-    } catch (const PressError& error) {
+    } catch (const AlignError& error) {
       EXPECT_EQ(std::string(error.what()).rfind("not_still", 0), 0u);
     }
   }
@@ -302,7 +302,7 @@ TEST(Align, RefusesWhatItCannotMeasure) {
   SimulatedPlant plant(cell(), cell().mechanism, sensors);
   const AlignResult result = align(plant, cell().mechanism, p);
   EXPECT_FALSE(result.success);
-  EXPECT_EQ(result.reason.rfind("too_uncertain", 0), 0u) << result.reason;
+  EXPECT_EQ(result.failure, AlignFailure::kTooUncertain) << result.reason;
   EXPECT_EQ(result.contacts, 0);
 }
 
@@ -340,14 +340,14 @@ TEST(Align, FailuresAreNamed) {
                          CellParameters{});
     const AlignResult result = align(plant, s.mechanism, AlignParameters{});
     EXPECT_FALSE(result.success);
-    EXPECT_EQ(result.reason.rfind("no_hole_under_edge", 0), 0u) << result.reason;
+    EXPECT_EQ(result.failure, AlignFailure::kNoHoleUnderEdge) << result.reason;
   }
   {
     SimulatedPlant plant(startAt(s, Vector2d(0.06, 0), Vector2d(0, 0), 0.05), s.mechanism,
                          CellParameters{});
     const AlignResult result = align(plant, s.mechanism, AlignParameters{});
     EXPECT_FALSE(result.success);
-    EXPECT_EQ(result.reason.rfind("no_contact", 0), 0u) << result.reason;
+    EXPECT_EQ(result.failure, AlignFailure::kNoContact) << result.reason;
   }
   {
     SimulatedPlant plant(s, s.mechanism, CellParameters{});

@@ -91,7 +91,7 @@ TEST(HoleFit, ExactWithoutNoise) {
     for (const double hole_tilt : {0.0, 0.02}) {
       Scene s = sweep({-0.8 * offset, 0.6 * offset, -0.003}, hole_tilt, 0.052, 36, 0.0, 1);
       HoleEstimate e;
-      ASSERT_EQ(fitHole(kPeg, kHole, s.readings, e), "") << offset << " " << hole_tilt;
+      ASSERT_TRUE(fitHole(kPeg, kHole, s.readings, e).good()) << offset << " " << hole_tilt;
       EXPECT_LT((e.center - s.X_SH.p).norm(), 1e-7) << offset << " " << hole_tilt;
       EXPECT_LT((e.normal - s.X_SH.R.col(2)).norm(), 1e-6);
     }
@@ -102,7 +102,7 @@ TEST(HoleFit, ExactWithoutNoise) {
 TEST(HoleFit, ResolvesTheOppositeContact) {
   Scene s = sweep({0.004, 0.001, -0.002}, 0.015, 0.052, 36, 0.0, 1);
   HoleEstimate e;
-  ASSERT_EQ(fitHole(kPeg, kHole, s.readings, e), "");
+  ASSERT_TRUE(fitHole(kPeg, kHole, s.readings, e).good());
   for (const HoleReading& r : s.readings) {
     const Vector3d p =
         r.X_SP.R * Vector3d(kPeg * std::cos(r.alpha), kPeg * std::sin(r.alpha), 0.0) + r.X_SP.p;
@@ -119,7 +119,7 @@ TEST(HoleFit, CovarianceIsHonest) {
     Scene s =
         sweep({0.005, -0.002, -0.002}, 0.01, 0.052, 36, 0.003, 100u + static_cast<unsigned>(k));
     HoleEstimate e;
-    ASSERT_EQ(fitHole(kPeg, kHole, s.readings, e), "");
+    ASSERT_TRUE(fitHole(kPeg, kHole, s.readings, e).good());
     const Eigen::Vector2d error = planeAxes(e.normal).transpose() * (e.center - s.X_SH.p);
     sum += error.dot(e.center_covariance.inverse() * error);
   }
@@ -132,12 +132,12 @@ TEST(HoleFit, WithstandsAnOutlier) {
   Scene s = sweep({0.005, -0.002, -0.002}, 0.01, 0.052, 36, 0.002, 3);
   HoleEstimate clean;
   std::vector<HoleReading> readings = s.readings;
-  ASSERT_EQ(fitHole(kPeg, kHole, readings, clean), "");
+  ASSERT_TRUE(fitHole(kPeg, kHole, readings, clean).good());
   for (std::size_t i = 0; i < readings.size(); ++i) {
     readings = s.readings;
     readings[i].alpha += 0.35;
     HoleEstimate e;
-    ASSERT_EQ(fitHole(kPeg, kHole, readings, e), "") << i;
+    ASSERT_TRUE(fitHole(kPeg, kHole, readings, e).good()) << i;
     EXPECT_LT((e.center - s.X_SH.p).norm(), 2e-4) << "reading " << i;
   }
 }
@@ -146,8 +146,8 @@ TEST(HoleFit, NamesWhyItCannot) {
   Scene s = sweep({0.005, 0.0, -0.002}, 0.0, 0.052, 36, 0.0, 1);
   HoleEstimate e;
   std::vector<HoleReading> few(s.readings.begin(), s.readings.begin() + 3);
-  EXPECT_EQ(fitHole(kPeg, kHole, few, e).rfind("no_plane_reading", 0), 0u);
+  EXPECT_EQ(fitHole(kPeg, kHole, few, e).failure, AlignFailure::kNoPlaneReading);
   // a peg that is nowhere over the hole
   Scene away = sweep({0.08, 0.0, -0.002}, 0.0, 0.052, 36, 0.0, 1);
-  EXPECT_EQ(fitHole(kPeg, kHole, away.readings, e).rfind("no_hole_under_edge", 0), 0u);
+  EXPECT_EQ(fitHole(kPeg, kHole, away.readings, e).failure, AlignFailure::kNoHoleUnderEdge);
 }

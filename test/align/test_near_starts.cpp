@@ -109,7 +109,7 @@ TEST(FailureCases, NoMovementAndUndecided) {
       p.strategy = strategy;
       const AlignResult result = align(watched, s.mechanism, p);
       EXPECT_FALSE(result.success);
-      EXPECT_EQ(result.reason.rfind("no_plane_reading", 0), 0u) << strategy << " " << result.reason;
+      EXPECT_EQ(result.failure, AlignFailure::kNoPlaneReading) << strategy << " " << result.reason;
       // so many attempts and no more
       EXPECT_LE(result.contacts, 4 * 6);
     }

@@ -63,7 +63,8 @@ struct DirectionReading {
 /// How an alignment ended.
 struct AlignResult {
   bool success = false;
-  std::string reason;  ///< "aligned", or the named failure
+  AlignFailure failure = AlignFailure::kNone;
+  std::string reason;  ///< "aligned", or the failure's name and what happened
   bool known = false;  ///< offset and tilt were estimated
   Eigen::Vector2d offset{
       0, 0};  ///< estimated: hole centre relative to the peg's bottom centre at reference_time [m]

@@ -1,9 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <string>
 #include <vector>
 
+#include "assembly_cell/align/failure.h"
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
@@ -34,21 +34,28 @@ struct HoleEstimate {
   int plane_readings = 0, rim_readings = 0;
 };
 
+/// How a fit ended: kNone, or why it doesn't determine what was asked for.
+struct FitStatus {
+  AlignFailure failure = AlignFailure::kNone;
+  const char* message = "";
+  bool good() const { return failure == AlignFailure::kNone; }
+};
+
 /// Two unit vectors that span the plane: S's x projected, and normal × it.
 Eigen::Matrix<double, 3, 2> planeAxes(const Eigen::Vector3d& normal);
 
 /// Plane alone: normal, height and normal_sd through the contacts by least squares. Resolves alpha;
-/// kind is kPlane for all that lie in it, rim or not. Returns as fitHole.
-std::string fitPlane(double peg_radius, std::vector<HoleReading>& readings, HoleEstimate& estimate);
+/// kind is kPlane for all that lie in it, rim or not. Fails with kNoPlaneReading.
+FitStatus fitPlane(double peg_radius, std::vector<HoleReading>& readings, HoleEstimate& estimate);
 
 /// Finds plane and centre from readings at several tilts. All contacts lie in the hole plane, which
 /// also tells C from C*: of the two ends of the edge's diameter only one is at the plane's height
 /// in every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at
 /// distance hole_radius from the centre; the others on the plane, outside of it
 /// (vibration_and_locus section 7, with clearance and tilt exact). `estimate.normal` is the start.
-/// Resolves alpha and kind of every reading. Returns an empty string, or the named reason why the
-/// hole is not determined.
-std::string fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
-                    HoleEstimate& estimate);
+/// Resolves alpha and kind of every reading. Fails with kNoPlaneReading, kNoHoleUnderEdge or
+/// kOneEdgeOnly.
+FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
+                  HoleEstimate& estimate);
 
 }  // namespace assembly_cell

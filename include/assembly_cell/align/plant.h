@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "assembly_cell/align/failure.h"
 #include "assembly_cell/locus/harmonic_fit.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
@@ -59,7 +60,12 @@ class Plant {
 
 /// The plant can't go on; what() is the reason in one line.
 struct PlantError : std::runtime_error {
-  using std::runtime_error::runtime_error;
+  PlantError(AlignFailure failed, const std::string& reason, const std::string& name = "")
+      : std::runtime_error(reason),
+        failure(failed),
+        status(name.empty() ? toString(failed) : name) {}
+  AlignFailure failure;
+  std::string status;  ///< name of what stopped a simulation; else that of the failure
 };
 
 }  // namespace assembly_cell

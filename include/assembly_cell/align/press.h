@@ -17,13 +17,6 @@ struct PressLimits {
 /// A free peg may differ by so much from its tare: its weight pulls sideways when tilted [N]
 inline constexpr double kFreeForce = 1.0;
 
-/// A move or a press was given up; what() begins with the name of the reason: force_limit,
-/// sensor_saturated, no_contact, press_not_held, gave_way, not_still, not_arrived, stuck,
-/// zero_shifted.
-struct PressError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
 /// The carrier is where it was sent. x, y and yaw give way; where the base isn't parallel to the
 /// axes that give way, so does the rest a little: 2e-4 m and 4e-4 rad under 40 N, times a tilt of
 /// 0.05 rad. There, arrived is near and not moving since the block before; a command given in the
@@ -37,7 +30,7 @@ class Hand {
   /// Waits for the first block. Throws PlantError.
   Hand(Plant& plant, const PressLimits& limits);
 
-  /// One block with a command. Throws PressError at a limit, PlantError when the plant fails.
+  /// One block with a command. Throws AlignError at a limit, PlantError when the plant fails.
   const PlantBlock& step(const PlantCommand& command);
   const PlantBlock& wait(int blocks);
   const PlantBlock& last() const { return last_; }
@@ -51,7 +44,7 @@ class Hand {
   const Matrix6& rounding() const { return last_.rounding_b; }
 
   /// Exciter off, over `relaxed` (where the coupling isn't strained) and up by `way` [m] whatever
-  /// is felt, and waits until the peg hangs still. Throws PressError `stuck` when it doesn't come
+  /// is felt, and waits until the peg hangs still. Throws AlignError `stuck` when it doesn't come
   /// free, `zero_shifted` when the free peg weighs something else than at the first tare.
   void retreat(const RestPose& relaxed, double way);
 

@@ -25,11 +25,7 @@ class Search {
   Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
          const Progress& progress);
 
-  struct Failure {
-    std::string reason;
-  };
-
-  /// Finds the hole and puts the peg's edge into it. Throws Failure, PressError or PlantError.
+  /// Finds the hole and puts the peg's edge into it. Throws AlignError or PlantError.
   virtual void find() = 0;
   /// Deflection of the coupling that frame `peg` includes.
   virtual Vector6 deflection() const = 0;
@@ -56,7 +52,7 @@ class Search {
   /// Down to a contact that stays, felt at rest; a peg that swings seems to touch. Nothing when the
   /// rest height `floor` [m] was reached without one.
   std::optional<Touch> lightTouch(double floor);
-  /// Throws Failure `wedged` for a peg tilted by R at a steep contact or one that gave way.
+  /// Throws AlignError `wedged` for a peg tilted by R at a steep contact or one that gave way.
   void refuseWedge(const Touch& touch, const Eigen::Matrix3d& R);
   /// The hole lies on the low side of a peg tilted by R: later ways aside lead away from it.
   void holeOnLowSide(const Eigen::Matrix3d& R);

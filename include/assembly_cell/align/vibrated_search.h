@@ -38,7 +38,7 @@ class VibratedSearch : public Search {
 
   /// One reading with the peg tilted by R about its bottom centre; the exciter runs only meanwhile.
   /// False when the edge went into the hole instead. Presses both edges only if asked to, and never
-  /// a wedge (Failure wedged).
+  /// a wedge (AlignError `wedged`).
   bool read(const Eigen::Matrix3d& R, const char* state, Felt& felt, bool press_both = false);
   /// Over a place off the trap, seen from where the peg was in vain; another direction each time.
   void goAside();
@@ -48,7 +48,7 @@ class VibratedSearch : public Search {
   Eigen::Matrix3d lowAt(double low) const;
   /// Plane alone from what was felt. False when it isn't determined.
   bool level();
-  /// Plane and centre from what was felt. Throws Failure.
+  /// Plane and centre from what was felt. Throws AlignError.
   void resolve();
   /// An edge that went in on the way says where the hole is.
   void takeEntry();
@@ -67,7 +67,7 @@ class VibratedSearch : public Search {
   double touchRange() const;
   bool caught();
   double clearance(const Eigen::Matrix3d& R) const;
-  void recover(const std::string& reason, int attempt);
+  void recover(const AlignError& error, int attempt);
   bool planeKnown() const { return level_ || found_; }
 
   int touches_ = 0;                      // since the start or the last failure

@@ -40,6 +40,7 @@ class Judge : public Plant {
 /// One simulated alignment and what the truth says of it.
 struct AlignTrial {
   AlignResult result;
+  std::string status;  ///< name of how it ended: of the failure, or of what stopped the simulation
   bool success = false;                    ///< the strategy says so and the edge is inside the hole
   Eigen::Vector2d true_offset, true_tilt;  ///< as AlignResult's offset [m] and tilt [rad]
   Pose X_HP;                               ///< frame `peg` in `hole` at the end
