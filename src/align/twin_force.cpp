@@ -270,8 +270,6 @@ class TwinForce : public Search {
   Reach advised() {
     ReachableContact best;
     const ContactAdvice advice = contacts_kept_.advise(best);
-    if (advice.candidate < 0)
-      throw AlignError(AlignFailure::kNoAdvice, "no contact within reach tells more");
     report("advice", text("contact %.0f", advice.candidate) +
                          text(" of those within reach, expected: smallest eigenvalue %.3g, sd %.4f "
                               "mm",

@@ -35,7 +35,6 @@ enum class AlignFailure {
   kNotSettled,
   kSensorSigns,
   kNoPose,
-  kNoAdvice,
   kNotInserted,
   // the plant and whoever looks on
   kCancelled,

@@ -1,0 +1,346 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Every failure of an alignment, by a cell in which something is wrong; and the table of them in
+// docs/strategies.md.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <set>
+#include <string>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/cell/start.h"
+
+using namespace assembly_cell;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+namespace {
+
+Scenario cell(const std::vector<std::string>& overrides = {}) {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
+                      overrides);
+}
+
+// A cell in which something is wrong: what the strategy commands and what it feels may be changed.
+class FaultyPlant : public Plant {
+ public:
+  explicit FaultyPlant(SimulatedPlant& plant) : plant_(plant) {}
+
+  PlantBlock next(const PlantCommand& given) override {
+    PlantCommand command = given;
+    if (on_command) on_command(command);
+    if (command.exciter) amplitude = command.exciter->amplitude;
+    PlantBlock block = plant_.next(command);
+    if (blocks++ == 0) start = block;
+    force.setZero();
+    for (const ContactReport& c : plant_.truth().contacts()) {
+      if (!c.valid) continue;
+      force += c.force;
+      if (c.force.norm() > 0.5) point = c.point;
+    }
+    greatest = std::max(greatest, force.norm());
+    if (on_block) on_block(block);
+    return block;
+  }
+
+  Pose pegPose() { return plant_.truth().pegPose(); }
+
+  // of the contacts now, and where the last of them was, in `hole`
+  Vector3d force = Vector3d::Zero(), point = Vector3d::Zero();
+  double greatest = 0.0, amplitude = 0.0;
+  int blocks = 0;
+  PlantBlock start;  // the first: hanging free
+  std::function<void(PlantCommand&)> on_command;
+  std::function<void(PlantBlock&)> on_block;
+
+ private:
+  SimulatedPlant& plant_;
+};
+
+struct Arrangement {
+  Scenario scenario = cell();
+  Mechanism nominal = scenario.mechanism;
+  CellParameters sensors;
+  AlignParameters parameters;
+};
+
+struct Case {
+  AlignFailure failure;
+  const char* strategy;
+  std::function<void(Arrangement&)> arrange;
+  std::function<void(FaultyPlant&)> spoil;
+};
+
+bool pressed(const FaultyPlant& plant) { return plant.force.norm() > 4.0; }
+
+void forgetModes(FaultyPlant& plant, LocusMode forgotten) {
+  plant.on_block = [forgotten](PlantBlock& b) {
+    if (b.locus && b.locus->mode.mode == forgotten) b.locus->mode.mode = LocusMode::kUndecided;
+  };
+}
+
+// a reading that comes after the double contact of an attempt
+void afterDouble(FaultyPlant& plant, const std::function<void(LocusReading&)>& change) {
+  plant.on_block = [&plant, change, doubled = false](PlantBlock& b) mutable {
+    // back at the height of the start: another attempt
+    if (b.carrier.z > plant.start.carrier.z + 2e-3) doubled = false;
+    if (!b.locus) return;
+    if (doubled) change(*b.locus);
+    if (b.locus->mode.mode == LocusMode::kSegment) doubled = true;
+  };
+}
+
+const Case kCases[] = {
+    {AlignFailure::kForceLimit, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       // knocks against what is pressed
+       plant.on_block = [&plant](PlantBlock& b) {
+         if (pressed(plant)) b.wrench_b(2) += 60.0;
+       };
+     }},
+    {AlignFailure::kForceLimit, "single_contact",
+     [](Arrangement& s) { s.parameters.press_force = 12.0; },
+     [](FaultyPlant& plant) {
+       plant.on_block = [&plant](PlantBlock& b) {
+         if (pressed(plant)) b.wrench_b(2) += 60.0;
+       };
+     }},
+    {AlignFailure::kSensorSaturated, "double_contact", nullptr,
+     [](FaultyPlant& plant) {
+       plant.on_block = [&plant](PlantBlock& b) { b.saturated = b.saturated || pressed(plant); };
+     }},
+    {AlignFailure::kNotStill, "single_contact", nullptr,
+     [](FaultyPlant& plant) {
+       plant.on_block = [](PlantBlock& b) {
+         b.wrench_b(0) += 2.0 * std::sin(2 * M_PI * 5.0 * b.time);
+       };
+     }},
+    {AlignFailure::kNotArrived, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       // the drive stops at the first contact
+       plant.on_command = [&plant, stopped = false](PlantCommand& c) mutable {
+         stopped = stopped || pressed(plant);
+         if (stopped) c.rest.reset();
+       };
+     }},
+    {AlignFailure::kNoContact, "vibratory",
+     [](Arrangement& s) {
+       s.scenario = startAt(s.scenario, Vector2d(0.06, 0), Vector2d(0, 0), 0.05);
+     },
+     nullptr},
+    {AlignFailure::kGaveWay, "twin_force",
+     // a coupling that is ten times softer than nominal
+     [](Arrangement& s) {
+       s.scenario = cell({"coupling.stiffness.diagonal=[5.0e3, 5.0e4, 5.0e4, 50, 50, 50]"});
+     },
+     nullptr},
+    {AlignFailure::kPressNotHeld, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       plant.on_block = [&plant](PlantBlock& b) {
+         if (plant.force.z() > 8.0) b.wrench_b(2) += plant.blocks % 8 < 4 ? 2.5 : -2.5;
+       };
+     }},
+    {AlignFailure::kStuck, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       // glued from the first press on
+       plant.on_block = [&plant, glue = -1.0](PlantBlock& b) mutable {
+         if (glue == -1.0 && pressed(plant)) glue = b.carrier.z;
+         if (glue > -1.0) b.wrench_b(2) -= 3e4 * std::max(0.0, b.carrier.z - glue);
+       };
+     }},
+    {AlignFailure::kZeroShifted, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       // something clings to the peg from the first press on
+       plant.on_block = [&plant, clings = false](PlantBlock& b) mutable {
+         clings = clings || pressed(plant);
+         if (clings) b.wrench_b(2) -= 3.0;
+       };
+     }},
+    {AlignFailure::kWedged, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       plant.on_block = [&plant](PlantBlock& b) { b.wrench_b(0) += 2.0 * plant.force.z(); };
+     }},
+    {AlignFailure::kEdgeInHole, "single_contact", nullptr,
+     [](FaultyPlant& plant) {
+       // held by what it touches, within a millimetre
+       plant.on_block = [&plant, held = -1.0](PlantBlock& b) mutable {
+         if (plant.force.norm() > 0.5) held = b.carrier.z;
+         if (b.carrier.z > held + 1e-3) held = -1.0;
+         if (held > -1.0 && b.carrier.z > held + 1e-4) b.wrench_b(2) -= 2.0;
+       };
+     }},
+    {AlignFailure::kBothEdges, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       // the line of action halfway to the axis at the bottom
+       plant.on_block = [&plant](PlantBlock& b) {
+         const Vector6 w = b.wrench_b - plant.start.wrench_b;
+         const Vector3d at_bottom = Vector3d(0, 0, -0.08).cross(Vector3d(w.head<3>()));
+         b.wrench_b.tail<3>() -= 0.5 * (w.tail<3>() - at_bottom);
+       };
+     }},
+    {AlignFailure::kNotFree, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       // a cable that pulls down near the plane, once a contact was made
+       plant.on_block = [&plant, made = false](PlantBlock& b) mutable {
+         made = made || pressed(plant);
+         if (made && b.carrier.z < plant.start.carrier.z + 0.012) b.wrench_b(2) -= 1.2;
+       };
+     }},
+    {AlignFailure::kTooUncertain, "single_contact",
+     [](Arrangement& s) {
+       s.sensors.bits = 10;
+       s.parameters.exciter_amplitude = 0.05;
+       s.parameters.press_force = 5.0;
+     },
+     nullptr},
+    {AlignFailure::kTooUncertain, "twin_force", [](Arrangement& s) { s.sensors.bits = 10; },
+     nullptr},
+    {AlignFailure::kNoReading, "vibratory", nullptr,
+     [](FaultyPlant& plant) { plant.on_block = [](PlantBlock& b) { b.locus.reset(); }; }},
+    {AlignFailure::kNoPlaneReading, "double_contact", nullptr,
+     [](FaultyPlant& plant) {
+       plant.on_command = [](PlantCommand& c) {
+         if (c.exciter) c.exciter->amplitude = 0.0;
+       };
+     }},
+    {AlignFailure::kNoHoleUnderEdge, "double_contact",
+     [](Arrangement& s) {
+       s.scenario = startAt(s.scenario, Vector2d(0.12, 0), Vector2d(0, 0), 0.002);
+     },
+     nullptr},
+    {AlignFailure::kNoHoleUnderEdge, "single_contact",
+     [](Arrangement& s) {
+       s.scenario = startAt(s.scenario, Vector2d(0.12, 0), Vector2d(0, 0), 0.002);
+       s.parameters.sweep_readings = 12;
+     },
+     nullptr},
+    {AlignFailure::kOneEdgeOnly, "single_contact",
+     [](Arrangement& s) {
+       s.scenario = startAt(s.scenario, Vector2d(0.014, -0.003), Vector2d(0.01, 0.005), 0.003);
+       s.parameters.sweep_readings = 40;
+       s.parameters.rounds = 1;
+     },
+     [](FaultyPlant& plant) {
+       // the rim on one side says nothing
+       plant.on_block = [&plant](PlantBlock& b) {
+         if (b.locus && plant.point.y() > 0.0 && plant.point.head<2>().norm() < 0.0256) {
+           b.locus->mode.mode = LocusMode::kUndecided;
+         }
+       };
+     }},
+    {AlignFailure::kNotDouble, "double_contact", nullptr,
+     [](FaultyPlant& plant) { forgetModes(plant, LocusMode::kSegment); }},
+    {AlignFailure::kLostContact, "double_contact", nullptr,
+     [](FaultyPlant& plant) {
+       afterDouble(plant, [](LocusReading& r) { r.mode.mode = LocusMode::kNone; });
+     }},
+    {AlignFailure::kEdgeNotResolved, "double_contact", nullptr,
+     [](FaultyPlant& plant) {
+       afterDouble(plant, [](LocusReading& r) { r.mode.mode = LocusMode::kUndecided; });
+     }},
+    {AlignFailure::kNotSettled, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       // 0.5 N/s: within what counts as still from block to block, not over a window
+       plant.on_block = [](PlantBlock& b) { b.wrench_b(2) += 0.5 * b.time; };
+     }},
+    {AlignFailure::kSensorSigns, "twin_force", nullptr,
+     [](FaultyPlant& plant) { plant.on_block = [](PlantBlock& b) { b.wrench_a *= -1.0; }; }},
+    {AlignFailure::kNoPose, "twin_force", nullptr,
+     [](FaultyPlant& plant) {
+       plant.on_block = [&plant](PlantBlock& b) { b.wrench_a = plant.start.wrench_a; };
+     }},
+    {AlignFailure::kNotInserted, "twin_force", [](Arrangement& s) { s.parameters.rounds = 1; },
+     [](FaultyPlant& plant) {
+       // something lies in the hole
+       plant.on_block = [&plant](PlantBlock& b) {
+         if (plant.pegPose().p.z() < -5e-5) b.wrench_b(2) += 5.0;
+       };
+     }},
+};
+
+void PrintTo(const Case& c, std::ostream* out) { *out << c.strategy << " " << toString(c.failure); }
+
+class Failures : public testing::TestWithParam<Case> {};
+
+}  // namespace
+
+TEST_P(Failures, AreNamedWithTheExciterOff) {
+  const Case& given = GetParam();
+  Arrangement s;
+  s.parameters.strategy = given.strategy;
+  if (given.arrange) given.arrange(s);
+  SimulatedPlant simulated(s.scenario, s.nominal, s.sensors);
+  FaultyPlant plant(simulated);
+  if (given.spoil) given.spoil(plant);
+  std::string trace;
+  const AlignResult result =
+      align(plant, s.nominal, s.parameters,
+            [&trace](const AlignProgress& now) { trace += now.state + ": " + now.message + "\n"; });
+  EXPECT_FALSE(result.success);
+  EXPECT_STREQ(toString(result.failure), toString(given.failure)) << result.reason << "\n" << trace;
+  EXPECT_EQ(result.reason.rfind(toString(result.failure) + std::string(": "), 0), 0u);
+  EXPECT_EQ(plant.amplitude, 0.0);
+  EXPECT_LT(plant.greatest, s.parameters.force_limit);
+}
+
+INSTANTIATE_TEST_SUITE_P(One, Failures, testing::ValuesIn(kCases), [](const auto& test) {
+  return std::string(test.param.strategy) + "_" + toString(test.param.failure);
+});
+
+// what the plant itself ends with goes through every strategy
+TEST(PlantFailures, PassThrough) {
+  for (const AlignFailure failure :
+       {AlignFailure::kCancelled, AlignFailure::kNoData, AlignFailure::kStopped}) {
+    for (const char* strategy : {"single_contact", "double_contact", "vibratory", "twin_force"}) {
+      SimulatedPlant simulated(cell(), cell().mechanism, CellParameters{});
+      FaultyPlant plant(simulated);
+      plant.on_block = [&](PlantBlock&) {
+        if (pressed(plant)) throw PlantError(failure, "gone");
+      };
+      AlignParameters parameters;
+      parameters.strategy = strategy;
+      try {
+        align(plant, cell().mechanism, parameters);
+        ADD_FAILURE() << strategy;
+      } catch (const PlantError& error) {
+        EXPECT_EQ(error.failure, failure);
+      }
+    }
+  }
+}
+
+// five millimetres beside the hole by a wrong place of sensor_a, and anything counts as free
+TEST(PlantFailures, TheJudgeNamesAnEdgeOutside) {
+  AlignParameters parameters;
+  parameters.strategy = "twin_force";
+  parameters.insertion_force = 35.0;
+  CellParameters sensors;
+  sensors.X_AH.p.x() += 0.005;
+  const AlignTrial trial = tryAlignment(cell(), cell().mechanism, sensors, parameters);
+  EXPECT_FALSE(trial.success);
+  EXPECT_EQ(trial.result.failure, AlignFailure::kEdgeOutside) << trial.result.reason;
+  EXPECT_EQ(trial.status, "edge_outside");
+}
+
+// names of the table in docs/strategies.md are those of the enumeration, and every one but the
+// plant's and the judge's has a case above
+TEST(FailureTable, ListsEveryNameAndNoOther) {
+  std::ifstream page(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/docs/strategies.md");
+  std::multiset<std::string> listed, named;
+  bool within = false;
+  for (std::string line; std::getline(page, line);) {
+    if (line.rfind("## ", 0) == 0) within = line == "## Failures";
+    if (within && line.rfind("| `", 0) == 0) listed.insert(line.substr(3, line.find('`', 3) - 3));
+  }
+  for (int i = 1; i < static_cast<int>(AlignFailure::kCount); ++i) {
+    named.insert(toString(static_cast<AlignFailure>(i)));
+  }
+  EXPECT_EQ(listed, named);
+  std::set<std::string> reached = {"cancelled", "no_data", "stopped", "edge_outside"};
+  for (const Case& c : kCases) reached.insert(toString(c.failure));
+  EXPECT_EQ(reached, std::set<std::string>(named.begin(), named.end()));
+}
