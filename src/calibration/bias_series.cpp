@@ -4,18 +4,18 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/base/distributions.h"
+#include "assembly_cell/base/roots.h"
+
 namespace assembly_cell::bias_series {
 
 namespace {
 
-// z with upper tail p, by bisection of erfc
+// z with upper tail p
 double normalQuantile(double p) {
-  double low = -40.0, high = 40.0;
-  for (int i = 0; i < 80; ++i) {
-    const double middle = 0.5 * (low + high);
-    (0.5 * std::erfc(middle / std::sqrt(2.0)) > p ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
+  const Bracket z = bisect(
+      -40.0, 40.0, [p](double x) { return normalTail(x) > p; }, 0.0, 80);
+  return 0.5 * (z.low + z.high);
 }
 
 double recordingEnd(const std::vector<double>& order, const std::vector<std::size_t>& starts,
@@ -30,12 +30,12 @@ double chiSquareQuantile(int dof, double upper_tail) {
   return dof * std::pow(1.0 - v + normalQuantile(upper_tail) * std::sqrt(v), 3);
 }
 
-double twoSided(double z) { return std::erfc(std::abs(z) / std::sqrt(2.0)); }
+double twoSided(double z) { return 2.0 * normalTail(std::abs(z)); }
 
 double chiSquareTail(int dof, double x) {
   const double v = 2.0 / (9.0 * dof);
   const double z = (std::cbrt(std::max(x, 0.0) / dof) - 1.0 + v) / std::sqrt(v);
-  return 0.5 * std::erfc(z / std::sqrt(2.0));
+  return normalTail(z);
 }
 
 double whiten(DriftShape shape, double ratio, const std::vector<double>& order,

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string>
 
+#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/gate.h"
 
@@ -145,7 +146,7 @@ GaugePose poseFromGauges(const GaugeLayout& layout, const std::vector<double>& r
   out.chi2 = all.residuals.squaredNorm() / (sigma * sigma);
   out.dof = static_cast<int>(n) - 6;
   if (out.dof == 0) out.chi2 = 0.0;
-  if (out.dof == 0 || chi2Tail(out.chi2, out.dof) >= kFault) return out;
+  if (out.dof == 0 || chiSquareTail(out.chi2, out.dof) >= kFault) return out;
 
   // with one spare gauge every removal fits: the largest normalised residual is a hint
   double best = -1.0;

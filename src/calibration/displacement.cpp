@@ -6,6 +6,7 @@
 #include <Eigen/SVD>
 #include <cmath>
 
+#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 #include "format.h"
 
@@ -167,7 +168,7 @@ DisplacementSolution solveDisplacement(const ObservationSet& set, Side side) {
       out.residual_sd = (residuals.colwise().squaredNorm().transpose() / out.dof).cwiseSqrt();
       const Eigen::LLT<Matrix6> root(expected);
       out.chi2 = root.matrixL().solve(residuals.transpose()).squaredNorm();
-      out.p = chi2Tail(out.chi2, 6 * out.dof);
+      out.p = chiSquareTail(out.chi2, 6 * out.dof);
     }
     const double ratio = out.residual_sd.cwiseQuotient(out.output_sd).maxCoeff();
     addGate(out.gates, !(ratio <= kResidual),

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 #include "force_gates.h"
 #include "format.h"
@@ -34,13 +35,13 @@ ForceFit fitWithoutOutliers(ForceSystem& system, const ObservationSet& set, cons
                             int terms, double share) {
   ForceFit fit = fitOf(system, set, start, terms, true);
   int left = static_cast<int>(share * static_cast<double>(system.tests.size()));
-  while (left-- > 0 && fit.converged && chi2Tail(fit.chi2, fit.dof) < kOutlierP) {
+  while (left-- > 0 && fit.converged && chiSquareTail(fit.chi2, fit.dof) < kOutlierP) {
     std::size_t worst = system.tests.size();
     double excess = 1.0;
     for (std::size_t k = 0; k < system.tests.size(); ++k) {
       const ForceTest& test = system.tests[k];
       if (!test.used) continue;
-      const double limit = std::sqrt(chi2Limit(1e-3, test.equations) / test.equations);
+      const double limit = std::sqrt(chiSquareLimit(1e-3, test.equations) / test.equations);
       if (fit.normalised[k] / limit > excess) {
         excess = fit.normalised[k] / limit;
         worst = k;
@@ -100,7 +101,7 @@ void takeOver(const ForceSystem& system, const ForceFit& fit, ForceSolution& out
   out.equations = fit.equations;
   out.dof = fit.dof;
   out.chi2 = fit.chi2;
-  out.p = chi2Tail(fit.chi2, fit.dof);
+  out.p = chiSquareTail(fit.chi2, fit.dof);
   out.iterations = fit.iterations;
   out.tests = system.dropped;
   Vector6 squares = Vector6::Zero(), counts = Vector6::Zero();

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "payload_files.h"
+#include "assembly_cell/calibration/payload_files.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -7,15 +7,17 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/linearity.h"
-#include "assembly_cell/calibration/payload_command.h"
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/session.h"
 #include "assembly_cell/calibration/store.h"
 #include "assembly_cell/sensor/calibration.h"
+#include "calibrate/commands.h"
 
 using namespace assembly_cell;
 
@@ -42,65 +44,6 @@ check  a calibration file (its checksum, what it says), or an observation file (
 Example: calibrate plan recommended --nonlinearity 0 --simulate tests.yaml && calibrate solve tests.yaml --save .
 Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/calibration.md
 )";
-
-using Arguments = std::map<std::string, std::string>;
-
-Arguments parse(const std::vector<std::string>& given, std::vector<std::string>& positional,
-                const std::map<std::string, bool>& known) {
-  Arguments out;
-  for (std::size_t i = 0; i < given.size(); ++i) {
-    if (given[i].rfind("--", 0) != 0) {
-      positional.push_back(given[i]);
-      continue;
-    }
-    const auto option = known.find(given[i]);
-    if (option == known.end()) {
-      throw InputError(given[i] + ": no known option: see --help");
-    }
-    if (out.count(given[i]) > 0) throw InputError(given[i] + ": is there twice: give it once");
-    if (!option->second) {
-      out[given[i]] = "";
-    } else if (i + 1 < given.size()) {
-      const std::string key = given[i];
-      out[key] = given[++i];
-    } else {
-      throw InputError(given[i] + ": value missing: see --help");
-    }
-  }
-  return out;
-}
-
-double number(const Arguments& arguments, const char* key, double fallback) {
-  const auto found = arguments.find(key);
-  if (found == arguments.end()) return fallback;
-  double value = 0.0;
-  if (!parseNumber(found->second, value)) {
-    throw InputError(std::string(key) + ": value is '" + found->second + "': give a number");
-  }
-  return value;
-}
-
-long integer(const Arguments& arguments, const char* key, long fallback, long min, long max) {
-  const auto found = arguments.find(key);
-  if (found == arguments.end()) return fallback;
-  long value = 0;
-  if (!parseInteger(found->second, value) || value < min || value > max) {
-    throw InputError(std::string(key) + ": value is '" + found->second + "': give a whole number " +
-                     std::to_string(min) + " to " + std::to_string(max));
-  }
-  return value;
-}
-
-template <typename Value>
-Value choice(const std::string& key, const std::string& given,
-             const std::vector<std::pair<std::string, Value>>& values) {
-  std::string names;
-  for (const auto& [name, value] : values) {
-    if (name == given) return value;
-    names += (names.empty() ? "" : ", ") + name;
-  }
-  throw InputError(key + ": value is '" + given + "': give one of " + names);
-}
 
 std::string list(const Eigen::VectorXd& v) {
   std::string out = "[";
@@ -172,34 +115,26 @@ void printForce(const ForceSolution& s, bool matrices) {
   printGates(s.gates);
 }
 
-int plan(const std::vector<std::string>& given) {
-  std::vector<std::string> positional;
-  const Arguments arguments = parse(given, positional,
-                                    {{"--seed", true},
-                                     {"--observations", true},
-                                     {"--next", true},
-                                     {"--simulate", true},
-                                     {"--bits", true},
-                                     {"--nonlinearity", true},
-                                     {"--samples", true}});
-  if (positional.size() != 1) {
-    throw InputError(
-        "plan: give one NAME: recommended, quadratic, displacement, thesis_fixed, "
-        "thesis_shifted or next");
-  }
-  const auto seed = static_cast<std::uint64_t>(integer(arguments, "--seed", 1, 0, 1000000000));
+int plan(const std::vector<std::string>& arguments) {
+  std::string wanted, observations, simulate;
+  std::uint64_t seed = 1;
+  std::size_t count = 6;
   RigSettings settings;
+  OptionParser parser(kHelp);
+  parser.file("NAME of a plan", wanted);
+  parser.integer("--seed", seed, 0, 1000000000);
+  parser.text("--observations", observations);
+  parser.integer("--next", count, 1, 1000);
+  parser.text("--simulate", simulate);
+  parser.integer("--bits", settings.bits, 10, 24);
+  parser.number("--nonlinearity", settings.nonlinearity, 0.0, 1.0);
+  parser.integer("--samples", settings.samples, 1, 100000);
+  if (!parser.parse(arguments)) return 0;
   settings.seed = seed + 1000;
-  settings.bits = static_cast<int>(integer(arguments, "--bits", 16, 10, 24));
-  settings.nonlinearity = number(arguments, "--nonlinearity", 1.0);
-  settings.samples = static_cast<int>(integer(arguments, "--samples", 20, 1, 100000));
   CalibrationRig rig(settings);
   ObservationSet set = rig.description();
-  if (arguments.count("--observations") > 0) {
-    set = readObservations(arguments.at("--observations"));
-  }
-  if (positional[0] == "next") {
-    const auto count = static_cast<std::size_t>(integer(arguments, "--next", 6, 1, 1000));
+  if (!observations.empty()) set = readObservations(observations);
+  if (wanted == "next") {
     const std::vector<LoadRequest> candidates = standardCandidates({}, seed);
     const NextTests next = nextTests(set, candidates, count);
     line("weak_direction_before", yamlQuoted(next.weak_direction_before));
@@ -212,9 +147,9 @@ int plan(const std::vector<std::string>& given) {
     printForce(next.after, false);
     return next.after.accepted ? 0 : 1;
   }
-  const auto name = planName(positional[0]);
+  const auto name = planName(wanted);
   if (!name) {
-    throw InputError("plan: value is '" + positional[0] + "': give one of " + kPlanNames);
+    throw InputError("plan: value is '" + wanted + "': give one of " + kPlanNames);
   }
   const std::vector<LoadRequest> requests = makePlan(*name, set, {}, seed);
   std::cout << "tests:\n";
@@ -229,50 +164,41 @@ int plan(const std::vector<std::string>& given) {
     printForce(judged, false);
     good = judged.accepted;
   }
-  if (arguments.count("--simulate") > 0) {
+  if (!simulate.empty()) {
     for (const LoadRequest& request : requests) set.observations.push_back(rig.measure(request));
-    writeObservations(set, arguments.at("--simulate"));
+    writeObservations(set, simulate);
     std::cerr << "calibrate: " << set.observations.size() << " observations written\n";
   }
   return good ? 0 : 1;
 }
 
-int solve(const std::vector<std::string>& given) {
-  std::vector<std::string> positional;
-  const Arguments arguments = parse(given, positional,
-                                    {{"--procedure", true},
-                                     {"--model", true},
-                                     {"--rated", true},
-                                     {"--displacement", false},
-                                     {"--save", true},
-                                     {"--id", true}});
-  if (positional.size() != 1) throw InputError("solve: give one observation file");
+int solve(const std::vector<std::string>& arguments) {
   SolveSettings settings;
   ForceSettings& force = settings.force;
-  if (arguments.count("--procedure") > 0) {
-    force.procedure = choice<ForceProcedure>("--procedure", arguments.at("--procedure"),
-                                             {{"all_rows", ForceProcedure::kAllRows},
-                                              {"force_rows", ForceProcedure::kForceRows},
-                                              {"thesis", ForceProcedure::kThesis}});
-  }
-  if (arguments.count("--model") > 0) {
-    force.model = choice<StrainModel>("--model", arguments.at("--model"),
-                                      {{"automatic", StrainModel::kAutomatic},
-                                       {"linear", StrainModel::kLinear},
-                                       {"quadratic", StrainModel::kQuadratic}});
-  }
-  if (arguments.count("--rated") > 0) {
-    const std::string& text = arguments.at("--rated");
-    const std::size_t comma = std::min(text.find(','), text.size());
-    if (comma == text.size() || !parseNumber(text.substr(0, comma), force.rated.force) ||
-        !parseNumber(text.substr(comma + 1), force.rated.torque) || !(force.rated.force > 0.0) ||
-        !(force.rated.torque > 0.0)) {
-      throw InputError("--rated: value is '" + text + "': give FORCE,TORQUE above 0");
-    }
-  }
-  const bool displacement = arguments.count("--displacement") > 0;
-  const bool save = arguments.count("--save") > 0;
-  CalibrationSession session(save ? arguments.at("--save") : "", readObservations(positional[0]));
+  std::string file, store, id;
+  bool displacement = false;
+  OptionParser parser(kHelp);
+  parser.file("file of observations", file);
+  parser.choice("--procedure", force.procedure,
+                {{"all_rows", ForceProcedure::kAllRows},
+                 {"force_rows", ForceProcedure::kForceRows},
+                 {"thesis", ForceProcedure::kThesis}});
+  parser.choice("--model", force.model,
+                {{"automatic", StrainModel::kAutomatic},
+                 {"linear", StrainModel::kLinear},
+                 {"quadratic", StrainModel::kQuadratic}});
+  parser.value("--rated", "give FORCE,TORQUE above 0", [&](const std::string& text) {
+    const auto cells = csvCells(text);
+    return cells.size() == 2 && parseNumber(std::string(cells[0]), force.rated.force) &&
+           parseNumber(std::string(cells[1]), force.rated.torque) && force.rated.force > 0.0 &&
+           force.rated.torque > 0.0;
+  });
+  parser.flag("--displacement", displacement);
+  parser.text("--save", store);
+  parser.text("--id", id);
+  if (!parser.parse(arguments)) return 0;
+  const bool save = !store.empty();
+  CalibrationSession session(store, readObservations(file));
   for (const std::string& text : session.warnings()) std::cerr << "calibrate: " << text << "\n";
   settings.displacement = {displacement, displacement};
   settings.wrench = !displacement || save || solveSettings(session.observations()).wrench;
@@ -293,7 +219,7 @@ int solve(const std::vector<std::string>& given) {
     return 1;
   }
   if (!save) return 0;
-  const auto saved = session.save(arguments.count("--id") > 0 ? arguments.at("--id") : "");
+  const auto saved = session.save(id);
   for (const Side side : kSides) {
     line(std::string("saved_") + toString(side),
          yamlQuoted(calibrationPath(session.store(), sensorName(side), saved[side]->id)));
@@ -335,7 +261,7 @@ void compareWithWeights(const Calibration& c, const ObservationSet& set) {
   line("torque_error_rms", yamlNumber(count > 0 ? std::sqrt(torque / 3 / count) : std::nan("")));
 }
 
-int checkCalibrationFile(const std::string& path, const Arguments& arguments) {
+int checkCalibrationFile(const std::string& path, const std::string& observations) {
   const Calibration c = loadCalibration(path);
   line("id", yamlQuoted(c.id));
   line("serial_number", yamlQuoted(c.serial_number));
@@ -347,9 +273,7 @@ int checkCalibrationFile(const std::string& path, const Arguments& arguments) {
        yamlNumber(c.wrench_fit.dof > 0 ? c.wrench_fit.chi2 / c.wrench_fit.dof : std::nan("")));
   line("predicted_sd", list(c.wrench_fit.predicted_sd));
   line("observations", yamlQuoted(c.observations_digest));
-  if (arguments.count("--observations") > 0) {
-    compareWithWeights(c, readObservations(arguments.at("--observations")));
-  }
+  if (!observations.empty()) compareWithWeights(c, readObservations(observations));
   return 0;
 }
 
@@ -402,38 +326,34 @@ int checkObservationFile(const std::string& path) {
   return bad.empty() && linear ? 0 : 1;
 }
 
-int check(const std::vector<std::string>& given) {
-  std::vector<std::string> positional;
-  const Arguments arguments = parse(given, positional, {{"--observations", true}});
-  if (positional.size() != 1) throw InputError("check: give one file");
-  return isObservationFile(positional[0]) ? checkObservationFile(positional[0])
-                                          : checkCalibrationFile(positional[0], arguments);
+int check(const std::vector<std::string>& arguments) {
+  std::string file, observations;
+  OptionParser parser(kHelp);
+  parser.file("file", file);
+  parser.text("--observations", observations);
+  if (!parser.parse(arguments)) return 0;
+  return isObservationFile(file) ? checkObservationFile(file)
+                                 : checkCalibrationFile(file, observations);
+}
+
+const std::map<std::string, int (*)(const std::vector<std::string>&)> kCommands = {
+    {"plan", plan}, {"solve", solve}, {"check", check}, {"payload", payload}};
+
+int run(const std::vector<std::string>& arguments) {
+  std::string names;
+  for (const auto& [name, command] : kCommands) names += (names.empty() ? "" : ", ") + name;
+  if (arguments.empty()) throw InputError("command missing: give one of " + names + ", see --help");
+  if (arguments[0] == "--help" || arguments[0] == "-h") {
+    std::cout << kHelp;
+    return 0;
+  }
+  const auto command = kCommands.find(arguments[0]);
+  if (command == kCommands.end()) {
+    throw InputError("command is '" + arguments[0] + "': give one of " + names + ", see --help");
+  }
+  return command->second({arguments.begin() + 1, arguments.end()});
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  const std::vector<std::string> arguments(argv + 1, argv + argc);
-  try {
-    // has a help of its own
-    if (!arguments.empty() && arguments[0] == "payload") {
-      return assembly_cell::payloadCommand(argc - 1, argv + 1);
-    }
-    if (arguments.empty()) {
-      throw InputError("command missing: give plan, solve, check or payload, see --help");
-    }
-    if (arguments[0] == "--help" || (arguments.size() > 1 && arguments[1] == "--help")) {
-      std::cout << kHelp;
-      return 0;
-    }
-    const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
-    if (arguments[0] == "plan") return plan(rest);
-    if (arguments[0] == "solve") return solve(rest);
-    if (arguments[0] == "check") return check(rest);
-    throw InputError("command is '" + arguments[0] +
-                     "': give plan, solve, check or payload, see --help");
-  } catch (const InputError& error) {
-    std::cerr << "calibrate: " << error.what() << "\n";
-    return 2;
-  }
-}
+int main(int argc, char** argv) { return runTool("calibrate", argc, argv, run); }

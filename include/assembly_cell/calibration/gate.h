@@ -29,12 +29,6 @@ inline bool refused(const std::vector<Gate>& gates) {
   return false;
 }
 
-/// P(χ² of `dof` degrees of freedom > chi2); 1 for dof 0.
-double chi2Tail(double chi2, int dof);
-
-/// The value that χ² of `dof` degrees of freedom exceeds with probability p in (0, 1).
-double chi2Limit(double p, int dof);
-
 /// The texts of all gates with this verdict, joined by "; ".
 std::string gateTexts(const std::vector<Gate>& gates, Verdict verdict);
 

@@ -1,18 +1,18 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/payload_command.h"
+#include "assembly_cell/calibration/payload.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <iostream>
-#include <map>
 #include <sstream>
 
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/calibration/payload.h"
-#include "payload_files.h"
+#include "assembly_cell/calibration/payload_files.h"
+#include "commands.h"
 
 namespace assembly_cell {
 
@@ -44,68 +44,37 @@ Example: calibrate payload poses.csv wrenches.csv --predict new_poses.csv --outp
 struct Options {
   std::string poses, wrenches, predict, output, trace;
   PayloadOptions payload;
-  bool holdout = false, help = false;
+  bool holdout = false;
 };
 
-Options parseOptions(const std::vector<std::string>& arguments) {
-  Options options;
+// false after --help
+bool parseOptions(const std::vector<std::string>& arguments, Options& options) {
   PayloadOptions& payload = options.payload;
-  std::string axes, weight;
-  const std::map<std::string, std::string*> values = {{"--predict", &options.predict},
-                                                      {"--output", &options.output},
-                                                      {"--trace", &options.trace},
-                                                      {"--axes", &axes},
-                                                      {"--weight", &weight}};
-  const std::map<std::string, std::pair<bool*, bool>> flags = {
-      {"--holdout", {&options.holdout, true}},
-      {"--in-situ", {&payload.in_situ, true}},
-      {"--no-drift", {&payload.drift, false}},
-      {"--no-breaks", {&payload.breaks, false}},
-      {"--help", {&options.help, true}},
-      {"-h", {&options.help, true}},
-      {"--keep-outliers", {&payload.outliers, false}}};
-  std::vector<std::string> files;
-  for (std::size_t i = 0; i < arguments.size() && !options.help; ++i) {
-    const std::string& name = arguments[i];
-    if (const auto flag = flags.find(name); flag != flags.end()) {
-      *flag->second.first = flag->second.second;
-    } else if (const auto value = values.find(name); value != values.end()) {
-      if (i + 1 == arguments.size() || arguments[i + 1].empty()) {
-        throw InputError(name + ": value missing: see --help");
-      }
-      *value->second = arguments[++i];
-    } else if (name.rfind("-", 0) == 0) {
-      throw InputError("argument: value " + name + ": unknown option, see --help");
-    } else {
-      files.push_back(name);
-    }
-  }
-  if (options.help) return options;
-  for (const WrenchAxes choice : {WrenchAxes::kBase, WrenchAxes::kSensor, WrenchAxes::kAuto}) {
-    if (axes == toString(choice)) payload.axes = choice;
-  }
-  if (!axes.empty() && axes != toString(payload.axes)) {
-    throw InputError("--axes: value " + axes + ": give base, sensor or auto");
-  }
-  if (double known = 0.0; !weight.empty()) {
-    if (!parseNumber(weight, known) || !(known > 0.0)) {
-      throw InputError("--weight: value " + weight + ": give a positive number of N");
-    }
-    payload.known_weight = known;
-  }
-  if (files.size() != 2) {
-    throw InputError("argument: " + std::to_string(files.size()) +
-                     " files: give POSES.csv and WRENCHES.csv, see --help");
-  }
+  OptionParser parser(kHelp);
+  parser.file("file POSES.csv", options.poses);
+  parser.file("file WRENCHES.csv", options.wrenches);
+  parser.choice(
+      "--axes", payload.axes,
+      {{"base", WrenchAxes::kBase}, {"sensor", WrenchAxes::kSensor}, {"auto", WrenchAxes::kAuto}});
+  parser.text("--predict", options.predict);
+  parser.text("--output", options.output);
+  parser.text("--trace", options.trace);
+  parser.number(
+      "--weight", payload.known_weight, [](double v) { return v > 0.0; },
+      "give a positive number of N");
+  parser.flag("--holdout", options.holdout);
+  parser.flag("--in-situ", payload.in_situ);
+  parser.flag("--no-drift", payload.drift, false);
+  parser.flag("--no-breaks", payload.breaks, false);
+  parser.flag("--keep-outliers", payload.outliers, false);
+  if (!parser.parse(arguments)) return false;
   if (!options.output.empty() && options.predict.empty()) {
     throw InputError("--output: nothing to write: give --predict FILE too");
   }
   if (payload.known_weight && !payload.in_situ) {
     throw InputError("--weight: serves the correction matrix: give --in-situ too");
   }
-  options.poses = files[0];
-  options.wrenches = files[1];
-  return options;
+  return true;
 }
 
 // ---- YAML
@@ -267,11 +236,10 @@ void printInSitu(std::ostream& out, const InSituCorrection& c) {
       << "\n  matrix: " << (c.given ? rowMajor(c.matrix) : "null") << "\n";
 }
 
-void writeFile(const std::string& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) throw InputError(path + ": cannot be written: give a place that can");
+void writeNew(const std::string& path, const std::string& text) {
+  NewFile file(path, path, "give a place that can");
+  file.write(text);
+  file.finish();
 }
 
 std::string csvRow(const Vector6& w) {
@@ -291,7 +259,7 @@ void traceTo(const std::string& path, const PayloadModel& m, const std::vector<S
     text += std::to_string(m.used[i]) + "," + yamlNumber(m.order[i]) + "," + csvRow(b.wrench) +
             "," + csvRow(b.sd) + "," + csvRow(m.residual[i]) + "\n";
   }
-  writeFile(path, text);
+  writeNew(path, text);
 }
 
 int run(const Options& options, std::ostream& out) {
@@ -338,32 +306,20 @@ int run(const Options& options, std::ostream& out) {
         << ", sd: " << list(w.sd) << "}\n";
     csv += csvRow(w.wrench) + "\n";
   }
-  if (!options.output.empty()) writeFile(options.output, csv);
+  if (!options.output.empty()) writeNew(options.output, csv);
   return 0;
 }
 
 }  // namespace
 
-int payloadCommand(const std::vector<std::string>& arguments, std::ostream& out,
-                   std::ostream& messages) {
-  try {
-    const Options options = parseOptions(arguments);
-    if (options.help) {
-      out << kHelp;
-      return 0;
-    }
-    std::ostringstream text;
-    const int code = run(options, text);
-    out << text.str();
-    return code;
-  } catch (const InputError& error) {
-    messages << "calibrate payload: " << error.what() << "\n";
-    return 2;
-  }
-}
-
-int payloadCommand(int argc, char** argv) {
-  return payloadCommand({argv + std::min(argc, 1), argv + argc}, std::cout, std::cerr);
+int payload(const std::vector<std::string>& arguments) {
+  Options options;
+  if (!parseOptions(arguments, options)) return 0;
+  // nothing is printed of what ends in a refusal
+  std::ostringstream text;
+  const int code = run(options, text);
+  std::cout << text.str();
+  return code;
 }
 
 }  // namespace assembly_cell

@@ -1,14 +1,15 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/payload_command.h"
-
+// The tool as a person uses it: calibrate payload.
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <cstdlib>
 #include <fstream>
+#include <iterator>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -23,10 +24,17 @@ struct Outcome {
   std::string out, messages;
 };
 
+std::string textOf(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
 Outcome call(const std::vector<std::string>& arguments) {
-  std::ostringstream out, messages;
-  const int code = payloadCommand(arguments, out, messages);
-  return {code, out.str(), messages.str()};
+  const std::string base = testing::TempDir() + "payload_" + std::to_string(getpid());
+  std::string command = ASSEMBLY_CELL_BIN_DIR "/calibrate payload";
+  for (const std::string& argument : arguments) command += " '" + argument + "'";
+  const int code = std::system((command + " >" + base + ".out 2>" + base + ".err").c_str());
+  return {WEXITSTATUS(code), textOf(base + ".out"), textOf(base + ".err")};
 }
 
 std::vector<std::string> lines(const std::string& path) {
@@ -51,7 +59,7 @@ std::vector<double> numbers(const std::string& line) {
 }
 
 // Limits of the requirement: force 0.045 N, torque 0.0009 N m, weight 11.44 N within 0.05 N.
-TEST(PayloadCommand, RealRecording) {
+TEST(PayloadTool, RealRecording) {
   const Outcome o = call({kData + "poses.csv", kData + "wrenches.csv", "--holdout"});
   ASSERT_EQ(o.code, 0) << o.messages;
   const YAML::Node y = YAML::Load(o.out);
@@ -72,7 +80,7 @@ TEST(PayloadCommand, RealRecording) {
 }
 
 // Every other pose alone, twice the gap of the requirement's check, predicts the rest.
-TEST(PayloadCommand, EveryOtherPosePredictsTheRest) {
+TEST(PayloadTool, EveryOtherPosePredictsTheRest) {
   const std::vector<std::string> poses = lines(kData + "poses.csv");
   const std::vector<std::string> wrenches = lines(kData + "wrenches.csv");
   ASSERT_EQ(poses.size(), 50u);
@@ -99,7 +107,7 @@ TEST(PayloadCommand, EveryOtherPosePredictsTheRest) {
   EXPECT_EQ(YAML::Load(o.out)["prediction"][3]["order"].as<double>(), 3.5);
 }
 
-TEST(PayloadCommand, HeadersOrderAndTrace) {
+TEST(PayloadTool, HeadersOrderAndTrace) {
   std::vector<std::string> poses = lines(kData + "poses.csv");
   std::vector<std::string> wrenches = lines(kData + "wrenches.csv");
   for (std::size_t i = 0; i < poses.size(); ++i) poses[i] += "," + std::to_string(10 * i);
@@ -121,7 +129,7 @@ TEST(PayloadCommand, HeadersOrderAndTrace) {
   EXPECT_EQ(lines(trace).size(), 1 + y["poses"].as<std::size_t>());
 }
 
-TEST(PayloadCommand, BadInputIsNamed) {
+TEST(PayloadTool, BadInputIsNamed) {
   const std::string poses = kData + "poses.csv", wrenches = kData + "wrenches.csv";
   EXPECT_EQ(call({"--help"}).code, 0);
   EXPECT_NE(call({"--help"}).out.find("Example"), std::string::npos);
@@ -132,7 +140,7 @@ TEST(PayloadCommand, BadInputIsNamed) {
     EXPECT_NE(o.messages.find(word), std::string::npos) << o.messages;
     EXPECT_EQ(std::count(o.messages.begin(), o.messages.end(), '\n'), 1);
   };
-  refused({}, "WRENCHES");
+  refused({}, "POSES");
   refused({poses}, "WRENCHES");
   refused({poses, wrenches, "--axis", "base"}, "--axis");
   refused({poses, wrenches, "--axes", "world"}, "world");
