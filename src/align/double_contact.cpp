@@ -32,7 +32,7 @@ double turnFrom(double a, double b) {
   return turn < 0.0 ? turn + 2 * kPi : turn;
 }
 
-// The strategy `double_contact` (thesis Fig 9.16; vibration_and_locus 7.3): both edge contacts at
+// The strategy `double_contact` (thesis Fig 9.16; docs/strategies.md): both edge contacts at
 // once tell the hole's direction, a wobble about it which of them stays, and where the plane is.
 class DoubleContact : public VibratedSearch {
  public:

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/align/contact_window.h"
 
 namespace assembly_cell {
 namespace {
@@ -14,8 +14,14 @@ constexpr double kTouchForce = 1.5;      // this much in any direction is contac
 constexpr double kSidewaysTouch = 0.75;  // and this much sideways: a tilted peg's weight is less
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
 constexpr int kHoldSteps = 30;
-constexpr double kPullStep = 2.5e-4;  // of the way out [m]
+constexpr double kPullStep = 2.5e-4;  // of travel on the way out [m]
 constexpr int kPullSteps = 8;
+constexpr int kFreeSteps = 4, kMaxFreeSteps = 100;  // of kPullStep: a millimetre, and 25
+constexpr double kFreeSide = 3e-4;                  // against a wall 2 N [m]
+// Of the force over a step of a free peg [N]. Contact changes it by the coupling's stiffness times
+// the step, 12 N; noise of 20 mV a channel, forty times the cell's, by 0.12 N rms. Half: a peg
+// with such noise is lifted farther. Twice: a contact softer by a factor of 12 is a free peg.
+constexpr double kFreeChange = 0.5;
 constexpr int kSettleBlocks = 3;
 constexpr double kStillForce = 0.03;  // change from block to block of what is at rest [N]
 constexpr int kStillBlocks = 3;
@@ -49,12 +55,13 @@ bool arrived(const RestPose& before, const RestPose& at, const RestPose& target)
   return off < kThere || (off < kNear && apart(at, before) < kRest);
 }
 
-Hand::Hand(Plant& plant, const PressLimits& limits) : plant_(plant), limits_(limits) {
+PressController::PressController(Plant& plant, const PressLimits& limits)
+    : plant_(plant), limits_(limits) {
   wait(1);
   target_ = last_.carrier;
 }
 
-const PlantBlock& Hand::step(const PlantCommand& command) {
+const PlantBlock& PressController::step(const PlantCommand& command) {
   last_ = plant_.next(command);
   const Vector6 contact = last_.wrench_b - tare_;
   // before the tare the peg may still swing
@@ -70,12 +77,12 @@ const PlantBlock& Hand::step(const PlantCommand& command) {
   return last_;
 }
 
-const PlantBlock& Hand::wait(int blocks) {
+const PlantBlock& PressController::wait(int blocks) {
   for (int i = 0; i < blocks; ++i) step({});
   return last_;
 }
 
-bool Hand::settle() {
+bool PressController::settle() {
   int still = 0;
   for (int i = 0; still < kStillBlocks; ++i) {
     if (i == kStillLimit) return false;
@@ -92,7 +99,7 @@ bool Hand::settle() {
   return true;
 }
 
-void Hand::tare(int blocks) {
+void PressController::tare(int blocks) {
   // hanging free: wait until some blocks in a row agree, then average
   if (!settle()) {
     throw AlignError(AlignFailure::kNotStill,
@@ -114,7 +121,40 @@ void Hand::tare(int blocks) {
   target_ = tare_pose_ = last_.carrier;
 }
 
-void Hand::moveTo(const RestPose& target) {
+void PressController::begin(const Mechanism& mechanism) {
+  tare();
+  const Eigen::Vector3d up = poseFromRest(last_.carrier).R.transpose() * Eigen::Vector3d::UnitZ();
+  const Vector6 weight = pegWeight(mechanism.peg, mechanism.gravity, up, last_.displacement_b);
+  if ((tare_ - weight).head<3>().norm() < kFreeForce) return;
+  // in contact, or the sensor's zero is another one: up until nothing changes any more
+  guarded_ = false;
+  PlantCommand off;
+  off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
+  step(off);
+  RestPose higher = last_.carrier;
+  int same = 0;
+  for (int i = 0; same < kFreeSteps + 2; ++i) {
+    const Vector6 before = last_.wrench_b;
+    // sideways at the end, along x and y: a peg slides up along a wall without a change
+    RestPose next = higher;
+    if (same < kFreeSteps) next.z = higher.z += kPullStep;
+    if (same >= kFreeSteps) next.x += kFreeSide;
+    if (same > kFreeSteps) next.y += kFreeSide;
+    moveTo(next);
+    if (i == kMaxFreeSteps || !settle() || force().norm() > 2 * limits_.force) {
+      throw AlignError(
+          AlignFailure::kInContact,
+          line("the peg doesn't come free: %.1f N of change after %.1f mm of travel up",
+               force().norm(), (higher.z - tare_pose_.z) * 1e3));
+    }
+    same = (last_.wrench_b - before).head<3>().norm() < kFreeChange ? same + 1 : 0;
+  }
+  guarded_ = true;
+  tared_ = false;
+  tare();
+}
+
+void PressController::moveTo(const RestPose& target) {
   target_ = target;
   PlantCommand command;
   command.rest = target;
@@ -128,7 +168,7 @@ void Hand::moveTo(const RestPose& target) {
                    line("carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
 }
 
-void Hand::retreat(const RestPose& relaxed, double way) {
+void PressController::retreat(const RestPose& relaxed, double travel) {
   guarded_ = false;
   PlantCommand off;
   off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
@@ -143,7 +183,7 @@ void Hand::retreat(const RestPose& relaxed, double way) {
       throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
     }
   }
-  up.z = relaxed.z + std::max(way, kPullSteps * kPullStep);
+  up.z = relaxed.z + std::max(travel, kPullSteps * kPullStep);
   moveTo(up);
   if (!settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   guarded_ = true;
@@ -154,7 +194,7 @@ void Hand::retreat(const RestPose& relaxed, double way) {
   }
 }
 
-bool Hand::approach(double floor) {
+bool PressController::approach(double floor) {
   // descend a little every block until the first touch; a steep one hardly pushes up
   const double start = target_.z;
   RestPose target = target_;
@@ -179,7 +219,7 @@ bool Hand::approach(double floor) {
   return true;
 }
 
-void Hand::hold(double force, double tolerance) {
+void PressController::hold(double force, double tolerance) {
   // secant steps to the force
   RestPose target = target_;
   const double start = target.z;
@@ -189,7 +229,7 @@ void Hand::hold(double force, double tolerance) {
     if (std::abs(before - force) <= tolerance * force) return;
     const double change = std::clamp((force - before) / stiffness_, -3e-4, 3e-4);
     target.z -= change;
-    if (start - target.z > limits_.give * force) {
+    if (start - target.z > limits_.compliance * force) {
       throw AlignError(AlignFailure::kGaveWay,
                        line("%.1f mm down for %.1f N", (start - target.z) * 1e3, forceZ()));
     }

@@ -17,22 +17,23 @@ using Mat3 = Eigen::Matrix3d;
 
 constexpr double kClear = 3e-4;   // over the plane before the last way down [m]
 constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
+constexpr double kLeave = 8e-3;   // travel up after a failure [m]
 
-constexpr double kWallGive = 2e-5;     // of the peg against its carrier that is a wall [m]
-constexpr double kWallSearch = 6.0;    // way to a wall at most, in clearances
-constexpr double kWallSd = 5e-6;       // of a middle between walls, per axis [m]
-constexpr double kWallForce = 1.0;     // of a wall that stops a peg at rest [N]
-constexpr double kUnknownAxis = 0.05;  // sd of the axis of a hole that only walls tell [rad]
-constexpr int kWallBlocks = 2;         // to come to rest
-constexpr int kSwingBlocks = 5;        // until a swing is gone that looks like a wall
-constexpr double kGive = 3.0;          // way of a press, times what the coupling gives
-constexpr int kTouches = 4;            // that may give way, one after the other
+constexpr double kWallDeflection = 2e-5;  // of the peg against its carrier that is a wall [m]
+constexpr double kWallSearch = 6.0;       // way to a wall at most, in clearances
+constexpr double kWallSd = 5e-6;          // of a middle between walls, per axis [m]
+constexpr double kWallForce = 1.0;        // of a wall that stops a peg at rest [N]
+constexpr double kUnknownAxis = 0.05;     // sd of the axis of a hole that only walls tell [rad]
+constexpr int kWallBlocks = 2;            // to come to rest
+constexpr int kSwingBlocks = 5;           // until a swing is gone that looks like a wall
+constexpr double kMaxCompliance = 3.0;    // travel of a press, times the coupling's compliance
+constexpr int kTouches = 4;               // that may give way, one after the other
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
 constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one way aside to the next, never the same twice [rad]
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
-// way of the carrier per force of one edge point [m/N]
+// travel of the carrier per force of one edge point [m/N]
 double pressCompliance(const Mechanism& mechanism) {
   const Matrix6 compliance = couplingStiffness(mechanism.coupling).inverse();
   const double r = mechanism.peg.radius;
@@ -64,7 +65,7 @@ Search::Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& 
       p_(parameters),
       progress_(progress),
       hand_(plant, {parameters.force_limit, parameters.descent_limit, parameters.approach_step,
-                    kGive * pressCompliance(mechanism)}),
+                    kMaxCompliance * pressCompliance(mechanism)}),
       length_(mechanism.peg.half_height + mechanism.peg.coupling_height) {
   start_time_ = hand_.last().time;
   hand_.wait(1);
@@ -82,12 +83,10 @@ AlignResult Search::run() {
     result.reason = error.what();
   }
   if (!result.success) {
-    // exciter off; what went wrong is already known
     try {
-      PlantCommand off;
-      off.exciter = ExciterParameters{0.0, 0.0, 0.0, p_.exciter_direction};
-      hand_.step(off);
+      leave();
     } catch (const AlignError&) {
+      // what went wrong first is already known
     }
   }
   result.contacts = contacts_;
@@ -95,6 +94,17 @@ AlignResult Search::run() {
   result.reference_time = reference_time_;
   if (found_) summarise(result);
   return result;
+}
+
+// exciter off, and the peg free
+void Search::leave() {
+  if (begun_ && hand_.last().carrier.z < start_z_ + kLeave) {
+    backOut(kLeave);
+  } else {
+    PlantCommand off;
+    off.exciter = ExciterParameters{0.0, 0.0, 0.0, p_.exciter_direction};
+    hand_.step(off);
+  }
 }
 
 RestPose Search::restFor(const Vec3& p, const Mat3& R) const {
@@ -195,14 +205,17 @@ void Search::report(const char* state, const std::string& message) {
 }
 
 bool Search::begin() {
-  hand_.tare();
+  hand_.begin(mechanism_);
   X_BS_ = poseFromRest(hand_.last().carrier);
+  start_z_ = hand_.last().carrier.z;
+  begun_ = true;
   reference_time_ = hand_.last().time;
   report("tare", "hanging free");
   return alreadyIn();
 }
 
-// a wall within reach on one side; if so, on all
+// a wall within reach on one side; if so, on all, and nothing below: friction on a face, with the
+// peg pressed, would feel like walls
 bool Search::alreadyIn() {
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
   const RestPose start = hand_.target();
@@ -218,8 +231,10 @@ bool Search::alreadyIn() {
   hole_.height = bottom.z();
   hole_.normal_sd = kUnknownAxis;
   sag_ = pegPose(hand_.last().carrier, deflection()).p - bottom;
-  if (centre(Mat3::Identity())) return true;
-  // no hole: something on one side only
+  if (centre(Mat3::Identity()) &&
+      lower(pegPose(hand_.target(), Vector6::Zero()).p, Mat3::Identity()))
+    return true;
+  // no hole: something on one side only, or a face
   found_ = false;
   hole_ = HoleEstimate();
   hand_.moveTo(start);
@@ -288,7 +303,8 @@ bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   row << way.transpose(), Vec3(0, 0, -length_).cross(way).transpose();
   const Eigen::Matrix<double, 1, 6> by_wrench = row * compliance;
   const double felt =
-      kWallGive + 4.0 * std::sqrt((by_wrench * hand_.rounding() * by_wrench.transpose()).value());
+      kWallDeflection +
+      4.0 * std::sqrt((by_wrench * hand_.rounding() * by_wrench.transpose()).value());
   Vec3 target = pegPose(hand_.target(), Vector6::Zero()).p;
   const auto pushed = [&] {
     at = pegPose(hand_.last().carrier, deflection()).p - sag_;

@@ -10,7 +10,7 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kLevelReadings = 6;  // before the plane is first known
 
-// The strategy `single_contact` (thesis Fig 9.14; vibration_and_locus 7.2): the low side of the peg
+// The strategy `single_contact` (thesis Fig 9.14; docs/strategies.md): the low side of the peg
 // once round, at a constant tilt against the plane.
 class SingleContact : public VibratedSearch {
  public:

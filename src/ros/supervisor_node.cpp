@@ -201,7 +201,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     bool hold = true;
     try {
       plant_->begin([this] { return contact_server_->isPreemptRequested(); });
-      const Hand* watched = nullptr;
+      const PressController* watched = nullptr;
       WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
         MoveToContactFeedback feedback;
         // the hand's zero, as it shows in its last block
@@ -211,9 +211,9 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
         feedback.z = block.carrier.z;
         contact_server_->publishFeedback(feedback);
       });
-      Hand hand(plant, limits_);
+      PressController hand(plant, limits_);
       watched = &hand;
-      hand.tare();
+      hand.begin(mechanism_);
       if (!hand.approach(hand.target().z - limits_.descent)) {
         throw AlignError(AlignFailure::kNoContact,
                          "none within " + std::to_string(limits_.descent) + " m of descent");

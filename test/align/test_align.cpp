@@ -94,7 +94,7 @@ TEST(Press, HoldsTheForce) {
     for (const double tilt : {0.01, 0.05}) {
       const Scenario s = startAt(cell(), Vector2d(x, 0), Vector2d(0, tilt), 0.001);
       SimulatedPlant plant(s, s.mechanism, CellParameters{});
-      Hand hand(plant, PressLimits{});
+      PressController hand(plant, PressLimits{});
       hand.tare();
       ASSERT_TRUE(hand.approach(-1.0));
       hand.hold(12.0, 0.05);
@@ -112,7 +112,7 @@ TEST(Press, GivesUpByName) {
   const auto reason = [](const Scenario& s, const PressLimits& limits, double force) {
     try {
       SimulatedPlant plant(s, s.mechanism, CellParameters{});
-      Hand hand(plant, limits);
+      PressController hand(plant, limits);
       hand.tare();
       hand.approach(-1.0);
       hand.hold(force, 0.05);
@@ -156,9 +156,9 @@ TEST(Press, TellsNoiseFromASwing) {
   const Scenario s = startAt(cell(), Vector2d(0.06, 0), Vector2d(0, 0.03), 0.003);
   for (parameters.seed = 100; parameters.seed < 110; ++parameters.seed) {
     SimulatedPlant plant(s, s.mechanism, parameters);
-    EXPECT_NO_THROW(Hand(plant, PressLimits{}).tare()) << parameters.seed;
+    EXPECT_NO_THROW(PressController(plant, PressLimits{}).tare()) << parameters.seed;
     SwingingPlant swinging(plant, 2.0);
-    Hand hand(swinging, PressLimits{});
+    PressController hand(swinging, PressLimits{});
     try {
       hand.tare();
       ADD_FAILURE() << parameters.seed;

@@ -6,10 +6,13 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
+#include <random>
 #include <set>
 #include <string>
 
 #include "assembly_cell/align/align.h"
+#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/align/press.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
@@ -112,6 +115,13 @@ const Case kCases[] = {
     {AlignFailure::kSensorSaturated, "double_contact", nullptr,
      [](FaultyPlant& plant) {
        plant.on_block = [&plant](PlantBlock& b) { b.saturated = b.saturated || pressed(plant); };
+     }},
+    {AlignFailure::kInContact, "single_contact", nullptr,
+     [](FaultyPlant& plant) {
+       // glued before the start, pressed with 10 N
+       plant.on_block = [&plant](PlantBlock& b) {
+         b.wrench_b(2) += 10.0 - 3e4 * (b.carrier.z - plant.start.carrier.z);
+       };
      }},
     {AlignFailure::kNotStill, "single_contact", nullptr,
      [](FaultyPlant& plant) {
@@ -285,11 +295,57 @@ TEST_P(Failures, AreNamedWithTheExciterOff) {
   EXPECT_EQ(result.reason.rfind(toString(result.failure) + std::string(": "), 0), 0u);
   EXPECT_EQ(plant.amplitude, 0.0);
   EXPECT_LT(plant.greatest, s.parameters.force_limit);
+  // and the peg free, unless it can't be moved
+  if (given.failure != AlignFailure::kNotArrived) {
+    EXPECT_LT(plant.force.norm(), 0.1);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(One, Failures, testing::ValuesIn(kCases), [](const auto& test) {
   return std::string(test.param.strategy) + "_" + toString(test.param.failure);
 });
+
+// A peg that a move left pressed, anywhere, tilted, on rim or face: the force is no zero and
+// friction no wall. With the sensor's zero as designed and with another.
+TEST(Pressed, IsFreedFirstAndAligned) {
+  std::mt19937_64 engine(18);
+  const auto uniform = [&engine](double low, double high) {
+    return low + (high - low) * static_cast<double>(engine() >> 11) * 0x1p-53;
+  };
+  const char* const strategies[] = {"twin_force", "double_contact", "single_contact", "vibratory"};
+  for (int i = 0; i < 16; ++i) {
+    const double azimuth = uniform(-M_PI, M_PI), offset = uniform(0.0, 0.015);
+    Arrangement s;
+    s.sensors.seed = 100 + static_cast<std::uint64_t>(i);
+    const double tilt_y = uniform(-0.03, 0.03), tilt_x = uniform(-0.03, 0.03);
+    s.scenario = startAt(s.scenario, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
+                         Vector2d(tilt_x, tilt_y), 0.003);
+    s.parameters.strategy = strategies[i % 4];
+    SimulatedPlant simulated(s.scenario, s.nominal, s.sensors);
+    FaultyPlant plant(simulated);
+    if (i % 8 > 3) {
+      plant.on_block = [](PlantBlock& b) { b.wrench_b.head<3>() += Vector3d(1.0, -2.0, 4.0); };
+    }
+    PressLimits limits;
+    limits.force = 60.0;
+    const double force = uniform(5.0, 40.0);
+    PressController before(plant, limits);
+    before.tare();
+    before.approach(-1.0);
+    try {
+      before.hold(force, 0.05);
+    } catch (const AlignError&) {
+      // wherever that has left it
+    }
+    const AlignResult result = align(plant, s.nominal, s.parameters);
+    const Pose end = plant.pegPose();
+    EXPECT_TRUE(result.success) << i << " " << s.parameters.strategy << " pressed with " << force
+                                << " N: " << result.reason;
+    EXPECT_EQ(result.success, edgeInside(end, s.nominal.peg.radius, s.nominal.hole.radius))
+        << i << " " << s.parameters.strategy << " pressed with " << force << " N, "
+        << end.p.transpose();
+  }
+}
 
 // what the plant itself ends with goes through every strategy
 TEST(PlantFailures, PassThrough) {

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Starts less than the trap's width off: the tilted edge drops into the hole; and what else ends
-// the loop of a strategy (vibration_and_locus section 7.4).
+// the loop of a strategy.
 #include <gtest/gtest.h>
 
 #include <algorithm>

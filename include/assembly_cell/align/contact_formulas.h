@@ -9,7 +9,7 @@
 
 namespace assembly_cell {
 
-// Tilt and hole from directions of contact (thesis 9.8, 9.9; vibration_and_locus section 7), exact
+// Tilt and hole from directions of contact (thesis 9.8, 9.9), exact
 // in the clearance; small tilts add as complex numbers. Plane of the hole as the complex plane,
 // origin below the peg's bottom centre, directions anticlockwise from x. [m], [rad]
 //

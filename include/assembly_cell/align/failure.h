@@ -10,6 +10,7 @@ namespace assembly_cell {
 enum class AlignFailure {
   kNone,  ///< aligned
   // moves and press
+  kInContact,
   kForceLimit,
   kSensorSaturated,
   kNotStill,

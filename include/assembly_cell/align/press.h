@@ -9,9 +9,9 @@ namespace assembly_cell {
 /// Limits of whatever moves the carrier.
 struct PressLimits {
   double force = 40.0;          ///< abort above this contact force [N]
-  double descent = 0.02;        ///< abort without contact after this way down [m]
-  double approach_step = 1e-4;  ///< way down in one block before contact [m]
-  double give = 5e-4;           ///< way down per force while pressing: more is no contact [m/N]
+  double descent = 0.02;        ///< abort without contact after so much travel down [m]
+  double approach_step = 1e-4;  ///< travel down in one block before contact [m]
+  double compliance = 5e-4;     ///< travel per force while pressing: more is no contact [m/N]
 };
 
 /// A free peg may differ by so much from its tare: its weight pulls sideways when tilted [N]
@@ -25,15 +25,21 @@ bool arrived(const RestPose& before, const RestPose& at, const RestPose& target)
 
 /// Moves the carrier of a plant and feels with sensor_b: guarded moves, tare, press control at
 /// block rate. Every block passes through step(), which checks the limits.
-class Hand {
+class PressController {
  public:
   /// Waits for the first block. Throws PlantError.
-  Hand(Plant& plant, const PressLimits& limits);
+  PressController(Plant& plant, const PressLimits& limits);
 
   /// One block with a command. Throws AlignError at a limit, PlantError when the plant fails.
   const PlantBlock& step(const PlantCommand& command);
   const PlantBlock& wait(int blocks);
   const PlantBlock& last() const { return last_; }
+
+  /// The first tare, with contact excluded: the force is the weight of this peg or doesn't change
+  /// over a millimetre of travel up and 0.3 mm to two sides. A peg in contact is lifted until then,
+  /// exciter off. Throws AlignError `in_contact` when it isn't free within 25 mm or holds twice the
+  /// force limit.
+  void begin(const Mechanism& mechanism);
 
   /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
   /// deflection.
@@ -43,10 +49,11 @@ class Hand {
   const Matrix6& scatter() const { return scatter_; }
   const Matrix6& rounding() const { return last_.rounding_b; }
 
-  /// Exciter off, over `relaxed` (where the coupling isn't strained) and up by `way` [m] whatever
-  /// is felt, and waits until the peg hangs still. Throws AlignError `stuck` when it doesn't come
-  /// free, `zero_shifted` when the free peg weighs something else than at the first tare.
-  void retreat(const RestPose& relaxed, double way);
+  /// Exciter off, over `relaxed` (where the coupling isn't strained) and up by `travel` [m]
+  /// whatever is felt, and waits until the peg hangs still. Throws AlignError `stuck` when it
+  /// doesn't come free, `zero_shifted` when the free peg weighs something else than at the first
+  /// tare.
+  void retreat(const RestPose& relaxed, double travel);
 
   /// Moves the rest pose and waits until it is there.
   void moveTo(const RestPose& target);
@@ -67,7 +74,6 @@ class Hand {
   /// Force of the latest tare against the first [N]: a free peg's weight, or it wasn't free.
   double tareShift() const { return (tare_ - zero_).head<3>().norm(); }
   const RestPose& tarePose() const { return tare_pose_; }  ///< of the carrier at the tare
-  const Vector6& tareDisplacement() const { return tare_displacement_; }
   double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
 
  private:

@@ -72,8 +72,8 @@ class Search {
   Pose pegPose(const RestPose& carrier, const Vector6& deflection) const;
   int blocks(double duration) const;
   void report(const char* state, const std::string& message);
-  /// Hanging at rest: S from here on. True when the peg is in the hole already: walls on all four
-  /// sides; its centre is known then, its axis isn't.
+  /// Hanging free at rest: S from here on. True when the peg is in the hole already: walls on all
+  /// four sides; its centre is known then, its axis isn't.
   bool begin();
 
   /// Upright over the hole and down; around it where the estimate is not good enough, then to the
@@ -83,7 +83,7 @@ class Search {
   const Mechanism& mechanism_;
   const AlignParameters& p_;
   const Progress& progress_;
-  Hand hand_;
+  PressController hand_;
   double length_;                                   // coupling to bottom edge [m]
   double start_time_ = 0.0, reference_time_ = 0.0;  // plant clock [s]
   double block_ = 0.0;                              // duration of a block [s]
@@ -91,16 +91,18 @@ class Search {
   int contacts_ = 0;
   double position_sd_ = 0.0, rotation_sd_ = 0.0;  // for the progress; 0: not known
   HoleEstimate hole_;
-  bool found_ = false;
+  bool found_ = false, begun_ = false;
 
  private:
   Touch feel();
   bool alreadyIn();
+  void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
   bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);
 
-  Eigen::Vector3d sag_;  // of the upright peg's bottom centre, in S [m]
+  double start_z_ = 0.0;  // of the carrier [m]
+  Eigen::Vector3d sag_;   // of the upright peg's bottom centre, in S [m]
   Eigen::Vector3d aside_ = Eigen::Vector3d::UnitX();  // away from the hole, as far as is known
   int asides_ = 0;                                    // in this direction and others since
 };

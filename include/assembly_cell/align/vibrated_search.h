@@ -10,7 +10,7 @@
 namespace assembly_cell {
 
 /// What the strategies of the vibrated peg share: one reading, plane and hole from the readings,
-/// recovery. Each attempt of a strategy may fail; three are made.
+/// recovery. Each attempt of a strategy may fail; four are made.
 class VibratedSearch : public Search {
  protected:
   using Search::Search;
