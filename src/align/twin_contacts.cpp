@@ -2,8 +2,10 @@
 #include "assembly_cell/align/twin_contacts.h"
 
 #include <cmath>
+#include <string>
 
 #include "assembly_cell/align/search.h"
+#include "assembly_cell/twin_force/next_contact.h"
 
 namespace assembly_cell {
 namespace {
@@ -37,60 +39,80 @@ PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd)
   return prior;
 }
 
-TwinForceContacts::TwinForceContacts(const TwinForceSetup& setup)
-    : setup_(setup),
-      X_HA_(inverse(setup.X_AH)),
-      X_PC_(inverse(setup.X_CP)),
-      workspace_(setup.capacity) {}
+Pose deflectedPeg(const Pose& X_CP, const Vector6& d) {
+  const Pose D{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()};
+  return inverse(X_CP) * D * X_CP;
+}
 
-void TwinForceContacts::clear() {
-  referenced_ = tared_ = false;
+Mat3 centerCovariance(const TwinForceSolution& solution) {
+  // the point of the peg's frame that is the hole's centre
+  Eigen::Matrix<double, 3, 6> J;
+  J << Mat3::Identity(), skew(solution.X_HP.p);
+  return J * solution.covariance * J.transpose();
+}
+
+TwinForceContacts::TwinForceContacts(const TwinForceSetup& setup)
+    : setup_(setup), X_HA_(inverse(setup.X_AH)), X_PC_(inverse(setup.X_CP)), workspace_(0) {}
+
+void TwinForceContacts::begin(const TwinForceTask& task) {
+  if (task.capacity != task_.capacity || contacts_.capacity() == 0) {
+    workspace_ = TwinForceWorkspace(task.capacity);
+    contacts_.reserve(task.capacity);
+  }
+  task_ = task;
+  setup_.options.required_position = task.required_position;
+  setup_.options.required_rotation = task.required_rotation;
+  setup_.options.tare_covariance.reset();
+  referenced_ = task.reference.has_value();
+  if (referenced_) X_SP_ = *task.reference * setup_.X_CP;
+  tared_ = false;
   contacts_.clear();
   points_.clear();
-  setup_.options.tare_covariance.reset();
+  signs_ = SignVerdict::kUndecided;
   estimate_ = TwinForceEstimate();
 }
 
-void TwinForceContacts::setReference(const Pose& X_SC) {
-  X_SP_ = X_SC * setup_.X_CP;
-  referenced_ = true;
-}
-
-void TwinForceContacts::tare(const ContactWindow& free, const Pose& X_SC) {
-  free_ = free;
-  X_SC_free_ = X_SC;
+WindowAnswer TwinForceContacts::tare(const AveragingWindow& free) {
+  free_ = free.means();
+  X_SC_free_ = carrierPose(free.last().carrier);
   tared_ = true;
   // a driver may have taken the weight out already: then upright counts
-  const Vec3 force = free.wrenchB().head<3>();
+  const Vec3 force = free_.wrenchB().head<3>();
   const bool weighed = force.norm() > 0.5 * setup_.mechanism.peg.mass * setup_.mechanism.gravity;
-  up_ = weighed ? Vec3(-(X_SC.R * force).normalized()) : Vec3(X_SC.R.col(2));
+  up_ = weighed ? Vec3(-(X_SC_free_.R * force).normalized()) : Vec3(X_SC_free_.R.col(2));
+  return {};
+}
+
+Pose TwinForceContacts::carrierPose(const RestPose& carrier) const {
+  return inverse(task_.X_BS) * poseFromRest(carrier);
 }
 
 Pose TwinForceContacts::moveOf(const Pose& X_SC) const {
   return inverse(X_SP_) * X_SC * setup_.X_CP;
 }
 
-Pose TwinForceContacts::deflected(const Vector6& d) const {
-  const Pose D{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()};
-  return X_PC_ * D * setup_.X_CP;
-}
-
 Pose TwinForceContacts::pegPose(const Pose& X_SC, const Vector6& displacement) const {
-  return estimate_.pose * moveOf(X_SC) * deflected(displacement);
+  return estimate_.pose * moveOf(X_SC) * deflectedPeg(setup_.X_CP, displacement);
 }
 
-const TwinContact& TwinForceContacts::add(const ContactWindow& pressed, const Pose& X_SC,
-                                          const Matrix6& rounding_a, const Matrix6& rounding_b) {
-  if (!referenced_) setReference(X_SC);
+WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
+  if (contacts_.size() >= task_.capacity) {
+    return {std::to_string(contacts_.size()) + " contacts are kept, as many as there is room for"};
+  }
+  const ContactWindow& pressed = window.means();
+  const Matrix6 &rounding_a = window.last().rounding_a, &rounding_b = window.last().rounding_b;
+  const Pose X_SC = carrierPose(window.last().carrier);
+  if (!referenced_) X_SP_ = X_SC * setup_.X_CP;
+  referenced_ = true;
   const Matrix6 phi_a = wrenchTransform(X_HA_), phi_b = wrenchTransform(X_PC_);
   TwinContact c;
   Vector6 zero_a = Vector6::Zero(), zero_b = Vector6::Zero();
   Matrix6 scatter_a = pressed.covarianceA(), scatter_b = pressed.covarianceB();
   if (tared_) {
     // the weight turns with the carrier and shifts with the deflection
-    const auto weight = [this](const Pose& X, const ContactWindow& window) {
+    const auto weight = [this](const Pose& X, const ContactWindow& means) {
       return pegWeight(setup_.mechanism.peg, setup_.mechanism.gravity, X.R.transpose() * up_,
-                       window.displacement());
+                       means.displacement());
     };
     zero_a = free_.wrenchA();
     zero_b = free_.wrenchB() + weight(X_SC, pressed) - weight(X_SC_free_, free_);
@@ -109,15 +131,29 @@ const TwinContact& TwinForceContacts::add(const ContactWindow& pressed, const Po
   contacts_.push_back(c);
 
   // where on the bottom the line of action passes: in the hole's plane, whatever is touched
-  const Pose X_PQ = deflected(pressed.displacement());
+  const Pose X_PQ = deflectedPeg(setup_.X_CP, pressed.displacement());
   const Vector6 w = transformWrench(inverse(X_PQ), c.wrench_b);
   const Pose X_0Q = c.move * X_PQ;
   const double force = w(2) == 0.0 ? 1.0 : w(2);
   points_.push_back(X_0Q.R * Vec3(-w(4) / force, w(3) / force, 0.0) + X_0Q.p);
-  return contacts_.back();
+  check(c);
+  return {"", signs_ == SignVerdict::kReversed, c.wrench_b.head<3>().norm()};
 }
 
-const TwinForceEstimate& TwinForceContacts::solve() {
+// Pressed against a plane each sensor has a side of its own; elsewhere only one against the other.
+void TwinForceContacts::check(const TwinContact& contact) {
+  const Mat3 nominal = setup_.options.prior ? setup_.options.prior->pose.R : Mat3::Identity();
+  const SignCheck now =
+      checkSigns(contact, nominal, setup_.on_plane ? Vec3(0, 0, 1) : Vec3(0, 0, 0));
+  const SignVerdict all =
+      setup_.on_plane || contacts_.size() < 3 ? SignVerdict::kUndecided : checkSigns(contacts_);
+  for (const SignVerdict verdict : {now.pair, now.a, now.b, all}) {
+    if (verdict == SignVerdict::kReversed) signs_ = SignVerdict::kReversed;
+  }
+  if (now.pair == SignVerdict::kRight && signs_ == SignVerdict::kUndecided) signs_ = now.pair;
+}
+
+TwinForceSolution TwinForceContacts::solve() {
   TwinForceOptions options = setup_.options;
   Pose start = options.prior ? options.prior->pose : Pose{};
   const bool on_plane = setup_.on_plane && options.prior && !points_.empty();
@@ -132,14 +168,8 @@ const TwinForceEstimate& TwinForceContacts::solve() {
     if (!hasPose(estimate_.status)) break;
     start = estimate_.pose;
   }
-  return estimate_;
-}
-
-Mat3 TwinForceContacts::centerCovariance() const {
-  // the point of the peg's frame that is the hole's centre
-  Eigen::Matrix<double, 3, 6> J;
-  J << Mat3::Identity(), skew(estimate_.pose.p);
-  return J * estimate_.covariance * J.transpose();
+  return {estimate_.status, estimate_.reason, estimate_.pose,          estimate_.covariance,
+          estimate_.chi2,   estimate_.dof,    estimate_.eigenvalues(0)};
 }
 
 // lowest point of the bottom edge that isn't over the hole
@@ -154,15 +184,15 @@ Vec3 TwinForceContacts::touchPoint(const Pose& X_HP) const {
   return lowest;
 }
 
-ContactAdvice TwinForceContacts::advise(ReachableContact& best) const {
-  const double pull = kPull * setup_.mechanism.friction.static_coefficient * setup_.contact_force;
+ReachableContact TwinForceContacts::advise() {
+  const double pull = kPull * setup_.mechanism.friction.static_coefficient * task_.contact_force;
   std::vector<ContactCandidate> candidates;
   std::vector<ReachableContact> reachable;
   for (int k = 0; k < kAzimuths; ++k) {
     const double a = 2 * kPi * k / kAzimuths;
     const Vec2 down(std::cos(a), std::sin(a));
     for (const double beside : {-kOverRim, kOverPlane}) {
-      Pose X_HP{tiltRotation(setup_.contact_tilt * Vec2(-down.y(), down.x())), Vec3::Zero()};
+      Pose X_HP{tiltRotation(task_.contact_tilt * Vec2(-down.y(), down.x())), Vec3::Zero()};
       X_HP.p.head<2>() = beside * down;
       const Vec3 touch = touchPoint(X_HP);
       X_HP.p.z() -= touch.z();
@@ -178,7 +208,7 @@ ContactAdvice TwinForceContacts::advise(ReachableContact& best) const {
         ReachableContact r;
         r.X_HP = X_HP;
         if (side > 0) r.pull = pull * Vec3(std::cos(s), std::sin(s), 0.0);
-        r.force = Vec3(0, 0, setup_.contact_force) + r.pull;
+        r.force = Vec3(0, 0, task_.contact_force) + r.pull;
         c.force = X_PH.R * r.force;
         candidates.push_back(c);
         reachable.push_back(r);
@@ -186,8 +216,11 @@ ContactAdvice TwinForceContacts::advise(ReachableContact& best) const {
     }
   }
   const ContactAdvice advice = adviseNextContact(estimate_, candidates, setup_.options);
-  if (advice.candidate >= 0) best = reachable[static_cast<std::size_t>(advice.candidate)];
-  return advice;
+  ReachableContact& best = reachable[static_cast<std::size_t>(advice.candidate)];
+  best.smallest_eigenvalue = advice.smallest_eigenvalue;
+  best.position_sd = advice.position_sd;
+  best.rotation_sd = advice.rotation_sd;
+  return best;
 }
 
 }  // namespace assembly_cell

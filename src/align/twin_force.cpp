@@ -5,8 +5,7 @@
 
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/align/search.h"
-#include "assembly_cell/align/twin_contacts.h"
-#include "assembly_cell/twin_force/contact_checks.h"
+#include "assembly_cell/align/twin_sensing.h"
 
 namespace assembly_cell {
 namespace {
@@ -16,11 +15,9 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-constexpr double kLift = 2e-3;         // over a touch while moving on [m]
-constexpr double kHover = 1e-3;        // over the expected touch [m]
-constexpr double kNominal = 0.02;      // sd of the nominal place of the hole [m]
-constexpr double kNominalAngle = 0.1;  // of its orientation [rad]
-constexpr int kWindows = 10;           // tried until one is settled
+constexpr double kLift = 2e-3;   // over a touch while moving on [m]
+constexpr double kHover = 1e-3;  // over the expected touch [m]
+constexpr int kWindows = 10;     // tried until one is settled
 constexpr int kAttempts = 4;
 constexpr int kHigher = 5;             // lifts until the peg hangs free
 constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
@@ -42,38 +39,25 @@ class TwinForce : public Search {
             const Progress& progress)
       : Search(plant, mechanism, p, progress),
         X_CP_{Mat3::Identity(), Vec3(0, 0, -length_)},
-        contacts_kept_(setup(mechanism, p, X_CP_)) {
+        sensing_(plant.twinForce()) {
     // how far the carrier goes sideways for a pull at the peg's edge
     const Vector6& k = mechanism.coupling.stiffness.diagonal;
     compliance_ = 1.0 / k(1) + length_ * length_ / k(4);
   }
 
  private:
-  static TwinForceSetup setup(const Mechanism& mechanism, const AlignParameters& p,
-                              const Pose& X_CP) {
-    TwinForceSetup s;
-    s.mechanism = mechanism;
-    s.X_AH = p.X_AH;
-    s.X_CP = X_CP;
-    s.options.required_position = p.required_position;
-    s.options.required_rotation = p.required_rotation;
-    s.options.prior = nominalPrior({}, kNominal, kNominalAngle);
-    s.contact_force = p.contact_force;
-    s.contact_tilt = p.contact_tilt;
-    s.capacity = static_cast<std::size_t>(p.rounds * p.most_contacts);
-    return s;
-  }
-
   // the coupling's own zero counts: the sag under the peg's weight is part of the peg's pose
   Vector6 deflection() const override { return hand_.last().displacement_b; }
 
   void find() override {
+    if (sensing_ == nullptr)
+      throw PlantError(AlignFailure::kNoData, "the plant has no twin-force sensing");
     if (begin()) {
       found_ = false;  // of the pose in the hole nothing was felt
       return;
     }
-    const ContactWindow free = window(false);
-    X_PQ_start_ = contacts_kept_.deflected(free.displacement());
+    const AveragingWindow free = window(false);
+    X_PQ_start_ = deflectedPeg(X_CP_, free.means().displacement());
     X_SC_start_ = carrierPose();
     Vec3 place(0, 0, -length_ + mechanism_.peg.radius * p_.contact_tilt);
     for (int k = 1;; ++k) {
@@ -118,8 +102,10 @@ class TwinForce : public Search {
 
   // pose and entry from a place; Failure when it can't be done there
   void attempt(const Vec3& place) {
-    contacts_kept_.clear();
-    contacts_kept_.setReference(X_SC_start_);
+    sensing_->begin({X_BS_, X_SC_start_, p_.contact_force, p_.contact_tilt, p_.settled_force,
+                     p_.required_position, p_.required_rotation,
+                     static_cast<std::size_t>(p_.rounds * p_.most_contacts)});
+    kept_ = 0;
     // two sides of the edge, where the peg happens to be
     Reach reach{place, tiltRotation({0.0, p_.contact_tilt})};
     touch(reach);
@@ -130,8 +116,8 @@ class TwinForce : public Search {
     for (int round = 0; round < p_.rounds; ++round) {
       const int most = p_.most_contacts * (round + 1);
       solve();
-      while (kept() < p_.fewest_contacts ||
-             (estimate().status != TwinForceStatus::kOk && kept() < most)) {
+      while (kept_ < p_.fewest_contacts ||
+             (solution_.status != TwinForceStatus::kOk && kept_ < most)) {
         touch(advised());
         solve();
       }
@@ -144,14 +130,10 @@ class TwinForce : public Search {
       }
       if (enter(hole_.center)) return;
       // one more at least
-      if (kept() < p_.rounds * p_.most_contacts) touch(advised());
+      if (kept_ < p_.rounds * p_.most_contacts) touch(advised());
     }
-    throw AlignError(AlignFailure::kNotInserted, text("no entry after %.0f contacts", kept()));
+    throw AlignError(AlignFailure::kNotInserted, text("no entry after %.0f contacts", kept_));
   }
-
-  int kept() const { return static_cast<int>(contacts_kept_.size()); }
-
-  const TwinForceEstimate& estimate() const { return contacts_kept_.estimate(); }
 
   // bottom centre of the undeflected peg in S with the carrier's target at a height
   Vec3 bottomAt(double z) const {
@@ -161,21 +143,18 @@ class TwinForce : public Search {
   }
 
   // mean of both sensors once nothing moves
-  ContactWindow window(bool pressed) {
+  AveragingWindow window(bool pressed) {
+    using State = AveragingWindow::State;
     pressed_ = pressed;
-    ContactWindow w;
-    for (int tried = 0; tried < kWindows; ++tried) {
-      w.clear();
-      for (int i = 0; i < std::max(2, blocks(p_.contact_window)); ++i) {
-        const PlantBlock& b = hand_.step({});
-        w.add({b.wrench_a, b.covariance_a, b.samples}, {b.wrench_b, b.covariance_b, b.samples},
-              b.displacement_b);
-      }
-      if (w.settled(p_.settled_force)) return w;
+    AveragingLimits limits{std::max(2, blocks(p_.contact_window)), p_.settled_force};
+    limits.tries = kWindows;
+    AveragingWindow w(limits);
+    State state = State::kFilling;
+    while (state == State::kFilling) state = w.add(hand_.step({}));
+    if (state != State::kSettled) {
+      notSettled(text("halves of a window differ by more than %.3f N", p_.settled_force));
     }
-    throw AlignError(AlignFailure::kNotSettled,
-                     std::string(pressed ? "pressed" : "hanging free") +
-                         text(", halves of a window differ by more than %.3f N", p_.settled_force));
+    return w;
   }
 
   // one contact: hang free there, take the zero, lower, press, pull, average, leave
@@ -198,7 +177,8 @@ class TwinForce : public Search {
       hand_.moveTo(up);
       hand_.tare(2);
     }
-    contacts_kept_.tare(window(false), carrierPose());
+    const WindowAnswer zero = sensing_->tare(window(false));
+    if (!zero.refusal.empty()) notSettled(zero.refusal);
 
     // light first: a wedge is never pressed, nor are both edges while the hole may be anywhere
     const Touch light = *lightTouch(-1e9);
@@ -217,7 +197,7 @@ class TwinForce : public Search {
       hand_.hold(p_.contact_force, p_.press_tolerance);
     }
     hand_.wait(blocks(p_.settle));
-    const ContactWindow pressed = window(true);
+    const AveragingWindow pressed = window(true);
     ++contacts_;
     keep(pressed);
     // clear of it again
@@ -226,62 +206,64 @@ class TwinForce : public Search {
     hand_.moveTo(clear);
   }
 
-  void keep(const ContactWindow& pressed) {
-    const PlantBlock& now = hand_.last();
-    const TwinContact& c =
-        contacts_kept_.add(pressed, carrierPose(), now.rounding_a, now.rounding_b);
-    const SignCheck signs = checkSigns(c, Mat3::Identity(), Vec3::UnitZ());
-    if (signs.pair == SignVerdict::kReversed || signs.a == SignVerdict::kReversed ||
-        signs.b == SignVerdict::kReversed) {
+  [[noreturn]] void notSettled(const std::string& reason) const {
+    throw AlignError(AlignFailure::kNotSettled,
+                     (pressed_ ? "pressed, " : "hanging free, ") + reason);
+  }
+
+  void keep(const AveragingWindow& pressed) {
+    const WindowAnswer contact = sensing_->add(pressed);
+    if (!contact.refusal.empty()) notSettled(contact.refusal);
+    ++kept_;
+    if (contact.signs_reversed) {
       throw AlignError(AlignFailure::kSensorSigns,
                        "one sensor reports the opposite sign; check its calibration and mounting");
     }
-    report("contact", text("pressed with %.2f N, deflection %.3f mm", c.wrench_b.head<3>().norm(),
-                           pressed.displacement().head<3>().norm() * 1e3));
+    report("contact", text("pressed with %.2f N, deflection %.3f mm", contact.force,
+                           pressed.means().displacement().head<3>().norm() * 1e3));
   }
 
   // where the hole is, from all contacts
   void solve() {
-    const TwinForceEstimate& e = contacts_kept_.solve();
+    solution_ = sensing_->solve();
+    const TwinForceSolution& e = solution_;
     if (!hasPose(e.status)) {
       throw AlignError(AlignFailure::kNoPose, std::string(toString(e.status)) + ": " + e.reason);
     }
-    const Pose X_SH = X_CP_ * inverse(e.pose);
+    const Pose X_SH = X_CP_ * inverse(e.X_HP);
     hole_.normal = X_SH.R.col(2);
     hole_.center = X_SH.p;
     hole_.height = hole_.normal.dot(hole_.center);
-    const Mat3 covariance = contacts_kept_.centerCovariance();
+    const Mat3 covariance = centerCovariance(e);
     hole_.center_covariance = covariance.topLeftCorner<2, 2>();
     hole_.height_sd = std::sqrt(covariance(2, 2));
     hole_.normal_sd = std::sqrt(e.covariance(3, 3) + e.covariance(4, 4));
     found_ = true;
     position_sd_ = std::sqrt(hole_.center_covariance.trace());
     rotation_sd_ = hole_.normal_sd;
-    const Vec2 offset = -(e.pose * X_PQ_start_).p.head<2>();
+    const Vec2 offset = -(e.X_HP * X_PQ_start_).p.head<2>();
     report("solve",
-           std::string(toString(estimate().status)) +
+           std::string(toString(solution_.status)) +
                text(", centre %.3f %.3f mm", offset.x() * 1e3, offset.y() * 1e3) +
                text(" +- %.4f mm, tilt sd %.4f deg", position_sd_ * 1e3, rotation_sd_ * 180 / kPi) +
                text(", chi2 %.1f of %.0f", e.chi2, e.dof) +
-               text(", smallest eigenvalue %.3g", e.eigenvalues(0)));
+               text(", smallest eigenvalue %.3g", e.smallest_eigenvalue));
   }
 
   // the contact that the information matrix asks for
   Reach advised() {
-    ReachableContact best;
-    const ContactAdvice advice = contacts_kept_.advise(best);
-    report("advice", text("contact %.0f", advice.candidate) +
-                         text(" of those within reach, expected: smallest eigenvalue %.3g, sd %.4f "
-                              "mm",
-                              advice.smallest_eigenvalue, advice.position_sd * 1e3));
+    ReachableContact best = sensing_->advise();
+    report("advice", text("beside the hole by %.1f mm", best.X_HP.p.head<2>().norm() * 1e3) +
+                         text(", expected: smallest eigenvalue %.3g, sd %.4f mm",
+                              best.smallest_eigenvalue, best.position_sd * 1e3));
     best.X_HP.p.z() += kHover;
-    const Pose X_SH = X_CP_ * inverse(estimate().pose);
+    const Pose X_SH = X_CP_ * inverse(solution_.X_HP);
     const Pose X_SP = X_SH * best.X_HP;
     return {X_SP.p, X_SP.R, X_SH.R * best.pull};
   }
 
   void summarise(AlignResult& result) const override {
-    const Pose X_HQ = estimate().pose * X_PQ_start_;
+    const Pose X_HQ = solution_.X_HP * X_PQ_start_;
     result.known = true;
     result.offset = -X_HQ.p.head<2>();
     result.offset_covariance = hole_.center_covariance;
@@ -291,7 +273,9 @@ class TwinForce : public Search {
 
   bool pressed_ = false;  // in the latest window
   Pose X_CP_;
-  TwinForceContacts contacts_kept_;
+  TwinForceSensing* sensing_;
+  TwinForceSolution solution_;
+  int kept_ = 0;             // contacts
   Pose X_SC_start_;          // carrier at the start
   Pose X_PQ_start_;          // hanging peg at the start, relative to the undeflected one
   double compliance_ = 0.0;  // sideways, at the peg's edge [m/N]

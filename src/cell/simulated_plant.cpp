@@ -14,16 +14,26 @@ namespace {
 // all and so many more for each second of it [1/s], several times what an alignment needs.
 constexpr double kMostSteps = 3e6, kMostStepsPerSecond = 1e5;
 
+TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH) {
+  TwinForceSetup setup;
+  setup.mechanism = nominal;
+  setup.X_AH = X_AH;
+  setup.X_CP.p.z() = -(nominal.peg.half_height + nominal.peg.coupling_height);
+  setup.options.prior = nominalPrior({}, kNominalPositionSd, kNominalRotationSd);
+  return setup;
+}
+
 }  // namespace
 
 SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
-                               const CellParameters& parameters)
+                               const CellParameters& parameters, const Pose& X_AH)
     : nominal_(nominal),
       X_HB_(carrierBase(scenario)),
       cell_(scenario, parameters),
       calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
       calibration_b_(
           designCalibration(bridgeB(parameters.bits, parameters.noise), nominal.coupling)),
+      twin_force_(twinForceSetup(nominal, X_AH)),
       exciter_(scenario.mechanism.exciter) {
   const Bridge bridge = bridgeA(parameters.bits, parameters.noise);
   const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);

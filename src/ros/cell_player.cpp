@@ -8,6 +8,7 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/split.hpp>
 #include <set>
 
 #include "assembly_cell/base/input_error.h"
@@ -85,16 +86,22 @@ void CellPlayer::readParameters() {
   clock_ = parameters.flag("clock", false);
   for (const std::string& entry : parameters.texts("participants", std::vector<std::string>{})) {
     const std::size_t place = entry.find('=');
-    if (place == std::string::npos || place == 0 || place + 1 == entry.size()) {
-      throw InputError("parameter " + pnh_.resolveName("participants") + " has '" + entry +
-                       "': give node=topic whose blocks it acknowledges");
-    }
     Participant participant;
     participant.name = entry.substr(0, place);
-    participant.topic = entry.substr(place + 1);
-    if (std::find(topics_.begin(), topics_.end(), participant.topic) == topics_.end()) {
+    std::vector<std::string> topics;
+    if (place != std::string::npos) {
+      boost::split(topics, entry.substr(place + 1), [](char c) { return c == '+'; });
+    }
+    if (participant.name.empty() || topics.empty() || topics[0].empty()) {
       throw InputError("parameter " + pnh_.resolveName("participants") + " has '" + entry +
-                       "': its topic is not among ~topics");
+                       "': give node=topic whose blocks it acknowledges, or node=topic+topic");
+    }
+    for (const std::string& topic : topics) {
+      if (std::find(topics_.begin(), topics_.end(), topic) == topics_.end()) {
+        throw InputError("parameter " + pnh_.resolveName("participants") + " has '" + entry +
+                         "': its topic '" + topic + "' is not among ~topics");
+      }
+      participant.topics.push_back(recordedName(namespace_, topic));
     }
     participants_.push_back(participant);
   }
@@ -122,8 +129,8 @@ void CellPlayer::openBag() {
     }
   }
   for (const Participant& participant : participants_) {
-    const std::string recorded = recordedName(namespace_, participant.topic);
-    if (publishers_.count(recorded) == 0) {
+    for (const std::string& recorded : participant.topics) {
+      if (publishers_.count(recorded) != 0) continue;
       throw InputError("bag '" + file_ + "' has no " + recorded + ", which " + participant.name +
                        " needs: record it, or set recorded_namespace");
     }
@@ -183,6 +190,7 @@ void CellPlayer::publish(const rosbag::MessageInstance& message) {
     publishers_[topic].publish(message);
   }
   if (sequence) {
+    sequences_[topic] = *sequence;
     awaitAnswers(topic, *sequence);
     latest_.erase(topic);
     latest_.emplace(topic, message);
@@ -264,12 +272,24 @@ void CellPlayer::awaitConnections() {
   }
 }
 
+bool CellPlayer::listens(const Participant& participant, const std::string& topic) {
+  const auto& topics = participant.topics;
+  return std::find(topics.begin(), topics.end(), topic) != topics.end();
+}
+
 void CellPlayer::awaitAnswers(const std::string& topic, std::uint32_t sequence) {
   std::unique_lock<std::mutex> lock(mutex_);
   const Clock::time_point limit =
       Clock::now() + std::chrono::duration_cast<Clock::duration>(ack_timeout_);
   for (Participant& participant : participants_) {
-    if (recordedName(namespace_, participant.topic) != topic) continue;
+    if (!listens(participant, topic)) continue;
+    // it answers once it has the block of all its topics
+    const bool complete = std::all_of(
+        participant.topics.begin(), participant.topics.end(), [&](const std::string& other) {
+          const auto latest = sequences_.find(other);
+          return latest != sequences_.end() && latest->second == sequence;
+        });
+    if (!complete) continue;
     const auto answered = [&] {
       return stopping_ || (participant.answers > 0 && participant.sequence == sequence);
     };
@@ -295,16 +315,14 @@ void CellPlayer::settle(const std::string& topic) {
     }
     bool anyone = false;
     for (const Participant& participant : participants_) {
-      anyone = anyone || (recordedName(namespace_, participant.topic) == topic &&
-                          participant.answers_repetition);
+      anyone = anyone || (listens(participant, topic) && participant.answers_repetition);
     }
     if (!anyone) return;
     publishers_[topic].publish(block->second);
     std::unique_lock<std::mutex> lock(mutex_);
     const Clock::time_point limit = Clock::now() + kRepetitionPatience;
     for (Participant& participant : participants_) {
-      if (recordedName(namespace_, participant.topic) != topic) continue;
-      if (!participant.answers_repetition) continue;
+      if (!listens(participant, topic) || !participant.answers_repetition) continue;
       participant.answers_repetition = answered_.wait_until(
           lock, limit, [&] { return stopping_ || participant.answers > before[participant.name]; });
     }

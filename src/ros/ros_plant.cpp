@@ -43,7 +43,12 @@ ros::Time endOf(const Samples& message, std::size_t values) {
 }  // namespace
 
 RosPlant::RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout, double converter_step)
-    : lockstep_(lockstep), timeout_(timeout), converter_step_(converter_step), nh_(nh) {
+    : lockstep_(lockstep),
+      timeout_(timeout),
+      converter_step_(converter_step),
+      nh_(nh),
+      twin_force_(nh, {timeout, [this](double time) { return stampOf(time); },
+                       [this] { return cancelled_ && cancelled_(); }}) {
   // the name that the simulator knows: relative to the cell's namespace
   name_ = ros::this_node::getName();
   const std::string ns = nh.getNamespace() == "/" ? "/" : nh.getNamespace() + "/";
@@ -224,7 +229,7 @@ void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& wh
     if (std::chrono::steady_clock::now() >= deadline) {
       throw PlantError(AlignFailure::kNoData, "no " + what + " within " +
                                                   std::to_string(static_cast<int>(timeout_)) +
-                                                  " s of wall time");
+                                                  " s of wall time" + twin_force_.complaint());
     }
     changed_.wait_for(lock, std::chrono::milliseconds(20));
   }
@@ -301,6 +306,7 @@ void RosPlant::end(bool hold) {
   if (hold && !last_.end.isZero()) publishCarrier(last_.X_BC);
   active_ = false;
   cancelled_ = nullptr;
+  twin_force_.release();
   acknowledge();
 }
 

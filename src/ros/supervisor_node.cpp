@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 
@@ -88,8 +87,6 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
     throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
   }
 
-  // where sensor_a sits under the hole
-  p.X_AH = loadCellDescription(Parameters(nh).text("robot_description")).X_AH;
   plant_ = std::make_unique<RosPlant>(nh, lockstep, timeout, converter_step);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
   align_server_ = std::make_unique<AlignServer>(

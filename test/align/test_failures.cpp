@@ -49,6 +49,7 @@ class FaultyPlant : public Plant {
     if (on_block) on_block(block);
     return block;
   }
+  TwinForceSensing* twinForce() override { return plant_.twinForce(); }
 
   Pose pegPose() { return plant_.truth().pegPose(); }
 

@@ -34,6 +34,7 @@ class WatchedPlant : public Plant {
     }
     return block;
   }
+  TwinForceSensing* twinForce() override { return plant_.twinForce(); }
   bool dead_exciter = false, undecided = false;
   double greatest = 0.0;
 

@@ -42,6 +42,7 @@ class WatchedPlant : public Plant {
     block.wrench_b(2) += drift;
     return block;
   }
+  TwinForceSensing* twinForce() override { return plant_.twinForce(); }
   double sign = 1.0, drift_per_block = 0.0, drift = 0.0;
   bool shaken = false;
   std::vector<double> commands;

@@ -40,7 +40,6 @@ struct AlignParameters {
   int most_contacts = 12;           ///< of one round
   double required_position = 3e-5;  ///< sd of the hole, per axis, that is enough [m]
   double required_rotation = 1e-3;  ///< [rad]
-  Pose X_AH{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.06)};  ///< hole in sensor_a
 };
 
 /// Progress for people and for the action's feedback.

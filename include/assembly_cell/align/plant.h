@@ -48,6 +48,8 @@ struct PlantBlock {
   std::optional<LocusReading> locus;         ///< in the first block at or after the window's end
 };
 
+class TwinForceSensing;
+
 /// The cell as a strategy sees it: simulated in core, or through ROS in the supervisor. It does not
 /// know where the hole is.
 class Plant {
@@ -56,6 +58,8 @@ class Plant {
   /// Carries out the command, waits for the next block and returns it. Throws PlantError when the
   /// plant stopped, timed out or was cancelled.
   virtual PlantBlock next(const PlantCommand& command) = 0;
+  /// Of both sensors, see twin_sensing.h; null where there is none.
+  virtual TwinForceSensing* twinForce() { return nullptr; }
 };
 
 /// The plant can't go on; what() is the reason in one line.

@@ -1,83 +1,70 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
-#include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/twin_sensing.h"
 #include "assembly_cell/mechanism/mechanism.h"
-#include "assembly_cell/twin_force/next_contact.h"
+#include "assembly_cell/twin_force/contact_checks.h"
 
 namespace assembly_cell {
+
+/// What a hole in a cell's plane is known by before anything is felt: the reach of a search [m] and
+/// the tilt that a peg may have to it [rad]. Half of them, and a start at the edge of the search is
+/// pulled to its middle by one sd of the prior more; twice: contacts along lines 10° from parallel
+/// are helped less (docs/twin_force.md).
+inline constexpr double kNominalPositionSd = 0.02, kNominalRotationSd = 0.1;
+
+/// Prior of a hole whose place is only nominally known: pose of the peg at the start, sd of each
+/// axis [m], [rad].
+PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd);
 
 /// What the cell's twin-force sensing is made of.
 struct TwinForceSetup {
   Mechanism mechanism;          ///< nominal parts
   Pose X_AH;                    ///< hole in sensor_a
   Pose X_CP;                    ///< undeflected peg in the carrier
-  TwinForceOptions options;     ///< a prior's pose is the nominal one
+  TwinForceOptions options;     ///< a prior's pose is the nominal one; a task requires the accuracy
   bool on_plane = true;         ///< contacts lie in the hole's plane, which tells the peg's height
-  double contact_force = 15.0;  ///< of the contacts to come [N]
-  double contact_tilt = 0.052;  ///< of the peg against the plane there [rad]
   double move_sd = 1e-6;        ///< of the known moves [m]
   double move_angle_sd = 1e-5;  ///< [rad]
-  std::size_t capacity = 64;    ///< contacts that can be kept
-};
-
-/// Prior of a hole whose place is only nominally known: pose of the peg at the start, sd of each
-/// axis [m], [rad].
-PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd);
-
-/// A contact that the carrier can make: the undeflected peg at the touch, then a pull sideways.
-struct ReachableContact {
-  Pose X_HP;
-  Eigen::Vector3d pull = Eigen::Vector3d::Zero();   ///< axes of hole [N]
-  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< to be felt by the peg, axes of hole [N]
 };
 
 /// Contacts felt by sensor_a and sensor_b, and the pose of the peg in the hole from them. A is
-/// `hole`; B is the undeflected `peg`, its reference is the first pose given. Poses of the carrier
-/// are X_SC in any frame S that does not move.
-class TwinForceContacts {
+/// `hole`; B is the undeflected `peg`, its reference that of the task. Poses of the carrier are
+/// X_SC in the task's frame S, which does not move.
+class TwinForceContacts : public TwinForceSensing {
  public:
-  /// Throws InputError for options out of range.
   explicit TwinForceContacts(const TwinForceSetup& setup);
 
-  void clear();  ///< forgets contacts, tare and reference
+  /// The memory of a task's contacts is made here.
+  void begin(const TwinForceTask& task) override;
+  /// Contacts made without a zero are taken as they are.
+  WindowAnswer tare(const AveragingWindow& free) override;
+  /// The rounding of a load hanging free is common to all contacts.
+  WindowAnswer add(const AveragingWindow& pressed) override;
+  TwinForceSolution solve() override;
+  /// By the information matrix: the edge on rim or plane from eight sides, with and without a pull
+  /// sideways that friction holds. Needs a pose.
+  ReachableContact advise() override;
 
-  /// The reference pose; otherwise that of the first contact.
-  void setReference(const Pose& X_SC);
-  /// Hanging free: the zero of both sensors from here on, weight included. Contacts made without
-  /// are taken as they are.
-  void tare(const ContactWindow& free, const Pose& X_SC);
-  /// Keeps a contact. The rounding of a load hanging free is common to all contacts.
-  const TwinContact& add(const ContactWindow& pressed, const Pose& X_SC, const Matrix6& rounding_a,
-                         const Matrix6& rounding_b);
-  std::size_t size() const { return contacts_.size(); }
-  bool full() const { return contacts_.size() >= setup_.capacity; }
   const std::vector<TwinContact>& contacts() const { return contacts_; }
   const TwinForceOptions& options() const { return setup_.options; }
+  const TwinForceEstimate& estimate() const { return estimate_; }  ///< as of the last solve()
+  SignVerdict signs() const { return signs_; }                     ///< of all contacts kept
 
-  /// Pose of the peg at the reference. X_AB of the estimate is X_HP.
-  const TwinForceEstimate& solve();
-  const TwinForceEstimate& estimate() const { return estimate_; }
-
-  /// Peg with the coupling deflected, relative to the undeflected one.
-  Pose deflected(const Vector6& displacement) const;
-  /// Of the peg now, deflection included; needs a pose.
+  /// Of the carrier in S.
+  Pose carrierPose(const RestPose& carrier) const;
+  /// Of the peg, deflection included; needs a pose.
   Pose pegPose(const Pose& X_SC, const Vector6& displacement) const;
-  /// Covariance of the hole's centre and height in hole axes, against the reference peg. [m²]
-  Eigen::Matrix3d centerCovariance() const;
-
-  /// Next contact by the information matrix, of those within reach: the edge on rim or plane from
-  /// eight sides, with and without a pull sideways that friction holds. Needs a pose.
-  ContactAdvice advise(ReachableContact& best) const;
 
  private:
   Pose moveOf(const Pose& X_SC) const;
   Eigen::Vector3d touchPoint(const Pose& X_HP) const;
+  void check(const TwinContact& contact);
 
   TwinForceSetup setup_;
+  TwinForceTask task_;
   Pose X_HA_, X_PC_;
   TwinForceWorkspace workspace_;
   bool referenced_ = false, tared_ = false;
@@ -87,6 +74,7 @@ class TwinForceContacts {
   Eigen::Vector3d up_ = Eigen::Vector3d::UnitZ();  // against gravity, in S
   std::vector<TwinContact> contacts_;
   std::vector<Eigen::Vector3d> points_;  // of the lines of action on the peg's bottom, reference
+  SignVerdict signs_ = SignVerdict::kUndecided;
   TwinForceEstimate estimate_;
 };
 

@@ -16,6 +16,7 @@ class Judge : public Plant {
  public:
   explicit Judge(SimulatedPlant& plant) : plant_(plant) {}
   PlantBlock next(const PlantCommand& command) override;
+  TwinForceSensing* twinForce() override { return plant_.twinForce(); }
 
   /// Frame `peg` in `hole` at the result's reference time: what its estimates refer to.
   Pose startPose(const AlignResult& result) const;

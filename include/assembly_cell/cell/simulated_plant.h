@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/align/twin_contacts.h"
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/sensor/calibration.h"
 
@@ -15,10 +16,12 @@ class SimulatedPlant : public Plant {
  public:
   /// Simulates `scenario`; displacements and loci are computed from the nominal mechanism, as the
   /// driver and the estimator of a real cell do.
+  /// X_AH: where twin-force sensing believes the hole in sensor_a; parameters have where it is.
   SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
-                 const CellParameters& parameters);
+                 const CellParameters& parameters, const Pose& X_AH = CellParameters().X_AH);
 
   PlantBlock next(const PlantCommand& command) override;
+  TwinForceSensing* twinForce() override { return &twin_force_; }
 
   /// For the judge of a run only: no strategy sees it.
   Simulation& truth() { return cell_.simulation(); }
@@ -29,6 +32,7 @@ class SimulatedPlant : public Plant {
   SimulatedCell cell_;
   Calibration calibration_a_, calibration_b_;
   Matrix6 rounding_a_, rounding_b_;
+  TwinForceContacts twin_force_;
   StrainBlock block_;
   ExciterParameters exciter_;
   double exciter_reference_ = 0.0;

@@ -36,10 +36,11 @@ class CellPlayer {
   using Clock = std::chrono::steady_clock;
 
   struct Participant {
-    std::string name, topic;         ///< relative to the namespace
-    std::uint64_t answers = 0;       ///< acknowledgements so far
-    std::uint32_t sequence = 0;      ///< of the latest one
-    bool answers_repetition = true;  ///< until it didn't once
+    std::string name;                 ///< relative to the namespace
+    std::vector<std::string> topics;  ///< as they are called in the bag
+    std::uint64_t answers = 0;        ///< acknowledgements so far
+    std::uint32_t sequence = 0;       ///< of the latest one
+    bool answers_repetition = true;   ///< until it didn't once
   };
 
   void readParameters();
@@ -48,10 +49,11 @@ class CellPlayer {
   void playAll();
   void publish(const rosbag::MessageInstance& message);
   void publishClock(const ros::Time& time);
+  static bool listens(const Participant& participant, const std::string& topic);
   /// Until the participants' connections are there.
   void awaitConnections();
   void awaitAnswers(const std::string& topic, std::uint32_t sequence);
-  /// Until all that went out so far has arrived at those who acknowledge `topic`.
+  /// Until all that went out so far has arrived at those who acknowledge `topic`'s blocks.
   void settle(const std::string& topic);
   void onAck(const Ack::ConstPtr& ack);
 
@@ -65,6 +67,7 @@ class CellPlayer {
   rosbag::Bag bag_;
   std::map<std::string, ros::Publisher> publishers_;                     ///< by name in the bag
   std::map<std::string, rosbag::MessageInstance> latest_;                ///< block of a topic
+  std::map<std::string, std::uint32_t> sequences_;                       ///< of these
   std::map<std::string, geometry_msgs::TransformStamped> fixed_frames_;  ///< so far, by child
   bool unsettled_ = false;  ///< something but blocks has gone out since settle()
   std::uint64_t played_ = 0;

@@ -21,6 +21,7 @@
 #include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/ros/twin_force_client.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -40,6 +41,7 @@ class RosPlant : public Plant {
   void begin(const std::function<bool()>& cancelled);
 
   PlantBlock next(const PlantCommand& command) override;
+  TwinForceSensing* twinForce() override { return &twin_force_; }
 
   /// The strategy is through: exciter off; hold: the carrier stays where it is.
   void end(bool hold);
@@ -116,6 +118,7 @@ class RosPlant : public Plant {
   ros::Subscriber calibration_a_sub_, calibration_b_sub_;
   ros::WallTimer connection_timer_;
   std::unique_ptr<LocusClient> locus_client_;
+  TwinForceClient twin_force_;
 };
 
 }  // namespace assembly_cell::ros_bridge

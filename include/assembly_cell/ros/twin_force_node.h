@@ -1,15 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/transform_broadcaster.h>
 
-#include <condition_variable>
-#include <cstdint>
-#include <deque>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -17,12 +13,13 @@
 #include <vector>
 
 #include "assembly_cell/AddContact.h"
-#include "assembly_cell/DisplacementSamples.h"
-#include "assembly_cell/SensorCalibration.h"
+#include "assembly_cell/BeginTwinForce.h"
 #include "assembly_cell/SolveTwinForce.h"
+#include "assembly_cell/TareTwinForce.h"
 #include "assembly_cell/TwinForceState.h"
-#include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/twin_contacts.h"
+#include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/twin_force_streams.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -36,57 +33,45 @@ class TwinForceNode {
   TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
 
  private:
-  /// A settled window and where the carrier was.
-  struct Reading {
-    ContactWindow window;
-    Pose X_SC;  ///< S: carrier_base
-    ros::Time middle;
-    double time_difference = 0.0;  ///< largest, between the two wrenches [s]
+  using Reading = TwinForceStreams::Reading;
+  /// What a contact kept came from.
+  struct Origin {
+    Reading pressed;
+    std::optional<Reading> free;
   };
 
-  void onWrenchA(const WrenchSamples::ConstPtr& message);
-  void onWrenchB(const WrenchSamples::ConstPtr& message);
-  void onDisplacement(const DisplacementSamples::ConstPtr& message);
-  void onCarrier(const geometry_msgs::PoseStamped::ConstPtr& message);
-  void acknowledge();
+  TwinForceSetup readSetup(Parameters& parameters);
+  TwinForceStreams::Settings readSettings(Parameters& parameters, const ros::NodeHandle& nh);
 
-  bool onTare(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  bool onBegin(BeginTwinForce::Request& request, BeginTwinForce::Response& response);
+  bool onTare(TareTwinForce::Request& request, TareTwinForce::Response& response);
   bool onAdd(AddContact::Request& request, AddContact::Response& response);
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool onSolve(SolveTwinForce::Request& request, SolveTwinForce::Response& response);
 
-  /// The coming window of both sensors. Throws InputError with the reason of a refusal.
-  Reading read(double duration);
+  void begin(const TwinForceTask& task);
+  Reading read(TwinForceStreams::Window window);
   void publishPose();
   TwinForceState status() const;
+  FeltContact feltContact(std::size_t i) const;
+  void tellPose(TwinForceState& out) const;
 
-  std::string name_;  ///< in the simulator's ~participants
-  bool lockstep_ = false;
-  double window_ = 0.2, time_limit_ = 1e-3, settled_force_ = 0.02;  // [s], [s], [N]
-  double carrier_motion_ = 1e-5, data_timeout_ = 10.0;              // [m], wall clock [s]
-  double converter_step_ = 0.0;                                     // [V]
-  bool use_displacement_ = true;
+  double window_ = 0.2;     // [s]
+  AveragingLimits limits_;  // of a window
+  TwinForceTask own_task_;  ///< by parameters
 
-  mutable std::mutex mutex_;  ///< of the data
-  std::condition_variable arrived_;
-  std::deque<WrenchSamples::ConstPtr> a_, b_;
-  std::deque<DisplacementSamples::ConstPtr> d_;
-  std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_;
-  Matrix6 S_a_, S_b_;  ///< volts to wrench, for the rounding
-  std::optional<std::uint32_t> last_a_, last_b_, last_d_, acknowledged_;
-
-  mutable std::mutex services_;  ///< one at a time; taken before mutex_
+  mutable std::mutex services_;  ///< one at a time
   std::unique_ptr<TwinForceContacts> contacts_;
-  std::vector<Reading> readings_;  ///< of the contacts
-  std::string signs_ = "undecided";
+  std::vector<Origin> origins_;  ///< of the contacts
+  std::optional<Reading> free_;  ///< the latest zero
+  ContactTask told_;             ///< the present task, as it came
   bool pose_known_ = false;
-  ContactAdvice advice_;
-  ReachableContact advised_;
+  std::optional<ReachableContact> advised_;
 
-  ros::Publisher pose_pub_, status_pub_, ack_pub_;
-  ros::Subscriber a_sub_, b_sub_, d_sub_, carrier_sub_, calibration_a_sub_, calibration_b_sub_;
-  ros::ServiceServer tare_srv_, add_srv_, reset_srv_, solve_srv_;
+  ros::Publisher pose_pub_, status_pub_;
+  ros::ServiceServer begin_srv_, tare_srv_, add_srv_, reset_srv_, solve_srv_;
   tf2_ros::TransformBroadcaster tf_;
+  std::unique_ptr<TwinForceStreams> streams_;  ///< last: its callbacks use the rest
 };
 
 }  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,47 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <limits>
+
+#include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/plant.h"
+
+namespace assembly_cell {
+
+/// What makes a window good enough to be a zero or a contact.
+struct AveragingLimits {
+  int blocks = 2;              ///< of a window
+  double settled_force = 0.0;  ///< halves that differ by more are not settled [N]
+  double carrier_motion = std::numeric_limits<double>::infinity();  ///< within a window [m]
+  int tries = 1;                                                    ///< windows at most
+};
+
+/// Averages block after block while nothing moves, until a window of them is settled. One block
+/// alone has no halves: it counts as settled.
+class AveragingWindow {
+ public:
+  enum class State { kFilling, kSettled, kNotSettled, kMoved, kSaturated };
+
+  explicit AveragingWindow(const AveragingLimits& limits) : limits_(limits) {}
+
+  /// The next block; anything but kFilling is final. A window that isn't settled makes room for the
+  /// next one until all tries are used up; saturation and motion end it at once.
+  State add(const PlantBlock& block);
+
+  const ContactWindow& means() const { return means_; }
+  int blocks() const { return static_cast<int>(means_.blocks()); }
+  const PlantBlock& last() const { return last_; }  ///< its carrier and rounding count
+  double firstEnd() const { return first_end_; }    ///< of the window's first block [s]
+  double lastEnd() const { return last_.time; }     ///< of its last block [s]
+  double motion() const { return motion_; }         ///< of the carrier, largest so far [m]
+
+ private:
+  AveragingLimits limits_;
+  ContactWindow means_;
+  PlantBlock last_;
+  double first_end_ = 0.0, motion_ = 0.0;
+  Pose first_carrier_;
+  int tried_ = 0;
+};
+
+}  // namespace assembly_cell

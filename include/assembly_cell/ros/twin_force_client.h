@@ -1,0 +1,59 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <ros/ros.h>
+
+#include <functional>
+#include <future>
+#include <memory>
+#include <string>
+
+#include "assembly_cell/ContactTask.h"
+#include "assembly_cell/TwinForceState.h"
+#include "assembly_cell/align/twin_sensing.h"
+
+namespace assembly_cell::ros_bridge {
+
+/// On the wire.
+ContactTask contactTask(const TwinForceTask& task);
+
+/// The running twin_force_estimator, as a strategy asks for it. Windows go to it as times of the
+/// cell: it averages the blocks that the strategy means from its own streams. Every call ends
+/// within a timeout; PlantError names the node when there is no answer.
+class TwinForceClient : public TwinForceSensing {
+ public:
+  struct Settings {
+    double timeout = 10.0;                      ///< of every call, wall clock [s]
+    std::function<ros::Time(double)> stamp_of;  ///< of a time on the plant's clock [s]
+    std::function<bool()> cancelled;            ///< the call is given up
+  };
+  TwinForceClient(const ros::NodeHandle& nh, const Settings& settings)
+      : nh_(nh), settings_(settings) {}
+
+  void begin(const TwinForceTask& task) override;
+  WindowAnswer tare(const AveragingWindow& free) override;
+  WindowAnswer add(const AveragingWindow& pressed) override;
+  TwinForceSolution solve() override;
+  ReachableContact advise() override;
+
+  /// The node that is being asked and isn't there any more: " (no service ...: is it running?)";
+  /// else empty. For whoever waits for blocks in vain.
+  std::string complaint() const;
+  void release() { begun_ = false; }  ///< the strategy is through
+
+ private:
+  template <class Service>
+  typename Service::Response call(const std::string& name,
+                                  const typename Service::Request& request);
+  template <class Request>
+  void fill(Request& request, const AveragingWindow& window) const;
+  bool wait(const std::function<bool(double patience)>& ready);
+
+  ros::NodeHandle nh_;
+  Settings settings_;
+  bool begun_ = false;
+  TwinForceState state_;         ///< as of the last solve()
+  std::future<void> under_way_;  ///< a call that may still be waiting for its answer
+};
+
+}  // namespace assembly_cell::ros_bridge

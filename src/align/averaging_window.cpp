@@ -1,0 +1,39 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/averaging_window.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace assembly_cell {
+namespace {
+
+// A turn counts as the way of a point so far from the carrier's origin [m]: about the peg's length,
+// whose end must not move more than the carrier. Half or twice moves the limit of turns alike.
+constexpr double kLever = 0.1;
+
+}  // namespace
+
+AveragingWindow::State AveragingWindow::add(const PlantBlock& block) {
+  if (means_.blocks() == 0) first_end_ = block.time;
+  means_.add({block.wrench_a, block.covariance_a, block.samples},
+             {block.wrench_b, block.covariance_b, block.samples}, block.displacement_b);
+  last_ = block;
+  // for a strategy the press itself looks after saturation and motion
+  if (std::isfinite(limits_.carrier_motion)) {
+    if (block.saturated) return State::kSaturated;
+    const Pose carrier = poseFromRest(block.carrier);
+    if (means_.blocks() == 1) first_carrier_ = carrier;
+    const Eigen::Matrix3d turn = first_carrier_.R.transpose() * carrier.R;
+    motion_ = std::max(motion_, (carrier.p - first_carrier_.p).norm() +
+                                    kLever * vectorFromRotation(turn).value.norm());
+    if (motion_ > limits_.carrier_motion) return State::kMoved;
+  }
+  if (blocks() < limits_.blocks) return State::kFilling;
+  if (blocks() == 1 || means_.settled(limits_.settled_force)) return State::kSettled;
+  if (++tried_ >= limits_.tries) return State::kNotSettled;
+  means_.clear();
+  motion_ = 0.0;
+  return State::kFilling;
+}
+
+}  // namespace assembly_cell

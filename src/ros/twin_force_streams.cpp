@@ -1,0 +1,335 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/twin_force_streams.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "assembly_cell/Ack.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/conversions.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr int kQueue = 100;
+constexpr double kStampRounding = 1e-9;  // [s]
+// Without a calibration a channel counts as its own newton or newton metre and as sure as this:
+// beside it the scatter of the samples rules. Half or twice changes nothing that is decided. [N²]
+constexpr double kPlainVariance = 1e-6;
+
+const std::vector<double>& valuesOf(const WrenchSamples& m) { return m.wrench; }
+const std::vector<double>& valuesOf(const DisplacementSamples& m) { return m.displacement; }
+
+template <class Message>
+std::size_t sizeOf(const Message& message) {
+  return valuesOf(message).size() / 6;
+}
+
+template <class Message>
+bool finiteBlock(const Message& m) {
+  const std::vector<double>& samples = valuesOf(m);
+  return !samples.empty() && samples.size() % 6 == 0 && std::isfinite(m.period) && m.period > 0.0 &&
+         std::all_of(samples.begin(), samples.end(), [](double v) { return std::isfinite(v); });
+}
+
+template <class Message>
+BlockMoments momentsOf(const Message& m) {
+  return assembly_cell::momentsOf(valuesOf(m).data(), sizeOf(m));
+}
+
+// of the last sample
+ros::Time endOf(const WrenchSamples& m) {
+  return m.header.stamp + ros::Duration(m.period * (static_cast<double>(sizeOf(m)) - 1.0));
+}
+
+template <class List>
+bool reaches(const List& list, const ros::Time& until) {
+  return !list.empty() && list.back()->header.stamp >= until;
+}
+
+// Nearest in time; of an empty list null.
+template <class List>
+typename List::value_type nearest(const List& list, const ros::Time& stamp) {
+  const auto distance = [&](const auto& m) { return std::abs((m->header.stamp - stamp).toSec()); };
+  const auto best = std::min_element(
+      list.begin(), list.end(),
+      [&](const auto& one, const auto& other) { return distance(one) < distance(other); });
+  return best == list.end() ? nullptr : *best;
+}
+
+template <class List>
+void keep(List& list, const typename List::value_type& message) {
+  // a clock that went back starts anew
+  if (!list.empty() && message->header.stamp < list.back()->header.stamp) list.clear();
+  list.push_back(message);
+  while ((list.back()->header.stamp - list.front()->header.stamp).toSec() >
+         TwinForceStreams::kHistory) {
+    list.pop_front();
+  }
+}
+
+bool saturated(const WrenchSamples& m) {
+  return std::any_of(m.saturated.begin(), m.saturated.end(), [](auto bits) { return bits != 0; });
+}
+
+}  // namespace
+
+TwinForceStreams::TwinForceStreams(ros::NodeHandle& nh, const Settings& settings,
+                                   std::function<void()> on_carrier)
+    : settings_(settings), on_carrier_(std::move(on_carrier)) {
+  if (settings_.lockstep) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
+  const auto hints = ros::TransportHints().tcpNoDelay();
+  const auto wrenches = [&](const std::string& sensor, std::deque<Wrench>& list) {
+    return nh.subscribe<WrenchSamples>(
+        sensor + "/wrench_samples", kQueue,
+        [this, &list](const Wrench& m) { onBlock<WrenchSamples>(list, m); }, nullptr, hints);
+  };
+  a_sub_ = wrenches("sensor_a", a_);
+  b_sub_ = wrenches("sensor_b", b_);
+  if (settings_.use_displacement) {
+    d_sub_ = nh.subscribe<DisplacementSamples>(
+        "sensor_b/displacement_samples", kQueue,
+        [this](const Displacement& m) { onBlock<DisplacementSamples>(d_, m); }, nullptr, hints);
+  }
+  carrier_sub_ = nh.subscribe("carrier_pose", kQueue, &TwinForceStreams::onCarrier, this, hints);
+  const auto calibrations = [&](const std::string& sensor, std::optional<Matrix6>& S) {
+    return nh.subscribe<SensorCalibration>(
+        sensor + "/calibration", 1, [this, &S](const SensorCalibration::ConstPtr& m) {
+          using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+          const std::lock_guard<std::mutex> lock(mutex_);
+          S = Eigen::Map<const RowMajor>(m->volts_to_wrench.data());
+          arrived_.notify_all();
+        });
+  };
+  calibration_a_sub_ = calibrations("sensor_a", S_a_);
+  calibration_b_sub_ = calibrations("sensor_b", S_b_);
+}
+
+// ---- what comes in ----
+
+template <class Message>
+void TwinForceStreams::onBlock(std::deque<typename Message::ConstPtr>& list,
+                               const typename Message::ConstPtr& m) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  // a latched block may come twice, and cell_player repeats them; it is answered again
+  const bool repeated = !list.empty() && list.back()->header.stamp == m->header.stamp &&
+                        list.back()->sequence == m->sequence;
+  if (!repeated) keep(list, m);
+  arrived_.notify_all();
+  acknowledge();
+}
+
+void TwinForceStreams::onCarrier(const geometry_msgs::PoseStamped::ConstPtr& message) {
+  try {
+    fromPose(message->pose, "carrier_pose");
+  } catch (const InputError& error) {
+    ROS_ERROR_THROTTLE(1.0, "ignored: %s", error.what());
+    return;
+  }
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    keep(carrier_, message);
+    arrived_.notify_all();
+  }
+  on_carrier_();
+}
+
+// once all streams have a block
+void TwinForceStreams::acknowledge() {
+  if (!settings_.lockstep || a_.empty() || b_.empty()) return;
+  const std::uint32_t sequence = a_.back()->sequence;
+  if (b_.back()->sequence != sequence) return;
+  if (settings_.use_displacement && (d_.empty() || d_.back()->sequence != sequence)) return;
+  Ack ack;
+  ack.node = settings_.name;
+  ack.sequence = sequence;
+  ack_pub_.publish(ack);
+}
+
+std::optional<TwinForceStreams::Now> TwinForceStreams::now() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (carrier_.empty()) return std::nullopt;
+  Now out;
+  out.stamp = carrier_.back()->header.stamp;
+  out.carrier = restFromPose(fromPose(carrier_.back()->pose, "carrier_pose"));
+  if (!d_.empty() && finiteBlock(*d_.back())) out.displacement = momentsOf(*d_.back()).mean;
+  return out;
+}
+
+// ---- windows ----
+
+bool TwinForceStreams::wait(Lock& lock, const std::function<bool()>& ready) {
+  using Clock = std::chrono::steady_clock;
+  const auto deadline = Clock::now() + std::chrono::duration<double>(settings_.data_timeout);
+  while (!ready()) {
+    if (!ros::ok()) throw InputError("the node is shutting down");
+    if (Clock::now() >= deadline) return false;
+    arrived_.wait_for(lock, std::chrono::milliseconds(20));
+  }
+  return true;
+}
+
+bool TwinForceStreams::waitForCalibrations() {
+  Lock lock(mutex_);
+  return wait(lock, [this] { return S_a_ && S_b_; });
+}
+
+// Blocks of sensor_b: all that end within the window's times, or so many after a time as it takes.
+// Empty until they are there.
+std::vector<TwinForceStreams::Wrench> TwinForceStreams::select(const Window& window,
+                                                               const ros::Time& after) const {
+  const bool named = !window.last.isZero();
+  std::vector<Wrench> out;
+  double covered = 0.0;
+  bool complete = false;
+  for (const Wrench& b : b_) {
+    const ros::Duration half(0.5 * b->period);
+    const ros::Time end = endOf(*b);
+    if (!complete && (named ? end >= window.first - half && end <= window.last + half
+                            : b->header.stamp > after)) {
+      if (!finiteBlock(*b)) throw InputError("sensor_b: a block is not one of finite samples");
+      covered += b->period * static_cast<double>(sizeOf(*b));
+      out.push_back(b);
+    }
+    // who asks may have missed a block that came late, the node may not
+    complete = named ? end >= window.last - half && out.size() >= window.blocks
+                     : covered >= window.duration - kStampRounding;
+  }
+  if (!complete) out.clear();
+  return out;
+}
+
+std::vector<TwinForceStreams::Wrench> TwinForceStreams::collect(Lock& lock, const Window& window) {
+  const bool named = !window.last.isZero();
+  if (named && (window.blocks == 0 || window.last < window.first)) {
+    throw InputError("window: first, last and blocks don't fit: give the ends of its blocks");
+  }
+  if (!named && !(window.duration >= 1e-3 && window.duration <= 0.5 * kHistory)) {
+    throw InputError(text("window is %g s: give 0.001 to %g s, 0 for the node's own",
+                          window.duration, 0.5 * kHistory));
+  }
+  const ros::Time after = b_.empty() ? ros::Time() : b_.back()->header.stamp;
+  std::vector<Wrench> blocks;
+  const bool complete = wait(lock, [&] {
+    blocks = select(window, after);
+    return !blocks.empty();
+  });
+  if (!complete && named) {
+    throw InputError(
+        text("not all of the %u blocks of sensor_b that end from %.3f to %.3f s came in "
+             "within %g s of wall time",
+             window.blocks, window.first.toSec(), window.last.toSec(), settings_.data_timeout));
+  }
+  if (!complete) {
+    throw InputError(
+        text("no wrench of sensor_b within %g s of wall time", settings_.data_timeout));
+  }
+  return blocks;
+}
+
+// what goes with the blocks up to `last`
+void TwinForceStreams::awaitPartners(Lock& lock, const Wrench& last) {
+  const ros::Time stamp = last->header.stamp - ros::Duration(settings_.time_limit + kStampRounding);
+  const ros::Time end = endOf(*last) - ros::Duration(0.5 * last->period);
+  const char* missing = nullptr;
+  const auto complete = [&] {
+    missing = !reaches(a_, stamp)                                 ? "wrench of sensor_a"
+              : settings_.use_displacement && !reaches(d_, stamp) ? "displacement of sensor_b"
+              : !reaches(carrier_, end)                           ? "carrier_pose"
+                                                                  : nullptr;
+    return missing == nullptr;
+  };
+  if (!wait(lock, complete)) {
+    throw InputError(text("no %s within %g s of wall time", missing, settings_.data_timeout));
+  }
+}
+
+Vector6 TwinForceStreams::displacementOf(const Wrench& b) const {
+  if (!settings_.use_displacement) return Vector6::Zero();
+  const Displacement d = nearest(d_, b->header.stamp);
+  if (std::abs((d->header.stamp - b->header.stamp).toSec()) >
+      settings_.time_limit + kStampRounding) {
+    throw InputError("not simultaneous: no displacement goes with the wrench of sensor_b");
+  }
+  if (!finiteBlock(*d)) {
+    throw InputError("sensor_b: a block of displacements is not one of finite samples");
+  }
+  return momentsOf(*d).mean;
+}
+
+// A block of sensor_b with what goes with it, as a strategy's plant gives it.
+PlantBlock TwinForceStreams::blockOf(const Wrench& b, const ros::Time& origin,
+                                     double& time_difference) const {
+  const Wrench a = nearest(a_, b->header.stamp);
+  const double apart = std::abs((a->header.stamp - b->header.stamp).toSec());
+  if (apart > settings_.time_limit + kStampRounding) {
+    throw InputError(
+        text("not simultaneous: the wrenches of both sensors are %.3g s apart, more than %g s",
+             apart, settings_.time_limit));
+  }
+  time_difference = std::max(time_difference, apart);
+  if (!finiteBlock(*a)) throw InputError("sensor_a: a block is not one of finite samples");
+  for (const auto& [samples, sensor] : {std::make_pair(a, "sensor_a"), {b, "sensor_b"}}) {
+    if (saturated(*samples)) {
+      throw InputError(text("saturated: a channel of %s is at its limit; press less", sensor));
+    }
+  }
+  const BlockMoments moments_a = momentsOf(*a), moments_b = momentsOf(*b);
+  const auto rounding = [this](const std::optional<Matrix6>& S) {
+    return S ? roundingCovariance(*S, settings_.converter_step)
+             : Matrix6(kPlainVariance * Matrix6::Identity());
+  };
+  PlantBlock out;
+  out.time = (endOf(*b) - origin).toSec();
+  out.wrench_a = moments_a.mean;
+  out.wrench_b = moments_b.mean;
+  out.covariance_a = moments_a.covariance;
+  out.covariance_b = moments_b.covariance;
+  out.rounding_a = rounding(S_a_);
+  out.rounding_b = rounding(S_b_);
+  out.samples = std::min(moments_a.count, moments_b.count);
+  out.displacement_b = displacementOf(b);
+  // at the block's end
+  const ros::Time end = endOf(*b) + ros::Duration(0.5 * b->period);
+  geometry_msgs::PoseStamped::ConstPtr carrier = carrier_.front();
+  for (const auto& pose : carrier_) {
+    if (pose->header.stamp <= end) carrier = pose;
+  }
+  out.carrier = restFromPose(fromPose(carrier->pose, "carrier_pose"));
+  return out;
+}
+
+TwinForceStreams::Reading TwinForceStreams::read(const Window& window, AveragingLimits limits) {
+  Lock lock(mutex_);
+  const std::vector<Wrench> blocks = collect(lock, window);
+  awaitPartners(lock, blocks.back());
+
+  using State = AveragingWindow::State;
+  limits.blocks = static_cast<int>(blocks.size());
+  Reading out;
+  out.window = AveragingWindow(limits);
+  out.first = endOf(*blocks.front());
+  out.last = endOf(*blocks.back());
+  const ros::Time start = blocks.front()->header.stamp;
+  out.middle = start + (out.last - start) * 0.5;
+  State state = State::kFilling;
+  for (const Wrench& b : blocks) {
+    state = out.window.add(blockOf(b, start, out.time_difference));
+    if (state != State::kFilling) break;
+  }
+  if (state == State::kMoved) {
+    throw InputError(text("moving: the carrier moved by %.2g m, more than %g m; hold it",
+                          out.window.motion(), limits.carrier_motion));
+  }
+  if (state != State::kSettled) {
+    throw InputError(
+        text("not settled: halves of the window differ by more than %g N", limits.settled_force));
+  }
+  return out;
+}
+
+}  // namespace assembly_cell::ros_bridge
