@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/sensor/bridge.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -22,21 +23,29 @@ constexpr double kReferenceTemperature = 20.0;  // [°C]
 // in series from the datum: channels 1 3 5 2 4 6
 constexpr std::array<std::size_t, 6> kOrder = {0, 2, 4, 1, 3, 5};
 
-// a hinge as it was made: position [mm], direction (not normalised), stiffness and strain relative
-// to nominal, curvature, gain relative to nominal, offset [V], zero drift [V/K]
-Hinge hinge(const Eigen::Vector3d& position, const Eigen::Vector3d& direction, double stiffness,
-            double strain, double curvature, double gain, double offset, double drift) {
-  return {1e-3 * position,
-          direction.normalized(),
-          strain * kStrainPerMoment,
-          gain * kGain,
-          offset,
-          stiffness * kStiffness,
-          curvature,
-          drift};
+// a hinge as it was made
+struct MadeHinge {
+  Eigen::Vector3d position;   // [mm]
+  Eigen::Vector3d direction;  // not normalised
+  double stiffness, strain;   // relative to nominal
+  double curvature;
+  double gain;    // relative to nominal
+  double offset;  // [V]
+  double drift;   // of the zero [V/K]
+};
+
+Hinge hinge(const MadeHinge& made) {
+  return {1e-3 * made.position,
+          made.direction.normalized(),
+          made.strain * kStrainPerMoment,
+          made.gain * kGain,
+          made.offset,
+          made.stiffness * kStiffness,
+          made.curvature,
+          made.drift};
 }
 
-Bridge bridge(const std::array<Hinge, 6>& hinges, int bits, double noise) {
+Bridge bridge(const std::array<MadeHinge, 6>& hinges, int bits, double noise) {
   if (bits != 10 && bits != 16 && bits != 24) {
     throw InputError("bridge: bits is " + std::to_string(bits) + ": give 10, 16 or 24");
   }
@@ -44,7 +53,7 @@ Bridge bridge(const std::array<Hinge, 6>& hinges, int bits, double noise) {
     throw InputError("bridge: noise is " + std::to_string(noise) + ": give volts rms, not below 0");
   }
   Bridge b;
-  b.hinges = hinges;
+  std::transform(hinges.begin(), hinges.end(), b.hinges.begin(), hinge);
   b.bits = bits;
   b.noise = noise;
   return b;
@@ -53,28 +62,30 @@ Bridge bridge(const std::array<Hinge, 6>& hinges, int bits, double noise) {
 }  // namespace
 
 Bridge bridgeA(int bits, double noise) {
-  return bridge({hinge({30, 30.6, 10.4}, {1, .010, -.008}, 1.00, 1.00, .004, 1.000, .012, .0025),
-                 hinge({30, 29.5, 49.7}, {1, -.012, .006}, 1.03, .98, -.003, 1.004, -.020, -.0040),
-                 hinge({9.6, 30, 30.7}, {.007, 1, .011}, .97, 1.02, .002, .997, .015, .0030),
-                 hinge({50.3, 30, 29.4}, {-.009, 1, -.010}, 1.02, 1.01, .005, 1.002, .008, -.0020),
-                 hinge({30.5, 9.8, 30}, {.012, -.006, 1}, .98, .99, -.004, .999, -.011, .0035),
-                 hinge({29.3, 50.4, 30}, {-.008, .009, 1}, 1.01, 1.03, .003, .995, .018, .0015)},
-                bits, noise);
+  return bridge(
+      {MadeHinge{{30, 30.6, 10.4}, {1, .010, -.008}, 1.00, 1.00, .004, 1.000, .012, .0025},
+       MadeHinge{{30, 29.5, 49.7}, {1, -.012, .006}, 1.03, .98, -.003, 1.004, -.020, -.0040},
+       MadeHinge{{9.6, 30, 30.7}, {.007, 1, .011}, .97, 1.02, .002, .997, .015, .0030},
+       MadeHinge{{50.3, 30, 29.4}, {-.009, 1, -.010}, 1.02, 1.01, .005, 1.002, .008, -.0020},
+       MadeHinge{{30.5, 9.8, 30}, {.012, -.006, 1}, .98, .99, -.004, .999, -.011, .0035},
+       MadeHinge{{29.3, 50.4, 30}, {-.008, .009, 1}, 1.01, 1.03, .003, .995, .018, .0015}},
+      bits, noise);
 }
 
 Bridge bridgeB(int bits, double noise) {
-  return bridge({hinge({30, 29.6, 10.5}, {1, -.007, .012}, .99, 1.01, -.003, 1.001, -.016, -.0030),
-                 hinge({30, 30.7, 49.8}, {1, .009, -.011}, 1.01, 1.00, .004, .996, .010, .0020),
-                 hinge({10.6, 30, 29.7}, {-.010, 1, .006}, 1.02, .97, .003, 1.003, -.009, -.0015),
-                 hinge({49.5, 30, 30.4}, {.008, 1, .013}, .98, 1.02, -.002, .998, .014, .0040),
-                 hinge({29.7, 10.6, 30}, {-.006, .012, 1}, 1.03, 1.00, .005, 1.005, .006, -.0025),
-                 hinge({30.4, 49.4, 30}, {.011, -.007, 1}, 1.00, .98, -.004, 1.000, -.013, .0030)},
-                bits, noise);
+  return bridge(
+      {MadeHinge{{30, 29.6, 10.5}, {1, -.007, .012}, .99, 1.01, -.003, 1.001, -.016, -.0030},
+       MadeHinge{{30, 30.7, 49.8}, {1, .009, -.011}, 1.01, 1.00, .004, .996, .010, .0020},
+       MadeHinge{{10.6, 30, 29.7}, {-.010, 1, .006}, 1.02, .97, .003, 1.003, -.009, -.0015},
+       MadeHinge{{49.5, 30, 30.4}, {.008, 1, .013}, .98, 1.02, -.002, .998, .014, .0040},
+       MadeHinge{{29.7, 10.6, 30}, {-.006, .012, 1}, 1.03, 1.00, .005, 1.005, .006, -.0025},
+       MadeHinge{{30.4, 49.4, 30}, {.011, -.007, 1}, 1.00, .98, -.004, 1.000, -.013, .0030}},
+      bits, noise);
 }
 
 Bridge nominalBridge() {
   const auto as_drawn = [](const Eigen::Vector3d& position, const Eigen::Vector3d& direction) {
-    return hinge(position, direction, 1, 1, 0, 1, 0, 0);
+    return MadeHinge{position, direction, 1, 1, 0, 1, 0, 0};
   };
   return bridge({as_drawn({30, 30, 10}, {1, 0, 0}), as_drawn({30, 30, 50}, {1, 0, 0}),
                  as_drawn({10, 30, 30}, {0, 1, 0}), as_drawn({50, 30, 30}, {0, 1, 0}),

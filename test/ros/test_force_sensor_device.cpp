@@ -9,10 +9,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <fstream>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <random>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -157,13 +159,33 @@ TEST_F(DeviceTest, DeliversWhatTheBoxMeasures) {
   EXPECT_EQ(calibration.response.calibration.serial_number, "EMU-1");
 }
 
+// Datagrams that the kernel dropped because the driver didn't read in time: on a busy machine.
+double droppedByKernel(int port) {
+  std::ifstream sockets("/proc/net/udp");
+  std::string line;
+  std::getline(sockets, line);
+  double dropped = 0.0;
+  while (std::getline(sockets, line)) {
+    std::istringstream words(line);
+    std::string word, remote;
+    words >> word >> word >> remote;
+    while (words >> word) {
+    }
+    if (std::stoi(remote.substr(remote.find(':') + 1), nullptr, 16) == port) {
+      dropped += std::stod(word);
+    }
+  }
+  return dropped;
+}
+
 // What the link loses is counted to the last sample, and none comes out wrong.
 TEST_F(DeviceTest, CountsLossesExactly) {
-  NetftEmulator::Options options = boxOptions();
-  options.faults = {0.1, 0.05, 0.05};
-  NetftEmulator box(options);
+  NetftEmulator box(boxOptions());
   Follower follower(nh_, "lossy");
   Driver driver("lossy", parametersOf(box));
+  // a record that's lost before the first one was never asked for
+  ASSERT_TRUE(waitFor([&] { return follower.seen().samples > 0; })) << driver.output();
+  box.setFaults({0.1, 0.05, 0.05});
   ASSERT_TRUE(waitFor([&] { return follower.seen().samples > 3000; })) << driver.output();
   box.setFaults({});
   const std::string name = "lossy/driver: device";
@@ -172,9 +194,9 @@ TEST_F(DeviceTest, CountsLossesExactly) {
       name, [](const auto& s) { return s.level == 0; }, true))
       << diagnoses_.latest(name).message;
   const auto status = diagnoses_.latest(name);
-  // a record that's lost at the very start was never asked for
-  EXPECT_NEAR(number(status, "lost samples") + number(status, "late samples"),
-              static_cast<double>(box.lost()), 2.0);
+  EXPECT_EQ(number(status, "lost samples"),
+            static_cast<double>(box.lost()) + droppedByKernel(box.port()));
+  EXPECT_EQ(number(status, "reconnects"), 0);
   EXPECT_GT(box.lost(), 100u);
   EXPECT_GT(number(status, "duplicate samples"), 50);
   EXPECT_GT(number(status, "reordered samples"), 50);

@@ -121,7 +121,7 @@ TEST_P(Conformance, AnAbsentDeviceIsNamed) {
   rig.bench->unplug();
   if (std::string(GetParam()) == "simulated") {
     EXPECT_NO_THROW(rig.source->open());
-    return;
+    GTEST_SKIP() << GetParam() << ": it is always there";
   }
   const std::size_t descriptors = openDescriptors();
   for (int i = 0; i < 3; ++i) {

@@ -98,7 +98,7 @@ struct SensorDescription {
   Matrix6 nominal;          ///< S by the drawing: volts to wrench in the sensor frame, from which
                             ///< designs are judged before anything is measured
 
-  SensorDescription();  ///< nominal: the bridge of section 8 as drawn
+  SensorDescription();  ///< nominal: nominalBridge()
 
   double lsb() const;           ///< [V]
   double quantisation() const;  ///< variance of the converter's steps [V²]

@@ -30,7 +30,7 @@ struct Bridge {
   double full_scale = 5.0;                                             ///< ± [V]
   double noise = 0.5e-3;                                               ///< white, rms [V]
   double temperature = 20.0;                                           ///< [°C], drift from 20
-  double nonlinearity = 0.0;  ///< 0: small loads; 1: finite rotations and curvature of section 8
+  double nonlinearity = 0.0;  ///< 0: small loads; 1: each hinge turns and its gauges curve
 };
 
 /// The two bridges of the cell; throws InputError for bits other than 10, 16, 24 or noise < 0.
