@@ -29,9 +29,9 @@ Eigen::Matrix<double, 4, 12> planeByWrench(const Mechanism& mechanism, double fr
   Eigen::Matrix<double, 4, 12> A;
   for (int j = 0; j < 12; ++j) {
     const Complex6 w = Complex6::Unit(j / 2) * (j % 2 == 0 ? Complex(1, 0) : Complex(0, 1));
-    Complex x, y;
-    centreOfMassPhasors(mechanism, frequency, compliance.cast<Complex>() * w, x, y);
-    const Locus locus = locusFromPhasors(x, y, 0.0, 1, 1.0);
+    const Eigen::Vector2cd xy =
+        centreOfMassPhasors(mechanism, frequency, compliance.cast<Complex>() * w);
+    const Locus locus = locusFromPhasors(xy.x(), xy.y(), 0.0, 1, 1.0);
     A.col(j) << locus.P.real(), locus.P.imag(), locus.N.real(), locus.N.imag();
   }
   return A;

@@ -149,14 +149,11 @@ ContactResponse contactResponse(const Mechanism& mechanism, const OperatingPoint
   return response;
 }
 
-void centreOfMassPhasors(const Mechanism& mechanism, double frequency, const Complex6& coupling,
-                         Complex& x, Complex& y, const Vector2d& tilt, const Vector2d& sensor_tilt,
-                         const Vector3d& static_force) {
-  const UnheldMotion free(mechanism, frequency, tilt, sensor_tilt);
-  const Eigen::Vector2cd plane = planeFromSensor(mechanism, free, static_force) *
-                                 (sensorStiffness(mechanism).cast<Complex>() * coupling);
-  x = plane[0];
-  y = plane[1];
+Eigen::Vector2cd centreOfMassPhasors(const Mechanism& mechanism, double frequency,
+                                     const Complex6& coupling, const Posture& posture) {
+  const UnheldMotion free(mechanism, frequency, posture.tilt, posture.sensor_tilt);
+  return planeFromSensor(mechanism, free, posture.static_force) *
+         (sensorStiffness(mechanism).cast<Complex>() * coupling);
 }
 
 Locus centreOfMassLocus(const Mechanism& mechanism, double frequency, const HarmonicFit& fit,

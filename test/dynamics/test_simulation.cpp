@@ -4,28 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <string>
 #include <vector>
 
+#include "allocations.h"
 #include "assembly_cell/base/input_error.h"
 #include "scenes.h"
-
-#if !defined(__SANITIZE_ADDRESS__)
-// Every allocation of the program passes here, operator new's too.
-namespace {
-std::atomic<long> allocations{0};
-}
-extern "C" void* __libc_malloc(std::size_t);
-extern "C" void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-#endif
 
 namespace assembly_cell {
 namespace {
@@ -193,22 +180,22 @@ TEST(Simulation, AdvanceDoesNotAllocate) {
     sim.setExciter({1.0, 770, 0.0, 1}, 0.0);
     RestPose target = sim.rest();
     target.y += 1e-4;
-    const long before = allocations;
+    const std::uint64_t before = test::allocationsOfThisThread();
     sim.setRestTarget(target);
     const StopReason reason = sim.advance(0.05);
     sim.contacts();
     const double sum =
         sim.couplingWrench().sum() + sim.holeWrench().sum() + sim.pegPose().p.sum() + sim.energy();
-    const long after = allocations;
-    EXPECT_EQ(after - before, 0);
+    const std::uint64_t after = test::allocationsOfThisThread();
+    EXPECT_EQ(after - before, 0u);
     EXPECT_EQ(reason, StopReason::kOk);
     EXPECT_TRUE(std::isfinite(sum));
   }
   // the counter counts: vectors and Eigen's own storage
-  const long before = allocations;
+  const std::uint64_t before = test::allocationsOfThisThread();
   const std::vector<double> one(100);
   const Eigen::VectorXd two(100);
-  EXPECT_GE(allocations - before, one.size() && two.size() ? 2 : 3);
+  EXPECT_GE(test::allocationsOfThisThread() - before, one.size() && two.size() ? 2u : 3u);
 #endif
 }
 

@@ -382,11 +382,10 @@ TEST(ContactModel, PlaneMotionComesBackFromTheSensor) {
     p.friction = {-1.0 + 0.02 * run, 0.7};
     p.direction = run % 2 ? -1 : 1;
     const ContactResponse r = contactResponse(s, p, angle(random));
-    Complex x, y;
     const Vector3d on_sensor(p.friction.x(), p.friction.y(), p.press - s.peg.mass * s.gravity);
-    centreOfMassPhasors(s, p.direction * p.frequency, r.coupling, x, y, p.tilt, p.sensor_tilt,
-                        on_sensor);
-    const Locus locus = locusFromPhasors(x, y, 0, 1, 1);
+    const Eigen::Vector2cd xy = centreOfMassPhasors(s, p.direction * p.frequency, r.coupling,
+                                                    {p.tilt, p.sensor_tilt, on_sensor});
+    const Locus locus = locusFromPhasors(xy.x(), xy.y(), 0, 1, 1);
     EXPECT_LT(relative(r, locus.P, locus.N), 1e-12);
   }
 }
@@ -435,10 +434,10 @@ TEST(ContactModel, DirectionIsExactWithoutNoise) {
     p.rolling = run % 4 == 0;
     p.direction = run % 2 ? -1 : 1;
     const ContactResponse r = contactResponse(s, p, alpha);
-    Complex x, y;
-    centreOfMassPhasors(s, p.direction * p.frequency, r.coupling, x, y);
+    const Eigen::Vector2cd xy = centreOfMassPhasors(s, p.direction * p.frequency, r.coupling);
     for (const bool sensor : {false, true}) {
-      const Locus locus = sensor ? locusFromPhasors(x, y, 1e-12, 1000, 1) : locusOf(r, 1e-12, 1000);
+      const Locus locus =
+          sensor ? locusFromPhasors(xy.x(), xy.y(), 1e-12, 1000, 1) : locusOf(r, 1e-12, 1000);
       const DirectionEstimate e =
           contactDirection(s, p, locus, sensor ? LocusAxes::kSensor : LocusAxes::kHole);
       // the half turn is only as distinct as tilt makes it; one of both is exact

@@ -180,9 +180,9 @@ class LocusEstimator : public ::testing::Test {
   void expectLocus(const LocusEstimate& e, const ContactResponse& truth, double alpha) {
     // five standard deviations of the fit through the map from deflection to the centre of mass
     const double tolerance = 5 * e.noise_sd * std::sqrt(e.inflation / e.samples);
-    std::complex<double> x, y;
-    centreOfMassPhasors(mechanism_, exciter_.direction * exciter_.frequency, truth.coupling, x, y);
-    const Locus seen = locusFromPhasors(x, y, 0.0, 1, 1.0);
+    const Eigen::Vector2cd xy =
+        centreOfMassPhasors(mechanism_, exciter_.direction * exciter_.frequency, truth.coupling);
+    const Locus seen = locusFromPhasors(xy.x(), xy.y(), 0.0, 1, 1.0);
     EXPECT_NEAR(e.p[0], seen.P.real(), tolerance);
     EXPECT_NEAR(e.p[1], seen.P.imag(), tolerance);
     EXPECT_NEAR(e.n[0], seen.N.real(), tolerance);

@@ -7,29 +7,12 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <cstdlib>
 #include <mutex>
-#include <new>
 #include <thread>
 #include <vector>
 
+#include "allocations.h"
 #include "assembly_cell/base/input_error.h"
-
-namespace {
-
-std::atomic<std::uint64_t> allocations{0};
-
-}  // namespace
-
-// Counts all allocations of the program.
-void* operator new(std::size_t size) {
-  ++allocations;
-  void* memory = std::malloc(size);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace assembly_cell {
 namespace {
@@ -241,11 +224,11 @@ TEST(Acquisition, NeitherSamplesNorBlocksAllocate) {
   Acquisition acquisition(source, quick());
   acquisition.start();
   ASSERT_NE(acquisition.next(kPatience), nullptr);
-  const std::uint64_t before = allocations;
+  const std::uint64_t before = test::allocationsOfAll();
   for (int i = 0; i < 2000; ++i) {
     if (acquisition.next(kPatience) == nullptr) break;
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(test::allocationsOfAll(), before);
 }
 
 // Stopping ends a read under way at once, and stopping twice does no harm.

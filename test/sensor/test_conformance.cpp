@@ -4,28 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <cstdlib>
-#include <new>
 #include <random>
 #include <thread>
 
+#include "allocations.h"
 #include "assembly_cell/base/input_error.h"
 #include "source_bench.h"
-
-namespace {
-
-thread_local bool counting = false;
-thread_local std::size_t allocations = 0;
-
-}  // namespace
-
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  if (counting) ++allocations;
-  if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace assembly_cell {
 namespace {
@@ -432,14 +416,14 @@ TEST_P(Conformance, ReadsWithoutAllocating) {
   rig.open();
   rig.collect(20);
   rig.samples.reserve(rig.samples.size() + 4000);
+  std::uint64_t allocations = 0;
   for (int i = 0; i < 100; ++i) {
     rig.bench->feed(5);
-    counting = true;
+    const std::uint64_t before = test::allocationsOfThisThread();
     rig.source->read(*rig.block, milliseconds(5));
-    counting = false;
+    allocations += test::allocationsOfThisThread() - before;
   }
   EXPECT_EQ(allocations, 0u);
-  allocations = 0;
 }
 
 }  // namespace

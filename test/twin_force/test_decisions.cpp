@@ -2,33 +2,12 @@
 // Each refusal and status, outliers, reversed signs, properties, no allocation.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <limits>
-#include <new>
 
+#include "allocations.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/twin_force/contact_checks.h"
 #include "truth.h"
-
-namespace {
-std::size_t allocations = 0;
-}  // namespace
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* p = std::malloc(size)) return p;
-  throw std::bad_alloc();
-}
-void* operator new(std::size_t size, std::align_val_t align) {
-  ++allocations;
-  const auto a = static_cast<std::size_t>(align);
-  if (void* p = std::aligned_alloc(a, (size + a - 1) / a * a)) return p;
-  throw std::bad_alloc();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
 
 namespace assembly_cell {
 namespace {
@@ -338,15 +317,15 @@ TEST(Decisions, AllocatesNothing) {
       }
     }
   };
-  const std::size_t before = allocations;
+  const std::uint64_t before = test::allocationsOfThisThread();
   runs();
   options.prior = defaultPrior({});
   options.tare_covariance = Matrix12(1e-4 * Matrix12::Identity());
   runs();
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(test::allocationsOfThisThread(), before);
   // the counter counts
   const std::vector<int> one(1);
-  EXPECT_EQ(allocations, before + one.size());
+  EXPECT_EQ(test::allocationsOfThisThread(), before + one.size());
 }
 
 }  // namespace

@@ -71,18 +71,22 @@ enum class LocusAxes {
 DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                    const Locus& locus, LocusAxes axes = LocusAxes::kHole);
 
-/// Phasors of the centre of mass in the plane from those of the coupling's deflection as the
-/// sensor's static map tells it (sensor axes). Undoes the damping in the sensor's wrench and adds
-/// the carrier's own motion, which follows from the coupling's force. frequency: rate of the
-/// exciter's angle, negative for a clockwise exciter [rad/s]. Tilts as in OperatingPoint.
-/// static_force: of the peg on the sensor, hole axes [N]; its arm moves with the deflection. Zero
-/// leaves the arm out.
-void centreOfMassPhasors(const Mechanism& mechanism, double frequency,
-                         const Eigen::Matrix<std::complex<double>, 6, 1>& coupling,
-                         std::complex<double>& x, std::complex<double>& y,
-                         const Eigen::Vector2d& tilt = Eigen::Vector2d::Zero(),
-                         const Eigen::Vector2d& sensor_tilt = Eigen::Vector2d::Zero(),
-                         const Eigen::Vector3d& static_force = Eigen::Vector3d::Zero());
+/// How peg and sensor stand, and what rests on the sensor.
+struct Posture {
+  Eigen::Vector2d tilt = Eigen::Vector2d::Zero();         ///< as in OperatingPoint [rad]
+  Eigen::Vector2d sensor_tilt = Eigen::Vector2d::Zero();  ///< [rad]
+  /// Of the peg on the sensor, hole axes; its arm moves with the deflection, zero leaves the arm
+  /// out. [N]
+  Eigen::Vector3d static_force = Eigen::Vector3d::Zero();
+};
+
+/// Phasors of the centre of mass in the plane, x and y, from those of the coupling's deflection as
+/// the sensor's static map tells it (sensor axes). Undoes the damping in the sensor's wrench and
+/// adds the carrier's own motion, which follows from the coupling's force. frequency: rate of the
+/// exciter's angle, negative for a clockwise exciter [rad/s].
+Eigen::Vector2cd centreOfMassPhasors(const Mechanism& mechanism, double frequency,
+                                     const Eigen::Matrix<std::complex<double>, 6, 1>& coupling,
+                                     const Posture& posture = {});
 
 /// Locus of the centre of mass from a fit of the six displacements, with the noise of all six
 /// carried over. frequency and tilts as in centreOfMassPhasors.
