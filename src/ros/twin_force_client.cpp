@@ -126,7 +126,7 @@ std::string TwinForceClient::complaint() const {
 WindowAnswer TwinForceClient::tare(const AveragingWindow& free) {
   TareTwinForce::Request request;
   fill(request, free);
-  const auto answer = call<TareTwinForce>("tare", request);
+  const auto answer = call<TareTwinForce>("tare_window", request);
   return {answer.success ? "" : answer.message};
 }
 

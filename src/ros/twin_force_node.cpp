@@ -68,6 +68,7 @@ TwinForceNode::TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   streams_ = std::make_unique<TwinForceStreams>(nh, settings, [this] { publishPose(); });
   begin_srv_ = pnh.advertiseService("begin", &TwinForceNode::onBegin, this);
   tare_srv_ = pnh.advertiseService("tare", &TwinForceNode::onTare, this);
+  tare_window_srv_ = pnh.advertiseService("tare_window", &TwinForceNode::onTareWindow, this);
   add_srv_ = pnh.advertiseService("add_contact", &TwinForceNode::onAdd, this);
   reset_srv_ = pnh.advertiseService("reset", &TwinForceNode::onReset, this);
   solve_srv_ = pnh.advertiseService("solve", &TwinForceNode::onSolve, this);
@@ -151,18 +152,30 @@ bool TwinForceNode::onBegin(BeginTwinForce::Request& request, BeginTwinForce::Re
   return true;
 }
 
-bool TwinForceNode::onTare(TareTwinForce::Request& request, TareTwinForce::Response& response) {
+std::pair<bool, std::string> TwinForceNode::tare(const TwinForceStreams::Window& window) {
   const std::lock_guard<std::mutex> turn(services_);
   try {
-    free_ = read({0.0, request.first, request.last, request.blocks});
+    free_ = read(window);
     const WindowAnswer answer = contacts_->tare(free_->window);
-    response.success = answer.refusal.empty();
-    response.message = response.success
-                           ? text("zero from %d samples", free_->window.means().samples())
-                           : answer.refusal;
+    if (!answer.refusal.empty()) return {false, answer.refusal};
+    return {true, text("zero from %d samples", free_->window.means().samples())};
   } catch (const InputError& error) {
-    response.message = error.what();
+    return {false, error.what()};
   }
+}
+
+bool TwinForceNode::onTare(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  const auto [done, message] = tare({});
+  response.success = done;
+  response.message = message;
+  return true;
+}
+
+bool TwinForceNode::onTareWindow(TareTwinForce::Request& request,
+                                 TareTwinForce::Response& response) {
+  const auto [done, message] = tare({0.0, request.first, request.last, request.blocks});
+  response.success = done;
+  response.message = message;
   return true;
 }
 

@@ -255,7 +255,7 @@ TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
     tare.request.first = contact.zero_window[0];
     tare.request.last = contact.zero_window[1];
     tare.request.blocks = contact.zero_blocks;
-    ASSERT_TRUE(ros::service::call(space + "tare", tare));
+    ASSERT_TRUE(ros::service::call(space + "tare_window", tare));
     ASSERT_TRUE(tare.response.success) << tare.response.message;
     AddContact add;
     add.request.first = contact.window[0];

@@ -258,7 +258,7 @@ TEST_F(TwinForceEstimator, TakesOutTheZero) {
   // both sensors off by what they feel hanging free
   const Vector3d offset(0.5, -0.3, 0.4), at(0.01, 0.02, 0);
   push(Pose{}, offset, at);
-  TareTwinForce tare;
+  std_srvs::Trigger tare;
   std::atomic<bool> answered{false};
   std::thread caller([&] {
     EXPECT_TRUE(ros::service::call("twin_force_estimator/tare", tare));

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "assembly_cell/AddContact.h"
@@ -44,13 +45,16 @@ class TwinForceNode {
   TwinForceStreams::Settings readSettings(Parameters& parameters, const ros::NodeHandle& nh);
 
   bool onBegin(BeginTwinForce::Request& request, BeginTwinForce::Response& response);
-  bool onTare(TareTwinForce::Request& request, TareTwinForce::Response& response);
+  bool onTare(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  bool onTareWindow(TareTwinForce::Request& request, TareTwinForce::Response& response);
   bool onAdd(AddContact::Request& request, AddContact::Response& response);
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool onSolve(SolveTwinForce::Request& request, SolveTwinForce::Response& response);
 
   void begin(const TwinForceTask& task);
   Reading read(TwinForceStreams::Window window);
+  /// Takes the zero from a window; true and what from, or why not.
+  std::pair<bool, std::string> tare(const TwinForceStreams::Window& window);
   void publishPose();
   TwinForceState status() const;
   FeltContact feltContact(std::size_t i) const;
@@ -69,7 +73,7 @@ class TwinForceNode {
   std::optional<ReachableContact> advised_;
 
   ros::Publisher pose_pub_, status_pub_;
-  ros::ServiceServer begin_srv_, tare_srv_, add_srv_, reset_srv_, solve_srv_;
+  ros::ServiceServer begin_srv_, tare_srv_, tare_window_srv_, add_srv_, reset_srv_, solve_srv_;
   tf2_ros::TransformBroadcaster tf_;
   std::unique_ptr<TwinForceStreams> streams_;  ///< last: its callbacks use the rest
 };
