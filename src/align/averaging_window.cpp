@@ -7,8 +7,8 @@
 namespace assembly_cell {
 namespace {
 
-// A turn counts as the way of a point so far from the carrier's origin [m]: about the peg's length,
-// whose end must not move more than the carrier. Half or twice moves the limit of turns alike.
+// A turn counts as the way of a point so far from the carrier's origin [m]: about the peg's length.
+// Half or twice doubles or halves the turn that a window may have.
 constexpr double kLever = 0.1;
 
 }  // namespace

@@ -14,9 +14,14 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using twin_force::Term;
 
-constexpr double kCertain = 20.0;      // sd of force
-constexpr double kSlant = 0.70710678;  // cos 45°
+// A verdict is certain beyond doubt or there is none: half or twice (kSlant: at most 1)
+// changes when it comes, not what.
+constexpr double kCertain = 20.0;      // sd of force: its direction is known to 3°
+constexpr double kSlant = 0.70710678;  // cos 45°, halfway between right and no verdict at 90°
 constexpr double kDeterminant = 3.0;   // sd
+// Cosine of the pair: a nominal orientation within 90° decides by the side, less 3°, as far as the
+// direction of either force is known.
+constexpr double kSide = 0.05;
 
 SignVerdict verdict(const Vector3d& force, double variance, const Vector3d& expected) {
   const double size = force.norm() * expected.norm();
@@ -54,7 +59,7 @@ SignCheck checkSigns(const TwinContact& contact, const Matrix3d& R_AB, const Vec
   if (F_A.squaredNorm() > kCertain * kCertain * var_a &&
       F_b.squaredNorm() > kCertain * kCertain * var_b) {
     const double cosine = F_A.dot(back) / (F_A.norm() * back.norm());
-    if (std::abs(cosine) > 0.05) {
+    if (std::abs(cosine) > kSide) {
       out.pair = cosine > 0.0 ? SignVerdict::kRight : SignVerdict::kReversed;
     }
   }
