@@ -127,7 +127,7 @@ class DoubleContact : public VibratedSearch {
     // C or C*: the one at the plane's height
     const auto off = [&](double a) { return std::abs(hole_.normal.dot(point(a)) - hole_.height); };
     const double a = felt.reading.alpha;
-    const Vec3 p = R_HS * point(off(a + kPi) < off(a) ? a + kPi : a);
+    const Vec3 p = R_HS * point(!felt.reading.end_known && off(a + kPi) < off(a) ? a + kPi : a);
     const Vec3 from = p - R_HS * X_SP.p;
     Contact contact;
     contact.direction = std::atan2(from.y(), from.x());
@@ -171,8 +171,8 @@ class DoubleContact : public VibratedSearch {
       if (bounced > 0) toward += (bounced % 2 == 0 ? -kNudge : kNudge) * ((bounced + 1) / 2);
       Felt felt;
       if (!readAt(std::polar(kDoubleTilt, toward), "seek", felt)) return false;
-      if (felt.mode == LocusMode::kSegment) {
-        alpha_ = felt.locus.orientation();
+      if (felt.seen.mode.mode == LocusMode::kSegment) {
+        alpha_ = felt.seen.locus.orientation();
         if (std::cos(alpha_ - toward) < 0.0) alpha_ = wrapPi(alpha_ + kPi);
         report("seek", text("double contact, the hole lies in direction %.2f deg or opposite",
                             alpha_ * 180 / kPi));
@@ -206,7 +206,7 @@ class DoubleContact : public VibratedSearch {
       Felt felt;
       const Complex q = Complex(kDoubleTilt, -sign * turn) * std::polar(1.0, alpha_);
       if (!readAt(q, "step", felt)) return false;
-      if (felt.mode == LocusMode::kNone)
+      if (felt.seen.mode.mode == LocusMode::kNone)
         throw AlignError(AlignFailure::kLostContact, "nothing moves any more");
       if (!felt.usable) continue;
       Contact c = contactOf(felt);

@@ -138,11 +138,13 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
       bool take;
       if (pass < 3) {
         // at first only what is clear: ends of a diameter well down the slope
-        if (there < here) r.alpha = opposite;
+        if (there < here && !r.end_known) r.alpha = opposite;
         take = std::abs(here - there) > 0.02 * radius;
       } else {
-        if (std::abs(there) < std::abs(here)) r.alpha = opposite;
-        take = std::min(std::abs(here), std::abs(there)) < std::max(kHeightFloor, 4 * spread);
+        if (std::abs(there) < std::abs(here) && !r.end_known) r.alpha = opposite;
+        const double least =
+            r.end_known ? std::abs(here) : std::min(std::abs(here), std::abs(there));
+        take = least < std::max(kHeightFloor, 4 * spread);
       }
       r.kind = take ? HoleReading::kPlane : HoleReading::kOut;
       if (!take) continue;

@@ -13,8 +13,9 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-constexpr double kMisfitLimit = 0.15;     // of a reading: beyond, the linear model does not hold
-constexpr double kDirectionLimit = 0.05;  // sd of a reading's direction that is of use [rad]
+constexpr double kLonger = 4.0;  // window of a second reading: half the noise
+constexpr double kFirmer = 0.7;  // exciter, and press over it, where a contact slipped: half the
+                                 // friction asked for
 constexpr int kAttempts = 4;
 constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
 constexpr double kMostTilt = 0.14;     // 8 degrees [rad]
@@ -50,17 +51,22 @@ void VibratedSearch::find() {
   }
 }
 
-void VibratedSearch::choosePoint() {
+VibrationPoint VibratedSearch::pointFor(double friction) const {
   VibrationDemand demand;
   demand.given = {p_.exciter_frequency, p_.exciter_amplitude, p_.press_force, 0.0};
   demand.tilt = p_.sweep_tilt;
   demand.shake = p_.shake;
   demand.greatest_press = kPressReserve * p_.force_limit;
+  demand.friction = friction;
   demand.window = p_.window;
   demand.samples = std::max(8.0, hand_.last().samples * p_.window / block_);
   demand.scatter = hand_.scatter();
   demand.rounding = hand_.rounding();
-  vibration_ = chooseVibration(mechanism_, demand);
+  return chooseVibration(mechanism_, demand);
+}
+
+void VibratedSearch::choosePoint() {
+  vibration_ = pointFor(0.0);
   report("operating_point",
          text("exciter %.0f rad/s with %.2f N, ", vibration_.frequency, vibration_.amplitude) +
              text("press %.1f N, expected sd of a direction %.3f deg", vibration_.press,
@@ -205,46 +211,17 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
     return true;
   }
 
-  // shake harder than the reading will, so that friction keeps no preload near its limit
-  hand_.hold(vibration_.press, p_.press_tolerance);
-  exciter(p_.shake * vibration_.amplitude);
-  hand_.wait(blocks(p_.settle));
-  exciter(vibration_.amplitude);
-  hand_.hold(vibration_.press, p_.press_tolerance);
-  hand_.wait(blocks(p_.settle));
-  PlantCommand measure;
-  measure.locus = LocusRequest{hand_.last().time, p_.window};
-  felt.start = hand_.last().time;
-  hand_.step(measure);
-  Vector6 deflection = hand_.deflection();
-  felt.force = hand_.force();
-  int taken = 1;
-  for (; !hand_.last().locus; ++taken) {
-    if (taken > blocks(p_.window) + 2)
-      throw AlignError(AlignFailure::kNoReading, "the estimator gave none");
-    hand_.step({});
-    deflection += hand_.deflection();
-    felt.force += hand_.force();
-  }
-  deflection /= taken;
-  felt.force /= taken;
-  felt.end = felt.start + p_.window;
-  felt.locus = hand_.last().locus->locus;
-  felt.mode = hand_.last().locus->mode.mode;
-  felt.X_SC = carrierPose();
-  felt.reading.X_SP = pegPose(hand_.last().carrier, deflection);
-  ++contacts_;
+  shake(vibration_);
+  feel(p_.window, felt);
+  if (felt.seen.advice != ReadingAdvice::kNone) feelAgain(state, felt);
   exciter(0.0);
-
-  std::string note = toString(felt.mode);
-  if (felt.mode == LocusMode::kEllipse || felt.mode == LocusMode::kCircle) {
-    const DirectionEstimate direction = invert(felt);
-    felt.misfit = direction.misfit;
-    felt.usable = direction.misfit < kMisfitLimit && direction.sd < kDirectionLimit;
+  std::string note = toString(felt.seen.mode.mode);
+  if (felt.seen.direction) {
     note += text(", direction %.2f deg, sd %.2f", felt.reading.alpha * 180 / kPi,
                  felt.reading.sd * 180 / kPi);
-    if (!felt.usable) note += text(": left out, misfit %.2f", direction.misfit);
   }
+  if (felt.seen.misfit > 0.0) note += text(", misfit %.3f", felt.seen.misfit);
+  if (!felt.usable) note += ": left out";
   report(state, note);
 
   // clear of the plane for the next tilt
@@ -254,12 +231,73 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
   return true;
 }
 
-DirectionEstimate VibratedSearch::invert(Felt& felt) const {
+// presses and shakes harder than the reading will, so that friction keeps no preload near its limit
+void VibratedSearch::shake(const VibrationPoint& vibration) {
+  vibration_ = vibration;
+  hand_.hold(vibration_.press, p_.press_tolerance);
+  exciter(p_.shake * vibration_.amplitude);
+  hand_.wait(blocks(p_.settle));
+  exciter(vibration_.amplitude);
+  hand_.hold(vibration_.press, p_.press_tolerance);
+  hand_.wait(blocks(p_.settle));
+}
+
+// one reading of the contact that is shaken
+void VibratedSearch::feel(double window, Felt& felt) {
+  felt = Felt{};
+  felt.vibration = vibration_;
+  PlantCommand measure;
+  measure.locus = LocusRequest{hand_.last().time, window};
+  felt.start = hand_.last().time;
+  hand_.step(measure);
+  Vector6 deflection = hand_.deflection();
+  felt.force = hand_.force();
+  int taken = 1;
+  for (; !hand_.last().locus; ++taken) {
+    if (taken > blocks(window) + 2)
+      throw AlignError(AlignFailure::kNoReading, "the estimator gave none");
+    hand_.step({});
+    deflection += hand_.deflection();
+    felt.force += hand_.force();
+  }
+  deflection /= taken;
+  felt.force /= taken;
+  felt.end = felt.start + window;
+  felt.seen = *hand_.last().locus;
+  felt.X_SC = carrierPose();
+  felt.reading.X_SP = pegPose(hand_.last().carrier, deflection);
+  ++contacts_;
+  invert(felt);
+  felt.usable = felt.seen.direction && felt.seen.mode.mode == LocusMode::kEllipse;
+}
+
+// once, by the reading's own advice. What helped against a slip stays for all that follow.
+void VibratedSearch::feelAgain(const char* state, Felt& felt) {
+  report(state, std::string(toString(felt.seen.mode.mode)) +
+                    text(", misfit %.2f: ", felt.seen.misfit) + toString(felt.seen.advice));
+  if (felt.seen.advice == ReadingAdvice::kReadLonger) {
+    feel(kLonger * p_.window, felt);
+    return;
+  }
+  const VibrationPoint before = vibration_;
+  VibrationPoint firm = before;
+  if (felt.seen.friction) firm = pointFor(felt.seen.friction->coefficient);
+  if (firm.amplitude * before.press > kFirmer * kFirmer * before.amplitude * firm.press) {
+    firm = before;
+    firm.amplitude *= kFirmer;
+    firm.press = std::min(firm.press / kFirmer, kPressReserve * p_.force_limit);
+  }
+  shake(firm);
+  feel(p_.window, felt);
+  if (!felt.usable) vibration_ = before;
+}
+
+void VibratedSearch::invert(Felt& felt) const {
   const Mat3 R_HS = rotationToAxis(hole_.normal).transpose();
   const Mat3 R_HP = R_HS * felt.reading.X_SP.R;
   OperatingPoint point;
-  point.frequency = vibration_.frequency;
-  point.amplitude = vibration_.amplitude;
+  point.frequency = felt.vibration.frequency;
+  point.amplitude = felt.vibration.amplitude;
   point.direction = p_.exciter_direction;
   const Vec3 force = R_HS * felt.X_SC.R * felt.force;
   point.press = std::max(0.0, force.z());
@@ -267,14 +305,16 @@ DirectionEstimate VibratedSearch::invert(Felt& felt) const {
   point.rolling = felt.reading.kind == HoleReading::kPlane;
   point.tilt = axisTilt(R_HP.col(2));
   point.sensor_tilt = axisTilt((R_HS * felt.X_SC.R).col(2));
-  const DirectionEstimate direction =
-      contactDirection(mechanism_, point, felt.locus, LocusAxes::kSensor);
+  const ReadingLimits limits;
+  explain(mechanism_, point, limits, felt.seen);
+  if (!felt.seen.direction) return;
   // horizontal direction from the bottom centre -> azimuth on the edge
+  const DirectionEstimate& direction = *felt.seen.direction;
   const Vec2 horizontal(std::cos(direction.alpha), std::sin(direction.alpha));
   const Vec2 body = R_HP.topLeftCorner<2, 2>().inverse() * horizontal;
   felt.reading.alpha = std::atan2(body.y(), body.x());
   felt.reading.sd = direction.sd;
-  return direction;
+  felt.reading.end_known = direction.weight > limits.half_turn;
 }
 
 bool VibratedSearch::level() {

@@ -73,7 +73,8 @@ Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, doubl
   const Eigen::Matrix4d alike = pattern * carried(demand.rounding);
 
   Answer answer;
-  const double friction = std::max(0.01, mechanism.friction.static_coefficient);
+  const double friction = std::max(
+      0.01, demand.friction > 0.0 ? demand.friction : mechanism.friction.static_coefficient);
   const double lever = std::hypot(mechanism.peg.radius, mechanism.peg.half_height);
   for (int k = 0; k < kDirections; ++k) {
     const double a = 2 * kPi * k / kDirections;

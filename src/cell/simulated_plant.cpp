@@ -5,7 +5,6 @@
 
 #include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/cell/start.h"
-#include "assembly_cell/locus/contact_model.h"
 
 namespace assembly_cell {
 namespace {
@@ -13,6 +12,7 @@ namespace {
 // A peg wedged in the hole that creeps takes millions of steps a second: a run may have so many in
 // all and so many more for each second of it [1/s], several times what an alignment needs.
 constexpr double kMostSteps = 3e6, kMostStepsPerSecond = 1e5;
+constexpr double kRounding = 0.01;  // of a sample's period, at a window's ends
 
 TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH) {
   TwinForceSetup setup;
@@ -41,6 +41,19 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
   rounding_b_ = roundingCovariance(calibration_b_.volts_to_wrench, step);
 }
 
+void SimulatedPlant::collect() {
+  for (std::size_t i = 0; i < block_.saturated_b.size(); ++i) {
+    const double t = block_.time + static_cast<double>(i) * block_.period;
+    const double since = t - request_->start + kRounding * block_.period;
+    if (since < 0.0 || since >= request_->duration) continue;
+    const Vector6 volts = Vector6::Map(block_.volts_b.data() + 6 * i);
+    const Vector6 displacement = displacementFromVolts(calibration_b_, volts);
+    angles_.push_back(exciter_.direction *
+                      (exciter_.frequency * (t - exciter_reference_) + exciter_.phase));
+    displacements_.insert(displacements_.end(), displacement.data(), displacement.data() + 6);
+  }
+}
+
 PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   Simulation& simulation = cell_.simulation();
   if (command.rest) {
@@ -55,6 +68,7 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
     request_ = command.locus;
     angles_.clear();
     displacements_.clear();
+    collect();  // the block before ends where the window may start
   }
 
   const StopReason reason = cell_.next(block_);
@@ -84,17 +98,8 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   out.rounding_b = rounding_b_;
   for (std::size_t i = 0; i < n; ++i) {
     out.saturated = out.saturated || block_.saturated_a[i] || block_.saturated_b[i];
-    if (request_) {
-      const double t = block_.time + static_cast<double>(i) * block_.period;
-      if (t >= request_->start && t < request_->start + request_->duration) {
-        const Vector6 volts = Vector6::Map(block_.volts_b.data() + 6 * i);
-        const Vector6 displacement = displacementFromVolts(calibration_b_, volts);
-        angles_.push_back(exciter_.direction *
-                          (exciter_.frequency * (t - exciter_reference_) + exciter_.phase));
-        displacements_.insert(displacements_.end(), displacement.data(), displacement.data() + 6);
-      }
-    }
   }
+  if (request_) collect();
   out.time = simulation.time();
   const Vector9& q = simulation.state().q;
   RestPose carrier = simulation.rest();
@@ -104,11 +109,7 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   out.carrier = restFromPose(inverse(X_HB_) * poseFromRest(carrier));
 
   if (request_ && out.time >= request_->start + request_->duration - 1e-9) {
-    const HarmonicFit fit = fitHarmonic(angles_, displacements_);
-    LocusReading reading;
-    reading.locus = centreOfMassLocus(nominal_, exciter_.direction * exciter_.frequency, fit);
-    reading.mode = decideMode(reading.locus);
-    out.locus = reading;
+    out.locus = readLocus(nominal_, exciter_, angles_, displacements_);
     request_.reset();
   }
   return out;

@@ -7,14 +7,11 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
-#include <limits>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
-#include "assembly_cell/locus/half_turn.h"
-#include "assembly_cell/locus/operating_point.h"
-#include "assembly_cell/locus/sliding_friction.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
@@ -24,8 +21,7 @@ namespace {
 constexpr std::uint32_t kQueue = 100;  // every sample counts
 constexpr double kTwoPi = 2.0 * M_PI;
 constexpr double kFewestSamples = 8.0;
-constexpr double kMostAcross = 0.4;  // of the contact force that should oppose the slip
-constexpr double kRounding = 0.01;   // of a sample's period, for stamps rounded to 1 ns
+constexpr double kRounding = 0.01;  // of a sample's period, for stamps rounded to 1 ns
 
 std::size_t sizeOf(const DisplacementSamples& block) { return block.displacement.size() / 6; }
 
@@ -92,10 +88,10 @@ void LocusNode::readParameters() {
   mechanism_ = loadMechanism(parameters.text("scenario"),
                              parameters.texts("overrides", std::vector<std::string>{}));
   window_ = parameters.number("window", {1e-3, 10.0}, 0.2);
-  false_alarm_ = parameters.number("false_alarm", {1e-6, 0.49}, 0.01);
-  indifference_ = parameters.number("indifference", {0.0, 0.5}, 0.05);
-  misfit_limit_ = parameters.number("misfit_limit", kPositive, 0.2);
-  direction_limit_ = parameters.number("direction_limit", kPositive, 0.1);
+  limits_.false_alarm = parameters.number("false_alarm", {1e-6, 0.49}, limits_.false_alarm);
+  limits_.indifference = parameters.number("indifference", {0.0, 0.5}, limits_.indifference);
+  limits_.misfit = parameters.number("misfit_limit", kPositive, limits_.misfit);
+  limits_.direction_sd = parameters.number("direction_limit", kPositive, limits_.direction_sd);
   carrier_motion_ = parameters.number("carrier_motion", kPositive, 1e-3);
   history_ = parameters.number("history", {window_, 60.0}, std::max(2.0, window_));
   data_timeout_ = parameters.number("data_timeout", {0.01, 3600.0}, 10.0);
@@ -267,9 +263,12 @@ void LocusNode::slide() {
 
   try {
     const ros::Time end = lastSample() + ros::Duration(newest.period);
-    const LocusEstimate result =
-        estimate(stream_->fit.fit(), *exciter_, end, newest.header.frame_id, stream_->mode);
-    stream_->mode = static_cast<LocusMode>(result.mode);
+    MeasuredMotion motion;
+    motion.fit = stream_->fit.fit();
+    const LocusReading reading =
+        readLocus(mechanism_, exciterOf(*exciter_), motion, limits_, stream_->mode);
+    stream_->mode = reading.mode.mode;
+    const LocusEstimate result = message(reading, *exciter_, end, newest.header.frame_id);
     locus_pub_.publish(result);
     if (!mode_ || *mode_ != result.mode) {
       mode_ = result.mode;
@@ -280,84 +279,12 @@ void LocusNode::slide() {
   }
 }
 
-LocusEstimate LocusNode::estimate(const HarmonicFit& fit, const Exciter& exciter,
-                                  const ros::Time& end, const std::string& frame_id,
-                                  std::optional<LocusMode> previous) const {
-  const double rate = exciter.direction * exciter.frequency;
-  const Locus locus = centreOfMassLocus(mechanism_, rate, fit);
-  if (!std::isfinite(locus.semiMajor()) || !std::isfinite(locus.sigma)) {
-    throw InputError(text("the mechanism's model has no answer at %g rad/s: change the frequency",
-                          exciter.frequency));
-  }
-  const ModeDecision decision = decideMode(locus, false_alarm_, indifference_, previous);
-
-  LocusEstimate out;
+LocusEstimate LocusNode::message(const LocusReading& reading, const Exciter& exciter,
+                                 const ros::Time& end, const std::string& frame_id) {
+  LocusEstimate out = toLocusEstimate(reading, exciter.frequency);
   out.header.stamp = end;
   out.header.frame_id = frame_id;
-  out.mode = static_cast<std::uint8_t>(decision.mode);
-  std::copy(decision.probabilities.begin(), decision.probabilities.end(),
-            out.probabilities.begin());
-  out.p = {locus.P.real(), locus.P.imag()};
-  out.n = {locus.N.real(), locus.N.imag()};
-  out.semi_major = locus.semiMajor();
-  out.semi_minor = locus.semiMinor();
-  const double sd = locus.orientationSd();
-  const bool moves = decision.mode != LocusMode::kNone;
-  const bool oriented = moves && decision.mode != LocusMode::kCircle && sd < kUnknownOrientationSd;
-  out.orientation = oriented ? locus.orientation() : 0.0;
-  out.orientation_sd = oriented ? sd : kUnknownOrientationSd;
-  out.direction_sd = kUnknownOrientationSd;
-  out.frequency = exciter.frequency;
-  out.noise_sd = locus.sigma;
-  out.samples = static_cast<std::uint32_t>(locus.samples);
-  out.inflation = locus.inflation;
-  if (!moves) return out;
-
-  // contact directions by the model of a single contact, where it holds; N alone tells them, so a
-  // circle against the exciter has them, too
-  OperatingPoint point;
-  point.frequency = exciter.frequency;
-  point.amplitude = exciter.amplitude;
-  point.direction = exciter.direction;
-  const Eigen::Vector3d force = contactForceFromDeflection(mechanism_, fit.offset);
-  point.press = force.z();
-  point.friction = force.head<2>();
-  if (decision.mode != LocusMode::kCircle) {
-    DirectionEstimate direction = contactDirection(mechanism_, point, locus, LocusAxes::kSensor);
-    if (direction.misfit <= misfit_limit_ && direction.sd < kUnknownOrientationSd) {
-      // vertical motion and yaw tell the half turn
-      direction = resolveHalfTurn(mechanism_, point, halfTurnEvidence(mechanism_, rate, fit),
-                                  direction, LocusAxes::kSensor);
-      out.hypothesis_direction = {direction.alpha, direction.alpha_opposite};
-      out.hypothesis_weight = {direction.weight, 1.0 - direction.weight};
-      out.direction_sd = direction.sd;
-      return out;
-    }
-  }
-  // where none sticks, one may slide
-  if (point.press > 0.0) {
-    const SlidingFriction friction = slidingFriction(mechanism_, point, fit);
-    if (friction.coefficient > 3.0 * friction.sd && friction.across <= kMostAcross) {
-      out.friction = friction.coefficient;
-      out.friction_sd = friction.sd;
-    }
-  }
   return out;
-}
-
-std::string LocusNode::refusalOfReading(const HarmonicFit& fit, const Exciter& exciter) const {
-  OperatingPoint point;
-  point.frequency = exciter.frequency;
-  point.amplitude = exciter.amplitude;
-  point.direction = exciter.direction;
-  point.press = contactForceFromDeflection(mechanism_, fit.offset).z();
-  ForecastLimits limits;
-  limits.direction_sd = direction_limit_;
-  // whether it slips or looks like two contacts, the reading itself tells
-  limits.friction_demand = std::numeric_limits<double>::infinity();
-  limits.axes_ratio = 0.0;
-  return refusalOf(
-      forecastDirection(mechanism_, point, fit.noise, static_cast<double>(fit.samples)), limits);
 }
 
 bool LocusNode::enable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response) {
@@ -409,16 +336,17 @@ void LocusNode::identify(const IdentifyLocusGoal::ConstPtr& goal) {
                   motion, carrier_motion_);
     }
     try {
-      const HarmonicFit fit = fitHarmonic(window.angle, window.signals);
-      const std::string refusal = refusalOfReading(fit, exciter);
-      if (!refusal.empty()) return refusal;
-      result.locus = estimate(fit, exciter, window.end, window.frame_id);
+      const LocusReading reading =
+          readLocus(mechanism_, exciterOf(exciter), window.angle, window.signals, limits_);
+      result.locus = message(reading, exciter, window.end, window.frame_id);
+      if (!reading.refusal.empty()) return reading.refusal;
     } catch (const InputError& error) {
       return error.what();
     }
     result.success = true;
-    return std::string(toString(static_cast<LocusMode>(result.locus.mode))) +
-           text(" from %.0f samples", static_cast<double>(window.angle.size()));
+    const char* const advice = toString(static_cast<ReadingAdvice>(result.locus.advice));
+    return text("%s from %zu samples%s%s", toString(static_cast<LocusMode>(result.locus.mode)),
+                window.angle.size(), *advice != 0 ? ": " : "", advice);
   }();
 
   if (server_.isPreemptRequested()) {
@@ -462,9 +390,10 @@ std::string LocusNode::await(const ros::Time& start, const ros::Time& end, const
       lock.unlock();
       if (feedback.cycles >= 1.0) {
         try {
-          const HarmonicFit fit = fitHarmonic(window.angle, window.signals);
-          feedback.probabilities =
-              estimate(fit, exciter, window.end, window.frame_id).probabilities;
+          MeasuredMotion motion;
+          motion.fit = fitHarmonic(window.angle, window.signals);
+          const LocusReading reading = readLocus(mechanism_, exciterOf(exciter), motion, limits_);
+          feedback.probabilities = message(reading, exciter, window.end, {}).probabilities;
         } catch (const InputError&) {
           // too few samples yet: undecided
         }

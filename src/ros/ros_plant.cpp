@@ -11,6 +11,7 @@
 #include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/locus_messages.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -277,18 +278,8 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
     if (!locus_error_.empty()) {
       throw PlantError(AlignFailure::kNoReading, "identify_locus: " + locus_error_);
     }
-    const LocusEstimate& estimate = locus_result_->locus;
-    LocusReading reading;
-    reading.locus.P = {estimate.p[0], estimate.p[1]};
-    reading.locus.N = {estimate.n[0], estimate.n[1]};
-    reading.locus.sigma = estimate.noise_sd;
-    reading.locus.samples = estimate.samples;
-    reading.locus.inflation = estimate.inflation;
-    reading.mode.mode = static_cast<LocusMode>(estimate.mode);
-    for (std::size_t i = 0; i < reading.mode.probabilities.size(); ++i) {
-      reading.mode.probabilities[i] = estimate.probabilities[i];
-    }
-    block.locus = reading;
+    block.locus = fromLocusEstimate(locus_result_->locus);
+    if (!locus_result_->success) block.locus->refusal = locus_result_->message;
   }
   return block;
 }
@@ -381,7 +372,8 @@ void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequ
              const IdentifyLocusResult::ConstPtr& result) {
         std::lock_guard<std::mutex> guard(mutex_);
         locus_result_ = result;
-        if (!result || !result->success) {
+        // one that is refused for its noise is a reading, too
+        if (!result || (!result->success && result->locus.samples == 0)) {
           locus_error_ =
               result && !result->message.empty() ? result->message : "ended as " + state.toString();
         }

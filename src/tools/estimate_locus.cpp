@@ -16,13 +16,10 @@
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/simulated_cell.h"
-#include "assembly_cell/locus/contact_model.h"
-#include "assembly_cell/locus/half_turn.h"
-#include "assembly_cell/locus/harmonic_fit.h"
 #include "assembly_cell/locus/integrate_twice.h"
 #include "assembly_cell/locus/operating_point.h"
+#include "assembly_cell/locus/reading.h"
 #include "assembly_cell/locus/samples_file.h"
-#include "assembly_cell/locus/sliding_friction.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
 namespace {
@@ -69,9 +66,6 @@ Exit code: 0 ok, 1 --plan refuses, 2 bad input.
 
 Example: estimate_locus samples.csv --frequency 770 --mechanism config/scenarios/cell.yaml --amplitude 1 --press 12
 )";
-
-constexpr double kMisfitLimit = 0.2;  // of a single contact's model
-constexpr double kMostAcross = 0.4;   // of the contact force that should oppose a slip
 
 struct Options {
   std::string samples, mechanism, topic, trace;
@@ -167,57 +161,34 @@ void writeTrace(const Options& o, const RecordedMotion& motion) {
 
 // ---- the result ----
 
-struct Result {
-  Locus locus;
+struct Result : LocusReading {
   LocusCovariance covariance;
-  ModeDecision decision;
   bool oriented = false;
   struct Hypothesis {
     double direction, weight;
   };
   std::vector<Hypothesis> hypotheses;
-  std::optional<double> direction_sd;  // of the hypotheses
-  std::optional<SlidingFriction> friction;
 };
 
 // contact directions by the mechanism, or the friction of a peg that slides
-void invert(const Options& o, const Mechanism& mechanism, RecordedMotion::Kind kind,
-            const HarmonicFit& fit, Result& result) {
-  const bool displacement = kind == RecordedMotion::Kind::kDisplacement;
-  OperatingPoint point;
-  point.frequency = *o.frequency;
-  point.direction = o.direction.value_or(1);
-  point.amplitude = o.amplitude.value_or(mechanism.exciter.amplitude);
-  point.press = o.press.value_or(mechanism.peg.mass * mechanism.gravity);
-  if (displacement) {
-    const Eigen::Vector3d force = contactForceFromDeflection(mechanism, fit.offset);
-    point.friction = force.head<2>();
-    if (!o.press) point.press = force.z();
-  }
-  if (!(point.amplitude > 0.0)) {
+LocusReading read(const Options& o, const Mechanism& mechanism, bool displacement,
+                  const HarmonicFit& fit) {
+  MeasuredMotion motion;
+  motion.fit = fit;
+  motion.plane = !displacement;
+  motion.press = o.press;
+  if (!displacement && !o.press) motion.press = mechanism.peg.mass * mechanism.gravity;
+  ExciterParameters exciter;
+  exciter.frequency = *o.frequency;
+  exciter.direction = o.direction.value_or(1);
+  exciter.amplitude = o.amplitude.value_or(mechanism.exciter.amplitude);
+  if (!(exciter.amplitude > 0.0)) {
     throw InputError("--amplitude: value missing: the scenario's exciter.amplitude is 0");
   }
-  const LocusAxes axes = displacement ? LocusAxes::kSensor : LocusAxes::kHole;
-  if (result.decision.mode != LocusMode::kCircle) {
-    DirectionEstimate direction = contactDirection(mechanism, point, result.locus, axes);
-    std::cerr << "estimate_locus: a single contact leaves a misfit of " << direction.misfit
-              << " of the locus\n";
-    if (direction.misfit <= kMisfitLimit && direction.sd < kUnknownOrientationSd) {
-      if (displacement) {
-        const double rate = point.direction * point.frequency;
-        direction = resolveHalfTurn(mechanism, point, halfTurnEvidence(mechanism, rate, fit),
-                                    direction, axes);
-      }
-      result.hypotheses = {{direction.alpha, direction.weight},
-                           {direction.alpha_opposite, 1.0 - direction.weight}};
-      result.direction_sd = direction.sd;
-      return;
-    }
-  }
-  if (displacement && point.press > 0.0) {
-    const SlidingFriction friction = slidingFriction(mechanism, point, fit);
-    if (friction.coefficient > 0.0 && friction.across <= kMostAcross) result.friction = friction;
-  }
+  ReadingLimits limits;
+  limits.false_alarm = o.false_alarm;
+  limits.indifference = o.indifference;
+  return readLocus(mechanism, exciter, motion, limits);
 }
 
 Result estimate(const Options& o, RecordedMotion::Kind kind, HarmonicFit fit) {
@@ -231,40 +202,43 @@ Result estimate(const Options& o, RecordedMotion::Kind kind, HarmonicFit fit) {
     fit.phasor /= -w2;
     fit.noise /= w2 * w2;
   }
-  result.covariance = locusCovariance(fit);
-  result.locus = locusFromFit(fit);
+  const Locus plain = locusFromFit(fit);
+  if (!std::isfinite(plain.semiMajor()) || !std::isfinite(plain.variance())) {
+    throw InputError(o.samples + ": values are too large: give them in SI units");
+  }
+  if (mechanism) {
+    static_cast<LocusReading&>(result) = read(o, *mechanism, displacement, fit);
+    std::cerr << "estimate_locus: a single contact leaves a misfit of " << result.misfit
+              << " of the locus\n";
+  } else {
+    result.locus = plain;
+    result.mode = decideMode(plain, o.false_alarm, o.indifference);
+  }
+  const Locus& locus = result.locus;
   if (displacement && mechanism) {
-    const Locus seen = centreOfMassLocus(*mechanism, o.direction.value_or(1) * *o.frequency, fit);
-    result.locus = seen;
     // both axes alike, as that locus tells its noise
-    HarmonicFit plane = fit;
     const std::complex<double> i(0.0, 1.0);
-    plane.phasor[0] = seen.P + std::conj(seen.N);
-    plane.phasor[1] = -i * (seen.P - std::conj(seen.N));
-    plane.noise = seen.sigma * seen.sigma * Matrix6::Identity();
-    result.covariance = locusCovariance(plane);
+    fit.phasor[0] = locus.P + std::conj(locus.N);
+    fit.phasor[1] = -i * (locus.P - std::conj(locus.N));
+    fit.noise = locus.sigma * locus.sigma * Matrix6::Identity();
   } else if (displacement) {
     std::cerr << "estimate_locus: without --mechanism the locus is that of the coupling point\n";
   }
-  const Locus& locus = result.locus;
-  if (!std::isfinite(locus.semiMajor()) || !std::isfinite(locus.variance())) {
-    throw InputError(o.samples + ": values are too large: give them in SI units");
-  }
-  result.decision = decideMode(locus, o.false_alarm, o.indifference);
+  result.covariance = locusCovariance(fit);
 
   // neither no movement nor a circle has a direction
-  const bool moves = result.decision.mode != LocusMode::kNone;
-  result.oriented = moves && result.decision.mode != LocusMode::kCircle &&
+  const LocusMode mode = result.mode.mode;
+  result.oriented = mode != LocusMode::kNone && mode != LocusMode::kCircle &&
                     locus.orientationSd() < kUnknownOrientationSd;
-  if (mechanism && moves) {
-    invert(o, *mechanism, kind, fit, result);
+  if (const auto& direction = result.direction) {
+    result.hypotheses = {{direction->alpha, direction->weight},
+                         {direction->alpha_opposite, 1.0 - direction->weight}};
   } else if (!mechanism && result.oriented) {
     for (int k = 0; k < 4; ++k) {
       result.hypotheses.push_back({locus.orientation() + k * M_PI / 2.0, 0.25});
     }
   }
-  if (!mechanism && result.decision.mode == LocusMode::kCircle && o.amplitude && o.press &&
-      *o.press > 0.0) {
+  if (!mechanism && mode == LocusMode::kCircle && o.amplitude && o.press && *o.press > 0.0) {
     result.friction = slidingFriction(locus, *o.amplitude, *o.press);
   }
   return result;
@@ -288,11 +262,11 @@ void print(const Options& o, double frequency_sd, const Result& r) {
     return "[" + yamlNumber(z.real()) + ", " + yamlNumber(z.imag()) + "]";
   };
   const Locus& locus = r.locus;
-  line("mode", toString(r.decision.mode));
+  line("mode", toString(r.mode.mode));
   std::string probabilities;
-  for (std::size_t m = 0; m < r.decision.probabilities.size(); ++m) {
+  for (std::size_t m = 0; m < r.mode.probabilities.size(); ++m) {
     probabilities += (m == 0 ? "{" : ", ") + std::string(toString(static_cast<LocusMode>(m))) +
-                     ": " + yamlNumber(r.decision.probabilities[m]);
+                     ": " + yamlNumber(r.mode.probabilities[m]);
   }
   line("probabilities", probabilities + "}");
   line("P", complex(locus.P));
@@ -316,7 +290,7 @@ void print(const Options& o, double frequency_sd, const Result& r) {
   } else {
     line("friction", "null");
   }
-  line("direction_sd", r.direction_sd ? yamlNumber(*r.direction_sd) : "null");
+  line("direction_sd", r.direction ? yamlNumber(r.direction->sd) : "null");
   if (r.hypotheses.empty()) {
     line("hypotheses", "null");
     return;

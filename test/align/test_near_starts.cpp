@@ -26,9 +26,17 @@ class WatchedPlant : public Plant {
   explicit WatchedPlant(SimulatedPlant& plant) : plant_(plant) {}
   PlantBlock next(const PlantCommand& command) override {
     PlantCommand passed = command;
+    if (command.exciter && command.exciter->amplitude > 0.0) {
+      amplitudes.push_back(command.exciter->amplitude);
+    }
+    if (command.locus) windows.push_back(command.locus->duration);
     if (dead_exciter && passed.exciter) passed.exciter->amplitude = 0.0;
     PlantBlock block = plant_.next(passed);
     if (undecided && block.locus) block.locus->mode.mode = LocusMode::kUndecided;
+    if (block.locus && circles > 0) {
+      block.locus->mode.mode = LocusMode::kCircle;
+      --circles;
+    }
     for (const ContactReport& c : plant_.truth().contacts()) {
       if (c.valid) greatest = std::max(greatest, c.force.norm());
     }
@@ -36,7 +44,9 @@ class WatchedPlant : public Plant {
   }
   TwinForceSensing* twinForce() override { return plant_.twinForce(); }
   bool dead_exciter = false, undecided = false;
+  int circles = 0;  // so many readings look as if the peg slid
   double greatest = 0.0;
+  std::vector<double> amplitudes, windows;  // commanded [N], [s]
 
  private:
   SimulatedPlant& plant_;
@@ -111,8 +121,31 @@ TEST(FailureCases, NoMovementAndUndecided) {
       const AlignResult result = align(watched, s.mechanism, p);
       EXPECT_FALSE(result.success);
       EXPECT_EQ(result.failure, AlignFailure::kNoPlaneReading) << strategy << " " << result.reason;
-      // so many attempts and no more
-      EXPECT_LE(result.contacts, 4 * 6);
+      // so many attempts and no more; what is undecided is read once again, and longer
+      const int readings = dead ? 1 : 2;
+      EXPECT_LE(result.contacts, 4 * 6 * readings);
+      ASSERT_FALSE(watched.windows.empty());
+      for (std::size_t k = 0; k < watched.windows.size(); ++k) {
+        const bool again = !dead && k % 2 == 1;
+        EXPECT_DOUBLE_EQ(watched.windows[k], (again ? 4 : 1) * p.window) << k;
+      }
     }
   }
+}
+
+// a contact that slips is pressed more and shaken less, once, and what helped stays
+TEST(FailureCases, ASlipIsPressedMoreAndShakenLess) {
+  const Scenario s = cell();
+  SimulatedPlant plant(startAt(s, Vector2d(0.006, 0.0), Vector2d(0.0, 0.0), 0.001), s.mechanism,
+                       CellParameters{});
+  WatchedPlant watched(plant);
+  watched.circles = 1;
+  AlignParameters p;
+  p.strategy = "double_contact";
+  const AlignResult result = align(watched, s.mechanism, p);
+  EXPECT_TRUE(result.success) << result.reason;
+  // of each reading the shake before it, then its own
+  ASSERT_GT(watched.amplitudes.size(), 6u);
+  EXPECT_DOUBLE_EQ(watched.amplitudes[3], 0.7 * watched.amplitudes[1]);
+  EXPECT_DOUBLE_EQ(watched.amplitudes[5], watched.amplitudes[3]);
 }

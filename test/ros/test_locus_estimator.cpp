@@ -26,8 +26,11 @@
 #include <vector>
 
 #include "../../benchmark/simulated_reading.h"
+#include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/mechanism/mechanism.h"
+#include "assembly_cell/ros/locus_messages.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
@@ -466,6 +469,94 @@ TEST_F(LocusEstimator, FrictionOfASlidingPeg) {
   // 0.2 in the scenario; the node doesn't know the tilt: a tenth
   EXPECT_NEAR(result.locus.friction, 0.2, 0.02);
   EXPECT_GT(result.locus.friction_sd, 0.0);
+}
+
+// The strategies see the same whether they run in core or through ROS: the node, fed with the
+// samples of a cell, says what the plant made of the same cell does.
+TEST_F(LocusEstimator, SaysWhatTheSimulatedPlantSays) {
+  const Scenario scenario = loadScenario(
+      std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml", {"gravity=9.81"});
+  const CellParameters parameters;
+  SimulatedPlant plant(scenario, mechanism_, parameters);
+  SimulatedCell cell(scenario, parameters);
+  const Calibration calibration =
+      designCalibration(bridgeB(parameters.bits, parameters.noise), mechanism_.coupling);
+  const Pose X_HB = carrierBase(scenario);
+  StrainBlock volts;
+  const auto step = [&](const PlantCommand& command) {
+    if (command.rest) {
+      cell.simulation().setRestTarget(restFromPose(X_HB * poseFromRest(*command.rest)));
+    }
+    if (command.exciter) cell.simulation().setExciter(*command.exciter, cell.simulation().time());
+    EXPECT_EQ(cell.next(volts), StopReason::kOk);
+    return plant.next(command);
+  };
+  PlantBlock seen = step({});
+  PlantCommand down;
+  down.rest = seen.carrier;
+  for (int k = 0; k < 150; ++k) {
+    const double force = contactForceFromDeflection(mechanism_, seen.displacement_b).z();
+    down.rest->z -= force < 0.5 ? 2e-4 : std::clamp((12.0 - force) / 1.6e5, -5e-4, 5e-4);
+    seen = step(down);
+  }
+
+  // from here on the node listens
+  const double base = time_ - cell.simulation().time();
+  exciter_.header.stamp = ros::Time(time_);
+  exciter_.on = true;
+  exciter_.frequency = 450.0;
+  exciter_.phase = 0.6;
+  exciter_.direction = 1;
+  exciters_.publish(exciter_);
+  const auto feed = [&](const PlantCommand& command) {
+    const PlantBlock out = step(command);
+    DisplacementSamples b;
+    b.header.stamp = ros::Time(base + volts.time);
+    b.header.frame_id = "sensor_b";
+    b.period = volts.period;
+    b.sequence = ++sequence_;
+    for (std::size_t k = 0; k < volts.saturated_b.size(); ++k) {
+      const Vector6 d = displacementFromVolts(calibration, Vector6::Map(&volts.volts_b[6 * k]));
+      b.displacement.insert(b.displacement.end(), d.data(), d.data() + 6);
+    }
+    time_ = base + cell.simulation().time();
+    send(b);
+    return out;
+  };
+  PlantCommand shake;
+  shake.exciter = ExciterParameters{exciter_.amplitude, 450.0, 0.6, 1};
+  feed(shake);
+  for (int k = 0; k < 10; ++k) seen = feed({});
+  PlantCommand read;
+  read.locus = LocusRequest{seen.time, 0.2};
+  const IdentifyLocusGoal g = goal(base + seen.time, 0.2);
+  for (seen = feed(read); !seen.locus;) seen = feed({});
+
+  const IdentifyLocusResult result = resultOf(g);
+  ASSERT_TRUE(result.success) << result.message;
+  const LocusReading node = fromLocusEstimate(result.locus);
+  const LocusReading& core = *seen.locus;
+  // stamps are rounded to 1 ns, which turns the exciter by 4.5e-7
+  const double tolerance = 1e-6 * core.locus.semiMajor();
+  EXPECT_EQ(node.locus.samples, core.locus.samples);
+  EXPECT_LT(std::abs(node.locus.P - core.locus.P), tolerance);
+  EXPECT_LT(std::abs(node.locus.N - core.locus.N), tolerance);
+  EXPECT_NEAR(node.locus.sigma, core.locus.sigma, 1e-5 * core.locus.sigma);
+  EXPECT_EQ(node.mode.mode, core.mode.mode);
+  EXPECT_EQ(node.mode.mode, LocusMode::kEllipse);
+  EXPECT_LT((node.force - core.force).norm(), 1e-6);
+  EXPECT_NEAR(node.misfit, core.misfit, 1e-5);
+  ASSERT_TRUE(node.direction && core.direction);
+  EXPECT_NEAR(node.direction->alpha, core.direction->alpha, 1e-5);
+  EXPECT_NEAR(node.direction->weight, core.direction->weight, 1e-5);
+  EXPECT_NEAR(node.direction->sd, core.direction->sd, 1e-4 * core.direction->sd);
+  ASSERT_TRUE(node.evidence.vertical && node.evidence.yaw);
+  EXPECT_LT(std::abs(node.evidence.vertical->value - core.evidence.vertical->value), tolerance);
+  EXPECT_LT(std::abs(node.evidence.yaw->value - core.evidence.yaw->value),
+            1e-6 * std::abs(core.evidence.yaw->value) + 1e-9);
+  EXPECT_EQ(node.friction.has_value(), core.friction.has_value());
+  EXPECT_EQ(node.advice, core.advice);
+  EXPECT_EQ(node.refusal, core.refusal);
 }
 
 TEST_F(LocusEstimator, IsPreempted) {

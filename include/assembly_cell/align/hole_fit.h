@@ -12,9 +12,10 @@ namespace assembly_cell {
 /// direction on its bottom edge the contact lay.
 struct HoleReading {
   Pose X_SP;
-  double alpha =
-      0.0;          ///< azimuth on the edge in peg axes, modulo π until fitHole resolves it [rad]
-  double sd = 0.0;  ///< of alpha [rad]
+  /// Azimuth on the edge in peg axes, unless `end_known` modulo π until fitHole resolves it [rad].
+  double alpha = 0.0;
+  double sd = 0.0;         ///< of alpha [rad]
+  bool end_known = false;  ///< the locus told which end of the diameter it is
   enum Kind {
     kOut,
     kPlane,

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "assembly_cell/align/failure.h"
-#include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/locus/reading.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
@@ -16,12 +16,6 @@ namespace assembly_cell {
 struct LocusRequest {
   double start = 0.0;     ///< plant clock [s]
   double duration = 0.0;  ///< [s]
-};
-
-/// One reading of the locus: what the estimator gives back.
-struct LocusReading {
-  Locus locus;
-  ModeDecision mode;
 };
 
 /// What is done before the next block. Nothing set: only wait.

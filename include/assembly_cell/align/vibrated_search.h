@@ -5,7 +5,7 @@
 
 #include "assembly_cell/align/search.h"
 #include "assembly_cell/align/vibration_point.h"
-#include "assembly_cell/locus/contact_model.h"
+#include "assembly_cell/locus/reading.h"
 
 namespace assembly_cell {
 
@@ -17,12 +17,11 @@ class VibratedSearch : public Search {
 
   /// One reading as it was felt.
   struct Felt {
-    Locus locus;
-    LocusMode mode = LocusMode::kUndecided;
-    bool usable = false;     ///< a single contact explains it
+    LocusReading seen;
+    VibrationPoint vibration;  ///< that it was felt with
+    bool usable = false;       ///< a single contact explains it
     bool straddles = false;  ///< both edges carried at the touch; not pressed, nothing else is set
-    double misfit = 0.0;
-    Pose X_SC;                                        ///< carrier
+    Pose X_SC;               ///< carrier
     Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< mean contact force, sensor axes [N]
     double start = 0.0, end = 0.0;                    ///< plant clock [s]
     HoleReading reading;
@@ -43,7 +42,7 @@ class VibratedSearch : public Search {
   /// Over a place off the trap, seen from where the peg was in vain; another direction each time.
   void goAside();
   /// From a locus to a direction on the peg's edge, with the tilts against the plane as known now.
-  DirectionEstimate invert(Felt& felt) const;
+  void invert(Felt& felt) const;
   /// Tilt against the plane as known now, low side at azimuth `low`.
   Eigen::Matrix3d lowAt(double low) const;
   /// Plane alone from what was felt. False when it isn't determined.
@@ -61,7 +60,11 @@ class VibratedSearch : public Search {
   std::vector<Felt> felt_;  ///< of use
 
  private:
+  VibrationPoint pointFor(double friction) const;
   void choosePoint();
+  void shake(const VibrationPoint& vibration);
+  void feel(double window, Felt& felt);
+  void feelAgain(const char* state, Felt& felt);
   void exciter(double amplitude);
   double entryHeight(const Eigen::Matrix3d& R) const;
   double touchRange() const;

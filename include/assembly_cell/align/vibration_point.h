@@ -20,6 +20,7 @@ struct VibrationDemand {
   double tilt = 0.052;                 ///< of the peg against the plane [rad]
   double shake = 1.5;                  ///< the contact must hold for this times the amplitude
   double greatest_press = 0.0;         ///< [N]
+  double friction = 0.0;               ///< measured coefficient; 0: the mechanism's
   double window = 0.2;                 ///< of a reading [s]
   double samples = 1000.0;             ///< in a window
   Matrix6 scatter = Matrix6::Zero();   ///< covariance of one sample of sensor_b at rest

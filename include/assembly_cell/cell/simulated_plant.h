@@ -27,6 +27,8 @@ class SimulatedPlant : public Plant {
   Simulation& truth() { return cell_.simulation(); }
 
  private:
+  void collect();  // the block's samples in the requested window
+
   Mechanism nominal_;
   Pose X_HB_;  // the carrier's base
   SimulatedCell cell_;

@@ -18,8 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/locus/contact_model.h"
-#include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/locus/reading.h"
 #include "assembly_cell/locus/sliding_locus.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
@@ -64,13 +63,9 @@ class LocusNode {
   /// Brings the sliding estimate up to the last block; tells the locus if its window is filled.
   void slide();
 
-  /// Throws InputError where the exciter does not allow an estimate. end: of the window.
-  /// `previous`: the sliding estimate's last mode, kept by hysteresis.
-  LocusEstimate estimate(const HarmonicFit& fit, const Exciter& exciter, const ros::Time& end,
-                         const std::string& frame_id, std::optional<LocusMode> previous = {}) const;
-
-  /// Empty, or why a reading of this noise at this operating point is of no use.
-  std::string refusalOfReading(const HarmonicFit& fit, const Exciter& exciter) const;
+  /// end: of the window.
+  static LocusEstimate message(const LocusReading& reading, const Exciter& exciter,
+                               const ros::Time& end, const std::string& frame_id);
 
   // the action, in its own thread
   void identify(const IdentifyLocusGoal::ConstPtr& goal);
@@ -80,13 +75,10 @@ class LocusNode {
   ros::NodeHandle nh_, pnh_;
   Mechanism mechanism_;
   double window_ = 0.0;  // [s]
-  double false_alarm_ = 0.0;
-  double indifference_ = 0.0;
-  double misfit_limit_ = 0.0;
-  double direction_limit_ = 0.0;  // [rad]
-  double carrier_motion_ = 0.0;   // [m]
-  double history_ = 0.0;          // [s]
-  double data_timeout_ = 0.0;     // [s] wall clock
+  ReadingLimits limits_;
+  double carrier_motion_ = 0.0;  // [m]
+  double history_ = 0.0;         // [s]
+  double data_timeout_ = 0.0;    // [s] wall clock
   bool lockstep_ = false;
   std::string name_in_lockstep_;
 
