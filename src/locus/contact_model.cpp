@@ -60,7 +60,8 @@ class Prediction {
   Eigen::Matrix<Complex, 2, 9> seen_ = Eigen::Matrix<Complex, 2, 9>::Identity();
 };
 
-// Starts of the refinement.
+// Starts of the refinement. With 6 the search of the other half turn may end at the first one; 24
+// find the same directions.
 constexpr int kGrid = 12;
 double gridDirection(int k) { return 2.0 * M_PI * k / kGrid; }
 
@@ -97,9 +98,9 @@ struct Refined {
 // Gauss–Newton, a step only where it lowers the cost
 Refined refine(const Prediction& predicted, const Eigen::Vector2cd& measured, double alpha,
                double noise) {
-  constexpr double kStep = 1e-4;    // of the central difference [rad]
-  constexpr double kLongest = 0.2;  // of one step [rad]
-  constexpr int kMostSteps = 30;
+  constexpr double kStep = 1e-4;    // of the central difference [rad]; half: the same to 1e-14
+  constexpr double kLongest = 0.2;  // of one step [rad]; half, twice: the same to 1e-10
+  constexpr int kMostSteps = 30;    // half, twice: the same bits
   Eigen::Vector2cd rest = measured - predicted(alpha);
   Refined refined{alpha, rest.squaredNorm(), 0.0};
   for (int iteration = 0; iteration < kMostSteps; ++iteration) {
@@ -108,7 +109,7 @@ Refined refine(const Prediction& predicted, const Eigen::Vector2cd& measured, do
     refined.information = slope.squaredNorm();
     double step = slope.dot(rest).real() / refined.information;
     if (!std::isfinite(step)) break;
-    // to a thousandth of the noise
+    // to a thousandth of the noise; half, twice: the same to 1e-12
     const double enough = std::max(1e-8, 1e-3 * std::sqrt(noise / refined.information));
     step = std::clamp(step, -kLongest, kLongest);
     Eigen::Vector2cd tried = measured - predicted(refined.alpha + step);
@@ -218,7 +219,7 @@ double operatingFrequency(const Mechanism& mechanism, double press) {
     point.frequency = frequency;
     const HeldMotion held(mechanism, point);
     Means m;
-    constexpr int kDirections = 8;
+    constexpr int kDirections = 8;  // half, twice: the same to 1e-10
     for (int k = 0; k < kDirections; ++k) {
       const Complex9 q = held.solve(2.0 * M_PI * k / kDirections);
       const Eigen::Vector2cd pn = counterRotating(q[0], q[1]);
@@ -242,7 +243,7 @@ double operatingFrequency(const Mechanism& mechanism, double press) {
   }
 
   // the dip of |P| against |N| with the largest |N|
-  constexpr std::size_t kScan = 400;
+  constexpr std::size_t kScan = 400;  // half, twice: the same to 3e-8
   std::array<double, kScan> frequency{}, ratio{}, size{};
   for (std::size_t j = 0; j < kScan; ++j) {
     frequency[j] = scale * std::pow(10.0, -1.5 + 2.0 * static_cast<double>(j) / (kScan - 1));
