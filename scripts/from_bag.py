@@ -4,12 +4,16 @@
 
 usage: from_bag.py observations SESSION.bag
        from_bag.py locus RECORDING.bag [TOPIC]
+       from_bag.py wrench RECORDING.bag
 observations  the observation file: the last message on calibration_server/observations
 locus         samples as CSV: of the coupling's displacement (t,x,y,z,rx,ry,rz) or, where the bag has none, of the peg's two
               accelerometers (t,ax,ay); TOPIC chooses among several. With messages of the exciter in the bag: of the last
               stretch in which it was on, t = 0 at its phase zero, its settings in a first line that starts with #
+wrench        t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw: the one topic of wrenches (WrenchStamped, or WrenchSamples), each with the
+              last pose (PoseStamped, one topic) before it
 exit: 0 ok, 2 bad input
 """
+import bisect
 import sys
 
 import rosbag
@@ -85,17 +89,51 @@ def locus(bag, topic):
     return "\n".join(lines) + "\n"
 
 
+def only_topic(bag, types):
+    topics = sorted(name for name, info in bag.get_type_and_topic_info().topics.items() if info.msg_type in types)
+    if len(topics) != 1:
+        raise ValueError(f"{' and '.join(topics) or 'no topic'} of {' or '.join(types)}: record one")
+    return topics[0]
+
+
+def wrench(bag):
+    topics = {kind: only_topic(bag, types) for kind, types in
+              {"wrench": ("geometry_msgs/WrenchStamped", "assembly_cell/WrenchSamples"), "pose": ("geometry_msgs/PoseStamped",)}.items()}
+    poses, wrenches = {}, {}
+    for name, message, _ in bag.read_messages(topics=list(topics.values())):
+        stamp = message.header.stamp.to_nsec()
+        if name == topics["pose"]:
+            p, q = message.pose.position, message.pose.orientation
+            poses[stamp] = [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+        elif message._type == "geometry_msgs/WrenchStamped":
+            f, m = message.wrench.force, message.wrench.torque
+            wrenches[stamp] = [f.x, f.y, f.z, m.x, m.y, m.z]
+        else:
+            for k in range(len(message.wrench) // 6):
+                wrenches[stamp + round(1e9 * k * message.period)] = list(message.wrench[6 * k:6 * k + 6])
+    times = sorted(poses)
+    lines = ["t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw"]
+    for stamp in sorted(wrenches):
+        k = bisect.bisect_right(times, stamp)
+        if k > 0:
+            lines.append(",".join(map(repr, [1e-9 * (stamp - times[0])] + wrenches[stamp] + poses[times[k - 1]])))
+    return "\n".join(lines) + "\n"
+
+
 def main():
     arguments = sys.argv[1:]
     if arguments[:1] in (["-h"], ["--help"]):
         print(__doc__.strip())
         return 0
-    if not (len(arguments) == 2 and arguments[0] in ("observations", "locus") or len(arguments) == 3 and arguments[0] == "locus"):
+    if not (len(arguments) == 2 and arguments[0] in ("observations", "locus", "wrench") or len(arguments) == 3 and arguments[0] == "locus"):
         print(__doc__.strip(), file=sys.stderr)
         return 2
     try:
         with rosbag.Bag(arguments[1]) as bag:
-            text = observations(bag) if arguments[0] == "observations" else locus(bag, arguments[2] if arguments[2:] else None)
+            if arguments[0] == "locus":
+                text = locus(bag, arguments[2] if arguments[2:] else None)
+            else:
+                text = {"observations": observations, "wrench": wrench}[arguments[0]](bag)
         sys.stdout.write(text)
     except (OSError, ValueError, rosbag.ROSBagException) as error:
         print(f"{arguments[1]}: {error}", file=sys.stderr)

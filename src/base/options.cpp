@@ -52,6 +52,10 @@ void OptionParser::file(const std::string& what, std::string& variable, bool req
   files_.push_back({what, &variable, required});
 }
 
+void OptionParser::files(const std::string& what, std::vector<std::string>& variable) {
+  files_.push_back({what, nullptr, true, &variable});
+}
+
 bool OptionParser::readNumber(const std::string& text, double& number) {
   return parseNumber(text, number);
 }
@@ -123,12 +127,16 @@ bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream
     } else if (files == files_.size()) {
       throw InputError("argument: value " + argument + ": " +
                        (files == 1 ? "give one " + files_[0].what : "too many") + ", see --help");
+    } else if (files_[files].all != nullptr) {
+      files_[files].all->push_back(argument);
     } else {
       *files_[files++].variable = argument;
     }
   }
   for (const File& file : files_) {
-    if (!file.required || !file.variable->empty()) continue;
+    if (!file.required || (file.all != nullptr ? !file.all->empty() : !file.variable->empty())) {
+      continue;
+    }
     throw InputError("argument: value missing: give a " + file.what + ", see --help");
   }
   return true;

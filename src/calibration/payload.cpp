@@ -66,18 +66,6 @@ double weakestDirection(const std::vector<StaticPose>& poses) {
   return std::sqrt(std::max(solver.eigenvalues()[0], 0.0));
 }
 
-std::vector<Vector6> inSensorAxes(const std::vector<StaticPose>& poses,
-                                  const std::vector<Vector6>& wrenches, WrenchAxes axes) {
-  std::vector<Vector6> out = wrenches;
-  if (axes == WrenchAxes::kSensor) return out;
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const Matrix3d Rt = poses[i].R.transpose();
-    out[i].head<3>() = Rt * wrenches[i].head<3>();
-    out[i].tail<3>() = Rt * wrenches[i].tail<3>();
-  }
-  return out;
-}
-
 using FullGroups = std::array<FullGroup, 2>;
 
 Problem problemOf(const std::vector<StaticPose>& poses, const std::vector<Vector6>& w,
@@ -419,6 +407,18 @@ SequenceTest testSequence(const std::vector<double>& residuals) {
   const double minus = count - plus, expected = 1.0 + 2.0 * plus * minus / count;
   const double variance = (expected - 1.0) * (expected - 2.0) / (count - 1.0);
   if (variance > 0.0) out.runs_p = twoSided((runs - expected) / std::sqrt(variance));
+  return out;
+}
+
+std::vector<Vector6> inSensorAxes(const std::vector<StaticPose>& poses,
+                                  const std::vector<Vector6>& wrenches, WrenchAxes axes) {
+  std::vector<Vector6> out = wrenches;
+  if (axes == WrenchAxes::kSensor) return out;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Matrix3d Rt = poses[i].R.transpose();
+    out[i].head<3>() = Rt * wrenches[i].head<3>();
+    out[i].tail<3>() = Rt * wrenches[i].tail<3>();
+  }
   return out;
 }
 

@@ -33,11 +33,18 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
   locus_scale_ = parameters.number("locus_scale", kPositive, 1000.0);
   ellipsoid_scale_ = parameters.number("ellipsoid_scale", kPositive, 100.0);
   locus_height_ = parameters.number("locus_height", kAny, 0.15);
+  wrench_topic_ = parameters.text("wrench", std::string());
+  tip_height_ = parameters.number("tip_height", kAny, 0.0);
+  one_pitch_ = parameters.number("one_pitch", kPositive, 0.006);
   parameters.refuseUnknown();
-  const CellDescription description = loadCellDescription(Parameters(nh).text("robot_description"));
-  peg_radius_ = description.peg.radius;
-  peg_length_ = description.peg.half_height + description.peg.coupling_height;
-  hole_radius_ = description.hole.radius;
+  // a wrench's line needs no model of the parts
+  if (wrench_topic_.empty() || nh.hasParam("robot_description")) {
+    const CellDescription description =
+        loadCellDescription(Parameters(nh).text("robot_description"));
+    peg_radius_ = description.peg.radius;
+    peg_length_ = description.peg.half_height + description.peg.coupling_height;
+    hole_radius_ = description.hole.radius;
+  }
 
   pub_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 1);
   timer_ = nh.createWallTimer(ros::WallDuration(1.0 / rate),
@@ -57,6 +64,11 @@ void ContactMarkersNode::update() {
         "report", 1, [this](const AlignmentReport::ConstPtr& m) { report_ = m; });
     twin_force_sub_ = nh_.subscribe<TwinForceState>(
         "twin_force/status", 1, [this](const TwinForceState::ConstPtr& m) { twin_force_ = m; });
+    if (!wrench_topic_.empty()) {
+      wrench_sub_ = nh_.subscribe<geometry_msgs::WrenchStamped>(
+          wrench_topic_, 1,
+          [this](const geometry_msgs::WrenchStamped::ConstPtr& m) { wrench_ = m; });
+    }
     // whatever an earlier life of this node has left
     Marker all;
     all.action = Marker::DELETEALL;
@@ -64,13 +76,15 @@ void ContactMarkersNode::update() {
     array_.markers.push_back(all);
     drawn_.clear();
   } else if (!wanted && active_) {
-    for (auto* sub : {&contacts_sub_, &locus_sub_, &truth_sub_, &report_sub_, &twin_force_sub_})
+    for (auto* sub :
+         {&contacts_sub_, &locus_sub_, &truth_sub_, &report_sub_, &twin_force_sub_, &wrench_sub_})
       sub->shutdown();
     contacts_.reset();
     locus_.reset();
     truth_.reset();
     report_.reset();
     twin_force_.reset();
+    wrench_.reset();
   }
   active_ = wanted;
   if (active_) publish();
@@ -79,10 +93,12 @@ void ContactMarkersNode::update() {
 void ContactMarkersNode::publish() {
   drawn_before_.swap(drawn_);
   drawn_.clear();
-  addCircle("hole", truth_ ? kHoleTruthFrame : kHoleFrame, hole_radius_, kHoleColor);
+  if (hole_radius_ > 0.0)
+    addCircle("hole", truth_ ? kHoleTruthFrame : kHoleFrame, hole_radius_, kHoleColor);
   if (contacts_) drawContacts();
   if (locus_) drawLocus();
   if (twin_force_) drawTwinForce();
+  if (wrench_) drawWrench();
   if (truth_) drawPeg("peg_true", kHoleTruthFrame, truth_->pose, kTruePegColor);
   if (report_ && report_->estimate_known) {
     drawPeg("peg_estimated", kHoleEstimatedFrame, report_->estimated_pose, kEstimatedPegColor);
@@ -187,6 +203,24 @@ void ContactMarkersNode::drawTwinForce() {
   ellipsoid.scale.x = diameter(0);
   ellipsoid.scale.y = diameter(1);
   ellipsoid.scale.z = diameter(2);
+}
+
+void ContactMarkersNode::drawWrench() {
+  const std::string& frame = wrench_->header.frame_id;
+  const auto contact = contactLine(fromWrench(wrench_->wrench), Matrix6::Identity(), tip_height_);
+  if (!contact || contact->line.force < force_threshold_) return;
+  const bool one = std::abs(contact->pitch) < one_pitch_;
+  const Eigen::Vector3d& u = contact->line.direction;
+  Eigen::Vector3d at(contact->cut.x(), contact->cut.y(), tip_height_);
+  // a force along the plane passes it nowhere near
+  if (std::abs(u.z()) < 0.1) at = contact->line.point;
+  const double length = force_scale_ * contact->line.force;
+  addArrow("wrench_line", frame, at - length * u, at + length * u,
+           one ? kActionAColor : kSeveralColor);
+  Marker& point =
+      add("wrench_point", Marker::SPHERE, frame, one ? kContactPointColor : kSeveralColor);
+  point.pose.position = toPoint(at);
+  point.scale.x = point.scale.y = point.scale.z = kPointSize;
 }
 
 void ContactMarkersNode::drawPeg(const std::string& ns, const std::string& frame,

@@ -18,6 +18,7 @@
 #include "assembly_cell/calibration/store.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "calibrate/commands.h"
+#include "calibrate/print.h"
 
 using namespace assembly_cell;
 
@@ -27,7 +28,9 @@ constexpr const char* kHelp =
     R"(usage: calibrate plan NAME [--seed N] [--observations FILE] [--next K] [--simulate FILE] [--bits B] [--nonlinearity X]
        calibrate solve FILE [--procedure P] [--model M] [--displacement] [--save FOLDER] [--id ID]
        calibrate check FILE [--observations FILE]
-       calibrate payload POSES.csv WRENCHES.csv [options]   see calibrate payload --help
+       calibrate reference RUN... [--holdout RUN] [options]     a sensor against a reference in series
+       calibrate deadweights FILE.csv [options]                 known loads and readings
+       calibrate payload POSES.csv WRENCHES.csv [options]       weight, centre of mass and bias; each has a --help
 
 plan   the tests of a plan, judged before anything is measured: rank, condition, degrees of freedom, predicted
        standard deviation. NAME: recommended, quadratic, displacement, thesis_fixed, thesis_shifted.
@@ -44,40 +47,6 @@ check  a calibration file (its checksum, what it says), or an observation file (
 Example: calibrate plan recommended --nonlinearity 0 --simulate tests.yaml && calibrate solve tests.yaml --save .
 Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/calibration.md
 )";
-
-std::string list(const Eigen::VectorXd& v) {
-  std::string out = "[";
-  for (Eigen::Index i = 0; i < v.size(); ++i) out += (i > 0 ? ", " : "") + yamlNumber(v[i]);
-  return out + "]";
-}
-
-void line(const std::string& key, const std::string& value) {
-  std::cout << key << ": " << value << "\n";
-}
-
-void printMatrix(const std::string& key, const Eigen::MatrixXd& m) {
-  if (m.size() == 0) return line(key, "null");
-  std::cout << key << ":\n  rows: " << m.rows() << "\n  cols: " << m.cols() << "\n  data: [";
-  for (Eigen::Index i = 0; i < m.rows(); ++i) {
-    for (Eigen::Index j = 0; j < m.cols(); ++j) {
-      std::cout << (i + j > 0 ? ", " : "") << yamlNumber(m(i, j));
-    }
-  }
-  std::cout << "]\n";
-}
-
-void printGates(const std::vector<Gate>& gates, const std::string& indent = "") {
-  std::cout << indent << "gates:\n";
-  for (const Gate& gate : gates) {
-    std::cout << indent << "  - {name: " << gate.name << ", verdict: "
-              << (gate.verdict == Verdict::kPass   ? "pass"
-                  : gate.verdict == Verdict::kWarn ? "warn"
-                                                   : "refuse")
-              << ", value: " << yamlNumber(gate.value) << ", limit: " << yamlNumber(gate.limit);
-    if (!gate.text.empty()) std::cout << ", text: " << yamlQuoted(gate.text);
-    std::cout << "}\n";
-  }
-}
 
 void printForce(const ForceSolution& s, bool matrices) {
   line("accepted", s.accepted ? "true" : "false");
@@ -337,7 +306,8 @@ int check(const std::vector<std::string>& arguments) {
 }
 
 const std::map<std::string, int (*)(const std::vector<std::string>&)> kCommands = {
-    {"plan", plan}, {"solve", solve}, {"check", check}, {"payload", payload}};
+    {"plan", plan},       {"solve", solve},         {"check", check},
+    {"payload", payload}, {"reference", reference}, {"deadweights", deadWeights}};
 
 int run(const std::vector<std::string>& arguments) {
   std::string names;

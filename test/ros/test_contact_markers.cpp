@@ -1,5 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/WrenchStamped.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -115,6 +116,32 @@ TEST_F(Markers, DrawTheHole) {
     EXPECT_NEAR(std::hypot(p.x, p.y), radius, kExact);
     EXPECT_EQ(p.z, 0.0);
   }
+}
+
+// a point contact's line passes the point; a couple beside it makes it grey
+TEST_F(Markers, DrawALiveWrenchAsLineAndPoint) {
+  ros::Publisher pub = nh_.advertise<geometry_msgs::WrenchStamped>("sensor_b/wrench", 10, true);
+  watch();
+  const Eigen::Vector3d at(0.003, 0.0075, -0.02), force(2.0, -1.0, 10.0);
+  const auto publish = [&](double couple) {
+    Vector6 w;
+    w << force, at.cross(force) + couple * force;
+    geometry_msgs::WrenchStamped message;
+    message.header.frame_id = "sensor_b";
+    message.wrench = toWrench(w);
+    pub.publish(message);
+  };
+  publish(0.0);
+  const Marker point = find("wrench_point", 1).front();
+  EXPECT_EQ(point.header.frame_id, "sensor_b");
+  EXPECT_NEAR(point.pose.position.x, at.x(), kExact);
+  EXPECT_NEAR(point.pose.position.y, at.y(), kExact);
+  EXPECT_NEAR(point.pose.position.z, at.z(), kExact);
+  EXPECT_EQ(point.color.r, kContactPointColor.r);
+  const Marker line = find("wrench_line", 1).front();
+  ASSERT_EQ(line.points.size(), 2u);
+  publish(0.02);
+  ASSERT_TRUE(waitFor([&] { return find("wrench_point", 1).front().color.r == kSeveralColor.r; }));
 }
 
 TEST_F(Markers, DrawTouchingContactsAndDeleteThoseThatEnded) {

@@ -74,6 +74,8 @@ class OptionParser {
   }
   /// The next argument without a name, such as "scenario file".
   void file(const std::string& what, std::string& variable, bool required = true);
+  /// All arguments without a name that are left: one at least.
+  void files(const std::string& what, std::vector<std::string>& variable);
 
   /// False after --help, which prints the help (without `out`: to standard output).
   bool parse(const std::vector<std::string>& arguments) const;
@@ -90,6 +92,7 @@ class OptionParser {
     std::string what;
     std::string* variable;
     bool required;
+    std::vector<std::string>* all = nullptr;  ///< instead of variable
   };
 
   static bool readNumber(const std::string& text, double& number);

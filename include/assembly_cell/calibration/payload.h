@@ -137,6 +137,29 @@ struct PayloadModel {
 PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
                              const std::vector<Vector6>& wrenches, const PayloadOptions& options);
 
+/// A base that is tilted by less counts as set up by level [rad]: what a person does with a spirit
+/// level and what residuals that aren't white make of it. Half and twice judge the recordings
+/// alike.
+constexpr double kLevelBase = 0.02;
+
+/// The same by ordinary least squares of all poses with a constant bias, as it is commonly
+/// published; gravity along the base's z where the base is level.
+struct PlainPayload {
+  bool level = false;                                 ///< gravity was taken along z
+  double level_p = 1.0;                               ///< of a level base, F test
+  Eigen::Vector3d gravity = Eigen::Vector3d::Zero();  ///< weight in base axes [N]
+  double weight_sd = 0.0;
+  Eigen::Vector3d center_of_mass = Eigen::Vector3d::Zero(), center_sd = Eigen::Vector3d::Zero();
+  Vector6 bias = Vector6::Zero(), bias_sd = Vector6::Zero();
+};
+/// wrenches: in sensor axes, one a pose. For poses that identifyPayload accepts.
+PlainPayload plainPayload(const std::vector<StaticPose>& poses,
+                          const std::vector<Vector6>& wrenches);
+
+/// Wrenches in sensor axes from those of a recording in `axes`.
+std::vector<Vector6> inSensorAxes(const std::vector<StaticPose>& poses,
+                                  const std::vector<Vector6>& wrenches, WrenchAxes axes);
+
 /// Wrench of a further reading and its sd (noise included), in the recording's axes. A pose between
 /// the last of one recording and the first of the next belongs to the earlier one. Throws
 /// InputError for a model that was refused.

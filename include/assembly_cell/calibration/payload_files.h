@@ -2,9 +2,12 @@
 // Recordings of static poses: CSV with optional header (docs/payload.md).
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/table.h"
 #include "assembly_cell/calibration/payload.h"
 
 namespace assembly_cell {
@@ -12,6 +15,7 @@ namespace assembly_cell {
 struct Poses {
   std::vector<StaticPose> values;
   bool ordered = false;
+  std::optional<double> gravity;  ///< mean length of gx gy gz, where the file has them [m/s²]
 };
 
 struct Wrenches {
@@ -20,8 +24,19 @@ struct Wrenches {
   bool header = false;
 };
 
-/// Throw InputError naming file, line and column.
-Poses readPoses(const std::string& path);
+/// What turns joint angles into the rotation of the sensor in the base.
+struct JointAngles {
+  std::vector<std::string> names;  ///< of the joints, in the order of the angles
+  std::function<Eigen::Matrix3d(const std::vector<double>&)> rotation;
+};
+
+/// Rotations in a table: qx qy qz qw (near unit length), or r11 r12 … r33 (near a rotation), row
+/// by row. Throws InputError naming file, line and column.
+std::vector<Eigen::Matrix3d> readRotations(const Table& table);
+
+/// Throw InputError naming file, line and column. joints: its columns, or j1, j2 …, in place of
+/// rotations.
+Poses readPoses(const std::string& path, const JointAngles* joints = nullptr);
 Wrenches readWrenches(const std::string& path);
 
 }  // namespace assembly_cell

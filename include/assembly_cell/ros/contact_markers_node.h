@@ -2,6 +2,7 @@
 #pragma once
 
 #include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/WrenchStamped.h>
 #include <ros/ros.h>
 #include <visualization_msgs/MarkerArray.h>
 
@@ -20,8 +21,9 @@
 namespace assembly_cell::ros_bridge {
 
 /// Node contact_markers: contacts, locus, hypotheses, estimated hole and peg, true peg, lines of
-/// action and uncertainty of the twin-force estimate, and the hole's rim
-/// for rviz. Subscribes and works only while `markers` has a subscriber. To be spun by one thread.
+/// action and uncertainty of the twin-force estimate, the hole's rim, and of a sensor's live wrench
+/// the line of action and its point, for rviz. Subscribes and works only while `markers` has a
+/// subscriber. To be spun by one thread.
 class ContactMarkersNode {
  public:
   /// Throws InputError for bad parameters or robot description.
@@ -35,6 +37,7 @@ class ContactMarkersNode {
   void drawContacts();
   void drawLocus();
   void drawTwinForce();
+  void drawWrench();
   void drawPeg(const std::string& ns, const std::string& frame, const geometry_msgs::Pose& pose,
                const Color& color);
 
@@ -51,7 +54,10 @@ class ContactMarkersNode {
   double force_threshold_ = 0.05;  // [N]
   double locus_scale_ = 1000.0;
   double ellipsoid_scale_ = 100.0;
-  double locus_height_ = 0.15;                                      // above the peg's edge [m]
+  std::string wrench_topic_;    // empty: none
+  double tip_height_ = 0.0;     // of the tip's plane along z of the wrench's frame [m]
+  double one_pitch_ = 0.006;    // couple over force of one contact, at most [m]
+  double locus_height_ = 0.15;  // above the peg's edge [m]
   double peg_radius_ = 0.0, peg_length_ = 0.0, hole_radius_ = 0.0;  // [m]
 
   ContactArray::ConstPtr contacts_;
@@ -59,11 +65,12 @@ class ContactMarkersNode {
   geometry_msgs::PoseStamped::ConstPtr truth_;
   AlignmentReport::ConstPtr report_;
   TwinForceState::ConstPtr twin_force_;
+  geometry_msgs::WrenchStamped::ConstPtr wrench_;
   visualization_msgs::MarkerArray array_;
   std::map<std::string, int> drawn_, drawn_before_;  // markers by namespace
 
   bool active_ = false;
-  ros::Subscriber contacts_sub_, locus_sub_, truth_sub_, report_sub_, twin_force_sub_;
+  ros::Subscriber contacts_sub_, locus_sub_, truth_sub_, report_sub_, twin_force_sub_, wrench_sub_;
   ros::Publisher pub_;
   ros::WallTimer timer_;
 };

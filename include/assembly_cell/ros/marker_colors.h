@@ -28,6 +28,7 @@ constexpr Color kEstimatedHoleColor{1.0F, 0.75F, 0.0F, 1.0F};  ///< amber
 constexpr Color kTruePegColor{0.0F, 1.0F, 0.0F, 1.0F};         ///< green
 constexpr Color kActionAColor{0.9F, 0.2F, 0.2F, 0.6F};         ///< red, see-through
 constexpr Color kActionBColor{0.2F, 0.4F, 0.9F, 0.6F};         ///< blue, see-through
+constexpr Color kSeveralColor{0.6F, 0.6F, 0.6F, 0.6F};         ///< grey, see-through
 constexpr Color kUncertaintyColor{0.0F, 1.0F, 1.0F, 0.3F};     ///< cyan, see-through
 constexpr Color kHoleColor{1.0F, 1.0F, 0.0F, 1.0F};            ///< yellow
 

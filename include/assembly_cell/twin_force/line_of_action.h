@@ -17,4 +17,18 @@ struct LineOfAction {
 /// Empty for a zero or non-finite force.
 std::optional<LineOfAction> lineOfAction(const Vector6& wrench);
 
+/// A wrench as that of one contact point, without a model of the part.
+struct ContactLine {
+  LineOfAction line;
+  /// Couple over force F·M/F² [m]: 0 of a point contact, whatever its place and friction.
+  double pitch = 0.0, pitch_sd = 0.0;
+  /// Where the line cuts the plane z = height of the wrench's axes; infinite where it runs along
+  /// it.
+  Eigen::Vector2d cut = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d cut_covariance = Eigen::Matrix2d::Zero();
+};
+/// covariance: of the wrench. Empty for a zero or non-finite force.
+std::optional<ContactLine> contactLine(const Vector6& wrench, const Matrix6& covariance,
+                                       double height);
+
 }  // namespace assembly_cell

@@ -7,6 +7,8 @@
 
 namespace assembly_cell {
 
+int deadWeights(const std::vector<std::string>& arguments);
 int payload(const std::vector<std::string>& arguments);
+int reference(const std::vector<std::string>& arguments);
 
 }  // namespace assembly_cell

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <iostream>
+#include <iterator>
+#include <optional>
 #include <sstream>
 
 #include "assembly_cell/base/files.h"
@@ -12,7 +15,9 @@
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/payload_files.h"
+#include "assembly_cell/description/joint_chain.h"
 #include "commands.h"
+#include "print.h"
 
 namespace assembly_cell {
 
@@ -20,18 +25,25 @@ namespace {
 
 constexpr const char* kHelp =
     R"(Usage: calibrate payload POSES.csv WRENCHES.csv [options]
+       calibrate payload RECORDING.csv [options]
 
 Weight, centre of mass and bias from static poses under gravity, with drift, breaks and outliers found by tests.
-POSES.csv: x,y,z,qx,qy,qz,qw of the sensor in the base [m, unit quaternion], one row a pose in the order recorded; optional
+POSES.csv: x,y,z,qx,qy,qz,qw of the sensor in the base [m, unit quaternion], one row a pose in the order recorded; or by a
+header r11,r12 ... r33 (the rotation, row by row); or with --urdf the joints' positions by name, j1,j2 ..., or in their
+order. RECORDING.csv: poses and wrenches in one file with a header. Optional
 columns order (also: index, time, t; rising) and temperature. WRENCHES.csv: fx,fy,fz,tx,ty,tz [N, N m] about the sensor's origin.
 A header row is optional; without one the columns are those above, an eighth of the poses is the order.
 
+  --urdf FILE          the robot: POSES.csv has joint positions [rad], [m]
+  --link LINK          of the robot, whose axes are the sensor's; for --urdf
   --axes A             in which the wrenches are given: base, sensor or auto (default: the reading that fits)
   --predict FILE       poses of further readings; without an order column row k lies between poses k and k+1
   --output FILE        where the predicted wrenches go as CSV, axes and header as in WRENCHES.csv (default: only into the YAML)
   --holdout            print the leave-one-out error of every pose besides its rms
   --trace FILE         bias, its sd and the residual at every pose as CSV (scripts/plot_payload.py)
   --in-situ            correction matrix of the sensor, if the data support it
+  --gravity G          where it was recorded, to say the weight as a mass [m/s2] (default: the length of
+                       the columns gx,gy,gz of POSES.csv, else 9.80665)
   --weight W           known weight [N]: fixes the scale of the correction matrix
   --no-drift, --no-breaks, --keep-outliers    leave a part out, to see what it changes
   --help               print this
@@ -42,8 +54,9 @@ Example: calibrate payload poses.csv wrenches.csv --predict new_poses.csv --outp
 )";
 
 struct Options {
-  std::string poses, wrenches, predict, output, trace;
+  std::string poses, wrenches, predict, output, trace, urdf, link;
   PayloadOptions payload;
+  std::optional<double> gravity;
   bool holdout = false;
 };
 
@@ -52,7 +65,9 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& options) {
   PayloadOptions& payload = options.payload;
   OptionParser parser(kHelp);
   parser.file("file POSES.csv", options.poses);
-  parser.file("file WRENCHES.csv", options.wrenches);
+  parser.file("file WRENCHES.csv", options.wrenches, false);
+  parser.text("--urdf", options.urdf);
+  parser.text("--link", options.link);
   parser.choice(
       "--axes", payload.axes,
       {{"base", WrenchAxes::kBase}, {"sensor", WrenchAxes::kSensor}, {"auto", WrenchAxes::kAuto}});
@@ -62,12 +77,17 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& options) {
   parser.number(
       "--weight", payload.known_weight, [](double v) { return v > 0.0; },
       "give a positive number of N");
+  parser.number("--gravity", options.gravity, 9.7, 9.9);
   parser.flag("--holdout", options.holdout);
   parser.flag("--in-situ", payload.in_situ);
   parser.flag("--no-drift", payload.drift, false);
   parser.flag("--no-breaks", payload.breaks, false);
   parser.flag("--keep-outliers", payload.outliers, false);
   if (!parser.parse(arguments)) return false;
+  if (options.wrenches.empty()) options.wrenches = options.poses;
+  if (options.urdf.empty() != options.link.empty()) {
+    throw InputError("--urdf, --link: one of them: give both, the robot and the sensor's link");
+  }
   if (!options.output.empty() && options.predict.empty()) {
     throw InputError("--output: nothing to write: give --predict FILE too");
   }
@@ -78,15 +98,6 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& options) {
 }
 
 // ---- YAML
-
-template <typename Values>
-std::string list(const Values& values) {
-  std::string text;
-  for (Eigen::Index i = 0; i < values.size(); ++i) {
-    text += (i == 0 ? "" : ", ") + yamlNumber(values[i]);
-  }
-  return "[" + text + "]";
-}
 
 template <typename Items, typename Text>
 std::string items(const Items& values, Text text_of) {
@@ -124,9 +135,38 @@ std::string number(double value) {
   return text.str();
 }
 
+constexpr double kGravity = 9.80665;  // standard, to say a weight as a mass [m/s²]
+
+// of the base's z against gravity, up or down whichever is nearer
+struct BaseTilt {
+  double angle, sd;
+  Eigen::Vector3d down;
+};
+
+BaseTilt tiltOf(const PayloadModel& m) {
+  BaseTilt out;
+  out.down = m.gravity / m.weight;
+  const Eigen::Vector2d level = out.down.head<2>();
+  out.angle = std::atan2(level.norm(), std::abs(out.down.z()));
+  // of the two level components, along the tilt or any of them
+  Eigen::Vector3d along = Eigen::Vector3d::UnitX();
+  if (level.norm() > 1e-12) along.head<2>() = level.normalized();
+  const Eigen::Vector3d across = along - out.down.dot(along) * out.down;
+  out.sd = std::sqrt(across.dot(m.gravity_covariance * across)) / m.weight;
+  return out;
+}
+
 // what was found, in words
 std::vector<std::string> findings(const PayloadModel& m) {
   std::vector<std::string> out;
+  const BaseTilt tilt = tiltOf(m);
+  if (tilt.angle > 5.0 * tilt.sd && tilt.angle > kLevelBase) {
+    out.push_back("the base hangs askew: gravity points along (" + number(tilt.down.x()) + ", " +
+                  number(tilt.down.y()) + ", " + number(tilt.down.z()) + ") of its axes, " +
+                  number(tilt.angle * 180.0 / M_PI) + " +- " + number(tilt.sd * 180.0 / M_PI) +
+                  " deg off its z");
+  }
+  const std::size_t before = out.size();
   if (!m.structure_tested) {
     out.push_back("too few poses to test for drift and breaks (16 needed): bias taken as constant");
     return out;
@@ -156,11 +196,11 @@ std::vector<std::string> findings(const PayloadModel& m) {
     out.push_back(std::to_string(m.rejected.size()) +
                   " poses do not fit the others and were left out");
   }
-  if (out.empty()) out.push_back("no drift, no break, no outlier");
+  if (out.size() == before) out.push_back("no drift, no break, no outlier");
   return out;
 }
 
-void printModel(std::ostream& out, const PayloadModel& m, bool holdout) {
+void printModel(std::ostream& out, const PayloadModel& m, bool holdout, double gravity) {
   out << "status: ok\n";
   out << "axes: " << toString(m.axes) << "\n";
   out << "axes_residual: {base: " << yamlNumber(m.base_residual)
@@ -172,6 +212,11 @@ void printModel(std::ostream& out, const PayloadModel& m, bool holdout) {
   out << "weight_vector: " << list(m.gravity) << "\n";
   out << "weight_covariance: " << rowMajor(m.gravity_covariance) << "\n";
   out << "gravity_direction: " << list(Eigen::Vector3d(m.gravity / m.weight)) << "\n";
+  out << "mass: " << yamlNumber(m.weight / gravity) << "\n";
+  out << "mass_sd: " << yamlNumber(m.weight_sd / gravity) << "\n";
+  const BaseTilt tilt = tiltOf(m);
+  out << "base_tilt: {angle: " << yamlNumber(tilt.angle) << ", sd: " << yamlNumber(tilt.sd)
+      << "}\n";
   out << "center_of_mass: " << list(m.center_of_mass) << "\n";
   out << "center_of_mass_sd: " << list(Eigen::Vector3d(m.center_covariance.diagonal().cwiseSqrt()))
       << "\n";
@@ -230,6 +275,15 @@ void printModel(std::ostream& out, const PayloadModel& m, bool holdout) {
   for (const std::string& text : findings(m)) out << "  - \"" << text << "\"\n";
 }
 
+void printPlain(std::ostream& out, const PlainPayload& p, double gravity) {
+  out << "plain: {mass: " << yamlNumber(p.gravity.norm() / gravity)
+      << ", mass_sd: " << yamlNumber(p.weight_sd / gravity)
+      << ", level: " << (p.level ? "true" : "false") << ", level_p: " << yamlNumber(p.level_p)
+      << ", weight_vector: " << list(p.gravity) << ",\n  center_of_mass: " << list(p.center_of_mass)
+      << ", center_of_mass_sd: " << list(p.center_sd) << ",\n  bias: " << list(p.bias)
+      << ", bias_sd: " << list(p.bias_sd) << "}\n";
+}
+
 void printInSitu(std::ostream& out, const InSituCorrection& c) {
   out << "in_situ:\n  given: " << (c.given ? "true" : "false") << "\n  reason: \"" << c.reason
       << "\"\n  p: " << yamlNumber(c.p) << "\n  largest_sd: " << yamlNumber(c.largest_sd)
@@ -262,9 +316,27 @@ void traceTo(const std::string& path, const PayloadModel& m, const std::vector<S
   writeNew(path, text);
 }
 
+std::optional<JointAngles> jointsOf(const Options& options) {
+  if (options.urdf.empty()) return std::nullopt;
+  std::ifstream file(options.urdf);
+  if (!file) throw InputError(options.urdf + ": file missing or unreadable: give a URDF");
+  const std::string urdf{std::istreambuf_iterator<char>(file), {}};
+  const JointChain chain = loadJointChain(urdf, options.link, options.urdf);
+  JointAngles out;
+  for (const JointChain::Joint& joint : chain.joints) out.names.push_back(joint.name);
+  out.rotation = [chain](const std::vector<double>& q) { return linkPose(chain, q).R; };
+  return out;
+}
+
 int run(const Options& options, std::ostream& out) {
-  Poses poses = readPoses(options.poses);
+  const std::optional<JointAngles> joints = jointsOf(options);
+  const JointAngles* angles = joints ? &*joints : nullptr;
+  Poses poses = readPoses(options.poses, angles);
   const Wrenches wrenches = readWrenches(options.wrenches);
+  if (options.wrenches == options.poses && !wrenches.header) {
+    throw InputError(
+        "argument: value missing: give a file WRENCHES.csv, or one RECORDING.csv with a header");
+  }
   if (poses.values.size() != wrenches.values.size()) {
     throw InputError(options.wrenches + ": " + std::to_string(wrenches.values.size()) +
                      " rows for " + std::to_string(poses.values.size()) + " poses of " +
@@ -274,14 +346,18 @@ int run(const Options& options, std::ostream& out) {
     poses.values[i].temperature = wrenches.temperature[i];
   }
   Poses further;
-  if (!options.predict.empty()) further = readPoses(options.predict);
+  if (!options.predict.empty()) further = readPoses(options.predict, angles);
 
   const PayloadModel model = identifyPayload(poses.values, wrenches.values, options.payload);
   if (model.refusal) {
     out << "status: refused\nreason: \"" << model.refusal.text << "\"\n";
     return 1;
   }
-  printModel(out, model, options.holdout);
+  const double gravity = options.gravity.value_or(poses.gravity.value_or(kGravity));
+  printModel(out, model, options.holdout, gravity);
+  printPlain(out,
+             plainPayload(poses.values, inSensorAxes(poses.values, wrenches.values, model.axes)),
+             gravity);
   if (options.payload.in_situ) printInSitu(out, model.in_situ);
   if (!options.trace.empty()) traceTo(options.trace, model, poses.values);
   if (options.predict.empty()) return 0;
