@@ -5,14 +5,17 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <istream>
 #include <memory>
 #include <streambuf>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "../emulators/device_codecs.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/guard/message_check.h"
 #include "assembly_cell/sensor/iio_text.h"
 #include "assembly_cell/sensor/netft_configuration.h"
 #include "assembly_cell/sensor/rdt.h"
@@ -173,6 +176,38 @@ void fuzzIioText(const std::uint8_t* data, std::size_t size) {
   if (!parseIioType(text.substr(0, text.find('\n')), type)) return;
   require(type.bits >= 1 && type.bits + type.shift <= type.storage, "bits within the storage");
   isIioEndCode(integer, type);
+}
+
+// Numbers as they come in messages: what passes is finite, of whole samples, and can be added to.
+void fuzzMessageCheck(const std::uint8_t* data, std::size_t size) {
+  std::vector<double> numbers(size / sizeof(double));
+  if (numbers.size() < 6) return;
+  std::memcpy(numbers.data(), data, numbers.size() * sizeof(double));
+  const double stamp = numbers[0], period = numbers[1];
+  const double* const values = numbers.data() + 2;
+  const std::size_t count = numbers.size() - 2;
+  MessageCheck check;
+  check.block("wrench", count, 6).number("period", period, kPeriodField);
+  check.stamp("header.stamp", stamp);
+  check.quaternion("orientation", values[0], values[1], values[2], values[3]);
+  const bool shape = check.good();
+  check.sixes("wrench", values, check.good() ? count : 0, kForceField, kTorqueField);
+  require(check.good() == check.text().empty(), "a fault has a text");
+  require(check.text().find('\n') == std::string::npos, "a fault is one line");
+  if (check.good()) {
+    const double end = stamp + period * static_cast<double>(count / 6);
+    require(end < 2147483647.0, "the end of a block fits in 31 bits");
+    for (std::size_t k = 0; k < count; ++k) require(std::abs(values[k]) <= 1e5, "values in range");
+  } else if (shape) {
+    require(!std::all_of(values, values + count, [](double v) { return std::abs(v) <= 1e4; }),
+            "small values pass");
+  }
+  StampWindow window;
+  for (const double number : numbers) {
+    if (number >= 0.0 && number <= kLastStamp) window.accept(number);
+  }
+  require(window.last() >= 0.0 && window.last() <= kLastStamp, "the window keeps stamps");
+  require(window.accept(100.0) || window.accept(100.0), "nobody starves");
 }
 
 }  // namespace assembly_cell

@@ -14,5 +14,6 @@ void fuzzBotaFrames(const std::uint8_t* data, std::size_t size);
 void fuzzRobotiqFrames(const std::uint8_t* data, std::size_t size);
 void fuzzReplay(const std::uint8_t* data, std::size_t size);
 void fuzzIioText(const std::uint8_t* data, std::size_t size);
+void fuzzMessageCheck(const std::uint8_t* data, std::size_t size);
 
 }  // namespace assembly_cell

@@ -225,7 +225,8 @@ TEST(Fuzz, KeptInputsBreakNothing) {
   for (const Target& target :
        {Target{"RdtRecord", fuzzRdtRecord}, Target{"NetftConfiguration", fuzzNetftConfiguration},
         Target{"BotaFrames", fuzzBotaFrames}, Target{"RobotiqFrames", fuzzRobotiqFrames},
-        Target{"Replay", fuzzReplay}, Target{"IioText", fuzzIioText}}) {
+        Target{"Replay", fuzzReplay}, Target{"IioText", fuzzIioText},
+        Target{"MessageCheck", fuzzMessageCheck}}) {
     std::size_t inputs = 0;
     const std::string folder =
         std::string(ASSEMBLY_CELL_SOURCE_DIR "/test/fuzz/corpus/") + target.name;
