@@ -1,0 +1,115 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "assembly_cell/guard/freshness.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kBlock = 0.02;   // [s]
+constexpr double kDelay = 0.004;  // of a message that is not late [s]
+
+// A plant whose clock starts at 100 s, and what its messages tell.
+struct Feed {
+  CellClock clock{true};
+  double wall = 0.0, stamp = 100.0;
+  double late = 0.0;  // what is in the queue [s]
+
+  // blocks that come as the plant sends them, `rate` cell seconds a second
+  void run(int blocks, double rate = 1.0) {
+    for (int i = 0; i < blocks; ++i) {
+      wall += kBlock / rate;
+      stamp += kBlock;
+      clock.observe(wall + kDelay, stamp);
+    }
+  }
+  double age() const { return clock.now(wall + kDelay) - stamp; }
+};
+
+TEST(Freshness, BlocksAsTheyComeAreFresh) {
+  Feed feed;
+  feed.run(1);
+  EXPECT_TRUE(isFresh(feed.stamp, feed.clock.now(feed.wall + kDelay)));
+  for (int i = 0; i < 1000; ++i) {
+    feed.run(1);
+    ASSERT_NEAR(feed.age(), 0.0, 1e-9);
+  }
+}
+
+TEST(Freshness, TimeGoesOnWhileNothingComes) {
+  Feed feed;
+  feed.run(50);
+  EXPECT_NEAR(feed.clock.now(feed.wall + kDelay + 0.3) - feed.stamp, 0.3, 1e-9);
+  CellClock lockstep(false);
+  lockstep.observe(1.0, 100.0);
+  EXPECT_EQ(lockstep.now(50.0), 100.0);
+}
+
+// Frozen for 0.2 to 10 s, with a queue that keeps all or only the last two seconds: no block of the
+// heap is taken for fresh, and the first one after it is.
+TEST(Freshness, NothingOfAHeapIsFreshAfterAFreeze) {
+  for (const double frozen : {0.2, 1.0, 3.0, 10.0}) {
+    for (const double queue : {2.0, 100.0}) {
+      Feed feed;
+      feed.run(100);
+      // the plant goes on meanwhile; now the heap, a millisecond each
+      const double end = feed.wall + frozen;
+      const int missed = static_cast<int>(frozen / kBlock + 0.5);
+      const int kept = std::min(missed, static_cast<int>(queue / kBlock + 0.5));
+      feed.wall = end;
+      feed.stamp += (missed - kept) * kBlock;
+      const double plant = feed.stamp + kept * kBlock;
+      for (int i = 0; i < kept; ++i) {
+        feed.stamp += kBlock;
+        feed.clock.observe(feed.wall + kDelay, feed.stamp);
+        const bool fresh = isFresh(feed.stamp, feed.clock.now(feed.wall + kDelay));
+        EXPECT_EQ(fresh, plant - feed.stamp + 1e-3 * i <= kFreshAge)
+            << frozen << " s, " << plant - feed.stamp << " s old";
+        feed.wall += 1e-3;
+      }
+      feed.wall = end + kBlock * 20;
+      feed.stamp = plant + kBlock * 20;
+      feed.run(1);
+      EXPECT_LT(feed.age(), 1e-3) << frozen;
+    }
+  }
+}
+
+TEST(Freshness, APauseOfThePlantIsNoQueue) {
+  for (const double pause : {0.1, 1.0, 10.0, 1000.0}) {
+    Feed feed;
+    feed.run(100);
+    feed.wall += pause;
+    feed.run(6);
+    EXPECT_LT(feed.age(), kFreshAge) << pause;
+    feed.run(50);
+    EXPECT_LT(feed.age(), 1e-3) << pause;
+  }
+}
+
+TEST(Freshness, ASlowOrQuickPlantIsFresh) {
+  for (const double rate : {0.1, 0.25, 0.5, 0.9, 1.1, 2.0, 10.0}) {
+    Feed feed;
+    feed.run(100);
+    feed.run(20, rate);
+    for (int i = 0; i < 200; ++i) {
+      feed.run(1, rate);
+      ASSERT_LT(feed.age(), kFreshAge) << rate;
+    }
+  }
+}
+
+TEST(Freshness, AnotherLifeOfThePlantBeginsAnew) {
+  Feed feed;
+  feed.run(500);
+  feed.stamp = 1.0;
+  feed.wall += 2.0;
+  feed.run(1);
+  EXPECT_NEAR(feed.age(), 0.0, 1e-9);
+  EXPECT_EQ(feed.clock.newest(), feed.stamp);
+}
+
+}  // namespace
+}  // namespace assembly_cell

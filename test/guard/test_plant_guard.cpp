@@ -1,0 +1,255 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "assembly_cell/guard/freshness.h"
+#include "assembly_cell/guard/plant_guard.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kBlock = 0.02;  // [s]
+const double kNaN = std::numeric_limits<double>::quiet_NaN();
+const Vector6 kNothing = Vector6::Zero();
+
+// A plant with its clock, and nodes that know it as of its last block.
+struct Plant {
+  explicit Plant(LeaseMode mode = LeaseMode::kAuto, bool lockstep = false)
+      : guard(plantGuard({}, mode, lockstep)) {}
+
+  PlantGuard guard;
+  double now = 5.0;
+  GuardAction last;
+
+  Sender as(const std::string& node) const { return {node, now, true, false}; }
+  GuardReason lease(const std::string& node, std::uint32_t session) {
+    last = {};
+    return renewLease(guard, as(node), session, now, last).reason;
+  }
+  GuardReason move(const Sender& sender, double z = 0.001) {
+    return judgeMove(guard, sender, Pose{Eigen::Matrix3d::Identity(), {0, 0, z}}, now).reason;
+  }
+  GuardReason shake(const Sender& sender, double amplitude = 1.0) {
+    return judgeExciter(guard, sender, {amplitude, 450.0, 0.0, 1}, now).reason;
+  }
+  GuardAction block(const Vector6& load = kNothing) {
+    now += kBlock;
+    return last = watch(guard, load, 0.0, now);
+  }
+};
+
+Vector6 down(double force) {
+  Vector6 load = Vector6::Zero();
+  load(2) = force;
+  return load;
+}
+
+TEST(PlantGuard, WithoutASessionAnybodyCommandsUnlessALeaseIsRequired) {
+  Plant free, strict(LeaseMode::kRequired);
+  EXPECT_EQ(free.move(free.as("/a")), GuardReason::kNone);
+  EXPECT_EQ(free.move(free.as("/b")), GuardReason::kNone);
+  EXPECT_EQ(free.move({"/c", 0.0, false, false}), GuardReason::kNone);
+  EXPECT_EQ(strict.move(strict.as("/a")), GuardReason::kNoLease);
+  EXPECT_EQ(strict.lease("/a", 7), GuardReason::kNone);
+  EXPECT_EQ(strict.move(strict.as("/a")), GuardReason::kNone);
+}
+
+TEST(PlantGuard, ASessionBeginsWithTheExciterOffAndCommandsAlone) {
+  Plant plant;
+  EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kNone);
+  EXPECT_TRUE(plant.guard.shaking);
+  EXPECT_EQ(plant.lease("/a", 7), GuardReason::kNone);
+  EXPECT_TRUE(plant.last.exciter_off);
+  EXPECT_FALSE(plant.guard.shaking);
+  plant.block();
+  EXPECT_EQ(plant.lease("/a", 7), GuardReason::kNone);
+  EXPECT_FALSE(plant.last.exciter_off);
+
+  const Verdict other = judgeMove(plant.guard, plant.as("/b"), Pose{}, plant.now);
+  EXPECT_EQ(other.reason, GuardReason::kHeldByAnother);
+  EXPECT_EQ(other.text, "held_by_another: /a holds the plant");
+  EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kHeldByAnother);
+  EXPECT_EQ(plant.lease("/b", 8), GuardReason::kHeldByAnother);
+  EXPECT_EQ(plant.lease("/b", 0), GuardReason::kNone);
+  EXPECT_EQ(plant.guard.holder, "/a");
+  // switching off is never refused
+  EXPECT_EQ(plant.shake(plant.as("/a")), GuardReason::kNone);
+  EXPECT_EQ(plant.shake(plant.as("/b"), 0.0), GuardReason::kNone);
+  EXPECT_FALSE(plant.guard.shaking);
+
+  EXPECT_EQ(plant.shake(plant.as("/a")), GuardReason::kNone);
+  EXPECT_EQ(plant.lease("/a", 0), GuardReason::kNone);
+  EXPECT_TRUE(plant.last.exciter_off);
+  EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kNone);
+}
+
+// Whenever the holder dies, the plant stands no later than lease_time after the last block that it
+// has seen; nobody else gets it before, all do a second later.
+TEST(PlantGuard, DeadMan) {
+  std::mt19937 random(1);
+  for (int trial = 0; trial < 300; ++trial) {
+    Plant plant;
+    plant.now = std::uniform_real_distribution<double>(0.0, 1e4)(random);
+    ASSERT_EQ(plant.lease("/a", 7), GuardReason::kNone);
+    ASSERT_EQ(plant.shake(plant.as("/a")), GuardReason::kNone);
+    const int alive = std::uniform_int_distribution<int>(0, 40)(random);
+    double seen = plant.now;
+    for (int i = 0; i < alive; ++i) {
+      ASSERT_FALSE(plant.block().hold);
+      // by lease or by command
+      if (i % 3 == 0) {
+        ASSERT_EQ(plant.move(plant.as("/a")), GuardReason::kNone);
+      } else {
+        ASSERT_EQ(plant.lease("/a", 7), GuardReason::kNone);
+      }
+      seen = plant.now;
+    }
+    while (!plant.block().hold) ASSERT_LT(plant.now, seen + 1.0);
+    EXPECT_EQ(plant.last.reason, GuardReason::kLapsed);
+    EXPECT_TRUE(plant.last.exciter_off);
+    EXPECT_FALSE(plant.guard.shaking);
+    EXPECT_LE(plant.now - seen, 0.1 + 1e-6);
+    EXPECT_GT(plant.now - seen, 0.1 - kBlock);
+    // told once
+    EXPECT_FALSE(plant.block().hold);
+    EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kHeldByAnother);
+    while (plant.now - seen < 1.0) plant.block();
+    EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kNone);
+  }
+}
+
+TEST(PlantGuard, ALapseEndsWithTheNextSignOfLife) {
+  Plant plant;
+  plant.lease("/a", 7);
+  while (!plant.block().hold) ASSERT_LT(plant.now, 6.0);
+  EXPECT_TRUE(plant.guard.lapsed);
+  EXPECT_EQ(plant.lease("/a", 7), GuardReason::kNone);
+  EXPECT_FALSE(plant.guard.lapsed);
+  // the same node started anew takes over at once
+  EXPECT_EQ(plant.lease("/a", 8), GuardReason::kNone);
+  EXPECT_TRUE(plant.last.exciter_off);
+  EXPECT_EQ(plant.guard.session, 8U);
+}
+
+TEST(PlantGuard, OldNewsAreNoSignOfLifeAndLeadToNoCommand) {
+  Plant plant;
+  plant.lease("/a", 7);
+  const Sender old = plant.as("/a");
+  for (int i = 0; i < 3; ++i) {
+    plant.block();
+    plant.lease("/a", 7);
+  }
+  EXPECT_EQ(plant.move(old), GuardReason::kNone) << "60 ms";
+  plant.block();
+  plant.lease("/a", 7);
+  EXPECT_EQ(plant.move(old), GuardReason::kStale) << "80 ms";
+  EXPECT_EQ(plant.shake(old), GuardReason::kStale);
+  EXPECT_EQ(plant.move({"/a", 0.0, false, false}), GuardReason::kStale) << "no stamp";
+  // a heap of leases from before a freeze
+  const double seen = plant.guard.seen;
+  plant.block();
+  GuardAction action;
+  EXPECT_EQ(renewLease(plant.guard, old, 7, plant.now, action).reason, GuardReason::kStale);
+  EXPECT_EQ(plant.guard.seen, seen);
+}
+
+TEST(PlantGuard, CommandsOfAnEarlierLifeAreRefused) {
+  for (const bool lockstep : {false, true}) {
+    Plant plant(LeaseMode::kAuto, lockstep);
+    plant.now = 0.0;
+    EXPECT_EQ(plant.move({"/a", 0.0, false, true}), GuardReason::kEarlierLife) << "latched";
+    const double before = lockstep ? 37.0 : -0.5;
+    EXPECT_EQ(plant.move({"/a", before, true, true}), GuardReason::kEarlierLife);
+    EXPECT_EQ(plant.move({"/a", before, true, false}), GuardReason::kEarlierLife);
+    EXPECT_EQ(plant.shake({"/a", before, true, false}), GuardReason::kEarlierLife);
+    GuardAction action;
+    EXPECT_EQ(renewLease(plant.guard, {"/a", before, true, false}, 7, 0.0, action).reason,
+              GuardReason::kEarlierLife);
+    EXPECT_TRUE(plant.guard.holder.empty());
+    EXPECT_EQ(plant.move({"/a", 0.0, true, false}), GuardReason::kNone);
+    EXPECT_EQ(plant.move({"/a", 0.0, false, false}), GuardReason::kNone);
+  }
+}
+
+TEST(PlantGuard, RefusesBeyondItsLimitsByNameValueAndLimit) {
+  Plant plant;
+  const auto exciter = [&](const ExciterCommand& drive) {
+    return judgeExciter(plant.guard, plant.as("/a"), drive, plant.now).text;
+  };
+  EXPECT_EQ(exciter({50.0, 2e4, 0.0, 1}), "");
+  EXPECT_EQ(exciter({1000.0, 450, 0, 1}),
+            "max_amplitude: amplitude is 1000 N, allowed are 0 to 50 N");
+  EXPECT_EQ(exciter({-1.0, 450, 0, 1}), "max_amplitude: amplitude is -1 N, allowed are 0 to 50 N");
+  EXPECT_EQ(exciter({1.0, 1e308, 0, 1}),
+            "max_frequency: frequency is 1e+308 rad/s, allowed are 0 to 20000 rad/s");
+  EXPECT_EQ(exciter({1.0, 450, 0, 3}), "direction: direction is 3: give 1 or -1");
+  EXPECT_EQ(exciter({kNaN, 450, 0, 1}).rfind("not_finite", 0), 0U);
+  // off, too, must be finite
+  EXPECT_EQ(exciter({0.0, kNaN, 0, 1}).rfind("not_finite", 0), 0U);
+
+  const auto move = [&](const Pose& X) {
+    return judgeMove(plant.guard, plant.as("/a"), X, plant.now).text;
+  };
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
+  EXPECT_EQ(move({I, {0.1, -0.1, 0.1}}), "");
+  EXPECT_EQ(move({I, {0.0, -5.0, 0.0}}),
+            "workspace: y is -5 m from the start, allowed are -0.1 to 0.1 m");
+  EXPECT_EQ(move({I, {0.0, kNaN, 0.0}}), "not_finite: give finite numbers");
+  EXPECT_EQ(move({Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitX()).toRotationMatrix(), {0, 0, 0}}),
+            "max_rotation: turn from the start is 0.5 rad, allowed are 0 to 0.35 rad");
+}
+
+TEST(PlantGuard, AnOverloadStopsThePlantUntilAMoveUpOrAnotherSession) {
+  for (const bool session : {false, true}) {
+    Plant plant;
+    if (session) plant.lease("/a", 7);
+    EXPECT_EQ(plant.move(plant.as("/a"), -0.02), GuardReason::kNone);
+    EXPECT_FALSE(exceeds(down(99.9), plant.guard.allowed));
+    EXPECT_TRUE(exceeds(down(kNaN), plant.guard.allowed));
+    ASSERT_TRUE(exceeds(down(150.0), plant.guard.allowed));
+    EXPECT_EQ(overload(plant.guard, down(150.0)).text,
+              "max_force: load of the coupling is 150 N, allowed are 0 to 100 N");
+    plant.block(down(150.0));
+    if (session) plant.lease("/a", 7);
+    EXPECT_EQ(plant.move(plant.as("/a"), -0.02), GuardReason::kOverloaded);
+    EXPECT_EQ(plant.shake(plant.as("/a")), GuardReason::kOverloaded);
+    if (session) {
+      plant.lease("/a", 8);
+    } else {
+      EXPECT_EQ(plant.move(plant.as("/a"), 0.001), GuardReason::kNone);
+    }
+    EXPECT_FALSE(plant.guard.overloaded);
+    // the load may be taken off, but not grow; then the limit is what it was
+    EXPECT_FALSE(exceeds(down(160.0), plant.guard.allowed));
+    EXPECT_TRUE(exceeds(down(170.0), plant.guard.allowed));
+    plant.block(down(120.0));
+    EXPECT_TRUE(exceeds(down(133.0), plant.guard.allowed));
+    plant.block(down(10.0));
+    EXPECT_TRUE(exceeds(down(101.0), plant.guard.allowed));
+    plant.block(down(99.0));
+    EXPECT_TRUE(exceeds(down(101.0), plant.guard.allowed));
+  }
+  Plant plant;
+  Vector6 torque = Vector6::Zero();
+  torque(3) = 11.0;
+  ASSERT_TRUE(exceeds(torque, plant.guard.allowed));
+  EXPECT_EQ(overload(plant.guard, torque).text,
+            "max_torque: load of the coupling is 11 N m, allowed are 0 to 10 N m");
+}
+
+TEST(PlantGuard, ALoneExciterStops) {
+  Plant plant;
+  const double start = plant.now;
+  EXPECT_EQ(plant.shake(plant.as("/a")), GuardReason::kNone);
+  while (!plant.block().exciter_off) ASSERT_LT(plant.now, start + 20.0);
+  EXPECT_EQ(plant.last.reason, GuardReason::kLoneExciter);
+  EXPECT_FALSE(plant.last.hold);
+  EXPECT_NEAR(plant.now - start, 10.0, 1e-6);
+}
+
+}  // namespace
+}  // namespace assembly_cell
