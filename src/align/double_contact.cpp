@@ -9,11 +9,10 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kLevelReadings = 6;
 constexpr double kDoubleTilt = 0.0175;  // toward the hole in double contact: 1 degree [rad]
 constexpr double kStep = 0.0087;        // of the wobble about the radial axis [rad]
-constexpr double kMostTurn = 0.14;      // 8 degrees [rad]
+constexpr double kMaxTurn = 0.14;       // 8 degrees [rad]
 constexpr double kOnEdge = 0.06;        // from the lowest point: more is on the rim [rad]
 constexpr int kSeekReadings = 10;
 constexpr double kNudge = 0.08;  // [rad]
@@ -25,11 +24,11 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-double wrapPi(double a) { return std::remainder(a, 2 * kPi); }
+double wrapPi(double a) { return std::remainder(a, 2 * M_PI); }
 // anticlockwise from a to b, 0 to 2 pi
 double turnFrom(double a, double b) {
   const double turn = wrapPi(b - a);
-  return turn < 0.0 ? turn + 2 * kPi : turn;
+  return turn < 0.0 ? turn + 2 * M_PI : turn;
 }
 
 // The strategy `double_contact` (thesis Fig 9.16; docs/strategies.md): both edge contacts at
@@ -79,7 +78,7 @@ class DoubleContact : public VibratedSearch {
           } else if (++rounds >= p_.rounds) {
             return false;
           } else {
-            bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
+            bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
             goAside();
             state = State::kSeek;
           }
@@ -106,7 +105,7 @@ class DoubleContact : public VibratedSearch {
     double_low_.reset();
     for (int i = 0; i < kLevelReadings; ++i) {
       Felt felt;
-      const double low = 2 * kPi * i / kLevelReadings;
+      const double low = 2 * M_PI * i / kLevelReadings;
       if (!readAt(std::polar(tilt_, low), "level", felt, false)) return false;
       if (felt.straddles) double_low_ = low;
     }
@@ -127,7 +126,7 @@ class DoubleContact : public VibratedSearch {
     // C or C*: the one at the plane's height
     const auto off = [&](double a) { return std::abs(hole_.normal.dot(point(a)) - hole_.height); };
     const double a = felt.reading.alpha;
-    const Vec3 p = R_HS * point(!felt.reading.end_known && off(a + kPi) < off(a) ? a + kPi : a);
+    const Vec3 p = R_HS * point(!felt.reading.end_known && off(a + M_PI) < off(a) ? a + M_PI : a);
     const Vec3 from = p - R_HS * X_SP.p;
     Contact contact;
     contact.direction = std::atan2(from.y(), from.x());
@@ -173,9 +172,9 @@ class DoubleContact : public VibratedSearch {
       if (!readAt(std::polar(kDoubleTilt, toward), "seek", felt)) return false;
       if (felt.seen.mode.mode == LocusMode::kSegment) {
         alpha_ = felt.seen.locus.orientation();
-        if (std::cos(alpha_ - toward) < 0.0) alpha_ = wrapPi(alpha_ + kPi);
+        if (std::cos(alpha_ - toward) < 0.0) alpha_ = wrapPi(alpha_ + M_PI);
         report("seek", text("double contact, the hole lies in direction %.2f deg or opposite",
-                            alpha_ * 180 / kPi));
+                            alpha_ * 180 / M_PI));
         return true;
       }
       if (felt.usable) {
@@ -199,7 +198,7 @@ class DoubleContact : public VibratedSearch {
     int plateau = 0, plane = 0, finer = 0;
     while (plateau < kPlateau || (to_plane && plane < kPlaneReadings)) {
       turn += size;
-      if (turn > kMostTurn) {
+      if (turn > kMaxTurn) {
         report("step", "the plane is out of reach: position only");
         break;
       }
@@ -216,8 +215,8 @@ class DoubleContact : public VibratedSearch {
         if (++plateau == kPlateau && to_plane) {
           // to where the lowest point is expected to leave the hole
           const double half = std::abs(wrapPi(c.direction - alpha_));
-          if (half >= 0.5 * kPi) {
-            turn = kMostTurn;
+          if (half >= 0.5 * M_PI) {
+            turn = kMaxTurn;
           } else {
             turn = std::max(turn, kDoubleTilt * std::tan(half));
           }
@@ -265,8 +264,8 @@ class DoubleContact : public VibratedSearch {
     hole_.center += hole_.normal * (hole_.height - hole_.normal.dot(hole_.center));
     report("solve",
            text("centre %.3f %.3f mm by both edges", offset().x() * 1e3, offset().y() * 1e3) +
-               (tilt ? text(", tilt %.3f deg by the plane, %.3f commanded", *tilt * 180 / kPi,
-                            kDoubleTilt * 180 / kPi)
+               (tilt ? text(", tilt %.3f deg by the plane, %.3f commanded", *tilt * 180 / M_PI,
+                            kDoubleTilt * 180 / M_PI)
                      : std::string(", position only")));
     found_ = true;
     const HoleEstimate formula = hole_;

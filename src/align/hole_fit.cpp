@@ -9,22 +9,21 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kHeightFloor = 3e-5;  // heights within this always agree [m]
 constexpr double kLowTolerance =
-    0.05;  // a contact this near the lowest point is on the plane [rad]
-constexpr double kLeastScatter = 0.25;    // residuals are never taken for less than 0.5 sd, squared
-constexpr double kPointFloor = 3e-6;      // sd of a contact's place besides its direction [m]
-constexpr double kDirectionFloor = 1e-3;  // sd of a direction, model included [rad]
+    0.05;                             // a contact this near the lowest point is on the plane [rad]
+constexpr double kMinScatter = 0.25;  // residuals are never taken for less than 0.5 sd, squared
+constexpr double kPointFloor = 3e-6;  // sd of a contact's place besides its direction [m]
+constexpr double kDirectionFloor = 1e-3;   // sd of a direction, model included [rad]
 constexpr double kBranchDirection = 0.02;  // sd of a direction where centres compete [rad]
 constexpr double kExplained = 0.008;       // off an expected direction by less is no error [rad]
 constexpr std::size_t kFewest = 5;         // readings for a plane with something left over
-constexpr int kFewestRim = 4;
+constexpr int kMinRim = 4;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-double wrapPi(double a) { return std::remainder(a, 2 * kPi); }
+double wrapPi(double a) { return std::remainder(a, 2 * M_PI); }
 
 Vec3 contactPoint(const HoleReading& r, double radius, double alpha) {
   return r.X_SP.R * Vec3(radius * std::cos(alpha), radius * std::sin(alpha), 0.0) + r.X_SP.p;
@@ -82,7 +81,7 @@ CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>
     H.diagonal().array() += 1e-9 * H.trace();
     const Vec2 step = -H.ldlt().solve(g);
     // the scatter about the circle is the measure; the readings' sd only weighs them
-    fit.covariance = H.inverse() * std::max(kLeastScatter, squares / std::max(1.0, n - 2));
+    fit.covariance = H.inverse() * std::max(kMinScatter, squares / std::max(1.0, n - 2));
     // damp long steps: the circle is only locally linear
     fit.center += step * std::min(1.0, 0.2 * radius / std::max(step.norm(), 1e-12));
     if (step.norm() < 1e-10) break;
@@ -132,7 +131,7 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
     Vec3 b = Vec3::Zero();
     std::size_t n = 0;
     for (HoleReading& r : readings) {
-      const double opposite = wrapPi(r.alpha + kPi);
+      const double opposite = wrapPi(r.alpha + M_PI);
       const double here = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
       const double there = e.normal.dot(contactPoint(r, radius, opposite)) - e.height;
       bool take;
@@ -203,7 +202,7 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
     const double away = std::abs(wrapPi(r.alpha - lowest(r, e.normal)));
     if (away > std::max(kLowTolerance, 4 * r.sd)) {
       r.kind = HoleReading::kRim;
-      const Vec3 along = contactPoint(r, peg_radius, r.alpha + 0.5 * kPi) - r.X_SP.p;
+      const Vec3 along = contactPoint(r, peg_radius, r.alpha + 0.5 * M_PI) - r.X_SP.p;
       rim.push_back({p, axes.transpose() * along, std::max(kDirectionFloor, r.sd)});
       ++e.rim_readings;
     } else {
@@ -212,7 +211,7 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
     }
   }
   middle /= e.plane_readings + e.rim_readings;
-  if (e.rim_readings < kFewestRim) {
+  if (e.rim_readings < kMinRim) {
     return {AlignFailure::kNoHoleUnderEdge, "fewer than 4 contacts on the rim"};
   }
 
@@ -222,7 +221,7 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
   double least = 1e300;
   for (int i = 0; i < 24; ++i) {
     for (const double distance : {0.01, 0.1, 0.4, 1.2}) {
-      const double a = 2 * kPi * i / 24.0;
+      const double a = 2 * M_PI * i / 24.0;
       const Vec2 start = middle + distance * hole_radius * Vec2(std::cos(a), std::sin(a));
       const CircleFit fit = fitCircle(rim, plane, hole_radius, start);
       double cost = 0.0;

@@ -21,7 +21,7 @@ double edgeReach(const Pose& X_HP, double peg_radius) {
   };
   // the distance has at most two maxima round the edge: best of a grid, then golden section
   constexpr int kGrid = 360;
-  constexpr double kStep = 2.0 * 3.14159265358979323846 / kGrid;
+  constexpr double kStep = 2.0 * M_PI / kGrid;
   int best = 0;
   for (int i = 1; i < kGrid; ++i) {
     if (reach(i * kStep) > reach(best * kStep)) best = i;

@@ -10,17 +10,16 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-constexpr double kClear = 3e-4;   // over the plane before the last way down [m]
+constexpr double kClear = 3e-4;   // over the plane before the last descent [m]
 constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
 constexpr double kLeave = 8e-3;   // travel up after a failure [m]
 
 constexpr double kWallDeflection = 2e-5;  // of the peg against its carrier that is a wall [m]
-constexpr double kWallSearch = 6.0;       // way to a wall at most, in clearances
+constexpr double kWallSearch = 6.0;       // travel to a wall at most, in clearances
 constexpr double kWallSd = 5e-6;          // of a middle between walls, per axis [m]
 constexpr double kWallForce = 1.0;        // of a wall that stops a peg at rest [N]
 constexpr double kUnknownAxis = 0.05;     // sd of the axis of a hole that only walls tell [rad]
@@ -30,7 +29,7 @@ constexpr double kMaxCompliance = 3.0;    // travel of a press, times the coupli
 constexpr int kTouches = 4;               // that may give way, one after the other
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
 constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
-constexpr double kGolden = 2.4;     // from one way aside to the next, never the same twice [rad]
+constexpr double kGolden = 2.4;     // from one travel aside to the next, never the same twice [rad]
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
 // travel of the carrier per force of one edge point [m/N]
@@ -64,12 +63,12 @@ Search::Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& 
     : mechanism_(mechanism),
       p_(parameters),
       progress_(progress),
-      hand_(plant, {parameters.force_limit, parameters.descent_limit, parameters.approach_step,
-                    kMaxCompliance * pressCompliance(mechanism)}),
+      press_(plant, {parameters.force_limit, parameters.descent_limit, parameters.approach_step,
+                     kMaxCompliance * pressCompliance(mechanism)}),
       length_(mechanism.peg.half_height + mechanism.peg.coupling_height) {
-  start_time_ = hand_.last().time;
-  hand_.wait(1);
-  block_ = hand_.last().time - start_time_;
+  start_time_ = press_.last().time;
+  press_.wait(1);
+  block_ = press_.last().time - start_time_;
 }
 
 AlignResult Search::run() {
@@ -90,7 +89,7 @@ AlignResult Search::run() {
     }
   }
   result.contacts = contacts_;
-  result.time = hand_.last().time - start_time_;
+  result.time = press_.last().time - start_time_;
   result.reference_time = reference_time_;
   if (found_) summarise(result);
   return result;
@@ -98,12 +97,12 @@ AlignResult Search::run() {
 
 // exciter off, and the peg free
 void Search::leave() {
-  if (begun_ && hand_.last().carrier.z < start_z_ + kLeave) {
+  if (begun_ && press_.last().carrier.z < start_z_ + kLeave) {
     backOut(kLeave);
   } else {
     PlantCommand off;
     off.exciter = ExciterParameters{0.0, 0.0, 0.0, p_.exciter_direction};
-    hand_.step(off);
+    press_.step(off);
   }
 }
 
@@ -119,11 +118,11 @@ Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
 }
 
 Search::Touch Search::feel() {
-  hand_.wait(kFeelBlocks);
+  press_.wait(kFeelBlocks);
   Vector6 w = Vector6::Zero(), d = Vector6::Zero();
   for (int i = 0; i < kFeelBlocks; ++i) {
-    hand_.wait(1);
-    w += hand_.wrench() / kFeelBlocks;
+    press_.wait(1);
+    w += press_.wrench() / kFeelBlocks;
     d += deflection() / kFeelBlocks;
   }
   // the weight has turned since the tare; the base stands upright to a few degrees, which is 10 mN
@@ -131,7 +130,7 @@ Search::Touch Search::feel() {
     const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
     return pegWeight(mechanism_.peg, mechanism_.gravity, up, deflection);
   };
-  w -= weight(hand_.last().carrier, d) - weight(hand_.tarePose(), Vector6::Zero());
+  w -= weight(press_.last().carrier, d) - weight(press_.tarePose(), Vector6::Zero());
   const Pose X_CQ = Pose{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()} *
                     Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
   const Vector6 at = transformWrench(inverse(X_CQ), w);
@@ -146,7 +145,7 @@ Search::Touch Search::feel() {
 std::optional<Search::Touch> Search::lightTouch(double floor) {
   Touch touch;
   for (int i = 0; i < kTouches && !touch.felt(); ++i) {
-    if (!hand_.approach(floor)) return {};
+    if (!press_.approach(floor)) return {};
     touch = feel();
   }
   return touch;
@@ -168,12 +167,12 @@ void Search::holeOnLowSide(const Mat3& R) {
   asides_ = 0;
 }
 
-void Search::backOut(double way) {
+void Search::backOut(double travel) {
   for (int i = 0;; ++i) {
-    const Pose peg = pegPose(hand_.last().carrier, deflection());
+    const Pose peg = pegPose(press_.last().carrier, deflection());
     try {
       // unstrained; if that does not free it, turned back first: pulling may tighten a wedge
-      hand_.retreat(restFor(peg.p, i == 0 ? peg.R : Mat3(Mat3::Identity())), way);
+      press_.retreat(restFor(peg.p, i == 0 ? peg.R : Mat3(Mat3::Identity())), travel);
       return;
     } catch (const AlignError& error) {
       if (i == kBackOuts) throw;
@@ -184,9 +183,9 @@ void Search::backOut(double way) {
 
 Vec3 Search::wayAside(double tilt) {
   const Mat3 turn = rotationFromVector({Vec3(0, 0, kGolden * asides_++)});
-  const double way = trapWidth(tilt);
-  report("aside", text("by %.1f mm", way * 1e3));
-  return way * (rotationToAxis(hole_.normal) * turn * aside_);
+  const double travel = trapWidth(tilt);
+  report("aside", text("by %.1f mm", travel * 1e3));
+  return travel * (rotationToAxis(hole_.normal) * turn * aside_);
 }
 
 double Search::trapWidth(double tilt) const {
@@ -201,15 +200,15 @@ int Search::blocks(double duration) const {
 void Search::report(const char* state, const std::string& message) {
   if (!progress_) return;
   progress_(
-      {state, contacts_, hand_.last().time - start_time_, message, position_sd_, rotation_sd_});
+      {state, contacts_, press_.last().time - start_time_, message, position_sd_, rotation_sd_});
 }
 
 bool Search::begin() {
-  hand_.begin(mechanism_);
-  X_BS_ = poseFromRest(hand_.last().carrier);
-  start_z_ = hand_.last().carrier.z;
+  press_.begin(mechanism_);
+  X_BS_ = poseFromRest(press_.last().carrier);
+  start_z_ = press_.last().carrier.z;
   begun_ = true;
-  reference_time_ = hand_.last().time;
+  reference_time_ = press_.last().time;
   report("tare", "hanging free");
   return alreadyIn();
 }
@@ -218,26 +217,26 @@ bool Search::begin() {
 // peg pressed, would feel like walls
 bool Search::alreadyIn() {
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
-  const RestPose start = hand_.target();
+  const RestPose start = press_.target();
   const Vec3 bottom = pegPose(start, Vector6::Zero()).p;
   const Vec3 beside = bottom + kWallSearch * clearance * Vec3::UnitX();
-  hand_.moveTo(restFor(beside, Mat3::Identity()));
-  hand_.wait(kWallBlocks);
-  const bool wall = hand_.force().head<2>().norm() > kWallForce;
-  hand_.moveTo(start);
-  hand_.wait(kWallBlocks);
+  press_.moveTo(restFor(beside, Mat3::Identity()));
+  press_.wait(kWallBlocks);
+  const bool wall = press_.force().head<2>().norm() > kWallForce;
+  press_.moveTo(start);
+  press_.wait(kWallBlocks);
   if (!wall) return false;
   hole_.normal = Vec3::UnitZ();
   hole_.height = bottom.z();
   hole_.normal_sd = kUnknownAxis;
-  sag_ = pegPose(hand_.last().carrier, deflection()).p - bottom;
+  sag_ = pegPose(press_.last().carrier, deflection()).p - bottom;
   if (centre(Mat3::Identity()) &&
-      lower(pegPose(hand_.target(), Vector6::Zero()).p, Mat3::Identity()))
+      lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity()))
     return true;
   // no hole: something on one side only, or a face
   found_ = false;
   hole_ = HoleEstimate();
-  hand_.moveTo(start);
+  press_.moveTo(start);
   return false;
 }
 
@@ -246,49 +245,50 @@ bool Search::enter(const Vec3& center) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
   // up along the normal before sideways and straight
-  Vec3 above = pegPose(hand_.target(), Vector6::Zero()).p;
+  Vec3 above = pegPose(press_.target(), Vector6::Zero()).p;
   above += hole_.normal * std::max(0.0, kTravel - hole_.normal.dot(above) + hole_.height);
-  hand_.moveTo(restFor(above, (inverse(X_BS_) * poseFromRest(hand_.target())).R));
+  press_.moveTo(restFor(above, (inverse(X_BS_) * poseFromRest(press_.target())).R));
   // the hanging peg sags differently in this pose
   Vec3 target = center + kClear * hole_.normal;
-  hand_.moveTo(restFor(target + kTravel * hole_.normal, R));
-  hand_.wait(blocks(p_.settle));
-  sag_ = pegPose(hand_.last().carrier, deflection()).p - pegPose(hand_.target(), Vector6::Zero()).p;
+  press_.moveTo(restFor(target + kTravel * hole_.normal, R));
+  press_.wait(blocks(p_.settle));
+  sag_ =
+      pegPose(press_.last().carrier, deflection()).p - pegPose(press_.target(), Vector6::Zero()).p;
   target -= sag_ - hole_.normal * hole_.normal.dot(sag_);
 
   // centre, then rings a little closer than the clearance
   for (int ring = 0; ring < 3; ++ring) {
     const int places = ring == 0 ? 1 : 6 * ring;
     for (int i = 0; i < places; ++i) {
-      const double a = 2 * kPi * i / places;
+      const double a = 2 * M_PI * i / places;
       const Vec2 shift = 0.9 * clearance * ring * Vec2(std::cos(a), std::sin(a));
       if (lower(target + axes * shift, R) && (!feelsWalls() || centre(R))) return true;
     }
   }
   report("enter", "resistance everywhere, measuring again");
-  hand_.moveTo(restFor(target + kTravel * hole_.normal, R));
+  press_.moveTo(restFor(target + kTravel * hole_.normal, R));
   return false;
 }
 
 // down from `from`, just over the plane; back up at the first resistance
 bool Search::lower(const Vec3& from, const Mat3& R) {
-  hand_.moveTo(restFor(from, R));
-  const double way = kClear + p_.insertion_depth + 3.0 * hole_.height_sd;
+  press_.moveTo(restFor(from, R));
+  const double travel = kClear + p_.insertion_depth + 3.0 * hole_.height_sd;
   double down = 0.0;
-  while (down < way && hand_.forceZ() < p_.insertion_force) {
-    down = std::min(way, down + p_.approach_step);
+  while (down < travel && press_.forceZ() < p_.insertion_force) {
+    down = std::min(travel, down + p_.approach_step);
     PlantCommand command;
     command.rest = restFor(from - down * hole_.normal, R);
-    hand_.step(command);
+    press_.step(command);
   }
-  if (down >= way) {
-    hand_.moveTo(restFor(from - way * hole_.normal, R));
-    hand_.wait(blocks(p_.settle));
+  if (down >= travel) {
+    press_.moveTo(restFor(from - travel * hole_.normal, R));
+    press_.wait(blocks(p_.settle));
   }
-  const double force = hand_.forceZ();
+  const double force = press_.forceZ();
   const bool in = force < p_.insertion_force;
   report("enter", text(in ? "in, contact force %.2f N" : "resistance of %.2f N", force));
-  if (!in) hand_.moveTo(restFor(from, R));
+  if (!in) press_.moveTo(restFor(from, R));
   return in;
 }
 
@@ -299,26 +299,26 @@ bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   const double step = std::clamp(0.25 * clearance, 5e-6, 1e-4);
   const Matrix6 compliance = couplingStiffness(mechanism_.coupling).inverse();
   Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
-  const Vec3 way = R.transpose() * direction;
-  row << way.transpose(), Vec3(0, 0, -length_).cross(way).transpose();
+  const Vec3 travel = R.transpose() * direction;
+  row << travel.transpose(), Vec3(0, 0, -length_).cross(travel).transpose();
   const Eigen::Matrix<double, 1, 6> by_wrench = row * compliance;
   const double felt =
       kWallDeflection +
-      4.0 * std::sqrt((by_wrench * hand_.rounding() * by_wrench.transpose()).value());
-  Vec3 target = pegPose(hand_.target(), Vector6::Zero()).p;
+      4.0 * std::sqrt((by_wrench * press_.rounding() * by_wrench.transpose()).value());
+  Vec3 target = pegPose(press_.target(), Vector6::Zero()).p;
   const auto pushed = [&] {
-    at = pegPose(hand_.last().carrier, deflection()).p - sag_;
+    at = pegPose(press_.last().carrier, deflection()).p - sag_;
     return (target - at).dot(direction) > felt;
   };
   for (double moved = 0.0; moved <= kWallSearch * clearance; moved += step) {
     // a peg that still swings from the step seems pushed, too, but not for long
     if (pushed()) {
-      hand_.wait(kSwingBlocks);
+      press_.wait(kSwingBlocks);
       if (pushed()) return true;
     }
     target += step * direction;
-    hand_.moveTo(restFor(target, R));
-    hand_.wait(kWallBlocks);
+    press_.moveTo(restFor(target, R));
+    press_.wait(kWallBlocks);
   }
   return false;
 }
@@ -333,10 +333,10 @@ bool Search::centre(const Mat3& R) {
       report("centre", "no wall: not in the hole");
       return false;
     }
-    Vec3 target = pegPose(hand_.target(), Vector6::Zero()).p;
+    Vec3 target = pegPose(press_.target(), Vector6::Zero()).p;
     target += along * along.dot(0.5 * (ahead + behind) - target);
-    hand_.moveTo(restFor(target, R));
-    hand_.wait(kWallBlocks);
+    press_.moveTo(restFor(target, R));
+    press_.wait(kWallBlocks);
     if (axis == 1) {
       // no wall pushes any more: the peg itself is in the middle
       const Vec3 center = target + sag_;

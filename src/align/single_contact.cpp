@@ -7,7 +7,6 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kLevelReadings = 6;  // before the plane is first known
 
 // The strategy `single_contact` (thesis Fig 9.14; docs/strategies.md): the low side of the peg
@@ -56,7 +55,7 @@ class SingleContact : public VibratedSearch {
           } else if (sweeps >= p_.rounds) {
             return false;
           } else {
-            bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
+            bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
             goAside();
             state = State::kSweep;
           }
@@ -72,7 +71,7 @@ class SingleContact : public VibratedSearch {
   bool sweep(const char* name, int readings, double shift) {
     for (int i = 0; i < readings; ++i) {
       Felt felt;
-      if (!read(lowAt(2 * kPi * (i + shift) / readings), name, felt)) {
+      if (!read(lowAt(2 * M_PI * (i + shift) / readings), name, felt)) {
         takeEntry();
         return false;
       }

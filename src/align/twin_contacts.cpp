@@ -10,7 +10,6 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
@@ -184,7 +183,7 @@ TwinForceSolution TwinForceContacts::solve() {
 Vec3 TwinForceContacts::touchPoint(const Pose& X_HP) const {
   Vec3 lowest(0, 0, 1e9);
   for (int i = 0; i < 360; ++i) {
-    const double a = 2 * kPi * i / 360;
+    const double a = 2 * M_PI * i / 360;
     const Vec3 edge = setup_.mechanism.peg.radius * Vec3(std::cos(a), std::sin(a), 0.0);
     const Vec3 p = X_HP.R * edge + X_HP.p;
     if (p.head<2>().norm() > setup_.mechanism.hole.radius && p.z() < lowest.z()) lowest = p;
@@ -197,7 +196,7 @@ ReachableContact TwinForceContacts::advise() {
   std::vector<ContactCandidate> candidates;
   std::vector<ReachableContact> reachable;
   for (int k = 0; k < kAzimuths; ++k) {
-    const double a = 2 * kPi * k / kAzimuths;
+    const double a = 2 * M_PI * k / kAzimuths;
     const Vec2 down(std::cos(a), std::sin(a));
     for (const double beside : {-kOverRim, kOverPlane}) {
       Pose X_HP{tiltRotation(task_.contact_tilt * Vec2(-down.y(), down.x())), Vec3::Zero()};
@@ -212,7 +211,7 @@ ReachableContact TwinForceContacts::advise() {
       c.covariance_b = contacts_.back().covariance_b;
       c.move_covariance = contacts_.back().move_covariance;
       for (int side = 0; side < (pull > 0.0 ? 5 : 1); ++side) {
-        const double s = a + 0.5 * kPi * side;
+        const double s = a + 0.5 * M_PI * side;
         ReachableContact r;
         r.X_HP = X_HP;
         if (side > 0) r.pull = pull * Vec3(std::cos(s), std::sin(s), 0.0);

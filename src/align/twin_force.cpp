@@ -10,7 +10,6 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
@@ -52,7 +51,7 @@ class TwinForce : public Search {
 
  private:
   // the coupling's own zero counts: the sag under the peg's weight is part of the peg's pose
-  Vector6 deflection() const override { return hand_.last().displacement_b; }
+  Vector6 deflection() const override { return press_.last().displacement_b; }
 
   void find() override {
     if (sensing_ == nullptr)
@@ -78,11 +77,11 @@ class TwinForce : public Search {
       found_ = false;
       hole_ = HoleEstimate();
       // across the tilts to come, so that not both edges carry; then to the other sides
-      const double way = trapWidth(p_.contact_tilt + kUnknownTilt);
-      const double a = 0.5 * kPi + 2 * kPi * (k - 1) / (kAttempts - 1);
-      place = way * Vec3(std::cos(a), std::sin(a), 0.0);
-      place.z() = pegPose(hand_.target(), Vector6::Zero()).p.z();
-      report("aside", text("by %.1f mm", way * 1e3));
+      const double travel = trapWidth(p_.contact_tilt + kUnknownTilt);
+      const double a = 0.5 * M_PI + 2 * M_PI * (k - 1) / (kAttempts - 1);
+      place = travel * Vec3(std::cos(a), std::sin(a), 0.0);
+      place.z() = pegPose(press_.target(), Vector6::Zero()).p.z();
+      report("aside", text("by %.1f mm", travel * 1e3));
     }
   }
 
@@ -114,7 +113,7 @@ class TwinForce : public Search {
     // two sides of the edge, where the peg happens to be
     Reach reach{place, tiltRotation({0.0, p_.contact_tilt})};
     touch(reach);
-    reach.p.z() = bottomAt(hand_.touchZ()).z();
+    reach.p.z() = bottomAt(press_.touchZ()).z();
     reach.R = tiltRotation({0.0, -p_.contact_tilt});
     reach.p.z() += kLift;
     touch(reach);
@@ -142,7 +141,7 @@ class TwinForce : public Search {
 
   // bottom centre of the undeflected peg in S with the carrier's target at a height
   Vec3 bottomAt(double z) const {
-    RestPose rest = hand_.target();
+    RestPose rest = press_.target();
     rest.z = z;
     return pegPose(rest, Vector6::Zero()).p;
   }
@@ -155,7 +154,7 @@ class TwinForce : public Search {
     limits.tries = kWindows;
     AveragingWindow w(limits);
     State state = State::kFilling;
-    while (state == State::kFilling) state = w.add(hand_.step({}));
+    while (state == State::kFilling) state = w.add(press_.step({}));
     if (state != State::kSettled) {
       notSettled(text("halves of a window differ by more than %.3f N", p_.settled_force));
     }
@@ -164,23 +163,23 @@ class TwinForce : public Search {
 
   // one contact: hang free there, take the zero, lower, press, pull, average, leave
   void touch(const Reach& reach) {
-    RestPose above = hand_.target();
+    RestPose above = press_.target();
     above.z += kLift;
-    if (contacts_ > 0) hand_.moveTo(above);
+    if (contacts_ > 0) press_.moveTo(above);
     const RestPose hover = restFor(reach.p, reach.R);
     RestPose over = hover;
     over.z = std::max(hover.z, above.z);
-    if (contacts_ > 0) hand_.moveTo(over);
-    hand_.moveTo(hover);
-    hand_.tare(2);
-    for (int higher = 0; hand_.tareShift() > kFreeForce; ++higher) {
+    if (contacts_ > 0) press_.moveTo(over);
+    press_.moveTo(hover);
+    press_.tare(2);
+    for (int higher = 0; press_.tareShift() > kFreeForce; ++higher) {
       // the edge already rests on something
       if (higher == kHigher)
         throw AlignError(AlignFailure::kNotFree, "the peg doesn't come free over the contact");
-      RestPose up = hand_.target();
+      RestPose up = press_.target();
       up.z += kLift;
-      hand_.moveTo(up);
-      hand_.tare(2);
+      press_.moveTo(up);
+      press_.tare(2);
     }
     const WindowAnswer zero = sensing_->tare(window(false));
     if (!zero.refusal.empty()) notSettled(zero.refusal);
@@ -192,23 +191,23 @@ class TwinForce : public Search {
       throw AlignError(AlignFailure::kBothEdges, text("the line of action is %.1f mm from the axis",
                                                       light.reach * mechanism_.peg.radius * 1e3));
     }
-    hand_.hold(p_.contact_force, p_.press_tolerance);
+    press_.hold(p_.contact_force, p_.press_tolerance);
     if (!reach.pull.isZero()) {
-      RestPose pulled = hand_.target();
+      RestPose pulled = press_.target();
       const Vec3 shift = X_BS_.R * reach.pull * compliance_;
       pulled.x -= shift.x();
       pulled.y -= shift.y();
-      hand_.moveTo(pulled);
-      hand_.hold(p_.contact_force, p_.press_tolerance);
+      press_.moveTo(pulled);
+      press_.hold(p_.contact_force, p_.press_tolerance);
     }
-    hand_.wait(blocks(p_.settle));
+    press_.wait(blocks(p_.settle));
     const AveragingWindow pressed = window(true);
     ++contacts_;
     keep(pressed);
     // clear of it again
-    RestPose clear = hand_.target();
-    clear.z = std::max(clear.z, hand_.touchZ());
-    hand_.moveTo(clear);
+    RestPose clear = press_.target();
+    clear.z = std::max(clear.z, press_.touchZ());
+    press_.moveTo(clear);
   }
 
   [[noreturn]] void notSettled(const std::string& reason) const {
@@ -247,12 +246,12 @@ class TwinForce : public Search {
     position_sd_ = std::sqrt(hole_.center_covariance.trace());
     rotation_sd_ = hole_.normal_sd;
     const Vec2 offset = -(e.X_HP * X_PQ_start_).p.head<2>();
-    report("solve",
-           std::string(toString(solution_.status)) +
-               text(", centre %.3f %.3f mm", offset.x() * 1e3, offset.y() * 1e3) +
-               text(" +- %.4f mm, tilt sd %.4f deg", position_sd_ * 1e3, rotation_sd_ * 180 / kPi) +
-               text(", chi2 %.1f of %.0f", e.chi2, e.dof) +
-               text(", smallest eigenvalue %.3g", e.smallest_eigenvalue));
+    report("solve", std::string(toString(solution_.status)) +
+                        text(", centre %.3f %.3f mm", offset.x() * 1e3, offset.y() * 1e3) +
+                        text(" +- %.4f mm, tilt sd %.4f deg", position_sd_ * 1e3,
+                             rotation_sd_ * 180 / M_PI) +
+                        text(", chi2 %.1f of %.0f", e.chi2, e.dof) +
+                        text(", smallest eigenvalue %.3g", e.smallest_eigenvalue));
   }
 
   // the contact that the information matrix asks for

@@ -8,7 +8,6 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
@@ -18,7 +17,7 @@ constexpr double kFirmer = 0.7;  // exciter, and press over it, where a contact 
                                  // friction asked for
 constexpr int kAttempts = 4;
 constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
-constexpr double kMostTilt = 0.14;     // 8 degrees [rad]
+constexpr double kMaxTilt = 0.14;      // 8 degrees [rad]
 constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
 constexpr double kGentler = 0.8;       // press and exciter after too much force
 constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
@@ -59,9 +58,9 @@ VibrationPoint VibratedSearch::pointFor(double friction) const {
   demand.greatest_press = kPressReserve * p_.force_limit;
   demand.friction = friction;
   demand.window = p_.window;
-  demand.samples = std::max(8.0, hand_.last().samples * p_.window / block_);
-  demand.scatter = hand_.scatter();
-  demand.rounding = hand_.rounding();
+  demand.samples = std::max(8.0, press_.last().samples * p_.window / block_);
+  demand.scatter = press_.scatter();
+  demand.rounding = press_.rounding();
   return chooseVibration(mechanism_, demand);
 }
 
@@ -70,12 +69,12 @@ void VibratedSearch::choosePoint() {
   report("operating_point",
          text("exciter %.0f rad/s with %.2f N, ", vibration_.frequency, vibration_.amplitude) +
              text("press %.1f N, expected sd of a direction %.3f deg", vibration_.press,
-                  vibration_.direction_sd * 180 / kPi));
+                  vibration_.direction_sd * 180 / M_PI));
   if (vibration_.direction_sd > p_.direction_limit) {
     throw AlignError(AlignFailure::kTooUncertain,
                      text("a reading's direction would have an sd of %.2f deg, %.2f "
                           "are allowed; use a finer converter, more force or a longer window",
-                          vibration_.direction_sd * 180 / kPi, p_.direction_limit * 180 / kPi));
+                          vibration_.direction_sd * 180 / M_PI, p_.direction_limit * 180 / M_PI));
   }
 }
 
@@ -84,7 +83,7 @@ void VibratedSearch::recover(const AlignError& error, int attempt) {
   const AlignFailure failure = error.failure;
   report("recover", error.what());
   backOut(kRetreat);
-  bottom_ = pegPose(hand_.target(), Vector6::Zero()).p;
+  bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
   touches_ = 0;
   if (failure == AlignFailure::kForceLimit || failure == AlignFailure::kSensorSaturated) {
     vibration_.press *= kGentler;
@@ -96,12 +95,12 @@ void VibratedSearch::recover(const AlignError& error, int attempt) {
     goAside();
   } else if (failure == AlignFailure::kNoHoleUnderEdge) {
     // a quarter of a turn from one attempt to the next: three recoveries look to three sides
-    const double a = 2 * kPi * attempt / kAttempts;
+    const double a = 2 * M_PI * attempt / kAttempts;
     bottom_ += mechanism_.peg.radius *
                (rotationToAxis(hole_.normal) * Vec3(std::cos(a), std::sin(a), 0.0));
   }
   if (failure == AlignFailure::kNoPlaneReading || failure == AlignFailure::kOneEdgeOnly) {
-    tilt_ = std::min(kMostTilt, tilt_ + kMoreTilt);
+    tilt_ = std::min(kMaxTilt, tilt_ + kMoreTilt);
   }
   if (!found_) felt_.clear();
 }
@@ -111,7 +110,7 @@ void VibratedSearch::goAside() { bottom_ += wayAside(tilt_ + (planeKnown() ? 0.0
 void VibratedSearch::exciter(double amplitude) {
   PlantCommand command;
   command.exciter = ExciterParameters{amplitude, vibration_.frequency, 0.0, p_.exciter_direction};
-  hand_.step(command);
+  press_.step(command);
 }
 
 // rest height at which a peg tilted by R must have touched unless its edge is in the hole: outside,
@@ -133,44 +132,44 @@ double VibratedSearch::touchRange() const {
 
 // just off the first touch: a peg that can't be moved sideways is in the hole already
 bool VibratedSearch::caught() {
-  RestPose hover = hand_.target();
+  RestPose hover = press_.target();
   hover.z += p_.lift;
-  hand_.moveTo(hover);
-  hand_.wait(kHoverBlocks);
-  if (hand_.forceZ() < -kHoverForce) {
+  press_.moveTo(hover);
+  press_.wait(kHoverBlocks);
+  if (press_.forceZ() < -kHoverForce) {
     // it doesn't even come up: not pulled any more
     hover.z -= p_.lift;
-    hand_.moveTo(hover);
+    press_.moveTo(hover);
     return true;
   }
-  const Vec3 before = hand_.force();
+  const Vec3 before = press_.force();
   RestPose beside = hover;
-  const auto pushed = [&] { return (hand_.force() - before).head<2>().norm() > kHoverForce; };
+  const auto pushed = [&] { return (press_.force() - before).head<2>().norm() > kHoverForce; };
   bool held = false;
   for (int i = 0; i < kHoverSteps && !held; ++i) {
     beside.x += kHoverWay / kHoverSteps;
-    hand_.moveTo(beside);
-    hand_.wait(1);
-    if (pushed()) hand_.wait(kHoverBlocks);  // it may only swing
+    press_.moveTo(beside);
+    press_.wait(1);
+    if (pushed()) press_.wait(kHoverBlocks);  // it may only swing
     held = pushed();
   }
-  hand_.moveTo(hover);
+  press_.moveTo(hover);
   if (held) return true;
   hover.z -= p_.lift;
-  hand_.moveTo(hover);
+  press_.moveTo(hover);
   return false;
 }
 
 // way up before the peg is turned to R, so that its edge stays off the plane: no point of the edge
 // goes down by more than the radius times the turn, nor below its lowest point
 double VibratedSearch::clearance(const Mat3& R) const {
-  const Mat3 before = (inverse(X_BS_) * poseFromRest(hand_.target())).R;
+  const Mat3 before = (inverse(X_BS_) * poseFromRest(press_.target())).R;
   const double turn = std::acos(std::clamp(R.col(2).dot(before.col(2)), -1.0, 1.0));
-  const double way = mechanism_.peg.radius * turn;
-  if (!planeKnown()) return way;
+  const double travel = mechanism_.peg.radius * turn;
+  if (!planeKnown()) return travel;
   const double low = mechanism_.peg.radius *
                      std::sqrt(std::max(0.0, 1.0 - std::pow(hole_.normal.dot(R.col(2)), 2)));
-  return std::clamp(low + p_.lift - hole_.normal.dot(bottom_) + hole_.height, 0.0, way);
+  return std::clamp(low + p_.lift - hole_.normal.dot(bottom_) + hole_.height, 0.0, travel);
 }
 
 Mat3 VibratedSearch::lowAt(double low) const {
@@ -180,13 +179,13 @@ Mat3 VibratedSearch::lowAt(double low) const {
 
 bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool press_both) {
   bottom_ += clearance(R) * (planeKnown() ? hole_.normal : Vec3::UnitZ());
-  hand_.moveTo(restFor(bottom_, R));
+  press_.moveTo(restFor(bottom_, R));
   const std::optional<Touch> light = lightTouch(entryHeight(R));
   const bool in = !light;
   if (in && planeKnown()) return false;
-  RestPose touch = hand_.target();
+  RestPose touch = press_.target();
   if (!in) {
-    touch.z = hand_.touchZ();
+    touch.z = press_.touchZ();
     const double height = pegPose(touch, Vector6::Zero()).p.z();
     highest_ = touches_ == 0 ? height : std::max(highest_, height);
     lowest_ = touches_ == 0 ? height : std::min(lowest_, height);
@@ -206,7 +205,7 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
     report(state, text("both edges carry, line of action %.1f mm from the axis",
                        light->reach * mechanism_.peg.radius * 1e3));
     touch.z += p_.lift;
-    hand_.moveTo(touch);
+    press_.moveTo(touch);
     bottom_ = pegPose(touch, Vector6::Zero()).p;
     return true;
   }
@@ -217,8 +216,8 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
   exciter(0.0);
   std::string note = toString(felt.seen.mode.mode);
   if (felt.seen.direction) {
-    note += text(", direction %.2f deg, sd %.2f", felt.reading.alpha * 180 / kPi,
-                 felt.reading.sd * 180 / kPi);
+    note += text(", direction %.2f deg, sd %.2f", felt.reading.alpha * 180 / M_PI,
+                 felt.reading.sd * 180 / M_PI);
   }
   if (felt.seen.misfit > 0.0) note += text(", misfit %.3f", felt.seen.misfit);
   if (!felt.usable) note += ": left out";
@@ -226,7 +225,7 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
 
   // clear of the plane for the next tilt
   touch.z += p_.lift;
-  hand_.moveTo(touch);
+  press_.moveTo(touch);
   bottom_ = pegPose(touch, Vector6::Zero()).p;
   return true;
 }
@@ -234,12 +233,12 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
 // presses and shakes harder than the reading will, so that friction keeps no preload near its limit
 void VibratedSearch::shake(const VibrationPoint& vibration) {
   vibration_ = vibration;
-  hand_.hold(vibration_.press, p_.press_tolerance);
+  press_.hold(vibration_.press, p_.press_tolerance);
   exciter(p_.shake * vibration_.amplitude);
-  hand_.wait(blocks(p_.settle));
+  press_.wait(blocks(p_.settle));
   exciter(vibration_.amplitude);
-  hand_.hold(vibration_.press, p_.press_tolerance);
-  hand_.wait(blocks(p_.settle));
+  press_.hold(vibration_.press, p_.press_tolerance);
+  press_.wait(blocks(p_.settle));
 }
 
 // one reading of the contact that is shaken
@@ -247,25 +246,25 @@ void VibratedSearch::feel(double window, Felt& felt) {
   felt = Felt{};
   felt.vibration = vibration_;
   PlantCommand measure;
-  measure.locus = LocusRequest{hand_.last().time, window};
-  felt.start = hand_.last().time;
-  hand_.step(measure);
-  Vector6 deflection = hand_.deflection();
-  felt.force = hand_.force();
+  measure.locus = LocusRequest{press_.last().time, window};
+  felt.start = press_.last().time;
+  press_.step(measure);
+  Vector6 deflection = press_.deflection();
+  felt.force = press_.force();
   int taken = 1;
-  for (; !hand_.last().locus; ++taken) {
+  for (; !press_.last().locus; ++taken) {
     if (taken > blocks(window) + 2)
       throw AlignError(AlignFailure::kNoReading, "the estimator gave none");
-    hand_.step({});
-    deflection += hand_.deflection();
-    felt.force += hand_.force();
+    press_.step({});
+    deflection += press_.deflection();
+    felt.force += press_.force();
   }
   deflection /= taken;
   felt.force /= taken;
   felt.end = felt.start + window;
-  felt.seen = *hand_.last().locus;
+  felt.seen = *press_.last().locus;
   felt.X_SC = carrierPose();
-  felt.reading.X_SP = pegPose(hand_.last().carrier, deflection);
+  felt.reading.X_SP = pegPose(press_.last().carrier, deflection);
   ++contacts_;
   invert(felt);
   felt.usable = felt.seen.direction && felt.seen.mode.mode == LocusMode::kEllipse;
@@ -334,7 +333,7 @@ bool VibratedSearch::level() {
   level_ = true;
   rotation_sd_ = hole_.normal_sd;
   report("level", text("plane from %.0f contacts, tilt sd %.4f deg",
-                       static_cast<double>(felt_.size()), hole_.normal_sd * 180 / kPi));
+                       static_cast<double>(felt_.size()), hole_.normal_sd * 180 / M_PI));
   return true;
 }
 
@@ -358,12 +357,12 @@ void VibratedSearch::resolve() {
          text("%.0f contacts on the plane, %.0f on the rim", hole_.plane_readings,
               hole_.rim_readings) +
              text(", centre %.3f %.3f mm", offset().x() * 1e3, offset().y() * 1e3) +
-             text(" +- %.3f mm, tilt sd %.4f deg", position_sd_ * 1e3, rotation_sd_ * 180 / kPi));
+             text(" +- %.3f mm, tilt sd %.4f deg", position_sd_ * 1e3, rotation_sd_ * 180 / M_PI));
 }
 
 void VibratedSearch::takeEntry() {
   report("entry", "the tilted edge went in");
-  const Vec3 at = pegPose(hand_.target(), Vector6::Zero()).p;
+  const Vec3 at = pegPose(press_.target(), Vector6::Zero()).p;
   hole_.center = at - hole_.normal * (hole_.normal.dot(at) - hole_.height);
 }
 

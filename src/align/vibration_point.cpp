@@ -12,13 +12,12 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kDirections = 8;
 constexpr int kFrequencies = 60;
-constexpr double kLeastAxis = 0.15;  // minor over major axis: less looks like double contact
-constexpr double kHeld = 1.1;        // friction kept in hand
-constexpr double kRocking = 0.05;    // of the tilt: beyond, rolling isn't linear any more
-constexpr double kEnough = 1e-3;     // the model is no better than this [rad]
+constexpr double kMinAxis = 0.15;  // minor over major axis: less looks like double contact
+constexpr double kHeld = 1.1;      // reserve of friction
+constexpr double kRocking = 0.05;  // of the tilt: beyond, rolling isn't linear any more
+constexpr double kEnough = 1e-3;   // the model is no better than this [rad]
 constexpr double kPressSteps[] = {12, 16, 20, 25, 30, 40};  // [N]
 using Complex = std::complex<double>;
 using Complex6 = Eigen::Matrix<Complex, 6, 1>;
@@ -68,7 +67,7 @@ Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, doubl
   if (rounds) {
     information = rounding.inverse();
     const double noise = (information * demand.scatter).trace() / 6.0 / 12.0;
-    pattern = 12.0 * 0.11 * 0.11 * std::exp(-4.0 * kPi * kPi * noise);
+    pattern = 12.0 * 0.11 * 0.11 * std::exp(-4.0 * M_PI * M_PI * noise);
   }
   const Eigen::Matrix4d alike = pattern * carried(demand.rounding);
 
@@ -77,7 +76,7 @@ Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, doubl
       0.01, demand.friction > 0.0 ? demand.friction : mechanism.friction.static_coefficient);
   const double lever = std::hypot(mechanism.peg.radius, mechanism.peg.half_height);
   for (int k = 0; k < kDirections; ++k) {
-    const double a = 2 * kPi * k / kDirections;
+    const double a = 2 * M_PI * k / kDirections;
     OperatingPoint point;
     point.frequency = frequency;
     point.amplitude = 1.0;
@@ -96,7 +95,7 @@ Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, doubl
     answer.axis = std::min(answer.axis, std::abs(std::abs(r.P) - std::abs(r.N)) / major);
     answer.rocking = std::max(answer.rocking, major / lever);
     for (int i = 0; i < 24; ++i) {
-      const Eigen::Vector3d f = (r.contact * std::polar(1.0, 2 * kPi * i / 24)).real();
+      const Eigen::Vector3d f = (r.contact * std::polar(1.0, 2 * M_PI * i / 24)).real();
       answer.need = std::max(answer.need, f.head<2>().norm() / friction - f.z());
     }
     if (rounds) {
@@ -125,7 +124,7 @@ VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand
       const double frequency =
           given.frequency > 0.0 ? middle : 0.5 * middle * std::pow(4.0, (k + 0.5) / kFrequencies);
       const Answer answer = answerAt(mechanism, demand, frequency, press);
-      if (given.frequency == 0.0 && !(answer.axis >= kLeastAxis)) continue;
+      if (given.frequency == 0.0 && !(answer.axis >= kMinAxis)) continue;
       const double amplitude = given.amplitude > 0.0
                                    ? given.amplitude
                                    : std::min(press / (kHeld * demand.shake * answer.need),

@@ -9,7 +9,7 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kRise = 8e-3;     // before the way back [m]
-constexpr int kMostBlocks = 500;   // for one of both ways
+constexpr int kMaxBlocks = 500;    // for one of both ways
 constexpr int kSettleBlocks = 10;  // before the zero is taken anew
 
 // what another strategy would end with, too
@@ -22,7 +22,7 @@ bool goTo(Plant& plant, const RestPose& rest) {
   PlantCommand command;
   command.rest = rest;
   RestPose before = plant.next({}).carrier;
-  for (int i = 0; i < kMostBlocks; ++i) {
+  for (int i = 0; i < kMaxBlocks; ++i) {
     const RestPose at = plant.next(command).carrier;
     if (arrived(before, at, rest)) return true;
     before = at;

@@ -11,6 +11,7 @@
 
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/median.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 
@@ -74,7 +75,8 @@ std::vector<double> numbersOf(const Table& table, const std::vector<std::string>
 std::optional<std::size_t> Table::find(const std::vector<std::string>& any) const {
   std::optional<std::size_t> found;
   for (std::size_t c = 0; c < names.size(); ++c) {
-    if (std::find(any.begin(), any.end(), names[c]) == any.end()) continue;
+    const auto isName = [&](const std::string& name) { return lowerCase(name) == names[c]; };
+    if (std::none_of(any.begin(), any.end(), isName)) continue;
     if (found) throw InputError(path + ":1: column " + names[c] + ": there are two such");
     found = c;
   }
@@ -153,15 +155,12 @@ Table tableFromText(const std::string& text, const std::string& path,
 }
 
 double timeUnit(const std::vector<double>& times) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < times.size(); ++i) steps.push_back(times[i] - times[i - 1]);
-  if (steps.empty()) return 1.0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
+  if (times.size() < 2) return 1.0;
+  const double spacing = medianSpacing(times);
   constexpr double kSlowest = 0.07;  // [s]: 1000 times that is the fastest in the next unit
   double unit = 1.0;
-  while (*middle * unit > kSlowest && unit > 1e-9) unit *= 1e-3;
-  return *middle * unit > 0.0 && unit >= 0.99e-9 ? unit : 1.0;
+  while (spacing * unit > kSlowest && unit > 1e-9) unit *= 1e-3;
+  return spacing * unit > 0.0 && unit >= 0.99e-9 ? unit : 1.0;
 }
 
 }  // namespace assembly_cell

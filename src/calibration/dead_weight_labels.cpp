@@ -7,6 +7,7 @@
 #include <numeric>
 #include <random>
 
+#include "assembly_cell/base/median.h"
 #include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
@@ -124,9 +125,7 @@ double robustSd(const MatrixXd& e) {
   std::vector<double> sizes(static_cast<std::size_t>(e.size()));
   const MatrixXd flat = e.cwiseAbs();
   std::copy(flat.data(), flat.data() + flat.size(), sizes.begin());
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return std::max(1.4826 * *middle, 1e-9);
+  return std::max(1.4826 * upperMedian(sizes), 1e-9);
 }
 
 // ---- labels that could have been meant

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/median.h"
 #include "bias_search.h"
 #include "bias_series.h"
 #include "payload_parts.h"
@@ -117,9 +118,7 @@ FullGroups fullFits(const Problem& p, const Fit& fitOf, const std::vector<std::s
 double medianHeldOut(const FullGroup& fit) {
   std::vector<double> sizes;
   for (const Vector3d& e : fit.held_out) sizes.push_back(e.norm());
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return *middle;
+  return upperMedian(sizes);
 }
 
 // how well one reading of the axes fits, with a bias that may do what it likes

@@ -3,8 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
-#include <algorithm>
-#include <cctype>
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
@@ -19,10 +17,7 @@ constexpr double kNearRotation = 0.01;  // digits and rounding of what a file ho
 std::vector<Eigen::Matrix3d> fromJoints(const Table& table, const JointAngles& joints) {
   std::vector<std::size_t> column;
   for (std::size_t k = 0; k < joints.names.size(); ++k) {
-    std::string name = joints.names[k];
-    std::transform(name.begin(), name.end(), name.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    column.push_back(table.need({name, "j" + std::to_string(k + 1)}));
+    column.push_back(table.need({joints.names[k], "j" + std::to_string(k + 1)}));
   }
   std::vector<Eigen::Matrix3d> out;
   std::vector<double> angles(column.size());

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/median.h"
 #include "assembly_cell/base/text.h"
 #include "reference_cells.h"
 
@@ -82,9 +83,7 @@ double medianOfAbsolute(const VectorXd& values) {
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     sizes[i] = std::abs(values[static_cast<Index>(i)]);
   }
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return *middle;
+  return upperMedian(sizes);
 }
 
 // the lag that leaves least, of steps over the whole range

@@ -6,6 +6,7 @@
 
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/median.h"
 #include "assembly_cell/base/table.h"
 #include "assembly_cell/base/text.h"
 
@@ -34,14 +35,6 @@ ReferenceCell cellOf(const ReferenceRun& run, std::size_t first, std::size_t end
     cell.slope = run.wrench.middleRows(from, n).transpose() * way / way.squaredNorm();
   }
   return cell;
-}
-
-double medianSpacing(const std::vector<double>& t) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < t.size(); ++i) steps.push_back(t[i] - t[i - 1]);
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
 }
 
 // the mean of the cells that carry nothing: near the run's first reading

@@ -11,7 +11,7 @@ namespace {
 
 // A peg wedged in the hole that creeps takes millions of steps a second: a run may have so many in
 // all and so many more for each second of it [1/s], several times what an alignment needs.
-constexpr double kMostSteps = 3e6, kMostStepsPerSecond = 1e5;
+constexpr double kMaxSteps = 3e6, kMaxStepsPerSecond = 1e5;
 constexpr double kRounding = 0.01;  // of a sample's period, at a window's ends
 
 TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH) {
@@ -77,7 +77,7 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
                      toString(reason));
   }
   const auto steps = static_cast<double>(simulation.counts().steps);
-  if (steps > kMostSteps + kMostStepsPerSecond * simulation.time()) {
+  if (steps > kMaxSteps + kMaxStepsPerSecond * simulation.time()) {
     throw PlantError(AlignFailure::kStopped, "simulation stopped: too_many_steps",
                      "too_many_steps");
   }

@@ -18,7 +18,7 @@ using Vec3 = Eigen::Vector3d;
 // 17 and 22 of 400 random scenes end elsewhere.
 constexpr double kHysteresis = 1e-8;
 // Least typical acceleration, of a peg without load: no result changes at half or twice.
-constexpr double kLeastScale = 1e-3;  // [m/s²]
+constexpr double kMinScale = 1e-3;  // [m/s²]
 constexpr int kPasses = 24, kTurns = 100;
 // Slip below this many times its threshold may be rest: over 1, or slip whose end was located there
 // goes on. Half: events without end, 4.7 times the effort in Chapter 8; twice: 2 % more, 0.03 um.
@@ -106,7 +106,7 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
 // Sets the hysteresis by the accelerations that count here. Returns the limit of decisions: half
 // the smaller of the old and the new one, so that what made an event is found.
 double setHysteresis(const System& s, Context& c, const Evaluation& e) {
-  double scale = kLeastScale;
+  double scale = kMinScale;
   for (const std::size_t i : Slots(e.active())) {
     const ContactKinematics& at = e.contacts[i];
     scale = std::max(
@@ -174,7 +174,7 @@ bool contradicted(const System& s, double limit, const Context& c, const Evaluat
 }
 
 void decideRegularised(const System& s, Context& c, Evaluation& e) {
-  double scale = kLeastScale;
+  double scale = kMinScale;
   for (const std::size_t i : Slots(e.closed)) c.slots[i].mode = Mode::kIdle;
   for (const std::size_t i : Slots(e.active())) {
     scale = std::max(scale, std::abs(e.point(i).normal.dot(e.free.head<3>())));

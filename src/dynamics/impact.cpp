@@ -15,7 +15,7 @@ namespace {
 using Vec3 = Eigen::Vector3d;
 // Slower approaches do not bounce, which ends ever smaller bounces: they would rise by 50 nm. Half
 // and twice: 23 of 400 random scenes, those with restitution, end elsewhere.
-constexpr double kLeastBounce = 1e-3;  // [m/s]
+constexpr double kMinBounce = 1e-3;  // [m/s]
 constexpr int kBounces = 60;  // impulses of one impact of several points, one after the other
 // Two points at rest may press against each other with this many times the load, far beyond what a
 // cone needs at μ = 0.001; and this part of all impulses is no excess over a cone, rounding is
@@ -102,7 +102,7 @@ void applyImpulse(const System& s, const ForceMoment& impulse, Context& c, Evalu
 void impact(const System& s, Context& c, Evaluation& e) {
   const double before = kineticEnergy(s.scenario, c.state);
   for (int n = 0; s.scenario.contact.restitution > 0.0 && n < kBounces; ++n) {
-    const std::size_t i = fastestApproach(e, kLeastBounce);
+    const std::size_t i = fastestApproach(e, kMinBounce);
     if (i == kSlots) break;
     ForceMoment impulse;
     impulse.add(e.contacts[i].r, restitutionImpulse(s, e, i));

@@ -27,7 +27,7 @@ constexpr double kShortest = 2e-6;  // [s]
 constexpr double kStepFloor =
     1e-13;                          // error control below this gives up: a tenth of kEventTime [s]
 constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
-constexpr double kLeastSine = 0.1;  // of theta: the Euler angles are singular at 0
+constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
@@ -82,7 +82,7 @@ Simulation::Run::Run(const Scenario& scenario)
   context.state = initialState(system);
   if (!isFinite(context.state)) {
     context.stop = StopReason::kNonFinite;
-  } else if (std::sin(context.state.q(4)) < kLeastSine) {
+  } else if (std::sin(context.state.q(4)) < kMinSine) {
     context.stop = StopReason::kSingular;
   } else {
     findModes(system, true, context, now);
@@ -177,7 +177,7 @@ void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {
 
 // what ends a run after a step
 void Simulation::Run::checkState() {
-  if (std::sin(context.state.q(4)) < kLeastSine) {
+  if (std::sin(context.state.q(4)) < kMinSine) {
     context.stop = StopReason::kSingular;
   } else if (system.admitted) {
     context.stop = excludedContact(system, now);

@@ -13,7 +13,7 @@ namespace {
 // Half and twice: 44 and 46 of 400 random scenes end elsewhere, effort within 1 %, Chapter 8 moves
 // by 0.2 nm; of the least: no result changes but one by 2e-22 m.
 constexpr double kSlipOverTolerance = 1e4;  // [1/s]
-constexpr double kLeastSlip = 1e-8;         // [m/s]
+constexpr double kMinSlip = 1e-8;           // [m/s]
 
 Method methodOf(const std::string& name) {
   if (name == "rk4") return Method::kRk4;
@@ -91,8 +91,7 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
   shapes.hole_depth = scenario.mechanism.hole.depth;
   shapes.peg_length = 2.0 * scenario.mechanism.peg.half_height;
   // slip is told from rest above the integrator's velocity error, docs/theory.md
-  slip_threshold =
-      std::max(kLeastSlip, kSlipOverTolerance * (fixed_step ? 1e-9 : solver.tolerance));
+  slip_threshold = std::max(kMinSlip, kSlipOverTolerance * (fixed_step ? 1e-9 : solver.tolerance));
   // the thesis's rows let a stationary contact creep below v_ST
   if (scenario.thesis.creep) {
     slip_threshold = std::max(slip_threshold, contact.regularisation_speed);

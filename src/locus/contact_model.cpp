@@ -100,10 +100,10 @@ Refined refine(const Prediction& predicted, const Eigen::Vector2cd& measured, do
                double noise) {
   constexpr double kStep = 1e-4;    // of the central difference [rad]; half: the same to 1e-14
   constexpr double kLongest = 0.2;  // of one step [rad]; half, twice: the same to 1e-10
-  constexpr int kMostSteps = 30;    // half, twice: the same bits
+  constexpr int kMaxSteps = 30;     // half, twice: the same bits
   Eigen::Vector2cd rest = measured - predicted(alpha);
   Refined refined{alpha, rest.squaredNorm(), 0.0};
-  for (int iteration = 0; iteration < kMostSteps; ++iteration) {
+  for (int iteration = 0; iteration < kMaxSteps; ++iteration) {
     const Eigen::Vector2cd slope =
         (predicted(refined.alpha + kStep) - predicted(refined.alpha - kStep)) / (2.0 * kStep);
     refined.information = slope.squaredNorm();

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/median.h"
 
 namespace assembly_cell {
 namespace {
@@ -13,8 +14,8 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr std::size_t kMinSamples = 8;
-constexpr int kMostHarmonics = 4;
-constexpr int kMostColumns = 2 + 2 * kMostHarmonics;  // cos, sin, 1, drift, then each harmonic
+constexpr int kMaxHarmonics = 4;
+constexpr int kMaxColumns = 2 + 2 * kMaxHarmonics;  // cos, sin, 1, drift, then each harmonic
 constexpr double kTwoPi = 2.0 * M_PI;
 constexpr double kHuber = 1.7;              // 1.7 % of efficiency on clean data
 constexpr double kRayleighMedian = 1.1774;  // of a planar residual, in units of one axis's noise
@@ -23,9 +24,9 @@ constexpr double kSettled = 1e-9;
 constexpr double kWorstInflation = 1e6;
 constexpr int kFrequencySteps = 30;
 
-using Design = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostColumns, 1>;
-using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostColumns, kMostColumns>;
-using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMostColumns, 6>;
+using Design = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxColumns, 1>;
+using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxColumns, kMaxColumns>;
+using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMaxColumns, 6>;
 using Signals = Eigen::Map<const Vector6>;
 
 // names the first value that isn't finite
@@ -78,9 +79,9 @@ class Columns {
 void requireWindow(const std::vector<double>& angle, const std::vector<double>& signals,
                    const HarmonicOptions& options) {
   const std::size_t n = angle.size();
-  if (options.harmonics < 1 || options.harmonics > kMostHarmonics) {
+  if (options.harmonics < 1 || options.harmonics > kMaxHarmonics) {
     throw InputError("harmonics is " + std::to_string(options.harmonics) +
-                     ": give a number from 1 to " + std::to_string(kMostHarmonics));
+                     ": give a number from 1 to " + std::to_string(kMaxHarmonics));
   }
   if (signals.size() != 6 * n) {
     throw InputError("signals have " + std::to_string(signals.size()) + " values for " +
@@ -216,9 +217,7 @@ class WeightedFit {
         radius[k] = std::sqrt(given(k)) * residualOf(k).head<2>().norm();
       }
       sorted = radius;
-      const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n_ / 2);
-      std::nth_element(sorted.begin(), middle, sorted.end());
-      const double limit = kHuber * *middle / kRayleighMedian;
+      const double limit = kHuber * upperMedian(sorted) / kRayleighMedian;
       if (!(limit > 0.0) || std::abs(limit - before) <= kSettled * limit) break;
       before = limit;
       weights_.assign(n_, 1.0);
@@ -291,7 +290,7 @@ class FrequencySearch {
     const int q = columns.count();
     double weight_sum = 0.0;
     Normal normal = Normal::Zero(q, q);
-    Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMostColumns, 4> moment(q, 4);
+    Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMaxColumns, 4> moment(q, 4);
     moment.setZero();
     Eigen::Vector4d squares = Eigen::Vector4d::Zero(), row;  // slopes of x, y; x, y
     Eigen::Vector2d products = Eigen::Vector2d::Zero();
@@ -309,7 +308,7 @@ class FrequencySearch {
       squares += w * row.cwiseAbs2();
       products += w * row.head<2>().cwiseProduct(row.tail<2>());
     }
-    const Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMostColumns, 4> explained =
+    const Eigen::Matrix<double, Eigen::Dynamic, 4, 0, kMaxColumns, 4> explained =
         normal.ldlt().solve(moment);
     double slope2 = 0.0, along = 0.0;
     for (int i = 0; i < 2; ++i) {

@@ -25,7 +25,7 @@ constexpr double kMoves = 0.5e-3, kTurns = 0.005;
 // the model, sd. Half and twice leave bias and lever of 11 recordings within their sd
 constexpr double kAlike = 0.02;
 constexpr double kFreeSd = 5.0;
-constexpr std::size_t kFewestWindows = 6;
+constexpr std::size_t kMinWindows = 6;
 // windows that find the lever, and couple over force [m] of a point contact with friction in them;
 // twice either lets contacts in a hole pass, half leaves too few: lever 0.3 mm more scattered
 constexpr double kLeverWindow = 0.2, kLeverPitch = 0.3e-3;
@@ -154,11 +154,11 @@ void findFree(const WrenchRecording& r, ContactAnalysis& a) {
   const double tolerance = std::max(kAlike * largest, 1e-3);
   std::vector<Window> free = alikeWindows(all, tolerance);
   for (int pass = 0; pass < 3; ++pass) {
-    if (free.size() < kFewestWindows) {
+    if (free.size() < kMinWindows) {
       throw InputError(
           text("%zu of %zu quarters of a second are free of contact: record at least "
                "%zu in which the tool moves and touches nothing",
-               free.size(), all.size(), kFewestWindows));
+               free.size(), all.size(), kMinWindows));
     }
     identify(r, free, a);
     a.noise.setZero();
@@ -347,7 +347,7 @@ const char* toString(ContactKind kind) {
 }
 
 ContactAnalysis findContacts(const WrenchRecording& r, const ContactSettings& settings) {
-  if (r.t.size() < 50 || r.t.back() - r.t.front() < kFewestWindows * kFreeWindow) {
+  if (r.t.size() < 50 || r.t.back() - r.t.front() < kMinWindows * kFreeWindow) {
     throw InputError(text("%zu samples over %.2g s: record for some seconds", r.t.size(),
                           r.t.empty() ? 0.0 : r.t.back() - r.t.front()));
   }

@@ -14,6 +14,7 @@
 
 #include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/median.h"
 #include "assembly_cell/base/table.h"
 #include "assembly_cell/base/text.h"
 
@@ -26,7 +27,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kTwoPi = 2.0 * M_PI;
-constexpr std::size_t kLeastSamples = 64;
+constexpr std::size_t kMinSamples = 64;
 constexpr double kOneRate = 0.2;  // of the spacing: stamps that jitter more are another rate
 // peak over the median of the bins around it: of white noise one bin in 1e10 is beyond
 constexpr double kOverFloor = 6.0;
@@ -36,8 +37,8 @@ constexpr std::size_t kLobe = 4;         // bins of a Hann window's main lobe an
 constexpr double kStepTail = 1e-3;
 // ... and worth this share of the largest amplitude: half of it admits the warming of a shaker,
 // twice loses steps by a fifth
-constexpr double kLeastStep = 0.1;
-constexpr double kLeastPeriods = 20.0;  // of the slowest tone between two steps
+constexpr double kMinStep = 0.1;
+constexpr double kMinPeriods = 20.0;  // of the slowest tone between two steps
 
 // ---- spectrum
 
@@ -64,9 +65,7 @@ double floorAt(const std::vector<double>& spectrum, std::size_t bin) {
   const std::size_t end = std::min(bin + kFloorBins, spectrum.size());
   std::vector<double> around(spectrum.begin() + static_cast<std::ptrdiff_t>(first),
                              spectrum.begin() + static_cast<std::ptrdiff_t>(end));
-  const auto middle = around.begin() + static_cast<std::ptrdiff_t>(around.size() / 2);
-  std::nth_element(around.begin(), middle, around.end());
-  return *middle;
+  return upperMedian(around);
 }
 
 // frequencies [cycles a sample] of the peaks, highest first
@@ -258,7 +257,7 @@ Split splitOf(const VectorXd& t, const VectorXd& y, const std::vector<double>& f
   const double spacing = (t[t.size() - 1] - t[0]) / static_cast<double>(t.size() - 1);
   const double slowest = *std::min_element(frequency.begin(), frequency.end());
   const auto margin = static_cast<std::size_t>(
-      std::max(kLeastPeriods / slowest / spacing, 4.0 * static_cast<double>(prefix.columns)));
+      std::max(kMinPeriods / slowest / spacing, 4.0 * static_cast<double>(prefix.columns)));
   Split out;
   if (n <= 2 * margin) return out;
   const double whole = leftOf(prefix, 0, n, nullptr);
@@ -292,7 +291,7 @@ Split splitOf(const VectorXd& t, const VectorXd& y, const std::vector<double>& f
     change = std::max(change, (after - before).segment<2>(k).norm());
     largest = std::max({largest, after.segment<2>(k).norm(), before.segment<2>(k).norm()});
   }
-  if (fTail(out.f, q, dof) * static_cast<double>(n) > kStepTail || change < kLeastStep * largest) {
+  if (fTail(out.f, q, dof) * static_cast<double>(n) > kStepTail || change < kMinStep * largest) {
     return out;
   }
   out.place = first + best;
@@ -402,9 +401,9 @@ ChannelRecording readChannels(const std::string& path, const std::vector<std::st
 
 ToneAnalysis findTones(const std::vector<double>& t, const std::vector<double>& values,
                        const ToneOptions& options) {
-  if (values.size() < kLeastSamples) {
+  if (values.size() < kMinSamples) {
     throw InputError(std::to_string(values.size()) + " samples: give at least " +
-                     std::to_string(kLeastSamples));
+                     std::to_string(kMinSamples));
   }
   const auto n = static_cast<Index>(values.size());
   const VectorXd y = Eigen::Map<const VectorXd>(values.data(), n);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::uint32_t kQueue = 100;  // every sample counts
 constexpr double kTwoPi = 2.0 * M_PI;
-constexpr double kFewestSamples = 8.0;
+constexpr double kMinSamples = 8.0;
 constexpr double kRounding = 0.01;  // of a sample's period, for stamps rounded to 1 ns
 
 std::size_t sizeOf(const DisplacementSamples& block) { return block.displacement.size() / 6; }
@@ -227,7 +227,7 @@ void LocusNode::slide() {
   const double cycle = kTwoPi / exciter_->frequency;
   const double length = cycle * std::max(1.0, std::floor(window_ / cycle));
   const double samples = std::ceil(length / newest.period - 1e-6);
-  if (samples * newest.period > history_ || samples < kFewestSamples) return;
+  if (samples * newest.period > history_ || samples < kMinSamples) return;
   if (!stream_ || stream_->exciter.header.stamp != exciter_->header.stamp ||
       stream_->exciter.frequency != exciter_->frequency ||
       stream_->exciter.phase != exciter_->phase ||

@@ -201,23 +201,23 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
       const PressController* watched = nullptr;
       WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
         MoveToContactFeedback feedback;
-        // the hand's zero, as it shows in its last block
+        // the controller's zero, as it shows in its last block
         if (watched != nullptr) {
           feedback.force = block.wrench_b(2) - watched->last().wrench_b(2) + watched->forceZ();
         }
         feedback.z = block.carrier.z;
         contact_server_->publishFeedback(feedback);
       });
-      PressController hand(plant, limits_);
-      watched = &hand;
-      hand.begin(mechanism_);
-      if (!hand.approach(hand.target().z - limits_.descent)) {
+      PressController press(plant, limits_);
+      watched = &press;
+      press.begin(mechanism_);
+      if (!press.approach(press.target().z - limits_.descent)) {
         throw AlignError(AlignFailure::kNoContact,
                          "none within " + std::to_string(limits_.descent) + " m of descent");
       }
-      hand.hold(force, parameters_.press_tolerance);
+      press.hold(force, parameters_.press_tolerance);
       result.success = true;
-      result.force = hand.forceZ();
+      result.force = press.forceZ();
       result.message = "pressing";
       hold = false;
     } catch (const std::exception& error) {

@@ -14,7 +14,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr std::size_t kMostContacts = 300;       // of a task: what the strategy asks for at most
+constexpr std::size_t kMaxContacts = 300;        // of a task: what the strategy asks for at most
 constexpr double kUnknownVariance = 1e6;         // on the wire, for what no contact tells
 constexpr double kConverterStep = 10.0 / 65536;  // 16 bit over ±5 V [V]
 constexpr char kReversed[] = "one sensor reports the opposite sign: check its calibration";
@@ -40,8 +40,8 @@ TwinForceTask taskOf(const ContactTask& in) {
   task.required_position = positive(in.required_position, "required_position");
   task.required_rotation = positive(in.required_rotation, "required_rotation");
   task.capacity = in.capacity;
-  if (task.capacity >= 2 && task.capacity <= kMostContacts) return task;
-  throw InputError(text("capacity is %zu: give 2 to %zu", task.capacity, kMostContacts));
+  if (task.capacity >= 2 && task.capacity <= kMaxContacts) return task;
+  throw InputError(text("capacity is %zu: give 2 to %zu", task.capacity, kMaxContacts));
 }
 
 const char* nameOf(SignVerdict verdict) {

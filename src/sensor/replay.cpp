@@ -12,6 +12,7 @@
 
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/median.h"
 #include "assembly_cell/sensor/source_parameters.h"
 
 namespace assembly_cell {
@@ -183,13 +184,7 @@ Recording readRecording(std::istream& stream, const std::string& name, const Rep
                      " rows: give at least 2");
   }
 
-  std::vector<double> spacing;
-  for (std::size_t i = 1; i < recording.time.size(); ++i) {
-    spacing.push_back(recording.time[i] - recording.time[i - 1]);
-  }
-  const auto middle = spacing.begin() + static_cast<std::ptrdiff_t>(spacing.size() / 2);
-  std::nth_element(spacing.begin(), middle, spacing.end());
-  recording.period = *middle;
+  recording.period = medianSpacing(recording.time);
   return recording;
 }
 

@@ -24,8 +24,8 @@ using yaml::Range;
 using yaml::Section;
 using yaml::shown;
 
-constexpr std::int64_t kMostRuns = 100000000;
-constexpr std::size_t kMostValues = 100000;  // of one axis
+constexpr std::int64_t kMaxRuns = 100000000;
+constexpr std::size_t kMaxValues = 100000;  // of one axis
 
 // a node as YAML text on one line
 std::string flowText(const YAML::Node& node) {
@@ -59,7 +59,7 @@ class Reader {
         file(in_.text("scenario", "give a scenario file, seen from the study's folder")));
     readJob();
     study_.seed = static_cast<std::uint64_t>(in_.integer("seed", 0, 1L << 53, 1));
-    study_.samples = in_.integer("samples", 1, kMostRuns, 1);
+    study_.samples = in_.integer("samples", 1, kMaxRuns, 1);
     study_.paired = in_.flag("paired", false);
     if (in_.optional("set")) {
       study_.set = settings(in_.required("set", ""), in_.at("set"));
@@ -279,9 +279,9 @@ class Reader {
 
   void readValues(Section& in, StudyAxis& a) {
     const YAML::Node node = in.required("values", "");
-    if (!node.IsSequence() || node.size() == 0 || node.size() > kMostValues) {
+    if (!node.IsSequence() || node.size() == 0 || node.size() > kMaxValues) {
       in.refuse(in.at("values"), shown(node),
-                "give a list of 1 to " + std::to_string(kMostValues) + " values");
+                "give a list of 1 to " + std::to_string(kMaxValues) + " values");
     }
     const bool scaled = std::any_of(a.targets.begin(), a.targets.end(),
                                     [](const auto& target) { return target.power != 0.0; });
@@ -316,7 +316,7 @@ class Reader {
   void readRange(Section in, StudyAxis& a) {
     a.kind = StudyAxis::Kind::kValues;
     const double from = in.number("from", Range::kAny), to = in.number("to", Range::kAny);
-    const std::int64_t count = in.integer("count", 2, static_cast<std::int64_t>(kMostValues));
+    const std::int64_t count = in.integer("count", 2, static_cast<std::int64_t>(kMaxValues));
     const bool logarithmic = in.choice("spacing", {"linear", "log"}, "linear") == "log";
     in.finish();
     if (logarithmic && !(from > 0.0 && to > 0.0)) {
@@ -439,7 +439,7 @@ class Reader {
     }
     Section in = in_.section("enough");
     StudyEnough& enough = study_.enough;
-    enough.least = in.integer("least", 1, kMostRuns, enough.least);
+    enough.least = in.integer("least", 1, kMaxRuns, enough.least);
     enough.half_width = in.number("half_width", Range::kPositive, enough.half_width);
     if (enough.half_width >= 0.5) {
       in.refuse(in.at("half_width"), enough.half_width, "give a share below 0.5");
@@ -456,7 +456,7 @@ class Reader {
     double points = study_.search.outcome.empty() ? 1.0 : 0.0;
     for (const StudySearch::Step& step : study_.search.steps) points += step.evaluations;
     count *= points;
-    if (count > static_cast<double>(kMostRuns)) {
+    if (count > static_cast<double>(kMaxRuns)) {
       in_.refuse("samples", yaml::shown(count) + " runs", "give at most 1e8 runs in all");
     }
   }

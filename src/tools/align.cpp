@@ -57,7 +57,6 @@ Example: align config/scenarios/cell.yaml --runs 20 --seed 7
 )";
 
 constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
-constexpr double kPi = 3.14159265358979323846;
 
 struct Options {
   std::string scenario, report;
@@ -97,8 +96,8 @@ Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed)
   // bits of the engine itself: the same starts with every standard library
   std::mt19937_64 engine(seed);
   const auto uniform = [&engine] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
-  const double azimuth = 2 * kPi * uniform(), offset = o.offset_max * std::sqrt(uniform());
-  const double direction = 2 * kPi * uniform(), tilt = o.tilt_max * uniform();
+  const double azimuth = 2 * M_PI * uniform(), offset = o.offset_max * std::sqrt(uniform());
+  const double direction = 2 * M_PI * uniform(), tilt = o.tilt_max * uniform();
   return assembly_cell::startAt(scenario, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
                                 tilt * Vector2d(std::cos(direction), std::sin(direction)),
                                 kStartHeight);

@@ -46,7 +46,7 @@ Example: simulate config/scenarios/impact.yaml --set contact.rate=1000 --output 
 )";
 
 constexpr long kDefaultRows = 201;
-constexpr long kMostRows = 10000000;
+constexpr long kMaxRows = 10000000;
 constexpr long kStepsBetweenLooks = 10000;  // steps after which the clock is looked at
 
 struct Options {
@@ -87,7 +87,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
     o.at = parseTimes(value);
     return true;
   });
-  parser.integer("--rows", o.rows, 2, kMostRows);
+  parser.integer("--rows", o.rows, 2, kMaxRows);
   parser.text("--output", o.output);
   return parser.parse(arguments);
 }

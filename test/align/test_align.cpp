@@ -94,13 +94,13 @@ TEST(Press, HoldsTheForce) {
     for (const double tilt : {0.01, 0.05}) {
       const Scenario s = startAt(cell(), Vector2d(x, 0), Vector2d(0, tilt), 0.001);
       SimulatedPlant plant(s, s.mechanism, CellParameters{});
-      PressController hand(plant, PressLimits{});
-      hand.tare();
-      ASSERT_TRUE(hand.approach(-1.0));
-      hand.hold(12.0, 0.05);
-      EXPECT_NEAR(hand.forceZ(), 12.0, 0.6);
+      PressController press(plant, PressLimits{});
+      press.tare();
+      ASSERT_TRUE(press.approach(-1.0));
+      press.hold(12.0, 0.05);
+      EXPECT_NEAR(press.forceZ(), 12.0, 0.6);
       // truth: the contacts carry what was felt, and it stays
-      hand.wait(25);
+      press.wait(25);
       double force = 0.0;
       for (const ContactReport& c : plant.truth().contacts()) force += c.force.z();
       EXPECT_NEAR(force, 12.0, 0.6) << x << " " << tilt;
@@ -112,10 +112,10 @@ TEST(Press, GivesUpByName) {
   const auto reason = [](const Scenario& s, const PressLimits& limits, double force) {
     try {
       SimulatedPlant plant(s, s.mechanism, CellParameters{});
-      PressController hand(plant, limits);
-      hand.tare();
-      hand.approach(-1.0);
-      hand.hold(force, 0.05);
+      PressController press(plant, limits);
+      press.tare();
+      press.approach(-1.0);
+      press.hold(force, 0.05);
     } catch (const AlignError& error) {
       return std::string(error.what());
     }
@@ -158,9 +158,9 @@ TEST(Press, TellsNoiseFromASwing) {
     SimulatedPlant plant(s, s.mechanism, parameters);
     EXPECT_NO_THROW(PressController(plant, PressLimits{}).tare()) << parameters.seed;
     SwingingPlant swinging(plant, 2.0);
-    PressController hand(swinging, PressLimits{});
+    PressController press(swinging, PressLimits{});
     try {
-      hand.tare();
+      press.tare();
       ADD_FAILURE() << parameters.seed;
     } catch (const AlignError& error) {
       EXPECT_EQ(std::string(error.what()).rfind("not_still", 0), 0u);

@@ -16,7 +16,7 @@ struct AlignParameters {
   double press_tolerance = 0.05;   ///< fraction of press_force
   double force_limit = 40.0;       ///< abort above [N]
   double descent_limit = 0.02;     ///< abort when no contact within [m]
-  double approach_step = 1e-4;     ///< way down in one block before contact [m]
+  double approach_step = 1e-4;     ///< travel down in one block before contact [m]
   double exciter_amplitude = 0.0;  ///< 0: chosen [N]
   double exciter_frequency = 0.0;  ///< 0: chosen, see chooseVibration() [rad/s]
   int exciter_direction = 1;

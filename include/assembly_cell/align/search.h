@@ -52,12 +52,12 @@ class Search {
   /// Down to a contact that stays, felt at rest; a peg that swings seems to touch. Nothing when the
   /// rest height `floor` [m] was reached without one.
   std::optional<Touch> lightTouch(double floor);
-  /// Throws AlignError `wedged` for a peg tilted by R at a steep contact or one that gave way.
+  /// Throws AlignError `wedged` for a peg tilted by R at a steep contact or one that gave travel.
   void refuseWedge(const Touch& touch, const Eigen::Matrix3d& R);
   /// The hole lies on the low side of a peg tilted by R: later ways aside lead away from it.
   void holeOnLowSide(const Eigen::Matrix3d& R);
-  /// Out of whatever the peg is in, by `way` above [m]; the zero checked.
-  void backOut(double way);
+  /// Out of whatever the peg is in, by `travel` above [m]; the zero checked.
+  void backOut(double travel);
   /// Way aside from where the peg was in vain, another direction each time. In S [m]
   Eigen::Vector3d wayAside(double tilt);
   /// Way aside to where neither edge is steep: beyond √(R² − r²) the rim crosses the edge ahead of
@@ -65,7 +65,7 @@ class Search {
   double trapWidth(double tilt) const;
 
   /// Carrier in S.
-  Pose carrierPose() const { return inverse(X_BS_) * poseFromRest(hand_.last().carrier); }
+  Pose carrierPose() const { return inverse(X_BS_) * poseFromRest(press_.last().carrier); }
   /// Rest pose whose undeflected peg has its bottom centre at p and its axes along R.
   RestPose restFor(const Eigen::Vector3d& p, const Eigen::Matrix3d& R) const;
   /// Frame `peg` in S from a carrier pose and a deflection.
@@ -83,7 +83,7 @@ class Search {
   const Mechanism& mechanism_;
   const AlignParameters& p_;
   const Progress& progress_;
-  PressController hand_;
+  PressController press_;
   double length_;                                   // coupling to bottom edge [m]
   double start_time_ = 0.0, reference_time_ = 0.0;  // plant clock [s]
   double block_ = 0.0;                              // duration of a block [s]

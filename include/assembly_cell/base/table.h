@@ -17,7 +17,8 @@ struct Table {
   std::vector<std::vector<double>> rows;  ///< as many cells each as there are names
   std::vector<std::size_t> line;          ///< of the file, of each row
 
-  /// The one column with one of these names; empty without one. Throws InputError for two.
+  /// The one column with one of these names, in any case; empty without one. Throws InputError for
+  /// two.
   std::optional<std::size_t> find(const std::vector<std::string>& any) const;
   /// The same; throws InputError naming the first of them where there is none.
   std::size_t need(const std::vector<std::string>& any) const;
