@@ -119,6 +119,11 @@ void NetftSource::doConfigure(const YAML::Node& map) {
   info_.device = address_ + ":" + std::to_string(port_);
 }
 
+void NetftSource::failBind() const {
+  throw SourceError("source netft: bind_address (bind:= of the launch file) " + bind_address_ +
+                    ": " + strerror(errno) + ": give an address of this computer");
+}
+
 // GET /netftapi2.xml from the box; at most kLargestHttpResponse bytes in kHttpTimeout.
 std::string NetftSource::readConfiguration() {
   const std::string where = "source netft: " + address_ + ":" + std::to_string(http_port_);
@@ -139,7 +144,8 @@ std::string NetftSource::readConfiguration() {
 
   Descriptor connection(socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   const sockaddr_in local = endpoint(bind_address_, 0), box = endpoint(address_, http_port_);
-  if (!connection || bind(connection.get(), generic(local), sizeof local) != 0) fail(errno);
+  if (!connection) fail(errno);
+  if (bind(connection.get(), generic(local), sizeof local) != 0) failBind();
   if (connect(connection.get(), generic(box), sizeof box) != 0) {
     if (errno != EINPROGRESS) fail(errno);
     until(connection.get(), true);
@@ -213,10 +219,7 @@ void NetftSource::doOpen() {
   opened->descriptor = Descriptor(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   const sockaddr_in local = endpoint(bind_address_, 0);
   const int fd = opened->descriptor.get();
-  if (fd < 0 || bind(fd, generic(local), sizeof local) != 0) {
-    throw SourceError("source netft: bind_address " + bind_address_ + ": " + strerror(errno) +
-                      ": give an address of this computer");
-  }
+  if (fd < 0 || bind(fd, generic(local), sizeof local) != 0) failBind();
   // the kernel notes arrivals, so that reading many at once costs no accuracy
   const int on = 1;
   setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);

@@ -133,12 +133,21 @@ TEST(NetftSource, RefusesAddressesThatCantWork) {
         "{address: 127.0.0.1, configuration: guess}"}) {
     EXPECT_THROW(makeSource("netft")->configure(YAML::Load(parameters)), InputError) << parameters;
   }
-  // an address that isn't this computer's
-  const auto source = makeSource("netft");
-  source->configure(
-      YAML::Load("{address: 192.0.2.1, bind_address: 192.0.2.7, configuration: "
-                 "parameters, counts_per_force: 1, counts_per_torque: 1}"));
-  EXPECT_THROW(source->open(), SourceError);
+  // an address that isn't this computer's, named with and without the box's own configuration
+  for (const char* configuration :
+       {"parameters, counts_per_force: 1, counts_per_torque: 1", "http"}) {
+    const auto source = makeSource("netft");
+    source->configure(YAML::Load(std::string("{address: 192.0.2.1, bind_address: 192.0.2.7, ") +
+                                 "configuration: " + configuration + "}"));
+    try {
+      source->open();
+      ADD_FAILURE() << "opened with " << configuration;
+    } catch (const SourceError& error) {
+      EXPECT_NE(std::string(error.what()).find("bind:= of the launch file) 192.0.2.7"),
+                std::string::npos)
+          << error.what();
+    }
+  }
 }
 
 TEST(NetftSource, TakesRecordsFromTheBoxAlone) {

@@ -34,6 +34,7 @@ class NetftSource : public StrainSource {
   struct Socket;  // and the buffers of its datagrams
 
   std::string readConfiguration();
+  [[noreturn]] void failBind() const;
   void send(RdtCommand command) const;
   void receive();
   std::chrono::nanoseconds idle() const;

@@ -13,6 +13,7 @@
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/calibration/payload_files.h"
 #include "assembly_cell/description/joint_chain.h"
@@ -200,6 +201,22 @@ std::vector<std::string> findings(const PayloadModel& m) {
   return out;
 }
 
+// five lines for the person who reads no further
+void printSummary(std::ostream& out, const PayloadModel& m, double gravity) {
+  const Eigen::Vector3d c = 1e3 * m.center_of_mass;
+  const Eigen::Vector3d sd = 1e3 * m.center_covariance.diagonal().cwiseSqrt();
+  const std::vector<std::string> found = findings(m);
+  out << text("# mass %.4f +- %.4f kg\n", m.weight / gravity, m.weight_sd / gravity)
+      << text("# centre of mass (%.2f, %.2f, %.2f) +- (%.2f, %.2f, %.2f) mm in sensor axes\n",
+              c.x(), c.y(), c.z(), sd.x(), sd.y(), sd.z())
+      << text("# bias (%.3f, %.3f, %.3f) N, (%.4f, %.4f, %.4f) N m\n", m.bias[0], m.bias[1],
+              m.bias[2], m.bias[3], m.bias[4], m.bias[5])
+      << text("# %zu poses used, %zu left out; held out, one is met to %.3f N, %.4f N m (rms)\n",
+              m.used.size(), m.rejected.size(), m.held_out_rms.force, m.held_out_rms.torque)
+      << "# " << found.front()
+      << (found.size() > 1 ? text("; %zu more under findings", found.size() - 1) : "") << "\n";
+}
+
 void printModel(std::ostream& out, const PayloadModel& m, bool holdout, double gravity) {
   out << "status: ok\n";
   out << "axes: " << toString(m.axes) << "\n";
@@ -354,6 +371,7 @@ int run(const Options& options, std::ostream& out) {
     return 1;
   }
   const double gravity = options.gravity.value_or(poses.gravity.value_or(kGravity));
+  printSummary(out, model, gravity);
   printModel(out, model, options.holdout, gravity);
   printPlain(out,
              plainPayload(poses.values, inSensorAxes(poses.values, wrenches.values, model.axes)),
