@@ -13,11 +13,11 @@ Eigen::Vector2d tiltOf(const Pose& X_HP) {
   return Eigen::Vector2d(-axis.y(), axis.x()) * (std::atan2(sine, axis.z()) / sine);
 }
 
-double edgeReach(const Pose& X_HP, double peg_radius) {
+double edgeReach(const Pose& X_HP, double peg_radius, const Eigen::Vector2d& bore_lean) {
   const auto reach = [&](double a) {
     const Eigen::Vector3d p =
         X_HP.R * Eigen::Vector3d(peg_radius * std::cos(a), peg_radius * std::sin(a), 0.0) + X_HP.p;
-    return p.head<2>().norm();
+    return (p.head<2>() - p.z() * bore_lean).norm();
   };
   // the distance has at most two maxima round the edge: best of a grid, then golden section
   constexpr int kGrid = 360;

@@ -83,8 +83,10 @@ AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
   }
   trial.X_HP = plant.truth().pegPose();
   trial.success = trial.result.success &&
-                  edgeInside(trial.X_HP, start.mechanism.peg.radius, start.mechanism.hole.radius);
-  if (trial.result.success && !trial.success) {
+                  edgeInside(trial.X_HP, start.mechanism.peg.radius, start.mechanism.hole.radius,
+                             start.imperfections.bore_lean);
+  trial.false_success = trial.result.success && !trial.success;
+  if (trial.false_success) {
     const AlignError outside(AlignFailure::kEdgeOutside, "not inside the hole");
     trial.result.failure = outside.failure;
     trial.result.reason = outside.what();

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/start.h"
 
 namespace assembly_cell {
 
@@ -27,8 +28,16 @@ Calibration designCalibration(const Bridge& bridge, const CouplingParameters& co
 }
 
 SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& parameters)
+    : SimulatedCell(scenario, parameters, carrierBase(scenario)) {}
+
+SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& parameters,
+                             const Pose& X_HB)
     : parameters_(parameters),
       simulation_(scenario),
+      carrier_(X_HB, scenario, parameters.truth.carrier),
+      reported_(carrier_.report(simulation_)),
+      felt_a_(parameters.truth.sensor_a, parameters.sample_period),
+      felt_b_(parameters.truth.sensor_b, parameters.sample_period),
       bridge_a_(bridgeA(parameters.bits, parameters.noise)),
       bridge_b_(bridgeB(parameters.bits, parameters.noise)),
       strain_matrix_a_(strainMatrix(bridge_a_)),
@@ -71,20 +80,22 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations) {
   for (std::size_t i = 0; i < n; ++i) {
     ++samples_;
     // times from the count of samples, so that rounding does not add up
-    const StopReason reason =
-        simulation_.advance(static_cast<double>(samples_) * parameters_.sample_period);
+    const double time = static_cast<double>(samples_) * parameters_.sample_period;
+    const StopReason reason = simulation_.advance(time);
     if (reason != StopReason::kOk) return reason;
     const Vector6 wrench_a =
         transformWrench(parameters_.X_AH, simulation_.holeWrench()) + block_weight_;
-    const StrainSample a = convert(bridge_a_, strain_matrix_a_, wrench_a, normal_a_);
-    const StrainSample b =
-        convert(bridge_b_, strain_matrix_b_, simulation_.couplingWrench(), normal_b_);
+    const StrainSample a = convert(bridge_a_, strain_matrix_a_, felt_a_(wrench_a, time), normal_a_);
+    const StrainSample b = convert(bridge_b_, strain_matrix_b_,
+                                   felt_b_(simulation_.couplingWrench(), time), normal_b_);
     Vector6::Map(block.volts_a.data() + 6 * i) = a.volts;
     Vector6::Map(block.volts_b.data() + 6 * i) = b.volts;
     block.saturated_a[i] = a.saturated;
     block.saturated_b[i] = b.saturated;
     if (accelerations) Eigen::Vector2d::Map(block.accelerations.data() + 2 * i) = accelerometers();
   }
+  reported_ = carrier_.report(simulation_);
+  carrier_.settle(simulation_);
   return StopReason::kOk;
 }
 

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "assembly_cell/align/contact_window.h"
-#include "assembly_cell/cell/start.h"
 
 namespace assembly_cell {
 namespace {
@@ -28,7 +27,6 @@ TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH) {
 SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
                                const CellParameters& parameters, const Pose& X_AH)
     : nominal_(nominal),
-      X_HB_(carrierBase(scenario)),
       cell_(scenario, parameters),
       calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
       calibration_b_(
@@ -56,9 +54,7 @@ void SimulatedPlant::collect() {
 
 PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   Simulation& simulation = cell_.simulation();
-  if (command.rest) {
-    simulation.setRestTarget(restFromPose(X_HB_ * poseFromRest(*command.rest)));
-  }
+  if (command.rest) cell_.command(poseFromRest(*command.rest));
   if (command.exciter) {
     exciter_ = *command.exciter;
     exciter_reference_ = simulation.time();
@@ -101,12 +97,7 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   }
   if (request_) collect();
   out.time = simulation.time();
-  const Vector9& q = simulation.state().q;
-  RestPose carrier = simulation.rest();
-  carrier.x = q(6);
-  carrier.y = q(7);
-  carrier.yaw = q(8);
-  out.carrier = restFromPose(inverse(X_HB_) * poseFromRest(carrier));
+  out.carrier = restFromPose(cell_.reported());
 
   if (request_ && out.time >= request_->start + request_->duration - 1e-9) {
     out.locus = readLocus(nominal_, exciter_, angles_, displacements_);

@@ -27,6 +27,7 @@ struct System {
   bool fixed_step = false;
   bool rigid = false;
   bool discrete_friction = false;  ///< stick and slip are modes; else regularised friction
+  bool compliant = false;          ///< the carrier gives way behind its encoders
   double leave_gap = 0.0;          ///< a contact opens above this [m]
   double slip_threshold = 0.0;     ///< slip slower than this is rest [m/s]
   double arm = 0.0;                ///< from the centre of mass to the peg's edge [m]
@@ -52,20 +53,53 @@ struct Slot {
 };
 using SlotArray = std::array<Slot, kSlots>;
 
+/// How far the rest pose stands off from what is commanded. Order of restVector().
+struct RestShift {
+  /// Of the lag's way since its last update, see followForce() in simulation.cpp.
+  static constexpr double kLag = 0.01;    // [s]
+  static constexpr double kSlice = 2e-4;  // between updates [s]
+
+  Vector6 lagged(double t) const {
+    return goal + std::exp(-(t - updated) / kLag) * (lag_start - goal);
+  }
+  Vector6 at(double t) const { return restMotion(profile, t).position + lagged(t); }
+  void addTo(double t, RestMotion& rest) const {
+    const RestMotion settling = restMotion(profile, t);
+    const Vector6 lag = lagged(t);
+    rest.position += settling.position + lag;
+    rest.rate += settling.rate - (lag - goal) / kLag;
+    rest.acceleration += settling.acceleration + (lag - goal) / (kLag * kLag);
+  }
+
+  bool any = false;                     ///< false: nothing of this is looked at
+  RestProfile profile;                  ///< of what setRestShift() asks for
+  Vector6 lag_start = Vector6::Zero();  ///< by the compliance, at the last update
+  Vector6 goal = Vector6::Zero();       ///< what it tends to
+  double updated = 0.0;                 ///< time of the last update [s]
+};
+
 /// What is commanded: the rest pose's motion and the exciter.
 struct Commands {
   explicit Commands(const System& s) {
     setProfile(restProfile(s.scenario.rest));
     drive.exciter = s.scenario.mechanism.exciter;
+    drive.errors = s.scenario.imperfections.exciter;
+    shift.any = s.compliant;
   }
   void setProfile(const RestProfile& from_now_on) {
     profile = from_now_on;
     settled = restMotion(profile, profile.start + profile.duration);
   }
-  RestMotion restAt(double t) const { return restMotion(profile, t); }
+  RestMotion restAt(double t) const {
+    RestMotion rest = restMotion(profile, t);
+    if (shift.any) shift.addTo(t, rest);
+    return rest;
+  }
+  bool settledAt(double t) const { return !(t < profile.start + profile.duration); }
 
   RestProfile profile;
-  RestMotion settled;  ///< of the rest pose once the profile has ended
+  RestMotion settled;  ///< of the commanded pose once the profile has ended
+  RestShift shift;
   Drive drive;
 };
 

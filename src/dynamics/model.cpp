@@ -121,9 +121,19 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
 Eigen::Vector2d exciterForce(const Drive& drive, double t) {
   const ExciterParameters& e = drive.exciter;
   if (e.amplitude == 0.0) return Eigen::Vector2d::Zero();
-  const double angle = e.direction * (e.frequency * (t - drive.t_ref) + e.phase);
+  const ExciterErrors& errors = drive.errors;
+  const double angle = e.direction * (e.frequency * (t - drive.t_ref - errors.delay) + e.phase);
+  const double amplitude = errors.gain * e.amplitude;
+  Eigen::Vector2d force(std::cos(angle), std::sin(angle));  // peg axes x, y
+  if (errors.ellipticity != 0.0) {
+    const Eigen::Vector2d minor(-std::sin(errors.azimuth), std::cos(errors.azimuth));
+    force -= errors.ellipticity * minor.dot(force) * minor;
+  }
+  if (errors.harmonic != 0.0) {
+    force += errors.harmonic * Eigen::Vector2d(std::cos(2 * angle), std::sin(2 * angle));
+  }
   // peg axes x = thesis axis 2, y = −(thesis axis 1)
-  return {-e.amplitude * std::sin(angle), e.amplitude * std::cos(angle)};
+  return {-amplitude * force.y(), amplitude * force.x()};
 }
 
 Direction directionOf(double angle) { return {angle, std::cos(angle), std::sin(angle)}; }

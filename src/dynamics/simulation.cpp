@@ -29,6 +29,7 @@ constexpr double kStepFloor =
 constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
 constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
+constexpr double kSameTime = 1e-9;  // rounding of sums of slices [s]
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 
@@ -69,6 +70,8 @@ struct Simulation::Run {
   void accept(double t, const Trial& trial);
   void endAtEvent(const Events& at_end, Trial& trial);
   void checkState();
+  void decideAfterCommand();
+  void followForce();
   const Evaluation& present(std::optional<Evaluation>& after_command) const;
 
   const System system;
@@ -184,6 +187,28 @@ void Simulation::Run::checkState() {
   }
 }
 
+// forces jump with the commands: decide anew who slides
+void Simulation::Run::decideAfterCommand() {
+  if (context.stale && !(system.rigid && context.time < context.chatter_until)) {
+    decide(system, context, now);
+  }
+}
+
+// The carrier gives way to the coupling's force of now until the next update: exact for a constant
+// force, and late by half a slice (1 % of the lag) for one that changes.
+void Simulation::Run::followForce() {
+  std::optional<Evaluation> after_command;
+  const FreeMotion& motion = present(after_command).motion;
+  const Vec3 way =
+      system.scenario.imperfections.compliance.cwiseProduct(fromThesisAxes(motion.FK + motion.FC));
+  RestShift& shift = context.commands.shift;
+  shift.lag_start = shift.lagged(context.time);
+  shift.goal.head<3>() = way;
+  shift.updated = context.time;
+  context.stale = true;
+  decideAfterCommand();
+}
+
 // the evaluation of the present; made anew after a command, before the run goes on
 const Evaluation& Simulation::Run::present(std::optional<Evaluation>& after_command) const {
   if (!context.stale) return now;
@@ -220,18 +245,23 @@ RunCounts Simulation::counts() const {
 StopReason Simulation::advance(double t_end, std::int64_t attempts) {
   Context& c = run_->context;
   if (c.stop != StopReason::kOk) return c.stop;
-  // forces jump with the commands: decide anew who slides
-  if (c.stale && !(run_->system.rigid && c.time < c.chatter_until)) {
-    decide(run_->system, c, run_->now);
+  run_->decideAfterCommand();
+  while (c.time < t_end && c.stop == StopReason::kOk && attempts-- > 0) {
+    if (!run_->system.compliant) {
+      run_->step(t_end);
+      continue;
+    }
+    if (c.time >= c.commands.shift.updated + RestShift::kSlice - kSameTime) run_->followForce();
+    const double update = c.commands.shift.updated + RestShift::kSlice;
+    run_->step(update < t_end - kSameTime ? update : t_end);
   }
-  while (c.time < t_end && c.stop == StopReason::kOk && attempts-- > 0) run_->step(t_end);
   return c.stop;
 }
 
 void Simulation::setRestTarget(const RestPose& target) {
   Context& c = run_->context;
   const PegParameters& peg = scenario().mechanism.peg;
-  c.commands.setProfile(planRest(c.commands.restAt(c.time), c.time, target,
+  c.commands.setProfile(planRest(restMotion(c.commands.profile, c.time), c.time, target,
                                  scenario().mechanism.carrier,
                                  peg.coupling_height + peg.half_height));
   c.stale = true;
@@ -241,8 +271,27 @@ RestPose Simulation::rest() const {
   return restPose(run_->context.commands.restAt(time()).position);
 }
 
+void Simulation::setRestShift(const Vector6& shift) {
+  Context& c = run_->context;
+  const PegParameters& peg = scenario().mechanism.peg;
+  RestShift& now = c.commands.shift;
+  now.profile = planRest(restMotion(now.profile, c.time), c.time, restPose(shift),
+                         scenario().mechanism.carrier, peg.coupling_height + peg.half_height);
+  now.any = true;
+  c.stale = true;
+}
+
+Vector6 Simulation::restShift() const {
+  const RestShift& shift = run_->context.commands.shift;
+  return shift.any ? shift.at(time()) : Vector6::Zero();
+}
+
+bool Simulation::atRest() const { return run_->context.commands.settledAt(time()); }
+
 void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
-  run_->context.commands.drive = {exciter, t_ref};
+  Drive& drive = run_->context.commands.drive;
+  drive.exciter = exciter;
+  drive.t_ref = t_ref;
   run_->context.stale = true;
   run_->now.drive_time = -1.0;
 }

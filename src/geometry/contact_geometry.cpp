@@ -49,7 +49,7 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
     return 0;
   }
 
-  const Peg e(edge);
+  const Peg e(edge, shapes.bore_lean);
   if (!e.finite()) {
     set.valid = 0;
     return 0;
@@ -63,8 +63,15 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
     if (!(contact.gap <= far)) contact.valid = false;
   }
   set.slots[2].valid = false;
-  if (admitted & kEdgePlaneSlots) edgePlane(e, shapes, far, set.slots[2]);
-  if (admitted & kEdgeWallSlots) edgeWall(e, shapes.hole_radius, far, admitted, set);
+  if (e.leans()) {
+    // below the plane the block is where its bore is
+    const Peg seen(straightened(edge, e.lean), shapes.bore_lean);
+    if (admitted & kEdgePlaneSlots) edgePlane(seen, shapes, far, set.slots[2]);
+    if (admitted & kEdgeWallSlots) edgeWall(seen, shapes.hole_radius, far, admitted, set);
+  } else {
+    if (admitted & kEdgePlaneSlots) edgePlane(e, shapes, far, set.slots[2]);
+    if (admitted & kEdgeWallSlots) edgeWall(e, shapes.hole_radius, far, admitted, set);
+  }
   if (admitted & kRimSideSlots) rimSide(e, shapes, far, admitted, set);
   set.slots[7].valid = false;
   if (admitted & kRimFaceSlots) rimFace(e, shapes, far, set.slots[7]);
@@ -86,7 +93,11 @@ double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes) {
   // level slices of the peg from the bottom to the plane: ellipses no longer than r / cos(tilt)
   const double lift = -e.center(0) / e.axis(0);
   const double at_plane = levelNorm(e.center + lift * e.axis);
-  const double wall = (shapes.hole_radius - std::max(e.offset, at_plane)) * e.axis(0) - e.r;
+  const double lean = shapes.bore_lean.norm();
+  const double at_bottom =
+      lean > 0.0 ? (e.center.tail<2>() - e.center(0) * shapes.bore_lean).norm() : e.offset;
+  double wall = (shapes.hole_radius - std::max(at_bottom, at_plane)) * e.axis(0) - e.r;
+  if (lean > 0.0) wall *= 1.0 - lean;
   return std::max(0.0, std::min(wall, lowest + shapes.hole_depth));
 }
 

@@ -36,9 +36,8 @@ ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec
 ContactRates edgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                        const Vec3& omega) {
   const Vec3 turn = omega.cross(c.dp);
-  // along the wall's circles: e1 × n; zero curvature on the plane
-  const double v_round = c.normal(1) * v_m(2) - c.normal(2) * v_m(1);
-  const double dp_round = c.normal(1) * c.dp(2) - c.normal(2) * c.dp(1);
+  // along the wall's circles; none on the plane
+  const double v_round = c.tangent.dot(v_m), dp_round = c.tangent.dot(c.dp);
   const double bend = -c.curvature * v_round;
   const double mixed = c.normal.dot(turn) + bend * dp_round;
   const double sharpness = -c.normal.dot(c.p - e.center) - c.curvature * dp_round * dp_round;

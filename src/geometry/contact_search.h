@@ -82,8 +82,9 @@ struct Peg {
   double amplitude;     // A = r sin(tilt)
   double sine, offset;  // of the tilt; of the centre from the hole's axis
   double lc, ls;        // t of the lowest point; of t = 0 for an upright peg
+  Vec3 lean;            // of the bore, (0, bore_lean)
 
-  explicit Peg(const EdgeCircle& e)
+  explicit Peg(const EdgeCircle& e, const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero())
       : r(e.radius),
         center(e.center),
         p(r * e.axis0),
@@ -91,7 +92,8 @@ struct Peg {
         axis(e.axis0.cross(e.axis1)),
         amplitude(std::sqrt(p(0) * p(0) + q(0) * q(0))),
         sine(amplitude / r),
-        offset(levelNorm(center)) {
+        offset(levelNorm(center)),
+        lean(0.0, bore_lean(0), bore_lean(1)) {
     const bool upright = !tilted();
     const double inverse = upright ? 0.0 : 1.0 / amplitude;
     lc = upright ? 1.0 : -p(0) * inverse;
@@ -99,6 +101,7 @@ struct Peg {
   }
 
   bool tilted() const { return sine > kLevel; }
+  bool leans() const { return lean(1) != 0.0 || lean(2) != 0.0; }
   bool finite() const { return std::isfinite(center(0) + offset + amplitude + axis.sum()); }
 
   // the edge's place in the direction of the centre's offset from the hole's axis
@@ -106,6 +109,13 @@ struct Peg {
     return placeTowards(levelDot(p, center), levelDot(q, center), at);
   }
 };
+
+// the edge as seen by a bore that leans: its level sections moved over one another, which leaves
+// heights as they are and makes the bore a right cylinder (and the edge an ellipse)
+inline EdgeCircle straightened(const EdgeCircle& e, const Vec3& lean) {
+  return {e.center - e.center(0) * lean, e.axis0 - e.axis0(0) * lean, e.axis1 - e.axis1(0) * lean,
+          e.radius};
+}
 
 enum class Search { kFound, kNone, kFailed };
 

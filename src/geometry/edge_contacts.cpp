@@ -47,8 +47,18 @@ void setEdge(ContactFeature feature, const Place& at, const Meridian& m, Contact
 }
 
 // slot 0 leaves the hole with rising t; in both the edge climbs outwards
-bool admissible(const Meridian& m, int slot) {
-  return slot == 0 ? m.drho >= 0.0 && m.dx(0) >= 0.0 : m.drho <= 0.0 && m.dx(0) <= 0.0;
+// outwards and up on slot 0, back on slot 1; out of a bore that leans beside its wall
+bool admissible(const Peg& e, const Meridian& m, int slot) {
+  const double drho = e.leans() ? m.drho - levelDot(e.lean, m.x) * m.inverse_rho * m.dx(0) : m.drho;
+  return slot == 0 ? drho >= 0.0 && m.dx(0) >= 0.0 : drho <= 0.0 && m.dx(0) <= 0.0;
+}
+
+// a place that was found on the straightened edge, back in the cell
+void leanBack(const Peg& seen, ContactPoint& contact) {
+  if (!seen.leans()) return;
+  contact.p += contact.p(0) * seen.lean;
+  contact.dp += contact.dp(0) * seen.lean;
+  contact.rim += contact.rim(0) * seen.lean;
 }
 
 // Phi(t) = x1 x1' + (rho − r_h) rho' = 0 at a local minimum of the distance to the rim; kNone: of
@@ -73,7 +83,7 @@ Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meri
       m.inverse_rho *= 1.5 - 0.5 * rho2 * m.inverse_rho * m.inverse_rho;
       m.rho = rho2 * m.inverse_rho;
       m.drho = levelDot(m.x, m.dx) * m.inverse_rho;
-      return admissible(m, slot) ? Search::kFound : Search::kNone;
+      return admissible(e, m, slot) ? Search::kFound : Search::kNone;
     }
     const bool above = x > 0.0 && out < 0.0 && std::abs(step) < 0.1;
     if (above && x * x + out * out - value * step > far * far) return Search::kNone;
@@ -119,7 +129,7 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   for (int i = 0; i < kScanPoints; ++i) {
     meridian(e, sample, m);
     const double distance = m.x(0) * m.x(0) + square(m.rho - r_h);
-    if (distance < best && admissible(m, slot)) {
+    if (distance < best && admissible(e, m, slot)) {
       best = distance;
       start = sample;
     }
@@ -163,7 +173,10 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
 
   // up and towards the axis; in the peg's cone too, else side or face of the peg are nearer
   const double inverse = 1.0 / norm;
-  const double up = std::abs(m.drho) * inverse, inward = std::abs(m.dx(0)) * inverse;
+  // only at a wall that leans over is there a normal that points down
+  const double out_rate = e.leans() && slot == 1 ? -m.drho : m.drho;
+  const double up = (e.leans() ? out_rate : std::abs(m.drho)) * inverse;
+  const double inward = std::abs(m.dx(0)) * inverse;
   const double e2 = m.x(1) * m.inverse_rho, e3 = m.x(2) * m.inverse_rho;
   const Vec3 normal(up, -inward * e2, -inward * e3);
   if (normal.dot(e.axis) < 0.0 || normal.dot(m.u) > 0.0) return;
@@ -209,17 +222,19 @@ void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoi
   contact.rim = {height, m.x(1), m.x(2)};
   contact.normal = {1.0, 0.0, 0.0};
   contact.gap = lowest - height;
+  leanBack(e, contact);
 }
 
 void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, ContactSet& set) {
   SlotPair pair(set, admitted, kEdgeWallSlots, 3);
-  if (e.offset + e.r < r_h - far) return;
-  const double bend = e.amplitude * e.sine;
+  const double lean = e.leans() ? levelNorm(e.lean) : 0.0;
+  if (e.offset + e.r + lean * e.amplitude < r_h - far) return;
+  const double bend = e.amplitude * (e.sine + 2 * lean);
   if (!(e.offset > kCoaxial * e.r) && !(bend > kCoaxial * e.r)) return;
   // one farthest place only, near the direction of the offset: skipped where it's flat under the
   // plane or above it
   const bool single = e.offset * e.axis(0) > bend;
-  if (!pair.warm && e.offset > 2 * bend) {
+  if (!pair.warm && !e.leans() && e.offset > 2 * bend) {
     if (e.offset + e.r * e.axis(0) - r_h > e.amplitude - e.center(0)) return;
     Place towards{};
     if (!e.placeOfOffset(towards)) return;
@@ -233,6 +248,10 @@ void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, Co
   // axis
   const auto evaluate = [&](const Place& at) {
     edgePoint(e, at, m);
+    if (e.leans()) {
+      return Extremum{levelDot(m.x, m.dx), levelDot(m.dx, m.dx) - levelDot(m.x, m.u),
+                      -1.5 * levelDot(m.dx, m.u) - 0.5 * levelDot(m.x, m.dx), levelDot(m.x, m.x)};
+    }
     const double u = m.u(0), dx = m.dx(0);
     const double along = levelDot(e.center, m.dx);
     return Extremum{along - u * dx, u * u - dx * dx - levelDot(e.center, m.u),
@@ -258,8 +277,19 @@ void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, Co
     setEdge(ContactFeature::kEdgeWall, at, m, contact);
     contact.rim = {m.x(0), r_h * e2, r_h * e3};
     contact.normal = {0.0, -e2, -e3};
+    contact.tangent = {0.0, e3, -e2};
     contact.gap = r_h - m.rho;
     contact.curvature = m.inverse_rho;
+    if (!e.leans()) return;
+    // gradient of r_h − rho in the cell, and its length
+    contact.normal(0) = levelDot(e.lean, m.x) * m.inverse_rho;
+    contact.tangent(0) = -levelDot(e.lean, contact.tangent);
+    const double length = contact.normal.norm(), inverse = 1.0 / length;
+    contact.normal *= inverse;
+    contact.tangent *= inverse;
+    contact.gap *= inverse;
+    contact.curvature *= length;
+    leanBack(e, contact);
   });
 }
 

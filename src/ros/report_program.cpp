@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/report_program.h"
 
+#include <std_msgs/String.h>
 #include <std_srvs/SetBool.h>
 #include <yaml-cpp/yaml.h>
 
@@ -14,6 +15,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/description/cell_description.h"
+#include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 
@@ -26,6 +28,16 @@ constexpr double kRounding = 0.001;          // well below a block [s]
 constexpr std::size_t kTruthMemory = 50000;  // blocks, 1000 s
 
 Eigen::Vector2d vector(const boost::array<double, 2>& v) { return {v[0], v[1]}; }
+
+// of the bore, where its tilt was drawn
+double reachAtEnd(const ReportDetails& details) {
+  Eigen::Vector2d lean = Eigen::Vector2d::Zero();
+  if (!details.mismatch.empty()) {
+    const YAML::Node tilt = YAML::Load(details.mismatch)["hole"]["bore_tilt"];
+    if (tilt) lean = boreLean({tilt[0].as<double>(), tilt[1].as<double>()});
+  }
+  return edgeReach(*details.truth_end, details.peg_radius, lean);
+}
 
 }  // namespace
 
@@ -42,8 +54,7 @@ void addTruth(AlignmentReport& report, const ReportDetails& details) {
 
 bool verdict(const AlignmentReport& report, const ReportDetails& details) {
   if (!report.success) return false;
-  return !details.truth_end ||
-         edgeReach(*details.truth_end, details.peg_radius) <= details.hole_radius;
+  return !details.truth_end || reachAtEnd(details) <= details.hole_radius;
 }
 
 std::string table(const AlignmentReport& report, const ReportDetails& details) {
@@ -67,7 +78,7 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
       felt ? text(pair, tilt.x(), tilt.y()) : "-",
       known && felt ? text("%.3f", (tilt - true_tilt).norm()) : "-");
   if (details.truth_end) {
-    const double reach = edgeReach(*details.truth_end, details.peg_radius);
+    const double reach = reachAtEnd(details);
     out += text(
                "  peg's edge at the end: farthest point %.3f mm from the hole's axis, "
                "hole's radius %.3f mm: ",
@@ -120,8 +131,10 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
   if (known) {
     pose("true_pose_start", toPose(*details.truth_start));
     pose("true_pose", toPose(*details.truth_end));
-    out << YAML::Key << "edge_reach" << YAML::Value
-        << edgeReach(*details.truth_end, details.peg_radius);
+    out << YAML::Key << "edge_reach" << YAML::Value << reachAtEnd(details);
+  }
+  if (!details.mismatch.empty()) {
+    out << YAML::Key << "mismatch" << YAML::Value << YAML::Load(details.mismatch);
   }
   out << YAML::Key << "verdict" << YAML::Value << verdict(report, details);
   out << YAML::EndMap;
@@ -196,9 +209,17 @@ bool ReportProgram::othersAreThere() {
   ros::master::V_TopicInfo topics;
   ros::master::getTopics(topics);
   const std::string topic = nh_.resolveName("truth/pose");
-  truth_published_ = std::any_of(topics.begin(), topics.end(),
-                                 [&topic](const auto& info) { return info.name == topic; });
-  return true;
+  const auto published = [&topics](const std::string& name) {
+    return std::any_of(topics.begin(), topics.end(),
+                       [&name](const auto& info) { return info.name == name; });
+  };
+  truth_published_ = published(topic);
+  // latched from the start
+  return !published(nh_.resolveName("truth/mismatch")) ||
+         waitFor("message on truth/mismatch", kTruthTimeout, [this] {
+           std::lock_guard<std::mutex> lock(mutex_);
+           return !details_.mismatch.empty();
+         });
 }
 
 bool ReportProgram::align() {
@@ -245,6 +266,11 @@ int ReportProgram::run() {
         std::lock_guard<std::mutex> lock(mutex_);
         truth_.push_back(message);
         if (truth_.size() > kTruthMemory) truth_.pop_front();
+      });
+  mismatch_sub_ = nh_.subscribe<std_msgs::String>(
+      "truth/mismatch", 1, [this](const std_msgs::String::ConstPtr& message) {
+        std::lock_guard<std::mutex> lock(mutex_);
+        details_.mismatch = message->data;
       });
   // the truth before anything moves
   if (!othersAreThere() || !readTruth(ros::Time(), details_.truth_start) || !align()) return 1;

@@ -42,7 +42,7 @@ std::optional<std::string> SimulatorNode::refusal(const geometry_msgs::PoseStamp
     return error.what();
   }
   // far from the scenario's rest pose is a mistake of unit or frame
-  const Pose start = inverse(X_HB_) * poseFromRest(scenario_.rest);
+  const Pose start = inverse(cell_->carrier().base()) * poseFromRest(scenario_.rest);
   if ((X.p - start.p).norm() > max_offset_) {
     return "position " + describe(X.p) + " is more than " + std::to_string(max_offset_) +
            " m from the scenario's rest position " + describe(start.p) + ": see ~max_offset";

@@ -3,6 +3,7 @@
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <rosgraph_msgs/Clock.h>
+#include <std_msgs/String.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/description/part_pairs.h"
+#include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 
@@ -34,7 +36,7 @@ double seconds(std::chrono::steady_clock::duration duration) {
 
 SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
   readParameters(pnh);
-  cell_ = std::make_unique<SimulatedCell>(scenario_, cell_parameters_);
+  cell_ = std::make_unique<SimulatedCell>(scenario_, cell_parameters_, X_HB_);
   epoch_ = lockstep_ ? ros::Time(1, 0) : ros::Time::now();
   figures_start_ = std::chrono::steady_clock::now();
   advertise(pnh);
@@ -47,6 +49,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
   file_ = parameters.text("scenario");
   const auto overrides = parameters.texts("overrides", std::vector<std::string>{});
+  const std::string mismatch = parameters.text("mismatch", "");
   CellParameters& cell = cell_parameters_;
   cell.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
   cell.bits = parameters.integer("bits", 10, 24, 16);
@@ -74,13 +77,23 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
 
   // the mechanism of the scenario must be the one of the robot description
   scenario_ = loadScenario(file_, overrides);
-  X_HB_ = carrierBase(scenario_);
+  believed_height_ = scenario_.rest.z;
   description_ = loadCellDescription(Parameters(nh_).text("robot_description"));
   checkAgainst(description_, scenario_.mechanism, scenario_.name);
   pairParts();
   cell.X_AH = description_.X_AH;
   cell.hole_block_mass = description_.hole_block_mass;
   cell.hole_block_center = description_.hole_block_centre;
+  if (!mismatch.empty()) drawMismatch(mismatch);
+  X_HB_ = carrierBase(scenario_);
+}
+
+void SimulatorNode::drawMismatch(const std::string& file) {
+  const Mismatch mismatch = loadMismatch(file);
+  const Truth truth = drawTruth(mismatch, cell_parameters_.seed);
+  scenario_ = trueScenario(scenario_, truth, file);
+  cell_parameters_.truth = truth.cell;
+  mismatch_ = truthText(truth);
 }
 
 void SimulatorNode::advertise(ros::NodeHandle& pnh) {
@@ -94,6 +107,13 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   if (publish_truth_) {
     truth_pose_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("truth/pose", 10, true);
     truth_contacts_pub_ = nh_.advertise<ContactArray>("truth/contacts", 10);
+  }
+  if (publish_truth_ && !mismatch_.empty()) {
+    truth_mismatch_pub_ = nh_.advertise<std_msgs::String>("truth/mismatch", 1, true);
+    std_msgs::String drawn;
+    drawn.data = mismatch_;
+    truth_mismatch_pub_.publish(drawn);
+    ROS_INFO("the truth differs from the files by %s", mismatch_.c_str());
   }
   publishStaticFrames();
 
@@ -198,7 +218,7 @@ void SimulatorNode::applyCommands() {
     exciter.swap(exciter_);
   }
   Simulation& simulation = cell_->simulation();
-  if (command) simulation.setRestTarget(restFromPose(X_HB_ * *command));
+  if (command) cell_->command(*command);
   if (exciter) {
     ExciterParameters drive;
     drive.amplitude = exciter->on ? exciter->amplitude : 0.0;
@@ -213,7 +233,7 @@ void SimulatorNode::applyCommands() {
 }
 
 void SimulatorNode::restart(const Scenario& scenario) {
-  auto cell = std::make_unique<SimulatedCell>(scenario, cell_parameters_);
+  auto cell = std::make_unique<SimulatedCell>(scenario, cell_parameters_, X_HB_);
   // the clock goes on
   base_ += cell_->simulation().time();
   cell_ = std::move(cell);
@@ -305,19 +325,19 @@ void SimulatorNode::publishBlock() {
     accelerometers_pub_.publish(felt);
   }
 
-  Simulation& simulation = cell_->simulation();
-  carrier_pub_.publish(poseStamped(kCarrierBaseFrame, inverse(X_HB_) * simulation.carrierPose(),
-                                   stampAt(simulation.time())));
+  carrier_pub_.publish(
+      poseStamped(kCarrierBaseFrame, cell_->reported(), stampAt(cell_->simulation().time())));
 }
 
 // Where a person believes the carrier to be: upright over the hole's middle. Where it is belongs to
 // the truth.
 void SimulatorNode::publishStaticFrames() {
-  const Pose X_HB{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, scenario_.rest.z)};
+  const Pose X_HB{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, believed_height_)};
   std::vector<geometry_msgs::TransformStamped> frames = {transformStamped(
       kWorldFrame, kCarrierBaseFrame, description_.X_WA * description_.X_AH * X_HB, epoch_)};
   if (publish_truth_) {
-    frames.push_back(transformStamped(kCarrierBaseFrame, kHoleTruthFrame, inverse(X_HB_), epoch_));
+    frames.push_back(transformStamped(kCarrierBaseFrame, kHoleTruthFrame,
+                                      inverse(cell_->carrier().base()), epoch_));
   }
   static_tf_.sendTransform(frames);
 }
@@ -327,8 +347,7 @@ void SimulatorNode::publishState() {
   const ros::Time stamp = stampAt(simulation.time());
   now_ = base_ + simulation.time();
 
-  tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame,
-                                     inverse(X_HB_) * simulation.carrierPose(), stamp));
+  tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));
 
   if (publish_truth_) {
     const Pose X_HP = simulation.pegPose();

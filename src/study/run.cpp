@@ -261,6 +261,7 @@ std::string resultsHeader(const Study& study) {
   for (const StudyAxis& axis : study.axes) header += "," + axis.name;
   header += ",status,reason";
   for (const std::string& name : study.outcomes) header += "," + name;
+  if (study.mismatch) header += ",mismatch";
   return header;
 }
 
@@ -308,6 +309,7 @@ Scenario StudyRunner::scenarioOf(const std::vector<StudySetting>& settings, Stud
 StudyRecord StudyRunner::run(const StudyTask& task) {
   const StudyRun plan = studyRun(study_, task);
   Result result;
+  std::string drawn;
   try {
     StudyJob job = study_.job;
     const Scenario nominal = scenarioOf(plan.settings, job);
@@ -320,6 +322,12 @@ StudyRecord StudyRunner::run(const StudyTask& task) {
       const Vector2d tilt = Vector2d(s.tilt_x, s.tilt_y) +
                             s.tilt * Vector2d(std::cos(s.tilt_azimuth), std::sin(s.tilt_azimuth));
       scenario = startAt(nominal, offset, tilt, s.height);
+    }
+    if (study_.mismatch) {
+      const Truth truth = drawTruth(*study_.mismatch, plan.seed);
+      drawn = truthText(truth);
+      scenario = trueScenario(scenario, truth, study_.mismatch->source);
+      job.cell.truth = truth.cell;
     }
     if (job.kind == StudyJob::Kind::kAlign) {
       alignRun(scenario, nominal.mechanism, job, result);
@@ -346,6 +354,7 @@ StudyRecord StudyRunner::run(const StudyTask& task) {
   for (const std::string& label : plan.labels) record.row += "," + label;
   record.row += "," + csvCell(result.status) + "," + csvCell(result.reason);
   for (const std::string& name : study_.outcomes) record.row += "," + result.get(name);
+  if (study_.mismatch) record.row += "," + csvCell(drawn);
   record.history = std::move(result.history);
   double objective = 0.0;
   if (!study_.search.outcome.empty() && parseNumber(result.get(study_.search.outcome), objective)) {

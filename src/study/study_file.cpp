@@ -65,6 +65,7 @@ class Reader {
       study_.set = settings(in_.required("set", ""), in_.at("set"));
     }
     if (in_.optional("axes")) readAxes(in_.required("axes", ""));
+    readMismatch();
     readSearch();
     readOutcomes();
     readEnough();
@@ -155,6 +156,15 @@ class Reader {
     within("", [&] { checkParameters(job.align); });
   }
 
+  void readMismatch() {
+    if (!in_.optional("mismatch")) return;
+    within("mismatch", [&] {
+      const std::string path = file(in_.text("mismatch", "give a mismatch file"));
+      study_.mismatch_text = yaml::fileText(path, "mismatch");
+      study_.mismatch = parseMismatch(study_.mismatch_text, path);
+    });
+  }
+
   void readAxes(const YAML::Node& node) {
     if (!node.IsSequence()) in_.refuse("axes", shown(node), "give a list of axes");
     std::set<std::string> names, keys;
@@ -164,6 +174,7 @@ class Reader {
       const StudyAxis& a = study_.axes.back();
       const auto& outcomes = outcomeNames(study_.job.kind);
       if (a.name == "run" || a.name == "seed" || a.name == "status" || a.name == "reason" ||
+          a.name == "mismatch" ||
           std::find(outcomes.begin(), outcomes.end(), a.name) != outcomes.end()) {
         in_.refuse(where + ".name", a.name, "a column of the results, give the axis another name");
       }
@@ -481,6 +492,7 @@ Study loadStudy(const std::string& path, const std::vector<std::string>& overrid
   for (std::size_t i = 0; i < study.texts.size(); ++i) {
     all += "\n" + YAML::Dump(yaml::loadYaml(study.texts[i], study.scenarios[i]));
   }
+  if (study.mismatch) all += "\n" + YAML::Dump(YAML::Load(study.mismatch_text));
   study.digest = crcText(all);
   return study;
 }

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iostream>
 #include <mutex>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -18,6 +19,7 @@
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
+#include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/study/share.h"
 
 namespace {
@@ -27,7 +29,9 @@ using assembly_cell::AlignProgress;
 using assembly_cell::AlignTrial;
 using assembly_cell::CellParameters;
 using assembly_cell::InputError;
+using assembly_cell::Mismatch;
 using assembly_cell::Scenario;
+using assembly_cell::Truth;
 using assembly_cell::yamlNumber;
 using assembly_cell::yamlQuoted;
 using Clock = std::chrono::steady_clock;
@@ -46,8 +50,10 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --noise V             of every strain channel, rms (default 5e-4)  [V]
   --offset-max D        of random starts (default 0.015)  [m]
   --tilt-max T          of random starts (default 0.0349, 2 degrees)  [rad]
+  --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
+                        for each run from its seed, see docs/mismatch.md
   --threads N           runs at the same time (default: the machine's cores)
-  --set KEY.PATH=VALUE  change a value of the scenario; repeatable
+  --set KEY.PATH=VALUE  change a value of the scenario, for truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
   --help                print this
 
@@ -59,7 +65,7 @@ Example: align config/scenarios/cell.yaml --runs 20 --seed 7
 constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
 
 struct Options {
-  std::string scenario, report;
+  std::string scenario, report, mismatch;
   std::vector<std::string> overrides;
   AlignParameters align;
   CellParameters cell;
@@ -81,6 +87,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.number("--tilt-max", o.tilt_max, 0.0, 0.1);
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
+  parser.text("--mismatch", o.mismatch);
   parser.text("--report", o.report);
   return parser.parse(arguments);
 }
@@ -88,6 +95,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
 struct Run {
   std::uint64_t seed = 0;
   AlignTrial trial;
+  std::string truth;  // what was drawn; empty: nothing
   double wall_time = 0.0;
 };
 
@@ -103,14 +111,32 @@ Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed)
                                 kStartHeight);
 }
 
-Run runOnce(const Options& o, const Scenario& scenario, std::uint64_t seed,
+// What all runs share: the scenario as it is believed to be, and how the truth differs.
+struct Task {
+  Scenario scenario;
+  std::optional<Mismatch> mismatch;
+
+  Scenario truthOf(const Options& o, std::uint64_t seed, Truth& truth) const {
+    const Scenario start = startOf(o, scenario, seed);
+    if (!mismatch) return start;
+    truth = drawTruth(*mismatch, seed);
+    return trueScenario(start, truth, mismatch->source + " (seed " + std::to_string(seed) + ")");
+  }
+};
+
+Run runOnce(const Options& o, const Task& task, std::uint64_t seed,
             const std::function<void(const AlignProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
   CellParameters cell = o.cell;
   cell.seed = seed;
   Run run;
   run.seed = seed;
-  run.trial = tryAlignment(startOf(o, scenario, seed), scenario.mechanism, cell, o.align, progress);
+  Truth truth;
+  const Scenario scenario = task.truthOf(o, seed, truth);
+  cell.truth = truth.cell;
+  run.truth = truthText(truth);
+  if (run.truth == "{}") run.truth.clear();
+  run.trial = tryAlignment(scenario, task.scenario.mechanism, cell, o.align, progress);
   run.wall_time = std::chrono::duration<double>(Clock::now() - start).count();
   return run;
 }
@@ -137,14 +163,26 @@ std::string spread(std::vector<double> values) {
   return "{median: " + at(0.5) + ", p95: " + at(0.95) + ", max: " + at(1.0) + "}";
 }
 
+// of a strategy that said aligned with the peg outside: told where there may be one
+std::string falseSuccesses(std::ptrdiff_t wrong, const std::vector<Run>& runs) {
+  const bool drawn = !runs.empty() && !runs.front().truth.empty();
+  if (wrong == 0 && !drawn) return "";
+  const assembly_cell::ShareInterval share =
+      assembly_cell::shareInterval(wrong, static_cast<std::int64_t>(runs.size()));
+  return "false_successes: " + std::to_string(wrong) + "\nfalse_success_interval: [" +
+         yamlNumber(share.low) + ", " + yamlNumber(share.high) + "]\n";
+}
+
 std::string yaml(const std::vector<Run>& runs, const Options& o) {
   std::ostringstream out;
+  const auto wrong =
+      std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.trial.false_success; });
   const auto good =
       std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.trial.success; });
   const assembly_cell::ShareInterval share =
       assembly_cell::shareInterval(good, static_cast<std::int64_t>(runs.size()));
   std::vector<double> offset, tilt, simulated, wall, direction;
-  for (const auto& [seed, trial, wall_time] : runs) {
+  for (const auto& [seed, trial, truth, wall_time] : runs) {
     simulated.push_back(trial.result.time);
     wall.push_back(wall_time);
     direction.insert(direction.end(), trial.direction_errors.begin(), trial.direction_errors.end());
@@ -157,14 +195,14 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       << "succeeded: " << good << "\n"
       << "success_rate: " << yamlNumber(share.share) << "\n"
       << "success_interval: [" << yamlNumber(share.low) << ", " << yamlNumber(share.high) << "]\n"
-      << "offset_error: " << spread(offset) << "\n"
+      << falseSuccesses(wrong, runs) << "offset_error: " << spread(offset) << "\n"
       << "tilt_error: " << spread(tilt) << "\n"
       << "direction_error_rms: " << rms(direction) << "\n"
       << "direction_error: " << spread(direction) << "\n"
       << "simulated_time: " << spread(simulated) << "\n"
       << "wall_time: " << spread(wall) << "\n"
       << "results:\n";
-  for (const auto& [seed, trial, wall_time] : runs) {
+  for (const auto& [seed, trial, truth, wall_time] : runs) {
     out << "  - seed: " << seed << "\n"
         << "    success: " << (trial.success ? "true" : "false") << "\n"
         << "    reason: " << yamlQuoted(trial.result.reason) << "\n"
@@ -178,6 +216,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    contacts: " << trial.result.contacts << "\n"
         << "    simulated_time: " << yamlNumber(trial.result.time) << "\n"
         << "    wall_time: " << yamlNumber(wall_time) << "\n";
+    if (!truth.empty()) out << "    mismatch: " << truth << "\n";
   }
   return out.str();
 }
@@ -185,8 +224,16 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
 int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
-  const Scenario scenario = assembly_cell::loadScenario(o.scenario, o.overrides);
+  Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}};
   assembly_cell::checkParameters(o.align);
+  if (!o.mismatch.empty()) {
+    task.mismatch = assembly_cell::loadMismatch(o.mismatch);
+    // a draw that can't be is refused before the first run
+    Truth unused;
+    for (long i = 0; i < o.runs; ++i) {
+      task.truthOf(o, o.cell.seed + static_cast<std::uint64_t>(i), unused);
+    }
+  }
   std::ofstream file;
   if (!o.report.empty()) {
     file.open(o.report, std::ios::trunc);
@@ -206,7 +253,7 @@ int run(const std::vector<std::string>& arguments) {
   const auto work = [&] {
     for (std::size_t i = next++; i < runs.size(); i = next++) {
       try {
-        runs[i] = runOnce(o, scenario, o.cell.seed + i,
+        runs[i] = runOnce(o, task, o.cell.seed + i,
                           o.runs == 1 ? std::function<void(const AlignProgress&)>(show) : nullptr);
       } catch (const InputError& error) {
         const std::lock_guard<std::mutex> lock(mutex);

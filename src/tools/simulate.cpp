@@ -14,6 +14,7 @@
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/scene/scenario.h"
 
 namespace {
@@ -35,6 +36,8 @@ Runs a scenario and prints a YAML summary.
   --integrator NAME     hamming, rk4, dopri5 or dop853; the same as --set solver.integrator=NAME
   --tolerance T         the same as --set solver.tolerance=T  [m]
   --step H              the same as --set solver.step=H, of rk4 and, if given, hamming  [s]
+  --mismatch FILE.yaml  how the truth differs from the scenario, see docs/mismatch.md
+  --seed N              of what is drawn for it (default 1)
   --at T1,T2,...        times of the rows of the output  [s]
   --rows N              number of evenly spaced rows when --at is absent (default 201)
   --output RUN.csv      write the run, SI units, one row a time
@@ -54,7 +57,8 @@ struct Options {
   std::vector<std::string> overrides;
   std::vector<double> at;
   long rows = kDefaultRows;
-  std::string output;
+  std::string output, mismatch;
+  std::uint64_t seed = 1;
 };
 
 std::vector<double> parseTimes(const std::string& text) {
@@ -89,6 +93,8 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   });
   parser.integer("--rows", o.rows, 2, kMaxRows);
   parser.text("--output", o.output);
+  parser.text("--mismatch", o.mismatch);
+  parser.integer("--seed", o.seed, 0, 1L << 62);
   return parser.parse(arguments);
 }
 
@@ -192,7 +198,7 @@ class Progress {
   Clock::time_point last_ = start_;
 };
 
-void printSummary(Simulation& simulation, double wall_time) {
+void printSummary(Simulation& simulation, const std::string& truth, double wall_time) {
   const RunCounts& counts = simulation.counts();
   std::cout << "status: " << toString(simulation.stopReason()) << "\n"
             << "stopped_at: " << shown(simulation.time()) << "\n"
@@ -202,7 +208,7 @@ void printSummary(Simulation& simulation, double wall_time) {
             << "events: " << counts.events << "\n"
             << "impacts: " << counts.impacts << "\n"
             << "wall_time: " << shown(wall_time) << "\n"
-            << "final:\n";
+            << (truth == "{}" ? "" : "mismatch: " + truth + "\n") << "final:\n";
   for (const Column& column : rowOf(simulation)) {
     std::string value = column.value.empty() ? "null" : column.value;
     // "---" alone would end the YAML document, and y is a truth value to some readers
@@ -225,7 +231,14 @@ Simulation makeSimulation(const Scenario& scenario, const std::string& path) {
 int run(const std::vector<std::string>& arguments) {
   Options options;
   if (!parseOptions(arguments, options)) return 0;
-  const Scenario scenario = assembly_cell::loadScenario(options.scenario, options.overrides);
+  Scenario scenario = assembly_cell::loadScenario(options.scenario, options.overrides);
+  std::string drawn = "{}";
+  if (!options.mismatch.empty()) {
+    const assembly_cell::Mismatch mismatch = assembly_cell::loadMismatch(options.mismatch);
+    const assembly_cell::Truth truth = drawTruth(mismatch, options.seed);
+    scenario = trueScenario(scenario, truth, mismatch.source);
+    drawn = truthText(truth);
+  }
   const std::vector<double> times = rowTimes(options, scenario.duration);
   Simulation simulation = makeSimulation(scenario, options.scenario);
   std::unique_ptr<assembly_cell::NewFile> csv;
@@ -267,7 +280,7 @@ int run(const std::vector<std::string>& arguments) {
   if (reason != StopReason::kOk && simulation.time() > last_row) writeRow();
 
   if (csv) csv->finish();
-  printSummary(simulation, wall_time);
+  printSummary(simulation, drawn, wall_time);
   if (reason != StopReason::kOk) {
     std::cerr << "simulate: stopped at " << shown(simulation.time()) << " s of "
               << shown(scenario.duration) << " s: " << toString(reason) << std::endl;

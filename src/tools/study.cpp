@@ -43,6 +43,8 @@ A study that was ended at any time goes on where it was with the same command.
   --output FOLDER       of the results (default results/<name of the file>)
   --threads N           runs at the same time (default: the cores; under mpirun 1 a rank)
   --fresh               drop the runs that the folder holds
+  --mismatch FILE.yaml  how the truth of every run differs from its scenario, see docs/mismatch.md; the same as
+                        the study's key mismatch
   --set KEY.PATH=VALUE  change a value of the study: samples=100, axes[0].range.count=5; repeatable
   --list                print the runs instead of doing them: number, seed and axes as CSV
   --quiet               no progress
@@ -81,6 +83,12 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.flag("--quiet", o.quiet);
   parser.text("--output", o.output);
   parser.texts("--set", o.overrides);
+  // the study's key is seen from its folder
+  parser.value("--mismatch", "", [&o](const std::string& value) {
+    const std::string path = std::filesystem::absolute(value).lexically_normal().string();
+    o.overrides.push_back("mismatch=" + assembly_cell::yamlQuoted(path));
+    return true;
+  });
   parser.integer("--threads", o.threads, 1, 1024);
   if (!parser.parse(arguments)) return false;
   if (o.output.empty()) {

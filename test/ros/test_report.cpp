@@ -3,6 +3,7 @@
 #include <geometry_msgs/PoseStamped.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
+#include <std_msgs/String.h>
 #include <std_srvs/SetBool.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
@@ -132,6 +133,22 @@ TEST_F(Report, DoesNotBelieveASupervisorThatTheTruthContradicts) {
   EXPECT_NE(output_.find("NOT inside"), std::string::npos) << output_;
   EXPECT_TRUE(yaml_["success"].as<bool>());
   EXPECT_FALSE(yaml_["verdict"].as<bool>());
+}
+
+// The edge is judged in the true bore, and what was drawn is in the report.
+TEST_F(Report, JudgesInTheTrueBore) {
+  ros::Publisher drawn_pub = nh_.advertise<std_msgs::String>("truth/mismatch", 1, true);
+  std_msgs::String drawn;
+  // a bore that leans by 5 mrad along x, 30 mm below the face
+  drawn.data = "{hole: {bore_tilt: [0.0, 0.005]}}";
+  drawn_pub.publish(drawn);
+  publishTruth(Pose{});
+  end_.p = Eigen::Vector3d(-0.03 * std::tan(0.005), 0.0, -0.03);
+  EXPECT_EQ(report(), 0) << output_;
+  EXPECT_NEAR(yaml_["edge_reach"].as<double>(), kPeg, 1e-9);
+  EXPECT_EQ(yaml_["mismatch"]["hole"]["bore_tilt"][1].as<double>(), 0.005);
+  end_.p.x() = 0.0;
+  EXPECT_EQ(report(), 1) << output_;
 }
 
 TEST_F(Report, EndsOneWhenTheSupervisorFails) {

@@ -1,7 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <geometry_msgs/PoseStamped.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
+#include <std_msgs/String.h>
+#include <unistd.h>
+#include <yaml-cpp/yaml.h>
 
+#include <cmath>
+#include <fstream>
 #include <limits>
 #include <string>
 #include <vector>
@@ -54,6 +60,44 @@ TEST_F(BadInput, Scenario) {
   refuse({"_scenario:=/nowhere.yaml"}, "/nowhere.yaml");
   refuse({scenario_, "_overrides:=peg.mass=.nan"}, "peg.mass");
   refuse({scenario_, "_overrides:=peg.colour=red"}, "colour");
+}
+
+TEST_F(BadInput, Mismatch) {
+  refuse({scenario_, "_mismatch:=/nowhere.yaml"}, "/nowhere.yaml");
+  const std::string file =
+      std::string(::testing::TempDir()) + "mismatch_" + std::to_string(getpid()) + ".yaml";
+  std::ofstream(file) << "scale: {peg.mass: heavy}\n";
+  refuse({scenario_, "_mismatch:=" + file}, "scale.peg.mass: value heavy");
+  unlink(file.c_str());
+}
+
+// The truth that a mismatch draws is told once, to whoever asks; the carrier's pose is that of its
+// encoders.
+TEST_F(BadInput, GoodMismatchIsToldToWhoMayKnow) {
+  const std::string file =
+      std::string(::testing::TempDir()) + "mismatch_" + std::to_string(getpid()) + ".yaml";
+  std::ofstream(file) << "hole: {bore_tilt: 0.002}\ncarrier: {frame: {offset: 0.05}}\n";
+  ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"nobody"});
+  Child child({executable("peg_hole_simulator"), "__ns:=/bad", "/clock:=clock", "/tf:=tf",
+               "/tf_static:=tf_static", "_lockstep:=true", "_mismatch:=" + file, "_seed:=4",
+               scenario_});
+  ros::NodeHandle nh;
+  const auto drawn =
+      ros::topic::waitForMessage<std_msgs::String>("/bad/truth/mismatch", nh, ros::Duration(60.0));
+  const auto pose = ros::topic::waitForMessage<geometry_msgs::PoseStamped>("/bad/carrier_pose", nh,
+                                                                           ros::Duration(60.0));
+  ASSERT_TRUE(drawn && pose) << child.output();
+  const YAML::Node truth = YAML::Load(drawn->data);
+  EXPECT_NEAR(std::hypot(truth["hole"]["bore_tilt"][0].as<double>(),
+                         truth["hole"]["bore_tilt"][1].as<double>()),
+              0.002, 1e-15);
+  // the start lies at minus the offset, the carrier's deflection under the weight aside
+  const YAML::Node offset = truth["carrier"]["frame"]["offset"];
+  EXPECT_NEAR(pose->pose.position.x, -offset[0].as<double>(), 1e-4);
+  EXPECT_NEAR(pose->pose.position.y, -offset[1].as<double>(), 1e-4);
+  EXPECT_NEAR(pose->pose.position.z, -offset[2].as<double>(), 1e-4);
+  ros::param::del("/bad/peg_hole_simulator");
+  unlink(file.c_str());
 }
 
 TEST_F(BadInput, RobotDescription) {

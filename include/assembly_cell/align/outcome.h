@@ -11,11 +11,14 @@ namespace assembly_cell {
 Eigen::Vector2d tiltOf(const Pose& X_HP);
 
 /// Largest distance of the peg's bottom edge from the hole's axis [m]; exact to 1e-9 of the radius.
-double edgeReach(const Pose& X_HP, double peg_radius);
+/// bore_lean: of the axis, x and y per unit of height.
+double edgeReach(const Pose& X_HP, double peg_radius,
+                 const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero());
 
 /// The peg's whole bottom edge lies within the hole's cylinder.
-inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius) {
-  return edgeReach(X_HP, peg_radius) <= hole_radius;
+inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius,
+                       const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero()) {
+  return edgeReach(X_HP, peg_radius, bore_lean) <= hole_radius;
 }
 
 }  // namespace assembly_cell

@@ -43,6 +43,7 @@ struct AlignTrial {
   AlignResult result;
   std::string status;  ///< name of how it ended: of the failure, or of what stopped the simulation
   bool success = false;                    ///< the strategy says so and the edge is inside the hole
+  bool false_success = false;              ///< the strategy says so, and it isn't
   Eigen::Vector2d true_offset, true_tilt;  ///< as AlignResult's offset [m] and tilt [rad]
   Pose X_HP;                               ///< frame `peg` in `hole` at the end
   std::vector<double> direction_errors;    ///< of the readings that can be judged, absolute [rad]

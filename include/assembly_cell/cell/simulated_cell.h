@@ -4,7 +4,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "assembly_cell/cell/felt_wrench.h"
+#include "assembly_cell/cell/true_carrier.h"
 #include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/mismatch/truth.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
 
@@ -28,6 +31,7 @@ struct CellParameters {
   Eigen::Vector3d hole_block_center{0, 0, -0.02};  ///< its centre of mass in `hole` [m]
   double accelerometer_noise = 0.02;  ///< of either accelerometer on the peg, white, rms [m/s²]
   double accelerometer_height = 0.0;  ///< above the peg's centre of mass, on its axis [m]
+  CellTruth truth;                    ///< of sensors and carrier, exact by default
 };
 
 /// A block of samples of both bridges. Sample k is at time + k·period.
@@ -43,13 +47,21 @@ struct StrainBlock {
 /// The mechanism with both strain bridges: the plant behind the simulator node and behind align().
 class SimulatedCell {
  public:
+  /// The carrier's base is where the scenario starts, or at X_HB in `hole`.
   SimulatedCell(const Scenario& scenario, const CellParameters& parameters);
+  SimulatedCell(const Scenario& scenario, const CellParameters& parameters, const Pose& X_HB);
 
   /// Advances by one block and fills it (no allocation once `block` has its size). The first sample
   /// is one period after the present time, the last at the block's end. Returns the simulation's
   /// stop reason; after anything but kOk the block is not valid. accelerations: the two
   /// accelerometers of the peg, too; the bridges' samples are the same either way.
   StopReason next(StrainBlock& block, bool accelerations = false);
+
+  /// Moves the rest pose to `pose`, commanded in the carrier's base frame.
+  void command(const Pose& pose) { carrier_.command(simulation_, pose); }
+  /// The carrier as its encoders report it at the end of the last block, in its base frame.
+  const Pose& reported() const { return reported_; }
+  const TrueCarrier& carrier() const { return carrier_; }
 
   Simulation& simulation() { return simulation_; }
   const CellParameters& parameters() const { return parameters_; }
@@ -59,6 +71,9 @@ class SimulatedCell {
 
   CellParameters parameters_;
   Simulation simulation_;
+  TrueCarrier carrier_;
+  Pose reported_;
+  FeltWrench felt_a_, felt_b_;
   Bridge bridge_a_, bridge_b_;
   Matrix6 strain_matrix_a_, strain_matrix_b_;
   NormalSource normal_a_, normal_b_, normal_accelerometers_;

@@ -30,7 +30,6 @@ class SimulatedPlant : public Plant {
   void collect();  // the block's samples in the requested window
 
   Mechanism nominal_;
-  Pose X_HB_;  // the carrier's base
   SimulatedCell cell_;
   Calibration calibration_a_, calibration_b_;
   Matrix6 rounding_a_, rounding_b_;

@@ -48,6 +48,7 @@ RestMotion restMotion(const RestProfile& profile, double t);
 struct Drive {
   ExciterParameters exciter;
   double t_ref = 0.0;
+  ExciterErrors errors{};
 };
 Eigen::Vector2d exciterForce(const Drive& drive, double t);
 

@@ -96,7 +96,15 @@ class Simulation {
 
   /// From now on move the rest pose to `target` along a C² profile within the carrier's limits.
   void setRestTarget(const RestPose& target);
-  RestPose rest() const;  ///< at the present time
+  RestPose rest() const;  ///< at the present time, with the shift
+
+  /// From now on lets the rest pose stand off by `shift` (x, y, z, yaw, theta, phi) from what is
+  /// commanded, along a C² profile within the carrier's limits.
+  void setRestShift(const Vector6& shift);
+  /// How far the rest pose stands off now: by setRestShift() and by the carrier's compliance.
+  Vector6 restShift() const;
+  /// The commanded motion is over.
+  bool atRest() const;
 
   /// Exciter from now on. `angle_at` is the force angle law: direction·(frequency·(t − t_ref) +
   /// phase) with t_ref on the simulation's clock.

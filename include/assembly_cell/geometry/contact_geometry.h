@@ -40,11 +40,12 @@ EdgeHeight edgeHeight(const EdgeCircle& edge);
 ///   feature     peg          block             normal (block → peg)   gap
 ///   edge_edge   bottom edge  rim               across both tangents   ± distance of the circles
 ///   edge_plane  bottom edge  plane z = 0 [1]   e1                     height of the lowest point
-///   edge_wall   bottom edge  wall of the hole  −e_rho                 r_h − largest rho, z <= 0
+///   edge_wall   bottom edge  wall of the hole  −e_rho [2]             r_h − largest rho, z <= 0
 ///   rim_side    side         rim               −e_r of the peg        least axis distance − r_p
 ///   rim_face    bottom face  rim               peg axis a             −its height over the face
 ///
 /// [1] or the floor z = −hole_depth where the lowest point lies inside the rim.
+/// [2] of a bore that leans: of the circle of radius r_h at the height of the place, see bore_lean.
 /// edge_edge holds while n lies in the cones of both bodies: its limits n = e1, −e_rho, −e_r and a
 /// are the four others, and gap and normal go over without a step. A rim_face gap is never below
 /// zero unless the gap of edge_plane is too: it matters only where edge_plane is not admitted.
@@ -90,8 +91,10 @@ struct ContactPoint {
   Eigen::Vector3d p;                ///< point of the peg
   Eigen::Vector3d dp;               ///< dp/dt along the edge; zero for rim_*
   Eigen::Vector3d rim;              ///< point of the block: of the rim (H), plane, floor or wall
-  Eigen::Vector3d tangent;          ///< T: rim tangent dH/ds for edge_edge and rim_*, else zero
-  Eigen::Vector3d normal;           ///< n: unit, from block to peg
+  /// T: rim tangent dH/ds for edge_edge and rim_*; for edge_wall the way round the wall, by which
+  /// a motion counts that follows its curvature; zero for edge_plane
+  Eigen::Vector3d tangent;
+  Eigen::Vector3d normal;   ///< n: unit, from block to peg
   double cross_norm = 0.0;  ///< |T × dp|, signed so that n = (T × dp)/cross_norm (edge–edge)
   double gap = 0.0;         ///< signed distance n · (p − rim), < 0 penetrating
   double curvature = 0.0;   ///< of the circle met: 1/rho (edge_wall), 1/axis distance (rim_side)
@@ -102,6 +105,10 @@ struct ContactShapes {
   double hole_radius = 0.0;
   double hole_depth = std::numeric_limits<double>::infinity();
   double peg_length = std::numeric_limits<double>::infinity();  ///< 2 h: side ends at the top edge
+  /// Of the bore's axis along axes 2 and 3 per unit of height: the level section at height z is the
+  /// circle of radius r_h about z · bore_lean, so that the rim stays a circle. A right cylinder
+  /// that leans by β has ellipses instead, longer by r_h (1/cos β − 1): 1 µm of 25 mm at 0.5°.
+  Eigen::Vector2d bore_lean = Eigen::Vector2d::Zero();
   double reach = 2e-5;  ///< slots with a larger gap may be left out (not valid) [m]
 };
 

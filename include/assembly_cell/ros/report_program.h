@@ -22,6 +22,7 @@ struct ReportDetails {
   std::string strategy;
   double peg_radius = 0.0, hole_radius = 0.0;  ///< [m]
   std::optional<Pose> truth_start, truth_end;  ///< X_HP
+  std::string mismatch;  ///< what was drawn for the truth, YAML; empty: nothing
 };
 
 /// Adds the truth to the report.
@@ -69,7 +70,7 @@ class ReportProgram {
   bool active_ = false, done_ = false;
   AlignPegResultConstPtr result_;
 
-  ros::Subscriber truth_sub_;
+  ros::Subscriber truth_sub_, mismatch_sub_;
   Client client_;
 };
 

@@ -48,6 +48,8 @@ class SimulatorNode {
   ros::NodeHandle nh_;
 
   void readParameters(ros::NodeHandle& pnh);
+  /// From here on scenario and cell are the truth.
+  void drawMismatch(const std::string& file);
   void pairParts();
   void advertise(ros::NodeHandle& pnh);
 
@@ -82,7 +84,9 @@ class SimulatorNode {
   Scenario scenario_;
   CellParameters cell_parameters_;
   CellDescription description_;
-  Pose X_HB_;  // carrier's base in the true hole
+  Pose X_HB_;                     // carrier's base in the true hole, its encoders' axes apart
+  double believed_height_ = 0.0;  // of the base over the hole, by the scenario's file [m]
+  std::string mismatch_;          // what was drawn for the truth, YAML; empty: nothing
   bool lockstep_ = false;
   bool publish_truth_ = false;
   double real_time_factor_ = 1.0;
@@ -119,7 +123,7 @@ class SimulatorNode {
   double figures_time_ = 0.0;
 
   ros::Publisher bridge_a_pub_, bridge_b_pub_, accelerometers_pub_, carrier_pub_, clock_pub_,
-      truth_pose_pub_, truth_contacts_pub_, diagnostics_pub_;
+      truth_pose_pub_, truth_contacts_pub_, truth_mismatch_pub_, diagnostics_pub_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
   ros::Subscriber command_sub_, exciter_sub_, ack_sub_;

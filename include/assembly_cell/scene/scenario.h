@@ -69,6 +69,26 @@ struct SolverParameters {
   double step = 0.0;        ///< of fixed-step methods [s]
 };
 
+/// What the exciter makes of the force that it is asked for. Exact by default.
+struct ExciterErrors {
+  double gain = 1.0;         ///< of the amplitude, which is the ellipse's major axis
+  double delay = 0.0;        ///< of the force behind the angle that is asked for [s]
+  double ellipticity = 0.0;  ///< 1 − minor/major axis
+  double azimuth = 0.0;      ///< of the major axis, peg axes [rad]
+  double harmonic = 0.0;     ///< force at twice the angle, fraction of the amplitude
+};
+
+/// What the true parts do that no file says of them. Read from a mismatch file only, see the room
+/// `mismatch`; exact by default.
+struct Imperfections {
+  ExciterErrors exciter;
+  /// Behind the carrier's encoders, x, y, z [m/N]: the rest pose shifts by so much of the
+  /// coupling's force, through a first-order lag of 10 ms.
+  Eigen::Vector3d compliance = Eigen::Vector3d::Zero();
+  /// Of the bore's axis, x and y per unit of height: the tangent of its tilt.
+  Eigen::Vector2d bore_lean = Eigen::Vector2d::Zero();
+};
+
 struct Scenario {
   std::string name;
   double duration = 0.0;  ///< [s]
@@ -80,6 +100,7 @@ struct Scenario {
   ThesisSwitches thesis;
   InitialState initial;
   SolverParameters solver;
+  Imperfections imperfections;
 };
 
 /// Reads a scenario file; each override is "key.path=value" (value in YAML syntax) and is applied

@@ -3,12 +3,15 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/cell/simulated_cell.h"
+#include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/scene/scenario_numbers.h"
 
 namespace assembly_cell {
 
@@ -105,6 +108,8 @@ struct Study {
   std::vector<std::string> digests;    ///< of the contents
   std::vector<Scenario> bases;         ///< with `set`
   std::vector<StudySetting> set;       ///< of every run
+  std::optional<Mismatch> mismatch;    ///< how the truth of each run differs
+  std::string mismatch_text;           ///< content of its file
   StudyJob job;
   std::uint64_t seed = 1;
   std::int64_t samples = 1;
@@ -144,9 +149,5 @@ StudyRun studyRun(const Study& study, const StudyTask& task);
 /// Applies a setting with a key of the job (start.x, move.z, align.press_force, ...); false when
 /// the key is none. Throws InputError for a value that is not allowed.
 bool setStudyJob(StudyJob& job, const StudySetting& setting);
-
-/// The number of a scenario behind a key path, null when there is none. `alone` tells whether no
-/// other key of the scenario depends on it.
-double* scenarioNumber(Scenario& scenario, const std::string& key, bool* alone = nullptr);
 
 }  // namespace assembly_cell

@@ -1,0 +1,37 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <vector>
+
+#include "assembly_cell/mismatch/truth.h"
+#include "assembly_cell/sensor/bridge.h"
+
+namespace assembly_cell {
+
+/// What a sensor that is not exact feels of the wrench in it, sample after sample: late, in a frame
+/// that is turned and offset, by a matrix of its own, on zeros that drift, with hum. Noise and
+/// conversion come after it. An exact sensor hands the wrench on unchanged.
+class FeltWrench {
+ public:
+  /// period: of the samples [s].
+  FeltWrench(const SensorTruth& truth, double period);
+
+  /// The next sample, at `time` [s]; w in the frame that the files name. No allocation.
+  Vector6 operator()(const Vector6& w, double time);
+
+ private:
+  Vector6 late(const Vector6& w);
+
+  SensorTruth truth_;
+  double period_;
+  bool exact_ = true;
+  Matrix6 map_;  // of frame and matrix
+  Vector6 walk_ = Vector6::Zero();
+  NormalSource normal_;
+  std::vector<Vector6> past_;          // a ring, empty without latency; filled by the first sample
+  std::size_t newest_ = 0, back_ = 0;  // back_: samples from the newest to the first node
+  double weights_[4] = {0.0, 0.0, 0.0, 0.0};
+  bool filled_ = false;
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,40 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/mismatch/truth.h"
+#include "assembly_cell/sensor/bridge.h"
+
+namespace assembly_cell {
+
+/// The carrier between what is commanded and reported and what is true: its base in the hole, the
+/// axes and the noise of its encoders, and where its moves really end.
+class TrueCarrier {
+ public:
+  /// X_HB: where the carrier's base stands in `hole`, see carrierBase(); the encoders' differs from
+  /// it where they are not exact.
+  TrueCarrier(const Pose& X_HB, const Scenario& scenario, const CarrierTruth& truth);
+
+  /// Base in `hole` that the encoders' poses refer to.
+  const Pose& base() const { return X_HB_; }
+  /// Moves the rest pose to `pose` as the encoders have it, in the base.
+  void command(Simulation& simulation, const Pose& pose) const;
+  /// After a block: draws anew where the carrier stands when a long enough way has come to rest.
+  void settle(Simulation& simulation);
+  /// What the encoders report now; every call draws its noise.
+  Pose report(const Simulation& simulation);
+  /// The same without noise.
+  Pose encoders(const Simulation& simulation) const;
+
+ private:
+  Pose scaled(const Pose& pose, bool reported) const;
+
+  CarrierTruth truth_;
+  bool scales_ = false, noisy_ = false, repeats_ = false;
+  Pose X_HB_;
+  Pose last_draw_;                 // encoders' pose at the last draw
+  double way_ = 0.0, turn_ = 0.0;  // farthest from there since [m], [rad]
+  NormalSource reading_, repeatability_;
+};
+
+}  // namespace assembly_cell

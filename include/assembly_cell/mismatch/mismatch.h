@@ -1,0 +1,73 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/mismatch/truth.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+
+// A mismatch file, typed: how the true cell differs from what its files say. docs/mismatch.md.
+
+/// How a number is drawn.
+struct Draw {
+  enum class Kind { kNumber, kNormal, kUniform, kLogUniform };
+  Kind kind = Kind::kNumber;
+  double first = 0.0;   ///< the number, the standard deviation or the lower bound
+  double second = 0.0;  ///< the upper bound
+};
+
+/// An entry of `scale` or `add`.
+struct ScenarioChange {
+  std::string key;   ///< as it stands in the file
+  std::string path;  ///< without ".each"
+  bool each = false;
+  Draw draw;
+};
+
+/// What a file asks for; what is left out is exact. Names as in the file.
+struct Mismatch {
+  struct Exciter {
+    std::optional<Draw> amplitude, delay, ellipticity, harmonic;
+  };
+  struct Sensor {
+    std::optional<Draw> matrix, rotation, offset, drift_force, drift_torque, walk, hum_force,
+        hum_frequency, latency;
+  };
+  struct Carrier {
+    std::optional<Draw> reading_noise, repeatability, compliance, rotation, scale, offset;
+  };
+  std::string source;  ///< for refusals
+  std::vector<ScenarioChange> scale, add;
+  Exciter exciter;
+  Sensor sensor_a, sensor_b;
+  Carrier carrier;
+  std::optional<Draw> bore_tilt, face_tilt;
+};
+
+/// Reads a mismatch file. Throws InputError naming file, key path, value and remedy: unreadable
+/// file, unknown or duplicate key, wrong kind, a draw that can be unphysical whatever the scenario.
+Mismatch loadMismatch(const std::string& path);
+/// The same from text; `source` names it in messages.
+Mismatch parseMismatch(const std::string& yaml, const std::string& source);
+
+/// What one run's truth is. One stream of random numbers for each key path and seed, none of them
+/// that of the sensors' noise: a key that is added changes no other draw.
+Truth drawTruth(const Mismatch& mismatch, std::uint64_t seed);
+
+/// The nominal scenario as it truly is: scaled, added to, with its imperfections. The peg hangs
+/// where its coupling is; with a face tilt the start turns about the peg's bottom centre. Throws
+/// InputError where a draw makes the scenario unphysical, `source` names the file.
+Scenario trueScenario(const Scenario& nominal, const Truth& truth, const std::string& source);
+
+/// Lean of a bore's axis, x and y per unit of height, from its tilt in `hole`, a rotation vector.
+Eigen::Vector2d boreLean(const Eigen::Vector2d& tilt);
+
+/// The drawn numbers as YAML on one line, keys as in the file; "{}" for nothing drawn.
+std::string truthText(const Truth& truth);
+
+}  // namespace assembly_cell

@@ -1,0 +1,188 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+#include <cmath>
+
+#include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/mismatch/mismatch.h"
+#include "assembly_cell/scene/scenario_numbers.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector3d;
+using yaml::shown;
+
+std::string shownValues(const std::vector<double>& values) {
+  if (values.size() == 1) return shown(values.front());
+  std::string text;
+  for (const double value : values) text += (text.empty() ? "" : ", ") + shown(value);
+  return "[" + text + "]";
+}
+
+bool isMatrix(const std::string& path) {
+  return path == "coupling.stiffness" || path == "coupling.damping";
+}
+
+// diagonal by its factors, the cross terms with the root of their rows' factors
+void scaleMatrix(const DrawnChange& change, CouplingMatrix& matrix) {
+  const auto factor = [&change](std::size_t row) {
+    return change.each ? change.values[row] : change.values.front();
+  };
+  for (std::size_t i = 0; i < 6; ++i) matrix.diagonal(static_cast<int>(i)) *= factor(i);
+  matrix.k26 *= std::sqrt(factor(1) * factor(5));
+  matrix.k35 *= std::sqrt(factor(2) * factor(4));
+}
+
+// inertias go with the mass of their part
+void scaleInertias(const std::string& path, double factor, Mechanism& m) {
+  if (path == "peg.mass") {
+    m.peg.inertia_transverse *= factor;
+    m.peg.inertia_axial *= factor;
+  } else if (path == "carrier.mass") {
+    m.carrier.inertia *= factor;
+  }
+}
+
+std::vector<ScenarioNumber> numbersOf(const DrawnChange& change, Scenario& s) {
+  if (change.path != "friction") return scenarioNumbers(s, change.path);
+  return {{"friction.static", &s.mechanism.friction.static_coefficient},
+          {"friction.sliding", &s.mechanism.friction.sliding_coefficient}};
+}
+
+void scale(const DrawnChange& change, Scenario& s) {
+  CouplingParameters& coupling = s.mechanism.coupling;
+  if (isMatrix(change.path)) {
+    return scaleMatrix(change,
+                       change.path == "coupling.stiffness" ? coupling.stiffness : coupling.damping);
+  }
+  const std::vector<ScenarioNumber> numbers = numbersOf(change, s);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    *numbers[i].value *= change.values[change.each ? i : 0];
+  }
+  scaleInertias(change.path, change.values.front(), s.mechanism);
+}
+
+void add(const DrawnChange& change, Scenario& s) {
+  const std::vector<ScenarioNumber> numbers = numbersOf(change, s);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const double before = *numbers[i].value;
+    *numbers[i].value += change.values[change.each ? i : 0];
+    if (before > 0.0) scaleInertias(change.path, *numbers[i].value / before, s.mechanism);
+  }
+}
+
+// ---- what a scenario file would be refused for
+
+struct Problem {
+  std::string key;  // that the scenario would name
+  std::string what;
+};
+
+std::optional<Problem> indefinite(const std::string& name, const CouplingMatrix& matrix,
+                                  const std::string& letter) {
+  constexpr double kRounding = 1e-12;
+  const auto bad = [&](double cross, int i, int j) {
+    return cross * cross > matrix.diagonal(i) * matrix.diagonal(j) * (1.0 + kRounding);
+  };
+  if (bad(matrix.k26, 1, 5)) return Problem{name + "." + letter + "26", "not semidefinite with"};
+  if (bad(matrix.k35, 2, 4)) return Problem{name + "." + letter + "35", "not semidefinite with"};
+  return {};
+}
+
+std::optional<Problem> problemOf(const Mechanism& m) {
+  if (m.friction.sliding_coefficient > m.friction.static_coefficient) {
+    return Problem{"friction.sliding", "more than friction.static with"};
+  }
+  if (m.peg.inertia_axial > 2.0 * m.peg.inertia_transverse) {
+    return Problem{"peg.inertia_axial", "more than twice peg.inertia_transverse with"};
+  }
+  auto found = indefinite("coupling.stiffness", m.coupling.stiffness, "k");
+  return found ? found : indefinite("coupling.damping", m.coupling.damping, "c");
+}
+
+// refuses by the last entry of the file that concerns the key
+[[noreturn]] void refuseDraw(const Truth& truth, const std::string& source, const Problem& problem,
+                             double value) {
+  std::string section, key, drawn;
+  const std::string part = problem.key.substr(0, problem.key.find('.'));
+  const auto look = [&](const std::vector<DrawnChange>& changes, const std::string& name) {
+    for (const DrawnChange& change : changes) {
+      if (change.path.compare(0, part.size(), part) != 0) continue;
+      section = name;
+      key = change.key;
+      drawn = shownValues(change.values);
+    }
+  };
+  look(truth.scale, "scale");
+  look(truth.add, "add");
+  yaml::refuse(source, section + "." + key, drawn,
+               "drawn, but the true " + problem.key + " would be " + problem.what + " " +
+                   shown(value) + ", give a narrower draw");
+}
+
+void checkNumbers(const Truth& truth, const std::string& source, Scenario& s) {
+  for (const auto* changes : {&truth.scale, &truth.add}) {
+    for (const DrawnChange& change : *changes) {
+      const std::string list = isMatrix(change.path) ? ".diagonal" : "";
+      for (const ScenarioNumber& number : scenarioNumbers(s, change.path + list)) {
+        const double value = *number.value;
+        if (yaml::inRange(value, number.range) && !std::isnan(value)) continue;
+        yaml::refuse(source, (changes == &truth.scale ? "scale." : "add.") + change.key,
+                     shownValues(change.values),
+                     "drawn, but the true " + number.key + " would be " + shown(value) +
+                         ", give a narrower draw");
+      }
+    }
+  }
+  const std::optional<Problem> problem = problemOf(s.mechanism);
+  if (!problem) return;
+  const double* value = scenarioNumber(s, problem->key);
+  refuseDraw(truth, source, *problem, value ? *value : 0.0);
+}
+
+// ---- where the peg starts
+
+// everything that starts turns by R about the peg's bottom centre
+void turnStart(const Eigen::Matrix3d& R, Scenario& s) {
+  InitialState& start = s.initial;
+  const Eigen::Matrix3d peg = rotationFromEuler(start.euler);
+  const Vector3d bottom = start.position - s.mechanism.peg.half_height * peg.col(2);
+  const auto turned = [&](const RestPose& rest) {
+    const Pose X = poseFromRest(rest);
+    return restFromPose({R * X.R, bottom + R * (X.p - bottom)});
+  };
+  RestPose carrier = s.rest;
+  carrier.x = start.carrier_x;
+  carrier.y = start.carrier_y;
+  carrier.yaw = start.carrier_yaw;
+  carrier = turned(carrier);
+  start.carrier_x = carrier.x;
+  start.carrier_y = carrier.y;
+  start.carrier_yaw = carrier.yaw;
+  s.rest = turned(s.rest);
+  start.position = bottom + R * (start.position - bottom);
+  start.euler = eulerFromRotation(R * peg);
+  start.velocity = R * start.velocity;
+}
+
+}  // namespace
+
+Scenario trueScenario(const Scenario& nominal, const Truth& truth, const std::string& source) {
+  Scenario s = nominal;
+  s.imperfections = truth.imperfections;
+  if (!truth.scale.empty() || !truth.add.empty()) {
+    for (const DrawnChange& change : truth.scale) scale(change, s);
+    for (const DrawnChange& change : truth.add) add(change, s);
+    checkNumbers(truth, source, s);
+    const double longer = s.mechanism.peg.coupling_height - nominal.mechanism.peg.coupling_height;
+    if (longer != 0.0) s.initial.position -= longer * rotationFromEuler(s.initial.euler).col(2);
+  }
+  if (!truth.face_tilt.isZero(0.0)) {
+    // the block turns against the base, so the base against the block
+    const Vector3d turn(-truth.face_tilt.x(), -truth.face_tilt.y(), 0.0);
+    turnStart(rotationFromVector({turn}), s);
+  }
+  return s;
+}
+
+}  // namespace assembly_cell
