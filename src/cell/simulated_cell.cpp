@@ -67,7 +67,8 @@ Eigen::Vector2d SimulatedCell::accelerometers() {
   return reading;
 }
 
-StopReason SimulatedCell::next(StrainBlock& block, bool accelerations) {
+StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
+                               const std::function<void(const Vector6& load)>& watch) {
   const auto n = static_cast<std::size_t>(parameters_.block_size);
   block.period = parameters_.sample_period;
   block.sequence = sequence_++;
@@ -85,14 +86,15 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations) {
     if (reason != StopReason::kOk) return reason;
     const Vector6 wrench_a =
         transformWrench(parameters_.X_AH, simulation_.holeWrench()) + block_weight_;
+    const Vector6 load = simulation_.couplingWrench();
     const StrainSample a = convert(bridge_a_, strain_matrix_a_, felt_a_(wrench_a, time), normal_a_);
-    const StrainSample b = convert(bridge_b_, strain_matrix_b_,
-                                   felt_b_(simulation_.couplingWrench(), time), normal_b_);
+    const StrainSample b = convert(bridge_b_, strain_matrix_b_, felt_b_(load, time), normal_b_);
     Vector6::Map(block.volts_a.data() + 6 * i) = a.volts;
     Vector6::Map(block.volts_b.data() + 6 * i) = b.volts;
     block.saturated_a[i] = a.saturated;
     block.saturated_b[i] = b.saturated;
     if (accelerations) Eigen::Vector2d::Map(block.accelerations.data() + 2 * i) = accelerometers();
+    if (watch) watch(load);
   }
   reported_ = carrier_.report(simulation_);
   carrier_.settle(simulation_);

@@ -267,6 +267,18 @@ void Simulation::setRestTarget(const RestPose& target) {
   c.stale = true;
 }
 
+void Simulation::stopRest() {
+  const RestMotion now = restMotion(run_->context.commands.profile, time());
+  const CarrierParameters& carrier = scenario().mechanism.carrier;
+  const PegParameters& peg = scenario().mechanism.peg;
+  // all six come to rest together, after the time that the fastest needs: 1.5 v/a
+  Vector6 weight;
+  weight << 1, 1, 1, Vector6::Constant(peg.coupling_height + peg.half_height).head<3>();
+  const double speed = now.rate.cwiseProduct(weight).cwiseAbs().maxCoeff();
+  const double time_to_rest = 1.5 * speed / carrier.max_acceleration;
+  setRestTarget(restPose(now.position + 0.5 * time_to_rest * now.rate));
+}
+
 RestPose Simulation::rest() const {
   return restPose(run_->context.commands.restAt(time()).position);
 }

@@ -3,17 +3,13 @@
 #include <utility>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/simulator_node.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
-
-std::string describe(const Eigen::Vector3d& p) {
-  return "(" + std::to_string(p.x()) + ", " + std::to_string(p.y()) + ", " + std::to_string(p.z()) +
-         ") m";
-}
 
 /// Answers a service with the text that `what` returns, or with that of what it throws.
 template <class Response, class What>
@@ -31,62 +27,68 @@ bool answer(Response& response, const What& what) {
 
 // ---- what comes in ----
 
-std::optional<std::string> SimulatorNode::refusal(const geometry_msgs::PoseStamped& command) const {
-  if (command.header.frame_id != kCarrierBaseFrame) {
-    return "frame_id is \"" + command.header.frame_id + "\": give " + kCarrierBaseFrame;
-  }
-  Pose X;
-  try {
-    X = fromPose(command.pose, "pose");
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  // far from the scenario's rest pose is a mistake of unit or frame
-  const Pose start = inverse(cell_->carrier().base()) * poseFromRest(scenario_.rest);
-  if ((X.p - start.p).norm() > max_offset_) {
-    return "position " + describe(X.p) + " is more than " + std::to_string(max_offset_) +
-           " m from the scenario's rest position " + describe(start.p) + ": see ~max_offset";
-  }
-  const double angle = Eigen::AngleAxisd(start.R.transpose() * X.R).angle();
-  if (angle > max_rotation_) {
-    return "orientation is " + std::to_string(angle) + " rad, more than " +
-           std::to_string(max_rotation_) + " rad, from the scenario's rest: see ~max_rotation";
-  }
-  return std::nullopt;
+template <class Message>
+Sender SimulatorNode::senderOf(const ros::MessageEvent<Message const>& event, const char* topic) {
+  Sender sender;
+  sender.node = event.getPublisherName();
+  const ros::Time& stamp = event.getConstMessage()->header.stamp;
+  sender.stamped = !stamp.isZero();
+  sender.stamp = nodeTime(stamp);
+  // the first message of who was there before
+  sender.latched = earlier_publishers_.erase(topic + sender.node) > 0 &&
+                   (*event.getConnectionHeaderPtr())["latching"] == "1";
+  return sender;
 }
 
 void SimulatorNode::onCarrierCommand(
     const ros::MessageEvent<geometry_msgs::PoseStamped const>& event) {
   const geometry_msgs::PoseStamped& command = *event.getConstMessage();
-  const auto why = refusal(command);
-  if (why) {
-    ++refused_;
-    ROS_WARN("carrier_command of %s refused: %s", event.getPublisherName().c_str(), why->c_str());
-  }
   std::lock_guard<std::mutex> lock(mutex_);
-  const bool fresh =
-      participants_.count(event.getPublisherName(), "carrier_command", command.header);
-  if (fresh && !why) carrier_command_ = fromPose(command.pose, "pose");
+  const Sender sender = senderOf(event, "carrier_command");
+  // what is of an earlier life is not counted: its sender has begun to count anew
+  if (!isOfEarlierLife(guard_, sender, now_) &&
+      !participants_.count(sender.node, "carrier_command", command.header)) {
+    return;
+  }
   changed_.notify_all();
+  if (command.header.frame_id != kCarrierBaseFrame) {
+    refuse("carrier_command", sender.node,
+           {GuardReason::kFrame, "frame_id is \"" + printable(command.header.frame_id) +
+                                     "\": give " + kCarrierBaseFrame});
+    return;
+  }
+  try {
+    const Pose X = fromPose(command.pose, "pose");
+    const Verdict verdict = judgeMove(guard_, sender, X, now_);
+    if (verdict.good()) carrier_command_ = X;
+    if (!verdict.good()) refuse("carrier_command", sender.node, verdict);
+  } catch (const InputError& error) {
+    refuse("carrier_command", sender.node, {GuardReason::kNotFinite, error.what()});
+  }
 }
 
 void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
   const Exciter& exciter = *event.getConstMessage();
-  const bool good = std::isfinite(exciter.amplitude) && exciter.amplitude >= 0.0 &&
-                    std::isfinite(exciter.frequency) && exciter.frequency >= 0.0 &&
-                    std::isfinite(exciter.phase) && std::abs(exciter.direction) == 1;
-  if (!good) {
-    ++refused_;
-    ROS_WARN(
-        "exciter of %s refused: amplitude %g, frequency %g, phase %g, direction %d: give finite "
-        "numbers, amplitude and frequency not negative, direction 1 or -1",
-        event.getPublisherName().c_str(), exciter.amplitude, exciter.frequency, exciter.phase,
-        exciter.direction);
-  }
   std::lock_guard<std::mutex> lock(mutex_);
-  const bool fresh = participants_.count(event.getPublisherName(), "exciter", exciter.header);
-  if (fresh && good) exciter_ = exciter;
+  const Sender sender = senderOf(event, "exciter");
+  if (!isOfEarlierLife(guard_, sender, now_) &&
+      !participants_.count(sender.node, "exciter", exciter.header)) {
+    return;
+  }
   changed_.notify_all();
+  ExciterCommand drive;
+  drive.amplitude = exciter.amplitude;
+  drive.frequency = exciter.frequency;
+  drive.phase = exciter.phase;
+  drive.direction = exciter.direction;
+  // what is off may have any direction
+  if (!exciter.on && std::isfinite(exciter.amplitude)) {
+    drive.amplitude = 0.0;
+    drive.direction = 1;
+  }
+  const Verdict verdict = judgeExciter(guard_, sender, drive, now_);
+  if (verdict.good()) exciter_ = exciter;
+  if (!verdict.good()) refuse("exciter", sender.node, verdict);
 }
 
 void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
@@ -96,7 +98,16 @@ void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
     ROS_WARN_ONCE("ack of %s, which is not in ~participants", ack.node.c_str());
     return;
   }
+  // in lockstep the answer is the holder's sign of life
+  if (ack.sequence >= awaited_) {
+    renew({event.getPublisherName(), now_, true, false}, ack.session);
+  }
   changed_.notify_all();
+}
+
+void SimulatorNode::onLease(const ros::MessageEvent<Lease const>& event) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  renew(senderOf(event, "lease"), event.getConstMessage()->session);
 }
 
 // ---- services ----

@@ -11,6 +11,7 @@
 
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/description/part_pairs.h"
 #include "assembly_cell/mismatch/mismatch.h"
@@ -28,6 +29,19 @@ std::int64_t nanoseconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
 }
 
+void checkCarrier(const CarrierParameters& carrier, double max_speed, double max_acceleration) {
+  if (carrier.max_speed > max_speed) {
+    throw InputError(text("scenario: carrier.max_speed: %g m/s, ~max_speed allows %g m/s",
+                          carrier.max_speed, max_speed));
+  }
+  if (carrier.max_acceleration > max_acceleration) {
+    throw InputError(
+        text("scenario: carrier.max_acceleration: %g m/s2, ~max_acceleration allows "
+             "%g m/s2",
+             carrier.max_acceleration, max_acceleration));
+  }
+}
+
 double seconds(std::chrono::steady_clock::duration duration) {
   return std::chrono::duration<double>(duration).count();
 }
@@ -37,6 +51,8 @@ double seconds(std::chrono::steady_clock::duration duration) {
 SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
   readParameters(pnh);
   cell_ = std::make_unique<SimulatedCell>(scenario_, cell_parameters_, X_HB_);
+  guard_ = plantGuard(limits_, lease_mode_, lockstep_);
+  guard_.start = inverse(cell_->carrier().base()) * poseFromRest(scenario_.rest);
   epoch_ = lockstep_ ? ros::Time(1, 0) : ros::Time::now();
   figures_start_ = std::chrono::steady_clock::now();
   advertise(pnh);
@@ -66,8 +82,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   start_timeout_ = parameters.number("start_timeout", Range{0.1, 3600.0}, 60.0);
   paused_ = parameters.flag("paused", false);
   real_time_factor_ = parameters.number("real_time_factor", Range{1e-3, 1e3}, 1.0);
-  max_offset_ = parameters.number("max_offset", kPositive, 0.1);
-  max_rotation_ = parameters.number("max_rotation", Range{0.0, 1.0}, 0.35);
+  readGuard(parameters);
   parameters.refuseUnknown();
   if (use_sim_time && !lockstep_) {
     throw InputError("parameter " + pnh.resolveName("lockstep") +
@@ -78,6 +93,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   // the mechanism of the scenario must be the one of the robot description
   scenario_ = loadScenario(file_, overrides);
   believed_height_ = scenario_.rest.z;
+  checkCarrier(scenario_.mechanism.carrier, max_speed_, max_acceleration_);
   description_ = loadCellDescription(Parameters(nh_).text("robot_description"));
   checkAgainst(description_, scenario_.mechanism, scenario_.name);
   pairParts();
@@ -102,6 +118,7 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   bridge_b_pub_ = nh_.advertise<StrainSamples>("sensor_b/bridge", kQueue, true);
   accelerometers_pub_ = nh_.advertise<AccelerometerSamples>("accelerometers", kQueue);
   carrier_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
+  plant_state_pub_ = nh_.advertise<PlantState>("plant_state", 10, true);
   diagnostics_pub_ = nh_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
   if (lockstep_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", 10, true);
   if (publish_truth_) {
@@ -117,6 +134,9 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   }
   publishStaticFrames();
 
+  findEarlierPublishers();
+  lease_sub_ = nh_.subscribe("lease", kQueue, &SimulatorNode::onLease, this,
+                             ros::TransportHints().tcpNoDelay());
   command_sub_ = nh_.subscribe("carrier_command", kQueue, &SimulatorNode::onCarrierCommand, this,
                                ros::TransportHints().tcpNoDelay());
   exciter_sub_ = nh_.subscribe("exciter", kQueue, &SimulatorNode::onExciter, this,
@@ -134,7 +154,8 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
 // never searched for contact.
 void SimulatorNode::pairParts() {
   CarrierTravel travel;
-  travel.lateral = max_offset_;
+  travel.lateral = std::max(
+      {-limits_.box_min.x(), limits_.box_max.x(), -limits_.box_min.y(), limits_.box_max.y()});
   bool peg_meets_hole = false;
   for (const PartPair& pair : canMeet(description_, travel)) {
     if (pair == PartPair{"peg", "hole"}) {
@@ -164,6 +185,7 @@ SimulatorNode::~SimulatorNode() {
 
 void SimulatorNode::loop() {
   publishState();
+  publishPlantState();
   while (true) {
     std::deque<std::packaged_task<void()>> tasks;
     {
@@ -187,9 +209,19 @@ void SimulatorNode::loop() {
 }
 
 void SimulatorNode::stepBlock() {
+  watchPlant();
   applyCommands();
-  const StopReason reason = cell_->next(block_, accelerometers_pub_.getNumSubscribers() > 0);
+  publishPlantState();
+  const StopReason reason = cell_->next(block_, accelerometers_pub_.getNumSubscribers() > 0,
+                                        [this](const Vector6& load) { feel(load); });
   const std::uint32_t sequence = sequence_;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    // answers may come while the block goes out
+    awaited_ = sequence;
+    now_ = base_ + cell_->simulation().time();
+  }
+  publishPlantState();
   if (reason == StopReason::kOk) {
     publishBlock();
     publishState();
@@ -212,12 +244,16 @@ void SimulatorNode::stepBlock() {
 void SimulatorNode::applyCommands() {
   std::optional<Pose> command;
   std::optional<Exciter> exciter;
+  GuardAction stop;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     command.swap(carrier_command_);
     exciter.swap(exciter_);
+    std::swap(stop, stop_);
   }
   Simulation& simulation = cell_->simulation();
+  if (stop.hold) simulation.stopRest();
+  if (stop.exciter_off) simulation.setExciter(ExciterParameters{}, simulation.time());
   if (command) cell_->command(*command);
   if (exciter) {
     ExciterParameters drive;
@@ -227,7 +263,7 @@ void SimulatorNode::applyCommands() {
     drive.direction = exciter->direction;
     // no stamp: from the coming block's start
     double t_ref = simulation.time();
-    if (!exciter->header.stamp.isZero()) t_ref = (exciter->header.stamp - epoch_).toSec() - base_;
+    if (!exciter->header.stamp.isZero()) t_ref = nodeTime(exciter->header.stamp) - base_;
     simulation.setExciter(drive, t_ref);
   }
 }
@@ -237,11 +273,14 @@ void SimulatorNode::restart(const Scenario& scenario) {
   // the clock goes on
   base_ += cell_->simulation().time();
   cell_ = std::move(cell);
+  now_ = base_;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     carrier_command_.reset();
     exciter_.reset();
     stopped_.clear();
+    stop_ = GuardAction{};
+    guard_.overloaded = guard_.shaking = false;
   }
   publishState();
 }
@@ -298,6 +337,12 @@ ros::Time SimulatorNode::stampAt(double cell_time) const {
   return stamp;
 }
 
+double SimulatorNode::nodeTime(const ros::Time& stamp) const {
+  // differences of ros::Time throw where they are large
+  return 1e-9 * static_cast<double>(static_cast<std::int64_t>(stamp.toNSec()) -
+                                    static_cast<std::int64_t>(epoch_.toNSec()));
+}
+
 // ---- what goes out ----
 
 void SimulatorNode::publishBlock() {
@@ -345,7 +390,6 @@ void SimulatorNode::publishStaticFrames() {
 void SimulatorNode::publishState() {
   Simulation& simulation = cell_->simulation();
   const ros::Time stamp = stampAt(simulation.time());
-  now_ = base_ + simulation.time();
 
   tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));
 
@@ -390,9 +434,16 @@ void SimulatorNode::publishDiagnostics() {
   status.name = ros::this_node::getName().substr(1) + ": simulation";
   status.hardware_id = "simulation";
   status.level = diagnostic_msgs::DiagnosticStatus::OK;
+  std::string holder, refusal;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     status.message = paused_ ? "paused" : "running";
+    holder = guard_.holder;
+    refusal = refusal_.text;
+    if (guard_.lapsed || guard_.overloaded) {
+      status.level = diagnostic_msgs::DiagnosticStatus::WARN;
+      status.message = "held: " + stopped_because_;
+    }
     if (!stopped_.empty()) {
       status.level = diagnostic_msgs::DiagnosticStatus::ERROR;
       status.message = "stopped: " + stopped_;
@@ -400,7 +451,9 @@ void SimulatorNode::publishDiagnostics() {
   }
   for (const auto& [key, value] : {std::pair{"Simulated time [s]", std::to_string(time)},
                                    {"Real-time factor", std::to_string(factor)},
-                                   {"Commands refused", std::to_string(refused_)}}) {
+                                   {"Commands refused", std::to_string(refused_)},
+                                   {"Last refusal", refusal},
+                                   {"Held by", holder}}) {
     status.values.emplace_back();
     status.values.back().key = key;
     status.values.back().value = value;

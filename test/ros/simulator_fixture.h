@@ -111,6 +111,7 @@ class Simulator : public ::testing::Test {
     ack.node = "tester";
     ack.sequence = sequence;
     ack.commands = commands_;
+    ack.session = session_;
     ack_pub_.publish(ack);
   }
   std_srvs::SetBool::Response pause(bool data) {
@@ -174,6 +175,7 @@ class Simulator : public ::testing::Test {
   std::atomic<bool> answering_{true};
   static ros::Publisher command_pub_, exciter_pub_, ack_pub_;
   static std::atomic<std::uint32_t> commands_;  // published by this node
+  std::atomic<std::uint32_t> session_{0};       // with which it holds the plant
 };
 inline ros::Publisher Simulator::command_pub_, Simulator::exciter_pub_, Simulator::ack_pub_;
 inline std::atomic<std::uint32_t> Simulator::commands_{0};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "assembly_cell/cell/felt_wrench.h"
@@ -54,8 +55,10 @@ class SimulatedCell {
   /// Advances by one block and fills it (no allocation once `block` has its size). The first sample
   /// is one period after the present time, the last at the block's end. Returns the simulation's
   /// stop reason; after anything but kOk the block is not valid. accelerations: the two
-  /// accelerometers of the peg, too; the bridges' samples are the same either way.
-  StopReason next(StrainBlock& block, bool accelerations = false);
+  /// accelerometers of the peg, too; the bridges' samples are the same either way. watch: is shown
+  /// the coupling's load at every sample, and may command the simulation.
+  StopReason next(StrainBlock& block, bool accelerations = false,
+                  const std::function<void(const Vector6& load)>& watch = nullptr);
 
   /// Moves the rest pose to `pose`, commanded in the carrier's base frame.
   void command(const Pose& pose) { carrier_.command(simulation_, pose); }

@@ -96,6 +96,9 @@ class Simulation {
 
   /// From now on move the rest pose to `target` along a C² profile within the carrier's limits.
   void setRestTarget(const RestPose& target);
+  /// From now on bring the rest pose to a stop within the carrier's limits, no farther than that
+  /// takes: 0.75 v²/a.
+  void stopRest();
   RestPose rest() const;  ///< at the present time, with the shift
 
   /// From now on lets the rest pose stand off by `shift` (x, y, z, yaw, theta, phi) from what is

@@ -18,19 +18,25 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 
 #include "assembly_cell/AccelerometerSamples.h"
 #include "assembly_cell/Exciter.h"
+#include "assembly_cell/Lease.h"
+#include "assembly_cell/PlantState.h"
 #include "assembly_cell/SetState.h"
 #include "assembly_cell/Step.h"
 #include "assembly_cell/StrainSamples.h"
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/description/cell_description.h"
+#include "assembly_cell/guard/plant_guard.h"
 #include "assembly_cell/ros/participants.h"
 
 namespace assembly_cell::ros_bridge {
+
+class Parameters;
 
 /// Node peg_hole_simulator: the simulated cell in time, paced by the wall clock or in lockstep with
 /// its participants. A thread of its own steps block by block; services and commands take effect
@@ -47,6 +53,10 @@ class SimulatorNode {
  private:
   ros::NodeHandle nh_;
 
+  /// From whom, and how old.
+  template <class Message>
+  Sender senderOf(const ros::MessageEvent<Message const>& event, const char* topic);
+
   void readParameters(ros::NodeHandle& pnh);
   /// From here on scenario and cell are the truth.
   void drawMismatch(const std::string& file);
@@ -56,6 +66,7 @@ class SimulatorNode {
   void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
   void onExciter(const ros::MessageEvent<Exciter const>& event);
   void onAck(const ros::MessageEvent<Ack const>& event);
+  void onLease(const ros::MessageEvent<Lease const>& event);
   bool onPause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
   bool onStep(Step::Request& request, Step::Response& response);
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
@@ -75,9 +86,20 @@ class SimulatorNode {
   void subscribeToAcks();
   void waitForAcks(std::uint32_t sequence);
   void pace();
-  std::optional<std::string> refusal(const geometry_msgs::PoseStamped& command) const;
   /// Stamp of a time of the present cell.
   ros::Time stampAt(double cell_time) const;
+  /// Node time of a stamp, any stamp.
+  double nodeTime(const ros::Time& stamp) const;
+
+  // the guard (simulator_guard.cpp); those with a lock need mutex_
+  void readGuard(Parameters& parameters);
+  void findEarlierPublishers();
+  void refuse(const std::string& what, const std::string& node, const Verdict& why);  // lock
+  void renew(const Sender& sender, std::uint32_t session);                            // lock
+  void watchPlant();
+  /// At every sample: stops the plant when its load is too much.
+  void feel(const Vector6& load);
+  void publishPlantState();
 
   // parameters
   std::string file_;
@@ -90,10 +112,11 @@ class SimulatorNode {
   bool lockstep_ = false;
   bool publish_truth_ = false;
   double real_time_factor_ = 1.0;
-  double ack_timeout_ = 10.0;    // wall [s]
-  double start_timeout_ = 60.0;  // wall [s]
-  double max_offset_ = 0.1;      // [m]
-  double max_rotation_ = 0.35;   // [rad]
+  double ack_timeout_ = 10.0;                          // wall [s]
+  double start_timeout_ = 60.0;                        // wall [s]
+  double max_speed_ = 0.25, max_acceleration_ = 10.0;  // of the carrier [m/s], [m/s²]
+  GuardLimits limits_;
+  LeaseMode lease_mode_ = LeaseMode::kAuto;
 
   // of the loop alone
   std::unique_ptr<SimulatedCell> cell_;
@@ -102,7 +125,12 @@ class SimulatorNode {
   std::uint32_t sequence_ = 0;  // of the next block
   ros::Time epoch_;             // stamp of node time 0
   std::chrono::steady_clock::time_point pace_start_;
-  double pace_time_ = -1.0;  // node time at pace_start_ [s]; negative: not pacing yet
+  double pace_time_ = -1.0;          // node time at pace_start_ [s]; negative: not pacing yet
+  Load allowed_;                     // of the coupling during this block
+  bool watched_ = true;              // its load is
+  std::optional<Vector6> too_much_;  // the load that stopped the plant in this block
+  PlantState plant_state_;           // last published
+  bool plant_state_known_ = false;
 
   // shared with the callbacks, under mutex_
   std::mutex mutex_;
@@ -115,18 +143,25 @@ class SimulatorNode {
   std::optional<Pose> carrier_command_;
   std::optional<Exciter> exciter_;
   Participants participants_;
+  PlantGuard guard_;
+  GuardAction stop_;             // before the commands
+  std::string stopped_because_;  // of the last stop in this session
+  std::string refused_node_;     // of the last refusal
+  Verdict refusal_;
+  std::uint32_t awaited_ = 0;                 // block that acks are awaited for
+  std::set<std::string> earlier_publishers_;  // topic and node, before this one came to life
 
   std::atomic<double> now_{0.0};  // node time [s]
-  std::atomic<std::uint64_t> refused_{0};
+  std::atomic<std::uint32_t> refused_{0};
   std::atomic<int> exit_code_{0};
   std::chrono::steady_clock::time_point figures_start_;
   double figures_time_ = 0.0;
 
   ros::Publisher bridge_a_pub_, bridge_b_pub_, accelerometers_pub_, carrier_pub_, clock_pub_,
-      truth_pose_pub_, truth_contacts_pub_, truth_mismatch_pub_, diagnostics_pub_;
+      truth_pose_pub_, truth_contacts_pub_, truth_mismatch_pub_, diagnostics_pub_, plant_state_pub_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
-  ros::Subscriber command_sub_, exciter_sub_, ack_sub_;
+  ros::Subscriber command_sub_, exciter_sub_, ack_sub_, lease_sub_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
   ros::WallTimer diagnostics_timer_;
   std::thread thread_;
