@@ -154,6 +154,18 @@ void PressController::begin(const Mechanism& mechanism) {
   tare();
 }
 
+void PressController::release(const Mechanism& mechanism) {
+  guarded_ = false;
+  PlantCommand off;
+  off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
+  step(off);
+  RestPose up = last_.carrier;
+  up.z += kFreeSteps * kPullStep;
+  moveTo(up);
+  guarded_ = true;
+  begin(mechanism);
+}
+
 void PressController::moveTo(const RestPose& target) {
   target_ = target;
   PlantCommand command;

@@ -21,10 +21,13 @@ constexpr int kQueue = 100;
 constexpr std::size_t kMemory = 50;  // blocks that may be incomplete at a time
 
 constexpr double kConnectionCheck = 5.0;  // wall clock [s]
-constexpr char kWrenchA[] = "sensor_a/wrench_samples";
-constexpr char kWrenchB[] = "sensor_b/wrench_samples";
-constexpr char kDisplacementB[] = "sensor_b/displacement_samples";
-constexpr char kCarrier[] = "carrier_pose";
+constexpr double kThinking =
+    2.0;  // a strategy that says nothing for longer holds no plant [s wall]
+
+constexpr const char* kWrenchA = kBlockTopics[0];
+constexpr const char* kWrenchB = kBlockTopics[1];
+constexpr const char* kDisplacementB = kBlockTopics[2];
+constexpr const char* kCarrier = kBlockTopics[3];
 
 /// Of 6 × n numbers, sample after sample. False when it isn't a block of finite numbers.
 bool moments(const std::vector<double>& samples, BlockMoments& out) {
@@ -43,13 +46,18 @@ ros::Time endOf(const Samples& message, std::size_t values) {
 
 }  // namespace
 
-RosPlant::RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout, double converter_step)
-    : lockstep_(lockstep),
-      timeout_(timeout),
-      converter_step_(converter_step),
+RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
+    : settings_(settings),
+      lockstep_(settings.lockstep),
       nh_(nh),
-      twin_force_(nh, {timeout, [this](double time) { return stampOf(time); },
-                       [this] { return cancelled_ && cancelled_(); }}) {
+      clock_(!settings.lockstep),
+      link_(nh, settings.lockstep, [this] { changed_.notify_all(); }),
+      twin_force_(nh, {settings.timeout, [this](double time) { return stampOf(time); },
+                       [this] {
+                         std::lock_guard<std::mutex> lock(mutex_);
+                         alive_ = Steady::now();
+                         return stopping_ || (cancelled_ && cancelled_());
+                       }}) {
   // the name that the simulator knows: relative to the cell's namespace
   name_ = ros::this_node::getName();
   const std::string ns = nh.getNamespace() == "/" ? "/" : nh.getNamespace() + "/";
@@ -59,13 +67,13 @@ RosPlant::RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout, double co
   command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true);
   exciter_pub_ = nh.advertise<Exciter>("exciter", kQueue, true);
   if (lockstep_) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
-  for (const char* topic : {kWrenchA, kWrenchB, kDisplacementB, kCarrier}) subscribe(topic);
+  for (const char* topic : kBlockTopics) subscribe(topic);
   const auto onCalibration = [this](std::optional<Matrix6>& rounding,
                                     const SensorCalibration& calibration) {
     using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
     const Matrix6 S = Eigen::Map<const RowMajor>(calibration.volts_to_wrench.data());
     std::lock_guard<std::mutex> lock(mutex_);
-    rounding = roundingCovariance(S, converter_step_);
+    rounding = roundingCovariance(S, settings_.converter_step);
     changed_.notify_all();
   };
   calibration_a_sub_ = nh.subscribe<SensorCalibration>(
@@ -94,25 +102,32 @@ void RosPlant::subscribe(const std::string& topic) {
   }
 }
 
+// Of the newest block, if it has begun to come in.
+std::vector<std::string> RosPlant::missingParts() const {
+  const bool part_of_block = !parts_.empty() && (!done_ || parts_.rbegin()->first != *done_);
+  const bool carrier_ahead =
+      !carrier_poses_.empty() && carrier_poses_.back()->header.stamp > done_end_;
+  if (!part_of_block && !carrier_ahead) return {};
+  std::vector<std::string> missing;
+  const Parts parts = part_of_block ? parts_.rbegin()->second : Parts{};
+  if (!parts.wrench_a) missing.emplace_back(kWrenchA);
+  if (!parts.wrench_b) missing.emplace_back(kWrenchB);
+  if (!parts.displacement_b) missing.emplace_back(kDisplacementB);
+  if (!carrier_ahead) missing.emplace_back(kCarrier);
+  return missing;
+}
+
 // A block that stays incomplete stops the lockstep: a connection was never made, or a message got
 // lost with it. ROS doesn't try again; to subscribe anew does, and what is latched comes again.
 void RosPlant::checkConnections() {
   std::vector<std::string> missing;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    const bool part_of_block = !parts_.empty() && (!done_ || parts_.rbegin()->first != *done_);
-    const bool carrier_ahead =
-        !carrier_poses_.empty() && carrier_poses_.back()->header.stamp > done_end_;
-    const bool incomplete = part_of_block || carrier_ahead;
-    const bool stuck = incomplete && incomplete_ && done_ == checked_;
-    incomplete_ = incomplete;
+    missing = missingParts();
+    const bool stuck = !missing.empty() && incomplete_ && done_ == checked_;
+    incomplete_ = !missing.empty();
     checked_ = done_;
     if (!stuck) return;
-    const Parts parts = part_of_block ? parts_.rbegin()->second : Parts{};
-    if (!parts.wrench_a) missing.emplace_back(kWrenchA);
-    if (!parts.wrench_b) missing.emplace_back(kWrenchB);
-    if (!parts.displacement_b) missing.emplace_back(kDisplacementB);
-    if (!carrier_ahead) missing.emplace_back(kCarrier);
   }
   // without the lock: callbacks under way take it
   for (const std::string& topic : missing) {
@@ -124,24 +139,36 @@ void RosPlant::checkConnections() {
 
 void RosPlant::onWrenchA(const WrenchSamples::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
+  seen(0);
   parts_[message->sequence].wrench_a = message;
   assemble();
 }
 
 void RosPlant::onWrenchB(const WrenchSamples::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
+  seen(1);
   parts_[message->sequence].wrench_b = message;
   assemble();
 }
 
 void RosPlant::onDisplacementB(const DisplacementSamples::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
+  seen(2);
   parts_[message->sequence].displacement_b = message;
   assemble();
 }
 
 void RosPlant::onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
+  seen(3);
+  // another life of the plant in lockstep: its clock and the count of commands begin anew
+  if (lockstep_ && message->header.stamp < done_end_) {
+    commands_ = 0;
+    done_.reset();
+    done_end_ = ros::Time();
+    carrier_poses_.clear();
+  }
+  clock_.observe(wallTime(arrived_[3]), message->header.stamp.toSec());
   carrier_poses_.push_back(message);
   if (carrier_poses_.size() > kMemory) carrier_poses_.pop_front();
   assemble();
@@ -191,6 +218,11 @@ void RosPlant::assemble() {
       carrier_poses_.pop_front();
     }
     if (repeated) return;
+    const auto now = Steady::now();
+    const double interval = std::chrono::duration<double>(now - block_arrived_).count();
+    block_interval_ = std::min(interval, last_interval_);
+    last_interval_ = interval;
+    block_arrived_ = now;
     done_ = block.sequence;
     done_end_ = block.end;
     pending_ack_ = block.sequence;
@@ -200,6 +232,9 @@ void RosPlant::assemble() {
       ROS_ERROR_THROTTLE(1.0, "block %u is not one of finite samples: ignored", block.sequence);
     }
     if (!active_ || !good) acknowledge();
+    // a strategy that hangs holds nothing
+    const std::chrono::duration<double> silent = now - alive_;
+    if (active_ && good && silent.count() < kThinking) link_.renew(block.end);
     changed_.notify_all();
     return;
   }
@@ -212,93 +247,10 @@ void RosPlant::acknowledge() {
     ack.node = name_;
     ack.sequence = *pending_ack_;
     ack.commands = commands_;
+    ack.session = link_.session();
     ack_pub_.publish(ack);
   }
   pending_ack_.reset();
-}
-
-// ---- the plant ----
-
-void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
-                       const std::function<bool()>& ready) {
-  const auto deadline = std::chrono::steady_clock::now() +
-                        std::chrono::milliseconds(static_cast<std::int64_t>(timeout_ * 1e3));
-  while (true) {
-    if (!ros::ok()) throw PlantError(AlignFailure::kStopped, "the supervisor is shutting down");
-    if (cancelled_ && cancelled_()) throw PlantError(AlignFailure::kCancelled, "cancelled");
-    if (ready()) return;
-    if (std::chrono::steady_clock::now() >= deadline) {
-      throw PlantError(AlignFailure::kNoData, "no " + what + " within " +
-                                                  std::to_string(static_cast<int>(timeout_)) +
-                                                  " s of wall time" + twin_force_.complaint());
-    }
-    changed_.wait_for(lock, std::chrono::milliseconds(20));
-  }
-}
-
-void RosPlant::begin(const std::function<bool()>& cancelled) {
-  std::unique_lock<std::mutex> lock(mutex_);
-  cancelled_ = cancelled;
-  active_ = true;
-  locus_wanted_ = false;
-  fresh_.reset();
-  last_ = Block{};
-  origin_ = ros::Time();
-  start_ = Pose{};
-  waitFor(lock, "block of samples (is the simulator paused, or a driver missing?)",
-          [this] { return fresh_.has_value(); });
-  waitFor(lock, "calibration of sensor_a and sensor_b",
-          [this] { return rounding_a_ && rounding_b_; });
-  last_ = *fresh_;
-  fresh_.reset();
-  origin_ = last_.end;
-  start_ = last_.X_BC;
-}
-
-PlantBlock RosPlant::next(const PlantCommand& command) {
-  std::unique_lock<std::mutex> lock(mutex_);
-  if (cancelled_ && cancelled_()) throw PlantError(AlignFailure::kCancelled, "cancelled");
-  if (command.rest) publishCarrier(poseFromRest(*command.rest));
-  if (command.exciter) publishExciter(*command.exciter);
-  if (command.locus) sendLocusGoal(lock, *command.locus);
-
-  // blocks from before the commands are of no interest
-  fresh_.reset();
-  acknowledge();
-  waitFor(lock, "block of samples (is the simulator paused, or a driver missing?)",
-          [this] { return fresh_.has_value(); });
-  last_ = *fresh_;
-  fresh_.reset();
-  PlantBlock block = plantBlock(last_);
-
-  // the window of a reading has ended: its result comes with this block
-  if (locus_wanted_ && block.time >= locus_end_) {
-    waitFor(lock, "result of identify_locus", [this] { return locus_done_; });
-    locus_wanted_ = false;
-    if (!locus_error_.empty()) {
-      throw PlantError(AlignFailure::kNoReading, "identify_locus: " + locus_error_);
-    }
-    block.locus = fromLocusEstimate(locus_result_->locus);
-    if (!locus_result_->success) block.locus->refusal = locus_result_->message;
-  }
-  return block;
-}
-
-void RosPlant::end(bool hold) {
-  std::unique_lock<std::mutex> lock(mutex_);
-  if (locus_wanted_) {
-    // actionlib's locks come before ours
-    lock.unlock();
-    locus_client_->cancelGoal();
-    lock.lock();
-    locus_wanted_ = false;
-  }
-  if (exciter_.on) publishExciter(ExciterParameters{});
-  if (hold && !last_.end.isZero()) publishCarrier(last_.X_BC);
-  active_ = false;
-  cancelled_ = nullptr;
-  twin_force_.release();
-  acknowledge();
 }
 
 ros::Time RosPlant::stamp() const {
@@ -335,6 +287,7 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
 // ---- commands ----
 
 void RosPlant::publishCarrier(const Pose& X_BC) {
+  commanded_ = X_BC;
   ++commands_;
   command_pub_.publish(poseStamped(kCarrierBaseFrame, X_BC, last_.end));
 }
@@ -356,14 +309,17 @@ void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequ
   waitFor(lock, "action server identify_locus (is the locus estimator running?)",
           [this] { return locus_client_->isServerConnected(); });
   IdentifyLocusGoal goal;
-  goal.start = origin_ + ros::Duration(request.start);
+  // not before what is known of the cell
+  const double start = std::max(request.start, (last_.end - origin_).toSec());
+  goal.start = origin_ + ros::Duration(start);
   goal.duration = ros::Duration(request.duration);
   goal.exciter = exciter_;
   locus_wanted_ = true;
   locus_active_ = false;
   locus_done_ = false;
   locus_error_.clear();
-  locus_end_ = request.start + request.duration - 1e-6;  // stamps are rounded to 1 ns
+  locus_duration_ = request.duration;
+  locus_end_ = start + request.duration - 1e-6;  // stamps are rounded to 1 ns
   // callbacks lock mutex_; actionlib has locks of its own
   lock.unlock();
   locus_client_->sendGoal(

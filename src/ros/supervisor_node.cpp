@@ -5,31 +5,16 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/watched_plant.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
 constexpr double kConverterStep = 10.0 / 65536;  // 16 bit over ±5 V [V]
-
-/// A plant that shows each block to `watch` before the strategy gets it.
-class WatchedPlant : public Plant {
- public:
-  WatchedPlant(Plant& plant, std::function<void(const PlantBlock&)> watch)
-      : plant_(plant), watch_(std::move(watch)) {}
-
-  PlantBlock next(const PlantCommand& command) override {
-    const PlantBlock block = plant_.next(command);
-    watch_(block);
-    return block;
-  }
-
- private:
-  Plant& plant_;
-  std::function<void(const PlantBlock&)> watch_;
-};
 
 /// What is not known is 0 on the wire, never NaN.
 double finite(double value) { return std::isfinite(value) ? value : 0.0; }
@@ -74,12 +59,16 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.most_contacts = parameters.integer("most_contacts", 1, 1000, p.most_contacts);
   p.required_position = parameters.number("required_position", kAny, p.required_position);
   p.required_rotation = parameters.number("required_rotation", kAny, p.required_rotation);
-  const double converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
+  RosPlant::Settings plant;
+  plant.converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
   limits_.force = p.force_limit;
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;
-  const bool lockstep = parameters.flag("lockstep", false);
-  const double timeout = parameters.number("block_timeout", Range{0.1, 3600.0}, 10.0);
+  plant.lockstep = parameters.flag("lockstep", false);
+  plant.timeout = parameters.number("block_timeout", Range{0.1, 3600.0}, 10.0);
+  plant.data_timeout = parameters.number("data_timeout", Range{0.05, 3600.0}, plant.data_timeout);
+  plant.slow_factor = parameters.number("slow_factor", Range{1.0, 1000.0}, plant.slow_factor);
+  plant.goal_time = parameters.number("goal_time", Range{1.0, 1e6}, plant.goal_time);
   parameters.refuseUnknown();
   try {
     checkParameters(p);
@@ -87,21 +76,27 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
     throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
   }
 
-  plant_ = std::make_unique<RosPlant>(nh, lockstep, timeout, converter_step);
+  plant_ = std::make_unique<RosPlant>(nh, plant);
+  startState(nh, pnh);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
   align_server_ = std::make_unique<AlignServer>(
       nh, "align", [this](const AlignPegGoalConstPtr& goal) { executeAlign(goal); }, false);
   contact_server_ = std::make_unique<ContactServer>(
       nh, "move_to_contact",
       [this](const MoveToContactGoalConstPtr& goal) { executeContact(goal); }, false);
+  retreat_server_ = std::make_unique<RetreatServer>(
+      nh, "retreat", [this](const RetreatGoalConstPtr& goal) { executeRetreat(goal); }, false);
   align_server_->start();
   contact_server_->start();
+  retreat_server_->start();
 }
 
 SupervisorNode::~SupervisorNode() {
+  plant_->stop();
   // their threads use the rest
   align_server_->shutdown();
   contact_server_->shutdown();
+  retreat_server_->shutdown();
 }
 
 void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
@@ -123,19 +118,23 @@ void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
   AlignResult result;
   const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
   if (!turn) {
-    result.reason = "busy: move_to_contact is running";
+    result.reason = "busy: another action is running";
   } else {
-    bool hold = true;
+    End end;
     try {
+      enter("align", true);
       plant_->begin([this] { return align_server_->isPreemptRequested(); });
       result = align(*plant_, mechanism_, parameters, progress);
-      hold = false;
-    } catch (const std::exception& error) {
+      end.failed = end.begun = !result.success;
+      end.failure = result.failure;
+      end.reason = result.reason;
+    } catch (...) {
+      end = endOfException();
       result.success = false;
-      result.reason = error.what();
+      result.reason = end.reason;
     }
     if (result.time == 0.0) result.time = plant_->time();
-    plant_->end(hold);
+    leave(end);
   }
 
   AlignPegResult answer;
@@ -190,13 +189,14 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
   const double force = goal->force;
   const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
   if (!turn) {
-    result.message = "busy: align is running";
+    result.message = "busy: another action is running";
   } else if (!std::isfinite(force) || force <= 0.0 || force >= limits_.force) {
     result.message = "force is " + std::to_string(force) + " N: give more than 0 and less than " +
                      std::to_string(limits_.force) + " N";
   } else {
-    bool hold = true;
+    End end;
     try {
+      enter("move_to_contact", true);
       plant_->begin([this] { return contact_server_->isPreemptRequested(); });
       const PressController* watched = nullptr;
       WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
@@ -219,11 +219,13 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
       result.success = true;
       result.force = press.forceZ();
       result.message = "pressing";
-      hold = false;
-    } catch (const std::exception& error) {
-      result.message = error.what();
+      end.pressing = true;
+      end.reason = text("move_to_contact presses with %.1f N", result.force);
+    } catch (...) {
+      end = endOfException();
+      result.message = end.reason;
     }
-    plant_->end(hold);
+    leave(end);
   }
   if (result.success) {
     contact_server_->setSucceeded(result, result.message);

@@ -41,6 +41,9 @@ class PressController {
   /// force limit.
   void begin(const Mechanism& mechanism);
 
+  /// After a goal that failed: exciter off, a millimetre up whatever is felt, then begin().
+  void release(const Mechanism& mechanism);
+
   /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
   /// deflection.
   void tare(int blocks = 10);

@@ -5,6 +5,9 @@
 #include <geometry_msgs/PoseStamped.h>
 #include <ros/ros.h>
 
+#include <array>
+#include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -14,6 +17,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "assembly_cell/DisplacementSamples.h"
 #include "assembly_cell/Exciter.h"
@@ -21,24 +25,50 @@
 #include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/guard/freshness.h"
+#include "assembly_cell/ros/plant_link.h"
 #include "assembly_cell/ros/twin_force_client.h"
 
 namespace assembly_cell::ros_bridge {
+
+/// What makes a block, relative to the cell.
+constexpr const char* kBlockTopics[] = {"sensor_a/wrench_samples", "sensor_b/wrench_samples",
+                                        "sensor_b/displacement_samples", "carrier_pose"};
 
 /// The cell through ROS, as a strategy's plant: commands go out on carrier_command and exciter,
 /// blocks come in from both drivers and the carrier, readings from the action identify_locus.
 /// In lockstep a block is acknowledged when the strategy asks for the next one, so its decisions
 /// follow blocks and not the wall clock; without a strategy at once. The carrier's poses are in its
 /// base frame, `carrier_base`.
+///
+/// Between begin() and end() it holds the plant (PlantLink). Without lockstep a block that is older
+/// than kFreshAge is never handed out and never leads to a command. What the plant lost because a
+/// lease lapsed is said again, and a reading is repeated; the goal goes on.
 class RosPlant : public Plant {
  public:
-  /// lockstep: answer blocks on `ack`. timeout: of every wait, wall time [s]. converter_step: of
-  /// both sensors [V].
-  RosPlant(ros::NodeHandle& nh, bool lockstep, double timeout, double converter_step);
+  struct Settings {
+    bool lockstep = false;        ///< answer blocks on `ack`
+    double timeout = 10.0;        ///< of every wait in lockstep, and of a goal's first [s wall]
+    double data_timeout = 0.3;    ///< without a block the goal ends [s]
+    double slow_factor = 1.0;     ///< of data_timeout, for a slow machine
+    double goal_time = 900.0;     ///< a goal takes no longer [s]
+    double converter_step = 0.0;  ///< of both sensors [V]
+  };
+  RosPlant(ros::NodeHandle& nh, const Settings& settings);
 
   /// A strategy takes over: waits for a block, whose end is time 0 of the plant clock.
   /// `cancelled` is asked while waiting; when it says true, next() throws.
   void begin(const std::function<bool()>& cancelled);
+
+  /// The goal has failed: goes on in a session of its own, for `seconds` at most and whatever made
+  /// the goal fail, so that the peg can be freed. Throws PlantError where there is no data.
+  void recover(double seconds);
+
+  /// Do blocks come in? Without them nothing can be felt.
+  bool hasData() const;
+
+  /// The node ends: every wait is over, but those of recover().
+  void stop() { stopping_ = true; }
 
   PlantBlock next(const PlantCommand& command) override;
   TwinForceSensing* twinForce() override { return &twin_force_; }
@@ -70,11 +100,22 @@ class RosPlant : public Plant {
   void onDisplacementB(const DisplacementSamples::ConstPtr& message);
   void onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message);
   void subscribe(const std::string& topic);
+  std::vector<std::string> missingParts() const;
   void checkConnections();
   void assemble();
   void acknowledge();
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
                const std::function<bool()>& ready);
+  void waitForBlock(std::unique_lock<std::mutex>& lock);
+  void takeNext(std::unique_lock<std::mutex>& lock);
+  double patience() const;
+  std::string whoIsMissing(std::unique_lock<std::mutex>& lock, bool only_gone);
+  void checkGoal() const;
+  bool lastIsFresh() const;
+  void freshen(std::unique_lock<std::mutex>& lock);
+  void repeat(std::unique_lock<std::mutex>& lock);
+  void endReading(std::unique_lock<std::mutex>& lock);
+  void seen(std::size_t part) { arrived_[part] = Steady::now(); }
   void publishCarrier(const Pose& X_BC);
   void publishExciter(const ExciterParameters& drive);
   void sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequest& request);
@@ -82,9 +123,13 @@ class RosPlant : public Plant {
 
   using LocusClient = actionlib::SimpleActionClient<IdentifyLocusAction>;
 
+  using Steady = std::chrono::steady_clock;
+  static double wallTime(Steady::time_point time) {
+    return std::chrono::duration<double>(time.time_since_epoch()).count();
+  }
+
+  const Settings settings_;
   const bool lockstep_;
-  const double timeout_;
-  const double converter_step_;  ///< [V]
   ros::NodeHandle nh_;
   std::string name_;  ///< in the simulator's ~participants
 
@@ -101,6 +146,15 @@ class RosPlant : public Plant {
   std::optional<Block> fresh_;                // complete, not handed out yet
   Block last_;                                // handed out
   bool active_ = false;                       // a strategy is running
+  bool recovering_ = false;                   // it has failed, the peg is being freed
+  double most_time_ = 0.0;                    // of this goal or recovery, plant clock [s]
+  std::atomic<bool> stopping_{false};
+  CellClock clock_;
+  Steady::time_point alive_;                           // the strategy's thread was seen
+  std::array<Steady::time_point, 4> arrived_{};        // last message of each of kBlockTopics
+  double last_interval_ = 0.0, block_interval_ = 0.0;  // between blocks, wall clock [s]
+  Steady::time_point block_arrived_;
+  std::optional<Pose> commanded_;  // where the carrier was sent last, this goal
   ros::Time origin_;
   Pose start_;  // X_BC at begin()
   std::function<bool()> cancelled_;
@@ -109,7 +163,8 @@ class RosPlant : public Plant {
   bool locus_wanted_ = false;
   bool locus_active_ = false;
   bool locus_done_ = false;
-  double locus_end_ = 0.0;  // plant clock [s]
+  double locus_end_ = 0.0;       // plant clock [s]
+  double locus_duration_ = 0.0;  // [s]
   std::string locus_error_;
   IdentifyLocusResult::ConstPtr locus_result_;
 
@@ -118,6 +173,7 @@ class RosPlant : public Plant {
   ros::Subscriber calibration_a_sub_, calibration_b_sub_;
   ros::WallTimer connection_timer_;
   std::unique_ptr<LocusClient> locus_client_;
+  PlantLink link_;
   TwinForceClient twin_force_;
 };
 

@@ -13,6 +13,8 @@
 #include "assembly_cell/AlignPegAction.h"
 #include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/MoveToContactAction.h"
+#include "assembly_cell/RetreatAction.h"
+#include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/press.h"
 #include "assembly_cell/ros/ros_plant.h"
@@ -27,13 +29,42 @@ class SupervisorNode {
   SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
   ~SupervisorNode();
 
+  /// Ends the goal under way as a cancel does: exciter off, the peg freed. Returns when it has
+  /// ended.
+  void stop();
+
  private:
   using AlignServer = actionlib::SimpleActionServer<AlignPegAction>;
   using ContactServer = actionlib::SimpleActionServer<MoveToContactAction>;
+  using RetreatServer = actionlib::SimpleActionServer<RetreatAction>;
 
   void executeAlign(const AlignPegGoalConstPtr& goal);
   void executeContact(const MoveToContactGoalConstPtr& goal);
+  void executeRetreat(const RetreatGoalConstPtr& goal);
   AlignmentReport report(const AlignResult& result, double wall_time) const;
+
+  // state and freeing of the peg (supervisor_state.cpp)
+  void startState(ros::NodeHandle& nh, ros::NodeHandle& pnh);
+  /// A goal begins. Throws InputError `in_contact` when it needs a free peg and the last one got
+  /// stuck.
+  void enter(const std::string& goal, bool needs_free_peg);
+  /// How a goal has ended.
+  struct End {
+    bool failed = false;
+    bool begun = false;     ///< something may have moved
+    bool pressing = false;  ///< the peg is meant to stay in contact
+    bool freed = false;     ///< freeing it was the goal: once is enough
+    bool stuck = false;
+    AlignFailure failure = AlignFailure::kNone;
+    std::string reason;
+  };
+  /// Of the exception that is being handled.
+  static End endOfException();
+  /// A goal has ended. Where it failed the peg is freed first, if there is anything to feel with.
+  void leave(const End& end);
+  void tell(bool in_contact, bool stuck, const std::string& reason);
+  void publishState();
+  void publishDiagnostics();
 
   Mechanism mechanism_;  ///< nominal parts
   Pose X_CP_;            ///< peg in the carrier, at rest
@@ -42,10 +73,15 @@ class SupervisorNode {
 
   std::unique_ptr<RosPlant> plant_;
   std::mutex busy_;  ///< held by the goal that runs
+  std::mutex state_mutex_;
+  SupervisorState state_;
+  ros::Publisher state_pub_, diagnostics_pub_;
+  ros::WallTimer diagnostics_timer_;
   ros::Publisher report_pub_;
   tf2_ros::StaticTransformBroadcaster frames_;
   std::unique_ptr<AlignServer> align_server_;
   std::unique_ptr<ContactServer> contact_server_;
+  std::unique_ptr<RetreatServer> retreat_server_;
 };
 
 }  // namespace assembly_cell::ros_bridge

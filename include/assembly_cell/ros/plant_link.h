@@ -1,0 +1,75 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/WrenchStamped.h>
+#include <ros/ros.h>
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/Exciter.h"
+#include "assembly_cell/PlantState.h"
+#include "assembly_cell/SensorCalibration.h"
+
+namespace assembly_cell::ros_bridge {
+
+/// Holds the plant for a goal: a session with a lease, what the plant's guard says of it, and who
+/// or what spoils the goal: another commander, another life of the plant, a zero or a calibration
+/// that changes. Thread-safe; calls `changed` whenever there is news.
+class PlantLink {
+ public:
+  PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> changed);
+
+  void begin();                   ///< a session with a new number
+  void end();                     ///< lets the plant go
+  std::uint32_t session() const;  ///< 0: none
+
+  /// Sign of life: the holder has seen the block that ended at `seen`. In lockstep the Ack says so.
+  void renew(const ros::Time& seen);
+
+  /// Why the goal has to end, if it has to: one line that names who and what.
+  std::optional<std::string> fault() const;
+
+  /// The plant has stopped, or not followed, since the last call of repeated(): the lease lapsed or
+  /// a command came too late. Never in lockstep, where time waits for the holder.
+  bool lapsed() const;
+  /// The plant follows this session at present. True where no guard is known.
+  bool follows() const;
+  /// What was lost is being said again.
+  void repeated();
+
+ private:
+  void onState(const PlantState::ConstPtr& state);
+  void onCommand(const std::string& topic, const std::string& node);
+  /// A value that must stay what it was at the goal's start.
+  void onConstant(const std::string& what, const std::string& bytes);
+  template <class Message>
+  void watchConstant(ros::NodeHandle& nh, const std::string& topic, const std::string& what);
+  template <class Message>
+  ros::Subscriber watchCommands(ros::NodeHandle& nh, const std::string& topic);
+  bool followsUnlocked() const;
+
+  const bool lockstep_;
+  const std::function<void()> changed_;
+
+  mutable std::mutex mutex_;
+  std::uint32_t session_ = 0;
+  std::optional<PlantState> state_;
+  std::uint32_t life_ = 0;     // of the plant when the session began; 0: not known
+  std::uint32_t refused_ = 0;  // commands, when the session began or was repeated
+  bool lost_ = false;          // something that was commanded is not in force
+  std::string fault_;
+  std::map<std::string, std::string> constants_;  // by name, as bytes
+
+  ros::Publisher lease_pub_;
+  ros::Subscriber state_sub_, command_sub_, exciter_sub_;
+  std::vector<ros::Subscriber> constant_subs_;
+};
+
+}  // namespace assembly_cell::ros_bridge

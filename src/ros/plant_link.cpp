@@ -1,0 +1,177 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/plant_link.h"
+
+#include <ros/serialization.h>
+
+#include <random>
+#include <utility>
+
+#include "assembly_cell/Lease.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr int kQueue = 100;
+
+std::uint32_t randomNumber() {
+  std::random_device random;
+  std::uint32_t number = 0;
+  while (number == 0) number = random();
+  return number;
+}
+
+// all but the header: the same values sent again are no change
+template <class Message>
+std::string bytesOf(Message message) {
+  message.header = std_msgs::Header();
+  const std::uint32_t size = ros::serialization::serializationLength(message);
+  std::string bytes(size, '\0');
+  ros::serialization::OStream stream(reinterpret_cast<std::uint8_t*>(bytes.data()), size);
+  ros::serialization::serialize(stream, message);
+  return bytes;
+}
+
+}  // namespace
+
+PlantLink::PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> changed)
+    : lockstep_(lockstep), changed_(std::move(changed)) {
+  if (!lockstep_) lease_pub_ = nh.advertise<Lease>("lease", kQueue);
+  state_sub_ = nh.subscribe("plant_state", kQueue, &PlantLink::onState, this,
+                            ros::TransportHints().tcpNoDelay());
+  command_sub_ = watchCommands<geometry_msgs::PoseStamped>(nh, "carrier_command");
+  exciter_sub_ = watchCommands<Exciter>(nh, "exciter");
+  for (const std::string sensor : {"sensor_a", "sensor_b"}) {
+    watchConstant<geometry_msgs::WrenchStamped>(nh, sensor + "/bias", "zero of " + sensor);
+    watchConstant<SensorCalibration>(nh, sensor + "/calibration", "calibration of " + sensor);
+  }
+}
+
+template <class Message>
+ros::Subscriber PlantLink::watchCommands(ros::NodeHandle& nh, const std::string& topic) {
+  using Event = ros::MessageEvent<Message const>;
+  const boost::function<void(const Event&)> look = [this, topic](const Event& event) {
+    onCommand(topic, event.getPublisherName());
+  };
+  return nh.subscribe<Message, const Event&>(topic, kQueue, look);
+}
+
+template <class Message>
+void PlantLink::watchConstant(ros::NodeHandle& nh, const std::string& topic,
+                              const std::string& what) {
+  constant_subs_.push_back(nh.subscribe<Message>(
+      topic, kQueue, [this, what](const boost::shared_ptr<Message const>& message) {
+        onConstant(what, bytesOf(*message));
+      }));
+}
+
+// ---- the session ----
+
+void PlantLink::begin() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  session_ = randomNumber();
+  life_ = state_ ? state_->life : 0;
+  refused_ = state_ ? state_->refused : 0;
+  lost_ = false;
+  fault_.clear();
+}
+
+void PlantLink::end() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  session_ = 0;
+  if (!lockstep_) lease_pub_.publish(Lease());
+}
+
+std::uint32_t PlantLink::session() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return session_;
+}
+
+void PlantLink::renew(const ros::Time& seen) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (lockstep_ || session_ == 0) return;
+  Lease lease;
+  lease.header.stamp = seen;
+  lease.session = session_;
+  lease_pub_.publish(lease);
+}
+
+std::optional<std::string> PlantLink::fault() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (fault_.empty()) return std::nullopt;
+  return fault_;
+}
+
+bool PlantLink::lapsed() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return lost_;
+}
+
+bool PlantLink::followsUnlocked() const {
+  return lockstep_ || !state_ || (state_->session == session_ && !state_->held);
+}
+
+bool PlantLink::follows() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return followsUnlocked();
+}
+
+void PlantLink::repeated() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  lost_ = false;
+}
+
+// ---- what is heard ----
+
+void PlantLink::onState(const PlantState::ConstPtr& state) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const bool held_before = state_ && state_->session == session_;
+    state_ = *state;
+    const std::string& me = ros::this_node::getName();
+    if (session_ != 0 && fault_.empty()) {
+      if (life_ == 0) life_ = state->life;
+      const bool mine = state->refused != refused_ && state->refused_node == me;
+      const bool late = state->refused_reason == "stale" ||
+                        state->refused_reason == "held_by_another" ||
+                        state->refused_reason == "no_lease";
+      if (state->life != life_) {
+        fault_ = "the plant was started anew during the goal";
+      } else if (!state->holder.empty() && state->holder != me) {
+        fault_ = state->holder + " holds the plant";
+      } else if (state->overload && state->session == session_) {
+        fault_ = "the plant stopped itself: " + state->reason;
+      } else if (mine && !late) {
+        fault_ = state->refusal;
+      }
+      // lapsed, let go after a lapse, or a command that came late
+      if (!lockstep_ && ((held_before && !followsUnlocked()) || (mine && late))) lost_ = true;
+      refused_ = state->refused;
+    }
+  }
+  changed_();
+}
+
+void PlantLink::onCommand(const std::string& topic, const std::string& node) {
+  if (node == ros::this_node::getName()) return;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (session_ == 0 || !fault_.empty()) return;
+    fault_ = node + " published " + topic + " during the goal: nobody else may command the plant";
+  }
+  changed_();
+}
+
+void PlantLink::onConstant(const std::string& what, const std::string& bytes) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const auto [known, first] = constants_.try_emplace(what, bytes);
+    if (first || known->second == bytes) return;
+    known->second = bytes;
+    if (session_ == 0 || !fault_.empty()) return;
+    fault_ = what + " changed during the goal: start it again";
+  }
+  changed_();
+}
+
+}  // namespace assembly_cell::ros_bridge

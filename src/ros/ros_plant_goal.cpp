@@ -1,0 +1,279 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/locus_messages.h"
+#include "assembly_cell/ros/node_watch.h"
+#include "assembly_cell/ros/ros_plant.h"
+
+// A goal over the cell: how it begins, waits, goes on after a lapse, and ends.
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr double kTick = 0.02;       // between two looks while waiting, wall clock [s]
+constexpr double kProbe = 1.0;       // of silence until the nodes are looked for, wall clock [s]
+constexpr double kTooSlow = 10.0;    // without a fresh block, cell time [s]
+constexpr double kSettle = 0.2;      // shaken anew before a reading is repeated [s]
+constexpr double kIntervals = 15.0;  // of blocks: silence, on a machine that is slow
+constexpr double kParting = 1.0;     // for data while the node is shutting down [s]
+constexpr char kBlock[] = "block of samples";
+
+}  // namespace
+
+// ---- waiting ----
+
+void RosPlant::checkGoal() const {
+  if (!ros::ok()) throw PlantError(AlignFailure::kStopped, "the supervisor is shutting down");
+  const double time = origin_.isZero() ? 0.0 : (last_.end - origin_).toSec();
+  if (time > most_time_) {
+    throw PlantError(AlignFailure::kStopped,
+                     text("not done within %.0f s%s", settings_.goal_time,
+                          recovering_ ? ", nor freed" : ": see ~goal_time"));
+  }
+  if (recovering_) return;
+  if (stopping_) throw PlantError(AlignFailure::kStopped, "the supervisor is shutting down");
+  if (cancelled_ && cancelled_()) throw PlantError(AlignFailure::kCancelled, "cancelled");
+  if (const auto fault = link_.fault()) throw PlantError(AlignFailure::kStopped, *fault);
+}
+
+// Of a wait, wall time. In lockstep the cell's time stands while somebody is slow.
+double RosPlant::patience() const {
+  if (stopping_) return std::min(kParting, settings_.timeout);
+  if (lockstep_ || origin_.isZero()) return settings_.timeout;
+  return std::max(settings_.data_timeout * settings_.slow_factor,
+                  std::min(kIntervals * block_interval_, settings_.timeout));
+}
+
+void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
+                       const std::function<bool()>& ready) {
+  double waited = 0.0, probed = 0.0;
+  while (true) {
+    checkGoal();
+    if (ready()) return;
+    const bool over = waited >= patience();
+    if (over || waited >= probed + kProbe) {
+      probed = waited;
+      const std::string who = whoIsMissing(lock, !over);
+      if (ready()) return;
+      if (over || !who.empty()) {
+        throw PlantError(AlignFailure::kNoData,
+                         text("no %s within %.3g s of wall time%s%s", what.c_str(), waited,
+                              who.empty() ? " (is the simulator paused?)" : ": ", who.c_str()));
+      }
+    }
+    const auto before = Steady::now();
+    changed_.wait_for(lock, std::chrono::duration<double>(kTick));
+    alive_ = Steady::now();
+    // a process that was frozen has not waited
+    waited += std::min(std::chrono::duration<double>(alive_ - before).count(), 2 * kTick);
+  }
+}
+
+void RosPlant::waitForBlock(std::unique_lock<std::mutex>& lock) {
+  acknowledge();
+  waitFor(lock, kBlock, [this] { return fresh_.has_value(); });
+  last_ = *fresh_;
+  fresh_.reset();
+}
+
+// Whose messages stay out. Without the lock while it asks: callbacks take it.
+std::string RosPlant::whoIsMissing(std::unique_lock<std::mutex>& lock, bool only_gone) {
+  std::vector<std::string> topics;
+  const auto add = [&](const char* topic) { topics.push_back(nh_.resolveName(topic)); };
+  if (lockstep_) {
+    for (const std::string& topic : missingParts()) add(topic.c_str());
+  } else {
+    const auto now = Steady::now();
+    const auto silent = [&](std::size_t part) {
+      return std::chrono::duration<double>(now - arrived_[part]).count() > 0.5 * patience();
+    };
+    // without the plant nobody else has anything to say
+    for (std::size_t part = 0; part < 4 && !silent(3); ++part) {
+      if (silent(part)) add(kBlockTopics[part]);
+    }
+    if (silent(3)) add(kBlockTopics[3]);
+  }
+  const bool anybody = topics.empty();
+  if (anybody) {
+    for (const char* topic : kBlockTopics) add(topic);
+    add("identify_locus/status");
+  }
+  const bool running = !origin_.isZero();
+  lock.unlock();
+  std::vector<TopicPublisher> found = publishersOf(topics);
+  const std::string lost = twin_force_.complaint();
+  lock.lock();
+  if (only_gone || anybody) {
+    const auto there = [&](const TopicPublisher& publisher) {
+      const bool nobody = publisher.presence == NodePresence::kUnknown && running;
+      return publisher.presence != NodePresence::kGone && !nobody;
+    };
+    found.erase(std::remove_if(found.begin(), found.end(), there), found.end());
+  }
+  const std::string gone = describe(found);
+  return gone.empty() && !lost.empty() ? "twin_force_estimator is gone" + lost : gone;
+}
+
+// ---- fresh blocks ----
+
+bool RosPlant::lastIsFresh() const {
+  return isFresh(last_.end.toSec(), clock_.now(wallTime(Steady::now())));
+}
+
+bool RosPlant::hasData() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (origin_.isZero()) return false;
+  // in lockstep time stands when somebody is missing
+  const std::chrono::duration<double> silent = Steady::now() - block_arrived_;
+  return silent.count() < (lockstep_ ? kProbe : patience());
+}
+
+// The next block that may be handed out: fresh, from a plant that follows.
+void RosPlant::takeNext(std::unique_lock<std::mutex>& lock) {
+  const ros::Time since = last_.end;
+  while (true) {
+    waitForBlock(lock);
+    if (lockstep_) return;
+    if (!since.isZero() && (last_.end - since).toSec() > kTooSlow) {
+      throw PlantError(AlignFailure::kNoData,
+                       text("no block younger than %g s within %g s: the machine, or a driver, is "
+                            "too slow",
+                            kFreshAge, kTooSlow));
+    }
+    if (!lastIsFresh() || !link_.follows()) continue;
+    if (!link_.lapsed()) return;
+    repeat(lock);
+  }
+}
+
+// Before a command. What has been decided on an old block waits for a young one.
+void RosPlant::freshen(std::unique_lock<std::mutex>& lock) {
+  if (lockstep_) return;
+  while (!lastIsFresh() || !link_.follows() || link_.lapsed()) {
+    fresh_.reset();
+    takeNext(lock);
+  }
+}
+
+// The lease lapsed, or a command came too late: the plant stands, exciter off.
+void RosPlant::repeat(std::unique_lock<std::mutex>& lock) {
+  ROS_WARN_THROTTLE(1.0, "the plant had been let go: commands repeated");
+  link_.repeated();
+  if (exciter_.on) {
+    const double passed = (last_.end - exciter_.header.stamp).toSec();
+    ExciterParameters drive;
+    drive.amplitude = exciter_.amplitude;
+    drive.frequency = exciter_.frequency;
+    drive.phase = std::remainder(exciter_.phase + exciter_.frequency * passed, 2 * M_PI);
+    drive.direction = exciter_.direction;
+    publishExciter(drive);
+  }
+  if (commanded_) publishCarrier(*commanded_);
+  if (!locus_wanted_) return;
+  endReading(lock);
+  const ros::Time settled = last_.end + ros::Duration(kSettle);
+  while (last_.end < settled) {
+    waitForBlock(lock);
+    if (link_.lapsed()) break;
+  }
+  // where it lapsed again, this one is given up in its turn
+  sendLocusGoal(lock, {(last_.end - origin_).toSec(), locus_duration_});
+}
+
+void RosPlant::endReading(std::unique_lock<std::mutex>& lock) {
+  // actionlib's locks come before ours
+  lock.unlock();
+  locus_client_->cancelGoal();
+  lock.lock();
+  locus_wanted_ = false;
+}
+
+// ---- the goal ----
+
+void RosPlant::begin(const std::function<bool()>& cancelled) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  cancelled_ = cancelled;
+  active_ = true;
+  recovering_ = false;
+  locus_wanted_ = false;
+  fresh_.reset();
+  last_ = Block{};
+  origin_ = ros::Time();
+  start_ = Pose{};
+  commanded_.reset();
+  alive_ = Steady::now();
+  most_time_ = settings_.goal_time;
+  link_.begin();
+  waitFor(lock, kBlock, [this] { return fresh_.has_value(); });
+  waitFor(lock, "calibration of sensor_a and sensor_b",
+          [this] { return rounding_a_ && rounding_b_; });
+  last_ = *fresh_;
+  fresh_.reset();
+  // a plant that has a guard must say that it follows
+  if (!lockstep_ && !(lastIsFresh() && link_.follows())) takeNext(lock);
+  origin_ = last_.end;
+  start_ = last_.X_BC;
+}
+
+PlantBlock RosPlant::next(const PlantCommand& command) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  checkGoal();
+  if (command.rest || command.exciter || command.locus) freshen(lock);
+  if (command.rest) publishCarrier(poseFromRest(*command.rest));
+  if (command.exciter) publishExciter(*command.exciter);
+  if (command.locus) sendLocusGoal(lock, *command.locus);
+
+  // blocks from before the commands are of no interest
+  fresh_.reset();
+  takeNext(lock);
+  PlantBlock block = plantBlock(last_);
+
+  // the window of a reading has ended: its result comes with this block
+  if (locus_wanted_ && block.time >= locus_end_) {
+    waitFor(lock, "result of identify_locus", [this] { return locus_done_; });
+    locus_wanted_ = false;
+    if (!locus_error_.empty()) {
+      throw PlantError(AlignFailure::kNoReading, "identify_locus: " + locus_error_);
+    }
+    block.locus = fromLocusEstimate(locus_result_->locus);
+    if (!locus_result_->success) block.locus->refusal = locus_result_->message;
+  }
+  return block;
+}
+
+void RosPlant::recover(double seconds) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  if (origin_.isZero()) {
+    throw PlantError(AlignFailure::kNoData, "nothing is known of the cell");
+  }
+  recovering_ = true;
+  cancelled_ = nullptr;
+  if (locus_wanted_) endReading(lock);
+  if (exciter_.on) publishExciter(ExciterParameters{});
+  // with the next block
+  most_time_ = std::numeric_limits<double>::infinity();
+  commanded_.reset();
+  link_.begin();
+  fresh_.reset();
+  takeNext(lock);
+  most_time_ = (last_.end - origin_).toSec() + seconds;
+}
+
+void RosPlant::end(bool hold) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  if (locus_wanted_) endReading(lock);
+  if (exciter_.on) publishExciter(ExciterParameters{});
+  if (hold && !last_.end.isZero() && (lockstep_ || lastIsFresh())) publishCarrier(last_.X_BC);
+  link_.end();
+  active_ = false;
+  recovering_ = false;
+  cancelled_ = nullptr;
+  twin_force_.release();
+  acknowledge();
+}
+
+}  // namespace assembly_cell::ros_bridge

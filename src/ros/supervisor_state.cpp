@@ -1,0 +1,187 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <diagnostic_msgs/DiagnosticArray.h>
+
+#include <optional>
+#include <utility>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/supervisor_node.h"
+#include "assembly_cell/ros/watched_plant.h"
+
+// Is the peg free? How goals begin and end, the action that frees it, and what is told of it.
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr double kFreeing = 2.0;           // of cell time after a goal that failed [s]
+constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
+
+}  // namespace
+
+void SupervisorNode::startState(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
+  state_pub_ = pnh.advertise<SupervisorState>("state", 10, true);
+  diagnostics_pub_ = nh.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
+  diagnostics_timer_ =
+      nh.createWallTimer(ros::WallDuration(kDiagnosticPeriod),
+                         [this](const ros::WallTimerEvent&) { publishDiagnostics(); });
+  publishState();
+}
+
+void SupervisorNode::enter(const std::string& goal, bool needs_free_peg) {
+  {
+    const std::lock_guard<std::mutex> lock(state_mutex_);
+    if (needs_free_peg && state_.stuck) {
+      throw InputError("in_contact: the peg got stuck (" + state_.reason +
+                       "): call the action retreat first");
+    }
+    state_.goal = goal;
+  }
+  publishState();
+}
+
+SupervisorNode::End SupervisorNode::endOfException() {
+  End end;
+  end.failed = true;
+  try {
+    throw;
+  } catch (const InputError& error) {
+    end.reason = error.what();
+  } catch (const PlantError& error) {
+    end.begun = true;
+    end.failure = error.failure;
+    end.reason = error.what();
+  } catch (const AlignError& error) {
+    end.begun = true;
+    end.failure = error.failure;
+    end.stuck = error.failure == AlignFailure::kInContact || error.failure == AlignFailure::kStuck;
+    end.reason = error.what();
+  } catch (const std::exception& error) {
+    end.begun = true;
+    end.reason = error.what();
+  }
+  return end;
+}
+
+void SupervisorNode::leave(const End& end) {
+  if (!end.begun) {
+    plant_->end(false);
+    if (end.failed) {
+      // nothing has moved: what was known of the peg still is
+      const std::lock_guard<std::mutex> lock(state_mutex_);
+      state_.goal.clear();
+    } else {
+      tell(end.pressing, false, end.reason);
+    }
+    publishState();
+    return;
+  }
+  bool in_contact = end.failed, stuck = end.stuck;
+  std::string reason = end.reason;
+  if (!end.freed && !plant_->hasData()) {
+    reason = "not known, nothing to feel with: " + reason;
+  } else if (!end.freed) {
+    try {
+      plant_->recover(kFreeing);
+      PressController hand(*plant_, limits_);
+      hand.release(mechanism_);
+      in_contact = stuck = false;
+      reason.clear();
+    } catch (const AlignError& error) {
+      stuck = true;
+      reason = error.what();
+    } catch (const std::exception& error) {
+      reason = error.what();
+    }
+  }
+  plant_->end(in_contact);
+  tell(in_contact, stuck, reason);
+  publishState();
+}
+
+void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
+  RetreatResult result;
+  const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
+  if (!turn) {
+    result.message = "busy: another action is running";
+  } else {
+    End end;
+    try {
+      enter("retreat", false);
+      plant_->begin([this] { return retreat_server_->isPreemptRequested(); });
+      std::optional<Vector6> first;
+      WatchedPlant plant(*plant_, [&](const PlantBlock& block) {
+        if (!first) first = block.wrench_b;
+        RetreatFeedback feedback;
+        feedback.force = (block.wrench_b - *first).head<3>().norm();
+        retreat_server_->publishFeedback(feedback);
+        result.z = block.carrier.z;
+      });
+      PressController hand(plant, limits_);
+      hand.release(mechanism_);
+      result.success = true;
+      result.message = "free";
+    } catch (...) {
+      end = endOfException();
+      end.freed = true;
+      result.message = end.reason;
+    }
+    leave(end);
+  }
+  if (result.success) {
+    retreat_server_->setSucceeded(result, result.message);
+  } else if (retreat_server_->isPreemptRequested()) {
+    retreat_server_->setPreempted(result, result.message);
+  } else {
+    retreat_server_->setAborted(result, result.message);
+  }
+}
+
+void SupervisorNode::stop() {
+  plant_->stop();
+  // a goal under way ends, frees the peg and answers
+  const std::lock_guard<std::mutex> turn(busy_);
+}
+
+// ---- what is told ----
+
+void SupervisorNode::tell(bool in_contact, bool stuck, const std::string& reason) {
+  const std::lock_guard<std::mutex> lock(state_mutex_);
+  state_.goal.clear();
+  state_.in_contact = in_contact;
+  state_.stuck = stuck;
+  state_.reason = reason;
+}
+
+void SupervisorNode::publishState() {
+  const std::lock_guard<std::mutex> lock(state_mutex_);
+  state_.header.stamp = plant_->stamp();
+  state_pub_.publish(state_);
+}
+
+void SupervisorNode::publishDiagnostics() {
+  SupervisorState state;
+  {
+    const std::lock_guard<std::mutex> lock(state_mutex_);
+    state = state_;
+  }
+  using Status = diagnostic_msgs::DiagnosticStatus;
+  Status status;
+  status.name = ros::this_node::getName().substr(1) + ": peg";
+  status.hardware_id = "cell";
+  status.level = state.stuck ? Status::ERROR : state.in_contact ? Status::WARN : Status::OK;
+  status.message = state.stuck        ? "stuck: call the action retreat"
+                   : state.in_contact ? "in contact"
+                                      : "free";
+  for (const auto& [key, value] : {std::pair{"Goal", state.goal}, {"Reason", state.reason}}) {
+    status.values.emplace_back();
+    status.values.back().key = key;
+    status.values.back().value = value;
+  }
+  diagnostic_msgs::DiagnosticArray array;
+  array.header.stamp = ros::Time::now();
+  array.status.push_back(status);
+  diagnostics_pub_.publish(array);
+}
+
+}  // namespace assembly_cell::ros_bridge
