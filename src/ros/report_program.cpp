@@ -24,6 +24,7 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr double kTruthTimeout = 10.0;       // wall [s]
+constexpr double kLostAfter = 1.0;           // without the server's connections, wall [s]
 constexpr double kRounding = 0.001;          // well below a block [s]
 constexpr std::size_t kTruthMemory = 50000;  // blocks, 1000 s
 
@@ -252,8 +253,21 @@ bool ReportProgram::align() {
       return false;
     }
   }
-  if (!waitFor("result of align", timeout_, locked(done_))) {
+  // the server's connections end with it
+  ros::WallTime there = ros::WallTime::now();
+  bool lost = false;
+  const bool ended = waitFor("result of align", timeout_, [&] {
+    if (client_.isServerConnected()) there = ros::WallTime::now();
+    lost = ros::WallTime::now() - there > ros::WallDuration(kLostAfter);
+    return lost || locked(done_)();
+  });
+  if (!ended) {
     client_.cancelGoal();
+    return false;
+  }
+  if (lost && !locked(done_)()) {
+    ROS_ERROR(
+        "report: server lost: who offered the action align has gone; is the supervisor running?");
     return false;
   }
   if (!result_) ROS_ERROR("report: align ended without a result");

@@ -112,6 +112,11 @@ class Child {
     return -1;
   }
 
+  /// To the process itself.
+  void signal(int number) {
+    if (pid_ > 0 && running()) kill(pid_, number);
+  }
+
   /// Asks its group to end, insists after a while.
   void stop() {
     if (pid_ <= 0 || !running()) return;

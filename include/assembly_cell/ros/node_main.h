@@ -2,7 +2,9 @@
 #pragma once
 
 #include <ros/ros.h>
+#include <signal.h>
 
+#include <atomic>
 #include <exception>
 #include <memory>
 #include <string>
@@ -18,15 +20,32 @@ template <class Node>
 struct HasExitCode<Node, std::void_t<decltype(std::declval<Node>().exitCode())>> : std::true_type {
 };
 
+/// True when Node has stop().
+template <class Node, class = void>
+struct HasStop : std::false_type {};
+template <class Node>
+struct HasStop<Node, std::void_t<decltype(std::declval<Node>().stop())>> : std::true_type {};
+
+/// Waits for ROS's shutdown, or for SIGINT or SIGTERM, which a node with stop() takes for itself.
+inline void waitForSignal() {
+  static std::atomic<bool> asked{false};
+  struct sigaction action = {};
+  action.sa_handler = [](int) { asked = true; };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  while (ros::ok() && !asked) ros::WallDuration(0.02).sleep();
+}
+
 /// Runs a node until shutdown: Node(nh, pnh), spun by `threads` threads. Returns 1 with one line on
 /// standard error when there is no master or the construction throws; otherwise exitCode() if the
-/// node has one, or 0.
+/// node has one, or 0. A node that has stop() is stopped by SIGINT or SIGTERM while it can still
+/// publish.
 template <class Node>
 int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
-    ros::init(argc, argv, name);
+    ros::init(argc, argv, name, HasStop<Node>::value ? ros::init_options::NoSigintHandler : 0);
     // a node handle would wait for the master for ever
     if (!ros::master::check()) {
       ROS_FATAL("%s: no ROS master at %s: start roscore or a launch file, or set ROS_MASTER_URI",
@@ -38,7 +57,14 @@ int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
     Node node(*nh, pnh);
     ros::AsyncSpinner spinner(threads);
     spinner.start();
-    ros::waitForShutdown();
+    if constexpr (HasStop<Node>::value) {
+      waitForSignal();
+      node.stop();
+      // what it said last is on its way
+      ros::WallDuration(0.1).sleep();
+    } else {
+      ros::waitForShutdown();
+    }
     spinner.stop();
     if constexpr (HasExitCode<Node>::value) return node.exitCode();
     return 0;

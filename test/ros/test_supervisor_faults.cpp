@@ -1,0 +1,279 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <actionlib/client/simple_action_client.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <signal.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/AlignPegAction.h"
+#include "assembly_cell/ContactArray.h"
+#include "assembly_cell/Exciter.h"
+#include "assembly_cell/Lease.h"
+#include "assembly_cell/MoveToContactAction.h"
+#include "assembly_cell/PlantState.h"
+#include "assembly_cell/RetreatAction.h"
+#include "assembly_cell/SetBias.h"
+#include "assembly_cell/SupervisorState.h"
+#include "cell_fixture.h"
+
+// A cell at the pace of the wall clock, slowed down, whose nodes die, freeze and are disturbed
+// during goals. Times are cell time, from stamps.
+namespace assembly_cell::ros_bridge {
+namespace {
+
+using actionlib::SimpleClientGoalState;
+using test::Child;
+using test::executable;
+using test::Record;
+using test::waitFor;
+
+constexpr double kStamp = 1e-6;  // rounding of stamps [s]
+
+class Faults : public ::testing::Test {
+ protected:
+  Faults()
+      : plant_(nh_, "plant_state"),
+        leases_(nh_, "lease"),
+        state_(nh_, "assembly_supervisor/state"),
+        carrier_(nh_, "carrier_pose"),
+        contacts_(nh_, "truth/contacts"),
+        align_(nh_, "align", false),
+        press_(nh_, "move_to_contact", false),
+        retreat_(nh_, "retreat", false) {}
+
+  void SetUp() override {
+    start("peg_hole_simulator", "peg_hole_simulator", "/faults");
+    for (const std::string sensor : {"sensor_a", "sensor_b"}) {
+      start("driver of " + sensor, "force_sensor_driver", "/faults/" + sensor, "driver");
+    }
+    start("locus_estimator", "locus_estimator", "/faults");
+    start("assembly_supervisor", "assembly_supervisor", "/faults");
+    ASSERT_TRUE(waitForCell());
+  }
+  void start(const std::string& what, const std::string& program, const std::string& ns,
+             const std::string& name = "") {
+    nodes_[what] = std::make_unique<Child>(std::vector<std::string>{
+        executable(program), "__ns:=" + ns, "__name:=" + (name.empty() ? program : name)});
+  }
+  bool waitForCell() {
+    return waitFor([this] {
+      return align_.isServerConnected() && press_.isServerConnected() &&
+             retreat_.isServerConnected() && plant_.last() && state_.last() &&
+             carrier_.size() > 0 && contacts_.connected() && leases_.connected();
+    });
+  }
+  Child& node(const std::string& name) { return *nodes_.at(name); }
+
+  void startAlign() { align_.sendGoal(AlignPegGoal()); }
+  // in a reading: pressed, with the exciter on
+  bool shaking() { return plant_.last()->session != 0 && plant_.last()->exciter; }
+  template <class Client>
+  SimpleClientGoalState finish(Client& client) {
+    EXPECT_TRUE(waitFor([&] { return client.getState().isDone(); }, 120.0))
+        << "the goal doesn't end";
+    return client.getState();
+  }
+  SimpleClientGoalState press(double force) {
+    MoveToContactGoal goal;
+    goal.force = force;
+    press_.sendGoal(goal);
+    return finish(press_);
+  }
+  // true contact force, now [N]
+  double force() {
+    const std::size_t n = contacts_.size();
+    EXPECT_TRUE(waitFor([&] { return contacts_.size() > n + 2; }));
+    double sum = 0.0;
+    for (const auto& contact : contacts_.last()->contacts) {
+      if (contact.state != Contact::OPEN) sum += contact.force.z;
+    }
+    return sum;
+  }
+  // the first state of the plant from `from` on in which it is held
+  PlantState::ConstPtr held(std::size_t from) const {
+    const auto all = plant_.all();
+    for (std::size_t i = from; i < all.size(); ++i) {
+      if (all[i]->held) return all[i];
+    }
+    return nullptr;
+  }
+  std::string reason() { return align_.getResult()->report.reason; }
+
+  ros::NodeHandle nh_{"/faults"};
+  std::map<std::string, std::unique_ptr<Child>> nodes_;
+  Record<PlantState> plant_;
+  Record<Lease> leases_;
+  Record<SupervisorState> state_;
+  Record<geometry_msgs::PoseStamped> carrier_;
+  Record<ContactArray> contacts_;
+  actionlib::SimpleActionClient<AlignPegAction> align_;
+  actionlib::SimpleActionClient<MoveToContactAction> press_;
+  actionlib::SimpleActionClient<RetreatAction> retreat_;
+};
+
+TEST_F(Faults, AKilledSupervisorLeavesAPlantThatStandsAndAnotherOneGoesOn) {
+  Child report({executable("report"), "__ns:=/faults", "_unpause:=false"});
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  const std::size_t before = plant_.size();
+  node("assembly_supervisor").signal(SIGKILL);
+  ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
+  EXPECT_FALSE(held(before)->exciter);
+  EXPECT_EQ(held(before)->reason.rfind("lapsed", 0), 0U) << held(before)->reason;
+  // by the plant's clock, from the last block that the supervisor is known to have seen
+  EXPECT_LE((held(before)->header.stamp - leases_.last()->header.stamp).toSec(), 0.1 + kStamp);
+  // the client learns of it
+  EXPECT_EQ(report.wait(), 1) << report.output();
+  EXPECT_EQ(report.lines("server lost").size(), 1U) << report.output();
+
+  // the next one frees the pressed peg first
+  const std::uint32_t session = plant_.last()->session;
+  start("assembly_supervisor", "assembly_supervisor", "/faults");
+  ASSERT_TRUE(waitFor([&] { return state_.connected(); }));
+  ASSERT_TRUE(waitForCell());
+  ASSERT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  EXPECT_NEAR(force(), 8.0, 0.1 * 8.0);
+  EXPECT_NE(plant_.last()->session, session);
+  // Ctrl-C leaves nothing running either
+  node("assembly_supervisor").stop();
+  EXPECT_FALSE(plant_.last()->exciter);
+}
+
+TEST_F(Faults, CtrlCEndsAGoalWithTheExciterOffAndThePegFree) {
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  node("assembly_supervisor").signal(SIGTERM);
+  EXPECT_EQ(node("assembly_supervisor").wait(), 0) << node("assembly_supervisor").output();
+  ASSERT_TRUE(waitFor([this] { return plant_.last()->session == 0; }));
+  EXPECT_FALSE(plant_.last()->exciter);
+  EXPECT_NEAR(force(), 0.0, 1e-9);
+  ASSERT_TRUE(waitFor([this] { return align_.getState().isDone(); }));
+  EXPECT_NE(reason().find("shutting down"), std::string::npos) << reason();
+}
+
+TEST_F(Faults, AFrozenSupervisorCostsTimeOnly) {
+  MoveToContactGoal goal;
+  goal.force = 12.0;
+  const double from = carrier_.last()->pose.position.z;
+  press_.sendGoal(goal);
+  // on its way down
+  ASSERT_TRUE(waitFor([&] { return carrier_.last()->pose.position.z < from - 1e-3; }));
+  const std::size_t before = plant_.size();
+  node("assembly_supervisor").signal(SIGSTOP);
+  ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
+  // a heap of old blocks meanwhile
+  const std::size_t n = carrier_.size();
+  ASSERT_TRUE(waitFor([&] { return carrier_.size() > n + 60; }));
+  node("assembly_supervisor").signal(SIGCONT);
+  EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  double peak = 0.0;
+  for (const auto& contacts : contacts_.all()) {
+    double sum = 0.0;
+    for (const auto& contact : contacts->contacts) {
+      if (contact.state != Contact::OPEN) sum += contact.force.z;
+    }
+    peak = std::max(peak, sum);
+  }
+  EXPECT_LT(peak, 1.1 * 40.0);
+  EXPECT_NEAR(force(), 12.0, 0.1 * 12.0);
+
+  // what presses is shown; retreat frees it
+  EXPECT_TRUE(waitFor([this] { return state_.last()->in_contact; }));
+  retreat_.sendGoal(RetreatGoal());
+  EXPECT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
+      << retreat_.getResult()->message;
+  EXPECT_TRUE(waitFor([this] { return !state_.last()->in_contact; }));
+  EXPECT_NEAR(force(), 0.0, 1e-9);
+}
+
+TEST_F(Faults, AFrozenOrDeadDriverIsNamedAndTheNextGoalWorks) {
+  for (const int signal : {SIGSTOP, SIGKILL}) {
+    startAlign();
+    ASSERT_TRUE(waitFor([this] { return shaking(); }));
+    const std::size_t before = plant_.size();
+    node("driver of sensor_b").signal(signal);
+    EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+    EXPECT_NE(reason().find("sensor_b/wrench_samples of /faults/sensor_b/driver"),
+              std::string::npos)
+        << reason();
+    EXPECT_NE(reason().find(signal == SIGKILL ? "(gone)" : "(silent)"), std::string::npos)
+        << reason();
+    ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
+    ASSERT_TRUE(waitFor([this] { return plant_.last()->session == 0; }));
+    EXPECT_FALSE(plant_.last()->exciter);
+    EXPECT_TRUE(waitFor([this] { return state_.last()->in_contact && !state_.last()->stuck; }))
+        << "nobody knows";
+    if (signal == SIGSTOP) {
+      node("driver of sensor_b").signal(SIGCONT);
+    } else {
+      start("driver of sensor_b", "force_sensor_driver", "/faults/sensor_b", "driver");
+    }
+    ASSERT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+    EXPECT_NEAR(force(), 8.0, 0.1 * 8.0);
+  }
+}
+
+TEST_F(Faults, ACancelledGoalLeavesAFreePeg) {
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  EXPECT_GT(force(), 1.0);
+  align_.cancelGoal();
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED);
+  EXPECT_EQ(reason(), "cancelled");
+  EXPECT_NEAR(force(), 0.0, 1e-9);
+  ASSERT_TRUE(waitFor([this] { return state_.last()->goal.empty(); }));
+  EXPECT_FALSE(state_.last()->in_contact);
+  EXPECT_FALSE(plant_.last()->exciter);
+}
+
+TEST_F(Faults, WhoElseCommandsOrZeroesEndsTheGoalAndIsNamed) {
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  {
+    Child stranger({"/proc/self/exe", "--stranger", "__ns:=/faults"});
+    EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+    EXPECT_EQ(reason().rfind("/faults/stranger published exciter", 0), 0U) << reason();
+  }
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  SetBias zero;
+  zero.request.bias[2] = 20.0;
+  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/set_bias", zero));
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_EQ(reason().rfind("zero of sensor_b changed", 0), 0U) << reason();
+}
+
+}  // namespace
+
+// another node, which wants the exciter on
+int beAStranger(int argc, char** argv) {
+  ros::init(argc, argv, "stranger");
+  ros::NodeHandle nh;
+  const ros::Publisher pub = nh.advertise<Exciter>("exciter", 1, true);
+  Exciter exciter;
+  exciter.on = true;
+  exciter.amplitude = 1.0;
+  exciter.frequency = 450.0;
+  exciter.direction = 1;
+  pub.publish(exciter);
+  ros::spin();
+  return 0;
+}
+
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == "--stranger") {
+    return assembly_cell::ros_bridge::beAStranger(argc, argv);
+  }
+  ros::init(argc, argv, "supervisor_faults_test");
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::NodeHandle nh;
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
