@@ -180,6 +180,7 @@ void RosPlant::repeat(std::unique_lock<std::mutex>& lock) {
     waitForBlock(lock);
     if (link_.lapsed()) break;
   }
+  reading_repeated_ = true;
   // where it lapsed again, this one is given up in its turn
   sendLocusGoal(lock, {(last_.end - origin_).toSec(), locus_duration_});
 }
@@ -229,7 +230,10 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
 
   // blocks from before the commands are of no interest
   fresh_.reset();
+  reading_repeated_ = false;
   takeNext(lock);
+  // of a reading that began anew the strategy sees the end: it counts the blocks of a window
+  while (reading_repeated_ && (last_.end - origin_).toSec() < locus_end_) takeNext(lock);
   PlantBlock block = plantBlock(last_);
 
   // the window of a reading has ended: its result comes with this block

@@ -94,6 +94,8 @@ void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
 void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
   const Ack& ack = *event.getConstMessage();
   std::lock_guard<std::mutex> lock(mutex_);
+  // kept from an earlier life of this plant, which had come farther
+  if (ack.sequence > awaited_) return;
   if (!participants_.answer(ack, event.getPublisherName())) {
     ROS_WARN_ONCE("ack of %s, which is not in ~participants", ack.node.c_str());
     return;

@@ -163,6 +163,7 @@ class RosPlant : public Plant {
   bool locus_wanted_ = false;
   bool locus_active_ = false;
   bool locus_done_ = false;
+  bool reading_repeated_ = false;
   double locus_end_ = 0.0;       // plant clock [s]
   double locus_duration_ = 0.0;  // [s]
   std::string locus_error_;
