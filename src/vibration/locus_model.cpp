@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <limits>
 
+#include "assembly_cell/base/validity.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/vibration/inertia.h"
-#include "assembly_cell/vibration/validity.h"
 
 namespace assembly_cell {
 namespace {

@@ -1,8 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/vibration/models.h"
 
-#include <algorithm>
-
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/vibration/bounce.h"
 #include "assembly_cell/vibration/inertia.h"
@@ -54,7 +52,7 @@ Values rigValues(P p) {
   return {x.time, std::optional(x.cycles), false};
 }
 
-const VibrationModel kModels[] = {
+const ClosedForm kModels[] = {
     {"inertia", "m r h", "", "", "Ix Iy Iz beta",
      [](P p) -> Values {
        const ContactInertia i = contactInertia(p("m"), p("r"), p("h"));
@@ -111,7 +109,7 @@ const VibrationModel kModels[] = {
     {"locus", "model", "", "", "", nullptr}};
 
 // geometry that a model doesn't need may stay in its file
-const VibrationModel kLocusModels[] = {
+const ClosedForm kLocusModels[] = {
     {"locus isotropic", "model m r h F alpha w K", "l d", "c", "P N a b psi",
      [](P p) { return locusValues(isotropicLocus(locusCase(p), p("K"), p("c", 0.0))); }},
     {"locus vertical", "model m r h F alpha w K", "l d", "c", "P N a b psi",
@@ -133,34 +131,11 @@ const VibrationModel kLocusModels[] = {
                                        matrix(p, "C6")));
      }}};
 
-template <std::size_t N>
-const VibrationModel* find(const VibrationModel (&models)[N], const std::string& name) {
-  const auto at = std::find_if(std::begin(models), std::end(models),
-                               [&](const VibrationModel& model) { return model.name == name; });
-  return at == std::end(models) ? nullptr : at;
-}
-
 }  // namespace
 
-double ModelParameters::operator()(const std::string& name) const {
-  if (!has(name)) throw InputError(name + ": missing, give a number");
-  return values.at(name).front();
-}
-
-double ModelParameters::operator()(const std::string& name, double otherwise) const {
-  return has(name) ? (*this)(name) : otherwise;
-}
-
-ParameterKind parameterKind(const std::string& name) {
-  if (name == "model") return ParameterKind::kWord;
-  if (name == "K6" || name == "C6") return ParameterKind::kMatrix;
-  if (name == "cycles") return ParameterKind::kWhole;
-  return name == "inertia" ? ParameterKind::kFlag : ParameterKind::kNumber;
-}
-
-const VibrationModel* vibrationModel(const std::string& name) { return find(kModels, name); }
-const VibrationModel* locusModel(const std::string& name) {
-  return find(kLocusModels, "locus " + name);
+const ClosedForm* vibrationModel(const std::string& name) { return findForm(kModels, name); }
+const ClosedForm* locusModel(const std::string& name) {
+  return findForm(kLocusModels, "locus " + name);
 }
 
 DesignCase designCase(P p) {

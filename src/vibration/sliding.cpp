@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
+#include "assembly_cell/base/validity.h"
 #include "assembly_cell/vibration/inertia.h"
-#include "assembly_cell/vibration/validity.h"
 
 namespace assembly_cell {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <limits>
 
+#include "assembly_cell/base/validity.h"
 #include "assembly_cell/vibration/inertia.h"
-#include "assembly_cell/vibration/validity.h"
 
 namespace assembly_cell {
 namespace {

@@ -3,9 +3,9 @@
 
 #include <algorithm>
 
+#include "assembly_cell/base/validity.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/single_dof.h"
-#include "assembly_cell/vibration/validity.h"
 #include "numeric.h"
 
 namespace assembly_cell {

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <optional>
 
+#include "assembly_cell/base/validity.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/rig.h"
 #include "assembly_cell/vibration/sliding.h"
 #include "assembly_cell/vibration/steady_state.h"
-#include "assembly_cell/vibration/validity.h"
 
 namespace assembly_cell {
 
