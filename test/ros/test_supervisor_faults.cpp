@@ -190,6 +190,26 @@ TEST_F(Faults, AFrozenSupervisorCostsTimeOnly) {
   EXPECT_NEAR(force(), 0.0, 1e-9);
 }
 
+// The reading begins anew, and the alignment is as good as any.
+TEST_F(Faults, AFrozenSupervisorDuringAReadingIsRead) {
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  // shaken hard, then the reading: half a second of cell time on, in its window
+  const ros::Time on = plant_.last()->header.stamp;
+  ASSERT_TRUE(waitFor([&] { return carrier_.last()->header.stamp > on + ros::Duration(0.35); }));
+  const std::size_t before = plant_.size();
+  node("assembly_supervisor").signal(SIGSTOP);
+  ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
+  node("assembly_supervisor").signal(SIGCONT);
+  // it goes on: the next contact is shaken, too
+  ASSERT_TRUE(waitFor([&] { return !plant_.last()->held && plant_.last()->exciter; }));
+  ASSERT_TRUE(waitFor([&] { return !plant_.last()->exciter; }));
+  ASSERT_TRUE(waitFor([&] { return align_.getState().isDone() || shaking(); }));
+  EXPECT_FALSE(align_.getState().isDone()) << reason();
+  align_.cancelGoal();
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED) << reason();
+}
+
 TEST_F(Faults, AFrozenOrDeadDriverIsNamedAndTheNextGoalWorks) {
   for (const int signal : {SIGSTOP, SIGKILL}) {
     startAlign();
