@@ -13,8 +13,39 @@ constexpr double kLever = 0.1;
 
 }  // namespace
 
+RestPose AveragingWindow::carrier() const {
+  const double n = std::max(1, blocks());
+  return {origin_.x + sum_(0) / n,   origin_.y + sum_(1) / n,     origin_.z + sum_(2) / n,
+          origin_.yaw + sum_(3) / n, origin_.theta + sum_(4) / n, origin_.phi + sum_(5) / n};
+}
+
+double AveragingWindow::positionVariance() const {
+  const double n = blocks();
+  return n < 2 ? 0.0 : std::max(0.0, squares_(2) - sum_(2) * sum_(2) / n) / (n * (n - 1));
+}
+
+double AveragingWindow::rotationVariance() const {
+  const double n = blocks();
+  if (n < 2) return 0.0;
+  const auto tilts = [n](double sum, double squares) {
+    return std::max(0.0, squares - sum * sum / n) / (n * (n - 1));
+  };
+  return 0.5 * (tilts(sum_(4), squares_(4)) + tilts(sum_(5), squares_(5)));
+}
+
 AveragingWindow::State AveragingWindow::add(const PlantBlock& block) {
-  if (means_.blocks() == 0) first_end_ = block.time;
+  const RestPose& at = block.carrier;
+  if (means_.blocks() == 0) {
+    first_end_ = block.time;
+    origin_ = at;
+    sum_.setZero();
+    squares_.setZero();
+  }
+  Vector6 off;
+  off << at.x - origin_.x, at.y - origin_.y, at.z - origin_.z, at.yaw - origin_.yaw,
+      at.theta - origin_.theta, at.phi - origin_.phi;
+  sum_ += off;
+  squares_ += off.cwiseAbs2();
   means_.add({block.wrench_a, block.covariance_a, block.samples},
              {block.wrench_b, block.covariance_b, block.samples}, block.displacement_b);
   last_ = block;

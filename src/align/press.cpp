@@ -42,17 +42,48 @@ constexpr double kNear = 2e-5;    // of the same where they give way a little
 constexpr double kRest = 2e-6;    // their change in a block once the move has ended
 constexpr double kBeside = 5e-4;  // of x and y, which give way [m]
 
-// difference of height and tilt, the greatest
-double apart(const RestPose& a, const RestPose& b) {
-  return std::max({std::abs(a.z - b.z), std::abs(a.theta - b.theta), std::abs(a.phi - b.phi)});
+constexpr double kLeastNoise = 1e-6;  // of the reported pose that counts as such [m], [rad]
+// One pose in 5000 lies farther off; it costs one block more.
+constexpr double kNoiseReach = 4.0;
+// A quintic at the carrier's default limits is 60 um from its end at most 32 ms before it.
+constexpr int kBlocksToEnd = 3;
+
+// difference of height and tilt, the greatest, less what `reach` deviations of the noise explain
+double apart(const RestPose& a, const RestPose& b, const ReportNoise& noise, double reach) {
+  const double height = std::abs(a.z - b.z) - reach * noise.position;
+  const double tilt = std::max(std::abs(a.theta - b.theta), std::abs(a.phi - b.phi));
+  return std::max(height, tilt - reach * noise.rotation);
 }
 
 }  // namespace
 
-bool arrived(const RestPose& before, const RestPose& at, const RestPose& target) {
+void ReportNoiseMeter::add(const RestPose& at) {
+  if (last_) {
+    height2_ += std::pow(at.z - last_->z, 2);
+    tilt2_ += 0.5 * (std::pow(at.theta - last_->theta, 2) + std::pow(at.phi - last_->phi, 2));
+    ++pairs_;
+  }
+  last_ = at;
+}
+
+ReportNoise ReportNoiseMeter::noise() const {
+  if (pairs_ == 0) return {};
+  // a difference has twice the variance
+  const ReportNoise measured{std::sqrt(0.5 * height2_ / pairs_), std::sqrt(0.5 * tilt2_ / pairs_)};
+  return {measured.position < kLeastNoise ? 0.0 : measured.position,
+          measured.rotation < kLeastNoise ? 0.0 : measured.rotation};
+}
+
+bool arrived(const RestPose& before, const RestPose& at, const RestPose& target,
+             const ReportNoise& noise) {
   if (std::hypot(at.x - target.x, at.y - target.y) >= kBeside) return false;
-  const double off = apart(at, target);
-  return off < kThere || (off < kNear && apart(at, before) < kRest);
+  const double off = apart(at, target, noise, kNoiseReach);
+  return off < kThere ||
+         (off < kNear && apart(at, before, noise, std::sqrt(2.0) * kNoiseReach) < kRest);
+}
+
+int blocksToEnd(const ReportNoise& noise) {
+  return noise.position > 0.0 || noise.rotation > 0.0 ? kBlocksToEnd : 0;
 }
 
 PressController::PressController(Plant& plant, const PressLimits& limits)
@@ -107,8 +138,10 @@ void PressController::tare(int blocks) {
   }
   Vector6 wrench = Vector6::Zero(), displacement = Vector6::Zero();
   Matrix6 scatter = Matrix6::Zero();
+  meter_.interrupt();
   for (int i = 0; i < blocks; ++i) {
     wait(1);
+    meter_.add(last_.carrier);
     wrench += last_.wrench_b;
     displacement += last_.displacement_b;
     scatter += last_.covariance_b;
@@ -173,7 +206,10 @@ void PressController::moveTo(const RestPose& target) {
   for (int i = 0; i <= kStillLimit; ++i) {
     const RestPose before = last_.carrier;
     step(command);
-    if (arrived(before, last_.carrier, target)) return;
+    if (arrived(before, last_.carrier, target, reportNoise())) {
+      wait(blocksToEnd(reportNoise()));
+      return;
+    }
     command.rest.reset();
   }
   throw AlignError(AlignFailure::kNotArrived,

@@ -304,7 +304,9 @@ bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   const Eigen::Matrix<double, 1, 6> by_wrench = row * compliance;
   const double felt =
       kWallDeflection +
-      4.0 * std::sqrt((by_wrench * press_.rounding() * by_wrench.transpose()).value());
+      4.0 * std::sqrt((by_wrench * press_.rounding() * by_wrench.transpose()).value() +
+                      std::pow(press_.reportNoise().position, 2) +
+                      std::pow(length_ * press_.reportNoise().rotation, 2));
   Vec3 target = pegPose(press_.target(), Vector6::Zero()).p;
   const auto pushed = [&] {
     at = pegPose(press_.last().carrier, deflection()).p - sag_;

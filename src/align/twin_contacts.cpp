@@ -81,7 +81,7 @@ void TwinForceContacts::begin(const TwinForceTask& task) {
 
 WindowAnswer TwinForceContacts::tare(const AveragingWindow& free) {
   free_ = free.means();
-  X_SC_free_ = carrierPose(free.last().carrier);
+  X_SC_free_ = carrierPose(free.carrier());
   tared_ = true;
   // a driver may have taken the weight out already: then upright counts
   const Vec3 force = free_.wrenchB().head<3>();
@@ -108,7 +108,7 @@ WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
   }
   const ContactWindow& pressed = window.means();
   const Matrix6 &rounding_a = window.last().rounding_a, &rounding_b = window.last().rounding_b;
-  const Pose X_SC = carrierPose(window.last().carrier);
+  const Pose X_SC = carrierPose(window.carrier());
   if (!referenced_) X_SP_ = X_SC * setup_.X_CP;
   referenced_ = true;
   const Matrix6 phi_a = wrenchTransform(X_HA_), phi_b = wrenchTransform(X_PC_);
@@ -134,7 +134,11 @@ WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
   c.covariance_a = transported(phi_a, scatter_a + rounding_a);
   c.covariance_b = transported(phi_b, scatter_b + rounding_b);
   c.move = moveOf(X_SC);
-  c.move_covariance = nominalPrior({}, setup_.move_sd, setup_.move_angle_sd).covariance;
+  // of this pose and of the one that the moves refer to
+  c.move_covariance =
+      nominalPrior({}, std::sqrt(std::pow(setup_.move_sd, 2) + 2 * window.positionVariance()),
+                   std::sqrt(std::pow(setup_.move_angle_sd, 2) + 2 * window.rotationVariance()))
+          .covariance;
   contacts_.push_back(c);
 
   // where on the bottom the line of action passes: in the hole's plane, whatever is touched

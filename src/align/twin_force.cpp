@@ -270,7 +270,8 @@ class TwinForce : public Search {
     const Pose X_HQ = solution_.X_HP * X_PQ_start_;
     result.known = true;
     result.offset = -X_HQ.p.head<2>();
-    result.offset_covariance = hole_.center_covariance;
+    // of the contacts: the walls that were felt since tell of the peg in the hole
+    result.offset_covariance = centerCovariance(solution_).topLeftCorner<2, 2>();
     result.tilt = tiltOf(X_HQ);
     result.tilt_sd = hole_.normal_sd;
   }

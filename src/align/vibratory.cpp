@@ -18,13 +18,16 @@ bool isFinal(AlignFailure failure) {
          failure == AlignFailure::kNoContact || failure == AlignFailure::kNotStill;
 }
 
-bool goTo(Plant& plant, const RestPose& rest) {
+bool goTo(Plant& plant, const RestPose& rest, const ReportNoise& noise) {
   PlantCommand command;
   command.rest = rest;
   RestPose before = plant.next({}).carrier;
   for (int i = 0; i < kMaxBlocks; ++i) {
     const RestPose at = plant.next(command).carrier;
-    if (arrived(before, at, rest)) return true;
+    if (arrived(before, at, rest, noise)) {
+      for (int k = 0; k < blocksToEnd(noise); ++k) plant.next({});
+      return true;
+    }
     before = at;
     command.rest.reset();
   }
@@ -33,11 +36,16 @@ bool goTo(Plant& plant, const RestPose& rest) {
 
 // straight up and to where the peg hung at the start
 bool goBack(Plant& plant, const RestPose& start) {
+  ReportNoiseMeter meter;
+  for (int i = 0; i < kSettleBlocks; ++i) meter.add(plant.next({}).carrier);
+  const ReportNoise noise = meter.noise();
   RestPose up = plant.next({}).carrier;
   up.z = std::max(start.z, up.z + kRise);
   RestPose over = start;
   over.z = up.z;
-  if (!goTo(plant, up) || !goTo(plant, over) || !goTo(plant, start)) return false;
+  if (!goTo(plant, up, noise) || !goTo(plant, over, noise) || !goTo(plant, start, noise)) {
+    return false;
+  }
   for (int i = 0; i < kSettleBlocks; ++i) plant.next({});
   return true;
 }

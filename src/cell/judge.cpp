@@ -59,6 +59,18 @@ std::optional<double> Judge::directionError(const DirectionReading& reading) con
   return Eigen::Vector3d(A.ldlt().solve(b)).x();
 }
 
+void judgeEnd(const Scenario& truth, AlignTrial& trial) {
+  trial.success = trial.result.success &&
+                  edgeInside(trial.X_HP, truth.mechanism.peg.radius, truth.mechanism.hole.radius,
+                             truth.imperfections.bore_lean);
+  trial.false_success = trial.result.success && !trial.success;
+  if (!trial.false_success) return;
+  const AlignError outside(AlignFailure::kEdgeOutside, "not inside the hole");
+  trial.result.failure = outside.failure;
+  trial.result.reason = outside.what();
+  trial.status = toString(outside.failure);
+}
+
 AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const CellParameters& cell, const AlignParameters& parameters,
                         const std::function<void(const AlignProgress&)>& progress) {
@@ -82,16 +94,7 @@ AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
     if (error) trial.direction_errors.push_back(std::abs(*error));
   }
   trial.X_HP = plant.truth().pegPose();
-  trial.success = trial.result.success &&
-                  edgeInside(trial.X_HP, start.mechanism.peg.radius, start.mechanism.hole.radius,
-                             start.imperfections.bore_lean);
-  trial.false_success = trial.result.success && !trial.success;
-  if (trial.false_success) {
-    const AlignError outside(AlignFailure::kEdgeOutside, "not inside the hole");
-    trial.result.failure = outside.failure;
-    trial.result.reason = outside.what();
-    trial.status = toString(outside.failure);
-  }
+  judgeEnd(start, trial);
   return trial;
 }
 

@@ -291,7 +291,7 @@ void TwinForceNode::tellPose(TwinForceState& out) const {
   for (const int i : e.rejected) out.rejected.push_back(static_cast<std::uint32_t>(i));
   const AveragingWindow& last = origins_.back().pressed.window;
   const Pose X_HP =
-      contacts_->pegPose(contacts_->carrierPose(last.last().carrier), last.means().displacement());
+      contacts_->pegPose(contacts_->carrierPose(last.carrier()), last.means().displacement());
   out.pose.pose = toPose(X_HP);
   copy(coordinateCovariance(e), out.pose.covariance);
   out.reference_pose.pose = toPose(e.pose);

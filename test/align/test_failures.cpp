@@ -370,14 +370,19 @@ TEST(PlantFailures, PassThrough) {
   }
 }
 
-// five millimetres beside the hole by a wrong place of sensor_a, and anything counts as free
+// said aligned, and half a clearance too far; or in the bore that leans there
 TEST(PlantFailures, TheJudgeNamesAnEdgeOutside) {
-  AlignParameters parameters;
-  parameters.strategy = "twin_force";
-  parameters.insertion_force = 35.0;
-  CellParameters sensors;
-  sensors.X_AH.p.x() += 0.005;
-  const AlignTrial trial = tryAlignment(cell(), cell().mechanism, sensors, parameters);
+  Scenario truth = cell();
+  AlignTrial trial;
+  trial.result.success = true;
+  trial.X_HP.p = Eigen::Vector3d(1.5e-4, 0.0, -5e-4);
+  AlignTrial leaning = trial;
+  judgeEnd(truth, trial);
+  truth.imperfections.bore_lean = {-0.3, 0.0};
+  judgeEnd(truth, leaning);
+  EXPECT_TRUE(leaning.success);
+  EXPECT_FALSE(leaning.false_success);
+  EXPECT_TRUE(trial.false_success);
   EXPECT_FALSE(trial.success);
   EXPECT_EQ(trial.result.failure, AlignFailure::kEdgeOutside) << trial.result.reason;
   EXPECT_EQ(trial.status, "edge_outside");

@@ -30,10 +30,15 @@ class AveragingWindow {
 
   const ContactWindow& means() const { return means_; }
   int blocks() const { return static_cast<int>(means_.blocks()); }
-  const PlantBlock& last() const { return last_; }  ///< its carrier and rounding count
-  double firstEnd() const { return first_end_; }    ///< of the window's first block [s]
-  double lastEnd() const { return last_.time; }     ///< of its last block [s]
-  double motion() const { return motion_; }         ///< of the carrier, largest so far [m]
+  const PlantBlock& last() const { return last_; }  ///< its rounding counts
+  /// Mean of what the carrier's encoders said, and the variance of that mean: of a position by the
+  /// height, of a rotation by the tilts, which have no spring to swing in [m²], [rad²].
+  RestPose carrier() const;
+  double positionVariance() const;
+  double rotationVariance() const;
+  double firstEnd() const { return first_end_; }  ///< of the window's first block [s]
+  double lastEnd() const { return last_.time; }   ///< of its last block [s]
+  double motion() const { return motion_; }       ///< of the carrier, largest so far [m]
 
  private:
   AveragingLimits limits_;
@@ -41,6 +46,9 @@ class AveragingWindow {
   PlantBlock last_;
   double first_end_ = 0.0, motion_ = 0.0;
   Pose first_carrier_;
+  // of the carrier less the window's first: sums of x, y, z, yaw, theta, phi and of their squares
+  RestPose origin_;
+  Vector6 sum_ = Vector6::Zero(), squares_ = Vector6::Zero();
   int tried_ = 0;
 };
 

@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <optional>
+
 #include "assembly_cell/align/plant.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
@@ -17,11 +19,37 @@ struct PressLimits {
 /// A free peg may differ by so much from its tare: its weight pulls sideways when tilted [N]
 inline constexpr double kFreeForce = 1.0;
 
+/// How far the pose that a carrier at rest reports scatters from block to block.
+struct ReportNoise {
+  double position = 0.0;  ///< sd of an axis [m]
+  double rotation = 0.0;  ///< [rad]
+};
+
+/// Measures it on blocks with the rest pose at rest, by what has no spring to swing in: height and
+/// tilts. Less than a micrometre and a microradian is none: so much a swinging peg leaves.
+class ReportNoiseMeter {
+ public:
+  void add(const RestPose& at);
+  /// The next pose does not follow the last one at rest.
+  void interrupt() { last_.reset(); }
+  ReportNoise noise() const;
+
+ private:
+  std::optional<RestPose> last_;
+  double height2_ = 0.0, tilt2_ = 0.0;  // sums of squared differences
+  int pairs_ = 0;
+};
+
 /// The carrier is where it was sent. x, y and yaw give way; where the base isn't parallel to the
 /// axes that give way, so does the rest a little: 2e-4 m and 4e-4 rad under 40 N, times a tilt of
 /// 0.05 rad. There, arrived is near and not moving since the block before; a command given in the
-/// last of a move, within 20 µm, ended alignments of twin_force with force_limit.
-bool arrived(const RestPose& before, const RestPose& at, const RestPose& target);
+/// last of a move, within 20 µm, ended alignments of twin_force with force_limit. A pose that
+/// scatters is there within four deviations, and then some blocks are to be waited for, as it does
+/// not show the end of the move.
+bool arrived(const RestPose& before, const RestPose& at, const RestPose& target,
+             const ReportNoise& noise);
+/// Blocks until the end of a move, once arrived() says so by a pose that scatters; else 0.
+int blocksToEnd(const ReportNoise& noise);
 
 /// Moves the carrier of a plant and feels with sensor_b: guarded moves, tare, press control at
 /// block rate. Every block passes through step(), which checks the limits.
@@ -47,6 +75,9 @@ class PressController {
   /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
   /// deflection.
   void tare(int blocks = 10);
+
+  /// Of the carrier's pose, on the blocks of all tares so far.
+  ReportNoise reportNoise() const { return meter_.noise(); }
 
   /// Scatter of one sample of sensor_b and rounding of its converter, as of the tare.
   const Matrix6& scatter() const { return scatter_; }
@@ -90,6 +121,7 @@ class PressController {
   Vector6 tare_displacement_ = Vector6::Zero();
   RestPose tare_pose_;
   Matrix6 scatter_ = Matrix6::Zero();
+  ReportNoiseMeter meter_;  // of the blocks of all tares
   bool tared_ = false, guarded_ = true;
   double touch_z_ = 0.0;
   double stiffness_ = 3e4;  // of the contact along z, from the last secant [N/m]

@@ -49,6 +49,9 @@ struct AlignTrial {
   std::vector<double> direction_errors;    ///< of the readings that can be judged, absolute [rad]
 };
 
+/// What the end says of the trial: success, and an edge outside though the strategy said aligned.
+void judgeEnd(const Scenario& truth, AlignTrial& trial);
+
 /// Aligns in simulation from `start`; the strategy knows `mechanism` alone. A simulation that stops
 /// is a failure with its reason. Throws InputError.
 AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
