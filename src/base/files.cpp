@@ -15,6 +15,21 @@
 
 namespace assembly_cell {
 
+namespace {
+
+// A new file of our own. What stands under the name, left by an earlier process or put there by
+// somebody (a link to a file of ours), is taken away, never written through.
+int openTemporary(const std::string& path) {
+  constexpr int kFlags = O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
+  int file = ::open(path.c_str(), kFlags, 0644);
+  if (file < 0 && errno == EEXIST && ::unlink(path.c_str()) == 0) {
+    file = ::open(path.c_str(), kFlags, 0644);
+  }
+  return file;
+}
+
+}  // namespace
+
 bool writeAll(int file, const std::string& bytes) {
   std::size_t done = 0;
   while (done < bytes.size()) {
@@ -38,7 +53,9 @@ NewFile::NewFile(const std::string& path, std::string what, std::string remedy)
   if (fs::exists(status)) path_ = fs::canonical(path, none).string();
   const bool in_place = fs::exists(status) && !fs::is_regular_file(status);
   written_ = in_place ? path_ : path_ + ".part" + std::to_string(::getpid());
-  file_ = std::fopen(written_.c_str(), "w");
+  const int opened =
+      in_place ? ::open(path_.c_str(), O_WRONLY | O_CLOEXEC) : openTemporary(written_);
+  file_ = opened < 0 ? nullptr : ::fdopen(opened, "w");
   if (file_ == nullptr) fail("cannot be written");
 }
 
@@ -73,7 +90,7 @@ void writeFileAtomically(const std::string& path, const std::string& content,
     throw InputError(where + " can't be written (" + what + ": " + reason +
                      "): give a writable folder");
   };
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  const int file = openTemporary(temporary);
   if (file < 0) fail("open");
   if (!writeAll(file, content)) {
     const int error = errno;

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell::yaml {
 
@@ -310,6 +311,9 @@ std::string fileText(const std::string& path, const std::string& what, std::size
 }
 
 YAML::Node loadYaml(const std::string& text, const std::string& source) {
+  if (const std::string why = tooDeep(text); !why.empty()) {
+    refuse(source, "file", "not readable", why);
+  }
   try {
     const std::vector<YAML::Node> documents = YAML::LoadAll(text);
     if (documents.size() > 1) {

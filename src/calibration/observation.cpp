@@ -16,8 +16,10 @@ namespace {
 
 constexpr std::array<const char*, 6> kKinds = {"unloaded",    "reacting",     "weight",
                                                "indentation", "displacement", "linearity"};
-constexpr double kUnsettled = 5.0;   // spread over noise of one sample
-constexpr int kEnoughForNoise = 30;  // samples from which noise is estimated
+constexpr double kUnsettled = 5.0;       // spread over noise of one sample
+constexpr int kEnoughForNoise = 30;      // samples from which noise is estimated
+constexpr double kLargestMass = 1e4;     // of a weight [kg]
+constexpr std::size_t kLongestId = 200;  // [bytes]
 
 bool covarianceIsSound(const Matrix6& m) {
   return m.allFinite() && m.diagonal().minCoeff() >= 0.0 &&
@@ -122,6 +124,10 @@ void checkObservation(const Observation& o, const ObservationSet& set, const std
   const auto refuse = [&](const std::string& what) { throw InputError(source + ": " + what); };
   const bool both = o.kind == ObservationKind::kReacting;
   const bool unloaded = o.kind == ObservationKind::kUnloaded;
+  if (o.id.size() > kLongestId) {
+    refuse("id has " + std::to_string(o.id.size()) + " characters: give at most " +
+           std::to_string(kLongestId));
+  }
   if (!printable(o.id)) refuse("id holds control characters: give one line");
   if (!std::isfinite(o.stamp)) refuse("stamp is not finite: give s");
   if (both && (!o.reading.a || !o.reading.b))
@@ -149,8 +155,8 @@ void checkObservation(const Observation& o, const ObservationSet& set, const std
     if (o.X_covariance && !covarianceIsSound(*o.X_covariance)) refuse("pose covariance is none");
   }
   if (o.kind == ObservationKind::kWeight) {
-    if (!(o.mass > 0.0) || !std::isfinite(o.mass)) {
-      refuse("mass is " + yamlNumber(o.mass) + ": give kg, above 0");
+    if (!(o.mass > 0.0 && o.mass <= kLargestMass)) {
+      refuse("mass is " + yamlNumber(o.mass) + ": give kg, above 0, at most 10000");
     }
     if (!(std::abs(o.direction.norm() - 1.0) < kUnitTolerance)) {
       refuse("direction is no unit vector: give that of gravity in sensor axes");

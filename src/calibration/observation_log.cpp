@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
@@ -44,7 +45,25 @@ ObservationLog::ObservationLog(const std::string& path, const std::string& heade
     : journal_(path, "give a writable folder with room") {
   checkHeader(journal_, header);
   journal_.lockOut(path + ".lock", 0.0);
-  if (!std::filesystem::exists(path) || !read(header)) create(header);
+  if (!std::filesystem::exists(path)) {
+    // moved away, with all that was in it
+    create(header);
+    writeCount(0);
+    return;
+  }
+  if (!read(header)) create(header);
+  readCount();
+}
+
+// after the record: a crash between the two leaves a count that is too small, never a false alarm
+void ObservationLog::writeCount(std::size_t count) const {
+  writeFileAtomically(path() + ".count", std::to_string(count) + "\n", journal_.where());
+}
+
+void ObservationLog::readCount() {
+  std::ifstream in(path() + ".count");
+  std::size_t count = 0;
+  if (in >> count && count > records_.size()) lost_ = count - records_.size();
 }
 
 // the whole header at once: a reader sees no file, the old one, or one with its header
@@ -127,10 +146,12 @@ void ObservationLog::append(const std::string& record) {
   journal_.append(record + seal(records_.size() + 1, record) + "\n", true);
   starts_.push_back(start);
   records_.push_back(record);
+  writeCount(records_.size());
 }
 
 void ObservationLog::removeLast() {
   if (records_.empty()) throw InputError(journal_.where() + " is empty: nothing to remove");
+  writeCount(records_.size() - 1);
   journal_.cut(starts_.back());
   starts_.pop_back();
   records_.pop_back();
@@ -138,6 +159,7 @@ void ObservationLog::removeLast() {
 
 void ObservationLog::clear(const std::string& header) {
   checkHeader(journal_, header);
+  writeCount(0);
   // the old file under both names, then the new one in its place: at no moment there is none
   const std::string previous = path() + ".previous", link = path() + ".old";
   ::unlink(link.c_str());

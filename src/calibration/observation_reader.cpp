@@ -281,6 +281,7 @@ void readHeader(const Reader& in, std::set<std::string> more, ObservationSet& se
 }
 
 YAML::Node parse(const std::string& content, const std::string& source) {
+  if (const std::string why = tooDeep(content); !why.empty()) throw InputError(source + ": " + why);
   try {
     return YAML::Load(content);
   } catch (const YAML::Exception& error) {

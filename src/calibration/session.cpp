@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
@@ -54,6 +56,13 @@ bool CalibrationSession::openJournal() {
   const std::string path = store_ + "/observations.yaml";
   for (const Side side : kSides) makeCalibrationFolder(store_, sensorName(side));
   journal_ = std::make_unique<ObservationLog>(path, observationHeader(set_));
+  if (journal_->lost() > 0) {
+    const std::size_t kept = journal_->records().size();
+    warnings_.push_back("journal '" + path + "' was cut: " + std::to_string(journal_->lost()) +
+                        " of " + std::to_string(kept + journal_->lost()) +
+                        " observations are lost, the first " + std::to_string(kept) +
+                        " are kept: restore the file, or measure the others again");
+  }
   removeLeftovers(store_);
   for (const Side side : kSides) removeLeftovers(store_ + "/" + sensorName(side));
   for (std::size_t i = 0; i < journal_->records().size(); ++i) {
@@ -272,7 +281,12 @@ void CalibrationSession::readInForce() {
   if (!fs::exists(path)) return;
   for (const Side side : kSides) {
     try {
-      const YAML::Node root = YAML::LoadFile(path);
+      std::ifstream in(path);
+      const std::string text{std::istreambuf_iterator<char>(in), {}};
+      if (const std::string why = tooDeep(text); !why.empty()) {
+        throw InputError("file '" + path + "': " + why);
+      }
+      const YAML::Node root = YAML::Load(text);
       if (!root.IsMap() || !root[sensorName(side)]) continue;
       CalibrationInForce found{loadStored(side, root[sensorName(side)].as<std::string>()), ""};
       if (const YAML::Node other = root[displacementKey(side)]) {

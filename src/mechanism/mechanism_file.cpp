@@ -50,11 +50,19 @@ void checkTheta(const Section& in, const std::string& key, double theta) {
 
 namespace {
 
+// beyond it, what is computed from it overflows sooner or later
+double readMass(Section& in) {
+  constexpr double kLargest = 1e4;  // [kg]
+  const double mass = in.number("mass", Range::kPositive);
+  if (mass > kLargest) in.refuse(in.at("mass"), mass, "give at most 10000 kg");
+  return mass;
+}
+
 PegParameters readPeg(Section in) {
   PegParameters peg;
   peg.radius = readLength(in, "radius", Range::kPositive);
   peg.half_height = readLength(in, "half_height", Range::kPositive);
-  peg.mass = in.number("mass", Range::kPositive);
+  peg.mass = readMass(in);
   peg.inertia_transverse = in.number("inertia_transverse", Range::kPositive);
   peg.inertia_axial = in.number("inertia_axial", Range::kPositive);
   peg.coupling_height = readLength(in, "coupling_height", Range::kAny);
@@ -79,7 +87,7 @@ HoleParameters readHole(Section in) {
 
 CarrierParameters readCarrier(Section in, RestPose* rest) {
   CarrierParameters carrier;
-  carrier.mass = in.number("mass", Range::kPositive);
+  carrier.mass = readMass(in);
   carrier.inertia = in.number("inertia", Range::kPositive);
   carrier.stiffness = in.numbers<3>("stiffness", Range::kNotNegative);
   carrier.damping = in.numbers<3>("damping", Range::kNotNegative);

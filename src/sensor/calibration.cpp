@@ -18,6 +18,7 @@ namespace assembly_cell {
 
 namespace {
 
+constexpr std::size_t kLongestId = 200;  // of id, serial_number, date [bytes]
 constexpr const char* kFormat = "assembly_cell calibration 1";
 constexpr const char* kExtendedFormat = "assembly_cell calibration 2";  // may have kExtensions
 constexpr const char* kExtensions[] = {"wrench_products",
@@ -223,6 +224,11 @@ void checkCalibration(const Calibration& c, const std::string& source) {
   if (c.id.empty()) throw InputError(source + ": id is empty: name the calibration");
   if (c.serial_number.empty())
     throw InputError(source + ": serial_number is empty: name the sensor");
+  for (const std::string* text : {&c.id, &c.serial_number, &c.date}) {
+    if (text->size() <= kLongestId) continue;
+    throw InputError(source + ": id, serial_number or date has " + std::to_string(text->size()) +
+                     " characters: give at most " + std::to_string(kLongestId));
+  }
   if (!isLine(c.id) || !isLine(c.serial_number) || !isLine(c.date)) {
     throw InputError(source +
                      ": id, serial_number or date holds control characters: give one line");

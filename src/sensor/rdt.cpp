@@ -2,6 +2,7 @@
 #include "assembly_cell/sensor/rdt.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "byte_order.h"
 
@@ -131,10 +132,15 @@ ReadResult RdtStream::take(SourceBlock& block, std::size_t max_count, bool flush
       ++(stale ? counters.stale : counters.faulty);
     } else {
       if (block.count == 0) block.sequence = next_;
+      std::uint8_t saturated = 0;
       for (std::size_t k = 0; k < 6; ++k) {
-        block.values[6 * block.count + k] = policy_.scale[k] * record.counts[k];
+        const std::int32_t counts = record.counts[k];
+        block.values[6 * block.count + k] = policy_.scale[k] * counts;
+        const bool end = counts == std::numeric_limits<std::int32_t>::max() ||
+                         counts == std::numeric_limits<std::int32_t>::min();
+        saturated = static_cast<std::uint8_t>(saturated | (end ? 1u << k : 0u));
       }
-      block.saturated[block.count++] = 0;
+      block.saturated[block.count++] = saturated;
       block.received = entry.received;
       ++counters.samples;
     }

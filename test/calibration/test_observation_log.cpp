@@ -66,6 +66,38 @@ bool has(const std::string& text, const std::string& part) {
 
 using Lines = std::vector<std::string>;
 
+// Cut at any place, a third of it and in the middle of a line: what is whole is kept, and how many
+// are gone is known.
+TEST(ObservationLog, TellsWhatACutHasLost) {
+  const Folder folder;
+  const std::string path = folder / "j.yaml";
+  {
+    ObservationLog log(path, kHeader);
+    for (int k = 0; k < 30; ++k) log.append("- {a: " + std::to_string(k) + "}");
+    log.removeLast();
+    EXPECT_EQ(log.lost(), 0u);
+  }
+  const std::string whole = contentOf(path);
+  EXPECT_EQ(ObservationLog(path, kHeader).lost(), 0u);
+  const std::size_t header = whole.find("- {a: 0}");
+  for (std::size_t size = whole.size() / 3; size > header; size -= 17) {
+    write(path, whole.substr(0, size));
+    ObservationLog log(path, kHeader);
+    EXPECT_EQ(log.records().size() + log.lost(), 29u) << size;
+    for (std::size_t k = 0; k < log.records().size(); ++k) {
+      EXPECT_EQ(log.records()[k], "- {a: " + std::to_string(k) + "}");
+    }
+  }
+  // it is told again until the file is right, or measuring goes on
+  EXPECT_GT(ObservationLog(path, kHeader).lost(), 0u);
+  ObservationLog(path, kHeader).append("- {a: again}");
+  EXPECT_EQ(ObservationLog(path, kHeader).lost(), 0u);
+  // one that was moved away is no loss
+  fs::rename(path, path + ".elsewhere");
+  EXPECT_EQ(ObservationLog(path, kHeader).lost(), 0u);
+  EXPECT_EQ(ObservationLog(path, kHeader).lost(), 0u);
+}
+
 TEST(ObservationLog, KeepsWhatWasAppended) {
   const Folder folder;
   const std::string path = folder / "j.yaml";

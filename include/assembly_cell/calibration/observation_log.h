@@ -36,15 +36,21 @@ class ObservationLog {
   const std::vector<std::string>& records() const { return records_; }
   const std::string& path() const { return journal_.path(); }
   bool torn() const { return torn_; }
+  /// Records that were acknowledged and are not in the file any more: somebody cut it. Known from
+  /// <path>.count, which holds how many there are; without that file 0.
+  std::size_t lost() const { return lost_; }
 
  private:
   void create(const std::string& header);
   bool read(const std::string& header);
+  void readCount();
+  void writeCount(std::size_t count) const;
 
   Journal journal_;
   std::vector<std::string> records_;
   std::vector<std::int64_t> starts_;  ///< of the records in the file
   bool torn_ = false;
+  std::size_t lost_ = 0;
 };
 
 }  // namespace assembly_cell

@@ -1,0 +1,137 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Files: what is planted under a temporary name is never written through. YAML: how deep it may be.
+
+#include "assembly_cell/base/files.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+#include <yaml-cpp/yaml.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/base/yaml_text.h"
+
+namespace assembly_cell {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string contentOf(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+class Files : public ::testing::Test {
+ protected:
+  Files() {
+    std::string name = (fs::temp_directory_path() / "files_XXXXXX").string();
+    folder_ = mkdtemp(name.data());
+    std::ofstream(folder_ / "precious") << "mine";
+  }
+  ~Files() override { fs::remove_all(folder_); }
+  std::string at(const std::string& name) const { return (folder_ / name).string(); }
+
+  fs::path folder_;
+};
+
+TEST_F(Files, APlantedLinkIsNotWrittenThrough) {
+  const std::string pid = std::to_string(getpid());
+  for (const std::string target : {"precious", "nowhere"}) {
+    fs::create_symlink(at(target), at("in_force.yaml.tmp" + pid));
+    writeFileAtomically(at("in_force.yaml"), "new", "test");
+    EXPECT_EQ(contentOf(at("in_force.yaml")), "new");
+    EXPECT_FALSE(fs::is_symlink(at("in_force.yaml")));
+
+    fs::create_symlink(at(target), at("report.yaml.part" + pid));
+    NewFile report(at("report.yaml"), "report", "give another name");
+    report.write("whole");
+    report.finish();
+    EXPECT_EQ(contentOf(at("report.yaml")), "whole");
+    EXPECT_FALSE(fs::is_symlink(at("report.yaml")));
+  }
+  EXPECT_EQ(contentOf(at("precious")), "mine");
+  EXPECT_FALSE(fs::exists(at("nowhere")));
+}
+
+TEST_F(Files, ALeftoverOfAnEarlierProcessIsReplaced) {
+  std::ofstream(at("a.yaml.tmp" + std::to_string(getpid()))) << "half";
+  writeFileAtomically(at("a.yaml"), "whole", "test");
+  EXPECT_EQ(contentOf(at("a.yaml")), "whole");
+}
+
+TEST_F(Files, AFolderUnderTheTemporaryNameIsRefused) {
+  fs::create_directory(at("a.yaml.tmp" + std::to_string(getpid())));
+  EXPECT_THROW(writeFileAtomically(at("a.yaml"), "x", "test"), InputError);
+  EXPECT_FALSE(fs::exists(at("a.yaml")));
+}
+
+std::string repeated(const std::string& piece, int times) {
+  std::string text;
+  for (int k = 0; k < times; ++k) text += piece;
+  return text;
+}
+
+// how deep yaml-cpp finds it
+std::size_t depthOf(const YAML::Node& node) {
+  std::size_t deepest = 0;
+  if (node.IsSequence()) {
+    for (const auto& entry : node) deepest = std::max(deepest, depthOf(entry));
+  } else if (node.IsMap()) {
+    for (const auto& entry : node) {
+      deepest = std::max({deepest, depthOf(entry.first), depthOf(entry.second)});
+    }
+  } else {
+    return 0;
+  }
+  return deepest + 1;
+}
+
+TEST(YamlDepth, IsNeverLessThanWhatAReaderFinds) {
+  for (const std::string text :
+       {"a: 1", "a: [1, [2, {b: 3}]]", "- - - 1\n    - 2\n  - 3", "a:\n  b:\n  - c:\n      d: 1",
+        "a:\n- b\n- - c\n", "? - x\n: - y", "a: 'it''s [[[['\nb: \"\\\"[[[[\"", "# [[[[\na: x#[[\n",
+        "{a: [b, c], d: {e: [f]}}", "- a: 1\n  b:\n    - c: 2\n      d: [3]\n- e", "",
+        "|\n  text\n", "a: b'c\nd: [1, [2]]", "a:\n  - 'x'\n  - - ? y\n      : [z]"}) {
+    EXPECT_GE(yamlDepth(text), depthOf(YAML::Load(text))) << text;
+    EXPECT_LE(yamlDepth(text), depthOf(YAML::Load(text)) + 3) << text;
+  }
+}
+
+TEST(YamlDepth, FilesOfThePackageAreFarFromTheLimit) {
+  int files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(ASSEMBLY_CELL_SOURCE_DIR "/config")) {
+    if (entry.path().extension() != ".yaml") continue;
+    ++files;
+    EXPECT_LT(yamlDepth(contentOf(entry.path().string())), 20u) << entry.path();
+  }
+  EXPECT_GT(files, 10);
+}
+
+TEST(YamlDepth, WhatIsTooDeepDoesntReachTheReader) {
+  const int many = 20000;
+  for (const std::string& text :
+       {repeated("[", many), "a: " + repeated("[", many) + repeated("]", many),
+        repeated("{a: ", many), repeated("- ", many), repeated("? ", many),
+        "a: \"x\"\nb: " + repeated("[{b: ", many)}) {
+    EXPECT_GT(yamlDepth(text), kDeepestYaml);
+    try {
+      yaml::loadYaml(text, "--set");
+      ADD_FAILURE() << "accepted";
+    } catch (const InputError& error) {
+      EXPECT_NE(std::string(error.what()).find("give at most 200"), std::string::npos)
+          << error.what();
+    }
+  }
+  std::string stairs;
+  for (int k = 0; k < 1000; ++k) stairs += std::string(static_cast<std::size_t>(k), ' ') + "a:\n";
+  EXPECT_THROW(yaml::loadYaml(stairs, "file"), InputError);
+  EXPECT_NO_THROW(yaml::loadYaml("a: " + repeated("[", 150) + repeated("]", 150), "file"));
+}
+
+}  // namespace
+}  // namespace assembly_cell
