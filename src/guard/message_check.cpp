@@ -118,8 +118,8 @@ std::string MessageCheck::text() const {
       return where +
              assembly_cell::text(" is %g%s%s: give %g to %g", value_, gap, unit_, low_, high_);
     case MessageFault::kSize:
-      return where + assembly_cell::text(" has %.0f values: give a multiple of %.0f, at most %.0f",
-                                         value_, low_, high_);
+      return assembly_cell::text("%.0f %s are no multiple of %.0f, or more than %.0f", value_,
+                                 field_, low_, high_);
     case MessageFault::kUnlike:
       return where + assembly_cell::text(" has %.0f entries: give %.0f", value_, low_);
     case MessageFault::kStamp:

@@ -5,24 +5,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <set>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/ros/bag_check.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/sensor/source_parameters.h"
 
 namespace assembly_cell::ros_bridge {
-
-namespace {
-
-// six volts and one mark a sample, evenly spaced, all finite
-bool sound(const StrainSamples& block) {
-  return !block.saturated.empty() && block.volts.size() == 6 * block.saturated.size() &&
-         std::isfinite(block.period) && block.period > 0.0 &&
-         std::all_of(block.volts.begin(), block.volts.end(),
-                     [](double v) { return std::isfinite(v); });
-}
-
-}  // namespace
 
 BagSource::BagSource() {
   info_.type = "bag";
@@ -42,6 +33,7 @@ void BagSource::doConfigure(const YAML::Node& map) {
 
 void BagSource::doOpen() {
   const std::string where = "source bag: file '" + file_ + "'";
+  if (std::filesystem::exists(file_)) checkBag(file_, where);
   try {
     bag_ = std::make_unique<rosbag::Bag>(file_, rosbag::bagmode::Read);
     // the topic to play: as named, or the only one with strain
@@ -75,6 +67,9 @@ void BagSource::doOpen() {
   } catch (const InputError&) {
     doClose();
     throw;
+  } catch (const std::exception& error) {
+    doClose();
+    throw InputError(where + " can't be read: " + printable(error.what()) + ": give a whole bag");
   }
   info_.rate = 1.0 / due_->period;
   sample_ = 0;
@@ -85,9 +80,14 @@ void BagSource::doOpen() {
 
 StrainSamples::ConstPtr BagSource::load() {
   while (*position_ != view_->end()) {
-    const auto block = (**position_).instantiate<StrainSamples>();
+    StrainSamples::ConstPtr block;
+    try {
+      block = (**position_).instantiate<StrainSamples>();
+    } catch (const ros::Exception&) {
+      // lengths within the message don't fit
+    }
     ++*position_;
-    if (block && sound(*block)) return block;
+    if (block && check(*block).good()) return block;
     ++counts_.malformed;
   }
   return nullptr;

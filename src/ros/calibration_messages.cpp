@@ -263,24 +263,6 @@ CalibrationResult toMessage(const CalibrationSolution& s) {
   return m;
 }
 
-std::string faultOf(const StrainSamples& block) {
-  if (block.volts.empty() || block.volts.size() % 6 != 0) {
-    return std::to_string(block.volts.size()) + " volts are no multiple of 6";
-  }
-  if (block.saturated.size() != block.volts.size() / 6) {
-    return std::to_string(block.saturated.size()) + " saturation bytes for " +
-           std::to_string(block.volts.size() / 6) + " samples";
-  }
-  if (!(block.period > 0.0) || !std::isfinite(block.period)) {
-    return "period is " + std::to_string(block.period);
-  }
-  if (!std::all_of(block.volts.begin(), block.volts.end(),
-                   [](double v) { return std::isfinite(v); })) {
-    return "volts are not finite";
-  }
-  return {};
-}
-
 std::string channelText(unsigned channels) {
   std::string text;
   for (unsigned k = 0; k < 6; ++k) {

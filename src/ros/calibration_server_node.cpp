@@ -127,9 +127,8 @@ void CalibrationServerNode::advertise() {
   publishCalibrations({in_force.a.has_value(), in_force.b.has_value()});
   publishStatus();
 
-  action_ = std::make_unique<actionlib::SimpleActionServer<CalibrateSensorsAction>>(
-      nh_, "calibrate", [this](const CalibrateSensorsGoalConstPtr& goal) { calibrate(goal); },
-      false);
+  action_ = std::make_unique<CheckedActionServer<CalibrateSensorsAction>>(
+      nh_, "calibrate", [this](const CalibrateSensorsGoalConstPtr& goal) { calibrate(goal); });
   action_->start();
 
   // services wait in threads of their own, so that the data path never waits for them

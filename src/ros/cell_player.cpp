@@ -9,10 +9,14 @@
 
 #include <algorithm>
 #include <boost/algorithm/string/split.hpp>
+#include <filesystem>
 #include <set>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/bag_check.h"
+#include "assembly_cell/ros/lockstep.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
@@ -113,6 +117,7 @@ void CellPlayer::readParameters() {
 }
 
 void CellPlayer::openBag() {
+  if (std::filesystem::exists(file_)) checkBag(file_, "bag '" + file_ + "'");
   try {
     bag_.open(file_, rosbag::bagmode::Read);
   } catch (const rosbag::BagException& error) {
@@ -205,7 +210,13 @@ void CellPlayer::publishClock(const ros::Time& time) {
   clock_pub_.publish(clock);
 }
 
-void CellPlayer::onAck(const Ack::ConstPtr& ack) {
+void CellPlayer::onAck(const ros::MessageEvent<Ack const>& event) {
+  const Ack::ConstPtr ack = event.getConstMessage();
+  const std::string node = participantNode(nh_.getNamespace(), ack->node);
+  if (event.getPublisherName() != node) {
+    IncomingLog::ofThisProcess().refuse("ack", event.getPublisherName(), "it isn't " + node);
+    return;
+  }
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     for (Participant& participant : participants_) {

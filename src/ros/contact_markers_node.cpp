@@ -8,6 +8,7 @@
 
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/twin_force/line_of_action.h"
 
@@ -54,19 +55,21 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
 void ContactMarkersNode::update() {
   const bool wanted = pub_.getNumSubscribers() > 0;
   if (wanted && !active_) {
-    contacts_sub_ = nh_.subscribe<ContactArray>(
-        "truth/contacts", 1, [this](const ContactArray::ConstPtr& m) { contacts_ = m; });
-    locus_sub_ = nh_.subscribe<LocusEstimate>(
-        "locus", 1, [this](const LocusEstimate::ConstPtr& m) { locus_ = m; });
-    truth_sub_ = nh_.subscribe<geometry_msgs::PoseStamped>(
-        "truth/pose", 1, [this](const geometry_msgs::PoseStamped::ConstPtr& m) { truth_ = m; });
-    report_sub_ = nh_.subscribe<AlignmentReport>(
-        "report", 1, [this](const AlignmentReport::ConstPtr& m) { report_ = m; });
-    twin_force_sub_ = nh_.subscribe<TwinForceState>(
-        "twin_force/status", 1, [this](const TwinForceState::ConstPtr& m) { twin_force_ = m; });
+    contacts_sub_ = subscribeChecked<ContactArray>(
+        nh_, "truth/contacts", 1, [this](const ContactArray::ConstPtr& m) { contacts_ = m; });
+    locus_sub_ = subscribeChecked<LocusEstimate>(
+        nh_, "locus", 1, [this](const LocusEstimate::ConstPtr& m) { locus_ = m; });
+    truth_sub_ = subscribeChecked<geometry_msgs::PoseStamped>(
+        nh_, "truth/pose", 1,
+        [this](const geometry_msgs::PoseStamped::ConstPtr& m) { truth_ = m; });
+    report_sub_ = subscribeChecked<AlignmentReport>(
+        nh_, "report", 1, [this](const AlignmentReport::ConstPtr& m) { report_ = m; });
+    twin_force_sub_ = subscribeChecked<TwinForceState>(
+        nh_, "twin_force/status", 1,
+        [this](const TwinForceState::ConstPtr& m) { twin_force_ = m; });
     if (!wrench_topic_.empty()) {
-      wrench_sub_ = nh_.subscribe<geometry_msgs::WrenchStamped>(
-          wrench_topic_, 1,
+      wrench_sub_ = subscribeChecked<geometry_msgs::WrenchStamped>(
+          nh_, wrench_topic_, 1,
           [this](const geometry_msgs::WrenchStamped::ConstPtr& m) { wrench_ = m; });
     }
     // whatever an earlier life of this node has left

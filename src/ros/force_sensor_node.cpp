@@ -16,6 +16,8 @@
 #include "assembly_cell/ros/bag_source.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/lockstep.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
@@ -23,6 +25,10 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::uint32_t kQueue = 100;  // wherever every sample counts
+
+// beyond the largest six-axis sensors that are sold: a fault code or an end of the numbers
+constexpr double kLargestForce = 9e4;   // [N]
+constexpr double kLargestTorque = 9e3;  // [N m]
 
 using Volts = Eigen::Map<const Vector6>;
 
@@ -38,6 +44,10 @@ ForceSensorNode::ForceSensorNode(const ros::NodeHandle& nh, const ros::NodeHandl
   started_ = Clock::now();
   advertise();
   subscribe();
+}
+
+std::string ForceSensorNode::cellNamespace() const {
+  return ros::names::parentNamespace(nh_.getNamespace());
 }
 
 ForceSensorNode::~ForceSensorNode() {
@@ -66,7 +76,7 @@ void ForceSensorNode::readParameters() {
                                            : parameters.text("calibration_file");
   publish_displacement_ = parameters.flag("publish_displacement", false);
   lockstep_ = parameters.flag("lockstep", false);
-  name_in_lockstep_ = parameters.text("name_in_lockstep", ros::this_node::getName().substr(1));
+  name_in_lockstep_ = parameters.text("name_in_lockstep", participantName(cellNamespace()));
   display_period_ = 1.0 / parameters.number("display_rate", kPositive, 50.0);
   rate_tolerance_ = parameters.number("rate_tolerance", kPositive, 0.05);
   zero_samples_ = static_cast<std::size_t>(parameters.integer("zero_samples", 2, 1000000, 200));
@@ -112,6 +122,9 @@ double ForceSensorNode::prepareSource(Parameters& parameters) {
   options.priority = priority_ = parameters.integer("realtime_priority", 0, 99, 0);
   device_bias_timeout_ =
       std::chrono::duration<double>(parameters.number("device_bias_timeout", {0.01, 3600}, 5.0));
+
+  range_force_ = parameters.number("range_force", kPositive, kLargestForce);
+  range_torque_ = parameters.number("range_torque", kPositive, kLargestTorque);
 
   // a recording must be right at once; a device may come later
   if (source.info().recorded) source.open();
@@ -177,8 +190,7 @@ void ForceSensorNode::advertise() {
   calibration_pub_ = nh_.advertise<SensorCalibration>("calibration", 1, true);
   // all participants answer at the cell's root, one above the sensor's group
   if (lockstep_) {
-    ack_pub_ = nh_.advertise<Ack>(
-        ros::names::append(ros::names::parentNamespace(nh_.getNamespace()), "ack"), kQueue, true);
+    ack_pub_ = nh_.advertise<Ack>(ros::names::append(cellNamespace(), "ack"), kQueue, true);
   }
   calibration_time_ = ros::Time::now();
   publishBias();
@@ -223,32 +235,40 @@ void ForceSensorNode::subscribe() {
     return;
   }
   source_ = nh_.resolveName("bridge");
-  bridge_sub_ = nh_.subscribe("bridge", kQueue, &ForceSensorNode::process, this,
-                              ros::TransportHints().tcpNoDelay());
+  bridge_sub_ = subscribeStream<StrainSamples>(
+      nh_, "bridge", kQueue,
+      [this](const StrainSamples::ConstPtr& block) {
+        process(block);
+        acknowledge(*block);
+      },
+      [this](const StrainSamples& block, const std::string& why) { refuseBlock(block, why); });
 }
 
 // ---- data path ----
+
+// What comes from the wire. What a source of our own reads needs no such door.
+void ForceSensorNode::refuseBlock(const StrainSamples& block, const std::string& why) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++window_.malformed;
+  fault_ = "block " + std::to_string(block.sequence) + ": " + why;
+  acknowledge(block);
+}
+
+void ForceSensorNode::acknowledge(const StrainSamples& block) {
+  if (!lockstep_) return;
+  Ack ack;
+  ack.node = name_in_lockstep_;
+  ack.sequence = block.sequence;
+  ack_pub_.publish(ack);
+}
 
 void ForceSensorNode::process(const StrainSamples::ConstPtr& block) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     last_block_ = Clock::now();
-    const std::string fault = faultOf(*block);
-    if (fault.empty()) {
-      publishBlock(block);
-    } else {
-      ++window_.malformed;
-      fault_ = "block " + std::to_string(block->sequence) + ": " + fault;
-      ROS_WARN_THROTTLE_NAMED(10.0, "driver", "dropped %s", fault_.c_str());
-    }
+    publishBlock(block);
   }
   zero_changed_.notify_all();
-  if (lockstep_) {
-    Ack ack;
-    ack.node = name_in_lockstep_;
-    ack.sequence = block->sequence;
-    ack_pub_.publish(ack);
-  }
 }
 
 void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {

@@ -7,6 +7,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -208,6 +209,10 @@ bool ForceSensorNode::setCalibration(SetCalibration::Request& request,
     checkUse(calibration, "set_calibration refused");
   } catch (const InputError& error) {
     response.message = error.what();
+    return true;
+  }
+  if (const MessageCheck found = check(request.calibration); !found.good()) {
+    response.message = "set_calibration refused: " + found.text();
     return true;
   }
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // How the driver takes blocks from a source and stamps them.
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "assembly_cell/base/input_error.h"
@@ -80,12 +81,23 @@ void ForceSensorNode::publishSource(const SourceBlock& block) {
   message->saturated.assign(block.saturated.begin(),
                             block.saturated.begin() + static_cast<std::ptrdiff_t>(block.count));
   message->temperature = block.temperature;
+  if (quantity_ == SampleQuantity::kWrench) markOutOfRange(*message);
   if (anew) {
     const std::lock_guard<std::mutex> lock(mutex_);
     noise_.breakRun();  // the seam is no noise
     if (zero_.active && !recorded_) zero_.failure = "the device started anew: try again";
   }
   process(message);
+}
+
+// A value that the sensor can't measure (an end of its numbers, a code for a fault) is none.
+void ForceSensorNode::markOutOfRange(StrainSamples& block) const {
+  for (std::size_t k = 0; k < block.volts.size(); ++k) {
+    const std::size_t channel = k % 6;
+    if (std::abs(block.volts[k]) <= (channel < 3 ? range_force_ : range_torque_)) continue;
+    std::uint8_t& marks = block.saturated[k / 6];
+    marks = static_cast<std::uint8_t>(marks | 1u << channel);
+  }
 }
 
 bool ForceSensorNode::beginStream() {

@@ -11,7 +11,9 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/locus_messages.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
@@ -47,23 +49,13 @@ std::string faultOf(const Exciter& exciter) {
   return {};
 }
 
-bool finitePose(const geometry_msgs::Pose& pose) {
-  try {
-    fromPose(pose, "carrier_pose");
-    return true;
-  } catch (const InputError&) {
-    return false;
-  }
-}
-
 }  // namespace
 
 LocusNode::LocusNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
     : nh_(nh),
       pnh_(pnh),
-      server_(
-          nh_, "identify_locus",
-          [this](const IdentifyLocusGoal::ConstPtr& goal) { identify(goal); }, false) {
+      server_(nh_, "identify_locus",
+              [this](const IdentifyLocusGoal::ConstPtr& goal) { identify(goal); }) {
   readParameters();
   locus_pub_ = nh_.advertise<LocusEstimate>("locus", kQueue);
   mode_pub_ = nh_.advertise<LocusEstimate>("contact_mode", 1, true);
@@ -72,10 +64,15 @@ LocusNode::LocusNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
   enable_srv_ = pnh_.advertiseService("enable", &LocusNode::enable, this);
   server_.start();
   const auto hints = ros::TransportHints().tcpNoDelay();
-  exciter_sub_ = nh_.subscribe("exciter", kQueue, &LocusNode::onExciter, this, hints);
-  carrier_sub_ = nh_.subscribe("carrier_pose", kQueue, &LocusNode::onCarrier, this, hints);
-  block_sub_ =
-      nh_.subscribe("sensor_b/displacement_samples", kQueue, &LocusNode::onBlock, this, hints);
+  exciter_sub_ = subscribeChecked<Exciter>(
+      nh_, "exciter", kQueue, [this](const Exciter::ConstPtr& m) { onExciter(m); }, hints);
+  carrier_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
+      nh_, "carrier_pose", kQueue,
+      [this](const geometry_msgs::PoseStamped::ConstPtr& m) { onCarrier(m); });
+  block_sub_ = subscribeStream<DisplacementSamples>(
+      nh_, "sensor_b/displacement_samples", kQueue,
+      [this](const DisplacementSamples::ConstPtr& m) { onBlock(m); },
+      [this](const DisplacementSamples& m, const std::string&) { acknowledge(m.sequence); });
 }
 
 LocusNode::~LocusNode() {
@@ -96,11 +93,7 @@ void LocusNode::readParameters() {
   history_ = parameters.number("history", {window_, 60.0}, std::max(2.0, window_));
   data_timeout_ = parameters.number("data_timeout", {0.01, 3600.0}, 10.0);
   lockstep_ = parameters.flag("lockstep", false);
-  // the name that the simulator knows: relative to the cell's namespace
-  std::string name = ros::this_node::getName();
-  const std::string ns = nh_.getNamespace() == "/" ? "/" : nh_.getNamespace() + "/";
-  if (name.compare(0, ns.size(), ns) == 0) name = name.substr(ns.size());
-  name_in_lockstep_ = parameters.text("name_in_lockstep", name);
+  name_in_lockstep_ = parameters.text("name_in_lockstep", participantName(nh_.getNamespace()));
   parameters.refuseUnknown();
 }
 
@@ -115,10 +108,6 @@ void LocusNode::onExciter(const Exciter::ConstPtr& exciter) {
 }
 
 void LocusNode::onCarrier(const geometry_msgs::PoseStamped::ConstPtr& pose) {
-  if (!finitePose(pose->pose)) {
-    ROS_ERROR_THROTTLE(1.0, "carrier_pose is not a finite pose: ignored");
-    return;
-  }
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!carrier_.empty() && pose->header.stamp < carrier_.back()->header.stamp) carrier_.clear();
   carrier_.push_back(pose);
@@ -137,14 +126,6 @@ void LocusNode::onBlock(const DisplacementSamples::ConstPtr& block) {
 }
 
 bool LocusNode::keep(const DisplacementSamples::ConstPtr& block) {
-  const std::size_t n = sizeOf(*block);
-  const auto finite = [](double v) { return std::isfinite(v); };
-  if (n == 0 || block->displacement.size() != 6 * n || !std::isfinite(block->period) ||
-      !(block->period > 0.0) ||
-      !std::all_of(block->displacement.begin(), block->displacement.end(), finite)) {
-    ROS_ERROR_THROTTLE(1.0, "block %u is not one of finite samples: ignored", block->sequence);
-    return false;
-  }
   if (!blocks_.empty()) {
     const DisplacementSamples& last = *blocks_.back();
     // who connects late may get a latched block twice
@@ -239,10 +220,10 @@ void LocusNode::slide() {
   }
 
   // what has come since, of a new stream a window's worth from the past
-  const ros::Time from =
-      stream_->last ? *stream_->last + ros::Duration(0.5 * newest.period)
-                    : std::max(exciter_->header.stamp - ros::Duration(kRounding * newest.period),
-                               lastSample() - ros::Duration((samples - 0.5) * newest.period));
+  const ros::Time from = stream_->last
+                             ? *stream_->last + ros::Duration(0.5 * newest.period)
+                             : std::max(later(exciter_->header.stamp, -kRounding * newest.period),
+                                        later(lastSample(), -(samples - 0.5) * newest.period));
   auto block = blocks_.end();
   while (block != blocks_.begin() && lastOf(**std::prev(block)) >= from) --block;
   for (; block != blocks_.end(); ++block) {
@@ -300,7 +281,7 @@ bool LocusNode::enable(std_srvs::SetBool::Request& request, std_srvs::SetBool::R
 void LocusNode::identify(const IdentifyLocusGoal::ConstPtr& goal) {
   IdentifyLocusResult result;
   Exciter exciter = goal->exciter;
-  const ros::Time end = goal->start + goal->duration;
+  const ros::Time end = later(goal->start, goal->duration.toSec());
   Window window;
   result.message = [&]() -> std::string {
     {

@@ -3,9 +3,13 @@
 
 #include <algorithm>
 
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/lockstep.h"
+
 namespace assembly_cell::ros_bridge {
 
-Participants::Participants(const std::vector<std::string>& names) {
+Participants::Participants(const std::vector<std::string>& names, const std::string& root)
+    : root_(root) {
   for (const auto& name : names) answers_[name];
 }
 
@@ -25,11 +29,22 @@ bool Participants::count(const std::string& publisher, const std::string& topic,
   return true;
 }
 
-bool Participants::answer(const Ack& ack, const std::string& publisher) {
+std::string Participants::answer(const Ack& ack, const std::string& publisher) {
   const auto found = answers_.find(ack.node);
-  if (found == answers_.end()) return false;
-  found->second = {true, ack.sequence, ack.commands, publisher};
-  return true;
+  if (found == answers_.end()) return printable(ack.node) + " is not in ~participants";
+  Answer& latest = found->second;
+  const std::string node = participantNode(root_, ack.node);
+  if (latest.known && latest.publisher != publisher && publisher != node) {
+    return ack.node + " is " + latest.publisher;
+  }
+  if (ack.sequence > newest_) {
+    return "block " + std::to_string(ack.sequence) + " hasn't gone out yet, the last one is " +
+           std::to_string(newest_);
+  }
+  // an earlier block's, again
+  if (latest.known && ack.sequence < latest.sequence) return {};
+  latest = {true, ack.sequence, ack.commands, publisher};
+  return {};
 }
 
 std::string Participants::missing(std::uint32_t sequence) const {

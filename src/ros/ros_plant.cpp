@@ -11,7 +11,9 @@
 #include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/locus_messages.h"
+#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -58,10 +60,7 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
                          alive_ = Steady::now();
                          return stopping_ || (cancelled_ && cancelled_());
                        }}) {
-  // the name that the simulator knows: relative to the cell's namespace
-  name_ = ros::this_node::getName();
-  const std::string ns = nh.getNamespace() == "/" ? "/" : nh.getNamespace() + "/";
-  if (name_.compare(0, ns.size(), ns) == 0) name_ = name_.substr(ns.size());
+  name_ = participantName(nh.getNamespace());
 
   // latched, so that who connects late has the state of carrier and exciter
   command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true);
@@ -76,11 +75,11 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
     rounding = roundingCovariance(S, settings_.converter_step);
     changed_.notify_all();
   };
-  calibration_a_sub_ = nh.subscribe<SensorCalibration>(
-      "sensor_a/calibration", 1,
+  calibration_a_sub_ = subscribeChecked<SensorCalibration>(
+      nh, "sensor_a/calibration", 1,
       [this, onCalibration](const auto& m) { onCalibration(rounding_a_, *m); });
-  calibration_b_sub_ = nh.subscribe<SensorCalibration>(
-      "sensor_b/calibration", 1,
+  calibration_b_sub_ = subscribeChecked<SensorCalibration>(
+      nh, "sensor_b/calibration", 1,
       [this, onCalibration](const auto& m) { onCalibration(rounding_b_, *m); });
   if (lockstep_) {
     connection_timer_ = nh.createWallTimer(ros::WallDuration(kConnectionCheck),
@@ -92,13 +91,22 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
 // ---- blocks ----
 
 void RosPlant::subscribe(const std::string& topic) {
-  const auto hints = ros::TransportHints().tcpNoDelay();
   ros::Subscriber& sub = subs_[topic];
-  if (topic == kWrenchA) sub = nh_.subscribe(topic, kQueue, &RosPlant::onWrenchA, this, hints);
-  if (topic == kWrenchB) sub = nh_.subscribe(topic, kQueue, &RosPlant::onWrenchB, this, hints);
-  if (topic == kCarrier) sub = nh_.subscribe(topic, kQueue, &RosPlant::onCarrierPose, this, hints);
+  if (topic == kWrenchA) {
+    sub =
+        subscribeStream<WrenchSamples>(nh_, topic, kQueue, [this](const auto& m) { onWrenchA(m); });
+  }
+  if (topic == kWrenchB) {
+    sub =
+        subscribeStream<WrenchSamples>(nh_, topic, kQueue, [this](const auto& m) { onWrenchB(m); });
+  }
+  if (topic == kCarrier) {
+    sub = subscribeStream<geometry_msgs::PoseStamped>(nh_, topic, kQueue,
+                                                      [this](const auto& m) { onCarrierPose(m); });
+  }
   if (topic == kDisplacementB) {
-    sub = nh_.subscribe(topic, kQueue, &RosPlant::onDisplacementB, this, hints);
+    sub = subscribeStream<DisplacementSamples>(nh_, topic, kQueue,
+                                               [this](const auto& m) { onDisplacementB(m); });
   }
 }
 
@@ -140,21 +148,21 @@ void RosPlant::checkConnections() {
 void RosPlant::onWrenchA(const WrenchSamples::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
   seen(0);
-  parts_[message->sequence].wrench_a = message;
+  partsOf(message->sequence).wrench_a = message;
   assemble();
 }
 
 void RosPlant::onWrenchB(const WrenchSamples::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
   seen(1);
-  parts_[message->sequence].wrench_b = message;
+  partsOf(message->sequence).wrench_b = message;
   assemble();
 }
 
 void RosPlant::onDisplacementB(const DisplacementSamples::ConstPtr& message) {
   std::lock_guard<std::mutex> lock(mutex_);
   seen(2);
-  parts_[message->sequence].displacement_b = message;
+  partsOf(message->sequence).displacement_b = message;
   assemble();
 }
 
@@ -174,8 +182,18 @@ void RosPlant::onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message
   assemble();
 }
 
+// In the order in which blocks begin to come in, whatever their numbers: what stays incomplete, a
+// stranger's or one of a source that began anew, makes room in its turn.
+RosPlant::Parts& RosPlant::partsOf(std::uint32_t sequence) {
+  const auto known = std::find_if(parts_.begin(), parts_.end(), [sequence](const auto& entry) {
+    return entry.first == sequence;
+  });
+  if (known != parts_.end()) return known->second;
+  if (parts_.size() == kMemory) parts_.pop_front();
+  return parts_.emplace_back(sequence, Parts{}).second;
+}
+
 void RosPlant::assemble() {
-  while (parts_.size() > kMemory) parts_.erase(parts_.begin());
   for (auto it = parts_.begin(); it != parts_.end(); ++it) {
     const Parts& parts = it->second;
     if (!parts.wrench_a || !parts.wrench_b || !parts.displacement_b) continue;
@@ -328,11 +346,13 @@ void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequ
              const IdentifyLocusResult::ConstPtr& result) {
         std::lock_guard<std::mutex> guard(mutex_);
         locus_result_ = result;
+        const std::string fault = result ? check(result->locus).text() : std::string();
         // one that is refused for its noise is a reading, too
         if (!result || (!result->success && result->locus.samples == 0)) {
           locus_error_ =
               result && !result->message.empty() ? result->message : "ended as " + state.toString();
         }
+        if (!fault.empty()) locus_error_ = "locus: " + fault;
         locus_done_ = true;
         changed_.notify_all();
       },

@@ -5,6 +5,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/simulator_node.h"
 
 namespace assembly_cell::ros_bridge {
@@ -96,8 +97,9 @@ void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
   std::lock_guard<std::mutex> lock(mutex_);
   // kept from an earlier life of this plant, which had come farther
   if (ack.sequence > awaited_) return;
-  if (!participants_.answer(ack, event.getPublisherName())) {
-    ROS_WARN_ONCE("ack of %s, which is not in ~participants", ack.node.c_str());
+  const std::string why = participants_.answer(ack, event.getPublisherName());
+  if (!why.empty()) {
+    IncomingLog::ofThisProcess().refuse("ack", event.getPublisherName(), why);
     return;
   }
   // in lockstep the answer is the holder's sign of life

@@ -77,7 +77,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   ros::param::get("/use_sim_time", use_sim_time);
   lockstep_ = parameters.flag("lockstep", use_sim_time);
   const auto names = parameters.texts("participants", std::vector<std::string>{});
-  if (lockstep_) participants_ = Participants(names);
+  if (lockstep_) participants_ = Participants(names, nh_.getNamespace());
   ack_timeout_ = parameters.number("ack_timeout", Range{0.1, 3600.0}, 10.0);
   start_timeout_ = parameters.number("start_timeout", Range{0.1, 3600.0}, 60.0);
   paused_ = parameters.flag("paused", false);
@@ -219,6 +219,7 @@ void SimulatorNode::stepBlock() {
     std::lock_guard<std::mutex> lock(mutex_);
     // answers may come while the block goes out
     awaited_ = sequence;
+    participants_.expect(sequence);
     now_ = base_ + cell_->simulation().time();
   }
   publishPlantState();

@@ -7,6 +7,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/calibration/drift.h"
 #include "assembly_cell/ros/calibration_messages.h"
+#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -22,18 +23,15 @@ StrainWindows::StrainWindows(const ros::NodeHandle& nh, Settings settings)
   ros::NodeHandle node(nh);
   for (const Side side : kSides) {
     Collector& collector = collectors_[side];
-    const boost::function<void(const StrainSamples::ConstPtr&)> callback =
-        [this, &collector](const StrainSamples::ConstPtr& block) { collect(collector, *block); };
-    collector.strain_sub =
-        node.subscribe<StrainSamples>(sensorName(side) + "/strain", kQueue, callback,
-                                      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+    collector.strain_sub = subscribeStream<StrainSamples>(
+        node, sensorName(side) + "/strain", kQueue,
+        [this, &collector](const StrainSamples::ConstPtr& block) { collect(collector, *block); });
   }
 }
 
 void StrainWindows::collect(Collector& c, const StrainSamples& block) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (!faultOf(block).empty()) return;
     c.heard = Clock::now();
     const Arrival arrival = c.sequence.accept(block.sequence);
     if (!c.active || arrival == Arrival::kDuplicate) return;

@@ -80,12 +80,12 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   startState(nh, pnh);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
   align_server_ = std::make_unique<AlignServer>(
-      nh, "align", [this](const AlignPegGoalConstPtr& goal) { executeAlign(goal); }, false);
+      nh, "align", [this](const AlignPegGoalConstPtr& goal) { executeAlign(goal); });
   contact_server_ = std::make_unique<ContactServer>(
       nh, "move_to_contact",
-      [this](const MoveToContactGoalConstPtr& goal) { executeContact(goal); }, false);
+      [this](const MoveToContactGoalConstPtr& goal) { executeContact(goal); });
   retreat_server_ = std::make_unique<RetreatServer>(
-      nh, "retreat", [this](const RetreatGoalConstPtr& goal) { executeRetreat(goal); }, false);
+      nh, "retreat", [this](const RetreatGoalConstPtr& goal) { executeRetreat(goal); });
   align_server_->start();
   contact_server_->start();
   retreat_server_->start();

@@ -9,6 +9,7 @@
 #include "assembly_cell/TareTwinForce.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -135,6 +136,11 @@ WindowAnswer TwinForceClient::add(const AveragingWindow& pressed) {
   fill(request, pressed);
   const auto answer = call<AddContact>("add_contact", request);
   if (!answer.success) return {answer.message};
+  const MessageCheck found = check(answer.status);
+  if (answer.status.contacts.empty() || !found.good()) {
+    throw PlantError(AlignFailure::kNoData,
+                     std::string(kNode) + " answered without a contact " + found.text());
+  }
   WindowAnswer out;
   out.signs_reversed = answer.status.signs == "reversed";
   out.force = Vector6::Map(answer.status.contacts.back().wrench_b.data()).head<3>().norm();
@@ -143,6 +149,9 @@ WindowAnswer TwinForceClient::add(const AveragingWindow& pressed) {
 
 TwinForceSolution TwinForceClient::solve() {
   state_ = call<SolveTwinForce>("solve", {}).status;
+  if (const MessageCheck found = check(state_); !found.good()) {
+    throw PlantError(AlignFailure::kNoData, std::string(kNode) + ": " + found.text());
+  }
   TwinForceSolution out;
   out.status = statusOf(state_.status);
   out.reason = state_.reason;

@@ -7,6 +7,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/twin_force_client.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 
@@ -109,11 +110,7 @@ TwinForceStreams::Settings TwinForceNode::readSettings(Parameters& parameters,
   settings.converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
   settings.use_displacement = parameters.flag("use_displacement", true);
   settings.lockstep = parameters.flag("lockstep", false);
-  // the name that the simulator knows: relative to the cell's namespace
-  std::string name = ros::this_node::getName();
-  const std::string ns = nh.getNamespace() == "/" ? "/" : nh.getNamespace() + "/";
-  if (name.compare(0, ns.size(), ns) == 0) name = name.substr(ns.size());
-  settings.name = parameters.text("name_in_lockstep", name);
+  settings.name = parameters.text("name_in_lockstep", participantName(nh.getNamespace()));
   return settings;
 }
 

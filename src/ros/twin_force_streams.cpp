@@ -10,6 +10,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -23,17 +24,18 @@ constexpr double kPlainVariance = 1e-6;
 
 const std::vector<double>& valuesOf(const WrenchSamples& m) { return m.wrench; }
 const std::vector<double>& valuesOf(const DisplacementSamples& m) { return m.displacement; }
+std::vector<double>& valuesOf(WrenchSamples& m) { return m.wrench; }
+std::vector<double>& valuesOf(DisplacementSamples& m) { return m.displacement; }
 
 template <class Message>
 std::size_t sizeOf(const Message& message) {
   return valuesOf(message).size() / 6;
 }
 
+// one that isn't is kept without its samples, so that a window knows of it
 template <class Message>
-bool finiteBlock(const Message& m) {
-  const std::vector<double>& samples = valuesOf(m);
-  return !samples.empty() && samples.size() % 6 == 0 && std::isfinite(m.period) && m.period > 0.0 &&
-         std::all_of(samples.begin(), samples.end(), [](double v) { return std::isfinite(v); });
+bool usable(const Message& m) {
+  return !valuesOf(m).empty();
 }
 
 template <class Message>
@@ -43,7 +45,7 @@ BlockMoments momentsOf(const Message& m) {
 
 // of the last sample
 ros::Time endOf(const WrenchSamples& m) {
-  return m.header.stamp + ros::Duration(m.period * (static_cast<double>(sizeOf(m)) - 1.0));
+  return later(m.header.stamp, m.period * (static_cast<double>(sizeOf(m)) - 1.0));
 }
 
 template <class List>
@@ -82,23 +84,25 @@ TwinForceStreams::TwinForceStreams(ros::NodeHandle& nh, const Settings& settings
                                    std::function<void()> on_carrier)
     : settings_(settings), on_carrier_(std::move(on_carrier)) {
   if (settings_.lockstep) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
-  const auto hints = ros::TransportHints().tcpNoDelay();
   const auto wrenches = [&](const std::string& sensor, std::deque<Wrench>& list) {
-    return nh.subscribe<WrenchSamples>(
-        sensor + "/wrench_samples", kQueue,
-        [this, &list](const Wrench& m) { onBlock<WrenchSamples>(list, m); }, nullptr, hints);
+    return subscribeStream<WrenchSamples>(
+        nh, sensor + "/wrench_samples", kQueue,
+        [this, &list](const Wrench& m) { onBlock<WrenchSamples>(list, m); },
+        [this, &list](const WrenchSamples& m, const std::string&) { onUnusable(list, m); });
   };
   a_sub_ = wrenches("sensor_a", a_);
   b_sub_ = wrenches("sensor_b", b_);
   if (settings_.use_displacement) {
-    d_sub_ = nh.subscribe<DisplacementSamples>(
-        "sensor_b/displacement_samples", kQueue,
-        [this](const Displacement& m) { onBlock<DisplacementSamples>(d_, m); }, nullptr, hints);
+    d_sub_ = subscribeStream<DisplacementSamples>(
+        nh, "sensor_b/displacement_samples", kQueue,
+        [this](const Displacement& m) { onBlock<DisplacementSamples>(d_, m); },
+        [this](const DisplacementSamples& m, const std::string&) { onUnusable(d_, m); });
   }
-  carrier_sub_ = nh.subscribe("carrier_pose", kQueue, &TwinForceStreams::onCarrier, this, hints);
+  carrier_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
+      nh, "carrier_pose", kQueue, [this](const auto& m) { onCarrier(m); });
   const auto calibrations = [&](const std::string& sensor, std::optional<Matrix6>& S) {
-    return nh.subscribe<SensorCalibration>(
-        sensor + "/calibration", 1, [this, &S](const SensorCalibration::ConstPtr& m) {
+    return subscribeChecked<SensorCalibration>(
+        nh, sensor + "/calibration", 1, [this, &S](const SensorCalibration::ConstPtr& m) {
           using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
           const std::lock_guard<std::mutex> lock(mutex_);
           S = Eigen::Map<const RowMajor>(m->volts_to_wrench.data());
@@ -123,13 +127,18 @@ void TwinForceStreams::onBlock(std::deque<typename Message::ConstPtr>& list,
   acknowledge();
 }
 
+template <class Message>
+void TwinForceStreams::onUnusable(std::deque<boost::shared_ptr<Message const>>& list,
+                                  const Message& m) {
+  MessageCheck frame;
+  frame.stamp("header.stamp", m.header.stamp.toSec()).number("period", m.period, kPeriodField);
+  if (!frame.good()) return;
+  const auto known = boost::make_shared<Message>(m);
+  valuesOf(*known).clear();
+  onBlock<Message>(list, known);
+}
+
 void TwinForceStreams::onCarrier(const geometry_msgs::PoseStamped::ConstPtr& message) {
-  try {
-    fromPose(message->pose, "carrier_pose");
-  } catch (const InputError& error) {
-    ROS_ERROR_THROTTLE(1.0, "ignored: %s", error.what());
-    return;
-  }
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     keep(carrier_, message);
@@ -156,7 +165,7 @@ std::optional<TwinForceStreams::Now> TwinForceStreams::now() const {
   Now out;
   out.stamp = carrier_.back()->header.stamp;
   out.carrier = restFromPose(fromPose(carrier_.back()->pose, "carrier_pose"));
-  if (!d_.empty() && finiteBlock(*d_.back())) out.displacement = momentsOf(*d_.back()).mean;
+  if (!d_.empty() && usable(*d_.back())) out.displacement = momentsOf(*d_.back()).mean;
   return out;
 }
 
@@ -191,7 +200,7 @@ std::vector<TwinForceStreams::Wrench> TwinForceStreams::select(const Window& win
     const ros::Time end = endOf(*b);
     if (!complete && (named ? end >= window.first - half && end <= window.last + half
                             : b->header.stamp > after)) {
-      if (!finiteBlock(*b)) throw InputError("sensor_b: a block is not one of finite samples");
+      if (!usable(*b)) throw InputError("sensor_b: a block is not one of finite samples");
       covered += b->period * static_cast<double>(sizeOf(*b));
       out.push_back(b);
     }
@@ -233,7 +242,7 @@ std::vector<TwinForceStreams::Wrench> TwinForceStreams::collect(Lock& lock, cons
 
 // what goes with the blocks up to `last`
 void TwinForceStreams::awaitPartners(Lock& lock, const Wrench& last) {
-  const ros::Time stamp = last->header.stamp - ros::Duration(settings_.time_limit + kStampRounding);
+  const ros::Time stamp = later(last->header.stamp, -(settings_.time_limit + kStampRounding));
   const ros::Time end = endOf(*last) - ros::Duration(0.5 * last->period);
   const char* missing = nullptr;
   const auto complete = [&] {
@@ -255,7 +264,7 @@ Vector6 TwinForceStreams::displacementOf(const Wrench& b) const {
       settings_.time_limit + kStampRounding) {
     throw InputError("not simultaneous: no displacement goes with the wrench of sensor_b");
   }
-  if (!finiteBlock(*d)) {
+  if (!usable(*d)) {
     throw InputError("sensor_b: a block of displacements is not one of finite samples");
   }
   return momentsOf(*d).mean;
@@ -272,7 +281,7 @@ PlantBlock TwinForceStreams::blockOf(const Wrench& b, const ros::Time& origin,
              apart, settings_.time_limit));
   }
   time_difference = std::max(time_difference, apart);
-  if (!finiteBlock(*a)) throw InputError("sensor_a: a block is not one of finite samples");
+  if (!usable(*a)) throw InputError("sensor_a: a block is not one of finite samples");
   for (const auto& [samples, sensor] : {std::make_pair(a, "sensor_a"), {b, "sensor_b"}}) {
     if (saturated(*samples)) {
       throw InputError(text("saturated: a channel of %s is at its limit; press less", sensor));

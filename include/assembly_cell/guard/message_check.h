@@ -92,7 +92,7 @@ class MessageCheck {
 /// was before. So one absurd stamp moves nothing, and nobody starves.
 class StampWindow {
  public:
-  explicit StampWindow(double window = 3600.0) : window_(window) {}
+  explicit StampWindow(double window = 86400.0) : window_(window) {}
   /// [s]; 0 passes and moves nothing.
   bool accept(double stamp);
   double last() const { return last_; }  ///< accepted [s], 0: none yet

@@ -35,9 +35,6 @@ CalibrationResult toMessage(const ForceSolution& solution, const ObservationSet&
 DisplacementResult toMessage(const DisplacementSolution& solution);
 CalibrationResult toMessage(const CalibrationSolution& solution);
 
-/// Empty, or what is wrong with a block of samples.
-std::string faultOf(const StrainSamples& block);
-
 /// "2, 5" for the bits 1 and 4, "none" for 0.
 std::string channelText(unsigned channels);
 

@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <actionlib/server/simple_action_server.h>
 #include <assembly_cell/AddObservation.h>
 #include <assembly_cell/CalibrateSensorsAction.h>
 #include <assembly_cell/ConfirmLoad.h>
@@ -26,6 +25,8 @@
 
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/session.h"
+#include "assembly_cell/ros/checked_action.h"
+#include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/strain_windows.h"
 
 namespace assembly_cell::ros_bridge {
@@ -130,8 +131,8 @@ class CalibrationServerNode {
   ros::CallbackQueue service_queue_;
   ros::Publisher status_pub_, observations_pub_;
   std::vector<ros::ServiceServer> services_;
-  std::unique_ptr<actionlib::SimpleActionServer<CalibrateSensorsAction>> action_;
-  ros::AsyncSpinner service_spinner_{4, &service_queue_};
+  std::unique_ptr<CheckedActionServer<CalibrateSensorsAction>> action_;
+  GuardedSpinner service_spinner_{4, &service_queue_};
 };
 
 /// What a service answers: `work`, or why it was refused.

@@ -55,7 +55,7 @@ class CellPlayer {
   void awaitAnswers(const std::string& topic, std::uint32_t sequence);
   /// Until all that went out so far has arrived at those who acknowledge `topic`'s blocks.
   void settle(const std::string& topic);
-  void onAck(const Ack::ConstPtr& ack);
+  void onAck(const ros::MessageEvent<Ack const>& event);
 
   ros::NodeHandle nh_, pnh_;
   std::string file_, namespace_;

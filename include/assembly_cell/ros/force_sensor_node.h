@@ -25,6 +25,7 @@
 #include <string>
 #include <thread>
 
+#include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/ros_clock.h"
 #include "assembly_cell/ros/source_choice.h"
 #include "assembly_cell/sensor/acquisition.h"
@@ -74,6 +75,7 @@ class ForceSensorNode {
   };
 
   void readParameters();
+  std::string cellNamespace() const;  ///< one above the sensor's
   /// The nominal rate of a recording [Hz], or 0.
   double prepareSource(Parameters& parameters);
   void advertise();
@@ -81,6 +83,8 @@ class ForceSensorNode {
   void subscribe();
 
   // the data path
+  void refuseBlock(const StrainSamples& block, const std::string& why);
+  void acknowledge(const StrainSamples& block);
   void process(const StrainSamples::ConstPtr& block);
   void publishBlock(const StrainSamples::ConstPtr& block);
   void publishDisplacement(const StrainSamples& block, const std_msgs::Header& header);
@@ -92,6 +96,7 @@ class ForceSensorNode {
   void publishBlocks();
   void publishAll();
   void publishSource(const SourceBlock& block);
+  void markOutOfRange(StrainSamples& block) const;
   void tellLink();  ///< in the log, what is wrong with it, once
   /// Checks what the configuration can't know before the first block; false if it can't work.
   bool beginStream();
@@ -141,7 +146,8 @@ class ForceSensorNode {
   // the source, unless blocks come on a topic
   SourceChoice choice_;
   bool recorded_ = false, paced_ = true;
-  bool calibrated_ = true;  // a calibration file was given
+  bool calibrated_ = true;                         // a calibration file was given
+  double range_force_ = 0.0, range_torque_ = 0.0;  // of a device that delivers wrenches [N] [N m]
   std::chrono::duration<double> device_bias_timeout_{0.0};
   int priority_ = 0;
   std::unique_ptr<Acquisition> acquisition_;
@@ -207,7 +213,7 @@ class ForceSensorNode {
       get_calibration_srv_, set_calibration_srv_, device_bias_srv_;
   ros::WallTimer diagnostics_timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
-  ros::AsyncSpinner service_spinner_{2, &service_queue_};
+  GuardedSpinner service_spinner_{2, &service_queue_};
   std::thread publisher_;
 };
 

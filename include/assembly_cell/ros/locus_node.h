@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <actionlib/server/simple_action_server.h>
 #include <assembly_cell/DisplacementSamples.h>
 #include <assembly_cell/Exciter.h>
 #include <assembly_cell/IdentifyLocusAction.h>
@@ -21,6 +20,7 @@
 #include "assembly_cell/locus/reading.h"
 #include "assembly_cell/locus/sliding_locus.h"
 #include "assembly_cell/mechanism/mechanism.h"
+#include "assembly_cell/ros/checked_action.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -34,7 +34,7 @@ class LocusNode {
   ~LocusNode();
 
  private:
-  using Server = actionlib::SimpleActionServer<IdentifyLocusAction>;
+  using Server = CheckedActionServer<IdentifyLocusAction>;
 
   /// Samples of a window and the exciter's angle at each.
   struct Window {
@@ -54,7 +54,7 @@ class LocusNode {
   void acknowledge(std::uint32_t sequence);
 
   // with mutex_ held
-  /// Puts the block into the history; false if it is not one of finite samples, or a repetition.
+  /// Puts the block into the history; false if it is a repetition.
   bool keep(const DisplacementSamples::ConstPtr& block);
   Window collect(const ros::Time& start, const ros::Time& end, const Exciter& exciter) const;
   ros::Time lastSample() const;

@@ -11,6 +11,9 @@
 #include <type_traits>
 #include <utility>
 
+#include "assembly_cell/ros/guarded_spinner.h"
+#include "assembly_cell/ros/message_guard.h"
+
 namespace assembly_cell::ros_bridge {
 
 /// True when Node has exitCode().
@@ -36,7 +39,8 @@ inline void waitForSignal() {
   while (ros::ok() && !asked) ros::WallDuration(0.02).sleep();
 }
 
-/// Runs a node until shutdown: Node(nh, pnh), spun by `threads` threads. Returns 1 with one line on
+/// Runs a node until shutdown: Node(nh, pnh), spun by `threads` threads. No exception of a callback
+/// ends it; its diagnostics tell what it has refused and survived. Returns 1 with one line on
 /// standard error when there is no master or the construction throws; otherwise exitCode() if the
 /// node has one, or 0. A node that has stop() is stopped by SIGINT or SIGTERM while it can still
 /// publish.
@@ -55,7 +59,8 @@ int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
     nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
     Node node(*nh, pnh);
-    ros::AsyncSpinner spinner(threads);
+    const IncomingDiagnostics diagnostics(*nh);
+    GuardedSpinner spinner(threads);
     spinner.start();
     if constexpr (HasStop<Node>::value) {
       waitForSignal();

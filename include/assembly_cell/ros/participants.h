@@ -18,7 +18,8 @@ namespace assembly_cell::ros_bridge {
 /// in from whom. Not thread-safe.
 class Participants {
  public:
-  explicit Participants(const std::vector<std::string>& names = {});
+  /// root: the cell's namespace.
+  explicit Participants(const std::vector<std::string>& names = {}, const std::string& root = "/");
 
   std::size_t size() const { return answers_.size(); }
   /// All have answered at least once.
@@ -26,8 +27,12 @@ class Participants {
   /// Counts a command of a node; false for a repetition (latched messages may come twice).
   bool count(const std::string& publisher, const std::string& topic,
              const std_msgs::Header& header);
-  /// Takes an answer; false when it is of none of them.
-  bool answer(const Ack& ack, const std::string& publisher);
+  /// Block `sequence` goes out: nobody can have answered a later one.
+  void expect(std::uint32_t sequence) { newest_ = sequence; }
+  /// Takes an answer; empty, or why it doesn't count: of none of them, to a block that hasn't gone
+  /// out, or of another node. A participant is the node of its name; who has another name
+  /// (~name_in_lockstep) is the node that answered first.
+  std::string answer(const Ack& ack, const std::string& publisher);
   /// Those who have not answered block `sequence`, or whose commands have not all come in, with the
   /// reason; empty when there are none.
   std::string missing(std::uint32_t sequence) const;
@@ -42,6 +47,8 @@ class Participants {
     std::uint32_t commands = 0;
     std::map<std::string, std::pair<std::uint32_t, ros::Time>> last;  ///< seq, stamp by topic
   };
+  std::string root_;
+  std::uint32_t newest_ = 0;               // block that has gone out
   std::map<std::string, Answer> answers_;  // the latest, by participant
   std::map<std::string, Sender> senders_;
 };

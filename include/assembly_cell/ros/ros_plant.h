@@ -102,6 +102,7 @@ class RosPlant : public Plant {
   void subscribe(const std::string& topic);
   std::vector<std::string> missingParts() const;
   void checkConnections();
+  Parts& partsOf(std::uint32_t sequence);
   void assemble();
   void acknowledge();
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
@@ -135,7 +136,7 @@ class RosPlant : public Plant {
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::map<std::uint32_t, Parts> parts_;                            // by sequence, not complete yet
+  std::deque<std::pair<std::uint32_t, Parts>> parts_;  // with sequence, not complete yet
   std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_poses_;  // not used yet
   ros::Time done_end_;                                              ///< of the last complete block
   bool incomplete_ = false;               ///< a block was, at the last check of the connections

@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <actionlib/server/simple_action_server.h>
 #include <ros/ros.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
@@ -17,6 +16,7 @@
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/press.h"
+#include "assembly_cell/ros/checked_action.h"
 #include "assembly_cell/ros/ros_plant.h"
 
 namespace assembly_cell::ros_bridge {
@@ -34,9 +34,9 @@ class SupervisorNode {
   void stop();
 
  private:
-  using AlignServer = actionlib::SimpleActionServer<AlignPegAction>;
-  using ContactServer = actionlib::SimpleActionServer<MoveToContactAction>;
-  using RetreatServer = actionlib::SimpleActionServer<RetreatAction>;
+  using AlignServer = CheckedActionServer<AlignPegAction>;
+  using ContactServer = CheckedActionServer<MoveToContactAction>;
+  using RetreatServer = CheckedActionServer<RetreatAction>;
 
   void executeAlign(const AlignPegGoalConstPtr& goal);
   void executeContact(const MoveToContactGoalConstPtr& goal);

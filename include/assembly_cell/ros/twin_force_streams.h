@@ -71,6 +71,8 @@ class TwinForceStreams {
 
   template <class Message>
   void onBlock(std::deque<typename Message::ConstPtr>& list, const typename Message::ConstPtr& m);
+  template <class Message>
+  void onUnusable(std::deque<boost::shared_ptr<Message const>>& list, const Message& m);
   void onCarrier(const geometry_msgs::PoseStamped::ConstPtr& message);
   void acknowledge();
   bool wait(Lock& lock, const std::function<bool()>& ready);

@@ -1,0 +1,16 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <string>
+
+namespace assembly_cell::ros_bridge {
+
+/// Reads a bag once through in a process of its own (the program check_bag), because ROS's bag
+/// library can throw what nobody catches, crash or decompress for ever where a bag is damaged.
+/// Throws InputError "<what> can't be read: ...", one line.
+void checkBag(const std::string& path, const std::string& what);
+
+/// The program check_bag: 0, or 1 with one line on standard output that says what is wrong.
+int runBagCheck(int argc, char** argv);
+
+}  // namespace assembly_cell::ros_bridge

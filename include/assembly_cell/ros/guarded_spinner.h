@@ -1,0 +1,35 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+namespace assembly_cell::ros_bridge {
+
+/// Calls what is in a callback queue, as ros::AsyncSpinner does, but a callback that throws ends
+/// neither the thread nor the process: the exception is logged and counted (IncomingLog).
+class GuardedSpinner {
+ public:
+  explicit GuardedSpinner(unsigned threads, ros::CallbackQueue* queue = nullptr);
+  ~GuardedSpinner();
+  GuardedSpinner(const GuardedSpinner&) = delete;
+  GuardedSpinner& operator=(const GuardedSpinner&) = delete;
+
+  void start();
+  /// Returns once no callback is under way.
+  void stop();
+
+ private:
+  void spin();
+
+  const unsigned count_;
+  ros::CallbackQueue* const queue_;
+  std::atomic<bool> stopping_{false};
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,18 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/lockstep.h"
+
+#include <ros/ros.h>
+
+namespace assembly_cell::ros_bridge {
+
+std::string participantName(const std::string& root) {
+  const std::string name = ros::this_node::getName();
+  const std::string above = root == "/" ? "/" : root + "/";
+  return name.compare(0, above.size(), above) == 0 ? name.substr(above.size()) : name.substr(1);
+}
+
+std::string participantNode(const std::string& root, const std::string& participant) {
+  return ros::names::append(root, participant);
+}
+
+}  // namespace assembly_cell::ros_bridge
