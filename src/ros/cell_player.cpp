@@ -8,6 +8,7 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/predicate.hpp>
 #include <boost/algorithm/string/split.hpp>
 #include <filesystem>
 #include <set>
@@ -185,7 +186,7 @@ void CellPlayer::publish(const rosbag::MessageInstance& message) {
   const std::optional<std::uint32_t> sequence = blockSequence(message);
   if (sequence && unsettled_) settle(topic);
   if (const auto frames = message.instantiate<tf2_msgs::TFMessage>();
-      frames && publishers_[topic].getTopic() == "/tf_static") {
+      frames && boost::algorithm::ends_with(topic, "/tf_static")) {
     // several nodes have sent, this is one: who connects late must get all of it, not the last
     for (const auto& frame : frames->transforms) fixed_frames_[frame.child_frame_id] = frame;
     tf2_msgs::TFMessage all;
