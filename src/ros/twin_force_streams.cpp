@@ -198,14 +198,15 @@ std::vector<TwinForceStreams::Wrench> TwinForceStreams::select(const Window& win
   for (const Wrench& b : b_) {
     const ros::Duration half(0.5 * b->period);
     const ros::Time end = endOf(*b);
-    if (!complete && (named ? end >= window.first - half && end <= window.last + half
-                            : b->header.stamp > after)) {
+    if (!complete &&
+        (named ? end >= later(window.first, -0.5 * b->period) && end <= window.last + half
+               : b->header.stamp > after)) {
       if (!usable(*b)) throw InputError("sensor_b: a block is not one of finite samples");
       covered += b->period * static_cast<double>(sizeOf(*b));
       out.push_back(b);
     }
     // who asks may have missed a block that came late, the node may not
-    complete = named ? end >= window.last - half && out.size() >= window.blocks
+    complete = named ? end >= later(window.last, -0.5 * b->period) && out.size() >= window.blocks
                      : covered >= window.duration - kStampRounding;
   }
   if (!complete) out.clear();
@@ -214,6 +215,9 @@ std::vector<TwinForceStreams::Wrench> TwinForceStreams::select(const Window& win
 
 std::vector<TwinForceStreams::Wrench> TwinForceStreams::collect(Lock& lock, const Window& window) {
   const bool named = !window.last.isZero();
+  const MessageCheck stamps =
+      MessageCheck().stamp("first", window.first.toSec()).stamp("last", window.last.toSec());
+  if (!stamps.good()) throw InputError("window: " + stamps.text());
   if (named && (window.blocks == 0 || window.last < window.first)) {
     throw InputError("window: first, last and blocks don't fit: give the ends of its blocks");
   }
