@@ -16,11 +16,11 @@ using yaml::shown;
 // so far from its mean a normal draw may go
 constexpr double kNormalReach = 5.0;
 constexpr double kLargest = 1e9;
-constexpr double kMostTilt = 0.1;      // beyond this an oblique bore is no bore any more [rad]
-constexpr double kMostFaceTilt = 0.3;  // a start stays a start [rad]
-constexpr double kMostTurn = M_PI;     // of frames [rad]
-constexpr double kMostLatency = 0.1;   // samples are kept so long [s]
-constexpr double kMostScale = 0.5;     // of encoders
+constexpr double kMaxTilt = 0.1;      // beyond this an oblique bore is no bore any more [rad]
+constexpr double kMaxFaceTilt = 0.3;  // a start stays a start [rad]
+constexpr double kMaxTurn = M_PI;     // of frames [rad]
+constexpr double kMaxLatency = 0.1;   // samples are kept so long [s]
+constexpr double kMaxScale = 0.5;     // of encoders
 constexpr const char* kForms =
     "give a number, {normal: SD}, {uniform: [LOW, HIGH]} or {log_uniform: [LOW, HIGH]}";
 
@@ -182,7 +182,7 @@ Mismatch::Sensor readSensor(Section in) {
   sensor.matrix = readOptional(in, "matrix");
   if (in.optional("frame")) {
     Section frame = in.section("frame");
-    sensor.rotation = readOptional(frame, "rotation", {0.0, -kMostTurn, kMostTurn, false});
+    sensor.rotation = readOptional(frame, "rotation", {0.0, -kMaxTurn, kMaxTurn, false});
     sensor.offset = readOptional(frame, "offset", {0.0, -1.0, 1.0, false});
     frame.finish();
   }
@@ -199,7 +199,7 @@ Mismatch::Sensor readSensor(Section in) {
     sensor.hum_frequency = readDraw(hum, "frequency", {0.0, 0.0, kLargest, true});
     hum.finish();
   }
-  sensor.latency = readOptional(in, "latency", {0.0, 0.0, kMostLatency, false});
+  sensor.latency = readOptional(in, "latency", {0.0, 0.0, kMaxLatency, false});
   in.finish();
   return sensor;
 }
@@ -211,8 +211,8 @@ Mismatch::Carrier readCarrier(Section in) {
   carrier.compliance = readOptional(in, "compliance", kNotNegative);
   if (in.optional("frame")) {
     Section frame = in.section("frame");
-    carrier.rotation = readOptional(frame, "rotation", {0.0, -kMostTurn, kMostTurn, false});
-    carrier.scale = readOptional(frame, "scale", {0.0, -kMostScale, kMostScale, false});
+    carrier.rotation = readOptional(frame, "rotation", {0.0, -kMaxTurn, kMaxTurn, false});
+    carrier.scale = readOptional(frame, "scale", {0.0, -kMaxScale, kMaxScale, false});
     carrier.offset = readOptional(frame, "offset", {0.0, -100.0, 100.0, false});
     frame.finish();
   }
@@ -239,9 +239,8 @@ Mismatch parseMismatch(const std::string& text, const std::string& source) {
   if (in.optional("carrier")) mismatch.carrier = readCarrier(in.section("carrier"));
   if (in.optional("hole")) {
     Section hole = in.section("hole");
-    mismatch.bore_tilt = readOptional(hole, "bore_tilt", {0.0, -kMostTilt, kMostTilt, false});
-    mismatch.face_tilt =
-        readOptional(hole, "face_tilt", {0.0, -kMostFaceTilt, kMostFaceTilt, false});
+    mismatch.bore_tilt = readOptional(hole, "bore_tilt", {0.0, -kMaxTilt, kMaxTilt, false});
+    mismatch.face_tilt = readOptional(hole, "face_tilt", {0.0, -kMaxFaceTilt, kMaxFaceTilt, false});
     hole.finish();
   }
   in.finish();

@@ -24,8 +24,8 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kStuck = 10;                   // CPU time without a message read [s]
-constexpr rlim_t kMostMemory = 8ull << 30u;  // a damaged length asks for any [bytes]
+constexpr int kStuck = 10;                  // CPU time without a message read [s]
+constexpr rlim_t kMaxMemory = 8ull << 30u;  // a damaged length asks for any [bytes]
 constexpr char kRemedy[] = ": give a whole bag, or mend it with `rosbag reindex`";
 
 // the time of the process, not the clock's: a busy machine may take long
@@ -41,7 +41,7 @@ int runBagCheck(int argc, char** argv) {
     std::puts("usage: check_bag FILE");
     return 2;
   }
-  const rlimit memory{kMostMemory, kMostMemory};
+  const rlimit memory{kMaxMemory, kMaxMemory};
   setrlimit(RLIMIT_AS, &memory);
   try {
     winUp();

@@ -7,6 +7,8 @@
 #include <iterator>
 #include <tuple>
 
+#include "assembly_cell/ros/diagnostics.h"
+
 namespace assembly_cell::ros_bridge {
 
 namespace {
@@ -15,7 +17,7 @@ constexpr double kSilence = 5.0;                     // of a publisher that has 
 constexpr double kWarnPeriod = 1.0;                  // of one topic, wall clock [s]
 constexpr FieldRange kFiniteField{-1e18, 1e18, ""};  // squares of it stay finite
 constexpr FieldRange kShareField{-1.001, 1.001, ""};
-constexpr std::size_t kMostContacts = 10000;
+constexpr std::size_t kMaxContacts = 10000;
 
 MessageCheck header(const std_msgs::Header& header) {
   MessageCheck check;
@@ -129,7 +131,7 @@ MessageCheck check(const LocusEstimate& m) {
 
 MessageCheck check(const ContactArray& m) {
   MessageCheck check = header(m.header);
-  if (m.contacts.size() > kMostContacts) check.same("contacts", m.contacts.size(), kMostContacts);
+  if (m.contacts.size() > kMaxContacts) check.same("contacts", m.contacts.size(), kMaxContacts);
   for (const Contact& c : m.contacts) {
     vector(check, "contacts.position", c.position.x, c.position.y, c.position.z, kPositionField);
     vector(check, "contacts.normal", c.normal.x, c.normal.y, c.normal.z, kShareField);
@@ -153,7 +155,7 @@ MessageCheck check(const AlignmentReport& m) {
 
 MessageCheck check(const TwinForceState& m) {
   MessageCheck check = header(m.header);
-  if (m.contacts.size() > kMostContacts) check.same("contacts", m.contacts.size(), kMostContacts);
+  if (m.contacts.size() > kMaxContacts) check.same("contacts", m.contacts.size(), kMaxContacts);
   for (const FeltContact& c : m.contacts) {
     finite(check, "contacts.wrench_a", c.wrench_a);
     finite(check, "contacts.wrench_b", c.wrench_b);
@@ -270,17 +272,10 @@ void IncomingDiagnostics::publish() {
   status.level =
       news ? diagnostic_msgs::DiagnosticStatus::WARN : diagnostic_msgs::DiagnosticStatus::OK;
   status.message = news ? "refused: " + figures.last : "none refused";
-  for (const auto& [key, value] : {std::pair{"Refused", std::to_string(figures.refused)},
-                                   {"Callbacks failed", std::to_string(figures.caught)},
-                                   {"Last", figures.last}}) {
-    status.values.emplace_back();
-    status.values.back().key = key;
-    status.values.back().value = value;
-  }
-  diagnostic_msgs::DiagnosticArray array;
-  array.header.stamp = ros::Time::now();
-  array.status.push_back(status);
-  pub_.publish(array);
+  publishStatus(pub_, status,
+                {{"Refused", std::to_string(figures.refused)},
+                 {"Callbacks failed", std::to_string(figures.caught)},
+                 {"Last", figures.last}});
 }
 
 IncomingLog::Figures IncomingLog::figures() const {

@@ -16,6 +16,7 @@
 #include "assembly_cell/description/part_pairs.h"
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/diagnostics.h"
 #include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
@@ -450,19 +451,12 @@ void SimulatorNode::publishDiagnostics() {
       status.message = "stopped: " + stopped_;
     }
   }
-  for (const auto& [key, value] : {std::pair{"Simulated time [s]", std::to_string(time)},
-                                   {"Real-time factor", std::to_string(factor)},
-                                   {"Commands refused", std::to_string(refused_)},
-                                   {"Last refusal", refusal},
-                                   {"Held by", holder}}) {
-    status.values.emplace_back();
-    status.values.back().key = key;
-    status.values.back().value = value;
-  }
-  diagnostic_msgs::DiagnosticArray array;
-  array.header.stamp = ros::Time::now();
-  array.status.push_back(status);
-  diagnostics_pub_.publish(array);
+  publishStatus(diagnostics_pub_, status,
+                {{"Simulated time [s]", std::to_string(time)},
+                 {"Real-time factor", std::to_string(factor)},
+                 {"Commands refused", std::to_string(refused_)},
+                 {"Last refusal", refusal},
+                 {"Held by", holder}});
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -6,6 +6,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/diagnostics.h"
 #include "assembly_cell/ros/supervisor_node.h"
 #include "assembly_cell/ros/watched_plant.h"
 
@@ -173,15 +174,7 @@ void SupervisorNode::publishDiagnostics() {
   status.message = state.stuck        ? "stuck: call the action retreat"
                    : state.in_contact ? "in contact"
                                       : "free";
-  for (const auto& [key, value] : {std::pair{"Goal", state.goal}, {"Reason", state.reason}}) {
-    status.values.emplace_back();
-    status.values.back().key = key;
-    status.values.back().value = value;
-  }
-  diagnostic_msgs::DiagnosticArray array;
-  array.header.stamp = ros::Time::now();
-  array.status.push_back(status);
-  diagnostics_pub_.publish(array);
+  publishStatus(diagnostics_pub_, status, {{"Goal", state.goal}, {"Reason", state.reason}});
 }
 
 }  // namespace assembly_cell::ros_bridge
