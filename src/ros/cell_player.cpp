@@ -36,14 +36,12 @@ std::optional<std::uint32_t> blockSequence(const rosbag::MessageInstance& messag
   return std::nullopt;
 }
 
+// Bytes as they were recorded. `has_header` stays false, as this constructor sets it (the default
+// one doesn't): ROS would read a header from any message and count it anew.
 ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
                                 const std::string& topic) {
-  ros::AdvertiseOptions options;
-  options.topic = topic;
-  options.queue_size = kQueue;
-  options.md5sum = connection.md5sum;
-  options.datatype = connection.datatype;
-  options.message_definition = connection.msg_def;
+  ros::AdvertiseOptions options(topic, kQueue, connection.md5sum, connection.datatype,
+                                connection.msg_def);
   // who connects late must not miss the first one
   options.latch = true;
   return options;
