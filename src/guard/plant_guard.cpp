@@ -120,7 +120,8 @@ Verdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t sessio
   if (!mine) {
     guard.holder = sender.node;
     guard.session = session;
-    action.exciter_off = true;
+    // whatever somebody else began ends
+    action.hold = action.exciter_off = true;
     guard.shaking = false;
     guard.seen = sender.stamp;
     allowUnloading(guard);

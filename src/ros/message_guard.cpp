@@ -89,6 +89,12 @@ MessageCheck check(const Exciter& m) {
   return m.on ? check.direction("direction", m.direction) : check;
 }
 
+MessageCheck check(const PlantState& m) {
+  MessageCheck check = header(m.header);
+  check.name("holder", m.holder).name("refused_node", m.refused_node);
+  return check.name("refused_reason", m.refused_reason);
+}
+
 MessageCheck check(const Ack& m) { return MessageCheck().name("node", m.node); }
 
 MessageCheck check(const SensorCalibration& m) {

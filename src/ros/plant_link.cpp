@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "assembly_cell/Lease.h"
+#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -37,8 +38,10 @@ std::string bytesOf(Message message) {
 PlantLink::PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> changed)
     : lockstep_(lockstep), changed_(std::move(changed)) {
   if (!lockstep_) lease_pub_ = nh.advertise<Lease>("lease", kQueue);
-  state_sub_ = nh.subscribe("plant_state", kQueue, &PlantLink::onState, this,
-                            ros::TransportHints().tcpNoDelay());
+  state_sub_ = subscribeChecked<PlantState>(
+      nh, "plant_state", kQueue,
+      [this](const PlantState::ConstPtr& state, const std::string& node) { onState(state, node); },
+      ros::TransportHints().tcpNoDelay());
   command_sub_ = watchCommands<geometry_msgs::PoseStamped>(nh, "carrier_command");
   exciter_sub_ = watchCommands<Exciter>(nh, "exciter");
   for (const std::string sensor : {"sensor_a", "sensor_b"}) {
@@ -59,10 +62,9 @@ ros::Subscriber PlantLink::watchCommands(ros::NodeHandle& nh, const std::string&
 template <class Message>
 void PlantLink::watchConstant(ros::NodeHandle& nh, const std::string& topic,
                               const std::string& what) {
-  constant_subs_.push_back(nh.subscribe<Message>(
-      topic, kQueue, [this, what](const boost::shared_ptr<Message const>& message) {
-        onConstant(what, bytesOf(*message));
-      }));
+  constant_subs_.push_back(subscribeChecked<Message>(
+      nh, topic, kQueue,
+      [this, what](const auto& message) { onConstant(what, bytesOf(*message)); }));
 }
 
 // ---- the session ----
@@ -73,12 +75,26 @@ void PlantLink::begin() {
   life_ = state_ ? state_->life : 0;
   refused_ = state_ ? state_->refused : 0;
   lost_ = false;
+  moving_ = false;
   fault_.clear();
+}
+
+void PlantLink::forget() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (moving_) return;
+  state_.reset();
+  life_ = 0;
+}
+
+void PlantLink::move() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  moving_ = true;
 }
 
 void PlantLink::end() {
   const std::lock_guard<std::mutex> lock(mutex_);
   session_ = 0;
+  moving_ = false;
   if (!lockstep_) lease_pub_.publish(Lease());
 }
 
@@ -123,15 +139,22 @@ void PlantLink::repeated() {
 
 // ---- what is heard ----
 
-void PlantLink::onState(const PlantState::ConstPtr& state) {
+void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& node) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
+    if (session_ != 0 && state_ && node != plant_) {
+      IncomingLog::ofThisProcess().refuse("plant_state", node, "the plant is " + plant_);
+      return;
+    }
+    plant_ = node;
     const bool held_before = state_ && state_->session == session_;
     state_ = *state;
     const std::string& me = ros::this_node::getName();
     if (session_ != 0 && fault_.empty()) {
-      if (life_ == 0) life_ = state->life;
-      const bool mine = state->refused != refused_ && state->refused_node == me;
+      if (life_ == 0 || !moving_) life_ = state->life;
+      // a command that is kept from before the plant's start is of no goal
+      const bool mine = state->refused != refused_ && state->refused_node == me &&
+                        state->refused_reason != "earlier_life";
       const bool late = state->refused_reason == "stale" ||
                         state->refused_reason == "held_by_another" ||
                         state->refused_reason == "no_lease";

@@ -54,12 +54,14 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
       nh_(nh),
       clock_(!settings.lockstep),
       link_(nh, settings.lockstep, [this] { changed_.notify_all(); }),
-      twin_force_(nh, {settings.timeout, [this](double time) { return stampOf(time); },
-                       [this] {
-                         std::lock_guard<std::mutex> lock(mutex_);
-                         alive_ = Steady::now();
-                         return stopping_ || (cancelled_ && cancelled_());
-                       }}) {
+      twin_force_(
+          nh, {settings.timeout, lockstep_ ? kProbe : settings.data_timeout * settings.slow_factor,
+               questionTime(), [this](double time) { return stampOf(time); },
+               [this] {
+                 std::lock_guard<std::mutex> lock(mutex_);
+                 alive_ = Steady::now();
+                 return stopping_ || (cancelled_ && cancelled_());
+               }}) {
   name_ = participantName(nh.getNamespace());
 
   // latched, so that who connects late has the state of carrier and exciter
@@ -175,6 +177,7 @@ void RosPlant::onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message
     done_.reset();
     done_end_ = ros::Time();
     carrier_poses_.clear();
+    link_.forget();
   }
   clock_.observe(wallTime(arrived_[3]), message->header.stamp.toSec());
   carrier_poses_.push_back(message);

@@ -15,7 +15,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr double kTick = 0.02;       // between two looks while waiting, wall clock [s]
-constexpr double kProbe = 1.0;       // of silence until the nodes are looked for, wall clock [s]
+constexpr double kAnswer = 0.2;      // of a node to a question, wall clock [s]
+constexpr double kSlowAnswer = 2.0;  // in lockstep, where time stands meanwhile [s wall]
 constexpr double kTooSlow = 10.0;    // without a fresh block, cell time [s]
 constexpr double kSettle = 0.2;      // shaken anew before a reading is repeated [s]
 constexpr double kIntervals = 15.0;  // of blocks: silence, on a machine that is slow
@@ -62,7 +63,10 @@ void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& wh
       if (over || !who.empty()) {
         throw PlantError(AlignFailure::kNoData,
                          text("no %s within %.3g s of wall time%s%s", what.c_str(), waited,
-                              who.empty() ? " (is the simulator paused?)" : ": ", who.c_str()));
+                              !who.empty()     ? ": "
+                              : what == kBlock ? " (is the simulator paused?)"
+                                               : "",
+                              who.c_str()));
       }
     }
     const auto before = Steady::now();
@@ -78,6 +82,10 @@ void RosPlant::waitForBlock(std::unique_lock<std::mutex>& lock) {
   waitFor(lock, kBlock, [this] { return fresh_.has_value(); });
   last_ = *fresh_;
   fresh_.reset();
+}
+
+double RosPlant::questionTime() const {
+  return settings_.slow_factor * (lockstep_ ? kSlowAnswer : kAnswer);
 }
 
 // Whose messages stay out. Without the lock while it asks: callbacks take it.
@@ -101,16 +109,21 @@ std::string RosPlant::whoIsMissing(std::unique_lock<std::mutex>& lock, bool only
   if (anybody) {
     for (const char* topic : kBlockTopics) add(topic);
     add("identify_locus/status");
+    add("twin_force/status");
   }
+  const std::string twin = nh_.resolveName("twin_force/status");
   const bool running = !origin_.isZero();
   lock.unlock();
-  std::vector<TopicPublisher> found = publishersOf(topics);
+  std::vector<TopicPublisher> found =
+      publishersOf(topics, lockstep_ || anybody ? questionTime() : 0.0);
   const std::string lost = twin_force_.complaint();
   lock.lock();
   if (only_gone || anybody) {
     const auto there = [&](const TopicPublisher& publisher) {
-      const bool nobody = publisher.presence == NodePresence::kUnknown && running;
-      return publisher.presence != NodePresence::kGone && !nobody;
+      const bool unknown = publisher.presence == NodePresence::kUnknown;
+      const bool nobody = unknown && running;
+      const bool optional = publisher.topic == twin;
+      return publisher.presence == NodePresence::kListening || (nobody ? optional : unknown);
     };
     found.erase(std::remove_if(found.begin(), found.end(), there), found.end());
   }
@@ -218,6 +231,7 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   if (!lockstep_ && !(lastIsFresh() && link_.follows())) takeNext(lock);
   origin_ = last_.end;
   start_ = last_.X_BC;
+  link_.move();
 }
 
 PlantBlock RosPlant::next(const PlantCommand& command) {
@@ -241,7 +255,11 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
     waitFor(lock, "result of identify_locus", [this] { return locus_done_; });
     locus_wanted_ = false;
     if (!locus_error_.empty()) {
-      throw PlantError(AlignFailure::kNoReading, "identify_locus: " + locus_error_);
+      const std::string error = locus_error_;
+      lock.unlock();
+      const auto servers = publishersOf({nh_.resolveName("identify_locus/result")});
+      throw PlantError(AlignFailure::kNoReading,
+                       "identify_locus of " + servers.front().node + ": " + error);
     }
     block.locus = fromLocusEstimate(locus_result_->locus);
     if (!locus_result_->success) block.locus->refusal = locus_result_->message;
@@ -264,6 +282,7 @@ void RosPlant::recover(double seconds) {
   link_.begin();
   fresh_.reset();
   takeNext(lock);
+  link_.move();
   most_time_ = (last_.end - origin_).toSec() + seconds;
 }
 

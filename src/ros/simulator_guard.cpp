@@ -77,6 +77,7 @@ void SimulatorNode::renew(const Sender& sender, std::uint32_t session) {
     ROS_WARN_THROTTLE(1.0, "%s", refusal_.text.c_str());
   }
   if (guard_.session != before) stopped_because_.clear();
+  stop_.hold |= action.hold;
   if (!action.exciter_off) return;
   stop_.exciter_off = true;
   exciter_.reset();

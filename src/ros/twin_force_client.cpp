@@ -10,6 +10,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
+#include "assembly_cell/ros/node_watch.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -44,15 +45,24 @@ ContactTask contactTask(const TwinForceTask& task) {
 }
 
 // Looks every few milliseconds; false when the time is up.
-bool TwinForceClient::wait(const std::function<bool(double)>& ready) {
+bool TwinForceClient::wait(double limit, const std::function<bool(double)>& ready) {
   using Clock = std::chrono::steady_clock;
-  const auto deadline = Clock::now() + std::chrono::duration<double>(settings_.timeout);
+  const auto deadline = Clock::now() + std::chrono::duration<double>(limit);
   while (!ready(0.02)) {
     if (!ros::ok()) throw PlantError(AlignFailure::kStopped, "the supervisor is shutting down");
     if (settings_.cancelled()) throw PlantError(AlignFailure::kCancelled, "cancelled");
     if (Clock::now() >= deadline) return false;
   }
   return true;
+}
+
+// One that calculates answers a question, one that is frozen doesn't.
+void TwinForceClient::lookForNode(const std::string& service) const {
+  const auto found = publishersOf({nh_.resolveName("twin_force/status")}, settings_.answer_within);
+  if (found.front().presence == NodePresence::kListening) return;
+  throw PlantError(AlignFailure::kNoData,
+                   text("no answer of %s within %.3g s of wall time: %s", service.c_str() + 1,
+                        settings_.patience + settings_.answer_within, describe(found).c_str()));
 }
 
 // ROS waits for an answer as long as the connection stands: another thread does so for us.
@@ -64,7 +74,7 @@ typename Service::Response TwinForceClient::call(const std::string& name,
     return !under_way_.valid() || under_way_.wait_for(std::chrono::duration<double>(patience)) ==
                                       std::future_status::ready;
   };
-  if (!wait(free)) {
+  if (!wait(settings_.timeout, free)) {
     throw PlantError(
         AlignFailure::kNoData,
         text("no answer of %s to an earlier call within %g s of wall time: is it alive?", kNode,
@@ -76,7 +86,7 @@ typename Service::Response TwinForceClient::call(const std::string& name,
   };
   const auto answer = std::make_shared<Answer>();
   answer->service.request = request;
-  if (!wait([&](double patience) {
+  if (!wait(settings_.timeout, [&](double patience) {
         if (ros::service::exists(service, false)) return true;
         ros::WallDuration(patience).sleep();
         return false;
@@ -88,7 +98,8 @@ typename Service::Response TwinForceClient::call(const std::string& name,
   under_way_ = std::async(std::launch::async, [answer, service] {
     answer->good = ros::service::call(service, answer->service);
   });
-  if (!wait(free)) {
+  if (!wait(settings_.patience, free)) lookForNode(service);
+  if (!wait(settings_.timeout, free)) {
     throw PlantError(AlignFailure::kNoData,
                      text("no answer of %s within %g s of wall time: is it alive?",
                           service.c_str() + 1, settings_.timeout));

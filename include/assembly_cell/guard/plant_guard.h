@@ -116,8 +116,8 @@ PlantGuard plantGuard(const GuardLimits& limits, LeaseMode mode, bool lockstep);
 bool isOfEarlierLife(const PlantGuard& guard, const Sender& sender, double now);
 
 /// A sign of life of a session at `now`; session 0 lets the plant go. A session begins with its
-/// first one, with the exciter off. Refused while another node holds the plant; one whose lease
-/// lapsed a second ago holds it no longer.
+/// first one, with the exciter off and the carrier brought to a stop. Refused while another node
+/// holds the plant; one whose lease lapsed a second ago holds it no longer.
 Verdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t session, double now,
                    GuardAction& action);
 

@@ -12,6 +12,7 @@
 #include <assembly_cell/IdentifyLocusGoal.h>
 #include <assembly_cell/LocusEstimate.h>
 #include <assembly_cell/MoveToContactGoal.h>
+#include <assembly_cell/PlantState.h>
 #include <assembly_cell/RetreatGoal.h>
 #include <assembly_cell/SensorCalibration.h>
 #include <assembly_cell/StrainSamples.h>
@@ -28,6 +29,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "assembly_cell/guard/message_check.h"
@@ -42,6 +44,7 @@ MessageCheck check(const DisplacementSamples& message);
 MessageCheck check(const AccelerometerSamples& message);
 MessageCheck check(const Exciter& message);
 MessageCheck check(const Ack& message);
+MessageCheck check(const PlantState& message);
 MessageCheck check(const SensorCalibration& message);
 MessageCheck check(const LocusEstimate& message);
 MessageCheck check(const ContactArray& message);
@@ -122,8 +125,8 @@ class StreamDoor {
   ros::WallTime heard_;
 };
 
-/// A subscription that gives `callback` (of a shared pointer) what check() passes. What it throws
-/// ends no process.
+/// A subscription that gives `callback` (of a shared pointer, or of that and the publisher's name)
+/// what check() passes. What it throws ends no process.
 template <class Message, class Callback>
 ros::Subscriber subscribeChecked(ros::NodeHandle& nh, const std::string& topic, std::uint32_t queue,
                                  Callback callback,
@@ -134,9 +137,15 @@ ros::Subscriber subscribeChecked(ros::NodeHandle& nh, const std::string& topic, 
     const auto message = event.getConstMessage();
     if (const MessageCheck found = check(*message); !found.good()) {
       IncomingLog::ofThisProcess().refuse(name, event.getPublisherName(), found.text());
-    } else {
-      guarded(name, [&] { callback(message); });
+      return;
     }
+    guarded(name, [&] {
+      if constexpr (std::is_invocable_v<Callback, decltype(message), std::string>) {
+        callback(message, event.getPublisherName());
+      } else {
+        callback(message);
+      }
+    });
   };
   return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(), hints);
 }

@@ -27,6 +27,8 @@ class PlantLink {
   PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> changed);
 
   void begin();                   ///< a session with a new number
+  void forget();                  ///< the blocks show another life: what was known is of the last
+  void move();                    ///< it moves from now on: the plant must stay the same
   void end();                     ///< lets the plant go
   std::uint32_t session() const;  ///< 0: none
 
@@ -45,7 +47,7 @@ class PlantLink {
   void repeated();
 
  private:
-  void onState(const PlantState::ConstPtr& state);
+  void onState(const PlantState::ConstPtr& state, const std::string& node);
   void onCommand(const std::string& topic, const std::string& node);
   /// A value that must stay what it was at the goal's start.
   void onConstant(const std::string& what, const std::string& bytes);
@@ -61,9 +63,11 @@ class PlantLink {
   mutable std::mutex mutex_;
   std::uint32_t session_ = 0;
   std::optional<PlantState> state_;
+  std::string plant_;          // node that said so
   std::uint32_t life_ = 0;     // of the plant when the session began; 0: not known
   std::uint32_t refused_ = 0;  // commands, when the session began or was repeated
-  bool lost_ = false;          // something that was commanded is not in force
+  bool moving_ = false;
+  bool lost_ = false;  // something that was commanded is not in force
   std::string fault_;
   std::map<std::string, std::string> constants_;  // by name, as bytes
 

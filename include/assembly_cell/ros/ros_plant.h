@@ -110,6 +110,7 @@ class RosPlant : public Plant {
   void waitForBlock(std::unique_lock<std::mutex>& lock);
   void takeNext(std::unique_lock<std::mutex>& lock);
   double patience() const;
+  double questionTime() const;
   std::string whoIsMissing(std::unique_lock<std::mutex>& lock, bool only_gone);
   void checkGoal() const;
   bool lastIsFresh() const;
@@ -122,6 +123,7 @@ class RosPlant : public Plant {
   void sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequest& request);
   PlantBlock plantBlock(const Block& block) const;
 
+  static constexpr double kProbe = 1.0;  ///< of silence, then the nodes are looked for [s wall]
   using LocusClient = actionlib::SimpleActionClient<IdentifyLocusAction>;
 
   using Steady = std::chrono::steady_clock;

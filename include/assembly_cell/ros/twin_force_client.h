@@ -24,6 +24,8 @@ class TwinForceClient : public TwinForceSensing {
  public:
   struct Settings {
     double timeout = 10.0;                      ///< of every call, wall clock [s]
+    double patience = 0.3;                      ///< then the node is looked for [s wall]
+    double answer_within = 0.2;                 ///< of the node to that question [s wall]
     std::function<ros::Time(double)> stamp_of;  ///< of a time on the plant's clock [s]
     std::function<bool()> cancelled;            ///< the call is given up
   };
@@ -47,7 +49,8 @@ class TwinForceClient : public TwinForceSensing {
                                   const typename Service::Request& request);
   template <class Request>
   void fill(Request& request, const AveragingWindow& window) const;
-  bool wait(const std::function<bool(double patience)>& ready);
+  bool wait(double limit, const std::function<bool(double patience)>& ready);
+  void lookForNode(const std::string& service) const;
 
   ros::NodeHandle nh_;
   Settings settings_;

@@ -1,0 +1,237 @@
+# Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+"""A cell as processes of this one, what it says, and goals to it."""
+import ctypes
+import math
+import os
+import pathlib
+import signal
+import subprocess
+import time
+import xmlrpc.client
+
+START = 120.0  # for a node, a cell, a service to be there [s wall]
+ENDED = 20.0  # a node that was asked to end [s wall]
+MINE = "/campaign_of_faults"  # this node, the stranger
+
+SUPERVISOR, SIMULATOR = "assembly_supervisor", "peg_hole_simulator"
+LOCUS, TWIN = "locus_estimator", "twin_force_estimator"
+DRIVERS = ("sensor_a/driver", "sensor_b/driver")
+RIG, SERVER = "bench/simulated_calibration_rig", "bench/calibration_server"
+BENCH_DRIVERS = ("bench/sensor_a/driver", "bench/sensor_b/driver")
+NODES = (SUPERVISOR, SIMULATOR, *DRIVERS, LOCUS, TWIN)
+
+
+class Broken(Exception):
+    """A cell that doesn't get ready."""
+
+
+def wait_for(ready, limit, pause=0.002):
+    """True as soon as the condition holds, False after the limit [s wall]."""
+    end = time.monotonic() + limit
+    while not ready():
+        if time.monotonic() > end:
+            return False
+        time.sleep(pause)
+    return True
+
+
+def end_with_parent():
+    """In a child: the end of the program that started it, however it comes, is its own."""
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+class Nodes:
+    def __init__(self, options, folder, log):
+        import roslaunch.config
+
+        self.options, self.folder, self.log = options, folder, log
+        self.ns = "" if options.namespace == "root" else "/" + options.namespace
+        self.nodes, self.running, self.ours = {}, {}, set()  # ours: those that this tool has ended
+        package = pathlib.Path(__import__("rospkg").RosPack().get_path("assembly_cell"))
+        self.package = package
+        lockstep = options.mode == "lockstep"
+        cell = ["lockstep:=" + str(lockstep).lower(), f"real_time_factor:={1.0 / options.factor}"]
+        self.load(roslaunch.config, package / "launch/cell.launch", cell, "")
+        if not lockstep:
+            bench = ["store:=" + folder + "/store"]
+            self.load(roslaunch.config, package / "launch/calibration.launch", bench, "/bench")
+        parameters = {
+            SUPERVISOR + "/slow_factor": float(options.factor), SIMULATOR + "/ack_timeout": START,
+            SIMULATOR + "/start_timeout": START, RIG + "/real_time_factor": 5.0 / options.factor}
+        for driver in BENCH_DRIVERS:
+            parameters[driver + "/rate_tolerance"] = 10.0  # faster than a sensor
+        for name, value in parameters.items():
+            if name.rsplit("/", 1)[0] in self.nodes:
+                self.master().setParam(f"{self.ns}/{name}", value)
+
+    def master(self):
+        import rosgraph
+
+        return rosgraph.Master(MINE)
+
+    def load(self, config_of, file, arguments, below):
+        """Parameters to the master; its nodes under their names relative to the cell."""
+        os.environ["ROS_NAMESPACE"] = (self.ns + below) or "/"
+        config = config_of.load_config_default([(str(file), arguments)], None)
+        for param in config.params.values():
+            self.master().setParam(param.key, param.value)
+        for node in config.nodes:
+            if node.package == "assembly_cell" and node.type != "contact_markers":
+                self.nodes[(node.namespace + node.name)[len(self.ns) + 1:]] = node
+
+    def start(self, name):
+        from roslaunch.core import setup_env
+        from roslaunch.node_args import create_local_process_args
+
+        node = self.nodes[name]
+        environment = setup_env(node, node.machine, os.environ["ROS_MASTER_URI"])
+        self.running[name] = subprocess.Popen(
+            create_local_process_args(node, node.machine), env=environment, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log,
+            start_new_session=True, preexec_fn=end_with_parent)
+        self.ours.discard(name)
+
+    def up(self, name):
+        """Is the process that was started the one that the master knows?"""
+        try:
+            uri = self.master().lookupNode(f"{self.ns}/{name}")
+            return xmlrpc.client.ServerProxy(uri).getPid(MINE)[2] == self.running[name].pid
+        except Exception:  # not there yet
+            return False
+
+    def signal(self, name, number):
+        if number in (signal.SIGKILL, signal.SIGINT):
+            self.ours.add(name)
+        if self.running[name].poll() is None:
+            self.running[name].send_signal(number)
+
+    def end(self, names):
+        """Ctrl-C to all of them; names those that don't end, or not well."""
+        for name in names:
+            self.signal(name, signal.SIGINT)
+        stubborn = []
+        for name in names:
+            try:
+                code = self.running[name].wait(ENDED * self.options.factor)
+                if code != 0:
+                    stubborn.append(f"{name} ends with {code}")
+            except subprocess.TimeoutExpired:
+                stubborn.append(f"{name} doesn't end")
+                self.running[name].kill()
+                self.running[name].wait()
+        return stubborn
+
+    def crashed(self):
+        """Who has ended without being asked to."""
+        return [f"{n} has ended with {p.returncode}" for n, p in self.running.items() if p.poll() is not None and n not in self.ours]
+
+
+class Ears:
+    """What the cell says, as it comes in."""
+
+    def __init__(self, ns):
+        import rospy
+        from assembly_cell.msg import ContactArray, Exciter, Lease, PlantState, SupervisorState
+        from diagnostic_msgs.msg import DiagnosticArray
+        from geometry_msgs.msg import PoseStamped
+
+        self.plant, self.supervisor, self.pose = [], None, None  # states of the plant with the holder's last sign of life
+        self.sign, self.time, self.height, self.force, self.peak = None, 0.0, 0.0, 0.0, 0.0
+        self.named = {}  # what nodes have refused, by their name in the diagnostics
+        self.samples = {}
+
+        def hear_contacts(message):
+            force = [sum(getattr(c.force, axis) for c in message.contacts if c.state) for axis in "xyz"]
+            self.force = math.sqrt(sum(f * f for f in force))
+            self.peak = max(self.peak, self.force)
+
+        def hear_carrier(message):
+            if message._connection_header["callerid"] == MINE:
+                return
+            self.time, self.height = message.header.stamp.to_sec(), message.pose.position.z
+            self.samples["carrier_pose"] = message
+
+        def hear_sign(message):
+            if message._connection_header["callerid"] != MINE:
+                self.sign = max(self.sign or 0.0, message.header.stamp.to_sec())
+
+        def hear_plant(message):
+            if message._connection_header["callerid"] == MINE:
+                return
+            if self.plant and self.plant[-1][0].session != message.session and message.session:
+                self.sign = None
+            self.plant.append((message, self.sign))
+
+        def hear_diagnostics(message):
+            for status in message.status:
+                if status.name.endswith(": messages") and MINE in status.message:
+                    self.named[status.name] = status.message
+
+        hear = lambda topic, cls, what: rospy.Subscriber(ns + "/" + topic, cls, what, queue_size=200, tcp_nodelay=True)
+        self.subscribers = [
+            hear("truth/contacts", ContactArray, hear_contacts), hear("carrier_pose", PoseStamped, hear_carrier),
+            hear("lease", Lease, hear_sign), hear("carrier_command", PoseStamped, hear_sign), hear("exciter", Exciter, hear_sign),
+            hear("plant_state", PlantState, hear_plant),
+            hear(SUPERVISOR + "/state", SupervisorState, lambda message: setattr(self, "supervisor", message)),
+            hear("truth/pose", PoseStamped, lambda message: setattr(self, "pose", message.pose)),
+            rospy.Subscriber("/diagnostics", DiagnosticArray, hear_diagnostics, queue_size=50)]
+
+    def state(self):
+        return self.plant[-1][0] if self.plant else None
+
+
+class Goal:
+    """A goal and what its client learns."""
+
+    def __init__(self, client, fields):
+        self.client = client
+        message = client.goal_class()
+        for name, value in fields.items():
+            setattr(message.goal, name, value)
+        client.count += 1
+        self.id = message.goal_id.id = f"faults {os.getpid()} {client.count}"
+        self.result = self.status = self.end = None
+        client.goal = self
+        client.send.publish(message)
+
+    def lost(self):
+        """The server's connections have ended."""
+        if self.result is None and self.end is None and self.client.hear.get_num_connections() == 0:
+            self.end = time.monotonic()
+        return self.result is None and self.end is not None
+
+    def done(self):
+        return self.result is not None or self.lost()
+
+    def cancel(self):
+        from actionlib_msgs.msg import GoalID
+
+        self.client.stop.publish(GoalID(id=self.id))
+
+    def succeeded(self):
+        return self.status == 3
+
+    def reason(self):
+        if self.result is None:
+            return "server lost" if self.lost() else ""
+        return self.result.report.reason if hasattr(self.result, "report") else self.result.message
+
+
+class Client:
+    def __init__(self, ns, action, types):
+        import rospy
+        from actionlib_msgs.msg import GoalID
+
+        self.goal_class, result_class = types
+        self.goal, self.count = None, 0
+        self.send = rospy.Publisher(f"{ns}/{action}/goal", self.goal_class, queue_size=10, tcp_nodelay=True)
+        self.stop = rospy.Publisher(f"{ns}/{action}/cancel", GoalID, queue_size=10, tcp_nodelay=True)
+        self.hear = rospy.Subscriber(f"{ns}/{action}/result", result_class, self.on_result, queue_size=20, tcp_nodelay=True)
+
+    def on_result(self, message):
+        goal = self.goal
+        if goal is not None and message.status.goal_id.id == goal.id and goal.result is None:
+            goal.end = time.monotonic()
+            goal.status, goal.result = message.status.status, message.result
+
+    def connected(self):
+        return all(p.get_num_connections() > 0 for p in (self.send, self.stop, self.hear))
