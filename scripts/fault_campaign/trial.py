@@ -368,6 +368,8 @@ class Campaign:
         self.wait_until_ready()
         if aligned:
             self.reset()
+        # a lease of nobody's goal holds the plant for a second
+        wait_for(lambda: self.ears.state().holder != MINE, 10.0 * factor)
         if trial["retreat"] or (self.ears.supervisor is not None and self.ears.supervisor.stuck):
             goal = self.send("retreat")
             if not wait_for(goal.done, 30.0 * factor) or not goal.succeeded():

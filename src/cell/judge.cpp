@@ -73,11 +73,13 @@ void judgeEnd(const Scenario& truth, AlignTrial& trial) {
 
 AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const CellParameters& cell, const AlignParameters& parameters,
-                        const std::function<void(const AlignProgress&)>& progress) {
+                        const std::function<void(const AlignProgress&)>& progress,
+                        const std::function<void(Plant&)>& before) {
   SimulatedPlant plant(start, mechanism, cell);
   Judge judge(plant);
   AlignTrial trial;
   try {
+    if (before) before(plant);
     trial.result = align(judge, mechanism, parameters, progress);
     trial.status = toString(trial.result.failure);
   } catch (const PlantError& error) {

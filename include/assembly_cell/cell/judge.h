@@ -53,9 +53,10 @@ struct AlignTrial {
 void judgeEnd(const Scenario& truth, AlignTrial& trial);
 
 /// Aligns in simulation from `start`; the strategy knows `mechanism` alone. A simulation that stops
-/// is a failure with its reason. Throws InputError.
+/// is a failure with its reason. `before`: what happens to the cell first. Throws InputError.
 AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const CellParameters& cell, const AlignParameters& parameters,
-                        const std::function<void(const AlignProgress&)>& progress = {});
+                        const std::function<void(const AlignProgress&)>& progress = {},
+                        const std::function<void(Plant&)>& before = {});
 
 }  // namespace assembly_cell
