@@ -12,9 +12,10 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-constexpr double kLonger = 4.0;  // window of a second reading: half the noise
-constexpr double kFirmer = 0.7;  // exciter, and press over it, where a contact slipped: half the
-                                 // friction asked for
+constexpr double kMostLean = 0.5;  // of the peg on the plane: the model of small motions [rad]
+constexpr double kLonger = 4.0;    // window of a second reading: half the noise
+constexpr double kFirmer = 0.7;    // exciter, and press over it, where a contact slipped: half the
+                                   // friction asked for
 constexpr int kAttempts = 4;
 constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
 constexpr double kMaxTilt = 0.14;      // 8 degrees [rad]
@@ -304,6 +305,11 @@ void VibratedSearch::invert(Felt& felt) const {
   point.rolling = felt.reading.kind == HoleReading::kPlane;
   point.tilt = axisTilt(R_HP.col(2));
   point.sensor_tilt = axisTilt((R_HS * felt.X_SC.R).col(2));
+  const double lean = std::max(point.tilt.norm(), point.sensor_tilt.norm());
+  if (!(lean < kMostLean)) {
+    throw AlignError(AlignFailure::kNoPlaneReading,
+                     text("the contacts make a plane that the peg leans on by %.2f rad", lean));
+  }
   const ReadingLimits limits;
   explain(mechanism_, point, limits, felt.seen);
   if (!felt.seen.direction) return;

@@ -289,6 +289,11 @@ double RosPlant::time() const {
   return (last_.end - origin_).toSec();
 }
 
+bool RosPlant::hasMoved() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return moved_;
+}
+
 Pose RosPlant::carrierMotion() const { return inverse(start_) * carrierPose(); }
 
 Pose RosPlant::carrierPose() const {
@@ -309,6 +314,7 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
 
 void RosPlant::publishCarrier(const Pose& X_BC) {
   commanded_ = X_BC;
+  moved_ = true;
   ++commands_;
   command_pub_.publish(poseStamped(kCarrierBaseFrame, X_BC, last_.end));
 }
@@ -322,6 +328,7 @@ void RosPlant::publishExciter(const ExciterParameters& drive) {
   exciter_.frequency = drive.frequency;
   exciter_.phase = drive.phase;
   exciter_.direction = static_cast<std::int8_t>(drive.direction);
+  moved_ = true;
   ++commands_;
   exciter_pub_.publish(exciter_);
 }

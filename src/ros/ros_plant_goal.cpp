@@ -43,7 +43,7 @@ void RosPlant::checkGoal() const {
 
 // Of a wait, wall time. In lockstep the cell's time stands while somebody is slow.
 double RosPlant::patience() const {
-  if (stopping_) return std::min(kParting, settings_.timeout);
+  if (stopping_) return std::min(kParting * settings_.slow_factor, settings_.timeout);
   if (lockstep_ || origin_.isZero()) return settings_.timeout;
   return std::max(settings_.data_timeout * settings_.slow_factor,
                   std::min(kIntervals * block_interval_, settings_.timeout));
@@ -142,7 +142,7 @@ bool RosPlant::hasData() const {
   if (origin_.isZero()) return false;
   // in lockstep time stands when somebody is missing
   const std::chrono::duration<double> silent = Steady::now() - block_arrived_;
-  return silent.count() < (lockstep_ ? kProbe : patience());
+  return silent.count() < (lockstep_ ? kProbe * settings_.slow_factor : patience());
 }
 
 // The next block that may be handed out: fresh, from a plant that follows.
@@ -294,6 +294,7 @@ void RosPlant::end(bool hold) {
   link_.end();
   active_ = false;
   recovering_ = false;
+  moved_ = false;
   cancelled_ = nullptr;
   twin_force_.release();
   acknowledge();

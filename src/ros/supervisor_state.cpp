@@ -41,9 +41,11 @@ void SupervisorNode::enter(const std::string& goal, bool needs_free_peg) {
   publishState();
 }
 
-SupervisorNode::End SupervisorNode::endOfException() {
+SupervisorNode::End SupervisorNode::endOfException() const {
   End end;
   end.failed = true;
+  // bad input is mostly found before anything moves
+  end.begun = plant_->hasMoved();
   try {
     throw;
   } catch (const InputError& error) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <ros/ros.h>
 #include <signal.h>
+#include <std_srvs/Trigger.h>
 
 #include <map>
 #include <memory>
@@ -13,11 +14,13 @@
 #include "assembly_cell/AlignPegAction.h"
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
+#include "assembly_cell/GetCalibration.h"
 #include "assembly_cell/Lease.h"
 #include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/PlantState.h"
 #include "assembly_cell/RetreatAction.h"
 #include "assembly_cell/SetBias.h"
+#include "assembly_cell/SetCalibration.h"
 #include "assembly_cell/SupervisorState.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
@@ -258,6 +261,19 @@ TEST_F(Faults, WhoElseCommandsOrZeroesEndsTheGoalAndIsNamed) {
   ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/set_bias", zero));
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
   EXPECT_EQ(reason().rfind("zero of sensor_b changed", 0), 0U) << reason();
+  std_srvs::Trigger clear;
+  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/clear_bias", clear));
+
+  GetCalibration own;
+  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/get_calibration", own));
+  SetCalibration other;
+  other.request.calibration = own.response.calibration;
+  other.request.calibration.volts_to_wrench[0] *= 1.001;
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/set_calibration", other));
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_EQ(reason().rfind("calibration of sensor_b changed", 0), 0U) << reason();
 }
 
 }  // namespace

@@ -64,6 +64,9 @@ class RosPlant : public Plant {
   /// the goal fail, so that the peg can be freed. Throws PlantError where there is no data.
   void recover(double seconds);
 
+  /// Has the goal under way commanded anything?
+  bool hasMoved() const;
+
   /// Do blocks come in? Without them nothing can be felt.
   bool hasData() const;
 
@@ -149,6 +152,7 @@ class RosPlant : public Plant {
   std::optional<Block> fresh_;                // complete, not handed out yet
   Block last_;                                // handed out
   bool active_ = false;                       // a strategy is running
+  bool moved_ = false;                        // it has commanded something
   bool recovering_ = false;                   // it has failed, the peg is being freed
   double most_time_ = 0.0;                    // of this goal or recovery, plant clock [s]
   std::atomic<bool> stopping_{false};

@@ -59,7 +59,7 @@ class SupervisorNode {
     std::string reason;
   };
   /// Of the exception that is being handled.
-  static End endOfException();
+  End endOfException() const;
   /// A goal has ended. Where it failed the peg is freed first, if there is anything to feel with.
   void leave(const End& end);
   void tell(bool in_contact, bool stuck, const std::string& reason);
