@@ -32,7 +32,7 @@ GOALS = {  # goal: (action, moments)
     "twin_force": ("align", ("time", "down", "pressed", "pressed")),
     "calibrate": ("bench/calibrate", ("time",)),
 }
-LONGEST = {"move_to_contact": 0.8, "align": 20.0, "twin_force": 12.0, "calibrate": 4.0}  # of "time" [s]
+LONGEST = {"move_to_contact": 0.8, "align": 20.0, "twin_force": 12.0, "calibrate": 0.7}  # of "time" [s]
 
 
 def faults_of(goal):
