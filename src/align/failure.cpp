@@ -36,7 +36,8 @@ const char* toString(AlignFailure failure) {
                                            "cancelled",
                                            "no_data",
                                            "stopped",
-                                           "edge_outside"};
+                                           "edge_outside",
+                                           "wrong_mechanism"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(AlignFailure::kCount));
   return kNames[static_cast<int>(failure)];
 }

@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/cell/judge.h"
 
+#include "assembly_cell/identification/mechanism_check.h"
+
 #include <Eigen/Cholesky>
 #include <cmath>
 
@@ -71,16 +73,36 @@ void judgeEnd(const Scenario& truth, AlignTrial& trial) {
   trial.status = toString(outside.failure);
 }
 
-AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
-                        const CellParameters& cell, const AlignParameters& parameters,
-                        const std::function<void(const AlignProgress&)>& progress,
-                        const std::function<void(Plant&)>& before) {
-  SimulatedPlant plant(start, mechanism, cell);
+namespace {
+
+AlignResult alignChecked(SimulatedPlant& plant, Judge& judge, const KnownMechanism& known,
+                         const AlignParameters& parameters,
+                         const std::function<void(const AlignProgress&)>& progress) {
+  AlignResult refused;
+  try {
+    const MechanismCheck check = checkMechanism(judge, known);
+    if (check.agrees) {
+      plant.know(known);
+      return align(judge, known.mechanism, parameters, progress);
+    }
+    const AlignError error(AlignFailure::kWrongMechanism, check.message);
+    refused.failure = error.failure;
+    refused.reason = error.what();
+  } catch (const AlignError& error) {
+    refused.failure = error.failure;
+    refused.reason = error.what();
+  }
+  refused.time = plant.truth().time();
+  return refused;
+}
+
+// carries out a run and looks at its end
+AlignTrial judged(const Scenario& start, SimulatedPlant& plant,
+                  const std::function<AlignResult(Judge&, AlignTrial&)>& run) {
   Judge judge(plant);
   AlignTrial trial;
   try {
-    if (before) before(plant);
-    trial.result = align(judge, mechanism, parameters, progress);
+    trial.result = run(judge, trial);
     trial.status = toString(trial.result.failure);
   } catch (const PlantError& error) {
     trial.result.failure = error.failure;
@@ -98,6 +120,47 @@ AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
   trial.X_HP = plant.truth().pegPose();
   judgeEnd(start, trial);
   return trial;
+}
+
+}  // namespace
+
+AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
+                        const CellParameters& cell, const AlignParameters& parameters,
+                        const std::function<void(const AlignProgress&)>& progress,
+                        const std::function<void(Plant&)>& before) {
+  SimulatedPlant plant(start, mechanism, cell);
+  return judged(start, plant, [&](Judge& judge, AlignTrial&) {
+    if (before) before(plant);
+    return align(judge, mechanism, parameters, progress);
+  });
+}
+
+AlignTrial tryAlignment(const Scenario& start, const KnownMechanism& known,
+                        const CellParameters& cell, const AlignParameters& parameters,
+                        const std::function<void(const AlignProgress&)>& progress) {
+  SimulatedPlant plant(start, known.mechanism, cell);
+  return judged(start, plant, [&](Judge& judge, AlignTrial&) {
+    return known.identified ? alignChecked(plant, judge, known, parameters, progress)
+                            : align(judge, known.mechanism, parameters, progress);
+  });
+}
+
+AlignTrial identifyAndAlign(const Scenario& start, const Mechanism& nominal,
+                            const CellParameters& cell, const AlignParameters& parameters,
+                            const std::function<void(const AlignProgress&)>& progress) {
+  SimulatedPlant plant(start, nominal, cell);
+  return judged(start, plant, [&](Judge& judge, AlignTrial& trial) {
+    KnownMechanism known = knownAsDrawn(nominal);
+    try {
+      const Identification found = identify(nominal, measure(judge, nominal, planFor(nominal)));
+      if (found.accepted) known = knownFrom(found);
+    } catch (const AlignError&) {
+      // the drawing is what is known, then; the alignment finds out what is in the way
+    }
+    trial.identification_time = plant.truth().time();
+    if (known.identified) plant.know(known);
+    return align(judge, known.mechanism, parameters, progress);
+  });
 }
 
 }  // namespace assembly_cell

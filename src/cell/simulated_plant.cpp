@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/locus/vibration_fit.h"
 
 namespace assembly_cell {
 namespace {
@@ -27,6 +28,7 @@ TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH) {
 SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
                                const CellParameters& parameters, const Pose& X_AH)
     : nominal_(nominal),
+      X_AH_(X_AH),
       cell_(scenario, parameters),
       calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
       calibration_b_(
@@ -39,16 +41,35 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
   rounding_b_ = roundingCovariance(calibration_b_.volts_to_wrench, step);
 }
 
-void SimulatedPlant::collect() {
+void SimulatedPlant::know(const KnownMechanism& known) {
+  nominal_ = known.mechanism;
+  drive_ = known.drive;
+  const CellParameters& parameters = cell_.parameters();
+  calibration_b_ = designCalibration(bridgeB(parameters.bits, parameters.noise), nominal_.coupling);
+  twin_force_ = TwinForceContacts(twinForceSetup(nominal_, X_AH_));
+}
+
+void SimulatedPlant::Window::begin(const LocusRequest& wanted) {
+  request = wanted;
+  angles.clear();
+  signals.clear();
+}
+
+bool SimulatedPlant::Window::endsBefore(double time) const {
+  return request && time >= request->start + request->duration - 1e-9;
+}
+
+void SimulatedPlant::collect(Window& window, bool wrench) {
   for (std::size_t i = 0; i < block_.saturated_b.size(); ++i) {
     const double t = block_.time + static_cast<double>(i) * block_.period;
-    const double since = t - request_->start + kRounding * block_.period;
-    if (since < 0.0 || since >= request_->duration) continue;
+    const double since = t - window.request->start + kRounding * block_.period;
+    if (since < 0.0 || since >= window.request->duration) continue;
     const Vector6 volts = Vector6::Map(block_.volts_b.data() + 6 * i);
-    const Vector6 displacement = displacementFromVolts(calibration_b_, volts);
-    angles_.push_back(exciter_.direction *
-                      (exciter_.frequency * (t - exciter_reference_) + exciter_.phase));
-    displacements_.insert(displacements_.end(), displacement.data(), displacement.data() + 6);
+    const Vector6 signal = wrench ? wrenchFromVolts(calibration_b_, volts)
+                                  : displacementFromVolts(calibration_b_, volts);
+    window.angles.push_back(exciter_.direction *
+                            (exciter_.frequency * (t - exciter_reference_) + exciter_.phase));
+    window.signals.insert(window.signals.end(), signal.data(), signal.data() + 6);
   }
 }
 
@@ -58,13 +79,16 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   if (command.exciter) {
     exciter_ = *command.exciter;
     exciter_reference_ = simulation.time();
-    simulation.setExciter(exciter_, exciter_reference_);
+    simulation.setExciter(compensated(exciter_, drive_), exciter_reference_);
   }
+  // the block before ends where a window may start
   if (command.locus) {
-    request_ = command.locus;
-    angles_.clear();
-    displacements_.clear();
-    collect();  // the block before ends where the window may start
+    locus_.begin(*command.locus);
+    collect(locus_, false);
+  }
+  if (command.vibration) {
+    vibration_.begin(*command.vibration);
+    collect(vibration_, true);
   }
 
   const StopReason reason = cell_.next(block_);
@@ -95,13 +119,18 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   for (std::size_t i = 0; i < n; ++i) {
     out.saturated = out.saturated || block_.saturated_a[i] || block_.saturated_b[i];
   }
-  if (request_) collect();
+  if (locus_.request) collect(locus_, false);
+  if (vibration_.request) collect(vibration_, true);
   out.time = simulation.time();
   out.carrier = restFromPose(cell_.reported());
 
-  if (request_ && out.time >= request_->start + request_->duration - 1e-9) {
-    out.locus = readLocus(nominal_, exciter_, angles_, displacements_);
-    request_.reset();
+  if (locus_.endsBefore(out.time)) {
+    out.locus = readLocus(nominal_, exciter_, locus_.angles, locus_.signals);
+    locus_.request.reset();
+  }
+  if (vibration_.endsBefore(out.time)) {
+    out.vibration = fitVibration(vibration_.angles, vibration_.signals);
+    vibration_.request.reset();
   }
   return out;
 }

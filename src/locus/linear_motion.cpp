@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "linear_motion.h"
+#include "assembly_cell/locus/linear_motion.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -53,11 +53,18 @@ Matrix3d forceStiffness(const Vector3d& f, const Vector3d& l) {
   return f.dot(l) * Matrix3d::Identity() - 0.5 * (f * l.transpose() + l * f.transpose());
 }
 
+// the coupling's static moment acts on Euler angles, which differ from θ by θ×θ terms
+Matrix3d eulerStiffness(const Vector3d& moment) {
+  Matrix3d euler;
+  euler << 0.0, moment.z(), moment.y(), moment.z(), 0.0, -moment.x(), moment.y(), -moment.x(), 0.0;
+  return 0.5 * euler;
+}
+
 }  // namespace
 
-UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate, const Vector2d& tilt,
+UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, const Vector2d& tilt,
                            const Vector2d& sensor_tilt)
-    : R_HP(tilted(tilt)), R_HS(tilted(sensor_tilt)) {
+    : rate(rate_of_angle), R_HP(tilted(tilt)), R_HS(tilted(sensor_tilt)) {
   const Matrix6 stiffness = symmetric(mechanism.coupling.stiffness);
   const Complex s(0.0, rate);
   const Matrix6 damping = symmetric(mechanism.coupling.damping);
@@ -112,17 +119,55 @@ UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate, const Vector
   }
 }
 
+void UnheldMotion::giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& compliance) {
+  // z: the coupling itself moves; its deflection is that by the peg's height less the way
+  const Complex9 by_height =
+      dynamic.col(kU + 2) + rate * rate * mechanism.peg.mass * Complex9::Unit(kU + 2);
+  const Complex6 wrench_by_height = wrench.col(kU + 2);
+  const Eigen::Matrix<Complex, 1, 9> way =
+      compliance[2] / (1.0 + compliance[2] * wrench_by_height[2]) * wrench.row(2);
+  dynamic -= by_height * way;
+  wrench -= wrench_by_height * way;
+  // x and y: the carrier's own springs and dampers pull to the rest point
+  const CarrierParameters& carrier = mechanism.carrier;
+  for (int axis = 0; axis < 2; ++axis) {
+    const Complex pull = carrier.stiffness[axis] + Complex(0.0, rate) * carrier.damping[axis];
+    dynamic.row(kCarrier + axis) -= pull * compliance[axis] * wrench.row(axis);
+  }
+}
+
+Eigen::Vector3cd exciterForce(const UnheldMotion& free, const Eigen::Vector2cd& excitation) {
+  return free.R_HP.leftCols<2>().cast<Complex>() * excitation;
+}
+
+Complex9 hangingMotion(const Mechanism& mechanism, const UnheldMotion& free,
+                       const Eigen::Vector2cd& excitation) {
+  const Vector3d coupling(0.0, 0.0, mechanism.peg.mass * mechanism.gravity);
+  ComplexMatrix9 dynamic = free.dynamic;
+  dynamic.block<3, 3>(kTheta, kTheta) += (forceStiffness(coupling, free.to_coupling) +
+                                          eulerStiffness(free.to_coupling.cross(coupling)))
+                                             .cast<Complex>();
+  Complex9 load = Complex9::Zero();
+  load.head<3>() = exciterForce(free, excitation);
+  load.segment<3>(kTheta) = skew(free.to_exciter).cast<Complex>() * load.head<3>();
+  return dynamic.partialPivLu().solve(load);
+}
+
 HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point)
-    : free_(mechanism, point.direction * point.frequency, point.tilt, point.sensor_tilt),
+    : HeldMotion(
+          mechanism, point,
+          UnheldMotion(mechanism, point.direction * point.frequency, point.tilt, point.sensor_tilt),
+          {point.amplitude, Complex(0.0, -point.amplitude)}) {}
+
+HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point,
+                       const UnheldMotion& free, const Eigen::Vector2cd& excitation)
+    : free_(free),
       peg_(mechanism.peg),
       contact_(point.friction.x(), point.friction.y(), point.press),
       weight_(mechanism.peg.mass * mechanism.gravity),
       rolling_(point.rolling && point.tilt.norm() > 1e-3 ? mechanism.peg.radius / point.tilt.norm()
-                                                         : 0.0) {
-  const Vector3d force_in_peg(point.amplitude, 0.0, 0.0), quarter(0.0, point.amplitude, 0.0);
-  force_.real() = free_.R_HP * force_in_peg;
-  force_.imag() = free_.R_HP * -quarter;
-}
+                                                         : 0.0),
+      force_(exciterForce(free_, excitation)) {}
 
 Complex9 HeldMotion::solve(double alpha) const {
   // the held point: its horizontal direction from the bottom centre is alpha
@@ -134,11 +179,7 @@ Complex9 HeldMotion::solve(double alpha) const {
   // static forces: contact, and the coupling that balances it and the weight
   const Vector3d coupling(-contact_.x(), -contact_.y(), weight_ - contact_.z());
   Matrix3d fixed = forceStiffness(contact_, rho) + forceStiffness(coupling, free_.to_coupling);
-  // the coupling's static moment acts on Euler angles, which differ from θ by θ×θ terms
-  const Vector3d moment = rho.cross(contact_) + free_.to_coupling.cross(coupling);
-  Matrix3d euler;
-  euler << 0.0, moment.z(), moment.y(), moment.z(), 0.0, -moment.x(), moment.y(), -moment.x(), 0.0;
-  fixed += 0.5 * euler;
+  fixed += eulerStiffness(rho.cross(contact_) + free_.to_coupling.cross(coupling));
   // rolling: a turn s about the radial axis moves the contact by -(r / tilt) s along the edge
   const Vector3d along(-radial.y(), radial.x(), 0.0);
   fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();

@@ -8,7 +8,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
-#include "linear_motion.h"
+#include "assembly_cell/locus/linear_motion.h"
 
 namespace assembly_cell {
 

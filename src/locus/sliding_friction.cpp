@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
-#include "linear_motion.h"
+#include "assembly_cell/locus/linear_motion.h"
 
 namespace assembly_cell {
 

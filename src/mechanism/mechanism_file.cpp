@@ -212,9 +212,9 @@ Mechanism loadMechanism(const std::string& path, const std::vector<std::string>&
   yaml::Section in(yaml::loadMapping(yaml::fileText(path, "mechanism"), path, overrides), "", path);
   const Mechanism mechanism = mechanism_file::readMechanism(in, nullptr);
   // what a scenario says beside
-  for (const char* key :
-       {"name", "duration", "push", "contact", "initial", "solver", "thesis_moments",
-        "thesis_cross_stiffness", "thesis_creep", "thesis_no_centripetal", "thesis_sign_flip"}) {
+  for (const char* key : {"name", "duration", "push", "contact", "initial", "solver",
+                          "identification", "thesis_moments", "thesis_cross_stiffness",
+                          "thesis_creep", "thesis_no_centripetal", "thesis_sign_flip"}) {
     in.optional(key);
   }
   in.finish();

@@ -30,6 +30,7 @@ using assembly_cell::AlignProgress;
 using assembly_cell::AlignTrial;
 using assembly_cell::CellParameters;
 using assembly_cell::InputError;
+using assembly_cell::KnownMechanism;
 using assembly_cell::Mismatch;
 using assembly_cell::Scenario;
 using assembly_cell::Truth;
@@ -51,6 +52,9 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --noise V             of every strain channel, rms (default 5e-4)  [V]
   --offset-max D        of random starts (default 0.015)  [m]
   --tilt-max T          of random starts (default 0.0349, 2 degrees)  [rad]
+  --mechanism FILE.yaml what strategies believe of the parts instead of the scenario, as identify --out wrote it;
+                        checked on the hanging peg before anything is pressed
+  --identify            each run identifies its mechanism first, see docs/identification.md
   --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
                         for each run from its seed, see docs/mismatch.md
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
@@ -68,7 +72,8 @@ Example: align config/scenarios/cell.yaml --runs 20 --seed 7
 constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
 
 struct Options {
-  std::string scenario, report, mismatch;
+  std::string scenario, report, mismatch, mechanism;
+  bool identify = false;
   std::vector<std::string> overrides;
   AlignParameters align;
   CellParameters cell;
@@ -93,6 +98,8 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
   parser.text("--mismatch", o.mismatch);
+  parser.text("--mechanism", o.mechanism);
+  parser.flag("--identify", o.identify);
   parser.text("--report", o.report);
   return parser.parse(arguments);
 }
@@ -120,6 +127,7 @@ Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed)
 struct Task {
   Scenario scenario;
   std::optional<Mismatch> mismatch;
+  std::optional<KnownMechanism> known;
 
   Scenario truthOf(const Options& o, std::uint64_t seed, Truth& truth) const {
     const Scenario start = startOf(o, scenario, seed);
@@ -141,14 +149,16 @@ Run runOnce(const Options& o, const Task& task, std::uint64_t seed,
   cell.truth = truth.cell;
   run.truth = truthText(truth);
   if (run.truth == "{}") run.truth.clear();
-  const assembly_cell::Mechanism& mechanism = task.scenario.mechanism;
+  const assembly_cell::Mechanism& drawn = task.scenario.mechanism;
   std::function<void(assembly_cell::Plant&)> before;
   if (o.second_goals) {
     before = [&](assembly_cell::Plant& plant) {
-      assembly_cell::leaveFirstGoal(plant, mechanism, o.align, seed);
+      assembly_cell::leaveFirstGoal(plant, drawn, o.align, seed);
     };
   }
-  run.trial = tryAlignment(scenario, mechanism, cell, o.align, progress, before);
+  run.trial = o.identify   ? identifyAndAlign(scenario, drawn, cell, o.align, progress)
+              : task.known ? tryAlignment(scenario, *task.known, cell, o.align, progress)
+                           : tryAlignment(scenario, drawn, cell, o.align, progress, before);
   run.wall_time = std::chrono::duration<double>(Clock::now() - start).count();
   return run;
 }
@@ -228,17 +238,37 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    contacts: " << trial.result.contacts << "\n"
         << "    simulated_time: " << yamlNumber(trial.result.time) << "\n"
         << "    wall_time: " << yamlNumber(wall_time) << "\n";
+    if (trial.identification_time > 0.0) {
+      out << "    identification_time: " << yamlNumber(trial.identification_time) << "\n";
+    }
     if (!truth.empty()) out << "    mismatch: " << truth << "\n";
   }
   return out.str();
 }
 
+KnownMechanism knownMechanism(const Options& o) {
+  if (o.identify) {
+    throw InputError("--identify: value true: the runs have " + o.mechanism +
+                     " of --mechanism already, leave one of them out");
+  }
+  const KnownMechanism known = assembly_cell::loadKnownMechanism(o.mechanism);
+  if (!known.accepted) {
+    throw InputError("--mechanism: value " + o.mechanism + ": its identification says " +
+                     known.verdict + "; identify the mechanism anew");
+  }
+  return known;
+}
+
 int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
-  Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}};
+  Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
   assembly_cell::checkParameters(o.align);
   if (o.second_goals && o.runs == 1) throw InputError("--second-goals: give --runs above 1, too");
+  if (o.second_goals && (o.identify || !o.mechanism.empty())) {
+    throw InputError("--second-goals: leave out --identify and --mechanism, it begins in contact");
+  }
+  if (!o.mechanism.empty()) task.known = knownMechanism(o);
   if (!o.mismatch.empty()) {
     task.mismatch = assembly_cell::loadMismatch(o.mismatch);
     // a draw that can't be is refused before the first run

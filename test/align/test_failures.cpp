@@ -402,7 +402,8 @@ TEST(FailureTable, ListsEveryNameAndNoOther) {
     named.insert(toString(static_cast<AlignFailure>(i)));
   }
   EXPECT_EQ(listed, named);
-  std::set<std::string> reached = {"cancelled", "no_data", "stopped", "edge_outside"};
+  std::set<std::string> reached = {"cancelled", "no_data", "stopped", "edge_outside",
+                                   "wrong_mechanism"};
   for (const Case& c : kCases) reached.insert(toString(c.failure));
   EXPECT_EQ(reached, std::set<std::string>(named.begin(), named.end()));
 }

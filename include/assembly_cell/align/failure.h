@@ -42,6 +42,7 @@ enum class AlignFailure {
   kNoData,
   kStopped,
   kEdgeOutside,
+  kWrongMechanism,
   kCount  ///< of these
 };
 

@@ -24,6 +24,7 @@ struct PlantCommand {
   std::optional<ExciterParameters>
       exciter;  ///< amplitude 0: off; the phase refers to the block's start
   std::optional<LocusRequest> locus;
+  std::optional<LocusRequest> vibration;  ///< the same of sensor_b's wrench itself
 };
 
 /// What one block of samples says. Means over the block.
@@ -40,6 +41,8 @@ struct PlantBlock {
   bool saturated = false;                    ///< any channel of either sensor
   RestPose carrier;                          ///< its pose in its base frame, as its encoders say
   std::optional<LocusReading> locus;         ///< in the first block at or after the window's end
+  /// Likewise of sensor_b's wrench, fitVibration() at the angle that the exciter was asked for.
+  std::optional<HarmonicFit> vibration;
 };
 
 class TwinForceSensing;

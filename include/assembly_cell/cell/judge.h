@@ -7,6 +7,7 @@
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/identification/mechanism_record.h"
 
 namespace assembly_cell {
 
@@ -47,13 +48,26 @@ struct AlignTrial {
   Eigen::Vector2d true_offset, true_tilt;  ///< as AlignResult's offset [m] and tilt [rad]
   Pose X_HP;                               ///< frame `peg` in `hole` at the end
   std::vector<double> direction_errors;    ///< of the readings that can be judged, absolute [rad]
+  double identification_time = 0.0;        ///< of cell time, where the run identified first [s]
 };
 
 /// What the end says of the trial: success, and an edge outside though the strategy said aligned.
 void judgeEnd(const Scenario& truth, AlignTrial& trial);
 
-/// Aligns in simulation from `start`; the strategy knows `mechanism` alone. A simulation that stops
-/// is a failure with its reason. `before`: what happens to the cell first. Throws InputError.
+/// Aligns in simulation from `start`; the strategy knows `known` alone. What was identified is
+/// checked on the hanging peg first: a mechanism that it contradicts is refused (`wrong_mechanism`)
+/// before anything is pressed, and its exciter's gain and delay are made up for. A simulation that
+/// stops is a failure with its reason. Throws InputError.
+AlignTrial tryAlignment(const Scenario& start, const KnownMechanism& known,
+                        const CellParameters& cell, const AlignParameters& parameters,
+                        const std::function<void(const AlignProgress&)>& progress = {});
+/// The same after an identification that begins with `nominal` as the drawing, in the same run. One
+/// that is refused leaves the drawing.
+AlignTrial identifyAndAlign(const Scenario& start, const Mechanism& nominal,
+                            const CellParameters& cell, const AlignParameters& parameters,
+                            const std::function<void(const AlignProgress&)>& progress = {});
+/// The same with a mechanism as drawn, which is not checked. `before`: what happens to the cell
+/// first.
 AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const CellParameters& cell, const AlignParameters& parameters,
                         const std::function<void(const AlignProgress&)>& progress = {},

@@ -6,6 +6,7 @@
 #include "assembly_cell/align/plant.h"
 #include "assembly_cell/align/twin_contacts.h"
 #include "assembly_cell/cell/simulated_cell.h"
+#include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/sensor/calibration.h"
 
 namespace assembly_cell {
@@ -23,13 +24,27 @@ class SimulatedPlant : public Plant {
   PlantBlock next(const PlantCommand& command) override;
   TwinForceSensing* twinForce() override { return &twin_force_; }
 
+  /// From now on computes displacements and loci from what is known, and asks the exciter for what
+  /// makes the force come as commanded.
+  void know(const KnownMechanism& known);
+
   /// For the judge of a run only: no strategy sees it.
   Simulation& truth() { return cell_.simulation(); }
 
  private:
-  void collect();  // the block's samples in the requested window
+  // Samples in a requested window: exciter's angle, and 6 × n displacements or wrenches.
+  struct Window {
+    std::optional<LocusRequest> request;
+    std::vector<double> angles, signals;
+
+    void begin(const LocusRequest& wanted);
+    bool endsBefore(double time) const;
+  };
+  // the block's samples that lie in the window
+  void collect(Window& window, bool wrench);
 
   Mechanism nominal_;
+  Pose X_AH_;
   SimulatedCell cell_;
   Calibration calibration_a_, calibration_b_;
   Matrix6 rounding_a_, rounding_b_;
@@ -37,8 +52,8 @@ class SimulatedPlant : public Plant {
   StrainBlock block_;
   ExciterParameters exciter_;
   double exciter_reference_ = 0.0;
-  std::optional<LocusRequest> request_;
-  std::vector<double> angles_, displacements_;  // of the samples in the requested window
+  DriveErrors drive_;
+  Window locus_, vibration_;
 };
 
 }  // namespace assembly_cell

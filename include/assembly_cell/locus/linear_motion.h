@@ -1,12 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The linear motion behind contact_model.h and operating_point.h: the mechanism free, with a point
-// of the peg's edge held, and as its sensor tells it.
 #pragma once
 
 #include <complex>
 
 #include "assembly_cell/locus/contact_model.h"
 
+// The linear motion behind contact_model.h, operating_point.h and identification: the mechanism
+// hanging, with a point of the peg's edge held, and as its sensor tells it. SI units, axes of
+// `hole`.
 namespace assembly_cell::linear_motion {
 
 using Complex = std::complex<double>;
@@ -21,20 +22,35 @@ constexpr int kU = 0, kTheta = 3, kCarrier = 6;
 
 // The mechanism without contact at one frequency and tilt.
 struct UnheldMotion {
-  UnheldMotion(const Mechanism& mechanism, double rate, const Eigen::Vector2d& tilt,
+  UnheldMotion(const Mechanism& mechanism, double rate_of_angle, const Eigen::Vector2d& tilt,
                const Eigen::Vector2d& sensor_tilt);
 
+  double rate;  // of the exciter's angle, negative for a clockwise one [rad/s]
   Eigen::Matrix3d R_HP, R_HS;
   Eigen::Vector3d to_coupling, to_exciter;  // from the centre of mass [m]
   Eigen::Matrix<Complex, 6, 9> wrench;      // of the peg on the sensor at the coupling, hole axes
   Eigen::Matrix<double, 3, 9> displaced;    // coupling point against the carrier, hole axes
   ComplexMatrix9 dynamic;                   // generalised forces per coordinates
+
+  // The carrier's rest point gives way by so much of the coupling's force on it [m/N], each axis.
+  void giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& compliance);
 };
+
+// Force of the exciter on the peg by its phasors along the peg's x and y: (1, -i) times the
+// amplitude where it turns in a circle.
+Eigen::Vector3cd exciterForce(const UnheldMotion& free, const Eigen::Vector2cd& excitation);
+
+// All nine coordinates of the peg that hangs free under its weight, shaken by `excitation` [N].
+Complex9 hangingMotion(const Mechanism& mechanism, const UnheldMotion& free,
+                       const Eigen::Vector2cd& excitation);
 
 // The six coordinates that are left with a point of the peg's edge held: theta and the carrier.
 class HeldMotion {
  public:
   HeldMotion(const Mechanism& mechanism, const OperatingPoint& point);
+  // with a motion and an exciter that differ from what the point says
+  HeldMotion(const Mechanism& mechanism, const OperatingPoint& point, const UnheldMotion& free,
+             const Eigen::Vector2cd& excitation);
 
   const UnheldMotion& free() const { return free_; }
 

@@ -1,0 +1,165 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/identification/fit.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "assembly_cell/base/distributions.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
+#include "problem.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using identification::Problem;
+using identification::Rows;
+
+constexpr int kMostIterations = 30;
+constexpr double kSettled = 1e-4;  // longest step at the end, in deviations of the prior
+
+constexpr double kBluntness[] = {0.2, 0.02, 0.0};  // errors of the model, of a reading's force
+
+struct Solution {
+  VectorXd z;
+  MatrixXd covariance;
+  double chi2 = 0.0;  // prior included
+  int data = 0, iterations = 0;
+};
+
+double cost(const Rows& rows, const VectorXd& z) {
+  return rows.residual.squaredNorm() + z.squaredNorm();
+}
+
+// Levenberg–Marquardt on data and prior, from s.z
+void refine(const Problem& problem, Solution& s) {
+  Rows rows = problem.rows(s.z, false, true);
+  const MatrixXd unit = MatrixXd::Identity(problem.size(), problem.size());
+  double damping = 0.0;
+  for (int k = 0; k < kMostIterations; ++k, ++s.iterations) {
+    const MatrixXd information = rows.jacobian.transpose() * rows.jacobian + unit;
+    const VectorXd slope = rows.jacobian.transpose() * rows.residual - s.z;
+    const MatrixXd damped = information + MatrixXd(damping * information.diagonal().asDiagonal());
+    const VectorXd step = damped.llt().solve(slope);
+    const VectorXd tried = s.z + step;
+    const double now = cost(rows, s.z), then = cost(problem.rows(tried, false, false), tried);
+    if (then <= now) {
+      s.z = tried;
+      rows = problem.rows(s.z, false, true);
+      damping *= 0.1;
+      if (damping < 1e-6) damping = 0.0;
+    } else {
+      damping = std::max(1e-3, 10.0 * damping);
+    }
+    if (step.cwiseAbs().maxCoeff() < kSettled) break;
+  }
+  s.covariance = (rows.jacobian.transpose() * rows.jacobian + unit).llt().solve(unit);
+  s.chi2 = cost(rows, s.z);
+  s.data = static_cast<int>(rows.residual.size());
+}
+
+// The data are so sharp that the nearest minimum need not be the best: at first they count as much
+// less exact, so that the prior leads.
+Solution solve(const Mechanism& nominal, const IdentificationData& data,
+               const IdentificationPrior& prior) {
+  Solution s;
+  for (const double blunt : kBluntness) {
+    IdentificationPrior now = prior;
+    now.hanging_model = std::max(now.hanging_model, blunt);
+    now.pressed_model = std::max(now.pressed_model, blunt);
+    const Problem problem(nominal, data, now);
+    if (s.z.size() == 0) s.z = VectorXd::Zero(problem.size());
+    refine(problem, s);
+  }
+  return s;
+}
+
+// χ² of what was left out, its own noise and the posterior's
+double misfit(const Rows& rows, const MatrixXd& covariance) {
+  const MatrixXd expected = rows.jacobian * covariance * rows.jacobian.transpose() +
+                            MatrixXd::Identity(rows.residual.size(), rows.residual.size());
+  return rows.residual.dot(expected.llt().solve(rows.residual));
+}
+
+std::string nameOf(const VibrationReading& reading) {
+  std::string name = "hanging";
+  if (reading.place) name = "pressed at place " + std::to_string(*reading.place + 1);
+  return name + text(", %.0f rad/s ", reading.exciter.frequency) +
+         (reading.exciter.direction > 0 ? "anticlockwise" : "clockwise");
+}
+
+void judge(const Problem& problem, const IdentificationData& data, const Solution& solution,
+           Identification& result) {
+  const Rows all = problem.rows(solution.z, true, true);
+  result.dof = static_cast<int>(all.residual.size());
+  result.chi2 = result.dof > 0 ? misfit(all, solution.covariance) : 0.0;
+  result.p = chiSquareTail(result.chi2, result.dof);
+  const HeldOutGroup* worst = nullptr;
+  for (const VibrationReading& reading : data.vibrations) {
+    if (!reading.held_out) continue;
+    const Rows rows = problem.rows(solution.z, reading, true);
+    HeldOutGroup group;
+    group.name = nameOf(reading);
+    group.dof = static_cast<int>(rows.residual.size());
+    group.chi2 = misfit(rows, solution.covariance);
+    group.p = chiSquareTail(group.chi2, group.dof);
+    result.groups.push_back(group);
+  }
+  for (const HeldOutGroup& group : result.groups) {
+    if (!worst || group.chi2 > worst->chi2) worst = &group;
+  }
+  result.accepted = result.dof > 0 && result.p >= kHeldOutLevel;
+  if (result.accepted) {
+    result.verdict = "accepted";
+  } else if (result.dof == 0) {
+    result.verdict = "refused: no data were left out to judge the fit";
+  } else {
+    result.verdict =
+        text("refused: data left out disagree, chi2 %.0f of %d, most ", result.chi2, result.dof) +
+        worst->name + text(" (%.0f of %d)", worst->chi2, worst->dof);
+  }
+}
+
+void nameUnseen(Identification& result) {
+  for (int i = 0; i < kUnknowns; ++i) {
+    if (result.sd(i) > kUnseen) result.unseen.push_back(i);
+    for (int k = 0; k < i; ++k) {
+      const double correlation = result.covariance(i, k) / (result.sd(i) * result.sd(k));
+      if (std::abs(correlation) > kCorrelated) result.correlated.push_back({k, i, correlation});
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<UnknownMatrix> eigen(result.covariance,
+                                                           Eigen::EigenvaluesOnly);
+  result.condition = eigen.eigenvalues()[kUnknowns - 1] / eigen.eigenvalues()[0];
+}
+
+}  // namespace
+
+Identification identify(const Mechanism& nominal, const IdentificationData& data,
+                        const IdentificationPrior& prior) {
+  if (data.vibrations.empty()) {
+    throw InputError("identification: no vibration was read, there is nothing to fit");
+  }
+  const Problem problem(nominal, data, prior);
+  const Solution solution = solve(nominal, data, prior);
+  Identification result;
+  result.unknowns = prior.unknowns;
+  result.z = solution.z.head<kUnknowns>();
+  result.covariance = solution.covariance.topLeftCorner<kUnknowns, kUnknowns>();
+  result.model = modelAt(nominal, prior.unknowns, result.z);
+  result.fit_chi2 = solution.chi2;
+  result.fit_dof = solution.data;
+  result.iterations = solution.iterations;
+  result.notes = data.notes;
+  for (const VibrationReading& reading : data.vibrations) {
+    result.fitted.push_back(problem.fitted(solution.z, reading));
+  }
+  judge(problem, data, solution, result);
+  nameUnseen(result);
+  return result;
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,342 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/identification/measure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "assembly_cell/align/press.h"
+#include "assembly_cell/align/vibration_point.h"
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/locus/contact_model.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kStep = 2.0 * M_PI * 5.0;  // of frequencies, one period in a window [rad/s]
+constexpr int kHangingSteps = 9, kPressedSteps = 4;
+constexpr double kHangingLow = 0.9, kHangingHigh = 3.6;  // of the first resonance
+constexpr double kPressedLow = 0.7, kPressedHigh = 1.6;  // of the operating frequency
+constexpr int kHeldOut = 4;                              // every fourth step judges
+constexpr double kShake = 1.5;        // of the amplitude, while the contact settles
+constexpr double kReserve = 0.8;      // of the friction that was found
+constexpr double kClear = 4e-3;       // up before a travel aside [m]
+constexpr double kPushStep = 1.5e-4;  // of the push sideways [m]
+constexpr int kPushSteps = 24;
+constexpr double kSlides =
+    1.05;  // the ratio of three steps over that of three before: less is sliding
+constexpr double kCompliance = 2e-4;  // travel of a press per force, ten times a coupling's [m/N]
+constexpr double kFrictionSd = 0.01;  // the face's lean, to second order
+constexpr double kFrictionShare = 0.06;  // of the coefficient: jumps of the carrier's steps
+
+bool isHum(int multiple) { return multiple == 10 || multiple == 12; }
+
+std::vector<double> steps(double low, double high, int count) {
+  std::vector<double> found;
+  for (int k = 0; k < count; ++k) {
+    const double wanted = low * std::pow(high / low, static_cast<double>(k) / (count - 1));
+    int multiple = std::max(1, static_cast<int>(std::lround(wanted / kStep)));
+    while (isHum(multiple)) ++multiple;
+    const double frequency = multiple * kStep;
+    if (found.empty() || frequency > found.back()) found.push_back(frequency);
+  }
+  return found;
+}
+
+// resonance of the peg in the coupling's sideways springs alone [rad/s]
+double swayOf(const Mechanism& m) {
+  return std::sqrt(0.5 * (m.coupling.stiffness.diagonal[1] + m.coupling.stiffness.diagonal[2]) /
+                   m.peg.mass);
+}
+
+Matrix3d leaning(const Vector2d& to, double tilt) {
+  return rotationFromVector({tilt * Vector3d(-to.y(), to.x(), 0.0)});
+}
+
+class Campaign {
+ public:
+  Campaign(Plant& plant, const Mechanism& nominal, const IdentificationPlan& plan,
+           const std::function<void(const IdentificationProgress&)>& progress)
+      : nominal_(nominal),
+        plan_(plan),
+        progress_(progress),
+        press_(plant, {plan.force_limit, 0.02, 1e-4, kCompliance}) {
+    begin_ = press_.last().time;
+    press_.wait(1);
+    block_ = press_.last().time - begin_;
+  }
+
+  IdentificationData run() {
+    report("tare");
+    press_.begin(nominal_);
+    X_start_ = poseFromRest(press_.tarePose());
+    hang();
+    turn();
+    try {
+      for (int place = 0; place < plan_.places; ++place) pressAt(place);
+    } catch (const AlignError& error) {
+      data_.notes.push_back(std::string("pressed: ") + error.what());
+      press_.release(nominal_);
+    }
+    goTo(X_start_);
+    data_.time = now();
+    return data_;
+  }
+
+ private:
+  double now() const { return press_.last().time - begin_; }
+  bool late() const { return now() > plan_.time_limit; }
+
+  void report(const char* state) {
+    const std::size_t readings = data_.vibrations.size() + data_.poses.size();
+    if (progress_) progress_({state, now(), static_cast<int>(readings)});
+  }
+
+  void goTo(const Pose& X) { press_.moveTo(restFromPose(X)); }
+
+  void exciterOff() {
+    PlantCommand off;
+    off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
+    press_.step(off);
+  }
+
+  void hang() {
+    report("hanging");
+    int step = 0;
+    for (const double frequency : plan_.hanging) {
+      ++step;
+      for (const int direction : {1, -1}) {
+        if (late()) return skipped("hanging");
+        VibrationReading reading = readVibration(
+            press_, {plan_.hanging_force, frequency, 0.0, direction}, plan_.swing, plan_.window);
+        reading.R_BS = X_start_.R;
+        reading.held_out = (step + (direction > 0 ? 0 : 2)) % kHeldOut == 0;
+        data_.vibrations.push_back(reading);
+        report("hanging");
+      }
+    }
+    exciterOff();
+  }
+
+  void turn() {
+    Pose up = X_start_;
+    up.p.z() += plan_.lift;
+    goTo(up);
+    const double t = plan_.turn;
+    for (const Vector2d& tilt : {Vector2d(0, 0), Vector2d(t, 0), Vector2d(-t, 0), Vector2d(0, -t),
+                                 Vector2d(0, t), Vector2d(0, 0)}) {
+      if (late()) return skipped("gravity");
+      Pose turned = up;
+      turned.R = X_start_.R * rotationFromVector({Vector3d(tilt.x(), tilt.y(), 0.0)});
+      goTo(turned);
+      const int blocks = blocksIn(plan_.window);
+      press_.tare(blocks);
+      PoseReading reading;
+      reading.R_BS = turned.R;
+      // the zero that was taken: of the last blocks
+      reading.time = now() - 0.5 * block_ * blocks;
+      reading.wrench = press_.last().wrench_b - press_.wrench();
+      const double samples = std::max(1, press_.last().samples) * blocks;
+      reading.covariance = press_.scatter() / samples + press_.rounding();
+      data_.poses.push_back(reading);
+      report("gravity");
+    }
+  }
+
+  int blocksIn(double duration) const {
+    return std::max(1, static_cast<int>(std::lround(duration / block_)));
+  }
+
+  void skipped(const char* what) {
+    data_.notes.push_back(text("%s: cut short at %.0f s of cell time", what, plan_.time_limit));
+  }
+
+  // tilted beside the hole, its low side outward, the zero taken there, pressed
+  void touch(const Vector2d& outward) {
+    const Matrix3d R = R_touch_ = X_start_.R * leaning(outward, plan_.tilt);
+    const double length = nominal_.peg.half_height + nominal_.peg.coupling_height;
+    Pose above{R, X_start_.p};
+    // the bottom swings inward when the peg leans outward
+    const Vector3d axis = X_start_.R.transpose() * R.col(2);
+    above.p += X_start_.R * (plan_.beside * Vector3d(outward.x(), outward.y(), 0.0) +
+                             length * Vector3d(axis.x(), axis.y(), 0.0));
+    above.p.z() = std::max(above.p.z(), press_.target().z) + kClear;
+    RestPose up = press_.target();
+    up.z = above.p.z();
+    press_.moveTo(up);
+    goTo(above);
+    press_.tare(blocksIn(plan_.window));
+    press_.approach(-1e9);
+    press_.hold(plan_.press, 0.05);
+  }
+
+  void lift() {
+    exciterOff();
+    RestPose up = press_.target();
+    up.z = std::max(up.z, press_.touchZ()) + 5e-4;
+    press_.moveTo(up);
+  }
+
+  void pressAt(int place) {
+    if (late()) return skipped("pressed");
+    report("pressed");
+    const double azimuth = 2.0 * M_PI * place / plan_.places;
+    const Vector2d outward(std::cos(azimuth), std::sin(azimuth));
+    if (place == 0) {
+      touch(outward);
+      push(outward);
+      lift();
+    }
+    touch(outward);
+    const double friction = kReserve * (data_.friction ? data_.friction->coefficient
+                                                       : nominal_.friction.static_coefficient);
+    int step = place;
+    for (const double frequency : plan_.pressed) {
+      ++step;
+      const double amplitude = amplitudeAt(frequency, friction);
+      for (const int direction : {1, -1}) {
+        if (late()) break;
+        shake({kShake * amplitude, frequency, 0.0, direction});
+        VibrationReading reading = readVibration(press_, {amplitude, frequency, 0.0, direction},
+                                                 plan_.settle, plan_.window);
+        reading.place = place;
+        reading.R_BS = R_touch_;
+        reading.held_out = (step + (direction > 0 ? 0 : 2)) % kHeldOut == 0;
+        data_.vibrations.push_back(reading);
+        report("pressed");
+      }
+    }
+    lift();
+  }
+
+  // harder than the reading will be, so that friction keeps no preload near its limit
+  void shake(const ExciterParameters& exciter) {
+    PlantCommand command;
+    command.exciter = exciter;
+    press_.step(command);
+    press_.wait(blocksIn(0.5 * plan_.settle));
+  }
+
+  // what friction holds while it is shaken
+  double amplitudeAt(double frequency, double friction) const {
+    VibrationDemand demand;
+    demand.given = {frequency, 0.0, plan_.press, 0.0};
+    demand.tilt = plan_.tilt;
+    demand.shake = kShake;
+    demand.greatest_press = plan_.press;
+    demand.friction = friction;
+    demand.window = plan_.window;
+    demand.samples = std::max(8.0, press_.last().samples * plan_.window / block_);
+    demand.scatter = press_.scatter();
+    demand.rounding = press_.rounding();
+    return chooseVibration(nominal_, demand).amplitude;
+  }
+
+  // friction against a way along `along` over the normal force, face axes as far as they are known
+  double ratio(const Vector3d& along) const {
+    const Vector3d force = R_touch_ * press_.force();
+    return -force.dot(along) / std::max(0.1, force.z());
+  }
+
+  // of all tangential force
+  double coefficient() const {
+    const Vector3d force = R_touch_ * press_.force();
+    return force.head<2>().norm() / std::max(0.1, force.z());
+  }
+
+  // sideways across the lean until it slides: until the ratio rises no more, which a carrier that
+  // ends its steps within tens of micrometres lets jump
+  std::optional<double> slide(const Vector3d& along) {
+    RestPose at = press_.target();
+    std::vector<double> ratios, sizes;
+    for (int k = 0; k < kPushSteps; ++k) {
+      const Vector3d moved = Vector3d(at.x, at.y, at.z) + kPushStep * along;
+      at.x = moved.x();
+      at.y = moved.y();
+      press_.moveTo(at);
+      press_.wait(1);
+      ratios.push_back(ratio(along));
+      sizes.push_back(coefficient());
+      if (k < 7) continue;
+      const auto sum = [k](const std::vector<double>& of, int from) {
+        return std::accumulate(of.begin() + k - from, of.begin() + k - from + 3, 0.0);
+      };
+      const double late = sum(ratios, 2), early = sum(ratios, 5);
+      if (late > 0.0 && late < kSlides * early) return (sum(sizes, 2) + sum(sizes, 5)) / 6.0;
+    }
+    return {};
+  }
+
+  void push(const Vector2d& outward) {
+    report("push");
+    const Vector3d along = X_start_.R * Vector3d(-outward.y(), outward.x(), 0.0);
+    // the first way ends the strain that pressing has left; both senses share the face's lean
+    slide(along);
+    const std::optional<double> fro = slide(-along);
+    const std::optional<double> to = fro ? slide(along) : std::nullopt;
+    if (to && fro) {
+      const double coefficient = 0.5 * (*to + *fro);
+      data_.friction =
+          FrictionReading{coefficient, std::hypot(kFrictionSd, kFrictionShare * coefficient)};
+    } else {
+      data_.notes.push_back("push: the peg did not slide");
+    }
+  }
+
+  const Mechanism& nominal_;
+  const IdentificationPlan& plan_;
+  const std::function<void(const IdentificationProgress&)>& progress_;
+  PressController press_;
+  double begin_ = 0.0, block_ = 0.02;
+  Pose X_start_;
+  Matrix3d R_touch_ = Matrix3d::Identity();
+  IdentificationData data_;
+};
+
+}  // namespace
+
+IdentificationPlan planFor(const Mechanism& nominal) {
+  IdentificationPlan plan;
+  const double sway = swayOf(nominal);
+  plan.hanging = steps(kHangingLow * sway, kHangingHigh * sway, kHangingSteps);
+  const double contact = operatingFrequency(nominal, plan.press);
+  plan.pressed = steps(kPressedLow * contact, kPressedHigh * contact, kPressedSteps);
+  return plan;
+}
+
+VibrationReading readVibration(PressController& press, const ExciterParameters& exciter,
+                               double settle, double window) {
+  constexpr double kSpare = 0.5;  // beyond the window [s]
+  PlantCommand command;
+  command.exciter = exciter;
+  press.step(command);
+  for (const double end = press.last().time + settle; press.last().time < end;) press.wait(1);
+  command = {};
+  const double start = press.last().time;
+  command.vibration = LocusRequest{start, window};
+  press.step(command);
+  while (!press.last().vibration) {
+    if (press.last().time > start + window + kSpare) {
+      throw AlignError(AlignFailure::kNoReading, "the plant gave no reading of sensor_b's wrench");
+    }
+    press.wait(1);
+  }
+  const HarmonicFit& fit = *press.last().vibration;
+  VibrationReading reading;
+  reading.exciter = exciter;
+  reading.phasor = fit.phasor;
+  reading.covariance = 0.5 * fit.scatter.trace() * fit.noise;
+  reading.contact = fit.offset - (press.last().wrench_b - press.wrench());
+  return reading;
+}
+
+IdentificationData measure(Plant& plant, const Mechanism& nominal, const IdentificationPlan& plan,
+                           const std::function<void(const IdentificationProgress&)>& progress) {
+  return Campaign(plant, nominal, plan, progress).run();
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,297 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Identification of the mechanism without ROS: one simulated cell, or many drawn ones with the
+// statistics of what is stated.
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <iostream>
+#include <mutex>
+#include <optional>
+#include <sstream>
+#include <thread>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
+#include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/cell/identification_trial.h"
+#include "assembly_cell/identification/readings_file.h"
+#include "assembly_cell/mismatch/mismatch.h"
+#include "assembly_cell/study/share.h"
+
+namespace {
+
+using namespace assembly_cell;
+
+constexpr const char* kHelp =
+    R"(Usage: identify SCENARIO.yaml [options]
+
+Identifies the mechanism of a simulated cell by feeling: the hanging peg is shaken and turned, then pressed on the
+face beside the hole, pushed and shaken there. Prints what was found as YAML; --out writes it for align and cell.launch.
+
+  --mismatch FILE.yaml  how the truth differs from the scenario, see docs/mismatch.md
+  --seed N              of the sensors' noise and of what the mismatch draws (default 1)
+  --runs K              that many cells, seeds from --seed on: how often the intervals hold (default 1)
+  --bits B              of the converters: 10, 16 (default) or 24
+  --noise V             of every strain channel, rms (default 5e-4)  [V]
+  --prior-scale F       times the spreads of a cell as drawn that the fit begins with (default 1)
+  --time-limit T        no step begins later than this, cell time (default 60)  [s]
+  --threads N           runs at the same time (default: the machine's cores)
+  --set KEY.PATH=VALUE  change a value of the scenario, for truth and drawing together; repeatable
+  --out FILE.yaml       write the mechanism that was found, with its covariance
+  --readings FILE.csv   write the readings and what the fit says of them
+  --help                print this
+
+Exit code: 0 accepted, 1 refused by the data that were left out (named in verdict), 2 bad input.
+
+Example: identify config/scenarios/cell.yaml --mismatch config/mismatch/level_2.yaml --out mechanism.yaml
+)";
+
+struct Options {
+  std::string scenario, mismatch, out, readings;
+  std::vector<std::string> overrides;
+  CellParameters cell;
+  double prior_scale = 1.0, time_limit = 60.0;
+  long runs = 1;
+  long threads = std::max(1L, static_cast<long>(std::thread::hardware_concurrency()));
+};
+
+bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
+  OptionParser parser(kHelp);
+  parser.file("scenario file", o.scenario);
+  parser.text("--mismatch", o.mismatch);
+  parser.integer("--seed", o.cell.seed, 0, 1L << 62);
+  parser.integer("--runs", o.runs, 1, 1000000);
+  parser.integer("--bits", o.cell.bits, 1, 64);
+  parser.number("--noise", o.cell.noise, 0.0, 5.0);
+  parser.number("--prior-scale", o.prior_scale, 0.1, 10.0);
+  parser.number("--time-limit", o.time_limit, 5.0, 60.0);
+  parser.integer("--threads", o.threads, 1, 1024);
+  parser.texts("--set", o.overrides);
+  parser.text("--out", o.out);
+  parser.text("--readings", o.readings);
+  return parser.parse(arguments);
+}
+
+struct Task {
+  Scenario scenario;
+  std::optional<Mismatch> mismatch;
+  IdentificationPrior prior;
+  IdentificationPlan plan;
+};
+
+IdentificationTrial runOnce(const Options& o, const Task& task, std::uint64_t seed) {
+  CellParameters cell = o.cell;
+  cell.seed = seed;
+  Scenario truth = task.scenario;
+  if (task.mismatch) {
+    const Truth drawn = drawTruth(*task.mismatch, seed);
+    truth = trueScenario(task.scenario, drawn, task.mismatch->source);
+    cell.truth = drawn.cell;
+  }
+  return tryIdentification(truth, task.scenario.mechanism, cell, task.plan, task.prior);
+}
+
+std::string names(const std::vector<int>& places, const Identification& found) {
+  std::string list;
+  for (const int i : places) {
+    list +=
+        (list.empty() ? "" : ", ") + yamlQuoted(found.unknowns[static_cast<std::size_t>(i)].name);
+  }
+  return "[" + list + "]";
+}
+
+std::string pairs(const Identification& found) {
+  std::string list;
+  for (const CorrelatedPair& pair : found.correlated) {
+    const auto name = [&](int i) {
+      return yamlQuoted(found.unknowns[static_cast<std::size_t>(i)].name);
+    };
+    list += (list.empty() ? "[" : ", [") + name(pair.first) + ", " + name(pair.second) + ", " +
+            yamlNumber(std::round(1e3 * pair.correlation) / 1e3) + "]";
+  }
+  return "[" + list + "]";
+}
+
+std::string oneResult(const Mechanism& nominal, const IdentificationTrial& trial) {
+  const Identification& found = trial.found;
+  std::ostringstream out;
+  out << "verdict: " << yamlQuoted(found.verdict) << "\n"
+      << "accepted: " << (found.accepted ? "true" : "false") << "\n"
+      << "cell_time: " << yamlNumber(trial.data.time) << "\n"
+      << "fit_time: " << yamlNumber(trial.fit_time) << "\n"
+      << "left_out: {chi2: " << yamlNumber(found.chi2) << ", dof: " << found.dof
+      << ", p: " << yamlNumber(found.p) << "}\n"
+      << "fit: {chi2: " << yamlNumber(found.fit_chi2) << ", data: " << found.fit_dof
+      << ", condition: " << yamlNumber(found.condition) << "}\n"
+      << "unseen: " << names(found.unseen, found) << "\n"
+      << "correlated: " << pairs(found) << "\n"
+      << "notes: [";
+  for (std::size_t i = 0; i < found.notes.size(); ++i) {
+    out << (i > 0 ? ", " : "") << yamlQuoted(found.notes[i]);
+  }
+  out << "]\nparameters:\n";
+  for (int i = 0; i < kUnknowns; ++i) {
+    out << "  - {name: " << yamlQuoted(found.unknowns[static_cast<std::size_t>(i)].name)
+        << ", drawn: " << yamlNumber(valueAt(nominal, found.unknowns, i, 0.0))
+        << ", value: " << yamlNumber(valueAt(nominal, found.unknowns, i, found.z[i]))
+        << ", sd: " << yamlNumber(sdAt(nominal, found.unknowns, i, found.z[i], found.sd(i)))
+        << ", of_prior: " << yamlNumber(found.sd(i)) << "}\n";
+  }
+  out << "truth:           # what the simulation knows\n"
+      << "  direction_bias: " << yamlNumber(trial.direction_bias) << "\n"
+      << "  direction_bias_as_drawn: " << yamlNumber(trial.direction_bias_as_drawn) << "\n";
+  for (int i = 0; i < kUnknowns; ++i) {
+    out << "  " << yamlQuoted(found.unknowns[static_cast<std::size_t>(i)].name) << ": "
+        << yamlNumber(valueAt(nominal, found.unknowns, i, trial.truth[i])) << "\n";
+  }
+  return out.str();
+}
+
+std::string spread(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const auto at = [&](double p) {
+    const auto last = static_cast<double>(values.size() - 1);
+    return yamlNumber(values[static_cast<std::size_t>(std::lround(p * last))]);
+  };
+  return "{median: " + at(0.5) + ", p95: " + at(0.95) + ", max: " + at(1.0) + "}";
+}
+
+// of one unknown, or of all that were seen, over the accepted runs
+struct Coverage {
+  std::int64_t inside = 0, count = 0;
+  double squares = 0.0, errors = 0.0, variances = 0.0;
+
+  void add(double error, double sd) {
+    constexpr double kTwoSided = 1.959963984540054;  // 95 % of a normal distribution
+    ++count;
+    inside += std::abs(error) <= kTwoSided * sd ? 1 : 0;
+    squares += error * error / (sd * sd);
+    errors += error * error;
+    variances += sd * sd;
+  }
+  std::string text() const {
+    const ShareInterval share = shareInterval(inside, count);
+    return "{coverage: " + yamlNumber(share.share) + ", interval: [" + yamlNumber(share.low) +
+           ", " + yamlNumber(share.high) +
+           "], error_squared: " + yamlNumber(squares / static_cast<double>(count)) +
+           ", variance_ratio: " + yamlNumber(errors / variances) + "}";
+  }
+};
+
+double rms(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double value : values) sum += value * value;
+  return std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+std::string manyResults(const std::vector<IdentificationTrial>& trials) {
+  std::ostringstream out;
+  std::vector<double> cell, fit, bias, drawn;
+  std::vector<Coverage> each(kUnknowns);
+  Coverage seen;
+  std::int64_t accepted = 0;
+  for (const IdentificationTrial& trial : trials) {
+    cell.push_back(trial.data.time);
+    fit.push_back(trial.fit_time);
+    if (!trial.found.accepted) continue;
+    ++accepted;
+    bias.push_back(trial.direction_bias);
+    drawn.push_back(trial.direction_bias_as_drawn);
+    for (int i = 0; i < kUnknowns; ++i) {
+      const double error = trial.found.z[i] - trial.truth[i], sd = trial.found.sd(i);
+      each[static_cast<std::size_t>(i)].add(error, sd);
+      if (sd < kUnseen) seen.add(error, sd);
+    }
+  }
+  const ShareInterval share = shareInterval(accepted, static_cast<std::int64_t>(trials.size()));
+  out << "runs: " << trials.size() << "\naccepted: " << accepted << "\naccepted_interval: ["
+      << yamlNumber(share.low) << ", " << yamlNumber(share.high) << "]\ncell_time: " << spread(cell)
+      << "\nfit_time: " << spread(fit) << "\n";
+  if (accepted == 0) return out.str();
+  out << "direction_bias_rms: " << yamlNumber(rms(bias)) << "\ndirection_bias: " << spread(bias)
+      << "\ndirection_bias_as_drawn_rms: " << yamlNumber(rms(drawn)) << "\nseen: " << seen.text()
+      << "\nparameters:\n";
+  for (int i = 0; i < kUnknowns; ++i) {
+    out << "  " << yamlQuoted(trials.front().found.unknowns[static_cast<std::size_t>(i)].name)
+        << ": " << each[static_cast<std::size_t>(i)].text() << "\n";
+  }
+  return out.str();
+}
+
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  char text[16];
+  std::tm parts{};
+  gmtime_r(&now, &parts);
+  std::strftime(text, sizeof text, "%Y-%m-%d", &parts);
+  return text;
+}
+
+std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
+  std::vector<IdentificationTrial> trials(static_cast<std::size_t>(o.runs));
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::size_t done = 0;
+  std::string bad_input;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < trials.size(); i = next++) {
+      try {
+        trials[i] = runOnce(o, task, o.cell.seed + i);
+      } catch (const InputError& error) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        bad_input = error.what();
+        next = trials.size();
+        return;
+      }
+      const std::lock_guard<std::mutex> lock(mutex);
+      ++done;
+      std::cerr << "identify: " << done << " of " << o.runs << ", seed " << o.cell.seed + i << ": "
+                << trials[i].found.verdict << "\n";
+    }
+  };
+  std::vector<std::thread> threads;
+  for (long i = 1; i < std::min(o.threads, o.runs); ++i) threads.emplace_back(work);
+  work();
+  for (std::thread& thread : threads) thread.join();
+  if (!bad_input.empty()) throw InputError(o.scenario + ": " + bad_input);
+  return trials;
+}
+
+int run(const std::vector<std::string>& arguments) {
+  Options o;
+  if (!parseOptions(arguments, o)) return 0;
+  if (o.runs > 1 && !(o.out.empty() && o.readings.empty())) {
+    throw InputError("--runs: value " + std::to_string(o.runs) +
+                     ": --out and --readings are of one cell, leave it out");
+  }
+  Task task{loadScenario(o.scenario, o.overrides), {}, {}, {}};
+  if (!o.mismatch.empty()) task.mismatch = loadMismatch(o.mismatch);
+  task.prior.unknowns = unknownsAsDrawn(o.prior_scale);
+  task.plan = planFor(task.scenario.mechanism);
+  task.plan.time_limit = o.time_limit;
+  const std::vector<IdentificationTrial> trials = runAll(o, task);
+  const Mechanism& nominal = task.scenario.mechanism;
+  if (o.runs > 1) {
+    std::cout << manyResults(trials);
+    return std::all_of(trials.begin(), trials.end(),
+                       [](const IdentificationTrial& t) { return t.found.accepted; })
+               ? 0
+               : 1;
+  }
+  const IdentificationTrial& trial = trials.front();
+  std::cout << oneResult(nominal, trial);
+  if (!o.out.empty()) {
+    saveMechanism(nominal, trial.found,
+                  "identify, " + o.scenario + ", seed " + std::to_string(o.cell.seed), today(),
+                  o.out);
+  }
+  if (!o.readings.empty()) saveReadings(trial.data, trial.found, o.readings);
+  return trial.found.accepted ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) { return assembly_cell::runTool("identify", argc, argv, run); }

@@ -1,0 +1,258 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The linear model against closed form and simulation, and the fit against cells that were drawn.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <string>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/identification_trial.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/identification/mechanism_check.h"
+#include "assembly_cell/locus/vibration_fit.h"
+#include "assembly_cell/mismatch/mismatch.h"
+
+namespace assembly_cell {
+namespace {
+
+using Complex = std::complex<double>;
+
+Scenario cell() { return loadScenario(ASSEMBLY_CELL_SOURCE_DIR "/config/scenarios/cell.yaml"); }
+
+Truth drawn(const std::string& mismatch, std::uint64_t seed) {
+  return drawTruth(parseMismatch(mismatch, "test"), seed);
+}
+
+// of a cell whose parts differ and whose sensors are exact
+constexpr const char* kParts = R"(
+scale:
+  coupling.stiffness.each: {uniform: [0.9, 1.1]}
+  coupling.damping.each: {log_uniform: [0.7, 1.4]}
+  carrier.stiffness.each: {uniform: [0.8, 1.2]}
+  peg.mass: {uniform: [0.95, 1.05]}
+  carrier.mass: {uniform: [0.95, 1.05]}
+  friction: {uniform: [0.7, 1.4]}
+add:
+  peg.coupling_height: {uniform: [-5.0e-4, 5.0e-4]}
+  peg.exciter_height: {uniform: [-5.0e-4, 5.0e-4]}
+exciter: {amplitude: {uniform: [0.8, 1.2]}, delay: {uniform: [0, 1.0e-3]}, ellipticity: 0.05}
+carrier: {compliance: 5.0e-6}
+)";
+
+IdentificationTrial tryLevel2(std::uint64_t seed) {
+  const Scenario nominal = cell();
+  const Mismatch mismatch = loadMismatch(ASSEMBLY_CELL_SOURCE_DIR "/config/mismatch/level_2.yaml");
+  const Truth truth = drawTruth(mismatch, seed);
+  CellParameters parameters;
+  parameters.seed = seed;
+  parameters.truth = truth.cell;
+  return tryIdentification(trueScenario(nominal, truth, "test"), nominal.mechanism, parameters,
+                           planFor(nominal.mechanism), {});
+}
+
+// one identification for all tests that look at one
+const IdentificationTrial& level2() {
+  static const IdentificationTrial trial = tryLevel2(5);
+  return trial;
+}
+
+// A point mass in a spring and a damper, the carrier as good as fixed: F (k + iωc) / (k - mω² +
+// iωc).
+TEST(Response, OfAPointMassIsTheClosedForm) {
+  Mechanism m = cell().mechanism;
+  m.peg.coupling_height = m.peg.exciter_height = 0.0;
+  m.coupling.stiffness.k26 = m.coupling.stiffness.k35 = 0.0;
+  m.carrier.stiffness = {1e14, 1e14, 1e14};
+  m.gravity = 0.0;  // the weight's arm moves with the peg
+  // the carrier gives way by 5e-10 of the coupling, which resonance makes five times of
+  constexpr double kRounding = 1e-8;
+  for (const double frequency : {100.0, 356.0, 1200.0}) {
+    for (const int direction : {1, -1}) {
+      const ExciterParameters exciter{2.0, frequency, 0.0, direction};
+      const WrenchPhasor wrench = hangingResponse({m, {}}, exciter, {0.0, 0.0});
+      const Complex spring(m.coupling.stiffness.diagonal[1],
+                           direction * frequency * m.coupling.damping.diagonal[1]);
+      const Complex force = 2.0 * spring / (spring - m.peg.mass * frequency * frequency);
+      EXPECT_LT(std::abs(wrench[0] - force), kRounding * std::abs(force));
+      // a quarter of a turn behind along y, whichever way it turns
+      EXPECT_LT(std::abs(wrench[1] - Complex(0, -1) * force), kRounding * std::abs(force));
+      EXPECT_LT(std::abs(wrench[2]) + wrench.tail<3>().norm(), kRounding * std::abs(force));
+    }
+  }
+}
+
+// The nonlinear simulation of a cell with other parts, exact sensors but for noise and rounding.
+TEST(Response, IsThatOfTheSimulation) {
+  const Scenario nominal = cell();
+  const Truth truth = drawn(kParts, 3);
+  const Scenario start = trueScenario(nominal, truth, "test");
+  SimulatedPlant plant(start, nominal.mechanism, {});
+  IdentificationPlan plan = planFor(nominal.mechanism);
+  plan.places = 1;
+  const IdentificationData data = measure(plant, nominal.mechanism, plan);
+  const MechanismModel model = trueModel(start);
+  const Pose rest = poseFromRest(start.rest);
+  int pressed = 0;
+  for (const VibrationReading& reading : data.vibrations) {
+    WrenchPhasor expected;
+    if (reading.place) {
+      PressedState state;
+      state.R_HS = rest.R * reading.R_BS;
+      state.contact = reading.contact;
+      expected = pressedResponse(model, reading.exciter, state);
+      ++pressed;
+    } else {
+      const RotationVector lean = vectorFromRotation(rest.R);
+      expected = hangingResponse(model, reading.exciter, lean.value.head<2>());
+    }
+    const double force = reading.phasor.head<3>().norm();
+    // the swing that is left, the contact's creep: the fit allows for 3e-4 and 1.5e-3 of an axis
+    const double limit = 6e-3 * force;
+    EXPECT_LT((reading.phasor - expected).head<3>().norm(), limit) << reading.exciter.frequency;
+    EXPECT_LT((reading.phasor - expected).tail<3>().norm(), 0.05 * limit)
+        << reading.exciter.frequency;
+  }
+  EXPECT_EQ(pressed, static_cast<int>(2 * plan.pressed.size()));
+  ASSERT_TRUE(data.friction);
+  EXPECT_NEAR(data.friction->coefficient, start.mechanism.friction.sliding_coefficient,
+              0.2 * start.mechanism.friction.sliding_coefficient);
+  EXPECT_LT(data.time, 60.0);
+}
+
+// Asked for with gain and delay made up for, the exciter gives the force that was wanted.
+TEST(Response, OfACompensatedExciterIsThatOfAnExactOne) {
+  const Mechanism m = cell().mechanism;
+  MechanismModel real{m, {}};
+  real.drive.gain = 0.8;
+  real.drive.delay = 7e-4;
+  for (const int direction : {1, -1}) {
+    const ExciterParameters wanted{2.0, 500.0, 0.3, direction};
+    const ExciterParameters asked = compensated(wanted, real.drive);
+    const WrenchPhasor exact = hangingResponse({m, {}}, wanted, {0.0, 0.0});
+    // phasors refer to the angle that was asked for, which leads by direction · (phases'
+    // difference)
+    const Complex ahead = std::polar(1.0, direction * (asked.phase - wanted.phase));
+    EXPECT_LT((ahead * hangingResponse(real, asked, {0.0, 0.0}) - exact).norm(),
+              1e-12 * exact.norm());
+  }
+}
+
+TEST(VibrationFit, HumDoesNotCountAsNoise) {
+  std::vector<double> angle, wrench;
+  for (int k = 0; k < 1000; ++k) {
+    const double t = k * 2e-4;
+    angle.push_back(440.0 / 2 * M_PI / 7 * t + 0.4);  // not whole periods either
+    for (int axis = 0; axis < 6; ++axis) {
+      wrench.push_back((axis + 1) * std::cos(angle.back() + axis) +
+                       0.2 * std::sin(100.0 * M_PI * t));
+    }
+  }
+  const HarmonicFit fit = fitVibration(angle, wrench);
+  // differences of a sine of 0.2 at 50 Hz: 0.2 · 2π 50 · 2e-4, rms over √2, as noise over √2 again
+  EXPECT_LT(std::sqrt(fit.noise.diagonal().maxCoeff()), 2.0 * 0.2 * 100.0 * M_PI * 2e-4 / 2.0);
+  EXPECT_LT(std::abs(fit.phasor[2] - std::polar(3.0, 2.0)), 0.02);
+}
+
+TEST(Unknowns, ComeBackFromTheModel) {
+  const Mechanism nominal = cell().mechanism;
+  const std::vector<Unknown> unknowns = unknownsAsDrawn();
+  UnknownVector z;
+  for (int i = 0; i < kUnknowns; ++i) z[i] = std::sin(1.0 + i);
+  EXPECT_LT((unknownsOf(nominal, unknowns, modelAt(nominal, unknowns, z)) - z).norm(), 1e-12);
+}
+
+TEST(Identification, OfACellAsDrawnFindsIt) {
+  const IdentificationTrial& trial = level2();
+  EXPECT_TRUE(trial.found.accepted) << trial.found.verdict;
+  for (int i = 0; i < kUnknowns; ++i) {
+    const std::string& name = trial.found.unknowns[static_cast<std::size_t>(i)].name;
+    // 4 sd: one of 15 000
+    EXPECT_LT(std::abs(trial.found.z[i] - trial.truth[i]), 4.0 * trial.found.sd(i)) << name;
+    // all are seen, friction least
+    EXPECT_LT(trial.found.sd(i), i == kFriction ? 0.5 : 0.35) << name;
+  }
+  // stiffness to 1 %, where the drawing was off by up to 10 %
+  for (int row = 0; row < 6; ++row) {
+    EXPECT_NEAR(trial.found.model.mechanism.coupling.stiffness.diagonal[row],
+                valueAt(cell().mechanism, trial.found.unknowns, row, trial.truth[row]),
+                0.01 * cell().mechanism.coupling.stiffness.diagonal[row]);
+  }
+  EXPECT_LE(trial.data.time, 60.0);
+  EXPECT_LT(trial.direction_bias, 0.2 * trial.direction_bias_as_drawn);
+}
+
+TEST(Identification, NamesTheReadingThatDisagrees) {
+  IdentificationData data = level2().data;
+  int spoilt = -1;
+  for (std::size_t k = 0; k < data.vibrations.size(); ++k) {
+    if (data.vibrations[k].held_out && data.vibrations[k].place) spoilt = static_cast<int>(k);
+  }
+  ASSERT_GE(spoilt, 0);
+  VibrationReading& reading = data.vibrations[static_cast<std::size_t>(spoilt)];
+  reading.phasor *= 1.2;
+  const Identification found = identify(cell().mechanism, data);
+  EXPECT_FALSE(found.accepted);
+  EXPECT_NE(found.verdict.find("pressed at place " + std::to_string(*reading.place + 1)),
+            std::string::npos)
+      << found.verdict;
+}
+
+// Without contact friction is not seen, and the rows that only a leaning peg moves less well.
+TEST(Identification, SaysWhatTheHangingPegAloneDoesNotShow) {
+  IdentificationData data = level2().data;
+  std::vector<VibrationReading> hanging;
+  for (const VibrationReading& reading : data.vibrations) {
+    if (!reading.place) hanging.push_back(reading);
+  }
+  data.vibrations = hanging;
+  data.friction.reset();
+  const Identification found = identify(cell().mechanism, data);
+  EXPECT_TRUE(found.accepted) << found.verdict;
+  EXPECT_EQ(found.unseen, std::vector<int>{kFriction});
+  for (const int row : {kStiffness, kStiffness + 3}) {
+    EXPECT_GT(found.sd(row), 1.2 * level2().found.sd(row)) << row;
+  }
+}
+
+TEST(Identification, OfNothingIsRefused) {
+  EXPECT_THROW(identify(cell().mechanism, {}), InputError);
+}
+
+TEST(Check, AgreesWithItsOwnCellAndRefusesAnother) {
+  const Scenario nominal = cell();
+  const KnownMechanism known = knownFrom(level2().found);
+  const Mismatch mismatch = loadMismatch(ASSEMBLY_CELL_SOURCE_DIR "/config/mismatch/level_2.yaml");
+  for (const std::uint64_t seed : {5, 6, 7}) {
+    const Truth truth = drawTruth(mismatch, seed);
+    CellParameters parameters;
+    parameters.seed = 100 + seed;
+    parameters.truth = truth.cell;
+    const Scenario start = trueScenario(nominal, truth, "test");
+    if (seed == 5) {
+      SimulatedPlant plant(start, known.mechanism, parameters);
+      const MechanismCheck check = checkMechanism(plant, known);
+      EXPECT_TRUE(check.agrees) << check.message;
+      EXPECT_LT(plant.truth().time(), 2.0);
+      continue;
+    }
+    const AlignTrial trial = tryAlignment(start, known, parameters, {});
+    EXPECT_EQ(trial.status, "wrong_mechanism");
+    EXPECT_NE(trial.result.reason.find(" alone would explain most of it"), std::string::npos);
+    EXPECT_EQ(trial.result.contacts, 0);
+    EXPECT_LT(trial.result.time, 2.0);
+  }
+}
+
+// What is drawn has the drawing's spreads: a cell within them does not contradict it.
+TEST(Check, OfADrawingIsWide) {
+  std::vector<VibrationReading> readings;
+  for (const VibrationReading& reading : level2().data.vibrations) {
+    if (!reading.place && readings.size() < 2) readings.push_back(reading);
+  }
+  EXPECT_TRUE(judgeMechanism(knownAsDrawn(cell().mechanism), readings).agrees);
+}
+
+}  // namespace
+}  // namespace assembly_cell
