@@ -16,7 +16,9 @@ struct NamedStrategy {
 constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
                                          {"double_contact", doubleContact},
                                          {"twin_force", twinForce},
-                                         {"vibratory", vibratory}};
+                                         {"vibratory", vibratory},
+                                         {"touch", touchSearch},
+                                         {"auto", autoSearch}};
 
 Strategy strategyOf(const std::string& name) {
   std::string known;

@@ -148,7 +148,10 @@ void PressController::tare(int blocks) {
   }
   scatter_ = scatter / blocks;
   tare_ = wrench / blocks;
-  if (!tared_) zero_ = tare_;
+  if (!tared_) {
+    zero_ = tare_;
+    zero_time_ = last_.time;
+  }
   tare_displacement_ = displacement / blocks;
   tared_ = true;
   target_ = tare_pose_ = last_.carrier;
@@ -199,7 +202,7 @@ void PressController::release(const Mechanism& mechanism) {
   begin(mechanism);
 }
 
-void PressController::moveTo(const RestPose& target) {
+void PressController::moveTo(const RestPose& target, bool to_the_end) {
   target_ = target;
   PlantCommand command;
   command.rest = target;
@@ -207,13 +210,20 @@ void PressController::moveTo(const RestPose& target) {
     const RestPose before = last_.carrier;
     step(command);
     if (arrived(before, last_.carrier, target, reportNoise())) {
-      wait(blocksToEnd(reportNoise()));
+      if (to_the_end) wait(blocksToEnd(reportNoise()));
       return;
     }
     command.rest.reset();
   }
   throw AlignError(AlignFailure::kNotArrived,
                    line("carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
+}
+
+void PressController::nudge(const RestPose& target) {
+  target_ = target;
+  PlantCommand command;
+  command.rest = target;
+  step(command);
 }
 
 void PressController::retreat(const RestPose& relaxed, double travel) {
@@ -236,9 +246,10 @@ void PressController::retreat(const RestPose& relaxed, double travel) {
   if (!settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   guarded_ = true;
   const double shift = (last_.wrench_b - zero_).head<3>().norm();
-  if (shift > kFreeForce) {
+  const double allowed = kFreeForce + kZeroDrift * (last_.time - zero_time_);
+  if (shift > allowed) {
     throw AlignError(AlignFailure::kZeroShifted,
-                     line("%.2f N with the peg free, %.2f N are allowed", shift, kFreeForce));
+                     line("%.2f N with the peg free, %.2f N are allowed", shift, allowed));
   }
 }
 
@@ -257,9 +268,7 @@ bool PressController::approach(double floor) {
           line("none within %.1f mm of descent from z %.4f m", limits_.descent * 1e3, start));
     }
     target.z -= limits_.approach_step;
-    PlantCommand command;
-    command.rest = target;
-    step(command);
+    nudge(target);
   }
   touch_z_ = last_.carrier.z;
   target.z = touch_z_;

@@ -18,11 +18,18 @@ constexpr double kClear = 3e-4;   // over the plane before the last descent [m]
 constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
 constexpr double kLeave = 8e-3;   // travel up after a failure [m]
 
-constexpr double kWallDeflection = 2e-5;  // of the peg against its carrier that is a wall [m]
+constexpr double kWallDeflection = 6e-5;  // of the peg against its carrier that is a wall [m]
+constexpr double kGapShare = 0.5;         // of twice the clearance: walls may be nearer or farther
+constexpr double kGapSlack = 6e-5;        // and by so much at least [m]
+constexpr double kFreeShare = 0.5;        // of the clearance, free to all sides at the end
+constexpr double kBehind = 0.35;          // of such a step, what doesn't follow: more is a wall
+constexpr double kOffWall = 0.5;          // of the clearance, a step off a wall
+constexpr int kFreeTries = 8;             // to get off a wall
 constexpr double kWallSearch = 6.0;       // travel to a wall at most, in clearances
 constexpr double kWallSd = 5e-6;          // of a middle between walls, per axis [m]
 constexpr double kWallForce = 1.0;        // of a wall that stops a peg at rest [N]
 constexpr double kUnknownAxis = 0.05;     // sd of the axis of a hole that only walls tell [rad]
+constexpr int kZeroBlocks = 4;            // of a zero over the hole
 constexpr int kWallBlocks = 2;            // to come to rest
 constexpr int kSwingBlocks = 5;           // until a swing is gone that looks like a wall
 constexpr double kMaxCompliance = 3.0;    // travel of a press, times the coupling's compliance
@@ -97,7 +104,7 @@ AlignResult Search::run() {
 
 // exciter off, and the peg free
 void Search::leave() {
-  if (begun_ && press_.last().carrier.z < start_z_ + kLeave) {
+  if (begun_ && press_.last().carrier.z < start_.z + kLeave) {
     backOut(kLeave);
   } else {
     PlantCommand off;
@@ -109,6 +116,16 @@ void Search::leave() {
 RestPose Search::restFor(const Vec3& p, const Mat3& R) const {
   const Pose X_B = X_BS_ * Pose{R, p + length_ * R.col(2)};
   return restFromPose(X_B);
+}
+
+Vector6 Search::sag(const RestPose& carrier) const {
+  const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
+  return couplingStiffness(mechanism_.coupling).inverse() *
+         pegWeight(mechanism_.peg, mechanism_.gravity, up, Vector6::Zero());
+}
+
+Vector6 Search::deflection() const {
+  return press_.deflection() + sag(press_.tarePose()) - sag(start_);
 }
 
 Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
@@ -135,10 +152,13 @@ Search::Touch Search::feel() {
                     Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
   const Vector6 at = transformWrench(inverse(X_CQ), w);
   Touch touch;
+  touch.X_SP = pegPose(press_.target(), d);
   touch.force = at(2);
   touch.sideways = at.head<2>().norm();
-  if (touch.force > 0.0)
-    touch.reach = at.segment<2>(3).norm() / touch.force / mechanism_.peg.radius;
+  if (touch.force > 0.0) {
+    touch.point = Vec2(-at(4), at(3)) / touch.force;
+    touch.reach = touch.point.norm() / mechanism_.peg.radius;
+  }
   return touch;
 }
 
@@ -206,7 +226,7 @@ void Search::report(const char* state, const std::string& message) {
 bool Search::begin() {
   press_.begin(mechanism_);
   X_BS_ = poseFromRest(press_.last().carrier);
-  start_z_ = press_.last().carrier.z;
+  start_ = press_.last().carrier;
   begun_ = true;
   reference_time_ = press_.last().time;
   report("tare", "hanging free");
@@ -247,11 +267,12 @@ bool Search::enter(const Vec3& center) {
   // up along the normal before sideways and straight
   Vec3 above = pegPose(press_.target(), Vector6::Zero()).p;
   above += hole_.normal * std::max(0.0, kTravel - hole_.normal.dot(above) + hole_.height);
-  press_.moveTo(restFor(above, (inverse(X_BS_) * poseFromRest(press_.target())).R));
+  press_.moveTo(restFor(above, (inverse(X_BS_) * poseFromRest(press_.target())).R), false);
   // the hanging peg sags differently in this pose
   Vec3 target = center + kClear * hole_.normal;
-  press_.moveTo(restFor(target + kTravel * hole_.normal, R));
+  press_.moveTo(restFor(target + kTravel * hole_.normal, R), false);
   press_.wait(blocks(p_.settle));
+  press_.tare(kZeroBlocks);
   sag_ =
       pegPose(press_.last().carrier, deflection()).p - pegPose(press_.target(), Vector6::Zero()).p;
   target -= sag_ - hole_.normal * hole_.normal.dot(sag_);
@@ -292,24 +313,22 @@ bool Search::lower(const Vec3& from, const Mat3& R) {
   return in;
 }
 
-// sideways in small steps until the wall pushes back; `at` is the bottom's centre then. False when
-// there is no wall where one must be
+// Sideways in small steps until the wall pushes back; `at` is the bottom's centre then. False when
+// there is no wall where one must be. By the poses that were commanded: the reported ones scatter.
 bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
   const double step = std::clamp(0.25 * clearance, 5e-6, 1e-4);
-  const Matrix6 compliance = couplingStiffness(mechanism_.coupling).inverse();
   Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
   const Vec3 travel = R.transpose() * direction;
   row << travel.transpose(), Vec3(0, 0, -length_).cross(travel).transpose();
-  const Eigen::Matrix<double, 1, 6> by_wrench = row * compliance;
+  const Eigen::Matrix<double, 1, 6> by_wrench =
+      row * couplingStiffness(mechanism_.coupling).inverse();
   const double felt =
       kWallDeflection +
-      4.0 * std::sqrt((by_wrench * press_.rounding() * by_wrench.transpose()).value() +
-                      std::pow(press_.reportNoise().position, 2) +
-                      std::pow(length_ * press_.reportNoise().rotation, 2));
+      4.0 * std::sqrt((by_wrench * press_.rounding() * by_wrench.transpose()).value());
   Vec3 target = pegPose(press_.target(), Vector6::Zero()).p;
   const auto pushed = [&] {
-    at = pegPose(press_.last().carrier, deflection()).p - sag_;
+    at = pegPose(press_.target(), deflection()).p - sag_;
     return (target - at).dot(direction) > felt;
   };
   for (double moved = 0.0; moved <= kWallSearch * clearance; moved += step) {
@@ -319,15 +338,55 @@ bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
       if (pushed()) return true;
     }
     target += step * direction;
-    press_.moveTo(restFor(target, R));
-    press_.wait(kWallBlocks);
+    press_.nudge(restFor(target, R));
   }
   return false;
 }
 
-// to the middle between the walls along two axes, which is the hole's centre
+// The peg doesn't end against a wall: a carrier that comes to rest somewhere else each time may
+// have put the middle there. Free is what follows the carrier to all four sides; else `target` is
+// moved to where the wall pushes.
+bool Search::clearOfWalls(Vec3& target, const Mat3& R) {
+  const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
+  const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+  const double step = kFreeShare * clearance;
+  const auto place = [this, &R](const Vec3& at) {
+    press_.nudge(restFor(at, R));
+    Vec3 mean = Vec3::Zero();
+    for (int i = 0; i < kSwingBlocks; ++i) {
+      press_.wait(1);
+      if (i > 0) mean += pegPose(press_.target(), deflection()).p / (kSwingBlocks - 1);
+    }
+    return mean;
+  };
+  // a longer way ends here, where the peg will stay: the short ones that follow don't change that
+  press_.moveTo(restFor(target + 0.5 * p_.insertion_depth * hole_.normal, R));
+  press_.moveTo(restFor(target, R));
+  if (!press_.settle() || press_.force().norm() > p_.insertion_force) return false;
+  for (int i = 0; i < kFreeTries; ++i) {
+    const Vec3 here = place(target);
+    bool free = true;
+    for (int side = 0; free && side < 4; ++side) {
+      const Vec3 way = (side % 2 == 0 ? 1.0 : -1.0) * axes.col(side / 2);
+      const Vec3 left = place(target + step * way) - here - step * way;
+      free = (axes.transpose() * left).norm() < kBehind * step;
+    }
+    if (free) {
+      place(target);
+      return true;
+    }
+    const Vec2 pushed = axes.transpose() * (here - sag_ - target);
+    target += kOffWall * clearance * (axes * pushed.normalized());
+  }
+  report("centre", "a wall on every side");
+  return false;
+}
+
+// To the middle between the walls along two axes, which is the hole's centre: walls twice the
+// clearance apart on the second one, and no force in the middle, else it is something else.
 bool Search::centre(const Mat3& R) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
+  const double gap = 2.0 * (mechanism_.hole.radius - mechanism_.peg.radius);
   for (int axis = 0; axis < 2; ++axis) {
     Vec3 ahead, behind;
     const Vec3 along = axes.col(axis);
@@ -339,14 +398,16 @@ bool Search::centre(const Mat3& R) {
     target += along * along.dot(0.5 * (ahead + behind) - target);
     press_.moveTo(restFor(target, R));
     press_.wait(kWallBlocks);
-    if (axis == 1) {
-      // no wall pushes any more: the peg itself is in the middle
-      const Vec3 center = target + sag_;
-      hole_.center = center - hole_.normal * (hole_.normal.dot(center) - hole_.height);
-      hole_.center_covariance = Eigen::Matrix2d::Identity() * kWallSd * kWallSd;
-      found_ = true;
-      report("centre", text("between walls %.3f mm apart", (ahead - behind).norm() * 1e3));
-    }
+    if (axis == 0) continue;
+    const double apart = along.dot(ahead - behind);
+    report("centre", text("between walls %.3f mm apart", apart * 1e3));
+    if (std::abs(apart - gap) > std::max(kGapShare * gap, kGapSlack)) return false;
+    // no wall pushes any more: the peg itself is in the middle
+    if (!clearOfWalls(target, R)) return false;
+    const Vec3 center = target + sag_;
+    hole_.center = center - hole_.normal * (hole_.normal.dot(center) - hole_.height);
+    hole_.center_covariance = Eigen::Matrix2d::Identity() * kWallSd * kWallSd;
+    found_ = true;
   }
   return true;
 }

@@ -250,22 +250,22 @@ void VibratedSearch::feel(double window, Felt& felt) {
   measure.locus = LocusRequest{press_.last().time, window};
   felt.start = press_.last().time;
   press_.step(measure);
-  Vector6 deflection = press_.deflection();
+  Vector6 bent = deflection();
   felt.force = press_.force();
   int taken = 1;
   for (; !press_.last().locus; ++taken) {
     if (taken > blocks(window) + 2)
       throw AlignError(AlignFailure::kNoReading, "the estimator gave none");
     press_.step({});
-    deflection += press_.deflection();
+    bent += deflection();
     felt.force += press_.force();
   }
-  deflection /= taken;
+  bent /= taken;
   felt.force /= taken;
   felt.end = felt.start + window;
   felt.seen = *press_.last().locus;
   felt.X_SC = carrierPose();
-  felt.reading.X_SP = pegPose(press_.last().carrier, deflection);
+  felt.reading.X_SP = pegPose(press_.last().carrier, bent);
   ++contacts_;
   invert(felt);
   felt.usable = felt.seen.direction && felt.seen.mode.mode == LocusMode::kEllipse;

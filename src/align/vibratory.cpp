@@ -50,6 +50,26 @@ bool goBack(Plant& plant, const RestPose& start) {
   return true;
 }
 
+// the peg isn't free, or its carrier goes nowhere
+bool isHeld(AlignFailure failure) {
+  return failure == AlignFailure::kInContact || failure == AlignFailure::kStuck ||
+         failure == AlignFailure::kNotArrived || failure == AlignFailure::kNoContact;
+}
+
+// the next where one failed, from the start again
+AlignResult another(const AlignResult& failed, Plant& plant, const PlantBlock& first,
+                    const char* name, const std::function<void(const AlignProgress&)>& progress,
+                    const std::function<AlignResult()>& next) {
+  if (progress) progress({name, failed.contacts, failed.time, failed.reason});
+  if (!goBack(plant, first.carrier)) return failed;
+  const double before = plant.next({}).time - first.time;
+  AlignResult result = next();
+  result.contacts += failed.contacts;
+  result.time += before;
+  result.reference_time = failed.reference_time;
+  return result;
+}
+
 }  // namespace
 
 AlignResult vibratory(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
@@ -57,13 +77,26 @@ AlignResult vibratory(Plant& plant, const Mechanism& mechanism, const AlignParam
   const PlantBlock first = plant.next({});
   const AlignResult quick = doubleContact(plant, mechanism, parameters, progress);
   if (quick.success || isFinal(quick.failure)) return quick;
-  if (progress) progress({"single_contact", quick.contacts, quick.time, quick.reason});
-  if (!goBack(plant, first.carrier)) return quick;
-  const double before = plant.next({}).time - first.time;
-  AlignResult result = singleContact(plant, mechanism, parameters, progress);
-  result.contacts += quick.contacts;
-  result.time += before;
-  result.reference_time = quick.reference_time;
+  return another(quick, plant, first, "single_contact", progress,
+                 [&] { return singleContact(plant, mechanism, parameters, progress); });
+}
+
+AlignResult autoSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+                       const std::function<void(const AlignProgress&)>& progress) {
+  const PlantBlock first = plant.next({});
+  AlignResult result = touchSearch(plant, mechanism, parameters, progress);
+  const auto goOn = [&result] {
+    return !result.success && !isHeld(result.failure) && !isFinal(result.failure);
+  };
+  if (goOn() && plant.twinForce() != nullptr) {
+    result = another(result, plant, first, "twin_force", progress,
+                     [&] { return twinForce(plant, mechanism, parameters, progress); });
+  }
+  // what ends twin_force for good, a coarse converter, is nothing to the locus
+  if (!result.success && !isHeld(result.failure)) {
+    result = another(result, plant, first, "vibratory", progress,
+                     [&] { return vibratory(plant, mechanism, parameters, progress); });
+  }
   return result;
 }
 

@@ -352,7 +352,8 @@ TEST(Pressed, IsFreedFirstAndAligned) {
 TEST(PlantFailures, PassThrough) {
   for (const AlignFailure failure :
        {AlignFailure::kCancelled, AlignFailure::kNoData, AlignFailure::kStopped}) {
-    for (const char* strategy : {"single_contact", "double_contact", "vibratory", "twin_force"}) {
+    for (const char* strategy :
+         {"single_contact", "double_contact", "vibratory", "twin_force", "touch", "auto"}) {
       SimulatedPlant simulated(cell(), cell().mechanism, CellParameters{});
       FaultyPlant plant(simulated);
       plant.on_block = [&](PlantBlock&) {

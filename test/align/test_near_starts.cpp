@@ -103,7 +103,7 @@ TEST_P(NearStarts, InTheHoleAlready) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Strategies, NearStarts,
-                         testing::Values("single_contact", "double_contact", "twin_force"),
+                         testing::Values("single_contact", "double_contact", "twin_force", "touch"),
                          [](const auto& p) { return std::string(p.param); });
 
 // nothing moves, or no mode can be told: both strategies of the vibrated peg end by name

@@ -19,6 +19,10 @@ struct PressLimits {
 /// A free peg may differ by so much from its tare: its weight pulls sideways when tilted [N]
 inline constexpr double kFreeForce = 1.0;
 
+/// And by so much more for every second since: sensors that warm up drift by 3 N a minute and axis
+/// [N/s]
+inline constexpr double kZeroDrift = 0.09;
+
 /// How far the pose that a carrier at rest reports scatters from block to block.
 struct ReportNoise {
   double position = 0.0;  ///< sd of an axis [m]
@@ -89,8 +93,13 @@ class PressController {
   /// tare.
   void retreat(const RestPose& relaxed, double travel);
 
-  /// Moves the rest pose and waits until it is there.
-  void moveTo(const RestPose& target);
+  /// Moves the rest pose and waits until it is there. A pose that scatters tells so a little early:
+  /// where another move or a zero follows, there is nothing more to wait for (`to_the_end` false).
+  void moveTo(const RestPose& target, bool to_the_end = true);
+  /// A step that a block has time for.
+  void nudge(const RestPose& target);
+  /// Waits until blocks in a row agree; false: they never do.
+  bool settle();
   const RestPose& target() const { return target_; }
 
   /// Lowers until the first touch. False when the rest height `floor` [m] was reached without one.
@@ -111,14 +120,13 @@ class PressController {
   double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
 
  private:
-  bool settle();  // waits until blocks in a row agree; false: they never do
-
   Plant& plant_;
   PressLimits limits_;
   PlantBlock last_;
   RestPose target_;
   Vector6 tare_ = Vector6::Zero(), zero_ = Vector6::Zero();  // latest, first
   Vector6 tare_displacement_ = Vector6::Zero();
+  double zero_time_ = 0.0;  // of the first
   RestPose tare_pose_;
   Matrix6 scatter_ = Matrix6::Zero();
   ReportNoiseMeter meter_;  // of the blocks of all tares

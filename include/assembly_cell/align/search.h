@@ -27,8 +27,9 @@ class Search {
 
   /// Finds the hole and puts the peg's edge into it. Throws AlignError or PlantError.
   virtual void find() = 0;
-  /// Deflection of the coupling that frame `peg` includes.
-  virtual Vector6 deflection() const = 0;
+  /// Deflection of the coupling that frame `peg` includes: since the start, by default, where the
+  /// zero may have been taken anew in another pose since.
+  virtual Vector6 deflection() const;
   /// Whether the walls, felt after entry, tell more of the hole's centre than find() did.
   virtual bool feelsWalls() const { return false; }
   /// What is known of the hole; only called if found_.
@@ -39,6 +40,8 @@ class Search {
     double force = 0.0;     ///< along the peg [N]
     double sideways = 0.0;  ///< [N]
     double reach = 0.0;  ///< line of action's distance from the axis at the bottom over the radius
+    Eigen::Vector2d point{0, 0};  ///< where the line of action crosses the bottom, peg axes [m]
+    Pose X_SP;                    ///< of the peg then, by the commanded rest pose
 
     /// The force is still there.
     bool felt() const { return std::hypot(force, sideways) > 0.5; }
@@ -68,6 +71,8 @@ class Search {
   Pose carrierPose() const { return inverse(X_BS_) * poseFromRest(press_.last().carrier); }
   /// Rest pose whose undeflected peg has its bottom centre at p and its axes along R.
   RestPose restFor(const Eigen::Vector3d& p, const Eigen::Matrix3d& R) const;
+  /// Of the coupling under the weight of the peg hanging free.
+  Vector6 sag(const RestPose& carrier) const;
   /// Frame `peg` in S from a carrier pose and a deflection.
   Pose pegPose(const RestPose& carrier, const Vector6& deflection) const;
   int blocks(double duration) const;
@@ -88,6 +93,7 @@ class Search {
   double start_time_ = 0.0, reference_time_ = 0.0;  // plant clock [s]
   double block_ = 0.0;                              // duration of a block [s]
   Pose X_BS_;
+  RestPose start_;  // of the carrier
   int contacts_ = 0;
   double position_sd_ = 0.0, rotation_sd_ = 0.0;  // for the progress; 0: not known
   HoleEstimate hole_;
@@ -99,10 +105,10 @@ class Search {
   void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
+  bool clearOfWalls(Eigen::Vector3d& target, const Eigen::Matrix3d& R);
   bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);
 
-  double start_z_ = 0.0;  // of the carrier [m]
-  Eigen::Vector3d sag_;   // of the upright peg's bottom centre, in S [m]
+  Eigen::Vector3d sag_;  // of the upright peg's bottom centre, in S [m]
   Eigen::Vector3d aside_ = Eigen::Vector3d::UnitX();  // away from the hole, as far as is known
   int asides_ = 0;                                    // in this direction and others since
 };
@@ -126,7 +132,13 @@ AlignResult doubleContact(Plant& plant, const Mechanism& mechanism,
 /// double_contact, and where that fails single_contact from the start again.
 AlignResult vibratory(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress);
+/// By the places where the tilted peg touches face, rim and wall.
+AlignResult touchSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+                        const std::function<void(const AlignProgress&)>& progress);
 AlignResult twinForce(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress);
+/// touch, and where that fails twin_force, then vibratory, each from the start again.
+AlignResult autoSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+                       const std::function<void(const AlignProgress&)>& progress);
 
 }  // namespace assembly_cell

@@ -31,7 +31,6 @@ class VibratedSearch : public Search {
   virtual bool attempt() = 0;
 
   void find() final;
-  Vector6 deflection() const final { return press_.deflection(); }
   void summarise(AlignResult& result) const final;
   bool feelsWalls() const final { return true; }
 

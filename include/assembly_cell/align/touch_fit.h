@@ -1,0 +1,60 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell {
+
+// Plane and circle of a hole from where a tilted peg touched, by the carrier's pose: no strain
+// matrix, no mechanism's parameter better than to a tenth is needed.
+
+/// One touch of the peg's bottom edge, frame `peg` in a frame S that does not move.
+struct TouchReading {
+  enum Kind {
+    kEdge,  ///< from above: the lowest point that is not over the hole rests on its plane
+    kWall,  ///< from the side: what is below the plane lies against the wall
+    kFree   ///< none: nothing of the edge is in the block
+  } kind = kEdge;
+  Pose X_SP;        ///< with the coupling's deflection
+  double sd = 0.0;  ///< of the peg's place along the touch [m]
+  /// Where the line of action crosses the bottom, peg axes [m]; the sensor's own offset included.
+  std::optional<Eigen::Vector2d> point;
+};
+
+/// What is known before, and how well a point is felt. All standard deviations.
+struct TouchModel {
+  double peg_radius = 0.0, hole_radius = 0.0;       ///< [m]
+  Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< about which the hole is looked for, S [m]
+  double position_sd = 0.012;                       ///< of the hole from there, per axis [m]
+  double tilt_sd = 0.05;                            ///< of its plane against S, per axis [rad]
+  double point_sd = 1e-3;                           ///< of a point of touch, per axis [m]
+  double offset_sd = 4e-3;                          ///< common to all points, per axis [m]
+};
+
+/// The hole in S.
+struct TouchFit {
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< of its plane
+  double height = 0.0;                                ///< normal · any point of the plane [m]
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();   ///< of the rim [m]
+  Eigen::Matrix2d center_covariance = Eigen::Matrix2d::Zero();  ///< of x and y in S [m²]
+  double height_sd = 0.0;                                       ///< at the centre [m]
+  double normal_sd = 0.0;                                       ///< both axes [rad]
+  double chi2 = 0.0;  ///< prior included; as many degrees of freedom as residuals
+  int residuals = 0;
+};
+
+/// Maximum a posteriori, from the best of a grid of centres: two circles of nearly one size cross
+/// in places that several centres explain. Needs three edge readings with points that don't lie on
+/// a line; throws InputError otherwise.
+TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& readings);
+
+/// Residual of a reading for a given hole, in metres: gap between edge and plane outside the hole
+/// (kEdge), reach of what is below the plane beyond the wall (kWall), or how deep the edge would be
+/// in the block (kFree, never positive).
+double touchResidual(const TouchModel& model, const TouchReading& reading,
+                     const Eigen::Vector3d& normal, const Eigen::Vector3d& center);
+
+}  // namespace assembly_cell

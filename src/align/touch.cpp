@@ -1,0 +1,315 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "assembly_cell/align/search.h"
+#include "assembly_cell/align/touch_fit.h"
+#include "assembly_cell/base/input_error.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+
+constexpr int kRound = 3;           // touches of each of the first two rounds
+constexpr int kAttempts = 4;        // from where the peg came free again
+constexpr int kDrops = 8;           // tries to put the low edge into the hole
+constexpr double kMoreTilt = 0.01;  // while the plane is unknown [rad]
+constexpr double kOver = 3e-4;      // lowest point over the plane before a descent [m]
+constexpr double kDeep = 4e-4;      // lowest point below the plane, inside [m]
+constexpr double kPlaceSd = 5e-5;   // of where a move ends [m]
+constexpr double kPush = 0.75;      // sideways: a wall [N]
+constexpr double kSidestep = 1e-4;  // of the way to a wall, in one block [m]
+constexpr double kBack = 3e-4;      // off a wall again [m]
+constexpr double kBehind = 2.5e-3;  // low edge inside by so much at least when put down [m]
+constexpr double kFarthest = 6e-3;  // and at most [m]
+constexpr double kLost = 8e-3;      // way to a wall at most [m]
+constexpr double kRetreat = 8e-3;   // above where an attempt failed [m]
+constexpr double kSure = 2.5;       // deviations
+constexpr int kRest = 2;            // blocks
+
+// The strategy `touch`: the peg's tilted edge touches the face all round, which tells plane and,
+// where it sinks over the rim, roughly the hole; then the low edge is put into the hole and moved
+// against its wall on three sides. Only places and thresholds of force count: neither strain
+// matrices nor the mechanism need to be known well.
+class TouchSearch : public Search {
+ public:
+  TouchSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& p,
+              const Progress& progress)
+      : Search(plant, mechanism, p, progress) {
+    model_.peg_radius = mechanism.peg.radius;
+    model_.hole_radius = mechanism.hole.radius;
+  }
+
+ private:
+  bool feelsWalls() const override { return true; }
+
+  void find() override {
+    if (begin()) return;
+    bottom_ = Vec3(0, 0, -length_);
+    for (int k = 1;; ++k) {
+      try {
+        attempt();
+        return;
+      } catch (const AlignError& error) {
+        if (k >= kAttempts || !recoverable(error.failure)) throw;
+        report("recover", error.what());
+        backOut(kRetreat);
+        bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+        if (!known_) {
+          readings_.clear();
+          bottom_ += wayAside(p_.contact_tilt + kMoreTilt);
+        }
+      }
+    }
+  }
+
+  static bool recoverable(AlignFailure failure) {
+    switch (failure) {
+      case AlignFailure::kWedged:
+      case AlignFailure::kForceLimit:
+      case AlignFailure::kSensorSaturated:
+      case AlignFailure::kNotStill:
+      case AlignFailure::kNotInserted:
+      case AlignFailure::kNoPlaneReading:
+      case AlignFailure::kNoHoleUnderEdge:
+        return true;
+      default:
+        return false;
+    }
+  }
+
+  void attempt() {
+    if (!known_) survey();
+    for (int i = 0; i < kDrops; ++i) {
+      if (!drop(i)) {
+        resolve();
+        continue;
+      }
+      walls();
+      resolve();
+      if (enter(hole_.center)) return;
+      bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+    }
+    throw AlignError(AlignFailure::kNotInserted,
+                     text("no entry after %.0f touches", static_cast<double>(contacts_)));
+  }
+
+  // the face all round, first at tilts against the start, then against the plane
+  void survey() {
+    for (int i = 0; i < kRound; ++i) {
+      const double a = 2 * M_PI * i / kRound;
+      touch(tilted(Vec3::UnitZ(), a, p_.contact_tilt + kMoreTilt));
+    }
+    resolve();
+    for (int i = 0; i < kRound; ++i) {
+      const double a = 2 * M_PI * (i + 0.5) / kRound;
+      touch(tilted(hole_.normal, a, p_.contact_tilt));
+    }
+    resolve();
+    known_ = true;
+  }
+
+  // low side at azimuth a
+  static Mat3 tilted(const Vec3& normal, double a, double tilt) {
+    return rotationToAxis(normal) * tiltRotation(tilt * Vec2(-std::sin(a), std::cos(a)));
+  }
+
+  // lowest point of the edge under the bottom's centre, along the normal [m]
+  double dip(const Mat3& R) const {
+    const double up = hole_.normal.dot(R.col(2));
+    return mechanism_.peg.radius * std::sqrt(std::max(0.0, 1.0 - up * up));
+  }
+
+  // over a place and turned there, free; the zero taken anew
+  void hover(const Vec3& place, const Mat3& R) {
+    const Mat3 now = (inverse(X_BS_) * poseFromRest(press_.target())).R;
+    Vec3 up = pegPose(press_.target(), Vector6::Zero()).p;
+    Vec3 over = place;
+    if (found_) {
+      const auto raise = [this](Vec3& p, double height) {
+        p += hole_.normal * std::max(0.0, height - hole_.normal.dot(p) + hole_.height);
+      };
+      raise(up, dip(now) + kOver);
+      raise(over, dip(R) + kOver);
+      raise(up, hole_.normal.dot(over) - hole_.height);
+      press_.moveTo(restFor(up, now), false);
+    } else {
+      const double turn = std::acos(std::clamp(R.col(2).dot(now.col(2)), -1.0, 1.0));
+      over.z() = std::max(over.z(), up.z()) + mechanism_.peg.radius * turn;
+    }
+    press_.moveTo(restFor(over, R), false);
+    press_.tare(2);
+  }
+
+  // one touch from above at the present place
+  void touch(const Mat3& R) {
+    hover(bottom_, R);
+    const std::optional<Touch> light = lightTouch(-1e9);
+    // nothing is turned in a hole that holds the edge
+    if (light && light->felt() && !known_) refuseWedge(*light, R);
+    if (light) keep(*light);
+    bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+  }
+
+  void keep(const Touch& light) {
+    if (!light.felt()) return;
+    TouchReading reading;
+    reading.X_SP = light.X_SP;
+    reading.sd = kPlaceSd;
+    if (!light.steep()) reading.point = light.point;
+    readings_.push_back(reading);
+    ++contacts_;
+    report("touch", text("%.1f N, line of action %.1f mm from the axis", light.force,
+                         light.point.norm() * 1e3));
+  }
+
+  void resolve() {
+    TouchFit fit;
+    try {
+      fit = fitTouches(model_, readings_);
+    } catch (const InputError& error) {
+      throw AlignError(AlignFailure::kNoPlaneReading, error.what());
+    }
+    hole_.normal = fit.normal;
+    hole_.height = fit.height;
+    hole_.height_sd = fit.height_sd;
+    hole_.normal_sd = fit.normal_sd;
+    hole_.center = fit.center;
+    hole_.center_covariance = fit.center_covariance;
+    found_ = true;
+    position_sd_ = std::sqrt(fit.center_covariance.trace());
+    rotation_sd_ = fit.normal_sd;
+    report("resolve", text("centre %.3f %.3f mm", offset().x() * 1e3, offset().y() * 1e3) +
+                          text(" +- %.3f mm, tilt sd %.3f deg", position_sd_ * 1e3,
+                               rotation_sd_ * 180 / M_PI) +
+                          text(", chi2 %.1f of %.0f", fit.chi2, fit.residuals));
+  }
+
+  // the low edge into the hole; what is touched instead is kept
+  bool drop(int turn) {
+    Vec3 to = hole_.center - bottom_;
+    to -= hole_.normal * hole_.normal.dot(to);
+    const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
+    const Vec2 flat = axes.transpose() * to;
+    if (turn == 0 || flat.norm() > kFarthest)
+      heading_ = std::atan2(flat.y(), flat.x());
+    else
+      heading_ += 0.5 * M_PI;
+    const Vec3 ahead = axes * Vec2(std::cos(heading_), std::sin(heading_));
+    const double sd =
+        std::sqrt(std::max(0.0, ahead.head<2>().dot(hole_.center_covariance * ahead.head<2>())));
+    const double behind = std::min(kFarthest, std::max(kBehind, kSure * sd));
+    const Mat3 R = tilted(hole_.normal, heading_, p_.contact_tilt);
+    const Vec3 place = hole_.center - behind * ahead + (dip(R) + kOver) * hole_.normal;
+    hover(place, R);
+    const Vec3 lowest = place - (kOver + kDeep + kSure * hole_.height_sd) * hole_.normal;
+    const std::optional<Touch> light = lightTouch(restFor(lowest, R).z);
+    bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+    if (light) {
+      keep(*light);
+      return false;
+    }
+    report("drop", text("the low edge is in, %.1f mm from the centre", behind * 1e3));
+    ahead_ = ahead;
+    return true;
+  }
+
+  // against the wall ahead and on both sides
+  void walls() {
+    const Vec3 left = hole_.normal.cross(ahead_);
+    for (const Vec3& way : {ahead_, left, Vec3(-left)}) {
+      if (!wall(way)) return;
+    }
+  }
+
+  // Steps sideways until the wall pushes back; the place without force by two forces, which needs
+  // no stiffness.
+  bool wall(const Vec3& way) {
+    const Mat3 R = (inverse(X_BS_) * poseFromRest(press_.target())).R;
+    const Vec3 from = pegPose(press_.target(), Vector6::Zero()).p;
+    press_.wait(kRest);
+    const Vec3 zero = press_.force();
+    const auto push = [&] { return -way.dot(carrierPose().R * (press_.force() - zero)); };
+    double moved = 0.0, felt = 0.0;
+    while (felt < kPush) {
+      if (moved > kLost) {
+        report("wall", "none within reach");
+        return false;
+      }
+      moved += kSidestep;
+      PlantCommand command;
+      command.rest = restFor(from + moved * way, R);
+      press_.step(command);
+      felt = push();
+      if (felt < kPush) continue;
+      felt = pushedAt(from + moved * way, R, push);
+    }
+    const double gentler = moved - 0.5 * felt * softness(way, R);
+    const double less = pushedAt(from + gentler * way, R, push);
+    const double slope = felt > less ? (moved - gentler) / (felt - less) : 0.0;
+    const double at = gentler - less * slope;
+    TouchReading reading;
+    reading.kind = TouchReading::kWall;
+    reading.X_SP = pegPose(restFor(from + at * way, R), sag(press_.target()) - sag(start_));
+    reading.sd = kPlaceSd;
+    readings_.push_back(reading);
+    ++contacts_;
+    report("wall", text("after %.2f mm, %.1f N", at * 1e3, felt));
+    press_.moveTo(restFor(from + (at - kBack) * way, R), false);
+    bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+    return true;
+  }
+
+  template <typename Push>
+  double pushedAt(const Vec3& p, const Mat3& R, const Push& push) {
+    press_.moveTo(restFor(p, R));
+    press_.wait(kRest);
+    double sum = 0.0;
+    for (int i = 0; i < kRest; ++i) {
+      press_.wait(1);
+      sum += push() / kRest;
+    }
+    return sum;
+  }
+
+  // travel of the peg's bottom for a force on it [m/N]
+  double softness(const Vec3& way, const Mat3& R) const {
+    const Vec3 along = R.transpose() * way;
+    Eigen::Matrix<double, 1, 6> row;
+    row << along.transpose(), Vec3(0, 0, -length_).cross(along).transpose();
+    return (row * couplingStiffness(mechanism_.coupling).inverse() * row.transpose()).value();
+  }
+
+  Vec2 offset() const {
+    return (rotationToAxis(hole_.normal).transpose() * (hole_.center - Vec3(0, 0, -length_)))
+        .head<2>();
+  }
+
+  void summarise(AlignResult& result) const override {
+    result.known = true;
+    result.offset = offset();
+    result.offset_covariance = hole_.center_covariance;
+    result.tilt = -axisTilt(hole_.normal);
+    result.tilt_sd = hole_.normal_sd;
+  }
+
+  TouchModel model_;
+  std::vector<TouchReading> readings_;
+  Vec3 bottom_ = Vec3::Zero();  // where the peg's bottom centre is, in S [m]
+  Vec3 ahead_ = Vec3::UnitX();  // way of the low edge in the hole
+  double heading_ = 0.0;        // its azimuth in the plane [rad]
+  bool known_ = false;          // plane and, roughly, the hole
+};
+
+}  // namespace
+
+AlignResult touchSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+                        const std::function<void(const AlignProgress&)>& progress) {
+  return TouchSearch(plant, mechanism, parameters, progress).run();
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,284 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/touch_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "assembly_cell/base/input_error.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3d;
+
+constexpr int kUnknowns = 7;  // slope x, y of the plane; height; centre x, y; offset of points x, y
+using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
+using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+
+constexpr int kMarch = 36, kBisections = 30;  // of half the edge, for where it crosses the rim
+constexpr int kLune = 24;                     // of the part below the plane
+constexpr int kGrid = 15, kStarts = 5;        // centres to start from, per axis; of these climbed
+constexpr double kGridReach = 2.0;            // of the prior's deviations
+constexpr int kIterations = 40;
+constexpr double kOutlier = 16.0;  // squared residual from where on a reading counts less
+
+// The peg's edge over a hole: heights and distances as functions of the azimuth.
+struct Edge {
+  Edge(const TouchModel& model, const Pose& X_SP, const Vec3& normal, const Vec3& center)
+      : r(model.peg_radius), R(model.hole_radius) {
+    const Vec3 from = X_SP.p - center;
+    middle = normal.dot(from);
+    const Vec3 x = X_SP.R.col(0), y = X_SP.R.col(1);
+    rise << normal.dot(x), normal.dot(y);
+    p = from - normal * middle;
+    ex = x - normal * rise.x();
+    ey = y - normal * rise.y();
+    low = std::atan2(-rise.y(), -rise.x());
+  }
+  double height(double a) const {
+    return middle + r * (std::cos(a) * rise.x() + std::sin(a) * rise.y());
+  }
+  double beyond(double a) const {
+    return (p + r * (std::cos(a) * ex + std::sin(a) * ey)).norm() - R;
+  }
+
+  // azimuth of the lowest point outside the hole; nothing where the whole edge is inside
+  std::optional<double> touch() const {
+    if (beyond(low) >= 0.0) return low;
+    for (int i = 1; i <= kMarch; ++i) {
+      for (const int side : {1, -1}) {
+        double in = low + side * M_PI * (i - 1) / kMarch, out = low + side * M_PI * i / kMarch;
+        if (beyond(out) < 0.0) continue;
+        for (int k = 0; k < kBisections; ++k) {
+          const double half = 0.5 * (in + out);
+          (beyond(half) < 0.0 ? in : out) = half;
+        }
+        const double mirrored = crossingOn(-side, i);
+        return std::abs(mirrored - low) < std::abs(out - low) ? mirrored : out;
+      }
+    }
+    return {};
+  }
+
+  // how far what is below the plane reaches beyond the wall
+  double reach() const {
+    const double slope = r * rise.norm();
+    const double half = std::acos(std::clamp(middle / std::max(slope, 1e-12), -1.0, 1.0));
+    double best = -R;
+    int at = 0;
+    std::array<double, kLune + 1> values{};
+    for (int i = 0; i <= kLune; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      values[k] = beyond(low + half * (2.0 * i / kLune - 1.0));
+      if (values[k] > best) {
+        best = values[k];
+        at = i;
+      }
+    }
+    if (at == 0 || at == kLune) return best;
+    // parabola through the three about the greatest
+    const auto k = static_cast<std::size_t>(at);
+    const double a = values[k - 1], b = values[k], c = values[k + 1];
+    const double bend = a - 2 * b + c;
+    return bend < 0.0 ? b - (c - a) * (c - a) / (8 * bend) : b;
+  }
+
+  double r, R, middle = 0.0, low = 0.0;
+  Vec2 rise;
+  Vec3 p, ex, ey;
+
+ private:
+  // the crossing in the same step on the other side, or none
+  double crossingOn(int side, int step) const {
+    double in = low + side * M_PI * (step - 1) / kMarch, out = low + side * M_PI * step / kMarch;
+    if (beyond(out) < 0.0) return 1e9;
+    for (int k = 0; k < kBisections; ++k) {
+      const double half = 0.5 * (in + out);
+      (beyond(half) < 0.0 ? in : out) = half;
+    }
+    return out;
+  }
+};
+
+double residualOf(const TouchReading& reading, const Edge& edge, double& azimuth) {
+  azimuth = edge.low;
+  if (reading.kind == TouchReading::kWall) return edge.reach();
+  const std::optional<double> at = edge.touch();
+  azimuth = at.value_or(edge.low);
+  // an edge all inside rests nowhere: as if on its highest point
+  const double gap = edge.height(at ? *at : edge.low + M_PI);
+  if (reading.kind == TouchReading::kEdge) return gap;
+  return std::min({0.0, gap, -edge.reach()});
+}
+
+struct Hole {
+  Vec3 normal, center;
+};
+Hole holeOf(const Unknowns& x) {
+  const Vec3 normal = Vec3(-x(0), -x(1), 1.0).normalized();
+  return {normal, Vec3(x(3), x(4), x(2) + x(0) * x(3) + x(1) * x(4))};
+}
+
+class Posterior {
+ public:
+  Posterior(const TouchModel& model, const std::vector<TouchReading>& readings, double height)
+      : model_(model), readings_(readings), height_(height) {
+    count_ = kUnknowns;
+    for (const TouchReading& r : readings) count_ += r.point ? 3 : 1;
+  }
+  int count() const { return count_; }
+
+  // residuals over their deviations; those of readings that don't fit weighed down
+  Eigen::VectorXd operator()(const Unknowns& x) const {
+    Eigen::VectorXd out(count_);
+    const Hole hole = holeOf(x);
+    int n = 0;
+    for (const TouchReading& reading : readings_) {
+      const Edge edge(model_, reading.X_SP, hole.normal, hole.center);
+      double azimuth = 0.0;
+      out(n++) = robust(residualOf(reading, edge, azimuth) / reading.sd);
+      if (!reading.point) continue;
+      const Vec2 on(std::cos(azimuth), std::sin(azimuth));
+      const Vec2 off = *reading.point - model_.peg_radius * on - x.tail<2>();
+      out(n++) = robust(off.x() / model_.point_sd);
+      out(n++) = robust(off.y() / model_.point_sd);
+    }
+    out(n++) = x(0) / model_.tilt_sd;
+    out(n++) = x(1) / model_.tilt_sd;
+    out(n++) = (x(2) - height_) / model_.peg_radius;
+    out(n++) = (x(3) - model_.start.x()) / model_.position_sd;
+    out(n++) = (x(4) - model_.start.y()) / model_.position_sd;
+    out(n++) = x(5) / model_.offset_sd;
+    out(n) = x(6) / model_.offset_sd;
+    return out;
+  }
+
+  Eigen::MatrixXd slope(const Unknowns& x) const {
+    Eigen::MatrixXd J(count_, kUnknowns);
+    const double r = model_.peg_radius;
+    for (int i = 0; i < kUnknowns; ++i) {
+      const double h = i < 2 ? 1e-6 : 1e-6 * r;
+      Unknowns up = x, down = x;
+      up(i) += h;
+      down(i) -= h;
+      J.col(i) = ((*this)(up) - (*this)(down)) / (2 * h);
+    }
+    return J;
+  }
+
+ private:
+  static double robust(double z) { return z / std::sqrt(1.0 + z * z / kOutlier); }
+
+  const TouchModel& model_;
+  const std::vector<TouchReading>& readings_;
+  double height_;
+  int count_ = 0;
+};
+
+// Levenberg–Marquardt; returns the sum of squares
+double climb(const Posterior& posterior, Unknowns& x) {
+  Eigen::VectorXd z = posterior(x);
+  double cost = z.squaredNorm(), damping = 1e-3;
+  for (int i = 0; i < kIterations; ++i) {
+    const Eigen::MatrixXd J = posterior.slope(x);
+    Square H = J.transpose() * J;
+    const Unknowns g = J.transpose() * z;
+    H.diagonal() *= 1.0 + damping;
+    const Unknowns next = x - H.ldlt().solve(g);
+    const Eigen::VectorXd there = posterior(next);
+    const double change = cost - there.squaredNorm();
+    if (change > 0.0) {
+      x = next;
+      z = there;
+      cost -= change;
+      damping = std::max(1e-9, 0.1 * damping);
+      if (change < 1e-6) break;
+    } else {
+      damping *= 10.0;
+      if (damping > 1e6) break;
+    }
+  }
+  return cost;
+}
+
+// All points of touch lie in the hole's plane, on the rim or beside it.
+Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& readings) {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Vec3 b = Vec3::Zero();
+  int n = 0;
+  for (const TouchReading& r : readings) {
+    if (r.kind != TouchReading::kEdge || !r.point) continue;
+    // the point itself may be off by the sensor's offset: that on the edge next to it
+    const Vec2 on = model.peg_radius * r.point->normalized();
+    const Vec3 p = r.X_SP.R * Vec3(on.x(), on.y(), 0.0) + r.X_SP.p;
+    const Vec3 row(p.x(), p.y(), 1.0);
+    A += row * row.transpose();
+    b += row * p.z();
+    ++n;
+  }
+  const Eigen::FullPivLU<Eigen::Matrix3d> lu(A);
+  if (n < 3 || !lu.isInvertible()) {
+    throw InputError("touches: fewer than 3 that tell a plane; touch at other tilts");
+  }
+  const Vec3 plane = lu.solve(b);
+  Unknowns x = Unknowns::Zero();
+  x.head<3>() = plane;
+  return x;
+}
+
+}  // namespace
+
+double touchResidual(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
+                     const Vec3& center) {
+  double azimuth = 0.0;
+  return residualOf(reading, Edge(model, reading.X_SP, normal, center), azimuth);
+}
+
+TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& readings) {
+  const Unknowns plane = planeThrough(model, readings);
+  const Posterior posterior(model, readings, plane(2));
+  struct Start {
+    double cost;
+    Unknowns x;
+  };
+  std::vector<Start> starts;
+  for (int i = 0; i < kGrid; ++i) {
+    for (int k = 0; k < kGrid; ++k) {
+      const double reach = kGridReach * model.position_sd;
+      const Vec2 off(2.0 * i / (kGrid - 1) - 1.0, 2.0 * k / (kGrid - 1) - 1.0);
+      Unknowns x = plane;
+      x.segment<2>(3) = model.start + reach * off;
+      starts.push_back({posterior(x).squaredNorm(), x});
+    }
+  }
+  std::partial_sort(starts.begin(), starts.begin() + kStarts, starts.end(),
+                    [](const Start& a, const Start& b) { return a.cost < b.cost; });
+  Start best{1e300, plane};
+  for (int i = 0; i < kStarts; ++i) {
+    Unknowns x = starts[static_cast<std::size_t>(i)].x;
+    const double cost = climb(posterior, x);
+    if (cost < best.cost) best = {cost, x};
+  }
+
+  const Eigen::MatrixXd J = posterior.slope(best.x);
+  const Square covariance = (J.transpose() * J).inverse();
+  const Hole hole = holeOf(best.x);
+  TouchFit fit;
+  fit.normal = hole.normal;
+  fit.center = hole.center;
+  fit.height = hole.normal.dot(hole.center);
+  fit.center_covariance = covariance.block<2, 2>(3, 3);
+  fit.normal_sd = std::sqrt(covariance(0, 0) + covariance(1, 1));
+  Unknowns up = Unknowns::Zero();
+  up << best.x(3), best.x(4), 1, 0, 0, 0, 0;
+  fit.height_sd = std::sqrt(up.dot(covariance * up));
+  fit.chi2 = best.cost;
+  fit.residuals = posterior.count();
+  return fit;
+}
+
+}  // namespace assembly_cell
