@@ -84,6 +84,12 @@ void checkParameters(const AlignParameters& p) {
         p.required_position, "must lie in (0, 0.01] m");
   check(p.required_rotation > 0 && p.required_rotation <= 0.1, "required_rotation",
         p.required_rotation, "must lie in (0, 0.1] rad");
+  check(p.insert.depth >= 0 && p.insert.depth <= 1, "insert.depth", p.insert.depth,
+        "must lie in [0, 1] m");
+  check(p.insert.force >= 2 && p.insert.force < p.force_limit, "insert.force", p.insert.force,
+        "must be at least 2 N and below force_limit");
+  check(p.insert.speed > 0 && p.insert.speed <= 0.1, "insert.speed", p.insert.speed,
+        "must lie in (0, 0.1] m/s");
   check(p.rounds >= 1 && p.rounds <= 10, "rounds", p.rounds, "must lie in 1 to 10");
 }
 
@@ -93,6 +99,10 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
   if (!(mechanism.hole.radius > mechanism.peg.radius)) {
     throw InputError("align: hole.radius: " + text("%g m", mechanism.hole.radius) +
                      " is not larger than the peg's; the peg can't enter");
+  }
+  if (parameters.insert.depth > 0.0 && !(parameters.insert.depth < mechanism.hole.depth)) {
+    throw InputError("align: insert.depth: " + text("%g m", parameters.insert.depth) +
+                     text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));
   }
   return strategyOf(parameters.strategy)(plant, mechanism, parameters, progress);
 }

@@ -33,10 +33,12 @@ const char* toString(AlignFailure failure) {
                                            "sensor_signs",
                                            "no_pose",
                                            "not_inserted",
+                                           "jammed",
                                            "cancelled",
                                            "no_data",
                                            "stopped",
                                            "edge_outside",
+                                           "not_seated",
                                            "wrong_mechanism"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(AlignFailure::kCount));
   return kNames[static_cast<int>(failure)];

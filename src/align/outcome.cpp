@@ -13,6 +13,12 @@ Eigen::Vector2d tiltOf(const Pose& X_HP) {
   return Eigen::Vector2d(-axis.y(), axis.x()) * (std::atan2(sine, axis.z()) / sine);
 }
 
+bool seatedIn(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
+              double depth) {
+  constexpr double kShort = 2e-4;  // [m]
+  return -X_HP.p.z() >= depth - kShort && edge_reach <= 2.0 * hole_radius - peg_radius;
+}
+
 double edgeReach(const Pose& X_HP, double peg_radius, const Eigen::Vector2d& bore_lean) {
   const auto reach = [&](double a) {
     const Eigen::Vector3d p =

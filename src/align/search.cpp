@@ -82,6 +82,7 @@ AlignResult Search::run() {
   AlignResult result;
   try {
     find();
+    if (p_.insert.depth > 0.0) insert();
     result.success = true;
     result.reason = toString(result.failure);
   } catch (const AlignError& error) {
@@ -95,6 +96,7 @@ AlignResult Search::run() {
       // what went wrong first is already known
     }
   }
+  result.insert = inserted_;
   result.contacts = contacts_;
   result.time = press_.last().time - start_time_;
   result.reference_time = reference_time_;
@@ -104,6 +106,7 @@ AlignResult Search::run() {
 
 // exciter off, and the peg free
 void Search::leave() {
+  if (inserted_.end.depth > 0.0) backOutOfBore(inserted_.end.depth);
   if (begun_ && press_.last().carrier.z < start_.z + kLeave) {
     backOut(kLeave);
   } else {
@@ -134,6 +137,24 @@ Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
   return inverse(X_BS_) * poseFromRest(carrier) * deflected * bottom;
 }
 
+Vector6 Search::tipWrench(const Vector6& wrench, const Vector6& deflection) const {
+  // the base stands upright to a few degrees, which is 10 mN
+  const auto weight = [this](const RestPose& carrier, const Vector6& d) {
+    const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
+    return pegWeight(mechanism_.peg, mechanism_.gravity, up, d);
+  };
+  const Vector6 turned =
+      weight(press_.last().carrier, deflection) - weight(press_.tarePose(), Vector6::Zero());
+  const Pose X_CQ = Pose{rotationFromVector({Vec3(deflection.tail<3>())}), deflection.head<3>()} *
+                    Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
+  return transformWrench(inverse(X_CQ), wrench - turned);
+}
+
+void Search::rememberSag(const Vec3& bottom) {
+  hanging_ = deflection();
+  sag_ = pegPose(press_.last().carrier, hanging_).p - bottom;
+}
+
 Search::Touch Search::feel() {
   press_.wait(kFeelBlocks);
   Vector6 w = Vector6::Zero(), d = Vector6::Zero();
@@ -142,15 +163,7 @@ Search::Touch Search::feel() {
     w += press_.wrench() / kFeelBlocks;
     d += deflection() / kFeelBlocks;
   }
-  // the weight has turned since the tare; the base stands upright to a few degrees, which is 10 mN
-  const auto weight = [this](const RestPose& carrier, const Vector6& deflection) {
-    const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
-    return pegWeight(mechanism_.peg, mechanism_.gravity, up, deflection);
-  };
-  w -= weight(press_.last().carrier, d) - weight(press_.tarePose(), Vector6::Zero());
-  const Pose X_CQ = Pose{rotationFromVector({Vec3(d.tail<3>())}), d.head<3>()} *
-                    Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
-  const Vector6 at = transformWrench(inverse(X_CQ), w);
+  const Vector6 at = tipWrench(w, d);
   Touch touch;
   touch.X_SP = pegPose(press_.target(), d);
   touch.force = at(2);
@@ -219,8 +232,8 @@ int Search::blocks(double duration) const {
 
 void Search::report(const char* state, const std::string& message) {
   if (!progress_) return;
-  progress_(
-      {state, contacts_, press_.last().time - start_time_, message, position_sd_, rotation_sd_});
+  progress_({state, contacts_, press_.last().time - start_time_, message, position_sd_,
+             rotation_sd_, inserted_.end.depth, inserted_.end.force()});
 }
 
 bool Search::begin() {
@@ -249,7 +262,7 @@ bool Search::alreadyIn() {
   hole_.normal = Vec3::UnitZ();
   hole_.height = bottom.z();
   hole_.normal_sd = kUnknownAxis;
-  sag_ = pegPose(press_.last().carrier, deflection()).p - bottom;
+  rememberSag(bottom);
   if (centre(Mat3::Identity()) &&
       lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity()))
     return true;
@@ -273,8 +286,7 @@ bool Search::enter(const Vec3& center) {
   press_.moveTo(restFor(target + kTravel * hole_.normal, R), false);
   press_.wait(blocks(p_.settle));
   press_.tare(kZeroBlocks);
-  sag_ =
-      pegPose(press_.last().carrier, deflection()).p - pegPose(press_.target(), Vector6::Zero()).p;
+  rememberSag(pegPose(press_.target(), Vector6::Zero()).p);
   target -= sag_ - hole_.normal * hole_.normal.dot(sag_);
 
   // centre, then rings a little closer than the clearance

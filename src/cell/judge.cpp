@@ -61,13 +61,20 @@ std::optional<double> Judge::directionError(const DirectionReading& reading) con
   return Eigen::Vector3d(A.ldlt().solve(b)).x();
 }
 
-void judgeEnd(const Scenario& truth, AlignTrial& trial) {
-  trial.success = trial.result.success &&
-                  edgeInside(trial.X_HP, truth.mechanism.peg.radius, truth.mechanism.hole.radius,
-                             truth.imperfections.bore_lean);
+void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial& trial) {
+  const PegParameters& peg = truth.mechanism.peg;
+  const HoleParameters& hole = truth.mechanism.hole;
+  const double reach = edgeReach(trial.X_HP, peg.radius, truth.imperfections.bore_lean);
+  trial.depth = -trial.X_HP.p.z();
+  const bool there = insert.depth > 0.0
+                         ? seatedIn(trial.X_HP, reach, peg.radius, hole.radius, insert.depth)
+                         : reach <= hole.radius;
+  trial.success = trial.result.success && there;
   trial.false_success = trial.result.success && !trial.success;
   if (!trial.false_success) return;
-  const AlignError outside(AlignFailure::kEdgeOutside, "not inside the hole");
+  const AlignError outside = insert.depth > 0.0
+                                 ? AlignError(AlignFailure::kNotSeated, "not in the hole so deep")
+                                 : AlignError(AlignFailure::kEdgeOutside, "not inside the hole");
   trial.result.failure = outside.failure;
   trial.result.reason = outside.what();
   trial.status = toString(outside.failure);
@@ -97,7 +104,7 @@ AlignResult alignChecked(SimulatedPlant& plant, Judge& judge, const KnownMechani
 }
 
 // carries out a run and looks at its end
-AlignTrial judged(const Scenario& start, SimulatedPlant& plant,
+AlignTrial judged(const Scenario& start, SimulatedPlant& plant, const InsertParameters& insert,
                   const std::function<AlignResult(Judge&, AlignTrial&)>& run) {
   Judge judge(plant);
   AlignTrial trial;
@@ -118,7 +125,7 @@ AlignTrial judged(const Scenario& start, SimulatedPlant& plant,
     if (error) trial.direction_errors.push_back(std::abs(*error));
   }
   trial.X_HP = plant.truth().pegPose();
-  judgeEnd(start, trial);
+  judgeEnd(start, insert, trial);
   return trial;
 }
 
@@ -129,7 +136,7 @@ AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const std::function<void(const AlignProgress&)>& progress,
                         const std::function<void(Plant&)>& before) {
   SimulatedPlant plant(start, mechanism, cell);
-  return judged(start, plant, [&](Judge& judge, AlignTrial&) {
+  return judged(start, plant, parameters.insert, [&](Judge& judge, AlignTrial&) {
     if (before) before(plant);
     return align(judge, mechanism, parameters, progress);
   });
@@ -139,7 +146,7 @@ AlignTrial tryAlignment(const Scenario& start, const KnownMechanism& known,
                         const CellParameters& cell, const AlignParameters& parameters,
                         const std::function<void(const AlignProgress&)>& progress) {
   SimulatedPlant plant(start, known.mechanism, cell);
-  return judged(start, plant, [&](Judge& judge, AlignTrial&) {
+  return judged(start, plant, parameters.insert, [&](Judge& judge, AlignTrial&) {
     return known.identified ? alignChecked(plant, judge, known, parameters, progress)
                             : align(judge, known.mechanism, parameters, progress);
   });
@@ -149,7 +156,7 @@ AlignTrial identifyAndAlign(const Scenario& start, const Mechanism& nominal,
                             const CellParameters& cell, const AlignParameters& parameters,
                             const std::function<void(const AlignProgress&)>& progress) {
   SimulatedPlant plant(start, nominal, cell);
-  return judged(start, plant, [&](Judge& judge, AlignTrial& trial) {
+  return judged(start, plant, parameters.insert, [&](Judge& judge, AlignTrial& trial) {
     KnownMechanism known = knownAsDrawn(nominal);
     try {
       const Identification found = identify(nominal, measure(judge, nominal, planFor(nominal)));

@@ -184,6 +184,11 @@ MessageCheck check(const AlignPegGoal& goal) {
   return MessageCheck().name("strategy", goal.strategy);
 }
 
+// its depth is answered in words
+MessageCheck check(const AssemblePegGoal& goal) {
+  return MessageCheck().name("strategy", goal.strategy);
+}
+
 MessageCheck check(const CalibrateSensorsGoal& goal) {
   return MessageCheck().name("plan", goal.plan).name("id", goal.id);
 }

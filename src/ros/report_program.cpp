@@ -55,7 +55,10 @@ void addTruth(AlignmentReport& report, const ReportDetails& details) {
 
 bool verdict(const AlignmentReport& report, const ReportDetails& details) {
   if (!report.success) return false;
-  return !details.truth_end || reachAtEnd(details) <= details.hole_radius;
+  if (!details.truth_end) return true;
+  if (details.insert == 0.0) return reachAtEnd(details) <= details.hole_radius;
+  return seatedIn(*details.truth_end, reachAtEnd(details), details.peg_radius, details.hole_radius,
+                  details.insert);
 }
 
 std::string table(const AlignmentReport& report, const ReportDetails& details) {
@@ -85,6 +88,12 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
                "hole's radius %.3f mm: ",
                1e3 * reach, 1e3 * details.hole_radius) +
            (reach <= details.hole_radius ? "inside\n" : "NOT inside\n");
+  }
+  if (details.insert > 0.0) {
+    out += text("  inserted: %.2f mm as felt of %.2f mm asked for, greatest force %.1f N",
+                1e3 * details.depth, 1e3 * details.insert, details.force);
+    if (details.truth_end) out += text("; truly %.2f mm", -1e3 * details.truth_end->p.z());
+    out += "\n";
   }
   out += "  contacts read: " + std::to_string(report.contacts) + "\n";
   out +=
@@ -127,6 +136,12 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
   out << YAML::Key << "simulated_time" << YAML::Value << report.simulated_time;
   out << YAML::Key << "wall_time" << YAML::Value << report.wall_time;
   if (felt) pose("estimated_pose", report.estimated_pose);
+  if (details.insert > 0.0) {
+    out << YAML::Key << "insertion" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    out << YAML::Key << "asked" << YAML::Value << details.insert;
+    out << YAML::Key << "depth" << YAML::Value << details.depth;
+    out << YAML::Key << "force" << YAML::Value << details.force << YAML::EndMap;
+  }
   out << YAML::Key << "peg_radius" << YAML::Value << details.peg_radius;
   out << YAML::Key << "hole_radius" << YAML::Value << details.hole_radius;
   if (known) {
@@ -146,8 +161,7 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
 
 // ---- the program ----
 
-ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh)
-    : nh_(nh), client_(nh, "align", false) {
+ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
   Parameters parameters(pnh);
   details_.strategy = parameters.text("strategy", "single_contact");
   report_file_ = parameters.text("report_file", "");
@@ -155,7 +169,13 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   unpause_ = parameters.flag("unpause", true);
   timeout_ = parameters.number("timeout", kPositive, 600.0);
   start_timeout_ = parameters.number("start_timeout", kPositive, 60.0);
+  details_.insert = parameters.number("insert", Range{0.0, 1.0}, 0.0);
   parameters.refuseUnknown();
+  if (details_.insert > 0.0) {
+    assemble_ = std::make_unique<Client<AssemblePegAction>>(nh, "assemble", false);
+  } else {
+    align_ = std::make_unique<Client<AlignPegAction>>(nh, "align", false);
+  }
   const double waited_until = ros::WallTime::now().toSec() + start_timeout_;
   // the launch file may still be setting parameters
   while (!nh_.hasParam("robot_description") && ros::WallTime::now().toSec() < waited_until) {
@@ -198,8 +218,8 @@ bool ReportProgram::readTruth(const ros::Time& stamp, std::optional<Pose>& truth
 }
 
 bool ReportProgram::othersAreThere() {
-  if (!waitFor("action server align (is the supervisor running?)", start_timeout_,
-               [this] { return client_.isServerConnected(); })) {
+  if (!waitFor("action server (is the supervisor running?)", start_timeout_,
+               [this] { return serverIsThere(); })) {
     return false;
   }
   if (unpause_ &&
@@ -223,7 +243,8 @@ bool ReportProgram::othersAreThere() {
          });
 }
 
-bool ReportProgram::align() {
+template <class ActionClient, class Goal, class Result>
+bool ReportProgram::carryOut(ActionClient& client, const Goal& goal, Result& result) {
   const auto locked = [this](const bool& flag) {
     return [this, &flag] {
       std::lock_guard<std::mutex> lock(mutex_);
@@ -231,20 +252,18 @@ bool ReportProgram::align() {
     };
   };
   // first the goal, then the clock: so the run starts with the first block
-  AlignPegGoal goal;
-  goal.strategy = details_.strategy;
-  client_.sendGoal(
+  client.sendGoal(
       goal,
-      [this](const actionlib::SimpleClientGoalState&, const AlignPegResultConstPtr& result) {
+      [this, &result](const actionlib::SimpleClientGoalState&, const Result& ended) {
         std::lock_guard<std::mutex> lock(mutex_);
-        result_ = result;
+        result = ended;
         active_ = done_ = true;
       },
       [this] {
         std::lock_guard<std::mutex> lock(mutex_);
         active_ = true;
       });
-  if (!waitFor("acceptance of the goal align", start_timeout_, locked(active_))) return false;
+  if (!waitFor("acceptance of the goal", start_timeout_, locked(active_))) return false;
   if (unpause_) {
     std_srvs::SetBool run;
     run.request.data = false;
@@ -256,22 +275,45 @@ bool ReportProgram::align() {
   // the server's connections end with it
   ros::WallTime there = ros::WallTime::now();
   bool lost = false;
-  const bool ended = waitFor("result of align", timeout_, [&] {
-    if (client_.isServerConnected()) there = ros::WallTime::now();
+  const bool ended = waitFor("result of the goal", timeout_, [&] {
+    if (client.isServerConnected()) there = ros::WallTime::now();
     lost = ros::WallTime::now() - there > ros::WallDuration(kLostAfter);
     return lost || locked(done_)();
   });
   if (!ended) {
-    client_.cancelGoal();
+    client.cancelGoal();
     return false;
   }
   if (lost && !locked(done_)()) {
-    ROS_ERROR(
-        "report: server lost: who offered the action align has gone; is the supervisor running?");
+    ROS_ERROR("report: server lost: who offered the action has gone; is the supervisor running?");
     return false;
   }
-  if (!result_) ROS_ERROR("report: align ended without a result");
-  return result_ != nullptr;
+  if (!result) ROS_ERROR("report: the goal ended without a result");
+  return result != nullptr;
+}
+
+bool ReportProgram::serverIsThere() const {
+  return align_ ? align_->isServerConnected() : assemble_->isServerConnected();
+}
+
+bool ReportProgram::carryOut() {
+  if (align_) {
+    AlignPegGoal goal;
+    goal.strategy = details_.strategy;
+    AlignPegResultConstPtr result;
+    if (!carryOut(*align_, goal, result)) return false;
+    result_ = result->report;
+    return true;
+  }
+  AssemblePegGoal goal;
+  goal.strategy = details_.strategy;
+  goal.depth = details_.insert;
+  AssemblePegResultConstPtr result;
+  if (!carryOut(*assemble_, goal, result)) return false;
+  result_ = result->report;
+  details_.depth = result->depth;
+  details_.force = result->force;
+  return true;
 }
 
 int ReportProgram::run() {
@@ -287,10 +329,10 @@ int ReportProgram::run() {
         details_.mismatch = message->data;
       });
   // the truth before anything moves
-  if (!othersAreThere() || !readTruth(ros::Time(), details_.truth_start) || !align()) return 1;
+  if (!othersAreThere() || !readTruth(ros::Time(), details_.truth_start) || !carryOut()) return 1;
 
   // the truth at the end of the last block that the supervisor used
-  AlignmentReport report = result_->report;
+  AlignmentReport report = result_;
   if (!readTruth(report.header.stamp, details_.truth_end)) return 1;
   // estimates refer to the peg hanging at rest; a little earlier, as stamps are rounded
   if (!report.reference.isZero() &&

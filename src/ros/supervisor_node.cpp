@@ -23,6 +23,30 @@ double secondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+template <class Feedback>
+Feedback feedbackOf(const AlignProgress& now) {
+  Feedback feedback;
+  feedback.state = now.state;
+  feedback.contacts = static_cast<std::uint32_t>(now.contacts);
+  feedback.time = finite(now.time);
+  feedback.message = now.message;
+  feedback.position_sd = finite(now.position_sd);
+  feedback.rotation_sd = finite(now.rotation_sd);
+  ROS_INFO_NAMED("align", "%s: %s", now.state.c_str(), now.message.c_str());
+  return feedback;
+}
+
+template <class Server, class Result>
+void endGoal(Server& server, bool success, const Result& result, const std::string& reason) {
+  if (success) {
+    server.setSucceeded(result, reason);
+  } else if (server.isPreemptRequested()) {
+    server.setPreempted(result, reason);
+  } else {
+    server.setAborted(result, reason);
+  }
+}
+
 }  // namespace
 
 SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
@@ -59,6 +83,8 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.most_contacts = parameters.integer("most_contacts", 1, 1000, p.most_contacts);
   p.required_position = parameters.number("required_position", kAny, p.required_position);
   p.required_rotation = parameters.number("required_rotation", kAny, p.required_rotation);
+  p.insert.force = parameters.number("insert_force", kAny, p.insert.force);
+  p.insert.speed = parameters.number("insert_speed", kAny, p.insert.speed);
   RosPlant::Settings plant;
   plant.converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
   limits_.force = p.force_limit;
@@ -81,12 +107,15 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
   align_server_ = std::make_unique<AlignServer>(
       nh, "align", [this](const AlignPegGoalConstPtr& goal) { executeAlign(goal); });
+  assemble_server_ = std::make_unique<AssembleServer>(
+      nh, "assemble", [this](const AssemblePegGoalConstPtr& goal) { executeAssemble(goal); });
   contact_server_ = std::make_unique<ContactServer>(
       nh, "move_to_contact",
       [this](const MoveToContactGoalConstPtr& goal) { executeContact(goal); });
   retreat_server_ = std::make_unique<RetreatServer>(
       nh, "retreat", [this](const RetreatGoalConstPtr& goal) { executeRetreat(goal); });
   align_server_->start();
+  assemble_server_->start();
   contact_server_->start();
   retreat_server_->start();
 }
@@ -95,26 +124,16 @@ SupervisorNode::~SupervisorNode() {
   plant_->stop();
   // their threads use the rest
   align_server_->shutdown();
+  assemble_server_->shutdown();
   contact_server_->shutdown();
   retreat_server_->shutdown();
 }
 
-void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
+AlignResult SupervisorNode::runStrategy(const std::string& name, const AlignParameters& parameters,
+                                        const std::function<bool()>& cancelled,
+                                        const std::function<void(const AlignProgress&)>& progress,
+                                        AlignmentReport& answer) {
   const auto start = std::chrono::steady_clock::now();
-  AlignParameters parameters = parameters_;
-  if (!goal->strategy.empty()) parameters.strategy = goal->strategy;
-  const auto progress = [this](const AlignProgress& now) {
-    AlignPegFeedback feedback;
-    feedback.state = now.state;
-    feedback.contacts = static_cast<std::uint32_t>(now.contacts);
-    feedback.time = finite(now.time);
-    feedback.message = now.message;
-    feedback.position_sd = finite(now.position_sd);
-    feedback.rotation_sd = finite(now.rotation_sd);
-    align_server_->publishFeedback(feedback);
-    ROS_INFO_NAMED("align", "%s: %s", now.state.c_str(), now.message.c_str());
-  };
-
   AlignResult result;
   const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
   if (!turn) {
@@ -122,8 +141,8 @@ void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
   } else {
     End end;
     try {
-      enter("align", true);
-      plant_->begin([this] { return align_server_->isPreemptRequested(); });
+      enter(name, true);
+      plant_->begin(cancelled);
       result = align(*plant_, mechanism_, parameters, progress);
       end.failed = end.begun = !result.success;
       end.failure = result.failure;
@@ -136,24 +155,57 @@ void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
     if (result.time == 0.0) result.time = plant_->time();
     leave(end);
   }
-
-  AlignPegResult answer;
-  answer.report = report(result, secondsSince(start));
-  if (turn) report_pub_.publish(answer.report);
+  answer = report(result, secondsSince(start));
+  if (turn) report_pub_.publish(answer);
   if (turn && result.known) {
     // where that peg has the hole, its rim at the height of the peg's edge
-    const Pose X_PH = inverse(fromPose(answer.report.estimated_pose, "report"));
+    const Pose X_PH = inverse(fromPose(answer.estimated_pose, "report"));
     frames_.sendTransform(transformStamped(kCarrierBaseFrame, kHoleEstimatedFrame,
                                            plant_->carrierPose() * X_CP_ * X_PH,
-                                           answer.report.header.stamp));
+                                           answer.header.stamp));
   }
-  if (result.success) {
-    align_server_->setSucceeded(answer, result.reason);
-  } else if (align_server_->isPreemptRequested()) {
-    align_server_->setPreempted(answer, result.reason);
+  return result;
+}
+
+void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
+  AlignParameters parameters = parameters_;
+  if (!goal->strategy.empty()) parameters.strategy = goal->strategy;
+  AlignPegResult answer;
+  const AlignResult result = runStrategy(
+      "align", parameters, [this] { return align_server_->isPreemptRequested(); },
+      [this](const AlignProgress& now) {
+        align_server_->publishFeedback(feedbackOf<AlignPegFeedback>(now));
+      },
+      answer.report);
+  endGoal(*align_server_, result.success, answer, result.reason);
+}
+
+void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
+  AlignParameters parameters = parameters_;
+  if (!goal->strategy.empty()) parameters.strategy = goal->strategy;
+  parameters.insert.depth = goal->depth;
+  AssemblePegResult answer;
+  AlignResult result;
+  if (!(goal->depth > 0.0 && goal->depth < mechanism_.hole.depth)) {
+    result.reason = text("depth is %g m: give more than 0 and less than the hole's, %g m",
+                         goal->depth, mechanism_.hole.depth);
+    answer.report = report(result, 0.0);
   } else {
-    align_server_->setAborted(answer, result.reason);
+    result = runStrategy(
+        "assemble", parameters, [this] { return assemble_server_->isPreemptRequested(); },
+        [this](const AlignProgress& now) {
+          auto feedback = feedbackOf<AssemblePegFeedback>(now);
+          feedback.depth = finite(now.depth);
+          feedback.force = finite(now.force);
+          assemble_server_->publishFeedback(feedback);
+        },
+        answer.report);
   }
+  answer.depth = finite(result.insert.end.depth);
+  answer.force = finite(result.insert.force);
+  answer.time = finite(result.insert.time);
+  answer.backed_out = static_cast<std::uint32_t>(result.insert.backed_out);
+  endGoal(*assemble_server_, result.success, answer, result.reason);
 }
 
 AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_time) const {
@@ -227,13 +279,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     }
     leave(end);
   }
-  if (result.success) {
-    contact_server_->setSucceeded(result, result.message);
-  } else if (contact_server_->isPreemptRequested()) {
-    contact_server_->setPreempted(result, result.message);
-  } else {
-    contact_server_->setAborted(result, result.message);
-  }
+  endGoal(*contact_server_, result.success, result, result.message);
 }
 
 }  // namespace assembly_cell::ros_bridge

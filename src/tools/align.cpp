@@ -57,6 +57,7 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --identify            each run identifies its mechanism first, see docs/identification.md
   --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
                         for each run from its seed, see docs/mismatch.md
+  --insert DEPTH        go on until the edge is so deep; success then means seated, and the truth agrees  [m]
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
                         every other time without freeing the peg; wants --runs above 1
   --threads N           runs at the same time (default: the machine's cores)
@@ -94,6 +95,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.number("--noise", o.cell.noise, 0.0, 5.0);
   parser.number("--offset-max", o.offset_max, 0.0, 0.1);
   parser.number("--tilt-max", o.tilt_max, 0.0, 0.1);
+  parser.number("--insert", o.align.insert.depth, 1e-3, 1.0);
   parser.flag("--second-goals", o.second_goals);
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
@@ -195,6 +197,17 @@ std::string falseSuccesses(std::ptrdiff_t wrong, const std::vector<Run>& runs, c
          yamlNumber(share.low) + ", " + yamlNumber(share.high) + "]\n";
 }
 
+// of one run
+std::string insertion(const AlignTrial& trial) {
+  const assembly_cell::InsertResult& r = trial.result.insert;
+  std::ostringstream out;
+  out << "    insertion: {seated: " << (r.seated ? "true" : "false")
+      << ", depth: " << yamlNumber(r.end.depth) << ", true_depth: " << yamlNumber(trial.depth)
+      << ", time: " << yamlNumber(r.time) << ", force: " << yamlNumber(r.force)
+      << ", backed_out: " << r.backed_out << "}\n";
+  return out.str();
+}
+
 std::string yaml(const std::vector<Run>& runs, const Options& o) {
   std::ostringstream out;
   const auto wrong =
@@ -238,6 +251,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    contacts: " << trial.result.contacts << "\n"
         << "    simulated_time: " << yamlNumber(trial.result.time) << "\n"
         << "    wall_time: " << yamlNumber(wall_time) << "\n";
+    if (o.align.insert.depth > 0.0) out << insertion(trial);
     if (trial.identification_time > 0.0) {
       out << "    identification_time: " << yamlNumber(trial.identification_time) << "\n";
     }

@@ -117,6 +117,13 @@ const Case kCases[] = {
      [](FaultyPlant& plant) {
        plant.on_block = [&plant](PlantBlock& b) { b.saturated = b.saturated || pressed(plant); };
      }},
+    {AlignFailure::kJammed, "twin_force", [](Arrangement& s) { s.parameters.insert.depth = 0.03; },
+     [](FaultyPlant& plant) {
+       // a chip in the bore, 10 mm down
+       plant.on_block = [&plant](PlantBlock& b) {
+         if (plant.pegPose().p.z() < -0.01) b.wrench_b(2) += 20.0;
+       };
+     }},
     {AlignFailure::kInContact, "single_contact", nullptr,
      [](FaultyPlant& plant) {
        // glued before the start, pressed with 10 N
@@ -378,15 +385,32 @@ TEST(PlantFailures, TheJudgeNamesAnEdgeOutside) {
   trial.result.success = true;
   trial.X_HP.p = Eigen::Vector3d(1.5e-4, 0.0, -5e-4);
   AlignTrial leaning = trial;
-  judgeEnd(truth, trial);
+  judgeEnd(truth, {}, trial);
   truth.imperfections.bore_lean = {-0.3, 0.0};
-  judgeEnd(truth, leaning);
+  judgeEnd(truth, {}, leaning);
   EXPECT_TRUE(leaning.success);
   EXPECT_FALSE(leaning.false_success);
   EXPECT_TRUE(trial.false_success);
   EXPECT_FALSE(trial.success);
   EXPECT_EQ(trial.result.failure, AlignFailure::kEdgeOutside) << trial.result.reason;
   EXPECT_EQ(trial.status, "edge_outside");
+}
+
+// said seated, and half a millimetre short of it; or 0.1 mm, which the plane's height may hide
+TEST(PlantFailures, TheJudgeNamesAPegThatIsNotSeated) {
+  AlignTrial there;
+  there.result.success = true;
+  there.X_HP.p = Eigen::Vector3d(0.0, 0.0, -0.0399);
+  AlignTrial above = there;
+  above.X_HP.p.z() = -0.0395;
+  InsertParameters insert;
+  insert.depth = 0.04;
+  judgeEnd(cell(), insert, there);
+  judgeEnd(cell(), insert, above);
+  EXPECT_TRUE(there.success);
+  EXPECT_TRUE(above.false_success);
+  EXPECT_FALSE(above.success);
+  EXPECT_EQ(above.status, "not_seated");
 }
 
 // names of the table in docs/strategies.md are those of the enumeration, and every one but the
@@ -403,8 +427,8 @@ TEST(FailureTable, ListsEveryNameAndNoOther) {
     named.insert(toString(static_cast<AlignFailure>(i)));
   }
   EXPECT_EQ(listed, named);
-  std::set<std::string> reached = {"cancelled", "no_data", "stopped", "edge_outside",
-                                   "wrong_mechanism"};
+  std::set<std::string> reached = {"cancelled",    "no_data",    "stopped",
+                                   "edge_outside", "not_seated", "wrong_mechanism"};
   for (const Case& c : kCases) reached.insert(toString(c.failure));
   EXPECT_EQ(reached, std::set<std::string>(named.begin(), named.end()));
 }

@@ -6,6 +6,7 @@
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -14,6 +15,7 @@
 
 #include "assembly_cell/AlignPegAction.h"
 #include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/AssemblePegAction.h"
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/MoveToContactAction.h"
@@ -38,14 +40,16 @@ class Supervisor : public ::testing::Test {
         carrier_(nh_, "carrier_pose"),
         contacts_(nh_, "truth/contacts"),
         report_(nh_, "report"),
+        pose_(nh_, "truth/pose"),
         align_(nh_, "align", false),
+        assemble_(nh_, "assemble", false),
         press_(nh_, "move_to_contact", false) {}
 
   void SetUp() override {
     ASSERT_TRUE(waitFor([this] {
-      return align_.isServerConnected() && press_.isServerConnected() && command_.connected() &&
-             exciter_.connected() && carrier_.size() > 0 && contacts_.connected() &&
-             report_.connected();
+      return align_.isServerConnected() && assemble_.isServerConnected() &&
+             press_.isServerConnected() && command_.connected() && exciter_.connected() &&
+             carrier_.size() > 0 && contacts_.connected() && report_.connected();
     })) << "the cell isn't there";
     // hanging over the plane again, with the clock going on
     std_srvs::Trigger reset;
@@ -63,6 +67,15 @@ class Supervisor : public ::testing::Test {
       std::lock_guard<std::mutex> lock(mutex_);
       feedback_.push_back(*feedback);
     });
+  }
+  SimpleClientGoalState assemble(double depth) {
+    AssemblePegGoal goal;
+    goal.depth = depth;
+    assemble_.sendGoal(goal, {}, {}, [this](const AssemblePegFeedbackConstPtr& feedback) {
+      std::lock_guard<std::mutex> lock(mutex_);
+      deepest_ = std::max(deepest_, feedback->depth);
+    });
+    return finish(assemble_);
   }
   // under way, with the peg pressed and the exciter on
   bool shaking() {
@@ -90,10 +103,13 @@ class Supervisor : public ::testing::Test {
   Record<geometry_msgs::PoseStamped> carrier_;
   Record<ContactArray> contacts_;
   Record<AlignmentReport> report_;
+  Record<geometry_msgs::PoseStamped> pose_;
   actionlib::SimpleActionClient<AlignPegAction> align_;
+  actionlib::SimpleActionClient<AssemblePegAction> assemble_;
   actionlib::SimpleActionClient<MoveToContactAction> press_;
   std::mutex mutex_;
   std::vector<AlignPegFeedback> feedback_;
+  double deepest_ = 0.0;  // of the feedback of assemble [m]
   std::vector<MoveToContactFeedback> press_feedback_;
 };
 
@@ -123,6 +139,36 @@ TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
     EXPECT_EQ(press(force).state_, SimpleClientGoalState::ABORTED);
     EXPECT_FALSE(press_.getResult()->success);
     EXPECT_NE(press_.getResult()->message.find("force is"), std::string::npos);
+  }
+  EXPECT_EQ(command_.size(), 0U);
+}
+
+TEST_F(Supervisor, AssemblesToADepth) {
+  const auto state = assemble(0.03);
+  const AssemblePegResult result = *assemble_.getResult();
+  ASSERT_EQ(state.state_, SimpleClientGoalState::SUCCEEDED) << result.report.reason;
+  EXPECT_TRUE(result.report.success);
+  EXPECT_GE(result.depth, 0.03);
+  EXPECT_LT(result.force, 30.0);  // insertion.md, section 4
+  EXPECT_GT(result.time, 1.0);
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    EXPECT_GT(deepest_, 0.025);
+  }
+  // the truth at the end of the last block that was used
+  const auto seen = [&] {
+    const auto last = pose_.last();
+    return last && last->header.stamp >= result.report.header.stamp;
+  };
+  ASSERT_TRUE(waitFor(seen));
+  EXPECT_NEAR(pose_.last()->pose.position.z, -result.depth, 2e-4);
+}
+
+TEST_F(Supervisor, RefusesADepthThatTheHoleDoesNotHave) {
+  for (const double depth : {0.0, 0.06, std::numeric_limits<double>::quiet_NaN()}) {
+    EXPECT_EQ(assemble(depth).state_, SimpleClientGoalState::ABORTED);
+    const std::string reason = assemble_.getResult()->report.reason;
+    EXPECT_NE(reason.find("depth is"), std::string::npos) << reason;
   }
   EXPECT_EQ(command_.size(), 0U);
 }

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <string>
 #include <vector>
@@ -8,6 +9,13 @@
 #include "assembly_cell/align/plant.h"
 
 namespace assembly_cell {
+
+/// The way down after the alignment. Defaults are those of the default cell.
+struct InsertParameters {
+  double depth = 0.0;   ///< of the bottom edge below the plane; 0: the peg stays aligned [m]
+  double force = 12.0;  ///< contact force at which the peg stops [N]
+  double speed = 0.01;  ///< without resistance [m/s]
+};
 
 /// Parameters of a strategy. Defaults are those of the default cell.
 struct AlignParameters {
@@ -40,6 +48,8 @@ struct AlignParameters {
   int most_contacts = 12;           ///< of one round
   double required_position = 3e-5;  ///< sd of the hole, per axis, that is enough [m]
   double required_rotation = 1e-3;  ///< [rad]
+
+  InsertParameters insert;
 };
 
 /// Progress for people and for the action's feedback.
@@ -50,6 +60,8 @@ struct AlignProgress {
   std::string message;
   double position_sd = 0.0;  ///< of the hole's centre as known now, 2 axes; 0: not known [m]
   double rotation_sd = 0.0;  ///< of its axis, 2 axes [rad]
+  double depth = 0.0;        ///< of the bottom edge, on the way down [m]
+  double force = 0.0;        ///< there [N]
 };
 
 /// A direction of contact that was felt.
@@ -57,6 +69,27 @@ struct DirectionReading {
   double start = 0.0, end = 0.0;  ///< window of the reading, plant clock [s]
   double direction = 0.0;         ///< azimuth of the contact on the peg's edge, peg axes [rad]
   double sd = 0.0;                ///< [rad]
+};
+
+/// What the peg feels in the bore: the contacts' wrench at the centre of its bottom edge, less its
+/// weight.
+struct BoreReading {
+  double depth = 0.0;     ///< of that centre below the plane, as felt [m]
+  double along = 0.0;     ///< up the peg's axis [N]
+  double sideways = 0.0;  ///< [N]
+  double moment = 0.0;    ///< across the axis [N·m]
+
+  double force() const { return std::hypot(along, sideways); }
+};
+
+/// How the way down ended.
+struct InsertResult {
+  bool seated = false;  ///< at the depth
+  BoreReading end;
+  double force = 0.0;                ///< the greatest mean over a block on the way [N]
+  double time = 0.0;                 ///< plant clock used [s]
+  int backed_out = 0;                ///< times that the peg was stuck and went up again
+  std::vector<BoreReading> profile;  ///< one each millimetre
 };
 
 /// How an alignment ended.
@@ -75,12 +108,14 @@ struct AlignResult {
   double reference_time =
       0.0;  ///< plant clock when the peg hung at rest, before its first move [s]
   std::vector<DirectionReading> readings;  ///< that the last estimate rests on
+  InsertResult insert;
 };
 
 /// Throws InputError naming the parameter, its value and its range.
 void checkParameters(const AlignParameters& parameters);
 
-/// Runs a strategy until the peg's edge lies within the hole or a failure is named. `mechanism`
+/// Runs a strategy until the peg's edge lies within the hole, or is seated where an insertion is
+/// asked for, or a failure is named. `mechanism`
 /// gives the nominal parameters of the parts (not where they are). Throws InputError for bad
 /// parameters, PlantError when the plant fails.
 AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,

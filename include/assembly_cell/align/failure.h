@@ -37,11 +37,14 @@ enum class AlignFailure {
   kSensorSigns,
   kNoPose,
   kNotInserted,
+  // on the way down
+  kJammed,
   // the plant and whoever looks on
   kCancelled,
   kNoData,
   kStopped,
   kEdgeOutside,
+  kNotSeated,
   kWrongMechanism,
   kCount  ///< of these
 };

@@ -101,6 +101,15 @@ class Search {
 
  private:
   Touch feel();
+  /// Wrench of the contacts at the bottom edge's centre, peg axes, of a mean of press_.wrench() and
+  /// deflection(); the weight has turned since the tare.
+  Vector6 tipWrench(const Vector6& wrench, const Vector6& deflection) const;
+  void rememberSag(const Eigen::Vector3d& bottom);
+  // the way down, insert.cpp
+  void insert();
+  bool lowerInBore();
+  BoreReading moveInBore(double down);
+  void backOutOfBore(double travel);
   bool alreadyIn();
   void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
@@ -108,7 +117,10 @@ class Search {
   bool clearOfWalls(Eigen::Vector3d& target, const Eigen::Matrix3d& R);
   bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);
 
-  Eigen::Vector3d sag_;  // of the upright peg's bottom centre, in S [m]
+  Eigen::Vector3d sag_;                // of the upright peg's bottom centre, in S [m]
+  Vector6 hanging_ = Vector6::Zero();  // deflection() of the upright peg
+  InsertResult inserted_;
+  Pose in_bore_;  // of the undeflected peg on the way down, in S
   Eigen::Vector3d aside_ = Eigen::Vector3d::UnitX();  // away from the hole, as far as is known
   int asides_ = 0;                                    // in this direction and others since
 };

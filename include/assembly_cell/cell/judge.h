@@ -47,12 +47,14 @@ struct AlignTrial {
   bool false_success = false;              ///< the strategy says so, and it isn't
   Eigen::Vector2d true_offset, true_tilt;  ///< as AlignResult's offset [m] and tilt [rad]
   Pose X_HP;                               ///< frame `peg` in `hole` at the end
+  double depth = 0.0;                      ///< of its bottom centre below the plane then [m]
   std::vector<double> direction_errors;    ///< of the readings that can be judged, absolute [rad]
   double identification_time = 0.0;        ///< of cell time, where the run identified first [s]
 };
 
-/// What the end says of the trial: success, and an edge outside though the strategy said aligned.
-void judgeEnd(const Scenario& truth, AlignTrial& trial);
+/// What the end says of the trial: success, and an edge outside though the strategy said aligned,
+/// or a peg that isn't where the strategy said it is seated.
+void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial& trial);
 
 /// Aligns in simulation from `start`; the strategy knows `known` alone. What was identified is
 /// checked on the hanging peg first: a mechanism that it contradicts is refused (`wrong_mechanism`)

@@ -5,6 +5,7 @@
 #include <assembly_cell/Ack.h>
 #include <assembly_cell/AlignPegGoal.h>
 #include <assembly_cell/AlignmentReport.h>
+#include <assembly_cell/AssemblePegGoal.h>
 #include <assembly_cell/CalibrateSensorsGoal.h>
 #include <assembly_cell/ContactArray.h>
 #include <assembly_cell/DisplacementSamples.h>
@@ -52,6 +53,7 @@ MessageCheck check(const AlignmentReport& message);
 MessageCheck check(const TwinForceState& message);
 // of goals only what their nodes can't answer in words
 MessageCheck check(const AlignPegGoal& goal);
+MessageCheck check(const AssemblePegGoal& goal);
 MessageCheck check(const CalibrateSensorsGoal& goal);
 MessageCheck check(const IdentifyLocusGoal& goal);
 MessageCheck check(const MoveToContactGoal& goal);

@@ -7,12 +7,14 @@
 
 #include <deque>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 
 #include "assembly_cell/AlignPegAction.h"
 #include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/AssemblePegAction.h"
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell::ros_bridge {
@@ -22,7 +24,9 @@ struct ReportDetails {
   std::string strategy;
   double peg_radius = 0.0, hole_radius = 0.0;  ///< [m]
   std::optional<Pose> truth_start, truth_end;  ///< X_HP
-  std::string mismatch;  ///< what was drawn for the truth, YAML; empty: nothing
+  double insert = 0.0;              ///< depth that the peg was to reach; 0: aligned only [m]
+  double depth = 0.0, force = 0.0;  ///< of the insertion, as felt [m] [N]
+  std::string mismatch;             ///< what was drawn for the truth, YAML; empty: nothing
 };
 
 /// Adds the truth to the report.
@@ -45,7 +49,8 @@ class ReportProgram {
   int run();
 
  private:
-  using Client = actionlib::SimpleActionClient<AlignPegAction>;
+  template <class Action>
+  using Client = actionlib::SimpleActionClient<Action>;
 
   /// Waits in wall time; one error line and false when `ready` doesn't come true.
   bool waitFor(const std::string& what, double timeout, const std::function<bool()>& ready) const;
@@ -55,8 +60,11 @@ class ReportProgram {
   bool readTruth(const ros::Time& stamp, std::optional<Pose>& truth) const;
   /// Waits for supervisor and simulator, and asks whether the truth is published.
   bool othersAreThere();
-  /// Sends the goal, lets the simulator run and waits for result_.
-  bool align();
+  /// Sends the goal, lets the simulator run and waits for its result_.
+  template <class ActionClient, class Goal, class Result>
+  bool carryOut(ActionClient& client, const Goal& goal, Result& result);
+  bool carryOut();
+  bool serverIsThere() const;
 
   ros::NodeHandle nh_;
   std::string report_file_, simulator_;
@@ -68,10 +76,12 @@ class ReportProgram {
   mutable std::mutex mutex_;
   std::deque<geometry_msgs::PoseStamped::ConstPtr> truth_;
   bool active_ = false, done_ = false;
-  AlignPegResultConstPtr result_;
+  AlignmentReport result_;
 
   ros::Subscriber truth_sub_, mismatch_sub_;
-  Client client_;
+  // the one that is asked for
+  std::unique_ptr<Client<AlignPegAction>> align_;
+  std::unique_ptr<Client<AssemblePegAction>> assemble_;
 };
 
 /// main() of the program: 2 for bad parameters, 1 without a master.

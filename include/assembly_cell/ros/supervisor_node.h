@@ -11,6 +11,7 @@
 
 #include "assembly_cell/AlignPegAction.h"
 #include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/AssemblePegAction.h"
 #include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/RetreatAction.h"
 #include "assembly_cell/SupervisorState.h"
@@ -35,10 +36,17 @@ class SupervisorNode {
 
  private:
   using AlignServer = CheckedActionServer<AlignPegAction>;
+  using AssembleServer = CheckedActionServer<AssemblePegAction>;
   using ContactServer = CheckedActionServer<MoveToContactAction>;
   using RetreatServer = CheckedActionServer<RetreatAction>;
 
   void executeAlign(const AlignPegGoalConstPtr& goal);
+  void executeAssemble(const AssemblePegGoalConstPtr& goal);
+  /// Of both: runs the strategy and what follows it; `name` is the goal's.
+  AlignResult runStrategy(const std::string& name, const AlignParameters& parameters,
+                          const std::function<bool()>& cancelled,
+                          const std::function<void(const AlignProgress&)>& progress,
+                          AlignmentReport& answer);
   void executeContact(const MoveToContactGoalConstPtr& goal);
   void executeRetreat(const RetreatGoalConstPtr& goal);
   AlignmentReport report(const AlignResult& result, double wall_time) const;
@@ -80,6 +88,7 @@ class SupervisorNode {
   ros::Publisher report_pub_;
   tf2_ros::StaticTransformBroadcaster frames_;
   std::unique_ptr<AlignServer> align_server_;
+  std::unique_ptr<AssembleServer> assemble_server_;
   std::unique_ptr<ContactServer> contact_server_;
   std::unique_ptr<RetreatServer> retreat_server_;
 };

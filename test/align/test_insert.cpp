@@ -1,0 +1,94 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The way down the bore, against the truth of the exact simulation.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/align/outcome.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/start.h"
+
+using namespace assembly_cell;
+using Eigen::Vector2d;
+
+namespace {
+
+constexpr double kDepth = 0.04;  // [m]
+
+struct Bore {
+  const char* name;
+  double clearance;  // radial [m]
+  Vector2d lean;     // of the axis against the face, which nobody knows
+  double friction;
+  double force;  // the greatest that may be felt on the way [N]
+};
+
+class Insertion : public testing::TestWithParam<Bore> {};
+
+Scenario cell(double clearance) {
+  Scenario s = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  s.mechanism.hole.radius = s.mechanism.peg.radius + clearance;
+  return s;
+}
+
+AlignParameters parameters() {
+  AlignParameters p;
+  p.strategy = "twin_force";
+  p.insert.depth = kDepth;
+  return p;
+}
+
+// Force: at rest in two-point contact a bore that leans by more than the peg can bends the coupling
+// by the difference, (lean - 2 clearance / depth) 50 N m/rad over a lever of up to the depth.
+const Bore kBores[] = {{"wide", 1e-4, {0.0, 0.0}, 0.2, 2.0},
+                       {"tight", 2e-5, {0.0, 0.0}, 0.2, 2.0},
+                       {"leaning", 1e-4, {0.0025, -0.0025}, 0.2, 5.0},
+                       {"leaning_tight", 2e-5, {-0.0025, 0.0025}, 0.4, 12.0}};
+
+}  // namespace
+
+TEST_P(Insertion, EndsSeated) {
+  const Bore& bore = GetParam();
+  Scenario truth =
+      startAt(cell(bore.clearance), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
+  const Mechanism nominal = truth.mechanism;
+  truth.imperfections.bore_lean = bore.lean;
+  truth.mechanism.friction = {bore.friction, bore.friction};
+  CellParameters sensors;
+  sensors.seed = 17;
+  const AlignTrial trial = tryAlignment(truth, nominal, sensors, parameters());
+  const InsertResult& r = trial.result.insert;
+  EXPECT_TRUE(trial.success) << trial.result.reason;
+  EXPECT_TRUE(r.seated);
+  EXPECT_EQ(r.backed_out, 0);
+  // the height of the plane is known to some micrometres, a block on the way down is 0.2 mm
+  EXPECT_NEAR(r.end.depth, trial.depth, 5e-5);
+  EXPECT_GE(trial.depth, kDepth - 5e-5);
+  EXPECT_LE(trial.depth, kDepth + 3e-4);
+  EXPECT_LT(r.force, bore.force);
+  ASSERT_EQ(r.profile.size(), 41u);
+  for (std::size_t i = 1; i < r.profile.size(); ++i) {
+    EXPECT_NEAR(r.profile[i].depth, 1e-3 * static_cast<double>(i), 2.5e-4);
+  }
+  // the walls have led the peg: its tilt against the bore is what both leave it
+  const Vector2d lean(trial.X_HP.R(0, 2), trial.X_HP.R(1, 2));
+  EXPECT_LT((lean - bore.lean).norm(), 2.0 * bore.clearance / kDepth + 5e-4);
+}
+
+INSTANTIATE_TEST_SUITE_P(One, Insertion, testing::ValuesIn(kBores),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {
+  AlignParameters p = parameters();
+  p.insert.depth = 0.06;
+  const Scenario s = cell(1e-4);
+  try {
+    tryAlignment(s, s.mechanism, CellParameters{}, p);
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(),
+                 "align: insert.depth: 0.06 m is not less than hole.depth, 0.06 m; give less");
+  }
+}
