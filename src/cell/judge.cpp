@@ -4,6 +4,7 @@
 #include "assembly_cell/identification/mechanism_check.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "assembly_cell/align/outcome.h"
@@ -25,15 +26,19 @@ PlantBlock Judge::next(const PlantCommand& command) {
   const PlantBlock block = plant_.next(command);
   Look look{block.time, truth.pegPose(), 0.0, frequency_ * (block.time - since_), 0};
   double most = kCarries;
+  Eigen::Vector3d all = Eigen::Vector3d::Zero();
   for (const ContactReport& contact : truth.contacts()) {
+    if (!contact.valid) continue;
+    all += contact.force;
     const double force = contact.force.norm();
-    if (!contact.valid || force < kCarries) continue;
+    if (force < kCarries) continue;
     ++look.contacts;
     if (force < most) continue;
     most = force;
     const Eigen::Vector3d p = look.X_HP.R.transpose() * (contact.point - look.X_HP.p);
     look.direction = std::atan2(p.y(), p.x());
   }
+  force_ = std::max(force_, all.norm());
   looks_.push_back(look);
   return block;
 }
@@ -125,6 +130,7 @@ AlignTrial judged(const Scenario& start, SimulatedPlant& plant, const InsertPara
     if (error) trial.direction_errors.push_back(std::abs(*error));
   }
   trial.X_HP = plant.truth().pegPose();
+  trial.force = judge.force();
   judgeEnd(start, insert, trial);
   return trial;
 }

@@ -216,10 +216,11 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.trial.success; });
   const assembly_cell::ShareInterval share =
       assembly_cell::shareInterval(good, static_cast<std::int64_t>(runs.size()));
-  std::vector<double> offset, tilt, simulated, wall, direction;
+  std::vector<double> offset, tilt, simulated, wall, direction, force;
   for (const auto& [seed, trial, truth, wall_time] : runs) {
     simulated.push_back(trial.result.time);
     wall.push_back(wall_time);
+    force.push_back(trial.force);
     direction.insert(direction.end(), trial.direction_errors.begin(), trial.direction_errors.end());
     if (!trial.result.known) continue;
     offset.push_back((trial.result.offset - trial.true_offset).norm());
@@ -235,6 +236,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       << "direction_error_rms: " << rms(direction) << "\n"
       << "direction_error: " << spread(direction) << "\n"
       << "simulated_time: " << spread(simulated) << "\n"
+      << "contact_force: " << spread(force) << "\n"
       << "wall_time: " << spread(wall) << "\n"
       << "results:\n";
   for (const auto& [seed, trial, truth, wall_time] : runs) {
@@ -250,6 +252,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    direction_error_rms: " << rms(trial.direction_errors) << "\n"
         << "    contacts: " << trial.result.contacts << "\n"
         << "    simulated_time: " << yamlNumber(trial.result.time) << "\n"
+        << "    contact_force: " << yamlNumber(trial.force) << "\n"
         << "    wall_time: " << yamlNumber(wall_time) << "\n";
     if (o.align.insert.depth > 0.0) out << insertion(trial);
     if (trial.identification_time > 0.0) {

@@ -19,6 +19,8 @@ class Judge : public Plant {
   PlantBlock next(const PlantCommand& command) override;
   TwinForceSensing* twinForce() override { return plant_.twinForce(); }
 
+  /// The greatest true contact force at the end of a block so far: all points together [N]
+  double force() const { return force_; }
   /// Frame `peg` in `hole` at the result's reference time: what its estimates refer to.
   Pose startPose(const AlignResult& result) const;
   /// Direction felt less the true one [rad]. The contact rolls to and fro with the exciter: the
@@ -35,7 +37,7 @@ class Judge : public Plant {
     int contacts;      // that carry force
   };
   SimulatedPlant& plant_;
-  double frequency_ = 0.0, since_ = 0.0;
+  double frequency_ = 0.0, since_ = 0.0, force_ = 0.0;
   std::vector<Look> looks_;
 };
 
@@ -47,6 +49,7 @@ struct AlignTrial {
   bool false_success = false;              ///< the strategy says so, and it isn't
   Eigen::Vector2d true_offset, true_tilt;  ///< as AlignResult's offset [m] and tilt [rad]
   Pose X_HP;                               ///< frame `peg` in `hole` at the end
+  double force = 0.0;                      ///< the greatest on the way, see Judge::force() [N]
   double depth = 0.0;                      ///< of its bottom centre below the plane then [m]
   std::vector<double> direction_errors;    ///< of the readings that can be judged, absolute [rad]
   double identification_time = 0.0;        ///< of cell time, where the run identified first [s]
