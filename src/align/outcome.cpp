@@ -13,9 +13,10 @@ Eigen::Vector2d tiltOf(const Pose& X_HP) {
   return Eigen::Vector2d(-axis.y(), axis.x()) * (std::atan2(sine, axis.z()) / sine);
 }
 
-bool seatedIn(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
-              double depth) {
+bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
+             double depth) {
   constexpr double kShort = 2e-4;  // [m]
+  if (depth == 0.0) return edge_reach <= hole_radius;
   return -X_HP.p.z() >= depth - kShort && edge_reach <= 2.0 * hole_radius - peg_radius;
 }
 

@@ -71,10 +71,8 @@ void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial&
   const HoleParameters& hole = truth.mechanism.hole;
   const double reach = edgeReach(trial.X_HP, peg.radius, truth.imperfections.bore_lean);
   trial.depth = -trial.X_HP.p.z();
-  const bool there = insert.depth > 0.0
-                         ? seatedIn(trial.X_HP, reach, peg.radius, hole.radius, insert.depth)
-                         : reach <= hole.radius;
-  trial.success = trial.result.success && there;
+  trial.success =
+      trial.result.success && inPlace(trial.X_HP, reach, peg.radius, hole.radius, insert.depth);
   trial.false_success = trial.result.success && !trial.success;
   if (!trial.false_success) return;
   const AlignError outside = insert.depth > 0.0

@@ -56,9 +56,8 @@ void addTruth(AlignmentReport& report, const ReportDetails& details) {
 bool verdict(const AlignmentReport& report, const ReportDetails& details) {
   if (!report.success) return false;
   if (!details.truth_end) return true;
-  if (details.insert == 0.0) return reachAtEnd(details) <= details.hole_radius;
-  return seatedIn(*details.truth_end, reachAtEnd(details), details.peg_radius, details.hole_radius,
-                  details.insert);
+  return inPlace(*details.truth_end, reachAtEnd(details), details.peg_radius, details.hole_radius,
+                 details.insert);
 }
 
 std::string table(const AlignmentReport& report, const ReportDetails& details) {

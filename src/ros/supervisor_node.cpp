@@ -36,17 +36,6 @@ Feedback feedbackOf(const AlignProgress& now) {
   return feedback;
 }
 
-template <class Server, class Result>
-void endGoal(Server& server, bool success, const Result& result, const std::string& reason) {
-  if (success) {
-    server.setSucceeded(result, reason);
-  } else if (server.isPreemptRequested()) {
-    server.setPreempted(result, reason);
-  } else {
-    server.setAborted(result, reason);
-  }
-}
-
 }  // namespace
 
 SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
@@ -177,7 +166,7 @@ void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
         align_server_->publishFeedback(feedbackOf<AlignPegFeedback>(now));
       },
       answer.report);
-  endGoal(*align_server_, result.success, answer, result.reason);
+  align_server_->finish(result.success, answer, result.reason);
 }
 
 void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
@@ -205,7 +194,7 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
   answer.force = finite(result.insert.force);
   answer.time = finite(result.insert.time);
   answer.backed_out = static_cast<std::uint32_t>(result.insert.backed_out);
-  endGoal(*assemble_server_, result.success, answer, result.reason);
+  assemble_server_->finish(result.success, answer, result.reason);
 }
 
 AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_time) const {
@@ -279,7 +268,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     }
     leave(end);
   }
-  endGoal(*contact_server_, result.success, result, result.message);
+  contact_server_->finish(result.success, result, result.message);
 }
 
 }  // namespace assembly_cell::ros_bridge

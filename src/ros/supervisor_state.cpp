@@ -131,13 +131,7 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
     }
     leave(end);
   }
-  if (result.success) {
-    retreat_server_->setSucceeded(result, result.message);
-  } else if (retreat_server_->isPreemptRequested()) {
-    retreat_server_->setPreempted(result, result.message);
-  } else {
-    retreat_server_->setAborted(result, result.message);
-  }
+  retreat_server_->finish(result.success, result, result.message);
 }
 
 void SupervisorNode::stop() {

@@ -6,9 +6,7 @@
 #include <string>
 
 #include "assembly_cell/align/press.h"
-#include "assembly_cell/cell/judge.h"
-#include "assembly_cell/cell/start.h"
-#include "assembly_cell/mismatch/mismatch.h"
+#include "mismatched_trial.h"
 
 namespace assembly_cell {
 namespace {
@@ -62,18 +60,9 @@ TEST(ReportNoise, ArrivalAllowsForIt) {
 }
 
 AlignTrial tried(const std::string& mismatch, const std::string& strategy, std::uint64_t seed) {
-  const Scenario cell =
-      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
   const double a = 2.4 * static_cast<double>(seed);
-  const Scenario start = startAt(cell, 0.006 * Vector2d(std::cos(a), std::sin(a)),
-                                 0.02 * Vector2d(std::sin(2 * a), std::cos(2 * a)), 0.003);
-  const Truth truth = drawTruth(parseMismatch(mismatch, "test"), seed);
-  CellParameters sensors;
-  sensors.seed = seed;
-  sensors.truth = truth.cell;
-  AlignParameters parameters;
-  parameters.strategy = strategy;
-  return tryAlignment(trueScenario(start, truth, "test"), cell.mechanism, sensors, parameters);
+  return tryMismatched(parseMismatch(mismatch, "test"), 0.006 * Vector2d(std::cos(a), std::sin(a)),
+                       0.02 * Vector2d(std::sin(2 * a), std::cos(2 * a)), strategy, seed);
 }
 
 TEST(ReportNoise, StrategiesArriveInIt) {

@@ -7,9 +7,7 @@
 
 #include "assembly_cell/align/touch_fit.h"
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/cell/judge.h"
-#include "assembly_cell/cell/start.h"
-#include "assembly_cell/mismatch/mismatch.h"
+#include "mismatched_trial.h"
 
 namespace assembly_cell {
 namespace {
@@ -117,20 +115,12 @@ TEST(TouchFit, WallAndFreeAgreeWithTheGeometry) {
 }
 
 AlignTrial tried(const char* strategy, int level, std::uint64_t seed) {
-  const std::string root = ASSEMBLY_CELL_SOURCE_DIR;
-  const Scenario cell = loadScenario(root + "/config/scenarios/cell.yaml");
   const double a = 2.4 * static_cast<double>(seed);  // [rad]
   const double off = 0.003 + 0.0015 * static_cast<double>(seed % 9);
-  const Scenario start = startAt(cell, off * Vector2d(std::cos(a), std::sin(a)),
-                                 0.03 * Vector2d(std::sin(2.0 * a), std::cos(3.0 * a)), 0.003);
-  const Truth truth = drawTruth(
-      loadMismatch(root + "/config/mismatch/level_" + std::to_string(level) + ".yaml"), seed);
-  CellParameters sensors;
-  sensors.seed = seed;
-  sensors.truth = truth.cell;
-  AlignParameters parameters;
-  parameters.strategy = strategy;
-  return tryAlignment(trueScenario(start, truth, "test"), cell.mechanism, sensors, parameters);
+  return tryMismatched(loadMismatch(std::string(ASSEMBLY_CELL_SOURCE_DIR) +
+                                    "/config/mismatch/level_" + std::to_string(level) + ".yaml"),
+                       off * Vector2d(std::cos(a), std::sin(a)),
+                       0.03 * Vector2d(std::sin(2.0 * a), std::cos(3.0 * a)), strategy, seed);
 }
 
 // Counts of docs/robustness.md: more than 99 of 100. Errors: five deviations of where a carrier

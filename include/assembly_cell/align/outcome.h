@@ -21,11 +21,12 @@ inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius,
   return edgeReach(X_HP, peg_radius, bore_lean) <= hole_radius;
 }
 
-/// A peg whose edge reaches so far from the bore's axis is inserted to a depth, all [m]: no more
+/// A peg whose edge reaches so far from the bore's axis is aligned (depth 0: the edge is in the
+/// hole) or inserted to a depth, all [m]: no more
 /// than 0.2 mm short of it, which the height of the felt plane, the peg's tilt and the carrier's
 /// compliance may hide, and in the bore. The viscous law lets a peg that slides along a wall sink
 /// into it by some micrometres a second; by less than the clearance it is in the bore, so deep.
-bool seatedIn(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
-              double depth);
+bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
+             double depth);
 
 }  // namespace assembly_cell

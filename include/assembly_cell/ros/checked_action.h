@@ -79,6 +79,16 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   void setAborted(const Result& result, const std::string& text) {
     if (std::optional<Handle> goal = current()) goal->setAborted(result, text);
   }
+  /// Succeeded, or else preempted where that was asked for, or else aborted.
+  void finish(bool success, const Result& result, const std::string& text) {
+    if (success) {
+      setSucceeded(result, text);
+    } else if (isPreemptRequested()) {
+      setPreempted(result, text);
+    } else {
+      setAborted(result, text);
+    }
+  }
 
  private:
   static constexpr std::uint32_t kQueue = 50;

@@ -1,0 +1,30 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/start.h"
+#include "assembly_cell/mismatch/mismatch.h"
+
+namespace assembly_cell {
+
+/// Aligns in the default cell, 3 mm over the plane, with a truth drawn by the seed, which is the
+/// sensors', too. The strategy knows the nominal cell.
+inline AlignTrial tryMismatched(const Mismatch& mismatch, const Eigen::Vector2d& offset,
+                                const Eigen::Vector2d& tilt, const std::string& strategy,
+                                std::uint64_t seed) {
+  const Scenario cell =
+      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  const Truth truth = drawTruth(mismatch, seed);
+  CellParameters sensors;
+  sensors.seed = seed;
+  sensors.truth = truth.cell;
+  AlignParameters parameters;
+  parameters.strategy = strategy;
+  return tryAlignment(trueScenario(startAt(cell, offset, tilt, 0.003), truth, "test"),
+                      cell.mechanism, sensors, parameters);
+}
+
+}  // namespace assembly_cell
