@@ -100,10 +100,11 @@ class Simulator : public ::testing::Test {
     const auto b = bridge_b_.last();
     const auto c = carrier_.last();
     const auto t = truth_.last();
-    if (!a || !b || !c || !t || a->sequence != b->sequence) return false;
+    const auto clock = clock_.last();
+    if (!a || !b || !c || !t || !clock || a->sequence != b->sequence) return false;
     const ros::Time end = b->header.stamp + ros::Duration(kBlock - b->period);
     return std::abs((c->header.stamp - end).toSec()) < kStamp &&
-           t->header.stamp == c->header.stamp && clock_.last()->clock == c->header.stamp;
+           t->header.stamp == c->header.stamp && clock->clock == c->header.stamp;
   }
 
   void acknowledge(std::uint32_t sequence) {

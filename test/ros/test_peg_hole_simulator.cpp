@@ -158,7 +158,7 @@ TEST_F(Simulator, ExciterShakesThePeg) {
     return largest;
   };
   ASSERT_TRUE(step(1).success);
-  ASSERT_TRUE(waitFor([this] { return bridge_b_.size() == 1; }));
+  ASSERT_TRUE(waitFor([this] { return synchronous(); }));
   const double quiet = spread(*bridge_b_.last());
   Exciter exciter;
   exciter.header.stamp = carrier_.last()->header.stamp;
