@@ -39,7 +39,7 @@
 
 namespace assembly_cell::ros_bridge {
 
-constexpr double kPatience = 20.0;  // of the wall clock, for a busy machine [s]
+constexpr double kPatience = 60.0;  // of the wall clock, for a busy machine [s]
 constexpr double kRounding = 1e-9;  // S C of double precision, condition 10 [N], [N·m]
 const double kNaN = std::numeric_limits<double>::quiet_NaN();
 

@@ -221,7 +221,7 @@ TEST_F(Bench, TakesBackAndStartsAnew) {
   // over a restart
   server_.end(SIGKILL);
   start();
-  EXPECT_EQ(server_.status()->observations, 2u);
+  EXPECT_TRUE(waitFor([&] { return server_.status()->observations == 2; }));
   EXPECT_TRUE(server_.trigger("reset").success);
   EXPECT_TRUE(recordsOf(server_.journal()).empty());
   EXPECT_EQ(recordsOf(server_.journal() + ".previous").size(), 2u);
@@ -652,7 +652,7 @@ TEST_F(Cell, CalibratesBothSensors) {
     steps = feedback->steps;
   });
   ASSERT_TRUE(waitFor([&] { return step >= 5; }));
-  EXPECT_EQ(server_.status()->state, "calibrate");
+  EXPECT_TRUE(waitFor([&] { return server_.status()->state == "calibrate"; }));
   client_->cancelGoal();
   const CalibrateSensorsResult stopped = result();
   EXPECT_EQ(client_->getState().state_, actionlib::SimpleClientGoalState::PREEMPTED);
@@ -741,7 +741,7 @@ TEST_F(Cell, EndsWithAReasonWhenTheRigIsGone) {
   const CalibrateSensorsResult answer = result();
   EXPECT_FALSE(answer.success);
   EXPECT_TRUE(has(answer.message, "service /sim/nobody/apply doesn't answer")) << answer.message;
-  EXPECT_EQ(server_.status()->state, "idle");
+  EXPECT_TRUE(waitFor([&] { return server_.status()->state == "idle"; }));
   ros::param::set("/sim/calibration_server/rig", "simulated_calibration_rig/apply");
   ros::param::set("/sim/calibration_server/source_timeout", 2.0);
 }

@@ -38,7 +38,7 @@ namespace {
 using Complex6 = Eigen::Matrix<std::complex<double>, 6, 1>;
 using Client = actionlib::SimpleActionClient<IdentifyLocusAction>;
 
-constexpr double kPatience = 20.0;  // of the wall clock, for a busy machine [s]
+constexpr double kPatience = 60.0;  // of the wall clock, for a busy machine [s]
 constexpr double kPeriod = 2e-4;    // of the samples [s]
 constexpr std::size_t kBlock = 100;
 constexpr double kNoise = 1e-9;  // of each displacement [m], [rad]
