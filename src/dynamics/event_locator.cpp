@@ -27,9 +27,15 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
   const Slot& slot = c.slots[i];
   const ContactKinematics& at = e.contacts[i];
   if (slot.mode == Mode::kIdle) {
-    // an idle slot out of reach asks for nothing any more
-    if (at.gap < s.leave_gap) value[1] = at.demand + c.approach;
-    if (s.rigid && at.gap_rate < -kSettledSpeed) value[0] = at.gap + kIdleDepth;
+    if (s.rigid) {
+      // out of reach it asks for nothing any more
+      if (at.gap < s.leave_gap) value[1] = at.demand + c.approach;
+      if (at.gap_rate < -kSettledSpeed) value[0] = at.gap + kIdleDepth;
+    } else {
+      // what it asks for before it is out of reach is seen at a step's end beyond, too
+      value[0] = s.leave_gap - at.gap;
+      value[1] = at.demand + c.approach;
+    }
     return;
   }
   value[0] = s.leave_gap - at.gap;
@@ -115,8 +121,7 @@ void beginStep(const System& s, Context& c, const Evaluation& e) {
 }
 
 bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e) {
-  if (s.fixed_step || !s.discrete_friction || !e.closed ||
-      step.h * c.commands.drive.exciter.frequency < kBlindPhase) {
+  if (s.fixed_step || !e.closed || step.h * c.commands.drive.exciter.frequency < kBlindPhase) {
     return false;
   }
   Evaluation middle = e;
@@ -168,9 +173,10 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
   for (int i = 0; i < 3; ++i) {
     attemptStep(s, c, method, step, e);
     const double f = firstOf(eventValues(s, c, e), at_end);
-    const double off = rate < 0.0 && std::isfinite(f) ? -f / rate : 0.0;
+    double off = rate < 0.0 && std::isfinite(f) ? -f / rate : 0.0;
     if (std::abs(off) < 0.5 * kEventTime || std::abs(off) > 0.1 * h || i == 2) break;
-    step.h += std::clamp(off, -0.5 * step.h, h - step.h);
+    off = std::clamp(off, -0.5 * step.h, h - step.h);
+    step.h += off;
     if (std::abs(off) < kTaylorTime) {
       // so near that the slopes at hand are exact
       step.end.q += off * (step.end.v + 0.5 * off * step.slope);
