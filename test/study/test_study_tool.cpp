@@ -170,17 +170,26 @@ TEST_F(StudyTool, KilledAtAnyTimeItGoesOnToTheSameFiles) {
   const std::string file = usual(100);
   ASSERT_EQ(run({file, "--output", path("calm")}).exit_code, 0);
   const std::string calm = textOf(path("calm/results.csv"));
-  // kills at growing times; the last start runs to its end
+  // killed soon after its start, and when it has got farther; the last start runs to its end
+  const std::string journal = path("killed/journal");
+  const auto written = [&] { return fs::exists(journal) ? fs::file_size(journal) : 0; };
   int kills = 0;
-  for (const int milliseconds : {5, 20, 30, 45, 60}) {
+  for (const std::uintmax_t records : {0, 1, 10, 40, 20}) {
+    const std::uintmax_t enough = records > 0 ? written() + 50 * records : 0;
     const pid_t child = start({kTool, file, "--output", path("killed"), "--threads", "2"});
-    std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    for (int i = 0; i < 60000 && written() < enough; ++i) {
+      siginfo_t ended{};
+      waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOHANG | WNOWAIT);
+      if (ended.si_pid == child) break;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
     kill(child, SIGKILL);
     if (wait(child).exit_code == -SIGKILL) ++kills;
   }
   EXPECT_GT(kills, 0);
   // a record that was cut off, and one that is damaged
-  std::ofstream(path("killed/journal"), std::ios::app) << "7 0 0 nan 30 0 crc32:12345678\n7,1,";
+  std::ofstream(journal, std::ios::app) << "7 0 0 nan 30 0 crc32:12345678\n7,1,";
   const Result last = run({file, "--output", path("killed")});
   ASSERT_EQ(last.exit_code, 0) << last.err;
   EXPECT_EQ(textOf(path("killed/results.csv")), calm);
