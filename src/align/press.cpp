@@ -10,14 +10,22 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kTouchForce = 1.5;      // this much in any direction is contact [N]
-constexpr double kSidewaysTouch = 0.75;  // and this much sideways: a tilted peg's weight is less
+// Lengths, forces and times of the default cell; limits_.scale carries them over.
+constexpr double kTouchForce = 1.5;                // this much in any direction is contact [N]
+constexpr double kTouchNoise = 5.0;                // and so many sd of a block's force, all axes
+constexpr double kSidewaysTouch = 0.5;             // of that, sideways
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
+constexpr double kFirstStiffness = 3e4;            // [N/m]
+constexpr double kMostChange = 3e-4;               // of height in one step of a press [m]
 constexpr int kHoldSteps = 30;
 constexpr double kPullStep = 2.5e-4;  // of travel on the way out [m]
-constexpr int kPullSteps = 8;
+constexpr double kPullTravel = 2e-3;  // in such steps [m]
+// Of a coupling that is twice as stiff as the default one it may take as much force: 16 N, less
+// than half of the limit. Stiffer ones are pulled in smaller steps.
+constexpr double kPullSofter = 2.0;
 constexpr int kFreeSteps = 4, kMaxFreeSteps = 100;  // of kPullStep: a millimetre, and 25
 constexpr double kFreeSide = 3e-4;                  // against a wall 2 N [m]
+constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling's compliance
 // Of the force over a step of a free peg [N]. Contact changes it by the coupling's stiffness times
 // the step, 12 N; noise of 20 mV a channel, forty times the cell's, by 0.12 N rms. Half: a peg
 // with such noise is lifted farther. Twice: a contact softer by a factor of 12 is a free peg.
@@ -57,6 +65,16 @@ double apart(const RestPose& a, const RestPose& b, const ReportNoise& noise, dou
 
 }  // namespace
 
+PressLimits pressLimits(const Mechanism& mechanism) {
+  PressLimits limits;
+  limits.scale = scaleOf(mechanism);
+  limits.approach_step *= limits.scale.step;
+  limits.compliance = kMaxCompliance * pressCompliance(mechanism);
+  limits.peg = mechanism.peg;
+  limits.gravity = mechanism.gravity;
+  return limits;
+}
+
 void ReportNoiseMeter::add(const RestPose& at) {
   if (last_) {
     height2_ += std::pow(at.z - last_->z, 2);
@@ -87,23 +105,43 @@ int blocksToEnd(const ReportNoise& noise) {
 }
 
 PressController::PressController(Plant& plant, const PressLimits& limits)
-    : plant_(plant), limits_(limits) {
+    : plant_(plant),
+      limits_(limits),
+      touch_(kTouchForce * limits.scale.force),
+      stiffness_(kFirstStiffness * limits.scale.force / limits.scale.sink) {
   wait(1);
   target_ = last_.carrier;
 }
 
+// change of the weight since the carrier had another pose
+Vector6 PressController::weightSince(const RestPose& pose) const {
+  if (limits_.peg.mass == 0.0) return Vector6::Zero();
+  const auto weight = [this](const RestPose& carrier) {
+    // the base stands upright to a few degrees, which changes the difference by as much of itself
+    const Eigen::Vector3d up = poseFromRest(carrier).R.transpose() * Eigen::Vector3d::UnitZ();
+    return pegWeight(limits_.peg, limits_.gravity, up, Vector6::Zero());
+  };
+  return weight(last_.carrier) - weight(pose);
+}
+
+double PressController::tareShift() const {
+  return (tare_ - zero_ - weightSince(zero_pose_)).head<3>().norm();
+}
+
+int PressController::timed(int blocks) const {
+  return static_cast<int>(std::ceil(blocks * limits_.scale.time - 1e-9));
+}
+
 const PlantBlock& PressController::step(const PlantCommand& command) {
   last_ = plant_.next(command);
-  const Vector6 contact = last_.wrench_b - tare_;
   // before the tare the peg may still swing
   if (tared_ && guarded_ && last_.saturated) {
     throw AlignError(AlignFailure::kSensorSaturated,
                      "a channel is at its limit; lower the press force");
   }
-  const double force = contact.head<3>().norm();
-  if (tared_ && guarded_ && force > limits_.force) {
+  if (tared_ && guarded_ && force().norm() > limits_.force) {
     throw AlignError(AlignFailure::kForceLimit,
-                     line("%.1f N is over %.1f N", force, limits_.force));
+                     line("%.1f N is over %.1f N", force().norm(), limits_.force));
   }
   return last_;
 }
@@ -116,11 +154,11 @@ const PlantBlock& PressController::wait(int blocks) {
 bool PressController::settle() {
   int still = 0;
   for (int i = 0; still < kStillBlocks; ++i) {
-    if (i == kStillLimit) return false;
+    if (i == timed(kStillLimit)) return false;
     const Vector6 before = last_.wrench_b;
     wait(1);
-    double limit = kStillForce;
-    if (i >= kSwingBlocks && last_.samples > 0) {
+    double limit = kStillForce * limits_.scale.still;
+    if (i >= timed(kSwingBlocks) && last_.samples > 0) {
       const Matrix6 of_mean = last_.covariance_b / last_.samples + last_.rounding_b;
       limit = std::max(limit, kNoiseRms * std::sqrt(2 * of_mean.topLeftCorner<3, 3>().trace()));
     }
@@ -150,7 +188,10 @@ void PressController::tare(int blocks) {
   tare_ = wrench / blocks;
   if (!tared_) {
     zero_ = tare_;
+    zero_pose_ = last_.carrier;
     zero_time_ = last_.time;
+    const Matrix6 of_mean = scatter_ / std::max(1, last_.samples) + last_.rounding_b;
+    touch_ = std::max(touch_, kTouchNoise * std::sqrt(of_mean.topLeftCorner<3, 3>().trace()));
   }
   tare_displacement_ = displacement / blocks;
   tared_ = true;
@@ -161,7 +202,7 @@ void PressController::begin(const Mechanism& mechanism) {
   tare();
   const Eigen::Vector3d up = poseFromRest(last_.carrier).R.transpose() * Eigen::Vector3d::UnitZ();
   const Vector6 weight = pegWeight(mechanism.peg, mechanism.gravity, up, last_.displacement_b);
-  if ((tare_ - weight).head<3>().norm() < kFreeForce) return;
+  if ((tare_ - weight).head<3>().norm() < freeForce()) return;
   // in contact, or the sensor's zero is another one: up until nothing changes any more
   guarded_ = false;
   PlantCommand off;
@@ -174,8 +215,9 @@ void PressController::begin(const Mechanism& mechanism) {
     // sideways at the end, along x and y: a peg slides up along a wall without a change
     RestPose next = higher;
     if (same < kFreeSteps) next.z = higher.z += kPullStep;
-    if (same >= kFreeSteps) next.x += kFreeSide;
-    if (same > kFreeSteps) next.y += kFreeSide;
+    const double side = kFreeSide * std::max(limits_.scale.give, limits_.scale.length);
+    if (same >= kFreeSteps) next.x += side;
+    if (same > kFreeSteps) next.y += side;
     moveTo(next);
     if (i == kMaxFreeSteps || !settle() || force().norm() > 2 * limits_.force) {
       throw AlignError(
@@ -183,7 +225,8 @@ void PressController::begin(const Mechanism& mechanism) {
           line("the peg doesn't come free: %.1f N of change after %.1f mm of travel up",
                force().norm(), (higher.z - tare_pose_.z) * 1e3));
     }
-    same = (last_.wrench_b - before).head<3>().norm() < kFreeChange ? same + 1 : 0;
+    const double change = (last_.wrench_b - before).head<3>().norm();
+    same = change < kFreeChange * limits_.scale.force ? same + 1 : 0;
   }
   guarded_ = true;
   tared_ = false;
@@ -234,19 +277,24 @@ void PressController::retreat(const RestPose& relaxed, double travel) {
   moveTo(relaxed);
   // a wedge only tightens when it is pulled: gently until it is out
   RestPose up = relaxed;
-  for (int i = 0; i < kPullSteps; ++i) {
-    up.z += kPullStep;
+  const auto held = [this] {
+    return (last_.wrench_b - zero_ - weightSince(zero_pose_)).head<3>().norm();
+  };
+  const double step =
+      kPullStep * std::min(1.0, limits_.scale.sink / limits_.scale.force * kPullSofter);
+  for (double pulled = 0.0; pulled < kPullTravel - 0.5 * step; pulled += step) {
+    up.z += step;
     moveTo(up);
-    if ((last_.wrench_b - zero_).head<3>().norm() > limits_.force) {
+    if (held() > limits_.force) {
       throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
     }
   }
-  up.z = relaxed.z + std::max(travel, kPullSteps * kPullStep);
+  up.z = relaxed.z + std::max(travel, kPullTravel);
   moveTo(up);
   if (!settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   guarded_ = true;
-  const double shift = (last_.wrench_b - zero_).head<3>().norm();
-  const double allowed = kFreeForce + kZeroDrift * (last_.time - zero_time_);
+  const double shift = held();
+  const double allowed = freeForce() + kZeroDrift * (last_.time - zero_time_);
   if (shift > allowed) {
     throw AlignError(AlignFailure::kZeroShifted,
                      line("%.2f N with the peg free, %.2f N are allowed", shift, allowed));
@@ -257,7 +305,7 @@ bool PressController::approach(double floor) {
   // descend a little every block until the first touch; a steep one hardly pushes up
   const double start = target_.z;
   RestPose target = target_;
-  while (force().norm() < kTouchForce && force().head<2>().norm() < kSidewaysTouch) {
+  while (force().norm() < touch_ && force().head<2>().norm() < kSidewaysTouch * touch_) {
     if (target.z <= floor) {
       target_ = target;
       return false;
@@ -280,22 +328,25 @@ void PressController::hold(double force, double tolerance) {
   // secant steps to the force
   RestPose target = target_;
   const double start = target.z;
-  wait(kSettleBlocks);
+  const Scale& scale = limits_.scale;
+  const double stiffer = scale.force / scale.sink;
+  wait(timed(kSettleBlocks));
   for (int i = 0; i < kHoldSteps; ++i) {
     const double before = forceZ();
     if (std::abs(before - force) <= tolerance * force) return;
-    const double change = std::clamp((force - before) / stiffness_, -3e-4, 3e-4);
+    const double most = kMostChange * scale.sink;
+    const double change = std::clamp((force - before) / stiffness_, -most, most);
     target.z -= change;
     if (start - target.z > limits_.compliance * force) {
       throw AlignError(AlignFailure::kGaveWay,
                        line("%.1f mm down for %.1f N", (start - target.z) * 1e3, forceZ()));
     }
     moveTo(target);
-    wait(kSettleBlocks);
+    wait(timed(kSettleBlocks));
     // slip makes single secants unreliable: change the estimate by no more than threefold
     const double measured = (forceZ() - before) / change;
     stiffness_ = std::clamp(measured, stiffness_ / 3, stiffness_ * 3);
-    stiffness_ = std::clamp(stiffness_, kSoftest, kStiffest);
+    stiffness_ = std::clamp(stiffness_, kSoftest * stiffer, kStiffest * stiffer);
   }
   throw AlignError(AlignFailure::kPressNotHeld, line("%.2f N instead of %.2f N", forceZ(), force));
 }

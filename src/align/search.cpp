@@ -26,24 +26,26 @@ constexpr double kBehind = 0.35;          // of such a step, what doesn't follow
 constexpr double kOffWall = 0.5;          // of the clearance, a step off a wall
 constexpr int kFreeTries = 8;             // to get off a wall
 constexpr double kWallSearch = 6.0;       // travel to a wall at most, in clearances
+constexpr double kWallPush = 2.5;         // and as far as makes so much of a wall's deflection
 constexpr double kWallSd = 5e-6;          // of a middle between walls, per axis [m]
 constexpr double kWallForce = 1.0;        // of a wall that stops a peg at rest [N]
+constexpr double kSofter = 7e3;           // stiffness sideways at the peg's bottom [N/m]
 constexpr double kUnknownAxis = 0.05;     // sd of the axis of a hole that only walls tell [rad]
 constexpr int kZeroBlocks = 4;            // of a zero over the hole
 constexpr int kWallBlocks = 2;            // to come to rest
 constexpr int kSwingBlocks = 5;           // until a swing is gone that looks like a wall
-constexpr double kMaxCompliance = 3.0;    // travel of a press, times the coupling's compliance
 constexpr int kTouches = 4;               // that may give way, one after the other
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
 constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one travel aside to the next, never the same twice [rad]
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
-// travel of the carrier per force of one edge point [m/N]
-double pressCompliance(const Mechanism& mechanism) {
-  const Matrix6 compliance = couplingStiffness(mechanism.coupling).inverse();
-  const double r = mechanism.peg.radius;
-  return compliance(2, 2) + r * r * std::max(compliance(3, 3), compliance(4, 4));
+PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
+  PressLimits limits = pressLimits(mechanism);
+  limits.force = p.force_limit;
+  limits.descent = p.descent_limit;
+  limits.approach_step = p.approach_step * limits.scale.step;
+  return limits;
 }
 
 }  // namespace
@@ -68,10 +70,10 @@ std::string text(const char* format, double a, double b) {
 Search::Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                const Progress& progress)
     : mechanism_(mechanism),
+      scale_(scaleOf(mechanism)),
       p_(parameters),
       progress_(progress),
-      press_(plant, {parameters.force_limit, parameters.descent_limit, parameters.approach_step,
-                     kMaxCompliance * pressCompliance(mechanism)}),
+      press_(plant, limitsFor(mechanism, parameters)),
       length_(mechanism.peg.half_height + mechanism.peg.coupling_height) {
   start_time_ = press_.last().time;
   press_.wait(1);
@@ -107,8 +109,8 @@ AlignResult Search::run() {
 // exciter off, and the peg free
 void Search::leave() {
   if (inserted_.end.depth > 0.0) backOutOfBore(inserted_.end.depth);
-  if (begun_ && press_.last().carrier.z < start_.z + kLeave) {
-    backOut(kLeave);
+  if (begun_ && press_.last().carrier.z < start_.z + kLeave * scale_.room) {
+    backOut(kLeave * scale_.room);
   } else {
     PlantCommand off;
     off.exciter = ExciterParameters{0.0, 0.0, 0.0, p_.exciter_direction};
@@ -138,13 +140,12 @@ Pose Search::pegPose(const RestPose& carrier, const Vector6& d) const {
 }
 
 Vector6 Search::tipWrench(const Vector6& wrench, const Vector6& deflection) const {
-  // the base stands upright to a few degrees, which is 10 mN
-  const auto weight = [this](const RestPose& carrier, const Vector6& d) {
-    const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
+  // the weight has turned with the carrier in press_.wrench(), and turns with the deflection here
+  const Vec3 up = poseFromRest(press_.last().carrier).R.transpose() * Vec3::UnitZ();
+  const auto weight = [&](const Vector6& d) {
     return pegWeight(mechanism_.peg, mechanism_.gravity, up, d);
   };
-  const Vector6 turned =
-      weight(press_.last().carrier, deflection) - weight(press_.tarePose(), Vector6::Zero());
+  const Vector6 turned = weight(deflection) - weight(Vector6::Zero());
   const Pose X_CQ = Pose{rotationFromVector({Vec3(deflection.tail<3>())}), deflection.head<3>()} *
                     Pose{Mat3::Identity(), Vec3(0, 0, -length_)};
   return transformWrench(inverse(X_CQ), wrench - turned);
@@ -156,15 +157,17 @@ void Search::rememberSag(const Vec3& bottom) {
 }
 
 Search::Touch Search::feel() {
-  press_.wait(kFeelBlocks);
+  const int n = timed(kFeelBlocks);
+  press_.wait(n);
   Vector6 w = Vector6::Zero(), d = Vector6::Zero();
-  for (int i = 0; i < kFeelBlocks; ++i) {
+  for (int i = 0; i < n; ++i) {
     press_.wait(1);
-    w += press_.wrench() / kFeelBlocks;
-    d += deflection() / kFeelBlocks;
+    w += press_.wrench() / n;
+    d += deflection() / n;
   }
   const Vector6 at = tipWrench(w, d);
   Touch touch;
+  touch.least *= scale_.force;
   touch.X_SP = pegPose(press_.target(), d);
   touch.force = at(2);
   touch.sideways = at.head<2>().norm();
@@ -227,7 +230,18 @@ double Search::trapWidth(double tilt) const {
 }
 
 int Search::blocks(double duration) const {
-  return std::max(1, static_cast<int>(std::ceil(duration / block_ - 1e-6)));
+  return std::max(1, static_cast<int>(std::ceil(duration * scale_.time / block_ - 1e-6)));
+}
+
+int Search::timed(int blocks) const {
+  return static_cast<int>(std::ceil(blocks * scale_.time - 1e-9));
+}
+
+// Sideways to a wall at most: over the clearance, and until the wall has pushed enough to be one.
+double Search::wallTravel() const {
+  const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+  return std::max(kWallSearch * clearance,
+                  2.0 * clearance + kWallPush * kWallForce / kSofter * scale_.give);
 }
 
 void Search::report(const char* state, const std::string& message) {
@@ -246,18 +260,20 @@ bool Search::begin() {
   return alreadyIn();
 }
 
+// what a peg that swings from its own steps down may feel, too
+double Search::insertionForce() const { return p_.insertion_force * std::max(1.0, scale_.force); }
+
 // a wall within reach on one side; if so, on all, and nothing below: friction on a face, with the
 // peg pressed, would feel like walls
 bool Search::alreadyIn() {
-  const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
   const RestPose start = press_.target();
   const Vec3 bottom = pegPose(start, Vector6::Zero()).p;
-  const Vec3 beside = bottom + kWallSearch * clearance * Vec3::UnitX();
+  const Vec3 beside = bottom + wallTravel() * Vec3::UnitX();
   press_.moveTo(restFor(beside, Mat3::Identity()));
-  press_.wait(kWallBlocks);
-  const bool wall = press_.force().head<2>().norm() > kWallForce;
+  press_.wait(timed(kWallBlocks));
+  const bool wall = press_.force().head<2>().norm() > kWallForce * scale_.force;
   press_.moveTo(start);
-  press_.wait(kWallBlocks);
+  press_.wait(timed(kWallBlocks));
   if (!wall) return false;
   hole_.normal = Vec3::UnitZ();
   hole_.height = bottom.z();
@@ -279,11 +295,12 @@ bool Search::enter(const Vec3& center) {
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
   // up along the normal before sideways and straight
   Vec3 above = pegPose(press_.target(), Vector6::Zero()).p;
-  above += hole_.normal * std::max(0.0, kTravel - hole_.normal.dot(above) + hole_.height);
+  const double travel = kTravel * scale_.room;
+  above += hole_.normal * std::max(0.0, travel - hole_.normal.dot(above) + hole_.height);
   press_.moveTo(restFor(above, (inverse(X_BS_) * poseFromRest(press_.target())).R), false);
   // the hanging peg sags differently in this pose
-  Vec3 target = center + kClear * hole_.normal;
-  press_.moveTo(restFor(target + kTravel * hole_.normal, R), false);
+  Vec3 target = center + kClear * scale_.room * hole_.normal;
+  press_.moveTo(restFor(target + travel * hole_.normal, R), false);
   press_.wait(blocks(p_.settle));
   press_.tare(kZeroBlocks);
   rememberSag(pegPose(press_.target(), Vector6::Zero()).p);
@@ -299,17 +316,18 @@ bool Search::enter(const Vec3& center) {
     }
   }
   report("enter", "resistance everywhere, measuring again");
-  press_.moveTo(restFor(target + kTravel * hole_.normal, R));
+  press_.moveTo(restFor(target + travel * hole_.normal, R));
   return false;
 }
 
 // down from `from`, just over the plane; back up at the first resistance
 bool Search::lower(const Vec3& from, const Mat3& R) {
   press_.moveTo(restFor(from, R));
-  const double travel = kClear + p_.insertion_depth + 3.0 * hole_.height_sd;
+  const double travel = kClear * scale_.room + p_.insertion_depth + 3.0 * hole_.height_sd;
+  const double step = p_.approach_step * scale_.step;
   double down = 0.0;
-  while (down < travel && press_.forceZ() < p_.insertion_force) {
-    down = std::min(travel, down + p_.approach_step);
+  while (down < travel && press_.forceZ() < insertionForce()) {
+    down = std::min(travel, down + step);
     PlantCommand command;
     command.rest = restFor(from - down * hole_.normal, R);
     press_.step(command);
@@ -319,7 +337,7 @@ bool Search::lower(const Vec3& from, const Mat3& R) {
     press_.wait(blocks(p_.settle));
   }
   const double force = press_.forceZ();
-  const bool in = force < p_.insertion_force;
+  const bool in = force < insertionForce();
   report("enter", text(in ? "in, contact force %.2f N" : "resistance of %.2f N", force));
   if (!in) press_.moveTo(restFor(from, R));
   return in;
@@ -329,24 +347,25 @@ bool Search::lower(const Vec3& from, const Mat3& R) {
 // there is no wall where one must be. By the poses that were commanded: the reported ones scatter.
 bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
-  const double step = std::clamp(0.25 * clearance, 5e-6, 1e-4);
+  // by what a wall bends the coupling where that is more than the clearance
+  const double bent = kWallDeflection * scale_.give;
+  const double step = std::clamp(std::max(0.25 * clearance, 0.1 * bent), 5e-6, 1e-4);
   Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
   const Vec3 travel = R.transpose() * direction;
   row << travel.transpose(), Vec3(0, 0, -length_).cross(travel).transpose();
   const Eigen::Matrix<double, 1, 6> by_wrench =
       row * couplingStiffness(mechanism_.coupling).inverse();
   const double felt =
-      kWallDeflection +
-      4.0 * std::sqrt((by_wrench * press_.rounding() * by_wrench.transpose()).value());
+      bent + 4.0 * std::sqrt((by_wrench * press_.rounding() * by_wrench.transpose()).value());
   Vec3 target = pegPose(press_.target(), Vector6::Zero()).p;
   const auto pushed = [&] {
     at = pegPose(press_.target(), deflection()).p - sag_;
     return (target - at).dot(direction) > felt;
   };
-  for (double moved = 0.0; moved <= kWallSearch * clearance; moved += step) {
+  for (double moved = 0.0; moved <= wallTravel(); moved += step) {
     // a peg that still swings from the step seems pushed, too, but not for long
     if (pushed()) {
-      press_.wait(kSwingBlocks);
+      press_.wait(timed(kSwingBlocks));
       if (pushed()) return true;
     }
     target += step * direction;
@@ -365,16 +384,18 @@ bool Search::clearOfWalls(Vec3& target, const Mat3& R) {
   const auto place = [this, &R](const Vec3& at) {
     press_.nudge(restFor(at, R));
     Vec3 mean = Vec3::Zero();
-    for (int i = 0; i < kSwingBlocks; ++i) {
+    const int n = timed(kSwingBlocks - 1);
+    press_.wait(timed(1));
+    for (int i = 0; i < n; ++i) {
       press_.wait(1);
-      if (i > 0) mean += pegPose(press_.target(), deflection()).p / (kSwingBlocks - 1);
+      mean += pegPose(press_.target(), deflection()).p / n;
     }
     return mean;
   };
   // a longer way ends here, where the peg will stay: the short ones that follow don't change that
   press_.moveTo(restFor(target + 0.5 * p_.insertion_depth * hole_.normal, R));
   press_.moveTo(restFor(target, R));
-  if (!press_.settle() || press_.force().norm() > p_.insertion_force) return false;
+  if (!press_.settle() || press_.force().norm() > insertionForce()) return false;
   for (int i = 0; i < kFreeTries; ++i) {
     const Vec3 here = place(target);
     bool free = true;
@@ -409,11 +430,11 @@ bool Search::centre(const Mat3& R) {
     Vec3 target = pegPose(press_.target(), Vector6::Zero()).p;
     target += along * along.dot(0.5 * (ahead + behind) - target);
     press_.moveTo(restFor(target, R));
-    press_.wait(kWallBlocks);
+    press_.wait(timed(kWallBlocks));
     if (axis == 0) continue;
     const double apart = along.dot(ahead - behind);
     report("centre", text("between walls %.3f mm apart", apart * 1e3));
-    if (std::abs(apart - gap) > std::max(kGapShare * gap, kGapSlack)) return false;
+    if (std::abs(apart - gap) > std::max(kGapShare * gap, kGapSlack * scale_.give)) return false;
     // no wall pushes any more: the peg itself is in the middle
     if (!clearOfWalls(target, R)) return false;
     const Vec3 center = target + sag_;

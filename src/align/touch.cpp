@@ -14,15 +14,19 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-constexpr int kRound = 3;           // touches of each of the first two rounds
-constexpr int kAttempts = 4;        // from where the peg came free again
-constexpr int kDrops = 8;           // tries to put the low edge into the hole
-constexpr double kMoreTilt = 0.01;  // while the plane is unknown [rad]
+constexpr int kRound = 3;     // touches of each of the first two rounds
+constexpr int kAttempts = 4;  // from where the peg came free again
+constexpr int kDrops = 8;     // tries to put the low edge into the hole
+// And one for every place that a miss rules out, a disc of 0.8 radii, as far as the hole may be:
+// none more for 25 mm, 39 for 3 mm.
+constexpr double kRuledOut = 0.8, kMayBe = 0.015;  // [m]
+constexpr double kMoreTilt = 0.01;                 // while the plane is unknown [rad]
 constexpr double kOver = 3e-4;      // lowest point over the plane before a descent [m]
 constexpr double kDeep = 4e-4;      // lowest point below the plane, inside [m]
 constexpr double kPlaceSd = 5e-5;   // of where a move ends [m]
 constexpr double kPush = 0.75;      // sideways: a wall [N]
 constexpr double kSidestep = 1e-4;  // of the way to a wall, in one block [m]
+constexpr double kMoreGive = 2.0;   // harder or smaller by that, it is the same
 constexpr double kBack = 3e-4;      // off a wall again [m]
 constexpr double kBehind = 2.5e-3;  // low edge inside by so much at least when put down [m]
 constexpr double kFarthest = 6e-3;  // and at most [m]
@@ -30,6 +34,8 @@ constexpr double kLost = 8e-3;      // way to a wall at most [m]
 constexpr double kRetreat = 8e-3;   // above where an attempt failed [m]
 constexpr double kSure = 2.5;       // deviations
 constexpr int kRest = 2;            // blocks
+constexpr double kPointSd = 1e-3, kOffsetSd = 4e-3;  // of the lines of action [m]
+constexpr double kLeastPointSd = 2e-4;               // by the sensor's noise [m]
 
 // The strategy `touch`: the peg's tilted edge touches the face all round, which tells plane and,
 // where it sinks over the rim, roughly the hole; then the low edge is put into the hole and moved
@@ -42,6 +48,9 @@ class TouchSearch : public Search {
       : Search(plant, mechanism, p, progress) {
     model_.peg_radius = mechanism.peg.radius;
     model_.hole_radius = mechanism.hole.radius;
+    model_.position_sd *= scale_.room;
+    model_.point_sd = std::max(kLeastPointSd, kPointSd * scale_.length);
+    model_.offset_sd = kOffsetSd * scale_.length;
   }
 
  private:
@@ -57,7 +66,7 @@ class TouchSearch : public Search {
       } catch (const AlignError& error) {
         if (k >= kAttempts || !recoverable(error.failure)) throw;
         report("recover", error.what());
-        backOut(kRetreat);
+        backOut(kRetreat * scale_.room);
         bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
         if (!known_) {
           readings_.clear();
@@ -84,7 +93,9 @@ class TouchSearch : public Search {
 
   void attempt() {
     if (!known_) survey();
-    for (int i = 0; i < kDrops; ++i) {
+    const double places = std::pow(kMayBe / (kRuledOut * mechanism_.peg.radius), 2);
+    const int drops = kDrops + static_cast<int>(places);
+    for (int i = 0; i < drops; ++i) {
       if (!drop(i)) {
         resolve();
         continue;
@@ -133,8 +144,8 @@ class TouchSearch : public Search {
       const auto raise = [this](Vec3& p, double height) {
         p += hole_.normal * std::max(0.0, height - hole_.normal.dot(p) + hole_.height);
       };
-      raise(up, dip(now) + kOver);
-      raise(over, dip(R) + kOver);
+      raise(up, dip(now) + kOver * scale_.room);
+      raise(over, dip(R) + kOver * scale_.room);
       raise(up, hole_.normal.dot(over) - hole_.height);
       press_.moveTo(restFor(up, now), false);
     } else {
@@ -195,18 +206,20 @@ class TouchSearch : public Search {
     to -= hole_.normal * hole_.normal.dot(to);
     const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
     const Vec2 flat = axes.transpose() * to;
-    if (turn == 0 || flat.norm() > kFarthest)
+    if (turn == 0 || flat.norm() > kFarthest * scale_.length)
       heading_ = std::atan2(flat.y(), flat.x());
     else
       heading_ += 0.5 * M_PI;
     const Vec3 ahead = axes * Vec2(std::cos(heading_), std::sin(heading_));
     const double sd =
         std::sqrt(std::max(0.0, ahead.head<2>().dot(hole_.center_covariance * ahead.head<2>())));
-    const double behind = std::min(kFarthest, std::max(kBehind, kSure * sd));
+    const double behind =
+        std::clamp(kSure * sd, kBehind * scale_.length, kFarthest * scale_.length);
     const Mat3 R = tilted(hole_.normal, heading_, p_.contact_tilt);
-    const Vec3 place = hole_.center - behind * ahead + (dip(R) + kOver) * hole_.normal;
+    const double over = kOver * scale_.room, deep = kDeep * scale_.length;
+    const Vec3 place = hole_.center - behind * ahead + (dip(R) + over) * hole_.normal;
     hover(place, R);
-    const Vec3 lowest = place - (kOver + kDeep + kSure * hole_.height_sd) * hole_.normal;
+    const Vec3 lowest = place - (over + deep + kSure * hole_.height_sd) * hole_.normal;
     const std::optional<Touch> light = lightTouch(restFor(lowest, R).z);
     bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
     if (light) {
@@ -231,21 +244,24 @@ class TouchSearch : public Search {
   bool wall(const Vec3& way) {
     const Mat3 R = (inverse(X_BS_) * poseFromRest(press_.target())).R;
     const Vec3 from = pegPose(press_.target(), Vector6::Zero()).p;
-    press_.wait(kRest);
+    press_.wait(timed(kRest));
     const Vec3 zero = press_.force();
     const auto push = [&] { return -way.dot(carrierPose().R * (press_.force() - zero)); };
+    const double wanted = kPush * scale_.force;
+    const double step =
+        kSidestep * std::min({1.0, scale_.give * kMoreGive, scale_.length * kMoreGive});
     double moved = 0.0, felt = 0.0;
-    while (felt < kPush) {
-      if (moved > kLost) {
+    while (felt < wanted) {
+      if (moved > kLost * scale_.length) {
         report("wall", "none within reach");
         return false;
       }
-      moved += kSidestep;
+      moved += step;
       PlantCommand command;
       command.rest = restFor(from + moved * way, R);
       press_.step(command);
       felt = push();
-      if (felt < kPush) continue;
+      if (felt < wanted) continue;
       felt = pushedAt(from + moved * way, R, push);
     }
     const double gentler = moved - 0.5 * felt * softness(way, R);
@@ -259,7 +275,7 @@ class TouchSearch : public Search {
     readings_.push_back(reading);
     ++contacts_;
     report("wall", text("after %.2f mm, %.1f N", at * 1e3, felt));
-    press_.moveTo(restFor(from + (at - kBack) * way, R), false);
+    press_.moveTo(restFor(from + (at - kBack * scale_.length) * way, R), false);
     bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
     return true;
   }
@@ -267,11 +283,12 @@ class TouchSearch : public Search {
   template <typename Push>
   double pushedAt(const Vec3& p, const Mat3& R, const Push& push) {
     press_.moveTo(restFor(p, R));
-    press_.wait(kRest);
+    const int n = timed(kRest);
+    press_.wait(n);
     double sum = 0.0;
-    for (int i = 0; i < kRest; ++i) {
+    for (int i = 0; i < n; ++i) {
       press_.wait(1);
-      sum += push() / kRest;
+      sum += push() / n;
     }
     return sum;
   }

@@ -21,7 +21,9 @@ using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
 constexpr int kMarch = 36, kBisections = 30;  // of half the edge, for where it crosses the rim
 constexpr int kLune = 24;                     // of the part below the plane
-constexpr int kGrid = 15, kStarts = 5;        // centres to start from, per axis; of these climbed
+constexpr int kGrid = 15, kMostGrid = 97;     // centres to start from, per axis: these at least
+constexpr double kGridStep = 0.25;            // and so many radii apart at most
+constexpr int kStarts = 5;                    // of these climbed
 constexpr double kGridReach = 2.0;            // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr double kOutlier = 16.0;  // squared residual from where on a reading counts less
@@ -246,10 +248,12 @@ TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& re
     Unknowns x;
   };
   std::vector<Start> starts;
-  for (int i = 0; i < kGrid; ++i) {
-    for (int k = 0; k < kGrid; ++k) {
-      const double reach = kGridReach * model.position_sd;
-      const Vec2 off(2.0 * i / (kGrid - 1) - 1.0, 2.0 * k / (kGrid - 1) - 1.0);
+  const double reach = kGridReach * model.position_sd;
+  const double steps = 2.0 * reach / (kGridStep * model.peg_radius);
+  const int grid = static_cast<int>(std::clamp<double>(std::ceil(steps) + 1, kGrid, kMostGrid));
+  for (int i = 0; i < grid; ++i) {
+    for (int k = 0; k < grid; ++k) {
+      const Vec2 off(2.0 * i / (grid - 1) - 1.0, 2.0 * k / (grid - 1) - 1.0);
       Unknowns x = plane;
       x.segment<2>(3) = model.start + reach * off;
       starts.push_back({posterior(x).squaredNorm(), x});

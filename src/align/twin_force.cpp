@@ -72,7 +72,7 @@ class TwinForce : public Search {
         if (k >= kAttempts || !recoverable(error.failure)) throw;
         // out, and beside a hole that is too near to press tilted
         report("recover", error.what());
-        backOut(kRetreat);
+        backOut(kRetreat * scale_.room);
       }
       found_ = false;
       hole_ = HoleEstimate();
@@ -172,7 +172,7 @@ class TwinForce : public Search {
     if (contacts_ > 0) press_.moveTo(over);
     press_.moveTo(hover);
     press_.tare(2);
-    for (int higher = 0; press_.tareShift() > kFreeForce; ++higher) {
+    for (int higher = 0; press_.tareShift() > press_.freeForce(); ++higher) {
       // the edge already rests on something
       if (higher == kHigher)
         throw AlignError(AlignFailure::kNotFree, "the peg doesn't come free over the contact");

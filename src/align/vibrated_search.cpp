@@ -22,7 +22,8 @@ constexpr double kMaxTilt = 0.14;      // 8 degrees [rad]
 constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
 constexpr double kGentler = 0.8;       // press and exciter after too much force
 constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
-constexpr double kHoverWay = 6e-4;     // sideways, to find out whether the peg is free [m]
+constexpr double kHoverGive = 4e-4;    // sideways, to find out whether the peg is free, and twice
+                                       // the clearance [m]
 constexpr double kHoverForce = 1.0;    // [N]
 constexpr int kHoverBlocks = 3, kHoverSteps = 6;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
@@ -83,7 +84,7 @@ void VibratedSearch::choosePoint() {
 void VibratedSearch::recover(const AlignError& error, int attempt) {
   const AlignFailure failure = error.failure;
   report("recover", error.what());
-  backOut(kRetreat);
+  backOut(kRetreat * scale_.room);
   bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
   touches_ = 0;
   if (failure == AlignFailure::kForceLimit || failure == AlignFailure::kSensorSaturated) {
@@ -136,8 +137,9 @@ bool VibratedSearch::caught() {
   RestPose hover = press_.target();
   hover.z += p_.lift;
   press_.moveTo(hover);
-  press_.wait(kHoverBlocks);
-  if (press_.forceZ() < -kHoverForce) {
+  press_.wait(timed(kHoverBlocks));
+  const double least = kHoverForce * scale_.force;
+  if (press_.forceZ() < -least) {
     // it doesn't even come up: not pulled any more
     hover.z -= p_.lift;
     press_.moveTo(hover);
@@ -145,13 +147,15 @@ bool VibratedSearch::caught() {
   }
   const Vec3 before = press_.force();
   RestPose beside = hover;
-  const auto pushed = [&] { return (press_.force() - before).head<2>().norm() > kHoverForce; };
+  const auto pushed = [&] { return (press_.force() - before).head<2>().norm() > least; };
+  const double way =
+      kHoverGive * scale_.give + 2.0 * (mechanism_.hole.radius - mechanism_.peg.radius);
   bool held = false;
   for (int i = 0; i < kHoverSteps && !held; ++i) {
-    beside.x += kHoverWay / kHoverSteps;
+    beside.x += way / kHoverSteps;
     press_.moveTo(beside);
-    press_.wait(1);
-    if (pushed()) press_.wait(kHoverBlocks);  // it may only swing
+    press_.wait(timed(1));
+    if (pushed()) press_.wait(timed(kHoverBlocks));  // it may only swing
     held = pushed();
   }
   press_.moveTo(hover);

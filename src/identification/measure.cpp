@@ -57,6 +57,13 @@ Matrix3d leaning(const Vector2d& to, double tilt) {
   return rotationFromVector({tilt * Vector3d(-to.y(), to.x(), 0.0)});
 }
 
+PressLimits limitsFor(const Mechanism& nominal, const IdentificationPlan& plan) {
+  PressLimits limits = pressLimits(nominal);
+  limits.force = plan.force_limit;
+  limits.compliance = kCompliance;
+  return limits;
+}
+
 class Campaign {
  public:
   Campaign(Plant& plant, const Mechanism& nominal, const IdentificationPlan& plan,
@@ -64,7 +71,7 @@ class Campaign {
       : nominal_(nominal),
         plan_(plan),
         progress_(progress),
-        press_(plant, {plan.force_limit, 0.02, 1e-4, kCompliance}) {
+        press_(plant, limitsFor(nominal, plan)) {
     begin_ = press_.last().time;
     press_.wait(1);
     block_ = press_.last().time - begin_;

@@ -238,7 +238,7 @@ const Case kCases[] = {
      nullptr},
     {AlignFailure::kOneEdgeOnly, "single_contact",
      [](Arrangement& s) {
-       s.scenario = startAt(s.scenario, Vector2d(0.014, -0.003), Vector2d(0.01, 0.005), 0.003);
+       s.scenario = startAt(s.scenario, Vector2d(0.013, -0.003), Vector2d(0.01, 0.005), 0.003);
        s.parameters.sweep_readings = 40;
        s.parameters.rounds = 1;
      },

@@ -9,6 +9,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/description/part_pairs.h"
+#include "assembly_cell/description/urdf_text.h"
 #include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell {
@@ -16,14 +17,14 @@ namespace {
 
 const std::string kSource = ASSEMBLY_CELL_SOURCE_DIR;
 
-std::string cellUrdf() {
+std::string defaultUrdf() {
   std::ifstream file(kSource + "/urdf/cell.urdf");
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
 // The cell's URDF with one piece of text replaced, in its first place after `after`.
 std::string changed(const std::string& after, const std::string& from, const std::string& to) {
-  std::string text = cellUrdf();
+  std::string text = defaultUrdf();
   const std::size_t start = text.find(after);
   const std::size_t at = start == std::string::npos ? start : text.find(from, start);
   if (at == std::string::npos) {
@@ -48,7 +49,7 @@ TEST(CellDescription, UrdfPassesCheckUrdf) {
 }
 
 TEST(CellDescription, ReadsTheDefaultCell) {
-  const CellDescription cell = loadCellDescription(cellUrdf());
+  const CellDescription cell = loadCellDescription(defaultUrdf());
   EXPECT_EQ(cell.peg.radius, 0.025);
   EXPECT_EQ(cell.peg.half_height, 0.030);
   EXPECT_EQ(cell.peg.mass, 0.395);
@@ -69,7 +70,31 @@ TEST(CellDescription, ReadsTheDefaultCell) {
 
 TEST(CellDescription, AgreesWithTheDefaultScenario) {
   const Scenario scenario = loadScenario(kSource + "/config/scenarios/cell.yaml");
-  EXPECT_NO_THROW(checkAgainst(loadCellDescription(cellUrdf()), scenario.mechanism, scenario.name));
+  EXPECT_NO_THROW(
+      checkAgainst(loadCellDescription(defaultUrdf()), scenario.mechanism, scenario.name));
+}
+
+// made from the scenario instead: urdf/cell.urdf to its printed digits
+TEST(CellDescription, IsMadeFromTheScenario) {
+  const Scenario scenario = loadScenario(kSource + "/config/scenarios/cell.yaml");
+  const CellDescription made = loadCellDescription(cellUrdf(scenario.mechanism));
+  const CellDescription drawn = loadCellDescription(defaultUrdf());
+  EXPECT_NO_THROW(checkAgainst(made, scenario.mechanism, scenario.name));
+  EXPECT_NEAR(made.hole_block_mass, drawn.hole_block_mass, 5e-4);
+  EXPECT_LT((made.hole_block_centre - drawn.hole_block_centre).norm(), 1e-12);
+  EXPECT_LT((made.X_AH.p - drawn.X_AH.p).norm(), 1e-12);
+  const auto same = [](const std::vector<Part>& a, const std::vector<Part>& b) {
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      ASSERT_EQ(a[i].shapes.size(), b[i].shapes.size()) << a[i].link;
+      for (std::size_t k = 0; k < a[i].shapes.size(); ++k) {
+        EXPECT_LT((a[i].shapes[k].X_PS.p - b[i].shapes[k].X_PS.p).norm(), 1e-6) << a[i].link;
+        EXPECT_LT((a[i].shapes[k].size - b[i].shapes[k].size).norm(), 1e-6) << a[i].link;
+      }
+    }
+  };
+  same(made.fixed_parts, drawn.fixed_parts);
+  same(made.moving_parts, drawn.moving_parts);
 }
 
 // Each change breaks the description in one way; the line names the link or joint and its element.
@@ -149,7 +174,7 @@ TEST(CellDescription, RefusesMissingAndContradictoryValues) {
 
 TEST(CellDescription, RefusesALinkWithoutWhatItNeeds) {
   const auto without = [](const std::string& from, const std::string& until) {
-    std::string text = cellUrdf();
+    std::string text = defaultUrdf();
     const std::size_t at = text.find(from);
     const std::size_t end = text.find(until, at);
     EXPECT_NE(end, std::string::npos) << from;
@@ -165,7 +190,7 @@ TEST(CellDescription, RefusesALinkWithoutWhatItNeeds) {
 }
 
 TEST(CellDescription, RefusesAScenarioThatContradictsIt) {
-  const CellDescription cell = loadCellDescription(cellUrdf());
+  const CellDescription cell = loadCellDescription(defaultUrdf());
   const std::string path = kSource + "/config/scenarios/cell.yaml";
   const std::pair<const char*, const char*> cases[] = {
       {"peg.radius", "0.0251"},        {"peg.half_height", "0.031"},
@@ -189,12 +214,12 @@ TEST(CellDescription, RefusesAScenarioThatContradictsIt) {
 
 // The only parts that can meet are the peg and the hole block: the others need no search.
 TEST(PartPairs, OnlyPegAndHoleMeetInTheDefaultCell) {
-  const CellDescription cell = loadCellDescription(cellUrdf());
+  const CellDescription cell = loadCellDescription(defaultUrdf());
   EXPECT_EQ(canMeet(cell, CarrierTravel()), (std::vector<PartPair>{{"peg", "hole"}}));
 }
 
 TEST(PartPairs, NothingMeetsAboveThePlane) {
-  const CellDescription cell = loadCellDescription(cellUrdf());
+  const CellDescription cell = loadCellDescription(defaultUrdf());
   CarrierTravel travel;
   travel.lowest = 0.015;
   EXPECT_TRUE(canMeet(cell, travel).empty());
@@ -206,7 +231,7 @@ TEST(PartPairs, DisplacedPartsMeet) {
     const std::vector<PartPair> pairs = canMeet(cell, travel);
     return std::find(pairs.begin(), pairs.end(), pair) != pairs.end();
   };
-  const CellDescription cell = loadCellDescription(cellUrdf());
+  const CellDescription cell = loadCellDescription(defaultUrdf());
 
   // a peg that goes through the whole bore reaches the ground sensor
   CarrierTravel deep;
@@ -230,7 +255,7 @@ TEST(PartPairs, DisplacedPartsMeet) {
 }
 
 TEST(PartPairs, RefusesAnEmptyTravel) {
-  const CellDescription cell = loadCellDescription(cellUrdf());
+  const CellDescription cell = loadCellDescription(defaultUrdf());
   CarrierTravel travel;
   travel.highest = -1.0;
   EXPECT_THROW(canMeet(cell, travel), InputError);

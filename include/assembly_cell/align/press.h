@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/align/scale.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
@@ -14,9 +15,16 @@ struct PressLimits {
   double descent = 0.02;        ///< abort without contact after so much travel down [m]
   double approach_step = 1e-4;  ///< travel down in one block before contact [m]
   double compliance = 5e-4;     ///< travel per force while pressing: more is no contact [m/N]
+  Scale scale;                  ///< of the mechanism
+  /// Its weight turns with the carrier and is no contact. A mass of 0: as at the tare, always.
+  PegParameters peg;
+  double gravity = 0.0;  ///< [m/s²]
 };
 
-/// A free peg may differ by so much from its tare: its weight pulls sideways when tilted [N]
+/// The limits for a mechanism: default ones, its steps, compliance, scale and weight.
+PressLimits pressLimits(const Mechanism& mechanism);
+
+/// A free peg of the default cell may differ by so much from its tare [N]
 inline constexpr double kFreeForce = 1.0;
 
 /// And by so much more for every second since: sensors that warm up drift by 3 N a minute and axis
@@ -107,19 +115,24 @@ class PressController {
   /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
   void hold(double force, double tolerance);
 
-  /// Contact wrench, sensor_b axes about its origin; the weight is that at the tare. [N], [N·m]
-  Vector6 wrench() const { return last_.wrench_b - tare_; }
-  double forceZ() const { return last_.wrench_b(2) - tare_(2); }  ///< contact force along z [N]
+  /// Contact wrench, sensor_b axes about its origin; of the weight what it was at the tare, turned
+  /// with the carrier since. [N], [N·m]
+  Vector6 wrench() const { return last_.wrench_b - tare_ - weightSince(tare_pose_); }
+  double forceZ() const { return wrench()(2); }  ///< contact force along z [N]
   /// Contact force, sensor_b axes [N]
-  Eigen::Vector3d force() const { return (last_.wrench_b - tare_).head<3>(); }
+  Eigen::Vector3d force() const { return wrench().head<3>(); }
   /// Deflection of the coupling since the tare, sensor_b axes. [m], [rad]
   Vector6 deflection() const { return last_.displacement_b - tare_displacement_; }
   /// Force of the latest tare against the first [N]: a free peg's weight, or it wasn't free.
-  double tareShift() const { return (tare_ - zero_).head<3>().norm(); }
+  double tareShift() const;
+  double freeForce() const { return kFreeForce * limits_.scale.force; }  ///< of this peg [N]
   const RestPose& tarePose() const { return tare_pose_; }  ///< of the carrier at the tare
   double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
 
  private:
+  Vector6 weightSince(const RestPose& pose) const;
+  int timed(int blocks) const;
+
   Plant& plant_;
   PressLimits limits_;
   PlantBlock last_;
@@ -127,12 +140,13 @@ class PressController {
   Vector6 tare_ = Vector6::Zero(), zero_ = Vector6::Zero();  // latest, first
   Vector6 tare_displacement_ = Vector6::Zero();
   double zero_time_ = 0.0;  // of the first
-  RestPose tare_pose_;
+  RestPose tare_pose_, zero_pose_;
   Matrix6 scatter_ = Matrix6::Zero();
   ReportNoiseMeter meter_;  // of the blocks of all tares
   bool tared_ = false, guarded_ = true;
   double touch_z_ = 0.0;
-  double stiffness_ = 3e4;  // of the contact along z, from the last secant [N/m]
+  double touch_ = 0.0;      // force that is a touch [N]
+  double stiffness_ = 0.0;  // of the contact along z, from the last secant [N/m]
 };
 
 }  // namespace assembly_cell

@@ -9,6 +9,7 @@
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/hole_fit.h"
 #include "assembly_cell/align/press.h"
+#include "assembly_cell/align/scale.h"
 
 namespace assembly_cell {
 
@@ -43,8 +44,10 @@ class Search {
     Eigen::Vector2d point{0, 0};  ///< where the line of action crosses the bottom, peg axes [m]
     Pose X_SP;                    ///< of the peg then, by the commanded rest pose
 
+    double least = 0.5;  ///< less than this is no touch any more [N]
+
     /// The force is still there.
-    bool felt() const { return std::hypot(force, sideways) > 0.5; }
+    bool felt() const { return std::hypot(force, sideways) > least; }
     /// One point of the edge can't feel like this: two carry, or the wall does.
     bool straddles() const { return reach < 0.8; }
     /// Steeper than friction on any contact that may be pressed: the hole's rim nearly along the
@@ -76,6 +79,8 @@ class Search {
   /// Frame `peg` in S from a carrier pose and a deflection.
   Pose pegPose(const RestPose& carrier, const Vector6& deflection) const;
   int blocks(double duration) const;
+  /// So many blocks of the default cell, where a swing dies away as fast as the coupling lets it.
+  int timed(int blocks) const;
   void report(const char* state, const std::string& message);
   /// Hanging free at rest: S from here on. True when the peg is in the hole already: walls on all
   /// four sides; its centre is known then, its axis isn't.
@@ -86,6 +91,7 @@ class Search {
   bool enter(const Eigen::Vector3d& center);
 
   const Mechanism& mechanism_;
+  const Scale scale_;  // constants of strategies are those of the default cell, times its factors
   const AlignParameters& p_;
   const Progress& progress_;
   PressController press_;
@@ -111,6 +117,8 @@ class Search {
   BoreReading moveInBore(double down);
   void backOutOfBore(double travel);
   bool alreadyIn();
+  double wallTravel() const;
+  double insertionForce() const;
   void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);

@@ -1,0 +1,32 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/mechanism/mechanism.h"
+
+namespace assembly_cell {
+
+/// What a mechanism makes of the lengths, forces and times of a search, over those of the default
+/// cell (25 mm, 0.395 kg, 5e4 N/m, 50 N·m/rad), where all factors are 1. Constants of strategies
+/// are those of the default cell; a factor carries them over.
+struct Scale {
+  double length = 1.0;  ///< the peg's radius
+  double room = 1.0;    ///< the same, 1 at least: ways over the plane, which cost nothing
+  /// A light touch: a moving peg swings against the sensor by a part of its weight, which must not
+  /// be a touch. Between a fifth of the default's 1.5 N and 4 N, a tenth of the force limit.
+  double force = 1.0;
+  double sink = 1.0;  ///< travel down that a light touch on the edge takes
+  double give = 1.0;  ///< travel sideways that a light touch on the bottom takes
+  double step = 1.0;  ///< travel in a block that neither swings the peg nor presses it, 1 at most
+  /// Change of force from block to block of what is at rest: no more than a light touch's share,
+  /// and than moves the peg by a quarter of the clearance.
+  double still = 1.0;
+  double time = 1.0;  ///< decay of the slowest swing of the peg in its coupling, 1 to 20
+};
+
+/// Throws InputError for a coupling without stiffness in some direction.
+Scale scaleOf(const Mechanism& mechanism);
+
+/// Travel of the carrier down for a force on one point of the edge. [m/N]
+double pressCompliance(const Mechanism& mechanism);
+
+}  // namespace assembly_cell

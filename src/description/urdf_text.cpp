@@ -1,0 +1,148 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/description/urdf_text.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kAluminium = 2700.0;                           // [kg/m³]
+constexpr double kWall = 0.0199;                                // round the bore [m]
+constexpr double kLeastOuter = 0.045, kLeastHeight = 0.060;     // of the block [m]
+constexpr int kBoxes = 24;                                      // of the block's ring
+constexpr double kSensorRadius = 0.04, kSensorHeight = 0.03;    // sensor_a [m]
+constexpr double kCouplingRadius = 0.018, kCouplingUp = 0.010;  // sensor_b [m]
+constexpr double kCouplingDown = 0.020, kLeastDown = 0.001;     // where the peg leaves room [m]
+
+// one part: shapes seen and collided with alike
+class Text {
+ public:
+  Text() { out_.precision(15); }
+
+  void link(const std::string& name) { out_ << "  <link name=\"" << name << "\">\n"; }
+  void end() { out_ << "  </link>\n"; }
+  void joint(const std::string& parent, const std::string& child, double z,
+             const char* type = "fixed") {
+    out_ << "  <joint name=\"" << parent << "_to_" << child << "\" type=\"" << type << "\">"
+         << "<parent link=\"" << parent << "\"/><child link=\"" << child << "\"/><origin xyz=\"0 0 "
+         << z << "\" rpy=\"0 0 0\"/></joint>\n";
+  }
+  void inertial(double z, double mass, double transverse, double axial) {
+    out_ << "    <inertial><origin xyz=\"0 0 " << z << "\"/><mass value=\"" << mass
+         << "\"/><inertia ixx=\"" << transverse << "\" ixy=\"0\" ixz=\"0\" iyy=\"" << transverse
+         << "\" iyz=\"0\" izz=\"" << axial << "\"/></inertial>\n";
+  }
+  void cylinder(const std::string& name, const char* material, double z, double radius,
+                double length) {
+    std::ostringstream shape;
+    shape.precision(15);
+    shape << "<origin xyz=\"0 0 " << z << "\"/><geometry><cylinder radius=\"" << radius
+          << "\" length=\"" << length << "\"/></geometry>";
+    solid(name, material, shape.str());
+  }
+  void box(const std::string& name, const char* material, const Eigen::Vector3d& at, double yaw,
+           const Eigen::Vector3d& size) {
+    std::ostringstream shape;
+    shape.precision(15);
+    shape << "<origin xyz=\"" << at.x() << " " << at.y() << " " << at.z() << "\" rpy=\"0 0 " << yaw
+          << "\"/><geometry><box size=\"" << size.x() << " " << size.y() << " " << size.z()
+          << "\"/></geometry>";
+    solid(name, material, shape.str());
+  }
+  void bore(double radius, double depth) {
+    out_ << "    <visual name=\"bore\"><origin xyz=\"0 0 " << -0.5 * depth
+         << "\"/><geometry><cylinder radius=\"" << radius << "\" length=\"" << depth
+         << "\"/></geometry><material name=\"bore\"/></visual>\n";
+  }
+  void raw(const char* text) { out_ << text; }
+  std::string str() const { return out_.str(); }
+
+ private:
+  void solid(const std::string& name, const char* material, const std::string& shape) {
+    out_ << "    <visual name=\"" << name << "\">" << shape << "<material name=\"" << material
+         << "\"/></visual>\n    <collision name=\"" << name << "\">" << shape << "</collision>\n";
+  }
+
+  std::ostringstream out_;
+};
+
+void writeBlock(Text& out, const HoleParameters& hole, double height) {
+  const double depth = std::isinf(hole.depth) ? height : hole.depth;
+  const double outer = std::max(kLeastOuter, hole.radius + kWall);
+  const double R = hole.radius;
+  // a ring, and what is left below a bore that isn't as deep as the block is high
+  const double ring = kAluminium * M_PI * (outer * outer - R * R) * depth;
+  const double below = kAluminium * M_PI * outer * outer * (height - depth);
+  const double mass = ring + below;
+  const double centre = -(ring * 0.5 * depth + below * 0.5 * (height + depth)) / mass;
+  const auto across = [](double m, double radii2, double length, double off) {
+    return m * ((3.0 * radii2 + length * length) / 12.0 + off * off);
+  };
+  const double transverse =
+      across(ring, outer * outer + R * R, depth, -0.5 * depth - centre) +
+      across(below, outer * outer, height - depth, -0.5 * (height + depth) - centre);
+  const double axial = 0.5 * (ring * (outer * outer + R * R) + below * outer * outer);
+  out.link("hole");
+  out.inertial(centre, mass, transverse, axial);
+  out.bore(R, depth);
+  const Eigen::Vector3d size(outer - R, 2.0 * outer * std::tan(M_PI / kBoxes), depth);
+  for (int i = 0; i < kBoxes; ++i) {
+    const double a = 2.0 * M_PI * i / kBoxes, middle = 0.5 * (outer + R);
+    out.box("block_" + std::to_string(i), "block",
+            {middle * std::cos(a), middle * std::sin(a), -0.5 * depth}, a, size);
+  }
+  if (height > depth) {
+    out.cylinder("ground", "block", -0.5 * (height + depth), outer, height - depth);
+  }
+  out.end();
+}
+
+}  // namespace
+
+std::string cellUrdf(const Mechanism& mechanism) {
+  const PegParameters& peg = mechanism.peg;
+  const double depth = mechanism.hole.depth;
+  const double height = std::isinf(depth) ? kLeastHeight : std::max(kLeastHeight, depth);
+  const double length = peg.half_height + peg.coupling_height;
+  Text out;
+  out.raw(
+      "<?xml version=\"1.0\"?>\n<robot name=\"assembly_cell\">\n"
+      "  <material name=\"block\"><color rgba=\"0.55 0.58 0.62 1\"/></material>\n"
+      "  <material name=\"bore\"><color rgba=\"0.1 0.1 0.12 0.15\"/></material>\n"
+      "  <material name=\"sensor\"><color rgba=\"0.15 0.35 0.6 1\"/></material>\n"
+      "  <material name=\"carrier\"><color rgba=\"0.3 0.3 0.33 1\"/></material>\n"
+      "  <material name=\"peg\"><color rgba=\"0.85 0.6 0.2 0.8\"/></material>\n"
+      "  <link name=\"world\"/>\n");
+  out.joint("world", "sensor_a", kSensorHeight);
+  out.link("sensor_a");
+  out.inertial(-0.5 * kSensorHeight, 0.35, 2e-4, 3.5e-4);
+  out.cylinder("body", "sensor", -0.5 * kSensorHeight, kSensorRadius, kSensorHeight);
+  out.end();
+  out.joint("sensor_a", "hole", height);
+  writeBlock(out, mechanism.hole, height);
+
+  out.joint("world", "carrier", kSensorHeight + height + length, "floating");
+  out.link("carrier");
+  out.inertial(0.02, mechanism.carrier.mass, mechanism.carrier.inertia, mechanism.carrier.inertia);
+  out.box("plate", "carrier", {0.0, 0.0, 0.02}, 0.0, {0.1, 0.1, 0.02});
+  out.cylinder("arm", "carrier", 0.06, 0.015, 0.06);
+  out.end();
+  // no deeper than the peg's top
+  const double down = std::clamp(peg.coupling_height - peg.half_height, kLeastDown, kCouplingDown);
+  out.joint("carrier", "sensor_b", 0.0);
+  out.link("sensor_b");
+  out.cylinder("body", "sensor", 0.5 * (kCouplingUp - down), kCouplingRadius, kCouplingUp + down);
+  out.end();
+  out.joint("sensor_b", "peg", -length);
+  out.link("peg");
+  out.inertial(peg.half_height, peg.mass, peg.inertia_transverse, peg.inertia_axial);
+  out.cylinder("body", "peg", peg.half_height, peg.radius, 2.0 * peg.half_height);
+  out.end();
+  out.joint("peg", "exciter", peg.half_height + peg.exciter_height);
+  out.raw("  <link name=\"exciter\"/>\n</robot>\n");
+  return out.str();
+}
+
+}  // namespace assembly_cell

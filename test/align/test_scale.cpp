@@ -1,0 +1,94 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/align/press.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/simulated_plant.h"
+#include "assembly_cell/cell/start.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+namespace {
+
+Scenario scenario(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/" + name + ".yaml",
+                      overrides);
+}
+
+TEST(Scale, IsOneInTheDefaultCell) {
+  const Scale scale = scaleOf(scenario("cell").mechanism);
+  for (const double factor :
+       {scale.length, scale.room, scale.force, scale.sink, scale.give, scale.step, scale.time}) {
+    EXPECT_NEAR(factor, 1.0, 1e-4);  // five digits of the default's values
+  }
+}
+
+// Dimensions: all lengths twice, the density and the natural frequencies kept. Mass 8, stiffness 8
+// and 32, damping alike: a light touch of 8 times the force moves as far as before.
+TEST(Scale, FollowsTheMechanism) {
+  Mechanism m = scenario("cell").mechanism;
+  m.gravity = 0.25 * 9.8;  // so that the touch is twice as heavy, within its bounds
+  m.peg.radius *= 2;
+  m.peg.half_height *= 2;
+  m.peg.coupling_height *= 2;
+  m.peg.mass *= 8;
+  m.peg.inertia_transverse *= 32;
+  m.peg.inertia_axial *= 32;
+  for (CouplingMatrix* matrix : {&m.coupling.stiffness, &m.coupling.damping}) {
+    matrix->diagonal.head<3>() *= 8;
+    matrix->diagonal.tail<3>() *= 32;
+    matrix->k26 *= 16;
+    matrix->k35 *= 16;
+  }
+  const Scale scale = scaleOf(m);
+  EXPECT_NEAR(scale.length, 2.0, 1e-12);
+  EXPECT_NEAR(scale.force, 2.0, 1e-12);
+  EXPECT_NEAR(scale.sink, 0.25, 1e-4);
+  EXPECT_NEAR(scale.give, 0.25, 1e-4);
+  EXPECT_NEAR(scale.step, 0.25, 1e-3);  // impedance 8 times, force twice
+  EXPECT_NEAR(scale.time, 1.0, 1e-12);  // the same decay
+  m.coupling.damping.diagonal *= 0.1;
+  m.coupling.damping.k26 *= 0.1;
+  m.coupling.damping.k35 *= 0.1;
+  EXPECT_GT(scaleOf(m).time, 5.0);
+  m.coupling.stiffness.diagonal(0) = 0.0;
+  EXPECT_THROW(scaleOf(m), InputError);
+}
+
+// A heavy peg that hangs free pulls sideways when it is tilted: that is no contact.
+TEST(Scale, WeightIsNoContact) {
+  const Scenario s = startAt(scenario("cell", {"peg.mass=1.5"}), {0.06, 0.0}, {0.0, 0.0}, 0.02);
+  SimulatedPlant plant(s, s.mechanism, CellParameters{});
+  PressController press(plant, pressLimits(s.mechanism));
+  press.begin(s.mechanism);
+  RestPose tilted = press.target();
+  tilted.phi += 0.1;
+  press.moveTo(tilted);
+  ASSERT_TRUE(press.settle());
+  // 1.5 kg at 0.1 rad pull sideways by 1.47 N; what the deflection adds is second order
+  EXPECT_LT(press.force().norm(), 0.05);
+  EXPECT_LT(press.wrench().tail<3>().norm(), 0.005);
+}
+
+// none of these aligned with constants of one peg
+TEST(Scale, AlignsOtherPegs) {
+  const struct {
+    const char* name;
+    std::vector<std::string> overrides;
+  } cells[] = {{"cell", {"peg.mass=1.0"}},
+               {"pegs/r10_c10_steel_stiff", {}},
+               {"pegs/r25_c100_aluminium_stiff", {}},
+               {"pegs/r50_c200_aluminium", {}}};
+  AlignParameters p;
+  p.strategy = "touch";
+  for (const auto& cell : cells) {
+    const Scenario s = scenario(cell.name, cell.overrides);
+    const AlignTrial trial = tryAlignment(s, s.mechanism, CellParameters{}, p);
+    EXPECT_TRUE(trial.success) << cell.name << ": " << trial.result.reason;
+  }
+}
+
+}  // namespace
+}  // namespace assembly_cell
