@@ -17,6 +17,9 @@ namespace {
 constexpr double kTaylorTime = 1e-9;  // [s]
 // An idle contact that goes on approaching is hit there, over kTouch: 3 of 400 scenes, by 0.1 um.
 constexpr double kIdleDepth = 1e-12;  // [m]
+// An event function that is as far below zero within the resolution of its place, of its value at
+// the step's end, has jumped: a contact point that is lost.
+constexpr double kJump = 1e-3;
 // Longer steps are looked at in their middle, too: a contact is shaken loose and caught within a
 // part of a turn of the exciter. Half: no result changes; twice: one jammed run of six does.
 constexpr double kBlindPhase = 0.3;  // [rad]
@@ -165,9 +168,9 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
     }
   }
 
-  // exactly there; slope of the event function for the correction
-  const double span = std::min(1e-6, 0.5 * high);
-  const double rate = (valueAt(high) - valueAt(high - span)) / span;
+  // exactly there; slope of the event function for the correction, where it has one
+  const double span = std::min(1e-6, 0.5 * high), beyond = valueAt(high);
+  const double rate = beyond > -kJump ? (beyond - valueAt(high - span)) / span : 0.0;
   const Method method = s.method == Method::kHamming ? Method::kRk4 : s.method;
   step.h = high;
   for (int i = 0; i < 3; ++i) {
