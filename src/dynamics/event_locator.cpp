@@ -17,8 +17,9 @@ namespace {
 constexpr double kTaylorTime = 1e-9;  // [s]
 // An idle contact that goes on approaching is hit there, over kTouch: 3 of 400 scenes, by 0.1 um.
 constexpr double kIdleDepth = 1e-12;  // [m]
-// An event function that is as far below zero within the resolution of its place, of its value at
-// the step's end, has jumped: a contact point that is lost.
+// An event function that is so far below zero, of its value at the step's end, within the
+// resolution of its place has jumped: a contact point that is lost. No result changes at half or
+// twice.
 constexpr double kJump = 1e-3;
 // Longer steps are looked at in their middle, too: a contact is shaken loose and caught within a
 // part of a turn of the exciter. Half: no result changes; twice: one jammed run of six does.
