@@ -1,0 +1,44 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Asks a running cell for an alignment, tells what it does, and how it ended.
+// usage: align_client [STRATEGY]    strategies: docs/strategies.md; none: the cell's own
+#include <actionlib/client/simple_action_client.h>
+#include <assembly_cell/AlignPegAction.h>
+#include <ros/ros.h>
+
+#include <cstdio>
+
+namespace {
+
+using Client = actionlib::SimpleActionClient<assembly_cell::AlignPegAction>;
+
+void tell(const assembly_cell::AlignPegFeedbackConstPtr& feedback) {
+  std::printf("%7.2f s  %s, %u contacts", feedback->time, feedback->state.c_str(),
+              feedback->contacts);
+  if (feedback->position_sd > 0.0) {
+    std::printf(", hole known to %.3f mm", 1e3 * feedback->position_sd);
+  }
+  std::printf("\n");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "align_client", ros::init_options::AnonymousName);
+  Client client("align", true);  // spins a thread of its own
+  if (!client.waitForServer(ros::Duration(60.0))) {
+    std::fprintf(stderr,
+                 "align_client: no server of the action 'align' within 60 s: is "
+                 "assembly_supervisor running?\n");
+    return 1;
+  }
+  assembly_cell::AlignPegGoal goal;
+  if (argc > 1) goal.strategy = argv[1];
+  client.sendGoal(goal, {}, {}, &tell);
+  client.waitForResult();
+  const assembly_cell::AlignmentReport report = client.getResult()->report;
+  std::printf("%s\n", report.reason.c_str());
+  if (!report.success) return 1;
+  std::printf("the hole was at x %.3f mm, y %.3f mm from the peg\n",
+              1e3 * report.estimated_offset[0], 1e3 * report.estimated_offset[1]);
+  return 0;
+}
