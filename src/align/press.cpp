@@ -134,6 +134,7 @@ int PressController::timed(int blocks) const {
 
 const PlantBlock& PressController::step(const PlantCommand& command) {
   last_ = plant_.next(command);
+  to_end_ = std::max(0, to_end_ - 1);
   // before the tare the peg may still swing
   if (tared_ && guarded_ && last_.saturated) {
     throw AlignError(AlignFailure::kSensorSaturated,
@@ -246,6 +247,7 @@ void PressController::release(const Mechanism& mechanism) {
 }
 
 void PressController::moveTo(const RestPose& target, bool to_the_end) {
+  wait(to_end_);
   target_ = target;
   PlantCommand command;
   command.rest = target;
@@ -253,7 +255,8 @@ void PressController::moveTo(const RestPose& target, bool to_the_end) {
     const RestPose before = last_.carrier;
     step(command);
     if (arrived(before, last_.carrier, target, reportNoise())) {
-      if (to_the_end) wait(blocksToEnd(reportNoise()));
+      to_end_ = blocksToEnd(reportNoise());
+      if (to_the_end) wait(to_end_);
       return;
     }
     command.rest.reset();
@@ -294,10 +297,9 @@ void PressController::retreat(const RestPose& relaxed, double travel) {
   if (!settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   guarded_ = true;
   const double shift = held();
-  const double allowed = freeForce() + kZeroDrift * (last_.time - zero_time_);
-  if (shift > allowed) {
+  if (shift > freeShift()) {
     throw AlignError(AlignFailure::kZeroShifted,
-                     line("%.2f N with the peg free, %.2f N are allowed", shift, allowed));
+                     line("%.2f N with the peg free, %.2f N are allowed", shift, freeShift()));
   }
 }
 

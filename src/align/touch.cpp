@@ -21,19 +21,22 @@ constexpr int kDrops = 8;     // tries to put the low edge into the hole
 // none more for 25 mm, 39 for 3 mm.
 constexpr double kRuledOut = 0.8, kMayBe = 0.015;  // [m]
 constexpr double kMoreTilt = 0.01;                 // while the plane is unknown [rad]
-constexpr double kOver = 3e-4;      // lowest point over the plane before a descent [m]
-constexpr double kDeep = 4e-4;      // lowest point below the plane, inside [m]
-constexpr double kPlaceSd = 5e-5;   // of where a move ends [m]
-constexpr double kPush = 0.75;      // sideways: a wall [N]
-constexpr double kSidestep = 1e-4;  // of the way to a wall, in one block [m]
-constexpr double kMoreGive = 2.0;   // harder or smaller by that, it is the same
-constexpr double kBack = 3e-4;      // off a wall again [m]
-constexpr double kBehind = 2.5e-3;  // low edge inside by so much at least when put down [m]
-constexpr double kFarthest = 6e-3;  // and at most [m]
-constexpr double kLost = 8e-3;      // way to a wall at most [m]
-constexpr double kRetreat = 8e-3;   // above where an attempt failed [m]
-constexpr double kSure = 2.5;       // deviations
-constexpr int kRest = 2;            // blocks
+constexpr double kOver = 3e-4;       // lowest point over the plane before a descent [m]
+constexpr double kDeep = 4e-4;       // lowest point below the plane, inside [m]
+constexpr double kPlaceSd = 5e-5;    // of where a move ends [m]
+constexpr double kPush = 0.75;       // sideways: a wall [N]
+constexpr double kSidestep = 1e-4;   // of the way to a wall, in one block [m]
+constexpr double kMoreGive = 2.0;    // harder or smaller by that, it is the same
+constexpr double kBack = 3e-4;       // off a wall again [m]
+constexpr double kBehind = 2.5e-3;   // low edge inside by so much at least when put down [m]
+constexpr double kFarthest = 6e-3;   // and at most [m]
+constexpr double kLost = 8e-3;       // way to a wall at most [m]
+constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg [m]
+constexpr int kHigher = 5;           // times
+constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
+constexpr double kRetreat = 8e-3;    // above where an attempt failed [m]
+constexpr double kSure = 2.5;        // deviations
+constexpr int kRest = 2;             // blocks
 constexpr double kPointSd = 1e-3, kOffsetSd = 4e-3;  // of the lines of action [m]
 constexpr double kLeastPointSd = 2e-4;               // by the sensor's noise [m]
 
@@ -54,8 +57,6 @@ class TouchSearch : public Search {
   }
 
  private:
-  bool feelsWalls() const override { return true; }
-
   void find() override {
     if (begin()) return;
     bottom_ = Vec3(0, 0, -length_);
@@ -67,10 +68,14 @@ class TouchSearch : public Search {
         if (k >= kAttempts || !recoverable(error.failure)) throw;
         report("recover", error.what());
         backOut(kRetreat * scale_.room);
+        // the zero before may have been of a peg that was not free
+        press_.tare(2);
         bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
         if (!known_) {
           readings_.clear();
           bottom_ += wayAside(p_.contact_tilt + kMoreTilt);
+          found_ = false;
+          hole_ = HoleEstimate();
         }
       }
     }
@@ -82,6 +87,7 @@ class TouchSearch : public Search {
       case AlignFailure::kForceLimit:
       case AlignFailure::kSensorSaturated:
       case AlignFailure::kNotStill:
+      case AlignFailure::kNotFree:
       case AlignFailure::kNotInserted:
       case AlignFailure::kNoPlaneReading:
       case AlignFailure::kNoHoleUnderEdge:
@@ -154,6 +160,17 @@ class TouchSearch : public Search {
     }
     press_.moveTo(restFor(over, R), false);
     press_.tare(2);
+    // the edge already rests on something
+    for (int i = 0; press_.tareShift() > press_.freeShift(); ++i) {
+      if (i == kHigher) {
+        throw AlignError(AlignFailure::kNotFree,
+                         text("%.1f N where the zero is taken, %.1f N are allowed",
+                              press_.tareShift(), press_.freeShift()));
+      }
+      over.z() += kRaise * scale_.room;
+      press_.moveTo(restFor(over, R), false);
+      press_.tare(2);
+    }
   }
 
   // one touch from above at the present place
@@ -184,6 +201,11 @@ class TouchSearch : public Search {
       fit = fitTouches(model_, readings_);
     } catch (const InputError& error) {
       throw AlignError(AlignFailure::kNoPlaneReading, error.what());
+    }
+    if (!known_ && fit.chi2 > kContradict * fit.residuals) {
+      throw AlignError(
+          AlignFailure::kNoPlaneReading,
+          text("touches contradict one another, chi2 %.0f of %.0f", fit.chi2, fit.residuals));
     }
     hole_.normal = fit.normal;
     hole_.height = fit.height;

@@ -50,6 +50,8 @@ class TwinForce : public Search {
   }
 
  private:
+  bool feelsWalls() const override { return p_.insert.depth == 0.0; }
+
   // the coupling's own zero counts: the sag under the peg's weight is part of the peg's pose
   Vector6 deflection() const override { return press_.last().displacement_b; }
 
@@ -268,10 +270,11 @@ class TwinForce : public Search {
 
   void summarise(AlignResult& result) const override {
     const Pose X_HQ = solution_.X_HP * X_PQ_start_;
+    const Pose X_SH = X_CP_ * inverse(solution_.X_HP);
     result.known = true;
-    result.offset = -X_HQ.p.head<2>();
-    // of the contacts: the walls that were felt since tell of the peg in the hole
-    result.offset_covariance = centerCovariance(solution_).topLeftCorner<2, 2>();
+    // the centre is the contacts', or the walls' where they were felt since
+    result.offset = (X_SH.R.transpose() * (hole_.center - X_SH.p)).head<2>() - X_HQ.p.head<2>();
+    result.offset_covariance = hole_.center_covariance;
     result.tilt = tiltOf(X_HQ);
     result.tilt_sd = hole_.normal_sd;
   }

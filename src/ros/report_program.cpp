@@ -11,6 +11,7 @@
 #include <iostream>
 #include <memory>
 
+#include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
@@ -162,7 +163,7 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
 
 ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
   Parameters parameters(pnh);
-  details_.strategy = parameters.text("strategy", "single_contact");
+  details_.strategy = parameters.text("strategy", AlignParameters().strategy);
   report_file_ = parameters.text("report_file", "");
   simulator_ = parameters.text("simulator", "peg_hole_simulator");
   unpause_ = parameters.flag("unpause", true);

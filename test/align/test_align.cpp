@@ -24,6 +24,12 @@ Scenario cell(const std::vector<std::string>& overrides = {}) {
                       overrides);
 }
 
+AlignParameters singleContactParameters() {
+  AlignParameters p;
+  p.strategy = "single_contact";
+  return p;
+}
+
 // fails after a number of blocks, as a plant that is stopped does
 class StoppingPlant : public Plant {
  public:
@@ -179,7 +185,7 @@ TEST(Align, ReachesTheHole) {
   for (const auto& start : starts) {
     SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), s.mechanism,
                          CellParameters{});
-    const AlignResult result = align(plant, s.mechanism, AlignParameters{});
+    const AlignResult result = align(plant, s.mechanism, singleContactParameters());
     EXPECT_TRUE(result.success) << result.reason;
     EXPECT_TRUE(
         edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
@@ -204,7 +210,7 @@ TEST(Align, ASwingIsNoWall) {
                                  tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003),
                          s.mechanism, sensors);
     Judge judge(plant);
-    const AlignResult result = align(judge, s.mechanism, AlignParameters{});
+    const AlignResult result = align(judge, s.mechanism, singleContactParameters());
     EXPECT_TRUE(result.success) << result.reason;
     const Eigen::Vector3d end = plant.truth().pegPose().p, start = judge.startPose(result).p;
     // a fifth of the clearance of 0.1 mm for the estimate, half of it for the peg, which may swing
@@ -296,7 +302,7 @@ TEST(Align, VibratoryTakesTheOtherWay) {
 TEST(Align, RefusesWhatItCannotMeasure) {
   CellParameters sensors;
   sensors.bits = 10;
-  AlignParameters p;
+  AlignParameters p = singleContactParameters();
   p.exciter_amplitude = 0.05;
   p.press_force = 5.0;
   SimulatedPlant plant(cell(), cell().mechanism, sensors);
@@ -311,7 +317,7 @@ TEST(Align, RepeatsToTheLastBit) {
   for (auto& c : commands) {
     SimulatedPlant plant(cell(), cell().mechanism, CellParameters{});
     RecordingPlant recording(plant);
-    align(recording, cell().mechanism, AlignParameters{});
+    align(recording, cell().mechanism, singleContactParameters());
     c = recording.commands;
   }
   ASSERT_FALSE(commands[0].empty());
@@ -326,7 +332,7 @@ TEST(Align, SeedMatters) {
     parameters.seed = seed;
     SimulatedPlant plant(cell(), cell().mechanism, parameters);
     RecordingPlant recording(plant);
-    align(recording, cell().mechanism, AlignParameters{});
+    align(recording, cell().mechanism, singleContactParameters());
     commands[seed] = recording.commands;
   }
   EXPECT_NE(commands[0], commands[1]);
@@ -338,21 +344,21 @@ TEST(Align, FailuresAreNamed) {
   {
     SimulatedPlant plant(startAt(s, Vector2d(0.09, 0), Vector2d(0, 0), 0.002), s.mechanism,
                          CellParameters{});
-    const AlignResult result = align(plant, s.mechanism, AlignParameters{});
+    const AlignResult result = align(plant, s.mechanism, singleContactParameters());
     EXPECT_FALSE(result.success);
     EXPECT_EQ(result.failure, AlignFailure::kNoHoleUnderEdge) << result.reason;
   }
   {
     SimulatedPlant plant(startAt(s, Vector2d(0.06, 0), Vector2d(0, 0), 0.05), s.mechanism,
                          CellParameters{});
-    const AlignResult result = align(plant, s.mechanism, AlignParameters{});
+    const AlignResult result = align(plant, s.mechanism, singleContactParameters());
     EXPECT_FALSE(result.success);
     EXPECT_EQ(result.failure, AlignFailure::kNoContact) << result.reason;
   }
   {
     SimulatedPlant plant(s, s.mechanism, CellParameters{});
     StoppingPlant stopping(plant, 100);
-    EXPECT_THROW(align(stopping, s.mechanism, AlignParameters{}), PlantError);
+    EXPECT_THROW(align(stopping, s.mechanism, singleContactParameters()), PlantError);
   }
 }
 
@@ -367,5 +373,6 @@ TEST(Align, BadParametersAreRefused) {
   p = {};
   p.sweep_readings = 3;
   EXPECT_THROW(align(plant, cell().mechanism, p), InputError);
-  EXPECT_THROW(align(plant, cell({"hole.radius=0.0249"}).mechanism, AlignParameters{}), InputError);
+  EXPECT_THROW(align(plant, cell({"hole.radius=0.0249"}).mechanism, singleContactParameters()),
+               InputError);
 }

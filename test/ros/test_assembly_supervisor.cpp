@@ -210,7 +210,7 @@ TEST_F(Supervisor, CancelEndsAnAlignmentWithExciterOffAndCarrierAtRest) {
 }
 
 TEST_F(Supervisor, TakesOneGoalAtATime) {
-  startAlign("");
+  startAlign("single_contact");
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
   EXPECT_EQ(press(5.0).state_, SimpleClientGoalState::ABORTED);
   EXPECT_NE(press_.getResult()->message.find("busy"), std::string::npos);

@@ -110,7 +110,7 @@ class Report : public ::testing::Test {
 TEST_F(Report, TellsTrueAgainstEstimatedAndEndsZero) {
   publishTruth(tilted(0.02, Eigen::Vector3d(0.002, 0.0, 0.003)));
   EXPECT_EQ(report(), 0) << output_;
-  EXPECT_EQ(strategy_, "single_contact");
+  EXPECT_EQ(strategy_, "auto");
   EXPECT_NE(output_.find("aligned"), std::string::npos) << output_;
   EXPECT_NE(output_.find("-1.900"), std::string::npos) << output_;
   EXPECT_NE(output_.find("-2.000"), std::string::npos) << output_;

@@ -73,7 +73,11 @@ class Faults : public ::testing::Test {
   }
   Child& node(const std::string& name) { return *nodes_.at(name); }
 
-  void startAlign() { align_.sendGoal(AlignPegGoal()); }
+  void startAlign() {
+    AlignPegGoal goal;
+    goal.strategy = "single_contact";
+    align_.sendGoal(goal);
+  }
   // in a reading: pressed, with the exciter on
   bool shaking() { return plant_.last()->session != 0 && plant_.last()->exciter; }
   template <class Client>
@@ -117,7 +121,8 @@ class Faults : public ::testing::Test {
 };
 
 TEST_F(Faults, AKilledSupervisorLeavesAPlantThatStandsAndAnotherOneGoesOn) {
-  Child report({executable("report"), "__ns:=/faults", "_unpause:=false"});
+  Child report(
+      {executable("report"), "__ns:=/faults", "_unpause:=false", "_strategy:=single_contact"});
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
   const std::size_t before = plant_.size();
   node("assembly_supervisor").signal(SIGKILL);

@@ -19,7 +19,7 @@ struct InsertParameters {
 
 /// Parameters of a strategy. Defaults are those of the default cell.
 struct AlignParameters {
-  std::string strategy = "single_contact";
+  std::string strategy = "auto";
   double press_force = 0.0;        ///< while a locus is read; 0: chosen [N]
   double press_tolerance = 0.05;   ///< fraction of press_force
   double force_limit = 40.0;       ///< abort above [N]

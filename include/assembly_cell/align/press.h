@@ -102,7 +102,9 @@ class PressController {
   void retreat(const RestPose& relaxed, double travel);
 
   /// Moves the rest pose and waits until it is there. A pose that scatters tells so a little early:
-  /// where another move or a zero follows, there is nothing more to wait for (`to_the_end` false).
+  /// where a zero follows, there is nothing more to wait for (`to_the_end` false). A move that
+  /// follows waits for the end: a carrier that is told to go far while it still brakes first goes
+  /// on, by 6 mm in a way of 20 mm.
   void moveTo(const RestPose& target, bool to_the_end = true);
   /// A step that a block has time for.
   void nudge(const RestPose& target);
@@ -126,6 +128,8 @@ class PressController {
   /// Force of the latest tare against the first [N]: a free peg's weight, or it wasn't free.
   double tareShift() const;
   double freeForce() const { return kFreeForce * limits_.scale.force; }  ///< of this peg [N]
+  /// What a free peg's zero may differ from the first by, with the drift since [N]
+  double freeShift() const { return freeForce() + kZeroDrift * (last_.time - zero_time_); }
   const RestPose& tarePose() const { return tare_pose_; }  ///< of the carrier at the tare
   double touchZ() const { return touch_z_; }  ///< rest height at the last first touch [m]
 
@@ -143,6 +147,7 @@ class PressController {
   RestPose tare_pose_, zero_pose_;
   Matrix6 scatter_ = Matrix6::Zero();
   ReportNoiseMeter meter_;  // of the blocks of all tares
+  int to_end_ = 0;          // blocks until the last move has surely ended
   bool tared_ = false, guarded_ = true;
   double touch_z_ = 0.0;
   double touch_ = 0.0;      // force that is a touch [N]

@@ -31,8 +31,9 @@ class Search {
   /// Deflection of the coupling that frame `peg` includes: since the start, by default, where the
   /// zero may have been taken anew in another pose since.
   virtual Vector6 deflection() const;
-  /// Whether the walls, felt after entry, tell more of the hole's centre than find() did.
-  virtual bool feelsWalls() const { return false; }
+  /// Whether entry ends between walls on all sides. An alignment does; where the way down follows
+  /// at once, its end is as good a proof in a bore too narrow to feel its walls apart.
+  virtual bool feelsWalls() const { return true; }
   /// What is known of the hole; only called if found_.
   virtual void summarise(AlignResult& result) const = 0;
 
@@ -87,7 +88,8 @@ class Search {
   bool begin();
 
   /// Upright over the hole and down; around it where the estimate is not good enough, then to the
-  /// middle between the walls. True when the edge went in without resistance.
+  /// middle between the walls. True when the edge went in without resistance and has walls on both
+  /// sides of two axes.
   bool enter(const Eigen::Vector3d& center);
 
   const Mechanism& mechanism_;

@@ -32,7 +32,6 @@ class VibratedSearch : public Search {
 
   void find() final;
   void summarise(AlignResult& result) const final;
-  bool feelsWalls() const final { return true; }
 
   /// One reading with the peg tilted by R about its bottom centre; the exciter runs only meanwhile.
   /// False when the edge went into the hole instead. Presses both edges only if asked to, and never
