@@ -78,8 +78,8 @@ CellRun run(const std::vector<std::string>& arguments, bool watched,
     markers = std::make_unique<Record<visualization_msgs::MarkerArray>>(nh, "markers");
   }
 
-  std::vector<std::string> command = {"roslaunch", "assembly_cell", "cell.launch", "lockstep:=true",
-                                      "paused:=true"};
+  std::vector<std::string> command = {"roslaunch",      "assembly_cell",   "cell.launch",
+                                      "lockstep:=true", "slow_factor:=10", "paused:=true"};
   command.insert(command.end(), arguments.begin(), arguments.end());
   Child cell(command);
   EXPECT_TRUE(waitFor([&] {

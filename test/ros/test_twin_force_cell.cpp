@@ -73,7 +73,7 @@ class TwinCell {
  private:
   static std::vector<std::string> command(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), {"roslaunch", "assembly_cell", "cell.launch",
-                                         "lockstep:=true", "paused:=true"});
+                                         "lockstep:=true", "slow_factor:=10", "paused:=true"});
     return arguments;
   }
 
