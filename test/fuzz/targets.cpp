@@ -16,6 +16,7 @@
 #include "../emulators/device_codecs.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/guard/message_check.h"
+#include "assembly_cell/guard/plant_guard.h"
 #include "assembly_cell/sensor/iio_text.h"
 #include "assembly_cell/sensor/netft_configuration.h"
 #include "assembly_cell/sensor/rdt.h"
@@ -208,6 +209,87 @@ void fuzzMessageCheck(const std::uint8_t* data, std::size_t size) {
   }
   require(window.last() >= 0.0 && window.last() <= kLastStamp, "the window keeps stamps");
   require(window.accept(100.0) || window.accept(100.0), "nobody starves");
+}
+
+// Leases, moves, exciter commands and loads of three nodes in any order: what is let through is
+// within the limits and of the holder, and the dead man comes in time.
+void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
+  struct Event {
+    std::uint8_t kind, node, session, flags;
+    float age;  // of what the sender knows [s]
+    double a, b;
+  };
+  if (size == 0) return;
+  PlantGuard guard = plantGuard({}, static_cast<LeaseMode>(data[0] % 3), (data[0] & 4) != 0);
+  guard.braking.stiffness.diagonal().setConstant(5e4);
+  const GuardLimits& limits = guard.limits;
+  const auto told = [](const Verdict& verdict) {
+    require(verdict.good() == verdict.text.empty(), "a refusal has a text");
+    require(verdict.text.find('\n') == std::string::npos, "a refusal is one line");
+    return verdict.good();
+  };
+  double now = 1.0;
+  for (std::size_t at = 1; at + sizeof(Event) <= size; at += sizeof(Event)) {
+    Event event;
+    std::memcpy(&event, data + at, sizeof event);
+    const std::string node = std::string("/") + static_cast<char>('a' + event.node % 3);
+    const Sender sender{node, now - static_cast<double>(event.age), (event.flags & 1) != 0,
+                        (event.flags & 2) != 0};
+    const std::string holder = guard.holder;
+    bool commanded = false;
+    switch (event.kind % 4) {
+      case 0: {
+        GuardAction action;
+        told(renewLease(guard, sender, event.session % 3, now, action));
+        require(holder == guard.holder || action.exciter_off || !guard.shaking,
+                "another holder begins with the exciter off");
+        require(guard.holder.empty() || guard.mode != LeaseMode::kNone, "no sessions");
+        break;
+      }
+      case 1: {
+        Pose X;
+        X.p = {event.a, event.b, event.a - event.b};
+        commanded = told(judgeMove(guard, sender, X, now));
+        if (!commanded) break;
+        require((X.p.array() >= limits.box_min.array()).all() &&
+                    (X.p.array() <= limits.box_max.array()).all(),
+                "moves stay in the workspace");
+        break;
+      }
+      case 2: {
+        const ExciterCommand drive{event.a, event.b, event.a, event.flags & 4 ? 1 : -1};
+        const bool good = told(judgeExciter(guard, sender, drive, now));
+        commanded = good && drive.amplitude > 0.0;
+        require(!good || (drive.amplitude <= limits.amplitude && drive.frequency >= 0.0 &&
+                          drive.frequency <= limits.frequency),
+                "the exciter keeps its limits");
+        break;
+      }
+      default: {
+        now += 0.02;
+        const Vector6 load = Vector6::Constant(event.a);
+        if (exceeds(load, guard.allowed)) {
+          require(!told(overload(guard, load, Vector6::Zero())), "an overload is told");
+        }
+        watch(guard, load, event.b, now);
+        const Vector6 way = Vector6::Constant(event.b);
+        if (std::isfinite(event.a) && std::abs(event.b) < 1.0) {
+          require(speedLimit(guard, load, way) >= 1e-3, "what is slow may always move");
+        }
+        require(!std::isnan(guard.allowed.force) && !std::isnan(guard.allowed.torque),
+                "limits are numbers");
+      }
+    }
+    require(!commanded || guard.mode == LeaseMode::kNone || guard.holder.empty() ||
+                guard.holder == node,
+            "only the holder commands");
+    require(!commanded || guard.mode != LeaseMode::kRequired || guard.holder == node,
+            "nobody commands without a lease where one is required");
+    require(guard.seen <= now, "nobody has seen the future");
+    require(guard.holder.empty() || guard.lapsed || now - guard.seen < limits.lease_time + 0.02,
+            "the dead man comes in time");
+    require(!(guard.lapsed && guard.shaking), "nothing shakes without a lease");
+  }
 }
 
 }  // namespace assembly_cell

@@ -15,5 +15,6 @@ void fuzzRobotiqFrames(const std::uint8_t* data, std::size_t size);
 void fuzzReplay(const std::uint8_t* data, std::size_t size);
 void fuzzIioText(const std::uint8_t* data, std::size_t size);
 void fuzzMessageCheck(const std::uint8_t* data, std::size_t size);
+void fuzzPlantGuard(const std::uint8_t* data, std::size_t size);
 
 }  // namespace assembly_cell

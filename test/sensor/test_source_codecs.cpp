@@ -226,7 +226,7 @@ TEST(Fuzz, KeptInputsBreakNothing) {
        {Target{"RdtRecord", fuzzRdtRecord}, Target{"NetftConfiguration", fuzzNetftConfiguration},
         Target{"BotaFrames", fuzzBotaFrames}, Target{"RobotiqFrames", fuzzRobotiqFrames},
         Target{"Replay", fuzzReplay}, Target{"IioText", fuzzIioText},
-        Target{"MessageCheck", fuzzMessageCheck}}) {
+        Target{"MessageCheck", fuzzMessageCheck}, Target{"PlantGuard", fuzzPlantGuard}}) {
     std::size_t inputs = 0;
     const std::string folder =
         std::string(ASSEMBLY_CELL_SOURCE_DIR "/test/fuzz/corpus/") + target.name;
