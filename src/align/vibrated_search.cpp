@@ -253,14 +253,23 @@ void VibratedSearch::feel(double window, Felt& felt) {
   PlantCommand measure;
   measure.locus = LocusRequest{press_.last().time, window};
   felt.start = press_.last().time;
-  press_.step(measure);
-  Vector6 bent = deflection();
-  felt.force = press_.force();
-  int taken = 1;
-  for (; !press_.last().locus; ++taken) {
+  Vector6 bent = Vector6::Zero();
+  int taken = 0;
+  for (; !press_.last().locus || taken == 0; measure.locus.reset()) {
     if (taken > blocks(window) + 2)
       throw AlignError(AlignFailure::kNoReading, "the estimator gave none");
-    press_.step({});
+    press_.step(measure);
+    const PlantBlock& block = press_.last();
+    if (block.reading_start > felt.start) {
+      felt.start = block.reading_start;
+      taken = 0;
+    }
+    // what comes before the window is none of it
+    if (block.time <= felt.start) continue;
+    if (taken++ == 0) {
+      bent.setZero();
+      felt.force.setZero();
+    }
     bent += deflection();
     felt.force += press_.force();
   }

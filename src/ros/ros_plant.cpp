@@ -87,6 +87,14 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
     connection_timer_ = nh.createWallTimer(ros::WallDuration(kConnectionCheck),
                                            [this](const auto&) { checkConnections(); });
   }
+  using Status = actionlib_msgs::GoalStatusArray;
+  const boost::function<void(const ros::MessageEvent<Status const>&)> hear =
+      [this](const auto& event) {
+        std::lock_guard<std::mutex> lock(mutex_);
+        locus_node_ = event.getPublisherName();
+      };
+  locus_status_sub_ = nh.subscribe<Status, const ros::MessageEvent<Status const>&>(
+      "identify_locus/status", 1, hear);
   locus_client_ = std::make_unique<LocusClient>(nh, "identify_locus", false);
 }
 
@@ -307,6 +315,7 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
   out.rounding_b = rounding_b_.value_or(Matrix6::Zero());
   out.time = (block.end - origin_).toSec();
   out.carrier = restFromPose(block.X_BC);
+  if (locus_wanted_) out.reading_start = locus_start_;
   return out;
 }
 
@@ -334,7 +343,9 @@ void RosPlant::publishExciter(const ExciterParameters& drive) {
 }
 
 void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequest& request) {
-  waitFor(lock, "action server identify_locus (is the locus estimator running?)",
+  waitFor(lock,
+          "action server identify_locus" +
+              (locus_node_.empty() ? " (is the locus estimator running?)" : " of " + locus_node_),
           [this] { return locus_client_->isServerConnected(); });
   IdentifyLocusGoal goal;
   // not before what is known of the cell
@@ -347,6 +358,7 @@ void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequ
   locus_done_ = false;
   locus_error_.clear();
   locus_duration_ = request.duration;
+  locus_start_ = start;
   locus_end_ = start + request.duration - 1e-6;  // stamps are rounded to 1 ns
   // callbacks lock mutex_; actionlib has locks of its own
   lock.unlock();

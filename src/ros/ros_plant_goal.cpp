@@ -21,6 +21,8 @@ constexpr double kTooSlow = 10.0;    // without a fresh block, cell time [s]
 constexpr double kSettle = 0.2;      // shaken anew before a reading is repeated [s]
 constexpr double kIntervals = 15.0;  // of blocks: silence, on a machine that is slow
 constexpr double kParting = 1.0;     // for data while the node is shutting down [s]
+constexpr double kJump = 1.0;        // of the stamps: another life of the plant, or a freeze [s]
+constexpr int kReadings = 2;         // of one contact, where samples or the estimator got lost
 constexpr char kBlock[] = "block of samples";
 
 }  // namespace
@@ -147,11 +149,14 @@ bool RosPlant::hasData() const {
 
 // The next block that may be handed out: fresh, from a plant that follows.
 void RosPlant::takeNext(std::unique_lock<std::mutex>& lock) {
-  const ros::Time since = last_.end;
+  double passed = 0.0;
   while (true) {
+    const ros::Time before = last_.end;
     waitForBlock(lock);
     if (lockstep_) return;
-    if (!since.isZero() && (last_.end - since).toSec() > kTooSlow) {
+    const double step = before.isZero() ? 0.0 : (last_.end - before).toSec();
+    if (step < kJump) passed += step;
+    if (passed > kTooSlow) {
       throw PlantError(AlignFailure::kNoData,
                        text("no block younger than %g s within %g s: the machine, or a driver, is "
                             "too slow",
@@ -193,7 +198,6 @@ void RosPlant::repeat(std::unique_lock<std::mutex>& lock) {
     waitForBlock(lock);
     if (link_.lapsed()) break;
   }
-  reading_repeated_ = true;
   // where it lapsed again, this one is given up in its turn
   sendLocusGoal(lock, {(last_.end - origin_).toSec(), locus_duration_});
 }
@@ -240,31 +244,33 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
   if (command.rest || command.exciter || command.locus) freshen(lock);
   if (command.rest) publishCarrier(poseFromRest(*command.rest));
   if (command.exciter) publishExciter(*command.exciter);
-  if (command.locus) sendLocusGoal(lock, *command.locus);
+  if (command.locus) {
+    locus_attempts_ = 0;
+    sendLocusGoal(lock, *command.locus);
+  }
 
   // blocks from before the commands are of no interest
   fresh_.reset();
-  reading_repeated_ = false;
   takeNext(lock);
-  // of a reading that began anew the strategy sees the end: it counts the blocks of a window
-  while (reading_repeated_ && (last_.end - origin_).toSec() < locus_end_) takeNext(lock);
   PlantBlock block = plantBlock(last_);
+  if (locus_wanted_ && block.time >= locus_end_) takeReading(lock, block);
+  return block;
+}
 
-  // the window of a reading has ended: its result comes with this block
-  if (locus_wanted_ && block.time >= locus_end_) {
-    waitFor(lock, "result of identify_locus", [this] { return locus_done_; });
-    locus_wanted_ = false;
-    if (!locus_error_.empty()) {
-      const std::string error = locus_error_;
-      lock.unlock();
-      const auto servers = publishersOf({nh_.resolveName("identify_locus/result")});
-      throw PlantError(AlignFailure::kNoReading,
-                       "identify_locus of " + servers.front().node + ": " + error);
-    }
+// The window of a reading has ended: its result comes with this block.
+void RosPlant::takeReading(std::unique_lock<std::mutex>& lock, PlantBlock& block) {
+  waitFor(lock, "result of identify_locus of " + locus_node_, [this] { return locus_done_; });
+  locus_wanted_ = false;
+  if (locus_error_.empty()) {
     block.locus = fromLocusEstimate(locus_result_->locus);
     if (!locus_result_->success) block.locus->refusal = locus_result_->message;
+    return;
   }
-  return block;
+  const std::string error = "identify_locus of " + locus_node_ + ": " + locus_error_;
+  if (++locus_attempts_ == kReadings) throw PlantError(AlignFailure::kNoReading, error);
+  ROS_WARN("%s: once more", error.c_str());
+  sendLocusGoal(lock, {block.time, locus_duration_});
+  block.reading_start = locus_start_;
 }
 
 void RosPlant::recover(double seconds) {

@@ -238,6 +238,45 @@ TEST_F(Faults, AFrozenOrDeadDriverIsNamedAndTheNextGoalWorks) {
   }
 }
 
+// A reading that its estimator didn't finish is asked for once more. Where the node takes too long
+// to come, on a slow machine, the goal ends by its name.
+TEST_F(Faults, ARestartedEstimatorIsAskedOnceMore) {
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  const ros::Time on = plant_.last()->header.stamp;
+  ASSERT_TRUE(waitFor([&] { return carrier_.last()->header.stamp > on + ros::Duration(0.35); }));
+  node("locus_estimator").signal(SIGKILL);
+  start("locus_estimator", "locus_estimator", "/faults");
+  const auto done = [this] { return align_.getState().isDone(); };
+  ASSERT_TRUE(waitFor([&] { return done() || !plant_.last()->exciter; }));
+  // the next contact is shaken, too
+  ASSERT_TRUE(waitFor([&] { return done() || shaking(); }));
+  if (done()) {
+    EXPECT_NE(reason().find("locus_estimator"), std::string::npos) << reason();
+  } else {
+    align_.cancelGoal();
+    EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED) << reason();
+  }
+}
+
+// The new plant's clock is far ahead of the old one's: this cell runs at a third of the wall clock.
+TEST_F(Faults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  const std::uint32_t life = plant_.last()->life;
+  node("peg_hole_simulator").signal(SIGKILL);
+  start("peg_hole_simulator", "peg_hole_simulator", "/faults");
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  const bool named = reason().find("started anew") != std::string::npos ||
+                     reason().find("peg_hole_simulator") != std::string::npos;
+  EXPECT_TRUE(named) << reason();
+  ASSERT_TRUE(waitFor([&] { return plant_.last()->life != life; }));
+  const std::size_t n = carrier_.size();
+  ASSERT_TRUE(waitFor([&] { return carrier_.size() > n + 10; }));
+  ASSERT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  EXPECT_NEAR(force(), 8.0, 0.1 * 8.0);
+}
+
 TEST_F(Faults, ACancelledGoalLeavesAFreePeg) {
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));

@@ -41,6 +41,8 @@ struct PlantBlock {
   bool saturated = false;                    ///< any channel of either sensor
   RestPose carrier;                          ///< its pose in its base frame, as its encoders say
   std::optional<LocusReading> locus;         ///< in the first block at or after the window's end
+  /// Of the window under way, plant clock: later than asked for where the reading began anew [s].
+  double reading_start = 0.0;
   /// Likewise of sensor_b's wrench, fitVibration() at the angle that the exciter was asked for.
   std::optional<HarmonicFit> vibration;
 };

@@ -43,7 +43,8 @@ constexpr const char* kBlockTopics[] = {"sensor_a/wrench_samples", "sensor_b/wre
 ///
 /// Between begin() and end() it holds the plant (PlantLink). Without lockstep a block that is older
 /// than kFreshAge is never handed out and never leads to a command. What the plant lost because a
-/// lease lapsed is said again, and a reading is repeated; the goal goes on.
+/// lease lapsed is said again, and a reading begins anew; so it does once when the estimator could
+/// not finish it or was started anew. The goal goes on.
 class RosPlant : public Plant {
  public:
   struct Settings {
@@ -120,6 +121,7 @@ class RosPlant : public Plant {
   void freshen(std::unique_lock<std::mutex>& lock);
   void repeat(std::unique_lock<std::mutex>& lock);
   void endReading(std::unique_lock<std::mutex>& lock);
+  void takeReading(std::unique_lock<std::mutex>& lock, PlantBlock& block);
   void seen(std::size_t part) { arrived_[part] = Steady::now(); }
   void publishCarrier(const Pose& X_BC);
   void publishExciter(const ExciterParameters& drive);
@@ -170,15 +172,17 @@ class RosPlant : public Plant {
   bool locus_wanted_ = false;
   bool locus_active_ = false;
   bool locus_done_ = false;
-  bool reading_repeated_ = false;
-  double locus_end_ = 0.0;       // plant clock [s]
-  double locus_duration_ = 0.0;  // [s]
+  int locus_attempts_ = 0;  // that the estimator did not finish, of this request
+  double locus_start_ = 0.0, locus_end_ = 0.0;  // plant clock [s]
+  double locus_duration_ = 0.0;                 // [s]
+  std::string locus_node_;                      // who serves identify_locus, as heard last
   std::string locus_error_;
   IdentifyLocusResult::ConstPtr locus_result_;
 
   ros::Publisher command_pub_, exciter_pub_, ack_pub_;
   std::map<std::string, ros::Subscriber> subs_;  ///< of the blocks' parts, by topic
   ros::Subscriber calibration_a_sub_, calibration_b_sub_;
+  ros::Subscriber locus_status_sub_;
   ros::WallTimer connection_timer_;
   std::unique_ptr<LocusClient> locus_client_;
   PlantLink link_;
