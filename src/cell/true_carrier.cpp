@@ -40,8 +40,8 @@ Pose TrueCarrier::scaled(const Pose& pose, bool reported) const {
                            : Eigen::Vector3d(pose.p.cwiseQuotient(factor))};
 }
 
-void TrueCarrier::command(Simulation& simulation, const Pose& pose) const {
-  simulation.setRestTarget(restFromPose(X_HB_ * scaled(pose, false)));
+void TrueCarrier::command(Simulation& simulation, const Pose& pose, double max_speed) const {
+  simulation.setRestTarget(restFromPose(X_HB_ * scaled(pose, false)), max_speed);
 }
 
 Pose TrueCarrier::encoders(const Simulation& simulation) const {

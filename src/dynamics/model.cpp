@@ -18,6 +18,8 @@ Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
   return f;
 }
 
+constexpr double kShortestMove = 2e-3;  // of the rest pose [s]
+
 struct Deflection {
   Vector6 d, rate;
 };
@@ -83,7 +85,6 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
   weight << 1, 1, 1, arm, arm, arm;
 
   // the shortest duration on a geometric grid whose quintic keeps the limits (or already moves so)
-  const double floor_time = 2e-3;
   const double initial_speed = now.rate.cwiseProduct(weight).cwiseAbs().maxCoeff();
   const double initial_acceleration = now.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff();
   const double speed_limit = std::max(limits.max_speed, initial_speed) * (1 + 1e-9);
@@ -91,7 +92,7 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
       std::max(limits.max_acceleration, initial_acceleration) * (1 + 1e-9);
   RestProfile best;
   double best_excess = 1e300;
-  for (double T = floor_time; T < 1e4; T *= 1.05) {
+  for (double T = kShortestMove; T < 1e4; T *= 1.05) {
     const Vector6 v0 = now.rate * T, a0 = now.acceleration * (T * T);
     auto& c = profile.coefficients;
     c.col(0) = now.position;
@@ -116,6 +117,30 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
     if (excess <= 1.0) break;
   }
   return best;
+}
+
+RestProfile planStop(const RestMotion& now, double t, double max_acceleration, double arm) {
+  Vector6 weight;
+  weight << 1, 1, 1, arm, arm, arm;
+  const double speed = now.rate.cwiseProduct(weight).cwiseAbs().maxCoeff();
+  // A rate of v0 (1 - u)^2 (1 + 2 u) + a0 T u (1 - u)^2 has the acceleration
+  // (1 - u) (a0 - b u), b = 3 a0 + 6 v0 / T: at least -(b - a0)^2 / (4 b), which is the limit -a
+  // for
+  const double a0 = now.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff();
+  const double a = std::max(max_acceleration, a0);
+  const double b = a0 + 2 * a + 2 * std::sqrt(a * (a + a0));
+  const double T = std::max(kShortestMove, 6 * speed / (b - 3 * a0));
+  const Vector6 v = now.rate * T, w = now.acceleration * (T * T);
+  RestProfile profile;
+  profile.start = t;
+  profile.duration = T;
+  auto& c = profile.coefficients;
+  c.col(0) = now.position;
+  c.col(1) = v;
+  c.col(2) = 0.5 * w;
+  c.col(3) = -v - 2.0 / 3.0 * w;
+  c.col(4) = 0.5 * v + 0.25 * w;
+  return profile;
 }
 
 Eigen::Vector2d exciterForce(const Drive& drive, double t) {

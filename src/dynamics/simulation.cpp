@@ -33,6 +33,9 @@ constexpr double kSameTime = 1e-9;  // rounding of sums of slices [s]
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 
+// from the coupling to the peg's edge
+double armOf(const PegParameters& peg) { return peg.coupling_height + peg.half_height; }
+
 // a contact that `features` excludes ends the run
 StopReason excludedContact(const System& s, const Evaluation& e) {
   if (e.closed_set.top_reached || e.open_set.top_reached) return StopReason::kPegTop;
@@ -258,25 +261,33 @@ StopReason Simulation::advance(double t_end, std::int64_t attempts) {
   return c.stop;
 }
 
-void Simulation::setRestTarget(const RestPose& target) {
+void Simulation::setRestTarget(const RestPose& target, double max_speed) {
   Context& c = run_->context;
-  const PegParameters& peg = scenario().mechanism.peg;
-  c.commands.setProfile(planRest(restMotion(c.commands.profile, c.time), c.time, target,
-                                 scenario().mechanism.carrier,
-                                 peg.coupling_height + peg.half_height));
+  CarrierParameters limits = scenario().mechanism.carrier;
+  limits.max_speed = std::min(limits.max_speed, max_speed);
+  c.commands.setProfile(planRest(restMotion(c.commands.profile, c.time), c.time, target, limits,
+                                 armOf(scenario().mechanism.peg)));
   c.stale = true;
 }
 
 void Simulation::stopRest() {
+  Context& c = run_->context;
+  c.commands.setProfile(planStop(restMotion(c.commands.profile, c.time), c.time,
+                                 scenario().mechanism.carrier.max_acceleration,
+                                 armOf(scenario().mechanism.peg)));
+  c.stale = true;
+}
+
+Vector6 Simulation::stopWay() const {
+  Vector6 way = Vector6::Zero();
+  if (atRest()) return way;
   const RestMotion now = restMotion(run_->context.commands.profile, time());
-  const CarrierParameters& carrier = scenario().mechanism.carrier;
-  const PegParameters& peg = scenario().mechanism.peg;
-  // all six come to rest together, after the time that the fastest needs: 1.5 v/a
-  Vector6 weight;
-  weight << 1, 1, 1, Vector6::Constant(peg.coupling_height + peg.half_height).head<3>();
-  const double speed = now.rate.cwiseProduct(weight).cwiseAbs().maxCoeff();
-  const double time_to_rest = 1.5 * speed / carrier.max_acceleration;
-  setRestTarget(restPose(now.position + 0.5 * time_to_rest * now.rate));
+  const RestProfile stop = planStop(now, time(), scenario().mechanism.carrier.max_acceleration,
+                                    armOf(scenario().mechanism.peg));
+  const Pose from = poseFromRest(restPose(now.position));
+  const Pose to = poseFromRest(restPose(stop.coefficients.rowwise().sum()));
+  way << from.R.transpose() * (to.p - from.p), vectorFromRotation(from.R.transpose() * to.R).value;
+  return way;
 }
 
 RestPose Simulation::rest() const {
@@ -285,10 +296,9 @@ RestPose Simulation::rest() const {
 
 void Simulation::setRestShift(const Vector6& shift) {
   Context& c = run_->context;
-  const PegParameters& peg = scenario().mechanism.peg;
   RestShift& now = c.commands.shift;
   now.profile = planRest(restMotion(now.profile, c.time), c.time, restPose(shift),
-                         scenario().mechanism.carrier, peg.coupling_height + peg.half_height);
+                         scenario().mechanism.carrier, armOf(scenario().mechanism.peg));
   now.any = true;
   c.stale = true;
 }

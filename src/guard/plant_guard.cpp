@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/guard/freshness.h"
@@ -11,10 +12,14 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kStamp = 1e-6;   // rounding of stamps [s]
-constexpr double kForget = 1.0;   // a holder whose lease lapsed so long ago has none [s]
-constexpr double kUnload = 1.1;   // of the present load, while it is being taken off
-constexpr double kHeight = 1e-6;  // a move by more is one up [m]
+constexpr double kStamp = 1e-6;    // rounding of stamps [s]
+constexpr double kForget = 1.0;    // a holder whose lease lapsed so long ago has none [s]
+constexpr double kUnload = 1.1;    // of the present load, while it is being taken off
+constexpr double kHeight = 1e-6;   // a move by more is one up [m]
+constexpr double kSlowest = 1e-3;  // that a move may be asked to be [m/s]
+// Of v²/a: the way of a stop (planStop). At full speed 0.75; on the way there, less fast but still
+// gaining speed, up to 0.79.
+constexpr double kStopWay = 0.8;
 constexpr char kBeyond[] = "%s: %s is %g %s, allowed are 0 to %g %s";
 
 Verdict beyond(GuardReason reason, const char* what, double value, double limit, const char* unit) {
@@ -23,6 +28,12 @@ Verdict beyond(GuardReason reason, const char* what, double value, double limit,
 
 Verdict refused(GuardReason reason, const std::string& why) {
   return {reason, std::string(toString(reason)) + ": " + why};
+}
+
+// A sign of life. A stamp from the future is worth no more than one of now.
+void see(PlantGuard& guard, const Sender& sender, double now) {
+  guard.seen = std::max(guard.seen, std::min(sender.stamp, now));
+  guard.lapsed = false;
 }
 
 // may this sender command at all?
@@ -45,9 +56,19 @@ Verdict judgeSender(PlantGuard& guard, const Sender& sender, double now) {
                                          now - sender.stamp, kFreshAge)
                                   : "a session's command needs the stamp of its last block");
   }
-  guard.seen = std::max(guard.seen, sender.stamp);
-  guard.lapsed = false;
+  see(guard, sender, now);
   return {};
+}
+
+// How far along a way on which the load grows by `growth` a metre it stays within `limit`? [m]
+double wayTo(const Eigen::Vector3d& load, const Eigen::Vector3d& growth, double limit) {
+  const double steepness = growth.squaredNorm();
+  if (!(steepness > 0.0)) return std::numeric_limits<double>::infinity();
+  const double along = load.dot(growth);
+  const double room = std::max(0.0, limit * limit - load.squaredNorm());
+  const double root = std::sqrt(along * along + steepness * room);
+  if (along <= 0.0) return (root - along) / steepness;
+  return room / (root + along);
 }
 
 void endSession(PlantGuard& guard) {
@@ -61,11 +82,18 @@ GuardAction stop(PlantGuard& guard, GuardReason reason) {
   return {reason, true, true};
 }
 
+// What is allowed while a load is being taken off, now that it is `load`. One that is no number
+// is no reason to allow more.
+double unloading(double load, double limit, double allowed) {
+  return std::isfinite(load) ? std::clamp(kUnload * load, limit, std::max(limit, allowed)) : limit;
+}
+
 // a load that is being taken off may be above the limit, but not grow
 void allowUnloading(PlantGuard& guard) {
   guard.overloaded = false;
-  guard.allowed.force = std::max(guard.limits.force, kUnload * guard.load.force);
-  guard.allowed.torque = std::max(guard.limits.torque, kUnload * guard.load.torque);
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  guard.allowed.force = unloading(guard.load.force, guard.limits.force, kAny);
+  guard.allowed.torque = unloading(guard.load.torque, guard.limits.torque, kAny);
 }
 
 }  // namespace
@@ -113,7 +141,7 @@ Verdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t sessio
     return refused(GuardReason::kEarlierLife, "the lease is older than this run of the plant");
   }
   // late news are no sign of life
-  if (!sender.stamped || now - sender.stamp >= guard.limits.lease_time - kStamp) {
+  if (!sender.stamped || !(now - sender.stamp < guard.limits.lease_time - kStamp)) {
     return refused(GuardReason::kStale, text("the lease knows the plant as of %.3f s ago",
                                              sender.stamped ? now - sender.stamp : now));
   }
@@ -123,11 +151,10 @@ Verdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t sessio
     // whatever somebody else began ends
     action.hold = action.exciter_off = true;
     guard.shaking = false;
-    guard.seen = sender.stamp;
+    guard.seen = std::min(sender.stamp, now);
     allowUnloading(guard);
   }
-  guard.seen = std::max(guard.seen, sender.stamp);
-  guard.lapsed = false;
+  see(guard, sender, now);
   return {};
 }
 
@@ -193,10 +220,8 @@ GuardAction watch(PlantGuard& guard, const Vector6& load, double height, double 
   guard.height = height;
   guard.load = {load.head<3>().norm(), load.tail<3>().norm()};
   Load& allowed = guard.allowed;
-  allowed.force = std::clamp(kUnload * guard.load.force, guard.limits.force,
-                             std::max(guard.limits.force, allowed.force));
-  allowed.torque = std::clamp(kUnload * guard.load.torque, guard.limits.torque,
-                              std::max(guard.limits.torque, allowed.torque));
+  allowed.force = unloading(guard.load.force, guard.limits.force, allowed.force);
+  allowed.torque = unloading(guard.load.torque, guard.limits.torque, allowed.torque);
   if (guard.holder.empty()) {
     const bool lone = guard.shaking && guard.mode != LeaseMode::kNone;
     if (!lone || now - guard.shaking_since < guard.limits.lone_exciter - kStamp) return {};
@@ -213,14 +238,35 @@ GuardAction watch(PlantGuard& guard, const Vector6& load, double height, double 
   return stop(guard, GuardReason::kLapsed);
 }
 
-Verdict overload(PlantGuard& guard, const Vector6& load) {
+double speedLimit(const PlantGuard& guard, const Vector6& load, const Vector6& way) {
+  const Braking& braking = guard.braking;
+  Vector6 weight;
+  weight << 1, 1, 1, braking.arm, braking.arm, braking.arm;
+  const double size = way.cwiseProduct(weight).cwiseAbs().maxCoeff();
+  if (!(size > 0.0)) return std::numeric_limits<double>::infinity();
+  const Vector6 growth = -braking.stiffness * way / size;
+  const double room = std::min(wayTo(load.head<3>(), growth.head<3>(), guard.allowed.force),
+                               wayTo(load.tail<3>(), growth.tail<3>(), guard.allowed.torque));
+  return std::max(kSlowest, std::sqrt(room * braking.acceleration / kStopWay));
+}
+
+Verdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way) {
   guard.overloaded = true;
   guard.shaking = false;
-  const double force = load.head<3>().norm(), torque = load.tail<3>().norm();
-  if (force > guard.allowed.force) {
-    return beyond(GuardReason::kForce, "load of the coupling", force, guard.allowed.force, "N");
+  const Load& allowed = guard.allowed;
+  const Vector6 after = loadAfter(guard.braking, load, way);
+  const auto verdict = [](GuardReason reason, const auto& now, const auto& then, double limit,
+                          const char* unit) {
+    const double value = now.norm();
+    if (value > limit) return beyond(reason, "load of the coupling", value, limit, unit);
+    return refused(reason, text("load of the coupling is %g %s and would be %g %s when the carrier "
+                                "has stopped, allowed are 0 to %g %s",
+                                value, unit, then.norm(), unit, limit, unit));
+  };
+  if (load.head<3>().norm() > allowed.force || after.head<3>().norm() > allowed.force) {
+    return verdict(GuardReason::kForce, load.head<3>(), after.head<3>(), allowed.force, "N");
   }
-  return beyond(GuardReason::kTorque, "load of the coupling", torque, guard.allowed.torque, "N m");
+  return verdict(GuardReason::kTorque, load.tail<3>(), after.tail<3>(), allowed.torque, "N m");
 }
 
 }  // namespace assembly_cell

@@ -1,4 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -10,6 +11,14 @@
 // What the simulator does for its guard: leases, commands and loads go to guard/plant_guard.h, what
 // comes back stops the mechanism.
 namespace assembly_cell::ros_bridge {
+
+namespace {
+
+// A plan that begins in mid-motion passes its speed by up to this factor (planRest).
+constexpr double kOvershoot = 1.5;
+constexpr double kCreep = 1e-5;  // of the way of a stop: what moves so little doesn't [m]
+
+}  // namespace
 
 void SimulatorNode::readGuard(Parameters& parameters) {
   GuardLimits& limits = limits_;
@@ -33,6 +42,7 @@ void SimulatorNode::readGuard(Parameters& parameters) {
   limits.lease_time = parameters.number("lease_time", Range{0.04, 10.0}, limits.lease_time);
   max_speed_ = parameters.number("max_speed", kPositive, max_speed_);
   max_acceleration_ = parameters.number("max_acceleration", kPositive, max_acceleration_);
+  felt_ = feltLoad(limits);
   const std::string mode = parameters.choice("lease", {"auto", "required", "none"}, "auto");
   if (mode == "required") lease_mode_ = LeaseMode::kRequired;
   if (mode == "none") lease_mode_ = LeaseMode::kNone;
@@ -110,16 +120,32 @@ void SimulatorNode::watchPlant() {
            stopped_because_.c_str());
 }
 
-void SimulatorNode::feel(const Vector6& load) {
-  if (!watched_ || too_much_ || !exceeds(load, allowed_)) return;
-  too_much_ = load;
+// Of a move that begins now, to `target` in the carrier's base.
+double SimulatorNode::speedOf(const Pose& target) {
   Simulation& simulation = cell_->simulation();
+  const Pose X = inverse(cell_->carrier().encoders(simulation)) * target;
+  Vector6 way;
+  way << X.p, vectorFromRotation(X.R).value;
+  const Vector6 stop = simulation.stopWay();
+  const double moving = stop.head<3>().norm() + braking_.arm * stop.tail<3>().norm();
+  std::lock_guard<std::mutex> lock(mutex_);
+  return std::min(scenario_.mechanism.carrier.max_speed,
+                  speedLimit(guard_, simulation.couplingWrench(), way)) /
+         (moving > kCreep ? kOvershoot : 1.0);
+}
+
+void SimulatorNode::feel(const Vector6& load) {
+  if (!watched_ || too_much_ || !exceeds(load, felt_)) return;
+  Simulation& simulation = cell_->simulation();
+  const Vector6 way = simulation.stopWay();
+  if (!mustStop(braking_, load, way, allowed_)) return;
+  too_much_ = load;
   simulation.stopRest();
   simulation.setExciter(ExciterParameters{}, simulation.time());
   std::lock_guard<std::mutex> lock(mutex_);
   carrier_command_.reset();
   exciter_.reset();
-  stopped_because_ = overload(guard_, load).text;
+  stopped_because_ = overload(guard_, load, way).text;
   ROS_WARN("carrier held, exciter off: %s", stopped_because_.c_str());
 }
 

@@ -53,6 +53,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   readParameters(pnh);
   cell_ = std::make_unique<SimulatedCell>(scenario_, cell_parameters_, X_HB_);
   guard_ = plantGuard(limits_, lease_mode_, lockstep_);
+  guard_.braking = braking_;
   guard_.start = inverse(cell_->carrier().base()) * poseFromRest(scenario_.rest);
   epoch_ = lockstep_ ? ros::Time(1, 0) : ros::Time::now();
   figures_start_ = std::chrono::steady_clock::now();
@@ -94,7 +95,10 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   // the mechanism of the scenario must be the one of the robot description
   scenario_ = loadScenario(file_, overrides);
   believed_height_ = scenario_.rest.z;
-  checkCarrier(scenario_.mechanism.carrier, max_speed_, max_acceleration_);
+  const Mechanism& mechanism = scenario_.mechanism;
+  checkCarrier(mechanism.carrier, max_speed_, max_acceleration_);
+  braking_ = {couplingStiffness(mechanism.coupling), mechanism.carrier.max_acceleration,
+              mechanism.peg.coupling_height + mechanism.peg.half_height};
   description_ = loadCellDescription(Parameters(nh_).text("robot_description"));
   checkAgainst(description_, scenario_.mechanism, scenario_.name);
   pairParts();
@@ -256,7 +260,7 @@ void SimulatorNode::applyCommands() {
   Simulation& simulation = cell_->simulation();
   if (stop.hold) simulation.stopRest();
   if (stop.exciter_off) simulation.setExciter(ExciterParameters{}, simulation.time());
-  if (command) cell_->command(*command);
+  if (command) cell_->command(*command, speedOf(*command));
   if (exciter) {
     ExciterParameters drive;
     drive.amplitude = exciter->on ? exciter->amplitude : 0.0;

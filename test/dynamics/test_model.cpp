@@ -330,6 +330,46 @@ TEST_F(Model, RestProfileIsReplannedWithoutAStep) {
   }
 }
 
+// Whatever moves comes to rest within its acceleration, nothing of it backwards when it wasn't
+// braking already, no slower than a constant deceleration would by a factor of 1.5 to 2.2.
+TEST_F(Model, StopIsShortAndKeepsTheAcceleration) {
+  const Scenario s = everything();
+  const CarrierParameters& carrier = s.mechanism.carrier;
+  Vector6 by;
+  by << 0.02, 0.01, -0.015, 0.1, -0.05, 0.02;
+  const RestProfile profile =
+      planRest(restMotion(restProfile(s.rest), 0.0), 0.0, moved(s.rest, by), carrier, kArm);
+  Vector6 weight;
+  weight << 1, 1, 1, kArm, kArm, kArm;
+  double farthest = 0.0, longest = 0.0;
+  for (int n = 1; n < 200; ++n) {
+    const double t = profile.duration * n / 200;
+    const RestMotion now = restMotion(profile, t);
+    const RestProfile stop = planStop(now, t, carrier.max_acceleration, kArm);
+    const RestMotion first = restMotion(stop, t);
+    EXPECT_LT((first.position - now.position).norm(), 1e-15);
+    EXPECT_LT((first.rate - now.rate).norm(), 1e-12);
+    EXPECT_LT((first.acceleration - now.acceleration).norm(), 1e-9);
+    const RestMotion last = restMotion(stop, t + stop.duration * (1 - 1e-9));
+    EXPECT_LT(last.rate.norm(), 1e-9);
+    EXPECT_LT(last.acceleration.norm(), 1e-6);
+    EXPECT_LE(peaks(stop).second, 1.001 * carrier.max_acceleration);
+    const double speed = now.rate.cwiseProduct(weight).cwiseAbs().maxCoeff();
+    const double shortest = std::max(speed / carrier.max_acceleration, 1e-3);
+    longest = std::max(longest, stop.duration / shortest);
+    const Vector6 way = stop.coefficients.rowwise().sum() - now.position;
+    farthest = std::max(farthest, way.cwiseProduct(weight).cwiseAbs().maxCoeff());
+    if (n <= 100) {
+      EXPECT_GE((way.array() * by.array()).minCoeff(), 0.0);
+    }
+  }
+  EXPECT_LE(longest, 2.2);
+  // 0.79 v²/a, v the greatest speed of the profile: what the plant's guard counts with
+  const double v = peaks(profile).first;
+  EXPECT_LE(farthest, 0.79 * v * v / carrier.max_acceleration);
+  EXPECT_GE(farthest, 0.70 * v * v / carrier.max_acceleration);
+}
+
 TEST_F(Model, RestProfileToWhereItIsStaysThere) {
   const Scenario s = everything();
   const RestProfile profile =

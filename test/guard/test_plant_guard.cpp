@@ -211,7 +211,7 @@ TEST(PlantGuard, AnOverloadStopsThePlantUntilAMoveUpOrAnotherSession) {
     EXPECT_FALSE(exceeds(down(99.9), plant.guard.allowed));
     EXPECT_TRUE(exceeds(down(kNaN), plant.guard.allowed));
     ASSERT_TRUE(exceeds(down(150.0), plant.guard.allowed));
-    EXPECT_EQ(overload(plant.guard, down(150.0)).text,
+    EXPECT_EQ(overload(plant.guard, down(150.0), kNothing).text,
               "max_force: load of the coupling is 150 N, allowed are 0 to 100 N");
     plant.block(down(150.0));
     if (session) plant.lease("/a", 7);
@@ -230,6 +230,9 @@ TEST(PlantGuard, AnOverloadStopsThePlantUntilAMoveUpOrAnotherSession) {
     EXPECT_TRUE(exceeds(down(133.0), plant.guard.allowed));
     plant.block(down(10.0));
     EXPECT_TRUE(exceeds(down(101.0), plant.guard.allowed));
+    plant.block(down(kNaN));
+    EXPECT_TRUE(exceeds(down(101.0), plant.guard.allowed));
+    EXPECT_FALSE(exceeds(down(99.0), plant.guard.allowed));
     plant.block(down(99.0));
     EXPECT_TRUE(exceeds(down(101.0), plant.guard.allowed));
   }
@@ -237,8 +240,78 @@ TEST(PlantGuard, AnOverloadStopsThePlantUntilAMoveUpOrAnotherSession) {
   Vector6 torque = Vector6::Zero();
   torque(3) = 11.0;
   ASSERT_TRUE(exceeds(torque, plant.guard.allowed));
-  EXPECT_EQ(overload(plant.guard, torque).text,
+  EXPECT_EQ(overload(plant.guard, torque, kNothing).text,
             "max_torque: load of the coupling is 11 N m, allowed are 0 to 10 N m");
+}
+
+// A plant whose coupling bears 5e4 N/m and 50 N·m/rad, and whose carrier brakes with 1 m/s².
+Plant braking() {
+  Plant plant;
+  plant.guard.braking.stiffness.diagonal() << 5e4, 5e4, 5e4, 50.0, 50.0, 50.0;
+  plant.guard.braking.acceleration = 1.0;
+  plant.guard.braking.arm = 0.08;
+  return plant;
+}
+
+TEST(PlantGuard, TheLoadIsStoppedBeforeItIsTooMuch) {
+  Plant plant = braking();
+  PlantGuard& guard = plant.guard;
+  const auto stops = [&](double load, double way) {
+    return mustStop(guard.braking, down(load), down(way), guard.allowed);
+  };
+  // on downwards by a millimetre adds 50 N, upwards takes them off
+  EXPECT_FALSE(stops(49.9, -1e-3));
+  EXPECT_TRUE(stops(50.1, -1e-3));
+  EXPECT_FALSE(stops(99.0, 1e-3));
+  EXPECT_TRUE(stops(99.0, 4e-3));
+  EXPECT_TRUE(stops(kNaN, 0.0));
+  EXPECT_TRUE(stops(20.0, kNaN));
+  EXPECT_EQ(overload(guard, down(60.0), down(-1e-3)).text,
+            "max_force: load of the coupling is 60 N and would be 110 N when the carrier has "
+            "stopped, allowed are 0 to 100 N");
+}
+
+// No faster than a stop may cost, whatever the direction and the load: the bound is reached.
+TEST(PlantGuard, AMoveIsNoFasterThanAStopMayCost) {
+  Plant plant = braking();
+  PlantGuard& guard = plant.guard;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  int slowest = 0;
+  for (int n = 0; n < 1000; ++n) {
+    Vector6 load, way;
+    for (int i = 0; i < 6; ++i) {
+      load(i) = (i < 3 ? 55.0 : 5.0) * uniform(random);
+      way(i) = (i < 3 ? 0.01 : 0.1) * uniform(random);
+    }
+    const double speed = speedLimit(guard, load, way);
+    // the way of a stop of what moves at that speed, its quickest coordinate braking with 1 m/s²
+    Vector6 arm;
+    arm << 1, 1, 1, 0.08, 0.08, 0.08;
+    const Vector6 direction = way / way.cwiseProduct(arm).cwiseAbs().maxCoeff();
+    const Vector6 stop = 0.79 * speed * speed * direction;
+    EXPECT_FALSE(mustStop(guard.braking, load, stop, guard.allowed)) << n;
+    EXPECT_TRUE(mustStop(guard.braking, load, 1.03 * stop, guard.allowed)) << n;
+    slowest += speed < 0.03 ? 1 : 0;
+  }
+  EXPECT_GT(slowest, 0);
+  // what is at the limit may still be relieved
+  EXPECT_GT(speedLimit(guard, down(100.0), down(0.01)), 0.05);
+  EXPECT_EQ(speedLimit(guard, down(100.0), down(-0.01)), 1e-3);
+  EXPECT_EQ(speedLimit(guard, down(50.0), kNothing), std::numeric_limits<double>::infinity());
+}
+
+// A stamp of an hour ahead keeps nobody alive for an hour.
+TEST(PlantGuard, AStampFromTheFutureIsASignOfLifeOfNow) {
+  Plant plant;
+  GuardAction action;
+  const Sender ahead{"/a", plant.now + 3600.0, true, false};
+  EXPECT_TRUE(renewLease(plant.guard, ahead, 7, plant.now, action).good());
+  EXPECT_TRUE(renewLease(plant.guard, ahead, 7, plant.now, action).good());
+  EXPECT_EQ(plant.move(ahead), GuardReason::kNone);
+  const double last = plant.now;
+  while (!plant.block().hold) ASSERT_LT(plant.now, last + 0.2);
+  EXPECT_EQ(plant.last.reason, GuardReason::kLapsed);
 }
 
 TEST(PlantGuard, ALoneExciterStops) {

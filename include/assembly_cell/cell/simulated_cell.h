@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "assembly_cell/cell/felt_wrench.h"
@@ -60,8 +61,11 @@ class SimulatedCell {
   StopReason next(StrainBlock& block, bool accelerations = false,
                   const std::function<void(const Vector6& load)>& watch = nullptr);
 
-  /// Moves the rest pose to `pose`, commanded in the carrier's base frame.
-  void command(const Pose& pose) { carrier_.command(simulation_, pose); }
+  /// Moves the rest pose to `pose`, commanded in the carrier's base frame, within the carrier's
+  /// limits and no faster than `max_speed` [m/s].
+  void command(const Pose& pose, double max_speed = std::numeric_limits<double>::infinity()) {
+    carrier_.command(simulation_, pose, max_speed);
+  }
   /// The carrier as its encoders report it at the end of the last block, in its base frame.
   const Pose& reported() const { return reported_; }
   const TrueCarrier& carrier() const { return carrier_; }

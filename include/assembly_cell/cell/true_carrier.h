@@ -17,8 +17,9 @@ class TrueCarrier {
 
   /// Base in `hole` that the encoders' poses refer to.
   const Pose& base() const { return X_HB_; }
-  /// Moves the rest pose to `pose` as the encoders have it, in the base.
-  void command(Simulation& simulation, const Pose& pose) const;
+  /// Moves the rest pose to `pose` as the encoders have it, in the base, no faster than
+  /// `max_speed` [m/s].
+  void command(Simulation& simulation, const Pose& pose, double max_speed) const;
   /// After a block: draws anew where the carrier stands when a long enough way has come to rest.
   void settle(Simulation& simulation);
   /// What the encoders report now; every call draws its noise.

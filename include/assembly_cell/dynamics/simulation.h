@@ -94,11 +94,16 @@ class Simulation {
   StopReason advance(double t_end,
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max());
 
-  /// From now on move the rest pose to `target` along a C² profile within the carrier's limits.
-  void setRestTarget(const RestPose& target);
+  /// From now on move the rest pose to `target` along a C² profile within the carrier's limits, no
+  /// faster than `max_speed` [m/s].
+  void setRestTarget(const RestPose& target,
+                     double max_speed = std::numeric_limits<double>::infinity());
   /// From now on bring the rest pose to a stop within the carrier's limits, no farther than that
-  /// takes: 0.75 v²/a.
+  /// takes: see planStop().
   void stopRest();
+  /// How far the rest pose would go on in a stop that began now: translation and rotation vector in
+  /// the axes of the carrier frame. [m], [rad]
+  Vector6 stopWay() const;
   RestPose rest() const;  ///< at the present time, with the shift
 
   /// From now on lets the rest pose stand off by `shift` (x, y, z, yaw, theta, phi) from what is

@@ -89,8 +89,16 @@ struct Load {
   double force = 0.0, torque = 0.0;  ///< [N], [N·m]
 };
 
+/// How a carrier comes to rest, and what its coupling makes of the way that it takes.
+struct Braking {
+  Matrix6 stiffness = Matrix6::Zero();  ///< of the coupling, see couplingStiffness(); 0: not known
+  double acceleration = 1.0;            ///< of a stop [m/s²]
+  double arm = 0.0;                     ///< of a turn: metres of way a radian [m]
+};
+
 struct PlantGuard {
   GuardLimits limits;
+  Braking braking;
   LeaseMode mode = LeaseMode::kAuto;
   bool lockstep =
       false;   ///< the clock begins anew in each life: a later stamp is of an earlier one
@@ -131,12 +139,31 @@ Verdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterComma
 /// as of now.
 GuardAction watch(PlantGuard& guard, const Vector6& load, double height, double now);
 
-/// Every sample: is the load too much? One that is not finite is.
+/// How fast a move by `way` (translation and rotation vector in the carrier's axes) may become: a
+/// stop at any moment of it ends within the allowed load, if the peg meets something that doesn't
+/// give way. `load` as of now. At least a millimetre a second, or nothing could be relieved. [m/s]
+double speedLimit(const PlantGuard& guard, const Vector6& load, const Vector6& way);
+
+/// Is the load more than `limit`? One that is not finite is.
 inline bool exceeds(const Vector6& load, const Load& limit) {
   return !(load.head<3>().squaredNorm() <= limit.force * limit.force &&
            load.tail<3>().squaredNorm() <= limit.torque * limit.torque);
 }
-/// It was, and the plant has been stopped. The text has value and limit.
-Verdict overload(PlantGuard& guard, const Vector6& load);
+/// A tenth of the limits: below it no contact is felt, and what a stop would add isn't asked.
+inline Load feltLoad(const GuardLimits& limits) {
+  constexpr double kFelt = 0.1;
+  return {kFelt * limits.force, kFelt * limits.torque};
+}
+/// Of the coupling when the carrier has gone on by `way` and the peg stood still.
+inline Vector6 loadAfter(const Braking& braking, const Vector6& load, const Vector6& way) {
+  return load - braking.stiffness * way;
+}
+/// Every sample whose load is felt: has the plant to be stopped? `way` is what a stop would take.
+inline bool mustStop(const Braking& braking, const Vector6& load, const Vector6& way,
+                     const Load& allowed) {
+  return exceeds(load, allowed) || exceeds(loadAfter(braking, load, way), allowed);
+}
+/// It had to, and has been stopped. The text has value and limit.
+Verdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way);
 
 }  // namespace assembly_cell

@@ -99,6 +99,7 @@ class SimulatorNode {
   void watchPlant();
   /// At every sample: stops the plant when its load is too much.
   void feel(const Vector6& load);
+  double speedOf(const Pose& target);
   void publishPlantState();
 
   // parameters
@@ -116,6 +117,8 @@ class SimulatorNode {
   double start_timeout_ = 60.0;                        // wall [s]
   double max_speed_ = 0.25, max_acceleration_ = 10.0;  // of the carrier [m/s], [m/s²]
   GuardLimits limits_;
+  Braking braking_;
+  Load felt_;  // of the coupling: below it no contact is felt
   LeaseMode lease_mode_ = LeaseMode::kAuto;
 
   // of the loop alone
