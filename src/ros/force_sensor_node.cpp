@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bag_source.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
@@ -34,6 +35,20 @@ using Volts = Eigen::Map<const Vector6>;
 
 bool isIdentity(const Calibration& c) {
   return !c.quadratic_wrench && c.volts_to_wrench.isIdentity(0.0) && c.zero_volts.isZero(0.0);
+}
+
+// The displacement of a coupling as its scenario describes it, by the wrench.
+Calibration withDisplacement(Calibration c, const CouplingParameters& coupling) {
+  const Eigen::FullPivLU<Matrix6> stiffness(couplingStiffness(coupling));
+  if (!stiffness.isInvertible()) {
+    throw InputError(
+        "coupling.stiffness: singular, so the coupling can't serve as a displacement "
+        "sensor; give every direction a stiffness");
+  }
+  c.volts_to_displacement = stiffness.solve(c.volts_to_wrench);
+  c.quadratic_displacement = c.quadratic_wrench;
+  if (c.quadratic_wrench) c.displacement_products = stiffness.solve(c.wrench_products);
+  return c;
 }
 
 }  // namespace
@@ -75,6 +90,8 @@ void ForceSensorNode::readParameters() {
                                            ? parameters.text("calibration_file", std::string())
                                            : parameters.text("calibration_file");
   publish_displacement_ = parameters.flag("publish_displacement", false);
+  const std::string scenario = parameters.text("scenario", std::string());
+  const auto overrides = parameters.texts("overrides", std::vector<std::string>{});
   lockstep_ = parameters.flag("lockstep", false);
   name_in_lockstep_ = parameters.text("name_in_lockstep", participantName(cellNamespace()));
   display_period_ = 1.0 / parameters.number("display_rate", kPositive, 50.0);
@@ -94,6 +111,9 @@ void ForceSensorNode::readParameters() {
   calibrated_ = !calibration_file.empty();
   if (calibrated_) {
     calibration_ = loadCalibration(calibration_file);
+    if (!scenario.empty()) {
+      calibration_ = withDisplacement(calibration_, loadMechanism(scenario, overrides).coupling);
+    }
     checkUse(calibration_, "calibration file '" + calibration_file + "'");
   } else {
     calibration_.id = "in the device";
