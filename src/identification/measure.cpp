@@ -327,7 +327,8 @@ VibrationReading readVibration(PressController& press, const ExciterParameters& 
   command.vibration = LocusRequest{start, window};
   press.step(command);
   while (!press.last().vibration) {
-    if (press.last().time > start + window + kSpare) {
+    const double begun = std::max(start, press.last().reading_start);
+    if (press.last().time > begun + window + kSpare) {
       throw AlignError(AlignFailure::kNoReading, "the plant gave no reading of sensor_b's wrench");
     }
     press.wait(1);

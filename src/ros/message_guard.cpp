@@ -189,6 +189,9 @@ MessageCheck check(const AssemblePegGoal& goal) {
   return MessageCheck().name("strategy", goal.strategy);
 }
 
+// its time_limit is answered in words, whatever it is
+MessageCheck check(const IdentifyGoal& goal) { return MessageCheck().name("file", goal.file); }
+
 MessageCheck check(const CalibrateSensorsGoal& goal) {
   return MessageCheck().name("plan", goal.plan).name("id", goal.id);
 }

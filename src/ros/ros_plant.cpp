@@ -10,10 +10,12 @@
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/locus/vibration_fit.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/message_guard.h"
+#include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -21,6 +23,10 @@ namespace {
 
 constexpr int kQueue = 100;
 constexpr std::size_t kMemory = 50;  // blocks that may be incomplete at a time
+constexpr std::size_t kRecent = 25;  // blocks whose samples a window may begin in
+constexpr double kRounding = 0.01;   // of a sample's period, at a window's ends
+// of the default cell: ±5 V in 16 bit
+constexpr double kConverterStep = 10.0 / 65536.0;
 
 constexpr double kConnectionCheck = 5.0;  // wall clock [s]
 constexpr double kThinking =
@@ -242,6 +248,7 @@ void RosPlant::assemble() {
     }
     // a repetition of a latched message makes no new block
     const bool repeated = done_ && *done_ == block.sequence;
+    const WrenchSamples::ConstPtr samples = parts.wrench_b;
     parts_.erase(parts_.begin(), std::next(it));
     while (!carrier_poses_.empty() && carrier_poses_.front()->header.stamp <= block.end) {
       carrier_poses_.pop_front();
@@ -256,6 +263,10 @@ void RosPlant::assemble() {
     done_end_ = block.end;
     pending_ack_ = block.sequence;
     if (good) {
+      if (compliance_) block.means.displacement_b = *compliance_ * b.mean;
+      recent_.push_back(samples);
+      if (recent_.size() > kRecent) recent_.pop_front();
+      if (vibration_.request) collect(*samples);
       fresh_ = block;
     } else {
       ROS_ERROR_THROTTLE(1.0, "block %u is not one of finite samples: ignored", block.sequence);
@@ -315,8 +326,19 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
   out.rounding_b = rounding_b_.value_or(Matrix6::Zero());
   out.time = (block.end - origin_).toSec();
   out.carrier = restFromPose(block.X_BC);
-  if (locus_wanted_) out.reading_start = locus_start_;
+  if (locus_wanted_ || vibration_.request) out.reading_start = locus_start_;
   return out;
+}
+
+RosPlant::Settings plantSettings(Parameters& parameters) {
+  RosPlant::Settings s;
+  s.converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
+  s.lockstep = parameters.flag("lockstep", false);
+  s.timeout = parameters.number("block_timeout", Range{0.1, 3600.0}, s.timeout);
+  s.data_timeout = parameters.number("data_timeout", Range{0.05, 3600.0}, s.data_timeout);
+  s.slow_factor = parameters.number("slow_factor", Range{1.0, 1000.0}, s.slow_factor);
+  s.goal_time = parameters.number("goal_time", Range{1.0, 1e6}, s.goal_time);
+  return s;
 }
 
 // ---- commands ----
@@ -339,7 +361,43 @@ void RosPlant::publishExciter(const ExciterParameters& drive) {
   exciter_.direction = static_cast<std::int8_t>(drive.direction);
   moved_ = true;
   ++commands_;
-  exciter_pub_.publish(exciter_);
+  const ExciterParameters asked = compensated(drive, drive_);
+  Exciter command = exciter_;
+  command.amplitude = asked.amplitude;
+  command.phase = asked.phase;
+  exciter_pub_.publish(command);
+}
+
+// ---- vibrations ----
+
+void RosPlant::know(const KnownMechanism* known) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  drive_ = known != nullptr ? known->drive : DriveErrors();
+  compliance_.reset();
+  if (known != nullptr) compliance_ = couplingStiffness(known->mechanism.coupling).inverse();
+}
+
+void RosPlant::beginVibration(const LocusRequest& request) {
+  vibration_ = {request, {}, {}};
+  locus_duration_ = request.duration;
+  locus_start_ = request.start;
+  locus_end_ = request.start + request.duration - 1e-6;  // stamps are rounded to 1 ns
+  for (const auto& samples : recent_) collect(*samples);
+}
+
+void RosPlant::collect(const WrenchSamples& samples) {
+  const double start = (samples.header.stamp - origin_).toSec();
+  const double reference = (exciter_.header.stamp - origin_).toSec();
+  const LocusRequest& window = *vibration_.request;
+  for (std::size_t i = 0; 6 * i < samples.wrench.size(); ++i) {
+    const double t = start + static_cast<double>(i) * samples.period;
+    const double since = t - window.start + kRounding * samples.period;
+    if (since < 0.0 || since >= window.duration) continue;
+    vibration_.angles.push_back(exciter_.direction *
+                                (exciter_.frequency * (t - reference) + exciter_.phase));
+    const auto first = samples.wrench.begin() + static_cast<std::ptrdiff_t>(6 * i);
+    vibration_.wrenches.insert(vibration_.wrenches.end(), first, first + 6);
+  }
 }
 
 void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequest& request) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/locus/vibration_fit.h"
 #include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/node_watch.h"
 #include "assembly_cell/ros/ros_plant.h"
@@ -23,6 +24,7 @@ constexpr double kIntervals = 15.0;  // of blocks: silence, on a machine that is
 constexpr double kParting = 1.0;     // for data while the node is shutting down [s]
 constexpr double kJump = 1.0;        // of the stamps: another life of the plant, or a freeze [s]
 constexpr int kReadings = 2;         // of one contact, where samples or the estimator got lost
+constexpr std::size_t kLeastSamples = 8;  // of a vibration
 constexpr char kBlock[] = "block of samples";
 
 }  // namespace
@@ -30,7 +32,7 @@ constexpr char kBlock[] = "block of samples";
 // ---- waiting ----
 
 void RosPlant::checkGoal() const {
-  if (!ros::ok()) throw PlantError(AlignFailure::kStopped, "the supervisor is shutting down");
+  if (!ros::ok()) throw PlantError(AlignFailure::kStopped, "the node is shutting down");
   const double time = origin_.isZero() ? 0.0 : (last_.end - origin_).toSec();
   if (time > most_time_) {
     throw PlantError(AlignFailure::kStopped,
@@ -38,7 +40,7 @@ void RosPlant::checkGoal() const {
                           recovering_ ? ", nor freed" : ": see ~goal_time"));
   }
   if (recovering_) return;
-  if (stopping_) throw PlantError(AlignFailure::kStopped, "the supervisor is shutting down");
+  if (stopping_) throw PlantError(AlignFailure::kStopped, "the node is shutting down");
   if (cancelled_ && cancelled_()) throw PlantError(AlignFailure::kCancelled, "cancelled");
   if (const auto fault = link_.fault()) throw PlantError(AlignFailure::kStopped, *fault);
 }
@@ -191,15 +193,21 @@ void RosPlant::repeat(std::unique_lock<std::mutex>& lock) {
     publishExciter(drive);
   }
   if (commanded_) publishCarrier(*commanded_);
-  if (!locus_wanted_) return;
-  endReading(lock);
+  const bool vibration = vibration_.request.has_value();
+  if (!locus_wanted_ && !vibration) return;
+  if (locus_wanted_) endReading(lock);
   const ros::Time settled = last_.end + ros::Duration(kSettle);
   while (last_.end < settled) {
     waitForBlock(lock);
     if (link_.lapsed()) break;
   }
   // where it lapsed again, this one is given up in its turn
-  sendLocusGoal(lock, {(last_.end - origin_).toSec(), locus_duration_});
+  const LocusRequest again{(last_.end - origin_).toSec(), locus_duration_};
+  if (vibration) {
+    beginVibration(again);
+  } else {
+    sendLocusGoal(lock, again);
+  }
 }
 
 void RosPlant::endReading(std::unique_lock<std::mutex>& lock) {
@@ -218,6 +226,8 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   active_ = true;
   recovering_ = false;
   locus_wanted_ = false;
+  vibration_.request.reset();
+  recent_.clear();
   fresh_.reset();
   last_ = Block{};
   origin_ = ros::Time();
@@ -241,19 +251,30 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
 PlantBlock RosPlant::next(const PlantCommand& command) {
   std::unique_lock<std::mutex> lock(mutex_);
   checkGoal();
-  if (command.rest || command.exciter || command.locus) freshen(lock);
+  if (command.rest || command.exciter || command.locus || command.vibration) freshen(lock);
   if (command.rest) publishCarrier(poseFromRest(*command.rest));
   if (command.exciter) publishExciter(*command.exciter);
   if (command.locus) {
     locus_attempts_ = 0;
     sendLocusGoal(lock, *command.locus);
   }
+  if (command.vibration) beginVibration(*command.vibration);
 
   // blocks from before the commands are of no interest
   fresh_.reset();
   takeNext(lock);
   PlantBlock block = plantBlock(last_);
   if (locus_wanted_ && block.time >= locus_end_) takeReading(lock, block);
+  if (vibration_.request && block.time >= locus_end_) {
+    const std::size_t samples = vibration_.angles.size();
+    if (samples < kLeastSamples) {
+      throw PlantError(AlignFailure::kNoReading,
+                       text("%zu samples of sensor_b/wrench_samples in a window of %g s", samples,
+                            locus_duration_));
+    }
+    block.vibration = fitVibration(vibration_.angles, vibration_.wrenches);
+    vibration_.request.reset();
+  }
   return block;
 }
 
@@ -280,6 +301,7 @@ void RosPlant::recover(double seconds) {
   }
   recovering_ = true;
   cancelled_ = nullptr;
+  vibration_.request.reset();
   if (locus_wanted_) endReading(lock);
   if (exciter_.on) publishExciter(ExciterParameters{});
   // with the next block
@@ -294,9 +316,11 @@ void RosPlant::recover(double seconds) {
 
 void RosPlant::end(bool hold) {
   std::unique_lock<std::mutex> lock(mutex_);
+  vibration_.request.reset();
   if (locus_wanted_) endReading(lock);
   if (exciter_.on) publishExciter(ExciterParameters{});
-  if (hold && !last_.end.isZero() && (lockstep_ || lastIsFresh())) publishCarrier(last_.X_BC);
+  // a goal that did not even begin commands nothing: somebody else may hold the plant
+  if (hold && !origin_.isZero() && (lockstep_ || lastIsFresh())) publishCarrier(last_.X_BC);
   link_.end();
   active_ = false;
   recovering_ = false;

@@ -14,8 +14,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kConverterStep = 10.0 / 65536;  // 16 bit over ±5 V [V]
-
 /// What is not known is 0 on the wire, never NaN.
 double finite(double value) { return std::isfinite(value) ? value : 0.0; }
 
@@ -42,6 +40,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
   mechanism_ = loadMechanism(parameters.text("scenario"),
                              parameters.texts("overrides", std::vector<std::string>{}));
+  readMechanism(parameters);
   X_CP_.p.z() = -mechanism_.peg.coupling_height - mechanism_.peg.half_height;
 
   AlignParameters& p = parameters_;
@@ -74,16 +73,10 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.required_rotation = parameters.number("required_rotation", kAny, p.required_rotation);
   p.insert.force = parameters.number("insert_force", kAny, p.insert.force);
   p.insert.speed = parameters.number("insert_speed", kAny, p.insert.speed);
-  RosPlant::Settings plant;
-  plant.converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
   limits_.force = p.force_limit;
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;
-  plant.lockstep = parameters.flag("lockstep", false);
-  plant.timeout = parameters.number("block_timeout", Range{0.1, 3600.0}, 10.0);
-  plant.data_timeout = parameters.number("data_timeout", Range{0.05, 3600.0}, plant.data_timeout);
-  plant.slow_factor = parameters.number("slow_factor", Range{1.0, 1000.0}, plant.slow_factor);
-  plant.goal_time = parameters.number("goal_time", Range{1.0, 1e6}, plant.goal_time);
+  const RosPlant::Settings plant = plantSettings(parameters);
   parameters.refuseUnknown();
   try {
     checkParameters(p);
@@ -91,6 +84,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
     throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
   }
 
+  nh_ = nh;
   plant_ = std::make_unique<RosPlant>(nh, plant);
   startState(nh, pnh);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
@@ -131,7 +125,8 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, const AlignPara
     End end;
     try {
       enter(name, true);
-      plant_->begin(cancelled);
+      const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
+      plant_->know(known);
       result = align(*plant_, mechanism_, parameters, progress);
       end.failed = end.begun = !result.success;
       end.failure = result.failure;

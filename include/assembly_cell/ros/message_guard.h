@@ -10,6 +10,7 @@
 #include <assembly_cell/ContactArray.h>
 #include <assembly_cell/DisplacementSamples.h>
 #include <assembly_cell/Exciter.h>
+#include <assembly_cell/IdentifyGoal.h>
 #include <assembly_cell/IdentifyLocusGoal.h>
 #include <assembly_cell/LocusEstimate.h>
 #include <assembly_cell/MoveToContactGoal.h>
@@ -55,6 +56,7 @@ MessageCheck check(const TwinForceState& message);
 MessageCheck check(const AlignPegGoal& goal);
 MessageCheck check(const AssemblePegGoal& goal);
 MessageCheck check(const CalibrateSensorsGoal& goal);
+MessageCheck check(const IdentifyGoal& goal);
 MessageCheck check(const IdentifyLocusGoal& goal);
 MessageCheck check(const MoveToContactGoal& goal);
 MessageCheck check(const RetreatGoal& goal);

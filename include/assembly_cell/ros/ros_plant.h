@@ -26,6 +26,7 @@
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/plant.h"
 #include "assembly_cell/guard/freshness.h"
+#include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/plant_link.h"
 #include "assembly_cell/ros/twin_force_client.h"
 
@@ -73,6 +74,12 @@ class RosPlant : public Plant {
 
   /// The node ends: every wait is over, but those of recover().
   void stop() { stopping_ = true; }
+  bool stopping() const { return stopping_; }
+
+  /// From now on displacements are those of the coupling that is known instead of the driver's, and
+  /// the exciter is asked for what makes its force come as commanded.
+  /// Null: as drawn.
+  void know(const KnownMechanism* known);
 
   PlantBlock next(const PlantCommand& command) override;
   TwinForceSensing* twinForce() override { return &twin_force_; }
@@ -99,6 +106,12 @@ class RosPlant : public Plant {
     PlantBlock means;  ///< all but time and carrier
   };
 
+  /// The window of a vibration: angles of the exciter, and 6 × n wrenches.
+  struct Vibration {
+    std::optional<LocusRequest> request;  ///< plant clock [s]
+    std::vector<double> angles, wrenches;
+  };
+
   void onWrenchA(const WrenchSamples::ConstPtr& message);
   void onWrenchB(const WrenchSamples::ConstPtr& message);
   void onDisplacementB(const DisplacementSamples::ConstPtr& message);
@@ -122,6 +135,8 @@ class RosPlant : public Plant {
   void repeat(std::unique_lock<std::mutex>& lock);
   void endReading(std::unique_lock<std::mutex>& lock);
   void takeReading(std::unique_lock<std::mutex>& lock, PlantBlock& block);
+  void beginVibration(const LocusRequest& request);
+  void collect(const WrenchSamples& samples);
   void seen(std::size_t part) { arrived_[part] = Steady::now(); }
   void publishCarrier(const Pose& X_BC);
   void publishExciter(const ExciterParameters& drive);
@@ -173,11 +188,15 @@ class RosPlant : public Plant {
   bool locus_active_ = false;
   bool locus_done_ = false;
   int locus_attempts_ = 0;  // that the estimator did not finish, of this request
-  double locus_start_ = 0.0, locus_end_ = 0.0;  // plant clock [s]
+  double locus_start_ = 0.0, locus_end_ = 0.0;  // of a reading of either kind, plant clock [s]
   double locus_duration_ = 0.0;                 // [s]
   std::string locus_node_;                      // who serves identify_locus, as heard last
   std::string locus_error_;
   IdentifyLocusResult::ConstPtr locus_result_;
+  Vibration vibration_;
+  std::deque<WrenchSamples::ConstPtr> recent_;  // of sensor_b: a window may begin in the past
+  DriveErrors drive_;                           // made up for
+  std::optional<Matrix6> compliance_;           // of the coupling, where it is known better
 
   ros::Publisher command_pub_, exciter_pub_, ack_pub_;
   std::map<std::string, ros::Subscriber> subs_;  ///< of the blocks' parts, by topic
@@ -188,5 +207,10 @@ class RosPlant : public Plant {
   PlantLink link_;
   TwinForceClient twin_force_;
 };
+
+class Parameters;
+/// Parameters of a node that holds the plant: ~lockstep, ~converter_step, ~block_timeout,
+/// ~data_timeout, ~slow_factor, ~goal_time. Throws InputError.
+RosPlant::Settings plantSettings(Parameters& parameters);
 
 }  // namespace assembly_cell::ros_bridge

@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "assembly_cell/AlignPegAction.h"
@@ -17,7 +18,9 @@
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/press.h"
+#include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/checked_action.h"
+#include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/ros_plant.h"
 
 namespace assembly_cell::ros_bridge {
@@ -51,6 +54,19 @@ class SupervisorNode {
   void executeRetreat(const RetreatGoalConstPtr& goal);
   AlignmentReport report(const AlignResult& result, double wall_time) const;
 
+  // what is known of the mechanism (supervisor_mechanism.cpp)
+  void readMechanism(Parameters& parameters);
+  /// Begins a goal over the plant with a mechanism that the hanging peg does not contradict;
+  /// identifies it first where that is allowed and needed. Null: as drawn. Throws AlignError
+  /// `wrong_mechanism`, PlantError.
+  const KnownMechanism* beginKnown(const std::string& strategy,
+                                   const std::function<bool()>& cancelled,
+                                   const std::function<void(const AlignProgress&)>& progress);
+  /// By the node mechanism_identifier, which holds the plant meanwhile. Throws PlantError.
+  void identifyMechanism(const std::function<bool()>& cancelled);
+  /// Of what is known by the hanging peg; empty: none.
+  std::string contradiction();
+
   // state and freeing of the peg (supervisor_state.cpp)
   void startState(ros::NodeHandle& nh, ros::NodeHandle& pnh);
   /// A goal begins. Throws InputError `in_contact` when it needs a free peg and the last one got
@@ -74,8 +90,12 @@ class SupervisorNode {
   void publishState();
   void publishDiagnostics();
 
-  Mechanism mechanism_;  ///< nominal parts
-  Pose X_CP_;            ///< peg in the carrier, at rest
+  ros::NodeHandle nh_;
+  Mechanism mechanism_;  ///< nominal parts, or as identified
+  std::optional<KnownMechanism> known_;
+  bool identify_ = false;        ///< where none is known and one is needed, or it is contradicted
+  double identify_time_ = 60.0;  ///< [s]
+  Pose X_CP_;                    ///< peg in the carrier, at rest
   AlignParameters parameters_;
   PressLimits limits_;
 
