@@ -2,7 +2,6 @@
 #include "assembly_cell/calibration/rig.h"
 
 #include <cmath>
-#include <vector>
 
 #include "assembly_cell/base/input_error.h"
 
@@ -32,11 +31,29 @@ CalibrationRig::CalibrationRig(const RigSettings& settings)
         "calibration rig: nonlinearity, drift, samples, sample_period, test_time or gravity is out "
         "of range: give sizes above 0");
   }
+  if (settings.coupling_compliance && !settings.coupling_compliance->allFinite()) {
+    throw InputError("calibration rig: the coupling's compliance is not finite: correct it");
+  }
   bridge_.a.nonlinearity = bridge_.b.nonlinearity = settings.nonlinearity;
 }
 
 double CalibrationRig::temperature() const {
   return kRoomTemperature + settings_.drift * time_ / 3600.0;
+}
+
+// what the dial gauges show under a wrench, with their noise
+std::vector<double> CalibrationRig::gauges(Side side, const Vector6& wrench) {
+  Pose X;
+  if (side == Side::kB && settings_.coupling_compliance) {
+    const Vector6 d = *settings_.coupling_compliance * wrench;
+    X = {rotationFromVector({d.tail<3>()}), d.head<3>()};
+  } else {
+    X = deflect(bridge_[side], wrench).X_DC;
+    X.p -= kCarrierAtRest;
+  }
+  std::vector<double> readings = gaugeReadings(thesisGauges(), X);
+  for (double& s : readings) s += settings_.accuracy.gauge * normal_();
+  return readings;
 }
 
 Observation CalibrationRig::apply(const LoadRequest& request) {
@@ -85,11 +102,8 @@ Observation CalibrationRig::apply(const LoadRequest& request) {
       break;
     case ObservationKind::kDisplacement: {
       w = SensorDescription().nominal * (kStrainRange * request.strain);
-      Pose X = deflect(bridge, w).X_DC;
-      X.p -= kCarrierAtRest;
       o.displacement.reset();
-      o.gauges = gaugeReadings(thesisGauges(), X);
-      for (double& s : o.gauges) s += accuracy.gauge * normal_();
+      o.gauges = gauges(o.side, w);
       break;
     }
     case ObservationKind::kLinearity:

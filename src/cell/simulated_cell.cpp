@@ -2,6 +2,7 @@
 #include "assembly_cell/cell/simulated_cell.h"
 
 #include <Eigen/LU>
+#include <cmath>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/start.h"
@@ -45,6 +46,11 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
       normal_a_(2 * parameters.seed),
       normal_b_(2 * parameters.seed + 1),
       normal_accelerometers_(~parameters.seed) {
+  const double nonlinearity = parameters.bridge_nonlinearity;
+  if (!(nonlinearity >= 0.0 && nonlinearity <= 1.0) || !std::isfinite(parameters.bridge_drift)) {
+    throw InputError("cell: bridge_nonlinearity or bridge_drift is out of range: give 0 to 1, K/h");
+  }
+  bridge_a_.nonlinearity = bridge_b_.nonlinearity = nonlinearity;
   Vector6 weight = Vector6::Zero();
   weight(2) = -parameters.hole_block_mass * scenario.mechanism.gravity;
   const Pose X_block{Eigen::Matrix3d::Identity(), parameters.hole_block_center};
@@ -67,6 +73,11 @@ Eigen::Vector2d SimulatedCell::accelerometers() {
   return reading;
 }
 
+Vector6 SimulatedCell::voltsOf(const Bridge& bridge, const Matrix6& strain_matrix,
+                               const Vector6& w) const {
+  return bridge.nonlinearity == 0.0 ? Vector6(strain_matrix * w) : deflect(bridge, w).volts;
+}
+
 StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
                                const std::function<void(const Vector6& load)>& watch) {
   const auto n = static_cast<std::size_t>(parameters_.block_size);
@@ -87,8 +98,12 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     const Vector6 wrench_a =
         transformWrench(parameters_.X_AH, simulation_.holeWrench()) + block_weight_;
     const Vector6 load = simulation_.couplingWrench();
-    const StrainSample a = convert(bridge_a_, strain_matrix_a_, felt_a_(wrench_a, time), normal_a_);
-    const StrainSample b = convert(bridge_b_, strain_matrix_b_, felt_b_(load, time), normal_b_);
+    bridge_a_.temperature = bridge_b_.temperature =
+        Bridge{}.temperature + parameters_.bridge_drift * time / 3600.0;
+    const StrainSample a = convertVolts(
+        bridge_a_, voltsOf(bridge_a_, strain_matrix_a_, felt_a_(wrench_a, time)), normal_a_);
+    const StrainSample b = convertVolts(
+        bridge_b_, voltsOf(bridge_b_, strain_matrix_b_, felt_b_(load, time)), normal_b_);
     Vector6::Map(block.volts_a.data() + 6 * i) = a.volts;
     Vector6::Map(block.volts_b.data() + 6 * i) = b.volts;
     block.saturated_a[i] = a.saturated;
@@ -96,6 +111,7 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     if (accelerations) Eigen::Vector2d::Map(block.accelerations.data() + 2 * i) = accelerometers();
     if (watch) watch(load);
   }
+  block.temperature = bridge_a_.temperature;
   reported_ = carrier_.report(simulation_);
   carrier_.settle(simulation_);
   return StopReason::kOk;

@@ -3,9 +3,11 @@
 
 #include <assembly_cell/StrainSamples.h>
 
+#include <Eigen/LU>
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/parameters.h"
 
@@ -16,6 +18,16 @@ namespace {
 constexpr std::uint32_t kQueue = 100;
 constexpr double kTick = 2e-3;         // of the wall clock [s]
 constexpr int kMaxBlocksPerTick = 10;  // a machine that was asleep catches up little by little
+
+Matrix6 complianceOf(const std::string& file) {
+  const Eigen::FullPivLU<Matrix6> stiffness(couplingStiffness(loadMechanism(file).coupling));
+  if (!stiffness.isInvertible()) {
+    throw InputError(file +
+                     ": coupling.stiffness: singular, so nothing holds sensor_b's carrier; "
+                     "give every direction a stiffness");
+  }
+  return stiffness.inverse();
+}
 
 void append(StrainSamples& block, const StrainSample& sample) {
   block.volts.insert(block.volts.end(), sample.volts.data(), sample.volts.data() + 6);
@@ -39,10 +51,12 @@ SimulatedRigNode::SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHan
   settings_.gravity = parameters.number("gravity", kPositive, settings_.gravity);
   settings_.sample_period = 1.0 / parameters.number("rate", {1.0, 1e6}, 5000.0);
   settings_.test_time = parameters.number("test_time", kNotNegative, settings_.test_time);
+  const std::string coupling = parameters.text("coupling", "");
   settings_.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
   block_size_ = parameters.integer("block_size", 1, 100000, 100);
   speed_ = parameters.number("real_time_factor", {1e-3, 1e3}, 1.0);
   parameters.refuseUnknown();
+  if (!coupling.empty()) settings_.coupling_compliance = complianceOf(coupling);
   if (ros::Time::isSimTime()) {
     throw InputError("parameter /use_sim_time is true: the rig keeps to the wall clock; unset it");
   }

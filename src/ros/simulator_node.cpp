@@ -74,6 +74,8 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   cell.noise = parameters.number("noise", Range{0.0, 1.0}, 0.5e-3);
   cell.accelerometer_noise = parameters.number("accelerometer_noise", Range{0.0, 1e3}, 0.02);
   cell.accelerometer_height = parameters.number("accelerometer_height", Range{-1.0, 1.0}, 0.0);
+  cell.bridge_nonlinearity = parameters.number("nonlinearity", Range{0.0, 1.0}, 0.0);
+  cell.bridge_drift = parameters.number("drift", Range{-100.0, 100.0}, 0.0);
   publish_truth_ = parameters.flag("publish_truth", true);
   bool use_sim_time = false;
   ros::param::get("/use_sim_time", use_sim_time);
@@ -356,7 +358,7 @@ void SimulatorNode::publishBlock() {
   message.header.stamp = stampAt(block_.time);
   message.period = block_.period;
   message.sequence = sequence_;
-  message.temperature = Bridge{}.temperature;
+  message.temperature = block_.temperature;
   const auto bridge = [&message](const ros::Publisher& pub, const char* sensor, const auto& volts,
                                  const auto& saturated) {
     message.header.frame_id = sensor;

@@ -121,11 +121,13 @@ TEST(DialGauges, BadReadingsAreRefused) {
   EXPECT_THROW(poseFromGauges(blind, std::vector<double>(6, 0.0), 1e-6), InputError);
 }
 
-ObservationSet tests(CalibrationRig& rig, const std::vector<Vector6>& strains) {
+ObservationSet tests(CalibrationRig& rig, const std::vector<Vector6>& strains,
+                     Side side = Side::kA) {
   ObservationSet set = rig.description();
   LoadRequest request;
   set.observations.push_back(rig.measure(request));
   request.target.kind = ObservationKind::kDisplacement;
+  request.target.side = side;
   for (const Vector6& strain : strains) {
     request.strain = strain;
     set.observations.push_back(rig.measure(request));
@@ -140,6 +142,32 @@ std::vector<Vector6> oneChannelAtATime() {
     out.push_back(-Vector6::Unit(k));
   }
   return out;
+}
+
+// With the coupling of a cell on the rig the map is this coupling's; sensor_a keeps its hinges.
+TEST(Displacement, IsThatOfACoupling) {
+  RigSettings settings;
+  settings.nonlinearity = 0.0;
+  Matrix6 compliance = Matrix6::Zero();
+  compliance.diagonal() << 2e-5, 3e-5, 2e-5, 0.02, 0.015, 0.02;
+  compliance(0, 4) = compliance(4, 0) = -6e-5;
+  settings.coupling_compliance = compliance;
+  CalibrationRig rig(settings);
+  const DisplacementSolution found =
+      solveDisplacement(tests(rig, centralComposite(), Side::kB), Side::kB);
+  ASSERT_TRUE(found.accepted) << found.message;
+  const Matrix6 strain = strainMatrix(bridgeB(settings.bits, settings.noise));
+  // over the range ±4 V of every channel: gauges of 1 µm on arms of 25 mm, 46 tests
+  const Matrix6 wanted = compliance * strain.inverse();
+  const Matrix6 error = 4.0 * (found.T.leftCols<6>() - wanted);
+  EXPECT_LE(error.topRows<3>().cwiseAbs().maxCoeff(), 3e-6);
+  EXPECT_LE(error.bottomRows<3>().cwiseAbs().maxCoeff(), 3e-6 / 0.025);
+  CalibrationRig plain(settings);
+  const DisplacementSolution a = solveDisplacement(tests(plain, centralComposite()), Side::kA);
+  const Matrix6 hinges = a.T.leftCols<6>() * strain;
+  EXPECT_LT((hinges.bottomRightCorner<3, 3>().cwiseAbs().maxCoeff()), 0.01);
+  settings.coupling_compliance->setConstant(std::nan(""));
+  EXPECT_THROW(CalibrationRig{settings}, InputError);
 }
 
 // Rms over 400 poses within the range; 1.2 µm is the requirement, gauges of 1 µm.

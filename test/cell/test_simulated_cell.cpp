@@ -10,6 +10,7 @@
 
 #include "../dynamics/scenes.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/calibration/rig.h"
 
 namespace assembly_cell {
 namespace {
@@ -106,6 +107,48 @@ TEST(SimulatedCell, ReadingIsTheWrenchToHalfACode) {
   const Vector6 last = sample(block.volts_b, block.saturated_b.size() - 1);
   const double lsb = 10.0 / std::ldexp(1.0, p.bits);
   EXPECT_LE((last - exact).cwiseAbs().maxCoeff(), 0.5 * lsb * (1 + 1e-9));
+}
+
+// The calibration rig and the cell have the same sensors: as built, and warm, they read the same.
+TEST(SimulatedCell, BridgesAreThoseOfTheRig) {
+  CellParameters p;
+  p.bits = 24;
+  p.noise = 0.0;
+  p.bridge_nonlinearity = 1.0;
+  p.bridge_drift = 5e5;                                             // 2.8 K within the block [K/h]
+  p.truth.sensor_b.drift << 6e4, -3e4, 3e4, 1200.0, -900.0, 600.0;  // a load for the sensor alone
+  SimulatedCell cell(cellScenario(), p);
+  StrainBlock block;
+  ASSERT_EQ(cell.next(block), StopReason::kOk);
+  const double time = cell.simulation().time();
+  LoadRequest request;
+  request.target.kind = ObservationKind::kLinearity;
+  request.target.side = Side::kB;
+  request.wrench = cell.simulation().couplingWrench() + time / 60.0 * p.truth.sensor_b.drift;
+
+  // in codes, against a rig of this nonlinearity and drift
+  const auto difference = [&](double nonlinearity, double drift) {
+    RigSettings settings;
+    settings.bits = p.bits;
+    settings.noise = 0.0;
+    settings.nonlinearity = nonlinearity;
+    settings.drift = drift;
+    settings.reference_errors = false;
+    settings.test_time = time;  // the rig is then as old as the cell
+    CalibrationRig rig(settings);
+    rig.apply(request);
+    const Vector6 volts = sample(block.volts_b, block.saturated_b.size() - 1);
+    return (volts - rig.sample().b.volts).cwiseAbs().maxCoeff() * std::ldexp(1.0, p.bits) / 10.0;
+  };
+  EXPECT_LE(difference(1.0, p.bridge_drift), 1.0 + 1e-6);
+  EXPECT_GT(difference(0.0, p.bridge_drift), 1000.0);
+  EXPECT_GT(difference(1.0, 0.0), 1000.0);
+  EXPECT_NEAR(block.temperature, Bridge{}.temperature + p.bridge_drift * time / 3600.0, 1e-9);
+
+  for (const double bad : {-0.1, 1.1, std::nan("")}) {
+    p.bridge_nonlinearity = bad;
+    EXPECT_THROW(SimulatedCell(cellScenario(), p), InputError) << bad;
+  }
 }
 
 TEST(SimulatedCell, OverloadIsFlagged) {

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "assembly_cell/calibration/observation.h"
 #include "assembly_cell/calibration/plan.h"
@@ -23,6 +25,9 @@ struct RigSettings {
   double sample_period = 2e-4;  ///< [s]
   double test_time = 60.0;      ///< from one test to the next [s]
   std::uint64_t seed = 1;
+  /// Of the coupling that sensor_b is: wrench in its frame to displacement of its origin, x y z [m]
+  /// and rotation vector [rad], which the gauges read. None: both sensors' own hinges give way.
+  std::optional<Matrix6> coupling_compliance;
 };
 
 class CalibrationRig {
@@ -47,6 +52,8 @@ class CalibrationRig {
   double temperature() const;  ///< [°C]
 
  private:
+  std::vector<double> gauges(Side side, const Vector6& wrench);
+
   RigSettings settings_;
   PerSide<Bridge> bridge_;
   NormalSource normal_;

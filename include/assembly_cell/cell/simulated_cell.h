@@ -34,6 +34,8 @@ struct CellParameters {
   double accelerometer_noise = 0.02;  ///< of either accelerometer on the peg, white, rms [m/s²]
   double accelerometer_height = 0.0;  ///< above the peg's centre of mass, on its axis [m]
   CellTruth truth;                    ///< of sensors and carrier, exact by default
+  double bridge_nonlinearity = 0.0;   ///< of both bridges, see Bridge: 0 linear to 1 as built
+  double bridge_drift = 0.0;          ///< of their temperature, from Bridge's own on [K/h]
 };
 
 /// A block of samples of both bridges. Sample k is at time + k·period.
@@ -43,6 +45,7 @@ struct StrainBlock {
   std::uint32_t sequence = 0;
   std::vector<double> volts_a, volts_b;                ///< 6 × n, sample after sample [V]
   std::vector<std::uint8_t> saturated_a, saturated_b;  ///< bit per channel, per sample
+  double temperature = 0.0;                            ///< of both bridges at the last sample [°C]
   std::vector<double> accelerations;  ///< 2 × n, along the peg's x and y [m/s²]; empty unless asked
 };
 
@@ -75,6 +78,8 @@ class SimulatedCell {
 
  private:
   Eigen::Vector2d accelerometers();
+  /// Six voltages of a bridge under wrench w.
+  Vector6 voltsOf(const Bridge& bridge, const Matrix6& strain_matrix, const Vector6& w) const;
 
   CellParameters parameters_;
   Simulation simulation_;
