@@ -2,11 +2,10 @@
 #include "assembly_cell/align/scale.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/mechanism/compliance.h"
 
 namespace assembly_cell {
 namespace {
@@ -30,19 +29,11 @@ constexpr double kStill = 0.03;       // at rest, from block to block [N]
 constexpr double kStillShare = 0.25;  // of the clearance
 constexpr double kLeastStill = 0.3;   // of kStill: twice the noise of a 16 bit block
 
-Matrix6 complianceOf(const Mechanism& mechanism) {
-  const Eigen::FullPivLU<Matrix6> lu(couplingStiffness(mechanism.coupling));
-  if (!lu.isInvertible()) {
-    throw InputError("coupling.stiffness: singular: give every direction a stiffness");
-  }
-  return lu.inverse();
-}
-
 // travel of the bottom's centre for a force on it
 double sidewaysCompliance(const Mechanism& mechanism) {
   Eigen::Matrix<double, 1, 6> row;
   row << 1, 0, 0, 0, -(mechanism.peg.half_height + mechanism.peg.coupling_height), 0;
-  return (row * complianceOf(mechanism) * row.transpose()).value();
+  return (row * couplingCompliance(mechanism.coupling) * row.transpose()).value();
 }
 
 // of the slowest mode of the peg in its coupling, the carrier held [s]
@@ -71,7 +62,7 @@ double slowestDecay(const Mechanism& mechanism) {
 }  // namespace
 
 double pressCompliance(const Mechanism& mechanism) {
-  const Matrix6 compliance = complianceOf(mechanism);
+  const Matrix6 compliance = couplingCompliance(mechanism.coupling);
   const double r = mechanism.peg.radius;
   return compliance(2, 2) + r * r * std::max(compliance(3, 3), compliance(4, 4));
 }

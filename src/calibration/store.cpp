@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
 #include <system_error>
 
+#include "assembly_cell/base/date.h"
 #include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
@@ -27,15 +27,6 @@ void checkName(const std::string& text, const std::string& what) {
   throw InputError(what + " is '" + shown +
                    "': give letters, digits, '.', '_' and '-', not beginning with '.', at most " +
                    std::to_string(kLongestName) + " of them");
-}
-
-std::string timeNow(const char* pattern) {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, pattern, &utc);
-  return text;
 }
 
 }  // namespace
@@ -106,7 +97,7 @@ void removeLeftovers(const std::string& folder) {
 }
 
 std::string newCalibrationId(const std::vector<std::string>& taken) {
-  const std::string now = timeNow("%Y-%m-%dT%H-%M-%S");
+  const std::string now = utcNow("%Y-%m-%dT%H-%M-%S");
   std::string id = now;
   for (int n = 2; std::find(taken.begin(), taken.end(), id) != taken.end(); ++n) {
     id = now + "_" + std::to_string(n);
@@ -114,6 +105,6 @@ std::string newCalibrationId(const std::vector<std::string>& taken) {
   return id;
 }
 
-std::string calibrationDate() { return timeNow("%Y-%m-%dT%H:%M:%SZ"); }
+std::string calibrationDate() { return utcNow("%Y-%m-%dT%H:%M:%SZ"); }
 
 }  // namespace assembly_cell

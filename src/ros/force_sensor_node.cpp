@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/mechanism/compliance.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bag_source.h"
 #include "assembly_cell/ros/calibration_messages.h"
@@ -39,15 +40,10 @@ bool isIdentity(const Calibration& c) {
 
 // The displacement of a coupling as its scenario describes it, by the wrench.
 Calibration withDisplacement(Calibration c, const CouplingParameters& coupling) {
-  const Eigen::FullPivLU<Matrix6> stiffness(couplingStiffness(coupling));
-  if (!stiffness.isInvertible()) {
-    throw InputError(
-        "coupling.stiffness: singular, so the coupling can't serve as a displacement "
-        "sensor; give every direction a stiffness");
-  }
-  c.volts_to_displacement = stiffness.solve(c.volts_to_wrench);
+  const Matrix6 compliance = couplingCompliance(coupling);
+  c.volts_to_displacement = compliance * c.volts_to_wrench;
   c.quadratic_displacement = c.quadratic_wrench;
-  if (c.quadratic_wrench) c.displacement_products = stiffness.solve(c.wrench_products);
+  if (c.quadratic_wrench) c.displacement_products = compliance * c.wrench_products;
   return c;
 }
 

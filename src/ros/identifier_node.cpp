@@ -2,9 +2,9 @@
 #include "assembly_cell/ros/identifier_node.h"
 
 #include <cmath>
-#include <ctime>
 #include <filesystem>
 
+#include "assembly_cell/base/date.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/identification/fit.h"
@@ -19,15 +19,6 @@ namespace {
 
 constexpr double kFreeing = 2.0;                      // of cell time after a goal that failed [s]
 constexpr double kLeastTime = 5.0, kMostTime = 60.0;  // of a goal's time_limit [s]
-
-std::string today() {
-  const std::time_t now = std::time(nullptr);
-  char text[16];
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  std::strftime(text, sizeof text, "%Y-%m-%d", &parts);
-  return text;
-}
 
 void tell(const Mechanism& nominal, const Identification& found, IdentifyResult& result) {
   result.accepted = found.accepted;
@@ -102,7 +93,7 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
   tell(mechanism_, found, result);
   const std::string file = goal.file.empty() ? file_ : goal.file;
   if (!file.empty()) {
-    saveMechanism(mechanism_, found, "mechanism_identifier, " + scenario_, today(), file);
+    saveMechanism(mechanism_, found, "mechanism_identifier, " + scenario_, utcNow(), file);
     result.file = std::filesystem::absolute(file).string();
   }
   result.message = file.empty() ? "not stored: no file was named" : "stored in " + result.file;

@@ -11,6 +11,7 @@
 #include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/vibration_fit.h"
+#include "assembly_cell/mechanism/compliance.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/locus_messages.h"
@@ -374,7 +375,7 @@ void RosPlant::know(const KnownMechanism* known) {
   std::lock_guard<std::mutex> lock(mutex_);
   drive_ = known != nullptr ? known->drive : DriveErrors();
   compliance_.reset();
-  if (known != nullptr) compliance_ = couplingStiffness(known->mechanism.coupling).inverse();
+  if (known != nullptr) compliance_ = couplingCompliance(known->mechanism.coupling);
 }
 
 void RosPlant::beginVibration(const LocusRequest& request) {

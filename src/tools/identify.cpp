@@ -6,13 +6,13 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <ctime>
 #include <iostream>
 #include <mutex>
 #include <optional>
 #include <sstream>
 #include <thread>
 
+#include "assembly_cell/base/date.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -221,15 +221,6 @@ std::string manyResults(const std::vector<IdentificationTrial>& trials) {
   return out.str();
 }
 
-std::string today() {
-  const std::time_t now = std::time(nullptr);
-  char text[16];
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  std::strftime(text, sizeof text, "%Y-%m-%d", &parts);
-  return text;
-}
-
 std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
   std::vector<IdentificationTrial> trials(static_cast<std::size_t>(o.runs));
   std::atomic<std::size_t> next{0};
@@ -285,7 +276,7 @@ int run(const std::vector<std::string>& arguments) {
   std::cout << oneResult(nominal, trial);
   if (!o.out.empty()) {
     saveMechanism(nominal, trial.found,
-                  "identify, " + o.scenario + ", seed " + std::to_string(o.cell.seed), today(),
+                  "identify, " + o.scenario + ", seed " + std::to_string(o.cell.seed), utcNow(),
                   o.out);
   }
   if (!o.readings.empty()) saveReadings(trial.data, trial.found, o.readings);
