@@ -9,6 +9,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/calibration_server_node.h"
+#include "assembly_cell/ros/service_call.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -44,7 +45,7 @@ CalibrationRefusal CalibrationServerNode::stepByRig(const LoadRequest& step) {
     call.request.step = toMessage(step);
     const std::string name = nh_.resolveName(rig_);
     if (!ros::service::waitForService(name, ros::Duration(source_timeout_.count())) ||
-        !ros::service::call(name, call)) {
+        !callService(name, call)) {
       throw InputError("service " + name + " doesn't answer: start the rig, or set ~rig empty");
     }
     if (!call.response.success) return {Failure::kRigRefused, call.response.message};

@@ -12,6 +12,7 @@
 #include "assembly_cell/calibration/store.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/service_call.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -306,7 +307,7 @@ PerSide<Calibration> CalibrationServerNode::inDrivers(const PerSide<bool>& wante
   for (const Side side : kSides) {
     GetCalibration call;
     const std::string name = nh_.resolveName(sensorName(side) + "/driver/get_calibration");
-    if (wanted[side] && set_drivers_ && ros::service::call(name, call) &&
+    if (wanted[side] && set_drivers_ && callService(name, call) &&
         call.response.calibration.serial_number == set.sensor[side].serial_number) {
       found[side] = fromMessage(call.response.calibration, name);
     }
@@ -322,7 +323,7 @@ std::string CalibrationServerNode::handOver(const MaybePerSide<CalibrationInForc
     const std::string service = nh_.resolveName(sensorName(side) + "/driver/set_calibration");
     SetCalibration call;
     call.request.calibration = toMessage(calibrations[side]->calibration);
-    if (!ros::service::call(service, call)) {
+    if (!callService(service, call)) {
       complaints += "; " + service + " isn't there: load again once it is";
     } else if (!call.response.success) {
       const std::string refusal =

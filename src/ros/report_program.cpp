@@ -19,6 +19,7 @@
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/service_call.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -267,7 +268,7 @@ bool ReportProgram::carryOut(ActionClient& client, const Goal& goal, Result& res
   if (unpause_) {
     std_srvs::SetBool run;
     run.request.data = false;
-    if (!ros::service::call(simulator_ + "/pause", run) || !run.response.success) {
+    if (!callService(simulator_ + "/pause", run) || !run.response.success) {
       ROS_ERROR("report: %s/pause failed: %s", simulator_.c_str(), run.response.message.c_str());
       return false;
     }

@@ -11,12 +11,14 @@
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/node_watch.h"
+#include "assembly_cell/ros/service_call.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
 constexpr char kNode[] = "twin_force_estimator";
+constexpr int kAttempts = 2;  // of a call whose connection is lost
 
 TwinForceStatus statusOf(const std::string& name) {
   using Status = TwinForceStatus;
@@ -60,26 +62,23 @@ bool TwinForceClient::wait(double limit, const std::function<bool(double)>& read
 void TwinForceClient::lookForNode(const std::string& service) const {
   const auto found = publishersOf({nh_.resolveName("twin_force/status")}, settings_.answer_within);
   if (found.front().presence == NodePresence::kListening) return;
-  throw PlantError(AlignFailure::kNoData,
-                   text("no answer of %s within %.3g s of wall time: %s", service.c_str() + 1,
-                        settings_.patience + settings_.answer_within, describe(found).c_str()));
+  throw PlantError(
+      AlignFailure::kNoData,
+      text("no answer of service %s within %.3g s of wall time: %s", service.c_str() + 1,
+           settings_.patience + settings_.answer_within, describe(found).c_str()));
+}
+
+bool TwinForceClient::waitUntilFree(double limit) {
+  return wait(limit, [this](double patience) {
+    return !under_way_.valid() || under_way_.wait_for(std::chrono::duration<double>(patience)) ==
+                                      std::future_status::ready;
+  });
 }
 
 // ROS waits for an answer as long as the connection stands: another thread does so for us.
 template <class Service>
-typename Service::Response TwinForceClient::call(const std::string& name,
-                                                 const typename Service::Request& request) {
-  const std::string service = nh_.resolveName(std::string(kNode) + "/" + name);
-  const auto free = [this](double patience) {
-    return !under_way_.valid() || under_way_.wait_for(std::chrono::duration<double>(patience)) ==
-                                      std::future_status::ready;
-  };
-  if (!wait(settings_.timeout, free)) {
-    throw PlantError(
-        AlignFailure::kNoData,
-        text("no answer of %s to an earlier call within %g s of wall time: is it alive?", kNode,
-             settings_.timeout));
-  }
+std::optional<typename Service::Response> TwinForceClient::attempt(
+    const std::string& service, const typename Service::Request& request) {
   struct Answer {
     Service service;
     bool good = false;
@@ -96,20 +95,34 @@ typename Service::Response TwinForceClient::call(const std::string& name,
                           service.c_str() + 1, settings_.timeout));
   }
   under_way_ = std::async(std::launch::async, [answer, service] {
-    answer->good = ros::service::call(service, answer->service);
+    answer->good = callService(service, answer->service);
   });
-  if (!wait(settings_.patience, free)) lookForNode(service);
-  if (!wait(settings_.timeout, free)) {
+  if (!waitUntilFree(settings_.patience)) lookForNode(service);
+  if (!waitUntilFree(settings_.timeout)) {
     throw PlantError(AlignFailure::kNoData,
                      text("no answer of %s within %g s of wall time: is it alive?",
                           service.c_str() + 1, settings_.timeout));
   }
-  if (!answer->good) {
+  if (!answer->good) return std::nullopt;
+  return answer->service.response;
+}
+
+template <class Service>
+typename Service::Response TwinForceClient::call(const std::string& name,
+                                                 const typename Service::Request& request) {
+  const std::string service = nh_.resolveName(std::string(kNode) + "/" + name);
+  if (!waitUntilFree(settings_.timeout)) {
     throw PlantError(
         AlignFailure::kNoData,
-        text("service %s ended without an answer: is it running?", service.c_str() + 1));
+        text("no answer of %s to an earlier call within %g s of wall time: is it alive?", kNode,
+             settings_.timeout));
   }
-  return answer->service.response;
+  for (int k = 0; k < kAttempts; ++k) {
+    if (k > 0) lookForNode(service);
+    if (const auto response = attempt<Service>(service, request)) return *response;
+  }
+  throw PlantError(AlignFailure::kNoData,
+                   text("service %s ended without an answer: is it running?", service.c_str() + 1));
 }
 
 template <class Request>
@@ -126,7 +139,26 @@ void TwinForceClient::begin(const TwinForceTask& task) {
   if (!answer.success)
     throw PlantError(AlignFailure::kNoData, std::string(kNode) + ": " + answer.message);
   state_ = TwinForceState();
+  task_ = request.task;
+  zero_blocks_ = 0;
+  contacts_ = 0;
   begun_ = true;
+}
+
+// The strategy goes on with what the node keeps: that must be what it was told.
+void TwinForceClient::checkMemory(const TwinForceState& state) const {
+  const auto complain = [](const std::string& what) {
+    throw PlantError(AlignFailure::kNoData, std::string(kNode) + what +
+                                                ": was it started anew, or does somebody else use "
+                                                "it?");
+  };
+  if (state.contacts.size() != contacts_) {
+    complain(text(" keeps %zu contacts of %zu that were made", state.contacts.size(), contacts_));
+  }
+  if (state.task != task_) complain(" keeps another task");
+  if (contacts_ > 0 && state.contacts.back().zero_blocks < zero_blocks_) {
+    complain(" has lost the zero");
+  }
 }
 
 std::string TwinForceClient::complaint() const {
@@ -139,6 +171,7 @@ WindowAnswer TwinForceClient::tare(const AveragingWindow& free) {
   TareTwinForce::Request request;
   fill(request, free);
   const auto answer = call<TareTwinForce>("tare_window", request);
+  if (answer.success) zero_blocks_ = request.blocks;
   return {answer.success ? "" : answer.message};
 }
 
@@ -152,6 +185,8 @@ WindowAnswer TwinForceClient::add(const AveragingWindow& pressed) {
     throw PlantError(AlignFailure::kNoData,
                      std::string(kNode) + " answered without a contact " + found.text());
   }
+  ++contacts_;
+  checkMemory(answer.status);
   WindowAnswer out;
   out.signs_reversed = answer.status.signs == "reversed";
   out.force = Vector6::Map(answer.status.contacts.back().wrench_b.data()).head<3>().norm();
@@ -163,6 +198,7 @@ TwinForceSolution TwinForceClient::solve() {
   if (const MessageCheck found = check(state_); !found.good()) {
     throw PlantError(AlignFailure::kNoData, std::string(kNode) + ": " + found.text());
   }
+  checkMemory(state_);
   TwinForceSolution out;
   out.status = statusOf(state_.status);
   out.reason = state_.reason;

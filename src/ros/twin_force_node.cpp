@@ -1,7 +1,10 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/twin_force_node.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <utility>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
@@ -43,6 +46,12 @@ TwinForceTask taskOf(const ContactTask& in) {
   task.capacity = in.capacity;
   if (task.capacity >= 2 && task.capacity <= kMaxContacts) return task;
   throw InputError(text("capacity is %zu: give 2 to %zu", task.capacity, kMaxContacts));
+}
+
+// Named, and the same blocks? A coming window is another one each time.
+bool same(const TwinForceStreams::Window& one, const TwinForceStreams::Window& other) {
+  return !one.last.isZero() && one.first == other.first && one.last == other.last &&
+         one.blocks == other.blocks;
 }
 
 const char* nameOf(SignVerdict verdict) {
@@ -152,9 +161,13 @@ bool TwinForceNode::onBegin(BeginTwinForce::Request& request, BeginTwinForce::Re
 std::pair<bool, std::string> TwinForceNode::tare(const TwinForceStreams::Window& window) {
   const std::lock_guard<std::mutex> turn(services_);
   try {
-    free_ = read(window);
-    const WindowAnswer answer = contacts_->tare(free_->window);
-    if (!answer.refusal.empty()) return {false, answer.refusal};
+    if (!free_ || !same(window, free_asked_)) {
+      const Reading reading = read(window);
+      const WindowAnswer answer = contacts_->tare(reading.window);
+      if (!answer.refusal.empty()) return {false, answer.refusal};
+      free_ = reading;
+      free_asked_ = window;
+    }
     return {true, text("zero from %d samples", free_->window.means().samples())};
   } catch (const InputError& error) {
     return {false, error.what()};
@@ -176,19 +189,39 @@ bool TwinForceNode::onTareWindow(TareTwinForce::Request& request,
   return true;
 }
 
+std::vector<TwinForceNode::Origin>::const_iterator TwinForceNode::known(
+    const TwinForceStreams::Window& window) const {
+  return std::find_if(origins_.begin(), origins_.end(), [&](const Origin& origin) {
+    const bool same_zero = origin.free && free_ ? origin.free->first == free_->first &&
+                                                      origin.free->last == free_->last
+                                                : !origin.free && !free_;
+    return same_zero && same(origin.asked, window);
+  });
+}
+
+std::vector<TwinForceNode::Origin>::const_iterator TwinForceNode::add(
+    const TwinForceStreams::Window& window) {
+  const Reading reading = read(window);
+  const WindowAnswer answer = contacts_->add(reading.window);
+  if (!answer.refusal.empty()) throw InputError(answer.refusal + ": call ~reset first");
+  std::string message = text("contact %zu: %.2f N", origins_.size(), answer.force);
+  if (answer.signs_reversed) {
+    message += std::string("; ") + kReversed;
+    ROS_ERROR("twin force: %s", kReversed);
+  }
+  origins_.push_back({reading, free_, window, std::move(message)});
+  return std::prev(origins_.end());
+}
+
 bool TwinForceNode::onAdd(AddContact::Request& request, AddContact::Response& response) {
   const std::lock_guard<std::mutex> turn(services_);
   try {
-    const Reading reading = read({request.window, request.first, request.last, request.blocks});
-    const WindowAnswer answer = contacts_->add(reading.window);
-    if (!answer.refusal.empty()) throw InputError(answer.refusal + ": call ~reset first");
-    origins_.push_back({reading, free_});
+    const TwinForceStreams::Window asked{request.window, request.first, request.last,
+                                         request.blocks};
+    auto origin = known(asked);
+    if (origin == origins_.end()) origin = add(asked);
     response.success = true;
-    response.message = text("contact %zu: %.2f N", origins_.size() - 1, answer.force);
-    if (answer.signs_reversed) {
-      response.message += std::string("; ") + kReversed;
-      ROS_ERROR("twin force: %s", kReversed);
-    }
+    response.message = origin->message;
   } catch (const InputError& error) {
     response.message = error.what();
   }

@@ -21,6 +21,8 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/ros/service_call.h"
+
 namespace assembly_cell::ros_bridge {
 
 constexpr double kPatience = 60.0;  // of the wall clock, for a busy machine [s]
@@ -124,7 +126,7 @@ class Server {
                                   const typename Service::Request& request = {}) {
     Service s;
     s.request = request;
-    if (!ros::service::call(nh_.resolveName("calibration_server/" + service), s)) {
+    if (!callService(nh_.resolveName("calibration_server/" + service), s)) {
       return typename Service::Response();
     }
     return s.response;

@@ -34,6 +34,7 @@
 
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/service_call.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
 
@@ -155,7 +156,7 @@ class Sensor {
     s.request = request;
     const std::string name = nh_.resolveName("driver/" + service);
     EXPECT_TRUE(ros::service::waitForService(name, ros::Duration(kPatience)));
-    EXPECT_TRUE(ros::service::call(name, s)) << name;
+    EXPECT_TRUE(callService(name, s)) << name;
     return s.response;
   }
   std_srvs::Trigger::Response trigger(const std::string& service) {

@@ -28,6 +28,7 @@
 #include "assembly_cell/StrainSamples.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/service_call.h"
 #include "assembly_cell/scene/scenario.h"
 #include "cell_fixture.h"
 
@@ -118,18 +119,18 @@ class Simulator : public ::testing::Test {
   std_srvs::SetBool::Response pause(bool data) {
     std_srvs::SetBool service;
     service.request.data = data;
-    EXPECT_TRUE(ros::service::call("peg_hole_simulator/pause", service));
+    EXPECT_TRUE(callService("peg_hole_simulator/pause", service));
     return service.response;
   }
   Step::Response step(std::uint32_t blocks) {
     Step service;
     service.request.blocks = blocks;
-    EXPECT_TRUE(ros::service::call("peg_hole_simulator/step", service));
+    EXPECT_TRUE(callService("peg_hole_simulator/step", service));
     return service.response;
   }
   std_srvs::Trigger::Response trigger(const std::string& name) {
     std_srvs::Trigger service;
-    EXPECT_TRUE(ros::service::call("peg_hole_simulator/" + name, service));
+    EXPECT_TRUE(callService("peg_hole_simulator/" + name, service));
     return service.response;
   }
   void sendCommand(const geometry_msgs::PoseStamped& command) {

@@ -19,6 +19,7 @@
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/MoveToContactAction.h"
+#include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
 
@@ -53,7 +54,7 @@ class Supervisor : public ::testing::Test {
     })) << "the cell isn't there";
     // hanging over the plane again, with the clock going on
     std_srvs::Trigger reset;
-    ASSERT_TRUE(ros::service::call("peg_hole_simulator/reset", reset));
+    ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
     ASSERT_TRUE(reset.response.success) << reset.response.message;
     command_.clear();
     exciter_.clear();
@@ -221,13 +222,13 @@ TEST_F(Supervisor, TakesOneGoalAtATime) {
 TEST_F(Supervisor, GivesUpWhenNoSamplesCome) {
   std_srvs::SetBool pause;
   pause.request.data = true;
-  ASSERT_TRUE(ros::service::call("peg_hole_simulator/pause", pause));
+  ASSERT_TRUE(callService("peg_hole_simulator/pause", pause));
   startAlign("single_contact");
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
   EXPECT_NE(align_.getResult()->report.reason.find("no block of samples"), std::string::npos)
       << align_.getResult()->report.reason;
   pause.request.data = false;
-  ASSERT_TRUE(ros::service::call("peg_hole_simulator/pause", pause));
+  ASSERT_TRUE(callService("peg_hole_simulator/pause", pause));
   const std::size_t n = carrier_.size();
   EXPECT_TRUE(waitFor([&] { return carrier_.size() > n; })) << "the lockstep is broken";
 }

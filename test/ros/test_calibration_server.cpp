@@ -26,6 +26,7 @@
 
 #include "assembly_cell/calibration/observation.h"
 #include "assembly_cell/calibration/observation_log.h"
+#include "assembly_cell/ros/service_call.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "calibration_fixture.h"
@@ -687,8 +688,7 @@ TEST_F(Cell, CalibratesBothSensors) {
     EXPECT_EQ(c.observations_digest.rfind("crc32:", 0), 0u);
     EXPECT_EQ(c.wrench_covariance.rows(), 36);
     GetCalibration call;
-    ASSERT_TRUE(
-        ros::service::call(std::string("/sim/") + sensor + "/driver/get_calibration", call));
+    ASSERT_TRUE(callService(std::string("/sim/") + sensor + "/driver/get_calibration", call));
     EXPECT_EQ(call.response.calibration.id, "first");
     EXPECT_EQ(call.response.calibration.observations_digest, c.observations_digest);
   }
@@ -704,7 +704,7 @@ TEST_F(Cell, CalibratesBothSensors) {
   // 2 kg that were no part of it, at the sensor's reference point
   ApplyLoad load;
   load.request.step.test = weight(2.0);
-  ASSERT_TRUE(ros::service::call("/sim/simulated_calibration_rig/apply", load));
+  ASSERT_TRUE(callService("/sim/simulated_calibration_rig/apply", load));
   ASSERT_TRUE(load.response.success) << load.response.message;
   Vector6 mean = Vector6::Zero();
   ASSERT_TRUE(waitFor([&] {

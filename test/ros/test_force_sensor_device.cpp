@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/ros/service_call.h"
 #include "driver_fixture.h"
 #include "emulators.h"
 
@@ -117,7 +118,7 @@ class DeviceTest : public ::testing::Test {
   std_srvs::Trigger::Response trigger(const std::string& service) {
     std_srvs::Trigger call;
     EXPECT_TRUE(ros::service::waitForService(service, ros::Duration(kPatience)));
-    EXPECT_TRUE(ros::service::call(service, call)) << service;
+    EXPECT_TRUE(ros_bridge::callService(service, call)) << service;
     return call.response;
   }
 
@@ -154,7 +155,7 @@ TEST_F(DeviceTest, DeliversWhatTheBoxMeasures) {
   }));
   EXPECT_EQ(number(diagnoses_.latest("clean/driver: samples"), "expected rate [Hz]"), kRate);
   GetCalibration calibration;
-  ASSERT_TRUE(ros::service::call("/clean/driver/get_calibration", calibration));
+  ASSERT_TRUE(ros_bridge::callService("/clean/driver/get_calibration", calibration));
   EXPECT_EQ(calibration.response.calibration.id, "in the device");
   EXPECT_EQ(calibration.response.calibration.serial_number, "EMU-1");
 }

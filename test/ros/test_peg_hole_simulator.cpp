@@ -1,4 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/service_call.h"
 #include "simulator_fixture.h"
 
 namespace assembly_cell::ros_bridge {
@@ -231,7 +232,7 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   service.request.peg.orientation.w = 1.0;
   service.request.carrier.position = toPoint({0.010, 0.0, 0.001 + length});
   service.request.carrier.orientation.w = 1.0;
-  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
   ASSERT_TRUE(service.response.success) << service.response.message;
   ASSERT_TRUE(waitFor([this] {
     return truth_.last() && std::abs(truth_.last()->pose.position.x - 0.010) < kQuaternion &&
@@ -246,7 +247,7 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   service.request.peg =
       toPose(X_HC * Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, -length)});
   service.request.peg.position.z = scenario_.mechanism.peg.radius * std::sin(tilt) + 1e-6;
-  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
   ASSERT_TRUE(service.response.success) << service.response.message;
   ASSERT_TRUE(step(50).success);
   ASSERT_TRUE(waitFor([this] { return contacts_.size() >= 50; }));
@@ -261,7 +262,7 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   EXPECT_GT(force, 1.0);
 
   service.request.peg.position.x = kNaN;
-  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
   EXPECT_FALSE(service.response.success);
   EXPECT_NE(service.response.message.find("peg"), std::string::npos) << service.response.message;
 }
@@ -311,7 +312,7 @@ TEST_F(Simulator, StopsWithANamedReasonAndResetHelps) {
   const Pose X_HP{rotationFromEuler({0.0, 0.05, 0.0}), Eigen::Vector3d(0.0, 0.0, 0.2)};
   service.request.peg = toPose(X_HP);
   service.request.carrier = toPose(poseFromRest(scenario_.rest));
-  ASSERT_TRUE(ros::service::call("peg_hole_simulator/set_state", service));
+  ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
   ASSERT_TRUE(service.response.success) << service.response.message;
   Step::Response response = step(5);
   EXPECT_FALSE(response.success);

@@ -2,15 +2,20 @@
 #include <gtest/gtest.h>
 #include <ros/ros.h>
 
+#include <atomic>
 #include <functional>
 #include <limits>
 #include <string>
 #include <vector>
 
+#include "assembly_cell/AddContact.h"
+#include "assembly_cell/BeginTwinForce.h"
+#include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/twin_force_client.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
@@ -126,6 +131,88 @@ TEST(ParametersTest, RefusesWhatNobodyAskedFor) {
       },
       "parameter /ros_bridge_test/good/integer is unknown");
   EXPECT_NO_THROW(p.refuseUnknown({"flag", "text", "list", "three", "integer"}));
+}
+
+// An estimator that loses calls: the connection ends without an answer.
+class ForgetfulEstimator {
+ public:
+  explicit ForgetfulEstimator(int lost) : lost_(lost) {
+    using Handle = ros::NodeHandle;
+    Handle nh, pnh("twin_force_estimator");
+    // who publishes it is asked whether it is alive
+    status_ = nh.advertise<TwinForceState>("twin_force/status", 1, true);
+    services_ = {pnh.advertiseService("begin", &ForgetfulEstimator::onBegin, this),
+                 pnh.advertiseService("add_contact", &ForgetfulEstimator::onAdd, this)};
+  }
+  int asked() const { return asked_; }
+  void forget() { state_.contacts.clear(); }
+
+ private:
+  bool onBegin(BeginTwinForce::Request& request, BeginTwinForce::Response& response) {
+    state_.task = request.task;
+    response.success = true;
+    return true;
+  }
+  bool onAdd(AddContact::Request& request, AddContact::Response& response) {
+    ++asked_;
+    if (lost_-- > 0) return false;
+    FeltContact contact;
+    contact.blocks = request.blocks;
+    contact.move = toPose(Pose{});
+    state_.contacts.push_back(contact);
+    response.success = true;
+    response.status = state_;
+    return true;
+  }
+
+  int lost_;
+  std::atomic<int> asked_{0};
+  TwinForceState state_;
+  ros::Publisher status_;
+  std::vector<ros::ServiceServer> services_;
+};
+
+// What the client says of two contacts.
+std::string addTwo(ForgetfulEstimator& estimator, bool forgets) {
+  TwinForceClient::Settings settings;
+  settings.stamp_of = [](double time) { return ros::Time(100.0 + time); };
+  settings.cancelled = [] { return false; };
+  settings.answer_within = 5.0;
+  TwinForceClient client(ros::NodeHandle(), settings);
+  try {
+    client.begin(TwinForceTask{});
+    AveragingWindow window({1});
+    window.add(PlantBlock{});
+    EXPECT_EQ(client.add(window).refusal, "");
+    if (forgets) estimator.forget();
+    return client.add(window).refusal;
+  } catch (const PlantError& error) {
+    return error.what();
+  }
+}
+
+TEST(TwinForceClientTest, ACallWithoutAnAnswerIsSaidOnceMore) {
+  ros::AsyncSpinner spinner(1);
+  spinner.start();
+  {
+    ForgetfulEstimator estimator(1);
+    EXPECT_EQ(addTwo(estimator, false), "");
+    EXPECT_EQ(estimator.asked(), 3);
+  }
+  {
+    ForgetfulEstimator estimator(2);
+    EXPECT_EQ(addTwo(estimator, false),
+              "service twin_force_estimator/add_contact ended without an answer: is it running?");
+    EXPECT_EQ(estimator.asked(), 2);
+  }
+}
+
+TEST(TwinForceClientTest, AnEstimatorThatForgotIsNamed) {
+  ros::AsyncSpinner spinner(1);
+  spinner.start();
+  ForgetfulEstimator estimator(0);
+  const std::string reason = addTwo(estimator, true);
+  EXPECT_EQ(reason.rfind("twin_force_estimator keeps 1 contacts of 2", 0), 0U) << reason;
 }
 
 }  // namespace

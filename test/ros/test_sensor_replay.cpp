@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/service_call.h"
 #include "assembly_cell/sensor/replay.h"
 #include "assembly_cell/sensor/statistics.h"
 
@@ -151,7 +152,7 @@ TEST(SensorReplay, OriginalPlaysToWrenchAtItsOwnPace) {
 TEST(SensorReplay, IsZeroedLikeAnySensor) {
   std_srvs::Trigger trigger;
   ASSERT_TRUE(ros::service::waitForService("/original/driver/zero", ros::Duration(kPatience)));
-  ASSERT_TRUE(ros::service::call("/original/driver/zero", trigger));
+  ASSERT_TRUE(callService("/original/driver/zero", trigger));
   ASSERT_TRUE(trigger.response.success) << trigger.response.message;
   Listener<geometry_msgs::WrenchStamped> wrench("/original/wrench"), raw("/original/wrench_raw"),
       bias("/original/bias");
@@ -170,7 +171,7 @@ TEST(SensorReplay, IsZeroedLikeAnySensor) {
   EXPECT_GE(pairs, 2);
 
   // a recording that has ended is a silent source
-  ASSERT_TRUE(ros::service::call("/fast/driver/zero", trigger));
+  ASSERT_TRUE(callService("/fast/driver/zero", trigger));
   EXPECT_FALSE(trigger.response.success);
 }
 

@@ -22,6 +22,7 @@
 #include "assembly_cell/SetBias.h"
 #include "assembly_cell/SetCalibration.h"
 #include "assembly_cell/SupervisorState.h"
+#include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
 
@@ -302,20 +303,20 @@ TEST_F(Faults, WhoElseCommandsOrZeroesEndsTheGoalAndIsNamed) {
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
   SetBias zero;
   zero.request.bias[2] = 20.0;
-  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/set_bias", zero));
+  ASSERT_TRUE(callService("/faults/sensor_b/driver/set_bias", zero));
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
   EXPECT_EQ(reason().rfind("zero of sensor_b changed", 0), 0U) << reason();
   std_srvs::Trigger clear;
-  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/clear_bias", clear));
+  ASSERT_TRUE(callService("/faults/sensor_b/driver/clear_bias", clear));
 
   GetCalibration own;
-  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/get_calibration", own));
+  ASSERT_TRUE(callService("/faults/sensor_b/driver/get_calibration", own));
   SetCalibration other;
   other.request.calibration = own.response.calibration;
   other.request.calibration.volts_to_wrench[0] *= 1.001;
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
-  ASSERT_TRUE(ros::service::call("/faults/sensor_b/driver/set_calibration", other));
+  ASSERT_TRUE(callService("/faults/sensor_b/driver/set_calibration", other));
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
   EXPECT_EQ(reason().rfind("calibration of sensor_b changed", 0), 0U) << reason();
 }

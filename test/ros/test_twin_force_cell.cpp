@@ -31,6 +31,7 @@
 #include "assembly_cell/align/twin_sensing.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 
 // The strategy twin_force of the supervisor with the node twin_force_estimator.
@@ -274,24 +275,24 @@ TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
   const std::string space = "/replay/twin_force_estimator/";
   BeginTwinForce begin;
   begin.request.task = live.task;
-  ASSERT_TRUE(ros::service::call(space + "begin", begin));
+  ASSERT_TRUE(callService(space + "begin", begin));
   ASSERT_TRUE(begin.response.success) << begin.response.message;
   for (const FeltContact& contact : live.contacts) {
     TareTwinForce tare;
     tare.request.first = contact.zero_window[0];
     tare.request.last = contact.zero_window[1];
     tare.request.blocks = contact.zero_blocks;
-    ASSERT_TRUE(ros::service::call(space + "tare_window", tare));
+    ASSERT_TRUE(callService(space + "tare_window", tare));
     ASSERT_TRUE(tare.response.success) << tare.response.message;
     AddContact add;
     add.request.first = contact.window[0];
     add.request.last = contact.window[1];
     add.request.blocks = contact.blocks;
-    ASSERT_TRUE(ros::service::call(space + "add_contact", add));
+    ASSERT_TRUE(callService(space + "add_contact", add));
     ASSERT_TRUE(add.response.success) << add.response.message;
   }
   SolveTwinForce solve;
-  ASSERT_TRUE(ros::service::call(space + "solve", solve));
+  ASSERT_TRUE(callService(space + "solve", solve));
   EXPECT_TRUE(solve.response.success) << solve.response.message;
   EXPECT_EQ(bits(solve.response.status), bits(live));
 }

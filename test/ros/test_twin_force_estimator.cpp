@@ -20,6 +20,7 @@
 #include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/service_call.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 #include "cell_fixture.h"
 
@@ -65,7 +66,7 @@ class TwinForceEstimator : public ::testing::Test {
     time_ = start;
     start += 3600.0;
     std_srvs::Trigger reset;
-    ASSERT_TRUE(ros::service::call("twin_force_estimator/reset", reset));
+    ASSERT_TRUE(callService("twin_force_estimator/reset", reset));
     ASSERT_TRUE(reset.response.success);
     status_.clear();
     pose_.clear();
@@ -126,7 +127,7 @@ class TwinForceEstimator : public ::testing::Test {
     call.request.window = window;
     std::atomic<bool> answered{false};
     std::thread caller([&] {
-      EXPECT_TRUE(ros::service::call("twin_force_estimator/add_contact", call));
+      EXPECT_TRUE(callService("twin_force_estimator/add_contact", call));
       answered = true;
     });
     for (int i = 0; i < 2000 && !answered; ++i) push(move, force, point, feed);
@@ -136,7 +137,7 @@ class TwinForceEstimator : public ::testing::Test {
 
   SolveTwinForce::Response solve() {
     SolveTwinForce call;
-    EXPECT_TRUE(ros::service::call("twin_force_estimator/solve", call));
+    EXPECT_TRUE(callService("twin_force_estimator/solve", call));
     return call.response;
   }
 
@@ -254,6 +255,43 @@ TEST_F(TwinForceEstimator, TellsAReversedSensor) {
   EXPECT_NE(answer.message.find("opposite sign"), std::string::npos);
 }
 
+// A caller whose answer got lost says it again: that is the same contact, not another one.
+TEST_F(TwinForceEstimator, AWindowSaidTwiceCountsOnce) {
+  const auto window = [this](auto& request) {
+    const double first = time_ + kPeriod * kBlock;
+    for (int k = 0; k < 5; ++k) push(Pose{}, {2, 1, 15}, {0.02, 0.01, 0});
+    request.first = ros::Time(first);
+    request.last = ros::Time(time_);
+    request.blocks = 5;
+  };
+  TareTwinForce tare;
+  window(tare.request);
+  AddContact call, other;
+  window(call.request);
+  const auto say = [](AddContact& asked) {
+    EXPECT_TRUE(callService("twin_force_estimator/add_contact", asked));
+    EXPECT_TRUE(asked.response.success) << asked.response.message;
+    return asked.response;
+  };
+  const auto said = say(call);
+  const auto again = say(call);
+  EXPECT_EQ(again.message, said.message);
+  EXPECT_EQ(again.status.contacts.size(), 1U);
+  EXPECT_EQ(again.status.contacts.back().wrench_b, said.status.contacts.back().wrench_b);
+  // another window is another contact
+  window(other.request);
+  EXPECT_EQ(say(other).status.contacts.size(), 2U);
+  // and so is the same one less another zero
+  std::string zero;
+  for (int k = 0; k < 2; ++k) {
+    ASSERT_TRUE(callService("twin_force_estimator/tare_window", tare));
+    ASSERT_TRUE(tare.response.success) << tare.response.message;
+    EXPECT_TRUE(k == 0 || tare.response.message == zero) << tare.response.message;
+    zero = tare.response.message;
+    EXPECT_EQ(say(call).status.contacts.size(), 3U);
+  }
+}
+
 TEST_F(TwinForceEstimator, TakesOutTheZero) {
   // both sensors off by what they feel hanging free
   const Vector3d offset(0.5, -0.3, 0.4), at(0.01, 0.02, 0);
@@ -261,7 +299,7 @@ TEST_F(TwinForceEstimator, TakesOutTheZero) {
   std_srvs::Trigger tare;
   std::atomic<bool> answered{false};
   std::thread caller([&] {
-    EXPECT_TRUE(ros::service::call("twin_force_estimator/tare", tare));
+    EXPECT_TRUE(callService("twin_force_estimator/tare", tare));
     answered = true;
   });
   for (int i = 0; i < 2000 && !answered; ++i) push(Pose{}, offset, at);

@@ -3,9 +3,12 @@
 
 #include <ros/ros.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <future>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "assembly_cell/ContactTask.h"
@@ -19,7 +22,9 @@ ContactTask contactTask(const TwinForceTask& task);
 
 /// The running twin_force_estimator, as a strategy asks for it. Windows go to it as times of the
 /// cell: it averages the blocks that the strategy means from its own streams. Every call ends
-/// within a timeout; PlantError names the node when there is no answer.
+/// within a timeout, and is said once more when the connection was lost before the answer: said
+/// twice counts once. PlantError names the node when there is no answer, and when it doesn't know
+/// of what it was told before (it was started anew, or somebody else uses it).
 class TwinForceClient : public TwinForceSensing {
  public:
   struct Settings {
@@ -47,14 +52,24 @@ class TwinForceClient : public TwinForceSensing {
   template <class Service>
   typename Service::Response call(const std::string& name,
                                   const typename Service::Request& request);
+  /// One attempt; nothing when the connection was lost before the answer.
+  template <class Service>
+  std::optional<typename Service::Response> attempt(const std::string& service,
+                                                    const typename Service::Request& request);
   template <class Request>
   void fill(Request& request, const AveragingWindow& window) const;
   bool wait(double limit, const std::function<bool(double patience)>& ready);
+  bool waitUntilFree(double limit);
   void lookForNode(const std::string& service) const;
+  void checkMemory(const TwinForceState& state) const;
 
   ros::NodeHandle nh_;
   Settings settings_;
   bool begun_ = false;
+  // what the node was told since begin()
+  ContactTask task_;
+  std::uint32_t zero_blocks_ = 0;  ///< of the latest zero
+  std::size_t contacts_ = 0;
   TwinForceState state_;         ///< as of the last solve()
   std::future<void> under_way_;  ///< a call that may still be waiting for its answer
 };

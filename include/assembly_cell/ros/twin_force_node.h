@@ -39,6 +39,8 @@ class TwinForceNode {
   struct Origin {
     Reading pressed;
     std::optional<Reading> free;
+    TwinForceStreams::Window asked;  ///< the window as it was named
+    std::string message;             ///< the answer
   };
 
   TwinForceSetup readSetup(Parameters& parameters);
@@ -53,6 +55,11 @@ class TwinForceNode {
 
   void begin(const TwinForceTask& task);
   Reading read(TwinForceStreams::Window window);
+  /// The contact from a window that was asked for before, with the same zero; end(): none. A call
+  /// whose answer got lost is said again.
+  std::vector<Origin>::const_iterator known(const TwinForceStreams::Window& window) const;
+  /// Keeps a contact; throws InputError with the reason when it is refused.
+  std::vector<Origin>::const_iterator add(const TwinForceStreams::Window& window);
   /// Takes the zero from a window; true and what from, or why not.
   std::pair<bool, std::string> tare(const TwinForceStreams::Window& window);
   void publishPose();
@@ -66,9 +73,10 @@ class TwinForceNode {
 
   mutable std::mutex services_;  ///< one at a time
   std::unique_ptr<TwinForceContacts> contacts_;
-  std::vector<Origin> origins_;  ///< of the contacts
-  std::optional<Reading> free_;  ///< the latest zero
-  ContactTask told_;             ///< the present task, as it came
+  std::vector<Origin> origins_;          ///< of the contacts
+  std::optional<Reading> free_;          ///< the latest zero
+  TwinForceStreams::Window free_asked_;  ///< where it was asked for
+  ContactTask told_;                     ///< the present task, as it came
   bool pose_known_ = false;
   std::optional<ReachableContact> advised_;
 
