@@ -14,11 +14,11 @@ ENDED = 20.0  # a node that was asked to end [s wall]
 MINE = "/campaign_of_faults"  # this node, the stranger
 
 SUPERVISOR, SIMULATOR = "assembly_supervisor", "peg_hole_simulator"
-LOCUS, TWIN = "locus_estimator", "twin_force_estimator"
+LOCUS, TWIN, IDENTIFIER = "locus_estimator", "twin_force_estimator", "mechanism_identifier"
 DRIVERS = ("sensor_a/driver", "sensor_b/driver")
 RIG, SERVER = "bench/simulated_calibration_rig", "bench/calibration_server"
 BENCH_DRIVERS = ("bench/sensor_a/driver", "bench/sensor_b/driver")
-NODES = (SUPERVISOR, SIMULATOR, *DRIVERS, LOCUS, TWIN)
+NODES = (SUPERVISOR, SIMULATOR, *DRIVERS, LOCUS, TWIN, IDENTIFIER)
 
 
 class Broken(Exception):
@@ -50,13 +50,13 @@ class Nodes:
         package = pathlib.Path(__import__("rospkg").RosPack().get_path("assembly_cell"))
         self.package = package
         lockstep = options.mode == "lockstep"
-        cell = ["lockstep:=" + str(lockstep).lower(), f"real_time_factor:={1.0 / options.factor}"]
+        cell = ["lockstep:=" + str(lockstep).lower(), f"real_time_factor:={1.0 / options.factor}", "identification:=true"]
         self.load(roslaunch.config, package / "launch/cell.launch", cell, "")
         if not lockstep:
             bench = ["store:=" + folder + "/store"]
             self.load(roslaunch.config, package / "launch/calibration.launch", bench, "/bench")
         parameters = {
-            SUPERVISOR + "/slow_factor": float(options.factor), SIMULATOR + "/ack_timeout": START,
+            SUPERVISOR + "/slow_factor": float(options.factor), IDENTIFIER + "/slow_factor": float(options.factor), SIMULATOR + "/ack_timeout": START,
             SIMULATOR + "/start_timeout": START, RIG + "/real_time_factor": 5.0 / options.factor}
         for driver in BENCH_DRIVERS:
             parameters[driver + "/rate_tolerance"] = 10.0  # faster than a sensor

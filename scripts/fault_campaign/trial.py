@@ -7,7 +7,7 @@ import threading
 import time
 
 from .cell import (
-    BENCH_DRIVERS, DRIVERS, LOCUS, MINE, NODES, RIG, SERVER, SIMULATOR, START, SUPERVISOR, TWIN, Broken, Client, Ears, Goal, Nodes, wait_for)
+    BENCH_DRIVERS, DRIVERS, IDENTIFIER, LOCUS, MINE, NODES, RIG, SERVER, SIMULATOR, START, SUPERVISOR, TWIN, Broken, Client, Ears, Goal, Nodes, wait_for)
 from .hostile import HOSTILE, be_hostile
 
 # what docs/safety.md promises
@@ -30,9 +30,16 @@ GOALS = {  # goal: (action, moments)
     "move_to_contact": ("move_to_contact", ("time", "down", "pressed")),
     "align": ("align", ("time", "down", "pressed", "shaken", "shaken")),
     "twin_force": ("align", ("time", "down", "pressed", "pressed")),
+    "assemble": ("assemble", ("time", "down", "pressed", "inside", "inside")),
+    "identify": ("identify", ("time", "pressed", "shaken")),
     "calibrate": ("bench/calibrate", ("time",)),
 }
-LONGEST = {"move_to_contact": 0.8, "align": 20.0, "twin_force": 12.0, "calibrate": 0.7}  # of "time" [s]
+LONGEST = {"move_to_contact": 0.8, "align": 20.0, "twin_force": 12.0, "assemble": 12.0, "identify": 25.0, "calibrate": 0.7}  # of "time" [s]
+
+
+def holder_of(goal):
+    """The node that the goal is sent to."""
+    return {"calibrate": SERVER, "identify": IDENTIFIER}.get(goal, SUPERVISOR)
 
 
 def faults_of(goal):
@@ -40,7 +47,7 @@ def faults_of(goal):
         nodes = (RIG, SERVER, *BENCH_DRIVERS)
         return [(kind, node) for kind in ("kill", "restart", "stall") for node in nodes] + [("ctrl-c", SERVER)]
     found = [(kind, node) for kind in ("kill", "restart", "stall") for node in NODES]
-    found += [("stall", SUPERVISOR)] * 2 + [("ctrl-c", SUPERVISOR)] * 2 + [("ctrl-c", "all")]
+    found += [("stall", holder_of(goal))] * 2 + [("ctrl-c", holder_of(goal))] * 2 + [("ctrl-c", "all")]
     return found + [("hostile", what) for what in HOSTILE]
 
 
@@ -58,7 +65,8 @@ class Campaign:
         self.ears = Ears(self.ns)
         self.last_life = 0  # of a simulator that was started anew
         types = {"move_to_contact": (m.MoveToContactActionGoal, m.MoveToContactActionResult), "align": (m.AlignPegActionGoal, m.AlignPegActionResult),
-                 "retreat": (m.RetreatActionGoal, m.RetreatActionResult), "bench/calibrate": (m.CalibrateSensorsActionGoal, m.CalibrateSensorsActionResult)}
+                 "retreat": (m.RetreatActionGoal, m.RetreatActionResult), "assemble": (m.AssemblePegActionGoal, m.AssemblePegActionResult),
+                 "identify": (m.IdentifyActionGoal, m.IdentifyActionResult), "bench/calibrate": (m.CalibrateSensorsActionGoal, m.CalibrateSensorsActionResult)}
         self.clients = {name: Client(self.ns, name, of) for name, of in types.items()}
         advertise = lambda topic, cls: rospy.Publisher(f"{self.ns}/{topic}", cls, queue_size=100, tcp_nodelay=True)
         self.strange = {
@@ -87,7 +95,7 @@ class Campaign:
             return False
         if bench:
             return self.clients["bench/calibrate"].connected()
-        clients = [self.clients[name] for name in ("align", "move_to_contact", "retreat")]
+        clients = [self.clients[name] for name in ("align", "move_to_contact", "retreat", "assemble", "identify")]
         ears = self.ears
         heard = ears.plant and ears.supervisor and ears.state().life != self.last_life
         heard = heard and all(s.get_num_connections() > 0 for s in ears.subscribers)
@@ -130,7 +138,7 @@ class Campaign:
         if self.cell[0] not in self.nodes.running:
             self.start(self.cell)
         self.wait_until_ready()
-        if trial["reset"]:
+        if trial["reset"] or trial["goal"] == "identify":  # which begins from a peg that hangs free
             self.reset()
 
     def reset(self):
@@ -145,7 +153,7 @@ class Campaign:
     def begin(self, trial):
         goal = trial["goal"]
         fields = {"move_to_contact": {"force": trial["force"]}, "align": {"strategy": "single_contact"}, "twin_force": {"strategy": "twin_force"},
-                  "calibrate": {"dry_run": True, "restart": True}}[goal]
+                  "assemble": {"strategy": "twin_force", "depth": 0.01}, "identify": {"time_limit": 20.0}, "calibrate": {"dry_run": True, "restart": True}}[goal]
         return self.send(GOALS[goal][0], **fields)
 
     def reach_moment(self, trial, goal):
@@ -154,7 +162,7 @@ class Campaign:
         height, peak = ears.height, 60.0 * self.factor
         conditions = {
             "time": lambda: True, "down": lambda: ears.height < height - 5e-4, "pressed": lambda: ears.force > 1.0,
-            "shaken": lambda: ears.state().exciter}
+            "shaken": lambda: ears.state().exciter, "inside": lambda: ears.pose is not None and ears.pose.position.z < -1e-3}
         wait_for(lambda: goal.done() or conditions[moment](), peak)
         if trial["goal"] == "calibrate":
             wait_for(goal.done, trial["delay"] * self.factor)
@@ -194,12 +202,13 @@ class Campaign:
             return HOSTILE[node] is None
         if not self.is_needed(trial):
             return True
-        return kind == "stall" or kind == "restart" and node not in (SUPERVISOR, SIMULATOR, SERVER)
+        return kind == "stall" or kind == "restart" and node not in (holder_of(trial["goal"]), SIMULATOR)
 
     def is_needed(self, trial):
         """Does the goal ask this node for anything? In lockstep time waits for every node."""
         node, goal = trial["node"], trial["goal"]
-        return self.lockstep or not (node == LOCUS and goal != "align" or node == TWIN and goal != "twin_force")
+        asked = {LOCUS: ("align",), TWIN: ("twin_force", "assemble"), IDENTIFIER: ("identify",), SUPERVISOR: [g for g in GOALS if g != "identify"]}
+        return self.lockstep or goal in asked.get(node, GOALS)
 
     def expected(self, trial):
         """What the reason says that names the fault; "" where no name is due."""
@@ -208,7 +217,7 @@ class Campaign:
             return [HOSTILE[node]]
         if kind == "ctrl-c":
             return ["shutting down", "server lost"] + (["gone", "silent"] if node == "all" else [])
-        if node in (SUPERVISOR, SERVER):
+        if node == holder_of(trial["goal"]):
             return ["server lost"]
         if node == SIMULATOR:
             return [SIMULATOR, "started anew", "another life"]
@@ -260,7 +269,7 @@ class Campaign:
         self.wait_until_ready(trial["goal"] == "calibrate")
         if trial["goal"] != "calibrate":
             self.judge_rest(trial, row)
-        row["next"] = self.judge_next(trial, row, trial["goal"] in ("align", "twin_force") and goal.succeeded())
+        row["next"] = self.judge_next(trial, row, trial["goal"] in ("align", "twin_force", "assemble") and goal.succeeded())
         broken += [f"crash: {text}" for text in self.nodes.crashed()]
         return row
 
@@ -268,8 +277,8 @@ class Campaign:
 
     def judge_plant(self, trial, row, mark):
         ears, broken = self.ears, row["broken"]
-        fault_of_supervisor = trial["node"] == SUPERVISOR and trial["kind"] in ("kill", "restart")
-        if not self.lockstep and fault_of_supervisor and row["moment"] != "idle":
+        fault_of_holder = trial["node"] == holder_of(trial["goal"]) and trial["kind"] in ("kill", "restart")
+        if not self.lockstep and fault_of_holder and row["moment"] != "idle":
             wait_for(lambda: any(s.held or not s.session for s, _ in ears.plant[mark:]), 5.0 * self.factor)
         for state, sign in list(ears.plant[mark:]):
             if not self.lockstep and state.held and not state.overload and state.reason.startswith("lapsed") and sign:
@@ -289,7 +298,7 @@ class Campaign:
         if not wait_for(lambda: not ears.state().exciter, limit):
             broken.append("exciter: still on")
         told = lambda: ears.force < 0.5 or ears.supervisor.in_contact or ears.state().held
-        if trial["node"] not in (SUPERVISOR, SIMULATOR, "all") and "pressing" not in row["result"] and not wait_for(told, limit):
+        if trial["node"] not in (holder_of(trial["goal"]), SUPERVISOR, SIMULATOR, "all") and "pressing" not in row["result"] and not wait_for(told, limit):
             broken.append(f"contact: {ears.force:.1f} N and nobody says so")
 
     def judge_truth(self, row, goal):
@@ -315,6 +324,7 @@ class Campaign:
     def judge_name(self, trial, row, goal, by_itself, begun, shaken):
         """Is it named, and in time?"""
         kind, node, broken = trial["kind"], trial["node"], row["broken"]
+        holder = holder_of(trial["goal"])
         if kind == "hostile" and HOSTILE[node] is None:
             of_plant = lambda: MINE in self.ears.state().refusal
             if wait_for(lambda: self.ears.named or of_plant(), 10.0 * self.factor):
@@ -326,10 +336,10 @@ class Campaign:
             return
         if self.goes_on(trial) and (kind == "stall" or self.is_needed(trial)):
             # a short one may cost time only; a goal that ended because of it names it
-            named = any(text in row["result"] for text in self.expected(trial)) or node == SUPERVISOR
+            named = any(text in row["result"] for text in self.expected(trial)) or node == holder
             if by_itself and not goal.succeeded() and not named:
                 broken.append("name: " + row["result"])
-            if by_itself and named and node != SUPERVISOR and not goal.succeeded():
+            if by_itself and named and node != holder and not goal.succeeded():
                 row["name"] = goal.end - begun
             return
         if self.goes_on(trial):
@@ -342,7 +352,7 @@ class Campaign:
         if not any(text in row["result"] for text in self.expected(trial)):
             broken.append("name: " + (row["result"] or "none"))
         freed = (FREEING + NAME) * self.factor
-        limit = {SUPERVISOR: LOST * self.factor, LOCUS: freed + NAME * self.factor, TWIN: freed + NAME * self.factor}.get(node, freed)
+        limit = {holder: LOST * self.factor, LOCUS: freed + NAME * self.factor, TWIN: freed + NAME * self.factor}.get(node, freed)
         if kind == "kill" and self.lockstep:
             limit = GONE + freed
         if node in (LOCUS, TWIN) and not shaken:

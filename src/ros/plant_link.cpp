@@ -7,13 +7,13 @@
 #include <utility>
 
 #include "assembly_cell/Lease.h"
-#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
 constexpr int kQueue = 100;
+constexpr char kAnotherLife[] = "the plant was started anew during the goal";
 
 std::uint32_t randomNumber() {
   std::random_device random;
@@ -81,9 +81,9 @@ void PlantLink::begin() {
 
 void PlantLink::forget() {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (moving_) return;
   state_.reset();
   life_ = 0;
+  if (moving_ && fault_.empty()) fault_ = kAnotherLife;
 }
 
 void PlantLink::move() {
@@ -142,11 +142,11 @@ void PlantLink::repeated() {
 void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& node) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (session_ != 0 && state_ && node != plant_) {
-      IncomingLog::ofThisProcess().refuse("plant_state", node, "the plant is " + plant_);
+    const std::string why = door_.judgePublisher(node);
+    if (!why.empty()) {
+      IncomingLog::ofThisProcess().refuse("plant_state", node, why);
       return;
     }
-    plant_ = node;
     const bool held_before = state_ && state_->session == session_;
     state_ = *state;
     const std::string& me = ros::this_node::getName();
@@ -159,7 +159,7 @@ void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& no
                         state->refused_reason == "held_by_another" ||
                         state->refused_reason == "no_lease";
       if (state->life != life_) {
-        fault_ = "the plant was started anew during the goal";
+        fault_ = kAnotherLife;
       } else if (!state->holder.empty() && state->holder != me) {
         fault_ = state->holder + " holds the plant";
       } else if (state->overload && state->session == session_) {

@@ -192,6 +192,8 @@ void RosPlant::onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message
     done_.reset();
     done_end_ = ros::Time();
     carrier_poses_.clear();
+    // what is commanded from now on is of this life: the plant counts it
+    last_.end = message->header.stamp;
     link_.forget();
   }
   clock_.observe(wallTime(arrived_[3]), message->header.stamp.toSec());

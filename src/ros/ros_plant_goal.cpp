@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <vector>
 
@@ -26,6 +27,8 @@ constexpr double kJump = 1.0;        // of the stamps: another life of the plant
 constexpr int kReadings = 2;         // of one contact, where samples or the estimator got lost
 constexpr std::size_t kLeastSamples = 8;  // of a vibration
 constexpr char kBlock[] = "block of samples";
+// of the participants of a lockstep that a cell may have: time waits for them, asked or not
+constexpr const char* kOptional[] = {"twin_force/status", "align/status", "identify/status"};
 
 }  // namespace
 
@@ -113,9 +116,10 @@ std::string RosPlant::whoIsMissing(std::unique_lock<std::mutex>& lock, bool only
   if (anybody) {
     for (const char* topic : kBlockTopics) add(topic);
     add("identify_locus/status");
-    add("twin_force/status");
+    for (const char* topic : kOptional) {
+      if (lockstep_) add(topic);
+    }
   }
-  const std::string twin = nh_.resolveName("twin_force/status");
   const bool running = !origin_.isZero();
   lock.unlock();
   std::vector<TopicPublisher> found =
@@ -126,7 +130,9 @@ std::string RosPlant::whoIsMissing(std::unique_lock<std::mutex>& lock, bool only
     const auto there = [&](const TopicPublisher& publisher) {
       const bool unknown = publisher.presence == NodePresence::kUnknown;
       const bool nobody = unknown && running;
-      const bool optional = publisher.topic == twin;
+      const bool optional =
+          std::any_of(std::begin(kOptional), std::end(kOptional),
+                      [&](const char* topic) { return publisher.topic == nh_.resolveName(topic); });
       return publisher.presence == NodePresence::kListening || (nobody ? optional : unknown);
     };
     found.erase(std::remove_if(found.begin(), found.end(), there), found.end());

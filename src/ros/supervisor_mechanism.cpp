@@ -1,12 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <actionlib/client/simple_action_client.h>
 
-#include <limits>
-
 #include "assembly_cell/IdentifyAction.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/identification/mechanism_check.h"
+#include "assembly_cell/ros/node_watch.h"
 #include "assembly_cell/ros/supervisor_node.h"
 
 // What the supervisor knows of the mechanism: checked on the hanging peg before each alignment,
@@ -18,6 +17,8 @@ namespace {
 constexpr double kLook = 0.02;     // between two looks at the action, wall clock [s]
 constexpr double kServer = 10.0;   // for its server, wall clock [s]
 constexpr double kParting = 10.0;  // for the answer to a cancel, wall clock [s]
+constexpr double kQuestion = 1.0;  // between two looks for the node, wall clock [s]
+constexpr double kAnswer = 2.0;    // of the node to a question, wall clock [s]
 
 // the others go by places of touches or wrenches
 bool needsMechanism(const std::string& strategy) {
@@ -105,8 +106,14 @@ void SupervisorNode::identifyMechanism(const std::function<bool()>& cancelled) {
   goal.time_limit = identify_time_;
   client.sendGoal(goal);
   const auto done = [&] { return client.getState().isDone(); };
-  // it ends by itself: where the cell stops, with the reason
-  if (!lookFor(std::numeric_limits<std::int32_t>::max(), ended, done)) {
+  // it ends by itself, where the cell stops, with the reason; not when its process dies or freezes
+  while (!lookFor(kQuestion, ended, done) && !ended()) {
+    const auto found = publishersOf({nh_.resolveName("identify/status")}, kAnswer * slow_factor_);
+    if (found.front().presence != NodePresence::kListening && !done()) {
+      throw PlantError(AlignFailure::kNoData, "no result of identify: " + describe(found));
+    }
+  }
+  if (!done()) {
     client.cancelGoal();
     lookFor(
         kParting, [] { return false; }, done);

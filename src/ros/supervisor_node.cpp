@@ -77,6 +77,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;
   const RosPlant::Settings plant = plantSettings(parameters);
+  slow_factor_ = plant.slow_factor;
   parameters.refuseUnknown();
   try {
     checkParameters(p);

@@ -1,9 +1,16 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <actionlib/client/simple_action_client.h>
 #include <gtest/gtest.h>
+#include <ros/master.h>
+#include <ros/network.h>
 #include <ros/ros.h>
+#include <signal.h>
 #include <unistd.h>
+#include <xmlrpcpp/XmlRpc.h>
 
+#include <cstdint>
+#include <functional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -31,6 +38,24 @@ std::string temporary(const std::string& name) {
   return std::string(::testing::TempDir()) + name + "_" + std::to_string(getpid()) + ".yaml";
 }
 
+// Of a node that was started by somebody else.
+pid_t processOf(const std::string& node) {
+  XmlRpc::XmlRpcValue request, response, uri;
+  request[0] = ros::this_node::getName();
+  request[1] = node;
+  std::string host;
+  std::uint32_t port = 0;
+  const bool known = ros::master::execute("lookupNode", request, response, uri, false) &&
+                     ros::network::splitURI(std::string(uri), host, port);
+  XmlRpc::XmlRpcValue question, answer;
+  question[0] = ros::this_node::getName();
+  if (!known || !XmlRpc::XmlRpcClient(host.c_str(), static_cast<int>(port), "/")
+                     .execute("getPid", question, answer)) {
+    throw std::runtime_error("no node " + node);
+  }
+  return static_cast<pid_t>(int(answer[2]));
+}
+
 // The cell in lockstep, its mechanism_identifier writing to a file of its own.
 class Cell {
  public:
@@ -42,8 +67,10 @@ class Cell {
   }
 
   // the reason in the supervisor's report; "" when it doesn't end in time
-  std::string align() {
-    Child report({executable("report"), "_strategy:=auto"});
+  std::string align(
+      const std::string& strategy = "auto", const std::function<void()>& meanwhile = [] {}) {
+    Child report({executable("report"), "_strategy:=" + strategy});
+    meanwhile();
     EXPECT_TRUE(waitFor([&] { return !report.running() || !cell_.running(); }, kRunTime))
         << report.output();
     EXPECT_TRUE(waitFor([&] { return reports.size() > 0; })) << report.output();
@@ -138,6 +165,19 @@ TEST(MechanismIdentifier, WrongFileIsRefusedOrIdentifiedAnew) {
   EXPECT_EQ(access(cell.file.c_str(), R_OK), 0);
   unlink(cell.file.c_str());
   unlink(wrong.c_str());
+}
+
+// The supervisor waits for the identifier's answer as long as it is there.
+TEST(MechanismIdentifier, OneThatDiesIsNamedByTheSupervisor) {
+  Cell cell({"paused:=true", "identify:=true"});
+  ros::NodeHandle nh;
+  Record<IdentifyActionFeedback> feedback(nh, "identify/feedback");
+  const std::string reason = cell.align("single_contact", [&] {
+    EXPECT_TRUE(waitFor([&] { return feedback.size() > 0; }, kRunTime)) << cell.output();
+    kill(processOf("/mechanism_identifier"), SIGKILL);
+  });
+  EXPECT_NE(reason.find("identify/status of /mechanism_identifier (gone)"), std::string::npos)
+      << reason;
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/PlantState.h"
 #include "assembly_cell/SensorCalibration.h"
+#include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -27,7 +28,7 @@ class PlantLink {
   PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> changed);
 
   void begin();                   ///< a session with a new number
-  void forget();                  ///< the blocks show another life: what was known is of the last
+  void forget();                  ///< the blocks show another life: its state may come later
   void move();                    ///< it moves from now on: the plant must stay the same
   void end();                     ///< lets the plant go
   std::uint32_t session() const;  ///< 0: none
@@ -63,10 +64,10 @@ class PlantLink {
   mutable std::mutex mutex_;
   std::uint32_t session_ = 0;
   std::optional<PlantState> state_;
-  std::string plant_;          // node that said so
   std::uint32_t life_ = 0;     // of the plant when the session began; 0: not known
   std::uint32_t refused_ = 0;  // commands, when the session began or was repeated
   bool moving_ = false;
+  StreamDoor door_;    // of the plant's state
   bool lost_ = false;  // something that was commanded is not in force
   std::string fault_;
   std::map<std::string, std::string> constants_;  // by name, as bytes

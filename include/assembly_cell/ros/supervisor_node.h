@@ -95,6 +95,7 @@ class SupervisorNode {
   std::optional<KnownMechanism> known_;
   bool identify_ = false;        ///< where none is known and one is needed, or it is contradicted
   double identify_time_ = 60.0;  ///< [s]
+  double slow_factor_ = 1.0;     ///< of the waits for other nodes
   Pose X_CP_;                    ///< peg in the carrier, at rest
   AlignParameters parameters_;
   PressLimits limits_;

@@ -1,0 +1,169 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <actionlib/client/simple_action_client.h>
+#include <geometry_msgs/PoseStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <signal.h>
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/AlignPegAction.h"
+#include "assembly_cell/ContactArray.h"
+#include "assembly_cell/MoveToContactAction.h"
+#include "assembly_cell/PlantState.h"
+#include "assembly_cell/RetreatAction.h"
+#include "assembly_cell/SupervisorState.h"
+#include "cell_fixture.h"
+#include "contact_force.h"
+
+// A cell in lockstep whose simulator alone ends and comes back, and a peg that doesn't come free.
+namespace assembly_cell::ros_bridge {
+namespace {
+
+using actionlib::SimpleClientGoalState;
+using test::Child;
+using test::executable;
+using test::Record;
+using test::waitFor;
+
+constexpr double kForce = 8.0;  // of a press [N]
+
+class LockstepFaults : public ::testing::Test {
+ protected:
+  void startCell() {
+    startSimulator();
+    for (const std::string sensor : {"sensor_a", "sensor_b"}) {
+      start(sensor, "force_sensor_driver", "/lockstep/" + sensor, "driver");
+    }
+    start("locus_estimator", "locus_estimator", "/lockstep", "locus_estimator");
+    startSupervisor();
+  }
+  // another one takes the place of the last
+  void startSupervisor(const std::vector<std::string>& arguments = {}) {
+    nodes_.erase("supervisor");
+    ASSERT_TRUE(waitFor([this] { return !align_.isServerConnected(); }));
+    state_.clear();
+    start("supervisor", "assembly_supervisor", "/lockstep", "assembly_supervisor", arguments);
+    ASSERT_TRUE(waitFor([this] {
+      return align_.isServerConnected() && press_.isServerConnected() &&
+             retreat_.isServerConnected() && state_.last() && runs();
+    })) << nodes_.at("simulator")->output();
+  }
+  void start(const std::string& what, const std::string& program, const std::string& ns,
+             const std::string& name, const std::vector<std::string>& arguments = {}) {
+    std::vector<std::string> command{executable(program), "__ns:=" + ns, "__name:=" + name};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    nodes_[what] = std::make_unique<Child>(command);
+  }
+  void startSimulator() {
+    start("simulator", "peg_hole_simulator", "/lockstep", "peg_hole_simulator");
+  }
+  // alone, at once; true when another life of the plant runs on
+  bool restartSimulator() {
+    const auto before = plant_.last();
+    nodes_.at("simulator")->signal(SIGKILL);
+    startSimulator();
+    return waitFor([&] { return !before || plant_.last()->life != before->life; }) && runs();
+  }
+  // does the cell's time pass?
+  bool runs() {
+    const std::size_t n = carrier_.size(), m = contacts_.size();
+    return waitFor(
+        [&] { return plant_.last() && carrier_.size() > n + 5 && contacts_.size() > m; });
+  }
+
+  void startPress(double force) {
+    MoveToContactGoal goal;
+    goal.force = force;
+    press_.sendGoal(goal);
+  }
+  template <class Client>
+  SimpleClientGoalState finish(Client& client) {
+    EXPECT_TRUE(waitFor([&] { return client.getState().isDone(); }, 120.0))
+        << "the goal doesn't end";
+    return client.getState();
+  }
+  void expectPress(double force) {
+    startPress(force);
+    ASSERT_EQ(finish(press_).state_, SimpleClientGoalState::SUCCEEDED)
+        << press_.getResult()->message;
+    EXPECT_TRUE(runs());
+    EXPECT_NEAR(test::liftingForce(*contacts_.last()), force, 0.1 * force);
+  }
+
+  ros::NodeHandle nh_{"/lockstep"};
+  std::map<std::string, std::unique_ptr<Child>> nodes_;
+  Record<PlantState> plant_{nh_, "plant_state"};
+  Record<SupervisorState> state_{nh_, "assembly_supervisor/state"};
+  Record<geometry_msgs::PoseStamped> carrier_{nh_, "carrier_pose"};
+  Record<ContactArray> contacts_{nh_, "truth/contacts"};
+  actionlib::SimpleActionClient<AlignPegAction> align_{nh_, "align", false};
+  actionlib::SimpleActionClient<MoveToContactAction> press_{nh_, "move_to_contact", false};
+  actionlib::SimpleActionClient<RetreatAction> retreat_{nh_, "retreat", false};
+};
+
+TEST_F(LockstepFaults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
+  startCell();
+  const double from = carrier_.last()->pose.position.z;
+  startPress(kForce);
+  ASSERT_TRUE(waitFor([&] { return carrier_.last()->pose.position.z < from - 1e-3; }));
+  ASSERT_TRUE(restartSimulator());
+  EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::ABORTED);
+  const std::string reason = press_.getResult()->message;
+  const bool named = reason.find("started anew") != std::string::npos ||
+                     reason.find("peg_hole_simulator") != std::string::npos;
+  EXPECT_TRUE(named) << reason;
+  expectPress(kForce);
+  // and while no goal runs
+  ASSERT_TRUE(restartSimulator());
+  expectPress(kForce);
+}
+
+// A soft coupling pressed with 20 N by one supervisor, felt by another one that bears a tenth of
+// it: two attempts to free the peg are given up at its limit.
+TEST_F(LockstepFaults, WhatDoesNotComeFreeIsStuckUntilRetreatFreesIt) {
+  const std::vector<std::string> soft{
+      "coupling.stiffness={diagonal: [5.0e3, 5.0e4, 5.0e4, 50, 50, 50], k26: 158, k35: -158}"};
+  nh_.setParam("peg_hole_simulator/overrides", soft);
+  nh_.setParam("assembly_supervisor/overrides", soft);
+  startCell();
+  expectPress(20.0);
+  startSupervisor(
+      {"_force_limit:=2.5", "_contact_force:=2", "_insertion_force:=1", "_insert_force:=2"});
+  startPress(2.0);
+  EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::ABORTED);
+  const auto state = [this] { return *state_.last(); };
+  ASSERT_TRUE(waitFor([&] { return state().stuck; })) << press_.getResult()->message;
+  EXPECT_TRUE(state().in_contact);
+  // goals that need a free peg are refused by name
+  startPress(2.0);
+  EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_EQ(press_.getResult()->message.rfind("in_contact: the peg got stuck", 0), 0U)
+      << press_.getResult()->message;
+  align_.sendGoal(AlignPegGoal());
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_EQ(align_.getResult()->report.reason.rfind("in_contact: the peg got stuck", 0), 0U)
+      << align_.getResult()->report.reason;
+
+  retreat_.sendGoal(RetreatGoal());
+  ASSERT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
+      << retreat_.getResult()->message;
+  ASSERT_TRUE(waitFor([&] { return !state().stuck; }));
+  EXPECT_FALSE(state().in_contact);
+  expectPress(2.0);
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "lockstep_faults_test");
+  ::testing::InitGoogleTest(&argc, argv);
+  ros::NodeHandle nh;
+  ros::AsyncSpinner spinner(2);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
