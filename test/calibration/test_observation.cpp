@@ -108,6 +108,13 @@ TEST_F(Files, RefuseByFileLineAndKey) {
              "a: {volts: [1, 2, 3, 4, 5, 6]}}\n",
          "mass is -1");
   expect(head +
+             "- {kind: weight, sensor: a, mass: 1.0e+300, direction: [0, 0, 1], point: [0, 0, 0], "
+             "a: {volts: [1, 2, 3, 4, 5, 6]}}\n",
+         "mass is 1.0e+300");
+  expect(head + "- {kind: unloaded, id: " + std::string(2000000, 'x') +
+             ", a: {volts: [1, 2, 3, 4, 5, 6]}}\n",
+         "id has 2000000 characters");
+  expect(head +
              "- {kind: weight, sensor: a, mass: 1, direction: [0, 0, 2], point: [0, 0, 0], "
              "a: {volts: [1, 2, 3, 4, 5, 6]}}\n",
          "no unit vector");

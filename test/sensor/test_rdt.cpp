@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <memory>
 #include <random>
@@ -187,6 +188,20 @@ TEST(RdtStream, DropsWhatWasMeasuredBeforeAndWhatTheDeviceDisowns) {
   EXPECT_EQ(streamed.counters.stale, 20u);
   EXPECT_EQ(streamed.counters.faulty, 10u);
   EXPECT_EQ(streamed.counters.fault, 0x80020000u);
+}
+
+TEST(RdtStream, CountsAtTheirEndAreMarkedSaturated) {
+  Streamed streamed;
+  for (const std::int32_t end :
+       {std::numeric_limits<std::int32_t>::max(), std::numeric_limits<std::int32_t>::min()}) {
+    RdtRecord record = Streamed::record(1, 1, 7);
+    record.counts[4] = end;
+    RdtStream stream;
+    ASSERT_TRUE(stream.push(record, Reception(), streamed.counters));
+    stream.take(*streamed.block, 35, true, streamed.counters);
+    ASSERT_EQ(streamed.block->count, 1u);
+    EXPECT_EQ(streamed.block->saturated[0], 1u << 4);
+  }
 }
 
 TEST(RdtStream, ARecordBehindByEightStillFindsItsPlace) {
