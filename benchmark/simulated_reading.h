@@ -84,17 +84,17 @@ inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
   for (int k = 0; k < 150; ++k) {
     const double force = contactForceFromDeflection(s.mechanism, mean).z();
     rest.z -= force < 0.5 ? 2e-4 : std::clamp((o.press - force) / 1.6e5, -5e-4, 5e-4);
-    cell.simulation().setRestTarget(rest);
+    cell.world().setRestTarget(rest);
     mean = step();
   }
-  const double start = cell.simulation().time();
-  cell.simulation().setExciter({o.amplitude, o.frequency, 0.4, o.direction}, start);
+  const double start = cell.world().time();
+  cell.world().setExciter({o.amplitude, o.frequency, 0.4, o.direction}, start);
   for (int k = 0; k < 26; ++k) step();
 
   std::vector<double> angle, signals;
   mean.setZero();
   int blocks = 0;
-  Simulation& truth = cell.simulation();
+  World& truth = cell.world();
   // the contact rolls to and fro with the vibration: its mean direction over the blocks' ends
   std::complex<double> contact = 0.0;
   while (static_cast<double>(angle.size()) * parameters.sample_period < o.window) {

@@ -45,6 +45,10 @@ std::string line(const char* format, double a, double b) {
   return text;
 }
 
+// Stiff parts that touch make a knock of a few samples, at or over the ends of the bridges' range;
+// a block may end in the middle of it. Three saturated blocks in a row are a press.
+constexpr int kKnockBlocks = 2;
+
 constexpr double kThere = 1e-7;   // of height [m] and tilt [rad], as commanded
 constexpr double kNear = 2e-5;    // of the same where they give way a little
 constexpr double kRest = 2e-6;    // their change in a block once the move has ended
@@ -135,8 +139,9 @@ int PressController::timed(int blocks) const {
 const PlantBlock& PressController::step(const PlantCommand& command) {
   last_ = plant_.next(command);
   to_end_ = std::max(0, to_end_ - 1);
+  saturated_ = last_.saturated ? saturated_ + 1 : 0;
   // before the tare the peg may still swing
-  if (tared_ && guarded_ && last_.saturated) {
+  if (tared_ && guarded_ && saturated_ > kKnockBlocks) {
     throw AlignError(AlignFailure::kSensorSaturated,
                      "a channel is at its limit; lower the press force");
   }

@@ -34,9 +34,9 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
 SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& parameters,
                              const Pose& X_HB)
     : parameters_(parameters),
-      simulation_(scenario),
+      world_(makeWorld(scenario, parameters.world)),
       carrier_(X_HB, scenario, parameters.truth.carrier),
-      reported_(carrier_.report(simulation_)),
+      reported_(carrier_.report(*world_)),
       felt_a_(parameters.truth.sensor_a, parameters.sample_period),
       felt_b_(parameters.truth.sensor_b, parameters.sample_period),
       bridge_a_(bridgeA(parameters.bits, parameters.noise)),
@@ -57,18 +57,8 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
   block_weight_ = transformWrench(parameters.X_AH * X_block, weight);
 }
 
-// Specific force along the peg's x and y axes, as an accelerometer feels it: acceleration less
-// gravity.
 Eigen::Vector2d SimulatedCell::accelerometers() {
-  const Kinematics k = kinematics(simulation_.state());
-  const Vector9& rate = simulation_.acceleration();
-  const Eigen::Vector3d euler_rates = simulation_.state().v.segment<3>(3);
-  const Eigen::Vector3d turn = k.Re * rate.segment<3>(3) + k.Re_rate * euler_rates;
-  const Eigen::Vector3d arm = parameters_.accelerometer_height * k.a;
-  Eigen::Vector3d felt = rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
-  felt[0] += simulation_.scenario().mechanism.gravity;  // thesis axis 1 is up
-  // peg axes: x is the thesis's second, y against its first
-  Eigen::Vector2d reading(k.R1.dot(felt), -k.R0.dot(felt));
+  Eigen::Vector2d reading = world_->specificForce(parameters_.accelerometer_height);
   for (double& axis : reading) axis += parameters_.accelerometer_noise * normal_accelerometers_();
   return reading;
 }
@@ -93,11 +83,11 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     ++samples_;
     // times from the count of samples, so that rounding does not add up
     const double time = static_cast<double>(samples_) * parameters_.sample_period;
-    const StopReason reason = simulation_.advance(time);
+    const StopReason reason = world_->advance(time);
     if (reason != StopReason::kOk) return reason;
     const Vector6 wrench_a =
-        transformWrench(parameters_.X_AH, simulation_.holeWrench()) + block_weight_;
-    const Vector6 load = simulation_.couplingWrench();
+        transformWrench(parameters_.X_AH, world_->holeWrench()) + block_weight_;
+    const Vector6 load = world_->couplingWrench();
     bridge_a_.temperature = bridge_b_.temperature =
         Bridge{}.temperature + parameters_.bridge_drift * time / 3600.0;
     const StrainSample a = convertVolts(
@@ -112,8 +102,8 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     if (watch) watch(load);
   }
   block.temperature = bridge_a_.temperature;
-  reported_ = carrier_.report(simulation_);
-  carrier_.settle(simulation_);
+  reported_ = carrier_.report(*world_);
+  carrier_.settle(*world_);
   return StopReason::kOk;
 }
 

@@ -74,12 +74,12 @@ void SimulatedPlant::collect(Window& window, bool wrench) {
 }
 
 PlantBlock SimulatedPlant::next(const PlantCommand& command) {
-  Simulation& simulation = cell_.simulation();
+  World& world = cell_.world();
   if (command.rest) cell_.command(poseFromRest(*command.rest));
   if (command.exciter) {
     exciter_ = *command.exciter;
-    exciter_reference_ = simulation.time();
-    simulation.setExciter(compensated(exciter_, drive_), exciter_reference_);
+    exciter_reference_ = world.time();
+    world.setExciter(compensated(exciter_, drive_), exciter_reference_);
   }
   // the block before ends where a window may start
   if (command.locus) {
@@ -96,8 +96,8 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
     throw PlantError(AlignFailure::kStopped, std::string("simulation stopped: ") + toString(reason),
                      toString(reason));
   }
-  const auto steps = static_cast<double>(simulation.counts().steps);
-  if (steps > kMaxSteps + kMaxStepsPerSecond * simulation.time()) {
+  const auto steps = static_cast<double>(world.steps());
+  if (steps > kMaxSteps + kMaxStepsPerSecond * world.time()) {
     throw PlantError(AlignFailure::kStopped, "simulation stopped: too_many_steps",
                      "too_many_steps");
   }
@@ -121,7 +121,7 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   }
   if (locus_.request) collect(locus_, false);
   if (vibration_.request) collect(vibration_, true);
-  out.time = simulation.time();
+  out.time = world.time();
   out.carrier = restFromPose(cell_.reported());
 
   if (locus_.endsBefore(out.time)) {

@@ -40,26 +40,25 @@ Pose TrueCarrier::scaled(const Pose& pose, bool reported) const {
                            : Eigen::Vector3d(pose.p.cwiseQuotient(factor))};
 }
 
-void TrueCarrier::command(Simulation& simulation, const Pose& pose, double max_speed) const {
-  simulation.setRestTarget(restFromPose(X_HB_ * scaled(pose, false)), max_speed);
+void TrueCarrier::command(World& world, const Pose& pose, double max_speed) const {
+  world.setRestTarget(restFromPose(X_HB_ * scaled(pose, false)), max_speed);
 }
 
-Pose TrueCarrier::encoders(const Simulation& simulation) const {
-  const Vector6 shift = simulation.restShift();
-  if (shift.isZero(0.0)) return scaled(inverse(X_HB_) * simulation.carrierPose(), true);
-  RestPose carrier = simulation.rest();
-  const Vector9& q = simulation.state().q;
-  carrier.x = q(6) - shift(0);
-  carrier.y = q(7) - shift(1);
+Pose TrueCarrier::encoders(const World& world) const {
+  const Vector6 shift = world.restShift();
+  if (shift.isZero(0.0)) return scaled(inverse(X_HB_) * world.carrierPose(), true);
+  RestPose carrier = world.carrier();
+  carrier.x -= shift(0);
+  carrier.y -= shift(1);
   carrier.z -= shift(2);
-  carrier.yaw = q(8) - shift(3);
+  carrier.yaw -= shift(3);
   carrier.theta -= shift(4);
   carrier.phi -= shift(5);
   return scaled(inverse(X_HB_) * poseFromRest(carrier), true);
 }
 
-Pose TrueCarrier::report(const Simulation& simulation) {
-  Pose pose = encoders(simulation);
+Pose TrueCarrier::report(const World& world) {
+  Pose pose = encoders(world);
   if (!noisy_) return pose;
   const Vector6 noise = drawn(truth_.reading_noise, reading_);
   pose.p += noise.head<3>();
@@ -67,17 +66,17 @@ Pose TrueCarrier::report(const Simulation& simulation) {
   return pose;
 }
 
-void TrueCarrier::settle(Simulation& simulation) {
+void TrueCarrier::settle(World& world) {
   if (!repeats_) return;
-  const Pose at = poseFromRest(restPose(restVector(simulation.rest()) - simulation.restShift()));
+  const Pose at = poseFromRest(restPose(restVector(world.rest()) - world.restShift()));
   way_ = std::max(way_, (at.p - last_draw_.p).norm());
   turn_ = std::max(turn_, vectorFromRotation(last_draw_.R.transpose() * at.R).value.norm());
-  if (!simulation.atRest() || (way_ <= kWay && turn_ <= kTurn)) return;
+  if (!world.atRest() || (way_ <= kWay && turn_ <= kTurn)) return;
   // rest coordinates: x, y, z, yaw about z, theta about x, phi about y
   const Vector6 d = drawn(truth_.repeatability, repeatability_);
   Vector6 shift;
   shift << d.head<3>(), d(5), d(3), d(4);
-  simulation.setRestShift(shift);
+  world.setRestShift(shift);
   last_draw_ = at;
   way_ = turn_ = 0.0;
 }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "assembly_cell/dynamics/commands.h"
 #include "assembly_cell/dynamics/simulation.h"
 
 namespace assembly_cell {
@@ -53,56 +54,6 @@ struct Slot {
 };
 using SlotArray = std::array<Slot, kSlots>;
 
-/// How far the rest pose stands off from what is commanded. Order of restVector().
-struct RestShift {
-  /// Of the lag's way since its last update, see followForce() in simulation.cpp.
-  static constexpr double kLag = 0.01;    // [s]
-  static constexpr double kSlice = 2e-4;  // between updates [s]
-
-  Vector6 lagged(double t) const {
-    return goal + std::exp(-(t - updated) / kLag) * (lag_start - goal);
-  }
-  Vector6 at(double t) const { return restMotion(profile, t).position + lagged(t); }
-  void addTo(double t, RestMotion& rest) const {
-    const RestMotion settling = restMotion(profile, t);
-    const Vector6 lag = lagged(t);
-    rest.position += settling.position + lag;
-    rest.rate += settling.rate - (lag - goal) / kLag;
-    rest.acceleration += settling.acceleration + (lag - goal) / (kLag * kLag);
-  }
-
-  bool any = false;                     ///< false: nothing of this is looked at
-  RestProfile profile;                  ///< of what setRestShift() asks for
-  Vector6 lag_start = Vector6::Zero();  ///< by the compliance, at the last update
-  Vector6 goal = Vector6::Zero();       ///< what it tends to
-  double updated = 0.0;                 ///< time of the last update [s]
-};
-
-/// What is commanded: the rest pose's motion and the exciter.
-struct Commands {
-  explicit Commands(const System& s) {
-    setProfile(restProfile(s.scenario.rest));
-    drive.exciter = s.scenario.mechanism.exciter;
-    drive.errors = s.scenario.imperfections.exciter;
-    shift.any = s.compliant;
-  }
-  void setProfile(const RestProfile& from_now_on) {
-    profile = from_now_on;
-    settled = restMotion(profile, profile.start + profile.duration);
-  }
-  RestMotion restAt(double t) const {
-    RestMotion rest = restMotion(profile, t);
-    if (shift.any) shift.addTo(t, rest);
-    return rest;
-  }
-  bool settledAt(double t) const { return !(t < profile.start + profile.duration); }
-
-  RestProfile profile;
-  RestMotion settled;  ///< of the commanded pose once the profile has ended
-  RestShift shift;
-  Drive drive;
-};
-
 /// Event functions: kEventKinds a slot, and how far friction is from a wedge. Below zero a mode
 /// must change.
 constexpr std::size_t kEventKinds = 3;
@@ -110,7 +61,7 @@ using Events = std::array<double, kEventKinds * kSlots + 1>;
 
 /// Where a run is: everything that the next step starts from and takes as frozen.
 struct Context {
-  explicit Context(const System& s) : commands(s) { recent_events.fill(-1.0); }
+  explicit Context(const System& s) : commands(s.scenario) { recent_events.fill(-1.0); }
 
   double time = 0.0;  ///< [s]
   State state;

@@ -33,9 +33,6 @@ constexpr double kSameTime = 1e-9;  // rounding of sums of slices [s]
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 
-// from the coupling to the peg's edge
-double armOf(const PegParameters& peg) { return peg.coupling_height + peg.half_height; }
-
 // a contact that `features` excludes ends the run
 StopReason excludedContact(const System& s, const Evaluation& e) {
   if (e.closed_set.top_reached || e.open_set.top_reached) return StopReason::kPegTop;
@@ -197,17 +194,12 @@ void Simulation::Run::decideAfterCommand() {
   }
 }
 
-// The carrier gives way to the coupling's force of now until the next update: exact for a constant
-// force, and late by half a slice (1 % of the lag) for one that changes.
+// Before a slice of a carrier that gives way.
 void Simulation::Run::followForce() {
   std::optional<Evaluation> after_command;
   const FreeMotion& motion = present(after_command).motion;
-  const Vec3 way =
-      system.scenario.imperfections.compliance.cwiseProduct(fromThesisAxes(motion.FK + motion.FC));
-  RestShift& shift = context.commands.shift;
-  shift.lag_start = shift.lagged(context.time);
-  shift.goal.head<3>() = way;
-  shift.updated = context.time;
+  giveWay(context.commands, system.scenario.imperfections.compliance, context.time,
+          fromThesisAxes(motion.FK + motion.FC));
   context.stale = true;
   decideAfterCommand();
 }
@@ -263,31 +255,18 @@ StopReason Simulation::advance(double t_end, std::int64_t attempts) {
 
 void Simulation::setRestTarget(const RestPose& target, double max_speed) {
   Context& c = run_->context;
-  CarrierParameters limits = scenario().mechanism.carrier;
-  limits.max_speed = std::min(limits.max_speed, max_speed);
-  c.commands.setProfile(planRest(restMotion(c.commands.profile, c.time), c.time, target, limits,
-                                 armOf(scenario().mechanism.peg)));
+  assembly_cell::setRestTarget(c.commands, scenario().mechanism, c.time, target, max_speed);
   c.stale = true;
 }
 
 void Simulation::stopRest() {
   Context& c = run_->context;
-  c.commands.setProfile(planStop(restMotion(c.commands.profile, c.time), c.time,
-                                 scenario().mechanism.carrier.max_acceleration,
-                                 armOf(scenario().mechanism.peg)));
+  assembly_cell::stopRest(c.commands, scenario().mechanism, c.time);
   c.stale = true;
 }
 
 Vector6 Simulation::stopWay() const {
-  Vector6 way = Vector6::Zero();
-  if (atRest()) return way;
-  const RestMotion now = restMotion(run_->context.commands.profile, time());
-  const RestProfile stop = planStop(now, time(), scenario().mechanism.carrier.max_acceleration,
-                                    armOf(scenario().mechanism.peg));
-  const Pose from = poseFromRest(restPose(now.position));
-  const Pose to = poseFromRest(restPose(stop.coefficients.rowwise().sum()));
-  way << from.R.transpose() * (to.p - from.p), vectorFromRotation(from.R.transpose() * to.R).value;
-  return way;
+  return assembly_cell::stopWay(run_->context.commands, scenario().mechanism, time());
 }
 
 RestPose Simulation::rest() const {
@@ -296,10 +275,7 @@ RestPose Simulation::rest() const {
 
 void Simulation::setRestShift(const Vector6& shift) {
   Context& c = run_->context;
-  RestShift& now = c.commands.shift;
-  now.profile = planRest(restMotion(now.profile, c.time), c.time, restPose(shift),
-                         scenario().mechanism.carrier, armOf(scenario().mechanism.peg));
-  now.any = true;
+  assembly_cell::setRestShift(c.commands, scenario().mechanism, c.time, shift);
   c.stale = true;
 }
 
@@ -381,6 +357,17 @@ Vector6 Simulation::holeWrench() const {
   return w;
 }
 
+Eigen::Vector2d Simulation::specificForce(double height) const {
+  const Kinematics k = kinematics(state());
+  const Vector9& rate = acceleration();
+  const Vec3 turn = k.Re * rate.segment<3>(3) + k.Re_rate * state().v.segment<3>(3);
+  const Vec3 arm = height * k.a;
+  Vec3 felt = rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
+  felt[0] += scenario().mechanism.gravity;  // thesis axis 1 is up
+  // peg axes: x is the thesis's second, y against its first
+  return {k.R1.dot(felt), -k.R0.dot(felt)};
+}
+
 Pose Simulation::pegPose() const {
   const Kinematics k = kinematics(state());
   Pose X;
@@ -398,6 +385,15 @@ Pose Simulation::carrierPose() const {
   X.R = rotationFromEuler({rest(5), rest(4), q(8)});
   X.p = Vec3(q(6), q(7), rest(2));
   return X;
+}
+
+RestPose Simulation::carrier() const {
+  RestPose pose = rest();
+  const Vector9& q = state().q;
+  pose.x = q(6);
+  pose.y = q(7);
+  pose.yaw = q(8);
+  return pose;
 }
 
 double Simulation::energy() const { return energyOf(run_->system, run_->context); }

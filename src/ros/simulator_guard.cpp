@@ -95,9 +95,9 @@ void SimulatorNode::renew(const Sender& sender, std::uint32_t session) {
 
 // Before a block: the dead man, and what the coupling may bear during it.
 void SimulatorNode::watchPlant() {
-  Simulation& simulation = cell_->simulation();
-  const Vector6 load = simulation.couplingWrench();
-  const double height = cell_->carrier().encoders(simulation).p.z();
+  World& world = cell_->world();
+  const Vector6 load = world.couplingWrench();
+  const double height = cell_->carrier().encoders(world).p.z();
   std::lock_guard<std::mutex> lock(mutex_);
   const std::string holder = guard_.holder;
   const GuardAction action = watch(guard_, load, height, now_);
@@ -122,26 +122,26 @@ void SimulatorNode::watchPlant() {
 
 // Of a move that begins now, to `target` in the carrier's base.
 double SimulatorNode::speedOf(const Pose& target) {
-  Simulation& simulation = cell_->simulation();
-  const Pose X = inverse(cell_->carrier().encoders(simulation)) * target;
+  World& world = cell_->world();
+  const Pose X = inverse(cell_->carrier().encoders(world)) * target;
   Vector6 way;
   way << X.p, vectorFromRotation(X.R).value;
-  const Vector6 stop = simulation.stopWay();
+  const Vector6 stop = world.stopWay();
   const double moving = stop.head<3>().norm() + braking_.arm * stop.tail<3>().norm();
   std::lock_guard<std::mutex> lock(mutex_);
   return std::min(scenario_.mechanism.carrier.max_speed,
-                  speedLimit(guard_, simulation.couplingWrench(), way)) /
+                  speedLimit(guard_, world.couplingWrench(), way)) /
          (moving > kCreep ? kOvershoot : 1.0);
 }
 
 void SimulatorNode::feel(const Vector6& load) {
   if (!watched_ || too_much_ || !exceeds(load, felt_)) return;
-  Simulation& simulation = cell_->simulation();
-  const Vector6 way = simulation.stopWay();
+  World& world = cell_->world();
+  const Vector6 way = world.stopWay();
   if (!mustStop(braking_, load, way, allowed_)) return;
   too_much_ = load;
-  simulation.stopRest();
-  simulation.setExciter(ExciterParameters{}, simulation.time());
+  world.stopRest();
+  world.setExciter(ExciterParameters{}, world.time());
   std::lock_guard<std::mutex> lock(mutex_);
   carrier_command_.reset();
   exciter_.reset();
@@ -171,7 +171,7 @@ void SimulatorNode::publishPlantState() {
                     state.exciter == last.exciter && state.reason == last.reason &&
                     state.refused == last.refused && state.refusal == last.refusal;
   if (same && plant_state_known_) return;
-  state.header.stamp = stampAt(cell_->simulation().time());
+  state.header.stamp = stampAt(cell_->world().time());
   plant_state_known_ = true;
   plant_state_ = state;
   plant_state_pub_.publish(state);

@@ -76,6 +76,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   cell.accelerometer_height = parameters.number("accelerometer_height", Range{-1.0, 1.0}, 0.0);
   cell.bridge_nonlinearity = parameters.number("nonlinearity", Range{0.0, 1.0}, 0.0);
   cell.bridge_drift = parameters.number("drift", Range{-100.0, 100.0}, 0.0);
+  cell.world = parseWorld(parameters.text("world", "exact"), pnh.resolveName("world"));
   publish_truth_ = parameters.flag("publish_truth", true);
   bool use_sim_time = false;
   ros::param::get("/use_sim_time", use_sim_time);
@@ -227,7 +228,7 @@ void SimulatorNode::stepBlock() {
     // answers may come while the block goes out
     awaited_ = sequence;
     participants_.expect(sequence);
-    now_ = base_ + cell_->simulation().time();
+    now_ = base_ + cell_->world().time();
   }
   publishPlantState();
   if (reason == StopReason::kOk) {
@@ -240,8 +241,8 @@ void SimulatorNode::stepBlock() {
       pace();
     }
   } else {
-    ROS_ERROR("simulation stopped at %.6f s: %s; call ~reset to start anew",
-              cell_->simulation().time(), toString(reason));
+    ROS_ERROR("simulation stopped at %.6f s: %s; call ~reset to start anew", cell_->world().time(),
+              toString(reason));
   }
   std::lock_guard<std::mutex> lock(mutex_);
   if (reason != StopReason::kOk) stopped_ = toString(reason);
@@ -259,9 +260,9 @@ void SimulatorNode::applyCommands() {
     exciter.swap(exciter_);
     std::swap(stop, stop_);
   }
-  Simulation& simulation = cell_->simulation();
-  if (stop.hold) simulation.stopRest();
-  if (stop.exciter_off) simulation.setExciter(ExciterParameters{}, simulation.time());
+  World& world = cell_->world();
+  if (stop.hold) world.stopRest();
+  if (stop.exciter_off) world.setExciter(ExciterParameters{}, world.time());
   if (command) cell_->command(*command, speedOf(*command));
   if (exciter) {
     ExciterParameters drive;
@@ -270,16 +271,16 @@ void SimulatorNode::applyCommands() {
     drive.phase = exciter->phase;
     drive.direction = exciter->direction;
     // no stamp: from the coming block's start
-    double t_ref = simulation.time();
+    double t_ref = world.time();
     if (!exciter->header.stamp.isZero()) t_ref = nodeTime(exciter->header.stamp) - base_;
-    simulation.setExciter(drive, t_ref);
+    world.setExciter(drive, t_ref);
   }
 }
 
 void SimulatorNode::restart(const Scenario& scenario) {
   auto cell = std::make_unique<SimulatedCell>(scenario, cell_parameters_, X_HB_);
   // the clock goes on
-  base_ += cell_->simulation().time();
+  base_ += cell_->world().time();
   cell_ = std::move(cell);
   now_ = base_;
   {
@@ -379,7 +380,7 @@ void SimulatorNode::publishBlock() {
   }
 
   carrier_pub_.publish(
-      poseStamped(kCarrierBaseFrame, cell_->reported(), stampAt(cell_->simulation().time())));
+      poseStamped(kCarrierBaseFrame, cell_->reported(), stampAt(cell_->world().time())));
 }
 
 // Where a person believes the carrier to be: upright over the hole's middle. Where it is belongs to
@@ -396,13 +397,13 @@ void SimulatorNode::publishStaticFrames() {
 }
 
 void SimulatorNode::publishState() {
-  Simulation& simulation = cell_->simulation();
-  const ros::Time stamp = stampAt(simulation.time());
+  World& world = cell_->world();
+  const ros::Time stamp = stampAt(world.time());
 
   tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));
 
   if (publish_truth_) {
-    const Pose X_HP = simulation.pegPose();
+    const Pose X_HP = world.pegPose();
     truth_pose_pub_.publish(poseStamped(kHoleTruthFrame, X_HP, stamp));
     tf_.sendTransform(transformStamped(kHoleTruthFrame, kPegTruthFrame, X_HP, stamp));
   }
@@ -410,7 +411,7 @@ void SimulatorNode::publishState() {
     ContactArray contacts;
     contacts.header.stamp = stamp;
     contacts.header.frame_id = kHoleTruthFrame;
-    for (const auto& report : simulation.contacts()) {
+    for (const auto& report : world.contacts()) {
       if (!report.valid || !report.force.allFinite() || !report.normal.allFinite()) continue;
       Contact contact;
       contact.feature = report.feature;

@@ -60,6 +60,8 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --insert DEPTH        go on until the edge is so deep; success then means seated, and the truth agrees  [m]
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
                         every other time without freeing the peg; wants --runs above 1
+  --world W             what simulates the mechanism: exact (default), mujoco or "{engine: mujoco, facets: 512}",
+                        see docs/second_world.md; strategies know nothing of it
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
@@ -73,7 +75,7 @@ Example: align config/scenarios/cell.yaml --runs 20 --seed 7
 constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
 
 struct Options {
-  std::string scenario, report, mismatch, mechanism;
+  std::string scenario, report, mismatch, mechanism, world = "exact";
   bool identify = false;
   std::vector<std::string> overrides;
   AlignParameters align;
@@ -99,6 +101,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.flag("--second-goals", o.second_goals);
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
+  parser.text("--world", o.world);
   parser.text("--mismatch", o.mismatch);
   parser.text("--mechanism", o.mechanism);
   parser.flag("--identify", o.identify);
@@ -279,6 +282,7 @@ KnownMechanism knownMechanism(const Options& o) {
 int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
+  o.cell.world = assembly_cell::parseWorld(o.world, "--world");
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
   assembly_cell::checkParameters(o.align);
   if (o.second_goals && o.runs == 1) throw InputError("--second-goals: give --runs above 1, too");

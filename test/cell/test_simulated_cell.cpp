@@ -38,7 +38,7 @@ TEST(SimulatedCell, BlocksFollowEachOtherInTime) {
     EXPECT_EQ(block.period, 2e-4);
     // the first sample one period after the block's start, the last at its end
     EXPECT_NEAR(block.time, 2e-4 * (30 * k + 1), 1e-15);
-    EXPECT_NEAR(cell.simulation().time(), block.time + 29 * block.period, 1e-15);
+    EXPECT_NEAR(cell.world().time(), block.time + 29 * block.period, 1e-15);
     EXPECT_EQ(block.volts_a.size(), 180u);
     EXPECT_EQ(block.volts_b.size(), 180u);
     EXPECT_EQ(block.saturated_a.size(), 30u);
@@ -102,8 +102,7 @@ TEST(SimulatedCell, ReadingIsTheWrenchToHalfACode) {
   StrainBlock block;
   ASSERT_EQ(cell.next(block), StopReason::kOk);
   const Calibration b = designCalibration(bridgeB(p.bits, 0.0));
-  const Vector6 exact =
-      b.volts_to_wrench.inverse() * cell.simulation().couplingWrench() + b.zero_volts;
+  const Vector6 exact = b.volts_to_wrench.inverse() * cell.world().couplingWrench() + b.zero_volts;
   const Vector6 last = sample(block.volts_b, block.saturated_b.size() - 1);
   const double lsb = 10.0 / std::ldexp(1.0, p.bits);
   EXPECT_LE((last - exact).cwiseAbs().maxCoeff(), 0.5 * lsb * (1 + 1e-9));
@@ -120,11 +119,11 @@ TEST(SimulatedCell, BridgesAreThoseOfTheRig) {
   SimulatedCell cell(cellScenario(), p);
   StrainBlock block;
   ASSERT_EQ(cell.next(block), StopReason::kOk);
-  const double time = cell.simulation().time();
+  const double time = cell.world().time();
   LoadRequest request;
   request.target.kind = ObservationKind::kLinearity;
   request.target.side = Side::kB;
-  request.wrench = cell.simulation().couplingWrench() + time / 60.0 * p.truth.sensor_b.drift;
+  request.wrench = cell.world().couplingWrench() + time / 60.0 * p.truth.sensor_b.drift;
 
   // in codes, against a rig of this nonlinearity and drift
   const auto difference = [&](double nonlinearity, double drift) {
@@ -198,7 +197,7 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   p.noise = 0.0;
   const Scenario s = cellScenario({"coupling.damping.diagonal=[280, 280, 280, 0.15, 0.15, 0.15]"});
   SimulatedCell cell(s, p);
-  Simulation& sim = cell.simulation();
+  auto& sim = dynamic_cast<Simulation&>(cell.world());
   const Calibration a = designCalibration(bridgeA(p.bits, 0.0));
   const Calibration b = designCalibration(bridgeB(p.bits, 0.0), s.mechanism.coupling);
   RestPose down = s.rest;

@@ -10,6 +10,7 @@
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
+#include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/mismatch/mismatch.h"
 
 namespace assembly_cell {
@@ -43,8 +44,8 @@ SimulatedCell made(const True& t) { return SimulatedCell(t.scenario, t.cell); }
 
 void run(SimulatedCell& cell, double seconds) {
   StrainBlock block;
-  const double end = cell.simulation().time() + seconds - 1e-9;
-  while (cell.simulation().time() < end) ASSERT_EQ(cell.next(block), StopReason::kOk);
+  const double end = cell.world().time() + seconds - 1e-9;
+  while (cell.world().time() < end) ASSERT_EQ(cell.next(block), StopReason::kOk);
 }
 
 // ---- the mechanism
@@ -56,7 +57,7 @@ TEST(TrueCell, StiffnessAndMassHangByStatics) {
   const auto height = [&](const std::string& text) {
     SimulatedCell cell = made(truthOf(text, nominal));
     run(cell, 4.0);
-    return cell.simulation().pegPose().p.z();
+    return cell.world().pegPose().p.z();
   };
   const double sag = m.peg.mass * m.gravity / m.coupling.stiffness.diagonal[0];
   const double start = height("{}");
@@ -293,7 +294,7 @@ TEST(TrueCarrier, RepeatsWithinItsDeviation) {
   SimulatedCell cell = made(truthOf("carrier: {repeatability: 3.0e-5}", nominal));
   const Pose X_HB = carrierBase(nominal);
   const auto offset = [&] {
-    const Pose truth = inverse(X_HB) * cell.simulation().carrierPose();
+    const Pose truth = inverse(X_HB) * cell.world().carrierPose();
     return Vector3d(truth.p - cell.reported().p);
   };
   run(cell, 0.1);
@@ -331,7 +332,7 @@ TEST(TrueCarrier, GivesWayThroughItsLag) {
     const double t = 0.02 * block;
     // the force starts to count at the first slice, 0.2 ms, and rings by some per cent as the peg
     // follows
-    EXPECT_NEAR(cell.simulation().restShift()(2), -5e-6 * weight * (1 - std::exp(-t / 0.01)),
+    EXPECT_NEAR(cell.world().restShift()(2), -5e-6 * weight * (1 - std::exp(-t / 0.01)),
                 0.03 * 5e-6 * weight);
     EXPECT_NEAR(cell.reported().p.z(), start, 1e-12);
   }
@@ -343,7 +344,7 @@ TEST(TrueCarrier, EncodersHaveTheirOwnAxes) {
   const True t = truthOf("carrier: {frame: {rotation: 0.05, scale: 0.01, offset: 0.004}}", nominal);
   SimulatedCell cell = made(t);
   run(cell, 0.3);
-  const Pose before = cell.simulation().carrierPose();
+  const Pose before = cell.world().carrierPose();
   const CarrierTruth& truth = t.cell.truth.carrier;
   // at the start the base's origin, seen in axes that are turned, moved and scaled
   const Eigen::Matrix3d R = Eigen::AngleAxisd(0.05, truth.rotation.normalized()).toRotationMatrix();
@@ -357,7 +358,7 @@ TEST(TrueCarrier, EncodersHaveTheirOwnAxes) {
   goal.p += way;
   cell.command(goal);
   run(cell, 1.0);
-  const Vector3d gone = cell.simulation().carrierPose().p - before.p;
+  const Vector3d gone = cell.world().carrierPose().p - before.p;
   // the carrier's springs carry nothing but weight before and after
   EXPECT_LT((gone - X_HB.R * R * Vector3d(0.0, 0.01, 0.0)).norm(), 1e-7);
 }
@@ -374,7 +375,7 @@ TEST(TrueCell, PegFollowsTheBore) {
   SimulatedCell cell = made(t);
   cell.command({Eigen::Matrix3d::Identity(), Vector3d(0, 0, -0.03)});
   run(cell, 3.0);
-  const Pose X_HP = cell.simulation().pegPose();
+  const Pose X_HP = cell.world().pegPose();
   ASSERT_LT(X_HP.p.z(), -0.029);
   // within the bore all round, and not in an upright one; the viscous law does not push out again
   // what its approach left, below 1 um

@@ -28,7 +28,7 @@ Scenario swinging() {
 }
 
 // a point on the peg's axis, `height` above its centre of mass
-Vector3d pointOf(const Simulation& s, double height) {
+Vector3d pointOf(const World& s, double height) {
   const Pose X = s.pegPose();
   return X.p + (s.scenario().mechanism.peg.half_height + height) * X.R.col(2);
 }
@@ -48,8 +48,8 @@ TEST(Accelerometers, AreTheSecondDifferenceLessGravity) {
     for (int k = 0; k < 400; ++k) {
       ASSERT_EQ(cell.next(block, true), StopReason::kOk);
       ASSERT_EQ(block.accelerations.size(), 2u);
-      points.push_back(pointOf(cell.simulation(), height));
-      axes.push_back(cell.simulation().pegPose().R);
+      points.push_back(pointOf(cell.world(), height));
+      axes.push_back(cell.world().pegPose().R);
       felt.emplace_back(block.accelerations[0], block.accelerations[1]);
     }
     double largest = 0.0;
@@ -85,7 +85,7 @@ TEST(Accelerometers, TellTheLocus) {
   for (int k = 0; k < 50; ++k) ASSERT_EQ(cell.next(block), StopReason::kOk);  // 1 s: settled
   std::vector<double> angle, felt, moved, series;
   for (int k = 0; k < 10; ++k) {
-    const double before = cell.simulation().time();
+    const double before = cell.world().time();
     ASSERT_EQ(cell.next(block, true), StopReason::kOk);
     for (std::size_t i = 0; i < block.saturated_b.size(); ++i) {
       angle.push_back(kFrequency * (before + block.period * static_cast<double>(i + 1)));
@@ -101,7 +101,7 @@ TEST(Accelerometers, TellTheLocus) {
   for (int k = 0; k < 6000; ++k) {
     ASSERT_EQ(truth.next(block), StopReason::kOk);
     if (k < 5000) continue;
-    const Vector3d p = pointOf(truth.simulation(), 0.0);
+    const Vector3d p = pointOf(truth.world(), 0.0);
     moved.insert(moved.end(), {p.x(), p.y(), 0, 0, 0, 0});
   }
   const Locus expected = locusFromFit(fitHarmonic(angle, moved));

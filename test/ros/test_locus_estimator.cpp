@@ -485,9 +485,9 @@ TEST_F(LocusEstimator, SaysWhatTheSimulatedPlantSays) {
   StrainBlock volts;
   const auto step = [&](const PlantCommand& command) {
     if (command.rest) {
-      cell.simulation().setRestTarget(restFromPose(X_HB * poseFromRest(*command.rest)));
+      cell.world().setRestTarget(restFromPose(X_HB * poseFromRest(*command.rest)));
     }
-    if (command.exciter) cell.simulation().setExciter(*command.exciter, cell.simulation().time());
+    if (command.exciter) cell.world().setExciter(*command.exciter, cell.world().time());
     EXPECT_EQ(cell.next(volts), StopReason::kOk);
     return plant.next(command);
   };
@@ -501,7 +501,7 @@ TEST_F(LocusEstimator, SaysWhatTheSimulatedPlantSays) {
   }
 
   // from here on the node listens
-  const double base = time_ - cell.simulation().time();
+  const double base = time_ - cell.world().time();
   exciter_.header.stamp = ros::Time(time_);
   exciter_.on = true;
   exciter_.frequency = 450.0;
@@ -519,7 +519,7 @@ TEST_F(LocusEstimator, SaysWhatTheSimulatedPlantSays) {
       const Vector6 d = displacementFromVolts(calibration, Vector6::Map(&volts.volts_b[6 * k]));
       b.displacement.insert(b.displacement.end(), d.data(), d.data() + 6);
     }
-    time_ = base + cell.simulation().time();
+    time_ = base + cell.world().time();
     send(b);
     return out;
   };

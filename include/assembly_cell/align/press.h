@@ -149,6 +149,7 @@ class PressController {
   ReportNoiseMeter meter_;  // of the blocks of all tares
   int to_end_ = 0;          // blocks until the last move has surely ended
   bool tared_ = false, guarded_ = true;
+  int saturated_ = 0;  // blocks in a row
   double touch_z_ = 0.0;
   double touch_ = 0.0;      // force that is a touch [N]
   double stiffness_ = 0.0;  // of the contact along z, from the last secant [N/m]

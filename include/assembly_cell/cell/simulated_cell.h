@@ -4,11 +4,12 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "assembly_cell/cell/felt_wrench.h"
 #include "assembly_cell/cell/true_carrier.h"
-#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/cell/world_choice.h"
 #include "assembly_cell/mismatch/truth.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
@@ -36,6 +37,7 @@ struct CellParameters {
   CellTruth truth;                    ///< of sensors and carrier, exact by default
   double bridge_nonlinearity = 0.0;   ///< of both bridges, see Bridge: 0 linear to 1 as built
   double bridge_drift = 0.0;          ///< of their temperature, from Bridge's own on [K/h]
+  WorldChoice world;                  ///< what simulates the mechanism
 };
 
 /// A block of samples of both bridges. Sample k is at time + k·period.
@@ -57,23 +59,23 @@ class SimulatedCell {
   SimulatedCell(const Scenario& scenario, const CellParameters& parameters, const Pose& X_HB);
 
   /// Advances by one block and fills it (no allocation once `block` has its size). The first sample
-  /// is one period after the present time, the last at the block's end. Returns the simulation's
+  /// is one period after the present time, the last at the block's end. Returns the world's
   /// stop reason; after anything but kOk the block is not valid. accelerations: the two
   /// accelerometers of the peg, too; the bridges' samples are the same either way. watch: is shown
-  /// the coupling's load at every sample, and may command the simulation.
+  /// the coupling's load at every sample, and may command the world.
   StopReason next(StrainBlock& block, bool accelerations = false,
                   const std::function<void(const Vector6& load)>& watch = nullptr);
 
   /// Moves the rest pose to `pose`, commanded in the carrier's base frame, within the carrier's
   /// limits and no faster than `max_speed` [m/s].
   void command(const Pose& pose, double max_speed = std::numeric_limits<double>::infinity()) {
-    carrier_.command(simulation_, pose, max_speed);
+    carrier_.command(*world_, pose, max_speed);
   }
   /// The carrier as its encoders report it at the end of the last block, in its base frame.
   const Pose& reported() const { return reported_; }
   const TrueCarrier& carrier() const { return carrier_; }
 
-  Simulation& simulation() { return simulation_; }
+  World& world() { return *world_; }
   const CellParameters& parameters() const { return parameters_; }
 
  private:
@@ -82,7 +84,7 @@ class SimulatedCell {
   Vector6 voltsOf(const Bridge& bridge, const Matrix6& strain_matrix, const Vector6& w) const;
 
   CellParameters parameters_;
-  Simulation simulation_;
+  std::unique_ptr<World> world_;
   TrueCarrier carrier_;
   Pose reported_;
   FeltWrench felt_a_, felt_b_;

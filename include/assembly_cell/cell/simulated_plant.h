@@ -29,7 +29,7 @@ class SimulatedPlant : public Plant {
   void know(const KnownMechanism& known);
 
   /// For the judge of a run only: no strategy sees it.
-  Simulation& truth() { return cell_.simulation(); }
+  World& truth() { return cell_.world(); }
 
  private:
   // Samples in a requested window: exciter's angle, and 6 × n displacements or wrenches.

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/dynamics/world.h"
 #include "assembly_cell/mismatch/truth.h"
 #include "assembly_cell/sensor/bridge.h"
 
@@ -19,13 +19,13 @@ class TrueCarrier {
   const Pose& base() const { return X_HB_; }
   /// Moves the rest pose to `pose` as the encoders have it, in the base, no faster than
   /// `max_speed` [m/s].
-  void command(Simulation& simulation, const Pose& pose, double max_speed) const;
+  void command(World& world, const Pose& pose, double max_speed) const;
   /// After a block: draws anew where the carrier stands when a long enough way has come to rest.
-  void settle(Simulation& simulation);
+  void settle(World& world);
   /// What the encoders report now; every call draws its noise.
-  Pose report(const Simulation& simulation);
+  Pose report(const World& world);
   /// The same without noise.
-  Pose encoders(const Simulation& simulation) const;
+  Pose encoders(const World& world) const;
 
  private:
   Pose scaled(const Pose& pose, bool reported) const;

@@ -1,0 +1,19 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+namespace assembly_cell {
+
+/// What is free in the second world: nothing of it is known to strategies or estimators.
+/// docs/second_world.md shows what becomes of an alignment with each.
+struct SoftContact {
+  double time_step = 1e-4;  ///< of the engine, at most [s]; samples end steps
+  int facets = 256;         ///< of the bore
+  /// Time constant in which the engine lets a penetration decay [s]; at least two steps count, the
+  /// engine sees to that. With `impedance` this is how stiff a contact is.
+  double contact_time = 2e-4;
+  /// How much of a contact's force comes from the constraint, 0.5 soft to 0.9999 hard.
+  double impedance = 0.999;
+  double chamfer = 0.0;  ///< of the hole's rim, 45°: so wide and so deep [m]
+};
+
+}  // namespace assembly_cell

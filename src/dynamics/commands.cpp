@@ -1,0 +1,70 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/dynamics/commands.h"
+
+#include <algorithm>
+
+namespace assembly_cell {
+namespace {
+
+// from the coupling to the peg's edge
+double armOf(const PegParameters& peg) { return peg.coupling_height + peg.half_height; }
+
+}  // namespace
+
+bool isCompliant(const Scenario& scenario) {
+  return !scenario.imperfections.compliance.isZero(0.0);
+}
+
+Commands::Commands(const Scenario& scenario) {
+  setProfile(restProfile(scenario.rest));
+  drive.exciter = scenario.mechanism.exciter;
+  drive.errors = scenario.imperfections.exciter;
+  shift.any = isCompliant(scenario);
+}
+
+void Commands::setProfile(const RestProfile& from_now_on) {
+  profile = from_now_on;
+  settled = restMotion(profile, profile.start + profile.duration);
+}
+
+void setRestTarget(Commands& commands, const Mechanism& mechanism, double t, const RestPose& target,
+                   double max_speed) {
+  CarrierParameters limits = mechanism.carrier;
+  limits.max_speed = std::min(limits.max_speed, max_speed);
+  commands.setProfile(
+      planRest(restMotion(commands.profile, t), t, target, limits, armOf(mechanism.peg)));
+}
+
+void stopRest(Commands& commands, const Mechanism& mechanism, double t) {
+  commands.setProfile(planStop(restMotion(commands.profile, t), t,
+                               mechanism.carrier.max_acceleration, armOf(mechanism.peg)));
+}
+
+Vector6 stopWay(const Commands& commands, const Mechanism& mechanism, double t) {
+  Vector6 way = Vector6::Zero();
+  if (commands.settledAt(t)) return way;
+  const RestMotion now = restMotion(commands.profile, t);
+  const RestProfile stop =
+      planStop(now, t, mechanism.carrier.max_acceleration, armOf(mechanism.peg));
+  const Pose from = poseFromRest(restPose(now.position));
+  const Pose to = poseFromRest(restPose(stop.coefficients.rowwise().sum()));
+  way << from.R.transpose() * (to.p - from.p), vectorFromRotation(from.R.transpose() * to.R).value;
+  return way;
+}
+
+void setRestShift(Commands& commands, const Mechanism& mechanism, double t, const Vector6& shift) {
+  RestShift& now = commands.shift;
+  now.profile = planRest(restMotion(now.profile, t), t, restPose(shift), mechanism.carrier,
+                         armOf(mechanism.peg));
+  now.any = true;
+}
+
+void giveWay(Commands& commands, const Eigen::Vector3d& compliance, double t,
+             const Eigen::Vector3d& force) {
+  RestShift& shift = commands.shift;
+  shift.lag_start = shift.lagged(t);
+  shift.goal.head<3>() = compliance.cwiseProduct(force);
+  shift.updated = t;
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,27 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// Of what pieces the block of the second world is made: plates around a ring of narrow boxes, whose
+// inner faces are the bore's facets.
+#pragma once
+
+#include "assembly_cell/dynamics/soft_contact.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+
+/// Of the engine's friction: how much harder it holds along a contact than across. Creep under a
+/// constant load falls with it; more makes the solver slower.
+constexpr double kFrictionRatio = 10.0;
+
+struct BoreLayout {
+  static constexpr int kPlates = 16;
+  int facets = 0;
+  double rim = 0.0;      ///< radius of the bore [m]
+  double chamfer = 0.0;  ///< [m]
+  double mouth = 0.0;    ///< radius at the face: rim and chamfer [m]
+  double plate = 0.0;    ///< distance of the plates' inner faces from the axis [m]
+  double reach = 0.0;    ///< of the ring of narrow boxes: no gap up to the plates [m]
+  double depth = 0.0;    ///< [m]
+};
+BoreLayout boreLayout(const Scenario& scenario, const SoftContact& contact);
+
+}  // namespace assembly_cell

@@ -1,0 +1,245 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The second world against closed forms, the engine without what this package puts around it, and
+// the exact contacts.
+#include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <cstdio>
+#include <fstream>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/dynamics/simulation.h"
+#include "assembly_cell/second_world/second_world.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector3d;
+
+Scenario cellScenario(const std::vector<std::string>& overrides = {}) {
+  return loadScenario(ASSEMBLY_CELL_SOURCE_DIR "/config/scenarios/cell.yaml", overrides);
+}
+
+// upright, so high over the plane and so far from the hole's axis, the coupling without load: z is
+// a lone damped oscillator
+Scenario upright(double height, double x = 0.0, const std::vector<std::string>& more = {}) {
+  Scenario s = cellScenario(more);
+  s.rest = RestPose{};
+  s.rest.x = s.initial.carrier_x = x;
+  s.rest.z = height + s.mechanism.peg.half_height + s.mechanism.peg.coupling_height;
+  s.initial.carrier_y = 0.0;
+  s.initial.position = Vector3d(x, 0.0, height + s.mechanism.peg.half_height);
+  s.initial.euler = EulerAngles{0.0, M_PI / 2, 0.0};
+  return s;
+}
+
+// greatest difference from m z'' + c z' + k z = -m g after 30 ms [m]
+double swingError(double time_step) {
+  const Scenario s = upright(0.01);
+  SoftContact contact;
+  contact.time_step = time_step;
+  SecondWorld world(s, contact);
+  const double m = s.mechanism.peg.mass, k = s.mechanism.coupling.stiffness.diagonal(0);
+  const double c = s.mechanism.coupling.damping.diagonal(0), sag = m * s.mechanism.gravity / k;
+  const double decay = c / (2 * m), omega = std::sqrt(k / m - decay * decay);
+  double error = 0.0;
+  for (int i = 1; i <= 150; ++i) {
+    const double t = i * 2e-4;
+    EXPECT_EQ(world.advance(t), StopReason::kOk);
+    EXPECT_NEAR(world.time(), t, 1e-12);
+    const double z = -sag + sag * std::exp(-decay * t) *
+                                (std::cos(omega * t) + decay / omega * std::sin(omega * t));
+    error = std::max(error, std::abs(world.pegPose().p.z() - 0.01 - z));
+  }
+  return error / sag;
+}
+
+// Semi-implicit Euler: of the order of omega h / 2 of the amplitude, and half of it at half a step.
+TEST(SecondWorld, FreeSwingIsTheClosedForm) {
+  const double coarse = swingError(2e-4), fine = swingError(5e-5);
+  EXPECT_LT(coarse, 0.5 * 356 * 2e-4 * 1.5);
+  EXPECT_LT(fine, 0.35 * coarse);
+}
+
+// Forced by the exciter through the whole mechanism: as the exact simulation, which has closed
+// forms and peers of its own, for the steady state.
+TEST(SecondWorld, ExciterMovesThePegAsInTheFirst) {
+  const Scenario s = cellScenario();
+  const auto amplitude = [](World& world) {
+    ExciterParameters drive;
+    drive.amplitude = 4.0;
+    drive.frequency = 2 * M_PI * 100;  // ten periods are 500 samples
+    world.setExciter(drive, 0.0);
+    std::complex<double> sum = 0.0;
+    for (int i = 1; i <= 3000; ++i) {
+      const double t = i * 2e-4;
+      EXPECT_EQ(world.advance(t), StopReason::kOk);
+      if (i > 2500) sum += std::polar(1.0, -drive.frequency * t) * world.couplingWrench().x();
+    }
+    return sum / 250.0;
+  };
+  Simulation first(s);
+  SoftContact fine;
+  fine.time_step = 2e-5;
+  SecondWorld second(s, fine);
+  const std::complex<double> a = amplitude(first), b = amplitude(second);
+  EXPECT_GT(std::abs(a), 1.0);
+  // the half step between force and motion: 0.5 * omega * h of phase; angles' squares 1e-4
+  EXPECT_LT(std::abs(b / a - 1.0), 0.5 * 628 * 2e-5 + 5e-3);
+}
+
+// Without dampers energy neither comes nor goes: it swings with the step, by no more than
+// omega h, and doesn't drift.
+TEST(SecondWorld, EnergyStays) {
+  const Scenario s = upright(
+      0.01, 0.0, {"coupling.damping.diagonal=[0, 0, 0, 0, 0, 0]", "carrier.damping=[0, 0, 0]"});
+  SecondWorld world(s, SoftContact{});
+  const double mg = s.mechanism.peg.mass * s.mechanism.gravity;
+  const double swings = mg * mg / s.mechanism.coupling.stiffness.diagonal(0);  // [J]
+  const double start = world.energy();
+  double early = 0.0, late = 0.0;
+  for (int i = 1; i <= 2000; ++i) {
+    EXPECT_EQ(world.advance(i * 2e-4), StopReason::kOk);
+    double& worst = i <= 500 ? early : late;
+    worst = std::max(worst, std::abs(world.energy() - start));
+  }
+  EXPECT_LT(early, 2.0 * 356 * 1e-4 * swings);
+  EXPECT_LT(late, 1.5 * early);
+}
+
+// Pressed flat beside the hole by the coupling's spring.
+TEST(SecondWorld, StaticPressIsTheSpring) {
+  const Scenario s = upright(0.0005, 0.06);
+  SecondWorld world(s, SoftContact{});
+  RestPose rest = s.rest;
+  const double press = 2e-4;
+  rest.z = 0.08 - press;
+  world.setRestTarget(rest);
+  ASSERT_EQ(world.advance(1.0), StopReason::kOk);
+  const double k = s.mechanism.coupling.stiffness.diagonal(0), force = k * press;
+  const double weight = s.mechanism.peg.mass * s.mechanism.gravity;
+  const double depth = -world.pegPose().p.z();  // of the soft contact
+  EXPECT_GT(depth, 0.0);
+  EXPECT_LT(depth, 1e-8);
+  // the engine's solver leaves 1e-5 of it
+  EXPECT_NEAR(world.holeWrench()(2), -(force - k * depth) - weight, 1e-5 * force);
+  EXPECT_NEAR(world.couplingWrench()(2), k * (press - depth), 1e-5 * force);
+}
+
+// The same static presses in both worlds: where they touch and with what force.
+struct Press {
+  const char* name;
+  double x, y, tilt_x, tilt_y, down;
+};
+class BothWorlds : public testing::TestWithParam<Press> {};
+
+TEST_P(BothWorlds, TouchAtTheSamePlace) {
+  const Press& at = GetParam();
+  // the viscous law keeps what a contact sank in while it came to rest
+  const Scenario s =
+      cellScenario({"contact={law: rigid, restitution: 0, features: [edge_edge, edge_plane, "
+                    "edge_wall, rim_side]}"});
+  // hanging where it starts, the carrier goes to the place above and down
+  const auto settle = [&](World& world) {
+    RestPose rest;
+    rest.x = at.x;
+    rest.y = at.y;
+    rest.theta = M_PI / 2 + at.tilt_x;
+    rest.phi = at.tilt_y;
+    rest.z = 0.087;
+    world.setRestTarget(rest);
+    EXPECT_EQ(world.advance(1.5), StopReason::kOk);
+    rest.z = 0.08 - at.down;
+    world.setRestTarget(rest);
+    EXPECT_EQ(world.advance(4.0), StopReason::kOk);
+    EXPECT_TRUE(world.atRest());
+  };
+  Simulation first(s);
+  SecondWorld second(s, SoftContact{});
+  settle(first);
+  settle(second);
+  const Vector6 a = first.holeWrench(), b = second.holeWrench();
+  EXPECT_GT(a.head<3>().norm(), 2.0);
+  // springs of Euler angles against those of the rotation vector: the square of the tilt, and
+  // facets
+  EXPECT_LT((a - b).head<3>().norm(), 0.005 * a.head<3>().norm()) << at.name;
+  const Vector3d apart = first.pegPose().p - second.pegPose().p;
+  EXPECT_LT(std::abs(apart.z()), 5e-6) << at.name;
+  // soft friction lets the peg creep to less shear
+  EXPECT_LT(apart.head<2>().norm(), 2e-5) << at.name;
+  // the line of the force: where it goes through the plane
+  const auto through = [](const Vector6& w) { return Eigen::Vector2d(-w(4) / w(2), w(3) / w(2)); };
+  EXPECT_LT((through(a) - through(b)).norm(), 6e-4) << at.name;  // a facet is 0.62 mm wide
+}
+
+INSTANTIATE_TEST_SUITE_P(, BothWorlds,
+                         testing::Values(Press{"face", 0.052, 0.01, 0.02, 0.01, 0.0002},
+                                         Press{"rim", 0.004, -0.003, 0.012, 0.02, 0.0006},
+                                         Press{"far_rim", -0.012, 0.006, -0.015, 0.004, 0.0005}),
+                         [](const testing::TestParamInfo<Press>& press) {
+                           return std::string(press.param.name);
+                         });
+
+// The boxes that are left out would not have touched: the engine alone, with all of them.
+TEST(SecondWorld, SkipsOnlyWhatDoesNotTouch) {
+  SoftContact contact;
+  contact.facets = 64;
+  std::mt19937 random(5);
+  const auto uniform = [&random](double low, double high) {
+    return low + (high - low) * static_cast<double>(random()) / 4294967296.0;
+  };
+  int touching = 0;
+  for (int i = 0; i < 24; ++i) {
+    Scenario s = upright(0.01);
+    const double reach = i % 3 == 0 ? 1e-4 : i % 3 == 1 ? 0.01 : 0.05;
+    s.initial.position =
+        Vector3d(uniform(-reach, reach), uniform(-reach, reach), uniform(-0.01, 0.002) + 0.03);
+    s.initial.euler = {uniform(-0.05, 0.05), M_PI / 2 + uniform(-0.05, 0.05), 0.0};
+    const SecondWorld world(s, contact);
+
+    const std::string path = testing::TempDir() + "skips_only.xml";
+    std::ofstream(path) << mjcf(s, contact);
+    char why[500] = "";
+    mjModel* m = mj_loadXML(path.c_str(), nullptr, why, sizeof why);
+    ASSERT_NE(m, nullptr) << why;
+    mjData* d = mj_makeData(m);
+    const Pose X_HP = world.pegPose();
+    const Vector3d centre = X_HP.p + s.mechanism.peg.half_height * X_HP.R.col(2);
+    Vector3d::Map(d->qpos) = centre;
+    const Eigen::Quaterniond q(X_HP.R);
+    Eigen::Vector4d::Map(d->qpos + 3) << q.w(), q.x(), q.y(), q.z();
+    mj_fwdPosition(m, d);
+    EXPECT_EQ(world.contactCount(), d->ncon) << "scene " << i;
+    touching += d->ncon > 0 ? 1 : 0;
+    mj_deleteData(d);
+    mj_deleteModel(m);
+    std::remove(path.c_str());
+  }
+  EXPECT_GT(touching, 8);
+}
+
+TEST(SecondWorld, ChamferGuidesThePegIn) {
+  // 0.6 mm off the middle, straight down: onto the face without a chamfer, into the hole with one
+  const auto lowered = [](double chamfer) {
+    const Scenario s = upright(0.0005, 0.0006);
+    SoftContact contact;
+    contact.chamfer = chamfer;
+    SecondWorld world(s, contact);
+    RestPose rest = s.rest;
+    rest.z = 0.0785;
+    world.setRestTarget(rest);
+    EXPECT_EQ(world.advance(0.4), StopReason::kOk);
+    return -world.pegPose().p.z();
+  };
+  EXPECT_LT(lowered(0.0), 1e-4);
+  EXPECT_GT(lowered(0.001), 1e-3);
+}
+
+}  // namespace
+}  // namespace assembly_cell
