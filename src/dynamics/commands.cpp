@@ -35,6 +35,10 @@ void setRestTarget(Commands& commands, const Mechanism& mechanism, double t, con
       planRest(restMotion(commands.profile, t), t, target, limits, armOf(mechanism.peg)));
 }
 
+void followRest(Commands& commands, double t, const RestMotion& goal, double t_goal) {
+  commands.setProfile(followProfile(restMotion(commands.profile, t), t, goal, t_goal));
+}
+
 void stopRest(Commands& commands, const Mechanism& mechanism, double t) {
   commands.setProfile(planStop(restMotion(commands.profile, t), t,
                                mechanism.carrier.max_acceleration, armOf(mechanism.peg)));

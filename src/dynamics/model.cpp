@@ -119,6 +119,26 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
   return best;
 }
 
+RestProfile followProfile(const RestMotion& now, double t, const RestMotion& goal, double t_goal) {
+  const double T = t_goal - t;
+  const Vector6 v0 = now.rate * T, a0 = now.acceleration * (T * T);
+  const Vector6 v1 = goal.rate * T, a1 = goal.acceleration * (T * T);
+  const Vector6 distance = goal.position - now.position;
+  RestProfile profile;
+  profile.start = t;
+  profile.duration = 2.0 * T;
+  auto& c = profile.coefficients;
+  c.col(0) = now.position;
+  c.col(1) = v0;
+  c.col(2) = 0.5 * a0;
+  c.col(3) = 10 * distance - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1;
+  c.col(4) = -15 * distance + 8 * v0 + 7 * v1 + 1.5 * a0 - a1;
+  c.col(5) = 6 * distance - 3 * (v0 + v1) - 0.5 * (a0 - a1);
+  double scale = 1.0;
+  for (int power = 0; power < 6; ++power, scale *= 2.0) c.col(power) *= scale;
+  return profile;
+}
+
 RestProfile planStop(const RestMotion& now, double t, double max_acceleration, double arm) {
   Vector6 weight;
   weight << 1, 1, 1, arm, arm, arm;

@@ -259,6 +259,12 @@ void Simulation::setRestTarget(const RestPose& target, double max_speed) {
   c.stale = true;
 }
 
+void Simulation::followRest(const RestMotion& goal, double t_goal) {
+  Context& c = run_->context;
+  assembly_cell::followRest(c.commands, c.time, goal, t_goal);
+  c.stale = true;
+}
+
 void Simulation::stopRest() {
   Context& c = run_->context;
   assembly_cell::stopRest(c.commands, scenario().mechanism, c.time);

@@ -18,6 +18,9 @@ constexpr double kWarnPeriod = 1.0;                  // of one topic, wall clock
 constexpr FieldRange kFiniteField{-1e18, 1e18, ""};  // squares of it stay finite
 constexpr FieldRange kShareField{-1.001, 1.001, ""};
 constexpr std::size_t kMaxContacts = 10000;
+constexpr FieldRange kJointField{-1e3, 1e3, "rad"};     // some turns
+constexpr FieldRange kRateField{-1e3, 1e3, ""};         // of a flange [m/s], [rad/s]
+constexpr FieldRange kMotionStepField{1e-6, 0.1, "s"};  // between poses that tell a rate
 
 MessageCheck header(const std_msgs::Header& header) {
   MessageCheck check;
@@ -212,6 +215,39 @@ MessageCheck check(const geometry_msgs::WrenchStamped& m) {
   const auto& [force, torque] = std::tie(m.wrench.force, m.wrench.torque);
   vector(check, "wrench.force", force.x, force.y, force.z, kForceField);
   vector(check, "wrench.torque", torque.x, torque.y, torque.z, kTorqueField);
+  return check;
+}
+
+MessageCheck check(const geometry_msgs::TwistStamped& m) {
+  MessageCheck check = header(m.header);
+  const auto& [linear, angular] = std::tie(m.twist.linear, m.twist.angular);
+  vector(check, "twist.linear", linear.x, linear.y, linear.z, kRateField);
+  vector(check, "twist.angular", angular.x, angular.y, angular.z, kRateField);
+  return check;
+}
+
+MessageCheck check(const sensor_msgs::JointState& m) {
+  MessageCheck check = header(m.header);
+  check.same("position", m.position.size(), m.name.size());
+  finite(check, "position", m.position, kJointField);
+  return check;
+}
+
+MessageCheck check(const trajectory_msgs::JointTrajectory& m) {
+  MessageCheck check = header(m.header);
+  check.same("points", m.points.size(), 1);
+  if (!check.good()) return check;
+  check.same("points[0].positions", m.points[0].positions.size(), m.joint_names.size());
+  finite(check, "points[0].positions", m.points[0].positions, kJointField);
+  return check;
+}
+
+MessageCheck check(const CarrierMotion& m) {
+  MessageCheck check = header(m.header);
+  check.number("step", m.step, kMotionStepField);
+  pose(check, m.before);
+  pose(check, m.at);
+  pose(check, m.after);
   return check;
 }
 

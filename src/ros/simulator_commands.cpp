@@ -114,6 +114,35 @@ void SimulatorNode::onLease(const ros::MessageEvent<Lease const>& event) {
   renew(senderOf(event, "lease"), event.getConstMessage()->session);
 }
 
+// ---- somebody else's motion ----
+
+void SimulatorNode::onCarrierMotion(const CarrierMotion& motion) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  motion_ = motion;
+  motion_time_ = nodeTime(motion.header.stamp);
+  changed_.notify_all();
+}
+
+double SimulatorNode::blockLength() const {
+  return cell_parameters_.block_size * cell_parameters_.sample_period;
+}
+
+void SimulatorNode::followMotion(const std::optional<CarrierMotion>& motion) {
+  World& world = cell_->world();
+  if (!motion) {
+    if (!world.atRest()) world.stopRest();
+    return;
+  }
+  const Pose& X_HB = cell_->carrier().base();
+  const auto rest = [&](const geometry_msgs::Pose& pose) {
+    return restVector(restFromPose(X_HB * fromPose(pose, "carrier_motion")));
+  };
+  const double h = motion->step;
+  const Vector6 before = rest(motion->before), at = rest(motion->at), after = rest(motion->after);
+  const RestMotion goal{at, (after - before) / (2.0 * h), (after - 2.0 * at + before) / (h * h)};
+  world.followRest(goal, world.time() + blockLength());
+}
+
 // ---- services ----
 
 void SimulatorNode::betweenBlocks(const std::function<void()>& task) {

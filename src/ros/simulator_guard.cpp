@@ -102,7 +102,8 @@ void SimulatorNode::watchPlant() {
   const std::string holder = guard_.holder;
   const GuardAction action = watch(guard_, load, height, now_);
   allowed_ = guard_.allowed;
-  watched_ = !guard_.overloaded;
+  // somebody else's motion isn't ours to stop
+  watched_ = !guard_.overloaded && !follows_;
   too_much_.reset();
   if (action.reason == GuardReason::kNone) return;
   if (action.reason == GuardReason::kLapsed) {

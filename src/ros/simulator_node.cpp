@@ -17,6 +17,7 @@
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/diagnostics.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
 
 namespace assembly_cell::ros_bridge {
@@ -25,6 +26,7 @@ namespace {
 
 constexpr int kQueue = 100;                          // wherever every sample counts
 constexpr std::chrono::seconds kConnectionCheck{5};  // wall clock
+constexpr double kStamp = 1e-6;                      // rounding of stamps [s]
 
 std::int64_t nanoseconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
@@ -87,6 +89,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   start_timeout_ = parameters.number("start_timeout", Range{0.1, 3600.0}, 60.0);
   paused_ = parameters.flag("paused", false);
   real_time_factor_ = parameters.number("real_time_factor", Range{1e-3, 1e3}, 1.0);
+  follows_ = parameters.flag("follow_motion", false);
   readGuard(parameters);
   parameters.refuseUnknown();
   if (use_sim_time && !lockstep_) {
@@ -145,8 +148,13 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   findEarlierPublishers();
   lease_sub_ = nh_.subscribe("lease", kQueue, &SimulatorNode::onLease, this,
                              ros::TransportHints().tcpNoDelay());
-  command_sub_ = nh_.subscribe("carrier_command", kQueue, &SimulatorNode::onCarrierCommand, this,
-                               ros::TransportHints().tcpNoDelay());
+  if (follows_) {
+    motion_sub_ = subscribeStream<CarrierMotion>(nh_, "carrier_motion", kQueue,
+                                                 [this](const auto& m) { onCarrierMotion(*m); });
+  } else {
+    command_sub_ = nh_.subscribe("carrier_command", kQueue, &SimulatorNode::onCarrierCommand, this,
+                                 ros::TransportHints().tcpNoDelay());
+  }
   exciter_sub_ = nh_.subscribe("exciter", kQueue, &SimulatorNode::onExciter, this,
                                ros::TransportHints().tcpNoDelay());
   if (lockstep_) subscribeToAcks();
@@ -253,17 +261,20 @@ void SimulatorNode::stepBlock() {
 void SimulatorNode::applyCommands() {
   std::optional<Pose> command;
   std::optional<Exciter> exciter;
+  std::optional<CarrierMotion> motion;
   GuardAction stop;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     command.swap(carrier_command_);
     exciter.swap(exciter_);
+    motion.swap(motion_);
     std::swap(stop, stop_);
   }
   World& world = cell_->world();
   if (stop.hold) world.stopRest();
   if (stop.exciter_off) world.setExciter(ExciterParameters{}, world.time());
   if (command) cell_->command(*command, speedOf(*command));
+  if (follows_) followMotion(motion);
   if (exciter) {
     ExciterParameters drive;
     drive.amplitude = exciter->on ? exciter->amplitude : 0.0;
@@ -305,7 +316,10 @@ void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   const double timeout = participants_.allKnown() ? ack_timeout_ : start_timeout_;
   const auto deadline =
       std::chrono::steady_clock::now() + std::chrono::nanoseconds(nanoseconds(timeout));
-  const auto answered = [&] { return quit_ || participants_.missing(sequence).empty(); };
+  const auto answered = [&] {
+    return quit_ || (participants_.missing(sequence).empty() &&
+                     (!follows_ || motion_time_ >= now_ + blockLength() - kStamp));
+  };
   while (true) {
     const auto check = std::chrono::steady_clock::now() + kConnectionCheck;
     if (changed_.wait_until(lock, std::min(check, deadline), answered)) return;
@@ -317,7 +331,9 @@ void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   }
   ROS_FATAL(
       "no answer to block %u within %g s of wall time from %s: is it running, with ~lockstep?",
-      sequence, timeout, participants_.missing(sequence).c_str());
+      sequence, timeout,
+      participants_.missing(sequence).empty() ? "who publishes carrier_motion"
+                                              : participants_.missing(sequence).c_str());
   exit_code_ = 1;
   quit_ = true;
   ros::requestShutdown();

@@ -224,6 +224,11 @@ void SecondWorld::setRestTarget(const RestPose& target, double max_speed) {
   stale_ = true;
 }
 
+void SecondWorld::followRest(const RestMotion& goal, double t_goal) {
+  assembly_cell::followRest(commands_, time(), goal, t_goal);
+  stale_ = true;
+}
+
 void SecondWorld::stopRest() {
   assembly_cell::stopRest(commands_, scenario_.mechanism, time());
   stale_ = true;

@@ -257,5 +257,31 @@ TEST(Simulation, NamesWhatIsNotAvailable) {
             std::string::npos);
 }
 
+// Somebody else moves the carrier: from block to block it has the position, the rate and the
+// acceleration that were said, along one quintic, here that of a sine.
+TEST(Simulation, FollowsAMotionThatSomebodyElseMakes) {
+  constexpr double kBlock = 0.02, kSize = 1e-3, kRate = 20.0;  // [s], [m], [rad/s]
+  const RestMotion start;
+  RestProfile profile = restProfile(restPose(start.position));
+  const auto sine = [&](double t) {
+    RestMotion m;
+    m.position(2) = kSize * (t - std::sin(kRate * t) / kRate);
+    m.rate(2) = kSize * (1.0 - std::cos(kRate * t));
+    m.acceleration(2) = kSize * kRate * std::sin(kRate * t);
+    return m;
+  };
+  for (int block = 0; block < 20; ++block) {
+    const double t = block * kBlock;
+    profile = followProfile(restMotion(profile, t), t, sine(t + kBlock), t + kBlock);
+    for (const double share : {0.0, 0.3, 0.7, 1.0}) {
+      const RestMotion m = restMotion(profile, t + share * kBlock), r = sine(t + share * kBlock);
+      // remainder of the quintic through both ends: kSize kRate^5 T^6 / (6! 64) < 1e-10 m
+      EXPECT_NEAR(m.position(2), r.position(2), 1e-10);
+      EXPECT_NEAR(m.rate(2), r.rate(2), 1e-7);
+      EXPECT_NEAR(m.acceleration(2), r.acceleration(2), 1e-4);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace assembly_cell

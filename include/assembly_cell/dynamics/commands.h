@@ -53,6 +53,7 @@ bool isCompliant(const Scenario& scenario);
 // From time t [s] on, as the functions of `World` of these names say.
 void setRestTarget(Commands& commands, const Mechanism& mechanism, double t, const RestPose& target,
                    double max_speed);
+void followRest(Commands& commands, double t, const RestMotion& goal, double t_goal);
 void stopRest(Commands& commands, const Mechanism& mechanism, double t);
 Vector6 stopWay(const Commands& commands, const Mechanism& mechanism, double t);
 void setRestShift(Commands& commands, const Mechanism& mechanism, double t, const Vector6& shift);

@@ -44,6 +44,10 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
                      const CarrierParameters& limits, double arm);
 RestMotion restMotion(const RestProfile& profile, double t);
 
+/// From the present motion to that of `goal` at t_goal, later than t: one quintic, which is told for
+/// as long again.
+RestProfile followProfile(const RestMotion& now, double t, const RestMotion& goal, double t_goal);
+
 /// From the present motion to rest, the quickest that keeps `max_acceleration`, in closed form; the
 /// rate of each coordinate is a cubic. At full speed and no acceleration 0.75 v²/a farther.
 RestProfile planStop(const RestMotion& now, double t, double max_acceleration, double arm);

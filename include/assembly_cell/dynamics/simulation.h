@@ -58,6 +58,7 @@ class Simulation final : public World {
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) override;
   void setRestTarget(const RestPose& target,
                      double max_speed = std::numeric_limits<double>::infinity()) override;
+  void followRest(const RestMotion& goal, double t_goal) override;
   void stopRest() override;
   Vector6 stopWay() const override;
   RestPose rest() const override;

@@ -63,6 +63,9 @@ class World {
   /// faster than `max_speed` [m/s].
   virtual void setRestTarget(const RestPose& target,
                              double max_speed = std::numeric_limits<double>::infinity()) = 0;
+  /// From now on the rest pose goes along a quintic that has the motion `goal` at t_goal: somebody
+  /// else moves the carrier, and says so again before that time has passed.
+  virtual void followRest(const RestMotion& goal, double t_goal) = 0;
   /// From now on bring the rest pose to a stop within the carrier's limits, no farther than that
   /// takes: see planStop().
   virtual void stopRest() = 0;

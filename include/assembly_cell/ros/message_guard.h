@@ -7,6 +7,7 @@
 #include <assembly_cell/AlignmentReport.h>
 #include <assembly_cell/AssemblePegGoal.h>
 #include <assembly_cell/CalibrateSensorsGoal.h>
+#include <assembly_cell/CarrierMotion.h>
 #include <assembly_cell/ContactArray.h>
 #include <assembly_cell/DisplacementSamples.h>
 #include <assembly_cell/Exciter.h>
@@ -21,8 +22,11 @@
 #include <assembly_cell/TwinForceState.h>
 #include <assembly_cell/WrenchSamples.h>
 #include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/WrenchStamped.h>
 #include <ros/ros.h>
+#include <sensor_msgs/JointState.h>
+#include <trajectory_msgs/JointTrajectory.h>
 
 #include <cstdint>
 #include <exception>
@@ -62,6 +66,10 @@ MessageCheck check(const MoveToContactGoal& goal);
 MessageCheck check(const RetreatGoal& goal);
 MessageCheck check(const geometry_msgs::PoseStamped& message);
 MessageCheck check(const geometry_msgs::WrenchStamped& message);
+MessageCheck check(const geometry_msgs::TwistStamped& message);
+MessageCheck check(const sensor_msgs::JointState& message);
+MessageCheck check(const trajectory_msgs::JointTrajectory& message);
+MessageCheck check(const CarrierMotion& message);
 
 /// `stamp` moved by `seconds`, at the ends of what a stamp can hold if it would leave them.
 ros::Time later(const ros::Time& stamp, double seconds);

@@ -23,6 +23,7 @@
 #include <thread>
 
 #include "assembly_cell/AccelerometerSamples.h"
+#include "assembly_cell/CarrierMotion.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/Lease.h"
 #include "assembly_cell/PlantState.h"
@@ -64,6 +65,10 @@ class SimulatorNode {
   void advertise(ros::NodeHandle& pnh);
 
   void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
+  void onCarrierMotion(const CarrierMotion& motion);
+  /// Where somebody else moves the carrier: with it, or to rest where nothing new is said.
+  void followMotion(const std::optional<CarrierMotion>& motion);
+  double blockLength() const;  ///< [s]
   void onExciter(const ros::MessageEvent<Exciter const>& event);
   void onAck(const ros::MessageEvent<Ack const>& event);
   void onLease(const ros::MessageEvent<Lease const>& event);
@@ -111,6 +116,7 @@ class SimulatorNode {
   double believed_height_ = 0.0;  // of the base over the hole, by the scenario's file [m]
   std::string mismatch_;          // what was drawn for the truth, YAML; empty: nothing
   bool lockstep_ = false;
+  bool follows_ = false;  // somebody else moves the carrier
   bool publish_truth_ = false;
   double real_time_factor_ = 1.0;
   double ack_timeout_ = 10.0;                          // wall [s]
@@ -145,6 +151,8 @@ class SimulatorNode {
   std::deque<std::packaged_task<void()>> tasks_;
   std::optional<Pose> carrier_command_;
   std::optional<Exciter> exciter_;
+  std::optional<CarrierMotion> motion_;  // not used yet
+  double motion_time_ = 0.0;             // of the last one, node time [s]
   Participants participants_;
   PlantGuard guard_;
   GuardAction stop_;             // before the commands
@@ -164,7 +172,7 @@ class SimulatorNode {
       truth_pose_pub_, truth_contacts_pub_, truth_mismatch_pub_, diagnostics_pub_, plant_state_pub_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
-  ros::Subscriber command_sub_, exciter_sub_, ack_sub_, lease_sub_;
+  ros::Subscriber command_sub_, motion_sub_, exciter_sub_, ack_sub_, lease_sub_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
   ros::WallTimer diagnostics_timer_;
   std::thread thread_;

@@ -1,0 +1,34 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <string>
+
+#include "assembly_cell/geometry/spatial.h"
+
+namespace assembly_cell {
+
+/// Where the cell stands before an arm, as a person has measured it: roughly. An alignment finds
+/// the rest.
+struct CellPlace {
+  std::string flange;           ///< link of the arm's URDF that carries the carrier
+  Pose X_flange_carrier;        ///< coupling point, z up the peg's axis
+  Pose X_base_hole;             ///< hole's rim in the arm's base, z out of the hole
+  double carrier_height = 0.0;  ///< of carrier_base over `hole` [m]
+
+  Pose carrierBase() const {
+    return X_base_hole * Pose{Eigen::Matrix3d::Identity(), {0.0, 0.0, carrier_height}};
+  }
+  /// Of the carrier in its base from that of the flange in the arm's base, and back.
+  Pose carrierOf(const Pose& X_base_flange) const {
+    return inverse(carrierBase()) * X_base_flange * X_flange_carrier;
+  }
+  Pose flangeOf(const Pose& carrier) const {
+    return carrierBase() * carrier * inverse(X_flange_carrier);
+  }
+};
+
+/// Reads the file that relates cell and base, see docs/arm.md. Throws InputError naming file, key,
+/// value and remedy.
+CellPlace loadCellPlace(const std::string& path);
+
+}  // namespace assembly_cell

@@ -1,0 +1,343 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/arm/arm_guard.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "assembly_cell/base/text.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kRelief = 1.1;    // of the load at the beginning, while it is being taken off
+constexpr double kSlowest = 1e-3;  // that a move may be asked to be [m/s]
+constexpr double kStopWay = 0.8;   // as the plant's guard counts it, of v²/a
+constexpr char kSensors[] = "ab";
+
+Load loadOf(const Vector6& wrench) { return {wrench.head<3>().norm(), wrench.tail<3>().norm()}; }
+
+// what is being taken off may be above the limit, but not grow
+double relieved(double load, double limit, double allowed) {
+  return std::isfinite(load) ? std::clamp(kRelief * load, limit, std::max(limit, allowed)) : limit;
+}
+
+Load relieved(const Load& load, const Load& limit, const Load& allowed) {
+  return {relieved(load.force, limit.force, allowed.force),
+          relieved(load.torque, limit.torque, allowed.torque)};
+}
+
+Load contactLimit(const ArmGuard& arm) { return {arm.limits.guard.force, arm.limits.guard.torque}; }
+Load rawLimit(const ArmGuard& arm) { return {arm.limits.raw_force, arm.limits.raw_torque}; }
+
+void allowRelief(ArmGuard& arm) {
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 2; ++i) {
+    arm.allowed[i] = relieved(loadOf(arm.wrench[i]), contactLimit(arm), {kAny, kAny});
+    arm.raw_allowed[i] = relieved(arm.raw_load[i], rawLimit(arm), {kAny, kAny});
+  }
+}
+
+void holdBeyond(ArmGuard& arm, ArmReason reason, const std::string& what, double value,
+                double limit, const char* unit) {
+  hold(arm, reason,
+       text("%s is %g %s, allowed are 0 to %g %s", what.c_str(), value, unit, limit, unit));
+}
+
+// the first sample that is too much holds the arm
+void judgeSample(ArmGuard& arm, std::size_t sensor, const Vector6& contact, const Vector6& raw) {
+  const std::string of = std::string(" of sensor_") + kSensors[sensor];
+  const Load load = loadOf(contact), raw_load = loadOf(raw);
+  const Load &allowed = arm.allowed[sensor], &raw_allowed = arm.raw_allowed[sensor];
+  if (!(load.force <= allowed.force)) {
+    holdBeyond(arm, ArmReason::kForce, "contact force" + of, load.force, allowed.force, "N");
+  } else if (!(load.torque <= allowed.torque)) {
+    holdBeyond(arm, ArmReason::kTorque, "contact torque" + of, load.torque, allowed.torque, "N m");
+  } else if (!(raw_load.force <= raw_allowed.force)) {
+    holdBeyond(arm, ArmReason::kRawForce, "force with its zero" + of, raw_load.force,
+               raw_allowed.force, "N");
+  } else if (!(raw_load.torque <= raw_allowed.torque)) {
+    holdBeyond(arm, ArmReason::kRawTorque, "torque with its zero" + of, raw_load.torque,
+               raw_allowed.torque, "N m");
+  }
+}
+
+void updateRate(ArmGuard& arm, std::size_t sensor, const Eigen::Vector3d& force, double time) {
+  ForceWindow& window = arm.windows[sensor];
+  if (window.count == 0) window.start = time;
+  window.sum += force;
+  ++window.count;
+  const double passed = time - window.start;
+  if (passed < 0.0 || passed > 10.0 * arm.limits.rate_window) {
+    window = ForceWindow();  // another life of the sensor, or a gap
+    return;
+  }
+  if (passed < arm.limits.rate_window * (1.0 - 1e-6)) return;
+  const Eigen::Vector3d mean = window.sum / static_cast<double>(window.count);
+  if (window.last) window.rate = (mean - *window.last).norm() / passed;
+  window.last = mean;
+  window.sum.setZero();
+  window.count = 0;
+}
+
+bool isBusy(const ArmGuard& arm) {
+  return !arm.guard.holder.empty() || arm.guard.shaking || !isAtRest(arm.motion);
+}
+
+void watchData(ArmGuard& arm, double now) {
+  const auto late = [&](bool known, double time) {
+    return !known || now - time >= arm.limits.timeout - 1e-6;
+  };
+  const auto complain = [&](ArmReason reason, const char* what, bool known, double time) {
+    hold(arm, reason,
+         known ? text("no fresh %s for %.3f s, allowed are %g s", what, now - time,
+                      arm.limits.timeout)
+               : text("no %s has come in yet", what));
+  };
+  if (late(arm.wrench_known[0], arm.wrench_time[0])) {
+    complain(ArmReason::kNoWrenchA, "samples of sensor_a", arm.wrench_known[0], arm.wrench_time[0]);
+  } else if (late(arm.wrench_known[1], arm.wrench_time[1])) {
+    complain(ArmReason::kNoWrenchB, "samples of sensor_b", arm.wrench_known[1], arm.wrench_time[1]);
+  } else if (late(arm.state_known, arm.state_time)) {
+    complain(ArmReason::kNoState, "state of the arm", arm.state_known, arm.state_time);
+  }
+}
+
+// Where it was sent lately: its latency doesn't count.
+void watchFollowing(ArmGuard& arm) {
+  const double points = arm.limits.following_time / arm.motion.period;
+  const auto count = std::min(static_cast<std::size_t>(std::max(1.0, points)), arm.sent.size());
+  double distance = std::numeric_limits<double>::infinity(), turn = distance;
+  for (std::size_t k = 1; k <= count; ++k) {
+    const Vector6& point = arm.sent[(arm.sent_next + arm.sent.size() - k) % arm.sent.size()];
+    const double d = (point - arm.measured).head<3>().norm();
+    const double t = (point - arm.measured).tail<3>().norm();
+    if (d <= arm.limits.following && t <= arm.limits.following_turn) return;
+    distance = std::min(distance, d);
+    turn = std::min(turn, t);
+  }
+  hold(arm, ArmReason::kFollowing,
+       text("the arm is %g m and %g rad from where it was sent within %g s, allowed are %g m and "
+            "%g rad",
+            distance, turn, arm.limits.following_time, arm.limits.following,
+            arm.limits.following_turn));
+}
+
+// of those that have to be taken off
+bool isOverloaded(const ArmGuard& arm) {
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Load load = loadOf(arm.wrench[i]), limit = contactLimit(arm);
+    if (load.force > limit.force || load.torque > limit.torque) return true;
+    const Load &raw = arm.raw_load[i], raw_limit = rawLimit(arm);
+    if (raw.force > raw_limit.force || raw.torque > raw_limit.torque) return true;
+  }
+  return false;
+}
+
+void begin(ArmGuard& arm, const Pose& X) {
+  beginMotion(arm.motion, X);
+  arm.sent.fill(arm.motion.out);
+}
+
+Verdict halted(const ArmGuard& arm) {
+  return {GuardReason::kOverloaded,
+          text("overloaded: the arm is %s: %s", toString(arm.mode), arm.text.c_str())};
+}
+
+}  // namespace
+
+const char* toString(ArmMode mode) {
+  static constexpr const char* kNames[] = {"waiting", "following", "held", "stopped"};
+  return kNames[static_cast<int>(mode)];
+}
+
+const char* toString(ArmReason reason) {
+  static constexpr const char* kNames[] = {
+      "none",      "lapsed",     "no_wrench_a", "no_wrench_b", "no_state",
+      "max_force", "max_torque", "raw_force",   "raw_torque",  "force_rate",
+      "following", "outside",    "unreachable", "stop",        "lone_exciter"};
+  static_assert(std::size(kNames) == static_cast<std::size_t>(ArmReason::kCount));
+  return kNames[static_cast<int>(reason)];
+}
+
+ArmGuard armGuard(const ArmLimits& limits, const Braking& braking, LeaseMode mode, bool lockstep) {
+  ArmGuard arm;
+  arm.limits = limits;
+  arm.limits.guard.lease_time = limits.timeout;
+  arm.guard = plantGuard(arm.limits.guard, mode, lockstep);
+  arm.guard.braking = braking;
+  arm.guard.braking.acceleration = limits.motion.acceleration;
+  arm.motion.limits = limits.motion;
+  arm.motion.limits.box_min = limits.guard.box_min;
+  arm.motion.limits.box_max = limits.guard.box_max;
+  arm.motion.limits.rotation = limits.guard.rotation;
+  arm.allowed.fill(contactLimit(arm));
+  arm.raw_allowed.fill(rawLimit(arm));
+  for (Vector6& wrench : arm.wrench) wrench.setZero();
+  return arm;
+}
+
+void setRate(ArmGuard& arm, double period, double smoothing) {
+  arm.motion.period = period;
+  arm.motion.smoothing = static_cast<std::size_t>(std::clamp(
+      std::round(smoothing / period), 1.0, static_cast<double>(CommandMotion::kLongest)));
+}
+
+void feel(ArmGuard& arm, const FeltSamples& samples) {
+  const auto sensor = static_cast<std::size_t>(samples.sensor);
+  const Load felt = feltLoad(arm.limits.guard);
+  Vector6 way = Vector6::Zero();
+  if (sensor == 1) {
+    // what is on its way to the arm can't be called back
+    way = stopWay(arm.motion) + motionRate(arm.motion) * arm.limits.delay;
+  }
+  for (std::size_t i = 0; i < samples.count; ++i) {
+    const Vector6 contact = Vector6::Map(samples.values + 6 * i);
+    const double behind = static_cast<double>(samples.count - 1 - i) * samples.period;
+    updateRate(arm, sensor, contact.head<3>(), samples.end - behind);
+    if (isHalted(arm)) continue;
+    judgeSample(arm, sensor, contact, contact + samples.zero);
+    const Load& allowed = arm.allowed[sensor];
+    if (isHalted(arm) || sensor != 1 || !exceeds(contact, felt)) continue;
+    if (!mustStop(arm.guard.braking, contact, way, allowed)) continue;
+    const Load then = loadOf(loadAfter(arm.guard.braking, contact, way));
+    hold(arm, then.force > allowed.force ? ArmReason::kForce : ArmReason::kTorque,
+         text("contact at sensor_b is %g N, %g N m and would be %g N, %g N m when the arm has "
+              "stopped, allowed are %g N, %g N m",
+              contact.head<3>().norm(), contact.tail<3>().norm(), then.force, then.torque,
+              allowed.force, allowed.torque));
+  }
+  if (samples.count > 0) {
+    arm.wrench[sensor] = Vector6::Map(samples.values + 6 * (samples.count - 1));
+    arm.raw_load[sensor] = loadOf(arm.wrench[sensor] + samples.zero);
+    arm.wrench_time[sensor] = samples.end;
+    arm.wrench_known[sensor] = true;
+  }
+  arm.allowed[sensor] =
+      relieved(loadOf(arm.wrench[sensor]), contactLimit(arm), arm.allowed[sensor]);
+  arm.raw_allowed[sensor] = relieved(arm.raw_load[sensor], rawLimit(arm), arm.raw_allowed[sensor]);
+  const double rate = arm.windows[sensor].rate;
+  if (!isHalted(arm) && isBusy(arm) && !(rate <= arm.limits.force_rate)) {
+    holdBeyond(arm, ArmReason::kForceRate,
+               std::string("rate of the contact force of sensor_") + kSensors[sensor], rate,
+               arm.limits.force_rate, "N/s");
+  }
+}
+
+void setState(ArmGuard& arm, const Pose& X, double stamp) {
+  if (!X.p.allFinite() || !X.R.allFinite()) return;
+  arm.measured = coordinatesOf(X);
+  arm.state_time = stamp;
+  arm.state_known = true;
+  // moved by somebody else while it wasn't commanded
+  const Vector6 off = arm.measured - arm.motion.out;
+  const bool moved = arm.begun && !isBusy(arm) &&
+                     !(off.head<3>().norm() <= arm.limits.following &&
+                       off.tail<3>().norm() <= arm.limits.following_turn);
+  if (moved) begin(arm, X);
+  if (arm.begun) return;
+  // the first point is where the arm is
+  begin(arm, X);
+  arm.begun = true;
+  if (arm.mode == ArmMode::kWaiting) arm.mode = ArmMode::kFollowing;
+}
+
+Verdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now) {
+  const std::uint32_t before = arm.guard.session;
+  GuardAction action;
+  const Verdict verdict = renewLease(arm.guard, sender, session, now, action);
+  if (action.hold) brake(arm.motion);
+  const bool begins = arm.guard.session != 0 && arm.guard.session != before;
+  if (verdict.good() && begins && arm.mode == ArmMode::kHeld) resume(arm, now);
+  return verdict;
+}
+
+Verdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now) {
+  Verdict verdict = judgeMove(arm.guard, sender, X, now);
+  if (!verdict.good()) return verdict;
+  if (arm.mode != ArmMode::kFollowing) return halted(arm);
+  if (!isWithin(arm.motion.limits, arm.motion.out)) {
+    hold(arm, ArmReason::kOutside,
+         text("the arm stands outside of its workspace, at %g %g %g m: bring it back by hand",
+              arm.motion.out(0), arm.motion.out(1), arm.motion.out(2)));
+    return halted(arm);
+  }
+  const Vector6 way = coordinatesOf(X) - arm.motion.out;
+  if (isOverloaded(arm) && !(way(2) > 0.0 && way.head<2>().norm() <= way(2))) {
+    return {GuardReason::kOverloaded, "overloaded: the load is above its limit: only up"};
+  }
+  moveTo(arm.motion, X, std::min(arm.limits.motion.speed, safeSpeed(arm, way)));
+  return verdict;
+}
+
+Verdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& exciter, double now) {
+  if (exciter.amplitude > 0.0 && isHalted(arm)) return halted(arm);
+  return judgeExciter(arm.guard, sender, exciter, now);
+}
+
+void tick(ArmGuard& arm, double now) {
+  if (!arm.begun) return;
+  const std::string holder = arm.guard.holder;
+  const GuardAction action = watch(arm.guard, arm.wrench[1], arm.motion.out(2), now);
+  if (action.reason == GuardReason::kLapsed) {
+    hold(arm, ArmReason::kLapsed,
+         text("no sign of life of %s for %g s", holder.c_str(), arm.limits.timeout));
+  } else if (action.reason == GuardReason::kLoneExciter) {
+    arm.text = text("%s: the exciter ran for %g s and nobody holds the plant",
+                    toString(action.reason), arm.limits.guard.lone_exciter);
+  }
+  if (!isHalted(arm) && isBusy(arm)) {
+    watchData(arm, now);
+    if (!isHalted(arm)) watchFollowing(arm);
+  }
+  stepMotion(arm.motion);
+  arm.sent[arm.sent_next] = arm.motion.out;
+  arm.sent_next = (arm.sent_next + 1) % arm.sent.size();
+}
+
+void hold(ArmGuard& arm, ArmReason reason, const std::string& text) {
+  if (isHalted(arm)) return;
+  arm.mode = ArmMode::kHeld;
+  arm.reason = reason;
+  arm.text = std::string(toString(reason)) + ": " + text;
+  arm.guard.shaking = false;
+  brake(arm.motion);
+}
+
+void stopForGood(ArmGuard& arm, const std::string& text) {
+  if (arm.mode == ArmMode::kStopped) return;
+  arm.mode = ArmMode::kWaiting;
+  hold(arm, ArmReason::kStop, text);
+  arm.mode = ArmMode::kStopped;
+}
+
+std::string resume(ArmGuard& arm, double now) {
+  if (arm.mode == ArmMode::kStopped) return arm.text + ": start the bridge again";
+  if (arm.mode != ArmMode::kHeld) return text("the arm is not held, it is %s", toString(arm.mode));
+  if (!arm.state_known || now - arm.state_time >= arm.limits.timeout) {
+    return "no fresh state of the arm: the next point must be where it is";
+  }
+  allowRelief(arm);
+  for (ForceWindow& window : arm.windows) window = ForceWindow();
+  // an arm that stands somewhere else than it was sent is not sent back
+  if (isAtRest(arm.motion)) begin(arm, poseOfCoordinates(arm.measured));
+  brake(arm.motion);
+  arm.mode = ArmMode::kFollowing;
+  arm.reason = ArmReason::kNone;
+  arm.text.clear();
+  return {};
+}
+
+double safeSpeed(const ArmGuard& arm, const Vector6& way) {
+  const double a = arm.limits.motion.acceleration, delay = arm.limits.delay;
+  const double speed = speedLimit(arm.guard, arm.wrench[1], way);
+  if (!std::isfinite(speed)) return speed;
+  // its way until it stands, now with what passes before it begins to stop
+  const double room = kStopWay * speed * speed / a;
+  const double v =
+      (std::sqrt(delay * delay + 4.0 * kStopWay * room / a) - delay) * 0.5 * a / kStopWay;
+  return std::max(kSlowest, v);
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,127 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/arm/emulated_arm.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "assembly_cell/base/text.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr int kParts = 4;             // of a cycle, for the joints' motion
+constexpr double kStep = 1e-3;        // between the poses that tell rate and acceleration [s]
+constexpr double kLongEnough = 2e-4;  // a way that ends somewhere else than the last one [m]
+constexpr double kStill = 1e-4;       // of the joints [rad/s]
+constexpr double kSettling = 0.05;    // time constant of sag and of where a move ends [s]
+constexpr double kStamp = 1e-6;       // rounding of stamps [s]
+
+void stop(EmulatedArm& arm, const std::string& why) {
+  arm.stopped = true;
+  arm.why = why;
+  arm.queue.clear();
+  arm.target = arm.q;
+}
+
+void moveJoints(EmulatedArm& arm, const JointLimits& limits, double dt) {
+  const double w = 2.0 * M_PI * arm.parameters.bandwidth;
+  for (int part = 0; part < kParts; ++part) {
+    const double h = dt / kParts;
+    arm.acceleration = w * w * (arm.target - arm.q) - 2.0 * w * arm.rate;
+    const JointVector before = arm.rate;
+    arm.rate = (arm.rate + h * arm.acceleration).cwiseMax(-limits.speed).cwiseMin(limits.speed);
+    arm.acceleration = (arm.rate - before) / h;
+    arm.q += h * arm.rate;
+    const JointVector held = arm.q.cwiseMax(limits.lower).cwiseMin(limits.upper);
+    if (held != arm.q) arm.rate.setZero();
+    arm.q = held;
+  }
+}
+
+// A move that has come to rest far enough from the last one ends somewhere else.
+void settle(EmulatedArm& arm, const ArmKinematics& kinematics, double dt) {
+  if (arm.rate.cwiseAbs().maxCoeff() < kStill) {
+    const Pose at = arm.place.carrierOf(kinematics.forward(arm.q));
+    if ((at.p - arm.drawn_at.p).norm() > kLongEnough) {
+      arm.drawn_at = at;
+      std::normal_distribution<double> normal(0.0, 1.0);
+      for (int i = 0; i < 3; ++i)
+        arm.off_goal(i) = arm.parameters.repeatability * normal(arm.random);
+    }
+  }
+  const double share = 1.0 - std::exp(-dt / kSettling);
+  arm.off += share * (arm.off_goal - arm.off);
+  arm.sag += share * (arm.parameters.compliance.cwiseProduct(arm.force) - arm.sag);
+}
+
+}  // namespace
+
+EmulatedArm emulatedArm(const EmulatedArmParameters& parameters, const CellPlace& place,
+                        const ArmKinematics& kinematics, const JointVector& q, double time) {
+  EmulatedArm arm;
+  arm.parameters = parameters;
+  arm.place = place;
+  arm.time = time;
+  arm.q = arm.target = q;
+  arm.rate = arm.acceleration = JointVector::Zero(q.size());
+  arm.drawn_at = place.carrierOf(kinematics.forward(q));
+  arm.random.seed(parameters.seed);
+  return arm;
+}
+
+bool command(EmulatedArm& arm, const JointVector& q, double stamp) {
+  if (q.size() != arm.q.size() || !q.allFinite() || !std::isfinite(stamp)) return false;
+  if (arm.stopped) return true;
+  std::uniform_real_distribution<double> late(0.0, arm.parameters.jitter);
+  double due = stamp + arm.parameters.latency;
+  if (arm.parameters.jitter > 0.0) due += late(arm.random);
+  // they keep their order
+  if (!arm.queue.empty()) due = std::max(due, arm.queue.back().due);
+  arm.queue.push_back({due, q});
+  return true;
+}
+
+void load(EmulatedArm& arm, const Vector6& wrench) {
+  arm.force = wrench;
+  const double force = wrench.head<3>().norm(), torque = wrench.tail<3>().norm();
+  const EmulatedArmParameters& p = arm.parameters;
+  if (arm.stopped || (force <= p.protective_force && torque <= p.protective_torque)) return;
+  stop(arm, text("protective stop: %g N, %g N m at the flange, allowed are %g N, %g N m", force,
+                 torque, p.protective_force, p.protective_torque));
+}
+
+void advance(EmulatedArm& arm, const ArmKinematics& kinematics, double time) {
+  const double dt = 1.0 / arm.parameters.rate;
+  while (arm.time + dt <= time + kStamp) {
+    arm.time += dt;
+    while (!arm.queue.empty() && arm.queue.front().due <= arm.time + kStamp) {
+      arm.target = arm.queue.front().q;
+      arm.queue.pop_front();
+    }
+    moveJoints(arm, kinematics.limits(), dt);
+    settle(arm, kinematics, dt);
+  }
+}
+
+void unlock(EmulatedArm& arm) {
+  arm.stopped = false;
+  arm.why.clear();
+}
+
+JointVector encoders(const EmulatedArm& arm) {
+  const double step = arm.parameters.encoder_step;
+  if (!(step > 0.0)) return arm.q;
+  return (arm.q / step).array().round() * step;
+}
+
+CarrierPoses carrier(const EmulatedArm& arm, const ArmKinematics& kinematics) {
+  const Vector6 shift = arm.off + arm.sag;
+  const Pose off{rotationFromVector({shift.tail<3>()}), shift.head<3>()};
+  const auto at = [&](double t) {
+    const JointVector q = arm.q + t * arm.rate + 0.5 * t * t * arm.acceleration;
+    return arm.place.carrierOf(kinematics.forward(q)) * off;
+  };
+  return {kStep, at(-kStep), at(0.0), at(kStep)};
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,9 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/arm_bridge_node.h"
+#include "assembly_cell/ros/node_main.h"
+
+int main(int argc, char** argv) {
+  // one thread keeps commands, blocks and states in order
+  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::ArmBridgeNode>(argc, argv,
+                                                                                  "arm_bridge", 1);
+}

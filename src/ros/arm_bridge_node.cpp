@@ -1,0 +1,357 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/arm_bridge_node.h"
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/mechanism/mechanism.h"
+#include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/diagnostics.h"
+#include "assembly_cell/ros/lockstep.h"
+#include "assembly_cell/ros/message_guard.h"
+#include "assembly_cell/ros/parameters.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+constexpr int kQueue = 100;
+constexpr double kConnectionCheck = 5.0;  // wall clock [s]
+constexpr double kBehind = 0.1;           // then points that were missed aren't made up for [s]
+
+std::uint32_t randomLife() {
+  std::random_device random;
+  std::uint32_t life = 0;
+  while (life == 0) life = random();
+  return life;
+}
+
+}  // namespace
+
+ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
+    : nh_(nh), arm_nh_(nh, "arm"), life_(randomLife()), clock_(true) {
+  readParameters(pnh);
+  clock_ = CellClock(!lockstep_);
+  if (lockstep_) {
+    participants_ = Participants(participant_names_, nh_.getNamespace());
+    // blocks are the drivers' word here: an answer may be faster than they
+    participants_.expect(std::numeric_limits<std::uint32_t>::max());
+  }
+  arm_ = armGuard(limits_, braking_, lease_mode_, lockstep_);
+  setRate(arm_, 1.0 / rate_, smoothing_);
+  output_ = std::make_unique<ArmOutput>(arm_nh_, output_settings_, kinematics_.get());
+  advertise(pnh);
+  subscribe();
+  if (publish_frames_) publishFrames();
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    publishState();
+  }
+  ROS_INFO("%s: %.0f points a second, %s", pnh.getNamespace().c_str(), rate_,
+           lockstep_ ? "lockstep" : "by the wall clock");
+  if (!lockstep_) thread_ = std::thread([this] { loop(); });
+}
+
+ArmBridgeNode::~ArmBridgeNode() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    quit_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+// ---- parameters ----
+
+void ArmBridgeNode::readParameters(ros::NodeHandle& pnh) {
+  Parameters parameters(pnh);
+  const Mechanism mechanism = loadMechanism(
+      parameters.text("scenario"), parameters.texts("overrides", std::vector<std::string>{}));
+  lockstep_ = parameters.flag("lockstep", false);
+  participant_names_ = parameters.texts("participants", std::vector<std::string>{});
+  rate_ = parameters.number("rate", Range{20.0, 2000.0}, rate_);
+  smoothing_ = parameters.number("smoothing", Range{0.0, 0.1}, smoothing_);
+  if (smoothing_ * rate_ > static_cast<double>(CommandMotion::kLongest)) {
+    throw InputError(text("parameter ~smoothing: %g s are more than %zu points at ~rate: give less",
+                          smoothing_, CommandMotion::kLongest));
+  }
+  limits_ = readLimits(parameters);
+  limits_.motion.arm = mechanism.peg.coupling_height + mechanism.peg.half_height;
+  braking_ = {couplingStiffness(mechanism.coupling), limits_.motion.acceleration,
+              limits_.motion.arm};
+  const std::string mode = parameters.choice("lease", {"auto", "required", "none"}, "auto");
+  if (mode == "required") lease_mode_ = LeaseMode::kRequired;
+  if (mode == "none") lease_mode_ = LeaseMode::kNone;
+  payload_mass_ = parameters.number("payload_mass", Range{0.0, 100.0}, 0.0);
+  const std::vector<double> centre =
+      parameters.numbers("payload_centre", 3, std::vector<double>{0.0, 0.0, 0.0});
+  payload_centre_ = Eigen::Vector3d::Map(centre.data());
+  gravity_ = mechanism.gravity;
+  publish_frames_ = parameters.flag("publish_frames", true);
+  readArm(parameters);
+  parameters.refuseUnknown();
+}
+
+ArmLimits ArmBridgeNode::readLimits(Parameters& parameters) const {
+  ArmLimits limits;
+  MotionLimits& motion = limits.motion;
+  GuardLimits& guard = limits.guard;
+  motion.speed = parameters.number("max_speed", Range{1e-3, 0.25}, motion.speed);
+  motion.acceleration =
+      parameters.number("max_acceleration", Range{1e-2, 10.0}, motion.acceleration);
+  const std::vector<double> box =
+      parameters.numbers("workspace", 6, std::vector<double>{-0.1, 0.1, -0.1, 0.1, -0.1, 0.1});
+  for (int i = 0; i < 3; ++i) {
+    const auto k = static_cast<std::size_t>(2 * i);
+    guard.box_min(i) = box[k];
+    guard.box_max(i) = box[k + 1];
+    if (box[k] < box[k + 1]) continue;
+    throw InputError(text("parameter ~workspace is %g to %g m along %c: give the lower end first",
+                          box[k], box[k + 1], "xyz"[i]));
+  }
+  guard.rotation = parameters.number("max_rotation", Range{0.0, 1.0}, guard.rotation);
+  guard.force = parameters.number("max_force", kPositive, guard.force);
+  guard.torque = parameters.number("max_torque", kPositive, guard.torque);
+  guard.amplitude = parameters.number("max_amplitude", kNotNegative, guard.amplitude);
+  guard.frequency = parameters.number("max_frequency", kNotNegative, guard.frequency);
+  limits.raw_force = parameters.number("max_raw_force", kPositive, limits.raw_force);
+  limits.raw_torque = parameters.number("max_raw_torque", kPositive, limits.raw_torque);
+  limits.force_rate = parameters.number("max_force_rate", kPositive, limits.force_rate);
+  limits.following = parameters.number("max_following", kPositive, limits.following);
+  limits.following_turn = parameters.number("max_following_turn", kPositive, limits.following_turn);
+  limits.following_time =
+      parameters.number("following_time", Range{1e-3, 0.25}, limits.following_time);
+  limits.timeout = parameters.number("timeout", Range{0.04, 10.0}, limits.timeout);
+  limits.delay = parameters.number("delay", Range{0.0, 1.0}, limits.delay);
+  return limits;
+}
+
+void ArmBridgeNode::readArm(Parameters& parameters) {
+  ArmOutput::Settings& output = output_settings_;
+  output.interface =
+      armInterface(parameters.choice("interface", {"pose", "twist", "joints"}, "joints"));
+  joint_state_ = parameters.choice("state", {"joints", "pose"}, "joints") == "joints";
+  output.place = loadCellPlace(parameters.text("place"));
+  output.twist_gain = parameters.number("twist_gain", Range{0.0, 100.0}, output.twist_gain);
+  output.base_frame = parameters.text("base_frame", "");
+  const std::string description = parameters.text("description", "arm_description");
+  if (joint_state_ || output.interface == ArmInterface::kJoints) {
+    kinematics_ = std::make_unique<ArmKinematics>(Parameters(nh_).text(description),
+                                                  output.place.flange, description);
+    if (output.base_frame.empty()) output.base_frame = kinematics_->base();
+  }
+  if (output.base_frame.empty()) {
+    throw InputError("parameter ~base_frame is empty: give the frame of the arm's base");
+  }
+  if (!joint_state_ && output.interface == ArmInterface::kJoints) {
+    throw InputError(
+        "parameter ~state is pose while ~interface is joints: joints need joint_states");
+  }
+}
+
+void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
+  carrier_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
+  plant_state_pub_ = nh_.advertise<PlantState>("plant_state", 10, true);
+  exciter_pub_ = arm_nh_.advertise<Exciter>("exciter", kQueue, true);
+  wrench_pub_ = pnh.advertise<geometry_msgs::WrenchStamped>("wrench", kQueue);
+  diagnostics_pub_ = nh_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
+  if (lockstep_) ack_pub_ = arm_nh_.advertise<Ack>("ack", kQueue, true);
+  using Request = std_srvs::Trigger::Request;
+  using Response = std_srvs::Trigger::Response;
+  resume_srv_ = pnh.advertiseService<Request, Response>(
+      "resume", [this](Request&, Response& response) { return onResume(response); });
+  stop_srv_ = pnh.advertiseService<Request, Response>("stop", [this](Request&, Response& response) {
+    onStop("the service stop was called");
+    response.success = true;
+    response.message = "stopped: start the bridge again to move";
+    return true;
+  });
+  using Event = ros::MessageEvent<std_msgs::Bool const>;
+  const boost::function<void(const Event&)> on_stop = [this](const Event& event) {
+    if (event.getConstMessage()->data) onStop(event.getPublisherName() + " published stop");
+  };
+  stop_sub_ = pnh.subscribe<std_msgs::Bool, const Event&>("stop", kQueue, on_stop);
+  diagnostics_timer_ =
+      nh_.createWallTimer(ros::WallDuration(0.5), [this](const auto&) { publishDiagnostics(); });
+  if (lockstep_) {
+    connection_timer_ = nh_.createWallTimer(ros::WallDuration(kConnectionCheck),
+                                            [this](const auto&) { keepConnections(); });
+  }
+}
+
+// Where a person believes base and hole to be.
+void ArmBridgeNode::publishFrames() {
+  const CellPlace& place = output_settings_.place;
+  const ros::Time stamp = ros::Time::now();
+  const Pose X_HB{Eigen::Matrix3d::Identity(), {0.0, 0.0, place.carrier_height}};
+  static_tf_.sendTransform({transformStamped(kHoleFrame, kCarrierBaseFrame, X_HB, stamp),
+                            transformStamped(kHoleFrame, output_settings_.base_frame,
+                                             inverse(place.X_base_hole), stamp)});
+}
+
+// ---- the points ----
+
+void ArmBridgeNode::loop() {
+  const auto period =
+      std::chrono::duration_cast<Steady::duration>(std::chrono::duration<double>(1.0 / rate_));
+  auto next = Steady::now();
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (!quit_) {
+    next += period;
+    const auto behind = std::chrono::duration<double>(Steady::now() - next).count();
+    if (behind > kBehind) next = Steady::now();
+    if (changed_.wait_until(lock, next, [this] { return quit_; })) return;
+    if (!epoch_.isZero()) point(now());
+  }
+}
+
+void ArmBridgeNode::point(double time) {
+  tick(arm_, time);
+  ++points_;
+  if (arm_.begun) {
+    const std::string why = output_->send(arm_.motion, arm_.measured, stampAt(time));
+    if (!why.empty()) hold(arm_, ArmReason::kUnreachable, why);
+  }
+  watchExciter();
+  publishState();
+}
+
+// What ended by itself is told to the exciter.
+void ArmBridgeNode::watchExciter() {
+  if (!driving_ || arm_.guard.shaking) return;
+  Exciter off;
+  off.header.stamp = stampAt(now());
+  off.header.frame_id = kPegFrame;
+  off.direction = 1;
+  publishExciter(off);
+}
+
+void ArmBridgeNode::publishExciter(const Exciter& exciter) {
+  driving_ = exciter.on && exciter.amplitude > 0.0;
+  ++drives_;
+  exciter_pub_.publish(exciter);
+}
+
+// All that belongs to the last block is here: its points.
+void ArmBridgeNode::endBlock() {
+  if (!lockstep_ || !sequence_[0] || sequence_[0] != sequence_[1] || sequence_[1] == done_) return;
+  if (nodeTime(pose_told_) < block_end_ - 1e-6) return;
+  if (!participants_.missing(*sequence_[1]).empty()) return;
+  done_ = sequence_[1];
+  ++blocks_;
+  std::vector<std::function<void()>> tasks;
+  tasks.swap(waiting_);
+  for (const auto& task : tasks) task();
+  const double period = 1.0 / rate_;
+  const auto count = static_cast<int>(std::ceil(block_length_ / period - 1e-6));
+  for (int i = 1; i <= count; ++i) {
+    point(block_end_ + std::min(i * period, block_length_));
+  }
+  Ack ack;
+  ack.node = participantName(nh_.getNamespace());
+  ack.sequence = *done_;
+  ack.commands = drives_;
+  ack_pub_.publish(ack);
+}
+
+// A connection that was never made, or got lost, isn't tried again by ROS; what is latched comes
+// again.
+void ArmBridgeNode::keepConnections() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const bool stuck = blocks_ == checked_ && sequence_[1] != done_;
+    checked_ = blocks_;
+    if (!stuck) return;
+  }
+  ROS_WARN("block incomplete: subscribing anew");
+  subscribe();
+}
+
+double ArmBridgeNode::now() const {
+  if (lockstep_) return block_end_;
+  return clock_.now(wall()) - epoch_.toSec();
+}
+
+double ArmBridgeNode::nodeTime(const ros::Time& stamp) const {
+  // differences of ros::Time throw where they are large
+  return 1e-9 * static_cast<double>(static_cast<std::int64_t>(stamp.toNSec()) -
+                                    static_cast<std::int64_t>(epoch_.toNSec()));
+}
+
+ros::Time ArmBridgeNode::stampAt(double time) const {
+  ros::Time stamp;
+  stamp.fromNSec(epoch_.toNSec() + static_cast<std::uint64_t>(std::max(0.0, time) * 1e9 + 0.5));
+  return stamp;
+}
+
+// ---- what is told ----
+
+void ArmBridgeNode::publishState() {
+  PlantState state;
+  state.life = life_;
+  state.session = arm_.guard.session;
+  state.holder = arm_.guard.holder;
+  state.held = isHalted(arm_) || arm_.guard.lapsed;
+  state.overload = isHalted(arm_);
+  state.exciter = arm_.guard.shaking;
+  state.reason = arm_.text;
+  state.refused = refused_;
+  state.refused_node = refused_node_;
+  state.refused_reason = refusal_.good() ? "" : toString(refusal_.reason);
+  state.refusal = refusal_.text;
+  const PlantState& last = told_;
+  if (told_any_ && state.session == last.session && state.holder == last.holder &&
+      state.held == last.held && state.overload == last.overload && state.life == last.life &&
+      state.exciter == last.exciter && state.reason == last.reason &&
+      state.refused == last.refused) {
+    return;
+  }
+  if (state.held && !(told_any_ && last.held)) {
+    ROS_WARN("arm %s, exciter off: %s", toString(arm_.mode), arm_.text.c_str());
+  }
+  if (!epoch_.isZero()) state.header.stamp = stampAt(now());
+  told_ = state;
+  told_any_ = true;
+  plant_state_pub_.publish(state);
+}
+
+void ArmBridgeNode::publishDiagnostics() {
+  diagnostic_msgs::DiagnosticStatus status;
+  status.name = ros::this_node::getName().substr(1) + ": arm";
+  status.hardware_id = output_settings_.place.flange;
+  std::string holder, refusal, place;
+  std::uint64_t points = 0;
+  std::uint32_t refused = 0;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    status.level = isHalted(arm_) ? diagnostic_msgs::DiagnosticStatus::ERROR
+                   : arm_.begun   ? diagnostic_msgs::DiagnosticStatus::OK
+                                  : diagnostic_msgs::DiagnosticStatus::WARN;
+    status.message = toString(arm_.mode);
+    if (!arm_.text.empty()) status.message += ": " + arm_.text;
+    if (!arm_.begun) {
+      status.message += epoch_.isZero() ? ": no samples of sensor_b" : ": no state of the arm";
+    }
+    holder = arm_.guard.holder;
+    refusal = refusal_.text;
+    refused = refused_;
+    points = points_;
+    const Vector6& x = arm_.measured;
+    place = text("%.6f %.6f %.6f m, %.5f %.5f %.5f rad", x(0), x(1), x(2), x(3), x(4), x(5));
+  }
+  publishStatus(diagnostics_pub_, status,
+                {{"Reason", toString(arm_.reason)},
+                 {"Held by", holder},
+                 {"Carrier in its base", place},
+                 {"Points sent", std::to_string(points)},
+                 {"Commands refused", std::to_string(refused)},
+                 {"Last refusal", refusal}});
+}
+
+}  // namespace assembly_cell::ros_bridge

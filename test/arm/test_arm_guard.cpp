@@ -1,0 +1,425 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/arm/arm_guard.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kPeriod = 0.002, kBlock = 0.02;  // [s]
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNever = 1e9;  // a limit that isn't there
+
+Pose at(double x, double y, double z) { return {Eigen::Matrix3d::Identity(), {x, y, z}}; }
+
+/// All limits out of the way: each test puts back the one that it is about.
+ArmLimits noLimits() {
+  ArmLimits limits;
+  limits.guard.force = limits.guard.torque = limits.raw_force = limits.raw_torque = kNever;
+  limits.force_rate = limits.following = limits.following_turn = kNever;
+  limits.motion.speed = 0.05;
+  limits.guard.box_min.setConstant(-10.0);
+  limits.guard.box_max.setConstant(10.0);
+  limits.guard.rotation = 1.0;
+  limits.timeout = kNever;
+  limits.guard.lone_exciter = kNever;
+  return limits;
+}
+
+/// A supervisor, an arm that goes where it is sent, sensors, and a clock.
+struct Cell {
+  ArmGuard arm;
+  double now = 10.0;
+  Vector6 wrench_a = Vector6::Zero(), wrench_b = Vector6::Zero(), zero = Vector6::Zero();
+  bool data_a = true, data_b = true, state = true, lease = true, follows = true;
+  std::uint32_t session = 7;
+  Vector6 before = Vector6::Zero();
+  double fastest = 0.0;
+
+  explicit Cell(const ArmLimits& limits, double stiffness = 0.0) {
+    Braking braking;
+    braking.stiffness = stiffness * Matrix6::Identity();
+    arm = armGuard(limits, braking, LeaseMode::kRequired, false);
+    setRate(arm, kPeriod, 0.02);
+    setState(arm, Pose(), now);
+    run(0.1);
+    EXPECT_EQ(arm.mode, ArmMode::kFollowing);
+  }
+  Sender sender() const { return {"supervisor", now, true, false}; }
+  Verdict go(const Pose& X) { return move(arm, sender(), X, now); }
+
+  void block() {
+    const auto samples = [&](int sensor, const Vector6& wrench) {
+      std::vector<double> values;
+      for (int i = 0; i < 4; ++i) values.insert(values.end(), wrench.begin(), wrench.end());
+      feel(arm, {sensor, values.data(), 4, kBlock / 4, now, zero});
+    };
+    if (data_a) samples(0, wrench_a);
+    if (data_b) samples(1, wrench_b);
+    if (lease) renew(arm, sender(), session, now);
+  }
+  void run(double seconds) {
+    for (double end = now + seconds; now < end - 1e-9; now += kBlock) {
+      block();
+      for (int i = 0; i < 10; ++i) {
+        tick(arm, now + i * kPeriod);
+        fastest = std::max(fastest, (arm.motion.out - before).head<3>().norm() / kPeriod);
+        before = arm.motion.out;
+        if (state && follows) setState(arm, poseOfCoordinates(arm.motion.out), now + i * kPeriod);
+        if (state && !follows) setState(arm, poseOfCoordinates(arm.measured), now + i * kPeriod);
+      }
+    }
+  }
+  /// Sent on a long way, it is moving now.
+  void start() {
+    EXPECT_TRUE(go(at(0.09, 0, 0)).good());
+    run(0.2);
+    EXPECT_FALSE(isAtRest(arm.motion));
+    EXPECT_EQ(arm.mode, ArmMode::kFollowing) << arm.text;
+  }
+  /// It was brought to rest for this reason, and stays so whatever is commanded.
+  void expectHeld(ArmReason reason) {
+    EXPECT_EQ(arm.mode, ArmMode::kHeld);
+    EXPECT_EQ(arm.reason, reason) << arm.text;
+    EXPECT_EQ(arm.text.rfind(toString(reason), 0), 0u) << arm.text;
+    run(0.2);
+    EXPECT_TRUE(isAtRest(arm.motion));
+    const Vector6 place = arm.motion.out;
+    EXPECT_FALSE(go(at(0.01, 0, 0)).good());
+    run(0.2);
+    EXPECT_EQ(arm.motion.out, place);
+  }
+};
+
+// ---- each limit alone between a bad command and motion ----
+
+TEST(ArmGuard, WithoutLimitsTheArmMoves) {
+  Cell cell(noLimits());
+  cell.start();
+  cell.run(3.0);
+  EXPECT_TRUE(isAtRest(cell.arm.motion));
+  EXPECT_NEAR(cell.arm.motion.out(0), 0.09, 1e-12);
+}
+
+TEST(ArmGuard, SpeedAndAcceleration) {
+  ArmLimits limits = noLimits();
+  limits.motion.speed = 0.02;
+  Cell cell(limits);
+  cell.start();
+  EXPECT_NEAR(cell.fastest, 0.02, 1e-9);
+}
+
+TEST(ArmGuard, Box) {
+  ArmLimits limits = noLimits();
+  limits.guard.box_max.x() = 0.05;
+  Cell cell(limits);
+  EXPECT_EQ(cell.go(at(0.06, 0, 0)).reason, GuardReason::kWorkspace);
+  EXPECT_EQ(cell.go(at(kNan, 0, 0)).reason, GuardReason::kNotFinite);
+  EXPECT_TRUE(cell.go(at(0.05, 0, 0)).good());
+  cell.run(3.0);
+  EXPECT_NEAR(cell.arm.motion.out(0), 0.05, 1e-12);
+}
+
+TEST(ArmGuard, Cone) {
+  ArmLimits limits = noLimits();
+  limits.guard.rotation = 0.1;
+  Cell cell(limits);
+  EXPECT_EQ(cell.go({rotationFromVector({Eigen::Vector3d(0.11, 0, 0)}), {0, 0, 0}}).reason,
+            GuardReason::kRotation);
+  EXPECT_TRUE(cell.go({rotationFromVector({Eigen::Vector3d(0.09, 0, 0)}), {0, 0, 0}}).good());
+}
+
+TEST(ArmGuard, ContactForceOfEitherSensor) {
+  for (const bool b : {false, true}) {
+    ArmLimits limits = noLimits();
+    limits.guard.force = 60.0;
+    Cell cell(limits);
+    cell.start();
+    (b ? cell.wrench_b : cell.wrench_a)(1) = 59.0;
+    cell.run(0.1);
+    EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing);
+    (b ? cell.wrench_b : cell.wrench_a)(1) = 61.0;
+    cell.block();
+    EXPECT_NE(cell.arm.text.find(b ? "sensor_b" : "sensor_a"), std::string::npos) << cell.arm.text;
+    cell.expectHeld(ArmReason::kForce);
+  }
+}
+
+TEST(ArmGuard, ContactTorqueOfEitherSensor) {
+  for (const bool b : {false, true}) {
+    ArmLimits limits = noLimits();
+    limits.guard.torque = 6.0;
+    Cell cell(limits);
+    cell.start();
+    (b ? cell.wrench_b : cell.wrench_a)(4) = -6.1;
+    cell.block();
+    cell.expectHeld(ArmReason::kTorque);
+  }
+}
+
+// A zero that was taken under load must not hide what the sensor bears.
+TEST(ArmGuard, ForceAndTorqueWithTheirZero) {
+  ArmLimits limits = noLimits();
+  limits.raw_force = 60.0;
+  Cell cell(limits);
+  cell.start();
+  cell.zero(2) = -40.0;
+  cell.wrench_a(2) = -21.0;
+  cell.block();
+  cell.expectHeld(ArmReason::kRawForce);
+  limits = noLimits();
+  limits.raw_torque = 6.0;
+  Cell turned(limits);
+  turned.start();
+  turned.zero(5) = 4.0;
+  turned.wrench_b(5) = 2.1;
+  turned.block();
+  turned.expectHeld(ArmReason::kRawTorque);
+}
+
+TEST(ArmGuard, NotANumberIsTooMuch) {
+  ArmLimits limits = noLimits();
+  Cell cell(limits);
+  cell.start();
+  cell.wrench_b(3) = kNan;
+  cell.block();
+  cell.expectHeld(ArmReason::kTorque);
+}
+
+TEST(ArmGuard, ForceRate) {
+  ArmLimits limits = noLimits();
+  limits.force_rate = 500.0;
+  for (const double rise : {8.0, 12.0}) {  // [N] a block: 400 and 600 N/s
+    Cell cell(limits);
+    cell.start();
+    for (int i = 0; i < 6 && cell.arm.mode == ArmMode::kFollowing; ++i) {
+      cell.wrench_b(2) += rise;
+      cell.run(kBlock);
+    }
+    if (rise < 10.0) {
+      EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing) << cell.arm.text;
+    } else {
+      cell.expectHeld(ArmReason::kForceRate);
+    }
+  }
+}
+
+// What is on its way counts: the force that there will be when the arm has stopped.
+TEST(ArmGuard, StopsBeforeTheForceIsTooMuch) {
+  ArmLimits limits = noLimits();
+  limits.guard.force = 60.0;
+  Cell cell(limits, 5e4);
+  cell.start();
+  // at 50 mm/s a stop that begins 50 ms later would add 190 N, were it fast; it isn't
+  const double v = cell.fastest;
+  EXPECT_LT(v, 0.03);
+  // v² 0.8 / a + v delay within 60 N / (5e4 N/m)
+  EXPECT_NEAR(0.8 * v * v + v * limits.delay, 60.0 / 5e4, 1e-6);
+  cell.wrench_b(0) = -40.0;
+  cell.block();
+  EXPECT_NE(cell.arm.text.find("would be"), std::string::npos) << cell.arm.text;
+  cell.expectHeld(ArmReason::kForce);
+}
+
+TEST(ArmGuard, FollowingError) {
+  ArmLimits limits = noLimits();
+  limits.following = 0.003;
+  limits.following_turn = 0.1;
+  Cell cell(limits);
+  cell.start();
+  cell.follows = false;
+  const Vector6 stuck = cell.arm.measured;
+  cell.run(0.3);
+  cell.expectHeld(ArmReason::kFollowing);
+  // it isn't sent back, nor on: the next point is where the arm is
+  EXPECT_EQ(resume(cell.arm, cell.now), "");
+  EXPECT_LT((cell.arm.motion.out - stuck).norm(), 1e-12);
+}
+
+TEST(ArmGuard, TurnedAway) {
+  ArmLimits limits = noLimits();
+  limits.following_turn = 0.02;
+  limits.following = 1.0;
+  Cell cell(limits);
+  cell.start();
+  cell.follows = false;
+  cell.arm.measured(4) = 0.03;
+  cell.run(kBlock);
+  cell.expectHeld(ArmReason::kFollowing);
+}
+
+TEST(ArmGuard, StaleDataEachAlone) {
+  const std::vector<std::pair<bool Cell::*, ArmReason>> kinds = {
+      {&Cell::data_a, ArmReason::kNoWrenchA},
+      {&Cell::data_b, ArmReason::kNoWrenchB},
+      {&Cell::state, ArmReason::kNoState},
+      {&Cell::lease, ArmReason::kLapsed}};
+  for (const auto& [data, reason] : kinds) {
+    ArmLimits limits = noLimits();
+    limits.timeout = 0.1;
+    Cell cell(limits);
+    cell.start();
+    cell.*data = false;
+    cell.run(0.06);
+    EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing) << toString(reason) << ": " << cell.arm.text;
+    cell.run(0.08);
+    EXPECT_EQ(cell.arm.reason, reason) << cell.arm.text;
+    cell.run(0.1);
+    EXPECT_TRUE(isAtRest(cell.arm.motion));
+    // data that are back start nothing
+    cell.*data = true;
+    cell.run(0.2);
+    EXPECT_EQ(cell.arm.mode, ArmMode::kHeld);
+    EXPECT_FALSE(cell.go(at(0.01, 0, 0)).good());
+    EXPECT_TRUE(isAtRest(cell.arm.motion));
+  }
+}
+
+TEST(ArmGuard, StaleOrForeignCommandsAreRefused) {
+  Cell cell(noLimits());
+  EXPECT_EQ(move(cell.arm, {"stranger", cell.now, true, false}, at(0.01, 0, 0), cell.now).reason,
+            GuardReason::kHeldByAnother);
+  EXPECT_EQ(
+      move(cell.arm, {"supervisor", cell.now - 0.1, true, false}, at(0.01, 0, 0), cell.now).reason,
+      GuardReason::kStale);
+  cell.run(0.2);
+  EXPECT_EQ(cell.arm.motion.out, Vector6::Zero());
+}
+
+// ---- the watchdog's states ----
+
+TEST(ArmGuard, NothingMovesBeforeTheArmsPlaceIsKnown) {
+  ArmGuard arm = armGuard(noLimits(), Braking(), LeaseMode::kAuto, false);
+  setRate(arm, kPeriod, 0.02);
+  EXPECT_EQ(arm.mode, ArmMode::kWaiting);
+  EXPECT_FALSE(move(arm, {"anybody", 1.0, true, false}, at(0.01, 0, 0), 1.0).good());
+  tick(arm, 1.0);
+  EXPECT_FALSE(arm.begun);
+  const Pose X{rotationFromVector({Eigen::Vector3d(0.1, 0.2, 0)}), {0.03, -0.02, 0.01}};
+  setState(arm, X, 1.0);
+  tick(arm, 1.0);
+  EXPECT_TRUE(arm.begun);
+  EXPECT_LT((arm.motion.out - coordinatesOf(X)).norm(), 1e-12);
+}
+
+TEST(ArmGuard, APersonOrANewSessionResumesAHold) {
+  ArmLimits limits = noLimits();
+  limits.guard.force = 60.0;
+  for (const bool person : {true, false}) {
+    Cell cell(limits);
+    cell.start();
+    cell.wrench_b(2) = 70.0;
+    cell.block();
+    cell.expectHeld(ArmReason::kForce);
+    if (person) {
+      EXPECT_EQ(resume(cell.arm, cell.now), "");
+    } else {
+      ++cell.session;  // a new goal of the same supervisor
+    }
+    cell.run(0.1);
+    EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing) << cell.arm.text;
+    // the load may be taken off, not grow
+    const Vector6 place = cell.arm.motion.out;
+    EXPECT_EQ(cell.go(at(place(0) + 0.01, 0, 0.001)).reason, GuardReason::kOverloaded);
+    EXPECT_TRUE(cell.go(at(place(0), 0, 0.01)).good());
+    cell.run(0.1);
+    EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing) << cell.arm.text;
+    cell.wrench_b(2) = 50.0;
+    cell.run(0.1);
+    cell.wrench_b(2) = 70.0;
+    cell.block();
+    EXPECT_EQ(cell.arm.mode, ArmMode::kHeld);
+  }
+}
+
+TEST(ArmGuard, AStopIsForGood) {
+  Cell cell(noLimits());
+  cell.start();
+  stopForGood(cell.arm, "asked for");
+  EXPECT_EQ(cell.arm.mode, ArmMode::kStopped);
+  cell.run(0.2);
+  EXPECT_TRUE(isAtRest(cell.arm.motion));
+  EXPECT_NE(resume(cell.arm, cell.now), "");
+  ++cell.session;
+  cell.run(0.2);
+  EXPECT_FALSE(cell.go(at(0.01, 0, 0)).good());
+  EXPECT_EQ(cell.arm.mode, ArmMode::kStopped);
+  EXPECT_EQ(drive(cell.arm, cell.sender(), {1.0, 100.0, 0.0, 1}, cell.now).reason,
+            GuardReason::kOverloaded);
+  EXPECT_TRUE(drive(cell.arm, cell.sender(), {0.0, 0.0, 0.0, 1}, cell.now).good());
+}
+
+TEST(ArmGuard, AHoldSwitchesTheExciterOff) {
+  Cell cell(noLimits());
+  EXPECT_TRUE(drive(cell.arm, cell.sender(), {1.0, 100.0, 0.0, 1}, cell.now).good());
+  EXPECT_TRUE(cell.arm.guard.shaking);
+  hold(cell.arm, ArmReason::kStop, "now");
+  EXPECT_FALSE(cell.arm.guard.shaking);
+  EXPECT_FALSE(drive(cell.arm, cell.sender(), {1.0, 100.0, 0.0, 1}, cell.now).good());
+}
+
+// ---- a million commands against a wall ----
+
+// The peg meets a face of 5e4 N/m wherever it goes below z = −2 mm; the sensors tell of it a block
+// later, the arm is 20 ms late. Moves go anywhere at any moment, sessions begin and end, persons
+// resume. The force may pass its limit by what is not counted: the samples' age and what the arm
+// does between two of them, a fifth.
+TEST(ArmGuard, HostileCommandsNeverPassTheForceLimit) {
+  ArmLimits limits;
+  limits.guard.force = 60.0;
+  limits.following = limits.following_turn = kNever;
+  limits.force_rate = kNever;
+  Cell cell(limits, 5e4);
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0), chance(0.0, 1.0);
+  std::vector<double> heights(20, 0.0);  // of the last points: the arm's latency
+  std::size_t next = 0;
+  double greatest = 0.0, fastest = 0.0;
+  int holds = 0, commands = 0;
+  Vector6 last = cell.arm.motion.out;
+  while (commands < 1000000) {
+    cell.block();
+    for (int i = 0; i < 10; ++i) {
+      for (int k = 0; k < 10; ++k) {
+        ++commands;
+        Pose X = at(0.3 * unit(random), 0.3 * unit(random), 0.02 * unit(random));
+        if (chance(random) < 0.9) X = at(0.02 * unit(random), 0.0, -0.02 * chance(random));
+        if (chance(random) < 0.01) X.p(k % 3) = kNan;
+        Sender sender = cell.sender();
+        if (chance(random) < 0.1) sender.stamp += unit(random);
+        if (chance(random) < 0.05) sender.node = "stranger";
+        if (chance(random) < 0.02 || k == 0) move(cell.arm, sender, X, cell.now);
+      }
+      tick(cell.arm, cell.now + i * kPeriod);
+      const double speed = (cell.arm.motion.out - last).head<3>().norm() / kPeriod;
+      fastest = std::max(fastest, speed);
+      last = cell.arm.motion.out;
+      heights[next] = cell.arm.motion.out(2);
+      next = (next + 1) % heights.size();
+      const double deep = std::max(0.0, -0.002 - heights[next]);
+      greatest = std::max(greatest, 5e4 * deep);
+      cell.wrench_b(2) = 5e4 * deep;
+      setState(cell.arm, poseOfCoordinates(cell.arm.motion.out), cell.now + i * kPeriod);
+    }
+    cell.now += kBlock;
+    if (cell.arm.mode == ArmMode::kHeld) {
+      ++holds;
+      if (chance(random) < 0.05) ++cell.session;
+      if (chance(random) < 0.05) resume(cell.arm, cell.now);
+    }
+  }
+  EXPECT_GT(holds, 100);
+  EXPECT_GT(greatest, 30.0);
+  EXPECT_LT(greatest, 1.2 * 60.0);
+  EXPECT_LE(fastest, limits.motion.speed * (1.0 + 1e-9));
+}
+
+}  // namespace
+}  // namespace assembly_cell
