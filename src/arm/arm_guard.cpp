@@ -154,9 +154,9 @@ const char* toString(ArmMode mode) {
 
 const char* toString(ArmReason reason) {
   static constexpr const char* kNames[] = {
-      "none",      "lapsed",     "no_wrench_a", "no_wrench_b", "no_state",
-      "max_force", "max_torque", "raw_force",   "raw_torque",  "force_rate",
-      "following", "outside",    "unreachable", "stop",        "lone_exciter"};
+      "none",       "lapsed",      "no_wrench_a", "no_wrench_b", "no_state",   "max_force",
+      "max_torque", "raw_force",   "raw_torque",  "saturated",   "force_rate", "following",
+      "outside",    "unreachable", "stop",        "lone_exciter"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(ArmReason::kCount));
   return kNames[static_cast<int>(reason)];
 }
@@ -217,6 +217,10 @@ void feel(ArmGuard& arm, const FeltSamples& samples) {
   arm.allowed[sensor] =
       relieved(loadOf(arm.wrench[sensor]), contactLimit(arm), arm.allowed[sensor]);
   arm.raw_allowed[sensor] = relieved(arm.raw_load[sensor], rawLimit(arm), arm.raw_allowed[sensor]);
+  if (samples.saturated && !isHalted(arm) && isBusy(arm)) {
+    hold(arm, ArmReason::kSaturated,
+         text("sensor_%c is at the end of its range: its load isn't known", kSensors[sensor]));
+  }
   const double rate = arm.windows[sensor].rate;
   if (!isHalted(arm) && isBusy(arm) && !(rate <= arm.limits.force_rate)) {
     holdBeyond(arm, ArmReason::kForceRate,

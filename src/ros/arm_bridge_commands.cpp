@@ -147,7 +147,10 @@ void ArmBridgeNode::take(const Sender& sender, const Exciter& exciter) {
     verdict = drive(arm_, sender, drive_command, now());
   }
   if (verdict.good()) {
-    publishExciter(exciter);
+    Exciter passed = exciter;
+    // whatever else it said
+    if (off) passed.amplitude = passed.frequency = passed.phase = 0.0;
+    publishExciter(passed);
     publishState();
   } else {
     refuse("exciter", sender.node, verdict);
@@ -262,6 +265,8 @@ void ArmBridgeNode::onWrench(std::size_t sensor, const WrenchSamples& samples) {
   felt.period = samples.period;
   felt.end = nodeTime(end);
   felt.zero = zeros_[sensor];
+  felt.saturated = std::any_of(samples.saturated.begin(), samples.saturated.end(),
+                               [](std::uint8_t bits) { return bits != 0; });
   if (sensor == 1 && payload_mass_ > 0.0) {
     const Vector6 change = weightChange();
     felt_ = samples.wrench;

@@ -59,7 +59,7 @@ struct Cell {
     const auto samples = [&](int sensor, const Vector6& wrench) {
       std::vector<double> values;
       for (int i = 0; i < 4; ++i) values.insert(values.end(), wrench.begin(), wrench.end());
-      feel(arm, {sensor, values.data(), 4, kBlock / 4, now, zero});
+      feel(arm, {sensor, values.data(), 4, kBlock / 4, now, zero, false});
     };
     if (data_a) samples(0, wrench_a);
     if (data_b) samples(1, wrench_b);
@@ -191,6 +191,15 @@ TEST(ArmGuard, NotANumberIsTooMuch) {
   cell.wrench_b(3) = kNan;
   cell.block();
   cell.expectHeld(ArmReason::kTorque);
+}
+
+TEST(ArmGuard, ASaturatedSensor) {
+  Cell cell(noLimits());
+  cell.start();
+  FeltSamples samples{1, cell.wrench_b.data(), 1, kBlock, cell.now, cell.zero, false};
+  samples.saturated = true;
+  feel(cell.arm, samples);
+  cell.expectHeld(ArmReason::kSaturated);
 }
 
 TEST(ArmGuard, ForceRate) {

@@ -47,6 +47,7 @@ enum class ArmReason {
   kTorque,       ///< contact torque
   kRawForce,     ///< force, zero included
   kRawTorque,    ///< torque, zero included
+  kSaturated,    ///< a sensor is at the end of its range
   kForceRate,    ///< contact force rises too fast
   kFollowing,    ///< the arm is not where it was sent
   kOutside,      ///< the arm is not in its workspace
@@ -103,6 +104,7 @@ struct FeltSamples {
   std::size_t count = 0;
   double period = 0.0, end = 0.0;  ///< [s]
   Vector6 zero = Vector6::Zero();
+  bool saturated = false;  ///< a channel was, in a sample: the load isn't known
 };
 void feel(ArmGuard& arm, const FeltSamples& samples);
 /// The arm's own word of where it is, as of `stamp`.

@@ -44,8 +44,8 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
                      const CarrierParameters& limits, double arm);
 RestMotion restMotion(const RestProfile& profile, double t);
 
-/// From the present motion to that of `goal` at t_goal, later than t: one quintic, which is told for
-/// as long again.
+/// From the present motion to that of `goal` at t_goal, later than t: one quintic, which is told
+/// for as long again.
 RestProfile followProfile(const RestMotion& now, double t, const RestMotion& goal, double t_goal);
 
 /// From the present motion to rest, the quickest that keeps `max_acceleration`, in closed form; the
