@@ -93,11 +93,11 @@ void load(EmulatedArm& arm, const Vector6& wrench) {
 void advance(EmulatedArm& arm, const ArmKinematics& kinematics, double time) {
   const double dt = 1.0 / arm.parameters.rate;
   while (arm.time + dt <= time + kStamp) {
-    arm.time += dt;
     while (!arm.queue.empty() && arm.queue.front().due <= arm.time + kStamp) {
       arm.target = arm.queue.front().q;
       arm.queue.pop_front();
     }
+    arm.time += dt;
     moveJoints(arm, kinematics.limits(), dt);
     settle(arm, kinematics, dt);
   }

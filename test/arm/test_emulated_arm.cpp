@@ -65,9 +65,9 @@ TEST(EmulatedArm, TheThreePosesTellItsRateAndAcceleration) {
   advance(bench.arm, bench.kinematics, 0.02);
   const CarrierPoses now = carrier(bench.arm, bench.kinematics);
   const Eigen::Vector3d rate = (now.after.p - now.before.p) / (2.0 * now.step);
-  // about the base's axis: rate of the joint times the lever
+  // about the base's axis: rate of the joint times the lever; the chord is a millionth shorter
   const double lever = (bench.place.carrierBase() * now.at).p.head<2>().norm();
-  EXPECT_NEAR(rate.norm(), std::abs(bench.arm.rate(0)) * lever, 1e-6);
+  EXPECT_NEAR(rate.norm(), std::abs(bench.arm.rate(0)) * lever, 1e-5);
   EXPECT_GT(rate.norm(), 0.1);
 }
 
