@@ -439,7 +439,7 @@ bool Search::centre(const Mat3& R) {
     if (!clearOfWalls(target, R)) return false;
     const Vec3 center = target + sag_;
     hole_.center = center - hole_.normal * (hole_.normal.dot(center) - hole_.height);
-    hole_.center_covariance = Eigen::Matrix2d::Identity() * kWallSd * kWallSd;
+    hole_.center_covariance = Eigen::Matrix2d::Identity() * (kWallSd * kWallSd + place_variance_);
     found_ = true;
   }
   return true;

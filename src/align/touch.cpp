@@ -213,6 +213,7 @@ class TouchSearch : public Search {
     hole_.normal_sd = fit.normal_sd;
     hole_.center = fit.center;
     hole_.center_covariance = fit.center_covariance;
+    place_variance_ = fit.place_variance;
     found_ = true;
     position_sd_ = std::sqrt(fit.center_covariance.trace());
     rotation_sd_ = fit.normal_sd;

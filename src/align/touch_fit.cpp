@@ -26,7 +26,8 @@ constexpr double kGridStep = 0.25;            // and so many radii apart at most
 constexpr int kStarts = 5;                    // of these climbed
 constexpr double kGridReach = 2.0;            // of the prior's deviations
 constexpr int kIterations = 40;
-constexpr double kOutlier = 16.0;  // squared residual from where on a reading counts less
+constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
+constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
 
 // The peg's edge over a hole: heights and distances as functions of the azimuth.
 struct Edge {
@@ -133,6 +134,23 @@ class Posterior {
     for (const TouchReading& r : readings) count_ += r.point ? 3 : 1;
   }
   int count() const { return count_; }
+
+  // What the touches from above leave, their own error apart, by what is free of them; z and J are
+  // those of the end. Walls are felt less exactly.
+  double placeVariance(const Eigen::VectorXd& z, const Eigen::MatrixXd& J,
+                       const Square& covariance) const {
+    double squares = 0.0, free = 0.0;
+    int n = 0;
+    for (const TouchReading& reading : readings_) {
+      if (reading.kind == TouchReading::kEdge) {
+        squares += std::pow(z(n) * reading.sd, 2);
+        free += 1.0 - (J.row(n) * covariance * J.row(n).transpose()).value();
+      }
+      n += reading.point ? 3 : 1;
+    }
+    // the mean of 1/χ² is that of two degrees of freedom less
+    return std::max(0.0, squares - free * kTouchSd * kTouchSd) / std::max(1.0, free - 2.0);
+  }
 
   // residuals over their deviations; those of readings that don't fit weighed down
   Eigen::VectorXd operator()(const Unknowns& x) const {
@@ -280,6 +298,7 @@ TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& re
   Unknowns up = Unknowns::Zero();
   up << best.x(3), best.x(4), 1, 0, 0, 0, 0;
   fit.height_sd = std::sqrt(up.dot(covariance * up));
+  fit.place_variance = posterior.placeVariance(posterior(best.x), J, covariance);
   fit.chi2 = best.cost;
   fit.residuals = posterior.count();
   return fit;

@@ -312,6 +312,8 @@ void VibratedSearch::invert(Felt& felt) const {
   point.frequency = felt.vibration.frequency;
   point.amplitude = felt.vibration.amplitude;
   point.direction = p_.exciter_direction;
+  point.ellipse = p_.exciter_ellipse;
+  point.compliance = p_.carrier_compliance;
   const Vec3 force = R_HS * felt.X_SC.R * felt.force;
   point.press = std::max(0.0, force.z());
   point.friction = force.head<2>();

@@ -35,6 +35,8 @@ double directionBias(const MechanismModel& truth, const KnownMechanism& known) {
   point.amplitude = 1.0;
   point.press = kPress;
   point.rolling = true;
+  point.ellipse = known.drive.ellipse;
+  point.compliance = known.drive.compliance;
   const ExciterParameters wanted{point.amplitude, point.frequency, 0.0, 1};
   // only what was identified can be made up for
   const ExciterParameters asked = known.identified ? compensated(wanted, known.drive) : wanted;
@@ -52,6 +54,7 @@ double directionBias(const MechanismModel& truth, const KnownMechanism& known) {
     const WrenchPhasor wrench = std::exp(ahead) * pressedResponse(truth, asked, state);
     const WrenchPhasor coupling = stiffness.inverse().cast<std::complex<double>>() * wrench;
     Posture posture;
+    posture.compliance = point.compliance;
     posture.tilt = posture.sensor_tilt = point.tilt = point.sensor_tilt = lean.head<2>();
     posture.static_force =
         Eigen::Vector3d(0.0, 0.0, kPress - known.mechanism.peg.mass * known.mechanism.gravity);

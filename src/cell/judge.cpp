@@ -93,7 +93,7 @@ AlignResult alignChecked(SimulatedPlant& plant, Judge& judge, const KnownMechani
     const MechanismCheck check = checkMechanism(judge, known);
     if (check.agrees) {
       plant.know(known);
-      return align(judge, known.mechanism, parameters, progress);
+      return align(judge, known.mechanism, withDrive(parameters, known.drive), progress);
     }
     const AlignError error(AlignFailure::kWrongMechanism, check.message);
     refused.failure = error.failure;
@@ -169,8 +169,9 @@ AlignTrial identifyAndAlign(const Scenario& start, const Mechanism& nominal,
       // the drawing is what is known, then; the alignment finds out what is in the way
     }
     trial.identification_time = plant.truth().time();
-    if (known.identified) plant.know(known);
-    return align(judge, known.mechanism, parameters, progress);
+    if (!known.identified) return align(judge, nominal, parameters, progress);
+    plant.know(known);
+    return align(judge, known.mechanism, withDrive(parameters, known.drive), progress);
   });
 }
 

@@ -67,7 +67,12 @@ void giveWay(Commands& commands, const Eigen::Vector3d& compliance, double t,
              const Eigen::Vector3d& force) {
   RestShift& shift = commands.shift;
   shift.lag_start = shift.lagged(t);
-  shift.goal.head<3>() = compliance.cwiseProduct(force);
+  const Eigen::Vector3d way = compliance.cwiseProduct(force);
+  if (!shift.ways) shift.ways = {way, way};
+  auto& [before, earlier] = *shift.ways;
+  shift.goal.head<3>() = (15.0 * way - 10.0 * before + 3.0 * earlier) / 8.0;
+  earlier = before;
+  before = way;
   shift.updated = t;
 }
 

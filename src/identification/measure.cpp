@@ -27,11 +27,12 @@ constexpr double kReserve = 0.8;      // of the friction that was found
 constexpr double kClear = 4e-3;       // up before a travel aside [m]
 constexpr double kPushStep = 1.5e-4;  // of the push sideways [m]
 constexpr int kPushSteps = 24;
+constexpr int kSlideStart = 4, kSlideBlocks = 12;  // of them: until it slides evenly, and in all
 constexpr double kSlides =
     1.05;  // the ratio of three steps over that of three before: less is sliding
-constexpr double kCompliance = 2e-4;  // travel of a press per force, ten times a coupling's [m/N]
-constexpr double kFrictionSd = 0.01;  // the face's lean, to second order
-constexpr double kFrictionShare = 0.06;  // of the coefficient: jumps of the carrier's steps
+constexpr double kCompliance = 2e-4;   // travel of a press per force, ten times a coupling's [m/N]
+constexpr double kFrictionSd = 0.004;  // the face's lean, to second order
+constexpr double kFrictionShare = 0.03;  // of the coefficient: the sensor's matrix
 
 bool isHum(int multiple) { return multiple == 10 || multiple == 12; }
 
@@ -255,27 +256,46 @@ class Campaign {
     return force.head<2>().norm() / std::max(0.1, force.z());
   }
 
+  // one step sideways of the push
+  static void advance(RestPose& at, const Vector3d& along) {
+    at.x += kPushStep * along.x();
+    at.y += kPushStep * along.y();
+    at.z += kPushStep * along.z();
+  }
+
   // sideways across the lean until it slides: until the ratio rises no more, which a carrier that
   // ends its steps within tens of micrometres lets jump
   std::optional<double> slide(const Vector3d& along) {
     RestPose at = press_.target();
-    std::vector<double> ratios, sizes;
+    std::vector<double> ratios;
     for (int k = 0; k < kPushSteps; ++k) {
-      const Vector3d moved = Vector3d(at.x, at.y, at.z) + kPushStep * along;
-      at.x = moved.x();
-      at.y = moved.y();
+      advance(at, along);
       press_.moveTo(at);
       press_.wait(1);
       ratios.push_back(ratio(along));
-      sizes.push_back(coefficient());
       if (k < 7) continue;
-      const auto sum = [k](const std::vector<double>& of, int from) {
-        return std::accumulate(of.begin() + k - from, of.begin() + k - from + 3, 0.0);
+      const auto sum = [&](int from) {
+        return std::accumulate(ratios.end() - 1 - from, ratios.end() + 2 - from, 0.0);
       };
-      const double late = sum(ratios, 2), early = sum(ratios, 5);
-      if (late > 0.0 && late < kSlides * early) return (sum(sizes, 2) + sum(sizes, 5)) / 6.0;
+      const double late = sum(2), early = sum(5);
+      if (late > 0.0 && late < kSlides * early) return sliding(at, along);
     }
     return {};
+  }
+
+  // Coefficient while it slides on, step after step without a halt: at the end of a step friction
+  // has braked the peg, and its mass keeps part of the push.
+  double sliding(RestPose at, const Vector3d& along) {
+    double sum = 0.0;
+    for (int k = 0; k < kSlideBlocks; ++k) {
+      advance(at, along);
+      PlantCommand command;
+      command.rest = at;
+      press_.step(command);
+      if (k >= kSlideStart) sum += coefficient() / (kSlideBlocks - kSlideStart);
+    }
+    press_.moveTo(at);
+    return sum;
   }
 
   void push(const Vector2d& outward) {

@@ -20,9 +20,9 @@ using identification::Rows;
 
 constexpr double kSwing = 0.3, kWindow = 0.2;  // of each step [s]
 constexpr double kForce = 1.5;                 // of the exciter [N]
-// A swing that has not died away leaves so much of a reading's force: four times what a long wait
+// A swing that has not died away leaves so much of a reading's force: eight times what a long wait
 // leaves.
-constexpr double kSwingLeft = 4.0;
+constexpr double kSwingLeft = 8.0;
 
 // the change of one unknown that explains most of the misfit
 std::string mostLikely(const KnownMechanism& known, const VectorXd& residual,
@@ -77,6 +77,12 @@ MechanismCheck judgeMechanism(const KnownMechanism& known,
                     "; identify the mechanism anew";
   }
   return check;
+}
+
+AlignParameters withDrive(AlignParameters parameters, const DriveErrors& drive) {
+  parameters.exciter_ellipse = drive.ellipse;
+  parameters.carrier_compliance = drive.compliance;
+  return parameters;
 }
 
 MechanismCheck checkMechanism(Plant& plant, const KnownMechanism& known) {

@@ -15,10 +15,11 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kLever = 0.03;       // torques count against forces there [m]
-constexpr double kFlat = 30.0;        // sd of a zero that nothing is known of [N]
-constexpr double kMinute = 60.0;      // [s]
-constexpr double kDifference = 1e-5;  // of derivatives, in deviations of the prior
+constexpr double kLever = 0.03;              // torques count against forces there [m]
+constexpr double kFlat = 30.0;               // sd of a zero that nothing is known of [N]
+constexpr double kMinute = 60.0;             // [s]
+constexpr double kDifference = 1e-5;         // of derivatives, in deviations of the prior
+constexpr double kContactDifference = 1e-3;  // and by a static contact force [N]
 
 // of three forces and three torques: the same, torques at the lever
 Vector6 perAxis(double force) {
@@ -79,12 +80,17 @@ MechanismModel Problem::model(const VectorXd& z) const {
 }
 
 Problem::Wave Problem::exactWave(const VectorXd& z, const VibrationReading& reading) const {
+  return exactWave(z, reading, map(z).partialPivLu().solve(reading.contact));
+}
+
+Problem::Wave Problem::exactWave(const VectorXd& z, const VibrationReading& reading,
+                                 const Vector6& contact) const {
   WrenchPhasor phasor;
   const Eigen::Vector2d lean = prior_.upright * z.segment<2>(kFace);
   if (reading.place) {
     PressedState state;
     state.R_HS = rotationFromVector({Vector3d(lean.x(), lean.y(), 0.0)}) * reading.R_BS;
-    state.contact = reading.contact;
+    state.contact = contact;
     state.aside = prior_.aside * z[kAside + *reading.place];
     phasor = pressedResponse(model(z), reading.exciter, state);
   } else {
@@ -123,6 +129,19 @@ Eigen::Matrix<double, 6, 36> Problem::mapDerivative(const Vector6& wrench) const
   return derivative * map_root_;
 }
 
+Eigen::Matrix<double, 12, 36> Problem::waveByMap(const VectorXd& z, const VibrationReading& reading,
+                                                 const Wave& exact) const {
+  const Eigen::PartialPivLU<Matrix6> seen(map(z));
+  const Vector6 contact = seen.solve(reading.contact);
+  const Vector6 step = perAxis(kContactDifference);
+  Eigen::Matrix<double, 12, 6> by_contact;
+  for (int i = 0; i < 6; ++i) {
+    const Vector6 moved = contact + step[i] * Vector6::Unit(i);
+    by_contact.col(i) = (exactWave(z, reading, moved) - exact) / step[i];
+  }
+  return -by_contact * seen.solve(mapDerivative(contact));
+}
+
 WrenchPhasor Problem::fitted(const VectorXd& z, const VibrationReading& reading) const {
   const Wave exact = exactWave(z, reading);
   WrenchPhasor phasor;
@@ -152,7 +171,10 @@ Rows Problem::rows(const VectorXd& z, const VibrationReading& reading, bool deri
     rows.jacobian.block<6, 36>(6, kMap) = mapDerivative(exact.tail<6>());
     move(kFace);
     move(kFace + 1);
-    if (reading.place) move(kAside + *reading.place);
+    if (reading.place) {
+      rows.jacobian.middleCols<36>(kMap) += both * waveByMap(z, reading, exact);
+      move(kAside + *reading.place);
+    }
   }
   const double force = reading.phasor.head<3>().cwiseAbs().maxCoeff();
   const Vector6 model_error =

@@ -38,6 +38,12 @@ class Problem {
   Rows rowsOfFriction(const Eigen::VectorXd& z, bool derivatives) const;
   MechanismModel model(const Eigen::VectorXd& z) const;
   Wave exactWave(const Eigen::VectorXd& z, const VibrationReading& reading) const;
+  // of a contact that differs from what the map makes of the reading's
+  Wave exactWave(const Eigen::VectorXd& z, const VibrationReading& reading,
+                 const Vector6& contact) const;
+  // of the reading's contact by the map's unknowns
+  Eigen::Matrix<double, 12, 36> waveByMap(const Eigen::VectorXd& z, const VibrationReading& reading,
+                                          const Wave& exact) const;
   Vector6 exactWeight(const Eigen::VectorXd& z, const PoseReading& reading) const;
   Matrix6 map(const Eigen::VectorXd& z) const;
   Eigen::Matrix<double, 6, 36> mapDerivative(const Vector6& wrench) const;

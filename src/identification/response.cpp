@@ -10,27 +10,30 @@ namespace assembly_cell {
 namespace {
 
 using Complex = std::complex<double>;
+using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using namespace linear_motion;
 
-constexpr double kLag = 0.01;  // of the carrier's compliance [s]
-
-Eigen::Vector2cd excitation(const DriveErrors& drive, const ExciterParameters& exciter) {
-  const Complex i(0.0, 1.0);
-  const double p = drive.ellipse.x(), q = drive.ellipse.y();
-  const Complex late = std::exp(-i * (exciter.direction * exciter.frequency * drive.delay));
-  return drive.gain * exciter.amplitude * late *
-         Eigen::Vector2cd(1.0 + 0.5 * (p - i * q), -i + 0.5 * (q + i * p));
+// what is shaken, and how
+OperatingPoint pointOf(const DriveErrors& drive, const ExciterParameters& exciter) {
+  OperatingPoint point;
+  point.frequency = exciter.frequency;
+  point.amplitude = drive.gain * exciter.amplitude;
+  point.direction = exciter.direction;
+  point.ellipse = drive.ellipse;
+  point.compliance = drive.compliance;
+  return point;
 }
 
-UnheldMotion motionOf(const MechanismModel& model, const ExciterParameters& exciter,
-                      const Vector2d& tilt, const Vector2d& sensor_tilt) {
-  const double rate = exciter.direction * exciter.frequency;
-  UnheldMotion free(model.mechanism, rate, tilt, sensor_tilt);
-  const Complex give = model.drive.compliance / Complex(1.0, rate * kLag);
-  free.giveWay(model.mechanism, Eigen::Vector3cd::Constant(give));
-  return free;
+Eigen::Vector2cd lateExcitation(const DriveErrors& drive, const OperatingPoint& point) {
+  return std::polar(1.0, -point.direction * point.frequency * drive.delay) * excitation(point);
+}
+
+// turn about the axis from the axes that the linear motion gives a body with this axis
+double turnOf(const Matrix3d& R, const Matrix3d& upright) {
+  const Vector3d x = upright.transpose() * R.col(0);
+  return std::atan2(x.y(), x.x());
 }
 
 // rotation vector x, y of the smallest rotation that brings z to the axis
@@ -46,9 +49,11 @@ Vector2d tiltOfAxis(const Vector3d& axis) {
 WrenchPhasor hangingResponse(const MechanismModel& model, const ExciterParameters& exciter,
                              const Vector2d& lean) {
   const Mechanism& m = model.mechanism;
-  const UnheldMotion free = motionOf(model, exciter, lean, lean);
+  OperatingPoint point = pointOf(model.drive, exciter);
+  point.tilt = point.sensor_tilt = lean;
+  const UnheldMotion free = unheldMotion(m, point);
   const Vector3d weight(0.0, 0.0, -m.peg.mass * m.gravity);
-  return sensorWrench(m, free, weight) * hangingMotion(m, free, excitation(model.drive, exciter));
+  return sensorWrench(m, free, weight) * hangingMotion(m, free, lateExcitation(model.drive, point));
 }
 
 WrenchPhasor pressedResponse(const MechanismModel& model, const ExciterParameters& exciter,
@@ -57,20 +62,29 @@ WrenchPhasor pressedResponse(const MechanismModel& model, const ExciterParameter
   const Vector3d force = state.R_HS * state.contact.head<3>();
   const Vector6 deflection = couplingStiffness(m.coupling).partialPivLu().solve(state.contact);
   const Eigen::Matrix3d R_HP = state.R_HS * rotationFromVector({Vector3d(deflection.tail<3>())});
-  OperatingPoint point;
-  point.frequency = exciter.frequency;
-  point.amplitude = exciter.amplitude;
-  point.direction = exciter.direction;
+  OperatingPoint point = pointOf(model.drive, exciter);
   point.press = std::max(0.0, force.z());
   point.friction = force.head<2>();
   point.tilt = tiltOfAxis(R_HP.col(2));
   point.sensor_tilt = tiltOfAxis(state.R_HS.col(2));
   point.rolling = true;
-  const HeldMotion held(m, point, motionOf(model, exciter, point.tilt, point.sensor_tilt),
-                        excitation(model.drive, exciter));
+  const UnheldMotion free = unheldMotion(m, point);
+  // exciter and sensor have turned about their axes, the coupling's springs have not
+  const Eigen::Rotation2Dd turn(turnOf(R_HP, free.R_HP));
+  const Eigen::Vector2cd shaken =
+      turn.toRotationMatrix().cast<Complex>() * lateExcitation(model.drive, point);
+  const HeldMotion held(m, point, free, shaken);
+  const Matrix3d to_sensor = state.R_HS.transpose() * free.R_HS;
   // the edge is lowest where the axis leans to
   const double lowest = std::atan2(R_HP(1, 2), R_HP(0, 2));
-  return sensorWrench(m, held.free(), held.couplingForce()) * held.solve(lowest + state.aside);
+  const double alpha = lowest + state.aside;
+  const Complex9 motion = held.solve(alpha);
+  WrenchPhasor wrench = sensorWrench(m, free, held.couplingForce()) * motion;
+  wrench.tail<3>() +=
+      free.R_HS.transpose() * turningMoment(free, held.couplingMoment(alpha)) * motion;
+  wrench.head<3>() = (to_sensor.cast<Complex>() * wrench.head<3>()).eval();
+  wrench.tail<3>() = (to_sensor.cast<Complex>() * wrench.tail<3>()).eval();
+  return wrench;
 }
 
 }  // namespace assembly_cell

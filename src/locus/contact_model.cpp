@@ -23,6 +23,7 @@ using linear_motion::HeldMotion;
 using linear_motion::motionFromSensor;
 using linear_motion::sensorStiffness;
 using linear_motion::sensorWrench;
+using linear_motion::unheldMotion;
 using linear_motion::UnheldMotion;
 
 namespace {
@@ -152,7 +153,12 @@ ContactResponse contactResponse(const Mechanism& mechanism, const OperatingPoint
 
 Eigen::Vector2cd centreOfMassPhasors(const Mechanism& mechanism, double frequency,
                                      const Complex6& coupling, const Posture& posture) {
-  const UnheldMotion free(mechanism, frequency, posture.tilt, posture.sensor_tilt);
+  OperatingPoint point;
+  point.frequency = frequency;
+  point.tilt = posture.tilt;
+  point.sensor_tilt = posture.sensor_tilt;
+  point.compliance = posture.compliance;
+  const UnheldMotion free = unheldMotion(mechanism, point);
   return planeFromSensor(mechanism, free, posture.static_force) *
          (sensorStiffness(mechanism).cast<Complex>() * coupling);
 }

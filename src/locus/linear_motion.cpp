@@ -16,6 +16,8 @@ using Eigen::Vector3d;
 
 namespace {
 
+constexpr double kLag = 0.01;  // of the carrier's compliance [s]
+
 // rows of the thesis order z, x, y by x, y, z
 Matrix3d thesisOrder() { return (Matrix3d() << 0, 0, 1, 1, 0, 0, 0, 1, 0).finished(); }
 
@@ -74,7 +76,6 @@ UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, con
 
   // deflection of the coupling by the peg's rotation: springs see Euler angles, dampers rates
   const double phi = std::atan2(axis.x(), axis.z());
-  Matrix3d euler;  // columns: rotation by theta, phi, psi
   euler << std::cos(phi), 0.0, axis.x(), 0.0, 1.0, axis.y(), -std::sin(phi), 0.0, axis.z();
   Matrix3d about;  // rows: about z (psi), about x (theta), about y (phi)
   const Matrix3d inverse = euler.inverse();
@@ -136,6 +137,22 @@ void UnheldMotion::giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& c
   }
 }
 
+UnheldMotion unheldMotion(const Mechanism& mechanism, const OperatingPoint& point) {
+  const double rate = point.direction * point.frequency;
+  UnheldMotion free(mechanism, rate, point.tilt, point.sensor_tilt);
+  if (point.compliance != 0.0) {
+    const Complex give = point.compliance / Complex(1.0, rate * kLag);
+    free.giveWay(mechanism, Eigen::Vector3cd::Constant(give));
+  }
+  return free;
+}
+
+Eigen::Vector2cd excitation(const OperatingPoint& point) {
+  const Complex i(0.0, 1.0);
+  const double p = point.ellipse.x(), q = point.ellipse.y();
+  return point.amplitude * Eigen::Vector2cd(1.0 + 0.5 * (p - i * q), -i + 0.5 * (q + i * p));
+}
+
 Eigen::Vector3cd exciterForce(const UnheldMotion& free, const Eigen::Vector2cd& excitation) {
   return free.R_HP.leftCols<2>().cast<Complex>() * excitation;
 }
@@ -154,10 +171,7 @@ Complex9 hangingMotion(const Mechanism& mechanism, const UnheldMotion& free,
 }
 
 HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point)
-    : HeldMotion(
-          mechanism, point,
-          UnheldMotion(mechanism, point.direction * point.frequency, point.tilt, point.sensor_tilt),
-          {point.amplitude, Complex(0.0, -point.amplitude)}) {}
+    : HeldMotion(mechanism, point, unheldMotion(mechanism, point), excitation(point)) {}
 
 HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point,
                        const UnheldMotion& free, const Eigen::Vector2cd& excitation)
@@ -169,17 +183,24 @@ HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point,
                                                          : 0.0),
       force_(exciterForce(free_, excitation)) {}
 
-Complex9 HeldMotion::solve(double alpha) const {
-  // the held point: its horizontal direction from the bottom centre is alpha
+Vector3d HeldMotion::heldPoint(double alpha) const {
   const Vector2d radial(std::cos(alpha), std::sin(alpha));
   const Vector2d body = (free_.R_HP.topLeftCorner<2, 2>().inverse() * radial).normalized();
-  const Vector3d rho =
-      free_.R_HP * Vector3d(peg_.radius * body.x(), peg_.radius * body.y(), -peg_.half_height);
+  return free_.R_HP * Vector3d(peg_.radius * body.x(), peg_.radius * body.y(), -peg_.half_height);
+}
+
+Vector3d HeldMotion::couplingMoment(double alpha) const {
+  return heldPoint(alpha).cross(contact_) + free_.to_coupling.cross(couplingOnPeg());
+}
+
+Complex9 HeldMotion::solve(double alpha) const {
+  const Vector2d radial(std::cos(alpha), std::sin(alpha));
+  const Vector3d rho = heldPoint(alpha);
 
   // static forces: contact, and the coupling that balances it and the weight
-  const Vector3d coupling(-contact_.x(), -contact_.y(), weight_ - contact_.z());
-  Matrix3d fixed = forceStiffness(contact_, rho) + forceStiffness(coupling, free_.to_coupling);
-  fixed += eulerStiffness(rho.cross(contact_) + free_.to_coupling.cross(coupling));
+  Matrix3d fixed =
+      forceStiffness(contact_, rho) + forceStiffness(couplingOnPeg(), free_.to_coupling);
+  fixed += eulerStiffness(couplingMoment(alpha));
   // rolling: a turn s about the radial axis moves the contact by -(r / tilt) s along the edge
   const Vector3d along(-radial.y(), radial.x(), 0.0);
   fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();
@@ -250,6 +271,18 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const Unhe
   wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -
                             (skew(static_force) * free.displaced).cast<Complex>();
   return twice(free.R_HS.transpose()).cast<Complex>() * wrench;
+}
+
+Eigen::Matrix<double, 3, 9> turningMoment(const UnheldMotion& free, const Vector3d& moment) {
+  const Matrix3d angles = free.euler.inverse();  // theta, phi, psi by a rotation
+  const Vector3d theta = free.euler.col(0), phi = free.euler.col(1), psi = free.euler.col(2);
+  // work of the moment about the axes that have turned
+  Matrix3d work = Matrix3d::Zero();
+  work.row(0) = phi.cross(theta).dot(moment) * angles.row(1);
+  work.row(2) = psi.cross(moment).transpose();
+  Eigen::Matrix<double, 3, 9> turning = Eigen::Matrix<double, 3, 9>::Zero();
+  turning.middleCols<3>(kTheta) = -angles.transpose() * work;
+  return turning;
 }
 
 Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const UnheldMotion& free,

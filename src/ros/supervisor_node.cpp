@@ -6,6 +6,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/identification/mechanism_check.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/watched_plant.h"
@@ -128,7 +129,8 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, const AlignPara
       enter(name, true);
       const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
       plant_->know(known);
-      result = align(*plant_, mechanism_, parameters, progress);
+      result = align(*plant_, mechanism_, known ? withDrive(parameters, known->drive) : parameters,
+                     progress);
       end.failed = end.begun = !result.success;
       end.failure = result.failure;
       end.reason = result.reason;

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // The whole alignment without ROS, once or many times from random starts, with statistics.
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -179,6 +180,13 @@ std::string rms(const std::vector<double>& values) {
   return yamlNumber(std::sqrt(sum / static_cast<double>(values.size())));
 }
 
+std::string mean(const std::vector<double>& values) {
+  if (values.empty()) return "null";
+  double sum = 0.0;
+  for (const double v : values) sum += v;
+  return yamlNumber(sum / static_cast<double>(values.size()));
+}
+
 // median and 95 % of what is sorted here
 std::string spread(std::vector<double> values) {
   if (values.empty()) return "null";
@@ -219,14 +227,16 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.trial.success; });
   const assembly_cell::ShareInterval share =
       assembly_cell::shareInterval(good, static_cast<std::int64_t>(runs.size()));
-  std::vector<double> offset, tilt, simulated, wall, direction, force;
+  std::vector<double> normalised, offset, tilt, simulated, wall, direction, force;
   for (const auto& [seed, trial, truth, wall_time] : runs) {
     simulated.push_back(trial.result.time);
     wall.push_back(wall_time);
     force.push_back(trial.force);
     direction.insert(direction.end(), trial.direction_errors.begin(), trial.direction_errors.end());
     if (!trial.result.known) continue;
-    offset.push_back((trial.result.offset - trial.true_offset).norm());
+    const Vector2d error = trial.result.offset - trial.true_offset;
+    offset.push_back(error.norm());
+    normalised.push_back(error.dot(trial.result.offset_covariance.inverse() * error));
     tilt.push_back((trial.result.tilt - trial.true_tilt).norm());
   }
   out << "strategy: " << o.align.strategy << "\n"
@@ -235,6 +245,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       << "success_rate: " << yamlNumber(share.share) << "\n"
       << "success_interval: [" << yamlNumber(share.low) << ", " << yamlNumber(share.high) << "]\n"
       << falseSuccesses(wrong, runs, o) << "offset_error: " << spread(offset) << "\n"
+      << "offset_error_squared: " << mean(normalised) << "\n"
       << "tilt_error: " << spread(tilt) << "\n"
       << "direction_error_rms: " << rms(direction) << "\n"
       << "direction_error: " << spread(direction) << "\n"
@@ -248,6 +259,10 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    reason: " << yamlQuoted(trial.result.reason) << "\n"
         << "    true_offset: " << pair(trial.true_offset) << "\n"
         << "    estimated_offset: " << (trial.result.known ? pair(trial.result.offset) : "null")
+        << "\n"
+        << "    offset_sd: "
+        << (trial.result.known ? yamlNumber(std::sqrt(0.5 * trial.result.offset_covariance.trace()))
+                               : "null")
         << "\n"
         << "    true_tilt: " << pair(trial.true_tilt) << "\n"
         << "    estimated_tilt: " << (trial.result.known ? pair(trial.result.tilt) : "null") << "\n"

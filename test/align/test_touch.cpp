@@ -90,6 +90,24 @@ TEST(TouchFit, CovarianceCoversTheError) {
   EXPECT_GT(sum, 0.3);
 }
 
+// 14 touches leave 9 degrees of freedom; a variance over its estimate has a mean of 1 and, by
+// χ² of 9, a deviation of 0.63: 0.08 of 60 draws
+TEST(TouchFit, TellsWhereMovesEnd) {
+  constexpr int kDraws = 60;
+  constexpr double kSd = 3e-5;
+  double sum = 0.0;
+  NormalSource normal(6);
+  std::vector<TouchReading> twice = touches(kHoleInS);
+  const std::vector<TouchReading> once = twice;
+  twice.insert(twice.end(), once.begin(), once.end());
+  for (int i = 0; i < kDraws; ++i) {
+    std::vector<TouchReading> readings = twice;
+    for (TouchReading& r : readings) r.X_SP.p.z() += kSd * normal();
+    sum += kSd * kSd / fitTouches(model(), readings).place_variance / kDraws;
+  }
+  EXPECT_NEAR(sum, 1.0, 4 * 0.08);
+}
+
 TEST(TouchFit, NeedsAPlane) {
   std::vector<TouchReading> two = touches(kHoleInS);
   two.resize(2);

@@ -39,6 +39,10 @@ struct AlignParameters {
   double insertion_force = 2.0;   ///< more than this on the way means not aligned [N]
   int rounds = 3;                 ///< sweeps at most
 
+  // what is known of exciter and carrier besides the mechanism, as in OperatingPoint
+  Eigen::Vector2d exciter_ellipse{0, 0};
+  double carrier_compliance = 0.0;  ///< [m/N]
+
   // twin_force
   double contact_force = 15.0;      ///< of each contact [N]
   double contact_tilt = 0.052;      ///< of the peg against the plane, about 3 degrees [rad]

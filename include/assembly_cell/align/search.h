@@ -105,6 +105,7 @@ class Search {
   int contacts_ = 0;
   double position_sd_ = 0.0, rotation_sd_ = 0.0;  // for the progress; 0: not known
   HoleEstimate hole_;
+  double place_variance_ = 0.0;  // of where moves end, per axis, as far as it is known [m²]
   bool found_ = false, begun_ = false;
 
  private:

@@ -42,6 +42,9 @@ struct TouchFit {
   Eigen::Matrix2d center_covariance = Eigen::Matrix2d::Zero();  ///< of x and y in S [m²]
   double height_sd = 0.0;                                       ///< at the centre [m]
   double normal_sd = 0.0;                                       ///< both axes [rad]
+  /// Of where a move ends, per axis, by what touches from above leave: unbiased for its inverse,
+  /// which is what weighs an error [m²]
+  double place_variance = 0.0;
   double chi2 = 0.0;  ///< prior included; as many degrees of freedom as residuals
   int residuals = 0;
 };

@@ -1,6 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <array>
+#include <optional>
+
 #include "assembly_cell/dynamics/model.h"
 
 namespace assembly_cell {
@@ -23,11 +26,12 @@ struct RestShift {
     rest.acceleration += settling.acceleration + (lag - goal) / (kLag * kLag);
   }
 
-  bool any = false;                     ///< false: nothing of this is looked at
-  RestProfile profile;                  ///< of what setRestShift() asks for
-  Vector6 lag_start = Vector6::Zero();  ///< by the compliance, at the last update
-  Vector6 goal = Vector6::Zero();       ///< what it tends to
-  double updated = 0.0;                 ///< time of the last update [s]
+  bool any = false;                                    ///< false: nothing of this is looked at
+  RestProfile profile;                                 ///< of what setRestShift() asks for
+  Vector6 lag_start = Vector6::Zero();                 ///< by the compliance, at the last update
+  Vector6 goal = Vector6::Zero();                      ///< what it tends to
+  std::optional<std::array<Eigen::Vector3d, 2>> ways;  ///< for the forces of the last two updates
+  double updated = 0.0;                                ///< time of the last update [s]
 };
 
 /// What is commanded: the rest pose's motion and the exciter. The same for every world.
@@ -58,9 +62,9 @@ void stopRest(Commands& commands, const Mechanism& mechanism, double t);
 Vector6 stopWay(const Commands& commands, const Mechanism& mechanism, double t);
 void setRestShift(Commands& commands, const Mechanism& mechanism, double t, const Vector6& shift);
 
-/// The carrier gives way to the coupling's force of now (axes of `hole` [N]) until the next update,
-/// kSlice later: exact for a constant force, and late by half a slice (1 % of the lag) for one that
-/// changes.
+/// The carrier gives way to the coupling's force (axes of `hole` [N]) until the next update, kSlice
+/// later: as that of the slice's middle, which the last three updates foretell. Exact for a
+/// constant force; of one at 900 rad/s it is off by 0.2 %, where the force of now would be by 9 %.
 void giveWay(Commands& commands, const Eigen::Vector3d& compliance, double t,
              const Eigen::Vector3d& force);
 

@@ -13,16 +13,16 @@ namespace assembly_cell {
 struct IdentificationPrior {
   std::vector<Unknown> unknowns = unknownsAsDrawn();
   // sensor_b against its calibration: w' = (I + E) w in a frame that is turned and offset
-  double sensor_matrix = 0.01;     ///< every entry of E, torques against forces at 30 mm
-  double sensor_rotation = 0.017;  ///< about each axis [rad]
-  double sensor_offset = 5e-4;     ///< along each axis [m]
-  double sensor_drift = 0.6;       ///< of each force, torques at 30 mm [N/min]
-  double sensor_walk = 0.02;       ///< of a zero between two poses, torques at 30 mm [N]
-  double upright = 0.03;           ///< of the carrier's base against gravity and face [rad]
-  double aside = 0.01;             ///< PressedState::aside [rad]
+  double sensor_matrix = 0.01;      ///< every entry of E, torques against forces at 30 mm
+  double sensor_rotation = 0.0098;  ///< about each axis [rad]
+  double sensor_offset = 2.9e-4;    ///< along each axis [m]
+  double sensor_drift = 0.6;        ///< of each force, torques at 30 mm [N/min]
+  double sensor_walk = 0.01;        ///< of a zero between two poses, torques at 30 mm [N]
+  double upright = 0.03;            ///< of the carrier's base against gravity and face [rad]
+  double aside = 0.01;              ///< PressedState::aside [rad]
   // what the model leaves out, of the largest force of a reading, torques at 30 mm
-  double hanging_model = 3e-4;
-  double pressed_model = 1.5e-3;
+  double hanging_model = 1.5e-4;
+  double pressed_model = 3e-4;
 };
 
 /// What the data left out of the fit say.

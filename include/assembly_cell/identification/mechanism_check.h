@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/align/plant.h"
+#include "assembly_cell/align/align.h"
 #include "assembly_cell/identification/mechanism_record.h"
 
 namespace assembly_cell {
@@ -25,6 +25,9 @@ constexpr double kCheckLevel = 1e-4;  ///< p below which a mechanism is contradi
 MechanismCheck judgeMechanism(const KnownMechanism& known,
                               const std::vector<VibrationReading>& readings,
                               const IdentificationPrior& prior = {});
+
+/// What a strategy has to know of the drive besides gain and delay, which the plant makes up for.
+AlignParameters withDrive(AlignParameters parameters, const DriveErrors& drive);
 
 /// A check of about a second of shaking: the hanging peg at two frequencies, one either way,
 /// before anything is pressed. Ends with the exciter off. Throws AlignError, PlantError.

@@ -24,6 +24,8 @@ struct OperatingPoint {
   Eigen::Vector2d tilt{0, 0};      ///< of the peg axis: rotation vector (x, y) from upright [rad]
   bool rolling = false;  ///< edge on plane: rolls along the edge, press r / tilt [N m/rad]
   Eigen::Vector2d sensor_tilt{0, 0};  ///< of the sensor's axes, as tilt [rad]
+  Eigen::Vector2d ellipse{0, 0};      ///< of the exciter's force, see DriveErrors
+  double compliance = 0.0;            ///< of the carrier behind its encoders, lag 10 ms [m/N]
 };
 
 /// Response with one point of the peg's edge held.
@@ -78,6 +80,7 @@ struct Posture {
   /// Of the peg on the sensor, hole axes; its arm moves with the deflection, zero leaves the arm
   /// out. [N]
   Eigen::Vector3d static_force = Eigen::Vector3d::Zero();
+  double compliance = 0.0;  ///< as in OperatingPoint [m/N]
 };
 
 /// Phasors of the centre of mass in the plane, x and y, from those of the coupling's deflection as

@@ -30,11 +30,18 @@ struct UnheldMotion {
   Eigen::Vector3d to_coupling, to_exciter;  // from the centre of mass [m]
   Eigen::Matrix<Complex, 6, 9> wrench;      // of the peg on the sensor at the coupling, hole axes
   Eigen::Matrix<double, 3, 9> displaced;    // coupling point against the carrier, hole axes
+  Eigen::Matrix3d euler;                    // columns: rotation by theta, phi, psi, hole axes
   ComplexMatrix9 dynamic;                   // generalised forces per coordinates
 
   // The carrier's rest point gives way by so much of the coupling's force on it [m/N], each axis.
   void giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& compliance);
 };
+
+// The same of an operating point, its compliance included.
+UnheldMotion unheldMotion(const Mechanism& mechanism, const OperatingPoint& point);
+
+// Phasors of the exciter's force along the peg's x and y [N].
+Eigen::Vector2cd excitation(const OperatingPoint& point);
 
 // Force of the exciter on the peg by its phasors along the peg's x and y: (1, -i) times the
 // amplitude where it turns in a circle.
@@ -57,6 +64,9 @@ class HeldMotion {
   // static force of the peg on the sensor, hole axes [N]
   Eigen::Vector3d couplingForce() const { return contact_ - Eigen::Vector3d(0.0, 0.0, weight_); }
 
+  // and its moment about the coupling point, hole axes [N m]
+  Eigen::Vector3d couplingMoment(double alpha) const;
+
   // all nine coordinates [m], [rad]
   Complex9 solve(double alpha) const;
 
@@ -66,6 +76,11 @@ class HeldMotion {
   }
 
  private:
+  // the held point from the centre of mass; its horizontal direction from the bottom centre is
+  // alpha
+  Eigen::Vector3d heldPoint(double alpha) const;
+  Eigen::Vector3d couplingOnPeg() const { return -couplingForce(); }
+
   UnheldMotion free_;
   PegParameters peg_;
   Eigen::Vector3d contact_;  // static force on the peg [N]
@@ -87,6 +102,10 @@ Matrix6 sensorStiffness(const Mechanism& mechanism);
 // the origin, so the static force and the moving one each have the other's displacement as arm.
 Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const UnheldMotion& free,
                                           const Eigen::Vector3d& static_force);
+
+// How a static moment of the coupling's springs on the sensor turns as the peg turns, hole axes:
+// they make it about the axes of the Euler angles, of which two turn, too.
+Eigen::Matrix<double, 3, 9> turningMoment(const UnheldMotion& free, const Eigen::Vector3d& moment);
 
 // All coordinates by the wrench on the sensor, in its axes: six wrench equations and the carrier's
 // three.
