@@ -306,8 +306,9 @@ void ArmBridgeNode::onJoints(const sensor_msgs::JointState& joints) {
     q(static_cast<Eigen::Index>(k)) =
         joints.position[static_cast<std::size_t>(found - joints.name.begin())];
   }
-  // where it stands: the next point is looked for from there
-  if (!arm_.begun || isAtRest(arm_.motion)) output_->setJoints(q);
+  // What follows begins where it stands. Not while it is led: an arm that lags behind its last
+  // point would make the next one a jump of the joints.
+  if (!arm_.begun || isHalted(arm_)) output_->setJoints(q);
   onState(kinematics_->forward(q), joints.header.stamp);
 }
 
