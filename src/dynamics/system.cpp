@@ -91,7 +91,7 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
   shapes.hole_depth = scenario.mechanism.hole.depth;
   shapes.peg_length = 2.0 * scenario.mechanism.peg.half_height;
   shapes.bore_lean = scenario.imperfections.bore_lean;
-  compliant = !scenario.imperfections.compliance.isZero(0.0);
+  compliant = isCompliant(scenario);
   // slip is told from rest above the integrator's velocity error, docs/theory.md
   slip_threshold = std::max(kMinSlip, kSlipOverTolerance * (fixed_step ? 1e-9 : solver.tolerance));
   // the thesis's rows let a stationary contact creep below v_ST

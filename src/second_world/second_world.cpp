@@ -165,8 +165,9 @@ void SecondWorld::evaluate() {
   Vector3d::Map(on_peg) = c.force + push;
   Vector3d::Map(on_peg + 3) = c.moment + mechanism.peg.coupling_height * axis.cross(c.force) +
                               mechanism.peg.exciter_height * axis.cross(push);
-  const Vector6 rest = commands_.restAt(time()).position, rate = commands_.restAt(time()).rate;
-  const Vector3d off = e.positions(kCarrierPlace) - Vector3d(rest(0), rest(1), rest(3));
+  const RestMotion rest = commands_.restAt(time());
+  const Vector6 &at = rest.position, &rate = rest.rate;
+  const Vector3d off = e.positions(kCarrierPlace) - Vector3d(at(0), at(1), at(3));
   const Vector3d slip = e.rates(kCarrier) - Vector3d(rate(0), rate(1), rate(3));
   const Vector3d about = c.moment + c.end.cross(c.force);
   Vector3d::Map(e.d->qfrc_applied + kCarrier) = -Vector3d(c.force.x(), c.force.y(), about.z()) -
