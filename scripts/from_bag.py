@@ -10,16 +10,20 @@ locus         samples as CSV: of the coupling's displacement (t,x,y,z,rx,ry,rz) 
               accelerometers (t,ax,ay); TOPIC chooses among several. With messages of the exciter in the bag: of the last
               stretch in which it was on, t = 0 at its phase zero, its settings in a first line that starts with #
 wrench        t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw: the one topic of wrenches (WrenchStamped, or WrenchSamples), each with the
-              last pose (PoseStamped, one topic) before it
+              last pose (PoseStamped, one topic) before it; without samples that are marked as saturated, not finite or beyond
+              what any sensor measures (90 kN, 9 kN m): how many, is said on standard error
 exit: 0 ok, 2 bad input
 """
 import bisect
+import math
 import sys
 
 import rosbag
 
 MOTIONS = {"assembly_cell/DisplacementSamples": ("displacement", "t,x,y,z,rx,ry,rz"),
            "assembly_cell/AccelerometerSamples": ("acceleration", "t,ax,ay")}
+# as the driver's ~range_force and ~range_torque: beyond is a code for a fault, or an end of the numbers
+LARGEST = [9e4] * 3 + [9e3] * 3  # [N], [N m]
 
 
 def observations(bag):
@@ -99,7 +103,15 @@ def only_topic(bag, types):
 def wrench(bag):
     topics = {kind: only_topic(bag, types) for kind, types in
               {"wrench": ("geometry_msgs/WrenchStamped", "assembly_cell/WrenchSamples"), "pose": ("geometry_msgs/PoseStamped",)}.items()}
-    poses, wrenches = {}, {}
+    poses, wrenches, refused = {}, {}, []
+
+    def keep(stamp, values, saturated=0):
+        bad = [k for k, value in enumerate(values) if saturated >> k & 1 or not abs(value) <= LARGEST[k]]
+        if bad:
+            refused.append((stamp, bad[0], values[bad[0]]))
+        else:
+            wrenches[stamp] = values
+
     for name, message, _ in bag.read_messages(topics=list(topics.values())):
         stamp = message.header.stamp.to_nsec()
         if name == topics["pose"]:
@@ -107,10 +119,18 @@ def wrench(bag):
             poses[stamp] = [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
         elif message._type == "geometry_msgs/WrenchStamped":
             f, m = message.wrench.force, message.wrench.torque
-            wrenches[stamp] = [f.x, f.y, f.z, m.x, m.y, m.z]
+            keep(stamp, [f.x, f.y, f.z, m.x, m.y, m.z])
         else:
             for k in range(len(message.wrench) // 6):
-                wrenches[stamp + round(1e9 * k * message.period)] = list(message.wrench[6 * k:6 * k + 6])
+                at = stamp + (round(1e9 * k * message.period) if math.isfinite(message.period) else k)
+                keep(at, list(message.wrench[6 * k:6 * k + 6]), message.saturated[k] if k < len(message.saturated) else 0)
+    if refused:
+        stamp, channel, value = min(refused)
+        text = (f"{len(refused)} samples left out: saturated, or beyond what a sensor measures; "
+                f"the first: {('fx', 'fy', 'fz', 'tx', 'ty', 'tz')[channel]} {value!r} at {1e-9 * stamp:.6f} s")
+        if not wrenches:
+            raise ValueError(text + "; none are left")
+        print(text, file=sys.stderr)
     times = sorted(poses)
     lines = ["t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw"]
     for stamp in sorted(wrenches):

@@ -30,6 +30,9 @@ constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling
 // the step, 12 N; noise of 20 mV a channel, forty times the cell's, by 0.12 N rms. Half: a peg
 // with such noise is lifted farther. Twice: a contact softer by a factor of 12 is a free peg.
 constexpr double kFreeChange = 0.5;
+// Noise beyond so many times that leaves no six steps in a row without a change, however free: of
+// its largest changes, so one step in seven passes.
+constexpr double kNoisy = 4.0;
 constexpr int kSettleBlocks = 3;
 constexpr double kStillForce = 0.03;  // change from block to block of what is at rest [N]
 constexpr int kStillBlocks = 3;
@@ -48,6 +51,9 @@ std::string line(const char* format, double a, double b) {
 // Stiff parts that touch make a knock of a few samples, at or over the ends of the bridges' range;
 // a block may end in the middle of it. Three saturated blocks in a row are a press.
 constexpr int kKnockBlocks = 2;
+// At rest so many in a row are a sensor that tells nothing: its own noise, an offset, a broken
+// wire.
+constexpr int kDeafBlocks = 50;
 
 constexpr double kThere = 1e-7;   // of height [m] and tilt [rad], as commanded
 constexpr double kNear = 2e-5;    // of the same where they give way a little
@@ -157,16 +163,26 @@ const PlantBlock& PressController::wait(int blocks) {
   return last_;
 }
 
+// that a block's force may have changed by since the block before, of noise alone
+double PressController::changeOfNoise() const {
+  const Matrix6 of_mean = last_.covariance_b / std::max(1, last_.samples) + last_.rounding_b;
+  return kNoiseRms * std::sqrt(2 * of_mean.topLeftCorner<3, 3>().trace());
+}
+
 bool PressController::settle() {
   int still = 0;
   for (int i = 0; still < kStillBlocks; ++i) {
     if (i == timed(kStillLimit)) return false;
     const Vector6 before = last_.wrench_b;
     wait(1);
+    if (saturated_ >= timed(kDeafBlocks)) {
+      throw AlignError(AlignFailure::kSensorSaturated,
+                       "a channel stays at its limit with the peg at rest; look at both sensors, "
+                       "their offsets and their noise");
+    }
     double limit = kStillForce * limits_.scale.still;
     if (i >= timed(kSwingBlocks) && last_.samples > 0) {
-      const Matrix6 of_mean = last_.covariance_b / last_.samples + last_.rounding_b;
-      limit = std::max(limit, kNoiseRms * std::sqrt(2 * of_mean.topLeftCorner<3, 3>().trace()));
+      limit = std::max(limit, changeOfNoise());
     }
     const bool agrees = (last_.wrench_b - before).head<3>().norm() < limit;
     still = agrees && !last_.saturated ? still + 1 : 0;
@@ -210,6 +226,13 @@ void PressController::begin(const Mechanism& mechanism) {
   const Vector6 weight = pegWeight(mechanism.peg, mechanism.gravity, up, last_.displacement_b);
   if ((tare_ - weight).head<3>().norm() < freeForce()) return;
   // in contact, or the sensor's zero is another one: up until nothing changes any more
+  const double free_change = kFreeChange * limits_.scale.force;
+  if (changeOfNoise() > kNoisy * free_change) {
+    throw AlignError(AlignFailure::kNotStill,
+                     line("sensor_b's own noise changes its force by up to %.1f N from block to "
+                          "block, contact shows where %.1f N are something; look at its bridge",
+                          changeOfNoise(), free_change));
+  }
   guarded_ = false;
   PlantCommand off;
   off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
@@ -232,7 +255,7 @@ void PressController::begin(const Mechanism& mechanism) {
                force().norm(), (higher.z - tare_pose_.z) * 1e3));
     }
     const double change = (last_.wrench_b - before).head<3>().norm();
-    same = change < kFreeChange * limits_.scale.force ? same + 1 : 0;
+    same = change < free_change ? same + 1 : 0;
   }
   guarded_ = true;
   tared_ = false;

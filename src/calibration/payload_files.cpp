@@ -7,6 +7,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/sensor/wrench_range.h"
 
 namespace assembly_cell {
 
@@ -104,10 +105,16 @@ Wrenches readWrenches(const std::string& path) {
   Wrenches out;
   out.header = table.header;
   const auto temperature = table.find({"temperature"});
-  for (const std::vector<double>& row : table.rows) {
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::vector<double>& row = table.rows[i];
     Vector6 w;
     for (std::size_t k = 0; k < 6; ++k) {
-      w[static_cast<Eigen::Index>(k)] = row[table.need({names[k]})];
+      const double value = w[static_cast<Eigen::Index>(k)] = row[table.need({names[k]})];
+      if (std::abs(value) > (k < 3 ? kLargestForce : kLargestTorque)) {
+        throw InputError(table.place(i) + names[k] + " is " + yamlNumber(value) +
+                         ": no sensor measures that, it is a code for a fault or an end of its "
+                         "numbers; take the row and its pose out");
+      }
     }
     out.values.push_back(w);
     if (temperature) out.temperature.push_back(row[*temperature]);

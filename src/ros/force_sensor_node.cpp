@@ -21,16 +21,13 @@
 #include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/sensor/wrench_range.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
 constexpr std::uint32_t kQueue = 100;  // wherever every sample counts
-
-// beyond the largest six-axis sensors that are sold: a fault code or an end of the numbers
-constexpr double kLargestForce = 9e4;   // [N]
-constexpr double kLargestTorque = 9e3;  // [N m]
 
 using Volts = Eigen::Map<const Vector6>;
 

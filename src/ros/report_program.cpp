@@ -10,6 +10,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <stdexcept>
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
@@ -177,11 +178,8 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   } else {
     align_ = std::make_unique<Client<AlignPegAction>>(nh, "align", false);
   }
-  const double waited_until = ros::WallTime::now().toSec() + start_timeout_;
   // the launch file may still be setting parameters
-  while (!nh_.hasParam("robot_description") && ros::WallTime::now().toSec() < waited_until) {
-    ros::WallDuration(0.1).sleep();
-  }
+  waitForCell("parameter robot_description", [this] { return nh_.hasParam("robot_description"); });
   const CellDescription description =
       loadCellDescription(Parameters(nh_).text("robot_description"));
   details_.peg_radius = description.peg.radius;
@@ -202,6 +200,23 @@ bool ReportProgram::waitFor(const std::string& what, double timeout,
   return false;
 }
 
+// Before the goal nothing tells that the cell has ended but its master.
+bool ReportProgram::waitForCell(const std::string& what, const std::function<bool()>& ready) const {
+  ros::WallTime asked = ros::WallTime::now();
+  return waitFor(what, start_timeout_, [&] {
+    if (ros::WallTime::now() - asked > ros::WallDuration(kLostAfter)) {
+      asked = ros::WallTime::now();
+      if (!ros::master::check()) {
+        throw std::runtime_error(
+            text("server lost: no ROS master at %s any more; has the launch "
+                 "ended?",
+                 ros::master::getURI().c_str()));
+      }
+    }
+    return ready();
+  });
+}
+
 std::optional<Pose> ReportProgram::truthAt(const ros::Time& stamp) const {
   std::lock_guard<std::mutex> lock(mutex_);
   if (stamp.isZero() && !truth_.empty()) return fromPose(truth_.back()->pose, "truth/pose");
@@ -219,13 +234,13 @@ bool ReportProgram::readTruth(const ros::Time& stamp, std::optional<Pose>& truth
 }
 
 bool ReportProgram::othersAreThere() {
-  if (!waitFor("action server (is the supervisor running?)", start_timeout_,
-               [this] { return serverIsThere(); })) {
+  if (!waitForCell("action server (is the supervisor running?)",
+                   [this] { return serverIsThere(); })) {
     return false;
   }
   if (unpause_ &&
-      !waitFor("service " + simulator_ + "/pause (is the simulator running?)", start_timeout_,
-               [this] { return ros::service::exists(simulator_ + "/pause", false); })) {
+      !waitForCell("service " + simulator_ + "/pause (is the simulator running?)",
+                   [this] { return ros::service::exists(simulator_ + "/pause", false); })) {
     return false;
   }
   ros::master::V_TopicInfo topics;
@@ -264,7 +279,23 @@ bool ReportProgram::carryOut(ActionClient& client, const Goal& goal, Result& res
         std::lock_guard<std::mutex> lock(mutex_);
         active_ = true;
       });
-  if (!waitFor("acceptance of the goal", start_timeout_, locked(active_))) return false;
+  // the server's connections end with it
+  ros::WallTime there = ros::WallTime::now();
+  const auto lost = [&] {
+    if (client.isServerConnected()) there = ros::WallTime::now();
+    return ros::WallTime::now() - there > ros::WallDuration(kLostAfter);
+  };
+  const auto isLost = [&](bool server_lost) {
+    if (server_lost) {
+      ROS_ERROR("report: server lost: who offered the action has gone; is the supervisor running?");
+    }
+    return server_lost;
+  };
+  const auto accepted = locked(active_);
+  if (!waitFor("acceptance of the goal", start_timeout_, [&] { return accepted() || lost(); }) ||
+      isLost(!accepted())) {
+    return false;
+  }
   if (unpause_) {
     std_srvs::SetBool run;
     run.request.data = false;
@@ -273,22 +304,12 @@ bool ReportProgram::carryOut(ActionClient& client, const Goal& goal, Result& res
       return false;
     }
   }
-  // the server's connections end with it
-  ros::WallTime there = ros::WallTime::now();
-  bool lost = false;
-  const bool ended = waitFor("result of the goal", timeout_, [&] {
-    if (client.isServerConnected()) there = ros::WallTime::now();
-    lost = ros::WallTime::now() - there > ros::WallDuration(kLostAfter);
-    return lost || locked(done_)();
-  });
-  if (!ended) {
+  const auto done = locked(done_);
+  if (!waitFor("result of the goal", timeout_, [&] { return done() || lost(); })) {
     client.cancelGoal();
     return false;
   }
-  if (lost && !locked(done_)()) {
-    ROS_ERROR("report: server lost: who offered the action has gone; is the supervisor running?");
-    return false;
-  }
+  if (isLost(!done())) return false;
   if (!result) ROS_ERROR("report: the goal ended without a result");
   return result != nullptr;
 }
@@ -365,6 +386,8 @@ int runReport(int argc, char** argv) {
                 ros::master::getURI().c_str());
       return 1;
     }
+    // roscpp's own patience with a master that has gone has no end
+    ros::master::setRetryTimeout(ros::WallDuration(kLostAfter));
     nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
     ros::AsyncSpinner spinner(2);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -44,6 +45,13 @@ bool moments(const std::vector<double>& samples, BlockMoments& out) {
   if (n == 0 || samples.size() != 6 * n) return false;
   out = momentsOf(samples.data(), n);
   return out.mean.allFinite() && out.covariance.allFinite();
+}
+
+/// A bit for each channel that was at its limit in one of the samples.
+std::uint8_t saturatedChannels(const WrenchSamples& message) {
+  return std::accumulate(
+      message.saturated.begin(), message.saturated.end(), std::uint8_t{0},
+      [](std::uint8_t all, std::uint8_t bits) -> std::uint8_t { return all | bits; });
 }
 
 /// End of a block: its last sample.
@@ -241,9 +249,8 @@ void RosPlant::assemble() {
     block.means.covariance_a = a.covariance;
     block.means.covariance_b = b.covariance;
     block.means.samples = std::min(a.count, b.count);
-    for (const auto* wrench : {&parts.wrench_a, &parts.wrench_b}) {
-      for (const auto bits : (*wrench)->saturated) block.means.saturated |= bits != 0;
-    }
+    block.saturated = {saturatedChannels(*parts.wrench_a), saturatedChannels(*parts.wrench_b)};
+    block.means.saturated = block.saturated[0] != 0 || block.saturated[1] != 0;
     try {
       block.X_BC = fromPose(carrier->pose, "carrier_pose");
     } catch (const InputError& error) {

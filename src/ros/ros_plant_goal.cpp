@@ -7,6 +7,7 @@
 
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/locus/vibration_fit.h"
+#include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/node_watch.h"
 #include "assembly_cell/ros/ros_plant.h"
@@ -26,6 +27,10 @@ constexpr double kParting = 1.0;     // for data while the node is shutting down
 constexpr double kJump = 1.0;        // of the stamps: another life of the plant, or a freeze [s]
 constexpr int kReadings = 2;         // of one contact, where samples or the estimator got lost
 constexpr std::size_t kLeastSamples = 8;  // of a vibration
+// Of a channel at its limit [s]. A press ends at the third such block and takes the load off within
+// 0.3 s; so long is nothing that a strategy does.
+constexpr double kSaturated = 0.5;
+constexpr int kLeastSaturated = 5;  // blocks: two with a freeze between them are no proof
 constexpr char kBlock[] = "block of samples";
 // of the participants of a lockstep that a cell may have: time waits for them, asked or not
 constexpr const char* kOptional[] = {"twin_force/status", "align/status", "identify/status"};
@@ -39,8 +44,9 @@ void RosPlant::checkGoal() const {
   const double time = origin_.isZero() ? 0.0 : (last_.end - origin_).toSec();
   if (time > most_time_) {
     throw PlantError(AlignFailure::kStopped,
-                     text("not done within %.0f s%s", settings_.goal_time,
-                          recovering_ ? ", nor freed" : ": see ~goal_time"));
+                     recovering_
+                         ? text("not freed within %g s", recovery_time_)
+                         : text("not done within %g s: see ~goal_time", settings_.goal_time));
   }
   if (recovering_) return;
   if (stopping_) throw PlantError(AlignFailure::kStopped, "the node is shutting down");
@@ -161,6 +167,7 @@ void RosPlant::takeNext(std::unique_lock<std::mutex>& lock) {
   while (true) {
     const ros::Time before = last_.end;
     waitForBlock(lock);
+    checkSensors(lock);
     if (lockstep_) return;
     const double step = before.isZero() ? 0.0 : (last_.end - before).toSec();
     if (step < kJump) passed += step;
@@ -173,6 +180,32 @@ void RosPlant::takeNext(std::unique_lock<std::mutex>& lock) {
     if (!lastIsFresh() || !link_.follows()) continue;
     if (!link_.lapsed()) return;
     repeat(lock);
+  }
+}
+
+// A channel that is at its limit for as long as a press never is says nothing any more.
+void RosPlant::checkSensors(std::unique_lock<std::mutex>& lock) {
+  for (std::size_t sensor = 0; sensor < saturation_.size(); ++sensor) {
+    Saturation& s = saturation_[sensor];
+    if (last_.saturated[sensor] == 0) {
+      s = {};
+      continue;
+    }
+    if (s.blocks++ == 0) s.since = last_.end;
+    s.channels = static_cast<std::uint8_t>(s.channels | last_.saturated[sensor]);
+    const double time = (last_.end - s.since).toSec();
+    if (recovering_ || s.blocks < kLeastSaturated || time < kSaturated) continue;
+    const std::string channels = channelText(s.channels);
+    lock.unlock();
+    const TopicPublisher from = publishersOf({nh_.resolveName(kBlockTopics[sensor])}).front();
+    lock.lock();
+    throw PlantError(
+        AlignFailure::kSensorSaturated,
+        text(
+            "sensor_saturated: %s: channels %s at their limit in every block for %.2g s: %s of %s; "
+            "look at its load, its offset, its noise and its wires",
+            sensor == 0 ? "sensor_a" : "sensor_b", channels.c_str(), time, from.topic.c_str(),
+            from.node.c_str()));
   }
 }
 
@@ -236,6 +269,7 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   recent_.clear();
   fresh_.reset();
   last_ = Block{};
+  saturation_ = {};
   origin_ = ros::Time();
   start_ = Pose{};
   commanded_.reset();
@@ -317,6 +351,7 @@ void RosPlant::recover(double seconds) {
   fresh_.reset();
   takeNext(lock);
   link_.move();
+  recovery_time_ = seconds;
   most_time_ = (last_.end - origin_).toSec() + seconds;
 }
 

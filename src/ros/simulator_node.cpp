@@ -73,7 +73,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   CellParameters& cell = cell_parameters_;
   cell.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
   cell.bits = parameters.integer("bits", 10, 24, 16);
-  cell.noise = parameters.number("noise", Range{0.0, 1.0}, 0.5e-3);
+  cell.noise = parameters.number("noise", Range{0.0, 10.0}, 0.5e-3);
   cell.accelerometer_noise = parameters.number("accelerometer_noise", Range{0.0, 1e3}, 0.02);
   cell.accelerometer_height = parameters.number("accelerometer_height", Range{-1.0, 1.0}, 0.0);
   cell.bridge_nonlinearity = parameters.number("nonlinearity", Range{0.0, 1.0}, 0.0);

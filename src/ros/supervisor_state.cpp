@@ -91,7 +91,8 @@ void SupervisorNode::leave(const End& end) {
       in_contact = stuck = false;
       reason.clear();
     } catch (const AlignError& error) {
-      stuck = true;
+      // what a sensor that tells nothing leaves unknown isn't stuck: the next goal feels first
+      stuck = error.failure != AlignFailure::kSensorSaturated;
       reason = error.what();
     } catch (const std::exception& error) {
       reason = error.what();

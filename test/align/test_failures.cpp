@@ -117,6 +117,9 @@ const Case kCases[] = {
      [](FaultyPlant& plant) {
        plant.on_block = [&plant](PlantBlock& b) { b.saturated = b.saturated || pressed(plant); };
      }},
+    // by itself, whatever is done
+    {AlignFailure::kSensorSaturated, "twin_force", nullptr,
+     [](FaultyPlant& plant) { plant.on_block = [](PlantBlock& b) { b.saturated = true; }; }},
     {AlignFailure::kJammed, "twin_force", [](Arrangement& s) { s.parameters.insert.depth = 0.03; },
      [](FaultyPlant& plant) {
        // a chip in the bore, 10 mm down
@@ -137,6 +140,9 @@ const Case kCases[] = {
          b.wrench_b(0) += 2.0 * std::sin(2 * M_PI * 5.0 * b.time);
        };
      }},
+    // a weight that isn't the peg's, and noise that contact would drown in
+    {AlignFailure::kNotStill, "twin_force", [](Arrangement& s) { s.sensors.noise = 0.8; },
+     [](FaultyPlant& plant) { plant.on_block = [](PlantBlock& b) { b.wrench_b(2) += 30.0; }; }},
     {AlignFailure::kNotArrived, "twin_force", nullptr,
      [](FaultyPlant& plant) {
        // the drive stops at the first contact

@@ -151,6 +151,9 @@ TEST(PayloadTool, BadInputIsNamed) {
   refused({poses, write("empty.csv", {})}, "no rows");
   refused({poses, write("short.csv", {"1,2,3,4,5,6"})}, "1 rows");
   refused({poses, write("nan.csv", {"1,2,3,4,5,nan"})}, "tz");
+  refused({poses, write("code.csv", {"1,2,-99999,4,5,6"})},
+          "code.csv:1: fz is -99999.0: no sensor");
+  refused({poses, write("end.csv", {"1,2,3,4,5,2147483647"})}, "tz is 2147483647.0: no sensor");
   refused({poses, write("five.csv", {"fx,fy,fz,tx,ty", "1,2,3,4,5"})}, "tz");
   refused({write("q.csv", {"0,0,0,0,0,0,2"}), wrenches}, "quaternion");
   // too few poses: understood, but not determined

@@ -122,6 +122,28 @@ TEST_F(LockstepFaults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
   expectPress(kForce);
 }
 
+// Noise of 2 V in a range of 5 V: a channel in eighty is at its limit at any time. The goal says so
+// within half a second and what it takes to begin; with the sensor mended the next one works.
+TEST_F(LockstepFaults, ASensorThatSaturatesByItselfIsNamed) {
+  nh_.setParam("peg_hole_simulator/noise", 2.0);
+  startCell();
+  align_.sendGoal(AlignPegGoal());
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  const AlignmentReport report = align_.getResult()->report;
+  EXPECT_EQ(report.reason.rfind("sensor_saturated: sensor_a: channels 1, 2, 3, 4, 5, 6 at", 0), 0U)
+      << report.reason;
+  EXPECT_NE(report.reason.find(": /lockstep/sensor_a/wrench_samples of /lockstep/sensor_a/driver;"),
+            std::string::npos)
+      << report.reason;
+  EXPECT_LT(report.simulated_time, 0.6);
+  ASSERT_TRUE(waitFor([this] { return state_.last()->goal.empty(); }));
+  EXPECT_TRUE(state_.last()->in_contact);
+  EXPECT_FALSE(state_.last()->stuck);
+  nh_.deleteParam("peg_hole_simulator/noise");
+  ASSERT_TRUE(restartSimulator());
+  expectPress(kForce);
+}
+
 // A soft coupling pressed with 20 N by one supervisor, felt by another one that bears a tenth of
 // it: two attempts to free the peg are given up at its limit.
 TEST_F(LockstepFaults, WhatDoesNotComeFreeIsStuckUntilRetreatFreesIt) {

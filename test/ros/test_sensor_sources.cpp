@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -164,6 +165,42 @@ TEST_F(SensorSources, PlaysTheStrainOfABag) {
   })) << diagnoses_.latest("bag/driver: device").message;
   EXPECT_TRUE(diagnoses_.await(
       "bag/driver: samples", [](const auto& s) { return s.message == "the recording has ended"; }));
+}
+
+// A code for a fault and an end of a device's numbers, as recordings of sensors have them: handed
+// on with a mark and told, so that nobody takes them for a load.
+TEST_F(SensorSources, MarksWhatNoSensorMeasures) {
+  const Folder folder;
+  const std::string file = folder.path + "/codes.csv";
+  {
+    std::ofstream rows(file);
+    rows << "t,fx,fy,fz,tx,ty,tz\n";
+    for (int i = 0; i < 50; ++i) {
+      rows << 0.01 * i << ",1,2," << (i == 20 ? "-99999" : "3") << ",0.1,"
+           << (i == 30 ? "2147483647" : "0.2") << ",0.3\n";
+    }
+  }
+  Record<WrenchSamples> wrench(nh_, "/codes/wrench_samples");
+  // a command line can't give a list
+  ros::param::set("/codes/driver/source/columns",
+                  std::vector<std::string>{"t", "fx", "fy", "fz", "tx", "ty", "tz"});
+  Driver driver("codes", {"_source/type:=replay", "_source/file:=" + file, "_source/rate:=fast",
+                          "_source/loop:=false"});
+  const auto marks = [&] {
+    std::vector<int> all;
+    for (const auto& block : wrench.all()) {
+      all.insert(all.end(), block->saturated.begin(), block->saturated.end());
+    }
+    return all;
+  };
+  ASSERT_TRUE(waitFor([&] { return marks().size() >= 50; })) << driver.output();
+  std::vector<int> expected(50, 0);
+  expected[20] = 1 << 2;
+  expected[30] = 1 << 4;
+  EXPECT_EQ(marks(), expected);
+  EXPECT_TRUE(diagnoses_.await("codes/driver: samples", [](const auto& s) {
+    return value(s, "saturated samples") == "2";
+  })) << diagnoses_.latest("codes/driver: samples").message;
 }
 
 // A bag keeps its own pace, stamped with the present.

@@ -60,6 +60,7 @@ class Faults : public ::testing::Test {
     start("assembly_supervisor", "assembly_supervisor", "/faults");
     ASSERT_TRUE(waitForCell());
   }
+  void TearDown() override { nh_.deleteParam("peg_hole_simulator/noise"); }
   void start(const std::string& what, const std::string& program, const std::string& ns,
              const std::string& name = "") {
     nodes_[what] = std::make_unique<Child>(std::vector<std::string>{
@@ -276,6 +277,24 @@ TEST_F(Faults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
   ASSERT_TRUE(waitFor([&] { return carrier_.size() > n + 10; }));
   ASSERT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
   EXPECT_NEAR(force(), 8.0, 0.1 * 8.0);
+}
+
+TEST_F(Faults, ASensorThatSaturatesByItselfIsNamed) {
+  const std::uint32_t life = plant_.last()->life;
+  nh_.setParam("peg_hole_simulator/noise", 2.0);
+  node("peg_hole_simulator").signal(SIGKILL);
+  start("peg_hole_simulator", "peg_hole_simulator", "/faults");
+  ASSERT_TRUE(waitFor([&] { return plant_.last()->life != life; }));
+  const std::size_t n = carrier_.size();
+  ASSERT_TRUE(waitFor([&] { return carrier_.size() > n + 10; }));
+  EXPECT_EQ(press(8.0).state_, SimpleClientGoalState::ABORTED);
+  const std::string said = press_.getResult()->message;
+  EXPECT_EQ(said.rfind("sensor_saturated: sensor_a: channels 1, 2, 3, 4, 5, 6 at their limit", 0),
+            0U)
+      << said;
+  EXPECT_NE(said.find(": /faults/sensor_a/wrench_samples of /faults/sensor_a/driver;"),
+            std::string::npos)
+      << said;
 }
 
 TEST_F(Faults, ACancelledGoalLeavesAFreePeg) {

@@ -136,6 +136,7 @@ class PressController {
  private:
   Vector6 weightSince(const RestPose& pose) const;
   int timed(int blocks) const;
+  double changeOfNoise() const;
 
   Plant& plant_;
   PressLimits limits_;

@@ -53,6 +53,7 @@ class ReportProgram {
   using Client = actionlib::SimpleActionClient<Action>;
 
   /// Waits in wall time; one error line and false when `ready` doesn't come true.
+  bool waitForCell(const std::string& what, const std::function<bool()>& ready) const;
   bool waitFor(const std::string& what, double timeout, const std::function<bool()>& ready) const;
   /// First truth at or after a time, of those in memory; the newest for time 0.
   std::optional<Pose> truthAt(const ros::Time& stamp) const;

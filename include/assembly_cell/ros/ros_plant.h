@@ -102,8 +102,16 @@ class RosPlant : public Plant {
   struct Block {
     std::uint32_t sequence = 0;
     ros::Time end;
-    Pose X_BC;         ///< of the carrier
-    PlantBlock means;  ///< all but time and carrier
+    Pose X_BC;                                ///< of the carrier
+    PlantBlock means;                         ///< all but time and carrier
+    std::array<std::uint8_t, 2> saturated{};  ///< channels of sensor_a and sensor_b, a bit each
+  };
+
+  /// Of a sensor, over the blocks that were handed out last.
+  struct Saturation {
+    int blocks = 0;             ///< in a row with a channel at its limit
+    std::uint8_t channels = 0;  ///< those that were, a bit each
+    ros::Time since;            ///< end of the first of them
   };
 
   /// The window of a vibration: angles of the exciter, and 6 × n wrenches.
@@ -126,6 +134,7 @@ class RosPlant : public Plant {
                const std::function<bool()>& ready);
   void waitForBlock(std::unique_lock<std::mutex>& lock);
   void takeNext(std::unique_lock<std::mutex>& lock);
+  void checkSensors(std::unique_lock<std::mutex>& lock);
   double patience() const;
   double questionTime() const;
   std::string whoIsMissing(std::unique_lock<std::mutex>& lock, bool only_gone);
@@ -168,10 +177,12 @@ class RosPlant : public Plant {
   std::optional<std::uint32_t> pending_ack_;  // not acknowledged yet
   std::optional<Block> fresh_;                // complete, not handed out yet
   Block last_;                                // handed out
+  std::array<Saturation, 2> saturation_;      // of sensor_a and sensor_b
   bool active_ = false;                       // a strategy is running
   bool moved_ = false;                        // it has commanded something
   bool recovering_ = false;                   // it has failed, the peg is being freed
   double most_time_ = 0.0;                    // of this goal or recovery, plant clock [s]
+  double recovery_time_ = 0.0;                // that was given to it [s]
   std::atomic<bool> stopping_{false};
   CellClock clock_;
   Steady::time_point alive_;                           // the strategy's thread was seen
