@@ -18,7 +18,9 @@ constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
                                          {"twin_force", twinForce},
                                          {"vibratory", vibratory},
                                          {"touch", touchSearch},
-                                         {"auto", autoSearch}};
+                                         {"auto", autoSearch},
+                                         {"spiral", spiralSearch},
+                                         {"passive", passiveAssembly}};
 
 Strategy strategyOf(const std::string& name) {
   std::string known;

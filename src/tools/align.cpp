@@ -46,7 +46,8 @@ constexpr const char* kHelp =
 Aligns the peg with the hole in simulation, by feeling alone, and prints the result as YAML. One run starts as
 the scenario says; several start at random: offset uniform in a disc, tilt uniform up to a limit, any direction.
 
-  --strategy S          auto (default), touch, single_contact, double_contact, twin_force or vibratory
+  --strategy S          auto (default), touch, single_contact, double_contact, twin_force, vibratory,
+                        or, of the baselines, spiral or passive
   --seed N              of the sensors' noise and the random starts (default 1)
   --runs K              number of runs (default 1)
   --bits B              of the converters: 10, 16 (default) or 24

@@ -91,6 +91,8 @@ class Search {
   /// middle between the walls. True when the edge went in without resistance and has walls on both
   /// sides of two axes.
   bool enter(const Eigen::Vector3d& center);
+  /// Whether the peg, as it is, has the hole round it: walls on all four sides, and nothing below.
+  bool alreadyIn();
 
   const Mechanism& mechanism_;
   const Scale scale_;  // constants of strategies are those of the default cell, times its factors
@@ -119,7 +121,6 @@ class Search {
   bool lowerInBore();
   BoreReading moveInBore(double down);
   void backOutOfBore(double travel);
-  bool alreadyIn();
   double wallTravel() const;
   double insertionForce() const;
   void leave();
@@ -160,6 +161,14 @@ AlignResult touchSearch(Plant& plant, const Mechanism& mechanism, const AlignPar
                         const std::function<void(const AlignProgress&)>& progress);
 AlignResult twinForce(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                       const std::function<void(const AlignProgress&)>& progress);
+/// Level with the face, then along a spiral under constant force until the peg drops: a baseline.
+AlignResult spiralSearch(Plant& plant, const Mechanism& mechanism,
+                         const AlignParameters& parameters,
+                         const std::function<void(const AlignProgress&)>& progress);
+/// Shaken and lowered, nothing felt on the way: the other baseline.
+AlignResult passiveAssembly(Plant& plant, const Mechanism& mechanism,
+                            const AlignParameters& parameters,
+                            const std::function<void(const AlignProgress&)>& progress);
 /// touch, and where that fails twin_force, then vibratory, each from the start again.
 AlignResult autoSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                        const std::function<void(const AlignProgress&)>& progress);

@@ -1,0 +1,58 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/start.h"
+#include "assembly_cell/scene/scenario.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector2d;
+
+Scenario cell() {
+  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+}
+
+AlignTrial tried(const char* strategy, const Vector2d& offset, const Vector2d& tilt) {
+  const Scenario s = cell();
+  AlignParameters p;
+  p.strategy = strategy;
+  return tryAlignment(startAt(s, offset, tilt, 0.003), s.mechanism, CellParameters{}, p);
+}
+
+// some ten turns from the start to the hole, at a tilt that the touches have to take out
+TEST(Baselines, SpiralDropsIn) {
+  const AlignTrial trial = tried("spiral", {0.0012, -0.0009}, {0.01, -0.012});
+  EXPECT_TRUE(trial.success) << trial.result.reason;
+  // known as well as the walls tell: a fifth of the clearance
+  EXPECT_LT((trial.result.offset - trial.true_offset).norm(), 2e-5);
+  EXPECT_LT(trial.force, 40.0);
+}
+
+// A face without a hole within reach: the search ends by name.
+TEST(Baselines, SpiralSaysThatThereIsNoHole) {
+  AlignParameters p;
+  p.strategy = "spiral";
+  Scenario s = cell();
+  s.mechanism.hole.radius = 0.0256;  // wide turns: 0.8 mm
+  const AlignTrial trial =
+      tryAlignment(startAt(s, {0.06, 0.0}, {0.005, 0.0}, 0.003), s.mechanism, CellParameters{}, p);
+  EXPECT_FALSE(trial.success);
+  EXPECT_EQ(trial.result.failure, AlignFailure::kNoHoleUnderEdge) << trial.result.reason;
+}
+
+// Within the clearance shaking and lowering assemble; farther off the peg stands on the face, and
+// the strategy says so.
+TEST(Baselines, PassiveNeedsAHoleBelow) {
+  const AlignTrial near = tried("passive", {2e-5, 1e-5}, {5e-4, 0.0});
+  EXPECT_TRUE(near.success) << near.result.reason;
+  const AlignTrial far = tried("passive", {0.003, 0.001}, {0.01, 0.01});
+  EXPECT_FALSE(far.success);
+  EXPECT_FALSE(far.false_success);
+  EXPECT_EQ(far.result.failure, AlignFailure::kForceLimit) << far.result.reason;
+}
+
+}  // namespace
+}  // namespace assembly_cell
