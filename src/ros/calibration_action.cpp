@@ -4,11 +4,14 @@
 
 #include <algorithm>
 #include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/calibration_server_node.h"
+#include "assembly_cell/ros/node_watch.h"
 #include "assembly_cell/ros/service_call.h"
 
 namespace assembly_cell::ros_bridge {
@@ -17,6 +20,22 @@ namespace {
 
 constexpr double kSlice = 0.05;  // of waiting, after which a cancel is looked at [s]
 constexpr int kTries = 3;        // of a step whose window doesn't settle
+constexpr double kAnswer = 0.5;  // of a node to a question, wall clock [s]
+
+// A driver that has nothing to say is silent, too: who feeds it?
+std::string whoIsGone(const ros::NodeHandle& nh) {
+  std::vector<std::string> topics;
+  for (const char* topic :
+       {"sensor_a/strain", "sensor_b/strain", "sensor_a/bridge", "sensor_b/bridge"}) {
+    topics.push_back(nh.resolveName(topic));
+  }
+  std::vector<TopicPublisher> found = publishersOf(topics, kAnswer);
+  const auto there = [](const TopicPublisher& publisher) {
+    return publisher.presence != NodePresence::kGone && publisher.presence != NodePresence::kMute;
+  };
+  found.erase(std::remove_if(found.begin(), found.end(), there), found.end());
+  return found.empty() ? "" : " (" + describe(found) + ")";
+}
 
 }  // namespace
 
@@ -58,7 +77,8 @@ CalibrationRefusal CalibrationServerNode::stepByRig(const LoadRequest& step) {
       return {};
     }
     // a silent source ends the plan, a load that's too high only the step
-    if (refusal.code == Failure::kSilent && !cancelled()) throw InputError(refusal.text);
+    if (refusal.code == Failure::kSilent && !cancelled())
+      throw InputError(refusal.text + whoIsGone(nh_));
     const bool again = refusal.code == Failure::kUnsettled || refusal.code == Failure::kApart ||
                        refusal.code == Failure::kRestarted;
     if (!again || cancelled()) break;

@@ -58,10 +58,13 @@ bool TwinForceClient::wait(double limit, const std::function<bool(double)>& read
   return true;
 }
 
-// One that calculates answers a question, one that is frozen doesn't.
-void TwinForceClient::lookForNode(const std::string& service) const {
+// One that calculates answers a question, one that is frozen doesn't. One that nobody knows may be
+// on its way, unless it was there before.
+void TwinForceClient::lookForNode(const std::string& service, bool may_be_starting) const {
   const auto found = publishersOf({nh_.resolveName("twin_force/status")}, settings_.answer_within);
-  if (found.front().presence == NodePresence::kListening) return;
+  const NodePresence presence = found.front().presence;
+  if (presence == NodePresence::kListening) return;
+  if (may_be_starting && presence == NodePresence::kUnknown) return;
   throw PlantError(
       AlignFailure::kNoData,
       text("no answer of service %s within %.3g s of wall time: %s", service.c_str() + 1,
@@ -85,8 +88,13 @@ std::optional<typename Service::Response> TwinForceClient::attempt(
   };
   const auto answer = std::make_shared<Answer>();
   answer->service.request = request;
+  ros::WallTime looked = ros::WallTime::now();
   if (!wait(settings_.timeout, [&](double patience) {
         if (ros::service::exists(service, false)) return true;
+        if ((ros::WallTime::now() - looked).toSec() > settings_.patience) {
+          lookForNode(service, !begun_);
+          looked = ros::WallTime::now();
+        }
         ros::WallDuration(patience).sleep();
         return false;
       })) {

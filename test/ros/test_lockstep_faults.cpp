@@ -122,6 +122,35 @@ TEST_F(LockstepFaults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
   expectPress(kForce);
 }
 
+// In lockstep time waits for whoever is started anew. The goal goes on, or ends with a name.
+TEST_F(LockstepFaults, ARestartedDriverOrEstimatorDoesNotStopTheCell) {
+  startCell();
+  const auto startAnew = [this](const std::string& what) {
+    nodes_.at(what)->signal(SIGKILL);
+    if (what == "locus_estimator") {
+      start(what, what, "/lockstep", what);
+    } else {
+      start(what, "force_sensor_driver", "/lockstep/" + what, "driver");
+    }
+  };
+  for (const char* what : {"sensor_a", "sensor_b", "locus_estimator"}) {
+    const double from = carrier_.last()->pose.position.z;
+    startPress(kForce);
+    ASSERT_TRUE(waitFor([&] { return carrier_.last()->pose.position.z < from - 1e-3; }));
+    startAnew(what);
+    finish(press_);
+    const auto result = press_.getResult();
+    EXPECT_TRUE(result->success || result->message.find(what) != std::string::npos)
+        << what << ": " << result->message;
+    // and while no goal runs
+    startAnew(what);
+    expectPress(kForce);
+    retreat_.sendGoal(RetreatGoal());
+    ASSERT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
+        << retreat_.getResult()->message;
+  }
+}
+
 // Noise of 2 V in a range of 5 V: a channel in eighty is at its limit at any time. The goal says so
 // within half a second and what it takes to begin; with the sensor mended the next one works.
 TEST_F(LockstepFaults, ASensorThatSaturatesByItselfIsNamed) {

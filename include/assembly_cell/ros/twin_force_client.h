@@ -60,7 +60,7 @@ class TwinForceClient : public TwinForceSensing {
   void fill(Request& request, const AveragingWindow& window) const;
   bool wait(double limit, const std::function<bool(double patience)>& ready);
   bool waitUntilFree(double limit);
-  void lookForNode(const std::string& service) const;
+  void lookForNode(const std::string& service, bool may_be_starting = false) const;
   void checkMemory(const TwinForceState& state) const;
 
   ros::NodeHandle nh_;
