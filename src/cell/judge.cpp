@@ -26,10 +26,8 @@ PlantBlock Judge::next(const PlantCommand& command) {
   const PlantBlock block = plant_.next(command);
   Look look{block.time, truth.pegPose(), 0.0, frequency_ * (block.time - since_), 0};
   double most = kCarries;
-  Eigen::Vector3d all = Eigen::Vector3d::Zero();
   for (const ContactReport& contact : truth.contacts()) {
     if (!contact.valid) continue;
-    all += contact.force;
     const double force = contact.force.norm();
     if (force < kCarries) continue;
     ++look.contacts;
@@ -38,7 +36,7 @@ PlantBlock Judge::next(const PlantCommand& command) {
     const Eigen::Vector3d p = look.X_HP.R.transpose() * (contact.point - look.X_HP.p);
     look.direction = std::atan2(p.y(), p.x());
   }
-  force_ = std::max(force_, all.norm());
+  force_ = std::max(force_, truth.holeWrench().head<3>().norm());
   looks_.push_back(look);
   return block;
 }

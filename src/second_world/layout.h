@@ -8,10 +8,6 @@
 
 namespace assembly_cell {
 
-/// Of the engine's friction: how much harder it holds along a contact than across. Creep under a
-/// constant load falls with it; more makes the solver slower.
-constexpr double kFrictionRatio = 10.0;
-
 struct BoreLayout {
   static constexpr int kPlates = 16;
   int facets = 0;

@@ -11,6 +11,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+// Of the engine's search for a contact's depth and normal. 1e-10: normals at will where an edge is
+// less than a micrometre deep at the rim, neighbours against each other.
+constexpr const char* kSearch = "mpr_tolerance='1e-8' mpr_iterations='100'";
 constexpr double kFarDepth = 0.2;  // of a hole without a bottom [m]
 
 void box(std::ostringstream& out, const char* name, const Matrix3d& R, const Vector3d& p,
@@ -62,9 +65,8 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
   out << "<mujoco model='second_world'>\n"
       << "<compiler angle='radian'/>\n"
       << "<option timestep='" << contact.time_step << "' gravity='0 0 " << -s.mechanism.gravity
-      << "' integrator='Euler' cone='elliptic' impratio='" << kFrictionRatio
-      << "' solver='Newton' iterations='50' tolerance='1e-12' mpr_tolerance='1e-10' "
-         "mpr_iterations='100'/>\n"
+      << "' integrator='Euler' cone='elliptic' impratio='" << contact.friction_ratio
+      << "' solver='Newton' iterations='50' tolerance='1e-12' " << kSearch << "/>\n"
       << "<size njmax='1500' nconmax='500'/>\n"
       << "<default><geom condim='3' friction='" << s.mechanism.friction.sliding_coefficient
       << " 0 0' solref='" << contact.contact_time << " 1' solimp='" << contact.impedance << " "

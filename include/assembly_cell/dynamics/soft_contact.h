@@ -9,10 +9,14 @@ struct SoftContact {
   double time_step = 1e-4;  ///< of the engine, at most [s]; samples end steps
   int facets = 256;         ///< of the bore
   /// Time constant in which the engine lets a penetration decay [s]; at least two steps count, the
-  /// engine sees to that. With `impedance` this is how stiff a contact is.
-  double contact_time = 2e-4;
+  /// engine sees to that. With `impedance` this is how stiff a contact is. Ten steps: what stops
+  /// within one or two knocks, and neighbouring facets pinch the edge (docs/second_world.md).
+  double contact_time = 1e-3;
   /// How much of a contact's force comes from the constraint, 0.5 soft to 0.9999 hard.
   double impedance = 0.999;
+  /// How much harder friction holds along a contact than the contact holds across: creep under a
+  /// constant load falls with it; more makes the solver slower.
+  double friction_ratio = 10.0;
   double chamfer = 0.0;  ///< of the hole's rim, 45°: so wide and so deep [m]
 };
 
