@@ -1,0 +1,8 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/exciter_output_node.h"
+#include "assembly_cell/ros/node_main.h"
+
+int main(int argc, char** argv) {
+  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::ExciterOutputNode>(
+      argc, argv, "exciter_output", 1);
+}
