@@ -49,6 +49,8 @@ IdentifierNode::IdentifierNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   const RosPlant::Settings settings = plantSettings(parameters);
   parameters.refuseUnknown();
   plant_ = std::make_unique<RosPlant>(nh, settings);
+  state_pub_ = pnh.advertise<SupervisorState>("state", 10, true);
+  tellPeg("", false, "");
   server_ = std::make_unique<Server>(nh, "identify",
                                      [this](const IdentifyGoalConstPtr& goal) { execute(goal); });
   server_->start();
@@ -86,6 +88,7 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
   result.readings = static_cast<std::uint32_t>(data.vibrations.size());
   // the peg hangs where it did, and nothing is asked of the plant any more
   plant_->end(false);
+  tellPeg("identify", false, "");
   progress({"fit", data.time, static_cast<int>(data.vibrations.size() + data.poses.size())});
   IdentificationPrior prior;
   prior.unknowns = unknownsAsDrawn(prior_scale_);
@@ -99,10 +102,19 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
   result.message = file.empty() ? "not stored: no file was named" : "stored in " + result.file;
 }
 
-void IdentifierNode::free() {
-  bool pressed = true;
+void IdentifierNode::tellPeg(const std::string& goal, bool in_contact, const std::string& reason) {
+  state_.header.stamp = plant_->stamp();
+  state_.goal = goal;
+  state_.in_contact = in_contact;
+  state_.reason = reason;
+  state_pub_.publish(state_);
+}
+
+bool IdentifierNode::free() {
+  const bool moved = plant_->hasMoved();
+  bool pressed = moved;
   try {
-    if (plant_->hasMoved() && plant_->hasData()) {
+    if (moved && plant_->hasData()) {
       plant_->recover(kFreeing);
       PressController hand(*plant_, limits_);
       hand.release(mechanism_);
@@ -111,19 +123,24 @@ void IdentifierNode::free() {
   } catch (const std::exception& error) {
     ROS_WARN("the peg could not be freed: %s", error.what());
   }
-  plant_->end(pressed && plant_->hasMoved());
+  plant_->end(pressed);
+  // what has moved nothing leaves the peg as it was
+  return moved ? !pressed : !state_.in_contact;
 }
 
 void IdentifierNode::execute(const IdentifyGoalConstPtr& goal) {
   IdentifyResult result;
   const std::lock_guard<std::mutex> turn(busy_);
+  tellPeg("identify", state_.in_contact, state_.reason);
   try {
     identifyInto(*goal, result);
+    tellPeg("", false, "");
   } catch (const std::exception& error) {
     result.accepted = false;
     result.message = error.what();
     if (result.verdict.empty()) result.verdict = "refused: " + result.message;
-    free();
+    const bool freed = free();
+    tellPeg("", !freed, freed ? "" : result.message);
   }
   const std::string& why = result.parameters.empty() ? result.message : result.verdict;
   server_->finish(result.accepted, result, why);

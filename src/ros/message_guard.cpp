@@ -98,6 +98,8 @@ MessageCheck check(const PlantState& m) {
   return check.name("refused_reason", m.refused_reason);
 }
 
+MessageCheck check(const SupervisorState& m) { return header(m.header).name("goal", m.goal); }
+
 MessageCheck check(const Ack& m) { return MessageCheck().name("node", m.node); }
 
 MessageCheck check(const SensorCalibration& m) {

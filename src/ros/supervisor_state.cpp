@@ -7,6 +7,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/diagnostics.h"
+#include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/supervisor_node.h"
 #include "assembly_cell/ros/watched_plant.h"
 
@@ -17,6 +18,7 @@ namespace {
 
 constexpr double kFreeing = 2.0;           // of cell time after a goal that failed [s]
 constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
+constexpr char kIdentify[] = "identify: ";
 
 }  // namespace
 
@@ -26,6 +28,22 @@ void SupervisorNode::startState(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   diagnostics_timer_ =
       nh.createWallTimer(ros::WallDuration(kDiagnosticPeriod),
                          [this](const ros::WallTimerEvent&) { publishDiagnostics(); });
+  identifier_sub_ = subscribeChecked<SupervisorState>(
+      nh, "mechanism_identifier/state", 10,
+      [this](const SupervisorState::ConstPtr& message) { hearIdentifier(*message); });
+  publishState();
+}
+
+// What the identifier's goal has left, while no goal of our own knows better.
+void SupervisorNode::hearIdentifier(const SupervisorState& identifier) {
+  {
+    const std::lock_guard<std::mutex> lock(state_mutex_);
+    if (!identifier.goal.empty() || !state_.goal.empty()) return;
+    const bool ours = state_.in_contact && state_.reason.rfind(kIdentify, 0) != 0;
+    if (ours || state_.in_contact == identifier.in_contact) return;
+    state_.in_contact = identifier.in_contact;
+    state_.reason = identifier.in_contact ? kIdentify + identifier.reason.substr(0, 500) : "";
+  }
   publishState();
 }
 

@@ -297,6 +297,22 @@ TEST_F(Faults, ASensorThatSaturatesByItselfIsNamed) {
       << said;
 }
 
+// The identifier can't free a peg that it can't feel. The supervisor tells it until it knows
+// better.
+TEST_F(Faults, WhatAnIdentificationLeavesInContactIsTold) {
+  ros::Publisher identifier = nh_.advertise<SupervisorState>("mechanism_identifier/state", 1, true);
+  SupervisorState left;
+  left.in_contact = true;
+  left.reason = "no block of samples";
+  identifier.publish(left);
+  ASSERT_TRUE(waitFor([this] { return state_.last()->in_contact; }));
+  EXPECT_EQ(state_.last()->reason, "identify: no block of samples");
+  EXPECT_FALSE(state_.last()->stuck);
+  retreat_.sendGoal(RetreatGoal());
+  EXPECT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED);
+  EXPECT_TRUE(waitFor([this] { return !state_.last()->in_contact; }));
+}
+
 TEST_F(Faults, ACancelledGoalLeavesAFreePeg) {
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "assembly_cell/IdentifyAction.h"
+#include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/align/press.h"
 #include "assembly_cell/identification/measure.h"
 #include "assembly_cell/ros/checked_action.h"
@@ -34,15 +35,18 @@ class IdentifierNode {
   void execute(const IdentifyGoalConstPtr& goal);
   /// Throws PlantError, AlignError, InputError.
   void identifyInto(const IdentifyGoal& goal, IdentifyResult& result);
-  /// After a goal that failed, if there is anything to feel with.
-  void free();
+  /// After a goal that failed, if there is anything to feel with. True: nothing presses any more.
+  bool free();
+  void tellPeg(const std::string& goal, bool in_contact, const std::string& reason);
 
   Mechanism mechanism_;  ///< as drawn
   std::string scenario_, file_;
   double prior_scale_ = 1.0;
   PressLimits limits_;
   std::unique_ptr<RosPlant> plant_;
-  std::mutex busy_;  ///< held by the goal that runs
+  std::mutex busy_;        ///< held by the goal that runs
+  SupervisorState state_;  ///< of the peg, by the last goal that moved it
+  ros::Publisher state_pub_;
   std::unique_ptr<Server> server_;
 };
 

@@ -19,6 +19,7 @@
 #include <assembly_cell/RetreatGoal.h>
 #include <assembly_cell/SensorCalibration.h>
 #include <assembly_cell/StrainSamples.h>
+#include <assembly_cell/SupervisorState.h>
 #include <assembly_cell/TwinForceState.h>
 #include <assembly_cell/WrenchSamples.h>
 #include <geometry_msgs/PoseStamped.h>
@@ -51,6 +52,7 @@ MessageCheck check(const AccelerometerSamples& message);
 MessageCheck check(const Exciter& message);
 MessageCheck check(const Ack& message);
 MessageCheck check(const PlantState& message);
+MessageCheck check(const SupervisorState& message);
 MessageCheck check(const SensorCalibration& message);
 MessageCheck check(const LocusEstimate& message);
 MessageCheck check(const ContactArray& message);

@@ -87,6 +87,7 @@ class SupervisorNode {
   /// A goal has ended. Where it failed the peg is freed first, if there is anything to feel with.
   void leave(const End& end);
   void tell(bool in_contact, bool stuck, const std::string& reason);
+  void hearIdentifier(const SupervisorState& identifier);
   void publishState();
   void publishDiagnostics();
 
@@ -105,6 +106,7 @@ class SupervisorNode {
   std::mutex state_mutex_;
   SupervisorState state_;
   ros::Publisher state_pub_, diagnostics_pub_;
+  ros::Subscriber identifier_sub_;
   ros::WallTimer diagnostics_timer_;
   ros::Publisher report_pub_;
   tf2_ros::StaticTransformBroadcaster frames_;
