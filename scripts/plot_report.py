@@ -45,9 +45,26 @@ def panel(axes, true, estimated, unit, title):
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), fontsize=8)
 
 
+def forces_over_depth(axes, profile):
+    """What was felt on the way down the bore, a row [depth, along, sideways, moment] each millimetre."""
+    rows = [[float(v) for v in row] for row in profile]
+    if any(len(row) != 4 for row in rows):
+        raise ValueError("insertion.profile: expected rows of four numbers")
+    depth = [1e3 * row[0] for row in rows]
+    axes.plot(depth, [row[1] for row in rows], color=ESTIMATED, label="along the axis")
+    axes.plot(depth, [row[2] for row in rows], color=TRUE, label="across")
+    axes.set(xlabel="depth [mm]", ylabel="force [N]", title="felt on the way down")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), fontsize=8)
+
+
 def plot(report, picture):
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 5.8))
-    figure.subplots_adjust(left=0.08, right=0.97, top=0.84, bottom=0.19, wspace=0.25)
+    profile = (report.get("insertion") or {}).get("profile")
+    count = 3 if profile else 2
+    figure, (left, right, *more) = plt.subplots(1, count, figsize=(4.8 * count, 5.8))
+    figure.subplots_adjust(left=0.16 / count, right=1 - 0.06 / count, top=0.84, bottom=0.19, wspace=0.25)
+    if profile:
+        forces_over_depth(more[0], profile)
+        more[0].title.set_fontsize(10)
     millimetres = [[1e3 * v for v in pair(report, key)] for key in ("true_offset", "estimated_offset")]
     degrees = [[math.degrees(v) for v in pair(report, key)] for key in ("true_tilt", "estimated_tilt")]
     panel(left, *millimetres, "mm", "hole's centre from the peg's bottom centre, at the start")

@@ -102,6 +102,14 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
     throw InputError("align: hole.radius: " + text("%g m", mechanism.hole.radius) +
                      " is not larger than the peg's; the peg can't enter");
   }
+  if (parameters.insert.floor && !std::isfinite(mechanism.hole.depth)) {
+    throw InputError(
+        "align: insert.floor: hole.depth isn't given; give it, or a depth to insert to");
+  }
+  if (parameters.insert.floor && parameters.insert.depth > 0.0) {
+    throw InputError("align: insert.depth: " + text("%g m", parameters.insert.depth) +
+                     " with insert.floor; leave one of them out");
+  }
   if (parameters.insert.depth > 0.0 && !(parameters.insert.depth < mechanism.hole.depth)) {
     throw InputError("align: insert.depth: " + text("%g m", parameters.insert.depth) +
                      text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));

@@ -19,6 +19,21 @@ constexpr int kBackOuts = 6;        // before it is said to jam
 constexpr std::size_t kTold = 5;    // steps of the profile between two words of progress
 constexpr double kProfileStep = 1e-3;  // [m]
 
+constexpr double kWallFelt = 0.3;    // of a wall that pushes; lengths and forces as Scale's [N]
+constexpr double kLeverArm = 5e-3;   // of the mouth that tells two points from one [m]
+constexpr double kFloorForce = 5.0;  // along the axis: perhaps the floor [N]
+constexpr double kFloorStep = 2.0;   // force of a block's step near the drawn floor [N]
+constexpr double kNear = 2e-3;       // over the drawn floor [m]
+constexpr double kDrawn = 1e-3;      // the felt floor may lie above the drawn one [m]
+constexpr double kLift = 2e-4;       // off the floor and down again [m]
+constexpr double kLetsGo = 0.3;      // of the force, after the lift: less
+constexpr double kPressStep = 0.5;   // force of a block's step on the way back [N]
+constexpr double kSame = 5e-5;       // the floor twice [m]
+constexpr double kFloorShare = 0.5;  // of the stiffness of a press on the peg's edge, at least
+constexpr double kRestForce = 1.0;   // on the floor at the end [N]
+constexpr int kMeanBlocks = 5;
+constexpr int kEaseBlocks = 50;
+
 }  // namespace
 
 // One block in the bore: down (or up) by so much along the peg's axis, the carrier following the
@@ -45,9 +60,20 @@ BoreReading Search::moveInBore(double down) {
   felt.along = wrench(2);
   felt.sideways = wrench.head<2>().norm();
   felt.moment = wrench.segment<2>(3).norm();
+  felt.walls = wallsFelt(wrench, felt.depth);
   inserted_.force = std::max(inserted_.force, felt.force());
   inserted_.end = felt;
   return felt;
+}
+
+// The bore pushes the peg at its end, at the mouth or at both: at the mouth by the moment about the
+// end over the depth, at the end by the rest.
+int Search::wallsFelt(const Vector6& wrench, double depth) const {
+  const double least = kWallFelt * scale_.force;
+  if (depth < kLeverArm * scale_.length) return wrench.head<2>().norm() > least ? 1 : 0;
+  const Eigen::Vector2d mouth = Eigen::Vector2d(wrench(4), -wrench(3)) / depth;
+  const Eigen::Vector2d end = wrench.head<2>() - mouth;
+  return (mouth.norm() > least ? 1 : 0) + (end.norm() > least ? 1 : 0);
 }
 
 // Up by so much, then until the walls let go.
@@ -57,16 +83,19 @@ void Search::backOutOfBore(double travel) {
   for (int i = 0; i < blocks(kRelaxTime); ++i) moveInBore(0.0);
 }
 
-// Down until the depth is reached (true) or the peg is stuck.
-bool Search::lowerInBore() {
+// Down until the depth is reached, the peg is stuck or, on the way to a floor, something resists.
+Search::BoreEnd Search::lowerInBore() {
   const InsertParameters& p = p_.insert;
   const double stiffness = mechanism_.coupling.stiffness.diagonal(0);
   const double step = std::min(p.speed * block_, kStepForce * p.force / stiffness);
+  const double careful = std::min(step, kFloorStep * scale_.force * pressCompliance(mechanism_));
+  const double near = mechanism_.hole.depth - kNear * scale_.room;
   const int patience = blocks(kStuckTime);
   double deepest = -1e9;
   for (int waited = 0; waited < patience; ++waited) {
     const double share = std::clamp(1.0 - inserted_.end.force() / p.force, -0.5, 1.0);
-    const BoreReading felt = moveInBore(step * share);
+    const BoreReading felt =
+        moveInBore((p.floor && inserted_.end.depth > near ? careful : step) * share);
     if (felt.depth > deepest + kProgress) {
       deepest = felt.depth;
       waited = 0;
@@ -78,18 +107,89 @@ bool Search::lowerInBore() {
         report("insert", text("%.1f mm deep, %.1f N", felt.depth * 1e3, felt.force()));
       }
     }
-    if (felt.depth >= p.depth) return true;
+    if (p.floor && felt.along > std::min(kFloorForce * scale_.force, 0.5 * p.force)) {
+      return BoreEnd::kResisted;
+    }
+    if (!p.floor && felt.depth >= p.depth) return BoreEnd::kDeep;
+    if (p.floor && felt.depth > mechanism_.hole.depth + kDrawn * scale_.room) {
+      throw AlignError(AlignFailure::kNotSeated,
+                       text("no floor felt down to %.2f mm, the drawing has it at %.2f mm",
+                            felt.depth * 1e3, mechanism_.hole.depth * 1e3));
+    }
   }
-  return false;
+  return BoreEnd::kStuck;
 }
 
-// From the edge in the hole to the depth; the force stays bounded, the walls lead.
+// Mean over some blocks, at rest.
+BoreReading Search::feelInBore() {
+  for (int i = 0; i < blocks(kRelaxTime); ++i) moveInBore(0.0);
+  BoreReading mean;
+  for (int i = 0; i < kMeanBlocks; ++i) {
+    const BoreReading felt = moveInBore(0.0);
+    mean.depth += felt.depth / kMeanBlocks;
+    mean.along += felt.along / kMeanBlocks;
+    mean.sideways += felt.sideways / kMeanBlocks;
+    mean.moment += felt.moment / kMeanBlocks;
+  }
+  return mean;
+}
+
+// Off what resists and on it again: as high as before, and as stiff as a press on the peg's edge.
+// Friction of walls holds a peg on the way up, too, and gives way on the way down.
+bool Search::pressAgain(const BoreReading& pressed) {
+  const double compliance = pressCompliance(mechanism_);
+  const double lift = kLift * scale_.room;
+  const double step = kPressStep * scale_.force * compliance;
+  for (double up = 0.0; up < lift; up += step) moveInBore(-step);
+  const BoreReading free = feelInBore();
+  if (std::abs(free.along) > kLetsGo * pressed.along) return false;
+  double down = 0.0, before = 0.0, rise = 0.0, way = 0.0;
+  for (const double most = 2.0 * lift + pressed.along * compliance;
+       inserted_.end.along < pressed.along;) {
+    if (down > most) return false;
+    before = inserted_.end.along;
+    moveInBore(step);
+    down += step;
+    if (before < kLetsGo * pressed.along) continue;
+    rise += inserted_.end.along - before;
+    way += step;
+  }
+  report("floor",
+         text("again at %.3f mm after %.3f mm", inserted_.end.depth * 1e3, pressed.depth * 1e3) +
+             text(", %.0f N/mm of %.0f", way > 0.0 ? 1e-3 * rise / way : 0.0, 1e-3 / compliance));
+  return way > 0.0 && rise * compliance > kFloorShare * way &&
+         std::abs(inserted_.end.depth - pressed.depth) < kSame * scale_.room;
+}
+
+// Whether what resists along the axis is the floor: where the drawing has one, more than the
+// friction of all walls that are felt, and there again after a lift.
+bool Search::onFloor() {
+  const BoreReading pressed = feelInBore();
+  const double floor = mechanism_.hole.depth;
+  report("floor", text("%.2f mm deep, %.1f N along", pressed.depth * 1e3, pressed.along) +
+                      text(", %.1f N sideways, %.3f N m", pressed.sideways, pressed.moment));
+  if (pressed.depth < floor - kDrawn * scale_.room) return false;
+  // the floor's own moment is that of a force on the peg's edge at most
+  const double arm = std::max(0.0, pressed.moment - mechanism_.peg.radius * pressed.along);
+  const double walls = pressed.sideways + 2.0 * arm / pressed.depth;
+  if (pressed.along < 2.0 * mechanism_.friction.static_coefficient * walls) return false;
+  if (!pressAgain(pressed)) return false;
+  const double step = kPressStep * scale_.force * pressCompliance(mechanism_);
+  for (int i = 0; i < kEaseBlocks && inserted_.end.along > kRestForce * scale_.force; ++i) {
+    moveInBore(-step);
+  }
+  return true;
+}
+
+// From the edge in the hole to the depth or the floor; the force stays bounded, the walls lead.
 void Search::insert() {
   const double start = press_.last().time;
   in_bore_ = pegPose(press_.target(), Vector6::Zero());
   moveInBore(0.0);
   double travel = kBackOut;
-  while (!lowerInBore()) {
+  for (;;) {
+    const BoreEnd end = lowerInBore();
+    if (end == BoreEnd::kDeep || (end == BoreEnd::kResisted && onFloor())) break;
     const BoreReading stuck = inserted_.end;
     report("jam", text("stuck %.2f mm deep", stuck.depth * 1e3) +
                       text(", %.1f N along, %.1f N sideways", stuck.along, stuck.sideways));

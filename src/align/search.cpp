@@ -84,7 +84,7 @@ AlignResult Search::run() {
   AlignResult result;
   try {
     find();
-    if (p_.insert.depth > 0.0) insert();
+    if (p_.insert.wanted()) insert();
     result.success = true;
     result.reason = toString(result.failure);
   } catch (const AlignError& error) {
@@ -247,7 +247,7 @@ double Search::wallTravel() const {
 void Search::report(const char* state, const std::string& message) {
   if (!progress_) return;
   progress_({state, contacts_, press_.last().time - start_time_, message, position_sd_,
-             rotation_sd_, inserted_.end.depth, inserted_.end.force()});
+             rotation_sd_, inserted_.end.depth, inserted_.end.force(), inserted_.end.walls});
 }
 
 bool Search::begin() {

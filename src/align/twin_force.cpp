@@ -50,7 +50,7 @@ class TwinForce : public Search {
   }
 
  private:
-  bool feelsWalls() const override { return p_.insert.depth == 0.0; }
+  bool feelsWalls() const override { return !p_.insert.wanted(); }
 
   // the coupling's own zero counts: the sag under the peg's weight is part of the peg's pose
   Vector6 deflection() const override { return press_.last().displacement_b; }

@@ -69,11 +69,11 @@ void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial&
   const HoleParameters& hole = truth.mechanism.hole;
   const double reach = edgeReach(trial.X_HP, peg.radius, truth.imperfections.bore_lean);
   trial.depth = -trial.X_HP.p.z();
-  trial.success =
-      trial.result.success && inPlace(trial.X_HP, reach, peg.radius, hole.radius, insert.depth);
+  trial.success = trial.result.success &&
+                  inPlace(trial.X_HP, reach, peg.radius, hole.radius, insert.goal(hole.depth));
   trial.false_success = trial.result.success && !trial.success;
   if (!trial.false_success) return;
-  const AlignError outside = insert.depth > 0.0
+  const AlignError outside = insert.wanted()
                                  ? AlignError(AlignFailure::kNotSeated, "not in the hole so deep")
                                  : AlignError(AlignFailure::kEdgeOutside, "not inside the hole");
   trial.result.failure = outside.failure;

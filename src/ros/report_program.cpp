@@ -142,7 +142,13 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
     out << YAML::Key << "insertion" << YAML::Value << YAML::Flow << YAML::BeginMap;
     out << YAML::Key << "asked" << YAML::Value << details.insert;
     out << YAML::Key << "depth" << YAML::Value << details.depth;
-    out << YAML::Key << "force" << YAML::Value << details.force << YAML::EndMap;
+    out << YAML::Key << "force" << YAML::Value << details.force;
+    out << YAML::Key << "floor" << YAML::Value << details.floor;
+    out << YAML::Key << "profile" << YAML::Value << YAML::BeginSeq;
+    for (const BoreReading& row : details.profile) {
+      out << YAML::BeginSeq << row.depth << row.along << row.sideways << row.moment << YAML::EndSeq;
+    }
+    out << YAML::EndSeq << YAML::EndMap;
   }
   out << YAML::Key << "peg_radius" << YAML::Value << details.peg_radius;
   out << YAML::Key << "hole_radius" << YAML::Value << details.hole_radius;
@@ -171,9 +177,16 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   unpause_ = parameters.flag("unpause", true);
   timeout_ = parameters.number("timeout", kPositive, 600.0);
   start_timeout_ = parameters.number("start_timeout", kPositive, 60.0);
-  details_.insert = parameters.number("insert", Range{0.0, 1.0}, 0.0);
+  std::string word;
+  details_.floor = pnh.getParam("insert", word);
+  if (details_.floor && word != "floor") {
+    throw InputError(pnh.resolveName("insert") + ": value " + word +
+                     ": give a depth of 0 to 1 m, or floor");
+  }
+  parameters.tell("insert");
+  if (!details_.floor) details_.insert = parameters.number("insert", Range{0.0, 1.0}, 0.0);
   parameters.refuseUnknown();
-  if (details_.insert > 0.0) {
+  if (details_.floor || details_.insert > 0.0) {
     assemble_ = std::make_unique<Client<AssemblePegAction>>(nh, "assemble", false);
   } else {
     align_ = std::make_unique<Client<AlignPegAction>>(nh, "align", false);
@@ -184,6 +197,7 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
       loadCellDescription(Parameters(nh_).text("robot_description"));
   details_.peg_radius = description.peg.radius;
   details_.hole_radius = description.hole.radius;
+  if (details_.floor) details_.insert = description.hole.depth;
 }
 
 bool ReportProgram::waitFor(const std::string& what, double timeout,
@@ -329,12 +343,21 @@ bool ReportProgram::carryOut() {
   }
   AssemblePegGoal goal;
   goal.strategy = details_.strategy;
-  goal.depth = details_.insert;
+  goal.floor = details_.floor;
+  goal.depth = details_.floor ? 0.0 : details_.insert;
   AssemblePegResultConstPtr result;
   if (!carryOut(*assemble_, goal, result)) return false;
   result_ = result->report;
   details_.depth = result->depth;
   details_.force = result->force;
+  for (std::size_t i = 0; i < result->profile_depth.size(); ++i) {
+    BoreReading felt;
+    felt.depth = result->profile_depth[i];
+    felt.along = result->profile_along.at(i);
+    felt.sideways = result->profile_sideways.at(i);
+    felt.moment = result->profile_moment.at(i);
+    details_.profile.push_back(felt);
+  }
   return true;
 }
 

@@ -171,11 +171,15 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
   AlignParameters parameters = parameters_;
   if (!goal->strategy.empty()) parameters.strategy = goal->strategy;
   parameters.insert.depth = goal->depth;
+  parameters.insert.floor = goal->floor;
   AssemblePegResult answer;
   AlignResult result;
-  if (!(goal->depth > 0.0 && goal->depth < mechanism_.hole.depth)) {
-    result.reason = text("depth is %g m: give more than 0 and less than the hole's, %g m",
-                         goal->depth, mechanism_.hole.depth);
+  if (goal->floor ? goal->depth != 0.0 || !std::isfinite(mechanism_.hole.depth)
+                  : !(goal->depth > 0.0 && goal->depth < mechanism_.hole.depth)) {
+    result.reason =
+        text(goal->floor ? "depth is %g m with floor: give 0 and a hole with a depth, it has %g m"
+                         : "depth is %g m: give more than 0 and less than the hole's, %g m",
+             goal->depth, mechanism_.hole.depth);
     answer.report = report(result, 0.0);
   } else {
     result = runStrategy(
@@ -184,6 +188,7 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
           auto feedback = feedbackOf<AssemblePegFeedback>(now);
           feedback.depth = finite(now.depth);
           feedback.force = finite(now.force);
+          feedback.walls = static_cast<std::uint8_t>(now.walls);
           assemble_server_->publishFeedback(feedback);
         },
         answer.report);
@@ -192,6 +197,12 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
   answer.force = finite(result.insert.force);
   answer.time = finite(result.insert.time);
   answer.backed_out = static_cast<std::uint32_t>(result.insert.backed_out);
+  for (const BoreReading& felt : result.insert.profile) {
+    answer.profile_depth.push_back(finite(felt.depth));
+    answer.profile_along.push_back(finite(felt.along));
+    answer.profile_sideways.push_back(finite(felt.sideways));
+    answer.profile_moment.push_back(finite(felt.moment));
+  }
   assemble_server_->finish(result.success, answer, result.reason);
 }
 

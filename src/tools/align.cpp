@@ -59,7 +59,8 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --identify            each run identifies its mechanism first, see docs/identification.md
   --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
                         for each run from its seed, see docs/mismatch.md
-  --insert DEPTH        go on until the edge is so deep; success then means seated, and the truth agrees  [m]
+  --insert DEPTH        go on until the edge is so deep, or floor: until it is seated on the hole's floor; success
+                        then means seated, and the truth agrees  [m]
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
                         every other time without freeing the peg; wants --runs above 1
   --world W             what simulates the mechanism: exact (default), mujoco or "{engine: mujoco, facets: 512}",
@@ -77,7 +78,7 @@ Example: align config/scenarios/cell.yaml --runs 20 --seed 7
 constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
 
 struct Options {
-  std::string scenario, report, mismatch, mechanism, world = "exact";
+  std::string scenario, report, mismatch, mechanism, insert, world = "exact";
   bool identify = false;
   std::vector<std::string> overrides;
   AlignParameters align;
@@ -99,7 +100,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.number("--noise", o.cell.noise, 0.0, 5.0);
   parser.number("--offset-max", o.offset_max, 0.0, 0.1);
   parser.number("--tilt-max", o.tilt_max, 0.0, 0.1);
-  parser.number("--insert", o.align.insert.depth, 1e-3, 1.0);
+  parser.text("--insert", o.insert);
   parser.flag("--second-goals", o.second_goals);
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
@@ -216,7 +217,13 @@ std::string insertion(const AlignTrial& trial) {
   out << "    insertion: {seated: " << (r.seated ? "true" : "false")
       << ", depth: " << yamlNumber(r.end.depth) << ", true_depth: " << yamlNumber(trial.depth)
       << ", time: " << yamlNumber(r.time) << ", force: " << yamlNumber(r.force)
-      << ", backed_out: " << r.backed_out << "}\n";
+      << ", backed_out: " << r.backed_out << ", profile: [";
+  for (std::size_t i = 0; i < r.profile.size(); ++i) {
+    const assembly_cell::BoreReading& felt = r.profile[i];
+    out << (i == 0 ? "[" : ", [") << yamlNumber(felt.depth) << ", " << yamlNumber(felt.along)
+        << ", " << yamlNumber(felt.sideways) << ", " << yamlNumber(felt.moment) << "]";
+  }
+  out << "]}\n";
   return out.str();
 }
 
@@ -273,7 +280,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    simulated_time: " << yamlNumber(trial.result.time) << "\n"
         << "    contact_force: " << yamlNumber(trial.force) << "\n"
         << "    wall_time: " << yamlNumber(wall_time) << "\n";
-    if (o.align.insert.depth > 0.0) out << insertion(trial);
+    if (o.align.insert.wanted()) out << insertion(trial);
     if (trial.identification_time > 0.0) {
       out << "    identification_time: " << yamlNumber(trial.identification_time) << "\n";
     }
@@ -295,10 +302,20 @@ KnownMechanism knownMechanism(const Options& o) {
   return known;
 }
 
+void readInsert(const std::string& text, assembly_cell::InsertParameters& insert) {
+  insert.floor = text == "floor";
+  if (insert.floor || text.empty()) return;
+  if (!assembly_cell::parseNumber(text, insert.depth) || insert.depth < 1e-3 ||
+      insert.depth > 1.0) {
+    throw InputError("--insert: value " + text + ": give a depth of 0.001 to 1 m, or floor");
+  }
+}
+
 int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
   o.cell.world = assembly_cell::parseWorld(o.world, "--world");
+  readInsert(o.insert, o.align.insert);
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
   assembly_cell::checkParameters(o.align);
   if (o.second_goals && o.runs == 1) throw InputError("--second-goals: give --runs above 1, too");

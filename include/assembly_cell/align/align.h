@@ -13,8 +13,13 @@ namespace assembly_cell {
 /// The way down after the alignment. Defaults are those of the default cell.
 struct InsertParameters {
   double depth = 0.0;   ///< of the bottom edge below the plane; 0: the peg stays aligned [m]
+  bool floor = false;   ///< down to the floor of the hole instead; depth is 0 then
   double force = 12.0;  ///< contact force at which the peg stops [N]
   double speed = 0.01;  ///< without resistance [m/s]
+
+  bool wanted() const { return floor || depth > 0.0; }
+  /// Depth at which the peg is seated: the one asked for, or the hole's. [m]
+  double goal(double hole_depth) const { return floor ? hole_depth : depth; }
 };
 
 /// Parameters of a strategy. Defaults are those of the default cell.
@@ -66,6 +71,7 @@ struct AlignProgress {
   double rotation_sd = 0.0;  ///< of its axis, 2 axes [rad]
   double depth = 0.0;        ///< of the bottom edge, on the way down [m]
   double force = 0.0;        ///< there [N]
+  int walls = 0;             ///< points of the peg that the bore pushes there, as BoreReading
 };
 
 /// A direction of contact that was felt.
@@ -82,13 +88,14 @@ struct BoreReading {
   double along = 0.0;     ///< up the peg's axis [N]
   double sideways = 0.0;  ///< [N]
   double moment = 0.0;    ///< across the axis [N·m]
+  int walls = 0;          ///< points that the bore pushes: none, one, or two at both ends
 
   double force() const { return std::hypot(along, sideways); }
 };
 
 /// How the way down ended.
 struct InsertResult {
-  bool seated = false;  ///< at the depth
+  bool seated = false;  ///< at the depth, or on the floor
   BoreReading end;
   double force = 0.0;                ///< the greatest mean over a block on the way [N]
   double time = 0.0;                 ///< plant clock used [s]

@@ -118,8 +118,13 @@ class Search {
   void rememberSag(const Eigen::Vector3d& bottom);
   // the way down, insert.cpp
   void insert();
-  bool lowerInBore();
+  enum class BoreEnd { kDeep, kStuck, kResisted };
+  BoreEnd lowerInBore();
   BoreReading moveInBore(double down);
+  BoreReading feelInBore();
+  int wallsFelt(const Vector6& wrench, double depth) const;
+  bool onFloor();
+  bool pressAgain(const BoreReading& pressed);
   void backOutOfBore(double travel);
   double wallTravel() const;
   double insertionForce() const;

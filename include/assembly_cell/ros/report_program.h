@@ -11,10 +11,12 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "assembly_cell/AlignPegAction.h"
 #include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/AssemblePegAction.h"
+#include "assembly_cell/align/align.h"
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell::ros_bridge {
@@ -24,9 +26,11 @@ struct ReportDetails {
   std::string strategy;
   double peg_radius = 0.0, hole_radius = 0.0;  ///< [m]
   std::optional<Pose> truth_start, truth_end;  ///< X_HP
-  double insert = 0.0;              ///< depth that the peg was to reach; 0: aligned only [m]
-  double depth = 0.0, force = 0.0;  ///< of the insertion, as felt [m] [N]
-  std::string mismatch;             ///< what was drawn for the truth, YAML; empty: nothing
+  double insert = 0.0;               ///< depth that the peg was to reach; 0: aligned only [m]
+  bool floor = false;                ///< that depth is the hole's: down to its floor
+  double depth = 0.0, force = 0.0;   ///< of the insertion, as felt [m] [N]
+  std::vector<BoreReading> profile;  ///< of the way down
+  std::string mismatch;              ///< what was drawn for the truth, YAML; empty: nothing
 };
 
 /// Adds the truth to the report.
