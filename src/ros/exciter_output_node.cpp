@@ -174,7 +174,6 @@ void ExciterOutputNode::onIndex(const std_msgs::Header& pulse) {
 
 void ExciterOutputNode::drive(const ExciterCommand& command, const ros::Time& reference) {
   asked_ = command;
-  reference_ = reference;
   shaker_->drive(command, since(reference), since(ros::Time::now()));
   publishDone();
 }

@@ -4,14 +4,12 @@
 
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
-#include "assembly_cell/cell/world_choice.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
@@ -93,46 +91,6 @@ TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {
   } catch (const InputError& error) {
     EXPECT_STREQ(error.what(),
                  "align: insert.depth: 0.06 m is not less than hole.depth, 0.06 m; give less");
-  }
-}
-
-// Seated where the truth has the floor, by evidence: the second world's peg can lie flat on it.
-TEST(InsertionFloor, IsFeltAndPressedGently) {
-  AlignParameters p = parameters();
-  p.insert.depth = 0.0;
-  p.insert.floor = true;
-  Scenario s = startAt(cell(1e-4), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
-  s.mechanism.hole.depth = 0.05;
-  CellParameters sensors;
-  sensors.world = parseWorld("mujoco", "world");
-  const AlignTrial trial = tryAlignment(s, s.mechanism, sensors, p);
-  const InsertResult& r = trial.result.insert;
-  EXPECT_TRUE(trial.success) << trial.result.reason;
-  EXPECT_TRUE(r.seated);
-  EXPECT_EQ(r.backed_out, 0);
-  EXPECT_NEAR(r.end.depth, 0.05, 5e-5);
-  EXPECT_NEAR(trial.depth, 0.05, 5e-5);
-  EXPECT_LT(r.force, p.insert.force);
-}
-
-// A drawing with the floor higher up or farther down than it is: nothing is seated there.
-TEST(InsertionFloor, IsRefusedWhereTheDrawingHasNone) {
-  AlignParameters p = parameters();
-  p.insert.depth = 0.0;
-  p.insert.floor = true;
-  Scenario s = startAt(cell(1e-4), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
-  s.mechanism.hole.depth = 0.05;
-  CellParameters sensors;
-  sensors.world = parseWorld("mujoco", "world");
-  for (const auto& [drawn, failure] :
-       {std::pair(0.03, AlignFailure::kNotSeated), std::pair(0.053, AlignFailure::kJammed)}) {
-    Mechanism drawing = s.mechanism;
-    drawing.hole.depth = drawn;
-    const AlignTrial trial = tryAlignment(s, drawing, sensors, p);
-    EXPECT_FALSE(trial.success);
-    EXPECT_FALSE(trial.false_success);
-    EXPECT_EQ(trial.result.failure, failure) << trial.result.reason;
-    EXPECT_LT(trial.result.insert.force, p.force_limit);
   }
 }
 

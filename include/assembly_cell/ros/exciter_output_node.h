@@ -57,7 +57,6 @@ class ExciterOutputNode {
   ros::Time epoch_;  // the shaker's zero
   ros::Time alive_;  // the bridge's last pose came in
   ExciterCommand asked_;
-  ros::Time reference_;
   std::uint64_t refused_ = 0;
   std::string reason_;  // why it is off; empty: it was told
   Exciter done_;
