@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/geometry/contact_geometry.h"
+
 namespace assembly_cell {
 namespace {
 
@@ -37,6 +39,82 @@ Deflection couplingDeflection(const Scenario& s, const Kinematics& k, const Stat
   out.rate.head<3>() = k.v + d2 * k.omega.cross(k.a) - Eigen::Vector3d(rest.rate(2), v(6), v(7));
   out.rate.tail<3>() = k.omega - Eigen::Vector3d(v(8), rest.rate(4), rest.rate(5));
   return out;
+}
+
+// Of a coupling that turns with the carrier; vectors x, y, z.
+struct TurningCoupling {
+  Eigen::Matrix3d R;       // of the carrier in `hole`
+  Eigen::Vector3d offset;  // from the carrier's coupling point to the peg's, `hole`
+  Deflection in_carrier;   // in the carrier's axes, thesis order; the rotation as a vector
+};
+
+TurningCoupling turningCoupling(const Scenario& s, const Kinematics& k, const State& state,
+                                const RestMotion& rest) {
+  const Vector9& v = state.v;
+  const double phi = rest.position(5);
+  const Deflection apart = couplingDeflection(s, k, state, rest);
+  TurningCoupling c;
+  c.R = rotationFromEuler({phi, rest.position(4), state.q(8)});
+  c.offset = fromThesisAxes(apart.d.head<3>());
+  Eigen::Matrix3d peg;
+  peg << fromThesisAxes(k.R1), -fromThesisAxes(k.R0), fromThesisAxes(k.a);
+  const Eigen::Vector3d turn = rest.rate(5) * Eigen::Vector3d::UnitY() +
+                               rest.rate(4) * Eigen::Vector3d(std::cos(phi), 0, -std::sin(phi)) +
+                               v(8) * c.R.col(2);
+  const Eigen::Matrix3d to_carrier = c.R.transpose();
+  const Eigen::Vector3d gliding = fromThesisAxes(apart.rate.head<3>()) - turn.cross(c.offset);
+  const Eigen::Vector3d turning = fromThesisAxes(k.omega) - turn;
+  c.in_carrier.d << toThesisAxes(to_carrier * c.offset),
+      toThesisAxes(vectorFromRotation(to_carrier * peg).value);
+  c.in_carrier.rate << toThesisAxes(to_carrier * gliding), toThesisAxes(to_carrier * turning);
+  return c;
+}
+
+// moment whose work on a turn of the peg is that of `on_vector` on its rotation vector r: by the
+// transposed inverse of the left Jacobian of SO(3)
+Eigen::Vector3d momentOfVector(const Eigen::Vector3d& r, const Eigen::Vector3d& on_vector) {
+  const double angle = r.norm(), half = 0.5 * angle;
+  const double square = angle < 1e-4 ? 1.0 / 12 : (1.0 - half / std::tan(half)) / (angle * angle);
+  return on_vector + 0.5 * r.cross(on_vector) + square * r.cross(r.cross(on_vector));
+}
+
+// What the coupling does to the carrier, thesis axes of `hole`: FK, FC, FCm of FreeMotion, FKm on
+// the angles psi, theta, phi, and about the carrier's axis.
+void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
+                    const RestMotion& rest, FreeMotion& m, double& yaw) {
+  const CouplingParameters& coupling = s.mechanism.coupling;
+  if (coupling.axes == CouplingAxes::kHole) {
+    const Deflection deflection = couplingDeflection(s, k, state, rest);
+    m.deflection = deflection.d;
+    Vector6 FK = multiply(coupling.stiffness, deflection.d);
+    if (s.thesis.cross_stiffness) {
+      FK +=
+          multiply({Vector6::Zero(), coupling.stiffness.k26, coupling.stiffness.k35}, deflection.d);
+    }
+    const Vector6 FC = multiply(coupling.damping, deflection.rate);
+    m.FK = FK.head<3>();
+    m.FKm = FK.tail<3>();
+    m.FC = FC.head<3>();
+    m.FCm = FC.tail<3>();
+    yaw = FK(3) + FC(3);
+    return;
+  }
+  const TurningCoupling c = turningCoupling(s, k, state, rest);
+  const Vector6 FK = multiply(coupling.stiffness, c.in_carrier.d);
+  const Vector6 FC = multiply(coupling.damping, c.in_carrier.rate);
+  const auto turned = [&c](const Eigen::Vector3d& thesis) -> Eigen::Vector3d {
+    return c.R * fromThesisAxes(thesis);
+  };
+  const Eigen::Vector3d spring =
+      c.R * momentOfVector(fromThesisAxes(c.in_carrier.d.tail<3>()), fromThesisAxes(FK.tail<3>()));
+  const Eigen::Vector3d damper = turned(FC.tail<3>());
+  const Eigen::Vector3d force = turned(FK.head<3>() + FC.head<3>());
+  m.deflection << toThesisAxes(c.offset), c.in_carrier.d.tail<3>();
+  m.FK = toThesisAxes(turned(FK.head<3>()));
+  m.FC = toThesisAxes(turned(FC.head<3>()));
+  m.FCm = toThesisAxes(damper);
+  m.FKm = (k.Re.transpose() * toThesisAxes(spring)).reverse();  // phi, theta, psi
+  yaw = c.R.col(2).dot(spring + damper + c.offset.cross(force));
 }
 
 }  // namespace
@@ -231,19 +309,8 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
                 const Eigen::Vector2d& exciter_force, FreeMotion& m) {
   const Vector9& q = state.q;
   const Vector9& v = state.v;
-  const Deflection deflection = couplingDeflection(s, k, state, rest);
-  m.deflection = deflection.d;
-  Vector6 FK = multiply(s.mechanism.coupling.stiffness, deflection.d);
-  if (s.thesis.cross_stiffness) {
-    FK += multiply(
-        {Vector6::Zero(), s.mechanism.coupling.stiffness.k26, s.mechanism.coupling.stiffness.k35},
-        deflection.d);
-  }
-  const Vector6 FC = multiply(s.mechanism.coupling.damping, deflection.rate);
-  m.FK = FK.head<3>();
-  m.FKm = FK.tail<3>();
-  m.FC = FC.head<3>();
-  m.FCm = FC.tail<3>();
+  double yaw = 0.0;
+  couplingForces(s, k, state, rest, m, yaw);
   const Eigen::Vector3d T = m.FK + m.FC;
 
   // exciter and constant push at d1 along the axis; peg axes x = axis 2, y = −(axis 1)
@@ -279,8 +346,8 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
       T(1) - c.stiffness(0) * (q(6) - rest.position(0)) - c.damping(0) * (v(6) - rest.rate(0));
   m.force(7) =
       T(2) - c.stiffness(1) * (q(7) - rest.position(1)) - c.damping(1) * (v(7) - rest.rate(1));
-  m.force(8) = FK(3) + FC(3) - c.stiffness(2) * (q(8) - rest.position(3)) -
-               c.damping(2) * (v(8) - rest.rate(3));
+  m.force(8) =
+      yaw - c.stiffness(2) * (q(8) - rest.position(3)) - c.damping(2) * (v(8) - rest.rate(3));
 }
 
 Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& f) {
@@ -310,7 +377,10 @@ double kineticEnergy(const Scenario& s, const State& state) {
 }
 
 double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest) {
-  const Vector6 d = couplingDeflection(s, kinematics(state), state, rest).d;
+  const Kinematics k = kinematics(state);
+  const Vector6 d = s.mechanism.coupling.axes == CouplingAxes::kHole
+                        ? couplingDeflection(s, k, state, rest).d
+                        : turningCoupling(s, k, state, rest).in_carrier.d;
   const double coupling = 0.5 * d.dot(multiply(s.mechanism.coupling.stiffness, d));
   const Eigen::Vector3d c =
       state.q.tail<3>() - Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));

@@ -55,8 +55,10 @@ Matrix3d forceStiffness(const Vector3d& f, const Vector3d& l) {
   return f.dot(l) * Matrix3d::Identity() - 0.5 * (f * l.transpose() + l * f.transpose());
 }
 
-// the coupling's static moment acts on Euler angles, which differ from θ by θ×θ terms
-Matrix3d eulerStiffness(const Vector3d& moment) {
+// the coupling's static moment acts on Euler angles, which differ from θ by θ×θ terms; on the
+// rotation vector from the carrier by its square
+Matrix3d angleStiffness(const UnheldMotion& free, const Vector3d& moment) {
+  if (free.axes == CouplingAxes::kCarrier) return Matrix3d::Zero();
   Matrix3d euler;
   euler << 0.0, moment.z(), moment.y(), moment.z(), 0.0, -moment.x(), moment.y(), -moment.x(), 0.0;
   return 0.5 * euler;
@@ -66,7 +68,10 @@ Matrix3d eulerStiffness(const Vector3d& moment) {
 
 UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, const Vector2d& tilt,
                            const Vector2d& sensor_tilt)
-    : rate(rate_of_angle), R_HP(tilted(tilt)), R_HS(tilted(sensor_tilt)) {
+    : rate(rate_of_angle),
+      axes(mechanism.coupling.axes),
+      R_HP(tilted(tilt)),
+      R_HS(tilted(sensor_tilt)) {
   const Matrix6 stiffness = symmetric(mechanism.coupling.stiffness);
   const Complex s(0.0, rate);
   const Matrix6 damping = symmetric(mechanism.coupling.damping);
@@ -74,23 +79,26 @@ UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, con
   to_coupling = mechanism.peg.coupling_height * axis;
   to_exciter = mechanism.peg.exciter_height * axis;
 
-  // deflection of the coupling by the peg's rotation: springs see Euler angles, dampers rates
+  // deflection = twist of the coupling point + carrier's part
   const double phi = std::atan2(axis.x(), axis.z());
   euler << std::cos(phi), 0.0, axis.x(), 0.0, 1.0, axis.y(), -std::sin(phi), 0.0, axis.z();
-  Matrix3d about;  // rows: about z (psi), about x (theta), about y (phi)
-  const Matrix3d inverse = euler.inverse();
-  about << inverse.row(2), inverse.row(0), inverse.row(1);
-
-  // deflection = twist of the coupling point + carrier's part
-  const Matrix6 damper = twice(thesisOrder());
-  Matrix6 spring = damper;
-  spring.bottomRightCorner<3, 3>() = about;
   Matrix69 twist = Matrix69::Zero();  // of the coupling point by all coordinates
   twist.block<3, 3>(0, kU).setIdentity();
   twist.block<3, 3>(0, kTheta) = -skew(to_coupling);
   twist.block<3, 3>(3, kTheta).setIdentity();
+  Matrix6 damper = twice(thesisOrder()), spring = damper;
   Matrix69 carrier = Matrix69::Zero();
-  carrier(1, kCarrier) = carrier(2, kCarrier + 1) = carrier(3, kCarrier + 2) = -1.0;
+  if (axes == CouplingAxes::kCarrier) {
+    spring = damper = twice(thesisOrder() * R_HS.transpose());
+    carrier(0, kCarrier) = carrier(1, kCarrier + 1) = -1.0;
+    carrier.block<3, 1>(3, kCarrier + 2) = -R_HS.col(2);
+    carrier = (damper * carrier).eval();
+  } else {
+    // by the peg's rotation springs see Euler angles, dampers rates
+    const Matrix3d inverse = euler.inverse();
+    spring.bottomRightCorner<3, 3>() << inverse.row(2), inverse.row(0), inverse.row(1);
+    carrier(1, kCarrier) = carrier(2, kCarrier + 1) = carrier(3, kCarrier + 2) = -1.0;
+  }
   const Matrix69 spring_of = spring * twist + carrier;
   const Matrix69 damper_of = damper * twist + carrier;
 
@@ -162,7 +170,7 @@ Complex9 hangingMotion(const Mechanism& mechanism, const UnheldMotion& free,
   const Vector3d coupling(0.0, 0.0, mechanism.peg.mass * mechanism.gravity);
   ComplexMatrix9 dynamic = free.dynamic;
   dynamic.block<3, 3>(kTheta, kTheta) += (forceStiffness(coupling, free.to_coupling) +
-                                          eulerStiffness(free.to_coupling.cross(coupling)))
+                                          angleStiffness(free, free.to_coupling.cross(coupling)))
                                              .cast<Complex>();
   Complex9 load = Complex9::Zero();
   load.head<3>() = exciterForce(free, excitation);
@@ -200,7 +208,7 @@ Complex9 HeldMotion::solve(double alpha) const {
   // static forces: contact, and the coupling that balances it and the weight
   Matrix3d fixed =
       forceStiffness(contact_, rho) + forceStiffness(couplingOnPeg(), free_.to_coupling);
-  fixed += eulerStiffness(couplingMoment(alpha));
+  fixed += angleStiffness(free_, couplingMoment(alpha));
   // rolling: a turn s about the radial axis moves the contact by -(r / tilt) s along the edge
   const Vector3d along(-radial.y(), radial.x(), 0.0);
   fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();
@@ -264,8 +272,12 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const Unhe
   const auto give = [](double force, double stiffness) {
     return stiffness > 0.0 ? force / stiffness : 0.0;
   };
-  const Vector3d static_displacement(give(static_force.x(), k[1]), give(static_force.y(), k[2]),
-                                     give(static_force.z(), k[0]));
+  const bool turned = free.axes == CouplingAxes::kCarrier;
+  const Matrix3d R_H = turned ? free.R_HS : Matrix3d::Identity();  // axes of the springs
+  const Vector3d on_springs = R_H.transpose() * static_force;
+  const Vector3d static_displacement =
+      R_H *
+      Vector3d(give(on_springs.x(), k[1]), give(on_springs.y(), k[2]), give(on_springs.z(), k[0]));
   Eigen::Matrix<Complex, 6, 9> wrench = free.wrench;
   const Eigen::Matrix<Complex, 3, 9> forces = free.wrench.topRows<3>();
   wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -
@@ -274,6 +286,7 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const Unhe
 }
 
 Eigen::Matrix<double, 3, 9> turningMoment(const UnheldMotion& free, const Vector3d& moment) {
+  if (free.axes == CouplingAxes::kCarrier) return Eigen::Matrix<double, 3, 9>::Zero();
   const Matrix3d angles = free.euler.inverse();  // theta, phi, psi by a rotation
   const Vector3d theta = free.euler.col(0), phi = free.euler.col(1), psi = free.euler.col(2);
   // work of the moment about the axes that have turned

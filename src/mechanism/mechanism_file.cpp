@@ -132,6 +132,9 @@ CouplingParameters readCoupling(Section in, RestPose* rest) {
   CouplingParameters coupling;
   coupling.stiffness = readCouplingMatrix(in.section("stiffness"), "k");
   coupling.damping = readCouplingMatrix(in.section("damping"), "c");
+  if (in.optional("axes") && in.choice("axes", {"hole", "carrier"}) == "carrier") {
+    coupling.axes = CouplingAxes::kCarrier;
+  }
   if (rest || in.optional("rest")) {
     Section in_rest = in.section("rest");
     RestPose unused;

@@ -49,6 +49,7 @@ std::string mechanismText(const Mechanism& m) {
   out << "coupling:\n"
       << "  stiffness: " << matrix(m.coupling.stiffness, "k") << "\n"
       << "  damping: " << matrix(m.coupling.damping, "c") << "\n"
+      << (m.coupling.axes == CouplingAxes::kCarrier ? "  axes: carrier\n" : "")
       << "exciter: {amplitude: " << yamlNumber(m.exciter.amplitude)
       << ", frequency: " << yamlNumber(m.exciter.frequency)
       << ", phase: " << yamlNumber(m.exciter.phase) << ", direction: " << m.exciter.direction

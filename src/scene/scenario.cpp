@@ -160,6 +160,10 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
   scenario.push = in.vector("push");
   scenario.contact = readContact(in.section("contact"));
   scenario.thesis = readThesis(in);
+  if (scenario.thesis.cross_stiffness &&
+      scenario.mechanism.coupling.axes == CouplingAxes::kCarrier) {
+    in.refuse("thesis_cross_stiffness", "true", "the thesis's coupling has coupling.axes: hole");
+  }
   const YAML::Node initial =
       in.optional("initial") ? in.required("initial", "") : YAML::Node(YAML::NodeType::Map);
   scenario.initial =

@@ -170,9 +170,9 @@ void SecondWorld::evaluate() {
   const Vector3d off = e.positions(kCarrierPlace) - Vector3d(at(0), at(1), at(3));
   const Vector3d slip = e.rates(kCarrier) - Vector3d(rate(0), rate(1), rate(3));
   const Vector3d about = c.moment + c.end.cross(c.force);
-  Vector3d::Map(e.d->qfrc_applied + kCarrier) = -Vector3d(c.force.x(), c.force.y(), about.z()) -
-                                                mechanism.carrier.stiffness.cwiseProduct(off) -
-                                                mechanism.carrier.damping.cwiseProduct(slip);
+  Vector3d::Map(e.d->qfrc_applied + kCarrier) =
+      -Vector3d(c.force.x(), c.force.y(), about.dot(c.carrier.R.col(2))) -
+      mechanism.carrier.stiffness.cwiseProduct(off) - mechanism.carrier.damping.cwiseProduct(slip);
 
   const Cylinder peg{e.positions(kPeg), axis, mechanism.peg.radius, mechanism.peg.half_height};
   for (std::size_t i = 0; i < e.boxes.size(); ++i) {

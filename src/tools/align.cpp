@@ -64,7 +64,8 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
                         every other time without freeing the peg; wants --runs above 1
   --world W             what simulates the mechanism: exact (default), mujoco or "{engine: mujoco, facets: 512}",
-                        see docs/second_world.md; strategies know nothing of it
+                        see docs/second_world.md; strategies know of it only that
+                        its coupling turns with the carrier (coupling.axes=carrier)
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
@@ -315,6 +316,8 @@ int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
   o.cell.world = assembly_cell::parseWorld(o.world, "--world");
+  // the engine's coupling is bolted to the carrier
+  if (o.cell.world.mujoco) o.overrides.insert(o.overrides.begin(), "coupling.axes=carrier");
   readInsert(o.insert, o.align.insert);
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
   assembly_cell::checkParameters(o.align);

@@ -59,6 +59,15 @@ class Model : public ::testing::Test {
     s.q(4) = uniform(0.6, 2.5);
     return s;
   }
+  // peg and carrier turned against each other by less than half a turn
+  State near(CouplingAxes axes) {
+    State s = state();
+    if (axes == CouplingAxes::kCarrier) {
+      for (const int i : {3, 5, 8}) s.q(i) *= 0.4;
+      s.q(4) = kHalfPi + 0.5 * (s.q(4) - kHalfPi);
+    }
+    return s;
+  }
   std::mt19937_64 engine_{3};
 };
 
@@ -105,11 +114,27 @@ Vector6 multiply(const CouplingMatrix& m, const Vector6& d) {
   return K * d;
 }
 
+// Deflection of a coupling whose axes turn with the carrier, thesis order.
+Vector6 turningDeflection(const Scenario& s, const Vector9& q) {
+  const Matrix3d carrier =
+      (AngleAxisd(s.rest.phi, Vector3d::UnitY()) *
+       AngleAxisd(s.rest.theta - kHalfPi, Vector3d::UnitX()) * AngleAxisd(q(8), Vector3d::UnitZ()))
+          .toRotationMatrix();
+  const Vector3d along =
+      carrier.transpose() *
+      (pegPoint(q, {0, 0, s.mechanism.peg.coupling_height}) - Vector3d(q(6), q(7), s.rest.z));
+  const AngleAxisd turn(Matrix3d(carrier.transpose() * pegRotation(q)));
+  const Vector3d vector = turn.angle() * turn.axis();
+  return (Vector6() << along.z(), along.x(), along.y(), vector.z(), vector.x(), vector.y())
+      .finished();
+}
+
 double potential(const Scenario& s, const Vector9& q) {
   const Vector3d coupling = pegPoint(q, {0, 0, s.mechanism.peg.coupling_height});
   Vector6 d;  // thesis order
   d << coupling.z() - s.rest.z, coupling.x() - q(6), coupling.y() - q(7), q(5) - q(8),
       q(4) - s.rest.theta, q(3) - s.rest.phi;
+  if (s.mechanism.coupling.axes == CouplingAxes::kCarrier) d = turningDeflection(s, q);
   const Vector3d c(q(6) - s.rest.x, q(7) - s.rest.y, q(8) - s.rest.yaw);
   return 0.5 * d.dot(multiply(s.mechanism.coupling.stiffness, d)) +
          0.5 * c.dot(s.mechanism.carrier.stiffness.cwiseProduct(c)) +
@@ -143,8 +168,9 @@ TEST_F(Model, VirtualWorkVanishesOnTheSolution) {
   Scenario s = everything();
   switchDampersOff(s);
   const MassPoints body = massPoints(s.mechanism.peg);
-  for (int n = 0; n < 300; ++n) {
-    const State at = state();
+  for (int n = 0; n < 600; ++n) {
+    s.mechanism.coupling.axes = n < 300 ? CouplingAxes::kHole : CouplingAxes::kCarrier;
+    const State at = near(s.mechanism.coupling.axes);
     const double t = uniform(0, 1);
     const Vector9 a = acceleration(s, at, t);
     Vector9 residual = Vector9::Zero(), size = Vector9::Zero();
@@ -182,10 +208,11 @@ TEST_F(Model, VirtualWorkVanishesOnTheSolution) {
 
 // With dampers, energy falls by what they take and rises by what the exciter gives.
 TEST_F(Model, PowerIsBalanced) {
-  const Scenario s = everything();
+  Scenario s = everything();
   const RestMotion rest = restMotion(restProfile(s.rest), 0.0);
-  for (int n = 0; n < 300; ++n) {
-    const State at = state();
+  for (int n = 0; n < 600; ++n) {
+    s.mechanism.coupling.axes = n < 300 ? CouplingAxes::kHole : CouplingAxes::kCarrier;
+    const State at = near(s.mechanism.coupling.axes);
     const double t = uniform(0, 1);
     const Vector9 a = acceleration(s, at, t);
     // along the rates, and along v', in which energy is quadratic: differences are exact
@@ -206,6 +233,16 @@ TEST_F(Model, PowerIsBalanced) {
     Vector6 rate;
     rate << coupling.z(), coupling.x() - at.v(6), coupling.y() - at.v(7), omega.z() - at.v(8),
         omega.x(), omega.y();
+    if (s.mechanism.coupling.axes == CouplingAxes::kCarrier) {
+      // springs' deflections by their derivative; of the rotation, omega in the carrier's axes
+      const Vector6 d = derivative([&](double h) { return turningDeflection(s, at.q + h * at.v); });
+      const Matrix3d R = (AngleAxisd(s.rest.phi, Vector3d::UnitY()) *
+                          AngleAxisd(s.rest.theta - kHalfPi, Vector3d::UnitX()) *
+                          AngleAxisd(at.q(8), Vector3d::UnitZ()))
+                             .toRotationMatrix();
+      const Vector3d turn = R.transpose() * omega - at.v(8) * Vector3d::UnitZ();
+      rate << d.head<3>(), turn.z(), turn.x(), turn.y();
+    }
     const Vector3d carrier = at.v.tail<3>();
     const double lost = rate.dot(multiply(s.mechanism.coupling.damping, rate)) +
                         carrier.dot(s.mechanism.carrier.damping.cwiseProduct(carrier));

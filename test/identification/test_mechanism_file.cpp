@@ -73,7 +73,7 @@ class MechanismFile : public ::testing::Test {
     return "";
   }
 
-  const Mechanism nominal_ = loadMechanism(kCell);
+  const Mechanism nominal_ = loadMechanism(kCell, {"coupling.axes=carrier"});
   const Identification found_ = finding(nominal_);
   std::filesystem::path folder_;
   std::string path_;
@@ -97,6 +97,7 @@ TEST_F(MechanismFile, ComesBack) {
 
 TEST_F(MechanismFile, IsAMechanismForWhoKnowsNoIdentification) {
   const Mechanism m = loadMechanism(path_);
+  EXPECT_EQ(m.coupling.axes, CouplingAxes::kCarrier);
   EXPECT_EQ(m.coupling.stiffness.diagonal, found_.model.mechanism.coupling.stiffness.diagonal);
   EXPECT_EQ(m.coupling.stiffness.k26, found_.model.mechanism.coupling.stiffness.k26);
   EXPECT_EQ(m.peg.inertia_axial, found_.model.mechanism.peg.inertia_axial);

@@ -215,6 +215,20 @@ class ExactPotential {
     rest_ = K_.inverse() * load;
     euler0_ = euler(R0_);
     coupling0_ = R0_ * (Vector3d(0, 0, s.peg.coupling_height) - rho_);
+    // the carrier of a coupling that turns with it: where its springs balance the same
+    carrier_ = R0_;
+    if (s.coupling.axes == CouplingAxes::kHole) return;
+    for (int i = 0; i < 20; ++i) {
+      const Vector3d f = -carrier_.transpose() * coupling, m = carrier_.transpose() * moment;
+      rest_ = K_.inverse() * (Vector6() << f.z(), f.x(), f.y(), m.z(), m.x(), m.y()).finished();
+      const Vector3d turn(rest_[4], rest_[5], rest_[3]);
+      carrier_ = R0_ * Eigen::AngleAxisd(-turn.norm(), turn.normalized());
+    }
+  }
+  // the carrier's, as OperatingPoint has tilts
+  Vector2d carrierTilt() const {
+    const Vector3d axis = carrier_.col(2);
+    return std::acos(axis.z()) * Vector2d(-axis.y(), axis.x()).normalized();
   }
 
   // q: rotation vector, carrier x, y, yaw
@@ -228,6 +242,14 @@ class ExactPotential {
     d += (Vector6() << shift.z(), shift.x() - q[3], shift.y() - q[4], turn[0] - q[5], turn[1],
           turn[2])
              .finished();
+    if (s_.coupling.axes == CouplingAxes::kCarrier) {
+      const Matrix3d carrier = carrier_ * Eigen::AngleAxisd(q[5], Vector3d::UnitZ());
+      const Vector3d at_rest = carrier_ * Vector3d(rest_[1], rest_[2], rest_[0]);
+      const Vector3d along = carrier.transpose() * (at_rest + shift - Vector3d(q[3], q[4], 0.0));
+      const Eigen::AngleAxisd by(Matrix3d(carrier.transpose() * R));
+      const Vector3d vector = by.angle() * by.axis();
+      d << along.z(), along.x(), along.y(), vector.z(), vector.x(), vector.y();
+    }
     const double height = (R0_ * rho_ - R * rho_).z();
     return 0.5 * d.dot(K_ * d) + s_.peg.mass * s_.gravity * height +
            0.5 * q.tail<3>().cwiseAbs2().dot(s_.carrier.stiffness);
@@ -265,6 +287,17 @@ class ExactPotential {
     damper.block<1, 3>(2, 0) = lever.row(1);
     damper(3, 2) = damper(4, 0) = damper(5, 1) = 1;
     damper(1, 3) = damper(2, 4) = damper(3, 5) = -1;
+    if (s_.coupling.axes == CouplingAxes::kCarrier) {
+      Matrix3d order;
+      order << 0, 0, 1, 1, 0, 0, 0, 1, 0;
+      Eigen::Matrix<double, 6, 6> hole = Eigen::Matrix<double, 6, 6>::Zero();  // x, y, z
+      hole.topLeftCorner<3, 3>() = lever;
+      hole.bottomLeftCorner<3, 3>().setIdentity();
+      hole(0, 3) = hole(1, 4) = -1;
+      hole.block<3, 1>(3, 5) = -carrier_.col(2);
+      damper << order * carrier_.transpose() * hole.topRows<3>(),
+          order * carrier_.transpose() * hole.bottomRows<3>();
+    }
     Matrix6 mass = Matrix6::Zero();
     mass.topLeftCorner<3, 3>() =
         R0_ *
@@ -295,7 +328,7 @@ class ExactPotential {
   }
 
   Mechanism s_;
-  Matrix3d R0_;
+  Matrix3d R0_, carrier_;
   Vector3d rho_, euler0_, coupling0_;
   Matrix6 K_;
   Vector6 rest_;
@@ -330,6 +363,28 @@ TEST(ContactModel, StaticTermsAreTheSecondDerivativeOfTheExactEnergy) {
       p.tilt = std::acos(axis.z()) * Vector2d(-axis.y(), axis.x()).normalized();
       EXPECT_LT(relative(contactResponse(s, p, alpha), tilted.P, tilted.N), 5e-3) << press;
     }
+  }
+}
+
+// A coupling that turns with the carrier, tilted by 2.9 degrees.
+TEST(ContactModel, TurningCouplingIsThatOfTheExactEnergy) {
+  Mechanism s = cell();
+  s.coupling.axes = CouplingAxes::kCarrier;
+  for (const double alpha : {0.4, 2.2, 3.9}) {
+    const Vector3d contact(-1.2, 0.6, 12.0);
+    const ExactPotential exact(s, {0.03, -0.04}, alpha, contact);
+    OperatingPoint p = operatingPoint(500);
+    p.friction = contact.head<2>();
+    const Vector3d axis(std::sin(-0.04) * std::cos(0.03), -std::sin(0.03),
+                        std::cos(-0.04) * std::cos(0.03));
+    p.tilt = std::acos(axis.z()) * Vector2d(-axis.y(), axis.x()).normalized();
+    p.sensor_tilt = exact.carrierTilt();
+    const Locus locus = exact.locus(500);
+    EXPECT_LT(relative(contactResponse(s, p, alpha), locus.P, locus.N), 5e-3) << alpha;
+    // which takes the axes into account: those of `hole` are far off
+    Mechanism fixed = s;
+    fixed.coupling.axes = CouplingAxes::kHole;
+    EXPECT_GT(relative(contactResponse(fixed, p, alpha), locus.P, locus.N), 2e-2) << alpha;
   }
 }
 

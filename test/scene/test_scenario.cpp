@@ -18,7 +18,8 @@ std::string configPath(const std::string& name) {
 
 TEST(Scenario, EveryKeyArrivesInItsField) {
   const Scenario s = with(
-      {"hole.depth=0.05", "carrier.max_speed=0.07", "carrier.max_acceleration=2",
+      {"coupling.axes=carrier", "hole.depth=0.05", "carrier.max_speed=0.07",
+       "carrier.max_acceleration=2",
        "exciter={amplitude: 1.5, frequency: 770, phase: 0.4, direction: -1}", "push=[1, -2, 3]",
        "contact={law: spring_dashpot, regularisation_speed: 0.002, stationary_rows: true, "
        "stiffness: 1e5, damping: 200, rate: 800, pull_back: 15, restitution: 0.5, "
@@ -47,6 +48,7 @@ TEST(Scenario, EveryKeyArrivesInItsField) {
   EXPECT_EQ(s.mechanism.carrier.max_acceleration, 2.0);
   EXPECT_EQ(s.mechanism.coupling.stiffness.diagonal,
             (Vector6() << 10, 20, 30, 40, 50, 60).finished());
+  EXPECT_EQ(s.mechanism.coupling.axes, CouplingAxes::kCarrier);
   EXPECT_EQ(s.mechanism.coupling.stiffness.k26, 7.0);
   EXPECT_EQ(s.mechanism.coupling.stiffness.k35, -8.0);
   EXPECT_EQ(s.mechanism.coupling.damping.diagonal, (Vector6() << 1, 2, 3, 4, 5, 6).finished());

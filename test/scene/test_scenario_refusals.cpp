@@ -97,6 +97,7 @@ TEST(Scenario, RefusesWhatIsUnphysicalByItsPath) {
       {"coupling.stiffness.k35=-38.8", "coupling.stiffness.k35: value -38.8", "semidefinite"},
       {"coupling.damping.c26=3.5", "coupling.damping.c26: value 3.5", "semidefinite"},
       {"coupling.damping.c35=3.9", "coupling.damping.c35: value 3.9", "semidefinite"},
+      {"coupling.axes=peg", "coupling.axes: value peg", "carrier"},
       {"coupling.rest.theta=0.1", "coupling.rest.theta: value 0.1", "sin(theta)"},
       {"coupling.rest.theta=-1.57", "coupling.rest.theta: value -1.57", "sin(theta)"},
       {"exciter={amplitude: -1, frequency: 1}", "exciter.amplitude", ">= 0"},

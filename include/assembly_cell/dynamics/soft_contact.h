@@ -13,7 +13,7 @@ struct SoftContact {
   /// within one or two knocks, and neighbouring facets pinch the edge (docs/second_world.md).
   double contact_time = 1e-3;
   /// How much of a contact's force comes from the constraint, 0.5 soft to 0.9999 hard.
-  double impedance = 0.999;
+  double impedance = 0.99;
   /// How much harder friction holds along a contact than the contact holds across: creep under a
   /// constant load falls with it; more makes the solver slower.
   double friction_ratio = 10.0;

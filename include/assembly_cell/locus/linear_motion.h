@@ -26,6 +26,7 @@ struct UnheldMotion {
                const Eigen::Vector2d& sensor_tilt);
 
   double rate;  // of the exciter's angle, negative for a clockwise one [rad/s]
+  CouplingAxes axes;
   Eigen::Matrix3d R_HP, R_HS;
   Eigen::Vector3d to_coupling, to_exciter;  // from the centre of mass [m]
   Eigen::Matrix<Complex, 6, 9> wrench;      // of the peg on the sensor at the coupling, hole axes

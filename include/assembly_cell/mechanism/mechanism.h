@@ -58,9 +58,16 @@ struct CouplingMatrix {
   double k35 = 0.0;  ///< y with rotation about x
 };
 
+/// What the coupling's springs and dampers turn with. kHole: nothing, their axes are those of
+/// `hole` and its springs see differences of Euler angles (thesis 6.6, 6.10). kCarrier: the
+/// carrier, and springs see the rotation vector from it to the peg: a coupling that is bolted to a
+/// flange. They differ by the tilt.
+enum class CouplingAxes { kHole, kCarrier };
+
 struct CouplingParameters {
   CouplingMatrix stiffness;  ///< [N/m], [N m/rad], cross [N/rad]
   CouplingMatrix damping;    ///< [N s/m], [N m s/rad], cross [N s/rad]
+  CouplingAxes axes = CouplingAxes::kHole;
 };
 
 /// Rotating exciting force in peg axes x, y at angle direction·(frequency·t + phase).
