@@ -179,8 +179,8 @@ KnownMechanism knownFrom(const Identification& found) {
   return known;
 }
 
-void saveMechanism(const Mechanism& nominal, const Identification& found, const std::string& origin,
-                   const std::string& date, const std::string& path) {
+std::string mechanismRecord(const Mechanism& nominal, const Identification& found,
+                            const std::string& origin, const std::string& date) {
   std::ostringstream out;
   out << "# Identified mechanism: docs/identification.md\n"
       << mechanismText(found.model.mechanism) << "identification:\n"
@@ -195,13 +195,23 @@ void saveMechanism(const Mechanism& nominal, const Identification& found, const 
       << ", condition: " << yamlNumber(found.condition) << "}\n"
       << "  notes: " << shownList(found.notes) << "\n"
       << recordText(nominal, found);
-  writeFileAtomically(path, out.str(), path);
+  return out.str();
+}
+
+void saveMechanism(const Mechanism& nominal, const Identification& found, const std::string& origin,
+                   const std::string& date, const std::string& path) {
+  writeFileAtomically(path, mechanismRecord(nominal, found, origin, date), path);
 }
 
 KnownMechanism loadKnownMechanism(const std::string& path,
                                   const std::vector<std::string>& overrides) {
-  const Mechanism mechanism = loadMechanism(path, overrides);
-  Section root(yaml::loadMapping(yaml::fileText(path, "mechanism"), path, overrides), "", path);
+  return parseKnownMechanism(yaml::fileText(path, "mechanism"), path, overrides);
+}
+
+KnownMechanism parseKnownMechanism(const std::string& text, const std::string& source,
+                                   const std::vector<std::string>& overrides) {
+  const Mechanism mechanism = parseMechanism(text, source, overrides);
+  Section root(yaml::loadMapping(text, source, overrides), "", source);
   if (!root.has("identification")) return knownAsDrawn(mechanism);
   Section in = root.section("identification");
   in.choice("format", {kFormat});

@@ -212,7 +212,12 @@ Matrix6 couplingStiffness(const CouplingParameters& coupling) {
 }
 
 Mechanism loadMechanism(const std::string& path, const std::vector<std::string>& overrides) {
-  yaml::Section in(yaml::loadMapping(yaml::fileText(path, "mechanism"), path, overrides), "", path);
+  return parseMechanism(yaml::fileText(path, "mechanism"), path, overrides);
+}
+
+Mechanism parseMechanism(const std::string& text, const std::string& source,
+                         const std::vector<std::string>& overrides) {
+  yaml::Section in(yaml::loadMapping(text, source, overrides), "", source);
   const Mechanism mechanism = mechanism_file::readMechanism(in, nullptr);
   // what a scenario says beside
   for (const char* key : {"name", "duration", "push", "contact", "initial", "solver",

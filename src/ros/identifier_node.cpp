@@ -1,15 +1,19 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/identifier_node.h"
 
+#include <std_msgs/String.h>
+
 #include <cmath>
 #include <filesystem>
 
 #include "assembly_cell/base/date.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/identification/fit.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/mechanism/mechanism_file.h"
+#include "assembly_cell/ros/mechanism_news.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/watched_plant.h"
 
@@ -50,6 +54,7 @@ IdentifierNode::IdentifierNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   parameters.refuseUnknown();
   plant_ = std::make_unique<RosPlant>(nh, settings);
   state_pub_ = pnh.advertise<SupervisorState>("state", 10, true);
+  mechanism_pub_ = nh.advertise<std_msgs::String>(kMechanismTopic, 1, true);
   tellPeg("", false, "");
   server_ = std::make_unique<Server>(nh, "identify",
                                      [this](const IdentifyGoalConstPtr& goal) { execute(goal); });
@@ -95,10 +100,13 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
   const Identification found = identify(mechanism_, data, prior);
   tell(mechanism_, found, result);
   const std::string file = goal.file.empty() ? file_ : goal.file;
+  std_msgs::String record;
+  record.data = mechanismRecord(mechanism_, found, "mechanism_identifier, " + scenario_, utcNow());
   if (!file.empty()) {
-    saveMechanism(mechanism_, found, "mechanism_identifier, " + scenario_, utcNow(), file);
+    writeFileAtomically(file, record.data, file);
     result.file = std::filesystem::absolute(file).string();
   }
+  if (found.accepted) mechanism_pub_.publish(record);
   result.message = file.empty() ? "not stored: no file was named" : "stored in " + result.file;
 }
 

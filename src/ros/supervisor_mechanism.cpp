@@ -58,9 +58,25 @@ std::string SupervisorNode::contradiction() {
   return check.agrees ? "" : check.message;
 }
 
+void SupervisorNode::goBy(KnownMechanism known) {
+  known_ = std::move(known);
+  mechanism_ = known_->mechanism;
+  X_CP_.p.z() = -mechanism_.peg.coupling_height - mechanism_.peg.half_height;
+}
+
+void SupervisorNode::goByNews() {
+  std::optional<KnownMechanism> news;
+  {
+    const std::lock_guard<std::mutex> lock(state_mutex_);
+    news.swap(news_);
+  }
+  if (news) goBy(std::move(*news));
+}
+
 const KnownMechanism* SupervisorNode::beginKnown(
     const std::string& strategy, const std::function<bool()>& cancelled,
     const std::function<void(const AlignProgress&)>& progress) {
+  goByNews();
   const auto report = [&](const std::string& why) {
     AlignProgress now;
     now.state = "identify";
@@ -126,9 +142,7 @@ void SupervisorNode::identifyMechanism(const std::function<bool()>& cancelled) {
                                                : result->verdict;
     throw PlantError(AlignFailure::kNoReading, "identify of mechanism_identifier: " + why);
   }
-  known_ = loadKnownMechanism(result->file);
-  mechanism_ = known_->mechanism;
-  X_CP_.p.z() = -mechanism_.peg.coupling_height - mechanism_.peg.half_height;
+  goBy(loadKnownMechanism(result->file));
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -7,6 +7,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/diagnostics.h"
+#include "assembly_cell/ros/mechanism_news.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/supervisor_node.h"
 #include "assembly_cell/ros/watched_plant.h"
@@ -31,6 +32,10 @@ void SupervisorNode::startState(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   identifier_sub_ = subscribeChecked<SupervisorState>(
       nh, "mechanism_identifier/state", 10,
       [this](const SupervisorState::ConstPtr& message) { hearIdentifier(*message); });
+  mechanism_sub_ = subscribeMechanism(nh, [this](const KnownMechanism& known) {
+    const std::lock_guard<std::mutex> lock(state_mutex_);
+    news_ = known;
+  });
   publishState();
 }
 

@@ -5,11 +5,14 @@
 #include <ros/network.h>
 #include <ros/ros.h>
 #include <signal.h>
+#include <std_msgs/String.h>
 #include <unistd.h>
 #include <xmlrpcpp/XmlRpc.h>
 
 #include <cstdint>
+#include <fstream>
 #include <functional>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -19,6 +22,7 @@
 #include "assembly_cell/IdentifyAction.h"
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/identification/mechanism_record.h"
+#include "assembly_cell/mechanism/mechanism_text.h"
 #include "cell_fixture.h"
 
 // The action identify of the node mechanism_identifier, and what the supervisor makes of a file.
@@ -142,6 +146,11 @@ TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
   EXPECT_TRUE(known.identified);
   // of a cell that is as drawn, 5e4 N/m by its file; 10 % is the prior's spread
   EXPECT_NEAR(known.mechanism.coupling.stiffness.diagonal[1], 5e4, 2e3);
+  // and whoever comes is told
+  Record<std_msgs::String> news(nh, "mechanism");
+  ASSERT_TRUE(waitFor([&] { return news.size() > 0; }));
+  std::ifstream stored(cell.file);
+  EXPECT_EQ(news.last()->data, std::string(std::istreambuf_iterator<char>(stored), {}));
   unlink(cell.file.c_str());
 }
 
@@ -159,6 +168,21 @@ TEST(MechanismIdentifier, WrongFileIsRefusedOrIdentifiedAnew) {
     EXPECT_EQ(reason.find("wrong_mechanism: "), 0u) << reason;
     ASSERT_GT(cell.reports.size(), 0u);
     EXPECT_EQ(cell.reports.last()->contacts, 0u);
+    // until somebody has one that fits
+    ros::NodeHandle nh;
+    ros::Publisher identifier = nh.advertise<std_msgs::String>("mechanism", 1, true);
+    std_msgs::String text;
+    text.data = "peg: {mass: .nan}";
+    identifier.publish(text);
+    text.data = mechanismText(loadMechanism(test::sourceFile("config/scenarios/cell.yaml")));
+    ASSERT_TRUE(waitFor([&] { return identifier.getNumSubscribers() > 0; }));
+    identifier.publish(text);
+    std::string then;  // a message may come after the next goal has begun
+    for (int i = 0; i < 3 && then != "aligned"; ++i) {
+      cell.reports.clear();
+      then = cell.align();
+    }
+    EXPECT_EQ(then, "aligned") << cell.output();
   }
   Cell cell({"paused:=true", "mechanism:=" + wrong, "identify:=true", "identify_time:=5"});
   EXPECT_EQ(cell.align(), "aligned") << cell.output();

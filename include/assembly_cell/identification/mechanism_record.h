@@ -24,8 +24,11 @@ KnownMechanism knownAsDrawn(const Mechanism& nominal);
 KnownMechanism knownFrom(const Identification& found);
 
 /// mechanism.yaml: the mechanism's keys, which loadMechanism() reads, and what was found under the
-/// key `identification`. origin: where the readings came from, one line; date: ISO. Throws
-/// InputError when it cannot be written.
+/// key `identification`. origin: where the readings came from, one line; date: ISO.
+std::string mechanismRecord(const Mechanism& nominal, const Identification& found,
+                            const std::string& origin, const std::string& date);
+
+/// The same into a file. Throws InputError when it cannot be written.
 void saveMechanism(const Mechanism& nominal, const Identification& found, const std::string& origin,
                    const std::string& date, const std::string& path);
 
@@ -34,6 +37,10 @@ void saveMechanism(const Mechanism& nominal, const Identification& found, const 
 /// covariance that is none, and values that contradict the mechanism's own keys.
 KnownMechanism loadKnownMechanism(const std::string& path,
                                   const std::vector<std::string>& overrides = {});
+
+/// The same of a file's text; `source` is what messages call it.
+KnownMechanism parseKnownMechanism(const std::string& text, const std::string& source,
+                                   const std::vector<std::string>& overrides = {});
 
 /// The exciter as it is to be asked for, so that the force comes as wanted: amplitude over the
 /// gain, phase ahead by the delay.

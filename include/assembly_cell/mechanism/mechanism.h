@@ -101,4 +101,8 @@ Matrix6 couplingStiffness(const CouplingParameters& coupling);
 /// override is "key.path=value". Throws InputError naming file, key path, value and remedy.
 Mechanism loadMechanism(const std::string& path, const std::vector<std::string>& overrides = {});
 
+/// The same of a file's text; `source` is what messages call it.
+Mechanism parseMechanism(const std::string& text, const std::string& source,
+                         const std::vector<std::string>& overrides = {});
+
 }  // namespace assembly_cell

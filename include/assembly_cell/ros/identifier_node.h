@@ -46,7 +46,7 @@ class IdentifierNode {
   std::unique_ptr<RosPlant> plant_;
   std::mutex busy_;        ///< held by the goal that runs
   SupervisorState state_;  ///< of the peg, by the last goal that moved it
-  ros::Publisher state_pub_;
+  ros::Publisher state_pub_, mechanism_pub_;
   std::unique_ptr<Server> server_;
 };
 

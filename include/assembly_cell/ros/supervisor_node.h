@@ -66,6 +66,8 @@ class SupervisorNode {
   void identifyMechanism(const std::function<bool()>& cancelled);
   /// Of what is known by the hanging peg; empty: none.
   std::string contradiction();
+  void goBy(KnownMechanism known);
+  void goByNews();  ///< by what mechanism_identifier found since, for whom ever
 
   // state and freeing of the peg (supervisor_state.cpp)
   void startState(ros::NodeHandle& nh, ros::NodeHandle& pnh);
@@ -94,6 +96,7 @@ class SupervisorNode {
   ros::NodeHandle nh_;
   Mechanism mechanism_;  ///< nominal parts, or as identified
   std::optional<KnownMechanism> known_;
+  std::optional<KnownMechanism> news_;  ///< by state_mutex_, until the next goal begins
   bool identify_ = false;        ///< where none is known and one is needed, or it is contradicted
   double identify_time_ = 60.0;  ///< [s]
   double slow_factor_ = 1.0;     ///< of the waits for other nodes
@@ -106,7 +109,7 @@ class SupervisorNode {
   std::mutex state_mutex_;
   SupervisorState state_;
   ros::Publisher state_pub_, diagnostics_pub_;
-  ros::Subscriber identifier_sub_;
+  ros::Subscriber identifier_sub_, mechanism_sub_;
   ros::WallTimer diagnostics_timer_;
   ros::Publisher report_pub_;
   tf2_ros::StaticTransformBroadcaster frames_;
