@@ -292,12 +292,20 @@ ros::Time ArmBridgeNode::stampAt(double time) const {
 
 // ---- what is told ----
 
+// At each point and each word of the arm: what hasn't changed costs nothing.
 void ArmBridgeNode::publishState() {
+  const bool held = isHalted(arm_) || arm_.guard.lapsed;
+  if (told_any_ && arm_.guard.session == told_.session && arm_.guard.holder == told_.holder &&
+      held == told_.held && isHalted(arm_) == told_.overload && life_ == told_.life &&
+      arm_.guard.shaking == told_.exciter && arm_.text == told_.reason &&
+      refused_ == told_.refused) {
+    return;
+  }
   PlantState state;
   state.life = life_;
   state.session = arm_.guard.session;
   state.holder = arm_.guard.holder;
-  state.held = isHalted(arm_) || arm_.guard.lapsed;
+  state.held = held;
   state.overload = isHalted(arm_);
   state.exciter = arm_.guard.shaking;
   state.reason = arm_.text;
@@ -305,14 +313,7 @@ void ArmBridgeNode::publishState() {
   state.refused_node = refused_node_;
   state.refused_reason = refusal_.good() ? "" : toString(refusal_.reason);
   state.refusal = refusal_.text;
-  const PlantState& last = told_;
-  if (told_any_ && state.session == last.session && state.holder == last.holder &&
-      state.held == last.held && state.overload == last.overload && state.life == last.life &&
-      state.exciter == last.exciter && state.reason == last.reason &&
-      state.refused == last.refused) {
-    return;
-  }
-  if (state.held && !(told_any_ && last.held)) {
+  if (state.held && !(told_any_ && told_.held)) {
     ROS_WARN("arm %s, exciter off: %s", toString(arm_.mode), arm_.text.c_str());
   }
   if (!epoch_.isZero()) state.header.stamp = stampAt(now());

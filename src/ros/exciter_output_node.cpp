@@ -6,7 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <pluginlib/class_loader.hpp>
+#include <utility>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
@@ -14,6 +14,7 @@
 #include "assembly_cell/ros/diagnostics.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/plug_in.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -22,8 +23,6 @@ namespace {
 constexpr int kQueue = 100;
 constexpr double kPeriod = 5e-3;  // of the work [s]
 constexpr double kPlayed = 0.1;   // a device has played what is in its queue and a fade [s]
-
-using Loader = pluginlib::ClassLoader<Shaker>;
 
 }  // namespace
 
@@ -97,20 +96,9 @@ void ExciterOutputNode::open(ros::NodeHandle& pnh) {
   if (auto own = makeShaker(type_)) {
     shaker_ = std::move(own);
   } else {
-    std::string known;
-    for (const std::string& type : shakerTypes()) known += type + ", ";
-    try {
-      auto loader = std::make_shared<Loader>("assembly_cell", "assembly_cell::Shaker");
-      if (!loader->isClassAvailable(type_)) {
-        throw InputError(name + "/type is '" + printable(type_) + "': give one of " + known +
-                         "or a class that a package exports for assembly_cell::Shaker");
-      }
-      shaker_ = loader->createSharedInstance(type_);
-      loader_ = std::move(loader);
-    } catch (const pluginlib::PluginlibException& error) {
-      throw InputError(name + "/type is '" + printable(type_) +
-                       "', a plug-in that can't be loaded: " + printable(error.what()));
-    }
+    auto plug_in = loadPlugIn<Shaker>("Shaker", type_, name + "/type", shakerTypes());
+    loader_ = std::move(plug_in.loader);
+    shaker_ = std::move(plug_in.object);
   }
   try {
     shaker_->open(map, 0.0);

@@ -4,19 +4,17 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <pluginlib/class_loader.hpp>
 #include <utility>
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/bag_source.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/plug_in.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
-
-using Loader = pluginlib::ClassLoader<StrainSource>;
 
 // The parameters ~replay/… of a text `source`, as a source's map.
 YAML::Node replayMap(const ros::NodeHandle& pnh) {
@@ -36,25 +34,6 @@ YAML::Node replayMap(const ros::NodeHandle& pnh) {
   map["block_size"] = parameters.integer("block_size", 1, static_cast<int>(kBlockCapacity), 1);
   parameters.refuseUnknown();
   return map;
-}
-
-// A class that another package exports for the base class StrainSource.
-void load(SourceChoice& choice, const std::string& name) {
-  std::string known = "bag";
-  for (const std::string& type : sourceTypes()) known += ", " + type;
-  try {
-    auto loader = std::make_shared<Loader>("assembly_cell", "assembly_cell::StrainSource");
-    if (!loader->isClassAvailable(choice.type)) {
-      for (const std::string& type : loader->getDeclaredClasses()) known += ", " + type;
-      throw InputError(name + " is '" + choice.type + "': give one of " + known);
-    }
-    choice.source = loader->createSharedInstance(choice.type);
-    choice.loader = std::move(loader);
-  } catch (const pluginlib::PluginlibException& error) {
-    std::string reason = error.what();
-    std::replace(reason.begin(), reason.end(), '\n', ' ');
-    throw InputError(name + " is '" + choice.type + "', a plug-in that can't be loaded: " + reason);
-  }
 }
 
 }  // namespace
@@ -81,7 +60,12 @@ SourceChoice chooseSource(const ros::NodeHandle& pnh) {
   } else if (std::find(built_in.begin(), built_in.end(), choice.type) != built_in.end()) {
     choice.source = makeSource(choice.type);
   } else {
-    load(choice, "parameter " + name);
+    std::vector<std::string> known = {"bag"};
+    known.insert(known.end(), built_in.begin(), built_in.end());
+    auto plug_in =
+        loadPlugIn<StrainSource>("StrainSource", choice.type, "parameter " + name, known);
+    choice.loader = std::move(plug_in.loader);
+    choice.source = std::move(plug_in.object);
   }
   try {
     choice.source->configure(map);

@@ -99,14 +99,17 @@ class Bridge : public ::testing::Test {
 
   ros::Time time() const { return ros::Time(100.0) + ros::Duration(blocks_ * kBlock); }
 
-  /// A block of samples, the arm's state, the answer with all commands; waits for the bridge's.
-  void block() {
-    ++blocks_;
+  void tellJoints() {
     sensor_msgs::JointState joints;
     joints.header.stamp = time();
     joints.name = kinematics_.names();
     joints.position.assign(q_.begin(), q_.end());
     joints_pub_.publish(joints);
+  }
+  /// A block of samples, the arm's state, the answer with all commands; waits for the bridge's.
+  void block() {
+    ++blocks_;
+    tellJoints();
     for (std::size_t i = 0; i < 2; ++i) {
       WrenchSamples samples;
       samples.header.stamp = time() - ros::Duration((kSamples - 1) * kBlock / kSamples);
@@ -317,6 +320,97 @@ TEST_F(Bridge, AnotherSessionsCommandsAreRefused) {
     const auto state = state_.last();
     return state && state->refused_reason == "held_by_another";
   }));
+}
+
+/// The same arm with one limit of one joint changed, as the bridge reads it.
+std::string withLimit(const std::string& joint, const std::string& limit, double value) {
+  std::string urdf = armUrdf();
+  const std::size_t from =
+      urdf.find(limit + "=\"", urdf.find("<limit", urdf.find("name=\"" + joint)));
+  const std::size_t begin = from + limit.size() + 2;
+  return urdf.replace(begin, urdf.find('"', begin) - begin, std::to_string(value));
+}
+
+/// A bridge that stops nobody: what isn't the joints' is as wide as it goes.
+class Joints : public Bridge {
+ protected:
+  void SetUp() override {}
+  // from where the arm stood at first
+  void begin(const std::string& urdf) {
+    if (bridge_) bridge_->stop();
+    nh_.setParam("arm_description", urdf);
+    session_ = commands_ = 0;
+    blocks_ += 100;  // a later time, so that nothing of the last run counts
+    q_ = first_;
+    tellJoints();  // latched: the next bridge doesn't begin where the last one ended
+    points_.clear();
+    start({"_max_speed:=0.25", "_max_acceleration:=10", "_delay:=0", "_max_force:=1e5",
+           "_max_torque:=1e5", "_max_raw_force:=1e6", "_max_raw_torque:=1e6", "_max_following:=1",
+           "_max_following_turn:=10"});
+    session_ = 2;
+    blocks(2);
+  }
+  // after the move: how far each joint went, and how fast at most [rad], [rad/s]
+  void goThere() {
+    go(there_);
+    for (int i = 0; i < 200 && !there() && !state_.last()->held; ++i) blocks(1);
+    blocks(10);
+    ASSERT_FALSE(HasFatalFailure());
+    low_ = high_ = first_;
+    fastest_ = JointVector::Zero(6);
+    for (const auto& point : points_.all()) {
+      const auto& p = point->points.at(0);
+      const JointVector q = JointVector::Map(p.positions.data(), 6);
+      low_ = low_.cwiseMin(q);
+      high_ = high_.cwiseMax(q);
+      fastest_ = fastest_.cwiseMax(JointVector::Map(p.velocities.data(), 6).cwiseAbs());
+    }
+  }
+  bool there() const { return (carrier().p - there_.p).norm() < 1e-4; }
+  bool heldBy(const std::string& joint) {
+    return waitForReason("unreachable: ") && state_.last()->reason.find(joint) != std::string::npos;
+  }
+
+  const JointVector first_ = q_;
+  const Pose there_{rotationFromVector({Eigen::Vector3d(0.15, -0.1, 0.2)}), {0.05, 0.04, 0.02}};
+  JointVector low_, high_, fastest_;
+};
+
+// The same command with the URDF's own limits and with one of them tight: each is all that stands
+// between the command and the motion. No joint passes it by a point.
+TEST_F(Joints, EachPositionLimitHoldsByItself) {
+  begin(armUrdf());
+  goThere();
+  ASSERT_TRUE(there()) << bridge_->output();
+  ASSERT_FALSE(state_.last()->held) << state_.last()->reason;
+  const JointVector way = q_ - first_;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    const std::string& joint = kinematics_.names()[static_cast<std::size_t>(k)];
+    ASSERT_GT(std::abs(way(k)), 0.01) << joint;
+    const double limit = first_(k) + 0.5 * way(k);
+    begin(withLimit(joint, way(k) > 0.0 ? "upper" : "lower", limit));
+    goThere();
+    EXPECT_TRUE(heldBy(joint)) << joint << ": " << state_.last()->reason;
+    EXPECT_FALSE(there()) << joint;
+    // std::to_string has six digits
+    EXPECT_LE(way(k) > 0.0 ? high_(k) - limit : limit - low_(k), 1e-6) << joint;
+  }
+}
+
+TEST_F(Joints, EachSpeedLimitHoldsByItself) {
+  begin(armUrdf());
+  goThere();
+  ASSERT_TRUE(there()) << bridge_->output();
+  const JointVector free = fastest_;
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    const std::string& joint = kinematics_.names()[static_cast<std::size_t>(k)];
+    const double limit = 0.5 * free(k);
+    begin(withLimit(joint, "velocity", limit));
+    goThere();
+    EXPECT_TRUE(heldBy(joint)) << joint << ": " << state_.last()->reason;
+    EXPECT_FALSE(there()) << joint;
+    EXPECT_LE(fastest_(k), limit + 1e-6) << joint;
+  }
 }
 
 TEST(BadParameters, EndTheNodeWithALine) {

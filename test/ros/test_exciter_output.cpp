@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -28,6 +29,7 @@ namespace {
 using test::Child;
 using test::executable;
 using test::Record;
+using test::sourceFile;
 using test::waitFor;
 
 /// The bridge: its sign of life, and what it lets pass of the exciter.
@@ -58,6 +60,12 @@ class ExciterOutput : public ::testing::Test {
     std::remove(path_.c_str());
   }
 
+  // the package of the example is among those that rospack sees
+  void withExample() {
+    const char* packages = std::getenv("ROS_PACKAGE_PATH");
+    environment_ = {"ROS_PACKAGE_PATH=" + sourceFile("test/example_shaker") + ":" +
+                    (packages == nullptr ? "" : packages)};
+  }
   // timeout: a busy machine is no dead bridge
   void start(const std::map<std::string, std::string>& shaker, double timeout = 3.0) {
     ros::param::set("/exciter_output/timeout", timeout);
@@ -72,7 +80,8 @@ class ExciterOutput : public ::testing::Test {
         ros::param::set(name, value);
       }
     }
-    node_ = std::make_unique<Child>(std::vector<std::string>{executable("exciter_output")});
+    node_ = std::make_unique<Child>(std::vector<std::string>{executable("exciter_output")},
+                                    environment_);
   }
   void startAudio() {
     start({{"type", "audio"},
@@ -113,6 +122,7 @@ class ExciterOutput : public ::testing::Test {
   ros::Publisher exciter_, pose_;
   std::atomic<bool> alive_{true}, quit_{false};
   std::thread beat_;
+  std::vector<std::string> environment_;
   std::unique_ptr<Child> node_;
 };
 
@@ -211,9 +221,33 @@ TEST_F(ExciterOutput, MotorRunsUpIsMeasuredAndRunsDown) {
   EXPECT_TRUE(waitFor([this] { return speed_.last()->data == 0.0 && !on(); })) << node_->output();
 }
 
+// A class in another library, found by its name, with its own keys and its own refusals.
+TEST_F(ExciterOutput, LoadsAPlugInFromAnotherPackage) {
+  withExample();
+  start({{"type", "assembly_cell_example_shaker/Ideal"}, {"largest", "8"}});
+  ASSERT_TRUE(waitFor([this] {
+    return done_.last() && exciter_.getNumSubscribers() > 0 && pose_.getNumSubscribers() > 0;
+  })) << node_->output();
+  const auto begun = [&] {  // once it has heard the bridge
+    shake(5.0, 600.0);
+    return waitFor([this] { return on(); }, 1.0);
+  };
+  ASSERT_TRUE(waitFor(begun)) << node_->output();
+  EXPECT_EQ(done_.last()->amplitude, 5.0);
+  const auto refused = [&] {  // a warning a second; the node itself would take 10 N
+    shake(9.0, 600.0);
+    return warned("give at most 8 (largest)", 1.1);
+  };
+  ASSERT_TRUE(waitFor(refused)) << node_->output();
+  EXPECT_TRUE(on());
+  alive_ = false;
+  EXPECT_TRUE(waitFor([this] { return !on(); })) << node_->output();
+}
+
 TEST_F(ExciterOutput, RefusesABadShakerInOneLine) {
   const auto refusal = [this](const std::map<std::string, std::string>& shaker) {
     ros::param::del("/exciter_output");
+    withExample();
     start(shaker);
     EXPECT_EQ(node_->wait(), 1) << node_->output();
     return node_->output();
@@ -225,6 +259,13 @@ TEST_F(ExciterOutput, RefusesABadShakerInOneLine) {
           .find("no_such_card"),
       std::string::npos);
   EXPECT_NE(refusal({}).find("shaker is no map"), std::string::npos);
+  // the known types are named, those of other packages too
+  EXPECT_NE(refusal({{"type", "assembly_cell_example_shaker/Missing"}})
+                .find("assembly_cell_example_shaker/Ideal"),
+            std::string::npos);
+  EXPECT_NE(
+      refusal({{"type", "assembly_cell_example_shaker/Ideal"}, {"larges", "8"}}).find("larges"),
+      std::string::npos);
 }
 
 }  // namespace
