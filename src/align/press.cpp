@@ -289,8 +289,12 @@ void PressController::moveTo(const RestPose& target, bool to_the_end) {
     }
     command.rest.reset();
   }
-  throw AlignError(AlignFailure::kNotArrived,
-                   line("carrier at z %.4f m instead of %.4f m", last_.carrier.z, target.z));
+  const RestPose& at = last_.carrier;
+  const double away = std::hypot(at.x - target.x, at.y - target.y, at.z - target.z);
+  throw AlignError(
+      AlignFailure::kNotArrived,
+      line("the carrier comes no nearer than %.3f mm to where it was sent, %.1f N on the peg",
+           away * 1e3, force().norm()));
 }
 
 void PressController::nudge(const RestPose& target) {

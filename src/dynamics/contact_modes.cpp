@@ -70,6 +70,22 @@ void turnSlip(const System& s, Context& c, Evaluation& e) {
   }
 }
 
+// A point that begins to slip goes where its friction pushes it: no slip. As the force between two
+// sticking points may be larger than kLoads allows, they stick with more of it.
+bool slipsAstray(const System& s, double limit, const Context& c, const Evaluation& e) {
+  int resting = 0;
+  for (const std::size_t i : Slots(e.active())) resting += c.slots[i].armed ? 0 : 1;
+  if (resting < 2) return false;
+  const Body body = bodyOf(s, e.k);
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode != Mode::kSlip || c.slots[i].armed) continue;
+    const Vec3& normal = e.point(i).normal;
+    const Vec3 friction = e.contacts[i].force - e.contacts[i].normal_force * normal;
+    if (accelerationOf(body, e, i).dot(friction) > limit * friction.norm()) return true;
+  }
+  return false;
+}
+
 // Slip that has begun one way and goes another gets the friction of its velocity. Where that brakes
 // it, it would come to rest at once: it is put to rest, and all is to be decided anew (true).
 bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
@@ -214,6 +230,10 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     if (!changeWorst(s, limit, pass < kPasses / 2, c, e)) break;
   }
   turnSlip(s, c, e);
+  if (!s.rigid && e.loads < kWedgeLoads && slipsAstray(s, limit, c, e)) {
+    e.loads = kWedgeLoads;
+    return decide(s, tried, c, e);
+  }
   if (tried == Tried::kNothing && stopTurnedSlip(s, c, e)) return decide(s, Tried::kStop, c, e);
   if (!s.rigid && tried != Tried::kJamAll && slips(c.slots) &&
       (e.wedge_margin < 2.0 * kWedged || contradicted(s, limit, c, e))) {
@@ -302,7 +322,10 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
   }
 }
 
-void decide(const System& s, Context& c, Evaluation& e) { decide(s, Tried::kNothing, c, e); }
+void decide(const System& s, Context& c, Evaluation& e) {
+  e.loads = kLoads;
+  decide(s, Tried::kNothing, c, e);
+}
 
 void keepDepth(std::size_t i, double handed, Context& c, Evaluation& e) {
   const double deeper = e.contacts[i].gap - handed;

@@ -29,6 +29,8 @@ constexpr double kWedged = 1e-3;
 // As much force between two sticking points, of their load: with less a peg that rests wedged
 // begins to slide. 7 scenes each; jammed runs take 43 % and 14 % more.
 constexpr double kLoads = 2.0;
+// The same where no slip is consistent: what the peg's stiffness allows, a wedge holds.
+constexpr double kWedgeLoads = 100.0;
 // Approach let be after an impact, over the rounding of impulses: 3 scenes and one, by 3 nm.
 constexpr double kSettledSpeed = 1e-9;  // [m/s]
 

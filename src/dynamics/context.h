@@ -114,6 +114,7 @@ struct Evaluation {
   ContactSet closed_set, open_set;  ///< their points, and the others'
   std::array<ContactKinematics, kSlots> contacts;
   double wedge_margin = 1.0;        ///< of the slipping points, as of wedgeMargin()
+  double loads = 0.0;               ///< force between sticking points, of their load, at most
   double moved = 0.0, speed = 0.0;  ///< of the edge since the step's start, and now: bounds
   bool clear = false;               ///< open slots were left out by these bounds, none is closed
   std::int64_t count = 0;           ///< right-hand sides so far

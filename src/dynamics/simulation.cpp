@@ -313,7 +313,7 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
   for (const std::size_t i : Slots(e.active())) {
     if (slots[i].mode == Mode::kStick) sticking |= 1u << i;
   }
-  if (__builtin_popcount(sticking) == 2) shareInternalForces(s, sticking, kLoads, e);
+  if (__builtin_popcount(sticking) == 2) shareInternalForces(s, sticking, e.loads, e);
   std::array<ContactReport, kSlots> report;
   for (std::size_t i = 0; i < kSlots; ++i) {
     ContactReport& r = report[i];
