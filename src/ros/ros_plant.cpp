@@ -30,7 +30,8 @@ constexpr double kRounding = 0.01;   // of a sample's period, at a window's ends
 // of the default cell: ±5 V in 16 bit
 constexpr double kConverterStep = 10.0 / 65536.0;
 
-constexpr double kConnectionCheck = 5.0;  // wall clock [s]
+// wall clock; twice, before the plant gives up waiting in lockstep (~ack_timeout) [s]
+constexpr double kConnectionCheck = 2.0;
 constexpr double kThinking =
     2.0;  // a strategy that says nothing for longer holds no plant [s wall]
 
@@ -138,11 +139,12 @@ void RosPlant::subscribe(const std::string& topic) {
 // Of the newest block, if it has begun to come in.
 std::vector<std::string> RosPlant::missingParts() const {
   const bool part_of_block = !parts_.empty() && (!done_ || parts_.rbegin()->first != *done_);
+  const Parts parts = part_of_block ? parts_.rbegin()->second : Parts{};
   const bool carrier_ahead =
-      !carrier_poses_.empty() && carrier_poses_.back()->header.stamp > done_end_;
+      parts.wrench_b ? carrierAtEndOf(*parts.wrench_b) != nullptr
+                     : !carrier_poses_.empty() && carrier_poses_.back()->header.stamp > done_end_;
   if (!part_of_block && !carrier_ahead) return {};
   std::vector<std::string> missing;
-  const Parts parts = part_of_block ? parts_.rbegin()->second : Parts{};
   if (!parts.wrench_a) missing.emplace_back(kWrenchA);
   if (!parts.wrench_b) missing.emplace_back(kWrenchB);
   if (!parts.displacement_b) missing.emplace_back(kDisplacementB);
@@ -221,20 +223,24 @@ RosPlant::Parts& RosPlant::partsOf(std::uint32_t sequence) {
   return parts_.emplace_back(sequence, Parts{}).second;
 }
 
+geometry_msgs::PoseStamped::ConstPtr RosPlant::carrierAtEndOf(const WrenchSamples& block) const {
+  const ros::Time end = endOf(block, block.wrench.size());
+  const ros::Duration tolerance(0.5 * block.period);
+  geometry_msgs::PoseStamped::ConstPtr carrier;
+  for (const auto& pose : carrier_poses_) {
+    if (pose->header.stamp >= end - tolerance && pose->header.stamp <= end + tolerance) {
+      carrier = pose;
+    }
+  }
+  return carrier;
+}
+
 void RosPlant::assemble() {
   for (auto it = parts_.begin(); it != parts_.end(); ++it) {
     const Parts& parts = it->second;
     if (!parts.wrench_a || !parts.wrench_b || !parts.displacement_b) continue;
 
-    // the carrier's pose at the block's end
-    const ros::Time end = endOf(*parts.wrench_b, parts.wrench_b->wrench.size());
-    const ros::Duration tolerance(0.5 * parts.wrench_b->period);
-    geometry_msgs::PoseStamped::ConstPtr carrier;
-    for (const auto& pose : carrier_poses_) {
-      if (pose->header.stamp >= end - tolerance && pose->header.stamp <= end + tolerance) {
-        carrier = pose;
-      }
-    }
+    const geometry_msgs::PoseStamped::ConstPtr carrier = carrierAtEndOf(*parts.wrench_b);
     if (!carrier) continue;
 
     Block block;

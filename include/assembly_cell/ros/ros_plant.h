@@ -125,6 +125,7 @@ class RosPlant : public Plant {
   void onDisplacementB(const DisplacementSamples::ConstPtr& message);
   void onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message);
   void subscribe(const std::string& topic);
+  geometry_msgs::PoseStamped::ConstPtr carrierAtEndOf(const WrenchSamples& block) const;
   std::vector<std::string> missingParts() const;
   void checkConnections();
   Parts& partsOf(std::uint32_t sequence);
