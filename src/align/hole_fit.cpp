@@ -10,6 +10,7 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kHeightFloor = 3e-5;  // heights within this always agree [m]
+constexpr double kHeightSd = 5e-6;     // of a contact besides its direction's [m]
 constexpr double kLowTolerance =
     0.05;                             // a contact this near the lowest point is on the plane [rad]
 constexpr double kMinScatter = 0.25;  // residuals are never taken for less than 0.5 sd, squared
@@ -18,10 +19,15 @@ constexpr double kDirectionFloor = 1e-3;   // sd of a direction, model included 
 constexpr double kBranchDirection = 0.02;  // sd of a direction where centres compete [rad]
 constexpr double kExplained = 0.008;       // off an expected direction by less is no error [rad]
 constexpr std::size_t kFewest = 5;         // readings for a plane with something left over
-constexpr int kMinRim = 4;
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
+
+// weight of a contact's height: an error of its direction moves it up or down the peg's tilted edge
+double heightWeight(const HoleReading& r, double radius, const Vec3& normal) {
+  const Vec3 along = r.X_SP.R * Vec3(-std::sin(r.alpha), std::cos(r.alpha), 0.0);
+  return 1.0 / (1.0 + std::pow(radius * normal.dot(along) * r.sd / kHeightSd, 2));
+}
 
 double wrapPi(double a) { return std::remainder(a, 2 * M_PI); }
 
@@ -143,14 +149,16 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
         if (std::abs(there) < std::abs(here) && !r.end_known) r.alpha = opposite;
         const double least =
             r.end_known ? std::abs(here) : std::min(std::abs(here), std::abs(there));
-        take = least < std::max(kHeightFloor, 4 * spread);
+        take = least * std::sqrt(heightWeight(r, radius, e.normal)) <
+               std::max(kHeightFloor, 4 * spread);
       }
       r.kind = take ? HoleReading::kPlane : HoleReading::kOut;
       if (!take) continue;
       const Vec3 p = contactPoint(r, radius, r.alpha);
       const Vec3 row(1.0, p.x(), p.y());
-      A += row * row.transpose();
-      b += row * p.z();
+      const double weight = heightWeight(r, radius, e.normal);
+      A += weight * row * row.transpose();
+      b += weight * row * p.z();
       ++n;
     }
     if (n < kFewest) {
@@ -167,7 +175,7 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
     for (const HoleReading& r : readings) {
       if (r.kind == HoleReading::kOut) continue;
       const double d = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
-      sum += d * d;
+      sum += heightWeight(r, radius, e.normal) * d * d;
     }
     spread = std::sqrt(sum / static_cast<double>(n - 3));
     const Mat3 inverse = lu.inverse();
@@ -184,7 +192,7 @@ Eigen::Matrix<double, 3, 2> planeAxes(const Vec3& normal) {
 }
 
 FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
-                  HoleEstimate& e) {
+                  HoleEstimate& e, int least_rim) {
   const FitStatus status = fitPlane(peg_radius, readings, e);
   if (!status.good()) return status;
 
@@ -211,8 +219,8 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
     }
   }
   middle /= e.plane_readings + e.rim_readings;
-  if (e.rim_readings < kMinRim) {
-    return {AlignFailure::kNoHoleUnderEdge, "fewer than 4 contacts on the rim"};
+  if (e.rim_readings < least_rim) {
+    return {AlignFailure::kNoHoleUnderEdge, "too few contacts on the rim"};
   }
 
   // the circle through two points has two centres: start in every direction; of all that fit, the

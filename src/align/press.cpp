@@ -143,7 +143,10 @@ int PressController::timed(int blocks) const {
 }
 
 const PlantBlock& PressController::step(const PlantCommand& command) {
-  last_ = plant_.next(command);
+  PlantCommand all = command;
+  if (exciter_ && !all.exciter) all.exciter = exciter_;
+  exciter_.reset();
+  last_ = plant_.next(all);
   to_end_ = std::max(0, to_end_ - 1);
   saturated_ = last_.saturated ? saturated_ + 1 : 0;
   // before the tare the peg may still swing
@@ -358,13 +361,13 @@ bool PressController::approach(double floor) {
   return true;
 }
 
-void PressController::hold(double force, double tolerance) {
+void PressController::hold(double force, double tolerance, bool settled) {
   // secant steps to the force
   RestPose target = target_;
   const double start = target.z;
   const Scale& scale = limits_.scale;
   const double stiffer = scale.force / scale.sink;
-  wait(timed(kSettleBlocks));
+  if (!settled) wait(timed(kSettleBlocks));
   for (int i = 0; i < kHoldSteps; ++i) {
     const double before = forceZ();
     if (std::abs(before - force) <= tolerance * force) return;

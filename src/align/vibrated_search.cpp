@@ -14,8 +14,16 @@ using Mat3 = Eigen::Matrix3d;
 
 constexpr double kMostLean = 0.5;  // of the peg on the plane: the model of small motions [rad]
 constexpr double kLonger = 4.0;    // window of a second reading: half the noise
-constexpr double kFirmer = 0.7;    // exciter, and press over it, where a contact slipped: half the
-                                   // friction asked for
+constexpr double kNoise =
+    1e-3;  // of a direction that a window needn't go below: the fit's floor [rad]
+constexpr double kPeriods = 7.0;  // of the exciter in the shortest window
+constexpr double kFirmer = 0.7;   // exciter, and press over it, where a contact slipped: half the
+                                  // friction asked for
+constexpr double kClearlyLow = 0.6;  // cosine from the low side
+constexpr double kSpread =
+    0.02;  // of them round the edge, determinant: 0.06 for 0, 72 and 144 degrees
+constexpr double kOver = 0.5;    // of the lift, over a known plane
+constexpr double kRough = 5e-4;  // over a plane that is roughly known, before a turn [m]
 constexpr int kAttempts = 4;
 constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
 constexpr double kMaxTilt = 0.14;      // 8 degrees [rad]
@@ -25,7 +33,7 @@ constexpr double kUnknownTilt = 0.05;  // that the peg may have begun with [rad]
 constexpr double kHoverGive = 4e-4;    // sideways, to find out whether the peg is free, and twice
                                        // the clearance [m]
 constexpr double kHoverForce = 1.0;    // [N]
-constexpr int kHoverBlocks = 3, kHoverSteps = 6;
+constexpr int kHoverBlocks = 3, kHoverSteps = 3;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
 
 // what another attempt would end with, too
@@ -109,10 +117,8 @@ void VibratedSearch::recover(const AlignError& error, int attempt) {
 
 void VibratedSearch::goAside() { bottom_ += wayAside(tilt_ + (planeKnown() ? 0.0 : kUnknownTilt)); }
 
-void VibratedSearch::exciter(double amplitude) {
-  PlantCommand command;
-  command.exciter = ExciterParameters{amplitude, vibration_.frequency, 0.0, p_.exciter_direction};
-  press_.step(command);
+void VibratedSearch::exciterNext(double amplitude) {
+  press_.exciterNext({amplitude, vibration_.frequency, 0.0, p_.exciter_direction});
 }
 
 // rest height at which a peg tilted by R must have touched unless its edge is in the hole: outside,
@@ -171,10 +177,44 @@ double VibratedSearch::clearance(const Mat3& R) const {
   const Mat3 before = (inverse(X_BS_) * poseFromRest(press_.target())).R;
   const double turn = std::acos(std::clamp(R.col(2).dot(before.col(2)), -1.0, 1.0));
   const double travel = mechanism_.peg.radius * turn;
-  if (!planeKnown()) return travel;
-  const double low = mechanism_.peg.radius *
-                     std::sqrt(std::max(0.0, 1.0 - std::pow(hole_.normal.dot(R.col(2)), 2)));
-  return std::clamp(low + p_.lift - hole_.normal.dot(bottom_) + hole_.height, 0.0, travel);
+  Vec3 normal = hole_.normal;
+  double height = hole_.height, above = kOver * p_.lift;
+  if (!planeKnown()) {
+    const std::optional<Vec3> rough = roughPlane();
+    if (!rough) return travel;
+    normal = Vec3(-rough->x(), -rough->y(), 1.0).normalized();
+    height = rough->z() * normal.z();
+    above = kRough * scale_.room;
+  }
+  const double low =
+      mechanism_.peg.radius * std::sqrt(std::max(0.0, 1.0 - std::pow(normal.dot(R.col(2)), 2)));
+  return std::clamp(low + above - normal.dot(bottom_) + height, 0.0, travel);
+}
+
+// slopes and height over the origin of a plane through the contacts so far that were clearly on the
+// peg's low side
+std::optional<Vec3> VibratedSearch::roughPlane() const {
+  Mat3 A = Mat3::Zero();
+  Vec3 b = Vec3::Zero();
+  int n = 0;
+  for (const Felt& felt : felt_) {
+    const Pose& peg = felt.reading.X_SP;
+    const Vec3 edge(std::cos(felt.reading.alpha), std::sin(felt.reading.alpha), 0.0);
+    const Vec3 side = peg.R * edge;
+    const double low = side.dot((peg.R.col(2) - hole_.normal).normalized());
+    if (std::abs(low) < kClearlyLow) continue;
+    const Vec3 at = (peg.p - bottom_) / mechanism_.peg.radius + std::copysign(1.0, low) * side;
+    const Vec3 row(at.x(), at.y(), 1.0);
+    ++n;
+    A += row * row.transpose();
+    b += row * at.z();
+  }
+  if (n < 3 || A.determinant() < kSpread * n * n * n) return {};
+  Vec3 plane = A.inverse() * b;
+  if (plane.head<2>().norm() > kUnknownTilt) return {};
+  plane.z() =
+      bottom_.z() + mechanism_.peg.radius * plane.z() - plane.head<2>().dot(bottom_.head<2>());
+  return plane;
 }
 
 Mat3 VibratedSearch::lowAt(double low) const {
@@ -216,9 +256,9 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
   }
 
   shake(vibration_);
-  feel(p_.window, felt);
+  feel(window(), felt);
   if (felt.seen.advice != ReadingAdvice::kNone) feelAgain(state, felt);
-  exciter(0.0);
+  exciterNext(0.0);
   std::string note = toString(felt.seen.mode.mode);
   if (felt.seen.direction) {
     note += text(", direction %.2f deg, sd %.2f", felt.reading.alpha * 180 / M_PI,
@@ -228,22 +268,27 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
   if (!felt.usable) note += ": left out";
   report(state, note);
 
-  // clear of the plane for the next tilt
+  // the way to the next tilt begins there: all of the edge goes up from the first on
   touch.z += p_.lift;
-  press_.moveTo(touch);
   bottom_ = pegPose(touch, Vector6::Zero()).p;
   return true;
 }
 
-// presses and shakes harder than the reading will, so that friction keeps no preload near its limit
+// as long as the noise asks for
+double VibratedSearch::window() const {
+  const double least = kPeriods * 2 * M_PI / vibration_.frequency;
+  const double enough = p_.window * std::pow(vibration_.direction_sd / kNoise, 2);
+  return std::min(p_.window, std::max(least, enough));
+}
+
+// shakes harder than the reading will while it presses, so that friction keeps no preload near its
+// limit
 void VibratedSearch::shake(const VibrationPoint& vibration) {
   vibration_ = vibration;
-  press_.hold(vibration_.press, p_.press_tolerance);
-  exciter(p_.shake * vibration_.amplitude);
-  press_.wait(blocks(p_.settle));
-  exciter(vibration_.amplitude);
-  press_.hold(vibration_.press, p_.press_tolerance);
-  press_.wait(blocks(p_.settle));
+  exciterNext(p_.shake * vibration_.amplitude);
+  press_.hold(vibration_.press, p_.press_tolerance, true);
+  exciterNext(vibration_.amplitude);
+  press_.wait(1 + blocks(p_.settle));
 }
 
 // one reading of the contact that is shaken
@@ -301,7 +346,7 @@ void VibratedSearch::feelAgain(const char* state, Felt& felt) {
     firm.press = std::min(firm.press / kFirmer, kPressReserve * p_.force_limit);
   }
   shake(firm);
-  feel(p_.window, felt);
+  feel(window(), felt);
   if (!felt.usable) vibration_ = before;
 }
 
@@ -359,7 +404,7 @@ bool VibratedSearch::level() {
 }
 
 // directions need the plane's normal, the plane needs directions: a few turns settle both
-void VibratedSearch::resolve() {
+FitStatus VibratedSearch::fit(int least_rim) {
   std::vector<HoleReading> readings(felt_.size());
   for (int turn = 0; turn < 4; ++turn) {
     for (std::size_t i = 0; i < felt_.size(); ++i) {
@@ -367,10 +412,16 @@ void VibratedSearch::resolve() {
       readings[i] = felt_[i].reading;
     }
     const FitStatus status =
-        fitHole(mechanism_.peg.radius, mechanism_.hole.radius, readings, hole_);
-    if (!status.good()) throw AlignError(status.failure, status.message);
+        fitHole(mechanism_.peg.radius, mechanism_.hole.radius, readings, hole_, least_rim);
     for (std::size_t i = 0; i < felt_.size(); ++i) felt_[i].reading = readings[i];
+    if (!status.good()) return status;
   }
+  return {};
+}
+
+void VibratedSearch::resolve() {
+  const FitStatus status = fit(kRimReadings);
+  if (!status.good()) throw AlignError(status.failure, status.message);
   found_ = true;
   position_sd_ = std::sqrt(hole_.center_covariance.trace());
   rotation_sd_ = hole_.normal_sd;

@@ -249,9 +249,10 @@ const Case kCases[] = {
        s.parameters.rounds = 1;
      },
      [](FaultyPlant& plant) {
-       // the rim on one side says nothing
+       // three quarters of the rim say nothing
        plant.on_block = [&plant](PlantBlock& b) {
-         if (b.locus && plant.point.y() > 0.0 && plant.point.head<2>().norm() < 0.0256) {
+         const bool hidden = plant.point.y() > 0.0 || plant.point.x() > 0.0;
+         if (b.locus && hidden && plant.point.head<2>().norm() < 0.0256) {
            b.locus->mode.mode = LocusMode::kUndecided;
          }
        };

@@ -125,10 +125,18 @@ TEST(FailureCases, NoMovementAndUndecided) {
       const int readings = dead ? 1 : 2;
       EXPECT_LE(result.contacts, 4 * 6 * readings);
       ASSERT_FALSE(watched.windows.empty());
-      for (std::size_t k = 0; k < watched.windows.size(); ++k) {
-        const bool again = !dead && k % 2 == 1;
-        EXPECT_DOUBLE_EQ(watched.windows[k], (again ? 4 : 1) * p.window) << k;
+      std::size_t longer = 0;
+      for (const double window : watched.windows) {
+        longer += window > p.window ? 1 : 0;
+        if (window > p.window) {
+          EXPECT_DOUBLE_EQ(window, 4 * p.window);
+        } else {
+          EXPECT_GE(window, 7 * 2 * M_PI / 450);  // periods of the exciter
+        }
       }
+      // a contact that slips is read again as long, but pressed more
+      EXPECT_LE(longer, dead ? 0 : watched.windows.size() / 2);
+      EXPECT_GE(longer, dead ? 0 : watched.windows.size() / 3);
     }
   }
 }

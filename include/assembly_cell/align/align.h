@@ -34,10 +34,10 @@ struct AlignParameters {
   double exciter_frequency = 0.0;  ///< 0: chosen, see chooseVibration() [rad/s]
   int exciter_direction = 1;
   double shake = 1.5;             ///< exciter while the contact settles, times its amplitude
-  double settle = 0.1;            ///< vibrating before a reading, each of shaken and not [s]
-  double window = 0.2;            ///< of one reading [s]
+  double settle = 0.1;            ///< before a reading, after the exciter shook harder [s]
+  double window = 0.2;            ///< of one reading at most [s]
   double sweep_tilt = 0.052;      ///< commanded tilt of the sweep, about 3 degrees [rad]
-  int sweep_readings = 20;        ///< of all rounds
+  int sweep_readings = 20;        ///< of a round, with those for the plane, at most
   double direction_limit = 0.01;  ///< expected sd of a reading beyond which nothing is tried [rad]
   double lift = 3e-4;             ///< above the touch before a rotation [m]
   double insertion_depth = 5e-4;  ///< of the edge below the plane that counts as aligned [m]

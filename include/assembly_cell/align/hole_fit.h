@@ -24,6 +24,8 @@ struct HoleReading {
   bool explained = true;  ///< by fitHole: plane or an edge of the hole found lie in this direction
 };
 
+constexpr int kRimReadings = 4;  ///< that determine a hole and leave something over
+
 /// The hole in S.
 struct HoleEstimate {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< of the hole plane, out of the hole
@@ -54,9 +56,9 @@ FitStatus fitPlane(double peg_radius, std::vector<HoleReading>& readings, HoleEs
 /// in every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at
 /// distance hole_radius from the centre; the others on the plane, outside of it
 /// (docs/theory.md, "From contacts to the hole"). `estimate.normal` is the start.
-/// Resolves alpha and kind of every reading. Fails with kNoPlaneReading, kNoHoleUnderEdge or
-/// kOneEdgeOnly.
+/// Resolves alpha and kind of every reading. Fails with kNoPlaneReading, kNoHoleUnderEdge (fewer
+/// than `least_rim` contacts on the rim) or kOneEdgeOnly, which has the centre of the best circle.
 FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
-                  HoleEstimate& estimate);
+                  HoleEstimate& estimate, int least_rim = kRimReadings);
 
 }  // namespace assembly_cell

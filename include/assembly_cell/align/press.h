@@ -72,6 +72,8 @@ class PressController {
 
   /// One block with a command. Throws AlignError at a limit, PlantError when the plant fails.
   const PlantBlock& step(const PlantCommand& command);
+  /// The exciter goes out with the next step, unless that says otherwise.
+  void exciterNext(const ExciterParameters& exciter) { exciter_ = exciter; }
   const PlantBlock& wait(int blocks);
   const PlantBlock& last() const { return last_; }
 
@@ -115,7 +117,7 @@ class PressController {
   /// Lowers until the first touch. False when the rest height `floor` [m] was reached without one.
   bool approach(double floor);
   /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
-  void hold(double force, double tolerance);
+  void hold(double force, double tolerance, bool settled = false);
 
   /// Contact wrench, sensor_b axes about its origin; of the weight what it was at the tare, turned
   /// with the carrier since. [N], [N·m]
@@ -140,6 +142,7 @@ class PressController {
 
   Plant& plant_;
   PressLimits limits_;
+  std::optional<ExciterParameters> exciter_;  // of the next step
   PlantBlock last_;
   RestPose target_;
   Vector6 tare_ = Vector6::Zero(), zero_ = Vector6::Zero();  // latest, first

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "assembly_cell/align/search.h"
@@ -45,7 +46,9 @@ class VibratedSearch : public Search {
   Eigen::Matrix3d lowAt(double low) const;
   /// Plane alone from what was felt. False when it isn't determined.
   bool level();
-  /// Plane and centre from what was felt. Throws AlignError.
+  /// Plane and centre from what was felt, into hole_ and the readings; see fitHole().
+  FitStatus fit(int least_rim);
+  /// The same for good. Throws AlignError.
   void resolve();
   /// An edge that went in on the way says where the hole is.
   void takeEntry();
@@ -61,9 +64,11 @@ class VibratedSearch : public Search {
   VibrationPoint pointFor(double friction) const;
   void choosePoint();
   void shake(const VibrationPoint& vibration);
+  double window() const;
+  std::optional<Eigen::Vector3d> roughPlane() const;
   void feel(double window, Felt& felt);
   void feelAgain(const char* state, Felt& felt);
-  void exciter(double amplitude);
+  void exciterNext(double amplitude);
   double entryHeight(const Eigen::Matrix3d& R) const;
   double touchRange() const;
   bool caught();
