@@ -256,7 +256,8 @@ bool VibratedSearch::read(const Mat3& R, const char* state, Felt& felt, bool pre
   }
 
   shake(vibration_);
-  feel(window(), felt);
+  // whether both edges carry takes a longer look than where one does
+  feel(press_both ? p_.window : window(), felt);
   if (felt.seen.advice != ReadingAdvice::kNone) feelAgain(state, felt);
   exciterNext(0.0);
   std::string note = toString(felt.seen.mode.mode);
