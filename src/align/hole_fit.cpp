@@ -140,6 +140,7 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
       const double opposite = wrapPi(r.alpha + M_PI);
       const double here = e.normal.dot(contactPoint(r, radius, r.alpha)) - e.height;
       const double there = e.normal.dot(contactPoint(r, radius, opposite)) - e.height;
+      const double weight = heightWeight(r, radius, e.normal);  // of either end
       bool take;
       if (pass < 3) {
         // at first only what is clear: ends of a diameter well down the slope
@@ -149,14 +150,12 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
         if (std::abs(there) < std::abs(here) && !r.end_known) r.alpha = opposite;
         const double least =
             r.end_known ? std::abs(here) : std::min(std::abs(here), std::abs(there));
-        take = least * std::sqrt(heightWeight(r, radius, e.normal)) <
-               std::max(kHeightFloor, 4 * spread);
+        take = least * std::sqrt(weight) < std::max(kHeightFloor, 4 * spread);
       }
       r.kind = take ? HoleReading::kPlane : HoleReading::kOut;
       if (!take) continue;
       const Vec3 p = contactPoint(r, radius, r.alpha);
       const Vec3 row(1.0, p.x(), p.y());
-      const double weight = heightWeight(r, radius, e.normal);
       A += weight * row * row.transpose();
       b += weight * row * p.z();
       ++n;

@@ -148,18 +148,15 @@ class SingleContact : public VibratedSearch {
       return std::atan2(d.y(), d.x());
     };
     const auto turn = [](double a) { return std::remainder(a, 2 * M_PI); };
-    struct Edge {
-      double felt, low;
-    };
-    std::vector<Edge> edges;
+    std::vector<double> edges;
     std::optional<double> toward = straddled_;
     for (const Felt& felt : felt_) {
       const HoleReading& r = felt.reading;
       if (r.kind != HoleReading::kRim) continue;
       const Eigen::Vector3d at(std::cos(r.alpha), std::sin(r.alpha), 0.0);
-      const Edge edge{azimuth(r.X_SP.R * at), azimuth(r.X_SP.R.col(2))};
+      const double edge = azimuth(r.X_SP.R * at);
       edges.push_back(edge);
-      if (!toward) toward = edge.felt + std::copysign(kHalf, turn(edge.low - edge.felt));
+      if (!toward) toward = edge + std::copysign(kHalf, turn(azimuth(r.X_SP.R.col(2)) - edge));
     }
     double half = kHalf;
     if (status.good() || status.failure == AlignFailure::kOneEdgeOnly) {
@@ -167,9 +164,9 @@ class SingleContact : public VibratedSearch {
       toward = azimuth(d);
       half = std::acos(std::clamp(0.5 * d.norm() / mechanism_.peg.radius, 0.0, 1.0));
     }
-    if (!toward) return {};
+    if (!toward || felt_.empty()) return {};
     int left = 0, right = 0;
-    for (const Edge& edge : edges) ++(turn(edge.felt - *toward) > 0.0 ? left : right);
+    for (const double edge : edges) ++(turn(edge - *toward) > 0.0 ? left : right);
     const double last = azimuth(felt_.back().reading.X_SP.R.col(2));
     const bool to_left = left == right ? turn(last - *toward) > 0.0 : left < right;
     const double way = kWay + kWayStep * ((left + right) % 3);

@@ -117,6 +117,7 @@ class PressController {
   /// Lowers until the first touch. False when the rest height `floor` [m] was reached without one.
   bool approach(double floor);
   /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
+  /// `settled`: the force is, as after a light touch, and isn't waited for.
   void hold(double force, double tolerance, bool settled = false);
 
   /// Contact wrench, sensor_b axes about its origin; of the weight what it was at the tare, turned
