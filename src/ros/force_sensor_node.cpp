@@ -254,7 +254,8 @@ void ForceSensorNode::subscribe() {
         process(block);
         acknowledge(*block);
       },
-      [this](const StrainSamples& block, const std::string& why) { refuseBlock(block, why); });
+      [this](const StrainSamples& block, const std::string& why) { refuseBlock(block, why); },
+      lockstep_);
 }
 
 // ---- data path ----
@@ -285,6 +286,12 @@ void ForceSensorNode::process(const StrainSamples::ConstPtr& block) {
 }
 
 void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
+  if (lockstep_ && last_wrench_ && last_wrench_->sequence == block->sequence &&
+      last_wrench_->header.stamp == block->header.stamp) {
+    if (++repetitions_ > 1) repeat();
+    return;
+  }
+  repetitions_ = 0;
   const Arrival arrival = sequence_.accept(block->sequence);
   if (arrival == Arrival::kDuplicate) return;
   const std::size_t samples = block->saturated.size();
@@ -350,6 +357,7 @@ void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
 
   if (strain_pub_) strain_pub_.publish(block);
   wrench_samples_pub_.publish(wrench);
+  last_wrench_ = wrench;
   if (publish_displacement_ && (lockstep_ || displacement_samples_pub_.getNumSubscribers() > 0)) {
     publishDisplacement(*block, wrench->header);
   }
@@ -369,6 +377,13 @@ void ForceSensorNode::publishDisplacement(const StrainSamples& block,
         displacementFromVolts(calibration_, Volts(&block.volts[6 * k]));
   }
   displacement_samples_pub_.publish(message);
+  last_displacement_ = message;
+}
+
+// The plant asks again, and again: somebody after this node hasn't answered.
+void ForceSensorNode::repeat() {
+  wrench_samples_pub_.publish(last_wrench_);
+  if (last_displacement_) displacement_samples_pub_.publish(last_displacement_);
 }
 
 void ForceSensorNode::display(const ros::Time& end, double period, const Vector6& sum,

@@ -68,11 +68,12 @@ LocusNode::LocusNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
       nh_, "exciter", kQueue, [this](const Exciter::ConstPtr& m) { onExciter(m); }, hints);
   carrier_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
       nh_, "carrier_pose", kQueue,
-      [this](const geometry_msgs::PoseStamped::ConstPtr& m) { onCarrier(m); });
+      [this](const geometry_msgs::PoseStamped::ConstPtr& m) { onCarrier(m); }, nullptr, lockstep_);
   block_sub_ = subscribeStream<DisplacementSamples>(
       nh_, "sensor_b/displacement_samples", kQueue,
       [this](const DisplacementSamples::ConstPtr& m) { onBlock(m); },
-      [this](const DisplacementSamples& m, const std::string&) { acknowledge(m.sequence); });
+      [this](const DisplacementSamples& m, const std::string&) { acknowledge(m.sequence); },
+      lockstep_);
 }
 
 LocusNode::~LocusNode() {

@@ -13,9 +13,9 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kSilence = 5.0;                     // of a publisher that has gone, wall clock [s]
-constexpr double kWarnPeriod = 1.0;                  // of one topic, wall clock [s]
-constexpr FieldRange kFiniteField{-1e18, 1e18, ""};  // squares of it stay finite
+constexpr double kSilence = 5.0, kSilenceInLockstep = 60.0;  // of a publisher that has gone [s]
+constexpr double kWarnPeriod = 1.0;                          // of one topic, wall clock [s]
+constexpr FieldRange kFiniteField{-1e18, 1e18, ""};          // squares of it stay finite
 constexpr FieldRange kShareField{-1.001, 1.001, ""};
 constexpr std::size_t kMaxContacts = 10000;
 constexpr FieldRange kJointField{-1e3, 1e3, "rad"};     // some turns
@@ -262,10 +262,12 @@ ros::Time later(const ros::Time& stamp, double seconds) {
 
 // ---- streams ----
 
+StreamDoor::StreamDoor(bool lockstep) : silence_(lockstep ? kSilenceInLockstep : kSilence) {}
+
 std::string StreamDoor::judgePublisher(const std::string& publisher) {
   const ros::WallTime now = ros::WallTime::now();
   if (publisher != publisher_) {
-    if (!heard_.isZero() && (now - heard_).toSec() < kSilence) {
+    if (!heard_.isZero() && (now - heard_).toSec() < silence_) {
       return "the stream is that of " + publisher_ + ": end one of the two publishers";
     }
     publisher_ = publisher;

@@ -119,20 +119,20 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
 void RosPlant::subscribe(const std::string& topic) {
   ros::Subscriber& sub = subs_[topic];
   if (topic == kWrenchA) {
-    sub =
-        subscribeStream<WrenchSamples>(nh_, topic, kQueue, [this](const auto& m) { onWrenchA(m); });
+    sub = subscribeStream<WrenchSamples>(
+        nh_, topic, kQueue, [this](const auto& m) { onWrenchA(m); }, nullptr, lockstep_);
   }
   if (topic == kWrenchB) {
-    sub =
-        subscribeStream<WrenchSamples>(nh_, topic, kQueue, [this](const auto& m) { onWrenchB(m); });
+    sub = subscribeStream<WrenchSamples>(
+        nh_, topic, kQueue, [this](const auto& m) { onWrenchB(m); }, nullptr, lockstep_);
   }
   if (topic == kCarrier) {
-    sub = subscribeStream<geometry_msgs::PoseStamped>(nh_, topic, kQueue,
-                                                      [this](const auto& m) { onCarrierPose(m); });
+    sub = subscribeStream<geometry_msgs::PoseStamped>(
+        nh_, topic, kQueue, [this](const auto& m) { onCarrierPose(m); }, nullptr, lockstep_);
   }
   if (topic == kDisplacementB) {
-    sub = subscribeStream<DisplacementSamples>(nh_, topic, kQueue,
-                                               [this](const auto& m) { onDisplacementB(m); });
+    sub = subscribeStream<DisplacementSamples>(
+        nh_, topic, kQueue, [this](const auto& m) { onDisplacementB(m); }, nullptr, lockstep_);
   }
 }
 

@@ -24,9 +24,10 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;                          // wherever every sample counts
-constexpr std::chrono::seconds kConnectionCheck{5};  // wall clock
-constexpr double kStamp = 1e-6;                      // rounding of stamps [s]
+constexpr int kQueue = 100;                   // wherever every sample counts
+constexpr std::chrono::seconds kAskAgain{2};  // of who has not answered a block, wall clock
+constexpr int kConnectionCheck = 3;           // so many of them
+constexpr double kStamp = 1e-6;               // rounding of stamps [s]
 
 std::int64_t nanoseconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
@@ -149,8 +150,9 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   lease_sub_ = nh_.subscribe("lease", kQueue, &SimulatorNode::onLease, this,
                              ros::TransportHints().tcpNoDelay());
   if (follows_) {
-    motion_sub_ = subscribeStream<CarrierMotion>(nh_, "carrier_motion", kQueue,
-                                                 [this](const auto& m) { onCarrierMotion(*m); });
+    motion_sub_ = subscribeStream<CarrierMotion>(
+        nh_, "carrier_motion", kQueue, [this](const auto& m) { onCarrierMotion(*m); }, nullptr,
+        lockstep_);
   } else {
     command_sub_ = nh_.subscribe("carrier_command", kQueue, &SimulatorNode::onCarrierCommand, this,
                                  ros::TransportHints().tcpNoDelay());
@@ -242,12 +244,12 @@ void SimulatorNode::stepBlock() {
   if (reason == StopReason::kOk) {
     publishBlock();
     publishState();
-    ++sequence_;
     if (lockstep_) {
       waitForAcks(sequence);
     } else {
       pace();
     }
+    ++sequence_;
   } else {
     ROS_ERROR("simulation stopped at %.6f s: %s; call ~reset to start anew", cell_->world().time(),
               toString(reason));
@@ -320,13 +322,15 @@ void SimulatorNode::waitForAcks(std::uint32_t sequence) {
     return quit_ || (participants_.missing(sequence).empty() &&
                      (!follows_ || motion_time_ >= now_ + blockLength() - kStamp));
   };
-  while (true) {
-    const auto check = std::chrono::steady_clock::now() + kConnectionCheck;
-    if (changed_.wait_until(lock, std::min(check, deadline), answered)) return;
+  for (int asked = 1;; ++asked) {
+    const auto again = std::chrono::steady_clock::now() + kAskAgain;
+    if (changed_.wait_until(lock, std::min(again, deadline), answered)) return;
     if (std::chrono::steady_clock::now() >= deadline) break;
-    // a connection that was never made isn't tried again by ROS: answers are latched, ask anew
     lock.unlock();
-    subscribeToAcks();
+    // who floods a topic pushes the block out of its receivers' queues; who has it answers again
+    publishBlock();
+    // a connection that was never made isn't tried again by ROS: answers are latched, ask anew
+    if (asked % kConnectionCheck == 0) subscribeToAcks();
     lock.lock();
   }
   ROS_FATAL(

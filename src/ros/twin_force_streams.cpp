@@ -88,7 +88,8 @@ TwinForceStreams::TwinForceStreams(ros::NodeHandle& nh, const Settings& settings
     return subscribeStream<WrenchSamples>(
         nh, sensor + "/wrench_samples", kQueue,
         [this, &list](const Wrench& m) { onBlock<WrenchSamples>(list, m); },
-        [this, &list](const WrenchSamples& m, const std::string&) { onUnusable(list, m); });
+        [this, &list](const WrenchSamples& m, const std::string&) { onUnusable(list, m); },
+        settings_.lockstep);
   };
   a_sub_ = wrenches("sensor_a", a_);
   b_sub_ = wrenches("sensor_b", b_);
@@ -96,10 +97,12 @@ TwinForceStreams::TwinForceStreams(ros::NodeHandle& nh, const Settings& settings
     d_sub_ = subscribeStream<DisplacementSamples>(
         nh, "sensor_b/displacement_samples", kQueue,
         [this](const Displacement& m) { onBlock<DisplacementSamples>(d_, m); },
-        [this](const DisplacementSamples& m, const std::string&) { onUnusable(d_, m); });
+        [this](const DisplacementSamples& m, const std::string&) { onUnusable(d_, m); },
+        settings_.lockstep);
   }
   carrier_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
-      nh, "carrier_pose", kQueue, [this](const auto& m) { onCarrier(m); });
+      nh, "carrier_pose", kQueue, [this](const auto& m) { onCarrier(m); }, nullptr,
+      settings_.lockstep);
   const auto calibrations = [&](const std::string& sensor, std::optional<Matrix6>& S) {
     return subscribeChecked<SensorCalibration>(
         nh, sensor + "/calibration", 1, [this, &S](const SensorCalibration::ConstPtr& m) {

@@ -268,6 +268,14 @@ TEST_F(ForceSensorDriver, AcknowledgesEveryBlockInLockstep) {
     if (m.sequence > b_.first_) seen.push_back(m.sequence);
   }
   EXPECT_EQ(seen, (std::vector<std::uint32_t>{good.sequence, last.sequence}));
+
+  // a plant that asks again and again: somebody after this node lacks its samples
+  for (int i = 0; i < 2; ++i) b_.send(last);
+  EXPECT_TRUE(waitFor([&] {
+    const auto all = b_.copy(b_.wrench_samples_);
+    return std::count_if(all.begin(), all.end(),
+                         [&](const auto& m) { return m.sequence == last.sequence; }) == 2;
+  }));
 }
 
 TEST_F(ForceSensorDriver, DiagnosticsTellRateNoiseCalibrationAndBias) {

@@ -323,6 +323,27 @@ TEST_F(Simulator, StopsWithANamedReasonAndResetHelps) {
   EXPECT_TRUE(response.success) << response.message;
 }
 
+TEST_F(Simulator, PublishesABlockAgainThatNobodyAnswers) {
+  pause(false);
+  answering_ = false;
+  // the one that nobody answers, thrice
+  ASSERT_TRUE(waitFor([this] {
+    const auto all = bridge_b_.all();
+    return all.size() >= 3 && all[all.size() - 3]->sequence == all.back()->sequence;
+  }));
+  const auto blocks = bridge_b_.all();
+  EXPECT_EQ(blocks[blocks.size() - 2]->header.stamp, blocks.back()->header.stamp);
+  EXPECT_EQ(blocks[blocks.size() - 2]->volts, blocks.back()->volts);
+  const std::uint32_t stood_at = blocks.back()->sequence;
+  answering_ = true;
+  ASSERT_TRUE(waitFor([&] { return bridge_b_.last()->sequence > stood_at + 5; }));
+  // none left out
+  const auto after = bridge_b_.all();
+  for (std::size_t i = 1; i < after.size(); ++i) {
+    EXPECT_LE(after[i]->sequence - after[i - 1]->sequence, 1U);
+  }
+}
+
 TEST_F(Simulator, PacedKeepsToTheWallClockAndTruthCanBeWithheld) {
   Record<StrainSamples> block(nh_, "paced/sensor_a/bridge");
   ASSERT_TRUE(waitFor([&] { return block.size() >= 2; }));

@@ -1,11 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <assembly_cell/DisplacementSamples.h>
 #include <assembly_cell/GetCalibration.h>
 #include <assembly_cell/SensorCalibration.h>
 #include <assembly_cell/SetBias.h>
 #include <assembly_cell/SetCalibration.h>
 #include <assembly_cell/StrainSamples.h>
+#include <assembly_cell/WrenchSamples.h>
 #include <assembly_cell/ZeroTo.h>
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <geometry_msgs/WrenchStamped.h>
@@ -88,6 +90,7 @@ class ForceSensorNode {
   void process(const StrainSamples::ConstPtr& block);
   void publishBlock(const StrainSamples::ConstPtr& block);
   void publishDisplacement(const StrainSamples& block, const std_msgs::Header& header);
+  void repeat();
   void display(const ros::Time& end, double period, const Vector6& sum, const Vector6& volts_sum,
                std::size_t samples);
   void displayCovariance(const geometry_msgs::WrenchStamped& wrench, const Vector6& volts);
@@ -193,7 +196,10 @@ class ForceSensorNode {
   Vector6 display_sum_ = Vector6::Zero();  // of wrench_raw
   Vector6 display_volts_ = Vector6::Zero();
   std::size_t display_count_ = 0;
-  double displayed_ = -1.0;  // time of the last display [s], −1: none
+  double displayed_ = -1.0;                          // time of the last display [s], −1: none
+  WrenchSamples::ConstPtr last_wrench_;              // published
+  DisplacementSamples::ConstPtr last_displacement_;  // published
+  int repetitions_ = 0;                              // of the last block
 
   // state of the diagnostics
   double rate_ = 0.0;  // as last measured [Hz]

@@ -125,15 +125,17 @@ bool guarded(const std::string& where, const What& what) {
 }
 
 /// The door of a stream of blocks or poses. A stream has one publisher: who comes in between is a
-/// stranger, until the first one has been silent for some seconds. Its stamps follow one another
-/// (StampWindow).
+/// stranger, until the first one has been silent for 5 s; in lockstep, where a plant may stand,
+/// for a minute. Its stamps follow one another (StampWindow).
 class StreamDoor {
  public:
+  explicit StreamDoor(bool lockstep = false);
   // Empty, or why the message is refused.
   std::string judgePublisher(const std::string& publisher);
   std::string judgeStamp(const ros::Time& stamp);
 
  private:
+  double silence_;  // of a publisher that has gone, wall clock [s]
   StampWindow window_;
   std::string publisher_;
   ros::WallTime heard_;
@@ -171,10 +173,11 @@ using Unusable = std::function<void(const Message&, const std::string&)>;
 /// The same of a stream of blocks or poses. `unusable`: a lockstep goes on after that, too.
 template <class Message, class Callback>
 ros::Subscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, std::uint32_t queue,
-                                Callback callback, const Unusable<Message>& unusable = nullptr) {
+                                Callback callback, const Unusable<Message>& unusable = nullptr,
+                                bool lockstep = false) {
   using Event = ros::MessageEvent<Message const>;
   const std::string name = nh.resolveName(topic);
-  const auto door = std::make_shared<StreamDoor>();
+  const auto door = std::make_shared<StreamDoor>(lockstep);
   const boost::function<void(const Event&)> receive = [=](const Event& event) {
     const auto message = event.getConstMessage();
     std::string why = door->judgePublisher(event.getPublisherName());
