@@ -29,13 +29,6 @@ constexpr double kStill = 0.03;       // at rest, from block to block [N]
 constexpr double kStillShare = 0.25;  // of the clearance
 constexpr double kLeastStill = 0.3;   // of kStill: twice the noise of a 16 bit block
 
-// travel of the bottom's centre for a force on it
-double sidewaysCompliance(const Mechanism& mechanism) {
-  Eigen::Matrix<double, 1, 6> row;
-  row << 1, 0, 0, 0, -(mechanism.peg.half_height + mechanism.peg.coupling_height), 0;
-  return (row * couplingCompliance(mechanism.coupling) * row.transpose()).value();
-}
-
 // of the slowest mode of the peg in its coupling, the carrier held [s]
 double slowestDecay(const Mechanism& mechanism) {
   const PegParameters& peg = mechanism.peg;
@@ -60,6 +53,12 @@ double slowestDecay(const Mechanism& mechanism) {
 }
 
 }  // namespace
+
+double sidewaysCompliance(const Mechanism& mechanism) {
+  Eigen::Matrix<double, 1, 6> row;
+  row << 1, 0, 0, 0, -(mechanism.peg.half_height + mechanism.peg.coupling_height), 0;
+  return (row * couplingCompliance(mechanism.coupling) * row.transpose()).value();
+}
 
 double pressCompliance(const Mechanism& mechanism) {
   const Matrix6 compliance = couplingCompliance(mechanism.coupling);

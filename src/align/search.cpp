@@ -43,7 +43,7 @@ constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to pr
 PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
   PressLimits limits = pressLimits(mechanism);
   limits.force = p.force_limit;
-  limits.descent = p.descent_limit;
+  limits.descent = p.descent_limit * limits.scale.room;
   limits.approach_step = p.approach_step * limits.scale.step;
   return limits;
 }

@@ -22,20 +22,25 @@ constexpr double kPlaceSd = 5e-5;  // of where a move ends [m]
 constexpr double kSlide = 5.0;     // constant force of the search [N]
 constexpr double kServo = 0.5;     // of the error of force, taken out in a block
 constexpr double kPitch = 1.4;     // between turns, in clearances: a turn passes within 0.7 of one
-constexpr double kSpeed = 0.01;    // along the spiral [m/s]
-constexpr double kTurn = 0.3;      // in a block, in the middle [rad]
+constexpr double kLag = 0.7;       // of the peg behind its carrier, of the clearance
+constexpr double kLeast = 0.3;     // force of the search at least [N]
+constexpr double kQuarters = 3.0;  // of the peg's period in its coupling, over the hole
+constexpr double kPassBlocks = 3.0;
+constexpr double kLost = 0.5;        // of the force: less is a drop
+constexpr double kFollow = 0.3;      // of the strain that the carrier takes out in a block
+constexpr double kTurn = 0.3;        // in a block, in the middle [rad]
 constexpr double kFarthest = 0.017;  // from where the search began: starts within 15 mm [m]
-constexpr double kLean = 1.5;        // of the peg on the face, of what the contact turns it back
-constexpr double kOver = 3e-4;       // over the plane before the search [m]
-constexpr double kDip = 1e-4;        // down from where it slid: pushed on the spot [m]
-constexpr double kDeep = 1e-3;       // below the plane: in the hole; no edge tilts by so much [m]
-constexpr double kHeld = 0.8;        // sideways, of the force: no friction, an edge on the rim
-constexpr int kDwell = 20;           // blocks on the spot
-constexpr int kRest = 5;             // blocks
-constexpr int kCatches = 200;        // that the edge may meet the rim before it drops
-constexpr double kLift = 2e-3;       // over it then [m]
-constexpr double kSkip = 2e-4;       // and behind it [m]
-constexpr double kWord = 1e-3;       // of the radius, between two words of progress [m]
+constexpr double kLean =
+    2e-3;  // of the peg on the face, beyond what the contact turns it back [rad]
+constexpr double kOver = 3e-4;  // over the plane before the search [m]
+constexpr double kDeep = 1e-3;  // below the plane: in the hole; no edge tilts by so much [m]
+constexpr double kHeld = 0.8;   // sideways, of the force: no friction, an edge on the rim
+constexpr int kDwell = 20;      // blocks on the spot
+constexpr int kRest = 5;        // blocks
+constexpr int kCatches = 200;   // that the edge may meet the rim before it drops
+constexpr double kLift = 2e-3;  // over it then [m]
+constexpr double kSkip = 2e-4;  // and behind it [m]
+constexpr double kWord = 1e-3;  // of the radius, between two words of progress [m]
 
 // The strategy `spiral`, the baseline that people know: level with the face, then along an
 // Archimedean spiral under constant force until the peg drops, then down.
@@ -143,12 +148,30 @@ class Spiral : public Search {
                      text("the edge is caught everywhere, %.0f times", kCatches));
   }
 
-  double force() const { return kSlide * std::max(1.0, scale_.force); }
+  // The face drags the peg behind its carrier and turns it; once it drops it springs back. More
+  // than the clearance would carry it over the hole.
+  double force() const {
+    const auto& stiffness = mechanism_.coupling.stiffness.diagonal;
+    const double lag = mechanism_.friction.sliding_coefficient * sidewaysCompliance(mechanism_) +
+                       mechanism_.peg.radius * length_ / std::min(stiffness(4), stiffness(5));
+    const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+    return std::clamp(kLag * clearance / lag, kLeast * scale_.force,
+                      kSlide * std::max(1.0, scale_.force));
+  }
+  // The turn that passes farthest from the hole's middle is over it for as long as the peg needs to
+  // drop, some quarters of its period in the coupling, and for as long as the carrier to stop.
+  double speed() const {
+    const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
+    const double chord = 2.0 * clearance * std::sqrt(1.0 - 0.25 * kPitch * kPitch);
+    const double quarter =
+        0.5 * M_PI * std::sqrt(mechanism_.peg.mass / mechanism_.coupling.stiffness.diagonal(0));
+    return chord / std::max(kQuarters * quarter, kPassBlocks * block_);
+  }
   // More than edge and friction turn the peg back in its coupling.
   double lean() const {
     const double arm = mechanism_.peg.radius + mechanism_.friction.sliding_coefficient * length_;
     const auto& stiffness = mechanism_.coupling.stiffness.diagonal;
-    return kLean * force() * arm / std::min(stiffness(4), stiffness(5));
+    return kLean + force() * arm / std::min(stiffness(4), stiffness(5));
   }
   // outward per radian
   double pitch() const {
@@ -168,35 +191,47 @@ class Spiral : public Search {
 
   enum End { kDropped, kCaught, kOutside };
 
-  // Down to the face and along the spiral. Where the peg dips or is held it is pushed on the spot:
-  // a dip that ends there is the tilted edge over the rim.
+  // Down to the face and along the spiral. Where the force is gone, or the peg is held, it is
+  // pushed on the spot, the carrier following the strain sideways: into the hole, or a tilted edge
+  // dips.
   End slide(const Vec3& foot, const Mat3& R) {
     const double sink = kServo * pressCompliance(mechanism_);
     const double most = p_.approach_step * scale_.step;
     const int dwell = timed(kDwell);
-    double height = kOver * scale_.room, known_dip = 0.0;
-    bool down = false;
+    double height = kOver * scale_.room;
+    bool down = false, held = false;
+    Vec3 aside = Vec3::Zero();
     for (int stays = 0; pitch() * azimuth_ < kFarthest * scale_.room;) {
-      const double error = force() - hole_.normal.dot(carrierPose().R * press_.force());
-      height -= std::clamp(sink * error, -most, most);
-      if (down && stays == 0) ahead(kSpeed * block_);
-      press_.nudge(restFor(placeAt(foot) + height * hole_.normal, R));
-      down = down || error < 0.5 * force();
+      const double felt = hole_.normal.dot(carrierPose().R * press_.force());
+      const double lost = force() - felt;
+      height -= lost > kLost * force() ? most : std::max(-most, sink * lost);
+      if (down && stays == 0) ahead(speed() * block_);
+      press_.nudge(restFor(placeAt(foot) + aside + height * hole_.normal, R));
+      down = down || felt > kLost * force();
       if (!down) continue;
-      const double dip = below();
-      const double sideways = press_.force().head<2>().norm();
-      if (dip > kDeep * scale_.length) return kDropped;
-      known_dip = std::min(known_dip, dip);
-      if (stays > 0) {
-        if (--stays > 0) continue;
-        if (sideways > kHeld * force()) return kCaught;
-        known_dip = dip;
-      } else if (dip > known_dip + kDip * scale_.length || sideways > kHeld * force()) {
-        stays = dwell;
+      if (below() > kDeep * scale_.length) return kDropped;
+      if (stays == 0) {
+        held = press_.force().head<2>().norm() > kHeld * force();
+        if (held || hole_.normal.dot(carrierPose().R * press_.force()) < kLost * force()) {
+          stays = dwell;
+        }
+      } else {
+        aside += kFollow * strain();
+        if (--stays == 0) {
+          if (held) return kCaught;
+          aside.setZero();
+        }
       }
       tell();
     }
     return kOutside;
+  }
+
+  // of the coupling, along the face
+  Vec3 strain() const {
+    const RestPose& carrier = press_.last().carrier;
+    const Vec3 way = pegPose(carrier, deflection()).p - pegPose(carrier, Vector6::Zero()).p;
+    return way - hole_.normal * hole_.normal.dot(way);
   }
 
   void tell() {

@@ -22,13 +22,18 @@ AlignTrial tried(const char* strategy, const Vector2d& offset, const Vector2d& t
   return tryAlignment(startAt(s, offset, tilt, 0.003), s.mechanism, CellParameters{}, p);
 }
 
-// some ten turns from the start to the hole, at a tilt that the touches have to take out
+// Some ten turns from the start to the hole, at a tilt that the touches have to take out. With 5 N
+// at 10 mm/s the peg sprang over the hole of the second start.
 TEST(Baselines, SpiralDropsIn) {
-  const AlignTrial trial = tried("spiral", {0.0012, -0.0009}, {0.01, -0.012});
-  EXPECT_TRUE(trial.success) << trial.result.reason;
-  // known as well as the walls tell: a fifth of the clearance
-  EXPECT_LT((trial.result.offset - trial.true_offset).norm(), 2e-5);
-  EXPECT_LT(trial.force, 40.0);
+  const Vector2d starts[][2] = {{{0.0012, -0.0009}, {0.01, -0.012}},
+                                {{-0.00158, 0.00109}, {-0.0023, 0.0266}}};
+  for (const auto& start : starts) {
+    const AlignTrial trial = tried("spiral", start[0], start[1]);
+    EXPECT_TRUE(trial.success) << trial.result.reason;
+    // known as well as the walls tell: a fifth of the clearance
+    EXPECT_LT((trial.result.offset - trial.true_offset).norm(), 2e-5);
+    EXPECT_LT(trial.force, 20.0);
+  }
 }
 
 // A face without a hole within reach: the search ends by name.

@@ -29,4 +29,7 @@ Scale scaleOf(const Mechanism& mechanism);
 /// Travel of the carrier down for a force on one point of the edge. [m/N]
 double pressCompliance(const Mechanism& mechanism);
 
+/// Travel of the bottom's centre for a force across the peg there, the carrier held. [m/N]
+double sidewaysCompliance(const Mechanism& mechanism);
+
 }  // namespace assembly_cell
