@@ -80,6 +80,8 @@ class DoubleContact : public VibratedSearch {
           } else {
             bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
             goAside();
+            here_ = felt_.size();
+            double_low_.reset();
             state = State::kSeek;
           }
           break;
@@ -102,6 +104,7 @@ class DoubleContact : public VibratedSearch {
   }
 
   bool levelRound() {
+    here_ = felt_.size();
     double_low_.reset();
     for (int i = 0; i < kLevelReadings; ++i) {
       Felt felt;
@@ -147,8 +150,8 @@ class DoubleContact : public VibratedSearch {
       if (c.side == Side::kBehind) behind = c;
       if (c.side == Side::kAhead) ahead = c;
     };
-    for (const Felt& felt : felt_) keep(contactOf(felt));
-    if (!behind && !ahead && !double_low_) {
+    for (std::size_t i = here_; i < felt_.size(); ++i) keep(contactOf(felt_[i]));
+    if (!behind && !ahead && !double_low_ && !found_) {
       throw AlignError(AlignFailure::kNoHoleUnderEdge,
                        "no contact of the first round was on the rim");
     }
@@ -162,7 +165,7 @@ class DoubleContact : public VibratedSearch {
         const double b = halve ? ahead->low : ahead->direction;
         toward = a + 0.5 * turnFrom(a, b);
       } else if (!behind && !ahead) {
-        toward = *double_low_;
+        toward = double_low_ ? *double_low_ : towardHole();
       } else {
         toward = behind ? behind->low + 0.5 : ahead->low - 0.5;
       }
@@ -188,6 +191,12 @@ class DoubleContact : public VibratedSearch {
     }
     throw AlignError(AlignFailure::kNotDouble,
                      "the peg doesn't rest on both edges in any direction");
+  }
+
+  // of a hole that was found, seen from here
+  double towardHole() const {
+    const Vec3 way = rotationToAxis(hole_.normal).transpose() * (hole_.center - bottom_);
+    return std::atan2(way.y(), way.x());
   }
 
   // rotates about the hole's direction: one contact opens, the other stays, and far enough the
@@ -277,6 +286,7 @@ class DoubleContact : public VibratedSearch {
     }
   }
 
+  std::size_t here_ = 0;              // the first reading of this place: others show another hole
   std::optional<double> double_low_;  // low side of a double contact met by chance [rad]
   double alpha_ = 0.0;  // direction of the hole by the double contact, hole axes [rad]
   std::vector<Contact> contacts_felt_;

@@ -37,6 +37,13 @@ class WatchedPlant : public Plant {
       block.locus->mode.mode = LocusMode::kCircle;
       --circles;
     }
+    const Pose peg = plant_.truth().pegPose();
+    const bool upright = peg.R(2, 2) > 1.0 - 1e-5, beside = peg.p.head<2>().norm() > 4e-3;
+    if (covered && upright && !beside && peg.p.z() < -5e-5) {
+      block.wrench_b(2) += 5.0;
+      refused = true;
+    }
+    if (refused && beside) covered = false;
     for (const ContactReport& c : plant_.truth().contacts()) {
       if (c.valid) greatest = std::max(greatest, c.force.norm());
     }
@@ -44,12 +51,14 @@ class WatchedPlant : public Plant {
   }
   TwinForceSensing* twinForce() override { return plant_.twinForce(); }
   bool dead_exciter = false, undecided = false;
-  int circles = 0;  // so many readings look as if the peg slid
+  bool covered = false;  // something lies in the hole until the peg goes away
+  int circles = 0;       // so many readings look as if the peg slid
   double greatest = 0.0;
   std::vector<double> amplitudes, windows;  // commanded [N], [s]
 
  private:
   SimulatedPlant& plant_;
+  bool refused = false;
 };
 
 class NearStarts : public testing::TestWithParam<const char*> {};
@@ -138,6 +147,29 @@ TEST(FailureCases, NoMovementAndUndecided) {
       EXPECT_LE(longer, dead ? 0 : watched.windows.size() / 2);
       EXPECT_GE(longer, dead ? 0 : watched.windows.size() / 3);
     }
+  }
+}
+
+// resistance all round a hole: from where the peg goes then, the hole lies in another direction
+TEST(FailureCases, ARefusedPegLooksForTheHoleFromWhereItWent) {
+  const Scenario s = cell();
+  for (const double x : {0.0025, 0.006, -0.01}) {
+    SimulatedPlant plant(startAt(s, Vector2d(x, 0.001), Vector2d(0.01, 0.0), 0.003), s.mechanism,
+                         CellParameters{});
+    WatchedPlant watched(plant);
+    watched.covered = true;
+    AlignParameters p;
+    p.strategy = "double_contact";
+    std::string trace;
+    const AlignResult result = align(watched, s.mechanism, p, [&trace](const AlignProgress& now) {
+      trace += now.state + ": " + now.message + "\n";
+    });
+    EXPECT_TRUE(result.success) << result.reason;
+    EXPECT_FALSE(watched.covered);
+    EXPECT_NE(trace.find("aside"), std::string::npos) << trace;
+    // without another attempt, and in a few readings
+    EXPECT_EQ(trace.find("recover"), std::string::npos) << trace;
+    EXPECT_LT(result.contacts, 26) << trace;
   }
 }
 
