@@ -1,0 +1,141 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+// What the panel shows of a cell, and what a person asks of it. Plain structs between the threads
+// of ROS, which fill them, and the one of the screen, which draws them. SI units.
+namespace assembly_cell::panel {
+
+using Clock = std::chrono::steady_clock;  // of the wall
+using Pair = std::array<double, 2>;       // x, y
+
+enum Sensor { kSensorA, kSensorB };
+constexpr std::array<const char*, 2> kSensorNames = {"sensor_a", "sensor_b"};
+
+struct SensorView {
+  bool there = false;              // somebody publishes its wrench
+  std::array<double, 6> wrench{};  // force before torque, axes of the sensor [N] [N m]
+  bool limit_known = false;        // a calibration from strain is in force
+  // smallest load along or about this axis alone at which a channel leaves its converter's range
+  std::array<double, 6> limit{};  // [N] [N m]
+  std::string calibration;        // id of the one in force
+};
+
+enum class Light { kNotThere, kGood, kWarning, kFault };
+
+struct NodeView {
+  std::string node;  // relative to the cell's namespace
+  Light light = Light::kNotThere;
+  std::string reason;
+  bool silent = false;  // it was heard once, and isn't any more
+};
+
+/// The goal of the supervisor that runs, or ran last.
+struct GoalView {
+  bool there = false;  // a supervisor listens
+  std::string goal;    // under way; empty: none
+  bool asked = false;  // it was sent and nothing was heard of it yet
+  bool in_contact = false, stuck = false;
+  std::string reason;  // of contact
+  std::string step;    // of the strategy
+  std::string message;
+  std::uint32_t contacts = 0;                   // read so far
+  double time = 0.0;                            // cell time [s]
+  double position_sd = 0.0, rotation_sd = 0.0;  // of both axes together; 0: not known [m] [rad]
+  bool inserting = false;                       // what follows is felt on the way down
+  double depth = 0.0, force = 0.0;              // [m] [N]
+  int walls = 0;                                // contacts there
+  enum class Outcome { kNone, kSuccess, kFailure, kCancelled } outcome = Outcome::kNone;
+  std::string outcome_text;
+};
+
+/// Offset and tilt of the peg as it hung before its first move, of the last alignment.
+struct EstimateView {
+  bool known = false;
+  Pair offset{}, tilt{};                        // [m] [rad]
+  double position_sd = 0.0, rotation_sd = 0.0;  // of both axes together; 0: not known [m] [rad]
+  bool truth_known = false;
+  Pair true_offset{}, true_tilt{};
+};
+
+struct SimulatorView {
+  bool there = false, paused = false;
+  std::string message;  // running, paused, held or stopped and why
+  double time = 0.0;    // simulated [s]
+  double real_time_factor = 0.0;
+};
+
+struct CalibrationStep {
+  std::string text;
+  std::string kind;   // of the test: unloaded, reacting, weight, indentation, displacement
+  double mass = 0.0;  // of a weight [kg]
+};
+
+struct CalibrationView {
+  bool there = false;
+  std::string state;  // idle, or what is under way
+  std::uint32_t observations = 0;
+  std::string last_id;
+  std::array<std::string, 2> in_force;  // ids, by sensor
+  std::vector<std::string> stored;      // ids of either sensor
+  std::string plan;                     // of the steps
+  std::vector<CalibrationStep> steps;
+  bool plan_good = false;
+  std::string judgement;                   // of the plan
+  bool running = false;                    // the action
+  std::uint32_t step = 0, step_count = 0;  // steps done
+  std::string step_state, step_message;
+  bool step_unknown = false;  // it runs, and what it said last came before this panel
+  bool result_known = false, success = false;
+  std::string result;
+};
+
+/// What a request has come to.
+struct Answer {
+  enum class State { kWaiting, kGood, kBad } state = State::kWaiting;
+  std::string text;
+  Clock::time_point since;   // it was asked, or answered
+  std::uint64_t number = 0;  // counts up
+};
+
+struct CellView {
+  std::array<SensorView, 2> sensors;
+  double goal_force_limit = 0.0;  // beyond which a goal ends; 0: not known [N]
+  GoalView goal;
+  EstimateView estimate;
+  std::string reading;  // of the locus or of the twin-force contacts, in words
+  SimulatorView simulator;
+  std::vector<NodeView> nodes;
+  CalibrationView calibration;
+  std::map<std::string, Answer> answers;  // by what was asked
+};
+
+/// A goal to start.
+struct GoalRequest {
+  std::string strategy;  // empty: the supervisor's own
+  bool insert = false;   // on down after the alignment
+  bool floor = false;    // to the hole's floor, depth isn't looked at
+  double depth = 0.0;    // [m]
+};
+
+/// A calibration to run.
+struct CalibrationRequest {
+  std::string plan;      // empty: the server's own
+  bool restart = false;  // throw all observations away first
+  std::string id;        // of what is stored; empty: date and time
+};
+
+/// What was really done in a step of a calibration.
+struct Measured {
+  bool changed = false;            // false: as planned
+  double mass = 0.0;               // of a weight [kg]
+  std::array<double, 6> gauges{};  // of a displacement [m]
+};
+
+}  // namespace assembly_cell::panel

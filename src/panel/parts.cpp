@@ -1,0 +1,66 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "parts.h"
+
+#include <QGridLayout>
+#include <QHBoxLayout>
+#include <QLabel>
+#include <QPushButton>
+#include <QScrollArea>
+
+namespace assembly_cell::panel {
+
+QPushButton* button(const QString& name, const QString& text) {
+  auto* out = new QPushButton(text);
+  out->setObjectName(name);
+  // no wider than its text asks for
+  out->setMinimumWidth(out->fontMetrics().horizontalAdvance(text) + 14);
+  return out;
+}
+
+QLabel* wrappedLabel(const QString& name) {
+  auto* label = new QLabel;
+  label->setObjectName(name);
+  label->setWordWrap(true);
+  label->setTextFormat(Qt::PlainText);
+  label->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  label->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
+  return label;
+}
+
+QGridLayout* tightGrid(QWidget* parent) {
+  auto* grid = new QGridLayout(parent);
+  grid->setContentsMargins(4, 4, 4, 4);
+  grid->setHorizontalSpacing(6);
+  grid->setVerticalSpacing(2);
+  return grid;
+}
+
+QHBoxLayout* row(std::initializer_list<QWidget*> widgets) {
+  auto* layout = new QHBoxLayout;
+  layout->setContentsMargins(0, 0, 0, 0);
+  layout->setSpacing(4);
+  for (QWidget* widget : widgets) layout->addWidget(widget, widget == *widgets.begin() ? 1 : 0);
+  return layout;
+}
+
+QScrollArea* scrolled(QWidget* content) {
+  auto* area = new QScrollArea;
+  area->setWidget(content);
+  area->setWidgetResizable(true);
+  area->setFrameShape(QFrame::NoFrame);
+  return area;
+}
+
+void setColored(QLabel* label, const QString& text, const QColor& color) {
+  label->setText(text);
+  QPalette palette;
+  if (color.isValid()) palette.setColor(QPalette::WindowText, color);
+  label->setPalette(palette);
+}
+
+bool waits(const std::map<std::string, Answer>& answers, const std::string& name) {
+  const auto found = answers.find(name);
+  return found != answers.end() && found->second.state == Answer::State::kWaiting;
+}
+
+}  // namespace assembly_cell::panel

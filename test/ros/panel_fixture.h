@@ -1,0 +1,87 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <QApplication>
+#include <QCheckBox>
+#include <QComboBox>
+#include <QDoubleSpinBox>
+#include <QImage>
+#include <QLabel>
+#include <QLineEdit>
+#include <QListWidget>
+#include <QProgressBar>
+#include <QPushButton>
+#include <QSpinBox>
+#include <QTabWidget>
+#include <QTest>
+#include <string>
+
+#include "cell_fixture.h"
+#include "cell_link.h"
+#include "cell_widget.h"
+
+// What the tests of the panel share: the real widget on a screen in memory, clicked and looked at.
+namespace assembly_cell::panel {
+
+/// Waits with the screen alive; false after the patience.
+template <class Condition>
+bool seen(const Condition& condition, double patience = test::kPatience) {
+  return test::waitFor(
+      [&condition] {
+        QCoreApplication::processEvents();
+        return condition();
+      },
+      patience);
+}
+
+/// The panel's widget and its link, shown.
+struct Screen {
+  CellLink link;
+  CellWidget widget{link};
+
+  Screen() {
+    widget.resize(440, 900);
+    widget.show();
+  }
+
+  template <class Part>
+  Part* find(const char* name) {
+    Part* part = widget.findChild<Part*>(name);
+    EXPECT_NE(part, nullptr) << name;
+    return part;
+  }
+  std::string text(const char* label) { return find<QLabel>(label)->text().toStdString(); }
+  bool says(const char* label, const std::string& part) {
+    return text(label).find(part) != std::string::npos;
+  }
+  bool enabled(const char* name) { return find<QPushButton>(name)->isEnabled(); }
+  /// Clicks a button once it can be clicked.
+  void click(const char* name) {
+    ASSERT_TRUE(seen([&] { return enabled(name); })) << name << ": " << text("answer");
+    QTest::mouseClick(find<QPushButton>(name), Qt::LeftButton);
+  }
+};
+
+inline int pixelsOf(const QImage& image, const QColor& color, int top, int bottom) {
+  int count = 0;
+  for (int y = top; y < bottom; ++y) {
+    for (int x = 0; x < image.width(); ++x) count += image.pixelColor(x, y) == color ? 1 : 0;
+  }
+  return count;
+}
+
+/// main() of a test: a screen in memory, ROS, and all tests.
+inline int runPanelTests(int argc, char** argv, const char* name) {
+  qputenv("QT_QPA_PLATFORM", "offscreen");
+  ros::init(argc, argv, name);
+  ::testing::InitGoogleTest(&argc, argv);
+  QApplication application(argc, argv);
+  const ros::NodeHandle nh;
+  ros::AsyncSpinner spinner(1);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
+
+}  // namespace assembly_cell::panel

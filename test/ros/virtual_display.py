@@ -1,0 +1,82 @@
+# Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+"""What the tests of rviz share: a virtual display, programs that end with the test, waiting for conditions."""
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+
+def environment(devel, folder):
+    """That of the devel space, with a home of its own."""
+    base = {**os.environ, "PATH": "/usr/bin:" + os.environ.get("PATH", "/bin"), "LC_ALL": "C.UTF-8"}
+    for name in ("PYTHONPATH", "CMAKE_PREFIX_PATH", "ROS_PACKAGE_PATH"):
+        base.pop(name, None)
+    text = subprocess.run(
+        ["bash", "-c", '. "$1/setup.bash" && env -0', "bash", devel], env=base, check=True, stdout=subprocess.PIPE
+    ).stdout
+    variables = dict(entry.split("=", 1) for entry in text.decode().split("\0") if "=" in entry)
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        port = probe.getsockname()[1]
+    variables.update(
+        HOME=folder, XDG_RUNTIME_DIR=folder, ROS_HOME=folder, ROS_LOG_DIR=folder + "/log", ROS_HOSTNAME="localhost"
+    )
+    variables["ROS_MASTER_URI"] = f"http://localhost:{port}"
+    return variables, port
+
+
+class Session:
+    """Programs that are stopped, last first, when the block ends."""
+
+    def __init__(self):
+        self.programs = []
+
+    def __enter__(self):
+        return self
+
+    def start(self, *arguments, **options):
+        program = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, **options)
+        self.programs.append(program)
+        return program
+
+    def __exit__(self, *_):
+        for program in reversed(self.programs):
+            program.send_signal(signal.SIGINT)
+            try:
+                program.wait(20)
+            except subprocess.TimeoutExpired:
+                program.kill()
+                program.wait()
+
+
+def wait_for(condition, limit, what, *programs):
+    end = time.monotonic() + limit
+    while not condition():
+        for program in programs:
+            if program.poll() is not None:
+                sys.exit(f"{program.args[0]} ended with {program.returncode} while waiting for {what}")
+        if time.monotonic() > end:
+            sys.exit(f"{what}: not within {limit:.0f} s")
+        time.sleep(0.3)
+
+
+def start_display(session, variables, log, size):
+    """Starts Xvfb and sets DISPLAY; one that doesn't answer is tried again."""
+    for _ in range(5):
+        reader, writer = os.pipe()
+        server = session.start("Xvfb", "-displayfd", str(writer), "-screen", "0", f"{size}x24", "-nolisten", "tcp",
+                               pass_fds=[writer], stdout=log, stderr=log)  # fmt: skip
+        os.close(writer)
+        with os.fdopen(reader) as number:
+            variables["DISPLAY"] = ":" + number.readline().strip()
+        answer = subprocess.run(["xwininfo", "-root"], env=variables, capture_output=True)
+        if answer.returncode == 0 and server.poll() is None:
+            break
+
+
+def has_window(variables):
+    """Is rviz's window there?"""
+    tree = subprocess.run(["xwininfo", "-root", "-tree"], env=variables, capture_output=True, text=True)
+    return "RViz" in tree.stdout
