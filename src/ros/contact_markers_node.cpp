@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <type_traits>
 
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
@@ -17,7 +18,7 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr int kCirclePoints = 64;
-constexpr double kLineWidth = 0.0006;    // [m]
+constexpr double kLineWidth = 0.0008;    // [m]
 constexpr double kPointSize = 0.004;     // [m]
 constexpr double kArrowShaft = 0.0012;   // diameter [m]
 constexpr double kArrowHead = 0.003;     // diameter [m]
@@ -25,7 +26,8 @@ constexpr double kNormalLength = 0.015;  // [m]
 
 }  // namespace
 
-ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
+ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
+    : nh_(nh), rim_view_(nh) {
   Parameters parameters(pnh);
   const double rate = parameters.number("rate", Range{0.1, 30.0}, 15.0);
   lifetime_ = parameters.number("lifetime", kPositive, 5.0);
@@ -55,23 +57,7 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
 void ContactMarkersNode::update() {
   const bool wanted = pub_.getNumSubscribers() > 0;
   if (wanted && !active_) {
-    contacts_sub_ = subscribeChecked<ContactArray>(
-        nh_, "truth/contacts", 1, [this](const ContactArray::ConstPtr& m) { contacts_ = m; });
-    locus_sub_ = subscribeChecked<LocusEstimate>(
-        nh_, "locus", 1, [this](const LocusEstimate::ConstPtr& m) { locus_ = m; });
-    truth_sub_ = subscribeChecked<geometry_msgs::PoseStamped>(
-        nh_, "truth/pose", 1,
-        [this](const geometry_msgs::PoseStamped::ConstPtr& m) { truth_ = m; });
-    report_sub_ = subscribeChecked<AlignmentReport>(
-        nh_, "report", 1, [this](const AlignmentReport::ConstPtr& m) { report_ = m; });
-    twin_force_sub_ = subscribeChecked<TwinForceState>(
-        nh_, "twin_force/status", 1,
-        [this](const TwinForceState::ConstPtr& m) { twin_force_ = m; });
-    if (!wrench_topic_.empty()) {
-      wrench_sub_ = subscribeChecked<geometry_msgs::WrenchStamped>(
-          nh_, wrench_topic_, 1,
-          [this](const geometry_msgs::WrenchStamped::ConstPtr& m) { wrench_ = m; });
-    }
+    subscribe();
     // whatever an earlier life of this node has left
     Marker all;
     all.action = Marker::DELETEALL;
@@ -79,18 +65,48 @@ void ContactMarkersNode::update() {
     array_.markers.push_back(all);
     drawn_.clear();
   } else if (!wanted && active_) {
-    for (auto* sub :
-         {&contacts_sub_, &locus_sub_, &truth_sub_, &report_sub_, &twin_force_sub_, &wrench_sub_})
-      sub->shutdown();
-    contacts_.reset();
-    locus_.reset();
-    truth_.reset();
-    report_.reset();
-    twin_force_.reset();
-    wrench_.reset();
+    forget();
   }
   active_ = wanted;
   if (active_) publish();
+  rim_view_.update(hole_radius_);
+}
+
+void ContactMarkersNode::subscribe() {
+  // the newest message of a topic is kept
+  const auto keep = [this](const std::string& topic, auto& newest) {
+    using Pointer = std::decay_t<decltype(newest)>;
+    subs_.push_back(subscribeChecked<std::remove_const_t<typename Pointer::element_type>>(
+        nh_, topic, 1, [&newest](const Pointer& message) { newest = message; }));
+  };
+  keep("truth/contacts", contacts_);
+  keep("locus", locus_);
+  keep("truth/pose", truth_);
+  keep("report", report_);
+  keep("exciter", exciter_);
+  keep("twin_force/status", twin_force_);
+  if (!wrench_topic_.empty()) keep(wrench_topic_, wrench_);
+  subs_.push_back(subscribeChecked<AlignPegActionFeedback>(
+      nh_, "align/feedback", 1, [this](const AlignPegActionFeedback::ConstPtr& m) {
+        hear(m->status, m->feedback.state, m->feedback.message);
+      }));
+  subs_.push_back(subscribeChecked<AssemblePegActionFeedback>(
+      nh_, "assemble/feedback", 1, [this](const AssemblePegActionFeedback::ConstPtr& m) {
+        hear(m->status, m->feedback.state, m->feedback.message);
+      }));
+}
+
+void ContactMarkersNode::forget() {
+  subs_.clear();
+  contacts_.reset();
+  locus_.reset();
+  truth_.reset();
+  report_.reset();
+  exciter_.reset();
+  twin_force_.reset();
+  wrench_.reset();
+  goal_id_.clear();
+  telling_.clear();
 }
 
 void ContactMarkersNode::publish() {
@@ -99,13 +115,19 @@ void ContactMarkersNode::publish() {
   if (hole_radius_ > 0.0)
     addCircle("hole", truth_ ? kHoleTruthFrame : kHoleFrame, hole_radius_, kHoleColor);
   if (contacts_) drawContacts();
-  if (locus_) drawLocus();
+  // without the exciter there is no locus any more
+  if (locus_ && !(exciter_ && !exciter_->on)) drawLocus();
   if (twin_force_) drawTwinForce();
   if (wrench_) drawWrench();
   if (truth_) drawPeg("peg_true", kHoleTruthFrame, truth_->pose, kTruePegColor);
   if (report_ && report_->estimate_known) {
     drawPeg("peg_estimated", kHoleEstimatedFrame, report_->estimated_pose, kEstimatedPegColor);
     addCircle("hole_estimated", kHoleEstimatedFrame, hole_radius_, kEstimatedHoleColor);
+  }
+  drawState();
+  if (hole_radius_ > 0.0) {
+    drawNames();
+    drawLegend();
   }
 
   // what was there before and has ended

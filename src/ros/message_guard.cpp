@@ -206,6 +206,26 @@ MessageCheck check(const MoveToContactGoal&) { return {}; }
 
 MessageCheck check(const RetreatGoal&) { return {}; }
 
+namespace {
+
+template <class Feedback>
+MessageCheck feedback(const Feedback& m) {
+  MessageCheck check = header(m.header);
+  check.name("status.goal_id.id", m.status.goal_id.id).name("feedback.state", m.feedback.state);
+  const double numbers[] = {m.feedback.time, m.feedback.position_sd, m.feedback.rotation_sd};
+  return check.numbers("feedback", numbers, std::size(numbers), kFiniteField);
+}
+
+}  // namespace
+
+MessageCheck check(const AlignPegActionFeedback& m) { return feedback(m); }
+
+MessageCheck check(const AssemblePegActionFeedback& m) {
+  MessageCheck check = feedback(m);
+  return check.number("feedback.depth", m.feedback.depth, kPositionField)
+      .number("feedback.force", m.feedback.force, kForceField);
+}
+
 MessageCheck check(const geometry_msgs::PoseStamped& m) {
   MessageCheck check = header(m.header);
   pose(check, m.pose);

@@ -3,16 +3,23 @@
 #include <geometry_msgs/WrenchStamped.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <cmath>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "assembly_cell/AlignPegActionFeedback.h"
 #include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/ContactArray.h"
+#include "assembly_cell/Exciter.h"
 #include "assembly_cell/LocusEstimate.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
@@ -218,6 +225,92 @@ TEST_F(Markers, DrawTheTrueAndTheEstimatedPeg) {
     EXPECT_EQ(marker.pose.position.x, 4e-3);
     EXPECT_EQ(marker.color.b, kEstimatedPegColor.b);
   }
+}
+
+// the locus ends with the shaking, not with the next reading
+TEST_F(Markers, DropTheLocusWhenTheExciterIsOff) {
+  auto exciter_pub = nh_.advertise<Exciter>("exciter", 10, true);
+  watch();
+  LocusEstimate locus;
+  locus.p = {3e-6, 0.0};
+  locus_pub_.publish(locus);
+  ASSERT_EQ(find("locus", 1).size(), 1U);
+  exciter_pub.publish(Exciter());
+  EXPECT_EQ(find("locus", 1, Marker::DELETE).size(), 1U);
+}
+
+// what the goal does, then how it ended and how far the estimate is off; a new goal ends that
+TEST_F(Markers, SayStateAndResult) {
+  auto feedback_pub = nh_.advertise<AlignPegActionFeedback>("align/feedback", 10);
+  watch();
+  ASSERT_TRUE(waitFor([&] { return feedback_pub.getNumSubscribers() > 0; }));
+  const auto says = [&](const std::string& words) {
+    return waitFor([&] { return find("state", 1).front().text == words; });
+  };
+  AlignPegActionFeedback feedback;
+  feedback.status.goal_id.id = "first";
+  feedback.feedback.state = "search";
+  feedback.feedback.message = "0.21 mm between walls";
+  feedback_pub.publish(feedback);
+  EXPECT_TRUE(says("search: 0.21 mm between\nwalls"));
+
+  AlignmentReport report;
+  report.success = report.truth_known = report.estimate_known = true;
+  report.reason = "aligned";
+  report.true_offset = {1e-3, 2e-3};
+  report.estimated_offset = {1.03e-3, 2.04e-3};
+  report.true_tilt = {0.0, 0.01};
+  report.estimated_tilt = {0.0, 0.01};
+  report.estimated_pose.orientation.w = 1.0;
+  report_pub_.publish(report);
+  EXPECT_TRUE(says("aligned\noffset wrong by 0.050 mm\ntilt wrong by 0.000 deg"));
+  EXPECT_EQ(find("state", 1).front().color.g, kSuccessColor.g);
+  ASSERT_EQ(find("peg_estimated", 2).size(), 2U);
+
+  report.success = report.truth_known = false;
+  report.reason = "no_contact";
+  report_pub_.publish(report);
+  EXPECT_TRUE(says("no_contact"));
+  EXPECT_EQ(find("state", 1).front().color.r, kFailureColor.r);
+
+  feedback.status.goal_id.id = "second";
+  feedback_pub.publish(feedback);
+  EXPECT_TRUE(says("search: 0.21 mm between\nwalls"));
+  EXPECT_EQ(find("peg_estimated", 2, Marker::DELETE).size(), 2U);
+}
+
+TEST_F(Markers, NameThePartsAndWhatTheColoursMean) {
+  watch();
+  EXPECT_EQ(find("names", 4).size(), 4U);
+  std::map<std::string, float> blue;
+  for (const auto& entry : find("legend", 9)) blue[entry.text] = entry.color.b;
+  ASSERT_EQ(blue.count("locus of the peg, 1000 times"), 1U);
+  EXPECT_EQ(blue["locus of the peg, 1000 times"], kLocusColor.b);
+  EXPECT_EQ(blue["its normal"], kContactNormalColor.b);
+}
+
+// a point of the rim comes where the camera's numbers say; nothing is sent to nobody
+TEST_F(Markers, OfferAViewOfTheRimFromAbove) {
+  tf2_ros::Buffer frames;
+  tf2_ros::TransformListener listener(frames);
+  watch();
+  EXPECT_FALSE(frames._frameExists("rim_camera"));
+  Record<sensor_msgs::CameraInfo> infos(nh_, "rim_view/camera_info");
+  Record<sensor_msgs::Image> images(nh_, "rim_view/image");
+  ASSERT_TRUE(waitFor([&] { return infos.size() > 0 && images.size() > 0; }));
+  ASSERT_TRUE(waitFor([&] { return frames.canTransform("rim_camera", "hole", ros::Time()); }));
+  const auto& info = *infos.all().back();
+  EXPECT_EQ(info.header.frame_id, "rim_camera");
+  EXPECT_EQ(images.all().back()->data.size(), info.width * info.height);
+  const double radius =
+      loadCellDescription(nh_.param("robot_description", std::string())).hole.radius;
+  const auto& X = frames.lookupTransform("rim_camera", "hole", ros::Time()).transform;
+  const Eigen::Quaterniond R(X.rotation.w, X.rotation.x, X.rotation.y, X.rotation.z);
+  const Eigen::Vector3d p(X.translation.x, X.translation.y, X.translation.z);
+  const Eigen::Vector3d seen = R * Eigen::Vector3d(0.0, radius, 0.0) + p;
+  // x right, y up: the point on y is above the middle, two thirds of the way to the edge
+  EXPECT_NEAR(info.K[2] + info.K[0] * seen.x() / seen.z(), 0.5 * info.width, 1e-9);
+  EXPECT_NEAR(info.K[5] + info.K[4] * seen.y() / seen.z(), info.height * (0.5 - 0.5 / 1.5), 1e-9);
 }
 
 TEST(MarkersBadInput, GivesOneLine) {

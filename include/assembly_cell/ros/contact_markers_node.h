@@ -11,19 +11,23 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/AlignPegActionFeedback.h"
 #include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/AssemblePegActionFeedback.h"
 #include "assembly_cell/ContactArray.h"
+#include "assembly_cell/Exciter.h"
 #include "assembly_cell/LocusEstimate.h"
 #include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/ros/marker_colors.h"
+#include "assembly_cell/ros/rim_view.h"
 
 namespace assembly_cell::ros_bridge {
 
 /// Node contact_markers: contacts, locus, hypotheses, estimated hole and peg, true peg, lines of
-/// action and uncertainty of the twin-force estimate, the hole's rim, and of a sensor's live wrench
-/// the line of action and its point, for rviz. Subscribes and works only while `markers` has a
-/// subscriber. To be spun by one thread.
+/// action and uncertainty of the twin-force estimate, the hole's rim, of a sensor's live wrench the
+/// line of action and its point, and in words state, result, names and legend, for rviz. Subscribes
+/// and works only while `markers` has a subscriber. To be spun by one thread.
 class ContactMarkersNode {
  public:
   /// Throws InputError for bad parameters or robot description.
@@ -33,11 +37,20 @@ class ContactMarkersNode {
   using Marker = visualization_msgs::Marker;
 
   void update();
+  void subscribe();
+  void forget();
   void publish();
   void drawContacts();
   void drawLocus();
   void drawTwinForce();
   void drawWrench();
+  void drawState();
+  void drawNames();
+  void drawLegend();
+
+  /// What a goal tells while it runs. The first of a goal ends what the last goal has left.
+  void hear(const actionlib_msgs::GoalStatus& status, const std::string& strategy_state,
+            const std::string& message);
   void drawPeg(const std::string& ns, const std::string& frame, const geometry_msgs::Pose& pose,
                const Color& color);
 
@@ -47,6 +60,8 @@ class ContactMarkersNode {
                 const Eigen::Vector3d& to, const Color& color);
   void addCircle(const std::string& ns, const std::string& frame, double radius,
                  const Color& color);
+  void addText(const std::string& ns, const std::string& frame, const Eigen::Vector3d& at,
+               double height, const std::string& words, const Color& color);
 
   ros::NodeHandle nh_;
   double lifetime_ = 5.0;          // [s]
@@ -64,13 +79,16 @@ class ContactMarkersNode {
   LocusEstimate::ConstPtr locus_;
   geometry_msgs::PoseStamped::ConstPtr truth_;
   AlignmentReport::ConstPtr report_;
+  Exciter::ConstPtr exciter_;
+  std::string goal_id_, telling_;  // of the goal that runs or ran last, and what it told last
   TwinForceState::ConstPtr twin_force_;
   geometry_msgs::WrenchStamped::ConstPtr wrench_;
   visualization_msgs::MarkerArray array_;
   std::map<std::string, int> drawn_, drawn_before_;  // markers by namespace
 
   bool active_ = false;
-  ros::Subscriber contacts_sub_, locus_sub_, truth_sub_, report_sub_, twin_force_sub_, wrench_sub_;
+  std::vector<ros::Subscriber> subs_;
+  RimView rim_view_;
   ros::Publisher pub_;
   ros::WallTimer timer_;
 };

@@ -3,8 +3,10 @@
 
 #include <assembly_cell/AccelerometerSamples.h>
 #include <assembly_cell/Ack.h>
+#include <assembly_cell/AlignPegActionFeedback.h>
 #include <assembly_cell/AlignPegGoal.h>
 #include <assembly_cell/AlignmentReport.h>
+#include <assembly_cell/AssemblePegActionFeedback.h>
 #include <assembly_cell/AssemblePegGoal.h>
 #include <assembly_cell/CalibrateSensorsGoal.h>
 #include <assembly_cell/CarrierMotion.h>
@@ -66,6 +68,9 @@ MessageCheck check(const IdentifyGoal& goal);
 MessageCheck check(const IdentifyLocusGoal& goal);
 MessageCheck check(const MoveToContactGoal& goal);
 MessageCheck check(const RetreatGoal& goal);
+// what a goal tells while it runs
+MessageCheck check(const AlignPegActionFeedback& message);
+MessageCheck check(const AssemblePegActionFeedback& message);
 MessageCheck check(const geometry_msgs::PoseStamped& message);
 MessageCheck check(const geometry_msgs::WrenchStamped& message);
 MessageCheck check(const geometry_msgs::TwistStamped& message);
