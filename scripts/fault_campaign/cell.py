@@ -11,6 +11,7 @@ import xmlrpc.client
 
 START = 120.0  # for a node, a cell, a service to be there [s wall]
 ENDED = 20.0  # a node that was asked to end [s wall]
+STILL = 1e-5  # in a block: what an arm at rest gives way under a swinging peg [m]
 MINE = "/campaign_of_faults"  # this node, the stranger
 
 SUPERVISOR, SIMULATOR = "assembly_supervisor", "peg_hole_simulator"
@@ -19,6 +20,7 @@ DRIVERS = ("sensor_a/driver", "sensor_b/driver")
 RIG, SERVER = "bench/simulated_calibration_rig", "bench/calibration_server"
 BENCH_DRIVERS = ("bench/sensor_a/driver", "bench/sensor_b/driver")
 NODES = (SUPERVISOR, SIMULATOR, *DRIVERS, LOCUS, TWIN, IDENTIFIER)
+BRIDGE, ARM = "arm_bridge", "emulate_arm"
 
 
 class Broken(Exception):
@@ -50,9 +52,10 @@ class Nodes:
         package = pathlib.Path(__import__("rospkg").RosPack().get_path("assembly_cell"))
         self.package = package
         lockstep = options.mode == "lockstep"
-        cell = ["lockstep:=" + str(lockstep).lower(), f"real_time_factor:={1.0 / options.factor}", "identification:=true"]
+        cell = ["lockstep:=" + str(lockstep).lower(), f"real_time_factor:={1.0 / options.factor}"]
+        cell += ["arm:=true"] if options.arm else ["identification:=true"]
         self.load(roslaunch.config, package / "launch/cell.launch", cell, "")
-        if not lockstep:
+        if not lockstep and not options.arm:
             bench = ["store:=" + folder + "/store"]
             self.load(roslaunch.config, package / "launch/calibration.launch", bench, "/bench")
         parameters = {
@@ -128,7 +131,7 @@ class Nodes:
 class Ears:
     """What the cell says, as it comes in."""
 
-    def __init__(self, ns):
+    def __init__(self, ns, arm):
         import rospy
         from assembly_cell.msg import ContactArray, Exciter, Lease, PlantState, SupervisorState
         from diagnostic_msgs.msg import DiagnosticArray
@@ -138,6 +141,7 @@ class Ears:
         self.sign, self.time, self.height, self.force, self.peak = None, 0.0, 0.0, 0.0, 0.0
         self.named = {}  # what nodes have refused, by their name in the diagnostics
         self.samples = {}
+        self.at, self.moving = None, 0.0  # true carrier, and when it moved last [s]
 
         def hear_contacts(message):
             force = [sum(getattr(c.force, axis) for c in message.contacts if c.state) for axis in "xyz"]
@@ -147,8 +151,16 @@ class Ears:
         def hear_carrier(message):
             if message._connection_header["callerid"] == MINE:
                 return
-            self.time, self.height = message.header.stamp.to_sec(), message.pose.position.z
+            self.height = message.pose.position.z
+            if not arm:
+                self.time = message.header.stamp.to_sec()
             self.samples["carrier_pose"] = message
+
+        def hear_simulated(message):
+            at, self.time = [getattr(message.pose.position, axis) for axis in "xyz"], message.header.stamp.to_sec()
+            if self.at is not None and math.dist(at, self.at) > STILL:
+                self.moving = self.time
+            self.at = at
 
         def hear_sign(message):
             if message._connection_header["callerid"] != MINE:
@@ -174,6 +186,8 @@ class Ears:
             hear(SUPERVISOR + "/state", SupervisorState, lambda message: setattr(self, "supervisor", message)),
             hear("truth/pose", PoseStamped, lambda message: setattr(self, "pose", message.pose)),
             rospy.Subscriber("/diagnostics", DiagnosticArray, hear_diagnostics, queue_size=50)]
+        if arm:
+            self.subscribers.append(hear("arm/simulated_pose", PoseStamped, hear_simulated))
 
     def state(self):
         return self.plant[-1][0] if self.plant else None

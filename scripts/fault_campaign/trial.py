@@ -1,5 +1,6 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 """A goal, a fault, and what became of the promises."""
+import copy
 import math
 import queue
 import signal
@@ -7,12 +8,13 @@ import threading
 import time
 
 from .cell import (
-    BENCH_DRIVERS, DRIVERS, IDENTIFIER, LOCUS, MINE, NODES, RIG, SERVER, SIMULATOR, START, SUPERVISOR, TWIN, Broken, Client, Ears, Goal, Nodes, wait_for)
+    ARM, BENCH_DRIVERS, BRIDGE, DRIVERS, IDENTIFIER, LOCUS, MINE, NODES, RIG, SERVER, SIMULATOR, START, SUPERVISOR, TWIN, Broken, Client, Ears, Goal, Nodes, wait_for)
 from .hostile import HOSTILE, be_hostile
 
 # what docs/safety.md promises
 HOLD = 0.1 + 0.02  # from the last sign of life; a block is what this tool can't see [s cell]
 NAME = 0.5  # a node that is missed to its name in the result [s]
+STAND = 0.1 + 0.1 + 0.02  # through an arm: its timeout, the way to rest, and a block [s cell]
 FREEING = 2.0  # the peg is freed before the result comes [s cell]
 LOST = 2.0  # a client learns that its server is gone [s]
 GONE = 1.0  # in lockstep: a node that is gone [s wall]
@@ -42,7 +44,12 @@ def holder_of(goal):
     return {"calibrate": SERVER, "identify": IDENTIFIER}.get(goal, SUPERVISOR)
 
 
-def faults_of(goal):
+def faults_of(goal, arm=False):
+    if arm:
+        # without those of the world itself
+        nodes = [node for node in NODES if node not in (SIMULATOR, IDENTIFIER)] + [BRIDGE, ARM]
+        found = [(kind, node) for kind in ("kill", "restart", "stall") for node in nodes]
+        return found + [("stall", SUPERVISOR), ("stall", BRIDGE), ("kill", BRIDGE), ("restart", BRIDGE), ("ctrl-c", SUPERVISOR), ("ctrl-c", BRIDGE)]
     if goal == "calibrate":
         nodes = (RIG, SERVER, *BENCH_DRIVERS)
         return [(kind, node) for kind in ("kill", "restart", "stall") for node in nodes] + [("ctrl-c", SERVER)]
@@ -62,7 +69,8 @@ class Campaign:
         self.factor = 1.0 if self.lockstep else options.factor
         self.nodes = Nodes(options, folder, log)
         self.ns = self.nodes.ns
-        self.ears = Ears(self.ns)
+        self.arm = options.arm
+        self.ears = Ears(self.ns, self.arm)
         self.last_life = 0  # of a simulator that was started anew
         types = {"move_to_contact": (m.MoveToContactActionGoal, m.MoveToContactActionResult), "align": (m.AlignPegActionGoal, m.AlignPegActionResult),
                  "retreat": (m.RetreatActionGoal, m.RetreatActionResult), "assemble": (m.AssemblePegActionGoal, m.AssemblePegActionResult),
@@ -74,6 +82,10 @@ class Campaign:
                 "carrier_command": PoseStamped, "exciter": m.Exciter, "lease": m.Lease, "plant_state": m.PlantState,
                 "sensor_b/wrench_samples": m.WrenchSamples, "sensor_b/bridge": m.StrainSamples, "carrier_pose": PoseStamped,
                 "sensor_b/calibration": m.SensorCalibration}.items()}
+        if self.arm:
+            # a publisher of what is missed would be asked for, too
+            for topic in [topic for topic in self.strange if topic != "carrier_command"]:
+                self.strange.pop(topic).unregister()
         with open(self.nodes.package / "config/scenarios/cell.yaml", encoding="utf-8") as file:
             scenario = yaml.safe_load(file)
         self.radii = scenario["peg"]["radius"], scenario["hole"]["radius"]
@@ -83,7 +95,7 @@ class Campaign:
     def start(self, names):
         """What they say from now on counts."""
         for name in names:
-            if name == SIMULATOR and self.ears.plant:
+            if name == (BRIDGE if self.arm else SIMULATOR) and self.ears.plant:
                 self.last_life = self.ears.state().life
             if name == SUPERVISOR:
                 self.ears.supervisor = None
@@ -95,7 +107,7 @@ class Campaign:
             return False
         if bench:
             return self.clients["bench/calibrate"].connected()
-        clients = [self.clients[name] for name in ("align", "move_to_contact", "retreat", "assemble", "identify")]
+        clients = [self.clients[name] for name in ("align", "move_to_contact", "retreat", "assemble", *(() if self.arm else ("identify",)))]
         ears = self.ears
         heard = ears.plant and ears.supervisor and ears.state().life != self.last_life
         heard = heard and all(s.get_num_connections() > 0 for s in ears.subscribers)
@@ -146,7 +158,27 @@ class Campaign:
 
         retreat = self.send("retreat")
         wait_for(retreat.done, 20.0 * self.factor)
-        self.call(SIMULATOR + "/reset", Trigger)
+        if self.arm:
+            self.go_home()
+        else:
+            self.call(SIMULATOR + "/reset", Trigger)
+
+    def go_home(self):
+        """With an arm: up, and over to where it began, commanded while nobody holds it."""
+        import rospy
+
+        ears = self.ears
+        wait_for(lambda: not ears.state().holder, 10.0 * self.factor)
+        there = lambda pose: math.dist([getattr(ears.samples["carrier_pose"].pose.position, a) for a in "xyz"], pose) < 1e-4
+        for x, y in (None, None), (0.0, 0.0):
+            message = copy.deepcopy(ears.samples["carrier_pose"])
+            position, turn = message.pose.position, message.pose.orientation
+            position.z = 0.0
+            if x is not None:
+                position.x, position.y, turn.x, turn.y, turn.z, turn.w = x, y, 0.0, 0.0, 0.0, 1.0
+            message.header = type(message.header)(stamp=rospy.Time.from_sec(ears.time), frame_id="carrier_base")
+            self.strange["carrier_command"].publish(message)
+            wait_for(lambda: there((position.x, position.y, 0.0)), 10.0 * self.factor)
 
     # -- a trial --
 
@@ -202,7 +234,11 @@ class Campaign:
             return HOSTILE[node] is None
         if not self.is_needed(trial):
             return True
-        return kind == "stall" or kind == "restart" and node not in (holder_of(trial["goal"]), SIMULATOR)
+        return kind == "stall" or kind == "restart" and node not in (holder_of(trial["goal"]), SIMULATOR, BRIDGE, ARM)
+
+    def must_stand(self, trial):
+        """Does nobody lead the arm any more, as long as the fault lasts?"""
+        return self.arm and trial["kind"] == "kill" and trial["node"] in (SUPERVISOR, BRIDGE, ARM, *DRIVERS)
 
     def is_needed(self, trial):
         """Does the goal ask this node for anything? In lockstep time waits for every node."""
@@ -221,6 +257,12 @@ class Campaign:
             return ["server lost"]
         if node == SIMULATOR:
             return [SIMULATOR, "started anew", "another life"]
+        if node == BRIDGE:
+            return [BRIDGE, "started anew", "another life"] + (["the plant stopped itself"] if kind == "stall" else [])
+        if node == ARM:
+            return ["no_state", "following"]
+        if self.arm and node in DRIVERS:
+            return [node, "no_wrench_" + node[7], "changed during the goal"]
         if kind == "restart" and node in DRIVERS:
             return [node, "changed during the goal"]
         return [node.replace("bench/", "").split("/")[-1 if node == RIG else 0]]
@@ -250,17 +292,23 @@ class Campaign:
         goal = self.begin(trial)
         self.reach_moment(trial, goal)
         idle, shaken = goal.done(), bool(ears.plant) and ears.state().exciter
-        mark, begun = len(ears.plant), time.monotonic()
+        mark, begun, since = len(ears.plant), time.monotonic(), ears.time
         undo = self.inject(trial)
         by_itself = self.await_end(trial, goal, undo)
+        stand = None
+        if self.must_stand(trial) and not idle:
+            wait_for(lambda: ears.time > since + 2.0 * STAND, 20.0 * self.factor)
+            stand = max(0.0, ears.moving - since)
         row = {"goal": trial["goal"], "fault": f"{trial['kind']} {trial['node']}" + (f" {trial['stall']:.2f} s" if trial["kind"] == "stall" else ""),
-               "moment": "idle" if idle else trial["moment"], "hold": None, "name": None, "peak": ears.peak, "result": goal.reason()[:200], "broken": []}
+               "moment": "idle" if idle else trial["moment"], "hold": None, "stand": stand, "name": None, "peak": ears.peak, "result": goal.reason()[:200], "broken": []}
         broken = row["broken"]
         if not goal.done():
             broken.append("result: none")
         broken += [f"end: {text}" for text in trial.get("stubborn", [])]
         if trial["goal"] != "calibrate":
             self.judge_plant(trial, row, mark)
+            if stand is not None and stand > STAND:
+                broken.append(f"stand: the carrier moved until {stand:.3f} s after the fault")
             self.judge_truth(row, goal)
         if not idle:
             self.judge_name(trial, row, goal, by_itself, begun, shaken)
@@ -281,7 +329,7 @@ class Campaign:
         if not self.lockstep and fault_of_holder and row["moment"] != "idle":
             wait_for(lambda: any(s.held or not s.session for s, _ in ears.plant[mark:]), 5.0 * self.factor)
         for state, sign in list(ears.plant[mark:]):
-            if not self.lockstep and state.held and not state.overload and state.reason.startswith("lapsed") and sign:
+            if not self.lockstep and state.held and (self.arm or not state.overload) and state.reason.startswith("lapsed") and sign:
                 row["hold"] = max(row["hold"] or 0.0, state.header.stamp.to_sec() - sign)
             if state.held and state.exciter:
                 broken.append("hold: held with the exciter on")

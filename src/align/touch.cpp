@@ -27,6 +27,7 @@ constexpr double kPlaceSd = 5e-5;    // of where a move ends [m]
 constexpr double kPush = 0.75;       // sideways: a wall [N]
 constexpr double kSidestep = 1e-4;   // of the way to a wall, in one block [m]
 constexpr double kMoreGive = 2.0;    // harder or smaller by that, it is the same
+constexpr double kYields = 0.1;      // of a push, when half of the way into it is taken back
 constexpr double kBack = 3e-4;       // off a wall again [m]
 constexpr double kBehind = 2.5e-3;   // low edge inside by so much at least when put down [m]
 constexpr double kFarthest = 6e-3;   // and at most [m]
@@ -273,7 +274,7 @@ class TouchSearch : public Search {
     const double wanted = kPush * scale_.force;
     const double step =
         kSidestep * std::min({1.0, scale_.give * kMoreGive, scale_.length * kMoreGive});
-    double moved = 0.0, felt = 0.0;
+    double moved = 0.0, felt = 0.0, less = 0.0, gentler = 0.0;
     while (felt < wanted) {
       if (moved > kLost * scale_.length) {
         report("wall", "none within reach");
@@ -286,11 +287,13 @@ class TouchSearch : public Search {
       felt = push();
       if (felt < wanted) continue;
       felt = pushedAt(from + moved * way, R, push);
+      if (felt < wanted) continue;
+      gentler = moved - 0.5 * felt * softness(way, R);
+      less = pushedAt(from + gentler * way, R, push);
+      // a wall pushes half as much there; a swing of the peg doesn't know where it is
+      if (felt - less < kYields * felt) felt = 0.0;
     }
-    const double gentler = moved - 0.5 * felt * softness(way, R);
-    const double less = pushedAt(from + gentler * way, R, push);
-    const double slope = felt > less ? (moved - gentler) / (felt - less) : 0.0;
-    const double at = gentler - less * slope;
+    const double at = gentler - less * (moved - gentler) / (felt - less);
     TouchReading reading;
     reading.kind = TouchReading::kWall;
     reading.X_SP = pegPose(restFor(from + at * way, R), sag(press_.target()) - sag(start_));

@@ -14,6 +14,7 @@ namespace {
 constexpr double kRelief = 1.1;    // of the load at the beginning, while it is being taken off
 constexpr double kSlowest = 1e-3;  // that a move may be asked to be [m/s]
 constexpr double kStopWay = 0.8;   // as the plant's guard counts it, of v²/a
+constexpr double kStarves = 0.5;   // of the timeout: a source that is silent so long starves others
 constexpr char kSensors[] = "ab";
 
 Load loadOf(const Vector6& wrench) { return {wrench.head<3>().norm(), wrench.tail<3>().norm()}; }
@@ -85,23 +86,50 @@ bool isBusy(const ArmGuard& arm) {
   return !arm.guard.holder.empty() || arm.guard.shaking || !isAtRest(arm.motion);
 }
 
+// A sample at the end of the range tells no load. One or a few are a knock; more are not.
+void waitOutKnock(ArmGuard& arm, std::size_t sensor, double period) {
+  arm.saturated[sensor] += period;
+  if (arm.saturated[sensor] <= arm.limits.saturated_time || isHalted(arm) || !isBusy(arm)) return;
+  hold(arm, ArmReason::kSaturated,
+       text("sensor_%c is at the end of its range for %g s, allowed are %g s: its load isn't known",
+            kSensors[sensor], arm.saturated[sensor], arm.limits.saturated_time));
+}
+
+struct Source {
+  ArmReason reason;  // without it
+  const char* what;
+  bool known;
+  double time;  // of its last word
+};
+
+std::array<Source, 3> sourcesOf(const ArmGuard& arm) {
+  return {{{ArmReason::kNoWrenchA, "samples of sensor_a", arm.wrench_known[0], arm.wrench_time[0]},
+           {ArmReason::kNoWrenchB, "samples of sensor_b", arm.wrench_known[1], arm.wrench_time[1]},
+           {ArmReason::kNoState, "state of the arm", arm.state_known, arm.state_time}}};
+}
+
 void watchData(ArmGuard& arm, double now) {
-  const auto late = [&](bool known, double time) {
-    return !known || now - time >= arm.limits.timeout - 1e-6;
-  };
-  const auto complain = [&](ArmReason reason, const char* what, bool known, double time) {
-    hold(arm, reason,
-         known ? text("no fresh %s for %.3f s, allowed are %g s", what, now - time,
-                      arm.limits.timeout)
-               : text("no %s has come in yet", what));
-  };
-  if (late(arm.wrench_known[0], arm.wrench_time[0])) {
-    complain(ArmReason::kNoWrenchA, "samples of sensor_a", arm.wrench_known[0], arm.wrench_time[0]);
-  } else if (late(arm.wrench_known[1], arm.wrench_time[1])) {
-    complain(ArmReason::kNoWrenchB, "samples of sensor_b", arm.wrench_known[1], arm.wrench_time[1]);
-  } else if (late(arm.state_known, arm.state_time)) {
-    complain(ArmReason::kNoState, "state of the arm", arm.state_known, arm.state_time);
+  for (const Source& source : sourcesOf(arm)) {
+    if (source.known && now - source.time < arm.limits.timeout - 1e-6) continue;
+    hold(arm, source.reason,
+         source.known ? text("no fresh %s for %.3f s, allowed are %g s", source.what,
+                             now - source.time, arm.limits.timeout)
+                      : text("no %s has come in yet", source.what));
+    return;
   }
+}
+
+// Who gets no block, as a source of it is missing, shows no life either: then that is the cause.
+void holdLapsed(ArmGuard& arm, const std::string& holder, double now) {
+  const double timeout = arm.limits.timeout;
+  const std::string lapse = text("no sign of life of %s for %g s", holder.c_str(), timeout);
+  for (const Source& source : sourcesOf(arm)) {
+    if (source.known && now - source.time < kStarves * timeout) continue;
+    hold(arm, source.reason,
+         text("no fresh %s for %.3f s, and so ", source.what, now - source.time) + lapse);
+    return;
+  }
+  hold(arm, ArmReason::kLapsed, lapse);
 }
 
 // Where it was sent lately: its latency doesn't count.
@@ -192,9 +220,16 @@ void feel(ArmGuard& arm, const FeltSamples& samples) {
     // what is on its way to the arm can't be called back
     way = stopWay(arm.motion) + motionRate(arm.motion) * arm.limits.delay;
   }
+  Vector6 known = arm.wrench[sensor];
   for (std::size_t i = 0; i < samples.count; ++i) {
     const Vector6 contact = Vector6::Map(samples.values + 6 * i);
     const double behind = static_cast<double>(samples.count - 1 - i) * samples.period;
+    if (samples.saturated != nullptr && samples.saturated[i] != 0) {
+      waitOutKnock(arm, sensor, samples.period);
+      continue;
+    }
+    arm.saturated[sensor] = 0.0;
+    known = contact;
     updateRate(arm, sensor, contact.head<3>(), samples.end - behind);
     if (isHalted(arm)) continue;
     judgeSample(arm, sensor, contact, contact + samples.zero);
@@ -209,7 +244,7 @@ void feel(ArmGuard& arm, const FeltSamples& samples) {
               allowed.force, allowed.torque));
   }
   if (samples.count > 0) {
-    arm.wrench[sensor] = Vector6::Map(samples.values + 6 * (samples.count - 1));
+    arm.wrench[sensor] = known;
     arm.raw_load[sensor] = loadOf(arm.wrench[sensor] + samples.zero);
     arm.wrench_time[sensor] = samples.end;
     arm.wrench_known[sensor] = true;
@@ -217,10 +252,6 @@ void feel(ArmGuard& arm, const FeltSamples& samples) {
   arm.allowed[sensor] =
       relieved(loadOf(arm.wrench[sensor]), contactLimit(arm), arm.allowed[sensor]);
   arm.raw_allowed[sensor] = relieved(arm.raw_load[sensor], rawLimit(arm), arm.raw_allowed[sensor]);
-  if (samples.saturated && !isHalted(arm) && isBusy(arm)) {
-    hold(arm, ArmReason::kSaturated,
-         text("sensor_%c is at the end of its range: its load isn't known", kSensors[sensor]));
-  }
   const double rate = arm.windows[sensor].rate;
   if (!isHalted(arm) && isBusy(arm) && !(rate <= arm.limits.force_rate)) {
     holdBeyond(arm, ArmReason::kForceRate,
@@ -285,8 +316,7 @@ void tick(ArmGuard& arm, double now) {
   const std::string holder = arm.guard.holder;
   const GuardAction action = watch(arm.guard, arm.wrench[1], arm.motion.out(2), now);
   if (action.reason == GuardReason::kLapsed) {
-    hold(arm, ArmReason::kLapsed,
-         text("no sign of life of %s for %g s", holder.c_str(), arm.limits.timeout));
+    holdLapsed(arm, holder, now);
   } else if (action.reason == GuardReason::kLoneExciter) {
     arm.text = text("%s: the exciter ran for %g s and nobody holds the plant",
                     toString(action.reason), arm.limits.guard.lone_exciter);

@@ -39,6 +39,8 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
   const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);
   rounding_a_ = roundingCovariance(calibration_a_.volts_to_wrench, step);
   rounding_b_ = roundingCovariance(calibration_b_.volts_to_wrench, step);
+  if (!parameters.arm) return;
+  arm_ = std::make_unique<CarrierArm>(*parameters.arm, nominal, cell_.reported(), parameters.seed);
 }
 
 void SimulatedPlant::know(const KnownMechanism& known) {
@@ -73,9 +75,40 @@ void SimulatedPlant::collect(Window& window, bool wrench) {
   }
 }
 
-PlantBlock SimulatedPlant::next(const PlantCommand& command) {
+void SimulatedPlant::tellArm() {
+  const std::size_t n = block_.saturated_a.size();
+  for (int sensor = 0; sensor < 2; ++sensor) {
+    const std::vector<double>& volts = sensor == 0 ? block_.volts_a : block_.volts_b;
+    const Calibration& calibration = sensor == 0 ? calibration_a_ : calibration_b_;
+    std::vector<double>& wrenches = felt_[static_cast<std::size_t>(sensor)];
+    wrenches.resize(6 * n);
+    for (std::size_t i = 0; i < n; ++i) {
+      Vector6::Map(wrenches.data() + 6 * i) =
+          wrenchFromVolts(calibration, Vector6::Map(volts.data() + 6 * i));
+    }
+    FeltSamples felt;
+    felt.sensor = sensor;
+    felt.values = wrenches.data();
+    felt.count = n;
+    felt.period = block_.period;
+    felt.end = cell_.world().time();
+    felt.saturated = (sensor == 0 ? block_.saturated_a : block_.saturated_b).data();
+    arm_->feel(felt);
+  }
+}
+
+void SimulatedPlant::advance(const PlantCommand& command) {
   World& world = cell_.world();
-  if (command.rest) cell_.command(poseFromRest(*command.rest));
+  if (arm_) {
+    const CellParameters& parameters = cell_.parameters();
+    const double length = parameters.block_size * parameters.sample_period;
+    PlantCommand asked = command;
+    if (asked.exciter) asked.exciter = compensated(*asked.exciter, drive_);
+    const CarrierPoses poses = arm_->lead(asked, world.time(), length);
+    world.followRest(restMotionOf(poses, cell_.carrier().base()), world.time() + length);
+  } else if (command.rest) {
+    cell_.command(poseFromRest(*command.rest));
+  }
   if (command.exciter) {
     exciter_ = *command.exciter;
     exciter_reference_ = world.time();
@@ -101,10 +134,12 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
     throw PlantError(AlignFailure::kStopped, "simulation stopped: too_many_steps",
                      "too_many_steps");
   }
+  if (arm_) tellArm();
+}
 
+PlantBlock SimulatedPlant::means() const {
   PlantBlock out;
   const std::size_t n = block_.saturated_a.size();
-  out.samples = static_cast<int>(n);
   const BlockMoments volts_a = momentsOf(block_.volts_a.data(), n);
   const BlockMoments volts_b = momentsOf(block_.volts_b.data(), n);
   out.wrench_a = wrenchFromVolts(calibration_a_, volts_a.mean);
@@ -116,13 +151,22 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
   out.covariance_b = S_b * volts_b.covariance * S_b.transpose();
   out.rounding_a = rounding_a_;
   out.rounding_b = rounding_b_;
+  out.samples = static_cast<int>(n);
   for (std::size_t i = 0; i < n; ++i) {
     out.saturated = out.saturated || block_.saturated_a[i] || block_.saturated_b[i];
   }
+  out.carrier = restFromPose(arm_ ? arm_->reported() : cell_.reported());
+  return out;
+}
+
+PlantBlock SimulatedPlant::next(const PlantCommand& command) {
+  // a bridge commands nothing before it has felt something
+  if (arm_ && !arm_->ready()) advance({});
+  advance(command);
+  PlantBlock out = means();
+  out.time = cell_.world().time();
   if (locus_.request) collect(locus_, false);
   if (vibration_.request) collect(vibration_, true);
-  out.time = world.time();
-  out.carrier = restFromPose(cell_.reported());
 
   if (locus_.endsBefore(out.time)) {
     out.locus = readLocus(nominal_, exciter_, locus_.angles, locus_.signals);

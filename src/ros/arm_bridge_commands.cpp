@@ -75,6 +75,11 @@ Sender ArmBridgeNode::senderOf(const ros::MessageEvent<Message const>& event) co
   return {event.getPublisherName(), nodeTime(stamp), !stamp.isZero(), false};
 }
 
+// What publishers keep comes in before the first sample and the arm's first word.
+bool ArmBridgeNode::isOfEarlierLife(const Sender& sender) const {
+  return epoch_.isZero() || !arm_.begun || sender.stamp < -kStamp;
+}
+
 void ArmBridgeNode::act(const std::function<void()>& task) {
   if (lockstep_) {
     waiting_.push_back(task);
@@ -114,7 +119,7 @@ void ArmBridgeNode::take(const Sender& sender, const geometry_msgs::PoseStamped&
     no(GuardReason::kStale, "it has no stamp: give header.stamp");
     return;
   }
-  if (sender.stamp < -kStamp) {
+  if (isOfEarlierLife(sender)) {
     no(GuardReason::kEarlierLife, "it is older than this run of the bridge: send it anew");
     return;
   }
@@ -143,6 +148,9 @@ void ArmBridgeNode::take(const Sender& sender, const Exciter& exciter) {
   Verdict verdict;
   if (!sender.stamped && !off) {
     verdict = {GuardReason::kStale, "stale: it has no stamp: give header.stamp"};
+  } else if (isOfEarlierLife(sender) && !off) {
+    verdict = {GuardReason::kEarlierLife,
+               "earlier_life: it is older than this run of the bridge: send it anew"};
   } else {
     verdict = drive(arm_, sender, drive_command, now());
   }
@@ -216,8 +224,7 @@ void ArmBridgeNode::onStop(const std::string& who) {
 void ArmBridgeNode::anotherLife(const ros::Time& stamp) {
   const bool stopped = arm_.mode == ArmMode::kStopped;
   const std::string why = arm_.text;
-  arm_ = armGuard(limits_, braking_, lease_mode_, lockstep_);
-  setRate(arm_, 1.0 / rate_, smoothing_);
+  arm_ = new_arm_;
   if (stopped) stopForGood(arm_, why);
   ++life_;
   epoch_ = stamp;
@@ -265,8 +272,7 @@ void ArmBridgeNode::onWrench(std::size_t sensor, const WrenchSamples& samples) {
   felt.period = samples.period;
   felt.end = nodeTime(end);
   felt.zero = zeros_[sensor];
-  felt.saturated = std::any_of(samples.saturated.begin(), samples.saturated.end(),
-                               [](std::uint8_t bits) { return bits != 0; });
+  if (samples.saturated.size() == count) felt.saturated = samples.saturated.data();
   if (sensor == 1 && payload_mass_ > 0.0) {
     const Vector6 change = weightChange();
     felt_ = samples.wrench;
@@ -283,11 +289,14 @@ void ArmBridgeNode::onWrench(std::size_t sensor, const WrenchSamples& samples) {
     block_length_ = static_cast<double>(count) * samples.period;
     poses_wanted_.push_back(end);
     if (poses_wanted_.size() > kQueue) poses_wanted_.pop_front();
-    geometry_msgs::WrenchStamped contact;
-    contact.header.stamp = end;
-    contact.header.frame_id = samples.header.frame_id;
-    contact.wrench = toWrench(arm_.wrench[1]);
-    wrench_pub_.publish(contact);
+    if (wrench_pub_.getNumSubscribers() > 0) {
+      geometry_msgs::WrenchStamped contact;
+      contact.header.stamp = end;
+      contact.header.frame_id = samples.header.frame_id;
+      contact.wrench = toWrench(arm_.wrench[1]);
+      wrench_pub_.publish(contact);
+    }
+    if (!lockstep_) showLife(end);
     tellPoses();
   }
   watchExciter();
@@ -322,6 +331,14 @@ void ArmBridgeNode::onState(const Pose& X_base_flange, const ros::Time& stamp) {
   tellPoses();
   publishState();
   endBlock();
+}
+
+// A simulator whose carrier goes through an arm takes its exciter from here: off without this.
+void ArmBridgeNode::showLife(const ros::Time& seen) {
+  Lease lease;
+  lease.header.stamp = seen;
+  lease.session = life_;
+  lease_pub_.publish(lease);
 }
 
 // Between the two states of the arm round a block's end. A block waits for the second.

@@ -11,6 +11,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/mechanism/mechanism.h"
+#include "assembly_cell/ros/arm_parameters.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/diagnostics.h"
 #include "assembly_cell/ros/lockstep.h"
@@ -24,6 +25,7 @@ namespace {
 constexpr int kQueue = 100;
 constexpr double kConnectionCheck = 5.0;  // wall clock [s]
 constexpr double kBehind = 0.1;           // then points that were missed aren't made up for [s]
+constexpr int kCallbacks = 100;           // before a point: a flood doesn't keep it out
 
 std::uint32_t randomLife() {
   std::random_device random;
@@ -37,14 +39,17 @@ std::uint32_t randomLife() {
 ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     : nh_(nh), arm_nh_(nh, "arm"), life_(randomLife()), clock_(true) {
   readParameters(pnh);
+  // by the wall clock the thread of the points hears as well, see loop()
+  if (!lockstep_) {
+    for (ros::NodeHandle* handle : {&nh_, &arm_nh_, &pnh}) handle->setCallbackQueue(&queue_);
+  }
   clock_ = CellClock(!lockstep_);
   if (lockstep_) {
     participants_ = Participants(participant_names_, nh_.getNamespace());
     // blocks are the drivers' word here: an answer may be faster than they
     participants_.expect(std::numeric_limits<std::uint32_t>::max());
   }
-  arm_ = armGuard(limits_, braking_, lease_mode_, lockstep_);
-  setRate(arm_, 1.0 / rate_, smoothing_);
+  arm_ = new_arm_;
   output_ = std::make_unique<ArmOutput>(arm_nh_, output_settings_, kinematics_.get());
   advertise(pnh);
   subscribe();
@@ -53,17 +58,13 @@ ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     const std::lock_guard<std::mutex> lock(mutex_);
     publishState();
   }
-  ROS_INFO("%s: %.0f points a second, %s", pnh.getNamespace().c_str(), rate_,
+  ROS_INFO("%s: %.0f points a second, %s", pnh.getNamespace().c_str(), settings_.rate,
            lockstep_ ? "lockstep" : "by the wall clock");
   if (!lockstep_) thread_ = std::thread([this] { loop(); });
 }
 
 ArmBridgeNode::~ArmBridgeNode() {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    quit_ = true;
-  }
-  changed_.notify_all();
+  quit_ = true;
   if (thread_.joinable()) thread_.join();
 }
 
@@ -74,20 +75,14 @@ void ArmBridgeNode::readParameters(ros::NodeHandle& pnh) {
   const Mechanism mechanism = loadMechanism(
       parameters.text("scenario"), parameters.texts("overrides", std::vector<std::string>{}));
   lockstep_ = parameters.flag("lockstep", false);
+  real_time_factor_ = parameters.number("real_time_factor", Range{1e-3, 1e3}, 1.0);
   participant_names_ = parameters.texts("participants", std::vector<std::string>{});
-  rate_ = parameters.number("rate", Range{20.0, 2000.0}, rate_);
-  smoothing_ = parameters.number("smoothing", Range{0.0, 0.1}, smoothing_);
-  if (smoothing_ * rate_ > static_cast<double>(CommandMotion::kLongest)) {
-    throw InputError(text("parameter ~smoothing: %g s are more than %zu points at ~rate: give less",
-                          smoothing_, CommandMotion::kLongest));
-  }
-  limits_ = readLimits(parameters);
-  limits_.motion.arm = mechanism.peg.coupling_height + mechanism.peg.half_height;
-  braking_ = {couplingStiffness(mechanism.coupling), limits_.motion.acceleration,
-              limits_.motion.arm};
+  readFields(parameters, fieldsOf(settings_));
   const std::string mode = parameters.choice("lease", {"auto", "required", "none"}, "auto");
-  if (mode == "required") lease_mode_ = LeaseMode::kRequired;
-  if (mode == "none") lease_mode_ = LeaseMode::kNone;
+  LeaseMode lease = LeaseMode::kAuto;
+  if (mode == "required") lease = LeaseMode::kRequired;
+  if (mode == "none") lease = LeaseMode::kNone;
+  new_arm_ = bridgeGuard(settings_, mechanism, lease, lockstep_, "parameter ~");
   payload_mass_ = parameters.number("payload_mass", Range{0.0, 100.0}, 0.0);
   const std::vector<double> centre =
       parameters.numbers("payload_centre", 3, std::vector<double>{0.0, 0.0, 0.0});
@@ -96,40 +91,6 @@ void ArmBridgeNode::readParameters(ros::NodeHandle& pnh) {
   publish_frames_ = parameters.flag("publish_frames", true);
   readArm(parameters);
   parameters.refuseUnknown();
-}
-
-ArmLimits ArmBridgeNode::readLimits(Parameters& parameters) const {
-  ArmLimits limits;
-  MotionLimits& motion = limits.motion;
-  GuardLimits& guard = limits.guard;
-  motion.speed = parameters.number("max_speed", Range{1e-3, 0.25}, motion.speed);
-  motion.acceleration =
-      parameters.number("max_acceleration", Range{1e-2, 10.0}, motion.acceleration);
-  const std::vector<double> box =
-      parameters.numbers("workspace", 6, std::vector<double>{-0.1, 0.1, -0.1, 0.1, -0.1, 0.1});
-  for (int i = 0; i < 3; ++i) {
-    const auto k = static_cast<std::size_t>(2 * i);
-    guard.box_min(i) = box[k];
-    guard.box_max(i) = box[k + 1];
-    if (box[k] < box[k + 1]) continue;
-    throw InputError(text("parameter ~workspace is %g to %g m along %c: give the lower end first",
-                          box[k], box[k + 1], "xyz"[i]));
-  }
-  guard.rotation = parameters.number("max_rotation", Range{0.0, 1.0}, guard.rotation);
-  guard.force = parameters.number("max_force", kPositive, guard.force);
-  guard.torque = parameters.number("max_torque", kPositive, guard.torque);
-  guard.amplitude = parameters.number("max_amplitude", kNotNegative, guard.amplitude);
-  guard.frequency = parameters.number("max_frequency", kNotNegative, guard.frequency);
-  limits.raw_force = parameters.number("max_raw_force", kPositive, limits.raw_force);
-  limits.raw_torque = parameters.number("max_raw_torque", kPositive, limits.raw_torque);
-  limits.force_rate = parameters.number("max_force_rate", kPositive, limits.force_rate);
-  limits.following = parameters.number("max_following", kPositive, limits.following);
-  limits.following_turn = parameters.number("max_following_turn", kPositive, limits.following_turn);
-  limits.following_time =
-      parameters.number("following_time", Range{1e-3, 0.25}, limits.following_time);
-  limits.timeout = parameters.number("timeout", Range{0.04, 10.0}, limits.timeout);
-  limits.delay = parameters.number("delay", Range{0.0, 1.0}, limits.delay);
-  return limits;
 }
 
 void ArmBridgeNode::readArm(Parameters& parameters) {
@@ -162,6 +123,7 @@ void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
   wrench_pub_ = pnh.advertise<geometry_msgs::WrenchStamped>("wrench", kQueue);
   diagnostics_pub_ = nh_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
   if (lockstep_) ack_pub_ = arm_nh_.advertise<Ack>("ack", kQueue, true);
+  if (!lockstep_) lease_pub_ = arm_nh_.advertise<Lease>("lease", kQueue);
   using Request = std_srvs::Trigger::Request;
   using Response = std_srvs::Trigger::Response;
   resume_srv_ = pnh.advertiseService<Request, Response>(
@@ -197,16 +159,24 @@ void ArmBridgeNode::publishFrames() {
 
 // ---- the points ----
 
+// One wakeup a point: what has come in since the last one is taken just before it; nothing of it
+// could move the arm earlier.
 void ArmBridgeNode::loop() {
-  const auto period =
-      std::chrono::duration_cast<Steady::duration>(std::chrono::duration<double>(1.0 / rate_));
+  const auto period = std::chrono::duration_cast<Steady::duration>(
+      std::chrono::duration<double>(1.0 / (settings_.rate * real_time_factor_)));
   auto next = Steady::now();
-  std::unique_lock<std::mutex> lock(mutex_);
   while (!quit_) {
     next += period;
     const auto behind = std::chrono::duration<double>(Steady::now() - next).count();
     if (behind > kBehind) next = Steady::now();
-    if (changed_.wait_until(lock, next, [this] { return quit_; })) return;
+    std::this_thread::sleep_until(next);
+    guarded("callback", [this] {
+      const ros::WallDuration at_once(0.0);
+      for (int i = 0; i < kCallbacks; ++i) {
+        if (queue_.callOne(at_once) != ros::CallbackQueue::Called) return;
+      }
+    });
+    const std::lock_guard<std::mutex> lock(mutex_);
     if (!epoch_.isZero()) point(now());
   }
 }
@@ -248,7 +218,7 @@ void ArmBridgeNode::endBlock() {
   std::vector<std::function<void()>> tasks;
   tasks.swap(waiting_);
   for (const auto& task : tasks) task();
-  const double period = 1.0 / rate_;
+  const double period = 1.0 / settings_.rate;
   const auto count = static_cast<int>(std::ceil(block_length_ / period - 1e-6));
   for (int i = 1; i <= count; ++i) {
     point(block_end_ + std::min(i * period, block_length_));
@@ -257,6 +227,7 @@ void ArmBridgeNode::endBlock() {
   ack.node = participantName(nh_.getNamespace());
   ack.sequence = *done_;
   ack.commands = drives_;
+  ack.session = life_;
   ack_pub_.publish(ack);
 }
 

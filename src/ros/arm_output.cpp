@@ -3,11 +3,8 @@
 
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/TwistStamped.h>
-#include <trajectory_msgs/JointTrajectory.h>
 
-#include <cmath>
-
-#include "assembly_cell/base/text.h"
+#include "assembly_cell/arm/arm_point.h"
 #include "assembly_cell/ros/conversions.h"
 
 namespace assembly_cell::ros_bridge {
@@ -34,6 +31,8 @@ ArmOutput::ArmOutput(ros::NodeHandle nh, const Settings& settings, const ArmKine
       break;
     case ArmInterface::kJoints:
       pub_ = nh.advertise<trajectory_msgs::JointTrajectory>("command", kQueue);
+      joints_.joint_names = kinematics->names();
+      joints_.points.resize(1);
       break;
   }
 }
@@ -58,58 +57,25 @@ std::string ArmOutput::send(const CommandMotion& motion, const Vector6& measured
 
 void ArmOutput::sendTwist(const CommandMotion& motion, const Vector6& measured,
                           const ros::Time& stamp) {
-  const CellPlace& place = settings_.place;
-  const Pose now = place.flangeOf(motionPose(motion));
-  const Pose before = place.flangeOf(poseOfCoordinates(motion.previous));
-  const Pose there = place.flangeOf(poseOfCoordinates(measured));
-  const auto turn = [](const Pose& from, const Pose& to) {
-    return Eigen::Vector3d(vectorFromRotation(to.R * from.R.transpose()).value);
-  };
-  const double rate = 1.0 / motion.period, gain = settings_.twist_gain;
+  const Vector6 v = flangeTwist(settings_.place, motion, measured, settings_.twist_gain);
   geometry_msgs::TwistStamped twist;
   twist.header.stamp = stamp;
   twist.header.frame_id = settings_.base_frame;
-  twist.twist.linear = toVector3(rate * (now.p - before.p) + gain * (now.p - there.p));
-  twist.twist.angular = toVector3(rate * turn(before, now) + gain * turn(there, now));
+  twist.twist.linear = toVector3(v.head<3>());
+  twist.twist.angular = toVector3(v.tail<3>());
   pub_.publish(twist);
 }
 
 std::string ArmOutput::sendJoints(const CommandMotion& motion, const ros::Time& stamp) {
   if (!q_) return {};
-  const JointVector before = *q_;
-  JointVector q = before;
-  const JointSolution solution =
-      kinematics_->solve(settings_.place.flangeOf(motionPose(motion)), q);
-  std::string why;
-  if (!solution.reached) {
-    why = text("the joints get no nearer than %g m and %g rad", solution.distance, solution.turn);
-    if (solution.at_limit >= 0) {
-      why += ": " + kinematics_->names()[static_cast<std::size_t>(solution.at_limit)] +
-             " is at its limit";
-    }
-  }
-  const JointVector most = motion.period * kinematics_->limits().speed;
-  for (Eigen::Index k = 0; k < q.size(); ++k) {
-    if (std::abs(q(k) - before(k)) <= most(k)) continue;
-    const double share = std::abs(q(k) - before(k)) / motion.period;
-    q(k) = before(k) + std::copysign(most(k), q(k) - before(k));
-    if (why.empty()) {
-      why = text("joint %s would have to turn by %g rad/s, allowed are %g rad/s",
-                 kinematics_->names()[static_cast<std::size_t>(k)].c_str(), share,
-                 kinematics_->limits().speed(k));
-    }
-  }
-  trajectory_msgs::JointTrajectory message;
-  message.header.stamp = stamp;
-  message.joint_names = kinematics_->names();
-  message.points.resize(1);
-  const JointVector rates = (q - before) / motion.period;
-  message.points[0].positions.assign(q.begin(), q.end());
-  message.points[0].velocities.assign(rates.begin(), rates.end());
-  message.points[0].time_from_start = ros::Duration(motion.period);
-  pub_.publish(message);
-  q_ = q;
-  return why;
+  const JointPoint point = jointPoint(*kinematics_, settings_.place, motion, *q_);
+  joints_.header.stamp = stamp;
+  joints_.points[0].positions.assign(point.q.begin(), point.q.end());
+  joints_.points[0].velocities.assign(point.rates.begin(), point.rates.end());
+  joints_.points[0].time_from_start = ros::Duration(motion.period);
+  pub_.publish(joints_);
+  q_ = point.q;
+  return point.why;
 }
 
 }  // namespace assembly_cell::ros_bridge

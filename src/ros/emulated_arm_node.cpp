@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/arm_parameters.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
@@ -19,10 +21,6 @@ namespace {
 constexpr int kQueue = 100;
 constexpr double kJump = 0.02;         // of the simulator's carrier: it was put somewhere else [m]
 constexpr double kTwistTimeout = 0.1;  // a twist holds no longer [s]
-
-double wall() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 }  // namespace
 
@@ -57,18 +55,9 @@ void EmulatedArmNode::readParameters(ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
   EmulatedArmParameters& arm = parameters_;
   lockstep_ = parameters.flag("lockstep", false);
+  real_time_factor_ = parameters.number("real_time_factor", Range{1e-3, 1e3}, 1.0);
   interface_ = armInterface(parameters.choice("interface", {"pose", "twist", "joints"}, "joints"));
-  arm.rate = parameters.number("rate", Range{125.0, 500.0}, arm.rate);
-  arm.latency = parameters.number("latency", Range{0.0, 0.05}, arm.latency);
-  arm.jitter = parameters.number("jitter", Range{0.0, 0.05}, arm.jitter);
-  arm.bandwidth = parameters.number("bandwidth", Range{2.0, 40.0}, arm.bandwidth);
-  arm.encoder_step = parameters.number("encoder_step", Range{0.0, 1e-2}, arm.encoder_step);
-  arm.repeatability = parameters.number("repeatability", Range{0.0, 1e-3}, arm.repeatability);
-  const std::vector<double> give = parameters.numbers(
-      "compliance", 6, std::vector<double>(arm.compliance.begin(), arm.compliance.end()));
-  arm.compliance = Vector6::Map(give.data());
-  arm.protective_force = parameters.number("protective_force", kPositive, arm.protective_force);
-  arm.protective_torque = parameters.number("protective_torque", kPositive, arm.protective_torque);
+  readFields(parameters, fieldsOf(arm));
   arm.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
   place_ = loadCellPlace(parameters.text("place"));
   const std::string description = parameters.text("description", "arm_description");
@@ -232,10 +221,15 @@ void EmulatedArmNode::onTwist(const geometry_msgs::TwistStamped& twist) {
   goTo(wanted_, twist.header.stamp);
 }
 
+double EmulatedArmNode::wall() const {
+  return real_time_factor_ *
+         std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
 void EmulatedArmNode::loop() {
   using Steady = std::chrono::steady_clock;
   const auto period = std::chrono::duration_cast<Steady::duration>(
-      std::chrono::duration<double>(1.0 / parameters_.rate));
+      std::chrono::duration<double>(1.0 / (parameters_.rate * real_time_factor_)));
   auto next = Steady::now();
   std::unique_lock<std::mutex> lock(mutex_);
   while (!quit_) {

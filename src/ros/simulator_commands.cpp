@@ -4,6 +4,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/cell/carrier_arm.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/simulator_node.h"
@@ -133,14 +134,10 @@ void SimulatorNode::followMotion(const std::optional<CarrierMotion>& motion) {
     if (!world.atRest()) world.stopRest();
     return;
   }
-  const Pose& X_HB = cell_->carrier().base();
-  const auto rest = [&](const geometry_msgs::Pose& pose) {
-    return restVector(restFromPose(X_HB * fromPose(pose, "carrier_motion")));
-  };
-  const double h = motion->step;
-  const Vector6 before = rest(motion->before), at = rest(motion->at), after = rest(motion->after);
-  const RestMotion goal{at, (after - before) / (2.0 * h), (after - 2.0 * at + before) / (h * h)};
-  world.followRest(goal, world.time() + blockLength());
+  const auto pose = [](const geometry_msgs::Pose& p) { return fromPose(p, "carrier_motion"); };
+  const CarrierPoses poses{motion->step, pose(motion->before), pose(motion->at),
+                           pose(motion->after)};
+  world.followRest(restMotionOf(poses, cell_->carrier().base()), world.time() + blockLength());
 }
 
 // ---- services ----

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <fstream>
 #include <iostream>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <sstream>
@@ -15,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -66,6 +68,8 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --world W             what simulates the mechanism: exact (default), mujoco or "{engine: mujoco, facets: 512}",
                         see docs/second_world.md; strategies know of it only that
                         its coupling turns with the carrier (coupling.axes=carrier)
+  --arm FILE.yaml       an emulated arm carries the carrier, led by the bridge that a real one has, as
+                        config/arm/emulated.yaml names them: latency, repeatability and limits, see docs/arm.md
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
@@ -79,7 +83,7 @@ Example: align config/scenarios/cell.yaml --runs 20 --seed 7
 constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
 
 struct Options {
-  std::string scenario, report, mismatch, mechanism, insert, world = "exact";
+  std::string scenario, report, mismatch, mechanism, insert, arm, world = "exact";
   bool identify = false;
   std::vector<std::string> overrides;
   AlignParameters align;
@@ -106,6 +110,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
   parser.text("--world", o.world);
+  parser.text("--arm", o.arm);
   parser.text("--mismatch", o.mismatch);
   parser.text("--mechanism", o.mechanism);
   parser.flag("--identify", o.identify);
@@ -319,6 +324,9 @@ int run(const std::vector<std::string>& arguments) {
   // the engine's coupling is bolted to the carrier
   if (o.cell.world.mujoco) o.overrides.insert(o.overrides.begin(), "coupling.axes=carrier");
   readInsert(o.insert, o.align.insert);
+  if (!o.arm.empty()) {
+    o.cell.arm = std::make_shared<assembly_cell::ArmSetup>(assembly_cell::loadArmSetup(o.arm));
+  }
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
   assembly_cell::checkParameters(o.align);
   if (o.second_goals && o.runs == 1) throw InputError("--second-goals: give --runs above 1, too");

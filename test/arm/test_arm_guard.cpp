@@ -59,7 +59,7 @@ struct Cell {
     const auto samples = [&](int sensor, const Vector6& wrench) {
       std::vector<double> values;
       for (int i = 0; i < 4; ++i) values.insert(values.end(), wrench.begin(), wrench.end());
-      feel(arm, {sensor, values.data(), 4, kBlock / 4, now, zero, false});
+      feel(arm, {sensor, values.data(), 4, kBlock / 4, now, zero, nullptr});
     };
     if (data_a) samples(0, wrench_a);
     if (data_b) samples(1, wrench_b);
@@ -196,10 +196,32 @@ TEST(ArmGuard, NotANumberIsTooMuch) {
 TEST(ArmGuard, ASaturatedSensor) {
   Cell cell(noLimits());
   cell.start();
-  FeltSamples samples{1, cell.wrench_b.data(), 1, kBlock, cell.now, cell.zero, false};
-  samples.saturated = true;
-  feel(cell.arm, samples);
+  const std::uint8_t bits = 4;
+  feel(cell.arm, {1, cell.wrench_b.data(), 1, kBlock, cell.now, cell.zero, &bits});
   cell.expectHeld(ArmReason::kSaturated);
+}
+
+// Stiff parts that touch: a sample or two at the end of the range, which tells no load.
+TEST(ArmGuard, AKnockIsNoLoad) {
+  constexpr double kSample = 2e-4;
+  ArmLimits limits = noLimits();
+  limits.guard.force = 100.0;
+  limits.saturated_time = 1e-3;
+  Cell cell(limits);
+  cell.start();
+  // five samples are the time allowed, six are more
+  for (const std::size_t count : {1U, 5U, 5U, 6U}) {
+    std::vector<std::uint8_t> bits(10, 0);
+    std::vector<double> values(60, 0.0);
+    for (std::size_t i = 0; i < count; ++i) {
+      bits[2 + i] = 1;
+      values[6 * (2 + i)] = 155.0;
+    }
+    feel(cell.arm, {0, values.data(), 10, kSample, cell.now, cell.zero, bits.data()});
+    EXPECT_EQ(cell.arm.mode, count < 6 ? ArmMode::kFollowing : ArmMode::kHeld) << cell.arm.text;
+    EXPECT_EQ(cell.arm.wrench[0].norm(), 0.0);
+  }
+  EXPECT_EQ(cell.arm.reason, ArmReason::kSaturated);
 }
 
 TEST(ArmGuard, ForceRate) {
@@ -288,6 +310,28 @@ TEST(ArmGuard, StaleDataEachAlone) {
     EXPECT_EQ(cell.arm.mode, ArmMode::kHeld);
     EXPECT_FALSE(cell.go(at(0.01, 0, 0)).good());
     EXPECT_TRUE(isAtRest(cell.arm.motion));
+  }
+}
+
+// Who gets no blocks for want of data shows no life: what is missing is named, not who waits for
+// it.
+TEST(ArmGuard, WhatStarvesTheHolderIsTheReason) {
+  const std::vector<std::pair<bool Cell::*, ArmReason>> kinds = {
+      {&Cell::data_a, ArmReason::kNoWrenchA},
+      {&Cell::data_b, ArmReason::kNoWrenchB},
+      {&Cell::state, ArmReason::kNoState}};
+  for (const auto& [data, reason] : kinds) {
+    ArmLimits limits = noLimits();
+    limits.timeout = 0.1;
+    Cell cell(limits);
+    cell.start();
+    cell.lease = false;
+    cell.run(kBlock);
+    cell.*data = false;
+    cell.run(0.2);
+    EXPECT_EQ(cell.arm.reason, reason) << cell.arm.text;
+    EXPECT_NE(cell.arm.text.find("no sign of life of supervisor"), std::string::npos)
+        << cell.arm.text;
   }
 }
 

@@ -21,6 +21,7 @@ struct ArmLimits {
   double raw_force = 150.0, raw_torque = 15.0;  ///< of either sensor, its zero included [N], [N·m]
   double force_rate = 5000.0;    ///< of either contact force's mean over `rate_window` [N/s]
   double rate_window = 0.02;     ///< [s]
+  double saturated_time = 1e-3;  ///< that a channel may be at its end: a knock of stiff parts [s]
   double following = 0.002;      ///< arm from where it was sent within `following_time` [m]
   double following_turn = 0.02;  ///< [rad]
   double following_time = 0.1;   ///< [s]
@@ -85,10 +86,11 @@ struct ArmGuard {
   // what is felt, sensor_a and sensor_b
   std::array<double, 2> wrench_time{};
   std::array<bool, 2> wrench_known{};
-  std::array<Vector6, 2> wrench{};  ///< the last sample, zero taken off
+  std::array<Vector6, 2> wrench{};  ///< the last sample that is known, zero taken off
   std::array<Load, 2> allowed;      ///< more than the limits while a load is being taken off
   std::array<Load, 2> raw_load, raw_allowed;
   std::array<ForceWindow, 2> windows;
+  std::array<double, 2> saturated{};  ///< for so long now, without a break [s]
 };
 
 /// The workspace is about the carrier's base.
@@ -104,7 +106,8 @@ struct FeltSamples {
   std::size_t count = 0;
   double period = 0.0, end = 0.0;  ///< [s]
   Vector6 zero = Vector6::Zero();
-  bool saturated = false;  ///< a channel was, in a sample: the load isn't known
+  /// A byte a sample, not 0: a channel was at its end, the load isn't known. Null: none was.
+  const std::uint8_t* saturated = nullptr;
 };
 void feel(ArmGuard& arm, const FeltSamples& samples);
 /// The arm's own word of where it is, as of `stamp`.

@@ -16,6 +16,8 @@
 
 namespace assembly_cell {
 
+struct ArmSetup;
+
 /// Calibration of a bridge by its design: S = C^-1, offsets removed. With a coupling, the
 /// displacement map of the sensor that is this coupling: its static compliance times the wrench.
 /// Throws InputError for a coupling without a static map (singular stiffness).
@@ -38,6 +40,8 @@ struct CellParameters {
   double bridge_nonlinearity = 0.0;   ///< of both bridges, see Bridge: 0 linear to 1 as built
   double bridge_drift = 0.0;          ///< of their temperature, from Bridge's own on [K/h]
   WorldChoice world;                  ///< what simulates the mechanism
+  /// SimulatedPlant only: an arm carries the carrier, see CarrierArm; null: it goes as commanded.
+  std::shared_ptr<const ArmSetup> arm;
 };
 
 /// A block of samples of both bridges. Sample k is at time + k·period.

@@ -1,10 +1,12 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "assembly_cell/align/plant.h"
 #include "assembly_cell/align/twin_contacts.h"
+#include "assembly_cell/cell/carrier_arm.h"
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/sensor/calibration.h"
@@ -12,7 +14,9 @@
 namespace assembly_cell {
 
 /// The cell without ROS: mechanism, bridges, converters, calibrations and locus fit in one process.
-/// Rest poses go in and out in the carrier's base frame, see carrierBase().
+/// Rest poses go in and out in the carrier's base frame, see carrierBase(). With an arm (see
+/// CellParameters) commands go through its bridge, poses are those of its encoders, and a bridge
+/// that refuses or holds is a PlantError.
 class SimulatedPlant : public Plant {
  public:
   /// Simulates `scenario`; displacements and loci are computed from the nominal mechanism, as the
@@ -40,6 +44,11 @@ class SimulatedPlant : public Plant {
     void begin(const LocusRequest& wanted);
     bool endsBefore(double time) const;
   };
+  // one block of the cell; throws PlantError when its simulation stops
+  void advance(const PlantCommand& command);
+  // the arm feels the block
+  void tellArm();
+  PlantBlock means() const;
   // the block's samples that lie in the window
   void collect(Window& window, bool wrench);
 
@@ -49,6 +58,8 @@ class SimulatedPlant : public Plant {
   Calibration calibration_a_, calibration_b_;
   Matrix6 rounding_a_, rounding_b_;
   TwinForceContacts twin_force_;
+  std::unique_ptr<CarrierArm> arm_;          // null: none
+  std::array<std::vector<double>, 2> felt_;  // by its sensors, 6 × n
   StrainBlock block_;
   ExciterParameters exciter_;
   double exciter_reference_ = 0.0;

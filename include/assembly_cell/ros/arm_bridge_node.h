@@ -8,6 +8,7 @@
 #include <assembly_cell/WrenchSamples.h>
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/WrenchStamped.h>
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <sensor_msgs/JointState.h>
 #include <std_msgs/Bool.h>
@@ -16,8 +17,8 @@
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <deque>
 #include <functional>
 #include <memory>
@@ -27,7 +28,7 @@
 #include <thread>
 #include <vector>
 
-#include "assembly_cell/arm/arm_guard.h"
+#include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/guard/freshness.h"
 #include "assembly_cell/ros/arm_output.h"
 #include "assembly_cell/ros/participants.h"
@@ -38,9 +39,9 @@ class Parameters;
 
 /// Node arm_bridge: stands between the supervisor and an arm as the plant does: takes
 /// carrier_command, exciter and leases, sends the arm a point each period and tells where it is.
-/// Limits and dead man are those of arm/arm_guard.h. Without lockstep a thread of its own makes the
-/// points; in lockstep those of a block follow from it, once all participants have answered it. See
-/// docs/arm.md.
+/// Limits and dead man are those of arm/arm_guard.h. Without lockstep a thread of its own hears
+/// what came in and makes the points; in lockstep those of a block follow from it, once all
+/// participants have answered it. See docs/arm.md.
 class ArmBridgeNode {
  public:
   /// Throws InputError for a bad parameter, file or robot description.
@@ -55,7 +56,6 @@ class ArmBridgeNode {
   };
 
   void readParameters(ros::NodeHandle& pnh);
-  ArmLimits readLimits(Parameters& parameters) const;
   void readArm(Parameters& parameters);
   void advertise(ros::NodeHandle& pnh);
   void subscribe();
@@ -64,6 +64,7 @@ class ArmBridgeNode {
   // what comes in
   template <class Message>
   Sender senderOf(const ros::MessageEvent<Message const>& event) const;  // lock
+  bool isOfEarlierLife(const Sender& sender) const;                      // lock
   void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
   void onExciter(const ros::MessageEvent<Exciter const>& event);
   void onLease(const ros::MessageEvent<Lease const>& event);
@@ -82,8 +83,9 @@ class ArmBridgeNode {
   void renewFor(const Sender& sender, std::uint32_t session);
   void refuse(const std::string& what, const std::string& node, const Verdict& why);
   void anotherLife(const ros::Time& stamp);
-  Vector6 weightChange() const;  ///< of the payload since the zero was taken, sensor_b
-  void tellPoses();              ///< of the carrier at the ends of blocks
+  Vector6 weightChange() const;          ///< of the payload since the zero was taken, sensor_b
+  void showLife(const ros::Time& seen);  ///< of a block
+  void tellPoses();                      ///< of the carrier at the ends of blocks
   void endBlock();
   void point(double now);
   void watchExciter();
@@ -98,28 +100,28 @@ class ArmBridgeNode {
   double now() const;  ///< node time [s]
 
   using Steady = std::chrono::steady_clock;
-  static double wall() {
-    return std::chrono::duration<double>(Steady::now().time_since_epoch()).count();
+  // at the pace of the cell
+  double wall() const {
+    return real_time_factor_ *
+           std::chrono::duration<double>(Steady::now().time_since_epoch()).count();
   }
 
+  ros::CallbackQueue queue_;  // of the thread of the points
   ros::NodeHandle nh_, arm_nh_;
   // parameters
   bool lockstep_ = false, joint_state_ = true, publish_frames_ = true;
-  double rate_ = 500.0, smoothing_ = 0.02;  // [Hz], [s]
+  BridgeSettings settings_;
+  double real_time_factor_ = 1.0;  // of a simulation: cell time a time of the wall clock
   double payload_mass_ = 0.0, gravity_ = 9.80665;
   Eigen::Vector3d payload_centre_ = Eigen::Vector3d::Zero();
   std::vector<std::string> participant_names_;
-  LeaseMode lease_mode_ = LeaseMode::kAuto;
-  Braking braking_;
-  ArmLimits limits_;
   ArmOutput::Settings output_settings_;
   std::unique_ptr<ArmKinematics> kinematics_;
   std::unique_ptr<ArmOutput> output_;
 
   std::mutex mutex_;
-  std::condition_variable changed_;
-  bool quit_ = false;
-  ArmGuard arm_;
+  std::atomic<bool> quit_{false};
+  ArmGuard arm_, new_arm_;  // and as it is at the beginning
   std::uint32_t life_ = 0;
   CellClock clock_;
   ros::Time epoch_;  // stamp of node time 0; zero: not known yet
@@ -146,7 +148,7 @@ class ArmBridgeNode {
   bool told_any_ = false;
   std::uint64_t points_ = 0;
 
-  ros::Publisher carrier_pub_, plant_state_pub_, exciter_pub_, wrench_pub_, ack_pub_,
+  ros::Publisher carrier_pub_, plant_state_pub_, exciter_pub_, wrench_pub_, ack_pub_, lease_pub_,
       diagnostics_pub_;
   ros::Subscriber command_sub_, exciter_sub_, lease_sub_, ack_sub_, state_sub_, stop_sub_;
   std::array<ros::Subscriber, 2> wrench_subs_, bias_subs_;

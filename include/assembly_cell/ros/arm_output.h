@@ -2,6 +2,7 @@
 #pragma once
 
 #include <ros/ros.h>
+#include <trajectory_msgs/JointTrajectory.h>
 
 #include <memory>
 #include <optional>
@@ -46,7 +47,8 @@ class ArmOutput {
 
   Settings settings_;
   const ArmKinematics* kinematics_;
-  std::optional<JointVector> q_;  // sent last
+  std::optional<JointVector> q_;             // sent last
+  trajectory_msgs::JointTrajectory joints_;  // that
   ros::Publisher pub_;
 };
 

@@ -49,9 +49,11 @@ class EmulatedArmNode {
   void runUntil(double time);
   void publish(double time);
   void loop();
+  double wall() const;  ///< at the pace of the cell [s]
 
   ros::NodeHandle nh_, arm_nh_;
   bool lockstep_ = false;
+  double real_time_factor_ = 1.0;  // cell time a time of the wall clock
   ArmInterface interface_ = ArmInterface::kJoints;
   EmulatedArmParameters parameters_;
   CellPlace place_;
