@@ -22,6 +22,7 @@ namespace assembly_cell::panel {
 
 namespace {
 
+constexpr char kThenCall[] = "; then call confirm";      // the page has a button for it
 constexpr char kWaiting[] = "waiting for confirmation";  // state of the action
 
 QVBoxLayout* tightColumn(QWidget* parent) {
@@ -196,7 +197,7 @@ void CalibrationPage::show(const CellView& all) {
   state_->setText(state);
   do_->setText(view.step_unknown ? "A calibration was under way before this panel: cancel it and "
                                    "go on, or confirm the load that it waits for."
-                                 : QString::fromStdString(view.step_message));
+                                 : QString::fromStdString(view.step_message).remove(kThenCall));
   setColored(result_, view.result_known ? QString::fromStdString(view.result) : "no result yet",
              !view.result_known ? QColor()
              : view.success     ? goodColor()

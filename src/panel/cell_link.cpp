@@ -80,7 +80,7 @@ std::string describe(const LocusEstimate& locus) {
                                                    "undecided"};
   std::string out = "locus: ";
   out += locus.mode < modes.size() ? modes[locus.mode] : "?";
-  out += text(", axes %.2f and %.2f um", 1e6 * locus.semi_major, 1e6 * locus.semi_minor);
+  out += text(" %.1f x %.1f um", 1e6 * locus.semi_major, 1e6 * locus.semi_minor);
   if (!locus.hypothesis_direction.empty()) {
     out += text(", contact at %.1f +- %.1f deg", locus.hypothesis_direction[0] * 180.0 / M_PI,
                 locus.direction_sd * 180.0 / M_PI);
@@ -150,6 +150,7 @@ class CellLink::Implementation {
     }
     for (std::size_t i = 0; i < 2; ++i)
       out.sensors[i].there = wrench_subs_[i].getNumPublishers() > 0;
+    out.estimate.truth_there = truth_sub_.getNumPublishers() > 0;
     out.goal.there = align_pub_.getNumSubscribers() > 0;
     if (!out.goal.there) out.goal.goal.clear();
     const auto simulator = std::find_if(out.nodes.begin(), out.nodes.end(), [](const NodeView& n) {
@@ -281,14 +282,12 @@ class CellLink::Implementation {
   }
 
   void hearOthers() {
-    subs_.push_back(hearChecked<
-                    geometry_msgs::PoseStamped>("truth/pose", [this](
-                                                                  const geometry_msgs::PoseStamped&
-                                                                      message) {
+    using Truth = geometry_msgs::PoseStamped;
+    truth_sub_ = hearChecked<Truth>("truth/pose", [this](const Truth& message) {
       const Pose X_HP = fromPose(message.pose, "truth/pose");
       const Eigen::Vector2d tilt = tiltOf(X_HP);
       truth_.add({message.header.stamp.toSec(), {-X_HP.p.x(), -X_HP.p.y()}, {tilt.x(), tilt.y()}});
-    }));
+    });
     subs_.push_back(hearChecked<LocusEstimate>("locus", [this](const LocusEstimate& locus) {
       view_.reading = describe(locus);
       reading_heard_ = Clock::now();
@@ -425,6 +424,7 @@ class CellLink::Implementation {
   CalibrationLink calibration_;
   Errands errands_;  // after all that they use
   std::array<ros::Subscriber, 2> wrench_subs_;
+  ros::Subscriber truth_sub_;
   std::vector<ros::Subscriber> subs_;
   ros::Publisher align_pub_, assemble_pub_, retreat_pub_;
   std::vector<ros::Publisher> cancel_pubs_;

@@ -60,6 +60,7 @@ struct EstimateView {
   bool known = false;
   Pair offset{}, tilt{};                        // [m] [rad]
   double position_sd = 0.0, rotation_sd = 0.0;  // of both axes together; 0: not known [m] [rad]
+  bool truth_there = false;                     // somebody publishes it
   bool truth_known = false;
   Pair true_offset{}, true_tilt{};
 };

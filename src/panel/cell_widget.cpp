@@ -29,6 +29,7 @@ namespace assembly_cell::panel {
 namespace {
 
 constexpr int kRefresh = 100;             // [ms]
+constexpr int kTableFont = 12;            // [px]
 constexpr double kDegree = M_PI / 180.0;  // [rad]
 constexpr char kOwn[] = "the supervisor's own";
 
@@ -60,7 +61,7 @@ CellWidget::CellWidget(CellLink& link, QWidget* parent) : QWidget(parent), link_
   tabs->setObjectName("tabs");
   tabs->addTab(scrolled(cell), "Cell");
   tabs->addTab(scrolled(page_), "Calibration");
-  answer_ = wrappedLabel("answer");
+  answer_ = wrappedLabel("answer", 2);
   auto* all = new QVBoxLayout(this);
   all->setContentsMargins(0, 0, 0, 0);
   all->addWidget(tabs);
@@ -122,7 +123,7 @@ QWidget* CellWidget::goalBox() {
   for (QPushButton* each : {start_, cancel_, retreat_}) buttons->addWidget(each, 1);
   grid->addLayout(buttons, 2, 0, 1, 3);
   state_ = wrappedLabel("state");
-  step_ = wrappedLabel("step");
+  step_ = wrappedLabel("step", 2);
   contacts_ = wrappedLabel("contacts");
   reading_ = wrappedLabel("reading");
   outcome_ = wrappedLabel("outcome");
@@ -157,6 +158,10 @@ QWidget* CellWidget::estimateBox() {
     estimate_[i]->setObjectName(names[i]);
     grid->addWidget(estimate_[i], i < 4 ? 1 : 2, 1 + static_cast<int>(i % 4));
   }
+  // four numbers in a row, whatever the font of the rest
+  QFont small = box->font();
+  small.setPixelSize(kTableFont);
+  for (QLabel* label : box->findChildren<QLabel*>()) label->setFont(small);
   box->setToolTip("As the peg hung before its first move. sd: of both axes together.");
   return box;
 }
@@ -280,7 +285,9 @@ void CellWidget::showEstimate(const EstimateView& e) {
     const bool both = shown.known && shown.truth_known;
     estimate_[first]->setText(shown.known ? pairText(estimated, unit) : "-");
     estimate_[first + 1]->setText(shown.known ? sdText(sd, unit) : "-");
-    estimate_[first + 2]->setText(shown.truth_known ? pairText(truth, unit) : "not there");
+    estimate_[first + 2]->setText(shown.truth_known   ? pairText(truth, unit)
+                                  : shown.truth_there ? "-"
+                                                      : "not there");
     estimate_[first + 3]->setText(both ? errorText(estimated, truth, unit) : "-");
   };
   rows(0, e, e.offset, e.position_sd, e.true_offset, 1e-3);
@@ -324,10 +331,8 @@ void CellWidget::showAnswer(const std::map<std::string, Answer>& answers) {
   const auto newest = std::max_element(
       answers.begin(), answers.end(),
       [](const auto& a, const auto& b) { return a.second.number < b.second.number; });
-  if (newest == answers.end()) {
-    answer_->setText("");
-    return;
-  }
+  answer_->setVisible(newest != answers.end());
+  if (newest == answers.end()) return;
   const Answer& answer = newest->second;
   const QString name = QString::fromStdString(newest->first);
   if (answer.state == Answer::State::kWaiting) {

@@ -11,7 +11,7 @@ namespace assembly_cell::panel {
 
 namespace {
 
-constexpr int kRow = 15;                                 // height [px]
+constexpr int kRow = 13;                                 // height [px]
 constexpr int kName = 20, kValue = 122;                  // widths of the texts [px]
 constexpr double kWarnFrom = 0.5, kFaultFrom = 0.9;      // of the limit
 constexpr std::array<double, 2> kScale = {100.0, 10.0};  // where no limit is known [N] [N m]

@@ -17,13 +17,17 @@ QPushButton* button(const QString& name, const QString& text) {
   return out;
 }
 
-QLabel* wrappedLabel(const QString& name) {
+QLabel* wrappedLabel(const QString& name, int lines) {
   auto* label = new QLabel;
   label->setObjectName(name);
   label->setWordWrap(true);
   label->setTextFormat(Qt::PlainText);
   label->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  label->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
+  QSizePolicy policy(QSizePolicy::Ignored, QSizePolicy::Preferred);
+  policy.setHeightForWidth(true);
+  label->setSizePolicy(policy);
+  label->setMinimumHeight(lines * label->fontMetrics().lineSpacing());
+  label->setAlignment(Qt::AlignTop);
   return label;
 }
 

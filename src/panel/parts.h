@@ -20,8 +20,9 @@ class QWidget;
 namespace assembly_cell::panel {
 
 QPushButton* button(const QString& name, const QString& text);
-/// Breaks lines, never makes its page wider.
-QLabel* wrappedLabel(const QString& name);
+/// Breaks lines, never makes its page wider; has room for so many lines, so that what is below
+/// stays where it is.
+QLabel* wrappedLabel(const QString& name, int lines = 1);
 QGridLayout* tightGrid(QWidget* parent);
 /// Side by side, the first one as wide as may be.
 QHBoxLayout* row(std::initializer_list<QWidget*> widgets);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <stdlib.h>
 
 #include <QApplication>
 #include <QCheckBox>
@@ -42,7 +43,7 @@ struct Screen {
   CellWidget widget{link};
 
   Screen() {
-    widget.resize(440, 900);
+    widget.resize(460, 1020);
     widget.show();
   }
 
@@ -70,6 +71,13 @@ inline int pixelsOf(const QImage& image, const QColor& color, int top, int botto
     for (int x = 0; x < image.width(); ++x) count += image.pixelColor(x, y) == color ? 1 : 0;
   }
   return count;
+}
+
+/// For the documentation, where somebody asks for it.
+inline void keepPicture(QWidget& widget) {
+  const char* file = getenv("ASSEMBLY_CELL_PICTURE");
+  if (file == nullptr) return;
+  EXPECT_TRUE(widget.grab().save(file)) << file;
 }
 
 /// main() of a test: a screen in memory, ROS, and all tests.

@@ -89,6 +89,7 @@ TEST_F(Panel, ShowsWhatIsThereAndWhatIsNot) {
   EXPECT_TRUE(seen([&] { return s().says("sensor_a_calibration", "sensor_a_design"); }));
   EXPECT_TRUE(s().enabled("start"));
   EXPECT_FALSE(s().enabled("cancel"));
+  EXPECT_TRUE(seen([&] { return s().text("true_offset") == "-"; })) << s().text("true_offset");
   EXPECT_FALSE(s().enabled("pause"));
   // no calibration server: said, and nothing to click
   EXPECT_TRUE(s().says("calibration_there", "not there"));
@@ -121,15 +122,18 @@ TEST_F(Panel, StartsAnAlignmentAndShowsItsEstimateBesideTheTruth) {
   beginAnew();
   s().find<QComboBox>("strategy")->setCurrentText("single_contact");
   std::set<std::string> steps, states;
+  bool locus = false;
   s().click("start");
   ASSERT_TRUE(seen([&] {
     steps.insert(s().text("step"));
     states.insert(s().text("state"));
+    locus |= s().says("reading", "locus: ellipse");
     return s().text("outcome") != "-";
   })) << s().text("state");
   EXPECT_TRUE(s().says("outcome", "success: aligned")) << s().text("outcome");
   EXPECT_EQ(states.count("align"), 1U);
   EXPECT_GT(steps.size(), 3U);
+  EXPECT_TRUE(locus);
   EXPECT_TRUE(seen([&] { return s().says("state", "idle"); })) << s().text("state");
   EXPECT_EQ(s().find<QLabel>("outcome")->palette().color(QPalette::WindowText), goodColor());
 
@@ -150,6 +154,7 @@ TEST_F(Panel, StartsAnAlignmentAndShowsItsEstimateBesideTheTruth) {
   EXPECT_LT(s().find<QLabel>("tilt_error")->text().toDouble(), 0.1);
   EXPECT_TRUE(s().says("contacts", std::to_string(report.contacts) + " read"))
       << s().text("contacts");
+  keepPicture(s().widget);
 }
 
 TEST_F(Panel, InsertsToADepth) {
@@ -183,6 +188,9 @@ TEST_F(Panel, CancelsAGoalThatSomebodyElseStarted) {
   s().click("cancel");
   EXPECT_TRUE(seen([&] { return s().says("outcome", "cancelled"); })) << s().text("outcome");
   EXPECT_TRUE(seen([&] { return s().says("state", "idle"); })) << s().text("state");
+  EXPECT_FALSE(s().enabled("cancel"));
+  s().click("retreat");
+  EXPECT_TRUE(seen([&] { return s().says("outcome", "success: free"); })) << s().text("outcome");
 }
 
 TEST_F(Panel, BarsGrowWithTheForceZeroAndUndoTakeItAway) {
