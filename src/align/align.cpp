@@ -92,6 +92,8 @@ void checkParameters(const AlignParameters& p) {
         "must be at least 2 N and below force_limit");
   check(p.insert.speed > 0 && p.insert.speed <= 0.1, "insert.speed", p.insert.speed,
         "must lie in (0, 0.1] m/s");
+  check(p.insert.exciter >= 0 && p.insert.exciter <= 1000, "insert.exciter", p.insert.exciter,
+        "must lie in [0, 1000] N; 0 is off");
   check(p.rounds >= 1 && p.rounds <= 10, "rounds", p.rounds, "must lie in 1 to 10");
 }
 

@@ -10,7 +10,6 @@ namespace {
 using Vec3 = Eigen::Vector3d;
 
 constexpr double kFollow = 0.3;     // of the coupling's strain that the carrier takes out a block
-constexpr double kStepForce = 0.8;  // of the force that stops the peg, in one block against a floor
 constexpr double kStuckTime = 0.4;  // without a step down [s]
 constexpr double kProgress = 5e-5;  // that is a step down [m]
 constexpr double kBackOut = 1e-3;   // the first time, then twice as far each time [m]
@@ -87,7 +86,8 @@ void Search::backOutOfBore(double travel) {
 Search::BoreEnd Search::lowerInBore() {
   const InsertParameters& p = p_.insert;
   const double stiffness = mechanism_.coupling.stiffness.diagonal(0);
-  const double step = std::min(p.speed * block_, kStepForce * p.force / stiffness);
+  // against a floor no more in one block than the force that stops the peg
+  const double step = std::min(p.speed * block_, p.force / stiffness);
   const double careful = std::min(step, kFloorStep * scale_.force * pressCompliance(mechanism_));
   const double near = mechanism_.hole.depth - kNear * scale_.room;
   const int patience = blocks(kStuckTime);
@@ -181,10 +181,21 @@ bool Search::onFloor() {
   return true;
 }
 
+// Shaken at the peg's own swing sideways in its coupling, where a newton moves it most; friction
+// then points along the shaking rather than against the way down.
+void Search::shakeInBore(double amplitude) {
+  const double stiffness = std::min(mechanism_.coupling.stiffness.diagonal(1),
+                                    mechanism_.coupling.stiffness.diagonal(2));
+  const double frequency = p_.exciter_frequency > 0.0 ? p_.exciter_frequency
+                                                      : std::sqrt(stiffness / mechanism_.peg.mass);
+  press_.exciterNext({amplitude, frequency, 0.0, p_.exciter_direction});
+}
+
 // From the edge in the hole to the depth or the floor; the force stays bounded, the walls lead.
 void Search::insert() {
   const double start = press_.last().time;
   in_bore_ = pegPose(press_.target(), Vector6::Zero());
+  if (p_.insert.exciter > 0.0) shakeInBore(p_.insert.exciter);
   moveInBore(0.0);
   double travel = kBackOut;
   for (;;) {
@@ -202,6 +213,7 @@ void Search::insert() {
     backOutOfBore(std::min(travel, stuck.depth));
     travel *= 2.0;
   }
+  if (p_.insert.exciter > 0.0) shakeInBore(0.0);
   for (int i = 0; i < blocks(kRelaxTime); ++i) moveInBore(0.0);
   inserted_.seated = true;
   inserted_.time = press_.last().time - start;

@@ -320,14 +320,18 @@ void PressController::retreat(const RestPose& relaxed, double travel) {
   };
   const double step =
       kPullStep * std::min(1.0, limits_.scale.sink / limits_.scale.force * kPullSofter);
-  for (double pulled = 0.0; pulled < kPullTravel - 0.5 * step; pulled += step) {
+  // a soft coupling pulls hardly in so short a way: on until the peg is free or held by the limit
+  const double end = std::max(travel, kPullTravel);
+  for (double pulled = 0.0;
+       pulled < kPullTravel - 0.5 * step || (pulled < end - 0.5 * step && held() > touch_);
+       pulled += step) {
     up.z += step;
     moveTo(up);
     if (held() > limits_.force) {
       throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
     }
   }
-  up.z = relaxed.z + std::max(travel, kPullTravel);
+  up.z = std::max(up.z, relaxed.z + end);
   moveTo(up);
   if (!settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
   guarded_ = true;

@@ -38,6 +38,9 @@ constexpr int kTouches = 4;               // that may give way, one after the ot
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
 constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one travel aside to the next, never the same twice [rad]
+constexpr int kRings = 3;           // of places round the hole's estimate
+constexpr double kRing = 0.9;       // from one to the next, in clearances
+constexpr double kOnFace = 0.75;    // of the force of a peg lowered on the face by the depth
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
 PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
@@ -260,8 +263,12 @@ bool Search::begin() {
   return alreadyIn();
 }
 
-// what a peg that swings from its own steps down may feel, too
-double Search::insertionForce() const { return p_.insertion_force * std::max(1.0, scale_.force); }
+// What a peg that swings from its own steps down may feel, too; and less than a soft coupling makes
+// of the depth where the peg stands on the face.
+double Search::insertionForce() const {
+  return std::min(p_.insertion_force * std::max(1.0, scale_.force),
+                  kOnFace * mechanism_.coupling.stiffness.diagonal(0) * p_.insertion_depth);
+}
 
 // a wall within reach on one side; if so, on all, and nothing below: friction on a face, with the
 // peg pressed, would feel like walls
@@ -301,23 +308,26 @@ bool Search::enter(const Vec3& center) {
   // the hanging peg sags differently in this pose
   Vec3 target = center + kClear * scale_.room * hole_.normal;
   press_.moveTo(restFor(target + travel * hole_.normal, R), false);
-  press_.wait(blocks(p_.settle));
   press_.tare(kZeroBlocks);
   rememberSag(pegPose(press_.target(), Vector6::Zero()).p);
   target -= sag_ - hole_.normal * hole_.normal.dot(sag_);
 
   // centre, then rings a little closer than the clearance
-  for (int ring = 0; ring < 3; ++ring) {
+  for (int ring = 0; ring < kRings; ++ring) {
     const int places = ring == 0 ? 1 : 6 * ring;
     for (int i = 0; i < places; ++i) {
       const double a = 2 * M_PI * i / places;
-      const Vec2 shift = 0.9 * clearance * ring * Vec2(std::cos(a), std::sin(a));
+      const Vec2 shift = kRing * clearance * ring * Vec2(std::cos(a), std::sin(a));
       if (lower(target + axes * shift, R) && (!feelsWalls() || centre(R))) return true;
     }
   }
   report("enter", "resistance everywhere, measuring again");
   press_.moveTo(restFor(target + travel * hole_.normal, R));
   return false;
+}
+
+double Search::enterReach() const {
+  return (kRing * (kRings - 1) + 1.0) * (mechanism_.hole.radius - mechanism_.peg.radius);
 }
 
 // down from `from`, just over the plane; back up at the first resistance
@@ -349,7 +359,7 @@ bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
   // by what a wall bends the coupling where that is more than the clearance
   const double bent = kWallDeflection * scale_.give;
-  const double step = std::clamp(std::max(0.25 * clearance, 0.1 * bent), 5e-6, 1e-4);
+  const double step = std::clamp(std::max(0.25 * clearance, 0.2 * bent), 5e-6, 1e-4);
   Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
   const Vec3 travel = R.transpose() * direction;
   row << travel.transpose(), Vec3(0, 0, -length_).cross(travel).transpose();
@@ -436,7 +446,8 @@ bool Search::centre(const Mat3& R) {
     report("centre", text("between walls %.3f mm apart", apart * 1e3));
     if (std::abs(apart - gap) > std::max(kGapShare * gap, kGapSlack * scale_.give)) return false;
     // no wall pushes any more: the peg itself is in the middle
-    if (!clearOfWalls(target, R)) return false;
+    // (on the way down the walls lead, and the depth says where the peg is)
+    if (!p_.insert.wanted() && !clearOfWalls(target, R)) return false;
     const Vec3 center = target + sag_;
     hole_.center = center - hole_.normal * (hole_.normal.dot(center) - hole_.height);
     hole_.center_covariance = Eigen::Matrix2d::Identity() * (kWallSd * kWallSd + place_variance_);

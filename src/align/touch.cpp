@@ -22,6 +22,8 @@ constexpr int kDrops = 8;     // tries to put the low edge into the hole
 constexpr double kRuledOut = 0.8, kMayBe = 0.015;  // [m]
 constexpr double kMoreTilt = 0.01;                 // while the plane is unknown [rad]
 constexpr double kOver = 3e-4;       // lowest point over the plane before a descent [m]
+constexpr double kSpot = 1e-4;       // aside that is on the spot [m]
+constexpr double kSinks = 0.5;       // of scale: a light touch's travel is a quarter of kDeep
 constexpr double kDeep = 4e-4;       // lowest point below the plane, inside [m]
 constexpr double kPlaceSd = 5e-5;    // of where a move ends [m]
 constexpr double kPush = 0.75;       // sideways: a wall [N]
@@ -29,9 +31,12 @@ constexpr double kSidestep = 1e-4;   // of the way to a wall, in one block [m]
 constexpr double kMoreGive = 2.0;    // harder or smaller by that, it is the same
 constexpr double kYields = 0.1;      // of a push, when half of the way into it is taken back
 constexpr double kBack = 3e-4;       // off a wall again [m]
+constexpr double kSlack = 5e-6;      // strain that is none [m]
+constexpr int kRelaxes = 3;          // ways that the carrier follows
 constexpr double kBehind = 2.5e-3;   // low edge inside by so much at least when put down [m]
 constexpr double kFarthest = 6e-3;   // and at most [m]
 constexpr double kLost = 8e-3;       // way to a wall at most [m]
+constexpr double kHopeless = 4.0;    // sd over what an entry looks through: one in thirty gets in
 constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg [m]
 constexpr int kHigher = 5;           // times
 constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
@@ -107,8 +112,9 @@ class TouchSearch : public Search {
         resolve();
         continue;
       }
-      walls();
+      const bool met = walls();
       resolve();
+      if (!met || position_sd_ > kHopeless * std::max(kPlaceSd, enterReach())) continue;
       if (enter(hole_.center)) return;
       bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
     }
@@ -154,7 +160,8 @@ class TouchSearch : public Search {
       raise(up, dip(now) + kOver * scale_.room);
       raise(over, dip(R) + kOver * scale_.room);
       raise(up, hole_.normal.dot(over) - hole_.height);
-      press_.moveTo(restFor(up, now), false);
+      // straight up before it goes aside; on the spot it may turn while it rises
+      if ((over - up).norm() > kSpot) press_.moveTo(restFor(up, now), false);
     } else {
       const double turn = std::acos(std::clamp(R.col(2).dot(now.col(2)), -1.0, 1.0));
       over.z() = std::max(over.z(), up.z()) + mechanism_.peg.radius * turn;
@@ -244,7 +251,12 @@ class TouchSearch : public Search {
     const Vec3 place = hole_.center - behind * ahead + (dip(R) + over) * hole_.normal;
     hover(place, R);
     const Vec3 lowest = place - (over + deep + kSure * hole_.height_sd) * hole_.normal;
-    const std::optional<Touch> light = lightTouch(restFor(lowest, R).z);
+    std::optional<Touch> light = lightTouch(restFor(lowest, R).z);
+    // what sinks in by about so much before it is a touch may rest on the face: felt at rest
+    if (!light && kSinks * scale_.sink > scale_.length) {
+      const Touch resting = feel();
+      if (resting.felt()) light = resting;
+    }
     bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
     if (light) {
       keep(*light);
@@ -255,63 +267,100 @@ class TouchSearch : public Search {
     return true;
   }
 
-  // against the wall ahead and on both sides
-  void walls() {
+  // Against the wall ahead and on both sides; false: not even one ahead, so that the place where
+  // the low edge went down is all that was learnt.
+  bool walls() {
+    TouchReading free;
+    free.kind = TouchReading::kFree;
+    free.X_SP = pegPose(press_.target(), sag(press_.target()) - sag(start_));
+    free.sd = kPlaceSd;
     const Vec3 left = hole_.normal.cross(ahead_);
-    for (const Vec3& way : {ahead_, left, Vec3(-left)}) {
-      if (!wall(way)) return;
+    if (!wall(ahead_)) {
+      readings_.push_back(free);
+      return false;
     }
+    for (const Vec3& way : {left, Vec3(-left)}) {
+      if (!wall(way)) break;
+    }
+    return true;
   }
 
   // Steps sideways until the wall pushes back; the place without force by two forces, which needs
-  // no stiffness.
+  // no stiffness. Across the way the wall leads a low edge that fits it closely: what that strains
+  // the coupling by counts, by the drawn stiffness.
   bool wall(const Vec3& way) {
     const Mat3 R = (inverse(X_BS_) * poseFromRest(press_.target())).R;
-    const Vec3 from = pegPose(press_.target(), Vector6::Zero()).p;
-    press_.wait(timed(kRest));
+    const Vec3 across = hole_.normal.cross(way);
+    const Vec3 from = relaxed(R);
     const Vec3 zero = press_.force();
-    const auto push = [&] { return -way.dot(carrierPose().R * (press_.force() - zero)); };
+    const auto push = [&](const Vec3& axis) {
+      return -axis.dot(carrierPose().R * (press_.force() - zero));
+    };
     const double wanted = kPush * scale_.force;
     const double step =
         kSidestep * std::min({1.0, scale_.give * kMoreGive, scale_.length * kMoreGive});
-    double moved = 0.0, felt = 0.0, less = 0.0, gentler = 0.0;
+    double moved = 0.0, felt = 0.0, gentler = 0.0;
+    Vec2 less = Vec2::Zero();
     while (felt < wanted) {
-      if (moved > kLost * scale_.length) {
+      // no wall of a small hole is farther than across it
+      if (moved >
+          std::clamp(2.0 * mechanism_.hole.radius, kLost * scale_.length, kLost * scale_.room)) {
         report("wall", "none within reach");
+        bottom_ = pegPose(press_.last().carrier, Vector6::Zero()).p;
+        press_.moveTo(restFor(bottom_, R), false);
         return false;
       }
       moved += step;
       PlantCommand command;
       command.rest = restFor(from + moved * way, R);
       press_.step(command);
-      felt = push();
+      felt = push(way);
       if (felt < wanted) continue;
-      felt = pushedAt(from + moved * way, R, push);
+      felt = pushedAt(from + moved * way, R, [&] { return Vec2(push(way), 0.0); }).x();
       if (felt < wanted) continue;
       gentler = moved - 0.5 * felt * softness(way, R);
-      less = pushedAt(from + gentler * way, R, push);
+      less = pushedAt(from + gentler * way, R, [&] { return Vec2(push(way), push(across)); });
       // a wall pushes half as much there; a swing of the peg doesn't know where it is
-      if (felt - less < kYields * felt) felt = 0.0;
+      if (felt - less.x() < kYields * felt) felt = 0.0;
     }
-    const double at = gentler - less * (moved - gentler) / (felt - less);
+    const double at = gentler - less.x() * (moved - gentler) / (felt - less.x());
+    const double led = -less.y() * softness(across, R);
     TouchReading reading;
     reading.kind = TouchReading::kWall;
-    reading.X_SP = pegPose(restFor(from + at * way, R), sag(press_.target()) - sag(start_));
+    reading.X_SP =
+        pegPose(restFor(from + at * way + led * across, R), sag(press_.target()) - sag(start_));
     reading.sd = kPlaceSd;
     readings_.push_back(reading);
     ++contacts_;
-    report("wall", text("after %.2f mm, %.1f N", at * 1e3, felt));
-    press_.moveTo(restFor(from + (at - kBack * scale_.length) * way, R), false);
+    report("wall", text("after %.2f mm, %.1f N", at * 1e3, felt) +
+                       text(", led aside by %.3f mm", led * 1e3));
+    const Vec3 back = from + (at - kBack * scale_.length) * way + led * across;
+    press_.moveTo(restFor(back, R), false);
     bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
     return true;
   }
 
+  // Where the carrier has followed the peg sideways, so that no wall strains the coupling.
+  Vec3 relaxed(const Mat3& R) {
+    Vec3 at = pegPose(press_.target(), Vector6::Zero()).p;
+    press_.wait(timed(kRest));
+    for (int i = 0; i < kRelaxes; ++i) {
+      Vec3 strain = softness(ahead_, R) * (carrierPose().R * press_.force());
+      strain -= hole_.normal * hole_.normal.dot(strain);
+      if (strain.norm() < kSlack) break;
+      at += strain;
+      press_.moveTo(restFor(at, R), false);
+      press_.wait(timed(kRest));
+    }
+    return at;
+  }
+
   template <typename Push>
-  double pushedAt(const Vec3& p, const Mat3& R, const Push& push) {
+  Vec2 pushedAt(const Vec3& p, const Mat3& R, const Push& push) {
     press_.moveTo(restFor(p, R));
     const int n = timed(kRest);
     press_.wait(n);
-    double sum = 0.0;
+    Vec2 sum = Vec2::Zero();
     for (int i = 0; i < n; ++i) {
       press_.wait(1);
       sum += push() / n;

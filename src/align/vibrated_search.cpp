@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/base/input_error.h"
+
 namespace assembly_cell {
 namespace {
 
@@ -35,6 +37,7 @@ constexpr double kHoverGive = 4e-4;    // sideways, to find out whether the peg 
 constexpr double kHoverForce = 1.0;    // [N]
 constexpr int kHoverBlocks = 3, kHoverSteps = 3;
 constexpr double kPressReserve = 0.75;  // of the force limit, for the press [-]
+constexpr double kPressTurn = 0.3;      // of the tilt, that a press on the edge may turn the peg
 
 // what another attempt would end with, too
 bool isFinal(AlignFailure failure) {
@@ -65,7 +68,10 @@ VibrationPoint VibratedSearch::pointFor(double friction) const {
   demand.given = {p_.exciter_frequency, p_.exciter_amplitude, p_.press_force, 0.0};
   demand.tilt = p_.sweep_tilt;
   demand.shake = p_.shake;
-  demand.greatest_press = kPressReserve * p_.force_limit;
+  const auto& stiffness = mechanism_.coupling.stiffness.diagonal;
+  const double turns = std::min(stiffness(4), stiffness(5)) / mechanism_.peg.radius;  // [N/rad]
+  demand.greatest_press =
+      std::min(kPressReserve * p_.force_limit, kPressTurn * p_.sweep_tilt * turns);
   demand.friction = friction;
   demand.window = p_.window;
   demand.samples = std::max(8.0, press_.last().samples * p_.window / block_);
@@ -75,7 +81,11 @@ VibrationPoint VibratedSearch::pointFor(double friction) const {
 }
 
 void VibratedSearch::choosePoint() {
-  vibration_ = pointFor(0.0);
+  try {
+    vibration_ = pointFor(0.0);
+  } catch (const InputError& error) {
+    throw AlignError(AlignFailure::kTooUncertain, error.what());
+  }
   report("operating_point",
          text("exciter %.0f rad/s with %.2f N, ", vibration_.frequency, vibration_.amplitude) +
              text("press %.1f N, expected sd of a direction %.3f deg", vibration_.press,

@@ -74,6 +74,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.required_rotation = parameters.number("required_rotation", kAny, p.required_rotation);
   p.insert.force = parameters.number("insert_force", kAny, p.insert.force);
   p.insert.speed = parameters.number("insert_speed", kAny, p.insert.speed);
+  p.insert.exciter = parameters.number("insert_exciter", kAny, p.insert.exciter);
   limits_.force = p.force_limit;
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;

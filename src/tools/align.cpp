@@ -63,6 +63,7 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
                         for each run from its seed, see docs/mismatch.md
   --insert DEPTH        go on until the edge is so deep, or floor: until it is seated on the hole's floor; success
                         then means seated, and the truth agrees  [m]
+  --insert-exciter F    shake the peg on the way down (default 0: off)  [N]
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
                         every other time without freeing the peg; wants --runs above 1
   --world W             what simulates the mechanism: exact (default), mujoco or "{engine: mujoco, facets: 512}",
@@ -106,6 +107,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.number("--offset-max", o.offset_max, 0.0, 0.1);
   parser.number("--tilt-max", o.tilt_max, 0.0, 0.1);
   parser.text("--insert", o.insert);
+  parser.number("--insert-exciter", o.align.insert.exciter, 0.0, 1000.0);
   parser.flag("--second-goals", o.second_goals);
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);

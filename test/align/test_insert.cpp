@@ -81,6 +81,20 @@ TEST_P(Insertion, EndsSeated) {
 INSTANTIATE_TEST_SUITE_P(One, Insertion, testing::ValuesIn(kBores),
                          [](const auto& test) { return std::string(test.param.name); });
 
+// The exciter shakes from the bore's mouth to the depth, and no longer.
+TEST(InsertionExciter, ShakesOnTheWayDownOnly) {
+  const Scenario s = startAt(cell(2e-5), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
+  AlignParameters p = parameters();
+  p.insert.exciter = 2.0;
+  const AlignTrial trial = tryAlignment(s, s.mechanism, CellParameters{}, p);
+  EXPECT_TRUE(trial.success) << trial.result.reason;
+  const AlignTrial still = tryAlignment(s, s.mechanism, CellParameters{}, parameters());
+  EXPECT_TRUE(still.success) << still.result.reason;
+  // 2 N at the wall are felt on the way, less in a mean over a block
+  EXPECT_GT(trial.result.insert.force, still.result.insert.force + 0.1);
+  EXPECT_LT(trial.result.insert.end.force(), still.result.insert.force + 0.1);
+}
+
 TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {
   AlignParameters p = parameters();
   p.insert.depth = 0.06;

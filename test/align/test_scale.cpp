@@ -90,5 +90,28 @@ TEST(Scale, AlignsOtherPegs) {
   }
 }
 
+// A wall leads the low edge of a close fit aside: its place counts where nothing strains the
+// coupling, and is then known to a few clearances at the first or second try.
+TEST(Scale, FindsTheMiddleOfACloseFit) {
+  const Scenario s =
+      startAt(scenario("pegs/r5_c5_aluminium"), {0.0037, -0.00929}, {0.00928, -0.01603}, 0.003);
+  AlignParameters p;
+  p.strategy = "touch";
+  const AlignTrial trial = tryAlignment(s, s.mechanism, CellParameters{}, p);
+  EXPECT_TRUE(trial.success) << trial.result.reason;
+  EXPECT_LT(trial.result.time, 40.0);
+}
+
+// What a light touch sinks in by is more than the low edge is put into the hole by, and its
+// stiffness makes no 2 N of the depth where it stands on the face.
+TEST(Scale, FeelsTheFaceThroughASoftCoupling) {
+  const Scenario s =
+      startAt(scenario("pegs/r10_c40_aluminium_soft"), {0.006, 0.004}, {0.01, -0.01}, 0.003);
+  AlignParameters p;
+  p.strategy = "touch";
+  const AlignTrial trial = tryAlignment(s, s.mechanism, CellParameters{}, p);
+  EXPECT_TRUE(trial.success) << trial.result.reason;
+}
+
 }  // namespace
 }  // namespace assembly_cell

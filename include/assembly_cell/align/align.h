@@ -12,10 +12,11 @@ namespace assembly_cell {
 
 /// The way down after the alignment. Defaults are those of the default cell.
 struct InsertParameters {
-  double depth = 0.0;   ///< of the bottom edge below the plane; 0: the peg stays aligned [m]
-  bool floor = false;   ///< down to the floor of the hole instead; depth is 0 then
-  double force = 12.0;  ///< contact force at which the peg stops [N]
-  double speed = 0.01;  ///< without resistance [m/s]
+  double depth = 0.0;    ///< of the bottom edge below the plane; 0: the peg stays aligned [m]
+  bool floor = false;    ///< down to the floor of the hole instead; depth is 0 then
+  double force = 12.0;   ///< contact force at which the peg stops [N]
+  double speed = 0.012;  ///< without resistance [m/s]
+  double exciter = 0.0;  ///< shakes the peg on the way down; 0: off [N]
 
   bool wanted() const { return floor || depth > 0.0; }
   /// Depth at which the peg is seated: the one asked for, or the hole's. [m]

@@ -59,6 +59,8 @@ class Search {
   /// Down to a contact that stays, felt at rest; a peg that swings seems to touch. Nothing when the
   /// rest height `floor` [m] was reached without one.
   std::optional<Touch> lightTouch(double floor);
+  /// What a peg at rest feels where it is.
+  Touch feel();
   /// Throws AlignError `wedged` for a peg tilted by R at a steep contact or one that gave travel.
   void refuseWedge(const Touch& touch, const Eigen::Matrix3d& R);
   /// The hole lies on the low side of a peg tilted by R: later ways aside lead away from it.
@@ -91,6 +93,8 @@ class Search {
   /// middle between the walls. True when the edge went in without resistance and has walls on both
   /// sides of two axes.
   bool enter(const Eigen::Vector3d& center);
+  /// How far from the hole's estimate enter() looks. [m]
+  double enterReach() const;
   /// Whether the peg, as it is, has the hole round it: walls on all four sides, and nothing below.
   bool alreadyIn();
 
@@ -111,7 +115,6 @@ class Search {
   bool found_ = false, begun_ = false;
 
  private:
-  Touch feel();
   /// Wrench of the contacts at the bottom edge's centre, peg axes, of a mean of press_.wrench() and
   /// deflection(); the weight has turned since the tare.
   Vector6 tipWrench(const Vector6& wrench, const Vector6& deflection) const;
@@ -123,6 +126,7 @@ class Search {
   BoreReading moveInBore(double down);
   BoreReading feelInBore();
   int wallsFelt(const Vector6& wrench, double depth) const;
+  void shakeInBore(double amplitude);
   bool onFloor();
   bool pressAgain(const BoreReading& pressed);
   void backOutOfBore(double travel);
