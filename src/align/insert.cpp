@@ -13,6 +13,8 @@ constexpr double kFollow = 0.3;     // of the coupling's strain that the carrier
 constexpr double kStuckTime = 0.4;  // without a step down [s]
 constexpr double kProgress = 5e-5;  // that is a step down [m]
 constexpr double kBackOut = 1e-3;   // the first time, then twice as far each time [m]
+constexpr double kPull = 0.6;       // of the force limit, on the way up
+constexpr double kPullStep = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;  // between a way up and the next one down [s]
 constexpr int kBackOuts = 6;        // before it is said to jam
 constexpr std::size_t kTold = 5;    // steps of the profile between two words of progress
@@ -75,10 +77,26 @@ int Search::wallsFelt(const Vector6& wrench, double depth) const {
   return (mouth.norm() > least ? 1 : 0) + (end.norm() > least ? 1 : 0);
 }
 
-// Up by so much, then until the walls let go.
+// What was felt last against a way down (1) or up (-1): a strain along it helps. [N]
+double Search::against(double way) const {
+  return std::hypot(std::max(0.0, way * inserted_.end.along), inserted_.end.sideways);
+}
+
+// Up by so much, or as far as a bounded pull takes the peg, then until the walls let go.
 void Search::backOutOfBore(double travel) {
-  const double step = p_.insert.speed * block_;
-  for (double up = 0.0; up < travel; up += step) moveInBore(-std::min(step, travel - up));
+  const double pull = kPull * p_.force_limit;
+  // what is felt is a block and a half late
+  const double step = std::min(p_.insert.speed * block_,
+                               kPullStep * pull / mechanism_.coupling.stiffness.diagonal(0));
+  const double from = inserted_.end.depth;
+  double least = from;
+  for (int waited = 0; from - inserted_.end.depth < travel && waited < blocks(kStuckTime);
+       ++waited) {
+    moveInBore(-step * std::clamp(1.0 - against(-1.0) / pull, -0.5, 1.0));
+    if (inserted_.end.depth > least - kProgress) continue;
+    least = inserted_.end.depth;
+    waited = 0;
+  }
   for (int i = 0; i < blocks(kRelaxTime); ++i) moveInBore(0.0);
 }
 
@@ -93,7 +111,7 @@ Search::BoreEnd Search::lowerInBore() {
   const int patience = blocks(kStuckTime);
   double deepest = -1e9;
   for (int waited = 0; waited < patience; ++waited) {
-    const double share = std::clamp(1.0 - inserted_.end.force() / p.force, -0.5, 1.0);
+    const double share = std::clamp(1.0 - against(1.0) / p.force, -0.5, 1.0);
     const BoreReading felt =
         moveInBore((p.floor && inserted_.end.depth > near ? careful : step) * share);
     if (felt.depth > deepest + kProgress) {

@@ -97,8 +97,12 @@ AlignResult Search::run() {
   if (!result.success) {
     try {
       leave();
-    } catch (const AlignError&) {
-      // what went wrong first is already known
+    } catch (const AlignError& error) {
+      // what went wrong first is already known; but from a peg that is held nothing goes on
+      if (error.failure == AlignFailure::kStuck) {
+        result.failure = error.failure;
+        result.reason = std::string(error.what()) + "; before: " + result.reason;
+      }
     }
   }
   result.insert = inserted_;
@@ -111,7 +115,11 @@ AlignResult Search::run() {
 
 // exciter off, and the peg free
 void Search::leave() {
-  if (inserted_.end.depth > 0.0) backOutOfBore(inserted_.end.depth);
+  try {
+    if (inserted_.end.depth > 0.0) backOutOfBore(inserted_.end.depth);
+  } catch (const AlignError&) {
+    // what a pull along the bore doesn't free may come free upright
+  }
   if (begun_ && press_.last().carrier.z < start_.z + kLeave * scale_.room) {
     backOut(kLeave * scale_.room);
   } else {

@@ -123,6 +123,7 @@ class Search {
   void insert();
   enum class BoreEnd { kDeep, kStuck, kResisted };
   BoreEnd lowerInBore();
+  double against(double way) const;
   BoreReading moveInBore(double down);
   BoreReading feelInBore();
   int wallsFelt(const Vector6& wrench, double depth) const;
