@@ -176,6 +176,8 @@ class Campaign:
             position.z = 0.0
             if x is not None:
                 position.x, position.y, turn.x, turn.y, turn.z, turn.w = x, y, 0.0, 0.0, 0.0, 1.0
+            if there((position.x, position.y, 0.0)):
+                continue
             message.header = type(message.header)(stamp=rospy.Time.from_sec(ears.time), frame_id="carrier_base")
             self.strange["carrier_command"].publish(message)
             wait_for(lambda: there((position.x, position.y, 0.0)), 10.0 * self.factor)
@@ -328,8 +330,10 @@ class Campaign:
         fault_of_holder = trial["node"] == holder_of(trial["goal"]) and trial["kind"] in ("kill", "restart")
         if not self.lockstep and fault_of_holder and row["moment"] != "idle":
             wait_for(lambda: any(s.held or not s.session for s, _ in ears.plant[mark:]), 5.0 * self.factor)
+        held = mark > 0 and ears.plant[mark - 1][0].held
         for state, sign in list(ears.plant[mark:]):
-            if not self.lockstep and state.held and (self.arm or not state.overload) and state.reason.startswith("lapsed") and sign:
+            begins, held = state.held and not held, state.held
+            if not self.lockstep and begins and (self.arm or not state.overload) and state.reason.startswith("lapsed") and sign:
                 row["hold"] = max(row["hold"] or 0.0, state.header.stamp.to_sec() - sign)
             if state.held and state.exciter:
                 broken.append("hold: held with the exciter on")
