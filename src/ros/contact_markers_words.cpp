@@ -15,9 +15,9 @@ namespace {
 // Words stand beside the cell as rviz/cell.rviz looks at it: its view comes from kYaw. Lengths are
 // in radii of the hole, so that they fit a peg of any size.
 constexpr double kYaw = 0.9;  // [rad]
-constexpr double kBeside = 4.3, kNamesBeside = 2.8;
+constexpr double kBeside = 4.0, kNamesBeside = 2.8;
 constexpr double kLetters = 0.26, kLine = 1.5;  // height; from line to line, in letters
-constexpr std::size_t kLongestLine = 28;        // of the state
+constexpr std::size_t kLongestLine = 20;        // of the state
 
 struct Entry {
   const char* text;
@@ -31,7 +31,7 @@ constexpr Entry kLegend[] = {
     {"contact", &kContactPointColor},
     {"its normal", &kContactNormalColor},
     {"its force", &kContactForceColor},
-    {"locus of the peg", &kLocusColor},
+    {"locus", &kLocusColor},
     {"directions it allows", &kHypothesisColor},
 };
 
