@@ -82,7 +82,11 @@ void ContactMarkersNode::subscribe() {
   keep("truth/contacts", contacts_);
   keep("locus", locus_);
   keep("truth/pose", truth_);
-  keep("report", report_);
+  subs_.push_back(subscribeChecked<AlignmentReport>(nh_, "report", 1,
+                                                    [this](const AlignmentReport::ConstPtr& m) {
+                                                      report_ = m;
+                                                      truth_at_report_ = truth_;
+                                                    }));
   keep("exciter", exciter_);
   keep("twin_force/status", twin_force_);
   if (!wrench_topic_.empty()) keep(wrench_topic_, wrench_);
@@ -102,6 +106,7 @@ void ContactMarkersNode::forget() {
   locus_.reset();
   truth_.reset();
   report_.reset();
+  truth_at_report_.reset();
   exciter_.reset();
   twin_force_.reset();
   wrench_.reset();

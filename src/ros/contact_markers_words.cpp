@@ -15,7 +15,7 @@ namespace {
 // Words stand beside the cell as rviz/cell.rviz looks at it: its view comes from kYaw. Lengths are
 // in radii of the hole, so that they fit a peg of any size.
 constexpr double kYaw = 0.9;  // [rad]
-constexpr double kBeside = 4.0, kNamesBeside = 2.8;
+constexpr double kStateBeside = 4.0, kLegendBeside = 4.4, kNamesBeside = 2.8;
 constexpr double kLetters = 0.26, kLine = 1.5;  // height; from line to line, in letters
 constexpr std::size_t kLongestLine = 20;        // of the state
 
@@ -72,7 +72,7 @@ void ContactMarkersNode::drawState() {
   const double r = hole_radius_ > 0.0 ? hole_radius_ : peg_radius_;
   if (!(r > 0.0)) return;
   const auto show = [&](const std::string& words, const Color& color) {
-    addText("state", kHoleFrame, right(-kBeside * r, 4.0 * r), kLetters * r, words, color);
+    addText("state", kHoleFrame, right(-kStateBeside * r, 4.0 * r), kLetters * r, words, color);
   };
   if (!report_) {
     if (!telling_.empty()) show(wrapped(telling_), kTextColor);
@@ -80,13 +80,13 @@ void ContactMarkersNode::drawState() {
   }
   const AlignmentReport& report = *report_;
   std::string words = wrapped(report.reason);
-  if (report.estimate_known && report.truth_known) {
-    const auto apart = [](const auto& a, const auto& b) {
-      return std::hypot(a[0] - b[0], a[1] - b[1]);
-    };
+  if (report.estimate_known && truth_at_report_) {
+    const Pose estimated = fromPose(report.estimated_pose, "report");
+    const Pose truth = fromPose(truth_at_report_->pose, "truth/pose");
+    const double tilt = std::atan2(estimated.R.col(2).cross(truth.R.col(2)).norm(),
+                                   estimated.R.col(2).dot(truth.R.col(2)));
     words += text("\noffset wrong by %.3f mm\ntilt wrong by %.3f deg",
-                  1e3 * apart(report.estimated_offset, report.true_offset),
-                  180.0 / M_PI * apart(report.estimated_tilt, report.true_tilt));
+                  1e3 * (estimated.p - truth.p).head<2>().norm(), 180.0 / M_PI * tilt);
   }
   show(words, report.success ? kSuccessColor : kFailureColor);
 }
@@ -104,7 +104,7 @@ void ContactMarkersNode::drawNames() {
 
 void ContactMarkersNode::drawLegend() {
   const double r = hole_radius_;
-  Eigen::Vector3d at = right(kBeside * r, 4.5 * r);
+  Eigen::Vector3d at = right(kLegendBeside * r, 4.5 * r);
   for (const Entry& entry : kLegend) {
     const bool locus = entry.color == &kLocusColor;
     addText("legend", kHoleFrame, at, kLetters * r,

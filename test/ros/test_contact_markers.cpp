@@ -254,20 +254,22 @@ TEST_F(Markers, SayStateAndResult) {
   feedback_pub.publish(feedback);
   EXPECT_TRUE(says("search: 0.21 mm\nbetween walls"));
 
+  // 0.03 and 0.04 mm off, and a degree
+  geometry_msgs::PoseStamped truth;
+  truth.pose = toPose({Eigen::Matrix3d::Identity(), Eigen::Vector3d(1e-3, 2e-3, 3e-3)});
+  truth_pub_.publish(truth);
+  ASSERT_EQ(find("peg_true", 2).size(), 2U);
   AlignmentReport report;
-  report.success = report.truth_known = report.estimate_known = true;
+  report.success = report.estimate_known = true;
   report.reason = "aligned";
-  report.true_offset = {1e-3, 2e-3};
-  report.estimated_offset = {1.03e-3, 2.04e-3};
-  report.true_tilt = {0.0, 0.01};
-  report.estimated_tilt = {0.0, 0.01};
-  report.estimated_pose.orientation.w = 1.0;
+  const Eigen::AngleAxisd degree(M_PI / 180.0, Eigen::Vector3d::UnitY());
+  report.estimated_pose = toPose({degree.toRotationMatrix(), {1.03e-3, 2.04e-3, 0.0}});
   report_pub_.publish(report);
-  EXPECT_TRUE(says("aligned\noffset wrong by 0.050 mm\ntilt wrong by 0.000 deg"));
+  EXPECT_TRUE(says("aligned\noffset wrong by 0.050 mm\ntilt wrong by 1.000 deg"));
   EXPECT_EQ(find("state", 1).front().color.g, kSuccessColor.g);
   ASSERT_EQ(find("peg_estimated", 2).size(), 2U);
 
-  report.success = report.truth_known = false;
+  report.success = report.estimate_known = false;
   report.reason = "no_contact";
   report_pub_.publish(report);
   EXPECT_TRUE(says("no_contact"));

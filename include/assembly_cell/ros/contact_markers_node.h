@@ -79,6 +79,7 @@ class ContactMarkersNode {
   LocusEstimate::ConstPtr locus_;
   geometry_msgs::PoseStamped::ConstPtr truth_;
   AlignmentReport::ConstPtr report_;
+  geometry_msgs::PoseStamped::ConstPtr truth_at_report_;  // the peg moves on
   Exciter::ConstPtr exciter_;
   std::string goal_id_, telling_;  // of the goal that runs or ran last, and what it told last
   TwinForceState::ConstPtr twin_force_;
