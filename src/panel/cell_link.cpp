@@ -237,14 +237,9 @@ class CellLink::Implementation {
     }
   }
 
-  template <class Action, class Feedback>
-  void hearAction(const std::string& name, Feedback feedback) {
-    using ActionFeedback = typename Action::_action_feedback_type;
-    using ActionResult = typename Action::_action_result_type;
-    subs_.push_back(hear<ActionFeedback>(
-        name + "/feedback",
-        [feedback](const ActionFeedback& message) { feedback(message.feedback); }));
-    subs_.push_back(hear<ActionResult>(name + "/result", [this](const ActionResult& message) {
+  template <class Result>
+  void hearResult(const std::string& action) {
+    subs_.push_back(hear<Result>(action + "/result", [this](const Result& message) {
       // of a goal that another one has taken the place of
       if (view_.goal.asked && message.status.goal_id.id != sent_id_) return;
       view_.goal.asked = false;
@@ -254,17 +249,21 @@ class CellLink::Implementation {
   }
 
   void hearGoals() {
-    hearAction<AlignPegAction>("align",
-                               [this](const AlignPegFeedback& feedback) { progress(feedback); });
-    hearAction<AssemblePegAction>("assemble", [this](const AssemblePegFeedback& feedback) {
-      progress(feedback);
-      view_.goal.inserting = feedback.depth > 0.0;
-      view_.goal.depth = finite(feedback.depth);
-      view_.goal.force = finite(feedback.force);
-      view_.goal.walls = feedback.walls;
-    });
-    hearAction<RetreatAction>("retreat", [](const RetreatFeedback&) {});
-    hearAction<MoveToContactAction>("move_to_contact", [](const MoveToContactFeedback&) {});
+    hearResult<AlignPegActionResult>("align");
+    hearResult<AssemblePegActionResult>("assemble");
+    hearResult<RetreatActionResult>("retreat");
+    hearResult<MoveToContactActionResult>("move_to_contact");
+    subs_.push_back(hearChecked<AlignPegActionFeedback>(
+        "align/feedback",
+        [this](const AlignPegActionFeedback& message) { progress(message.feedback); }));
+    subs_.push_back(hearChecked<AssemblePegActionFeedback>(
+        "assemble/feedback", [this](const AssemblePegActionFeedback& message) {
+          progress(message.feedback);
+          view_.goal.inserting = message.feedback.depth > 0.0;
+          view_.goal.depth = message.feedback.depth;
+          view_.goal.force = message.feedback.force;
+          view_.goal.walls = message.feedback.walls;
+        }));
     subs_.push_back(hearChecked<SupervisorState>(
         std::string(kSupervisor) + "/state", [this](const SupervisorState& state) {
           if (!state.goal.empty() && state.goal != view_.goal.goal) {
@@ -309,9 +308,9 @@ class CellLink::Implementation {
     goal.step = printable(feedback.state);
     goal.message = printable(feedback.message, 300);
     goal.contacts = feedback.contacts;
-    goal.time = finite(feedback.time);
-    goal.position_sd = finite(feedback.position_sd);
-    goal.rotation_sd = finite(feedback.rotation_sd);
+    goal.time = feedback.time;
+    goal.position_sd = feedback.position_sd;
+    goal.rotation_sd = feedback.rotation_sd;
   }
 
   // what was said of the last one counts no more; the peg is where it is

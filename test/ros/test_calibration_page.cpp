@@ -1,35 +1,20 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include <stdlib.h>
-
 #include <algorithm>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/ApplyLoad.h"
 #include "assembly_cell/PlanCalibration.h"
 #include "assembly_cell/ros/service_call.h"
+#include "calibration_fixture.h"
 #include "panel_fixture.h"
 
 namespace assembly_cell::panel {
 namespace {
 
 using ros_bridge::callService;
+using ros_bridge::Folder;
 using test::Child;
-
-class Folder {
- public:
-  Folder() {
-    std::string name =
-        (std::filesystem::temp_directory_path() / "calibration_page_XXXXXX").string();
-    path_ = mkdtemp(name.data());
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 // the load that the page asks for, on the rig; false where the plan has none with this text
 bool bringAbout(const std::vector<LoadStep>& plan, const std::string& asked) {
