@@ -76,12 +76,16 @@ show_progress() {
 # build TARGET...: configures when needed, builds what has changed
 build() {
   local log=$logs/configure.log
+  # rosrun looks for programs everywhere in the package's folder but in build/
+  local prefix=$root/build/install
   if ! grep -qsF "CMAKE_HOME_DIRECTORY:INTERNAL=$root" "$build/CMakeCache.txt" ||
     [ ! -f "$build/build.ninja" ]; then
-    say "configuring (log: $log)"
     rm -rf "$build/CMakeCache.txt" "$build/CMakeFiles" "$build/devel"
+  fi
+  if ! grep -qsxF "CMAKE_INSTALL_PREFIX:PATH=$prefix" "$build/CMakeCache.txt"; then
+    say "configuring (log: $log)"
     cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON \
-      -DCMAKE_INSTALL_PREFIX="$build/install" >"$log" 2>&1 </dev/null || fail "configure" "$log"
+      -DCMAKE_INSTALL_PREFIX="$prefix" >"$log" 2>&1 </dev/null || fail "configure" "$log"
   fi
   log=$logs/build.log
   say "building (log: $log)"
