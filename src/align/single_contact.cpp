@@ -16,7 +16,10 @@ constexpr int kGuessReadings = 2;    // on the rim, for where its edges may be
 constexpr double kGolden = 0.6180339887498949;  // of a turn: once round, never the same place
 constexpr int kAgain = 4;                       // readings at least of a round after the first
 constexpr double kKnown = 0.3;                  // sd of the centre that is enough, of the clearance
-constexpr double kHalf = 1.4;  // from the hole's direction to its edges, mostly [rad]
+constexpr int kAlike = 6;  // on the rim from one place are enough if the model limits them
+constexpr double kModelLimit = 5.0;  // times the sd that noise makes
+constexpr double kFloor = 1e-3;      // of that sd [rad]
+constexpr double kHalf = 1.4;        // from the hole's direction to its edges, mostly [rad]
 constexpr double kWay = 0.4, kWayStep = 0.1;  // of it, for the low side of the next readings
 constexpr double kAwayFromHole = 0.7;         // low side of readings for the plane [rad]
 constexpr double kKnownTilt = 5e-4;           // sd of the plane that is enough [rad]
@@ -102,14 +105,18 @@ class SingleContact : public VibratedSearch {
   }
 
   // Until the hole is known: where its edges should be, as long as that adds contacts on the rim,
-  // else once round; off the hole where only the plane isn't known well.
+  // else once round; off the hole where only the plane isn't known well. After a centre that proved
+  // wrong as many contacts on the rim as make one are felt from here first: those felt before agree
+  // with each other, and may all be wrong by the same.
   bool sweep(int least) {
     const int most = std::max(2, p_.sweep_readings - kLevelReadings);
+    const std::size_t before_here = felt_.size();
     int rim = -1;
     for (int i = 0; i < most; ++i) {
       const HoleEstimate before = hole_;
       const FitStatus status = fit(kGuessReadings);
-      const bool centre = status.good() && isCentreKnown();
+      const bool centre =
+          status.good() && isCentreKnown() && (least == 0 || rimSince(before_here) >= kRimReadings);
       const bool known = centre && hole_.normal_sd < kKnownTilt;
       std::optional<double> low;
       if (centre) {
@@ -120,10 +127,23 @@ class SingleContact : public VibratedSearch {
       rim = hole_.rim_readings;
       hole_ = before;
       if (known && i >= least) break;
+      if (status.good() && rimSince(before_here) >= kAlike && isModelLimited(felt_.back())) break;
       if (!low) low = 2 * M_PI * kGolden * ++places_;
       if (!readAt(*low, "sweep")) return false;
     }
     return true;
+  }
+
+  int rimSince(std::size_t first) const {
+    return static_cast<int>(
+        std::count_if(felt_.begin() + static_cast<std::ptrdiff_t>(first), felt_.end(),
+                      [](const Felt& f) { return f.reading.kind == HoleReading::kRim; }));
+  }
+
+  // what a direction is off by comes from the model and not from noise: the same again where it was
+  // felt before, so that only contacts from elsewhere would tell more
+  static bool isModelLimited(const Felt& felt) {
+    return felt.reading.sd > kModelLimit * std::max(kFloor, felt.vibration.direction_sd);
   }
 
   bool isCentreKnown() const {
