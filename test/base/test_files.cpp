@@ -15,6 +15,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -28,15 +29,11 @@ std::string contentOf(const std::string& path) {
 
 class Files : public ::testing::Test {
  protected:
-  Files() {
-    std::string name = (fs::temp_directory_path() / "files_XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-    std::ofstream(folder_ / "precious") << "mine";
-  }
-  ~Files() override { fs::remove_all(folder_); }
+  Files() { std::ofstream(folder_ / "precious") << "mine"; }
   std::string at(const std::string& name) const { return (folder_ / name).string(); }
 
-  fs::path folder_;
+  const test::TemporaryFolder scratch_;
+  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(Files, APlantedLinkIsNotWrittenThrough) {

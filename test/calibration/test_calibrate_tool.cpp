@@ -8,13 +8,12 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <string>
 
-namespace {
+#include "temporary_folder.h"
 
-namespace fs = std::filesystem;
+namespace {
 
 struct Result {
   int code;
@@ -23,12 +22,6 @@ struct Result {
 
 class Calibrate : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "calibrate_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   Result run(const std::string& arguments) const {
     const std::string command =
         "cd " + folder_ + " && " ASSEMBLY_CELL_BIN_DIR "/calibrate " + arguments + " 2>&1";
@@ -45,7 +38,8 @@ class Calibrate : public ::testing::Test {
   static bool has(const Result& result, const std::string& part) {
     return result.text.find(part) != std::string::npos;
   }
-  std::string folder_;
+  const assembly_cell::test::TemporaryFolder scratch_;
+  const std::string folder_ = scratch_.path();
 };
 
 // gates that the core's own tests do not reach: hold-out and data for the quadratic model on the

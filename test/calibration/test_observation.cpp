@@ -5,7 +5,6 @@
 #include <stdlib.h>
 
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -15,23 +14,16 @@
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/store.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
 
-namespace fs = std::filesystem;
-
 class Files : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "observations_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   std::string write(const std::string& name, const std::string& content) {
     std::ofstream(folder_ / name) << content;
-    return (folder_ / name).string();
+    return folder_ / name;
   }
   static std::string said(const std::string& path) {
     try {
@@ -41,7 +33,7 @@ class Files : public ::testing::Test {
     }
     return "accepted";
   }
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 ObservationSet sample() {
@@ -58,7 +50,7 @@ ObservationSet sample() {
 
 TEST_F(Files, KeepEverything) {
   const ObservationSet set = sample();
-  const std::string path = (folder_ / "o.yaml").string();
+  const std::string path = folder_ / "o.yaml";
   writeObservations(set, path);
   const ObservationSet back = readObservations(path);
   ASSERT_EQ(back.observations.size(), set.observations.size());
@@ -118,7 +110,7 @@ TEST_F(Files, RefuseByFileLineAndKey) {
              "- {kind: weight, sensor: a, mass: 1, direction: [0, 0, 2], point: [0, 0, 0], "
              "a: {volts: [1, 2, 3, 4, 5, 6]}}\n",
          "no unit vector");
-  EXPECT_NE(said((folder_ / "none.yaml").string()), "accepted");
+  EXPECT_NE(said(folder_ / "none.yaml"), "accepted");
 }
 
 TEST_F(Files, CsvGivesTheSame) {
@@ -195,7 +187,7 @@ TEST(Linearity, FindsWhatIsThere) {
 }
 
 TEST_F(Files, StoreTakesNamesOnly) {
-  const std::string store = (folder_ / "store").string();
+  const std::string store = folder_ / "store";
   for (const std::string bad : {"", "..", "../x", "a/b", ".hidden", "a b", "a\nb"}) {
     EXPECT_THROW(calibrationPath(store, "sensor_a", bad), InputError) << bad;
     EXPECT_THROW(calibrationPath(store, bad, "x"), InputError) << bad;

@@ -11,7 +11,6 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -23,6 +22,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/calibration.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -30,19 +30,6 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::string kHeader = "format: test 1\nsensor: \"x\"\nobservations:\n";
-
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "observation_log_XXXXXX").string();
-    path_ = mkdtemp(name.data());
-  }
-  ~Folder() { fs::remove_all(path_); }
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-
- private:
-  std::string path_;
-};
 
 std::string contentOf(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
@@ -69,7 +56,7 @@ using Lines = std::vector<std::string>;
 // Cut at any place, a third of it and in the middle of a line: what is whole is kept, and how many
 // are gone is known.
 TEST(ObservationLog, TellsWhatACutHasLost) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   {
     ObservationLog log(path, kHeader);
@@ -99,7 +86,7 @@ TEST(ObservationLog, TellsWhatACutHasLost) {
 }
 
 TEST(ObservationLog, KeepsWhatWasAppended) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   const Lines lines = {"- {a: 1}", "- {b: \"x  # 3 crc32:00000000\"}", "- {c: [1, 2]}  "};
   {
@@ -121,7 +108,7 @@ TEST(ObservationLog, KeepsWhatWasAppended) {
 }
 
 TEST(ObservationLog, RemovesTheLastAndStartsAnew) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   {
     ObservationLog log(path, kHeader);
@@ -144,7 +131,7 @@ TEST(ObservationLog, RemovesTheLastAndStartsAnew) {
 }
 
 TEST(ObservationLog, RefusesRecordsThatAreNoLine) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   ObservationLog log(folder / "j.yaml", kHeader);
   EXPECT_THROW(log.append(""), InputError);
   EXPECT_THROW(log.append("- 1\n- 2"), InputError);
@@ -156,7 +143,7 @@ TEST(ObservationLog, RefusesRecordsThatAreNoLine) {
 
 // Cut off anywhere in the last line: the records before stay, and the journal goes on.
 TEST(ObservationLog, CutsOffATornLineAtEveryByte) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   {
     ObservationLog log(path, kHeader);
@@ -184,7 +171,7 @@ TEST(ObservationLog, CutsOffATornLineAtEveryByte) {
 
 // Any changed byte of a complete line is found: nothing acknowledged vanishes silently.
 TEST(ObservationLog, RefusesDamageAtEveryByte) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   {
     ObservationLog log(path, kHeader);
@@ -217,7 +204,7 @@ TEST(ObservationLog, RefusesDamageAtEveryByte) {
 }
 
 TEST(ObservationLog, RefusesForeignFiles) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   for (const std::string& content :
        {std::string(), std::string("\n"), std::string("hello"), std::string("a: 1\nb: 2\n"),
@@ -232,7 +219,7 @@ TEST(ObservationLog, RefusesForeignFiles) {
 }
 
 TEST(ObservationLog, ComparesTheHeader) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   { ObservationLog log(path, "a:\n"); }
   {
@@ -244,7 +231,7 @@ TEST(ObservationLog, ComparesTheHeader) {
 }
 
 TEST(ObservationLog, HasOneOwner) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   auto log = std::make_unique<ObservationLog>(path, kHeader);
   EXPECT_TRUE(has(refusal(path), "in use by another process"));
@@ -255,7 +242,7 @@ TEST(ObservationLog, HasOneOwner) {
 
 // A disk that is full takes nothing, or the whole line.
 TEST(ObservationLog, StaysWholeWhenTheDiskIsFull) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   const pid_t child = fork();
   ASSERT_GE(child, 0);
@@ -314,7 +301,7 @@ std::uint32_t killed(const Work& work, long microseconds) {
 }
 
 TEST(Killed, JournalHoldsEveryAcknowledgedRecord) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   std::mt19937 random(7);
   std::uniform_int_distribution<long> pause(0, 2500);
@@ -349,7 +336,7 @@ TEST(Killed, JournalHoldsEveryAcknowledgedRecord) {
 
 // Removing and starting anew under kills: always a state that was asked for.
 TEST(Killed, JournalIsWholeWhileRecordsAreTakenAway) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   std::mt19937 random(8);
   std::uniform_int_distribution<long> pause(0, 2500);
@@ -375,7 +362,7 @@ TEST(Killed, JournalIsWholeWhileRecordsAreTakenAway) {
 }
 
 TEST(Killed, StoredCalibrationIsTheOldOneOrTheNewOne) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   const std::string path = folder / "c.yaml";
   const auto calibration = [](int n) {
     Calibration c;

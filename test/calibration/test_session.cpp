@@ -10,6 +10,7 @@
 #include "assembly_cell/calibration/plan.h"
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/store.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -32,12 +33,6 @@ class Session : public ::testing::Test {
       }
     }
   }
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "session_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    store_ = name;
-  }
-  void TearDown() override { fs::remove_all(store_); }
 
   static void solve(CalibrationSession& session) {
     session.solve(solveSettings(session.observations()));
@@ -59,7 +54,8 @@ class Session : public ::testing::Test {
   }
 
   static ObservationSet header_, force_, displacement_;
-  std::string store_;
+  const test::TemporaryFolder folder_;
+  const std::string store_ = folder_.path();
 };
 ObservationSet Session::header_, Session::force_, Session::displacement_;
 

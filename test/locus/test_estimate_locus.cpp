@@ -9,13 +9,13 @@
 #include <cmath>
 #include <complex>
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <random>
 #include <string>
 
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/scene/scenario.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -29,14 +29,7 @@ struct ToolRun {
 
 class EstimateLocus : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "locus_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string path(const std::string& name) const { return folder_ / name; }
 
   std::string write(const std::string& text) const {
     std::ofstream(path("samples.csv")) << text;
@@ -85,7 +78,7 @@ class EstimateLocus : public ::testing::Test {
     EXPECT_NE(r.error.find(part), std::string::npos) << r.error;
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder folder_;
 };
 
 TEST_F(EstimateLocus, PrintsEveryKeyOfAnEllipse) {
@@ -354,7 +347,7 @@ TEST_F(EstimateLocus, RefusesHostileInput) {
   refused(good + " --frequency 1e300", "samples.csv: ");
   refused(good + " --frequency 770 --start 5", "0 samples");
   refused(good + " --frequency 770 --duration 1e-3", "samples.csv: ");
-  refused(folder_.string() + " --frequency 770", "missing, unreadable or empty");
+  refused(folder_.path() + " --frequency 770", "missing, unreadable or empty");
   std::string huge = "t,x,y\n";
   for (int k = 0; k < 100; ++k) {
     huge += std::to_string(1e-3 * k) + (k % 2 ? ",1e200,1e300\n" : ",-1e200,-1e300\n");

@@ -12,8 +12,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <mutex>
@@ -22,6 +20,7 @@
 #include <vector>
 
 #include "assembly_cell/ros/service_call.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -46,19 +45,7 @@ inline std::string contentOf(const std::string& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-class Folder {
- public:
-  Folder() {
-    std::string name =
-        (std::filesystem::temp_directory_path() / "calibration_server_XXXXXX").string();
-    path_ = mkdtemp(name.data());
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
+using Folder = test::TemporaryFolder;
 
 /// A calibration_server of its own process in namespace `ns`, its services and its latched status.
 class Server {

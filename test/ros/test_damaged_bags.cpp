@@ -8,7 +8,6 @@
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <memory>
@@ -19,20 +18,16 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/bag_check.h"
 #include "assembly_cell/ros/bag_source.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
-
-namespace fs = std::filesystem;
 
 class DamagedBags : public ::testing::TestWithParam<rosbag::CompressionType> {
  protected:
   static constexpr int kBlocks = 40, kSamples = 20;
 
   DamagedBags() {
-    std::string name = (fs::temp_directory_path() / "damaged_bags_XXXXXX").string();
-    folder_ = mkdtemp(name.data());
-    path_ = (folder_ / "run.bag").string();
     rosbag::Bag bag(path_, rosbag::bagmode::Write);
     bag.setCompression(GetParam());
     bag.setChunkThreshold(4096);
@@ -52,8 +47,6 @@ class DamagedBags : public ::testing::TestWithParam<rosbag::CompressionType> {
     std::ifstream in(path_, std::ios::binary);
     whole_.assign(std::istreambuf_iterator<char>(in), {});
   }
-  ~DamagedBags() override { fs::remove_all(folder_); }
-
   void write(const std::string& bytes) {
     std::ofstream(path_, std::ios::binary | std::ios::trunc) << bytes;
   }
@@ -83,8 +76,9 @@ class DamagedBags : public ::testing::TestWithParam<rosbag::CompressionType> {
     return samples;
   }
 
-  fs::path folder_;
-  std::string path_, whole_;
+  const test::TemporaryFolder folder_;
+  const std::string path_ = folder_ / "run.bag";
+  std::string whole_;
 };
 
 TEST_P(DamagedBags, AWholeOneIsPlayed) {

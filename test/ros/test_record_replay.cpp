@@ -7,13 +7,13 @@
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "driver_fixture.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::test {
 namespace {
@@ -35,16 +35,9 @@ std::map<ros::Time, std::vector<std::uint8_t>> byStamp(const Record<LocusEstimat
   return all;
 }
 
-std::string temporaryFolder() {
-  std::string path = (std::filesystem::temp_directory_path() / "assembly_cell_XXXXXX").string();
-  return mkdtemp(path.data()) == nullptr ? "" : path;
-}
-
 // A run of a sensor under an exciter, live, recorded, and played again three times.
 class RecordReplay : public ::testing::Test {
  protected:
-  ~RecordReplay() override { std::filesystem::remove_all(folder_); }
-
   void exciter(ros::Publisher& publisher, bool on, double frequency) {
     Exciter message;
     message.header.stamp = ros::Time::now();
@@ -70,7 +63,8 @@ class RecordReplay : public ::testing::Test {
   }
 
   ros::NodeHandle nh_;
-  std::string folder_ = temporaryFolder();
+  const test::TemporaryFolder scratch_;
+  const std::string folder_ = scratch_.path();
   std::string bag_ = folder_ + "/run.bag";
 };
 

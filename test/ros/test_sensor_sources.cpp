@@ -7,28 +7,18 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/sensor/calibration.h"
 #include "driver_fixture.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::test {
 namespace {
 
 const std::string kCalibration = "config/calibration/sensor_a.yaml";
-
-// A folder that is gone when the test is over.
-struct Folder {
-  std::string path;
-  Folder() {
-    path = (std::filesystem::temp_directory_path() / "assembly_cell_XXXXXX").string();
-    if (mkdtemp(path.data()) == nullptr) path.clear();
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-};
 
 // With the package of the example among those that rospack sees.
 std::vector<std::string> withExample() {
@@ -113,8 +103,8 @@ TEST_F(SensorSources, RefusesWithOneLine) {
 // The strain of a bag goes through the driver to the last bit, on its own time base, block by
 // block; what was lost when it was recorded shows as a gap.
 TEST_F(SensorSources, PlaysTheStrainOfABag) {
-  const Folder folder;
-  const std::string file = folder.path + "/strain.bag";
+  const test::TemporaryFolder folder;
+  const std::string file = folder.path() + "/strain.bag";
   std::vector<StrainSamples> blocks;
   {
     rosbag::Bag bag(file, rosbag::bagmode::Write);
@@ -170,8 +160,8 @@ TEST_F(SensorSources, PlaysTheStrainOfABag) {
 // A code for a fault and an end of a device's numbers, as recordings of sensors have them: handed
 // on with a mark and told, so that nobody takes them for a load.
 TEST_F(SensorSources, MarksWhatNoSensorMeasures) {
-  const Folder folder;
-  const std::string file = folder.path + "/codes.csv";
+  const test::TemporaryFolder folder;
+  const std::string file = folder.path() + "/codes.csv";
   {
     std::ofstream rows(file);
     rows << "t,fx,fy,fz,tx,ty,tz\n";
@@ -205,8 +195,8 @@ TEST_F(SensorSources, MarksWhatNoSensorMeasures) {
 
 // A bag keeps its own pace, stamped with the present.
 TEST_F(SensorSources, PlaysABagAtItsOwnPace) {
-  const Folder folder;
-  const std::string file = folder.path + "/strain.bag";
+  const test::TemporaryFolder folder;
+  const std::string file = folder.path() + "/strain.bag";
   {
     rosbag::Bag bag(file, rosbag::bagmode::Write);
     for (std::uint32_t i = 0; i < 60; ++i) {

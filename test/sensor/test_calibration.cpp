@@ -15,6 +15,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/scene/scenario.h"
 #include "assembly_cell/sensor/bridge.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -26,14 +27,6 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 class CalibrationFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "calibration_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-    path_ = (folder_ / "sensor.yaml").string();
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   static std::string read(const std::string& path) {
     std::ostringstream out;
     out << std::ifstream(path).rdbuf();
@@ -67,8 +60,9 @@ class CalibrationFile : public ::testing::Test {
     return c;
   }
 
-  fs::path folder_;
-  std::string path_;
+  const test::TemporaryFolder scratch_;
+  const fs::path folder_ = scratch_.path();
+  const std::string path_ = scratch_ / "sensor.yaml";
 };
 
 TEST_F(CalibrationFile, KeepsEveryBit) {

@@ -10,6 +10,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/statistics.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -18,13 +19,6 @@ namespace fs = std::filesystem;
 
 class RecordingFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "recording_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    path_ = name + "/recording.csv";
-  }
-  void TearDown() override { fs::remove_all(fs::path(path_).parent_path()); }
-
   Recording load(const std::string& content, const ReplayFormat& format = {}) {
     std::ofstream(path_) << content;
     return loadRecording(path_, format);
@@ -52,7 +46,8 @@ class RecordingFile : public ::testing::Test {
     return format;
   }
 
-  std::string path_;
+  const test::TemporaryFolder folder_;
+  const std::string path_ = folder_ / "recording.csv";
 };
 
 // The excerpt against numbers read off the original file.

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "assembly_cell/twin_force/contacts_file.h"
+#include "temporary_folder.h"
 #include "truth.h"
 
 namespace assembly_cell {
@@ -25,14 +26,7 @@ struct ToolRun {
 
 class EstimatePose : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "pose_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string path(const std::string& name) const { return folder_ / name; }
   std::string write(const std::string& text) const {
     std::ofstream(path("contacts.yaml")) << text;
     return path("contacts.yaml");
@@ -61,7 +55,7 @@ class EstimatePose : public ::testing::Test {
     EXPECT_NE(r.error.find(part), std::string::npos) << r.error;
   }
 
-  std::filesystem::path folder_;
+  test::TemporaryFolder folder_;
 };
 
 Scene scene() {
