@@ -6,6 +6,7 @@
 #include <cmath>
 #include <complex>
 #include <type_traits>
+#include <utility>
 
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/conversions.h"
@@ -29,17 +30,10 @@ constexpr double kNormalLength = 0.015;  // [m]
 ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     : nh_(nh), rim_view_(nh) {
   Parameters parameters(pnh);
-  const double rate = parameters.number("rate", Range{0.1, 30.0}, 15.0);
-  lifetime_ = parameters.number("lifetime", kPositive, 5.0);
-  force_scale_ = parameters.number("force_scale", kPositive, 0.002);
-  force_threshold_ = parameters.number("force_threshold", kPositive, 0.05);
-  locus_scale_ = parameters.number("locus_scale", kPositive, 1000.0);
-  ellipsoid_scale_ = parameters.number("ellipsoid_scale", kPositive, 100.0);
-  locus_height_ = parameters.number("locus_height", kAny, 0.15);
+  const LiveValues start = readLive(parameters);
   wrench_topic_ = parameters.text("wrench", std::string());
-  tip_height_ = parameters.number("tip_height", kAny, 0.0);
-  one_pitch_ = parameters.number("one_pitch", kPositive, 0.006);
   parameters.refuseUnknown();
+  live_ = std::make_unique<LiveSettings>(pnh, start, parameters.asked());
   // a wrench's line needs no model of the parts
   if (wrench_topic_.empty() || nh.hasParam("robot_description")) {
     const CellDescription description =
@@ -50,11 +44,52 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
   }
 
   pub_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 1);
-  timer_ = nh.createWallTimer(ros::WallDuration(1.0 / rate),
+  timer_ = nh.createWallTimer(ros::WallDuration(1.0 / rate_),
                               [this](const ros::WallTimerEvent&) { update(); });
 }
 
+LiveValues ContactMarkersNode::readLive(Parameters& parameters) const {
+  LiveValues values;
+  const auto number = [&](const char* name, const Range& range, double fallback,
+                          const char* description) {
+    values.push_back(
+        liveNumber(name, parameters.number(name, range, fallback), range, description));
+  };
+  number("rate", {0.1, 30.0}, rate_, "Of the markers, wall clock [Hz]");
+  number("lifetime", {1e-3, 1e6}, lifetime_, "Of a marker that isn't renewed, ROS time [s]");
+  number("size", {0.01, 100.0}, size_, "Times the width of lines, points and arrows");
+  number("force_scale", {1e-9, 1e3}, force_scale_, "Length of a force's arrow [m/N]");
+  number("force_threshold", {1e-9, 1e6}, force_threshold_, "Weaker forces get no arrow [N]");
+  number("locus_scale", {1e-3, 1e9}, locus_scale_, "Enlargement of the locus");
+  number("locus_height", {-100.0, 100.0}, locus_height_,
+         "Of the drawn locus above the peg's edge [m]");
+  number("ellipsoid_scale", {1e-3, 1e9}, ellipsoid_scale_, "Enlargement of the ellipsoid, 3 sd");
+  number("tip_height", {-100.0, 100.0}, tip_height_,
+         "Of the tip's plane along z of the wrench's frame [m]");
+  number("one_pitch", {1e-9, 1e3}, one_pitch_, "Couple over force of one contact, at most [m]");
+  values.push_back(
+      liveSwitch("words", parameters.flag("words", words_), "Names, legend and state are shown"));
+  return values;
+}
+
+void ContactMarkersNode::takeLive() {
+  const LiveValues now = live_->now();
+  const double rate = std::exchange(rate_, valueOf(now, "rate"));
+  if (rate != rate_) timer_.setPeriod(ros::WallDuration(1.0 / rate_));
+  lifetime_ = valueOf(now, "lifetime");
+  size_ = valueOf(now, "size");
+  force_scale_ = valueOf(now, "force_scale");
+  force_threshold_ = valueOf(now, "force_threshold");
+  locus_scale_ = valueOf(now, "locus_scale");
+  locus_height_ = valueOf(now, "locus_height");
+  ellipsoid_scale_ = valueOf(now, "ellipsoid_scale");
+  tip_height_ = valueOf(now, "tip_height");
+  one_pitch_ = valueOf(now, "one_pitch");
+  words_ = valueOf(now, "words") > 0.5;
+}
+
 void ContactMarkersNode::update() {
+  takeLive();
   const bool wanted = pub_.getNumSubscribers() > 0;
   if (wanted && !active_) {
     subscribe();
@@ -129,8 +164,8 @@ void ContactMarkersNode::publish() {
     drawPeg("peg_estimated", kHoleEstimatedFrame, report_->estimated_pose, kEstimatedPegColor);
     addCircle("hole_estimated", kHoleEstimatedFrame, hole_radius_, kEstimatedHoleColor);
   }
-  drawState();
-  if (hole_radius_ > 0.0) {
+  if (words_) drawState();
+  if (words_ && hole_radius_ > 0.0) {
     drawNames();
     drawLegend();
   }
@@ -158,7 +193,7 @@ void ContactMarkersNode::drawContacts() {
     const Eigen::Vector3d f(contact.force.x, contact.force.y, contact.force.z);
     Marker& point = add("contact_points", Marker::SPHERE, kHoleTruthFrame, kContactPointColor);
     point.pose.position = contact.position;
-    point.scale.x = point.scale.y = point.scale.z = kPointSize;
+    point.scale.x = point.scale.y = point.scale.z = size_ * kPointSize;
     addArrow("contact_normals", kHoleTruthFrame, p, p + kNormalLength * n, kContactNormalColor);
     if (f.norm() > force_threshold_) {
       addArrow("contact_forces", kHoleTruthFrame, p, p + force_scale_ * f, kContactForceColor);
@@ -171,7 +206,7 @@ void ContactMarkersNode::drawLocus() {
   const std::complex<double> P(locus_->p[0], locus_->p[1]);
   const std::complex<double> N(locus_->n[0], locus_->n[1]);
   Marker& ellipse = add("locus", Marker::LINE_STRIP, kPegFrame, kLocusColor);
-  ellipse.scale.x = kLineWidth;
+  ellipse.scale.x = size_ * kLineWidth;
   for (int i = 0; i <= kCirclePoints; ++i) {
     const std::complex<double> turn = std::polar(1.0, 2.0 * M_PI * i / kCirclePoints);
     const std::complex<double> Z = locus_scale_ * (P * turn + N / turn);
@@ -250,7 +285,7 @@ void ContactMarkersNode::drawWrench() {
   Marker& point =
       add("wrench_point", Marker::SPHERE, frame, one ? kContactPointColor : kSeveralColor);
   point.pose.position = toPoint(at);
-  point.scale.x = point.scale.y = point.scale.z = kPointSize;
+  point.scale.x = point.scale.y = point.scale.z = size_ * kPointSize;
 }
 
 void ContactMarkersNode::drawPeg(const std::string& ns, const std::string& frame,
@@ -259,7 +294,7 @@ void ContactMarkersNode::drawPeg(const std::string& ns, const std::string& frame
   array_.markers.back().pose = pose;
   Marker& axis = add(ns, Marker::LINE_STRIP, frame, color);
   axis.pose = pose;
-  axis.scale.x = kLineWidth;
+  axis.scale.x = size_ * kLineWidth;
   axis.points = {toPoint({0.0, 0.0, 0.0}), toPoint({0.0, 0.0, peg_length_})};
 }
 
@@ -282,15 +317,15 @@ void ContactMarkersNode::addArrow(const std::string& ns, const std::string& fram
                                   const Eigen::Vector3d& from, const Eigen::Vector3d& to,
                                   const Color& color) {
   Marker& arrow = add(ns, Marker::ARROW, frame, color);
-  arrow.scale.x = kArrowShaft;
-  arrow.scale.y = kArrowHead;
+  arrow.scale.x = size_ * kArrowShaft;
+  arrow.scale.y = size_ * kArrowHead;
   arrow.points = {toPoint(from), toPoint(to)};
 }
 
 void ContactMarkersNode::addCircle(const std::string& ns, const std::string& frame, double radius,
                                    const Color& color) {
   Marker& circle = add(ns, Marker::LINE_STRIP, frame, color);
-  circle.scale.x = kLineWidth;
+  circle.scale.x = size_ * kLineWidth;
   for (int i = 0; i <= kCirclePoints; ++i) {
     const double a = 2.0 * M_PI * i / kCirclePoints;
     circle.points.push_back(toPoint({radius * std::cos(a), radius * std::sin(a), 0.0}));

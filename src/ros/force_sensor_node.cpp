@@ -87,7 +87,8 @@ void ForceSensorNode::readParameters() {
   const auto overrides = parameters.texts("overrides", std::vector<std::string>{});
   lockstep_ = parameters.flag("lockstep", false);
   name_in_lockstep_ = parameters.text("name_in_lockstep", participantName(cellNamespace()));
-  display_period_ = 1.0 / parameters.number("display_rate", kPositive, 50.0);
+  const Range rates{1e-3, 1e6};
+  const double display_rate = parameters.number("display_rate", rates, 50.0);
   rate_tolerance_ = parameters.number("rate_tolerance", kPositive, 0.05);
   zero_samples_ = static_cast<std::size_t>(parameters.integer("zero_samples", 2, 1000000, 200));
   zero_timeout_ = std::chrono::duration<double>(parameters.number("zero_timeout", {0, 3600}, 30.0));
@@ -114,6 +115,11 @@ void ForceSensorNode::readParameters() {
     calibration_.volts_to_wrench.setIdentity();
     checkUse(calibration_, "calibration_file is not set");
   }
+  live_ = std::make_unique<LiveSettings>(
+      pnh_,
+      LiveValues{liveNumber("display_rate", display_rate, rates,
+                            "Of wrench and wrench_raw, from the next block on [Hz]")},
+      parameters.asked());
 }
 
 double ForceSensorNode::prepareSource(Parameters& parameters) {
@@ -392,7 +398,9 @@ void ForceSensorNode::display(const ros::Time& end, double period, const Vector6
   display_volts_ += volts_sum;
   display_count_ += samples;
   // half a sample of slack: blocks as long as the display's period all show
-  if (displayed_ >= 0.0 && end.toSec() - displayed_ < display_period_ - 0.5 * period) return;
+  if (displayed_ >= 0.0 &&
+      end.toSec() - displayed_ < 1.0 / live_->number("display_rate") - 0.5 * period)
+    return;
   displayed_ = end.toSec();
 
   const Vector6 raw = display_sum_ / static_cast<double>(display_count_);

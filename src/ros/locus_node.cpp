@@ -85,17 +85,23 @@ void LocusNode::readParameters() {
   Parameters parameters(pnh_);
   mechanism_ = loadMechanism(parameters.text("scenario"),
                              parameters.texts("overrides", std::vector<std::string>{}));
-  window_ = parameters.number("window", {1e-3, 10.0}, 0.2);
+  const Range windows{1e-3, 10.0};
+  const double window = parameters.number("window", windows, 0.2);
   limits_.false_alarm = parameters.number("false_alarm", {1e-6, 0.49}, limits_.false_alarm);
   limits_.indifference = parameters.number("indifference", {0.0, 0.5}, limits_.indifference);
   limits_.misfit = parameters.number("misfit_limit", kPositive, limits_.misfit);
   limits_.direction_sd = parameters.number("direction_limit", kPositive, limits_.direction_sd);
   carrier_motion_ = parameters.number("carrier_motion", kPositive, 1e-3);
-  history_ = parameters.number("history", {window_, 60.0}, std::max(2.0, window_));
+  history_ = parameters.number("history", {window, 60.0}, std::max(2.0, window));
   data_timeout_ = parameters.number("data_timeout", {0.01, 3600.0}, 10.0);
   lockstep_ = parameters.flag("lockstep", false);
   name_in_lockstep_ = parameters.text("name_in_lockstep", participantName(nh_.getNamespace()));
   parameters.refuseUnknown();
+  live_ = std::make_unique<LiveSettings>(
+      pnh_,
+      LiveValues{liveNumber("window", window, {windows.min, std::min(windows.max, history_)},
+                            "Of the sliding estimate, from the next block on [s]")},
+      parameters.asked());
 }
 
 // ---- the data path ----
@@ -207,7 +213,7 @@ void LocusNode::slide() {
   // as many whole periods as fit, at least one, all under this exciter
   const DisplacementSamples& newest = *blocks_.back();
   const double cycle = kTwoPi / exciter_->frequency;
-  const double length = cycle * std::max(1.0, std::floor(window_ / cycle));
+  const double length = cycle * std::max(1.0, std::floor(live_->number("window") / cycle));
   const double samples = std::ceil(length / newest.period - 1e-6);
   if (samples * newest.period > history_ || samples < kMinSamples) return;
   if (!stream_ || stream_->exciter.header.stamp != exciter_->header.stamp ||

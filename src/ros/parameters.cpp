@@ -21,6 +21,7 @@ std::string print(const XmlRpcValue& value) {
 }
 
 std::string print(double value) {
+  if (std::isnan(value)) return "nan";  // of either sign
   std::ostringstream out;
   out.precision(12);
   out << value;
@@ -82,6 +83,11 @@ YAML::Node toYaml(XmlRpcValue& value) {
 
 }  // namespace
 
+std::string outside(double number, const Range& range) {
+  if (std::isfinite(number) && number >= range.min && number <= range.max) return {};
+  return print(number) + ": " + describe(range);
+}
+
 std::optional<XmlRpcValue> Parameters::find(const std::string& name, bool required) {
   asked_.insert(name.substr(0, name.find('/')));
   XmlRpcValue value;
@@ -96,8 +102,8 @@ double Parameters::number(const std::string& name, const Range& range,
   if (!value) return *fallback;
   if (!isNumber(*value)) refuse(nh_, name, print(*value), describe(range));
   const double number = toDouble(*value);
-  if (!std::isfinite(number) || number < range.min || number > range.max) {
-    refuse(nh_, name, print(number), describe(range));
+  if (const std::string wrong = outside(number, range); !wrong.empty()) {
+    throw InputError("parameter " + nh_.resolveName(name) + " is " + wrong);
   }
   return number;
 }

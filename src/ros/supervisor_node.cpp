@@ -22,6 +22,27 @@ double secondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// What may change between two goals.
+LiveValues liveOf(const AlignParameters& p) {
+  const std::string when = "; from the next goal on";
+  return {liveLimit("force_limit", p.force_limit, 2.0, "Abort above [N]" + when),
+          liveNumber("press_force", p.press_force, kNotNegative,
+                     "While a locus is read, 0: as little as makes the direction exact [N]" + when),
+          liveNumber("contact_force", p.contact_force, kPositive,
+                     "twin_force: of a contact [N]" + when),
+          liveNumber("insert_force", p.insert.force, kPositive,
+                     "assemble: at which the peg stops [N]" + when),
+          liveNumber("window", p.window, kPositive, "Of one reading at most [s]" + when)};
+}
+
+void put(const LiveValues& values, AlignParameters& p) {
+  p.force_limit = valueOf(values, "force_limit");
+  p.press_force = valueOf(values, "press_force");
+  p.contact_force = valueOf(values, "contact_force");
+  p.insert.force = valueOf(values, "insert_force");
+  p.window = valueOf(values, "window");
+}
+
 template <class Feedback>
 Feedback feedbackOf(const AlignProgress& now) {
   Feedback feedback;
@@ -75,7 +96,6 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.insert.force = parameters.number("insert_force", kAny, p.insert.force);
   p.insert.speed = parameters.number("insert_speed", kAny, p.insert.speed);
   p.insert.exciter = parameters.number("insert_exciter", kAny, p.insert.exciter);
-  limits_.force = p.force_limit;
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;
   const RosPlant::Settings plant = plantSettings(parameters);
@@ -87,6 +107,12 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
     throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
   }
 
+  live_ = std::make_unique<LiveSettings>(pnh, liveOf(p), parameters.asked(),
+                                         [this](const LiveValues& values) {
+                                           AlignParameters wanted = parameters_;
+                                           put(values, wanted);
+                                           checkParameters(wanted);
+                                         });
   nh_ = nh;
   plant_ = std::make_unique<RosPlant>(nh, plant);
   startState(nh, pnh);
@@ -115,7 +141,12 @@ SupervisorNode::~SupervisorNode() {
   retreat_server_->shutdown();
 }
 
-AlignResult SupervisorNode::runStrategy(const std::string& name, const AlignParameters& parameters,
+void SupervisorNode::takeLive() {
+  values_ = live_->now();
+  limits_.force = valueOf(values_, "force_limit");
+}
+
+AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters parameters,
                                         const std::function<bool()>& cancelled,
                                         const std::function<void(const AlignProgress&)>& progress,
                                         AlignmentReport& answer) {
@@ -127,6 +158,8 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, const AlignPara
   } else {
     End end;
     try {
+      takeLive();
+      put(values_, parameters);
       enter(name, true);
       const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
       plant_->know(known);
@@ -239,6 +272,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
   MoveToContactResult result;
   const double force = goal->force;
   const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
+  if (turn) takeLive();
   if (!turn) {
     result.message = "busy: another action is running";
   } else if (!std::isfinite(force) || force <= 0.0 || force >= limits_.force) {

@@ -134,6 +134,7 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
   } else {
     End end;
     try {
+      takeLive();
       enter("retreat", false);
       plant_->begin([this] { return retreat_server_->isPreemptRequested(); });
       std::optional<Vector6> first;

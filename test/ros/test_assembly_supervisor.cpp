@@ -22,6 +22,7 @@
 #include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
+#include "live_client.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
@@ -142,6 +143,45 @@ TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
     EXPECT_NE(press_.getResult()->message.find("force is"), std::string::npos);
   }
   EXPECT_EQ(command_.size(), 0U);
+}
+
+// A lower limit holds from the next goal on: the one that runs keeps its own.
+TEST_F(Supervisor, GoesByTheForceLimitThatIsSetMeanwhile) {
+  const std::string node = "assembly_supervisor";
+  MoveToContactGoal goal;
+  goal.force = 25.0;
+  press_.sendGoal(goal, {}, {}, [this](const MoveToContactFeedbackConstPtr& feedback) {
+    std::lock_guard<std::mutex> lock(mutex_);
+    press_feedback_.push_back(*feedback);
+  });
+  ASSERT_TRUE(waitFor([&] {
+    std::lock_guard<std::mutex> lock(mutex_);
+    return !press_feedback_.empty();
+  }));
+  ASSERT_TRUE(test::setLive(node, "force_limit", 20.0));
+  EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  EXPECT_NEAR(press_.getResult()->force, 25.0, 0.05 * 25.0);
+
+  std_srvs::Trigger reset;
+  ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
+  EXPECT_EQ(press(25.0).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_NE(press_.getResult()->message.find("less than 20"), std::string::npos)
+      << press_.getResult()->message;
+  // what doesn't go with the rest, is no number or needs a restart, changes nothing
+  EXPECT_FALSE(test::setLive(node, "force_limit", 14.0));  // contact_force is 15
+  EXPECT_FALSE(test::setLive(node, "force_limit", std::nan("")));
+  EXPECT_FALSE(test::setLive(node, "descent_limit", 0.5));
+  EXPECT_EQ(press(20.5).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_EQ(press(19.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+
+  // no higher than at the start
+  dynamic_reconfigure::Config after;
+  ASSERT_TRUE(test::setLive(node, "force_limit", 100.0, &after));
+  EXPECT_EQ(test::valueIn(after, "force_limit"), 40.0);
+  ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
+  EXPECT_EQ(press(50.0).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_NE(press_.getResult()->message.find("less than 40"), std::string::npos);
+  EXPECT_EQ(press(25.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
 }
 
 TEST_F(Supervisor, AssemblesToADepth) {

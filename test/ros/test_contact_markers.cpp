@@ -10,6 +10,7 @@
 #include <visualization_msgs/MarkerArray.h>
 
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -25,6 +26,7 @@
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/marker_colors.h"
 #include "cell_fixture.h"
+#include "live_client.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
@@ -173,6 +175,53 @@ TEST_F(Markers, DrawTouchingContactsAndDeleteThoseThatEnded) {
   const auto gone = find("contact_points", 1, Marker::DELETE);
   ASSERT_EQ(gone.size(), 1U);
   EXPECT_EQ(gone[0].id, points[1].id);
+}
+
+// What is set while the node runs holds from the next picture on; what is refused changes nothing.
+TEST_F(Markers, DrawAsSetWhileTheyRun) {
+  const std::string node = "contact_markers";
+  watch();
+  ContactArray contacts;
+  contacts.contacts = {contact(0.01, Contact::SLIP)};
+  contacts_pub_.publish(contacts);
+  const double diameter = find("contact_points", 1).front().scale.x;
+  find("legend", 9);
+  // those after this one are drawn with what is in force now
+  const auto drawn = [&](const std::string& ns, std::size_t count, int action = Marker::ADD) {
+    markers_->clear();
+    EXPECT_TRUE(waitFor([&] { return markers_->size() >= 2; }));
+    contacts_pub_.publish(contacts);
+    return find(ns, count, action);
+  };
+
+  ASSERT_TRUE(test::setLive(node, "size", 2.0));
+  ASSERT_TRUE(test::setLive(node, "force_scale", 0.004));
+  ASSERT_TRUE(waitFor([&] { return drawn("contact_points", 1).front().scale.x != diameter; }));
+  EXPECT_NEAR(drawn("contact_points", 1).front().scale.x, 2.0 * diameter, kExact);
+  EXPECT_NEAR(drawn("contact_forces", 1).front().points[1].z, 0.04, kExact);
+
+  EXPECT_FALSE(test::setLive(node, "size", std::numeric_limits<double>::quiet_NaN()));
+  EXPECT_FALSE(test::setLive(node, "size", 0.0));
+  EXPECT_FALSE(test::setLive(node, "wrench", 1.0));
+  EXPECT_NEAR(drawn("contact_points", 1).front().scale.x, 2.0 * diameter, kExact);
+
+  ASSERT_TRUE(test::setLive(node, "words", false));
+  find("legend", 9, Marker::DELETE);
+  EXPECT_EQ(drawn("legend", 0).size(), 0U);
+
+  // one in two seconds: the next picture comes, the one after it is late
+  ASSERT_TRUE(test::setLive(node, "rate", 0.5));
+  std::size_t n = markers_->size();
+  ASSERT_TRUE(waitFor([&] { return markers_->size() > n; }));
+  n = markers_->size();
+  const auto start = ros::WallTime::now();
+  ASSERT_TRUE(waitFor([&] { return markers_->size() >= n + 2; }));
+  EXPECT_GT((ros::WallTime::now() - start).toSec(), 1.9);
+
+  ASSERT_TRUE(test::setLive(node, "rate", 15.0));
+  ASSERT_TRUE(test::setLive(node, "words", true));
+  ASSERT_TRUE(test::setLive(node, "force_scale", 0.002));
+  ASSERT_TRUE(test::setLive(node, "size", 1.0));
 }
 
 TEST_F(Markers, DrawTheLocusEnlargedAndItsHypotheses) {

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "force_sensor_fixture.h"
+#include "live_client.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
@@ -76,6 +77,25 @@ TEST_F(ForceSensorDriver, DisplaysTheMeanOfWhatItLeavesOut) {
   ASSERT_EQ(shown.size(), 2u);
   EXPECT_LE((fromWrench(shown[0].wrench) - 3 * kLoad).cwiseAbs().maxCoeff(), kRounding);
   EXPECT_LE((fromWrench(shown[1].wrench) - 8 * kLoad).cwiseAbs().maxCoeff(), kRounding);
+}
+
+// From 50 to 10 Hz while it runs: 25 blocks of 4 ms are one mean.
+TEST_F(ForceSensorDriver, DisplaysAtTheRateThatIsSetMeanwhile) {
+  const std::string node = "sensor_a/driver";
+  EXPECT_FALSE(test::setLive(node, "display_rate", kNaN));
+  EXPECT_FALSE(test::setLive(node, "display_rate", 0.0));
+  EXPECT_FALSE(test::setLive(node, "zero_samples", 100.0));
+  ASSERT_TRUE(test::setLive(node, "display_rate", 10.0));
+  // start from a display of its own
+  a_.pass(a_.block(Vector6::Zero(), 600));
+  a_.newest(a_.wrench_, kAnything);
+  a_.clear(a_.wrench_);
+  for (int i = 1; i <= 50; ++i) a_.pass(a_.block(0.2 * i * kLoad, 20));
+  ASSERT_TRUE(waitFor([&] { return a_.copy(a_.wrench_).size() >= 2; }));
+  const auto shown = a_.copy(a_.wrench_);
+  ASSERT_EQ(shown.size(), 2u);
+  EXPECT_LE((fromWrench(shown[0].wrench) - 0.2 * 13 * kLoad).cwiseAbs().maxCoeff(), kRounding);
+  ASSERT_TRUE(test::setLive(node, "display_rate", 50.0));
 }
 
 TEST_F(ForceSensorDriver, SubtractsTheBias) {

@@ -31,6 +31,7 @@
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/locus_messages.h"
+#include "live_client.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
@@ -301,6 +302,32 @@ TEST_F(LocusEstimator, SlidesOverWholePeriodsWhileTheExciterRuns) {
   const std::size_t before = count(loci_);
   push(Complex6::Zero(), 5);
   EXPECT_EQ(count(loci_), before);
+}
+
+// A window that is set while it slides holds for the next block's estimate.
+TEST_F(LocusEstimator, SlidesOverTheWindowThatIsSetMeanwhile) {
+  switchOn(500, 1);
+  const ContactResponse truth = response(1.0);
+  const auto samples = [&] {
+    const std::size_t before = count(loci_);
+    push(truth.coupling);
+    EXPECT_TRUE(waitFor([&] { return count(loci_) > before; }));
+    return last(loci_).samples;
+  };
+  push(truth.coupling, 6);
+  EXPECT_EQ(samples(), 440u);
+  // 0.05 s holds three periods of 12.6 ms: 189 samples
+  ASSERT_TRUE(test::setLive("locus_estimator", "window", 0.05));
+  EXPECT_EQ(samples(), 189u);
+  expectLocus(last(loci_), truth, 1.0);
+
+  EXPECT_FALSE(test::setLive("locus_estimator", "window", std::nan("")));
+  EXPECT_FALSE(test::setLive("locus_estimator", "window", 2.5));  // longer than ~history
+  EXPECT_FALSE(test::setLive("locus_estimator", "history", 3.0));
+  EXPECT_EQ(samples(), 189u);
+
+  ASSERT_TRUE(test::setLive("locus_estimator", "window", 0.1));
+  EXPECT_EQ(samples(), 440u);
 }
 
 TEST_F(LocusEstimator, ModeIsLatchedAndOnlySentWhenItChanges) {

@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@
 #include "assembly_cell/LocusEstimate.h"
 #include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/ros/live_settings.h"
 #include "assembly_cell/ros/marker_colors.h"
 #include "assembly_cell/ros/rim_view.h"
 
@@ -36,6 +38,10 @@ class ContactMarkersNode {
  private:
   using Marker = visualization_msgs::Marker;
 
+  /// The parameters that may change while the node runs, and what they are at the start.
+  LiveValues readLive(Parameters& parameters) const;
+  /// What is in force from this picture on.
+  void takeLive();
   void update();
   void subscribe();
   void forget();
@@ -64,15 +70,20 @@ class ContactMarkersNode {
                double height, const std::string& words, const Color& color);
 
   ros::NodeHandle nh_;
+  std::unique_ptr<LiveSettings> live_;
+  // of the picture that is being drawn
+  double rate_ = 15.0;             // of the pictures, wall clock [Hz]
   double lifetime_ = 5.0;          // [s]
+  double size_ = 1.0;              // times the width of lines, points and arrows
   double force_scale_ = 0.002;     // [m/N]
   double force_threshold_ = 0.05;  // [N]
   double locus_scale_ = 1000.0;
   double ellipsoid_scale_ = 100.0;
-  std::string wrench_topic_;    // empty: none
   double tip_height_ = 0.0;     // of the tip's plane along z of the wrench's frame [m]
   double one_pitch_ = 0.006;    // couple over force of one contact, at most [m]
   double locus_height_ = 0.15;  // above the peg's edge [m]
+  bool words_ = true;           // names, legend and state
+  std::string wrench_topic_;    // empty: none
   double peg_radius_ = 0.0, peg_length_ = 0.0, hole_radius_ = 0.0;  // [m]
 
   ContactArray::ConstPtr contacts_;

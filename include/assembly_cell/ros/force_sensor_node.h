@@ -28,6 +28,7 @@
 #include <thread>
 
 #include "assembly_cell/ros/guarded_spinner.h"
+#include "assembly_cell/ros/live_settings.h"
 #include "assembly_cell/ros/ros_clock.h"
 #include "assembly_cell/ros/source_choice.h"
 #include "assembly_cell/sensor/acquisition.h"
@@ -137,7 +138,7 @@ class ForceSensorNode {
   bool publish_displacement_ = false;
   bool lockstep_ = false;
   std::string name_in_lockstep_;
-  double display_period_ = 0.0;  // [s]
+  std::unique_ptr<LiveSettings> live_;
   double expected_rate_ = 0.0;   // [Hz]
   double rate_tolerance_ = 0.0;  // fraction
   std::size_t zero_samples_ = 0;

@@ -12,6 +12,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -21,6 +22,7 @@
 #include "assembly_cell/locus/sliding_locus.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/checked_action.h"
+#include "assembly_cell/ros/live_settings.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -74,12 +76,12 @@ class LocusNode {
 
   ros::NodeHandle nh_, pnh_;
   Mechanism mechanism_;
-  double window_ = 0.0;  // [s]
   ReadingLimits limits_;
   double carrier_motion_ = 0.0;  // [m]
   double history_ = 0.0;         // [s]
   double data_timeout_ = 0.0;    // [s] wall clock
   bool lockstep_ = false;
+  std::unique_ptr<LiveSettings> live_;
   std::string name_in_lockstep_;
 
   mutable std::mutex mutex_;

@@ -21,6 +21,9 @@ constexpr Range kAny{};
 constexpr Range kNotNegative{0.0, std::numeric_limits<double>::max()};
 constexpr Range kPositive{std::numeric_limits<double>::min(), std::numeric_limits<double>::max()};
 
+/// Empty, or the number with what to do: not finite, or not in the range.
+std::string outside(double number, const Range& range);
+
 /// Reads the parameters of a node handle's namespace (for private ones, give NodeHandle("~")). A
 /// parameter is required when it has no fallback. Missing, of the wrong type, not finite or out of
 /// range: InputError, one line with the resolved name, the value and what to do.
@@ -49,6 +52,8 @@ class Parameters {
   YAML::Node tree(const std::string& name);
   /// Counts as asked for: somebody else reads it.
   void tell(const std::string& name) { asked_.insert(name); }
+  /// All that was asked for so far.
+  const std::set<std::string>& asked() const { return asked_; }
   /// Does `name` hold a map?
   bool isTree(const std::string& name) const;
 

@@ -20,6 +20,7 @@
 #include "assembly_cell/align/press.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/checked_action.h"
+#include "assembly_cell/ros/live_settings.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/ros_plant.h"
 
@@ -46,13 +47,16 @@ class SupervisorNode {
   void executeAlign(const AlignPegGoalConstPtr& goal);
   void executeAssemble(const AssemblePegGoalConstPtr& goal);
   /// Of both: runs the strategy and what follows it; `name` is the goal's.
-  AlignResult runStrategy(const std::string& name, const AlignParameters& parameters,
+  AlignResult runStrategy(const std::string& name, AlignParameters parameters,
                           const std::function<bool()>& cancelled,
                           const std::function<void(const AlignProgress&)>& progress,
                           AlignmentReport& answer);
   void executeContact(const MoveToContactGoalConstPtr& goal);
   void executeRetreat(const RetreatGoalConstPtr& goal);
   AlignmentReport report(const AlignResult& result, double wall_time) const;
+
+  /// Of a goal that begins: what is in force now holds until its end.
+  void takeLive();
 
   // what is known of the mechanism (supervisor_mechanism.cpp)
   void readMechanism(Parameters& parameters);
@@ -101,8 +105,10 @@ class SupervisorNode {
   double identify_time_ = 60.0;  ///< [s]
   double slow_factor_ = 1.0;     ///< of the waits for other nodes
   Pose X_CP_;                    ///< peg in the carrier, at rest
-  AlignParameters parameters_;
-  PressLimits limits_;
+  AlignParameters parameters_;   ///< at the start
+  LiveValues values_;            ///< by busy_, of the goal that runs
+  PressLimits limits_;           ///< by busy_
+  std::unique_ptr<LiveSettings> live_;
 
   std::unique_ptr<RosPlant> plant_;
   std::mutex busy_;  ///< held by the goal that runs
