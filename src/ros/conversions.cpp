@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/guard/message_check.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -21,6 +22,13 @@ geometry_msgs::Quaternion toQuaternion(const Eigen::Matrix3d& R) {
   out.z = q.z();
   out.w = q.w();
   return out;
+}
+
+Vector6 cut(const Vector6& value, const FieldRange& linear, const FieldRange& angular) {
+  Vector6 within;
+  within << value.head<3>().cwiseMax(linear.low).cwiseMin(linear.high),
+      value.tail<3>().cwiseMax(angular.low).cwiseMin(angular.high);
+  return within;
 }
 
 }  // namespace
@@ -93,5 +101,9 @@ Vector6 fromWrench(const geometry_msgs::Wrench& w) {
   out << w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z;
   return out;
 }
+
+Vector6 cutWrench(const Vector6& w) { return cut(w, kForceField, kTorqueField); }
+
+Vector6 cutDisplacement(const Vector6& d) { return cut(d, kDisplacementField, kRotationField); }
 
 }  // namespace assembly_cell::ros_bridge

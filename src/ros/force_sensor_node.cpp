@@ -27,6 +27,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
+constexpr std::uint8_t kAllChannels = 0x3f;
 constexpr std::uint32_t kQueue = 100;  // wherever every sample counts
 
 using Volts = Eigen::Map<const Vector6>;
@@ -333,16 +334,18 @@ void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
   std::uint8_t saturated = 0;
   for (std::size_t k = 0; k < samples; ++k) {
     const Vector6 raw = wrenchFromVolts(calibration_, Volts(&block->volts[6 * k]));
-    Vector6::Map(&wrench->wrench[6 * k]) = raw - bias_;
+    const Vector6 told = cutWrench(raw - bias_);
+    Vector6::Map(&wrench->wrench[6 * k]) = told;
+    if (told != raw - bias_) wrench->saturated[k] = kAllChannels;
     sum += raw;
     volts_sum += Volts(&block->volts[6 * k]);
     noise_.add(raw);
     if (zero_.active && zero_.armed) zero_.moments.add(raw);
     saturated = static_cast<std::uint8_t>(saturated | block->saturated[k]);
-    if (block->saturated[k] != 0) ++window_.saturated_samples;
+    if (wrench->saturated[k] != 0) ++window_.saturated_samples;
+    window_.saturated = static_cast<std::uint8_t>(window_.saturated | wrench->saturated[k]);
   }
   window_.samples += samples;
-  window_.saturated = static_cast<std::uint8_t>(window_.saturated | saturated);
   // volts beyond all measure overflow; nothing of such a block is told
   if (!sum.allFinite()) {
     ++window_.malformed;
@@ -380,7 +383,7 @@ void ForceSensorNode::publishDisplacement(const StrainSamples& block,
   message->displacement.resize(6 * samples);
   for (std::size_t k = 0; k < samples; ++k) {
     Vector6::Map(&message->displacement[6 * k]) =
-        displacementFromVolts(calibration_, Volts(&block.volts[6 * k]));
+        cutDisplacement(displacementFromVolts(calibration_, Volts(&block.volts[6 * k])));
   }
   displacement_samples_pub_.publish(message);
   last_displacement_ = message;
@@ -407,9 +410,9 @@ void ForceSensorNode::display(const ros::Time& end, double period, const Vector6
   geometry_msgs::WrenchStamped message;
   message.header.stamp = end;
   message.header.frame_id = frame_id_;
-  message.wrench = toWrench(raw);
+  message.wrench = toWrench(cutWrench(raw));
   wrench_raw_pub_.publish(message);
-  message.wrench = toWrench(raw - bias_);
+  message.wrench = toWrench(cutWrench(raw - bias_));
   wrench_pub_.publish(message);
   displayCovariance(message, display_volts_ / static_cast<double>(display_count_));
   display_sum_.setZero();
@@ -432,7 +435,7 @@ void ForceSensorNode::displayCovariance(const geometry_msgs::WrenchStamped& wren
     if (covariance.allFinite()) wrench_covariance_pub_.publish(message);
   }
   if (publish_displacement_ && displacement_pub_.getNumSubscribers() > 0) {
-    const Vector6 displacement = displacementFromVolts(calibration_, volts);
+    const Vector6 displacement = cutDisplacement(displacementFromVolts(calibration_, volts));
     const Matrix6 covariance = displacementCovariance(calibration_, volts, strain);
     DisplacementWithCovariance message;
     message.header = wrench.header;

@@ -14,9 +14,9 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::size_t kUndoSteps = 32;  // biases remembered
-constexpr double kLargestWrench = 1e6;  // [N] [N m]; NaN is not below it
 
-bool isWrench(const Vector6& w) { return (w.array().abs() <= kLargestWrench).all(); }
+// NaN is not within
+bool isWrench(const Vector6& w) { return cutWrench(w) == w; }
 
 double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
 
@@ -57,7 +57,8 @@ bool ForceSensorNode::zeroTo(ZeroTo::Request& request, ZeroTo::Response& respons
   } else {
     response.success = false;
     response.message =
-        "zero_to refused: wrench is not finite or beyond 1e6: give six numbers in N and N m";
+        "zero_to refused: wrench is not finite or beyond 1e5 N, 1e4 N m: give six numbers in N and "
+        "N m";
   }
   return true;
 }
@@ -101,7 +102,13 @@ void ForceSensorNode::takeZero(const Vector6& load, const std::string& service, 
     return;
   }
 
-  changeBias(zero_.moments.mean() - load, ros::Time::now());
+  const Vector6 bias = zero_.moments.mean() - load;
+  if (!isWrench(bias)) {
+    message = service + " refused: the bias would be " + wrenchText(bias, "%.5g") +
+              ", beyond 1e5 N, 1e4 N m: look at the calibration in force";
+    return;
+  }
+  changeBias(bias, ros::Time::now());
   success = true;
   message = "bias = mean of " + std::to_string(zero_.moments.count()) + " samples" +
             (load.isZero(0.0) ? "" : " - load (" + wrenchText(load, "%.5g") + ")") + ": " +
@@ -115,7 +122,8 @@ bool ForceSensorNode::setBias(SetBias::Request& request, SetBias::Response& resp
   response.success = isWrench(bias);
   if (!response.success) {
     response.message =
-        "set_bias refused: bias is not finite or beyond 1e6: give six numbers in N and N m";
+        "set_bias refused: bias is not finite or beyond 1e5 N, 1e4 N m: give six numbers in N and "
+        "N m";
     return true;
   }
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -127,6 +127,42 @@ TEST_F(ForceSensorDriver, SubtractsTheBias) {
   EXPECT_LE((a_.firstOf(a_.pass(a_.block(kLoad))) - kLoad).cwiseAbs().maxCoeff(), kRounding);
 }
 
+// A calibration of another sensor makes loads that no node takes in. The block comes all the same:
+// a plant in lockstep would wait for who misses it.
+TEST_F(ForceSensorDriver, TellsALoadBeyondAllSensorsAsSaturated) {
+  SetCalibration::Request request;
+  request.calibration = a_.call<GetCalibration>("get_calibration").calibration;
+  const auto own = request;
+  for (double& entry : request.calibration.volts_to_wrench) entry *= 1e6;
+  const auto taken = a_.call<SetCalibration>("set_calibration", request);
+  ASSERT_TRUE(taken.success) << taken.message;
+  const StrainSamples block = a_.block(kLoad);
+  const WrenchSamples told = a_.pass(block);
+  ASSERT_EQ(told.saturated.size(), block.saturated.size());
+  bool cut = false;
+  for (std::size_t k = 0; k < told.saturated.size(); ++k) {
+    EXPECT_EQ(told.saturated[k], 0x3f);
+    for (std::size_t j = 0; j < 6; ++j) {
+      const double most = j < 3 ? 1e5 : 1e4;
+      EXPECT_LE(std::abs(told.wrench[6 * k + j]), most);
+      cut |= std::abs(told.wrench[6 * k + j]) == most;
+    }
+  }
+  EXPECT_TRUE(cut);
+  // nor does it become a bias
+  {
+    Feeder feeder(a_, kLoad);
+    const auto refused = a_.trigger("zero");
+    EXPECT_FALSE(refused.success);
+    EXPECT_TRUE(has(refused.message, "beyond 1e5 N")) << refused.message;
+  }
+  SetBias::Request bias;
+  bias.bias[4] = 2e4;
+  EXPECT_FALSE(a_.call<SetBias>("set_bias", bias).success);
+  ASSERT_TRUE(a_.call<SetCalibration>("set_calibration", own).success);
+  EXPECT_LE((a_.firstOf(a_.pass(a_.block(kLoad))) - kLoad).cwiseAbs().maxCoeff(), kRounding);
+}
+
 // The mean of at least 200 samples taken after the call: an older load doesn't count.
 TEST_F(ForceSensorDriver, ZeroAveragesNewSamples) {
   for (int i = 0; i < 5; ++i) a_.pass(a_.block(-10 * kLoad));
