@@ -76,8 +76,8 @@ show_progress() {
 # build TARGET...: configures when needed, builds what has changed
 build() {
   local log=$logs/configure.log
-  # rosrun looks for programs everywhere in the package's folder but in build/
-  local prefix=$root/build/install
+  # rosrun looks everywhere in the package's folder but in build/, roslaunch everywhere but where a name begins with a dot
+  local prefix=$root/build/.install
   if ! grep -qsF "CMAKE_HOME_DIRECTORY:INTERNAL=$root" "$build/CMakeCache.txt" ||
     [ ! -f "$build/build.ninja" ]; then
     rm -rf "$build/CMakeCache.txt" "$build/CMakeFiles" "$build/devel"
