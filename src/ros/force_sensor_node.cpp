@@ -27,8 +27,8 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr std::uint8_t kAllChannels = 0x3f;
-constexpr std::uint32_t kQueue = 100;  // wherever every sample counts
+constexpr std::uint8_t kAllChannels = 0x3f;  // where the source hasn't said which one
+constexpr std::uint32_t kQueue = 100;        // wherever every sample counts
 
 using Volts = Eigen::Map<const Vector6>;
 
@@ -336,7 +336,7 @@ void ForceSensorNode::publishBlock(const StrainSamples::ConstPtr& block) {
     const Vector6 raw = wrenchFromVolts(calibration_, Volts(&block->volts[6 * k]));
     const Vector6 told = cutWrench(raw - bias_);
     Vector6::Map(&wrench->wrench[6 * k]) = told;
-    if (told != raw - bias_) wrench->saturated[k] = kAllChannels;
+    if (wrench->saturated[k] == 0 && told != raw - bias_) wrench->saturated[k] = kAllChannels;
     sum += raw;
     volts_sum += Volts(&block->volts[6 * k]);
     noise_.add(raw);
