@@ -14,7 +14,6 @@ constexpr std::size_t kSomeUse = 3;  // of these readings, for another round of 
 constexpr double kLevelTilt = 2e-3;  // sd of the plane that is enough for the sweep [rad]
 constexpr int kGuessReadings = 2;    // on the rim, for where its edges may be
 constexpr double kGolden = 0.6180339887498949;  // of a turn: once round, never the same place
-constexpr int kAgain = 4;                       // readings at least of a round after the first
 constexpr double kKnown = 0.3;                  // sd of the centre that is enough, of the clearance
 constexpr int kAlike = 6;  // on the rim from one place are enough if the model limits them
 constexpr double kModelLimit = 5.0;  // times the sd that noise makes
@@ -48,7 +47,7 @@ class SingleContact : public VibratedSearch {
           break;
         case State::kSweep:
           ++sweeps;
-          state = sweep(sweeps > 1 ? kAgain : 0) ? State::kResolve : State::kEnter;
+          state = sweep(sweeps > 1 ? kRimReadings : 0) ? State::kResolve : State::kEnter;
           break;
         case State::kResolve:
           state = State::kEnter;
@@ -106,8 +105,8 @@ class SingleContact : public VibratedSearch {
 
   // Until the hole is known: where its edges should be, as long as that adds contacts on the rim,
   // else once round; off the hole where only the plane isn't known well. After a centre that proved
-  // wrong as many contacts on the rim as make one are felt from here first: those felt before agree
-  // with each other, and may all be wrong by the same.
+  // wrong `least` contacts on the rim, as many as make one, are felt from here first: those felt
+  // before agree with each other, and may all be wrong by the same.
   bool sweep(int least) {
     const int most = std::max(2, p_.sweep_readings - kLevelReadings);
     const std::size_t before_here = felt_.size();
@@ -115,8 +114,8 @@ class SingleContact : public VibratedSearch {
     for (int i = 0; i < most; ++i) {
       const HoleEstimate before = hole_;
       const FitStatus status = fit(kGuessReadings);
-      const bool centre =
-          status.good() && isCentreKnown() && (least == 0 || rimSince(before_here) >= kRimReadings);
+      const int here = rimSince(before_here);
+      const bool centre = status.good() && isCentreKnown() && here >= least;
       const bool known = centre && hole_.normal_sd < kKnownTilt;
       std::optional<double> low;
       if (centre) {
@@ -126,8 +125,8 @@ class SingleContact : public VibratedSearch {
       }
       rim = hole_.rim_readings;
       hole_ = before;
-      if (known && i >= least) break;
-      if (status.good() && rimSince(before_here) >= kAlike && isModelLimited(felt_.back())) break;
+      if (known) break;
+      if (status.good() && here >= kAlike && isModelLimited(felt_.back())) break;
       if (!low) low = 2 * M_PI * kGolden * ++places_;
       if (!readAt(*low, "sweep")) return false;
     }

@@ -141,9 +141,10 @@ SupervisorNode::~SupervisorNode() {
   retreat_server_->shutdown();
 }
 
-void SupervisorNode::takeLive() {
-  values_ = live_->now();
-  limits_.force = valueOf(values_, "force_limit");
+LiveValues SupervisorNode::takeLive() {
+  const LiveValues values = live_->now();
+  limits_.force = valueOf(values, "force_limit");
+  return values;
 }
 
 AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters parameters,
@@ -158,8 +159,7 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
   } else {
     End end;
     try {
-      takeLive();
-      put(values_, parameters);
+      put(takeLive(), parameters);
       enter(name, true);
       const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
       plant_->know(known);

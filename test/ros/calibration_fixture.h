@@ -45,8 +45,6 @@ inline std::string contentOf(const std::string& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-using Folder = test::TemporaryFolder;
-
 /// A calibration_server of its own process in namespace `ns`, its services and its latched status.
 class Server {
  public:

@@ -77,7 +77,7 @@ std::set<std::string> idsOf(const std::string& journal) {
 }
 
 TEST(Crash, LosesNoObservationAndNoCalibration) {
-  Folder folder;
+  test::TemporaryFolder folder;
   Server server("/sim", folder.path());
   Acknowledged acknowledged;
   std::mt19937 random(11);

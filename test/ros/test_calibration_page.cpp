@@ -13,7 +13,7 @@ namespace assembly_cell::panel {
 namespace {
 
 using ros_bridge::callService;
-using ros_bridge::Folder;
+
 using test::Child;
 
 // the load that the page asks for, on the rig; false where the plan has none with this text
@@ -30,7 +30,7 @@ bool bringAbout(const std::vector<LoadStep>& plan, const std::string& asked) {
 }
 
 TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   Child server({test::executable("calibration_server"), "_store:=" + folder.path()});
   Screen s;
   s.find<QTabWidget>("tabs")->setCurrentIndex(1);
@@ -93,7 +93,7 @@ TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
 }
 
 TEST(CalibrationPage, TakesBackAndCancels) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   Child server({test::executable("calibration_server"), "_store:=" + folder.path()});
   Screen s;
   s.find<QTabWidget>("tabs")->setCurrentIndex(1);

@@ -126,7 +126,7 @@ class Bench : public ::testing::Test {
     EXPECT_EQ(recordsOf(server_.journal()), before);
   }
 
-  Folder folder_;
+  test::TemporaryFolder folder_;
   Server server_{"/bench", folder_.path()};
   std::unique_ptr<Strain> strain_;
 };
@@ -464,7 +464,7 @@ void simulateSession(const std::string& folder) {
 // What the tool saves the server loads and publishes, displacement and all; a file of forces alone
 // keeps the displacement in force, also over a restart.
 TEST_F(Bench, LoadsWhatTheToolSaves) {
-  const Folder work;
+  const test::TemporaryFolder work;
   simulateSession(work.path());
   const auto save = [&](const std::string& file, const std::string& id) {
     return calibrate("solve " + work.path() + "/" + file + " --save " + folder_.path() + " --id " +
@@ -526,7 +526,7 @@ TEST_F(Bench, LoadsFromTheOldPlace) {
 // What the server saves the tool reads, and its store takes what the tool solves from the journal.
 TEST_F(Bench, TheToolReadsWhatTheServerSaves) {
   // a journal as a session would leave it
-  const Folder work;
+  const test::TemporaryFolder work;
   simulateSession(work.path());
   server_.end(SIGTERM);
   const ObservationSet set = readObservations(work.path() + "/all.yaml");
@@ -581,7 +581,7 @@ Ended run(const std::string& arguments) {
 }
 
 TEST(BadInput, StopsTheNodesWithOneLine) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   std::ofstream(folder.path() + "/observations.yaml") << "hello\n";
   const std::string server = "calibration_server __name:=bad_server ";
   const std::string serials = "_sensor_a/serial_number:=a _sensor_b/serial_number:=b ";
@@ -609,7 +609,7 @@ TEST(BadInput, StopsTheNodesWithOneLine) {
 }
 
 TEST(BadInput, ASecondServerOfTheSameStoreEnds) {
-  const Folder folder;
+  const test::TemporaryFolder folder;
   Server server("/bench", folder.path());
   server.start();
   const Ended ended =
@@ -637,7 +637,7 @@ class Cell : public ::testing::Test {
     return *client_->getResult();
   }
 
-  Folder folder_;
+  test::TemporaryFolder folder_;
   Server server_{"/sim", folder_.path()};
   std::unique_ptr<Server::Client> client_;
 };

@@ -56,7 +56,7 @@ class SupervisorNode {
   AlignmentReport report(const AlignResult& result, double wall_time) const;
 
   /// Of a goal that begins: what is in force now holds until its end.
-  void takeLive();
+  LiveValues takeLive();
 
   // what is known of the mechanism (supervisor_mechanism.cpp)
   void readMechanism(Parameters& parameters);
@@ -106,8 +106,7 @@ class SupervisorNode {
   double slow_factor_ = 1.0;     ///< of the waits for other nodes
   Pose X_CP_;                    ///< peg in the carrier, at rest
   AlignParameters parameters_;   ///< at the start
-  LiveValues values_;            ///< by busy_, of the goal that runs
-  PressLimits limits_;           ///< by busy_
+  PressLimits limits_;           ///< by busy_, of the goal that runs
   std::unique_ptr<LiveSettings> live_;
 
   std::unique_ptr<RosPlant> plant_;
