@@ -85,22 +85,28 @@ class Pool:
         return struct.pack("<I", len(data)) + data
 
 
-def heard(readers, topic, publisher):
-    """The least that one of the nodes (URIs) has taken from the publisher (URI), without what its queue dropped."""
-    least = []
-    for uri in readers:
-        node = xmlrpc.client.ServerProxy(uri)
-        ids = {entry[0] for entry in node.getBusInfo("/fuzz")[2] if entry[1] == publisher and entry[2] == "i" and entry[4] == topic}
-        for name, connections in node.getBusStats("/fuzz")[1]:  # roscpp's: without a status before it
-            least += [entry[2] - entry[3] for entry in connections if name == topic and entry[0] in ids]
-    return min(least, default=0)
+class Heard:
+    """How many of a publisher's (URI) messages nodes (URIs) have taken, without what their queues dropped. A node that
+    connects anew, as the simulator in lockstep does to who answers its blocks, begins to count anew: all are added."""
+
+    def __init__(self, readers, topic, publisher):
+        self.topic, self.publisher = topic, publisher
+        self.taken = {uri: {} for uri in readers}
+
+    def least(self):
+        for uri, taken in self.taken.items():
+            node = xmlrpc.client.ServerProxy(uri)
+            ids = {entry[0] for entry in node.getBusInfo("/fuzz")[2] if entry[1] == self.publisher and entry[2] == "i" and entry[4] == self.topic}
+            for name, connections in node.getBusStats("/fuzz")[1]:  # roscpp's: without a status before it
+                taken.update({entry[0]: entry[2] - entry[3] for entry in connections if name == self.topic and entry[0] in ids})
+        return min((sum(taken.values()) for taken in self.taken.values()), default=0)
 
 
 class TopicSender:
     """Writes batches to all who subscribe, no faster than they take them."""
 
     def __init__(self, publisher, readers, topic, uri):
-        self.publisher, self.readers, self.topic, self.uri = publisher, readers, topic, uri
+        self.publisher, self.heard = publisher, Heard(readers, topic, uri)
         self.batch, self.pause, self.taken = BATCH, 0.001, 0
         for connection in list(publisher.impl.connections):  # otherwise single ones are gathered
             connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -132,7 +138,7 @@ class TopicSender:
         end = time.monotonic() + budget
         while self.taken < count and time.monotonic() < end:
             sent = self.send(pool, min(2000, count - self.taken))
-            before, self.taken = self.taken, heard(self.readers, self.topic, self.uri)
+            before, self.taken = self.taken, self.heard.least()
             self.adapt((self.taken - before) / sent)
         return self.taken
 

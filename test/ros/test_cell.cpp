@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -121,10 +122,24 @@ bool common(const std::string& name) {
   return false;
 }
 
-// every topic and service of the running cell's nodes that the page does not name
+// what the page on interfaces and those of the nodes say
+std::string interfacePages() {
+  std::vector<std::string> files = {test::sourceFile("docs/interfaces.md")};
+  for (const auto& entry :
+       std::filesystem::directory_iterator(test::sourceFile("docs/interfaces"))) {
+    files.push_back(entry.path());
+  }
+  std::string text;
+  for (const std::string& name : files) {
+    std::ifstream file(name);
+    text.append(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+  }
+  return text;
+}
+
+// every topic and service of the running cell's nodes that the pages do not name
 std::vector<std::string> undocumented() {
-  std::ifstream file(test::sourceFile("docs/interfaces.md"));
-  const std::string page((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  const std::string page = interfacePages();
   XmlRpc::XmlRpcValue request, response, state;
   request[0] = ros::this_node::getName();
   EXPECT_TRUE(ros::master::execute("getSystemState", request, response, state, false));
