@@ -262,7 +262,7 @@ class DoubleContact : public VibratedSearch {
     if (!behind || !ahead)
       throw AlignError(AlignFailure::kEdgeNotResolved, "only one of both edges was felt");
     const Complex middle = 0.5 * (behind->point + ahead->point);
-    const auto centre = centreThrough(mechanism_.hole.radius, behind->point, ahead->point,
+    const auto centre = centreThrough(mouthRadius(mechanism_.hole), behind->point, ahead->point,
                                       middle + std::polar(1.0, alpha_));
     if (!centre)
       throw AlignError(AlignFailure::kEdgeNotResolved,

@@ -236,7 +236,7 @@ Vec3 Search::wayAside(double tilt) {
 }
 
 double Search::trapWidth(double tilt) const {
-  const double r = mechanism_.peg.radius, R = mechanism_.hole.radius;
+  const double r = mechanism_.peg.radius, R = mouthRadius(mechanism_.hole);
   return std::sqrt(R * R - r * r) + r * tilt / kUpright;
 }
 
@@ -341,7 +341,7 @@ double Search::enterReach() const {
 // down from `from`, just over the plane; back up at the first resistance
 bool Search::lower(const Vec3& from, const Mat3& R) {
   press_.moveTo(restFor(from, R));
-  const double travel = kClear * scale_.room + p_.insertion_depth + 3.0 * hole_.height_sd;
+  const double travel = kClear * scale_.room + entryDepth() + 3.0 * hole_.height_sd;
   const double step = p_.approach_step * scale_.step;
   double down = 0.0;
   while (down < travel && press_.forceZ() < insertionForce()) {

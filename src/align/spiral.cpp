@@ -81,7 +81,7 @@ class Spiral : public Search {
     std::vector<TouchReading> readings;
     TouchModel model;
     model.peg_radius = mechanism_.peg.radius;
-    model.hole_radius = mechanism_.hole.radius;
+    model.hole = mechanism_.hole;
     for (int i = 0; i < kTouches; ++i) {
       const double a = 2 * M_PI * (i + (i < 3 ? 0.0 : 0.5)) / 3;
       const Mat3 R = tiltRotation(p_.contact_tilt * Vec2(-std::sin(a), std::cos(a)));

@@ -56,7 +56,7 @@ class TouchSearch : public Search {
               const Progress& progress)
       : Search(plant, mechanism, p, progress) {
     model_.peg_radius = mechanism.peg.radius;
-    model_.hole_radius = mechanism.hole.radius;
+    model_.hole = mechanism.hole;
     model_.position_sd *= scale_.room;
     model_.point_sd = std::max(kLeastPointSd, kPointSd * scale_.length);
     model_.offset_sd = kOffsetSd * scale_.length;
@@ -247,7 +247,8 @@ class TouchSearch : public Search {
     const double behind =
         std::clamp(kSure * sd, kBehind * scale_.length, kFarthest * scale_.length);
     const Mat3 R = tilted(hole_.normal, heading_, p_.contact_tilt);
-    const double over = kOver * scale_.room, deep = kDeep * scale_.length;
+    const double over = kOver * scale_.room;
+    const double deep = kDeep * scale_.length + chamferDepth(mechanism_.hole);
     const Vec3 place = hole_.center - behind * ahead + (dip(R) + over) * hole_.normal;
     hover(place, R);
     const Vec3 lowest = place - (over + deep + kSure * hole_.height_sd) * hole_.normal;

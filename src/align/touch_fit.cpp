@@ -24,15 +24,45 @@ constexpr int kLune = 24;                     // of the part below the plane
 constexpr int kGrid = 15, kMostGrid = 97;     // centres to start from, per axis: these at least
 constexpr double kGridStep = 0.25;            // and so many radii apart at most
 constexpr int kStarts = 5;                    // of these climbed
+constexpr double kGolden = 0.6180339887498949;
+constexpr double kAzimuth = 1e-9;             // to which a contact on a chamfer is sought [rad]
+constexpr double kSteep = 100.0;              // a wall up from the bore's end, for that search
+constexpr double kSlack = 1e-9;               // within the bore that is on its end [m]
 constexpr double kGridReach = 2.0;            // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
 constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
 
+// Where a function of an azimuth is least within a step of one where it is less than a step aside.
+template <typename Function>
+double leastNear(const Function& value, double at, double step) {
+  double a = at - step, b = at + step;
+  double c = b - kGolden * (b - a), d = a + kGolden * (b - a), at_c = value(c), at_d = value(d);
+  while (b - a > kAzimuth) {
+    if (at_c < at_d) {
+      b = d;
+      d = c;
+      at_d = at_c;
+      c = b - kGolden * (b - a);
+      at_c = value(c);
+    } else {
+      a = c;
+      c = d;
+      at_c = at_d;
+      d = a + kGolden * (b - a);
+      at_d = value(d);
+    }
+  }
+  return 0.5 * (a + b);
+}
+
 // The peg's edge over a hole: heights and distances as functions of the azimuth.
 struct Edge {
   Edge(const TouchModel& model, const Pose& X_SP, const Vec3& normal, const Vec3& center)
-      : r(model.peg_radius), R(model.hole_radius) {
+      : r(model.peg_radius),
+        R(model.hole.radius),
+        width(model.hole.chamfer_width),
+        deep(chamferDepth(model.hole)) {
     const Vec3 from = X_SP.p - center;
     middle = normal.dot(from);
     const Vec3 x = X_SP.R.col(0), y = X_SP.R.col(1);
@@ -48,10 +78,27 @@ struct Edge {
   double beyond(double a) const {
     return (p + r * (std::cos(a) * ex + std::sin(a) * ey)).norm() - R;
   }
+  // what lies beyond the wall at its height: the chamfer widens the bore
+  double beyondWall(double a) const {
+    const double out = beyond(a);
+    return width > 0.0 ? out - width * std::clamp(1.0 + height(a) / deep, 0.0, 1.0) : out;
+  }
+  // height over face and chamfer; over the bore as over a steep wall up
+  double over(double a) const {
+    if (!(width > 0.0)) return height(a);
+    const double out = beyond(a);
+    if (out < 0.0) return height(a) + deep - kSteep * out;
+    return height(a) + deep * std::max(0.0, 1.0 - out / width);
+  }
 
-  // azimuth of the lowest point outside the hole; nothing where the whole edge is inside
+  // azimuth of what is lowest over the block; nothing where the whole edge is in the bore
   std::optional<double> touch() const {
-    if (beyond(low) >= 0.0) return low;
+    if (beyond(low) >= width) return low;
+    return width > 0.0 ? touchOnChamfer() : touchOnRim();
+  }
+
+  // the first point outside the rim, from the lowest one on
+  std::optional<double> touchOnRim() const {
     for (int i = 1; i <= kMarch; ++i) {
       for (const int side : {1, -1}) {
         double in = low + side * M_PI * (i - 1) / kMarch, out = low + side * M_PI * i / kMarch;
@@ -67,22 +114,42 @@ struct Edge {
     return {};
   }
 
+  std::optional<double> touchOnChamfer() const {
+    const auto on = [this](double a) { return over(a); };
+    double best = low, least = over(low);
+    for (int i = 1; i < 2 * kMarch; ++i) {
+      const double a = low + M_PI * i / kMarch, here = over(a);
+      if (here < least) {
+        least = here;
+        best = a;
+      }
+    }
+    best = leastNear(on, best, M_PI / kMarch);
+    if (beyond(best) < -kSlack) return {};
+    return best;
+  }
+
   // how far what is below the plane reaches beyond the wall
   double reach() const {
     const double slope = r * rise.norm();
     const double half = std::acos(std::clamp(middle / std::max(slope, 1e-12), -1.0, 1.0));
-    double best = -R;
+    double best = -1e9;
     int at = 0;
     std::array<double, kLune + 1> values{};
     for (int i = 0; i <= kLune; ++i) {
       const auto k = static_cast<std::size_t>(i);
-      values[k] = beyond(low + half * (2.0 * i / kLune - 1.0));
+      values[k] = beyondWall(low + half * (2.0 * i / kLune - 1.0));
       if (values[k] > best) {
         best = values[k];
         at = i;
       }
     }
     if (at == 0 || at == kLune) return best;
+    if (width > 0.0) {  // it may be at a kink
+      const auto inside = [this](double a) { return -beyondWall(a); };
+      const double step = 2.0 * half / kLune;
+      return beyondWall(leastNear(inside, low + half * (2.0 * at / kLune - 1.0), step));
+    }
     // parabola through the three about the greatest
     const auto k = static_cast<std::size_t>(at);
     const double a = values[k - 1], b = values[k], c = values[k + 1];
@@ -90,7 +157,7 @@ struct Edge {
     return bend < 0.0 ? b - (c - a) * (c - a) / (8 * bend) : b;
   }
 
-  double r, R, middle = 0.0, low = 0.0;
+  double r, R, width, deep, middle = 0.0, low = 0.0;
   Vec2 rise;
   Vec3 p, ex, ey;
 
@@ -113,7 +180,7 @@ double residualOf(const TouchReading& reading, const Edge& edge, double& azimuth
   const std::optional<double> at = edge.touch();
   azimuth = at.value_or(edge.low);
   // an edge all inside rests nowhere: as if on its highest point
-  const double gap = edge.height(at ? *at : edge.low + M_PI);
+  const double gap = at ? edge.over(*at) : edge.height(edge.low + M_PI);
   if (reading.kind == TouchReading::kEdge) return gap;
   return std::min({0.0, gap, -edge.reach()});
 }

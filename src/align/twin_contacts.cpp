@@ -190,7 +190,7 @@ Vec3 TwinForceContacts::touchPoint(const Pose& X_HP) const {
     const double a = 2 * M_PI * i / 360;
     const Vec3 edge = setup_.mechanism.peg.radius * Vec3(std::cos(a), std::sin(a), 0.0);
     const Vec3 p = X_HP.R * edge + X_HP.p;
-    if (p.head<2>().norm() > setup_.mechanism.hole.radius && p.z() < lowest.z()) lowest = p;
+    if (p.head<2>().norm() > mouthRadius(setup_.mechanism.hole) && p.z() < lowest.z()) lowest = p;
   }
   return lowest;
 }

@@ -138,14 +138,14 @@ double VibratedSearch::entryHeight(const Mat3& R) const {
     if (touches_ == 0) return -1e9;
     return restFor(Vec3(bottom_.x(), bottom_.y(), highest_ - touchRange()), R).z;
   }
-  const double drop = hole_.normal.dot(bottom_) - hole_.height + p_.insertion_depth;
+  const double drop = hole_.normal.dot(bottom_) - hole_.height + entryDepth();
   return restFor(bottom_ - drop * hole_.normal, R).z;
 }
 
 // as long as the plane is not known: by how much the bottom's centre may be lower at one touch than
 // at another
 double VibratedSearch::touchRange() const {
-  return mechanism_.peg.radius * std::sin(tilt_ + kUnknownTilt) + p_.insertion_depth;
+  return mechanism_.peg.radius * std::sin(tilt_ + kUnknownTilt) + entryDepth();
 }
 
 // just off the first touch: a peg that can't be moved sideways is in the hole already
@@ -423,7 +423,7 @@ FitStatus VibratedSearch::fit(int least_rim) {
       readings[i] = felt_[i].reading;
     }
     const FitStatus status =
-        fitHole(mechanism_.peg.radius, mechanism_.hole.radius, readings, hole_, least_rim);
+        fitHole(mechanism_.peg.radius, mouthRadius(mechanism_.hole), readings, hole_, least_rim);
     for (std::size_t i = 0; i < felt_.size(); ++i) felt_[i].reading = readings[i];
     if (!status.good()) return status;
   }

@@ -39,7 +39,7 @@ WorldChoice parseWorld(const std::string& text, const std::string& source) {
     c.contact_time = in.number("contact_time", 1e-6, 0.1, c.contact_time);
     c.impedance = in.number("impedance", 0.5, 0.9999, c.impedance);
     c.friction_ratio = in.number("friction_ratio", 0.1, 1000.0, c.friction_ratio);
-    c.chamfer = in.number("chamfer", 0.0, 0.01, c.chamfer);
+    if (in.optional("chamfer")) c.chamfer = in.number("chamfer", 0.0, 0.01, 0.0);
     in.finish();
   }
   checkEngine(choice.mujoco);

@@ -3,6 +3,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/roots.h"
+#include "assembly_cell/base/text.h"
 #include "contact_tolerances.h"
 #include "context.h"
 
@@ -74,6 +75,10 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
   const ContactParameters& contact = scenario.contact;
   if (method == Method::kRk4 && !(solver.step > 0.0)) {
     throw InputError("solver.step: integrator rk4 needs a fixed step; set solver.step > 0 [s]");
+  }
+  if (scenario.mechanism.hole.chamfer_width > 0.0) {
+    throw InputError("hole.chamfer.width: " + text("%g m", scenario.mechanism.hole.chamfer_width) +
+                     ": the exact simulation knows sharp rims only; use --world mujoco, or give 0");
   }
   fixed_step = method == Method::kRk4 || (method == Method::kHamming && solver.step > 0.0);
   rigid = contact.law == ContactLaw::kRigid;

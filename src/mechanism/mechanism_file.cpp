@@ -81,6 +81,17 @@ HoleParameters readHole(Section in) {
   HoleParameters hole;
   hole.radius = readLength(in, "radius", Range::kPositive);
   hole.depth = in.number("depth", Range::kPositive, hole.depth);
+  if (in.optional("chamfer")) {
+    Section chamfer = in.section("chamfer");
+    hole.chamfer_width = readLength(chamfer, "width", Range::kNotNegative);
+    hole.chamfer_angle = chamfer.number("angle", 0.1, 1.4, hole.chamfer_angle);
+    chamfer.finish();
+    if (!(chamferDepth(hole) < hole.depth)) {
+      in.refuse(in.at("chamfer.width"), hole.chamfer_width,
+                "the chamfer goes " + shown(chamferDepth(hole)) +
+                    " m deep, the hole " + shown(hole.depth) + "; give less");
+    }
+  }
   in.finish();
   return hole;
 }

@@ -39,6 +39,10 @@ std::string mechanismText(const Mechanism& m) {
   out << "hole:\n";
   line("radius", m.hole.radius);
   if (std::isfinite(m.hole.depth)) line("depth", m.hole.depth);
+  if (m.hole.chamfer_width > 0.0) {
+    out << "  chamfer: {width: " << yamlNumber(m.hole.chamfer_width)
+        << ", angle: " << yamlNumber(m.hole.chamfer_angle) << "}\n";
+  }
   out << "carrier:\n";
   line("mass", m.carrier.mass);
   line("inertia", m.carrier.inertia);

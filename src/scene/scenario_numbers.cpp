@@ -28,6 +28,8 @@ std::vector<Entry> mechanismEntries(Mechanism& m) {
       {"peg.exciter_height", &m.peg.exciter_height, any, true, 0},
       {"hole.radius", &m.hole.radius, positive, true, 0},
       {"hole.depth", &m.hole.depth, positive, false, 0},
+      {"hole.chamfer.width", &m.hole.chamfer_width, not_negative, false, 0},
+      {"hole.chamfer.angle", &m.hole.chamfer_angle, positive, false, 0},
       {"carrier.mass", &m.carrier.mass, positive, true, 0},
       {"carrier.inertia", &m.carrier.inertia, positive, true, 0},
       {"carrier.stiffness", m.carrier.stiffness.data(), not_negative, false, 3},

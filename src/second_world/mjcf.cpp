@@ -47,7 +47,8 @@ BoreLayout boreLayout(const Scenario& s, const SoftContact& contact) {
   BoreLayout b;
   b.facets = contact.facets;
   b.rim = s.mechanism.hole.radius;
-  b.chamfer = contact.chamfer;
+  b.chamfer = contact.chamfer.value_or(s.mechanism.hole.chamfer_width);
+  b.angle = contact.chamfer ? 0.25 * M_PI : s.mechanism.hole.chamfer_angle;
   b.mouth = b.rim + b.chamfer;
   b.plate = b.mouth + 1e-4;
   b.reach = b.plate / std::cos(M_PI / BoreLayout::kPlates) + 1e-4;
@@ -81,11 +82,11 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
     const double lean = std::atan(s.imperfections.bore_lean.dot(u.head<2>()));
     const std::string number = std::to_string(i);
     wall(out, "wall" + number,
-         {angle, b.rim * middle, -b.chamfer, b.depth, b.reach - b.rim, b.rim * corner, lean});
+         {angle, b.rim * middle, -b.chamfer / std::tan(b.angle), b.depth, b.reach - b.rim, b.rim * corner, lean});
     if (b.chamfer <= 0.0) continue;
     wall(out, "chamfer" + number,
-         {angle, b.mouth * middle, 0.0, std::sqrt(2.0) * b.chamfer, b.chamfer, b.mouth * corner,
-          0.25 * pi});
+         {angle, b.mouth * middle, 0.0, b.chamfer / std::sin(b.angle), b.chamfer, b.mouth * corner,
+          b.angle});
     wall(out, "mouth" + number,
          {angle, b.mouth * middle, 0.0, b.depth, b.reach - b.mouth, b.mouth * corner, 0.0});
   }

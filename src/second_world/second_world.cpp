@@ -111,7 +111,9 @@ SecondWorld::SecondWorld(const Scenario& scenario, const SoftContact& contact)
       engine_(std::make_unique<Engine>(mjcf(scenario, contact))) {
   engine_->stiffness = couplingStiffness(scenario.mechanism.coupling);
   engine_->damping = dampingOf(scenario.mechanism.coupling);
-  const State start = Simulation(scenario).state();
+  Scenario sharp = scenario;  // the own simulation knows no chamfer, nor does where a run begins
+  sharp.mechanism.hole.chamfer_width = 0.0;
+  const State start = Simulation(sharp).state();
   const Kinematics k = kinematics(start);
   const Eigen::Quaterniond q(rotationFromEuler({start.q(3), start.q(4), start.q(5)}));
   mjData* d = engine_->d;

@@ -52,6 +52,7 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
                         or, of the baselines, spiral or passive
   --seed N              of the sensors' noise and the random starts (default 1)
   --runs K              number of runs (default 1)
+  --random-start        a single run starts at random, too: that of --seed N in a series, with its progress
   --bits B              of the converters: 10, 16 (default) or 24
   --noise V             of every strain channel, rms (default 5e-4)  [V]
   --offset-max D        of random starts (default 0.015)  [m]
@@ -93,6 +94,7 @@ struct Options {
   long threads = std::max(1L, static_cast<long>(std::thread::hardware_concurrency()));
   double offset_max = 0.015, tilt_max = 0.0349;
   bool second_goals = false;
+  bool random_start = false;
 };
 
 // false after --help
@@ -109,6 +111,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.text("--insert", o.insert);
   parser.number("--insert-exciter", o.align.insert.exciter, 0.0, 1000.0);
   parser.flag("--second-goals", o.second_goals);
+  parser.flag("--random-start", o.random_start);
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
   parser.text("--world", o.world);
@@ -128,7 +131,7 @@ struct Run {
 };
 
 Scenario startOf(const Options& o, const Scenario& scenario, std::uint64_t seed) {
-  if (o.runs == 1) return scenario;
+  if (o.runs == 1 && !o.random_start) return scenario;
   // bits of the engine itself: the same starts with every standard library
   std::mt19937_64 engine(seed);
   const auto uniform = [&engine] { return static_cast<double>(engine() >> 11) * 0x1p-53; };

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 #include <string>
 
 #include "assembly_cell/align/touch_fit.h"
@@ -17,33 +18,35 @@ using Eigen::Vector3d;
 
 constexpr double kPeg = 0.025, kHole = 0.0251;
 
-// Highest of the edge's points that are not over the hole would be 0 at this height: by dense
+// At this height the edge would just touch what is not bore, the face or a chamfer of 45°: by dense
 // sampling in axes of the hole, which shares nothing with the fit.
 struct Sampled {
   double height;   // of the bottom's centre at the touch
   double azimuth;  // of the touch
 };
-Sampled touchOf(const Eigen::Matrix3d& R_HP, const Vector2d& beside) {
+Sampled touchOf(const Eigen::Matrix3d& R_HP, const Vector2d& beside, double chamfer = 0.0) {
   constexpr int kPoints = 40000;
   Sampled touch{-1.0, 0.0};
   for (int i = 0; i < kPoints; ++i) {
     const double a = 2 * M_PI * i / kPoints;
     const Vector3d e = R_HP * (kPeg * Vector3d(std::cos(a), std::sin(a), 0.0));
-    if ((e.head<2>() + beside).norm() < kHole || -e.z() < touch.height) continue;
-    touch = {-e.z(), a};
+    const double out = (e.head<2>() + beside).norm() - kHole;
+    const double height = -std::max(0.0, chamfer - out) - e.z();
+    if (out < 0.0 || height < touch.height) continue;
+    touch = {height, a};
   }
   return touch;
 }
 
 // seven touches round a hole that lies at `center` of a plane that is tilted in S
-std::vector<TouchReading> touches(const Pose& X_SH) {
+std::vector<TouchReading> touches(const Pose& X_SH, double chamfer = 0.0) {
   std::vector<TouchReading> readings;
   for (int i = 0; i < 7; ++i) {
     const double a = 2 * M_PI * i / 7;
     const Eigen::Matrix3d R =
         rotationFromVector({0.052 * Vector3d(-std::sin(a), std::cos(a), 0.0)});
     const Vector2d beside = Vector2d(-0.006, 0.003) + (i % 2) * Vector2d(0.002, 0.004);
-    const Sampled touch = touchOf(R, beside);
+    const Sampled touch = touchOf(R, beside, chamfer);
     TouchReading reading;
     reading.sd = 5e-5;
     reading.X_SP = X_SH * Pose{R, Vector3d(beside.x(), beside.y(), touch.height)};
@@ -54,10 +57,11 @@ std::vector<TouchReading> touches(const Pose& X_SH) {
   return readings;
 }
 
-TouchModel model() {
+TouchModel model(double chamfer = 0.0) {
   TouchModel m;
+  m.hole.chamfer_width = chamfer;
   m.peg_radius = kPeg;
-  m.hole_radius = kHole;
+  m.hole.radius = kHole;
   return m;
 }
 
@@ -130,6 +134,55 @@ TEST(TouchFit, WallAndFreeAgreeWithTheGeometry) {
   EXPECT_EQ(touchResidual(model(), reading, Vector3d::UnitZ(), Vector3d::Zero()), 0.0);
   reading.X_SP.p.x() = 6e-3;
   EXPECT_LT(touchResidual(model(), reading, Vector3d::UnitZ(), Vector3d::Zero()), -1e-4);
+}
+
+// Touches of a chamfered rim, some on its cone, against dense sampling: 8e-5 rad between two samples
+// are 2 µm of the edge, which goes down by less than a tenth of that, on the cone by all of it.
+TEST(TouchFit, ChamferIsThatOfTheSampledEdge) {
+  constexpr double kChamfer = 5e-4;
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> either(-1.0, 1.0);
+  int on_cone = 0;
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Matrix3d R =
+        rotationFromVector({0.05 * Vector3d(either(random), either(random), 0.0)});
+    const double reach = i % 2 == 0 ? 8e-4 : 6e-3;
+    const Vector2d beside(reach * either(random), reach * either(random));
+    const Sampled touch = touchOf(R, beside, kChamfer);
+    if (touch.height < -0.5) continue;  // the whole edge is within the bore
+    TouchReading reading;
+    reading.X_SP = {R, Vector3d(beside.x(), beside.y(), touch.height)};
+    const double a = touch.azimuth;
+    const Vector3d at = R * (kPeg * Vector3d(std::cos(a), std::sin(a), 0.0)) + reading.X_SP.p;
+    const bool cone = at.z() < -1e-6;
+    on_cone += cone ? 1 : 0;
+    EXPECT_NEAR(touchResidual(model(kChamfer), reading, Vector3d::UnitZ(), Vector3d::Zero()), 0.0,
+                cone ? 2e-6 : 2e-7)
+        << i;
+  }
+  EXPECT_GT(on_cone, 20);
+  const TouchFit fit = fitTouches(model(kChamfer), touches(kHoleInS, kChamfer));
+  EXPECT_LT((fit.center - kHoleInS.p).norm(), 4e-5);
+  EXPECT_LT((fit.normal - kHoleInS.R.col(2)).norm(), 1e-4);
+  // who takes the rim for a sharp one is wrong by the chamfer's order
+  const TouchFit sharp = fitTouches(model(), touches(kHoleInS, kChamfer));
+  EXPECT_GT((sharp.center - kHoleInS.p).norm(), 1e-4);
+}
+
+// a low edge in the chamfer meets its cone, one below it the bore
+TEST(TouchFit, WallsOfAChamferLean) {
+  constexpr double kChamfer = 5e-4, kTilt = 0.052;
+  TouchReading reading;
+  reading.kind = TouchReading::kWall;
+  reading.X_SP.R = rotationFromVector({Vector3d(0.0, kTilt, 0.0)});  // low side at +x
+  const double low = kPeg * std::cos(kTilt);
+  for (const double depth : {2e-4, 4e-4, 9e-4}) {
+    const double wall = kHole + std::max(0.0, kChamfer - depth);
+    reading.X_SP.p = Vector3d(wall - low - 3e-5, 0.0, kPeg * std::sin(kTilt) - depth);
+    EXPECT_NEAR(touchResidual(model(kChamfer), reading, Vector3d::UnitZ(), Vector3d::Zero()), -3e-5,
+                1e-9)
+        << depth;
+  }
 }
 
 AlignTrial tried(const char* strategy, int level, std::uint64_t seed) {

@@ -18,7 +18,7 @@ std::string configPath(const std::string& name) {
 
 TEST(Scenario, EveryKeyArrivesInItsField) {
   const Scenario s = with(
-      {"coupling.axes=carrier", "hole.depth=0.05", "carrier.max_speed=0.07",
+      {"coupling.axes=carrier", "hole.depth=0.05", "hole.chamfer={width: 4e-4, angle: 0.5}", "carrier.max_speed=0.07",
        "carrier.max_acceleration=2",
        "exciter={amplitude: 1.5, frequency: 770, phase: 0.4, direction: -1}", "push=[1, -2, 3]",
        "contact={law: spring_dashpot, regularisation_speed: 0.002, stationary_rows: true, "
@@ -40,6 +40,8 @@ TEST(Scenario, EveryKeyArrivesInItsField) {
   EXPECT_EQ(s.mechanism.peg.exciter_height, 0.056);
   EXPECT_EQ(s.mechanism.hole.radius, 0.0251);
   EXPECT_EQ(s.mechanism.hole.depth, 0.05);
+  EXPECT_EQ(s.mechanism.hole.chamfer_width, 4e-4);
+  EXPECT_EQ(s.mechanism.hole.chamfer_angle, 0.5);
   EXPECT_EQ(s.mechanism.carrier.mass, 0.395);
   EXPECT_EQ(s.mechanism.carrier.inertia, 0.081);
   EXPECT_EQ(s.mechanism.carrier.stiffness, Eigen::Vector3d(1, 2, 3));

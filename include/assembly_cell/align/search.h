@@ -95,6 +95,8 @@ class Search {
   bool enter(const Eigen::Vector3d& center);
   /// How far from the hole's estimate enter() looks. [m]
   double enterReach() const;
+  /// How far below the face the edge has to be, for walls all round: under the chamfer [m].
+  double entryDepth() const { return p_.insertion_depth + chamferDepth(mechanism_.hole); }
   /// Whether the peg, as it is, has the hole round it: walls on all four sides, and nothing below.
   bool alreadyIn();
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 
@@ -14,7 +15,7 @@ namespace assembly_cell {
 /// One touch of the peg's bottom edge, frame `peg` in a frame S that does not move.
 struct TouchReading {
   enum Kind {
-    kEdge,  ///< from above: the lowest point that is not over the hole rests on its plane
+    kEdge,  ///< from above: what is not over the hole rests on its plane or on the chamfer
     kWall,  ///< from the side: what is below the plane lies against the wall
     kFree   ///< none: nothing of the edge is in the block
   } kind = kEdge;
@@ -26,7 +27,8 @@ struct TouchReading {
 
 /// What is known before, and how well a point is felt. All standard deviations.
 struct TouchModel {
-  double peg_radius = 0.0, hole_radius = 0.0;       ///< [m]
+  double peg_radius = 0.0;                          ///< [m]
+  HoleParameters hole;                              ///< with its chamfer
   Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< about which the hole is looked for, S [m]
   double position_sd = 0.012;                       ///< of the hole from there, per axis [m]
   double tilt_sd = 0.05;                            ///< of its plane against S, per axis [rad]
@@ -54,7 +56,7 @@ struct TouchFit {
 /// a line; throws InputError otherwise.
 TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& readings);
 
-/// Residual of a reading for a given hole, in metres: gap between edge and plane outside the hole
+/// Residual of a reading for a given hole, in metres: gap between edge and block outside the bore
 /// (kEdge), reach of what is below the plane beyond the wall (kWall), or how deep the edge would be
 /// in the block (kFree, never positive).
 double touchResidual(const TouchModel& model, const TouchReading& reading,

@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <optional>
+
 namespace assembly_cell {
 
 /// What is free in the second world: nothing of it is known to strategies or estimators.
@@ -17,7 +19,9 @@ struct SoftContact {
   /// How much harder friction holds along a contact than the contact holds across: creep under a
   /// constant load falls with it; more makes the solver slower.
   double friction_ratio = 10.0;
-  double chamfer = 0.0;  ///< of the hole's rim, 45°: so wide and so deep [m]
+  /// Of the hole's rim, 45°, so wide and so deep [m], in place of the one that the scenario has
+  /// and that strategies know of.
+  std::optional<double> chamfer;
 };
 
 }  // namespace assembly_cell

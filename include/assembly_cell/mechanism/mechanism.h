@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
@@ -25,7 +26,17 @@ struct PegParameters {
 struct HoleParameters {
   double radius = 0.0;                                     ///< [m]
   double depth = std::numeric_limits<double>::infinity();  ///< [m]
+  double chamfer_width = 0.0;                              ///< of the rim, across; 0: sharp [m]
+  double chamfer_angle = 0.7853981633974483;  ///< of its face to the hole's axis [rad]
 };
+
+/// Radius at the face: of the chamfer's outer edge [m].
+inline double mouthRadius(const HoleParameters& hole) { return hole.radius + hole.chamfer_width; }
+
+/// How deep the chamfer goes [m].
+inline double chamferDepth(const HoleParameters& hole) {
+  return hole.chamfer_width / std::tan(hole.chamfer_angle);
+}
 
 /// Rest pose of the mechanism: of the coupling point and the tilt it holds. Thesis x2e, x3e, x1e,
 /// theta1e, theta2e, theta3e.
