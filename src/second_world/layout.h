@@ -3,6 +3,8 @@
 // inner faces are the bore's facets.
 #pragma once
 
+#include <algorithm>
+
 #include "assembly_cell/dynamics/soft_contact.h"
 #include "assembly_cell/scene/scenario.h"
 
@@ -18,6 +20,13 @@ struct BoreLayout {
   double plate = 0.0;    ///< distance of the plates' inner faces from the axis [m]
   double reach = 0.0;    ///< of the ring of narrow boxes: no gap up to the plates [m]
   double depth = 0.0;    ///< [m]
+  double lean = 0.0;     ///< of the bore's axis, per unit of depth
+
+  /// How far an upright box goes down whose inner face is at `distance` from the axis: a bore that
+  /// leans would run into it, and has its own walls there. [m]
+  double uprightDepth(double distance) const {
+    return lean > 0.0 ? std::min(depth, 0.5 * (distance - rim) / lean) : depth;
+  }
 };
 BoreLayout boreLayout(const Scenario& scenario, const SoftContact& contact);
 

@@ -52,6 +52,7 @@ BoreLayout boreLayout(const Scenario& s, const SoftContact& contact) {
   b.mouth = b.rim + b.chamfer;
   b.plate = b.mouth + 1e-4;
   b.reach = b.plate / std::cos(M_PI / BoreLayout::kPlates) + 1e-4;
+  b.lean = s.imperfections.bore_lean.norm();
   b.depth = std::isfinite(s.mechanism.hole.depth) ? s.mechanism.hole.depth : kFarDepth;
   return b;
 }
@@ -88,14 +89,16 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
          {angle, b.mouth * middle, 0.0, b.chamfer / std::sin(b.angle), b.chamfer, b.mouth * corner,
           b.angle});
     wall(out, "mouth" + number,
-         {angle, b.mouth * middle, 0.0, b.depth, b.reach - b.mouth, b.mouth * corner, 0.0});
+         {angle, b.mouth * middle, 0.0, b.uprightDepth(b.mouth), b.reach - b.mouth,
+          b.mouth * corner, 0.0});
   }
   // plates around it, wider than the peg can go, and the bottom
   const double size = 4 * b.rim + 0.05;
   for (int i = 0; i < BoreLayout::kPlates; ++i) {
     const double angle = 2 * pi * i / BoreLayout::kPlates;
     const double half_width = (b.plate + size) * std::tan(pi / BoreLayout::kPlates);
-    wall(out, "plate" + std::to_string(i), {angle, b.plate, 0.0, b.depth, size, half_width, 0.0});
+    wall(out, "plate" + std::to_string(i),
+         {angle, b.plate, 0.0, b.uprightDepth(b.plate), size, half_width, 0.0});
   }
   box(out, "bottom", Matrix3d::Identity(), {0.0, 0.0, -b.depth - 0.01},
       {b.reach + 0.01, b.reach + 0.01, 0.01});

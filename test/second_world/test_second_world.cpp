@@ -272,6 +272,33 @@ TEST(SecondWorld, SkipsOnlyWhatDoesNotTouch) {
   EXPECT_GT(touching, 8);
 }
 
+// A bore that leans by half a degree is free down to its bottom for a peg that leans as it does, all
+// round and with a chamfer as well, and ends by its clearance aside.
+TEST(SecondWorld, NothingStandsInABoreThatLeans) {
+  constexpr double kLean = 8.727e-3, kDeep = 0.055;
+  for (const double chamfer : {0.0, 5e-4}) {
+    SoftContact contact;
+    contact.chamfer = chamfer;
+    for (int i = 0; i < 8; ++i) {
+      const double a = 0.3 + i * M_PI / 4;
+      const auto contacts = [&](double aside) {
+        Scenario s = upright(0.0);
+        const Eigen::Vector2d lean = kLean * Eigen::Vector2d(std::cos(a), std::sin(a));
+        s.imperfections.bore_lean = lean;
+        const Vector3d axis = Vector3d(lean.x(), lean.y(), 1.0).normalized();
+        const Vector3d off = aside * Vector3d(std::cos(a), std::sin(a), 0.0);
+        s.initial.position =
+            -kDeep * Vector3d(lean.x(), lean.y(), 1.0) + s.mechanism.peg.half_height * axis + off;
+        s.initial.euler = {std::atan2(axis.x(), axis.z()), M_PI / 2 - std::asin(axis.y()), 0.0};
+        return SecondWorld(s, contact).contactCount();
+      };
+      EXPECT_EQ(contacts(0.0), 0) << "azimuth " << a << ", chamfer " << chamfer;
+      EXPECT_GT(contacts(1.2e-4), 0) << "azimuth " << a << ", chamfer " << chamfer;
+      EXPECT_GT(contacts(-1.2e-4), 0) << "azimuth " << a << ", chamfer " << chamfer;
+    }
+  }
+}
+
 TEST(SecondWorld, ChamferGuidesThePegIn) {
   // 0.6 mm off the middle, straight down: onto the face without a chamfer, into the hole with one
   const auto lowered = [](double chamfer) {
