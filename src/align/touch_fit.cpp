@@ -25,10 +25,10 @@ constexpr int kGrid = 15, kMostGrid = 97;     // centres to start from, per axis
 constexpr double kGridStep = 0.25;            // and so many radii apart at most
 constexpr int kStarts = 5;                    // of these climbed
 constexpr double kGolden = 0.6180339887498949;
-constexpr double kAzimuth = 1e-9;             // to which a contact on a chamfer is sought [rad]
-constexpr double kSteep = 100.0;              // a wall up from the bore's end, for that search
-constexpr double kSlack = 1e-9;               // within the bore that is on its end [m]
-constexpr double kGridReach = 2.0;            // of the prior's deviations
+constexpr double kAzimuth = 1e-9;   // to which a contact on a chamfer is sought [rad]
+constexpr double kSteep = 100.0;    // a wall up from the bore's end, for that search
+constexpr double kSlack = 1e-9;     // within the bore that is on its end [m]
+constexpr double kGridReach = 2.0;  // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
 constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less

@@ -88,8 +88,8 @@ HoleParameters readHole(Section in) {
     chamfer.finish();
     if (!(chamferDepth(hole) < hole.depth)) {
       in.refuse(in.at("chamfer.width"), hole.chamfer_width,
-                "the chamfer goes " + shown(chamferDepth(hole)) +
-                    " m deep, the hole " + shown(hole.depth) + "; give less");
+                "the chamfer goes " + shown(chamferDepth(hole)) + " m deep, the hole " +
+                    shown(hole.depth) + "; give less");
     }
   }
   in.finish();

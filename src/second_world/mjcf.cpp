@@ -83,7 +83,8 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
     const double lean = std::atan(s.imperfections.bore_lean.dot(u.head<2>()));
     const std::string number = std::to_string(i);
     wall(out, "wall" + number,
-         {angle, b.rim * middle, -b.chamfer / std::tan(b.angle), b.depth, b.reach - b.rim, b.rim * corner, lean});
+         {angle, b.rim * middle, -b.chamfer / std::tan(b.angle), b.depth, b.reach - b.rim,
+          b.rim * corner, lean});
     if (b.chamfer <= 0.0) continue;
     wall(out, "chamfer" + number,
          {angle, b.mouth * middle, 0.0, b.chamfer / std::sin(b.angle), b.chamfer, b.mouth * corner,

@@ -136,8 +136,9 @@ TEST(TouchFit, WallAndFreeAgreeWithTheGeometry) {
   EXPECT_LT(touchResidual(model(), reading, Vector3d::UnitZ(), Vector3d::Zero()), -1e-4);
 }
 
-// Touches of a chamfered rim, some on its cone, against dense sampling: 8e-5 rad between two samples
-// are 2 µm of the edge, which goes down by less than a tenth of that, on the cone by all of it.
+// Touches of a chamfered rim, some on its cone, against dense sampling: 8e-5 rad between two
+// samples are 2 µm of the edge, which goes down by less than a tenth of that, on the cone by all of
+// it.
 TEST(TouchFit, ChamferIsThatOfTheSampledEdge) {
   constexpr double kChamfer = 5e-4;
   std::mt19937 random(8);

@@ -18,8 +18,8 @@ std::string configPath(const std::string& name) {
 
 TEST(Scenario, EveryKeyArrivesInItsField) {
   const Scenario s = with(
-      {"coupling.axes=carrier", "hole.depth=0.05", "hole.chamfer={width: 4e-4, angle: 0.5}", "carrier.max_speed=0.07",
-       "carrier.max_acceleration=2",
+      {"coupling.axes=carrier", "hole.depth=0.05", "hole.chamfer={width: 4e-4, angle: 0.5}",
+       "carrier.max_speed=0.07", "carrier.max_acceleration=2",
        "exciter={amplitude: 1.5, frequency: 770, phase: 0.4, direction: -1}", "push=[1, -2, 3]",
        "contact={law: spring_dashpot, regularisation_speed: 0.002, stationary_rows: true, "
        "stiffness: 1e5, damping: 200, rate: 800, pull_back: 15, restitution: 0.5, "

@@ -272,8 +272,8 @@ TEST(SecondWorld, SkipsOnlyWhatDoesNotTouch) {
   EXPECT_GT(touching, 8);
 }
 
-// A bore that leans by half a degree is free down to its bottom for a peg that leans as it does, all
-// round and with a chamfer as well, and ends by its clearance aside.
+// A bore that leans by half a degree is free down to its bottom for a peg that leans as it does,
+// all round and with a chamfer as well, and ends by its clearance aside.
 TEST(SecondWorld, NothingStandsInABoreThatLeans) {
   constexpr double kLean = 8.727e-3, kDeep = 0.055;
   for (const double chamfer : {0.0, 5e-4}) {

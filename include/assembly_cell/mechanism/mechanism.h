@@ -27,7 +27,7 @@ struct HoleParameters {
   double radius = 0.0;                                     ///< [m]
   double depth = std::numeric_limits<double>::infinity();  ///< [m]
   double chamfer_width = 0.0;                              ///< of the rim, across; 0: sharp [m]
-  double chamfer_angle = 0.7853981633974483;  ///< of its face to the hole's axis [rad]
+  double chamfer_angle = 0.7853981633974483;               ///< of its face to the hole's axis [rad]
 };
 
 /// Radius at the face: of the chamfer's outer edge [m].
