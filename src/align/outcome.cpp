@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/base/roots.h"
+
 namespace assembly_cell {
 
 Eigen::Vector2d tiltOf(const Pose& X_HP) {
@@ -33,13 +35,9 @@ double edgeReach(const Pose& X_HP, double peg_radius, const Eigen::Vector2d& bor
   for (int i = 1; i < kGrid; ++i) {
     if (reach(i * kStep) > reach(best * kStep)) best = i;
   }
-  double low = (best - 1) * kStep, high = (best + 1) * kStep;
-  for (int i = 0; i < 40; ++i) {
-    const double a = high - 0.6180339887498949 * (high - low);
-    const double b = low + 0.6180339887498949 * (high - low);
-    (reach(a) > reach(b) ? high : low) = reach(a) > reach(b) ? b : a;
-  }
-  return std::max(reach(best * kStep), reach(0.5 * (low + high)));
+  const double at =
+      leastIn((best - 1) * kStep, (best + 1) * kStep, [&](double a) { return -reach(a); }, 0.0, 40);
+  return std::max(reach(best * kStep), reach(at));
 }
 
 }  // namespace assembly_cell

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/roots.h"
 
 namespace assembly_cell {
 namespace {
@@ -24,37 +25,13 @@ constexpr int kLune = 24;                     // of the part below the plane
 constexpr int kGrid = 15, kMostGrid = 97;     // centres to start from, per axis: these at least
 constexpr double kGridStep = 0.25;            // and so many radii apart at most
 constexpr int kStarts = 5;                    // of these climbed
-constexpr double kGolden = 0.6180339887498949;
-constexpr double kAzimuth = 1e-9;   // to which a contact on a chamfer is sought [rad]
-constexpr double kSteep = 100.0;    // a wall up from the bore's end, for that search
-constexpr double kSlack = 1e-9;     // within the bore that is on its end [m]
-constexpr double kGridReach = 2.0;  // of the prior's deviations
+constexpr double kAzimuth = 1e-9;             // to which a contact on a chamfer is sought [rad]
+constexpr double kSteep = 100.0;              // a wall up from the bore's end, for that search
+constexpr double kSlack = 1e-9;               // within the bore that is on its end [m]
+constexpr double kGridReach = 2.0;            // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
 constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
-
-// Where a function of an azimuth is least within a step of one where it is less than a step aside.
-template <typename Function>
-double leastNear(const Function& value, double at, double step) {
-  double a = at - step, b = at + step;
-  double c = b - kGolden * (b - a), d = a + kGolden * (b - a), at_c = value(c), at_d = value(d);
-  while (b - a > kAzimuth) {
-    if (at_c < at_d) {
-      b = d;
-      d = c;
-      at_d = at_c;
-      c = b - kGolden * (b - a);
-      at_c = value(c);
-    } else {
-      a = c;
-      c = d;
-      at_c = at_d;
-      d = a + kGolden * (b - a);
-      at_d = value(d);
-    }
-  }
-  return 0.5 * (a + b);
-}
 
 // The peg's edge over a hole: heights and distances as functions of the azimuth.
 struct Edge {
@@ -124,7 +101,7 @@ struct Edge {
         best = a;
       }
     }
-    best = leastNear(on, best, M_PI / kMarch);
+    best = leastIn(best - M_PI / kMarch, best + M_PI / kMarch, on, kAzimuth);
     if (beyond(best) < -kSlack) return {};
     return best;
   }
@@ -147,8 +124,8 @@ struct Edge {
     if (at == 0 || at == kLune) return best;
     if (width > 0.0) {  // it may be at a kink
       const auto inside = [this](double a) { return -beyondWall(a); };
-      const double step = 2.0 * half / kLune;
-      return beyondWall(leastNear(inside, low + half * (2.0 * at / kLune - 1.0), step));
+      const double from = low + half * (2.0 * (at - 1) / kLune - 1.0);
+      return beyondWall(leastIn(from, from + 4.0 * half / kLune, inside, kAzimuth));
     }
     // parabola through the three about the greatest
     const auto k = static_cast<std::size_t>(at);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "assembly_cell/base/roots.h"
 #include "contact_tolerances.h"
 
 namespace assembly_cell {
@@ -140,27 +141,7 @@ void shareInternalForce(const System& s, std::size_t one, std::size_t two, doubl
     return std::sqrt(std::max(0.0, c.tt + x * (c.ts + x * c.ss))) - mu * (c.N + x * c.n);
   };
   const auto worse = [&](double x) { return std::max(outside(c1, x), outside(c2, x)); };
-  // convex in the force: golden section
-  const double golden = 0.6180339887498949;
-  double low = -limit, high = limit;
-  double a = high - golden * (high - low), b = low + golden * (high - low);
-  double fa = worse(a), fb = worse(b);
-  for (int i = 0; i < 48; ++i) {
-    if (fa < fb) {
-      high = b;
-      b = a;
-      fb = fa;
-      a = high - golden * (high - low);
-      fa = worse(a);
-    } else {
-      low = a;
-      a = b;
-      fa = fb;
-      b = low + golden * (high - low);
-      fb = worse(b);
-    }
-  }
-  const double x = 0.5 * (low + high);
+  const double x = leastIn(-limit, limit, worse);  // convex in the force
   e.contacts[one].force += x * along;
   e.contacts[two].force -= x * along;
   e.contacts[one].normal_force += x * c1.n;

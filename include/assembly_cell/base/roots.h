@@ -22,4 +22,29 @@ Bracket bisect(double low, double high, const Predicate& holds, double width = 0
   return bisect(low, high, ask, &holds, width, halvings);
 }
 
+/// Where a function with one least value in [low, high] has it: golden section, until what is left
+/// is no longer than `width`, at most `steps` times. Kinks do no harm.
+template <typename Function>
+double leastIn(double low, double high, const Function& value, double width = 0.0, int steps = 48) {
+  constexpr double golden = 0.6180339887498949;
+  double a = high - golden * (high - low), b = low + golden * (high - low);
+  double at_a = value(a), at_b = value(b);
+  for (int i = 0; i < steps && high - low > width; ++i) {
+    if (at_a < at_b) {
+      high = b;
+      b = a;
+      at_b = at_a;
+      a = high - golden * (high - low);
+      at_a = value(a);
+    } else {
+      low = a;
+      a = b;
+      at_a = at_b;
+      b = low + golden * (high - low);
+      at_b = value(b);
+    }
+  }
+  return 0.5 * (low + high);
+}
+
 }  // namespace assembly_cell
