@@ -93,17 +93,24 @@ struct Edge {
 
   std::optional<double> touchOnChamfer() const {
     const auto on = [this](double a) { return over(a); };
-    double best = low, least = over(low);
-    for (int i = 1; i < 2 * kMarch; ++i) {
-      const double a = low + M_PI * i / kMarch, here = over(a);
-      if (here < least) {
-        least = here;
-        best = a;
+    // both sides of the lowest point may be nearly as low
+    double lowest = low, height = 1e9;
+    for (const double side : {1.0, -1.0}) {
+      double best = low, least = over(low);
+      for (int i = 1; i <= kMarch; ++i) {
+        const double a = low + side * M_PI * i / kMarch, here = over(a);
+        if (here < least) {
+          least = here;
+          best = a;
+        }
       }
+      best = leastIn(best - M_PI / kMarch, best + M_PI / kMarch, on, kAzimuth);
+      if (over(best) >= height) continue;
+      height = over(best);
+      lowest = best;
     }
-    best = leastIn(best - M_PI / kMarch, best + M_PI / kMarch, on, kAzimuth);
-    if (beyond(best) < -kSlack) return {};
-    return best;
+    if (beyond(lowest) < -kSlack) return {};
+    return lowest;
   }
 
   // how far what is below the plane reaches beyond the wall

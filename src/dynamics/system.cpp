@@ -78,7 +78,8 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
   }
   if (scenario.mechanism.hole.chamfer_width > 0.0) {
     throw InputError("hole.chamfer.width: " + text("%g m", scenario.mechanism.hole.chamfer_width) +
-                     ": the exact simulation knows sharp rims only; use --world mujoco, or give 0");
+                     ": the exact simulation knows sharp rims only; give 0, or simulate in MuJoCo "
+                     "(align --world mujoco, cell.launch world:=mujoco)");
   }
   fixed_step = method == Method::kRk4 || (method == Method::kHamming && solver.step > 0.0);
   rigid = contact.law == ContactLaw::kRigid;

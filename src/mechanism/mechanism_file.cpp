@@ -84,7 +84,8 @@ HoleParameters readHole(Section in) {
   if (in.optional("chamfer")) {
     Section chamfer = in.section("chamfer");
     hole.chamfer_width = readLength(chamfer, "width", Range::kNotNegative);
-    hole.chamfer_angle = chamfer.number("angle", 0.1, 1.4, hole.chamfer_angle);
+    hole.chamfer_angle =
+        chamfer.number("angle", kLeastChamferAngle, kMostChamferAngle, hole.chamfer_angle);
     chamfer.finish();
     if (!(chamferDepth(hole) < hole.depth)) {
       in.refuse(in.at("chamfer.width"), hole.chamfer_width,

@@ -96,6 +96,12 @@ std::optional<Problem> problemOf(const Mechanism& m) {
   if (m.peg.inertia_axial > 2.0 * m.peg.inertia_transverse) {
     return Problem{"peg.inertia_axial", "more than twice peg.inertia_transverse with"};
   }
+  if (!(m.hole.chamfer_angle >= kLeastChamferAngle && m.hole.chamfer_angle <= kMostChamferAngle)) {
+    return Problem{"hole.chamfer.angle", "not within 0.1 and 1.4 rad with"};
+  }
+  if (!(chamferDepth(m.hole) < m.hole.depth)) {
+    return Problem{"hole.chamfer.width", "as deep as the hole with"};
+  }
   auto found = indefinite("coupling.stiffness", m.coupling.stiffness, "k");
   return found ? found : indefinite("coupling.damping", m.coupling.damping, "c");
 }

@@ -15,7 +15,7 @@ struct BoreLayout {
   int facets = 0;
   double rim = 0.0;      ///< radius of the bore [m]
   double chamfer = 0.0;  ///< width [m]
-  double angle = 0.0;    ///< of the chamfer's face to the axis [rad]
+  double deep = 0.0;     ///< how far down the chamfer goes [m]
   double mouth = 0.0;    ///< radius at the face: rim and chamfer [m]
   double plate = 0.0;    ///< distance of the plates' inner faces from the axis [m]
   double reach = 0.0;    ///< of the ring of narrow boxes: no gap up to the plates [m]

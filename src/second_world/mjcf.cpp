@@ -2,6 +2,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/second_world/second_world.h"
 #include "layout.h"
 
@@ -48,12 +50,16 @@ BoreLayout boreLayout(const Scenario& s, const SoftContact& contact) {
   b.facets = contact.facets;
   b.rim = s.mechanism.hole.radius;
   b.chamfer = contact.chamfer.value_or(s.mechanism.hole.chamfer_width);
-  b.angle = contact.chamfer ? 0.25 * M_PI : s.mechanism.hole.chamfer_angle;
+  b.deep = contact.chamfer.value_or(chamferDepth(s.mechanism.hole));
   b.mouth = b.rim + b.chamfer;
   b.plate = b.mouth + 1e-4;
   b.reach = b.plate / std::cos(M_PI / BoreLayout::kPlates) + 1e-4;
   b.lean = s.imperfections.bore_lean.norm();
   b.depth = std::isfinite(s.mechanism.hole.depth) ? s.mechanism.hole.depth : kFarDepth;
+  if (!(b.deep < b.depth)) {
+    throw InputError("world: chamfer: value " + text("%g", b.chamfer) + ": it goes " +
+                     text("%g m deep, the hole %g m; give less", b.deep, b.depth));
+  }
   return b;
 }
 
@@ -80,15 +86,16 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
   for (int i = 0; i < b.facets; ++i) {
     const double angle = 2 * pi * i / b.facets;
     const Vector3d u(std::cos(angle), std::sin(angle), 0.0);
-    const double lean = std::atan(s.imperfections.bore_lean.dot(u.head<2>()));
+    const double slope = s.imperfections.bore_lean.dot(u.head<2>()), lean = std::atan(slope);
     const std::string number = std::to_string(i);
     wall(out, "wall" + number,
-         {angle, b.rim * middle, -b.chamfer / std::tan(b.angle), b.depth, b.reach - b.rim,
-          b.rim * corner, lean});
+         {angle, b.rim * middle - b.deep * slope, -b.deep, b.depth, b.reach - b.rim, b.rim * corner,
+          lean});
     if (b.chamfer <= 0.0) continue;
+    const double inwards = b.chamfer + b.deep * slope;  // from the mouth down to the bore
     wall(out, "chamfer" + number,
-         {angle, b.mouth * middle, 0.0, b.chamfer / std::sin(b.angle), b.chamfer, b.mouth * corner,
-          b.angle});
+         {angle, b.mouth * middle, 0.0, std::hypot(inwards, b.deep), b.chamfer, b.mouth * corner,
+          std::atan2(inwards, b.deep)});
     wall(out, "mouth" + number,
          {angle, b.mouth * middle, 0.0, b.uprightDepth(b.mouth), b.reach - b.mouth,
           b.mouth * corner, 0.0});

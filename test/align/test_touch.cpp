@@ -144,12 +144,13 @@ TEST(TouchFit, ChamferIsThatOfTheSampledEdge) {
   std::mt19937 random(8);
   std::uniform_real_distribution<double> either(-1.0, 1.0);
   int on_cone = 0;
-  for (int i = 0; i < 200; ++i) {
+  for (int i = 0; i < 400; ++i) {
     const Eigen::Matrix3d R =
         rotationFromVector({0.05 * Vector3d(either(random), either(random), 0.0)});
-    const double reach = i % 2 == 0 ? 8e-4 : 6e-3;
+    const double reach = i % 3 == 0 ? 8e-4 : i % 3 == 1 ? 6e-3 : 0.015;
+    const double chamfer = i % 2 == 0 ? kChamfer : 1e-4;
     const Vector2d beside(reach * either(random), reach * either(random));
-    const Sampled touch = touchOf(R, beside, kChamfer);
+    const Sampled touch = touchOf(R, beside, chamfer);
     if (touch.height < -0.5) continue;  // the whole edge is within the bore
     TouchReading reading;
     reading.X_SP = {R, Vector3d(beside.x(), beside.y(), touch.height)};
@@ -157,7 +158,7 @@ TEST(TouchFit, ChamferIsThatOfTheSampledEdge) {
     const Vector3d at = R * (kPeg * Vector3d(std::cos(a), std::sin(a), 0.0)) + reading.X_SP.p;
     const bool cone = at.z() < -1e-6;
     on_cone += cone ? 1 : 0;
-    EXPECT_NEAR(touchResidual(model(kChamfer), reading, Vector3d::UnitZ(), Vector3d::Zero()), 0.0,
+    EXPECT_NEAR(touchResidual(model(chamfer), reading, Vector3d::UnitZ(), Vector3d::Zero()), 0.0,
                 cone ? 2e-6 : 2e-7)
         << i;
   }

@@ -87,6 +87,8 @@ TEST(Scenario, RefusesWhatIsUnphysicalByItsPath) {
       {"hole.depth=0", "hole.depth", "> 0"},
       {"hole.chamfer={width: -1e-4}", "hole.chamfer.width: value -1e-4", ">= 0"},
       {"hole.chamfer={width: 1e-3, angle: 2}", "hole.chamfer.angle: value 2", "1.4"},
+      {"hole={radius: 0.0251, depth: 5e-4, chamfer: {width: 1e-3}}",
+       "hole.chamfer.width: value 0.001", "0.0005; give less"},
       {"hole.chamfer={angle: 0.5}", "hole.chamfer.width", "missing"},
       {"carrier.mass=0", "carrier.mass", "> 0"},
       {"carrier.inertia=0", "carrier.inertia", "> 0"},

@@ -299,6 +299,32 @@ TEST(SecondWorld, NothingStandsInABoreThatLeans) {
   }
 }
 
+// The scenario's chamfer, at an angle of its own, in a bore that leans: an upright peg whose edge
+// is 2 mm deep is free as far as the cone is wide there, by the closed form, and not farther.
+// Facets: 1 µm.
+TEST(SecondWorld, ChamferOfTheScenarioIsTheCone) {
+  constexpr double kWidth = 2e-3, kAngle = 0.4, kDepth = 2e-3, kLean = 8.727e-3;
+  const auto contacts = [&](double aside, double lean) {
+    Scenario s = upright(-kDepth, aside);
+    s.mechanism.hole.chamfer_width = kWidth;
+    s.mechanism.hole.chamfer_angle = kAngle;
+    s.imperfections.bore_lean = {lean, 0.0};
+    return SecondWorld(s, SoftContact{}).contactCount();
+  };
+  const Scenario s = upright(0.0);
+  const double deep = kWidth / std::tan(kAngle);
+  const double clearance = s.mechanism.hole.radius - s.mechanism.peg.radius;
+  for (const double lean : {0.0, kLean}) {
+    // from the mouth to the bore's rim, whose axis is off by its depth's lean
+    const double share = kDepth / deep;
+    for (const double side : {1.0, -1.0}) {
+      const double cone = clearance + kWidth - share * (kWidth + side * deep * lean);
+      EXPECT_EQ(contacts(side * (cone - 5e-6), lean), 0) << side << " " << lean;
+      EXPECT_GT(contacts(side * (cone + 5e-6), lean), 0) << side << " " << lean;
+    }
+  }
+}
+
 TEST(SecondWorld, ChamferGuidesThePegIn) {
   // 0.6 mm off the middle, straight down: onto the face without a chamfer, into the hole with one
   const auto lowered = [](double chamfer) {

@@ -30,6 +30,9 @@ struct HoleParameters {
   double chamfer_angle = 0.7853981633974483;               ///< of its face to the hole's axis [rad]
 };
 
+/// Between which a chamfer's angle lies [rad].
+constexpr double kLeastChamferAngle = 0.1, kMostChamferAngle = 1.4;
+
 /// Radius at the face: of the chamfer's outer edge [m].
 inline double mouthRadius(const HoleParameters& hole) { return hole.radius + hole.chamfer_width; }
 
