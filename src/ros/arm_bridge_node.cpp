@@ -24,7 +24,6 @@ namespace {
 
 constexpr int kQueue = 100;
 constexpr double kConnectionCheck = 5.0;  // wall clock [s]
-constexpr double kBehind = 0.1;           // then points that were missed aren't made up for [s]
 constexpr int kCallbacks = 100;           // before a point: a flood doesn't keep it out
 
 std::uint32_t randomLife() {
@@ -39,7 +38,7 @@ std::uint32_t randomLife() {
 ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     : nh_(nh), arm_nh_(nh, "arm"), life_(randomLife()), clock_(true) {
   readParameters(pnh);
-  // by the wall clock the thread of the points hears as well, see loop()
+  // by the wall clock the thread of the points hears as well, see beat()
   if (!lockstep_) {
     for (ros::NodeHandle* handle : {&nh_, &arm_nh_, &pnh}) handle->setCallbackQueue(&queue_);
   }
@@ -60,12 +59,7 @@ ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   }
   ROS_INFO("%s: %.0f points a second, %s", pnh.getNamespace().c_str(), settings_.rate,
            lockstep_ ? "lockstep" : "by the wall clock");
-  if (!lockstep_) thread_ = std::thread([this] { loop(); });
-}
-
-ArmBridgeNode::~ArmBridgeNode() {
-  quit_ = true;
-  if (thread_.joinable()) thread_.join();
+  if (!lockstep_) beat_.emplace(1.0 / (settings_.rate * real_time_factor_), [this] { beat(); });
 }
 
 // ---- parameters ----
@@ -161,24 +155,15 @@ void ArmBridgeNode::publishFrames() {
 
 // One wakeup a point: what has come in since the last one is taken just before it; nothing of it
 // could move the arm earlier.
-void ArmBridgeNode::loop() {
-  const auto period = std::chrono::duration_cast<Steady::duration>(
-      std::chrono::duration<double>(1.0 / (settings_.rate * real_time_factor_)));
-  auto next = Steady::now();
-  while (!quit_) {
-    next += period;
-    const auto behind = std::chrono::duration<double>(Steady::now() - next).count();
-    if (behind > kBehind) next = Steady::now();
-    std::this_thread::sleep_until(next);
-    guarded("callback", [this] {
-      const ros::WallDuration at_once(0.0);
-      for (int i = 0; i < kCallbacks; ++i) {
-        if (queue_.callOne(at_once) != ros::CallbackQueue::Called) return;
-      }
-    });
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (!epoch_.isZero()) point(now());
-  }
+void ArmBridgeNode::beat() {
+  guarded("callback", [this] {
+    const ros::WallDuration at_once(0.0);
+    for (int i = 0; i < kCallbacks; ++i) {
+      if (queue_.callOne(at_once) != ros::CallbackQueue::Called) return;
+    }
+  });
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!epoch_.isZero()) point(now());
 }
 
 void ArmBridgeNode::point(double time) {

@@ -17,7 +17,6 @@
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <array>
-#include <atomic>
 #include <chrono>
 #include <deque>
 #include <functional>
@@ -25,13 +24,13 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/guard/freshness.h"
 #include "assembly_cell/ros/arm_output.h"
 #include "assembly_cell/ros/participants.h"
+#include "assembly_cell/ros/poll_beat.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -39,14 +38,13 @@ class Parameters;
 
 /// Node arm_bridge: stands between the supervisor and an arm as the plant does: takes
 /// carrier_command, exciter and leases, sends the arm a point each period and tells where it is.
-/// Limits and dead man are those of arm/arm_guard.h. Without lockstep a thread of its own hears
-/// what came in and makes the points; in lockstep those of a block follow from it, once all
-/// participants have answered it. See docs/arm.md.
+/// Limits and dead man are those of arm/arm_guard.h. Without lockstep roscpp's network
+/// thread hears what came in and makes the points (PollBeat); in lockstep those of a block follow
+/// from it, once all participants have answered it. See docs/arm.md.
 class ArmBridgeNode {
  public:
   /// Throws InputError for a bad parameter, file or robot description.
   ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
-  ~ArmBridgeNode();
 
  private:
   /// The arm's own word.
@@ -92,7 +90,7 @@ class ArmBridgeNode {
   void publishState();
   void publishExciter(const Exciter& exciter);
 
-  void loop();
+  void beat();
   void keepConnections();
   void publishDiagnostics();
   double nodeTime(const ros::Time& stamp) const;
@@ -120,7 +118,6 @@ class ArmBridgeNode {
   std::unique_ptr<ArmOutput> output_;
 
   std::mutex mutex_;
-  std::atomic<bool> quit_{false};
   ArmGuard arm_, new_arm_;  // and as it is at the beginning
   std::uint32_t life_ = 0;
   CellClock clock_;
@@ -156,7 +153,7 @@ class ArmBridgeNode {
   ros::WallTimer diagnostics_timer_, connection_timer_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
-  std::thread thread_;
+  std::optional<PollBeat> beat_;  // last: none comes while the rest goes
 };
 
 }  // namespace assembly_cell::ros_bridge
