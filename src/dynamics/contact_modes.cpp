@@ -20,6 +20,8 @@ constexpr double kHysteresis = 1e-8;
 // Least typical acceleration, of a peg without load: no result changes at half or twice.
 constexpr double kMinScale = 1e-3;  // [m/s²]
 constexpr int kPasses = 24, kTurns = 100;
+// A turn of slip that takes back so much of the last one is made smaller, by at most kMaxStiffer.
+constexpr double kSwing = 0.5, kMaxStiffer = 4.0;
 // Slip below this many times its threshold may be rest: over 1, or slip whose end was located there
 // goes on. Half: events without end, 4.7 times the effort in Chapter 8; twice: 2 % more, 0.03 um.
 constexpr double kRest = 1.5;
@@ -41,10 +43,16 @@ Vec3 accelerationOf(const Body& body, const Evaluation& e, std::size_t i) {
 }
 
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it
-// (prox iteration); where the friction still holds the point, against the friction.
+// (prox iteration); where the friction still holds the point, against the friction. A direction is
+// turned by the compliance along it; where the one across is larger that would swing for ever
+// (beyond twice as large), and what the last turn brought tells by how much less to turn.
 void turnSlip(const System& s, Context& c, Evaluation& e) {
   const double mu = s.scenario.mechanism.friction.sliding_coefficient;
   if (mu == 0.0) return;
+  std::array<Vec3, kSlots> last;
+  std::array<double, kSlots> stiffer;
+  last.fill(Vec3::Zero());
+  stiffer.fill(1.0);
   for (int turn = 0; turn < kTurns; ++turn) {
     double largest = 0.0;
     const Body body = bodyOf(s, e.k);
@@ -57,12 +65,18 @@ void turnSlip(const System& s, Context& c, Evaluation& e) {
       acceleration -= normal * normal.dot(acceleration);
       const Vec3 tangent = slot.slip_direction - normal * normal.dot(slot.slip_direction);
       const double compliance =
-          mu * at.normal_force * tangent.dot(response(body, at.r, at.r, tangent));
+          stiffer[i] * mu * at.normal_force * tangent.dot(response(body, at.r, at.r, tangent));
       const Vec3 next = tangent - acceleration / compliance;
       const double size = next.norm();
       if (!(compliance > 0.0) || !(size > 0.0) || !std::isfinite(size)) continue;
-      largest = std::max(largest, (next / size - slot.slip_direction).norm());
+      const Vec3 change = next / size - slot.slip_direction;
+      largest = std::max(largest, change.norm());
       slot.slip_direction = next / size;
+      const double swing = -change.dot(last[i]);
+      if (swing > kSwing * last[i].squaredNorm()) {
+        stiffer[i] *= std::min(1.0 + swing / last[i].squaredNorm(), kMaxStiffer);
+      }
+      last[i] = change;
     }
     if (largest < 1e-14) return;
     c.slope = contactForces(s, c.slots, Level::kEvents, e);

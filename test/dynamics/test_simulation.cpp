@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -281,6 +283,59 @@ TEST(Simulation, FollowsAMotionThatSomebodyElseMakes) {
       EXPECT_NEAR(m.acceleration(2), r.acceleration(2), 1e-4);
     }
   }
+}
+
+bool slipsAnywhere(const Simulation& sim) {
+  const auto contacts = sim.contacts();
+  return std::any_of(contacts.begin(), contacts.end(), [](const ContactReport& c) {
+    return c.valid && c.state == ContactReport::kSlip;
+  });
+}
+
+// Coulomb's law where slip begins, from the reported forces and accelerations alone: the point of
+// contact is accelerated against its friction. A wall is felt: the peg's side on the rim, where it
+// gives way across (it spins about its axis) more than twice as easily as up and down.
+TEST(Simulation, SlipBeginsAgainstItsFriction) {
+  State start;
+  start.q << 0.03079837, -0.00174211, 0.00028532, -0.05427963, 1.56181618, 0.0002, -0.00451208,
+      0.00074351, 0.00018215;
+  Scenario s = startedFrom(load("cell"), start);
+  const RestPose rest = {-0.00452373, 0.00074538, 0.08078776, 0.00018039, 1.56237237, -0.05081175};
+  std::mt19937 generator(7);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  int slips = 0;
+  for (int i = 0; i < 100; ++i) {
+    Vector6 way;
+    for (double& x : way) x = unit(generator);
+    const auto load = [&](double by) {
+      s.rest = rest;
+      s.rest.x += 1e-3 * by * way(0);
+      s.rest.y += 1e-3 * by * way(1);
+      s.rest.z += 1e-3 * by * way(2);
+      s.rest.yaw += 0.01 * by * way(3);
+      s.rest.theta += 0.01 * by * way(4);
+      s.rest.phi += 0.01 * by * way(5);
+      return Simulation(s);
+    };
+    // of the loads along one way the least that the point doesn't bear
+    double by = 1e-3;
+    while (by < 1.0 && !slipsAnywhere(load(by))) by *= 1.1;
+    const Simulation sim = load(by);
+    for (const ContactReport& c : sim.contacts()) {
+      if (!c.valid || c.state != ContactReport::kSlip) continue;
+      const Kinematics k = kinematics(sim.state());
+      const Vector9& rate = sim.acceleration();
+      // from rest: no centripetal part
+      const Eigen::Vector3d turn = fromThesisAxes(k.Re * rate.segment<3>(3));
+      Eigen::Vector3d a =
+          fromThesisAxes(rate.head<3>()) + turn.cross(c.point - fromThesisAxes(k.x));
+      a -= c.normal * c.normal.dot(a);
+      const Eigen::Vector3d friction = c.force - c.normal * c.normal.dot(c.force);
+      ++slips;
+      EXPECT_LT(a.dot(friction), -(1.0 - 1e-9) * a.norm() * friction.norm()) << i;
+    }
+  }
+  EXPECT_GT(slips, 50);
 }
 
 }  // namespace
