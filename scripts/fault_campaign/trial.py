@@ -254,6 +254,8 @@ class Campaign:
         if kind == "hostile":
             return [HOSTILE[node]]
         if kind == "ctrl-c":
+            if node == BRIDGE:
+                return [node + " (gone)"]
             return ["shutting down", "server lost"] + (["gone", "silent"] if node == "all" else [])
         if node == holder_of(trial["goal"]):
             return ["server lost"]

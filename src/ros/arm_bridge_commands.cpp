@@ -179,7 +179,7 @@ void ArmBridgeNode::renewFor(const Sender& sender, std::uint32_t session) {
 
 void ArmBridgeNode::onLease(const ros::MessageEvent<Lease const>& event) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (epoch_.isZero()) return;
+  if (!arm_.begun) return;
   renewFor(senderOf(event), event.getConstMessage()->session);
 }
 
@@ -261,7 +261,12 @@ void ArmBridgeNode::onWrench(std::size_t sensor, const WrenchSamples& samples) {
   const std::size_t count = samples.wrench.size() / 6;
   const ros::Time end =
       samples.header.stamp + ros::Duration(samples.period * (static_cast<double>(count) - 1.0));
-  if (epoch_.isZero()) epoch_ = end;
+  if (epoch_.isZero()) {
+    // A cell isn't led before both sensors are heard: the watchdog would end its goal at once.
+    heard_[sensor] = true;
+    if (!lockstep_ && !(heard_[0] && heard_[1])) return;
+    epoch_ = end;
+  }
   if (sensor == 1 && nodeTime(end) < block_end_ - kStamp) anotherLife(end);
   if (sequence_[sensor] == samples.sequence && lockstep_) return;  // latched, again
   sequence_[sensor] = samples.sequence;
@@ -323,7 +328,7 @@ void ArmBridgeNode::onJoints(const sensor_msgs::JointState& joints) {
 
 void ArmBridgeNode::onState(const Pose& X_base_flange, const ros::Time& stamp) {
   // without a clock of the cell there is no time to compare with
-  if (epoch_.isZero()) return;
+  if (epoch_.isZero() || !(lockstep_ || (arm_.wrench_known[0] && arm_.wrench_known[1]))) return;
   const Pose X = output_settings_.place.carrierOf(X_base_flange);
   setState(arm_, X, nodeTime(stamp));
   states_.push_back({stamp, arm_.measured});

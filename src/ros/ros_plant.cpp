@@ -117,22 +117,32 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
 // ---- blocks ----
 
 void RosPlant::subscribe(const std::string& topic) {
+  // who sent it is asked for when it stays out
+  const auto heard = [this](auto on, std::size_t part) {
+    return [this, on, part](const auto& message, const std::string& node) {
+      {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        publishers_[part] = node;
+      }
+      (this->*on)(message);
+    };
+  };
   ros::Subscriber& sub = subs_[topic];
   if (topic == kWrenchA) {
-    sub = subscribeStream<WrenchSamples>(
-        nh_, topic, kQueue, [this](const auto& m) { onWrenchA(m); }, nullptr, lockstep_);
+    sub = subscribeStream<WrenchSamples>(nh_, topic, kQueue, heard(&RosPlant::onWrenchA, 0),
+                                         nullptr, lockstep_);
   }
   if (topic == kWrenchB) {
-    sub = subscribeStream<WrenchSamples>(
-        nh_, topic, kQueue, [this](const auto& m) { onWrenchB(m); }, nullptr, lockstep_);
+    sub = subscribeStream<WrenchSamples>(nh_, topic, kQueue, heard(&RosPlant::onWrenchB, 1),
+                                         nullptr, lockstep_);
   }
   if (topic == kCarrier) {
     sub = subscribeStream<geometry_msgs::PoseStamped>(
-        nh_, topic, kQueue, [this](const auto& m) { onCarrierPose(m); }, nullptr, lockstep_);
+        nh_, topic, kQueue, heard(&RosPlant::onCarrierPose, 3), nullptr, lockstep_);
   }
   if (topic == kDisplacementB) {
     sub = subscribeStream<DisplacementSamples>(
-        nh_, topic, kQueue, [this](const auto& m) { onDisplacementB(m); }, nullptr, lockstep_);
+        nh_, topic, kQueue, heard(&RosPlant::onDisplacementB, 2), nullptr, lockstep_);
   }
 }
 

@@ -143,6 +143,16 @@ std::string RosPlant::whoIsMissing(std::unique_lock<std::mutex>& lock, bool only
     };
     found.erase(std::remove_if(found.begin(), found.end(), there), found.end());
   }
+  for (TopicPublisher& publisher : found) {
+    // who ended in order has told the master
+    for (std::size_t part = 0; part < publishers_.size() && publisher.node.empty(); ++part) {
+      if (publishers_[part].empty() || publisher.topic != nh_.resolveName(kBlockTopics[part])) {
+        continue;
+      }
+      publisher.node = publishers_[part];
+      publisher.presence = NodePresence::kGone;
+    }
+  }
   const std::string gone = describe(found);
   return gone.empty() && !lost.empty() ? "twin_force_estimator is gone" + lost : gone;
 }

@@ -21,7 +21,7 @@ struct ArmLimits {
   double raw_force = 150.0, raw_torque = 15.0;  ///< of either sensor, its zero included [N], [N·m]
   double force_rate = 5000.0;    ///< of either contact force's mean over `rate_window` [N/s]
   double rate_window = 0.02;     ///< [s]
-  double saturated_time = 1e-3;  ///< that a channel may be at its end: a knock of stiff parts [s]
+  double saturated_time = 2e-3;  ///< that a channel may be at its end: a knock of stiff parts [s]
   double following = 0.002;      ///< arm from where it was sent within `following_time` [m]
   double following_turn = 0.02;  ///< [rad]
   double following_time = 0.1;   ///< [s]

@@ -121,7 +121,8 @@ class ArmBridgeNode {
   ArmGuard arm_, new_arm_;  // and as it is at the beginning
   std::uint32_t life_ = 0;
   CellClock clock_;
-  ros::Time epoch_;  // stamp of node time 0; zero: not known yet
+  ros::Time epoch_;              // stamp of node time 0; zero: not known yet
+  std::array<bool, 2> heard_{};  // either sensor
   Participants participants_;
   std::deque<State> states_;            // the latest second
   std::deque<ros::Time> poses_wanted_;  // ends of blocks

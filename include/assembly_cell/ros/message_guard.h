@@ -194,7 +194,13 @@ ros::Subscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, s
       if (unusable && !stranger) guarded(name, [&] { unusable(*message, why); });
       return;
     }
-    guarded(name, [&] { callback(message); });
+    guarded(name, [&] {
+      if constexpr (std::is_invocable_v<Callback, decltype(message), std::string>) {
+        callback(message, event.getPublisherName());
+      } else {
+        callback(message);
+      }
+    });
   };
   return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(),
                                              ros::TransportHints().tcpNoDelay());

@@ -31,8 +31,7 @@ class PollBeat {
 
   /// Rounds of the network thread, each: listeners, then sockets.
   enum class Round {
-    kQueue,  ///< what the beat published goes to its connections
-    kSend,   ///< and to their sockets
+    kSend,   ///< what the beat published
     kSleep,  ///< until the next beat; then the sockets are looked at
     kBeat
   };
@@ -43,7 +42,7 @@ class PollBeat {
   const Clock::duration period_;
   const std::function<void()> beat_;
   Clock::time_point next_;
-  Round round_ = Round::kQueue;
+  Round round_ = Round::kSend;
   boost::signals2::connection listener_;
 };
 

@@ -188,6 +188,7 @@ class RosPlant : public Plant {
   CellClock clock_;
   Steady::time_point alive_;                           // the strategy's thread was seen
   std::array<Steady::time_point, 4> arrived_{};        // last message of each of kBlockTopics
+  std::array<std::string, 4> publishers_;              // and who sent it
   double last_interval_ = 0.0, block_interval_ = 0.0;  // between blocks, wall clock [s]
   Steady::time_point block_arrived_;
   std::optional<Pose> commanded_;  // where the carrier was sent last, this goal
