@@ -161,6 +161,7 @@ bool SimulatorNode::onPause(std_srvs::SetBool::Request& request,
     betweenBlocks([this, &request] {
       std::lock_guard<std::mutex> lock(mutex_);
       paused_ = request.data;
+      endSteps("~pause was called");
     });
     return std::string(request.data ? "paused" : "running") + " at " + std::to_string(now_) + " s";
   });
@@ -178,15 +179,22 @@ bool SimulatorNode::onStep(Step::Request& request, Step::Response& response) {
     }
     if (steps_ > 0) throw InputError("another ~step is under way");
     steps_ = request.blocks;
+    steps_ended_.clear();
     changed_.notify_all();
     const auto done = [this] { return quit_ || steps_ == 0 || !stopped_.empty(); };
     while (ros::ok() && !done()) changed_.wait_for(lock, std::chrono::milliseconds(100), done);
     const std::string time = "at " + std::to_string(now_) + " s";
-    const bool short_of_it = std::exchange(steps_, 0) > 0;
-    if (!stopped_.empty()) throw InputError(time + ", stopped: " + stopped_);
-    if (short_of_it) throw InputError(time);
+    if (steps_ > 0) endSteps(stopped_.empty() ? "shutting down" : "stopped: " + stopped_);
+    if (!steps_ended_.empty()) throw InputError(time + ", " + steps_ended_);
     return time;
   });
+}
+
+void SimulatorNode::endSteps(const std::string& why) {
+  if (steps_ == 0) return;
+  steps_ended_ = std::to_string(steps_) + " blocks short: " + why;
+  steps_ = 0;
+  changed_.notify_all();
 }
 
 bool SimulatorNode::onReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {

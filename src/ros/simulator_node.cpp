@@ -298,6 +298,7 @@ void SimulatorNode::restart(const Scenario& scenario) {
   now_ = base_;
   {
     std::lock_guard<std::mutex> lock(mutex_);
+    endSteps("the simulation began anew");
     carrier_command_.reset();
     exciter_.reset();
     stopped_.clear();

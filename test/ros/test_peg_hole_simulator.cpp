@@ -1,4 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <chrono>
+#include <future>
+
 #include "assembly_cell/ros/service_call.h"
 #include "simulator_fixture.h"
 
@@ -46,6 +49,29 @@ TEST_F(Simulator, PausedPublishesNothingAndStepNeedsPause) {
   EXPECT_FALSE(refused.success);
   EXPECT_NE(refused.message.find("~pause"), std::string::npos) << refused.message;
   ASSERT_TRUE(pause(true).success);
+}
+
+// However many blocks were asked for, who pauses or begins anew is obeyed at the next one.
+TEST_F(Simulator, PauseAndResetEndALongStep) {
+  for (const std::string end : {"pause", "reset"}) {
+    const std::size_t blocks = bridge_b_.size();
+    std::future<Step::Response> stepping =
+        std::async(std::launch::async, [this] { return step(100000000); });
+    ASSERT_TRUE(waitFor([&] { return bridge_b_.size() > blocks + 5; }));
+    ASSERT_TRUE(end == "pause" ? pause(true).success : trigger("reset").success);
+    ASSERT_EQ(stepping.wait_for(std::chrono::seconds(60)), std::future_status::ready);
+    const Step::Response response = stepping.get();
+    EXPECT_FALSE(response.success);
+    EXPECT_NE(response.message.find(end == "pause" ? "~pause was called" : "began anew"),
+              std::string::npos)
+        << response.message;
+    EXPECT_NE(response.message.find(" blocks short"), std::string::npos) << response.message;
+    // paused it is: the next block is that of the next step
+    const std::uint32_t sequence = bridge_b_.last()->sequence;
+    ASSERT_TRUE(step(1).success);
+    ASSERT_TRUE(waitFor([&] { return bridge_b_.last()->sequence != sequence; }));
+    EXPECT_LE(bridge_b_.last()->sequence, sequence + 2);
+  }
 }
 
 TEST_F(Simulator, CarrierPoseAndTruthStartAsTheScenarioSays) {

@@ -79,6 +79,7 @@ class SimulatorNode {
 
   /// Lets the loop run `task` between two blocks and waits for it. Rethrows what it throws.
   void betweenBlocks(const std::function<void()>& task);
+  void endSteps(const std::string& why);  // of ~step; with the lock
   void loop();
   void stepBlock();
   void applyCommands();
@@ -147,6 +148,7 @@ class SimulatorNode {
   bool paused_ = false;
   bool quit_ = false;
   std::uint32_t steps_ = 0;  // blocks still to do while paused
+  std::string steps_ended_;  // why the last ~step came short
   std::string stopped_;      // why the simulation can't go on; empty while it can
   std::deque<std::packaged_task<void()>> tasks_;
   std::optional<Pose> carrier_command_;
