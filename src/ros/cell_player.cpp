@@ -5,12 +5,16 @@
 #include <assembly_cell/StrainSamples.h>
 #include <assembly_cell/WrenchSamples.h>
 #include <rosgraph_msgs/Clock.h>
+#include <signal.h>
 #include <tf2_msgs/TFMessage.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <boost/algorithm/string/predicate.hpp>
 #include <boost/algorithm/string/split.hpp>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <set>
 
 #include "assembly_cell/base/input_error.h"
@@ -87,6 +91,7 @@ void CellPlayer::readParameters() {
   fast_ = parameters.choice("rate", {"original", "fast"}, "original") == "fast";
   rate_ = parameters.number("factor", {1e-3, 1e3}, 1.0);
   clock_ = parameters.flag("clock", false);
+  end_launch_ = parameters.flag("end_launch", false);
   for (const std::string& entry : parameters.texts("participants", std::vector<std::string>{})) {
     const std::size_t place = entry.find('=');
     Participant participant;
@@ -144,6 +149,16 @@ void CellPlayer::openBag() {
   }
 }
 
+// The roslaunch that has started this node is ended as by Ctrl-C: of a required node that ends by
+// itself it would say that it has died. False where there is none.
+bool CellPlayer::interruptLaunch() {
+  const pid_t parent = getppid();
+  std::ifstream file("/proc/" + std::to_string(parent) + "/cmdline");
+  const std::string command{std::istreambuf_iterator<char>(file), {}};
+  if (command.find("roslaunch") == std::string::npos) return false;
+  return kill(parent, SIGINT) == 0;
+}
+
 void CellPlayer::play() {
   try {
     playAll();
@@ -155,7 +170,8 @@ void CellPlayer::play() {
     ROS_FATAL_NAMED("player", "cell_player: %s", error.what());
     exit_code_ = 1;
   }
-  if (!stopping_) ros::requestShutdown();
+  if (stopping_) return;
+  if (!(end_launch_ && exit_code_ == 0 && interruptLaunch())) ros::requestShutdown();
 }
 
 void CellPlayer::playAll() {

@@ -269,6 +269,7 @@ TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
                 "rate:=fast", "clock:=false", "twin_force:=true"});
   EXPECT_EQ(launch.wait(), 0) << launch.output();
   EXPECT_EQ(launch.lines("the bag is over").size(), 1U) << launch.output();
+  EXPECT_EQ(launch.lines("died").size(), 0U) << launch.output();
   unlink(file.c_str());
 
   // as the supervisor asked

@@ -47,6 +47,7 @@ class CellPlayer {
   void openBag();
   void play();
   void playAll();
+  static bool interruptLaunch();
   void publish(const rosbag::MessageInstance& message);
   void publishClock(const ros::Time& time);
   static bool listens(const Participant& participant, const std::string& topic);
@@ -61,6 +62,7 @@ class CellPlayer {
   std::string file_, namespace_;
   std::vector<std::string> topics_;
   bool fast_ = false, clock_ = false;
+  bool end_launch_ = false;
   double rate_ = 1.0;
   std::chrono::duration<double> ack_timeout_{0.0}, start_timeout_{0.0};
 
