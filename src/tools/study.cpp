@@ -195,6 +195,15 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
     separator = ", ";
   }
   std::cout << "}\n";
+  const auto whole = [](const std::string& name) {
+    return name == "ok" || name == "assembled" || name == "aligned";
+  };
+  std::int64_t early = 0;
+  for (const auto& [name, number] : statuses) early += whole(name) ? 0 : number;
+  if (early > 0) {
+    std::cout << "# " << early << " of " << count.total
+              << " runs ended early, by what their status names; their rows have the reason\n";
+  }
   const assembly_cell::ShareInterval share =
       assembly_cell::shareInterval(count.assembled, count.total);
   if (!study.judged) {
@@ -223,6 +232,7 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
 // Rank 0, or the only process.
 int lead(const Options& o, const Study& study, Ranks* ranks) {
   StudyLedger ledger(study, o.output, o.fresh);
+  if (!o.quiet) std::cerr << "study: results go to " << o.output << " (see --output)\n";
   StudyOptimum optimum;
   double seconds = 0.0;
   {

@@ -147,7 +147,10 @@ TEST_F(StudyTool, ResultsDoNotDependOnThreadsAndRanks) {
 }
 
 TEST_F(StudyTool, ManifestSaysWhatMadeTheResults) {
-  ASSERT_EQ(run({usual(2), "--output", path("a")}).exit_code, 0);
+  const Result made = run({usual(2), "--output", path("a")});
+  ASSERT_EQ(made.exit_code, 0);
+  EXPECT_NE(made.err.find("results go to " + path("a")), std::string::npos) << made.err;
+  EXPECT_NE(made.out.find("# 2 of 6 runs ended early"), std::string::npos) << made.out;
   const YAML::Node manifest = YAML::LoadFile(path("a/manifest.yaml"));
   EXPECT_EQ(manifest["study"].as<std::string>(), "usual");
   EXPECT_NE(manifest["program"].as<std::string>().find("assembly_cell "), std::string::npos);
