@@ -57,6 +57,22 @@ install_packages() {
     fail "install packages" "$log"
 }
 
+# announce CPU_MINUTES LAST: what is about to be done, how long it takes here and how much disk; CPU_MINUTES of an empty build
+announce() {
+  local missing cores steps=()
+  missing=$(missing_packages | wc -w)
+  cores=$(nproc)
+  if [ "$missing" -gt 0 ]; then
+    steps+=("install $missing of Debian's packages and what they need (up to 0.5 GB to fetch, 2 GB of disk, a few minutes)")
+  fi
+  if [ -f "$build/build.ninja" ]; then
+    steps+=("build what has changed")
+  else
+    steps+=("build in .build (0.8 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
+  fi
+  say "to do: $(printf '%s, ' "${steps[@]}")$2"
+}
+
 # shows how far ninja's output (standard input) has come: one line on a terminal, else one every 10 s
 show_progress() {
   local line shown=-10 terminal=false

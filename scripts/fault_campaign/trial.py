@@ -444,6 +444,10 @@ class Campaign:
             # an honest end from where a goal was cut off; from the start it must work
             self.reset()
             goal = self.second(row, align)
+        if goal.reason().endswith("call the action retreat first"):
+            retreat = self.send("retreat")
+            wait_for(retreat.done, 30.0 * factor)
+            goal = self.second(row, align)
         if not goal.succeeded():
             row["broken"].append(f"recovery: {trial['next']}: {goal.reason() or 'no result'}")
             goal.cancel()
