@@ -95,6 +95,7 @@ void PlantLink::end() {
   const std::lock_guard<std::mutex> lock(mutex_);
   session_ = 0;
   moving_ = false;
+  fault_.clear();
   if (!lockstep_) lease_pub_.publish(Lease());
 }
 

@@ -285,8 +285,11 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   commanded_.reset();
   alive_ = Steady::now();
   most_time_ = settings_.goal_time;
+  const auto arrived = [this] { return fresh_.has_value(); };
+  // a plant with a dead man would stop a session that begins before a driver is back
+  if (!lockstep_) waitFor(lock, kBlock, arrived);
   link_.begin();
-  waitFor(lock, kBlock, [this] { return fresh_.has_value(); });
+  waitFor(lock, kBlock, arrived);
   waitFor(lock, "calibration of sensor_a and sensor_b",
           [this] { return rounding_a_ && rounding_b_; });
   last_ = *fresh_;
