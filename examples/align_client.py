@@ -17,6 +17,9 @@ def tell(feedback):
 
 
 def main():
+    if len(sys.argv) > 1 and sys.argv[1].startswith("-"):
+        print(__doc__)
+        return 0 if sys.argv[1] in ("-h", "--help") else 2
     rospy.init_node("align_client", anonymous=True)
     client = actionlib.SimpleActionClient("align", AlignPegAction)
     if not client.wait_for_server(rospy.Duration(60.0)):

@@ -23,7 +23,7 @@ say() { printf '[%(%H:%M:%S)T] %s\n' -1 "$*" >&2; }
 # fail STEP LOG [LINES]: names the step and the log, shows the first lines of what the log says is wrong
 fail() {
   if [ -f "$2" ]; then
-    grep -aE 'FATAL|ERROR|[Ee]rror:|^E:|FAILED' "$2" | sed 's/\x1b\[[0-9;]*m//g' | head -n "${3:-5}" >&2 || true
+    grep -aE 'FATAL|ERROR|[Ee]rror:|^E:|FAILED|^cell_urdf:' "$2" | sed 's/\x1b\[[0-9;]*m//g' | head -n "${3:-5}" >&2 || true
   fi
   say "FAILED: $1. Log: $2"
   exit 1

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -292,6 +293,18 @@ const YAML::Node* Section::find(const std::string& key) const {
   return nullptr;
 }
 
+namespace {
+
+// A node's folder isn't the one that its launch was started in.
+std::string lookedForIn(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path folder = std::filesystem::current_path(error);
+  if (error || std::filesystem::path(path).is_absolute()) return "";
+  return "; it was looked for in " + folder.string();
+}
+
+}  // namespace
+
 std::string fileText(const std::string& path, const std::string& what, std::size_t largest) {
   errno = 0;
   std::ifstream file(path, std::ios::binary);
@@ -300,7 +313,8 @@ std::string fileText(const std::string& path, const std::string& what, std::size
   if (!file.is_open() || file.bad()) {
     const std::string reason = errno != 0 ? std::strerror(errno) : "read error";
     refuse(path, "file", "unreadable",
-           "file missing or unreadable (" + reason + "), check the path and its permissions");
+           "file missing or unreadable (" + reason + "), check the path and its permissions" +
+               lookedForIn(path));
   }
   text.resize(static_cast<std::size_t>(file.gcount()));
   if (text.size() > largest) {

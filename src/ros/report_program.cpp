@@ -11,6 +11,7 @@
 #include <iostream>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
@@ -63,6 +64,13 @@ bool verdict(const AlignmentReport& report, const ReportDetails& details) {
                  details.insert);
 }
 
+// A peg deep in the bore may lean on its wall, into which the viscous law lets it sink: inPlace().
+std::string whereTheEdgeIs(double reach, const ReportDetails& details) {
+  if (reach <= details.hole_radius) return "inside\n";
+  const double bore = 2.0 * details.hole_radius - details.peg_radius;
+  return details.insert > 0.0 && reach <= bore ? "inside, on its wall\n" : "NOT inside\n";
+}
+
 std::string table(const AlignmentReport& report, const ReportDetails& details) {
   const Eigen::Vector2d offset = 1e3 * vector(report.estimated_offset);
   const Eigen::Vector2d tilt = 180.0 / M_PI * vector(report.estimated_tilt);
@@ -89,7 +97,7 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
                "  peg's edge at the end: farthest point %.3f mm from the hole's axis, "
                "hole's radius %.3f mm: ",
                1e3 * reach, 1e3 * details.hole_radius) +
-           (reach <= details.hole_radius ? "inside\n" : "NOT inside\n");
+           whereTheEdgeIs(reach, details);
   }
   if (details.insert > 0.0) {
     out += text("  inserted: %.2f mm as felt of %.2f mm asked for, greatest force %.1f N",
@@ -170,7 +178,24 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
 
 // ---- the program ----
 
+namespace {
+
+// `rosrun … _insert:=0.04` leaves its parameter on the server: the next call hasn't asked for it.
+class Forgotten {
+ public:
+  explicit Forgotten(std::string name) : name_(std::move(name)) {}
+  ~Forgotten() { ros::param::del(name_); }
+  Forgotten(const Forgotten&) = delete;
+  Forgotten& operator=(const Forgotten&) = delete;
+
+ private:
+  const std::string name_;
+};
+
+}  // namespace
+
 ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
+  const Forgotten forgotten(pnh.getNamespace());
   Parameters parameters(pnh);
   details_.strategy = parameters.text("strategy", AlignParameters().strategy);
   report_file_ = parameters.text("report_file", "");
