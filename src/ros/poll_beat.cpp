@@ -29,18 +29,21 @@ PollBeat::~PollBeat() { ros::PollManager::instance()->removePollThreadListener(l
 
 void PollBeat::onRound() {
   switch (round_) {
+    case Round::kQueue:
+      round_ = Round::kSend;
+      break;
     case Round::kSend:
       round_ = Round::kSleep;
       break;
     case Round::kSleep:
       sleep();
-      round_ = Clock::now() < next_ ? Round::kSend : Round::kBeat;
+      round_ = Clock::now() < next_ ? Round::kQueue : Round::kBeat;
       break;
     case Round::kBeat:
       beat_();
       next_ += period_;
       if (Clock::now() - next_ > kBehind) next_ = Clock::now();
-      round_ = Round::kSend;
+      round_ = Round::kQueue;
       break;
   }
   // the round that follows doesn't wait for a socket

@@ -31,7 +31,8 @@ class PollBeat {
 
   /// Rounds of the network thread, each: listeners, then sockets.
   enum class Round {
-    kSend,   ///< what the beat published
+    kQueue,  ///< what the beat published goes to its connections
+    kSend,   ///< and to their sockets
     kSleep,  ///< until the next beat; then the sockets are looked at
     kBeat
   };
@@ -42,7 +43,7 @@ class PollBeat {
   const Clock::duration period_;
   const std::function<void()> beat_;
   Clock::time_point next_;
-  Round round_ = Round::kSend;
+  Round round_ = Round::kQueue;
   boost::signals2::connection listener_;
 };
 
