@@ -146,6 +146,17 @@ class StreamDoor {
   ros::WallTime heard_;
 };
 
+/// Hands a message on, with the name of its publisher where the callback takes that.
+template <class Message, class Callback>
+void hand(const Callback& callback, const ros::MessageEvent<Message const>& event) {
+  const auto message = event.getConstMessage();
+  if constexpr (std::is_invocable_v<Callback, decltype(message), std::string>) {
+    callback(message, event.getPublisherName());
+  } else {
+    callback(message);
+  }
+}
+
 /// A subscription that gives `callback` (of a shared pointer, or of that and the publisher's name)
 /// what check() passes. What it throws ends no process.
 template <class Message, class Callback>
@@ -160,13 +171,7 @@ ros::Subscriber subscribeChecked(ros::NodeHandle& nh, const std::string& topic, 
       IncomingLog::ofThisProcess().refuse(name, event.getPublisherName(), found.text());
       return;
     }
-    guarded(name, [&] {
-      if constexpr (std::is_invocable_v<Callback, decltype(message), std::string>) {
-        callback(message, event.getPublisherName());
-      } else {
-        callback(message);
-      }
-    });
+    guarded(name, [&] { hand(callback, event); });
   };
   return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(), hints);
 }
@@ -194,13 +199,7 @@ ros::Subscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, s
       if (unusable && !stranger) guarded(name, [&] { unusable(*message, why); });
       return;
     }
-    guarded(name, [&] {
-      if constexpr (std::is_invocable_v<Callback, decltype(message), std::string>) {
-        callback(message, event.getPublisherName());
-      } else {
-        callback(message);
-      }
-    });
+    guarded(name, [&] { hand(callback, event); });
   };
   return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(),
                                              ros::TransportHints().tcpNoDelay());
