@@ -27,29 +27,20 @@ PollBeat::PollBeat(double period, std::function<void()> beat)
 
 PollBeat::~PollBeat() { ros::PollManager::instance()->removePollThreadListener(listener_); }
 
+// A round of the network thread is its listeners, then its sockets. roscpp's own listeners have
+// just handed what the last beat published to its connections. The sockets are looked at from here:
+// a round for each look would cost twenty system calls of signals a beat.
 void PollBeat::onRound() {
-  switch (round_) {
-    case Round::kQueue:
-      round_ = Round::kSend;
-      break;
-    case Round::kSend:
-      round_ = Round::kSleep;
-      break;
-    case Round::kSleep:
-      sleep();
-      round_ = Clock::now() < next_ ? Round::kQueue : Round::kBeat;
-      break;
-    case Round::kBeat:
-      beat_();
-      next_ += period_;
-      if (Clock::now() - next_ > kBehind) next_ = Clock::now();
-      round_ = Round::kQueue;
-      break;
+  ros::PollSet& sockets = ros::PollManager::instance()->getPollSet();
+  sockets.update(0);  // sends
+  std::this_thread::sleep_until(std::min(next_, Clock::now() + kDeaf));
+  sockets.update(0);  // takes what has come in
+  if (Clock::now() >= next_) {
+    beat_();
+    next_ += period_;
+    if (Clock::now() - next_ > kBehind) next_ = Clock::now();
   }
-  // the round that follows doesn't wait for a socket
-  ros::PollManager::instance()->getPollSet().signal();
+  sockets.signal();  // the thread's own look doesn't wait for a socket
 }
-
-void PollBeat::sleep() { std::this_thread::sleep_until(std::min(next_, Clock::now() + kDeaf)); }
 
 }  // namespace assembly_cell::ros_bridge

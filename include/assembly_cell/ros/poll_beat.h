@@ -29,21 +29,11 @@ class PollBeat {
  private:
   using Clock = std::chrono::steady_clock;
 
-  /// Rounds of the network thread, each: listeners, then sockets.
-  enum class Round {
-    kQueue,  ///< what the beat published goes to its connections
-    kSend,   ///< and to their sockets
-    kSleep,  ///< until the next beat; then the sockets are looked at
-    kBeat
-  };
-
   void onRound();
-  void sleep();
 
   const Clock::duration period_;
   const std::function<void()> beat_;
   Clock::time_point next_;
-  Round round_ = Round::kQueue;
   boost::signals2::connection listener_;
 };
 
