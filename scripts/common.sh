@@ -79,6 +79,8 @@ show_progress() {
   if [ -t 2 ]; then terminal=true; fi
   while IFS= read -r line; do
     [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]] || continue
+    # catkin looks at each message again, also when nothing has changed
+    [[ $line != *genmsg_check_deps.py* ]] || continue
     if $terminal; then
       printf '\r[%(%H:%M:%S)T] built %s of %s ' -1 "${BASH_REMATCH[1]}" "${BASH_REMATCH[2]}" >&2
     elif [ $((SECONDS - shown)) -ge 10 ]; then

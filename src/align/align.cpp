@@ -28,11 +28,11 @@ Strategy strategyOf(const std::string& name) {
     if (strategy.name == name) return strategy.run;
     known += (known.empty() ? "" : ", ") + std::string(strategy.name);
   }
-  throw InputError("align: strategy: " + name + " is not available; use one of " + known);
+  throw InputError("strategy: " + name + " is not available; use one of " + known);
 }
 
 void check(bool good, const char* name, double value, const char* remedy) {
-  if (!good) throw InputError(std::string("align: ") + name + text(": %g: ", value) + remedy);
+  if (!good) throw InputError(std::string(name) + text(": %g: ", value) + remedy);
 }
 
 }  // namespace
@@ -101,7 +101,7 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
                   const std::function<void(const AlignProgress&)>& progress) {
   checkParameters(parameters);
   if (!(mechanism.hole.radius > mechanism.peg.radius)) {
-    throw InputError("align: hole.radius: " + text("%g m", mechanism.hole.radius) +
+    throw InputError("hole.radius: " + text("%g m", mechanism.hole.radius) +
                      " is not larger than the peg's; the peg can't enter");
   }
   if (parameters.insert.floor && !std::isfinite(mechanism.hole.depth)) {
@@ -109,11 +109,11 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
         "align: insert.floor: hole.depth isn't given; give it, or a depth to insert to");
   }
   if (parameters.insert.floor && parameters.insert.depth > 0.0) {
-    throw InputError("align: insert.depth: " + text("%g m", parameters.insert.depth) +
+    throw InputError("insert.depth: " + text("%g m", parameters.insert.depth) +
                      " with insert.floor; leave one of them out");
   }
   if (parameters.insert.depth > 0.0 && !(parameters.insert.depth < mechanism.hole.depth)) {
-    throw InputError("align: insert.depth: " + text("%g m", parameters.insert.depth) +
+    throw InputError("insert.depth: " + text("%g m", parameters.insert.depth) +
                      text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));
   }
   return strategyOf(parameters.strategy)(plant, mechanism, parameters, progress);

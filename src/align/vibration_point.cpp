@@ -138,8 +138,7 @@ VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand
   }
   if (!(best.frequency > 0.0)) {
     throw InputError(
-        "align: exciter_frequency: 0: every frequency makes a segment of the locus; "
-        "give one");
+        "exciter_frequency: 0: every frequency makes a segment of the locus; give one");
   }
   return best;
 }

@@ -84,6 +84,7 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
   const char* pair = "%8.3f %8.3f";
   const bool known = report.truth_known, felt = report.estimate_known;
   out += report.success ? "aligned\n" : "not aligned: " + report.reason + "\n";
+  if (!report.success && report.simulated_time == 0.0) return out;  // refused: nothing moved
   row("at the start", known ? "true" : "true (unknown)", "estimated", "error");
   row("offset x, y [mm]", known ? text(pair, true_offset.x(), true_offset.y()) : "-",
       felt ? text(pair, offset.x(), offset.y()) : "-",

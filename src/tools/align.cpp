@@ -386,7 +386,8 @@ int run(const std::vector<std::string>& arguments) {
   for (long i = 1; i < std::min(o.threads, o.runs); ++i) threads.emplace_back(work);
   work();
   for (std::thread& thread : threads) thread.join();
-  if (!bad_input.empty()) throw InputError(o.scenario + ": " + bad_input);
+  if (!bad_input.empty())
+    throw InputError((o.mechanism.empty() ? o.scenario : o.mechanism) + ": " + bad_input);
 
   const std::string text = yaml(runs, o);
   std::cout << text << std::flush;

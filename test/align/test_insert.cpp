@@ -104,7 +104,7 @@ TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {
     FAIL();
   } catch (const InputError& error) {
     EXPECT_STREQ(error.what(),
-                 "align: insert.depth: 0.06 m is not less than hole.depth, 0.06 m; give less");
+                 "insert.depth: 0.06 m is not less than hole.depth, 0.06 m; give less");
   }
 }
 

@@ -71,7 +71,7 @@ class Report : public ::testing::Test {
     result.report.estimated_tilt = {0.0, 0.02};
     result.report.estimated_pose.orientation.w = 1.0;
     result.report.contacts = 7;
-    result.report.simulated_time = 12.5;
+    result.report.simulated_time = time_;
     result.report.wall_time = 1.25;
     if (truth_pub_) publishTruth(end_);
     if (succeeds_) {
@@ -98,6 +98,7 @@ class Report : public ::testing::Test {
   ros::NodeHandle nh_;
   std::atomic<bool> running_{false};
   bool succeeds_ = true;
+  double time_ = 12.5;
   Pose end_;
   double stamp_ = 1.0;
   std::string strategy_, file_, output_;
@@ -157,6 +158,15 @@ TEST_F(Report, EndsOneWhenTheSupervisorFails) {
   EXPECT_EQ(report(), 1) << output_;
   EXPECT_NE(output_.find("not aligned: no_contact: none"), std::string::npos) << output_;
   EXPECT_EQ(yaml_["reason"].as<std::string>(), "no_contact: none");
+}
+
+TEST_F(Report, ARefusedGoalIsOneLine) {
+  succeeds_ = false;
+  time_ = 0.0;
+  publishTruth(Pose{});
+  EXPECT_EQ(report(), 1) << output_;
+  EXPECT_NE(output_.find("not aligned: no_contact: none"), std::string::npos) << output_;
+  EXPECT_EQ(output_.find("at the start"), std::string::npos) << output_;
 }
 
 TEST_F(Report, DoesWithoutTheTruth) {
