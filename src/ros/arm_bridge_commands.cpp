@@ -323,7 +323,12 @@ void ArmBridgeNode::onJoints(const sensor_msgs::JointState& joints) {
   // What follows begins where it stands. Not while it is led: an arm that lags behind its last
   // point would make the next one a jump of the joints.
   if (!arm_.begun || isHalted(arm_)) output_->setJoints(q);
-  onState(kinematics_->forward(q), joints.header.stamp);
+  // an arm at rest reads the same again
+  if (!joints_seen_ || q != *joints_seen_) {
+    joints_seen_ = q;
+    X_base_flange_ = kinematics_->forward(q);
+  }
+  onState(X_base_flange_, joints.header.stamp);
 }
 
 void ArmBridgeNode::onState(const Pose& X_base_flange, const ros::Time& stamp) {

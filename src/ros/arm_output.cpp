@@ -37,7 +37,10 @@ ArmOutput::ArmOutput(ros::NodeHandle nh, const Settings& settings, const ArmKine
   }
 }
 
-void ArmOutput::setJoints(const JointVector& q) { q_ = q; }
+void ArmOutput::setJoints(const JointVector& q) {
+  q_ = q;
+  rest_.reset();
+}
 
 std::string ArmOutput::send(const CommandMotion& motion, const Vector6& measured,
                             const ros::Time& stamp) {
@@ -68,12 +71,19 @@ void ArmOutput::sendTwist(const CommandMotion& motion, const Vector6& measured,
 
 std::string ArmOutput::sendJoints(const CommandMotion& motion, const ros::Time& stamp) {
   if (!q_) return {};
-  const JointPoint point = jointPoint(*kinematics_, settings_.place, motion, *q_);
   joints_.header.stamp = stamp;
+  // at rest the last point again
+  if (rest_ == motion.out) {
+    pub_.publish(joints_);
+    return {};
+  }
+  const JointPoint point = jointPoint(*kinematics_, settings_.place, motion, *q_);
   joints_.points[0].positions.assign(point.q.begin(), point.q.end());
   joints_.points[0].velocities.assign(point.rates.begin(), point.rates.end());
   joints_.points[0].time_from_start = ros::Duration(motion.period);
   pub_.publish(joints_);
+  rest_.reset();
+  if (point.why.empty() && point.q == *q_) rest_ = motion.out;
   q_ = point.q;
   return point.why;
 }

@@ -22,6 +22,10 @@ void GuardedSpinner::start() {
 
 void GuardedSpinner::stop() {
   stopping_ = true;
+  wait();
+}
+
+void GuardedSpinner::wait() {
   for (std::thread& thread : threads_) thread.join();
   threads_.clear();
 }

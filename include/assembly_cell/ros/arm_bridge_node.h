@@ -124,8 +124,10 @@ class ArmBridgeNode {
   ros::Time epoch_;              // stamp of node time 0; zero: not known yet
   std::array<bool, 2> heard_{};  // either sensor
   Participants participants_;
-  std::deque<State> states_;            // the latest second
-  std::deque<ros::Time> poses_wanted_;  // ends of blocks
+  std::optional<JointVector> joints_seen_;  // of the last state
+  Pose X_base_flange_;                      // there
+  std::deque<State> states_;                // the latest second
+  std::deque<ros::Time> poses_wanted_;      // ends of blocks
   std::array<Vector6, 2> zeros_{Vector6::Zero(), Vector6::Zero()};
   Eigen::Matrix3d zero_turn_ = Eigen::Matrix3d::Identity();  // of the carrier when it was taken
   std::vector<double> felt_;                                 // of a block, weight taken off

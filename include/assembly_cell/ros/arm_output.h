@@ -47,7 +47,8 @@ class ArmOutput {
 
   Settings settings_;
   const ArmKinematics* kinematics_;
-  std::optional<JointVector> q_;             // sent last
+  std::optional<JointVector> q_;  // sent last
+  std::optional<Vector6> rest_;   // the carrier there, if these joints lead nearest to it
   trajectory_msgs::JointTrajectory joints_;  // that
   ros::Publisher pub_;
 };

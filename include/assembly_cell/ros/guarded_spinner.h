@@ -22,6 +22,8 @@ class GuardedSpinner {
   void start();
   /// Returns once no callback is under way.
   void stop();
+  /// Returns once ROS has been shut down, and no callback is under way.
+  void wait();
 
  private:
   void spin();

@@ -68,7 +68,7 @@ int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
       // what it said last is on its way
       ros::WallDuration(0.1).sleep();
     } else {
-      ros::waitForShutdown();
+      spinner.wait();
     }
     spinner.stop();
     if constexpr (HasExitCode<Node>::value) return node.exitCode();
