@@ -4,10 +4,6 @@
 // reference_mechanism.h; what is compared and what is left out: benchmark/README.md.
 #include <algorithm>
 #include <array>
-#include <boost/numeric/odeint/stepper/controlled_runge_kutta.hpp>
-#include <boost/numeric/odeint/stepper/generation.hpp>
-#include <boost/numeric/odeint/stepper/runge_kutta_dopri5.hpp>
-#include <boost/numeric/odeint/stepper/runge_kutta_fehlberg78.hpp>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -17,6 +13,7 @@
 #include <vector>
 
 #include "assembly_cell/dynamics/simulation.h"
+#include "peers/odeint_peer.h"
 #include "reference_mechanism.h"
 
 namespace assembly_cell {
@@ -117,77 +114,26 @@ Row measure(const Scene& scene, const Path& truth, const std::string& integrator
   return row;
 }
 
-// ---- peers: Boost.Odeint on the package's own free equations, states scaled as the package weighs
-// its errors ----
-
-using PeerState = std::array<double, 18>;
-struct PeerEquations {
-  const Scenario& s;
-  Drive drive;
-  RestMotion rest;
-  long long evaluations = 0;
-  static double scale(std::size_t i) {
-    const std::size_t j = i % 9;
-    return (j > 2 && j != 6 && j != 7 ? 30.0 : 1.0) * (i > 8 ? 30.0 : 1.0);
-  }
-  void operator()(const PeerState& y, PeerState& dy, double t) {
-    ++evaluations;
-    State state;
-    for (std::size_t i = 0; i < 9; ++i) {
-      state.q(static_cast<int>(i)) = y[i] * scale(i);
-      state.v(static_cast<int>(i)) = y[i + 9] * scale(i + 9);
-    }
-    const Kinematics k = kinematics(state);
-    FreeMotion motion;
-    freeMotion(s, k, state, rest, exciterForce(drive, t), motion);
-    const Vector9 a = solveMass(s, k, motion.force);
-    for (std::size_t i = 0; i < 9; ++i) {
-      dy[i] = state.v(static_cast<int>(i)) / scale(i);
-      dy[i + 9] = a(static_cast<int>(i)) / scale(i + 9);
-    }
-  }
-};
+// ---- peers: Boost.Odeint on the package's own free equations ----
 
 template <typename Stepper>
 Row measurePeer(const Scene& scene, const Path& truth, double tolerance, int repeats) {
-  namespace odeint = boost::numeric::odeint;
   const Scenario s = load(scene);
   Row row;
   row.seconds = 1e300;
   Path path;
   const State start = Simulation(s).state();
   for (int n = 0; n < repeats; ++n) {
-    PeerEquations f{s, Drive{s.mechanism.exciter, 0.0}, restMotion(restProfile(s.rest), 0.0)};
-    PeerState y;
-    for (std::size_t i = 0; i < 9; ++i) {
-      y[i] = start.q(static_cast<int>(i)) / PeerEquations::scale(i);
-      y[i + 9] = start.v(static_cast<int>(i)) / PeerEquations::scale(i + 9);
-    }
-    auto stepper = odeint::make_controlled(tolerance, 0.0, Stepper());
-    double t = 0.0, h = 1e-4;
-    row.steps = 0;
+    peers::OdeintRun run(s, start);
     const auto begin = Clock::now();
     for (int i = 0; i < kChecks; ++i) {
-      const double end = scene.duration * (i + 1) / kChecks;
-      while (t < end) {
-        double trial = std::min(h, end - t);
-        const bool shortened = trial < h;
-        if (stepper.try_step(std::ref(f), y, t, trial) == odeint::success) {
-          ++row.steps;
-          if (shortened && t >= end * (1.0 - 1e-15)) {
-            t = end;
-            break;
-          }
-          h = trial;
-        } else {
-          h = trial;
-        }
-      }
-      path.x[static_cast<std::size_t>(i)] << y[0], y[1], y[2];
+      path.x[static_cast<std::size_t>(i)] =
+          run.advance<Stepper>(scene.duration * (i + 1) / kChecks, tolerance);
     }
     const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     row.seconds = std::min(row.seconds, seconds);
-    row.evaluations = f.evaluations;
+    row.evaluations = run.evaluations;
+    row.steps = run.steps;
   }
   row.error = difference(path, truth);
   return row;
@@ -269,10 +215,11 @@ int run(int repeats, const std::string& only) {
     for (const double tolerance : tolerances) {
       namespace odeint = boost::numeric::odeint;
       print(scene, "odeint dopri5", tolerance,
-            measurePeer<odeint::runge_kutta_dopri5<PeerState>>(scene, truth, tolerance, repeats));
-      print(
-          scene, "odeint rkf78", tolerance,
-          measurePeer<odeint::runge_kutta_fehlberg78<PeerState>>(scene, truth, tolerance, repeats));
+            measurePeer<odeint::runge_kutta_dopri5<peers::OdeintState>>(scene, truth, tolerance,
+                                                                        repeats));
+      print(scene, "odeint rkf78", tolerance,
+            measurePeer<odeint::runge_kutta_fehlberg78<peers::OdeintState>>(scene, truth, tolerance,
+                                                                            repeats));
     }
   }
   return 0;
