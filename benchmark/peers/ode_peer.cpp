@@ -4,6 +4,7 @@
 #include <ode/ode.h>
 
 #include <cstdio>
+#include <memory>
 #include <mutex>
 
 #include "assembly_cell/geometry/contact_geometry.h"
@@ -110,8 +111,7 @@ void touch(const Scene& scene, const Bodies& b, World& w) {
   }
 }
 
-Path run(const Scene& scene, const Choice& choice, long& steps) {
-  World w(scene, choice);
+Path run(const Scene& scene, const Choice& choice, World& w, long& steps) {
   Path path;
   double t = 0.0;
   for (int i = 0; i < kChecks; ++i) {
@@ -153,8 +153,12 @@ std::vector<Setting> odeSettings(const Scene& scene) {
         std::snprintf(how, sizeof how, "step %.0e s", step);
       }
       const Choice choice{step, erp};
-      all.push_back(
-          {"ODE", how, [&scene, choice](long& steps) { return run(scene, choice, steps); }});
+      all.push_back({"ODE", how, [&scene, choice] {
+                       const auto world = std::make_shared<World>(scene, choice);
+                       return [&scene, choice, world](long& steps) {
+                         return run(scene, choice, *world, steps);
+                       };
+                     }});
     }
   }
   return all;
