@@ -146,7 +146,8 @@ def main():
         print(__doc__.strip())
         return 0
     if not (len(arguments) == 2 and arguments[0] in ("observations", "locus", "wrench") or len(arguments) == 3 and arguments[0] == "locus"):
-        print(__doc__.strip(), file=sys.stderr)
+        given = " ".join(arguments) or "none"
+        print(f"from_bag.py: arguments {given}: give observations, locus or wrench and a bag, see --help", file=sys.stderr)
         return 2
     try:
         with rosbag.Bag(arguments[1]) as bag:

@@ -19,6 +19,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/mismatch/mismatch.h"
+#include "assembly_cell/ros/command_line.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/service_call.h"
@@ -426,6 +427,7 @@ int ReportProgram::run() {
 }
 
 int runReport(int argc, char** argv) {
+  if (const auto answered = answerCommandLine(argc, argv, "report")) return *answered;
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {

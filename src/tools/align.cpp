@@ -19,6 +19,7 @@
 #include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/first_goal.h"
 #include "assembly_cell/cell/judge.h"
@@ -120,7 +121,11 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.text("--mechanism", o.mechanism);
   parser.flag("--identify", o.identify);
   parser.text("--report", o.report);
-  return parser.parse(arguments);
+  if (!parser.parse(arguments)) return false;
+  if (o.cell.bits != 10 && o.cell.bits != 16 && o.cell.bits != 24) {
+    throw InputError("--bits: value " + std::to_string(o.cell.bits) + ": give 10, 16 or 24");
+  }
+  return true;
 }
 
 struct Run {
@@ -361,7 +366,8 @@ int run(const std::vector<std::string>& arguments) {
   std::size_t done = 0;
   std::string bad_input;
   const auto show = [&](const AlignProgress& p) {
-    std::cerr << "align: " << yamlNumber(p.time) << " s, " << p.state << ": " << p.message << "\n";
+    std::cerr << "align: " << assembly_cell::text("%.2f", p.time) << " s, " << p.state << ": "
+              << p.message << "\n";
   };
   const auto work = [&] {
     for (std::size_t i = next++; i < runs.size(); i = next++) {

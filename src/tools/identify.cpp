@@ -72,7 +72,11 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.texts("--set", o.overrides);
   parser.text("--out", o.out);
   parser.text("--readings", o.readings);
-  return parser.parse(arguments);
+  if (!parser.parse(arguments)) return false;
+  if (o.cell.bits != 10 && o.cell.bits != 16 && o.cell.bits != 24) {
+    throw InputError("--bits: value " + std::to_string(o.cell.bits) + ": give 10, 16 or 24");
+  }
+  return true;
 }
 
 struct Task {

@@ -54,7 +54,8 @@ int run(const Names& arguments) {
   if (!parser.parse(arguments)) return 0;
   if (form.empty()) throw InputError("FORM: value missing: see --help");
   const ClosedForm* model = insertionForm(form);
-  if (!model) throw InputError("FORM: value " + form + ": unknown, see --help");
+  if (!model)
+    throw InputError("FORM: value " + form + ": unknown: insertion --help lists the forms");
   if (file.empty()) throw InputError("PARAMETERS.yaml: value missing: see --help");
 
   Parameters parameters(file);

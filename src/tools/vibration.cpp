@@ -97,7 +97,7 @@ bool parseOptions(const Names& arguments, Options& o) {
   if (map) o.file = std::exchange(o.model, "map");
   if (o.model.empty()) throw InputError("MODEL: value missing: see --help");
   if (!vibrationModel(o.model)) {
-    throw InputError("MODEL: value " + o.model + ": unknown, see --help");
+    throw InputError("MODEL: value " + o.model + ": unknown: vibration --help lists the models");
   }
   if (o.file.empty()) throw InputError("PARAMETERS.yaml: value missing: see --help");
   if (o.model == "map") {

@@ -11,6 +11,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "assembly_cell/ros/command_line.h"
 #include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/message_guard.h"
 
@@ -42,10 +43,11 @@ inline void waitForSignal() {
 /// Runs a node until shutdown: Node(nh, pnh), spun by `threads` threads. No exception of a callback
 /// ends it; its diagnostics tell what it has refused and survived. Returns 1 with one line on
 /// standard error when there is no master or the construction throws; otherwise exitCode() if the
-/// node has one, or 0. A node that has stop() is stopped by SIGINT or SIGTERM while it can still
-/// publish.
+/// node has one, or 0; 0 or 2 for a command line that is answered by itself. A node that has stop()
+/// is stopped by SIGINT or SIGTERM while it can still publish.
 template <class Node>
 int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
+  if (const auto answered = answerCommandLine(argc, argv, name)) return *answered;
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
