@@ -124,6 +124,8 @@ long double referenceGap(const EdgeCircle& e, const ContactShapes& s, const Cont
         return r_h - rho;
       case ContactFeature::kRimSide:
         return axis.cross(p - center).norm() - r_p;
+      case ContactFeature::kEdgeCone:
+        return NAN;  // the scenes' rims are sharp
       case ContactFeature::kRimFace:
         break;
     }

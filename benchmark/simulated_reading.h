@@ -17,7 +17,7 @@
 namespace assembly_cell {
 
 struct SimulatedReading {
-  Scenario mechanism;
+  Scenario scenario;
   OperatingPoint point;  // with the true tilts and the felt static force
   HarmonicFit fit;       // of the six displacements
   Locus locus;           // LocusAxes::kSensor
@@ -42,7 +42,7 @@ struct SimulatedReadingOptions {
 
 inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
   SimulatedReading r;
-  Scenario& s = r.mechanism;
+  Scenario& s = r.scenario;
   s = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
                    o.overrides);
   const Eigen::Vector3d axis(std::sin(o.tilt) * std::cos(o.lean),

@@ -231,16 +231,16 @@ int bias() {
                 return std::remainder(alpha - r.contact, modulo) / kDegree;
               };
               const DirectionEstimate e =
-                  contactDirection(r.mechanism, r.point, r.locus, LocusAxes::kSensor);
+                  contactDirection(r.scenario.mechanism, r.point, r.locus, LocusAxes::kSensor);
               OperatingPoint upright = r.point;
               upright.tilt.setZero();
               upright.sensor_tilt.setZero();
               upright.rolling = false;
               const DirectionEstimate u =
-                  contactDirection(r.mechanism, upright, r.locus, LocusAxes::kSensor);
+                  contactDirection(r.scenario.mechanism, upright, r.locus, LocusAxes::kSensor);
               const DirectionEstimate h = resolveHalfTurn(
-                  r.mechanism, upright, halfTurnEvidence(r.mechanism, frequency, r.fit), u,
-                  LocusAxes::kSensor);
+                  r.scenario.mechanism, upright,
+                  halfTurnEvidence(r.scenario.mechanism, frequency, r.fit), u, LocusAxes::kSensor);
               std::printf(
                   "%s,%s,%g,%g,%g,%g,1,%.4f,%.5f,%.3f,%.3f,%.3f,%d\n", rim ? "rim" : "plane", law,
                   friction, frequency, tilt, lean, error(e.alpha, M_PI), e.misfit,
@@ -270,7 +270,7 @@ int friction() {
         o.overrides = {"friction.static=" + std::to_string(mu),
                        "friction.sliding=" + std::to_string(mu)};
         const SimulatedReading r = readSimulated(o);
-        const SlidingFriction f = slidingFriction(r.mechanism, r.point, r.fit);
+        const SlidingFriction f = slidingFriction(r.scenario.mechanism, r.point, r.fit);
         std::printf("%g,%g,%g,%.2f,%.4f,%.4f,%.3f,%.3f\n", mu, frequency, amplitude, r.point.press,
                     f.coefficient, f.sd, f.across,
                     slidingFriction(r.locus, amplitude, r.point.press).coefficient);

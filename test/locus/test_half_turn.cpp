@@ -122,10 +122,10 @@ TEST(HalfTurn, OfTheSimulatedCell) {
         blind.sensor_tilt.setZero();
         blind.rolling = false;
         const DirectionEstimate plane =
-            contactDirection(r.mechanism.mechanism, blind, r.locus, LocusAxes::kSensor);
+            contactDirection(r.scenario.mechanism, blind, r.locus, LocusAxes::kSensor);
         const DirectionEstimate e = resolveHalfTurn(
-            r.mechanism.mechanism, blind,
-            halfTurnEvidence(r.mechanism.mechanism, o.direction * o.frequency, r.fit), plane,
+            r.scenario.mechanism, blind,
+            halfTurnEvidence(r.scenario.mechanism, o.direction * o.frequency, r.fit), plane,
             LocusAxes::kSensor);
         EXPECT_LT(apart(e.alpha, r.contact), 0.3) << tilt << " " << lean << " " << rim;
         EXPECT_GT(e.weight, 0.99) << tilt << " " << lean << " " << rim;

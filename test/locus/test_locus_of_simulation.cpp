@@ -40,7 +40,7 @@ TEST(LocusOfSimulation, SingleContactOfTwoEdges) {
         ASSERT_EQ(r.closed.size(), 1u);
         ASSERT_EQ(r.closed[0].feature, ContactReport::kEdgeEdge);
         const DirectionEstimate e =
-            contactDirection(r.mechanism.mechanism, r.point, r.locus, LocusAxes::kSensor);
+            contactDirection(r.scenario.mechanism, r.point, r.locus, LocusAxes::kSensor);
         // either half turn: how clearly they differ depends on where the tilt points
         EXPECT_LT(degrees(std::remainder(e.alpha - r.contact, M_PI)), kBias)
             << frequency << " " << direction << " " << tilt;
@@ -62,15 +62,14 @@ TEST(LocusOfSimulation, EdgeRollingOnThePlane) {
       ASSERT_EQ(r.closed.size(), 1u);
       ASSERT_EQ(r.closed[0].feature, ContactReport::kEdgePlane);
       const DirectionEstimate e =
-          contactDirection(r.mechanism.mechanism, r.point, r.locus, LocusAxes::kSensor);
+          contactDirection(r.scenario.mechanism, r.point, r.locus, LocusAxes::kSensor);
       EXPECT_LT(degrees(std::remainder(e.alpha - r.contact, M_PI)), kBias)
           << frequency << " " << tilt;
       EXPECT_LT(e.misfit, kMisfit);
       // without rolling the model fits worse
       r.point.rolling = false;
-      EXPECT_GT(
-          contactDirection(r.mechanism.mechanism, r.point, r.locus, LocusAxes::kSensor).misfit,
-          e.misfit);
+      EXPECT_GT(contactDirection(r.scenario.mechanism, r.point, r.locus, LocusAxes::kSensor).misfit,
+                e.misfit);
     }
   }
 }
@@ -84,7 +83,7 @@ TEST(LocusOfSimulation, DoubleContactIsRefusedByItsMisfit) {
   o.frequency = 500;
   const SimulatedReading r = readSimulated(o);
   ASSERT_EQ(r.closed.size(), 2u);
-  EXPECT_GT(contactDirection(r.mechanism.mechanism, r.point, r.locus, LocusAxes::kSensor).misfit,
+  EXPECT_GT(contactDirection(r.scenario.mechanism, r.point, r.locus, LocusAxes::kSensor).misfit,
             0.2);
 }
 

@@ -91,7 +91,7 @@ TEST(Reading, ASlidingPegHasItsFrictionAndIsToBePressedMore) {
   MeasuredMotion motion;
   motion.fit = slide.fit;
   const LocusReading r =
-      readLocus(slide.mechanism.mechanism, {o.amplitude, o.frequency, 0.0, o.direction}, motion);
+      readLocus(slide.scenario.mechanism, {o.amplitude, o.frequency, 0.0, o.direction}, motion);
   EXPECT_FALSE(r.direction);
   ASSERT_TRUE(r.friction);
   EXPECT_NEAR(r.friction->coefficient, 0.2, 0.02);  // without the tilt: a tenth

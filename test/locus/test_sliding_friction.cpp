@@ -58,7 +58,7 @@ TEST(SlidingFriction, OfTheSimulatedCell) {
       o.overrides = {"friction.static=" + std::to_string(mu),
                      "friction.sliding=" + std::to_string(mu)};
       const SimulatedReading r = readSimulated(o);
-      const SlidingFriction f = slidingFriction(r.mechanism.mechanism, r.point, r.fit);
+      const SlidingFriction f = slidingFriction(r.scenario.mechanism, r.point, r.fit);
       // the slip is no perfect circle and the press varies in a turn: harmonics that one circle
       // leaves out
       EXPECT_NEAR(f.coefficient, mu, 0.07 * mu) << frequency;
@@ -74,7 +74,7 @@ TEST(SlidingFriction, AStickingContactIsNone) {
   o.tilt = 0.04;
   o.offset = 0.03 * Eigen::Vector2d(std::cos(o.lean), std::sin(o.lean));
   const SimulatedReading r = readSimulated(o);
-  const SlidingFriction f = slidingFriction(r.mechanism.mechanism, r.point, r.fit);
+  const SlidingFriction f = slidingFriction(r.scenario.mechanism, r.point, r.fit);
   EXPECT_TRUE(f.across > 0.5 || f.coefficient < 0.02) << f.coefficient << " across " << f.across;
 }
 
