@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <sstream>
 
 #include "assembly_cell/base/input_error.h"
@@ -221,18 +222,21 @@ PegParameters readPeg(const Reader& in) {
   return peg;
 }
 
-// The bore is the visual of that name: a cylinder from the rim downwards.
-HoleParameters readBore(const Reader& in, const Part& block) {
-  const urdf::VisualSharedPtr* bore = nullptr;
+// The visual of a name at the hole, a cylinder from the face downwards: radius and depth. None
+// where it is missing.
+struct Hollow {
+  double radius, depth;
+};
+std::optional<Hollow> readHollow(const Reader& in, const std::string& name) {
+  const urdf::VisualSharedPtr* found = nullptr;
   for (const urdf::VisualSharedPtr& visual : in.link("hole").visual_array) {
-    if (visual->name != "bore") continue;
-    if (bore != nullptr) in.refuse("link hole: visual bore", "several", "keep one of them");
-    bore = &visual;
+    if (visual->name != name) continue;
+    if (found != nullptr) in.refuse("link hole: visual " + name, "several", "keep one of them");
+    found = &visual;
   }
-  const std::string item = "link hole: visual bore";
-  if (bore == nullptr) in.refuse(item, "missing", "add a cylinder of the hole's radius and depth");
-
-  PartShape cylinder = in.shape(item, (*bore)->geometry, poseOf((*bore)->origin));
+  if (found == nullptr) return {};
+  const std::string item = "link hole: visual " + name;
+  const PartShape cylinder = in.shape(item, (*found)->geometry, poseOf((*found)->origin));
   if (cylinder.kind != PartShape::Kind::kCylinder) in.refuse(item, "a box", "give a cylinder");
   in.checkPose(item, cylinder.X_PS);
   const double depth = cylinder.size.z();
@@ -242,16 +246,58 @@ HoleParameters readBore(const Reader& in, const Part& block) {
         item + ": origin z", shown(middle),
         "half the cylinder's length below the rim is " + shown(-0.5 * depth) + ", make them equal");
   }
+  return Hollow{0.5 * cylinder.size.x(), depth};
+}
 
-  const double radius = 0.5 * cylinder.size.x();
+// no shape of the block reaches into a cylinder around the hole's axis
+void checkFree(const Reader& in, const Part& block, const char* what, double radius, double top,
+               double bottom) {
+  PartShape cylinder;
+  cylinder.kind = PartShape::Kind::kCylinder;
+  cylinder.size = Eigen::Vector3d(2.0 * radius, 2.0 * radius, top - bottom);
   cylinder.size -= Eigen::Vector3d::Constant(2.0 * kWallTolerance);
+  if (!(cylinder.size.minCoeff() > 0.0)) return;
+  cylinder.X_PS.p.z() = 0.5 * (top + bottom);
   for (const PartShape& shape : block.shapes) {
     if (shapesMeet(cylinder, shape)) {
       in.refuse("link hole: collision at " + shown(shape.X_PS.p), shown(shape.size),
-                "reaches into the bore of radius " + shown(radius) + ", move or shrink it");
+                std::string("reaches into the ") + what + " of radius " + shown(radius) +
+                    ", move or shrink it");
     }
   }
-  return {radius, depth};
+}
+
+// The bore is the visual of that name: a cylinder from the rim downwards. A visual `chamfer` is as
+// wide as the hole's mouth and as deep as the chamfer.
+HoleParameters readBore(const Reader& in, const Part& block) {
+  const std::optional<Hollow> bore = readHollow(in, "bore"), mouth = readHollow(in, "chamfer");
+  if (!bore) {
+    in.refuse("link hole: visual bore", "missing", "add a cylinder of the hole's radius and depth");
+  }
+  checkFree(in, block, "bore", bore->radius, 0.0, -bore->depth);
+  HoleParameters hole;
+  hole.radius = bore->radius;
+  hole.depth = bore->depth;
+  if (!mouth) return hole;
+  const std::string item = "link hole: visual chamfer";
+  hole.chamfer_width = mouth->radius - bore->radius;
+  if (!(hole.chamfer_width > 0.0)) {
+    in.refuse(item + ": radius", shown(mouth->radius),
+              "give more than the bore's, " + shown(bore->radius));
+  }
+  if (!(mouth->depth < bore->depth)) {
+    in.refuse(item + ": length", shown(mouth->depth),
+              "give less than the bore's, " + shown(bore->depth));
+  }
+  hole.chamfer_angle = std::atan2(hole.chamfer_width, mouth->depth);
+  // steps inside the cone
+  constexpr int kSteps = 8;
+  for (int i = 0; i < kSteps; ++i) {
+    const double top = -mouth->depth * i / kSteps, bottom = -mouth->depth * (i + 1) / kSteps;
+    const double radius = mouth->radius - hole.chamfer_width * (i + 1) / kSteps;
+    checkFree(in, block, "chamfer", radius, top, bottom);
+  }
+  return hole;
 }
 
 }  // namespace
@@ -325,6 +371,12 @@ void checkAgainst(const CellDescription& description, const Mechanism& mechanism
       {"hole.depth",
        std::isinf(mechanism.hole.depth) ? description.hole.depth : mechanism.hole.depth,
        description.hole.depth, "link hole, visual bore"},
+      {"hole.chamfer.width", mechanism.hole.chamfer_width, description.hole.chamfer_width,
+       "link hole, visual chamfer less visual bore"},
+      {"hole.chamfer.angle", mechanism.hole.chamfer_angle,
+       mechanism.hole.chamfer_width > 0.0 ? description.hole.chamfer_angle
+                                          : mechanism.hole.chamfer_angle,
+       "link hole, visual chamfer"},
       {"carrier.mass", mechanism.carrier.mass, description.carrier_mass, "link carrier, inertial"},
       {"carrier.inertia", mechanism.carrier.inertia, description.carrier_inertia,
        "link carrier, izz"},

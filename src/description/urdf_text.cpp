@@ -9,8 +9,7 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kAluminium = 2700.0;                           // [kg/m³]
-constexpr double kWall = 0.0199;                                // round the bore [m]
-constexpr double kLeastOuter = 0.045, kLeastHeight = 0.060;     // of the block [m]
+constexpr double kLeastHeight = 0.060;                          // of the block [m]
 constexpr int kBoxes = 24;                                      // of the block's ring
 constexpr double kSensorRadius = 0.04, kSensorHeight = 0.03;    // sensor_a [m]
 constexpr double kCouplingRadius = 0.018, kCouplingUp = 0.010;  // sensor_b [m]
@@ -43,16 +42,17 @@ class Text {
     solid(name, material, shape.str());
   }
   void box(const std::string& name, const char* material, const Eigen::Vector3d& at, double yaw,
-           const Eigen::Vector3d& size) {
+           const Eigen::Vector3d& size, double pitch = 0.0) {
     std::ostringstream shape;
     shape.precision(15);
-    shape << "<origin xyz=\"" << at.x() << " " << at.y() << " " << at.z() << "\" rpy=\"0 0 " << yaw
-          << "\"/><geometry><box size=\"" << size.x() << " " << size.y() << " " << size.z()
-          << "\"/></geometry>";
+    shape << "<origin xyz=\"" << at.x() << " " << at.y() << " " << at.z() << "\" rpy=\"0 " << pitch
+          << " " << yaw << "\"/><geometry><box size=\"" << size.x() << " " << size.y() << " "
+          << size.z() << "\"/></geometry>";
     solid(name, material, shape.str());
   }
-  void bore(double radius, double depth) {
-    out_ << "    <visual name=\"bore\"><origin xyz=\"0 0 " << -0.5 * depth
+  // what is left free, from the face down
+  void hollow(const char* name, double radius, double depth) {
+    out_ << "    <visual name=\"" << name << "\"><origin xyz=\"0 0 " << -0.5 * depth
          << "\"/><geometry><cylinder radius=\"" << radius << "\" length=\"" << depth
          << "\"/></geometry><material name=\"bore\"/></visual>\n";
   }
@@ -68,9 +68,56 @@ class Text {
   std::ostringstream out_;
 };
 
+// of a body of revolution: about its centre of mass, which is at this height
+struct Inertia {
+  double mass, centre, transverse, axial;
+};
+
+// takes the ring out of the block that the chamfer leaves free
+void cutChamfer(const HoleParameters& hole, Inertia& block) {
+  const double R = hole.radius, deep = chamferDepth(hole);
+  double mass = 0.0, moment = 0.0, about_face = 0.0, axial = 0.0;
+  // rings of one height each: their sums are polynomials of the fourth degree, which three points
+  // of Gauss make exact
+  const double step = std::sqrt(0.6);
+  for (const double x : {-step, 0.0, step}) {
+    const double weight = kAluminium * deep * (x == 0.0 ? 4.0 / 9.0 : 5.0 / 18.0);
+    const double z = -0.5 * deep * (1.0 + x);
+    const double r = R + (z + deep) * hole.chamfer_width / deep;
+    const double area = M_PI * (r * r - R * R),
+                 polar = 0.5 * M_PI * (std::pow(r, 4) - std::pow(R, 4));
+    mass += weight * area;
+    moment += weight * area * z;
+    axial += weight * polar;
+    about_face += weight * (0.5 * polar + area * z * z);
+  }
+  const double left = block.mass - mass;
+  const double centre = (block.mass * block.centre - moment) / left;
+  block.transverse +=
+      block.mass * block.centre * block.centre - about_face - left * centre * centre;
+  block = {left, centre, block.transverse, block.axial - axial};
+}
+
+// around the chamfer: a ring of boxes outside the mouth, and one box along each generator
+void writeMouth(Text& out, const HoleParameters& hole, double outer) {
+  const double mouth = mouthRadius(hole), deep = chamferDepth(hole), width = hole.chamfer_width;
+  const double thick = width * std::cos(hole.chamfer_angle), half = std::tan(M_PI / kBoxes);
+  const double middle = hole.radius + 0.5 * width + 0.5 * thick * std::cos(hole.chamfer_angle);
+  const double z = -0.5 * (deep + thick * std::sin(hole.chamfer_angle));
+  out.hollow("chamfer", mouth, deep);
+  for (int i = 0; i < kBoxes; ++i) {
+    const double a = 2.0 * M_PI * i / kBoxes, c = std::cos(a), s = std::sin(a);
+    const double beyond = 0.5 * (outer + mouth);
+    out.box("mouth_" + std::to_string(i), "block", {beyond * c, beyond * s, -0.5 * deep}, a,
+            {outer - mouth, 2.0 * outer * half, deep});
+    out.box("chamfer_" + std::to_string(i), "block", {middle * c, middle * s, z}, a,
+            {thick, 2.0 * mouth * half, std::hypot(width, deep)}, hole.chamfer_angle);
+  }
+}
+
 void writeBlock(Text& out, const HoleParameters& hole, double height) {
   const double depth = std::isinf(hole.depth) ? height : hole.depth;
-  const double outer = std::max(kLeastOuter, hole.radius + kWall);
+  const double outer = blockRadius(hole);
   const double R = hole.radius;
   // a ring, and what is left below a bore that isn't as deep as the block is high
   const double ring = kAluminium * M_PI * (outer * outer - R * R) * depth;
@@ -84,14 +131,18 @@ void writeBlock(Text& out, const HoleParameters& hole, double height) {
       across(ring, outer * outer + R * R, depth, -0.5 * depth - centre) +
       across(below, outer * outer, height - depth, -0.5 * (height + depth) - centre);
   const double axial = 0.5 * (ring * (outer * outer + R * R) + below * outer * outer);
+  Inertia block{mass, centre, transverse, axial};
+  const double top = hole.chamfer_width > 0.0 ? chamferDepth(hole) : 0.0;
+  if (top > 0.0) cutChamfer(hole, block);
   out.link("hole");
-  out.inertial(centre, mass, transverse, axial);
-  out.bore(R, depth);
-  const Eigen::Vector3d size(outer - R, 2.0 * outer * std::tan(M_PI / kBoxes), depth);
+  out.inertial(block.centre, block.mass, block.transverse, block.axial);
+  out.hollow("bore", R, depth);
+  if (top > 0.0) writeMouth(out, hole, outer);
+  const Eigen::Vector3d size(outer - R, 2.0 * outer * std::tan(M_PI / kBoxes), depth - top);
   for (int i = 0; i < kBoxes; ++i) {
     const double a = 2.0 * M_PI * i / kBoxes, middle = 0.5 * (outer + R);
     out.box("block_" + std::to_string(i), "block",
-            {middle * std::cos(a), middle * std::sin(a), -0.5 * depth}, a, size);
+            {middle * std::cos(a), middle * std::sin(a), -0.5 * (depth + top)}, a, size);
   }
   if (height > depth) {
     out.cylinder("ground", "block", -0.5 * (height + depth), outer, height - depth);

@@ -38,7 +38,7 @@ void evaluateFree(const System& s, const Commands& commands, double t, const Sta
 void locate(const System& s, const Context& c, ContactSlotMask mask, Evaluation& e,
             ContactSet& set) {
   // places that closed slots hold are not for open ones
-  for (const std::size_t i : Slots((kEdgeWallSlots | kRimSideSlots) & ~mask)) {
+  for (const std::size_t i : Slots(kPairSlots & s.admitted & ~mask)) {
     set.slots[i].valid = false;
     if (&set == &e.open_set && (e.active() >> i & 1u)) set.slots[i] = e.closed_set.slots[i];
   }

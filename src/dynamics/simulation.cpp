@@ -40,7 +40,7 @@ StopReason excludedContact(const System& s, const Evaluation& e) {
   if (!found) return StopReason::kOk;
   static constexpr StopReason kReasons[] = {StopReason::kEdgeEdge, StopReason::kEdgePlane,
                                             StopReason::kEdgeWall, StopReason::kRimSide,
-                                            StopReason::kRimFace};
+                                            StopReason::kRimFace,  StopReason::kEdgeCone};
   return kReasons[static_cast<int>(featureOfSlot(__builtin_ctz(found)))];
 }
 
@@ -53,6 +53,7 @@ const char* toString(StopReason reason) {
                                            "edge_wall",
                                            "rim_side",
                                            "rim_face",
+                                           "edge_cone",
                                            "peg_top",
                                            "singular_orientation",
                                            "initial_overlap",

@@ -3,7 +3,6 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/roots.h"
-#include "assembly_cell/base/text.h"
 #include "contact_tolerances.h"
 #include "context.h"
 
@@ -32,6 +31,7 @@ ContactSlotMask slotsOf(const ContactFeatures& features) {
   if (features.edge_wall) mask |= kEdgeWallSlots;
   if (features.rim_side) mask |= kRimSideSlots;
   if (features.rim_face) mask |= kRimFaceSlots;
+  if (features.edge_cone) mask |= kEdgeConeSlots;
   return mask;
 }
 
@@ -76,25 +76,23 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
   if (method == Method::kRk4 && !(solver.step > 0.0)) {
     throw InputError("solver.step: integrator rk4 needs a fixed step; set solver.step > 0 [s]");
   }
-  if (scenario.mechanism.hole.chamfer_width > 0.0) {
-    throw InputError("hole.chamfer.width: " + text("%g m", scenario.mechanism.hole.chamfer_width) +
-                     ": the exact simulation knows sharp rims only; give 0, or simulate in MuJoCo "
-                     "(align --world mujoco, cell.launch world:=mujoco)");
-  }
   fixed_step = method == Method::kRk4 || (method == Method::kHamming && solver.step > 0.0);
   rigid = contact.law == ContactLaw::kRigid;
   discrete_friction = rigid || (contact.law == ContactLaw::kViscous && contact.stationary_rows);
   // without modes of rest a contact's force ends at zero gap
   leave_gap = discrete_friction ? kReach : kTouch;
+  const HoleParameters& hole = scenario.mechanism.hole;
+  if (hole.chamfer_width > 0.0) shapes.chamfer = chamferOf(hole.chamfer_width, hole.chamfer_angle);
   if (contact.law != ContactLaw::kNone) {
     // contacts that `features` excludes are watched as well: they end the run. The bottom face
     // never meets the rim before the edge meets the plane
     const bool face = contact.features.rim_face && !contact.features.edge_plane;
-    admitted = kAllContactSlots & ~(face ? 0u : kRimFaceSlots);
+    const ContactSlotMask known = shapes.chamfer ? kAllContactSlots : kSharpRimSlots;
+    admitted = known & ~(face ? 0u : kRimFaceSlots);
     excluded = admitted & ~slotsOf(contact.features);
   }
-  shapes.hole_radius = scenario.mechanism.hole.radius;
-  shapes.hole_depth = scenario.mechanism.hole.depth;
+  shapes.hole_radius = hole.radius;
+  shapes.hole_depth = hole.depth;
   shapes.peg_length = 2.0 * scenario.mechanism.peg.half_height;
   shapes.bore_lean = scenario.imperfections.bore_lean;
   compliant = isCompliant(scenario);

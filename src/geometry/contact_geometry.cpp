@@ -14,10 +14,10 @@ namespace {
 
 // at a hand-over both neighbours may hold by rounding, at one place: the edge–edge candidate stays
 void dropDoubles(double r, ContactSet& set, ContactSlotMask& valid) {
-  for (std::size_t i = 0; i < 2; ++i) {
-    if (!set.slots[i].valid) continue;
-    for (std::size_t j = i == 0 ? 1 : 2; j < set.slots.size(); ++j) {
-      if (!set.slots[j].valid) continue;
+  for (std::size_t i = 0; i < set.slots.size(); ++i) {
+    if (!(kEdgeEdgeSlots >> i & 1u) || !set.slots[i].valid) continue;
+    for (std::size_t j = 1; j < set.slots.size(); ++j) {
+      if (!set.slots[j].valid || (j <= i && kEdgeEdgeSlots >> j & 1u)) continue;
       const double distance2 = (set.slots[i].p - set.slots[j].p).squaredNorm();
       if (distance2 > square(kMerged * r)) continue;
       if (set.slots[i].normal.dot(set.slots[j].normal) < 1.0 - 1e-9) continue;
@@ -27,11 +27,74 @@ void dropDoubles(double r, ContactSet& set, ContactSlotMask& valid) {
   }
 }
 
+void edgePair(const Peg& e, const Rim& rim, double reach, std::size_t first,
+              ContactSlotMask admitted, ContactSet& set) {
+  for (std::size_t slot = first; slot < first + 2; ++slot) {
+    ContactPoint& contact = set.slots[slot];
+    contact.valid = false;
+    if (!(admitted >> slot & 1u)) continue;
+    edgeEdge(e, rim, reach, static_cast<int>(slot - first), set.valid >> slot & 1u, contact);
+    if (!(contact.gap <= 2 * reach)) contact.valid = false;
+  }
+}
+
+void findAtRim(const EdgeCircle& edge, const Peg& e, const ContactShapes& shapes,
+               ContactSlotMask admitted, ContactSet& set) {
+  const double far = 2 * shapes.reach;
+  const Rim rim{shapes.hole_radius};
+  edgePair(e, rim, shapes.reach, 0, admitted, set);
+  set.slots[2].valid = false;
+  if (e.leans()) {
+    // below the plane the block is where its bore is
+    const Peg seen(straightened(edge, e.lean), shapes.bore_lean);
+    if (admitted & kEdgePlaneSlots) edgePlane(seen, rim, shapes.hole_depth, far, set.slots[2]);
+    if (admitted & kEdgeWallSlots) edgeWall(seen, rim, far, admitted, set);
+  } else {
+    if (admitted & kEdgePlaneSlots) edgePlane(e, rim, shapes.hole_depth, far, set.slots[2]);
+    if (admitted & kEdgeWallSlots) edgeWall(e, rim, far, admitted, set);
+  }
+  if (admitted & kRimSideSlots) rimSide(e, rim, shapes.peg_length, far, admitted, set);
+  set.slots[7].valid = false;
+  if (admitted & kRimFaceSlots) rimFace(e, rim.radius, far, set.slots[7]);
+}
+
+// at a chamfered rim: the searches of its upper edge, its face, and its lower edge with the wall,
+// for which heights are counted from that edge
+void findAtChamfer(const EdgeCircle& edge, const Peg& e, const ContactShapes& shapes,
+                   ContactSlotMask admitted, ContactSet& set) {
+  const double far = 2 * shapes.reach, depth = shapes.chamfer.height;
+  const Rim upper{shapes.hole_radius + shapes.chamfer.width, &shapes.chamfer, false};
+  const Rim lower{shapes.hole_radius, &shapes.chamfer, true};
+  const Peg seen = e.leans() ? Peg(straightened(edge, e.lean), shapes.bore_lean) : e;
+  edgePair(e, upper, shapes.reach, 0, admitted, set);
+  set.slots[2].valid = set.slots[7].valid = false;
+  if (admitted & kEdgePlaneSlots) edgePlane(seen, upper, shapes.hole_depth, far, set.slots[2]);
+  if (admitted & kEdgeConeSlots) edgeCone(seen, upper, far, admitted, set);
+  if (admitted & 0x3000) rimSide(e, upper, shapes.peg_length, far, admitted, set);
+  if (admitted & kRimFaceSlots) rimFace(e, upper.radius, far, set.slots[7]);
+
+  const Peg e_low = raised(e, depth), seen_low = raised(seen, depth);
+  edgePair(e_low, lower, shapes.reach, 8, admitted, set);
+  if (admitted & kEdgeWallSlots) edgeWall(seen_low, lower, far, admitted, set);
+  if (admitted & 0x60) rimSide(e_low, lower, shapes.peg_length, far, admitted, set);
+  const Vec3 down = -depth * Vec3(1.0, e.lean(1), e.lean(2));
+  for (const std::size_t i : {3, 4, 5, 6, 8, 9}) {
+    if (!(admitted >> i & 1u) || !set.slots[i].valid) continue;
+    set.slots[i].p += down;
+    set.slots[i].rim += down;
+  }
+}
+
 }  // namespace
 
 const char* toString(ContactFeature feature) {
-  constexpr const char* kNames[] = {"edge_edge", "edge_plane", "edge_wall", "rim_side", "rim_face"};
+  constexpr const char* kNames[] = {"edge_edge", "edge_plane", "edge_wall",
+                                    "rim_side",  "rim_face",   "edge_cone"};
   return kNames[static_cast<std::size_t>(feature)];
+}
+
+Chamfer chamferOf(double width, double angle) {
+  return {width, width / std::tan(angle), std::sin(angle), std::cos(angle)};
 }
 
 EdgeHeight edgeHeight(const EdgeCircle& e) {
@@ -41,6 +104,7 @@ EdgeHeight edgeHeight(const EdgeCircle& e) {
 ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes,
                              ContactSlotMask admitted, ContactSet& set) {
   set.top_reached = false;
+  if (!shapes.chamfer) admitted &= kSharpRimSlots;
   // all of the peg is above the plane: the height test needs neither root nor search
   const double above = edge.center(0) - shapes.reach;
   const double amplitude2 = square(edge.radius) * (square(edge.axis0(0)) + square(edge.axis1(0)));
@@ -54,30 +118,15 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
     set.valid = 0;
     return 0;
   }
-  const double far = 2 * shapes.reach;
-  for (int slot = 0; slot < 2; ++slot) {
-    ContactPoint& contact = set.slots[static_cast<std::size_t>(slot)];
-    contact.valid = false;
-    if (!(admitted >> slot & 1u)) continue;
-    edgeEdge(e, shapes.hole_radius, shapes.reach, slot, set.valid >> slot & 1u, contact);
-    if (!(contact.gap <= far)) contact.valid = false;
-  }
-  set.slots[2].valid = false;
-  if (e.leans()) {
-    // below the plane the block is where its bore is
-    const Peg seen(straightened(edge, e.lean), shapes.bore_lean);
-    if (admitted & kEdgePlaneSlots) edgePlane(seen, shapes, far, set.slots[2]);
-    if (admitted & kEdgeWallSlots) edgeWall(seen, shapes.hole_radius, far, admitted, set);
+  if (shapes.chamfer) {
+    findAtChamfer(edge, e, shapes, admitted, set);
   } else {
-    if (admitted & kEdgePlaneSlots) edgePlane(e, shapes, far, set.slots[2]);
-    if (admitted & kEdgeWallSlots) edgeWall(e, shapes.hole_radius, far, admitted, set);
+    findAtRim(edge, e, shapes, admitted, set);
   }
-  if (admitted & kRimSideSlots) rimSide(e, shapes, far, admitted, set);
-  set.slots[7].valid = false;
-  if (admitted & kRimFaceSlots) rimFace(e, shapes, far, set.slots[7]);
 
   ContactSlotMask valid = 0;
-  for (std::size_t i = 0; i < set.slots.size(); ++i) {
+  const std::size_t slots = shapes.chamfer ? kContactSlots : kSharpSlots;
+  for (std::size_t i = 0; i < slots; ++i) {
     if (admitted >> i & 1u && set.slots[i].valid) valid |= 1u << i;
   }
   if (valid & kEdgeEdgeSlots && valid & (valid - 1)) dropDoubles(e.r, set, valid);

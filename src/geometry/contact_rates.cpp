@@ -12,15 +12,19 @@ using Vec3 = Eigen::Vector3d;
 // a minimum flatter than this part of its radius runs anywhere: no rolling terms
 constexpr double kFlat = 1e-9;
 
+// of a place of the rim, from its circle's middle; H'' = −radial
+Vec3 rimRadial(const ContactPoint& c) { return {0.0, c.tangent(2), -c.tangent(1)}; }
+
 // both points run: speeds t' and s' keep p − H across both tangents, and turn the normal
 ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                            const Vec3& omega) {
-  const Vec3 radial = c.p - e.center;  // p'' = −radial, H'' = −H, D = p − H = gap n
+  const Vec3 radial = c.p - e.center;  // p'' = −radial, H'' = −rim, D = p − H = gap n
   const Vec3 turn = omega.cross(c.dp);
   const double rate = c.normal.dot(v_m), n_turn = c.normal.dot(turn);
   const double a11 = e.radius * e.radius - c.gap * c.normal.dot(radial);  // p'·p' + p''·D
   const double a12 = c.dp.dot(c.tangent);
-  const double a22 = c.rim.dot(c.p);  // T·T − H''·D
+  const Vec3 rim = rimRadial(c);
+  const double a22 = rim.dot(c.p - (c.rim - rim));  // T·T − H''·D
   const double b1 = c.dp.dot(v_m) + c.gap * n_turn, b2 = c.tangent.dot(v_m);
   const double inverse = 1.0 / (a11 * a22 - a12 * a12), inverse_cross = 1.0 / c.cross_norm;
   const double t_rate = (a12 * b2 - a22 * b1) * inverse;
@@ -28,15 +32,15 @@ ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec
   // n' · v_m with n' = (I − n nᵀ)(T × p')' / |T × p'|
   const Vec3 slide = v_m - rate * c.normal;
   const double across =
-      slide.cross(c.tangent).dot(turn - radial * t_rate) - s_rate * slide.cross(c.rim).dot(c.dp);
+      slide.cross(c.tangent).dot(turn - radial * t_rate) - s_rate * slide.cross(rim).dot(c.dp);
   return {n_turn * t_rate + across * inverse_cross, turn * t_rate};
 }
 
-// the edge runs over a fixed plane or round wall: the gap's second derivatives by t and time
+// the edge runs over a fixed plane, round wall or cone: the gap's second derivatives by t and time
 ContactRates edgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                        const Vec3& omega) {
   const Vec3 turn = omega.cross(c.dp);
-  // along the wall's circles; none on the plane
+  // along the circles of wall and cone; none on the plane
   const double v_round = c.tangent.dot(v_m), dp_round = c.tangent.dot(c.dp);
   const double bend = -c.curvature * v_round;
   const double mixed = c.normal.dot(turn) + bend * dp_round;
@@ -60,11 +64,12 @@ ContactRates rimRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_
   const double spin = omega.dot(n);
   const double v_round = -round.dot(v_rim), t_round = round.dot(c.tangent);
   const double mixed = n.dot(omega.cross(c.tangent)) + c.curvature * v_round * t_round;
-  const double sharpness = n.dot(c.rim) + c.curvature * t_round * t_round;  // H'' = −H
+  const Vec3 rim = rimRadial(c);
+  const double sharpness = n.dot(rim) + c.curvature * t_round * t_round;  // n · (−H'')
   ContactRates rates;
   rates.gap_bias = c.gap * (omega.squaredNorm() - spin * spin) - 2 * n.dot(omega.cross(v_rim)) +
                    c.curvature * v_round * v_round;
-  const bool flat = sharpness < kFlat * c.rim.norm();
+  const bool flat = sharpness < kFlat * rim.norm();
   const double s_rate = flat ? 0.0 : -mixed / sharpness;
   rates.gap_bias += mixed * s_rate;
   // run of the contact point over the peg: on the side the part around the axis at its radius
@@ -83,6 +88,7 @@ ContactRates contactRates(const EdgeCircle& edge, const ContactPoint& contact, c
       return edgeEdgeRates(edge, contact, v_m, omega);
     case ContactFeature::kEdgePlane:
     case ContactFeature::kEdgeWall:
+    case ContactFeature::kEdgeCone:
       return edgeRates(edge, contact, v_m, omega);
     case ContactFeature::kRimSide:
     case ContactFeature::kRimFace:

@@ -110,6 +110,21 @@ struct Peg {
   }
 };
 
+// the same with its height counted from a level section that is lower by `by`
+inline Peg raised(const Peg& e, double by) {
+  Peg up = e;
+  up.center += by * Vec3(1.0, e.lean(1), e.lean(2));
+  up.offset = levelNorm(up.center);
+  return up;
+}
+
+// an edge of the block at height 0: the sharp rim (no cone), or one edge of a chamfer
+struct Rim {
+  double radius;
+  const Chamfer* cone = nullptr;
+  bool lower = false;  // the one where the wall begins, else the one in the plane
+};
+
 // the edge as seen by a bore that leans: its level sections moved over one another, which leaves
 // heights as they are and makes the bore a right cylinder (and the edge an ellipse)
 inline EdgeCircle straightened(const EdgeCircle& e, const Vec3& lean) {
@@ -231,14 +246,88 @@ struct Ellipse {
   }
 };
 
-// ---- the searches; each leaves out what is farther apart than `far` and not admitted
+// ---- the searches; each leaves out what is farther apart than `far` and not admitted; heights are
+// those over the rim's
 
-void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, ContactPoint& contact);
-void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact);
-void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, ContactSet& set);
-void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotMask admitted,
+// a point of the edge, and its meridian curve (x(0), rho), with derivatives by t
+struct Meridian {
+  Vec3 x, dx, u;  // p, p', p − centre
+  double rho, inverse_rho, drho, ddrho;
+};
+
+inline void edgePoint(const Peg& e, const Place& at, Meridian& m) {
+  m.u = combined(at.c, e.p, at.s, e.q);
+  m.dx = combined(at.c, e.q, -at.s, e.p);
+  m.x = combined(1.0, e.center, 1.0, m.u);
+}
+
+// all but the block's point, normal and gap; by elements, which the compiler keeps in registers
+inline void setEdge(ContactFeature feature, const Place& at, const Meridian& m,
+                    ContactPoint& contact) {
+  contact.valid = true;
+  contact.feature = feature;
+  contact.t = at.t;
+  contact.cos_t = at.c;
+  contact.sin_t = at.s;
+  contact.p = Vec3(m.x);
+  contact.dp = Vec3(m.dx);
+  contact.tangent.setZero();
+  contact.cross_norm = contact.curvature = 0.0;
+}
+
+// how deep a place of the edge is under a face of the block, with derivatives by t
+struct Depth {
+  double value, slope, bend;
+
+  // the curve gets no deeper than `depth` before it turns back
+  bool turnsAbove(double depth) const {
+    return bend < 0.0 && slope * slope < 2 * bend * (value - depth);
+  }
+  // how deep it gets within sqrt(width2) to both sides
+  double most(double width2) const {
+    const double width = std::sqrt(width2), turn = std::abs(slope);
+    if (bend < 0.0 && turn < -bend * width) return value - 0.5 * slope * slope / bend;
+    return value + turn * width + 0.5 * bend * width2;
+  }
+};
+
+inline Depth coneDepth(const Rim& rim, const Meridian& m) {
+  const double s = rim.cone->sine, c = rim.cone->cosine;
+  return {c * (m.rho - rim.radius) - s * m.x(0), c * m.drho - s * m.dx(0),
+          c * m.ddrho + s * m.u(0)};
+}
+
+// a place that was found on the straightened edge, back in the cell
+inline void leanBack(const Peg& seen, ContactPoint& contact) {
+  if (!seen.leans()) return;
+  contact.p += contact.p(0) * seen.lean;
+  contact.dp += contact.dp(0) * seen.lean;
+  contact.rim += contact.rim(0) * seen.lean;
+}
+
+// the same for wall and cone, normal and gap by the gradient of the gap in the cell; rise: what the
+// lean adds to it along the first axis
+inline void leanWall(const Peg& seen, double rise, ContactPoint& contact) {
+  contact.normal(0) += rise;
+  contact.tangent(0) = -levelDot(seen.lean, contact.tangent);
+  const double length = contact.normal.norm(), inverse = 1.0 / length;
+  contact.normal *= inverse;
+  contact.tangent *= inverse;
+  contact.gap *= inverse;
+  contact.curvature *= length;
+  leanBack(seen, contact);
+}
+
+// slot: 0 or 1 of the pair
+void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
+              ContactPoint& contact);
+void edgePlane(const Peg& e, const Rim& rim, double hole_depth, double far, ContactPoint& contact);
+void edgeWall(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted, ContactSet& set);
+// the rim is the upper one
+void edgeCone(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted, ContactSet& set);
+void rimSide(const Peg& e, const Rim& rim, double peg_length, double far, ContactSlotMask admitted,
              ContactSet& set);
-void rimFace(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact);
+void rimFace(const Peg& e, double rim_radius, double far, ContactPoint& contact);
 
 }  // namespace contact_search
 }  // namespace assembly_cell

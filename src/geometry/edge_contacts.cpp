@@ -13,18 +13,6 @@ namespace {
 constexpr int kScanPoints = 48;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// a point of the edge, and its meridian curve (x(0), rho), with derivatives by t
-struct Meridian {
-  Vec3 x, dx, u;  // p, p', p − centre
-  double rho, inverse_rho, drho, ddrho;
-};
-
-void edgePoint(const Peg& e, const Place& at, Meridian& m) {
-  m.u = combined(at.c, e.p, at.s, e.q);
-  m.dx = combined(at.c, e.q, -at.s, e.p);
-  m.x = combined(1.0, e.center, 1.0, m.u);
-}
-
 void meridian(const Peg& e, const Place& at, Meridian& m) {
   edgePoint(e, at, m);
   m.rho = levelNorm(m.x);
@@ -33,32 +21,11 @@ void meridian(const Peg& e, const Place& at, Meridian& m) {
   m.ddrho = (levelDot(m.dx, m.dx) - levelDot(m.x, m.u) - m.drho * m.drho) * m.inverse_rho;
 }
 
-// all but the block's point, normal and gap; by elements, which the compiler keeps in registers
-void setEdge(ContactFeature feature, const Place& at, const Meridian& m, ContactPoint& contact) {
-  contact.valid = true;
-  contact.feature = feature;
-  contact.t = at.t;
-  contact.cos_t = at.c;
-  contact.sin_t = at.s;
-  contact.p = Vec3(m.x);
-  contact.dp = Vec3(m.dx);
-  contact.tangent.setZero();
-  contact.cross_norm = contact.curvature = 0.0;
-}
-
 // slot 0 leaves the hole with rising t; in both the edge climbs outwards
 // outwards and up on slot 0, back on slot 1; out of a bore that leans beside its wall
 bool admissible(const Peg& e, const Meridian& m, int slot) {
   const double drho = e.leans() ? m.drho - levelDot(e.lean, m.x) * m.inverse_rho * m.dx(0) : m.drho;
   return slot == 0 ? drho >= 0.0 && m.dx(0) >= 0.0 : drho <= 0.0 && m.dx(0) <= 0.0;
-}
-
-// a place that was found on the straightened edge, back in the cell
-void leanBack(const Peg& seen, ContactPoint& contact) {
-  if (!seen.leans()) return;
-  contact.p += contact.p(0) * seen.lean;
-  contact.dp += contact.dp(0) * seen.lean;
-  contact.rim += contact.rim(0) * seen.lean;
 }
 
 // Phi(t) = x1 x1' + (rho − r_h) rho' = 0 at a local minimum of the distance to the rim; kNone: of
@@ -140,23 +107,40 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   return searchRim(e, r_h, kInfinity, slot, at, m);
 }
 
-// is a farthest place of the edge a contact with the wall: below the plane, and not so flat under
-// it that the plane is nearer
-bool acceptWall(const Peg& e, double r_h, double far, Meridian& m) {
+// the other edge of the chamfer, or its face, is nearer: the edge climbs less steeply than the cone
+// at the lower edge, more steeply at the upper one
+bool beyondCone(const Peg& e, const Rim& rim, const Meridian& m, int slot) {
+  const double out = slot == 0 ? m.drho : -m.drho;
+  const double lean = levelDot(e.lean, m.x) * m.inverse_rho;
+  const double flat =
+      rim.cone->cosine * (out - lean * std::abs(m.dx(0))) - rim.cone->sine * std::abs(m.dx(0));
+  return rim.lower ? flat > 0.0 : flat < 0.0;
+}
+
+// is a farthest place of the edge a contact with the wall: below the rim, and not so flat under the
+// plane (the chamfer) that it is nearer
+bool acceptWall(const Peg& e, const Rim& rim, double far, Meridian& m) {
   if (!(m.x(0) <= kTouch * e.r)) return false;
   m.rho = levelNorm(m.x);
   m.inverse_rho = 1.0 / m.rho;
-  const double depth = m.rho - r_h;
+  const double depth = m.rho - rim.radius;
   if (!(-depth <= far)) return false;
   const double below = depth + m.x(0);
-  if (below <= 0.0 || depth <= 0.0) return true;
+  if ((!rim.cone && below <= 0.0) || depth <= 0.0) return true;
   // the edge comes back out of the wall at sqrt(2 depth/|rho''|) to both sides; how deep on one
+  if (rim.cone) {
+    m.ddrho *= m.inverse_rho;
+    m.drho = 0.0;
+    return depth <= coneDepth(rim, m).most(-2 * depth / m.ddrho);
+  }
   return square(below) * -m.ddrho * m.inverse_rho <= m.dx(0) * m.dx(0) * 2 * depth;
 }
 
 }  // namespace
 
-void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, ContactPoint& contact) {
+void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
+              ContactPoint& contact) {
+  const double r_h = rim.radius;
   Place at{contact.cos_t, contact.sin_t, contact.t};
   contact.valid = false;
   // the edge stays inside the hole's cylinder, or outside it: no crossing, no contact
@@ -180,9 +164,12 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   const double e2 = m.x(1) * m.inverse_rho, e3 = m.x(2) * m.inverse_rho;
   const Vec3 normal(up, -inward * e2, -inward * e3);
   if (normal.dot(e.axis) < 0.0 || normal.dot(m.u) > 0.0) return;
-  // deeper than the edge reaches sideways into the wall before it turns back: not at the rim
+  // deeper than the edge reaches sideways into wall or chamfer before it turns back: not at the rim
   const double out = m.rho - r_h, gap = up * m.x(0) - inward * out;
-  if (gap < 0.0 && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (out + gap)) return;
+  if (rim.cone && beyondCone(e, rim, m, slot)) return;
+  if (rim.cone && gap < 0.0 && coneDepth(rim, m).turnsAbove(-gap)) return;
+  const bool at_wall = !rim.cone || rim.lower;
+  if (at_wall && gap < 0.0 && m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * (out + gap)) return;
   setEdge(ContactFeature::kEdgeEdge, at, m, contact);
   contact.rim = {0.0, r_h * e2, r_h * e3};
   contact.tangent = {0.0, -r_h * e3, r_h * e2};
@@ -191,10 +178,10 @@ void edgeEdge(const Peg& e, double r_h, double reach, int slot, bool warm, Conta
   contact.gap = gap;
 }
 
-void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact) {
+void edgePlane(const Peg& e, const Rim& rim, double hole_depth, double far, ContactPoint& contact) {
   contact.valid = false;
   const double lowest = e.center(0) - e.amplitude;
-  const bool floor = lowest <= far - shapes.hole_depth;
+  const bool floor = lowest <= far - hole_depth;
   if (!(lowest <= far)) return;
   Place at{e.lc, e.ls, 0.0};
   // parallel to the plane: the edge point farthest from the hole's axis stands for the face
@@ -204,17 +191,18 @@ void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoi
   }
   Meridian m;
   edgePoint(e, at, m);
-  const double rho2 = levelDot(m.x, m.x), r_h = shapes.hole_radius;
+  const double rho2 = levelDot(m.x, m.x), r_h = rim.radius;
   const bool outside = rho2 > r_h * r_h;
   if (!outside && !floor) return;
-  double height = outside ? 0.0 : -shapes.hole_depth;
-  if (outside && lowest < 0.0 && square(r_h - lowest) > rho2) {
-    // deeper than it reaches sideways into the wall before it turns back: in the hole
+  double height = outside ? 0.0 : -hole_depth;
+  if (outside && lowest < 0.0 && (rim.cone || square(r_h - lowest) > rho2)) {
+    // deeper than it reaches sideways into wall or chamfer before it turns back: in the hole
     meridian(e, at, m);
     const double sideways = lowest + m.rho - r_h;
-    if (m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * sideways) {
+    if (rim.cone ? coneDepth(rim, m).turnsAbove(-lowest)
+                 : m.ddrho < 0.0 && m.drho * m.drho < 2 * m.ddrho * sideways) {
       if (!floor) return;
-      height = -shapes.hole_depth;
+      height = -hole_depth;
     }
   }
   at.t = std::atan2(at.s, at.c);
@@ -225,8 +213,9 @@ void edgePlane(const Peg& e, const ContactShapes& shapes, double far, ContactPoi
   leanBack(e, contact);
 }
 
-void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, ContactSet& set) {
+void edgeWall(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted, ContactSet& set) {
   SlotPair pair(set, admitted, kEdgeWallSlots, 3);
+  const double r_h = rim.radius;
   const double lean = e.leans() ? levelNorm(e.lean) : 0.0;
   if (e.offset + e.r + lean * e.amplitude < r_h - far) return;
   const double bend = e.amplitude * (e.sine + 2 * lean);
@@ -261,7 +250,7 @@ void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, Co
   const auto find = [&](Place& at) {
     if (searchExtremum(evaluate, -1.0, limit2, at, extremum) != Search::kFound) return false;
     m.ddrho = extremum.slope;
-    return acceptWall(e, r_h, far, m);
+    return acceptWall(e, rim, far, m);
   };
   const auto start = [&](bool farther, Place& at) {
     // the minor axis's image has length cos(tilt): `low` carries it
@@ -280,16 +269,7 @@ void edgeWall(const Peg& e, double r_h, double far, ContactSlotMask admitted, Co
     contact.tangent = {0.0, e3, -e2};
     contact.gap = r_h - m.rho;
     contact.curvature = m.inverse_rho;
-    if (!e.leans()) return;
-    // gradient of r_h − rho in the cell, and its length
-    contact.normal(0) = levelDot(e.lean, m.x) * m.inverse_rho;
-    contact.tangent(0) = -levelDot(e.lean, contact.tangent);
-    const double length = contact.normal.norm(), inverse = 1.0 / length;
-    contact.normal *= inverse;
-    contact.tangent *= inverse;
-    contact.gap *= inverse;
-    contact.curvature *= length;
-    leanBack(e, contact);
+    if (e.leans()) leanWall(e, levelDot(e.lean, m.x) * m.inverse_rho, contact);
   });
 }
 

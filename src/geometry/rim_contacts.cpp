@@ -52,12 +52,11 @@ void setRim(ContactFeature feature, const Place& at, const RimPlace& m, const Ve
 
 // is a nearest place of the rim a contact with the side: over the bottom edge, and not so flat over
 // it that the face is nearer
-bool acceptSide(const Peg& e, const ContactShapes& shapes, double far, const RimPlace& m,
-                bool& top_reached) {
+bool acceptSide(const Peg& e, double peg_length, double far, const RimPlace& m, bool& top_reached) {
   if (!(m.height >= -kTouch * e.r)) return false;
   const double sigma = std::sqrt(m.extremum.distance2), depth = e.r - sigma;
   if (!(-depth <= far) || !(sigma > kParallel * e.r)) return false;
-  if (m.height > shapes.peg_length) {
+  if (m.height > peg_length) {
     top_reached = true;
     return false;
   }
@@ -68,10 +67,11 @@ bool acceptSide(const Peg& e, const ContactShapes& shapes, double far, const Rim
 
 }  // namespace
 
-void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotMask admitted,
+void rimSide(const Peg& e, const Rim& rim, double peg_length, double far, ContactSlotMask admitted,
              ContactSet& set) {
-  SlotPair pair(set, admitted, kRimSideSlots, 5);
-  const double r_h = shapes.hole_radius;
+  const std::size_t first = rim.cone && !rim.lower ? 12 : 5;
+  const double r_h = rim.radius;
+  SlotPair pair(set, admitted, 3u << first, first);
   const HoleOffset hole(e);
   const Vec3& o = hole.o;
   const double highest = r_h * e.sine - hole.along;  // of the rim over the face
@@ -98,7 +98,7 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
   };
   const auto find = [&](Place& at) {
     return searchExtremum(evaluate, 1.0, square(e.r + far), at, extremum) == Search::kFound &&
-           acceptSide(e, shapes, far, m, set.top_reached);
+           acceptSide(e, peg_length, far, m, set.top_reached);
   };
   const auto start = [&](bool nearer, Place& at) {
     // the rim seen along the axis, the minor axis along the lean
@@ -120,9 +120,8 @@ void rimSide(const Peg& e, const ContactShapes& shapes, double far, ContactSlotM
   });
 }
 
-void rimFace(const Peg& e, const ContactShapes& shapes, double far, ContactPoint& contact) {
+void rimFace(const Peg& e, double r_h, double far, ContactPoint& contact) {
   contact.valid = false;
-  const double r_h = shapes.hole_radius;
   const HoleOffset hole(e);
   const double highest = r_h * e.sine - hole.along;
   if (!(-highest <= far)) return;

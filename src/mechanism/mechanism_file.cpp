@@ -16,9 +16,19 @@ namespace {
 constexpr double kSmallestSinTheta = 0.1;
 // rounding of k² against the product of its diagonal entries
 constexpr double kDefiniteRounding = 1e-12;
+constexpr double kLargestPart = 1.0;  // of a radius or a height [m]
 double withinSize(const Section& in, const std::string& key, double value, double largest) {
   if (std::abs(value) > largest) {
     in.refuse(in.at(key), value, "give at most " + shown(largest) + " in size, SI units");
+  }
+  return value;
+}
+
+double readSize(Section& in, const std::string& key) {
+  const double value = in.number(key, Range::kPositive);
+  if (value > kLargestPart) {
+    in.refuse(in.at(key), value,
+              "give at most " + shown(kLargestPart) + " m, lengths are in metres");
   }
   return value;
 }
@@ -60,8 +70,8 @@ double readMass(Section& in) {
 
 PegParameters readPeg(Section in) {
   PegParameters peg;
-  peg.radius = readLength(in, "radius", Range::kPositive);
-  peg.half_height = readLength(in, "half_height", Range::kPositive);
+  peg.radius = readSize(in, "radius");
+  peg.half_height = readSize(in, "half_height");
   peg.mass = readMass(in);
   peg.inertia_transverse = in.number("inertia_transverse", Range::kPositive);
   peg.inertia_axial = in.number("inertia_axial", Range::kPositive);
@@ -79,7 +89,7 @@ PegParameters readPeg(Section in) {
 
 HoleParameters readHole(Section in) {
   HoleParameters hole;
-  hole.radius = readLength(in, "radius", Range::kPositive);
+  hole.radius = readSize(in, "radius");
   hole.depth = in.number("depth", Range::kPositive, hole.depth);
   if (in.optional("chamfer")) {
     Section chamfer = in.section("chamfer");
@@ -87,6 +97,11 @@ HoleParameters readHole(Section in) {
     hole.chamfer_angle =
         chamfer.number("angle", kLeastChamferAngle, kMostChamferAngle, hole.chamfer_angle);
     chamfer.finish();
+    if (!(mouthRadius(hole) < blockRadius(hole))) {
+      in.refuse(
+          in.at("chamfer.width"), hole.chamfer_width,
+          "the block's wall is " + shown(blockRadius(hole) - hole.radius) + " m wide; give less");
+    }
     if (!(chamferDepth(hole) < hole.depth)) {
       in.refuse(in.at("chamfer.width"), hole.chamfer_width,
                 "the chamfer goes " + shown(chamferDepth(hole)) + " m deep, the hole " +

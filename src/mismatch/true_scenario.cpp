@@ -99,6 +99,9 @@ std::optional<Problem> problemOf(const Mechanism& m) {
   if (!(m.hole.chamfer_angle >= kLeastChamferAngle && m.hole.chamfer_angle <= kMostChamferAngle)) {
     return Problem{"hole.chamfer.angle", "not within 0.1 and 1.4 rad with"};
   }
+  if (!(mouthRadius(m.hole) < blockRadius(m.hole))) {
+    return Problem{"hole.chamfer.width", "as wide as the block's wall with"};
+  }
   if (!(chamferDepth(m.hole) < m.hole.depth)) {
     return Problem{"hole.chamfer.width", "as deep as the hole with"};
   }

@@ -41,6 +41,8 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
     peg_radius_ = description.peg.radius;
     peg_length_ = description.peg.half_height + description.peg.coupling_height;
     hole_radius_ = description.hole.radius;
+    mouth_radius_ = mouthRadius(description.hole);
+    chamfer_depth_ = chamferDepth(description.hole);
   }
 
   pub_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 1);
@@ -152,8 +154,7 @@ void ContactMarkersNode::forget() {
 void ContactMarkersNode::publish() {
   drawn_before_.swap(drawn_);
   drawn_.clear();
-  if (hole_radius_ > 0.0)
-    addCircle("hole", truth_ ? kHoleTruthFrame : kHoleFrame, hole_radius_, kHoleColor);
+  if (hole_radius_ > 0.0) drawRim("hole", truth_ ? kHoleTruthFrame : kHoleFrame, kHoleColor);
   if (contacts_) drawContacts();
   // without the exciter there is no locus any more
   if (locus_ && !(exciter_ && !exciter_->on)) drawLocus();
@@ -162,7 +163,7 @@ void ContactMarkersNode::publish() {
   if (truth_) drawPeg("peg_true", kHoleTruthFrame, truth_->pose, kTruePegColor);
   if (report_ && report_->estimate_known) {
     drawPeg("peg_estimated", kHoleEstimatedFrame, report_->estimated_pose, kEstimatedPegColor);
-    addCircle("hole_estimated", kHoleEstimatedFrame, hole_radius_, kEstimatedHoleColor);
+    drawRim("hole_estimated", kHoleEstimatedFrame, kEstimatedHoleColor);
   }
   if (words_) drawState();
   if (words_ && hole_radius_ > 0.0) {
@@ -320,6 +321,15 @@ void ContactMarkersNode::addArrow(const std::string& ns, const std::string& fram
   arrow.scale.x = size_ * kArrowShaft;
   arrow.scale.y = size_ * kArrowHead;
   arrow.points = {toPoint(from), toPoint(to)};
+}
+
+// the edge in the plane, and the one where the wall begins under a chamfer
+void ContactMarkersNode::drawRim(const std::string& ns, const std::string& frame,
+                                 const Color& color) {
+  addCircle(ns, frame, mouth_radius_, color);
+  if (!(chamfer_depth_ > 0.0)) return;
+  addCircle(ns, frame, hole_radius_, color);
+  array_.markers.back().pose.position.z = -chamfer_depth_;
 }
 
 void ContactMarkersNode::addCircle(const std::string& ns, const std::string& frame, double radius,

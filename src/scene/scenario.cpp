@@ -27,16 +27,15 @@ ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
     const char* text;
     bool ContactFeatures::*admitted;
   };
-  constexpr Name kNames[] = {{"edge_edge", &ContactFeatures::edge_edge},
-                             {"edge_plane", &ContactFeatures::edge_plane},
-                             {"edge_wall", &ContactFeatures::edge_wall},
-                             {"rim_side", &ContactFeatures::rim_side},
-                             {"rim_face", &ContactFeatures::rim_face}};
+  constexpr Name kNames[] = {
+      {"edge_edge", &ContactFeatures::edge_edge}, {"edge_plane", &ContactFeatures::edge_plane},
+      {"edge_wall", &ContactFeatures::edge_wall}, {"rim_side", &ContactFeatures::rim_side},
+      {"rim_face", &ContactFeatures::rim_face},   {"edge_cone", &ContactFeatures::edge_cone}};
   const std::string path = in.at("features");
   const std::string available =
-      "available are edge_edge, edge_plane, edge_wall, rim_side and rim_face";
+      "available are edge_edge, edge_plane, edge_wall, rim_side, rim_face and edge_cone";
   if (!node.IsSequence()) in.refuse(path, shown(node), "give a list of names, " + available);
-  ContactFeatures features{false, false, false, false, false};
+  ContactFeatures features{false, false, false, false, false, false};
   for (std::size_t i = 0; i < node.size(); ++i) {
     const std::string entry = path + "[" + std::to_string(i) + "]";
     const std::string text = node[i].IsScalar() ? node[i].Scalar() : "";

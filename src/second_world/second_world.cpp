@@ -111,9 +111,7 @@ SecondWorld::SecondWorld(const Scenario& scenario, const SoftContact& contact)
       engine_(std::make_unique<Engine>(mjcf(scenario, contact))) {
   engine_->stiffness = couplingStiffness(scenario.mechanism.coupling);
   engine_->damping = dampingOf(scenario.mechanism.coupling);
-  Scenario sharp = scenario;  // the own simulation knows no chamfer, nor does where a run begins
-  sharp.mechanism.hole.chamfer_width = 0.0;
-  const State start = Simulation(sharp).state();
+  const State start = Simulation(scenario).state();  // where a run begins
   const Kinematics k = kinematics(start);
   const Eigen::Quaterniond q(rotationFromEuler({start.q(3), start.q(4), start.q(5)}));
   mjData* d = engine_->d;
@@ -265,6 +263,7 @@ namespace {
 struct EngineContact {
   Vector3d point, normal, force, tangential;  // normal and force on the peg
   double gap;
+  bool chamfer;  // with a box of the chamfer
 };
 
 EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) {
@@ -279,6 +278,8 @@ EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) 
   out.normal = sign * frame.col(0);
   out.force = sign * (frame * Vector3d::Map(local));
   out.gap = c.dist;
+  const char* of_block = mj_id2name(m, mjOBJ_GEOM, sign > 0.0 ? c.geom1 : c.geom2);
+  out.chamfer = of_block != nullptr && std::string(of_block).rfind("chamfer", 0) == 0;
   // of the peg's point, along the contact
   const Vector3d lever = out.point - Vector3d::Map(d->qpos);
   const Eigen::Quaterniond q(d->qpos[3], d->qpos[4], d->qpos[5], d->qpos[6]);
@@ -290,7 +291,10 @@ EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) 
 
 // what touches what: of the peg's bottom edge or of the bore's rim
 ContactReport::Feature featureOf(const EngineContact& c, double above_bottom) {
-  constexpr double kAtEdge = 2e-4;
+  constexpr double kAtEdge = 2e-4, kAcross = 0.1;  // of the normal's part along z: of a wall
+  if (c.chamfer && c.normal.z() > kAcross && above_bottom < kAtEdge) {
+    return ContactReport::kEdgeCone;
+  }
   if (c.normal.z() > 0.9) {
     return c.point.z() < -kAtEdge || above_bottom < kAtEdge ? ContactReport::kEdgePlane
                                                             : ContactReport::kRimFace;

@@ -50,19 +50,17 @@ struct Result {
 };
 
 // contact slots in the order of simulate's column `mode`
-std::string modeOf(const ContactFeatures& admitted,
-                   const std::array<ContactReport, kSlots>& contacts) {
-  const bool shown_slots[kSlots] = {true,
-                                    true,
-                                    true,
-                                    admitted.edge_wall,
-                                    admitted.edge_wall,
-                                    admitted.rim_side,
-                                    admitted.rim_side,
-                                    admitted.rim_face};
+std::string modeOf(const Scenario& scenario, const std::array<ContactReport, kSlots>& contacts) {
+  const ContactFeatures& admitted = scenario.contact.features;
+  const ContactSlotMask shown =
+      kEdgeEdgeSlots | kEdgePlaneSlots | (admitted.edge_wall ? kEdgeWallSlots : 0u) |
+      (admitted.rim_side ? kRimSideSlots : 0u) | (admitted.rim_face ? kRimFaceSlots : 0u) |
+      (admitted.edge_cone ? kEdgeConeSlots : 0u);
+  const bool chamfered = scenario.mechanism.hole.chamfer_width > 0.0;
+  const ContactSlotMask known = chamfered ? kAllContactSlots : kSharpRimSlots;
   std::string mode;
   for (std::size_t i = 0; i < kSlots; ++i) {
-    if (shown_slots[i]) mode += "-sS"[contacts[i].state];
+    if (shown & known & 1u << i) mode += "-sS"[contacts[i].state];
   }
   return mode;
 }
@@ -81,7 +79,7 @@ class Observer {
       if (contact.state != ContactReport::kOpen) force = std::max(force, contact.force.norm());
     }
     peak_ = std::max(peak_, force);
-    const std::string mode = modeOf(simulation_.scenario().contact.features, contacts);
+    const std::string mode = modeOf(simulation_.scenario(), contacts);
     if (mode != mode_) {
       mode_ = mode;
       ++changes_;

@@ -137,6 +137,12 @@ std::vector<SlotColumn> slotColumns(const Scenario& scenario) {
   if (admitted.edge_wall) columns.insert(columns.end(), {{"wall_0", 3}, {"wall_1", 4}});
   if (admitted.rim_side) columns.insert(columns.end(), {{"side_0", 5}, {"side_1", 6}});
   if (admitted.rim_face) columns.push_back({"face", 7});
+  if (scenario.mechanism.hole.chamfer_width > 0.0) {
+    // edge and side at the lower and upper edge of the chamfer, edge on it
+    columns.insert(columns.end(), {{"low_edge_0", 8}, {"low_edge_1", 9}});
+    if (admitted.edge_cone) columns.insert(columns.end(), {{"cone_0", 10}, {"cone_1", 11}});
+    if (admitted.rim_side) columns.insert(columns.end(), {{"mouth_0", 12}, {"mouth_1", 13}});
+  }
   return columns;
 }
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
@@ -95,6 +96,50 @@ TEST(CellDescription, IsMadeFromTheScenario) {
   };
   same(made.fixed_parts, drawn.fixed_parts);
   same(made.moving_parts, drawn.moving_parts);
+}
+
+// With a chamfer: the description knows it, the block weighs less by the cone's ring, and its
+// shapes leave the cone free to a micrometre and no more.
+TEST(CellDescription, ChamferIsInTheBlock) {
+  Mechanism mechanism = loadScenario(kSource + "/config/scenarios/cell.yaml").mechanism;
+  const CellDescription sharp = loadCellDescription(cellUrdf(mechanism));
+  for (const double angle : {0.3, M_PI / 4, 1.2}) {
+    HoleParameters& hole = mechanism.hole;
+    hole.chamfer_width = 3e-3;
+    hole.chamfer_angle = angle;
+    const CellDescription cell = loadCellDescription(cellUrdf(mechanism));
+    EXPECT_NO_THROW(checkAgainst(cell, mechanism, "cell"));
+    EXPECT_NEAR(cell.hole.chamfer_width, 3e-3, 1e-14);
+    EXPECT_NEAR(cell.hole.chamfer_angle, angle, 1e-11);
+    const double R = hole.radius, M = R + 3e-3, deep = chamferDepth(hole);
+    const double ring = M_PI * deep * ((M * M + M * R + R * R) / 3 - R * R);
+    EXPECT_NEAR(sharp.hole_block_mass - cell.hole_block_mass, 2700 * ring, 1e-9);
+    EXPECT_LT(cell.hole_block_centre.z(), sharp.hole_block_centre.z());
+    // a small level box at the cone's face, in the middle of a generator
+    const Part& block = cell.fixed_parts[1];
+    PartShape probe;
+    probe.size = Eigen::Vector3d(1e-6, 1e-6, 1e-6);
+    const auto meets = [&](double beyond) {
+      const double out = R + 1.5e-3 + beyond * std::cos(angle);
+      probe.X_PS.p = Eigen::Vector3d(out, 0.0, -0.5 * deep - beyond * std::sin(angle));
+      return std::any_of(block.shapes.begin(), block.shapes.end(),
+                         [&](const PartShape& shape) { return shapesMeet(probe, shape); });
+    };
+    EXPECT_FALSE(meets(-5e-6)) << angle;
+    EXPECT_TRUE(meets(5e-6)) << angle;
+  }
+  // one that isn't the scenario's, or reaches into the block
+  std::string urdf = cellUrdf(mechanism);
+  mechanism.hole.chamfer_width = 0.0;
+  EXPECT_NE(errorOf([&] {
+              checkAgainst(loadCellDescription(urdf), mechanism, "cell");
+            }).find("hole.chamfer.width"),
+            std::string::npos);
+  const std::string mouth = "<visual name=\"chamfer\">";
+  const std::size_t at = urdf.find("radius=\"", urdf.find(mouth)) + 8;
+  urdf.replace(at, urdf.find('"', at) - at, "0.03");
+  EXPECT_NE(errorOf([&] { loadCellDescription(urdf); }).find("reaches into the chamfer"),
+            std::string::npos);
 }
 
 // Each change breaks the description in one way; the line names the link or joint and its element.

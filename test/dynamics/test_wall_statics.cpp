@@ -21,7 +21,7 @@ constexpr double kUpright = 1.5707963267948966;
 Scenario cell(const std::vector<std::string>& overrides) {
   std::vector<std::string> all = {
       "hole.depth=0.2", "solver.tolerance=1e-12",
-      "contact.features=[edge_edge, edge_plane, edge_wall, rim_side, rim_face]"};
+      "contact.features=[edge_edge, edge_plane, edge_wall, rim_side, rim_face, edge_cone]"};
   all.insert(all.end(), overrides.begin(), overrides.end());
   return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml", all);
 }
@@ -114,7 +114,10 @@ struct Lean {
   Vector3d bottom;  // bottom centre at the start
   double tilt;
   Vector3d pull;  // of the rest pose: x, z, tilt
+  bool chamfered = false;
 };
+
+constexpr double kWidth = 2e-3, kAngle = 0.6;  // of the chamfer
 
 std::vector<Lean> leans(const Scenario& s) {
   using Real = long double;
@@ -137,7 +140,26 @@ std::vector<Lean> leans(const Scenario& s) {
            [=](Real x, Real z, Real T) { return (R - x) * std::cos(T) + z * std::sin(T) - r; },
            {2e-4, 0, -0.01},
            0.03,
-           {6e-4, 0.0, 0.0}}};
+           {6e-4, 0.0, 0.0}},
+          {"edge on the chamfer",
+           ContactReport::kEdgeCone,
+           [=](Real x, Real z, Real T) {
+             return std::sin(Real(kAngle)) * (z - h * std::cos(T) - r * std::sin(T)) +
+                    std::cos(Real(kAngle)) * (R + kWidth - (x - h * std::sin(T) + r * std::cos(T)));
+           },
+           {1.3e-3, 0, -5e-4},
+           0.01,
+           {1.2e-3, -1e-3, 0.0},
+           true},
+          {"lower edge of the chamfer on the side",
+           ContactReport::kRimSide,
+           [=](Real x, Real z, Real T) {
+             return (R - x) * std::cos(T) + (z + kWidth / std::tan(Real(kAngle))) * std::sin(T) - r;
+           },
+           {2e-4, 0, -0.015},
+           0.03,
+           {6e-4, 0.0, 0.0},
+           true}};
 }
 
 TEST(WallStatics, LeansAtRestUnderSprings) {
@@ -151,6 +173,8 @@ TEST(WallStatics, LeansAtRestUnderSprings) {
     for (const Lean& lean : leans(s)) {
       const std::string what = std::string(lean.name) + (rigid ? ", rigid" : ", spring_dashpot");
       const Vector3d axis(std::sin(lean.tilt), 0.0, std::cos(lean.tilt));
+      s.mechanism.hole.chamfer_width = lean.chamfered ? kWidth : 0.0;
+      s.mechanism.hole.chamfer_angle = kAngle;
       s.initial = InitialState{};
       s.initial.euler = {lean.tilt, kUpright, 0.0};
       s.initial.position = lean.bottom + s.mechanism.peg.half_height * axis;

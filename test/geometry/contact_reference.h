@@ -22,6 +22,7 @@ constexpr double kPi = 3.14159265358979323846;
 struct BodiesReference {
   Vec3L center, axis0, axis1, axis;
   Real r_p, r_h, length, depth;
+  Real r_mouth, chamfer, sine, cosine;  // of the chamfer: upper radius, height, angle to the axis
 
   BodiesReference(const EdgeCircle& e, const ContactShapes& s)
       : center(e.center.cast<Real>()),
@@ -31,10 +32,16 @@ struct BodiesReference {
         r_p(e.radius),
         r_h(s.hole_radius),
         length(s.peg_length),
-        depth(s.hole_depth) {}
+        depth(s.hole_depth),
+        r_mouth(r_h + s.chamfer.width),
+        chamfer(s.chamfer.height),
+        sine(s.chamfer.sine),
+        cosine(s.chamfer.cosine) {}
 
   Vec3L edge(Real t) const { return center + r_p * (std::cos(t) * axis0 + std::sin(t) * axis1); }
-  Vec3L rim(Real s) const { return {0, r_h * std::cos(s), r_h * std::sin(s)}; }
+  // the sharp rim; the chamfer's edges where the wall begins and in the plane
+  Vec3L rim(Real s) const { return {-chamfer, r_h * std::cos(s), r_h * std::sin(s)}; }
+  Vec3L mouth(Real s) const { return {0, r_mouth * std::cos(s), r_mouth * std::sin(s)}; }
   static Real rho(const Vec3L& p) { return std::hypot(p(1), p(2)); }
   Real height(const Vec3L& x) const { return axis.dot(x - center); }
   Real axisDistance(const Vec3L& x) const { return axis.cross(x - center).norm(); }
@@ -43,18 +50,21 @@ struct BodiesReference {
   // distances to the surfaces' carriers, > 0 inside
   Real edgeDepth(Real t) const {
     const Vec3L p = edge(t);
-    return std::max(std::min(-p(0), rho(p) - r_h), -depth - p(0));
+    Real inside = std::min(-p(0), rho(p) - r_h);
+    if (chamfer > 0) inside = std::min(inside, -coneHeight(p));
+    return std::max(inside, -depth - p(0));
   }
-  Real rimDepth(Real s) const {
-    const Vec3L x = rim(s);
+  Real coneHeight(const Vec3L& p) const { return cosine * (r_mouth - rho(p)) + sine * p(0); }
+  Real pegDepth(const Vec3L& x) const {
     const Real w = height(x);
     return std::min({w, r_p - axisDistance(x), length - w});
   }
   // > 0: the bodies overlap
   Real overlap() const {
     const Real e = largest([&](Real t) { return edgeDepth(t); });
-    const Real r = largest([&](Real s) { return rimDepth(s); });
-    return std::max(e, r);
+    const Real r = largest([&](Real s) { return pegDepth(rim(s)); });
+    if (!(chamfer > 0)) return std::max(e, r);
+    return std::max({e, r, largest([&](Real s) { return pegDepth(mouth(s)); })});
   }
 
   // global maximum over the circle: samples, then golden section around the best ones

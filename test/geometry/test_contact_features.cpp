@@ -10,7 +10,7 @@
 #include <random>
 #include <vector>
 
-#include "contact_reference.h"
+#include "contact_approach.h"
 
 namespace assembly_cell {
 namespace {
@@ -25,43 +25,6 @@ ContactShapes shapesOf(double clearance) {
   s.peg_length = 0.06;
   return s;
 }
-
-struct Smallest {
-  double gap = 1.0;
-  int slot = -1;
-};
-Smallest smallest(const ContactSet& set) {
-  Smallest best;
-  for (int i = 0; i < kContactSlots; ++i) {
-    const double gap = set.slots[static_cast<std::size_t>(i)].gap;
-    if (set.valid >> i & 1u && gap < best.gap) best = {gap, i};
-  }
-  return best;
-}
-Smallest smallest(const EdgeCircle& e, const ContactShapes& shapes,
-                  ContactSlotMask admitted = kAllContactSlots) {
-  ContactSet set;
-  findContacts(e, shapes, admitted, set);
-  return smallest(set);
-}
-
-double overlap(const EdgeCircle& e, const ContactShapes& shapes) {
-  return static_cast<double>(BodiesReference(e, shapes).overlap());
-}
-
-// A straight way through x1, x2, x3 and the tilt's two components that ends where the bodies touch.
-struct Approach {
-  ContactShapes shapes;
-  std::array<double, 5> from, way;
-  double spin, touch;
-
-  EdgeCircle at(double q) const {
-    std::array<double, 5> x;
-    for (std::size_t i = 0; i < 5; ++i) x[i] = from[i] + q * way[i];
-    return edgeAt({x[0], x[1], x[2]}, std::hypot(x[3], x[4]), std::atan2(x[4], x[3]), spin,
-                  kRadius);
-  }
-};
 
 class ContactFeatures : public ::testing::Test {
  protected:
@@ -90,28 +53,7 @@ class ContactFeatures : public ::testing::Test {
         a.way = {-0.003, 1e-3 * uniform(-1, 1), 1e-3 * uniform(-1, 1), 1e-2 * uniform(-1, 1),
                  1e-2 * uniform(-1, 1)};
       }
-      if (overlap(a.at(0), a.shapes) >= 0.0) continue;
-      double high = 0.25, at_high = overlap(a.at(high), a.shapes);
-      while (high < 15 && at_high <= 0.0) at_high = overlap(a.at(high += 0.25), a.shapes);
-      if (at_high <= 0.0) continue;
-      // regula falsi; an end that stays twice weighs half (Illinois)
-      double low = high - 0.25, at_low = overlap(a.at(low), a.shapes), value = at_high;
-      a.touch = high;
-      for (int i = 0, side = 0; i < 80 && std::abs(value) > 1e-18; ++i) {
-        a.touch = low + (high - low) * at_low / (at_low - at_high);
-        value = overlap(a.at(a.touch), a.shapes);
-        if (value > 0.0) {
-          high = a.touch, at_high = value;
-          if (side == 1) at_low *= 0.5;
-          side = 1;
-        } else {
-          low = a.touch, at_low = value;
-          if (side == -1) at_high *= 0.5;
-          side = -1;
-        }
-      }
-      if (std::abs(value) > 1e-16) continue;
-      return a;
+      if (a.findTouch()) return a;
     }
   }
 
@@ -154,6 +96,7 @@ Real minimised(const BodiesReference& b, const ContactPoint& c, Real t) {
     case ContactFeature::kRimSide:
       return b.axisDistance(b.rim(t)) - b.r_p;
     case ContactFeature::kRimFace:
+    case ContactFeature::kEdgeCone:
       break;
   }
   return -b.height(b.rim(t));

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "contact_reference.h"
@@ -200,16 +201,54 @@ TEST_F(ContactRatesTest, OfEdgesOnPlaneFloorAndRim) {
   EXPECT_GT(compared[1], 50);
 }
 
+// The edge on the chamfer and on both of its edges, the side on both.
+TEST_F(ContactRatesTest, OfAChamfer) {
+  std::map<ContactSlotMask, int> compared;
+  for (int i = 0; i < 1500; ++i) {
+    ContactShapes shapes = shapesOf(uniform(1e-4, 1e-3), 2e-4);
+    shapes.chamfer = chamferOf(uniform(1e-3, 4e-3), uniform(0.2, 1.2));
+    const double where = uniform(-kPi, kPi), height = shapes.chamfer.height;
+    // over the cone, leaning on the mouth, with a steep side of the edge at the lower edge
+    const int kind = i % 3;
+    const double r = kind == 0 && i % 2 ? kRadius : 0.018;
+    const double tilt = kind == 0 ? uniform(0.02, 0.6) : uniform(0.1, 0.45);
+    const double at = kind == 0   ? r * std::sin(tilt) - height * uniform(-0.3, 1.2)
+                      : kind == 1 ? uniform(-0.006, 0.0)
+                                  : -height + 1e-3 * uniform(-1, 1);
+    const double lean = where + kPi * (kind == 0 ? 1.0 : kind == 1 ? 0.0 : 0.5);
+    EdgeCircle e = edgeAt({at, 0, 0}, tilt, lean + uniform(-0.5, 0.5), uniform(-kPi, kPi), r);
+    ContactSet set;
+    for (double x = -0.003; x < 0.02 && !set.valid; x += 1e-4) {
+      e.center(1) = x * std::cos(where);
+      e.center(2) = x * std::sin(where);
+      findContacts(e, shapes, kAllContactSlots & ~kSharpRimSlots, set);
+    }
+    const Motion m = motionOf(e);
+    for (const ContactSlotMask slots : {0x3u, 0x60u, 0x300u, 0xc00u, 0x3000u}) {
+      bool nearly_parallel = false;
+      for (const ContactPoint& c : set.slots) {
+        nearly_parallel =
+            nearly_parallel || (c.valid && c.feature == ContactFeature::kEdgeEdge &&
+                                std::abs(c.cross_norm) < 0.15 * e.radius * shapes.hole_radius);
+      }
+      if (!nearly_parallel) compared[slots] += compare(m, shapes, slots);
+    }
+  }
+  for (const auto& [slots, n] : compared) EXPECT_GT(n, 20) << std::hex << slots;
+  EXPECT_EQ(compared.size(), 5u);
+}
+
 // Whatever the pose and the motion: finite.
 TEST_F(ContactRatesTest, AreFinite) {
   const double tiny[] = {0.0, 1e-300, 1e-18, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3};
-  int seen[5] = {0, 0, 0, 0, 0};
+  int seen[6] = {0, 0, 0, 0, 0, 0};
   for (int i = 0; i < 40000; ++i) {
     const double scale = tiny[i % 8], tilt = i % 3 == 0 ? tiny[i / 8 % 8] : uniform(0, 0.3);
     Vector3d center = scale * 10 * vector();
     if (i % 2) center(0) -= 0.01;
     const EdgeCircle e = edgeAt(center, tilt, uniform(-kPi, kPi), uniform(-4, 4), kRadius);
-    const ContactShapes shapes = shapesOf(tiny[i / 64 % 8], 1e-3);
+    ContactShapes shapes = shapesOf(tiny[i / 64 % 8], 1e-3);
+    if (i % 5 == 0) shapes.chamfer = chamferOf(1e-3, 0.5);
     ContactSet set;
     findContacts(e, shapes, kAllContactSlots, set);
     for (const ContactPoint& c : set.slots) {

@@ -132,6 +132,51 @@ TEST_F(LeaningBore, WallsRatesAreThoseOfTheGap) {
   EXPECT_GT(compared, 200);
 }
 
+// The cone's level circles lean with the bore: the place is where the edge comes nearest to it.
+TEST_F(LeaningBore, ChamferLeansWithTheBore) {
+  int compared = 0;
+  for (int i = 0; i < 400; ++i) {
+    ContactShapes s = shapes(3e-4);
+    s.chamfer = chamferOf(uniform(5e-4, 2e-3), uniform(0.3, 1.2));
+    const double where = uniform(-kPi, kPi), height = -s.chamfer.height * uniform(0.2, 0.8);
+    const double out =
+        s.hole_radius - kRadius + (height + s.chamfer.height) * s.chamfer.sine / s.chamfer.cosine;
+    const Vector2d at = height * s.bore_lean + out * Vector2d(std::cos(where), std::sin(where));
+    const EdgeCircle e = edgeAt({height, at.x(), at.y()}, uniform(1e-4, 3e-3), uniform(-kPi, kPi),
+                                uniform(-kPi, kPi), kRadius);
+    const double mouth = s.hole_radius + s.chamfer.width;
+    const auto over = [&](const Vector3d& p) {
+      return s.chamfer.cosine * (mouth - rho(s, p)) + s.chamfer.sine * p(0);
+    };
+    double lowest = 1.0;
+    constexpr int n = 20000;
+    for (int k = 0; k < n; ++k) lowest = std::min(lowest, over(edge(e, 2 * kPi * k / n)));
+    ContactSet set;
+    findContacts(e, s, kEdgeConeSlots, set);
+    double least = 1.0;
+    for (const std::size_t slot : {10u, 11u}) {
+      if (!(set.valid >> slot & 1u)) continue;
+      const ContactPoint& c = set.slots[slot];
+      EXPECT_LT((c.p - edge(e, c.t)).norm(), 1e-14);
+      EXPECT_NEAR(over(c.rim), 0.0, 1e-14);
+      EXPECT_NEAR(c.normal.norm(), 1.0, 1e-14);
+      EXPECT_NEAR(c.normal.dot(c.dp), 0.0, 1e-12);
+      // the cone's line through the place lies in it
+      const Vector2d radial = (c.rim.tail<2>() - c.rim(0) * s.bore_lean).normalized();
+      const Vector2d slope = s.bore_lean + s.chamfer.sine / s.chamfer.cosine * radial;
+      EXPECT_NEAR(c.normal.dot(Vector3d(1.0, slope(0), slope(1))), 0.0, 1e-13);
+      // the gap's gradient is the normal times a length
+      const double length =
+          std::hypot(s.chamfer.cosine, s.chamfer.sine + s.chamfer.cosine * s.bore_lean.dot(radial));
+      least = std::min(least, c.gap * length);
+    }
+    if (least == 1.0) continue;  // its foot is beyond the cone
+    EXPECT_NEAR(least, lowest, 4e-10);
+    ++compared;
+  }
+  EXPECT_GT(compared, 200);
+}
+
 // A peg along the bore touches nothing as long as it is thinner, and is met by the wall all round
 // at the same distance.
 TEST_F(LeaningBore, PegAlongTheBoreIsFree) {

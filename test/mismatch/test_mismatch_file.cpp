@@ -182,7 +182,7 @@ TEST(MismatchFile, RefusesDrawsThatMakeNoScenario) {
       {"add: {hole.chamfer.angle: 0.7}",
        {"add.hole.chamfer.angle", "0.7", "not within 0.1 and 1.4", "narrower"}},
       {"add: {hole.chamfer.width: 0.07}",
-       {"add.hole.chamfer.width", "0.07", "as deep as the hole", "narrower"}},
+       {"add.hole.chamfer.width", "0.07", "as wide as the block's wall", "narrower"}},
       {"add: {carrier.stiffness: -1.0e6}", {"add.carrier.stiffness", "carrier.stiffness[0]"}},
       {"scale: {friction.static: 0.5}", {"scale.friction.static", "0.5", "friction.sliding"}},
       {"scale: {peg.inertia_axial: 6}", {"scale.peg.inertia_axial", "6", "inertia_transverse"}},

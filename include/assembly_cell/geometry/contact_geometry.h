@@ -9,8 +9,8 @@
 namespace assembly_cell {
 
 // Exact contact of the peg (solid cylinder) with the hole block (half-space z <= 0 less a
-// cylinder). All vectors of this header are in thesis axes (1, 2, 3) = (z, x, y) of frame `hole`.
-// [m], [rad]
+// cylinder); the hole's rim may be chamfered by a cone. All vectors of this header are in thesis
+// axes (1, 2, 3) = (z, x, y) of frame `hole`. [m], [rad]
 
 /// A vector of thesis axes in the axes x, y, z of frame `hole`, and back.
 inline Eigen::Vector3d fromThesisAxes(const Eigen::Vector3d& v) { return {v(1), v(2), v(0)}; }
@@ -34,8 +34,8 @@ struct EdgeHeight {
 };
 EdgeHeight edgeHeight(const EdgeCircle& edge);
 
-/// The five ways in which a point of the peg and a point of the block can touch. Three come from
-/// the peg's edge circle p(t) against the block, three from the rim circle H(s) against the peg:
+/// The ways in which a point of the peg and a point of the block can touch. Four come from the
+/// peg's edge circle p(t) against the block, three from the rim circle H(s) against the peg:
 ///
 ///   feature     peg          block             normal (block → peg)   gap
 ///   edge_edge   bottom edge  rim               across both tangents   ± distance of the circles
@@ -43,13 +43,25 @@ EdgeHeight edgeHeight(const EdgeCircle& edge);
 ///   edge_wall   bottom edge  wall of the hole  −e_rho [2]             r_h − largest rho, z <= 0
 ///   rim_side    side         rim               −e_r of the peg        least axis distance − r_p
 ///   rim_face    bottom face  rim               peg axis a             −its height over the face
+///   edge_cone   bottom edge  chamfer           sin e1 − cos e_rho     height of the place over it
+///
+/// With a chamfer the rim is two circles: the upper edge in the plane and the lower edge where the
+/// wall begins. edge_plane and rim_face are at the upper one, edge_wall is below the lower one,
+/// edge_edge and rim_side are at both. docs/theory.md says why no other pair can touch.
 ///
 /// [1] or the floor z = −hole_depth where the lowest point lies inside the rim.
 /// [2] of a bore that leans: of the circle of radius r_h at the height of the place, see bore_lean.
 /// edge_edge holds while n lies in the cones of both bodies: its limits n = e1, −e_rho, −e_r and a
 /// are the four others, and gap and normal go over without a step. A rim_face gap is never below
 /// zero unless the gap of edge_plane is too: it matters only where edge_plane is not admitted.
-enum class ContactFeature : std::uint8_t { kEdgeEdge, kEdgePlane, kEdgeWall, kRimSide, kRimFace };
+enum class ContactFeature : std::uint8_t {
+  kEdgeEdge,
+  kEdgePlane,
+  kEdgeWall,
+  kRimSide,
+  kRimFace,
+  kEdgeCone
+};
 const char* toString(ContactFeature feature);  ///< as in scenario files: "edge_edge", ...
 
 /// Fixed contact slots. An edge circle that is tilted by an angle has two places of each kind only
@@ -61,26 +73,41 @@ const char* toString(ContactFeature feature);  ///< as in scenario files: "edge_
 ///   3, 4  edge_wall: a slot follows its place from call to call; found anew, the farther one is 3
 ///   5, 6  rim_side: likewise, the nearer one is 5
 ///   7     rim_face
-constexpr int kContactSlots = 8;
+/// Of a hole with a chamfer 0 to 2 and 7 are at its upper edge, 3 to 6 at and below its lower edge:
+///   8, 9  edge_edge at the lower edge, as 0, 1
+///   10, 11  edge_cone: likewise, the deeper one is 10
+///   12, 13  rim_side at the upper edge, as 5, 6: of a peg that leans more than the chamfer
+constexpr int kSharpSlots = 8, kContactSlots = 14;
 constexpr ContactFeature featureOfSlot(int slot) {
-  return slot < 2   ? ContactFeature::kEdgeEdge
-         : slot < 3 ? ContactFeature::kEdgePlane
-         : slot < 5 ? ContactFeature::kEdgeWall
-         : slot < 7 ? ContactFeature::kRimSide
-                    : ContactFeature::kRimFace;
+  constexpr ContactFeature kFeatures[kContactSlots] = {
+      ContactFeature::kEdgeEdge, ContactFeature::kEdgeEdge, ContactFeature::kEdgePlane,
+      ContactFeature::kEdgeWall, ContactFeature::kEdgeWall, ContactFeature::kRimSide,
+      ContactFeature::kRimSide,  ContactFeature::kRimFace,  ContactFeature::kEdgeEdge,
+      ContactFeature::kEdgeEdge, ContactFeature::kEdgeCone, ContactFeature::kEdgeCone,
+      ContactFeature::kRimSide,  ContactFeature::kRimSide};
+  return kFeatures[slot];
 }
 
 /// Sets of slots, one bit each.
 using ContactSlotMask = unsigned;
-constexpr ContactSlotMask kEdgeEdgeSlots = 0x03, kEdgePlaneSlots = 0x04, kEdgeWallSlots = 0x18,
-                          kRimSideSlots = 0x60, kRimFaceSlots = 0x80, kAllContactSlots = 0xff;
 constexpr ContactSlotMask slotsOf(ContactFeature feature) {
-  return feature == ContactFeature::kEdgeEdge    ? kEdgeEdgeSlots
-         : feature == ContactFeature::kEdgePlane ? kEdgePlaneSlots
-         : feature == ContactFeature::kEdgeWall  ? kEdgeWallSlots
-         : feature == ContactFeature::kRimSide   ? kRimSideSlots
-                                                 : kRimFaceSlots;
+  ContactSlotMask mask = 0;
+  for (int slot = 0; slot < kContactSlots; ++slot) {
+    if (featureOfSlot(slot) == feature) mask |= 1u << slot;
+  }
+  return mask;
 }
+constexpr ContactSlotMask kEdgeEdgeSlots = slotsOf(ContactFeature::kEdgeEdge),
+                          kEdgePlaneSlots = slotsOf(ContactFeature::kEdgePlane),
+                          kEdgeWallSlots = slotsOf(ContactFeature::kEdgeWall),
+                          kRimSideSlots = slotsOf(ContactFeature::kRimSide),
+                          kRimFaceSlots = slotsOf(ContactFeature::kRimFace),
+                          kEdgeConeSlots = slotsOf(ContactFeature::kEdgeCone),
+                          kAllContactSlots = (1u << kContactSlots) - 1;
+/// Those of a sharp rim; the others can't be valid there, nor admitted at any cost.
+constexpr ContactSlotMask kSharpRimSlots = (1u << kSharpSlots) - 1;
+/// Those that come in pairs of places, which follow them.
+constexpr ContactSlotMask kPairSlots = kEdgeWallSlots | kRimSideSlots | kEdgeConeSlots;
 
 /// One candidate contact point between block and peg.
 struct ContactPoint {
@@ -97,8 +124,18 @@ struct ContactPoint {
   Eigen::Vector3d normal;   ///< n: unit, from block to peg
   double cross_norm = 0.0;  ///< |T × dp|, signed so that n = (T × dp)/cross_norm (edge–edge)
   double gap = 0.0;         ///< signed distance n · (p − rim), < 0 penetrating
-  double curvature = 0.0;   ///< of the circle met: 1/rho (edge_wall), 1/axis distance (rim_side)
+  /// of the circle met: 1/rho (edge_wall), 1/axis distance (rim_side), cos/rho (edge_cone)
+  double curvature = 0.0;
 };
+
+/// A cone frustum in place of an edge: `width` across the axis, `height` along it, sine and cosine
+/// of the angle of its face to the axis. Width 0: sharp.
+struct Chamfer {
+  double width = 0.0, height = 0.0;
+  double sine = 0.0, cosine = 1.0;
+  explicit operator bool() const { return width > 0.0; }
+};
+Chamfer chamferOf(double width, double angle);
 
 /// Sizes of the pair, and how far away a candidate still counts.
 struct ContactShapes {
@@ -110,6 +147,7 @@ struct ContactShapes {
   /// that leans by β has ellipses instead, longer by r_h (1/cos β − 1): 1 µm of 25 mm at 0.5°.
   Eigen::Vector2d bore_lean = Eigen::Vector2d::Zero();
   double reach = 2e-5;  ///< slots with a larger gap may be left out (not valid) [m]
+  Chamfer chamfer{};    ///< of the hole: from radius r_h + width in the plane down to r_h
 };
 
 /// The slots of one peg. Holds the warm starts: hand the same set (or a copy) to the next search.
@@ -130,7 +168,8 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
                              ContactSlotMask admitted, ContactSet& set);
 
 /// Lower bound of the distance of peg and block, 0 where the bound can't tell: while no point of
-/// the peg has moved that far there is no contact, and no search is needed.
+/// the peg has moved that far there is no contact, and no search is needed. A chamfer takes
+/// material away only: the bound is that of the sharp rim.
 double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes);
 
 /// The contact point runs along both bodies and the normal turns: with a_m the acceleration of the

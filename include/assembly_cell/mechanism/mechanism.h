@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -35,6 +36,11 @@ constexpr double kLeastChamferAngle = 0.1, kMostChamferAngle = 1.4;
 
 /// Radius at the face: of the chamfer's outer edge [m].
 inline double mouthRadius(const HoleParameters& hole) { return hole.radius + hole.chamfer_width; }
+
+/// Of the block, which a chamfer must not reach [m].
+inline double blockRadius(const HoleParameters& hole) {
+  return std::max(0.045, hole.radius + 0.0199);
+}
 
 /// How deep the chamfer goes [m].
 inline double chamferDepth(const HoleParameters& hole) {

@@ -64,6 +64,7 @@ class ContactMarkersNode {
   Marker& add(const std::string& ns, int type, const std::string& frame, const Color& color);
   void addArrow(const std::string& ns, const std::string& frame, const Eigen::Vector3d& from,
                 const Eigen::Vector3d& to, const Color& color);
+  void drawRim(const std::string& ns, const std::string& frame, const Color& color);
   void addCircle(const std::string& ns, const std::string& frame, double radius,
                  const Color& color);
   void addText(const std::string& ns, const std::string& frame, const Eigen::Vector3d& at,
@@ -85,6 +86,7 @@ class ContactMarkersNode {
   bool words_ = true;           // names, legend and state
   std::string wrench_topic_;    // empty: none
   double peg_radius_ = 0.0, peg_length_ = 0.0, hole_radius_ = 0.0;  // [m]
+  double mouth_radius_ = 0.0, chamfer_depth_ = 0.0;                 // [m]; 0: sharp
 
   ContactArray::ConstPtr contacts_;
   LocusEstimate::ConstPtr locus_;

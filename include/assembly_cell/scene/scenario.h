@@ -20,6 +20,7 @@ struct ContactFeatures {
   bool edge_wall = true;
   bool rim_side = true;
   bool rim_face = true;
+  bool edge_cone = true;
 };
 
 struct ContactParameters {
