@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/locus/linear_motion.h"
 
 namespace assembly_cell {
@@ -44,24 +45,65 @@ Vector2d tiltOfAxis(const Vector3d& axis) {
   return turn.head<2>() * (std::atan2(sine, axis.z()) / sine);
 }
 
+// Axes of the peg where a static wrench on the sensor, in its axes and about its origin, deflects
+// the coupling.
+Matrix3d restingPeg(const Mechanism& m, const Matrix3d& R_HS, const Vector6& wrench) {
+  const Eigen::PartialPivLU<Matrix6> stiffness(couplingStiffness(m.coupling));
+  const Vector6 deflection = stiffness.solve(wrench);
+  if (m.coupling.axes == CouplingAxes::kCarrier) {
+    return R_HS * rotationFromVector({Vector3d(deflection.tail<3>())});
+  }
+  // springs along the axes of `hole`, and about those of the Euler angles
+  const Vector3d force = R_HS * wrench.head<3>();
+  const Vector3d moment = R_HS * wrench.tail<3>() - (R_HS * deflection.head<3>()).cross(force);
+  const EulerAngles sensor = eulerFromRotation(R_HS);
+  EulerAngles peg = sensor;
+  // the axes turn by a hundredth: three times are exact to 1e-6
+  for (int k = 0; k < 3; ++k) {
+    Matrix3d axes;  // that theta, phi and psi turn the peg about
+    axes << Vector3d(std::cos(peg.phi), 0.0, -std::sin(peg.phi)), Vector3d::UnitY(),
+        rotationFromEuler(peg).col(2);
+    Vector6 load;
+    load << force, axes.transpose() * moment;
+    const Vector3d turn = stiffness.solve(load).tail<3>();
+    peg = {sensor.phi + turn.y(), sensor.theta + turn.x(), sensor.psi + turn.z()};
+  }
+  return rotationFromEuler(peg);
+}
+
+// of a peg that hangs from the sensor, as pegWeight()
+Vector6 weightOn(const Mechanism& m, const Matrix3d& R_HS) {
+  return pegWeight(m.peg, m.gravity, R_HS.transpose() * Vector3d::UnitZ(), Vector6::Zero());
+}
+
+// Wrench of a motion, with the static force and moment of the peg on the sensor.
+WrenchPhasor seenBySensor(const Mechanism& m, const UnheldMotion& free, const Vector3d& force,
+                          const Vector3d& moment, const Complex9& motion) {
+  WrenchPhasor wrench = sensorWrench(m, free, force, moment) * motion;
+  wrench.tail<3>() += free.R_HS.transpose() * turningMoment(free, moment) * motion;
+  return wrench;
+}
+
 }  // namespace
 
 WrenchPhasor hangingResponse(const MechanismModel& model, const ExciterParameters& exciter,
                              const Vector2d& lean) {
   const Mechanism& m = model.mechanism;
+  const Matrix3d R_HS = rotationFromVector({Vector3d(lean.x(), lean.y(), 0.0)});
   OperatingPoint point = pointOf(model.drive, exciter);
-  point.tilt = point.sensor_tilt = lean;
+  point.tilt = tiltOfAxis(restingPeg(m, R_HS, weightOn(m, R_HS)).col(2));
+  point.sensor_tilt = lean;
   const UnheldMotion free = unheldMotion(m, point);
   const Vector3d weight(0.0, 0.0, -m.peg.mass * m.gravity);
-  return sensorWrench(m, free, weight) * hangingMotion(m, free, lateExcitation(model.drive, point));
+  return seenBySensor(m, free, weight, -free.to_coupling.cross(weight),
+                      hangingMotion(m, free, lateExcitation(model.drive, point)));
 }
 
 WrenchPhasor pressedResponse(const MechanismModel& model, const ExciterParameters& exciter,
                              const PressedState& state) {
   const Mechanism& m = model.mechanism;
   const Vector3d force = state.R_HS * state.contact.head<3>();
-  const Vector6 deflection = couplingStiffness(m.coupling).partialPivLu().solve(state.contact);
-  const Eigen::Matrix3d R_HP = state.R_HS * rotationFromVector({Vector3d(deflection.tail<3>())});
+  const Matrix3d R_HP = restingPeg(m, state.R_HS, weightOn(m, state.R_HS) + state.contact);
   OperatingPoint point = pointOf(model.drive, exciter);
   point.press = std::max(0.0, force.z());
   point.friction = force.head<2>();
@@ -78,10 +120,8 @@ WrenchPhasor pressedResponse(const MechanismModel& model, const ExciterParameter
   // the edge is lowest where the axis leans to
   const double lowest = std::atan2(R_HP(1, 2), R_HP(0, 2));
   const double alpha = lowest + state.aside;
-  const Complex9 motion = held.solve(alpha);
-  WrenchPhasor wrench = sensorWrench(m, free, held.couplingForce()) * motion;
-  wrench.tail<3>() +=
-      free.R_HS.transpose() * turningMoment(free, held.couplingMoment(alpha)) * motion;
+  WrenchPhasor wrench =
+      seenBySensor(m, free, held.couplingForce(), held.couplingMoment(alpha), held.solve(alpha));
   wrench.head<3>() = (to_sensor.cast<Complex>() * wrench.head<3>()).eval();
   wrench.tail<3>() = (to_sensor.cast<Complex>() * wrench.tail<3>()).eval();
   return wrench;

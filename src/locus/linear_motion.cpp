@@ -59,9 +59,14 @@ Matrix3d forceStiffness(const Vector3d& f, const Vector3d& l) {
 // rotation vector from the carrier by its square
 Matrix3d angleStiffness(const UnheldMotion& free, const Vector3d& moment) {
   if (free.axes == CouplingAxes::kCarrier) return Matrix3d::Zero();
-  Matrix3d euler;
-  euler << 0.0, moment.z(), moment.y(), moment.z(), 0.0, -moment.x(), moment.y(), -moment.x(), 0.0;
-  return 0.5 * euler;
+  const Matrix3d angles = free.euler.inverse();  // theta, phi, psi by a rotation
+  const Vector3d theta = free.euler.col(0), phi = free.euler.col(1), psi = free.euler.col(2);
+  // phi turns the axes of theta and psi, theta that of psi
+  Matrix3d work = Matrix3d::Zero();
+  work(0, 1) = work(1, 0) = theta.cross(phi).dot(moment);
+  work(1, 2) = work(2, 1) = psi.cross(phi).dot(moment);
+  work(0, 2) = work(2, 0) = psi.cross(theta).dot(moment);
+  return 0.5 * angles.transpose() * work * angles;
 }
 
 }  // namespace
@@ -267,21 +272,26 @@ Matrix6 sensorStiffness(const Mechanism& mechanism) {
 }
 
 Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const UnheldMotion& free,
-                                          const Vector3d& static_force) {
-  const Vector6& k = mechanism.coupling.stiffness.diagonal;
-  const auto give = [](double force, double stiffness) {
-    return stiffness > 0.0 ? force / stiffness : 0.0;
-  };
+                                          const Vector3d& static_force,
+                                          const Vector3d& static_moment) {
   const bool turned = free.axes == CouplingAxes::kCarrier;
   const Matrix3d R_H = turned ? free.R_HS : Matrix3d::Identity();  // axes of the springs
-  const Vector3d on_springs = R_H.transpose() * static_force;
-  const Vector3d static_displacement =
-      R_H *
-      Vector3d(give(on_springs.x(), k[1]), give(on_springs.y(), k[2]), give(on_springs.z(), k[0]));
+  Vector6 on_springs;
+  on_springs << R_H.transpose() * static_force,
+      (turned ? free.R_HS : free.euler).transpose() * static_moment;
+  // a singular stiffness, of springs that are not there, gives way nowhere
+  const Vector6 give =
+      sensorStiffness(mechanism).completeOrthogonalDecomposition().solve(on_springs);
+  const Vector3d static_displacement = R_H * give.head<3>();
   Eigen::Matrix<Complex, 6, 9> wrench = free.wrench;
   const Eigen::Matrix<Complex, 3, 9> forces = free.wrench.topRows<3>();
   wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -
                             (skew(static_force) * free.displaced).cast<Complex>();
+  // the sensor's axes turn with the carrier's yaw
+  const Vector3d axis = free.R_HS.col(2);
+  const Vector3d about_origin = static_moment + static_displacement.cross(static_force);
+  wrench.col(kCarrier + 2).head<3>() -= axis.cross(static_force).cast<Complex>();
+  wrench.col(kCarrier + 2).tail<3>() -= axis.cross(about_origin).cast<Complex>();
   return twice(free.R_HS.transpose()).cast<Complex>() * wrench;
 }
 

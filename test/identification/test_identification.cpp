@@ -83,42 +83,65 @@ TEST(Response, OfAPointMassIsTheClosedForm) {
   }
 }
 
-// The nonlinear simulation of a cell with other parts, exact sensors but for noise and rounding.
-TEST(Response, IsThatOfTheSimulation) {
+// Largest difference of a part of a reading from the model with what is true, torques at 30 mm, of
+// the reading's force.
+struct Misfit {
+  double hanging = 0.0, pressed = 0.0;
+};
+
+// The nonlinear simulation of a cell with other parts, by sensors without noise, after a swing has
+// died away.
+Misfit misfitOf(const std::string& mismatch, int places) {
   const Scenario nominal = cell();
-  const Truth truth = drawn(kParts, 3);
+  const Truth truth = drawn(mismatch, 3);
   const Scenario start = trueScenario(nominal, truth, "test");
-  SimulatedPlant plant(start, nominal.mechanism, {});
+  CellParameters parameters;
+  parameters.noise = 1e-7;
+  parameters.bits = 24;
+  parameters.truth = truth.cell;
+  SimulatedPlant plant(start, nominal.mechanism, parameters);
   IdentificationPlan plan = planFor(nominal.mechanism);
-  plan.places = 1;
+  plan.places = places;
+  plan.swing = 3.0;
+  plan.time_limit = 200.0;
   const IdentificationData data = measure(plant, nominal.mechanism, plan);
+  EXPECT_EQ(data.vibrations.size(), 2 * (plan.hanging.size() + places * plan.pressed.size()));
+  EXPECT_TRUE(data.friction);
+  if (data.friction) {
+    const double friction = start.mechanism.friction.sliding_coefficient;
+    EXPECT_NEAR(data.friction->coefficient, friction, 0.01 * friction);
+  }
   const MechanismModel model = trueModel(start);
   const Pose rest = poseFromRest(start.rest);
-  int pressed = 0;
+  Misfit misfit;
   for (const VibrationReading& reading : data.vibrations) {
     WrenchPhasor expected;
     if (reading.place) {
-      PressedState state;
-      state.R_HS = rest.R * reading.R_BS;
-      state.contact = reading.contact;
-      expected = pressedResponse(model, reading.exciter, state);
-      ++pressed;
+      expected = pressedResponse(model, reading.exciter, {rest.R * reading.R_BS, reading.contact});
     } else {
       const RotationVector lean = vectorFromRotation(rest.R);
       expected = hangingResponse(model, reading.exciter, lean.value.head<2>());
     }
-    const double force = reading.phasor.head<3>().norm();
-    // noise is up to 5e-4 of each of six parts, and the fit allows for 3e-4 of each besides
-    const double limit = 3e-3 * force;
-    EXPECT_LT((reading.phasor - expected).head<3>().norm(), limit) << reading.exciter.frequency;
-    EXPECT_LT((reading.phasor - expected).tail<3>().norm(), 0.03 * limit)
-        << reading.exciter.frequency;
+    WrenchPhasor difference = reading.phasor - expected;
+    difference.tail<3>() /= 0.03;
+    double& most = reading.place ? misfit.pressed : misfit.hanging;
+    most = std::max(most, difference.cwiseAbs().maxCoeff() / reading.phasor.head<3>().norm());
   }
-  EXPECT_EQ(pressed, static_cast<int>(2 * plan.pressed.size()));
-  ASSERT_TRUE(data.friction);
-  EXPECT_NEAR(data.friction->coefficient, start.mechanism.friction.sliding_coefficient,
-              0.01 * start.mechanism.friction.sliding_coefficient);
-  EXPECT_LT(data.time, 60.0);
+  return misfit;
+}
+
+// The readings' own: noise 2e-4 to 5e-4. Pressed, friction gives way a little in a window.
+TEST(Response, IsThatOfTheSimulation) {
+  const Misfit misfit = misfitOf("{}", 3);
+  EXPECT_LT(misfit.hanging, 3e-6);
+  EXPECT_LT(misfit.pressed, 1e-4);
+}
+
+// The simulated carrier gives way in steps of a block, the model with a lag.
+TEST(Response, IsThatOfTheSimulationWithOtherPartsAndACarrierThatGivesWay) {
+  const Misfit misfit = misfitOf(kParts, 1);
+  EXPECT_LT(misfit.hanging, 1.5e-4);
+  EXPECT_LT(misfit.pressed, 2.5e-4);
 }
 
 // Asked for with gain and delay made up for, the exciter gives the force that was wanted.

@@ -100,9 +100,12 @@ Eigen::Vector2cd counterRotating(Complex x, Complex y);
 Matrix6 sensorStiffness(const Mechanism& mechanism);
 
 // Wrench on the sensor about its origin, in its axes, by all coordinates. The coupling point leaves
-// the origin, so the static force and the moving one each have the other's displacement as arm.
-Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const UnheldMotion& free,
-                                          const Eigen::Vector3d& static_force);
+// the origin, so the static force and the moving one each have the other's displacement as arm; the
+// axes turn with the carrier's yaw. Static force and moment of the peg on the sensor about the
+// coupling point, hole axes [N], [N m].
+Eigen::Matrix<Complex, 6, 9> sensorWrench(
+    const Mechanism& mechanism, const UnheldMotion& free, const Eigen::Vector3d& static_force,
+    const Eigen::Vector3d& static_moment = Eigen::Vector3d::Zero());
 
 // How a static moment of the coupling's springs on the sensor turns as the peg turns, hole axes:
 // they make it about the axes of the Euler angles, of which two turn, too.
