@@ -6,6 +6,7 @@
 
 #include "contact_modes.h"
 #include "contact_tolerances.h"
+#include "face.h"
 #include "impact.h"
 #include "integrator.h"
 
@@ -95,6 +96,7 @@ double chatterStep(const System& s, const Evaluation& e, double h) {
 
 void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
   const double before = energyOf(s, c);
+  dropFace(c, e);
   Trial flight;
   flight.h = t - c.time;
   const std::array<Vec3, kSlots> impulse = stopPenetration(s, t, c, e);

@@ -6,6 +6,7 @@
 #include "contact_solver.h"
 #include "contact_tolerances.h"
 #include "event_locator.h"
+#include "face.h"
 #include "impact.h"
 
 namespace assembly_cell {
@@ -33,6 +34,11 @@ constexpr double kAhead = 0.9;
 // A contact lifted farther at an event pays for it with speed: over the error of an event's place,
 // 1e-12 s at 1 m/s. Half: 3 of 400 scenes end elsewhere; twice: no result changes.
 constexpr double kLift = 1e-11;  // [m]
+// A face's points are chosen anew so many times at one decision, as friction moves with them; the
+// point about which the peg tips so many times, in steps of at most kTipStep, until it is right to
+// kTip.
+constexpr int kFaceMoves = 4, kFaceTurns = 12;
+constexpr double kTip = 1e-9, kTipStep = 0.5;  // [rad]
 
 // acceleration of a contact's point, contact forces included, as it rolls
 Vec3 accelerationOf(const Body& body, const Evaluation& e, std::size_t i) {
@@ -109,7 +115,8 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
   ContactSlotMask turned = 0;
   for (const std::size_t i : Slots(e.active())) {
     Slot& slot = c.slots[i];
-    if (slot.mode != Mode::kSlip || slot.armed || slipAhead(s, slot, e.contacts[i]) >= 0.0) {
+    if (slot.mode != Mode::kSlip || slot.armed ||
+        slipAhead(s, slot, e.contacts[i], e.material >> i & 1u) >= 0.0) {
       continue;
     }
     slot.armed = true;
@@ -152,6 +159,14 @@ double setHysteresis(const System& s, Context& c, const Evaluation& e) {
   return limit;
 }
 
+// direction of a contact's friction; zero where there is none
+Vec3 tangentialForce(const Evaluation& e, std::size_t i) {
+  const ContactKinematics& at = e.contacts[i];
+  const Vec3 tangential = at.force - at.normal_force * e.point(i).normal;
+  const double size = tangential.norm();
+  return size > 0.0 ? Vec3(tangential / size) : Vec3(Vec3::Zero());
+}
+
 // Changes the mode of the worst offender: pulled, else beyond its cone, else (while `joining`)
 // idle but approaching. False where there is none.
 bool changeWorst(const System& s, double limit, bool joining, Context& c, const Evaluation& e) {
@@ -183,14 +198,15 @@ bool changeWorst(const System& s, double limit, bool joining, Context& c, const 
     }
   }
   if (worst == kSlots) return false;
-  Slot& slot = c.slots[worst];
-  if (change == Mode::kSlip && !slot.armed) {
-    const ContactKinematics& at = e.contacts[worst];
-    const Vec3 tangential = at.force - at.normal_force * e.point(worst).normal;
-    const double size = tangential.norm();
-    slot.slip_direction = size > 0.0 ? Vec3(tangential / size) : Vec3(Vec3::Zero());
+  // the points of a face begin to slip together
+  ContactSlotMask changed = 1u << worst;
+  if (change == Mode::kSlip && (changed & e.material)) changed = e.active() & e.material;
+  for (const std::size_t i : Slots(changed)) {
+    Slot& slot = c.slots[i];
+    if (i != worst && slot.mode != Mode::kStick) continue;
+    if (change == Mode::kSlip && !slot.armed) slot.slip_direction = tangentialForce(e, i);
+    slot.mode = change;
   }
-  slot.mode = change;
   return true;
 }
 
@@ -216,6 +232,49 @@ void decideRegularised(const System& s, Context& c, Evaluation& e) {
   c.slope = e.closed ? chooseCarriers(s, c.slots, e) : e.free;
 }
 
+// of a contact; the points of a face slip or rest together
+double slipSpeed(const Evaluation& e, std::size_t i) {
+  if (!(e.material >> i & 1u)) return e.contacts[i].tangential.norm();
+  double fastest = 0.0;
+  for (const std::size_t j : Slots(e.active() & e.material)) {
+    fastest = std::max(fastest, e.contacts[j].tangential.norm());
+  }
+  return fastest;
+}
+
+// Changes modes until they agree; `first`: of a decision.
+void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
+  for (int pass = 0; pass < kPasses; ++pass) {
+    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    if (first && pass == 0) limit = setHysteresis(s, c, e);
+    if (!changeWorst(s, limit, pass < kPasses / 2, c, e)) break;
+  }
+}
+
+// Points of a face that lies follow its load, as friction turns with them. Where the load is at the
+// edge, the peg tips about the one point beside which no other comes down (secants).
+void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
+  bool moved = false;
+  for (int n = 0; n < kFaceMoves; ++n) {
+    turnSlip(s, c, e);
+    if (!moveFacePoints(s, limit, c, e)) break;
+    agree(s, false, limit, c, e);
+    moved = true;
+  }
+  if (!moved) return;
+  double at = c.face.t[0], error = tippingError(s, limit, c, e), slope = 1.0;
+  for (int n = 0; n < kFaceTurns && std::abs(error) > kTip; ++n) {
+    const double next = at + std::clamp(error / slope, -kTipStep, kTipStep);
+    tipAbout(s, next, c, e);
+    agree(s, false, limit, c, e);
+    turnSlip(s, c, e);
+    const double left = tippingError(s, limit, c, e), way = next - at;
+    slope = std::max((error - left) / way, kTip);
+    at = next;
+    error = left;
+  }
+}
+
 // What has been tried at this decision: slip that went astray was stopped, points were jammed, all.
 enum class Tried { kNothing, kStop, kJam, kJamAll };
 
@@ -236,15 +295,12 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
   }
   for (const std::size_t i : Slots(e.active())) {
     Slot& slot = c.slots[i];
-    slot.armed = e.contacts[i].tangential.norm() > kRest * s.slip_threshold;
+    slot.armed = slipSpeed(e, i) > kRest * s.slip_threshold;
     slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
   }
   double limit = 0.0;
-  for (int pass = 0; pass < kPasses; ++pass) {
-    c.slope = contactForces(s, c.slots, Level::kEvents, e);
-    if (pass == 0) limit = setHysteresis(s, c, e);
-    if (!changeWorst(s, limit, pass < kPasses / 2, c, e)) break;
-  }
+  agree(s, true, limit, c, e);
+  if (c.face.on) settleFace(s, limit, c, e);
   turnSlip(s, c, e);
   if (!s.rigid && e.loads < kWedgeLoads && slipsAstray(s, limit, c, e)) {
     e.loads = kWedgeLoads;
@@ -279,6 +335,7 @@ void setMode(std::size_t i, Mode mode, Context& c, Evaluation& e) {
 }
 
 void findModes(const System& s, bool initial, Context& c, Evaluation& e) {
+  dropFace(c, e);
   for (std::size_t i = 0; i < kSlots; ++i) setMode(i, Mode::kApart, c, e);
   if (s.admitted) {
     evaluatePresent(s, c, e);
@@ -296,7 +353,8 @@ void findModes(const System& s, bool initial, Context& c, Evaluation& e) {
       if (!initial && s.rigid) keepDepth(i, 0.0, c, e);
       closing = closing || rate < 0.0;
     }
-    if (s.rigid && (initial || closing)) impact(s, c, e);
+    beginFace(s, c, e);
+    if (s.rigid && (initial || closing)) faceImpact(s, c, e);
   }
   decide(s, c, e);
 }
@@ -305,6 +363,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
   const double before = s.rigid ? energyOf(s, c) : 0.0;
   bool closed = false, lost = false;
   double handed = 0.0;  // gap of a contact that was lost
+  closed = updateFace(s, c, e);
   for (const std::size_t i : Slots(e.closed)) {
     const ContactKinematics& at = e.contacts[i];
     if (!e.valid(i) || at.gap >= s.leave_gap) {
@@ -329,7 +388,8 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
       closed = true;
     }
   }
-  if (closed && s.rigid) impact(s, c, e);
+  if (beginFace(s, c, e)) closed = true;
+  if (closed && s.rigid) faceImpact(s, c, e);
   decide(s, c, e);
   if (s.rigid && e.closed &&
       energyOf(s, c) > before + kLift * freeAcceleration(s, e) * s.scenario.mechanism.peg.mass) {
@@ -358,7 +418,7 @@ void updateSlots(const System& s, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(e.closed)) {
     Slot& slot = c.slots[i];
     if (slot.mode == Mode::kSlip && s.discrete_friction &&
-        e.contacts[i].tangential.norm() > 2.0 * s.slip_threshold) {
+        slipSpeed(e, i) > 2.0 * s.slip_threshold) {
       slot.armed = true;
     }
     if (slot.mode == Mode::kIdle && e.valid(i) && e.contacts[i].gap >= s.leave_gap) {
@@ -367,12 +427,14 @@ void updateSlots(const System& s, Context& c, Evaluation& e) {
   }
 }
 
-double slipAhead(const System& s, const Slot& slot, const ContactKinematics& at) {
+double slipAhead(const System& s, const Slot& slot, const ContactKinematics& at, bool of_face) {
   const double against = -at.tangential.dot(slot.slip_direction);
-  if (s.rigid) return s.slip_threshold + against;
+  // the points of a face rest while the fastest is that slow
+  const double rest = of_face ? 2.0 * s.slip_threshold : s.slip_threshold;
+  if (s.rigid) return rest + against;
   if (s.scenario.mechanism.friction.sliding_coefficient == 0.0) return HUGE_VAL;
   const double speed = at.tangential.norm();
-  return std::max(s.slip_threshold - speed, against - kAhead * speed);
+  return std::max(rest - speed, against - kAhead * speed);
 }
 
 }  // namespace assembly_cell

@@ -5,6 +5,7 @@
 
 #include "assembly_cell/base/roots.h"
 #include "contact_tolerances.h"
+#include "face.h"
 
 namespace assembly_cell {
 namespace {
@@ -14,7 +15,9 @@ using Vec3 = Eigen::Vector3d;
 // Below this tilt a rigid peg's lowest point has no speed: it would run round the edge in no time.
 // Half and twice: 13 and 15 of 400 random scenes end elsewhere, effort within 2 %.
 constexpr double kFlat = 1e-5;  // [rad]
-constexpr int kShares = 2;      // rounds of sharing among more than two sticking points
+// Part of the load that a point of a face counts with at least: over the rounding of forces.
+constexpr double kLeastShare = 1e-12;
+constexpr int kShares = 2;  // rounds of sharing among more than two sticking points
 
 // accelerations of the active contacts without forces; false where there is none
 bool prepare(const System& s, Evaluation& e) {
@@ -30,10 +33,11 @@ bool prepare(const System& s, Evaluation& e) {
     at.rates = {};
     if (s.scenario.thesis.no_centripetal) continue;
     at.acceleration += k.omega.cross(k.omega.cross(at.r));
-    // a rigid flat peg's lowest point has no way along the edge
+    // a rigid flat peg's lowest point has no way along the edge, those of a face have none
     const bool flat = s.rigid && e.point(i).feature == ContactFeature::kEdgePlane &&
-                      k.a(1) * k.a(1) + k.a(2) * k.a(2) < kFlat * kFlat;
-    if (!flat) at.rates = contactRates(e.edge, e.point(i), at.velocity, k.omega);
+                      k.a(1) * k.a(1) + k.a(2) * k.a(2) < kFlat * kFlat && !hasGround(s, e.edge);
+    if (!flat && !(e.material >> i & 1u))
+      at.rates = contactRates(e.edge, e.point(i), at.velocity, k.omega);
   }
   return e.active() != 0;
 }
@@ -87,6 +91,41 @@ void findDemand(const System& s, const Body& body, const Constraints& rows, std:
               pull_back * at.gap;
 }
 
+// Sticking points of a face: friction that is undetermined goes by the load, with which it is as
+// far inside the cones as it can be: all points of a face that is pushed begin to slip at once.
+void shareFaceFriction(ContactSlotMask points, Evaluation& e) {
+  const auto planar = [](const Vec3& v) { return v.tail<2>(); };
+  const auto moment = [](const Eigen::Vector2d& arm, const Eigen::Vector2d& force) {
+    return arm(0) * force(1) - arm(1) * force(0);
+  };
+  std::array<double, kSlots> share{};
+  double load = 0.0, turning = 0.0, inertia = 0.0;
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero(), total = Eigen::Vector2d::Zero();
+  for (const std::size_t i : Slots(points)) load += std::abs(e.contacts[i].normal_force);
+  const double least = kLeastShare * load;
+  if (!(least > 0.0)) return;
+  load = 0.0;
+  for (const std::size_t i : Slots(points)) {
+    const ContactKinematics& at = e.contacts[i];
+    share[i] = std::max(at.normal_force, least);
+    load += share[i];
+    middle += share[i] * planar(at.r);
+    total += planar(at.force);
+  }
+  middle /= load;
+  for (const std::size_t i : Slots(points)) {
+    const Eigen::Vector2d arm = planar(e.contacts[i].r) - middle;
+    turning += moment(arm, planar(e.contacts[i].force));
+    inertia += share[i] * arm.squaredNorm();
+  }
+  const double turn = inertia > 0.0 ? turning / inertia : 0.0;
+  for (const std::size_t i : Slots(points)) {
+    const Eigen::Vector2d arm = planar(e.contacts[i].r) - middle;
+    e.contacts[i].force.tail<2>() =
+        share[i] * (total / load + turn * Eigen::Vector2d(-arm(1), arm(0)));
+  }
+}
+
 void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
   const Body body = bodyOf(s, e.k);
   Constraints constraints;
@@ -108,9 +147,13 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
   if (level == Level::kForces) return;
   if (!s.rigid && !free && slips(slots)) e.wedge_margin = wedgeMargin(body, constraints);
 
+  if (const ContactSlotMask face = sticking & e.material; face & (face - 1)) {
+    shareFaceFriction(face, e);
+  }
   // sticking points: the force along their connections moves nothing; any value inside all cones
   // will do, the best one is looked for where the even one is outside
-  if ((sticking & (sticking - 1)) && !insideCones(s, e, sticking, 0.0)) {
+  if ((sticking & (sticking - 1)) && (sticking & ~e.material) &&
+      !insideCones(s, e, sticking, 0.0)) {
     shareInternalForces(s, sticking, e.loads, e);
   }
   for (const std::size_t i : Slots(idle)) findDemand(s, body, constraints, i, e);

@@ -54,10 +54,21 @@ struct Slot {
 };
 using SlotArray = std::array<Slot, kSlots>;
 
-/// Event functions: kEventKinds a slot, and how far friction is from a wedge. Below zero a mode
-/// must change.
+/// Event functions: kEventKinds a slot, how far friction is from a wedge, and how far a face is
+/// from lying down or leaving. Below zero a mode must change.
 constexpr std::size_t kEventKinds = 3;
-using Events = std::array<double, kEventKinds * kSlots + 1>;
+using Events = std::array<double, kEventKinds * kSlots + 2>;
+
+/// The peg's face lies on plane or floor: it is carried at three points of its edge (face.h), in
+/// the slots of edge and upper rim and of edge and plane. None of these has another point then.
+struct Face {
+  bool on = false;
+  double height = 0.0;           ///< of plane or floor [m]
+  std::array<double, 3> t = {};  ///< the points' places on the edge
+  double across = 0.0;           ///< before: the place across from the one on the ground
+};
+constexpr ContactSlotMask kFaceSlots = 7u;
+static_assert((kEdgePlaneSlots | (kEdgeEdgeSlots & kFaceSlots)) == kFaceSlots);
 
 /// Where a run is: everything that the next step starts from and takes as frozen.
 struct Context {
@@ -69,6 +80,7 @@ struct Context {
   bool stale = true;  ///< after a command: slope and the last evaluation are not of the present
   Commands commands;
   SlotArray slots;
+  Face face;
   double pull = 0.0, approach = 0.0;  ///< hysteresis of forces [N] and accelerations [m/s²]
   Events events;                      ///< at the start of the step
   double edge_speed = 0.0;            ///< of the edge's fastest point there, a bound [m/s]
@@ -110,6 +122,7 @@ struct Evaluation {
   FreeMotion motion;
   Vector9 free = Vector9::Zero();  ///< v' without contacts
   Eigen::Vector3d euler_rates = Eigen::Vector3d::Zero();
+  ContactSlotMask material = 0;     ///< slots whose points are fixed to the peg: of its face
   ContactSlotMask closed = 0;       ///< slots that are not apart: searched in every evaluation
   ContactSet closed_set, open_set;  ///< their points, and the others'
   std::array<ContactKinematics, kSlots> contacts;

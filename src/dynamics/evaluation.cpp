@@ -16,6 +16,28 @@ constexpr double kDeepest = 0.1;
 // twice: 10 and 2 of 400 random scenes end elsewhere, by less than 1 um.
 constexpr double kSpare = 1.5;
 
+// the points of the peg's face, in the slots of `mask`; returns these
+ContactSlotMask locateFace(const Face& face, const EdgeCircle& edge, ContactSlotMask mask,
+                           ContactSet& set) {
+  mask &= kFaceSlots;
+  for (const std::size_t i : Slots(mask)) {
+    ContactPoint& point = set.slots[i];
+    point.valid = true;
+    point.feature = ContactFeature::kEdgePlane;
+    point.t = face.t[i];
+    point.cos_t = std::cos(point.t);
+    point.sin_t = std::sin(point.t);
+    point.p = edge.center + edge.radius * (point.cos_t * edge.axis0 + point.sin_t * edge.axis1);
+    point.dp = edge.radius * (point.cos_t * edge.axis1 - point.sin_t * edge.axis0);
+    point.rim = {face.height, point.p(1), point.p(2)};
+    point.tangent.setZero();
+    point.cross_norm = point.curvature = 0.0;
+    point.normal = Eigen::Vector3d::UnitX();
+    point.gap = point.p(0) - face.height;
+  }
+  return mask;
+}
+
 }  // namespace
 
 void evaluateFree(const System& s, const Commands& commands, double t, const State& state,
@@ -42,7 +64,9 @@ void locate(const System& s, const Context& c, ContactSlotMask mask, Evaluation&
     set.slots[i].valid = false;
     if (&set == &e.open_set && (e.active() >> i & 1u)) set.slots[i] = e.closed_set.slots[i];
   }
-  findContacts(e.edge, s.shapes, mask, set);
+  e.material = c.face.on ? kFaceSlots : 0;
+  findContacts(e.edge, s.shapes, mask & ~e.material, set);
+  if (c.face.on) set.valid |= locateFace(c.face, e.edge, mask, set);
   ContactSlotMask found = set.valid & mask;
   for (const std::size_t i : Slots(found)) {
     const ContactPoint& point = set.slots[i];
@@ -84,7 +108,7 @@ Vector9 evaluate(const System& s, const Context& c, double t, const State& state
   if (level != Level::kForces && open) {
     e.speed = edgeSpeed(s, e.k);
     e.moved = kSpare * (t - c.time) * std::max(c.edge_speed, e.speed);
-    search = e.moved >= c.clearance;
+    search = e.moved >= c.clearance || c.face.on;
     if (!search) e.open_set.valid = 0;
   }
   e.clear = !search && !e.closed;

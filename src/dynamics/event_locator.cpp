@@ -7,6 +7,7 @@
 #include "contact_modes.h"
 #include "contact_solver.h"
 #include "contact_tolerances.h"
+#include "face.h"
 
 namespace assembly_cell {
 namespace {
@@ -24,6 +25,17 @@ constexpr double kJump = 1e-3;
 // Longer steps are looked at in their middle, too: a contact is shaken loose and caught within a
 // part of a turn of the exciter. Half: no result changes; twice: one jammed run of six does.
 constexpr double kBlindPhase = 0.3;  // [rad]
+
+// Slip along that at the step's start; of a face that of the point that goes on fastest.
+double onwards(const Context& c, const Evaluation& e, std::size_t i) {
+  double fastest = e.contacts[i].tangential.dot(c.slots[i].slip_start);
+  if (!(e.material >> i & 1u)) return fastest;
+  for (const std::size_t j : Slots(e.active() & e.material)) {
+    if (!c.slots[j].armed || c.slots[j].mode != Mode::kSlip) continue;
+    fastest = std::max(fastest, e.contacts[j].tangential.dot(c.slots[j].slip_start));
+  }
+  return fastest;
+}
 
 // gap, normal force, friction of a closed contact
 void slotEvents(const System& s, const Context& c, const Evaluation& e, std::size_t i,
@@ -55,9 +67,9 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
   if (slot.mode == Mode::kStick) {
     value[2] = c.pull - coneExcess(s, e, i);
   } else if (slot.armed) {
-    value[2] = at.tangential.dot(slot.slip_start) - s.slip_threshold;
+    value[2] = onwards(c, e, i) - s.slip_threshold;
   } else {
-    value[2] = slipAhead(s, slot, at);
+    value[2] = slipAhead(s, slot, at, e.material >> i & 1u);
   }
 }
 
@@ -109,7 +121,8 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e) {
       slotEvents(s, c, e, i, value);
     }
   }
-  events.back() = e.wedge_margin - kWedged;
+  events[kEventKinds * kSlots] = e.wedge_margin - kWedged;
+  events.back() = faceEvent(s, c, e);
   return events;
 }
 
@@ -119,6 +132,7 @@ void beginStep(const System& s, Context& c, const Evaluation& e) {
     const double speed = e.contacts[i].tangential.norm();
     if (speed > 0.0) c.slots[i].slip_start = e.contacts[i].tangential / speed;
   }
+  beginFaceStep(c, e);
   c.edge_speed = edgeSpeed(s, e.k);
   c.clearance = contactClearance(e.edge, s.shapes);
   c.events = eventValues(s, c, e);

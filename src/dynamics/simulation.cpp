@@ -13,6 +13,7 @@
 #include "contact_tolerances.h"
 #include "context.h"
 #include "event_locator.h"
+#include "face.h"
 #include "impact.h"
 #include "integrator.h"
 
@@ -23,6 +24,8 @@ namespace {
 // and twice: 19 and 21 of 400 random scenes end elsewhere, effort within 1 %; Chapter 8 moves by 2
 // nm.
 constexpr double kShortest = 2e-6;  // [s]
+// So is one that comes down flat where its face can lie, as the last resort.
+constexpr double kShortestOnGround = 1e-12;  // [s]
 // No result changes at half or twice of these.
 constexpr double kStepFloor =
     1e-13;                          // error control below this gives up: a tenth of kEventTime [s]
@@ -36,7 +39,7 @@ using Vec3 = Eigen::Vector3d;
 // a contact that `features` excludes ends the run
 StopReason excludedContact(const System& s, const Evaluation& e) {
   if (e.closed_set.top_reached || e.open_set.top_reached) return StopReason::kPegTop;
-  const ContactSlotMask found = e.closed & s.excluded;
+  const ContactSlotMask found = e.closed & s.excluded & ~e.material;
   if (!found) return StopReason::kOk;
   static constexpr StopReason kReasons[] = {StopReason::kEdgeEdge, StopReason::kEdgePlane,
                                             StopReason::kEdgeWall, StopReason::kRimSide,
@@ -131,8 +134,9 @@ void Simulation::Run::refuse(const Trial& trial) {
   ++context.counts.rejected;
   const bool finite = trial.finite();
   const double shorter = trial.h * Integrator::shrinkBy(system, trial);
-  if (!system.fixed_step && shorter < kShortest && finite && system.rigid && isFlat(now) &&
-      context.time >= context.chatter_until) {
+  const double shortest = hasGround(system, now.edge) ? kShortestOnGround : kShortest;
+  if (!system.fixed_step && shorter < shortest && finite && system.rigid && isFlat(now) &&
+      !context.face.on && context.time >= context.chatter_until) {
     // the lowest point of a flat peg changes at once: step over that
     beginChatter(context.time, context);
   } else if (system.rigid && finite && shorter < kStepFloor && slips(context.slots)) {
@@ -318,7 +322,8 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
   std::array<ContactReport, kSlots> report;
   for (std::size_t i = 0; i < kSlots; ++i) {
     ContactReport& r = report[i];
-    r.feature = static_cast<ContactReport::Feature>(featureOfSlot(static_cast<int>(i)));
+    r.feature = static_cast<ContactReport::Feature>(
+        e.material >> i & 1u ? ContactFeature::kEdgePlane : featureOfSlot(static_cast<int>(i)));
     r.valid = (s.admitted & e.valid()) >> i & 1u;
     if (!r.valid) continue;
     const ContactKinematics& at = e.contacts[i];

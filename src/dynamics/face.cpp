@@ -1,0 +1,326 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "face.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "contact_modes.h"
+#include "contact_solver.h"
+#include "contact_tolerances.h"
+#include "impact.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec3 = Eigen::Vector3d;
+
+// A face lies where its highest point is no farther over the plane: half of the tolerance, and at
+// most half of what a closed contact may be, so that nobody can tell.
+constexpr double kLies = 0.5, kMostLies = 5e-10;  // of the tolerance; [m]
+// It has left so many times higher: between the two nothing changes.
+constexpr double kLeft = 4.0;
+// A peg that leans more is none that may lie: the band of chatter.h.
+constexpr double kNearlyLevel = 1e-3;  // [rad]
+// The edge is so far off the hole: twice the reach of its contacts, and a little.
+constexpr double kOffTheHole = 5e-5;  // [m]
+// A pressure farther out, in radii, is one about which the peg tips; over the rounding of forces.
+constexpr double kInside = 1.0 - 1e-9;
+// Three points whose middle is the centre of pressure come together at the edge: up to here.
+constexpr double kSpread = 0.9;
+constexpr int kStrikes = 8;  // points of one impact that may come down one after the other
+// A face that would rise by less than this part of what may lie is put to rest: the end of a peg
+// that rocks, whose impacts else go on down to the rounding of a gap.
+constexpr double kLastRise = 1e-2;
+constexpr double kTurn = 2.0 * M_PI / 3.0;  // between points
+
+double lies(const System& s) {
+  return s.fixed_step ? kMostLies : std::min(kMostLies, kLies * s.scenario.solver.tolerance);
+}
+
+// a quantity of the face's edge: its value at the place t is middle + cosine cos t + sine sin t
+struct Round {
+  double middle, cosine, sine;
+  double at(double t) const { return middle + cosine * std::cos(t) + sine * std::sin(t); }
+  double swing() const { return std::hypot(cosine, sine); }
+  double least() const { return middle - swing(); }
+  double leastAt() const { return std::atan2(-sine, -cosine); }
+};
+
+// height over the ground
+Round heights(const Context& c, const EdgeCircle& edge) {
+  return {edge.center(0) - c.face.height, edge.radius * edge.axis0(0), edge.radius * edge.axis1(0)};
+}
+
+// speed and acceleration upwards of the material points, forces included; as the law damps it
+Round speeds(const Evaluation& e) {
+  const EdgeCircle& edge = e.edge;
+  const Vec3 middle = e.k.v + e.k.omega.cross(Vec3(edge.center - e.k.x));
+  return {middle(0), edge.radius * e.k.omega.cross(edge.axis0)(0),
+          edge.radius * e.k.omega.cross(edge.axis1)(0)};
+}
+Round demands(const System& s, const Context& c, const Evaluation& e) {
+  const ContactParameters& law = s.scenario.contact;
+  const Vec3 angular = e.k.Re * c.slope.segment<3>(3) + e.k.Re_rate * e.euler_rates;
+  const auto turned = [&](const Vec3& r) {
+    return (angular.cross(r) + e.k.omega.cross(e.k.omega.cross(r)))(0);
+  };
+  const EdgeCircle& edge = e.edge;
+  Round found{c.slope(0) + turned(edge.center - e.k.x), edge.radius * turned(edge.axis0),
+              edge.radius * turned(edge.axis1)};
+  if (s.rigid) return found;
+  const auto add = [&found](double factor, const Round& by) {
+    found.middle += factor * by.middle;
+    found.cosine += factor * by.cosine;
+    found.sine += factor * by.sine;
+  };
+  add(law.rate, speeds(e));
+  add(law.pull_back, heights(c, e.edge));
+  return found;
+}
+
+double groundUnder(const System& s, const EdgeCircle& edge) {
+  const double depth = s.shapes.hole_depth;
+  return edge.center(0) < -0.5 * depth ? -depth : 0.0;
+}
+
+// how far the edge is from where the hole takes its ground away; the floor has all of it
+double groundLeft(const System& s, const EdgeCircle& edge) {
+  if (groundUnder(s, edge) < 0.0) return HUGE_VAL;
+  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width;
+  return std::hypot(edge.center(1), edge.center(2)) - edge.radius - rim - kOffTheHole;
+}
+
+// the closed point that is deepest; 0 where none is closed
+double deepestPoint(const Evaluation& e) {
+  double deepest = 0.0;
+  for (const std::size_t i : Slots(e.active() & kFaceSlots)) {
+    deepest = std::min(deepest, e.point(i).gap);
+  }
+  return deepest;
+}
+
+void openPoints(ContactSlotMask points, Context& c, Evaluation& e) {
+  for (const std::size_t i : Slots(points)) {
+    setMode(i, Mode::kApart, c, e);
+    c.slots[i] = {};
+  }
+}
+
+// contact points of these slots, found anew while they are open; closed
+void closePoints(const System& s, ContactSlotMask points, Context& c, Evaluation& e) {
+  openPoints(points, c, e);
+  locate(s, c, s.admitted & ~e.closed, e, e.open_set);
+  for (const std::size_t i : Slots(points)) {
+    setMode(i, Mode::kIdle, c, e);
+    if (s.rigid) keepDepth(i, 0.0, c, e);
+  }
+}
+
+void setPoints(const System& s, const std::array<double, 3>& t, Context& c, Evaluation& e) {
+  c.face.t = t;
+  closePoints(s, kFaceSlots, c, e);
+}
+
+// new points that go on as those do that carry the face
+void movePoints(const System& s, const std::array<double, 3>& t, Context& c, Evaluation& e) {
+  Slot as;
+  double most = -HUGE_VAL;
+  for (const std::size_t i : Slots(e.active() & kFaceSlots)) {
+    if (c.slots[i].mode == Mode::kIdle || !(e.contacts[i].normal_force > most)) continue;
+    most = e.contacts[i].normal_force;
+    as = c.slots[i];
+  }
+  setPoints(s, t, c, e);
+  if (as.mode == Mode::kApart) return;
+  for (const std::size_t i : Slots(kFaceSlots)) {
+    c.slots[i].mode = as.mode;
+    c.slots[i].armed = as.armed;
+    c.slots[i].slip_direction = as.slip_direction;
+  }
+}
+
+// back to the lowest point of the edge
+void endFace(const System& s, Context& c, Evaluation& e) {
+  const bool touched = (e.active() & kFaceSlots) != 0;
+  dropFace(c, e);
+  locate(s, c, s.admitted & ~e.closed, e, e.open_set);
+  for (const std::size_t i : Slots(e.open_set.valid & kEdgePlaneSlots)) {
+    if (!touched || e.contacts[i].gap > s.leave_gap) continue;
+    setMode(i, Mode::kIdle, c, e);
+    if (s.rigid) keepDepth(i, 0.0, c, e);
+  }
+}
+
+// a slot whose point carries nothing; kSlots where all do
+std::size_t sparePoint(const Context& c, const Evaluation& e) {
+  std::size_t spare = kSlots;
+  for (const std::size_t i : Slots(kFaceSlots)) {
+    if (c.slots[i].mode == Mode::kApart) return i;
+    if (c.slots[i].mode == Mode::kIdle || e.contacts[i].force.isZero()) spare = i;
+  }
+  return spare;
+}
+
+// What is left of rocking would not lift the face: all of it is stopped, without friction.
+bool putToRest(const System& s, Context& c, Evaluation& e) {
+  const Round height = heights(c, e.edge), speed = speeds(e);
+  if (height.middle + height.swing() > lies(s)) return false;
+  const double fastest = std::abs(speed.middle) + speed.swing();
+  if (fastest * fastest > 2.0 * kLastRise * lies(s) * freeAcceleration(s, e)) return false;
+  closePoints(s, kFaceSlots & ~e.active(), c, e);
+  Constraints rows;
+  for (const std::size_t i : Slots(kFaceSlots)) {
+    const Vec3& normal = e.point(i).normal;
+    rows.add(i, e.contacts[i].r, normal).change = -e.contacts[i].gap_rate * normal;
+  }
+  solveConstraints(bodyOf(s, e.k), rows);
+  applyImpulse(s, rows.total(), c, e);
+  return true;
+}
+
+}  // namespace
+
+bool hasGround(const System& s, const EdgeCircle& edge) {
+  if (!s.discrete_friction || s.excluded & kEdgePlaneSlots) return false;
+  const double tilt2 = edge.axis0(0) * edge.axis0(0) + edge.axis1(0) * edge.axis1(0);
+  return tilt2 < kNearlyLevel * kNearlyLevel && groundLeft(s, edge) > 0.0;
+}
+
+void beginFaceStep(Context& c, const Evaluation& e) {
+  for (const std::size_t i : Slots(e.active() & kEdgePlaneSlots)) {
+    c.face.across = e.point(i).t + M_PI;
+  }
+}
+
+double faceEvent(const System& s, const Context& c, const Evaluation& e) {
+  const Round height = heights(c, e.edge);
+  if (!c.face.on) {
+    // the point across from the one that carried at the step's start: it stays down once it is
+    if (!(e.active() & kEdgePlaneSlots) || !hasGround(s, e.edge)) return HUGE_VAL;
+    const double ground = groundUnder(s, e.edge);
+    return e.edge.center(0) - ground + height.cosine * std::cos(c.face.across) +
+           height.sine * std::sin(c.face.across) - lies(s);
+  }
+  const double leaves = kLeft * lies(s) - height.middle - height.swing();
+  const double ground = groundLeft(s, e.edge);
+  const bool all = (e.active() & kFaceSlots) == kFaceSlots;
+  const double beside = all ? HUGE_VAL : height.least() - deepestPoint(e) + lies(s);
+  return std::min({leaves, ground, beside});
+}
+
+void dropFace(Context& c, Evaluation& e) {
+  if (!c.face.on) return;
+  openPoints(kFaceSlots, c, e);
+  c.face.on = false;
+  e.material = 0;
+  e.open_set.valid &= ~kFaceSlots;
+  e.closed_set.valid &= ~kFaceSlots;
+}
+
+bool beginFace(const System& s, Context& c, Evaluation& e) {
+  if (c.face.on || !(e.active() & kEdgePlaneSlots) || !hasGround(s, e.edge)) return false;
+  c.face.height = groundUnder(s, e.edge);
+  const Round height = heights(c, e.edge);
+  if (height.middle + height.swing() > 1.5 * lies(s)) return false;
+  const double lowest = e.point(*Slots(kEdgePlaneSlots)).t;
+  openPoints(kFaceSlots, c, e);
+  c.face.on = true;
+  // the point that has carried, the one that comes down fastest, and one beside both
+  double fastest = std::remainder(speeds(e).leastAt() - lowest, 2.0 * M_PI);
+  if (!(std::abs(fastest) > 0.5 * kTurn)) fastest = kTurn;
+  setPoints(s, {lowest + 0.5 * fastest + M_PI, lowest, lowest + fastest}, c, e);
+  return true;
+}
+
+bool updateFace(const System& s, Context& c, Evaluation& e) {
+  if (!c.face.on) return false;
+  const Round height = heights(c, e.edge);
+  if (height.middle + height.swing() > 0.9 * kLeft * lies(s) || !(groundLeft(s, e.edge) > 1e-12)) {
+    endFace(s, c, e);
+  } else if ((e.active() & kFaceSlots) != kFaceSlots &&
+             height.least() < deepestPoint(e) - 0.9 * lies(s)) {
+    const std::size_t i = sparePoint(c, e);
+    if (i == kSlots) return false;
+    c.face.t[i] = height.leastAt();
+    closePoints(s, 1u << i, c, e);
+  } else {
+    return false;
+  }
+  for (const std::size_t i : Slots(e.active() & kFaceSlots)) {
+    if (e.contacts[i].gap_rate < -kSettledSpeed) return true;
+  }
+  return false;
+}
+
+void faceImpact(const System& s, Context& c, Evaluation& e) {
+  for (int n = 0; n < kStrikes; ++n) {
+    if (c.face.on && putToRest(s, c, e)) return;
+    impact(s, c, e);
+    if (!c.face.on) return;
+    const Round speed = speeds(e);
+    const std::size_t i = sparePoint(c, e);
+    if (speed.least() >= -kSettledSpeed || i == kSlots) return;
+    c.face.t[i] = speed.leastAt();
+    closePoints(s, 1u << i, c, e);
+  }
+}
+
+bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
+  if (!c.face.on || (e.active() & kFaceSlots) != kFaceSlots) return false;
+  const SlotArray decided = c.slots;
+  bool idle = false;
+  std::size_t going = kSlots;
+  for (const std::size_t i : Slots(kFaceSlots)) {
+    Slot& slot = c.slots[i];
+    const bool pulled = e.contacts[i].normal_force < -limit * s.scenario.mechanism.peg.mass;
+    idle = idle || pulled || slot.mode == Mode::kIdle;
+    if (slot.mode != Mode::kIdle) going = i;
+  }
+  if (!idle) return false;
+  for (const std::size_t i : Slots(kFaceSlots)) {
+    Slot& slot = c.slots[i];
+    if (slot.mode != Mode::kIdle) continue;
+    slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
+    if (going < kSlots && !slot.armed) slot = c.slots[going];
+  }
+  contactForces(s, c.slots, Level::kForces, e);
+  double load = 0.0;
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  for (const std::size_t i : Slots(kFaceSlots)) {
+    const double N = e.contacts[i].normal_force;
+    load += N;
+    middle += N * Eigen::Vector2d(std::cos(c.face.t[i]), std::sin(c.face.t[i]));
+  }
+  if (!(load > limit * s.scenario.mechanism.peg.mass)) {
+    // it is lifted
+    c.slots = decided;
+    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    return false;
+  }
+  const double out = middle.norm() / load;
+  const double towards = std::atan2(middle(1), middle(0));
+  if (out < kInside) {
+    // their middle is the centre of pressure: each carries a third
+    const double aside = std::acos(0.5 * (3.0 * std::min(out, kSpread) - 1.0));
+    movePoints(s, {towards, towards + aside, towards - aside}, c, e);
+  } else {
+    tipAbout(s, towards, c, e);
+  }
+  return true;
+}
+
+void tipAbout(const System& s, double t, Context& c, Evaluation& e) {
+  movePoints(s, {t, t + kTurn, t - kTurn}, c, e);
+}
+
+double tippingError(const System& s, double limit, const Context& c, const Evaluation& e) {
+  if (!c.face.on || !(e.active() & 1u) || c.slots[0].mode == Mode::kIdle) return 0.0;
+  for (const std::size_t i : Slots(e.active() & kFaceSlots & ~1u)) {
+    if (c.slots[i].mode != Mode::kIdle) return 0.0;
+  }
+  const Round demand = demands(s, c, e);
+  if (demand.least() > -limit) return 0.0;
+  return std::remainder(demand.leastAt() - c.face.t[0], 2.0 * M_PI);
+}
+
+}  // namespace assembly_cell
