@@ -76,6 +76,11 @@ void stickAndSlip(const Body& b, Constraint& stick, Constraint& slip) {
   stick.force = alone - N * on_stick;
 }
 
+Vec3 angularMomentum(const Body& b, const Vec3& angular) {
+  return b.inertia_transverse * angular +
+         (b.inertia_axial - b.inertia_transverse) * b.axis.dot(angular) * b.axis;
+}
+
 // two sticking points leave one freedom, the turn about the line through them
 void hinge(const Body& b, Constraint& one, Constraint& two) {
   const Vec3 apart = two.r - one.r, middle = 0.5 * (one.r + two.r);
@@ -87,10 +92,7 @@ void hinge(const Body& b, Constraint& one, Constraint& two) {
     return;
   }
   const Vec3 along = apart / std::sqrt(square);
-  const auto inertia = [&b](const Vec3& angular) -> Vec3 {
-    return b.inertia_transverse * angular +
-           (b.inertia_axial - b.inertia_transverse) * b.axis.dot(angular) * b.axis;
-  };
+  const auto inertia = [&b](const Vec3& angular) { return angularMomentum(b, angular); };
   // angular change across the line from the difference of the two points, along it from the
   // balance of moments: contact forces have none about the line
   const Vec3 across = apart.cross(two.change - one.change) / square;
@@ -103,6 +105,50 @@ void hinge(const Body& b, Constraint& one, Constraint& two) {
   const Vec3 about_one = inertia(angular) - one.r.cross(force);
   two.force = about_one.cross(apart) / square + 0.5 * along.dot(force) * along;
   one.force = force - two.force;
+}
+
+// Three sticking points hold the body: its change by least squares, then the least forces that make
+// it. False where they are on a line.
+bool held(const Body& b, Constraints& all) {
+  Vec3 middle = Vec3::Zero(), mean = Vec3::Zero(), turning = Vec3::Zero();
+  for (const Constraint& c : all) {
+    middle += c.r / 3.0;
+    mean += c.change / 3.0;
+  }
+  Mat3 spread = Mat3::Zero();
+  for (const Constraint& c : all) {
+    const Vec3 arm = c.r - middle;
+    spread += arm.squaredNorm() * Mat3::Identity() - arm * arm.transpose();
+    turning += arm.cross(c.change);
+  }
+  const double size = spread.trace();
+  if (!(spread.determinant() > kRank * size * size * size)) return false;
+  const Mat3 inverse = spread.inverse();
+  const Vec3 angular = inverse * turning;
+  const Vec3 force = b.mass * (mean - angular.cross(middle));
+  const Vec3 around = inverse * (angularMomentum(b, angular) - middle.cross(force));
+  for (Constraint& c : all) c.force = force / 3.0 + around.cross(c.r - middle);
+  return true;
+}
+
+// false where the points are redundant
+bool threeSlips(const Body& b, Constraints& all) {
+  std::array<Vec3, 3> directions;
+  Mat3 A;
+  Vec3 y;
+  for (int i = 0; i < 3; ++i) directions[i] = slipDirection(b, all.rows[i]);
+  for (int i = 0; i < 3; ++i) {
+    const Constraint& c = all.rows[i];
+    y(i) = c.normal.dot(c.change);
+    for (int j = 0; j < 3; ++j) {
+      A(i, j) = c.normal.dot(response(b, c.r, all.rows[j].r, directions[j]));
+    }
+  }
+  const double size = A.cwiseAbs().maxCoeff();
+  if (!(std::abs(A.determinant()) > kRank * size * size * size)) return false;
+  const Vec3 x = A.inverse() * y;
+  for (int i = 0; i < 3; ++i) all.rows[i].force = x(i) * directions[i];
+  return true;
 }
 
 constexpr int kMaxRows = 3 * kContactSlots;
@@ -208,6 +254,12 @@ double wedgeMargin(const Body& body, const Constraints& all) {
 
 bool solveConstraints(const Body& body, Constraints& all) {
   auto& c = all.rows;
+  if (all.face) {
+    const auto sticks = [](const Constraint& one) { return one.stick; };
+    const auto sticking = std::count_if(all.begin(), all.end(), sticks);
+    if (sticking == 3 && body.symmetric && held(body, all)) return false;
+    if (sticking == 0 && threeSlips(body, all)) return false;
+  }
   if (all.n == 1 && c[0].stick) {
     c[0].force = influence(body, c[0].r, c[0].r).inverse() * c[0].change;
   } else if (all.n == 1) {

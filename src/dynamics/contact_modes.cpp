@@ -232,16 +232,6 @@ void decideRegularised(const System& s, Context& c, Evaluation& e) {
   c.slope = e.closed ? chooseCarriers(s, c.slots, e) : e.free;
 }
 
-// of a contact; the points of a face slip or rest together
-double slipSpeed(const Evaluation& e, std::size_t i) {
-  if (!(e.material >> i & 1u)) return e.contacts[i].tangential.norm();
-  double fastest = 0.0;
-  for (const std::size_t j : Slots(e.active() & e.material)) {
-    fastest = std::max(fastest, e.contacts[j].tangential.norm());
-  }
-  return fastest;
-}
-
 // Changes modes until they agree; `first`: of a decision.
 void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
   for (int pass = 0; pass < kPasses; ++pass) {

@@ -27,6 +27,9 @@ constexpr ContactSlotMask kUndecided = ~0u;
 ContactSlotMask regularisedForces(const System& s, const SlotArray& slots, ContactSlotMask carriers,
                                   Evaluation& e);
 
+/// Of a contact's point; of those of a face, which slip or rest together, the fastest's [m/s].
+double slipSpeed(const Evaluation& e, std::size_t i);
+
 /// Some contact slides, and not only since now.
 bool slips(const SlotArray& slots);
 

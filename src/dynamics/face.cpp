@@ -173,6 +173,7 @@ bool putToRest(const System& s, Context& c, Evaluation& e) {
     const Vec3& normal = e.point(i).normal;
     rows.add(i, e.contacts[i].r, normal).change = -e.contacts[i].gap_rate * normal;
   }
+  rows.tellFace(e.material);
   solveConstraints(bodyOf(s, e.k), rows);
   applyImpulse(s, rows.total(), c, e);
   return true;

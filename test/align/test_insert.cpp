@@ -116,3 +116,29 @@ TEST(InsertionFloor, WantsADepthInTheDrawing) {
   s.mechanism.hole.depth = std::numeric_limits<double>::infinity();
   EXPECT_THROW(tryAlignment(s, s.mechanism, CellParameters{}, p), InputError);
 }
+
+// To the floor in the exact world: felt, lifted off and felt again. In the default cell the peg is
+// as long as the hole is deep; in the shallower one its side goes on over the face.
+TEST(InsertionFloor, EndsSeatedInTheExactWorld) {
+  AlignParameters p;
+  p.insert.floor = true;
+  for (const double depth : {0.06, 0.05}) {
+    for (const unsigned seed : {1u, 2u}) {
+      Scenario s = cell(1e-4);
+      s.mechanism.hole.depth = depth;
+      const double round = 2.0 * seed;
+      s = startAt(s, 0.01 * Vector2d(std::cos(round), std::sin(round)), Vector2d(0.02, -0.01),
+                  0.003);
+      CellParameters sensors;
+      sensors.seed = seed;
+      const AlignTrial trial = tryAlignment(s, s.mechanism, sensors, p);
+      const InsertResult& r = trial.result.insert;
+      EXPECT_TRUE(trial.success) << depth << " " << seed << " " << trial.result.reason;
+      EXPECT_TRUE(r.seated);
+      EXPECT_EQ(r.backed_out, 0);
+      EXPECT_NEAR(trial.depth, depth, 2e-5);
+      EXPECT_LT(r.force, 12.0);
+      EXPECT_LT(std::abs(r.end.along), 2.0);
+    }
+  }
+}

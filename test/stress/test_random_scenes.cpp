@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Random scenes by the hundred: no crash, hang, NaN or energy gain; a run ends ok or with a named
 // reason. The environment variable ASSEMBLY_CELL_STRESS_SCENES asks for more (default 250, 120 with
-// a chamfer).
+// a chamfer, 120 of a level peg).
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -26,7 +26,45 @@ void addChamfer(unsigned seed, Scenario& s) {
                                 0.5 * hole.depth * std::tan(hole.chamfer_angle));
 }
 
-void runScenes(int scenes, bool chamfered) {
+// the peg nearly level, over the plane far from the hole or over the floor, pressed and pushed
+void layDown(unsigned seed, Scenario& s) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit;
+  const auto share = [&] { return unit(random); };
+  const PegParameters& peg = s.mechanism.peg;
+  const double r = peg.radius;
+  const bool floor = share() < 0.4;
+  if (floor) {
+    s.mechanism.hole.radius = r * (1.0 + std::pow(10.0, -4.0 + 3.0 * share()));
+    s.mechanism.hole.depth =
+        std::min(std::max(s.mechanism.hole.depth, 0.3 * r), 1.8 * peg.half_height);
+  }
+  const double tilt = share() < 0.2 ? 0.0 : std::pow(10.0, -7.0 + 5.0 * share());
+  const double lean = 2 * M_PI * share(), round = 2 * M_PI * share();
+  const double away = floor ? 0.0 : 2.0 * r + s.mechanism.hole.radius * (1.0 + share());
+  const double gap = share() < 0.3 ? 0.0 : r * std::pow(10.0, -7.0 + 4.0 * share());
+  const Eigen::Vector3d axis(std::sin(tilt) * std::cos(lean), std::sin(tilt) * std::sin(lean),
+                             std::cos(tilt));
+  const Eigen::Vector3d bottom(away * std::cos(round), away * std::sin(round),
+                               r * std::sin(tilt) + gap - (floor ? s.mechanism.hole.depth : 0.0));
+  s.initial.euler = {std::atan2(axis.x(), axis.z()), std::acos(axis.y()), share()};
+  s.initial.position = bottom + peg.half_height * axis;
+  s.initial.velocity *= std::pow(10.0, -3.0 * share());
+  s.initial.euler_rates *= std::pow(10.0, -3.0 * share());
+  const Eigen::Vector3d coupling = s.initial.position + peg.coupling_height * axis;
+  s.initial.carrier_x = coupling.x();
+  s.initial.carrier_y = coupling.y();
+  s.rest.x = coupling.x() + 1e-3 * r * (share() - 0.5);
+  s.rest.y = coupling.y();
+  s.rest.z = coupling.z() - r * std::pow(10.0, -5.0 + 3.0 * share());
+  s.rest.theta = s.initial.euler.theta + 1e-2 * (share() - 0.5);
+  s.rest.phi = s.initial.euler.phi + 1e-2 * (share() - 0.5);
+  s.contact.stationary_rows = true;
+}
+
+enum class Kind { kSharp, kChamfered, kLevel };
+
+void runScenes(int scenes, Kind kind) {
   const Scenario base =
       loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
   std::map<std::string, int> reasons;
@@ -34,7 +72,8 @@ void runScenes(int scenes, bool chamfered) {
   int gain_seed = 0, slow_seed = 0;
   for (int seed = 1; seed <= scenes; ++seed) {
     stress::RandomScene random(base, static_cast<unsigned>(seed));
-    if (chamfered) addChamfer(static_cast<unsigned>(seed), random.scene);
+    if (kind == Kind::kChamfered) addChamfer(static_cast<unsigned>(seed), random.scene);
+    if (kind == Kind::kLevel) layDown(static_cast<unsigned>(seed), random.scene);
     stress::Verdict v;
     try {
       v = stress::run(random, 0.02);
@@ -64,8 +103,9 @@ int wanted(int usual) {
   return wish != nullptr ? std::max(1, std::atoi(wish)) : usual;
 }
 
-TEST(Stress, RandomScenes) { runScenes(wanted(250), false); }
-TEST(Stress, RandomScenesWithAChamfer) { runScenes(wanted(120), true); }
+TEST(Stress, RandomScenes) { runScenes(wanted(250), Kind::kSharp); }
+TEST(Stress, RandomScenesWithAChamfer) { runScenes(wanted(120), Kind::kChamfered); }
+TEST(Stress, RandomScenesOfLevelPegs) { runScenes(wanted(120), Kind::kLevel); }
 
 }  // namespace
 }  // namespace assembly_cell

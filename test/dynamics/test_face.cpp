@@ -1,0 +1,312 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// A peg whose face lies on the plane or on the floor: rest, slip, rocking, tipping, leaving,
+// against closed forms and a rocking body in extended precision of this file.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "allocations.h"
+#include "scenes.h"
+
+namespace assembly_cell {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kFloor = 0.05;  // depth of the hole [m]
+const Vector3d kOnPlane(0.09, 0.02, 0.0), kOnFloor(0.0, 0.0, -kFloor);
+
+struct Ground {
+  const char* law;
+  Vector3d place;
+};
+
+// The cell's peg without a coupling: nothing but weight and contact.
+Scenario freePeg(const std::string& law, const Vector3d& bottom, double tilt = 0.0,
+                 double lean = 0.0) {
+  Scenario s = load("cell", {"contact.law=" + law, "hole.depth=0.05"});
+  s.mechanism.coupling.stiffness = s.mechanism.coupling.damping = CouplingMatrix{};
+  place(s, bottom + Vector3d(0, 0, s.mechanism.peg.radius * std::sin(tilt)), tilt, lean);
+  return s;
+}
+
+double tiltOf(const Simulation& sim) { return sim.pegPose().R.col(2).head<2>().norm(); }
+
+class Face : public testing::TestWithParam<Ground> {};
+
+TEST_P(Face, RestsWithoutEvents) {
+  const auto& [law, at] = GetParam();
+  Simulation sim(freePeg(law, at));
+  const std::uint64_t before = test::allocationsOfThisThread();
+  EXPECT_EQ(sim.advance(3.0), StopReason::kOk);
+  EXPECT_EQ(test::allocationsOfThisThread(), before);
+  EXPECT_EQ(sim.counts().events, 0);
+  EXPECT_LT((sim.pegPose().p - at).norm(), 1e-14);
+  EXPECT_LT(tiltOf(sim), 1e-14);
+  EXPECT_EQ(closedContacts(sim), 3);
+  double load = 0.0;
+  for (const ContactReport& c : sim.contacts()) {
+    if (c.state == ContactReport::kOpen) continue;
+    EXPECT_EQ(c.feature, ContactReport::kEdgePlane);
+    EXPECT_EQ(c.state, ContactReport::kStick);
+    load += c.force.z();
+  }
+  EXPECT_NEAR(load, sim.scenario().mechanism.peg.mass * sim.scenario().mechanism.gravity, 1e-12);
+}
+
+// v0² / 2μg, then rest. The viscous law takes the last of the speed with its own rate.
+TEST_P(Face, SlidesToRest) {
+  const auto& [law, at] = GetParam();
+  if (at.z() < 0.0) return;
+  Scenario s = freePeg(law, at);
+  s.initial.velocity = {0.12, 0.16, 0.0};
+  const double braked = s.mechanism.friction.sliding_coefficient * s.mechanism.gravity;
+  Simulation sim(s);
+  sim.advance(0.05);
+  const double way = 0.2 * 0.05 - 0.5 * braked * 0.05 * 0.05;
+  EXPECT_LT((sim.pegPose().p - at - way * Vector3d(0.6, 0.8, 0)).norm(), 1e-13);
+  sim.advance(0.2);
+  const double all = 0.02 / braked;
+  EXPECT_LT((sim.pegPose().p - at - all * Vector3d(0.6, 0.8, 0)).norm(), 2e-8);
+  EXPECT_LT(kineticSpeed(sim.state()), 1e-13);
+  EXPECT_LE(sim.counts().events, 2);
+  EXPECT_LT(tiltOf(sim), 1e-14);
+}
+
+// A peg that falls flat has one impact; the viscous law lets it sink in by speed over rate.
+TEST_P(Face, FallsFlat) {
+  const auto& [law, at] = GetParam();
+  Simulation sim(freePeg(law, at + Vector3d(0, 0, 1e-3)));
+  EXPECT_EQ(sim.advance(0.3), StopReason::kOk);
+  const Scenario& s = sim.scenario();
+  const double speed = std::sqrt(2e-3 * s.mechanism.gravity);
+  const bool rigid = s.contact.law == ContactLaw::kRigid;
+  EXPECT_NEAR(sim.pegPose().p.z(), at.z() - (rigid ? 0.0 : speed / s.contact.rate), 1e-11);
+  EXPECT_LE(sim.counts().events, 2);
+  EXPECT_EQ(closedContacts(sim), 3);
+}
+
+// Pushed and turned, leaning a little, over and over: no energy comes from anywhere. (The viscous
+// law may push on points that leave; test/stress has its balance.)
+TEST_P(Face, NeverGainsEnergy) {
+  const auto& [law, at] = GetParam();
+  if (std::string(law) != "rigid") return;
+  for (int k = 0; k < 12; ++k) {
+    Scenario s = freePeg(law, at, 1e-3 / (1 + k), 0.5 * k);
+    s.initial.velocity = {0.02 * (k % 3), 0.01, 0.0};
+    s.initial.euler_rates = {0.02 * (k % 2), 0.01, 1.0 * (k % 4)};
+    if (at.z() < 0.0) s.initial.velocity *= 1e-2;
+    const double mu = 0.2 * (1 + k % 4);
+    s.mechanism.friction = {mu, mu};
+    Simulation sim(s);
+    double lowest = sim.energy();
+    // its weight over a tolerance
+    const double error = s.mechanism.peg.mass * s.mechanism.gravity * s.solver.tolerance;
+    while (sim.time() < 0.05) {
+      ASSERT_EQ(sim.advance(0.05, 1), StopReason::kOk) << k;
+      EXPECT_LT(sim.energy(), lowest + error) << k << " at " << sim.time();
+      lowest = std::min(lowest, sim.energy());
+    }
+    EXPECT_LT(sim.counts().evaluations, 400000) << k;
+  }
+}
+
+// Pulled up through the coupling it leaves once the pull is its weight, and doesn't tilt.
+TEST_P(Face, IsLiftedOff) {
+  const auto& [law, at] = GetParam();
+  Scenario s = load("cell", {std::string("contact.law=") + law, "hole.depth=0.05"});
+  place(s, at, 0.0, 0.0);
+  const double sag =
+      s.mechanism.peg.mass * s.mechanism.gravity / s.mechanism.coupling.stiffness.diagonal(0);
+  Simulation sim(s);
+  RestPose rest = sim.rest();
+  rest.z += 0.99 * sag;
+  sim.setRestTarget(rest);
+  sim.advance(1.0);
+  EXPECT_EQ(closedContacts(sim), 3);
+  EXPECT_NEAR(sim.pegPose().p.z(), at.z(), 1e-9);
+  rest.z += 0.02 * sag;
+  sim.setRestTarget(rest);
+  sim.advance(2.0);
+  EXPECT_EQ(closedContacts(sim), 0);
+  EXPECT_NEAR(sim.pegPose().p.z() - at.z(), 0.01 * sag, 1e-4 * sag);
+  EXPECT_LT(tiltOf(sim), 1e-9);
+  EXPECT_LT(sim.counts().events, 30);
+}
+
+INSTANTIATE_TEST_SUITE_P(Laws, Face,
+                         testing::Values(Ground{"rigid", kOnPlane}, Ground{"rigid", kOnFloor},
+                                         Ground{"viscous", kOnPlane}, Ground{"viscous", kOnFloor}),
+                         [](const auto& test) {
+                           return std::string(test.param.law) +
+                                  (test.param.place.z() < 0.0 ? "_floor" : "_plane");
+                         });
+
+// A plane body that rocks about one end of its base and the other, without slip: the angular
+// momentum about the new end stays. Extended precision; Runge–Kutta between impacts.
+class Rocking {
+ public:
+  Rocking(const PegParameters& peg, double gravity, double tilt)
+      : r_(peg.radius),
+        h_(peg.half_height),
+        about_end_(peg.inertia_transverse + peg.mass * (r_ * r_ + h_ * h_)),
+        pull_(peg.mass * gravity / about_end_),
+        kept_((peg.inertia_transverse + peg.mass * (h_ * h_ - r_ * r_)) / about_end_),
+        tilt_(tilt) {}
+
+  void advance(long double t_end) {
+    constexpr long double kStep = 1e-6L;
+    while (t_ < t_end && !lies_) {
+      const long double h = std::min(kStep, t_end - t_);
+      long double tilt = tilt_, rate = rate_;
+      step(h, tilt, rate);
+      if (tilt >= 0.0L) {
+        t_ += h;
+        tilt_ = tilt;
+        rate_ = rate;
+        continue;
+      }
+      strike(h);
+    }
+    t_ = std::max(t_, t_end);
+  }
+  // of the centre of mass: towards the first lean, up
+  std::array<long double, 2> centre() const {
+    const long double out = r_ - r_ * std::cos(tilt_) + h_ * std::sin(tilt_);
+    return {side_ * out, r_ * std::sin(tilt_) + h_ * std::cos(tilt_)};
+  }
+  int impacts() const { return impacts_; }
+
+ private:
+  long double acceleration(long double tilt) const {
+    return -pull_ * (r_ * std::cos(tilt) - h_ * std::sin(tilt));
+  }
+  void step(long double h, long double& tilt, long double& rate) const {
+    const long double a1 = acceleration(tilt), v2 = rate + h / 2 * a1;
+    const long double a2 = acceleration(tilt + h / 2 * rate), v3 = rate + h / 2 * a2;
+    const long double a3 = acceleration(tilt + h / 2 * v2), v4 = rate + h * a3;
+    const long double a4 = acceleration(tilt + h * v3);
+    tilt += h / 6 * (rate + 2 * v2 + 2 * v3 + v4);
+    rate += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
+  }
+  void strike(long double high) {
+    long double low = 0.0L, tilt = 0.0L, rate = 0.0L;
+    for (int i = 0; i < 80; ++i) {
+      const long double middle = (low + high) / 2;
+      tilt = tilt_;
+      rate = rate_;
+      step(middle, tilt, rate);
+      (tilt < 0.0L ? high : low) = middle;
+    }
+    t_ += low;
+    tilt_ = 0.0L;
+    rate_ = -kept_ * rate;
+    side_ = -side_;
+    ++impacts_;
+    lies_ = rate_ < 1e-12L;
+  }
+
+  const long double r_, h_, about_end_, pull_, kept_;
+  long double t_ = 0.0L, tilt_, rate_ = 0.0L, side_ = 1.0L;
+  int impacts_ = 0;
+  bool lies_ = false;
+};
+
+// Rocking to its end: error of the centre of mass at times before, amid and after it.
+TEST(FaceRocking, IsThatOfARockingBody) {
+  constexpr double kTilt = 2e-3;
+  for (const double lean : {0.0, 0.3, 2.5}) {
+    for (const double tolerance : {1e-9, 1e-10, 1e-11}) {
+      Scenario s = freePeg("rigid", kOnPlane, kTilt, lean);
+      s.mechanism.friction = {0.8, 0.8};
+      s.solver.tolerance = tolerance;
+      Simulation sim(s);
+      Rocking reference(s.mechanism.peg, s.mechanism.gravity, kTilt);
+      const Vector3d start = sim.pegPose().p + s.mechanism.peg.half_height * sim.pegPose().R.col(2);
+      const auto first = reference.centre();
+      const Vector3d towards(std::cos(lean), std::sin(lean), 0.0);
+      double error = 0.0, energy = sim.energy();
+      for (int i = 1; i <= 40; ++i) {
+        const double t = 1e-3 * i;
+        ASSERT_EQ(sim.advance(t), StopReason::kOk);
+        reference.advance(t);
+        const auto now = reference.centre();
+        const Vector3d wanted = start + static_cast<double>(now[0] - first[0]) * towards +
+                                Vector3d(0, 0, static_cast<double>(now[1] - first[1]));
+        const Vector3d centre =
+            sim.pegPose().p + s.mechanism.peg.half_height * sim.pegPose().R.col(2);
+        error = std::max(error, (centre - wanted).norm());
+        EXPECT_LE(sim.energy(), energy + 1e-15);
+        energy = sim.energy();
+      }
+      std::printf("lean %.1f, tolerance %.0e: error %.1e m, %lld events\n", lean, tolerance, error,
+                  static_cast<long long>(sim.counts().events));
+      EXPECT_LT(error, 2.0 * tolerance);
+      EXPECT_GT(reference.impacts(), 10);
+      EXPECT_LT(sim.counts().events, 40);
+      EXPECT_EQ(closedContacts(sim), 3);
+      EXPECT_LT(tiltOf(sim), 1e-12);
+    }
+  }
+}
+
+// A slender body rocks longer: of a hundred impacts none is left out, and it lies at the end.
+TEST(FaceRocking, OfASlenderPegEnds) {
+  Scenario s = freePeg("rigid", kOnPlane);
+  PegParameters& peg = s.mechanism.peg;
+  peg.half_height = 0.1;
+  peg.inertia_transverse = peg.mass * (peg.radius * peg.radius / 4 + 0.04 / 12);
+  place(s, kOnPlane + Vector3d(0, 0, peg.radius * std::sin(2e-3)), 2e-3, 1.0);
+  s.mechanism.friction = {0.8, 0.8};
+  Simulation sim(s);
+  Rocking reference(peg, s.mechanism.gravity, 2e-3);
+  sim.advance(0.4);
+  reference.advance(0.4L);
+  EXPECT_NEAR(sim.pegPose().p.z() + 0.1, static_cast<double>(reference.centre()[1]), 2e-9);
+  EXPECT_EQ(closedContacts(sim), 3);
+  EXPECT_LT(tiltOf(sim), 1e-12);
+  EXPECT_LT(sim.counts().events, 400);
+}
+
+// Pulled sideways at the coupling it tips about its edge once the moment is that of its weight.
+TEST(FaceTipping, BeginsWhereTheWeightIsAtTheEdge) {
+  for (const char* law : {"rigid", "viscous"}) {
+    for (const double direction : {0.0, 0.7, 4.0}) {
+      Scenario s = load("cell", {std::string("contact.law=") + law});
+      place(s, kOnPlane, 0.0, 0.0);
+      s.mechanism.coupling.stiffness = s.mechanism.coupling.damping = CouplingMatrix{};
+      s.mechanism.coupling.stiffness.diagonal << 0, 2e3, 2e3, 0, 0, 0;
+      s.mechanism.friction = {0.8, 0.8};
+      const PegParameters& peg = s.mechanism.peg;
+      const double arm = peg.half_height + peg.coupling_height;
+      const double way = peg.mass * s.mechanism.gravity * peg.radius / arm *
+                         (1 / 2e3 + 1 / s.mechanism.carrier.stiffness(0));
+      Simulation sim(s);
+      RestPose rest = sim.rest();
+      const RestPose from = rest;
+      const auto pull = [&](double share, double t) {
+        rest.x = from.x + share * way * std::cos(direction);
+        rest.y = from.y + share * way * std::sin(direction);
+        sim.setRestTarget(rest, 2e-3);
+        EXPECT_EQ(sim.advance(t), StopReason::kOk);
+      };
+      pull(0.99, 1.0);
+      EXPECT_LT(tiltOf(sim), 1e-7) << law << direction;
+      EXPECT_LT(kineticSpeed(sim.state()), 1e-6);
+      EXPECT_LE(sim.counts().events, 2);
+      pull(1.01, 1.02);
+      EXPECT_GT(tiltOf(sim), 1e-6) << law << direction;
+      // towards the pull
+      const Vector3d axis = sim.pegPose().R.col(2);
+      EXPECT_NEAR(std::remainder(std::atan2(axis.y(), axis.x()) - direction, 2 * M_PI), 0.0, 1e-3);
+      EXPECT_LT(sim.counts().events, 30) << law << direction;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace assembly_cell
