@@ -16,8 +16,8 @@ using Vec3 = Eigen::Vector3d;
 // Half and twice: 13 and 15 of 400 random scenes end elsewhere, effort within 2 %.
 constexpr double kFlat = 1e-5;  // [rad]
 // Of a face that turns, points slower than this part of its fastest have less friction: in truth
-// the load is spread around the centre of rotation. Points in a row about that would hold each
-// other.
+// the load is spread around the centre of rotation, and a point there would be held. Half and
+// twice: 16 and 22 of 181 level random scenes end elsewhere, effort +6 % and −2 %.
 constexpr double kCentre = 0.25;
 // Part of the load that a point of a face counts with at least: over the rounding of forces.
 constexpr double kLeastShare = 1e-12;

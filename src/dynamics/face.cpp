@@ -14,22 +14,29 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
+// How each was varied: in 181 level random scenes of test/stress; those with many impacts end
+// elsewhere by any change.
+
 // A face lies where its highest point is no farther over the plane: half of the tolerance, and at
-// most half of what a closed contact may be, so that nobody can tell.
+// most half of what a closed contact may be, so that nobody can tell. Half and twice: 9 and 10
+// scenes end elsewhere, effort +10 % and −2 %.
 constexpr double kLies = 0.5, kMostLies = 5e-10;  // of the tolerance; [m]
-// It has left so many times higher: between the two nothing changes.
+// It has left so many times higher: between the two nothing changes. Half and twice: 15 and 17
+// scenes, effort +5 % and +3 %.
 constexpr double kLeft = 4.0;
 // A peg that leans more is none that may lie: the band of chatter.h.
 constexpr double kNearlyLevel = 1e-3;  // [rad]
-// The edge is so far off the hole: twice the reach of its contacts, and a little.
+// The edge is so far off the hole: twice the reach of its contacts, and a little. No result changes
+// at half.
 constexpr double kOffTheHole = 5e-5;  // [m]
 // A pressure farther out, in radii, is one about which the peg tips; over the rounding of forces.
 constexpr double kInside = 1.0 - 1e-9;
-// Three points whose middle is the centre of pressure come together at the edge: up to here.
+// Three points whose middle is the centre of pressure come together at the edge: up to here. 0.8
+// and 0.95: 10 scenes each, effort within 2 %.
 constexpr double kSpread = 0.9;
 constexpr int kStrikes = 8;  // points of one impact that may come down one after the other
 // A face that would rise by less than this part of what may lie is put to rest: the end of a peg
-// that rocks, whose impacts else go on down to the rounding of a gap.
+// that rocks, whose impacts else go on down to the rounding of a gap. Half and twice: 3 scenes.
 constexpr double kLastRise = 1e-2;
 constexpr double kTurn = 2.0 * M_PI / 3.0;  // between points
 
@@ -40,7 +47,6 @@ double lies(const System& s) {
 // a quantity of the face's edge: its value at the place t is middle + cosine cos t + sine sin t
 struct Round {
   double middle, cosine, sine;
-  double at(double t) const { return middle + cosine * std::cos(t) + sine * std::sin(t); }
   double swing() const { return std::hypot(cosine, sine); }
   double least() const { return middle - swing(); }
   double leastAt() const { return std::atan2(-sine, -cosine); }

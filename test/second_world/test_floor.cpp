@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The floor of the hole: the second world's peg can lie flat on it, the exact one sinks in.
+// The floor of the hole, felt in the second world; test_insert has the exact one.
 #include <gtest/gtest.h>
 
 #include <string>
