@@ -221,19 +221,12 @@ bool contradicted(const System& s, double limit, const Context& c, const Evaluat
   return false;
 }
 
-void decideRegularised(const System& s, Context& c, Evaluation& e) {
-  double scale = kMinScale;
-  for (const std::size_t i : Slots(e.closed)) c.slots[i].mode = Mode::kIdle;
-  for (const std::size_t i : Slots(e.active())) {
-    scale = std::max(scale, std::abs(e.point(i).normal.dot(e.free.head<3>())));
-  }
-  c.approach = 1e-4 * kHysteresis * scale;
-  c.pull = c.approach * s.scenario.mechanism.peg.mass;
-  c.slope = e.closed ? chooseCarriers(s, c.slots, e) : e.free;
-}
-
 // Changes modes until they agree; `first`: of a decision.
 void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
+  if (!s.discrete_friction) {
+    c.slope = chooseCarriers(s, c.slots, e);
+    return;
+  }
   for (int pass = 0; pass < kPasses; ++pass) {
     c.slope = contactForces(s, c.slots, Level::kEvents, e);
     if (first && pass == 0) limit = setHysteresis(s, c, e);
@@ -246,7 +239,7 @@ void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e
 void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
   bool moved = false;
   for (int n = 0; n < kFaceMoves; ++n) {
-    turnSlip(s, c, e);
+    if (s.discrete_friction) turnSlip(s, c, e);
     if (!moveFacePoints(s, limit, c, e)) break;
     agree(s, false, limit, c, e);
     moved = true;
@@ -257,12 +250,24 @@ void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
     const double next = at + std::clamp(error / slope, -kTipStep, kTipStep);
     tipAbout(s, next, c, e);
     agree(s, false, limit, c, e);
-    turnSlip(s, c, e);
+    if (s.discrete_friction) turnSlip(s, c, e);
     const double left = tippingError(s, limit, c, e), way = next - at;
     slope = std::max((error - left) / way, kTip);
     at = next;
     error = left;
   }
+}
+
+void decideRegularised(const System& s, Context& c, Evaluation& e) {
+  double scale = kMinScale;
+  for (const std::size_t i : Slots(e.closed)) c.slots[i].mode = Mode::kIdle;
+  for (const std::size_t i : Slots(e.active())) {
+    scale = std::max(scale, std::abs(e.point(i).normal.dot(e.free.head<3>())));
+  }
+  c.approach = 1e-4 * kHysteresis * scale;
+  c.pull = c.approach * s.scenario.mechanism.peg.mass;
+  c.slope = e.closed ? chooseCarriers(s, c.slots, e) : e.free;
+  if (c.face.on) settleFace(s, c.approach, c, e);
 }
 
 // What has been tried at this decision: slip that went astray was stopped, points were jammed, all.

@@ -40,13 +40,21 @@ constexpr int kStrikes = 8;  // points of one impact that may come down one afte
 constexpr double kLastRise = 1e-2;
 constexpr double kTurn = 2.0 * M_PI / 3.0;  // between points
 
+bool hasSprings(const System& s) { return s.scenario.contact.law == ContactLaw::kSpringDashpot; }
+
+// where contacts end at zero gap a face lies when it is in the ground
 double lies(const System& s) {
+  if (!s.discrete_friction) return 0.5 * kTouch;
   return s.fixed_step ? kMostLies : std::min(kMostLies, kLies * s.scenario.solver.tolerance);
 }
+
+double leaves(const System& s) { return kLeft * (s.discrete_friction ? lies(s) : kMostLies); }
+double beside(const System& s) { return s.discrete_friction ? lies(s) : kMostLies; }
 
 // a quantity of the face's edge: its value at the place t is middle + cosine cos t + sine sin t
 struct Round {
   double middle, cosine, sine;
+  double at(double t) const { return middle + cosine * std::cos(t) + sine * std::sin(t); }
   double swing() const { return std::hypot(cosine, sine); }
   double least() const { return middle - swing(); }
   double leastAt() const { return std::atan2(-sine, -cosine); }
@@ -105,6 +113,13 @@ double deepestPoint(const Evaluation& e) {
   return deepest;
 }
 
+// the point that is highest over where its spring begins
+double highestPoint(const Evaluation& e) {
+  double highest = -HUGE_VAL;
+  for (const std::size_t i : Slots(kFaceSlots)) highest = std::max(highest, e.contacts[i].gap);
+  return highest;
+}
+
 void openPoints(ContactSlotMask points, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(points)) {
     setMode(i, Mode::kApart, c, e);
@@ -118,7 +133,7 @@ void closePoints(const System& s, ContactSlotMask points, Context& c, Evaluation
   locate(s, c, s.admitted & ~e.closed, e, e.open_set);
   for (const std::size_t i : Slots(points)) {
     setMode(i, Mode::kIdle, c, e);
-    if (s.rigid) keepDepth(i, 0.0, c, e);
+    if (s.scenario.contact.law != ContactLaw::kViscous) keepDepth(i, 0.0, c, e);
   }
 }
 
@@ -145,15 +160,19 @@ void movePoints(const System& s, const std::array<double, 3>& t, Context& c, Eva
   }
 }
 
-// back to the lowest point of the edge
+// back to the lowest point of the edge; a spring goes on as the one that is pressed most
 void endFace(const System& s, Context& c, Evaluation& e) {
   const bool touched = (e.active() & kFaceSlots) != 0;
+  double pressed = 0.0;
+  for (const std::size_t i : Slots(e.active() & kFaceSlots)) {
+    if (hasSprings(s)) pressed = std::min(pressed, e.contacts[i].gap);
+  }
   dropFace(c, e);
   locate(s, c, s.admitted & ~e.closed, e, e.open_set);
   for (const std::size_t i : Slots(e.open_set.valid & kEdgePlaneSlots)) {
     if (!touched || e.contacts[i].gap > s.leave_gap) continue;
     setMode(i, Mode::kIdle, c, e);
-    if (s.rigid) keepDepth(i, 0.0, c, e);
+    if (s.scenario.contact.law != ContactLaw::kViscous) keepDepth(i, pressed, c, e);
   }
 }
 
@@ -188,7 +207,7 @@ bool putToRest(const System& s, Context& c, Evaluation& e) {
 }  // namespace
 
 bool hasGround(const System& s, const EdgeCircle& edge) {
-  if (!s.discrete_friction || s.excluded & kEdgePlaneSlots) return false;
+  if (s.excluded & kEdgePlaneSlots) return false;
   const double tilt2 = edge.axis0(0) * edge.axis0(0) + edge.axis1(0) * edge.axis1(0);
   return tilt2 < kNearlyLevel * kNearlyLevel && groundLeft(s, edge) > 0.0;
 }
@@ -204,15 +223,18 @@ double faceEvent(const System& s, const Context& c, const Evaluation& e) {
   if (!c.face.on) {
     // the point across from the one that carried at the step's start: it stays down once it is
     if (!(e.active() & kEdgePlaneSlots) || !hasGround(s, e.edge)) return HUGE_VAL;
-    const double ground = groundUnder(s, e.edge);
-    return e.edge.center(0) - ground + height.cosine * std::cos(c.face.across) +
-           height.sine * std::sin(c.face.across) - lies(s);
+    const double up = height.middle + c.face.height - groundUnder(s, e.edge);
+    const Round over{up, height.cosine, height.sine};
+    // of springs two points beside it, which carry nothing then
+    const double t = c.face.across;
+    return hasSprings(s) ? std::max(over.at(t + 0.5 * kTurn), over.at(t - 0.5 * kTurn))
+                         : over.at(t) - lies(s);
   }
-  const double leaves = kLeft * lies(s) - height.middle - height.swing();
   const double ground = groundLeft(s, e.edge);
+  if (hasSprings(s)) return std::min(ground, leaves(s) - highestPoint(e));
   const bool all = (e.active() & kFaceSlots) == kFaceSlots;
-  const double beside = all ? HUGE_VAL : height.least() - deepestPoint(e) + lies(s);
-  return std::min({leaves, ground, beside});
+  const double deeper = all ? HUGE_VAL : height.least() - deepestPoint(e) + beside(s);
+  return std::min({leaves(s) - height.middle - height.swing(), ground, deeper});
 }
 
 void dropFace(Context& c, Evaluation& e) {
@@ -228,8 +250,20 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
   if (c.face.on || !(e.active() & kEdgePlaneSlots) || !hasGround(s, e.edge)) return false;
   c.face.height = groundUnder(s, e.edge);
   const Round height = heights(c, e.edge);
+  const std::size_t single = *Slots(kEdgePlaneSlots);
+  const double lowest = e.point(single).t;
+  if (hasSprings(s)) {
+    // their forces depend on the points, which stay where they are
+    if (std::max(height.at(lowest + kTurn), height.at(lowest - kTurn)) > kTouch) return false;
+    const double depth = c.slots[single].depth;
+    openPoints(kFaceSlots, c, e);
+    c.face.on = true;
+    setPoints(s, {lowest, lowest + kTurn, lowest - kTurn}, c, e);
+    c.slots[0].depth = depth;
+    e.contacts[0].gap = e.point(0).gap - depth;
+    return true;
+  }
   if (height.middle + height.swing() > 1.5 * lies(s)) return false;
-  const double lowest = e.point(*Slots(kEdgePlaneSlots)).t;
   openPoints(kFaceSlots, c, e);
   c.face.on = true;
   // the point that has carried, the one that comes down fastest, and one beside both
@@ -242,10 +276,11 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
 bool updateFace(const System& s, Context& c, Evaluation& e) {
   if (!c.face.on) return false;
   const Round height = heights(c, e.edge);
-  if (height.middle + height.swing() > 0.9 * kLeft * lies(s) || !(groundLeft(s, e.edge) > 1e-12)) {
+  const double up = hasSprings(s) ? highestPoint(e) : height.middle + height.swing();
+  if (up > 0.9 * leaves(s) || !(groundLeft(s, e.edge) > 1e-12)) {
     endFace(s, c, e);
-  } else if ((e.active() & kFaceSlots) != kFaceSlots &&
-             height.least() < deepestPoint(e) - 0.9 * lies(s)) {
+  } else if (!hasSprings(s) && (e.active() & kFaceSlots) != kFaceSlots &&
+             height.least() < deepestPoint(e) - 0.9 * beside(s)) {
     const std::size_t i = sparePoint(c, e);
     if (i == kSlots) return false;
     c.face.t[i] = height.leastAt();
@@ -273,7 +308,7 @@ void faceImpact(const System& s, Context& c, Evaluation& e) {
 }
 
 bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
-  if (!c.face.on || (e.active() & kFaceSlots) != kFaceSlots) return false;
+  if (hasSprings(s) || (e.active() & kFaceSlots) != kFaceSlots) return false;
   const SlotArray decided = c.slots;
   bool idle = false;
   std::size_t going = kSlots;
@@ -287,7 +322,7 @@ bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(kFaceSlots)) {
     Slot& slot = c.slots[i];
     if (slot.mode != Mode::kIdle) continue;
-    slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
+    slot.mode = slot.armed || !s.discrete_friction ? Mode::kSlip : Mode::kStick;
     if (going < kSlots && !slot.armed) slot = c.slots[going];
   }
   contactForces(s, c.slots, Level::kForces, e);

@@ -146,6 +146,38 @@ INSTANTIATE_TEST_SUITE_P(Laws, Face,
                                   (test.param.place.z() < 0.0 ? "_floor" : "_plane");
                          });
 
+// Regularised friction: a viscous face creeps below v_ST and lies still across; on springs it sinks
+// in by a third of the load each, lifted and dropped as well.
+TEST(FaceRegularised, Rests) {
+  for (const double height : {0.0, 1e-4}) {
+    Scenario s = freePeg("viscous", kOnPlane + Vector3d(0, 0, height));
+    s.contact.stationary_rows = false;
+    Simulation viscous(s);
+    EXPECT_EQ(viscous.advance(0.5), StopReason::kOk);
+    EXPECT_NEAR(viscous.pegPose().p.z(),
+                -std::sqrt(2 * s.mechanism.gravity * height) / s.contact.rate, 1e-9);
+    EXPECT_LE(viscous.counts().events, 2);
+    EXPECT_LT(viscous.counts().evaluations, 40000);
+    EXPECT_EQ(closedContacts(viscous), 3);
+    EXPECT_LT(tiltOf(viscous), 1e-11);
+
+    s.contact.law = ContactLaw::kSpringDashpot;
+    s.contact.stiffness = 1e6;
+    s.contact.damping = 500;
+    Simulation springs(s);
+    const double energy = springs.energy();
+    EXPECT_EQ(springs.advance(0.5), StopReason::kOk);
+    EXPECT_EQ(closedContacts(springs), 3);
+    EXPECT_LT(kineticSpeed(springs.state()), 1e-9);
+    EXPECT_LT(springs.energy(), energy);
+    EXPECT_LT(springs.counts().events, 300);
+    if (height > 0.0) continue;
+    const double sunk = s.mechanism.peg.mass * s.mechanism.gravity / (3 * s.contact.stiffness);
+    EXPECT_NEAR(springs.pegPose().p.z(), -sunk, 1e-10);
+    EXPECT_LE(springs.counts().events, 2);
+  }
+}
+
 // A plane body that rocks about one end of its base and the other, without slip: the angular
 // momentum about the new end stays. Extended precision; Runge–Kutta between impacts.
 class Rocking {

@@ -39,7 +39,9 @@ void layDown(unsigned seed, Scenario& s) {
     s.mechanism.hole.depth =
         std::min(std::max(s.mechanism.hole.depth, 0.3 * r), 1.8 * peg.half_height);
   }
-  const double tilt = share() < 0.2 ? 0.0 : std::pow(10.0, -7.0 + 5.0 * share());
+  double tilt = share() < 0.2 ? 0.0 : std::pow(10.0, -7.0 + 5.0 * share());
+  // clear of the walls, where a spring would begin compressed
+  if (floor) tilt = std::min(tilt, 0.3 * (s.mechanism.hole.radius - r) / peg.half_height);
   const double lean = 2 * M_PI * share(), round = 2 * M_PI * share();
   const double away = floor ? 0.0 : 2.0 * r + s.mechanism.hole.radius * (1.0 + share());
   const double gap = share() < 0.3 ? 0.0 : r * std::pow(10.0, -7.0 + 4.0 * share());
@@ -59,7 +61,7 @@ void layDown(unsigned seed, Scenario& s) {
   s.rest.z = coupling.z() - r * std::pow(10.0, -5.0 + 3.0 * share());
   s.rest.theta = s.initial.euler.theta + 1e-2 * (share() - 0.5);
   s.rest.phi = s.initial.euler.phi + 1e-2 * (share() - 0.5);
-  s.contact.stationary_rows = true;
+  s.contact.stationary_rows = share() < 0.7;
 }
 
 enum class Kind { kSharp, kChamfered, kLevel };
