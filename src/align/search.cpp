@@ -38,7 +38,6 @@ constexpr int kTouches = 4;               // that may give way, one after the ot
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
 constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one travel aside to the next, never the same twice [rad]
-constexpr int kRings = 3;           // of places round the hole's estimate
 constexpr double kRing = 0.9;       // from one to the next, in clearances
 constexpr double kOnFace = 0.75;    // of the force of a peg lowered on the face by the depth
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
@@ -304,7 +303,7 @@ bool Search::alreadyIn() {
   return false;
 }
 
-bool Search::enter(const Vec3& center) {
+bool Search::enter(const Vec3& center, int rings) {
   const Mat3 R = rotationToAxis(hole_.normal);
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
@@ -321,7 +320,7 @@ bool Search::enter(const Vec3& center) {
   target -= sag_ - hole_.normal * hole_.normal.dot(sag_);
 
   // centre, then rings a little closer than the clearance
-  for (int ring = 0; ring < kRings; ++ring) {
+  for (int ring = 0; ring < rings; ++ring) {
     const int places = ring == 0 ? 1 : 6 * ring;
     for (int i = 0; i < places; ++i) {
       const double a = 2 * M_PI * i / places;

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/align/twin_contacts.h"
 
+#include <Eigen/LU>
 #include <cmath>
 #include <string>
 
@@ -25,14 +26,24 @@ constexpr double kOverPlane = 8e-3;
 // Sideways, times what friction holds: half of it can't slip. Half or twice 3.7 to 3.8 µm, but at
 // twice nothing holds it.
 constexpr double kPull = 0.5;
-// Sd of the plane's height from touches: the edge of a peg whose tilt isn't known yet (0.1 rad over
-// its radius), then as good as the position has to be. Half or twice 3.8 µm and 3.8 to 4.0 µm. [m]
-constexpr double kTouchedFirst = 2e-3, kTouched = 3e-5;
+// Sd of a touched point's height: the edge of a peg whose tilt isn't known yet (0.1 rad over its
+// radius); then where a move ends, 30 µm, and what a point of the rim felt 1 mm off makes at 3°.
+// [m]
+constexpr double kTouchedFirst = 2e-3, kTouched = 6e-5;
+// Line of action's distance from the axis over the radius from which one point of the edge carries.
+constexpr double kOnEdge = 0.8;
 
 // Φ C Φᵀ, symmetric to the last bit.
 Matrix6 transported(const Matrix6& phi, const Matrix6& covariance) {
   const Matrix6 c = phi * covariance * phi.transpose();
   return 0.5 * (c + c.transpose());
+}
+
+// Of a wrench, the same force on each axis with torques at the sensors' arm.
+Matrix6 wrenchVariance(double force_sd, double arm) {
+  Vector6 sd;
+  sd << Vec3::Constant(force_sd), Vec3::Constant(arm * force_sd);
+  return sd.cwiseAbs2().asDiagonal();
 }
 
 }  // namespace
@@ -73,6 +84,15 @@ void TwinForceContacts::begin(const TwinForceTask& task) {
   referenced_ = task.reference.has_value();
   if (referenced_) X_SP_ = *task.reference * setup_.X_CP;
   tared_ = false;
+  zero_age_ = 0.0;
+  const TwinUncertainty& known = setup_.uncertainty;
+  TwinErrors errors;
+  errors.a.gain = errors.b.gain = known.gain;
+  errors.a.rotation = errors.b.rotation = known.rotation;
+  errors.a.offset = errors.b.offset = known.offset;
+  errors.a.frame = X_HA_;
+  errors.b.frame = X_PC_;
+  setup_.options.errors = errors;
   contacts_.clear();
   points_.clear();
   signs_ = SignVerdict::kUndecided;
@@ -81,6 +101,7 @@ void TwinForceContacts::begin(const TwinForceTask& task) {
 
 WindowAnswer TwinForceContacts::tare(const AveragingWindow& free) {
   free_ = free.means();
+  free_end_ = free.lastEnd();
   X_SC_free_ = carrierPose(free.carrier());
   tared_ = true;
   // a driver may have taken the weight out already: then upright counts
@@ -125,9 +146,20 @@ WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
     zero_b = free_.wrenchB() + weight(X_SC, pressed) - weight(X_SC_free_, free_);
     scatter_a += free_.covarianceA();
     scatter_b += free_.covarianceB();
+    // the walk since the zero is this contact's own, a steady drift the same in all
+    const TwinUncertainty& known = setup_.uncertainty;
+    const double arm = setup_.options.errors->a.arm;
+    const double age = std::max(0.0, window.lastEnd() - free_end_);
+    zero_age_ = std::max(zero_age_, age);
+    const Matrix6 walked = wrenchVariance(known.walk * std::sqrt(age), arm);
+    const Matrix6 drifted = wrenchVariance(known.drift * zero_age_, arm);
+    scatter_a += walked;
+    scatter_b += walked;
     setup_.options.tare_covariance = Matrix12::Zero();
-    setup_.options.tare_covariance->topLeftCorner<6, 6>() = transported(phi_a, rounding_a);
-    setup_.options.tare_covariance->bottomRightCorner<6, 6>() = transported(phi_b, rounding_b);
+    setup_.options.tare_covariance->topLeftCorner<6, 6>() =
+        transported(phi_a, rounding_a + drifted);
+    setup_.options.tare_covariance->bottomRightCorner<6, 6>() =
+        transported(phi_b, rounding_b + drifted);
   }
   c.wrench_a = phi_a * (pressed.wrenchA() - zero_a);
   c.wrench_b = phi_b * (pressed.wrenchB() - zero_b);
@@ -136,8 +168,9 @@ WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
   c.move = moveOf(X_SC);
   // of this pose and of the one that the moves refer to
   c.move_covariance =
-      nominalPrior({}, std::sqrt(std::pow(setup_.move_sd, 2) + 2 * window.positionVariance()),
-                   std::sqrt(std::pow(setup_.move_angle_sd, 2) + 2 * window.rotationVariance()))
+      nominalPrior(
+          {}, std::sqrt(std::pow(setup_.uncertainty.move, 2) + 2 * window.positionVariance()),
+          std::sqrt(std::pow(setup_.uncertainty.move_angle, 2) + 2 * window.rotationVariance()))
           .covariance;
   contacts_.push_back(c);
 
@@ -146,7 +179,11 @@ WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
   const Vector6 w = transformWrench(inverse(X_PQ), c.wrench_b);
   const Pose X_0Q = c.move * X_PQ;
   const double force = w(2) == 0.0 ? 1.0 : w(2);
-  points_.push_back(X_0Q.R * Vec3(-w(4) / force, w(3) / force, 0.0) + X_0Q.p);
+  Vec3 point(-w(4) / force, w(3) / force, 0.0);
+  // one point carries: it is on the edge, whatever the sensor is off
+  const double radius = setup_.mechanism.peg.radius;
+  if (point.norm() > kOnEdge * radius) point *= radius / point.norm();
+  points_.push_back(X_0Q.R * point + X_0Q.p);
   check(c);
   return {"", signs_ == SignVerdict::kReversed, c.wrench_b.head<3>().norm()};
 }
@@ -164,17 +201,35 @@ void TwinForceContacts::check(const TwinContact& contact) {
   if (now.pair == SignVerdict::kRight && signs_ == SignVerdict::kUndecided) signs_ = now.pair;
 }
 
+// The nominal prior with the touched points in the hole's plane, to first order about a pose: they
+// tell height and tilt.
+PosePrior TwinForceContacts::touchedPrior(const Pose& about, double sd) const {
+  const PosePrior& nominal = *setup_.options.prior;
+  Vector6 away;
+  away << about.p - nominal.pose.p, vectorFromRotation(about.R * nominal.pose.R.transpose()).value;
+  Matrix6 information = nominal.covariance.inverse();
+  Vector6 pull = information * away;
+  for (const Vec3& point : points_) {
+    const Vec3 p = about.R * point;
+    Vector6 slope;
+    slope << 0.0, 0.0, 1.0, p.y(), -p.x(), 0.0;
+    information += slope * slope.transpose() / (sd * sd);
+    pull += slope * (p.z() + about.p.z()) / (sd * sd);
+  }
+  PosePrior prior;
+  prior.covariance = information.inverse();
+  prior.covariance = (0.5 * (prior.covariance + prior.covariance.transpose())).eval();
+  const Vector6 step = -prior.covariance * pull;
+  prior.pose = {rotationFromVector({Vec3(step.tail<3>())}) * about.R, about.p + step.head<3>()};
+  return prior;
+}
+
 TwinForceSolution TwinForceContacts::solve() {
   TwinForceOptions options = setup_.options;
   Pose start = options.prior ? options.prior->pose : Pose{};
   const bool on_plane = setup_.on_plane && options.prior && !points_.empty();
   for (int pass = 0; pass < (on_plane ? 3 : 1); ++pass) {
-    if (on_plane) {
-      double height = 0.0;
-      for (const Vec3& point : points_) height += (start.R * point + start.p).z();
-      options.prior->pose.p.z() = start.p.z() - height / static_cast<double>(points_.size());
-      options.prior->covariance(2, 2) = std::pow(pass == 0 ? kTouchedFirst : kTouched, 2);
-    }
+    if (on_plane) options.prior = touchedPrior(start, pass == 0 ? kTouchedFirst : kTouched);
     estimate_ = estimatePose(contacts_, options, workspace_);
     if (!hasPose(estimate_.status)) break;
     start = estimate_.pose;

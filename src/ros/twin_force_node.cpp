@@ -97,8 +97,14 @@ TwinForceSetup TwinForceNode::readSetup(Parameters& parameters) {
       nominalPrior({Eigen::Matrix3d::Identity(), Eigen::Vector3d(prior[0], prior[1], prior[2])},
                    position_sd, rotation_sd);
   setup.on_plane = parameters.flag("on_plane", true);
-  setup.move_sd = parameters.number("move_sd", kPositive, setup.move_sd);
-  setup.move_angle_sd = parameters.number("move_angle_sd", kPositive, setup.move_angle_sd);
+  TwinUncertainty& u = setup.uncertainty;
+  u.move = parameters.number("move_sd", kPositive, u.move);
+  u.move_angle = parameters.number("move_angle_sd", kPositive, u.move_angle);
+  u.gain = parameters.number("gain_sd", kNotNegative, u.gain);
+  u.rotation = parameters.number("frame_rotation_sd", kNotNegative, u.rotation);
+  u.offset = parameters.number("frame_offset_sd", kNotNegative, u.offset);
+  u.drift = parameters.number("drift_sd", kNotNegative, u.drift);
+  u.walk = parameters.number("walk_sd", kNotNegative, u.walk);
 
   TwinForceTask& t = own_task_;
   t.required_position = parameters.number("required_position", kPositive, t.required_position);
@@ -263,6 +269,7 @@ bool TwinForceNode::onSolve(SolveTwinForce::Request&, SolveTwinForce::Response& 
     file.contacts = contacts_->contacts();
     file.prior = contacts_->options().prior;
     file.tare_covariance = contacts_->options().tare_covariance;
+    file.errors = contacts_->options().errors;
     response.contacts = contactsYaml(file);
     status_pub_.publish(response.status);
   }

@@ -163,6 +163,7 @@ int run(const std::vector<std::string>& arguments) {
   const ContactsFile file = assembly_cell::loadContacts(options.contacts);
   options.estimator.prior = file.prior;
   options.estimator.tare_covariance = file.tare_covariance;
+  options.estimator.errors = file.errors;
   assembly_cell::TwinForceWorkspace workspace(std::max<std::size_t>(1, file.contacts.size()));
   const TwinForceEstimate* e = nullptr;
   try {

@@ -98,11 +98,27 @@ std::string poseText(const Pose& X) {
   return "position: " + list(X.p) + ", quaternion: " + list(q.coeffs());
 }
 
+SensorErrors readErrors(Section in) {
+  in.only({"position", "quaternion", "gain", "arm", "rotation", "offset"});
+  SensorErrors e;
+  e.frame = readPose(in);
+  e.gain = in.number("gain", Range::kNotNegative);
+  e.arm = in.number("arm", Range::kPositive, e.arm);
+  e.rotation = in.number("rotation", Range::kNotNegative);
+  e.offset = in.number("offset", Range::kNotNegative);
+  return e;
+}
+
+std::string errorsText(const SensorErrors& e) {
+  return "{" + poseText(e.frame) + ", gain: " + yamlNumber(e.gain) + ", arm: " + yamlNumber(e.arm) +
+         ", rotation: " + yamlNumber(e.rotation) + ", offset: " + yamlNumber(e.offset) + "}";
+}
+
 }  // namespace
 
 ContactsFile parseContacts(const std::string& yaml, const std::string& source) {
   Section file(yaml::loadYaml(yaml, source), "", source);
-  file.only({"contacts", "prior", "tare_covariance", "candidates"});
+  file.only({"contacts", "prior", "tare_covariance", "errors", "candidates"});
   ContactsFile out;
   for (Section& contact : file.sections("contacts")) out.contacts.push_back(readContact(contact));
   if (file.has("prior")) {
@@ -114,6 +130,12 @@ ContactsFile parseContacts(const std::string& yaml, const std::string& source) {
     const auto numbers = file.numbers<144>("tare_covariance", Range::kAny);
     out.tare_covariance =
         Eigen::Map<const Eigen::Matrix<double, 12, 12, Eigen::RowMajor>>(numbers.data());
+  }
+  if (file.has("errors")) {
+    Section errors = file.section("errors");
+    errors.only({"sensor_a", "sensor_b"});
+    out.errors =
+        TwinErrors{readErrors(errors.section("sensor_a")), readErrors(errors.section("sensor_b"))};
   }
   if (file.has("candidates")) {
     // noise as in the contacts
@@ -155,6 +177,10 @@ std::string contactsYaml(const ContactsFile& file) {
   }
   if (file.tare_covariance) {
     out += "tare_covariance: " + rowByRow<12>(*file.tare_covariance) + "\n";
+  }
+  if (file.errors) {
+    out += "errors:\n  sensor_a: " + errorsText(file.errors->a) +
+           "\n  sensor_b: " + errorsText(file.errors->b) + "\n";
   }
   if (!file.candidates.empty()) out += "candidates:\n";
   for (const ContactCandidate& c : file.candidates) {

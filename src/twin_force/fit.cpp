@@ -28,11 +28,61 @@ const Term& termOf(const Problem& problem, int i) {
   return (*problem.terms)[static_cast<std::size_t>(i)];
 }
 
-// Normal equations at a pose; with a tare offset, of the pose alone.
+// The unknowns besides the pose, and their way along a step of the pose.
+struct Others {
+  TareState* tare;
+  ErrorState* errors;
+  Vector12 z = Vector12::Zero(), z_step = Vector12::Zero();
+  Eigen::VectorXd u, u_step;
+
+  explicit Others(const Problem& problem) : tare(problem.tare), errors(problem.errors) {
+    if (tare != nullptr) tare->z.setZero();
+    if (errors != nullptr) errors->u.setZero();
+  }
+  void aim(const Vector6& step) {
+    if (tare != nullptr) {
+      z = tare->z;
+      z_step = tareStep(*tare, step);
+    }
+    if (errors != nullptr) {
+      u = errors->u;
+      u_step = errorStep(*errors, step);
+    }
+  }
+  void go(double part) const {
+    if (tare != nullptr) tare->z = z + part * z_step;
+    if (errors != nullptr) errors->u = u + part * u_step;
+  }
+  void tell(Fit& fit) const {
+    if (tare != nullptr) fit.tare_offset = tare->L * tare->z;
+    if (errors == nullptr) return;
+    const Eigen::LLT<Eigen::MatrixXd> factor(errors->N_uu);
+    const Eigen::Index n = errors->u.size();
+    fit.tare_offset = tare_of(errors->columns.front(), errors->u);
+    fit.error_slope = factor.solve(errors->N_du.transpose());
+    fit.error_rest = factor.solve(Eigen::MatrixXd::Identity(n, n));
+  }
+  static Vector12 tare_of(const ErrorColumns& columns, const Eigen::VectorXd& u) {
+    return columns.leftCols<12>() * u.head<12>();
+  }
+};
+
+// Normal equations at a pose; with errors or a tare offset, of the pose alone.
 void assemble(const Problem& problem, const std::vector<int>& used, const Pose& X, Normal& normal) {
   normal = Normal();
   TareState* tare = problem.tare;
-  if (tare == nullptr) {
+  if (problem.errors != nullptr) {
+    ErrorState& errors = *problem.errors;
+    begin(errors);
+    for (const int i : used) {
+      const auto k = static_cast<std::size_t>(i);
+      const Vector12 offset = errors.columns[k] * errors.u;
+      const Whitened w = whiten(termOf(problem, i), X.R, X.p, &offset);
+      add(w, X.p, normal);
+      add(termOf(problem, i), k, w, X, errors);
+    }
+    eliminate(errors, normal);
+  } else if (tare == nullptr) {
     for (const int i : used) add(whiten(termOf(problem, i), X.R, X.p), X.p, normal);
   } else {
     begin(*tare);
@@ -57,11 +107,10 @@ void finish(Fit& fit) {
 Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& start) {
   const TwinForceOptions& options = problem.options;
   const double arm = options.required_position / options.required_rotation;
-  TareState* tare = problem.tare;
+  Others others(problem);
   Fit fit;
   fit.pose = start;
   fit.q = Eigen::Quaterniond(start.R);
-  if (tare != nullptr) tare->z.setZero();
   assemble(problem, used, fit.pose, fit.normal);
   for (fit.iterations = 0; fit.iterations < options.largest_iterations; ++fit.iterations) {
     Vector6 step = solveObservable(fit.normal, problem.scale);
@@ -70,11 +119,7 @@ Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& star
     const Vector6 Lstep = fit.normal.information.selfadjointView<Eigen::Lower>() * step;
     const bool small = step.dot(Lstep) < kDecrement ||
                        (step.head<3>().norm() < kConverged * arm && angle < kConverged);
-    Vector12 z = Vector12::Zero(), z_step = Vector12::Zero();
-    if (tare != nullptr) {
-      z = tare->z;
-      z_step = tareStep(*tare, step);
-    }
+    others.aim(step);
     const Pose from = fit.pose;
     const Eigen::Quaterniond q = fit.q;
     const double before = fit.normal.chi2;
@@ -83,7 +128,7 @@ Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& star
       fit.q = (turn(part * step.tail<3>()) * q).normalized();
       fit.pose.R = fit.q.toRotationMatrix();
       fit.pose.p = from.p + part * step.head<3>();
-      if (tare != nullptr) tare->z = z + part * z_step;
+      others.go(part);
       // the last step moves nothing that matters
       if (small) break;
       assemble(problem, used, fit.pose, fit.normal);
@@ -91,7 +136,7 @@ Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& star
     }
     if (small) break;
   }
-  if (tare != nullptr) fit.tare_offset = tare->L * tare->z;
+  others.tell(fit);
   finish(fit);
   return fit;
 }
@@ -155,10 +200,10 @@ Vector6 fitAround(const Problem& problem, const std::vector<int>& used, const Po
 
 }  // namespace
 
-Problem makeProblem(const std::vector<Term>& terms, const TwinForceOptions& options,
-                    TareState& tare) {
+Problem makeProblem(const std::vector<Term>& terms, const std::vector<TwinContact>& contacts,
+                    const TwinForceOptions& options, TareState& tare, ErrorState& errors) {
   const bool likelihood = options.method == TwinForceMethod::kMaximumLikelihood;
-  Problem problem{&terms, options, nullptr, nullptr, {}, {}, Matrix6::Zero()};
+  Problem problem{&terms, options, nullptr, nullptr, nullptr, {}, {}, Matrix6::Zero()};
   problem.scale << Vector3d::Constant(options.required_position),
       Vector3d::Constant(options.required_rotation);
   if (options.prior) problem.start = options.prior->pose;
@@ -170,6 +215,16 @@ Problem makeProblem(const std::vector<Term>& terms, const TwinForceOptions& opti
     const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(*options.tare_covariance);
     tare.L = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
     problem.tare = &tare;
+  }
+  if (options.errors && likelihood) {
+    if (problem.tare == nullptr) tare.L.setZero();
+    problem.tare = nullptr;
+    errors.columns.clear();
+    for (const TwinContact& c : contacts) {
+      errors.columns.push_back(errorColumns(*options.errors, tare.L, c.wrench_a, c.wrench_b));
+    }
+    errors.u.setZero(errors.columns.front().cols());
+    problem.errors = &errors;
   }
   return problem;
 }

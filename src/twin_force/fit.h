@@ -10,19 +10,21 @@
 namespace assembly_cell {
 namespace twin_force {
 
-/// What the fits of one estimate share. Prior and tare are of the likelihood: null without, and for
-/// the other methods.
+/// What the fits of one estimate share. Prior, tare and errors, which include the tare, are of the
+/// likelihood: null without, and for the other methods.
 struct Problem {
   const std::vector<Term>* terms;
   const TwinForceOptions& options;
   const PosePrior* prior;
   TareState* tare;
+  ErrorState* errors;
   Pose start;            ///< the prior's pose; where directions stay that the contacts can't tell
   Vector6 scale;         ///< diagonal of S
   Matrix6 prior_weight;  ///< P₀⁻¹
 };
-Problem makeProblem(const std::vector<Term>& terms, const TwinForceOptions& options,
-                    TareState& tare);
+/// tare and errors are memory. `contacts` are those of the terms.
+Problem makeProblem(const std::vector<Term>& terms, const std::vector<TwinContact>& contacts,
+                    const TwinForceOptions& options, TareState& tare, ErrorState& errors);
 
 /// One fit of a subset of the contacts.
 struct Fit {
@@ -30,6 +32,7 @@ struct Fit {
   Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
   Normal normal;
   Vector12 tare_offset = Vector12::Zero();
+  Eigen::MatrixXd error_slope, error_rest;  ///< as in TwinForceEstimate
   int iterations = 0;
   bool solved = false;
   Vector6 eigenvalues;

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -72,6 +73,20 @@ void requireCovariance(const Matrix& c, bool semidefinite, const char* name, int
   refuseCovariance(of + name, fault, semidefinite);
 }
 
+void requireErrors(const SensorErrors& e, const std::string& name) {
+  for (const auto& [value, key] : {std::pair(e.gain, ".gain"), std::pair(e.rotation, ".rotation"),
+                                   std::pair(e.offset, ".offset")}) {
+    if (value >= 0.0 && std::isfinite(value)) continue;
+    throw InputError(name + key + ": value " + yamlNumber(value) + ": give a finite number >= 0");
+  }
+  if (!(e.arm > 0.0 && std::isfinite(e.arm))) {
+    throw InputError(name + ".arm: value " + yamlNumber(e.arm) + ": give a finite number > 0");
+  }
+  if (!e.frame.p.allFinite() || !e.frame.R.allFinite() || !orthogonal(e.frame.R)) {
+    throw InputError(name + ": value not a pose: give a finite position and a unit quaternion");
+  }
+}
+
 void requirePositive(double value, const char* name) {
   if (value > 0.0 && std::isfinite(value)) return;
   throw InputError(std::string(name) + ": value " + yamlNumber(value) +
@@ -114,6 +129,10 @@ void checkInput(const std::vector<TwinContact>& contacts, const TwinForceOptions
     }
   }
   if (options.tare_covariance) requireCovariance(*options.tare_covariance, true, "tare_covariance");
+  if (options.errors) {
+    requireErrors(options.errors->a, "errors.sensor_a");
+    requireErrors(options.errors->b, "errors.sensor_b");
+  }
 }
 
 std::optional<Refusal> refusalOf(const std::vector<TwinContact>& contacts,

@@ -3,8 +3,10 @@
 // equations.
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <vector>
 
 #include "assembly_cell/twin_force/pose_estimate.h"
 
@@ -73,6 +75,29 @@ void begin(TareState& tare);
 void add(const Term& term, const Whitened& w, const Pose& X_AB, TareState& tare);
 void eliminate(TareState& tare, Normal& normal);             ///< Schur complement on normal
 Vector12 tareStep(const TareState& tare, const Vector6& d);  ///< the z step that goes with δ = d
+
+/// Errors of both sensors and the tare offset as unknowns u ~ N(0, I), eliminated in the same way.
+/// Contact i carries the offset columns[i] u in (w_A, w_b): to first order in the errors.
+using ErrorColumns = Eigen::Matrix<double, 12, Eigen::Dynamic>;
+struct ErrorState {
+  std::vector<ErrorColumns> columns;  ///< of each term
+  Eigen::VectorXd u;
+  // of the last assembly
+  Eigen::MatrixXd N_uu;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> N_du;
+  Eigen::VectorXd g_u;
+};
+/// What a contact's wrenches carry for each unknown; tare is L of TareState.
+ErrorColumns errorColumns(const TwinErrors& errors, const Matrix12& tare, const Vector6& wrench_a,
+                          const Vector6& wrench_b);
+void begin(ErrorState& state);
+void add(const Term& term, std::size_t index, const Whitened& w, const Pose& X_AB,
+         ErrorState& state);
+void eliminate(ErrorState& state, Normal& normal);
+Eigen::VectorXd errorStep(const ErrorState& state, const Vector6& d);
+/// dr/du of a contact at (R, T).
+Eigen::Matrix<double, 6, Eigen::Dynamic> errorJacobian(const ErrorColumns& columns,
+                                                       const Pose& move, const Pose& X_AB);
 
 /// Inverse of the lower Cholesky factor of a 3×3; false if not positive definite.
 bool inverseFactor(const Eigen::Matrix3d& c, Eigen::Matrix3d& inverse);

@@ -61,8 +61,18 @@ ContactAdvice predict(const Matrix6& information, const TwinForceOptions& option
   return out;
 }
 
-// JᵀC⁻¹J that a candidate adds at pose X_AB
-Matrix6 candidateInformation(const ContactCandidate& candidate, const Pose& X_AB) {
+// L of the tare offset, as far as errors are unknowns.
+Matrix12 tareRoot(const TwinForceOptions& options) {
+  if (!options.tare_covariance) return Matrix12::Zero();
+  const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(*options.tare_covariance);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+}
+
+// JᵀC⁻¹J that a candidate adds at the estimate's pose. Errors of the sensors are those of the
+// contacts before: what of them goes with the pose turns J, the rest is noise of this contact.
+Matrix6 candidateInformation(const ContactCandidate& candidate, const TwinForceEstimate& estimate,
+                             const TwinForceOptions& options, const Matrix12& tare) {
+  const Pose& X_AB = estimate.pose;
   TwinContact c;
   c.wrench_b << candidate.force, candidate.point.cross(candidate.force);
   c.wrench_a = -transformWrench(X_AB * candidate.move, c.wrench_b);
@@ -71,8 +81,15 @@ Matrix6 candidateInformation(const ContactCandidate& candidate, const Pose& X_AB
   c.move = candidate.move;
   c.move_covariance = candidate.move_covariance;
   const twin_force::Term term = twin_force::makeTerm(c);
-  const Matrix6 J = twin_force::wrenchJacobian(X_AB.R * term.F_B, X_AB.R * term.M_B, X_AB.p);
-  return J.transpose() * twin_force::residualCovariance(term, X_AB).llt().solve(J);
+  Matrix6 J = twin_force::wrenchJacobian(X_AB.R * term.F_B, X_AB.R * term.M_B, X_AB.p);
+  Matrix6 C = twin_force::residualCovariance(term, X_AB);
+  if (options.errors && estimate.error_slope.size() > 0) {
+    const Eigen::Matrix<double, 6, Eigen::Dynamic> J_u = twin_force::errorJacobian(
+        twin_force::errorColumns(*options.errors, tare, c.wrench_a, c.wrench_b), c.move, X_AB);
+    J -= J_u * estimate.error_slope;
+    C += J_u * estimate.error_rest * J_u.transpose();
+  }
+  return J.transpose() * C.llt().solve(J);
 }
 
 }  // namespace
@@ -81,10 +98,12 @@ ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,
                                 const std::vector<ContactCandidate>& candidates,
                                 const TwinForceOptions& options) {
   ContactAdvice best;
+  const Matrix12 tare = options.errors ? tareRoot(options) : Matrix12::Zero();
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     checkCandidate(candidates[i], i);
     ContactAdvice advice =
-        predict(estimate.information + candidateInformation(candidates[i], estimate.pose), options);
+        predict(estimate.information + candidateInformation(candidates[i], estimate, options, tare),
+                options);
     advice.candidate = static_cast<int>(i);
     const double ratio = advice.smallest_eigenvalue - best.smallest_eigenvalue;
     const double margin = kEqual * best.smallest_eigenvalue;

@@ -19,6 +19,7 @@ struct TwinForceWorkspace::Memory {
   std::vector<Term> terms, reversed;
   std::vector<int> used, trial;
   twin_force::TareState tare;
+  twin_force::ErrorState errors;
   TwinForceEstimate estimate;
 };
 
@@ -40,6 +41,8 @@ void report(const Vector6& scale, const Fit& fit, TwinForceEstimate& e) {
   e.null_directions.setZero();
   e.null_directions.leftCols(fit.null_count) = fit.eigenvectors.leftCols(fit.null_count);
   e.tare = fit.tare_offset;
+  e.error_slope = fit.error_slope;
+  e.error_rest = fit.error_rest;
   e.iterations = fit.iterations;
   e.covariance.setZero();
   for (int k = fit.null_count; k < 6; ++k) {
@@ -192,7 +195,7 @@ const TwinForceEstimate& estimatePose(const std::vector<TwinContact>& contacts,
     return e;
   }
 
-  const Problem problem = makeProblem(memory.terms, options, memory.tare);
+  const Problem problem = makeProblem(memory.terms, contacts, options, memory.tare, memory.errors);
   const bool thesis = options.method == TwinForceMethod::kThesis;
   Fit fit;
   Matrix6 own_covariance = Matrix6::Zero();

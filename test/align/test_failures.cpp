@@ -221,7 +221,12 @@ const Case kCases[] = {
        s.parameters.press_force = 5.0;
      },
      nullptr},
-    {AlignFailure::kTooUncertain, "twin_force", [](Arrangement& s) { s.sensors.bits = 10; },
+    // steps of 10 bits in the zero of a light press
+    {AlignFailure::kTooUncertain, "twin_force",
+     [](Arrangement& s) {
+       s.sensors.bits = 10;
+       s.parameters.contact_force = 2.0;
+     },
      nullptr},
     {AlignFailure::kNoReading, "vibratory", nullptr,
      [](FaultyPlant& plant) { plant.on_block = [](PlantBlock& b) { b.locus.reset(); }; }},

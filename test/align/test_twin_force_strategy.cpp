@@ -101,23 +101,25 @@ TEST(TwinForceStrategy, RepeatsToTheLastBit) {
 
 TEST(TwinForceStrategy, FailsByName) {
   const Scenario s = cell();
-  const auto reason = [&](double sign, double drift, int bits) {
+  const auto reason = [&](double sign, double drift, double force) {
     CellParameters parameters;
-    parameters.bits = bits;
+    if (force < 15.0) parameters.bits = 10;
     SimulatedPlant plant(s, s.mechanism, parameters);
     WatchedPlant watched(plant);
     watched.sign = sign;
     watched.drift_per_block = drift;
-    const AlignResult result = align(watched, s.mechanism, twinForceParameters());
+    AlignParameters p = twinForceParameters();
+    p.contact_force = force;
+    const AlignResult result = align(watched, s.mechanism, p);
     EXPECT_FALSE(result.success);
     return result.reason;
   };
   // one sensor mounted the wrong way round
-  EXPECT_EQ(reason(-1.0, 0.0, 16).rfind("sensor_signs", 0), 0u);
+  EXPECT_EQ(reason(-1.0, 0.0, 15.0).rfind("sensor_signs", 0), 0u);
   // 0.5 N/s: within what counts as still from block to block, not over a window
-  EXPECT_EQ(reason(1.0, 0.01, 16).rfind("not_settled", 0), 0u);
-  // 10 bit can't tell the centre within the clearance, and the strategy knows
-  EXPECT_EQ(reason(1.0, 0.0, 10).rfind("too_uncertain", 0), 0u);
+  EXPECT_EQ(reason(1.0, 0.01, 15.0).rfind("not_settled", 0), 0u);
+  // 10 bit can't tell from a light press where to feel, and the strategy knows
+  EXPECT_EQ(reason(1.0, 0.0, 2.0).rfind("too_uncertain", 0), 0u);
 }
 
 TEST(TwinForceStrategy, RefusesBadParameters) {

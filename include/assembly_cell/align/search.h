@@ -92,7 +92,9 @@ class Search {
   /// Upright over the hole and down; around it where the estimate is not good enough, then to the
   /// middle between the walls. True when the edge went in without resistance and has walls on both
   /// sides of two axes.
-  bool enter(const Eigen::Vector3d& center);
+  bool enter(const Eigen::Vector3d& center, int rings = kRings);
+  /// Of places round the hole's estimate, the middle itself counted, where enter() looks.
+  static constexpr int kRings = 3;
   /// How far from the hole's estimate enter() looks. [m]
   double enterReach() const;
   /// How far below the face the edge has to be, for walls all round: under the chamfer [m].

@@ -18,15 +18,28 @@ inline constexpr double kNominalPositionSd = 0.02, kNominalRotationSd = 0.1;
 /// axis [m], [rad].
 PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd);
 
+/// What a person who measures with care leaves unknown of a cell: standard deviations.
+/// Six-axis sensors' matrices are good to 1 to 2 % of their range; a level and a vernier tell a
+/// frame to 1° and 0.5 mm, as a size; warming sensors drift by a newton a minute; arms repeat to
+/// 20 to 50 µm. Half and twice: docs/robustness.md.
+struct TwinUncertainty {
+  double gain = 0.01;        ///< of every entry of both strain matrices, as in SensorErrors
+  double rotation = 0.01;    ///< of a sensor's frame, per axis [rad]
+  double offset = 3e-4;      ///< [m]
+  double drift = 0.01;       ///< steady, between a zero and its contact; torques at 30 mm [N/s]
+  double walk = 6.5e-3;      ///< random, on top of it [N/√s]
+  double move = 3e-5;        ///< of where the carrier stands against its encoders, per axis [m]
+  double move_angle = 1e-5;  ///< [rad]
+};
+
 /// What the cell's twin-force sensing is made of.
 struct TwinForceSetup {
-  Mechanism mechanism;          ///< nominal parts
-  Pose X_AH;                    ///< hole in sensor_a
-  Pose X_CP;                    ///< undeflected peg in the carrier
-  TwinForceOptions options;     ///< a prior's pose is the nominal one; a task requires the accuracy
-  bool on_plane = true;         ///< contacts lie in the hole's plane, which tells the peg's height
-  double move_sd = 1e-6;        ///< of the known moves [m]
-  double move_angle_sd = 1e-5;  ///< [rad]
+  Mechanism mechanism;       ///< nominal parts
+  Pose X_AH;                 ///< hole in sensor_a
+  Pose X_CP;                 ///< undeflected peg in the carrier
+  TwinForceOptions options;  ///< a prior's pose is the nominal one; a task requires the accuracy
+  bool on_plane = true;      ///< contacts lie in the hole's plane, which tells the peg's height
+  TwinUncertainty uncertainty;
 };
 
 /// Contacts felt by sensor_a and sensor_b, and the pose of the peg in the hole from them. A is
@@ -60,6 +73,7 @@ class TwinForceContacts : public TwinForceSensing {
  private:
   Pose moveOf(const Pose& X_SC) const;
   Eigen::Vector3d touchPoint(const Pose& X_HP) const;
+  PosePrior touchedPrior(const Pose& about, double sd) const;
   void check(const TwinContact& contact);
 
   TwinForceSetup setup_;
@@ -69,6 +83,8 @@ class TwinForceContacts : public TwinForceSensing {
   bool referenced_ = false, tared_ = false;
   Pose X_SP_;  // of the reference
   ContactWindow free_;
+  double free_end_ = 0.0;  // plant clock of its last block [s]
+  double zero_age_ = 0.0;  // the oldest at a contact [s]
   Pose X_SC_free_;
   Eigen::Vector3d up_ = Eigen::Vector3d::UnitZ();  // against gravity, in S
   std::vector<TwinContact> contacts_;

@@ -15,6 +15,7 @@ struct ContactsFile {
   std::vector<TwinContact> contacts;
   std::optional<PosePrior> prior;
   std::optional<Matrix12> tare_covariance;
+  std::optional<TwinErrors> errors;
   std::vector<ContactCandidate> candidates;  ///< for the advice; may be empty
 };
 

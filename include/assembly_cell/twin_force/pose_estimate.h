@@ -42,6 +42,19 @@ struct PosePrior {
   Matrix6 covariance = Matrix6::Identity();  ///< of δ
 };
 
+/// How far a sensor may be from what its calibration and its drawing say. Standard deviations of
+/// independent errors with mean 0, the same in all contacts.
+struct SensorErrors {
+  Pose frame;             ///< of the sensor in the component's datum, as believed
+  double gain = 0.0;      ///< of every entry of E in w' = (I + E) w, in axes of the sensor
+  double arm = 0.03;      ///< torques count against forces at this arm there [m]
+  double rotation = 0.0;  ///< of the sensor's frame, per axis [rad]
+  double offset = 0.0;    ///< [m]
+};
+struct TwinErrors {
+  SensorErrors a, b;
+};
+
 enum class TwinForceMethod { kThesis, kRobust, kMaximumLikelihood };
 
 struct TwinForceOptions {
@@ -49,6 +62,7 @@ struct TwinForceOptions {
   std::optional<PosePrior> prior;
   std::optional<Matrix12> tare_covariance;   ///< of an offset (w_A, w_b) common to all contacts,
                                              ///< mean 0; semidefinite; maximum likelihood only
+  std::optional<TwinErrors> errors;          ///< of both sensors; maximum likelihood only
   double required_position = 1e-3;           ///< s_T: accuracy that is needed, per axis [m]
   double required_rotation = 1e-2;           ///< s_φ [rad]
   double smallest_p = 1e-3;                  ///< χ² below this probability is inconsistent
@@ -99,6 +113,9 @@ struct TwinForceEstimate {
   bool unconfirmed = false;          ///< 3 contacts, one rejected: nothing confirms the rest
   bool opposed_signs = false;        ///< fits with one sensor's sign changed
   Vector12 tare = Vector12::Zero();  ///< estimated offset, with tare_covariance
+  /// With errors, for the next contact: the unknowns besides the pose are −slope δ + rest, their
+  /// rest independent of δ. Empty otherwise.
+  Eigen::MatrixXd error_slope, error_rest;
   int iterations = 0;
 };
 
@@ -106,7 +123,8 @@ struct TwinForceEstimate {
 /// infinite variance are 0 elsewhere.
 Matrix6 coordinateCovariance(const TwinForceEstimate& estimate);
 
-/// Memory of an estimator of up to `capacity` contacts: estimatePose allocates nothing.
+/// Memory of an estimator of up to `capacity` contacts: estimatePose allocates nothing, unless
+/// errors of the sensors are unknowns.
 class TwinForceWorkspace {
  public:
   explicit TwinForceWorkspace(std::size_t capacity);
