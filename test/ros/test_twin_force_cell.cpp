@@ -197,7 +197,8 @@ TEST_F(TwinForceCell, ReportsWhatTheNodeEstimates) {
   EXPECT_EQ(told, known);
 
   // so is the report's tilt: with the sag of one of the windows in which the peg hung at the start;
-  // its offset is that of the walls, which are felt to a few micrometres
+  // its offset is that of the walls: from the node's it is less than the clearance, in which the
+  // first way down ended
   Distance nearest{std::numeric_limits<double>::infinity(), 0.0};
   for (std::size_t i = 0;
        cell_->displacement.all()[i + 9]->header.stamp < last.contacts[0].zero_window[0]; ++i) {
@@ -205,7 +206,7 @@ TEST_F(TwinForceCell, ReportsWhatTheNodeEstimates) {
     if (now.tilt < nearest.tilt) nearest = now;
   }
   EXPECT_LT(nearest.tilt, 1e-12);
-  EXPECT_LT(nearest.offset, 2e-5);
+  EXPECT_LT(nearest.offset, 1e-4);
 }
 
 TEST_F(TwinForceCell, GoesWhereTheNodeAdvises) {
