@@ -134,6 +134,19 @@ void repair(const Problem& problem, Memory& memory, Fit& fit) {
   std::sort(e.rejected.begin(), e.rejected.end());
 }
 
+// Contacts that agree to their noise: were the sensors off, they wouldn't, but for what no contact
+// tells. The pose then is the likelihood's without errors, which weighs all by their noise; what is
+// stated stays.
+void preferBare(const Problem& problem, Memory& memory, TwinForceEstimate& e) {
+  Problem bare = problem;
+  bare.errors = nullptr;
+  if (problem.options.tare_covariance) bare.tare = &memory.tare;
+  const Fit fit = fitSubset(bare, memory.used);
+  if (fit.p < problem.options.smallest_p || fit.null_count > e.null_count) return;
+  e.pose = fit.pose;
+  e.rotation = fit.q.w() < 0.0 ? Eigen::Quaterniond(-fit.q.coeffs()) : fit.q;
+}
+
 void judgeAccuracy(TwinForceEstimate& e) {
   if (e.null_count > 0) {
     e.status = TwinForceStatus::kDegenerate;
@@ -219,6 +232,7 @@ const TwinForceEstimate& estimatePose(const std::vector<TwinContact>& contacts,
   }
 
   report(problem.scale, fit, e);
+  if (problem.errors != nullptr) preferBare(problem, memory, e);
   if (thesis) e.covariance = own_covariance;
   if (options.method == TwinForceMethod::kRobust) {
     const RobustSolution robust = solveRobust(memory.terms, memory.used, problem.start);

@@ -60,9 +60,10 @@ enum class TwinForceMethod { kThesis, kRobust, kMaximumLikelihood };
 struct TwinForceOptions {
   TwinForceMethod method = TwinForceMethod::kMaximumLikelihood;
   std::optional<PosePrior> prior;
-  std::optional<Matrix12> tare_covariance;   ///< of an offset (w_A, w_b) common to all contacts,
-                                             ///< mean 0; semidefinite; maximum likelihood only
-  std::optional<TwinErrors> errors;          ///< of both sensors; maximum likelihood only
+  std::optional<Matrix12> tare_covariance;  ///< of an offset (w_A, w_b) common to all contacts,
+                                            ///< mean 0; semidefinite; maximum likelihood only
+  /// Of both sensors; maximum likelihood only. Contacts that agree without give the pose without.
+  std::optional<TwinErrors> errors;
   double required_position = 1e-3;           ///< s_T: accuracy that is needed, per axis [m]
   double required_rotation = 1e-2;           ///< s_φ [rad]
   double smallest_p = 1e-3;                  ///< χ² below this probability is inconsistent
