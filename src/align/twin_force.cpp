@@ -219,7 +219,7 @@ class TwinForce : public EdgeSearch {
     if (contacts_ > 0) press_.moveTo(over);
     press_.moveTo(hover);
     press_.tare(2);
-    for (int higher = 0; press_.tareShift() > press_.freeForce(); ++higher) {
+    for (int higher = 0; press_.tareShift() > press_.freeShift(); ++higher) {
       // the edge already rests on something
       if (higher == kHigher)
         throw AlignError(AlignFailure::kNotFree, "the peg doesn't come free over the contact");

@@ -34,7 +34,8 @@ constexpr const char* kHelp =
 Estimates the pose of component B, at the reference contact, in component A from the wrenches that both feel,
 and prints it as YAML. CONTACTS.yaml: key `contacts`, a list of {wrench_a: [6], wrench_b: [6], covariance_a: [36],
 covariance_b: [36], move: {position, quaternion: [x, y, z, w]}, move_covariance: [36] optional}; optional `prior:
-{position, quaternion, covariance: [36]}`, `tare_covariance: [144]` of an offset (w_A, w_b) common to all contacts, and
+{position, quaternion, covariance: [36]}`, `tare_covariance: [144]` of an offset (w_A, w_b) common to all contacts,
+`errors: {sensor_a, sensor_b}`, each {position, quaternion, gain, rotation, offset}: how far a sensor may be off, and
 `candidates`, a list of {move, point, force} to choose the next contact from. SI; wrenches act on the part that
 carries the sensor, force before moment; covariances row by row; move is the pose of B at the contact in the axes
 of B at the reference.

@@ -208,10 +208,12 @@ const Case kCases[] = {
      }},
     {AlignFailure::kNotFree, "twin_force", nullptr,
      [](FaultyPlant& plant) {
-       // a cable that pulls down near the plane, once a contact was made
+       // a cable that pulls on a tilted peg, once a contact was made
        plant.on_block = [&plant, made = false](PlantBlock& b) mutable {
          made = made || pressed(plant);
-         if (made && b.carrier.z < plant.start.carrier.z + 0.012) b.wrench_b(2) -= 1.2;
+         const Eigen::Matrix3d turn =
+             poseFromRest(b.carrier).R * poseFromRest(plant.start.carrier).R.transpose();
+         if (made && turn.trace() < 3.0 - 4e-4) b.wrench_b(2) -= 3.0;
        };
      }},
     {AlignFailure::kTooUncertain, "single_contact",
