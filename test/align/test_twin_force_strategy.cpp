@@ -12,6 +12,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
+#include "mismatched_trial.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
@@ -120,6 +121,28 @@ TEST(TwinForceStrategy, FailsByName) {
   EXPECT_EQ(reason(1.0, 0.01, 15.0).rfind("not_settled", 0), 0u);
   // 10 bit can't tell from a light press where to feel, and the strategy knows
   EXPECT_EQ(reason(1.0, 0.0, 2.0).rfind("too_uncertain", 0), 0u);
+}
+
+// sensors off by 1 %, 1° and 0.5 mm, a carrier that repeats to 30 µm, and the rest of level 2
+TEST(TwinForceStrategy, AlignsWhereSensorsAreOff) {
+  const Mismatch level_2 =
+      loadMismatch(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/mismatch/level_2.yaml");
+  constexpr int kCells = 8;
+  for (int i = 0; i < kCells; ++i) {
+    const double a = 0.8 * i;
+    const AlignTrial trial = tryMismatched(level_2, 0.01 * Vector2d(std::cos(a), std::sin(a)),
+                                           0.02 * Vector2d(std::sin(2 * a), std::cos(3 * a)),
+                                           "twin_force", 700 + static_cast<unsigned>(i));
+    EXPECT_TRUE(trial.success) << i << " " << trial.result.reason;
+    EXPECT_FALSE(trial.false_success);
+    const Vector2d error = trial.result.offset - trial.true_offset;
+    // 30 µm an axis: beyond 5 sd never by chance
+    EXPECT_LT(error.norm(), 1.5e-4) << i;
+    // what moves end by is stated, as far as six touches tell it
+    const double sd = std::sqrt(0.5 * trial.result.offset_covariance.trace());
+    EXPECT_GT(sd, 9e-6) << i;
+    EXPECT_LT(sd, 1.5e-4) << i;
+  }
 }
 
 TEST(TwinForceStrategy, RefusesBadParameters) {

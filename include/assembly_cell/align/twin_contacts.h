@@ -21,7 +21,8 @@ PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd)
 /// What a person who measures with care leaves unknown of a cell: standard deviations.
 /// Six-axis sensors' matrices are good to 1 to 2 % of their range; a level and a vernier tell a
 /// frame to 1° and 0.5 mm, as a size; warming sensors drift by a newton a minute; arms repeat to
-/// 20 to 50 µm. Half and twice: docs/robustness.md.
+/// 20 to 50 µm. With a third of these errors in truth (level 1) and with all (level 2) 100 of 100
+/// align, with twice as many (level 3) it gets worse: docs/robustness.md.
 struct TwinUncertainty {
   double gain = 0.01;        ///< of every entry of both strain matrices, as in SensorErrors
   double rotation = 0.01;    ///< of a sensor's frame, per axis [rad]
