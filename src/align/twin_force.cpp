@@ -6,6 +6,7 @@
 
 #include "assembly_cell/align/edge_search.h"
 #include "assembly_cell/align/outcome.h"
+#include "assembly_cell/align/twin_contacts.h"
 #include "assembly_cell/align/twin_sensing.h"
 
 namespace assembly_cell {
@@ -163,7 +164,10 @@ class TwinForce : public EdgeSearch {
                             position_sd_ * 1e3, kLost * scale_.length * 1e3) +
                            "press harder or use a finer converter");
     }
-    place_variance_ = kPlaceSd * kPlaceSd;
+    // without touches: moves end by as much of what was thought possible as the sensors are off
+    const double part = std::min(1.0, solution_.chi2 / std::max(1, solution_.dof));
+    const double sd = std::max(kPlaceSd, TwinUncertainty().move * std::sqrt(part));
+    place_variance_ = sd * sd;
     if (enter(hole_.center, 1)) return;
     // what errors of the sensors hide, touches on the face and the walls tell
     feelRound();
