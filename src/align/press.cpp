@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "assembly_cell/align/contact_window.h"
 
@@ -134,6 +135,10 @@ Vector6 PressController::weightSince(const RestPose& pose) const {
   return weight(last_.carrier) - weight(pose);
 }
 
+ForceAlarm PressController::alarmAt(double force, double sideways) const {
+  return {(last_.wrench_b - wrench()).head<3>(), force, sideways};
+}
+
 double PressController::tareShift() const {
   return (tare_ - zero_ - weightSince(zero_pose_)).head<3>().norm();
 }
@@ -146,6 +151,9 @@ const PlantBlock& PressController::step(const PlantCommand& command) {
   PlantCommand all = command;
   if (exciter_ && !all.exciter) all.exciter = exciter_;
   exciter_.reset();
+  if (tared_ && guarded_ && !all.alarm) {
+    all.alarm = alarmAt(limits_.force, std::numeric_limits<double>::infinity());
+  }
   last_ = plant_.next(all);
   to_end_ = std::max(0, to_end_ - 1);
   saturated_ = last_.saturated ? saturated_ + 1 : 0;
@@ -357,7 +365,11 @@ bool PressController::approach(double floor) {
           line("none within %.1f mm of descent from z %.4f m", limits_.descent * 1e3, start));
     }
     target.z -= limits_.approach_step;
-    nudge(target);
+    target_ = target;
+    PlantCommand down;
+    down.rest = target;
+    down.alarm = alarmAt(touch_, kSidewaysTouch * touch_);
+    step(down);
   }
   touch_z_ = last_.carrier.z;
   target.z = touch_z_;

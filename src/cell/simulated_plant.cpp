@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/step.h"
 #include "assembly_cell/locus/vibration_fit.h"
 
 namespace assembly_cell {
@@ -152,6 +153,7 @@ PlantBlock SimulatedPlant::means() const {
   out.rounding_a = rounding_a_;
   out.rounding_b = rounding_b_;
   out.samples = static_cast<int>(n);
+  out.length = static_cast<double>(n) * block_.period;
   for (std::size_t i = 0; i < n; ++i) {
     out.saturated = out.saturated || block_.saturated_a[i] || block_.saturated_b[i];
   }
@@ -160,6 +162,11 @@ PlantBlock SimulatedPlant::means() const {
 }
 
 PlantBlock SimulatedPlant::next(const PlantCommand& command) {
+  return nextStep(command,
+                  [this](const PlantCommand& asked, bool /*first*/) { return nextBlock(asked); });
+}
+
+PlantBlock SimulatedPlant::nextBlock(const PlantCommand& command) {
   // a bridge commands nothing before it has felt something
   if (arm_ && !arm_->ready()) advance({});
   advance(command);

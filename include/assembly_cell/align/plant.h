@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -18,6 +19,14 @@ struct LocusRequest {
   double duration = 0.0;  ///< [s]
 };
 
+/// What a strategy wants to know of at once, where blocks are shorter than its steps: sensor_b's
+/// force minus `reference` is as great as that. See step.h.
+struct ForceAlarm {
+  Eigen::Vector3d reference = Eigen::Vector3d::Zero();        ///< [N]
+  double force = std::numeric_limits<double>::infinity();     ///< [N]
+  double sideways = std::numeric_limits<double>::infinity();  ///< of x and y alone [N]
+};
+
 /// What is done before the next block. Nothing set: only wait.
 struct PlantCommand {
   std::optional<RestPose> rest;  ///< move the rest pose there, in the carrier's base frame
@@ -25,11 +34,13 @@ struct PlantCommand {
       exciter;  ///< amplitude 0: off; the phase refers to the block's start
   std::optional<LocusRequest> locus;
   std::optional<LocusRequest> vibration;  ///< the same of sensor_b's wrench itself
+  std::optional<ForceAlarm> alarm;        ///< ends the step early
 };
 
 /// What one block of samples says. Means over the block.
 struct PlantBlock {
   double time = 0.0;                       ///< end of the block, plant clock [s]
+  double length = 0.0;                     ///< of the block [s]
   Vector6 wrench_a = Vector6::Zero();      ///< sensor_a axes, untared [N], [N·m]
   Vector6 wrench_b = Vector6::Zero();      ///< sensor_b axes, untared
   Matrix6 covariance_a = Matrix6::Zero();  ///< of one sample of wrench_a about the mean

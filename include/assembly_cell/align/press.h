@@ -138,6 +138,8 @@ class PressController {
 
  private:
   Vector6 weightSince(const RestPose& pose) const;
+  /// Of a contact force of `force`, `sideways` of it in x and y [N].
+  ForceAlarm alarmAt(double force, double sideways) const;
   int timed(int blocks) const;
   double changeOfNoise() const;
 

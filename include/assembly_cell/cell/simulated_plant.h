@@ -25,6 +25,7 @@ class SimulatedPlant : public Plant {
   SimulatedPlant(const Scenario& scenario, const Mechanism& nominal,
                  const CellParameters& parameters, const Pose& X_AH = CellParameters().X_AH);
 
+  /// A step, see nextStep().
   PlantBlock next(const PlantCommand& command) override;
   TwinForceSensing* twinForce() override { return &twin_force_; }
 
@@ -44,6 +45,7 @@ class SimulatedPlant : public Plant {
     void begin(const LocusRequest& wanted);
     bool endsBefore(double time) const;
   };
+  PlantBlock nextBlock(const PlantCommand& command);
   // one block of the cell; throws PlantError when its simulation stops
   void advance(const PlantCommand& command);
   // the arm feels the block
