@@ -3,7 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  // one thread keeps commands, blocks and states in order
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::ArmBridgeNode>(argc, argv,
-                                                                                  "arm_bridge", 1);
+  using assembly_cell::ros_bridge::ArmBridgeNode;
+  return assembly_cell::ros_bridge::run<ArmBridgeNode>(argc, argv, "arm_bridge");
 }

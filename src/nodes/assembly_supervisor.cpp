@@ -3,6 +3,6 @@
 #include "assembly_cell/ros/supervisor_node.h"
 
 int main(int argc, char** argv) {
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::SupervisorNode>(
-      argc, argv, "assembly_supervisor", 4);
+  using assembly_cell::ros_bridge::SupervisorNode;
+  return assembly_cell::ros_bridge::run<SupervisorNode>(argc, argv, "assembly_supervisor");
 }

@@ -3,7 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  // one thread for the data; services and the action have threads of their own
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::CalibrationServerNode>(
-      argc, argv, "calibration_server", 1);
+  using assembly_cell::ros_bridge::CalibrationServerNode;
+  return assembly_cell::ros_bridge::run<CalibrationServerNode>(argc, argv, "calibration_server");
 }

@@ -3,6 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::CellPlayer>(argc, argv,
-                                                                               "cell_player", 1);
+  using assembly_cell::ros_bridge::CellPlayer;
+  return assembly_cell::ros_bridge::run<CellPlayer>(argc, argv, "cell_player");
 }

@@ -3,6 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::ContactMarkersNode>(
-      argc, argv, "contact_markers", 1);
+  using assembly_cell::ros_bridge::ContactMarkersNode;
+  return assembly_cell::ros_bridge::run<ContactMarkersNode>(argc, argv, "contact_markers");
 }

@@ -3,6 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::EmulatedArmNode>(
-      argc, argv, "emulate_arm", 1);
+  using assembly_cell::ros_bridge::EmulatedArmNode;
+  return assembly_cell::ros_bridge::run<EmulatedArmNode>(argc, argv, "emulate_arm");
 }

@@ -3,6 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::ExciterOutputNode>(
-      argc, argv, "exciter_output", 1);
+  using assembly_cell::ros_bridge::ExciterOutputNode;
+  return assembly_cell::ros_bridge::run<ExciterOutputNode>(argc, argv, "exciter_output");
 }

@@ -3,7 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  // one thread for the data path; the services have threads of their own
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::ForceSensorNode>(
-      argc, argv, "force_sensor_driver", 1);
+  using assembly_cell::ros_bridge::ForceSensorNode;
+  return assembly_cell::ros_bridge::run<ForceSensorNode>(argc, argv, "force_sensor_driver");
 }

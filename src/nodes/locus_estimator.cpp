@@ -3,7 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  // one thread keeps exciter and blocks in order; readings have a thread of their own
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::LocusNode>(argc, argv,
-                                                                              "locus_estimator", 1);
+  using assembly_cell::ros_bridge::LocusNode;
+  return assembly_cell::ros_bridge::run<LocusNode>(argc, argv, "locus_estimator");
 }

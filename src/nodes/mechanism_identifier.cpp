@@ -3,6 +3,6 @@
 #include "assembly_cell/ros/node_main.h"
 
 int main(int argc, char** argv) {
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::IdentifierNode>(
-      argc, argv, "mechanism_identifier", 4);
+  using assembly_cell::ros_bridge::IdentifierNode;
+  return assembly_cell::ros_bridge::run<IdentifierNode>(argc, argv, "mechanism_identifier");
 }

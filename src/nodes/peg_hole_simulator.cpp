@@ -3,7 +3,6 @@
 #include "assembly_cell/ros/simulator_node.h"
 
 int main(int argc, char** argv) {
-  // four threads: a service that waits must not hold up commands and acks
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::SimulatorNode>(
-      argc, argv, "peg_hole_simulator", 4);
+  using assembly_cell::ros_bridge::SimulatorNode;
+  return assembly_cell::ros_bridge::run<SimulatorNode>(argc, argv, "peg_hole_simulator");
 }

@@ -3,6 +3,6 @@
 #include "assembly_cell/ros/simulated_rig_node.h"
 
 int main(int argc, char** argv) {
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::SimulatedRigNode>(
-      argc, argv, "simulated_calibration_rig");
+  using assembly_cell::ros_bridge::SimulatedRigNode;
+  return assembly_cell::ros_bridge::run<SimulatedRigNode>(argc, argv, "simulated_calibration_rig");
 }

@@ -3,7 +3,6 @@
 #include "assembly_cell/ros/twin_force_node.h"
 
 int main(int argc, char** argv) {
-  // four threads: a service that waits for samples must not hold them up
-  return assembly_cell::ros_bridge::run<assembly_cell::ros_bridge::TwinForceNode>(
-      argc, argv, "twin_force_estimator", 4);
+  using assembly_cell::ros_bridge::TwinForceNode;
+  return assembly_cell::ros_bridge::run<TwinForceNode>(argc, argv, "twin_force_estimator");
 }

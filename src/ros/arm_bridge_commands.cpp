@@ -192,7 +192,7 @@ void ArmBridgeNode::onAck(const ros::MessageEvent<Ack const>& event) {
     return;
   }
   // the answer is the holder's sign of life, before what it commanded
-  if (!done_ || ack.sequence != *done_) {
+  if (participants_.speaksOfSession(ack) && (!done_ || ack.sequence != *done_)) {
     const std::string node = event.getPublisherName();
     const std::uint32_t session = ack.session;
     waiting_.insert(waiting_.begin(), [this, node, session] {

@@ -36,7 +36,7 @@ std::uint32_t randomLife() {
 }  // namespace
 
 ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
-    : nh_(nh), arm_nh_(nh, "arm"), life_(randomLife()), clock_(true) {
+    : nh_(nh), arm_nh_(nh, "arm"), name_(pnh.getNamespace()), life_(randomLife()), clock_(true) {
   readParameters(pnh);
   // by the wall clock the thread of the points hears as well, see beat()
   if (!lockstep_) {
@@ -146,9 +146,9 @@ void ArmBridgeNode::publishFrames() {
   const CellPlace& place = output_settings_.place;
   const ros::Time stamp = ros::Time::now();
   const Pose X_HB{Eigen::Matrix3d::Identity(), {0.0, 0.0, place.carrier_height}};
-  static_tf_.sendTransform({transformStamped(kHoleFrame, kCarrierBaseFrame, X_HB, stamp),
-                            transformStamped(kHoleFrame, output_settings_.base_frame,
-                                             inverse(place.X_base_hole), stamp)});
+  static_tf_.send({transformStamped(kHoleFrame, kCarrierBaseFrame, X_HB, stamp),
+                   transformStamped(kHoleFrame, output_settings_.base_frame,
+                                    inverse(place.X_base_hole), stamp)});
 }
 
 // ---- the points ----
@@ -209,7 +209,7 @@ void ArmBridgeNode::endBlock() {
     point(block_end_ + std::min(i * period, block_length_));
   }
   Ack ack;
-  ack.node = participantName(nh_.getNamespace());
+  ack.node = participantName(nh_.getNamespace(), name_);
   ack.sequence = *done_;
   ack.commands = drives_;
   ack.session = life_;
@@ -280,7 +280,7 @@ void ArmBridgeNode::publishState() {
 
 void ArmBridgeNode::publishDiagnostics() {
   diagnostic_msgs::DiagnosticStatus status;
-  status.name = ros::this_node::getName().substr(1) + ": arm";
+  status.name = name_.substr(1) + ": arm";
   status.hardware_id = output_settings_.place.flange;
   std::string holder, refusal, place;
   std::uint64_t points = 0;

@@ -21,6 +21,7 @@
 #include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/sensor/wrench_range.h"
 
 namespace assembly_cell::ros_bridge {
@@ -87,7 +88,8 @@ void ForceSensorNode::readParameters() {
   const std::string scenario = parameters.text("scenario", std::string());
   const auto overrides = parameters.texts("overrides", std::vector<std::string>{});
   lockstep_ = parameters.flag("lockstep", false);
-  name_in_lockstep_ = parameters.text("name_in_lockstep", participantName(cellNamespace()));
+  name_in_lockstep_ =
+      parameters.text("name_in_lockstep", participantName(cellNamespace(), pnh_.getNamespace()));
   const Range rates{1e-3, 1e6};
   const double display_rate = parameters.number("display_rate", rates, 50.0);
   rate_tolerance_ = parameters.number("rate_tolerance", kPositive, 0.05);
@@ -235,7 +237,7 @@ void ForceSensorNode::advertise() {
   service_spinner_.start();
 
   // on the wall clock: a simulator that is paused must not silence the diagnostics
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(nh_, pnh_);
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(nh_, pnh_, pnh_.getNamespace());
   diagnostics_->setHardwareID(calibration_.serial_number);
   diagnostics_->add("samples", this, &ForceSensorNode::diagnoseSamples);
   if (choice_.source) diagnostics_->add("device", this, &ForceSensorNode::diagnoseDevice);
@@ -280,7 +282,7 @@ void ForceSensorNode::acknowledge(const StrainSamples& block) {
   Ack ack;
   ack.node = name_in_lockstep_;
   ack.sequence = block.sequence;
-  ack_pub_.publish(ack);
+  publishShared(ack_pub_, ack);
 }
 
 void ForceSensorNode::process(const StrainSamples::ConstPtr& block) {

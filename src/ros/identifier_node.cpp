@@ -50,7 +50,7 @@ IdentifierNode::IdentifierNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   file_ = parameters.text("file", "");
   prior_scale_ = parameters.number("prior_scale", Range{0.1, 10.0}, prior_scale_);
   limits_.force = parameters.number("force_limit", Range{1.0, 1000.0}, limits_.force);
-  const RosPlant::Settings settings = plantSettings(parameters);
+  const RosPlant::Settings settings = plantSettings(parameters, pnh.getNamespace());
   parameters.refuseUnknown();
   plant_ = std::make_unique<RosPlant>(nh, settings);
   state_pub_ = pnh.advertise<SupervisorState>("state", 10, true);

@@ -5,10 +5,9 @@
 
 namespace assembly_cell::ros_bridge {
 
-std::string participantName(const std::string& root) {
-  const std::string name = ros::this_node::getName();
+std::string participantName(const std::string& root, const std::string& node) {
   const std::string above = root == "/" ? "/" : root + "/";
-  return name.compare(0, above.size(), above) == 0 ? name.substr(above.size()) : name.substr(1);
+  return node.compare(0, above.size(), above) == 0 ? node.substr(above.size()) : node.substr(1);
 }
 
 std::string participantNode(const std::string& root, const std::string& participant) {

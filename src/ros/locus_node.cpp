@@ -15,6 +15,7 @@
 #include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -95,7 +96,8 @@ void LocusNode::readParameters() {
   history_ = parameters.number("history", {window, 60.0}, std::max(2.0, window));
   data_timeout_ = parameters.number("data_timeout", {0.01, 3600.0}, 10.0);
   lockstep_ = parameters.flag("lockstep", false);
-  name_in_lockstep_ = parameters.text("name_in_lockstep", participantName(nh_.getNamespace()));
+  name_in_lockstep_ =
+      parameters.text("name_in_lockstep", participantName(nh_.getNamespace(), pnh_.getNamespace()));
   parameters.refuseUnknown();
   live_ = std::make_unique<LiveSettings>(
       pnh_,
@@ -158,7 +160,7 @@ void LocusNode::acknowledge(std::uint32_t sequence) {
   Ack ack;
   ack.node = name_in_lockstep_;
   ack.sequence = sequence;
-  ack_pub_.publish(ack);
+  publishShared(ack_pub_, ack);
 }
 
 ros::Time LocusNode::lastSample() const {

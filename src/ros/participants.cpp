@@ -2,6 +2,7 @@
 #include "assembly_cell/ros/participants.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/lockstep.h"
@@ -43,17 +44,47 @@ std::string Participants::answer(const Ack& ack, const std::string& publisher) {
   }
   // an earlier block's, again
   if (latest.known && ack.sequence < latest.sequence) return {};
-  latest = {true, ack.sequence, ack.commands, publisher};
+  latest.known = true;
+  latest.sequence = ack.sequence;
+  latest.commands = ack.commands;
+  latest.publisher = publisher;
   return {};
+}
+
+bool Participants::speaksOfSession(const Ack& ack) {
+  const std::uint32_t before = std::exchange(answers_[ack.node].session, ack.session);
+  return before != 0 || ack.session != 0;
+}
+
+std::uint32_t Participants::claimedBy(const std::string& publisher) const {
+  std::uint32_t claimed = 0;
+  for (const auto& [name, answer] : answers_) {
+    if (answer.publisher == publisher) claimed += answer.commands;
+  }
+  return claimed;
+}
+
+bool Participants::hasAnswered(const Answer& answer, std::uint32_t sequence) {
+  return answer.known && answer.sequence >= sequence;
+}
+
+bool Participants::commandsCameIn(const Answer& answer) const {
+  if (answer.commands == 0) return true;
+  const auto sender = senders_.find(answer.publisher);
+  return sender != senders_.end() && sender->second.commands >= claimedBy(answer.publisher);
+}
+
+bool Participants::allAnswered(std::uint32_t sequence) const {
+  return std::all_of(answers_.begin(), answers_.end(), [&](const auto& entry) {
+    return hasAnswered(entry.second, sequence) && commandsCameIn(entry.second);
+  });
 }
 
 std::string Participants::missing(std::uint32_t sequence) const {
   std::string list;
   for (const auto& [name, answer] : answers_) {
-    const auto sender = senders_.find(answer.publisher);
-    const std::uint32_t received = sender == senders_.end() ? 0 : sender->second.commands;
-    const bool answered = answer.known && answer.sequence >= sequence;
-    if (answered && received >= answer.commands) continue;
+    const bool answered = hasAnswered(answer, sequence);
+    if (answered && commandsCameIn(answer)) continue;
     list += (list.empty() ? "" : ", ") + name;
     if (!answer.known) list += " (never answered)";
     if (answered) list += " (commands lost)";

@@ -3,10 +3,12 @@
 
 #include <ros/serialization.h>
 
+#include <map>
 #include <random>
 #include <utility>
 
 #include "assembly_cell/Lease.h"
+#include "assembly_cell/ros/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -22,6 +24,36 @@ std::uint32_t randomNumber() {
   return number;
 }
 
+// Nodes that share a process have one name, by which the plant's guard can't tell them apart. Who
+// of them holds a plant is known here.
+struct Holders {
+  std::mutex mutex;
+  std::map<std::string, std::string> nodes;  // by the plant's name
+};
+
+Holders& holdersOfThisProcess() {
+  static Holders holders;
+  return holders;
+}
+
+// The node of this process that holds the plant: from now on `node`, if there was none.
+std::string hold(const std::string& plant, const std::string& node) {
+  Holders& holders = holdersOfThisProcess();
+  const std::lock_guard<std::mutex> lock(holders.mutex);
+  return holders.nodes.try_emplace(plant, node).first->second;
+}
+
+// False when it was another node's to let go.
+bool letGo(const std::string& plant, const std::string& node) {
+  Holders& holders = holdersOfThisProcess();
+  const std::lock_guard<std::mutex> lock(holders.mutex);
+  const auto holder = holders.nodes.find(plant);
+  if (holder == holders.nodes.end()) return true;
+  if (holder->second != node) return false;
+  holders.nodes.erase(holder);
+  return true;
+}
+
 // all but the header: the same values sent again are no change
 template <class Message>
 std::string bytesOf(Message message) {
@@ -35,8 +67,12 @@ std::string bytesOf(Message message) {
 
 }  // namespace
 
-PlantLink::PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> changed)
-    : lockstep_(lockstep), changed_(std::move(changed)) {
+PlantLink::PlantLink(ros::NodeHandle& nh, const std::string& holder, bool lockstep,
+                     std::function<void()> changed)
+    : node_(holder),
+      plant_(nh.resolveName("plant_state")),
+      lockstep_(lockstep),
+      changed_(std::move(changed)) {
   if (!lockstep_) lease_pub_ = nh.advertise<Lease>("lease", kQueue);
   state_sub_ = subscribeChecked<PlantState>(
       nh, "plant_state", kQueue,
@@ -49,6 +85,8 @@ PlantLink::PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> c
     watchConstant<SensorCalibration>(nh, sensor + "/calibration", "calibration of " + sensor);
   }
 }
+
+PlantLink::~PlantLink() { letGo(plant_, node_); }
 
 template <class Message>
 ros::Subscriber PlantLink::watchCommands(ros::NodeHandle& nh, const std::string& topic) {
@@ -70,7 +108,13 @@ void PlantLink::watchConstant(ros::NodeHandle& nh, const std::string& topic,
 // ---- the session ----
 
 void PlantLink::begin() {
+  const std::string holder = hold(plant_, node_);
   const std::lock_guard<std::mutex> lock(mutex_);
+  if (holder != node_) {
+    session_ = 0;
+    fault_ = holder + " holds the plant";
+    return;
+  }
   session_ = randomNumber();
   life_ = state_ ? state_->life : 0;
   refused_ = state_ ? state_->refused : 0;
@@ -96,7 +140,8 @@ void PlantLink::end() {
   session_ = 0;
   moving_ = false;
   fault_.clear();
-  if (!lockstep_) lease_pub_.publish(Lease());
+  const bool mine = letGo(plant_, node_);
+  if (!lockstep_ && mine) lease_pub_.publish(Lease());
 }
 
 std::uint32_t PlantLink::session() const {
@@ -110,7 +155,7 @@ void PlantLink::renew(const ros::Time& seen) {
   Lease lease;
   lease.header.stamp = seen;
   lease.session = session_;
-  lease_pub_.publish(lease);
+  publishShared(lease_pub_, lease);
 }
 
 std::optional<std::string> PlantLink::fault() const {

@@ -5,7 +5,6 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/image_encodings.h>
-#include <tf2_ros/static_transform_broadcaster.h>
 
 #include <cstdint>
 
@@ -60,8 +59,8 @@ void RimView::update(double hole_radius) {
   }
   sent_ = now;
   if (!frame_) {
-    frame_ = std::make_unique<tf2_ros::StaticTransformBroadcaster>();
-    frame_->sendTransform(frameAbove(kHeight * hole_radius));
+    frame_.emplace();
+    frame_->send({frameAbove(kHeight * hole_radius)});
   }
   sensor_msgs::Image image;  // no stamp: with the latest transforms
   image.header.frame_id = kRimCameraFrame;

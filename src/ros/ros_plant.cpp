@@ -18,15 +18,18 @@
 #include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
 constexpr int kQueue = 100;
-constexpr std::size_t kMemory = 50;  // blocks that may be incomplete at a time
-constexpr std::size_t kRecent = 25;  // blocks whose samples a window may begin in
-constexpr double kRounding = 0.01;   // of a sample's period, at a window's ends
+constexpr std::size_t kMemory = 500;  // blocks that may be incomplete at a time
+// Of blocks whose samples a window may begin in: the least number, and beyond it their age [s].
+constexpr std::size_t kRecent = 25;
+constexpr double kRecentTime = 0.499;
+constexpr double kRounding = 0.01;  // of a sample's period, at a window's ends
 // of the default cell: ±5 V in 16 bit
 constexpr double kConverterStep = 10.0 / 65536.0;
 
@@ -69,7 +72,7 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
       lockstep_(settings.lockstep),
       nh_(nh),
       clock_(!settings.lockstep),
-      link_(nh, settings.lockstep, [this] { changed_.notify_all(); }),
+      link_(nh, settings.node, settings.lockstep, [this] { changed_.notify_all(); }),
       twin_force_(
           nh, {settings.timeout, lockstep_ ? kProbe : settings.data_timeout * settings.slow_factor,
                questionTime(), [this](double time) { return stampOf(time); },
@@ -78,7 +81,7 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
                  alive_ = Steady::now();
                  return stopping_ || (cancelled_ && cancelled_());
                }}) {
-  name_ = participantName(nh.getNamespace());
+  name_ = participantName(nh.getNamespace(), settings.node);
 
   // latched, so that who connects late has the state of carrier and exciter
   command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true);
@@ -265,6 +268,7 @@ void RosPlant::assemble() {
     block.means.covariance_a = a.covariance;
     block.means.covariance_b = b.covariance;
     block.means.samples = std::min(a.count, b.count);
+    block.means.length = b.count * parts.wrench_b->period;
     block.saturated = {saturatedChannels(*parts.wrench_a), saturatedChannels(*parts.wrench_b)};
     block.means.saturated = block.saturated[0] != 0 || block.saturated[1] != 0;
     try {
@@ -291,7 +295,10 @@ void RosPlant::assemble() {
     if (good) {
       if (compliance_) block.means.displacement_b = *compliance_ * b.mean;
       recent_.push_back(samples);
-      if (recent_.size() > kRecent) recent_.pop_front();
+      while (recent_.size() > kRecent &&
+             (samples->header.stamp - recent_.front()->header.stamp).toSec() > kRecentTime) {
+        recent_.pop_front();
+      }
       if (vibration_.request) collect(*samples);
       fresh_ = block;
     } else {
@@ -314,7 +321,7 @@ void RosPlant::acknowledge() {
     ack.sequence = *pending_ack_;
     ack.commands = commands_;
     ack.session = link_.session();
-    ack_pub_.publish(ack);
+    publishShared(ack_pub_, ack);
   }
   pending_ack_.reset();
 }
@@ -356,8 +363,9 @@ PlantBlock RosPlant::plantBlock(const Block& block) const {
   return out;
 }
 
-RosPlant::Settings plantSettings(Parameters& parameters) {
+RosPlant::Settings plantSettings(Parameters& parameters, const std::string& node) {
   RosPlant::Settings s;
+  s.node = node;
   s.converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
   s.lockstep = parameters.flag("lockstep", false);
   s.timeout = parameters.number("block_timeout", Range{0.1, 3600.0}, s.timeout);
@@ -373,7 +381,9 @@ void RosPlant::publishCarrier(const Pose& X_BC) {
   commanded_ = X_BC;
   moved_ = true;
   ++commands_;
-  command_pub_.publish(poseStamped(kCarrierBaseFrame, X_BC, last_.end));
+  geometry_msgs::PoseStamped command = poseStamped(kCarrierBaseFrame, X_BC, last_.end);
+  command.header.seq = commands_;
+  publishShared(command_pub_, command);
 }
 
 void RosPlant::publishExciter(const ExciterParameters& drive) {
@@ -389,9 +399,10 @@ void RosPlant::publishExciter(const ExciterParameters& drive) {
   ++commands_;
   const ExciterParameters asked = compensated(drive, drive_);
   Exciter command = exciter_;
+  command.header.seq = commands_;
   command.amplitude = asked.amplitude;
   command.phase = asked.phase;
-  exciter_pub_.publish(command);
+  publishShared(exciter_pub_, command);
 }
 
 // ---- vibrations ----

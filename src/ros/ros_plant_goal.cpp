@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "assembly_cell/align/step.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/locus/vibration_fit.h"
 #include "assembly_cell/ros/calibration_messages.h"
@@ -302,6 +303,11 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
 }
 
 PlantBlock RosPlant::next(const PlantCommand& command) {
+  return nextStep(
+      command, [this](const PlantCommand& asked, bool first) { return nextBlock(asked, first); });
+}
+
+PlantBlock RosPlant::nextBlock(const PlantCommand& command, bool first) {
   std::unique_lock<std::mutex> lock(mutex_);
   checkGoal();
   if (command.rest || command.exciter || command.locus || command.vibration) freshen(lock);
@@ -314,7 +320,7 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
   if (command.vibration) beginVibration(*command.vibration);
 
   // blocks from before the commands are of no interest
-  fresh_.reset();
+  if (first) fresh_.reset();
   takeNext(lock);
   PlantBlock block = plantBlock(last_);
   if (locus_wanted_ && block.time >= locus_end_) takeReading(lock, block);

@@ -52,7 +52,7 @@ void SimulatorNode::onCarrierCommand(
       !participants_.count(sender.node, "carrier_command", command.header)) {
     return;
   }
-  changed_.notify_all();
+  tellLoop();
   if (command.header.frame_id != kCarrierBaseFrame) {
     refuse("carrier_command", sender.node,
            {GuardReason::kFrame, "frame_id is \"" + printable(command.header.frame_id) +
@@ -77,7 +77,7 @@ void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
       !participants_.count(sender.node, "exciter", exciter.header)) {
     return;
   }
-  changed_.notify_all();
+  tellLoop();
   ExciterCommand drive;
   drive.amplitude = exciter.amplitude;
   drive.frequency = exciter.frequency;
@@ -104,10 +104,14 @@ void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
     return;
   }
   // in lockstep the answer is the holder's sign of life
-  if (ack.sequence >= awaited_) {
+  if (participants_.speaksOfSession(ack) && ack.sequence >= awaited_) {
     renew({event.getPublisherName(), now_, true, false}, ack.session);
   }
-  changed_.notify_all();
+  tellLoop();
+}
+
+void SimulatorNode::tellLoop() {
+  if (participants_.allAnswered(awaited_)) changed_.notify_all();
 }
 
 void SimulatorNode::onLease(const ros::MessageEvent<Lease const>& event) {

@@ -19,15 +19,13 @@
 #include "assembly_cell/ros/diagnostics.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;                   // wherever every sample counts
-constexpr std::chrono::seconds kAskAgain{2};  // of who has not answered a block, wall clock
-constexpr int kConnectionCheck = 3;           // so many of them
-constexpr double kStamp = 1e-6;               // rounding of stamps [s]
+constexpr int kQueue = 100;  // wherever every sample counts
 
 std::int64_t nanoseconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
@@ -52,7 +50,8 @@ double seconds(std::chrono::steady_clock::duration duration) {
 
 }  // namespace
 
-SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
+SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
+    : nh_(nh), name_(pnh.getNamespace()) {
   readParameters(pnh);
   cell_ = std::make_unique<SimulatedCell>(scenario_, cell_parameters_, X_HB_);
   guard_ = plantGuard(limits_, lease_mode_, lockstep_);
@@ -64,6 +63,7 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   ROS_INFO("%s: scenario %s, %s, %zu participants", pnh.getNamespace().c_str(), file_.c_str(),
            lockstep_ ? "lockstep" : "paced by the wall clock", participants_.size());
   thread_ = std::thread([this] { loop(); });
+  service_spinner_.start();
 }
 
 void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
@@ -74,6 +74,7 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   CellParameters& cell = cell_parameters_;
   cell.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
   cell.bits = parameters.integer("bits", 10, 24, 16);
+  cell.block_size = parameters.integer("block_size", 5, 100, 100);
   cell.noise = parameters.number("noise", Range{0.0, 10.0}, 0.5e-3);
   cell.accelerometer_noise = parameters.number("accelerometer_noise", Range{0.0, 1e3}, 0.02);
   cell.accelerometer_height = parameters.number("accelerometer_height", Range{-1.0, 1.0}, 0.0);
@@ -160,10 +161,12 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   exciter_sub_ = nh_.subscribe("exciter", kQueue, &SimulatorNode::onExciter, this,
                                ros::TransportHints().tcpNoDelay());
   if (lockstep_) subscribeToAcks();
-  pause_srv_ = pnh.advertiseService("pause", &SimulatorNode::onPause, this);
-  step_srv_ = pnh.advertiseService("step", &SimulatorNode::onStep, this);
-  reset_srv_ = pnh.advertiseService("reset", &SimulatorNode::onReset, this);
-  set_state_srv_ = pnh.advertiseService("set_state", &SimulatorNode::onSetState, this);
+  ros::NodeHandle service_nh(pnh);
+  service_nh.setCallbackQueue(&service_queue_);
+  pause_srv_ = service_nh.advertiseService("pause", &SimulatorNode::onPause, this);
+  step_srv_ = service_nh.advertiseService("step", &SimulatorNode::onStep, this);
+  reset_srv_ = service_nh.advertiseService("reset", &SimulatorNode::onReset, this);
+  set_state_srv_ = service_nh.advertiseService("set_state", &SimulatorNode::onSetState, this);
   diagnostics_timer_ = nh_.createWallTimer(
       ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { publishDiagnostics(); });
 }
@@ -197,6 +200,7 @@ SimulatorNode::~SimulatorNode() {
   }
   changed_.notify_all();
   thread_.join();
+  service_spinner_.stop();
 }
 
 // ---- the loop ----
@@ -257,7 +261,8 @@ void SimulatorNode::stepBlock() {
   std::lock_guard<std::mutex> lock(mutex_);
   if (reason != StopReason::kOk) stopped_ = toString(reason);
   if (steps_ > 0) --steps_;
-  changed_.notify_all();
+  // who waits for the last of its steps
+  if (steps_ == 0 || !stopped_.empty()) changed_.notify_all();
 }
 
 void SimulatorNode::applyCommands() {
@@ -308,42 +313,6 @@ void SimulatorNode::restart(const Scenario& scenario) {
   publishState();
 }
 
-void SimulatorNode::subscribeToAcks() {
-  ack_sub_.shutdown();
-  ack_sub_ =
-      nh_.subscribe("ack", kQueue, &SimulatorNode::onAck, this, ros::TransportHints().tcpNoDelay());
-}
-
-void SimulatorNode::waitForAcks(std::uint32_t sequence) {
-  std::unique_lock<std::mutex> lock(mutex_);
-  const double timeout = participants_.allKnown() ? ack_timeout_ : start_timeout_;
-  const auto deadline =
-      std::chrono::steady_clock::now() + std::chrono::nanoseconds(nanoseconds(timeout));
-  const auto answered = [&] {
-    return quit_ || (participants_.missing(sequence).empty() &&
-                     (!follows_ || motion_time_ >= now_ + blockLength() - kStamp));
-  };
-  for (int asked = 1;; ++asked) {
-    const auto again = std::chrono::steady_clock::now() + kAskAgain;
-    if (changed_.wait_until(lock, std::min(again, deadline), answered)) return;
-    if (std::chrono::steady_clock::now() >= deadline) break;
-    lock.unlock();
-    // who floods a topic pushes the block out of its receivers' queues; who has it answers again
-    publishBlock();
-    // a connection that was never made isn't tried again by ROS: answers are latched, ask anew
-    if (asked % kConnectionCheck == 0) subscribeToAcks();
-    lock.lock();
-  }
-  ROS_FATAL(
-      "no answer to block %u within %g s of wall time from %s: is it running, with ~lockstep?",
-      sequence, timeout,
-      participants_.missing(sequence).empty() ? "who publishes carrier_motion"
-                                              : participants_.missing(sequence).c_str());
-  exit_code_ = 1;
-  quit_ = true;
-  ros::requestShutdown();
-}
-
 void SimulatorNode::pace() {
   const auto now = std::chrono::steady_clock::now();
   if (pace_time_ < 0.0) {
@@ -376,32 +345,33 @@ double SimulatorNode::nodeTime(const ros::Time& stamp) const {
 // ---- what goes out ----
 
 void SimulatorNode::publishBlock() {
-  StrainSamples message;
-  message.header.stamp = stampAt(block_.time);
-  message.period = block_.period;
-  message.sequence = sequence_;
-  message.temperature = block_.temperature;
-  const auto bridge = [&message](const ros::Publisher& pub, const char* sensor, const auto& volts,
-                                 const auto& saturated) {
+  const ros::Time stamp = stampAt(block_.time);
+  const auto bridge = [&](const ros::Publisher& pub, const char* sensor, const auto& volts,
+                          const auto& saturated) {
+    StrainSamples message;
+    message.header.stamp = stamp;
     message.header.frame_id = sensor;
+    message.period = block_.period;
+    message.sequence = sequence_;
+    message.temperature = block_.temperature;
     message.volts = volts;
     message.saturated = saturated;
-    pub.publish(message);
+    publishShared(pub, std::move(message));
   };
   bridge(bridge_a_pub_, "sensor_a", block_.volts_a, block_.saturated_a);
   bridge(bridge_b_pub_, "sensor_b", block_.volts_b, block_.saturated_b);
   if (!block_.accelerations.empty()) {
     AccelerometerSamples felt;
-    felt.header.stamp = message.header.stamp;
+    felt.header.stamp = stamp;
     felt.header.frame_id = kPegFrame;
-    felt.period = message.period;
+    felt.period = block_.period;
     felt.sequence = sequence_;
     felt.acceleration = block_.accelerations;
-    accelerometers_pub_.publish(felt);
+    publishShared(accelerometers_pub_, std::move(felt));
   }
 
-  carrier_pub_.publish(
-      poseStamped(kCarrierBaseFrame, cell_->reported(), stampAt(cell_->world().time())));
+  publishShared(carrier_pub_,
+                poseStamped(kCarrierBaseFrame, cell_->reported(), stampAt(cell_->world().time())));
 }
 
 // Where a person believes the carrier to be: upright over the hole's middle. Where it is belongs to
@@ -414,7 +384,7 @@ void SimulatorNode::publishStaticFrames() {
     frames.push_back(transformStamped(kCarrierBaseFrame, kHoleTruthFrame,
                                       inverse(cell_->carrier().base()), epoch_));
   }
-  static_tf_.sendTransform(frames);
+  static_tf_.send(frames);
 }
 
 void SimulatorNode::publishState() {
@@ -425,7 +395,7 @@ void SimulatorNode::publishState() {
 
   if (publish_truth_) {
     const Pose X_HP = world.pegPose();
-    truth_pose_pub_.publish(poseStamped(kHoleTruthFrame, X_HP, stamp));
+    publishShared(truth_pose_pub_, poseStamped(kHoleTruthFrame, X_HP, stamp));
     tf_.sendTransform(transformStamped(kHoleTruthFrame, kPegTruthFrame, X_HP, stamp));
   }
   if (publish_truth_ && truth_contacts_pub_.getNumSubscribers() > 0) {
@@ -443,12 +413,12 @@ void SimulatorNode::publishState() {
       contact.state = report.state;
       contacts.contacts.push_back(contact);
     }
-    truth_contacts_pub_.publish(contacts);
+    publishShared(truth_contacts_pub_, std::move(contacts));
   }
   if (lockstep_) {
     rosgraph_msgs::Clock clock;
     clock.clock = stamp;
-    clock_pub_.publish(clock);
+    publishShared(clock_pub_, clock);
   }
 }
 
@@ -461,7 +431,7 @@ void SimulatorNode::publishDiagnostics() {
   figures_time_ = time;
 
   diagnostic_msgs::DiagnosticStatus status;
-  status.name = ros::this_node::getName().substr(1) + ": simulation";
+  status.name = name_.substr(1) + ": simulation";
   status.hardware_id = "simulation";
   status.level = diagnostic_msgs::DiagnosticStatus::OK;
   std::string holder, refusal;

@@ -98,7 +98,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   p.insert.exciter = parameters.number("insert_exciter", kAny, p.insert.exciter);
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;
-  const RosPlant::Settings plant = plantSettings(parameters);
+  const RosPlant::Settings plant = plantSettings(parameters, pnh.getNamespace());
   slow_factor_ = plant.slow_factor;
   parameters.refuseUnknown();
   try {
@@ -114,6 +114,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
                                            checkParameters(wanted);
                                          });
   nh_ = nh;
+  name_ = pnh.getNamespace();
   plant_ = std::make_unique<RosPlant>(nh, plant);
   startState(nh, pnh);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
@@ -181,9 +182,8 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
   if (turn && result.known) {
     // where that peg has the hole, its rim at the height of the peg's edge
     const Pose X_PH = inverse(fromPose(answer.estimated_pose, "report"));
-    frames_.sendTransform(transformStamped(kCarrierBaseFrame, kHoleEstimatedFrame,
-                                           plant_->carrierPose() * X_CP_ * X_PH,
-                                           answer.header.stamp));
+    frames_.send({transformStamped(kCarrierBaseFrame, kHoleEstimatedFrame,
+                                   plant_->carrierPose() * X_CP_ * X_PH, answer.header.stamp)});
   }
   return result;
 }

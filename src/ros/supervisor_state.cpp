@@ -189,7 +189,7 @@ void SupervisorNode::publishDiagnostics() {
   }
   using Status = diagnostic_msgs::DiagnosticStatus;
   Status status;
-  status.name = ros::this_node::getName().substr(1) + ": peg";
+  status.name = name_.substr(1) + ": peg";
   status.hardware_id = "cell";
   status.level = state.stuck ? Status::ERROR : state.in_contact ? Status::WARN : Status::OK;
   status.message = state.stuck        ? "stuck: call the action retreat"

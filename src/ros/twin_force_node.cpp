@@ -65,7 +65,8 @@ const char* nameOf(SignVerdict verdict) {
 TwinForceNode::TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
   TwinForceSetup setup = readSetup(parameters);
-  const TwinForceStreams::Settings settings = readSettings(parameters, nh);
+  const TwinForceStreams::Settings settings =
+      readSettings(parameters, participantName(nh.getNamespace(), pnh.getNamespace()));
   parameters.refuseUnknown();
   const CellDescription description = loadCellDescription(Parameters(nh).text("robot_description"));
   setup.X_AH = description.X_AH;
@@ -76,13 +77,16 @@ TwinForceNode::TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   pose_pub_ = nh.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", 10);
   status_pub_ = nh.advertise<TwinForceState>("twin_force/status", 10, true);
   streams_ = std::make_unique<TwinForceStreams>(nh, settings, [this] { publishPose(); });
-  begin_srv_ = pnh.advertiseService("begin", &TwinForceNode::onBegin, this);
-  tare_srv_ = pnh.advertiseService("tare", &TwinForceNode::onTare, this);
-  tare_window_srv_ = pnh.advertiseService("tare_window", &TwinForceNode::onTareWindow, this);
-  add_srv_ = pnh.advertiseService("add_contact", &TwinForceNode::onAdd, this);
-  reset_srv_ = pnh.advertiseService("reset", &TwinForceNode::onReset, this);
-  solve_srv_ = pnh.advertiseService("solve", &TwinForceNode::onSolve, this);
+  ros::NodeHandle service_nh(pnh);
+  service_nh.setCallbackQueue(&service_queue_);
+  begin_srv_ = service_nh.advertiseService("begin", &TwinForceNode::onBegin, this);
+  tare_srv_ = service_nh.advertiseService("tare", &TwinForceNode::onTare, this);
+  tare_window_srv_ = service_nh.advertiseService("tare_window", &TwinForceNode::onTareWindow, this);
+  add_srv_ = service_nh.advertiseService("add_contact", &TwinForceNode::onAdd, this);
+  reset_srv_ = service_nh.advertiseService("reset", &TwinForceNode::onReset, this);
+  solve_srv_ = service_nh.advertiseService("solve", &TwinForceNode::onSolve, this);
   status_pub_.publish(status());
+  service_spinner_.start();
 }
 
 TwinForceSetup TwinForceNode::readSetup(Parameters& parameters) {
@@ -118,14 +122,14 @@ TwinForceSetup TwinForceNode::readSetup(Parameters& parameters) {
 }
 
 TwinForceStreams::Settings TwinForceNode::readSettings(Parameters& parameters,
-                                                       const ros::NodeHandle& nh) {
+                                                       const std::string& name) {
   TwinForceStreams::Settings settings;
   settings.time_limit = parameters.number("time_limit", {0.0, 0.02}, 1e-3);
   settings.data_timeout = parameters.number("data_timeout", {0.01, 3600.0}, 10.0);
   settings.converter_step = parameters.number("converter_step", kNotNegative, kConverterStep);
   settings.use_displacement = parameters.flag("use_displacement", true);
   settings.lockstep = parameters.flag("lockstep", false);
-  settings.name = parameters.text("name_in_lockstep", participantName(nh.getNamespace()));
+  settings.name = parameters.text("name_in_lockstep", name);
   return settings;
 }
 

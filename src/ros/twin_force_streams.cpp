@@ -11,6 +11,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
+#include "assembly_cell/ros/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -159,7 +160,7 @@ void TwinForceStreams::acknowledge() {
   Ack ack;
   ack.node = settings_.name;
   ack.sequence = sequence;
-  ack_pub_.publish(ack);
+  publishShared(ack_pub_, ack);
 }
 
 std::optional<TwinForceStreams::Now> TwinForceStreams::now() const {

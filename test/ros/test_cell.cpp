@@ -1,116 +1,51 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include <geometry_msgs/PoseStamped.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
-#include <ros/serialization.h>
-#include <stdlib.h>
-#include <tf2_msgs/TFMessage.h>
-#include <unistd.h>
 #include <visualization_msgs/MarkerArray.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/ContactArray.h"
-#include "assembly_cell/Exciter.h"
-#include "assembly_cell/geometry/spatial.h"
-#include "cell_fixture.h"
+#include "cell_run.h"
 
 namespace assembly_cell::ros_bridge {
 namespace {
 
-using test::Child;
-using test::executable;
+using test::CellRun;
 using test::Record;
-using test::waitFor;
-
-constexpr double kRunTime = 240.0;  // of one alignment on a busy machine, wall clock [s]
-
-// what a run of the whole cell has left
-struct CellRun {
-  int exit_code = -1;
-  YAML::Node report;
-  std::vector<std::string> commands;  // carrier_command, then exciter: serialised messages
-  std::size_t markers = 0;
-  std::map<std::string, Pose> in_base;    // of static frames in carrier_base
-  std::vector<std::string> undocumented;  // topics and services that the page doesn't name
-  std::string output;
-};
-
-template <class M>
-void serialise(const Record<M>& record, std::vector<std::string>& out) {
-  std::uint32_t expected = 0;
-  for (const auto& message : record.all()) {
-    // none is missing
-    EXPECT_EQ(message->header.seq, expected++);
-    const auto size = ros::serialization::serializationLength(*message);
-    std::string bytes(size, '\0');
-    ros::serialization::OStream stream(reinterpret_cast<std::uint8_t*>(bytes.data()),
-                                       static_cast<std::uint32_t>(size));
-    ros::serialization::serialize(stream, *message);
-    out.push_back(bytes);
-  }
-}
+using test::runCell;
+using test::without;
 
 std::vector<std::string> undocumented();
 
-// launches the cell, has it align once and stops it
-CellRun run(const std::vector<std::string>& arguments, bool watched,
+// and what was seen of it
+struct SeenRun : CellRun {
+  std::size_t markers = 0;
+  std::vector<std::string> undocumented;  // topics and services that the page doesn't name
+};
+
+// with somebody who looks at everything, or with nobody
+SeenRun run(const std::vector<std::string>& arguments, bool watched,
             const std::string& strategy = "single_contact") {
   ros::NodeHandle nh;
-  CellRun out;
-  const std::string file =
-      std::string(::testing::TempDir()) + "cell_report_" + std::to_string(getpid()) + ".yaml";
-  Record<geometry_msgs::PoseStamped> commands(nh, "carrier_command");
-  Record<Exciter> exciter(nh, "exciter");
+  SeenRun out;
   std::unique_ptr<Record<ContactArray>> contacts;
   std::unique_ptr<Record<visualization_msgs::MarkerArray>> markers;
   if (watched) {
     contacts = std::make_unique<Record<ContactArray>>(nh, "truth/contacts");
     markers = std::make_unique<Record<visualization_msgs::MarkerArray>>(nh, "markers");
   }
-
-  std::vector<std::string> command = {"roslaunch",      "assembly_cell",   "cell.launch",
-                                      "lockstep:=true", "slow_factor:=10", "paused:=true"};
-  command.insert(command.end(), arguments.begin(), arguments.end());
-  Child cell(command);
-  EXPECT_TRUE(waitFor([&] {
-    return !cell.running() || (commands.connected() && exciter.connected());
-  })) << cell.output();
-  EXPECT_TRUE(cell.running()) << cell.output();
-
-  const Record<tf2_msgs::TFMessage> frames(nh, "/tf_static");
-  Child report({executable("report"), "_report_file:=" + file, "_strategy:=" + strategy});
-  EXPECT_TRUE(waitFor([&] { return !report.running() || !cell.running(); }, kRunTime))
-      << report.output();
-  EXPECT_TRUE(cell.running()) << cell.output();
-  out.exit_code = report.wait();
-  if (watched) out.undocumented = undocumented();
-  out.output = report.output();
+  static_cast<CellRun&>(out) = runCell(arguments, strategy, [&] {
+    if (watched) out.undocumented = undocumented();
+  });
   if (markers) out.markers = markers->size();
-  for (const auto& message : frames.all()) {
-    for (const auto& t : message->transforms) {
-      if (t.header.frame_id != "carrier_base") continue;
-      const auto& p = t.transform.translation;
-      const auto& q = t.transform.rotation;
-      out.in_base[t.child_frame_id] = {Eigen::Quaterniond(q.w, q.x, q.y, q.z).toRotationMatrix(),
-                                       Eigen::Vector3d(p.x, p.y, p.z)};
-    }
-  }
-  cell.stop();
-  serialise(commands, out.commands);
-  serialise(exciter, out.commands);
-  if (access(file.c_str(), R_OK) == 0) out.report = YAML::LoadFile(file);
-  unlink(file.c_str());
   return out;
 }
 
@@ -182,17 +117,9 @@ std::vector<std::string> undocumented() {
   return missing;
 }
 
-// the report without what depends on the wall clock, and without some keys
-std::string without(const YAML::Node& report, const std::vector<std::string>& keys) {
-  YAML::Node copy = YAML::Clone(report);
-  copy.remove("wall_time");
-  for (const auto& key : keys) copy.remove(key);
-  return YAML::Dump(copy);
-}
-
 TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
   // once with everybody looking, once with nobody, once without any truth to look at
-  const CellRun seen = run({}, true);
+  const SeenRun seen = run({}, true);
   ASSERT_EQ(seen.exit_code, 0) << seen.output;
   EXPECT_GT(seen.markers, 0U);
   EXPECT_EQ(seen.undocumented, std::vector<std::string>{});
@@ -233,7 +160,7 @@ TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
 }
 
 TEST(Cell, AlignsFromBothSensorsWrenches) {
-  const CellRun both = run({"twin_force:=true"}, true, "twin_force");
+  const SeenRun both = run({"twin_force:=true"}, true, "twin_force");
   ASSERT_EQ(both.exit_code, 0) << both.output;
   EXPECT_EQ(both.undocumented, std::vector<std::string>{});
   EXPECT_TRUE(both.report["verdict"].as<bool>());

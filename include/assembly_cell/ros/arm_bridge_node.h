@@ -13,7 +13,6 @@
 #include <sensor_msgs/JointState.h>
 #include <std_msgs/Bool.h>
 #include <std_srvs/Trigger.h>
-#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <array>
@@ -31,6 +30,7 @@
 #include "assembly_cell/ros/arm_output.h"
 #include "assembly_cell/ros/participants.h"
 #include "assembly_cell/ros/poll_beat.h"
+#include "assembly_cell/ros/static_frames.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -43,6 +43,9 @@ class Parameters;
 /// from it, once all participants have answered it. See docs/arm.md.
 class ArmBridgeNode {
  public:
+  /// Of its callbacks: one keeps commands, blocks and states in order.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter, file or robot description.
   ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
 
@@ -106,6 +109,7 @@ class ArmBridgeNode {
 
   ros::CallbackQueue queue_;  // of the thread of the points
   ros::NodeHandle nh_, arm_nh_;
+  const std::string name_;
   // parameters
   bool lockstep_ = false, joint_state_ = true, publish_frames_ = true;
   BridgeSettings settings_;
@@ -155,7 +159,7 @@ class ArmBridgeNode {
   ros::ServiceServer resume_srv_, stop_srv_;
   ros::WallTimer diagnostics_timer_, connection_timer_;
   tf2_ros::TransformBroadcaster tf_;
-  tf2_ros::StaticTransformBroadcaster static_tf_;
+  StaticFrames static_tf_;
   std::optional<PollBeat> beat_;  // last: none comes while the rest goes
 };
 

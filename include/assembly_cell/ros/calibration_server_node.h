@@ -35,6 +35,9 @@ namespace assembly_cell::ros_bridge {
 /// solves, stores and puts in force. Interfaces: docs/interfaces.md.
 class CalibrationServerNode {
  public:
+  /// Of its callbacks: of the data; services and the action have threads of their own.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter or a damaged journal.
   CalibrationServerNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh);
   ~CalibrationServerNode();

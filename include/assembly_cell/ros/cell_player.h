@@ -26,6 +26,9 @@ namespace assembly_cell::ros_bridge {
 /// was recorded before it has arrived. Interfaces: docs/interfaces.md.
 class CellPlayer {
  public:
+  /// Of its callbacks.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter or bag.
   CellPlayer(const ros::NodeHandle& nh, const ros::NodeHandle& pnh);
   ~CellPlayer();

@@ -32,6 +32,9 @@ namespace assembly_cell::ros_bridge {
 /// and works only while `markers` has a subscriber. To be spun by one thread.
 class ContactMarkersNode {
  public:
+  /// Of its callbacks.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for bad parameters or robot description.
   ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
 

@@ -31,6 +31,9 @@ class Parameters;
 /// docs/arm.md.
 class EmulatedArmNode {
  public:
+  /// Of its callbacks.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter, file or robot description.
   EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
   ~EmulatedArmNode();

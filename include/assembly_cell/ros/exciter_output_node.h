@@ -22,6 +22,9 @@ namespace assembly_cell::ros_bridge {
 /// docs/arm.md.
 class ExciterOutputNode {
  public:
+  /// Of its callbacks.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter, or a shaker that can't be opened.
   ExciterOutputNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
   ~ExciterOutputNode();

@@ -47,6 +47,9 @@ class Parameters;
 /// frame_id; wrench = wrench_raw − bias.
 class ForceSensorNode {
  public:
+  /// Of its callbacks: of the data path; the services have threads of their own.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter or file.
   ForceSensorNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh);
   ~ForceSensorNode();

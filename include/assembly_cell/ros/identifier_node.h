@@ -21,6 +21,9 @@ namespace assembly_cell::ros_bridge {
 /// for its own; the plant's guard refuses the second of both. See docs/interfaces.md.
 class IdentifierNode {
  public:
+  /// Of the data; goals have threads of their own.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for bad parameters or scenario.
   IdentifierNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
   ~IdentifierNode();

@@ -31,6 +31,9 @@ namespace assembly_cell::ros_bridge {
 /// sensor axes. Interfaces: docs/interfaces.md.
 class LocusNode {
  public:
+  /// Of its callbacks: one keeps exciter and blocks in order; readings have a thread of their own.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter or file.
   LocusNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh);
   ~LocusNode();

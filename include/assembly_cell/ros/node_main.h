@@ -40,13 +40,14 @@ inline void waitForSignal() {
   while (ros::ok() && !asked) ros::WallDuration(0.02).sleep();
 }
 
-/// Runs a node until shutdown: Node(nh, pnh), spun by `threads` threads. No exception of a callback
+/// Runs a node until shutdown: Node(nh, pnh), spun by Node::kThreads threads. No exception of a
+/// callback
 /// ends it; its diagnostics tell what it has refused and survived. Returns 1 with one line on
 /// standard error when there is no master or the construction throws; otherwise exitCode() if the
 /// node has one, or 0; 0 or 2 for a command line that is answered by itself. A node that has stop()
 /// is stopped by SIGINT or SIGTERM while it can still publish.
 template <class Node>
-int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
+int run(int argc, char** argv, const std::string& name) {
   if (const auto answered = answerCommandLine(argc, argv, name)) return *answered;
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
@@ -62,7 +63,7 @@ int run(int argc, char** argv, const std::string& name, unsigned threads = 2) {
     ros::NodeHandle pnh("~");
     Node node(*nh, pnh);
     const IncomingDiagnostics diagnostics(*nh);
-    GuardedSpinner spinner(threads);
+    GuardedSpinner spinner(Node::kThreads);
     spinner.start();
     if constexpr (HasStop<Node>::value) {
       waitForSignal();

@@ -25,9 +25,15 @@ namespace assembly_cell::ros_bridge {
 /// that changes. Thread-safe; calls `changed` whenever there is news.
 class PlantLink {
  public:
-  PlantLink(ros::NodeHandle& nh, bool lockstep, std::function<void()> changed);
+  /// holder: the node that holds the plant by it, its whole name.
+  PlantLink(ros::NodeHandle& nh, const std::string& holder, bool lockstep,
+            std::function<void()> changed);
+  ~PlantLink();
+  PlantLink(const PlantLink&) = delete;
+  PlantLink& operator=(const PlantLink&) = delete;
 
-  void begin();                   ///< a session with a new number
+  void begin();                   ///< a session with a new number; none while another node of this
+                                  ///< process has one, which is a fault
   void forget();                  ///< the blocks show another life: its state may come later
   void move();                    ///< it moves from now on: the plant must stay the same
   void end();                     ///< lets the plant go
@@ -58,6 +64,7 @@ class PlantLink {
   ros::Subscriber watchCommands(ros::NodeHandle& nh, const std::string& topic);
   bool followsUnlocked() const;
 
+  const std::string node_, plant_;  // names of who holds, and of what
   const bool lockstep_;
   const std::function<void()> changed_;
 

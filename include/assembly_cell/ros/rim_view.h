@@ -3,11 +3,9 @@
 
 #include <ros/ros.h>
 
-#include <memory>
+#include <optional>
 
-namespace tf2_ros {
-class StaticTransformBroadcaster;
-}
+#include "assembly_cell/ros/static_frames.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -24,7 +22,7 @@ class RimView {
 
  private:
   ros::Publisher image_pub_, info_pub_;
-  std::unique_ptr<tf2_ros::StaticTransformBroadcaster> frame_;  // from the first subscriber on
+  std::optional<StaticFrames> frame_;  // from the first subscriber on
   ros::WallTime sent_;
 };
 

@@ -49,6 +49,7 @@ constexpr const char* kBlockTopics[] = {"sensor_a/wrench_samples", "sensor_b/wre
 class RosPlant : public Plant {
  public:
   struct Settings {
+    std::string node;             ///< that holds the plant, its whole name
     bool lockstep = false;        ///< answer blocks on `ack`
     double timeout = 10.0;        ///< of every wait in lockstep, and of a goal's first [s wall]
     double data_timeout = 0.3;    ///< without a block the goal ends [s]
@@ -81,6 +82,7 @@ class RosPlant : public Plant {
   /// Null: as drawn.
   void know(const KnownMechanism* known);
 
+  /// A step, see nextStep().
   PlantBlock next(const PlantCommand& command) override;
   TwinForceSensing* twinForce() override { return &twin_force_; }
 
@@ -134,6 +136,7 @@ class RosPlant : public Plant {
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
                const std::function<bool()>& ready);
   void waitForBlock(std::unique_lock<std::mutex>& lock);
+  PlantBlock nextBlock(const PlantCommand& command, bool first);
   void takeNext(std::unique_lock<std::mutex>& lock);
   void checkSensors(std::unique_lock<std::mutex>& lock);
   double patience() const;
@@ -224,6 +227,6 @@ class RosPlant : public Plant {
 class Parameters;
 /// Parameters of a node that holds the plant: ~lockstep, ~converter_step, ~block_timeout,
 /// ~data_timeout, ~slow_factor, ~goal_time. Throws InputError.
-RosPlant::Settings plantSettings(Parameters& parameters);
+RosPlant::Settings plantSettings(Parameters& parameters, const std::string& node);
 
 }  // namespace assembly_cell::ros_bridge

@@ -17,6 +17,9 @@ namespace assembly_cell::ros_bridge {
 /// Publishes the strain of both under the load last applied. Interfaces: docs/interfaces.md.
 class SimulatedRigNode {
  public:
+  /// Of its callbacks.
+  static constexpr unsigned kThreads = 2;
+
   /// Throws InputError for a bad parameter.
   SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh);
 

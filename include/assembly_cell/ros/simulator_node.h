@@ -2,10 +2,10 @@
 #pragma once
 
 #include <geometry_msgs/PoseStamped.h>
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
-#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <atomic>
@@ -33,7 +33,9 @@
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/guard/plant_guard.h"
+#include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/participants.h"
+#include "assembly_cell/ros/static_frames.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -44,6 +46,9 @@ class Parameters;
 /// between two blocks. See docs/interfaces.md.
 class SimulatorNode {
  public:
+  /// Of commands and acks; services have threads of their own.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for bad parameters, scenario or robot description.
   SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
   ~SimulatorNode();
@@ -53,6 +58,7 @@ class SimulatorNode {
 
  private:
   ros::NodeHandle nh_;
+  const std::string name_;
 
   /// From whom, and how old.
   template <class Message>
@@ -80,6 +86,7 @@ class SimulatorNode {
   /// Lets the loop run `task` between two blocks and waits for it. Rethrows what it throws.
   void betweenBlocks(const std::function<void()>& task);
   void endSteps(const std::string& why);  // of ~step; with the lock
+  void tellLoop();                        // once all have answered; with the lock
   void loop();
   void stepBlock();
   void applyCommands();
@@ -90,6 +97,8 @@ class SimulatorNode {
   void publishState();
   void publishDiagnostics();
   void subscribeToAcks();
+  bool waitUntil(std::unique_lock<std::mutex>& lock, std::chrono::steady_clock::time_point limit,
+                 const std::function<bool()>& ready);
   void waitForAcks(std::uint32_t sequence);
   void pace();
   /// Stamp of a time of the present cell.
@@ -173,9 +182,11 @@ class SimulatorNode {
   ros::Publisher bridge_a_pub_, bridge_b_pub_, accelerometers_pub_, carrier_pub_, clock_pub_,
       truth_pose_pub_, truth_contacts_pub_, truth_mismatch_pub_, diagnostics_pub_, plant_state_pub_;
   tf2_ros::TransformBroadcaster tf_;
-  tf2_ros::StaticTransformBroadcaster static_tf_;
+  StaticFrames static_tf_;
   ros::Subscriber command_sub_, motion_sub_, exciter_sub_, ack_sub_, lease_sub_;
+  ros::CallbackQueue service_queue_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
+  GuardedSpinner service_spinner_{3, &service_queue_};  // a pause ends a step that is under way
   ros::WallTimer diagnostics_timer_;
   std::thread thread_;
 };

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <ros/ros.h>
-#include <tf2_ros/static_transform_broadcaster.h>
 
 #include <functional>
 #include <memory>
@@ -23,6 +22,7 @@
 #include "assembly_cell/ros/live_settings.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/ros_plant.h"
+#include "assembly_cell/ros/static_frames.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -30,6 +30,9 @@ namespace assembly_cell::ros_bridge {
 /// anything. One goal at a time. See docs/interfaces.md.
 class SupervisorNode {
  public:
+  /// Of the data; goals have threads of their own.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for bad parameters or scenario.
   SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
   ~SupervisorNode();
@@ -98,6 +101,7 @@ class SupervisorNode {
   void publishDiagnostics();
 
   ros::NodeHandle nh_;
+  std::string name_;
   Mechanism mechanism_;  ///< nominal parts, or as identified
   std::optional<KnownMechanism> known_;
   std::optional<KnownMechanism> news_;  ///< by state_mutex_, until the next goal begins
@@ -117,7 +121,7 @@ class SupervisorNode {
   ros::Subscriber identifier_sub_, mechanism_sub_;
   ros::WallTimer diagnostics_timer_;
   ros::Publisher report_pub_;
-  tf2_ros::StaticTransformBroadcaster frames_;
+  StaticFrames frames_;
   std::unique_ptr<AlignServer> align_server_;
   std::unique_ptr<AssembleServer> assemble_server_;
   std::unique_ptr<ContactServer> contact_server_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/transform_broadcaster.h>
@@ -19,6 +20,7 @@
 #include "assembly_cell/TareTwinForce.h"
 #include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/align/twin_contacts.h"
+#include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/twin_force_streams.h"
 
@@ -26,10 +28,13 @@ namespace assembly_cell::ros_bridge {
 
 /// Node twin_force_estimator: pose of the peg in the hole from contacts that both force sensors
 /// feel. Keeps contacts and advises the next one; never moves anything. Idle but for the services;
-/// once a pose is known it follows the carrier. To be spun by at least two threads. Interfaces:
+/// once a pose is known it follows the carrier. Interfaces:
 /// docs/interfaces.md.
 class TwinForceNode {
  public:
+  /// Of the data; services, which wait for it, have threads of their own.
+  static constexpr unsigned kThreads = 1;
+
   /// Throws InputError for a bad parameter, file or robot description.
   TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
 
@@ -44,7 +49,7 @@ class TwinForceNode {
   };
 
   TwinForceSetup readSetup(Parameters& parameters);
-  TwinForceStreams::Settings readSettings(Parameters& parameters, const ros::NodeHandle& nh);
+  TwinForceStreams::Settings readSettings(Parameters& parameters, const std::string& name);
 
   bool onBegin(BeginTwinForce::Request& request, BeginTwinForce::Response& response);
   bool onTare(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
@@ -81,9 +86,11 @@ class TwinForceNode {
   std::optional<ReachableContact> advised_;
 
   ros::Publisher pose_pub_, status_pub_;
+  ros::CallbackQueue service_queue_;
   ros::ServiceServer begin_srv_, tare_srv_, tare_window_srv_, add_srv_, reset_srv_, solve_srv_;
   tf2_ros::TransformBroadcaster tf_;
-  std::unique_ptr<TwinForceStreams> streams_;  ///< last: its callbacks use the rest
+  std::unique_ptr<TwinForceStreams> streams_;           ///< its callbacks use the rest
+  GuardedSpinner service_spinner_{3, &service_queue_};  ///< last: it uses the rest, too
 };
 
 }  // namespace assembly_cell::ros_bridge

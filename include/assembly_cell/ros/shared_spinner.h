@@ -1,0 +1,62 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <ros/callback_queue.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace assembly_cell::ros_bridge {
+
+/// One thread that calls what is in the queues of several nodes of a process, each in its own
+/// order. For nodes whose callbacks never wait: what one of them publishes the next one gets
+/// without a switch of threads, which costs more than the callback. Exceptions as in
+/// GuardedSpinner.
+class SharedSpinner {
+ public:
+  static SharedSpinner& ofThisProcess();
+  ~SharedSpinner();
+  SharedSpinner(const SharedSpinner&) = delete;
+  SharedSpinner& operator=(const SharedSpinner&) = delete;
+
+  /// A queue that tells the thread what comes in.
+  class Queue : public ros::CallbackQueue {
+   public:
+    void addCallback(const ros::CallbackInterfacePtr& callback, std::uint64_t removal_id) override;
+  };
+
+  void add(ros::CallbackQueue* queue);
+  /// Returns once no callback of the queue is under way, and none comes any more.
+  void remove(ros::CallbackQueue* queue);
+
+  /// Are there any queues?
+  bool works() const { return works_; }
+  /// Who has to wait for the callbacks calls them meanwhile, in the thread's place, until done() or
+  /// the deadline. Returns done(). The caller must not hold what a callback locks.
+  bool helpUntil(const std::function<bool()>& done, std::chrono::steady_clock::time_point deadline);
+
+ private:
+  SharedSpinner() = default;
+
+  void tell();
+  void spin();
+  bool callEach();  ///< one callback of each queue; false: there was none
+
+  std::mutex calling_;  ///< held while callbacks run
+  std::vector<ros::CallbackQueue*> queues_;
+  std::mutex mutex_;
+  std::condition_variable told_, helper_told_;
+  bool news_ = false, stopping_ = false;
+  bool waiting_ = false, helper_waiting_ = false;  ///< for news
+  bool helped_ = false;                            ///< somebody does the thread's work
+  std::atomic<bool> works_{false};
+  std::thread thread_;
+};
+
+}  // namespace assembly_cell::ros_bridge

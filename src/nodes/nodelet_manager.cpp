@@ -1,0 +1,8 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/nodelet_manager.h"
+#include "assembly_cell/ros/node_main.h"
+
+int main(int argc, char** argv) {
+  using assembly_cell::ros_bridge::NodeletManager;
+  return assembly_cell::ros_bridge::run<NodeletManager>(argc, argv, "nodelet_manager");
+}
