@@ -55,6 +55,7 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --runs K              number of runs (default 1)
   --random-start        a single run starts at random, too: that of --seed N in a series, with its progress
   --bits B              of the converters: 10, 16 (default) or 24
+  --block-size N        samples a block, 5 to 100 (default): 10 are 2 ms
   --noise V             of every strain channel, rms (default 5e-4)  [V]
   --offset-max D        of random starts (default 0.015)  [m]
   --tilt-max T          of random starts (default 0.0349, 2 degrees)  [rad]
@@ -106,6 +107,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.integer("--seed", o.cell.seed, 0, 1L << 62);
   parser.integer("--runs", o.runs, 1, 10000000);
   parser.integer("--bits", o.cell.bits, 1, 64);
+  parser.integer("--block-size", o.cell.block_size, 5, 100);
   parser.number("--noise", o.cell.noise, 0.0, 5.0);
   parser.number("--offset-max", o.offset_max, 0.0, 0.1);
   parser.number("--tilt-max", o.tilt_max, 0.0, 0.1);
