@@ -32,11 +32,11 @@ void SharedSpinner::tell() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     news_ = true;
-    waits = waiting_ && !helped_;
-    helper_waits = helper_waiting_;
+    waits = waiting_ && helpers_ == 0;
+    helper_waits = helpers_waiting_ > 0;
   }
   if (waits) told_.notify_one();
-  if (helper_waits) helper_told_.notify_one();
+  if (helper_waits) helpers_told_.notify_all();
 }
 
 void SharedSpinner::add(ros::CallbackQueue* queue) {
@@ -66,41 +66,51 @@ bool SharedSpinner::callEach() {
   return called;
 }
 
+// Until nothing is left: what comes in after that is news.
+void SharedSpinner::callAll() {
+  do {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    news_ = false;
+  } while (callEach());
+}
+
 void SharedSpinner::spin() {
-  std::unique_lock<std::mutex> lock(mutex_);
-  while (!stopping_) {
-    waiting_ = true;
-    told_.wait(lock, [this] { return (news_ && !helped_) || stopping_; });
-    waiting_ = news_ = false;
-    lock.unlock();
-    while (callEach()) {
+  while (true) {
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      waiting_ = true;
+      told_.wait(lock, [this] { return (news_ && helpers_ == 0) || stopping_; });
+      waiting_ = false;
+      if (stopping_) return;
     }
-    lock.lock();
+    callAll();
   }
 }
 
-bool SharedSpinner::helpUntil(const std::function<bool()>& done,
-                              std::chrono::steady_clock::time_point deadline) {
-  std::unique_lock<std::mutex> lock(mutex_);
-  helped_ = true;
-  bool ended = false, late = false;
-  while (!ended && !late) {
-    news_ = false;
-    lock.unlock();
-    do {
-      ended = done();
-    } while (!ended && callEach());
-    lock.lock();
-    if (ended) break;
-    helper_waiting_ = true;
-    late = !helper_told_.wait_until(lock, deadline, [this] { return news_; });
-    helper_waiting_ = false;
+SharedSpinner::Helper::Helper() {
+  SharedSpinner& shared = ofThisProcess();
+  const std::lock_guard<std::mutex> lock(shared.mutex_);
+  ++shared.helpers_;
+}
+
+SharedSpinner::Helper::~Helper() {
+  SharedSpinner& shared = ofThisProcess();
+  const std::lock_guard<std::mutex> lock(shared.mutex_);
+  if (--shared.helpers_ == 0 && shared.news_ && shared.waiting_) shared.told_.notify_one();
+}
+
+bool SharedSpinner::Helper::callUntil(const std::function<bool()>& done,
+                                      std::chrono::steady_clock::time_point deadline) {
+  SharedSpinner& shared = ofThisProcess();
+  while (true) {
+    shared.callAll();
+    if (done()) return true;
+    std::unique_lock<std::mutex> lock(shared.mutex_);
+    ++shared.helpers_waiting_;
+    const bool news = shared.helpers_told_.wait_until(lock, deadline, [&] { return shared.news_; });
+    --shared.helpers_waiting_;
+    if (!news) return false;
   }
-  helped_ = false;
-  // what is left, and what came in since
-  news_ = true;
-  if (waiting_) told_.notify_one();
-  return ended;
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -27,18 +27,18 @@ void SimulatorNode::subscribeToAcks() {
 bool SimulatorNode::waitUntil(std::unique_lock<std::mutex>& lock,
                               std::chrono::steady_clock::time_point limit,
                               const std::function<bool()>& ready) {
-  SharedSpinner& shared = SharedSpinner::ofThisProcess();
-  if (!shared.works()) return changed_.wait_until(lock, limit, ready);
+  if (!SharedSpinner::ofThisProcess().works()) return changed_.wait_until(lock, limit, ready);
   constexpr std::chrono::milliseconds slice(100);  // then the end of the node is looked for
   const auto done = [&] {
     const std::lock_guard<std::mutex> look(mutex_);
     return ready();
   };
   lock.unlock();
+  SharedSpinner::Helper helper;
   bool is_ready = false;
   for (auto now = std::chrono::steady_clock::now(); !is_ready && now < limit;
        now = std::chrono::steady_clock::now()) {
-    is_ready = shared.helpUntil(done, std::min(limit, now + slice));
+    is_ready = helper.callUntil(done, std::min(limit, now + slice));
   }
   lock.lock();
   return is_ready;

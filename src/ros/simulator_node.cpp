@@ -20,6 +20,7 @@
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/publish_shared.h"
+#include "assembly_cell/ros/shared_spinner.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -246,6 +247,9 @@ void SimulatorNode::stepBlock() {
   }
   publishPlantState();
   if (reason == StopReason::kOk) {
+    // what follows from the block is called from here: nobody else needs to wake up
+    std::optional<SharedSpinner::Helper> helper;
+    if (lockstep_) helper.emplace();
     publishBlock();
     publishState();
     if (lockstep_) {

@@ -3,12 +3,15 @@
 #include <ros/ros.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <fstream>
 #include <iterator>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "assembly_cell/ros/participants.h"
+#include "assembly_cell/ros/plant_link.h"
 #include "cell_run.h"
 
 // The nodes of a cell in one process.
@@ -73,6 +76,65 @@ TEST(Nodelets, AlsoWithTheTwinForceEstimator) {
 TEST(Nodelets, AlsoInBlocksOfTwoMilliseconds) {
   expectTheSame({"block_size:=10", "seed:=3"}, "single_contact");
 }
+
+TEST(Nodelets, AlsoThroughAnArm) { expectTheSame({"arm:=true", "seed:=4"}, "twin_force"); }
+
+// ---- nodes that share a name ----
+
+Ack answerOf(const std::string& node, std::uint32_t commands, std::uint32_t session) {
+  Ack ack;
+  ack.node = node;
+  ack.sequence = 1;
+  ack.commands = commands;
+  ack.session = session;
+  return ack;
+}
+
+TEST(OneName, CommandsOfAllParticipantsAreAwaited) {
+  Participants participants({"one", "other"});
+  participants.expect(1);
+  EXPECT_EQ(participants.answer(answerOf("one", 1, 7), "/cell"), "");
+  EXPECT_EQ(participants.answer(answerOf("other", 1, 0), "/cell"), "");
+  std_msgs::Header header;
+  EXPECT_TRUE(participants.count("/cell", "carrier_command", header));
+  EXPECT_FALSE(participants.allAnswered(1)) << "one of two commands";
+  EXPECT_EQ(participants.missing(1), "one (commands lost), other (commands lost)");
+  EXPECT_FALSE(participants.count("/cell", "carrier_command", header)) << "the same again";
+  EXPECT_TRUE(participants.count("/cell", "exciter", header));
+  EXPECT_TRUE(participants.allAnswered(1));
+}
+
+TEST(OneName, WhoNeverHadASessionEndsNone) {
+  Participants participants({"supervisor", "driver"});
+  EXPECT_TRUE(participants.speaksOfSession(answerOf("supervisor", 0, 7)));
+  EXPECT_FALSE(participants.speaksOfSession(answerOf("driver", 0, 0)));
+  EXPECT_TRUE(participants.speaksOfSession(answerOf("supervisor", 0, 0))) << "it lets go";
+  EXPECT_FALSE(participants.speaksOfSession(answerOf("supervisor", 0, 0)));
+}
+
+TEST(OneName, OnlyOneNodeOfAProcessHoldsThePlant) {
+  ros::NodeHandle nh("one_name"), elsewhere("another_cell");
+  PlantLink one(nh, "/one", false, [] {}), other(nh, "/other", false, [] {});
+  PlantLink there(elsewhere, "/third", false, [] {});
+  one.begin();
+  other.begin();
+  EXPECT_NE(one.session(), 0U);
+  EXPECT_FALSE(one.fault());
+  EXPECT_EQ(other.session(), 0U);
+  EXPECT_EQ(other.fault().value_or(""), "/one holds the plant");
+  there.begin();
+  EXPECT_FALSE(there.fault()) << "another plant";
+  // who has nothing lets nothing go
+  other.end();
+  other.begin();
+  EXPECT_TRUE(other.fault());
+  other.end();
+  one.end();
+  other.begin();
+  EXPECT_FALSE(other.fault());
+}
+
+// ---- how it ends ----
 
 // what the launch has to say of a bad parameter, and that it ends by itself
 void expectRefusal(const std::vector<std::string>& arguments, const std::string& line) {

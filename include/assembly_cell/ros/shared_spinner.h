@@ -37,24 +37,36 @@ class SharedSpinner {
 
   /// Are there any queues?
   bool works() const { return works_; }
-  /// Who has to wait for the callbacks calls them meanwhile, in the thread's place, until done() or
-  /// the deadline. Returns done(). The caller must not hold what a callback locks.
-  bool helpUntil(const std::function<bool()>& done, std::chrono::steady_clock::time_point deadline);
+
+  /// Who will have to wait for the callbacks takes the thread's place: it sleeps until the last of
+  /// these has gone.
+  class Helper {
+   public:
+    Helper();
+    ~Helper();
+    Helper(const Helper&) = delete;
+    Helper& operator=(const Helper&) = delete;
+    /// Calls what comes in until done() or the deadline, and returns done(). The caller must not
+    /// hold what a callback locks.
+    bool callUntil(const std::function<bool()>& done,
+                   std::chrono::steady_clock::time_point deadline);
+  };
 
  private:
   SharedSpinner() = default;
 
   void tell();
   void spin();
+  void callAll();
   bool callEach();  ///< one callback of each queue; false: there was none
 
   std::mutex calling_;  ///< held while callbacks run
   std::vector<ros::CallbackQueue*> queues_;
   std::mutex mutex_;
-  std::condition_variable told_, helper_told_;
+  std::condition_variable told_, helpers_told_;
   bool news_ = false, stopping_ = false;
-  bool waiting_ = false, helper_waiting_ = false;  ///< for news
-  bool helped_ = false;                            ///< somebody does the thread's work
+  bool waiting_ = false;                   ///< the thread, for news
+  int helpers_ = 0, helpers_waiting_ = 0;  ///< who do its work
   std::atomic<bool> works_{false};
   std::thread thread_;
 };
