@@ -27,6 +27,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr int kQueue = 100;  // wherever every sample counts
+// A report looks for the truth at a certain time; a lockstep of short blocks doesn't wait for it.
+constexpr int kTruthQueue = 5000;
 
 std::int64_t nanoseconds(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
@@ -136,7 +138,7 @@ void SimulatorNode::advertise(ros::NodeHandle& pnh) {
   diagnostics_pub_ = nh_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
   if (lockstep_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", 10, true);
   if (publish_truth_) {
-    truth_pose_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("truth/pose", 10, true);
+    truth_pose_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("truth/pose", kTruthQueue, true);
     truth_contacts_pub_ = nh_.advertise<ContactArray>("truth/contacts", 10);
   }
   if (publish_truth_ && !mismatch_.empty()) {
