@@ -6,6 +6,7 @@
 #include <ros/ros.h>
 
 #include <cstdio>
+#include <cstring>
 
 namespace {
 
@@ -24,6 +25,18 @@ void tell(const assembly_cell::AlignPegFeedbackConstPtr& feedback) {
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "align_client", ros::init_options::AnonymousName);
+  const bool asked = argc == 2 && std::strcmp(argv[1], "--help") == 0;
+  if (argc > 2 || asked) {
+    std::puts(
+        "usage: align_client [STRATEGY]    strategies: docs/strategies.md; none: the cell's own");
+    return asked ? 0 : 2;
+  }
+  if (!ros::master::check()) {
+    std::fprintf(stderr,
+                 "align_client: no ROS master at %s: start the cell first, or set ROS_MASTER_URI\n",
+                 ros::master::getURI().c_str());
+    return 1;
+  }
   Client client("align", true);  // spins a thread of its own
   if (!client.waitForServer(ros::Duration(60.0))) {
     std::fprintf(stderr,

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 """Asks a running cell for an alignment, tells what it does, and how it ended.
 
@@ -7,6 +7,7 @@ usage: align_client.py [STRATEGY]    strategies: docs/strategies.md; none: the c
 import sys
 
 import actionlib
+import rosgraph
 import rospy
 from assembly_cell.msg import AlignPegAction, AlignPegGoal
 
@@ -17,14 +18,17 @@ def tell(feedback):
 
 
 def main():
-    if len(sys.argv) > 1 and sys.argv[1].startswith("-"):
-        print(__doc__)
-        return 0 if sys.argv[1] in ("-h", "--help") else 2
+    words = rospy.myargv()[1:]
+    if len(words) > 1 or words and words[0].startswith("-"):
+        print(__doc__.strip())
+        return 0 if words[0] in ("-h", "--help") else 2
+    if not rosgraph.is_master_online():
+        sys.exit(f"align_client: no ROS master at {rosgraph.get_master_uri()}: start the cell first, or set ROS_MASTER_URI")
     rospy.init_node("align_client", anonymous=True)
     client = actionlib.SimpleActionClient("align", AlignPegAction)
     if not client.wait_for_server(rospy.Duration(60.0)):
         sys.exit("align_client: no server of the action 'align' within 60 s: is assembly_supervisor running?")
-    goal = AlignPegGoal(strategy=rospy.myargv()[1] if len(rospy.myargv()) > 1 else "")
+    goal = AlignPegGoal(strategy=words[0] if words else "")
     client.send_goal(goal, feedback_cb=tell)
     client.wait_for_result()
     report = client.get_result().report

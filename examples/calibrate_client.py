@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 """Has a running calibration_server measure plans one after another, from no observations on, and store one calibration
 of both sensors from all of them.
@@ -11,6 +11,7 @@ example: calibrate_client.py recommended displacement
 import sys
 
 import actionlib
+import rosgraph
 import rospy
 from assembly_cell.msg import CalibrateSensorsAction, CalibrateSensorsGoal
 
@@ -36,6 +37,11 @@ def main():
     plans = rospy.myargv()[1:]
     if not plans:
         sys.exit("calibrate_client: no plan: give recommended, quadratic or displacement, or several")
+    if plans[0].startswith("-"):
+        print(__doc__.strip())
+        return 0 if plans[0] in ("-h", "--help") else 2
+    if not rosgraph.is_master_online():
+        sys.exit(f"calibrate_client: no ROS master at {rosgraph.get_master_uri()}: start the rig first, or set ROS_MASTER_URI")
     rospy.init_node("calibrate_client", anonymous=True)
     client = actionlib.SimpleActionClient("calibrate", CalibrateSensorsAction)
     if not client.wait_for_server(rospy.Duration(START)):

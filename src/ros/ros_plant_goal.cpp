@@ -185,7 +185,8 @@ void RosPlant::takeNext(std::unique_lock<std::mutex>& lock) {
     if (passed > kTooSlow) {
       throw PlantError(AlignFailure::kNoData,
                        text("no block younger than %g s within %g s: the machine, or a driver, is "
-                            "too slow",
+                            "too slow; for a simulation give real_time_factor:=0.2 or "
+                            "lockstep:=true",
                             kFreshAge, kTooSlow));
     }
     if (!lastIsFresh() || !link_.follows()) continue;

@@ -327,8 +327,11 @@ void SimulatorNode::pace() {
   }
   const double ahead = (now_ - pace_time_) / real_time_factor_ - seconds(now - pace_start_);
   if (ahead < -1.0) {
-    ROS_WARN_THROTTLE(10.0, "simulation is %.1f s behind the wall clock: lower ~real_time_factor",
-                      -ahead);
+    lost_ -= ahead;
+    ROS_WARN_THROTTLE(10.0,
+                      "simulation has fallen %.1f s behind the wall clock so far: give a lower "
+                      "~real_time_factor (real_time_factor:=0.2), or lockstep:=true",
+                      lost_);
     pace_time_ = -1.0;
   } else if (ahead > 0.0) {
     std::unique_lock<std::mutex> lock(mutex_);

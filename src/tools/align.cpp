@@ -74,6 +74,7 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
                         its coupling turns with the carrier (coupling.axes=carrier)
   --arm FILE.yaml       an emulated arm carries the carrier, led by the bridge that a real one has, as
                         config/arm/emulated.yaml names them: latency, repeatability and limits, see docs/arm.md
+  --check               read the input and refuse what is bad; run nothing
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
@@ -97,6 +98,7 @@ struct Options {
   double offset_max = 0.015, tilt_max = 0.0349;
   bool second_goals = false;
   bool random_start = false;
+  bool check = false;
 };
 
 // false after --help
@@ -122,6 +124,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.text("--mismatch", o.mismatch);
   parser.text("--mechanism", o.mechanism);
   parser.flag("--identify", o.identify);
+  parser.flag("--check", o.check);
   parser.text("--report", o.report);
   if (!parser.parse(arguments)) return false;
   if (o.cell.bits != 10 && o.cell.bits != 16 && o.cell.bits != 24) {
@@ -354,6 +357,7 @@ int run(const std::vector<std::string>& arguments) {
       task.truthOf(o, o.cell.seed + static_cast<std::uint64_t>(i), unused);
     }
   }
+  if (o.check) return 0;
   std::ofstream file;
   if (!o.report.empty()) {
     file.open(o.report, std::ios::trunc);

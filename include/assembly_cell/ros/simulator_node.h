@@ -144,6 +144,7 @@ class SimulatorNode {
   std::uint32_t sequence_ = 0;  // of the next block
   ros::Time epoch_;             // stamp of node time 0
   std::chrono::steady_clock::time_point pace_start_;
+  double lost_ = 0.0;                // against the wall clock since the start [s]
   double pace_time_ = -1.0;          // node time at pace_start_ [s]; negative: not pacing yet
   Load allowed_;                     // of the coupling during this block
   bool watched_ = true;              // its load is
