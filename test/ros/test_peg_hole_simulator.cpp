@@ -373,11 +373,16 @@ TEST_F(Simulator, PublishesABlockAgainThatNobodyAnswers) {
 TEST_F(Simulator, PacedKeepsToTheWallClockAndTruthCanBeWithheld) {
   Record<StrainSamples> block(nh_, "paced/sensor_a/bridge");
   ASSERT_TRUE(waitFor([&] { return block.size() >= 2; }));
-  const auto wall = ros::WallTime::now();
-  const std::size_t n = block.size();
-  ASSERT_TRUE(waitFor([&] { return block.size() >= n + 25; }));
-  // 0.5 s simulated at half the speed; at most one block was under way at either end
-  EXPECT_GT((ros::WallTime::now() - wall).toSec(), 2.0 * 23 * kBlock);
+  // 0.5 s simulated at half the speed; at most one block was under way at either end. On a busy
+  // machine what has piled up comes at once, so that not every window tells the pace.
+  bool paced = false;
+  for (int window = 0; window < 20 && !paced; ++window) {
+    const auto wall = ros::WallTime::now();
+    const std::size_t n = block.size();
+    ASSERT_TRUE(waitFor([&] { return block.size() >= n + 25; }));
+    paced = (ros::WallTime::now() - wall).toSec() > 2.0 * 23 * kBlock;
+  }
+  EXPECT_TRUE(paced);
   const auto all = block.all();
   EXPECT_NEAR((all.back()->header.stamp - all.front()->header.stamp).toSec(),
               kBlock * static_cast<double>(all.size() - 1), 1e-6);
