@@ -22,7 +22,7 @@ struct IdentificationPrior {
   double aside = 0.01;              ///< PressedState::aside [rad]
   // what the model leaves out, of the largest force of a reading, torques at 30 mm
   double hanging_model = 1.5e-4;
-  double pressed_model = 1e-4;
+  double pressed_model = 1.5e-4;
 };
 
 /// What the data left out of the fit say.
