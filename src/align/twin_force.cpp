@@ -134,7 +134,7 @@ class TwinForce : public EdgeSearch {
   void attempt(const Vec3& place) {
     sensing_->begin({X_BS_, X_SC_start_, p_.contact_force, p_.contact_tilt, p_.settled_force,
                      p_.required_position, p_.required_rotation,
-                     static_cast<std::size_t>(p_.rounds * p_.most_contacts)});
+                     static_cast<std::size_t>(p_.most_contacts)});
     kept_ = 0;
     known_ = false;
     readings_.clear();

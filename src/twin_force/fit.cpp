@@ -56,14 +56,10 @@ struct Others {
   void tell(Fit& fit) const {
     if (tare != nullptr) fit.tare_offset = tare->L * tare->z;
     if (errors == nullptr) return;
-    const Eigen::LLT<Eigen::MatrixXd> factor(errors->N_uu);
     const Eigen::Index n = errors->u.size();
-    fit.tare_offset = tare_of(errors->columns.front(), errors->u);
-    fit.error_slope = factor.solve(errors->N_du.transpose());
-    fit.error_rest = factor.solve(Eigen::MatrixXd::Identity(n, n));
-  }
-  static Vector12 tare_of(const ErrorColumns& columns, const Eigen::VectorXd& u) {
-    return columns.leftCols<12>() * u.head<12>();
+    fit.tare_offset = errors->columns.front().leftCols<12>() * errors->u.head<12>();
+    fit.error_slope = errors->factor.solve(errors->N_du.transpose());
+    fit.error_rest = errors->factor.solve(Eigen::MatrixXd::Identity(n, n));
   }
 };
 
@@ -211,20 +207,16 @@ Problem makeProblem(const std::vector<Term>& terms, const std::vector<TwinContac
     problem.prior = &*options.prior;
     problem.prior_weight = options.prior->covariance.llt().solve(Matrix6::Identity());
   }
-  if (options.tare_covariance && likelihood) {
-    const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(*options.tare_covariance);
-    tare.L = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
-    problem.tare = &tare;
-  }
+  if (likelihood) tare.L = tareRoot(options);
   if (options.errors && likelihood) {
-    if (problem.tare == nullptr) tare.L.setZero();
-    problem.tare = nullptr;
     errors.columns.clear();
     for (const TwinContact& c : contacts) {
       errors.columns.push_back(errorColumns(*options.errors, tare.L, c.wrench_a, c.wrench_b));
     }
     errors.u.setZero(errors.columns.front().cols());
     problem.errors = &errors;
+  } else if (options.tare_covariance && likelihood) {
+    problem.tare = &tare;
   }
   return problem;
 }

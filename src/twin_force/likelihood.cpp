@@ -203,6 +203,12 @@ void add(const Pose& prior, const Matrix6& weight, const Pose& X_AB, Normal& nor
   normal.information += J.transpose() * weight * J;
 }
 
+Matrix12 tareRoot(const TwinForceOptions& options) {
+  if (!options.tare_covariance) return Matrix12::Zero();
+  const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(*options.tare_covariance);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+}
+
 void begin(TareState& tare) {
   tare.N_zz.setIdentity();
   tare.N_dz.setZero();

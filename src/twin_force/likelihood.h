@@ -71,6 +71,8 @@ struct TareState {
   Eigen::Matrix<double, 6, 12> N_dz;
   Vector12 g_z;
 };
+/// L of the options' tare offset, semidefinite; zero where there is none.
+Matrix12 tareRoot(const TwinForceOptions& options);
 void begin(TareState& tare);
 void add(const Term& term, const Whitened& w, const Pose& X_AB, TareState& tare);
 void eliminate(TareState& tare, Normal& normal);             ///< Schur complement on normal
@@ -86,6 +88,7 @@ struct ErrorState {
   Eigen::MatrixXd N_uu;
   Eigen::Matrix<double, 6, Eigen::Dynamic> N_du;
   Eigen::VectorXd g_u;
+  Eigen::LLT<Eigen::MatrixXd> factor;  ///< of N_uu, once eliminated
 };
 /// What a contact's wrenches carry for each unknown; tare is L of TareState.
 ErrorColumns errorColumns(const TwinErrors& errors, const Matrix12& tare, const Vector6& wrench_a,

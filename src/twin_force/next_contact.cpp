@@ -61,13 +61,6 @@ ContactAdvice predict(const Matrix6& information, const TwinForceOptions& option
   return out;
 }
 
-// L of the tare offset, as far as errors are unknowns.
-Matrix12 tareRoot(const TwinForceOptions& options) {
-  if (!options.tare_covariance) return Matrix12::Zero();
-  const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(*options.tare_covariance);
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
-}
-
 // JᵀC⁻¹J that a candidate adds at the estimate's pose. Errors of the sensors are those of the
 // contacts before: what of them goes with the pose turns J, the rest is noise of this contact.
 Matrix6 candidateInformation(const ContactCandidate& candidate, const TwinForceEstimate& estimate,
@@ -98,7 +91,7 @@ ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,
                                 const std::vector<ContactCandidate>& candidates,
                                 const TwinForceOptions& options) {
   ContactAdvice best;
-  const Matrix12 tare = options.errors ? tareRoot(options) : Matrix12::Zero();
+  const Matrix12 tare = options.errors ? twin_force::tareRoot(options) : Matrix12::Zero();
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     checkCandidate(candidates[i], i);
     ContactAdvice advice =

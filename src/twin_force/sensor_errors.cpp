@@ -1,7 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Errors of both sensors as unknowns of the likelihood.
-#include <Eigen/Cholesky>
-
 #include "likelihood.h"
 
 namespace assembly_cell {
@@ -79,8 +77,8 @@ void add(const Term& term, std::size_t index, const Whitened& w, const Pose& X_A
 }
 
 void eliminate(ErrorState& state, Normal& normal) {
-  const Eigen::LLT<MatrixXd> factor(state.N_uu);
-  const MatrixXd solved = factor.solve(state.N_du.transpose());
+  state.factor.compute(state.N_uu);
+  const MatrixXd solved = state.factor.solve(state.N_du.transpose());
   normal.information -= state.N_du * solved;
   normal.gradient -= solved.transpose() * state.g_u;
   normal.chi2 += state.u.squaredNorm();
@@ -88,7 +86,7 @@ void eliminate(ErrorState& state, Normal& normal) {
 
 VectorXd errorStep(const ErrorState& state, const Vector6& d) {
   const VectorXd rhs = -(state.g_u + state.N_du.transpose() * d);
-  return Eigen::LLT<MatrixXd>(state.N_uu).solve(rhs);
+  return state.factor.solve(rhs);
 }
 
 }  // namespace twin_force

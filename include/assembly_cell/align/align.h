@@ -55,7 +55,7 @@ struct AlignParameters {
   double contact_window = 0.2;      ///< that is averaged, hanging free and pressed [s]
   double settled_force = 0.02;      ///< a window whose halves differ by more is not settled [N]
   int fewest_contacts = 3;          ///< before the peg is moved over the hole
-  int most_contacts = 12;           ///< of one round
+  int most_contacts = 12;           ///< of one attempt
   double required_position = 3e-5;  ///< sd of the hole, per axis, that is enough [m]
   double required_rotation = 1e-3;  ///< [rad]
 
