@@ -10,6 +10,7 @@
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/sensor/bridge.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -40,10 +41,7 @@ SimulatedRigNode::SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHan
     : nh_(nh), pnh_(pnh) {
   Parameters parameters(pnh_);
   settings_.bits = parameters.integer("bits", 10, 24, 16);
-  if (settings_.bits != 10 && settings_.bits != 16 && settings_.bits != 24) {
-    throw InputError("parameter " + pnh_.resolveName("bits") + " is " +
-                     std::to_string(settings_.bits) + ": give 10, 16 or 24");
-  }
+  checkBits(settings_.bits, "parameter " + pnh_.resolveName("bits") + " is ");
   settings_.noise = parameters.number("noise", kNotNegative, settings_.noise);
   settings_.nonlinearity = parameters.number("nonlinearity", {0.0, 1.0}, 0.0);
   settings_.drift = parameters.number("drift", {-100.0, 100.0}, 0.0);

@@ -46,9 +46,7 @@ Hinge hinge(const MadeHinge& made) {
 }
 
 Bridge bridge(const std::array<MadeHinge, 6>& hinges, int bits, double noise) {
-  if (bits != 10 && bits != 16 && bits != 24) {
-    throw InputError("bridge: bits is " + std::to_string(bits) + ": give 10, 16 or 24");
-  }
+  checkBits(bits, "bridge: bits is ");
   if (!(noise >= 0.0) || !std::isfinite(noise)) {
     throw InputError("bridge: noise is " + std::to_string(noise) + ": give volts rms, not below 0");
   }
@@ -60,6 +58,11 @@ Bridge bridge(const std::array<MadeHinge, 6>& hinges, int bits, double noise) {
 }
 
 }  // namespace
+
+void checkBits(int bits, const std::string& what) {
+  if (bits == 10 || bits == 16 || bits == 24) return;
+  throw InputError(what + std::to_string(bits) + ": give 10, 16 or 24");
+}
 
 Bridge bridgeA(int bits, double noise) {
   return bridge(

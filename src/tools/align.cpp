@@ -25,6 +25,7 @@
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/mismatch/mismatch.h"
+#include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/study/share.h"
 
 namespace {
@@ -127,9 +128,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.flag("--check", o.check);
   parser.text("--report", o.report);
   if (!parser.parse(arguments)) return false;
-  if (o.cell.bits != 10 && o.cell.bits != 16 && o.cell.bits != 24) {
-    throw InputError("--bits: value " + std::to_string(o.cell.bits) + ": give 10, 16 or 24");
-  }
+  assembly_cell::checkBits(o.cell.bits, "--bits: value ");
   return true;
 }
 

@@ -19,6 +19,7 @@
 #include "assembly_cell/cell/identification_trial.h"
 #include "assembly_cell/identification/readings_file.h"
 #include "assembly_cell/mismatch/mismatch.h"
+#include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/study/share.h"
 
 namespace {
@@ -73,9 +74,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.text("--out", o.out);
   parser.text("--readings", o.readings);
   if (!parser.parse(arguments)) return false;
-  if (o.cell.bits != 10 && o.cell.bits != 16 && o.cell.bits != 24) {
-    throw InputError("--bits: value " + std::to_string(o.cell.bits) + ": give 10, 16 or 24");
-  }
+  assembly_cell::checkBits(o.cell.bits, "--bits: value ");
   return true;
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <random>
+#include <string>
 
 #include "assembly_cell/geometry/spatial.h"
 
@@ -32,6 +33,10 @@ struct Bridge {
   double temperature = 20.0;                                           ///< [°C], drift from 20
   double nonlinearity = 0.0;  ///< 0: small loads; 1: each hinge turns and its gauges curve
 };
+
+/// Throws InputError that begins with `what`, names the value and what to give, for bits other than
+/// 10, 16, 24.
+void checkBits(int bits, const std::string& what);
 
 /// The two bridges of the cell; throws InputError for bits other than 10, 16, 24 or noise < 0.
 Bridge bridgeA(int bits, double noise);
