@@ -3,6 +3,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/roots.h"
+#include "assembly_cell/dynamics/simulation.h"
 #include "contact_tolerances.h"
 #include "context.h"
 
@@ -24,17 +25,6 @@ Method methodOf(const std::string& name) {
   if (name == "dopri5") return Method::kDopri5;
   throw InputError("solver.integrator: " + name +
                    " is not available; use hamming, rk4, dopri5 or dop853");
-}
-
-ContactSlotMask slotsOf(const ContactFeatures& features) {
-  ContactSlotMask mask = 0;
-  if (features.edge_edge) mask |= kEdgeEdgeSlots;
-  if (features.edge_plane) mask |= kEdgePlaneSlots;
-  if (features.edge_wall) mask |= kEdgeWallSlots;
-  if (features.rim_side) mask |= kRimSideSlots;
-  if (features.rim_face) mask |= kRimFaceSlots;
-  if (features.edge_cone) mask |= kEdgeConeSlots;
-  return mask;
 }
 
 // the smallest gap of the admitted features with the peg's centre of mass at this height [m]
@@ -79,6 +69,17 @@ double lengthOf(const Mechanism& mechanism) {
 }
 
 }  // namespace
+
+ContactSlotMask slotsOf(const ContactFeatures& features) {
+  ContactSlotMask mask = 0;
+  if (features.edge_edge) mask |= kEdgeEdgeSlots;
+  if (features.edge_plane) mask |= kEdgePlaneSlots;
+  if (features.edge_wall) mask |= kEdgeWallSlots;
+  if (features.rim_side) mask |= kRimSideSlots;
+  if (features.rim_face) mask |= kRimFaceSlots;
+  if (features.edge_cone) mask |= kEdgeConeSlots;
+  return mask;
+}
 
 System::System(const Scenario& given) : scenario(given), method(methodOf(given.solver.integrator)) {
   const SolverParameters& solver = scenario.solver;

@@ -70,13 +70,15 @@ void findAtChamfer(const EdgeCircle& edge, const Peg& e, const ContactShapes& sh
   set.slots[2].valid = set.slots[7].valid = false;
   if (admitted & kEdgePlaneSlots) edgePlane(seen, upper, shapes.hole_depth, far, set.slots[2]);
   if (admitted & kEdgeConeSlots) edgeCone(seen, upper, far, admitted, set);
-  if (admitted & 0x3000) rimSide(e, upper, shapes.peg_length, far, admitted, set);
+  if (admitted & kRimSideSlots & ~kSharpRimSlots)
+    rimSide(e, upper, shapes.peg_length, far, admitted, set);
   if (admitted & kRimFaceSlots) rimFace(e, upper.radius, far, set.slots[7]);
 
   const Peg e_low = raised(e, depth), seen_low = raised(seen, depth);
   edgePair(e_low, lower, shapes.reach, 8, admitted, set);
   if (admitted & kEdgeWallSlots) edgeWall(seen_low, lower, far, admitted, set);
-  if (admitted & 0x60) rimSide(e_low, lower, shapes.peg_length, far, admitted, set);
+  if (admitted & kRimSideSlots & kSharpRimSlots)
+    rimSide(e_low, lower, shapes.peg_length, far, admitted, set);
   const Vec3 down = -depth * Vec3(1.0, e.lean(1), e.lean(2));
   for (const std::size_t i : {3, 4, 5, 6, 8, 9}) {
     if (!(admitted >> i & 1u) || !set.slots[i].valid) continue;

@@ -51,11 +51,8 @@ struct Result {
 
 // contact slots in the order of simulate's column `mode`
 std::string modeOf(const Scenario& scenario, const std::array<ContactReport, kSlots>& contacts) {
-  const ContactFeatures& admitted = scenario.contact.features;
   const ContactSlotMask shown =
-      kEdgeEdgeSlots | kEdgePlaneSlots | (admitted.edge_wall ? kEdgeWallSlots : 0u) |
-      (admitted.rim_side ? kRimSideSlots : 0u) | (admitted.rim_face ? kRimFaceSlots : 0u) |
-      (admitted.edge_cone ? kEdgeConeSlots : 0u);
+      kEdgeEdgeSlots | kEdgePlaneSlots | slotsOf(scenario.contact.features);
   const bool chamfered = scenario.mechanism.hole.chamfer_width > 0.0;
   const ContactSlotMask known = chamfered ? kAllContactSlots : kSharpRimSlots;
   std::string mode;

@@ -7,6 +7,9 @@
 
 namespace assembly_cell {
 
+/// Slots of the kinds of contact that a run admits.
+ContactSlotMask slotsOf(const ContactFeatures& features);
+
 struct RunCounts {
   std::int64_t evaluations = 0;  ///< right-hand sides
   std::int64_t steps = 0;        ///< accepted
