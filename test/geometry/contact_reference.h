@@ -116,4 +116,23 @@ inline EdgeCircle edgeAt(const Eigen::Vector3d& center, double tilt, double lean
   return {center, R.col(1), R.col(2), radius};
 }
 
+// The minimum of a function of a circle's place within 1 mrad of t, by halving intervals of its
+// slope; bend: its second derivative.
+struct Minimum {
+  Real t, bend;
+  bool found;
+};
+template <class Function>
+Minimum minimumNear(Real t, const Function& f) {
+  const auto slope = [&](Real at) { return f(at + 1e-6L) - f(at - 1e-6L); };
+  Real low = t - 1e-3L, high = t + 1e-3L;
+  const Real low_slope = slope(low), high_slope = slope(high);
+  const bool found = low_slope < 0 && high_slope > 0;
+  for (int k = 0; found && k < 60; ++k) {
+    const Real middle = (low + high) / 2;
+    (slope(middle) < 0 ? low : high) = middle;
+  }
+  return {(low + high) / 2, (high_slope - low_slope) / 4e-9L, found};
+}
+
 }  // namespace assembly_cell

@@ -9,7 +9,7 @@
 #include <map>
 #include <vector>
 
-#include "assembly_cell/description/part_pairs.h"
+#include "block_of_boxes.h"
 #include "contact_approach.h"
 
 namespace assembly_cell {
@@ -154,16 +154,9 @@ TEST_F(ContactChamfer, PointsAndGapsAreTheMinima) {
           const Real value = minimised(b, slot, t);
           return squared ? value * value : value;
         };
-        const auto slope = [&](Real t) { return f(t + 1e-6L) - f(t - 1e-6L); };
-        Real low = c.t - 1e-3L, high = c.t + 1e-3L;
-        const Real low_slope = slope(low), high_slope = slope(high);
-        ASSERT_TRUE(low_slope < 0 && high_slope > 0) << toString(c.feature) << " " << c.gap;
-        const Real bend = (high_slope - low_slope) / 4e-9L;
-        for (int k = 0; k < 60; ++k) {
-          const Real middle = (low + high) / 2;
-          (slope(middle) < 0 ? low : high) = middle;
-        }
-        const Real t = (low + high) / 2;
+        const Minimum minimum = minimumNear(c.t, f);
+        ASSERT_TRUE(minimum.found) << toString(c.feature) << " " << c.gap;
+        const Real t = minimum.t, bend = minimum.bend;
         const Vec3L on_circle = !rim ? b.edge(t) : slot == 5 || slot == 6 ? b.rim(t) : b.mouth(t);
         // rounding of the reference's slope over its bend, times the radius
         EXPECT_LT((on_circle - (rim ? c.rim : c.p).cast<Real>()).norm(), 1e-12L + 1e-16L / bend)
@@ -323,20 +316,12 @@ TEST_F(ContactChamfer, TwoPlacesOfATiltedEdge) {
 // The block as rings of boxes: under the face around the mouth, around the bore, and one along each
 // generator of the cone; 360 sides, at their corners 1 µm outside.
 std::vector<PartShape> blockOfBoxes(const ContactShapes& s) {
-  constexpr int n = 360;
-  constexpr double outer = 0.1, depth = 0.04;
+  constexpr int n = kBlockSides;
   const double mouth = s.hole_radius + s.chamfer.width, h = s.chamfer.height;
   std::vector<PartShape> boxes;
-  const auto ring = [&](int i, double inner, double top, double bottom) {
-    PartShape box;
-    box.size = Vector3d(outer - inner, 2 * outer * std::tan(kPi / n), top - bottom);
-    box.X_PS.R = Eigen::AngleAxisd(2 * kPi * i / n, Vector3d::UnitZ()).toRotationMatrix();
-    box.X_PS.p = box.X_PS.R * Vector3d(0.5 * (outer + inner), 0, 0.5 * (top + bottom));
-    boxes.push_back(box);
-  };
   for (int i = 0; i < n; ++i) {
-    ring(i, mouth, 0.0, -depth);
-    ring(i, s.hole_radius, -h, -depth);
+    boxes.push_back(boxOfRing(i, mouth, 0.0));
+    boxes.push_back(boxOfRing(i, s.hole_radius, -h));
     PartShape slope;
     const double thickness = s.chamfer.width * s.chamfer.cosine;
     const Eigen::Matrix3d round =
@@ -352,17 +337,6 @@ std::vector<PartShape> blockOfBoxes(const ContactShapes& s) {
     boxes.push_back(slope);
   }
   return boxes;
-}
-
-bool meet(const std::vector<PartShape>& block, const EdgeCircle& e, double length) {
-  const Vector3d axis = e.axis0.cross(e.axis1);
-  PartShape peg;
-  peg.kind = PartShape::Kind::kCylinder;
-  peg.size = Vector3d(2 * e.radius, 2 * e.radius, length);
-  peg.X_PS.R << fromThesisAxes(e.axis0), fromThesisAxes(e.axis1), fromThesisAxes(axis);
-  peg.X_PS.p = fromThesisAxes(e.center + 0.5 * length * axis);
-  const auto meets = [&](const PartShape& box) { return shapesMeet(peg, box); };
-  return std::any_of(block.begin(), block.end(), meets);
 }
 
 // From touch, 0.1 mm along the contact's normal either way: FCL, which knows bodies and no

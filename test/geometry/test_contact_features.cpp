@@ -124,16 +124,9 @@ TEST_F(ContactFeatures, PointsAndGapsAreTheMinima) {
           const Real value = minimised(b, c, t);
           return c.feature == ContactFeature::kEdgeEdge ? value * value : value;
         };
-        const auto slope = [&](Real t) { return f(t + 1e-6L) - f(t - 1e-6L); };
-        Real low = c.t - 1e-3L, high = c.t + 1e-3L;
-        const Real low_slope = slope(low), high_slope = slope(high);
-        ASSERT_TRUE(low_slope < 0 && high_slope > 0) << toString(c.feature) << " " << c.gap;
-        const Real bend = (high_slope - low_slope) / 4e-9L;
-        for (int k = 0; k < 60; ++k) {
-          const Real middle = (low + high) / 2;
-          (slope(middle) < 0 ? low : high) = middle;
-        }
-        const Real t = (low + high) / 2;
+        const Minimum minimum = minimumNear(c.t, f);
+        ASSERT_TRUE(minimum.found) << toString(c.feature) << " " << c.gap;
+        const Real t = minimum.t, bend = minimum.bend;
         const Vec3L on_circle = rim ? b.rim(t) : b.edge(t);
         // rounding of the reference's slope (1e-21 m over the step) over its bend, times the
         // radius; squares are rounded at the gap's square

@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-#include "assembly_cell/description/part_pairs.h"
+#include "block_of_boxes.h"
 #include "contact_reference.h"
 #include "single_slot.h"
 
@@ -104,32 +104,10 @@ TEST_F(ContactWitness, CombaLeadsToTheSameCandidates) {
   }
 }
 
-// The block as a ring of boxes whose inner faces are tangent to the hole: a polygon of 360 sides,
-// at its corners 1 µm outside the circle.
 std::vector<PartShape> blockOfBoxes(double r_h) {
-  constexpr int n = 360;
-  constexpr double outer = 0.1, depth = 0.04;
   std::vector<PartShape> boxes;
-  for (int i = 0; i < n; ++i) {
-    const double angle = 2 * kPi * i / n;
-    PartShape box;
-    box.size = Vector3d(outer - r_h, 2 * outer * std::tan(kPi / n), depth);
-    box.X_PS.R = Eigen::AngleAxisd(angle, Vector3d::UnitZ()).toRotationMatrix();
-    box.X_PS.p = box.X_PS.R * Vector3d(0.5 * (outer + r_h), 0, -0.5 * depth);
-    boxes.push_back(box);
-  }
+  for (int i = 0; i < kBlockSides; ++i) boxes.push_back(boxOfRing(i, r_h, 0.0));
   return boxes;
-}
-
-bool meet(const std::vector<PartShape>& block, const EdgeCircle& e, double length) {
-  const Vector3d axis = e.axis0.cross(e.axis1);
-  PartShape peg;
-  peg.kind = PartShape::Kind::kCylinder;
-  peg.size = Vector3d(2 * e.radius, 2 * e.radius, length);
-  peg.X_PS.R << fromThesisAxes(e.axis0), fromThesisAxes(e.axis1), fromThesisAxes(axis);
-  peg.X_PS.p = fromThesisAxes(e.center + 0.5 * length * axis);
-  const auto meets = [&](const PartShape& box) { return shapesMeet(peg, box); };
-  return std::any_of(block.begin(), block.end(), meets);
 }
 
 // From touch, 0.1 mm along the contact's normal either way: FCL says free, and overlapping.
