@@ -41,11 +41,10 @@ inline void waitForSignal() {
 }
 
 /// Runs a node until shutdown: Node(nh, pnh), spun by Node::kThreads threads. No exception of a
-/// callback
-/// ends it; its diagnostics tell what it has refused and survived. Returns 1 with one line on
-/// standard error when there is no master or the construction throws; otherwise exitCode() if the
-/// node has one, or 0; 0 or 2 for a command line that is answered by itself. A node that has stop()
-/// is stopped by SIGINT or SIGTERM while it can still publish.
+/// callback ends it; its diagnostics tell what it has refused and survived. Returns 1 with one line
+/// on standard error when there is no master or the construction throws; otherwise exitCode() if
+/// the node has one, or 0; 0 or 2 for a command line that is answered by itself. A node that has
+/// stop() is stopped by SIGINT or SIGTERM while it can still publish.
 template <class Node>
 int run(int argc, char** argv, const std::string& name) {
   if (const auto answered = answerCommandLine(argc, argv, name)) return *answered;
