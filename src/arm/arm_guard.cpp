@@ -168,7 +168,7 @@ void begin(ArmGuard& arm, const Pose& X) {
   arm.sent.fill(arm.motion.out);
 }
 
-Verdict halted(const ArmGuard& arm) {
+GuardVerdict halted(const ArmGuard& arm) {
   return {GuardReason::kOverloaded,
           text("overloaded: the arm is %s: %s", toString(arm.mode), arm.text.c_str())};
 }
@@ -278,18 +278,18 @@ void setState(ArmGuard& arm, const Pose& X, double stamp) {
   if (arm.mode == ArmMode::kWaiting) arm.mode = ArmMode::kFollowing;
 }
 
-Verdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now) {
+GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now) {
   const std::uint32_t before = arm.guard.session;
   GuardAction action;
-  const Verdict verdict = renewLease(arm.guard, sender, session, now, action);
+  const GuardVerdict verdict = renewLease(arm.guard, sender, session, now, action);
   if (action.hold) brake(arm.motion);
   const bool begins = arm.guard.session != 0 && arm.guard.session != before;
   if (verdict.good() && begins && arm.mode == ArmMode::kHeld) resume(arm, now);
   return verdict;
 }
 
-Verdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now) {
-  Verdict verdict = judgeMove(arm.guard, sender, X, now);
+GuardVerdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now) {
+  GuardVerdict verdict = judgeMove(arm.guard, sender, X, now);
   if (!verdict.good()) return verdict;
   if (arm.mode != ArmMode::kFollowing) return halted(arm);
   if (!isWithin(arm.motion.limits, arm.motion.out)) {
@@ -306,7 +306,7 @@ Verdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now) {
   return verdict;
 }
 
-Verdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& exciter, double now) {
+GuardVerdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& exciter, double now) {
   if (exciter.amplitude > 0.0 && isHalted(arm)) return halted(arm);
   return judgeExciter(arm.guard, sender, exciter, now);
 }

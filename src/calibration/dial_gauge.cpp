@@ -16,10 +16,10 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kIterations = 50;
-constexpr double kGrazing = 1e-3;  // |n·a|: a gauge along its face
-constexpr double kArm = 0.025;     // scales rotation against translation [m]
-constexpr double kRank = 1e-8;     // smallest over largest singular value
-constexpr double kFault = 1e-3;    // p(χ²) below which a gauge is called faulty
+constexpr double kGrazing = 1e-3;    // |n·a|: a gauge along its face
+constexpr double kArm = 0.025;       // scales rotation against translation [m]
+constexpr double kGaugeRank = 1e-8;  // smallest over largest singular value
+constexpr double kFault = 1e-3;      // p(χ²) below which a gauge is called faulty
 
 // reading at a pose and its derivative to (dp, dφ)
 double reading(const GaugeLayout& layout, std::size_t k, const Pose& X,
@@ -77,7 +77,7 @@ Fit fit(const GaugeLayout& layout, const std::vector<double>& readings) {
     }
     const Eigen::MatrixXd scaled = out.J * scale.asDiagonal();
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    if (!(svd.singularValues()[5] > kRank * svd.singularValues()[0])) {
+    if (!(svd.singularValues()[5] > kGaugeRank * svd.singularValues()[0])) {
       throw InputError(
           "gauges: rank below 6, a movement is not seen by any of them: add gauges on "
           "other faces or farther apart");

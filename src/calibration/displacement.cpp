@@ -15,7 +15,7 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kTerms = 27;  // strains and all products
-constexpr double kRank = 1e-8;
+constexpr double kTestsRank = 1e-8;
 constexpr double kWorstCondition = 30.0;
 constexpr double kResidual = 3.0;      // times the expected noise
 constexpr double kCorner = 0.7;        // of the central composite
@@ -93,7 +93,7 @@ bool judgeDesign(const Eigen::MatrixXd& Z, DisplacementSolution& out) {
     const Eigen::JacobiSVD<Eigen::MatrixXd> scaled(Z * norms.cwiseInverse().asDiagonal(),
                                                    Eigen::ComputeFullV);
     for (const double value : scaled.singularValues()) {
-      out.rank += value > kRank * scaled.singularValues()[0] ? 1 : 0;
+      out.rank += value > kTestsRank * scaled.singularValues()[0] ? 1 : 0;
     }
     Eigen::Index which = 0;
     scaled.matrixV().col(kTerms - 1).cwiseAbs().maxCoeff(&which);

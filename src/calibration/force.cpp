@@ -15,7 +15,6 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kModelChi2 = 3.0;  // χ²/dof beyond which the linear model is doubted
 constexpr double kOutlierP = 1e-3;  // of χ²: above it no test counts as an outlier
 
 ForceFit fitOf(const ForceSystem& system, const ObservationSet& set, const ForceFit* start,

@@ -18,7 +18,6 @@ constexpr double kSdLimit = 0.001;        // of full scale, 16 bits and more
 constexpr int kMinDof = 20;
 constexpr double kMinP = 1e-3;
 constexpr double kLowChi2 = 0.3;    // χ²/dof
-constexpr double kModelChi2 = 3.0;  // χ²/dof beyond which the linear model is doubted
 constexpr double kHoldOut = 1.5;    // normalised rms
 constexpr double kParallel = 0.02;  // [rad] orientations nearer than that are one
 constexpr double kShift = 1e-3;     // [m] poses nearer than that are one

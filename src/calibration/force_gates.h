@@ -9,6 +9,8 @@
 
 namespace assembly_cell {
 
+constexpr double kModelChi2 = 3.0;  // χ²/dof beyond which the linear model is doubted
+
 /// What kinds of tests there are, from which advice follows.
 struct SideGeometry {
   int weights = 0, indentations = 0, weight_rank = 0;

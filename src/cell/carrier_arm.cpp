@@ -57,7 +57,7 @@ void CarrierArm::mustFollow() const {
 
 void CarrierArm::take(const PlantCommand& command, double now) {
   const Sender sender{kHolder, now, true, false};
-  const auto must = [](const Verdict& verdict) {
+  const auto must = [](const GuardVerdict& verdict) {
     if (!verdict.good()) throw stopped("refused: " + verdict.text);
   };
   must(renew(bridge_, sender, kSession, now));

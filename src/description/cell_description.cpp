@@ -11,6 +11,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/description/part_pairs.h"
+#include "urdf_pose.h"
 
 namespace assembly_cell {
 namespace {
@@ -61,15 +62,6 @@ class Complaints : public console_bridge::OutputHandler {
  private:
   std::string text_;
 };
-
-Pose poseOf(const urdf::Pose& pose) {
-  Pose X;
-  double qx, qy, qz, qw;
-  pose.rotation.getQuaternion(qx, qy, qz, qw);
-  X.R = Eigen::Quaterniond(qw, qx, qy, qz).normalized().toRotationMatrix();
-  X.p = Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z);
-  return X;
-}
 
 class Reader {
  public:

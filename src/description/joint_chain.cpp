@@ -4,21 +4,9 @@
 #include <urdf_parser/urdf_parser.h>
 
 #include "assembly_cell/base/input_error.h"
+#include "urdf_pose.h"
 
 namespace assembly_cell {
-
-namespace {
-
-Pose poseOf(const urdf::Pose& pose) {
-  Pose out;
-  double x = 0.0, y = 0.0, z = 0.0, w = 1.0;
-  pose.rotation.getQuaternion(x, y, z, w);
-  out.R = Eigen::Quaterniond(w, x, y, z).toRotationMatrix();
-  out.p = {pose.position.x, pose.position.y, pose.position.z};
-  return out;
-}
-
-}  // namespace
 
 JointChain loadJointChain(const std::string& urdf, const std::string& link,
                           const std::string& source) {

@@ -22,11 +22,12 @@ constexpr double kSlowest = 1e-3;  // that a move may be asked to be [m/s]
 constexpr double kStopWay = 0.8;
 constexpr char kBeyond[] = "%s: %s is %g %s, allowed are 0 to %g %s";
 
-Verdict beyond(GuardReason reason, const char* what, double value, double limit, const char* unit) {
+GuardVerdict beyond(GuardReason reason, const char* what, double value, double limit,
+                    const char* unit) {
   return {reason, text(kBeyond, toString(reason), what, value, unit, limit, unit)};
 }
 
-Verdict refused(GuardReason reason, const std::string& why) {
+GuardVerdict refused(GuardReason reason, const std::string& why) {
   return {reason, std::string(toString(reason)) + ": " + why};
 }
 
@@ -37,7 +38,7 @@ void see(PlantGuard& guard, const Sender& sender, double now) {
 }
 
 // may this sender command at all?
-Verdict judgeSender(PlantGuard& guard, const Sender& sender, double now) {
+GuardVerdict judgeSender(PlantGuard& guard, const Sender& sender, double now) {
   if (isOfEarlierLife(guard, sender, now)) {
     return refused(GuardReason::kEarlierLife,
                    "the command is older than this run of the plant: send it anew");
@@ -122,8 +123,8 @@ bool isOfEarlierLife(const PlantGuard& guard, const Sender& sender, double now) 
   return guard.lockstep ? sender.stamp > now + kStamp : sender.stamp < -kStamp;
 }
 
-Verdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t session, double now,
-                   GuardAction& action) {
+GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t session, double now,
+                        GuardAction& action) {
   if (guard.mode == LeaseMode::kNone) return {};
   const bool mine = guard.holder == sender.node && guard.session == session;
   if (session == 0) {
@@ -158,7 +159,7 @@ Verdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t sessio
   return {};
 }
 
-Verdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now) {
+GuardVerdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now) {
   const GuardLimits& limits = guard.limits;
   if (!X.p.allFinite() || !X.R.allFinite()) {
     return refused(GuardReason::kNotFinite, "give finite numbers");
@@ -174,7 +175,7 @@ Verdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double
   if (!(angle <= limits.rotation)) {
     return beyond(GuardReason::kRotation, "turn from the start", angle, limits.rotation, "rad");
   }
-  Verdict verdict = judgeSender(guard, sender, now);
+  GuardVerdict verdict = judgeSender(guard, sender, now);
   if (!verdict.good() || !guard.overloaded) return verdict;
   if (X.p.z() < guard.height + kHeight) {
     return refused(GuardReason::kOverloaded, "the plant was stopped by its load: only up");
@@ -183,8 +184,8 @@ Verdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double
   return {};
 }
 
-Verdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
-                     double now) {
+GuardVerdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
+                          double now) {
   const GuardLimits& limits = guard.limits;
   if (!std::isfinite(drive.amplitude) || !std::isfinite(drive.frequency) ||
       !std::isfinite(drive.phase)) {
@@ -206,7 +207,7 @@ Verdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterComma
     guard.shaking = false;
     return {};
   }
-  Verdict verdict = judgeSender(guard, sender, now);
+  GuardVerdict verdict = judgeSender(guard, sender, now);
   if (!verdict.good()) return verdict;
   if (guard.overloaded) {
     return refused(GuardReason::kOverloaded, "the plant was stopped by its load");
@@ -250,7 +251,7 @@ double speedLimit(const PlantGuard& guard, const Vector6& load, const Vector6& w
   return std::max(kSlowest, std::sqrt(room * braking.acceleration / kStopWay));
 }
 
-Verdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way) {
+GuardVerdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way) {
   guard.overloaded = true;
   guard.shaking = false;
   const Load& allowed = guard.allowed;

@@ -30,7 +30,8 @@ constexpr int kPushSteps = 24;
 constexpr int kSlideStart = 4, kSlideBlocks = 12;  // of them: until it slides evenly, and in all
 constexpr double kSlides =
     1.05;  // the ratio of three steps over that of three before: less is sliding
-constexpr double kCompliance = 2e-4;   // travel of a press per force, ten times a coupling's [m/N]
+constexpr double kPressCompliance =
+    2e-4;                              // travel of a press per force, ten times a coupling's [m/N]
 constexpr double kFrictionSd = 0.004;  // the face's lean, to second order
 constexpr double kFrictionShare = 0.03;  // of the coefficient: the sensor's matrix
 
@@ -61,7 +62,7 @@ Matrix3d leaning(const Vector2d& to, double tilt) {
 PressLimits limitsFor(const Mechanism& nominal, const IdentificationPlan& plan) {
   PressLimits limits = pressLimits(nominal);
   limits.force = plan.force_limit;
-  limits.compliance = kCompliance;
+  limits.compliance = kPressCompliance;
   return limits;
 }
 

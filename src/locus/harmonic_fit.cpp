@@ -13,7 +13,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t kMinSamples = 8;
 constexpr int kMaxHarmonics = 4;
 constexpr int kMaxColumns = 2 + 2 * kMaxHarmonics;  // cos, sin, 1, drift, then each harmonic
 constexpr double kTwoPi = 2.0 * M_PI;
@@ -87,7 +86,8 @@ void requireWindow(const std::vector<double>& angle, const std::vector<double>& 
     throw InputError("signals have " + std::to_string(signals.size()) + " values for " +
                      std::to_string(n) + " samples: six a sample are needed");
   }
-  const std::size_t needed = std::max(kMinSamples, static_cast<std::size_t>(4 * options.harmonics));
+  const std::size_t needed =
+      std::max(kMinLocusSamples, static_cast<std::size_t>(4 * options.harmonics));
   if (n < needed) {
     throw InputError("window has " + std::to_string(n) + " samples: at least " +
                      std::to_string(needed) + " are needed");

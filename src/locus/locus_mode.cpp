@@ -14,7 +14,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t kMinSamples = 8;
 constexpr int kLocusColumns = 4;  // cos, sin, 1, drift
 // Hysteresis: rates at which a decided mode is left, and another one enters for an ellipse.
 constexpr double kKeep = 0.1, kEnter = 10.0;
@@ -113,9 +112,9 @@ void requireDecidable(const Locus& locus, double false_alarm, double indifferenc
     throw InputError("indifference is " + std::to_string(indifference) +
                      ": give a ratio of axes from 0 to below 1");
   }
-  if (locus.samples < kMinSamples) {
+  if (locus.samples < kMinLocusSamples) {
     throw InputError("locus has " + std::to_string(locus.samples) + " samples: at least " +
-                     std::to_string(kMinSamples) + " are needed");
+                     std::to_string(kMinLocusSamples) + " are needed");
   }
 }
 

@@ -9,16 +9,15 @@
 namespace assembly_cell {
 namespace {
 
-constexpr std::size_t kMinSamples = 8;
 constexpr double kWorstInflation = 1e6;
 
 }  // namespace
 
 template <int kSignals>
 SlidingFit<kSignals>::SlidingFit(std::size_t window, bool drift) : drift_(drift) {
-  if (window < kMinSamples) {
+  if (window < kMinLocusSamples) {
     throw InputError("window has " + std::to_string(window) + " samples: at least " +
-                     std::to_string(kMinSamples) + " are needed");
+                     std::to_string(kMinLocusSamples) + " are needed");
   }
   ring_.resize(window);
 }
@@ -103,9 +102,9 @@ bool SlidingFit<kSignals>::add(double angle, const Values& signals) {
 
 template <int kSignals>
 HarmonicFit SlidingFit<kSignals>::fit() const {
-  if (count_ < kMinSamples) {
+  if (count_ < kMinLocusSamples) {
     throw InputError("window has " + std::to_string(count_) + " samples so far: at least " +
-                     std::to_string(kMinSamples) + " are needed");
+                     std::to_string(kMinLocusSamples) + " are needed");
   }
   const double n = static_cast<double>(count_);
   // about the means, so that the offset drops out

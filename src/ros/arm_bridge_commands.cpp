@@ -13,7 +13,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr double kMemory = 1.0;  // of the arm's states [s]
 constexpr double kStamp = 1e-6;  // rounding of stamps [s]
 
@@ -89,7 +88,8 @@ void ArmBridgeNode::act(const std::function<void()>& task) {
   }
 }
 
-void ArmBridgeNode::refuse(const std::string& what, const std::string& node, const Verdict& why) {
+void ArmBridgeNode::refuse(const std::string& what, const std::string& node,
+                           const GuardVerdict& why) {
   ++refused_;
   refused_node_ = node;
   refusal_ = {why.reason, what + " of " + node + " refused: " + why.text};
@@ -124,7 +124,7 @@ void ArmBridgeNode::take(const Sender& sender, const geometry_msgs::PoseStamped&
     return;
   }
   try {
-    const Verdict verdict = move(arm_, sender, fromPose(command.pose, "pose"), now());
+    const GuardVerdict verdict = move(arm_, sender, fromPose(command.pose, "pose"), now());
     if (!verdict.good()) refuse("carrier_command", sender.node, verdict);
   } catch (const InputError& error) {
     no(GuardReason::kNotFinite, error.what());
@@ -145,7 +145,7 @@ void ArmBridgeNode::take(const Sender& sender, const Exciter& exciter) {
   // what is off may have any direction
   const bool off = !exciter.on && std::isfinite(exciter.amplitude);
   if (off) drive_command = ExciterCommand();
-  Verdict verdict;
+  GuardVerdict verdict;
   if (!sender.stamped && !off) {
     verdict = {GuardReason::kStale, "stale: it has no stamp: give header.stamp"};
   } else if (isOfEarlierLife(sender) && !off) {
@@ -166,7 +166,7 @@ void ArmBridgeNode::take(const Sender& sender, const Exciter& exciter) {
 }
 
 void ArmBridgeNode::renewFor(const Sender& sender, std::uint32_t session) {
-  const Verdict verdict = renew(arm_, sender, session, now());
+  const GuardVerdict verdict = renew(arm_, sender, session, now());
   // late ones come in heaps; others once a block
   if (!verdict.good() && verdict.reason != GuardReason::kStale) {
     refused_node_ = sender.node;

@@ -22,7 +22,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr double kConnectionCheck = 5.0;  // wall clock [s]
 constexpr int kCallbacks = 100;           // before a point: a flood doesn't keep it out
 

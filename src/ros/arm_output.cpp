@@ -9,11 +9,7 @@
 
 namespace assembly_cell::ros_bridge {
 
-namespace {
-
-constexpr int kQueue = 100;
-
-}  // namespace
+namespace {}  // namespace
 
 ArmInterface armInterface(const std::string& name) {
   if (name == "pose") return ArmInterface::kPose;

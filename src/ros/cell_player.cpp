@@ -28,7 +28,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr std::uint32_t kQueue = 1000;
+constexpr std::uint32_t kPlayQueue = 1000;
 constexpr auto kOthersPatience = std::chrono::seconds(5);
 constexpr auto kRepetitionPatience = std::chrono::milliseconds(500);
 
@@ -44,7 +44,7 @@ std::optional<std::uint32_t> blockSequence(const rosbag::MessageInstance& messag
 // one doesn't): ROS would read a header from any message and count it anew.
 ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
                                 const std::string& topic) {
-  ros::AdvertiseOptions options(topic, kQueue, connection.md5sum, connection.datatype,
+  ros::AdvertiseOptions options(topic, kPlayQueue, connection.md5sum, connection.datatype,
                                 connection.msg_def);
   // who connects late must not miss the first one
   options.latch = true;
@@ -63,9 +63,9 @@ std::string recordedName(const std::string& space, const std::string& topic) {
 CellPlayer::CellPlayer(const ros::NodeHandle& nh, const ros::NodeHandle& pnh) : nh_(nh), pnh_(pnh) {
   readParameters();
   openBag();
-  if (clock_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", kQueue);
-  ack_sub_ =
-      nh_.subscribe("ack", kQueue, &CellPlayer::onAck, this, ros::TransportHints().tcpNoDelay());
+  if (clock_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", kPlayQueue);
+  ack_sub_ = nh_.subscribe("ack", kPlayQueue, &CellPlayer::onAck, this,
+                           ros::TransportHints().tcpNoDelay());
   thread_ = std::thread([this] { play(); });
 }
 

@@ -18,7 +18,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr double kJump = 0.02;         // of the simulator's carrier: it was put somewhere else [m]
 constexpr double kTwistTimeout = 0.1;  // a twist holds no longer [s]
 

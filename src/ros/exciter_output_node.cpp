@@ -20,7 +20,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr double kPeriod = 5e-3;  // of the work [s]
 constexpr double kPlayed = 0.1;   // a device has played what is in its queue and a fade [s]
 

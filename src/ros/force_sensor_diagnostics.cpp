@@ -19,8 +19,6 @@ using diagnostic_msgs::DiagnosticStatus;
 constexpr std::size_t kNoiseSamples = 50;  // differences in one estimate of the noise
 constexpr const char* kAxes[6] = {"fx [N]", "fy [N]", "fz [N]", "tx [N m]", "ty [N m]", "tz [N m]"};
 
-double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
-
 /// A number that a source counts: its key, and what it means when it grows (null: nothing).
 struct Counter {
   std::uint64_t SourceCounters::*count;

@@ -29,7 +29,6 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr std::uint8_t kAllChannels = 0x3f;  // where the source hasn't said which one
-constexpr std::uint32_t kQueue = 100;        // wherever every sample counts
 
 using Volts = Eigen::Map<const Vector6>;
 

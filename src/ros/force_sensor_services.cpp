@@ -18,8 +18,6 @@ constexpr std::size_t kUndoSteps = 32;  // biases remembered
 // NaN is not within
 bool isWrench(const Vector6& w) { return cutWrench(w) == w; }
 
-double age(const ros::Time& time) { return std::max(0.0, (ros::Time::now() - time).toSec()); }
-
 }  // namespace
 
 void ForceSensorNode::publishBias() {

@@ -21,10 +21,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr std::uint32_t kQueue = 100;  // every sample counts
 constexpr double kTwoPi = 2.0 * M_PI;
-constexpr double kMinSamples = 8.0;
-constexpr double kRounding = 0.01;  // of a sample's period, for stamps rounded to 1 ns
 
 std::size_t sizeOf(const DisplacementSamples& block) { return block.displacement.size() / 6; }
 
@@ -175,7 +172,7 @@ LocusNode::Window LocusNode::collect(const ros::Time& start, const ros::Time& en
   for (const auto& block : blocks_) {
     window.period = block->period;
     window.frame_id = block->header.frame_id;
-    const double first = (block->header.stamp - start).toSec() + kRounding * block->period;
+    const double first = (block->header.stamp - start).toSec() + kSampleRounding * block->period;
     const double limit = (end - start).toSec();
     const double since = (block->header.stamp - exciter.header.stamp).toSec();
     for (std::size_t k = 0; k < sizeOf(*block); ++k) {
@@ -217,7 +214,7 @@ void LocusNode::slide() {
   const double cycle = kTwoPi / exciter_->frequency;
   const double length = cycle * std::max(1.0, std::floor(live_->number("window") / cycle));
   const double samples = std::ceil(length / newest.period - 1e-6);
-  if (samples * newest.period > history_ || samples < kMinSamples) return;
+  if (samples * newest.period > history_ || samples < static_cast<double>(kMinLocusSamples)) return;
   if (!stream_ || stream_->exciter.header.stamp != exciter_->header.stamp ||
       stream_->exciter.frequency != exciter_->frequency ||
       stream_->exciter.phase != exciter_->phase ||
@@ -229,10 +226,10 @@ void LocusNode::slide() {
   }
 
   // what has come since, of a new stream a window's worth from the past
-  const ros::Time from = stream_->last
-                             ? *stream_->last + ros::Duration(0.5 * newest.period)
-                             : std::max(later(exciter_->header.stamp, -kRounding * newest.period),
-                                        later(lastSample(), -(samples - 0.5) * newest.period));
+  const ros::Time from =
+      stream_->last ? *stream_->last + ros::Duration(0.5 * newest.period)
+                    : std::max(later(exciter_->header.stamp, -kSampleRounding * newest.period),
+                               later(lastSample(), -(samples - 0.5) * newest.period));
   auto block = blocks_.end();
   while (block != blocks_.begin() && lastOf(**std::prev(block)) >= from) --block;
   for (; block != blocks_.end(); ++block) {
@@ -316,7 +313,7 @@ void LocusNode::identify(const IdentifyLocusGoal::ConstPtr& goal) {
       window = collect(goal->start, end, exciter);
       motion = carrierMotion(goal->start, end);
     }
-    const double expected = std::floor(duration / window.period + kRounding);
+    const double expected = std::floor(duration / window.period + kSampleRounding);
     if (static_cast<double>(window.angle.size()) < expected) {
       return text("%.0f of the window's %.0f samples are missing: repeat the reading",
                   expected - static_cast<double>(window.angle.size()), expected);
@@ -362,11 +359,11 @@ std::string LocusNode::await(const ros::Time& start, const ros::Time& end, const
     if (!blocks_.empty()) {
       const double period = blocks_.back()->period;
       const ros::Time first = blocks_.front()->header.stamp;
-      if (start + ros::Duration((1.0 + kRounding) * period) < first) {
+      if (start + ros::Duration((1.0 + kSampleRounding) * period) < first) {
         return text("the window starts at %.6f s but samples are kept from %.6f s on: ask earlier",
                     start.toSec(), first.toSec());
       }
-      if (lastSample() + ros::Duration((1.0 + kRounding) * period) >= end) return {};
+      if (lastSample() + ros::Duration((1.0 + kSampleRounding) * period) >= end) return {};
     }
     if (seen != block_count_) {
       seen = block_count_;

@@ -8,13 +8,13 @@
 #include <utility>
 
 #include "assembly_cell/Lease.h"
+#include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr char kAnotherLife[] = "the plant was started anew during the goal";
 
 std::uint32_t randomNumber() {

@@ -24,12 +24,10 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr std::size_t kMemory = 500;  // blocks that may be incomplete at a time
 // Of blocks whose samples a window may begin in: the least number, and beyond it their age [s].
 constexpr std::size_t kRecent = 25;
 constexpr double kRecentTime = 0.499;
-constexpr double kRounding = 0.01;  // of a sample's period, at a window's ends
 // of the default cell: ±5 V in 16 bit
 constexpr double kConverterStep = 10.0 / 65536.0;
 
@@ -428,7 +426,7 @@ void RosPlant::collect(const WrenchSamples& samples) {
   const LocusRequest& window = *vibration_.request;
   for (std::size_t i = 0; 6 * i < samples.wrench.size(); ++i) {
     const double t = start + static_cast<double>(i) * samples.period;
-    const double since = t - window.start + kRounding * samples.period;
+    const double since = t - window.start + kSampleRounding * samples.period;
     if (since < 0.0 || since >= window.duration) continue;
     vibration_.angles.push_back(exciter_.direction *
                                 (exciter_.frequency * (t - reference) + exciter_.phase));
@@ -480,7 +478,8 @@ void RosPlant::sendLocusGoal(std::unique_lock<std::mutex>& lock, const LocusRequ
       });
   lock.lock();
   // the estimator must know of the window before its first sample comes
-  waitFor(lock, "acceptance of identify_locus", [this] { return locus_active_ || locus_done_; });
+  waitFor(lock, "acceptance of identify_locus of " + locus_node_,
+          [this] { return locus_active_ || locus_done_; });
 }
 
 }  // namespace assembly_cell::ros_bridge

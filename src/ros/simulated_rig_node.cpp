@@ -9,6 +9,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/calibration_messages.h"
+#include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/sensor/bridge.h"
 
@@ -16,7 +17,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr std::uint32_t kQueue = 100;
 constexpr double kTick = 2e-3;         // of the wall clock [s]
 constexpr int kMaxBlocksPerTick = 10;  // a machine that was asleep catches up little by little
 

@@ -61,7 +61,7 @@ void SimulatorNode::onCarrierCommand(
   }
   try {
     const Pose X = fromPose(command.pose, "pose");
-    const Verdict verdict = judgeMove(guard_, sender, X, now_);
+    const GuardVerdict verdict = judgeMove(guard_, sender, X, now_);
     if (verdict.good()) carrier_command_ = X;
     if (!verdict.good()) refuse("carrier_command", sender.node, verdict);
   } catch (const InputError& error) {
@@ -88,7 +88,7 @@ void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
     drive.amplitude = 0.0;
     drive.direction = 1;
   }
-  const Verdict verdict = judgeExciter(guard_, sender, drive, now_);
+  const GuardVerdict verdict = judgeExciter(guard_, sender, drive, now_);
   if (verdict.good()) exciter_ = exciter;
   if (!verdict.good()) refuse("exciter", sender.node, verdict);
 }

@@ -69,7 +69,8 @@ void SimulatorNode::findEarlierPublishers() {
   }
 }
 
-void SimulatorNode::refuse(const std::string& what, const std::string& node, const Verdict& why) {
+void SimulatorNode::refuse(const std::string& what, const std::string& node,
+                           const GuardVerdict& why) {
   ++refused_;
   refused_node_ = node;
   refusal_ = {why.reason, what + " of " + node + " refused: " + why.text};
@@ -79,7 +80,7 @@ void SimulatorNode::refuse(const std::string& what, const std::string& node, con
 void SimulatorNode::renew(const Sender& sender, std::uint32_t session) {
   const std::uint32_t before = guard_.session;
   GuardAction action;
-  const Verdict verdict = renewLease(guard_, sender, session, now_, action);
+  const GuardVerdict verdict = renewLease(guard_, sender, session, now_, action);
   // late ones come in heaps; others once a block
   if (!verdict.good() && verdict.reason != GuardReason::kStale) {
     refused_node_ = sender.node;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/ros/simulator_node.h"
 
@@ -10,7 +11,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr std::chrono::seconds kAskAgain{2};  // of who has not answered a block, wall clock
 constexpr int kConnectionCheck = 3;           // so many of them
 constexpr double kStamp = 1e-6;               // rounding of stamps [s]

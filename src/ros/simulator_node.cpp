@@ -26,7 +26,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;  // wherever every sample counts
 // A report looks for the truth at a certain time; a lockstep of short blocks doesn't wait for it.
 constexpr int kTruthQueue = 5000;
 

@@ -7,14 +7,14 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/calibration/drift.h"
 #include "assembly_cell/ros/calibration_messages.h"
+#include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr std::uint32_t kQueue = 100;  // every sample counts
-constexpr double kSlice = 0.05;        // of waiting, after which `stop` is asked [s]
+constexpr double kSlice = 0.05;  // of waiting, after which `stop` is asked [s]
 
 }  // namespace
 

@@ -17,7 +17,6 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kQueue = 100;
 constexpr double kStampRounding = 1e-9;  // [s]
 // Without a calibration a channel counts as its own newton or newton metre and as sure as this:
 // beside it the scatter of the samples rules. Half or twice changes nothing that is decided. [N²]

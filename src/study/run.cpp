@@ -22,9 +22,9 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // empty for what is undefined
-std::string shown(double value) { return std::isfinite(value) ? yamlNumber(value) : ""; }
-std::string shown(std::int64_t value) { return std::to_string(value); }
-std::string shown(bool value) { return value ? "1" : "0"; }
+std::string textOf(double value) { return std::isfinite(value) ? yamlNumber(value) : ""; }
+std::string textOf(std::int64_t value) { return std::to_string(value); }
+std::string textOf(bool value) { return value ? "1" : "0"; }
 
 // What a run came to. Outcomes by name; those that never were set are undefined.
 struct Result {
@@ -37,7 +37,7 @@ struct Result {
   template <class Value>
   void set(const char* name, const Value& value) {
     names.emplace_back(name);
-    values.push_back(shown(value));
+    values.push_back(textOf(value));
   }
   void setText(const char* name, const std::string& text) {
     names.emplace_back(name);
@@ -147,10 +147,10 @@ class Observer {
 
   void writeRow(double force, const std::string& mode, std::string& out) const {
     const State& s = simulation_.state();
-    out += std::to_string(run_) + "," + shown(simulation_.time());
-    for (const int i : {1, 2, 0, 3, 4, 5, 6, 7, 8}) out += "," + shown(s.q[i]);
-    for (const int i : {1, 2, 0}) out += "," + shown(s.v[i]);
-    out += "," + shown(force) + "," + mode + "\n";
+    out += std::to_string(run_) + "," + textOf(simulation_.time());
+    for (const int i : {1, 2, 0, 3, 4, 5, 6, 7, 8}) out += "," + textOf(s.q[i]);
+    for (const int i : {1, 2, 0}) out += "," + textOf(s.v[i]);
+    out += "," + textOf(force) + "," + mode + "\n";
   }
 
   Simulation& simulation_;
@@ -191,7 +191,7 @@ void simulateRun(const Scenario& scenario, const StudyJob& job, std::int64_t run
   if (reason != StopReason::kOk) {
     result.status = toString(reason);
     result.failed = true;
-    result.reason = "stopped at " + shown(simulation.time()) + " s of " + shown(duration) + " s";
+    result.reason = "stopped at " + textOf(simulation.time()) + " s of " + textOf(duration) + " s";
     // the last state belongs to the history and the peak, but no success is late
     Result at_end;
     if (reason != StopReason::kNonFinite) observer.look(at_end);
@@ -199,7 +199,7 @@ void simulateRun(const Scenario& scenario, const StudyJob& job, std::int64_t run
   } else if (result.status == "force_limit" || result.status == "evaluation_limit") {
     result.failed = true;
     result.reason = (result.status == "force_limit" ? "stop.force" : "stop.evaluations") +
-                    std::string(" reached at ") + shown(simulation.time()) + " s";
+                    std::string(" reached at ") + textOf(simulation.time()) + " s";
   } else if (result.status.empty()) {
     result.status = "ok";
   }

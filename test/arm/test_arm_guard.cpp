@@ -53,7 +53,7 @@ struct Cell {
     EXPECT_EQ(arm.mode, ArmMode::kFollowing);
   }
   Sender sender() const { return {"supervisor", now, true, false}; }
-  Verdict go(const Pose& X) { return move(arm, sender(), X, now); }
+  GuardVerdict go(const Pose& X) { return move(arm, sender(), X, now); }
 
   void block() {
     const auto samples = [&](int sensor, const Vector6& wrench) {

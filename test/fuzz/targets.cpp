@@ -223,7 +223,7 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
   PlantGuard guard = plantGuard({}, static_cast<LeaseMode>(data[0] % 3), (data[0] & 4) != 0);
   guard.braking.stiffness.diagonal().setConstant(5e4);
   const GuardLimits& limits = guard.limits;
-  const auto told = [](const Verdict& verdict) {
+  const auto told = [](const GuardVerdict& verdict) {
     require(verdict.good() == verdict.text.empty(), "a refusal has a text");
     require(verdict.text.find('\n') == std::string::npos, "a refusal is one line");
     return verdict.good();

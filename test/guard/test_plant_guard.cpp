@@ -69,7 +69,7 @@ TEST(PlantGuard, ASessionBeginsWithTheExciterOffAndCommandsAlone) {
   EXPECT_EQ(plant.lease("/a", 7), GuardReason::kNone);
   EXPECT_FALSE(plant.last.exciter_off);
 
-  const Verdict other = judgeMove(plant.guard, plant.as("/b"), Pose{}, plant.now);
+  const GuardVerdict other = judgeMove(plant.guard, plant.as("/b"), Pose{}, plant.now);
   EXPECT_EQ(other.reason, GuardReason::kHeldByAnother);
   EXPECT_EQ(other.text, "held_by_another: /a holds the plant");
   EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kHeldByAnother);

@@ -115,9 +115,9 @@ void setState(ArmGuard& arm, const Pose& X, double stamp);
 
 /// Leases and commands, as the plant's guard takes them. A new session ends a hold. While a load is
 /// above its limit only moves up are taken.
-Verdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now);
-Verdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now);
-Verdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& exciter, double now);
+GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now);
+GuardVerdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now);
+GuardVerdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& exciter, double now);
 
 /// Once a period: watches, and makes the next point in `arm.motion.out`.
 void tick(ArmGuard& arm, double now);

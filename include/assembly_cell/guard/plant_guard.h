@@ -55,7 +55,7 @@ enum class GuardReason {
 const char* toString(GuardReason reason);
 
 /// What became of a lease or a command. `text` is one line with value and limit; empty if good.
-struct Verdict {
+struct GuardVerdict {
   GuardReason reason = GuardReason::kNone;
   std::string text;
   bool good() const { return reason == GuardReason::kNone; }
@@ -126,14 +126,14 @@ bool isOfEarlierLife(const PlantGuard& guard, const Sender& sender, double now);
 /// A sign of life of a session at `now`; session 0 lets the plant go. A session begins with its
 /// first one, with the exciter off and the carrier brought to a stop. Refused while another node
 /// holds the plant; one whose lease lapsed a second ago holds it no longer.
-Verdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t session, double now,
-                   GuardAction& action);
+GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t session, double now,
+                        GuardAction& action);
 
 /// A move of the carrier to X, in its base. What the holder sends is a sign of life, too.
-Verdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now);
+GuardVerdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now);
 /// An exciter command; amplitude 0 is off, which anybody may ask for whenever it is not stale.
-Verdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
-                     double now);
+GuardVerdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
+                          double now);
 
 /// Once a block, before it begins: the dead man. `load` of the coupling and height of the carrier
 /// as of now.
@@ -164,6 +164,6 @@ inline bool mustStop(const Braking& braking, const Vector6& load, const Vector6&
   return exceeds(load, allowed) || exceeds(loadAfter(braking, load, way), allowed);
 }
 /// It had to, and has been stopped. The text has value and limit.
-Verdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way);
+GuardVerdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way);
 
 }  // namespace assembly_cell

@@ -12,6 +12,9 @@
 
 namespace assembly_cell {
 
+/// What a locus needs at the least: twice the four coefficients of a signal.
+inline constexpr std::size_t kMinLocusSamples = 8;
+
 /// Phasors of up to six signals x(t) = Re(U e^{ia(t)}) + offset + drift, a the exciter's angle, by
 /// linear least squares on one shared design matrix.
 struct HarmonicFit {

@@ -82,7 +82,7 @@ class ArmBridgeNode {
   void take(const Sender& sender, const geometry_msgs::PoseStamped& command);
   void take(const Sender& sender, const Exciter& exciter);
   void renewFor(const Sender& sender, std::uint32_t session);
-  void refuse(const std::string& what, const std::string& node, const Verdict& why);
+  void refuse(const std::string& what, const std::string& node, const GuardVerdict& why);
   void anotherLife(const ros::Time& stamp);
   Vector6 weightChange() const;          ///< of the payload since the zero was taken, sensor_b
   void showLife(const ros::Time& seen);  ///< of a block
@@ -147,7 +147,7 @@ class ArmBridgeNode {
   bool driving_ = false;  // the exciter is on, by what was sent last
   std::uint32_t refused_ = 0;
   std::string refused_node_;
-  Verdict refusal_;
+  GuardVerdict refusal_;
   PlantState told_;
   bool told_any_ = false;
   std::uint64_t points_ = 0;

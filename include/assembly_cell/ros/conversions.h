@@ -7,6 +7,7 @@
 #include <geometry_msgs/Vector3.h>
 #include <geometry_msgs/Wrench.h>
 
+#include <cstdint>
 #include <string>
 
 #include "assembly_cell/geometry/spatial.h"
@@ -23,6 +24,11 @@ constexpr char kPegFrame[] = "peg";
 constexpr char kHoleEstimatedFrame[] = "hole_estimated";
 constexpr char kHoleTruthFrame[] = "hole_truth";
 constexpr char kPegTruthFrame[] = "peg_truth";
+
+/// Length of the queue of a topic on which every message counts.
+constexpr std::uint32_t kQueue = 100;
+/// What a stamp is rounded by at the most, of a sample's period.
+constexpr double kSampleRounding = 0.01;
 
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 geometry_msgs::Vector3 toVector3(const Eigen::Vector3d& v);

@@ -3,12 +3,18 @@
 
 #include <ros/time.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 
 namespace assembly_cell::ros_bridge {
+
+/// Of a time in the past; 0 where it isn't. [s]
+inline double age(const ros::Time& time) {
+  return std::max(0.0, (ros::Time::now() - time).toSec());
+}
 
 /// ROS time (the system clock) of points of the steady clock. A step of the system clock is taken
 /// over at once and counted; an offset that was read while the process was held up isn't used.

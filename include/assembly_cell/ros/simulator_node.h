@@ -109,8 +109,8 @@ class SimulatorNode {
   // the guard (simulator_guard.cpp); those with a lock need mutex_
   void readGuard(Parameters& parameters);
   void findEarlierPublishers();
-  void refuse(const std::string& what, const std::string& node, const Verdict& why);  // lock
-  void renew(const Sender& sender, std::uint32_t session);                            // lock
+  void refuse(const std::string& what, const std::string& node, const GuardVerdict& why);  // lock
+  void renew(const Sender& sender, std::uint32_t session);                                 // lock
   void watchPlant();
   /// At every sample: stops the plant when its load is too much.
   void feel(const Vector6& load);
@@ -170,7 +170,7 @@ class SimulatorNode {
   GuardAction stop_;             // before the commands
   std::string stopped_because_;  // of the last stop in this session
   std::string refused_node_;     // of the last refusal
-  Verdict refusal_;
+  GuardVerdict refusal_;
   std::uint32_t awaited_ = 0;                 // block that acks are awaited for
   std::set<std::string> earlier_publishers_;  // topic and node, before this one came to life
 
