@@ -13,16 +13,12 @@
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
+#include "scenarios.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
 
 namespace {
-
-Scenario cell(const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
-                      overrides);
-}
 
 AlignParameters singleContactParameters() {
   AlignParameters p;

@@ -5,17 +5,14 @@
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/scene/scenario.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
 
 using Eigen::Vector2d;
 
-Scenario cell() {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
-}
-
-AlignTrial tried(const char* strategy, const Vector2d& offset, const Vector2d& tilt) {
+AlignTrial baselineTrial(const char* strategy, const Vector2d& offset, const Vector2d& tilt) {
   const Scenario s = cell();
   AlignParameters p;
   p.strategy = strategy;
@@ -28,7 +25,7 @@ TEST(Baselines, SpiralDropsIn) {
   const Vector2d starts[][2] = {{{0.0012, -0.0009}, {0.01, -0.012}},
                                 {{-0.00158, 0.00109}, {-0.0023, 0.0266}}};
   for (const auto& start : starts) {
-    const AlignTrial trial = tried("spiral", start[0], start[1]);
+    const AlignTrial trial = baselineTrial("spiral", start[0], start[1]);
     EXPECT_TRUE(trial.success) << trial.result.reason;
     // known as well as the walls tell: a fifth of the clearance
     EXPECT_LT((trial.result.offset - trial.true_offset).norm(), 2e-5);
@@ -51,9 +48,9 @@ TEST(Baselines, SpiralSaysThatThereIsNoHole) {
 // Within the clearance shaking and lowering assemble; farther off the peg stands on the face, and
 // the strategy says so.
 TEST(Baselines, PassiveNeedsAHoleBelow) {
-  const AlignTrial near = tried("passive", {2e-5, 1e-5}, {5e-4, 0.0});
+  const AlignTrial near = baselineTrial("passive", {2e-5, 1e-5}, {5e-4, 0.0});
   EXPECT_TRUE(near.success) << near.result.reason;
-  const AlignTrial far = tried("passive", {0.003, 0.001}, {0.01, 0.01});
+  const AlignTrial far = baselineTrial("passive", {0.003, 0.001}, {0.01, 0.01});
   EXPECT_FALSE(far.success);
   EXPECT_FALSE(far.false_success);
   EXPECT_EQ(far.result.failure, AlignFailure::kForceLimit) << far.result.reason;

@@ -16,17 +16,13 @@
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
+#include "scenarios.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 namespace {
-
-Scenario cell(const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
-                      overrides);
-}
 
 // A cell in which something is wrong: what the strategy commands and what it feels may be changed.
 class FaultyPlant : public Plant {

@@ -12,17 +12,17 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kPeg = 0.025, kHole = 0.0251;
+constexpr double kFitPi = 3.14159265358979323846;
+constexpr double kFitPeg = 0.025, kFitHole = 0.0251;
 
 // The touching point of a peg that is lowered in this orientation, by brute force and independent
 // of the product's contact search: the lowest edge point that is not over the hole. Hole at the
 // origin.
 double touch(const Eigen::Matrix3d& R, const Vector3d& bottom, double& height) {
   const auto point = [&](double a) {
-    return Vector3d(R * Vector3d(kPeg * std::cos(a), kPeg * std::sin(a), 0.0) + bottom);
+    return Vector3d(R * Vector3d(kFitPeg * std::cos(a), kFitPeg * std::sin(a), 0.0) + bottom);
   };
-  const auto blocked = [&](double a) { return point(a).head<2>().norm() >= kHole; };
+  const auto blocked = [&](double a) { return point(a).head<2>().norm() >= kFitHole; };
   constexpr int kGrid = 7200;
   double best = 1e9, best_a = 0.0;
   const auto consider = [&](double a) {
@@ -32,7 +32,7 @@ double touch(const Eigen::Matrix3d& R, const Vector3d& bottom, double& height) {
     }
   };
   for (int i = 0; i < kGrid; ++i) {
-    const double a = 2 * kPi * i / kGrid, b = 2 * kPi * (i + 1) / kGrid;
+    const double a = 2 * kFitPi * i / kGrid, b = 2 * kFitPi * (i + 1) / kGrid;
     consider(a);
     // the rim between two samples, by bisection
     if (blocked(a) != blocked(b)) {
@@ -42,7 +42,7 @@ double touch(const Eigen::Matrix3d& R, const Vector3d& bottom, double& height) {
     }
   }
   // a lowest point on the plane, between samples
-  double low = best_a - 2 * kPi / kGrid, high = best_a + 2 * kPi / kGrid;
+  double low = best_a - 2 * kFitPi / kGrid, high = best_a + 2 * kFitPi / kGrid;
   for (int k = 0; k < 80; ++k) {
     const double a = high - 0.618 * (high - low), b = low + 0.618 * (high - low);
     (point(a).z() < point(b).z() ? high : low) = point(a).z() < point(b).z() ? b : a;
@@ -66,7 +66,7 @@ Scene sweep(const Vector3d& offset, double hole_tilt, double tilt, int count, do
   scene.X_SH.R = rotationFromVector({Vector3d(hole_tilt * 0.6, -hole_tilt * 0.8, 0.0)});
   scene.X_SH.p = offset;
   for (int i = 0; i < count; ++i) {
-    const double a = 2 * kPi * (i + 0.37) / count;
+    const double a = 2 * kFitPi * (i + 0.37) / count;
     const Eigen::Matrix3d R_SP =
         rotationFromVector({tilt * Vector3d(-std::sin(a), std::cos(a), 0.0)});
     Pose X_HP = inverse(scene.X_SH) * Pose{R_SP, Vector3d::Zero()};
@@ -75,7 +75,7 @@ Scene sweep(const Vector3d& offset, double hole_tilt, double tilt, int count, do
     X_HP.p.z() -= height;
     HoleReading r;
     r.X_SP = scene.X_SH * X_HP;
-    r.alpha = alpha + (i % 2 ? kPi : 0.0) + normal(engine);
+    r.alpha = alpha + (i % 2 ? kFitPi : 0.0) + normal(engine);
     r.sd = std::max(noise, 1e-6);
     scene.readings.push_back(r);
   }
@@ -91,7 +91,7 @@ TEST(HoleFit, ExactWithoutNoise) {
     for (const double hole_tilt : {0.0, 0.02}) {
       Scene s = sweep({-0.8 * offset, 0.6 * offset, -0.003}, hole_tilt, 0.052, 36, 0.0, 1);
       HoleEstimate e;
-      ASSERT_TRUE(fitHole(kPeg, kHole, s.readings, e).good()) << offset << " " << hole_tilt;
+      ASSERT_TRUE(fitHole(kFitPeg, kFitHole, s.readings, e).good()) << offset << " " << hole_tilt;
       EXPECT_LT((e.center - s.X_SH.p).norm(), 1e-7) << offset << " " << hole_tilt;
       EXPECT_LT((e.normal - s.X_SH.R.col(2)).norm(), 1e-6);
     }
@@ -102,10 +102,11 @@ TEST(HoleFit, ExactWithoutNoise) {
 TEST(HoleFit, ResolvesTheOppositeContact) {
   Scene s = sweep({0.004, 0.001, -0.002}, 0.015, 0.052, 36, 0.0, 1);
   HoleEstimate e;
-  ASSERT_TRUE(fitHole(kPeg, kHole, s.readings, e).good());
+  ASSERT_TRUE(fitHole(kFitPeg, kFitHole, s.readings, e).good());
   for (const HoleReading& r : s.readings) {
     const Vector3d p =
-        r.X_SP.R * Vector3d(kPeg * std::cos(r.alpha), kPeg * std::sin(r.alpha), 0.0) + r.X_SP.p;
+        r.X_SP.R * Vector3d(kFitPeg * std::cos(r.alpha), kFitPeg * std::sin(r.alpha), 0.0) +
+        r.X_SP.p;
     EXPECT_NEAR(e.normal.dot(p), e.height, 1e-7);
   }
 }
@@ -118,7 +119,7 @@ TEST(HoleFit, CovarianceIsHonest) {
   for (unsigned k = 0; k < 200; ++k) {
     Scene s = sweep({0.005, -0.002, -0.002}, 0.01, 0.052, 36, 0.003, 100 + k);
     HoleEstimate e;
-    ASSERT_TRUE(fitHole(kPeg, kHole, s.readings, e).good());
+    ASSERT_TRUE(fitHole(kFitPeg, kFitHole, s.readings, e).good());
     const Eigen::Vector2d error = planeAxes(e.normal).transpose() * (e.center - s.X_SH.p);
     sum += error.dot(e.center_covariance.inverse() * error);
     const double dof = e.rim_readings - 2;
@@ -132,12 +133,12 @@ TEST(HoleFit, WithstandsAnOutlier) {
   Scene s = sweep({0.005, -0.002, -0.002}, 0.01, 0.052, 36, 0.002, 3);
   HoleEstimate clean;
   std::vector<HoleReading> readings = s.readings;
-  ASSERT_TRUE(fitHole(kPeg, kHole, readings, clean).good());
+  ASSERT_TRUE(fitHole(kFitPeg, kFitHole, readings, clean).good());
   for (std::size_t i = 0; i < readings.size(); ++i) {
     readings = s.readings;
     readings[i].alpha += 0.35;
     HoleEstimate e;
-    ASSERT_TRUE(fitHole(kPeg, kHole, readings, e).good()) << i;
+    ASSERT_TRUE(fitHole(kFitPeg, kFitHole, readings, e).good()) << i;
     EXPECT_LT((e.center - s.X_SH.p).norm(), 2e-4) << "reading " << i;
   }
 }
@@ -146,8 +147,8 @@ TEST(HoleFit, NamesWhyItCannot) {
   Scene s = sweep({0.005, 0.0, -0.002}, 0.0, 0.052, 36, 0.0, 1);
   HoleEstimate e;
   std::vector<HoleReading> few(s.readings.begin(), s.readings.begin() + 3);
-  EXPECT_EQ(fitHole(kPeg, kHole, few, e).failure, AlignFailure::kNoPlaneReading);
+  EXPECT_EQ(fitHole(kFitPeg, kFitHole, few, e).failure, AlignFailure::kNoPlaneReading);
   // a peg that is nowhere over the hole
   Scene away = sweep({0.08, 0.0, -0.002}, 0.0, 0.052, 36, 0.0, 1);
-  EXPECT_EQ(fitHole(kPeg, kHole, away.readings, e).failure, AlignFailure::kNoHoleUnderEdge);
+  EXPECT_EQ(fitHole(kFitPeg, kFitHole, away.readings, e).failure, AlignFailure::kNoHoleUnderEdge);
 }

@@ -13,20 +13,17 @@
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "mismatched_trial.h"
+#include "scenarios.h"
 
 using namespace assembly_cell;
 using Eigen::Vector2d;
 
 namespace {
 
-Scenario cell() {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml", {});
-}
-
 // remembers the greatest true force of one contact; may keep the exciter from the strategy
-class WatchedPlant : public Plant {
+class ForcePlant : public Plant {
  public:
-  explicit WatchedPlant(SimulatedPlant& plant) : plant_(plant) {}
+  explicit ForcePlant(SimulatedPlant& plant) : plant_(plant) {}
   PlantBlock next(const PlantCommand& command) override {
     PlantCommand passed = command;
     if (command.exciter && command.exciter->amplitude > 0.0) {
@@ -83,7 +80,7 @@ TEST_P(NearStarts, Align) {
   for (const auto& start : starts) {
     SimulatedPlant plant(startAt(s, start.offset, start.tilt, 0.003), s.mechanism,
                          CellParameters{});
-    WatchedPlant watched(plant);
+    ForcePlant watched(plant);
     const AlignResult result = align(watched, s.mechanism, p);
     EXPECT_TRUE(result.success) << start.offset.transpose() << ": " << result.reason;
     EXPECT_TRUE(
@@ -125,7 +122,7 @@ TEST(FailureCases, NoMovementAndUndecided) {
     for (const bool dead : {true, false}) {
       SimulatedPlant plant(startAt(s, Vector2d(0.006, 0.0), Vector2d(0.0, 0.0), 0.001), s.mechanism,
                            CellParameters{});
-      WatchedPlant watched(plant);
+      ForcePlant watched(plant);
       watched.dead_exciter = dead;
       watched.undecided = !dead;
       AlignParameters p;
@@ -159,7 +156,7 @@ TEST(FailureCases, ARefusedPegLooksForTheHoleFromWhereItWent) {
   for (const double x : {0.0025, 0.006, -0.01}) {
     SimulatedPlant plant(startAt(s, Vector2d(x, 0.001), Vector2d(0.01, 0.0), 0.003), s.mechanism,
                          CellParameters{});
-    WatchedPlant watched(plant);
+    ForcePlant watched(plant);
     watched.covered = true;
     AlignParameters p;
     p.strategy = "double_contact";
@@ -199,7 +196,7 @@ TEST(FailureCases, ASlipIsPressedMoreAndShakenLess) {
   const Scenario s = cell();
   SimulatedPlant plant(startAt(s, Vector2d(0.006, 0.0), Vector2d(0.0, 0.0), 0.001), s.mechanism,
                        CellParameters{});
-  WatchedPlant watched(plant);
+  ForcePlant watched(plant);
   watched.circles = 1;
   AlignParameters p;
   p.strategy = "double_contact";

@@ -59,7 +59,8 @@ TEST(ReportNoise, ArrivalAllowsForIt) {
   EXPECT_EQ(blocksToEnd({1e-5, 1e-6}), 3);
 }
 
-AlignTrial tried(const std::string& mismatch, const std::string& strategy, std::uint64_t seed) {
+AlignTrial noisyTrial(const std::string& mismatch, const std::string& strategy,
+                      std::uint64_t seed) {
   const double a = 2.4 * static_cast<double>(seed);
   return tryMismatched(parseMismatch(mismatch, "test"), 0.006 * Vector2d(std::cos(a), std::sin(a)),
                        0.02 * Vector2d(std::sin(2 * a), std::cos(2 * a)), strategy, seed);
@@ -68,7 +69,7 @@ AlignTrial tried(const std::string& mismatch, const std::string& strategy, std::
 TEST(ReportNoise, StrategiesArriveInIt) {
   for (const char* strategy : {"twin_force", "single_contact"}) {
     for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-      const AlignTrial trial = tried("carrier: {reading_noise: 1.0e-5}", strategy, seed);
+      const AlignTrial trial = noisyTrial("carrier: {reading_noise: 1.0e-5}", strategy, seed);
       EXPECT_TRUE(trial.success) << strategy << " seed " << seed << ": " << trial.result.reason;
     }
   }

@@ -19,7 +19,7 @@ CommandMotion motionAt(const Pose& X) {
   return motion;
 }
 
-Pose at(double x, double y, double z) { return {Eigen::Matrix3d::Identity(), {x, y, z}}; }
+Pose upright(double x, double y, double z) { return {Eigen::Matrix3d::Identity(), {x, y, z}}; }
 
 double weighedNorm(const CommandMotion& motion, Vector6 way) {
   way.tail<3>() *= motion.limits.arm;
@@ -51,13 +51,13 @@ TEST(CommandMotion, StandsWhereItBegins) {
 TEST(CommandMotion, TakesTheTimeOfTheQuickestWayAndTheMeans) {
   for (const double distance : {0.0004, 0.001, 0.0025, 0.01, 0.05}) {
     CommandMotion motion = motionAt(Pose());
-    ASSERT_TRUE(moveTo(motion, at(0.0, distance, 0.0), 1.0));
+    ASSERT_TRUE(moveTo(motion, upright(0.0, distance, 0.0), 1.0));
     const double v = motion.limits.speed, a = motion.limits.acceleration;
     const double time = distance > v * v / a ? distance / v + v / a : 2.0 * std::sqrt(distance / a);
     const double mean = motion.period * static_cast<double>(motion.smoothing - 1);
     // a period and a half at either end: the way is made of whole ones
     EXPECT_NEAR(pointsToRest(motion) * motion.period, time + mean, 3.0 * motion.period) << distance;
-    EXPECT_LT((motion.out - coordinatesOf(at(0.0, distance, 0.0))).norm(), 1e-12);
+    EXPECT_LT((motion.out - coordinatesOf(upright(0.0, distance, 0.0))).norm(), 1e-12);
   }
 }
 
@@ -83,7 +83,7 @@ TEST(CommandMotion, AccelerationIsContinuous) {
   double greatest = 0.0;
   for (int i = 0; i < 20000; ++i) {
     if (chance(random) < 0.02) {
-      moveTo(motion, at(anywhere(random), anywhere(random), anywhere(random)), 1.0);
+      moveTo(motion, upright(anywhere(random), anywhere(random), anywhere(random)), 1.0);
     }
     if (chance(random) < 0.005) brake(motion);
     stepMotion(motion);
@@ -103,9 +103,9 @@ TEST(CommandMotion, BrakesToThePointThatItTells) {
   std::uniform_int_distribution<int> points(1, 200);
   for (int run = 0; run < 200; ++run) {
     CommandMotion motion = motionAt(Pose());
-    moveTo(motion, at(0.09, -0.05, 0.03), 1.0);
+    moveTo(motion, upright(0.09, -0.05, 0.03), 1.0);
     for (int i = points(random); i > 0; --i) stepMotion(motion);
-    if (run % 2 == 0) moveTo(motion, at(-0.05, 0.09, 0.01), 1.0);
+    if (run % 2 == 0) moveTo(motion, upright(-0.05, 0.09, 0.01), 1.0);
     for (int i = points(random) / 4; i > 0; --i) stepMotion(motion);
     brake(motion);
     const Vector6 told = restPoint(motion);
@@ -119,15 +119,15 @@ TEST(CommandMotion, BrakesToThePointThatItTells) {
 
 TEST(CommandMotion, RefusesWhatIsNoPlaceToGo) {
   CommandMotion motion = motionAt(Pose());
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kNoPlace = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  EXPECT_FALSE(moveTo(motion, at(kNan, 0, 0), 1.0));
-  EXPECT_FALSE(moveTo(motion, at(0, kInf, 0), 1.0));
-  EXPECT_FALSE(moveTo(motion, at(0, 0, 0.1001), 1.0));
-  EXPECT_FALSE(moveTo(motion, {Eigen::Matrix3d::Constant(kNan), {0, 0, 0}}, 1.0));
+  EXPECT_FALSE(moveTo(motion, upright(kNoPlace, 0, 0), 1.0));
+  EXPECT_FALSE(moveTo(motion, upright(0, kInf, 0), 1.0));
+  EXPECT_FALSE(moveTo(motion, upright(0, 0, 0.1001), 1.0));
+  EXPECT_FALSE(moveTo(motion, {Eigen::Matrix3d::Constant(kNoPlace), {0, 0, 0}}, 1.0));
   EXPECT_FALSE(moveTo(motion, {rotationFromVector({Eigen::Vector3d(0.36, 0, 0)}), {0, 0, 0}}, 1.0));
-  EXPECT_FALSE(moveTo(motion, at(0.01, 0, 0), kNan));
-  EXPECT_FALSE(moveTo(motion, at(0.01, 0, 0), -1.0));
+  EXPECT_FALSE(moveTo(motion, upright(0.01, 0, 0), kNoPlace));
+  EXPECT_FALSE(moveTo(motion, upright(0.01, 0, 0), -1.0));
   stepMotion(motion);
   EXPECT_TRUE(isAtRest(motion));
 }

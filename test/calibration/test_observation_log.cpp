@@ -35,7 +35,7 @@ std::string contentOf(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
 }
-void write(const std::string& path, const std::string& content) {
+void writeText(const std::string& path, const std::string& content) {
   std::ofstream(path, std::ios::binary) << content;
 }
 
@@ -68,7 +68,7 @@ TEST(ObservationLog, TellsWhatACutHasLost) {
   EXPECT_EQ(ObservationLog(path, kHeader).lost(), 0u);
   const std::size_t header = whole.find("- {a: 0}");
   for (std::size_t size = whole.size() / 3; size > header; size -= 17) {
-    write(path, whole.substr(0, size));
+    writeText(path, whole.substr(0, size));
     ObservationLog log(path, kHeader);
     EXPECT_EQ(log.records().size() + log.lost(), 29u) << size;
     for (std::size_t k = 0; k < log.records().size(); ++k) {
@@ -157,7 +157,7 @@ TEST(ObservationLog, CutsOffATornLineAtEveryByte) {
   const std::string whole = contentOf(path);
   for (std::size_t size = one; size < whole.size(); ++size) {
     for (const std::string& tail : {std::string(), std::string(17, '\0')}) {
-      write(path, whole.substr(0, size) + tail);
+      writeText(path, whole.substr(0, size) + tail);
       {
         ObservationLog log(path, kHeader);
         ASSERT_EQ(log.records(), Lines{"- {first: 1}"}) << size;
@@ -183,7 +183,7 @@ TEST(ObservationLog, RefusesDamageAtEveryByte) {
     for (const char change : {'\x01', '\x20'}) {
       std::string damaged = whole;
       damaged[place] = static_cast<char>(damaged[place] ^ change);
-      write(path, damaged);
+      writeText(path, damaged);
       const std::string why = refusal(path);
       ASSERT_FALSE(why.empty()) << place;
       ASSERT_TRUE(has(why, path) && has(why, "line ")) << why;
@@ -198,7 +198,7 @@ TEST(ObservationLog, RefusesDamageAtEveryByte) {
                     third = whole.substr(c), head = whole.substr(0, a);
   for (const std::string& content : {head + first + third, head + second + first + third,
                                      head + first + first + second + third, head + third}) {
-    write(path, content);
+    writeText(path, content);
     EXPECT_TRUE(has(refusal(path), "damaged or edited")) << content;
   }
 }
@@ -209,7 +209,7 @@ TEST(ObservationLog, RefusesForeignFiles) {
   for (const std::string& content :
        {std::string(), std::string("\n"), std::string("hello"), std::string("a: 1\nb: 2\n"),
         std::string(5000, '\0'), kHeader}) {
-    write(path, content);
+    writeText(path, content);
     EXPECT_TRUE(has(refusal(path), "no journal")) << content << refusal(path);
     EXPECT_EQ(contentOf(path), content);
   }

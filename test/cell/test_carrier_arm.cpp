@@ -12,13 +12,12 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
 
 const std::string kSource = ASSEMBLY_CELL_SOURCE_DIR;
-
-Scenario cellScenario() { return loadScenario(kSource + "/config/scenarios/cell.yaml", {}); }
 
 ArmSetup setup() { return loadArmSetup(kSource + "/config/arm/emulated.yaml"); }
 
@@ -50,7 +49,7 @@ Eigen::Vector3d truth(SimulatedPlant& plant, const Scenario& scenario) {
 }
 
 TEST(CarrierArm, GoesWhereItIsSentLateAndNotQuiteExactly) {
-  const Scenario scenario = cellScenario();
+  const Scenario scenario = cell();
   ArmSetup arm = setup();
   SimulatedPlant plant(scenario, scenario.mechanism, with(arm));
   const PlantBlock before = plant.next({});
@@ -75,7 +74,7 @@ TEST(CarrierArm, GoesWhereItIsSentLateAndNotQuiteExactly) {
 }
 
 TEST(CarrierArm, RefusesAndHoldsByName) {
-  const Scenario scenario = cellScenario();
+  const Scenario scenario = cell();
   const auto reason = [&](const ArmSetup& arm, const PlantCommand& command) -> std::string {
     SimulatedPlant plant(scenario, scenario.mechanism, with(arm));
     try {
@@ -127,7 +126,7 @@ TEST(CarrierArm, BadFilesAreRefusedByName) {
   // and what is read but can't be
   ArmSetup wrong = setup();
   wrong.bridge.workspace[0] = 0.2;
-  const Scenario scenario = cellScenario();
+  const Scenario scenario = cell();
   EXPECT_THROW(SimulatedPlant(scenario, scenario.mechanism, with(wrong)), InputError);
   wrong = setup();
   wrong.place.carrier_height = 5.0;
@@ -135,7 +134,7 @@ TEST(CarrierArm, BadFilesAreRefusedByName) {
 }
 
 TEST(CarrierArm, AlignsAndInsertsTheSameEachTime) {
-  const Scenario start = startAt(cellScenario(), {0.004, -0.003}, {0.01, -0.012}, 0.003);
+  const Scenario start = startAt(cell(), {0.004, -0.003}, {0.01, -0.012}, 0.003);
   AlignParameters parameters;
   parameters.strategy = "touch";
   parameters.insert.depth = 0.01;
@@ -162,7 +161,7 @@ TEST(CarrierArm, NeitherASwingNorAKnockEndsARun) {
                         Case{60038,
                              {-0.0008127133448993699, -0.008779502040899232},
                              {-0.032088224871964645, -0.0030986762477974647}}}) {
-    const Scenario start = startAt(cellScenario(), c.offset, c.tilt, 0.003);
+    const Scenario start = startAt(cell(), c.offset, c.tilt, 0.003);
     const AlignTrial trial =
         tryAlignment(start, start.mechanism, with(setup(), c.seed), AlignParameters());
     EXPECT_TRUE(trial.success) << c.seed << ": " << trial.result.reason;

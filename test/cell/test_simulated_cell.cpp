@@ -11,16 +11,12 @@
 #include "../dynamics/scenes.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/calibration/rig.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
 
 using Eigen::Vector3d;
-
-Scenario cellScenario(const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
-                      overrides);
-}
 
 Vector6 sample(const std::vector<double>& volts, std::size_t i) {
   return Vector6::Map(volts.data() + 6 * i);
@@ -30,7 +26,7 @@ TEST(SimulatedCell, BlocksFollowEachOtherInTime) {
   CellParameters p;
   p.block_size = 30;
   p.sample_period = 2e-4;
-  SimulatedCell cell(cellScenario(), p);
+  SimulatedCell cell(load("cell"), p);
   StrainBlock block;
   for (std::uint32_t k = 0; k < 20; ++k) {
     ASSERT_EQ(cell.next(block), StopReason::kOk);
@@ -51,7 +47,7 @@ TEST(SimulatedCell, NoiseHasItsRms) {
   CellParameters p;
   p.bits = 24;
   p.noise = 0.5e-3;
-  SimulatedCell cell(cellScenario(), p);
+  SimulatedCell cell(load("cell"), p);
   Vector6 sum_a = Vector6::Zero(), sum_b = sum_a, squares_a = sum_a, squares_b = sum_a;
   Vector6 products = sum_a;
   StrainBlock block;
@@ -84,7 +80,7 @@ TEST(SimulatedCell, VoltsAreCodesOfTheConverter) {
   for (const int bits : {10, 16, 24}) {
     CellParameters p;
     p.bits = bits;
-    SimulatedCell cell(cellScenario(), p);
+    SimulatedCell cell(load("cell"), p);
     StrainBlock block;
     ASSERT_EQ(cell.next(block), StopReason::kOk);
     const double lsb = 10.0 / std::ldexp(1.0, bits);
@@ -98,7 +94,7 @@ TEST(SimulatedCell, VoltsAreCodesOfTheConverter) {
 TEST(SimulatedCell, ReadingIsTheWrenchToHalfACode) {
   CellParameters p;
   p.noise = 0.0;
-  SimulatedCell cell(cellScenario(), p);
+  SimulatedCell cell(load("cell"), p);
   StrainBlock block;
   ASSERT_EQ(cell.next(block), StopReason::kOk);
   const Calibration b = designCalibration(bridgeB(p.bits, 0.0));
@@ -116,7 +112,7 @@ TEST(SimulatedCell, BridgesAreThoseOfTheRig) {
   p.bridge_nonlinearity = 1.0;
   p.bridge_drift = 5e5;                                             // 2.8 K within the block [K/h]
   p.truth.sensor_b.drift << 6e4, -3e4, 3e4, 1200.0, -900.0, 600.0;  // a load for the sensor alone
-  SimulatedCell cell(cellScenario(), p);
+  SimulatedCell cell(load("cell"), p);
   StrainBlock block;
   ASSERT_EQ(cell.next(block), StopReason::kOk);
   const double time = cell.world().time();
@@ -146,13 +142,13 @@ TEST(SimulatedCell, BridgesAreThoseOfTheRig) {
 
   for (const double bad : {-0.1, 1.1, std::nan("")}) {
     p.bridge_nonlinearity = bad;
-    EXPECT_THROW(SimulatedCell(cellScenario(), p), InputError) << bad;
+    EXPECT_THROW(SimulatedCell(load("cell"), p), InputError) << bad;
   }
 }
 
 TEST(SimulatedCell, OverloadIsFlagged) {
   CellParameters p;
-  Scenario scene = cellScenario({"contact={law: none}"});
+  Scenario scene = load("cell", {"contact={law: none}"});
   SimulatedCell relaxed(scene, p);
   StrainBlock block;
   ASSERT_EQ(relaxed.next(block), StopReason::kOk);
@@ -181,7 +177,7 @@ TEST(SimulatedCell, SeedsDecideTheNoise) {
   for (std::size_t run = 0; run < 3; ++run) {
     CellParameters p;
     p.seed = run < 2 ? 7 : 8;
-    SimulatedCell cell(cellScenario(), p);
+    SimulatedCell cell(load("cell"), p);
     for (int k = 0; k < 3; ++k) ASSERT_EQ(cell.next(blocks[run]), StopReason::kOk);
   }
   EXPECT_EQ(blocks[0].volts_a, blocks[1].volts_a);
@@ -195,7 +191,7 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   CellParameters p;
   p.bits = 24;
   p.noise = 0.0;
-  const Scenario s = cellScenario({"coupling.damping.diagonal=[280, 280, 280, 0.15, 0.15, 0.15]"});
+  const Scenario s = load("cell", {"coupling.damping.diagonal=[280, 280, 280, 0.15, 0.15, 0.15]"});
   SimulatedCell cell(s, p);
   auto& sim = dynamic_cast<Simulation&>(cell.world());
   const Calibration a = designCalibration(bridgeA(p.bits, 0.0));
@@ -237,7 +233,7 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
 }
 
 TEST(SimulatedCell, ReusesTheBlock) {
-  SimulatedCell cell(cellScenario(), CellParameters{});
+  SimulatedCell cell(load("cell"), CellParameters{});
   StrainBlock block;
   ASSERT_EQ(cell.next(block), StopReason::kOk);
   const double* a = block.volts_a.data();
@@ -248,7 +244,7 @@ TEST(SimulatedCell, ReusesTheBlock) {
 }
 
 TEST(SimulatedCell, StopIsReported) {
-  Scenario lying = cellScenario();
+  Scenario lying = load("cell");
   lying.initial.euler.theta = 0.05;
   SimulatedCell cell(lying, CellParameters{});
   StrainBlock block;
@@ -258,7 +254,7 @@ TEST(SimulatedCell, StopIsReported) {
 TEST(SimulatedCell, RefusesWhatCanNotMeasure) {
   CellParameters p;
   p.bits = 12;
-  EXPECT_THROW(SimulatedCell(cellScenario(), p), InputError);
+  EXPECT_THROW(SimulatedCell(load("cell"), p), InputError);
   CouplingParameters loose;
   loose.stiffness.diagonal.setOnes();
   loose.stiffness.diagonal(0) = 0.0;

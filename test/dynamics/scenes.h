@@ -7,13 +7,9 @@
 #include <vector>
 
 #include "assembly_cell/dynamics/simulation.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
-
-inline Scenario load(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/" + name + ".yaml",
-                      overrides);
-}
 
 // Tilts the peg of a scene towards `lean` (angle from x) with its bottom edge centre at `bottom`
 // and the coupling free of load.

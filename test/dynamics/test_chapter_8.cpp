@@ -14,7 +14,7 @@
 namespace assembly_cell {
 namespace {
 
-struct Outcome {
+struct Impact {
   StopReason reason = StopReason::kOk;
   double time = 0.0;
   double offset = 0.0;  // of the centre of mass from the hole's axis [mm]
@@ -22,11 +22,11 @@ struct Outcome {
   Vector9 q;
 };
 
-Outcome run(const std::string& name, const std::vector<std::string>& overrides = {}) {
+Impact run(const std::string& name, const std::vector<std::string>& overrides = {}) {
   std::string file = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/chapter8_" + name;
   const Scenario scenario = loadScenario(file + ".yaml", overrides);
   Simulation simulation(scenario);
-  Outcome out;
+  Impact out;
   out.reason = simulation.advance(scenario.duration);
   out.time = simulation.time();
   out.q = simulation.state().q;
@@ -50,7 +50,7 @@ TEST(Chapter8, EveryFileRunsToItsEndOrANamedStop) {
     const std::string name = entry.path().stem().string();
     if (name.rfind("chapter8_", 0) != 0) continue;
     ++files;
-    const Outcome out = run(name.substr(9));
+    const Impact out = run(name.substr(9));
     EXPECT_TRUE(out.reason == StopReason::kOk || out.reason == StopReason::kEdgePlane)
         << name << ": " << toString(out.reason);
     EXPECT_TRUE(out.q.allFinite()) << name;
@@ -77,9 +77,9 @@ TEST(Chapter8, BothStartsTouchAtTheListedHeight) {
 // 8.2.1: the contact holds 0.3 N, the peg leans back, the softer the more
 TEST(Chapter8, StiffnessAtThreeTenthsOfANewton) {
   for (const std::string start : {"one", "two"}) {
-    const Outcome low = run("stiffness_" + start + "_low");
-    const Outcome medium = run("stiffness_" + start + "_medium");
-    const Outcome high = run("stiffness_" + start + "_high");
+    const Impact low = run("stiffness_" + start + "_low");
+    const Impact medium = run("stiffness_" + start + "_medium");
+    const Impact high = run("stiffness_" + start + "_high");
     EXPECT_EQ(low.reason, StopReason::kEdgePlane);
     EXPECT_NEAR(low.time, start == "one" ? 0.102 : 0.099, 6e-4);
     EXPECT_EQ(medium.reason, StopReason::kOk);
@@ -94,8 +94,8 @@ TEST(Chapter8, StifferIsFasterAtTenNewton) {
   const std::vector<std::string> hard = {
       "exciter.amplitude=10", "coupling.damping.diagonal=[0, 28, 28, 0.015, 0.015, 0.015]"};
   for (const std::string start : {"one", "two"}) {
-    const Outcome medium = run("stiffness_" + start + "_medium", hard);
-    const Outcome high = run("stiffness_" + start + "_high", hard);
+    const Impact medium = run("stiffness_" + start + "_medium", hard);
+    const Impact high = run("stiffness_" + start + "_high", hard);
     EXPECT_NEAR(medium.offset, start == "one" ? 39.8 : 38.7, kListed) << start;
     EXPECT_LT(high.offset, medium.offset - 3.0) << start;
   }
@@ -107,7 +107,7 @@ TEST(Chapter8, LargerForceIsFasterAboveAThreshold) {
   const char* const forces[] = {"0_3N", "1N", "3N", "10N"};
   for (const auto& [start, offsets] : expected) {
     for (std::size_t i = 0; i < 4; ++i) {
-      const Outcome out = run("force_" + start + "_" + forces[i]);
+      const Impact out = run("force_" + start + "_" + forces[i]);
       // two digits are listed; only the last two of the one-point and the two-point runs slip far
       EXPECT_NEAR(out.offset, offsets[i], i < 3 ? 0.02 : kManyEvents) << start << forces[i];
     }
@@ -116,8 +116,8 @@ TEST(Chapter8, LargerForceIsFasterAboveAThreshold) {
 
 TEST(Chapter8, DampingDoesNotSpeedAssembly) {
   for (const std::string start : {"one", "two"}) {
-    const Outcome medium = run("damping_" + start + "_medium");
-    const Outcome high = run("damping_" + start + "_high");
+    const Impact medium = run("damping_" + start + "_medium");
+    const Impact high = run("damping_" + start + "_high");
     EXPECT_NEAR(medium.offset, start == "one" ? 35.5 : 34.9, kListed) << start;
     EXPECT_NEAR(high.offset, start == "one" ? 39.78 : 39.41, 0.02) << start;
     EXPECT_GT(high.offset, medium.offset + 3.0) << start;  // the thesis: the other way round
@@ -131,7 +131,7 @@ TEST(Chapter8, HigherContactForceIsSlower) {
   for (const auto& [start, offsets] : expected) {
     double before = 1e9;
     for (std::size_t i = 0; i < 3; ++i) {
-      const Outcome out = run("contact_force_" + start + "_" + levels[i]);
+      const Impact out = run("contact_force_" + start + "_" + levels[i]);
       EXPECT_NEAR(out.offset, offsets[i], 0.02) << start << levels[i];
       EXPECT_LT(out.offset, before - 0.3) << start << levels[i];
       before = out.offset;
@@ -140,10 +140,10 @@ TEST(Chapter8, HigherContactForceIsSlower) {
 }
 
 TEST(Chapter8, ClockwiseIsFasterFromOnePointAndAMirrorImageFromTwo) {
-  const Outcome left = run("rotation_one_anticlockwise"), right = run("rotation_one_clockwise");
+  const Impact left = run("rotation_one_anticlockwise"), right = run("rotation_one_clockwise");
   EXPECT_NEAR(left.offset, 39.56, kFewEvents + 0.005);
   EXPECT_NEAR(right.offset, 39.08, kFewEvents + 0.005);
-  const Outcome a = run("rotation_two_anticlockwise"), b = run("rotation_two_clockwise");
+  const Impact a = run("rotation_two_anticlockwise"), b = run("rotation_two_clockwise");
   EXPECT_NEAR(a.q(1), -b.q(1), 2e-6);
   EXPECT_NEAR(a.q(2), b.q(2), 2e-6);
   EXPECT_NEAR(a.psi, -b.psi, 2e-4);
@@ -152,7 +152,7 @@ TEST(Chapter8, ClockwiseIsFasterFromOnePointAndAMirrorImageFromTwo) {
 
 // turns about the vertical with contacts that come and go
 TEST(Chapter8, PegTurnsAboutTheVertical) {
-  const Outcome out = run("force_two_10N");
+  const Impact out = run("force_two_10N");
   EXPECT_NEAR(std::abs(out.psi), 0.11, 0.02);
 }
 

@@ -12,14 +12,10 @@
 
 #include "../../benchmark/reference_mechanism.h"
 #include "assembly_cell/dynamics/simulation.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
-
-Scenario load(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/" + name + ".yaml",
-                      overrides);
-}
 
 struct Point {
   double tolerance, error, evaluations;

@@ -9,16 +9,12 @@
 #include <vector>
 
 #include "assembly_cell/dynamics/simulation.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
 
 using Eigen::Vector3d;
-
-Scenario load(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/" + name + ".yaml",
-                      overrides);
-}
 
 // Chapter 8, two points, high stiffness; impacts, stick, slip and lift-off at 10 N
 Scenario vibrated(double force, double tolerance) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "assembly_cell/dynamics/simulation.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
@@ -17,12 +18,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kUpright = 1.5707963267948966;
-
-Scenario load(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/" + name + ".yaml",
-                      overrides);
-}
+constexpr double kThesisUpright = 1.5707963267948966;
 
 State randomState(unsigned seed) {
   std::mt19937 random(seed);
@@ -33,7 +29,7 @@ State randomState(unsigned seed) {
     s.q(i) = (length ? 0.05 : 0.5) * u(random);
     s.v(i) = (length ? 0.2 : 3.0) * u(random);
   }
-  s.q(4) += kUpright;
+  s.q(4) += kThesisUpright;
   return s;
 }
 
@@ -125,7 +121,7 @@ TEST(ThesisMoments, OfAContact) {
 
 TEST(ThesisMoments, ErrorIsNoneUprightAndAFifthAtFig81) {
   Vector9 q = Vector9::Zero();
-  q(4) = kUpright;
+  q(4) = kThesisUpright;
   EXPECT_LT(momentError(q, Vector3d(1, 2, 3)).norm(), 1e-15);
   q(4) = 1.771;  // what M1 puts into phi: docs/theory.md, 20 %
   EXPECT_NEAR(momentError(q, Vector3d(1, 0, 0))(0), 0.20, 5e-3);
@@ -170,21 +166,22 @@ struct PlaneScene {
   }
 };
 
-PlaneScene onThePlane(const std::vector<std::string>& overrides, double tilt, double spin,
-                      double lift) {
+PlaneScene thesisPlane(const std::vector<std::string>& overrides, double tilt, double spin,
+                       double lift) {
   PlaneScene p;
   p.s = load("cell", overrides);
   p.h = p.s.mechanism.peg.half_height;
   p.r = p.s.mechanism.peg.radius;
   InitialState& i = p.s.initial;
   i = InitialState{};
-  i.euler = {tilt, kUpright, 0.0};
+  i.euler = {tilt, kThesisUpright, 0.0};
   i.position = Vector3d(0.08, 0.0, p.h * std::cos(tilt) + p.r * std::sin(tilt));
   i.euler_rates = Vector3d(spin, 0.0, 0.0);
   i.velocity.z() = -(p.h * std::sin(tilt) - p.r * std::cos(tilt)) * spin;  // gap rate zero
   const double d2 = p.s.mechanism.peg.coupling_height;
   i.carrier_x = i.position.x() + d2 * std::sin(tilt);
-  p.s.rest = {i.carrier_x, 0.0, i.position.z() + d2 * std::cos(tilt) + lift, 0.0, kUpright, tilt};
+  p.s.rest = {i.carrier_x,    0.0, i.position.z() + d2 * std::cos(tilt) + lift, 0.0,
+              kThesisUpright, tilt};
   p.s.mechanism.coupling.damping = CouplingMatrix{};
   return p;
 }
@@ -207,7 +204,7 @@ double startRate(const PlaneScene& p, const F& value) {
 TEST(ThesisNoCentripetal, LeavesOutTheWayOfTheContact) {
   const double tilt = 0.2, spin = 2.0;
   for (const bool on : {false, true}) {
-    PlaneScene p = onThePlane(
+    PlaneScene p = thesisPlane(
         {"contact={law: viscous, rate: 700}", "friction={static: 0, sliding: 0}",
          "solver.tolerance=1e-14", std::string("thesis_no_centripetal=") + (on ? "true" : "false")},
         tilt, spin, -1e-3);
@@ -222,11 +219,11 @@ TEST(ThesisNoCentripetal, LeavesOutTheWayOfTheContact) {
 // 6.35, 6.36: a stationary point keeps the slip it has; it should come to rest with e^(−k t)
 TEST(ThesisCreep, KeepsTheSlip) {
   for (const bool on : {false, true}) {
-    PlaneScene p =
-        onThePlane({"contact={law: viscous, rate: 700, stationary_rows: true}",
-                    "friction={static: 0.5, sliding: 0.5}", "solver.tolerance=1e-9",
-                    "solver.max_step=1e-5", std::string("thesis_creep=") + (on ? "true" : "false")},
-                   0.2, 0.0, -1e-3);
+    PlaneScene p = thesisPlane(
+        {"contact={law: viscous, rate: 700, stationary_rows: true}",
+         "friction={static: 0.5, sliding: 0.5}", "solver.tolerance=1e-9", "solver.max_step=1e-5",
+         std::string("thesis_creep=") + (on ? "true" : "false")},
+        0.2, 0.0, -1e-3);
     const double slip = 5e-6;  // below what counts as slip at this tolerance [m/s]
     p.s.initial.velocity.x() = slip;
     p.s.initial.position.z() -= 1e-9;
@@ -246,7 +243,7 @@ TEST(ThesisCreep, KeepsTheSlip) {
 TEST(ThesisSignFlip, PushesWhereItWouldPull) {
   double rate[2];
   for (const bool on : {false, true}) {
-    PlaneScene p = onThePlane(
+    PlaneScene p = thesisPlane(
         {"contact={law: viscous, rate: 700}", "friction={static: 0, sliding: 0}",
          "solver.tolerance=1e-14", std::string("thesis_sign_flip=") + (on ? "true" : "false")},
         0.2, 0.0, 1e-3);

@@ -18,6 +18,14 @@ using Real = long double;
 using Vec3L = Eigen::Matrix<Real, 3, 1>;
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kRadius = 0.025;  // of the peg [m]
+
+inline ContactShapes shapesOf(double clearance) {
+  ContactShapes s;
+  s.hole_radius = kRadius + clearance;
+  s.peg_length = 0.06;
+  return s;
+}
 
 struct BodiesReference {
   Vec3L center, axis0, axis1, axis;
@@ -107,8 +115,8 @@ struct BodiesReference {
 };
 
 // edge whose lowest point lies in the direction of `lean` (angle from axis 2), tilted by `tilt`
-inline EdgeCircle edgeAt(const Eigen::Vector3d& center, double tilt, double lean, double spin,
-                         double radius) {
+inline EdgeCircle edgeAt(const Eigen::Vector3d& center, double tilt, double lean, double spin = 0.0,
+                         double radius = kRadius) {
   const Eigen::Vector3d sideways(0.0, -std::sin(lean), std::cos(lean));
   const Eigen::Matrix3d R =
       (Eigen::AngleAxisd(tilt, sideways) * Eigen::AngleAxisd(spin, Eigen::Vector3d::UnitX()))

@@ -17,9 +17,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRadius = 0.025;
-
-ContactShapes shapesOf(double clearance, double width, double angle) {
+ContactShapes chamferedShapes(double clearance, double width, double angle) {
   ContactShapes s;
   s.hole_radius = kRadius + clearance;
   s.peg_length = 0.06;
@@ -37,8 +35,8 @@ class ContactChamfer : public ::testing::Test {
   Vector3d vector() { return {uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)}; }
 
   ContactShapes shapes() {
-    return shapesOf(std::pow(10, uniform(-5.5, -3)), std::pow(10, uniform(-4, -2.7)),
-                    uniform(0.15, 1.35));
+    return chamferedShapes(std::pow(10, uniform(-5.5, -3)), std::pow(10, uniform(-4, -2.7)),
+                           uniform(0.15, 1.35));
   }
 
   // up to 10 mm deep in the hole, moved and tilted there; a peg over the chamfer, tilted at will,
@@ -107,7 +105,7 @@ TEST_F(ContactChamfer, FirstTouchIsFound) {
 }
 
 // what a slot minimises
-Real minimised(const BodiesReference& b, int slot, Real t) {
+Real minimisedSlot(const BodiesReference& b, int slot, Real t) {
   const bool upper = slot < 3 || slot > 11;
   const auto circles = [&](const Vec3L& p) {
     return upper ? std::hypot(p(0), b.rho(p) - b.r_mouth)
@@ -151,7 +149,7 @@ TEST_F(ContactChamfer, PointsAndGapsAreTheMinima) {
             c.feature == ContactFeature::kRimSide || c.feature == ContactFeature::kRimFace;
         const bool squared = c.feature == ContactFeature::kEdgeEdge;
         const auto f = [&](Real t) {
-          const Real value = minimised(b, slot, t);
+          const Real value = minimisedSlot(b, slot, t);
           return squared ? value * value : value;
         };
         const Minimum minimum = minimumNear(c.t, f);
@@ -161,7 +159,7 @@ TEST_F(ContactChamfer, PointsAndGapsAreTheMinima) {
         // rounding of the reference's slope over its bend, times the radius
         EXPECT_LT((on_circle - (rim ? c.rim : c.p).cast<Real>()).norm(), 1e-12L + 1e-16L / bend)
             << toString(c.feature) << " gap " << c.gap;
-        const Real gap = minimised(b, slot, t);
+        const Real gap = minimisedSlot(b, slot, t);
         EXPECT_NEAR(static_cast<double>(squared ? std::abs(c.gap) - gap : c.gap - gap), 0.0, 1e-15)
             << toString(c.feature);
         EXPECT_NEAR(c.normal.norm(), 1.0, 1e-14);
@@ -269,7 +267,8 @@ TEST_F(ContactChamfer, FeaturesHandOver) {
 TEST_F(ContactChamfer, ClearanceIsALowerBound) {
   int positive = 0;
   for (int i = 0; i < 400; ++i) {
-    ContactShapes s = shapesOf(uniform(1e-4, 2e-3), uniform(1e-4, 2e-3), uniform(0.15, 1.35));
+    ContactShapes s =
+        chamferedShapes(uniform(1e-4, 2e-3), uniform(1e-4, 2e-3), uniform(0.15, 1.35));
     const EdgeCircle e =
         edgeAt({uniform(-0.01, 0.005), 1e-3 * uniform(-1, 1), 1e-3 * uniform(-1, 1)},
                uniform(0, 0.1), uniform(-kPi, kPi), 0.3, kRadius);
@@ -288,7 +287,7 @@ TEST_F(ContactChamfer, ClearanceIsALowerBound) {
 // An edge that lies in the cone, held at two opposite places: both are found, from any start.
 TEST_F(ContactChamfer, TwoPlacesOfATiltedEdge) {
   for (const double tilt : {1e-4, 1e-3, 1e-2}) {
-    const ContactShapes s = shapesOf(1e-6, 1e-3, 0.7);
+    const ContactShapes s = chamferedShapes(1e-6, 1e-3, 0.7);
     // moved against its tilt until both sides are equally high over the cone
     const auto difference = [&](double x, ContactSet& set) {
       EdgeCircle e = edgeAt({0, x, 0}, tilt, 0.0, 0.4, kRadius);
@@ -315,7 +314,7 @@ TEST_F(ContactChamfer, TwoPlacesOfATiltedEdge) {
 
 // The block as rings of boxes: under the face around the mouth, around the bore, and one along each
 // generator of the cone; 360 sides, at their corners 1 µm outside.
-std::vector<PartShape> blockOfBoxes(const ContactShapes& s) {
+std::vector<PartShape> chamferedBlock(const ContactShapes& s) {
   constexpr int n = kBlockSides;
   const double mouth = s.hole_radius + s.chamfer.width, h = s.chamfer.height;
   std::vector<PartShape> boxes;
@@ -344,8 +343,8 @@ std::vector<PartShape> blockOfBoxes(const ContactShapes& s) {
 TEST_F(ContactChamfer, FclAgreesATenthOfAMillimetreFromTouch) {
   std::array<int, kContactSlots> met{};
   for (int k = 0; k < 6; ++k) {
-    const ContactShapes s = shapesOf(6e-4, uniform(1e-3, 2e-3), uniform(0.3, 1.2));
-    const std::vector<PartShape> block = blockOfBoxes(s);
+    const ContactShapes s = chamferedShapes(6e-4, uniform(1e-3, 2e-3), uniform(0.3, 1.2));
+    const std::vector<PartShape> block = chamferedBlock(s);
     for (int i = 0; i < 25; ++i) {
       Approach a;
       a.shapes = s;

@@ -18,15 +18,6 @@ using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kRadius = 0.025;
-
-ContactShapes shapesOf(double clearance) {
-  ContactShapes s;
-  s.hole_radius = kRadius + clearance;
-  s.peg_length = 0.06;
-  return s;
-}
-
 EdgeCircle pegAt(const Vector3d& center, double tilt, double lean, double spin = 0.3) {
   return edgeAt(center, tilt, lean, spin, kRadius);
 }

@@ -17,15 +17,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRadius = 0.025;
-
-ContactShapes shapesOf(double clearance) {
-  ContactShapes s;
-  s.hole_radius = kRadius + clearance;
-  s.peg_length = 0.06;
-  return s;
-}
-
 class ContactFeatures : public ::testing::Test {
  protected:
   double uniform(double low, double high) {

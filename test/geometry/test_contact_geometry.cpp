@@ -22,14 +22,9 @@ using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kRadius = 0.025;
 constexpr double kHoleRadius = 0.0251;
 
 // Edge whose lowest point lies in the direction of `lean` (angle from axis 2), tilted by `tilt`.
-EdgeCircle edgeAt(const Vector3d& center, double tilt, double lean, double spin = 0.0) {
-  return assembly_cell::edgeAt(center, tilt, lean, spin, kRadius);
-}
-
 Vector3d pointOf(const EdgeCircle& e, double t) {
   return e.center + e.radius * (std::cos(t) * e.axis0 + std::sin(t) * e.axis1);
 }

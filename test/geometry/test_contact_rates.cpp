@@ -16,10 +16,8 @@ using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kRadius = 0.025;
-
 // A peg in accelerated motion: a polynomial path, two rotations about fixed axes.
-struct Motion {
+struct RateMotion {
   EdgeCircle start;
   Vector3d body;  // any point of the peg, at the start
   Vector3d velocity, acceleration, axis1, axis2;
@@ -53,8 +51,8 @@ class ContactRatesTest : public ::testing::Test {
   }
   Vector3d vector() { return {uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)}; }
 
-  Motion motionOf(const EdgeCircle& start) {
-    Motion m;
+  RateMotion motionOf(const EdgeCircle& start) {
+    RateMotion m;
     m.start = start;
     m.body = start.center + 0.03 * start.axis0.cross(start.axis1) + 0.01 * vector();
     m.velocity = 0.03 * vector();
@@ -73,7 +71,7 @@ class ContactRatesTest : public ::testing::Test {
     Vector3d velocity_rate;
     bool valid = true;
   };
-  static Differences differentiate(const Motion& m, const ContactShapes& shapes,
+  static Differences differentiate(const RateMotion& m, const ContactShapes& shapes,
                                    const ContactSet& start, std::size_t slot, double h) {
     std::array<double, 5> g{};
     std::array<Vector3d, 5> v;
@@ -92,7 +90,7 @@ class ContactRatesTest : public ::testing::Test {
   }
 
   // compares every slot of `slots` that is valid at the start and through the stencil
-  static int compare(const Motion& m, const ContactShapes& shapes, ContactSlotMask slots) {
+  static int compare(const RateMotion& m, const ContactShapes& shapes, ContactSlotMask slots) {
     ContactSet start;
     const ContactSlotMask valid = findContacts(m.start, shapes, slots, start);
     int compared = 0;
@@ -124,7 +122,7 @@ class ContactRatesTest : public ::testing::Test {
   std::mt19937_64 engine_{11};
 };
 
-ContactShapes shapesOf(double clearance, double reach) {
+ContactShapes reachingShapes(double clearance, double reach) {
   ContactShapes s;
   s.hole_radius = kRadius + clearance;
   s.peg_length = 0.06;
@@ -141,8 +139,8 @@ TEST_F(ContactRatesTest, OfWallAndSide) {
     const EdgeCircle e =
         edgeAt({uniform(-0.02, -0.005), offset * std::cos(where), offset * std::sin(where)},
                uniform(0.002, 0.06), uniform(-kPi, kPi), uniform(-kPi, kPi), kRadius);
-    const Motion m = motionOf(e);
-    const ContactShapes shapes = shapesOf(uniform(1e-5, 6e-4), 4e-4);
+    const RateMotion m = motionOf(e);
+    const ContactShapes shapes = reachingShapes(uniform(1e-5, 6e-4), 4e-4);
     compared[0] += compare(m, shapes, kEdgeWallSlots);
     compared[1] += compare(m, shapes, kRimSideSlots);
   }
@@ -158,7 +156,7 @@ TEST_F(ContactRatesTest, OfTheFace) {
     const double offset = uniform(5e-3, 0.02), where = lean + uniform(-0.3, 0.3);
     EdgeCircle e = edgeAt({0, offset * std::cos(where), offset * std::sin(where)}, tilt, lean,
                           uniform(-kPi, kPi), kRadius);
-    const ContactShapes shapes = shapesOf(1e-4, 4e-4);
+    const ContactShapes shapes = reachingShapes(1e-4, 4e-4);
     // rim's point in the direction of the lean, r_h − offset from the peg's axis
     e.center(0) = std::tan(tilt) * (shapes.hole_radius - offset * std::cos(where - lean)) +
                   uniform(-1e-4, 1e-4);
@@ -175,7 +173,7 @@ TEST_F(ContactRatesTest, OfEdgesOnPlaneFloorAndRim) {
     EdgeCircle e =
         edgeAt({0, offset * std::cos(where), offset * std::sin(where)}, uniform(0.03, 0.3),
                where + kPi + uniform(-0.5, 0.5), uniform(-kPi, kPi), kRadius);
-    ContactShapes shapes = shapesOf(1e-4, 4e-4);
+    ContactShapes shapes = reachingShapes(1e-4, 4e-4);
     const double amplitude = edgeHeight(e).amplitude;
     if (floor) {
       shapes.hole_depth = 0.01;
@@ -205,7 +203,7 @@ TEST_F(ContactRatesTest, OfEdgesOnPlaneFloorAndRim) {
 TEST_F(ContactRatesTest, OfAChamfer) {
   std::map<ContactSlotMask, int> compared;
   for (int i = 0; i < 1500; ++i) {
-    ContactShapes shapes = shapesOf(uniform(1e-4, 1e-3), 2e-4);
+    ContactShapes shapes = reachingShapes(uniform(1e-4, 1e-3), 2e-4);
     shapes.chamfer = chamferOf(uniform(1e-3, 4e-3), uniform(0.2, 1.2));
     const double where = uniform(-kPi, kPi), height = shapes.chamfer.height;
     // over the cone, leaning on the mouth, with a steep side of the edge at the lower edge
@@ -223,7 +221,7 @@ TEST_F(ContactRatesTest, OfAChamfer) {
       e.center(2) = x * std::sin(where);
       findContacts(e, shapes, kAllContactSlots & ~kSharpRimSlots, set);
     }
-    const Motion m = motionOf(e);
+    const RateMotion m = motionOf(e);
     for (const ContactSlotMask slots : {0x3u, 0x60u, 0x300u, 0xc00u, 0x3000u}) {
       bool nearly_parallel = false;
       for (const ContactPoint& c : set.slots) {
@@ -247,7 +245,7 @@ TEST_F(ContactRatesTest, AreFinite) {
     Vector3d center = scale * 10 * vector();
     if (i % 2) center(0) -= 0.01;
     const EdgeCircle e = edgeAt(center, tilt, uniform(-kPi, kPi), uniform(-4, 4), kRadius);
-    ContactShapes shapes = shapesOf(tiny[i / 64 % 8], 1e-3);
+    ContactShapes shapes = reachingShapes(tiny[i / 64 % 8], 1e-3);
     if (i % 5 == 0) shapes.chamfer = chamferOf(1e-3, 0.5);
     ContactSet set;
     findContacts(e, shapes, kAllContactSlots, set);

@@ -18,8 +18,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRadius = 0.025;
-
 // Comba's function of the block: the plane's height and the hole's distance joined by the smoothing
 // length t; C = −0.75 t puts its zero on the rim.
 double comba(const Vec3L& p, double r_h, double t) {

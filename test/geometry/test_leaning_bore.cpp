@@ -16,8 +16,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kRadius = 0.025;
-
 class LeaningBore : public ::testing::Test {
  protected:
   double uniform(double low, double high) {

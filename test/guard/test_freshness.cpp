@@ -8,8 +8,8 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kBlock = 0.02;   // [s]
-constexpr double kDelay = 0.004;  // of a message that is not late [s]
+constexpr double kFreshBlock = 0.02;  // [s]
+constexpr double kDelay = 0.004;      // of a message that is not late [s]
 
 // A plant whose clock starts at 100 s, and what its messages tell.
 struct Feed {
@@ -20,8 +20,8 @@ struct Feed {
   // blocks that come as the plant sends them, `rate` cell seconds a second
   void run(int blocks, double rate = 1.0) {
     for (int i = 0; i < blocks; ++i) {
-      wall += kBlock / rate;
-      stamp += kBlock;
+      wall += kFreshBlock / rate;
+      stamp += kFreshBlock;
       clock.observe(wall + kDelay, stamp);
     }
   }
@@ -56,21 +56,21 @@ TEST(Freshness, NothingOfAHeapIsFreshAfterAFreeze) {
       feed.run(100);
       // the plant goes on meanwhile; now the heap, a millisecond each
       const double end = feed.wall + frozen;
-      const int missed = static_cast<int>(frozen / kBlock + 0.5);
-      const int kept = std::min(missed, static_cast<int>(queue / kBlock + 0.5));
+      const int missed = static_cast<int>(frozen / kFreshBlock + 0.5);
+      const int kept = std::min(missed, static_cast<int>(queue / kFreshBlock + 0.5));
       feed.wall = end;
-      feed.stamp += (missed - kept) * kBlock;
-      const double plant = feed.stamp + kept * kBlock;
+      feed.stamp += (missed - kept) * kFreshBlock;
+      const double plant = feed.stamp + kept * kFreshBlock;
       for (int i = 0; i < kept; ++i) {
-        feed.stamp += kBlock;
+        feed.stamp += kFreshBlock;
         feed.clock.observe(feed.wall + kDelay, feed.stamp);
         const bool fresh = isFresh(feed.stamp, feed.clock.now(feed.wall + kDelay));
         EXPECT_EQ(fresh, plant - feed.stamp + 1e-3 * i <= kFreshAge)
             << frozen << " s, " << plant - feed.stamp << " s old";
         feed.wall += 1e-3;
       }
-      feed.wall = end + kBlock * 20;
-      feed.stamp = plant + kBlock * 20;
+      feed.wall = end + kFreshBlock * 20;
+      feed.stamp = plant + kFreshBlock * 20;
       feed.run(1);
       EXPECT_LT(feed.age(), 1e-3) << frozen;
     }

@@ -14,23 +14,25 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(MessageCheck, RangesAreClosedAndNaNIsInNone) {
   for (const double good : {-12.0, 0.0, 12.0}) {
     EXPECT_TRUE(MessageCheck().number("volts", good, kVoltsField).good()) << good;
   }
-  for (const double bad : {std::nextafter(12.0, 13.0), -1e300, kInfinity, -kInfinity, kNaN}) {
+  for (const double bad :
+       {std::nextafter(12.0, 13.0), -1e300, kInfinity, -kInfinity, kNotANumber}) {
     EXPECT_FALSE(MessageCheck().number("volts", bad, kVoltsField).good()) << bad;
   }
-  EXPECT_EQ(MessageCheck().number("volts", kNaN, kVoltsField).fault(), MessageFault::kNotFinite);
+  EXPECT_EQ(MessageCheck().number("volts", kNotANumber, kVoltsField).fault(),
+            MessageFault::kNotFinite);
   EXPECT_EQ(MessageCheck().number("volts", 100.0, kVoltsField).text(),
             "volts is 100 V: give -12 to 12");
 }
 
 TEST(MessageCheck, FindsTheOneBadValueWhereverItIs) {
-  for (const double bad : {kNaN, kInfinity, 12.5, -1e308}) {
+  for (const double bad : {kNotANumber, kInfinity, 12.5, -1e308}) {
     for (std::size_t at = 0; at < 120; ++at) {
       std::vector<double> volts(120, 1.0);
       volts[at] = bad;
@@ -52,7 +54,7 @@ TEST(MessageCheck, SixesHaveTwoRanges) {
   wrench[10] = 9e4;
   EXPECT_EQ(look().text(), "wrench[10] is 90000 N m: give -10000 to 10000");
   wrench[10] = 0.0;
-  wrench[7] = kNaN;
+  wrench[7] = kNotANumber;
   EXPECT_EQ(look().fault(), MessageFault::kNotFinite);
 }
 
@@ -70,7 +72,7 @@ TEST(MessageCheck, BlocksHaveWholeSamples) {
 TEST(MessageCheck, StampsEndBeforeTheirArithmeticDoes) {
   EXPECT_TRUE(MessageCheck().stamp("header.stamp", 0.0).good());
   EXPECT_TRUE(MessageCheck().stamp("header.stamp", 1.8e9).good());
-  for (const double bad : {4294967295.0, 2.2e9, -1.0, kNaN, 1e300}) {
+  for (const double bad : {4294967295.0, 2.2e9, -1.0, kNotANumber, 1e300}) {
     EXPECT_EQ(MessageCheck().stamp("header.stamp", bad).fault(), MessageFault::kStamp) << bad;
   }
 }
@@ -79,7 +81,7 @@ TEST(MessageCheck, PeriodsFromOneMegahertzToOneHertz) {
   for (const double good : {1e-6, 2e-4, 1.0}) {
     EXPECT_TRUE(MessageCheck().number("period", good, kPeriodField).good()) << good;
   }
-  for (const double bad : {0.0, -2e-4, 5e-324, 9e-7, 1.1, 1e9, 1e300, kInfinity, kNaN}) {
+  for (const double bad : {0.0, -2e-4, 5e-324, 9e-7, 1.1, 1e9, 1e300, kInfinity, kNotANumber}) {
     EXPECT_FALSE(MessageCheck().number("period", bad, kPeriodField).good()) << bad;
   }
 }
@@ -92,7 +94,7 @@ TEST(MessageCheck, NamesDirectionsAndQuaternions) {
   EXPECT_FALSE(MessageCheck().direction("direction", 0).good());
   EXPECT_TRUE(MessageCheck().quaternion("orientation", 0.6, 0.0, 0.0, 0.8).good());
   EXPECT_FALSE(MessageCheck().quaternion("orientation", 0.0, 0.0, 0.0, 0.0).good());
-  EXPECT_FALSE(MessageCheck().quaternion("orientation", kNaN, 0.0, 0.0, 1.0).good());
+  EXPECT_FALSE(MessageCheck().quaternion("orientation", kNotANumber, 0.0, 0.0, 1.0).good());
   EXPECT_FALSE(MessageCheck().quaternion("orientation", 1e300, 0.0, 0.0, 1.0).good());
 }
 

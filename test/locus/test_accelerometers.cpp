@@ -18,7 +18,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kFrequency = 770.0;
+constexpr double kDrive = 770.0;
 
 // hanging free: no contact, no events
 Scenario swinging() {
@@ -88,7 +88,7 @@ TEST(Accelerometers, TellTheLocus) {
     const double before = cell.world().time();
     ASSERT_EQ(cell.next(block, true), StopReason::kOk);
     for (std::size_t i = 0; i < block.saturated_b.size(); ++i) {
-      angle.push_back(kFrequency * (before + block.period * static_cast<double>(i + 1)));
+      angle.push_back(kDrive * (before + block.period * static_cast<double>(i + 1)));
       felt.insert(felt.end(),
                   {block.accelerations[2 * i], block.accelerations[2 * i + 1], 0, 0, 0, 0});
       series.push_back(block.accelerations[2 * i]);
@@ -106,7 +106,7 @@ TEST(Accelerometers, TellTheLocus) {
   }
   const Locus expected = locusFromFit(fitHarmonic(angle, moved));
   const HarmonicFit fit = fitHarmonic(angle, felt);
-  const double w2 = kFrequency * kFrequency;
+  const double w2 = kDrive * kDrive;
   const Locus found = locusFromPhasors(-fit.phasor[0] / w2, -fit.phasor[1] / w2, 0, 1000, 1);
   // noise of 0.02 m/s² over ω² and the root of 1000 samples, five times; the peg's tilt of 1°,
   // whose axes the accelerometers have, and the swing in gravity, g over ω² and the lever: a
@@ -116,7 +116,7 @@ TEST(Accelerometers, TellTheLocus) {
   EXPECT_LT(std::abs(found.N - expected.N), tolerance);
   EXPECT_GT(expected.semiMajor(), 20 * tolerance);
   // and as a series
-  const std::vector<double> x = integrateTwice(series, 5000, kFrequency / 2);
+  const std::vector<double> x = integrateTwice(series, 5000, kDrive / 2);
   double squares = 0.0, size = 0.0, mean = 0.0;
   for (std::size_t k = 250; k < 750; ++k) mean += moved[6 * k] / 500;
   for (std::size_t k = 250; k < 750; ++k) {

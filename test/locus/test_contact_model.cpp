@@ -19,7 +19,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // the default cell
-Mechanism cell() {
+Mechanism thesisMechanism() {
   Mechanism s;
   s.gravity = 9.8;
   s.peg = {0.025, 0.030, 0.395, 2.5e-4, 1.0e-4, 0.050, 0.056};
@@ -114,7 +114,7 @@ TEST(ContactModel, OperatingFrequencyOfTheTextbook) {
 
 // docs/theory.md, "Locus", general support: any coupling, fixed carrier, no static terms
 TEST(ContactModel, GeneralSupportFormula) {
-  Mechanism s = cell();
+  Mechanism s = thesisMechanism();
   s.gravity = 0.0;
   s.carrier.stiffness.setConstant(1e18);
   s.coupling.stiffness.diagonal << 4e4, 5e4, 6e4, 40, 50, 60;
@@ -156,7 +156,7 @@ TEST(ContactModel, GeneralSupportFormula) {
 // docs/theory.md, "Locus": without tilt and yaw-tilt coupling nothing tells alpha from
 // alpha + π, and alpha is in N alone, as 2 alpha
 TEST(ContactModel, HalfTurnAndDoubleAngle) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   for (const double w : {300.0, 500.0, 770.0}) {
     const OperatingPoint p = operatingPoint(w);
     const ContactResponse zero = contactResponse(s, p, 0.0);
@@ -173,7 +173,7 @@ TEST(ContactModel, HalfTurnAndDoubleAngle) {
 
 // A clockwise exciter is the mirror image: y, alpha and the angle change sign.
 TEST(ContactModel, ClockwiseExciterIsTheMirrorImage) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   OperatingPoint p = operatingPoint(600), q = p;
   p.tilt = {0.02, -0.03};
   q.tilt = {-0.02, -0.03};
@@ -335,7 +335,7 @@ class ExactPotential {
 };
 
 TEST(ContactModel, StaticTermsAreTheSecondDerivativeOfTheExactEnergy) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   for (const double press : {0.0, 12.0, 40.0}) {
     for (const double alpha : {0.4, 2.2, 3.9}) {
       const Vector3d contact(-0.1 * press, 0.05 * press, press);
@@ -368,7 +368,7 @@ TEST(ContactModel, StaticTermsAreTheSecondDerivativeOfTheExactEnergy) {
 
 // A coupling that turns with the carrier, tilted by 2.9 degrees.
 TEST(ContactModel, TurningCouplingIsThatOfTheExactEnergy) {
-  Mechanism s = cell();
+  Mechanism s = thesisMechanism();
   s.coupling.axes = CouplingAxes::kCarrier;
   for (const double alpha : {0.4, 2.2, 3.9}) {
     const Vector3d contact(-1.2, 0.6, 12.0);
@@ -392,7 +392,7 @@ TEST(ContactModel, TurningCouplingIsThatOfTheExactEnergy) {
 // edge; the press force there makes a moment about the old one.
 TEST(ContactModel, RollingStiffnessIsThatOfTheMovingLowestPoint) {
   const double tilt = 0.01, press = 12.0, s = 1e-6;
-  const Mechanism mechanism = cell();
+  const Mechanism mechanism = thesisMechanism();
   const auto lowest = [&](const Matrix3d& R) {
     // direction of steepest descent in the plane of the edge
     const Vector2d down(-R(2, 0), -R(2, 1));
@@ -426,7 +426,7 @@ TEST(ContactModel, RollingStiffnessIsThatOfTheMovingLowestPoint) {
 // ---- inversion ----
 
 TEST(ContactModel, PlaneMotionComesBackFromTheSensor) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> angle(0, 2 * M_PI), size(0, 0.05);
   for (int run = 0; run < 100; ++run) {
@@ -447,7 +447,7 @@ TEST(ContactModel, PlaneMotionComesBackFromTheSensor) {
 
 // The noise of the centre of mass is that of the six displacements through the same linear map.
 TEST(ContactModel, NoiseIsCarriedOver) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   HarmonicFit fit;
   fit.samples = 500;
   fit.inflation = 1.25;
@@ -478,7 +478,7 @@ TEST(ContactModel, NoiseIsCarriedOver) {
 
 // any tilt to 3°, either sense, either definition of the locus: exact
 TEST(ContactModel, DirectionIsExactWithoutNoise) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   std::mt19937_64 random(4);
   std::uniform_real_distribution<double> angle(0, 2 * M_PI), size(0, 3 * M_PI / 180);
   for (int run = 0; run < 200; ++run) {
@@ -511,7 +511,7 @@ TEST(ContactModel, DirectionIsExactWithoutNoise) {
 }
 
 TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   const OperatingPoint p = operatingPoint(500);
   const double alpha = 2.3;
   const Locus truth = locusOf(contactResponse(s, p, alpha), 1e-6, 1000);
@@ -544,7 +544,7 @@ TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
 
 // tilt breaks the half turn: the weight says how clearly
 TEST(ContactModel, WeightTellsTheHalfTurnsApartWhenTheDataDo) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   OperatingPoint p = operatingPoint(500);
   p.tilt = {0.03, 0.0};
   const ContactResponse r = contactResponse(s, p, 1.0);
@@ -554,7 +554,7 @@ TEST(ContactModel, WeightTellsTheHalfTurnsApartWhenTheDataDo) {
 
 // a locus that no direction explains shows as misfit
 TEST(ContactModel, MisfitOfAnotherMechanism) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   Mechanism other = s;
   other.coupling.stiffness.diagonal.tail<3>() *= 1.5;
   const OperatingPoint p = operatingPoint(500);
@@ -564,7 +564,7 @@ TEST(ContactModel, MisfitOfAnotherMechanism) {
 
 // the default cell's operating point lies between its resonances, where alpha shows best
 TEST(ContactModel, OperatingFrequencyOfTheCell) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   const double w0 = operatingFrequency(s, 12.0);
   const auto ratio = [&](double w) {
     double p = 0, n = 0;
@@ -583,7 +583,7 @@ TEST(ContactModel, OperatingFrequencyOfTheCell) {
 }
 
 TEST(ContactModel, ContactForceFromTheMeanDeflection) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   Vector6 d;
   d << 2e-5, -4e-5, (12.0 - s.peg.mass * s.gravity) / 5e4, 1e-3, 2e-3, 3e-3;
   // on the sensor: contact + weight; across by 5e4 d, k26 about y, k35 about x
@@ -594,7 +594,7 @@ TEST(ContactModel, ContactForceFromTheMeanDeflection) {
 }
 
 TEST(ContactModel, RefusesBadInput) {
-  const Mechanism s = cell();
+  const Mechanism s = thesisMechanism();
   const auto message = [&](const std::function<void(OperatingPoint&)>& spoil) {
     OperatingPoint p = operatingPoint(500);
     spoil(p);

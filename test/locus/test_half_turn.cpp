@@ -10,16 +10,13 @@
 #include <string>
 
 #include "../../benchmark/simulated_reading.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-Scenario cell() {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
-}
 
 OperatingPoint upright(double frequency) {
   OperatingPoint p;

@@ -24,7 +24,7 @@ Vector4d ellipseOf(Complex P, Complex N) {
 }
 
 // n samples, `step` apart, of noise sigma_x, sigma_y times scale_k
-HarmonicFit sample(std::size_t n, double step, double sigma_x, double sigma_y,
+HarmonicFit fitted(std::size_t n, double step, double sigma_x, double sigma_y,
                    const std::vector<double>& scale, bool weighted, std::mt19937_64& random,
                    double correlation = 0.0) {
   const double rest = std::sqrt(1 - correlation * correlation);
@@ -52,7 +52,7 @@ TEST(LocusCovariance, IsTheScatterOfManyFits) {
   Matrix4d amplitudes = Matrix4d::Zero(), ellipse = Matrix4d::Zero(), stated = Matrix4d::Zero(),
            stated_ellipse = Matrix4d::Zero();
   for (int run = 0; run < kRuns; ++run) {
-    const HarmonicFit fit = sample(n, 2 * M_PI / 100, 0.02, 0.04, one, false, random, 0.6);
+    const HarmonicFit fit = fitted(n, 2 * M_PI / 100, 0.02, 0.04, one, false, random, 0.6);
     const Locus l = locusFromPhasors(fit.phasor[0], fit.phasor[1], 1, n, 1);
     const Vector4d d(l.P.real() - kP.real(), l.P.imag() - kP.imag(), l.N.real() - kN.real(),
                      l.N.imag() - kN.imag());
@@ -84,7 +84,7 @@ TEST(LocusCovariance, WholePeriods) {
   std::mt19937_64 random(3);
   constexpr std::size_t n = 400;
   const HarmonicFit fit =
-      sample(n, 2 * M_PI / 40, 0.05, 0.05, std::vector<double>(n, 1.0), false, random);
+      fitted(n, 2 * M_PI / 40, 0.05, 0.05, std::vector<double>(n, 1.0), false, random);
   const Locus l = locusFromFit(fit);
   const LocusCovariance c = locusCovariance(fit);
   EXPECT_NEAR(c.amplitudes.trace() / 4, l.variance(), 1e-9 * l.variance());
@@ -109,10 +109,10 @@ TEST(LocusCovariance, UncertaintyOfEachSample) {
       const Locus l = locusFromPhasors(fit.phasor[0], fit.phasor[1], 1, n, 1);
       return (std::norm(l.P - kP) + std::norm(l.N - kN)) / 4 / kRuns;
     };
-    const HarmonicFit fit = sample(n, 2 * M_PI / 40, 0.01, 0.01, scale, true, random);
+    const HarmonicFit fit = fitted(n, 2 * M_PI / 40, 0.01, 0.01, scale, true, random);
     weighted += squares(fit);
     stated += locusCovariance(fit).amplitudes.trace() / 4 / kRuns;
-    plain += squares(sample(n, 2 * M_PI / 40, 0.01, 0.01, scale, false, random));
+    plain += squares(fitted(n, 2 * M_PI / 40, 0.01, 0.01, scale, false, random));
   }
   // 4 standard errors of a mean square of 4 × 4000 normals; columns that the weights couple, 1 %
   EXPECT_NEAR(weighted * information, 1, 0.05);
@@ -123,8 +123,8 @@ TEST(LocusCovariance, UncertaintyOfEachSample) {
 TEST(LocusCovariance, EqualUncertaintiesChangeNothing) {
   std::mt19937_64 one(5), other(5);
   const std::vector<double> scale(100, 1.0);
-  const HarmonicFit a = sample(100, 0.2, 0.01, 0.01, scale, true, one);
-  const HarmonicFit b = sample(100, 0.2, 0.01, 0.01, scale, false, other);
+  const HarmonicFit a = fitted(100, 0.2, 0.01, 0.01, scale, true, one);
+  const HarmonicFit b = fitted(100, 0.2, 0.01, 0.01, scale, false, other);
   EXPECT_LT((a.phasor - b.phasor).norm(), 1e-14);
   EXPECT_LT((a.noise - b.noise).norm(), 1e-16);
 }

@@ -10,13 +10,10 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/simulated_cell.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
-
-Scenario cell() {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
-}
 
 OperatingPoint point(double frequency, double amplitude = 1.0) {
   OperatingPoint p;

@@ -14,20 +14,20 @@
 namespace assembly_cell {
 namespace {
 
-Mechanism cell() {
+Mechanism cellMechanism() {
   return loadMechanism(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
 }
 
-struct Samples {
+struct ReadingSamples {
   std::vector<double> angle, signals;
 };
 
 // 0.2 s at 5 kHz of a deflection, with a press of 12 N and noise
-Samples samplesOf(const Mechanism& m, const ExciterParameters& exciter,
-                  const Eigen::Matrix<std::complex<double>, 6, 1>& phasor, double noise) {
+ReadingSamples samplesOf(const Mechanism& m, const ExciterParameters& exciter,
+                         const Eigen::Matrix<std::complex<double>, 6, 1>& phasor, double noise) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
-  Samples s;
+  ReadingSamples s;
   for (int k = 0; k < 1000; ++k) {
     const double a = exciter.direction * exciter.frequency * 2e-4 * k;
     s.angle.push_back(a);
@@ -48,12 +48,12 @@ ContactResponse response(const Mechanism& m, const ExciterParameters& exciter, d
   return contactResponse(m, p, alpha);
 }
 
-LocusReading readOf(const Mechanism& m, const ExciterParameters& exciter, const Samples& s) {
+LocusReading readOf(const Mechanism& m, const ExciterParameters& exciter, const ReadingSamples& s) {
   return readLocus(m, exciter, s.angle, s.signals);
 }
 
 TEST(Reading, OneContactHasItsDirectionAndTheEndOfTheDiameter) {
-  const Mechanism m = cell();
+  const Mechanism m = cellMechanism();
   for (const int direction : {1, -1}) {
     const ExciterParameters exciter{1.0, 770.0, 0.0, direction};
     for (double alpha = 0.3; alpha < 6.3; alpha += 1.0) {
@@ -71,7 +71,7 @@ TEST(Reading, OneContactHasItsDirectionAndTheEndOfTheDiameter) {
 }
 
 TEST(Reading, NothingMovesIsNoDirectionAndNoAdvice) {
-  const Mechanism m = cell();
+  const Mechanism m = cellMechanism();
   const ExciterParameters exciter{1.0, 450.0, 0.0, 1};
   const LocusReading r = readOf(
       m, exciter, samplesOf(m, exciter, Eigen::Matrix<std::complex<double>, 6, 1>::Zero(), 1e-8));
@@ -99,7 +99,7 @@ TEST(Reading, ASlidingPegHasItsFrictionAndIsToBePressedMore) {
 }
 
 TEST(Reading, NoiseThatHidesTheDirectionAsksForALongerWindow) {
-  const Mechanism m = cell();
+  const Mechanism m = cellMechanism();
   const ExciterParameters exciter{1.0, 770.0, 0.0, 1};
   const LocusReading r =
       readOf(m, exciter, samplesOf(m, exciter, response(m, exciter, 1.0).coupling, 3e-5));
@@ -109,7 +109,7 @@ TEST(Reading, NoiseThatHidesTheDirectionAsksForALongerWindow) {
 
 // At 500 rad/s this mechanism's single contact is all but a segment.
 TEST(Reading, NamesAFrequencyWhereOneContactDoesNotLookLikeTwo) {
-  const Mechanism m = cell();
+  const Mechanism m = cellMechanism();
   const ExciterParameters exciter{1.0, 500.0, 0.0, 1};
   const LocusReading r =
       readOf(m, exciter, samplesOf(m, exciter, response(m, exciter, 1.0).coupling, 1e-8));
@@ -123,9 +123,9 @@ TEST(Reading, NamesAFrequencyWhereOneContactDoesNotLookLikeTwo) {
 }
 
 TEST(Reading, AnExciterThatIsOffLeavesTheModeAlone) {
-  const Mechanism m = cell();
+  const Mechanism m = cellMechanism();
   const ExciterParameters exciter{1.0, 450.0, 0.0, 1};
-  const Samples s = samplesOf(m, exciter, response(m, exciter, 1.0).coupling, 1e-8);
+  const ReadingSamples s = samplesOf(m, exciter, response(m, exciter, 1.0).coupling, 1e-8);
   const LocusReading r = readOf(m, {0.0, 450.0, 0.0, 1}, s);
   EXPECT_EQ(r.mode.mode, readOf(m, exciter, s).mode.mode);
   EXPECT_FALSE(r.direction);

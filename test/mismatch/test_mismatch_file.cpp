@@ -10,6 +10,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/mismatch/mismatch.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
@@ -51,10 +52,6 @@ hole:
   bore_tilt: {uniform: [0, 0.0035]}
   face_tilt: {uniform: [0, 0.01]}
 )";
-
-Scenario cell() {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
-}
 
 Truth drawn(const std::string& text, std::uint64_t seed = 1) {
   return drawTruth(parseMismatch(text, "test"), seed);

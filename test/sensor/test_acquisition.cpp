@@ -20,11 +20,11 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kPatience = 20s;
+constexpr auto kWait = 20s;
 
 template <class Condition>
 bool waitFor(const Condition& condition) {
-  const auto end = Clock::now() + kPatience;
+  const auto end = Clock::now() + kWait;
   while (Clock::now() < end) {
     if (condition()) return true;
     std::this_thread::sleep_for(1ms);
@@ -109,7 +109,7 @@ TEST(Acquisition, LosslessDeliversEverySampleInOrder) {
   Acquisition acquisition(source, options);
   acquisition.start();
   std::uint64_t expected = 0;
-  while (const SourceBlock* block = acquisition.next(kPatience)) {
+  while (const SourceBlock* block = acquisition.next(kWait)) {
     ASSERT_EQ(block->sequence, expected);
     ASSERT_EQ(block->values[6], static_cast<double>(expected + 1));
     expected += block->count;
@@ -214,7 +214,7 @@ TEST(Acquisition, TakesASourceThatIsOpen) {
   source.open();
   Acquisition acquisition(source, quick());
   acquisition.start();
-  ASSERT_NE(acquisition.next(kPatience), nullptr);
+  ASSERT_NE(acquisition.next(kWait), nullptr);
   EXPECT_EQ(acquisition.status().failed_opens, 0u);
   EXPECT_EQ(source.attempts.size(), 1u);
 }
@@ -223,10 +223,10 @@ TEST(Acquisition, NeitherSamplesNorBlocksAllocate) {
   Scripted source;
   Acquisition acquisition(source, quick());
   acquisition.start();
-  ASSERT_NE(acquisition.next(kPatience), nullptr);
+  ASSERT_NE(acquisition.next(kWait), nullptr);
   const std::uint64_t before = test::allocationsOfAll();
   for (int i = 0; i < 2000; ++i) {
-    if (acquisition.next(kPatience) == nullptr) break;
+    if (acquisition.next(kWait) == nullptr) break;
   }
   EXPECT_EQ(test::allocationsOfAll(), before);
 }
@@ -243,7 +243,7 @@ TEST(Acquisition, StopsAtOnce) {
   ASSERT_TRUE(waitFor([&] { return acquisition.status().state == LinkState::kConnected; }));
   const auto start = Clock::now();
   acquisition.stop();
-  EXPECT_LT(Clock::now() - start, kPatience);
+  EXPECT_LT(Clock::now() - start, kWait);
   EXPECT_FALSE(source.isOpen());
   acquisition.stop();
   EXPECT_EQ(acquisition.next(1ms), nullptr);

@@ -12,17 +12,13 @@
 #include <vector>
 
 #include "random_scene.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-Scenario load(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/" + name + ".yaml",
-                      overrides);
-}
 
 // the run gets to its end, or stops before it with a reason; error control bounds its energy
 void expectSane(const Scenario& s, double duration, const std::string& what) {

@@ -8,16 +8,12 @@
 
 #include "../dynamics/scenes.h"
 #include "assembly_cell/cell/simulated_plant.h"
+#include "scenarios.h"
 
 namespace assembly_cell {
 namespace {
 
 using Eigen::Vector3d;
-
-Scenario cell(const std::vector<std::string>& overrides = {}) {
-  return loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
-                      overrides);
-}
 
 // A start of an alignment 0.09 mm off the hole's axis: the tilted edge has fallen 3 mm into the
 // hole; both places of contact slip by micrometres a second or rest.

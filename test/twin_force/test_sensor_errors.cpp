@@ -26,7 +26,7 @@ TwinErrors errors() {
 }
 
 // five contacts in general position with couples and moves
-Scene scene() {
+Scene errorScene() {
   Scene s = begin("general", rotation({0.3, -0.2, 0.5}), {0.08, -0.06, 0.1});
   press(s, {0.03, 0.05, 0.02}, {2, -1, -20}, {rotation({0.1, 0.2, -0.3}), {0.02, -0.01, 0.03}});
   press(s, {-0.02, -0.01, 0.05}, {-15, 3, -12}, {rotation({-0.4, 0.1, 0.2}), {-0.01, 0.02, 0}});
@@ -108,7 +108,7 @@ std::vector<TwinContact> measureWith(const Scene& s, const TwinErrors& sd,
 }  // namespace
 
 TEST(SensorErrors, CovarianceIsTheBoundOfTheMeasurementEquations) {
-  const Scene s = scene();
+  const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
   options.errors = errors();
@@ -127,7 +127,7 @@ TEST(SensorErrors, CovarianceIsTheBoundOfTheMeasurementEquations) {
 }
 
 TEST(SensorErrors, StatedAndTrueAgreeOverDrawnSensors) {
-  const Scene s = scene();
+  const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
   options.errors = errors();
@@ -156,7 +156,7 @@ TEST(SensorErrors, StatedAndTrueAgreeOverDrawnSensors) {
 }
 
 TEST(SensorErrors, NoneIsWhatNoErrorsAre) {
-  const Scene s = scene();
+  const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   std::mt19937_64 random(3);
   const auto contacts = measure(s, &random);
@@ -178,7 +178,7 @@ TEST(SensorErrors, NoneIsWhatNoErrorsAre) {
 }
 
 TEST(SensorErrors, EvidenceIsStillRefused) {
-  const Scene s = scene();
+  const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
   options.errors = errors();
@@ -203,7 +203,7 @@ TEST(SensorErrors, EvidenceIsStillRefused) {
 
 // what a contact is said to bring is what it brings: errors are the same in all
 TEST(SensorErrors, AdviceForetellsTheCovariance) {
-  const Scene s = scene();
+  const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
   options.errors = errors();
@@ -229,7 +229,7 @@ TEST(SensorErrors, AdviceForetellsTheCovariance) {
 
 TEST(SensorErrors, AreWrittenAndRead) {
   ContactsFile file;
-  file.contacts = measure(scene());
+  file.contacts = measure(errorScene());
   const std::string without = contactsYaml(file);
   EXPECT_EQ(without.find("errors"), std::string::npos);
   EXPECT_FALSE(parseContacts(without, "test").errors);

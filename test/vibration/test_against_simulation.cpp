@@ -18,6 +18,7 @@
 #include "assembly_cell/vibration/locus_model.h"
 #include "assembly_cell/vibration/rig.h"
 #include "assembly_cell/vibration/sliding.h"
+#include "expect_close.h"
 #include "thesis_forms.h"
 
 namespace assembly_cell {
@@ -131,17 +132,6 @@ Vibrated vibrate(double lean, const Vector2d& offset, double frequency, int dire
     if (c.valid && c.state != ContactReport::kOpen) v.closed.push_back(c);
   }
   return v;
-}
-
-// amplitude within 1 %, phase within 1°; parts that are a hundredth of the whole count by their
-// size
-void expectClose(Complex simulated, Complex model, double whole, const std::string& what) {
-  if (std::abs(model) < 0.01 * whole) {
-    EXPECT_LT(std::abs(simulated - model), 0.01 * whole) << what;
-    return;
-  }
-  EXPECT_NEAR(std::abs(simulated) / std::abs(model), 1, 0.01) << what;
-  EXPECT_NEAR(std::arg(simulated / model) * 180 / M_PI, 0, 1) << what;
 }
 
 TEST(AgainstSimulation, SingleContact) {

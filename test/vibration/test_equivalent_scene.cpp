@@ -11,31 +11,32 @@
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/steady_state.h"
+#include "expect_close.h"
 
 namespace assembly_cell {
 namespace {
 
 using Complex = std::complex<double>;
 using Eigen::Vector3d;
-constexpr double kRadius = 0.025, kHalfHeight = 0.030, kMass = 0.395, kStiffness = 50;
-constexpr double kChord = kRadius / 2;  // half contact angle 60°
+constexpr double kRadius = 0.025, kHalfHeight = 0.030, kPegMass = 0.395, kStiffness = 50;
+constexpr double kPegChord = kRadius / 2;  // half contact angle 60°
 constexpr double kPress = 2, kForce = 0.05, kTilt = 1e-3;
 
-struct Vibrated {
+struct VibratedScene {
   Eigen::Vector3cd rotation = Eigen::Vector3cd::Zero();  // phasors of e^{i w t}
   int closed = 0;                                        // contacts, all sticking all the time
 };
 
 // Peg leaning by kTilt toward the azimuth `lean` over two crossings of the edges at ±60°, which
 // carry `at` together; harmonic of its rotation after the transient.
-Vibrated vibrate(double lean, const Vector3d& at, int contacts, double w) {
+VibratedScene vibrateScene(double lean, const Vector3d& at, int contacts, double w) {
   Scenario s;
   s.mechanism.gravity = 0;
   s.mechanism.peg = {kRadius,
                      kHalfHeight,
-                     kMass,
-                     centroidInertia(kMass, kRadius, kHalfHeight),
-                     kMass * kRadius * kRadius / 2,
+                     kPegMass,
+                     centroidInertia(kPegMass, kRadius, kHalfHeight),
+                     kPegMass * kRadius * kRadius / 2,
                      -kHalfHeight,
                      kHalfHeight};
   s.mechanism.hole.radius = kRadius;
@@ -44,21 +45,21 @@ Vibrated vibrate(double lean, const Vector3d& at, int contacts, double w) {
   s.mechanism.carrier.damping = {1e9, 1e9, 1e9};
   // damping of 0.2 % moves phases by less than 0.6° away from resonance, and forgets in 2 s
   const double damping =
-      0.004 * std::sqrt(kStiffness * chordInertia(kMass, kRadius, kHalfHeight, 0));
+      0.004 * std::sqrt(kStiffness * chordInertia(kPegMass, kRadius, kHalfHeight, 0));
   const double pull = 10;
   s.mechanism.coupling.stiffness.diagonal << pull, 0, 0, kStiffness, kStiffness, kStiffness;
   s.mechanism.coupling.damping.diagonal << 0.1, 0, 0, damping, damping, damping;
   // rotation of the peg, and of the springs' rest, which carries the moment of the press
   const Vector3d tilt = kTilt * Vector3d(-std::sin(lean), std::cos(lean), 0);
   const Vector3d rest = tilt - kPress / kStiffness * Vector3d(at.y(), -at.x(), 0);
-  s.rest.x = s.initial.carrier_x = -2 * kChord;
+  s.rest.x = s.initial.carrier_x = -2 * kPegChord;
   s.rest.z = -kPress / pull;
   s.rest.phi = rest.y();
   s.rest.theta = M_PI / 2 + rest.x();
   const Vector3d axis(std::sin(tilt.y()) * std::cos(tilt.x()), -std::sin(tilt.x()),
                       std::cos(tilt.y()) * std::cos(tilt.x()));
   s.initial.euler = {tilt.y(), M_PI / 2 + tilt.x(), 0};
-  s.initial.position = Vector3d(-2 * kChord, 0, 1e-4) + kHalfHeight * axis;
+  s.initial.position = Vector3d(-2 * kPegChord, 0, 1e-4) + kHalfHeight * axis;
   s.initial.close = true;
   s.mechanism.friction = {1, 1};
   s.contact.law = ContactLaw::kRigid;
@@ -69,7 +70,7 @@ Vibrated vibrate(double lean, const Vector3d& at, int contacts, double w) {
   const double start = std::ceil(12 / period) * period;
   EXPECT_EQ(simulation.advance(start), StopReason::kOk);
   constexpr int kSamples = 400, kPeriods = 10;
-  Vibrated v;
+  VibratedScene v;
   for (int k = 0; k < kSamples; ++k) {
     const double t = start + kPeriods * period * k / kSamples;
     EXPECT_EQ(simulation.advance(t), StopReason::kOk);
@@ -84,24 +85,15 @@ Vibrated vibrate(double lean, const Vector3d& at, int contacts, double w) {
   return v;
 }
 
-void expectClose(Complex simulated, Complex model, double whole, const std::string& what) {
-  if (std::abs(model) < 0.01 * whole) {
-    EXPECT_LT(std::abs(simulated - model), 0.01 * whole) << what;
-    return;
-  }
-  EXPECT_NEAR(std::abs(simulated) / std::abs(model), 1, 0.01) << what;
-  EXPECT_NEAR(std::arg(simulated / model) * 180 / M_PI, 0, 1) << what;
-}
-
 TEST(EquivalentScene, SingleContact) {
   const double alpha = M_PI / 3, sa = std::sin(alpha), ca = std::cos(alpha);
-  const double beta = contactInertia(kMass, kRadius, kHalfHeight).beta;
+  const double beta = contactInertia(kPegMass, kRadius, kHalfHeight).beta;
   const double sb = std::sin(beta), cb = std::cos(beta);
   const Vector3d axes[] = {{sa, -ca, 0}, {ca * cb, sa * cb, sb}, {-ca * sb, -sa * sb, cb}};
   for (const double w : {100.0, 180.0, 400.0}) {
-    const Vibrated v = vibrate(0.5, kRadius * Vector3d(ca, sa, 0), 1, w);
+    const VibratedScene v = vibrateScene(0.5, kRadius * Vector3d(ca, sa, 0), 1, w);
     const auto model = [&](double t) {
-      return singleContact({kMass, kRadius, kHalfHeight, kStiffness, kForce, w, alpha}, t);
+      return singleContact({kPegMass, kRadius, kHalfHeight, kStiffness, kForce, w, alpha}, t);
     };
     const ContactRotation now = model(0), later = model(M_PI / (2 * w));
     const Complex theta[] = {{now.theta_x, -later.theta_x},
@@ -116,9 +108,10 @@ TEST(EquivalentScene, SingleContact) {
 
 TEST(EquivalentScene, DoubleContact) {
   for (const double w : {100.0, 180.0, 400.0}) {
-    const Vibrated v = vibrate(0, Vector3d(kChord, 0, 0), 2, w);
-    const double theta = doubleContact(kForce, kHalfHeight, kStiffness,
-                                       chordInertia(kMass, kRadius, kHalfHeight, kChord), w, 0);
+    const VibratedScene v = vibrateScene(0, Vector3d(kPegChord, 0, 0), 2, w);
+    const double theta =
+        doubleContact(kForce, kHalfHeight, kStiffness,
+                      chordInertia(kPegMass, kRadius, kHalfHeight, kPegChord), w, 0);
     expectClose(v.rotation.y(), theta, theta, std::to_string(w));
     EXPECT_LT(std::abs(v.rotation.x()) + std::abs(v.rotation.z()), 0.01 * std::abs(theta));
   }
