@@ -102,7 +102,7 @@ build() {
   fi
   if ! grep -qsxF "CMAKE_INSTALL_PREFIX:PATH=$prefix" "$build/CMakeCache.txt"; then
     say "configuring (log: $log)"
-    cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON \
+    cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON -DASSEMBLY_CELL_UNITY=ON \
       -DCMAKE_INSTALL_PREFIX="$prefix" >"$log" 2>&1 </dev/null || fail "configure" "$log"
   fi
   log=$logs/build.log
