@@ -11,8 +11,10 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/arm_parameters.h"
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/lockstep.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
+#include "assembly_cell/ros/publish_shared.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -26,6 +28,9 @@ constexpr double kTwistTimeout = 0.1;  // a twist holds no longer [s]
 EmulatedArmNode::EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     : nh_(nh), arm_nh_(nh, "arm"), clock_(true) {
   readParameters(pnh);
+  name_in_lockstep_ = participantName(nh_.getNamespace(), pnh.getNamespace());
+  // latched: who connects late must not miss the first one
+  if (lockstep_) ack_pub_ = nh_.advertise<Ack>("ack", kQueue, true);
   joints_pub_ = arm_nh_.advertise<sensor_msgs::JointState>("joint_states", kQueue, true);
   pose_pub_ = arm_nh_.advertise<geometry_msgs::PoseStamped>("current_pose", kQueue, true);
   motion_pub_ = nh_.advertise<CarrierMotion>("carrier_motion", kQueue, true);
@@ -108,6 +113,8 @@ void EmulatedArmNode::place(const Pose& carrier, double time) {
   arm_ = emulatedArm(parameters_, place_, *kinematics_, q, time);
   wanted_ = q;
   twist_time_ = time;
+  if (early_) feel(*early_);
+  early_.reset();
 }
 
 void EmulatedArmNode::onSimulated(const geometry_msgs::PoseStamped& pose) {
@@ -130,15 +137,28 @@ void EmulatedArmNode::onSimulated(const geometry_msgs::PoseStamped& pose) {
 }
 
 void EmulatedArmNode::onWrench(const WrenchSamples& samples) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (arm_) {
+    feel(samples);
+  } else {
+    early_ = samples;
+  }
+}
+
+// The bridge's next points, which come by another way, must find this load.
+void EmulatedArmNode::feel(const WrenchSamples& samples) {
   const std::size_t count = samples.wrench.size() / 6;
   Vector6 mean = Vector6::Zero();
   for (std::size_t i = 0; i < count; ++i) mean += Vector6::Map(samples.wrench.data() + 6 * i);
   mean /= static_cast<double>(count);
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (!arm_) return;
   const bool before = arm_->stopped;
   load(*arm_, mean);
   if (arm_->stopped && !before) ROS_WARN("%s", arm_->why.c_str());
+  if (!lockstep_) return;
+  Ack ack;
+  ack.node = name_in_lockstep_;
+  ack.sequence = samples.sequence;
+  publishShared(ack_pub_, ack);
 }
 
 void EmulatedArmNode::publish(double time) {

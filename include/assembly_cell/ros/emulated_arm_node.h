@@ -27,8 +27,8 @@ class Parameters;
 
 /// Node emulate_arm: an arm that isn't there, with its driver's topics. It carries the carrier of a
 /// simulator with ~follow_motion. Without lockstep its controller keeps to the cell's time as the
-/// simulator's messages tell it; in lockstep each command takes it to the command's stamp. See
-/// docs/arm.md.
+/// simulator's messages tell it; in lockstep it answers each block of sensor_b whose load it has
+/// taken, and each command takes it to the command's stamp. See docs/arm.md.
 class EmulatedArmNode {
  public:
   /// Of its callbacks.
@@ -47,6 +47,7 @@ class EmulatedArmNode {
   void onPose(const geometry_msgs::PoseStamped& pose);
   void onTwist(const geometry_msgs::TwistStamped& twist);
   // with the lock
+  void feel(const WrenchSamples& samples);
   void place(const Pose& carrier, double time);
   void goTo(const JointVector& q, const ros::Time& stamp);
   void runUntil(double time);
@@ -67,14 +68,16 @@ class EmulatedArmNode {
   std::condition_variable changed_;
   bool quit_ = false;
   std::optional<EmulatedArm> arm_;
-  JointVector wanted_;          // by poses or twists, the last ones
-  double twist_time_ = 0.0;     // of the last twist, cell time [s]
-  double published_ = 0.0;      // up to there [s]
-  std::optional<double> told_;  // stamp of the simulator's last pose [s]
+  std::optional<WrenchSamples> early_;  // a block that came before the arm was placed
+  JointVector wanted_;                  // by poses or twists, the last ones
+  double twist_time_ = 0.0;             // of the last twist, cell time [s]
+  double published_ = 0.0;              // up to there [s]
+  std::optional<double> told_;          // stamp of the simulator's last pose [s]
   CellClock clock_;
   ros::Time epoch_;  // cell time is relative to it
 
-  ros::Publisher joints_pub_, pose_pub_, motion_pub_;
+  std::string name_in_lockstep_;
+  ros::Publisher joints_pub_, pose_pub_, motion_pub_, ack_pub_;
   ros::Subscriber simulated_sub_, wrench_sub_, command_sub_;
   ros::ServiceServer unlock_srv_;
   std::thread thread_;
