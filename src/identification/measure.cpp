@@ -30,9 +30,9 @@ constexpr int kPushSteps = 24;
 constexpr int kSlideStart = 4, kSlideBlocks = 12;  // of them: until it slides evenly, and in all
 constexpr double kSlides =
     1.05;  // the ratio of three steps over that of three before: less is sliding
-constexpr double kPressCompliance =
-    2e-4;                              // travel of a press per force, ten times a coupling's [m/N]
-constexpr double kFrictionSd = 0.004;  // the face's lean, to second order
+// travel of a press per force, ten times a coupling's [m/N]
+constexpr double kPressCompliance = 2e-4;
+constexpr double kFrictionSd = 0.004;    // the face's lean, to second order
 constexpr double kFrictionShare = 0.03;  // of the coefficient: the sensor's matrix
 
 bool isHum(int multiple) { return multiple == 10 || multiple == 12; }

@@ -9,8 +9,6 @@
 
 namespace assembly_cell::ros_bridge {
 
-namespace {}  // namespace
-
 ArmInterface armInterface(const std::string& name) {
   if (name == "pose") return ArmInterface::kPose;
   return name == "twist" ? ArmInterface::kTwist : ArmInterface::kJoints;

@@ -12,10 +12,9 @@ using Long = std::complex<long double>;
 
 namespace {
 
-constexpr double kFormulaPi = 3.14159265358979323846;
 constexpr double kFormulaPeg = 0.025, kFormulaHole = 0.02505;
 
-double angleError(double a, double b) { return std::abs(std::remainder(a - b, 2 * kFormulaPi)); }
+double angleError(double a, double b) { return std::abs(std::remainder(a - b, 2 * M_PI)); }
 
 // Both crossings of the projected edge of a peg tilted by q with the rim of a hole at `centre`, by
 // bisection in long double: the directions of its edge contacts, first the one behind the hole's
@@ -33,7 +32,7 @@ void crossings(Complex q, Complex centre, double& behind, double& ahead) {
     return std::abs(p - Long(centre)) > static_cast<long double>(kFormulaHole);
   };
   const auto find = [&](long double sign) {
-    long double in = 0.0L, out = static_cast<long double>(kFormulaPi);
+    long double in = 0.0L, out = static_cast<long double>(M_PI);
     for (int i = 0; i < 80; ++i) {
       const long double half = 0.5L * (in + out);
       (outside(toward + sign * half) ? out : in) = half;
@@ -67,8 +66,8 @@ TEST(ContactFormulas, WobbleTellsTheTilt) {
   for (int i = 0; i < 1000; ++i) {
     const Complex q(0.1 * uniform(engine), 0.1 * uniform(engine));
     const Complex dq(0.1 * uniform(engine), 0.1 * uniform(engine));
-    const double a0 = std::arg(q) + (i % 2 ? kFormulaPi : 0.0);
-    const double a1 = std::arg(q + dq) - (i % 3 ? kFormulaPi : 0.0);
+    const double a0 = std::arg(q) + (i % 2 ? M_PI : 0.0);
+    const double a1 = std::arg(q + dq) - (i % 3 ? M_PI : 0.0);
     const double sine = std::abs(std::sin(a1 - a0));
     const auto found = tiltFromWobble(dq, a0, a1);
     ASSERT_TRUE(found);
@@ -76,7 +75,7 @@ TEST(ContactFormulas, WobbleTellsTheTilt) {
   }
   // along the tilt nothing can be told
   EXPECT_FALSE(tiltFromWobble({0.01, 0.0}, 0.0, 0.0));
-  EXPECT_FALSE(tiltFromWobble({0.01, 0.0}, 0.0, kFormulaPi));
+  EXPECT_FALSE(tiltFromWobble({0.01, 0.0}, 0.0, M_PI));
 }
 
 // Many readings: exact without noise; with noise the sd that 7.1 predicts for two
@@ -85,7 +84,7 @@ TEST(ContactFormulas, ManyWobblesAreLeastSquares) {
   std::vector<WobbleReading> readings;
   for (int k = 0; k < 7; ++k) {
     const Complex dq = std::polar(0.02, 0.9 * k);
-    readings.push_back({dq, std::arg(q + dq) + (k % 2 ? kFormulaPi : 0.0)});
+    readings.push_back({dq, std::arg(q + dq) + (k % 2 ? M_PI : 0.0)});
   }
   const auto found = tiltFromReadings(readings);
   ASSERT_TRUE(found);
@@ -97,7 +96,7 @@ TEST(ContactFormulas, ManyWobblesAreLeastSquares) {
   // sd 1.1 %, second order in σ = 1e-3 far below
   std::mt19937 engine(3);
   std::normal_distribution<double> normal(0.0, 1e-3);
-  const Complex dq = std::polar(0.02, std::arg(q) + 0.5 * kFormulaPi);
+  const Complex dq = std::polar(0.02, std::arg(q) + 0.5 * M_PI);
   const double a0 = std::arg(q), a1 = std::arg(q + dq);
   double sum = 0.0;
   const int trials = 4000;
@@ -151,7 +150,7 @@ TEST(ContactFormulas, DoubleContactTellsTheHole) {
       const Complex centre = std::polar(distance, toward);
       double behind = 0.0, ahead = 0.0;
       crossings(q, centre, behind, ahead);
-      for (const double alpha : {toward, toward + kFormulaPi}) {
+      for (const double alpha : {toward, toward + M_PI}) {
         for (const double a_c : {behind, ahead}) {
           const auto found = holeFromDouble(kFormulaPeg, kFormulaHole, q, alpha, a_c);
           ASSERT_TRUE(found);
@@ -167,19 +166,19 @@ TEST(ContactFormulas, TurnTellsTheTiltTowardTheHole) {
   std::vector<TurnReading> readings;
   for (const double turn : {0.05, 0.07, -0.06}) {
     const Complex q = Complex(tilt, -turn) * std::polar(1.0, alpha);
-    readings.push_back({turn, std::arg(q) + (turn < 0.06 ? kFormulaPi : 0.0)});
+    readings.push_back({turn, std::arg(q) + (turn < 0.06 ? M_PI : 0.0)});
   }
   const auto found = tiltFromDouble(alpha, readings);
   ASSERT_TRUE(found);
   EXPECT_NEAR(*found, tilt, 1e-15);
   // read the other way round, tilt and rotation have the other sign
   for (TurnReading& r : readings) r.turn = -r.turn;
-  EXPECT_NEAR(*tiltFromDouble(alpha + kFormulaPi, readings), -tilt, 1e-15);
+  EXPECT_NEAR(*tiltFromDouble(alpha + M_PI, readings), -tilt, 1e-15);
   EXPECT_FALSE(tiltFromDouble(alpha, {}));
   EXPECT_FALSE(tiltFromDouble(alpha, {{0.01, alpha}}));
   // the projected edge itself: an ellipse with semi-axes r cos T and r
   const Complex q = std::polar(0.3, 0.9);
   EXPECT_NEAR(std::abs(edgePoint(kFormulaPeg, q, 0.9)), kFormulaPeg * std::cos(0.3), 1e-15);
-  EXPECT_NEAR(std::abs(edgePoint(kFormulaPeg, q, 0.9 + 0.5 * kFormulaPi)), kFormulaPeg, 1e-15);
+  EXPECT_NEAR(std::abs(edgePoint(kFormulaPeg, q, 0.9 + 0.5 * M_PI)), kFormulaPeg, 1e-15);
   EXPECT_LT(angleError(std::arg(edgePoint(kFormulaPeg, q, 2.2)), 2.2), 1e-15);
 }

@@ -12,7 +12,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kFitPi = 3.14159265358979323846;
 constexpr double kFitPeg = 0.025, kFitHole = 0.0251;
 
 // The touching point of a peg that is lowered in this orientation, by brute force and independent
@@ -32,7 +31,7 @@ double touch(const Eigen::Matrix3d& R, const Vector3d& bottom, double& height) {
     }
   };
   for (int i = 0; i < kGrid; ++i) {
-    const double a = 2 * kFitPi * i / kGrid, b = 2 * kFitPi * (i + 1) / kGrid;
+    const double a = 2 * M_PI * i / kGrid, b = 2 * M_PI * (i + 1) / kGrid;
     consider(a);
     // the rim between two samples, by bisection
     if (blocked(a) != blocked(b)) {
@@ -42,7 +41,7 @@ double touch(const Eigen::Matrix3d& R, const Vector3d& bottom, double& height) {
     }
   }
   // a lowest point on the plane, between samples
-  double low = best_a - 2 * kFitPi / kGrid, high = best_a + 2 * kFitPi / kGrid;
+  double low = best_a - 2 * M_PI / kGrid, high = best_a + 2 * M_PI / kGrid;
   for (int k = 0; k < 80; ++k) {
     const double a = high - 0.618 * (high - low), b = low + 0.618 * (high - low);
     (point(a).z() < point(b).z() ? high : low) = point(a).z() < point(b).z() ? b : a;
@@ -66,7 +65,7 @@ Scene sweep(const Vector3d& offset, double hole_tilt, double tilt, int count, do
   scene.X_SH.R = rotationFromVector({Vector3d(hole_tilt * 0.6, -hole_tilt * 0.8, 0.0)});
   scene.X_SH.p = offset;
   for (int i = 0; i < count; ++i) {
-    const double a = 2 * kFitPi * (i + 0.37) / count;
+    const double a = 2 * M_PI * (i + 0.37) / count;
     const Eigen::Matrix3d R_SP =
         rotationFromVector({tilt * Vector3d(-std::sin(a), std::cos(a), 0.0)});
     Pose X_HP = inverse(scene.X_SH) * Pose{R_SP, Vector3d::Zero()};
@@ -75,7 +74,7 @@ Scene sweep(const Vector3d& offset, double hole_tilt, double tilt, int count, do
     X_HP.p.z() -= height;
     HoleReading r;
     r.X_SP = scene.X_SH * X_HP;
-    r.alpha = alpha + (i % 2 ? kFitPi : 0.0) + normal(engine);
+    r.alpha = alpha + (i % 2 ? M_PI : 0.0) + normal(engine);
     r.sd = std::max(noise, 1e-6);
     scene.readings.push_back(r);
   }

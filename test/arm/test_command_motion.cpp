@@ -119,14 +119,14 @@ TEST(CommandMotion, BrakesToThePointThatItTells) {
 
 TEST(CommandMotion, RefusesWhatIsNoPlaceToGo) {
   CommandMotion motion = motionAt(Pose());
-  constexpr double kNoPlace = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kNotFinite = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  EXPECT_FALSE(moveTo(motion, upright(kNoPlace, 0, 0), 1.0));
+  EXPECT_FALSE(moveTo(motion, upright(kNotFinite, 0, 0), 1.0));
   EXPECT_FALSE(moveTo(motion, upright(0, kInf, 0), 1.0));
   EXPECT_FALSE(moveTo(motion, upright(0, 0, 0.1001), 1.0));
-  EXPECT_FALSE(moveTo(motion, {Eigen::Matrix3d::Constant(kNoPlace), {0, 0, 0}}, 1.0));
+  EXPECT_FALSE(moveTo(motion, {Eigen::Matrix3d::Constant(kNotFinite), {0, 0, 0}}, 1.0));
   EXPECT_FALSE(moveTo(motion, {rotationFromVector({Eigen::Vector3d(0.36, 0, 0)}), {0, 0, 0}}, 1.0));
-  EXPECT_FALSE(moveTo(motion, upright(0.01, 0, 0), kNoPlace));
+  EXPECT_FALSE(moveTo(motion, upright(0.01, 0, 0), kNotFinite));
   EXPECT_FALSE(moveTo(motion, upright(0.01, 0, 0), -1.0));
   stepMotion(motion);
   EXPECT_TRUE(isAtRest(motion));

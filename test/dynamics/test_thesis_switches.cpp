@@ -18,8 +18,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kThesisUpright = 1.5707963267948966;
-
 State randomState(unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> u(-1.0, 1.0);
@@ -29,7 +27,7 @@ State randomState(unsigned seed) {
     s.q(i) = (length ? 0.05 : 0.5) * u(random);
     s.v(i) = (length ? 0.2 : 3.0) * u(random);
   }
-  s.q(4) += kThesisUpright;
+  s.q(4) += M_PI_2;
   return s;
 }
 
@@ -121,7 +119,7 @@ TEST(ThesisMoments, OfAContact) {
 
 TEST(ThesisMoments, ErrorIsNoneUprightAndAFifthAtFig81) {
   Vector9 q = Vector9::Zero();
-  q(4) = kThesisUpright;
+  q(4) = M_PI_2;
   EXPECT_LT(momentError(q, Vector3d(1, 2, 3)).norm(), 1e-15);
   q(4) = 1.771;  // what M1 puts into phi: docs/theory.md, 20 %
   EXPECT_NEAR(momentError(q, Vector3d(1, 0, 0))(0), 0.20, 5e-3);
@@ -174,14 +172,13 @@ PlaneScene thesisPlane(const std::vector<std::string>& overrides, double tilt, d
   p.r = p.s.mechanism.peg.radius;
   InitialState& i = p.s.initial;
   i = InitialState{};
-  i.euler = {tilt, kThesisUpright, 0.0};
+  i.euler = {tilt, M_PI_2, 0.0};
   i.position = Vector3d(0.08, 0.0, p.h * std::cos(tilt) + p.r * std::sin(tilt));
   i.euler_rates = Vector3d(spin, 0.0, 0.0);
   i.velocity.z() = -(p.h * std::sin(tilt) - p.r * std::cos(tilt)) * spin;  // gap rate zero
   const double d2 = p.s.mechanism.peg.coupling_height;
   i.carrier_x = i.position.x() + d2 * std::sin(tilt);
-  p.s.rest = {i.carrier_x,    0.0, i.position.z() + d2 * std::cos(tilt) + lift, 0.0,
-              kThesisUpright, tilt};
+  p.s.rest = {i.carrier_x, 0.0, i.position.z() + d2 * std::cos(tilt) + lift, 0.0, M_PI_2, tilt};
   p.s.mechanism.coupling.damping = CouplingMatrix{};
   return p;
 }
