@@ -293,6 +293,21 @@ Matrix6 wrenchCovariance(const Calibration& c, const Vector6& volts,
   return map + J * volts_covariance * J.transpose();
 }
 
+Eigen::MatrixXd gainCovariance(const Calibration& c) {
+  const Eigen::Index terms = c.quadratic_wrench ? 6 + kStrainProducts : 6;
+  if (c.wrench_covariance.rows() != 6 * terms) return {};
+  // E = dS S⁻¹, row by row
+  const Matrix6 strain = c.volts_to_wrench.inverse();
+  Eigen::MatrixXd out(36, 36);
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    for (Eigen::Index j = 0; j < 6; ++j) {
+      out.block<6, 6>(6 * i, 6 * j) =
+          strain.transpose() * c.wrench_covariance.block<6, 6>(terms * i, terms * j) * strain;
+    }
+  }
+  return 0.5 * (out + out.transpose());
+}
+
 Matrix6 displacementCovariance(const Calibration& c, const Vector6& volts,
                                const Matrix6& volts_covariance) {
   const Vector6 s = volts - c.zero_volts;

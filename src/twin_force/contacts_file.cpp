@@ -99,19 +99,30 @@ std::string poseText(const Pose& X) {
 }
 
 SensorErrors readErrors(Section in) {
-  in.only({"position", "quaternion", "gain", "arm", "rotation", "offset"});
+  in.only({"position", "quaternion", "gain", "arm", "rotation", "offset", "gain_covariance"});
   SensorErrors e;
   e.frame = readPose(in);
   e.gain = in.number("gain", Range::kNotNegative);
   e.arm = in.number("arm", Range::kPositive, e.arm);
   e.rotation = in.number("rotation", Range::kNotNegative);
   e.offset = in.number("offset", Range::kNotNegative);
+  if (in.has("gain_covariance")) {
+    constexpr std::size_t kEntries = 36;
+    const std::vector<double> numbers = in.numbers("gain_covariance", kEntries * kEntries);
+    e.gain_covariance = Eigen::Map<const Eigen::MatrixXd>(numbers.data(), kEntries, kEntries);
+  }
   return e;
 }
 
 std::string errorsText(const SensorErrors& e) {
-  return "{" + poseText(e.frame) + ", gain: " + yamlNumber(e.gain) + ", arm: " + yamlNumber(e.arm) +
-         ", rotation: " + yamlNumber(e.rotation) + ", offset: " + yamlNumber(e.offset) + "}";
+  std::string out = "{" + poseText(e.frame) + ", gain: " + yamlNumber(e.gain) +
+                    ", arm: " + yamlNumber(e.arm) + ", rotation: " + yamlNumber(e.rotation) +
+                    ", offset: " + yamlNumber(e.offset);
+  // symmetric
+  if (e.gain_covariance.size() > 0) {
+    out += ", gain_covariance: " + list(e.gain_covariance.reshaped());
+  }
+  return out + "}";
 }
 
 }  // namespace

@@ -209,9 +209,10 @@ Problem makeProblem(const std::vector<Term>& terms, const std::vector<TwinContac
   }
   if (likelihood) tare.L = tareRoot(options);
   if (options.errors && likelihood) {
+    const ErrorRoots roots = errorRoots(options);
     errors.columns.clear();
     for (const TwinContact& c : contacts) {
-      errors.columns.push_back(errorColumns(*options.errors, tare.L, c.wrench_a, c.wrench_b));
+      errors.columns.push_back(errorColumns(*options.errors, roots, c.wrench_a, c.wrench_b));
     }
     errors.u.setZero(errors.columns.front().cols());
     problem.errors = &errors;

@@ -85,6 +85,18 @@ void requireErrors(const SensorErrors& e, const std::string& name) {
   if (!e.frame.p.allFinite() || !e.frame.R.allFinite() || !orthogonal(e.frame.R)) {
     throw InputError(name + ": value not a pose: give a finite position and a unit quaternion");
   }
+  constexpr int kEntries = 36;
+  const Eigen::MatrixXd& gains = e.gain_covariance;
+  if (gains.size() == 0) return;
+  if (gains.rows() != kEntries || gains.cols() != kEntries) {
+    throw InputError(name + ".gain_covariance: value " + std::to_string(gains.rows()) + " by " +
+                     std::to_string(gains.cols()) + ": give 36 by 36");
+  }
+  const Eigen::Matrix<double, kEntries, kEntries> fixed = gains;
+  if (const char* fault = covarianceFault(fixed, true)) {
+    throw InputError(name + ".gain_covariance: value " + fault +
+                     ": give a finite, symmetric, positive semidefinite covariance");
+  }
 }
 
 void requirePositive(double value, const char* name) {

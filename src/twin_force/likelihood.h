@@ -90,9 +90,15 @@ struct ErrorState {
   Eigen::VectorXd g_u;
   Eigen::LLT<Eigen::MatrixXd> factor;  ///< of N_uu, once eliminated
 };
-/// What a contact's wrenches carry for each unknown; tare is L of TareState.
-ErrorColumns errorColumns(const TwinErrors& errors, const Matrix12& tare, const Vector6& wrench_a,
-                          const Vector6& wrench_b);
+/// C = L Lᵀ of what is common to all contacts: L of TareState, and of each gain_covariance.
+struct ErrorRoots {
+  Matrix12 tare = Matrix12::Zero();
+  Eigen::MatrixXd gain_a, gain_b;  ///< 0 × 0: none
+};
+ErrorRoots errorRoots(const TwinForceOptions& options);
+/// What a contact's wrenches carry for each unknown.
+ErrorColumns errorColumns(const TwinErrors& errors, const ErrorRoots& roots,
+                          const Vector6& wrench_a, const Vector6& wrench_b);
 void begin(ErrorState& state);
 void add(const Term& term, std::size_t index, const Whitened& w, const Pose& X_AB,
          ErrorState& state);

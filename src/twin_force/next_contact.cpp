@@ -64,7 +64,7 @@ ContactAdvice predict(const Matrix6& information, const TwinForceOptions& option
 // JᵀC⁻¹J that a candidate adds at the estimate's pose. Errors of the sensors are those of the
 // contacts before: what of them goes with the pose turns J, the rest is noise of this contact.
 Matrix6 candidateInformation(const ContactCandidate& candidate, const TwinForceEstimate& estimate,
-                             const TwinForceOptions& options, const Matrix12& tare) {
+                             const TwinForceOptions& options, const twin_force::ErrorRoots& roots) {
   const Pose& X_AB = estimate.pose;
   TwinContact c;
   c.wrench_b << candidate.force, candidate.point.cross(candidate.force);
@@ -78,7 +78,7 @@ Matrix6 candidateInformation(const ContactCandidate& candidate, const TwinForceE
   Matrix6 C = twin_force::residualCovariance(term, X_AB);
   if (options.errors && estimate.error_slope.size() > 0) {
     const Eigen::Matrix<double, 6, Eigen::Dynamic> J_u = twin_force::errorJacobian(
-        twin_force::errorColumns(*options.errors, tare, c.wrench_a, c.wrench_b), c.move, X_AB);
+        twin_force::errorColumns(*options.errors, roots, c.wrench_a, c.wrench_b), c.move, X_AB);
     J -= J_u * estimate.error_slope;
     C += J_u * estimate.error_rest * J_u.transpose();
   }
@@ -91,12 +91,13 @@ ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,
                                 const std::vector<ContactCandidate>& candidates,
                                 const TwinForceOptions& options) {
   ContactAdvice best;
-  const Matrix12 tare = options.errors ? twin_force::tareRoot(options) : Matrix12::Zero();
+  const twin_force::ErrorRoots roots =
+      options.errors ? twin_force::errorRoots(options) : twin_force::ErrorRoots();
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     checkCandidate(candidates[i], i);
-    ContactAdvice advice =
-        predict(estimate.information + candidateInformation(candidates[i], estimate, options, tare),
-                options);
+    ContactAdvice advice = predict(
+        estimate.information + candidateInformation(candidates[i], estimate, options, roots),
+        options);
     advice.candidate = static_cast<int>(i);
     const double ratio = advice.smallest_eigenvalue - best.smallest_eigenvalue;
     const double margin = kEqual * best.smallest_eigenvalue;

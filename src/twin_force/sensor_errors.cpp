@@ -1,5 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Errors of both sensors as unknowns of the likelihood.
+#include <cmath>
+
 #include "likelihood.h"
 
 namespace assembly_cell {
@@ -14,14 +16,35 @@ constexpr int kTare = 12;              // unknowns of the common offset
 constexpr int kGain = 36, kFrame = 6;  // and of each sensor
 constexpr int kUnknowns = kTare + 2 * (kGain + kFrame);
 
+constexpr double kSemidefinite = 1e-12;  // of a correlation matrix that may be singular
+
+// L of C = L Lᵀ, semidefinite, of any units: by the correlations.
+MatrixXd rootOf(const MatrixXd& covariance) {
+  if (covariance.size() == 0) return {};
+  const VectorXd sd = covariance.diagonal().cwiseSqrt();
+  MatrixXd correlation = MatrixXd::Identity(sd.size(), sd.size());
+  for (Eigen::Index i = 0; i < sd.size(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      if (sd[i] > 0.0 && sd[j] > 0.0) correlation(i, j) = covariance(i, j) / (sd[i] * sd[j]);
+    }
+    correlation(i, i) += kSemidefinite * static_cast<double>(sd.size());
+  }
+  return sd.asDiagonal() * MatrixXd(correlation.llt().matrixL());
+}
+
 // What a wrench in the datum's axes carries for each error of its sensor.
-Eigen::Matrix<double, 6, kGain + kFrame> sensorColumns(const SensorErrors& e, const Vector6& w) {
+Eigen::Matrix<double, 6, kGain + kFrame> sensorColumns(const SensorErrors& e, const MatrixXd& root,
+                                                       const Vector6& w) {
   const Vector6 felt = transformWrench(inverse(e.frame), w);
   Vector6 arms;
   arms << Vector3d::Ones(), Vector3d::Constant(e.arm);
   Eigen::Matrix<double, 6, kGain + kFrame> out;
   out.setZero();
   for (int row = 0; row < 6; ++row) {
+    if (root.size() > 0) {
+      out.row(row).head<kGain>().noalias() = felt.transpose() * root.middleRows<6>(6 * row);
+      continue;
+    }
     for (int col = 0; col < 6; ++col) {
       out(row, 6 * row + col) = e.gain * arms[row] * felt[col] / arms[col];
     }
@@ -37,12 +60,21 @@ Eigen::Matrix<double, 6, kGain + kFrame> sensorColumns(const SensorErrors& e, co
 
 }  // namespace
 
-ErrorColumns errorColumns(const TwinErrors& errors, const Matrix12& tare, const Vector6& wrench_a,
-                          const Vector6& wrench_b) {
+ErrorRoots errorRoots(const TwinForceOptions& options) {
+  ErrorRoots roots{tareRoot(options), {}, {}};
+  if (!options.errors) return roots;
+  roots.gain_a = rootOf(options.errors->a.gain_covariance);
+  roots.gain_b = rootOf(options.errors->b.gain_covariance);
+  return roots;
+}
+
+ErrorColumns errorColumns(const TwinErrors& errors, const ErrorRoots& roots,
+                          const Vector6& wrench_a, const Vector6& wrench_b) {
   ErrorColumns out = ErrorColumns::Zero(12, kUnknowns);
-  out.leftCols<kTare>() = tare;
-  out.block<6, kGain + kFrame>(0, kTare) = sensorColumns(errors.a, wrench_a);
-  out.block<6, kGain + kFrame>(6, kTare + kGain + kFrame) = sensorColumns(errors.b, wrench_b);
+  out.leftCols<kTare>() = roots.tare;
+  out.block<6, kGain + kFrame>(0, kTare) = sensorColumns(errors.a, roots.gain_a, wrench_a);
+  out.block<6, kGain + kFrame>(6, kTare + kGain + kFrame) =
+      sensorColumns(errors.b, roots.gain_b, wrench_b);
   return out;
 }
 

@@ -169,6 +169,31 @@ TEST(CalibrationCovariance, IsThatOfItsDefinition) {
   EXPECT_EQ(outsideWrenchRange(c, Vector6::Unit(2) * 4.5), 4u);
 }
 
+// E = S' S⁻¹ − 1 of maps S' that differ by the columns of a root of the covariance
+TEST(GainCovariance, IsThatOfMapsThatDiffer) {
+  NormalSource normal(5);
+  for (const int terms : {6, 27}) {
+    Calibration c;
+    for (double& x : c.volts_to_wrench.reshaped()) x = normal();
+    EXPECT_EQ(gainCovariance(c).size(), 0);
+    c.quadratic_wrench = terms == 27;
+    Eigen::MatrixXd root(6 * terms, 6 * terms);
+    for (double& x : root.reshaped()) x = 1e-3 * normal();
+    c.wrench_covariance = root * root.transpose();
+    Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(36, 36);
+    for (const auto& column : root.colwise()) {
+      Matrix6 other = c.volts_to_wrench;
+      for (int i = 0; i < 6; ++i) {
+        for (int k = 0; k < 6; ++k) other(i, k) += column[terms * i + k];
+      }
+      const Matrix6 E = other * c.volts_to_wrench.fullPivLu().inverse() - Matrix6::Identity();
+      const Matrix6 rows = E.transpose();
+      expected += rows.reshaped() * rows.reshaped().transpose();
+    }
+    EXPECT_LT((gainCovariance(c) - expected).norm(), 1e-9 * expected.norm());
+  }
+}
+
 TEST_F(CalibrationFile, AnyChangeOfTheContentIsSeen) {
   for (const auto& change : {std::pair{"sample", "simple"},
                              {"2026", "2025"},

@@ -20,8 +20,26 @@ constexpr int kErrors = 42;  // of a sensor: 36 entries of E, turn, shift
 
 TwinErrors errors() {
   TwinErrors e;
-  e.a = {{rotation({0.3, -0.2, 0.1}), {0.02, -0.01, -0.05}}, 0.01, 0.03, 0.01, 3e-4};
-  e.b = {{rotation({-0.1, 0.2, 0.4}), {0.01, 0.03, 0.08}}, 0.02, 0.04, 0.005, 5e-4};
+  e.a = {{rotation({0.3, -0.2, 0.1}), {0.02, -0.01, -0.05}}, 0.01, 0.03, 0.01, 3e-4, {}};
+  e.b = {{rotation({-0.1, 0.2, 0.4}), {0.01, 0.03, 0.08}}, 0.02, 0.04, 0.005, 5e-4, {}};
+  return e;
+}
+
+// the same frames with what a calibration says of the matrices: entries that go together, of a
+// worse and of b better than above
+TwinErrors calibratedErrors() {
+  TwinErrors e = errors();
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> normal;
+  for (auto [sensor, size] : {std::pair(&e.a, 0.02), std::pair(&e.b, 0.003)}) {
+    MatrixXd root(36, 36);
+    for (double& x : root.reshaped()) x = normal(random) / 6.0;
+    for (int i = 0; i < 36; ++i) {
+      const double arms = (i / 6 < 3 ? 1.0 : 0.03) / (i % 6 < 3 ? 1.0 : 0.03);
+      root.row(i) *= size * arms;
+    }
+    sensor->gain_covariance = root * root.transpose();
+  }
   return e;
 }
 
@@ -37,6 +55,21 @@ Scene errorScene() {
   return s;
 }
 
+// entries of E, row after row
+VectorXd entriesOf(const SensorErrors& sd, const VectorXd& e) {
+  if (sd.gain_covariance.size() > 0) {
+    return MatrixXd(sd.gain_covariance.llt().matrixL()) * e.head(36);
+  }
+  VectorXd out(36);
+  for (int i = 0; i < 6; ++i) {
+    for (int k = 0; k < 6; ++k) {
+      const double arms = (i < 3 ? 1.0 : sd.arm) / (k < 3 ? 1.0 : sd.arm);
+      out[6 * i + k] = sd.gain * e[6 * i + k] * arms;
+    }
+  }
+  return out;
+}
+
 // what a sensor with such errors tells of a wrench in the datum's axes: w' = (I + E) w in a frame
 // that stands elsewhere, written out; e in standard deviations
 Vector6 told(const SensorErrors& sd, const VectorXd& e, const Vector6& w) {
@@ -46,11 +79,9 @@ Vector6 told(const SensorErrors& sd, const VectorXd& e, const Vector6& w) {
   const Vector3d F = felt.head<3>(), M = felt.tail<3>();
   felt << dR.transpose() * F, dR.transpose() * (M - shift.cross(F));
   Vector6 out = felt;
+  const VectorXd E = entriesOf(sd, e);
   for (int i = 0; i < 6; ++i) {
-    for (int k = 0; k < 6; ++k) {
-      const double arms = (i < 3 ? 1.0 : sd.arm) / (k < 3 ? 1.0 : sd.arm);
-      out[i] += sd.gain * e[6 * i + k] * arms * felt[k];
-    }
+    for (int k = 0; k < 6; ++k) out[i] += E[6 * i + k] * felt[k];
   }
   return seenFrom(sd.frame, out);
 }
@@ -107,11 +138,15 @@ std::vector<TwinContact> measureWith(const Scene& s, const TwinErrors& sd,
 
 }  // namespace
 
-TEST(SensorErrors, CovarianceIsTheBoundOfTheMeasurementEquations) {
+class DrawnSensors : public ::testing::TestWithParam<TwinErrors (*)()> {};
+INSTANTIATE_TEST_SUITE_P(AsDrawnAndAsCalibrated, DrawnSensors,
+                         ::testing::Values(&errors, &calibratedErrors));
+
+TEST_P(DrawnSensors, CovarianceIsTheBoundOfTheMeasurementEquations) {
   const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
-  options.errors = errors();
+  options.errors = GetParam()();
   const auto& e = estimatePose(measure(s), options, workspace);
   ASSERT_TRUE(hasPose(e.status)) << e.reason;
   EXPECT_LT(errorOf(s.X_AB, e.pose).cwiseAbs().maxCoeff(), 1e-12);
@@ -126,11 +161,11 @@ TEST(SensorErrors, CovarianceIsTheBoundOfTheMeasurementEquations) {
   EXPECT_GT(P(0, 0), 4.0 * alone(0, 0));
 }
 
-TEST(SensorErrors, StatedAndTrueAgreeOverDrawnSensors) {
+TEST_P(DrawnSensors, StatedAndTrueAgreeOverDrawnSensors) {
   const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
-  options.errors = errors();
+  options.errors = GetParam()();
   std::mt19937_64 random(7);
   constexpr int kRuns = 1000;
   double nees = 0.0, chi2 = 0.0;
@@ -155,7 +190,29 @@ TEST(SensorErrors, StatedAndTrueAgreeOverDrawnSensors) {
   EXPECT_GT(refused_without, 95);
 }
 
-TEST(SensorErrors, NoneIsWhatNoErrorsAre) {
+// independent entries of one size are what gain says
+TEST(ErrorsOfSensors, GainIsACovarianceOfItsOwn) {
+  const Scene s = errorScene();
+  TwinForceWorkspace workspace(8);
+  std::mt19937_64 random(13);
+  TwinForceOptions options;
+  options.errors = errors();
+  const auto contacts = measureWith(s, *options.errors, random);
+  const TwinForceEstimate plain = estimatePose(contacts, options, workspace);
+  for (SensorErrors* sensor : {&options.errors->a, &options.errors->b}) {
+    VectorXd sd(36);
+    for (int i = 0; i < 36; ++i) sd[i] = entriesOf(*sensor, VectorXd::Unit(kErrors, i))[i];
+    sensor->gain_covariance = sd.cwiseAbs2().asDiagonal();
+    sensor->gain = 1.0;  // doesn't count
+  }
+  const auto& e = estimatePose(contacts, options, workspace);
+  ASSERT_TRUE(hasPose(e.status));
+  EXPECT_LT((e.pose.p - plain.pose.p).norm(), 1e-9);
+  EXPECT_LT((e.covariance - plain.covariance).norm(), 1e-8 * plain.covariance.norm());
+  EXPECT_NEAR(e.chi2, plain.chi2, 1e-8 * plain.chi2);
+}
+
+TEST(ErrorsOfSensors, NoneIsWhatNoErrorsAre) {
   const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   std::mt19937_64 random(3);
@@ -177,7 +234,7 @@ TEST(SensorErrors, NoneIsWhatNoErrorsAre) {
   }
 }
 
-TEST(SensorErrors, EvidenceIsStillRefused) {
+TEST(ErrorsOfSensors, EvidenceIsStillRefused) {
   const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
@@ -202,11 +259,11 @@ TEST(SensorErrors, EvidenceIsStillRefused) {
 }
 
 // what a contact is said to bring is what it brings: errors are the same in all
-TEST(SensorErrors, AdviceForetellsTheCovariance) {
+TEST_P(DrawnSensors, AdviceForetellsTheCovariance) {
   const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;
-  options.errors = errors();
+  options.errors = GetParam()();
   options.tare_covariance = Matrix12(1e-4 * Matrix12::Identity());
   auto contacts = measure(s);
   const TwinContact last = contacts.back();
@@ -227,7 +284,7 @@ TEST(SensorErrors, AdviceForetellsTheCovariance) {
   EXPECT_GT(advice.smallest_eigenvalue, before.eigenvalues[0]);
 }
 
-TEST(SensorErrors, AreWrittenAndRead) {
+TEST(ErrorsOfSensors, AreWrittenAndRead) {
   ContactsFile file;
   file.contacts = measure(errorScene());
   const std::string without = contactsYaml(file);
@@ -241,6 +298,11 @@ TEST(SensorErrors, AreWrittenAndRead) {
   EXPECT_EQ(again.errors->b.offset, file.errors->b.offset);
   EXPECT_EQ(again.errors->b.frame.p, file.errors->b.frame.p);
   EXPECT_LT((again.errors->b.frame.R - file.errors->b.frame.R).norm(), 1e-15);
+  EXPECT_EQ(again.errors->a.gain_covariance.size(), 0);
+  file.errors->b = calibratedErrors().b;
+  const ContactsFile calibrated = parseContacts(contactsYaml(file), "test");
+  EXPECT_EQ(calibrated.errors->a.gain_covariance.size(), 0);
+  EXPECT_EQ(calibrated.errors->b.gain_covariance, file.errors->b.gain_covariance);
 
   const auto refusal = [&](const std::function<void(TwinErrors&)>& change) {
     TwinForceWorkspace workspace(8);
@@ -259,6 +321,11 @@ TEST(SensorErrors, AreWrittenAndRead) {
             "errors.sensor_a.gain: value -0.01: give a finite number >= 0");
   EXPECT_EQ(refusal([](TwinErrors& e) { e.b.arm = 0.0; }),
             "errors.sensor_b.arm: value 0.0: give a finite number > 0");
+  EXPECT_EQ(refusal([](TwinErrors& e) { e.a.gain_covariance.setZero(6, 36); }),
+            "errors.sensor_a.gain_covariance: value 6 by 36: give 36 by 36");
+  EXPECT_EQ(refusal([](TwinErrors& e) { e.a.gain_covariance = -MatrixXd::Identity(36, 36); }),
+            "errors.sensor_a.gain_covariance: value indefinite: give a finite, symmetric, positive "
+            "semidefinite covariance");
   EXPECT_EQ(refusal([](TwinErrors& e) { e.b.frame.R(0, 1) = 0.1; }),
             "errors.sensor_b: value not a pose: give a finite position and a unit quaternion");
 }

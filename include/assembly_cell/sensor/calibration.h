@@ -81,6 +81,11 @@ inline Vector6 displacementFromVolts(const Calibration& c, const Vector6& volts)
 Matrix6 wrenchCovariance(const Calibration& c, const Vector6& volts,
                          const Matrix6& volts_covariance);
 
+/// What the covariance of the map says of E in w' = (I + E) w, with w' what the map tells of a
+/// wrench w: covariance of the entries of E, row after row, SI units, 36 × 36; 0 × 0: unknown. Of a
+/// quadratic map that of its linear part.
+Eigen::MatrixXd gainCovariance(const Calibration& c);
+
 /// Likewise of a displacement.
 Matrix6 displacementCovariance(const Calibration& c, const Vector6& volts,
                                const Matrix6& volts_covariance);

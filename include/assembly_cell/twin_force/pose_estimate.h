@@ -50,6 +50,9 @@ struct SensorErrors {
   double arm = 0.03;      ///< torques count against forces at this arm there [m]
   double rotation = 0.0;  ///< of the sensor's frame, per axis [rad]
   double offset = 0.0;    ///< [m]
+  /// Of the entries of E, row after row, SI units, 36 × 36, semidefinite, where a calibration says
+  /// it: gain and arm don't count then. 0 × 0: they do.
+  Eigen::MatrixXd gain_covariance;
 };
 struct TwinErrors {
   SensorErrors a, b;
