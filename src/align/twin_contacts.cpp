@@ -72,6 +72,11 @@ Mat3 centerCovariance(const TwinForceSolution& solution) {
 TwinForceContacts::TwinForceContacts(const TwinForceSetup& setup)
     : setup_(setup), X_HA_(inverse(setup.X_AH)), X_PC_(inverse(setup.X_CP)), workspace_(0) {}
 
+void TwinForceContacts::setGainCovariances(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  setup_.gain_covariance_a = a;
+  setup_.gain_covariance_b = b;
+}
+
 void TwinForceContacts::begin(const TwinForceTask& task) {
   if (task.capacity != task_.capacity || contacts_.capacity() == 0) {
     workspace_ = TwinForceWorkspace(task.capacity);
@@ -92,6 +97,8 @@ void TwinForceContacts::begin(const TwinForceTask& task) {
   errors.a.offset = errors.b.offset = known.offset;
   errors.a.frame = X_HA_;
   errors.b.frame = X_PC_;
+  errors.a.gain_covariance = setup_.gain_covariance_a;
+  errors.b.gain_covariance = setup_.gain_covariance_b;
   setup_.options.errors = errors;
   contacts_.clear();
   points_.clear();

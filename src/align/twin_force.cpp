@@ -340,6 +340,8 @@ class TwinForce : public EdgeSearch {
     // by what a sensor's frame is off would shift it
     result.offset = (upright.transpose() * (hole_.center - X_SQ.p)).head<2>();
     result.offset_covariance = hole_.center_covariance;
+    result.wrench_offset = -(solution_.X_HP * X_PQ_start_).p.head<2>();
+    result.wrench_covariance = centerCovariance(solution_).topLeftCorner<2, 2>();
     result.tilt = tiltOf(known_ ? Pose{upright.transpose() * X_SQ.R, Vec3::Zero()}
                                 : solution_.X_HP * X_PQ_start_);
     result.tilt_sd = hole_.normal_sd;

@@ -34,6 +34,9 @@ CalibrationRig::CalibrationRig(const RigSettings& settings)
   if (settings.coupling_compliance && !settings.coupling_compliance->allFinite()) {
     throw InputError("calibration rig: the coupling's compliance is not finite: correct it");
   }
+  if (!settings.gain.a.allFinite() || !settings.gain.b.allFinite()) {
+    throw InputError("calibration rig: a bridge's gain is not finite: correct it");
+  }
   bridge_.a.nonlinearity = bridge_.b.nonlinearity = settings.nonlinearity;
 }
 
@@ -113,7 +116,9 @@ Observation CalibrationRig::apply(const LoadRequest& request) {
   if (!wrench.a.allFinite() || !wrench.b.allFinite()) {
     throw InputError("calibration rig: a load is not finite: correct the request");
   }
-  for (const Side side : kSides) volts_[side] = deflect(bridge_[side], wrench[side]).volts;
+  for (const Side side : kSides) {
+    volts_[side] = deflect(bridge_[side], settings_.gain[side] * wrench[side]).volts;
+  }
   time_ += settings_.test_time;
   o.stamp = time_;
   return o;

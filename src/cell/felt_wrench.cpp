@@ -7,13 +7,10 @@
 namespace assembly_cell {
 namespace {
 
-// (I + E) in SI units times the wrench's way into the frame of the true sensor
+// with the wrench's way into the frame of the true sensor
 Matrix6 mapOf(const SensorTruth& truth) {
-  Matrix6 E = truth.matrix;
-  E.topRightCorner<3, 3>() /= SensorTruth::kLever;
-  E.bottomLeftCorner<3, 3>() *= SensorTruth::kLever;
   const Pose frame{rotationFromVector({truth.rotation}), truth.offset};
-  return (Matrix6::Identity() + E) * wrenchTransform(inverse(frame));
+  return truth.gain() * wrenchTransform(inverse(frame));
 }
 
 }  // namespace

@@ -17,7 +17,10 @@ Calibration designCalibration(const Bridge& bridge) {
 }
 
 Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling) {
-  Calibration c = designCalibration(bridge);
+  return withDisplacement(designCalibration(bridge), coupling);
+}
+
+Calibration withDisplacement(Calibration c, const CouplingParameters& coupling) {
   const Eigen::FullPivLU<Matrix6> lu(couplingStiffness(coupling));
   if (!lu.isInvertible()) {
     throw InputError(
@@ -25,6 +28,8 @@ Calibration designCalibration(const Bridge& bridge, const CouplingParameters& co
         "every direction a stiffness");
   }
   c.volts_to_displacement = lu.solve(c.volts_to_wrench);
+  c.quadratic_displacement = c.quadratic_wrench;
+  if (c.quadratic_displacement) c.displacement_products = lu.solve(c.wrench_products);
   return c;
 }
 

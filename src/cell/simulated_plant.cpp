@@ -15,8 +15,21 @@ namespace {
 constexpr double kMaxSteps = 3e6, kMaxStepsPerSecond = 1e5;
 constexpr double kRounding = 0.01;  // of a sample's period, at a window's ends
 
-TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH) {
+Calibration believedA(const CellParameters& p) {
+  return p.calibration_a ? *p.calibration_a : designCalibration(bridgeA(p.bits, p.noise));
+}
+
+Calibration believedB(const CellParameters& p, const CouplingParameters& coupling) {
+  if (!p.calibration_b) return designCalibration(bridgeB(p.bits, p.noise), coupling);
+  const bool measured = !p.calibration_b->volts_to_displacement.isZero(0.0);
+  return measured ? *p.calibration_b : withDisplacement(*p.calibration_b, coupling);
+}
+
+TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH,
+                              const CellParameters& parameters) {
   TwinForceSetup setup;
+  if (parameters.calibration_a) setup.gain_covariance_a = gainCovariance(*parameters.calibration_a);
+  if (parameters.calibration_b) setup.gain_covariance_b = gainCovariance(*parameters.calibration_b);
   setup.mechanism = nominal;
   setup.X_AH = X_AH;
   setup.X_CP.p.z() = -(nominal.peg.half_height + nominal.peg.coupling_height);
@@ -31,10 +44,9 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
     : nominal_(nominal),
       X_AH_(X_AH),
       cell_(scenario, parameters),
-      calibration_a_(designCalibration(bridgeA(parameters.bits, parameters.noise))),
-      calibration_b_(
-          designCalibration(bridgeB(parameters.bits, parameters.noise), nominal.coupling)),
-      twin_force_(twinForceSetup(nominal, X_AH)),
+      calibration_a_(believedA(parameters)),
+      calibration_b_(believedB(parameters, nominal.coupling)),
+      twin_force_(twinForceSetup(nominal, X_AH, parameters)),
       exciter_(scenario.mechanism.exciter) {
   const Bridge bridge = bridgeA(parameters.bits, parameters.noise);
   const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);
@@ -47,9 +59,8 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
 void SimulatedPlant::know(const KnownMechanism& known) {
   nominal_ = known.mechanism;
   drive_ = known.drive;
-  const CellParameters& parameters = cell_.parameters();
-  calibration_b_ = designCalibration(bridgeB(parameters.bits, parameters.noise), nominal_.coupling);
-  twin_force_ = TwinForceContacts(twinForceSetup(nominal_, X_AH_));
+  calibration_b_ = believedB(cell_.parameters(), nominal_.coupling);
+  twin_force_ = TwinForceContacts(twinForceSetup(nominal_, X_AH_, cell_.parameters()));
 }
 
 void SimulatedPlant::Window::begin(const LocusRequest& wanted) {

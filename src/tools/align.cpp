@@ -21,6 +21,7 @@
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/cell/calibrated_sensors.h"
 #include "assembly_cell/cell/first_goal.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
@@ -62,6 +63,9 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --tilt-max T          of random starts (default 0.0349, 2 degrees)  [rad]
   --mechanism FILE.yaml what strategies believe of the parts instead of the scenario, as identify --out wrote it;
                         checked on the hanging peg before anything is pressed
+  --calibrate N         each run calibrates its sensors on the simulated bench first, N readings averaged a test, and
+                        the twin-force likelihood takes the covariance, see docs/twin_force.md; adds
+                        wrench_error_squared, as offset_error_squared but before touches and walls
   --identify            each run identifies its mechanism first, see docs/identification.md
   --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
                         for each run from its seed, see docs/mismatch.md
@@ -94,6 +98,7 @@ struct Options {
   std::vector<std::string> overrides;
   AlignParameters align;
   CellParameters cell;
+  int calibrate = 0;  // readings a test; 0: sensors as designed
   long runs = 1;
   long threads = std::max(1L, static_cast<long>(std::thread::hardware_concurrency()));
   double offset_max = 0.015, tilt_max = 0.0349;
@@ -124,6 +129,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.text("--arm", o.arm);
   parser.text("--mismatch", o.mismatch);
   parser.text("--mechanism", o.mechanism);
+  parser.integer("--calibrate", o.calibrate, 1, 100000);
   parser.flag("--identify", o.identify);
   parser.flag("--check", o.check);
   parser.text("--report", o.report);
@@ -175,6 +181,12 @@ Run runOnce(const Options& o, const Task& task, std::uint64_t seed,
   Truth truth;
   const Scenario scenario = task.truthOf(o, seed, truth);
   cell.truth = truth.cell;
+  if (o.calibrate > 0) {
+    const assembly_cell::PerSide<assembly_cell::Calibration> sensors =
+        assembly_cell::calibratedSensors(cell, o.calibrate);
+    cell.calibration_a = sensors.a;
+    cell.calibration_b = sensors.b;
+  }
   run.truth = truthText(truth);
   if (run.truth == "{}") run.truth.clear();
   const assembly_cell::Mechanism& drawn = task.scenario.mechanism;
@@ -255,7 +267,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       std::count_if(runs.begin(), runs.end(), [](const Run& r) { return r.trial.success; });
   const assembly_cell::ShareInterval share =
       assembly_cell::shareInterval(good, static_cast<std::int64_t>(runs.size()));
-  std::vector<double> normalised, offset, tilt, simulated, wall, direction, force;
+  std::vector<double> normalised, wrench, offset, tilt, simulated, wall, direction, force;
   for (const auto& [seed, trial, truth, wall_time] : runs) {
     simulated.push_back(trial.result.time);
     wall.push_back(wall_time);
@@ -265,6 +277,10 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
     const Vector2d error = trial.result.offset - trial.true_offset;
     offset.push_back(error.norm());
     normalised.push_back(error.dot(trial.result.offset_covariance.inverse() * error));
+    if (trial.result.wrench_offset) {
+      const Vector2d felt = *trial.result.wrench_offset - trial.true_offset;
+      wrench.push_back(felt.dot(trial.result.wrench_covariance.inverse() * felt));
+    }
     tilt.push_back((trial.result.tilt - trial.true_tilt).norm());
   }
   out << "strategy: " << o.align.strategy << "\n"
@@ -274,6 +290,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
       << "success_interval: [" << yamlNumber(share.low) << ", " << yamlNumber(share.high) << "]\n"
       << falseSuccesses(wrong, runs, o) << "offset_error: " << spread(offset) << "\n"
       << "offset_error_squared: " << mean(normalised) << "\n"
+      << (o.calibrate > 0 ? "wrench_error_squared: " + mean(wrench) + "\n" : "")
       << "tilt_error: " << spread(tilt) << "\n"
       << "direction_error_rms: " << rms(direction) << "\n"
       << "direction_error: " << spread(direction) << "\n"

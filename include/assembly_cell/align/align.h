@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -115,8 +116,11 @@ struct AlignResult {
   Eigen::Matrix2d offset_covariance = Eigen::Matrix2d::Zero();  ///< [m²]
   Eigen::Vector2d tilt{0, 0};  ///< estimated tilt of the peg axis then, rotation vector x, y [rad]
   double tilt_sd = 0.0;        ///< [rad]
-  int contacts = 0;            ///< readings taken
-  double time = 0.0;           ///< plant clock used [s]
+  /// The same offset as wrenches alone told it, before touches and walls; twin_force only.
+  std::optional<Eigen::Vector2d> wrench_offset;
+  Eigen::Matrix2d wrench_covariance = Eigen::Matrix2d::Zero();  ///< [m²]
+  int contacts = 0;                                             ///< readings taken
+  double time = 0.0;                                            ///< plant clock used [s]
   double reference_time =
       0.0;  ///< plant clock when the peg hung at rest, before its first move [s]
   std::vector<DirectionReading> readings;  ///< that the last estimate rests on

@@ -24,7 +24,8 @@ PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd)
 /// 20 to 50 µm. With a third of these errors in truth (level 1) and with all (level 2) 100 of 100
 /// align, with twice as many (level 3) it gets worse: docs/robustness.md.
 struct TwinUncertainty {
-  double gain = 0.01;        ///< of every entry of both strain matrices, as in SensorErrors
+  double gain = 0.01;        ///< of every entry of both strain matrices, as in SensorErrors, where
+                             ///< their calibrations don't say it
   double rotation = 0.01;    ///< of a sensor's frame, per axis [rad]
   double offset = 3e-4;      ///< [m]
   double drift = 0.01;       ///< steady, between a zero and its contact; torques at 30 mm [N/s]
@@ -41,6 +42,8 @@ struct TwinForceSetup {
   TwinForceOptions options;  ///< a prior's pose is the nominal one; a task requires the accuracy
   bool on_plane = true;      ///< contacts lie in the hole's plane, which tells the peg's height
   TwinUncertainty uncertainty;
+  /// What the sensors' calibrations say of their matrices, see gainCovariance(); 0 × 0: nothing.
+  Eigen::MatrixXd gain_covariance_a, gain_covariance_b;
 };
 
 /// Contacts felt by sensor_a and sensor_b, and the pose of the peg in the hole from them. A is
@@ -49,6 +52,9 @@ struct TwinForceSetup {
 class TwinForceContacts : public TwinForceSensing {
  public:
   explicit TwinForceContacts(const TwinForceSetup& setup);
+
+  /// What other calibrations say, as in the setup; of the tasks that begin from now on.
+  void setGainCovariances(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 
   /// The memory of a task's contacts is made here.
   void begin(const TwinForceTask& task) override;

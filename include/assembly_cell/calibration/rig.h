@@ -25,6 +25,9 @@ struct RigSettings {
   double sample_period = 2e-4;  ///< [s]
   double test_time = 60.0;      ///< from one test to the next [s]
   std::uint64_t seed = 1;
+  /// Of the wrench that a bridge feels to the one that loads its sensor, SI units: what its makers
+  /// left beside the drawing.
+  PerSide<Matrix6> gain{Matrix6::Identity(), Matrix6::Identity()};
   /// Of the coupling that sensor_b is: wrench in its frame to displacement of its origin, x y z [m]
   /// and rotation vector [rad], which the gauges read. None: both sensors' own hinges give way.
   std::optional<Matrix6> coupling_compliance;

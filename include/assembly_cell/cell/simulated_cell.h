@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "assembly_cell/cell/felt_wrench.h"
@@ -23,6 +24,9 @@ struct ArmSetup;
 /// Throws InputError for a coupling without a static map (singular stiffness).
 Calibration designCalibration(const Bridge& bridge);
 Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling);
+/// A calibration with the displacement map of the sensor that is this coupling instead of its own.
+/// Throws InputError as above.
+Calibration withDisplacement(Calibration calibration, const CouplingParameters& coupling);
 
 /// What the simulated cell is made of besides the mechanism.
 struct CellParameters {
@@ -40,6 +44,9 @@ struct CellParameters {
   double bridge_nonlinearity = 0.0;   ///< of both bridges, see Bridge: 0 linear to 1 as built
   double bridge_drift = 0.0;          ///< of their temperature, from Bridge's own on [K/h]
   WorldChoice world;                  ///< what simulates the mechanism
+  /// SimulatedPlant only: what the drivers believe of the bridges; none: designCalibration(). One
+  /// of sensor_b without a displacement map gets the coupling's.
+  std::optional<Calibration> calibration_a, calibration_b;
   /// SimulatedPlant only: an arm carries the carrier, see CarrierArm; null: it goes as commanded.
   std::shared_ptr<const ArmSetup> arm;
 };

@@ -25,6 +25,14 @@ struct SensorTruth {
   double hum_phase = 0.0;                         ///< [rad]
   double latency = 0.0;         ///< a sample's stamp is so much later than its wrench [s]
   std::uint64_t walk_seed = 0;  ///< of the walk's random numbers
+
+  /// I + E in SI units.
+  Matrix6 gain() const {
+    Matrix6 E = matrix;
+    E.topRightCorner<3, 3>() /= kLever;
+    E.bottomLeftCorner<3, 3>() *= kLever;
+    return Matrix6::Identity() + E;
+  }
 };
 
 /// How the carrier differs from what is commanded and reported.

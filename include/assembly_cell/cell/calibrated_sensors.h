@@ -1,0 +1,16 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/cell/simulated_cell.h"
+
+namespace assembly_cell {
+
+/// Both sensors of a cell as a person calibrates them before they are built in: plan `recommended`
+/// on the simulated bench, `samples` readings averaged a test, errors of the bench and of the
+/// readings drawn by the cell's seed. The bench has the cell's bridges with the matrices of its
+/// truth; frames, drift and hum are the cell's own. What the checks refuse is done anew, four times
+/// at most. Throws InputError where they refuse the fifth, too, or for samples below 1.
+PerSide<Calibration> calibratedSensors(const CellParameters& cell, int samples);
+
+}  // namespace assembly_cell
