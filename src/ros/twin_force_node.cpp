@@ -136,6 +136,10 @@ TwinForceStreams::Settings TwinForceNode::readSettings(Parameters& parameters,
 // ---- services ----
 
 void TwinForceNode::begin(const TwinForceTask& task) {
+  if (streams_) {
+    const PerSide<Eigen::MatrixXd> gains = streams_->gainCovariances();
+    contacts_->setGainCovariances(gains.a, gains.b);
+  }
   contacts_->begin(task);
   limits_.settled_force = task.settled_force;
   told_ = contactTask(task);

@@ -9,6 +9,7 @@
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/publish_shared.h"
@@ -103,17 +104,20 @@ TwinForceStreams::TwinForceStreams(ros::NodeHandle& nh, const Settings& settings
   carrier_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
       nh, "carrier_pose", kQueue, [this](const auto& m) { onCarrier(m); }, nullptr,
       settings_.lockstep);
-  const auto calibrations = [&](const std::string& sensor, std::optional<Matrix6>& S) {
+  const auto calibrations = [&](Side side, std::optional<Matrix6>& S) {
+    const std::string sensor = sensorName(side);
     return subscribeChecked<SensorCalibration>(
-        nh, sensor + "/calibration", 1, [this, &S](const SensorCalibration::ConstPtr& m) {
-          using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+        nh, sensor + "/calibration", 1,
+        [this, side, sensor, &S](const SensorCalibration::ConstPtr& m) {
+          const Calibration calibration = fromMessage(*m, "calibration of " + sensor);
           const std::lock_guard<std::mutex> lock(mutex_);
-          S = Eigen::Map<const RowMajor>(m->volts_to_wrench.data());
+          S = calibration.volts_to_wrench;
+          gains_[side] = gainCovariance(calibration);
           arrived_.notify_all();
         });
   };
-  calibration_a_sub_ = calibrations("sensor_a", S_a_);
-  calibration_b_sub_ = calibrations("sensor_b", S_b_);
+  calibration_a_sub_ = calibrations(Side::kA, S_a_);
+  calibration_b_sub_ = calibrations(Side::kB, S_b_);
 }
 
 // ---- what comes in ----
@@ -188,6 +192,11 @@ bool TwinForceStreams::wait(Lock& lock, const std::function<bool()>& ready) {
 bool TwinForceStreams::waitForCalibrations() {
   Lock lock(mutex_);
   return wait(lock, [this] { return S_a_ && S_b_; });
+}
+
+PerSide<Eigen::MatrixXd> TwinForceStreams::gainCovariances() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return gains_;
 }
 
 // Blocks of sensor_b: all that end within the window's times, or so many after a time as it takes.

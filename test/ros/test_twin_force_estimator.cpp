@@ -15,10 +15,12 @@
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/AddContact.h"
 #include "assembly_cell/DisplacementSamples.h"
+#include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/SolveTwinForce.h"
 #include "assembly_cell/TareTwinForce.h"
 #include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/WrenchSamples.h"
+#include "assembly_cell/ros/calibration_messages.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/service_call.h"
 #include "assembly_cell/twin_force/contacts_file.h"
@@ -202,6 +204,36 @@ TEST_F(TwinForceEstimator, FindsAKnownPose) {
   EXPECT_EQ(pose_.last()->header.frame_id, "hole");
   const Vector3d now = fromPose(pose_.last()->pose.pose, "pose").p;
   EXPECT_LT((now - (X_HP_ * up).p).norm(), 5e-4);
+}
+
+// What a calibration stores of its own map is the prior of its sensor's matrix in the tasks that
+// begin from then on.
+TEST_F(TwinForceEstimator, BelievesTheCovarianceOfACalibration) {
+  ros::Publisher publisher = nh_.advertise<SensorCalibration>("sensor_a/calibration", 1, true);
+  const auto priors = [&] {
+    std_srvs::Trigger reset;
+    EXPECT_TRUE(callService("twin_force_estimator/reset", reset));
+    addThree();
+    const auto errors = parseContacts(solve().contacts, "answer").errors;
+    EXPECT_TRUE(errors && errors->b.gain_covariance.size() == 0);
+    return errors ? errors->a.gain_covariance : Eigen::MatrixXd();
+  };
+  EXPECT_EQ(priors().size(), 0);
+  Calibration c;
+  c.volts_to_wrench = 6.0 * Matrix6::Identity();
+  c.wrench_covariance = 0.012 * 0.012 * Eigen::MatrixXd::Identity(36, 36);
+  publisher.publish(toMessage(c));
+  Eigen::MatrixXd prior;
+  EXPECT_TRUE(waitFor([&] {
+    prior = priors();
+    return prior.size() > 0;
+  }));
+  ASSERT_EQ(prior.rows(), 36);
+  EXPECT_LT((prior - 0.002 * 0.002 * Eigen::MatrixXd::Identity(36, 36)).norm(), 1e-12);
+  // one that doesn't say it
+  c.wrench_covariance.resize(0, 0);
+  publisher.publish(toMessage(c));
+  EXPECT_TRUE(waitFor([&] { return priors().size() == 0; }));
 }
 
 TEST_F(TwinForceEstimator, RefusesByName) {

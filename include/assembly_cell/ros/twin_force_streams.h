@@ -17,6 +17,7 @@
 #include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/averaging_window.h"
+#include "assembly_cell/calibration/observation.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -55,6 +56,8 @@ class TwinForceStreams {
   Reading read(const Window& window, AveragingLimits limits);
   /// Until both calibrations have come in; false after data_timeout.
   bool waitForCalibrations();
+  /// What the calibration in force says of its matrix, see gainCovariance(); 0 × 0: nothing.
+  PerSide<Eigen::MatrixXd> gainCovariances() const;
 
   /// The carrier now.
   struct Now {
@@ -90,6 +93,7 @@ class TwinForceStreams {
   std::deque<Displacement> d_;
   std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_;
   std::optional<Matrix6> S_a_, S_b_;  ///< volts to wrench, for the rounding
+  PerSide<Eigen::MatrixXd> gains_;    ///< of their errors
 
   ros::Publisher ack_pub_;
   ros::Subscriber a_sub_, b_sub_, d_sub_, carrier_sub_, calibration_a_sub_, calibration_b_sub_;
