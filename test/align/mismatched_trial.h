@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "assembly_cell/cell/calibrated_sensors.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/mismatch/mismatch.h"
@@ -11,16 +12,22 @@
 namespace assembly_cell {
 
 /// Aligns in the default cell, 3 mm over the plane, with a truth drawn by the seed, which is the
-/// sensors', too. The strategy knows the nominal cell.
+/// sensors', too. The strategy knows the nominal cell. calibrate: see calibratedSensors(); 0: by
+/// design.
 inline AlignTrial tryMismatched(const Mismatch& mismatch, const Eigen::Vector2d& offset,
                                 const Eigen::Vector2d& tilt, const std::string& strategy,
-                                std::uint64_t seed) {
+                                std::uint64_t seed, int calibrate = 0) {
   const Scenario cell =
       loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
   const Truth truth = drawTruth(mismatch, seed);
   CellParameters sensors;
   sensors.seed = seed;
   sensors.truth = truth.cell;
+  if (calibrate > 0) {
+    const PerSide<Calibration> calibrated = calibratedSensors(sensors, calibrate);
+    sensors.calibration_a = calibrated.a;
+    sensors.calibration_b = calibrated.b;
+  }
   AlignParameters parameters;
   parameters.strategy = strategy;
   return tryAlignment(trueScenario(startAt(cell, offset, tilt, 0.003), truth, "test"),
