@@ -232,6 +232,21 @@ PosePrior TwinForceContacts::touchedPrior(const Pose& about, double sd) const {
 }
 
 TwinForceSolution TwinForceContacts::solve() {
+  fit();
+  // a matrix that has changed since its calibration: from here on as one that nobody calibrated
+  const bool contradicted =
+      estimate_.status == TwinForceStatus::kRefuseInconsistent || !estimate_.rejected.empty();
+  TwinErrors& errors = *setup_.options.errors;
+  if (contradicted && errors.a.gain_covariance.size() + errors.b.gain_covariance.size() > 0) {
+    errors.a.gain_covariance.resize(0, 0);
+    errors.b.gain_covariance.resize(0, 0);
+    fit();
+  }
+  return {estimate_.status, estimate_.reason, estimate_.pose,          estimate_.covariance,
+          estimate_.chi2,   estimate_.dof,    estimate_.eigenvalues(0)};
+}
+
+void TwinForceContacts::fit() {
   TwinForceOptions options = setup_.options;
   Pose start = options.prior ? options.prior->pose : Pose{};
   const bool on_plane = setup_.on_plane && options.prior && !points_.empty();
@@ -241,8 +256,6 @@ TwinForceSolution TwinForceContacts::solve() {
     if (!hasPose(estimate_.status)) break;
     start = estimate_.pose;
   }
-  return {estimate_.status, estimate_.reason, estimate_.pose,          estimate_.covariance,
-          estimate_.chi2,   estimate_.dof,    estimate_.eigenvalues(0)};
 }
 
 // lowest point of the bottom edge that isn't over the hole

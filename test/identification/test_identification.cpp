@@ -286,6 +286,7 @@ TEST(Check, AgreesWithItsOwnCellAndRefusesAnother) {
     EXPECT_EQ(trial.status, "wrong_mechanism");
     EXPECT_NE(trial.result.reason.find(" alone would explain most of it"), std::string::npos);
     EXPECT_EQ(trial.result.contacts, 0);
+    EXPECT_EQ(trial.force, 0.0);  // nothing was touched
     EXPECT_LT(trial.result.time, 2.0);
   }
 }

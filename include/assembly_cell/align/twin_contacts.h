@@ -43,6 +43,7 @@ struct TwinForceSetup {
   bool on_plane = true;      ///< contacts lie in the hole's plane, which tells the peg's height
   TwinUncertainty uncertainty;
   /// What the sensors' calibrations say of their matrices, see gainCovariance(); 0 × 0: nothing.
+  /// Where the contacts of a task contradict it, the uncertainty's gain counts in its place.
   Eigen::MatrixXd gain_covariance_a, gain_covariance_b;
 };
 
@@ -78,6 +79,7 @@ class TwinForceContacts : public TwinForceSensing {
   Pose pegPose(const Pose& X_SC, const Vector6& displacement) const;
 
  private:
+  void fit();
   Pose moveOf(const Pose& X_SC) const;
   Eigen::Vector3d touchPoint(const Pose& X_HP) const;
   PosePrior touchedPrior(const Pose& about, double sd) const;
