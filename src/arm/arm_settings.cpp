@@ -25,8 +25,9 @@ void needJoints(yaml::Section& in) {
 }
 
 BridgeSettings loadBridge(const std::string& path) {
-  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "parameters of arm_bridge"), path), "",
-                   path);
+  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "parameters of arm_bridge"), path,
+                                  yaml::FileKind::kArmBridge),
+                   "", path);
   BridgeSettings settings;
   readFields(in, fieldsOf(settings));
   needJoints(in);
@@ -37,8 +38,9 @@ BridgeSettings loadBridge(const std::string& path) {
 }
 
 void loadArm(const std::string& path, ArmSetup& setup) {
-  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "parameters of emulate_arm"), path), "",
-                   path);
+  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "parameters of emulate_arm"), path,
+                                  yaml::FileKind::kEmulatedArm),
+                   "", path);
   readFields(in, fieldsOf(setup.arm));
   needJoints(in);
   skip(in, {"description", "seed"});
@@ -118,7 +120,8 @@ ArmGuard bridgeGuard(const BridgeSettings& settings, const Mechanism& mechanism,
 }
 
 ArmSetup loadArmSetup(const std::string& path) {
-  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "arm"), path), "", path);
+  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "arm"), path, yaml::FileKind::kArm), "",
+                   path);
   in.integer("format", 1, 1);
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   const auto file = [&](const char* key) {

@@ -26,7 +26,9 @@ Pose readPose(yaml::Section in) {
 }  // namespace
 
 CellPlace loadCellPlace(const std::string& path) {
-  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "place of the cell"), path), "", path);
+  yaml::Section in(
+      yaml::loadYaml(yaml::fileText(path, "place of the cell"), path, yaml::FileKind::kPlace), "",
+      path);
   in.integer("format", 1, 1);
   CellPlace place;
   place.flange = in.text("flange", "give the link of the arm that carries the carrier");

@@ -324,7 +324,8 @@ std::string fileText(const std::string& path, const std::string& what, std::size
   return text;
 }
 
-YAML::Node loadYaml(const std::string& text, const std::string& source) {
+YAML::Node loadYaml(const std::string& text, const std::string& source, FileKind wanted) {
+  refuseXml(text, wanted, source);
   if (const std::string why = tooDeep(text); !why.empty()) {
     refuse(source, "file", "not readable", why);
   }
@@ -333,7 +334,9 @@ YAML::Node loadYaml(const std::string& text, const std::string& source) {
     if (documents.size() > 1) {
       refuse(source, "file", std::to_string(documents.size()) + " documents", "keep one of them");
     }
-    return documents.empty() ? YAML::Node() : documents.front();
+    const YAML::Node root = documents.empty() ? YAML::Node() : documents.front();
+    refuseOtherKind(root, wanted, source);
+    return root;
   } catch (const YAML::Exception& e) {
     refuse(source, "line " + std::to_string(e.mark.line + 1),
            "column " + std::to_string(e.mark.column + 1),
@@ -423,8 +426,8 @@ YAML::Node withOverride(const YAML::Node& root, const std::string& text) try {
 }
 
 YAML::Node loadMapping(const std::string& text, const std::string& source,
-                       const std::vector<std::string>& overrides) {
-  YAML::Node root = loadYaml(text, source);
+                       const std::vector<std::string>& overrides, FileKind wanted) {
+  YAML::Node root = loadYaml(text, source, wanted);
   if (!root.IsMap()) {
     refuse(source, "file", shown(root), "give a mapping of keys, see docs/interfaces/files.md");
   }

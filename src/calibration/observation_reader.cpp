@@ -11,6 +11,7 @@
 
 #include "assembly_cell/base/bag.h"
 #include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/file_kind.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "observation_text.h"
@@ -291,7 +292,9 @@ YAML::Node parse(const std::string& content, const std::string& source) {
 }
 
 ObservationSet readYaml(const std::string& content, const std::string& path) {
+  yaml::refuseXml(content, yaml::FileKind::kObservations, path);
   const YAML::Node root = parse(content, path);
+  yaml::refuseOtherKind(root, yaml::FileKind::kObservations, path);
   const Reader in(root, path, "");
   if (!root.IsMap() || !in.has("format") || in.text("format") != kObservationFormat) {
     throw InputError(path + ": no observation file: its format must be '" + kObservationFormat +

@@ -211,7 +211,7 @@ KnownMechanism loadKnownMechanism(const std::string& path,
 KnownMechanism parseKnownMechanism(const std::string& text, const std::string& source,
                                    const std::vector<std::string>& overrides) {
   const Mechanism mechanism = parseMechanism(text, source, overrides);
-  Section root(yaml::loadMapping(text, source, overrides), "", source);
+  Section root(yaml::loadMapping(text, source, overrides, yaml::FileKind::kMechanism), "", source);
   if (!root.has("identification")) return knownAsDrawn(mechanism);
   Section in = root.section("identification");
   in.choice("format", {kFormat});

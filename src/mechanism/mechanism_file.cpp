@@ -244,7 +244,8 @@ Mechanism loadMechanism(const std::string& path, const std::vector<std::string>&
 
 Mechanism parseMechanism(const std::string& text, const std::string& source,
                          const std::vector<std::string>& overrides) {
-  yaml::Section in(yaml::loadMapping(text, source, overrides), "", source);
+  yaml::Section in(yaml::loadMapping(text, source, overrides, yaml::FileKind::kMechanism), "",
+                   source);
   const Mechanism mechanism = mechanism_file::readMechanism(in, nullptr);
   // what a scenario says beside
   for (const char* key : {"name", "duration", "push", "contact", "initial", "solver",

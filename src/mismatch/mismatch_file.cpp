@@ -223,7 +223,7 @@ Mismatch::Carrier readCarrier(Section in) {
 }  // namespace
 
 Mismatch parseMismatch(const std::string& text, const std::string& source) {
-  YAML::Node root = yaml::loadYaml(text, source);
+  YAML::Node root = yaml::loadYaml(text, source, yaml::FileKind::kMismatch);
   if (!root.IsDefined() || root.IsNull()) root = YAML::Node(YAML::NodeType::Map);
   if (!root.IsMap()) {
     yaml::refuse(source, "file", shown(root), "give a mapping of keys, see docs/mismatch.md");

@@ -40,7 +40,7 @@ void append(StrainSamples& block, const StrainSample& sample) {
 SimulatedRigNode::SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
     : nh_(nh), pnh_(pnh) {
   Parameters parameters(pnh_);
-  settings_.bits = parameters.integer("bits", 10, 24, 16);
+  settings_.bits = parameters.integer("bits", 1, 64, 16);
   checkBits(settings_.bits, "parameter " + pnh_.resolveName("bits") + " is ");
   settings_.noise = parameters.number("noise", kNotNegative, settings_.noise);
   settings_.nonlinearity = parameters.number("nonlinearity", {0.0, 1.0}, 0.0);

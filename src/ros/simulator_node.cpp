@@ -21,6 +21,7 @@
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/shared_spinner.h"
+#include "assembly_cell/sensor/bridge.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -75,7 +76,8 @@ void SimulatorNode::readParameters(ros::NodeHandle& pnh) {
   const std::string mismatch = parameters.text("mismatch", "");
   CellParameters& cell = cell_parameters_;
   cell.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
-  cell.bits = parameters.integer("bits", 10, 24, 16);
+  cell.bits = parameters.integer("bits", 1, 64, 16);
+  checkBits(cell.bits, "parameter " + pnh.resolveName("bits") + " is ");
   cell.block_size = parameters.integer("block_size", 5, 100, 100);
   cell.noise = parameters.number("noise", Range{0.0, 10.0}, 0.5e-3);
   cell.accelerometer_noise = parameters.number("accelerometer_noise", Range{0.0, 1e3}, 0.02);

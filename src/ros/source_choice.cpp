@@ -62,6 +62,9 @@ SourceChoice chooseSource(const ros::NodeHandle& pnh) {
   } else {
     std::vector<std::string> known = {"bag"};
     known.insert(known.end(), built_in.begin(), built_in.end());
+    // maps of these types in config
+    if (!map.IsDefined() || !map.IsMap())
+      known.push_back("sensor.launch's bota, robotiq, generated");
     auto plug_in =
         loadPlugIn<StrainSource>("StrainSource", choice.type, "parameter " + name, known);
     choice.loader = std::move(plug_in.loader);

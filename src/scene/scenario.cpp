@@ -183,7 +183,8 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
 
 Scenario parseScenario(const std::string& text, const std::string& source,
                        const std::vector<std::string>& overrides) {
-  return readScenario(yaml::loadMapping(text, source, overrides), source);
+  return readScenario(yaml::loadMapping(text, source, overrides, yaml::FileKind::kScenario),
+                      source);
 }
 
 Scenario loadScenario(const std::string& path, const std::vector<std::string>& overrides) {

@@ -344,8 +344,8 @@ Calibration loadCalibration(const std::string& path) {
   const std::string where = "calibration file '" + path + "'";
   // 162 by 162 numbers of a covariance
   constexpr std::size_t kLargestFile = 4 << 20;
-  const YAML::Node root =
-      yaml::loadYaml(yaml::fileText(path, "a calibration", kLargestFile), where);
+  const YAML::Node root = yaml::loadYaml(yaml::fileText(path, "a calibration", kLargestFile), where,
+                                         yaml::FileKind::kCalibration);
   const std::string format =
       root.IsMap() && root["format"] && root["format"].IsScalar() ? root["format"].Scalar() : "";
   if (format != kFormat && format != kExtendedFormat) {

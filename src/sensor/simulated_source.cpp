@@ -25,7 +25,7 @@ SimulatedSource::SimulatedSource() {
 void SimulatedSource::doConfigure(const YAML::Node& map) {
   SourceParameters parameters(map, "source " + info_.type);
   const std::string bridge = parameters.choice("bridge", {"a", "b", "nominal"}, "a");
-  const int bits = parameters.integer("bits", 10, 24, 16);
+  const int bits = std::stoi(parameters.choice("bits", {"10", "16", "24"}, "16"));
   const double noise = parameters.number("noise", 0.0, 10.0, 0.5e-3);
   seed_ = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
   rate_ = parameters.number("rate", 0.1, 1e6, 5000.0);
@@ -41,7 +41,6 @@ void SimulatedSource::doConfigure(const YAML::Node& map) {
     load_[static_cast<int>(k)] = std::clamp(load[k], -kLargestLoad, kLargestLoad);
     amplitude_[static_cast<int>(k)] = std::clamp(amplitude[k], -kLargestLoad, kLargestLoad);
   }
-  // bridgeA and bridgeB refuse other bits
   bridge_ = bridge == "b" ? bridgeB(bits, noise) : bridgeA(bits, noise);
   if (bridge == "nominal") {
     bridge_ = nominalBridge();

@@ -6,6 +6,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/study/study.h"
 
 namespace assembly_cell {
@@ -123,6 +124,7 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
       refuse(s, "give a whole number");
     }
     *integer.value = static_cast<int>(value);
+    if (integer.value == &job.cell.bits) checkBits(job.cell.bits, s.key + ": value ");
     return true;
   }
   std::string known;

@@ -226,8 +226,8 @@ void StudyLedger::writeManifest(const std::map<std::string, std::int64_t>* statu
   writeFileAtomically(path, out.str(), "manifest " + path);
 }
 
-void runThreads(const Study& study, StudyLedger& ledger, int threads, const std::atomic<bool>& stop,
-                const std::function<void()>& tick) {
+void runThreads(const Study& study, StudyLedger& ledger, int threads,
+                const std::atomic<bool>& stop) {
   std::exception_ptr problem;
   std::atomic<bool> broken{false};
 #pragma omp parallel num_threads(threads)
@@ -237,7 +237,6 @@ void runThreads(const Study& study, StudyLedger& ledger, int threads, const std:
       StudyTask task;
       while (!stop && !broken && ledger.take(task)) {
         ledger.put(runner.run(task));
-        tick();
       }
     } catch (...) {
 #pragma omp critical

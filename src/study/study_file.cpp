@@ -481,7 +481,7 @@ class Reader {
 }  // namespace
 
 Study loadStudy(const std::string& path, const std::vector<std::string>& overrides) {
-  YAML::Node root = yaml::loadYaml(yaml::fileText(path, "study"), path);
+  YAML::Node root = yaml::loadYaml(yaml::fileText(path, "study"), path, yaml::FileKind::kStudy);
   if (!root.IsMap()) {
     yaml::refuse(path, "file", shown(root), "give a mapping of keys, see docs/studies.md");
   }

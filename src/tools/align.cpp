@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "assembly_cell/arm/arm_settings.h"
+#include "assembly_cell/base/heartbeat.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/text.h"
@@ -348,6 +349,51 @@ void readInsert(const std::string& text, assembly_cell::InsertParameters& insert
   }
 }
 
+std::vector<Run> runAll(const Options& o, const Task& task) {
+  std::vector<Run> runs(static_cast<std::size_t>(o.runs));
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::size_t done = 0;
+  std::string bad_input;
+  assembly_cell::Heartbeat beat(std::chrono::seconds(5), [&](double seconds) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    std::cerr << "align: " << done << " of " << o.runs << " done, at work for "
+              << std::lround(seconds) << " s\n";
+  });
+  const auto show = [&](const AlignProgress& p) {
+    beat.rest();
+    std::cerr << "align: " << assembly_cell::text("%.2f", p.time) << " s, " << p.state << ": "
+              << p.message << "\n";
+  };
+  const auto work = [&] {
+    for (std::size_t i = next++; i < runs.size(); i = next++) {
+      try {
+        runs[i] = runOnce(o, task, o.cell.seed + i,
+                          o.runs == 1 ? std::function<void(const AlignProgress&)>(show) : nullptr);
+      } catch (const InputError& error) {
+        const std::lock_guard<std::mutex> lock(mutex);
+        bad_input = error.what();
+        next = runs.size();
+        return;
+      }
+      const std::lock_guard<std::mutex> lock(mutex);
+      ++done;
+      beat.rest();
+      if (o.runs > 1) {
+        std::cerr << "align: " << done << " of " << o.runs << ", seed " << runs[i].seed << ": "
+                  << runs[i].trial.result.reason << "\n";
+      }
+    }
+  };
+  std::vector<std::thread> threads;
+  for (long i = 1; i < std::min(o.threads, o.runs); ++i) threads.emplace_back(work);
+  work();
+  for (std::thread& thread : threads) thread.join();
+  if (!bad_input.empty())
+    throw InputError((o.mechanism.empty() ? o.scenario : o.mechanism) + ": " + bad_input);
+  return runs;
+}
+
 int run(const std::vector<std::string>& arguments) {
   Options o;
   if (!parseOptions(arguments, o)) return 0;
@@ -382,41 +428,7 @@ int run(const std::vector<std::string>& arguments) {
     }
   }
 
-  std::vector<Run> runs(static_cast<std::size_t>(o.runs));
-  std::atomic<std::size_t> next{0};
-  std::mutex mutex;
-  std::size_t done = 0;
-  std::string bad_input;
-  const auto show = [&](const AlignProgress& p) {
-    std::cerr << "align: " << assembly_cell::text("%.2f", p.time) << " s, " << p.state << ": "
-              << p.message << "\n";
-  };
-  const auto work = [&] {
-    for (std::size_t i = next++; i < runs.size(); i = next++) {
-      try {
-        runs[i] = runOnce(o, task, o.cell.seed + i,
-                          o.runs == 1 ? std::function<void(const AlignProgress&)>(show) : nullptr);
-      } catch (const InputError& error) {
-        const std::lock_guard<std::mutex> lock(mutex);
-        bad_input = error.what();
-        next = runs.size();
-        return;
-      }
-      const std::lock_guard<std::mutex> lock(mutex);
-      ++done;
-      if (o.runs > 1) {
-        std::cerr << "align: " << done << " of " << o.runs << ", seed " << runs[i].seed << ": "
-                  << runs[i].trial.result.reason << "\n";
-      }
-    }
-  };
-  std::vector<std::thread> threads;
-  for (long i = 1; i < std::min(o.threads, o.runs); ++i) threads.emplace_back(work);
-  work();
-  for (std::thread& thread : threads) thread.join();
-  if (!bad_input.empty())
-    throw InputError((o.mechanism.empty() ? o.scenario : o.mechanism) + ": " + bad_input);
-
+  const std::vector<Run> runs = runAll(o, task);
   const std::string text = yaml(runs, o);
   std::cout << text << std::flush;
   if (file.is_open()) {

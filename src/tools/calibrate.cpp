@@ -16,6 +16,7 @@
 #include "assembly_cell/calibration/rig.h"
 #include "assembly_cell/calibration/session.h"
 #include "assembly_cell/calibration/store.h"
+#include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "calibrate/commands.h"
 #include "calibrate/print.h"
@@ -95,10 +96,11 @@ int plan(const std::vector<std::string>& arguments) {
   parser.text("--observations", observations);
   parser.integer("--next", count, 1, 1000);
   parser.text("--simulate", simulate);
-  parser.integer("--bits", settings.bits, 10, 24);
+  parser.integer("--bits", settings.bits, 1, 64);
   parser.number("--nonlinearity", settings.nonlinearity, 0.0, 1.0);
   parser.integer("--samples", settings.samples, 1, 100000);
   if (!parser.parse(arguments)) return 0;
+  checkBits(settings.bits, "--bits: value ");
   settings.seed = seed + 1000;
   CalibrationRig rig(settings);
   ObservationSet set = rig.description();

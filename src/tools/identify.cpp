@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "assembly_cell/base/date.h"
+#include "assembly_cell/base/heartbeat.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -230,6 +231,11 @@ std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
   std::mutex mutex;
   std::size_t done = 0;
   std::string bad_input;
+  Heartbeat beat(std::chrono::seconds(5), [&](double seconds) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    std::cerr << "identify: " << done << " of " << o.runs << " done, at work for "
+              << std::lround(seconds) << " s\n";
+  });
   const auto work = [&] {
     for (std::size_t i = next++; i < trials.size(); i = next++) {
       try {
@@ -242,6 +248,7 @@ std::vector<IdentificationTrial> runAll(const Options& o, const Task& task) {
       }
       const std::lock_guard<std::mutex> lock(mutex);
       ++done;
+      beat.rest();
       std::cerr << "identify: " << done << " of " << o.runs << ", seed " << o.cell.seed + i << ": "
                 << trials[i].found.verdict << "\n";
     }

@@ -11,10 +11,10 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/heartbeat.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/text.h"
@@ -97,26 +97,20 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   return true;
 }
 
-// A bar on a terminal, a line every ten seconds elsewhere.
+// A bar on a terminal, a line every five seconds elsewhere.
 class Progress {
  public:
-  Progress(const StudyLedger& ledger, bool quiet) : ledger_(ledger), quiet_(quiet) {}
+  Progress(const StudyLedger& ledger, bool quiet) : ledger_(ledger) {
+    if (quiet) return;
+    const auto pause = terminal_ ? std::chrono::milliseconds(200) : std::chrono::seconds(5);
+    beat_ = std::make_unique<assembly_cell::Heartbeat>(pause, [this](double) { show(); });
+  }
   ~Progress() {
+    beat_.reset();
     if (shown_ && terminal_) std::cerr << "\n";
   }
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
-
-  void tick() {
-    if (quiet_) return;
-    const std::unique_lock<std::mutex> lock(mutex_, std::try_to_lock);
-    if (!lock) return;
-    const Clock::time_point now = Clock::now();
-    const auto pause = terminal_ ? std::chrono::milliseconds(200) : std::chrono::seconds(10);
-    if (now - last_ < pause) return;
-    last_ = now;
-    show();
-  }
 
   double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
@@ -155,12 +149,10 @@ class Progress {
   }
 
   const StudyLedger& ledger_;
-  const bool quiet_;
   const bool terminal_ = isatty(STDERR_FILENO) != 0;
   const Clock::time_point start_ = Clock::now();
-  Clock::time_point last_ = start_;
-  std::mutex mutex_;
   bool shown_ = false;
+  std::unique_ptr<assembly_cell::Heartbeat> beat_;
 };
 
 // what was printed has arrived
@@ -237,12 +229,11 @@ int lead(const Options& o, const Study& study, Ranks* ranks) {
   double seconds = 0.0;
   {
     Progress progress(ledger, o.quiet);
-    const auto tick = [&] { progress.tick(); };
     const auto execute = [&] {
       if (ranks != nullptr && ranks->size() > 1) {
-        ranks->serve(study, ledger, static_cast<int>(o.threads), stop_requested, tick);
+        ranks->serve(study, ledger, static_cast<int>(o.threads), stop_requested);
       } else {
-        runThreads(study, ledger, static_cast<int>(o.threads), stop_requested, tick);
+        runThreads(study, ledger, static_cast<int>(o.threads), stop_requested);
       }
     };
     if (study.search.outcome.empty()) {

@@ -128,7 +128,7 @@ std::string errorsText(const SensorErrors& e) {
 }  // namespace
 
 ContactsFile parseContacts(const std::string& yaml, const std::string& source) {
-  Section file(yaml::loadYaml(yaml, source), "", source);
+  Section file(yaml::loadYaml(yaml, source, yaml::FileKind::kContacts), "", source);
   file.only({"contacts", "prior", "tare_covariance", "errors", "candidates"});
   ContactsFile out;
   for (Section& contact : file.sections("contacts")) out.contacts.push_back(readContact(contact));

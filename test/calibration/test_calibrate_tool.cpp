@@ -112,6 +112,7 @@ TEST_F(Calibrate, BadInputEndsWithTwoAndOneLine) {
         "solve a b", "plan recommended --bits 12", "plan recommended --bits", "solve x --what"}) {
     EXPECT_EQ(run(arguments).code, 2) << arguments << "\n" << run(arguments).text;
   }
+  EXPECT_TRUE(has(run("plan recommended --bits 12"), "--bits: value 12: give 10, 16 or 24"));
   std::ofstream(folder_ + "/head_only.yaml") << "format: assembly_cell observations 1\n";
   EXPECT_EQ(run("solve head_only.yaml").code, 2);
   for (const char* arguments : {"", "solve none.yaml", "solve head_only.yaml"}) {

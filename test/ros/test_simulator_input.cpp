@@ -53,7 +53,8 @@ TEST_F(BadInput, Parameters) {
   ros::param::del("/bad/peg_hole_simulator/noize");
   refuse({scenario_, "_seed:=many"}, "/bad/peg_hole_simulator/seed is");
   ros::param::del("/bad/peg_hole_simulator/seed");
-  refuse({scenario_, "_bits:=12"}, "bits");
+  refuse({scenario_, "_bits:=12"},
+         "parameter /bad/peg_hole_simulator/bits is 12: give 10, 16 or 24");
 }
 
 TEST_F(BadInput, Scenario) {

@@ -326,6 +326,8 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
       {"align: {press_force: 3}\n", "job: align"},
       {"axes: [{key: cell.noise, values: [0]}]\n", "cell.noise"},
       {"axes: [{key: cell.noise, uniform: [0, 1]}]\n", "job: align"},
+      {"job: align\naxes: [{key: cell.bits, values: [12]}]\n",
+       "cell.bits: value 12: give 10, 16 or 24"},
       {"job: align\nlook: 0.1\n", "look"},
       {"job: align\naxes: [{key: align.strategy, values: [twin_force, luck]}]\n", "luck"},
       {"job: align\naxes: [{key: align.strategy, uniform: [0, 1]}]\n", "align.strategy"},

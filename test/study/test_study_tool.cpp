@@ -204,6 +204,21 @@ TEST_F(StudyTool, KilledAtAnyTimeItGoesOnToTheSameFiles) {
   EXPECT_EQ(textOf(path("killed/results.csv")), calm);
 }
 
+// a run that never comes to its end says so all the same
+TEST_F(StudyTool, IsNeverSilentForLong) {
+  const std::string file = study("name: long\nscenario: " + kScenarios +
+                                 "chapter8_force_two_10N.yaml\nset: {duration: 1.0e5}\n");
+  const pid_t child = start({kTool, file, "--output", path("a"), "--threads", "1"});
+  const auto begun = std::chrono::steady_clock::now();
+  const auto told = [&] { return textOf(path("err")).find("] 0 of 1 runs") != std::string::npos; };
+  while (!told() && std::chrono::steady_clock::now() - begun < std::chrono::seconds(60)) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  EXPECT_TRUE(told()) << textOf(path("err"));
+  EXPECT_EQ(kill(child, SIGKILL), 0);
+  wait(child);
+}
+
 TEST_F(StudyTool, InterruptKeepsWhatIsDoneAndSaysHowToGoOn) {
   const std::string file = usual(3000);
   const pid_t child = start({kTool, file, "--output", path("a"), "--threads", "1"});

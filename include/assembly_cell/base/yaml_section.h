@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "assembly_cell/base/file_kind.h"
+
 // Files that people write, read key by key: every refusal is one line that names the source, the
 // key's path, the value and the remedy.
 namespace assembly_cell::yaml {
@@ -107,8 +109,10 @@ class Section {
 std::string fileText(const std::string& path, const std::string& what,
                      std::size_t largest = 1 << 20);
 
-/// The first document of the text; syntax errors and further documents are refused.
-YAML::Node loadYaml(const std::string& text, const std::string& source);
+/// The first document of the text; syntax errors, further documents and another kind of file than
+/// `wanted` are refused.
+YAML::Node loadYaml(const std::string& text, const std::string& source,
+                    FileKind wanted = FileKind::kAny);
 
 /// The tree after an override "key.path=value", the value in YAML syntax. Copies what lies on the
 /// way, so that a node shared through a YAML alias changes in one place only.
@@ -116,6 +120,6 @@ YAML::Node withOverride(const YAML::Node& root, const std::string& text);
 
 /// A mapping of keys with overrides applied.
 YAML::Node loadMapping(const std::string& text, const std::string& source,
-                       const std::vector<std::string>& overrides);
+                       const std::vector<std::string>& overrides, FileKind wanted);
 
 }  // namespace assembly_cell::yaml

@@ -94,10 +94,10 @@ class StudyLedger {
   StudyJournal journal_;
 };
 
-/// Does what the ledger offers with `threads` threads, until nothing is left or `stop`. `tick` is
-/// called now and then by one of them. Rethrows what putting a record throws.
-void runThreads(const Study& study, StudyLedger& ledger, int threads, const std::atomic<bool>& stop,
-                const std::function<void()>& tick);
+/// Does what the ledger offers with `threads` threads, until nothing is left or `stop`. Rethrows
+/// what putting a record throws.
+void runThreads(const Study& study, StudyLedger& ledger, int threads,
+                const std::atomic<bool>& stop);
 
 /// The best point of a search; `execute` does what the ledger offers, `stop` ends the search.
 struct StudyOptimum {

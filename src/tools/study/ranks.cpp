@@ -155,8 +155,7 @@ void Ranks::handOut(StudyLedger& ledger, int threads) {
   }
 }
 
-void Ranks::serve(const Study& study, StudyLedger& ledger, int threads, std::atomic<bool>& stop,
-                  const std::function<void()>& tick) {
+void Ranks::serve(const Study& study, StudyLedger& ledger, int threads, std::atomic<bool>& stop) {
   std::exception_ptr problem;
 #pragma omp parallel num_threads(threads + 1)
   {
@@ -174,7 +173,6 @@ void Ranks::serve(const Study& study, StudyLedger& ledger, int threads, std::ato
           receive(ledger, stop, any);
           if (!stop) handOut(ledger, threads);
           if (!out() && (stop || ledger.waiting() == 0)) break;
-          tick();
           const bool in_line = std::all_of(peers_.begin() + 1, peers_.end(), [](const Peer& peer) {
             return peer.blocks.size() == kBlocks;
           });

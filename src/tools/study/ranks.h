@@ -7,7 +7,6 @@
 #include <atomic>
 #include <cstdint>
 #include <deque>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -35,8 +34,7 @@ class Ranks {
   bool agree(const std::string& text, bool good) const;
 
   /// Rank 0: does what the ledger offers, with all ranks. A rank that was told to stop stops all.
-  void serve(const Study& study, StudyLedger& ledger, int threads, std::atomic<bool>& stop,
-             const std::function<void()>& tick);
+  void serve(const Study& study, StudyLedger& ledger, int threads, std::atomic<bool>& stop);
   /// Rank 0: the others may leave.
   void release();
   /// Other ranks: work until released.
