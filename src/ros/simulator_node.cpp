@@ -130,9 +130,11 @@ void SimulatorNode::drawMismatch(const std::string& file) {
 }
 
 void SimulatorNode::advertise(ros::NodeHandle& pnh) {
-  // latched, so that a participant that connects late doesn't miss the first block
-  bridge_a_pub_ = nh_.advertise<StrainSamples>("sensor_a/bridge", kQueue, true);
-  bridge_b_pub_ = nh_.advertise<StrainSamples>("sensor_b/bridge", kQueue, true);
+  // Latched in lockstep, so that a participant that connects late doesn't miss the first block.
+  // roscpp gives who connects the latest block before those that are still queued, which paced
+  // samples must not: there the next block comes by itself.
+  bridge_a_pub_ = nh_.advertise<StrainSamples>("sensor_a/bridge", kQueue, lockstep_);
+  bridge_b_pub_ = nh_.advertise<StrainSamples>("sensor_b/bridge", kQueue, lockstep_);
   accelerometers_pub_ = nh_.advertise<AccelerometerSamples>("accelerometers", kQueue);
   carrier_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
   plant_state_pub_ = nh_.advertise<PlantState>("plant_state", 10, true);
