@@ -280,6 +280,14 @@ void setState(ArmGuard& arm, const Pose& X, double stamp) {
 
 GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now) {
   const std::uint32_t before = arm.guard.session;
+  // nobody begins on what can't be watched yet: a driver that was started anew is back for others
+  // before it is for us. The next lease asks again
+  if (session != 0 && session != before && !arm.guard.lockstep) {
+    for (const Source& source : sourcesOf(arm)) {
+      if (source.known && now - source.time < arm.limits.timeout - 1e-6) continue;
+      return {GuardReason::kStale, text("stale: there are no fresh %s", source.what)};
+    }
+  }
   GuardAction action;
   const GuardVerdict verdict = renewLease(arm.guard, sender, session, now, action);
   if (action.hold) brake(arm.motion);

@@ -182,6 +182,12 @@ void RosPlant::takeNext(std::unique_lock<std::mutex>& lock) {
     if (lockstep_) return;
     const double step = before.isZero() ? 0.0 : (last_.end - before).toSec();
     if (step < kJump) passed += step;
+    if (passed > kTooSlow && lastIsFresh()) {
+      throw PlantError(AlignFailure::kNoData,
+                       text("the plant doesn't follow within %g s: who leads it has no fresh "
+                            "samples or state, see its diagnostics",
+                            kTooSlow));
+    }
     if (passed > kTooSlow) {
       throw PlantError(AlignFailure::kNoData,
                        text("no block younger than %g s within %g s: the machine, or a driver, is "

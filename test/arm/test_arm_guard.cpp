@@ -313,6 +313,29 @@ TEST(ArmGuard, StaleDataEachAlone) {
   }
 }
 
+// A new session isn't held for what was missing before it: it begins when all of it is there.
+TEST(ArmGuard, ANewSessionWaitsForWhatIsWatched) {
+  for (bool Cell::*data : {&Cell::data_a, &Cell::data_b, &Cell::state}) {
+    ArmLimits limits = noLimits();
+    limits.timeout = 0.1;
+    Cell cell(limits);
+    cell.start();
+    cell.*data = false;
+    cell.run(0.2);
+    EXPECT_EQ(cell.arm.mode, ArmMode::kHeld);
+    const std::uint32_t before = cell.session++;
+    cell.run(1.0);
+    EXPECT_EQ(renew(cell.arm, cell.sender(), cell.session, cell.now).reason, GuardReason::kStale);
+    EXPECT_NE(cell.arm.guard.session, cell.session) << before;
+    EXPECT_FALSE(cell.go(at(0.01, 0, 0)).good());
+    cell.*data = true;
+    cell.run(0.2);
+    EXPECT_EQ(cell.arm.guard.session, cell.session);
+    EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing) << cell.arm.text;
+    EXPECT_TRUE(cell.go(at(0.01, 0, 0)).good());
+  }
+}
+
 // Who gets no blocks for want of data shows no life: what is missing is named, not who waits for
 // it.
 TEST(ArmGuard, WhatStarvesTheHolderIsTheReason) {

@@ -113,8 +113,9 @@ void feel(ArmGuard& arm, const FeltSamples& samples);
 /// The arm's own word of where it is, as of `stamp`.
 void setState(ArmGuard& arm, const Pose& X, double stamp);
 
-/// Leases and commands, as the plant's guard takes them. A new session ends a hold. While a load is
-/// above its limit only moves up are taken.
+/// Leases and commands, as the plant's guard takes them. A new session ends a hold; it doesn't
+/// begin while something that is watched isn't fresh. While a load is above its limit only moves up
+/// are taken.
 GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now);
 GuardVerdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now);
 GuardVerdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& exciter, double now);
