@@ -121,7 +121,7 @@ class DoubleContact : public VibratedSearch {
   Contact contactOf(Felt felt) const {
     const Mat3 R_HS = rotationToAxis(hole_.normal).transpose();
     const Pose& X_SP = felt.reading.X_SP;
-    const double r = mechanism_.peg.radius;
+    const double r = tipRadius(mechanism_.peg);
     invert(felt);
     const auto point = [&](double a) {
       return Vec3(X_SP.R * Vec3(r * std::cos(a), r * std::sin(a), 0.0) + X_SP.p);

@@ -46,7 +46,7 @@ constexpr double kLeastPointSd = 2e-4;               // by the sensor's noise [m
 EdgeSearch::EdgeSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& p,
                        const Progress& progress)
     : Search(plant, mechanism, p, progress) {
-  model_.peg_radius = mechanism.peg.radius;
+  model_.peg = mechanism.peg;
   model_.hole = mechanism.hole;
   model_.position_sd *= scale_.room;
   model_.point_sd = std::max(kLeastPointSd, kPointSd * scale_.length);
@@ -87,7 +87,7 @@ Mat3 EdgeSearch::tilted(const Vec3& normal, double a, double tilt) {
 // lowest point of the edge under the bottom's centre, along the normal [m]
 double EdgeSearch::dip(const Mat3& R) const {
   const double up = hole_.normal.dot(R.col(2));
-  return mechanism_.peg.radius * std::sqrt(std::max(0.0, 1.0 - up * up));
+  return tipRadius(mechanism_.peg) * std::sqrt(std::max(0.0, 1.0 - up * up));
 }
 
 // over a place and turned there, free; the zero taken anew
@@ -106,7 +106,7 @@ void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
     if ((over - up).norm() > kSpot) press_.moveTo(restFor(up, now), false);
   } else {
     const double turn = std::acos(std::clamp(R.col(2).dot(now.col(2)), -1.0, 1.0));
-    over.z() = std::max(over.z(), up.z()) + mechanism_.peg.radius * turn;
+    over.z() = std::max(over.z(), up.z()) + tipRadius(mechanism_.peg) * turn;
   }
   press_.moveTo(restFor(over, R), false);
   press_.tare(2);
@@ -185,7 +185,8 @@ bool EdgeSearch::drop(int turn) {
   const double behind = std::clamp(kSure * sd, kBehind * scale_.length, kFarthest * scale_.length);
   const Mat3 R = tilted(hole_.normal, heading_, p_.contact_tilt);
   const double over = kOver * scale_.room;
-  const double deep = kDeep * scale_.length + chamferDepth(mechanism_.hole);
+  const double deep =
+      kDeep * scale_.length + chamferDepth(mechanism_.hole) + chamferHeight(mechanism_.peg);
   const Vec3 place = hole_.center - behind * ahead + (dip(R) + over) * hole_.normal;
   hover(place, R);
   const Vec3 lowest = place - (over + deep + kSure * hole_.height_sd) * hole_.normal;

@@ -183,7 +183,7 @@ Search::Touch Search::feel() {
   touch.sideways = at.head<2>().norm();
   if (touch.force > 0.0) {
     touch.point = Vec2(-at(4), at(3)) / touch.force;
-    touch.reach = touch.point.norm() / mechanism_.peg.radius;
+    touch.reach = touch.point.norm() / tipRadius(mechanism_.peg);
   }
   return touch;
 }
@@ -235,7 +235,7 @@ Vec3 Search::wayAside(double tilt) {
 }
 
 double Search::trapWidth(double tilt) const {
-  const double r = mechanism_.peg.radius, R = mouthRadius(mechanism_.hole);
+  const double r = tipRadius(mechanism_.peg), R = mouthRadius(mechanism_.hole);
   return std::sqrt(R * R - r * r) + r * tilt / kUpright;
 }
 

@@ -181,7 +181,7 @@ class SingleContact : public VibratedSearch {
     if (status.good() || status.failure == AlignFailure::kOneEdgeOnly) {
       const Eigen::Vector3d d = hole_.center - bottom_;
       toward = azimuth(d);
-      half = std::acos(std::clamp(0.5 * d.norm() / mechanism_.peg.radius, 0.0, 1.0));
+      half = std::acos(std::clamp(0.5 * d.norm() / tipRadius(mechanism_.peg), 0.0, 1.0));
     }
     if (!toward || felt_.empty()) return {};
     int left = 0, right = 0;

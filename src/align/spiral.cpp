@@ -80,13 +80,13 @@ class Spiral : public Search {
   void level(Vec3 place) {
     std::vector<TouchReading> readings;
     TouchModel model;
-    model.peg_radius = mechanism_.peg.radius;
+    model.peg = mechanism_.peg;
     model.hole = mechanism_.hole;
     for (int i = 0; i < kTouches; ++i) {
       const double a = 2 * M_PI * (i + (i < 3 ? 0.0 : 0.5)) / 3;
       const Mat3 R = tiltRotation(p_.contact_tilt * Vec2(-std::sin(a), std::cos(a)));
       // no point of the edge goes down by more than the radius times the turn
-      place.z() += 2.0 * mechanism_.peg.radius * p_.contact_tilt;
+      place.z() += 2.0 * tipRadius(mechanism_.peg) * p_.contact_tilt;
       press_.moveTo(restFor(place, R), false);
       press_.tare(2);
       const std::optional<Touch> light = lightTouch(-1e9);
@@ -127,7 +127,7 @@ class Spiral : public Search {
     const Mat3 R = rotationToAxis(hole_.normal) * tiltRotation({lean(), 0.0});
     const Vec3 foot = start - hole_.normal * (hole_.normal.dot(start) - hole_.height);
     Vec3 up = pegPose(press_.target(), Vector6::Zero()).p;
-    up.z() += 2.0 * mechanism_.peg.radius * p_.contact_tilt;
+    up.z() += 2.0 * tipRadius(mechanism_.peg) * p_.contact_tilt;
     press_.moveTo(restFor(up, (inverse(X_BS_) * poseFromRest(press_.target())).R), false);
     press_.moveTo(restFor({foot.x(), foot.y(), std::max(up.z(), foot.z())}, R), false);
     for (int caught = 0; caught <= kCatches; ++caught) {

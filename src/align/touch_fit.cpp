@@ -30,17 +30,20 @@ constexpr double kSteep = 100.0;              // a wall up from the bore's end, 
 constexpr double kSlack = 1e-9;               // within the bore that is on its end [m]
 constexpr double kGridReach = 2.0;            // of the prior's deviations
 constexpr int kIterations = 40;
+constexpr int kCircles = 4;          // steps up the peg's chamfer, for which touches
+constexpr double kCircle = 1e-3;     // and to which its circle is sought
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
 constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
 
-// The peg's edge over a hole: heights and distances as functions of the azimuth.
+// The peg's edge over a hole: heights and distances as functions of the azimuth. Of a chamfered peg
+// the circle that is a part `up` of the way from the bottom edge to the shoulder.
 struct Edge {
-  Edge(const TouchModel& model, const Pose& X_SP, const Vec3& normal, const Vec3& center)
-      : r(model.peg_radius),
+  Edge(const TouchModel& model, const Pose& X_SP, const Vec3& normal, const Vec3& center, double up)
+      : r(tipRadius(model.peg) + up * model.peg.chamfer_width),
         R(model.hole.radius),
         width(model.hole.chamfer_width),
         deep(chamferDepth(model.hole)) {
-    const Vec3 from = X_SP.p - center;
+    const Vec3 from = X_SP.p + up * chamferHeight(model.peg) * X_SP.R.col(2) - center;
     middle = normal.dot(from);
     const Vec3 x = X_SP.R.col(0), y = X_SP.R.col(1);
     rise << normal.dot(x), normal.dot(y);
@@ -158,15 +161,59 @@ struct Edge {
   }
 };
 
-double residualOf(const TouchReading& reading, const Edge& edge, double& azimuth) {
-  azimuth = edge.low;
-  if (reading.kind == TouchReading::kWall) return edge.reach();
+// a touch against a hole: its residual, and where on the peg it would be
+struct Felt {
+  double residual, azimuth, radius;
+};
+
+Felt feltBy(const TouchReading& reading, const Edge& edge) {
+  if (reading.kind == TouchReading::kWall) return {edge.reach(), edge.low, edge.r};
   const std::optional<double> at = edge.touch();
-  azimuth = at.value_or(edge.low);
   // an edge all inside rests nowhere: as if on its highest point
   const double gap = at ? edge.over(*at) : edge.height(edge.low + M_PI);
-  if (reading.kind == TouchReading::kEdge) return gap;
-  return std::min({0.0, gap, -edge.reach()});
+  if (reading.kind == TouchReading::kFree)
+    return {std::min({0.0, gap, -edge.reach()}), 0.0, edge.r};
+  return {gap, at.value_or(edge.low), edge.r};
+}
+
+// By whichever circle of the peg's chamfer is nearest to the block. All of its circles are on the
+// cone, which is as near as the nearest of them.
+Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
+                   const Vec3& center) {
+  const auto at = [&](double up) { return Edge(model, reading.X_SP, normal, center, up); };
+  const Edge bottom = at(0.0);
+  const bool wall = reading.kind == TouchReading::kWall;
+  double highest = 1.0;
+  if (wall) {
+    // of a circle only what is below the plane lies against the wall
+    const auto lowest = [](const Edge& edge) { return edge.middle - edge.r * edge.rise.norm(); };
+    const double low = lowest(bottom), high = lowest(at(1.0));
+    if (!(low < 0.0)) return feltBy(reading, bottom);
+    if (high > 0.0) highest = low / (low - high);
+  } else if (bottom.beyond(bottom.low) >= bottom.width) {
+    return feltBy(reading, bottom);  // on the face
+  }
+  const auto apart = [&](double up) {
+    const double residual = feltBy(reading, at(up)).residual;
+    return wall ? -residual : residual;
+  };
+  double best = 0.0, least = apart(0.0);
+  for (int i = 1; i <= kCircles; ++i) {
+    const double up = highest * i / kCircles, here = apart(up);
+    if (here >= least) continue;
+    least = here;
+    best = up;
+  }
+  const double step = highest / kCircles;
+  const double refined =
+      leastIn(std::max(0.0, best - step), std::min(highest, best + step), apart, kCircle);
+  return feltBy(reading, at(apart(refined) < least ? refined : best));
+}
+
+Felt residualOf(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
+                const Vec3& center) {
+  if (model.peg.chamfer_width > 0.0) return feltByChamfer(model, reading, normal, center);
+  return feltBy(reading, Edge(model, reading.X_SP, normal, center, 0.0));
 }
 
 struct Hole {
@@ -209,18 +256,17 @@ class Posterior {
     const Hole hole = holeOf(x);
     int n = 0;
     for (const TouchReading& reading : readings_) {
-      const Edge edge(model_, reading.X_SP, hole.normal, hole.center);
-      double azimuth = 0.0;
-      out(n++) = robust(residualOf(reading, edge, azimuth) / reading.sd);
+      const Felt felt = residualOf(model_, reading, hole.normal, hole.center);
+      out(n++) = robust(felt.residual / reading.sd);
       if (!reading.point) continue;
-      const Vec2 on(std::cos(azimuth), std::sin(azimuth));
-      const Vec2 off = *reading.point - model_.peg_radius * on - x.tail<2>();
+      const Vec2 on(std::cos(felt.azimuth), std::sin(felt.azimuth));
+      const Vec2 off = *reading.point - felt.radius * on - x.tail<2>();
       out(n++) = robust(off.x() / model_.point_sd);
       out(n++) = robust(off.y() / model_.point_sd);
     }
     out(n++) = x(0) / model_.tilt_sd;
     out(n++) = x(1) / model_.tilt_sd;
-    out(n++) = (x(2) - height_) / model_.peg_radius;
+    out(n++) = (x(2) - height_) / model_.peg.radius;
     out(n++) = (x(3) - model_.start.x()) / model_.position_sd;
     out(n++) = (x(4) - model_.start.y()) / model_.position_sd;
     out(n++) = x(5) / model_.offset_sd;
@@ -230,7 +276,7 @@ class Posterior {
 
   Eigen::MatrixXd slope(const Unknowns& x) const {
     Eigen::MatrixXd J(count_, kUnknowns);
-    const double r = model_.peg_radius;
+    const double r = model_.peg.radius;
     for (int i = 0; i < kUnknowns; ++i) {
       const double h = i < 2 ? 1e-6 : 1e-6 * r;
       Unknowns up = x, down = x;
@@ -284,7 +330,7 @@ Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& 
   for (const TouchReading& r : readings) {
     if (r.kind != TouchReading::kEdge || !r.point) continue;
     // the point itself may be off by the sensor's offset: that on the edge next to it
-    const Vec2 on = model.peg_radius * r.point->normalized();
+    const Vec2 on = tipRadius(model.peg) * r.point->normalized();
     const Vec3 p = r.X_SP.R * Vec3(on.x(), on.y(), 0.0) + r.X_SP.p;
     const Vec3 row(p.x(), p.y(), 1.0);
     A += row * row.transpose();
@@ -305,8 +351,7 @@ Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& 
 
 double touchResidual(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
                      const Vec3& center) {
-  double azimuth = 0.0;
-  return residualOf(reading, Edge(model, reading.X_SP, normal, center), azimuth);
+  return residualOf(model, reading, normal, center).residual;
 }
 
 TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& readings) {
@@ -318,7 +363,7 @@ TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& re
   };
   std::vector<Start> starts;
   const double reach = kGridReach * model.position_sd;
-  const double steps = 2.0 * reach / (kGridStep * model.peg_radius);
+  const double steps = 2.0 * reach / (kGridStep * model.peg.radius);
   const int grid = static_cast<int>(std::clamp<double>(std::ceil(steps) + 1, kGrid, kMostGrid));
   for (int i = 0; i < grid; ++i) {
     for (int k = 0; k < grid; ++k) {

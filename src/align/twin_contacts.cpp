@@ -188,7 +188,7 @@ WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
   const double force = w(2) == 0.0 ? 1.0 : w(2);
   Vec3 point(-w(4) / force, w(3) / force, 0.0);
   // one point carries: it is on the edge, whatever the sensor is off
-  const double radius = setup_.mechanism.peg.radius;
+  const double radius = tipRadius(setup_.mechanism.peg);
   if (point.norm() > kOnEdge * radius) point *= radius / point.norm();
   points_.push_back(X_0Q.R * point + X_0Q.p);
   check(c);
@@ -263,7 +263,7 @@ Vec3 TwinForceContacts::touchPoint(const Pose& X_HP) const {
   Vec3 lowest(0, 0, 1e9);
   for (int i = 0; i < 360; ++i) {
     const double a = 2 * M_PI * i / 360;
-    const Vec3 edge = setup_.mechanism.peg.radius * Vec3(std::cos(a), std::sin(a), 0.0);
+    const Vec3 edge = tipRadius(setup_.mechanism.peg) * Vec3(std::cos(a), std::sin(a), 0.0);
     const Vec3 p = X_HP.R * edge + X_HP.p;
     if (p.head<2>().norm() > mouthRadius(setup_.mechanism.hole) && p.z() < lowest.z()) lowest = p;
   }

@@ -87,7 +87,7 @@ class TwinForce : public EdgeSearch {
     const AveragingWindow free = window(false);
     X_PQ_start_ = deflectedPeg(X_CP_, free.means().displacement());
     X_SC_start_ = carrierPose();
-    Vec3 place(0, 0, -length_ + mechanism_.peg.radius * p_.contact_tilt);
+    Vec3 place(0, 0, -length_ + tipRadius(mechanism_.peg) * p_.contact_tilt);
     for (int k = 1;; ++k) {
       try {
         attempt(place);
@@ -325,7 +325,7 @@ class TwinForce : public EdgeSearch {
   // of the plane under the low side of a peg put down there [m]
   double heightSd(const Pose& X_HP) const {
     const Vec2 low = -X_HP.R.row(2).head<2>().transpose().normalized();
-    const Vec3 from = X_HP.p + mechanism_.peg.radius * (X_HP.R.leftCols<2>() * low);
+    const Vec3 from = X_HP.p + tipRadius(mechanism_.peg) * (X_HP.R.leftCols<2>() * low);
     const Vec3 arm = from - solution_.X_HP.p;
     Vector6 slope;
     slope << 0.0, 0.0, 1.0, arm.y(), -arm.x(), 0.0;

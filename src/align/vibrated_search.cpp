@@ -116,7 +116,7 @@ void VibratedSearch::recover(const AlignError& error, int attempt) {
   } else if (failure == AlignFailure::kNoHoleUnderEdge) {
     // a quarter of a turn from one attempt to the next: three recoveries look to three sides
     const double a = 2 * M_PI * attempt / kAttempts;
-    bottom_ += mechanism_.peg.radius *
+    bottom_ += tipRadius(mechanism_.peg) *
                (rotationToAxis(hole_.normal) * Vec3(std::cos(a), std::sin(a), 0.0));
   }
   if (failure == AlignFailure::kNoPlaneReading || failure == AlignFailure::kOneEdgeOnly) {
@@ -145,7 +145,7 @@ double VibratedSearch::entryHeight(const Mat3& R) const {
 // as long as the plane is not known: by how much the bottom's centre may be lower at one touch than
 // at another
 double VibratedSearch::touchRange() const {
-  return mechanism_.peg.radius * std::sin(tilt_ + kUnknownTilt) + entryDepth();
+  return tipRadius(mechanism_.peg) * std::sin(tilt_ + kUnknownTilt) + entryDepth();
 }
 
 // just off the first touch: a peg that can't be moved sideways is in the hole already
@@ -186,7 +186,7 @@ bool VibratedSearch::caught() {
 double VibratedSearch::clearance(const Mat3& R) const {
   const Mat3 before = (inverse(X_BS_) * poseFromRest(press_.target())).R;
   const double turn = std::acos(std::clamp(R.col(2).dot(before.col(2)), -1.0, 1.0));
-  const double travel = mechanism_.peg.radius * turn;
+  const double travel = tipRadius(mechanism_.peg) * turn;
   Vec3 normal = hole_.normal;
   double height = hole_.height, above = kOver * p_.lift;
   if (!planeKnown()) {
@@ -197,7 +197,7 @@ double VibratedSearch::clearance(const Mat3& R) const {
     above = kRough * scale_.room;
   }
   const double low =
-      mechanism_.peg.radius * std::sqrt(std::max(0.0, 1.0 - std::pow(normal.dot(R.col(2)), 2)));
+      tipRadius(mechanism_.peg) * std::sqrt(std::max(0.0, 1.0 - std::pow(normal.dot(R.col(2)), 2)));
   return std::clamp(low + above - normal.dot(bottom_) + height, 0.0, travel);
 }
 
@@ -213,7 +213,7 @@ std::optional<Vec3> VibratedSearch::roughPlane() const {
     const Vec3 side = peg.R * edge;
     const double low = side.dot((peg.R.col(2) - hole_.normal).normalized());
     if (std::abs(low) < kClearlyLow) continue;
-    const Vec3 at = (peg.p - bottom_) / mechanism_.peg.radius + std::copysign(1.0, low) * side;
+    const Vec3 at = (peg.p - bottom_) / tipRadius(mechanism_.peg) + std::copysign(1.0, low) * side;
     const Vec3 row(at.x(), at.y(), 1.0);
     ++n;
     A += row * row.transpose();
@@ -223,7 +223,7 @@ std::optional<Vec3> VibratedSearch::roughPlane() const {
   Vec3 plane = A.inverse() * b;
   if (plane.head<2>().norm() > kUnknownTilt) return {};
   plane.z() =
-      bottom_.z() + mechanism_.peg.radius * plane.z() - plane.head<2>().dot(bottom_.head<2>());
+      bottom_.z() + tipRadius(mechanism_.peg) * plane.z() - plane.head<2>().dot(bottom_.head<2>());
   return plane;
 }
 
@@ -402,7 +402,7 @@ bool VibratedSearch::level() {
       readings[i] = felt_[i].reading;
     }
     plane = hole_;
-    if (!fitPlane(mechanism_.peg.radius, readings, plane).good()) return false;
+    if (!fitPlane(tipRadius(mechanism_.peg), readings, plane).good()) return false;
     hole_.normal = plane.normal;
   }
   hole_.height = plane.height;
@@ -422,8 +422,8 @@ FitStatus VibratedSearch::fit(int least_rim) {
       invert(felt_[i]);
       readings[i] = felt_[i].reading;
     }
-    const FitStatus status =
-        fitHole(mechanism_.peg.radius, mouthRadius(mechanism_.hole), readings, hole_, least_rim);
+    const FitStatus status = fitHole(tipRadius(mechanism_.peg), mouthRadius(mechanism_.hole),
+                                     readings, hole_, least_rim);
     for (std::size_t i = 0; i < felt_.size(); ++i) felt_[i].reading = readings[i];
     if (!status.good()) return status;
   }

@@ -67,7 +67,8 @@ std::optional<double> Judge::directionError(const DirectionReading& reading) con
 void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial& trial) {
   const PegParameters& peg = truth.mechanism.peg;
   const HoleParameters& hole = truth.mechanism.hole;
-  const double reach = edgeReach(trial.X_HP, peg.radius, truth.imperfections.bore_lean);
+  const double reach = edgeReach(shoulderPose(trial.X_HP, chamferHeight(peg)), peg.radius,
+                                 truth.imperfections.bore_lean);
   trial.depth = -trial.X_HP.p.z();
   trial.success = trial.result.success &&
                   inPlace(trial.X_HP, reach, peg.radius, hole.radius, insert.goal(hole.depth));

@@ -9,7 +9,7 @@ Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
                  const Eigen::Vector2d& tilt, double height) {
   Scenario s = scenario;
   const Eigen::Matrix3d R = rotationFromVector({Eigen::Vector3d(tilt.x(), tilt.y(), 0.0)});
-  const double low = s.mechanism.peg.radius * std::hypot(R(2, 0), R(2, 1));
+  const double low = tipRadius(s.mechanism.peg) * std::hypot(R(2, 0), R(2, 1));
   const Eigen::Vector3d bottom(offset.x(), offset.y(), height + low);
   const Eigen::Vector3d coupling =
       bottom + (s.mechanism.peg.half_height + s.mechanism.peg.coupling_height) * R.col(2);

@@ -169,25 +169,74 @@ class Reader {
   urdf::ModelInterfaceSharedPtr model_;
 };
 
-// Cylinder, centre of mass and inertia of the peg must agree: a body of revolution, uniform along
-// its axis, its frame at the centre of the bottom edge.
+// a cylinder of the peg about its axis
+struct Disc {
+  double radius, low, high;
+};
+
+std::vector<Disc> readDiscs(const Reader& in, const Part& part, const std::string& item) {
+  std::vector<Disc> discs;
+  for (const PartShape& shape : part.shapes) {
+    if (shape.kind != PartShape::Kind::kCylinder) {
+      in.refuse(item, "a box",
+                "give exactly one cylinder, the peg's radius and length, or those of a chamfer "
+                "below it, too");
+    }
+    in.checkPose(item, shape.X_PS);
+    const double middle = in.onAxis(item + ": origin", shape.X_PS.p);
+    const double half = 0.5 * shape.size.z();
+    discs.push_back({0.5 * shape.size.x(), middle - half, middle + half});
+  }
+  return discs;
+}
+
+// Of a chamfered peg: a cylinder from the shoulder up, and below it narrower ones inside the cone,
+// of which the lowest is as wide as the bottom edge.
+void readChamfer(const Reader& in, const std::vector<Disc>& discs, const std::string& item,
+                 PegParameters& peg) {
+  const auto wider = [](const Disc& a, const Disc& b) { return a.radius < b.radius; };
+  const Disc side = *std::max_element(discs.begin(), discs.end(), wider);
+  const Disc tip = *std::min_element(discs.begin(), discs.end(), wider);
+  peg.radius = side.radius;
+  peg.half_height = 0.5 * side.high;
+  peg.chamfer_width = side.radius - tip.radius;
+  peg.chamfer_angle = std::atan2(peg.chamfer_width, side.low);
+  // of lengths in text, whose differences they are
+  const double rounding = kRounding * side.high;
+  if (!(std::abs(tip.low) <= rounding)) {
+    in.refuse(item + ": origin z", shown(tip.low),
+              "the narrowest cylinder begins at 0, the bottom edge");
+  }
+  if (!(peg.chamfer_width > 0.0) || !(side.low > 0.0)) {
+    in.refuse(item, std::to_string(discs.size()) + " cylinders of one radius or height",
+              "give exactly one cylinder, or narrower ones below the widest");
+  }
+  for (const Disc& disc : discs) {
+    const double widest = tip.radius + peg.chamfer_width * std::min(1.0, disc.low / side.low);
+    if (disc.radius <= widest + rounding) continue;
+    in.refuse(item + ": radius", shown(disc.radius),
+              "wider than the chamfer where it begins, " + shown(widest) + " m");
+  }
+}
+
+// Cylinders, centre of mass and inertia of the peg must agree: a body of revolution, its frame at
+// the centre of the bottom edge.
 PegParameters readPeg(const Reader& in) {
   PegParameters peg;
   const Part part = in.part("peg", Pose());
   const std::string collision = "link peg: collision";
-  if (part.shapes.size() != 1 || part.shapes[0].kind != PartShape::Kind::kCylinder) {
-    in.refuse(collision, std::to_string(part.shapes.size()) + " shapes",
-              "give exactly one cylinder, the peg's radius and length");
-  }
-  const PartShape& cylinder = part.shapes[0];
-  in.checkPose(collision, cylinder.X_PS);
-  peg.radius = 0.5 * cylinder.size.x();
-  peg.half_height = 0.5 * cylinder.size.z();
-  const double middle = in.onAxis(collision + ": origin", cylinder.X_PS.p);
-  if (!same(middle, peg.half_height)) {
-    in.refuse(collision + ": origin z", shown(middle),
-              "half the cylinder's length is " + shown(peg.half_height) +
-                  ", make them equal: the frame lies at the bottom edge");
+  const std::vector<Disc> discs = readDiscs(in, part, collision);
+  if (discs.size() == 1) {
+    peg.radius = discs[0].radius;
+    peg.half_height = 0.5 * part.shapes[0].size.z();
+    const double middle = part.shapes[0].X_PS.p.z();
+    if (!same(middle, peg.half_height)) {
+      in.refuse(collision + ": origin z", shown(middle),
+                "half the cylinder's length is " + shown(peg.half_height) +
+                    ", make them equal: the frame lies at the bottom edge");
+    }
+  } else {
+    readChamfer(in, discs, collision, peg);
   }
 
   const urdf::Inertial& inertial = in.inertial("peg");
@@ -351,6 +400,11 @@ void checkAgainst(const CellDescription& description, const Mechanism& mechanism
       {"peg.radius", mechanism.peg.radius, peg.radius, "link peg, collision cylinder"},
       {"peg.half_height", mechanism.peg.half_height, peg.half_height,
        "link peg, half its collision cylinder"},
+      {"peg.chamfer.width", mechanism.peg.chamfer_width, peg.chamfer_width,
+       "link peg, widest collision cylinder less the narrowest"},
+      {"peg.chamfer.angle", mechanism.peg.chamfer_angle,
+       mechanism.peg.chamfer_width > 0.0 ? peg.chamfer_angle : mechanism.peg.chamfer_angle,
+       "link peg, collision cylinders below the widest"},
       {"peg.mass", mechanism.peg.mass, peg.mass, "link peg, inertial"},
       {"peg.inertia_transverse", mechanism.peg.inertia_transverse, peg.inertia_transverse,
        "link peg, ixx"},

@@ -11,6 +11,7 @@ namespace {
 constexpr double kAluminium = 2700.0;                           // [kg/m³]
 constexpr double kLeastHeight = 0.060;                          // of the block [m]
 constexpr int kBoxes = 24;                                      // of the block's ring
+constexpr int kSteps = 8;                                       // of the peg's chamfer
 constexpr double kSensorRadius = 0.04, kSensorHeight = 0.03;    // sensor_a [m]
 constexpr double kCouplingRadius = 0.018, kCouplingUp = 0.010;  // sensor_b [m]
 constexpr double kCouplingDown = 0.020, kLeastDown = 0.001;     // where the peg leaves room [m]
@@ -150,6 +151,19 @@ void writeBlock(Text& out, const HoleParameters& hole, double height) {
   out.end();
 }
 
+// around the side above the shoulder, and steps inside the cone below it, the lowest one as wide as
+// the bottom edge
+void writePeg(Text& out, const PegParameters& peg) {
+  const double top = 2.0 * peg.half_height, shoulder = chamferHeight(peg);
+  out.cylinder("body", "peg", 0.5 * (top + shoulder), peg.radius, top - shoulder);
+  if (!(shoulder > 0.0)) return;
+  const double step = shoulder / kSteps;
+  for (int i = 0; i < kSteps; ++i) {
+    out.cylinder("chamfer_" + std::to_string(i), "peg", (i + 0.5) * step,
+                 tipRadius(peg) + peg.chamfer_width * i / kSteps, step);
+  }
+}
+
 }  // namespace
 
 std::string cellUrdf(const Mechanism& mechanism) {
@@ -189,7 +203,7 @@ std::string cellUrdf(const Mechanism& mechanism) {
   out.joint("sensor_b", "peg", -length);
   out.link("peg");
   out.inertial(peg.half_height, peg.mass, peg.inertia_transverse, peg.inertia_axial);
-  out.cylinder("body", "peg", peg.half_height, peg.radius, 2.0 * peg.half_height);
+  writePeg(out, peg);
   out.end();
   out.joint("peg", "exciter", peg.half_height + peg.exciter_height);
   out.raw("  <link name=\"exciter\"/>\n</robot>\n");

@@ -28,15 +28,16 @@ struct ForceMoment {
   Eigen::Vector3d force = Eigen::Vector3d::Zero(), moment = Eigen::Vector3d::Zero();
 };
 
-/// One point of the body whose change is asked for, and the force that makes it.
+/// One point of the body whose change is asked for, and the force that makes it. Made by
+/// Constraints::add(): room for all slots costs nothing.
 struct Constraint {
-  std::size_t slot = 0;       ///< of the contact; free to the caller
-  bool stick = false;         ///< three components are asked for, else the one along the normal
+  std::size_t slot;           ///< of the contact; free to the caller
+  bool stick;                 ///< three components are asked for, else the one along the normal
   Eigen::Vector3d r;          ///< lever from the centre of mass
   Eigen::Vector3d normal;     ///< slip: row
   Eigen::Vector3d direction;  ///< slip: of the force, scaled to 1 along the normal
   Eigen::Vector3d change;     ///< asked for; slip: only its part along the normal
-  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< result
+  Eigen::Vector3d force;      ///< result
 };
 
 /// Points that are solved together.
@@ -45,6 +46,8 @@ struct Constraints {
   Constraint& add(std::size_t slot, const Eigen::Vector3d& r, const Eigen::Vector3d& normal) {
     Constraint& row = rows[n++];
     row.slot = slot;
+    row.stick = false;
+    row.force.setZero();
     row.r = r;
     row.normal = row.direction = normal;
     return row;

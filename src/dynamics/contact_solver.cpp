@@ -40,8 +40,10 @@ bool prepare(const System& s, Evaluation& e) {
     // a rigid flat peg's lowest point has no way along the edge, those of a face have none
     const bool flat = s.rigid && e.point(i).feature == ContactFeature::kEdgePlane &&
                       k.a(1) * k.a(1) + k.a(2) * k.a(2) < kFlat * kFlat && !hasGround(s, e.edge);
-    if (!flat && !(e.material >> i & 1u))
-      at.rates = contactRates(e.edge, e.point(i), at.velocity, k.omega);
+    if (flat || e.material >> i & 1u) continue;
+    const EdgeCircle edge =
+        kShoulderSlots >> i & 1u ? shoulderOf(e.edge, s.shapes.peg_chamfer) : e.edge;
+    at.rates = contactRates(edge, e.point(i), at.velocity, k.omega);
   }
   return e.active() != 0;
 }

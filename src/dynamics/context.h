@@ -20,7 +20,7 @@ struct System {
   explicit System(const Scenario& s);
   EdgeCircle edge(const Kinematics& k) const {
     return {k.x - scenario.mechanism.peg.half_height * k.a, k.R0, k.R1,
-            scenario.mechanism.peg.radius};
+            tipRadius(scenario.mechanism.peg)};
   }
 
   Scenario scenario;
@@ -68,7 +68,9 @@ struct Face {
   double across = 0.0;           ///< before: the place across from the one on the ground
 };
 constexpr ContactSlotMask kFaceSlots = 7u;
-static_assert((kEdgePlaneSlots | (kEdgeEdgeSlots & kFaceSlots)) == kFaceSlots);
+constexpr ContactSlotMask kFacePlaneSlot = kEdgePlaneSlots & kFaceSlots;
+static_assert(kFacePlaneSlot != 0 &&
+              (kFacePlaneSlot | (kEdgeEdgeSlots & kFaceSlots)) == kFaceSlots);
 
 /// Where a run is: everything that the next step starts from and takes as frozen.
 struct Context {

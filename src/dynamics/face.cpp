@@ -169,7 +169,7 @@ void endFace(const System& s, Context& c, Evaluation& e) {
   }
   dropFace(c, e);
   locate(s, c, s.admitted & ~e.closed, e, e.open_set);
-  for (const std::size_t i : Slots(e.open_set.valid & kEdgePlaneSlots)) {
+  for (const std::size_t i : Slots(e.open_set.valid & kFacePlaneSlot)) {
     if (!touched || e.contacts[i].gap > s.leave_gap) continue;
     setMode(i, Mode::kIdle, c, e);
     if (s.scenario.contact.law != ContactLaw::kViscous) keepDepth(i, pressed, c, e);
@@ -207,13 +207,13 @@ bool putToRest(const System& s, Context& c, Evaluation& e) {
 }  // namespace
 
 bool hasGround(const System& s, const EdgeCircle& edge) {
-  if (s.excluded & kEdgePlaneSlots) return false;
+  if (s.excluded & kFacePlaneSlot) return false;
   const double tilt2 = edge.axis0(0) * edge.axis0(0) + edge.axis1(0) * edge.axis1(0);
   return tilt2 < kNearlyLevel * kNearlyLevel && groundLeft(s, edge) > 0.0;
 }
 
 void beginFaceStep(Context& c, const Evaluation& e) {
-  for (const std::size_t i : Slots(e.active() & kEdgePlaneSlots)) {
+  for (const std::size_t i : Slots(e.active() & kFacePlaneSlot)) {
     c.face.across = e.point(i).t + M_PI;
   }
 }
@@ -222,7 +222,7 @@ double faceEvent(const System& s, const Context& c, const Evaluation& e) {
   const Round height = heights(c, e.edge);
   if (!c.face.on) {
     // the point across from the one that carried at the step's start: it stays down once it is
-    if (!(e.active() & kEdgePlaneSlots) || !hasGround(s, e.edge)) return HUGE_VAL;
+    if (!(e.active() & kFacePlaneSlot) || !hasGround(s, e.edge)) return HUGE_VAL;
     const double up = height.middle + c.face.height - groundUnder(s, e.edge);
     const Round over{up, height.cosine, height.sine};
     // of springs two points beside it, which carry nothing then
@@ -247,10 +247,10 @@ void dropFace(Context& c, Evaluation& e) {
 }
 
 bool beginFace(const System& s, Context& c, Evaluation& e) {
-  if (c.face.on || !(e.active() & kEdgePlaneSlots) || !hasGround(s, e.edge)) return false;
+  if (c.face.on || !(e.active() & kFacePlaneSlot) || !hasGround(s, e.edge)) return false;
   c.face.height = groundUnder(s, e.edge);
   const Round height = heights(c, e.edge);
-  const std::size_t single = *Slots(kEdgePlaneSlots);
+  const std::size_t single = *Slots(kFacePlaneSlot);
   const double lowest = e.point(single).t;
   if (hasSprings(s)) {
     // their forces depend on the points, which stay where they are

@@ -4,7 +4,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "assembly_cell/base/input_error.h"
 #include "chatter.h"
@@ -41,9 +40,9 @@ StopReason excludedContact(const System& s, const Evaluation& e) {
   if (e.closed_set.top_reached || e.open_set.top_reached) return StopReason::kPegTop;
   const ContactSlotMask found = e.closed & s.excluded & ~e.material;
   if (!found) return StopReason::kOk;
-  static constexpr StopReason kReasons[] = {StopReason::kEdgeEdge, StopReason::kEdgePlane,
-                                            StopReason::kEdgeWall, StopReason::kRimSide,
-                                            StopReason::kRimFace,  StopReason::kEdgeCone};
+  static constexpr StopReason kReasons[] = {
+      StopReason::kEdgeEdge, StopReason::kEdgePlane, StopReason::kEdgeWall, StopReason::kRimSide,
+      StopReason::kRimFace,  StopReason::kEdgeCone,  StopReason::kRimCone};
   return kReasons[static_cast<int>(featureOfSlot(__builtin_ctz(found)))];
 }
 
@@ -57,6 +56,7 @@ const char* toString(StopReason reason) {
                                            "rim_side",
                                            "rim_face",
                                            "edge_cone",
+                                           "rim_cone",
                                            "peg_top",
                                            "singular_orientation",
                                            "initial_overlap",
@@ -76,7 +76,12 @@ struct Simulation::Run {
   void checkState();
   void decideAfterCommand();
   void followForce();
-  const Evaluation& present(std::optional<Evaluation>& after_command) const;
+  Evaluation afterCommand() const;
+  /// What `use` makes of the evaluation of the present.
+  template <class Use>
+  auto atPresent(const Use& use) const {
+    return context.stale ? use(afterCommand()) : use(now);
+  }
 
   const System system;
   Context context;
@@ -201,18 +206,17 @@ void Simulation::Run::decideAfterCommand() {
 
 // Before a slice of a carrier that gives way.
 void Simulation::Run::followForce() {
-  std::optional<Evaluation> after_command;
-  const FreeMotion& motion = present(after_command).motion;
+  const Vec3 force =
+      atPresent([](const Evaluation& e) -> Vec3 { return e.motion.FK + e.motion.FC; });
   giveWay(context.commands, system.scenario.imperfections.compliance, context.time,
-          fromThesisAxes(motion.FK + motion.FC));
+          fromThesisAxes(force));
   context.stale = true;
   decideAfterCommand();
 }
 
-// the evaluation of the present; made anew after a command, before the run goes on
-const Evaluation& Simulation::Run::present(std::optional<Evaluation>& after_command) const {
-  if (!context.stale) return now;
-  Evaluation& e = after_command.emplace(now);
+// of the present, after a command and before the run goes on
+Evaluation Simulation::Run::afterCommand() const {
+  Evaluation e = now;
   evaluate(system, context, context.time, context.state, Level::kEvents, e);
   e.closed_set = now.closed_set;
   e.open_set = now.open_set;
@@ -308,9 +312,8 @@ void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
 std::array<ContactReport, kSlots> Simulation::contacts() const {
   const System& s = run_->system;
   const SlotArray& slots = run_->context.slots;
-  std::optional<Evaluation> after_command;
   // all slots are searched and the internal force of two sticking contacts is shared
-  Evaluation e = run_->present(after_command);
+  Evaluation e = run_->context.stale ? run_->afterCommand() : run_->now;
   if (const ContactSlotMask others = s.admitted & ~e.closed) {
     locate(s, run_->context, others, e, e.open_set);
   }
@@ -343,8 +346,7 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
 }
 
 Vector6 Simulation::couplingWrench() const {
-  std::optional<Evaluation> after_command;
-  const FreeMotion& motion = run_->present(after_command).motion;
+  const FreeMotion motion = run_->atPresent([](const Evaluation& e) { return e.motion; });
   const Mat3 inverse_transposed = kinematics(state()).Re.transpose().inverse();
   const Vec3 force = motion.FK + motion.FC;
   const Vec3 moment =
@@ -358,15 +360,15 @@ Vector6 Simulation::couplingWrench() const {
 }
 
 Vector6 Simulation::holeWrench() const {
-  std::optional<Evaluation> after_command;
-  const Evaluation& e = run_->present(after_command);
-  Vector6 w = Vector6::Zero();
-  for (const std::size_t i : Slots(e.active())) {
-    const Vec3 force = -fromThesisAxes(e.contacts[i].force);
-    w.head<3>() += force;
-    w.tail<3>() += fromThesisAxes(e.point(i).p).cross(force);
-  }
-  return w;
+  return run_->atPresent([](const Evaluation& e) {
+    Vector6 w = Vector6::Zero();
+    for (const std::size_t i : Slots(e.active())) {
+      const Vec3 force = -fromThesisAxes(e.contacts[i].force);
+      w.head<3>() += force;
+      w.tail<3>() += fromThesisAxes(e.point(i).p).cross(force);
+    }
+    return w;
+  });
 }
 
 Eigen::Vector2d Simulation::specificForce(double height) const {

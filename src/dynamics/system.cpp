@@ -78,6 +78,7 @@ ContactSlotMask slotsOf(const ContactFeatures& features) {
   if (features.rim_side) mask |= kRimSideSlots;
   if (features.rim_face) mask |= kRimFaceSlots;
   if (features.edge_cone) mask |= kEdgeConeSlots;
+  if (features.rim_cone) mask |= kRimConeSlots;
   return mask;
 }
 
@@ -93,13 +94,14 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
   // without modes of rest a contact's force ends at zero gap
   leave_gap = discrete_friction ? kReach : kTouch;
   const HoleParameters& hole = scenario.mechanism.hole;
+  const PegParameters& peg = scenario.mechanism.peg;
   if (hole.chamfer_width > 0.0) shapes.chamfer = chamferOf(hole.chamfer_width, hole.chamfer_angle);
+  if (peg.chamfer_width > 0.0) shapes.peg_chamfer = chamferOf(peg.chamfer_width, peg.chamfer_angle);
   if (contact.law != ContactLaw::kNone) {
     // contacts that `features` excludes are watched as well: they end the run. The bottom face
     // never meets the rim before the edge meets the plane
     const bool face = contact.features.rim_face && !contact.features.edge_plane;
-    const ContactSlotMask known = shapes.chamfer ? kAllContactSlots : kSharpRimSlots;
-    admitted = known & ~(face ? 0u : kRimFaceSlots);
+    admitted = possibleSlots(shapes) & ~(face ? 0u : kRimFaceSlots);
     excluded = admitted & ~slotsOf(contact.features);
   }
   shapes.hole_radius = hole.radius;
@@ -113,7 +115,7 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
   if (scenario.thesis.creep) {
     slip_threshold = std::max(slip_threshold, contact.regularisation_speed);
   }
-  arm = std::hypot(scenario.mechanism.peg.half_height, scenario.mechanism.peg.radius);
+  arm = std::hypot(peg.half_height, peg.radius);
 }
 
 State initialState(const System& s) {

@@ -1,18 +1,12 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // The peg's edge against the chamfer of the hole.
-#include <array>
+#include <algorithm>
 
 #include "contact_search.h"
 
 namespace assembly_cell {
 namespace contact_search {
 namespace {
-
-// of the circle, where two places may be a minimum: twice as far apart as the nearest minima
-constexpr int kSamples = 24;
-// the gap's first harmonic over its second: above it there is one minimum, and Newton finds it from
-// the first harmonic's
-constexpr double kOneMinimum = 12.0;
 
 // height of a point over the cone, and its derivatives along the edge
 struct ConePlace {
@@ -64,44 +58,11 @@ bool acceptCone(const Peg& e, const Rim& rim, double far, double bend, const Con
   return depth <= plane.most(width2) && depth <= wall.most(width2);
 }
 
-// The lowest places over the cone among samples of the circle, the lowest first: one or two.
-struct Lowest {
-  std::array<Place, 2> places;
-  std::array<double, 2> gaps{};
-  int n = 0;
-
-  Lowest(const Peg& e, const Rim& rim) {
-    std::array<Place, kSamples> at;
-    std::array<double, kSamples> gap;
-    ConePlace place;
-    at[0] = {e.lc, e.ls, 0.0};
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      if (i > 0) at[i] = stepBack(at[i - 1], -2 * M_PI / kSamples);
-      conePlace(e, rim, at[i], place);
-      gap[i] = place.gap;
-    }
-    for (std::size_t i = 0; i < kSamples; ++i) {
-      const double before = gap[(i + kSamples - 1) % kSamples], after = gap[(i + 1) % kSamples];
-      if (!(gap[i] <= before && gap[i] < after)) continue;
-      const std::size_t to = n > 0 && gap[i] < gaps[0] ? 0 : 1;
-      if (n == 0 || to == 0) {
-        places[1] = places[0];
-        gaps[1] = gaps[0];
-        places[0] = at[i];
-        gaps[0] = gap[i];
-      } else if (n == 1 || gap[i] < gaps[1]) {
-        places[1] = at[i];
-        gaps[1] = gap[i];
-      }
-      n = n < 2 ? n + 1 : 2;
-    }
-  }
-};
-
 }  // namespace
 
-void edgeCone(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted, ContactSet& set) {
-  SlotPair pair(set, admitted, kEdgeConeSlots, 10);
+void edgeCone(const Peg& e, const Rim& rim, double far, std::size_t first_slot,
+              ContactSlotMask admitted, ContactSet& set) {
+  SlotPair pair(set, admitted, first_slot);
   const double s = rim.cone->sine, c = rim.cone->cosine;
   const double lean = e.leans() ? levelNorm(e.lean) : 0.0;
   const double lowest = e.center(0) - e.amplitude;
@@ -136,7 +97,10 @@ void edgeCone(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted
       at = placeOf(seen.c * e.lc - seen.s * e.ls, seen.c * e.ls + seen.s * e.lc);
       return true;
     }
-    const Lowest lowest_places(e, rim);
+    const LowestPlaces lowest_places({e.lc, e.ls, 0.0}, [&](const Place& sample) {
+      conePlace(e, rim, sample, place);
+      return place.gap;
+    });
     const std::size_t i = lower ? 0 : 1;
     if (lowest_places.n <= static_cast<int>(i)) return false;
     at = placeOf(lowest_places.places[i].c, lowest_places.places[i].s);

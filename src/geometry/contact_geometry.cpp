@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "contact_search.h"
 
@@ -13,10 +14,10 @@ using namespace contact_search;
 namespace {
 
 // at a hand-over both neighbours may hold by rounding, at one place: the edge–edge candidate stays
-void dropDoubles(double r, ContactSet& set, ContactSlotMask& valid) {
-  for (std::size_t i = 0; i < set.slots.size(); ++i) {
+void dropDoubles(double r, std::size_t slots, ContactSet& set, ContactSlotMask& valid) {
+  for (std::size_t i = 0; i < slots; ++i) {
     if (!(kEdgeEdgeSlots >> i & 1u) || !set.slots[i].valid) continue;
-    for (std::size_t j = 1; j < set.slots.size(); ++j) {
+    for (std::size_t j = 1; j < slots; ++j) {
       if (!set.slots[j].valid || (j <= i && kEdgeEdgeSlots >> j & 1u)) continue;
       const double distance2 = (set.slots[i].p - set.slots[j].p).squaredNorm();
       if (distance2 > square(kMerged * r)) continue;
@@ -38,49 +39,70 @@ void edgePair(const Peg& e, const Rim& rim, double reach, std::size_t first,
   }
 }
 
-void findAtRim(const EdgeCircle& edge, const Peg& e, const ContactShapes& shapes,
-               ContactSlotMask admitted, ContactSet& set) {
-  const double far = 2 * shapes.reach;
-  const Rim rim{shapes.hole_radius};
-  edgePair(e, rim, shapes.reach, 0, admitted, set);
-  set.slots[2].valid = false;
-  if (e.leans()) {
-    // below the plane the block is where its bore is
-    const Peg seen(straightened(edge, e.lean), shapes.bore_lean);
-    if (admitted & kEdgePlaneSlots) edgePlane(seen, rim, shapes.hole_depth, far, set.slots[2]);
-    if (admitted & kEdgeWallSlots) edgeWall(seen, rim, far, admitted, set);
-  } else {
-    if (admitted & kEdgePlaneSlots) edgePlane(e, rim, shapes.hole_depth, far, set.slots[2]);
-    if (admitted & kEdgeWallSlots) edgeWall(e, rim, far, admitted, set);
+// the slots of one edge circle of the peg, the first of each pair
+struct EdgeSlots {
+  std::size_t edge, plane, wall, low_edge, cone;
+};
+constexpr EdgeSlots kBottom{0, 2, 3, 8, 10}, kShoulder{14, 18, 19, 16, 21};
+// of rim_side and rim_cone; with a chamfer in the hole at its lower edge, and at its upper one
+constexpr std::size_t kSide = 5, kUpperSide = 12, kCone = 23, kLowerCone = 25;
+constexpr ContactSlotMask pairOf(std::size_t first) { return 3u << first; }
+
+// One edge circle of the peg against the block. Of a chamfered rim these are the searches of its
+// upper edge, its face, and its lower edge with the wall, for which heights are counted from that
+// edge.
+void findEdge(const EdgeCircle& circle, const Peg& e, const EdgeSlots& at,
+              const ContactShapes& shapes, ContactSlotMask admitted, ContactSet& set) {
+  const double far = 2 * shapes.reach, depth = shapes.chamfer.height;
+  const Chamfer* cone = shapes.chamfer ? &shapes.chamfer : nullptr;
+  const Rim upper{shapes.hole_radius + shapes.chamfer.width, cone, false};
+  // below the plane the block is where its bore is
+  std::optional<Peg> straight;
+  if (e.leans()) straight.emplace(straightened(circle, e.lean), shapes.bore_lean);
+  const Peg& seen = straight ? *straight : e;
+  edgePair(e, upper, shapes.reach, at.edge, admitted, set);
+  set.slots[at.plane].valid = false;
+  if (admitted >> at.plane & 1u) {
+    edgePlane(seen, upper, shapes.hole_depth, far, set.slots[at.plane]);
   }
-  if (admitted & kRimSideSlots) rimSide(e, rim, shapes.peg_length, far, admitted, set);
-  set.slots[7].valid = false;
-  if (admitted & kRimFaceSlots) rimFace(e, rim.radius, far, set.slots[7]);
+  if (!cone) {
+    if (admitted & pairOf(at.wall)) edgeWall(seen, upper, far, at.wall, admitted, set);
+    return;
+  }
+  const Rim lower{shapes.hole_radius, cone, true};
+  if (admitted & pairOf(at.cone)) edgeCone(seen, upper, far, at.cone, admitted, set);
+  edgePair(raised(e, depth), lower, shapes.reach, at.low_edge, admitted, set);
+  if (admitted & pairOf(at.wall)) {
+    edgeWall(raised(seen, depth), lower, far, at.wall, admitted, set);
+  }
 }
 
-// at a chamfered rim: the searches of its upper edge, its face, and its lower edge with the wall,
-// for which heights are counted from that edge
-void findAtChamfer(const EdgeCircle& edge, const Peg& e, const ContactShapes& shapes,
-                   ContactSlotMask admitted, ContactSet& set) {
+// The rim, or the edges of its chamfer, against the peg; `side` is the circle where the peg's side
+// begins, if it isn't the bottom edge.
+void findRims(const Peg& e, const Peg& side, const ContactShapes& shapes, ContactSlotMask admitted,
+              ContactSet& set) {
   const double far = 2 * shapes.reach, depth = shapes.chamfer.height;
-  const Rim upper{shapes.hole_radius + shapes.chamfer.width, &shapes.chamfer, false};
-  const Rim lower{shapes.hole_radius, &shapes.chamfer, true};
-  const Peg seen = e.leans() ? Peg(straightened(edge, e.lean), shapes.bore_lean) : e;
-  edgePair(e, upper, shapes.reach, 0, admitted, set);
-  set.slots[2].valid = set.slots[7].valid = false;
-  if (admitted & kEdgePlaneSlots) edgePlane(seen, upper, shapes.hole_depth, far, set.slots[2]);
-  if (admitted & kEdgeConeSlots) edgeCone(seen, upper, far, admitted, set);
-  if (admitted & kRimSideSlots & ~kSharpRimSlots)
-    rimSide(e, upper, shapes.peg_length, far, admitted, set);
+  const Chamfer* cone = shapes.chamfer ? &shapes.chamfer : nullptr;
+  const Rim upper{shapes.hole_radius + shapes.chamfer.width, cone, false};
+  const std::size_t first = cone ? kUpperSide : kSide;
+  if (admitted & pairOf(first)) rimSide(side, upper, far, first, admitted, set);
+  set.slots[7].valid = false;
   if (admitted & kRimFaceSlots) rimFace(e, upper.radius, far, set.slots[7]);
+  if (admitted & pairOf(kCone)) rimCone(e, upper.radius, far, kCone, admitted, set);
+  if (!cone) return;
+  const Rim lower{shapes.hole_radius, cone, true};
+  if (admitted & pairOf(kSide)) {
+    rimSide(raised(side, depth), lower, far, kSide, admitted, set);
+  }
+  if (admitted & pairOf(kLowerCone)) {
+    rimCone(raised(e, depth), lower.radius, far, kLowerCone, admitted, set);
+  }
+}
 
-  const Peg e_low = raised(e, depth), seen_low = raised(seen, depth);
-  edgePair(e_low, lower, shapes.reach, 8, admitted, set);
-  if (admitted & kEdgeWallSlots) edgeWall(seen_low, lower, far, admitted, set);
-  if (admitted & kRimSideSlots & kSharpRimSlots)
-    rimSide(e_low, lower, shapes.peg_length, far, admitted, set);
+// what was found with heights counted from the lower edge of the chamfer
+void lowerBack(const Peg& e, double depth, ContactSlotMask admitted, ContactSet& set) {
   const Vec3 down = -depth * Vec3(1.0, e.lean(1), e.lean(2));
-  for (const std::size_t i : {3, 4, 5, 6, 8, 9}) {
+  for (const std::size_t i : {3, 4, 5, 6, 8, 9, 16, 17, 19, 20, 25, 26}) {
     if (!(admitted >> i & 1u) || !set.slots[i].valid) continue;
     set.slots[i].p += down;
     set.slots[i].rim += down;
@@ -90,8 +112,8 @@ void findAtChamfer(const EdgeCircle& edge, const Peg& e, const ContactShapes& sh
 }  // namespace
 
 const char* toString(ContactFeature feature) {
-  constexpr const char* kNames[] = {"edge_edge", "edge_plane", "edge_wall",
-                                    "rim_side",  "rim_face",   "edge_cone"};
+  constexpr const char* kNames[] = {"edge_edge", "edge_plane", "edge_wall", "rim_side",
+                                    "rim_face",  "edge_cone",  "rim_cone"};
   return kNames[static_cast<std::size_t>(feature)];
 }
 
@@ -103,41 +125,69 @@ EdgeHeight edgeHeight(const EdgeCircle& e) {
   return {e.center(0), e.radius * std::sqrt(square(e.axis0(0)) + square(e.axis1(0)))};
 }
 
+ContactSlotMask possibleSlots(const ContactShapes& shapes) {
+  ContactSlotMask mask = kSharpRimSlots;
+  if (shapes.chamfer) mask |= kHoleChamferMask;
+  if (shapes.peg_chamfer) mask |= kPegChamferMask;
+  if (shapes.chamfer && shapes.peg_chamfer) mask |= kBothChamfersMask;
+  return mask;
+}
+
+EdgeCircle shoulderOf(const EdgeCircle& edge, const Chamfer& chamfer) {
+  return {edge.center + chamfer.height * edge.axis0.cross(edge.axis1), edge.axis0, edge.axis1,
+          edge.radius + chamfer.width};
+}
+
 ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes,
                              ContactSlotMask admitted, ContactSet& set) {
   set.top_reached = false;
-  if (!shapes.chamfer) admitted &= kSharpRimSlots;
+  admitted &= possibleSlots(shapes);
   // all of the peg is above the plane: the height test needs neither root nor search
   const double above = edge.center(0) - shapes.reach;
-  const double amplitude2 = square(edge.radius) * (square(edge.axis0(0)) + square(edge.axis1(0)));
+  const double amplitude2 = square(edge.radius + shapes.peg_chamfer.width) *
+                            (square(edge.axis0(0)) + square(edge.axis1(0)));
   if (!(above <= 0.0 || above * above <= amplitude2)) {
     set.valid = 0;
     return 0;
   }
 
-  const Peg e(edge, shapes.bore_lean);
+  Peg e(edge, shapes.bore_lean);
   if (!e.finite()) {
     set.valid = 0;
     return 0;
   }
-  if (shapes.chamfer) {
-    findAtChamfer(edge, e, shapes, admitted, set);
+  if (shapes.peg_chamfer) {
+    e.cone = &shapes.peg_chamfer;
+    const EdgeCircle circle = shoulderOf(edge, shapes.peg_chamfer);
+    Peg shoulder(circle, shapes.bore_lean);
+    shoulder.cone = e.cone;
+    shoulder.shoulder = true;
+    shoulder.length = shapes.peg_length - shapes.peg_chamfer.height;
+    findEdge(circle, shoulder, kShoulder, shapes, admitted, set);
+    findEdge(edge, e, kBottom, shapes, admitted, set);
+    findRims(e, shoulder, shapes, admitted, set);
   } else {
-    findAtRim(edge, e, shapes, admitted, set);
+    e.length = shapes.peg_length;
+    findEdge(edge, e, kBottom, shapes, admitted, set);
+    findRims(e, e, shapes, admitted, set);
   }
+  if (shapes.chamfer) lowerBack(e, shapes.chamfer.height, admitted, set);
 
   ContactSlotMask valid = 0;
-  const std::size_t slots = shapes.chamfer ? kContactSlots : kSharpSlots;
+  const std::size_t slots = shapes.peg_chamfer ? kContactSlots
+                            : shapes.chamfer   ? kHoleChamferSlots
+                                               : kSharpSlots;
   for (std::size_t i = 0; i < slots; ++i) {
     if (admitted >> i & 1u && set.slots[i].valid) valid |= 1u << i;
   }
-  if (valid & kEdgeEdgeSlots && valid & (valid - 1)) dropDoubles(e.r, set, valid);
+  if (valid & kEdgeEdgeSlots && valid & (valid - 1)) dropDoubles(e.r, slots, set, valid);
   set.valid = valid;
   return valid;
 }
 
 double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes) {
-  const Peg e(edge);
+  // of the cylinder around a chamfered peg
+  const Peg e({edge.center, edge.axis0, edge.axis1, edge.radius + shapes.peg_chamfer.width});
   const double lowest = e.center(0) - e.amplitude;
   if (lowest > 0.0) return lowest;
   if (!(e.axis(0) > 0.1)) return 0.0;

@@ -54,12 +54,14 @@ ContactRates edgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v
   return rates;
 }
 
-// the rim's point runs over the peg's side or face: in the axes of the peg it moves at −v_m
+// the rim's point runs over the peg's side, face or chamfer: in the axes of the peg it moves at
+// −v_m
 ContactRates rimRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                       const Vec3& omega) {
   const Vec3& n = c.normal;
   const Vec3 axis = e.axis0.cross(e.axis1);
-  const Vec3 round = axis.cross(n);
+  Vec3 round = axis.cross(n);
+  if (c.feature == ContactFeature::kRimCone) round.normalize();
   const Vec3 v_rim = v_m - c.gap * omega.cross(n);  // of the peg's material at the rim
   const double spin = omega.dot(n);
   const double v_round = -round.dot(v_rim), t_round = round.dot(c.tangent);
@@ -92,6 +94,7 @@ ContactRates contactRates(const EdgeCircle& edge, const ContactPoint& contact, c
       return edgeRates(edge, contact, v_m, omega);
     case ContactFeature::kRimSide:
     case ContactFeature::kRimFace:
+    case ContactFeature::kRimCone:
       break;
   }
   return rimRates(edge, contact, v_m, omega);

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -83,6 +84,10 @@ struct Peg {
   double sine, offset;  // of the tilt; of the centre from the hole's axis
   double lc, ls;        // t of the lowest point; of t = 0 for an upright peg
   Vec3 lean;            // of the bore, (0, bore_lean)
+  double length = 0.0;  // from this circle to the top
+  // of the peg, below its shoulder; the circle is that one, else its bottom edge
+  const Chamfer* cone = nullptr;
+  bool shoulder = false;
 
   explicit Peg(const EdgeCircle& e, const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero())
       : r(e.radius),
@@ -180,16 +185,16 @@ inline bool sameAngle(const ContactPoint& a, const Place& b) {
   return std::abs(a.sin_t * b.c - a.cos_t * b.s) < kMerged && a.cos_t * b.c + a.sin_t * b.s > 0.0;
 }
 
-// the two slots of edge_wall or rim_side: those admitted are empty now, the others hold their
-// places
+// the two slots of a kind that has places in pairs: those admitted are empty now, the others hold
+// their places
 struct SlotPair {
   ContactSet& set;
   ContactSlotMask admitted, warm;  // warm: with a candidate of the previous call
   std::size_t first;
   int found = 0;  // places held and found
 
-  SlotPair(ContactSet& s, ContactSlotMask a, ContactSlotMask kind, std::size_t f)
-      : set(s), admitted(a), warm(s.valid & a & kind), first(f) {
+  SlotPair(ContactSet& s, ContactSlotMask a, std::size_t f)
+      : set(s), admitted(a), warm(s.valid & a & 3u << f), first(f) {
     for (std::size_t i = first; i < first + 2; ++i) {
       if (admitted >> i & 1u) set.slots[i].valid = false;
       found += set.slots[i].valid ? 1 : 0;
@@ -291,6 +296,7 @@ struct Depth {
   }
 };
 
+// under the hole's chamfer
 inline Depth coneDepth(const Rim& rim, const Meridian& m) {
   const double s = rim.cone->sine, c = rim.cone->cosine;
   return {c * (m.rho - rim.radius) - s * m.x(0), c * m.drho - s * m.dx(0),
@@ -318,15 +324,62 @@ inline void leanWall(const Peg& seen, double rise, ContactPoint& contact) {
   leanBack(seen, contact);
 }
 
+// The lowest places over a cone among samples of a circle, the lowest first: one or two. `gap`
+// gives the height at a place, the samples begin at `start`.
+struct LowestPlaces {
+  // where two places may be a minimum: twice as far apart as the nearest minima
+  static constexpr int kSamples = 24;
+
+  std::array<Place, 2> places;
+  std::array<double, 2> gaps{};
+  int n = 0;
+
+  template <typename Gap>
+  LowestPlaces(const Place& start, const Gap& gap_at) {
+    std::array<Place, kSamples> at;
+    std::array<double, kSamples> gap;
+    at[0] = start;
+    for (std::size_t i = 0; i < kSamples; ++i) {
+      if (i > 0) at[i] = stepBack(at[i - 1], -2 * M_PI / kSamples);
+      gap[i] = gap_at(at[i]);
+    }
+    for (std::size_t i = 0; i < kSamples; ++i) {
+      const double before = gap[(i + kSamples - 1) % kSamples], after = gap[(i + 1) % kSamples];
+      if (!(gap[i] <= before && gap[i] < after)) continue;
+      const std::size_t to = n > 0 && gap[i] < gaps[0] ? 0 : 1;
+      if (n == 0 || to == 0) {
+        places[1] = places[0];
+        gaps[1] = gaps[0];
+        places[0] = at[i];
+        gaps[0] = gap[i];
+      } else if (n == 1 || gap[i] < gaps[1]) {
+        places[1] = at[i];
+        gaps[1] = gap[i];
+      }
+      n = n < 2 ? n + 1 : 2;
+    }
+  }
+};
+// the height's first harmonic over its second: above it there is one minimum, and Newton finds it
+// from the first harmonic's
+constexpr double kOneMinimum = 12.0;
+
 // slot: 0 or 1 of the pair
 void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
               ContactPoint& contact);
 void edgePlane(const Peg& e, const Rim& rim, double hole_depth, double far, ContactPoint& contact);
-void edgeWall(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted, ContactSet& set);
+// pairs: into the slots `first` and the one after it
+void edgeWall(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
+              ContactSet& set);
 // the rim is the upper one
-void edgeCone(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted, ContactSet& set);
-void rimSide(const Peg& e, const Rim& rim, double peg_length, double far, ContactSlotMask admitted,
+void edgeCone(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
+              ContactSet& set);
+// the circle is the one where the side begins
+void rimSide(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
              ContactSet& set);
+// the circle is the bottom edge
+void rimCone(const Peg& e, double rim_radius, double far, std::size_t first,
+             ContactSlotMask admitted, ContactSet& set);
 void rimFace(const Peg& e, double rim_radius, double far, ContactPoint& contact);
 
 }  // namespace contact_search

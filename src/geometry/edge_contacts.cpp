@@ -117,6 +117,12 @@ bool beyondCone(const Peg& e, const Rim& rim, const Meridian& m, int slot) {
   return rim.lower ? flat > 0.0 : flat < 0.0;
 }
 
+// the other edge of the peg's chamfer, or its face, is nearer
+bool beyondPegCone(const Peg& e, const Vec3& normal, const Vec3& out) {
+  const double flat = e.cone->cosine * normal.dot(e.axis) + e.cone->sine * normal.dot(out) / e.r;
+  return e.shoulder ? flat > 0.0 : flat < 0.0;
+}
+
 // is a farthest place of the edge a contact with the wall: below the rim, and not so flat under the
 // plane (the chamfer) that it is nearer
 bool acceptWall(const Peg& e, const Rim& rim, double far, Meridian& m) {
@@ -164,6 +170,7 @@ void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
   const double e2 = m.x(1) * m.inverse_rho, e3 = m.x(2) * m.inverse_rho;
   const Vec3 normal(up, -inward * e2, -inward * e3);
   if (normal.dot(e.axis) < 0.0 || normal.dot(m.u) > 0.0) return;
+  if (e.cone && beyondPegCone(e, normal, m.u)) return;
   // deeper than the edge reaches sideways into wall or chamfer before it turns back: not at the rim
   const double out = m.rho - r_h, gap = up * m.x(0) - inward * out;
   if (rim.cone && beyondCone(e, rim, m, slot)) return;
@@ -213,8 +220,9 @@ void edgePlane(const Peg& e, const Rim& rim, double hole_depth, double far, Cont
   leanBack(e, contact);
 }
 
-void edgeWall(const Peg& e, const Rim& rim, double far, ContactSlotMask admitted, ContactSet& set) {
-  SlotPair pair(set, admitted, kEdgeWallSlots, 3);
+void edgeWall(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
+              ContactSet& set) {
+  SlotPair pair(set, admitted, first);
   const double r_h = rim.radius;
   const double lean = e.leans() ? levelNorm(e.lean) : 0.0;
   if (e.offset + e.r + lean * e.amplitude < r_h - far) return;

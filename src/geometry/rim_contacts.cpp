@@ -1,5 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The rim against the peg's side and bottom face.
+// The rim against the peg's side, bottom face and chamfer.
+#include <algorithm>
+#include <array>
+
 #include "contact_search.h"
 
 namespace assembly_cell {
@@ -50,28 +53,71 @@ void setRim(ContactFeature feature, const Place& at, const RimPlace& m, const Ve
   contact.gap = gap;
 }
 
-// is a nearest place of the rim a contact with the side: over the bottom edge, and not so flat over
-// it that the face is nearer
-bool acceptSide(const Peg& e, double peg_length, double far, const RimPlace& m, bool& top_reached) {
+// a place of the rim over the cone of the peg's chamfer, whichever of its circles e is, and the
+// derivatives of its axis distance by s
+struct OverCone {
+  double sigma, dsigma, ddsigma;
+  double gap;
+  Extremum extremum;  // as of half a squared distance: the gap itself is what is least
+
+  OverCone(const Peg& e, const HoleOffset& hole, const RimPlace& m) {
+    sigma = std::sqrt(m.extremum.distance2);
+    const double inverse = sigma > 0.0 ? 1.0 / sigma : 0.0;
+    dsigma = m.extremum.value * inverse;
+    ddsigma = (m.extremum.slope - dsigma * dsigma) * inverse;
+    const double dddsigma = (2 * m.extremum.half_bend - 3 * dsigma * ddsigma) * inverse;
+    const double s = e.cone->sine, c = e.cone->cosine, rise = m.height + hole.along;
+    gap = c * (sigma - e.r) - s * m.height;
+    extremum = {c * dsigma - s * m.dheight, c * ddsigma + s * rise,
+                0.5 * (c * dddsigma + s * m.dheight), 2 * gap};
+  }
+  // how deep the rim is in it
+  Depth depth() const { return {-gap, -extremum.value, -extremum.slope}; }
+};
+
+// is a nearest place of the rim a contact with the side: over the edge where that begins, and not
+// so flat over it that face or chamfer is nearer
+bool acceptSide(const Peg& e, const HoleOffset& hole, double far, const RimPlace& m,
+                bool& top_reached) {
   if (!(m.height >= -kTouch * e.r)) return false;
   const double sigma = std::sqrt(m.extremum.distance2), depth = e.r - sigma;
   if (!(-depth <= far) || !(sigma > kParallel * e.r)) return false;
-  if (m.height > peg_length) {
+  if (m.height > e.length) {
     top_reached = true;
     return false;
   }
   const double below = depth - m.height;
-  if (below <= 0.0 || depth <= 0.0) return true;
+  if (depth <= 0.0) return true;
+  // the rim comes back out of the side at sqrt(2 depth/sigma'') to both sides
+  if (e.cone) {
+    return depth <= OverCone(e, hole, m).depth().most(2 * depth * sigma / m.extremum.slope);
+  }
+  if (below <= 0.0) return true;
   return square(below) * m.extremum.slope <= m.dheight * m.dheight * 2 * depth * sigma;
+}
+
+// is a lowest place of the rim over the chamfer's cone a contact: over the chamfer, and where the
+// rim overlaps it not so that face or side are nearer all along the overlap
+bool acceptCone(const Peg& e, const HoleOffset& hole, double far, const RimPlace& m,
+                const OverCone& over) {
+  const Chamfer& cone = *e.cone;
+  if (!(over.gap <= far) || !(over.sigma > kParallel * e.r)) return false;
+  const double foot = m.height + over.gap * cone.sine;
+  if (!(foot >= -kTouch * e.r && foot <= cone.height + kTouch * e.r)) return false;
+  const double depth = -over.gap;
+  if (depth <= 0.0) return true;
+  const double width2 = 2 * depth / over.extremum.slope;
+  const Depth face{m.height, m.dheight, -(m.height + hole.along)};
+  const Depth side{e.r + cone.width - over.sigma, -over.dsigma, -over.ddsigma};
+  return depth <= face.most(width2) && depth <= side.most(width2);
 }
 
 }  // namespace
 
-void rimSide(const Peg& e, const Rim& rim, double peg_length, double far, ContactSlotMask admitted,
+void rimSide(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
              ContactSet& set) {
-  const std::size_t first = rim.cone && !rim.lower ? 12 : 5;
   const double r_h = rim.radius;
-  SlotPair pair(set, admitted, 3u << first, first);
+  SlotPair pair(set, admitted, first);
   const HoleOffset hole(e);
   const Vec3& o = hole.o;
   const double highest = r_h * e.sine - hole.along;  // of the rim over the face
@@ -82,7 +128,7 @@ void rimSide(const Peg& e, const Rim& rim, double peg_length, double far, Contac
   if (!(offset > kCoaxial * e.r) && !(bend > kCoaxial * e.r)) return;
   const bool single = offset * e.axis(0) > bend;
   if (!pair.warm && offset > 2 * bend) {
-    if (e.r - (r_h - offset) > highest && offset < r_h) return;
+    if (!e.cone && e.r - (r_h - offset) > highest && offset < r_h) return;
     // the nearest place is off the direction of the offset by the ellipse's bend
     Place towards{};
     const bool directed = placeTowards(-o(1), -o(2), towards);
@@ -98,7 +144,7 @@ void rimSide(const Peg& e, const Rim& rim, double peg_length, double far, Contac
   };
   const auto find = [&](Place& at) {
     return searchExtremum(evaluate, 1.0, square(e.r + far), at, extremum) == Search::kFound &&
-           acceptSide(e, peg_length, far, m, set.top_reached);
+           acceptSide(e, hole, far, m, set.top_reached);
   };
   const auto start = [&](bool nearer, Place& at) {
     // the rim seen along the axis, the minor axis along the lean
@@ -120,6 +166,62 @@ void rimSide(const Peg& e, const Rim& rim, double peg_length, double far, Contac
   });
 }
 
+void rimCone(const Peg& e, double r_h, double far, std::size_t first_slot, ContactSlotMask admitted,
+             ContactSet& set) {
+  SlotPair pair(set, admitted, first_slot);
+  const double s = e.cone->sine, c = e.cone->cosine;
+  const HoleOffset hole(e);
+  const Vec3& o = hole.o;
+  const double offset = o.norm(), swing = r_h * e.sine;
+  const double highest = swing - hole.along, lowest = -swing - hole.along;  // over the face
+  // of the gap anywhere
+  const double least = c * (r_h * e.axis(0) - offset - e.r) - s * highest;
+  if (least > far || !(highest + s * far >= -kTouch * e.r)) return;
+  if (lowest + s * std::min(0.0, least) > e.cone->height + kTouch * e.r) return;
+  // the gap is a constant with a first harmonic and a second one
+  const double along_2 = s * r_h * e.axis(1) - c * o(1);
+  const double along_3 = s * r_h * e.axis(2) - c * o(2);
+  const double first = std::hypot(along_2, along_3);
+  const double second = 0.25 * c * (square(offset) + square(swing)) / r_h;
+  if (!(first > kCoaxial * e.r) && !(second > kCoaxial * e.r)) return;
+  const bool single = first > kOneMinimum * second;
+
+  RimPlace m;
+  Extremum extremum{};
+  double gap = 0.0;
+  const auto evaluate = [&](const Place& at) {
+    rimPlace(e, hole, r_h, at, m);
+    const OverCone over(e, hole, m);
+    gap = over.gap;
+    return over.extremum;
+  };
+  const auto find = [&](Place& at) {
+    return searchExtremum(evaluate, 1.0, 2 * far, at, extremum) == Search::kFound &&
+           acceptCone(e, hole, far, m, OverCone(e, hole, m));
+  };
+  const auto start = [&](bool lower, Place& at) {
+    if (single) {
+      if (!placeTowards(along_2, along_3, at)) return false;
+      at = placeOf(at.c, at.s);
+      return true;
+    }
+    const LowestPlaces places({1.0, 0.0, 0.0}, [&](const Place& sample) {
+      evaluate(sample);
+      return gap;
+    });
+    const std::size_t i = lower ? 0 : 1;
+    if (places.n <= static_cast<int>(i)) return false;
+    at = placeOf(places.places[i].c, places.places[i].s);
+    return true;
+  };
+  fillPair(pair, single, find, start, [&](const Place& at, ContactPoint& contact) {
+    const double inverse = 1.0 / std::sqrt(m.extremum.distance2);
+    setRim(ContactFeature::kRimCone, at, m, combined(-c * inverse, m.across, s, e.axis), gap,
+           contact);
+    contact.curvature = c * inverse;
+  });
+}
+
 void rimFace(const Peg& e, double r_h, double far, ContactPoint& contact) {
   contact.valid = false;
   const HoleOffset hole(e);
@@ -134,9 +236,10 @@ void rimFace(const Peg& e, double r_h, double far, ContactPoint& contact) {
   rimPlace(e, hole, r_h, at, m);
   if (!(m.extremum.distance2 < e.r * e.r)) return;
   const double sigma = std::sqrt(m.extremum.distance2);
-  // farther over the face than it reaches in from the side before it turns back: at the side
+  // farther over the face than it reaches in from side or chamfer before it turns back: there
+  if (e.cone && m.height > 0.0 && OverCone(e, hole, m).depth().turnsAbove(m.height)) return;
   const double inside = e.r - sigma - m.height;
-  if (inside < 0.0 && m.height > 0.0 && m.extremum.slope > 0.0 &&
+  if (!e.cone && inside < 0.0 && m.height > 0.0 && m.extremum.slope > 0.0 &&
       m.extremum.value * m.extremum.value < -2 * m.extremum.slope * inside * sigma) {
     return;
   }

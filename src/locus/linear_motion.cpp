@@ -192,14 +192,16 @@ HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point,
       peg_(mechanism.peg),
       contact_(point.friction.x(), point.friction.y(), point.press),
       weight_(mechanism.peg.mass * mechanism.gravity),
-      rolling_(point.rolling && point.tilt.norm() > 1e-3 ? mechanism.peg.radius / point.tilt.norm()
-                                                         : 0.0),
+      rolling_(point.rolling && point.tilt.norm() > 1e-3
+                   ? tipRadius(mechanism.peg) / point.tilt.norm()
+                   : 0.0),
       force_(exciterForce(free_, excitation)) {}
 
 Vector3d HeldMotion::heldPoint(double alpha) const {
   const Vector2d radial(std::cos(alpha), std::sin(alpha));
   const Vector2d body = (free_.R_HP.topLeftCorner<2, 2>().inverse() * radial).normalized();
-  return free_.R_HP * Vector3d(peg_.radius * body.x(), peg_.radius * body.y(), -peg_.half_height);
+  const Vector2d edge = tipRadius(peg_) * body;
+  return free_.R_HP * Vector3d(edge.x(), edge.y(), -peg_.half_height);
 }
 
 Vector3d HeldMotion::couplingMoment(double alpha) const {

@@ -68,6 +68,13 @@ double readMass(Section& in) {
   return mass;
 }
 
+// of peg and hole alike
+void readChamfer(Section in, double& width, double& angle) {
+  width = readLength(in, "width", Range::kNotNegative);
+  angle = in.number("angle", kLeastChamferAngle, kMostChamferAngle, angle);
+  in.finish();
+}
+
 PegParameters readPeg(Section in) {
   PegParameters peg;
   peg.radius = readSize(in, "radius");
@@ -77,6 +84,18 @@ PegParameters readPeg(Section in) {
   peg.inertia_axial = in.number("inertia_axial", Range::kPositive);
   peg.coupling_height = readLength(in, "coupling_height", Range::kAny);
   peg.exciter_height = readLength(in, "exciter_height", Range::kAny);
+  if (in.optional("chamfer")) {
+    readChamfer(in.section("chamfer"), peg.chamfer_width, peg.chamfer_angle);
+    if (!(tipRadius(peg) > 0.0)) {
+      in.refuse(in.at("chamfer.width"), peg.chamfer_width,
+                "the peg's radius is " + shown(peg.radius) + " m; give less");
+    }
+    if (!(chamferHeight(peg) < 2.0 * peg.half_height)) {
+      in.refuse(in.at("chamfer.width"), peg.chamfer_width,
+                "the chamfer goes " + shown(chamferHeight(peg)) + " m up, the peg is " +
+                    shown(2.0 * peg.half_height) + " long; give less");
+    }
+  }
   in.finish();
   // no body has more inertia about an axis than the sum about the two across
   if (peg.inertia_axial > 2.0 * peg.inertia_transverse) {
@@ -92,11 +111,7 @@ HoleParameters readHole(Section in) {
   hole.radius = readSize(in, "radius");
   hole.depth = in.number("depth", Range::kPositive, hole.depth);
   if (in.optional("chamfer")) {
-    Section chamfer = in.section("chamfer");
-    hole.chamfer_width = readLength(chamfer, "width", Range::kNotNegative);
-    hole.chamfer_angle =
-        chamfer.number("angle", kLeastChamferAngle, kMostChamferAngle, hole.chamfer_angle);
-    chamfer.finish();
+    readChamfer(in.section("chamfer"), hole.chamfer_width, hole.chamfer_angle);
     if (!(mouthRadius(hole) < blockRadius(hole))) {
       in.refuse(
           in.at("chamfer.width"), hole.chamfer_width,

@@ -21,6 +21,11 @@ std::string matrix(const CouplingMatrix& m, const std::string& letter) {
          letter + "35: " + yamlNumber(m.k35) + "}";
 }
 
+std::string chamfer(double width, double angle) {
+  if (!(width > 0.0)) return "";
+  return "  chamfer: {width: " + yamlNumber(width) + ", angle: " + yamlNumber(angle) + "}\n";
+}
+
 }  // namespace
 
 std::string mechanismText(const Mechanism& m) {
@@ -36,14 +41,10 @@ std::string mechanismText(const Mechanism& m) {
   line("inertia_axial", m.peg.inertia_axial);
   line("coupling_height", m.peg.coupling_height);
   line("exciter_height", m.peg.exciter_height);
-  out << "hole:\n";
+  out << chamfer(m.peg.chamfer_width, m.peg.chamfer_angle) << "hole:\n";
   line("radius", m.hole.radius);
   if (std::isfinite(m.hole.depth)) line("depth", m.hole.depth);
-  if (m.hole.chamfer_width > 0.0) {
-    out << "  chamfer: {width: " << yamlNumber(m.hole.chamfer_width)
-        << ", angle: " << yamlNumber(m.hole.chamfer_angle) << "}\n";
-  }
-  out << "carrier:\n";
+  out << chamfer(m.hole.chamfer_width, m.hole.chamfer_angle) << "carrier:\n";
   line("mass", m.carrier.mass);
   line("inertia", m.carrier.inertia);
   out << "  stiffness: " << list(m.carrier.stiffness) << "\n"

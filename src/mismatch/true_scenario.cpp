@@ -90,15 +90,24 @@ std::optional<Problem> indefinite(const std::string& name, const CouplingMatrix&
 }
 
 std::optional<Problem> problemOf(const Mechanism& m) {
+  constexpr const char* kSteep = "not within 0.1 and 1.4 rad with";
   if (m.friction.sliding_coefficient > m.friction.static_coefficient) {
     return Problem{"friction.sliding", "more than friction.static with"};
   }
   if (m.peg.inertia_axial > 2.0 * m.peg.inertia_transverse) {
     return Problem{"peg.inertia_axial", "more than twice peg.inertia_transverse with"};
   }
-  if (!(m.hole.chamfer_angle >= kLeastChamferAngle && m.hole.chamfer_angle <= kMostChamferAngle)) {
-    return Problem{"hole.chamfer.angle", "not within 0.1 and 1.4 rad with"};
+  const auto steep = [](double angle) {
+    return !(angle >= kLeastChamferAngle && angle <= kMostChamferAngle);
+  };
+  if (steep(m.peg.chamfer_angle)) return Problem{"peg.chamfer.angle", kSteep};
+  if (!(tipRadius(m.peg) > 0.0)) {
+    return Problem{"peg.chamfer.width", "as wide as the peg's radius with"};
   }
+  if (!(chamferHeight(m.peg) < 2.0 * m.peg.half_height)) {
+    return Problem{"peg.chamfer.width", "as high as the peg is long with"};
+  }
+  if (steep(m.hole.chamfer_angle)) return Problem{"hole.chamfer.angle", kSteep};
   if (!(mouthRadius(m.hole) < blockRadius(m.hole))) {
     return Problem{"hole.chamfer.width", "as wide as the block's wall with"};
   }

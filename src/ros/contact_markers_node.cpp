@@ -39,6 +39,8 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
     const CellDescription description =
         loadCellDescription(Parameters(nh).text("robot_description"));
     peg_radius_ = description.peg.radius;
+    tip_radius_ = tipRadius(description.peg);
+    shoulder_ = chamferHeight(description.peg);
     peg_length_ = description.peg.half_height + description.peg.coupling_height;
     hole_radius_ = description.hole.radius;
     mouth_radius_ = mouthRadius(description.hole);
@@ -221,7 +223,7 @@ void ContactMarkersNode::drawLocus() {
     Color color = kHypothesisColor;
     color.a = static_cast<float>(0.2 + 0.8 * std::clamp(locus_->hypothesis_weight[i], 0.0, 1.0));
     addArrow("hypotheses", kPegFrame, Eigen::Vector3d::Zero(),
-             Eigen::Vector3d(peg_radius_ * std::cos(alpha), peg_radius_ * std::sin(alpha), 0.0),
+             Eigen::Vector3d(tip_radius_ * std::cos(alpha), tip_radius_ * std::sin(alpha), 0.0),
              color);
   }
 }
@@ -291,8 +293,12 @@ void ContactMarkersNode::drawWrench() {
 
 void ContactMarkersNode::drawPeg(const std::string& ns, const std::string& frame,
                                  const geometry_msgs::Pose& pose, const Color& color) {
-  addCircle(ns, frame, peg_radius_, color);
+  addCircle(ns, frame, tip_radius_, color);
   array_.markers.back().pose = pose;
+  if (shoulder_ > 0.0) {
+    addCircle(ns, frame, peg_radius_, color, shoulder_);
+    array_.markers.back().pose = pose;
+  }
   Marker& axis = add(ns, Marker::LINE_STRIP, frame, color);
   axis.pose = pose;
   axis.scale.x = size_ * kLineWidth;
@@ -328,17 +334,16 @@ void ContactMarkersNode::drawRim(const std::string& ns, const std::string& frame
                                  const Color& color) {
   addCircle(ns, frame, mouth_radius_, color);
   if (!(chamfer_depth_ > 0.0)) return;
-  addCircle(ns, frame, hole_radius_, color);
-  array_.markers.back().pose.position.z = -chamfer_depth_;
+  addCircle(ns, frame, hole_radius_, color, -chamfer_depth_);
 }
 
 void ContactMarkersNode::addCircle(const std::string& ns, const std::string& frame, double radius,
-                                   const Color& color) {
+                                   const Color& color, double height) {
   Marker& circle = add(ns, Marker::LINE_STRIP, frame, color);
   circle.scale.x = size_ * kLineWidth;
   for (int i = 0; i <= kCirclePoints; ++i) {
     const double a = 2.0 * M_PI * i / kCirclePoints;
-    circle.points.push_back(toPoint({radius * std::cos(a), radius * std::sin(a), 0.0}));
+    circle.points.push_back(toPoint({radius * std::cos(a), radius * std::sin(a), height}));
   }
 }
 

@@ -42,7 +42,8 @@ double reachAtEnd(const ReportDetails& details) {
     const YAML::Node tilt = YAML::Load(details.mismatch)["hole"]["bore_tilt"];
     if (tilt) lean = boreLean({tilt[0].as<double>(), tilt[1].as<double>()});
   }
-  return edgeReach(*details.truth_end, details.peg_radius, lean);
+  return edgeReach(shoulderPose(*details.truth_end, details.chamfer_height), details.peg_radius,
+                   lean);
 }
 
 }  // namespace
@@ -224,6 +225,7 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   const CellDescription description =
       loadCellDescription(Parameters(nh_).text("robot_description"));
   details_.peg_radius = description.peg.radius;
+  details_.chamfer_height = chamferHeight(description.peg);
   details_.hole_radius = description.hole.radius;
   if (details_.floor) details_.insert = description.hole.depth;
 }

@@ -30,12 +30,13 @@ ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
   constexpr Name kNames[] = {
       {"edge_edge", &ContactFeatures::edge_edge}, {"edge_plane", &ContactFeatures::edge_plane},
       {"edge_wall", &ContactFeatures::edge_wall}, {"rim_side", &ContactFeatures::rim_side},
-      {"rim_face", &ContactFeatures::rim_face},   {"edge_cone", &ContactFeatures::edge_cone}};
+      {"rim_face", &ContactFeatures::rim_face},   {"edge_cone", &ContactFeatures::edge_cone},
+      {"rim_cone", &ContactFeatures::rim_cone}};
   const std::string path = in.at("features");
   const std::string available =
-      "available are edge_edge, edge_plane, edge_wall, rim_side, rim_face and edge_cone";
+      "available are edge_edge, edge_plane, edge_wall, rim_side, rim_face, edge_cone and rim_cone";
   if (!node.IsSequence()) in.refuse(path, shown(node), "give a list of names, " + available);
-  ContactFeatures features{false, false, false, false, false, false};
+  ContactFeatures features{false, false, false, false, false, false, false};
   for (std::size_t i = 0; i < node.size(); ++i) {
     const std::string entry = path + "[" + std::to_string(i) + "]";
     const std::string text = node[i].IsScalar() ? node[i].Scalar() : "";

@@ -26,6 +26,8 @@ std::vector<Entry> mechanismEntries(Mechanism& m) {
       {"peg.inertia_axial", &m.peg.inertia_axial, positive, false, 0},
       {"peg.coupling_height", &m.peg.coupling_height, any, false, 0},
       {"peg.exciter_height", &m.peg.exciter_height, any, true, 0},
+      {"peg.chamfer.width", &m.peg.chamfer_width, not_negative, false, 0},
+      {"peg.chamfer.angle", &m.peg.chamfer_angle, positive, false, 0},
       {"hole.radius", &m.hole.radius, positive, true, 0},
       {"hole.depth", &m.hole.depth, positive, false, 0},
       {"hole.chamfer.width", &m.hole.chamfer_width, not_negative, false, 0},

@@ -66,6 +66,10 @@ BoreLayout boreLayout(const Scenario& s, const SoftContact& contact) {
 std::string mjcf(const Scenario& s, const SoftContact& contact) {
   const BoreLayout b = boreLayout(s, contact);
   const PegParameters& peg = s.mechanism.peg;
+  if (peg.chamfer_width > 0.0) {
+    throw InputError("peg.chamfer.width: value " + text("%g", peg.chamfer_width) +
+                     ": the peg of world mujoco has a sharp edge; give 0 or world exact");
+  }
   const CarrierParameters& carrier = s.mechanism.carrier;
   const double pi = M_PI, corner = std::tan(pi / b.facets);
   std::ostringstream out;

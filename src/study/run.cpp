@@ -53,8 +53,10 @@ struct Result {
 std::string modeOf(const Scenario& scenario, const std::array<ContactReport, kSlots>& contacts) {
   const ContactSlotMask shown =
       kEdgeEdgeSlots | kEdgePlaneSlots | slotsOf(scenario.contact.features);
-  const bool chamfered = scenario.mechanism.hole.chamfer_width > 0.0;
-  const ContactSlotMask known = chamfered ? kAllContactSlots : kSharpRimSlots;
+  ContactShapes shapes;
+  shapes.chamfer.width = scenario.mechanism.hole.chamfer_width;
+  shapes.peg_chamfer.width = scenario.mechanism.peg.chamfer_width;
+  const ContactSlotMask known = possibleSlots(shapes);
   std::string mode;
   for (std::size_t i = 0; i < kSlots; ++i) {
     if (shown & known & 1u << i) mode += "-sS"[contacts[i].state];
@@ -128,8 +130,8 @@ class Observer {
  private:
   // of the highest point of the peg's bottom edge below the hole's plane
   double depth(const Pose& X_HP) const {
-    return -(X_HP.p.z() +
-             simulation_.scenario().mechanism.peg.radius * std::hypot(X_HP.R(2, 0), X_HP.R(2, 1)));
+    return -(X_HP.p.z() + tipRadius(simulation_.scenario().mechanism.peg) *
+                              std::hypot(X_HP.R(2, 0), X_HP.R(2, 1)));
   }
 
   bool assembled() const {

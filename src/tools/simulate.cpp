@@ -128,9 +128,28 @@ struct Column {
 
 // Contact slots with columns: edges and plane always, those of a peg in the hole where admitted.
 struct SlotColumn {
-  const char* name;
+  std::string name;
   std::size_t slot;
 };
+// the shoulder of a chamfered peg as its edge, then its chamfer
+void addShoulder(const Scenario& scenario, std::vector<SlotColumn>& columns) {
+  const assembly_cell::ContactFeatures& admitted = scenario.contact.features;
+  const bool both = scenario.mechanism.hole.chamfer_width > 0.0;
+  const auto add = [&](const std::string& name, std::size_t slot, int count) {
+    for (int i = 0; i < count; ++i) {
+      const std::string place = count > 1 ? "_" + std::to_string(i) : "";
+      columns.push_back({name + place, slot + static_cast<std::size_t>(i)});
+    }
+  };
+  add("shoulder_edge", 14, 2);
+  if (both) add("shoulder_low_edge", 16, 2);
+  add("shoulder_plane", 18, 1);
+  if (admitted.edge_wall) add("shoulder_wall", 19, 2);
+  if (both && admitted.edge_cone) add("shoulder_cone", 21, 2);
+  if (admitted.rim_cone) add("rim_cone", 23, 2);
+  if (both && admitted.rim_cone) add("low_rim_cone", 25, 2);
+}
+
 std::vector<SlotColumn> slotColumns(const Scenario& scenario) {
   const assembly_cell::ContactFeatures& admitted = scenario.contact.features;
   std::vector<SlotColumn> columns = {{"edge_0", 0}, {"edge_1", 1}, {"plane", 2}};
@@ -143,6 +162,7 @@ std::vector<SlotColumn> slotColumns(const Scenario& scenario) {
     if (admitted.edge_cone) columns.insert(columns.end(), {{"cone_0", 10}, {"cone_1", 11}});
     if (admitted.rim_side) columns.insert(columns.end(), {{"mouth_0", 12}, {"mouth_1", 13}});
   }
+  if (scenario.mechanism.peg.chamfer_width > 0.0) addShoulder(scenario, columns);
   return columns;
 }
 

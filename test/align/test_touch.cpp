@@ -60,7 +60,7 @@ std::vector<TouchReading> touches(const Pose& X_SH, double chamfer = 0.0) {
 TouchModel model(double chamfer = 0.0) {
   TouchModel m;
   m.hole.chamfer_width = chamfer;
-  m.peg_radius = kPeg;
+  m.peg.radius = kPeg;
   m.hole.radius = kHole;
   return m;
 }
@@ -183,6 +183,65 @@ TEST(TouchFit, WallsOfAChamferLean) {
     reading.X_SP.p = Vector3d(wall - low - 3e-5, 0.0, kPeg * std::sin(kTilt) - depth);
     EXPECT_NEAR(touchResidual(model(kChamfer), reading, Vector3d::UnitZ(), Vector3d::Zero()), -3e-5,
                 1e-9)
+        << depth;
+  }
+}
+
+constexpr double kBlunt = 5e-4;  // of a peg, at 45°
+
+TouchModel bluntModel() {
+  TouchModel m = model();
+  m.peg.chamfer_width = kBlunt;
+  return m;
+}
+
+// A chamfered peg over a sharp rim against its cone's circles, sampled: 4e-5 m of an edge between
+// two samples are 2 µm of its height.
+TEST(TouchFit, ChamferOfThePegIsThatOfTheSampledCone) {
+  constexpr int kCircles = 100, kPoints = 4000;
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> either(-1.0, 1.0);
+  int on_cone = 0;
+  for (int i = 0; i < 60; ++i) {
+    const Eigen::Matrix3d R =
+        rotationFromVector({0.05 * Vector3d(either(random), either(random), 0.0)});
+    const double reach = i % 2 == 0 ? 8e-4 : 6e-3;
+    const Vector2d beside(reach * either(random), reach * either(random));
+    double height = -1.0, met = 0.0;
+    for (int k = 0; k <= kCircles; ++k) {
+      const double up = static_cast<double>(k) / kCircles, r = kPeg - kBlunt * (1.0 - up);
+      for (int n = 0; n < kPoints; ++n) {
+        const double a = 2 * M_PI * n / kPoints;
+        const Vector3d e = R * Vector3d(r * std::cos(a), r * std::sin(a), kBlunt * up);
+        if ((e.head<2>() + beside).norm() < kHole || -e.z() < height) continue;
+        height = -e.z();
+        met = up;
+      }
+    }
+    if (height < -0.5) continue;  // all of the cone is within the bore
+    on_cone += met > 0.0 && met < 1.0 ? 1 : 0;
+    TouchReading reading;
+    reading.X_SP = {R, Vector3d(beside.x(), beside.y(), height)};
+    EXPECT_NEAR(touchResidual(bluntModel(), reading, Vector3d::UnitZ(), Vector3d::Zero()), 0.0,
+                6e-6)
+        << i << ", met at " << met;
+  }
+  EXPECT_GT(on_cone, 5);
+}
+
+// what of the cone is below the plane meets the wall, at the shoulder or where the cone crosses it
+TEST(TouchFit, ConeOfThePegMeetsTheWall) {
+  constexpr double kTilt = 0.052;
+  const double s = std::sin(kTilt), c = std::cos(kTilt);
+  TouchReading reading;
+  reading.kind = TouchReading::kWall;
+  reading.X_SP.R = rotationFromVector({Vector3d(0.0, kTilt, 0.0)});  // low side at +x
+  for (const double depth : {1e-4, 3e-4, 9e-4}) {
+    const double up = std::min(1.0, depth / (kBlunt * (c - s)));
+    const double r = kPeg - kBlunt * (1.0 - up), outermost = r * c + up * kBlunt * s;
+    reading.X_SP.p = Vector3d(kHole - outermost - 3e-5, 0.0, (kPeg - kBlunt) * s - depth);
+    EXPECT_NEAR(touchResidual(bluntModel(), reading, Vector3d::UnitZ(), Vector3d::Zero()), -3e-5,
+                1e-6)
         << depth;
   }
 }

@@ -142,6 +142,40 @@ TEST(CellDescription, ChamferIsInTheBlock) {
             std::string::npos);
 }
 
+// A chamfered peg: known again, its shapes inside the cone and no farther from it than a step.
+TEST(CellDescription, ChamferIsOnThePeg) {
+  Mechanism mechanism = loadScenario(kSource + "/config/scenarios/cell.yaml").mechanism;
+  for (const double angle : {0.3, M_PI / 4, 1.2}) {
+    PegParameters& peg = mechanism.peg;
+    peg.chamfer_width = 3e-3;
+    peg.chamfer_angle = angle;
+    const std::string urdf = cellUrdf(mechanism);
+    const CellDescription cell = loadCellDescription(urdf);
+    EXPECT_NO_THROW(checkAgainst(cell, mechanism, "cell"));
+    EXPECT_NEAR(cell.peg.radius, peg.radius, 1e-14);
+    EXPECT_NEAR(cell.peg.half_height, peg.half_height, 1e-14);
+    EXPECT_NEAR(cell.peg.chamfer_width, 3e-3, 1e-14);
+    EXPECT_NEAR(cell.peg.chamfer_angle, angle, 1e-11);
+    PartShape probe;
+    probe.size = Eigen::Vector3d(1e-6, 1e-6, 1e-6);
+    const Part& part = cell.moving_parts.back();
+    ASSERT_EQ(part.link, "peg");
+    const auto meets = [&](double out) {
+      // along the normal, from the middle of a generator
+      probe.X_PS.p = Eigen::Vector3d(
+          tipRadius(peg) + 1.5e-3 + out * std::cos(angle), 0.0,
+          0.5 * chamferHeight(peg) - out * std::sin(angle) - peg.half_height - peg.coupling_height);
+      return std::any_of(part.shapes.begin(), part.shapes.end(),
+                         [&](const PartShape& shape) { return shapesMeet(probe, shape); });
+    };
+    EXPECT_FALSE(meets(5e-6)) << angle;
+    EXPECT_TRUE(meets(-3e-3 / 8)) << angle;
+    mechanism.peg.chamfer_width = 0.0;
+    EXPECT_NE(errorOf([&] { checkAgainst(cell, mechanism, "cell"); }).find("peg.chamfer.width"),
+              std::string::npos);
+  }
+}
+
 // Each change breaks the description in one way; the line names the link or joint and its element.
 TEST(CellDescription, RefusesMissingAndContradictoryValues) {
   const std::string peg = "<link name=\"peg\">";

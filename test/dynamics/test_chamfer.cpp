@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// A peg that slides down the chamfer of the hole.
+// A peg that slides down the chamfer of the hole, or down its own.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -75,6 +75,53 @@ TEST(Chamfer, ExcludedConeEndsTheRunByName) {
               {"contact={law: rigid, features: [edge_edge, edge_plane, edge_wall, rim_side]}"}));
   EXPECT_EQ(simulation.advance(0.1), StopReason::kEdgeCone);
   EXPECT_STREQ(toString(simulation.stopReason()), "edge_cone");
+}
+
+// The same on its own chamfer, over a sharp rim.
+TEST(Chamfer, OfThePegSlidesDownWithoutLoss) {
+  Scenario s =
+      dropped(4e-4, 0.0, {"hole.chamfer={width: 0}", "peg.chamfer={width: 1.0e-3, angle: 0.6}"});
+  s.initial.close = true;
+  Simulation simulation(s);
+  const double before = simulation.energy();
+  int on_cone = 0;
+  double lost = 0.0;
+  const auto start = simulation.pegPose().p;
+  while (simulation.time() < 0.02 && simulation.counts().impacts == 0) {
+    ASSERT_EQ(simulation.advance(simulation.time() + 2e-4), StopReason::kOk);
+    if (simulation.counts().impacts > 0) break;
+    for (const ContactReport& c : simulation.contacts()) {
+      on_cone += c.state != ContactReport::kOpen && c.feature == ContactReport::kRimCone;
+    }
+    lost = std::max(lost, std::abs(simulation.energy() - before));
+  }
+  EXPECT_GT(on_cone, 10);
+  EXPECT_LT((simulation.pegPose().p - start).z(), -2e-4);
+  EXPECT_LT(lost, 1e-11 * before);
+}
+
+TEST(Chamfer, OfThePegBouncesKeepTheEnergy) {
+  for (const char* hole : {"hole.chamfer={width: 0}", "hole.chamfer={width: 1.0e-3, angle: 0.6}"}) {
+    for (const double off : {3e-4, 7e-4, 1.05e-3}) {
+      const Scenario s = dropped(off, 2e-3,
+                                 {"contact={law: rigid, restitution: 1.0}", hole,
+                                  "peg.chamfer={width: 1.0e-3, angle: 0.6}"});
+      Simulation simulation(s);
+      const double before = simulation.energy();
+      ASSERT_EQ(simulation.advance(0.08), StopReason::kOk) << hole << off;
+      EXPECT_GE(simulation.counts().impacts, 2) << hole << off;
+      EXPECT_NEAR(simulation.energy(), before, 1e-6 * before) << hole << off;
+    }
+  }
+}
+
+TEST(Chamfer, OfThePegThatIsExcludedEndsTheRunByName) {
+  Simulation simulation(dropped(
+      7e-4, 1e-3,
+      {"hole.chamfer={width: 0}", "peg.chamfer={width: 1.0e-3, angle: 0.6}",
+       "contact={law: rigid, features: [edge_edge, edge_plane, edge_wall, rim_side, edge_cone]}"}));
+  EXPECT_EQ(simulation.advance(0.1), StopReason::kRimCone);
+  EXPECT_STREQ(toString(simulation.stopReason()), "rim_cone");
 }
 
 // The other laws: pressed on the cone with friction enough to hold, all stand still at about the

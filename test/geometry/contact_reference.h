@@ -31,6 +31,7 @@ struct BodiesReference {
   Vec3L center, axis0, axis1, axis;
   Real r_p, r_h, length, depth;
   Real r_mouth, chamfer, sine, cosine;  // of the chamfer: upper radius, height, angle to the axis
+  Real r_side, shoulder, peg_sine, peg_cosine;  // of the peg's: radius and height of its upper edge
 
   BodiesReference(const EdgeCircle& e, const ContactShapes& s)
       : center(e.center.cast<Real>()),
@@ -44,9 +45,16 @@ struct BodiesReference {
         r_mouth(r_h + s.chamfer.width),
         chamfer(s.chamfer.height),
         sine(s.chamfer.sine),
-        cosine(s.chamfer.cosine) {}
+        cosine(s.chamfer.cosine),
+        r_side(r_p + s.peg_chamfer.width),
+        shoulder(s.peg_chamfer.height),
+        peg_sine(s.peg_chamfer.sine),
+        peg_cosine(s.peg_chamfer.cosine) {}
 
   Vec3L edge(Real t) const { return center + r_p * (std::cos(t) * axis0 + std::sin(t) * axis1); }
+  Vec3L upperEdge(Real t) const {
+    return center + shoulder * axis + r_side * (std::cos(t) * axis0 + std::sin(t) * axis1);
+  }
   // the sharp rim; the chamfer's edges where the wall begins and in the plane
   Vec3L rim(Real s) const { return {-chamfer, r_h * std::cos(s), r_h * std::sin(s)}; }
   Vec3L mouth(Real s) const { return {0, r_mouth * std::cos(s), r_mouth * std::sin(s)}; }
@@ -56,8 +64,8 @@ struct BodiesReference {
 
   // how far a point of the edge is inside the block, of the rim inside the peg: the least of the
   // distances to the surfaces' carriers, > 0 inside
-  Real edgeDepth(Real t) const {
-    const Vec3L p = edge(t);
+  Real edgeDepth(Real t) const { return blockDepth(edge(t)); }
+  Real blockDepth(const Vec3L& p) const {
     Real inside = std::min(-p(0), rho(p) - r_h);
     if (chamfer > 0) inside = std::min(inside, -coneHeight(p));
     return std::max(inside, -depth - p(0));
@@ -65,11 +73,16 @@ struct BodiesReference {
   Real coneHeight(const Vec3L& p) const { return cosine * (r_mouth - rho(p)) + sine * p(0); }
   Real pegDepth(const Vec3L& x) const {
     const Real w = height(x);
-    return std::min({w, r_p - axisDistance(x), length - w});
+    const Real inside = std::min({w, r_side - axisDistance(x), length - w});
+    return shoulder > 0 ? std::min(inside, -pegConeHeight(x)) : inside;
+  }
+  Real pegConeHeight(const Vec3L& x) const {
+    return peg_cosine * (axisDistance(x) - r_p) - peg_sine * height(x);
   }
   // > 0: the bodies overlap
   Real overlap() const {
-    const Real e = largest([&](Real t) { return edgeDepth(t); });
+    Real e = largest([&](Real t) { return edgeDepth(t); });
+    if (shoulder > 0) e = std::max(e, largest([&](Real t) { return blockDepth(upperEdge(t)); }));
     const Real r = largest([&](Real s) { return pegDepth(rim(s)); });
     if (!(chamfer > 0)) return std::max(e, r);
     return std::max({e, r, largest([&](Real s) { return pegDepth(mouth(s)); })});

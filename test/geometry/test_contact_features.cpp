@@ -88,6 +88,7 @@ Real minimised(const BodiesReference& b, const ContactPoint& c, Real t) {
       return b.axisDistance(b.rim(t)) - b.r_p;
     case ContactFeature::kRimFace:
     case ContactFeature::kEdgeCone:
+    case ContactFeature::kRimCone:
       break;
   }
   return -b.height(b.rim(t));

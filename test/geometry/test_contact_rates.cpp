@@ -108,7 +108,9 @@ class ContactRatesTest : public ::testing::Test {
       if (error > 1e-3 || roll_error > 1e-3) continue;
       const ContactPoint& c = start.slots[slot];
       const Vector3d v_m = m.pointVelocity(0, c.p), a_m = m.pointAcceleration(c.p);
-      const ContactRates rates = contactRates(m.start, c, v_m, m.omega(0));
+      const EdgeCircle circle =
+          kShoulderSlots >> slot & 1u ? shoulderOf(m.start, shapes.peg_chamfer) : m.start;
+      const ContactRates rates = contactRates(circle, c, v_m, m.omega(0));
       EXPECT_NEAR(fine.rate, c.normal.dot(v_m), rate_error);
       EXPECT_NEAR(fine.acceleration, c.normal.dot(a_m) + rates.gap_bias, error)
           << toString(c.feature) << " gap " << c.gap;
@@ -236,10 +238,44 @@ TEST_F(ContactRatesTest, OfAChamfer) {
   EXPECT_EQ(compared.size(), 5u);
 }
 
+// The rim on the peg's chamfer, and the chamfer's upper edge on rim, wall and cone.
+TEST_F(ContactRatesTest, OfAPegsChamfer) {
+  std::map<ContactSlotMask, int> compared;
+  for (int i = 0; i < 1500; ++i) {
+    ContactShapes shapes = reachingShapes(uniform(1e-4, 1e-3), 2e-4);
+    shapes.peg_chamfer = chamferOf(uniform(1e-3, 4e-3), uniform(0.2, 1.2));
+    if (i % 2) shapes.chamfer = chamferOf(uniform(1e-3, 4e-3), uniform(0.2, 1.2));
+    const double where = uniform(-kPi, kPi), deep = shapes.peg_chamfer.height;
+    const double r = kRadius - shapes.peg_chamfer.width, tilt = uniform(0.02, 0.3);
+    EdgeCircle e =
+        edgeAt({r * std::sin(tilt) - uniform(0, 1.5) * (deep + shapes.chamfer.height), 0, 0}, tilt,
+               where + kPi * (i % 3) / 2 + uniform(-0.5, 0.5), uniform(-kPi, kPi), r);
+    ContactSet set;
+    for (double x = -0.003; x < 0.02 && !set.valid; x += 1e-4) {
+      e.center(1) = x * std::cos(where);
+      e.center(2) = x * std::sin(where);
+      findContacts(e, shapes, kShoulderSlots | kRimConeSlots, set);
+    }
+    const RateMotion m = motionOf(e);
+    for (const ContactSlotMask slots :
+         {3u << 14, 3u << 16, 3u << 19, 3u << 21, 3u << 23, 3u << 25}) {
+      bool nearly_parallel = false;
+      for (const ContactPoint& c : set.slots) {
+        nearly_parallel =
+            nearly_parallel || (c.valid && c.feature == ContactFeature::kEdgeEdge &&
+                                std::abs(c.cross_norm) < 0.15 * e.radius * shapes.hole_radius);
+      }
+      if (!nearly_parallel) compared[slots] += compare(m, shapes, slots);
+    }
+  }
+  for (const auto& [slots, n] : compared) EXPECT_GT(n, 20) << std::hex << slots;
+  EXPECT_EQ(compared.size(), 6u);
+}
+
 // Whatever the pose and the motion: finite.
 TEST_F(ContactRatesTest, AreFinite) {
   const double tiny[] = {0.0, 1e-300, 1e-18, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3};
-  int seen[6] = {0, 0, 0, 0, 0, 0};
+  int seen[7] = {0, 0, 0, 0, 0, 0, 0};
   for (int i = 0; i < 40000; ++i) {
     const double scale = tiny[i % 8], tilt = i % 3 == 0 ? tiny[i / 8 % 8] : uniform(0, 0.3);
     Vector3d center = scale * 10 * vector();
@@ -247,6 +283,7 @@ TEST_F(ContactRatesTest, AreFinite) {
     const EdgeCircle e = edgeAt(center, tilt, uniform(-kPi, kPi), uniform(-4, 4), kRadius);
     ContactShapes shapes = reachingShapes(tiny[i / 64 % 8], 1e-3);
     if (i % 5 == 0) shapes.chamfer = chamferOf(1e-3, 0.5);
+    if (i % 7 < 2) shapes.peg_chamfer = chamferOf(1e-3, 0.5);
     ContactSet set;
     findContacts(e, shapes, kAllContactSlots, set);
     for (const ContactPoint& c : set.slots) {

@@ -125,7 +125,8 @@ TEST(Scenario, RefusesWhatIsUnphysicalByItsPath) {
       {"contact.restitution=1.1", "contact.restitution: value 1.1", "0 to 1"},
       {"contact.features=edge_edge", "contact.features", "list"},
       {"contact.features=[edge_edge, face]", "contact.features[1]: value face",
-       "available are edge_edge, edge_plane, edge_wall, rim_side, rim_face and edge_cone"},
+       "available are edge_edge, edge_plane, edge_wall, rim_side, rim_face, edge_cone and "
+       "rim_cone"},
       {"thesis_moments=1", "thesis_moments: value 1", "true or false"},
       {"contact.features=[corner]", "contact.features[0]: value corner", "unknown contact"},
       {"contact.features=[edge_edge, edge_edge]", "contact.features[1]", "twice"},

@@ -10,8 +10,14 @@ namespace assembly_cell {
 /// Tilt of the peg's axis: smallest rotation from upright, rotation vector x, y [rad].
 Eigen::Vector2d tiltOf(const Pose& X_HP);
 
-/// Largest distance of the peg's bottom edge from the hole's axis [m]; exact to 1e-9 of the radius.
-/// bore_lean: of the axis, x and y per unit of height.
+/// Where the side of a peg begins whose bottom edge is chamfered up to a height [m]: what has to be
+/// in the hole.
+inline Pose shoulderPose(const Pose& X_HP, double chamfer_height) {
+  return {X_HP.R, X_HP.p + chamfer_height * X_HP.R.col(2)};
+}
+
+/// Largest distance of the peg's bottom edge, or of its shoulder, from the hole's axis [m]; exact
+/// to 1e-9 of the radius. bore_lean: of the axis, x and y per unit of height.
 double edgeReach(const Pose& X_HP, double peg_radius,
                  const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero());
 

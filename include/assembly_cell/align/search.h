@@ -97,8 +97,10 @@ class Search {
   static constexpr int kRings = 3;
   /// How far from the hole's estimate enter() looks. [m]
   double enterReach() const;
-  /// How far below the face the edge has to be, for walls all round: under the chamfer [m].
-  double entryDepth() const { return p_.insertion_depth + chamferDepth(mechanism_.hole); }
+  /// How far below the face the edge has to be, for walls all round: under both chamfers [m].
+  double entryDepth() const {
+    return p_.insertion_depth + chamferDepth(mechanism_.hole) + chamferHeight(mechanism_.peg);
+  }
   /// Whether the peg, as it is, has the hole round it: walls on all four sides, and nothing below.
   bool alreadyIn();
 

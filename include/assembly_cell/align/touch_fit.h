@@ -12,7 +12,7 @@ namespace assembly_cell {
 // Plane and circle of a hole from where a tilted peg touched, by the carrier's pose: no strain
 // matrix, no mechanism's parameter better than to a tenth is needed.
 
-/// One touch of the peg's bottom edge, frame `peg` in a frame S that does not move.
+/// One touch of the peg's bottom edge or its chamfer, frame `peg` in a frame S that does not move.
 struct TouchReading {
   enum Kind {
     kEdge,  ///< from above: what is not over the hole rests on its plane or on the chamfer
@@ -27,7 +27,7 @@ struct TouchReading {
 
 /// What is known before, and how well a point is felt. All standard deviations.
 struct TouchModel {
-  double peg_radius = 0.0;                          ///< [m]
+  PegParameters peg;                                ///< its bottom edge with its chamfer
   HoleParameters hole;                              ///< with its chamfer
   Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< about which the hole is looked for, S [m]
   double position_sd = 0.012;                       ///< of the hole from there, per axis [m]

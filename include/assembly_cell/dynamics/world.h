@@ -12,12 +12,13 @@ namespace assembly_cell {
 /// How a run ended. kOk, or the named reason to stop.
 enum class StopReason {
   kOk,
-  kEdgeEdge,        ///< these six: a contact closes that contact.features excludes
+  kEdgeEdge,        ///< these seven: a contact closes that contact.features excludes
   kEdgePlane,       ///< lowest edge point on the plane (or the hole's floor)
   kEdgeWall,        ///< edge on the wall of the hole
   kRimSide,         ///< rim on the peg's side
   kRimFace,         ///< rim on the peg's bottom face
   kEdgeCone,        ///< edge on the chamfer of the hole
+  kRimCone,         ///< rim on the chamfer of the peg
   kPegTop,          ///< the rim has run off the side over the peg's top edge
   kSingular,        ///< sin(theta) < 0.1: peg nearly horizontal
   kInitialOverlap,  ///< a state deeper than 1e-8 m in the block, refused by the rigid law
@@ -29,7 +30,15 @@ const char* toString(StopReason reason);
 
 /// One contact as people and topics see it. Frame `hole`.
 struct ContactReport {
-  enum Feature : std::uint8_t { kEdgeEdge, kEdgePlane, kEdgeWall, kRimSide, kRimFace, kEdgeCone };
+  enum Feature : std::uint8_t {
+    kEdgeEdge,
+    kEdgePlane,
+    kEdgeWall,
+    kRimSide,
+    kRimFace,
+    kEdgeCone,
+    kRimCone
+  };
   enum State : std::uint8_t { kOpen = 0, kSlip = 1, kStick = 2 };
   Feature feature = kEdgeEdge;
   State state = kOpen;
@@ -41,7 +50,7 @@ struct ContactReport {
 };
 
 /// Contact slots, as geometry numbers them: edge–edge left and right of the lowest edge point,
-/// edge–plane, then those of a peg in the hole, then those of a chamfer.
+/// edge–plane, then those of a peg in the hole, then those of chamfers.
 constexpr int kSlots = kContactSlots;
 
 /// A mechanism in time: what the sensors, the carrier and the exciter of a simulated cell work on.

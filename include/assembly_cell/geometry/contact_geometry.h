@@ -9,8 +9,8 @@
 namespace assembly_cell {
 
 // Exact contact of the peg (solid cylinder) with the hole block (half-space z <= 0 less a
-// cylinder); the hole's rim may be chamfered by a cone. All vectors of this header are in thesis
-// axes (1, 2, 3) = (z, x, y) of frame `hole`. [m], [rad]
+// cylinder); the hole's rim and the peg's bottom edge may be chamfered by a cone. All vectors of
+// this header are in thesis axes (1, 2, 3) = (z, x, y) of frame `hole`. [m], [rad]
 
 /// A vector of thesis axes in the axes x, y, z of frame `hole`, and back.
 inline Eigen::Vector3d fromThesisAxes(const Eigen::Vector3d& v) { return {v(1), v(2), v(0)}; }
@@ -44,10 +44,14 @@ EdgeHeight edgeHeight(const EdgeCircle& edge);
 ///   rim_side    side         rim               −e_r of the peg        least axis distance − r_p
 ///   rim_face    bottom face  rim               peg axis a             −its height over the face
 ///   edge_cone   bottom edge  chamfer           sin e1 − cos e_rho     height of the place over it
+///   rim_cone    chamfer      rim               sin a − cos e_r        its height over it
 ///
 /// With a chamfer the rim is two circles: the upper edge in the plane and the lower edge where the
 /// wall begins. edge_plane and rim_face are at the upper one, edge_wall is below the lower one,
-/// edge_edge and rim_side are at both. docs/theory.md says why no other pair can touch.
+/// edge_edge and rim_side are at both. A peg with a chamfer has two edge circles, too: the bottom
+/// edge and, where its side begins, the shoulder. Each may be in place of the bottom edge in the
+/// table; rim_face is inside the bottom edge, rim_side above the shoulder. docs/theory.md says why
+/// no other pair can touch.
 ///
 /// [1] or the floor z = −hole_depth where the lowest point lies inside the rim.
 /// [2] of a bore that leans: of the circle of radius r_h at the height of the place, see bore_lean.
@@ -60,7 +64,8 @@ enum class ContactFeature : std::uint8_t {
   kEdgeWall,
   kRimSide,
   kRimFace,
-  kEdgeCone
+  kEdgeCone,
+  kRimCone
 };
 const char* toString(ContactFeature feature);  ///< as in scenario files: "edge_edge", ...
 
@@ -77,14 +82,23 @@ const char* toString(ContactFeature feature);  ///< as in scenario files: "edge_
 ///   8, 9  edge_edge at the lower edge, as 0, 1
 ///   10, 11  edge_cone: likewise, the deeper one is 10
 ///   12, 13  rim_side at the upper edge, as 5, 6: of a peg that leans more than the chamfer
-constexpr int kSharpSlots = 8, kContactSlots = 14;
+/// Of a peg with a chamfer 0 to 4 and 7 to 11 are its bottom edge's, and those of its shoulder:
+///   14, 15  edge_edge, as 0, 1;  16, 17  as 8, 9
+///   18      edge_plane, as 2;    19, 20  edge_wall, as 3, 4;  21, 22  edge_cone, as 10, 11
+/// and of its chamfer:
+///   23, 24  rim_cone, likewise, the deeper one is 23;  25, 26  at the lower edge of the hole's
+constexpr int kSharpSlots = 8, kHoleChamferSlots = 14, kContactSlots = 27;
 constexpr ContactFeature featureOfSlot(int slot) {
   constexpr ContactFeature kFeatures[kContactSlots] = {
-      ContactFeature::kEdgeEdge, ContactFeature::kEdgeEdge, ContactFeature::kEdgePlane,
-      ContactFeature::kEdgeWall, ContactFeature::kEdgeWall, ContactFeature::kRimSide,
-      ContactFeature::kRimSide,  ContactFeature::kRimFace,  ContactFeature::kEdgeEdge,
-      ContactFeature::kEdgeEdge, ContactFeature::kEdgeCone, ContactFeature::kEdgeCone,
-      ContactFeature::kRimSide,  ContactFeature::kRimSide};
+      ContactFeature::kEdgeEdge,  ContactFeature::kEdgeEdge, ContactFeature::kEdgePlane,
+      ContactFeature::kEdgeWall,  ContactFeature::kEdgeWall, ContactFeature::kRimSide,
+      ContactFeature::kRimSide,   ContactFeature::kRimFace,  ContactFeature::kEdgeEdge,
+      ContactFeature::kEdgeEdge,  ContactFeature::kEdgeCone, ContactFeature::kEdgeCone,
+      ContactFeature::kRimSide,   ContactFeature::kRimSide,  ContactFeature::kEdgeEdge,
+      ContactFeature::kEdgeEdge,  ContactFeature::kEdgeEdge, ContactFeature::kEdgeEdge,
+      ContactFeature::kEdgePlane, ContactFeature::kEdgeWall, ContactFeature::kEdgeWall,
+      ContactFeature::kEdgeCone,  ContactFeature::kEdgeCone, ContactFeature::kRimCone,
+      ContactFeature::kRimCone,   ContactFeature::kRimCone,  ContactFeature::kRimCone};
   return kFeatures[slot];
 }
 
@@ -103,11 +117,20 @@ constexpr ContactSlotMask kEdgeEdgeSlots = slotsOf(ContactFeature::kEdgeEdge),
                           kRimSideSlots = slotsOf(ContactFeature::kRimSide),
                           kRimFaceSlots = slotsOf(ContactFeature::kRimFace),
                           kEdgeConeSlots = slotsOf(ContactFeature::kEdgeCone),
+                          kRimConeSlots = slotsOf(ContactFeature::kRimCone),
                           kAllContactSlots = (1u << kContactSlots) - 1;
-/// Those of a sharp rim; the others can't be valid there, nor admitted at any cost.
-constexpr ContactSlotMask kSharpRimSlots = (1u << kSharpSlots) - 1;
+/// Those of two sharp edges, those that the hole's chamfer adds, that the peg's does beside any
+/// hole, and only beside one with a chamfer. What the shapes don't have can't be valid.
+constexpr ContactSlotMask kSharpRimSlots = (1u << kSharpSlots) - 1,
+                          kHoleChamferMask = ((1u << kHoleChamferSlots) - 1) & ~kSharpRimSlots,
+                          kBothChamfersMask = 3u << 16 | 3u << 21 | 3u << 25,
+                          kPegChamferMask = kAllContactSlots & ~kSharpRimSlots & ~kHoleChamferMask &
+                                            ~kBothChamfersMask;
+/// Whose point is on the peg's shoulder.
+constexpr ContactSlotMask kShoulderSlots = 0x1ffu << 14;
 /// Those that come in pairs of places, which follow them.
-constexpr ContactSlotMask kPairSlots = kEdgeWallSlots | kRimSideSlots | kEdgeConeSlots;
+constexpr ContactSlotMask kPairSlots =
+    kEdgeWallSlots | kRimSideSlots | kEdgeConeSlots | kRimConeSlots;
 
 /// One candidate contact point between block and peg.
 struct ContactPoint {
@@ -124,7 +147,8 @@ struct ContactPoint {
   Eigen::Vector3d normal;   ///< n: unit, from block to peg
   double cross_norm = 0.0;  ///< |T × dp|, signed so that n = (T × dp)/cross_norm (edge–edge)
   double gap = 0.0;         ///< signed distance n · (p − rim), < 0 penetrating
-  /// of the circle met: 1/rho (edge_wall), 1/axis distance (rim_side), cos/rho (edge_cone)
+  /// of the circle met: 1/rho (edge_wall), 1/axis distance (rim_side), cos/rho (edge_cone),
+  /// cos/axis distance (rim_cone)
   double curvature = 0.0;
 };
 
@@ -146,9 +170,15 @@ struct ContactShapes {
   /// circle of radius r_h about z · bore_lean, so that the rim stays a circle. A right cylinder
   /// that leans by β has ellipses instead, longer by r_h (1/cos β − 1): 1 µm of 25 mm at 0.5°.
   Eigen::Vector2d bore_lean = Eigen::Vector2d::Zero();
-  double reach = 2e-5;  ///< slots with a larger gap may be left out (not valid) [m]
-  Chamfer chamfer{};    ///< of the hole: from radius r_h + width in the plane down to r_h
+  double reach = 2e-5;    ///< slots with a larger gap may be left out (not valid) [m]
+  Chamfer chamfer{};      ///< of the hole: from radius r_h + width in the plane down to r_h
+  Chamfer peg_chamfer{};  ///< of the peg: from the bottom edge up to the shoulder, wider by width
 };
+
+/// The slots that such shapes can have.
+ContactSlotMask possibleSlots(const ContactShapes& shapes);
+/// Where the side of a peg begins whose bottom edge is chamfered so.
+EdgeCircle shoulderOf(const EdgeCircle& edge, const Chamfer& chamfer);
 
 /// The slots of one peg. Holds the warm starts: hand the same set (or a copy) to the next search.
 struct ContactSet {
@@ -169,7 +199,7 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
 
 /// Lower bound of the distance of peg and block, 0 where the bound can't tell: while no point of
 /// the peg has moved that far there is no contact, and no search is needed. A chamfer takes
-/// material away only: the bound is that of the sharp rim.
+/// material away only: the bound is that of sharp edges.
 double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes);
 
 /// The contact point runs along both bodies and the normal turns: with a_m the acceleration of the
@@ -179,7 +209,9 @@ struct ContactRates {
   double gap_bias = 0.0;                              ///< [m/s²]
   Eigen::Vector3d rolling = Eigen::Vector3d::Zero();  ///< omega × (run of the contact point) [m/s²]
 };
-/// v_m: velocity of the peg's material point at p [m/s], omega: of the peg [rad/s].
+/// edge: the circle that the point of an edge is on (shoulderOf() for kShoulderSlots), either of
+/// them for points of the rim. v_m: velocity of the peg's material point at p [m/s], omega: of the
+/// peg [rad/s].
 ContactRates contactRates(const EdgeCircle& edge, const ContactPoint& contact,
                           const Eigen::Vector3d& v_m, const Eigen::Vector3d& omega);
 

@@ -22,6 +22,8 @@ struct PegParameters {
   double inertia_axial = 0.0;       ///< [kg m²]
   double coupling_height = 0.0;     ///< d2: centre of mass to coupling, along the axis [m]
   double exciter_height = 0.0;      ///< d1: centre of mass to the exciter's force [m]
+  double chamfer_width = 0.0;       ///< of the bottom edge, across; 0: sharp [m]
+  double chamfer_angle = 0.7853981633974483;  ///< of its face to the peg's axis [rad]
 };
 
 struct HoleParameters {
@@ -46,6 +48,12 @@ inline double blockRadius(const HoleParameters& hole) {
 inline double chamferDepth(const HoleParameters& hole) {
   return hole.chamfer_width / std::tan(hole.chamfer_angle);
 }
+/// How high it goes, up to the shoulder, where the peg's side begins [m].
+inline double chamferHeight(const PegParameters& peg) {
+  return peg.chamfer_width / std::tan(peg.chamfer_angle);
+}
+/// Of the bottom edge [m].
+inline double tipRadius(const PegParameters& peg) { return peg.radius - peg.chamfer_width; }
 
 /// Rest pose of the mechanism: of the coupling point and the tilt it holds. Thesis x2e, x3e, x1e,
 /// theta1e, theta2e, theta3e.

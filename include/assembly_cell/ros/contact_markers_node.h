@@ -68,8 +68,8 @@ class ContactMarkersNode {
   void addArrow(const std::string& ns, const std::string& frame, const Eigen::Vector3d& from,
                 const Eigen::Vector3d& to, const Color& color);
   void drawRim(const std::string& ns, const std::string& frame, const Color& color);
-  void addCircle(const std::string& ns, const std::string& frame, double radius,
-                 const Color& color);
+  void addCircle(const std::string& ns, const std::string& frame, double radius, const Color& color,
+                 double height = 0.0);
   void addText(const std::string& ns, const std::string& frame, const Eigen::Vector3d& at,
                double height, const std::string& words, const Color& color);
 
@@ -89,6 +89,7 @@ class ContactMarkersNode {
   bool words_ = true;           // names, legend and state
   std::string wrench_topic_;    // empty: none
   double peg_radius_ = 0.0, peg_length_ = 0.0, hole_radius_ = 0.0;  // [m]
+  double tip_radius_ = 0.0, shoulder_ = 0.0;                        // of the peg's chamfer [m]
   double mouth_radius_ = 0.0, chamfer_depth_ = 0.0;                 // [m]; 0: sharp
 
   ContactArray::ConstPtr contacts_;

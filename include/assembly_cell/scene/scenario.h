@@ -21,6 +21,7 @@ struct ContactFeatures {
   bool rim_side = true;
   bool rim_face = true;
   bool edge_cone = true;
+  bool rim_cone = true;
 };
 
 struct ContactParameters {
