@@ -121,7 +121,8 @@ TEST(CarrierArm, BadFilesAreRefusedByName) {
   EXPECT_NE(refusal(start + bridge).find("arm"), std::string::npos);
   EXPECT_NE(refusal(start + bridge + "arm: nowhere.yaml\n").find("nowhere.yaml"),
             std::string::npos);
-  EXPECT_NE(refusal(start + "bridge: " + arm + "emulate_arm.yaml\narm: x.yaml\n").find("latency"),
+  EXPECT_NE(refusal(start + "bridge: " + arm + "emulate_arm.yaml\narm: x.yaml\n")
+                .find("looks like parameters of emulate_arm"),
             std::string::npos);
   // and what is read but can't be
   ArmSetup wrong = setup();
