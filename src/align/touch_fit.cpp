@@ -193,21 +193,22 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
   } else if (bottom.beyond(bottom.low) >= bottom.width) {
     return feltBy(reading, bottom);  // on the face
   }
-  const auto apart = [&](double up) {
-    const double residual = feltBy(reading, at(up)).residual;
-    return wall ? -residual : residual;
-  };
-  double best = 0.0, least = apart(0.0);
+  const auto felt = [&](double up) { return feltBy(reading, at(up)); };
+  const auto apart = [wall](const Felt& f) { return wall ? -f.residual : f.residual; };
+  double best = 0.0;
+  Felt nearest = feltBy(reading, bottom);
   for (int i = 1; i <= kCircles; ++i) {
-    const double up = highest * i / kCircles, here = apart(up);
-    if (here >= least) continue;
-    least = here;
+    const double up = highest * i / kCircles;
+    const Felt here = felt(up);
+    if (apart(here) >= apart(nearest)) continue;
+    nearest = here;
     best = up;
   }
   const double step = highest / kCircles;
-  const double refined =
-      leastIn(std::max(0.0, best - step), std::min(highest, best + step), apart, kCircle);
-  return feltBy(reading, at(apart(refined) < least ? refined : best));
+  const Felt refined = felt(leastIn(
+      std::max(0.0, best - step), std::min(highest, best + step),
+      [&](double up) { return apart(felt(up)); }, kCircle));
+  return apart(refined) < apart(nearest) ? refined : nearest;
 }
 
 Felt residualOf(const TouchModel& model, const TouchReading& reading, const Vec3& normal,

@@ -108,9 +108,13 @@ std::array<Source, 3> sourcesOf(const ArmGuard& arm) {
            {ArmReason::kNoState, "state of the arm", arm.state_known, arm.state_time}}};
 }
 
+bool isFresh(const ArmGuard& arm, const Source& source, double now) {
+  return source.known && now - source.time < arm.limits.timeout - 1e-6;
+}
+
 void watchData(ArmGuard& arm, double now) {
   for (const Source& source : sourcesOf(arm)) {
-    if (source.known && now - source.time < arm.limits.timeout - 1e-6) continue;
+    if (isFresh(arm, source, now)) continue;
     hold(arm, source.reason,
          source.known ? text("no fresh %s for %.3f s, allowed are %g s", source.what,
                              now - source.time, arm.limits.timeout)
@@ -284,7 +288,7 @@ GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, d
   // before it is for us. The next lease asks again
   if (session != 0 && session != before && !arm.guard.lockstep) {
     for (const Source& source : sourcesOf(arm)) {
-      if (source.known && now - source.time < arm.limits.timeout - 1e-6) continue;
+      if (isFresh(arm, source, now)) continue;
       return {GuardReason::kStale, text("stale: there are no fresh %s", source.what)};
     }
   }

@@ -101,10 +101,7 @@ void edgeCone(const Peg& e, const Rim& rim, double far, std::size_t first_slot,
       conePlace(e, rim, sample, place);
       return place.gap;
     });
-    const std::size_t i = lower ? 0 : 1;
-    if (lowest_places.n <= static_cast<int>(i)) return false;
-    at = placeOf(lowest_places.places[i].c, lowest_places.places[i].s);
-    return true;
+    return lowest_places.start(lower, at);
   };
   fillPair(pair, single, find, start, [&](const Place& at, ContactPoint& contact) {
     const Meridian& m = place.m;

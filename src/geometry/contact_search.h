@@ -359,6 +359,14 @@ struct LowestPlaces {
       n = n < 2 ? n + 1 : 2;
     }
   }
+
+  // the lowest one, or the other
+  bool start(bool lowest, Place& at) const {
+    const std::size_t i = lowest ? 0 : 1;
+    if (n <= static_cast<int>(i)) return false;
+    at = placeOf(places[i].c, places[i].s);
+    return true;
+  }
 };
 // the height's first harmonic over its second: above it there is one minimum, and Newton finds it
 // from the first harmonic's

@@ -209,10 +209,7 @@ void rimCone(const Peg& e, double r_h, double far, std::size_t first_slot, Conta
       evaluate(sample);
       return gap;
     });
-    const std::size_t i = lower ? 0 : 1;
-    if (places.n <= static_cast<int>(i)) return false;
-    at = placeOf(places.places[i].c, places.places[i].s);
-    return true;
+    return places.start(lower, at);
   };
   fillPair(pair, single, find, start, [&](const Place& at, ContactPoint& contact) {
     const double inverse = 1.0 / std::sqrt(m.extremum.distance2);

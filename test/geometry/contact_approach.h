@@ -1,8 +1,14 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <string>
+#include <utility>
 
 #include "contact_reference.h"
 
@@ -68,5 +74,50 @@ struct Approach {
     return std::abs(value) <= 1e-16;
   }
 };
+
+using HandOvers = std::map<std::pair<ContactFeature, ContactFeature>, int>;
+
+// Along a way of the peg, at(q) with q from 0 to 1, that stays near a contact: the smallest gap has
+// no step, and where one feature follows another at one place neither has the normal. Counts these.
+template <typename At>
+void followHandOver(const At& at, const ContactShapes& shapes, double penetration,
+                    const std::string& what, HandOvers& changes) {
+  ContactSet set;
+  Smallest last;
+  constexpr int steps = 400;
+  for (int k = 0; k <= steps; ++k) {
+    const double q = static_cast<double>(k) / steps;
+    findContacts(at(q), shapes, kAllContactSlots, set);
+    const Smallest now = smallest(set);
+    if (now.gap < -2 * penetration) break;
+    const Smallest before_it = std::exchange(last, now);
+    if (k == 0 || now.slot < 0 || before_it.slot < 0 || now.slot == before_it.slot) continue;
+    double low = q - 1.0 / steps, high = q;
+    for (int n = 0; n < 60; ++n) {
+      const double middle = 0.5 * (low + high);
+      (smallest(at(middle), shapes).slot == before_it.slot ? low : high) = middle;
+    }
+    ContactSet before, after;
+    findContacts(at(low), shapes, kAllContactSlots, before);
+    findContacts(at(high), shapes, kAllContactSlots, after);
+    const Smallest b = smallest(before), f = smallest(after);
+    if (b.slot < 0 || f.slot < 0) {
+      // one that is apart may be left out for a while
+      EXPECT_GT(std::min(before_it.gap, now.gap), 0.0) << what << " " << q;
+      continue;
+    }
+    const ContactPoint& cb = before.slots[static_cast<std::size_t>(b.slot)];
+    const ContactPoint& cf = after.slots[static_cast<std::size_t>(f.slot)];
+    const bool same = (cb.p - cf.p).norm() < 1e-7;
+    // an overlapping corner changes its nearest way out where two of them are alike, to second
+    // order of the edge's curve
+    EXPECT_NEAR(b.gap, f.gap, 1e-13 + (same ? 1e-4 : 0.5) * penetration)
+        << what << " " << q << " slots " << b.slot << " to " << f.slot;
+    if (!same) continue;
+    EXPECT_LT((cb.normal - cf.normal).norm(), 1e-5)
+        << what << " " << toString(cb.feature) << " to " << toString(cf.feature);
+    ++changes[{cb.feature, cf.feature}];
+  }
+}
 
 }  // namespace assembly_cell

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
+#include <string>
 #include <vector>
 
 #include "block_of_boxes.h"
@@ -199,7 +199,7 @@ TEST_F(ContactChamfer, SignsAreThoseOfTheOverlap) {
 // From a touch in the hole up and out, and from there over the mouth outwards: the smallest gap has
 // no step, and where one feature follows another at one place neither has the normal.
 TEST_F(ContactChamfer, FeaturesHandOver) {
-  std::map<std::pair<ContactFeature, ContactFeature>, int> changes;
+  HandOvers changes;
   for (int i = 0; i < 160; ++i) {
     const Approach a = approach(i % 2 ? Way::kInside : Way::kSideways);
     const double penetration =
@@ -218,45 +218,7 @@ TEST_F(ContactChamfer, FeaturesHandOver) {
       e.center += q * (i % 4 < 2 ? up : Vector3d(up + out)) - penetration * normal;
       return e;
     };
-    set = ContactSet{};
-    Smallest last;
-    constexpr int steps = 400;
-    for (int k = 0; k <= steps; ++k) {
-      const double q = static_cast<double>(k) / steps;
-      findContacts(at(q), a.shapes, kAllContactSlots, set);
-      const Smallest now = smallest(set);
-      if (now.gap < -2 * penetration) break;
-      if (k > 0 && now.slot >= 0 && last.slot >= 0 && now.slot != last.slot) {
-        double low = q - 1.0 / steps, high = q;
-        for (int n = 0; n < 60; ++n) {
-          const double middle = 0.5 * (low + high);
-          (smallest(at(middle), a.shapes).slot == last.slot ? low : high) = middle;
-        }
-        ContactSet before, after;
-        findContacts(at(low), a.shapes, kAllContactSlots, before);
-        findContacts(at(high), a.shapes, kAllContactSlots, after);
-        const Smallest b = smallest(before), f = smallest(after);
-        if (b.slot < 0 || f.slot < 0) {
-          // one that is apart may be left out for a while
-          EXPECT_GT(std::min(last.gap, now.gap), 0.0) << i << " " << q;
-          last = now;
-          continue;
-        }
-        const ContactPoint& cb = before.slots[static_cast<std::size_t>(b.slot)];
-        const ContactPoint& cf = after.slots[static_cast<std::size_t>(f.slot)];
-        const bool same = (cb.p - cf.p).norm() < 1e-7;
-        // an overlapping corner changes its nearest way out where two of them are alike, to second
-        // order of the edge's curve
-        EXPECT_NEAR(b.gap, f.gap, 1e-13 + (same ? 1e-4 : 0.5) * penetration)
-            << i << " " << q << " slots " << b.slot << " to " << f.slot;
-        if (same) {
-          EXPECT_LT((cb.normal - cf.normal).norm(), 1e-5)
-              << i << " " << toString(cb.feature) << " to " << toString(cf.feature);
-          ++changes[{cb.feature, cf.feature}];
-        }
-      }
-      last = now;
-    }
+    followHandOver(at, a.shapes, penetration, "approach " + std::to_string(i), changes);
   }
   using F = ContactFeature;
   EXPECT_GT((changes[{F::kEdgeWall, F::kEdgeEdge}]), 3);
