@@ -22,6 +22,8 @@ constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
                                          {"spiral", spiralSearch},
                                          {"passive", passiveAssembly}};
 
+constexpr double kSameDepth = 1e-3;  // as felt on different ways down [m]
+
 Strategy strategyOf(const std::string& name) {
   std::string known;
   for (const NamedStrategy& strategy : kStrategies) {
@@ -94,6 +96,9 @@ void checkParameters(const AlignParameters& p) {
         "must lie in (0, 0.1] m/s");
   check(p.insert.exciter >= 0 && p.insert.exciter <= 1000, "insert.exciter", p.insert.exciter,
         "must lie in [0, 1000] N; 0 is off");
+  check(p.inserted >= 0 && p.inserted <= 1, "inserted", p.inserted, "must lie in [0, 1] m");
+  check(!(p.insert.depth > 0) || p.insert.depth > p.inserted - kSameDepth, "insert.depth",
+        p.insert.depth, text("the peg is %g m deep already; retreat first", p.inserted).c_str());
   check(p.rounds >= 1 && p.rounds <= 10, "rounds", p.rounds, "must lie in 1 to 10");
 }
 

@@ -16,6 +16,7 @@ constexpr double kBackOut = 1e-3;   // the first time, then twice as far each ti
 constexpr double kPull = 0.6;       // of the force limit, on the way up
 constexpr double kPullStep = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;  // between a way up and the next one down [s]
+constexpr double kOut = 2e-3;       // above the face is out of the hole [m]
 constexpr int kBackOuts = 6;        // before it is said to jam
 constexpr std::size_t kTold = 5;    // steps of the profile between two words of progress
 constexpr double kProfileStep = 1e-3;  // [m]
@@ -237,6 +238,48 @@ void Search::insert() {
   inserted_.time = press_.last().time - start;
   report("seated",
          text("%.2f mm deep, greatest force %.1f N", inserted_.end.depth * 1e3, inserted_.force));
+}
+
+void Search::leaveBore() {
+  press_.tare();
+  X_BS_ = poseFromRest(press_.last().carrier);
+  start_ = press_.last().carrier;
+  begun_ = true;
+  const Vec3 bottom = pegPose(start_, Vector6::Zero()).p;
+  hole_.height = bottom.z() + p_.inserted;
+  rememberSag(bottom);
+  in_bore_ = pegPose(press_.target(), Vector6::Zero());
+  moveInBore(0.0);
+  const double above = kOut * scale_.room;
+  backOutOfBore(p_.inserted + above);
+  report("retreat", text("%.2f mm above the face", -1e3 * inserted_.end.depth));
+  if (inserted_.end.depth > 0.0) {
+    throw AlignError(AlignFailure::kStuck,
+                     text("%.2f mm deep still, pulled with %.1f N", 1e3 * inserted_.end.depth,
+                          against(-1.0)));
+  }
+}
+
+namespace {
+
+class Withdrawal : public Search {
+ public:
+  Withdrawal(Plant& plant, const Mechanism& mechanism, const AlignParameters& p,
+             const Progress& progress)
+      : Search(plant, mechanism, p, progress) {}
+
+  void find() override { leaveBore(); }
+
+ private:
+  void summarise(AlignResult&) const override {}
+};
+
+}  // namespace
+
+void withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+              const std::function<void(const AlignProgress&)>& progress) {
+  checkParameters(parameters);
+  Withdrawal(plant, mechanism, parameters, progress).find();
 }
 
 }  // namespace assembly_cell

@@ -262,7 +262,8 @@ void PressController::begin(const Mechanism& mechanism) {
     if (i == kMaxFreeSteps || !settle() || force().norm() > 2 * limits_.force) {
       throw AlignError(
           AlignFailure::kInContact,
-          line("the peg doesn't come free: %.1f N of change after %.1f mm of travel up",
+          line("the peg doesn't come free: %.1f N of change after %.1f mm of travel up; take it "
+               "out by hand, or reset the simulation",
                force().norm(), (higher.z - tare_pose_.z) * 1e3));
     }
     const double change = (last_.wrench_b - before).head<3>().norm();

@@ -40,6 +40,7 @@ constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one travel aside to the next, never the same twice [rad]
 constexpr double kRing = 0.9;       // from one to the next, in clearances
 constexpr double kOnFace = 0.75;    // of the force of a peg lowered on the face by the depth
+constexpr double kFarIn = 2.0;      // times as deep as an entry is what doesn't stand on the face
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
 PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
@@ -89,6 +90,10 @@ AlignResult Search::run() {
     if (p_.insert.wanted()) insert();
     result.success = true;
     result.reason = toString(result.failure);
+    if (found_) {
+      const Vec3 end = pegPose(press_.last().carrier, deflection()).p;
+      result.depth = std::max(0.0, hole_.height - hole_.normal.dot(end));
+    }
   } catch (const AlignError& error) {
     result.failure = error.failure;
     result.reason = error.what();
@@ -290,11 +295,13 @@ bool Search::alreadyIn() {
   press_.wait(timed(kWallBlocks));
   if (!wall) return false;
   hole_.normal = Vec3::UnitZ();
-  hole_.height = bottom.z();
+  hole_.height = bottom.z() + p_.inserted;
   hole_.normal_sd = kUnknownAxis;
   rememberSag(bottom);
-  if (centre(Mat3::Identity()) &&
-      lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity()))
+  const auto nothingBelow = [this] {
+    return lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity());
+  };
+  if (centre(Mat3::Identity()) && (p_.inserted > kFarIn * entryDepth() || nothingBelow()))
     return true;
   // no hole: something on one side only, or a face
   found_ = false;

@@ -300,7 +300,7 @@ std::string lookedForIn(const std::string& path) {
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::current_path(error);
   if (error || std::filesystem::path(path).is_absolute()) return "";
-  return "; it was looked for in " + folder.string();
+  return "; it was looked for in " + folder.string() + ", give a path from / on";
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/command_line.h"
 
+#include <cctype>
 #include <cstdio>
 
 namespace assembly_cell::ros_bridge {
@@ -8,7 +9,20 @@ namespace assembly_cell::ros_bridge {
 std::optional<int> answerCommandLine(int argc, char** argv, const std::string& node) {
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
-    if (argument.find(":=") != std::string::npos) continue;
+    if (const std::size_t at = argument.find(":="); at != std::string::npos) {
+      // a name of a topic begins as all names in ROS do; ROS's own answer doesn't say what is meant
+      const char first = argument[0], begin = argument.c_str()[at + 2];
+      const bool renamed = first != '_' && begin != '\0';
+      if (!renamed || std::isalpha(static_cast<unsigned char>(begin)) != 0 || begin == '/' ||
+          begin == '~' || begin == '_') {
+        continue;
+      }
+      std::fprintf(stderr,
+                   "%s: '%s' would rename a topic, to what is no name: a parameter has an "
+                   "underscore before it, _%s\n",
+                   node.c_str(), argument.c_str(), argument.c_str());
+      return 2;
+    }
     if (argument == "--help" || argument == "-h") {
       std::printf(
           "usage: rosrun assembly_cell %s [_PARAMETER:=VALUE ...] [TOPIC:=NAME ...]\n"

@@ -53,7 +53,8 @@ void SupervisorNode::readMechanism(Parameters& parameters) {
 
 std::string SupervisorNode::contradiction() {
   plant_->know(nullptr);
-  if (!known_ || !known_->identified) return "";
+  // a peg in the hole doesn't hang
+  if (!known_ || !known_->identified || inserted() > 0.0) return "";
   const MechanismCheck check = checkMechanism(*plant_, *known_);
   return check.agrees ? "" : check.message;
 }

@@ -164,8 +164,11 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
       enter(name, true);
       const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
       plant_->know(known);
+      parameters.inserted = inserted();
+      left_in_ = LeftIn();
       result = align(*plant_, mechanism_, known ? withDrive(parameters, known->drive) : parameters,
                      progress);
+      left_in_ = {result.depth, plant_->carrierPose()};
       end.failed = end.begun = !result.success;
       end.failure = result.failure;
       end.reason = result.reason;
@@ -283,6 +286,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     try {
       enter("move_to_contact", true);
       plant_->begin([this] { return contact_server_->isPreemptRequested(); });
+      left_in_ = LeftIn();
       const PressController* watched = nullptr;
       WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
         MoveToContactFeedback feedback;

@@ -17,6 +17,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
+constexpr double kSamePlace = 2e-4, kSameTurn = 2e-3;  // a carrier that hasn't moved [m], [rad]
 constexpr double kFreeing = 2.0;           // of cell time after a goal that failed [s]
 constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
 constexpr char kIdentify[] = "identify: ";
@@ -126,6 +127,12 @@ void SupervisorNode::leave(const End& end) {
   publishState();
 }
 
+double SupervisorNode::inserted() const {
+  const Pose moved = inverse(left_in_.carrier) * plant_->carrierPose();
+  const double turned = vectorFromRotation(moved.R).value.norm();
+  return moved.p.norm() < kSamePlace && turned < kSameTurn ? left_in_.depth : 0.0;
+}
+
 void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
   RetreatResult result;
   const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
@@ -145,6 +152,10 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
         retreat_server_->publishFeedback(feedback);
         result.z = block.carrier.z;
       });
+      if (AlignParameters out = parameters_; (out.inserted = inserted()) > 0.0) {
+        left_in_ = LeftIn();
+        withdraw(plant, mechanism_, out);
+      }
       PressController hand(plant, limits_);
       hand.release(mechanism_);
       result.success = true;

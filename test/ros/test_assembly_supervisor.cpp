@@ -19,6 +19,7 @@
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/MoveToContactAction.h"
+#include "assembly_cell/RetreatAction.h"
 #include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
@@ -45,12 +46,13 @@ class Supervisor : public ::testing::Test {
         pose_(nh_, "truth/pose"),
         align_(nh_, "align", false),
         assemble_(nh_, "assemble", false),
-        press_(nh_, "move_to_contact", false) {}
+        press_(nh_, "move_to_contact", false),
+        retreat_(nh_, "retreat", false) {}
 
   void SetUp() override {
     ASSERT_TRUE(waitFor([this] {
       return align_.isServerConnected() && assemble_.isServerConnected() &&
-             press_.isServerConnected() && command_.connected() && exciter_.connected() &&
+             press_.isServerConnected() && retreat_.isServerConnected() && command_.connected() && exciter_.connected() &&
              carrier_.size() > 0 && contacts_.connected() && report_.connected();
     })) << "the cell isn't there";
     // hanging over the plane again, with the clock going on
@@ -109,6 +111,7 @@ class Supervisor : public ::testing::Test {
   actionlib::SimpleActionClient<AlignPegAction> align_;
   actionlib::SimpleActionClient<AssemblePegAction> assemble_;
   actionlib::SimpleActionClient<MoveToContactAction> press_;
+  actionlib::SimpleActionClient<RetreatAction> retreat_;
   std::mutex mutex_;
   std::vector<AlignPegFeedback> feedback_;
   double deepest_ = 0.0;  // of the feedback of assemble [m]
@@ -203,6 +206,33 @@ TEST_F(Supervisor, AssemblesToADepth) {
   };
   ASSERT_TRUE(waitFor(seen));
   EXPECT_NEAR(pose_.last()->pose.position.z, -result.depth, 2e-4);
+}
+
+// What it has left in the hole it goes on with, and takes out again.
+TEST_F(Supervisor, KnowsHowDeepItHasAssembled) {
+  const auto height = [this](const ros::Time& stamp) {
+    EXPECT_TRUE(waitFor([&] { return pose_.last() && pose_.last()->header.stamp >= stamp; }));
+    return pose_.last()->pose.position.z;
+  };
+  for (const double depth : {0.02, 0.02, 0.03}) {
+    const auto state = assemble(depth);
+    const AssemblePegResult result = *assemble_.getResult();
+    ASSERT_EQ(state.state_, SimpleClientGoalState::SUCCEEDED) << result.report.reason;
+    EXPECT_NEAR(height(result.report.header.stamp), -depth, 3e-4);
+  }
+  EXPECT_EQ(assemble(0.01).state_, SimpleClientGoalState::ABORTED);
+  const std::string reason = assemble_.getResult()->report.reason;
+  EXPECT_NE(reason.find("deep already; retreat first"), std::string::npos) << reason;
+
+  retreat_.sendGoal(RetreatGoal());
+  ASSERT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
+      << retreat_.getResult()->message;
+  const auto out = [this] { return pose_.last()->pose.position.z > 1e-3; };
+  EXPECT_TRUE(waitFor(out)) << pose_.last()->pose.position.z;
+
+  EXPECT_EQ(assemble(0.01).state_, SimpleClientGoalState::SUCCEEDED)
+      << assemble_.getResult()->report.reason;
+  EXPECT_NEAR(height(assemble_.getResult()->report.header.stamp), -0.01, 3e-4);
 }
 
 TEST_F(Supervisor, RefusesADepthThatTheHoleDoesNotHave) {

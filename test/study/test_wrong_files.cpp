@@ -75,6 +75,8 @@ identification: {format: assembly_cell identified mechanism 1}
       {"parameters of arm_bridge", {kFolder + "config/arm/arm_bridge.yaml", nullptr}},
       {"parameters of emulate_arm", {kFolder + "config/arm/emulate_arm.yaml", nullptr}},
       {"a mismatch", {kFolder + "config/mismatch/level_2.yaml", [](auto& f) { loadMismatch(f); }}},
+      {"the parameters of a force_sensor_driver", {kFolder + "config/sensor_iio.yaml", nullptr}},
+      {"the parameters of a node", {kFolder + "config/supervisor.yaml", nullptr}},
       {"XML", {kFolder + "urdf/cell.urdf", nullptr}}};
 };
 

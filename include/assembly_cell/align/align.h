@@ -61,6 +61,9 @@ struct AlignParameters {
   double required_rotation = 1e-3;  ///< [rad]
 
   InsertParameters insert;
+  /// Depth of the bottom edge below the plane at the start, as an end before has told it; 0: not
+  /// known, or not in the hole. [m]
+  double inserted = 0.0;
 };
 
 /// Progress for people and for the action's feedback.
@@ -124,6 +127,7 @@ struct AlignResult {
   double reference_time =
       0.0;  ///< plant clock when the peg hung at rest, before its first move [s]
   std::vector<DirectionReading> readings;  ///< that the last estimate rests on
+  double depth = 0.0;  ///< of the bottom edge below the plane at the end, 0 without success [m]
   InsertResult insert;
 };
 
@@ -136,5 +140,10 @@ void checkParameters(const AlignParameters& parameters);
 /// parameters, PlantError when the plant fails.
 AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                   const std::function<void(const AlignProgress&)>& progress = nullptr);
+
+/// Out of the hole along its bore, the walls leading, from a depth of `parameters.inserted`. Throws
+/// InputError for bad parameters, AlignError where the peg doesn't come out, PlantError.
+void withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+              const std::function<void(const AlignProgress&)>& progress = nullptr);
 
 }  // namespace assembly_cell

@@ -102,7 +102,10 @@ class Search {
     return p_.insertion_depth + chamferDepth(mechanism_.hole) + chamferHeight(mechanism_.peg);
   }
   /// Whether the peg, as it is, has the hole round it: walls on all four sides, and nothing below.
+  /// Of one that is known to be far in the walls tell enough.
   bool alreadyIn();
+  /// Up along the bore and out of it, the walls leading. Throws AlignError `stuck`.
+  void leaveBore();
 
   const Mechanism& mechanism_;
   const Scale scale_;  // constants of strategies are those of the default cell, times its factors

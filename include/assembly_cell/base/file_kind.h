@@ -20,7 +20,8 @@ enum class FileKind {
   kPlace,
   kArm,
   kArmBridge,
-  kEmulatedArm
+  kEmulatedArm,
+  kNode
 };
 
 /// Refuses what is plainly of another kind than `wanted`, with one line that names both.

@@ -96,6 +96,8 @@ class SupervisorNode {
   /// A goal has ended. Where it failed the peg is freed first, if there is anything to feel with.
   void leave(const End& end);
   void tell(bool in_contact, bool stuck, const std::string& reason);
+  /// Depth at which the last goal left the peg, if its carrier still stands there; else 0. [m]
+  double inserted() const;
   void hearIdentifier(const SupervisorState& identifier);
   void publishState();
   void publishDiagnostics();
@@ -111,6 +113,11 @@ class SupervisorNode {
   Pose X_CP_;                    ///< peg in the carrier, at rest
   AlignParameters parameters_;   ///< at the start
   PressLimits limits_;           ///< by busy_, of the goal that runs
+  struct LeftIn {
+    double depth = 0.0;  ///< of the peg's edge in the hole [m]
+    Pose carrier;        ///< that held it there
+  };
+  LeftIn left_in_;  ///< by busy_, of the last goal
   std::unique_ptr<LiveSettings> live_;
 
   std::unique_ptr<RosPlant> plant_;
