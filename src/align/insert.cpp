@@ -254,9 +254,8 @@ void Search::leaveBore() {
   backOutOfBore(p_.inserted + above);
   report("retreat", text("%.2f mm above the face", -1e3 * inserted_.end.depth));
   if (inserted_.end.depth > 0.0) {
-    throw AlignError(AlignFailure::kStuck,
-                     text("%.2f mm deep still, pulled with %.1f N", 1e3 * inserted_.end.depth,
-                          against(-1.0)));
+    throw AlignError(AlignFailure::kStuck, text("%.2f mm deep still, pulled with %.1f N",
+                                                1e3 * inserted_.end.depth, against(-1.0)));
   }
 }
 
