@@ -153,7 +153,6 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
         result.z = block.carrier.z;
       });
       if (AlignParameters out = parameters_; (out.inserted = inserted()) > 0.0) {
-        left_in_ = LeftIn();
         withdraw(plant, mechanism_, out);
       }
       PressController hand(plant, limits_);
