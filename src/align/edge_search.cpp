@@ -37,7 +37,10 @@ constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg 
 constexpr int kHigher = 5;           // times
 constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
 constexpr double kSure = 2.5;        // deviations
-constexpr int kRest = 2;             // blocks
+// A chamfer of 45 degrees pushes aside by (1 - mu) / (1 + mu) of the force on it, 0.54 at 0.3.
+constexpr double kGives = 0.5;
+constexpr double kElsewhere = 0.2;  // of the chamfer, from where it was tried in vain
+constexpr int kRest = 2;            // blocks
 constexpr double kPointSd = 1e-3, kOffsetSd = 4e-3;  // of the lines of action [m]
 constexpr double kLeastPointSd = 2e-4;               // by the sensor's noise [m]
 
@@ -57,6 +60,12 @@ void EdgeSearch::feelIn() {
   const double places = std::pow(kMayBe / (kRuledOut * mechanism_.peg.radius), 2);
   const int drops = kDrops + static_cast<int>(places);
   for (int i = 0; i < drops; ++i) {
+    if (isFunnelled()) {
+      funnelled_ = hole_.center;
+      report("enter", "the chamfer leads");
+      if (enter(hole_.center, 1)) return;
+      bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+    }
     if (!drop(i)) {
       resolve();
       continue;
@@ -75,7 +84,10 @@ void EdgeSearch::remember(const Touch& light) {
   TouchReading reading;
   reading.X_SP = light.X_SP;
   reading.sd = kPlaceSd;
-  if (!light.steep()) reading.point = light.point;
+  // on two points, as in a cone, its line of action is between them
+  const bool chamfered = mechanism_.hole.chamfer_width + mechanism_.peg.chamfer_width > 0.0;
+  if (!light.steep() && !(chamfered && light.straddles())) reading.point = light.point;
+  reading.lean = light.lean;
   readings_.push_back(reading);
 }
 
@@ -167,6 +179,15 @@ void EdgeSearch::resolve() {
          text("centre %.3f %.3f mm", offset().x() * 1e3, offset().y() * 1e3) +
              text(" +- %.3f mm, tilt sd %.3f deg", position_sd_ * 1e3, rotation_sd_ * 180 / M_PI) +
              text(", chi2 %.1f of %.0f", fit.chi2, fit.residuals));
+}
+
+// The hole is known so well that chamfers lead an upright peg into it, and the coupling gives way
+// before that feels like a face; and not where that was tried in vain.
+bool EdgeSearch::isFunnelled() const {
+  const double width = mechanism_.hole.chamfer_width + mechanism_.peg.chamfer_width;
+  const double gives = kGives * insertionForce() * sidewaysCompliance(mechanism_);
+  const bool elsewhere = !funnelled_ || (hole_.center - *funnelled_).norm() > kElsewhere * width;
+  return elsewhere && kSure * position_sd_ < std::min(width, gives);
 }
 
 // the low edge into the hole; what is touched instead is kept

@@ -188,6 +188,7 @@ Search::Touch Search::feel() {
   touch.sideways = at.head<2>().norm();
   if (touch.force > 0.0) {
     touch.point = Vec2(-at(4), at(3)) / touch.force;
+    touch.lean = at.head<2>() / touch.force;
     touch.reach = touch.point.norm() / tipRadius(mechanism_.peg);
   }
   return touch;

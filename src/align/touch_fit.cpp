@@ -32,6 +32,7 @@ constexpr double kGridReach = 2.0;            // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr int kCircles = 4;          // steps up the peg's chamfer, for which touches
 constexpr double kCircle = 1e-3;     // and to which its circle is sought
+constexpr double kNowhere = 1e9;     // gap of a circle that touches nothing [m]
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
 constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
 
@@ -164,6 +165,8 @@ struct Edge {
 // a touch against a hole: its residual, and where on the peg it would be
 struct Felt {
   double residual, azimuth, radius;
+  bool rests = true;
+  double height = 0.0;  // over the peg's bottom
 };
 
 Felt feltBy(const TouchReading& reading, const Edge& edge) {
@@ -172,8 +175,8 @@ Felt feltBy(const TouchReading& reading, const Edge& edge) {
   // an edge all inside rests nowhere: as if on its highest point
   const double gap = at ? edge.over(*at) : edge.height(edge.low + M_PI);
   if (reading.kind == TouchReading::kFree)
-    return {std::min({0.0, gap, -edge.reach()}), 0.0, edge.r};
-  return {gap, at.value_or(edge.low), edge.r};
+    return {std::min({0.0, gap, -edge.reach()}), 0.0, edge.r, at.has_value()};
+  return {gap, at.value_or(edge.low), edge.r, at.has_value()};
 }
 
 // By whichever circle of the peg's chamfer is nearest to the block. All of its circles are on the
@@ -193,10 +196,20 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
   } else if (bottom.beyond(bottom.low) >= bottom.width) {
     return feltBy(reading, bottom);  // on the face
   }
-  const auto felt = [&](double up) { return feltBy(reading, at(up)); };
+  const auto felt = [&](double up) {
+    const Edge edge = at(up);
+    Felt found = feltBy(reading, edge);
+    found.height = up * chamferHeight(model.peg);
+    // a circle that the bore holds rests nowhere: what rests is higher up
+    if (!found.rests) {
+      const bool edges = reading.kind == TouchReading::kEdge;
+      found.residual = edges ? kNowhere : std::min(0.0, -edge.reach());
+    }
+    return found;
+  };
   const auto apart = [wall](const Felt& f) { return wall ? -f.residual : f.residual; };
   double best = 0.0;
-  Felt nearest = feltBy(reading, bottom);
+  Felt nearest = felt(0.0);
   for (int i = 1; i <= kCircles; ++i) {
     const double up = highest * i / kCircles;
     const Felt here = felt(up);
@@ -208,7 +221,8 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
   const Felt refined = felt(leastIn(
       std::max(0.0, best - step), std::min(highest, best + step),
       [&](double up) { return apart(felt(up)); }, kCircle));
-  return apart(refined) < apart(nearest) ? refined : nearest;
+  if (apart(refined) < apart(nearest)) nearest = refined;
+  return nearest.residual < kNowhere ? nearest : feltBy(reading, at(1.0));
 }
 
 Felt residualOf(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
@@ -261,7 +275,8 @@ class Posterior {
       out(n++) = robust(felt.residual / reading.sd);
       if (!reading.point) continue;
       const Vec2 on(std::cos(felt.azimuth), std::sin(felt.azimuth));
-      const Vec2 off = *reading.point - felt.radius * on - x.tail<2>();
+      const Vec2 at = *reading.point + felt.height * reading.lean;
+      const Vec2 off = at - felt.radius * on - x.tail<2>();
       out(n++) = robust(off.x() / model_.point_sd);
       out(n++) = robust(off.y() / model_.point_sd);
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "assembly_cell/align/search.h"
@@ -49,6 +50,7 @@ class EdgeSearch : public Search {
   double dip(const Mat3& R) const;
   void hover(const Vec3& place, const Mat3& R);
   void keep(const Touch& light);
+  bool isFunnelled() const;
   bool drop(int turn);
   bool walls();
   bool wall(const Vec3& way);
@@ -56,8 +58,9 @@ class EdgeSearch : public Search {
   Vec2 pushedAt(const Vec3& p, const Mat3& R, const std::function<Vec2()>& push);
   double softness(const Vec3& way, const Mat3& R) const;
 
-  Vec3 ahead_ = Vec3::UnitX();  // way of the low edge in the hole
-  double heading_ = 0.0;        // its azimuth in the plane [rad]
+  Vec3 ahead_ = Vec3::UnitX();     // way of the low edge in the hole
+  double heading_ = 0.0;           // its azimuth in the plane [rad]
+  std::optional<Vec3> funnelled_;  // centre of the hole when the chamfer was to lead
 };
 
 }  // namespace assembly_cell

@@ -43,6 +43,7 @@ class Search {
     double sideways = 0.0;  ///< [N]
     double reach = 0.0;  ///< line of action's distance from the axis at the bottom over the radius
     Eigen::Vector2d point{0, 0};  ///< where the line of action crosses the bottom, peg axes [m]
+    Eigen::Vector2d lean{0, 0};   ///< of that line, aside over up
     Pose X_SP;                    ///< of the peg then, by the commanded rest pose
 
     double least = 0.5;  ///< less than this is no touch any more [N]
@@ -95,6 +96,8 @@ class Search {
   bool enter(const Eigen::Vector3d& center, int rings = kRings);
   /// Of places round the hole's estimate, the middle itself counted, where enter() looks.
   static constexpr int kRings = 3;
+  /// More than this on the way in means not aligned. [N]
+  double insertionForce() const;
   /// How far from the hole's estimate enter() looks. [m]
   double enterReach() const;
   /// How far below the face the edge has to be, for walls all round: under both chamfers [m].
@@ -141,7 +144,6 @@ class Search {
   bool pressAgain(const BoreReading& pressed);
   void backOutOfBore(double travel);
   double wallTravel() const;
-  double insertionForce() const;
   void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);

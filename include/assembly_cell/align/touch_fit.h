@@ -23,6 +23,9 @@ struct TouchReading {
   double sd = 0.0;  ///< of the peg's place along the touch [m]
   /// Where the line of action crosses the bottom, peg axes [m]; the sensor's own offset included.
   std::optional<Eigen::Vector2d> point;
+  /// How far aside that line goes a metre up, peg axes; only a chamfered peg is touched above its
+  /// bottom.
+  Eigen::Vector2d lean = Eigen::Vector2d::Zero();
 };
 
 /// What is known before, and how well a point is felt. All standard deviations.
