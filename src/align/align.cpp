@@ -37,6 +37,25 @@ void check(bool good, const char* name, double value, const char* remedy) {
   if (!good) throw InputError(std::string(name) + text(": %g: ", value) + remedy);
 }
 
+// What strategies were shown with: radius, 2 to 60 mm, and mass are what a press or a sensor says.
+constexpr double kLoosest = 0.6, kBluntest = 0.9, kWidest = 1.0;  // in radii
+
+void checkParts(const Mechanism& m) {
+  const double r = m.peg.radius;
+  if (!(m.hole.radius > r)) {
+    throw InputError("hole.radius: " + text("%g m", m.hole.radius) +
+                     " is not larger than the peg's; the peg can't enter");
+  }
+  check(m.hole.radius - r <= kLoosest * r, "hole.radius", m.hole.radius,
+        text("the clearance is more than %g of the peg's radius; that is no fit to look for",
+             kLoosest)
+            .c_str());
+  check(m.peg.chamfer_width <= kBluntest * r, "peg.chamfer.width", m.peg.chamfer_width,
+        text("must be at most %g of the peg's radius", kBluntest).c_str());
+  check(m.hole.chamfer_width <= kWidest * r, "hole.chamfer.width", m.hole.chamfer_width,
+        text("must be at most the peg's radius, %g m", r).c_str());
+}
+
 }  // namespace
 
 void checkParameters(const AlignParameters& p) {
@@ -102,13 +121,9 @@ void checkParameters(const AlignParameters& p) {
   check(p.rounds >= 1 && p.rounds <= 10, "rounds", p.rounds, "must lie in 1 to 10");
 }
 
-AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
-                  const std::function<void(const AlignProgress&)>& progress) {
+void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters) {
   checkParameters(parameters);
-  if (!(mechanism.hole.radius > mechanism.peg.radius)) {
-    throw InputError("hole.radius: " + text("%g m", mechanism.hole.radius) +
-                     " is not larger than the peg's; the peg can't enter");
-  }
+  checkParts(mechanism);
   if (parameters.insert.floor && !std::isfinite(mechanism.hole.depth)) {
     throw InputError(
         "align: insert.floor: hole.depth isn't given; give it, or a depth to insert to");
@@ -121,6 +136,11 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
     throw InputError("insert.depth: " + text("%g m", parameters.insert.depth) +
                      text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));
   }
+}
+
+AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+                  const std::function<void(const AlignProgress&)>& progress) {
+  checkGoal(mechanism, parameters);
   return strategyOf(parameters.strategy)(plant, mechanism, parameters, progress);
 }
 

@@ -406,6 +406,11 @@ int run(const std::vector<std::string>& arguments) {
   }
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
   assembly_cell::checkParameters(o.align);
+  try {
+    assembly_cell::checkGoal(task.scenario.mechanism, o.align);
+  } catch (const InputError& error) {
+    throw InputError(o.scenario + ": " + error.what());
+  }
   if (o.second_goals && o.runs == 1) throw InputError("--second-goals: give --runs above 1, too");
   if (o.second_goals && (o.identify || !o.mechanism.empty())) {
     throw InputError("--second-goals: leave out --identify and --mechanism, it begins in contact");

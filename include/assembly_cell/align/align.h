@@ -134,6 +134,10 @@ struct AlignResult {
 /// Throws InputError naming the parameter, its value and its range.
 void checkParameters(const AlignParameters& parameters);
 
+/// The same with what these parts can't: throws InputError naming the parameter or the mechanism's
+/// key.
+void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters);
+
 /// Runs a strategy until the peg's edge lies within the hole, or is seated where an insertion is
 /// asked for, or a failure is named. `mechanism`
 /// gives the nominal parameters of the parts (not where they are). Throws InputError for bad
