@@ -110,6 +110,7 @@ Search::BoreEnd Search::lowerInBore() {
   const double careful = std::min(step, kFloorStep * scale_.force * pressCompliance(mechanism_));
   const double near = mechanism_.hole.depth - kNear * scale_.room;
   const int patience = blocks(kStuckTime);
+  if (!p.floor && inserted_.end.depth >= p.depth) return BoreEnd::kDeep;  // from the start
   double deepest = -1e9;
   for (int waited = 0; waited < patience; ++waited) {
     const double share = std::clamp(1.0 - against(1.0) / p.force, -0.5, 1.0);
@@ -254,9 +255,8 @@ void Search::leaveBore() {
   backOutOfBore(p_.inserted + above);
   report("retreat", text("%.2f mm above the face", -1e3 * inserted_.end.depth));
   if (inserted_.end.depth > 0.0) {
-    throw AlignError(AlignFailure::kStuck,
-                     text("%.2f mm deep still, pulled with %.1f N", 1e3 * inserted_.end.depth,
-                          against(-1.0)));
+    throw AlignError(AlignFailure::kStuck, text("%.2f mm deep still, pulled with %.1f N",
+                                                1e3 * inserted_.end.depth, against(-1.0)));
   }
 }
 

@@ -165,7 +165,6 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
       const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
       plant_->know(known);
       parameters.inserted = inserted();
-      left_in_ = LeftIn();
       result = align(*plant_, mechanism_, known ? withDrive(parameters, known->drive) : parameters,
                      progress);
       left_in_ = {result.depth, plant_->carrierPose()};
@@ -286,7 +285,6 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     try {
       enter("move_to_contact", true);
       plant_->begin([this] { return contact_server_->isPreemptRequested(); });
-      left_in_ = LeftIn();
       const PressController* watched = nullptr;
       WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
         MoveToContactFeedback feedback;

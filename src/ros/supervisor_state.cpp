@@ -18,8 +18,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr double kSamePlace = 2e-4, kSameTurn = 2e-3;  // a carrier that hasn't moved [m], [rad]
-constexpr double kFreeing = 2.0;           // of cell time after a goal that failed [s]
-constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
+constexpr double kFreeing = 2.0;                       // of cell time after a goal that failed [s]
+constexpr double kDiagnosticPeriod = 0.5;              // wall clock [s]
 constexpr char kIdentify[] = "identify: ";
 
 }  // namespace
@@ -153,7 +153,6 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
         result.z = block.carrier.z;
       });
       if (AlignParameters out = parameters_; (out.inserted = inserted()) > 0.0) {
-        left_in_ = LeftIn();
         withdraw(plant, mechanism_, out);
       }
       PressController hand(plant, limits_);

@@ -52,8 +52,9 @@ class Supervisor : public ::testing::Test {
   void SetUp() override {
     ASSERT_TRUE(waitFor([this] {
       return align_.isServerConnected() && assemble_.isServerConnected() &&
-             press_.isServerConnected() && retreat_.isServerConnected() && command_.connected() && exciter_.connected() &&
-             carrier_.size() > 0 && contacts_.connected() && report_.connected();
+             press_.isServerConnected() && retreat_.isServerConnected() && command_.connected() &&
+             exciter_.connected() && carrier_.size() > 0 && contacts_.connected() &&
+             report_.connected();
     })) << "the cell isn't there";
     // hanging over the plane again, with the clock going on
     std_srvs::Trigger reset;

@@ -2,10 +2,12 @@
 """What the tests of rviz share: a virtual display, programs that end with the test, waiting for conditions."""
 import os
 import signal
-import socket
+import pathlib
 import subprocess
 import sys
 import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def environment(devel, folder):
@@ -17,9 +19,7 @@ def environment(devel, folder):
         ["bash", "-c", '. "$1/setup.bash" && env -0', "bash", devel], env=base, check=True, stdout=subprocess.PIPE
     ).stdout
     variables = dict(entry.split("=", 1) for entry in text.decode().split("\0") if "=" in entry)
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        port = probe.getsockname()[1]
+    port = int(subprocess.check_output([ROOT / "scripts/free_port"]))
     variables.update(
         HOME=folder, XDG_RUNTIME_DIR=folder, ROS_HOME=folder, ROS_LOG_DIR=folder + "/log", ROS_HOSTNAME="localhost"
     )
