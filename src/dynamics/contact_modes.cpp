@@ -116,7 +116,7 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(e.active())) {
     Slot& slot = c.slots[i];
     if (slot.mode != Mode::kSlip || slot.armed ||
-        slipAhead(s, slot, e.contacts[i], e.material >> i & 1u) >= 0.0) {
+        slipAhead(s, slot, e.contacts[i], e.face >> i & 1u) >= 0.0) {
       continue;
     }
     slot.armed = true;
@@ -200,7 +200,7 @@ bool changeWorst(const System& s, double limit, bool joining, Context& c, const 
   if (worst == kSlots) return false;
   // the points of a face begin to slip together
   ContactSlotMask changed = 1u << worst;
-  if (change == Mode::kSlip && (changed & e.material)) changed = e.active() & e.material;
+  if (change == Mode::kSlip && (changed & e.face)) changed = e.active() & e.face;
   for (const std::size_t i : Slots(changed)) {
     Slot& slot = c.slots[i];
     if (i != worst && slot.mode != Mode::kStick) continue;
@@ -245,7 +245,7 @@ void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
     moved = true;
   }
   if (!moved) return;
-  double at = c.face.t[0], error = tippingError(s, limit, c, e), slope = 1.0;
+  double at = c.face.t[tippingSlot(c)], error = tippingError(s, limit, c, e), slope = 1.0;
   for (int n = 0; n < kFaceTurns && std::abs(error) > kTip; ++n) {
     const double next = at + std::clamp(error / slope, -kTipStep, kTipStep);
     tipAbout(s, next, c, e);

@@ -76,7 +76,7 @@ void addRow(const System& s, const Slot& slot, std::size_t i, const Evaluation& 
   double speed = at.tangential.norm();
   const double begin = slot.armed ? 0.0 : std::clamp(2.0 - speed / s.slip_threshold, 0.0, 1.0);
   Vec3 slip = -begin * slot.slip_direction;
-  if (e.material >> i & 1u) speed = std::max(speed, kCentre * slipSpeed(e, i));
+  if (e.face >> i & 1u) speed = std::max(speed, kCentre * slipSpeed(e, i));
   if (speed > 0.0) slip += (1.0 - begin) / speed * at.tangential;
   const double size = speed > at.tangential.norm() ? 1.0 : slip.norm();
   const Vec3 friction = size > 0.0 ? Vec3(slip / -size) : slot.slip_direction;
@@ -145,7 +145,7 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
     addRow(s, slots[i], i, e, constraints);
     if (slots[i].mode == Mode::kStick) sticking |= 1u << i;
   }
-  constraints.tellFace(e.material);
+  constraints.tellFace(e.face);
   const bool free = solveConstraints(body, constraints);
   for (const Constraint& row : constraints) {
     ContactKinematics& at = e.contacts[row.slot];
@@ -155,12 +155,12 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
   if (level == Level::kForces) return;
   if (!s.rigid && !free && slips(slots)) e.wedge_margin = wedgeMargin(body, constraints);
 
-  if (const ContactSlotMask face = sticking & e.material; face & (face - 1)) {
+  if (const ContactSlotMask face = sticking & e.face; face & (face - 1)) {
     shareFaceFriction(face, e);
   }
   // sticking points: the force along their connections moves nothing; any value inside all cones
   // will do, the best one is looked for where the even one is outside
-  if ((sticking & (sticking - 1)) && (sticking & ~e.material) &&
+  if ((sticking & (sticking - 1)) && (sticking & ~e.face) &&
       !insideCones(s, e, sticking, 0.0)) {
     shareInternalForces(s, sticking, e.loads, e);
   }
@@ -229,8 +229,8 @@ Vector9 chooseCarriers(const System& s, SlotArray& slots, Evaluation& e) {
 
 double slipSpeed(const Evaluation& e, std::size_t i) {
   double fastest = e.contacts[i].tangential.norm();
-  if (!(e.material >> i & 1u)) return fastest;
-  for (const std::size_t j : Slots(e.active() & e.material)) {
+  if (!(e.face >> i & 1u)) return fastest;
+  for (const std::size_t j : Slots(e.active() & e.face)) {
     fastest = std::max(fastest, e.contacts[j].tangential.norm());
   }
   return fastest;

@@ -16,10 +16,8 @@ constexpr double kDeepest = 0.1;
 // twice: 10 and 2 of 400 random scenes end elsewhere, by less than 1 um.
 constexpr double kSpare = 1.5;
 
-// the points of the peg's face, in the slots of `mask`; returns these
-ContactSlotMask locateFace(const Face& face, const EdgeCircle& edge, ContactSlotMask mask,
-                           ContactSet& set) {
-  mask &= kFaceSlots;
+// the points of the peg's face, in the slots of `mask`
+void locateFace(const Face& face, const EdgeCircle& edge, ContactSlotMask mask, ContactSet& set) {
   for (const std::size_t i : Slots(mask)) {
     ContactPoint& point = set.slots[i];
     point.valid = true;
@@ -35,7 +33,7 @@ ContactSlotMask locateFace(const Face& face, const EdgeCircle& edge, ContactSlot
     point.normal = Eigen::Vector3d::UnitX();
     point.gap = point.p(0) - face.height;
   }
-  return mask;
+  set.valid |= mask;
 }
 
 }  // namespace
@@ -64,9 +62,10 @@ void locate(const System& s, const Context& c, ContactSlotMask mask, Evaluation&
     set.slots[i].valid = false;
     if (&set == &e.open_set && (e.active() >> i & 1u)) set.slots[i] = e.closed_set.slots[i];
   }
-  e.material = c.face.on ? kFaceSlots : 0;
+  e.face = c.face.on ? kFaceSlots : 0;
+  e.material = facePoints(c.face);
   findContacts(e.edge, s.shapes, mask & ~e.material, set);
-  if (c.face.on) set.valid |= locateFace(c.face, e.edge, mask, set);
+  if (c.face.on) locateFace(c.face, e.edge, mask & e.material, set);
   ContactSlotMask found = set.valid & mask;
   for (const std::size_t i : Slots(found)) {
     const ContactPoint& point = set.slots[i];

@@ -29,8 +29,8 @@ constexpr double kBlindPhase = 0.3;  // [rad]
 // Slip along that at the step's start; of a face that of the point that goes on fastest.
 double onwards(const Context& c, const Evaluation& e, std::size_t i) {
   double fastest = e.contacts[i].tangential.dot(c.slots[i].slip_start);
-  if (!(e.material >> i & 1u)) return fastest;
-  for (const std::size_t j : Slots(e.active() & e.material)) {
+  if (!(e.face >> i & 1u)) return fastest;
+  for (const std::size_t j : Slots(e.active() & e.face)) {
     if (!c.slots[j].armed || c.slots[j].mode != Mode::kSlip) continue;
     fastest = std::max(fastest, e.contacts[j].tangential.dot(c.slots[j].slip_start));
   }
@@ -69,7 +69,7 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
   } else if (slot.armed) {
     value[2] = onwards(c, e, i) - s.slip_threshold;
   } else {
-    value[2] = slipAhead(s, slot, at, e.material >> i & 1u);
+    value[2] = slipAhead(s, slot, at, e.face >> i & 1u);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "contact_modes.h"
 #include "contact_solver.h"
@@ -38,6 +39,8 @@ constexpr int kStrikes = 8;  // points of one impact that may come down one afte
 // A face that would rise by less than this part of what may lie is put to rest: the end of a peg
 // that rocks, whose impacts else go on down to the rounding of a gap. Half and twice: 3 scenes.
 constexpr double kLastRise = 1e-2;
+// Of the cosine of the angle at which edge and rim cross: flatter is nearly a tangent.
+constexpr double kCrosses = 0.99;
 constexpr double kTurn = 2.0 * M_PI / 3.0;  // between points
 
 bool hasSprings(const System& s) { return s.scenario.contact.law == ContactLaw::kSpringDashpot; }
@@ -51,6 +54,15 @@ double lies(const System& s) {
 double leaves(const System& s) { return kLeft * (s.discrete_friction ? lies(s) : kMostLies); }
 double beside(const System& s) { return s.discrete_friction ? lies(s) : kMostLies; }
 
+// What of the face's edge has ground under it: all, or the arc about a place, away from the hole.
+struct Arc {
+  double about = 0.0, half = M_PI;
+  bool whole() const { return !(half < M_PI); }
+  double from() const { return about - half; }
+  double to() const { return about + half; }
+  bool has(double t) const { return std::abs(std::remainder(t - about, 2.0 * M_PI)) <= half; }
+};
+
 // a quantity of the face's edge: its value at the place t is middle + cosine cos t + sine sin t
 struct Round {
   double middle, cosine, sine;
@@ -58,6 +70,16 @@ struct Round {
   double swing() const { return std::hypot(cosine, sine); }
   double least() const { return middle - swing(); }
   double leastAt() const { return std::atan2(-sine, -cosine); }
+  double leastAt(const Arc& arc) const {
+    const double t = leastAt();
+    if (arc.has(t)) return t;
+    return at(arc.from()) < at(arc.to()) ? arc.from() : arc.to();
+  }
+  double least(const Arc& arc) const { return arc.whole() ? least() : at(leastAt(arc)); }
+  double most(const Arc& arc) const {
+    if (arc.has(leastAt() + M_PI)) return middle + swing();
+    return std::max(at(arc.from()), at(arc.to()));
+  }
 };
 
 // height over the ground
@@ -104,6 +126,40 @@ double groundLeft(const System& s, const EdgeCircle& edge) {
   return std::hypot(edge.center(1), edge.center(2)) - edge.radius - rim - kOffTheHole;
 }
 
+// Cosine of half the arc that reaches to where the edge crosses the rim; beyond ±1 it doesn't.
+double crossing(const System& s, const EdgeCircle& edge) {
+  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width, r = edge.radius;
+  const double off = std::hypot(edge.center(1), edge.center(2));
+  return (rim * rim - off * off - r * r) / (2.0 * off * r);
+}
+
+// The face over the hole keeps to crossings that are no tangents, under the law whose points need
+// no impacts.
+bool reachesOver(const System& s, const EdgeCircle& edge) {
+  return s.discrete_friction && !s.rigid && groundUnder(s, edge) == 0.0 &&
+         std::abs(crossing(s, edge)) < kCrosses && (s.admitted & kFaceSlots) == kFaceSlots;
+}
+
+// of a face that reaches over the hole, or doesn't
+Arc groundOf(const System& s, const EdgeCircle& edge, bool over_hole) {
+  if (!over_hole) return {};
+  const double away = std::atan2(edge.center(2), edge.center(1));
+  const double y = std::sin(away), x = std::cos(away);
+  return {std::atan2(x * edge.axis1(1) + y * edge.axis1(2), x * edge.axis0(1) + y * edge.axis0(2)),
+          std::acos(std::clamp(crossing(s, edge), -1.0, 1.0))};
+}
+
+bool nearlyLevel(const EdgeCircle& edge) {
+  const double tilt2 = edge.axis0(0) * edge.axis0(0) + edge.axis1(0) * edge.axis1(0);
+  return tilt2 < kNearlyLevel * kNearlyLevel;
+}
+
+// How far the edge is from where the ground under it becomes another.
+double sameGround(const System& s, const Face& face, const EdgeCircle& edge) {
+  if (!face.over_hole) return groundLeft(s, edge);
+  return edge.radius * (kCrosses - std::abs(crossing(s, edge)));
+}
+
 // the closed point that is deepest; 0 where none is closed
 double deepestPoint(const Evaluation& e) {
   double deepest = 0.0;
@@ -139,7 +195,7 @@ void closePoints(const System& s, ContactSlotMask points, Context& c, Evaluation
 
 void setPoints(const System& s, const std::array<double, 3>& t, Context& c, Evaluation& e) {
   c.face.t = t;
-  closePoints(s, kFaceSlots, c, e);
+  closePoints(s, facePoints(c.face), c, e);
 }
 
 // new points that go on as those do that carry the face
@@ -153,7 +209,7 @@ void movePoints(const System& s, const std::array<double, 3>& t, Context& c, Eva
   }
   setPoints(s, t, c, e);
   if (as.mode == Mode::kApart) return;
-  for (const std::size_t i : Slots(kFaceSlots)) {
+  for (const std::size_t i : Slots(facePoints(c.face))) {
     c.slots[i].mode = as.mode;
     c.slots[i].armed = as.armed;
     c.slots[i].slip_direction = as.slip_direction;
@@ -179,7 +235,7 @@ void endFace(const System& s, Context& c, Evaluation& e) {
 // a slot whose point carries nothing; kSlots where all do
 std::size_t sparePoint(const Context& c, const Evaluation& e) {
   std::size_t spare = kSlots;
-  for (const std::size_t i : Slots(kFaceSlots)) {
+  for (const std::size_t i : Slots(facePoints(c.face))) {
     if (c.slots[i].mode == Mode::kApart) return i;
     if (c.slots[i].mode == Mode::kIdle || e.contacts[i].force.isZero()) spare = i;
   }
@@ -204,12 +260,26 @@ bool putToRest(const System& s, Context& c, Evaluation& e) {
   return true;
 }
 
+// Where the point of a face over the hole has to be that the crossings at the arc's ends and itself
+// carry a load so far out, in radii, towards a place: beyond it on the ray from the middle between
+// the crossings. Outside the face the place towards which the peg tips; nothing where it tips about
+// crossings.
+std::optional<double> pointOverHole(const Arc& arc, double out, double towards) {
+  const double side = std::remainder(towards - arc.about, 2.0 * M_PI), chord = std::cos(arc.half);
+  if (out * std::cos(side) <= chord) return {};
+  if (out >= kInside) return std::abs(side) < arc.half ? std::optional(towards) : std::nullopt;
+  const Eigen::Vector2d middle(chord, 0.0);
+  const Eigen::Vector2d ray = out * Eigen::Vector2d(std::cos(side), std::sin(side)) - middle;
+  const double along = middle.dot(ray), square = ray.squaredNorm();
+  const double way = (std::sqrt(along * along + square * (1.0 - chord * chord)) - along) / square;
+  const Eigen::Vector2d at = middle + way * ray;
+  return arc.about + std::atan2(at.y(), at.x());
+}
+
 }  // namespace
 
 bool hasGround(const System& s, const EdgeCircle& edge) {
-  if (s.excluded & kFacePlaneSlot) return false;
-  const double tilt2 = edge.axis0(0) * edge.axis0(0) + edge.axis1(0) * edge.axis1(0);
-  return tilt2 < kNearlyLevel * kNearlyLevel && groundLeft(s, edge) > 0.0;
+  return !(s.excluded & kFacePlaneSlot) && nearlyLevel(edge) && groundLeft(s, edge) > 0.0;
 }
 
 void beginFaceStep(Context& c, const Evaluation& e) {
@@ -222,32 +292,40 @@ double faceEvent(const System& s, const Context& c, const Evaluation& e) {
   const Round height = heights(c, e.edge);
   if (!c.face.on) {
     // the point across from the one that carried at the step's start: it stays down once it is
-    if (!(e.active() & kFacePlaneSlot) || !hasGround(s, e.edge)) return HUGE_VAL;
+    if (!(e.active() & kFacePlaneSlot) || !nearlyLevel(e.edge)) return HUGE_VAL;
     const double up = height.middle + c.face.height - groundUnder(s, e.edge);
     const Round over{up, height.cosine, height.sine};
+    if (!hasGround(s, e.edge)) {
+      if (!reachesOver(s, e.edge)) return HUGE_VAL;
+      return over.most(groundOf(s, e.edge, true)) - lies(s);
+    }
     // of springs two points beside it, which carry nothing then
     const double t = c.face.across;
     return hasSprings(s) ? std::max(over.at(t + 0.5 * kTurn), over.at(t - 0.5 * kTurn))
                          : over.at(t) - lies(s);
   }
-  const double ground = groundLeft(s, e.edge);
+  const double ground = sameGround(s, c.face, e.edge);
   if (hasSprings(s)) return std::min(ground, leaves(s) - highestPoint(e));
   const bool all = (e.active() & kFaceSlots) == kFaceSlots;
-  const double deeper = all ? HUGE_VAL : height.least() - deepestPoint(e) + beside(s);
-  return std::min({leaves(s) - height.middle - height.swing(), ground, deeper});
+  const Arc arc = groundOf(s, e.edge, c.face.over_hole);
+  const double deeper = all ? HUGE_VAL : height.least(arc) - deepestPoint(e) + beside(s);
+  return std::min({leaves(s) - height.most(arc), ground, deeper});
 }
 
 void dropFace(Context& c, Evaluation& e) {
   if (!c.face.on) return;
-  openPoints(kFaceSlots, c, e);
-  c.face.on = false;
-  e.material = 0;
-  e.open_set.valid &= ~kFaceSlots;
-  e.closed_set.valid &= ~kFaceSlots;
+  const ContactSlotMask points = facePoints(c.face);
+  openPoints(points, c, e);
+  c.face.on = c.face.over_hole = false;
+  e.face = e.material = 0;
+  e.open_set.valid &= ~points;
+  e.closed_set.valid &= ~points;
 }
 
 bool beginFace(const System& s, Context& c, Evaluation& e) {
-  if (c.face.on || !(e.active() & kFacePlaneSlot) || !hasGround(s, e.edge)) return false;
+  if (c.face.on || !(e.active() & kFacePlaneSlot) || !nearlyLevel(e.edge)) return false;
+  const bool over_hole = !hasGround(s, e.edge);
+  if (over_hole && !reachesOver(s, e.edge)) return false;
   c.face.height = groundUnder(s, e.edge);
   const Round height = heights(c, e.edge);
   const std::size_t single = *Slots(kFacePlaneSlot);
@@ -263,7 +341,14 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
     e.contacts[0].gap = e.point(0).gap - depth;
     return true;
   }
-  if (height.middle + height.swing() > 1.5 * lies(s)) return false;
+  if (height.most(groundOf(s, e.edge, over_hole)) > 1.5 * lies(s)) return false;
+  c.face.over_hole = over_hole;
+  if (over_hole) {
+    openPoints(kFacePlaneSlot, c, e);
+    c.face.on = true;
+    setPoints(s, {lowest, lowest, lowest}, c, e);
+    return true;
+  }
   openPoints(kFaceSlots, c, e);
   c.face.on = true;
   // the point that has carried, the one that comes down fastest, and one beside both
@@ -276,14 +361,19 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
 bool updateFace(const System& s, Context& c, Evaluation& e) {
   if (!c.face.on) return false;
   const Round height = heights(c, e.edge);
-  const double up = hasSprings(s) ? highestPoint(e) : height.middle + height.swing();
-  if (up > 0.9 * leaves(s) || !(groundLeft(s, e.edge) > 1e-12)) {
+  const Arc arc = groundOf(s, e.edge, c.face.over_hole);
+  const double up = hasSprings(s) ? highestPoint(e) : height.most(arc);
+  if (up > 0.9 * leaves(s) || !(sameGround(s, c.face, e.edge) > 1e-12)) {
     endFace(s, c, e);
   } else if (!hasSprings(s) && (e.active() & kFaceSlots) != kFaceSlots &&
-             height.least() < deepestPoint(e) - 0.9 * beside(s)) {
+             height.least(arc) < deepestPoint(e) - 0.9 * beside(s)) {
     const std::size_t i = sparePoint(c, e);
-    if (i == kSlots) return false;
-    c.face.t[i] = height.leastAt();
+    if (i == kSlots) {
+      // the one point of a face over the hole carries, another place of its edge comes down
+      if (c.face.over_hole) endFace(s, c, e);
+      return false;
+    }
+    c.face.t[i] = height.leastAt(arc);
     closePoints(s, 1u << i, c, e);
   } else {
     return false;
@@ -331,17 +421,23 @@ bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(kFaceSlots)) {
     const double N = e.contacts[i].normal_force;
     load += N;
-    middle += N * Eigen::Vector2d(std::cos(c.face.t[i]), std::sin(c.face.t[i]));
+    middle += N * Eigen::Vector2d(e.point(i).cos_t, e.point(i).sin_t);
   }
-  if (!(load > limit * s.scenario.mechanism.peg.mass)) {
-    // it is lifted
+  const double out = middle.norm() / load;
+  const double towards = std::atan2(middle(1), middle(0));
+  const bool lifted = !(load > limit * s.scenario.mechanism.peg.mass);
+  std::optional<double> point;
+  if (!lifted && c.face.over_hole) {
+    point = pointOverHole(groundOf(s, e.edge, true), out, towards);
+  }
+  if (lifted || (c.face.over_hole && !point)) {
     c.slots = decided;
     c.slope = contactForces(s, c.slots, Level::kEvents, e);
     return false;
   }
-  const double out = middle.norm() / load;
-  const double towards = std::atan2(middle(1), middle(0));
-  if (out < kInside) {
+  if (point) {
+    tipAbout(s, *point, c, e);
+  } else if (out < kInside) {
     // their middle is the centre of pressure: each carries a third
     const double aside = std::acos(0.5 * (3.0 * std::min(out, kSpread) - 1.0));
     movePoints(s, {towards, towards + aside, towards - aside}, c, e);
@@ -351,18 +447,25 @@ bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
   return true;
 }
 
+std::size_t tippingSlot(const Context& c) {
+  return c.face.over_hole ? *Slots(kFacePlaneSlot) : std::size_t{0};
+}
+
 void tipAbout(const System& s, double t, Context& c, Evaluation& e) {
+  if (c.face.over_hole) return movePoints(s, {t, t, t}, c, e);
   movePoints(s, {t, t + kTurn, t - kTurn}, c, e);
 }
 
 double tippingError(const System& s, double limit, const Context& c, const Evaluation& e) {
-  if (!c.face.on || !(e.active() & 1u) || c.slots[0].mode == Mode::kIdle) return 0.0;
-  for (const std::size_t i : Slots(e.active() & kFaceSlots & ~1u)) {
+  const std::size_t tips = tippingSlot(c);
+  if (!c.face.on || !(e.active() >> tips & 1u) || c.slots[tips].mode == Mode::kIdle) return 0.0;
+  for (const std::size_t i : Slots(e.active() & kFaceSlots & ~(1u << tips))) {
     if (c.slots[i].mode != Mode::kIdle) return 0.0;
   }
   const Round demand = demands(s, c, e);
-  if (demand.least() > -limit) return 0.0;
-  return std::remainder(demand.leastAt() - c.face.t[0], 2.0 * M_PI);
+  const Arc arc = groundOf(s, e.edge, c.face.over_hole);
+  if (demand.least(arc) > -limit) return 0.0;
+  return std::remainder(demand.leastAt(arc) - c.face.t[tips], 2.0 * M_PI);
 }
 
 }  // namespace assembly_cell

@@ -41,6 +41,8 @@ bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e);
 /// would shrink fastest [rad]; 0 where none would.
 double tippingError(const System& s, double limit, const Context& c, const Evaluation& e);
 void tipAbout(const System& s, double t, Context& c, Evaluation& e);
+/// The slot of the point about which it does.
+std::size_t tippingSlot(const Context& c);
 
 /// All of the peg's edge is over plane or floor, nearly level, under a law whose contacts may be
 /// carried at points of a face.

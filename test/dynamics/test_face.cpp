@@ -340,5 +340,112 @@ TEST(FaceTipping, BeginsWhereTheWeightIsAtTheEdge) {
   }
 }
 
+// A face that reaches over the hole, so far off its axis in this direction: on the arc of its edge
+// beside the hole and the chord between the crossings of edge and rim.
+struct OverHole {
+  double off, about;
+  Vector3d place() const { return off * Vector3d(std::cos(about), std::sin(about), 0.0); }
+  // of the chord, towards the hole [m]
+  double chord(const Scenario& s) const {
+    const double r = s.mechanism.peg.radius, R = s.mechanism.hole.radius;
+    return (off * off + r * r - R * R) / (2.0 * off);
+  }
+};
+
+TEST(FaceOverTheHole, Rests) {
+  for (const OverHole at : {OverHole{0.004, 0.3}, OverHole{0.012, -2.0}, OverHole{0.035, 1.5}}) {
+    Simulation sim(freePeg("viscous", at.place()));
+    sim.advance(0.01);
+    const std::uint64_t before = test::allocationsOfThisThread();
+    EXPECT_EQ(sim.advance(3.0), StopReason::kOk);
+    EXPECT_EQ(test::allocationsOfThisThread(), before);
+    EXPECT_LE(sim.counts().events, 4) << at.off;
+    EXPECT_LT((sim.pegPose().p - at.place()).norm(), 1e-12);
+    EXPECT_LT(tiltOf(sim), 1e-12);
+    EXPECT_EQ(closedContacts(sim), 3);
+    // weight and moments
+    const PegParameters& peg = sim.scenario().mechanism.peg;
+    Vector3d force = Vector3d::Zero(), moment = Vector3d::Zero();
+    for (const ContactReport& c : sim.contacts()) {
+      if (c.state == ContactReport::kOpen) continue;
+      EXPECT_EQ(c.state, ContactReport::kStick);
+      EXPECT_GE(c.force.z(), 0.0);
+      force += c.force;
+      moment += (c.point - at.place()).cross(c.force);
+    }
+    EXPECT_NEAR(force.z(), peg.mass * sim.scenario().mechanism.gravity, 1e-9);
+    EXPECT_LT(moment.norm(), 1e-9);
+  }
+}
+
+TEST(FaceOverTheHole, TipsWhereTheWeightIsAtItsEnd) {
+  const OverHole at{0.012, 0.4};
+  // from away from the hole: its edge twice, the chord twice
+  for (const double direction : {0.0, 1.2, 2.6, M_PI}) {
+    Scenario s = load("cell");
+    place(s, at.place(), 0.0, 0.0);
+    s.mechanism.coupling.stiffness = s.mechanism.coupling.damping = CouplingMatrix{};
+    s.mechanism.coupling.stiffness.diagonal << 0, 2e3, 2e3, 0, 0, 0;
+    s.mechanism.friction = {0.8, 0.8};
+    const PegParameters& peg = s.mechanism.peg;
+    const double end = std::min(peg.radius, at.chord(s) / std::max(1e-9, -std::cos(direction)));
+    const double arm = peg.half_height + peg.coupling_height;
+    const double way = peg.mass * s.mechanism.gravity * end / arm *
+                       (1 / 2e3 + 1 / s.mechanism.carrier.stiffness(0));
+    Simulation sim(s);
+    RestPose rest = sim.rest();
+    const RestPose from = rest;
+    const auto pull = [&](double share, double t) {
+      rest.x = from.x + share * way * std::cos(at.about + direction);
+      rest.y = from.y + share * way * std::sin(at.about + direction);
+      sim.setRestTarget(rest, 2e-3);
+      EXPECT_EQ(sim.advance(t), StopReason::kOk);
+    };
+    pull(0.98, 1.0);
+    EXPECT_LT(tiltOf(sim), 1e-7) << direction;
+    EXPECT_LT(kineticSpeed(sim.state()), 1e-6);
+    EXPECT_LE(sim.counts().events, 12) << direction;
+    pull(1.02, 1.05);
+    EXPECT_GT(tiltOf(sim), 1e-6) << direction;
+    const Vector3d axis = sim.pegPose().R.col(2);
+    const double towards = direction < 2.0 ? direction : M_PI;  // about the chord
+    EXPECT_NEAR(std::remainder(std::atan2(axis.y(), axis.x()) - at.about - towards, 2 * M_PI), 0.0,
+                1e-2);
+    EXPECT_LT(sim.counts().events, 60) << direction;
+  }
+}
+
+// v0² / 2μg towards the hole: the chord comes nearer, the friction is that of the whole weight.
+TEST(FaceOverTheHole, SlidesToRest) {
+  Scenario s = freePeg("viscous", {0.03, 0.0, 0.0});
+  s.initial.velocity = {-0.12, 0.0, 0.0};
+  const double braked = s.mechanism.friction.sliding_coefficient * s.mechanism.gravity;
+  Simulation sim(s);
+  sim.advance(0.03);
+  const double way = 0.12 * 0.03 - 0.5 * braked * 0.03 * 0.03;
+  EXPECT_NEAR(sim.pegPose().p.x(), 0.03 - way, 1e-9);
+  sim.advance(0.3);
+  EXPECT_NEAR(sim.pegPose().p.x(), 0.03 - 0.0072 / braked, 1e-7);
+  EXPECT_LT(tiltOf(sim), 1e-9);
+  EXPECT_LT(kineticSpeed(sim.state()), 1e-9);
+  EXPECT_LE(sim.counts().events, 10);
+}
+
+// Pressed down by the cell's coupling and leaning a little it comes to rest without a storm.
+TEST(FaceOverTheHole, ComesDownFromRocking) {
+  for (const double lean : {0.0, 1.0, 2.0, 3.0}) {
+    Scenario s = load("cell");
+    place(s, {0.006, 0.0, 0.0}, 5e-4, lean);
+    s.initial.close = true;
+    s.rest.z -= 3e-4;
+    Simulation sim(s);
+    EXPECT_EQ(sim.advance(0.3), StopReason::kOk);
+    std::printf("lean %.0f: %lld events, %lld steps\n", lean,
+                static_cast<long long>(sim.counts().events),
+                static_cast<long long>(sim.counts().steps));
+    EXPECT_LT(sim.counts().events, 200) << lean;
+  }
+}
+
 }  // namespace
 }  // namespace assembly_cell
