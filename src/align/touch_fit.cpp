@@ -32,6 +32,7 @@ constexpr double kGridReach = 2.0;            // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr int kCircles = 4;          // steps up the peg's chamfer, for which touches
 constexpr double kCircle = 1e-3;     // and to which its circle is sought
+constexpr int kHeldBisections = 14;  // of a step, for the highest circle that the bore holds
 constexpr double kNowhere = 1e9;     // gap of a circle that touches nothing [m]
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
 constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
@@ -210,14 +211,26 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
   const auto apart = [wall](const Felt& f) { return wall ? -f.residual : f.residual; };
   double best = 0.0;
   Felt nearest = felt(0.0);
+  double held = nearest.rests ? -1.0 : 0.0;  // the highest circle that the bore holds
   for (int i = 1; i <= kCircles; ++i) {
     const double up = highest * i / kCircles;
     const Felt here = felt(up);
+    if (!here.rests) held = up;
     if (apart(here) >= apart(nearest)) continue;
     nearest = here;
     best = up;
   }
   const double step = highest / kCircles;
+  // what rests first above it may be as near as any
+  if (held >= 0.0 && held < highest) {
+    double rests = held + step;
+    for (int i = 0; i < kHeldBisections; ++i) {
+      const double up = 0.5 * (held + rests);
+      (felt(up).rests ? rests : held) = up;
+    }
+    const Felt here = felt(rests);
+    if (apart(here) < apart(nearest)) return here;
+  }
   const Felt refined = felt(leastIn(
       std::max(0.0, best - step), std::min(highest, best + step),
       [&](double up) { return apart(felt(up)); }, kCircle));

@@ -195,38 +195,82 @@ TouchModel bluntModel() {
   return m;
 }
 
-// A chamfered peg over a sharp rim against its cone's circles, sampled: 4e-5 m of an edge between
-// two samples are 2 µm of its height.
-TEST(TouchFit, ChamferOfThePegIsThatOfTheSampledCone) {
+// At this height a chamfered peg would just touch a sharp rim or the face, by its cone's circles,
+// sampled: 4e-5 m of an edge between two samples are 2 µm of its height.
+struct SampledCone {
+  double height = -1.0, azimuth = 0.0;
+  double up = 0.0;  // of the touch, over the bottom [m]
+  bool found() const { return height > -0.5; }
+};
+SampledCone coneTouchOf(const Eigen::Matrix3d& R, const Vector2d& beside) {
   constexpr int kCircles = 100, kPoints = 4000;
+  SampledCone touch;
+  for (int k = 0; k <= kCircles; ++k) {
+    const double up = kBlunt * k / kCircles, r = kPeg - kBlunt + up;
+    for (int n = 0; n < kPoints; ++n) {
+      const double a = 2 * M_PI * n / kPoints;
+      const Vector3d e = R * Vector3d(r * std::cos(a), r * std::sin(a), up);
+      if ((e.head<2>() + beside).norm() < kHole || -e.z() < touch.height) continue;
+      touch = {-e.z(), a, up};
+    }
+  }
+  return touch;
+}
+
+TEST(TouchFit, ChamferOfThePegIsThatOfTheSampledCone) {
   std::mt19937 random(9);
   std::uniform_real_distribution<double> either(-1.0, 1.0);
-  int on_cone = 0;
-  for (int i = 0; i < 60; ++i) {
+  int on_cone = 0, bottom_in_bore = 0;
+  for (int i = 0; i < 120; ++i) {
+    // the bore holds all of the bottom edge of a peg that is nearly upright
+    const double tilt = i % 4 < 2 ? 0.05 : 0.002;
     const Eigen::Matrix3d R =
-        rotationFromVector({0.05 * Vector3d(either(random), either(random), 0.0)});
+        rotationFromVector({tilt * Vector3d(either(random), either(random), 0.0)});
     const double reach = i % 2 == 0 ? 8e-4 : 6e-3;
     const Vector2d beside(reach * either(random), reach * either(random));
-    double height = -1.0, met = 0.0;
-    for (int k = 0; k <= kCircles; ++k) {
-      const double up = static_cast<double>(k) / kCircles, r = kPeg - kBlunt * (1.0 - up);
-      for (int n = 0; n < kPoints; ++n) {
-        const double a = 2 * M_PI * n / kPoints;
-        const Vector3d e = R * Vector3d(r * std::cos(a), r * std::sin(a), kBlunt * up);
-        if ((e.head<2>() + beside).norm() < kHole || -e.z() < height) continue;
-        height = -e.z();
-        met = up;
-      }
-    }
-    if (height < -0.5) continue;  // all of the cone is within the bore
-    on_cone += met > 0.0 && met < 1.0 ? 1 : 0;
+    const SampledCone touch = coneTouchOf(R, beside);
+    if (!touch.found()) continue;  // all of the cone is within the bore
+    on_cone += touch.up > 0.0 && touch.up < kBlunt ? 1 : 0;
+    bottom_in_bore += touch.height + kPeg * std::hypot(R(2, 0), R(2, 1)) < 0.0 ? 1 : 0;
     TouchReading reading;
-    reading.X_SP = {R, Vector3d(beside.x(), beside.y(), height)};
+    reading.X_SP = {R, Vector3d(beside.x(), beside.y(), touch.height)};
     EXPECT_NEAR(touchResidual(bluntModel(), reading, Vector3d::UnitZ(), Vector3d::Zero()), 0.0,
                 6e-6)
-        << i << ", met at " << met;
+        << i << ", met at " << touch.up;
   }
-  EXPECT_GT(on_cone, 5);
+  EXPECT_GT(on_cone, 10);
+  EXPECT_GT(bottom_in_bore, 5);
+}
+
+// Forces that lean cross the bottom beside the point that they come from, a part up the cone.
+TEST(TouchFit, LinesOfActionGoThroughTheCone) {
+  std::vector<TouchReading> readings;
+  int above = 0;
+  for (int i = 0; i < 12; ++i) {
+    const double a = 2 * M_PI * i / 12;
+    const Eigen::Matrix3d R = rotationFromVector({0.03 * Vector3d(-std::sin(a), std::cos(a), 0.0)});
+    const double off = i % 2 == 0 ? 0.006 : 4e-4;
+    const Vector2d beside = off * Vector2d(std::cos(2.4 * i), std::sin(2.4 * i));
+    const SampledCone touch = coneTouchOf(R, beside);
+    ASSERT_TRUE(touch.found());
+    above += touch.up > 0.5 * kBlunt ? 1 : 0;
+    TouchReading reading;
+    reading.sd = 5e-5;
+    reading.X_SP = {R, Vector3d(beside.x(), beside.y(), touch.height)};
+    reading.lean = 0.7 * Vector2d(-std::cos(touch.azimuth), -std::sin(touch.azimuth));
+    reading.point =
+        (kPeg - kBlunt + touch.up) * Vector2d(std::cos(touch.azimuth), std::sin(touch.azimuth)) -
+        touch.up * reading.lean;
+    readings.push_back(reading);
+  }
+  EXPECT_GT(above, 2);
+  TouchModel m = bluntModel();
+  m.point_sd = 2e-4;  // samples are 4e-5 m apart
+  const TouchFit fit = fitTouches(m, readings);
+  EXPECT_LT(fit.chi2, 8.0);  // of 43: places that are nearly as low
+  EXPECT_LT(fit.center.head<2>().norm(), 2e-5);
+  for (TouchReading& reading : readings) reading.lean.setZero();
+  EXPECT_GT(fitTouches(m, readings).chi2, 4.0 * fit.chi2);
 }
 
 // what of the cone is below the plane meets the wall, at the shoulder or where the cone crosses it
