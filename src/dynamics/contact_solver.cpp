@@ -160,8 +160,7 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
   }
   // sticking points: the force along their connections moves nothing; any value inside all cones
   // will do, the best one is looked for where the even one is outside
-  if ((sticking & (sticking - 1)) && (sticking & ~e.face) &&
-      !insideCones(s, e, sticking, 0.0)) {
+  if ((sticking & (sticking - 1)) && (sticking & ~e.face) && !insideCones(s, e, sticking, 0.0)) {
     shareInternalForces(s, sticking, e.loads, e);
   }
   for (const std::size_t i : Slots(idle)) findDemand(s, body, constraints, i, e);
