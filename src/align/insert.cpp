@@ -16,6 +16,7 @@ constexpr double kBackOut = 1e-3;   // the first time, then twice as far each ti
 constexpr double kPull = 0.6;       // of the force limit, on the way up
 constexpr double kPullStep = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;  // between a way up and the next one down [s]
+constexpr double kOver = 6e-3;      // more, before the way aside [m]
 constexpr double kOut = 2e-3;       // above the face is out of the hole [m]
 constexpr int kBackOuts = 6;        // before it is said to jam
 constexpr std::size_t kTold = 5;    // steps of the profile between two words of progress
@@ -258,6 +259,11 @@ void Search::leaveBore() {
     throw AlignError(AlignFailure::kStuck, text("%.2f mm deep still, pulled with %.1f N",
                                                 1e3 * inserted_.end.depth, against(-1.0)));
   }
+  // beside the hole the next goal finds a face to feel: a tilted edge over the hole wedges in it
+  Vec3 beside = in_bore_.p + kOver * scale_.room * Vec3::UnitZ();
+  press_.moveTo(restFor(beside, in_bore_.R));
+  beside += wayAside(p_.contact_tilt);
+  press_.moveTo(restFor(beside, in_bore_.R));
 }
 
 namespace {

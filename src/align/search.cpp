@@ -267,13 +267,35 @@ void Search::report(const char* state, const std::string& message) {
 }
 
 bool Search::begin() {
-  press_.begin(mechanism_);
+  if (isFarIn())
+    press_.tare();
+  else
+    press_.begin(mechanism_);
   X_BS_ = poseFromRest(press_.last().carrier);
   start_ = press_.last().carrier;
   begun_ = true;
   reference_time_ = press_.last().time;
-  report("tare", "hanging free");
-  return alreadyIn();
+  report("tare", isFarIn() ? text("%.1f mm deep in the hole", p_.inserted * 1e3) : "hanging free");
+  return isFarIn() ? stillIn() : alreadyIn();
+}
+
+bool Search::isFarIn() const { return p_.inserted > kFarIn * entryDepth(); }
+
+// What a goal before has left deep in the hole is there, by its walls, or nothing is done from here
+// but to take it out.
+bool Search::stillIn() {
+  const Vec3 bottom = pegPose(press_.target(), Vector6::Zero()).p;
+  hole_.height = bottom.z() + p_.inserted;
+  hole_.normal_sd = kUnknownAxis;
+  rememberSag(bottom);
+  in_bore_ = pegPose(press_.target(), Vector6::Zero());
+  inserted_.end.depth = p_.inserted;
+  if (centre(Mat3::Identity())) return true;
+  throw AlignError(AlignFailure::kInContact,
+                   text("the goal before has left the peg %.1f mm deep in the hole, and its walls "
+                        "aren't where they were; take it out by the action retreat, or reset the "
+                        "simulation",
+                        p_.inserted * 1e3));
 }
 
 // What a peg that swings from its own steps down may feel, too; and less than a soft coupling makes
@@ -299,10 +321,8 @@ bool Search::alreadyIn() {
   hole_.height = bottom.z() + p_.inserted;
   hole_.normal_sd = kUnknownAxis;
   rememberSag(bottom);
-  const auto nothingBelow = [this] {
-    return lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity());
-  };
-  if (centre(Mat3::Identity()) && (p_.inserted > kFarIn * entryDepth() || nothingBelow()))
+  if (centre(Mat3::Identity()) &&
+      lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity()))
     return true;
   // no hole: something on one side only, or a face
   found_ = false;
@@ -461,8 +481,8 @@ bool Search::centre(const Mat3& R) {
     report("centre", text("between walls %.3f mm apart", apart * 1e3));
     if (std::abs(apart - gap) > std::max(kGapShare * gap, kGapSlack * scale_.give)) return false;
     // no wall pushes any more: the peg itself is in the middle
-    // (on the way down the walls lead, and the depth says where the peg is)
-    if (!p_.insert.wanted() && !clearOfWalls(target, R)) return false;
+    // (deep in the hole the walls lead, and the depth says where the peg is)
+    if (!p_.insert.wanted() && !isFarIn() && !clearOfWalls(target, R)) return false;
     const Vec3 center = target + sag_;
     hole_.center = center - hole_.normal * (hole_.normal.dot(center) - hole_.height);
     hole_.center_covariance = Eigen::Matrix2d::Identity() * (kWallSd * kWallSd + place_variance_);

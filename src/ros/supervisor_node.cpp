@@ -167,7 +167,7 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
       parameters.inserted = inserted();
       result = align(*plant_, mechanism_, known ? withDrive(parameters, known->drive) : parameters,
                      progress);
-      left_in_ = {result.depth, plant_->carrierPose()};
+      if (result.success) left_in_ = {result.depth, plant_->carrierPose()};
       end.failed = end.begun = !result.success;
       end.failure = result.failure;
       end.reason = result.reason;

@@ -17,9 +17,10 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kSamePlace = 2e-4, kSameTurn = 2e-3;  // a carrier that hasn't moved [m], [rad]
-constexpr double kFreeing = 2.0;                       // of cell time after a goal that failed [s]
-constexpr double kDiagnosticPeriod = 0.5;              // wall clock [s]
+// A carrier that holds a peg in its bore: what the coupling gives way to it. [m], [rad]
+constexpr double kBeside = 1e-3, kTurned = 0.02;
+constexpr double kFreeing = 2.0;           // of cell time after a goal that failed [s]
+constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
 constexpr char kIdentify[] = "identify: ";
 
 }  // namespace
@@ -130,7 +131,8 @@ void SupervisorNode::leave(const End& end) {
 double SupervisorNode::inserted() const {
   const Pose moved = inverse(left_in_.carrier) * plant_->carrierPose();
   const double turned = vectorFromRotation(moved.R).value.norm();
-  return moved.p.norm() < kSamePlace && turned < kSameTurn ? left_in_.depth : 0.0;
+  const bool in_bore = moved.p.head<2>().norm() < kBeside && turned < kTurned;
+  return in_bore ? std::max(0.0, left_in_.depth - moved.p.z()) : 0.0;
 }
 
 void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
@@ -154,6 +156,7 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
       });
       if (AlignParameters out = parameters_; (out.inserted = inserted()) > 0.0) {
         withdraw(plant, mechanism_, out);
+        left_in_ = LeftIn();
       }
       PressController hand(plant, limits_);
       hand.release(mechanism_);

@@ -221,6 +221,10 @@ TEST_F(Supervisor, KnowsHowDeepItHasAssembled) {
     ASSERT_EQ(state.state_, SimpleClientGoalState::SUCCEEDED) << result.report.reason;
     EXPECT_NEAR(height(result.report.header.stamp), -depth, 3e-4);
   }
+  // aligned it is, and stays
+  startAlign("auto");
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::SUCCEEDED)
+      << align_.getResult()->report.reason;
   EXPECT_EQ(assemble(0.01).state_, SimpleClientGoalState::ABORTED);
   const std::string reason = assemble_.getResult()->report.reason;
   EXPECT_NE(reason.find("deep already; retreat first"), std::string::npos) << reason;

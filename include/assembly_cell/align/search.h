@@ -105,7 +105,6 @@ class Search {
     return p_.insertion_depth + chamferDepth(mechanism_.hole) + chamferHeight(mechanism_.peg);
   }
   /// Whether the peg, as it is, has the hole round it: walls on all four sides, and nothing below.
-  /// Of one that is known to be far in the walls tell enough.
   bool alreadyIn();
   /// Up along the bore and out of it, the walls leading. Throws AlignError `stuck`.
   void leaveBore();
@@ -144,6 +143,9 @@ class Search {
   bool pressAgain(const BoreReading& pressed);
   void backOutOfBore(double travel);
   double wallTravel() const;
+  /// A goal before has left the peg deeper in the hole than any alignment does.
+  bool isFarIn() const;
+  bool stillIn();
   void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);

@@ -96,7 +96,8 @@ class SupervisorNode {
   /// A goal has ended. Where it failed the peg is freed first, if there is anything to feel with.
   void leave(const End& end);
   void tell(bool in_contact, bool stuck, const std::string& reason);
-  /// Depth at which the last goal left the peg, if its carrier still stands there; else 0. [m]
+  /// Depth of the peg in the hole where the last goal left it, less what its carrier has moved out
+  /// since; 0 where that isn't the way along the bore. [m]
   double inserted() const;
   void hearIdentifier(const SupervisorState& identifier);
   void publishState();
