@@ -129,6 +129,7 @@ void SupervisorNode::leave(const End& end) {
 }
 
 double SupervisorNode::inserted() const {
+  if (!(left_in_.depth > 0.0)) return 0.0;
   const Pose moved = inverse(left_in_.carrier) * plant_->carrierPose();
   const double turned = vectorFromRotation(moved.R).value.norm();
   const bool in_bore = moved.p.head<2>().norm() < kBeside && turned < kTurned;
