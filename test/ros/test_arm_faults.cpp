@@ -83,9 +83,11 @@ class ArmFaults : public ::testing::Test {
     ASSERT_TRUE(waitFor([this] { return press_.getState().isDone(); }, 120.0));
     ASSERT_EQ(press_.getState().state_, SimpleClientGoalState::SUCCEEDED)
         << press_.getResult()->message;
+    // an arm on a busy machine arrives late
+    const auto force = [this] { return test::liftingForce(*contacts_.last()); };
     const std::size_t n = contacts_.size();
     ASSERT_TRUE(waitFor([&] { return contacts_.size() > n + 2; }));
-    EXPECT_NEAR(test::liftingForce(*contacts_.last()), 8.0, 0.1 * 8.0);
+    EXPECT_TRUE(waitFor([&] { return std::abs(force() - 8.0) < 0.1 * 8.0; })) << force();
   }
   // its joints don't turn over so many states [rad]
   double turned(std::size_t states) {
