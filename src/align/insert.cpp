@@ -244,13 +244,8 @@ void Search::insert() {
 
 void Search::leaveBore() {
   press_.tare();
-  X_BS_ = poseFromRest(press_.last().carrier);
-  start_ = press_.last().carrier;
-  begun_ = true;
-  const Vec3 bottom = pegPose(start_, Vector6::Zero()).p;
-  hole_.height = bottom.z() + p_.inserted;
-  rememberSag(bottom);
-  in_bore_ = pegPose(press_.target(), Vector6::Zero());
+  startHere();
+  knowBore();
   moveInBore(0.0);
   const double above = kOut * scale_.room;
   backOutOfBore(p_.inserted + above);

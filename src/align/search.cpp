@@ -271,25 +271,32 @@ bool Search::begin() {
     press_.tare();
   else
     press_.begin(mechanism_);
-  X_BS_ = poseFromRest(press_.last().carrier);
-  start_ = press_.last().carrier;
-  begun_ = true;
-  reference_time_ = press_.last().time;
+  startHere();
   report("tare", isFarIn() ? text("%.1f mm deep in the hole", p_.inserted * 1e3) : "hanging free");
   return isFarIn() ? stillIn() : alreadyIn();
 }
 
+void Search::startHere() {
+  X_BS_ = poseFromRest(press_.last().carrier);
+  start_ = press_.last().carrier;
+  begun_ = true;
+  reference_time_ = press_.last().time;
+}
+
 bool Search::isFarIn() const { return p_.inserted > kFarIn * entryDepth(); }
+
+void Search::knowBore() {
+  in_bore_ = pegPose(press_.target(), Vector6::Zero());
+  hole_.height = in_bore_.p.z() + p_.inserted;
+  rememberSag(in_bore_.p);
+  inserted_.end.depth = p_.inserted;
+}
 
 // What a goal before has left deep in the hole is there, by its walls, or nothing is done from here
 // but to take it out.
 bool Search::stillIn() {
-  const Vec3 bottom = pegPose(press_.target(), Vector6::Zero()).p;
-  hole_.height = bottom.z() + p_.inserted;
+  knowBore();
   hole_.normal_sd = kUnknownAxis;
-  rememberSag(bottom);
-  in_bore_ = pegPose(press_.target(), Vector6::Zero());
-  inserted_.end.depth = p_.inserted;
   if (centre(Mat3::Identity())) return true;
   throw AlignError(AlignFailure::kInContact,
                    text("the goal before has left the peg %.1f mm deep in the hole, and its walls "

@@ -226,7 +226,7 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
     double rests = held + step;
     for (int i = 0; i < kHeldBisections; ++i) {
       const double up = 0.5 * (held + rests);
-      (felt(up).rests ? rests : held) = up;
+      (at(up).touch() ? rests : held) = up;
     }
     const Felt here = felt(rests);
     if (apart(here) < apart(nearest)) return here;

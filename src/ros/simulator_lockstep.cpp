@@ -66,8 +66,7 @@ void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   }
   ROS_FATAL(
       "no answer to block %u within %g s of wall time from %s: it has ended, is frozen, computes "
-      "for "
-      "longer than that or runs without ~lockstep; look at it, or raise ~ack_timeout",
+      "for longer than that or runs without ~lockstep; look at it, or raise ~ack_timeout",
       sequence, timeout,
       participants_.missing(sequence).empty() ? "who publishes carrier_motion"
                                               : participants_.missing(sequence).c_str());

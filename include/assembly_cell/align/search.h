@@ -146,6 +146,10 @@ class Search {
   /// A goal before has left the peg deeper in the hole than any alignment does.
   bool isFarIn() const;
   bool stillIn();
+  /// S is the carrier as it stands.
+  void startHere();
+  /// The peg is in the bore, as deep as the goal before has left it.
+  void knowBore();
   void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
