@@ -16,6 +16,7 @@ constexpr double kBackOut = 1e-3;   // the first time, then twice as far each ti
 constexpr double kPull = 0.6;       // of the force limit, on the way up
 constexpr double kPullStep = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;  // between a way up and the next one down [s]
+constexpr double kFarIn = 2.0;      // times as deep as an entry is what doesn't stand on the face
 constexpr double kOver = 6e-3;      // more, before the way aside [m]
 constexpr double kOut = 2e-3;       // above the face is out of the hole [m]
 constexpr int kBackOuts = 6;        // before it is said to jam
@@ -240,6 +241,15 @@ void Search::insert() {
   inserted_.time = press_.last().time - start;
   report("seated",
          text("%.2f mm deep, greatest force %.1f N", inserted_.end.depth * 1e3, inserted_.force));
+}
+
+bool Search::isFarIn() const { return p_.inserted > kFarIn * entryDepth(); }
+
+void Search::knowBore() {
+  in_bore_ = pegPose(press_.target(), Vector6::Zero());
+  hole_.height = in_bore_.p.z() + p_.inserted;
+  rememberSag(in_bore_.p);
+  inserted_.end.depth = p_.inserted;
 }
 
 void Search::leaveBore() {

@@ -40,7 +40,6 @@ constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one travel aside to the next, never the same twice [rad]
 constexpr double kRing = 0.9;       // from one to the next, in clearances
 constexpr double kOnFace = 0.75;    // of the force of a peg lowered on the face by the depth
-constexpr double kFarIn = 2.0;      // times as deep as an entry is what doesn't stand on the face
 constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
 
 PressLimits limitsFor(const Mechanism& mechanism, const AlignParameters& p) {
@@ -281,15 +280,6 @@ void Search::startHere() {
   start_ = press_.last().carrier;
   begun_ = true;
   reference_time_ = press_.last().time;
-}
-
-bool Search::isFarIn() const { return p_.inserted > kFarIn * entryDepth(); }
-
-void Search::knowBore() {
-  in_bore_ = pegPose(press_.target(), Vector6::Zero());
-  hole_.height = in_bore_.p.z() + p_.inserted;
-  rememberSag(in_bore_.p);
-  inserted_.end.depth = p_.inserted;
 }
 
 // What a goal before has left deep in the hole is there, by its walls, or nothing is done from here
