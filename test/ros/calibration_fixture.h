@@ -20,25 +20,14 @@
 #include <vector>
 
 #include "assembly_cell/ros/service_call.h"
+#include "cell_fixture.h"
 #include "temporary_folder.h"
 
 namespace assembly_cell::ros_bridge {
 
-constexpr double kPatience = 60.0;  // of the wall clock, for a busy machine [s]
-
-template <class Condition>
-bool waitFor(const Condition& condition, double patience = kPatience) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(patience);
-  while (ros::ok() && ros::WallTime::now() < end) {
-    if (condition()) return true;
-    ros::WallDuration(0.002).sleep();
-  }
-  return condition();
-}
-
-inline bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
+using test::has;
+using test::kPatience;
+using test::waitFor;
 
 inline std::string contentOf(const std::string& path) {
   std::ifstream in(path, std::ios::binary);

@@ -29,6 +29,10 @@ bool waitFor(const Condition& condition, double patience = kPatience) {
   return condition();
 }
 
+inline bool has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
 /// Keeps all messages of a topic.
 template <class M>
 class Record {

@@ -82,8 +82,5 @@ inline double number(const diagnostic_msgs::DiagnosticStatus& status, const std:
   }
   return -1e300;
 }
-inline bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 }  // namespace assembly_cell::test

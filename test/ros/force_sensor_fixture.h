@@ -37,22 +37,16 @@
 #include "assembly_cell/ros/service_call.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
+#include "cell_fixture.h"
 
 namespace assembly_cell::ros_bridge {
 
-constexpr double kPatience = 60.0;  // of the wall clock, for a busy machine [s]
+using test::has;
+using test::kPatience;
+using test::waitFor;
+
 constexpr double kRounding = 1e-9;  // S C of double precision, condition 10 [N], [N·m]
 const double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-template <class Condition>
-bool waitFor(const Condition& condition) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(kPatience);
-  while (ros::ok() && ros::WallTime::now() < end) {
-    if (condition()) return true;
-    ros::WallDuration(0.002).sleep();
-  }
-  return condition();
-}
 
 // A sensor's topics and services as others see them, and the source that feeds it.
 class Sensor {
@@ -268,9 +262,6 @@ inline std::string value(const diagnostic_msgs::DiagnosticStatus& status, const 
 }
 inline double number(const diagnostic_msgs::DiagnosticStatus& status, const std::string& key) {
   return std::stod(value(status, key));
-}
-inline bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
 }
 
 const Vector6 kLoad = (Vector6() << 3, -4, 12, 0.2, -0.1, 0.05).finished();

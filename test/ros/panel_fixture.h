@@ -80,16 +80,4 @@ inline void keepPicture(QWidget& widget) {
   EXPECT_TRUE(widget.grab().save(file)) << file;
 }
 
-/// main() of a test: a screen in memory, ROS, and all tests.
-inline int runPanelTests(int argc, char** argv, const char* name) {
-  qputenv("QT_QPA_PLATFORM", "offscreen");
-  ros::init(argc, argv, name);
-  ::testing::InitGoogleTest(&argc, argv);
-  QApplication application(argc, argv);
-  const ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(1);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
-
 }  // namespace assembly_cell::panel

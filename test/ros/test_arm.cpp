@@ -28,7 +28,7 @@
 #include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::arm_test {
 namespace {
 
 using test::Child;
@@ -432,7 +432,7 @@ TEST(BadParameters, EndTheNodeWithALine) {
 }
 
 // The whole cell through bridge and arm: in lockstep, so that a busy machine makes no difference.
-TEST(Cell, AlignsThroughBridgeAndArm) {
+TEST(ArmCell, AlignsThroughBridgeAndArm) {
   const std::string file =
       std::string(::testing::TempDir()) + "arm_report_" + std::to_string(getpid()) + ".yaml";
   ros::NodeHandle nh;
@@ -460,13 +460,4 @@ TEST(Cell, AlignsThroughBridgeAndArm) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "tester");
-  ros::NodeHandle keep;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::arm_test

@@ -24,7 +24,7 @@
 
 // A cell through bridge and emulated arm at the pace of the wall clock, slowed down, whose bridge
 // or arm dies during goals and is started again alone. Times are cell time, from stamps.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::arm_faults_test {
 namespace {
 
 using actionlib::SimpleClientGoalState;
@@ -168,13 +168,4 @@ TEST_F(ArmFaults, AnArmThatFallsSilentIsNamedAndTheNextGoalWorks) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "arm_faults_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::arm_faults_test

@@ -25,7 +25,7 @@
 #include "contact_force.h"
 #include "live_client.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::assembly_supervisor_test {
 namespace {
 
 using actionlib::SimpleClientGoalState;
@@ -328,13 +328,4 @@ TEST(SupervisorBadInput, GivesOneLine) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "assembly_supervisor_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::assembly_supervisor_test

@@ -24,7 +24,7 @@
 #include "assembly_cell/sensor/calibration.h"
 #include "calibration_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::calibration_crash_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -174,12 +174,4 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "calibration_crash_test");
-  ros::AsyncSpinner spinner(4);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::calibration_crash_test

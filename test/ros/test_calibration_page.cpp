@@ -9,7 +9,7 @@
 #include "calibration_fixture.h"
 #include "panel_fixture.h"
 
-namespace assembly_cell::panel {
+namespace assembly_cell::panel::calibration_page_test {
 namespace {
 
 using ros_bridge::callService;
@@ -117,8 +117,4 @@ TEST(CalibrationPage, TakesBackAndCancels) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::panel
-
-int main(int argc, char** argv) {
-  return assembly_cell::panel::runPanelTests(argc, argv, "calibration_page_test");
-}
+}  // namespace assembly_cell::panel::calibration_page_test

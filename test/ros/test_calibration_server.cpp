@@ -31,7 +31,7 @@
 #include "assembly_cell/sensor/calibration.h"
 #include "calibration_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::calibration_server_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -580,7 +580,7 @@ Ended run(const std::string& arguments) {
   return ended;
 }
 
-TEST(BadInput, StopsTheNodesWithOneLine) {
+TEST(CalibrationBadInput, StopsTheNodesWithOneLine) {
   const test::TemporaryFolder folder;
   std::ofstream(folder.path() + "/observations.yaml") << "hello\n";
   const std::string server = "calibration_server __name:=bad_server ";
@@ -608,7 +608,7 @@ TEST(BadInput, StopsTheNodesWithOneLine) {
   EXPECT_EQ(contentOf(folder.path() + "/observations.yaml"), "hello\n");
 }
 
-TEST(BadInput, ASecondServerOfTheSameStoreEnds) {
+TEST(CalibrationBadInput, ASecondServerOfTheSameStoreEnds) {
   const test::TemporaryFolder folder;
   Server server("/bench", folder.path());
   server.start();
@@ -623,7 +623,7 @@ TEST(BadInput, ASecondServerOfTheSameStoreEnds) {
 
 // ---- the simulated cell: rig, drivers, server ----
 
-class Cell : public ::testing::Test {
+class CalibrationCell : public ::testing::Test {
  protected:
   void SetUp() override {
     server_.start();
@@ -644,7 +644,7 @@ class Cell : public ::testing::Test {
 
 // A whole plan: cancelled half way, gone on with, solved, stored, in force in the drivers, which
 // then read a known weight right.
-TEST_F(Cell, CalibratesBothSensors) {
+TEST_F(CalibrationCell, CalibratesBothSensors) {
   CalibrateSensorsGoal goal;
   goal.id = "first";
   std::atomic<std::uint32_t> step{0}, steps{0};
@@ -732,7 +732,7 @@ TEST_F(Cell, CalibratesBothSensors) {
 }
 
 // A rig that goes away ends the action with a reason, and nothing is lost.
-TEST_F(Cell, EndsWithAReasonWhenTheRigIsGone) {
+TEST_F(CalibrationCell, EndsWithAReasonWhenTheRigIsGone) {
   server_.end(SIGTERM);
   server_.start({"_rig:=nobody/apply", "_source_timeout:=0.5"});
   client_ = std::make_unique<Server::Client>(server_.nh(), "calibrate", false);
@@ -747,12 +747,4 @@ TEST_F(Cell, EndsWithAReasonWhenTheRigIsGone) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "calibration_server_test");
-  ros::AsyncSpinner spinner(4);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::calibration_server_test

@@ -15,7 +15,7 @@
 #include "assembly_cell/ContactArray.h"
 #include "cell_run.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::cell_test {
 namespace {
 
 using test::CellRun;
@@ -178,13 +178,4 @@ TEST(Cell, AlignsFromBothSensorsWrenches) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "cell_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::cell_test

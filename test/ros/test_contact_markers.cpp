@@ -28,7 +28,7 @@
 #include "cell_fixture.h"
 #include "live_client.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::contact_markers_test {
 namespace {
 
 using test::Child;
@@ -375,13 +375,4 @@ TEST(MarkersBadInput, GivesOneLine) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "contact_markers_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::contact_markers_test

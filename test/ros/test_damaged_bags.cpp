@@ -20,7 +20,7 @@
 #include "assembly_cell/ros/bag_source.h"
 #include "temporary_folder.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::damaged_bags_test {
 namespace {
 
 class DamagedBags : public ::testing::TestWithParam<rosbag::CompressionType> {
@@ -118,11 +118,4 @@ INSTANTIATE_TEST_SUITE_P(Compressions, DamagedBags,
                                            rosbag::compression::BZ2, rosbag::compression::LZ4));
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "damaged_bags_test");
-  ros::NodeHandle nh;
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::damaged_bags_test

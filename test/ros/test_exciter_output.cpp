@@ -23,7 +23,7 @@
 
 #include "cell_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::exciter_output_test {
 namespace {
 
 using test::Child;
@@ -269,13 +269,4 @@ TEST_F(ExciterOutput, RefusesABadShakerInOneLine) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "exciter_output_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::exciter_output_test

@@ -1,10 +1,12 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "force_sensor_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::force_sensor_calibration_test {
 namespace {
 
-TEST_F(ForceSensorDriver, TellsItsCalibration) {
+using ForceSensorCalibration = ForceSensorDriver;
+
+TEST_F(ForceSensorCalibration, TellsItsCalibration) {
   const Calibration file =
       loadCalibration(ASSEMBLY_CELL_SOURCE_DIR "/config/calibration/sensor_a.yaml");
   const auto response = a_.call<GetCalibration>("get_calibration");
@@ -20,7 +22,7 @@ TEST_F(ForceSensorDriver, TellsItsCalibration) {
   }
 }
 
-TEST_F(ForceSensorDriver, TakesSoundCalibrationsOnly) {
+TEST_F(ForceSensorCalibration, TakesSoundCalibrationsOnly) {
   SetBias::Request bias;
   bias.bias[2] = 5.0;
   a_.call<SetBias>("set_bias", bias);
@@ -65,7 +67,7 @@ TEST_F(ForceSensorDriver, TakesSoundCalibrationsOnly) {
 
 // Under a stream of blocks every sample is read through one calibration, whole, and none through an
 // older one than the sample before; the latched one is that of the last call.
-TEST_F(ForceSensorDriver, CalibrationsChangeBetweenTwoSamples) {
+TEST_F(ForceSensorCalibration, CalibrationsChangeBetweenTwoSamples) {
   const SensorCalibration old = a_.call<GetCalibration>("get_calibration").calibration;
   std::atomic<int> calls{0};
   constexpr int kCalls = 60;
@@ -115,7 +117,7 @@ TEST_F(ForceSensorDriver, CalibrationsChangeBetweenTwoSamples) {
 }
 
 // A complete quadratic map with covariance comes over the wire whole, and is used.
-TEST_F(ForceSensorDriver, TakesQuadraticCalibrationsWithCovariance) {
+TEST_F(ForceSensorCalibration, TakesQuadraticCalibrationsWithCovariance) {
   const SensorCalibration old = b_.call<GetCalibration>("get_calibration").calibration;
   Calibration c = fromMessage(old, "");
   c.id = "quadratic";
@@ -188,12 +190,4 @@ TEST_F(ForceSensorDriver, TakesQuadraticCalibrationsWithCovariance) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "force_sensor_calibration_test");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::force_sensor_calibration_test

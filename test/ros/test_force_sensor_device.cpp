@@ -24,7 +24,7 @@
 #include "driver_fixture.h"
 #include "emulators.h"
 
-namespace assembly_cell::test {
+namespace assembly_cell::test::force_sensor_device_test {
 namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
@@ -351,12 +351,4 @@ TEST_F(DeviceTest, BiasOfTheNodeAndOfTheDevice) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::test
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "force_sensor_device_test");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::test::force_sensor_device_test

@@ -2,7 +2,7 @@
 #include "force_sensor_fixture.h"
 #include "live_client.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::force_sensor_driver_test {
 namespace {
 
 // +1 N or +0.1 N·m on the part gives + in every topic, − gives −; the other axes stay zero.
@@ -435,7 +435,7 @@ Ended runDriver(const std::string& arguments) {
   return run;
 }
 
-TEST(BadInput, StopsTheNodeWithOneLine) {
+TEST(DriverBadInput, StopsTheNodeWithOneLine) {
   const std::string config = ASSEMBLY_CELL_SOURCE_DIR "/config/calibration/";
   const std::string good = "_calibration_file:=" + config + "sensor_a.yaml ";
   const std::string replay = "_source:=replay _calibration_file:=" + config + "sensor_replay.yaml ";
@@ -465,12 +465,4 @@ TEST(BadInput, StopsTheNodeWithOneLine) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "force_sensor_driver_test");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::force_sensor_driver_test

@@ -18,7 +18,7 @@
 #include "cell_fixture.h"
 #include "live_client.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::live_settings_test {
 namespace {
 
 using dynamic_reconfigure::Config;
@@ -251,13 +251,4 @@ TEST_F(Live, AFloodIsAnswered) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "test_live_settings");
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::live_settings_test

@@ -20,7 +20,7 @@
 #include "contact_force.h"
 
 // A cell in lockstep whose simulator alone ends and comes back, and a peg that doesn't come free.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::lockstep_faults_test {
 namespace {
 
 using actionlib::SimpleClientGoalState;
@@ -208,13 +208,4 @@ TEST_F(LockstepFaults, WhatDoesNotComeFreeIsStuckUntilRetreatFreesIt) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "lockstep_faults_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::lockstep_faults_test

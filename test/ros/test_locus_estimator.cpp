@@ -33,7 +33,7 @@
 #include "assembly_cell/ros/locus_messages.h"
 #include "live_client.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::locus_estimator_test {
 namespace {
 
 using Complex6 = Eigen::Matrix<std::complex<double>, 6, 1>;
@@ -639,12 +639,4 @@ TEST_F(LocusEstimator, BadParametersEndTheNode) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "locus_estimator_test");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::locus_estimator_test

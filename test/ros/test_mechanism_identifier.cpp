@@ -26,7 +26,7 @@
 #include "cell_fixture.h"
 
 // The action identify of the node mechanism_identifier, and what the supervisor makes of a file.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::mechanism_identifier_test {
 namespace {
 
 using test::Child;
@@ -205,13 +205,4 @@ TEST(MechanismIdentifier, OneThatDiesIsNamedByTheSupervisor) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "mechanism_identifier_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::mechanism_identifier_test

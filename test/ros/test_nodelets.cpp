@@ -15,7 +15,7 @@
 #include "cell_run.h"
 
 // The nodes of a cell in one process.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::nodelets_test {
 namespace {
 
 using test::CellRun;
@@ -182,13 +182,4 @@ TEST(Nodelets, WhatIsNoNodeletIsNamed) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "nodelets_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::nodelets_test

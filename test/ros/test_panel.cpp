@@ -17,7 +17,7 @@
 #include "node_lights.h"
 #include "panel_fixture.h"
 
-namespace assembly_cell::panel {
+namespace assembly_cell::panel::panel_test {
 namespace {
 
 using test::Record;
@@ -290,8 +290,4 @@ TEST_F(Panel, KeepsItsSettings) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::panel
-
-int main(int argc, char** argv) {
-  return assembly_cell::panel::runPanelTests(argc, argv, "panel_test");
-}
+}  // namespace assembly_cell::panel::panel_test

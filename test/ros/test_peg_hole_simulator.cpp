@@ -5,7 +5,7 @@
 #include "assembly_cell/ros/service_call.h"
 #include "simulator_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::peg_hole_simulator_test {
 namespace {
 
 TEST_F(Simulator, StepPublishesWholeBlocksInSequence) {
@@ -398,13 +398,4 @@ TEST_F(Simulator, PacedKeepsToTheWallClockAndTruthCanBeWithheld) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "peg_hole_simulator_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::peg_hole_simulator_test

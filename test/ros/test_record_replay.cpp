@@ -15,7 +15,7 @@
 #include "driver_fixture.h"
 #include "temporary_folder.h"
 
-namespace assembly_cell::test {
+namespace assembly_cell::test::record_replay_test {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
@@ -154,12 +154,4 @@ TEST_F(RecordReplay, RefusesWhatItCannotPlay) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::test
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "record_replay_test");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::test::record_replay_test

@@ -18,7 +18,7 @@
 #include "assembly_cell/ros/report_program.h"
 #include "cell_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::report_test {
 namespace {
 
 using test::Child;
@@ -199,13 +199,4 @@ TEST(ReportAlone, EndsOneWithoutMasterOrSupervisor) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "report_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::report_test

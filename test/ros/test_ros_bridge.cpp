@@ -24,7 +24,7 @@
 #include "assembly_cell/ros/poll_beat.h"
 #include "assembly_cell/ros/twin_force_client.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::ros_bridge_test {
 namespace {
 
 constexpr double kRounding = 1e-14;  // a few roundings near 1
@@ -297,11 +297,4 @@ TEST(PollBeatTest, ServicesAnswerBetweenSlowBeats) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "ros_bridge_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::ros_bridge_test

@@ -17,7 +17,7 @@
 #include "assembly_cell/sensor/replay.h"
 #include "assembly_cell/sensor/statistics.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::sensor_replay_test {
 namespace {
 
 constexpr double kPatience = 60.0;  // of the wall clock, for a busy machine [s]
@@ -183,12 +183,4 @@ TEST(SensorReplay, HasNoStrain) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "sensor_replay_test");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::sensor_replay_test

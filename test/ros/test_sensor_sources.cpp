@@ -15,7 +15,7 @@
 #include "driver_fixture.h"
 #include "temporary_folder.h"
 
-namespace assembly_cell::test {
+namespace assembly_cell::test::sensor_sources_test {
 namespace {
 
 const std::string kCalibration = "config/calibration/sensor_a.yaml";
@@ -234,12 +234,4 @@ TEST_F(SensorSources, GeneratesStrain) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::test
-
-int main(int argc, char** argv) {
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "sensor_sources_test");
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::test::sensor_sources_test

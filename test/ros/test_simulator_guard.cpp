@@ -6,7 +6,7 @@
 
 // Lease, dead man, limits and lives of the plant, as nodes see them. The guard itself has tests of
 // its own, with a clock of its own: test/guard.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::simulator_guard_test {
 namespace {
 
 using test::Child;
@@ -211,29 +211,4 @@ TEST_F(SimulatorGuard, ARestartedPlantDoesNotMoveByItself) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-// another node, which wants the exciter on
-int beAStranger(int argc, char** argv) {
-  ros::init(argc, argv, "stranger");
-  ros::NodeHandle nh;
-  const ros::Publisher pub = nh.advertise<assembly_cell::Exciter>("exciter", 1, true);
-  assembly_cell::Exciter exciter;
-  exciter.on = true;
-  exciter.amplitude = 1.0;
-  exciter.frequency = 450.0;
-  exciter.direction = 1;
-  pub.publish(exciter);
-  ros::spin();
-  return 0;
-}
-
-int main(int argc, char** argv) {
-  if (argc > 1 && std::string(argv[1]) == "--stranger") return beAStranger(argc, argv);
-  ros::init(argc, argv, "simulator_guard_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::simulator_guard_test

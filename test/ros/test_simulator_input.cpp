@@ -15,7 +15,7 @@
 #include "cell_fixture.h"
 
 // Bad input: one line, exit code 1.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::simulator_input_test {
 namespace {
 
 using test::Child;
@@ -24,7 +24,7 @@ using test::sourceFile;
 
 const double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-class BadInput : public ::testing::Test {
+class SimulatorBadInput : public ::testing::Test {
  protected:
   // what the node says, in one line; `expected` must be part of it
   void refuse(const std::vector<std::string>& arguments, const std::string& expected) {
@@ -44,7 +44,7 @@ class BadInput : public ::testing::Test {
   const std::string scenario_ = "_scenario:=" + sourceFile("config/scenarios/cell.yaml");
 };
 
-TEST_F(BadInput, Parameters) {
+TEST_F(SimulatorBadInput, Parameters) {
   refuse({}, "/bad/peg_hole_simulator/scenario is missing");
   ros::param::set("/bad/peg_hole_simulator/noise", kNaN);
   refuse({scenario_}, "/bad/peg_hole_simulator/noise is nan");
@@ -57,13 +57,13 @@ TEST_F(BadInput, Parameters) {
          "parameter /bad/peg_hole_simulator/bits is 12: give 10, 16 or 24");
 }
 
-TEST_F(BadInput, Scenario) {
+TEST_F(SimulatorBadInput, Scenario) {
   refuse({"_scenario:=/nowhere.yaml"}, "/nowhere.yaml");
   refuse({scenario_, "_overrides:=peg.mass=.nan"}, "peg.mass");
   refuse({scenario_, "_overrides:=peg.colour=red"}, "colour");
 }
 
-TEST_F(BadInput, Mismatch) {
+TEST_F(SimulatorBadInput, Mismatch) {
   refuse({scenario_, "_mismatch:=/nowhere.yaml"}, "/nowhere.yaml");
   const std::string file =
       std::string(::testing::TempDir()) + "mismatch_" + std::to_string(getpid()) + ".yaml";
@@ -74,7 +74,7 @@ TEST_F(BadInput, Mismatch) {
 
 // The truth that a mismatch draws is told once, to whoever asks; the carrier's pose is that of its
 // encoders.
-TEST_F(BadInput, GoodMismatchIsToldToWhoMayKnow) {
+TEST_F(SimulatorBadInput, GoodMismatchIsToldToWhoMayKnow) {
   const std::string file =
       std::string(::testing::TempDir()) + "mismatch_" + std::to_string(getpid()) + ".yaml";
   std::ofstream(file) << "hole: {bore_tilt: 0.002}\ncarrier: {frame: {offset: 0.05}}\n";
@@ -101,7 +101,7 @@ TEST_F(BadInput, GoodMismatchIsToldToWhoMayKnow) {
   unlink(file.c_str());
 }
 
-TEST_F(BadInput, RobotDescription) {
+TEST_F(SimulatorBadInput, RobotDescription) {
   refuse({scenario_, "_overrides:=peg.radius=0.024"}, "0.024");
   std::string description;
   ros::param::get("/bad/robot_description", description);
@@ -117,13 +117,13 @@ TEST_F(BadInput, RobotDescription) {
   refuse({scenario_}, "/bad/robot_description is missing");
 }
 
-TEST_F(BadInput, NoMaster) {
+TEST_F(SimulatorBadInput, NoMaster) {
   Child child({executable("peg_hole_simulator")}, {"ROS_MASTER_URI=http://localhost:1"});
   EXPECT_EQ(child.wait(), 1) << child.output();
   EXPECT_EQ(child.lines("no ROS master").size(), 1U) << child.output();
 }
 
-TEST_F(BadInput, MissingParticipantEndsTheNode) {
+TEST_F(SimulatorBadInput, MissingParticipantEndsTheNode) {
   ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"nobody"});
   Child child({executable("peg_hole_simulator"), "__ns:=/bad", "/clock:=clock", "/tf:=tf",
                "/tf_static:=tf_static", "_lockstep:=true", "_start_timeout:=0.5", scenario_});
@@ -132,13 +132,4 @@ TEST_F(BadInput, MissingParticipantEndsTheNode) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "simulator_input_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::simulator_input_test

@@ -28,7 +28,7 @@
 
 // A cell at the pace of the wall clock, slowed down, whose nodes die, freeze and are disturbed
 // during goals. Times are cell time, from stamps.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::supervisor_faults_test {
 namespace {
 
 using actionlib::SimpleClientGoalState;
@@ -358,31 +358,4 @@ TEST_F(Faults, WhoElseCommandsOrZeroesEndsTheGoalAndIsNamed) {
 
 }  // namespace
 
-// another node, which wants the exciter on
-int beAStranger(int argc, char** argv) {
-  ros::init(argc, argv, "stranger");
-  ros::NodeHandle nh;
-  const ros::Publisher pub = nh.advertise<Exciter>("exciter", 1, true);
-  Exciter exciter;
-  exciter.on = true;
-  exciter.amplitude = 1.0;
-  exciter.frequency = 450.0;
-  exciter.direction = 1;
-  pub.publish(exciter);
-  ros::spin();
-  return 0;
-}
-
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  if (argc > 1 && std::string(argv[1]) == "--stranger") {
-    return assembly_cell::ros_bridge::beAStranger(argc, argv);
-  }
-  ros::init(argc, argv, "supervisor_faults_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::supervisor_faults_test

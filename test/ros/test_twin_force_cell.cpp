@@ -35,7 +35,7 @@
 #include "cell_fixture.h"
 
 // The strategy twin_force of the supervisor with the node twin_force_estimator.
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::twin_force_cell_test {
 namespace {
 
 using test::Child;
@@ -319,13 +319,4 @@ TEST(TwinForceCellWithout, NamesANodeThatDies) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  ros::init(argc, argv, "twin_force_cell_test");
-  ::testing::InitGoogleTest(&argc, argv);
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::twin_force_cell_test

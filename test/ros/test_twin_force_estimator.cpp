@@ -26,7 +26,7 @@
 #include "assembly_cell/twin_force/contacts_file.h"
 #include "cell_fixture.h"
 
-namespace assembly_cell::ros_bridge {
+namespace assembly_cell::ros_bridge::twin_force_estimator_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -347,13 +347,4 @@ TEST_F(TwinForceEstimator, TakesOutTheZero) {
 }
 
 }  // namespace
-}  // namespace assembly_cell::ros_bridge
-
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  ros::init(argc, argv, "twin_force_estimator_test");
-  ros::NodeHandle nh;
-  ros::AsyncSpinner spinner(2);
-  spinner.start();
-  return RUN_ALL_TESTS();
-}
+}  // namespace assembly_cell::ros_bridge::twin_force_estimator_test
