@@ -68,7 +68,7 @@ announce() {
   if [ -f "$build/build.ninja" ]; then
     steps+=("build what has changed")
   else
-    steps+=("build in .build (1.2 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
+    steps+=("build in .build (0.8 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
   fi
   say "to do: $(printf '%s, ' "${steps[@]}")$2"
 }

@@ -18,6 +18,7 @@ constexpr int kDrops = 8;  // tries to put the low edge into the hole
 // none more for 25 mm, 39 for 3 mm.
 constexpr double kRuledOut = 0.8, kMayBe = 0.015;  // [m]
 constexpr double kOver = 3e-4;       // lowest point over the plane before a descent [m]
+constexpr double kPullFree = 5e-4;   // of a peg that nothing holds [m]
 constexpr double kSpot = 1e-4;       // aside that is on the spot [m]
 constexpr double kSinks = 0.5;       // of scale: a light touch's travel is a quarter of kDeep
 constexpr double kDeep = 4e-4;       // lowest point below the plane, inside [m]
@@ -143,6 +144,16 @@ void EdgeSearch::touch(const Mat3& R) {
   if (light && light->felt() && !known_) refuseWedge(*light, R);
   if (light) keep(*light);
   bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+  // an edge that both sides of the hole carry wedges there when it turns
+  if (light && light->straddles()) liftOut(R);
+}
+
+// straight up until it is over what it has touched
+void EdgeSearch::liftOut(const Mat3& R) {
+  const double travel = dip(R) + kOver * scale_.room;
+  const Pose peg = pegPose(press_.last().carrier, deflection());
+  const RestPose up = press_.pull(restFor(peg.p, peg.R), kPullFree * scale_.room, travel);
+  press_.moveTo(restFor(pegPose(up, Vector6::Zero()).p + travel * hole_.normal, R), false);
 }
 
 void EdgeSearch::keep(const Touch& light) {

@@ -12,9 +12,11 @@ namespace assembly_cell {
 namespace {
 
 // Lengths, forces and times of the default cell; limits_.scale carries them over.
-constexpr double kTouchForce = 1.5;                // this much in any direction is contact [N]
-constexpr double kTouchNoise = 5.0;                // and so many sd of a block's force, all axes
-constexpr double kSidewaysTouch = 0.5;             // of that, sideways
+constexpr double kTouchForce = 1.5;  // this much in any direction is contact [N]
+constexpr double kTouchNoise = 5.0;  // and so many sd of a block's force, all axes
+// Of that, sideways. An edge that slides down the bore's wall pushes with 0.3 to 0.5 N before it
+// wedges. Half: near starts take 0.5 s longer. Twice: one of 80 of them is held with 200 N.
+constexpr double kSidewaysTouch = 0.2;
 constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
 constexpr double kFirstStiffness = 3e4;            // [N/m]
 constexpr double kMostChange = 3e-4;               // of height in one step of a press [m]
@@ -24,6 +26,13 @@ constexpr double kPullTravel = 2e-3;  // in such steps [m]
 // Of a coupling that is twice as stiff as the default one it may take as much force: 16 N, less
 // than half of the limit. Stiffer ones are pulled in smaller steps.
 constexpr double kPullSofter = 2.0;
+// What holds a peg against a quarter of the limit is a wedge. Half: the peg is turned where it
+// would have come free anyway. Twice: 20 N have tightened the wedge, and it takes twice the torque.
+constexpr double kWedged = 0.25;
+// Turned by so much about its axis the coupling makes 3 N m: more than friction of 200 N on both
+// sides of a peg of 25 mm. Half: wedges of 100 N. Twice: a longer way.
+constexpr double kTwist = 0.06;                     // [rad]
+constexpr double kTwisted = 0.01;                   // of it, which gives way
 constexpr int kFreeSteps = 4, kMaxFreeSteps = 100;  // of kPullStep: a millimetre, and 25
 constexpr double kFreeSide = 3e-4;                  // against a wall 2 N [m]
 constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling's compliance
@@ -316,30 +325,56 @@ void PressController::nudge(const RestPose& target) {
   step(command);
 }
 
+// of the force since the first zero, of a peg that should be free
+double PressController::held() const {
+  return (last_.wrench_b - zero_ - weightSince(zero_pose_)).head<3>().norm();
+}
+
+// Gently, for a wedge only tightens when it is pulled: `least` far, and then until the peg is free.
+RestPose PressController::pull(const RestPose& from, double least, double most) {
+  const double step =
+      kPullStep * std::min(1.0, limits_.scale.sink / limits_.scale.force * kPullSofter);
+  RestPose up = from;
+  for (double pulled = 0.0;
+       pulled < least - 0.5 * step || (pulled < most - 0.5 * step && held() > touch_);
+       pulled += step) {
+    up.z += step;
+    moveTo(up);
+    if (held() > kWedged * limits_.force) twist(up);
+    if (held() > limits_.force) {
+      throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
+    }
+  }
+  return up;
+}
+
+// About the peg's axis to both sides, until it lets go: friction that has to hold it against the
+// turn holds it against no pull.
+void PressController::twist(const RestPose& at) {
+  const Pose X = poseFromRest(at);
+  for (const double angle : {kTwist, -kTwist, 0.0}) {
+    const Pose turned{X.R * rotationFromVector({Eigen::Vector3d(0, 0, angle)}), X.p};
+    PlantCommand command;
+    command.rest = restFromPose(turned);
+    const double yaw = command.rest->yaw;
+    bool there = false;
+    for (int i = 0; !there && i < kStillLimit && (angle == 0.0 || held() > touch_); ++i) {
+      step(command);
+      command.rest.reset();
+      there = std::abs(last_.carrier.yaw - yaw) < kTwisted;
+    }
+  }
+}
+
 void PressController::retreat(const RestPose& relaxed, double travel) {
   guarded_ = false;
   PlantCommand off;
   off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
   step(off);
   moveTo(relaxed);
-  // a wedge only tightens when it is pulled: gently until it is out
-  RestPose up = relaxed;
-  const auto held = [this] {
-    return (last_.wrench_b - zero_ - weightSince(zero_pose_)).head<3>().norm();
-  };
-  const double step =
-      kPullStep * std::min(1.0, limits_.scale.sink / limits_.scale.force * kPullSofter);
   // a soft coupling pulls hardly in so short a way: on until the peg is free or held by the limit
   const double end = std::max(travel, kPullTravel);
-  for (double pulled = 0.0;
-       pulled < kPullTravel - 0.5 * step || (pulled < end - 0.5 * step && held() > touch_);
-       pulled += step) {
-    up.z += step;
-    moveTo(up);
-    if (held() > limits_.force) {
-      throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");
-    }
-  }
+  RestPose up = pull(relaxed, kPullTravel, end);
   up.z = std::max(up.z, relaxed.z + end);
   moveTo(up);
   if (!settle()) throw AlignError(AlignFailure::kStuck, "the peg doesn't come free");

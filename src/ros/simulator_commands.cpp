@@ -201,8 +201,18 @@ void SimulatorNode::endSteps(const std::string& why) {
   changed_.notify_all();
 }
 
+// The arm stays where it is, and would take the carrier back there through whatever is between.
+void SimulatorNode::refuseBesideAnArm(const char* what) const {
+  if (!follows_) return;
+  throw InputError(
+      std::string(what) +
+      " refused: an arm carries the carrier (~follow_motion) and goes on from where it "
+      "is; take the peg out by the action retreat, or start the launch file anew");
+}
+
 bool SimulatorNode::onReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   return answer(response, [this] {
+    refuseBesideAnArm("reset");
     betweenBlocks([this] { restart(scenario_); });
     return "at the scenario's start, the clock goes on at " + std::to_string(now_) + " s";
   });
@@ -210,6 +220,7 @@ bool SimulatorNode::onReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Resp
 
 bool SimulatorNode::onSetState(SetState::Request& request, SetState::Response& response) {
   return answer(response, [&] {
+    refuseBesideAnArm("set_state");
     // the scenario with another start, at rest
     Scenario scenario = scenario_;
     const Pose X_HP = fromPose(request.peg, "peg");

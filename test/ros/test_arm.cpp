@@ -447,6 +447,10 @@ TEST(ArmCell, AlignsThroughBridgeAndArm) {
       << report.output();
   EXPECT_TRUE(cell.running()) << cell.output();
   EXPECT_EQ(report.wait(), 0) << report.output() << cell.output();
+  std_srvs::Trigger reset;
+  ASSERT_TRUE(ros::service::call("peg_hole_simulator/reset", reset));
+  EXPECT_FALSE(reset.response.success);
+  EXPECT_EQ(reset.response.message.rfind("reset refused: an arm", 0), 0U) << reset.response.message;
   cell.stop();
   ASSERT_EQ(access(file.c_str(), R_OK), 0);
   const YAML::Node read = YAML::LoadFile(file);

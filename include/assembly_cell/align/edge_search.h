@@ -49,6 +49,7 @@ class EdgeSearch : public Search {
  private:
   double dip(const Mat3& R) const;
   void hover(const Vec3& place, const Mat3& R);
+  void liftOut(const Mat3& R);
   void keep(const Touch& light);
   bool isFunnelled() const;
   bool drop(int turn);

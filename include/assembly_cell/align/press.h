@@ -103,6 +103,11 @@ class PressController {
   /// tare.
   void retreat(const RestPose& relaxed, double travel);
 
+  /// Up from `from` in small steps, `least` far [m], and on until the peg is free or the way is
+  /// `most` [m]; what is held is turned about its axis. Where that ended; throws AlignError
+  /// `stuck`.
+  RestPose pull(const RestPose& from, double least, double most);
+
   /// Moves the rest pose and waits until it is there. A pose that scatters tells so a little early:
   /// where a zero follows, there is nothing more to wait for (`to_the_end` false). A move that
   /// follows waits for the end: a carrier that is told to go far while it still brakes first goes
@@ -138,6 +143,8 @@ class PressController {
 
  private:
   Vector6 weightSince(const RestPose& pose) const;
+  double held() const;
+  void twist(const RestPose& at);
   /// Of a contact force of `force`, `sideways` of it in x and y [N].
   ForceAlarm alarmAt(double force, double sideways) const;
   int timed(int blocks) const;

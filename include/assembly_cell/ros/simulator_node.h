@@ -82,6 +82,7 @@ class SimulatorNode {
   bool onStep(Step::Request& request, Step::Response& response);
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool onSetState(SetState::Request& request, SetState::Response& response);
+  void refuseBesideAnArm(const char* what) const;
 
   /// Lets the loop run `task` between two blocks and waits for it. Rethrows what it throws.
   void betweenBlocks(const std::function<void()>& task);
