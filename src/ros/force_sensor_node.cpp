@@ -113,7 +113,7 @@ void ForceSensorNode::readParameters() {
     checkUse(calibration_, "calibration file '" + calibration_file + "'");
   } else {
     calibration_.id = "in the device";
-    calibration_.serial_number = "unknown";
+    calibration_.serial_number = kUnknownSerial;
     calibration_.volts_to_wrench.setIdentity();
     checkUse(calibration_, "calibration_file is not set");
   }
@@ -175,7 +175,9 @@ void ForceSensorNode::checkUse(const Calibration& c, const std::string& source) 
   if (publish_displacement_ && c.volts_to_displacement.isZero(0.0)) {
     throw InputError(source +
                      ": volts_to_displacement is zero but publish_displacement is true: "
-                     "identify the displacement, or set publish_displacement false");
+                     "identify the displacement, set publish_displacement false, or give the "
+                     "calibration of this sensor (this one is of '" +
+                     c.serial_number + "')");
   }
   if (!quantity_known_) return;
   if (quantity_ == SampleQuantity::kWrench && !isIdentity(c)) {

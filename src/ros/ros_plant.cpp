@@ -86,20 +86,21 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
   exciter_pub_ = nh.advertise<Exciter>("exciter", kQueue, true);
   if (lockstep_) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
   for (const char* topic : kBlockTopics) subscribe(topic);
-  const auto onCalibration = [this](std::optional<Matrix6>& rounding,
+  const auto onCalibration = [this](std::optional<Matrix6>& rounding, std::string& serial,
                                     const SensorCalibration& calibration) {
     using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
     const Matrix6 S = Eigen::Map<const RowMajor>(calibration.volts_to_wrench.data());
     std::lock_guard<std::mutex> lock(mutex_);
     rounding = roundingCovariance(S, settings_.converter_step);
+    serial = calibration.serial_number;
     changed_.notify_all();
   };
   calibration_a_sub_ = subscribeChecked<SensorCalibration>(
       nh, "sensor_a/calibration", 1,
-      [this, onCalibration](const auto& m) { onCalibration(rounding_a_, *m); });
+      [this, onCalibration](const auto& m) { onCalibration(rounding_a_, serial_a_, *m); });
   calibration_b_sub_ = subscribeChecked<SensorCalibration>(
       nh, "sensor_b/calibration", 1,
-      [this, onCalibration](const auto& m) { onCalibration(rounding_b_, *m); });
+      [this, onCalibration](const auto& m) { onCalibration(rounding_b_, serial_b_, *m); });
   if (lockstep_) {
     connection_timer_ = nh.createWallTimer(ros::WallDuration(kConnectionCheck),
                                            [this](const auto&) { checkConnections(); });

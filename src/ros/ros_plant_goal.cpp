@@ -300,6 +300,12 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   waitFor(lock, kBlock, arrived);
   waitFor(lock, "calibration of sensor_a and sensor_b",
           [this] { return rounding_a_ && rounding_b_; });
+  if (serial_a_ == serial_b_ && serial_a_ != kUnknownSerial) {
+    throw PlantError(AlignFailure::kStopped,
+                     "sensor_a and sensor_b both have a calibration of '" + serial_a_ +
+                         "': give each the one of its own serial number (cell.launch "
+                         "calibration_a:=, calibration_b:=)");
+  }
   last_ = *fresh_;
   fresh_.reset();
   // a plant that has a guard must say that it follows

@@ -159,6 +159,14 @@ TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
       << blind.commands.size() << " and " << seen.commands.size() << " commands";
 }
 
+TEST(Cell, RefusesOneSensorsCalibrationForBoth) {
+  const std::string file = test::sourceFile("config/calibration/sensor_b.yaml");
+  const CellRun run = runCell({"calibration_a:=" + file}, "touch");
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_NE(run.output.find("both have a calibration of 'simulated-b'"), std::string::npos)
+      << run.output;
+}
+
 TEST(Cell, AlignsFromBothSensorsWrenches) {
   const SeenRun both = run({"twin_force:=true"}, true, "twin_force");
   ASSERT_EQ(both.exit_code, 0) << both.output;

@@ -9,6 +9,8 @@
 namespace assembly_cell {
 
 constexpr int kStrainProducts = 21;
+/// Serial number of a sensor that has no calibration and doesn't tell its own.
+inline constexpr const char* kUnknownSerial = "unknown";
 using Vector21 = Eigen::Matrix<double, kStrainProducts, 1>;
 using Matrix6x21 = Eigen::Matrix<double, 6, kStrainProducts>;
 
