@@ -1,6 +1,10 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/insertion/forms.h"
 
+#include <cmath>
+
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/base/validity.h"
 #include "assembly_cell/insertion/compliance.h"
 #include "assembly_cell/insertion/jamming.h"
 #include "assembly_cell/insertion/two_point.h"
@@ -12,9 +16,21 @@ namespace {
 using P = const ModelParameters&;
 using Values = std::vector<ModelValue>;
 
-PegInHole fitOf(P p) { return {p("peg_radius"), p("hole_radius")}; }
+// The greatest that scripts/make_peg and align take. [m]
+constexpr double kWidestPeg = 0.06, kWidestHole = 1.6 * kWidestPeg, kDeepest = 2.0;
+
+// Millimetres that were meant as metres have the right form, and a result.
+double length(P p, const char* key, double most) {
+  const double value = p(key);
+  if (std::abs(value) > most) refuse(key, value, text("give metres, at most %g m", most).c_str());
+  return value;
+}
+
+double pegRadius(P p) { return length(p, "peg_radius", kWidestPeg); }
+double depth(P p) { return length(p, "depth", kDeepest); }
+PegInHole fitOf(P p) { return {pegRadius(p), length(p, "hole_radius", kWidestHole)}; }
 TipLoad loadOf(P p) { return {p("F_x"), p("F_z"), p("M")}; }
-JammingDiagram diagramOf(P p) { return jammingDiagram(p("peg_radius"), p("depth"), p("friction")); }
+JammingDiagram diagramOf(P p) { return jammingDiagram(pegRadius(p), depth(p), p("friction")); }
 
 const ClosedForm kForms[] = {
     {"two_point", "peg_radius hole_radius tilt", "depth friction", "", "depth lowest wall_contact",
@@ -23,7 +39,7 @@ const ClosedForm kForms[] = {
        return {x.depth, x.lowest, x.wall_contact};
      }},
     {"tilt", "peg_radius hole_radius depth", "tilt friction", "", "tilt",
-     [](P p) -> Values { return {twoPointTilt(fitOf(p), p("depth"))}; }},
+     [](P p) -> Values { return {twoPointTilt(fitOf(p), depth(p))}; }},
     {"wedging", "peg_radius hole_radius friction", "tilt depth", "", "depth tilt",
      [](P p) -> Values {
        return {wedgingDepth(fitOf(p), p("friction")), wedgingTilt(fitOf(p), p("friction"))};
@@ -53,12 +69,14 @@ const ClosedForm kForms[] = {
     {"chamfer", "peg_radius hole_radius hole_chamfer peg_chamfer slope friction", "", "",
      "capture slides force_ratio",
      [](P p) -> Values {
-       const Chamfers chamfers{p("hole_chamfer"), p("peg_chamfer"), p("slope")};
+       const Chamfers chamfers{length(p, "hole_chamfer", kWidestPeg),
+                               length(p, "peg_chamfer", kWidestPeg), p("slope")};
        const std::optional<double> ratio = chamferForceRatio(chamfers.slope, p("friction"));
        return {captureRange(fitOf(p), chamfers), ratio.has_value(), ratio};
      }},
     {"holder", "K_x K_theta L_g x turn", "", "", "F_x M", [](P p) -> Values {
-       const TipLoad load = holderLoad({p("K_x"), p("K_theta"), p("L_g")}, p("x"), p("turn"));
+       const TipLoad load = holderLoad({p("K_x"), p("K_theta"), length(p, "L_g", kDeepest)},
+                                       length(p, "x", kWidestHole), p("turn"));
        return {load.F_x, load.M};
      }}};
 

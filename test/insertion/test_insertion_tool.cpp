@@ -118,14 +118,20 @@ TEST_F(InsertionTool, FormsAnswerUnderTheNamesOfTheHelp) {
 TEST_F(InsertionTool, RefusesInOneLine) {
   const struct {
     const char *form, *parameters, *named;
-  } bad[] = {{"two_point", "{peg_radius: 0.026, hole_radius: 0.0251, tilt: 0.01}",
-              "peg_radius: value 0.026"},
-             {"two_point", "{peg_radius: 0.025, hole_radius: 0.0251}", "tilt: missing"},
-             {"two_point", "{peg_radius: 0.025, hole_radius: 0.0251, tilt: 0.01, mu: 0.1}",
-              "mu: no parameter"},
-             {"jamming", "{peg_radius: 0.025, depth: 0.04, friction: .nan, F_x: 1, F_z: 1, M: 0}",
-              "friction"},
-             {"seating", "{}", "FORM: value seating"}};
+  } bad[] = {
+      {"two_point", "{peg_radius: 0.026, hole_radius: 0.0251, tilt: 0.01}",
+       "peg_radius: value 0.026"},
+      {"two_point", "{peg_radius: 0.025, hole_radius: 0.0251}", "tilt: missing"},
+      {"two_point", "{peg_radius: 0.025, hole_radius: 0.0251, tilt: 0.01, mu: 0.1}",
+       "mu: no parameter"},
+      {"jamming", "{peg_radius: 0.025, depth: 0.04, friction: .nan, F_x: 1, F_z: 1, M: 0}",
+       "friction"},
+      {"two_point", "{peg_radius: 25, hole_radius: 25.1, tilt: 0.01}",
+       "peg_radius: value 25.0: give metres, at most 0.06 m"},
+      {"tilt", "{peg_radius: 0.025, hole_radius: 0.0251, depth: 20}",
+       "depth: value 20.0: give metres, at most 2 m"},
+      {"holder", "{K_x: 1, K_theta: 1, L_g: 0.1, x: -1, turn: 0}", "x: value -1.0: give met"},
+      {"seating", "{}", "FORM: value seating"}};
   for (const auto& c : bad) {
     const Result result = run(c.form, c.parameters);
     EXPECT_EQ(result.exit_code, 2) << result.text;
