@@ -327,6 +327,11 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
   return out.str();
 }
 
+// as it was asked for
+std::string endOf(const Options& o, const AlignTrial& trial) {
+  return trial.success && o.align.insert.wanted() ? "seated" : trial.result.reason;
+}
+
 KnownMechanism knownMechanism(const Options& o) {
   if (o.identify) {
     throw InputError("--identify: value true: the runs have " + o.mechanism +
@@ -381,7 +386,7 @@ std::vector<Run> runAll(const Options& o, const Task& task) {
       beat.rest();
       if (o.runs > 1) {
         std::cerr << "align: " << done << " of " << o.runs << ", seed " << runs[i].seed << ": "
-                  << runs[i].trial.result.reason << "\n";
+                  << endOf(o, runs[i].trial) << "\n";
       }
     }
   };
