@@ -27,7 +27,7 @@ WorldChoice parseWorld(const std::string& text, const std::string& source) {
   WorldChoice choice;
   if (text.find('{') == std::string::npos) {
     if (text != "exact" && text != "mujoco") {
-      yaml::refuse(source, "world", text, "give exact, mujoco or {engine: mujoco, …}");
+      yaml::refuse(source, "world", text, "give exact, mujoco or {engine: mujoco, ...}");
     }
     choice.mujoco = text == "mujoco";
   } else {

@@ -258,7 +258,7 @@ TEST_F(ExciterOutput, RefusesABadShakerInOneLine) {
       refusal({{"type", "audio"}, {"device", "no_such_card"}, {"gain_x", "1"}, {"gain_y", "1"}})
           .find("no_such_card"),
       std::string::npos);
-  EXPECT_NE(refusal({}).find("shaker is no map"), std::string::npos);
+  EXPECT_NE(refusal({}).find("shaker is no map: give {type: audio, ...}"), std::string::npos);
   // the known types are named, those of other packages too
   EXPECT_NE(refusal({{"type", "assembly_cell_example_shaker/Missing"}})
                 .find("assembly_cell_example_shaker/Ideal"),
