@@ -1,7 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/command_line.h"
 
-#include <cctype>
+#include <ros/names.h>
+
 #include <cstdio>
 
 namespace assembly_cell::ros_bridge {
@@ -10,13 +11,9 @@ std::optional<int> answerCommandLine(int argc, char** argv, const std::string& n
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     if (const std::size_t at = argument.find(":="); at != std::string::npos) {
-      // a name of a topic begins as all names in ROS do; ROS's own answer doesn't say what is meant
-      const char first = argument[0], begin = argument.c_str()[at + 2];
-      const bool renamed = first != '_' && begin != '\0';
-      if (!renamed || std::isalpha(static_cast<unsigned char>(begin)) != 0 || begin == '/' ||
-          begin == '~' || begin == '_') {
-        continue;
-      }
+      // ROS's own answer to what can't be a name doesn't say what is meant
+      std::string why;
+      if (argument[0] == '_' || ros::names::validate(argument.substr(at + 2), why)) continue;
       std::fprintf(stderr,
                    "%s: '%s' would rename a topic, to what is no name: a parameter has an "
                    "underscore before it, _%s\n",

@@ -13,6 +13,10 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
+// parameters of some nodes whose names topics or services have, too: these may be renamed
+const std::set<std::string> kTopicsToo = {"bridge", "carrier_motion", "clock", "lease", "load",
+                                          "plan",   "state",          "store", "wrench"};
+
 std::string print(const XmlRpcValue& value) {
   std::ostringstream out;
   XmlRpcValue copy = value;
@@ -199,7 +203,20 @@ bool Parameters::isTree(const std::string& name) const {
   return nh_.getParam(name, value) && value.getType() == XmlRpcValue::TypeStruct;
 }
 
+void Parameters::refuseRenamed() const {
+  // of the node itself: who gives another's by the command line of a manager means a topic
+  if (nh_.getNamespace() != ros::this_node::getName()) return;
+  for (const auto& [from, to] : ros::names::getUnresolvedRemappings()) {
+    const std::string name = from.substr(from[0] == '~' ? 1 : 0);
+    if (asked_.count(name) == 0 || kTopicsToo.count(name) != 0) continue;
+    throw InputError("'" + from + ":=" + to +
+                     "' would rename a topic: a parameter has an underscore before it, _" + name +
+                     ":=" + to);
+  }
+}
+
 void Parameters::refuseUnknown(const std::set<std::string>& others) const {
+  refuseRenamed();
   XmlRpcValue all;
   if (!nh_.getParam(nh_.getNamespace(), all) || all.getType() != XmlRpcValue::TypeStruct) return;
   for (const auto& entry : all) {

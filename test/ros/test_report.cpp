@@ -183,6 +183,19 @@ TEST_F(Report, BadParametersEndTwo) {
   EXPECT_NE(output_.find("/report/stratgy is unknown"), std::string::npos) << output_;
 }
 
+// Without its underscore a parameter renames a topic that nobody has.
+TEST_F(Report, AParameterWithoutItsUnderscoreIsNamed) {
+  for (const std::string given : {"strategy:=touch", "~strategy:=touch", "insert:=floor",
+                                  "report_file:=/tmp/report.yaml", "unpause:=false"}) {
+    EXPECT_EQ(report({given}), 2) << output_;
+    const std::string meant = "has an underscore before it, _" + given.substr(given.find('~') + 1);
+    EXPECT_NE(output_.find(meant), std::string::npos) << output_;
+  }
+  EXPECT_EQ(strategy_, "");
+  // what is no parameter is a topic
+  EXPECT_EQ(report({"elsewhere:=touch"}), 0) << output_;
+}
+
 TEST_F(Report, EndsOneWhenAFileCannotBeWritten) {
   EXPECT_EQ(report({"_report_file:=/nowhere/report.yaml"}), 1) << output_;
   EXPECT_NE(output_.find("/nowhere/report.yaml"), std::string::npos) << output_;

@@ -58,10 +58,12 @@ class Parameters {
   bool isTree(const std::string& name) const;
 
   /// Throws for the first parameter of the namespace that none of the calls above has asked for and
-  /// that is not in `others`: a slip of the pen must not pass as a default.
+  /// that is not in `others`: a slip of the pen must not pass as a default. Nor must a parameter of
+  /// the node that its command line gives without the underscore, which renames a topic.
   void refuseUnknown(const std::set<std::string>& others = {}) const;
 
  private:
+  void refuseRenamed() const;
   std::optional<XmlRpc::XmlRpcValue> find(const std::string& name, bool required);
 
   ros::NodeHandle nh_;
