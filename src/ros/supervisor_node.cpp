@@ -215,7 +215,7 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
     result.reason =
         text(goal->floor ? "depth is %g m with floor: give 0 and a hole with a depth, it has %g m"
                          : "depth is %g m: give more than 0 and less than the hole's, %g m",
-             goal->depth, mechanism_.hole.depth);
+             std::isnan(goal->depth) ? std::abs(goal->depth) : goal->depth, mechanism_.hole.depth);
     answer.report = report(result, 0.0);
   } else {
     result = runStrategy(
@@ -278,8 +278,8 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
   if (!turn) {
     result.message = "busy: another action is running";
   } else if (!std::isfinite(force) || force <= 0.0 || force >= limits_.force) {
-    result.message = "force is " + std::to_string(force) + " N: give more than 0 and less than " +
-                     std::to_string(limits_.force) + " N";
+    result.message = "force is " + (std::isnan(force) ? "nan" : text("%g N", force)) +
+                     text(": give more than 0 and less than %g N", limits_.force);
   } else {
     End end;
     try {
@@ -300,7 +300,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
       press.begin(mechanism_);
       if (!press.approach(press.target().z - limits_.descent)) {
         throw AlignError(AlignFailure::kNoContact,
-                         "none within " + std::to_string(limits_.descent) + " m of descent");
+                         text("none within %g m of descent", limits_.descent));
       }
       press.hold(force, parameters_.press_tolerance);
       result.success = true;

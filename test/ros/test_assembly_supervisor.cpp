@@ -20,6 +20,8 @@
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/RetreatAction.h"
+#include "assembly_cell/SupervisorState.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
@@ -144,7 +146,9 @@ TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
   for (const double force : {-1.0, 0.0, 100.0, std::numeric_limits<double>::quiet_NaN()}) {
     EXPECT_EQ(press(force).state_, SimpleClientGoalState::ABORTED);
     EXPECT_FALSE(press_.getResult()->success);
-    EXPECT_NE(press_.getResult()->message.find("force is"), std::string::npos);
+    const std::string given = std::isnan(force) ? "nan" : text("%g N", force);
+    EXPECT_EQ(press_.getResult()->message,
+              "force is " + given + ": give more than 0 and less than 40 N");
   }
   EXPECT_EQ(command_.size(), 0U);
 }
