@@ -115,7 +115,9 @@ void IdentifierNode::tellPeg(const std::string& goal, bool in_contact, const std
   state_.goal = goal;
   state_.in_contact = in_contact;
   state_.reason = reason;
-  state_pub_.publish(state_);
+  SupervisorState told = state_;
+  if (!goal.empty()) told.reason.clear();  // it's that of the goal before
+  state_pub_.publish(told);
 }
 
 bool IdentifierNode::free() {

@@ -189,17 +189,24 @@ void SupervisorNode::tell(bool in_contact, bool stuck, const std::string& reason
   state_.reason = reason;
 }
 
+// The reason is that of the goal before: none of the one that runs.
+SupervisorState SupervisorNode::told() const {
+  SupervisorState told = state_;
+  if (!told.goal.empty()) told.reason.clear();
+  return told;
+}
+
 void SupervisorNode::publishState() {
   const std::lock_guard<std::mutex> lock(state_mutex_);
   state_.header.stamp = plant_->stamp();
-  state_pub_.publish(state_);
+  state_pub_.publish(told());
 }
 
 void SupervisorNode::publishDiagnostics() {
   SupervisorState state;
   {
     const std::lock_guard<std::mutex> lock(state_mutex_);
-    state = state_;
+    state = told();
   }
   using Status = diagnostic_msgs::DiagnosticStatus;
   Status status;

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <limits>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -151,6 +152,32 @@ TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
               "force is " + given + ": give more than 0 and less than 40 N");
   }
   EXPECT_EQ(command_.size(), 0U);
+}
+
+// Beside a goal that runs stands no reason of the goal before.
+TEST_F(Supervisor, TellsTheReasonOfTheGoalThatEndedLast) {
+  const Record<SupervisorState> states(nh_, "assembly_supervisor/state");
+  const auto now = [&](const std::string& goal, const std::string& reason) {
+    return waitFor([&] {
+      const auto last = states.last();
+      return last && last->goal == goal && last->reason.rfind(reason, 0) == 0;
+    });
+  };
+  ASSERT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  ASSERT_TRUE(now("", "move_to_contact presses with"));
+  // a refused one changes nothing
+  startAlign("telepathy");
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
+  ASSERT_TRUE(now("", "move_to_contact presses with"));
+  retreat_.sendGoal(RetreatGoal());
+  EXPECT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED);
+  ASSERT_TRUE(waitFor([&] { return states.last()->goal.empty() && !states.last()->in_contact; }));
+  std::set<std::string> ran;
+  for (const auto& state : states.all()) {
+    ran.insert(state->goal);
+    EXPECT_TRUE(state->goal.empty() || state->reason.empty()) << state->goal;
+  }
+  EXPECT_EQ(ran.count("retreat"), 1U);
 }
 
 // A lower limit holds from the next goal on: the one that runs keeps its own.

@@ -101,6 +101,7 @@ class SupervisorNode {
   double inserted() const;
   void hearIdentifier(const SupervisorState& identifier);
   void publishState();
+  SupervisorState told() const;  ///< by state_mutex_
   void publishDiagnostics();
 
   ros::NodeHandle nh_;
