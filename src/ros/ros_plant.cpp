@@ -337,7 +337,7 @@ ros::Time RosPlant::stampOf(double time) const {
 
 double RosPlant::time() const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return (last_.end - origin_).toSec();
+  return origin_.isZero() ? 0.0 : (last_.end - origin_).toSec();
 }
 
 bool RosPlant::hasMoved() const {

@@ -158,6 +158,7 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
   if (!turn) {
     result.reason = "busy: another action is running";
   } else {
+    const ros::Time before = plant_->stamp();
     End end;
     try {
       put(takeLive(), parameters);
@@ -176,7 +177,8 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
       result.success = false;
       result.reason = end.reason;
     }
-    if (result.time == 0.0) result.time = plant_->time();
+    // the clock of a goal that never began is that of the one before
+    if (result.time == 0.0 && plant_->stamp() != before) result.time = plant_->time();
     leave(end);
   }
   answer = report(result, secondsSince(start));

@@ -4,6 +4,7 @@
 #include <ros/ros.h>
 #include <sensor_msgs/JointState.h>
 #include <signal.h>
+#include <std_srvs/Trigger.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,12 +14,14 @@
 #include <vector>
 
 #include "assembly_cell/AlignPegAction.h"
+#include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/Lease.h"
 #include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/PlantState.h"
 #include "assembly_cell/SupervisorState.h"
+#include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
 
@@ -153,6 +156,20 @@ TEST_F(ArmFaults, ABridgeThatIsStartedAnewAtOnceEndsTheGoalByName) {
   pressAnew();
   // the supervisor's last command to shake was still there when the new one came
   for (const auto& exciter : exciter_.all()) EXPECT_FALSE(exciter->on);
+}
+
+// The goal ends before its clock has begun.
+TEST_F(ArmFaults, AGoalOnAStoppedArmHasTakenNoTime) {
+  std_srvs::Trigger stop;
+  ASSERT_TRUE(callService("/arm_faults/arm_bridge/stop", stop));
+  AlignPegGoal goal;
+  goal.strategy = "touch";
+  align_.sendGoal(goal);
+  EXPECT_NE(endOfAlign(), "");
+  const AlignmentReport report = align_.getResult()->report;
+  EXPECT_GE(report.simulated_time, 0.0) << report.reason;
+  EXPECT_LT(report.simulated_time, 10.0) << report.reason;
+  EXPECT_EQ(report.contacts, 0U);
 }
 
 TEST_F(ArmFaults, AnArmThatFallsSilentIsNamedAndTheNextGoalWorks) {

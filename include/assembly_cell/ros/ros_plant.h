@@ -91,7 +91,7 @@ class RosPlant : public Plant {
 
   ros::Time stamp() const;               ///< end of the last block
   ros::Time stampOf(double time) const;  ///< of a time on the plant's clock [s]
-  double time() const;                   ///< the same on the plant clock [s]
+  double time() const;                   ///< the same on the plant clock, 0 before its start [s]
   Pose carrierMotion() const;            ///< carrier in the carrier frame of begin(), last block
   Pose carrierPose() const;              ///< in its base, at the last block's end
 
