@@ -83,6 +83,15 @@ Search::Search(Plant& plant, const Mechanism& mechanism, const AlignParameters& 
 }
 
 AlignResult Search::run() {
+  try {
+    return findAndLeave();
+  } catch (PlantError& error) {
+    error.contacts += contacts_;
+    throw;
+  }
+}
+
+AlignResult Search::findAndLeave() {
   AlignResult result;
   try {
     find();

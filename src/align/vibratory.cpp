@@ -61,13 +61,18 @@ AlignResult another(const AlignResult& failed, Plant& plant, const PlantBlock& f
                     const char* name, const std::function<void(const AlignProgress&)>& progress,
                     const std::function<AlignResult()>& next) {
   if (progress) progress({name, failed.contacts, failed.time, failed.reason});
-  if (!goBack(plant, first.carrier)) return failed;
-  const double before = plant.next({}).time - first.time;
-  AlignResult result = next();
-  result.contacts += failed.contacts;
-  result.time += before;
-  result.reference_time = failed.reference_time;
-  return result;
+  try {
+    if (!goBack(plant, first.carrier)) return failed;
+    const double before = plant.next({}).time - first.time;
+    AlignResult result = next();
+    result.contacts += failed.contacts;
+    result.time += before;
+    result.reference_time = failed.reference_time;
+    return result;
+  } catch (PlantError& error) {
+    error.contacts += failed.contacts;
+    throw;
+  }
 }
 
 }  // namespace

@@ -116,6 +116,7 @@ AlignTrial judged(const Scenario& start, SimulatedPlant& plant, const InsertPara
   } catch (const PlantError& error) {
     trial.result.failure = error.failure;
     trial.result.reason = error.what();
+    trial.result.contacts = error.contacts;
     trial.status = error.status;
     trial.result.time = plant.truth().time();
   }

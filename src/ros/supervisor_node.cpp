@@ -176,6 +176,7 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
       end = endOfException();
       result.success = false;
       result.reason = end.reason;
+      result.contacts = end.contacts;
     }
     // the clock of a goal that never began is that of the one before
     if (result.time == 0.0 && plant_->stamp() != before) result.time = plant_->time();

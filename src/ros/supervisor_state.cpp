@@ -78,6 +78,7 @@ SupervisorNode::End SupervisorNode::endOfException() const {
   } catch (const PlantError& error) {
     end.begun = true;
     end.failure = error.failure;
+    end.contacts = error.contacts;
     end.reason = error.what();
   } catch (const AlignError& error) {
     end.begun = true;

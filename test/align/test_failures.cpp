@@ -9,6 +9,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
@@ -384,6 +385,37 @@ TEST(PlantFailures, PassThrough) {
       } catch (const PlantError& error) {
         EXPECT_EQ(error.failure, failure);
       }
+    }
+  }
+}
+
+// And tells how many readings there were until then, of all strategies that had been tried.
+TEST(PlantFailures, CountTheReadings) {
+  for (const char* strategy : {"single_contact", "vibratory", "twin_force", "touch"}) {
+    SimulatedPlant simulated(cell(), cell().mechanism, CellParameters{});
+    FaultyPlant plant(simulated);
+    AlignParameters parameters;
+    parameters.strategy = strategy;
+    const bool two = parameters.strategy == "vibratory";
+    if (two) forgetModes(plant, LocusMode::kSegment);
+    const auto spoil = plant.on_block;
+    int before = 0, told = 0;
+    bool first = two;
+    plant.on_block = [&](PlantBlock& block) {
+      if (spoil) spoil(block);
+      if (!first && told >= 2) throw PlantError(AlignFailure::kCancelled, "gone");
+    };
+    try {
+      align(plant, cell().mechanism, parameters, [&](const AlignProgress& now) {
+        told = now.contacts;
+        if (now.state != "single_contact") return;
+        first = false;
+        before = std::exchange(told, 0);
+      });
+      ADD_FAILURE() << strategy;
+    } catch (const PlantError& error) {
+      EXPECT_EQ(before > 0, two) << strategy;
+      EXPECT_EQ(error.contacts, before + told) << strategy;
     }
   }
 }

@@ -296,10 +296,15 @@ TEST_F(Supervisor, RefusesAnUnknownStrategyAndReportsIt) {
 
 TEST_F(Supervisor, CancelEndsAnAlignmentWithExciterOffAndCarrierAtRest) {
   startAlign("single_contact");
-  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  const auto contacts = [this] {
+    std::lock_guard<std::mutex> lock(mutex_);
+    return feedback_.empty() ? 0U : feedback_.back().contacts;
+  };
+  ASSERT_TRUE(waitFor([&] { return contacts() > 0 && shaking(); }));
   align_.cancelGoal();
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED);
   EXPECT_EQ(align_.getResult()->report.reason, "cancelled");
+  EXPECT_GE(align_.getResult()->report.contacts, contacts());
   EXPECT_GT(align_.getResult()->report.simulated_time, 0.0);
   ASSERT_TRUE(waitFor([this] { return exciter_.last() && !exciter_.last()->on; }));
 

@@ -79,6 +79,7 @@ struct PlantError : std::runtime_error {
         failure(failed),
         status(name.empty() ? toString(failed) : name) {}
   AlignFailure failure;
+  int contacts = 0;    ///< readings that the alignment had taken until then
   std::string status;  ///< name of what stopped a simulation; else that of the failure
 };
 

@@ -150,6 +150,7 @@ class Search {
   void startHere();
   /// The peg is in the bore, as deep as the goal before has left it.
   void knowBore();
+  AlignResult findAndLeave();
   void leave();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);

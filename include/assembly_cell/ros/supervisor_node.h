@@ -88,6 +88,7 @@ class SupervisorNode {
     bool pressing = false;  ///< the peg is meant to stay in contact
     bool freed = false;     ///< freeing it was the goal: once is enough
     bool stuck = false;
+    int contacts = 0;  ///< readings taken until the plant failed
     AlignFailure failure = AlignFailure::kNone;
     std::string reason;
   };
