@@ -125,7 +125,8 @@ long double referenceGap(const EdgeCircle& e, const ContactShapes& s, const Cont
       case ContactFeature::kRimSide:
         return axis.cross(p - center).norm() - r_p;
       case ContactFeature::kEdgeCone:
-        return NAN;  // the scenes' rims are sharp
+      case ContactFeature::kRimCone:
+        return NAN;  // the scenes' edges are sharp
       case ContactFeature::kRimFace:
         break;
     }

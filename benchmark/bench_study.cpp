@@ -104,7 +104,7 @@ int run(int argc, char** argv) {
     const std::atomic<bool> stop{false};
     const auto study_with = [&](int threads) {
       StudyLedger ledger(study, out, true);
-      runThreads(study, ledger, threads, stop, [] {});
+      runThreads(study, ledger, threads, stop);
       ledger.finish();
     };
     measure(bare, [&] { sink += bareLoop(study, 0.0); });

@@ -40,9 +40,9 @@ int main(int argc, char** argv) {
     ++reasons[v.reason];
     if (!v.finite || v.hung || !(v.gain < 1.0) || v.reason == "unknown") {
       ++wrong;
-      std::printf("seed %d: %s, %s%s%s, gain %.1e, %.1f s\n", seed, v.scene.c_str(),
+      std::printf("seed %d: %s, %s%s%s, gain %.1e, %.0f evaluations\n", seed, v.scene.c_str(),
                   v.reason.c_str(), v.finite ? "" : ", not finite", v.hung ? ", hung" : "", v.gain,
-                  v.seconds);
+                  v.evaluations);
     }
     if (v.gain > gain.gain) gain = v, gain_seed = seed;
     if (v.evaluations > slow.evaluations) slow = v, slow_seed = seed;

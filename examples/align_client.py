@@ -5,6 +5,7 @@
 usage: align_client.py [STRATEGY]    strategies: docs/strategies.md; none: the cell's own
 """
 import sys
+import time
 
 import actionlib
 import rosgraph
@@ -17,6 +18,15 @@ def tell(feedback):
     print(f"{feedback.time:7.2f} s  {feedback.state}, {feedback.contacts} contacts{known}")
 
 
+def server_comes(client, patience):
+    """By the wall clock: a cell in lockstep makes a minute of its own in seconds."""
+    end = time.monotonic() + patience
+    while not client.wait_for_server(rospy.Duration(1.0)):
+        if rospy.is_shutdown() or time.monotonic() > end:
+            return False
+    return True
+
+
 def main():
     words = rospy.myargv()[1:]
     if len(words) > 1 or words and words[0].startswith("-"):
@@ -26,7 +36,7 @@ def main():
         sys.exit(f"align_client: no ROS master at {rosgraph.get_master_uri()}: start the cell first, or set ROS_MASTER_URI")
     rospy.init_node("align_client", anonymous=True)
     client = actionlib.SimpleActionClient("align", AlignPegAction)
-    if not client.wait_for_server(rospy.Duration(60.0)):
+    if not server_comes(client, 60.0):
         sys.exit("align_client: no server of the action 'align' within 60 s: is assembly_supervisor running?")
     goal = AlignPegGoal(strategy=words[0] if words else "")
     client.send_goal(goal, feedback_cb=tell)

@@ -177,7 +177,7 @@ class RosPlant : public Plant {
   bool incomplete_ = false;               ///< a block was, at the last check of the connections
   std::optional<std::uint32_t> checked_;  ///< last complete block then
   std::optional<Matrix6> rounding_a_, rounding_b_;
-  std::string serial_a_, serial_b_;  // of the sensors that the calibrations are of
+  std::string serial_a_, serial_b_;           // of the sensors that the calibrations are of
   std::optional<std::uint32_t> done_;         // last complete block
   std::optional<std::uint32_t> pending_ack_;  // not acknowledged yet
   std::optional<Block> fresh_;                // complete, not handed out yet
