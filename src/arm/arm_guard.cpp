@@ -359,7 +359,8 @@ void stopForGood(ArmGuard& arm, const std::string& text) {
 }
 
 std::string resume(ArmGuard& arm, double now) {
-  if (arm.mode == ArmMode::kStopped) return arm.text + ": start the bridge again";
+  if (arm.mode == ArmMode::kStopped)
+    return arm.text + ": start the bridge again, in lockstep the whole cell";
   if (arm.mode != ArmMode::kHeld) return text("the arm is not held, it is %s", toString(arm.mode));
   if (!arm.state_known || now - arm.state_time >= arm.limits.timeout) {
     return "no fresh state of the arm: the next point must be where it is";

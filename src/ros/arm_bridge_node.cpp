@@ -124,7 +124,7 @@ void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
   stop_srv_ = pnh.advertiseService<Request, Response>("stop", [this](Request&, Response& response) {
     onStop("the service stop was called");
     response.success = true;
-    response.message = "stopped: start the bridge again to move";
+    response.message = "stopped: start the bridge again to move, in lockstep the whole cell";
     return true;
   });
   using Event = ros::MessageEvent<std_msgs::Bool const>;

@@ -104,6 +104,7 @@ void ExciterOutputNode::open(ros::NodeHandle& pnh) {
   } catch (const std::exception& error) {
     throw InputError(name + ": " + error.what());
   }
+  ROS_INFO("shaker %s is open, off until a command comes on arm/exciter", type_.c_str());
 }
 
 // ---- commands ----

@@ -181,6 +181,11 @@ TEST_F(Report, BadParametersEndTwo) {
   EXPECT_NE(output_.find("/report/timeout is -1"), std::string::npos) << output_;
   EXPECT_EQ(report({"_stratgy:=x"}), 2) << output_;
   EXPECT_NE(output_.find("/report/stratgy is unknown"), std::string::npos) << output_;
+  for (const std::string depth : {"40", "-0.01", "deep"}) {
+    EXPECT_EQ(report({"_insert:=" + depth}), 2) << output_;
+    const std::string said = "insert: value " + depth + ": give a depth of 0 to 1 m, or floor";
+    EXPECT_NE(output_.find(said), std::string::npos) << output_;
+  }
 }
 
 // Without its underscore a parameter renames a topic that nobody has.
