@@ -208,12 +208,11 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
   start_timeout_ = parameters.number("start_timeout", kPositive, 60.0);
   std::string word;
   details_.floor = pnh.getParam("insert", word);
-  if (!details_.floor) {
-    details_.insert = parameters.number("insert", Range{-1e9, 1e9}, 0.0);
-    if (details_.insert < 0.0 || details_.insert > 1.0) word = text("%g", details_.insert);
-  }
-  if (!word.empty() && word != "floor") {
-    throw InputError(pnh.resolveName("insert") + ": value " + word +
+  if (!details_.floor) details_.insert = parameters.number("insert", kAny, 0.0);
+  const double depth = details_.insert;
+  if (details_.floor ? word != "floor" : depth < 0.0 || depth > 1.0) {
+    throw InputError(pnh.resolveName("insert") + ": value " +
+                     (details_.floor ? word : text("%g", depth)) +
                      ": give a depth of 0 to 1 m, or floor");
   }
   parameters.tell("insert");

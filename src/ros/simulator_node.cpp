@@ -183,8 +183,7 @@ void SimulatorNode::pairParts() {
   CarrierTravel travel;
   travel.lateral = std::max(
       {-limits_.box_min.x(), limits_.box_max.x(), -limits_.box_min.y(), limits_.box_max.y()});
-  // half the length of the default cell's peg; another one goes as far in proportion
-  travel.lowest *= scenario_.mechanism.peg.half_height / 0.03;
+  travel.lowest = -scenario_.mechanism.peg.half_height;
   bool peg_meets_hole = false;
   for (const PartPair& pair : canMeet(description_, travel)) {
     if (pair == PartPair{"peg", "hole"}) {
