@@ -183,10 +183,18 @@ void general(const Body& b, Constraints& all) {
       A(i, j) = ci.row.dot(response(b, ci.at->r, columns[j].at->r, columns[j].direction));
     }
   }
-  Eigen::CompleteOrthogonalDecomposition<decltype(A)> least_norm(m, m);
-  least_norm.setThreshold(kRank);
-  least_norm.compute(A);
-  const BoundedVector<kMaxRows> x = least_norm.solve(y);
+  BoundedVector<kMaxRows> x;
+  Eigen::FullPivLU<decltype(A)> full(m, m);
+  full.setThreshold(kRank);
+  full.compute(A);
+  if (full.isInvertible()) {
+    x = full.solve(y);
+  } else {
+    Eigen::CompleteOrthogonalDecomposition<decltype(A)> least_norm(m, m);
+    least_norm.setThreshold(kRank);
+    least_norm.compute(A);
+    x = least_norm.solve(y);
+  }
   for (std::size_t i = 0; i < m; ++i) columns[i].at->force += x(i) * columns[i].direction;
 }
 

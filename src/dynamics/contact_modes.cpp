@@ -21,6 +21,9 @@ constexpr double kHysteresis = 1e-8;
 // Least typical acceleration, of a peg without load: no result changes at half or twice.
 constexpr double kMinScale = 1e-3;  // [m/s²]
 constexpr int kPasses = 24, kTurns = 100;
+// Directions that haven't come nearer by half in so many turns won't: a face of which a point would
+// be held turns for ever.
+constexpr int kProgress = 10;
 // A turn of slip that takes back so much of the last one is made smaller, by at most kMaxStiffer.
 // Half and twice of the second, half of the first: forces of 20 alignments agree within 2e-5 N;
 // twice of the first: onsets swing again.
@@ -61,6 +64,7 @@ void turnSlip(const System& s, Context& c, Evaluation& e) {
   std::array<double, kSlots> stiffer;
   last.fill(Vec3::Zero());
   stiffer.fill(1.0);
+  double before = HUGE_VAL;
   for (int turn = 0; turn < kTurns; ++turn) {
     double largest = 0.0;
     const Body body = bodyOf(s, e.k);
@@ -89,6 +93,9 @@ void turnSlip(const System& s, Context& c, Evaluation& e) {
     if (largest < 1e-14) return;
     c.slope = contactForces(s, c.slots, Level::kEvents, e);
     if (largest < 1e-12) return;
+    if (turn % kProgress < kProgress - 1) continue;
+    if (largest > 0.5 * before) return;
+    before = largest;
   }
 }
 
@@ -108,6 +115,30 @@ bool slipsAstray(const System& s, double limit, const Context& c, const Evaluati
   return false;
 }
 
+// What is left of the slip of these points is taken by an impulse: friction would take no longer.
+void stopSlip(const System& s, ContactSlotMask points, Context& c, Evaluation& e) {
+  Constraints rows;
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode == Mode::kIdle) continue;
+    const ContactKinematics& at = e.contacts[i];
+    const bool stop = (points >> i & 1u) != 0;
+    Constraint& row = rows.add(i, at.r, e.point(i).normal);
+    row.stick = stop || c.slots[i].mode == Mode::kStick;
+    row.change = stop ? Vec3(-at.tangential) : Vec3(Vec3::Zero());
+  }
+  solveConstraints(bodyOf(s, e.k), rows);
+  applyImpulse(s, rows.total(), c, e);
+}
+
+// Points that slid and rest now.
+ContactSlotMask cameToRest(const Context& c, ContactSlotMask slid, const Evaluation& e) {
+  ContactSlotMask resting = 0;
+  for (const std::size_t i : Slots(slid & e.active())) {
+    if (c.slots[i].mode == Mode::kStick) resting |= 1u << i;
+  }
+  return resting;
+}
+
 // Slip that has begun one way and goes another gets the friction of its velocity. Where that brakes
 // it, it would come to rest at once: it is put to rest, and all is to be decided anew (true).
 bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
@@ -125,21 +156,12 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
   if (!turned) return false;
   c.slope = contactForces(s, c.slots, Level::kEvents, e);
   const Body body = bodyOf(s, e.k);
-  Constraints rows;
-  bool stops = false;
-  for (const std::size_t i : Slots(e.active())) {
-    if (c.slots[i].mode == Mode::kIdle) continue;
-    const ContactKinematics& at = e.contacts[i];
-    const bool stop = (turned >> i & 1u) && accelerationOf(body, e, i).dot(at.tangential) < 0.0;
-    Constraint& row = rows.add(i, at.r, e.point(i).normal);
-    row.stick = stop || c.slots[i].mode == Mode::kStick;
-    row.change = stop ? Vec3(-at.tangential) : Vec3(Vec3::Zero());
-    stops = stops || stop;
+  ContactSlotMask stops = 0;
+  for (const std::size_t i : Slots(turned)) {
+    if (accelerationOf(body, e, i).dot(e.contacts[i].tangential) < 0.0) stops |= 1u << i;
   }
-  if (!stops) return false;
-  solveConstraints(body, rows);
-  applyImpulse(s, rows.total(), c, e);
-  return true;
+  if (stops) stopSlip(s, stops, c, e);
+  return stops != 0;
 }
 
 // Sets the hysteresis by the accelerations that count here. Returns the limit of decisions: half
@@ -288,8 +310,10 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     beginStep(s, c, e);
     return;
   }
+  ContactSlotMask slid = 0;
   for (const std::size_t i : Slots(e.active())) {
     Slot& slot = c.slots[i];
+    if (slot.mode == Mode::kSlip && slot.armed) slid |= 1u << i;
     slot.armed = slipSpeed(e, i) > kRest * s.slip_threshold;
     slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
   }
@@ -302,6 +326,11 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     return decide(s, tried, c, e);
   }
   if (tried == Tried::kNothing && stopTurnedSlip(s, c, e)) return decide(s, Tried::kStop, c, e);
+  if (const ContactSlotMask rest = cameToRest(c, slid, e);
+      rest && tried == Tried::kNothing && !s.rigid && !s.scenario.thesis.creep) {
+    stopSlip(s, rest, c, e);
+    return decide(s, Tried::kStop, c, e);
+  }
   if (!s.rigid && tried != Tried::kJamAll && slips(c.slots) &&
       (e.wedge_margin < 2.0 * kWedged || contradicted(s, limit, c, e))) {
     const bool everything = tried == Tried::kJam;

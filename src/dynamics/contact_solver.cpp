@@ -202,6 +202,10 @@ void shareInternalForce(const System& s, std::size_t one, std::size_t two, doubl
 
 Vector9 contactForces(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
   if (!prepare(s, e)) return e.free;
+  return forcesAgain(s, slots, level, e);
+}
+
+Vector9 forcesAgain(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
   if (s.discrete_friction) {
     solveModes(s, slots, level, e);
   } else {

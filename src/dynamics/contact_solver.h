@@ -17,6 +17,9 @@ namespace assembly_cell {
 /// are those of springs, or solve the rows of the carrying points.
 Vector9 contactForces(const System& s, const SlotArray& slots, Level level, Evaluation& e);
 
+/// The same at the same state, with other directions of slip (e.contacts[i].tangential).
+Vector9 forcesAgain(const System& s, const SlotArray& slots, Level level, Evaluation& e);
+
 /// The same with regularised friction, after choosing which active contacts carry (slip) and which
 /// don't (idle), and the branch of friction of each.
 Vector9 chooseCarriers(const System& s, SlotArray& slots, Evaluation& e);

@@ -12,7 +12,8 @@
 
 namespace assembly_cell {
 
-enum class Method : std::uint8_t { kRk4, kDopri5, kDop853, kHamming };
+/// Integrators of a scenario, and the one that takes over where slip is slow (slow_slip.h).
+enum class Method : std::uint8_t { kRk4, kDopri5, kDop853, kHamming, kSlowSlip };
 
 /// What is constant in a run: the scenario and what follows from it.
 struct System {
@@ -93,6 +94,7 @@ struct Context {
   double pull = 0.0, approach = 0.0;  ///< hysteresis of forces [N] and accelerations [m/s²]
   Events events;                      ///< at the start of the step
   double edge_speed = 0.0;            ///< of the edge's fastest point there, a bound [m/s]
+  double slip_turning = 0.0;          ///< rate at which friction turns slip there [1/s]
   double clearance = 0.0;      ///< no open slot closes before an edge point moved this far [m]
   std::int64_t decisions = 0;  ///< times that modes were decided: solutions are smooth in between
   static constexpr std::size_t kRecentEvents = 24;

@@ -8,6 +8,7 @@
 #include "contact_solver.h"
 #include "contact_tolerances.h"
 #include "face.h"
+#include "slow_slip.h"
 
 namespace assembly_cell {
 namespace {
@@ -22,9 +23,14 @@ constexpr double kIdleDepth = 1e-12;  // [m]
 // resolution of its place has jumped: a contact point that is lost. No result changes at half or
 // twice.
 constexpr double kJump = 1e-3;
-// Longer steps are looked at in their middle, too: a contact is shaken loose and caught within a
-// part of a turn of the exciter. Half: no result changes; twice: one jammed run of six does.
+// Longer steps are looked at inside, too, once for each such part of a turn of the exciter: a
+// contact is shaken loose and caught within it. Half: no result changes; twice: one jammed run of
+// six does.
 constexpr double kBlindPhase = 0.3;  // [rad]
+// So are those in which friction could have ended a slip, that begins again before the end; steps
+// of slow_slip.h see that themselves.
+constexpr double kBlindSlip = 1.0;
+constexpr int kMostLooks = 8;
 
 // Slip along that at the step's start; of a face that of the point that goes on fastest.
 double onwards(const Context& c, const Evaluation& e, std::size_t i) {
@@ -133,20 +139,28 @@ void beginStep(const System& s, Context& c, const Evaluation& e) {
     if (speed > 0.0) c.slots[i].slip_start = e.contacts[i].tangential / speed;
   }
   beginFaceStep(c, e);
+  c.slip_turning = slipTurning(s, c, e);
   c.edge_speed = edgeSpeed(s, e.k);
   c.clearance = contactClearance(e.edge, s.shapes);
   c.events = eventValues(s, c, e);
 }
 
 bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e) {
-  if (s.fixed_step || !e.closed || step.h * c.commands.drive.exciter.frequency < kBlindPhase) {
-    return false;
+  const double phase = step.h * c.commands.drive.exciter.frequency;
+  const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kBlindSlip;
+  const bool blind = phase >= kBlindPhase || turns;
+  if (s.fixed_step || !e.closed || !blind) return false;
+  Evaluation inside = e;
+  const int looks = std::clamp(static_cast<int>(phase / kBlindPhase), 1, kMostLooks);
+  bool hidden = false;
+  for (int i = 1; i <= looks && !hidden; ++i) {
+    const double tau = step.h * i / (looks + 1);
+    evaluate(s, c, c.time + tau, interpolate(c, step, tau), Level::kEvents, inside);
+    const Events events = eventValues(s, c, inside);
+    hidden = std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
   }
-  Evaluation middle = e;
-  evaluate(s, c, c.time + 0.5 * step.h, interpolate(c, step, 0.5 * step.h), Level::kEvents, middle);
-  e.count = middle.count;
-  const Events events = eventValues(s, c, middle);
-  return std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
+  e.count = inside.count;
+  return hidden;
 }
 
 // Bracketed on the interpolant (Illinois with bisection against jumps), then the step is taken anew
@@ -164,6 +178,7 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
     return firstOf(eventValues(s, c, e), at_end);
   };
   double low = 0.0, high = h, f_low = std::max(firstOf(c.events, at_end), 1e-300), f_high = -1.0;
+  double beyond = f_high;
   int side = 0;
   for (int i = 0; i < 200 && high - low > resolution; ++i) {
     double middle =
@@ -172,7 +187,7 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
     const double f = valueAt(middle);
     if (f < 0.0) {
       high = middle;
-      f_high = f;
+      f_high = beyond = f;
       if (side == -1) f_low *= 0.5;
       side = -1;
     } else {
@@ -184,12 +199,18 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
   }
 
   // exactly there; slope of the event function for the correction, where it has one
-  const double span = std::min(1e-6, 0.5 * high), beyond = valueAt(high);
+  const double span = std::min(1e-6, 0.5 * high);
   const double rate = beyond > -kJump ? (beyond - valueAt(high - span)) / span : 0.0;
-  const Method method = s.method == Method::kHamming ? Method::kRk4 : s.method;
+  const Method method = whole.method == Method::kHamming ? Method::kRk4 : whole.method;
   step.h = high;
   for (int i = 0; i < 3; ++i) {
     attemptStep(s, c, method, step, e);
+    if (std::isinf(step.error)) {
+      // no step ends there: what the longer one says of it
+      step.end = interpolate(c, whole, step.h);
+      step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
+      break;
+    }
     const double f = firstOf(eventValues(s, c, e), at_end);
     double off = rate < 0.0 && std::isfinite(f) ? -f / rate : 0.0;
     if (std::abs(off) < 0.5 * kEventTime || std::abs(off) > 0.1 * h || i == 2) break;

@@ -14,8 +14,8 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e);
 /// Sets what the events of the next step are told by, from the evaluation of the present state.
 void beginStep(const System& s, Context& c, const Evaluation& e);
 
-/// A mode is broken in the middle of a step that ends with none broken: sticking contacts are
-/// shaken loose and caught within part of a turn of the exciter. e: of the step's end, kept.
+/// A mode is broken inside a step that ends with none broken: sticking contacts are shaken loose
+/// and caught within part of a turn of the exciter. e: of the step's end, kept.
 bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e);
 
 /// Shortens a step that ends with events broken (`at_end`) to end at the first of them.

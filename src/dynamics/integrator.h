@@ -13,10 +13,14 @@ struct Trial {
   bool finite() const { return isFinite(end) && slope.allFinite(); }
 
   double h = 0.0;
+  Method method = Method::kDopri5;  ///< that tried it
   State end;
   Vector9 slope;       ///< v' there
   double error = 0.0;  ///< over the tolerance; 0 without error control
 };
+
+/// An error of a state over the tolerance.
+double errorOf(const System& s, const State& error);
 
 /// A step of length step.h by a one-step method (kHamming: of the method that starts it). e: of its
 /// end.
@@ -33,7 +37,9 @@ class Integrator {
   bool plan(const System& s, const Context& c, const Evaluation& e, double t_end, Trial& step);
   void attempt(const System& s, const Context& c, Trial& step, Evaluation& e);
   /// Factor of the step to try after a failed one.
-  static double shrinkBy(const System& s, const Trial& step);
+  static double shrinkBy(const Trial& step);
+  /// The step found no direction of slow slip: an explicit one next (true).
+  bool goesExplicit(const Trial& step);
   /// The step was refused: a shorter one next.
   void refuse(const System& s, const Context& c, const Trial& step, Evaluation& e);
   /// The step was accepted as it was tried, c is at its end.
@@ -63,6 +69,8 @@ class Integrator {
   State trial_defect_;
   std::int64_t decisions_ = -1;  // of the context when the past began
   bool bridging_ = false;        // hamming: one step of dopri5, past what it can't start in
+  bool slow_ = false;            // the last step was by slow_slip.h
+  int explicit_left_ = 0;        // steps without slow_slip.h, which has just failed
   double next_step_;
 };
 

@@ -15,6 +15,7 @@
 #include "face.h"
 #include "impact.h"
 #include "integrator.h"
+#include "slow_slip.h"
 
 namespace assembly_cell {
 namespace {
@@ -137,8 +138,9 @@ void Simulation::Run::step(double t_end) {
 // a step that failed: a shorter one next, or the end of the run
 void Simulation::Run::refuse(const Trial& trial) {
   ++context.counts.rejected;
+  if (integrator.goesExplicit(trial)) return;
   const bool finite = trial.finite();
-  const double shorter = trial.h * Integrator::shrinkBy(system, trial);
+  const double shorter = trial.h * Integrator::shrinkBy(trial);
   const double shortest = hasGround(system, now.edge) ? kShortestOnGround : kShortest;
   if (!system.fixed_step && shorter < shortest && finite && system.rigid && isFlat(now) &&
       !context.face.on && context.time >= context.chatter_until) {
@@ -163,6 +165,7 @@ void Simulation::Run::accept(double t, const Trial& trial) {
   context.slope = trial.slope;
   ++context.counts.steps;
   if (!system.admitted) return;
+  if (trial.method == Method::kSlowSlip) followSlip(system, context, now);
   if (now.clear) {
     context.clearance -= now.moved;
     context.edge_speed = now.speed;

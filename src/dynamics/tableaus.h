@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Explicit Runge–Kutta methods as numbers.
+// Runge–Kutta methods as numbers.
 #pragma once
 
 namespace assembly_cell {
@@ -107,6 +107,37 @@ struct Ralston4 {
       {0.21810038822592047, -3.0509651486929308, 3.8328647604670103, 0},
       {0.17476028226269037, -0.55148066287873294, 1.2055355993965235, 0.17118478121951903}};
   static constexpr double c[5] = {0, 0.4, 0.45573725421878943, 1, 1};
+};
+
+/// ARK4(3)6L[2]SA of Kennedy & Carpenter, Appl. Numer. Math. 44, 2003: an explicit and a singly
+/// diagonally implicit method with the same weights, order 4 with an estimate of order 3.
+struct Ark436 {
+  static constexpr int kStages = 6;
+  static constexpr double kGamma = 0.25;  ///< diagonal of `implicit`, which is left out there
+  static constexpr double c[6] = {0, 0.5, 83.0 / 250, 31.0 / 50, 17.0 / 20, 1};
+  static constexpr double a[6][5] = {
+      {0, 0, 0, 0, 0},
+      {0.5, 0, 0, 0, 0},
+      {13861.0 / 62500, 6889.0 / 62500, 0, 0, 0},
+      {-116923316275.0 / 2393684061468, -2731218467317.0 / 15368042101831,
+       9408046702089.0 / 11113171139209, 0, 0},
+      {-451086348788.0 / 2902428689909, -2682348792572.0 / 7519795681897,
+       12662868775082.0 / 11960479115383, 3355817975965.0 / 11060851509271, 0},
+      {647845179188.0 / 3216320057751, 73281519250.0 / 8382639484533,
+       552539513391.0 / 3454668386233, 3354512671639.0 / 8306763924573, 4040.0 / 17871}};
+  static constexpr double implicit[6][5] = {
+      {0, 0, 0, 0, 0},
+      {0.25, 0, 0, 0, 0},
+      {8611.0 / 62500, -1743.0 / 31250, 0, 0, 0},
+      {5012029.0 / 34652500, -654441.0 / 2922500, 174375.0 / 388108, 0, 0},
+      {15267082809.0 / 155376265600, -71443401.0 / 120774400, 730878875.0 / 902184768,
+       2285395.0 / 8070912, 0},
+      {82889.0 / 524892, 0, 15625.0 / 83664, 69875.0 / 102672, -2260.0 / 8211}};
+  static constexpr double b[6] = {82889.0 / 524892, 0,   15625.0 / 83664, 69875.0 / 102672,
+                                  -2260.0 / 8211,   0.25};
+  static constexpr double estimate[6] = {4586570599.0 / 29645900160, 0,
+                                         178811875.0 / 945068544,    814220225.0 / 1159782912,
+                                         -3700637.0 / 11593932,      61727.0 / 225920};
 };
 
 }  // namespace assembly_cell
