@@ -75,20 +75,27 @@ announce() {
 
 # shows how far ninja's output (standard input) has come: one line on a terminal, else one every 10 s
 show_progress() {
-  local line shown=-10 terminal=false
+  local line shown=-10 last="" told="" terminal=false
   if [ -t 2 ]; then terminal=true; fi
   while IFS= read -r line; do
-    [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]] || continue
+    # ninja itself looks for new files first
+    [[ $line =~ ^\[([1-9][0-9]*)/([0-9]+)\] ]] || continue
+    last="${BASH_REMATCH[1]} of ${BASH_REMATCH[2]}"
     # catkin looks at each message again, also when nothing has changed
     [[ $line != *genmsg_check_deps.py* ]] || continue
     if $terminal; then
       printf '\r[%(%H:%M:%S)T] built %s of %s ' -1 "${BASH_REMATCH[1]}" "${BASH_REMATCH[2]}" >&2
     elif [ $((SECONDS - shown)) -ge 10 ]; then
-      say "built ${BASH_REMATCH[1]} of ${BASH_REMATCH[2]}"
+      say "built $last"
+      told=$last
       shown=$SECONDS
     fi
   done
-  if $terminal; then echo >&2; fi
+  if $terminal; then
+    printf '\r[%(%H:%M:%S)T] built %s\n' -1 "${last:-all}" >&2
+  elif [ -n "$told" ] && [ "$told" != "$last" ]; then
+    say "built $last"
+  fi
 }
 
 # build TARGET...: configures when needed, builds what has changed

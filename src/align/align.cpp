@@ -23,6 +23,8 @@ constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
                                          {"passive", passiveAssembly}};
 
 constexpr double kSameDepth = 1e-3;  // as felt on different ways down [m]
+// What a depth may be felt wrong by, and a hole may be deeper than the peg that fills it [m].
+constexpr double kTopMargin = 1e-3;
 
 Strategy strategyOf(const std::string& name) {
   std::string known;
@@ -54,6 +56,23 @@ void checkParts(const Mechanism& m) {
         text("must be at most %g of the peg's radius", kBluntest).c_str());
   check(m.hole.chamfer_width <= kWidest * r, "hole.chamfer.width", m.hole.chamfer_width,
         text("must be at most the peg's radius, %g m", r).c_str());
+}
+
+// The peg's top stays above the mouth of a hole that is deeper than the peg is long.
+void checkTop(const Mechanism& mechanism, const InsertParameters& insert) {
+  const double length = 2.0 * mechanism.peg.half_height, most = length - kTopMargin;
+  if (mechanism.hole.depth <= length + kTopMargin) return;
+  if (insert.floor) {
+    throw InputError(
+        text("insert.floor: hole.depth is %g m, the peg is %g m long and its top ",
+             mechanism.hole.depth, length) +
+        text("has to stay out; give insert.depth, at most %g m", most));
+  }
+  if (insert.depth > most) {
+    throw InputError(text("insert.depth: %g m: the peg is %g m long and its top has to stay out; ",
+                          insert.depth, length) +
+                     text("give at most %g m", most));
+  }
 }
 
 }  // namespace
@@ -136,6 +155,7 @@ void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters) {
     throw InputError("insert.depth: " + text("%g m", parameters.insert.depth) +
                      text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));
   }
+  checkTop(mechanism, parameters.insert);
 }
 
 AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,

@@ -163,7 +163,7 @@ void CellPlayer::play() {
   try {
     playAll();
     if (!stopping_) {
-      ROS_INFO_NAMED("player", "the bag is over: %llu messages played",
+      ROS_INFO_NAMED("player", "the bag is over: %llu messages of its inputs played",
                      static_cast<unsigned long long>(played_));
     }
   } catch (const std::exception& error) {

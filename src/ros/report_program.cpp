@@ -85,7 +85,8 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
   };
   const char* pair = "%8.3f %8.3f";
   const bool known = report.truth_known, felt = report.estimate_known;
-  out += report.success ? "aligned\n" : "not aligned: " + report.reason + "\n";
+  const char* not_done = details.insert > 0.0 ? "not inserted: " : "not aligned: ";
+  out += report.success ? "aligned\n" : not_done + report.reason + "\n";
   if (!report.success && report.simulated_time == 0.0) return out;  // refused: nothing moved
   row("at the start", known ? "true" : "true (unknown)", "estimated", "error");
   row("offset x, y [mm]", known ? text(pair, true_offset.x(), true_offset.y()) : "-",
@@ -94,6 +95,9 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
   row("tilt x, y [deg]", known ? text(pair, true_tilt.x(), true_tilt.y()) : "-",
       felt ? text(pair, tilt.x(), tilt.y()) : "-",
       known && felt ? text("%.3f", (tilt - true_tilt).norm()) : "-");
+  if (report.success && !felt) {
+    out += "  no estimate: the peg was in the hole already, and this strategy states none then\n";
+  }
   if (details.truth_end) {
     const double reach = reachAtEnd(details);
     out += text(
@@ -435,7 +439,8 @@ int runReport(int argc, char** argv) {
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
-    ros::init(argc, argv, "report");
+    // a name of its own, by which two goals have two names also while the cell's clock stands
+    ros::init(argc, argv, "report", ros::init_options::AnonymousName);
     // a node handle would wait for the master for ever
     if (!ros::master::check()) {
       ROS_FATAL("report: no ROS master at %s: start the cell first, or set ROS_MASTER_URI",

@@ -78,7 +78,7 @@ void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& wh
         throw PlantError(AlignFailure::kNoData,
                          text("no %s within %.3g s of wall time%s%s", what.c_str(), waited,
                               !who.empty()     ? ": "
-                              : what == kBlock ? " (is the simulator paused?)"
+                              : what == kBlock ? " (is the simulator paused or stopped? its diagnostics tell)"
                                                : "",
                               who.c_str()));
       }
