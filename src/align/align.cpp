@@ -63,10 +63,9 @@ void checkTop(const Mechanism& mechanism, const InsertParameters& insert) {
   const double length = 2.0 * mechanism.peg.half_height, most = length - kTopMargin;
   if (mechanism.hole.depth <= length + kTopMargin) return;
   if (insert.floor) {
-    throw InputError(
-        text("insert.floor: hole.depth is %g m, the peg is %g m long and its top ",
-             mechanism.hole.depth, length) +
-        text("has to stay out; give insert.depth, at most %g m", most));
+    throw InputError(text("insert.floor: hole.depth is %g m, the peg is %g m long and its top ",
+                          mechanism.hole.depth, length) +
+                     text("has to stay out; give insert.depth, at most %g m", most));
   }
   if (insert.depth > most) {
     throw InputError(text("insert.depth: %g m: the peg is %g m long and its top has to stay out; ",

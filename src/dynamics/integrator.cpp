@@ -21,7 +21,8 @@ constexpr double kShortestHalf = 1e-9, kBridge = 1e-6;  // [s]
 // Half and twice of the first: a vibrated press takes 3 % more and 6 % more; of the second: nothing
 // and 2 % more.
 constexpr double kStiff = 3.0, kVeryStiff = 100.0;
-// So many steps are explicit after one without a direction of slip.
+// So many steps are explicit after one without a direction of slip. Half and twice: a vibrated
+// press is the same to the last bit.
 constexpr int kExplicit = 8;
 using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
 

@@ -23,12 +23,14 @@ constexpr double kAligned = 0.1;     // of the tolerance [rad/m]
 constexpr double kRounding = 1e-10;  // [rad]
 constexpr int kTurnings = 16;
 constexpr double kLargestTurn = 0.5;  // [rad] of one of them
-// Slip slower than these parts of its threshold is none yet, and has no direction of its own.
+// Slip slower than these parts of its threshold is none yet, and has no direction of its own. Half
+// and twice: a vibrated press is the same to the last bit.
 constexpr double kNone = 0.01, kHas = 0.5;
 // Slip that falls at a higher rate doesn't begin.
 constexpr double kFading = 1e4;  // [1/s]
 // Its estimate is of one order less than that of dopri5: with this factor ends are as near to those
-// at fine tolerances.
+// at fine tolerances. Effort −8 % and +14 %; a face that rocks over the hole has 264 events for
+// 119.
 constexpr double kSafety = 4.0;
 // The error of a step in which slip ends and begins again: half of it next.
 constexpr double kRested = 12.0;

@@ -75,12 +75,13 @@ void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& wh
       const std::string who = whoIsMissing(lock, !over);
       if (ready()) return;
       if (over || !who.empty()) {
-        throw PlantError(AlignFailure::kNoData,
-                         text("no %s within %.3g s of wall time%s%s", what.c_str(), waited,
-                              !who.empty()     ? ": "
-                              : what == kBlock ? " (is the simulator paused or stopped? its diagnostics tell)"
-                                               : "",
-                              who.c_str()));
+        throw PlantError(
+            AlignFailure::kNoData,
+            text("no %s within %.3g s of wall time%s%s", what.c_str(), waited,
+                 !who.empty()     ? ": "
+                 : what == kBlock ? " (is the simulator paused or stopped? its diagnostics tell)"
+                                  : "",
+                 who.c_str()));
       }
     }
     const auto before = Steady::now();

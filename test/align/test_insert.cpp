@@ -108,6 +108,27 @@ TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {
   }
 }
 
+// A peg of 60 mm in a hole of 80 mm: to 59 mm, not to the floor.
+TEST(InsertionDepth, WhereThePegsTopWouldGoInIsRefused) {
+  Scenario s = cell(1e-4);
+  s.mechanism.hole.depth = 0.08;
+  for (const bool floor : {false, true}) {
+    AlignParameters p = parameters();
+    p.insert.depth = floor ? 0.0 : 0.0595;
+    p.insert.floor = floor;
+    try {
+      checkGoal(s.mechanism, p);
+      FAIL() << floor;
+    } catch (const InputError& error) {
+      EXPECT_NE(std::string(error.what()).find("at most 0.059 m"), std::string::npos)
+          << error.what();
+    }
+  }
+  AlignParameters p = parameters();
+  p.insert.depth = 0.059;
+  EXPECT_NO_THROW(checkGoal(s.mechanism, p));
+}
+
 TEST(InsertionFloor, WantsADepthInTheDrawing) {
   AlignParameters p = parameters();
   p.insert.depth = 0.0;
