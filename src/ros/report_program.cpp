@@ -6,6 +6,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/replace.hpp>
 #include <cmath>
 #include <fstream>
 #include <iostream>
@@ -434,6 +435,19 @@ int ReportProgram::run() {
   return verdict(report, details_) ? 0 : 1;
 }
 
+namespace {
+
+// Without the number that makes this node's name its own.
+std::string asGiven(std::string text) {
+  const std::string name = ros::this_node::getName();
+  const std::size_t end = name.rfind("/report_");
+  if (end == std::string::npos) return text;
+  boost::algorithm::replace_all(text, name, name.substr(0, end) + "/report");
+  return text;
+}
+
+}  // namespace
+
 int runReport(int argc, char** argv) {
   if (const auto answered = answerCommandLine(argc, argv, "report")) return *answered;
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
@@ -456,7 +470,7 @@ int runReport(int argc, char** argv) {
     ReportProgram program(*nh, pnh);
     return program.run();
   } catch (const InputError& error) {
-    ROS_FATAL("report: %s", error.what());
+    ROS_FATAL("report: %s", asGiven(error.what()).c_str());
     return 2;
   } catch (const std::exception& error) {
     ROS_FATAL("report: %s", error.what());
