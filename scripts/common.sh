@@ -84,7 +84,7 @@ show_progress() {
     # catkin looks at each message again, also when nothing has changed
     [[ $line != *genmsg_check_deps.py* ]] || continue
     if $terminal; then
-      printf '\r[%(%H:%M:%S)T] built %s of %s ' -1 "${BASH_REMATCH[1]}" "${BASH_REMATCH[2]}" >&2
+      printf '\r[%(%H:%M:%S)T] built %s ' -1 "$last" >&2
     elif [ $((SECONDS - shown)) -ge 10 ]; then
       say "built $last"
       told=$last

@@ -43,16 +43,6 @@ constexpr double kLift = 1e-11;  // [m]
 constexpr int kFaceMoves = 4, kFaceTurns = 12;
 constexpr double kTip = 1e-9, kTipStep = 0.5;  // [rad]
 
-// acceleration of a contact's point, contact forces included, as it rolls
-Vec3 accelerationOf(const Body& body, const Evaluation& e, std::size_t i) {
-  const ContactKinematics& at = e.contacts[i];
-  Vec3 acceleration = at.acceleration + at.rates.rolling;
-  for (const std::size_t j : Slots(e.closed)) {
-    acceleration += response(body, at.r, e.contacts[j].r, e.contacts[j].force);
-  }
-  return acceleration;
-}
-
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it
 // (prox iteration); where the friction still holds the point, against the friction. A direction is
 // turned by the compliance along it; where the one across is larger that would swing for ever

@@ -230,6 +230,15 @@ Vector9 chooseCarriers(const System& s, SlotArray& slots, Evaluation& e) {
   return withForces(s, e);
 }
 
+Vec3 accelerationOf(const Body& body, const Evaluation& e, std::size_t i) {
+  const ContactKinematics& at = e.contacts[i];
+  Vec3 acceleration = at.acceleration + at.rates.rolling;
+  for (const std::size_t j : Slots(e.closed)) {
+    acceleration += response(body, at.r, e.contacts[j].r, e.contacts[j].force);
+  }
+  return acceleration;
+}
+
 double slipSpeed(const Evaluation& e, std::size_t i) {
   double fastest = e.contacts[i].tangential.norm();
   if (!(e.face >> i & 1u)) return fastest;

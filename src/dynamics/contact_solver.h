@@ -30,6 +30,9 @@ constexpr ContactSlotMask kUndecided = ~0u;
 ContactSlotMask regularisedForces(const System& s, const SlotArray& slots, ContactSlotMask carriers,
                                   Evaluation& e);
 
+/// Of a contact's point, contact forces included, as it rolls [m/s²].
+Eigen::Vector3d accelerationOf(const Body& body, const Evaluation& e, std::size_t i);
+
 /// Of a contact's point; of those of a face, which slip or rest together, the fastest's [m/s].
 double slipSpeed(const Evaluation& e, std::size_t i);
 

@@ -238,11 +238,7 @@ bool begins(const System& s, const Context& c, std::size_t i, const Evaluation& 
   const double speed = at.tangential.norm();
   if (!(speed > kNone * s.slip_threshold)) return true;
   if (at.tangential.dot(friction) > 0.0) return false;
-  Vec3 acceleration = at.acceleration + at.rates.rolling;
-  for (const std::size_t j : Slots(e.active())) {
-    acceleration += response(body, at.r, e.contacts[j].r, e.contacts[j].force);
-  }
-  return acceleration.dot(friction) < kFading * speed;
+  return accelerationOf(body, e, i).dot(friction) < kFading * speed;
 }
 
 }  // namespace
@@ -250,12 +246,14 @@ bool begins(const System& s, const Context& c, std::size_t i, const Evaluation& 
 double slipTurning(const System& s, const Context& c, const Evaluation& e) {
   const double mu = s.scenario.mechanism.friction.sliding_coefficient;
   if (!s.discrete_friction || mu == 0.0) return 0.0;
-  double fastest = 0.0;
-  int unknowns = 0;
-  const Body body = bodyOf(s, e.k);
+  ContactSlotMask sliding = 0;
   for (const std::size_t i : Slots(e.active())) {
-    if (c.slots[i].mode != Mode::kSlip) continue;
-    if (++unknowns > kMostUnknowns) return 0.0;
+    if (c.slots[i].mode == Mode::kSlip) sliding |= 1u << i;
+  }
+  if (!sliding || __builtin_popcount(sliding) > kMostUnknowns) return 0.0;
+  double fastest = 0.0;
+  const Body body = bodyOf(s, e.k);
+  for (const std::size_t i : Slots(sliding)) {
     const double speed = slipSpeed(e, i);
     if (!c.slots[i].armed && !begins(s, c, i, e, body)) return 0.0;
     fastest = std::max(fastest, frictionRate(i, e, body) / std::max(speed, s.slip_threshold));
