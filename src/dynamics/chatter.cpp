@@ -84,7 +84,10 @@ bool noteEvent(const System& s, const Evaluation& e, double t, Context& c) {
   return !s.rigid || isFlat(e) || span < kStandstill;
 }
 
-void beginChatter(double t, Context& c) { c.chatter_until = t + kChatterSpan; }
+void beginChatter(double t, Context& c) {
+  c.chatter_until = t + kChatterSpan;
+  ++c.counts.chatters;
+}
 
 bool isFlat(const Evaluation& e) { return std::hypot(e.k.a(1), e.k.a(2)) < kFlatTilt; }
 

@@ -8,26 +8,13 @@
 #include "event_locator.h"
 #include "face.h"
 #include "impact.h"
+#include "mode_search.h"
 
 namespace assembly_cell {
 namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// Of the typical force, at a tolerance of 1e-9 m and above (less below it, down to 1/1000): smaller
-// changes change no mode; over the rounding of forces. Half and twice: Chapter 8 moves by 2e-13 m,
-// 17 and 22 of 400 random scenes end elsewhere.
-constexpr double kHysteresis = 1e-8;
-// Least typical acceleration, of a peg without load: no result changes at half or twice.
-constexpr double kMinScale = 1e-3;  // [m/s²]
-constexpr int kPasses = 24, kTurns = 100;
-// Directions that haven't come nearer by half in so many turns won't: a face of which a point would
-// be held turns for ever.
-constexpr int kProgress = 10;
-// A turn of slip that takes back so much of the last one is made smaller, by at most kMaxStiffer.
-// Half and twice of the second, half of the first: forces of 20 alignments agree within 2e-5 N;
-// twice of the first: onsets swing again.
-constexpr double kSwing = 0.5, kMaxStiffer = 4.0;
 // Slip below this many times its threshold may be rest: over 1, or slip whose end was located there
 // goes on. Half: events without end, 4.7 times the effort in Chapter 8; twice: 2 % more, 0.03 um.
 constexpr double kRest = 1.5;
@@ -37,57 +24,14 @@ constexpr double kAhead = 0.9;
 // A contact lifted farther at an event pays for it with speed: over the error of an event's place,
 // 1e-12 s at 1 m/s. Half: 3 of 400 scenes end elsewhere; twice: no result changes.
 constexpr double kLift = 1e-11;  // [m]
+// Places nearer than this part of the radius are one, at normals as near: what an event leaves of a
+// hand-over.
+constexpr double kSamePlace = 1e-6;
 // A face's points are chosen anew so many times at one decision, as friction moves with them; the
 // point about which the peg tips so many times, in steps of at most kTipStep, until it is right to
 // kTip.
 constexpr int kFaceMoves = 4, kFaceTurns = 12;
 constexpr double kTip = 1e-9, kTipStep = 0.5;  // [rad]
-
-// Slip that begins goes where the point is accelerated to, which depends on the friction against it
-// (prox iteration); where the friction still holds the point, against the friction. A direction is
-// turned by the compliance along it; where the one across is larger that would swing for ever
-// (beyond twice as large), and what the last turn brought tells by how much less to turn.
-void turnSlip(const System& s, Context& c, Evaluation& e) {
-  const double mu = s.scenario.mechanism.friction.sliding_coefficient;
-  if (mu == 0.0) return;
-  std::array<Vec3, kSlots> last;
-  std::array<double, kSlots> stiffer;
-  last.fill(Vec3::Zero());
-  stiffer.fill(1.0);
-  double before = HUGE_VAL;
-  for (int turn = 0; turn < kTurns; ++turn) {
-    double largest = 0.0;
-    const Body body = bodyOf(s, e.k);
-    for (const std::size_t i : Slots(e.active())) {
-      Slot& slot = c.slots[i];
-      if (slot.mode != Mode::kSlip || slot.armed) continue;
-      const Vec3& normal = e.point(i).normal;
-      const ContactKinematics& at = e.contacts[i];
-      Vec3 acceleration = accelerationOf(body, e, i);
-      acceleration -= normal * normal.dot(acceleration);
-      const Vec3 tangent = slot.slip_direction - normal * normal.dot(slot.slip_direction);
-      const double compliance =
-          stiffer[i] * mu * at.normal_force * tangent.dot(response(body, at.r, at.r, tangent));
-      const Vec3 next = tangent - acceleration / compliance;
-      const double size = next.norm();
-      if (!(compliance > 0.0) || !(size > 0.0) || !std::isfinite(size)) continue;
-      const Vec3 change = next / size - slot.slip_direction;
-      largest = std::max(largest, change.norm());
-      slot.slip_direction = next / size;
-      const double swing = -change.dot(last[i]);
-      if (swing > kSwing * last[i].squaredNorm()) {
-        stiffer[i] *= std::min(1.0 + swing / last[i].squaredNorm(), kMaxStiffer);
-      }
-      last[i] = change;
-    }
-    if (largest < 1e-14) return;
-    c.slope = contactForces(s, c.slots, Level::kEvents, e);
-    if (largest < 1e-12) return;
-    if (turn % kProgress < kProgress - 1) continue;
-    if (largest > 0.5 * before) return;
-    before = largest;
-  }
-}
 
 // A point that begins to slip goes where its friction pushes it: no slip. As the force between two
 // sticking points may be larger than kLoads allows, they stick with more of it.
@@ -152,98 +96,6 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
   }
   if (stops) stopSlip(s, stops, c, e);
   return stops != 0;
-}
-
-// Sets the hysteresis by the accelerations that count here. Returns the limit of decisions: half
-// the smaller of the old and the new one, so that what made an event is found.
-double setHysteresis(const System& s, Context& c, const Evaluation& e) {
-  double scale = kMinScale;
-  for (const std::size_t i : Slots(e.active())) {
-    const ContactKinematics& at = e.contacts[i];
-    scale = std::max(
-        scale, std::abs(e.point(i).normal.dot(at.acceleration)) + std::abs(at.rates.gap_bias));
-  }
-  const double fine = std::clamp(s.scenario.solver.tolerance / 1e-9, 1e-3, 1.0);
-  const double change = kHysteresis * fine * scale;
-  const double limit = 0.5 * (c.approach > 0.0 ? std::min(c.approach, change) : change);
-  c.approach = change;
-  c.pull = c.approach * s.scenario.mechanism.peg.mass;
-  return limit;
-}
-
-// direction of a contact's friction; zero where there is none
-Vec3 tangentialForce(const Evaluation& e, std::size_t i) {
-  const ContactKinematics& at = e.contacts[i];
-  const Vec3 tangential = at.force - at.normal_force * e.point(i).normal;
-  const double size = tangential.norm();
-  return size > 0.0 ? Vec3(tangential / size) : Vec3(Vec3::Zero());
-}
-
-// Changes the mode of the worst offender: pulled, else beyond its cone, else (while `joining`)
-// idle but approaching. False where there is none.
-bool changeWorst(const System& s, double limit, bool joining, Context& c, const Evaluation& e) {
-  std::size_t worst = kSlots;
-  Mode change = Mode::kIdle;
-  double excess = limit * s.scenario.mechanism.peg.mass;
-  for (const std::size_t i : Slots(e.active())) {
-    if (c.slots[i].mode == Mode::kIdle || !(e.contacts[i].normal_force < -excess)) continue;
-    excess = -e.contacts[i].normal_force;
-    worst = i;
-  }
-  if (worst == kSlots) {
-    for (const std::size_t i : Slots(e.active())) {
-      if (c.slots[i].mode != Mode::kStick) continue;
-      const double over = coneExcess(s, e, i);
-      if (!(over > excess)) continue;
-      excess = over;
-      worst = i;
-      change = Mode::kSlip;
-    }
-  }
-  if (worst == kSlots && joining) {
-    excess = limit;
-    for (const std::size_t i : Slots(e.active())) {
-      if (c.slots[i].mode != Mode::kIdle || !(e.contacts[i].demand < -excess)) continue;
-      excess = -e.contacts[i].demand;
-      worst = i;
-      change = c.slots[i].armed ? Mode::kSlip : Mode::kStick;
-    }
-  }
-  if (worst == kSlots) return false;
-  // the points of a face begin to slip together
-  ContactSlotMask changed = 1u << worst;
-  if (change == Mode::kSlip && (changed & e.face)) changed = e.active() & e.face;
-  for (const std::size_t i : Slots(changed)) {
-    Slot& slot = c.slots[i];
-    if (i != worst && slot.mode != Mode::kStick) continue;
-    if (change == Mode::kSlip && !slot.armed) slot.slip_direction = tangentialForce(e, i);
-    slot.mode = change;
-  }
-  return true;
-}
-
-// no consistent contact mode has been found
-bool contradicted(const System& s, double limit, const Context& c, const Evaluation& e) {
-  for (const std::size_t i : Slots(e.active())) {
-    const ContactKinematics& at = e.contacts[i];
-    const bool idle = c.slots[i].mode == Mode::kIdle;
-    if (idle ? at.demand < -limit : at.normal_force < -limit * s.scenario.mechanism.peg.mass)
-      return true;
-  }
-  return false;
-}
-
-// Changes modes until they agree; `first`: of a decision.
-void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
-  if (!s.discrete_friction) {
-    c.slope = chooseCarriers(s, c.slots, e);
-    return;
-  }
-  for (int pass = 0; pass < kPasses; ++pass) {
-    c.slope = contactForces(s, c.slots, Level::kEvents, e);
-    if (first && pass == 0) limit = setHysteresis(s, c, e);
-    if (!changeWorst(s, limit, pass < kPasses / 2, c, e)) break;
-  }
 }
 
 // Points of a face that lies follow its load, as friction turns with them. Where the load is at the
@@ -311,6 +163,7 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
   agree(s, true, limit, c, e);
   if (c.face.on) settleFace(s, limit, c, e);
   turnSlip(s, c, e);
+  if (!s.rigid) tryAll(s, limit, c, e);
   if (!s.rigid && e.loads < kWedgeLoads && slipsAstray(s, limit, c, e)) {
     e.loads = kWedgeLoads;
     return decide(s, tried, c, e);
@@ -322,7 +175,8 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     return decide(s, Tried::kStop, c, e);
   }
   if (!s.rigid && tried != Tried::kJamAll && slips(c.slots) &&
-      (e.wedge_margin < 2.0 * kWedged || contradicted(s, limit, c, e))) {
+      (e.wedge_margin < 2.0 * kWedged ||
+       contradiction(s, c, e) > limit * s.scenario.mechanism.peg.mass)) {
     const bool everything = tried == Tried::kJam;
     jam(s, everything, c, e);
     return decide(s, everything ? Tried::kJamAll : Tried::kJam, c, e);
@@ -332,6 +186,20 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     c.slope = evaluate(s, c, c.time, c.state, Level::kEvents, e);
   }
   beginStep(s, c, e);
+}
+
+// Gap of a closed contact at the place of an open one, which is handed over to it soon; 0 where
+// there is none.
+double heldAt(const System& s, std::size_t open, const Evaluation& e) {
+  const ContactPoint& point = e.point(open);
+  double gap = 0.0;
+  for (const std::size_t i : Slots(e.active())) {
+    const bool same =
+        (e.point(i).p - point.p).norm() < kSamePlace * s.scenario.mechanism.peg.radius &&
+        e.point(i).normal.dot(point.normal) > 1.0 - kSamePlace;
+    if (same) gap = std::min(gap, e.contacts[i].gap);
+  }
+  return gap;
 }
 
 }  // namespace
@@ -376,7 +244,7 @@ void findModes(const System& s, bool initial, Context& c, Evaluation& e) {
 void changeModes(const System& s, Context& c, Evaluation& e) {
   const double before = s.rigid ? energyOf(s, c) : 0.0;
   bool closed = false, lost = false;
-  double handed = 0.0;  // gap of a contact that was lost
+  double handed = 0.0;  // gap of contacts that were lost
   closed = updateFace(s, c, e);
   for (const std::size_t i : Slots(e.closed)) {
     const ContactKinematics& at = e.contacts[i];
@@ -394,9 +262,10 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
     const bool closes = gap < 0.0 && !(s.rigid && gap > -kReach && rate > 0.0);
     const bool at_event = gap <= 2.0 * kEventTime * std::abs(rate) && rate < 0.0;
     if (!closes && !at_event && !(lost && gap < kReach)) continue;
+    const double here = s.rigid ? 0.0 : std::min(handed, heldAt(s, i, e));
     setMode(i, s.discrete_friction ? Mode::kIdle : Mode::kSlip, c, e);
     c.slots[i].armed = false;
-    if (s.scenario.contact.law != ContactLaw::kViscous) keepDepth(i, handed, c, e);
+    if (s.scenario.contact.law != ContactLaw::kViscous) keepDepth(i, here, c, e);
     if (rate < -1e-9) {
       ++c.counts.impacts;
       closed = true;
@@ -427,7 +296,9 @@ void keepDepth(std::size_t i, double handed, Context& c, Evaluation& e) {
 void updateSlots(const System& s, Context& c, Evaluation& e) {
   for (std::size_t i = 0; i < kSlots; ++i) {
     double& depth = c.slots[i].depth;
-    if (depth < 0.0) depth = e.valid(i) ? std::min(0.0, std::max(depth, e.point(i).gap)) : 0.0;
+    if (depth == 0.0) continue;
+    depth = e.valid(i) ? std::min(0.0, std::max(depth, e.point(i).gap)) : 0.0;
+    if (c.slots[i].mode == Mode::kApart) e.contacts[i].gap = e.point(i).gap - depth;
   }
   for (const std::size_t i : Slots(e.closed)) {
     Slot& slot = c.slots[i];

@@ -100,13 +100,23 @@ State interpolate(const Context& c, const Trial& step, double tau) {
   return s;
 }
 
-// of the events that are broken at the end, each against its value there
-double firstOf(const Events& events, const Events& at_end) {
+bool anyBroken(const Events& events) {
+  return std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
+}
+
+// Of the events that are broken at the end the one that is first, each against its value there.
+struct First {
   double value = 1e3;
+  std::size_t event = 0;
+};
+First firstOf(const Events& events, const Events& at_end) {
+  First first;
   for (std::size_t i = 0; i < events.size(); ++i) {
-    if (at_end[i] < 0.0) value = std::min(value, events[i] / -at_end[i]);
+    if (at_end[i] < 0.0 && events[i] / -at_end[i] < first.value) {
+      first = {events[i] / -at_end[i], i};
+    }
   }
-  return value;
+  return first;
 }
 
 }  // namespace
@@ -118,6 +128,7 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e) {
     double* const value = &events[kEventKinds * i];
     const ContactKinematics& at = e.contacts[i];
     if (c.slots[i].mode == Mode::kApart) {
+      if (c.slots[i].rises && e.valid(i)) value[1] = at.gap_rate;
       // a rigid contact that is just leaving may still be at its rounding
       const bool leaving = s.rigid && at.gap > -kReach && at.gap_rate > 0.0;
       if (e.valid(i) && !leaving) value[0] = at.gap + kTouch;
@@ -133,6 +144,11 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e) {
 }
 
 void beginStep(const System& s, Context& c, const Evaluation& e) {
+  for (std::size_t i = 0; i < kSlots; ++i) {
+    Slot& slot = c.slots[i];
+    slot.rises =
+        slot.depth < 0.0 && slot.mode == Mode::kApart && e.valid(i) && e.contacts[i].gap_rate > 0.0;
+  }
   for (const std::size_t i : Slots(e.closed)) {
     if (!c.slots[i].armed) continue;
     const double speed = e.contacts[i].tangential.norm();
@@ -157,7 +173,7 @@ bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluatio
     const double tau = step.h * i / (looks + 1);
     evaluate(s, c, c.time + tau, interpolate(c, step, tau), Level::kEvents, inside);
     const Events events = eventValues(s, c, inside);
-    hidden = std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
+    hidden = anyBroken(events);
   }
   e.count = inside.count;
   return hidden;
@@ -165,19 +181,31 @@ bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluatio
 
 // Bracketed on the interpolant (Illinois with bisection against jumps), then the step is taken anew
 // to exactly there and corrected if the event functions are off.
-void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,
-                 Evaluation& e) {
+void locateEvent(const System& s, const Context& c, Events at_end, Trial& step, Evaluation& e) {
   const Trial whole = step;
   const double h = whole.h;
   // the interpolant is not worth more
   const double resolution = std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), 1e-7 * h});
-  const auto valueAt = [&](double tau) {
+  Events events = at_end;
+  const auto eventsAt = [&](double tau) {
     const State at = interpolate(c, whole, tau);
-    if (!isFinite(at)) return -1.0;
+    if (!isFinite(at)) return false;
     evaluate(s, c, c.time + tau, at, Level::kEvents, e);
-    return firstOf(eventValues(s, c, e), at_end);
+    events = eventValues(s, c, e);
+    return true;
   };
-  double low = 0.0, high = h, f_low = std::max(firstOf(c.events, at_end), 1e-300), f_high = -1.0;
+  First first = firstOf(at_end, at_end);
+  const auto valueAt = [&](double tau) {
+    if (!eventsAt(tau)) return -1.0;
+    const First found = firstOf(events, at_end);
+    if (found.value >= 0.0 && !anyBroken(events)) return found.value;
+    // or another, whose contact was lost before the end
+    if (found.value >= 0.0) at_end = events;
+    first = firstOf(events, at_end);
+    return first.value;
+  };
+  double low = 0.0, high = h, f_high = -1.0;
+  double f_low = std::max(firstOf(c.events, at_end).value, 1e-300);
   double beyond = f_high;
   int side = 0;
   for (int i = 0; i < 200 && high - low > resolution; ++i) {
@@ -198,9 +226,11 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
     }
   }
 
-  // exactly there; slope of the event function for the correction, where it has one
+  // exactly there; slope of the event's function for the correction, where it has one
+  const auto valueOfFirst = [&] { return events[first.event] / -at_end[first.event]; };
   const double span = std::min(1e-6, 0.5 * high);
-  const double rate = beyond > -kJump ? (beyond - valueAt(high - span)) / span : 0.0;
+  double rate = 0.0;
+  if (beyond > -kJump && eventsAt(high - span)) rate = (beyond - valueOfFirst()) / span;
   const Method method = whole.method == Method::kHamming ? Method::kRk4 : whole.method;
   step.h = high;
   for (int i = 0; i < 3; ++i) {
@@ -211,7 +241,8 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
       step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
       break;
     }
-    const double f = firstOf(eventValues(s, c, e), at_end);
+    events = eventValues(s, c, e);
+    const double f = valueOfFirst();
     double off = rate < 0.0 && std::isfinite(f) ? -f / rate : 0.0;
     if (std::abs(off) < 0.5 * kEventTime || std::abs(off) > 0.1 * h || i == 2) break;
     off = std::clamp(off, -0.5 * step.h, h - step.h);

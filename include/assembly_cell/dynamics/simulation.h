@@ -14,9 +14,10 @@ struct RunCounts {
   std::int64_t evaluations = 0;  ///< right-hand sides
   std::int64_t steps = 0;        ///< accepted
   std::int64_t rejected = 0;
-  std::int64_t events = 0;   ///< contact opened, closed, stick, slip
-  std::int64_t impacts = 0;  ///< contacts closed at an approaching speed
-  std::int64_t jams = 0;     ///< impacts without collision: slipping points wedged by friction
+  std::int64_t events = 0;    ///< contact opened, closed, stick, slip
+  std::int64_t impacts = 0;   ///< contacts closed at an approaching speed
+  std::int64_t chatters = 0;  ///< times that events were too dense to be located
+  std::int64_t jams = 0;      ///< impacts without collision: slipping points wedged by friction
 };
 
 /// The nine-degree-of-freedom mechanism in time. Deterministic: the same calls give the same bits.

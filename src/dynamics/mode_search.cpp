@@ -1,0 +1,221 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "mode_search.h"
+
+#include <algorithm>
+
+#include "contact_solver.h"
+#include "contact_tolerances.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec3 = Eigen::Vector3d;
+
+constexpr int kModePasses = 24, kSlipTurns = 100;
+// All combinations of so many points are tried, 27.
+constexpr int kMostTried = 3;
+// Directions that haven't come nearer by half in so many turns won't: a face of which a point would
+// be held turns for ever.
+constexpr int kProgress = 10;
+// A turn of slip that takes back so much of the last one is made smaller, by at most kMaxStiffer.
+// Half and twice of the second, half of the first: forces of 20 alignments agree within 2e-5 N;
+// twice of the first: onsets swing again.
+constexpr double kSwing = 0.5, kMaxStiffer = 4.0;
+
+// Sets the hysteresis by the accelerations that count here. Returns the limit of decisions: half
+// the smaller of the old and the new one, so that what made an event is found.
+double setHysteresis(const System& s, Context& c, const Evaluation& e) {
+  double scale = kMinScale;
+  for (const std::size_t i : Slots(e.active())) {
+    const ContactKinematics& at = e.contacts[i];
+    scale = std::max(
+        scale, std::abs(e.point(i).normal.dot(at.acceleration)) + std::abs(at.rates.gap_bias));
+  }
+  const double fine = std::clamp(s.scenario.solver.tolerance / 1e-9, 1e-3, 1.0);
+  const double change = kHysteresis * fine * scale;
+  const double limit = 0.5 * (c.approach > 0.0 ? std::min(c.approach, change) : change);
+  c.approach = change;
+  c.pull = c.approach * s.scenario.mechanism.peg.mass;
+  return limit;
+}
+
+// direction of a contact's friction; zero where there is none
+Vec3 tangentialForce(const Evaluation& e, std::size_t i) {
+  const ContactKinematics& at = e.contacts[i];
+  const Vec3 tangential = at.force - at.normal_force * e.point(i).normal;
+  const double size = tangential.norm();
+  return size > 0.0 ? Vec3(tangential / size) : Vec3(Vec3::Zero());
+}
+
+// An idle contact begins to carry: at rest, or it slides. One that did so at this decision and was
+// pulled then slides: rest asks for friction, which it hasn't got before its load.
+void join(const System& s, std::size_t i, bool again, Context& c, const Evaluation& e) {
+  Slot& slot = c.slots[i];
+  slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
+  if (!again || slot.armed) return;
+  const Vec3& normal = e.point(i).normal;
+  Vec3 acceleration = accelerationOf(bodyOf(s, e.k), e, i);
+  acceleration -= normal * normal.dot(acceleration);
+  const double size = acceleration.norm();
+  if (!(size > 0.0)) return;
+  slot.mode = Mode::kSlip;
+  slot.slip_direction = acceleration / -size;
+}
+
+// Changes the mode of the worst offender: pulled, else beyond its cone, else (while `joining`)
+// idle but approaching. False where there is none. joined: those that were so at this decision.
+bool changeWorst(const System& s, double limit, bool joining, ContactSlotMask& joined, Context& c,
+                 const Evaluation& e) {
+  std::size_t worst = kSlots;
+  Mode change = Mode::kIdle;
+  double excess = limit * s.scenario.mechanism.peg.mass;
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode == Mode::kIdle || !(e.contacts[i].normal_force < -excess)) continue;
+    excess = -e.contacts[i].normal_force;
+    worst = i;
+  }
+  if (worst == kSlots) {
+    for (const std::size_t i : Slots(e.active())) {
+      if (c.slots[i].mode != Mode::kStick) continue;
+      const double over = coneExcess(s, e, i);
+      if (!(over > excess)) continue;
+      excess = over;
+      worst = i;
+      change = Mode::kSlip;
+    }
+  }
+  if (worst == kSlots && joining) {
+    excess = limit;
+    for (const std::size_t i : Slots(e.active())) {
+      if (c.slots[i].mode != Mode::kIdle || !(e.contacts[i].demand < -excess)) continue;
+      excess = -e.contacts[i].demand;
+      worst = i;
+    }
+    if (worst == kSlots) return false;
+    join(s, worst, (joined >> worst & 1u) != 0, c, e);
+    joined |= 1u << worst;
+    return true;
+  }
+  if (worst == kSlots) return false;
+  // the points of a face begin to slip together
+  ContactSlotMask changed = 1u << worst;
+  if (change == Mode::kSlip && (changed & e.face)) changed = e.active() & e.face;
+  for (const std::size_t i : Slots(changed)) {
+    Slot& slot = c.slots[i];
+    if (i != worst && slot.mode != Mode::kStick) continue;
+    if (change == Mode::kSlip && !slot.armed) slot.slip_direction = tangentialForce(e, i);
+    slot.mode = change;
+  }
+  return true;
+}
+
+}  // namespace
+
+// Slip that begins goes where the point is accelerated to, which depends on the friction against it
+// (prox iteration); where the friction still holds the point, against the friction. A direction is
+// turned by the compliance along it; where the one across is larger that would swing for ever
+// (beyond twice as large), and what the last turn brought tells by how much less to turn.
+void turnSlip(const System& s, Context& c, Evaluation& e) {
+  const double mu = s.scenario.mechanism.friction.sliding_coefficient;
+  if (mu == 0.0) return;
+  std::array<Vec3, kSlots> last;
+  std::array<double, kSlots> stiffer;
+  last.fill(Vec3::Zero());
+  stiffer.fill(1.0);
+  double before = HUGE_VAL;
+  for (int turn = 0; turn < kSlipTurns; ++turn) {
+    double largest = 0.0;
+    const Body body = bodyOf(s, e.k);
+    for (const std::size_t i : Slots(e.active())) {
+      Slot& slot = c.slots[i];
+      if (slot.mode != Mode::kSlip || slot.armed) continue;
+      const Vec3& normal = e.point(i).normal;
+      const ContactKinematics& at = e.contacts[i];
+      Vec3 acceleration = accelerationOf(body, e, i);
+      acceleration -= normal * normal.dot(acceleration);
+      const Vec3 tangent = slot.slip_direction - normal * normal.dot(slot.slip_direction);
+      const double compliance =
+          stiffer[i] * mu * at.normal_force * tangent.dot(response(body, at.r, at.r, tangent));
+      const Vec3 next = tangent - acceleration / compliance;
+      const double size = next.norm();
+      if (!(compliance > 0.0) || !(size > 0.0) || !std::isfinite(size)) continue;
+      const Vec3 change = next / size - slot.slip_direction;
+      largest = std::max(largest, change.norm());
+      slot.slip_direction = next / size;
+      const double swing = -change.dot(last[i]);
+      if (swing > kSwing * last[i].squaredNorm()) {
+        stiffer[i] *= std::min(1.0 + swing / last[i].squaredNorm(), kMaxStiffer);
+      }
+      last[i] = change;
+    }
+    if (largest < 1e-14) return;
+    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    if (largest < 1e-12) return;
+    if (turn % kProgress < kProgress - 1) continue;
+    if (largest > 0.5 * before) return;
+    before = largest;
+  }
+}
+
+double contradiction(const System& s, const Context& c, const Evaluation& e) {
+  double most = 0.0;
+  for (const std::size_t i : Slots(e.active())) {
+    const ContactKinematics& at = e.contacts[i];
+    const bool idle = c.slots[i].mode == Mode::kIdle;
+    most = std::max(most, idle ? -at.demand * s.scenario.mechanism.peg.mass : -at.normal_force);
+    if (c.slots[i].mode == Mode::kStick) most = std::max(most, coneExcess(s, e, i));
+  }
+  return most;
+}
+
+void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
+  if (!s.discrete_friction) {
+    c.slope = chooseCarriers(s, c.slots, e);
+    return;
+  }
+  ContactSlotMask joined = 0;
+  for (int pass = 0; pass < kModePasses; ++pass) {
+    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    if (first && pass == 0) limit = setHysteresis(s, c, e);
+    if (!changeWorst(s, limit, pass < kModePasses / 2, joined, c, e)) break;
+  }
+}
+
+void tryAll(const System& s, double limit, Context& c, Evaluation& e) {
+  const ContactSlotMask points = e.active();
+  const double allowed = limit * s.scenario.mechanism.peg.mass;
+  double least = contradiction(s, c, e);
+  if (!(least > allowed) || __builtin_popcount(points) > kMostTried || (points & e.face)) return;
+  SlotArray best = c.slots;
+  ContactSlotMask armed = 0;
+  for (const std::size_t i : Slots(points)) armed |= c.slots[i].armed ? 1u << i : 0u;
+  // carrying points, all subsets from all to none; of those that rest the ones that slide
+  for (ContactSlotMask carry = points;; carry = (carry - 1) & points) {
+    for (const std::size_t i : Slots(points)) {
+      const ContactSlotMask bit = 1u << i;
+      c.slots[i].mode = !(carry & bit) ? Mode::kIdle : armed & bit ? Mode::kSlip : Mode::kStick;
+    }
+    contactForces(s, c.slots, Level::kEvents, e);
+    SlotArray held = c.slots;
+    for (const std::size_t i : Slots(carry & ~armed))
+      held[i].slip_direction = tangentialForce(e, i);
+    for (ContactSlotMask slide = 0;;) {
+      c.slots = held;
+      for (const std::size_t i : Slots(slide)) c.slots[i].mode = Mode::kSlip;
+      c.slope = contactForces(s, c.slots, Level::kEvents, e);
+      turnSlip(s, c, e);
+      const double by = contradiction(s, c, e);
+      if (by < least) {
+        least = by;
+        best = c.slots;
+      }
+      slide = (slide - (carry & ~armed)) & carry & ~armed;
+      if (slide == 0 || !(least > allowed)) break;
+    }
+    if (carry == 0 || !(least > allowed)) break;
+  }
+  c.slots = best;
+  c.slope = contactForces(s, c.slots, Level::kEvents, e);
+}
+
+}  // namespace assembly_cell
