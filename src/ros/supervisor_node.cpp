@@ -253,7 +253,7 @@ AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_ti
   report.success = result.success;
   report.reason = result.reason;
   report.estimate_known = result.known;
-  for (int i = 0; i < 2; ++i) {
+  for (int i = 0; i < 2 && result.known; ++i) {
     const auto k = static_cast<std::size_t>(i);
     report.estimated_offset[k] = finite(result.offset(i));
     report.estimated_tilt[k] = finite(result.tilt(i));
@@ -269,7 +269,7 @@ AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_ti
       Eigen::Vector3d(-report.estimated_offset[0], -report.estimated_offset[1], 0.0)};
   Pose X_HP = X_HP_start * inverse(X_CP_) * plant_->carrierMotion() * X_CP_;
   X_HP.p.z() = 0.0;
-  report.estimated_pose = toPose(X_HP);
+  report.estimated_pose = toPose(result.known ? X_HP : Pose());
   return report;
 }
 

@@ -115,7 +115,6 @@ void SupervisorNode::leave(const End& end) {
       PressController hand(*plant_, limits_);
       hand.release(mechanism_);
       in_contact = stuck = false;
-      reason.clear();
     } catch (const AlignError& error) {
       // what a sensor that tells nothing leaves unknown isn't stuck: the next goal feels first
       stuck = error.failure != AlignFailure::kSensorSaturated;
@@ -163,7 +162,7 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
       PressController hand(plant, limits_);
       hand.release(mechanism_);
       result.success = true;
-      result.message = "free";
+      result.message = end.reason = "free";
     } catch (...) {
       end = endOfException();
       end.freed = true;

@@ -171,13 +171,20 @@ TEST_F(Supervisor, TellsTheReasonOfTheGoalThatEndedLast) {
   ASSERT_TRUE(now("", "move_to_contact presses with"));
   retreat_.sendGoal(RetreatGoal());
   EXPECT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED);
-  ASSERT_TRUE(waitFor([&] { return states.last()->goal.empty() && !states.last()->in_contact; }));
+  ASSERT_TRUE(now("", "free"));
+  EXPECT_FALSE(states.last()->in_contact);
   std::set<std::string> ran;
   for (const auto& state : states.all()) {
     ran.insert(state->goal);
     EXPECT_TRUE(state->goal.empty() || state->reason.empty()) << state->goal;
   }
   EXPECT_EQ(ran.count("retreat"), 1U);
+  // of a goal that failed, too, though its peg is free again
+  startAlign("single_contact");
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  align_.cancelGoal();
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED);
+  EXPECT_TRUE(now("", "cancelled"));
 }
 
 // A lower limit holds from the next goal on: the one that runs keeps its own.
@@ -306,6 +313,8 @@ TEST_F(Supervisor, CancelEndsAnAlignmentWithExciterOffAndCarrierAtRest) {
   EXPECT_EQ(align_.getResult()->report.reason, "cancelled");
   EXPECT_GE(align_.getResult()->report.contacts, contacts());
   EXPECT_GT(align_.getResult()->report.simulated_time, 0.0);
+  EXPECT_FALSE(align_.getResult()->report.estimate_known);
+  EXPECT_EQ(align_.getResult()->report.estimated_pose.position.x, 0.0);
   ASSERT_TRUE(waitFor([this] { return exciter_.last() && !exciter_.last()->on; }));
 
   // where it is told to be is where it was, and it stays there
