@@ -84,11 +84,12 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
   block.saturated_b.resize(n);
   block.accelerations.resize(accelerations ? 2 * n : 0);
   block.time = static_cast<double>(samples_ + 1) * parameters_.sample_period;
+  const double end = static_cast<double>(samples_ + n) * parameters_.sample_period;
   for (std::size_t i = 0; i < n; ++i) {
     ++samples_;
     // times from the count of samples, so that rounding does not add up
     const double time = static_cast<double>(samples_) * parameters_.sample_period;
-    const StopReason reason = world_->advance(time);
+    const StopReason reason = world_->look(time, end);
     if (reason != StopReason::kOk) return reason;
     const Vector6 wrench_a =
         transformWrench(parameters_.X_AH, world_->holeWrench()) + block_weight_;

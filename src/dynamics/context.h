@@ -50,6 +50,7 @@ struct Slot {
   /// <= 0: found this deep where features hand over without a common gap; kept there, never pushed
   /// out, until the gap opens [m]
   double depth = 0.0;
+  double gap = HUGE_VAL, gap_rate = 0.0;  ///< at the step's start, while apart [m], [m/s]
   bool rises = false;  ///< at the step's start: apart, and the depth follows its gap up
   Eigen::Vector3d slip_direction = Eigen::Vector3d::Zero();  ///< of friction while slip begins
   Eigen::Vector3d slip_start = Eigen::Vector3d::Zero();  ///< unit, of the slip at the step's start

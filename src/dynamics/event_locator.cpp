@@ -79,27 +79,6 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
   }
 }
 
-// Position, velocity and acceleration at both ends make one polynomial of order six for all
-// integrators; short steps, where it would cancel, take velocities from their own cubic.
-State interpolate(const Context& c, const Trial& step, double tau) {
-  const double h = step.h, u = tau / h;
-  const Vector9 v0 = h * c.state.v, v1 = h * step.end.v, a0 = h * h * c.slope,
-                a1 = h * h * step.slope;
-  const Vector9 d = step.end.q - c.state.q;
-  const Vector9 c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1;
-  const Vector9 c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1;
-  const Vector9 c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1;
-  State s;
-  s.q = c.state.q + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))));
-  if (h > 1e-6) {
-    s.v = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / h;
-  } else {
-    const Vector9 dv = step.end.v - c.state.v, s0 = h * c.slope, s1 = h * step.slope;
-    s.v = c.state.v + u * (s0 + u * (3.0 * dv - 2.0 * s0 - s1 + u * (-2.0 * dv + s0 + s1)));
-  }
-  return s;
-}
-
 bool anyBroken(const Events& events) {
   return std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
 }
@@ -146,6 +125,8 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e) {
 void beginStep(const System& s, Context& c, const Evaluation& e) {
   for (std::size_t i = 0; i < kSlots; ++i) {
     Slot& slot = c.slots[i];
+    slot.gap = slot.mode == Mode::kApart && e.valid(i) ? e.contacts[i].gap : HUGE_VAL;
+    slot.gap_rate = e.contacts[i].gap_rate;
     slot.rises =
         slot.depth < 0.0 && slot.mode == Mode::kApart && e.valid(i) && e.contacts[i].gap_rate > 0.0;
   }
@@ -161,16 +142,38 @@ void beginStep(const System& s, Context& c, const Evaluation& e) {
   c.events = eventValues(s, c, e);
 }
 
+namespace {
+
+// When within the step an open gap that shrinks at its start and grows at its end is below zero, by
+// a cubic; 0 where none is.
+double dipIn(const Context& c, const Trial& step, const Evaluation& e) {
+  for (const std::size_t i : Slots(e.open_set.valid & ~e.closed)) {
+    const Slot& slot = c.slots[i];
+    const double v0 = step.h * slot.gap_rate, v1 = step.h * e.contacts[i].gap_rate;
+    if (slot.mode != Mode::kApart || !(slot.gap < HUGE_VAL && v0 < 0.0 && v1 > 0.0)) continue;
+    const double d = e.contacts[i].gap - slot.gap;
+    const double c2 = 3.0 * d - 2.0 * v0 - v1, c3 = v0 + v1 - 2.0 * d;
+    // the rate is zero there: c3 = 0 for a parabola
+    const double root = std::sqrt(std::max(0.0, c2 * c2 - 3.0 * c3 * v0));
+    const double u = -v0 / (c2 + root);
+    if (u > 0.0 && u < 1.0 && slot.gap + u * (v0 + u * (c2 + u * c3)) < -kTouch) return u * step.h;
+  }
+  return 0.0;
+}
+
+}  // namespace
+
 bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e) {
   const double phase = step.h * c.commands.drive.exciter.frequency;
   const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kBlindSlip;
   const bool blind = phase >= kBlindPhase || turns;
-  if (s.fixed_step || !e.closed || !blind) return false;
+  const double dip = s.fixed_step ? 0.0 : dipIn(c, step, e);
+  if (dip == 0.0 && (s.fixed_step || !e.closed || !blind)) return false;
   Evaluation inside = e;
   const int looks = std::clamp(static_cast<int>(phase / kBlindPhase), 1, kMostLooks);
   bool hidden = false;
-  for (int i = 1; i <= looks && !hidden; ++i) {
-    const double tau = step.h * i / (looks + 1);
+  for (int i = dip > 0.0 ? 0 : 1; i <= looks && !hidden; ++i) {
+    const double tau = i == 0 ? dip : step.h * i / (looks + 1);
     evaluate(s, c, c.time + tau, interpolate(c, step, tau), Level::kEvents, inside);
     const Events events = eventValues(s, c, inside);
     hidden = anyBroken(events);

@@ -154,6 +154,26 @@ double errorOf(const System& s, const State& error) {
   return errorOf(s, both);
 }
 
+State interpolate(const Context& c, const Trial& step, double tau) {
+  // short steps, where it would cancel, take velocities from their own cubic
+  const double h = step.h, u = tau / h;
+  const Vector9 v0 = h * c.state.v, v1 = h * step.end.v, a0 = h * h * c.slope,
+                a1 = h * h * step.slope;
+  const Vector9 d = step.end.q - c.state.q;
+  const Vector9 c3 = 10.0 * d - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1;
+  const Vector9 c4 = -15.0 * d + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1;
+  const Vector9 c5 = 6.0 * d - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1;
+  State s;
+  s.q = c.state.q + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))));
+  if (h > 1e-6) {
+    s.v = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / h;
+  } else {
+    const Vector9 dv = step.end.v - c.state.v, s0 = h * c.slope, s1 = h * step.slope;
+    s.v = c.state.v + u * (s0 + u * (3.0 * dv - 2.0 * s0 - s1 + u * (-2.0 * dv + s0 + s1)));
+  }
+  return s;
+}
+
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e) {
   step.method = method;
   switch (method) {

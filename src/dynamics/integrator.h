@@ -2,6 +2,8 @@
 // Steps of the four integrators, with the modes of the contacts frozen, and their length.
 #pragma once
 
+#include <algorithm>
+
 #include "evaluation.h"
 
 namespace assembly_cell {
@@ -22,6 +24,10 @@ struct Trial {
 /// An error of a state over the tolerance.
 double errorOf(const System& s, const State& error);
 
+/// The state at c.time + tau within a step from the context: position, velocity and acceleration at
+/// both ends make one polynomial of order six.
+State interpolate(const Context& c, const Trial& step, double tau);
+
 /// A step of length step.h by a one-step method (kHamming: of the method that starts it). e: of its
 /// end.
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e);
@@ -30,6 +36,9 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
 class Integrator {
  public:
   explicit Integrator(double first_step) : next_step_(first_step) {}
+  double nextStep(const System& s) const {
+    return std::min(next_step_, s.scenario.solver.max_step);
+  }
   /// From now on steps of at most this length, until they grow by themselves [s].
   void setStep(double h) { next_step_ = h; }
 

@@ -3,51 +3,15 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 
 #include "assembly_cell/base/input_error.h"
-#include "chatter.h"
-#include "contact_modes.h"
 #include "contact_solver.h"
-#include "contact_tolerances.h"
-#include "context.h"
-#include "event_locator.h"
-#include "face.h"
-#include "impact.h"
-#include "integrator.h"
-#include "slow_slip.h"
+#include "evaluation.h"
+#include "simulation_run.h"
 
 namespace assembly_cell {
-namespace {
 
-// A rigid flat peg that asks for shorter steps is stepped over: a hundredth of the usual ones. Half
-// and twice: 19 and 21 of 400 random scenes end elsewhere, effort within 1 %; Chapter 8 moves by 2
-// nm.
-constexpr double kShortest = 2e-6;  // [s]
-// So is one that comes down flat where its face can lie, as the last resort.
-constexpr double kShortestOnGround = 1e-12;  // [s]
-// No result changes at half or twice of these.
-constexpr double kStepFloor =
-    1e-13;                          // error control below this gives up: a tenth of kEventTime [s]
-constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
-constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
-constexpr std::int64_t kEventLimit = 10000000;
-constexpr double kSameTime = 1e-9;  // rounding of sums of slices [s]
-using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
-
-// a contact that `features` excludes ends the run
-StopReason excludedContact(const System& s, const Evaluation& e) {
-  if (e.closed_set.top_reached || e.open_set.top_reached) return StopReason::kPegTop;
-  const ContactSlotMask found = e.closed & s.excluded & ~e.material;
-  if (!found) return StopReason::kOk;
-  static constexpr StopReason kReasons[] = {
-      StopReason::kEdgeEdge, StopReason::kEdgePlane, StopReason::kEdgeWall, StopReason::kRimSide,
-      StopReason::kRimFace,  StopReason::kEdgeCone,  StopReason::kRimCone};
-  return kReasons[static_cast<int>(featureOfSlot(__builtin_ctz(found)))];
-}
-
-}  // namespace
 
 const char* toString(StopReason reason) {
   static constexpr const char* kNames[] = {"ok",
@@ -67,165 +31,6 @@ const char* toString(StopReason reason) {
   return kNames[static_cast<int>(reason)];
 }
 
-struct Simulation::Run {
-  explicit Run(const Scenario& scenario);
-
-  void step(double t_end);
-  void refuse(const Trial& trial);
-  void accept(double t, const Trial& trial);
-  void endAtEvent(const Events& at_end, Trial& trial);
-  void checkState();
-  void decideAfterCommand();
-  void followForce();
-  Evaluation afterCommand() const;
-  /// What `use` makes of the evaluation of the present.
-  template <class Use>
-  auto atPresent(const Use& use) const {
-    return context.stale ? use(afterCommand()) : use(now);
-  }
-
-  const System system;
-  Context context;
-  Evaluation now;  // the last one
-  Integrator integrator;
-};
-
-Simulation::Run::Run(const Scenario& scenario)
-    : system(scenario), context(system), integrator(scenario.solver.max_step) {
-  context.state = initialState(system);
-  if (!isFinite(context.state)) {
-    context.stop = StopReason::kNonFinite;
-  } else if (std::sin(context.state.q(4)) < kMinSine) {
-    context.stop = StopReason::kSingular;
-  } else {
-    findModes(system, true, context, now);
-  }
-}
-
-// one attempt at a step towards t_end
-void Simulation::Run::step(double t_end) {
-  Trial trial;
-  const bool last = integrator.plan(system, context, now, t_end, trial);
-  const double t = last ? t_end : context.time + trial.h;
-  const bool chatters = context.time < context.chatter_until;
-  if (chatters && system.rigid) {
-    takeChatterStep(system, t, context, now);
-    return checkState();
-  }
-  integrator.attempt(system, context, trial, now);
-  if (!trial.finite() || !(trial.error <= 1.0)) return refuse(trial);
-  if (chatters) {
-    accept(t, trial);
-    integrator.lengthen(system, context, trial, last, t_end);
-    findModes(system, false, context, now);
-    return checkState();
-  }
-  if (system.admitted && !now.clear) {
-    const Events at_end = eventValues(system, context, now);
-    if (!std::all_of(at_end.begin(), at_end.end(), [](double value) { return value >= 0.0; })) {
-      return endAtEvent(at_end, trial);
-    }
-    if (hiddenEvent(system, context, trial, now)) {
-      ++context.counts.rejected;
-      return integrator.setStep(0.5 * trial.h);
-    }
-  }
-  accept(t, trial);
-  integrator.accept(system, context, trial, last, t_end);
-  checkState();
-}
-
-// a step that failed: a shorter one next, or the end of the run
-void Simulation::Run::refuse(const Trial& trial) {
-  ++context.counts.rejected;
-  if (integrator.goesExplicit(trial)) return;
-  const bool finite = trial.finite();
-  const double shorter = trial.h * Integrator::shrinkBy(trial);
-  const double shortest = hasGround(system, now.edge) ? kShortestOnGround : kShortest;
-  if (!system.fixed_step && shorter < shortest && finite && system.rigid && isFlat(now) &&
-      !context.face.on && context.time >= context.chatter_until) {
-    // the lowest point of a flat peg changes at once: step over that
-    beginChatter(context.time, context);
-  } else if (system.rigid && finite && shorter < kStepFloor && slips(context.slots)) {
-    ++context.counts.events;
-    if (noteEvent(system, now, context.time, context)) beginChatter(context.time, context);
-    jam(system, false, context, now);
-    decide(system, context, now);
-    integrator.setStep(kAfterJam);
-  } else if (system.fixed_step || shorter < kStepFloor) {
-    context.stop = finite ? StopReason::kStepTooSmall : StopReason::kNonFinite;
-  } else {
-    integrator.refuse(system, context, trial, now);
-  }
-}
-
-void Simulation::Run::accept(double t, const Trial& trial) {
-  context.time = t;
-  context.state = trial.end;
-  context.slope = trial.slope;
-  ++context.counts.steps;
-  if (!system.admitted) return;
-  if (trial.method == Method::kSlowSlip) followSlip(system, context, now);
-  if (now.clear) {
-    context.clearance -= now.moved;
-    context.edge_speed = now.speed;
-    return;
-  }
-  updateSlots(system, context, now);
-  if (system.rigid) project(system, context, now);
-  beginStep(system, context, now);
-}
-
-void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {
-  integrator.interrupt();
-  locateEvent(system, context, at_end, trial, now);
-  const double t = context.time + trial.h;
-  if (noteEvent(system, now, t, context)) beginChatter(t, context);
-  accept(t, trial);
-  ++context.counts.events;
-  changeModes(system, context, now);
-  if (context.counts.events > kEventLimit) {
-    context.stop = StopReason::kEventLimit;
-  } else {
-    checkState();
-  }
-}
-
-// what ends a run after a step
-void Simulation::Run::checkState() {
-  if (std::sin(context.state.q(4)) < kMinSine) {
-    context.stop = StopReason::kSingular;
-  } else if (system.admitted) {
-    context.stop = excludedContact(system, now);
-  }
-}
-
-// forces jump with the commands: decide anew who slides
-void Simulation::Run::decideAfterCommand() {
-  if (context.stale && !(system.rigid && context.time < context.chatter_until)) {
-    decide(system, context, now);
-  }
-}
-
-// Before a slice of a carrier that gives way.
-void Simulation::Run::followForce() {
-  const Vec3 force =
-      atPresent([](const Evaluation& e) -> Vec3 { return e.motion.FK + e.motion.FC; });
-  giveWay(context.commands, system.scenario.imperfections.compliance, context.time,
-          fromThesisAxes(force));
-  context.stale = true;
-  decideAfterCommand();
-}
-
-// of the present, after a command and before the run goes on
-Evaluation Simulation::Run::afterCommand() const {
-  Evaluation e = now;
-  evaluate(system, context, context.time, context.state, Level::kEvents, e);
-  e.closed_set = now.closed_set;
-  e.open_set = now.open_set;
-  return e;
-}
-
 Simulation::Simulation(const Scenario& scenario) : run_(std::make_unique<Run>(scenario)) {
   if (stopReason() == StopReason::kInitialOverlap) {
     throw InputError(
@@ -238,11 +43,13 @@ Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;
 
-double Simulation::time() const { return run_->context.time; }
-const State& Simulation::state() const { return run_->context.state; }
-const Vector9& Simulation::acceleration() const { return run_->context.slope; }
+double Simulation::time() const { return run_->shown().time; }
+const State& Simulation::state() const { return run_->shown().state; }
+const Vector9& Simulation::acceleration() const { return run_->shown().slope; }
 const Scenario& Simulation::scenario() const { return run_->system.scenario; }
-StopReason Simulation::stopReason() const { return run_->context.stop; }
+StopReason Simulation::stopReason() const {
+  return run_->looks ? StopReason::kOk : run_->context.stop;
+}
 RunCounts Simulation::counts() const {
   RunCounts counts = run_->context.counts;
   counts.evaluations = run_->now.count;
@@ -250,34 +57,38 @@ RunCounts Simulation::counts() const {
 }
 
 StopReason Simulation::advance(double t_end, std::int64_t attempts) {
-  Context& c = run_->context;
-  if (c.stop != StopReason::kOk) return c.stop;
-  run_->decideAfterCommand();
-  while (c.time < t_end && c.stop == StopReason::kOk && attempts-- > 0) {
-    if (!run_->system.compliant) {
-      run_->step(t_end);
-      continue;
-    }
-    if (c.time >= c.commands.shift.updated + RestShift::kSlice - kSameTime) run_->followForce();
-    const double update = c.commands.shift.updated + RestShift::kSlice;
-    run_->step(update < t_end - kSameTime ? update : t_end);
+  if (run_->looks && t_end < run_->context.time) run_->comeBack();
+  run_->looks = false;
+  return run_->advance(t_end, attempts);
+}
+
+StopReason Simulation::look(double t, double ahead) {
+  Run& r = *run_;
+  if (r.system.compliant || r.system.fixed_step || r.system.method == Method::kHamming) {
+    return advance(t);
   }
-  return c.stop;
+  if (r.context.stop != StopReason::kOk && !(t < r.context.time)) return advance(t);
+  if (!r.looks) r.decideAfterCommand();
+  r.look(t, std::max(t, ahead));
+  return stopReason();
 }
 
 void Simulation::setRestTarget(const RestPose& target, double max_speed) {
+  run_->comeBack();
   Context& c = run_->context;
   assembly_cell::setRestTarget(c.commands, scenario().mechanism, c.time, target, max_speed);
   c.stale = true;
 }
 
 void Simulation::followRest(const RestMotion& goal, double t_goal) {
+  run_->comeBack();
   Context& c = run_->context;
   assembly_cell::followRest(c.commands, c.time, goal, t_goal);
   c.stale = true;
 }
 
 void Simulation::stopRest() {
+  run_->comeBack();
   Context& c = run_->context;
   assembly_cell::stopRest(c.commands, scenario().mechanism, c.time);
   c.stale = true;
@@ -292,6 +103,7 @@ RestPose Simulation::rest() const {
 }
 
 void Simulation::setRestShift(const Vector6& shift) {
+  run_->comeBack();
   Context& c = run_->context;
   assembly_cell::setRestShift(c.commands, scenario().mechanism, c.time, shift);
   c.stale = true;
@@ -305,6 +117,7 @@ Vector6 Simulation::restShift() const {
 bool Simulation::atRest() const { return run_->context.commands.settledAt(time()); }
 
 void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
+  run_->comeBack();
   Drive& drive = run_->context.commands.drive;
   drive.exciter = exciter;
   drive.t_ref = t_ref;
@@ -314,11 +127,12 @@ void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
 
 std::array<ContactReport, kSlots> Simulation::contacts() const {
   const System& s = run_->system;
-  const SlotArray& slots = run_->context.slots;
+  const Context& c = run_->shown();
+  const SlotArray& slots = c.slots;
   // all slots are searched and the internal force of two sticking contacts is shared
-  Evaluation e = run_->context.stale ? run_->afterCommand() : run_->now;
+  Evaluation e = run_->atPresent([](const Evaluation& at) { return at; });
   if (const ContactSlotMask others = s.admitted & ~e.closed) {
-    locate(s, run_->context, others, e, e.open_set);
+    locate(s, c, others, e, e.open_set);
   }
   ContactSlotMask sticking = 0;
   for (const std::size_t i : Slots(e.active())) {
@@ -350,13 +164,13 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
 
 Vector6 Simulation::couplingWrench() const {
   const FreeMotion motion = run_->atPresent([](const Evaluation& e) { return e.motion; });
-  const Mat3 inverse_transposed = kinematics(state()).Re.transpose().inverse();
+  const Eigen::Matrix3d inverse_transposed = kinematics(state()).Re.transpose().inverse();
   const Vec3 force = motion.FK + motion.FC;
   const Vec3 moment =
       inverse_transposed * Vec3(motion.FKm(2), motion.FKm(1), motion.FKm(0)) + motion.FCm;
   // about the rest point, in the carrier's axes
   const Vec3 about_rest = moment + motion.deflection.head<3>().cross(force);
-  const Mat3 R_CH = carrierPose().R.transpose();
+  const Eigen::Matrix3d R_CH = carrierPose().R.transpose();
   Vector6 w;
   w << R_CH * fromThesisAxes(force), R_CH * fromThesisAxes(about_rest);
   return w;
@@ -413,6 +227,6 @@ RestPose Simulation::carrier() const {
   return pose;
 }
 
-double Simulation::energy() const { return energyOf(run_->system, run_->context); }
+double Simulation::energy() const { return energyOf(run_->system, run_->shown()); }
 
 }  // namespace assembly_cell

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,100 @@ INSTANTIATE_TEST_SUITE_P(Laws, Looking,
                                              {"contact.law=viscous",
                                               "contact.stationary_rows=true"}}),
                          [](const auto& law) { return std::string(law.param.name); });
+
+// The cell, pressed and shaken, looked at 5000 times a second within steps that its tolerance
+// chooses, a block of 20 ms ahead.
+struct Shaken {
+  static constexpr int kSamples = 100, kBlocks = 100;
+  static constexpr double kPeriod = 2e-4;
+  Scenario scene;
+
+  explicit Shaken(double tolerance)
+      : scene(loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml")) {
+    scene.solver.tolerance = tolerance;
+    scene.rest.z = 0.0795;
+    scene.mechanism.exciter.amplitude = 2.0;
+  }
+  // a command before each tenth block, as a supervisor gives them
+  static void command(int block, World& world) {
+    RestPose target = world.scenario().rest;
+    target.x += 1e-4 * (block / 10 % 3);
+    if (block % 10 == 0) world.setRestTarget(target);
+  }
+  static double timeOf(int sample) { return sample * kPeriod; }
+};
+
+void compareWithFineRun(Scenario scene, const char* name, double most_steps) {
+  scene.solver.tolerance = 1e-9;
+  Simulation coarse(scene);
+  scene.solver.tolerance = 1e-12;
+  Simulation fine(scene);
+  double truth = 0.0, apart = 0.0, force = 0.0, most_force = 0.0;
+  for (int block = 0, sample = 0; block < Shaken::kBlocks; ++block) {
+    Shaken::command(block, fine);
+    Shaken::command(block, coarse);
+    const double end = Shaken::timeOf(sample + Shaken::kSamples);
+    for (int i = 0; i < Shaken::kSamples; ++i) {
+      const double t = Shaken::timeOf(++sample);
+      ASSERT_EQ(fine.advance(t), StopReason::kOk);
+      ASSERT_EQ(coarse.look(t, end), StopReason::kOk);
+      ASSERT_EQ(coarse.time(), t);
+      const double off = (coarse.state().q - fine.state().q).head<3>().cwiseAbs().maxCoeff();
+      apart = std::max(apart, off);
+      if (i + 1 == Shaken::kSamples) truth = std::max(truth, off);
+      force = std::max({force, (coarse.couplingWrench() - fine.couplingWrench()).head<3>().norm(),
+                        (coarse.holeWrench() - fine.holeWrench()).head<3>().norm()});
+      most_force = std::max(most_force, fine.holeWrench().head<3>().norm());
+    }
+  }
+  const double steps = static_cast<double>(coarse.counts().steps);
+  std::printf("%s: at block ends %.1e m, at samples %.1e m and %.1e N of %.0f N, %.0f steps\n",
+              name, truth, apart, force, most_force, steps);
+  // ten steps' tolerance; forces of the press turn with its slip, in a microsecond where that ends
+  EXPECT_LT(apart, 1e-8);
+  EXPECT_LT(force, 1e-3 * (1.0 + most_force));
+  EXPECT_LT(steps, most_steps);
+}
+
+TEST(LookingWithinSteps, TruthAndSamplesAreThoseOfAFineRun) {
+  Scenario scene = Shaken(1e-9).scene;
+  compareWithFineRun(scene, "pressed", HUGE_VAL);
+  scene.rest.z = 0.086;
+  compareWithFineRun(scene, "hanging", 0.8 * Shaken::kSamples * Shaken::kBlocks);
+}
+
+TEST(LookingWithinSteps, ChangesNoStep) {
+  Simulation looked(Shaken(1e-9).scene), passed(Shaken(1e-9).scene);
+  for (int block = 0, sample = 0; block < Shaken::kBlocks; ++block) {
+    Shaken::command(block, looked);
+    Shaken::command(block, passed);
+    const double end = Shaken::timeOf(sample + Shaken::kSamples);
+    for (int i = 0; i < Shaken::kSamples; ++i) {
+      ASSERT_EQ(looked.look(Shaken::timeOf(++sample), end), StopReason::kOk);
+    }
+    ASSERT_EQ(passed.advance(end), StopReason::kOk);
+    ASSERT_EQ(looked.state().q, passed.state().q) << block;
+  }
+}
+
+// A command in mid-step goes back to the time that is looked at.
+TEST(LookingWithinSteps, ACommandGoesBack) {
+  Simulation looked(Shaken(1e-10).scene), stopped(Shaken(1e-10).scene);
+  RestPose target = looked.scenario().rest;
+  target.y += 1e-3;
+  for (int i = 1; i <= 300; ++i) {
+    const double t = Shaken::timeOf(i);
+    ASSERT_EQ(looked.look(t, std::ceil(i / 100.0) * 0.02), StopReason::kOk);
+    ASSERT_EQ(stopped.advance(t), StopReason::kOk);
+    if (i % 37 != 0) continue;
+    target.y = -target.y;
+    looked.setRestTarget(target);
+    stopped.setRestTarget(target);
+    ASSERT_EQ(looked.time(), t);
+  }
+  EXPECT_LT((looked.state().q - stopped.state().q).head<3>().norm(), 1e-9);
+  EXPECT_LT(looked.counts().steps, stopped.counts().steps);
+}
 
 }  // namespace
 }  // namespace assembly_cell

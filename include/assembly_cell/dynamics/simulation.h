@@ -49,7 +49,7 @@ class Simulation final : public World {
   ~Simulation() override;
 
   const State& state() const;
-  /// Rates of state().v at the end of the last step.
+  /// Rates of state().v.
   const Vector9& acceleration() const;
   RunCounts counts() const;
   double energy() const;  ///< kinetic + coupling + carrier springs + weight [J]
@@ -60,6 +60,7 @@ class Simulation final : public World {
   std::int64_t steps() const override { return counts().steps; }
   StopReason advance(double t_end,
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) override;
+  StopReason look(double t, double ahead) override;
   void setRestTarget(const RestPose& target,
                      double max_speed = std::numeric_limits<double>::infinity()) override;
   void followRest(const RestMotion& goal, double t_goal) override;

@@ -1,0 +1,263 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "simulation_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "assembly_cell/base/input_error.h"
+#include "chatter.h"
+#include "contact_modes.h"
+#include "contact_solver.h"
+#include "contact_tolerances.h"
+#include "event_locator.h"
+#include "face.h"
+#include "impact.h"
+#include "slow_slip.h"
+
+namespace assembly_cell {
+namespace {
+
+// A rigid flat peg that asks for shorter steps is stepped over: a hundredth of the usual ones. Half
+// and twice: 19 and 21 of 400 random scenes end elsewhere, effort within 1 %; Chapter 8 moves by 2
+// nm.
+constexpr double kShortest = 2e-6;  // [s]
+// So is one that comes down flat where its face can lie, as the last resort.
+constexpr double kShortestOnGround = 1e-12;  // [s]
+// No result changes at half or twice of these.
+constexpr double kStepFloor =
+    1e-13;                          // error control below this gives up: a tenth of kEventTime [s]
+constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
+constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
+constexpr std::int64_t kEventLimit = 10000000;
+constexpr double kSameTime = 1e-9;  // rounding of sums of slices [s]
+constexpr double kSameEnd = 1e-14;  // rounding of a sum of steps, a part of the time
+using Vec3 = Eigen::Vector3d;
+
+// a contact that `features` excludes ends the run
+StopReason excludedContact(const System& s, const Evaluation& e) {
+  if (e.closed_set.top_reached || e.open_set.top_reached) return StopReason::kPegTop;
+  const ContactSlotMask found = e.closed & s.excluded & ~e.material;
+  if (!found) return StopReason::kOk;
+  static constexpr StopReason kReasons[] = {
+      StopReason::kEdgeEdge, StopReason::kEdgePlane, StopReason::kEdgeWall, StopReason::kRimSide,
+      StopReason::kRimFace,  StopReason::kEdgeCone,  StopReason::kRimCone};
+  return kReasons[static_cast<int>(featureOfSlot(__builtin_ctz(found)))];
+}
+
+}  // namespace
+
+Simulation::Run::Run(const Scenario& scenario)
+    : system(scenario), context(system), integrator(scenario.solver.max_step) {
+  context.state = initialState(system);
+  if (!isFinite(context.state)) {
+    context.stop = StopReason::kNonFinite;
+  } else if (std::sin(context.state.q(4)) < kMinSine) {
+    context.stop = StopReason::kSingular;
+  } else {
+    findModes(system, true, context, now);
+  }
+}
+
+// one attempt at a step towards t_end
+void Simulation::Run::step(double t_end) {
+  Trial trial;
+  const bool last = integrator.plan(system, context, now, t_end, trial);
+  const double t = last ? t_end : context.time + trial.h;
+  const bool chatters = context.time < context.chatter_until;
+  if (chatters && system.rigid) {
+    takeChatterStep(system, t, context, now);
+    return checkState();
+  }
+  integrator.attempt(system, context, trial, now);
+  if (!trial.finite() || !(trial.error <= 1.0)) return refuse(trial);
+  if (chatters) {
+    accept(t, trial);
+    integrator.lengthen(system, context, trial, last, t_end);
+    findModes(system, false, context, now);
+    return checkState();
+  }
+  if (system.admitted && !now.clear) {
+    const Events at_end = eventValues(system, context, now);
+    if (!std::all_of(at_end.begin(), at_end.end(), [](double value) { return value >= 0.0; })) {
+      return endAtEvent(at_end, trial);
+    }
+    if (hiddenEvent(system, context, trial, now)) {
+      ++context.counts.rejected;
+      return integrator.setStep(0.5 * trial.h);
+    }
+  }
+  accept(t, trial);
+  integrator.accept(system, context, trial, last, t_end);
+  checkState();
+}
+
+// a step that failed: a shorter one next, or the end of the run
+void Simulation::Run::refuse(const Trial& trial) {
+  ++context.counts.rejected;
+  if (integrator.goesExplicit(trial)) return;
+  const bool finite = trial.finite();
+  const double shorter = trial.h * Integrator::shrinkBy(trial);
+  const double shortest = hasGround(system, now.edge) ? kShortestOnGround : kShortest;
+  if (!system.fixed_step && shorter < shortest && finite && system.rigid && isFlat(now) &&
+      !context.face.on && context.time >= context.chatter_until) {
+    // the lowest point of a flat peg changes at once: step over that
+    beginChatter(context.time, context);
+  } else if (system.rigid && finite && shorter < kStepFloor && slips(context.slots)) {
+    ++context.counts.events;
+    if (noteEvent(system, now, context.time, context)) beginChatter(context.time, context);
+    jam(system, false, context, now);
+    decide(system, context, now);
+    integrator.setStep(kAfterJam);
+  } else if (system.fixed_step || shorter < kStepFloor) {
+    context.stop = finite ? StopReason::kStepTooSmall : StopReason::kNonFinite;
+  } else {
+    integrator.refuse(system, context, trial, now);
+  }
+}
+
+void Simulation::Run::accept(double t, const Trial& trial) {
+  if (behind) behind->step = trial;
+  context.time = t;
+  context.state = trial.end;
+  context.slope = trial.slope;
+  ++context.counts.steps;
+  if (!system.admitted) return;
+  if (trial.method == Method::kSlowSlip) followSlip(system, context, now);
+  if (now.clear) {
+    context.clearance -= now.moved;
+    context.edge_speed = now.speed;
+    return;
+  }
+  updateSlots(system, context, now);
+  if (system.rigid) project(system, context, now);
+  beginStep(system, context, now);
+}
+
+void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {
+  integrator.interrupt();
+  locateEvent(system, context, at_end, trial, now);
+  const double t = context.time + trial.h;
+  if (noteEvent(system, now, t, context)) beginChatter(t, context);
+  accept(t, trial);
+  ++context.counts.events;
+  changeModes(system, context, now);
+  if (context.counts.events > kEventLimit) {
+    context.stop = StopReason::kEventLimit;
+  } else {
+    checkState();
+  }
+}
+
+// what ends a run after a step
+void Simulation::Run::checkState() {
+  if (std::sin(context.state.q(4)) < kMinSine) {
+    context.stop = StopReason::kSingular;
+  } else if (system.admitted) {
+    context.stop = excludedContact(system, now);
+  }
+}
+
+// forces jump with the commands: decide anew who slides
+void Simulation::Run::decideAfterCommand() {
+  if (context.stale && !(system.rigid && context.time < context.chatter_until)) {
+    decide(system, context, now);
+  }
+}
+
+// Before a slice of a carrier that gives way.
+void Simulation::Run::followForce() {
+  const Vec3 force =
+      atPresent([](const Evaluation& e) -> Vec3 { return e.motion.FK + e.motion.FC; });
+  giveWay(context.commands, system.scenario.imperfections.compliance, context.time,
+          fromThesisAxes(force));
+  context.stale = true;
+  decideAfterCommand();
+}
+
+// of the present, after a command and before the run goes on
+Evaluation Simulation::Run::afterCommand() const {
+  Evaluation e = now;
+  evaluate(system, context, context.time, context.state, Level::kEvents, e);
+  e.closed_set = now.closed_set;
+  e.open_set = now.open_set;
+  return e;
+}
+
+StopReason Simulation::Run::advance(double t_end, std::int64_t attempts) {
+  if (context.stop != StopReason::kOk) return context.stop;
+  decideAfterCommand();
+  while (context.time < t_end && context.stop == StopReason::kOk && attempts-- > 0) {
+    if (!system.compliant) {
+      step(t_end);
+      continue;
+    }
+    if (context.time >= context.commands.shift.updated + RestShift::kSlice - kSameTime) {
+      followForce();
+    }
+    const double update = context.commands.shift.updated + RestShift::kSlice;
+    step(update < t_end - kSameTime ? update : t_end);
+  }
+  return context.stop;
+}
+
+// Steps until t is reached or passed, then shows t.
+void Simulation::Run::look(double t, double ahead) {
+  if (!behind)
+    behind = std::make_unique<Behind>(Behind{context, now, integrator, -1.0, {}, {}, {}});
+  // steps end beside times that are looked at, by rounding
+  const double resolution = kSameEnd * std::max(1.0, t);
+  while (context.time < t - resolution && context.stop == StopReason::kOk) {
+    if (integrator.nextStep(system) <= t - context.time + resolution ||
+        context.time < context.chatter_until) {
+      // it ends at t or before; of first order amid chatter, what is within isn't known
+      step(t);
+      continue;
+    }
+    if (looks || behind->start != context.time || behind->context.decisions != context.decisions) {
+      behind->context = context;
+      if (now.closed) {
+        behind->now = now;
+      } else {
+        behind->now.closed = 0;
+      }
+      behind->now.near = directionsOf(context.state);
+      behind->integrator = integrator;
+      behind->start = context.time;
+      behind->state = context.state;
+      behind->slope = context.slope;
+      looks = false;
+    }
+    step(ahead);
+  }
+  looks = t < context.time - resolution;
+  if (!looks && std::abs(context.time - t) <= resolution) context.time = t;
+  if (!looks) return;
+  Context& c = behind->context;
+  c.time = behind->start;
+  c.state = behind->state;
+  c.slope = behind->slope;
+  const State state = interpolate(c, behind->step, t - behind->start);
+  c.slope = evaluate(system, c, t, state, Level::kForces, behind->now);
+  c.time = t;
+  c.state = state;
+}
+
+// Before a command: the last step ends where it is looked at.
+void Simulation::Run::comeBack() {
+  if (!looks) return;
+  looks = false;
+  const double t = behind->context.time;
+  context = behind->context;
+  context.time = behind->start;
+  context.state = behind->state;
+  context.slope = behind->slope;
+  const std::int64_t count = now.count;
+  now = behind->now;
+  now.count = count;
+  integrator = behind->integrator;
+  behind->start = -1.0;
+  advance(t, std::numeric_limits<std::int64_t>::max());
+}
+
+}  // namespace assembly_cell
