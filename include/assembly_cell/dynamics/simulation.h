@@ -21,8 +21,8 @@ struct RunCounts {
 };
 
 /// The nine-degree-of-freedom mechanism in time. Deterministic: the same calls give the same bits.
-/// No allocation after construction. Between two events the contacts keep their modes (open, idle,
-/// sliding, sticking) and the motion is smooth; a step is
+/// No allocation after construction and the first look(). Between two events the contacts keep
+/// their modes (open, idle, sliding, sticking) and the motion is smooth; a step is
 ///
 ///   until t_end, or a reason to stop:
 ///     if events have become too dense:    a step of fixed length that locates none (chatter)
