@@ -7,6 +7,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "contact_solver.h"
 #include "evaluation.h"
+#include "impact.h"
 #include "simulation_run.h"
 
 namespace assembly_cell {

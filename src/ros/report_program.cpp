@@ -453,6 +453,8 @@ int runReport(int argc, char** argv) {
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
+    // roscpp's own patience with a master that isn't there, or has gone, has no end
+    ros::master::setRetryTimeout(ros::WallDuration(kLostAfter));
     // a name of its own, by which two goals have two names also while the cell's clock stands
     ros::init(argc, argv, "report", ros::init_options::AnonymousName);
     // a node handle would wait for the master for ever
@@ -461,8 +463,6 @@ int runReport(int argc, char** argv) {
                 ros::master::getURI().c_str());
       return 1;
     }
-    // roscpp's own patience with a master that has gone has no end
-    ros::master::setRetryTimeout(ros::WallDuration(kLostAfter));
     nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
     ros::AsyncSpinner spinner(2);

@@ -210,6 +210,9 @@ TEST(ReportAlone, EndsOneWithoutMasterOrSupervisor) {
   Child orphan({executable("report")}, {"ROS_MASTER_URI=http://localhost:1"});
   EXPECT_EQ(orphan.wait(), 1) << orphan.output();
   EXPECT_EQ(orphan.lines("no ROS master").size(), 1U) << orphan.output();
+  Child told({executable("report"), "_strategy:=touch"}, {"ROS_MASTER_URI=http://localhost:1"});
+  EXPECT_EQ(told.wait(), 1) << told.output();
+  EXPECT_EQ(told.lines("no ROS master").size(), 1U) << told.output();
   ros::param::del("/report");
   Child alone({executable("report"), "_start_timeout:=0.5"});
   EXPECT_EQ(alone.wait(), 1) << alone.output();

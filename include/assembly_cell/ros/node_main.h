@@ -17,6 +17,9 @@
 
 namespace assembly_cell::ros_bridge {
 
+/// For a master that isn't there, before a node gives up: wall clock [s].
+constexpr double kMasterPatience = 1.0;
+
 /// True when Node has exitCode().
 template <class Node, class = void>
 struct HasExitCode : std::false_type {};
@@ -51,6 +54,8 @@ int run(int argc, char** argv, const std::string& name) {
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
+    // parameters of the command line are set at once, without a master for ever
+    ros::master::setRetryTimeout(ros::WallDuration(kMasterPatience));
     ros::init(argc, argv, name, HasStop<Node>::value ? ros::init_options::NoSigintHandler : 0);
     // a node handle would wait for the master for ever
     if (!ros::master::check()) {
@@ -58,6 +63,7 @@ int run(int argc, char** argv, const std::string& name) {
                 name.c_str(), ros::master::getURI().c_str());
       return 1;
     }
+    ros::master::setRetryTimeout(ros::WallDuration(0.0));
     nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
     Node node(*nh, pnh);
