@@ -167,8 +167,9 @@ bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluatio
   const double phase = step.h * c.commands.drive.exciter.frequency;
   const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kBlindSlip;
   const bool blind = phase >= kBlindPhase || turns;
-  const double dip = s.fixed_step ? 0.0 : dipIn(c, step, e);
-  if (dip == 0.0 && (s.fixed_step || !e.closed || !blind)) return false;
+  if (s.fixed_step) return false;
+  const double dip = dipIn(c, step, e);
+  if (dip == 0.0 && (!e.closed || !blind)) return false;
   Evaluation inside = e;
   const int looks = std::clamp(static_cast<int>(phase / kBlindPhase), 1, kMostLooks);
   bool hidden = false;

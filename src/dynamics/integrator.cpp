@@ -155,7 +155,6 @@ double errorOf(const System& s, const State& error) {
 }
 
 State interpolate(const Context& c, const Trial& step, double tau) {
-  // short steps, where it would cancel, take velocities from their own cubic
   const double h = step.h, u = tau / h;
   const Vector9 v0 = h * c.state.v, v1 = h * step.end.v, a0 = h * h * c.slope,
                 a1 = h * h * step.slope;
@@ -168,6 +167,7 @@ State interpolate(const Context& c, const Trial& step, double tau) {
   if (h > 1e-6) {
     s.v = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / h;
   } else {
+    // there it would cancel: velocities have their own cubic
     const Vector9 dv = step.end.v - c.state.v, s0 = h * c.slope, s1 = h * step.slope;
     s.v = c.state.v + u * (s0 + u * (3.0 * dv - 2.0 * s0 - s1 + u * (-2.0 * dv + s0 + s1)));
   }
@@ -196,7 +196,7 @@ bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, do
   if (decisions_ != c.decisions) past_.count = 0;
   decisions_ = c.decisions;
   const double left = t_end - c.time;
-  step.h = s.fixed_step ? s.scenario.solver.step : std::min(next_step_, s.scenario.solver.max_step);
+  step.h = s.fixed_step ? s.scenario.solver.step : nextStep(s);
   if (c.time < c.chatter_until) step.h = chatterStep(s, e, step.h);
   if (s.method == Method::kHamming && !bridging_ && left > step.h) {
     // equal steps to the end, so that the past stays of use

@@ -7,7 +7,6 @@
 #include "assembly_cell/base/input_error.h"
 #include "contact_solver.h"
 #include "evaluation.h"
-#include "impact.h"
 #include "simulation_run.h"
 
 namespace assembly_cell {
@@ -44,9 +43,13 @@ Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;
 
-double Simulation::time() const { return run_->shown().time; }
-const State& Simulation::state() const { return run_->shown().state; }
-const Vector9& Simulation::acceleration() const { return run_->shown().slope; }
+double Simulation::time() const { return run_->looks ? run_->behind->time : run_->context.time; }
+const State& Simulation::state() const {
+  return run_->looks ? run_->behind->state : run_->context.state;
+}
+const Vector9& Simulation::acceleration() const {
+  return run_->looks ? run_->behind->slope : run_->context.slope;
+}
 const Scenario& Simulation::scenario() const { return run_->system.scenario; }
 StopReason Simulation::stopReason() const {
   return run_->looks ? StopReason::kOk : run_->context.stop;
@@ -68,8 +71,6 @@ StopReason Simulation::look(double t, double ahead) {
   if (r.system.compliant || r.system.fixed_step || r.system.method == Method::kHamming) {
     return advance(t);
   }
-  if (r.context.stop != StopReason::kOk && !(t < r.context.time)) return advance(t);
-  if (!r.looks) r.decideAfterCommand();
   r.look(t, std::max(t, ahead));
   return stopReason();
 }
@@ -228,6 +229,8 @@ RestPose Simulation::carrier() const {
   return pose;
 }
 
-double Simulation::energy() const { return energyOf(run_->system, run_->shown()); }
+double Simulation::energy() const {
+  return mechanicalEnergy(scenario(), state(), run_->context.commands.restAt(time()));
+}
 
 }  // namespace assembly_cell

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "assembly_cell/base/input_error.h"
 #include "chatter.h"
 #include "contact_modes.h"
 #include "contact_solver.h"
@@ -203,8 +202,9 @@ StopReason Simulation::Run::advance(double t_end, std::int64_t attempts) {
 
 // Steps until t is reached or passed, then shows t.
 void Simulation::Run::look(double t, double ahead) {
-  if (!behind)
-    behind = std::make_unique<Behind>(Behind{context, now, integrator, -1.0, {}, {}, {}});
+  if (context.stop == StopReason::kOk) decideAfterCommand();
+  if (!behind) behind = std::make_unique<Behind>(Behind{context, now, integrator, {}, 0.0, {}, {}});
+  Behind& b = *behind;
   // steps end beside times that are looked at, by rounding
   const double resolution = kSameEnd * std::max(1.0, t);
   while (context.time < t - resolution && context.stop == StopReason::kOk) {
@@ -214,50 +214,38 @@ void Simulation::Run::look(double t, double ahead) {
       step(t);
       continue;
     }
-    if (looks || behind->start != context.time || behind->context.decisions != context.decisions) {
-      behind->context = context;
+    if (b.context.time != context.time || b.context.decisions != context.decisions) {
+      b.context = context;
       if (now.closed) {
-        behind->now = now;
+        b.now = now;
       } else {
-        behind->now.closed = 0;
+        b.now.closed = 0;
       }
-      behind->now.near = directionsOf(context.state);
-      behind->integrator = integrator;
-      behind->start = context.time;
-      behind->state = context.state;
-      behind->slope = context.slope;
-      looks = false;
+      b.now.near = directionsOf(context.state);
+      b.integrator = integrator;
     }
     step(ahead);
   }
   looks = t < context.time - resolution;
-  if (!looks && std::abs(context.time - t) <= resolution) context.time = t;
-  if (!looks) return;
-  Context& c = behind->context;
-  c.time = behind->start;
-  c.state = behind->state;
-  c.slope = behind->slope;
-  const State state = interpolate(c, behind->step, t - behind->start);
-  c.slope = evaluate(system, c, t, state, Level::kForces, behind->now);
-  c.time = t;
-  c.state = state;
+  if (looks) {
+    b.time = t;
+    b.state = interpolate(b.context, b.step, t - b.context.time);
+    b.slope = evaluate(system, b.context, t, b.state, Level::kForces, b.now);
+  } else if (context.time <= t + resolution && t <= context.time + resolution) {
+    context.time = t;
+  }
 }
 
 // Before a command: the last step ends where it is looked at.
 void Simulation::Run::comeBack() {
   if (!looks) return;
   looks = false;
-  const double t = behind->context.time;
-  context = behind->context;
-  context.time = behind->start;
-  context.state = behind->state;
-  context.slope = behind->slope;
   const std::int64_t count = now.count;
+  context = behind->context;
   now = behind->now;
   now.count = count;
   integrator = behind->integrator;
-  behind->start = -1.0;
-  advance(t, std::numeric_limits<std::int64_t>::max());
+  advance(behind->time, std::numeric_limits<std::int64_t>::max());
 }
 
 }  // namespace assembly_cell

@@ -29,23 +29,22 @@ struct Simulation::Run {
     if (looks) return use(behind->now);
     return context.stale ? use(afterCommand()) : use(now);
   }
-  /// Where the run is, or within the last step.
+  /// Modes and commands of what is looked at.
   const Context& shown() const { return looks ? behind->context : context; }
 
   const System system;
   Context context;
   Evaluation now;  // the last one
   Integrator integrator;
-  // While the world is looked at within the last step: what was at its start, but time and state,
-  // which are those that are looked at; and where the step began and ended.
+  // The last step that may be looked into: what was at its start, and what of it is looked at.
   struct Behind {
     Context context;
-    Evaluation now;
+    Evaluation now;  // of what is looked at
     Integrator integrator;
-    double start = 0.0;
+    Trial step;
+    double time;
     State state;
     Vector9 slope;
-    Trial step;
   };
   std::unique_ptr<Behind> behind;
   bool looks = false;

@@ -70,10 +70,8 @@ class World {
                              std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) = 0;
 
   /// As advance(), but a step may go on beyond t, up to `ahead`: what is asked of the world is of t
-  /// then, from within the step. A command goes back to t.
-  virtual StopReason look(double t, double ahead) {
-    return t <= ahead ? advance(t) : advance(ahead);
-  }
+  /// then, from within the step. A command goes back to t. A world need not make use of it.
+  virtual StopReason look(double t, double /*ahead*/) { return advance(t); }
 
   /// From now on move the rest pose to `target` along a C² profile within the carrier's limits, no
   /// faster than `max_speed` [m/s].
