@@ -35,11 +35,7 @@ constexpr double kCircle = 1e-3;     // and to which its circle is sought
 constexpr int kHeldBisections = 14;  // of a step, for the highest circle that the bore holds
 constexpr double kNowhere = 1e9;     // gap of a circle that touches nothing [m]
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
-// Of what touches leave, what the ends of moves scatter by: without, the centres of 7500 cells had
-// 2.08, 1.59 and 1.71 of the stated variance at mismatch levels 1 to 3, where 2 is right. Half: far
-// too little at level 1. Twice: hardly half of what is true is stated at the others.
-constexpr double kOfEnds = 0.9;
-constexpr double kOutlier = 16.0;  // squared residual from where on a reading counts less
+constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
 
 // The peg's edge over a hole: heights and distances as functions of the azimuth. Of a chamfered peg
 // the circle that is a part `up` of the way from the bottom edge to the shoulder.
@@ -280,7 +276,7 @@ class Posterior {
     }
     // the mean of 1/χ² is that of two degrees of freedom less
     const double of_moves = std::max(0.0, squares - free * kTouchSd * kTouchSd);
-    return kOfEnds * of_moves / std::max(1.0, free - 2.0);
+    return of_moves / std::max(1.0, free - 2.0);
   }
 
   // residuals over their deviations; those of readings that don't fit weighed down

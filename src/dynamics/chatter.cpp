@@ -69,7 +69,8 @@ std::array<Vec3, kSlots> stopPenetration(const System& s, double t, Context& c, 
     for (const std::size_t i : Slots(e.closed)) impulse[i] += e.contacts[i].force;
   }
   openAll(c, e);
-  c.state = {start.q, c.state.v - fall};
+  c.state.q = start.q;
+  c.state.v -= fall;
   return impulse;
 }
 
@@ -106,6 +107,7 @@ void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
   limitEnergy(s, before, c);
   evaluateFree(s, c.commands, c.time, c.state, e);
   c.slope = e.free;
+  c.give_rate = e.motion.give_rate;
   attemptStep(s, c, Method::kRk4, flight, e);
   c.time = t;
   c.state = flight.end;

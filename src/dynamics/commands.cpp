@@ -11,15 +11,10 @@ double armOf(const PegParameters& peg) { return peg.coupling_height + peg.half_h
 
 }  // namespace
 
-bool isCompliant(const Scenario& scenario) {
-  return !scenario.imperfections.compliance.isZero(0.0);
-}
-
 Commands::Commands(const Scenario& scenario) {
   setProfile(restProfile(scenario.rest));
   drive.exciter = scenario.mechanism.exciter;
   drive.errors = scenario.imperfections.exciter;
-  shift.any = isCompliant(scenario);
 }
 
 void Commands::setProfile(const RestProfile& from_now_on) {
@@ -57,23 +52,9 @@ Vector6 stopWay(const Commands& commands, const Mechanism& mechanism, double t) 
 }
 
 void setRestShift(Commands& commands, const Mechanism& mechanism, double t, const Vector6& shift) {
-  RestShift& now = commands.shift;
-  now.profile = planRest(restMotion(now.profile, t), t, restPose(shift), mechanism.carrier,
-                         armOf(mechanism.peg));
-  now.any = true;
-}
-
-void giveWay(Commands& commands, const Eigen::Vector3d& compliance, double t,
-             const Eigen::Vector3d& force) {
-  RestShift& shift = commands.shift;
-  shift.lag_start = shift.lagged(t);
-  const Eigen::Vector3d way = compliance.cwiseProduct(force);
-  if (!shift.ways) shift.ways = {way, way};
-  auto& [before, earlier] = *shift.ways;
-  shift.goal.head<3>() = (15.0 * way - 10.0 * before + 3.0 * earlier) / 8.0;
-  earlier = before;
-  before = way;
-  shift.updated = t;
+  if (!commands.shift) commands.shift.emplace();
+  RestProfile& now = *commands.shift;
+  now = planRest(restMotion(now, t), t, restPose(shift), mechanism.carrier, armOf(mechanism.peg));
 }
 
 }  // namespace assembly_cell

@@ -284,6 +284,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
 void decide(const System& s, Context& c, Evaluation& e) {
   e.loads = kLoads;
   decide(s, Tried::kNothing, c, e);
+  c.give_rate = e.motion.give_rate;
 }
 
 void keepDepth(std::size_t i, double handed, Context& c, Evaluation& e) {

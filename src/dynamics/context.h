@@ -88,7 +88,8 @@ struct Context {
 
   double time = 0.0;  ///< [s]
   State state;
-  Vector9 slope = Vector9::Zero();  ///< v' at the present state
+  Vector9 slope = Vector9::Zero();                      ///< v' at the present state
+  Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();  ///< of State::give there [m/s]
   bool stale = true;  ///< after a command: slope and the last evaluation are not of the present
   Commands commands;
   SlotArray slots;

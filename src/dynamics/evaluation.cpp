@@ -47,7 +47,7 @@ void evaluateFree(const System& s, const Commands& commands, double t, const Sta
     e.drive_time = t;
     e.drive_force = exciterForce(commands.drive, t);
   }
-  if (commands.shift.any || !commands.settledAt(t)) {
+  if (commands.shift || !commands.settledAt(t)) {
     freeMotion(s.scenario, e.k, state, commands.restAt(t), e.drive_force, e.motion);
   } else {
     freeMotion(s.scenario, e.k, state, commands.settled, e.drive_force, e.motion);

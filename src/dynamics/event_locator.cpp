@@ -243,6 +243,7 @@ void locateEvent(const System& s, const Context& c, Events at_end, Trial& step, 
       // no step ends there: what the longer one says of it
       step.end = interpolate(c, whole, step.h);
       step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
+      step.give_rate = e.motion.give_rate;
       break;
     }
     events = eventValues(s, c, e);
@@ -255,7 +256,9 @@ void locateEvent(const System& s, const Context& c, Events at_end, Trial& step, 
       // so near that the slopes at hand are exact
       step.end.q += off * (step.end.v + 0.5 * off * step.slope);
       step.end.v += off * step.slope;
+      step.end.give += off * step.give_rate;
       step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
+      step.give_rate = e.motion.give_rate;
       break;
     }
   }

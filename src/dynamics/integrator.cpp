@@ -72,6 +72,10 @@ struct HasThirdError : std::false_type {};
 template <class T>
 struct HasThirdError<T, std::void_t<decltype(T::e3)>> : std::true_type {};
 
+double errorOf(const System& s, const Eigen::Vector3d& give) {
+  return give.lpNorm<Eigen::Infinity>() / s.scenario.solver.tolerance;
+}
+
 // the largest component over its tolerance: positions 1, angles 30 rad/m, velocities 30 1/s
 double errorOf(const System& s, const Vector18& error) {
   static constexpr double a = 1 / 30.0, b = a * a;
@@ -82,39 +86,56 @@ double errorOf(const System& s, const Vector18& error) {
   return std::isfinite(largest) ? largest / s.scenario.solver.tolerance : HUGE_VAL;
 }
 
-double errorOf(const System& s, const Vector9& q, const Vector9& v) {
-  return errorOf(s, State{q, v});
-}
+// Slopes of the stages of a step: of q and v, and where the carrier gives way of that.
+template <class T>
+struct Slopes {
+  std::array<Vector18, T::kStages + 1> state;
+  std::array<Eigen::Vector3d, T::kStages + 1> give;
+};
 
-template <class T, int I, class Slopes, class Evaluate>
-void stages(const Vector18& start, double h, Slopes& slopes, State& end, const Evaluate& slopeAt) {
-  const Vector18 y = start + h * weighted<StageRow<T, I>>(slopes);
+template <class T, int I>
+void stages(const System& s, const Context& c, const Vector18& start, Slopes<T>& slopes,
+            Trial& step, Evaluation& e) {
+  const double h = step.h;
+  State& end = step.end;
+  const Vector18 y = start + h * weighted<StageRow<T, I>>(slopes.state);
   end.q = y.head<9>();
   end.v = y.tail<9>();
-  slopes[I].template head<9>() = end.v;
-  slopes[I].template tail<9>() = slopeAt(T::c[I] * h, end, I == T::kStages);
-  if constexpr (I < T::kStages) stages<T, I + 1>(start, h, slopes, end, slopeAt);
+  if (s.compliant) end.give = c.state.give + h * weighted<StageRow<T, I>>(slopes.give);
+  slopes.state[I].template head<9>() = end.v;
+  slopes.state[I].template tail<9>() = evaluate(
+      s, c, c.time + T::c[I] * h, end, I == T::kStages ? Level::kEvents : Level::kForces, e);
+  slopes.give[I] = e.motion.give_rate;
+  if constexpr (I < T::kStages) stages<T, I + 1>(s, c, start, slopes, step, e);
+}
+
+// the largest component of what Row makes of the slopes, over its tolerance
+template <class Row, class T>
+double errorBy(const System& s, double h, const Slopes<T>& slopes) {
+  const double error = errorOf(s, Vector18(h * weighted<Row>(slopes.state)));
+  if (!s.compliant) return error;
+  return std::max(error, errorOf(s, Eigen::Vector3d(h * weighted<Row>(slopes.give))));
 }
 
 template <class T>
 void attemptTableau(const System& s, const Context& c, Trial& step, Evaluation& e) {
   e.near = directionsOf(c.state);
-  std::array<Vector18, T::kStages + 1> slopes;
+  Slopes<T> slopes;
   Vector18 start;
   start.head<9>() = c.state.q;
   start.tail<9>() = c.state.v;
-  slopes[0].template head<9>() = c.state.v;
-  slopes[0].template tail<9>() = c.slope;
-  stages<T, 1>(start, step.h, slopes, step.end, [&](double dt, const State& at, bool last) {
-    return evaluate(s, c, c.time + dt, at, last ? Level::kEvents : Level::kForces, e);
-  });
-  step.slope = slopes[T::kStages].template tail<9>();
+  slopes.state[0].template head<9>() = c.state.v;
+  slopes.state[0].template tail<9>() = c.slope;
+  slopes.give[0] = c.give_rate;
+  stages<T, 1>(s, c, start, slopes, step, e);
+  step.slope = slopes.state[T::kStages].template tail<9>();
+  step.give_rate = slopes.give[T::kStages];
   step.error = 0.0;
   if constexpr (HasError<T>::value) {
-    const double fifth = errorOf(s, Vector18(step.h * weighted<ErrorRow<T>>(slopes)));
+    const double fifth = errorBy<ErrorRow<T>>(s, step.h, slopes);
     step.error = fifth;
     if constexpr (HasThirdError<T>::value) {
-      const double third = errorOf(s, Vector18(step.h * weighted<ThirdErrorRow<T>>(slopes)));
+      const double third = errorBy<ThirdErrorRow<T>>(s, step.h, slopes);
       step.error = fifth > 0.0 ? fifth * fifth / std::hypot(fifth, 0.1 * third) : 0.0;
     }
   }
@@ -131,8 +152,10 @@ double firstError(const System& s, const Context& c, double h, Evaluation& e) {
   middle.time += half.h;
   middle.state = half.end;
   middle.slope = half.slope;
+  middle.give_rate = half.give_rate;
   attemptTableau<Ralston4>(s, middle, half, e);
-  return errorOf(s, (half.end.q - whole.end.q) / 15.0, (half.end.v - whole.end.v) / 15.0);
+  return errorOf(s, {(half.end.q - whole.end.q) / 15.0, (half.end.v - whole.end.v) / 15.0,
+                     (half.end.give - whole.end.give) / 15.0});
 }
 
 double orderOf(Method method) {
@@ -151,7 +174,7 @@ double orderOf(Method method) {
 double errorOf(const System& s, const State& error) {
   Vector18 both;
   both << error.q, error.v;
-  return errorOf(s, both);
+  return std::max(errorOf(s, both), errorOf(s, error.give));
 }
 
 State interpolate(const Context& c, const Trial& step, double tau) {
@@ -171,6 +194,9 @@ State interpolate(const Context& c, const Trial& step, double tau) {
     const Vector9 dv = step.end.v - c.state.v, s0 = h * c.slope, s1 = h * step.slope;
     s.v = c.state.v + u * (s0 + u * (3.0 * dv - 2.0 * s0 - s1 + u * (-2.0 * dv + s0 + s1)));
   }
+  const Eigen::Vector3d g = step.end.give - c.state.give, g0 = h * c.give_rate,
+                        g1 = h * step.give_rate;
+  s.give = c.state.give + u * (g0 + u * (3.0 * g - 2.0 * g0 - g1 + u * (-2.0 * g + g0 + g1)));
   return s;
 }
 
@@ -293,10 +319,10 @@ void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, 
   const double h = step.h;
   if (past.count == 0 || std::abs(h - past.h) > 1e-6 * past.h) {
     past.y[0] = c.state;
-    past.slope[0] = {c.state.v, c.slope};
+    past.slope[0] = {c.state.v, c.slope, c.give_rate};
     past.count = 1;
     past.h = h;
-    past.defect = {Vector9::Zero(), Vector9::Zero()};
+    past.defect = {};
   }
   if (past.count < 4) {
     const double error = !s.fixed_step && past.count == 1 ? firstError(s, c, h, e) : 0.0;
@@ -308,21 +334,36 @@ void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, 
   const State &y0 = past.y[n], &y2 = past.y[n - 2], &y3 = past.y[n - 3];
   const State &f0 = past.slope[n], &f1 = past.slope[n - 1], &f2 = past.slope[n - 2];
   const double part = 112.0 / 121.0, last = 9.0 / 121.0;
-  State predicted, modified, corrected, change;
-  predicted.q = y3.q + (4.0 / 3.0 * h) * (2.0 * f0.q - f1.q + 2.0 * f2.q);
-  predicted.v = y3.v + (4.0 / 3.0 * h) * (2.0 * f0.v - f1.v + 2.0 * f2.v);
-  modified.q = predicted.q - part * past.defect.q;
-  modified.v = predicted.v - part * past.defect.v;
-  const Vector9 at = evaluate(s, c, c.time + h, modified, Level::kForces, e);
-  corrected.q = (9.0 * y0.q - y2.q + (3.0 * h) * (modified.v + 2.0 * f0.q - f1.q)) / 8.0;
-  corrected.v = (9.0 * y0.v - y2.v + (3.0 * h) * (at + 2.0 * f0.v - f1.v)) / 8.0;
-  change.q = predicted.q - corrected.q;
-  change.v = predicted.v - corrected.v;
-  step.end.q = corrected.q + last * change.q;
-  step.end.v = corrected.v + last * change.v;
+  State modified, at, change;
+  const auto predict = [&](auto part_of) {
+    const auto predicted =
+        (y3.*part_of + (4.0 / 3.0 * h) * (2.0 * f0.*part_of - f1.*part_of + 2.0 * f2.*part_of))
+            .eval();
+    modified.*part_of = predicted - part * past.defect.*part_of;
+    change.*part_of = predicted;
+  };
+  predict(&State::q);
+  predict(&State::v);
+  predict(&State::give);
+  at.v = evaluate(s, c, c.time + h, modified, Level::kForces, e);
+  at.q = modified.v;
+  at.give = e.motion.give_rate;
+  const auto correct = [&](auto part_of) {
+    const auto corrected = ((9.0 * y0.*part_of - y2.*part_of +
+                             (3.0 * h) * (at.*part_of + 2.0 * f0.*part_of - f1.*part_of)) /
+                            8.0)
+                               .eval();
+    change.*part_of -= corrected;
+    step.end.*part_of = corrected + last * change.*part_of;
+  };
+  correct(&State::q);
+  correct(&State::v);
+  correct(&State::give);
   step.slope = evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
+  step.give_rate = e.motion.give_rate;
   trial_defect_ = change;
-  step.error = s.fixed_step ? 0.0 : errorOf(s, last * change.q, last * change.v);
+  step.error =
+      s.fixed_step ? 0.0 : errorOf(s, {last * change.q, last * change.v, last * change.give});
 }
 
 // the accepted step becomes the newest row of the past
@@ -340,20 +381,23 @@ void Integrator::remember(const Context& c, double h) {
   }
   const int n = past.count++;
   past.y[n] = c.state;
-  past.slope[n] = {c.state.v, c.slope};
+  past.slope[n] = {c.state.v, c.slope, c.give_rate};
 }
 
 // what HPCG does after each change of the step: predictor less corrector from the past
 void Integrator::resetDefect() {
   Past& past = past_;
   const int n = past.count - 1;
-  const auto defect = [&](auto part) -> Vector9 {
-    return 242.0 / 27.0 * (past.y[n].*part - past.y[n - 3].*part) -
-           121.0 / 36.0 * past.h *
-               (past.slope[n].*part + 3.0 * (past.slope[n - 1].*part + past.slope[n - 2].*part) +
-                past.slope[n - 3].*part);
+  const auto defect = [&](auto part) {
+    past.defect.*part =
+        242.0 / 27.0 * (past.y[n].*part - past.y[n - 3].*part) -
+        121.0 / 36.0 * past.h *
+            (past.slope[n].*part + 3.0 * (past.slope[n - 1].*part + past.slope[n - 2].*part) +
+             past.slope[n - 3].*part);
   };
-  past.defect = {defect(&State::q), defect(&State::v)};
+  defect(&State::q);
+  defect(&State::v);
+  defect(&State::give);
 }
 
 // half the step: values between the last three from a formula of order six
@@ -363,10 +407,10 @@ void Integrator::halvePast(const System& s, const Context& c, Evaluation& e) {
   const double h = past.h / 256.0;
   State near, far;
   const auto between = [&](auto part) {
-    const Vector9 &y0 = past.y[n].*part, &y1 = past.y[n - 1].*part, &y2 = past.y[n - 2].*part,
-                  &y3 = past.y[n - 3].*part;
-    const Vector9 &f0 = past.slope[n].*part, &f1 = past.slope[n - 1].*part,
-                  &f2 = past.slope[n - 2].*part;
+    const auto &y0 = past.y[n].*part, &y1 = past.y[n - 1].*part, &y2 = past.y[n - 2].*part,
+               &y3 = past.y[n - 3].*part;
+    const auto &f0 = past.slope[n].*part, &f1 = past.slope[n - 1].*part,
+               &f2 = past.slope[n - 2].*part;
     near.*part = (80.0 * y0 + 135.0 * y1 + 40.0 * y2 + y3) / 256.0 +
                  h * (-15.0 * f0 + 90.0 * f1 + 15.0 * f2);
     far.*part = (12.0 * y0 + 135.0 * y1 + 108.0 * y2 + y3) / 256.0 +
@@ -374,14 +418,19 @@ void Integrator::halvePast(const System& s, const Context& c, Evaluation& e) {
   };
   between(&State::q);
   between(&State::v);
+  between(&State::give);
   const State y0 = past.y[n], f0 = past.slope[n], y1 = past.y[n - 1], f1 = past.slope[n - 1];
   past.h *= 0.5;
   past.y[0] = far;
-  past.slope[0] = {far.v, evaluate(s, c, c.time - 3.0 * past.h, far, Level::kForces, e)};
+  past.slope[0].v = evaluate(s, c, c.time - 3.0 * past.h, far, Level::kForces, e);
+  past.slope[0].q = far.v;
+  past.slope[0].give = e.motion.give_rate;
   past.y[1] = y1;
   past.slope[1] = f1;
   past.y[2] = near;
-  past.slope[2] = {near.v, evaluate(s, c, c.time - past.h, near, Level::kForces, e)};
+  past.slope[2].v = evaluate(s, c, c.time - past.h, near, Level::kForces, e);
+  past.slope[2].q = near.v;
+  past.slope[2].give = e.motion.give_rate;
   past.y[3] = y0;
   past.slope[3] = f0;
   past.count = 4;

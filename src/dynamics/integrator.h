@@ -8,7 +8,9 @@
 
 namespace assembly_cell {
 
-inline bool isFinite(const State& state) { return state.q.allFinite() && state.v.allFinite(); }
+inline bool isFinite(const State& state) {
+  return state.q.allFinite() && state.v.allFinite() && state.give.allFinite();
+}
 
 /// A step of length h from the context's state, tried.
 struct Trial {
@@ -17,7 +19,8 @@ struct Trial {
   double h = 0.0;
   Method method = Method::kDopri5;  ///< that tried it
   State end;
-  Vector9 slope;       ///< v' there
+  Vector9 slope;                                        ///< v' there
+  Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();  ///< of State::give there
   double error = 0.0;  ///< over the tolerance; 0 without error control
 };
 
@@ -25,7 +28,7 @@ struct Trial {
 double errorOf(const System& s, const State& error);
 
 /// The state at c.time + tau within a step from the context: position, velocity and acceleration at
-/// both ends make one polynomial of order six.
+/// both ends make one polynomial of order six. What gives way has one of order four.
 State interpolate(const Context& c, const Trial& step, double tau);
 
 /// A step of length step.h by a one-step method (kHamming: of the method that starts it). e: of its

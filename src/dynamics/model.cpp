@@ -78,6 +78,13 @@ Eigen::Vector3d momentOfVector(const Eigen::Vector3d& r, const Eigen::Vector3d& 
   return on_vector + 0.5 * r.cross(on_vector) + square * r.cross(r.cross(on_vector));
 }
 
+// The rate at which the rest pose gives way along z, under the force F while it doesn't: the damper
+// feels it at once, by `damping`.
+double givesAlongZ(const Scenario& s, double give, double F, double damping) {
+  const double compliance = s.imperfections.compliance(2);
+  return (compliance * F - give) / (kGiveLag + compliance * damping);
+}
+
 // What the coupling does to the carrier, thesis axes of `hole`: FK, FC, FCm of FreeMotion, FKm on
 // the angles psi, theta, phi, and about the carrier's axis.
 void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
@@ -91,7 +98,12 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
       FK +=
           multiply({Vector6::Zero(), coupling.stiffness.k26, coupling.stiffness.k35}, deflection.d);
     }
-    const Vector6 FC = multiply(coupling.damping, deflection.rate);
+    Vector6 FC = multiply(coupling.damping, deflection.rate);
+    if (isCompliant(s)) {
+      const double damping = coupling.damping.diagonal(0);
+      m.give_rate(2) = givesAlongZ(s, state.give(2), FK(0) + FC(0), damping);
+      FC(0) -= damping * m.give_rate(2);
+    }
     m.FK = FK.head<3>();
     m.FKm = FK.tail<3>();
     m.FC = FC.head<3>();
@@ -101,7 +113,15 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
   }
   const TurningCoupling c = turningCoupling(s, k, state, rest);
   const Vector6 FK = multiply(coupling.stiffness, c.in_carrier.d);
-  const Vector6 FC = multiply(coupling.damping, c.in_carrier.rate);
+  Vector6 FC = multiply(coupling.damping, c.in_carrier.rate);
+  if (isCompliant(s)) {
+    Vector6 z = Vector6::Zero();  // along it, in the carrier's axes
+    z.head<3>() = toThesisAxes(c.R.row(2).transpose());
+    const Vector6 damper = multiply(coupling.damping, z);
+    m.give_rate(2) = givesAlongZ(s, state.give(2), z.head<3>().dot(FK.head<3>() + FC.head<3>()),
+                                 z.head<3>().dot(damper.head<3>()));
+    FC -= m.give_rate(2) * damper;
+  }
   const auto turned = [&c](const Eigen::Vector3d& thesis) -> Eigen::Vector3d {
     return c.R * fromThesisAxes(thesis);
   };
@@ -310,7 +330,18 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   const Vector9& q = state.q;
   const Vector9& v = state.v;
   double yaw = 0.0;
-  couplingForces(s, k, state, rest, m, yaw);
+  const bool compliant = isCompliant(s);
+  if (compliant) {
+    RestMotion given = rest;
+    given.position.head<3>() += state.give;
+    couplingForces(s, k, state, given, m, yaw);
+    m.give_rate.head<2>() =
+        (s.imperfections.compliance.head<2>().cwiseProduct((m.FK + m.FC).tail<2>()) -
+         state.give.head<2>()) /
+        kGiveLag;
+  } else {
+    couplingForces(s, k, state, rest, m, yaw);
+  }
   const Eigen::Vector3d T = m.FK + m.FC;
 
   // exciter and constant push at d1 along the axis; peg axes x = axis 2, y = −(axis 1)
@@ -348,6 +379,10 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
       T(2) - c.stiffness(1) * (q(7) - rest.position(1)) - c.damping(1) * (v(7) - rest.rate(1));
   m.force(8) =
       yaw - c.stiffness(2) * (q(8) - rest.position(3)) - c.damping(2) * (v(8) - rest.rate(3));
+  if (compliant) {
+    m.force.segment<2>(6) += c.stiffness.head<2>().cwiseProduct(state.give.head<2>()) +
+                             c.damping.head<2>().cwiseProduct(m.give_rate.head<2>());
+  }
 }
 
 Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& f) {
@@ -376,7 +411,9 @@ double kineticEnergy(const Scenario& s, const State& state) {
           s.mechanism.carrier.inertia * v(8) * v(8));
 }
 
-double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest) {
+double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& commanded) {
+  RestMotion rest = commanded;
+  rest.position.head<3>() += state.give;
   const Kinematics k = kinematics(state);
   const Vector6 d = s.mechanism.coupling.axes == CouplingAxes::kHole
                         ? couplingDeflection(s, k, state, rest).d

@@ -68,7 +68,7 @@ StopReason Simulation::advance(double t_end, std::int64_t attempts) {
 
 StopReason Simulation::look(double t, double ahead) {
   Run& r = *run_;
-  if (r.system.compliant || r.system.fixed_step || r.system.method == Method::kHamming) {
+  if (r.system.fixed_step || r.system.method == Method::kHamming) {
     return advance(t);
   }
   r.look(t, std::max(t, ahead));
@@ -101,7 +101,9 @@ Vector6 Simulation::stopWay() const {
 }
 
 RestPose Simulation::rest() const {
-  return restPose(run_->context.commands.restAt(time()).position);
+  Vector6 rest = run_->context.commands.restAt(time()).position;
+  rest.head<3>() += state().give;
+  return restPose(rest);
 }
 
 void Simulation::setRestShift(const Vector6& shift) {
@@ -112,8 +114,10 @@ void Simulation::setRestShift(const Vector6& shift) {
 }
 
 Vector6 Simulation::restShift() const {
-  const RestShift& shift = run_->context.commands.shift;
-  return shift.any ? shift.at(time()) : Vector6::Zero();
+  const std::optional<RestProfile>& asked = run_->context.commands.shift;
+  Vector6 shift = asked ? restMotion(*asked, time()).position : Vector6::Zero();
+  shift.head<3>() += state().give;
+  return shift;
 }
 
 bool Simulation::atRest() const { return run_->context.commands.settledAt(time()); }
@@ -212,11 +216,11 @@ Pose Simulation::pegPose() const {
 }
 
 Pose Simulation::carrierPose() const {
-  const Vector6 rest = run_->context.commands.restAt(time()).position;
+  const RestPose rest = this->rest();
   const Vector9& q = state().q;
   Pose X;
-  X.R = rotationFromEuler({rest(5), rest(4), q(8)});
-  X.p = Vec3(q(6), q(7), rest(2));
+  X.R = rotationFromEuler({rest.phi, rest.theta, q(8)});
+  X.p = Vec3(q(6), q(7), rest.z);
   return X;
 }
 

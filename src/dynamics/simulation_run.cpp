@@ -29,9 +29,7 @@ constexpr double kStepFloor =
 constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
 constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
-constexpr double kSameTime = 1e-9;  // rounding of sums of slices [s]
 constexpr double kSameEnd = 1e-14;  // rounding of a sum of steps, a part of the time
-using Vec3 = Eigen::Vector3d;
 
 // a contact that `features` excludes ends the run
 StopReason excludedContact(const System& s, const Evaluation& e) {
@@ -120,6 +118,7 @@ void Simulation::Run::accept(double t, const Trial& trial) {
   context.time = t;
   context.state = trial.end;
   context.slope = trial.slope;
+  context.give_rate = trial.give_rate;
   ++context.counts.steps;
   if (!system.admitted) return;
   if (trial.method == Method::kSlowSlip) followSlip(system, context, now);
@@ -164,16 +163,6 @@ void Simulation::Run::decideAfterCommand() {
   }
 }
 
-// Before a slice of a carrier that gives way.
-void Simulation::Run::followForce() {
-  const Vec3 force =
-      atPresent([](const Evaluation& e) -> Vec3 { return e.motion.FK + e.motion.FC; });
-  giveWay(context.commands, system.scenario.imperfections.compliance, context.time,
-          fromThesisAxes(force));
-  context.stale = true;
-  decideAfterCommand();
-}
-
 // of the present, after a command and before the run goes on
 Evaluation Simulation::Run::afterCommand() const {
   Evaluation e = now;
@@ -186,17 +175,7 @@ Evaluation Simulation::Run::afterCommand() const {
 StopReason Simulation::Run::advance(double t_end, std::int64_t attempts) {
   if (context.stop != StopReason::kOk) return context.stop;
   decideAfterCommand();
-  while (context.time < t_end && context.stop == StopReason::kOk && attempts-- > 0) {
-    if (!system.compliant) {
-      step(t_end);
-      continue;
-    }
-    if (context.time >= context.commands.shift.updated + RestShift::kSlice - kSameTime) {
-      followForce();
-    }
-    const double update = context.commands.shift.updated + RestShift::kSlice;
-    step(update < t_end - kSameTime ? update : t_end);
-  }
+  while (context.time < t_end && context.stop == StopReason::kOk && attempts-- > 0) step(t_end);
   return context.stop;
 }
 

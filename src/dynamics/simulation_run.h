@@ -18,7 +18,6 @@ struct Simulation::Run {
   void endAtEvent(const Events& at_end, Trial& trial);
   void checkState();
   void decideAfterCommand();
-  void followForce();
   StopReason advance(double t_end, std::int64_t attempts);
   void look(double t, double ahead);
   void comeBack();

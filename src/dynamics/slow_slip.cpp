@@ -265,8 +265,10 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
   const double h = step.h;
   e.near = directionsOf(c.state);
   std::array<Vector9, Ark::kStages> velocity, slope;
+  std::array<Vec3, Ark::kStages> give;
   velocity[0] = c.state.v;
   slope[0] = c.slope;
+  give[0] = c.give_rate;
   evaluate(s, c, c.time, c.state, Level::kForces, e);
   SlipDirections directions(s, c, e);
   bool rested = false, rests = false;
@@ -276,29 +278,35 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
     for (int j = 0; j < i; ++j) {
       at.q += h * Ark::a[i][j] * velocity[j];
       at.v += h * Ark::a[i][j] * slope[j];
+      at.give += h * Ark::a[i][j] * give[j];
       known += h * Ark::implicit[i][j] * slope[j];
     }
     velocity[i] = at.v;
     evaluate(s, c, c.time + Ark::c[i] * h, at, Level::kForces, e);
+    give[i] = e.motion.give_rate;
     if (!directions.solve(s, c, known, h * Ark::kGamma, slope[i], e)) {
       step.end = c.state;
       step.slope = c.slope;
+      step.give_rate = c.give_rate;
       step.error = HUGE_VAL;
       return;
     }
     rested = rested || rests;
     rests = directions.rests(s.slip_threshold);
   }
-  State error{Vector9::Zero(), Vector9::Zero()};
+  State error;
   step.end = c.state;
   for (int i = 0; i < Ark::kStages; ++i) {
     step.end.q += h * Ark::b[i] * velocity[i];
     step.end.v += h * Ark::b[i] * slope[i];
+    step.end.give += h * Ark::b[i] * give[i];
     error.q += h * (Ark::b[i] - Ark::estimate[i]) * velocity[i];
     error.v += h * (Ark::b[i] - Ark::estimate[i]) * slope[i];
+    error.give += h * (Ark::b[i] - Ark::estimate[i]) * give[i];
   }
   // velocity and direction agree at the end, but where slip has gone on beyond its own
   evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
+  step.give_rate = e.motion.give_rate;
   std::array<Vec3, kSlots> slip;
   for (const std::size_t i : Slots(e.active())) slip[i] = e.contacts[i].tangential;
   step.slope = directions.forces(s, c, Level::kEvents, e);

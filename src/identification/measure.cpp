@@ -179,6 +179,7 @@ class Campaign {
     press_.moveTo(up);
     goTo(above);
     press_.tare(blocksIn(plan_.window));
+    zero_taken_ = now() - 0.5 * plan_.window;
     press_.approach(-1e9);
     press_.hold(plan_.press, 0.05);
   }
@@ -213,6 +214,7 @@ class Campaign {
         VibrationReading reading = readVibration(press_, {amplitude, frequency, 0.0, direction},
                                                  plan_.settle, plan_.window);
         reading.place = place;
+        reading.since_zero = now() - 0.5 * plan_.window - zero_taken_;
         reading.R_BS = R_touch_;
         reading.held_out = (step + (direction > 0 ? 0 : 2)) % kHeldOut == 0;
         data_.vibrations.push_back(reading);
@@ -322,6 +324,7 @@ class Campaign {
   double begin_ = 0.0, block_ = 0.02;
   Pose X_start_;
   Matrix3d R_touch_ = Matrix3d::Identity();
+  double zero_taken_ = 0.0;  // of the last touch [s]
   IdentificationData data_;
 };
 

@@ -20,9 +20,8 @@ using identification::Rows;
 
 constexpr double kSwing = 0.3, kWindow = 0.2;  // of each step [s]
 constexpr double kForce = 1.5;                 // of the exciter [N]
-// A swing that has not died away leaves so much of a reading's force: eight times what a long wait
-// leaves.
-constexpr double kSwingLeft = 8.0;
+// A swing that has not died away leaves so much of a reading's force.
+constexpr double kSwingLeft = 1.2e-3;
 
 // the change of one unknown that explains most of the misfit
 std::string mostLikely(const KnownMechanism& known, const VectorXd& residual,
@@ -99,7 +98,7 @@ MechanismCheck checkMechanism(Plant& plant, const KnownMechanism& known) {
   off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
   press.step(off);
   IdentificationPrior prior;
-  prior.hanging_model *= kSwingLeft;
+  prior.hanging_model = kSwingLeft;
   return judgeMechanism(known, readings, prior);
 }
 

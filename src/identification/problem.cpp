@@ -15,9 +15,10 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kLever = 0.03;              // torques count against forces there [m]
-constexpr double kFlat = 30.0;               // sd of a zero that nothing is known of [N]
-constexpr double kMinute = 60.0;             // [s]
+constexpr double kLever = 0.03;   // torques count against forces there [m]
+constexpr double kFlat = 30.0;    // sd of a zero that nothing is known of [N]
+constexpr double kMinute = 60.0;  // [s]
+constexpr double kHeld = 10.0;  // from a place's zero to its readings, about; its zero walks on [s]
 constexpr double kDifference = 1e-5;         // of derivatives, in deviations of the prior
 constexpr double kContactDifference = 1e-3;  // and by a static contact force [N]
 
@@ -33,6 +34,24 @@ void whiten(const MatrixXd& covariance, identification::Rows& rows) {
   const Eigen::LLT<MatrixXd> root(covariance);
   rows.residual = root.matrixL().solve(rows.residual);
   if (rows.jacobian.size() > 0) rows.jacobian = root.matrixL().solve(rows.jacobian);
+}
+
+// one below the other
+identification::Rows joined(const std::vector<identification::Rows>& parts) {
+  Eigen::Index count = 0, derivatives = 0, unknowns = 0;
+  for (const identification::Rows& part : parts) {
+    count += part.residual.size();
+    derivatives += part.jacobian.rows();
+    unknowns = part.jacobian.cols();
+  }
+  identification::Rows all{VectorXd(count), MatrixXd(derivatives, unknowns)};
+  Eigen::Index row = 0;
+  for (const identification::Rows& part : parts) {
+    all.residual.segment(row, part.residual.size()) = part.residual;
+    if (derivatives > 0) all.jacobian.middleRows(row, part.residual.size()) = part.jacobian;
+    row += part.residual.size();
+  }
+  return all;
 }
 
 }  // namespace
@@ -79,8 +98,17 @@ MechanismModel Problem::model(const VectorXd& z) const {
   return modelAt(nominal_, prior_.unknowns, z.head<kUnknowns>());
 }
 
+// without drift and walk of the sensor's zero
+Vector6 Problem::seenContact(const VectorXd& z, const VibrationReading& reading) const {
+  const Vector6 drift = perAxis(prior_.sensor_drift * reading.since_zero / kMinute);
+  const Vector6 walk = perAxis(prior_.sensor_walk * std::sqrt(kHeld / kMinute));
+  return reading.contact - drift.cwiseProduct(z.segment<6>(kDrift)) -
+         walk.cwiseProduct(z.segment<6>(walkAt(*reading.place)));
+}
+
 Problem::Wave Problem::exactWave(const VectorXd& z, const VibrationReading& reading) const {
-  return exactWave(z, reading, map(z).partialPivLu().solve(reading.contact));
+  if (!reading.place) return exactWave(z, reading, Vector6::Zero());
+  return exactWave(z, reading, map(z).partialPivLu().solve(seenContact(z, reading)));
 }
 
 Problem::Wave Problem::exactWave(const VectorXd& z, const VibrationReading& reading,
@@ -129,17 +157,24 @@ Eigen::Matrix<double, 6, 36> Problem::mapDerivative(const Vector6& wrench) const
   return derivative * map_root_;
 }
 
-Eigen::Matrix<double, 12, 36> Problem::waveByMap(const VectorXd& z, const VibrationReading& reading,
-                                                 const Wave& exact) const {
-  const Eigen::PartialPivLU<Matrix6> seen(map(z));
-  const Vector6 contact = seen.solve(reading.contact);
+void Problem::addContact(const VectorXd& z, const VibrationReading& reading, const Wave& exact,
+                         MatrixXd& jacobian) const {
+  const Matrix6 seen = map(z);
+  const Eigen::PartialPivLU<Matrix6> seen_inverse(seen);
+  const Vector6 contact = seen_inverse.solve(seenContact(z, reading));
   const Vector6 step = perAxis(kContactDifference);
   Eigen::Matrix<double, 12, 6> by_contact;
   for (int i = 0; i < 6; ++i) {
     const Vector6 moved = contact + step[i] * Vector6::Unit(i);
-    by_contact.col(i) = (exactWave(z, reading, moved) - exact) / step[i];
+    const Wave change = (exactWave(z, reading, moved) - exact) / step[i];
+    by_contact.col(i) << seen * change.head<6>(), seen * change.tail<6>();
   }
-  return -by_contact * seen.solve(mapDerivative(contact));
+  const Eigen::Matrix<double, 12, 6> by_seen = by_contact * seen_inverse.inverse();
+  jacobian.middleCols<36>(kMap) -= by_seen * mapDerivative(contact);
+  const Vector6 drift = perAxis(prior_.sensor_drift * reading.since_zero / kMinute);
+  jacobian.middleCols<6>(kDrift) -= by_seen * drift.asDiagonal();
+  const Vector6 walk = perAxis(prior_.sensor_walk * std::sqrt(kHeld / kMinute));
+  jacobian.middleCols<6>(walkAt(*reading.place)) -= by_seen * walk.asDiagonal();
 }
 
 WrenchPhasor Problem::fitted(const VectorXd& z, const VibrationReading& reading) const {
@@ -172,7 +207,7 @@ Rows Problem::rows(const VectorXd& z, const VibrationReading& reading, bool deri
     move(kFace);
     move(kFace + 1);
     if (reading.place) {
-      rows.jacobian.middleCols<36>(kMap) += both * waveByMap(z, reading, exact);
+      addContact(z, reading, exact, rows.jacobian);
       move(kAside + *reading.place);
     }
   }
@@ -186,6 +221,7 @@ Rows Problem::rows(const VectorXd& z, const VibrationReading& reading, bool deri
   return rows;
 }
 
+// not whitened: a zero that walks makes them one
 Rows Problem::rows(const VectorXd& z, const PoseReading& reading, bool derivatives) const {
   const Matrix6 seen = map(z);
   const Vector6 zero = perAxis(kFlat), drift = perAxis(prior_.sensor_drift);
@@ -207,9 +243,26 @@ Rows Problem::rows(const VectorXd& z, const PoseReading& reading, bool derivativ
     rows.jacobian.block<6, 6>(0, kZero) = zero.asDiagonal();
     rows.jacobian.block<6, 6>(0, kDrift) = (minutes * drift).asDiagonal();
   }
-  const Vector6 walk = perAxis(prior_.sensor_walk);
-  whiten(reading.covariance + Matrix6(walk.cwiseAbs2().asDiagonal()), rows);
   return rows;
+}
+
+Rows Problem::rowsOfPoses(const VectorXd& z, bool derivatives) const {
+  const std::vector<PoseReading>& poses = data_.poses;
+  std::vector<Rows> parts;
+  const auto count = static_cast<Eigen::Index>(6 * poses.size());
+  MatrixXd covariance = MatrixXd::Zero(count, count);
+  const Vector6 walk = perAxis(prior_.sensor_walk).cwiseAbs2() / kMinute;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    parts.push_back(rows(z, poses[i], derivatives));
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+      covariance.block<6, 6>(6 * i, 6 * k).diagonal() =
+          std::min(poses[i].time, poses[k].time) * walk;
+    }
+    covariance.block<6, 6>(6 * i, 6 * i) += poses[i].covariance;
+  }
+  Rows all = joined(parts);
+  whiten(covariance, all);
+  return all;
 }
 
 Rows Problem::rowsOfFriction(const VectorXd& z, bool derivatives) const {
@@ -234,19 +287,10 @@ Rows Problem::rows(const VectorXd& z, bool held_out, bool derivatives) const {
     if (reading.held_out == held_out) parts.push_back(rows(z, reading, derivatives));
   }
   if (!held_out) {
-    for (const PoseReading& reading : data_.poses) parts.push_back(rows(z, reading, derivatives));
+    if (!data_.poses.empty()) parts.push_back(rowsOfPoses(z, derivatives));
     if (data_.friction) parts.push_back(rowsOfFriction(z, derivatives));
   }
-  Eigen::Index count = 0;
-  for (const Rows& part : parts) count += part.residual.size();
-  Rows all{VectorXd(count), MatrixXd(derivatives ? count : 0, size())};
-  Eigen::Index row = 0;
-  for (const Rows& part : parts) {
-    all.residual.segment(row, part.residual.size()) = part.residual;
-    if (derivatives) all.jacobian.middleRows(row, part.residual.size()) = part.jacobian;
-    row += part.residual.size();
-  }
-  return all;
+  return joined(parts);
 }
 
 }  // namespace identification

@@ -22,7 +22,7 @@ class Problem {
   Problem(const Mechanism& nominal, const IdentificationData& data,
           const IdentificationPrior& prior);
 
-  int size() const { return kAside + places_; }
+  int size() const { return kAside + 7 * places_; }
   // All readings that are, or are not, left out. `derivatives`: the Jacobian as well.
   Rows rows(const Eigen::VectorXd& z, bool held_out, bool derivatives) const;
   // One vibration.
@@ -35,15 +35,19 @@ class Problem {
   using Wave = Eigen::Matrix<double, 12, 1>;  // real parts, imaginary parts
 
   Rows rows(const Eigen::VectorXd& z, const PoseReading& reading, bool derivatives) const;
+  Rows rowsOfPoses(const Eigen::VectorXd& z, bool derivatives) const;
   Rows rowsOfFriction(const Eigen::VectorXd& z, bool derivatives) const;
   MechanismModel model(const Eigen::VectorXd& z) const;
   Wave exactWave(const Eigen::VectorXd& z, const VibrationReading& reading) const;
   // of a contact that differs from what the map makes of the reading's
   Wave exactWave(const Eigen::VectorXd& z, const VibrationReading& reading,
                  const Vector6& contact) const;
-  // of the reading's contact by the map's unknowns
-  Eigen::Matrix<double, 12, 36> waveByMap(const Eigen::VectorXd& z, const VibrationReading& reading,
-                                          const Wave& exact) const;
+  // what the zero of a place's contacts has walked, behind the leans of all
+  int walkAt(int place) const { return kAside + places_ + 6 * place; }
+  Vector6 seenContact(const Eigen::VectorXd& z, const VibrationReading& reading) const;
+  // by what the reading's contact owes to map and drift
+  void addContact(const Eigen::VectorXd& z, const VibrationReading& reading, const Wave& exact,
+                  Eigen::MatrixXd& jacobian) const;
   Vector6 exactWeight(const Eigen::VectorXd& z, const PoseReading& reading) const;
   Matrix6 map(const Eigen::VectorXd& z) const;
   Eigen::Matrix<double, 6, 36> mapDerivative(const Vector6& wrench) const;

@@ -128,7 +128,7 @@ SecondWorld::~SecondWorld() = default;
 
 SecondWorld::Coupling SecondWorld::coupling() const {
   const Engine& e = *engine_;
-  const RestMotion rest = commands_.restAt(time());
+  const RestMotion rest = restNow();
   const Vector6 at = rest.position, rate = rest.rate;
   const Vector3d going = e.rates(kCarrier);
   Coupling c;
@@ -165,7 +165,7 @@ void SecondWorld::evaluate() {
   Vector3d::Map(on_peg) = c.force + push;
   Vector3d::Map(on_peg + 3) = c.moment + mechanism.peg.coupling_height * axis.cross(c.force) +
                               mechanism.peg.exciter_height * axis.cross(push);
-  const RestMotion rest = commands_.restAt(time());
+  const RestMotion rest = restNow();
   const Vector6 &at = rest.position, &rate = rest.rate;
   const Vector3d off = e.positions(kCarrierPlace) - Vector3d(at(0), at(1), at(3));
   const Vector3d slip = e.rates(kCarrier) - Vector3d(rate(0), rate(1), rate(3));
@@ -183,13 +183,26 @@ void SecondWorld::evaluate() {
   stale_ = false;
 }
 
+// What is commanded and how the carrier gives way.
+RestMotion SecondWorld::restNow() const {
+  RestMotion rest = commands_.restAt(time());
+  rest.position.head<3>() += give_;
+  rest.rate.head<3>() += give_rate_;
+  return rest;
+}
+
+// Over the step that follows, by the force of now.
+void SecondWorld::giveWay(double h) {
+  const Vector3d way = -scenario_.imperfections.compliance.cwiseProduct(coupling().force) - give_;
+  const Vector3d step = -std::expm1(-h / kGiveLag) * way;
+  give_rate_ = step / h;
+  give_ += step;
+}
+
 void SecondWorld::step(double h) {
   Engine& e = *engine_;
-  if (isCompliant(scenario_) && time() >= commands_.shift.updated + RestShift::kSlice - kSameTime) {
-    giveWay(commands_, scenario_.imperfections.compliance, time(), -coupling().force);
-    stale_ = true;
-  }
   if (stale_) evaluate();
+  if (isCompliant(scenario_)) giveWay(h);
   e.m->opt.timestep = h;
   mj_Euler(e.m, e.d);
   ++steps_;
@@ -239,7 +252,7 @@ Vector6 SecondWorld::stopWay() const {
   return assembly_cell::stopWay(commands_, scenario_.mechanism, time());
 }
 
-RestPose SecondWorld::rest() const { return restPose(commands_.restAt(time()).position); }
+RestPose SecondWorld::rest() const { return restPose(restNow().position); }
 
 void SecondWorld::setRestShift(const Vector6& shift) {
   assembly_cell::setRestShift(commands_, scenario_.mechanism, time(), shift);
@@ -247,7 +260,9 @@ void SecondWorld::setRestShift(const Vector6& shift) {
 }
 
 Vector6 SecondWorld::restShift() const {
-  return commands_.shift.any ? commands_.shift.at(time()) : Vector6::Zero();
+  Vector6 shift = commands_.shift ? restMotion(*commands_.shift, time()).position : Vector6::Zero();
+  shift.head<3>() += give_;
+  return shift;
 }
 
 bool SecondWorld::atRest() const { return commands_.settledAt(time()); }
@@ -411,7 +426,7 @@ double SecondWorld::kineticEnergy() const {
 double SecondWorld::energy() const {
   const Coupling c = coupling();
   const Mechanism& mechanism = scenario_.mechanism;
-  const Vector6 rest = commands_.restAt(time()).position;
+  const Vector6 rest = restNow().position;
   const Vector3d off = engine_->positions(kCarrierPlace) - Vector3d(rest(0), rest(1), rest(3));
   return kineticEnergy() + 0.5 * c.deflection.dot(engine_->stiffness * c.deflection) +
          0.5 * mechanism.carrier.stiffness.dot(off.cwiseProduct(off)) +

@@ -330,8 +330,7 @@ TEST(TrueCarrier, GivesWayThroughItsLag) {
   for (int block = 1; block <= 5; ++block) {
     run(cell, 0.02);
     const double t = 0.02 * block;
-    // the force starts to count at the first slice, 0.2 ms, and rings by some per cent as the peg
-    // follows
+    // the force rings by some per cent as the peg follows
     EXPECT_NEAR(cell.world().restShift()(2), -5e-6 * weight * (1 - std::exp(-t / 0.01)),
                 0.03 * 5e-6 * weight);
     EXPECT_NEAR(cell.reported().p.z(), start, 1e-12);

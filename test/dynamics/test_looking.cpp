@@ -125,6 +125,10 @@ TEST(LookingWithinSteps, TruthAndSamplesAreThoseOfAFineRun) {
   compareWithFineRun(scene, "pressed", HUGE_VAL);
   scene.rest.z = 0.086;
   compareWithFineRun(scene, "hanging", 0.8 * Shaken::kSamples * Shaken::kBlocks);
+  scene.imperfections.compliance.setConstant(5e-6);
+  compareWithFineRun(scene, "hanging, giving way", 0.8 * Shaken::kSamples * Shaken::kBlocks);
+  scene.rest.z = 0.0795;
+  compareWithFineRun(scene, "pressed, giving way", HUGE_VAL);
 }
 
 TEST(LookingWithinSteps, ChangesNoStep) {

@@ -3,9 +3,11 @@
 // stop.
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <cstring>
 #include <limits>
 #include <random>
@@ -105,6 +107,66 @@ TEST(Simulation, HangingPegDeflectsTheCoupling) {
   // settled: the time constant is 3 ms
   EXPECT_LT((couplingDeflection(sim) - deflection).norm(), 1e-11);
   EXPECT_LT((sim.couplingWrench() - wrench).norm(), 1e-6);
+}
+
+// Let go in the upright coupling of a carrier that gives way: deflection X, its rate and the way w
+// are linear in time, by their eigenvalues. F = k (X - w) + c (X' - w') on the carrier, and
+// kGiveLag w' = C F - w.
+TEST(Simulation, TheCarrierGivesWayAsItsClosedForm) {
+  for (const char* axes : {"hole", "carrier"}) {
+    for (const char* solver : {"dopri5", "dop853", "hamming", "rk4"}) {
+      Scenario s = load("cell", {"contact={law: none}", std::string("coupling.axes=") + axes,
+                                 std::string("solver.integrator=") + solver});
+      s.solver.tolerance = 1e-12;
+      s.solver.step = 2e-5;
+      place(s, {0, 0, 0.01}, 0.0, 0.0);
+      const double compliance = 2e-5;
+      s.imperfections.compliance = {0.0, 0.0, compliance};
+      Simulation sim(s);
+      const double m = s.mechanism.peg.mass, k = s.mechanism.coupling.stiffness.diagonal(0),
+                   c = s.mechanism.coupling.damping.diagonal(0), weight = m * s.mechanism.gravity;
+      const double start = sim.state().q(0);
+      ASSERT_NEAR(couplingDeflection(sim)(2), 0.0, 1e-15);
+      // w' = by (X, X', w)
+      const Eigen::RowVector3d by =
+          Eigen::RowVector3d(compliance * k, compliance * c, -compliance * k - 1.0) /
+          (kGiveLag + compliance * c);
+      Eigen::Matrix3d A;
+      A << 0, 1, 0, (Eigen::RowVector3d(-k, -c, k) + c * by) / m, by;
+      const Vector3d end = {-weight * (1 / k + compliance), 0, -weight * compliance};
+      const Eigen::EigenSolver<Eigen::Matrix3d> modes(A);
+      const Eigen::Vector3cd from =
+          modes.eigenvectors().partialPivLu().solve((-end).cast<std::complex<double>>());
+      for (const double t : {0.001, 0.004, 0.01, 0.03}) {
+        ASSERT_EQ(sim.advance(t), StopReason::kOk);
+        const Eigen::Vector3cd at =
+            modes.eigenvectors() *
+            from.cwiseProduct((modes.eigenvalues() * t).array().exp().matrix());
+        const Vector3d expected = end + at.real();
+        EXPECT_NEAR(sim.state().q(0) - start, expected(0), 1e-11) << axes << ", " << solver;
+        EXPECT_NEAR(sim.restShift()(2), expected(2), 1e-11) << axes << ", " << solver;
+      }
+    }
+  }
+}
+
+// Pushed along all axes, at rest: it has given way by its compliance times the coupling's force.
+TEST(Simulation, TheCarrierGivesWayByItsComplianceTimesTheForce) {
+  Scenario s = load("cell", {"contact={law: none}"});
+  place(s, {0, 0, 0.01}, 0.02, 0.5);
+  s.push = {0.7, -1.1, 0.4};
+  s.imperfections.compliance = {1e-5, 2e-5, 3e-5};
+  Simulation sim(s);
+  ASSERT_EQ(sim.advance(4.0), StopReason::kOk);
+  const Vector3d force = sim.carrierPose().R * sim.couplingWrench().head<3>();
+  const Vector6 shift = sim.restShift();
+  // what is left of the swing, of 2 N
+  EXPECT_LT((shift.head<3>() - s.imperfections.compliance.cwiseProduct(force)).norm(), 1e-11);
+  EXPECT_GT(std::abs(force.x()), 0.5);
+  // the carrier's springs hold what the coupling pulls, from where they have gone
+  const RestPose carrier = sim.carrier();
+  EXPECT_NEAR(carrier.x, s.rest.x + shift(0) + force.x() / s.mechanism.carrier.stiffness(0), 1e-11);
+  EXPECT_NEAR(carrier.z, s.rest.z + shift(2), 1e-15);
 }
 
 TEST(Simulation, PosesAreThoseOfTheScenario) {

@@ -15,7 +15,15 @@ using Vector9 = Eigen::Matrix<double, 9, 1>;
 struct State {
   Vector9 q = Vector9::Zero();
   Vector9 v = Vector9::Zero();
+  /// How far the rest pose gives way behind the encoders: x, y, z [m]. By the compliance times the
+  /// coupling's force, through a lag of kGiveLag. Zero where nothing gives way.
+  Eigen::Vector3d give = Eigen::Vector3d::Zero();
 };
+constexpr double kGiveLag = 0.01;  ///< [s]
+/// Some part of the carrier gives way behind its encoders.
+inline bool isCompliant(const Scenario& scenario) {
+  return !scenario.imperfections.compliance.isZero(0.0);
+}
 
 /// Position, velocity and acceleration of the six rest coordinates, in the order of RestPose:
 /// x2e, x3e, x1e, theta1e (yaw), theta2e (theta), theta3e (phi).
@@ -90,7 +98,10 @@ struct FreeMotion {
   Eigen::Vector3d FK, FKm;  ///< spring force (T part) and generalised moments (FK4, FK5, FK6)
   Eigen::Vector3d FC, FCm;  ///< damper force and moments (FC4, FC5, FC6)
   Vector6 deflection;       ///< d of the coupling, thesis order 1..6
+  /// How fast the carrier gives way, where it does: x, y, z [m/s].
+  Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();
 };
+/// `rest`: without what gives way.
 void freeMotion(const Scenario& s, const Kinematics& k, const State& state, const RestMotion& rest,
                 const Eigen::Vector2d& exciter_force, FreeMotion& m);
 
@@ -98,7 +109,7 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
 Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& force);
 
 double kineticEnergy(const Scenario& s, const State& state);  ///< of peg and carrier [J]
-/// Kinetic + coupling + carrier springs + weight [J].
+/// Kinetic + coupling + carrier springs + weight [J]. `rest`: without what gives way.
 double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest);
 
 }  // namespace assembly_cell

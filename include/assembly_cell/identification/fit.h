@@ -17,12 +17,12 @@ struct IdentificationPrior {
   double sensor_rotation = 0.0098;  ///< about each axis [rad]
   double sensor_offset = 2.9e-4;    ///< along each axis [m]
   double sensor_drift = 0.6;        ///< of each force, torques at 30 mm [N/min]
-  double sensor_walk = 0.01;        ///< of a zero between two poses, torques at 30 mm [N]
+  double sensor_walk = 0.05;        ///< of a zero, torques at 30 mm [N per root minute]
   double upright = 0.03;            ///< of the carrier's base against gravity and face [rad]
   double aside = 0.01;              ///< PressedState::aside [rad]
   // what the model leaves out, of the largest force of a reading, torques at 30 mm
   double hanging_model = 1.5e-4;
-  double pressed_model = 1.5e-4;
+  double pressed_model = 7e-5;
 };
 
 /// What the data left out of the fit say.

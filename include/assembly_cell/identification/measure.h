@@ -46,7 +46,8 @@ struct VibrationReading {
   std::optional<int> place;              ///< where the peg was pressed; none: it hung
   Eigen::Matrix3d R_BS = Eigen::Matrix3d::Identity();  ///< sensor axes in the carrier's base
   Vector6 contact = Vector6::Zero();                   ///< as in PressedState; 0 where it hung
-  bool held_out = false;                               ///< left out of the fit, to judge it
+  double since_zero = 0.0;  ///< from the zero of `contact` to the window [s]
+  bool held_out = false;    ///< left out of the fit, to judge it
 };
 
 /// The peg at rest in a turned pose.

@@ -17,8 +17,7 @@ std::string mjcf(const Scenario& scenario, const SoftContact& contact);
 /// The cell in MuJoCo: rigid-body dynamics, collisions, contact forces and friction are the
 /// engine's. The springs of coupling and carrier are forces on its bodies, by the rotation vector
 /// of the coupling and in the carrier's axes; `Simulation` takes Euler angles and the hole's. The
-/// carrier's profile, the exciter's force and how the carrier gives way are commands and the same
-/// for both.
+/// carrier's profile and the exciter's force are commands and the same for both.
 ///
 /// A step: positions and contacts of now (mj_forward) under the forces of now, then the engine's
 /// semi-implicit Euler step. All that is asked for is of the present time.
@@ -62,12 +61,16 @@ class SecondWorld final : public World {
   struct Coupling;
 
   Coupling coupling() const;
+  RestMotion restNow() const;
+  void giveWay(double h);
   void evaluate();
   void step(double h);
 
   Scenario scenario_;
   SoftContact contact_;
   Commands commands_;
+  Eigen::Vector3d give_ = Eigen::Vector3d::Zero();       // as in State
+  Eigen::Vector3d give_rate_ = Eigen::Vector3d::Zero();  // over the last step
   std::unique_ptr<Engine> engine_;
   StopReason stop_ = StopReason::kOk;
   std::int64_t steps_ = 0;
