@@ -26,7 +26,7 @@ constexpr double kHeaviest = 4.0 / 1.5;  // 4 N
 constexpr double kMoreSink = 2.0;
 constexpr double kLongest = 20.0;
 constexpr double kStill = 0.03;       // at rest, from block to block [N]
-constexpr double kStillShare = 0.25;  // of the clearance
+constexpr double kStillShare = 0.25;  // of what the mouth leaves round the tip
 constexpr double kLeastStill = 0.3;   // of kStill: twice the noise of a 16 bit block
 
 // of the slowest mode of the peg in its coupling, the carrier held [s]
@@ -75,8 +75,9 @@ Scale scaleOf(const Mechanism& mechanism) {
   scale.sink = scale.force * pressCompliance(mechanism) / kPress;
   const double sideways = sidewaysCompliance(mechanism);
   scale.give = scale.force * sideways / kSideways;
-  const double clearance = mechanism.hole.radius - peg.radius;
-  scale.still = std::clamp(kStillShare * clearance / sideways / kStill, kLeastStill,
+  // a chamfer leads in what is farther off
+  const double mouth = mechanism.hole.radius + mechanism.hole.chamfer_width - tipRadius(peg);
+  scale.still = std::clamp(kStillShare * mouth / sideways / kStill, kLeastStill,
                            std::max(kLeastStill, scale.force));
   const double impedance = std::sqrt(mechanism.coupling.stiffness.diagonal(0) * peg.mass);
   scale.step = std::min({1.0, kMoreSink * scale.sink, scale.force * kImpedance / impedance});

@@ -19,12 +19,12 @@ constexpr double kFreeShare = 0.5;        // of the clearance, free to all sides
 constexpr double kBehind = 0.35;          // of such a step, what doesn't follow: more is a wall
 constexpr double kOffWall = 0.5;          // of the clearance, a step off a wall
 constexpr int kFreeTries = 8;             // to get off a wall
-constexpr double kWallSd = 5e-6;          // of a middle between walls, per axis [m]
+constexpr double kWallSd = 4e-6;          // of a middle between walls, per axis [m]
 // A move of this length ends where none did before (docs/mismatch.md): the middle of two walls that
-// are felt after one each scatters by half of that.
-constexpr double kOwnEnd = 2e-4;  // [m]
-constexpr int kSwingBlocks = 5;   // until a swing is gone that looks like a wall
-constexpr int kRestBlocks = 2;    // in the middle, to come to rest
+// are felt after one each scatters by half of that, and a tenth goes for what touches don't tell.
+constexpr double kOwnEnd = 2e-4, kOfEnds = 0.6;
+constexpr int kSwingBlocks = 5;  // until a swing is gone that looks like a wall
+constexpr int kRestBlocks = 2;   // in the middle, to come to rest
 
 }  // namespace
 
@@ -136,7 +136,7 @@ bool Search::centre(const Mat3& R) {
     const double noise = press_.reportNoise().position;
     hole_.center_covariance =
         Eigen::Matrix2d::Identity() *
-        (kWallSd * kWallSd + noise * noise + (own_ends ? 0.5 : 1.0) * place_variance_);
+        (kWallSd * kWallSd + noise * noise + (own_ends ? kOfEnds : 1.0) * place_variance_);
     found_ = true;
   }
   return true;

@@ -233,6 +233,8 @@ void printSummary(Simulation& simulation, const std::string& truth, double wall_
             << "rejected: " << counts.rejected << "\n"
             << "events: " << counts.events << "\n"
             << "impacts: " << counts.impacts << "\n"
+            << "jams: " << counts.jams << "\n"
+            << "chatters: " << counts.chatters << "\n"
             << "wall_time: " << shown(wall_time) << "\n"
             << (truth == "{}" ? "" : "mismatch: " + truth + "\n") << "final:\n";
   for (const Column& column : rowOf(simulation)) {

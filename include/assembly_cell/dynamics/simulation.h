@@ -37,8 +37,9 @@ struct RunCounts {
 ///
 /// In src/dynamics: `System` (constant), `Context` (where the run is) and `Evaluation` (what f
 /// found) are plain values in context.h; evaluation.h is f, contact_solver.h its forces,
-/// integrator.h the step, event_locator.h the events, impact.h the impacts, contact_modes.h the
-/// decisions, chatter.h the rest. Equations: docs/theory.md.
+/// integrator.h the step, event_locator.h the events, impact.h the impacts, contact_modes.h and
+/// mode_search.h the decisions, chatter.h what is too dense for them; simulation_run.h puts the
+/// steps together and looks into them. Equations: docs/theory.md.
 class Simulation final : public World {
  public:
   /// Throws InputError when the scenario asks for what is not available (law, integrator).
