@@ -24,7 +24,6 @@ constexpr double kWallForce = 1.0;     // of a wall that stops a peg at rest [N]
 constexpr double kSofter = 7e3;        // stiffness sideways at the peg's bottom [N/m]
 constexpr double kUnknownAxis = 0.05;  // sd of the axis of a hole that only walls tell [rad]
 constexpr int kZeroBlocks = 4;         // of a zero over the hole
-constexpr int kWallBlocks = 2;         // to come to rest
 constexpr int kTouches = 4;            // that may give way, one after the other
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
 constexpr int kBackOuts = 2;        // more, where the first didn't free the peg

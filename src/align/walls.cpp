@@ -24,7 +24,6 @@ constexpr double kWallSd = 4e-6;          // of a middle between walls, per axis
 // are felt after one each scatters by half of that, and a tenth goes for what touches don't tell.
 constexpr double kOwnEnd = 2e-4, kOfEnds = 0.6;
 constexpr int kSwingBlocks = 5;  // until a swing is gone that looks like a wall
-constexpr int kRestBlocks = 2;   // in the middle, to come to rest
 
 }  // namespace
 
@@ -123,7 +122,7 @@ bool Search::centre(const Mat3& R) {
     const bool own_ends = (from_ahead - target).norm() > kOwnEnd;
     target += along * along.dot(0.5 * (ahead + behind) - target);
     press_.moveTo(restFor(target, R));
-    press_.wait(timed(kRestBlocks));
+    press_.wait(timed(kWallBlocks));
     if (axis == 0) continue;
     const double apart = along.dot(ahead - behind);
     report("centre", text("between walls %.3f mm apart", apart * 1e3));

@@ -36,6 +36,14 @@ void whiten(const MatrixXd& covariance, identification::Rows& rows) {
   if (rows.jacobian.size() > 0) rows.jacobian = root.matrixL().solve(rows.jacobian);
 }
 
+// what the zero of a pressed peg's contact may have drifted and walked
+Vector6 driftOf(const IdentificationPrior& prior, const VibrationReading& reading) {
+  return perAxis(prior.sensor_drift * reading.since_zero / kMinute);
+}
+Vector6 walkOf(const IdentificationPrior& prior) {
+  return perAxis(prior.sensor_walk * std::sqrt(kHeld / kMinute));
+}
+
 // one below the other
 identification::Rows joined(const std::vector<identification::Rows>& parts) {
   Eigen::Index count = 0, derivatives = 0, unknowns = 0;
@@ -100,10 +108,8 @@ MechanismModel Problem::model(const VectorXd& z) const {
 
 // without drift and walk of the sensor's zero
 Vector6 Problem::seenContact(const VectorXd& z, const VibrationReading& reading) const {
-  const Vector6 drift = perAxis(prior_.sensor_drift * reading.since_zero / kMinute);
-  const Vector6 walk = perAxis(prior_.sensor_walk * std::sqrt(kHeld / kMinute));
-  return reading.contact - drift.cwiseProduct(z.segment<6>(kDrift)) -
-         walk.cwiseProduct(z.segment<6>(walkAt(*reading.place)));
+  return reading.contact - driftOf(prior_, reading).cwiseProduct(z.segment<6>(kDrift)) -
+         walkOf(prior_).cwiseProduct(z.segment<6>(walkAt(*reading.place)));
 }
 
 Problem::Wave Problem::exactWave(const VectorXd& z, const VibrationReading& reading) const {
@@ -171,10 +177,8 @@ void Problem::addContact(const VectorXd& z, const VibrationReading& reading, con
   }
   const Eigen::Matrix<double, 12, 6> by_seen = by_contact * seen_inverse.inverse();
   jacobian.middleCols<36>(kMap) -= by_seen * mapDerivative(contact);
-  const Vector6 drift = perAxis(prior_.sensor_drift * reading.since_zero / kMinute);
-  jacobian.middleCols<6>(kDrift) -= by_seen * drift.asDiagonal();
-  const Vector6 walk = perAxis(prior_.sensor_walk * std::sqrt(kHeld / kMinute));
-  jacobian.middleCols<6>(walkAt(*reading.place)) -= by_seen * walk.asDiagonal();
+  jacobian.middleCols<6>(kDrift) -= by_seen * driftOf(prior_, reading).asDiagonal();
+  jacobian.middleCols<6>(walkAt(*reading.place)) -= by_seen * walkOf(prior_).asDiagonal();
 }
 
 WrenchPhasor Problem::fitted(const VectorXd& z, const VibrationReading& reading) const {

@@ -85,6 +85,7 @@ class Search {
   int blocks(double duration) const;
   /// So many blocks of the default cell, where a swing dies away as fast as the coupling lets it.
   int timed(int blocks) const;
+  static constexpr int kWallBlocks = 2;  ///< beside walls, to come to rest
   void report(const char* state, const std::string& message);
   /// Hanging free at rest: S from here on. True when the peg is in the hole already: walls on all
   /// four sides; its centre is known then, its axis isn't.
