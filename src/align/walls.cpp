@@ -16,8 +16,8 @@ constexpr double kWallDeflection = 6e-5;  // of the peg against its carrier that
 constexpr double kGapShare = 0.5;         // of twice the clearance: walls may be nearer or farther
 constexpr double kGapSlack = 6e-5;        // and by so much at least [m]
 constexpr double kFreeShare = 0.5;        // of the clearance, free to all sides at the end
-constexpr double kBehind = 0.35;          // of such a step, what doesn't follow: more is a wall
-constexpr double kOffWall = 0.5;          // of the clearance, a step off a wall
+constexpr double kBehind = 0.25;          // of such a step, what doesn't follow: more is a wall
+constexpr double kOffWall = 0.5;          // of the clearance, a step off a wall at most
 constexpr int kFreeTries = 8;             // to get off a wall
 constexpr double kWallSd = 4e-6;          // of a middle between walls, per axis [m]
 // A move of this length ends where none did before (docs/mismatch.md): the middle of two walls that
@@ -59,8 +59,8 @@ bool Search::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
 }
 
 // The peg doesn't end against a wall: a carrier that comes to rest somewhere else each time may
-// have put the middle there. Free is what follows the carrier to all four sides; else `target` is
-// moved to where the wall pushes.
+// have put the middle there. Free is what follows the carrier to all four sides; else `target` goes
+// by what didn't follow.
 bool Search::clearOfWalls(Vec3& target, const Mat3& R) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
   const double clearance = mechanism_.hole.radius - mechanism_.peg.radius;
@@ -79,21 +79,21 @@ bool Search::clearOfWalls(Vec3& target, const Mat3& R) {
   // a longer way ends here, where the peg will stay: the short ones that follow don't change that
   press_.moveTo(restFor(target + 0.5 * p_.insertion_depth * hole_.normal, R));
   press_.moveTo(restFor(target, R));
-  if (!press_.settle() || press_.force().norm() > insertionForce()) return false;
   for (int i = 0; i < kFreeTries; ++i) {
     const Vec3 here = place(target);
-    bool free = true;
-    for (int side = 0; free && side < 4; ++side) {
+    bool free = press_.force().norm() < insertionForce();
+    Vec2 back = Vec2::Zero();  // what walls take of the four ways, in all
+    for (int side = 0; side < 4; ++side) {
       const Vec3 way = (side % 2 == 0 ? 1.0 : -1.0) * axes.col(side / 2);
-      const Vec3 left = place(target + step * way) - here - step * way;
-      free = (axes.transpose() * left).norm() < kBehind * step;
+      const Vec2 behind = axes.transpose() * (place(target + step * way) - here - step * way);
+      free = free && behind.norm() < kBehind * step;
+      back += behind;
     }
     if (free) {
-      place(target);
+      place(target);  // and until it no longer swings
       return true;
     }
-    const Vec2 pushed = axes.transpose() * (here - sag_ - target);
-    target += kOffWall * clearance * (axes * pushed.normalized());
+    target += axes * back * std::min(1.0, kOffWall * clearance / back.norm());
   }
   report("centre", "a wall on every side");
   return false;
@@ -104,6 +104,7 @@ bool Search::clearOfWalls(Vec3& target, const Mat3& R) {
 bool Search::centre(const Mat3& R) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
   const double gap = 2.0 * (mechanism_.hole.radius - mechanism_.peg.radius);
+  const bool stays = !p_.insert.wanted() && !isFarIn();
   for (int axis = 0; axis < 2; ++axis) {
     Vec3 ahead, behind;
     const Vec3 along = axes.col(axis);
@@ -121,15 +122,18 @@ bool Search::centre(const Mat3& R) {
     Vec3 target = asked();
     const bool own_ends = (from_ahead - target).norm() > kOwnEnd;
     target += along * along.dot(0.5 * (ahead + behind) - target);
-    press_.moveTo(restFor(target, R));
-    press_.wait(timed(kWallBlocks));
+    // the last middle is gone to by clearOfWalls(), where the peg stays
+    if (axis == 0 || !stays) {
+      press_.moveTo(restFor(target, R));
+      press_.wait(timed(kWallBlocks));
+    }
     if (axis == 0) continue;
     const double apart = along.dot(ahead - behind);
     report("centre", text("between walls %.3f mm apart", apart * 1e3));
     if (std::abs(apart - gap) > std::max(kGapShare * gap, kGapSlack * scale_.give)) return false;
     // no wall pushes any more: the peg itself is in the middle
     // (deep in the hole the walls lead, and the depth says where the peg is)
-    if (!p_.insert.wanted() && !isFarIn() && !clearOfWalls(target, R)) return false;
+    if (stays && !clearOfWalls(target, R)) return false;
     const Vec3 center = target + sag_;
     hole_.center = center - hole_.normal * (hole_.normal.dot(center) - hole_.height);
     const double noise = press_.reportNoise().position;

@@ -31,6 +31,15 @@ constexpr double kBlindPhase = 0.3;  // [rad]
 // of slow_slip.h see that themselves.
 constexpr double kBlindSlip = 1.0;
 constexpr int kMostLooks = 8;
+// An event is looked for by so many secants, then by halves in turn. Half and twice: a vibrated
+// press takes 2 % more and the same.
+constexpr int kSecants = 6;
+// Shorter steps are taken anew: what the interpolant gains there is in its rounding [s].
+constexpr double kRefined = 1e-6;
+// So are those of which the middle changes the interpolant by more than this part of the tolerance.
+// No result of the suite changes at half or twice of either; without it a rocking face is off by
+// 3.6 tolerances.
+constexpr double kDense = 1.0;
 
 // Slip along that at the step's start; of a face that of the point that goes on fastest.
 double onwards(const Context& c, const Evaluation& e, std::size_t i) {
@@ -81,6 +90,10 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
 
 bool anyBroken(const Events& events) {
   return std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
+}
+
+bool oneBroken(const Events& events) {
+  return std::count_if(events.begin(), events.end(), [](double value) { return value < 0.0; }) == 1;
 }
 
 // Of the events that are broken at the end the one that is first, each against its value there.
@@ -183,23 +196,37 @@ bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluatio
   return hidden;
 }
 
-// Bracketed on the interpolant (Illinois with bisection against jumps), then the step is taken anew
-// to exactly there and corrected if the event functions are off.
-void locateEvent(const System& s, const Context& c, Events at_end, Trial& step, Evaluation& e) {
-  const Trial whole = step;
-  const double h = whole.h;
-  // the interpolant is not worth more
-  const double resolution = std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), 1e-7 * h});
+namespace {
+
+// The search for the first event within a step that was tried.
+struct EventSearch {
+  const System& s;
+  const Context& c;
+  Trial whole;    // as it was tried
+  Events at_end;  // of its end, all below zero that are looked for
+  Trial& step;
+  Evaluation& e;
   Events events = at_end;
-  const auto eventsAt = [&](double tau) {
-    const State at = interpolate(c, whole, tau);
-    if (!isFinite(at)) return false;
-    evaluate(s, c, c.time + tau, at, Level::kEvents, e);
+  First first = firstOf(at_end, at_end);
+  double beyond = -1.0;  // of the first event, where it was last seen below zero
+
+  // `step` is the part of the whole one up to tau.
+  bool endAt(double tau) {
+    step.h = tau;
+    step.end = interpolate(c, whole, tau);
+    if (!isFinite(step.end)) return false;
+    step.slope = evaluate(s, c, c.time + tau, step.end, Level::kEvents, e);
+    step.give_rate = e.motion.give_rate;
+    return true;
+  }
+
+  bool eventsAt(double tau) {
+    if (!endAt(tau)) return false;
     events = eventValues(s, c, e);
     return true;
-  };
-  First first = firstOf(at_end, at_end);
-  const auto valueAt = [&](double tau) {
+  }
+
+  double valueAt(double tau) {
     if (!eventsAt(tau)) return -1.0;
     const First found = firstOf(events, at_end);
     if (found.value >= 0.0 && !anyBroken(events)) return found.value;
@@ -207,60 +234,89 @@ void locateEvent(const System& s, const Context& c, Events at_end, Trial& step, 
     if (found.value >= 0.0) at_end = events;
     first = firstOf(events, at_end);
     return first.value;
-  };
-  double low = 0.0, high = h, f_high = -1.0;
-  double f_low = std::max(firstOf(c.events, at_end).value, 1e-300);
-  double beyond = f_high;
-  int side = 0;
-  for (int i = 0; i < 200 && high - low > resolution; ++i) {
-    double middle =
-        i % 4 == 3 ? 0.5 * (low + high) : (low * f_high - high * f_low) / (f_high - f_low);
-    middle = std::clamp(middle, low + 0.25 * resolution, high - 0.25 * resolution);
-    const double f = valueAt(middle);
-    if (f < 0.0) {
-      high = middle;
-      f_high = beyond = f;
-      if (side == -1) f_low *= 0.5;
-      side = -1;
-    } else {
-      low = middle;
-      f_low = std::max(f, 1e-300);
-      if (side == 1) f_high *= 0.5;
-      side = 1;
-    }
   }
 
-  // exactly there; slope of the event's function for the correction, where it has one
-  const auto valueOfFirst = [&] { return events[first.event] / -at_end[first.event]; };
-  const double span = std::min(1e-6, 0.5 * high);
-  double rate = 0.0;
-  if (beyond > -kJump && eventsAt(high - span)) rate = (beyond - valueOfFirst()) / span;
-  const Method method = whole.method == Method::kHamming ? Method::kRk4 : whole.method;
-  step.h = high;
-  for (int i = 0; i < 3; ++i) {
-    attemptStep(s, c, method, step, e);
-    if (std::isinf(step.error)) {
-      // no step ends there: what the longer one says of it
-      step.end = interpolate(c, whole, step.h);
-      step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
-      step.give_rate = e.motion.give_rate;
-      break;
+  double valueOfFirst() const { return events[first.event] / -at_end[first.event]; }
+
+  // The end of a bracket: secants, a little beyond so that they come to the far side; where these
+  // don't end soon, halves.
+  double bracket(double resolution) {
+    double low = 0.0, high = whole.h;
+    double before = 0.0, f_before = std::max(firstOf(c.events, at_end).value, 1e-300);
+    double latest = high, f_latest = -1.0;
+    for (int i = 0; i < 200 && high - low > resolution; ++i) {
+      const double slope = (f_latest - f_before) / (latest - before);
+      double middle = latest - f_latest / slope + 0.5 * resolution;
+      const bool near = middle > low - resolution && middle < high + resolution;
+      if (!near || (i > kSecants && i % 2 == 0)) middle = 0.5 * (low + high);
+      middle = std::clamp(middle, low + 0.25 * resolution, high - 0.25 * resolution);
+      const std::size_t event = first.event;
+      before = latest;
+      f_before = f_latest;
+      latest = middle;
+      f_latest = valueAt(middle);
+      if (f_latest >= 0.0) {
+        low = middle;
+        continue;
+      }
+      high = middle;
+      beyond = f_latest;
+      const double rate = (f_latest - f_before) / (latest - before);
+      if (first.event == event && -f_latest < -rate * resolution && oneBroken(events)) break;
     }
-    events = eventValues(s, c, e);
-    const double f = valueOfFirst();
-    double off = rate < 0.0 && std::isfinite(f) ? -f / rate : 0.0;
-    if (std::abs(off) < 0.5 * kEventTime || std::abs(off) > 0.1 * h || i == 2) break;
-    off = std::clamp(off, -0.5 * step.h, h - step.h);
-    step.h += off;
-    if (std::abs(off) < kTaylorTime) {
-      // so near that the slopes at hand are exact
-      step.end.q += off * (step.end.v + 0.5 * off * step.slope);
-      step.end.v += off * step.slope;
-      step.end.give += off * step.give_rate;
-      step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
-      step.give_rate = e.motion.give_rate;
-      break;
+    return high;
+  }
+
+  // The step anew to tau, corrected by the slope of the event's function, where it has one.
+  void takeAnew(double tau) {
+    const double h = whole.h, span = std::min(1e-6, 0.5 * tau);
+    double rate = 0.0;
+    if (beyond > -kJump && eventsAt(tau - span)) rate = (beyond - valueOfFirst()) / span;
+    const Method method = whole.method == Method::kHamming ? Method::kRk4 : whole.method;
+    step.h = tau;
+    for (int i = 0; i < 3; ++i) {
+      attemptStep(s, c, method, step, e);
+      if (std::isinf(step.error)) {
+        // no step ends there: what the longer one says of it
+        endAt(step.h);
+        break;
+      }
+      events = eventValues(s, c, e);
+      const double f = valueOfFirst();
+      double off = rate < 0.0 && std::isfinite(f) ? -f / rate : 0.0;
+      if (std::abs(off) < 0.5 * kEventTime || std::abs(off) > 0.1 * h || i == 2) break;
+      off = std::clamp(off, -0.5 * step.h, h - step.h);
+      step.h += off;
+      if (std::abs(off) < kTaylorTime) {
+        // so near that the slopes at hand are exact
+        step.end.q += off * (step.end.v + 0.5 * off * step.slope);
+        step.end.v += off * step.slope;
+        step.end.give += off * step.give_rate;
+        step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
+        step.give_rate = e.motion.give_rate;
+        break;
+      }
     }
+  }
+};
+
+}  // namespace
+
+// Bracketed on the interpolant. A step whose interpolant has its own order ends there; others are
+// taken anew to exactly there and corrected if the event functions are off.
+void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,
+                 Evaluation& e) {
+  EventSearch search{s, c, step, at_end, step, e};
+  const double h = step.h;
+  const bool dense = step.method == Method::kDopri5 && !s.compliant && h > kRefined &&
+                     refine(s, c, search.whole, e) <= kDense;
+  // the interpolant of another step is not worth more
+  const double worth = dense ? 0.0 : 1e-7 * h;
+  const double end = search.bracket(std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), worth}));
+  if (!dense) {
+    search.takeAnew(end);
+  } else if (step.h != end) {
+    search.endAt(end);
   }
 }
 

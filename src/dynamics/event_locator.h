@@ -19,6 +19,7 @@ void beginStep(const System& s, Context& c, const Evaluation& e);
 bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e);
 
 /// Shortens a step that ends with events broken (`at_end`) to end at the first of them.
-void locateEvent(const System& s, const Context& c, Events at_end, Trial& step, Evaluation& e);
+void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,
+                 Evaluation& e);
 
 }  // namespace assembly_cell

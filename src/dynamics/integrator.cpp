@@ -194,10 +194,25 @@ State interpolate(const Context& c, const Trial& step, double tau) {
     const Vector9 dv = step.end.v - c.state.v, s0 = h * c.slope, s1 = h * step.slope;
     s.v = c.state.v + u * (s0 + u * (3.0 * dv - 2.0 * s0 - s1 + u * (-2.0 * dv + s0 + s1)));
   }
+  const double w = u - u * u;
+  s.q += w * w * w * step.sixth;
+  s.v += 3.0 * w * w * (1.0 - 2.0 * u) / h * step.sixth;
   const Eigen::Vector3d g = step.end.give - c.state.give, g0 = h * c.give_rate,
                         g1 = h * step.give_rate;
   s.give = c.state.give + u * (g0 + u * (3.0 * g - 2.0 * g0 - g1 + u * (-2.0 * g + g0 + g1)));
   return s;
+}
+
+double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
+  const double h = step.h;
+  const Vector9 slope =
+      evaluate(s, c, c.time + 0.5 * h, interpolate(c, step, 0.5 * h), Level::kForces, e);
+  // what the polynomial of order six has there; (u - u^2)^3 has -3/8
+  const Vector9 of_ends = 1.5 / h * (step.end.v - c.state.v) - 0.25 * (c.slope + step.slope);
+  step.sixth = -8.0 / 3.0 * h * h * (slope - of_ends);
+  // greatest values of the polynomial and of its rate
+  constexpr double most = 1.0 / 64, fastest = 0.0537;
+  return errorOf(s, {most * step.sixth, fastest / h * step.sixth, Eigen::Vector3d::Zero()});
 }
 
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e) {

@@ -21,7 +21,8 @@ struct Trial {
   State end;
   Vector9 slope;                                        ///< v' there
   Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();  ///< of State::give there
-  double error = 0.0;  ///< over the tolerance; 0 without error control
+  double error = 0.0;               ///< over the tolerance; 0 without error control
+  Vector9 sixth = Vector9::Zero();  ///< of interpolate(), from refine(): coefficient of (u − u²)³
 };
 
 /// An error of a state over the tolerance.
@@ -30,6 +31,10 @@ double errorOf(const System& s, const State& error);
 /// The state at c.time + tau within a step from the context: position, velocity and acceleration at
 /// both ends make one polynomial of order six. What gives way has one of order four.
 State interpolate(const Context& c, const Trial& step, double tau);
+
+/// One order more for interpolate(), by the slope in the middle of the step; what that changes at
+/// most, over the tolerance.
+double refine(const System& s, const Context& c, Trial& step, Evaluation& e);
 
 /// A step of length step.h by a one-step method (kHamming: of the method that starts it). e: of its
 /// end.

@@ -61,6 +61,8 @@ class EnergyBalance {
     }
     // a force that ends with the step isn't seen there
     work_ += h * (smooth ? 0.5 * (last_.push + now.push) : std::max(last_.push, now.push));
+    // and the trapezium's own error: where the push jumps half of that, where it changes a tenth
+    allowed_ += h * (smooth ? 0.1 : 0.5) * std::abs(now.push - last_.push);
     events_ = sim_.counts().events;
     last_ = now;
     allowed_ += s_.solver.tolerance * sensitivity();
