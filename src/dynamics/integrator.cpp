@@ -212,7 +212,10 @@ double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
   step.sixth = -8.0 / 3.0 * h * h * (slope - of_ends);
   // greatest values of the polynomial and of its rate
   constexpr double most = 1.0 / 64, fastest = 0.0537;
-  return errorOf(s, {most * step.sixth, fastest / h * step.sixth, Eigen::Vector3d::Zero()});
+  const double change =
+      errorOf(s, {most * step.sixth, fastest / h * step.sixth, Eigen::Vector3d::Zero()});
+  if (std::isinf(change)) step.sixth.setZero();
+  return change;
 }
 
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e) {
