@@ -88,12 +88,8 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
   }
 }
 
-bool anyBroken(const Events& events) {
-  return std::any_of(events.begin(), events.end(), [](double value) { return value < 0.0; });
-}
-
-bool oneBroken(const Events& events) {
-  return std::count_if(events.begin(), events.end(), [](double value) { return value < 0.0; }) == 1;
+auto broken(const Events& events) {
+  return std::count_if(events.begin(), events.end(), [](double value) { return value < 0.0; });
 }
 
 // Of the events that are broken at the end the one that is first, each against its value there.
@@ -190,7 +186,7 @@ bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluatio
     const double tau = i == 0 ? dip : step.h * i / (looks + 1);
     evaluate(s, c, c.time + tau, interpolate(c, step, tau), Level::kEvents, inside);
     const Events events = eventValues(s, c, inside);
-    hidden = anyBroken(events);
+    hidden = broken(events) > 0;
   }
   e.count = inside.count;
   return hidden;
@@ -210,13 +206,17 @@ struct EventSearch {
   First first = firstOf(at_end, at_end);
   double beyond = -1.0;  // of the first event, where it was last seen below zero
 
+  void evaluateEnd() {
+    step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
+    step.give_rate = e.motion.give_rate;
+  }
+
   // `step` is the part of the whole one up to tau.
   bool endAt(double tau) {
     step.h = tau;
     step.end = interpolate(c, whole, tau);
     if (!isFinite(step.end)) return false;
-    step.slope = evaluate(s, c, c.time + tau, step.end, Level::kEvents, e);
-    step.give_rate = e.motion.give_rate;
+    evaluateEnd();
     return true;
   }
 
@@ -229,7 +229,7 @@ struct EventSearch {
   double valueAt(double tau) {
     if (!eventsAt(tau)) return -1.0;
     const First found = firstOf(events, at_end);
-    if (found.value >= 0.0 && !anyBroken(events)) return found.value;
+    if (found.value >= 0.0 && broken(events) == 0) return found.value;
     // or another, whose contact was lost before the end
     if (found.value >= 0.0) at_end = events;
     first = firstOf(events, at_end);
@@ -262,7 +262,7 @@ struct EventSearch {
       high = middle;
       beyond = f_latest;
       const double rate = (f_latest - f_before) / (latest - before);
-      if (first.event == event && -f_latest < -rate * resolution && oneBroken(events)) break;
+      if (first.event == event && -f_latest < -rate * resolution && broken(events) == 1) break;
     }
     return high;
   }
@@ -292,8 +292,7 @@ struct EventSearch {
         step.end.q += off * (step.end.v + 0.5 * off * step.slope);
         step.end.v += off * step.slope;
         step.end.give += off * step.give_rate;
-        step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
-        step.give_rate = e.motion.give_rate;
+        evaluateEnd();
         break;
       }
     }
