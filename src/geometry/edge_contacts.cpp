@@ -131,15 +131,13 @@ bool acceptWall(const Peg& e, const Rim& rim, double far, Meridian& m) {
   m.inverse_rho = 1.0 / m.rho;
   const double depth = m.rho - rim.radius;
   if (!(-depth <= far)) return false;
-  const double below = depth + m.x(0);
-  if ((!rim.cone && below <= 0.0) || depth <= 0.0) return true;
-  // the edge comes back out of the wall at sqrt(2 depth/|rho''|) to both sides; how deep on one
-  if (rim.cone) {
-    m.ddrho *= m.inverse_rho;
-    m.drho = 0.0;
-    return depth <= coneDepth(rim, m).most(-2 * depth / m.ddrho);
-  }
-  return square(below) * -m.ddrho * m.inverse_rho <= m.dx(0) * m.dx(0) * 2 * depth;
+  if ((!rim.cone && depth <= -m.x(0)) || depth <= 0.0) return true;
+  // the edge comes back out of the wall at sqrt(2 depth/|rho''|) to both sides; how deep up to
+  // there
+  m.ddrho *= m.inverse_rho;
+  m.drho = 0.0;
+  const Depth above = rim.cone ? coneDepth(rim, m) : Depth{-m.x(0), -m.dx(0), m.u(0)};
+  return depth <= above.most(-2 * depth / m.ddrho);
 }
 
 }  // namespace
@@ -229,10 +227,11 @@ void edgeWall(const Peg& e, const Rim& rim, double far, std::size_t first, Conta
   const double bend = e.amplitude * (e.sine + 2 * lean);
   if (!(e.offset > kCoaxial * e.r) && !(bend > kCoaxial * e.r)) return;
   // one farthest place only, near the direction of the offset: skipped where it's flat under the
-  // plane or above it
+  // plane (the chamfer) or above it
   const bool single = e.offset * e.axis(0) > bend;
   if (!pair.warm && !e.leans() && e.offset > 2 * bend) {
-    if (e.offset + e.r * e.axis(0) - r_h > e.amplitude - e.center(0)) return;
+    const double out = e.offset + e.r * e.axis(0) - r_h, under = e.amplitude - e.center(0);
+    if (rim.cone ? (1.0 - rim.cone->cosine) * out > rim.cone->sine * under : out > under) return;
     Place towards{};
     if (!e.placeOfOffset(towards)) return;
     const double height = e.center(0) + towards.c * e.p(0) + towards.s * e.q(0);

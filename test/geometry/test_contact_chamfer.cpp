@@ -196,6 +196,46 @@ TEST_F(ContactChamfer, SignsAreThoseOfTheOverlap) {
   EXPECT_GT(apart, 300);
 }
 
+// A peg that stands nearly upright and overlaps the rim by ten micrometres, lowered past it:
+// chamfer or plane, edge and wall hand over, and the peg is never without a contact.
+TEST_F(ContactChamfer, AnUprightPegPassesTheRim) {
+  struct Case {
+    double clearance, width, angle, tilt, beside, lean;
+  };
+  // one without a chamfer, then every angle; clearances down to a few micrometres
+  for (const Case& c : {Case{9.3e-5, 0.0, 0.0, 1.69e-3, 1.08e-4, 0.011},
+                        Case{7.05e-4, 1.23e-4, 0.988, 7.15e-5, 7.18e-4, -0.144},
+                        Case{4.4e-6, 1.6e-4, 0.896, 6e-5, 2.27e-5, -0.438},
+                        Case{1.09e-4, 1.39e-4, 0.672, 1.1e-5, 1.19e-4, 0.163},
+                        Case{8.6e-6, 1.6e-4, 1.3, 2e-5, 1.78e-5, -0.3},
+                        Case{5.2e-5, 3.4e-4, 0.3, 3.3e-5, 6.2e-5, 0.5}}) {
+    ContactShapes s = chamferedShapes(c.clearance, c.width, c.angle);
+    if (c.width == 0.0) s.chamfer = {};
+    int at_wall = 0, above = 0;
+    double before = 0.0;
+    for (double under = -5e-6; under < 6e-5; under += 2e-7) {
+      const double lowest =
+          c.width > 0.0 ? -s.chamfer.height - under : -2 * kRadius * std::sin(c.tilt) - under;
+      const EdgeCircle e = edgeAt({lowest + kRadius * std::sin(c.tilt), c.beside, 0.0}, c.tilt,
+                                  kPi + c.lean, 0.3, kRadius);
+      const Smallest found = smallest(e, s);
+      const double depth = overlap(e, s);
+      ASSERT_GE(found.slot, 0) << c.clearance << ' ' << c.angle << ": none " << under
+                               << " under the rim, overlap " << depth;
+      EXPECT_EQ(depth > 0.0, found.gap < 0.0) << c.clearance << ' ' << c.angle << ' ' << under;
+      // a step of 0.2 um changes no depth by more; a contact takes over within a tenth of it
+      if (under > -5e-6) {
+        EXPECT_LT(std::abs(found.gap - before), 4e-7 + 0.1 * std::max(depth, 0.0))
+            << c.clearance << ' ' << c.angle << ' ' << under;
+      }
+      before = found.gap;
+      ++(featureOfSlot(found.slot) == ContactFeature::kEdgeWall ? at_wall : above);
+    }
+    EXPECT_GT(at_wall, 50) << c.clearance << ' ' << c.angle;
+    EXPECT_GT(above, 10) << c.clearance << ' ' << c.angle;
+  }
+}
+
 // From a touch in the hole up and out, and from there over the mouth outwards: the smallest gap has
 // no step, and where one feature follows another at one place neither has the normal.
 TEST_F(ContactChamfer, FeaturesHandOver) {
