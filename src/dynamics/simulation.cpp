@@ -11,8 +11,6 @@
 
 namespace assembly_cell {
 
-using Vec3 = Eigen::Vector3d;
-
 const char* toString(StopReason reason) {
   static constexpr const char* kNames[] = {"ok",
                                            "edge_edge",
@@ -171,11 +169,12 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
 Vector6 Simulation::couplingWrench() const {
   const FreeMotion motion = run_->atPresent([](const Evaluation& e) { return e.motion; });
   const Eigen::Matrix3d inverse_transposed = kinematics(state()).Re.transpose().inverse();
-  const Vec3 force = motion.FK + motion.FC;
-  const Vec3 moment =
-      inverse_transposed * Vec3(motion.FKm(2), motion.FKm(1), motion.FKm(0)) + motion.FCm;
+  const Eigen::Vector3d force = motion.FK + motion.FC;
+  const Eigen::Vector3d moment =
+      inverse_transposed * Eigen::Vector3d(motion.FKm(2), motion.FKm(1), motion.FKm(0)) +
+      motion.FCm;
   // about the rest point, in the carrier's axes
-  const Vec3 about_rest = moment + motion.deflection.head<3>().cross(force);
+  const Eigen::Vector3d about_rest = moment + motion.deflection.head<3>().cross(force);
   const Eigen::Matrix3d R_CH = carrierPose().R.transpose();
   Vector6 w;
   w << R_CH * fromThesisAxes(force), R_CH * fromThesisAxes(about_rest);
@@ -186,7 +185,7 @@ Vector6 Simulation::holeWrench() const {
   return run_->atPresent([](const Evaluation& e) {
     Vector6 w = Vector6::Zero();
     for (const std::size_t i : Slots(e.active())) {
-      const Vec3 force = -fromThesisAxes(e.contacts[i].force);
+      const Eigen::Vector3d force = -fromThesisAxes(e.contacts[i].force);
       w.head<3>() += force;
       w.tail<3>() += fromThesisAxes(e.point(i).p).cross(force);
     }
@@ -197,9 +196,9 @@ Vector6 Simulation::holeWrench() const {
 Eigen::Vector2d Simulation::specificForce(double height) const {
   const Kinematics k = kinematics(state());
   const Vector9& rate = acceleration();
-  const Vec3 turn = k.Re * rate.segment<3>(3) + k.Re_rate * state().v.segment<3>(3);
-  const Vec3 arm = height * k.a;
-  Vec3 felt = rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
+  const Eigen::Vector3d turn = k.Re * rate.segment<3>(3) + k.Re_rate * state().v.segment<3>(3);
+  const Eigen::Vector3d arm = height * k.a;
+  Eigen::Vector3d felt = rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
   felt[0] += scenario().mechanism.gravity;  // thesis axis 1 is up
   // peg axes: x is the thesis's second, y against its first
   return {k.R1.dot(felt), -k.R0.dot(felt)};
@@ -220,7 +219,7 @@ Pose Simulation::carrierPose() const {
   const Vector9& q = state().q;
   Pose X;
   X.R = rotationFromEuler({rest.phi, rest.theta, q(8)});
-  X.p = Vec3(q(6), q(7), rest.z);
+  X.p = Eigen::Vector3d(q(6), q(7), rest.z);
   return X;
 }
 

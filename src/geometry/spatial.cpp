@@ -6,6 +6,25 @@
 
 namespace assembly_cell {
 
+Pose operator*(const Pose& X_AB, const Pose& X_BC) {
+  return {X_AB.R * X_BC.R, X_AB.R * X_BC.p + X_AB.p};
+}
+
+Pose inverse(const Pose& X_AB) { return {X_AB.R.transpose(), -(X_AB.R.transpose() * X_AB.p)}; }
+
+Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+Vector6 transformWrench(const Pose& X_AB, const Vector6& w_B) {
+  Vector6 w_A;
+  w_A.head<3>() = X_AB.R * w_B.head<3>();
+  w_A.tail<3>() = X_AB.R * w_B.tail<3>() + X_AB.p.cross(w_A.head<3>());
+  return w_A;
+}
+
 Matrix6 wrenchTransform(const Pose& X_AB) {
   Matrix6 phi = Matrix6::Zero();
   phi.topLeftCorner<3, 3>() = X_AB.R;

@@ -220,10 +220,11 @@ TEST(Identification, StatesHowWellItKnows) {
     }
     bias2 += trial.direction_bias * trial.direction_bias;
   }
+  constexpr double kJudged{kRuns * int{kUnknowns}};
   // of 150 that share much: a quarter as many, 3 sd about 0.95 and 1
-  EXPECT_GT(inside, 0.85 * kRuns * kUnknowns);
-  EXPECT_LT(squares, 1.7 * kRuns * kUnknowns);
-  EXPECT_GT(squares, 0.3 * kRuns * kUnknowns);
+  EXPECT_GT(inside, 0.85 * kJudged);
+  EXPECT_LT(squares, 1.7 * kJudged);
+  EXPECT_GT(squares, 0.3 * kJudged);
   EXPECT_LT(std::sqrt(bias2 / kRuns), 0.1 * M_PI / 180.0);
 }
 

@@ -341,7 +341,7 @@ std::optional<double> rigTime(double x0, double M_over_L, double f_hz = 4) {
   s.contact.law = ContactLaw::kRigid;
   s.mechanism.exciter = {M_over_L * kMass * s.mechanism.gravity / (kSize + 0.2), 2 * M_PI * f_hz, 0,
                          1};
-  s.solver.tolerance = 1e-8;
+  s.solver.tolerance = 1e-6;
   s.solver.max_step = 1e-3;
   Simulation simulation(s);
   for (int k = 1; k < 300; ++k) {

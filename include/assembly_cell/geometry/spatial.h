@@ -15,32 +15,22 @@ struct Pose {
   Eigen::Vector3d p = Eigen::Vector3d::Zero();      ///< p_AB, origin of B in A [m]
 };
 
+// Compiled once, in spatial.cpp: inlined they would cost each file that includes this half a second
+// of compiling.
+
 /// X_AC = X_AB X_BC.
-inline Pose operator*(const Pose& X_AB, const Pose& X_BC) {
-  return {X_AB.R * X_BC.R, X_AB.R * X_BC.p + X_AB.p};
-}
+Pose operator*(const Pose& X_AB, const Pose& X_BC);
 
 /// X_BA from X_AB.
-inline Pose inverse(const Pose& X_AB) {
-  return {X_AB.R.transpose(), -(X_AB.R.transpose() * X_AB.p)};
-}
+Pose inverse(const Pose& X_AB);
 
 /// The matrix [v] with [v] u = v × u.
-inline Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
+Eigen::Matrix3d skew(const Eigen::Vector3d& v);
 
 /// Wrench (force, torque) about A's origin in A's axes from the same wrench about B's origin in B's
 /// axes. Includes the lever arm, which tf2's own transform of wrenches leaves out:
 /// f_A = R f_B, t_A = R t_B + p × R f_B. [N], [N·m]
-inline Vector6 transformWrench(const Pose& X_AB, const Vector6& w_B) {
-  Vector6 w_A;
-  w_A.head<3>() = X_AB.R * w_B.head<3>();
-  w_A.tail<3>() = X_AB.R * w_B.tail<3>() + X_AB.p.cross(w_A.head<3>());
-  return w_A;
-}
+Vector6 transformWrench(const Pose& X_AB, const Vector6& w_B);
 
 /// The 6×6 matrix Φ(X_AB) with transformWrench(X_AB, w) = Φ w.
 Matrix6 wrenchTransform(const Pose& X_AB);
