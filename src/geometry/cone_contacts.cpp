@@ -53,9 +53,8 @@ bool acceptCone(const Peg& e, const Rim& rim, double far, double bend, const Con
   if (depth <= 0.0) return true;
   // the edge comes back out of the cone at sqrt(2 depth/gap'') to both sides
   const double width2 = 2 * depth / bend;
-  const Depth plane{-m.x(0), -m.dx(0), m.u(0)};
   const Depth wall{m.rho - rim.radius + cone.width, m.drho, m.ddrho};
-  return depth <= plane.most(width2) && depth <= wall.most(width2);
+  return depth <= planeDepth(m).most(width2) && depth <= wall.most(width2);
 }
 
 }  // namespace

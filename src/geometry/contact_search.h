@@ -296,6 +296,9 @@ struct Depth {
   }
 };
 
+// under the plane
+inline Depth planeDepth(const Meridian& m) { return {-m.x(0), -m.dx(0), m.u(0)}; }
+
 // under the hole's chamfer
 inline Depth coneDepth(const Rim& rim, const Meridian& m) {
   const double s = rim.cone->sine, c = rim.cone->cosine;

@@ -136,7 +136,7 @@ bool acceptWall(const Peg& e, const Rim& rim, double far, Meridian& m) {
   // there
   m.ddrho *= m.inverse_rho;
   m.drho = 0.0;
-  const Depth above = rim.cone ? coneDepth(rim, m) : Depth{-m.x(0), -m.dx(0), m.u(0)};
+  const Depth above = rim.cone ? coneDepth(rim, m) : planeDepth(m);
   return depth <= above.most(-2 * depth / m.ddrho);
 }
 
