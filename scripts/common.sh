@@ -68,7 +68,7 @@ announce() {
   if [ -f "$build/build.ninja" ]; then
     steps+=("build what has changed")
   else
-    steps+=("build in .build (0.8 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
+    steps+=("build in .build (0.4 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
   fi
   say "to do: $(printf '%s, ' "${steps[@]}")$2"
 }
@@ -109,7 +109,8 @@ build() {
   fi
   if ! grep -qsxF "CMAKE_INSTALL_PREFIX:PATH=$prefix" "$build/CMakeCache.txt"; then
     say "configuring (log: $log)"
-    cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON -DASSEMBLY_CELL_UNITY=ON \
+    # clang takes three quarters of GCC's time and makes faster programs; another compiler by CXX
+    CXX=${CXX:-clang++-14} cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON -DASSEMBLY_CELL_UNITY=ON \
       -DCMAKE_INSTALL_PREFIX="$prefix" >"$log" 2>&1 </dev/null || fail "configure" "$log"
   fi
   log=$logs/build.log

@@ -221,19 +221,26 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
     best = up;
   }
   const double step = highest / kCircles;
-  // what rests first above it may be as near as any
+  double from = std::max(0.0, best - step), to = std::min(highest, best + step);
+  // what rests first above it may be as near as any, or the nearest is between it and the next
+  // circle
   if (held >= 0.0 && held < highest) {
-    double rests = held + step;
+    const double next = held + step;
+    double rests = next;
     for (int i = 0; i < kHeldBisections; ++i) {
       const double up = 0.5 * (held + rests);
       (at(up).touch() ? rests : held) = up;
     }
     const Felt here = felt(rests);
-    if (apart(here) < apart(nearest)) return here;
+    from = std::max(from, rests);
+    if (apart(here) < apart(nearest)) {
+      nearest = here;
+      from = rests;
+      to = next;
+    }
   }
   const Felt refined = felt(leastIn(
-      std::max(0.0, best - step), std::min(highest, best + step),
-      [&](double up) { return apart(felt(up)); }, kCircle));
+      from, to, [&](double up) { return apart(felt(up)); }, kCircle));
   if (apart(refined) < apart(nearest)) nearest = refined;
   return nearest.residual < kNowhere ? nearest : feltBy(reading, at(1.0));
 }

@@ -51,8 +51,8 @@ class Draw {
     return low + (high - low) * 0.5 * (1.0 + std::erf(normal_() / std::sqrt(2.0)));
   }
   Eigen::Vector3d direction() {
-    const Eigen::Vector3d v(normal_(), normal_(), normal_());
-    return v.normalized();
+    const double z = normal_(), y = normal_(), x = normal_();
+    return Eigen::Vector3d(x, y, z).normalized();
   }
   Eigen::Vector3d box(double half) {
     return {uniform(-half, half), uniform(-half, half), uniform(-half, half)};
@@ -73,7 +73,8 @@ LoadRequest reacting(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
   X_AB.p.cwiseAbs().maxCoeff(&across);
   Eigen::Vector3d offset = draw.box(kSpread);
   offset[across] = 0.0;
-  const Eigen::Vector3d F = draw.uniform(0.3, 1.0) * rated.force * draw.direction();
+  const Eigen::Vector3d direction = draw.direction();
+  const Eigen::Vector3d F = draw.uniform(0.3, 1.0) * rated.force * direction;
   request.wrench << F, (middle + offset).cross(F);
   return request;
 }

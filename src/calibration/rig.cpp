@@ -15,7 +15,8 @@ constexpr double kStrainRange = 4.0;       // of a movement wanted as 1 [V]
 constexpr double kRoomTemperature = 20.0;  // [°C]
 
 Eigen::Vector3d errors(NormalSource& normal, double sd) {
-  return sd * Eigen::Vector3d(normal(), normal(), normal());
+  const double z = normal(), y = normal(), x = normal();
+  return sd * Eigen::Vector3d(x, y, z);
 }
 
 }  // namespace

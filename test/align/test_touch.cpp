@@ -221,7 +221,7 @@ TEST(TouchFit, ChamferOfThePegIsThatOfTheSampledCone) {
   std::mt19937 random(9);
   std::uniform_real_distribution<double> either(-1.0, 1.0);
   int on_cone = 0, bottom_in_bore = 0;
-  for (int i = 0; i < 120; ++i) {
+  for (int i = 0; i < 240; ++i) {
     // the bore holds all of the bottom edge of a peg that is nearly upright
     const double tilt = i % 4 < 2 ? 0.05 : 0.002;
     const Eigen::Matrix3d R =

@@ -241,7 +241,7 @@ TEST_F(ContactRatesTest, OfAChamfer) {
 // The rim on the peg's chamfer, and the chamfer's upper edge on rim, wall and cone.
 TEST_F(ContactRatesTest, OfAPegsChamfer) {
   std::map<ContactSlotMask, int> compared;
-  for (int i = 0; i < 1500; ++i) {
+  for (int i = 0; i < 3000; ++i) {
     ContactShapes shapes = reachingShapes(uniform(1e-4, 1e-3), 2e-4);
     shapes.peg_chamfer = chamferOf(uniform(1e-3, 4e-3), uniform(0.2, 1.2));
     if (i % 2) shapes.chamfer = chamferOf(uniform(1e-3, 4e-3), uniform(0.2, 1.2));
