@@ -15,7 +15,7 @@ if [ -z "${HOME:-}" ] || [ ! -w "$HOME" ]; then
   mkdir -p "$HOME"
 fi
 export MPLCONFIGDIR=$build/matplotlib
-# the same cache serves every checkout
+# the same cache serves every checkout, but for what clang compiles with precompiled headers: these name their checkout
 export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 
 say() { printf '[%(%H:%M:%S)T] %s\n' -1 "$*" >&2; }
@@ -68,7 +68,7 @@ announce() {
   if [ -f "$build/build.ninja" ]; then
     steps+=("build what has changed")
   else
-    steps+=("build in .build (0.4 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
+    steps+=("build in .build (0.5 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
   fi
   say "to do: $(printf '%s, ' "${steps[@]}")$2"
 }
