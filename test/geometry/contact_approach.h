@@ -111,7 +111,7 @@ void followHandOver(const At& at, const ContactShapes& shapes, double penetratio
     const bool same = (cb.p - cf.p).norm() < 1e-7;
     // an overlapping corner changes its nearest way out where two of them are alike, to second
     // order of the edge's curve: within half of its depth
-    const double depth = std::max({penetration, -b.gap, -f.gap});
+    const double depth = std::max({0.0, -b.gap, -f.gap});
     EXPECT_NEAR(b.gap, f.gap, 1e-13 + (same ? 1e-4 * penetration : 0.5 * depth))
         << what << " " << q << " slots " << b.slot << " to " << f.slot;
     if (!same) continue;
