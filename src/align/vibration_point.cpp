@@ -7,7 +7,7 @@
 
 #include "assembly_cell/align/press.h"
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/locus/contact_model.h"
+#include "assembly_cell/locus/linear_motion.h"
 
 namespace assembly_cell {
 namespace {
@@ -19,17 +19,23 @@ constexpr double kHeld = 1.1;      // reserve of friction
 constexpr double kRocking = 0.05;  // of the tilt: beyond, rolling isn't linear any more
 constexpr double kEnough = 1e-3;   // the model is no better than this [rad]
 constexpr double kPressSteps[] = {12, 16, 20, 25, 30, 40};  // [N]
-using Complex = std::complex<double>;
-using Complex6 = Eigen::Matrix<Complex, 6, 1>;
+using linear_motion::Complex;
+using linear_motion::Complex6;
+using linear_motion::Complex9;
+using linear_motion::counterRotating;
+using linear_motion::HeldMotion;
+using linear_motion::motionFromSensor;
+using linear_motion::UnheldMotion;
 
 // real and imaginary parts of P and N by those of the sensor's six wrench phasors
 Eigen::Matrix<double, 4, 12> planeByWrench(const Mechanism& mechanism, double frequency) {
-  const Matrix6 compliance = couplingStiffness(mechanism.coupling).inverse();
+  const UnheldMotion upright(mechanism, frequency, Eigen::Vector2d::Zero(),
+                             Eigen::Vector2d::Zero());
+  const Eigen::Matrix<Complex, 2, 6> plane =
+      motionFromSensor(mechanism, upright, Eigen::Vector3d::Zero()).topRows<2>();
   Eigen::Matrix<double, 4, 12> A;
   for (int j = 0; j < 12; ++j) {
-    const Complex6 w = Complex6::Unit(j / 2) * (j % 2 == 0 ? Complex(1, 0) : Complex(0, 1));
-    const Eigen::Vector2cd xy =
-        centreOfMassPhasors(mechanism, frequency, compliance.cast<Complex>() * w);
+    const Eigen::Vector2cd xy = plane.col(j / 2) * (j % 2 == 0 ? Complex(1, 0) : Complex(0, 1));
     const Locus locus = locusFromPhasors(xy.x(), xy.y(), 0.0, 1, 1.0);
     A.col(j) << locus.P.real(), locus.P.imag(), locus.N.real(), locus.N.imag();
   }
@@ -84,9 +90,11 @@ Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, doubl
     point.tilt = point.sensor_tilt = demand.tilt * Eigen::Vector2d(-std::sin(a), std::cos(a));
     point.rolling = true;
     constexpr double kStep = 1e-4;
-    const ContactResponse r = contactResponse(mechanism, point, a);
-    const ContactResponse more = contactResponse(mechanism, point, a + kStep);
-    const Complex dP = (more.P - r.P) / kStep, dN = (more.N - r.N) / kStep;
+    const HeldMotion held(mechanism, point);
+    const ContactResponse r = contactResponse(mechanism, held, a);
+    const Complex9 turned = held.solve(a + kStep);
+    const Eigen::Vector2cd more = counterRotating(turned[0], turned[1]);
+    const Complex dP = (more[0] - r.P) / kStep, dN = (more[1] - r.N) / kStep;
     const Eigen::Vector4d slope(dP.real(), dP.imag(), dN.real(), dN.imag());
     const double square = slope.squaredNorm() * slope.squaredNorm();
     answer.white = std::max(answer.white, slope.dot(white * slope) / square);

@@ -3,6 +3,7 @@
 // a run, and what the last evaluation of the right-hand side found.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -34,6 +35,7 @@ struct System {
   double slip_threshold = 0.0;     ///< slip slower than this is rest [m/s]
   double arm = 0.0;                ///< from the centre of mass to the peg's edge [m]
   ContactSlotMask admitted = 0, excluded = 0;  ///< excluded: watched, ends the run
+  std::size_t slots = 0;                       ///< up to the last admitted one
   ContactShapes shapes;
 };
 
@@ -57,10 +59,37 @@ struct Slot {
 };
 using SlotArray = std::array<Slot, kSlots>;
 
-/// Event functions: kEventKinds a slot, how far friction is from a wedge, and how far a face is
-/// from lying down or leaving. Below zero a mode must change.
-constexpr std::size_t kEventKinds = 3;
-using Events = std::array<double, kEventKinds * kSlots + 2>;
+/// Event functions: three a slot, how far friction is from a wedge, and how far a face is from
+/// lying down or leaving. Below zero a mode must change. Those of the first `slots` slots; copies
+/// copy no others.
+class Events {
+ public:
+  Events() = default;
+  explicit Events(std::size_t slots) : size_(kKinds * slots + 2) {
+    std::fill(begin(), end(), HUGE_VAL);
+  }
+  Events(const Events& other) { *this = other; }
+  Events& operator=(const Events& other) {
+    size_ = other.size_;
+    std::copy(other.begin(), other.end(), begin());
+    return *this;
+  }
+  ~Events() = default;
+  std::size_t size() const { return size_; }
+  double operator[](std::size_t i) const { return values_[i]; }
+  const double* begin() const { return values_.data(); }
+  const double* end() const { return values_.data() + size_; }
+  double* begin() { return values_.data(); }
+  double* end() { return values_.data() + size_; }
+  double* ofSlot(std::size_t i) { return begin() + kKinds * i; }
+  double& wedge() { return values_[size_ - 2]; }
+  double& face() { return values_[size_ - 1]; }
+
+ private:
+  static constexpr std::size_t kKinds = 3;
+  std::array<double, kKinds * kSlots + 2> values_;  // NOLINT: the first size_ are set
+  std::size_t size_ = 0;
+};
 
 /// The peg's face lies on plane or floor: it is carried at three points of its edge (face.h), in
 /// the slots of edge and upper rim and of edge and plane. None of these has another point then.

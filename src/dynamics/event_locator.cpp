@@ -110,10 +110,9 @@ First firstOf(const Events& events, const Events& at_end) {
 }  // namespace
 
 Events eventValues(const System& s, const Context& c, const Evaluation& e) {
-  Events events;
-  events.fill(HUGE_VAL);
+  Events events(s.slots);
   for (const std::size_t i : Slots(s.admitted)) {
-    double* const value = &events[kEventKinds * i];
+    double* const value = events.ofSlot(i);
     const ContactKinematics& at = e.contacts[i];
     if (c.slots[i].mode == Mode::kApart) {
       if (c.slots[i].rises && e.valid(i)) value[1] = at.gap_rate;
@@ -126,13 +125,13 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e) {
       slotEvents(s, c, e, i, value);
     }
   }
-  events[kEventKinds * kSlots] = e.wedge_margin - kWedged;
-  events.back() = faceEvent(s, c, e);
+  events.wedge() = e.wedge_margin - kWedged;
+  events.face() = faceEvent(s, c, e);
   return events;
 }
 
 void beginStep(const System& s, Context& c, const Evaluation& e) {
-  for (std::size_t i = 0; i < kSlots; ++i) {
+  for (const std::size_t i : Slots(s.admitted)) {
     Slot& slot = c.slots[i];
     slot.gap = slot.mode == Mode::kApart && e.valid(i) ? e.contacts[i].gap : HUGE_VAL;
     slot.gap_rate = e.contacts[i].gap_rate;
@@ -172,14 +171,15 @@ double dipIn(const Context& c, const Trial& step, const Evaluation& e) {
 
 }  // namespace
 
-bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e) {
+bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e,
+                 Evaluation& inside) {
   const double phase = step.h * c.commands.drive.exciter.frequency;
   const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kBlindSlip;
   const bool blind = phase >= kBlindPhase || turns;
   if (s.fixed_step) return false;
   const double dip = dipIn(c, step, e);
   if (dip == 0.0 && (!e.closed || !blind)) return false;
-  Evaluation inside = e;
+  inside = e;
   const int looks = std::clamp(static_cast<int>(phase / kBlindPhase), 1, kMostLooks);
   bool hidden = false;
   for (int i = dip > 0.0 ? 0 : 1; i <= looks && !hidden; ++i) {

@@ -15,8 +15,9 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e);
 void beginStep(const System& s, Context& c, const Evaluation& e);
 
 /// A mode is broken inside a step that ends with none broken: sticking contacts are shaken loose
-/// and caught within part of a turn of the exciter. e: of the step's end, kept.
-bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e);
+/// and caught within part of a turn of the exciter. e: of the step's end, kept; inside: workspace.
+bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e,
+                 Evaluation& inside);
 
 /// Shortens a step that ends with events broken (`at_end`) to end at the first of them.
 void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,

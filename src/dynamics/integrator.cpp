@@ -237,8 +237,8 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
 
 bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, double t_end,
                       Trial& step) {
-  if (decisions_ != c.decisions) past_.count = 0;
-  decisions_ = c.decisions;
+  if (pace_.decisions != c.decisions) past_.count = 0;
+  pace_.decisions = c.decisions;
   const double left = t_end - c.time;
   step.h = s.fixed_step ? s.scenario.solver.step : nextStep(s);
   if (c.time < c.chatter_until) step.h = chatterStep(s, e, step.h);
@@ -261,8 +261,8 @@ void Integrator::attempt(const System& s, const Context& c, Trial& step, Evaluat
     step.method = Method::kHamming;
     attemptHamming(s, c, step, e);
   } else {
-    const bool slow = !s.fixed_step && explicit_left_ == 0 &&
-                      step.h * c.slip_turning > (slow_ ? kStiff : kVeryStiff);
+    const bool slow = !s.fixed_step && pace_.explicit_left == 0 &&
+                      step.h * c.slip_turning > (pace_.slow ? kStiff : kVeryStiff);
     attemptStep(s, c, slow ? Method::kSlowSlip : s.method, step, e);
   }
 }
@@ -274,22 +274,22 @@ double Integrator::shrinkBy(const Trial& step) {
 
 bool Integrator::goesExplicit(const Trial& step) {
   if (step.method != Method::kSlowSlip || !std::isinf(step.error)) return false;
-  explicit_left_ = kExplicit;
-  next_step_ = step.h;
+  pace_.explicit_left = kExplicit;
+  pace_.next_step = step.h;
   return true;
 }
 
 void Integrator::refuse(const System& s, const Context& c, const Trial& step, Evaluation& e) {
-  next_step_ = step.h * shrinkBy(step);
+  pace_.next_step = step.h * shrinkBy(step);
   if (s.method != Method::kHamming || bridging_) return;
   if (step.h < kShortestHalf) {
     // halving finds no smooth past here: one step of dopri5, then a new start
     bridging_ = true;
     past_.count = 0;
-    next_step_ = kBridge;
+    pace_.next_step = kBridge;
     return;
   }
-  next_step_ = 0.5 * step.h;
+  pace_.next_step = 0.5 * step.h;
   if (past_.count >= 4) {
     halvePast(s, c, e);
   } else {
@@ -299,11 +299,11 @@ void Integrator::refuse(const System& s, const Context& c, const Trial& step, Ev
 
 void Integrator::accept(const System& s, const Context& c, const Trial& step, bool last,
                         double t_end) {
-  slow_ = step.method == Method::kSlowSlip;
-  if (explicit_left_ > 0) --explicit_left_;
+  pace_.slow = step.method == Method::kSlowSlip;
+  if (pace_.explicit_left > 0) --pace_.explicit_left;
   if (bridging_) {
     bridging_ = false;
-    next_step_ = std::max(next_step_, kBridge);
+    pace_.next_step = std::max(pace_.next_step, kBridge);
     return;
   }
   if (s.method == Method::kHamming) remember(c, step.h);
@@ -319,12 +319,12 @@ void Integrator::lengthen(const System& s, const Context& c, const Trial& step, 
     if (past_.count == Past::kMaxRows && step.error < 0.02 && std::fmod(steps, 2.0) == 0.0 &&
         2.0 * step.h <= s.scenario.solver.max_step * (1 + 1e-9)) {
       doublePast();
-      next_step_ = 2.0 * step.h;
+      pace_.next_step = 2.0 * step.h;
     }
     return;
   }
   if (last && step.error <= 0.5) return;
-  next_step_ =
+  pace_.next_step =
       step.h * std::clamp(0.9 * std::pow(std::max(step.error, 1e-10), -1.0 / orderOf(step.method)),
                           0.2, 5.0);
 }

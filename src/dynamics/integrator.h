@@ -43,12 +43,23 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
 /// The scenario's integrator: its past and its step size.
 class Integrator {
  public:
-  explicit Integrator(double first_step) : next_step_(first_step) {}
+  /// What a one-step method goes on with.
+  struct Pace {
+    std::int64_t decisions = -1;  ///< of the context when the past began
+    bool slow = false;            ///< the last step was by slow_slip.h
+    int explicit_left = 0;        ///< steps without slow_slip.h, which has just failed
+    double next_step = 0.0;       ///< [s]
+  };
+
+  explicit Integrator(double first_step) { pace_.next_step = first_step; }
+  const Pace& pace() const { return pace_; }
+  /// Goes on from there. Not with a multistep method, which has a past.
+  void resume(const Pace& pace) { pace_ = pace; }
   double nextStep(const System& s) const {
-    return std::min(next_step_, s.scenario.solver.max_step);
+    return std::min(pace_.next_step, s.scenario.solver.max_step);
   }
   /// From now on steps of at most this length, until they grow by themselves [s].
-  void setStep(double h) { next_step_ = h; }
+  void setStep(double h) { pace_.next_step = h; }
 
   /// Sets step.h to the next step to take; true where it ends at t_end.
   bool plan(const System& s, const Context& c, const Evaluation& e, double t_end, Trial& step);
@@ -84,11 +95,8 @@ class Integrator {
 
   Past past_;
   State trial_defect_;
-  std::int64_t decisions_ = -1;  // of the context when the past began
-  bool bridging_ = false;        // hamming: one step of dopri5, past what it can't start in
-  bool slow_ = false;            // the last step was by slow_slip.h
-  int explicit_left_ = 0;        // steps without slow_slip.h, which has just failed
-  double next_step_;
+  bool bridging_ = false;  // hamming: one step of dopri5, past what it can't start in
+  Pace pace_;
 };
 
 }  // namespace assembly_cell

@@ -99,7 +99,7 @@ Vector6 Simulation::stopWay() const {
 }
 
 RestPose Simulation::rest() const {
-  Vector6 rest = run_->context.commands.restAt(time()).position;
+  Vector6 rest = run_->context.commands.restPositionAt(time());
   rest.head<3>() += state().give;
   return restPose(rest);
 }
@@ -167,18 +167,20 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
 }
 
 Vector6 Simulation::couplingWrench() const {
-  const FreeMotion motion = run_->atPresent([](const Evaluation& e) { return e.motion; });
-  const Eigen::Matrix3d inverse_transposed = kinematics(state()).Re.transpose().inverse();
-  const Eigen::Vector3d force = motion.FK + motion.FC;
-  const Eigen::Vector3d moment =
-      inverse_transposed * Eigen::Vector3d(motion.FKm(2), motion.FKm(1), motion.FKm(0)) +
-      motion.FCm;
-  // about the rest point, in the carrier's axes
-  const Eigen::Vector3d about_rest = moment + motion.deflection.head<3>().cross(force);
-  const Eigen::Matrix3d R_CH = carrierPose().R.transpose();
-  Vector6 w;
-  w << R_CH * fromThesisAxes(force), R_CH * fromThesisAxes(about_rest);
-  return w;
+  return run_->atPresent([this](const Evaluation& e) {
+    const FreeMotion& motion = e.motion;
+    const Eigen::Vector3d force = motion.FK + motion.FC;
+    const Eigen::Vector3d moment =
+        e.k.Re.transpose().inverse() *
+            Eigen::Vector3d(motion.FKm(2), motion.FKm(1), motion.FKm(0)) +
+        motion.FCm;
+    // about the rest point, in the carrier's axes
+    const Eigen::Vector3d about_rest = moment + motion.deflection.head<3>().cross(force);
+    const Eigen::Matrix3d R_CH = carrierPose().R.transpose();
+    Vector6 w;
+    w << R_CH * fromThesisAxes(force), R_CH * fromThesisAxes(about_rest);
+    return w;
+  });
 }
 
 Vector6 Simulation::holeWrench() const {

@@ -79,7 +79,7 @@ void Simulation::Run::step(double t_end) {
     if (!std::all_of(at_end.begin(), at_end.end(), [](double value) { return value >= 0.0; })) {
       return endAtEvent(at_end, trial);
     }
-    if (hiddenEvent(system, context, trial, now)) {
+    if (hiddenEvent(system, context, trial, now, inside)) {
       ++context.counts.rejected;
       return integrator.setStep(0.5 * trial.h);
     }
@@ -182,7 +182,8 @@ StopReason Simulation::Run::advance(double t_end, std::int64_t attempts) {
 // Steps until t is reached or passed, then shows t.
 void Simulation::Run::look(double t, double ahead) {
   if (context.stop == StopReason::kOk) decideAfterCommand();
-  if (!behind) behind = std::make_unique<Behind>(Behind{context, now, integrator, {}, 0.0, {}, {}});
+  if (!behind)
+    behind = std::make_unique<Behind>(Behind{context, now, integrator.pace(), {}, 0.0, {}, {}});
   Behind& b = *behind;
   // steps end beside times that are looked at, by rounding
   const double resolution = kSameEnd * std::max(1.0, t);
@@ -201,7 +202,7 @@ void Simulation::Run::look(double t, double ahead) {
         b.now.closed = 0;
       }
       b.now.near = directionsOf(context.state);
-      b.integrator = integrator;
+      b.pace = integrator.pace();
     }
     step(ahead);
   }
@@ -223,7 +224,7 @@ void Simulation::Run::comeBack() {
   context = behind->context;
   now = behind->now;
   now.count = count;
-  integrator = behind->integrator;
+  integrator.resume(behind->pace);
   advance(behind->time, std::numeric_limits<std::int64_t>::max());
 }
 

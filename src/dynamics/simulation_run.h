@@ -33,13 +33,14 @@ struct Simulation::Run {
 
   const System system;
   Context context;
-  Evaluation now;  // the last one
+  Evaluation now;     // the last one
+  Evaluation inside;  // workspace: within a step
   Integrator integrator;
   // The last step that may be looked into: what was at its start, and what of it is looked at.
   struct Behind {
     Context context;
     Evaluation now;  // of what is looked at
-    Integrator integrator;
+    Integrator::Pace pace;
     Trial step;
     double time;
     State state;

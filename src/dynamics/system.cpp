@@ -103,6 +103,7 @@ System::System(const Scenario& given) : scenario(given), method(methodOf(given.s
     const bool face = contact.features.rim_face && !contact.features.edge_plane;
     admitted = possibleSlots(shapes) & ~(face ? 0u : kRimFaceSlots);
     excluded = admitted & ~slotsOf(contact.features);
+    for (const std::size_t i : Slots(admitted)) slots = i + 1;
   }
   shapes.hole_radius = hole.radius;
   shapes.hole_depth = hole.depth;

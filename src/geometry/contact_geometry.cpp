@@ -111,6 +111,19 @@ void lowerBack(const Peg& e, double depth, ContactSlotMask admitted, ContactSet&
 
 }  // namespace
 
+ContactSet& ContactSet::operator=(const ContactSet& other) {
+  for (std::size_t i = 0; i < kContactSlots; ++i) {
+    if (other.slots[i].valid || (other.valid >> i & 1u)) {
+      slots[i] = other.slots[i];
+    } else {
+      slots[i].valid = false;
+    }
+  }
+  valid = other.valid;
+  top_reached = other.top_reached;
+  return *this;
+}
+
 const char* toString(ContactFeature feature) {
   constexpr const char* kNames[] = {"edge_edge", "edge_plane", "edge_wall", "rim_side",
                                     "rim_face",  "edge_cone",  "rim_cone"};

@@ -132,7 +132,11 @@ Refined refine(const Prediction& predicted, const Eigen::Vector2cd& measured, do
 ContactResponse contactResponse(const Mechanism& mechanism, const OperatingPoint& point,
                                 double alpha) {
   check(point);
-  const HeldMotion held(mechanism, point);
+  return linear_motion::contactResponse(mechanism, HeldMotion(mechanism, point), alpha);
+}
+
+ContactResponse linear_motion::contactResponse(const Mechanism& mechanism, const HeldMotion& held,
+                                               double alpha) {
   const Complex9 q = held.solve(alpha);
   const Eigen::Vector2cd pn = counterRotating(q[0], q[1]);
   ContactResponse response;

@@ -21,6 +21,9 @@ struct Commands {
     }
     return rest;
   }
+  Vector6 restPositionAt(double t) const {
+    return settledAt(t) && !shift ? settled.position : restAt(t).position;
+  }
   bool settledAt(double t) const { return !(t < profile.start + profile.duration); }
 
   RestProfile profile;

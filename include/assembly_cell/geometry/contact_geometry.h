@@ -181,7 +181,13 @@ ContactSlotMask possibleSlots(const ContactShapes& shapes);
 EdgeCircle shoulderOf(const EdgeCircle& edge, const Chamfer& chamfer);
 
 /// The slots of one peg. Holds the warm starts: hand the same set (or a copy) to the next search.
+/// Copies copy the points that are valid.
 struct ContactSet {
+  ContactSet() = default;
+  ContactSet(const ContactSet& other) { *this = other; }
+  ContactSet& operator=(const ContactSet& other);
+  ~ContactSet() = default;
+
   std::array<ContactPoint, kContactSlots> slots;  ///< only those of `valid` have a meaning
   ContactSlotMask valid = 0;
   bool top_reached = false;  ///< the rim has run off the side over the peg's top edge

@@ -90,6 +90,10 @@ class HeldMotion {
   Eigen::Vector3cd force_;
 };
 
+// contactResponse() of contact_model.h, in more than one direction. Throws InputError for a
+// coupling without a static map.
+ContactResponse contactResponse(const Mechanism& mechanism, const HeldMotion& held, double alpha);
+
 // Throws InputError for an operating point that is none.
 void check(const OperatingPoint& point);
 
