@@ -3,6 +3,6 @@
 
 namespace Eigen {
 
-ASSEMBLY_CELL_DECOMPOSITIONS(, SquareMatrix6, SquareMatrix12)
+ASSEMBLY_CELL_DECOMPOSITIONS(, SquareMatrix6, ColumnVector6, SquareMatrix12)
 
 }  // namespace Eigen

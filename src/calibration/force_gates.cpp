@@ -30,8 +30,8 @@ Eigen::Vector3d spread(const std::vector<Eigen::Vector3d>& rows) {
   if (rows.empty()) return Eigen::Vector3d::Zero();
   Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& row : rows) squares += row * row.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(squares /
-                                                             static_cast<double>(rows.size()));
+  squares /= static_cast<double>(rows.size());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(squares);
   return eigen.eigenvalues().reverse().cwiseMax(0.0).cwiseSqrt();
 }
 

@@ -118,8 +118,9 @@ LinearityResult testLinearity(const std::vector<LinearityStep>& steps) {
     A.row(i) << 1.0, x, x * x;
     y[i] = steps[i].reading;
   }
-  const Eigen::VectorXd line = A.leftCols<2>().householderQr().solve(y);
-  const Eigen::VectorXd residual = y - A.leftCols<2>() * line;
+  const Eigen::MatrixXd straight = A.leftCols(2);
+  const Eigen::VectorXd line = straight.householderQr().solve(y);
+  const Eigen::VectorXd residual = y - straight * line;
   const Eigen::VectorXd parabola = A.householderQr().solve(y);
   LinearityResult out;
   out.slope = line[1] / half;

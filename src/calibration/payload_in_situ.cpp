@@ -24,7 +24,8 @@ bool fillSpace(const std::vector<Vector3d>& loads, double weight) {
   Vector3d mean = Vector3d::Zero();
   for (const Vector3d& f : loads) mean += f / n;
   for (const Vector3d& f : loads) second += (f - mean) * (f - mean).transpose();
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> spread(second / n);
+  second /= n;
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> spread(second);
   return !(std::sqrt(spread.eigenvalues()[0]) < 0.15 * weight);
 }
 

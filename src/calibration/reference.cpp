@@ -113,7 +113,8 @@ double improve(Fit& fit, const std::vector<const ReferenceAverages*>& runs, bool
     const MatrixXd weighted = w.cwiseSqrt().asDiagonal() * fit.design;
     const Eigen::ColPivHouseholderQR<MatrixXd> qr(weighted);
     const auto solve = [&](const VectorXd& v) -> VectorXd {
-      return qr.solve(w.cwiseSqrt().cwiseProduct(v));
+      const VectorXd right = w.cwiseSqrt().cwiseProduct(v);
+      return qr.solve(right);
     };
     fit.C.col(axis) = solve(y.col(axis));
     fit.residual.col(axis) = y.col(axis) - fit.design * fit.C.col(axis);

@@ -131,8 +131,8 @@ void nameUnseen(Identification& result) {
       if (std::abs(correlation) > kCorrelated) result.correlated.push_back({k, i, correlation});
     }
   }
-  const Eigen::SelfAdjointEigenSolver<UnknownMatrix> eigen(result.covariance,
-                                                           Eigen::EigenvaluesOnly);
+  const MatrixXd covariance = result.covariance;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(covariance, Eigen::EigenvaluesOnly);
   result.condition = eigen.eigenvalues()[kUnknowns - 1] / eigen.eigenvalues()[0];
 }
 

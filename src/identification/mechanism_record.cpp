@@ -103,7 +103,7 @@ void readCorrelation(Section& in, KnownMechanism& known) {
   const UnknownMatrix& c = known.covariance;
   if ((c.diagonal().array() - 1.0).abs().maxCoeff() > kRounding) refuse("has not ones only");
   if ((c - c.transpose()).cwiseAbs().maxCoeff() > kRounding) refuse("is not symmetric");
-  const UnknownMatrix raised = c + kRounding * UnknownMatrix::Identity();
+  const Eigen::MatrixXd raised = c + kRounding * UnknownMatrix::Identity();
   if (raised.llt().info() != Eigen::Success) refuse("is not positive definite");
 }
 

@@ -140,8 +140,8 @@ Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& star
 // Eigenvalues of Λ, degrees of freedom and the χ² test.
 void judge(const Problem& problem, std::size_t contacts, Fit& fit) {
   const Vector6& scale = problem.scale;
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scale.asDiagonal() * fit.normal.information *
-                                                     scale.asDiagonal());
+  const Matrix6 scaled = scale.asDiagonal() * fit.normal.information * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
   fit.eigenvalues = eigen.eigenvalues();
   fit.eigenvectors = eigen.eigenvectors();
   fit.null_count = 0;

@@ -38,7 +38,8 @@ void checkCandidate(const ContactCandidate& c, std::size_t i) {
 ContactAdvice predict(const Matrix6& information, const TwinForceOptions& options) {
   Vector6 s;
   s << Vector3d::Constant(options.required_position), Vector3d::Constant(options.required_rotation);
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(s.asDiagonal() * information * s.asDiagonal());
+  const Matrix6 scaled = s.asDiagonal() * information * s.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
   ContactAdvice out;
   out.smallest_eigenvalue = std::max(0.0, eigen.eigenvalues()[0]);
   bool seen[2] = {true, true};

@@ -168,8 +168,8 @@ double normalisedDistance(const TwinForceEstimate& estimate, const Pose& pose) {
   const auto null = estimate.null_directions.leftCols(estimate.null_count);
   Vector6 y = inverse.cwiseProduct(d);
   y -= null * (null.transpose() * y);
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(inverse.asDiagonal() * estimate.covariance *
-                                                     inverse.asDiagonal());
+  const Matrix6 scaled = inverse.asDiagonal() * estimate.covariance * inverse.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
   double sum = 0.0;
   for (int k = estimate.null_count; k < 6; ++k) {
     const double part = eigen.eigenvectors().col(k).dot(y);
