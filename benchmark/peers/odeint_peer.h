@@ -24,6 +24,7 @@ class OdeintRun {
   /// The scenario must stay.
   OdeintRun(const Scenario& scenario, const State& start)
       : s_(scenario),
+        inverse_mass_(scenario.mechanism),
         drive_{scenario.mechanism.exciter, 0.0},
         rest_(restMotion(restProfile(scenario.rest), 0.0)) {
     for (std::size_t i = 0; i < 9; ++i) {
@@ -62,7 +63,8 @@ class OdeintRun {
     const Kinematics k = kinematics(state);
     FreeMotion motion;
     freeMotion(s_, k, state, rest_, exciterForce(drive_, t), motion);
-    const Vector9 a = solveMass(s_, k, motion.force);
+    Vector9 a;
+    solveMass(inverse_mass_, k, motion.force, a);
     for (std::size_t i = 0; i < 9; ++i) {
       dy[i] = state.v(static_cast<int>(i)) / scale(i);
       dy[i + 9] = a(static_cast<int>(i)) / scale(i + 9);
@@ -78,6 +80,7 @@ class OdeintRun {
   }
 
   const Scenario& s_;
+  InverseMass inverse_mass_;
   Drive drive_;
   RestMotion rest_;
   OdeintState y_{};

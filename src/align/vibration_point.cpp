@@ -90,6 +90,7 @@ Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, doubl
     point.tilt = point.sensor_tilt = demand.tilt * Eigen::Vector2d(-std::sin(a), std::cos(a));
     point.rolling = true;
     constexpr double kStep = 1e-4;
+    linear_motion::check(point);
     const HeldMotion held(mechanism, point);
     const ContactResponse r = contactResponse(mechanism, held, a);
     const Complex9 turned = held.solve(a + kStep);

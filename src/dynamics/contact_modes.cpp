@@ -295,11 +295,11 @@ void keepDepth(std::size_t i, double handed, Context& c, Evaluation& e) {
 }
 
 void updateSlots(const System& s, Context& c, Evaluation& e) {
-  for (std::size_t i = 0; i < kSlots; ++i) {
+  for (const std::size_t i : Slots(s.admitted)) {
     double& depth = c.slots[i].depth;
     if (depth == 0.0) continue;
     depth = e.valid(i) ? std::min(0.0, std::max(depth, e.point(i).gap)) : 0.0;
-    if (c.slots[i].mode == Mode::kApart) e.contacts[i].gap = e.point(i).gap - depth;
+    if (e.valid(i) && c.slots[i].mode == Mode::kApart) e.contacts[i].gap = e.point(i).gap - depth;
   }
   for (const std::size_t i : Slots(e.closed)) {
     Slot& slot = c.slots[i];

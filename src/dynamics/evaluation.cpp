@@ -45,14 +45,16 @@ void evaluateFree(const System& s, const Commands& commands, double t, const Sta
   e.euler_rates = state.v.segment<3>(3);
   if (t != e.drive_time) {
     e.drive_time = t;
-    e.drive_force = exciterForce(commands.drive, t);
+    const Eigen::Vector2d force = exciterForce(commands.drive, t);
+    e.drive_force(0) = force(0);
+    e.drive_force(1) = force(1);
   }
   if (commands.shift || !commands.settledAt(t)) {
     freeMotion(s.scenario, e.k, state, commands.restAt(t), e.drive_force, e.motion);
   } else {
     freeMotion(s.scenario, e.k, state, commands.settled, e.drive_force, e.motion);
   }
-  e.free = solveMass(s.scenario, e.k, e.motion.force);
+  solveMass(s.inverse_mass, e.k, e.motion.force, e.free);
 }
 
 void locate(const System& s, const Context& c, ContactSlotMask mask, Evaluation& e,
@@ -150,7 +152,9 @@ Vector9 accelerationBy(const System& s, const Kinematics& k, const ForceMoment& 
   generalised.segment<3>(3) = s.scenario.thesis.moments
                                   ? Eigen::Vector3d(k.Re.inverse() * by.moment)
                                   : Eigen::Vector3d(k.Re.transpose() * by.moment);
-  return solveMass(s.scenario, k, generalised);
+  Vector9 rate;
+  solveMass(s.inverse_mass, k, generalised, rate);
+  return rate;
 }
 
 }  // namespace assembly_cell

@@ -119,7 +119,7 @@ double errorBy(const System& s, double h, const Slopes<T>& slopes) {
 
 template <class T>
 void attemptTableau(const System& s, const Context& c, Trial& step, Evaluation& e) {
-  e.near = directionsOf(c.state);
+  keepNear(c.state, e.near);
   Slopes<T> slopes;
   Vector18 start;
   start.head<9>() = c.state.q;

@@ -10,16 +10,20 @@
 namespace assembly_cell {
 namespace {
 
-// FK or FC = K d with K of thesis order: diagonal plus (2,6) and (3,5)
+// FK or FC = K d with K of thesis order: diagonal plus (2,6) and (3,5). By elements, here and
+// below: pairs of what has just been written one by one would wait for it in memory.
 Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
-  Vector6 f = K.diagonal.cwiseProduct(d);
-  f(1) += K.k26 * d(5);
-  f(5) += K.k26 * d(1);
-  f(2) += K.k35 * d(4);
-  f(4) += K.k35 * d(2);
+  Vector6 f;
+  f(0) = K.diagonal(0) * d(0);
+  f(1) = K.diagonal(1) * d(1) + K.k26 * d(5);
+  f(2) = K.diagonal(2) * d(2) + K.k35 * d(4);
+  f(3) = K.diagonal(3) * d(3);
+  f(4) = K.diagonal(4) * d(4) + K.k35 * d(2);
+  f(5) = K.diagonal(5) * d(5) + K.k26 * d(1);
   return f;
 }
 
+constexpr double kNear = 0.03;  // the reach of directionNear()'s series [rad]
 constexpr double kShortestMove = 2e-3, kLongestMove = 1e4, kLonger = 1.05;  // of the rest pose [s]
 
 struct Deflection {
@@ -32,12 +36,18 @@ Deflection couplingDeflection(const Scenario& s, const Kinematics& k, const Stat
   Deflection out;
   const Vector9& q = state.q;
   const Vector9& v = state.v;
-  out.d.head<3>() = k.x + d2 * k.a - Eigen::Vector3d(rest.position(2), q(6), q(7));
+  out.d(0) = k.x(0) + d2 * k.a(0) - rest.position(2);
+  out.d(1) = k.x(1) + d2 * k.a(1) - q(6);
+  out.d(2) = k.x(2) + d2 * k.a(2) - q(7);
   out.d(3) = q(5) - q(8);
   out.d(4) = q(4) - rest.position(4);
   out.d(5) = q(3) - rest.position(5);
-  out.rate.head<3>() = k.v + d2 * k.omega.cross(k.a) - Eigen::Vector3d(rest.rate(2), v(6), v(7));
-  out.rate.tail<3>() = k.omega - Eigen::Vector3d(v(8), rest.rate(4), rest.rate(5));
+  out.rate(0) = k.v(0) + d2 * (k.omega(1) * k.a(2) - k.omega(2) * k.a(1)) - rest.rate(2);
+  out.rate(1) = k.v(1) + d2 * (k.omega(2) * k.a(0) - k.omega(0) * k.a(2)) - v(6);
+  out.rate(2) = k.v(2) + d2 * (k.omega(0) * k.a(1) - k.omega(1) * k.a(0)) - v(7);
+  out.rate(3) = k.omega(0) - v(8);
+  out.rate(4) = k.omega(1) - rest.rate(4);
+  out.rate(5) = k.omega(2) - rest.rate(5);
   return out;
 }
 
@@ -92,7 +102,7 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
   const CouplingParameters& coupling = s.mechanism.coupling;
   if (coupling.axes == CouplingAxes::kHole) {
     const Deflection deflection = couplingDeflection(s, k, state, rest);
-    m.deflection = deflection.d;
+    for (int i = 0; i < 6; ++i) m.deflection(i) = deflection.d(i);
     Vector6 FK = multiply(coupling.stiffness, deflection.d);
     if (s.thesis.cross_stiffness) {
       FK +=
@@ -104,10 +114,12 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
       m.give_rate(2) = givesAlongZ(s, state.give(2), FK(0) + FC(0), damping);
       FC(0) -= damping * m.give_rate(2);
     }
-    m.FK = FK.head<3>();
-    m.FKm = FK.tail<3>();
-    m.FC = FC.head<3>();
-    m.FCm = FC.tail<3>();
+    for (int i = 0; i < 3; ++i) {
+      m.FK(i) = FK(i);
+      m.FKm(i) = FK(3 + i);
+      m.FC(i) = FC(i);
+      m.FCm(i) = FC(3 + i);
+    }
     yaw = FK(3) + FC(3);
     return;
   }
@@ -296,7 +308,7 @@ Direction directionOf(double angle) { return {angle, std::cos(angle), std::sin(a
 
 Direction directionNear(const Direction& base, double angle) {
   const double turn = angle - base.angle;
-  if (!(std::abs(turn) < 0.03)) return directionOf(angle);
+  if (!(std::abs(turn) < kNear)) return directionOf(angle);
   const double d = turn * turn;
   // cosine less 1, so that the base's rounding is all there is
   const double versine = -0.5 * d * (1.0 - d * (1.0 / 12) * (1.0 - d * (1.0 / 30)));
@@ -306,13 +318,17 @@ Direction directionNear(const Direction& base, double angle) {
           base.sine + (base.sine * versine + base.cosine * sine)};
 }
 
-EulerDirections directionsOf(const State& state) {
-  return {directionOf(state.q(3)), directionOf(state.q(4)), directionOf(state.q(5))};
+void keepNear(const State& state, EulerDirections& near) {
+  for (int i = 0; i < 3; ++i) {
+    Direction& base = near[static_cast<std::size_t>(i)];
+    const double angle = state.q(3 + i);
+    if (!(std::abs(angle - base.angle) < 0.5 * kNear)) base = directionOf(angle);
+  }
 }
 
 Kinematics kinematics(const State& state) {
   Kinematics k;
-  kinematics(state, directionsOf(state), k);
+  kinematics(state, {directionOf(state.q(3)), directionOf(state.q(4)), directionOf(state.q(5))}, k);
   return k;
 }
 
@@ -344,18 +360,18 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   const Vector9& v = state.v;
   double yaw = 0.0;
   const bool compliant = isCompliant(s);
+  RestMotion given;
   if (compliant) {
-    RestMotion given = rest;
+    given = rest;
     given.position.head<3>() += state.give;
-    couplingForces(s, k, state, given, m, yaw);
-    m.give_rate.head<2>() =
-        (s.imperfections.compliance.head<2>().cwiseProduct((m.FK + m.FC).tail<2>()) -
-         state.give.head<2>()) /
-        kGiveLag;
-  } else {
-    couplingForces(s, k, state, rest, m, yaw);
   }
-  const Eigen::Vector3d T = m.FK + m.FC;
+  couplingForces(s, k, state, compliant ? given : rest, m, yaw);
+  const Eigen::Vector3d T(m.FK(0) + m.FC(0), m.FK(1) + m.FC(1), m.FK(2) + m.FC(2));
+  if (compliant) {
+    m.give_rate.head<2>() =
+        (s.imperfections.compliance.head<2>().cwiseProduct(T.tail<2>()) - state.give.head<2>()) /
+        kGiveLag;
+  }
 
   // exciter and constant push at d1 along the axis; peg axes x = axis 2, y = −(axis 1)
   Eigen::Vector3d Fp(-s.push(1), s.push(0), s.push(2));
@@ -398,19 +414,21 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   }
 }
 
-Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& f) {
-  Vector9 a;
-  a.head<3>() = f.head<3>() / s.mechanism.peg.mass;
-  const double I = s.mechanism.peg.inertia_transverse, I3 = s.mechanism.peg.inertia_axial;
-  const double transverse = 1.0 / (I * k.sin_theta * k.sin_theta);
-  const double c = k.cos_theta;
-  a(3) = transverse * (f(3) - c * f(5));
-  a(4) = f(4) / I;
-  a(5) = -c * transverse * f(3) + (1.0 / I3 + c * c * transverse) * f(5);
-  a(6) = f(6) / s.mechanism.carrier.mass;
-  a(7) = f(7) / s.mechanism.carrier.mass;
-  a(8) = f(8) / s.mechanism.carrier.inertia;
-  return a;
+InverseMass::InverseMass(const Mechanism& mechanism)
+    : peg(1.0 / mechanism.peg.mass),
+      transverse(1.0 / mechanism.peg.inertia_transverse),
+      axial(1.0 / mechanism.peg.inertia_axial),
+      carrier(1.0 / mechanism.carrier.mass),
+      yaw(1.0 / mechanism.carrier.inertia) {}
+
+void solveMass(const InverseMass& inverse, const Kinematics& k, const Vector9& f, Vector9& a) {
+  for (int i = 0; i < 3; ++i) a(i) = inverse.peg * f(i);
+  a(3) = inverse.transverse / (k.sin_theta * k.sin_theta) * (f(3) - k.cos_theta * f(5));
+  a(4) = inverse.transverse * f(4);
+  a(5) = inverse.axial * f(5) - k.cos_theta * a(3);
+  a(6) = inverse.carrier * f(6);
+  a(7) = inverse.carrier * f(7);
+  a(8) = inverse.yaw * f(8);
 }
 
 double kineticEnergy(const Scenario& s, const State& state) {

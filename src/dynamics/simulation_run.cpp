@@ -201,7 +201,7 @@ void Simulation::Run::look(double t, double ahead) {
       } else {
         b.now.closed = 0;
       }
-      b.now.near = directionsOf(context.state);
+      b.now.near = now.near;
       b.pace = integrator.pace();
     }
     step(ahead);

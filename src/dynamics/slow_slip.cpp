@@ -263,7 +263,7 @@ double slipTurning(const System& s, const Context& c, const Evaluation& e) {
 
 void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation& e) {
   const double h = step.h;
-  e.near = directionsOf(c.state);
+  keepNear(c.state, e.near);
   std::array<Vector9, Ark::kStages> velocity, slope;
   std::array<Vec3, Ark::kStages> give;
   velocity[0] = c.state.v;

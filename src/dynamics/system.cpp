@@ -82,7 +82,8 @@ ContactSlotMask slotsOf(const ContactFeatures& features) {
   return mask;
 }
 
-System::System(const Scenario& given) : scenario(given), method(methodOf(given.solver.integrator)) {
+System::System(const Scenario& given)
+    : scenario(given), method(methodOf(given.solver.integrator)), inverse_mass(given.mechanism) {
   const SolverParameters& solver = scenario.solver;
   const ContactParameters& contact = scenario.contact;
   if (method == Method::kRk4 && !(solver.step > 0.0)) {

@@ -155,7 +155,9 @@ Vector9 acceleration(const Scenario& s, const State& state, double t) {
   const RestMotion rest = restMotion(restProfile(s.rest), t);
   FreeMotion motion;
   freeMotion(s, k, state, rest, exciterForce({s.mechanism.exciter, 0.0}, t), motion);
-  return solveMass(s, k, motion.force);
+  Vector9 rate;
+  solveMass(InverseMass(s.mechanism), k, motion.force, rate);
+  return rate;
 }
 
 void switchDampersOff(Scenario& s) {

@@ -375,7 +375,8 @@ TEST(AgainstSimulation, TrendsOfTheRig) {
     EXPECT_GT(rigOneSlideFrequency({.010, M_over_L, 1, .075, 9.8066}), 1);
     const double slow = rigTime(.010, M_over_L, 1).value();
     EXPECT_NEAR(rigTime(.010, M_over_L, .5).value(), slow, 0.25 * slow);
-    EXPECT_LT(2 * slow, rigTime(.010, M_over_L).value());
+    // at 4 Hz a rounding decides in which turn, or whether within 3 s
+    EXPECT_LT(2 * slow, rigTime(.010, M_over_L).value_or(HUGE_VAL));
   }
   // never where it cannot tip: x0 > 2M/L
   EXPECT_FALSE(rigTime(.020, .0075));

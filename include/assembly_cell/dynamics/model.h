@@ -87,7 +87,8 @@ struct Direction {
 Direction directionOf(double angle);
 Direction directionNear(const Direction& base, double angle);
 using EulerDirections = std::array<Direction, 3>;  ///< of phi, theta, psi
-EulerDirections directionsOf(const State& state);
+/// Takes those of `near` anew that are too far from the state's angles.
+void keepNear(const State& state, EulerDirections& near);
 
 /// The same, from the directions of a state near it.
 void kinematics(const State& state, const EulerDirections& near, Kinematics& k);
@@ -105,8 +106,14 @@ struct FreeMotion {
 void freeMotion(const Scenario& s, const Kinematics& k, const State& state, const RestMotion& rest,
                 const Eigen::Vector2d& exciter_force, FreeMotion& m);
 
+/// 1 over masses and moments of inertia of peg and carrier.
+struct InverseMass {
+  explicit InverseMass(const Mechanism& mechanism);
+  double peg, transverse, axial, carrier, yaw;
+};
 /// v' = M(q)^-1 f.
-Vector9 solveMass(const Scenario& s, const Kinematics& k, const Vector9& force);
+void solveMass(const InverseMass& inverse, const Kinematics& k, const Vector9& force,
+               Vector9& rate);
 
 double kineticEnergy(const Scenario& s, const State& state);  ///< of peg and carrier [J]
 /// Kinetic + coupling + carrier springs + weight [J]. `rest`: without what gives way.

@@ -181,7 +181,7 @@ ContactSlotMask possibleSlots(const ContactShapes& shapes);
 EdgeCircle shoulderOf(const EdgeCircle& edge, const Chamfer& chamfer);
 
 /// The slots of one peg. Holds the warm starts: hand the same set (or a copy) to the next search.
-/// Copies copy the points that are valid.
+/// Copies leave out points that are neither in `valid` nor marked so themselves.
 struct ContactSet {
   ContactSet() = default;
   ContactSet(const ContactSet& other) { *this = other; }

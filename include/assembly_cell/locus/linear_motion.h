@@ -90,8 +90,9 @@ class HeldMotion {
   Eigen::Vector3cd force_;
 };
 
-// contactResponse() of contact_model.h, in more than one direction. Throws InputError for a
-// coupling without a static map.
+// The same as contactResponse() of contact_model.h, of a motion that is set up once for several
+// directions; its operating point is not checked. Throws InputError for a coupling without a static
+// map.
 ContactResponse contactResponse(const Mechanism& mechanism, const HeldMotion& held, double alpha);
 
 // Throws InputError for an operating point that is none.
