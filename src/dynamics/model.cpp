@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "assembly_cell/geometry/contact_geometry.h"
 
@@ -360,12 +361,12 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   const Vector9& v = state.v;
   double yaw = 0.0;
   const bool compliant = isCompliant(s);
-  RestMotion given;
+  std::optional<RestMotion> given;
   if (compliant) {
     given = rest;
-    given.position.head<3>() += state.give;
+    given->position.head<3>() += state.give;
   }
-  couplingForces(s, k, state, compliant ? given : rest, m, yaw);
+  couplingForces(s, k, state, given ? *given : rest, m, yaw);
   const Eigen::Vector3d T(m.FK(0) + m.FC(0), m.FK(1) + m.FC(1), m.FK(2) + m.FC(2));
   if (compliant) {
     m.give_rate.head<2>() =
