@@ -7,6 +7,8 @@
 #include "contact_tolerances.h"
 #include "event_locator.h"
 #include "face.h"
+#include "face_edge.h"
+#include "face_points.h"
 #include "impact.h"
 #include "mode_search.h"
 
@@ -76,7 +78,6 @@ ContactSlotMask cameToRest(const Context& c, ContactSlotMask slid, const Evaluat
 // Slip that has begun one way and goes another gets the friction of its velocity. Where that brakes
 // it, it would come to rest at once: it is put to rest, and all is to be decided anew (true).
 bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
-  if (s.rigid) return false;
   ContactSlotMask turned = 0;
   for (const std::size_t i : Slots(e.active())) {
     Slot& slot = c.slots[i];
@@ -108,7 +109,7 @@ void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
     agree(s, false, limit, c, e);
     moved = true;
   }
-  if (!moved) return;
+  if (!moved && !c.face.over_hole) return;
   double at = c.face.t[tippingSlot(c)], error = tippingError(s, limit, c, e), slope = 1.0;
   for (int n = 0; n < kFaceTurns && std::abs(error) > kTip; ++n) {
     const double next = at + std::clamp(error / slope, -kTipStep, kTipStep);
@@ -246,6 +247,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
   bool closed = false, lost = false;
   double handed = 0.0;  // gap of contacts that were lost
   closed = updateFace(s, c, e);
+  if (beginFace(s, c, e)) closed = true;
   for (const std::size_t i : Slots(e.closed)) {
     const ContactKinematics& at = e.contacts[i];
     if (!e.valid(i) || at.gap >= s.leave_gap) {
@@ -265,7 +267,9 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
     const double here = s.rigid ? 0.0 : std::min(handed, heldAt(s, i, e));
     setMode(i, s.discrete_friction ? Mode::kIdle : Mode::kSlip, c, e);
     c.slots[i].armed = false;
-    if (s.scenario.contact.law != ContactLaw::kViscous) keepDepth(i, here, c, e);
+    // where a face may lie what a step was off by is put right
+    const bool error = s.rigid && gap > -s.scenario.solver.tolerance && mayLie(s, e.edge);
+    if (s.scenario.contact.law != ContactLaw::kViscous && !error) keepDepth(i, here, c, e);
     if (rate < -1e-9) {
       ++c.counts.impacts;
       closed = true;

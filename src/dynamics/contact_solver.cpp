@@ -5,7 +5,7 @@
 
 #include "assembly_cell/base/roots.h"
 #include "contact_tolerances.h"
-#include "face.h"
+#include "face_edge.h"
 
 namespace assembly_cell {
 namespace {
@@ -39,8 +39,8 @@ bool prepare(const System& s, Evaluation& e) {
     at.acceleration += k.omega.cross(k.omega.cross(at.r));
     // a rigid flat peg's lowest point has no way along the edge, those of a face have none
     const bool flat = s.rigid && e.point(i).feature == ContactFeature::kEdgePlane &&
-                      k.a(1) * k.a(1) + k.a(2) * k.a(2) < kFlat * kFlat && !hasGround(s, e.edge);
-    if (flat || e.material >> i & 1u) continue;
+                      k.a(1) * k.a(1) + k.a(2) * k.a(2) < kFlat * kFlat && !mayLie(s, e.edge);
+    if (flat || e.face >> i & 1u) continue;
     const EdgeCircle edge =
         kShoulderSlots >> i & 1u ? shoulderOf(e.edge, s.shapes.peg_chamfer) : e.edge;
     at.rates = contactRates(edge, e.point(i), at.velocity, k.omega);

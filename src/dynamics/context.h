@@ -94,23 +94,22 @@ class Events {
 
 /// The peg's face lies on plane or floor: it is carried at three points of its edge (face.h), in
 /// the slots of edge and upper rim and of edge and plane. None of these has another point then.
-/// Where the face reaches over the hole only the slot of edge and plane has a point of its own; the
-/// two others keep the crossings of edge and rim.
+/// Where the face reaches over the hole the slots of edge and rim have the places where these
+/// cross, but for one of them while the pressure is near the edge.
 struct Face {
   bool on = false;
   bool over_hole = false;
-  double height = 0.0;           ///< of plane or floor [m]
-  std::array<double, 3> t = {};  ///< the points' places on the edge
-  double across = 0.0;           ///< before: the place across from the one on the ground
+  ContactSlotMask crossings = 0;  ///< over the hole: slots whose places cross the rim
+  double height = 0.0;            ///< of plane or floor [m]
+  std::array<double, 3> t = {};   ///< the points' places on the edge
+  double across = 0.0;            ///< before: the place across from the one on the ground
 };
 constexpr ContactSlotMask kFaceSlots = 7u;
 constexpr ContactSlotMask kFacePlaneSlot = kEdgePlaneSlots & kFaceSlots;
-static_assert(kFacePlaneSlot != 0 &&
-              (kFacePlaneSlot | (kEdgeEdgeSlots & kFaceSlots)) == kFaceSlots);
+constexpr ContactSlotMask kCrossingSlots = kEdgeEdgeSlots & kFaceSlots;
+static_assert(kFacePlaneSlot != 0 && (kFacePlaneSlot | kCrossingSlots) == kFaceSlots);
 /// Slots whose points are the face's own.
-inline ContactSlotMask facePoints(const Face& face) {
-  return !face.on ? 0u : face.over_hole ? kFacePlaneSlot : kFaceSlots;
-}
+inline ContactSlotMask facePoints(const Face& face) { return face.on ? kFaceSlots : 0u; }
 
 /// Where a run is: everything that the next step starts from and takes as frozen.
 struct Context {
@@ -167,7 +166,6 @@ struct Evaluation {
   Vector9 free = Vector9::Zero();  ///< v' without contacts
   Eigen::Vector3d euler_rates = Eigen::Vector3d::Zero();
   ContactSlotMask face = 0;         ///< slots that carry the peg's face, level on its ground
-  ContactSlotMask material = 0;     ///< those of them whose points are fixed to the peg
   ContactSlotMask closed = 0;       ///< slots that are not apart: searched in every evaluation
   ContactSet closed_set, open_set;  ///< their points, and the others'
   std::array<ContactKinematics, kSlots> contacts;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "contact_solver.h"
+#include "face_points.h"
 
 namespace assembly_cell {
 namespace {
@@ -15,26 +16,6 @@ constexpr double kDeepest = 0.1;
 // Edge speed inside a step over that at its ends, for the bound that spares a search. Half and
 // twice: 10 and 2 of 400 random scenes end elsewhere, by less than 1 um.
 constexpr double kSpare = 1.5;
-
-// the points of the peg's face, in the slots of `mask`
-void locateFace(const Face& face, const EdgeCircle& edge, ContactSlotMask mask, ContactSet& set) {
-  for (const std::size_t i : Slots(mask)) {
-    ContactPoint& point = set.slots[i];
-    point.valid = true;
-    point.feature = ContactFeature::kEdgePlane;
-    point.t = face.t[i];
-    point.cos_t = std::cos(point.t);
-    point.sin_t = std::sin(point.t);
-    point.p = edge.center + edge.radius * (point.cos_t * edge.axis0 + point.sin_t * edge.axis1);
-    point.dp = edge.radius * (point.cos_t * edge.axis1 - point.sin_t * edge.axis0);
-    point.rim = {face.height, point.p(1), point.p(2)};
-    point.tangent.setZero();
-    point.cross_norm = point.curvature = 0.0;
-    point.normal = Eigen::Vector3d::UnitX();
-    point.gap = point.p(0) - face.height;
-  }
-  set.valid |= mask;
-}
 
 }  // namespace
 
@@ -65,10 +46,9 @@ void locate(const System& s, const Context& c, ContactSlotMask mask, Evaluation&
     set.slots[i].valid = false;
     if (&set == &e.open_set && (e.active() >> i & 1u)) set.slots[i] = e.closed_set.slots[i];
   }
-  e.face = c.face.on ? kFaceSlots : 0;
-  e.material = facePoints(c.face);
-  findContacts(e.edge, s.shapes, mask & ~e.material, set);
-  if (c.face.on) locateFace(c.face, e.edge, mask & e.material, set);
+  e.face = facePoints(c.face);
+  findContacts(e.edge, s.shapes, mask & ~e.face, set);
+  if (c.face.on) locateFace(s, c.face, e.edge, mask, set);
   ContactSlotMask found = set.valid & mask;
   for (const std::size_t i : Slots(found)) {
     const ContactPoint& point = set.slots[i];

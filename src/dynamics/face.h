@@ -33,19 +33,4 @@ void dropFace(Context& c, Evaluation& e);
 /// Rigid law: impact of the closed points, the face's fastest points among them.
 void faceImpact(const System& s, Context& c, Evaluation& e);
 
-/// Chooses the points of a face anew so that they carry the load that `decided` modes put on them.
-/// False where that changes nothing.
-bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e);
-
-/// Where the peg is about to tip about one point of its edge: that point less the one whose gap
-/// would shrink fastest [rad]; 0 where none would.
-double tippingError(const System& s, double limit, const Context& c, const Evaluation& e);
-void tipAbout(const System& s, double t, Context& c, Evaluation& e);
-/// The slot of the point about which it does.
-std::size_t tippingSlot(const Context& c);
-
-/// All of the peg's edge is over plane or floor, nearly level, under a law whose contacts may be
-/// carried at points of a face.
-bool hasGround(const System& s, const EdgeCircle& edge);
-
 }  // namespace assembly_cell

@@ -147,7 +147,7 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
   for (std::size_t i = 0; i < kSlots; ++i) {
     ContactReport& r = report[i];
     r.feature = static_cast<ContactReport::Feature>(
-        e.material >> i & 1u ? ContactFeature::kEdgePlane : featureOfSlot(static_cast<int>(i)));
+        e.face >> i & 1u ? ContactFeature::kEdgePlane : featureOfSlot(static_cast<int>(i)));
     r.valid = (s.admitted & e.valid()) >> i & 1u;
     if (!r.valid) continue;
     const ContactKinematics& at = e.contacts[i];

@@ -16,6 +16,7 @@ struct Simulation::Run {
   void refuse(const Trial& trial);
   void accept(double t, const Trial& trial);
   void endAtEvent(const Events& at_end, Trial& trial);
+  void endUnseen(const Trial& trial);
   void checkState();
   void decideAfterCommand();
   StopReason advance(double t_end, std::int64_t attempts);

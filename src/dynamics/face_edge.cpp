@@ -1,0 +1,87 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "face_edge.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec3 = Eigen::Vector3d;
+
+// A peg that leans more is none that may lie: the band of chatter.h.
+constexpr double kNearlyLevel = 1e-3;  // [rad]
+// The edge is so far off the hole: twice the reach of its contacts, and a little. No result changes
+// at half.
+constexpr double kOffTheHole = 5e-5;  // [m]
+// Of the cosine of the angle at which edge and rim cross: flatter is nearly a tangent.
+constexpr double kCrosses = 0.99;
+
+// how far the edge is from where the hole takes its ground away; the floor has all of it
+double groundLeft(const System& s, const EdgeCircle& edge) {
+  if (groundUnder(s, edge) < 0.0) return HUGE_VAL;
+  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width;
+  return std::hypot(edge.center(1), edge.center(2)) - edge.radius - rim - kOffTheHole;
+}
+
+// Cosine of half the arc that reaches to where the edge crosses the rim; beyond ±1 it doesn't.
+double crossing(const System& s, const EdgeCircle& edge) {
+  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width, r = edge.radius;
+  const double off = std::hypot(edge.center(1), edge.center(2));
+  return (rim * rim - off * off - r * r) / (2.0 * off * r);
+}
+
+// How far the edge is from where a face can't lie over the hole: crossings that are nearly
+// tangents, or ground that is hardly wider than the reach of contacts.
+double overHole(const System& s, const EdgeCircle& edge) {
+  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width, r = edge.radius;
+  const double off = std::hypot(edge.center(1), edge.center(2));
+  return std::min(r * (kCrosses - std::abs(crossing(s, edge))), off + r - rim - kOffTheHole);
+}
+
+}  // namespace
+
+Round heights(const Context& c, const EdgeCircle& edge) {
+  return {edge.center(0) - c.face.height, edge.radius * edge.axis0(0), edge.radius * edge.axis1(0)};
+}
+
+Round speeds(const Evaluation& e) {
+  const EdgeCircle& edge = e.edge;
+  const Vec3 middle = e.k.v + e.k.omega.cross(Vec3(edge.center - e.k.x));
+  return {middle(0), edge.radius * e.k.omega.cross(edge.axis0)(0),
+          edge.radius * e.k.omega.cross(edge.axis1)(0)};
+}
+
+double groundUnder(const System& s, const EdgeCircle& edge) {
+  const double depth = s.shapes.hole_depth;
+  return edge.center(0) < -0.5 * depth ? -depth : 0.0;
+}
+
+Arc groundOf(const System& s, const EdgeCircle& edge, bool over_hole) {
+  if (!over_hole) return {};
+  const double away = std::atan2(edge.center(2), edge.center(1));
+  const double y = std::sin(away), x = std::cos(away);
+  return {std::atan2(x * edge.axis1(1) + y * edge.axis1(2), x * edge.axis0(1) + y * edge.axis0(2)),
+          std::acos(std::clamp(crossing(s, edge), -1.0, 1.0))};
+}
+
+double sameGround(const System& s, const Face& face, const EdgeCircle& edge) {
+  return face.over_hole ? overHole(s, edge) : groundLeft(s, edge);
+}
+
+bool nearlyLevel(const EdgeCircle& edge) {
+  const double tilt2 = edge.axis0(0) * edge.axis0(0) + edge.axis1(0) * edge.axis1(0);
+  return tilt2 < kNearlyLevel * kNearlyLevel;
+}
+
+bool reachesOver(const System& s, const EdgeCircle& edge) {
+  return s.discrete_friction && !(s.excluded & kFaceSlots) && groundUnder(s, edge) == 0.0 &&
+         overHole(s, edge) > 0.0 && (s.admitted & kFaceSlots) == kFaceSlots;
+}
+
+bool mayLie(const System& s, const EdgeCircle& edge) {
+  return hasGround(s, edge) || (nearlyLevel(edge) && reachesOver(s, edge));
+}
+
+bool hasGround(const System& s, const EdgeCircle& edge) {
+  return !(s.excluded & kFacePlaneSlot) && nearlyLevel(edge) && groundLeft(s, edge) > 0.0;
+}
+
+}  // namespace assembly_cell
