@@ -195,7 +195,8 @@ HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point,
       rolling_(point.rolling && point.tilt.norm() > 1e-3
                    ? tipRadius(mechanism.peg) / point.tilt.norm()
                    : 0.0),
-      force_(exciterForce(free_, excitation)) {}
+      force_(exciterForce(free_, excitation)),
+      carrier_inverse_(free_.dynamic.bottomRightCorner<3, 3>().inverse()) {}
 
 Vector3d HeldMotion::heldPoint(double alpha) const {
   const Vector2d radial(std::cos(alpha), std::sin(alpha));
@@ -220,21 +221,23 @@ Complex9 HeldMotion::solve(double alpha) const {
   const Vector3d along(-radial.y(), radial.x(), 0.0);
   fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();
 
-  // u = -θ × rho
+  // u = -θ × rho; nothing pulls at the carrier but what moves with it, so its coordinates follow
   const Eigen::Matrix3cd held = skew(rho).cast<Complex>();
   const ComplexMatrix9& d = free_.dynamic;
-  ComplexMatrix6 reduced = d.bottomRightCorner<6, 6>();
-  reduced.topLeftCorner<3, 3>() +=
+  const Eigen::Matrix3cd carrier_by_theta =
+      d.block<3, 3>(kCarrier, kTheta) + d.block<3, 3>(kCarrier, kU) * held;
+  const Eigen::Matrix3cd follows = -carrier_inverse_ * carrier_by_theta;
+  const Eigen::Matrix3cd by_carrier =
+      d.block<3, 3>(kTheta, kCarrier) + held.transpose() * d.block<3, 3>(kU, kCarrier);
+  const Eigen::Matrix3cd reduced =
+      d.block<3, 3>(kTheta, kTheta) + fixed.cast<Complex>() +
       held.transpose() * (d.block<3, 3>(kU, kU) * held + d.block<3, 3>(kU, kTheta)) +
-      d.block<3, 3>(kTheta, kU) * held + fixed.cast<Complex>();
-  reduced.topRightCorner<3, 3>() += held.transpose() * d.block<3, 3>(kU, kCarrier);
-  reduced.bottomLeftCorner<3, 3>() += d.block<3, 3>(kCarrier, kU) * held;
-  Complex6 load = Complex6::Zero();
-  load.head<3>() = skew(free_.to_exciter - rho).cast<Complex>() * force_;
+      d.block<3, 3>(kTheta, kU) * held + by_carrier * follows;
 
   Complex9 q;
-  q.tail<6>() = reduced.partialPivLu().solve(load);
+  q.segment<3>(kTheta) = reduced.inverse() * (skew(free_.to_exciter - rho) * force_);
   q.head<3>() = held * q.segment<3>(kTheta);
+  q.tail<3>() = follows * q.segment<3>(kTheta);
   return q;
 }
 

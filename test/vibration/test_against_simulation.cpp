@@ -341,7 +341,7 @@ std::optional<double> rigTime(double x0, double M_over_L, double f_hz = 4) {
   s.contact.law = ContactLaw::kRigid;
   s.mechanism.exciter = {M_over_L * kMass * s.mechanism.gravity / (kSize + 0.2), 2 * M_PI * f_hz, 0,
                          1};
-  s.solver.tolerance = 1e-6;
+  s.solver.tolerance = 1e-8;  // as at 1e-10, to a hundredth of a second
   s.solver.max_step = 1e-3;
   Simulation simulation(s);
   for (int k = 1; k < 300; ++k) {
@@ -356,7 +356,7 @@ std::optional<double> rigTime(double x0, double M_over_L, double f_hz = 4) {
 // hole in one turn takes half a second longer.
 double typicalRigTime(double x0, double M_over_L) {
   std::array<double, 3> times{};
-  for (int i = 0; i < 3; ++i) times[i] = rigTime(x0, M_over_L + 5e-4 * (i - 1)).value_or(HUGE_VAL);
+  for (int i = 0; i < 3; ++i) times[i] = rigTime(x0, M_over_L + 5e-4 * (i - 1)).value();
   std::sort(times.begin(), times.end());
   return times[1];
 }
@@ -375,8 +375,8 @@ TEST(AgainstSimulation, TrendsOfTheRig) {
     EXPECT_GT(rigOneSlideFrequency({.010, M_over_L, 1, .075, 9.8066}), 1);
     const double slow = rigTime(.010, M_over_L, 1).value();
     EXPECT_NEAR(rigTime(.010, M_over_L, .5).value(), slow, 0.25 * slow);
-    // at 4 Hz a rounding decides in which turn, or whether within 3 s
-    EXPECT_LT(2 * slow, rigTime(.010, M_over_L).value_or(HUGE_VAL));
+    // at 4 Hz a little decides in which turn
+    EXPECT_LT(2 * slow, rigTime(.010, M_over_L).value());
   }
   // never where it cannot tip: x0 > 2M/L
   EXPECT_FALSE(rigTime(.020, .0075));
