@@ -111,6 +111,12 @@ static_assert(kFacePlaneSlot != 0 && (kFacePlaneSlot | kCrossingSlots) == kFaceS
 /// Slots whose points are the face's own.
 inline ContactSlotMask facePoints(const Face& face) { return face.on ? kFaceSlots : 0u; }
 
+/// Events that are dense but come to an end (chatter.h).
+struct Cluster {
+  double span = HUGE_VAL;  ///< time that the last kRecentEvents of them took [s]
+  int events = 0;          ///< so many until they are looked at again
+};
+
 /// Where a run is: everything that the next step starts from and takes as frozen.
 struct Context {
   explicit Context(const System& s) : commands(s.scenario) { recent_events.fill(-1.0); }
@@ -131,8 +137,9 @@ struct Context {
   std::int64_t decisions = 0;  ///< times that modes were decided: solutions are smooth in between
   static constexpr std::size_t kRecentEvents = 24;
   std::array<double, kRecentEvents> recent_events;  ///< times [s]
-  double chatter_until = -1.0;                      ///< no event is located before this time [s]
-  RunCounts counts;                                 ///< without evaluations
+  Cluster cluster;
+  double chatter_until = -1.0;  ///< no event is located before this time [s]
+  RunCounts counts;             ///< without evaluations
   StopReason stop = StopReason::kOk;
 };
 
