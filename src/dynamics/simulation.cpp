@@ -144,10 +144,11 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
   }
   if (__builtin_popcount(sticking) == 2) shareInternalForces(s, sticking, e.loads, e);
   std::array<ContactReport, kSlots> report;
+  const ContactSlotMask on_plane = e.face & ~c.face.crossings;
   for (std::size_t i = 0; i < kSlots; ++i) {
     ContactReport& r = report[i];
     r.feature = static_cast<ContactReport::Feature>(
-        e.face >> i & 1u ? ContactFeature::kEdgePlane : featureOfSlot(static_cast<int>(i)));
+        on_plane >> i & 1u ? ContactFeature::kEdgePlane : featureOfSlot(static_cast<int>(i)));
     r.valid = (s.admitted & e.valid()) >> i & 1u;
     if (!r.valid) continue;
     const ContactKinematics& at = e.contacts[i];

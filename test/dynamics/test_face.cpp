@@ -383,15 +383,18 @@ TEST(FaceOverTheHole, Rests) {
       // weight and moments
       const PegParameters& peg = sim.scenario().mechanism.peg;
       Vector3d force = Vector3d::Zero(), moment = Vector3d::Zero();
+      int crossings = 0;
       for (const ContactReport& c : sim.contacts()) {
         if (c.state == ContactReport::kOpen) continue;
         EXPECT_EQ(c.state, ContactReport::kStick);
         EXPECT_GE(c.force.z(), 0.0);
+        crossings += c.feature == ContactReport::kEdgeEdge ? 1 : 0;
         force += c.force;
         moment += (c.point - at.place()).cross(c.force);
       }
       EXPECT_NEAR(force.z(), peg.mass * sim.scenario().mechanism.gravity, 1e-9);
       EXPECT_LT(moment.norm(), 1e-9);
+      EXPECT_EQ(crossings, 2);
     }
   }
 }
