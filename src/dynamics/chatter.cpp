@@ -79,9 +79,8 @@ std::array<Vec3, kSlots> stopPenetration(const System& s, double t, Context& c, 
   return impulse;
 }
 
-}  // namespace
-
-bool noteEvent(const System& s, const Evaluation& e, double t, Context& c) {
+// notes an event at time t; the last ones are so dense that they are worth no more
+bool isDense(const System& s, const Evaluation& e, double t, Context& c) {
   double& oldest =
       c.recent_events[static_cast<std::size_t>(c.counts.events) % Context::kRecentEvents];
   const double span = t - oldest;
@@ -98,6 +97,12 @@ bool noteEvent(const System& s, const Evaluation& e, double t, Context& c) {
   const bool faster = span < kFaster * before.span;
   before = {span, Context::kRecentEvents};
   return !faster;
+}
+
+}  // namespace
+
+void noteEvent(const System& s, const Evaluation& e, double t, Context& c) {
+  if (isDense(s, e, t, c)) beginChatter(t, c);
 }
 
 void beginChatter(double t, Context& c) {

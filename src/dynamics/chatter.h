@@ -8,8 +8,8 @@
 
 namespace assembly_cell {
 
-/// Notes an event at time t. True where the last ones are that dense.
-bool noteEvent(const System& s, const Evaluation& e, double t, Context& c);
+/// Notes an event at time t; chatter begins where the last ones are that dense.
+void noteEvent(const System& s, const Evaluation& e, double t, Context& c);
 void beginChatter(double t, Context& c);
 
 /// The peg's tilt is too small to tell its lowest point.

@@ -109,7 +109,7 @@ void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
     agree(s, false, limit, c, e);
     moved = true;
   }
-  if (!moved && !c.face.over_hole) return;
+  if (!moved && !c.face.overHole()) return;
   double at = c.face.t[tippingSlot(c)], error = tippingError(s, limit, c, e), slope = 1.0;
   for (int n = 0; n < kFaceTurns && std::abs(error) > kTip; ++n) {
     const double next = at + std::clamp(error / slope, -kTipStep, kTipStep);

@@ -98,11 +98,11 @@ class Events {
 /// cross, but for one of them while the pressure is near the edge.
 struct Face {
   bool on = false;
-  bool over_hole = false;
-  ContactSlotMask crossings = 0;  ///< over the hole: slots whose places cross the rim
+  ContactSlotMask crossings = 0;  ///< slots whose places cross the rim; none: not over the hole
   double height = 0.0;            ///< of plane or floor [m]
   std::array<double, 3> t = {};   ///< the points' places on the edge
   double across = 0.0;            ///< before: the place across from the one on the ground
+  bool overHole() const { return crossings != 0; }
 };
 constexpr ContactSlotMask kFaceSlots = 7u;
 constexpr ContactSlotMask kFacePlaneSlot = kEdgePlaneSlots & kFaceSlots;

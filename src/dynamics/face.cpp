@@ -35,8 +35,6 @@ constexpr int kStrikes = 8;  // points of one impact that may come down one afte
 // beyond what is allowed, with 12 times and 0.96 times the time.
 constexpr double kLastRise = 1e-14;  // [m]
 
-bool hasSprings(const System& s) { return s.scenario.contact.law == ContactLaw::kSpringDashpot; }
-
 // where contacts end at zero gap a face lies when it is in the ground
 double lies(const System& s) {
   if (!s.discrete_friction) return 0.5 * kTouch;
@@ -124,7 +122,7 @@ void stopPoints(const System& s, ContactSlotMask points, Context& c, Evaluation&
 // What is left of rocking would not lift the face: all of it is stopped.
 bool putToRest(const System& s, Context& c, Evaluation& e) {
   const Round height = heights(c, e.edge), speed = speeds(e);
-  if (height.most(groundOf(s, e.edge, c.face.over_hole)) > lies(s)) return false;
+  if (height.most(groundOf(s, e.edge, c.face.overHole())) > lies(s)) return false;
   if (!barelyRises(s, std::abs(speed.middle) + speed.swing(), e)) return false;
   closePoints(s, kFaceSlots & ~e.active(), c, e);
   stopPoints(s, kFaceSlots, c, e);
@@ -176,7 +174,7 @@ double faceEvent(const System& s, const Context& c, const Evaluation& e) {
   const double ground = sameGround(s, c.face, e.edge);
   if (hasSprings(s)) return std::min(ground, leaves(s) - highestPoint(e));
   const bool all = (e.active() & kFaceSlots) == kFaceSlots;
-  const Arc arc = groundOf(s, e.edge, c.face.over_hole);
+  const Arc arc = groundOf(s, e.edge, c.face.overHole());
   const double deeper = all ? HUGE_VAL : height.least(arc) - deepestPoint(e) + beside(s);
   return std::min({leaves(s) - height.most(arc), ground, deeper});
 }
@@ -185,7 +183,8 @@ void dropFace(Context& c, Evaluation& e) {
   if (!c.face.on) return;
   const ContactSlotMask points = facePoints(c.face);
   openPoints(points, c, e);
-  c.face.on = c.face.over_hole = false;
+  c.face.on = false;
+  c.face.crossings = 0;
   e.face = 0;
   e.open_set.valid &= ~points;
   e.closed_set.valid &= ~points;
@@ -213,7 +212,6 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
     return true;
   }
   if (height.most(groundOf(s, e.edge, over_hole)) > 1.5 * lies(s)) return false;
-  c.face.over_hole = over_hole;
   c.face.crossings = over_hole ? kCrossingSlots : 0;
   openPoints(kFaceSlots, c, e);
   c.face.on = true;
@@ -237,16 +235,16 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
 bool updateFace(const System& s, Context& c, Evaluation& e) {
   if (!c.face.on) return false;
   const Round height = heights(c, e.edge);
-  const Arc arc = groundOf(s, e.edge, c.face.over_hole);
+  const Arc arc = groundOf(s, e.edge, c.face.overHole());
   const double up = hasSprings(s) ? highestPoint(e) : height.most(arc);
   if (up > 0.9 * leaves(s) || !(sameGround(s, c.face, e.edge) > 1e-12)) {
     endFace(s, c, e);
   } else if (!hasSprings(s) && (e.active() & kFaceSlots) != kFaceSlots &&
              height.least(arc) < deepestPoint(e) - 0.9 * beside(s)) {
-    const std::size_t i = sparePoint(c.face.over_hole ? kFacePlaneSlot : kFaceSlots, c, e);
+    const std::size_t i = sparePoint(c.face.overHole() ? kFacePlaneSlot : kFaceSlots, c, e);
     if (i == kSlots) {
       // the one point of a face over the hole carries, another place of its edge comes down
-      if (c.face.over_hole) endFace(s, c, e);
+      if (c.face.overHole()) endFace(s, c, e);
       return false;
     }
     c.face.t[i] = height.leastAt(arc);
@@ -266,12 +264,12 @@ void faceImpact(const System& s, Context& c, Evaluation& e) {
     impact(s, c, e);
     if (!c.face.on) return endRocking(s, c, e);
     const Round speed = speeds(e);
-    const Arc arc = groundOf(s, e.edge, c.face.over_hole);
+    const Arc arc = groundOf(s, e.edge, c.face.overHole());
     if (speed.least(arc) >= -kSettledSpeed) return;
     const std::size_t i =
-        c.face.over_hole ? slotOf(arc, speed.leastAt()) : sparePoint(kFaceSlots, c, e);
-    if (c.face.over_hole) c.face.crossings |= kCrossingSlots & 1u << i;
+        c.face.overHole() ? slotOf(arc, speed.leastAt()) : sparePoint(kFaceSlots, c, e);
     if (i == kSlots) return;
+    if (c.face.overHole()) c.face.crossings |= kCrossingSlots & 1u << i;
     c.face.t[i] = speed.leastAt(arc);
     closePoints(s, 1u << i, c, e);
   }

@@ -14,26 +14,27 @@ constexpr double kOffTheHole = 5e-5;  // [m]
 // Of the cosine of the angle at which edge and rim cross: flatter is nearly a tangent.
 constexpr double kCrosses = 0.99;
 
+double rimOf(const System& s) { return s.shapes.hole_radius + s.shapes.chamfer.width; }
+double offAxis(const EdgeCircle& edge) { return std::hypot(edge.center(1), edge.center(2)); }
+
 // how far the edge is from where the hole takes its ground away; the floor has all of it
 double groundLeft(const System& s, const EdgeCircle& edge) {
-  if (groundUnder(s, edge) < 0.0) return HUGE_VAL;
-  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width;
-  return std::hypot(edge.center(1), edge.center(2)) - edge.radius - rim - kOffTheHole;
+  return groundUnder(s, edge) < 0.0 ? HUGE_VAL
+                                    : offAxis(edge) - edge.radius - rimOf(s) - kOffTheHole;
 }
 
 // Cosine of half the arc that reaches to where the edge crosses the rim; beyond ±1 it doesn't.
 double crossing(const System& s, const EdgeCircle& edge) {
-  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width, r = edge.radius;
-  const double off = std::hypot(edge.center(1), edge.center(2));
+  const double rim = rimOf(s), off = offAxis(edge), r = edge.radius;
   return (rim * rim - off * off - r * r) / (2.0 * off * r);
 }
 
 // How far the edge is from where a face can't lie over the hole: crossings that are nearly
 // tangents, or ground that is hardly wider than the reach of contacts.
-double overHole(const System& s, const EdgeCircle& edge) {
-  const double rim = s.shapes.hole_radius + s.shapes.chamfer.width, r = edge.radius;
-  const double off = std::hypot(edge.center(1), edge.center(2));
-  return std::min(r * (kCrosses - std::abs(crossing(s, edge))), off + r - rim - kOffTheHole);
+double overHoleBy(const System& s, const EdgeCircle& edge) {
+  const double r = edge.radius;
+  return std::min(r * (kCrosses - std::abs(crossing(s, edge))),
+                  offAxis(edge) + r - rimOf(s) - kOffTheHole);
 }
 
 }  // namespace
@@ -63,7 +64,7 @@ Arc groundOf(const System& s, const EdgeCircle& edge, bool over_hole) {
 }
 
 double sameGround(const System& s, const Face& face, const EdgeCircle& edge) {
-  return face.over_hole ? overHole(s, edge) : groundLeft(s, edge);
+  return face.overHole() ? overHoleBy(s, edge) : groundLeft(s, edge);
 }
 
 bool nearlyLevel(const EdgeCircle& edge) {
@@ -73,7 +74,7 @@ bool nearlyLevel(const EdgeCircle& edge) {
 
 bool reachesOver(const System& s, const EdgeCircle& edge) {
   return s.discrete_friction && !(s.excluded & kFaceSlots) && groundUnder(s, edge) == 0.0 &&
-         overHole(s, edge) > 0.0 && (s.admitted & kFaceSlots) == kFaceSlots;
+         overHoleBy(s, edge) > 0.0 && (s.admitted & kFaceSlots) == kFaceSlots;
 }
 
 bool mayLie(const System& s, const EdgeCircle& edge) {

@@ -39,6 +39,11 @@ struct Round {
   }
 };
 
+/// Its points are springs, which stay where they are.
+inline bool hasSprings(const System& s) {
+  return s.scenario.contact.law == ContactLaw::kSpringDashpot;
+}
+
 /// Height over the ground [m].
 Round heights(const Context& c, const EdgeCircle& edge);
 /// Speed upwards of the material points [m/s].

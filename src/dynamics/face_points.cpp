@@ -92,8 +92,9 @@ bool pressNearEdge(const Arc& arc, double out, double towards, Face& face) {
 
 void locateFace(const System& s, const Face& face, const EdgeCircle& edge, ContactSlotMask mask,
                 ContactSet& set) {
+  if (!(mask & kFaceSlots)) return;
   std::array<double, 3> t = face.t;
-  if (face.over_hole) {
+  if (face.overHole()) {
     const Arc arc = groundOf(s, edge, true);
     if (face.crossings & 1u) t[0] = arc.from();
     if (face.crossings & 2u) t[1] = arc.to();
@@ -138,9 +139,7 @@ void setPoints(const System& s, const std::array<double, 3>& t, Context& c, Eval
 }
 
 bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
-  if (s.scenario.contact.law == ContactLaw::kSpringDashpot ||
-      (e.active() & kFaceSlots) != kFaceSlots)
-    return false;
+  if (hasSprings(s) || (e.active() & kFaceSlots) != kFaceSlots) return false;
   const SlotArray decided = c.slots;
   bool idle = false;
   std::size_t going = kSlots;
@@ -168,16 +167,15 @@ bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
   const double out = middle.norm() / load;
   const double towards = std::atan2(middle(1), middle(0));
   const bool lifted = !(load > limit * s.scenario.mechanism.peg.mass);
+  const Arc arc = groundOf(s, e.edge, c.face.overHole());
   std::optional<double> point;
-  if (!lifted && c.face.over_hole) {
-    point = pointOverHole(groundOf(s, e.edge, true), out, towards);
-  }
-  if (lifted || (c.face.over_hole && !point)) {
+  if (!lifted && c.face.overHole()) point = pointOverHole(arc, out, towards);
+  if (lifted || (c.face.overHole() && !point)) {
     c.slots = decided;
     c.slope = contactForces(s, c.slots, Level::kEvents, e);
     return false;
   }
-  if (point && pressNearEdge(groundOf(s, e.edge, true), out, towards, c.face)) {
+  if (point && pressNearEdge(arc, out, towards, c.face)) {
     movePoints(s, c.face.t, c, e);
   } else if (point) {
     tipAbout(s, *point, c, e);
@@ -192,11 +190,11 @@ bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
 }
 
 std::size_t tippingSlot(const Context& c) {
-  return c.face.over_hole ? *Slots(kFacePlaneSlot) : std::size_t{0};
+  return c.face.overHole() ? *Slots(kFacePlaneSlot) : std::size_t{0};
 }
 
 void tipAbout(const System& s, double t, Context& c, Evaluation& e) {
-  if (c.face.over_hole) {
+  if (c.face.overHole()) {
     c.face.crossings = kCrossingSlots;
     return movePoints(s, {t, t, t}, c, e);
   }
@@ -206,17 +204,17 @@ void tipAbout(const System& s, double t, Context& c, Evaluation& e) {
 double tippingError(const System& s, double limit, const Context& c, const Evaluation& e) {
   const std::size_t tips = tippingSlot(c);
   if (!c.face.on || !(e.active() >> tips & 1u)) return 0.0;
-  if (c.face.over_hole ? (e.active() & kFaceSlots) != kFaceSlots
-                       : c.slots[tips].mode == Mode::kIdle) {
+  if (c.face.overHole() ? (e.active() & kFaceSlots) != kFaceSlots
+                        : c.slots[tips].mode == Mode::kIdle) {
     return 0.0;
   }
   int others = 0;
   for (const std::size_t i : Slots(e.active() & kFaceSlots & ~(1u << tips))) {
     others += c.slots[i].mode == Mode::kIdle ? 0 : 1;
   }
-  if (others > (c.face.over_hole ? 1 : 0)) return 0.0;
+  if (others > (c.face.overHole() ? 1 : 0)) return 0.0;
   const Round demand = demands(s, c, e);
-  const Arc arc = groundOf(s, e.edge, c.face.over_hole);
+  const Arc arc = groundOf(s, e.edge, c.face.overHole());
   if (demand.least(arc) > -limit) return 0.0;
   return std::remainder(demand.leastAt(arc) - c.face.t[tips], 2.0 * M_PI);
 }

@@ -95,7 +95,7 @@ void Simulation::Run::refuse(const Trial& trial) {
   if (integrator.goesExplicit(trial)) return;
   const bool finite = trial.finite();
   const double shorter = trial.h * Integrator::shrinkBy(trial);
-  const bool lies = mayLie(system, now.edge);
+  const bool lies = system.rigid && mayLie(system, now.edge);
   if (!system.fixed_step && shorter < (lies ? kShortestOnGround : kShortest) && finite &&
       system.rigid && isFlat(now) && !context.face.on && context.time >= context.chatter_until) {
     if (lies) return endUnseen(trial);
@@ -103,7 +103,7 @@ void Simulation::Run::refuse(const Trial& trial) {
     beginChatter(context.time, context);
   } else if (system.rigid && finite && shorter < kStepFloor && slips(context.slots)) {
     ++context.counts.events;
-    if (noteEvent(system, now, context.time, context)) beginChatter(context.time, context);
+    noteEvent(system, now, context.time, context);
     jam(system, false, context, now);
     decide(system, context, now);
     integrator.setStep(kAfterJam);
@@ -138,7 +138,7 @@ void Simulation::Run::accept(double t, const Trial& trial) {
 void Simulation::Run::endUnseen(const Trial& trial) {
   integrator.interrupt();
   const double t = context.time + trial.h;
-  if (noteEvent(system, now, t, context)) beginChatter(t, context);
+  noteEvent(system, now, t, context);
   accept(t, trial);
   ++context.counts.events;
   findModes(system, false, context, now);
@@ -149,7 +149,7 @@ void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {
   integrator.interrupt();
   locateEvent(system, context, at_end, trial, now);
   const double t = context.time + trial.h;
-  if (noteEvent(system, now, t, context)) beginChatter(t, context);
+  noteEvent(system, now, t, context);
   accept(t, trial);
   ++context.counts.events;
   changeModes(system, context, now);

@@ -88,7 +88,7 @@ class HeldMotion {
   double weight_;            // [N]
   double rolling_;           // contact's way along the edge per turn about the radial axis [m]
   Eigen::Vector3cd force_;
-  Eigen::Matrix3cd carrier_inverse_;  // of the carrier's own block [rad/N], [m/N] ...
+  Eigen::Matrix3cd carrier_inverse_;  // carrier's coordinates by forces and moment on it
 };
 
 // The same as contactResponse() of contact_model.h, of a motion that is set up once for several
