@@ -67,7 +67,8 @@ CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>
     for (const RimPoint& point : points) {
       const Vec2 d = fit.center - point.p;
       const double distance = std::max(d.norm(), 1e-9);
-      const double sd = std::hypot(kPointFloor, d.dot(point.tangent) / distance * point.sd);
+      const double along = d.dot(point.tangent) / distance * point.sd;
+      const double sd = std::sqrt(kPointFloor * kPointFloor + along * along);
       const double z = (distance - radius) / sd;
       // Geman–McClure beyond a few sd; the likelihood's log sd counts when centres compete
       const double w = 1.0 / std::pow(1.0 + z * z / 16.0, 2);
@@ -116,15 +117,55 @@ double touchDirection(const Arc& arc, double low) {
   return arc.toward + (away > 0.0 ? arc.half : -arc.half);
 }
 
-// directions in the plane of a reading's contact and of its lowest edge point
-void directionsOf(const HoleReading& r, double radius, const HoleEstimate& e,
-                  const Eigen::Matrix<double, 3, 2>& axes, double& felt, double& low) {
+// a reading's peg in the plane, and the directions from it to the contact and to the lowest point
+// of its edge
+struct Sight {
+  Vec2 peg;
+  double felt, low;
+};
+Sight sightOf(const HoleReading& r, double radius, const HoleEstimate& e,
+              const Eigen::Matrix<double, 3, 2>& axes) {
   const auto direction = [&](double alpha) {
     const Vec2 p = axes.transpose() * (contactPoint(r, radius, alpha) - r.X_SP.p);
     return std::atan2(p.y(), p.x());
   };
-  felt = direction(r.alpha);
-  low = direction(lowest(r, e.normal));
+  return {axes.transpose() * r.X_SP.p, direction(r.alpha), direction(lowest(r, e.normal))};
+}
+
+struct Radii {
+  double peg, hole;  // [m]
+};
+
+// The circle through two points has two centres: start in every direction around `middle`; of all
+// that fit, the one under which every contact of the sweep would be where it was felt.
+CircleFit bestCircle(const std::vector<RimPoint>& rim, const std::vector<Vec2>& plane,
+                     const std::vector<HoleReading>& readings, const std::vector<Sight>& sights,
+                     const Radii& radii, const Vec2& middle) {
+  CircleFit best;
+  double least = 1e300;
+  for (int i = 0; i < 24; ++i) {
+    for (const double distance : {0.01, 0.1, 0.4, 1.2}) {
+      const double a = 2 * M_PI * i / 24.0;
+      const Vec2 start = middle + distance * radii.hole * Vec2(std::cos(a), std::sin(a));
+      const CircleFit fit = fitCircle(rim, plane, radii.hole, start);
+      double cost = 0.0;
+      for (std::size_t k = 0; k < readings.size(); ++k) {
+        const HoleReading& r = readings[k];
+        if (r.kind == HoleReading::kOut) continue;
+        const Sight& at = sights[k];
+        const Arc arc = arcOver(at.peg, radii.peg, fit.center, radii.hole);
+        const double off = wrapPi(at.felt - touchDirection(arc, at.low));
+        const double z = off / std::max(kBranchDirection, r.sd);
+        cost += z * z / (1.0 + z * z / 16.0);
+      }
+      // equal but for rounding: the better circle
+      if (cost < 0.999 * least || (cost <= 1.001 * least && fit.cost < best.cost)) {
+        least = std::min(least, cost);
+        best = fit;
+      }
+    }
+  }
+  return best;
 }
 
 }  // namespace
@@ -200,6 +241,7 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(e.normal);
   std::vector<RimPoint> rim;
   std::vector<Vec2> plane;
+  std::vector<Sight> sights(readings.size());
   Vec2 middle = Vec2::Zero();
   e.plane_readings = e.rim_readings = 0;
   for (HoleReading& r : readings) {
@@ -222,41 +264,21 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
     return {AlignFailure::kNoHoleUnderEdge, "too few contacts on the rim"};
   }
 
-  // the circle through two points has two centres: start in every direction; of all that fit, the
-  // one under which every contact of the sweep would be where it was felt
-  CircleFit best;
-  double least = 1e300;
-  for (int i = 0; i < 24; ++i) {
-    for (const double distance : {0.01, 0.1, 0.4, 1.2}) {
-      const double a = 2 * M_PI * i / 24.0;
-      const Vec2 start = middle + distance * hole_radius * Vec2(std::cos(a), std::sin(a));
-      const CircleFit fit = fitCircle(rim, plane, hole_radius, start);
-      double cost = 0.0;
-      for (const HoleReading& r : readings) {
-        if (r.kind == HoleReading::kOut) continue;
-        double felt = 0.0, low = 0.0;
-        directionsOf(r, peg_radius, e, axes, felt, low);
-        const Arc arc = arcOver(axes.transpose() * r.X_SP.p, peg_radius, fit.center, hole_radius);
-        const double z = wrapPi(felt - touchDirection(arc, low)) / std::max(kBranchDirection, r.sd);
-        cost += z * z / (1.0 + z * z / 16.0);
-      }
-      // equal but for rounding: the better circle
-      if (cost < 0.999 * least || (cost <= 1.001 * least && fit.cost < best.cost)) {
-        least = std::min(least, cost);
-        best = fit;
-      }
-    }
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    sights[i] = sightOf(readings[i], peg_radius, e, axes);
   }
+  const CircleFit best =
+      bestCircle(rim, plane, readings, sights, {peg_radius, hole_radius}, middle);
   // a contact that neither the plane nor an edge of this hole explains was read wrong
-  for (HoleReading& r : readings) {
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    HoleReading& r = readings[i];
     r.explained = false;
     if (r.kind == HoleReading::kOut) continue;
-    double felt = 0.0, low = 0.0;
-    directionsOf(r, peg_radius, e, axes, felt, low);
-    const Arc arc = arcOver(axes.transpose() * r.X_SP.p, peg_radius, best.center, hole_radius);
-    double off = std::abs(wrapPi(felt - low));
+    const Sight& at = sights[i];
+    const Arc arc = arcOver(at.peg, peg_radius, best.center, hole_radius);
+    double off = std::abs(wrapPi(at.felt - at.low));
     for (const double half : {-arc.half, arc.half}) {
-      off = std::min(off, std::abs(wrapPi(felt - arc.toward - half)));
+      off = std::min(off, std::abs(wrapPi(at.felt - arc.toward - half)));
     }
     r.explained = off < std::max(kExplained, 4 * std::min(r.sd, kExplained));
   }

@@ -123,9 +123,9 @@ class SingleContact : public VibratedSearch {
       } else if (hole_.rim_readings > rim) {
         low = lowForEdge(status);
       }
+      if (known) break;
       rim = hole_.rim_readings;
       hole_ = before;
-      if (known) break;
       if (status.good() && here >= kAlike && isModelLimited(felt_.back())) break;
       if (!low) low = 2 * M_PI * kGolden * ++places_;
       if (!readAt(*low, "sweep")) return false;

@@ -27,6 +27,9 @@ constexpr double kSpread =
 constexpr double kOver = 0.5;    // of the lift, over a known plane
 constexpr double kRough = 5e-4;  // over a plane that is roughly known, before a turn [m]
 constexpr int kAttempts = 4;
+// Plane and directions settle each other: a turn leaves a thirtieth of the error.
+constexpr int kMostTurns = 4;
+constexpr double kSameNormal = 1e-6;   // change in a turn that ends them [rad]
 constexpr double kMoreTilt = 0.035;    // of another attempt [rad]
 constexpr double kMaxTilt = 0.14;      // 8 degrees [rad]
 constexpr double kRetreat = 8e-3;      // above where an attempt failed [m]
@@ -417,16 +420,19 @@ bool VibratedSearch::level() {
 // directions need the plane's normal, the plane needs directions: a few turns settle both
 FitStatus VibratedSearch::fit(int least_rim) {
   std::vector<HoleReading> readings(felt_.size());
-  for (int turn = 0; turn < 4; ++turn) {
+  Vec3 before;
+  int turn = 0;
+  do {
     for (std::size_t i = 0; i < felt_.size(); ++i) {
       invert(felt_[i]);
       readings[i] = felt_[i].reading;
     }
+    before = hole_.normal;
     const FitStatus status = fitHole(tipRadius(mechanism_.peg), mouthRadius(mechanism_.hole),
                                      readings, hole_, least_rim);
     for (std::size_t i = 0; i < felt_.size(); ++i) felt_[i].reading = readings[i];
     if (!status.good()) return status;
-  }
+  } while (++turn < kMostTurns && (hole_.normal - before).norm() > kSameNormal);
   return {};
 }
 

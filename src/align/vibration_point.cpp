@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "assembly_cell/align/press.h"
 #include "assembly_cell/base/input_error.h"
@@ -25,22 +26,8 @@ using linear_motion::Complex9;
 using linear_motion::counterRotating;
 using linear_motion::HeldMotion;
 using linear_motion::motionFromSensor;
+using linear_motion::MotionParts;
 using linear_motion::UnheldMotion;
-
-// real and imaginary parts of P and N by those of the sensor's six wrench phasors
-Eigen::Matrix<double, 4, 12> planeByWrench(const Mechanism& mechanism, double frequency) {
-  const UnheldMotion upright(mechanism, frequency, Eigen::Vector2d::Zero(),
-                             Eigen::Vector2d::Zero());
-  const Eigen::Matrix<Complex, 2, 6> plane =
-      motionFromSensor(mechanism, upright, Eigen::Vector3d::Zero()).topRows<2>();
-  Eigen::Matrix<double, 4, 12> A;
-  for (int j = 0; j < 12; ++j) {
-    const Eigen::Vector2cd xy = plane.col(j / 2) * (j % 2 == 0 ? Complex(1, 0) : Complex(0, 1));
-    const Locus locus = locusFromPhasors(xy.x(), xy.y(), 0.0, 1, 1.0);
-    A.col(j) << locus.P.real(), locus.P.imag(), locus.N.real(), locus.N.imag();
-  }
-  return A;
-}
 
 // of a contact shaken with 1 N at one frequency, the worst over all directions
 struct Answer {
@@ -52,47 +39,98 @@ struct Answer {
   double steps = 1e9;    // rms vibration of a channel in steps of the converter
 };
 
-Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, double frequency,
-                double press) {
-  const Eigen::Matrix<double, 4, 12> plane = planeByWrench(mechanism, frequency);
-  const auto carried = [&plane](const Matrix6& covariance) {
-    Eigen::Matrix<double, 12, 12> both = Eigen::Matrix<double, 12, 12>::Zero();
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j)
-        both(2 * i, 2 * j) = both(2 * i + 1, 2 * j + 1) = covariance(i, j);
-    }
-    return Eigen::Matrix4d(plane * both * plane.transpose());
-  };
-  const Eigen::Matrix4d white = 2.0 / demand.samples * carried(demand.scatter + demand.rounding);
-  // the noise of a channel in steps: what is wider than a step rounds evenly
-  const Matrix6 stiffness = couplingStiffness(mechanism.coupling);
-  const Eigen::FullPivLU<Matrix6> rounding(demand.rounding);
-  const bool rounds = rounding.isInvertible();
-  double pattern = 0.0;
-  Matrix6 information = Matrix6::Zero();
-  if (rounds) {
-    information = rounding.inverse();
-    const double noise = (information * demand.scatter).trace() / 6.0 / 12.0;
-    pattern = 12.0 * 0.11 * 0.11 * std::exp(-4.0 * M_PI * M_PI * noise);
-  }
-  const Eigen::Matrix4d alike = pattern * carried(demand.rounding);
+// Real and imaginary parts of P and N by those of the sensor's six wrench phasors.
+struct PlaneByWrench {
+  Eigen::Matrix<double, 4, 6> real, imaginary;
 
-  Answer answer;
-  const double friction = std::max(
-      0.01, demand.friction > 0.0 ? demand.friction : mechanism.friction.static_coefficient);
-  const double lever = std::hypot(mechanism.peg.radius, mechanism.peg.half_height);
+  Eigen::Matrix4d carried(const Matrix6& covariance) const {
+    return real * covariance * real.transpose() + imaginary * covariance * imaginary.transpose();
+  }
+};
+
+// The contacts that are compared: what of them depends neither on frequency nor on press.
+class Contacts {
+ public:
+  Contacts(const Mechanism& mechanism, const VibrationDemand& demand);
+  // ends at a direction whose axes are more unlike than `least_axis`, minor over major
+  Answer at(double frequency, double press, double least_axis) const;
+
+ private:
+  PlaneByWrench planeByWrench(double frequency) const;
+
+  const Mechanism& mechanism_;
+  const VibrationDemand& demand_;
+  MotionParts upright_;
+  std::vector<OperatingPoint> points_;  // of 1 N, by direction
+  std::vector<MotionParts> tilted_;
+  Matrix6 stiffness_;
+  bool rounds_;
+  Matrix6 information_ = Matrix6::Zero();  // of the rounding
+  double pattern_ = 0.0;  // of the rounding that noise leaves: what is wider than a step is even
+  double friction_, lever_;
+};
+
+Contacts::Contacts(const Mechanism& mechanism, const VibrationDemand& demand)
+    : mechanism_(mechanism),
+      demand_(demand),
+      upright_(mechanism, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()),
+      stiffness_(couplingStiffness(mechanism.coupling)),
+      friction_(std::max(
+          0.01, demand.friction > 0.0 ? demand.friction : mechanism.friction.static_coefficient)),
+      lever_(std::hypot(mechanism.peg.radius, mechanism.peg.half_height)) {
+  const Eigen::FullPivLU<Matrix6> rounding(demand.rounding);
+  rounds_ = rounding.isInvertible();
+  if (rounds_) {
+    information_ = rounding.inverse();
+    const double noise = (information_ * demand.scatter).trace() / 6.0 / 12.0;
+    pattern_ = 12.0 * 0.11 * 0.11 * std::exp(-4.0 * M_PI * M_PI * noise);
+  }
   for (int k = 0; k < kDirections; ++k) {
     const double a = 2 * M_PI * k / kDirections;
     OperatingPoint point;
-    point.frequency = frequency;
     point.amplitude = 1.0;
-    point.press = press;
     point.tilt = point.sensor_tilt = demand.tilt * Eigen::Vector2d(-std::sin(a), std::cos(a));
     point.rolling = true;
+    points_.push_back(point);
+    tilted_.emplace_back(mechanism, point.tilt, point.sensor_tilt);
+  }
+}
+
+PlaneByWrench Contacts::planeByWrench(double frequency) const {
+  const Eigen::Matrix<Complex, 2, 6> plane =
+      motionFromSensor(mechanism_, UnheldMotion(upright_, frequency), Eigen::Vector3d::Zero())
+          .topRows<2>();
+  const auto of = [](const Eigen::Vector2cd& xy) {
+    const Locus locus = locusFromPhasors(xy.x(), xy.y(), 0.0, 1, 1.0);
+    return Eigen::Vector4d(locus.P.real(), locus.P.imag(), locus.N.real(), locus.N.imag());
+  };
+  PlaneByWrench by;
+  for (int j = 0; j < 6; ++j) {
+    by.real.col(j) = of(plane.col(j));
+    by.imaginary.col(j) = of(plane.col(j) * Complex(0, 1));
+  }
+  return by;
+}
+
+Answer Contacts::at(double frequency, double press, double least_axis) const {
+  const PlaneByWrench plane = planeByWrench(frequency);
+  const Eigen::Matrix4d white =
+      2.0 / demand_.samples * plane.carried(demand_.scatter + demand_.rounding);
+  const Eigen::Matrix4d alike = pattern_ * plane.carried(demand_.rounding);
+  Answer answer;
+  for (std::size_t k = 0; k < points_.size(); ++k) {
+    const double a = 2 * M_PI * static_cast<double>(k) / kDirections;
+    OperatingPoint point = points_[k];
+    point.frequency = frequency;
+    point.press = press;
     constexpr double kStep = 1e-4;
     linear_motion::check(point);
-    const HeldMotion held(mechanism, point);
-    const ContactResponse r = contactResponse(mechanism, held, a);
+    const HeldMotion held(mechanism_, point, UnheldMotion(tilted_[k], frequency),
+                          linear_motion::excitation(point));
+    const ContactResponse r = contactResponse(mechanism_, held, a);
+    const double major = std::abs(r.P) + std::abs(r.N);
+    answer.axis = std::min(answer.axis, std::abs(std::abs(r.P) - std::abs(r.N)) / major);
+    if (!(answer.axis >= least_axis)) return answer;
     const Complex9 turned = held.solve(a + kStep);
     const Eigen::Vector2cd more = counterRotating(turned[0], turned[1]);
     const Complex dP = (more[0] - r.P) / kStep, dN = (more[1] - r.N) / kStep;
@@ -100,17 +138,15 @@ Answer answerAt(const Mechanism& mechanism, const VibrationDemand& demand, doubl
     const double square = slope.squaredNorm() * slope.squaredNorm();
     answer.white = std::max(answer.white, slope.dot(white * slope) / square);
     answer.alike = std::max(answer.alike, slope.dot(alike * slope) / square);
-    const double major = std::abs(r.P) + std::abs(r.N);
-    answer.axis = std::min(answer.axis, std::abs(std::abs(r.P) - std::abs(r.N)) / major);
-    answer.rocking = std::max(answer.rocking, major / lever);
+    answer.rocking = std::max(answer.rocking, major / lever_);
     for (int i = 0; i < 24; ++i) {
       const Eigen::Vector3d f = (r.contact * std::polar(1.0, 2 * M_PI * i / 24)).real();
-      answer.need = std::max(answer.need, f.head<2>().norm() / friction - f.z());
+      answer.need = std::max(answer.need, f.head<2>().norm() / friction_ - f.z());
     }
-    if (rounds) {
-      const Complex6 w = stiffness.cast<Complex>() * r.coupling;
+    if (rounds_) {
+      const Complex6 w = stiffness_.cast<Complex>() * r.coupling;
       const double sum =
-          (w.real().dot(information * w.real()) + w.imag().dot(information * w.imag())) / 12.0;
+          (w.real().dot(information_ * w.real()) + w.imag().dot(information_ * w.imag())) / 12.0;
       answer.steps = std::min(answer.steps, std::sqrt(sum / 6.0));
     }
   }
@@ -124,6 +160,8 @@ VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand
   const double middle = given.frequency > 0.0
                             ? given.frequency
                             : operatingFrequency(mechanism, std::max(1.0, given.press));
+  const Contacts contacts(mechanism, demand);
+  const double least_axis = given.frequency > 0.0 ? -1.0 : kMinAxis;
   VibrationPoint best;
   best.direction_sd = 1e9;
   for (const double step : kPressSteps) {
@@ -132,8 +170,8 @@ VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand
       // from half the middle frequency to twice of it
       const double frequency =
           given.frequency > 0.0 ? middle : 0.5 * middle * std::pow(4.0, (k + 0.5) / kFrequencies);
-      const Answer answer = answerAt(mechanism, demand, frequency, press);
-      if (given.frequency == 0.0 && !(answer.axis >= kMinAxis)) continue;
+      const Answer answer = contacts.at(frequency, press, least_axis);
+      if (!(answer.axis >= least_axis)) continue;
       const double amplitude = given.amplitude > 0.0
                                    ? given.amplitude
                                    : std::min(press / (kHeld * demand.shake * answer.need),

@@ -19,8 +19,11 @@ using linear_motion::Complex;
 using linear_motion::Complex6;
 using linear_motion::Complex9;
 using linear_motion::counterRotating;
+using linear_motion::excitation;
 using linear_motion::HeldMotion;
 using linear_motion::motionFromSensor;
+using linear_motion::MotionParts;
+using linear_motion::SeenMotion;
 using linear_motion::sensorStiffness;
 using linear_motion::sensorWrench;
 using linear_motion::unheldMotion;
@@ -39,28 +42,6 @@ double wrapped(double angle) {
   return turned < 2.0 * M_PI ? turned : 0.0;
 }
 
-// P and N as the estimator sees them of a contact in direction alpha: of the true plane, or through
-// a map without tilts
-class Prediction {
- public:
-  Prediction(const Mechanism& mechanism, const OperatingPoint& point, LocusAxes axes)
-      : held_(mechanism, point) {
-    if (axes == LocusAxes::kHole) return;
-    const UnheldMotion upright(mechanism, point.direction * point.frequency, Vector2d::Zero(),
-                               Vector2d::Zero());
-    seen_ = planeFromSensor(mechanism, upright, Vector3d::Zero()) *
-            sensorWrench(mechanism, held_.free(), held_.couplingForce());
-  }
-  Eigen::Vector2cd operator()(double alpha) const {
-    const Eigen::Vector2cd xy = seen_ * held_.solve(alpha);
-    return counterRotating(xy[0], xy[1]);
-  }
-
- private:
-  HeldMotion held_;
-  Eigen::Matrix<Complex, 2, 9> seen_ = Eigen::Matrix<Complex, 2, 9>::Identity();
-};
-
 // Starts of the refinement. With 6 the search of the other half turn may end at the first one; 24
 // find the same directions.
 constexpr int kGrid = 12;
@@ -68,9 +49,9 @@ double gridDirection(int k) { return 2.0 * M_PI * k / kGrid; }
 
 class DirectionGrid {
  public:
-  DirectionGrid(const Prediction& predicted, const Eigen::Vector2cd& measured) {
+  DirectionGrid(const SeenMotion& seen, const Eigen::Vector2cd& measured) {
     for (int k = 0; k < kGrid; ++k) {
-      const double c = (measured - predicted(gridDirection(k))).squaredNorm();
+      const double c = (measured - seen.inPlane(gridDirection(k))).squaredNorm();
       cost(k) = std::isfinite(c) ? c : std::numeric_limits<double>::infinity();
     }
   }
@@ -97,26 +78,26 @@ struct Refined {
 };
 
 // Gauss–Newton, a step only where it lowers the cost
-Refined refine(const Prediction& predicted, const Eigen::Vector2cd& measured, double alpha,
+Refined refine(const SeenMotion& seen, const Eigen::Vector2cd& measured, double alpha,
                double noise) {
   constexpr double kStep = 1e-4;    // of the central difference [rad]; half: the same to 1e-14
   constexpr double kLongest = 0.2;  // of one step [rad]; half, twice: the same to 1e-10
   constexpr int kMaxSteps = 30;     // half, twice: the same bits
-  Eigen::Vector2cd rest = measured - predicted(alpha);
+  Eigen::Vector2cd rest = measured - seen.inPlane(alpha);
   Refined refined{alpha, rest.squaredNorm(), 0.0};
   for (int iteration = 0; iteration < kMaxSteps; ++iteration) {
     const Eigen::Vector2cd slope =
-        (predicted(refined.alpha + kStep) - predicted(refined.alpha - kStep)) / (2.0 * kStep);
+        (seen.inPlane(refined.alpha + kStep) - seen.inPlane(refined.alpha - kStep)) / (2.0 * kStep);
     refined.information = slope.squaredNorm();
     double step = slope.dot(rest).real() / refined.information;
     if (!std::isfinite(step)) break;
     // to a thousandth of the noise; half, twice: the same to 1e-12
     const double enough = std::max(1e-8, 1e-3 * std::sqrt(noise / refined.information));
     step = std::clamp(step, -kLongest, kLongest);
-    Eigen::Vector2cd tried = measured - predicted(refined.alpha + step);
+    Eigen::Vector2cd tried = measured - seen.inPlane(refined.alpha + step);
     while (!(tried.squaredNorm() <= refined.cost) && std::abs(step) > enough) {
       step *= 0.5;
-      tried = measured - predicted(refined.alpha + step);
+      tried = measured - seen.inPlane(refined.alpha + step);
     }
     if (!(tried.squaredNorm() <= refined.cost)) break;
     refined.alpha += step;
@@ -188,20 +169,23 @@ Vector3d contactForceFromDeflection(const Mechanism& mechanism, const Vector6& d
 DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                    const Locus& locus, LocusAxes axes) {
   check(point);
+  return linear_motion::contactDirection(SeenMotion(mechanism, point, axes), locus);
+}
+
+DirectionEstimate linear_motion::contactDirection(const SeenMotion& seen, const Locus& locus) {
   const Eigen::Vector2cd measured(locus.P, locus.N);
   const double size = measured.norm();
   if (!(std::isfinite(size) && size > 0.0)) {
     throw InputError("the locus has no size: excite the peg before asking for a direction");
   }
-  const Prediction predicted(mechanism, point, axes);
-  const DirectionGrid grid(predicted, measured);
+  const DirectionGrid grid(seen, measured);
   const double noise_of_locus = locus.samples > 0 ? locus.variance() : 0.0;
 
   const int start = grid.best(0, kGrid);
-  Refined best = refine(predicted, measured, gridDirection(start), noise_of_locus);
+  Refined best = refine(seen, measured, gridDirection(start), noise_of_locus);
   // the other half turn: within a quarter of the opposite direction
   const int turned = grid.best(start + kGrid / 2 - kGrid / 4, kGrid / 2 + 1);
-  Refined opposite = refine(predicted, measured, gridDirection(turned), noise_of_locus);
+  Refined opposite = refine(seen, measured, gridDirection(turned), noise_of_locus);
   if (opposite.cost < best.cost) std::swap(best, opposite);
 
   // noise of the four numbers, or what the model leaves (three degrees of freedom) where larger
@@ -221,13 +205,14 @@ double operatingFrequency(const Mechanism& mechanism, double press) {
   point.press = press;
   point.frequency = 1.0;
   check(point);
+  const MotionParts parts(mechanism, point.tilt, point.sensor_tilt);
   // mean |P| relative to mean |N|; both are largest together near the rocking resonances
   struct Means {
     double p = 0.0, n = 0.0;
   };
   const auto means = [&](double frequency) {
     point.frequency = frequency;
-    const HeldMotion held(mechanism, point);
+    const HeldMotion held(mechanism, point, UnheldMotion(parts, frequency), excitation(point));
     Means m;
     constexpr int kDirections = 8;  // half, twice: the same to 1e-10
     for (int k = 0; k < kDirections; ++k) {

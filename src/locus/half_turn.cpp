@@ -61,16 +61,14 @@ DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoi
                                   const HalfTurnEvidence& evidence, DirectionEstimate estimate,
                                   LocusAxes axes) {
   linear_motion::check(point);
-  const linear_motion::HeldMotion held(mechanism, point);
-  linear_motion::ComplexMatrix9 seen = linear_motion::ComplexMatrix9::Identity();
-  if (axes == LocusAxes::kSensor) {
-    const linear_motion::UnheldMotion upright(mechanism, point.direction * point.frequency,
-                                              Vector2d::Zero(), Vector2d::Zero());
-    seen = linear_motion::motionFromSensor(mechanism, upright, Vector3d::Zero()) *
-           linear_motion::sensorWrench(mechanism, held.free(), held.couplingForce());
-  }
-  const Complex9 first = seen * held.solve(estimate.alpha);
-  const Complex9 second = seen * held.solve(estimate.alpha_opposite);
+  return linear_motion::resolveHalfTurn(linear_motion::SeenMotion(mechanism, point, axes), evidence,
+                                        estimate);
+}
+
+DirectionEstimate linear_motion::resolveHalfTurn(const SeenMotion& seen,
+                                                 const HalfTurnEvidence& evidence,
+                                                 const DirectionEstimate& estimate) {
+  const Complex9 first = seen(estimate.alpha), second = seen(estimate.alpha_opposite);
   const double error = std::max(kModelError, estimate.misfit);
   double odds = logOdds(estimate.weight);
   const auto weigh = [&](const std::optional<MeasuredPhasor>& measured, int row) {

@@ -71,15 +71,9 @@ Matrix3d angleStiffness(const UnheldMotion& free, const Vector3d& moment) {
 
 }  // namespace
 
-UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, const Vector2d& tilt,
-                           const Vector2d& sensor_tilt)
-    : rate(rate_of_angle),
-      axes(mechanism.coupling.axes),
-      R_HP(tilted(tilt)),
-      R_HS(tilted(sensor_tilt)) {
-  const Matrix6 stiffness = symmetric(mechanism.coupling.stiffness);
-  const Complex s(0.0, rate);
-  const Matrix6 damping = symmetric(mechanism.coupling.damping);
+MotionParts::MotionParts(const Mechanism& mechanism, const Vector2d& tilt,
+                         const Vector2d& sensor_tilt)
+    : MotionFrames{mechanism.coupling.axes, tilted(tilt), tilted(sensor_tilt), {}, {}, {}, {}} {
   const Vector3d axis = R_HP.col(2);
   to_coupling = mechanism.peg.coupling_height * axis;
   to_exciter = mechanism.peg.exciter_height * axis;
@@ -104,34 +98,41 @@ UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, con
     spring.bottomRightCorner<3, 3>() << inverse.row(2), inverse.row(0), inverse.row(1);
     carrier(1, kCarrier) = carrier(2, kCarrier + 1) = carrier(3, kCarrier + 2) = -1.0;
   }
-  const Matrix69 spring_of = spring * twist + carrier;
-  const Matrix69 damper_of = damper * twist + carrier;
-
-  const Eigen::Matrix<Complex, 6, 9> spring_force = (stiffness * spring_of).cast<Complex>();
-  const Eigen::Matrix<Complex, 6, 9> damper_force = s * (damping * damper_of).cast<Complex>();
-  wrench = spring.transpose().cast<Complex>() * spring_force +
-           damper.transpose().cast<Complex>() * damper_force;
+  const Matrix69 spring_of = spring * twist + carrier, damper_of = damper * twist + carrier;
+  const Matrix69 spring_force = symmetric(mechanism.coupling.stiffness) * spring_of;
+  const Matrix69 damper_force = symmetric(mechanism.coupling.damping) * damper_of;
+  spring_wrench = spring.transpose() * spring_force;
+  damper_wrench = damper.transpose() * damper_force;
   displaced = twist.topRows<3>();
   displaced.block<2, 2>(0, kCarrier) -= Eigen::Matrix2d::Identity();
-  dynamic = spring_of.transpose().cast<Complex>() * spring_force +
-            damper_of.transpose().cast<Complex>() * damper_force;
+  stiffness = spring_of.transpose() * spring_force;
+  damping = damper_of.transpose() * damper_force;
 
   // masses and the carrier's own springs and dampers
   const PegParameters& peg = mechanism.peg;
-  const Matrix3d inertia =
-      R_HP *
-      Vector3d(peg.inertia_transverse, peg.inertia_transverse, peg.inertia_axial).asDiagonal() *
-      R_HP.transpose();
-  dynamic.block<3, 3>(kU, kU) -= (rate * rate * peg.mass * Matrix3d::Identity()).cast<Complex>();
-  dynamic.block<3, 3>(kTheta, kTheta) -= (rate * rate * inertia).cast<Complex>();
-  const Vector3d carrier_mass(mechanism.carrier.mass, mechanism.carrier.mass,
-                              mechanism.carrier.inertia);
+  const Vector3d inertia(peg.inertia_transverse, peg.inertia_transverse, peg.inertia_axial);
+  mass.setZero();
+  mass.block<3, 3>(kU, kU) = peg.mass * Matrix3d::Identity();
+  mass.block<3, 3>(kTheta, kTheta) = R_HP * inertia.asDiagonal() * R_HP.transpose();
+  const CarrierParameters& held = mechanism.carrier;
+  mass.diagonal().tail<3>() << held.mass, held.mass, held.inertia;
   for (int k = 0; k < 3; ++k) {
-    dynamic(kCarrier + k, kCarrier + k) += mechanism.carrier.stiffness[k] +
-                                           s * mechanism.carrier.damping[k] -
-                                           rate * rate * carrier_mass[k];
+    stiffness(kCarrier + k, kCarrier + k) += held.stiffness[k];
+    damping(kCarrier + k, kCarrier + k) += held.damping[k];
   }
 }
+
+UnheldMotion::UnheldMotion(const MotionParts& parts, double rate_of_angle)
+    : MotionFrames(parts), rate(rate_of_angle) {
+  wrench.real() = parts.spring_wrench;
+  wrench.imag() = rate * parts.damper_wrench;
+  dynamic.real() = parts.stiffness - rate * rate * parts.mass;
+  dynamic.imag() = rate * parts.damping;
+}
+
+UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, const Vector2d& tilt,
+                           const Vector2d& sensor_tilt)
+    : UnheldMotion(MotionParts(mechanism, tilt, sensor_tilt), rate_of_angle) {}
 
 void UnheldMotion::giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& compliance) {
   // z: the coupling itself moves; its deflection is that by the peg's height less the way
@@ -241,6 +242,27 @@ Complex9 HeldMotion::solve(double alpha) const {
   return q;
 }
 
+SeenMotion::SeenMotion(const Mechanism& mechanism, const OperatingPoint& point, LocusAxes axes)
+    : held_(mechanism, point), mapped_(axes == LocusAxes::kSensor) {
+  if (!mapped_) return;
+  const UnheldMotion upright(mechanism, point.direction * point.frequency, Vector2d::Zero(),
+                             Vector2d::Zero());
+  map_ = motionFromSensor(mechanism, upright, Vector3d::Zero()) *
+         sensorWrench(mechanism, held_.free(), held_.couplingForce());
+}
+
+Complex9 SeenMotion::operator()(double alpha) const {
+  const Complex9 q = held_.solve(alpha);
+  return mapped_ ? Complex9(map_ * q) : q;
+}
+
+Eigen::Vector2cd SeenMotion::inPlane(double alpha) const {
+  const Complex9 q = held_.solve(alpha);
+  if (!mapped_) return counterRotating(q[0], q[1]);
+  const Eigen::Vector2cd xy = map_.topRows<2>() * q;
+  return counterRotating(xy[0], xy[1]);
+}
+
 void check(const OperatingPoint& point) {
   if (!(std::isfinite(point.frequency) && point.frequency > 0.0)) {
     throw InputError("exciter frequency is " + std::to_string(point.frequency) +
@@ -317,7 +339,8 @@ Eigen::Matrix<Complex, 9, 6> motionFromSensor(const Mechanism& mechanism, const 
                                               const Vector3d& static_force) {
   ComplexMatrix9 system;
   system << sensorWrench(mechanism, free, static_force), free.dynamic.bottomRows<3>();
-  return system.fullPivLu().inverse().leftCols<6>();
+  const Eigen::Matrix<Complex, 9, 6> ones = Eigen::Matrix<Complex, 9, 6>::Identity();
+  return system.partialPivLu().solve(ones);
 }
 
 }  // namespace assembly_cell::linear_motion

@@ -6,6 +6,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/locus/linear_motion.h"
 #include "assembly_cell/locus/operating_point.h"
 
 namespace assembly_cell {
@@ -84,10 +85,12 @@ void explain(const Mechanism& mechanism, const OperatingPoint& point, const Read
   if (mode == LocusMode::kNone) return;
   // N alone tells the direction, so a circle against the exciter has one, too; one with it has none
   if (mode != LocusMode::kCircle) {
-    const DirectionEstimate found = contactDirection(mechanism, point, reading.locus, axes);
+    linear_motion::check(point);
+    const linear_motion::SeenMotion seen(mechanism, point, axes);
+    const DirectionEstimate found = contactDirection(seen, reading.locus);
     reading.misfit = found.misfit;
     if (found.misfit <= limits.misfit && found.sd <= limits.direction_sd) {
-      reading.direction = resolveHalfTurn(mechanism, point, reading.evidence, found, axes);
+      reading.direction = resolveHalfTurn(seen, reading.evidence, found);
     }
   }
   reading.advice = adviceOf(reading);

@@ -4,6 +4,7 @@
 #include <complex>
 
 #include "assembly_cell/locus/contact_model.h"
+#include "assembly_cell/locus/half_turn.h"
 
 // The linear motion behind contact_model.h, operating_point.h and identification: the mechanism
 // hanging, with a point of the peg's edge held, and as its sensor tells it. SI units, axes of
@@ -20,19 +21,33 @@ using Matrix69 = Eigen::Matrix<double, 6, 9>;
 // coordinates: u, translation of the centre of mass; theta, rotation vector; carrier x, y, yaw
 constexpr int kU = 0, kTheta = 3, kCarrier = 6;
 
-// The mechanism without contact at one frequency and tilt.
-struct UnheldMotion {
+// Where peg and sensor are, tilted.
+struct MotionFrames {
+  CouplingAxes axes;
+  Eigen::Matrix3d R_HP, R_HS;
+  Eigen::Vector3d to_coupling, to_exciter;  // from the centre of mass [m]
+  Eigen::Matrix<double, 3, 9> displaced;    // coupling point against the carrier, hole axes
+  Eigen::Matrix3d euler;                    // columns: rotation by theta, phi, psi, hole axes
+};
+
+// The mechanism without contact at one tilt, at all frequencies.
+struct MotionParts : MotionFrames {
+  MotionParts(const Mechanism& mechanism, const Eigen::Vector2d& tilt,
+              const Eigen::Vector2d& sensor_tilt);
+
+  Matrix69 spring_wrench, damper_wrench;  // of the peg on the sensor, by coordinates and rates
+  Eigen::Matrix<double, 9, 9> stiffness, damping, mass;
+};
+
+// The same at one frequency.
+struct UnheldMotion : MotionFrames {
+  UnheldMotion(const MotionParts& parts, double rate_of_angle);
   UnheldMotion(const Mechanism& mechanism, double rate_of_angle, const Eigen::Vector2d& tilt,
                const Eigen::Vector2d& sensor_tilt);
 
   double rate;  // of the exciter's angle, negative for a clockwise one [rad/s]
-  CouplingAxes axes;
-  Eigen::Matrix3d R_HP, R_HS;
-  Eigen::Vector3d to_coupling, to_exciter;  // from the centre of mass [m]
-  Eigen::Matrix<Complex, 6, 9> wrench;      // of the peg on the sensor at the coupling, hole axes
-  Eigen::Matrix<double, 3, 9> displaced;    // coupling point against the carrier, hole axes
-  Eigen::Matrix3d euler;                    // columns: rotation by theta, phi, psi, hole axes
-  ComplexMatrix9 dynamic;                   // generalised forces per coordinates
+  Eigen::Matrix<Complex, 6, 9> wrench;  // of the peg on the sensor at the coupling, hole axes
+  ComplexMatrix9 dynamic;               // generalised forces per coordinates
 
   // The carrier's rest point gives way by so much of the coupling's force on it [m/N], each axis.
   void giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& compliance);
@@ -90,6 +105,27 @@ class HeldMotion {
   Eigen::Vector3cd force_;
   Eigen::Matrix3cd carrier_inverse_;  // carrier's coordinates by forces and moment on it
 };
+
+// The held motion as the estimator sees it: through the sensor's map without tilts, or as it is.
+class SeenMotion {
+ public:
+  SeenMotion(const Mechanism& mechanism, const OperatingPoint& point, LocusAxes axes);
+  // all nine coordinates of a contact in direction alpha [m], [rad]
+  Complex9 operator()(double alpha) const;
+  // of the plane motion, counter-rotating [m]
+  Eigen::Vector2cd inPlane(double alpha) const;
+
+ private:
+  HeldMotion held_;
+  bool mapped_;
+  ComplexMatrix9 map_;
+};
+
+// The same as contactDirection() and resolveHalfTurn(), of a motion that is set up once for both;
+// its operating point is not checked.
+DirectionEstimate contactDirection(const SeenMotion& seen, const Locus& locus);
+DirectionEstimate resolveHalfTurn(const SeenMotion& seen, const HalfTurnEvidence& evidence,
+                                  const DirectionEstimate& estimate);
 
 // The same as contactResponse() of contact_model.h, of a motion that is set up once for several
 // directions; its operating point is not checked. Throws InputError for a coupling without a static
