@@ -157,8 +157,28 @@ struct ContactKinematics {
   double demand = 0.0;  ///< g'' + k g' + beta g without a force on an idle slot
 };
 
+/// Of the slots, those that a run may use: copies copy no others.
+class SlotKinematics {
+ public:
+  explicit SlotKinematics(std::size_t slots) : size_(slots) {}
+  SlotKinematics(const SlotKinematics& other) { *this = other; }
+  SlotKinematics& operator=(const SlotKinematics& other) {
+    size_ = other.size_;
+    std::copy_n(other.of_.begin(), size_, of_.begin());
+    return *this;
+  }
+  ~SlotKinematics() = default;
+  ContactKinematics& operator[](std::size_t i) { return of_[i]; }
+  const ContactKinematics& operator[](std::size_t i) const { return of_[i]; }
+
+ private:
+  std::array<ContactKinematics, kSlots> of_;
+  std::size_t size_ = 0;
+};
+
 /// What one right-hand side finds. A part that looks ahead works on a copy.
 struct Evaluation {
+  explicit Evaluation(const System& s) : contacts(s.slots) {}
   const ContactPoint& point(std::size_t i) const {
     return (closed >> i & 1u ? closed_set : open_set).slots[i];
   }
@@ -175,7 +195,7 @@ struct Evaluation {
   ContactSlotMask face = 0;         ///< slots that carry the peg's face, level on its ground
   ContactSlotMask closed = 0;       ///< slots that are not apart: searched in every evaluation
   ContactSet closed_set, open_set;  ///< their points, and the others'
-  std::array<ContactKinematics, kSlots> contacts;
+  SlotKinematics contacts;
   double wedge_margin = 1.0;        ///< of the slipping points, as of wedgeMargin()
   double loads = 0.0;               ///< force between sticking points, of their load, at most
   double moved = 0.0, speed = 0.0;  ///< of the edge since the step's start, and now: bounds

@@ -24,6 +24,7 @@ constexpr double kStiff = 3.0, kVeryStiff = 100.0;
 // So many steps are explicit after one without a direction of slip. Half and twice: a vibrated
 // press is the same to the last bit.
 constexpr int kExplicit = 8;
+constexpr double kSafety = 0.9;                 // of the step that the error asks for
 using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
 
 template <class Row>
@@ -163,7 +164,7 @@ double orderOf(Method method) {
     case Method::kDop853:
       return 8.0;
     case Method::kSlowSlip:
-      return 4.0;
+      return 3.0;
     default:
       return 5.0;
   }
@@ -237,7 +238,10 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
 
 bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, double t_end,
                       Trial& step) {
-  if (pace_.decisions != c.decisions) past_.count = 0;
+  if (pace_.decisions != c.decisions) {
+    past_.count = 0;
+    pace_.last = {};
+  }
   pace_.decisions = c.decisions;
   const double left = t_end - c.time;
   step.h = s.fixed_step ? s.scenario.solver.step : nextStep(s);
@@ -269,7 +273,7 @@ void Integrator::attempt(const System& s, const Context& c, Trial& step, Evaluat
 
 double Integrator::shrinkBy(const Trial& step) {
   if (!std::isfinite(step.error) || !step.finite()) return 0.1;
-  return std::max(0.2, 0.9 * std::pow(step.error, -1.0 / orderOf(step.method)));
+  return std::max(0.2, kSafety * std::pow(step.error, -1.0 / orderOf(step.method)));
 }
 
 bool Integrator::goesExplicit(const Trial& step) {
@@ -324,9 +328,16 @@ void Integrator::lengthen(const System& s, const Context& c, const Trial& step, 
     return;
   }
   if (last && step.error <= 0.5) return;
-  pace_.next_step =
-      step.h * std::clamp(0.9 * std::pow(std::max(step.error, 1e-10), -1.0 / orderOf(step.method)),
-                          0.2, 5.0);
+  const double right = std::pow(std::max(step.error, 1e-10), -1.0 / orderOf(step.method));
+  double change = kSafety * right;
+  // where the right step has become shorter it goes on to (Gustafsson's predictive control): half
+  // of the steps were refused while slip came to rest
+  const Accepted before = pace_.last;
+  if (before.right > 0.0 && before.method == step.method) {
+    change *= std::min(1.0, step.h * right / before.right);
+  }
+  pace_.last = {step.h * right, step.method};
+  pace_.next_step = step.h * std::clamp(change, 0.2, 5.0);
 }
 
 // Hamming's modified predictor–corrector as IBM's HPCG has it: Ralston's method for the first three

@@ -43,12 +43,17 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
 /// The scenario's integrator: its past and its step size.
 class Integrator {
  public:
+  struct Accepted {
+    double right = 0.0;  ///< step whose error would have been the tolerance; 0: none yet [s]
+    Method method = Method::kDopri5;
+  };
   /// What a one-step method goes on with.
   struct Pace {
     std::int64_t decisions = -1;  ///< of the context when the past began
     bool slow = false;            ///< the last step was by slow_slip.h
     int explicit_left = 0;        ///< steps without slow_slip.h, which has just failed
     double next_step = 0.0;       ///< [s]
+    Accepted last;                ///< since the contacts changed
   };
 
   explicit Integrator(double first_step) { pace_.next_step = first_step; }

@@ -46,7 +46,9 @@ const State& Simulation::state() const {
   return run_->looks ? run_->behind->state : run_->context.state;
 }
 const Vector9& Simulation::acceleration() const {
-  return run_->looks ? run_->behind->slope : run_->context.slope;
+  if (!run_->looks) return run_->context.slope;
+  run_->find(Run::Found::kForces);
+  return run_->behind->slope;
 }
 const Scenario& Simulation::scenario() const { return run_->system.scenario; }
 StopReason Simulation::stopReason() const {
@@ -134,7 +136,7 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
   const Context& c = run_->shown();
   const SlotArray& slots = c.slots;
   // all slots are searched and the internal force of two sticking contacts is shared
-  Evaluation e = run_->atPresent([](const Evaluation& at) { return at; });
+  Evaluation e = run_->atPresent(Run::Found::kForces, [](const Evaluation& at) { return at; });
   if (const ContactSlotMask others = s.admitted & ~e.closed) {
     locate(s, c, others, e, e.open_set);
   }
@@ -168,7 +170,7 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
 }
 
 Vector6 Simulation::couplingWrench() const {
-  return run_->atPresent([this](const Evaluation& e) {
+  return run_->atPresent(Run::Found::kMotion, [this](const Evaluation& e) {
     const FreeMotion& motion = e.motion;
     const Eigen::Vector3d force = motion.FK + motion.FC;
     const Eigen::Vector3d moment =
@@ -185,7 +187,7 @@ Vector6 Simulation::couplingWrench() const {
 }
 
 Vector6 Simulation::holeWrench() const {
-  return run_->atPresent([](const Evaluation& e) {
+  return run_->atPresent(Run::Found::kForces, [](const Evaluation& e) {
     Vector6 w = Vector6::Zero();
     for (const std::size_t i : Slots(e.active())) {
       const Eigen::Vector3d force = -fromThesisAxes(e.contacts[i].force);

@@ -45,7 +45,11 @@ StopReason excludedContact(const System& s, const Evaluation& e) {
 }  // namespace
 
 Simulation::Run::Run(const Scenario& scenario)
-    : system(scenario), context(system), integrator(scenario.solver.max_step) {
+    : system(scenario),
+      context(system),
+      now(system),
+      inside(system),
+      integrator(scenario.solver.max_step) {
   context.state = initialState(system);
   if (!isFinite(context.state)) {
     context.stop = StopReason::kNonFinite;
@@ -196,7 +200,8 @@ StopReason Simulation::Run::advance(double t_end, std::int64_t attempts) {
 void Simulation::Run::look(double t, double ahead) {
   if (context.stop == StopReason::kOk) decideAfterCommand();
   if (!behind)
-    behind = std::make_unique<Behind>(Behind{context, now, integrator.pace(), {}, 0.0, {}, {}});
+    behind = std::make_unique<Behind>(
+        Behind{context, now, integrator.pace(), {}, 0.0, {}, Found::kNothing, {}});
   Behind& b = *behind;
   // steps end beside times that are looked at, by rounding
   const double resolution = kSameEnd * std::max(1.0, t);
@@ -223,9 +228,21 @@ void Simulation::Run::look(double t, double ahead) {
   if (looks) {
     b.time = t;
     b.state = interpolate(b.context, b.step, t - b.context.time);
-    b.slope = evaluate(system, b.context, t, b.state, Level::kForces, b.now);
+    b.found = Found::kNothing;
   } else if (context.time <= t + resolution && t <= context.time + resolution) {
     context.time = t;
+  }
+}
+
+// The wrench in the coupling needs no contacts: they are found where somebody asks for them.
+void Simulation::Run::find(Found needed) const {
+  Behind& b = *behind;
+  if (b.found >= needed) return;
+  b.found = needed;
+  if (needed == Found::kMotion) {
+    evaluateFree(system, b.context.commands, b.time, b.state, b.now);
+  } else {
+    b.slope = evaluate(system, b.context, b.time, b.state, Level::kForces, b.now);
   }
 }
 

@@ -23,12 +23,19 @@ struct Simulation::Run {
   void look(double t, double ahead);
   void comeBack();
   Evaluation afterCommand() const;
-  /// What `use` makes of the evaluation of the present.
+  /// What is known of a state within a step: nothing yet, its free motion, its contacts, too.
+  enum class Found { kNothing, kMotion, kForces };
+  /// What `use` makes of the evaluation of the present, of which it needs so much.
   template <class Use>
-  auto atPresent(const Use& use) const {
-    if (looks) return use(behind->now);
+  auto atPresent(Found needed, const Use& use) const {
+    if (looks) {
+      find(needed);
+      return use(behind->now);
+    }
     return context.stale ? use(afterCommand()) : use(now);
   }
+  /// Of what is looked at.
+  void find(Found needed) const;
   /// Modes and commands of what is looked at.
   const Context& shown() const { return looks ? behind->context : context; }
 
@@ -45,6 +52,7 @@ struct Simulation::Run {
     Trial step;
     double time;
     State state;
+    Found found;
     Vector9 slope;
   };
   std::unique_ptr<Behind> behind;

@@ -88,10 +88,11 @@ struct Shaken {
   static double timeOf(int sample) { return sample * kPeriod; }
 };
 
-void compareWithFineRun(Scenario scene, const char* name, double most_steps) {
-  scene.solver.tolerance = 1e-9;
+void compareWithFineRun(Scenario scene, const char* name, double tolerance, double allowed,
+                        double most_steps) {
+  scene.solver.tolerance = tolerance;
   Simulation coarse(scene);
-  scene.solver.tolerance = 1e-12;
+  scene.solver.tolerance = 1e-13;
   Simulation fine(scene);
   double truth = 0.0, apart = 0.0, force = 0.0, most_force = 0.0;
   for (int block = 0, sample = 0; block < Shaken::kBlocks; ++block) {
@@ -112,23 +113,29 @@ void compareWithFineRun(Scenario scene, const char* name, double most_steps) {
     }
   }
   const double steps = static_cast<double>(coarse.counts().steps);
-  std::printf("%s: at block ends %.1e m, at samples %.1e m and %.1e N of %.0f N, %.0f steps\n",
-              name, truth, apart, force, most_force, steps);
-  // ten steps' tolerance; forces of the press turn with its slip, in a microsecond where that ends
-  EXPECT_LT(apart, 1e-8);
+  std::printf(
+      "%s, %.0e: at block ends %.1e m, at samples %.1e m and %.1e N of %.0f N, %.0f steps\n", name,
+      tolerance, truth, apart, force, most_force, steps);
+  // forces of the press turn with its slip, in a microsecond where that ends
+  EXPECT_LT(apart, allowed);
   EXPECT_LT(force, 1e-3 * (1.0 + most_force));
   EXPECT_LT(steps, most_steps);
 }
 
+// Hanging: ten steps' tolerance. Pressed, slip that is slower than 1e4 1/s times the tolerance is
+// none: whether it begins in a turn or not is some milliseconds of that.
 TEST(LookingWithinSteps, TruthAndSamplesAreThoseOfAFineRun) {
-  Scenario scene = Shaken(1e-9).scene;
-  compareWithFineRun(scene, "pressed", HUGE_VAL);
-  scene.rest.z = 0.086;
-  compareWithFineRun(scene, "hanging", 0.8 * Shaken::kSamples * Shaken::kBlocks);
-  scene.imperfections.compliance.setConstant(5e-6);
-  compareWithFineRun(scene, "hanging, giving way", 0.8 * Shaken::kSamples * Shaken::kBlocks);
-  scene.rest.z = 0.0795;
-  compareWithFineRun(scene, "pressed, giving way", HUGE_VAL);
+  for (const double tolerance : {1e-9, 1e-10}) {
+    const double most = (tolerance < 5e-10 ? 1.3 : 0.8) * Shaken::kSamples * Shaken::kBlocks;
+    Scenario scene = Shaken(tolerance).scene;
+    compareWithFineRun(scene, "pressed", tolerance, 40 * tolerance, HUGE_VAL);
+    scene.rest.z = 0.086;
+    compareWithFineRun(scene, "hanging", tolerance, 10 * tolerance, most);
+    scene.imperfections.compliance.setConstant(5e-6);
+    compareWithFineRun(scene, "hanging, giving way", tolerance, 10 * tolerance, most);
+    scene.rest.z = 0.0795;
+    compareWithFineRun(scene, "pressed, giving way", tolerance, 40 * tolerance, HUGE_VAL);
+  }
 }
 
 TEST(LookingWithinSteps, ChangesNoStep) {
