@@ -11,7 +11,9 @@
 #include <vector>
 
 #include "../test/geometry/single_slot.h"
+#include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_cell.h"
+#include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
 #include "marker.h"
 
@@ -331,27 +333,76 @@ void skips() {
               "no carrier equations where the carrier is absent", "", "", carrierRows(), "ns/rhs");
 }
 
+struct BlockTime {
+  double fastest = 1e300, slowest = 0.0;  // [s]
+};
+
+template <class Block>
+BlockTime blockTime(const Block& block) {
+  for (int k = 0; k < 5; ++k) block();
+  BlockTime time;
+  for (int k = 0; k < 50; ++k) {
+    const auto start = std::chrono::steady_clock::now();
+    block();
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    time.fastest = std::min(time.fastest, elapsed.count());
+    time.slowest = std::max(time.slowest, elapsed.count());
+  }
+  return time;
+}
+
 void realTime() {
-  std::printf("\nReal-time factor of the whole cell: both bridges, 5 kHz, blocks of 100 samples\n");
+  std::printf(
+      "\nReal-time factor of the whole cell: both bridges, 5 kHz, blocks of 100 samples; then of "
+      "blocks whose samples nobody reads\n");
   for (const bool vibrated : {false, true}) {
     for (const bool contact : {false, true}) {
       Scenario s = contact ? twoEdges() : farAbove();
       if (vibrated) s.mechanism.exciter.amplitude = 1.0;
-      SimulatedCell cell(s, CellParameters{});
+      SimulatedCell sampled(s, CellParameters{}), averaged(s, CellParameters{});
       StrainBlock block;
-      for (int k = 0; k < 5; ++k) cell.next(block);
-      double best = 1e300, worst = 0.0;
-      for (int k = 0; k < 50; ++k) {
-        const auto start = std::chrono::steady_clock::now();
-        cell.next(block);
-        const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-        best = std::min(best, elapsed.count());
-        worst = std::max(worst, elapsed.count());
-      }
-      std::printf("  %-12s exciter %-4s fastest block %7.1f x, slowest block %7.1f x\n",
-                  contact ? "2 contacts," : "free,", vibrated ? "1 N:" : "off:", 0.02 / best,
-                  0.02 / worst);
+      StrainMeans means;
+      const double fastest = vibrated ? s.mechanism.exciter.frequency : 0.0;
+      const BlockTime all = blockTime([&] { sampled.next(block); });
+      const BlockTime few = blockTime([&] { averaged.average(means, fastest, false); });
+      std::printf(
+          "  %-12s exciter %-4s fastest block %7.1f x, slowest block %7.1f x; means alone %7.1f x, "
+          "%.0f %% less\n",
+          contact ? "2 contacts," : "free,", vibrated ? "1 N:" : "off:", 0.02 / all.fastest,
+          0.02 / all.slowest, 0.02 / few.fastest, 100 * (1 - few.fastest / all.fastest));
     }
+  }
+}
+
+// Whole alignments of the default cell from starts around the hole, as the tool `align` runs them.
+void alignments() {
+  const Scenario scenario = load("cell");
+  constexpr int kRuns = 12;
+  std::printf("\nAlignments, %d starts each, one thread\n%-16s %8s %22s %14s %20s\n", kRuns,
+              "strategy", "aligned", "simulated s per s", "worst off [um]", "marker [ns], mean");
+  for (const char* strategy : {"single_contact", "twin_force", "vibratory", "auto"}) {
+    double simulated = 0.0, elapsed = 0.0, worst = 0.0, markers = 0.0;
+    int aligned = 0;
+    for (int k = 0; k < kRuns; ++k) {
+      const double a = 2 * M_PI * k / kRuns, turn = 2.4 * k;
+      const double offset = 0.003 + 0.001 * k;
+      const double tilt = 0.0028 * (k + 1);
+      const Scenario start = startAt(scenario, offset * Eigen::Vector2d(std::cos(a), std::sin(a)),
+                                     tilt * Eigen::Vector2d(std::cos(turn), std::sin(turn)), 0.003);
+      AlignParameters parameters;
+      parameters.strategy = strategy;
+      CellParameters cell;
+      cell.seed = static_cast<std::uint64_t>(k) + 1;
+      markers += markerTime() / kRuns;
+      const auto begin = std::chrono::steady_clock::now();
+      const AlignTrial trial = tryAlignment(start, scenario.mechanism, cell, parameters, {});
+      elapsed += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      simulated += trial.result.time;
+      aligned += trial.success ? 1 : 0;
+      if (trial.success) worst = std::max(worst, trial.X_HP.p.head<2>().norm());
+    }
+    std::printf("%-16s %8d %22.1f %14.1f %20.1f\n", strategy, aligned, simulated / elapsed,
+                1e6 * worst, markers);
   }
 }
 
@@ -388,6 +439,7 @@ int run() {
   vibratedRuns();
   skips();
   realTime();
+  alignments();
   Scenario free = farAbove();
   free.contact.law = ContactLaw::kNone;
   free.mechanism.exciter.amplitude = 1.0;

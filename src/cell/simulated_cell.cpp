@@ -8,6 +8,14 @@
 #include "assembly_cell/cell/start.h"
 
 namespace assembly_cell {
+namespace {
+
+// Of the places where a block's wrench is found: in time, and of a vibration's turn. Half: what is
+// left of a vibration falls to a sixteenth.
+constexpr double kApart = 1e-3;  // [s]
+constexpr double kTurn = 0.8;    // [rad]
+
+}  // namespace
 
 Calibration designCalibration(const Bridge& bridge) {
   Calibration c;
@@ -31,6 +39,18 @@ Calibration withDisplacement(Calibration c, const CouplingParameters& coupling) 
   c.quadratic_displacement = c.quadratic_wrench;
   if (c.quadratic_displacement) c.displacement_products = lu.solve(c.wrench_products);
   return c;
+}
+
+void meansOf(const StrainBlock& block, StrainMeans& means) {
+  const std::size_t n = block.saturated_a.size();
+  means.a = momentsOf(block.volts_a.data(), n);
+  means.b = momentsOf(block.volts_b.data(), n);
+  means.end = block.time + static_cast<double>(n - 1) * block.period;
+  means.saturated = false;
+  for (std::size_t i = 0; i < n; ++i) {
+    means.saturated = means.saturated || block.saturated_a[i] || block.saturated_b[i];
+  }
+  means.volts_b = block.volts_b;
 }
 
 SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& parameters)
@@ -73,6 +93,20 @@ Vector6 SimulatedCell::voltsOf(const Bridge& bridge, const Matrix6& strain_matri
   return bridge.nonlinearity == 0.0 ? Vector6(strain_matrix * w) : deflect(bridge, w).volts;
 }
 
+void SimulatedCell::warm(double time) {
+  bridge_a_.temperature = bridge_b_.temperature =
+      Bridge{}.temperature + parameters_.bridge_drift * time / 3600.0;
+}
+
+Vector6 SimulatedCell::voltsA(double time) {
+  const Vector6 wrench = transformWrench(parameters_.X_AH, world_->holeWrench()) + block_weight_;
+  return voltsOf(bridge_a_, strain_matrix_a_, felt_a_(wrench, time));
+}
+
+Vector6 SimulatedCell::voltsB(const Vector6& load, double time) {
+  return voltsOf(bridge_b_, strain_matrix_b_, felt_b_(load, time));
+}
+
 StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
                                const std::function<void(const Vector6& load)>& watch) {
   const auto n = static_cast<std::size_t>(parameters_.block_size);
@@ -91,15 +125,10 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     const double time = static_cast<double>(samples_) * parameters_.sample_period;
     const StopReason reason = world_->look(time, end);
     if (reason != StopReason::kOk) return reason;
-    const Vector6 wrench_a =
-        transformWrench(parameters_.X_AH, world_->holeWrench()) + block_weight_;
+    warm(time);
+    const StrainSample a = convertVolts(bridge_a_, voltsA(time), normal_a_);
     const Vector6 load = world_->couplingWrench();
-    bridge_a_.temperature = bridge_b_.temperature =
-        Bridge{}.temperature + parameters_.bridge_drift * time / 3600.0;
-    const StrainSample a = convertVolts(
-        bridge_a_, voltsOf(bridge_a_, strain_matrix_a_, felt_a_(wrench_a, time)), normal_a_);
-    const StrainSample b = convertVolts(
-        bridge_b_, voltsOf(bridge_b_, strain_matrix_b_, felt_b_(load, time)), normal_b_);
+    const StrainSample b = convertVolts(bridge_b_, voltsB(load, time), normal_b_);
     Vector6::Map(block.volts_a.data() + 6 * i) = a.volts;
     Vector6::Map(block.volts_b.data() + 6 * i) = b.volts;
     block.saturated_a[i] = a.saturated;
@@ -108,6 +137,52 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     if (watch) watch(load);
   }
   block.temperature = bridge_a_.temperature;
+  reported_ = carrier_.report(*world_);
+  carrier_.settle(*world_);
+  return StopReason::kOk;
+}
+
+StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool samples_b) {
+  const int n = parameters_.block_size;
+  const double period = parameters_.sample_period;
+  if (felt_a_.remembers() || felt_b_.remembers() || !BlockMeans::serves(bridge_a_, n) ||
+      !BlockMeans::serves(bridge_b_, n)) {
+    const StopReason reason = next(whole_);
+    if (reason == StopReason::kOk) meansOf(whole_, means);
+    return reason;
+  }
+  const double apart = std::min(kApart, kTurn / std::max(fastest, 1e-9));
+  const SampleSum sum(n, static_cast<int>(apart / period * (1.0 + 1e-9)));
+  const double end = static_cast<double>(samples_ + static_cast<std::uint64_t>(n)) * period;
+  const auto timeOf = [&](int i) { return static_cast<double>(samples_ + i) * period; };
+  BlockMeans a, b;
+  means.saturated = false;
+  means.volts_b.resize(samples_b ? 6 * static_cast<std::size_t>(n) : 6);
+  const int step = samples_b ? 1 : sum.spacing();
+  for (int i = 0; i <= n; i += step) {
+    const double time = timeOf(i);
+    const StopReason reason = world_->look(time, end);
+    if (reason != StopReason::kOk) return reason;
+    warm(time);
+    if (i % sum.spacing() == 0) {
+      a.add(bridge_a_, voltsA(time), sum.weight(i / sum.spacing()));
+    }
+    if (i == 0 && samples_b) continue;
+    const Vector6 volts = voltsB(world_->couplingWrench(), time);
+    if (!samples_b) b.add(bridge_b_, volts, sum.weight(i / sum.spacing()));
+    if (!samples_b && i < n) continue;
+    const StrainSample sample = convertVolts(bridge_b_, volts, normal_b_);
+    means.saturated = means.saturated || sample.saturated;
+    const int at = samples_b ? i - 1 : 0;
+    Vector6::Map(means.volts_b.data() + 6 * at) = sample.volts;
+  }
+  samples_ += static_cast<std::uint64_t>(n);
+  ++sequence_;
+  means.end = end;
+  means.a = a.end(bridge_a_, n, normal_a_);
+  means.b = samples_b ? momentsOf(means.volts_b.data(), static_cast<std::size_t>(n))
+                      : b.end(bridge_b_, n, normal_b_);
+  means.saturated = means.saturated || a.saturated() || b.saturated();
   reported_ = carrier_.report(*world_);
   carrier_.settle(*world_);
   return StopReason::kOk;

@@ -73,12 +73,16 @@ bool SimulatedPlant::Window::endsBefore(double time) const {
   return request && time >= request->start + request->duration - 1e-9;
 }
 
+bool SimulatedPlant::Window::begins(double end) const { return request && request->start <= end; }
+
 void SimulatedPlant::collect(Window& window, bool wrench) {
-  for (std::size_t i = 0; i < block_.saturated_b.size(); ++i) {
-    const double t = block_.time + static_cast<double>(i) * block_.period;
-    const double since = t - window.request->start + kRounding * block_.period;
+  const double period = cell_.parameters().sample_period;
+  const std::size_t n = means_.volts_b.size() / 6;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double t = means_.end - static_cast<double>(n - 1 - i) * period;
+    const double since = t - window.request->start + kRounding * period;
     if (since < 0.0 || since >= window.request->duration) continue;
-    const Vector6 volts = Vector6::Map(block_.volts_b.data() + 6 * i);
+    const Vector6 volts = Vector6::Map(means_.volts_b.data() + 6 * i);
     const Vector6 signal = wrench ? wrenchFromVolts(calibration_b_, volts)
                                   : displacementFromVolts(calibration_b_, volts);
     window.angles.push_back(exciter_.direction *
@@ -136,7 +140,16 @@ void SimulatedPlant::advance(const PlantCommand& command) {
     collect(vibration_, true);
   }
 
-  const StopReason reason = cell_.next(block_);
+  const double until =
+      world.time() + cell_.parameters().block_size * cell_.parameters().sample_period;
+  StopReason reason = StopReason::kOk;
+  if (arm_) {
+    reason = cell_.next(block_);
+    if (reason == StopReason::kOk) meansOf(block_, means_);
+  } else {
+    const double fastest = exciter_.amplitude > 0.0 ? exciter_.frequency : 0.0;
+    reason = cell_.average(means_, fastest, locus_.begins(until) || vibration_.begins(until));
+  }
   if (reason != StopReason::kOk) {
     throw PlantError(AlignFailure::kStopped, std::string("simulation stopped: ") + toString(reason),
                      toString(reason));
@@ -151,9 +164,7 @@ void SimulatedPlant::advance(const PlantCommand& command) {
 
 PlantBlock SimulatedPlant::means() const {
   PlantBlock out;
-  const std::size_t n = block_.saturated_a.size();
-  const BlockMoments volts_a = momentsOf(block_.volts_a.data(), n);
-  const BlockMoments volts_b = momentsOf(block_.volts_b.data(), n);
+  const BlockMoments &volts_a = means_.a, &volts_b = means_.b;
   out.wrench_a = wrenchFromVolts(calibration_a_, volts_a.mean);
   out.wrench_b = wrenchFromVolts(calibration_b_, volts_b.mean);
   out.displacement_b = displacementFromVolts(calibration_b_, volts_b.mean);
@@ -163,11 +174,9 @@ PlantBlock SimulatedPlant::means() const {
   out.covariance_b = S_b * volts_b.covariance * S_b.transpose();
   out.rounding_a = rounding_a_;
   out.rounding_b = rounding_b_;
-  out.samples = static_cast<int>(n);
-  out.length = static_cast<double>(n) * block_.period;
-  for (std::size_t i = 0; i < n; ++i) {
-    out.saturated = out.saturated || block_.saturated_a[i] || block_.saturated_b[i];
-  }
+  out.samples = volts_b.count;
+  out.length = volts_b.count * cell_.parameters().sample_period;
+  out.saturated = means_.saturated;
   out.carrier = restFromPose(arm_ ? arm_->reported() : cell_.reported());
   return out;
 }

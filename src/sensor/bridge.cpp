@@ -2,6 +2,7 @@
 #include "assembly_cell/sensor/bridge.h"
 
 #include <algorithm>
+#include <boost/random/chi_squared_distribution.hpp>
 #include <cmath>
 #include <string>
 
@@ -161,15 +162,31 @@ StrainSample convert(const Bridge& bridge, const Matrix6& strain_matrix, const V
   return convertVolts(bridge, strain_matrix * w, normal);
 }
 
-StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal) {
-  const double codes = std::ldexp(1.0, bridge.bits - 1);
-  const double lsb = bridge.full_scale / codes;
+double NormalSource::sumOfSquares(int count) {
+  return boost::random::chi_squared_distribution<double>(count)(engine_);
+}
+
+double resolution(const Bridge& bridge) {
+  return bridge.full_scale / std::ldexp(1.0, bridge.bits - 1);
+}
+
+Vector6 converterInput(const Bridge& bridge, const Vector6& volts) {
   const double warmth = bridge.temperature - kReferenceTemperature;
-  StrainSample sample;
+  Vector6 input;
   for (int k = 0; k < 6; ++k) {
     const Hinge& h = bridge.hinges[static_cast<std::size_t>(k)];
-    const double input = volts[k] * (1.0 + kGainDrift * warmth) + h.offset + h.zero_drift * warmth +
-                         bridge.noise * normal();
+    input[k] = volts[k] * (1.0 + kGainDrift * warmth) + h.offset + h.zero_drift * warmth;
+  }
+  return input;
+}
+
+StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal) {
+  const double codes = std::ldexp(1.0, bridge.bits - 1);
+  const double lsb = resolution(bridge);
+  const Vector6 exact = converterInput(bridge, volts);
+  StrainSample sample;
+  for (int k = 0; k < 6; ++k) {
+    const double input = exact[k] + bridge.noise * normal();
     // round to a code; the end codes stand for everything beyond (and for what is no number)
     double code = std::nearbyint(input / lsb);
     if (!(code < codes - 1.0)) code = codes - 1.0;

@@ -191,7 +191,8 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   CellParameters p;
   p.bits = 24;
   p.noise = 0.0;
-  const Scenario s = load("cell", {"coupling.damping.diagonal=[280, 280, 280, 0.15, 0.15, 0.15]"});
+  const Scenario s = load("cell", {"coupling.damping.diagonal=[280, 280, 280, 0.15, 0.15, 0.15]",
+                                   "solver.max_step=5e-4"});
   SimulatedCell cell(s, p);
   auto& sim = dynamic_cast<Simulation&>(cell.world());
   const Calibration a = designCalibration(bridgeA(p.bits, 0.0));

@@ -19,6 +19,9 @@ class FeltWrench {
   /// The next sample, at `time` [s]; w in the frame that the files name. No allocation.
   Vector6 operator()(const Vector6& w, double time);
 
+  /// What is felt depends on the samples before: none may be left out.
+  bool remembers() const { return truth_.latency > 0.0 || truth_.walk > 0.0; }
+
  private:
   Vector6 late(const Vector6& w);
 

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "assembly_cell/cell/block_means.h"
 #include "assembly_cell/cell/felt_wrench.h"
 #include "assembly_cell/cell/true_carrier.h"
 #include "assembly_cell/cell/world_choice.h"
@@ -62,6 +63,16 @@ struct StrainBlock {
   std::vector<double> accelerations;  ///< 2 × n, along the peg's x and y [m/s²]; empty unless asked
 };
 
+/// What a block of samples of both bridges says, and those samples that are asked for. [V]
+struct StrainMeans {
+  BlockMoments a, b;
+  bool saturated = false;       ///< any channel in any sample
+  double end = 0.0;             ///< time of the last sample [s]
+  std::vector<double> volts_b;  ///< of sensor_b, 6 × all that were asked for, or the last one alone
+};
+/// All of a block.
+void meansOf(const StrainBlock& block, StrainMeans& means);
+
 /// The mechanism with both strain bridges: the plant behind the simulator node and behind align().
 class SimulatedCell {
  public:
@@ -76,6 +87,14 @@ class SimulatedCell {
   /// the coupling's load at every sample, and may command the world.
   StopReason next(StrainBlock& block, bool accelerations = false,
                   const std::function<void(const Vector6& load)>& watch = nullptr);
+
+  /// The same without the samples that nobody reads. The wrench is found at every millisecond, and
+  /// often enough for a motion at `fastest` [rad/s]; means and covariances are as those of a block,
+  /// see BlockMeans. At rest they are those of the samples; of a vibration of 2 N sensor_b has 1.5
+  /// mN left, sensor_a, where friction jumps between slip and stick, up to 0.4 N. Where samples
+  /// depend on each other, or the converter's codes show, all are made. samples_b: sensor_b's are,
+  /// whatever else.
+  StopReason average(StrainMeans& means, double fastest, bool samples_b);
 
   /// Moves the rest pose to `pose`, commanded in the carrier's base frame, within the carrier's
   /// limits and no faster than `max_speed` [m/s].
@@ -93,6 +112,10 @@ class SimulatedCell {
   Eigen::Vector2d accelerometers();
   /// Six voltages of a bridge under wrench w.
   Vector6 voltsOf(const Bridge& bridge, const Matrix6& strain_matrix, const Vector6& w) const;
+  /// Strain volts of either bridge at `time`, the world's: also sets the bridges' temperature.
+  Vector6 voltsA(double time);
+  Vector6 voltsB(const Vector6& load, double time);
+  void warm(double time);
 
   CellParameters parameters_;
   std::unique_ptr<World> world_;
@@ -105,6 +128,7 @@ class SimulatedCell {
   Vector6 block_weight_;  ///< of the hole block on sensor_a, in sensor_a
   std::uint32_t sequence_ = 0;
   std::uint64_t samples_ = 0;
+  StrainBlock whole_;  // where average() makes all samples
 };
 
 }  // namespace assembly_cell

@@ -44,6 +44,8 @@ class SimulatedPlant : public Plant {
 
     void begin(const LocusRequest& wanted);
     bool endsBefore(double time) const;
+    // samples after `time` up to `end` may lie in it
+    bool begins(double end) const;
   };
   PlantBlock nextBlock(const PlantCommand& command);
   // one block of the cell; throws PlantError when its simulation stops
@@ -51,7 +53,7 @@ class SimulatedPlant : public Plant {
   // the arm feels the block
   void tellArm();
   PlantBlock means() const;
-  // the block's samples that lie in the window
+  // the samples at hand that lie in the window
   void collect(Window& window, bool wrench);
 
   Mechanism nominal_;
@@ -62,7 +64,8 @@ class SimulatedPlant : public Plant {
   TwinForceContacts twin_force_;
   std::unique_ptr<CarrierArm> arm_;          // null: none
   std::array<std::vector<double>, 2> felt_;  // by its sensors, 6 × n
-  StrainBlock block_;
+  StrainBlock block_;                        // of an arm, which feels every sample
+  StrainMeans means_;
   ExciterParameters exciter_;
   double exciter_reference_ = 0.0;
   DriveErrors drive_;

@@ -75,6 +75,8 @@ class NormalSource {
  public:
   explicit NormalSource(std::uint64_t seed) : engine_(seed) {}
   double operator()();
+  /// Of the squares of so many normal numbers, 1 or more.
+  double sumOfSquares(int count);
 
  private:
   std::mt19937_64 engine_;
@@ -89,5 +91,12 @@ StrainSample convert(const Bridge& bridge, const Matrix6& strain_matrix, const V
 
 /// The same for strain volts as of deflect().
 StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal);
+
+/// What the converters see of strain volts, noise apart: with the bridge's offsets, as warm as it
+/// is [V].
+Vector6 converterInput(const Bridge& bridge, const Vector6& volts);
+
+/// The smallest change that the converters tell [V].
+double resolution(const Bridge& bridge);
 
 }  // namespace assembly_cell
