@@ -8,7 +8,7 @@ namespace assembly_cell {
 namespace {
 
 // Rounding moves a mean by less than 3e-5 of a code where the noise is so much of it: codes times
-// exp(-2 π² noise²) / π (Widrow). Half of it: 5 %.
+// exp(−2 π² noise²) / π (Widrow). Half of it: 3 %.
 constexpr double kNoiseOverCode = 0.7;
 // A Wishart matrix of six channels has degrees of freedom down to this less 6.
 constexpr int kFewestSamples = 8;

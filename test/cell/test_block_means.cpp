@@ -190,6 +190,21 @@ TEST(BlockMeans, AllSamplesWhereTheyMatter) {
   }
 }
 
+// Hum of 400 Hz would be seen as 200 Hz once a millisecond: its share of the mean is there all the
+// same. 1 N has 0.04 V.
+TEST(BlockMeans, HumIsFollowed) {
+  CellParameters p;
+  p.bits = 24;
+  p.noise = 1e-6;
+  p.truth.sensor_b.hum << 1.0, 0.0, 0.0;
+  p.truth.sensor_b.hum_frequency = 404.0;
+  press(p, 0.0, false, 5, [](const Pair& pair, double) {
+    EXPECT_LT((pair.all.b.mean - pair.few.b.mean).cwiseAbs().maxCoeff(), 1e-6);
+    EXPECT_LT((pair.all.b.covariance - pair.few.b.covariance).norm(),
+              1e-3 * pair.all.b.covariance.norm());
+  });
+}
+
 TEST(BlockMeans, OverloadIsFlagged) {
   Scenario scene = load("cell", {"contact={law: none}"});
   StrainMeans means;

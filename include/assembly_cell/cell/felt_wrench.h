@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "assembly_cell/mismatch/truth.h"
@@ -21,6 +22,8 @@ class FeltWrench {
 
   /// What is felt depends on the samples before: none may be left out.
   bool remembers() const { return truth_.latency > 0.0 || truth_.walk > 0.0; }
+  /// Of the hum, 0 without [rad/s].
+  double humRate() const { return truth_.hum.isZero(0.0) ? 0.0 : 2 * M_PI * truth_.hum_frequency; }
 
  private:
   Vector6 late(const Vector6& w);
