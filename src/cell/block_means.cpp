@@ -34,8 +34,6 @@ bool BlockMeans::serves(const Bridge& bridge, int samples) {
   return samples >= kFewestSamples && bridge.noise >= kNoiseOverCode * resolution(bridge);
 }
 
-void BlockMeans::begin() { *this = BlockMeans(); }
-
 void BlockMeans::add(const Bridge& bridge, const Vector6& volts, double weight) {
   Vector6 input = converterInput(bridge, volts);
   const double most = bridge.full_scale - resolution(bridge);
@@ -46,12 +44,8 @@ void BlockMeans::add(const Bridge& bridge, const Vector6& volts, double weight) 
     if (!(channel < most)) channel = most;
     if (channel < -bridge.full_scale) channel = -bridge.full_scale;
   }
-  if (!begun_) {
-    begun_ = true;
-    first_ = input;
-    sum_.setZero();
-    squares_.setZero();
-  }
+  if (!begun_) first_ = input;
+  begun_ = true;
   const Vector6 off = input - first_;
   sum_ += weight * off;
   squares_.noalias() += off * (weight * off).transpose();

@@ -35,7 +35,6 @@ class BlockMeans {
   /// Noise hides the converter's codes, and there are enough samples for a covariance.
   static bool serves(const Bridge& bridge, int samples);
 
-  void begin();
   /// Strain volts as of deflect(), bridge at its temperature then.
   void add(const Bridge& bridge, const Vector6& volts, double weight);
   BlockMoments end(const Bridge& bridge, int samples, NormalSource& normal) const;
@@ -44,8 +43,8 @@ class BlockMeans {
 
  private:
   bool saturated_ = false, begun_ = false;
-  Vector6 first_, sum_;
-  Matrix6 squares_;  // about the first
+  Vector6 first_ = Vector6::Zero(), sum_ = Vector6::Zero();
+  Matrix6 squares_ = Matrix6::Zero();  // about the first
 };
 
 }  // namespace assembly_cell
