@@ -52,7 +52,7 @@ struct PlaneByWrench {
 class Contacts {
  public:
   Contacts(const Mechanism& mechanism, const VibrationDemand& demand);
-  // ends at a direction whose axes are more unlike than `least_axis`, minor over major
+  // ends at the first direction whose axes, minor over major, are below `least_axis`
   Answer at(double frequency, double press, double least_axis) const;
 
  private:

@@ -52,8 +52,7 @@ void BlockMeans::add(const Bridge& bridge, const Vector6& volts, double weight) 
 }
 
 BlockMoments BlockMeans::end(const Bridge& bridge, int samples, NormalSource& normal) const {
-  const double n = samples, code = resolution(bridge);
-  const double noise = std::sqrt(bridge.noise * bridge.noise + code * code / 12.0);
+  const double n = samples, noise = std::sqrt(sampleVariance(bridge));
   BlockMoments m;
   m.count = samples;
   m.mean = first_ + sum_ / n;

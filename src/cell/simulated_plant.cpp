@@ -49,7 +49,7 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
       twin_force_(twinForceSetup(nominal, X_AH, parameters)),
       exciter_(scenario.mechanism.exciter) {
   const Bridge bridge = bridgeA(parameters.bits, parameters.noise);
-  const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);
+  const double step = resolution(bridge);
   rounding_a_ = roundingCovariance(calibration_a_.volts_to_wrench, step);
   rounding_b_ = roundingCovariance(calibration_b_.volts_to_wrench, step);
   if (!parameters.arm) return;
@@ -73,7 +73,9 @@ bool SimulatedPlant::Window::endsBefore(double time) const {
   return request && time >= request->start + request->duration - 1e-9;
 }
 
-bool SimulatedPlant::Window::begins(double end) const { return request && request->start <= end; }
+bool SimulatedPlant::Window::beginsBy(double time) const {
+  return request && request->start <= time;
+}
 
 void SimulatedPlant::collect(Window& window, bool wrench) {
   const double period = cell_.parameters().sample_period;
@@ -148,7 +150,7 @@ void SimulatedPlant::advance(const PlantCommand& command) {
     if (reason == StopReason::kOk) meansOf(block_, means_);
   } else {
     const double fastest = exciter_.amplitude > 0.0 ? exciter_.frequency : 0.0;
-    reason = cell_.average(means_, fastest, locus_.begins(until) || vibration_.begins(until));
+    reason = cell_.average(means_, fastest, locus_.beginsBy(until) || vibration_.beginsBy(until));
   }
   if (reason != StopReason::kOk) {
     throw PlantError(AlignFailure::kStopped, std::string("simulation stopped: ") + toString(reason),

@@ -60,36 +60,44 @@ struct Slot {
 };
 using SlotArray = std::array<Slot, kSlots>;
 
-/// Event functions: three a slot, how far friction is from a wedge, and how far a face is from
-/// lying down or leaving. Below zero a mode must change. Those of the first `slots` slots; copies
-/// copy no others.
-class Events {
+/// An array of which the first `size` values are used: copies copy no others.
+template <class T, std::size_t kMost>
+class FirstOf {
  public:
-  Events() = default;
-  explicit Events(std::size_t slots) : size_(kKinds * slots + 2) {
-    std::fill(begin(), end(), HUGE_VAL);
-  }
-  Events(const Events& other) { *this = other; }
-  Events& operator=(const Events& other) {
+  FirstOf() = default;
+  explicit FirstOf(std::size_t size) : size_(size) {}
+  FirstOf(const FirstOf& other) { *this = other; }
+  FirstOf& operator=(const FirstOf& other) {
     size_ = other.size_;
     std::copy(other.begin(), other.end(), begin());
     return *this;
   }
-  ~Events() = default;
+  ~FirstOf() = default;
   std::size_t size() const { return size_; }
-  double operator[](std::size_t i) const { return values_[i]; }
-  const double* begin() const { return values_.data(); }
-  const double* end() const { return values_.data() + size_; }
-  double* begin() { return values_.data(); }
-  double* end() { return values_.data() + size_; }
-  double* ofSlot(std::size_t i) { return begin() + kKinds * i; }
-  double& wedge() { return values_[size_ - 2]; }
-  double& face() { return values_[size_ - 1]; }
+  T& operator[](std::size_t i) { return values_[i]; }
+  const T& operator[](std::size_t i) const { return values_[i]; }
+  const T* begin() const { return values_.data(); }
+  const T* end() const { return values_.data() + size_; }
+  T* begin() { return values_.data(); }
+  T* end() { return values_.data() + size_; }
 
  private:
-  static constexpr std::size_t kKinds = 3;
-  std::array<double, kKinds * kSlots + 2> values_;  // NOLINT: the first size_ are set
+  std::array<T, kMost> values_;  // NOLINT: the first size_ are set
   std::size_t size_ = 0;
+};
+
+/// Event functions: three a slot, how far friction is from a wedge, and how far a face is from
+/// lying down or leaving. Below zero a mode must change.
+constexpr std::size_t kEventKinds = 3;
+class Events : public FirstOf<double, kEventKinds * kSlots + 2> {
+ public:
+  Events() = default;
+  explicit Events(std::size_t slots) : FirstOf(kEventKinds * slots + 2) {
+    std::fill(begin(), end(), HUGE_VAL);
+  }
+  double* ofSlot(std::size_t i) { return begin() + kEventKinds * i; }
+  double& wedge() { return end()[-2]; }
+  double& face() { return end()[-1]; }
 };
 
 /// The peg's face lies on plane or floor: it is carried at three points of its edge (face.h), in
@@ -157,25 +165,6 @@ struct ContactKinematics {
   double demand = 0.0;  ///< g'' + k g' + beta g without a force on an idle slot
 };
 
-/// Of the slots, those that a run may use: copies copy no others.
-class SlotKinematics {
- public:
-  explicit SlotKinematics(std::size_t slots) : size_(slots) {}
-  SlotKinematics(const SlotKinematics& other) { *this = other; }
-  SlotKinematics& operator=(const SlotKinematics& other) {
-    size_ = other.size_;
-    std::copy_n(other.of_.begin(), size_, of_.begin());
-    return *this;
-  }
-  ~SlotKinematics() = default;
-  ContactKinematics& operator[](std::size_t i) { return of_[i]; }
-  const ContactKinematics& operator[](std::size_t i) const { return of_[i]; }
-
- private:
-  std::array<ContactKinematics, kSlots> of_;
-  std::size_t size_ = 0;
-};
-
 /// What one right-hand side finds. A part that looks ahead works on a copy.
 struct Evaluation {
   explicit Evaluation(const System& s) : contacts(s.slots) {}
@@ -195,8 +184,8 @@ struct Evaluation {
   ContactSlotMask face = 0;         ///< slots that carry the peg's face, level on its ground
   ContactSlotMask closed = 0;       ///< slots that are not apart: searched in every evaluation
   ContactSet closed_set, open_set;  ///< their points, and the others'
-  SlotKinematics contacts;
-  double wedge_margin = 1.0;        ///< of the slipping points, as of wedgeMargin()
+  FirstOf<ContactKinematics, kSlots> contacts;  ///< of the slots that the run may use
+  double wedge_margin = 1.0;                    ///< of the slipping points, as of wedgeMargin()
   double loads = 0.0;               ///< force between sticking points, of their load, at most
   double moved = 0.0, speed = 0.0;  ///< of the edge since the step's start, and now: bounds
   bool clear = false;               ///< open slots were left out by these bounds, none is closed

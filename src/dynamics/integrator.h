@@ -43,6 +43,7 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
 /// The scenario's integrator: its past and its step size.
 class Integrator {
  public:
+  /// What is known of the last step that was taken.
   struct Accepted {
     double right = 0.0;  ///< step whose error would have been the tolerance; 0: none yet [s]
     Method method = Method::kDopri5;

@@ -168,7 +168,6 @@ Vector3d contactForceFromDeflection(const Mechanism& mechanism, const Vector6& d
 
 DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                    const Locus& locus, LocusAxes axes) {
-  check(point);
   return linear_motion::contactDirection(SeenMotion(mechanism, point, axes), locus);
 }
 

@@ -60,7 +60,6 @@ HalfTurnEvidence halfTurnEvidence(const Mechanism& mechanism, double frequency,
 DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoint& point,
                                   const HalfTurnEvidence& evidence, DirectionEstimate estimate,
                                   LocusAxes axes) {
-  linear_motion::check(point);
   return linear_motion::resolveHalfTurn(linear_motion::SeenMotion(mechanism, point, axes), evidence,
                                         estimate);
 }

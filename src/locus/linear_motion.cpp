@@ -244,6 +244,7 @@ Complex9 HeldMotion::solve(double alpha) const {
 
 SeenMotion::SeenMotion(const Mechanism& mechanism, const OperatingPoint& point, LocusAxes axes)
     : held_(mechanism, point), mapped_(axes == LocusAxes::kSensor) {
+  check(point);
   if (!mapped_) return;
   const UnheldMotion upright(mechanism, point.direction * point.frequency, Vector2d::Zero(),
                              Vector2d::Zero());

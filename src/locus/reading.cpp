@@ -85,7 +85,6 @@ void explain(const Mechanism& mechanism, const OperatingPoint& point, const Read
   if (mode == LocusMode::kNone) return;
   // N alone tells the direction, so a circle against the exciter has one, too; one with it has none
   if (mode != LocusMode::kCircle) {
-    linear_motion::check(point);
     const linear_motion::SeenMotion seen(mechanism, point, axes);
     const DirectionEstimate found = contactDirection(seen, reading.locus);
     reading.misfit = found.misfit;

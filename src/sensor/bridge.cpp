@@ -170,6 +170,11 @@ double resolution(const Bridge& bridge) {
   return bridge.full_scale / std::ldexp(1.0, bridge.bits - 1);
 }
 
+double sampleVariance(const Bridge& bridge) {
+  const double code = resolution(bridge);
+  return bridge.noise * bridge.noise + code * code / 12.0;
+}
+
 Vector6 converterInput(const Bridge& bridge, const Vector6& volts) {
   const double warmth = bridge.temperature - kReferenceTemperature;
   Vector6 input;

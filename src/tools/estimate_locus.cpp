@@ -315,9 +315,7 @@ int plan(const Options& o) {
   }
   const Bridge bridge = bridgeB(static_cast<int>(o.bits), o.noise);
   const Matrix6 map = designCalibration(bridge, mechanism.coupling).volts_to_displacement;
-  const double step = 2.0 * bridge.full_scale / std::ldexp(1.0, bridge.bits);
-  const double variance = o.noise * o.noise + step * step / 12.0;
-  const Matrix6 noise = variance * map * map.transpose();
+  const Matrix6 noise = sampleVariance(bridge) * map * map.transpose();
   const double duration = o.duration.value_or(0.2);
   ForecastLimits limits;
   limits.direction_sd = o.direction_limit;

@@ -44,8 +44,8 @@ class SimulatedPlant : public Plant {
 
     void begin(const LocusRequest& wanted);
     bool endsBefore(double time) const;
-    // samples after `time` up to `end` may lie in it
-    bool begins(double end) const;
+    // the plant's samples up to then may lie in it
+    bool beginsBy(double time) const;
   };
   PlantBlock nextBlock(const PlantCommand& command);
   // one block of the cell; throws PlantError when its simulation stops

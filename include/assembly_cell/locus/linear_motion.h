@@ -107,6 +107,7 @@ class HeldMotion {
 };
 
 // The held motion as the estimator sees it: through the sensor's map without tilts, or as it is.
+// Throws InputError for an operating point that is none.
 class SeenMotion {
  public:
   SeenMotion(const Mechanism& mechanism, const OperatingPoint& point, LocusAxes axes);
@@ -121,8 +122,7 @@ class SeenMotion {
   ComplexMatrix9 map_;
 };
 
-// The same as contactDirection() and resolveHalfTurn(), of a motion that is set up once for both;
-// its operating point is not checked.
+// The same as contactDirection() and resolveHalfTurn(), of a motion that is set up once for both.
 DirectionEstimate contactDirection(const SeenMotion& seen, const Locus& locus);
 DirectionEstimate resolveHalfTurn(const SeenMotion& seen, const HalfTurnEvidence& evidence,
                                   const DirectionEstimate& estimate);

@@ -99,4 +99,7 @@ Vector6 converterInput(const Bridge& bridge, const Vector6& volts);
 /// The smallest change that the converters tell [V].
 double resolution(const Bridge& bridge);
 
+/// Of a sample, by noise and rounding [V²].
+double sampleVariance(const Bridge& bridge);
+
 }  // namespace assembly_cell
