@@ -82,9 +82,11 @@ void EmulatedArmNode::readParameters(ros::NodeHandle& pnh) {
 
 void EmulatedArmNode::subscribe() {
   simulated_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
-      arm_nh_, "simulated_pose", kQueue, [this](const auto& m) { onSimulated(*m); });
-  wrench_sub_ = subscribeStream<WrenchSamples>(nh_, "sensor_b/wrench_samples", kQueue,
-                                               [this](const auto& m) { onWrench(*m); });
+      arm_nh_, "simulated_pose", kQueue, [this](const auto& m) { onSimulated(*m); }, nullptr,
+      lockstep_);
+  wrench_sub_ = subscribeStream<WrenchSamples>(
+      nh_, "sensor_b/wrench_samples", kQueue, [this](const auto& m) { onWrench(*m); }, nullptr,
+      lockstep_);
   switch (interface_) {
     case ArmInterface::kPose:
       command_sub_ = subscribeStream<geometry_msgs::PoseStamped>(

@@ -31,8 +31,6 @@ constexpr double kRecentTime = 0.499;
 // of the default cell: ±5 V in 16 bit
 constexpr double kConverterStep = 10.0 / 65536.0;
 
-// wall clock; twice, before the plant gives up waiting in lockstep (~ack_timeout) [s]
-constexpr double kConnectionCheck = 2.0;
 constexpr double kThinking =
     2.0;  // a strategy that says nothing for longer holds no plant [s wall]
 
@@ -85,7 +83,7 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
   command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true);
   exciter_pub_ = nh.advertise<Exciter>("exciter", kQueue, true);
   if (lockstep_) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
-  for (const char* topic : kBlockTopics) subscribe(topic);
+  subscribe();
   const auto onCalibration = [this](std::optional<Matrix6>& rounding, std::string& serial,
                                     const SensorCalibration& calibration) {
     using RowMajor = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
@@ -101,10 +99,6 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
   calibration_b_sub_ = subscribeChecked<SensorCalibration>(
       nh, "sensor_b/calibration", 1,
       [this, onCalibration](const auto& m) { onCalibration(rounding_b_, serial_b_, *m); });
-  if (lockstep_) {
-    connection_timer_ = nh.createWallTimer(ros::WallDuration(kConnectionCheck),
-                                           [this](const auto&) { checkConnections(); });
-  }
   using Status = actionlib_msgs::GoalStatusArray;
   const boost::function<void(const ros::MessageEvent<Status const>&)> hear =
       [this](const auto& event) {
@@ -118,7 +112,7 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
 
 // ---- blocks ----
 
-void RosPlant::subscribe(const std::string& topic) {
+void RosPlant::subscribe() {
   // who sent it is asked for when it stays out
   const auto heard = [this](auto on, std::size_t part) {
     return [this, on, part](const auto& message, const std::string& node) {
@@ -129,23 +123,14 @@ void RosPlant::subscribe(const std::string& topic) {
       (this->*on)(message);
     };
   };
-  ros::Subscriber& sub = subs_[topic];
-  if (topic == kWrenchA) {
-    sub = subscribeStream<WrenchSamples>(nh_, topic, kQueue, heard(&RosPlant::onWrenchA, 0),
-                                         nullptr, lockstep_);
-  }
-  if (topic == kWrenchB) {
-    sub = subscribeStream<WrenchSamples>(nh_, topic, kQueue, heard(&RosPlant::onWrenchB, 1),
-                                         nullptr, lockstep_);
-  }
-  if (topic == kCarrier) {
-    sub = subscribeStream<geometry_msgs::PoseStamped>(
-        nh_, topic, kQueue, heard(&RosPlant::onCarrierPose, 3), nullptr, lockstep_);
-  }
-  if (topic == kDisplacementB) {
-    sub = subscribeStream<DisplacementSamples>(
-        nh_, topic, kQueue, heard(&RosPlant::onDisplacementB, 2), nullptr, lockstep_);
-  }
+  block_subs_[0] = subscribeStream<WrenchSamples>(
+      nh_, kWrenchA, kQueue, heard(&RosPlant::onWrenchA, 0), nullptr, lockstep_);
+  block_subs_[1] = subscribeStream<WrenchSamples>(
+      nh_, kWrenchB, kQueue, heard(&RosPlant::onWrenchB, 1), nullptr, lockstep_);
+  block_subs_[2] = subscribeStream<DisplacementSamples>(
+      nh_, kDisplacementB, kQueue, heard(&RosPlant::onDisplacementB, 2), nullptr, lockstep_);
+  block_subs_[3] = subscribeStream<geometry_msgs::PoseStamped>(
+      nh_, kCarrier, kQueue, heard(&RosPlant::onCarrierPose, 3), nullptr, lockstep_);
 }
 
 // Of the newest block, if it has begun to come in.
@@ -162,26 +147,6 @@ std::vector<std::string> RosPlant::missingParts() const {
   if (!parts.displacement_b) missing.emplace_back(kDisplacementB);
   if (!carrier_ahead) missing.emplace_back(kCarrier);
   return missing;
-}
-
-// A block that stays incomplete stops the lockstep: a connection was never made, or a message got
-// lost with it. ROS doesn't try again; to subscribe anew does, and what is latched comes again.
-void RosPlant::checkConnections() {
-  std::vector<std::string> missing;
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    missing = missingParts();
-    const bool stuck = !missing.empty() && incomplete_ && done_ == checked_;
-    incomplete_ = !missing.empty();
-    checked_ = done_;
-    if (!stuck) return;
-  }
-  // without the lock: callbacks under way take it
-  for (const std::string& topic : missing) {
-    ROS_WARN("block incomplete: subscribing to %s anew", topic.c_str());
-    subs_[topic].shutdown();
-    subscribe(topic);
-  }
 }
 
 void RosPlant::onWrenchA(const WrenchSamples::ConstPtr& message) {

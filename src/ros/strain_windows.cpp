@@ -84,7 +84,7 @@ CalibrationRefusal StrainWindows::waiting(Side side, Clock::time_point begun) co
   const std::string name = sensorName(side);
   if (now - std::max(begun, c.heard.value_or(begun)) > settings_.source_timeout) {
     return {CalibrationFailure::kSilent,
-            name + ": no samples on " + c.strain_sub.getTopic() + " for " +
+            name + ": no samples on " + c.strain_sub.topic() + " for " +
                 text("%g s", settings_.source_timeout.count()) + ": start its driver"};
   }
   if (now - begun > settings_.settle_timeout + settings_.source_timeout +

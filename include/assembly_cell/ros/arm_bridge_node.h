@@ -31,6 +31,7 @@
 #include "assembly_cell/ros/participants.h"
 #include "assembly_cell/ros/poll_beat.h"
 #include "assembly_cell/ros/static_frames.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -154,8 +155,10 @@ class ArmBridgeNode {
 
   ros::Publisher carrier_pub_, plant_state_pub_, exciter_pub_, wrench_pub_, ack_pub_, lease_pub_,
       diagnostics_pub_;
-  ros::Subscriber command_sub_, exciter_sub_, lease_sub_, ack_sub_, state_sub_, stop_sub_;
-  std::array<ros::Subscriber, 2> wrench_subs_, bias_subs_;
+  ros::Subscriber command_sub_, exciter_sub_, lease_sub_, ack_sub_, stop_sub_;
+  StreamSubscriber state_sub_;
+  std::array<StreamSubscriber, 2> wrench_subs_;
+  std::array<ros::Subscriber, 2> bias_subs_;
   ros::ServiceServer resume_srv_, stop_srv_;
   ros::WallTimer diagnostics_timer_, connection_timer_;
   tf2_ros::TransformBroadcaster tf_;

@@ -20,6 +20,7 @@
 #include "assembly_cell/arm/emulated_arm.h"
 #include "assembly_cell/guard/freshness.h"
 #include "assembly_cell/ros/arm_output.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -78,7 +79,7 @@ class EmulatedArmNode {
 
   std::string name_in_lockstep_;
   ros::Publisher joints_pub_, pose_pub_, motion_pub_, ack_pub_;
-  ros::Subscriber simulated_sub_, wrench_sub_, command_sub_;
+  StreamSubscriber simulated_sub_, wrench_sub_, command_sub_;
   ros::ServiceServer unlock_srv_;
   std::thread thread_;
 };

@@ -12,6 +12,7 @@
 #include <string>
 #include <thread>
 
+#include "assembly_cell/ros/stream_subscriber.h"
 #include "assembly_cell/shaker/shaker.h"
 
 namespace assembly_cell::ros_bridge {
@@ -66,7 +67,8 @@ class ExciterOutputNode {
   bool told_ = false;
 
   ros::Publisher done_pub_, speed_pub_, diagnostics_pub_;
-  ros::Subscriber exciter_sub_, life_sub_, index_sub_;
+  ros::Subscriber exciter_sub_, index_sub_;
+  StreamSubscriber life_sub_;
   ros::WallTimer diagnostics_timer_;
   std::thread thread_;
 };

@@ -31,6 +31,7 @@
 #include "assembly_cell/ros/live_settings.h"
 #include "assembly_cell/ros/ros_clock.h"
 #include "assembly_cell/ros/source_choice.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 #include "assembly_cell/sensor/acquisition.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "assembly_cell/sensor/stamp_filter.h"
@@ -216,7 +217,7 @@ class ForceSensorNode {
   std::uint64_t reported_lost_ = 0, reported_duplicates_ = 0, reported_restarts_ = 0;
 
   ros::CallbackQueue service_queue_;
-  ros::Subscriber bridge_sub_;
+  StreamSubscriber bridge_sub_;
   ros::Publisher strain_pub_, wrench_samples_pub_, displacement_samples_pub_, wrench_raw_pub_,
       wrench_pub_, wrench_covariance_pub_, displacement_pub_, bias_pub_, calibration_pub_, ack_pub_;
   ros::ServiceServer zero_srv_, zero_to_srv_, undo_bias_srv_, set_bias_srv_, clear_bias_srv_,

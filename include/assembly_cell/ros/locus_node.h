@@ -23,6 +23,7 @@
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/checked_action.h"
 #include "assembly_cell/ros/live_settings.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -107,7 +108,8 @@ class LocusNode {
   std::optional<Stream> stream_;
 
   ros::Publisher locus_pub_, mode_pub_, ack_pub_;
-  ros::Subscriber block_sub_, exciter_sub_, carrier_sub_;
+  StreamSubscriber block_sub_, carrier_sub_;
+  ros::Subscriber exciter_sub_;
   ros::ServiceServer enable_srv_;
   Server server_;
 };

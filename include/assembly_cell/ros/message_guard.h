@@ -31,6 +31,7 @@
 #include <sensor_msgs/JointState.h>
 #include <trajectory_msgs/JointTrajectory.h>
 
+#include <atomic>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -42,6 +43,7 @@
 #include <utility>
 
 #include "assembly_cell/guard/message_check.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -182,13 +184,15 @@ using Unusable = std::function<void(const Message&, const std::string&)>;
 
 /// The same of a stream of blocks or poses. `unusable`: a lockstep goes on after that, too.
 template <class Message, class Callback>
-ros::Subscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, std::uint32_t queue,
-                                Callback callback, const Unusable<Message>& unusable = nullptr,
-                                bool lockstep = false) {
+StreamSubscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, std::uint32_t queue,
+                                 Callback callback, const Unusable<Message>& unusable = nullptr,
+                                 bool lockstep = false) {
   using Event = ros::MessageEvent<Message const>;
   const std::string name = nh.resolveName(topic);
   const auto door = std::make_shared<StreamDoor>(lockstep);
+  const auto heard = std::make_shared<std::atomic<bool>>(false);
   const boost::function<void(const Event&)> receive = [=](const Event& event) {
+    *heard = true;
     const auto message = event.getConstMessage();
     std::string why = door->judgePublisher(event.getPublisherName());
     const bool stranger = !why.empty();
@@ -201,8 +205,11 @@ ros::Subscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, s
     }
     guarded(name, [&] { hand(callback, event); });
   };
-  return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(),
-                                             ros::TransportHints().tcpNoDelay());
+  const auto subscribe = [nh, topic, queue, receive]() mutable {
+    return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(),
+                                               ros::TransportHints().tcpNoDelay());
+  };
+  return StreamSubscriber(nh, subscribe, heard, lockstep);
 }
 
 }  // namespace assembly_cell::ros_bridge

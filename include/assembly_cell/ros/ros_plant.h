@@ -28,6 +28,7 @@
 #include "assembly_cell/guard/freshness.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/plant_link.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 #include "assembly_cell/ros/twin_force_client.h"
 
 namespace assembly_cell::ros_bridge {
@@ -126,10 +127,9 @@ class RosPlant : public Plant {
   void onWrenchB(const WrenchSamples::ConstPtr& message);
   void onDisplacementB(const DisplacementSamples::ConstPtr& message);
   void onCarrierPose(const geometry_msgs::PoseStamped::ConstPtr& message);
-  void subscribe(const std::string& topic);
+  void subscribe();
   geometry_msgs::PoseStamped::ConstPtr carrierAtEndOf(const WrenchSamples& block) const;
   std::vector<std::string> missingParts() const;
-  void checkConnections();
   Parts& partsOf(std::uint32_t sequence);
   void assemble();
   void acknowledge();
@@ -174,8 +174,6 @@ class RosPlant : public Plant {
   std::deque<std::pair<std::uint32_t, Parts>> parts_;  // with sequence, not complete yet
   std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_poses_;  // not used yet
   ros::Time done_end_;                                              ///< of the last complete block
-  bool incomplete_ = false;               ///< a block was, at the last check of the connections
-  std::optional<std::uint32_t> checked_;  ///< last complete block then
   std::optional<Matrix6> rounding_a_, rounding_b_;
   std::string serial_a_, serial_b_;           // of the sensors that the calibrations are of
   std::optional<std::uint32_t> done_;         // last complete block
@@ -216,10 +214,9 @@ class RosPlant : public Plant {
   std::optional<Matrix6> compliance_;           // of the coupling, where it is known better
 
   ros::Publisher command_pub_, exciter_pub_, ack_pub_;
-  std::map<std::string, ros::Subscriber> subs_;  ///< of the blocks' parts, by topic
+  std::array<StreamSubscriber, 4> block_subs_;  ///< of kBlockTopics
   ros::Subscriber calibration_a_sub_, calibration_b_sub_;
   ros::Subscriber locus_status_sub_;
-  ros::WallTimer connection_timer_;
   std::unique_ptr<LocusClient> locus_client_;
   PlantLink link_;
   TwinForceClient twin_force_;

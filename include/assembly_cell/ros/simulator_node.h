@@ -36,6 +36,7 @@
 #include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/participants.h"
 #include "assembly_cell/ros/static_frames.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -185,7 +186,8 @@ class SimulatorNode {
       truth_pose_pub_, truth_contacts_pub_, truth_mismatch_pub_, diagnostics_pub_, plant_state_pub_;
   tf2_ros::TransformBroadcaster tf_;
   StaticFrames static_tf_;
-  ros::Subscriber command_sub_, motion_sub_, exciter_sub_, ack_sub_, lease_sub_;
+  ros::Subscriber command_sub_, exciter_sub_, ack_sub_, lease_sub_;
+  StreamSubscriber motion_sub_;
   ros::CallbackQueue service_queue_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
   GuardedSpinner service_spinner_{3, &service_queue_};  // a pause ends a step that is under way

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 #include "assembly_cell/sensor/statistics.h"
 
 namespace assembly_cell::ros_bridge {
@@ -42,7 +43,7 @@ class StrainWindows {
  private:
   /// Samples of one sensor while somebody waits for them.
   struct Collector {
-    ros::Subscriber strain_sub;
+    StreamSubscriber strain_sub;
     bool active = false;
     bool armed = false;  ///< the block that was under way at the call has gone by
     bool restarted = false;

@@ -18,6 +18,7 @@
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/averaging_window.h"
 #include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -96,7 +97,8 @@ class TwinForceStreams {
   PerSide<Eigen::MatrixXd> gains_;    ///< of their errors
 
   ros::Publisher ack_pub_;
-  ros::Subscriber a_sub_, b_sub_, d_sub_, carrier_sub_, calibration_a_sub_, calibration_b_sub_;
+  StreamSubscriber a_sub_, b_sub_, d_sub_, carrier_sub_;
+  ros::Subscriber calibration_a_sub_, calibration_b_sub_;
 };
 
 }  // namespace assembly_cell::ros_bridge
