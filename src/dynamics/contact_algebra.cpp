@@ -14,6 +14,7 @@ using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
 // Ranks are clear: no result changes at half or twice of any of these.
 constexpr double kRank = 1e-10;       // relative pivots below this are redundant rows
+constexpr double kClear = 1e-6;       // over this they are none, whatever is pivoted
 constexpr double kPainleve = 1e-3;    // of 1/mass: normal response to the force of a slipping point
 constexpr double kAmple = 0.1;        // a determinant over this is far from zero
 constexpr double kRedundant = 1e-9;   // below this so is what friction makes of it
@@ -32,24 +33,54 @@ Mat3 influence(const Body& b, const Vec3& r, const Vec3& s) {
   return m;
 }
 
-// a slipping point's direction, or its normal beyond Painlevé's bound
-Vec3 slipDirection(const Body& b, const Constraint& c) {
-  const double own = c.normal.dot(response(b, c.r, c.r, c.direction));
-  return own > kPainleve / b.mass ? c.direction : c.normal;
-}
+// How the body answers a force: linear and angular acceleration.
+struct Answer {
+  Answer() = default;
+  Answer(const Body& b, const Vec3& r, const Vec3& force)
+      : linear(force / b.mass), angular(b.inverse_inertia * r.cross(force)) {}
+  Vec3 linear, angular;
+};
+
+// A direction at a point: what an answer moves the point along it. Of n points so n² responses cost
+// n answers.
+struct Axis {
+  Axis() = default;
+  Axis(const Vec3& r, const Vec3& along_it) : along(along_it), moment(r.cross(along_it)) {}
+  double of(const Answer& answer) const {
+    return along.dot(answer.linear) + moment.dot(answer.angular);
+  }
+  Vec3 along, moment;
+};
+
+// A slipping point: its row, and the answer to a force along its direction, or along its normal
+// beyond Painlevé's bound.
+struct Slip {
+  Slip() = default;
+  Slip(const Body& b, const Constraint& c)
+      : row(c.r, c.normal), direction(c.direction), answer(b, c.r, c.direction) {
+    own = row.of(answer);
+    if (own > kPainleve / b.mass) return;
+    direction = c.normal;
+    answer = Answer(b, c.r, c.normal);
+    own = row.of(answer);
+  }
+  Axis row;
+  Vec3 direction;
+  Answer answer;
+  double own;
+};
 
 void oneSlip(const Body& b, Constraint& c) {
-  const Vec3 d = slipDirection(b, c);
-  c.force = c.normal.dot(c.change) / c.normal.dot(response(b, c.r, c.r, d)) * d;
+  const Slip slip(b, c);
+  c.force = c.normal.dot(c.change) / slip.own * slip.direction;
 }
 
 // true: far from wedging each other
 bool twoSlips(const Body& b, Constraint& one, Constraint& two) {
-  const Vec3 d1 = slipDirection(b, one), d2 = slipDirection(b, two);
-  const double a11 = one.normal.dot(response(b, one.r, one.r, d1));
-  const double a12 = one.normal.dot(response(b, one.r, two.r, d2));
-  const double a21 = two.normal.dot(response(b, two.r, one.r, d1));
-  const double a22 = two.normal.dot(response(b, two.r, two.r, d2));
+  const Slip s1(b, one), s2(b, two);
+  const Vec3 &d1 = s1.direction, &d2 = s2.direction;
+  const double a11 = s1.own, a12 = s1.row.of(s2.answer);
+  const double a21 = s2.row.of(s1.answer), a22 = s2.own;
   const double c1 = one.normal.dot(one.change), c2 = two.normal.dot(two.change);
   const double determinant = a11 * a22 - a12 * a21;
   if (std::abs(determinant) < kRank * a11 * a22) {
@@ -64,15 +95,14 @@ bool twoSlips(const Body& b, Constraint& one, Constraint& two) {
 }
 
 void stickAndSlip(const Body& b, Constraint& stick, Constraint& slip) {
-  const Vec3 d = slipDirection(b, slip);
+  const Slip s(b, slip);
   const Mat3 W = influence(b, stick.r, stick.r).inverse();
-  const Vec3 on_stick = W * response(b, stick.r, slip.r, d), alone = W * stick.change;
-  const double self = slip.normal.dot(response(b, slip.r, slip.r, d));
-  const double left = self - slip.normal.dot(response(b, slip.r, stick.r, on_stick));
-  const double asked =
-      slip.normal.dot(slip.change) - slip.normal.dot(response(b, slip.r, stick.r, alone));
-  const double N = std::abs(left) > kRank * std::abs(self) ? asked / left : 0.0;
-  slip.force = N * d;
+  const Vec3 at_stick = s.answer.linear + s.answer.angular.cross(stick.r);
+  const Vec3 on_stick = W * at_stick, alone = W * stick.change;
+  const double left = s.own - s.row.of(Answer(b, stick.r, on_stick));
+  const double asked = slip.normal.dot(slip.change) - s.row.of(Answer(b, stick.r, alone));
+  const double N = std::abs(left) > kRank * std::abs(s.own) ? asked / left : 0.0;
+  slip.force = N * s.direction;
   stick.force = alone - N * on_stick;
 }
 
@@ -131,24 +161,36 @@ bool held(const Body& b, Constraints& all) {
   return true;
 }
 
-// false where the points are redundant
-bool threeSlips(const Body& b, Constraints& all) {
-  std::array<Vec3, 3> directions;
-  Mat3 A;
-  Vec3 y;
-  for (int i = 0; i < 3; ++i) directions[i] = slipDirection(b, all.rows[i]);
-  for (int i = 0; i < 3; ++i) {
-    const Constraint& c = all.rows[i];
-    y(i) = c.normal.dot(c.change);
-    for (int j = 0; j < 3; ++j) {
-      A(i, j) = c.normal.dot(response(b, c.r, all.rows[j].r, directions[j]));
-    }
+// Points that all slip; false where they are redundant, or nearly.
+template <int n>
+bool onlySlips(const Body& b, Constraints& all) {
+  std::array<Slip, n> slips;
+  Eigen::Matrix<double, n, n> A;
+  Eigen::Matrix<double, n, 1> y;
+  for (int i = 0; i < n; ++i) slips[i] = Slip(b, all.rows[i]);
+  for (int i = 0; i < n; ++i) {
+    y(i) = slips[i].row.along.dot(all.rows[i].change);
+    for (int j = 0; j < n; ++j) A(i, j) = slips[i].row.of(slips[j].answer);
   }
-  const double size = A.cwiseAbs().maxCoeff();
-  if (!(std::abs(A.determinant()) > kRank * size * size * size)) return false;
-  const Vec3 x = A.inverse() * y;
-  for (int i = 0; i < 3; ++i) all.rows[i].force = x(i) * directions[i];
+  const Eigen::PartialPivLU<Eigen::Matrix<double, n, n>> factors(A);
+  const auto pivots = factors.matrixLU().diagonal().cwiseAbs();
+  if (!(pivots.minCoeff() > kClear * pivots.maxCoeff())) return false;
+  const Eigen::Matrix<double, n, 1> x = factors.solve(y);
+  for (int i = 0; i < n; ++i) all.rows[i].force = x(i) * slips[i].direction;
   return true;
+}
+
+bool onlySlips(const Body& b, Constraints& all) {
+  switch (all.n) {
+    case 3:
+      return onlySlips<3>(b, all);
+    case 4:
+      return onlySlips<4>(b, all);
+    case 5:
+      return onlySlips<5>(b, all);
+    default:
+      return false;
+  }
 }
 
 constexpr int kMaxRows = 3 * kContactSlots;
@@ -160,17 +202,21 @@ using BoundedVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kRows, 1>;
 void general(const Body& b, Constraints& all) {
   struct Column {
     Constraint* at;
-    Vec3 row, direction;
+    Vec3 direction;
+    Axis row;
+    Answer answer;
   };
   std::array<Column, kMaxRows> columns;
   std::size_t m = 0;
   for (Constraint& c : all) {
     if (c.stick) {
       for (int axis = 0; axis < 3; ++axis) {
-        columns[m++] = {&c, Vec3::Unit(axis), Vec3::Unit(axis)};
+        const Vec3 unit = Vec3::Unit(axis);
+        columns[m++] = {&c, unit, Axis(c.r, unit), Answer(b, c.r, unit)};
       }
     } else {
-      columns[m++] = {&c, c.normal, slipDirection(b, c)};
+      const Slip slip(b, c);
+      columns[m++] = {&c, slip.direction, slip.row, slip.answer};
     }
     c.force.setZero();
   }
@@ -178,16 +224,16 @@ void general(const Body& b, Constraints& all) {
   BoundedVector<kMaxRows> y(m);
   for (std::size_t i = 0; i < m; ++i) {
     const Column& ci = columns[i];
-    y(i) = ci.row.dot(ci.at->change);
-    for (std::size_t j = 0; j < m; ++j) {
-      A(i, j) = ci.row.dot(response(b, ci.at->r, columns[j].at->r, columns[j].direction));
-    }
+    y(i) = ci.row.along.dot(ci.at->change);
+    for (std::size_t j = 0; j < m; ++j) A(i, j) = ci.row.of(columns[j].answer);
   }
   BoundedVector<kMaxRows> x;
   Eigen::FullPivLU<decltype(A)> full(m, m);
   full.setThreshold(kRank);
-  full.compute(A);
-  if (full.isInvertible()) {
+  // a body has six freedoms
+  const bool may_be_regular = m <= 6;
+  if (may_be_regular) full.compute(A);
+  if (may_be_regular && full.isInvertible()) {
     x = full.solve(y);
   } else {
     Eigen::CompleteOrthogonalDecomposition<decltype(A)> least_norm(m, m);
@@ -201,23 +247,22 @@ void general(const Body& b, Constraints& all) {
 // The equations of the slipping points' normals once the sticking ones are held, rows over their
 // own coefficient; without friction less what makes points part when another one is pressed.
 double slipDeterminant(const Body& b, const Constraints& all, bool friction) {
-  std::array<const Constraint*, kContactSlots> slips{}, sticks{};
-  std::array<Vec3, kContactSlots> directions;
+  std::array<const Constraint*, kContactSlots> sticks{};
+  std::array<Slip, kContactSlots> slips;
   std::size_t m = 0, held = 0;
   for (const Constraint& c : all) {
     if (c.stick) {
       sticks[held++] = &c;
     } else {
-      directions[m] = friction ? slipDirection(b, c) : c.normal;
-      slips[m++] = &c;
+      slips[m] = Slip(b, c);
+      if (!friction) slips[m].answer = Answer(b, c.r, c.normal);
+      ++m;
     }
   }
   Bounded<kContactSlots, kContactSlots> left(m, m);
   BoundedVector<kContactSlots> own(m);
   for (std::size_t i = 0; i < m; ++i) {
-    for (std::size_t j = 0; j < m; ++j) {
-      left(i, j) = slips[i]->normal.dot(response(b, slips[i]->r, slips[j]->r, directions[j]));
-    }
+    for (std::size_t j = 0; j < m; ++j) left(i, j) = slips[i].row.of(slips[j].answer);
     own(i) = left(i, i);
   }
   if (held > 0) {
@@ -230,8 +275,11 @@ double slipDeterminant(const Body& b, const Constraints& all, bool friction) {
         W.block<3, 3>(3 * i, 3 * j) = influence(b, at, sticks[j]->r);
       }
       for (std::size_t j = 0; j < m; ++j) {
-        moved.block<3, 1>(3 * i, j) = response(b, at, slips[j]->r, directions[j]);
-        moves.block<1, 3>(j, 3 * i) = slips[j]->normal.transpose() * influence(b, slips[j]->r, at);
+        const auto& [linear, angular] = slips[j].answer;
+        moved.block<3, 1>(3 * i, j) = linear + angular.cross(at);
+        const Axis& row = slips[j].row;
+        moves.block<1, 3>(j, 3 * i) =
+            row.along / b.mass + (b.inverse_inertia.transpose() * row.moment).cross(at);
       }
     }
     Eigen::CompleteOrthogonalDecomposition<decltype(W)> least_norm(3 * held, 3 * held);
@@ -262,11 +310,10 @@ double wedgeMargin(const Body& body, const Constraints& all) {
 
 bool solveConstraints(const Body& body, Constraints& all) {
   auto& c = all.rows;
+  const auto sticks = [](const Constraint& one) { return one.stick; };
+  const auto sticking = std::count_if(all.begin(), all.end(), sticks);
   if (all.face) {
-    const auto sticks = [](const Constraint& one) { return one.stick; };
-    const auto sticking = std::count_if(all.begin(), all.end(), sticks);
     if (sticking == 3 && body.symmetric && held(body, all)) return false;
-    if (sticking == 0 && threeSlips(body, all)) return false;
   }
   if (all.n == 1 && c[0].stick) {
     c[0].force = influence(body, c[0].r, c[0].r).inverse() * c[0].change;
@@ -278,7 +325,7 @@ bool solveConstraints(const Body& body, Constraints& all) {
     stickAndSlip(body, c[c[0].stick ? 0 : 1], c[c[0].stick ? 1 : 0]);
   } else if (all.n == 2 && !c[0].stick) {
     return twoSlips(body, c[0], c[1]);
-  } else if (all.n > 0) {
+  } else if (all.n > 0 && (sticking > 0 || !onlySlips(body, all))) {
     general(body, all);
   }
   return all.n < 2;

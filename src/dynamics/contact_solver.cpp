@@ -54,8 +54,9 @@ Vector9 withForces(const System& s, const Evaluation& e) {
   return e.free + accelerationBy(s, e.k, sum);
 }
 
-// the row of a sliding or sticking contact: what its acceleration has to change by
-void addRow(const System& s, const Slot& slot, std::size_t i, const Evaluation& e,
+// The row of a sliding or sticking contact: what its acceleration has to change by. least: slip
+// slower than that has less friction.
+void addRow(const System& s, const Slot& slot, std::size_t i, double least, const Evaluation& e,
             Constraints& constraints) {
   const ContactParameters& law = s.scenario.contact;
   // the rigid law keeps closed contacts shut by projection instead
@@ -73,12 +74,11 @@ void addRow(const System& s, const Slot& slot, std::size_t i, const Evaluation& 
     return;
   }
   // slip that begins has its limit's direction, soon that of the velocity
-  double speed = at.tangential.norm();
-  const double begin = slot.armed ? 0.0 : std::clamp(2.0 - speed / s.slip_threshold, 0.0, 1.0);
+  const double own = at.tangential.norm(), speed = std::max(own, least);
+  const double begin = slot.armed ? 0.0 : std::clamp(2.0 - own / s.slip_threshold, 0.0, 1.0);
   Vec3 slip = -begin * slot.slip_direction;
-  if (e.face >> i & 1u) speed = std::max(speed, kCentre * slipSpeed(e, i));
   if (speed > 0.0) slip += (1.0 - begin) / speed * at.tangential;
-  const double size = speed > at.tangential.norm() ? 1.0 : slip.norm();
+  const double size = speed > own || (begin == 0.0 && own > 0.0) ? 1.0 : slip.norm();
   const Vec3 friction = size > 0.0 ? Vec3(slip / -size) : slot.slip_direction;
   row.direction = normal + s.scenario.mechanism.friction.sliding_coefficient * friction;
   row.change = (normal_target - normal.dot(at.acceleration)) * normal;
@@ -133,31 +133,50 @@ void shareFaceFriction(ContactSlotMask points, Evaluation& e) {
   }
 }
 
+// Forces at rest that are known leave less to be found: nothing where all is as it was. False where
+// there are none.
+bool addRestForces(const Body& body, const SlotArray& slots, Constraints& rows) {
+  ForceMoment sum;
+  bool any = false;
+  for (const Constraint& row : rows) {
+    const Vec3& force = slots[row.slot].rest_force;
+    any = any || force != Vec3::Zero();
+    sum.add(row.r, force);
+  }
+  if (!any) return false;
+  const Vec3 angular = body.inverse_inertia * sum.moment;
+  for (Constraint& row : rows) row.change -= sum.force / body.mass + angular.cross(row.r);
+  return true;
+}
+
 void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
   const Body body = bodyOf(s, e.k);
   Constraints constraints;
   ContactSlotMask sticking = 0, idle = 0;
+  const ContactSlotMask face = e.active() & e.face;
+  const double least = face ? kCentre * slipSpeed(e, *Slots(face)) : 0.0;
   for (const std::size_t i : Slots(e.active())) {
     if (slots[i].mode == Mode::kIdle) {
       idle |= 1u << i;
       continue;
     }
-    addRow(s, slots[i], i, e, constraints);
+    addRow(s, slots[i], i, face >> i & 1u ? least : 0.0, e, constraints);
     if (slots[i].mode == Mode::kStick) sticking |= 1u << i;
   }
   constraints.tellFace(e.face);
+  const bool held = level == Level::kEvents && addRestForces(body, slots, constraints);
   const bool free = solveConstraints(body, constraints);
   for (const Constraint& row : constraints) {
     ContactKinematics& at = e.contacts[row.slot];
     at.force = row.force;
+    if (held) at.force += slots[row.slot].rest_force;
     at.normal_force = row.normal.dot(at.force);
   }
   if (level == Level::kForces) return;
   if (!s.rigid && !free && slips(slots)) e.wedge_margin = wedgeMargin(body, constraints);
 
-  if (const ContactSlotMask face = sticking & e.face; face & (face - 1)) {
-    shareFaceFriction(face, e);
-  }
+  const ContactSlotMask resting = sticking & face;
+  if (!held && (resting & (resting - 1))) shareFaceFriction(resting, e);
   // sticking points: the force along their connections moves nothing; any value inside all cones
   // will do, the best one is looked for where the even one is outside
   if ((sticking & (sticking - 1)) && (sticking & ~e.face) && !insideCones(s, e, sticking, 0.0)) {

@@ -57,6 +57,7 @@ struct Slot {
   bool rises = false;  ///< at the step's start: apart, and the depth follows its gap up
   Eigen::Vector3d slip_direction = Eigen::Vector3d::Zero();  ///< of friction while slip begins
   Eigen::Vector3d slip_start = Eigen::Vector3d::Zero();  ///< unit, of the slip at the step's start
+  Eigen::Vector3d rest_force = Eigen::Vector3d::Zero();  ///< kept by rest_forces.h [N]
 };
 using SlotArray = std::array<Slot, kSlots>;
 

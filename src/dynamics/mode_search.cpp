@@ -5,6 +5,7 @@
 
 #include "contact_solver.h"
 #include "contact_tolerances.h"
+#include "rest_forces.h"
 
 namespace assembly_cell {
 namespace {
@@ -174,9 +175,11 @@ void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e
     return;
   }
   ContactSlotMask joined = 0;
+  for (const std::size_t i : Slots(e.active())) c.slots[i].rest_force.setZero();
   for (int pass = 0; pass < kModePasses; ++pass) {
     c.slope = contactForces(s, c.slots, Level::kEvents, e);
     if (first && pass == 0) limit = setHysteresis(s, c, e);
+    if (pass == 0 && holdAtRest(s, limit, c, e)) break;
     if (!changeWorst(s, limit, pass < kModePasses / 2, joined, c, e)) break;
   }
 }
