@@ -137,13 +137,14 @@ void hinge(const Body& b, Constraint& one, Constraint& two) {
   one.force = force - two.force;
 }
 
-// Three sticking points hold the body: its change by least squares, then the least forces that make
-// it. False where they are on a line.
+// Three and more sticking points hold the body: its change by least squares, then the least forces
+// that make it. False where they are on a line.
 bool held(const Body& b, Constraints& all) {
+  const double part = 1.0 / static_cast<double>(all.n);
   Vec3 middle = Vec3::Zero(), mean = Vec3::Zero(), turning = Vec3::Zero();
   for (const Constraint& c : all) {
-    middle += c.r / 3.0;
-    mean += c.change / 3.0;
+    middle += part * c.r;
+    mean += part * c.change;
   }
   Mat3 spread = Mat3::Zero();
   for (const Constraint& c : all) {
@@ -157,7 +158,7 @@ bool held(const Body& b, Constraints& all) {
   const Vec3 angular = inverse * turning;
   const Vec3 force = b.mass * (mean - angular.cross(middle));
   const Vec3 around = inverse * (angularMomentum(b, angular) - middle.cross(force));
-  for (Constraint& c : all) c.force = force / 3.0 + around.cross(c.r - middle);
+  for (Constraint& c : all) c.force = part * force + around.cross(c.r - middle);
   return true;
 }
 
@@ -312,8 +313,8 @@ bool solveConstraints(const Body& body, Constraints& all) {
   auto& c = all.rows;
   const auto sticks = [](const Constraint& one) { return one.stick; };
   const auto sticking = std::count_if(all.begin(), all.end(), sticks);
-  if (all.face) {
-    if (sticking == 3 && body.symmetric && held(body, all)) return false;
+  if (all.n >= 3 && sticking == static_cast<long>(all.n) && body.symmetric && held(body, all)) {
+    return false;
   }
   if (all.n == 1 && c[0].stick) {
     c[0].force = influence(body, c[0].r, c[0].r).inverse() * c[0].change;

@@ -62,15 +62,8 @@ struct Constraints {
     return sum;
   }
 
-  /// Told that these slots are points of one face: three of them have closed forms of their own.
-  void tellFace(unsigned slots) {
-    face = n == 3;
-    for (const Constraint& row : *this) face = face && (slots >> row.slot & 1u);
-  }
-
   std::array<Constraint, kContactSlots> rows;
   std::size_t n = 0;
-  bool face = false;
 };
 
 /// Forces that make the changes asked for. Redundant rows (two sticking points never change their

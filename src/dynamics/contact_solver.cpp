@@ -163,7 +163,6 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
     addRow(s, slots[i], i, face >> i & 1u ? least : 0.0, e, constraints);
     if (slots[i].mode == Mode::kStick) sticking |= 1u << i;
   }
-  constraints.tellFace(e.face);
   const bool held = level == Level::kEvents && addRestForces(body, slots, constraints);
   const bool free = solveConstraints(body, constraints);
   for (const Constraint& row : constraints) {

@@ -114,7 +114,6 @@ void stopPoints(const System& s, ContactSlotMask points, Context& c, Evaluation&
       row.direction -= s.scenario.mechanism.friction.sliding_coefficient / speed * at.tangential;
     }
   }
-  rows.tellFace(e.face);
   solveConstraints(bodyOf(s, e.k), rows);
   applyImpulse(s, rows.total(), c, e);
 }

@@ -150,8 +150,6 @@ void project(const System& s, Context& c, const Evaluation& e) {
   }
   if (velocity.n == 0) return;
   const Body body = bodyOf(s, e.k);
-  velocity.tellFace(e.face);
-  position.tellFace(e.face);
   solveConstraints(body, velocity);
   solveConstraints(body, position);
   c.state.v += accelerationBy(s, e.k, velocity.total());
