@@ -93,6 +93,7 @@ bool holdAtRest(const System& s, double limit, Context& c, Evaluation& e) {
   if (contradiction(s, c, e) <= allowed) return false;
   const Body body = bodyOf(s, e.k);
   const double mu = s.scenario.mechanism.friction.static_coefficient;
+  // each cone goes on from where the narrower one ended
   const bool held = std::any_of(kNarrower.begin(), kNarrower.end(), [&](double part) {
     return findInside(body, target, part * mu, e, forces);
   });

@@ -137,6 +137,8 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
   const SlotArray& slots = c.slots;
   // all slots are searched and the internal force of two sticking contacts is shared
   Evaluation e = run_->atPresent(Run::Found::kForces, [](const Evaluation& at) { return at; });
+  // within a step it isn't known how resting contacts share what they carry
+  if (run_->looks && e.active()) forcesAgain(s, slots, Level::kEvents, e);
   if (const ContactSlotMask others = s.admitted & ~e.closed) {
     locate(s, c, others, e, e.open_set);
   }

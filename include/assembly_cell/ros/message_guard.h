@@ -192,10 +192,10 @@ StreamSubscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, 
   const auto door = std::make_shared<StreamDoor>(lockstep);
   const auto heard = std::make_shared<std::atomic<bool>>(false);
   const boost::function<void(const Event&)> receive = [=](const Event& event) {
-    *heard = true;
     const auto message = event.getConstMessage();
     std::string why = door->judgePublisher(event.getPublisherName());
     const bool stranger = !why.empty();
+    if (!stranger) *heard = true;
     if (why.empty()) why = check(*message).text();
     if (why.empty()) why = door->judgeStamp(message->header.stamp);
     if (!why.empty()) {

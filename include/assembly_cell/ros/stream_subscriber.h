@@ -19,7 +19,7 @@ class StreamSubscriber {
   using Subscribe = std::function<ros::Subscriber()>;
 
   StreamSubscriber() = default;
-  /// heard: set by the subscription's callback.
+  /// heard: set by the subscription's callback, by what is of the stream's publisher.
   StreamSubscriber(ros::NodeHandle& nh, Subscribe subscribe,
                    std::shared_ptr<std::atomic<bool>> heard, bool lockstep);
   void shutdown() { connection_.reset(); }
