@@ -347,10 +347,11 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
   if (takeBiasRequest()) {
     bias_attempts_ = 1;
     bias_sent_ = Clock::now();
-    bias_moments_ = Moments();
+    bias_halves_ = {};
     send(RdtCommand::kBias);
   }
   while (true) {
+    const Clock::time_point before = Clock::now();
     receive();
     const Clock::time_point now = Clock::now();
     const bool crowded = socket_->position < socket_->count;
@@ -372,7 +373,7 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
       }
     }
     // a silent box is asked again; it may have started anew
-    if (now - std::max(last_record_, last_start_) >= receive_timeout_) {
+    if (before - std::max(last_record_, last_start_) >= receive_timeout_) {
       if (starts_ == start_retries_) {
         return lost(info_.device + " is silent in spite of " + std::to_string(starts_) +
                     " requests to start: check power and cable");
@@ -399,25 +400,28 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
 // Fresh samples tell whether the bias was taken.
 void NetftSource::watchBias(const SourceBlock& block) {
   if (block.received.steady < bias_sent_ + kBiasSettling + block_period_) return;
-  for (std::size_t i = 0; i < block.count && bias_moments_.count() < kBiasSamples; ++i) {
-    bias_moments_.add(Eigen::Map<const Vector6>(&block.values[6 * i]));
+  auto& [first, second] = bias_halves_;
+  for (std::size_t i = 0; i < block.count && second.count() < kBiasSamples / 2; ++i) {
+    Moments& half = first.count() < kBiasSamples / 2 ? first : second;
+    half.add(Eigen::Map<const Vector6>(&block.values[6 * i]));
   }
-  if (bias_moments_.count() < kBiasSamples) return;
+  if (second.count() < kBiasSamples / 2) return;
   DeviceBias bias;
-  const Vector6 sd = bias_moments_.sd();
+  // the quieter half's: a zero that came late is no noise
+  const Vector6 sd = first.sd().cwiseMin(second.sd());
   bool zero = true;
   for (int k = 0; k < 6; ++k) {
     const auto axis = static_cast<std::size_t>(k);
-    bias.residual[axis] = bias_moments_.mean()[k];
+    bias.residual[axis] = 0.5 * (first.mean()[k] + second.mean()[k]);
     bias.noise[axis] = sd[k];
     // a count for the box's rounding
     zero = zero && std::abs(bias.residual[axis]) <= kBiasNoise * sd[k] + policy_.scale[axis];
   }
-  bias.samples = bias_moments_.count();
+  bias.samples = first.count() + second.count();
   if (!zero && bias_attempts_ < kBiasAttempts) {
     ++bias_attempts_;
     bias_sent_ = Clock::now();
-    bias_moments_ = Moments();
+    bias_halves_ = {};
     send(RdtCommand::kBias);
     return;
   }

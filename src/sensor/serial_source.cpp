@@ -266,6 +266,7 @@ ReadResult SerialSource::take(SourceBlock& block) {
 
 ReadResult SerialSource::doRead(SourceBlock& block, Clock::time_point deadline) {
   while (true) {
+    const Clock::time_point before = Clock::now();
     const bool there = receive();
     const Clock::time_point now = Clock::now();
     if (count_ > 0) {
@@ -284,7 +285,7 @@ ReadResult SerialSource::doRead(SourceBlock& block, Clock::time_point deadline) 
     }
     // a silent device is asked again; it may have started anew
     const Clock::time_point alive = std::max(last_frame_, last_start_);
-    if (now - alive >= receive_timeout_) {
+    if (before - alive >= receive_timeout_) {
       if (starts_ == start_retries_) {
         return lost(path_ + " is silent: check power and cable");
       }

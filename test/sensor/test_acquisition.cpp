@@ -129,7 +129,7 @@ TEST(Acquisition, FullQueueDropsTheOldestAndCounts) {
   source.limit = 1000;
   Acquisition acquisition(source, quick());
   acquisition.start();
-  ASSERT_TRUE(waitFor([&] { return source.counters().samples == 1000; }));
+  ASSERT_TRUE(waitFor([&] { return acquisition.status().dropped_blocks == 92; }));
   std::uint64_t received = 0, last = 0;
   while (const SourceBlock* block = acquisition.next(20ms)) {
     EXPECT_TRUE(received == 0 || block->sequence > last);

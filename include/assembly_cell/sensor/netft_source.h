@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -61,7 +62,7 @@ class NetftSource : public StrainSource {
   // bias in the device
   Clock::time_point bias_sent_;
   int bias_attempts_ = 0;  // 0: none under way
-  Moments bias_moments_;
+  std::array<Moments, 2> bias_halves_;
 };
 
 }  // namespace assembly_cell
