@@ -30,6 +30,7 @@ constexpr double kFloorStep = 2.0;   // force of a block's step near the drawn f
 constexpr double kNear = 2e-3;       // over the drawn floor [m]
 constexpr double kDrawn = 1e-3;      // the felt floor may lie above the drawn one [m]
 constexpr double kLift = 2e-4;       // off the floor and down again [m]
+constexpr double kSlack = 2.0;       // or of the coupling's strain, where that is more
 constexpr double kLetsGo = 0.3;      // of the force, after the lift: less
 constexpr double kPressStep = 0.5;   // force of a block's step on the way back [N]
 constexpr double kSame = 5e-5;       // the floor twice [m]
@@ -103,7 +104,7 @@ void Search::backOutOfBore(double travel) {
   for (int i = 0; i < blocks(kRelaxTime); ++i) moveInBore(0.0);
 }
 
-// Down until the depth is reached, the peg is stuck or, on the way to a floor, something resists.
+// Down until the depth is reached, the peg is stuck or something resists where the floor may be.
 Search::BoreEnd Search::lowerInBore() {
   const InsertParameters& p = p_.insert;
   const double stiffness = mechanism_.coupling.stiffness.diagonal(0);
@@ -111,6 +112,7 @@ Search::BoreEnd Search::lowerInBore() {
   const double step = std::min(p.speed * block_, p.force / stiffness);
   const double careful = std::min(step, kFloorStep * scale_.force * pressCompliance(mechanism_));
   const double near = mechanism_.hole.depth - kNear * scale_.room;
+  const double highest = mechanism_.hole.depth - kDrawn * scale_.room;  // that the floor may be
   const int patience = blocks(kStuckTime);
   if (!p.floor && inserted_.end.depth >= p.depth) return BoreEnd::kDeep;  // from the start
   double deepest = -1e9;
@@ -129,7 +131,9 @@ Search::BoreEnd Search::lowerInBore() {
         report("insert", text("%.1f mm deep, %.1f N", felt.depth * 1e3, felt.force()));
       }
     }
-    if (p.floor && felt.along > std::min(kFloorForce * scale_.force, 0.5 * p.force)) {
+    // farther up it's the swing of a heavy peg, or walls
+    if (p.floor && felt.depth > highest &&
+        felt.along > std::min(kFloorForce * scale_.force, 0.5 * p.force)) {
       return BoreEnd::kResisted;
     }
     if (!p.floor && felt.depth >= p.depth) return BoreEnd::kDeep;
@@ -160,7 +164,7 @@ BoreReading Search::feelInBore() {
 // Friction of walls holds a peg on the way up, too, and gives way on the way down.
 bool Search::pressAgain(const BoreReading& pressed) {
   const double compliance = pressCompliance(mechanism_);
-  const double lift = kLift * scale_.room;
+  const double lift = std::max(kLift * scale_.room, kSlack * pressed.along * compliance);
   const double step = kPressStep * scale_.force * compliance;
   for (double up = 0.0; up < lift; up += step) moveInBore(-step);
   const BoreReading free = feelInBore();
@@ -179,8 +183,12 @@ bool Search::pressAgain(const BoreReading& pressed) {
   report("floor",
          text("again at %.3f mm after %.3f mm", inserted_.end.depth * 1e3, pressed.depth * 1e3) +
              text(", %.0f N/mm of %.0f", way > 0.0 ? 1e-3 * rise / way : 0.0, 1e-3 / compliance));
-  return way > 0.0 && rise * compliance > kFloorShare * way &&
-         std::abs(inserted_.end.depth - pressed.depth) < kSame * scale_.room;
+  if (!(way > 0.0 && rise * compliance > kFloorShare * way)) return false;
+  const auto same = [&](const BoreReading& felt) {
+    return std::abs(felt.depth - pressed.depth) < kSame * scale_.room;
+  };
+  // a soft coupling's step is more than that, and what is felt is a block and a half late
+  return same(inserted_.end) || same(feelInBore());
 }
 
 // Whether what resists along the axis is the floor: where the drawing has one, more than the
