@@ -15,11 +15,16 @@ Eigen::Vector2d tiltOf(const Pose& X_HP) {
   return Eigen::Vector2d(-axis.y(), axis.x()) * (std::atan2(sine, axis.z()) / sine);
 }
 
+double reachInBore(double peg_radius, double hole_radius) {
+  constexpr double kSunk = 1e-4;  // what the usual clearance always allowed [m]
+  return hole_radius + std::max(hole_radius - peg_radius, kSunk);
+}
+
 bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
              double depth) {
   constexpr double kShort = 2e-4;  // [m]
   if (depth == 0.0) return edge_reach <= hole_radius;
-  return -X_HP.p.z() >= depth - kShort && edge_reach <= 2.0 * hole_radius - peg_radius;
+  return -X_HP.p.z() >= depth - kShort && edge_reach <= reachInBore(peg_radius, hole_radius);
 }
 
 double edgeReach(const Pose& X_HP, double peg_radius, const Eigen::Vector2d& bore_lean) {

@@ -67,11 +67,11 @@ bool verdict(const AlignmentReport& report, const ReportDetails& details) {
                  details.insert);
 }
 
-// A peg deep in the bore may lean on its wall, into which the viscous law lets it sink: inPlace().
 std::string whereTheEdgeIs(double reach, const ReportDetails& details) {
   if (reach <= details.hole_radius) return "inside\n";
-  const double bore = 2.0 * details.hole_radius - details.peg_radius;
-  return details.insert > 0.0 && reach <= bore ? "inside, on its wall\n" : "NOT inside\n";
+  const bool leans =
+      details.insert > 0.0 && reach <= reachInBore(details.peg_radius, details.hole_radius);
+  return leans ? "inside, on its wall\n" : "NOT inside\n";
 }
 
 std::string table(const AlignmentReport& report, const ReportDetails& details) {

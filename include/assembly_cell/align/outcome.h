@@ -27,11 +27,14 @@ inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius,
   return edgeReach(X_HP, peg_radius, bore_lean) <= hole_radius;
 }
 
+/// How far from the bore's axis the edge of a peg reaches that leans on its wall, at most [m]. The
+/// viscous law lets it sink in, by u/rate where it comes at a speed u and by some micrometres a
+/// second where it slides: by 0.1 mm or the clearance.
+double reachInBore(double peg_radius, double hole_radius);
+
 /// A peg whose edge reaches so far from the bore's axis is aligned (depth 0: the edge is in the
-/// hole) or inserted to a depth, all [m]: no more
-/// than 0.2 mm short of it, which the height of the felt plane, the peg's tilt and the carrier's
-/// compliance may hide, and in the bore. The viscous law lets a peg that slides along a wall sink
-/// into it by some micrometres a second; by less than the clearance it is in the bore, so deep.
+/// hole) or inserted to a depth, all [m]: in the bore and no more than 0.2 mm short of it, which
+/// the height of the felt plane, the peg's tilt and the carrier's compliance may hide.
 bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
              double depth);
 
