@@ -39,6 +39,10 @@ constexpr double kRestForce = 1.0;   // on the floor at the end [N]
 constexpr int kMeanBlocks = 5;
 constexpr int kEaseBlocks = 50;
 
+double highestFloor(const Mechanism& mechanism, const Scale& scale) {
+  return mechanism.hole.depth - kDrawn * scale.room;
+}
+
 }  // namespace
 
 // One block in the bore: down (or up) by so much along the peg's axis, the carrier following the
@@ -112,7 +116,6 @@ Search::BoreEnd Search::lowerInBore() {
   const double step = std::min(p.speed * block_, p.force / stiffness);
   const double careful = std::min(step, kFloorStep * scale_.force * pressCompliance(mechanism_));
   const double near = mechanism_.hole.depth - kNear * scale_.room;
-  const double highest = mechanism_.hole.depth - kDrawn * scale_.room;  // that the floor may be
   const int patience = blocks(kStuckTime);
   if (!p.floor && inserted_.end.depth >= p.depth) return BoreEnd::kDeep;  // from the start
   double deepest = -1e9;
@@ -132,7 +135,7 @@ Search::BoreEnd Search::lowerInBore() {
       }
     }
     // farther up it's the swing of a heavy peg, or walls
-    if (p.floor && felt.depth > highest &&
+    if (p.floor && felt.depth > highestFloor(mechanism_, scale_) &&
         felt.along > std::min(kFloorForce * scale_.force, 0.5 * p.force)) {
       return BoreEnd::kResisted;
     }
@@ -195,10 +198,9 @@ bool Search::pressAgain(const BoreReading& pressed) {
 // friction of all walls that are felt, and there again after a lift.
 bool Search::onFloor() {
   const BoreReading pressed = feelInBore();
-  const double floor = mechanism_.hole.depth;
   report("floor", text("%.2f mm deep, %.1f N along", pressed.depth * 1e3, pressed.along) +
                       text(", %.1f N sideways, %.3f N m", pressed.sideways, pressed.moment));
-  if (pressed.depth < floor - kDrawn * scale_.room) return false;
+  if (pressed.depth < highestFloor(mechanism_, scale_)) return false;
   // the floor's own moment is that of a force on the peg's edge at most
   const double arm = std::max(0.0, pressed.moment - mechanism_.peg.radius * pressed.along);
   const double walls = pressed.sideways + 2.0 * arm / pressed.depth;

@@ -372,7 +372,8 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
         if (crowded) continue;
       }
     }
-    // a silent box is asked again; it may have started anew
+    // a silent box is asked again; it may have started anew. Silent until it was looked at:
+    // this thread may have stood still since
     if (before - std::max(last_record_, last_start_) >= receive_timeout_) {
       if (starts_ == start_retries_) {
         return lost(info_.device + " is silent in spite of " + std::to_string(starts_) +

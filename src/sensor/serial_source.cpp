@@ -283,7 +283,8 @@ ReadResult SerialSource::doRead(SourceBlock& block, Clock::time_point deadline) 
       block.fault = counts_.fault;
       return ReadResult::kFault;
     }
-    // a silent device is asked again; it may have started anew
+    // a silent device is asked again; it may have started anew. Silent until it was looked at:
+    // this thread may have stood still since
     const Clock::time_point alive = std::max(last_frame_, last_start_);
     if (before - alive >= receive_timeout_) {
       if (starts_ == start_retries_) {

@@ -295,14 +295,19 @@ struct Rig {
     source->configure(parameters);
   }
 
-  /// For losses that a test waits for. What is lost because the machine was late is opened anew.
-  void giveUpAfter(double receive_timeout, int start_retries) {
-    hasty = true;
+  /// A silence so long [s] is asked about, so many times.
+  void askAfter(double receive_timeout, int start_retries = 3) {
     YAML::Node parameters = bench->parameters();
     if (!parameters["receive_timeout"]) return;
     parameters["receive_timeout"] = receive_timeout;
     parameters["start_retries"] = start_retries;
     source->configure(parameters);
+  }
+
+  /// For losses that a test waits for. What is lost because the machine was late is opened anew.
+  void giveUpAfter(double receive_timeout, int start_retries) {
+    hasty = true;
+    askAfter(receive_timeout, start_retries);
   }
 
   /// Opens while the device delivers.

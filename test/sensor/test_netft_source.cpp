@@ -35,9 +35,7 @@ std::string response(const std::string& body) {
 
 TEST(NetftSource, AsksAgainUntilTheFirstRecordAndNoLonger) {
   Rig rig("netft");
-  YAML::Node parameters = rig.bench->parameters();
-  parameters["receive_timeout"] = 1.0;
-  rig.source->configure(parameters);
+  rig.askAfter(1.0);
   box(rig).ignoreStarts(2);
   rig.open();
   EXPECT_EQ(box(rig).starts(), 3);
@@ -223,9 +221,7 @@ TEST(NetftSource, LosesNothingMoreThanTheLinkDoes) {
 
 TEST(NetftSource, ABoxThatStartsAnewIsAskedAgain) {
   Rig rig("netft");
-  YAML::Node parameters = rig.bench->parameters();
-  parameters["receive_timeout"] = 1.0;
-  rig.source->configure(parameters);
+  rig.askAfter(1.0);
   rig.open();
   rig.collect(10);
   for (int i = 0; i < 3; ++i) {
