@@ -35,6 +35,7 @@ constexpr double kLetsGo = 0.3;      // of the force, after the lift: less
 constexpr double kPressStep = 0.5;   // force of a block's step on the way back [N]
 constexpr double kSame = 5e-5;       // the floor twice [m]
 constexpr double kFloorShare = 0.5;  // of the stiffness of a press on the peg's edge, at least
+constexpr double kMachine = 1e-5;    // that the carrier gives way by, unseen [m/N]
 constexpr double kRestForce = 1.0;   // on the floor at the end [N]
 constexpr int kMeanBlocks = 5;
 constexpr int kEaseBlocks = 50;
@@ -172,6 +173,7 @@ bool Search::pressAgain(const BoreReading& pressed) {
   for (double up = 0.0; up < lift; up += step) moveInBore(-step);
   const BoreReading free = feelInBore();
   if (std::abs(free.along) > kLetsGo * pressed.along) return false;
+  const double touches = free.along + kLetsGo * (pressed.along - free.along);
   double down = 0.0, before = 0.0, rise = 0.0, way = 0.0;
   for (const double most = 2.0 * lift + pressed.along * compliance;
        inserted_.end.along < pressed.along;) {
@@ -179,14 +181,14 @@ bool Search::pressAgain(const BoreReading& pressed) {
     before = inserted_.end.along;
     moveInBore(step);
     down += step;
-    if (before < kLetsGo * pressed.along) continue;
+    if (before < touches) continue;
     rise += inserted_.end.along - before;
     way += step;
   }
   report("floor",
          text("again at %.3f mm after %.3f mm", inserted_.end.depth * 1e3, pressed.depth * 1e3) +
              text(", %.0f N/mm of %.0f", way > 0.0 ? 1e-3 * rise / way : 0.0, 1e-3 / compliance));
-  if (!(way > 0.0 && rise * compliance > kFloorShare * way)) return false;
+  if (!(way > 0.0 && rise * (compliance + kMachine) > kFloorShare * way)) return false;
   const auto same = [&](const BoreReading& felt) {
     return std::abs(felt.depth - pressed.depth) < kSame * scale_.room;
   };

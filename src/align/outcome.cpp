@@ -24,7 +24,8 @@ bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole
              double depth) {
   constexpr double kShort = 2e-4;  // [m]
   if (depth == 0.0) return edge_reach <= hole_radius;
-  return -X_HP.p.z() >= depth - kShort && edge_reach <= reachInBore(peg_radius, hole_radius);
+  const double deepest = peg_radius * X_HP.R.col(2).head<2>().norm() - X_HP.p.z();
+  return deepest >= depth - kShort && edge_reach <= reachInBore(peg_radius, hole_radius);
 }
 
 double edgeReach(const Pose& X_HP, double peg_radius, const Eigen::Vector2d& bore_lean) {

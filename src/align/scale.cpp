@@ -21,6 +21,8 @@ constexpr double kDecay = 0.2;                   // [s]
 constexpr double kLightest =
     0.2;  // of the default touch of 1.5 N: 0.3 N, 60 of a 16 bit block's noise
 constexpr double kHeaviest = 4.0 / 1.5;  // 4 N
+constexpr double kTouch = 1.5;           // [N]
+constexpr double kLanding = 1.5e-5;  // that a machine's move may end off by: its force is none [m]
 // In one block a touch may come to four light ones: 0.1 mm in the default cell makes two, so that
 // only couplings twice as stiff are approached more slowly.
 constexpr double kMoreSink = 2.0;
@@ -71,7 +73,9 @@ Scale scaleOf(const Mechanism& mechanism) {
   Scale scale;
   scale.length = peg.radius / kRadius;
   scale.room = std::max(1.0, scale.length);
-  scale.force = std::clamp(peg.mass * mechanism.gravity / (kMass * kGravity), kLightest, kHeaviest);
+  const double weight = peg.mass * mechanism.gravity / (kMass * kGravity);
+  const double landing = kLanding * mechanism.coupling.stiffness.diagonal(0) / kTouch;
+  scale.force = std::clamp(std::max(weight, landing), kLightest, kHeaviest);
   scale.sink = scale.force * pressCompliance(mechanism) / kPress;
   const double sideways = sidewaysCompliance(mechanism);
   scale.give = scale.force * sideways / kSideways;

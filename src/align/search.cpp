@@ -25,6 +25,7 @@ constexpr double kSofter = 7e3;        // stiffness sideways at the peg's bottom
 constexpr double kUnknownAxis = 0.05;  // sd of the axis of a hole that only walls tell [rad]
 constexpr int kZeroBlocks = 4;         // of a zero over the hole
 constexpr int kTouches = 4;            // that may give way, one after the other
+constexpr int kSwings = 200;           // that seem to be touches, of a peg that hangs free
 constexpr int kFeelBlocks = 2;      // a light touch: to come to rest, and then the mean of as many
 constexpr int kBackOuts = 2;        // more, where the first didn't free the peg
 constexpr double kGolden = 2.4;     // from one travel aside to the next, never the same twice [rad]
@@ -194,9 +195,10 @@ Search::Touch Search::feel() {
 
 std::optional<Search::Touch> Search::lightTouch(double floor) {
   Touch touch;
-  for (int i = 0; i < kTouches && !touch.felt(); ++i) {
+  for (int gave_way = 0, swings = 0; gave_way < kTouches && swings < kSwings && !touch.felt();) {
     if (!press_.approach(floor)) return {};
     touch = feel();
+    ++(touch.gone() ? swings : gave_way);
   }
   return touch;
 }

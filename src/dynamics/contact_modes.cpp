@@ -114,7 +114,7 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
 void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
   bool moved = false;
   for (int n = 0; n < kFaceMoves; ++n) {
-    if (s.discrete_friction) turnSlip(s, c, e);
+    if (s.discrete_friction) turnSlip(s, limit, c, e);
     if (!moveFacePoints(s, limit, c, e)) break;
     agree(s, false, limit, c, e);
     moved = true;
@@ -125,7 +125,7 @@ void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
     const double next = at + std::clamp(error / slope, -kTipStep, kTipStep);
     tipAbout(s, next, c, e);
     agree(s, false, limit, c, e);
-    if (s.discrete_friction) turnSlip(s, c, e);
+    if (s.discrete_friction) turnSlip(s, limit, c, e);
     const double left = tippingError(s, limit, c, e), way = next - at;
     slope = std::max((error - left) / way, kTip);
     at = next;
@@ -173,7 +173,7 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
   double limit = 0.0;
   agree(s, true, limit, c, e);
   if (c.face.on) settleFace(s, limit, c, e);
-  turnSlip(s, c, e);
+  turnSlip(s, limit, c, e);
   if (!s.rigid) tryAll(s, limit, c, e);
   if (!s.rigid && e.loads < kWedgeLoads && slipsAstray(s, limit, c, e)) {
     e.loads = kWedgeLoads;

@@ -110,13 +110,11 @@ bool changeWorst(const System& s, double limit, bool joining, ContactSlotMask& j
   return true;
 }
 
-}  // namespace
-
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it
 // (prox iteration); where the friction still holds the point, against the friction. A direction is
 // turned by the compliance along it; where the one across is larger that would swing for ever
 // (beyond twice as large), and what the last turn brought tells by how much less to turn.
-void turnSlip(const System& s, Context& c, Evaluation& e) {
+void findSlip(const System& s, Context& c, Evaluation& e) {
   const double mu = s.scenario.mechanism.friction.sliding_coefficient;
   if (mu == 0.0) return;
   std::array<Vec3, kSlots> last;
@@ -158,6 +156,8 @@ void turnSlip(const System& s, Context& c, Evaluation& e) {
   }
 }
 
+}  // namespace
+
 double contradiction(const System& s, const Context& c, const Evaluation& e) {
   double most = 0.0;
   for (const std::size_t i : Slots(e.active())) {
@@ -167,6 +167,18 @@ double contradiction(const System& s, const Context& c, const Evaluation& e) {
     if (c.slots[i].mode == Mode::kStick) most = std::max(most, coneExcess(s, e, i));
   }
   return most;
+}
+
+// Not where that puts a pull on a face that has none: near its centre of rotation its points' slips
+// are no two alike.
+void turnSlip(const System& s, double limit, Context& c, Evaluation& e) {
+  const double allowed = limit * s.scenario.mechanism.peg.mass;
+  const bool agreed = (e.active() & e.face) && contradiction(s, c, e) <= allowed;
+  const SlotArray before = c.slots;
+  findSlip(s, c, e);
+  if (!agreed || contradiction(s, c, e) <= allowed) return;
+  c.slots = before;
+  c.slope = contactForces(s, c.slots, Level::kEvents, e);
 }
 
 void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
@@ -206,7 +218,7 @@ void tryAll(const System& s, double limit, Context& c, Evaluation& e) {
       c.slots = held;
       for (const std::size_t i : Slots(slide)) c.slots[i].mode = Mode::kSlip;
       c.slope = contactForces(s, c.slots, Level::kEvents, e);
-      turnSlip(s, c, e);
+      findSlip(s, c, e);
       const double by = contradiction(s, c, e);
       if (by < least) {
         least = by;

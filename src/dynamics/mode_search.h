@@ -20,6 +20,6 @@ double contradiction(const System& s, const Context& c, const Evaluation& e);
 void tryAll(const System& s, double limit, Context& c, Evaluation& e);
 
 /// Turns slip that begins to where it goes.
-void turnSlip(const System& s, Context& c, Evaluation& e);
+void turnSlip(const System& s, double limit, Context& c, Evaluation& e);
 
 }  // namespace assembly_cell

@@ -445,11 +445,16 @@ TEST(PlantFailures, TheJudgeNamesAPegThatIsNotSeated) {
   there.X_HP.p = Eigen::Vector3d(0.0, 0.0, -0.0399);
   AlignTrial above = there;
   above.X_HP.p.z() = -0.0395;
+  AlignTrial leans = there;  // on the lowest point of its edge, 0.15 mm below its middle
+  leans.X_HP.R = rotationFromVector({Eigen::Vector3d(0.006, 0.0, 0.0)});
+  leans.X_HP.p = Eigen::Vector3d(0.0, 0.0, -0.0397);
   InsertParameters insert;
   insert.depth = 0.04;
   judgeEnd(cell(), insert, there);
   judgeEnd(cell(), insert, above);
+  judgeEnd(cell(), insert, leans);
   EXPECT_TRUE(there.success);
+  EXPECT_TRUE(leans.success);
   EXPECT_TRUE(above.false_success);
   EXPECT_FALSE(above.success);
   EXPECT_EQ(above.status, "not_seated");

@@ -25,29 +25,30 @@ TEST(Scale, IsOneInTheDefaultCell) {
   }
 }
 
-// Dimensions: all lengths twice, the density and the natural frequencies kept. Mass 8, stiffness 8
-// and 32, damping alike: a light touch of 8 times the force moves as far as before.
+// Dimensions: all lengths twice, the density a quarter, the natural frequencies kept. Mass 2,
+// stiffness 2 and 8, damping alike: a light touch of half as much more force moves three quarters
+// as far as before.
 TEST(Scale, FollowsTheMechanism) {
   Mechanism m = scenario("cell").mechanism;
-  m.gravity = 0.25 * 9.8;  // so that the touch is twice as heavy, within its bounds
+  m.gravity = 0.75 * 9.8;  // so that the touch is 1.5 times as heavy, within its bounds
   m.peg.radius *= 2;
   m.peg.half_height *= 2;
   m.peg.coupling_height *= 2;
-  m.peg.mass *= 8;
-  m.peg.inertia_transverse *= 32;
-  m.peg.inertia_axial *= 32;
+  m.peg.mass *= 2;
+  m.peg.inertia_transverse *= 8;
+  m.peg.inertia_axial *= 8;
   for (CouplingMatrix* matrix : {&m.coupling.stiffness, &m.coupling.damping}) {
-    matrix->diagonal.head<3>() *= 8;
-    matrix->diagonal.tail<3>() *= 32;
-    matrix->k26 *= 16;
-    matrix->k35 *= 16;
+    matrix->diagonal.head<3>() *= 2;
+    matrix->diagonal.tail<3>() *= 8;
+    matrix->k26 *= 4;
+    matrix->k35 *= 4;
   }
   const Scale scale = scaleOf(m);
   EXPECT_NEAR(scale.length, 2.0, 1e-12);
-  EXPECT_NEAR(scale.force, 2.0, 1e-12);
-  EXPECT_NEAR(scale.sink, 0.25, 1e-4);
-  EXPECT_NEAR(scale.give, 0.25, 1e-4);
-  EXPECT_NEAR(scale.step, 0.25, 1e-3);  // impedance 8 times, force twice
+  EXPECT_NEAR(scale.force, 1.5, 1e-12);
+  EXPECT_NEAR(scale.sink, 0.75, 1e-4);
+  EXPECT_NEAR(scale.give, 0.75, 1e-4);
+  EXPECT_NEAR(scale.step, 0.75, 1e-3);  // impedance twice, force 1.5 times
   EXPECT_NEAR(scale.time, 1.0, 1e-12);  // the same decay
   m.coupling.damping.diagonal *= 0.1;
   m.coupling.damping.k26 *= 0.1;
@@ -55,6 +56,17 @@ TEST(Scale, FollowsTheMechanism) {
   EXPECT_GT(scaleOf(m).time, 5.0);
   m.coupling.stiffness.diagonal(0) = 0.0;
   EXPECT_THROW(scaleOf(m), InputError);
+}
+
+// A machine's move ends off by some micrometres, by which a stiff coupling pushes: no touch yet.
+TEST(Scale, ATouchIsMoreThanALanding) {
+  Mechanism m = scenario("cell").mechanism;
+  m.coupling.stiffness.diagonal(0) *= 4;
+  EXPECT_NEAR(scaleOf(m).force, 15e-6 * 2e5 / 1.5, 1e-12);
+  m.peg.mass *= 3;
+  EXPECT_NEAR(scaleOf(m).force, 4.0 / 1.5, 1e-12);
+  m.coupling.stiffness.diagonal(0) *= 100;
+  EXPECT_NEAR(scaleOf(m).force, 4.0 / 1.5, 1e-12);
 }
 
 // A heavy peg that hangs free pulls sideways when it is tilted: that is no contact.

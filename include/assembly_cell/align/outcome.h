@@ -33,8 +33,8 @@ inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius,
 double reachInBore(double peg_radius, double hole_radius);
 
 /// A peg whose edge reaches so far from the bore's axis is aligned (depth 0: the edge is in the
-/// hole) or inserted to a depth, all [m]: in the bore and no more than 0.2 mm short of it, which
-/// the height of the felt plane, the peg's tilt and the carrier's compliance may hide.
+/// hole) or inserted to a depth, all [m]: in the bore and its edge's lowest point no more than 0.2
+/// mm short of it, which the height of the felt plane and the carrier's compliance may hide.
 bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
              double depth);
 

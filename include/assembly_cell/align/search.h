@@ -46,10 +46,13 @@ class Search {
     Eigen::Vector2d lean{0, 0};   ///< of that line, aside over up
     Pose X_SP;                    ///< of the peg then, by the commanded rest pose
 
-    double least = 0.5;  ///< less than this is no touch any more [N]
+    double least = 0.5;                   ///< less than this is no touch any more [N]
+    static constexpr double kGone = 0.2;  ///< of that: the peg is free
 
     /// The force is still there.
     bool felt() const { return std::hypot(force, sideways) > least; }
+    /// Nothing is left of it: the peg hangs free, and has swung.
+    bool gone() const { return std::hypot(force, sideways) < kGone * least; }
     /// One point of the edge can't feel like this: two carry, or the wall does.
     bool straddles() const { return reach < 0.8; }
     /// Steeper than friction on any contact that may be pressed: the hole's rim nearly along the
