@@ -27,9 +27,8 @@ constexpr double kChatterSpan = 2e-3;  // [s]
 constexpr double kMaxChatterStep = 2e-5;  // [s]
 // Rigid: a point pressed on falls by less than kHop between two impacts, a tenth of the default
 // tolerance: effort +12 % and −13 % at half and twice; the run of Chapter 8 that lies down moves by
-// 0.2 um. The shortest such step bounds the effort: +14 % and −21 %.
-constexpr double kHop = 1e-10;            // [m]
-constexpr double kMinChatterStep = 5e-7;  // [s]
+// 0.2 um.
+constexpr double kHop = 1e-10;  // [m]
 // The rigid law chatters only where the peg is flat (the least rocking sends its lowest point round
 // the edge), or at three events a microsecond: two places of contact that merge push each other
 // open for ever. Half and twice: 9 and 8, 3 and 4 of 400 scenes end elsewhere, effort within 2 %.

@@ -8,6 +8,10 @@
 
 namespace assembly_cell {
 
+/// Shortest step amid chatter, however far its error: modes change from one to the next. Of the
+/// rigid law half and twice take 14 % more and 21 % less.
+constexpr double kMinChatterStep = 5e-7;  // [s]
+
 /// Notes an event at time t; chatter begins where the last ones are that dense.
 void noteEvent(const System& s, const Evaluation& e, double t, Context& c);
 void beginChatter(double t, Context& c);

@@ -147,8 +147,9 @@ struct Context {
   static constexpr std::size_t kRecentEvents = 24;
   std::array<double, kRecentEvents> recent_events;  ///< times [s]
   Cluster cluster;
-  double chatter_until = -1.0;  ///< no event is located before this time [s]
-  RunCounts counts;             ///< without evaluations
+  double chatter_until = -1.0;      ///< no event is located before this time [s]
+  double leapt = -1.0, leap = 0.0;  ///< end and length of the last leap [s]
+  RunCounts counts;                 ///< without evaluations
   StopReason stop = StopReason::kOk;
 };
 

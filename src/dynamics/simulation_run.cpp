@@ -25,7 +25,9 @@ constexpr double kShortest = 2e-6;  // [s]
 constexpr double kShortestOnGround = 1e-12;  // [s]
 // No result changes at half or twice of these.
 constexpr double kStepFloor =
-    1e-13;                          // error control below this gives up: a tenth of kEventTime [s]
+    1e-13;  // error control below this gives up: a tenth of kEventTime [s]
+// Where it gives up contacts are found anew this far on, twice as far each time soon after another.
+constexpr double kLeap = 1e-12, kFarthestLeap = 1e-8, kSoon = 1e-6;  // [s]
 constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
 constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
@@ -71,10 +73,17 @@ void Simulation::Run::step(double t_end) {
     return checkState();
   }
   integrator.attempt(system, context, trial, now);
-  if (!trial.finite() || !(trial.error <= 1.0)) return refuse(trial);
+  // springs that are found and lost in turn; other laws would gain from such steps
+  const bool coarse = chatters && hasSprings(system) && trial.h <= kMinChatterStep;
+  if (!trial.finite() || !(trial.error <= 1.0 || coarse)) return refuse(trial);
   if (chatters) {
+    const double before = coarse ? energyOf(system, context) : 0.0;
     accept(t, trial);
     integrator.lengthen(system, context, trial, last, t_end);
+    if (trial.error > 1.0) {
+      limitEnergy(system, before, context);
+      integrator.setStep(kMinChatterStep);
+    }
     findModes(system, false, context, now);
     return checkState();
   }
@@ -112,9 +121,16 @@ void Simulation::Run::refuse(const Trial& trial) {
     decide(system, context, now);
     integrator.setStep(kAfterJam);
   } else if (system.fixed_step || shorter < kStepFloor) {
-    context.stop = finite ? StopReason::kStepTooSmall : StopReason::kNonFinite;
+    if (!finite) {
+      context.stop = StopReason::kNonFinite;
+    } else if (!system.discrete_friction || system.fixed_step || !leap()) {
+      context.stop = StopReason::kStepTooSmall;
+    }
   } else {
     integrator.refuse(system, context, trial, now);
+    if (context.time < context.chatter_until && hasSprings(system)) {
+      integrator.setStep(std::max(integrator.pace().next_step, kMinChatterStep));
+    }
   }
 }
 
@@ -147,6 +163,24 @@ void Simulation::Run::endUnseen(const Trial& trial) {
   ++context.counts.events;
   findModes(system, false, context, now);
   checkState();
+}
+
+// Two points of contact come together or part, and their forces jump between what one carries and
+// what a pair does: past that, to where contacts are found anew. False where that hasn't helped.
+bool Simulation::Run::leap() {
+  context.leap = context.time - context.leapt < kSoon ? 2.0 * context.leap : kLeap;
+  if (context.leap > kFarthestLeap) return false;
+  Trial step;
+  step.h = context.leap;
+  step.end = context.state;
+  step.end.q += step.h * context.state.v;
+  step.end.give += step.h * context.give_rate;
+  step.slope = context.slope;
+  step.give_rate = context.give_rate;
+  endUnseen(step);
+  context.leapt = context.time;
+  integrator.setStep(kAfterJam);
+  return true;
 }
 
 void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {

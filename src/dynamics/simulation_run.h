@@ -17,6 +17,7 @@ struct Simulation::Run {
   void accept(double t, const Trial& trial);
   void endAtEvent(const Events& at_end, Trial& trial);
   void endUnseen(const Trial& trial);
+  bool leap();
   void checkState();
   void decideAfterCommand();
   StopReason advance(double t_end, std::int64_t attempts);

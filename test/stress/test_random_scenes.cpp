@@ -109,5 +109,16 @@ TEST(Stress, RandomScenes) { runScenes(wanted(250), Kind::kSharp); }
 TEST(Stress, RandomScenesWithAChamfer) { runScenes(wanted(120), Kind::kChamfered); }
 TEST(Stress, RandomScenesOfLevelPegs) { runScenes(wanted(120), Kind::kLevel); }
 
+// A pair of springs on the rim and the one of the lowest point are found and lost in turn, over and
+// over: coarse steps go past that. Had taken more than fifty million evaluations.
+TEST(Stress, SpringsFoundAndLostInTurn) {
+  const Scenario base =
+      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  const stress::Verdict v = stress::run(stress::RandomScene(base, 2442), 0.05);
+  EXPECT_EQ(v.reason, "ok") << v.scene;
+  EXPECT_LT(v.gain, 1.0);
+  EXPECT_LT(v.evaluations, 2e6);
+}
+
 }  // namespace
 }  // namespace assembly_cell
