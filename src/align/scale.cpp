@@ -21,8 +21,10 @@ constexpr double kDecay = 0.2;                   // [s]
 constexpr double kLightest =
     0.2;  // of the default touch of 1.5 N: 0.3 N, 60 of a 16 bit block's noise
 constexpr double kHeaviest = 4.0 / 1.5;  // 4 N
-constexpr double kTouch = 1.5;           // [N]
-constexpr double kLanding = 1.5e-5;  // that a machine's move may end off by: its force is none [m]
+constexpr double kTouch = 1.5;           // a light one [N]
+// Half of what a machine of mismatch level 2 repeats to: a stiff coupling pushes by as much without
+// a contact.
+constexpr double kLanding = 1.5e-5;  // [m]
 // In one block a touch may come to four light ones: 0.1 mm in the default cell makes two, so that
 // only couplings twice as stiff are approached more slowly.
 constexpr double kMoreSink = 2.0;
