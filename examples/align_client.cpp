@@ -31,6 +31,21 @@ bool serverComes(const Client& client, double patience) {
   return true;
 }
 
+// True with a result. What is sent while ROS makes a connection may be lost: a goal of which the
+// server says nothing for 10 s is asked for again.
+bool ask(Client& client, const assembly_cell::AlignPegGoal& goal) {
+  while (ros::ok()) {
+    client.sendGoal(goal, {}, {}, &tell);
+    const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(10.0);
+    while (client.getState() != actionlib::SimpleClientGoalState::PENDING ||
+           ros::WallTime::now() < end) {
+      if (client.waitForResult(ros::Duration(1.0))) return true;
+      if (!ros::ok()) return false;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -56,8 +71,7 @@ int main(int argc, char** argv) {
   }
   assembly_cell::AlignPegGoal goal;
   if (argc > 1) goal.strategy = argv[1];
-  client.sendGoal(goal, {}, {}, &tell);
-  client.waitForResult();
+  if (!ask(client, goal)) return 1;
   const assembly_cell::AlignmentReport report = client.getResult()->report;
   std::printf("%s\n", report.reason.c_str());
   if (!report.success) return 1;

@@ -10,6 +10,7 @@ import time
 import actionlib
 import rosgraph
 import rospy
+from actionlib_msgs.msg import GoalStatus
 from assembly_cell.msg import AlignPegAction, AlignPegGoal
 
 
@@ -27,6 +28,20 @@ def server_comes(client, patience):
     return True
 
 
+def ask(client, goal):
+    """True with a result. What is sent while ROS makes a connection may be lost: a goal of which the server says nothing
+    for 10 s is asked for again."""
+    while not rospy.is_shutdown():
+        client.send_goal(goal, feedback_cb=tell)
+        end = time.monotonic() + 10.0
+        while client.get_state() != GoalStatus.PENDING or time.monotonic() < end:
+            if client.wait_for_result(rospy.Duration(1.0)):
+                return True
+            if rospy.is_shutdown():
+                return False
+    return False
+
+
 def main():
     words = rospy.myargv()[1:]
     if len(words) > 1 or words and words[0].startswith("-"):
@@ -39,8 +54,8 @@ def main():
     if not server_comes(client, 60.0):
         sys.exit("align_client: no server of the action 'align' within 60 s: is assembly_supervisor running?")
     goal = AlignPegGoal(strategy=words[0] if words else "")
-    client.send_goal(goal, feedback_cb=tell)
-    client.wait_for_result()
+    if not ask(client, goal):
+        return 1
     report = client.get_result().report
     print(report.reason)
     if report.success:
