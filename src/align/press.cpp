@@ -12,7 +12,6 @@ namespace assembly_cell {
 namespace {
 
 // Lengths, forces and times of the default cell; limits_.scale carries them over.
-constexpr double kTouchForce = 1.5;  // this much in any direction is contact [N]
 constexpr double kTouchNoise = 5.0;  // and so many sd of a block's force, all axes
 // Of that, sideways. An edge that slides down the bore's wall pushes with 0.3 to 0.5 N before it
 // wedges. Half: near starts take 0.5 s longer. Twice: one of 80 of them is held with 200 N.

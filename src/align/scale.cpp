@@ -20,8 +20,7 @@ constexpr double kDecay = 0.2;                   // [s]
 
 constexpr double kLightest =
     0.2;  // of the default touch of 1.5 N: 0.3 N, 60 of a 16 bit block's noise
-constexpr double kHeaviest = 4.0 / 1.5;  // 4 N
-constexpr double kTouch = 1.5;           // a light one [N]
+constexpr double kHeaviest = 4.0 / kTouchForce;  // 4 N
 // Half of what a machine of mismatch level 2 repeats to: a stiff coupling pushes by as much without
 // a contact.
 constexpr double kLanding = 1.5e-5;  // [m]
@@ -76,7 +75,7 @@ Scale scaleOf(const Mechanism& mechanism) {
   scale.length = peg.radius / kRadius;
   scale.room = std::max(1.0, scale.length);
   const double weight = peg.mass * mechanism.gravity / (kMass * kGravity);
-  const double landing = kLanding * mechanism.coupling.stiffness.diagonal(0) / kTouch;
+  const double landing = kLanding * mechanism.coupling.stiffness.diagonal(0) / kTouchForce;
   scale.force = std::clamp(std::max(weight, landing), kLightest, kHeaviest);
   scale.sink = scale.force * pressCompliance(mechanism) / kPress;
   const double sideways = sidewaysCompliance(mechanism);

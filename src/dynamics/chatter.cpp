@@ -112,7 +112,12 @@ void beginChatter(double t, Context& c) {
 bool isFlat(const Evaluation& e) { return std::hypot(e.k.a(1), e.k.a(2)) < kFlatTilt; }
 
 double chatterStep(const System& s, const Evaluation& e, double h) {
-  if (!s.rigid) return std::min(h, kMaxChatterStep);
+  if (!s.rigid) {
+    const double least = hasSprings(s) && !s.fixed_step
+                             ? std::min(kMinChatterStep, s.scenario.solver.max_step)
+                             : 0.0;
+    return std::clamp(h, least, kMaxChatterStep);
+  }
   return std::clamp(std::sqrt(8.0 * kHop / freeAcceleration(s, e)), kMinChatterStep,
                     kMaxChatterStep);
 }

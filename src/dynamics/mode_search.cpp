@@ -172,8 +172,9 @@ double contradiction(const System& s, const Context& c, const Evaluation& e) {
 // Not where that puts a pull on a face that has none: near its centre of rotation its points' slips
 // are no two alike.
 void turnSlip(const System& s, double limit, Context& c, Evaluation& e) {
+  if (!(e.active() & e.face)) return findSlip(s, c, e);
   const double allowed = limit * s.scenario.mechanism.peg.mass;
-  const bool agreed = (e.active() & e.face) && contradiction(s, c, e) <= allowed;
+  const bool agreed = contradiction(s, c, e) <= allowed;
   const SlotArray before = c.slots;
   findSlip(s, c, e);
   if (!agreed || contradiction(s, c, e) <= allowed) return;

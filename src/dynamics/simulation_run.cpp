@@ -77,13 +77,11 @@ void Simulation::Run::step(double t_end) {
   const bool coarse = chatters && hasSprings(system) && trial.h <= kMinChatterStep;
   if (!trial.finite() || !(trial.error <= 1.0 || coarse)) return refuse(trial);
   if (chatters) {
-    const double before = coarse ? energyOf(system, context) : 0.0;
+    const bool off = trial.error > 1.0;
+    const double before = off ? energyOf(system, context) : 0.0;
     accept(t, trial);
     integrator.lengthen(system, context, trial, last, t_end);
-    if (trial.error > 1.0) {
-      limitEnergy(system, before, context);
-      integrator.setStep(kMinChatterStep);
-    }
+    if (off) limitEnergy(system, before, context);
     findModes(system, false, context, now);
     return checkState();
   }
@@ -121,16 +119,10 @@ void Simulation::Run::refuse(const Trial& trial) {
     decide(system, context, now);
     integrator.setStep(kAfterJam);
   } else if (system.fixed_step || shorter < kStepFloor) {
-    if (!finite) {
-      context.stop = StopReason::kNonFinite;
-    } else if (!system.discrete_friction || system.fixed_step || !leap()) {
-      context.stop = StopReason::kStepTooSmall;
-    }
+    if (finite && system.discrete_friction && !system.fixed_step && leap()) return;
+    context.stop = finite ? StopReason::kStepTooSmall : StopReason::kNonFinite;
   } else {
     integrator.refuse(system, context, trial, now);
-    if (context.time < context.chatter_until && hasSprings(system)) {
-      integrator.setStep(std::max(integrator.pace().next_step, kMinChatterStep));
-    }
   }
 }
 

@@ -5,6 +5,9 @@
 
 namespace assembly_cell {
 
+/// A light touch of the default cell: this much in any direction is contact [N]
+inline constexpr double kTouchForce = 1.5;
+
 /// What a mechanism makes of the lengths, forces and times of a search, over those of the default
 /// cell (25 mm, 0.395 kg, 5e4 N/m, 50 N·m/rad), where all factors are 1. Constants of strategies
 /// are those of the default cell; a factor carries them over.
