@@ -100,7 +100,7 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
     }
   }
   if (!turned && !stops) return false;
-  if (turned) c.slope = contactForces(s, c.slots, Level::kEvents, e);
+  if (turned) c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
   const Body body = bodyOf(s, e.k);
   for (const std::size_t i : Slots(turned)) {
     if (accelerationOf(body, e, i).dot(e.contacts[i].tangential) < 0.0) stops |= 1u << i;

@@ -158,6 +158,8 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
   for (const std::size_t i : Slots(e.active())) {
     if (slots[i].mode == Mode::kIdle) {
       idle |= 1u << i;
+      e.contacts[i].force.setZero();
+      e.contacts[i].normal_force = 0.0;
       continue;
     }
     addRow(s, slots[i], i, face >> i & 1u ? least : 0.0, e, constraints);
@@ -224,6 +226,7 @@ Vector9 contactForces(const System& s, const SlotArray& slots, Level level, Eval
 }
 
 Vector9 forcesAgain(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
+  e.wedge_margin = 1.0;
   if (s.discrete_friction) {
     solveModes(s, slots, level, e);
   } else {

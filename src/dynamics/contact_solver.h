@@ -17,7 +17,7 @@ namespace assembly_cell {
 /// are those of springs, or solve the rows of the carrying points.
 Vector9 contactForces(const System& s, const SlotArray& slots, Level level, Evaluation& e);
 
-/// The same at the same state, with other directions of slip (e.contacts[i].tangential).
+/// The same at the same state, with other modes or directions of slip (e.contacts[i].tangential).
 Vector9 forcesAgain(const System& s, const SlotArray& slots, Level level, Evaluation& e);
 
 /// The same with regularised friction, after choosing which active contacts carry (slip) and which

@@ -97,6 +97,7 @@ class Events : public FirstOf<double, kEventKinds * kSlots + 2> {
     std::fill(begin(), end(), HUGE_VAL);
   }
   double* ofSlot(std::size_t i) { return begin() + kEventKinds * i; }
+  const double* ofSlot(std::size_t i) const { return begin() + kEventKinds * i; }
   double& wedge() { return end()[-2]; }
   double& face() { return end()[-1]; }
 };
@@ -142,6 +143,7 @@ struct Context {
   Events events;                      ///< at the start of the step
   double edge_speed = 0.0;            ///< of the edge's fastest point there, a bound [m/s]
   double slip_turning = 0.0;          ///< rate at which friction turns slip there [1/s]
+  double slip_falling = 0.0;          ///< rate at which slip that comes to rest falls there [1/s]
   double clearance = 0.0;      ///< no open slot closes before an edge point moved this far [m]
   std::int64_t decisions = 0;  ///< times that modes were decided: solutions are smooth in between
   static constexpr std::size_t kRecentEvents = 24;

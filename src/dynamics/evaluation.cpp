@@ -16,6 +16,7 @@ constexpr double kDeepest = 0.1;
 // Edge speed inside a step over that at its ends, for the bound that spares a search. Half and
 // twice: 10 and 2 of 400 random scenes end elsewhere, by less than 1 um.
 constexpr double kSpare = 1.5;
+constexpr double kFarthest = 0.01;  // a place that runs farther is searched from where it was [rad]
 
 }  // namespace
 
@@ -79,13 +80,14 @@ void evaluatePresent(const System& s, const Context& c, Evaluation& e) {
 }
 
 Vector9 evaluate(const System& s, const Context& c, double t, const State& state, Level level,
-                 Evaluation& e) {
+                 Evaluation& e, ContactSlotMask watched) {
+  const double since = t - e.drive_time;
   evaluateFree(s, c.commands, t, state, e);
   if (!s.admitted || (level == Level::kForces && !e.closed)) return e.free;
 
   // closed contacts, and at a step's end the others: not while the edge can't have come down to
   // the block since the clearance was known
-  const ContactSlotMask open = s.admitted & ~e.closed;
+  const ContactSlotMask open = s.admitted & ~e.closed & watched;
   bool search = false;
   if (level != Level::kForces && open) {
     e.speed = edgeSpeed(s, e.k);
@@ -96,6 +98,10 @@ Vector9 evaluate(const System& s, const Context& c, double t, const State& state
   e.clear = !search && !e.closed;
   if (e.clear) return e.free;
   e.edge = s.edge(e.k);
+  for (const std::size_t i : Slots(e.active())) {
+    const double by = since * e.contacts[i].rates.run;
+    if (std::abs(by) < kFarthest) turnPlace(by, e.closed_set.slots[i]);
+  }
   if (e.closed) locate(s, c, e.closed, e, e.closed_set);
   if (search) locate(s, c, open, e, e.open_set);
   return e.closed ? contactForces(s, c.slots, level, e) : e.free;

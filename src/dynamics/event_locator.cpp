@@ -145,6 +145,7 @@ void beginStep(const System& s, Context& c, const Evaluation& e) {
   }
   beginFaceStep(c, e);
   c.slip_turning = slipTurning(s, c, e);
+  c.slip_falling = slipFalling(s, c, e);
   c.edge_speed = edgeSpeed(s, e.k);
   c.clearance = contactClearance(e.edge, s.shapes);
   c.events = eventValues(s, c, e);
@@ -194,6 +195,34 @@ bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluatio
 
 namespace {
 
+// Some open slot has an event below zero.
+bool closes(const System& s, const Evaluation& e, const Events& events) {
+  for (const std::size_t i : Slots(s.admitted & ~e.closed)) {
+    const double* const value = events.ofSlot(i);
+    if (*std::min_element(value, value + kEventKinds) < 0.0) return true;
+  }
+  return false;
+}
+
+// What an event's function was at a time.
+struct Seen {
+  double at = 0.0, value = 0.0;
+  std::size_t event = 0;
+};
+
+// Where the parabola through three values is zero, the line through the last two where it isn't.
+double rootBy(const Seen& last, const Seen& before, const Seen& first) {
+  const double slope = (last.value - before.value) / (last.at - before.at);
+  const double line = last.at - last.value / slope;
+  if (last.event != first.event || last.at == first.at || before.at == first.at) return line;
+  const double earlier = (before.value - first.value) / (before.at - first.at);
+  const double bend = (slope - earlier) / (last.at - first.at);
+  const double here = slope + bend * (last.at - before.at);
+  const double square = here * here - 4.0 * last.value * bend;
+  if (!(square >= 0.0)) return line;
+  return last.at - 2.0 * last.value / (here + std::copysign(std::sqrt(square), here));
+}
+
 // The search for the first event within a step that was tried.
 struct EventSearch {
   const System& s;
@@ -202,12 +231,13 @@ struct EventSearch {
   Events at_end;  // of its end, all below zero that are looked for
   Trial& step;
   Evaluation& e;
+  ContactSlotMask watched = kAllContactSlots;  // open slots that are searched
   Events events = at_end;
   First first = firstOf(at_end, at_end);
   double beyond = -1.0;  // of the first event, where it was last seen below zero
 
   void evaluateEnd() {
-    step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
+    step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e, watched);
     step.give_rate = e.motion.give_rate;
   }
 
@@ -237,32 +267,39 @@ struct EventSearch {
   }
 
   double valueOfFirst() const { return events[first.event] / -at_end[first.event]; }
+  Seen seenAt(double tau, const Events& of) const {
+    const First found = firstOf(of, at_end);
+    return {tau, found.value, found.event};
+  }
 
-  // The end of a bracket: secants, a little beyond so that they come to the far side; where these
-  // don't end soon, halves.
-  double bracket(double resolution) {
-    double low = 0.0, high = whole.h;
-    double before = 0.0, f_before = std::max(firstOf(c.events, at_end).value, 1e-300);
-    double latest = high, f_latest = -1.0;
+  // The end of a bracket: parabolas, a little beyond so that they come to the far side; where these
+  // don't end soon, halves. middle: seen there before, or at 0.
+  double bracket(double high, const Seen& middle, double resolution) {
+    double low = 0.0;
+    Seen latest{high, -1.0, first.event}, before = seenAt(0.0, c.events), earliest = before;
+    before.value = std::max(before.value, 1e-300);
+    if (middle.at > 0.0) before = middle;
     for (int i = 0; i < 200 && high - low > resolution; ++i) {
-      const double slope = (f_latest - f_before) / (latest - before);
-      double middle = latest - f_latest / slope + 0.5 * resolution;
-      const bool near = middle > low - resolution && middle < high + resolution;
-      if (!near || (i > kSecants && i % 2 == 0)) middle = 0.5 * (low + high);
-      middle = std::clamp(middle, low + 0.25 * resolution, high - 0.25 * resolution);
-      const std::size_t event = first.event;
+      double next = rootBy(latest, before, earliest) + 0.5 * resolution;
+      const bool near = next > low - resolution && next < high + resolution;
+      if (!near || (i > kSecants && i % 2 == 0)) next = 0.5 * (low + high);
+      next = std::clamp(next, low + 0.25 * resolution, high - 0.25 * resolution);
+      earliest = before;
       before = latest;
-      f_before = f_latest;
-      latest = middle;
-      f_latest = valueAt(middle);
-      if (f_latest >= 0.0) {
-        low = middle;
+      latest.at = next;
+      latest.value = valueAt(next);
+      latest.event = first.event;
+      if (latest.value >= 0.0) {
+        low = next;
         continue;
       }
-      high = middle;
-      beyond = f_latest;
-      const double rate = (f_latest - f_before) / (latest - before);
-      if (first.event == event && -f_latest < -rate * resolution && broken(events) == 1) break;
+      high = next;
+      beyond = latest.value;
+      const double rate = (latest.value - before.value) / (latest.at - before.at);
+      if (latest.event == before.event && -latest.value < -rate * resolution &&
+          broken(events) == 1) {
+        break;
+      }
     }
     return high;
   }
@@ -307,11 +344,33 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
                  Evaluation& e) {
   EventSearch search{s, c, step, at_end, step, e};
   const double h = step.h;
-  const bool dense = step.method == Method::kDopri5 && !s.compliant && h > kRefined &&
-                     refine(s, c, search.whole, e) <= kDense;
+  Seen middle;
+  bool dense = step.method == Method::kDopri5 && !s.compliant && h > kRefined;
+  if (dense) {
+    dense = refine(s, c, search.whole, e) <= kDense;
+    const Events inside = eventValues(s, c, e);
+    middle = search.seenAt(0.5 * h, inside);
+    // where none closes at end and middle, open slots needn't be searched on the way
+    if (!e.face && !closes(s, e, at_end) && !closes(s, e, inside)) search.watched = 0;
+  }
   // the interpolant of another step is not worth more
   const double worth = dense ? 0.0 : 1e-7 * h;
-  const double end = search.bracket(std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), worth}));
+  const double resolution = std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), worth});
+  double end = search.bracket(h, middle, resolution);
+  if (!search.watched) {
+    search.watched = kAllContactSlots;
+    if (step.h != end) {
+      search.endAt(end);
+    } else {
+      locate(s, c, s.admitted & ~e.closed, e, e.open_set);
+    }
+    const Events found = eventValues(s, c, e);
+    if (closes(s, e, found)) {
+      search.at_end = search.events = found;
+      search.first = firstOf(found, found);
+      end = search.bracket(step.h, {}, resolution);
+    }
+  }
   if (!dense) {
     search.takeAnew(end);
   } else if (step.h != end) {

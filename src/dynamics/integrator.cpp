@@ -24,6 +24,9 @@ constexpr double kStiff = 3.0, kVeryStiff = 100.0;
 // So many steps are explicit after one without a direction of slip. Half and twice: a vibrated
 // press is the same to the last bit.
 constexpr int kExplicit = 8;
+// Slip that comes to rest loses this part of its speed in a step at most. Where it passes rest it
+// turns at once: of 2000 steps beyond all of it all were refused, of those up to half one in ten.
+constexpr double kFallen = 0.6;
 constexpr double kSafety = 0.9;                 // of the step that the error asks for
 using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
 
@@ -207,7 +210,7 @@ State interpolate(const Context& c, const Trial& step, double tau) {
 double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
   const double h = step.h;
   const Vector9 slope =
-      evaluate(s, c, c.time + 0.5 * h, interpolate(c, step, 0.5 * h), Level::kForces, e);
+      evaluate(s, c, c.time + 0.5 * h, interpolate(c, step, 0.5 * h), Level::kEvents, e);
   // what the polynomial of order six has there; (u - u^2)^3 has -3/8
   const Vector9 of_ends = 1.5 / h * (step.end.v - c.state.v) - 0.25 * (c.slope + step.slope);
   step.sixth = -8.0 / 3.0 * h * h * (slope - of_ends);
@@ -236,6 +239,17 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
   attemptTableau<Ralston4>(s, c, step, e);
 }
 
+bool Integrator::goesSlow(const System& s, const Context& c, double h) const {
+  return !s.fixed_step && pace_.explicit_left == 0 &&
+         h * c.slip_turning > (pace_.slow ? kStiff : kVeryStiff);
+}
+
+double Integrator::nextStep(const System& s, const Context& c) const {
+  const double h = std::min(pace_.next_step, s.scenario.solver.max_step);
+  const bool bound = s.method != Method::kHamming && h * c.slip_falling > kFallen;
+  return bound && !goesSlow(s, c, h) ? kFallen / c.slip_falling : h;
+}
+
 bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, double t_end,
                       Trial& step) {
   if (pace_.decisions != c.decisions) {
@@ -244,7 +258,7 @@ bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, do
   }
   pace_.decisions = c.decisions;
   const double left = t_end - c.time;
-  step.h = s.fixed_step ? s.scenario.solver.step : nextStep(s);
+  step.h = s.fixed_step ? s.scenario.solver.step : nextStep(s, c);
   if (c.time < c.chatter_until) step.h = chatterStep(s, e, step.h);
   if (s.method == Method::kHamming && !bridging_ && left > step.h) {
     // equal steps to the end, so that the past stays of use
@@ -265,9 +279,7 @@ void Integrator::attempt(const System& s, const Context& c, Trial& step, Evaluat
     step.method = Method::kHamming;
     attemptHamming(s, c, step, e);
   } else {
-    const bool slow = !s.fixed_step && pace_.explicit_left == 0 &&
-                      step.h * c.slip_turning > (pace_.slow ? kStiff : kVeryStiff);
-    attemptStep(s, c, slow ? Method::kSlowSlip : s.method, step, e);
+    attemptStep(s, c, goesSlow(s, c, step.h) ? Method::kSlowSlip : s.method, step, e);
   }
 }
 

@@ -33,7 +33,7 @@ double errorOf(const System& s, const State& error);
 State interpolate(const Context& c, const Trial& step, double tau);
 
 /// One order more for interpolate(), by the slope in the middle of the step; what that changes at
-/// most, over the tolerance.
+/// most, over the tolerance. e: of the middle.
 double refine(const System& s, const Context& c, Trial& step, Evaluation& e);
 
 /// A step of length step.h by a one-step method (kHamming: of the method that starts it). e: of its
@@ -61,9 +61,8 @@ class Integrator {
   const Pace& pace() const { return pace_; }
   /// Goes on from there. Not with a multistep method, which has a past.
   void resume(const Pace& pace) { pace_ = pace; }
-  double nextStep(const System& s) const {
-    return std::min(pace_.next_step, s.scenario.solver.max_step);
-  }
+  /// Length of the next step, where nothing ends it [s].
+  double nextStep(const System& s, const Context& c) const;
   /// From now on steps of at most this length, until they grow by themselves [s].
   void setStep(double h) { pace_.next_step = h; }
 
@@ -93,6 +92,7 @@ class Integrator {
     double h = 0.0;
   };
 
+  bool goesSlow(const System& s, const Context& c, double h) const;
   void attemptHamming(const System& s, const Context& c, Trial& step, Evaluation& e);
   void remember(const Context& c, double h);
   void resetDefect();

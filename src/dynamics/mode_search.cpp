@@ -22,6 +22,8 @@ constexpr int kProgress = 10;
 // Half and twice of the second, half of the first: forces of 20 alignments agree within 2e-5 N;
 // twice of the first: onsets swing again.
 constexpr double kSwing = 0.5, kMaxStiffer = 4.0;
+// A secant turns by at most ten times what is asked for.
+constexpr double kFall = 0.1;
 
 // Sets the hysteresis by the accelerations that count here. Returns the limit of decisions: half
 // the smaller of the old and the new one, so that what made an event is found.
@@ -32,7 +34,7 @@ double setHysteresis(const System& s, Context& c, const Evaluation& e) {
     scale = std::max(
         scale, std::abs(e.point(i).normal.dot(at.acceleration)) + std::abs(at.rates.gap_bias));
   }
-  const double fine = std::clamp(s.scenario.solver.tolerance / 1e-9, 1e-3, 1.0);
+  const double fine = std::clamp(s.scenario.solver.tolerance / 1e-9, 1e-3, 100.0);
   const double change = kHysteresis * fine * scale;
   const double limit = 0.5 * (c.approach > 0.0 ? std::min(c.approach, change) : change);
   c.approach = change;
@@ -110,45 +112,61 @@ bool changeWorst(const System& s, double limit, bool joining, ContactSlotMask& j
   return true;
 }
 
+// What a point's direction of slip is turned by, from one turn to the next.
+struct Turning {
+  Vec3 asked = Vec3::Zero(), last = Vec3::Zero();  // by its acceleration; what it was turned by
+  double stiffer = 1.0;
+
+  // The turn for what is asked now. Of a point alone by secants, while it is asked for ever less;
+  // else as much as asked, and what takes back the last turn tells by how much less next time.
+  Vec3 next(const Vec3& asks, bool alone) {
+    const double square = last.squaredNorm(), fall = (asked - asks).dot(last);
+    const bool secant = alone && asks.squaredNorm() < asked.squaredNorm() && fall > kFall * square;
+    const double swing = -asks.dot(last);
+    if (!secant && swing > kSwing * square) {
+      stiffer *= std::min(1.0 + swing / square, kMaxStiffer);
+    }
+    asked = asks;
+    last = secant ? Vec3(square / fall * asks) : asks;
+    return last;
+  }
+};
+
 // Slip that begins goes where the point is accelerated to, which depends on the friction against it
 // (prox iteration); where the friction still holds the point, against the friction. A direction is
 // turned by the compliance along it; where the one across is larger that would swing for ever
-// (beyond twice as large), and what the last turn brought tells by how much less to turn.
+// (beyond twice as large).
 void findSlip(const System& s, Context& c, Evaluation& e) {
   const double mu = s.scenario.mechanism.friction.sliding_coefficient;
-  if (mu == 0.0) return;
-  std::array<Vec3, kSlots> last;
-  std::array<double, kSlots> stiffer;
-  last.fill(Vec3::Zero());
-  stiffer.fill(1.0);
+  ContactSlotMask begins = 0;
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode == Mode::kSlip && !c.slots[i].armed) begins |= 1u << i;
+  }
+  if (mu == 0.0 || !begins) return;
+  const bool alone = (begins & (begins - 1)) == 0;
+  std::array<Turning, kSlots> turning;
+  const Body body = bodyOf(s, e.k);
   double before = HUGE_VAL;
   for (int turn = 0; turn < kSlipTurns; ++turn) {
     double largest = 0.0;
-    const Body body = bodyOf(s, e.k);
-    for (const std::size_t i : Slots(e.active())) {
-      Slot& slot = c.slots[i];
-      if (slot.mode != Mode::kSlip || slot.armed) continue;
+    for (const std::size_t i : Slots(begins)) {
+      Vec3& direction = c.slots[i].slip_direction;
       const Vec3& normal = e.point(i).normal;
       const ContactKinematics& at = e.contacts[i];
       Vec3 acceleration = accelerationOf(body, e, i);
       acceleration -= normal * normal.dot(acceleration);
-      const Vec3 tangent = slot.slip_direction - normal * normal.dot(slot.slip_direction);
-      const double compliance =
-          stiffer[i] * mu * at.normal_force * tangent.dot(response(body, at.r, at.r, tangent));
+      const Vec3 tangent = direction - normal * normal.dot(direction);
+      const double compliance = turning[i].stiffer * mu * at.normal_force *
+                                tangent.dot(response(body, at.r, at.r, tangent));
       const Vec3 next = tangent - acceleration / compliance;
       const double size = next.norm();
       if (!(compliance > 0.0) || !(size > 0.0) || !std::isfinite(size)) continue;
-      const Vec3 change = next / size - slot.slip_direction;
+      const Vec3 change = turning[i].next(next / size - direction, alone);
       largest = std::max(largest, change.norm());
-      slot.slip_direction = next / size;
-      const double swing = -change.dot(last[i]);
-      if (swing > kSwing * last[i].squaredNorm()) {
-        stiffer[i] *= std::min(1.0 + swing / last[i].squaredNorm(), kMaxStiffer);
-      }
-      last[i] = change;
+      direction = (direction + change).normalized();
     }
     if (largest < 1e-14) return;
-    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
     if (largest < 1e-12) return;
     if (turn % kProgress < kProgress - 1) continue;
     if (largest > 0.5 * before) return;
@@ -179,7 +197,7 @@ void turnSlip(const System& s, double limit, Context& c, Evaluation& e) {
   findSlip(s, c, e);
   if (!agreed || contradiction(s, c, e) <= allowed) return;
   c.slots = before;
-  c.slope = contactForces(s, c.slots, Level::kEvents, e);
+  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
 }
 
 void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
@@ -190,7 +208,8 @@ void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e
   ContactSlotMask joined = 0;
   for (const std::size_t i : Slots(e.active())) c.slots[i].rest_force.setZero();
   for (int pass = 0; pass < kModePasses; ++pass) {
-    c.slope = contactForces(s, c.slots, Level::kEvents, e);
+    c.slope = pass == 0 ? contactForces(s, c.slots, Level::kEvents, e)
+                        : forcesAgain(s, c.slots, Level::kEvents, e);
     if (first && pass == 0) limit = setHysteresis(s, c, e);
     if (pass == 0 && holdAtRest(s, limit, c, e)) break;
     if (!changeWorst(s, limit, pass < kModePasses / 2, joined, c, e)) break;
@@ -211,14 +230,14 @@ void tryAll(const System& s, double limit, Context& c, Evaluation& e) {
       const ContactSlotMask bit = 1u << i;
       c.slots[i].mode = !(carry & bit) ? Mode::kIdle : armed & bit ? Mode::kSlip : Mode::kStick;
     }
-    contactForces(s, c.slots, Level::kEvents, e);
+    forcesAgain(s, c.slots, Level::kEvents, e);
     SlotArray held = c.slots;
     for (const std::size_t i : Slots(carry & ~armed))
       held[i].slip_direction = tangentialForce(e, i);
     for (ContactSlotMask slide = 0;;) {
       c.slots = held;
       for (const std::size_t i : Slots(slide)) c.slots[i].mode = Mode::kSlip;
-      c.slope = contactForces(s, c.slots, Level::kEvents, e);
+      c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
       findSlip(s, c, e);
       const double by = contradiction(s, c, e);
       if (by < least) {
@@ -231,7 +250,7 @@ void tryAll(const System& s, double limit, Context& c, Evaluation& e) {
     if (carry == 0 || !(least > allowed)) break;
   }
   c.slots = best;
-  c.slope = contactForces(s, c.slots, Level::kEvents, e);
+  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
 }
 
 }  // namespace assembly_cell

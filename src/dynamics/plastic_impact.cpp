@@ -18,7 +18,7 @@ constexpr double kSlipTolerance = 1e-12;  // [m/s]
 constexpr int kTurns = 40, kStarts = 24;  // of the search for friction directions
 // To measure how an error changes, the root of its rounding; aimed at; good enough. Half and twice:
 // 18 and 14, 13 and 12 of 400 random scenes end elsewhere by roundings of their many impacts, none.
-constexpr double kTurn = 1e-7, kDirection = 1e-14, kSettled = 1e-9;  // [rad]
+constexpr double kTurn = 1e-7, kDirection = 1e-13, kSettled = 1e-9;  // [rad]
 
 // Points are tried as sticking first; the worst offender changes until none is left.
 class PlasticImpact {
@@ -59,6 +59,7 @@ class PlasticImpact {
  private:
   enum class Kind { kNone, kStick, kSlip };
   using Angles = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kSlots, 1>;
+  using Slopes = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kSlots>;
 
   // impulses for these kinds and friction directions; false: no point is left
   bool findImpulses() {
@@ -116,32 +117,46 @@ class PlasticImpact {
     return angles;
   }
 
-  // Newton's method from the present directions; the error left
+  // how the errors e change with the directions, which stay
+  Slopes slopes(const Angles& e) {
+    Slopes slope(e.size(), e.size());
+    const auto from = friction_;
+    for (std::size_t j = 0; j < slips_; ++j) {
+      turn(slipping_[j], kTurn);
+      slope.col(j) = (errors() - e) / kTurn;
+      friction_ = from;
+    }
+    return slope;
+  }
+
+  // Broyden's method from the present directions, anew where it fails; the error left
   double converge() {
     Angles e = errors();
+    Slopes slope;
+    bool measured = false;
     for (int step = 0; step < kTurns && e.cwiseAbs().maxCoeff() > kDirection; ++step) {
-      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kSlots> slope(e.size(),
-                                                                                     e.size());
+      const bool anew = !measured;
+      if (anew) slope = slopes(e);
       const auto from = friction_;
-      for (std::size_t j = 0; j < slips_; ++j) {
-        turn(slipping_[j], kTurn);
-        slope.col(j) = (errors() - e) / kTurn;
-        friction_ = from;
-      }
       const Angles full = -slope.partialPivLu().solve(e);
       // shortened until the errors shrink
       bool better = false;
-      for (double part = std::min(1.0, 1.0 / full.cwiseAbs().maxCoeff()); part > 1e-3; part /= 2) {
-        for (std::size_t j = 0; j < slips_; ++j) turn(slipping_[j], part * full(j));
+      double part = std::min(1.0, 1.0 / full.cwiseAbs().maxCoeff());
+      for (; part > 1e-3 && !better; part /= 2) {
+        const Angles by = part * full;
+        for (std::size_t j = 0; j < slips_; ++j) turn(slipping_[j], by(j));
         const Angles next = errors();
         better = next.norm() < e.norm();
         if (better) {
+          slope += (next - e - slope * by) * by.transpose() / by.squaredNorm();
           e = next;
-          break;
+        } else {
+          friction_ = from;
+          if (!anew) break;
         }
-        friction_ = from;
       }
-      if (!better) break;
+      if (!better && anew) break;
+      measured = better;
     }
     return e.cwiseAbs().maxCoeff();
   }

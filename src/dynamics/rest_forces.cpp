@@ -101,10 +101,10 @@ bool holdAtRest(const System& s, double limit, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(points)) total += forces[i].norm();
   if (!held || total > (1.0 + e.loads) * load) return false;
   for (const std::size_t i : Slots(points)) c.slots[i].rest_force = forces[i];
-  c.slope = contactForces(s, c.slots, Level::kEvents, e);
+  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
   if (contradiction(s, c, e) <= allowed) return true;
   for (const std::size_t i : Slots(points)) c.slots[i].rest_force.setZero();
-  c.slope = contactForces(s, c.slots, Level::kEvents, e);
+  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
   return false;
 }
 

@@ -232,7 +232,7 @@ void Simulation::Run::look(double t, double ahead) {
   // steps end beside times that are looked at, by rounding
   const double resolution = kSameEnd * std::max(1.0, t);
   while (context.time < t - resolution && context.stop == StopReason::kOk) {
-    if (integrator.nextStep(system) <= t - context.time + resolution ||
+    if (integrator.nextStep(system, context) <= t - context.time + resolution ||
         context.time < context.chatter_until) {
       // it ends at t or before; of first order amid chatter, what is within isn't known
       step(t);

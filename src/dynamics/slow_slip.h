@@ -15,6 +15,10 @@ namespace assembly_cell {
 /// more do than a step here can take. e: of the present.
 double slipTurning(const System& s, const Context& c, const Evaluation& e);
 
+/// Rate at which the slip of a sliding point falls, of the one that comes to rest, or passes it,
+/// first [1/s]: 0 where none falls. e: of the present.
+double slipFalling(const System& s, const Context& c, const Evaluation& e);
+
 /// A step of length step.h from the context's state by ARK4(3)6L[2]SA (Kennedy & Carpenter, Appl.
 /// Numer. Math. 44, 2003), the direction of slip by its implicit part: order 4 with an estimate of
 /// order 3, L-stable and stiffly accurate in it. An infinite error says that no direction was

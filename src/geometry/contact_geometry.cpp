@@ -35,7 +35,7 @@ void edgePair(const Peg& e, const Rim& rim, double reach, std::size_t first,
     contact.valid = false;
     if (!(admitted >> slot & 1u)) continue;
     edgeEdge(e, rim, reach, static_cast<int>(slot - first), set.valid >> slot & 1u, contact);
-    if (!(contact.gap <= 2 * reach)) contact.valid = false;
+    if (!(contact.gap <= kKept * reach)) contact.valid = false;
   }
 }
 
@@ -196,6 +196,15 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
   if (valid & kEdgeEdgeSlots && valid & (valid - 1)) dropDoubles(e.r, slots, set, valid);
   set.valid = valid;
   return valid;
+}
+
+void turnPlace(double by, ContactPoint& candidate) {
+  // normalised to the order of by⁴, as the angle of what is left is to that of by⁷
+  const double d = by * by, scale = 1.0 - d * (0.5 - 0.375 * d);
+  const double c = candidate.cos_t, s = candidate.sin_t;
+  candidate.cos_t = scale * (c - by * s);
+  candidate.sin_t = scale * (s + by * c);
+  candidate.t += by * (1.0 - d * (1.0 / 3 - d * (1.0 / 5)));
 }
 
 double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes) {

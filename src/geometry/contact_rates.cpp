@@ -33,7 +33,7 @@ ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec
   const Vec3 slide = v_m - rate * c.normal;
   const double across =
       slide.cross(c.tangent).dot(turn - radial * t_rate) - s_rate * slide.cross(rim).dot(c.dp);
-  return {n_turn * t_rate + across * inverse_cross, turn * t_rate};
+  return {n_turn * t_rate + across * inverse_cross, turn * t_rate, t_rate};
 }
 
 // the edge runs over a fixed plane, round wall or cone: the gap's second derivatives by t and time
@@ -51,6 +51,7 @@ ContactRates edgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v
   const double t_rate = -mixed / sharpness;
   rates.gap_bias += mixed * t_rate;
   rates.rolling = turn * t_rate;
+  rates.run = t_rate;
   return rates;
 }
 
@@ -78,6 +79,7 @@ ContactRates rimRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_
   Vec3 run = s_rate * c.tangent - v_rim;
   run -= n.dot(run) * n + c.curvature * c.gap * round.dot(run) * round;
   rates.rolling = omega.cross(run);
+  rates.run = s_rate;
   return rates;
 }
 

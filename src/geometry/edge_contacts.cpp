@@ -78,14 +78,19 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   if (shift < 0.3 * slope && height * slope > e.amplitude * (2 * shift + reach))
     return Search::kNone;
 
-  at = placeOf(crossing.c, crossing.s);
-  Search search = searchRim(e, r_h, 4 * reach, slot, at, m);
+  const auto from = [&](const Place& start, double far) {
+    at = start;
+    const Search search = searchRim(e, r_h, far, slot, at, m);
+    if (search == Search::kFound) at.t = std::atan2(at.s, at.c);
+    return search;
+  };
+  const Search search = from(crossing, kKept * reach);
   if (search == Search::kFound || !(e.amplitude > 0.0)) return search;
   // second start: where the edge crosses the plane
   const double cp = std::clamp(e.center(0) / e.amplitude, -1.0, 1.0),
                sp = side * std::sqrt(1 - cp * cp);
-  at = placeOf(e.lc * cp - e.ls * sp, e.ls * cp + e.lc * sp);
-  const Search second = searchRim(e, r_h, 4 * reach, slot, at, m);
+  const Place level{e.lc * cp - e.ls * sp, e.ls * cp + e.lc * sp, 0.0};
+  const Search second = from(level, kKept * reach);
   if (second != Search::kFailed) return second;
   if (search != Search::kFailed) return search;
 
@@ -103,8 +108,7 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
     sample = stepBack(sample, turn);
   }
   if (!(best < kInfinity)) return Search::kNone;
-  at = placeOf(start.c, start.s);
-  return searchRim(e, r_h, kInfinity, slot, at, m);
+  return from(start, kInfinity);
 }
 
 // the other edge of the chamfer, or its face, is nearer: the edge climbs less steeply than the cone

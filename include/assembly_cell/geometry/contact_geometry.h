@@ -203,6 +203,9 @@ struct ContactSet {
 ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes,
                              ContactSlotMask admitted, ContactSet& set);
 
+/// Turns a candidate's place by an angle, up to about 0.01 rad: where the next search begins.
+void turnPlace(double by, ContactPoint& candidate);
+
 /// Lower bound of the distance of peg and block, 0 where the bound can't tell: while no point of
 /// the peg has moved that far there is no contact, and no search is needed. A chamfer takes
 /// material away only: the bound is that of sharp edges.
@@ -214,6 +217,7 @@ double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes);
 struct ContactRates {
   double gap_bias = 0.0;                              ///< [m/s²]
   Eigen::Vector3d rolling = Eigen::Vector3d::Zero();  ///< omega × (run of the contact point) [m/s²]
+  double run = 0.0;                                   ///< of ContactPoint::t [rad/s]
 };
 /// edge: the circle that the point of an edge is on (shoulderOf() for kShoulderSlots), either of
 /// them for points of the rim. v_m: velocity of the peg's material point at p [m/s], omega: of the
