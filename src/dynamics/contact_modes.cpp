@@ -152,12 +152,14 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
   c.stale = false;
   ++c.decisions;
   e.wedge_margin = 1.0;
-  evaluateFree(s, c.commands, c.time, c.state, e);
+  const bool known = e.present && !c.face.on;
+  e.present = false;
+  if (!known) evaluateFree(s, c.commands, c.time, c.state, e);
   if (!s.admitted) {
     c.slope = e.free;
     return;
   }
-  locateAll(s, c, e);
+  if (!known) locateAll(s, c, e);
   if (!s.discrete_friction || !e.closed) {
     decideRegularised(s, c, e);
     beginStep(s, c, e);
@@ -193,8 +195,7 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     return decide(s, everything ? Tried::kJamAll : Tried::kJam, c, e);
   }
   if (s.rigid && c.time >= c.chatter_until) {
-    project(s, c, e);
-    c.slope = evaluate(s, c, c.time, c.state, Level::kEvents, e);
+    if (project(s, c, e)) c.slope = evaluate(s, c, c.time, c.state, Level::kEvents, e);
   }
   beginStep(s, c, e);
 }
@@ -286,6 +287,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
     }
   }
   if (beginFace(s, c, e)) closed = true;
+  if (closed) e.present = false;
   if (closed && s.rigid) faceImpact(s, c, e);
   decide(s, c, e);
   if (s.rigid && e.closed &&

@@ -193,7 +193,9 @@ struct Evaluation {
   double loads = 0.0;               ///< force between sticking points, of their load, at most
   double moved = 0.0, speed = 0.0;  ///< of the edge since the step's start, and now: bounds
   bool clear = false;               ///< open slots were left out by these bounds, none is closed
-  std::int64_t count = 0;           ///< right-hand sides so far
+  bool present = false;  ///< of an event that changes modes next: all is known of that state
+  bool watched = true;   ///< open slots are searched where events are; else they stay as they were
+  std::int64_t count = 0;  ///< right-hand sides so far
   // kept from one to the next because they cost
   EulerDirections near;      ///< angles near those of the step
   double drive_time = -1.0;  ///< of drive_force [s]

@@ -80,14 +80,14 @@ void evaluatePresent(const System& s, const Context& c, Evaluation& e) {
 }
 
 Vector9 evaluate(const System& s, const Context& c, double t, const State& state, Level level,
-                 Evaluation& e, ContactSlotMask watched) {
+                 Evaluation& e) {
   const double since = t - e.drive_time;
   evaluateFree(s, c.commands, t, state, e);
   if (!s.admitted || (level == Level::kForces && !e.closed)) return e.free;
 
   // closed contacts, and at a step's end the others: not while the edge can't have come down to
   // the block since the clearance was known
-  const ContactSlotMask open = s.admitted & ~e.closed & watched;
+  const ContactSlotMask open = e.watched ? s.admitted & ~e.closed : 0u;
   bool search = false;
   if (level != Level::kForces && open) {
     e.speed = edgeSpeed(s, e.k);

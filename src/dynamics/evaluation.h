@@ -11,9 +11,9 @@ namespace assembly_cell {
 enum class Level : std::uint8_t { kForces, kEvents };
 
 /// v' at time t and a state: free motion, contact points, contact forces. `c`: where the step
-/// started; e: workspace and result. watched: open slots outside it stay as they were.
+/// started; e: workspace and result.
 Vector9 evaluate(const System& s, const Context& c, double t, const State& state, Level level,
-                 Evaluation& e, ContactSlotMask watched = kAllContactSlots);
+                 Evaluation& e);
 
 /// Free motion alone: e.k and e.free.
 void evaluateFree(const System& s, const Commands& commands, double t, const State& state,

@@ -31,9 +31,9 @@ constexpr double kBlindPhase = 0.3;  // [rad]
 // of slow_slip.h see that themselves.
 constexpr double kBlindSlip = 1.0;
 constexpr int kMostLooks = 8;
-// An event is looked for by so many secants, then by halves in turn. Half and twice: a vibrated
+// An event is looked for by so many parabolas, then by halves in turn. Half and twice: a vibrated
 // press takes 2 % more and the same.
-constexpr int kSecants = 6;
+constexpr int kParabolas = 6;
 // Shorter steps are taken anew: what the interpolant gains there is in its rounding [s].
 constexpr double kRefined = 1e-6;
 // So are those of which the middle changes the interpolant by more than this part of the tolerance.
@@ -231,13 +231,12 @@ struct EventSearch {
   Events at_end;  // of its end, all below zero that are looked for
   Trial& step;
   Evaluation& e;
-  ContactSlotMask watched = kAllContactSlots;  // open slots that are searched
   Events events = at_end;
   First first = firstOf(at_end, at_end);
   double beyond = -1.0;  // of the first event, where it was last seen below zero
 
   void evaluateEnd() {
-    step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e, watched);
+    step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
     step.give_rate = e.motion.give_rate;
   }
 
@@ -282,7 +281,7 @@ struct EventSearch {
     for (int i = 0; i < 200 && high - low > resolution; ++i) {
       double next = rootBy(latest, before, earliest) + 0.5 * resolution;
       const bool near = next > low - resolution && next < high + resolution;
-      if (!near || (i > kSecants && i % 2 == 0)) next = 0.5 * (low + high);
+      if (!near || (i > kParabolas && i % 2 == 0)) next = 0.5 * (low + high);
       next = std::clamp(next, low + 0.25 * resolution, high - 0.25 * resolution);
       earliest = before;
       before = latest;
@@ -351,14 +350,14 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
     const Events inside = eventValues(s, c, e);
     middle = search.seenAt(0.5 * h, inside);
     // where none closes at end and middle, open slots needn't be searched on the way
-    if (!e.face && !closes(s, e, at_end) && !closes(s, e, inside)) search.watched = 0;
+    if (!e.face && !closes(s, e, at_end) && !closes(s, e, inside)) e.watched = false;
   }
   // the interpolant of another step is not worth more
   const double worth = dense ? 0.0 : 1e-7 * h;
   const double resolution = std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), worth});
   double end = search.bracket(h, middle, resolution);
-  if (!search.watched) {
-    search.watched = kAllContactSlots;
+  if (!e.watched) {
+    e.watched = true;
     if (step.h != end) {
       search.endAt(end);
     } else {

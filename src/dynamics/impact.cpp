@@ -7,6 +7,7 @@
 #include "contact_modes.h"
 #include "contact_solver.h"
 #include "contact_tolerances.h"
+#include "integrator.h"
 #include "stronge.h"
 
 namespace assembly_cell {
@@ -22,6 +23,9 @@ constexpr int kBounces = 60;  // impulses of one impact of several points, one a
 // 1e-15 of them. No result changes at half or twice of either.
 constexpr double kWedgeImpulse = 1e3;
 constexpr double kOutside = 1e-9;
+// What puts contacts right changes forces by less than a step may be off by: of the tolerance. Half
+// and twice: a vibrated run takes the same.
+constexpr double kPutRight = 0.1;
 
 // the active contact that approaches fastest; kSlots where none is faster than `speed`
 std::size_t fastestApproach(const Evaluation& e, double speed) {
@@ -137,7 +141,7 @@ void jam(const System& s, bool everything, Context& c, Evaluation& e) {
   limitKineticEnergy(s, before, c);
 }
 
-void project(const System& s, Context& c, const Evaluation& e) {
+bool project(const System& s, Context& c, const Evaluation& e) {
   Constraints velocity, position;
   for (const std::size_t i : Slots(e.active())) {
     if (c.slots[i].mode == Mode::kIdle) continue;
@@ -148,12 +152,15 @@ void project(const System& s, Context& c, const Evaluation& e) {
     row.change = -(row.stick ? at.velocity : Vec3(at.gap_rate * normal));
     position.add(i, at.r, normal).change = -at.gap * normal;
   }
-  if (velocity.n == 0) return;
+  if (velocity.n == 0) return false;
   const Body body = bodyOf(s, e.k);
   solveConstraints(body, velocity);
   solveConstraints(body, position);
-  c.state.v += accelerationBy(s, e.k, velocity.total());
-  c.state.q += accelerationBy(s, e.k, position.total());
+  const Vector9 dv = accelerationBy(s, e.k, velocity.total());
+  const Vector9 dq = accelerationBy(s, e.k, position.total());
+  c.state.v += dv;
+  c.state.q += dq;
+  return errorOf(s, State{dq, dv, Vec3::Zero()}) > kPutRight;
 }
 
 double energyOf(const System& s, const Context& c) {

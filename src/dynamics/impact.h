@@ -30,7 +30,8 @@ void jam(const System& s, bool everything, Context& c, Evaluation& e);
 
 /// Closed contacts stay closed: gaps, gap rates and the slip of sticking contacts are put to zero
 /// by the smallest correction in the metric of the kinetic energy. Frictionless rows throughout.
-void project(const System& s, Context& c, const Evaluation& e);
+/// True where it changed the state by more than a step may be off by: e isn't of it any more.
+bool project(const System& s, Context& c, const Evaluation& e);
 
 /// Kinetic, elastic and potential energy at the context's state [J].
 double energyOf(const System& s, const Context& c);

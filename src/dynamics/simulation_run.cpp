@@ -126,23 +126,24 @@ void Simulation::Run::refuse(const Trial& trial) {
   }
 }
 
-void Simulation::Run::accept(double t, const Trial& trial) {
+bool Simulation::Run::accept(double t, const Trial& trial) {
   if (behind) behind->step = trial;
   context.time = t;
   context.state = trial.end;
   context.slope = trial.slope;
   context.give_rate = trial.give_rate;
   ++context.counts.steps;
-  if (!system.admitted) return;
+  if (!system.admitted) return true;
   if (trial.method == Method::kSlowSlip) followSlip(system, context, now);
   if (now.clear) {
     context.clearance -= now.moved;
     context.edge_speed = now.speed;
-    return;
+    return false;
   }
   updateSlots(system, context, now);
-  if (system.rigid) project(system, context, now);
+  const bool moved = system.rigid && project(system, context, now);
   beginStep(system, context, now);
+  return !moved;
 }
 
 // A point of a flat peg that jumps within less than an event's resolution: contacts are found anew
@@ -180,7 +181,7 @@ void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {
   locateEvent(system, context, at_end, trial, now);
   const double t = context.time + trial.h;
   noteEvent(system, now, t, context);
-  accept(t, trial);
+  now.present = accept(t, trial);
   ++context.counts.events;
   changeModes(system, context, now);
   if (context.counts.events > kEventLimit) {

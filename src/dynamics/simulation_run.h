@@ -14,7 +14,8 @@ struct Simulation::Run {
 
   void step(double t_end);
   void refuse(const Trial& trial);
-  void accept(double t, const Trial& trial);
+  /// True where the last evaluation is of the state that it leaves.
+  bool accept(double t, const Trial& trial);
   void endAtEvent(const Events& at_end, Trial& trial);
   void endUnseen(const Trial& trial);
   bool leap();

@@ -77,16 +77,18 @@ void findEdge(const EdgeCircle& circle, const Peg& e, const EdgeSlots& at,
   }
 }
 
+constexpr ContactSlotMask kOfRims = kRimSideSlots | kRimFaceSlots | kRimConeSlots;
 // The rim, or the edges of its chamfer, against the peg; `side` is the circle where the peg's side
 // begins, if it isn't the bottom edge.
 void findRims(const Peg& e, const Peg& side, const ContactShapes& shapes, ContactSlotMask admitted,
               ContactSet& set) {
+  set.slots[7].valid = false;
+  if (!(admitted & kOfRims)) return;
   const double far = 2 * shapes.reach, depth = shapes.chamfer.height;
   const Chamfer* cone = shapes.chamfer ? &shapes.chamfer : nullptr;
   const Rim upper{shapes.hole_radius + shapes.chamfer.width, cone, false};
   const std::size_t first = cone ? kUpperSide : kSide;
   if (admitted & pairOf(first)) rimSide(side, upper, far, first, admitted, set);
-  set.slots[7].valid = false;
   if (admitted & kRimFaceSlots) rimFace(e, upper.radius, far, set.slots[7]);
   if (admitted & pairOf(kCone)) rimCone(e, upper.radius, far, kCone, admitted, set);
   if (!cone) return;
@@ -187,13 +189,16 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
   if (shapes.chamfer) lowerBack(e, shapes.chamfer.height, admitted, set);
 
   ContactSlotMask valid = 0;
-  const std::size_t slots = shapes.peg_chamfer ? kContactSlots
-                            : shapes.chamfer   ? kHoleChamferSlots
-                                               : kSharpSlots;
-  for (std::size_t i = 0; i < slots; ++i) {
-    if (admitted >> i & 1u && set.slots[i].valid) valid |= 1u << i;
+  for (ContactSlotMask left = admitted; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    if (set.slots[static_cast<std::size_t>(i)].valid) valid |= 1u << i;
   }
-  if (valid & kEdgeEdgeSlots && valid & (valid - 1)) dropDoubles(e.r, slots, set, valid);
+  if (valid & kEdgeEdgeSlots && valid & (valid - 1)) {
+    const std::size_t slots = shapes.peg_chamfer ? kContactSlots
+                              : shapes.chamfer   ? kHoleChamferSlots
+                                                 : kSharpSlots;
+    dropDoubles(e.r, slots, set, valid);
+  }
   set.valid = valid;
   return valid;
 }

@@ -21,6 +21,15 @@ void meridian(const Peg& e, const Place& at, Meridian& m) {
   m.ddrho = (levelDot(m.dx, m.dx) - levelDot(m.x, m.u) - m.drho * m.drho) * m.inverse_rho;
 }
 
+// the point of a place that is turned back by at most 1e-4, from that before
+void turnBack(const Peg& e, double step, Meridian& m) {
+  const double d = step * step, cosine = 1.0 - d / 2, sine = step * (1.0 - d / 6);
+  const Vec3 u = combined(cosine, m.u, -sine, m.dx);
+  m.dx = combined(cosine, m.dx, sine, m.u);
+  m.u = Vec3(u);
+  m.x = combined(1.0, e.center, 1.0, m.u);
+}
+
 // slot 0 leaves the hole with rising t; in both the edge climbs outwards
 // outwards and up on slot 0, back on slot 1; out of a bore that leans beside its wall
 bool admissible(const Peg& e, const Meridian& m, int slot) {
@@ -41,9 +50,9 @@ Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meri
     bool last = false;
     const double step = halley(value, slope, 1.5 * (m.drho * m.ddrho - dx * u), last);
     if (!(std::abs(step) < 0.5)) return Search::kFailed;
-    at = stepBack(at, step);
     if (last) {
-      edgePoint(e, at, m);
+      turnBack(e, step, m);
+      at = stepBack(at, step);
       // 1/rho from its neighbour: one Newton step squares an error of the order of `step`
       const double rho2 = levelDot(m.x, m.x);
       m.inverse_rho += step * m.drho * m.inverse_rho * m.inverse_rho;
@@ -52,6 +61,7 @@ Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meri
       m.drho = levelDot(m.x, m.dx) * m.inverse_rho;
       return admissible(e, m, slot) ? Search::kFound : Search::kNone;
     }
+    at = stepBack(at, step);
     const bool above = x > 0.0 && out < 0.0 && std::abs(step) < 0.1;
     if (above && x * x + out * out - value * step > far * far) return Search::kNone;
   }
