@@ -73,8 +73,9 @@ void Simulation::Run::step(double t_end) {
     return checkState();
   }
   integrator.attempt(system, context, trial, now);
-  // springs that are found and lost in turn; other laws would gain from such steps
-  const bool coarse = chatters && hasSprings(system) && trial.h <= kMinChatterStep;
+  // springs that are found and lost in turn; other laws would gain from such steps. The last step
+  // before t_end is longer by a rounding
+  const bool coarse = chatters && hasSprings(system) && trial.h <= 1.01 * kMinChatterStep;
   if (!trial.finite() || !(trial.error <= 1.0 || coarse)) return refuse(trial);
   if (chatters) {
     const bool off = trial.error > 1.0;

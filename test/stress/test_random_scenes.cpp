@@ -114,10 +114,13 @@ TEST(Stress, RandomScenesOfLevelPegs) { runScenes(wanted(120), Kind::kLevel); }
 TEST(Stress, SpringsFoundAndLostInTurn) {
   const Scenario base =
       loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
-  const stress::Verdict v = stress::run(stress::RandomScene(base, 2442), 0.05);
-  EXPECT_EQ(v.reason, "ok") << v.scene;
-  EXPECT_LT(v.gain, 1.0);
-  EXPECT_LT(v.evaluations, 2e6);
+  // the second is looked at where a step of the least length ends: one never ended there
+  for (const double duration : {0.05, 0.02}) {
+    const stress::Verdict v = stress::run(stress::RandomScene(base, 2442), duration);
+    EXPECT_EQ(v.reason, "ok") << v.scene;
+    EXPECT_LT(v.gain, 1.0);
+    EXPECT_LT(v.evaluations, 2e6);
+  }
 }
 
 }  // namespace
