@@ -270,9 +270,12 @@ double slipFalling(const System& s, const Context& c, const Evaluation& e) {
   for (const std::size_t i : Slots(e.active())) {
     if (c.slots[i].mode != Mode::kSlip || !c.slots[i].armed) continue;
     const Vec3 &slip = e.contacts[i].tangential, &normal = e.point(i).normal;
+    const double speed = slip.norm();
+    // of a face its fastest point: the others may be near its centre of rotation
+    if (speed < slipSpeed(e, i)) continue;
     Vec3 acceleration = accelerationOf(bodyOf(s, e.k), e, i);
     acceleration -= normal * normal.dot(acceleration);
-    const double size = acceleration.norm(), speed = slip.norm();
+    const double size = acceleration.norm();
     if (-slip.dot(acceleration) > kFalls * speed * size) fastest = std::max(fastest, size / speed);
   }
   return fastest;
