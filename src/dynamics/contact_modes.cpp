@@ -287,7 +287,8 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
     }
   }
   if (beginFace(s, c, e)) closed = true;
-  if (closed) e.present = false;
+  // a slot that was lost may have another place
+  if (closed || lost) e.present = false;
   if (closed && s.rigid) faceImpact(s, c, e);
   decide(s, c, e);
   if (s.rigid && e.closed &&
