@@ -28,8 +28,8 @@ constexpr double kLargestTurn = 0.5;  // [rad] of one of them
 constexpr double kNone = 0.01, kHas = 0.5;
 // Slip that falls at a higher rate doesn't begin.
 constexpr double kFading = 1e4;  // [1/s]
-// Slip falls where its acceleration is against it, by this cosine: of 5600 steps that began so
-// without a bound one in a hundred of the others was refused for it.
+// Slip falls where its acceleration is against it, by this cosine. Where it is more across, steps
+// of up to five times the bound were taken; along it, of any length.
 constexpr double kFalls = 0.5;
 // Its estimate is of one order less than that of dopri5: with this factor ends are as near to those
 // at fine tolerances. Effort −8 % and +14 %; a face that rocks over the hole has 264 events for
