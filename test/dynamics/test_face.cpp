@@ -263,7 +263,9 @@ class Rocking {
 // centres of mass [m]. Energy never rises.
 double rockBoth(Simulation& sim, Rocking& reference, double direction, int milliseconds) {
   const double half_height = sim.scenario().mechanism.peg.half_height;
-  const auto middle = [&] { return sim.pegPose().p + half_height * sim.pegPose().R.col(2); };
+  const auto middle = [&]() -> Vector3d {
+    return sim.pegPose().p + half_height * sim.pegPose().R.col(2);
+  };
   const Vector3d start = middle(), towards(std::cos(direction), std::sin(direction), 0.0);
   const auto first = reference.centre();
   double error = 0.0, energy = sim.energy();

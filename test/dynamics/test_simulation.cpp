@@ -223,7 +223,7 @@ TEST(Simulation, SameCallsGiveTheSameBits) {
 }
 
 TEST(Simulation, AdvanceDoesNotAllocate) {
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(ASSEMBLY_CELL_SANITIZED)
   GTEST_SKIP() << "the sanitizer has its own malloc";
 #else
   std::vector<Scenario> scenes = {

@@ -18,7 +18,7 @@ void count() {
 }  // namespace
 
 // The address sanitizer has a malloc of its own: operator new alone is counted then.
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(ASSEMBLY_CELL_SANITIZED)
 void* operator new(std::size_t size) {
   count();
   if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;

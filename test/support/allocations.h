@@ -3,6 +3,16 @@
 
 #include <cstdint>
 
+// GCC and clang tell of the address sanitizer each in their way.
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define ASSEMBLY_CELL_SANITIZED
+#endif
+#endif
+#if defined(__SANITIZE_ADDRESS__)
+#define ASSEMBLY_CELL_SANITIZED
+#endif
+
 // Linked into each test of the core: counts what is allocated.
 namespace assembly_cell::test {
 
