@@ -350,12 +350,13 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
     const Events inside = eventValues(s, c, e);
     middle = search.seenAt(0.5 * h, inside);
     // where none closes at end and middle, open slots needn't be searched on the way
-    if (!e.face && !closes(s, e, at_end) && !closes(s, e, inside)) e.watched = false;
+    e.watched = !dense || e.face || closes(s, e, at_end) || closes(s, e, inside);
   }
   // the interpolant of another step is not worth more
   const double worth = dense ? 0.0 : 1e-7 * h;
   const double resolution = std::max({0.1 * kEventTime, 4e-16 * std::abs(c.time), worth});
   double end = search.bracket(h, middle, resolution);
+  if (!dense) return search.takeAnew(end);
   if (!e.watched) {
     e.watched = true;
     if (step.h != end) {
@@ -370,11 +371,7 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
       end = search.bracket(step.h, {}, resolution);
     }
   }
-  if (!dense) {
-    search.takeAnew(end);
-  } else if (step.h != end) {
-    search.endAt(end);
-  }
+  if (step.h != end) search.endAt(end);
 }
 
 }  // namespace assembly_cell

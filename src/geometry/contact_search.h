@@ -49,21 +49,21 @@ struct Place {
   double c, s, t;
 };
 
+struct Turn {
+  double cosine, sine;
+};
+inline Turn turnOf(double step) {
+  const double d = step * step;
+  // the next terms are below 1e-17
+  if (std::abs(step) < 1e-4) return {1.0 - d / 2, step * (1.0 - d / 6)};
+  if (!(std::abs(step) < 0.02)) return {std::cos(step), std::sin(step)};
+  return {1.0 - d / 2 * (1.0 - d / 12 * (1.0 - d / 30)),
+          step * (1.0 - d / 6 * (1.0 - d / 20 * (1.0 - d / 42)))};
+}
+
 // turns a place back by `step`, normalised anew
 inline Place stepBack(const Place& at, double step) {
-  double cosine, sine;
-  const double d = step * step;
-  if (std::abs(step) < 1e-4) {
-    // the next terms are below 1e-17
-    cosine = 1.0 - d / 2;
-    sine = step * (1.0 - d / 6);
-  } else if (std::abs(step) < 0.02) {
-    cosine = 1.0 - d / 2 * (1.0 - d / 12 * (1.0 - d / 30));
-    sine = step * (1.0 - d / 6 * (1.0 - d / 20 * (1.0 - d / 42)));
-  } else {
-    cosine = std::cos(step);
-    sine = std::sin(step);
-  }
+  const auto [cosine, sine] = turnOf(step);
   const double c = at.c * cosine + at.s * sine, s = at.s * cosine - at.c * sine;
   const double scale = 1.5 - 0.5 * (c * c + s * s);
   return {c * scale, s * scale, at.t - step};

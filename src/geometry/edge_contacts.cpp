@@ -21,9 +21,9 @@ void meridian(const Peg& e, const Place& at, Meridian& m) {
   m.ddrho = (levelDot(m.dx, m.dx) - levelDot(m.x, m.u) - m.drho * m.drho) * m.inverse_rho;
 }
 
-// the point of a place that is turned back by at most 1e-4, from that before
+// the point of a place that is turned back, from that before
 void turnBack(const Peg& e, double step, Meridian& m) {
-  const double d = step * step, cosine = 1.0 - d / 2, sine = step * (1.0 - d / 6);
+  const auto [cosine, sine] = turnOf(step);
   const Vec3 u = combined(cosine, m.u, -sine, m.dx);
   m.dx = combined(cosine, m.dx, sine, m.u);
   m.u = Vec3(u);
