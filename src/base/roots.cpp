@@ -5,6 +5,11 @@
 #include <cstdint>
 
 namespace assembly_cell {
+namespace {
+
+constexpr std::uintmax_t kMostEvaluations = 200;
+
+}  // namespace
 
 Bracket bisect(double low, double high, bool (*holds)(const void* predicate, double x),
                const void* predicate, double width, int halvings) {
@@ -16,6 +21,16 @@ Bracket bisect(double low, double high, bool (*holds)(const void* predicate, dou
   // of which three are the ends and the first middle
   std::uintmax_t evaluations = static_cast<std::uintmax_t>(halvings) + 3;
   const auto [first, last] = boost::math::tools::bisect(sign, low, high, narrow, evaluations);
+  return {first, last};
+}
+
+Bracket rootIn(double low, double high, double (*value)(const void* function, double x),
+               const void* function, double width) {
+  const auto ask = [&](double x) { return value(function, x); };
+  boost::math::tools::eps_tolerance<double> neighbours;
+  const auto narrow = [&](double a, double b) { return b - a <= width || neighbours(a, b); };
+  std::uintmax_t evaluations = kMostEvaluations;
+  const auto [first, last] = boost::math::tools::toms748_solve(ask, low, high, narrow, evaluations);
   return {first, last};
 }
 

@@ -27,10 +27,10 @@ Method methodOf(const std::string& name) {
                    " is not available; use hamming, rk4, dopri5 or dop853");
 }
 
-// the smallest gap of the admitted features with the peg's centre of mass at this height [m]
-double smallestGap(const System& s, State at, double height) {
+// the smallest gap of the admitted features with the peg's centre of mass at this height [m]; the set:
+// of the last search
+double smallestGap(const System& s, State at, double height, ContactSet& set) {
   at.q(0) = height;
-  ContactSet set;
   findContacts(s.edge(kinematics(at)), s.shapes, s.admitted & ~s.excluded, set);
   double gap = 1.0;
   for (const std::size_t i : Slots(set.valid)) gap = std::min(gap, set.slots[i].gap);
@@ -39,7 +39,8 @@ double smallestGap(const System& s, State at, double height) {
 
 // lowers the peg until the smallest gap is zero: gaps fall with the height
 double closedHeight(const System& s, const State& start) {
-  const auto smallest = [&](double height) { return smallestGap(s, start, height); };
+  ContactSet set;
+  const auto smallest = [&](double height) { return smallestGap(s, start, height, set); };
   double high = start.q(0), low = high;
   const double span = s.scenario.mechanism.peg.half_height + s.scenario.mechanism.peg.radius;
   double step = 1e-4 * span;
@@ -55,9 +56,7 @@ double closedHeight(const System& s, const State& start) {
         "initial.close: true, but lowering the peg closes no contact of contact.features; "
         "move initial.peg.position over the block or set close: false");
   }
-  return bisect(
-             low, high, [&](double x) { return !(smallest(x) > 0.0); }, 1e-17)
-      .high;
+  return rootIn(low, high, smallest, 1e-17).high;
 }
 
 // A peg that is as long as the hole is deep has its top at the mouth once it is seated: contacts

@@ -41,6 +41,30 @@ TEST(Bisect, AsksBetweenTheEndsOnly) {
   EXPECT_EQ(bisect(0.0, 1.0, inside).high, 1.0);
 }
 
+TEST(RootIn, IsThereInAFewCalls) {
+  for (int k = 1; k < 200; ++k) {
+    int calls = 0;
+    const auto cubic = [&](double x) {
+      ++calls;
+      return x * x * x - k;
+    };
+    const Bracket found = rootIn(0.0, 10.0, cubic, 1e-14);
+    EXPECT_NEAR(found.low, std::cbrt(k), 4e-15 * std::cbrt(k) + 1e-14);
+    EXPECT_LE(found.high - found.low, 1e-14);
+    EXPECT_LE(found.low, found.high);
+    EXPECT_LT(calls, 20);
+  }
+}
+
+// steps have no root between neighbours
+TEST(RootIn, EndsAtAStep) {
+  const auto step = [](double x) { return x < 1.0 / 3 ? -1.0 : 2.0; };
+  const Bracket found = rootIn(0.0, 1.0, step, 1e-17);
+  EXPECT_LT(found.low, 1.0 / 3);
+  EXPECT_GE(found.high, 1.0 / 3);
+  EXPECT_LT(found.high - found.low, 1e-15);
+}
+
 // Abramowitz and Stegun, tables 26.1, 26.8 and 26.9.
 TEST(Distributions, AgreeWithTheTables) {
   EXPECT_NEAR(normalTail(1.959963984540054), 0.025, 1e-15);

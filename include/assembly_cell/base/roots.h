@@ -22,6 +22,19 @@ Bracket bisect(double low, double high, const Predicate& holds, double width = 0
   return bisect(low, high, ask, &holds, width, halvings);
 }
 
+/// The same for a function with values of unlike sign at the ends, a few calls where it is smooth:
+/// Alefeld, Potra & Shi, ACM TOMS 21 (1995), algorithm 748. Both ends where it is exactly zero.
+Bracket rootIn(double low, double high, double (*value)(const void* function, double x),
+               const void* function, double width);
+
+template <typename Function>
+Bracket rootIn(double low, double high, const Function& value, double width) {
+  const auto ask = [](const void* function, double x) -> double {
+    return (*static_cast<const Function*>(function))(x);
+  };
+  return rootIn(low, high, ask, &value, width);
+}
+
 /// Where a function with one least value in [low, high] has it: golden section, until what is left
 /// is no longer than `width`, at most `steps` times. Kinks do no harm.
 template <typename Function>
