@@ -123,12 +123,12 @@ double chatterStep(const System& s, const Evaluation& e, double h) {
 }
 
 void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
-  const double before = energyOf(s, c);
+  const double before = energyOf(s, c, e);
   dropFace(c, e);
   Trial flight;
   flight.h = t - c.time;
   const std::array<Vec3, kSlots> impulse = stopPenetration(s, t, c, e);
-  limitEnergy(s, before, c);
+  limitEnergy(s, before, c, e);
   evaluateFree(s, c.commands, c.time, c.state, e);
   c.slope = e.free;
   c.give_rate = e.motion.give_rate;
@@ -137,13 +137,7 @@ void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
   c.state = flight.end;
   ++c.counts.steps;
   if (c.time >= c.chatter_until) {
-    const double limit = energyOf(s, c);
-    findModes(s, false, c, e);
-    if (energyOf(s, c) > limit) {
-      limitEnergy(s, limit, c);
-      decide(s, c, e);
-    }
-    return;
+    return findModesWithin(s, energyOf(s, c, e), c, e);
   }
   // mean forces of the step
   evaluatePresent(s, c, e);

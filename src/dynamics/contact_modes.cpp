@@ -253,8 +253,15 @@ void findModes(const System& s, bool initial, Context& c, Evaluation& e) {
   decide(s, c, e);
 }
 
+void findModesWithin(const System& s, double limit, Context& c, Evaluation& e) {
+  findModes(s, false, c, e);
+  if (!(energyOf(s, c, e) > limit)) return;
+  limitEnergy(s, limit, c, e);
+  decide(s, c, e);
+}
+
 void changeModes(const System& s, Context& c, Evaluation& e) {
-  const double before = s.rigid ? energyOf(s, c) : 0.0;
+  const double before = s.rigid ? energyOf(s, c, e) : 0.0;
   bool closed = false, lost = false;
   double handed = 0.0;  // gap of contacts that were lost
   closed = updateFace(s, c, e);
@@ -292,8 +299,8 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
   if (closed && s.rigid) faceImpact(s, c, e);
   decide(s, c, e);
   if (s.rigid && e.closed &&
-      energyOf(s, c) > before + kLift * freeAcceleration(s, e) * s.scenario.mechanism.peg.mass) {
-    limitEnergy(s, before, c);
+      energyOf(s, c, e) > before + kLift * freeAcceleration(s, e) * s.scenario.mechanism.peg.mass) {
+    limitEnergy(s, before, c, e);
     decide(s, c, e);
   }
 }

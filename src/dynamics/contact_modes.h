@@ -14,6 +14,9 @@ void setMode(std::size_t i, Mode mode, Context& c, Evaluation& e);
 /// `initial`: at the start of a run.
 void findModes(const System& s, bool initial, Context& c, Evaluation& e);
 
+/// The same within a run, where a step may have been off: no more energy than `limit` is left [J].
+void findModesWithin(const System& s, double limit, Context& c, Evaluation& e);
+
 /// At an event: slots that have closed or left are told so, then decide().
 void changeModes(const System& s, Context& c, Evaluation& e);
 

@@ -198,6 +198,7 @@ struct Evaluation {
   std::int64_t count = 0;  ///< right-hand sides so far
   // kept from one to the next because they cost
   EulerDirections near;      ///< angles near those of the step
+  Direction drive_near;      ///< direction near that of the exciter's force
   double drive_time = -1.0;  ///< of drive_force [s]
   Eigen::Vector2d drive_force = Eigen::Vector2d::Zero();
 };

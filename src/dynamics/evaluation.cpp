@@ -28,7 +28,7 @@ void evaluateFree(const System& s, const Commands& commands, double t, const Sta
   if (t != e.drive_time) {
     e.drive_time = t;
     // by elements, as in model.cpp
-    const Eigen::Vector2d force = exciterForce(commands.drive, t);
+    const Eigen::Vector2d force = exciterForce(commands.drive, t, e.drive_near);
     e.drive_force(0) = force(0);
     e.drive_force(1) = force(1);
   }

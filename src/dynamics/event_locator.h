@@ -14,6 +14,12 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e);
 /// Sets what the events of the next step are told by, from the evaluation of the present state.
 void beginStep(const System& s, Context& c, const Evaluation& e);
 
+/// Exciter or friction turn so far within the step that an event may hide in it.
+bool isBlind(const System& s, const Context& c, const Trial& step);
+/// Least event function of the closed slots, of forces within a step; below zero where that doesn't
+/// tell.
+double leastInside(const System& s, const Context& c, const Evaluation& e);
+
 /// A mode is broken inside a step that ends with none broken: sticking contacts are shaken loose
 /// and caught within part of a turn of the exciter. e: of the step's end, kept; inside: workspace.
 bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e,

@@ -51,9 +51,19 @@ Vec3 restitutionImpulse(const System& s, const Evaluation& e, std::size_t i) {
                         s.scenario.contact.restitution);
 }
 
+Kinematics kinematicsOf(const Context& c, const Evaluation& e) {
+  Kinematics k;
+  kinematics(c.state, e.near, k);
+  return k;
+}
+
+double kineticEnergyOf(const System& s, const Context& c, const Evaluation& e) {
+  return kineticEnergy(s.scenario, kinematicsOf(c, e), c.state.v);
+}
+
 // rounding may not give energy
-void limitKineticEnergy(const System& s, double before, Context& c) {
-  const double after = kineticEnergy(s.scenario, c.state);
+void limitKineticEnergy(const System& s, double before, Context& c, const Evaluation& e) {
+  const double after = kineticEnergyOf(s, c, e);
   if (after > before) c.state.v *= std::sqrt(before / after);
 }
 
@@ -104,7 +114,7 @@ void applyImpulse(const System& s, const ForceMoment& impulse, Context& c, Evalu
 }
 
 void impact(const System& s, Context& c, Evaluation& e) {
-  const double before = kineticEnergy(s.scenario, c.state);
+  const double before = kineticEnergyOf(s, c, e);
   for (int n = 0; s.scenario.contact.restitution > 0.0 && n < kBounces; ++n) {
     const std::size_t i = fastestApproach(e, kMinBounce);
     if (i == kSlots) break;
@@ -118,7 +128,7 @@ void impact(const System& s, Context& c, Evaluation& e) {
     if (i == kSlots) break;
     plasticImpact(s, 1u << i, c, e);
   }
-  limitKineticEnergy(s, before, c);
+  limitKineticEnergy(s, before, c, e);
   // who leaves is apart at once
   for (const std::size_t i : Slots(e.active())) {
     if (e.contacts[i].gap_rate > 1e-9) setMode(i, Mode::kApart, c, e);
@@ -136,9 +146,9 @@ void jam(const System& s, bool everything, Context& c, Evaluation& e) {
     largest = loss;
     best = points;
   }
-  const double before = kineticEnergy(s.scenario, c.state);
+  const double before = kineticEnergyOf(s, c, e);
   applyImpulse(s, stoppingImpulse(s, best, e, loss), c, e);
-  limitKineticEnergy(s, before, c);
+  limitKineticEnergy(s, before, c, e);
 }
 
 bool project(const System& s, Context& c, const Evaluation& e) {
@@ -163,14 +173,14 @@ bool project(const System& s, Context& c, const Evaluation& e) {
   return errorOf(s, State{dq, dv, Vec3::Zero()}) > kPutRight;
 }
 
-double energyOf(const System& s, const Context& c) {
-  return mechanicalEnergy(s.scenario, c.state, c.commands.restAt(c.time));
+double energyOf(const System& s, const Context& c, const Evaluation& e) {
+  return mechanicalEnergy(s.scenario, kinematicsOf(c, e), c.state, c.commands.restAt(c.time));
 }
 
-void limitEnergy(const System& s, double limit, Context& c) {
-  const double excess = energyOf(s, c) - limit;
+void limitEnergy(const System& s, double limit, Context& c, const Evaluation& e) {
+  const double excess = energyOf(s, c, e) - limit;
   if (!(excess > 0.0)) return;
-  c.state.v *= std::sqrt(std::max(0.0, 1.0 - excess / kineticEnergy(s.scenario, c.state)));
+  c.state.v *= std::sqrt(std::max(0.0, 1.0 - excess / kineticEnergyOf(s, c, e)));
 }
 
 }  // namespace assembly_cell

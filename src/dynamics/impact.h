@@ -33,9 +33,9 @@ void jam(const System& s, bool everything, Context& c, Evaluation& e);
 /// True where it changed the state by more than a step may be off by: e isn't of it any more.
 bool project(const System& s, Context& c, const Evaluation& e);
 
-/// Kinetic, elastic and potential energy at the context's state [J].
-double energyOf(const System& s, const Context& c);
+/// Kinetic, elastic and potential energy at the context's state [J]. e: of a state near it.
+double energyOf(const System& s, const Context& c, const Evaluation& e);
 /// Takes from all speeds alike what the present energy is above `limit`.
-void limitEnergy(const System& s, double limit, Context& c);
+void limitEnergy(const System& s, double limit, Context& c, const Evaluation& e);
 
 }  // namespace assembly_cell

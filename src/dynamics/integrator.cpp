@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "chatter.h"
+#include "event_locator.h"
 #include "slow_slip.h"
 #include "tableaus.h"
 
@@ -110,6 +111,9 @@ void stages(const System& s, const Context& c, const Vector18& start, Slopes<T>&
   slopes.state[I].template tail<9>() = evaluate(
       s, c, c.time + T::c[I] * h, end, I == T::kStages ? Level::kEvents : Level::kForces, e);
   slopes.give[I] = e.motion.give_rate;
+  if constexpr (std::is_same_v<T, Dopri5> && (I == 2 || I == 3)) {
+    if (step.inside >= 0.0) step.inside = std::min(step.inside, leastInside(s, c, e));
+  }
   if constexpr (I < T::kStages) stages<T, I + 1>(s, c, start, slopes, step, e);
 }
 
@@ -143,23 +147,6 @@ void attemptTableau(const System& s, const Context& c, Trial& step, Evaluation& 
       step.error = fifth > 0.0 ? fifth * fifth / std::hypot(fifth, 0.1 * third) : 0.0;
     }
   }
-}
-
-// the first step against two of half its size
-double firstError(const System& s, const Context& c, double h, Evaluation& e) {
-  Trial whole, half;
-  whole.h = h;
-  half.h = 0.5 * h;
-  attemptTableau<Ralston4>(s, c, whole, e);
-  attemptTableau<Ralston4>(s, c, half, e);
-  Context middle = c;
-  middle.time += half.h;
-  middle.state = half.end;
-  middle.slope = half.slope;
-  middle.give_rate = half.give_rate;
-  attemptTableau<Ralston4>(s, middle, half, e);
-  return errorOf(s, {(half.end.q - whole.end.q) / 15.0, (half.end.v - whole.end.v) / 15.0,
-                     (half.end.give - whole.end.give) / 15.0});
 }
 
 double orderOf(Method method) {
@@ -224,6 +211,7 @@ double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
 
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e) {
   step.method = method;
+  step.inside = method == Method::kDopri5 && e.closed && isBlind(s, c, step) ? HUGE_VAL : -1.0;
   switch (method) {
     case Method::kRk4:
       return attemptTableau<Classical4>(s, c, step, e);
@@ -350,144 +338,6 @@ void Integrator::lengthen(const System& s, const Context& c, const Trial& step, 
   }
   pace_.last = {step.h * right, step.method};
   pace_.next_step = step.h * std::clamp(change, 0.2, 5.0);
-}
-
-// Hamming's modified predictor–corrector as IBM's HPCG has it: Ralston's method for the first three
-// steps, predictor, modifier, corrector, final value; the slope is evaluated at the modified
-// predictor and at the final value.
-void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, Evaluation& e) {
-  Past& past = past_;
-  const double h = step.h;
-  if (past.count == 0 || std::abs(h - past.h) > 1e-6 * past.h) {
-    past.y[0] = c.state;
-    past.slope[0] = {c.state.v, c.slope, c.give_rate};
-    past.count = 1;
-    past.h = h;
-    past.defect = {};
-  }
-  if (past.count < 4) {
-    const double error = !s.fixed_step && past.count == 1 ? firstError(s, c, h, e) : 0.0;
-    attemptTableau<Ralston4>(s, c, step, e);
-    step.error = error;
-    return;
-  }
-  const int n = past.count - 1;
-  const State &y0 = past.y[n], &y2 = past.y[n - 2], &y3 = past.y[n - 3];
-  const State &f0 = past.slope[n], &f1 = past.slope[n - 1], &f2 = past.slope[n - 2];
-  const double part = 112.0 / 121.0, last = 9.0 / 121.0;
-  State modified, at, change;
-  const auto predict = [&](auto part_of) {
-    const auto predicted =
-        (y3.*part_of + (4.0 / 3.0 * h) * (2.0 * f0.*part_of - f1.*part_of + 2.0 * f2.*part_of))
-            .eval();
-    modified.*part_of = predicted - part * past.defect.*part_of;
-    change.*part_of = predicted;
-  };
-  predict(&State::q);
-  predict(&State::v);
-  predict(&State::give);
-  at.v = evaluate(s, c, c.time + h, modified, Level::kForces, e);
-  at.q = modified.v;
-  at.give = e.motion.give_rate;
-  const auto correct = [&](auto part_of) {
-    const auto corrected = ((9.0 * y0.*part_of - y2.*part_of +
-                             (3.0 * h) * (at.*part_of + 2.0 * f0.*part_of - f1.*part_of)) /
-                            8.0)
-                               .eval();
-    change.*part_of -= corrected;
-    step.end.*part_of = corrected + last * change.*part_of;
-  };
-  correct(&State::q);
-  correct(&State::v);
-  correct(&State::give);
-  step.slope = evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
-  step.give_rate = e.motion.give_rate;
-  trial_defect_ = change;
-  step.error =
-      s.fixed_step ? 0.0 : errorOf(s, {last * change.q, last * change.v, last * change.give});
-}
-
-// the accepted step becomes the newest row of the past
-void Integrator::remember(const Context& c, double h) {
-  Past& past = past_;
-  if (past.count == 0 || std::abs(h - past.h) > 1e-6 * past.h) {
-    past.count = 0;
-    return;
-  }
-  if (past.count >= 4) past.defect = trial_defect_;
-  if (past.count == Past::kMaxRows) {
-    std::move(past.y.begin() + 1, past.y.end(), past.y.begin());
-    std::move(past.slope.begin() + 1, past.slope.end(), past.slope.begin());
-    --past.count;
-  }
-  const int n = past.count++;
-  past.y[n] = c.state;
-  past.slope[n] = {c.state.v, c.slope, c.give_rate};
-}
-
-// what HPCG does after each change of the step: predictor less corrector from the past
-void Integrator::resetDefect() {
-  Past& past = past_;
-  const int n = past.count - 1;
-  const auto defect = [&](auto part) {
-    past.defect.*part =
-        242.0 / 27.0 * (past.y[n].*part - past.y[n - 3].*part) -
-        121.0 / 36.0 * past.h *
-            (past.slope[n].*part + 3.0 * (past.slope[n - 1].*part + past.slope[n - 2].*part) +
-             past.slope[n - 3].*part);
-  };
-  defect(&State::q);
-  defect(&State::v);
-  defect(&State::give);
-}
-
-// half the step: values between the last three from a formula of order six
-void Integrator::halvePast(const System& s, const Context& c, Evaluation& e) {
-  Past& past = past_;
-  const int n = past.count - 1;
-  const double h = past.h / 256.0;
-  State near, far;
-  const auto between = [&](auto part) {
-    const auto &y0 = past.y[n].*part, &y1 = past.y[n - 1].*part, &y2 = past.y[n - 2].*part,
-               &y3 = past.y[n - 3].*part;
-    const auto &f0 = past.slope[n].*part, &f1 = past.slope[n - 1].*part,
-               &f2 = past.slope[n - 2].*part;
-    near.*part = (80.0 * y0 + 135.0 * y1 + 40.0 * y2 + y3) / 256.0 +
-                 h * (-15.0 * f0 + 90.0 * f1 + 15.0 * f2);
-    far.*part = (12.0 * y0 + 135.0 * y1 + 108.0 * y2 + y3) / 256.0 +
-                h * (-3.0 * f0 - 54.0 * f1 + 27.0 * f2);
-  };
-  between(&State::q);
-  between(&State::v);
-  between(&State::give);
-  const State y0 = past.y[n], f0 = past.slope[n], y1 = past.y[n - 1], f1 = past.slope[n - 1];
-  past.h *= 0.5;
-  past.y[0] = far;
-  past.slope[0].v = evaluate(s, c, c.time - 3.0 * past.h, far, Level::kForces, e);
-  past.slope[0].q = far.v;
-  past.slope[0].give = e.motion.give_rate;
-  past.y[1] = y1;
-  past.slope[1] = f1;
-  past.y[2] = near;
-  past.slope[2].v = evaluate(s, c, c.time - past.h, near, Level::kForces, e);
-  past.slope[2].q = near.v;
-  past.slope[2].give = e.motion.give_rate;
-  past.y[3] = y0;
-  past.slope[3] = f0;
-  past.count = 4;
-  resetDefect();
-}
-
-// twice the step: every other row
-void Integrator::doublePast() {
-  Past& past = past_;
-  for (int i = 1; i < 4; ++i) {
-    past.y[i] = past.y[2 * i];
-    past.slope[i] = past.slope[2 * i];
-  }
-  past.count = 4;
-  past.h *= 2.0;
-  resetDefect();
 }
 
 }  // namespace assembly_cell

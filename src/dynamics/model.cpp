@@ -24,7 +24,8 @@ Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
   return f;
 }
 
-constexpr double kNear = 0.03;  // the reach of directionNear()'s series [rad]
+// The reach of directionNear()'s series: what follows is below 1e-17.
+constexpr double kNear = 0.2;  // [rad]
 constexpr double kShortestMove = 2e-3, kLongestMove = 1e4, kLonger = 1.05;  // of the rest pose [s]
 
 struct Deflection {
@@ -287,13 +288,37 @@ RestProfile planStop(const RestMotion& now, double t, double max_acceleration, d
   return profile;
 }
 
+Direction directionOf(double angle) { return {angle, std::cos(angle), std::sin(angle)}; }
+
+Direction directionNear(const Direction& base, double angle) {
+  const double turn = angle - base.angle;
+  if (!(std::abs(turn) < kNear)) return directionOf(angle);
+  // series in pairs, that needn't wait for one another; the cosine less 1, so that the base's
+  // rounding is all there is
+  const double d = turn * turn, d2 = d * d;
+  const double versine = d * ((-1.0 / 2 + d * (1.0 / 24)) +
+                              d2 * ((-1.0 / 720 + d * (1.0 / 40320)) - d2 * (1.0 / 3628800)));
+  const double sine =
+      turn * ((1.0 - d * (1.0 / 6)) + d2 * ((1.0 / 120 - d * (1.0 / 5040)) +
+                                            d2 * (1.0 / 362880 - d * (1.0 / 39916800))));
+  return {angle, base.cosine + (base.cosine * versine - base.sine * sine),
+          base.sine + (base.sine * versine + base.cosine * sine)};
+}
+
 Eigen::Vector2d exciterForce(const Drive& drive, double t) {
+  Direction near;
+  return exciterForce(drive, t, near);
+}
+
+Eigen::Vector2d exciterForce(const Drive& drive, double t, Direction& near) {
   const ExciterParameters& e = drive.exciter;
   if (e.amplitude == 0.0) return Eigen::Vector2d::Zero();
   const ExciterErrors& errors = drive.errors;
   const double angle = e.direction * (e.frequency * (t - drive.t_ref - errors.delay) + e.phase);
   const double amplitude = errors.gain * e.amplitude;
-  Eigen::Vector2d force(std::cos(angle), std::sin(angle));  // peg axes x, y
+  if (!(std::abs(angle - near.angle) < kNear)) near = directionOf(angle);
+  const Direction at = directionNear(near, angle);
+  Eigen::Vector2d force(at.cosine, at.sine);  // peg axes x, y
   if (errors.ellipticity != 0.0) {
     const Eigen::Vector2d minor(-std::sin(errors.azimuth), std::cos(errors.azimuth));
     force -= errors.ellipticity * minor.dot(force) * minor;
@@ -303,20 +328,6 @@ Eigen::Vector2d exciterForce(const Drive& drive, double t) {
   }
   // peg axes x = thesis axis 2, y = −(thesis axis 1)
   return {-amplitude * force.y(), amplitude * force.x()};
-}
-
-Direction directionOf(double angle) { return {angle, std::cos(angle), std::sin(angle)}; }
-
-Direction directionNear(const Direction& base, double angle) {
-  const double turn = angle - base.angle;
-  if (!(std::abs(turn) < kNear)) return directionOf(angle);
-  const double d = turn * turn;
-  // cosine less 1, so that the base's rounding is all there is
-  const double versine = -0.5 * d * (1.0 - d * (1.0 / 12) * (1.0 - d * (1.0 / 30)));
-  const double sine =
-      turn * (1.0 - d * (1.0 / 6) * (1.0 - d * (1.0 / 20) * (1.0 - d * (1.0 / 42))));
-  return {angle, base.cosine + (base.cosine * versine - base.sine * sine),
-          base.sine + (base.sine * versine + base.cosine * sine)};
 }
 
 void keepNear(const State& state, EulerDirections& near) {
@@ -432,21 +443,19 @@ void solveMass(const InverseMass& inverse, const Kinematics& k, const Vector9& f
   a(8) = inverse.yaw * f(8);
 }
 
-double kineticEnergy(const Scenario& s, const State& state) {
-  const Kinematics k = kinematics(state);
+double kineticEnergy(const Scenario& s, const Kinematics& k, const Vector9& v) {
   const double I = s.mechanism.peg.inertia_transverse, I3 = s.mechanism.peg.inertia_axial;
   const double spin = k.omega.dot(k.a);
-  const Vector9& v = state.v;
   return 0.5 *
          (s.mechanism.peg.mass * k.v.squaredNorm() + I * (k.omega.squaredNorm() - spin * spin) +
           I3 * spin * spin + s.mechanism.carrier.mass * (v(6) * v(6) + v(7) * v(7)) +
           s.mechanism.carrier.inertia * v(8) * v(8));
 }
 
-double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& commanded) {
+double mechanicalEnergy(const Scenario& s, const Kinematics& k, const State& state,
+                        const RestMotion& commanded) {
   RestMotion rest = commanded;
   rest.position.head<3>() += state.give;
-  const Kinematics k = kinematics(state);
   const Vector6 d = s.mechanism.coupling.axes == CouplingAxes::kHole
                         ? couplingDeflection(s, k, state, rest).d
                         : turningCoupling(s, k, state, rest).in_carrier.d;
@@ -454,7 +463,7 @@ double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion&
   const Eigen::Vector3d c =
       state.q.tail<3>() - Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));
   const double carrier = 0.5 * s.mechanism.carrier.stiffness.dot(c.cwiseProduct(c));
-  return kineticEnergy(s, state) + coupling + carrier +
+  return kineticEnergy(s, k, state.v) + coupling + carrier +
          s.mechanism.peg.mass * s.mechanism.gravity * state.q(0);
 }
 

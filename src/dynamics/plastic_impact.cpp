@@ -19,6 +19,9 @@ constexpr int kTurns = 40, kStarts = 24;  // of the search for friction directio
 // To measure how an error changes, the root of its rounding; aimed at; good enough. Half and twice:
 // 18 and 14, 13 and 12 of 400 random scenes end elsewhere by roundings of their many impacts, none.
 constexpr double kTurn = 1e-7, kDirection = 1e-13, kSettled = 1e-9;  // [rad]
+// Newton steps of a direction alone are no longer than the first, and the last one is shorter than
+// the second: the next would be its square.
+constexpr double kLongest = 0.5, kAlone = 1e-9;  // [rad]
 
 // Points are tried as sticking first; the worst offender changes until none is left.
 class PlasticImpact {
@@ -37,8 +40,9 @@ class PlasticImpact {
 
   void solve() {
     for (int pass = 0; pass < kPasses; ++pass) {
-      slips_ = 0;
+      slips_ = acting_ = 0;
       for (const std::size_t i : Slots(points_)) {
+        if (kind_[i] != Kind::kNone) ++acting_;
         if (kind_[i] == Kind::kSlip) slipping_[slips_++] = i;
       }
       if (!findImpulses()) break;
@@ -161,9 +165,42 @@ class PlasticImpact {
     return e.cwiseAbs().maxCoeff();
   }
 
+  // Newton's method for a point that slips alone: the slip after the impact is known in closed form,
+  // and its part across the direction is to vanish.
+  void turnAlone(std::size_t i) {
+    const Vec3 &n = e_.point(i).normal, &r = e_.contacts[i].r, &v = e_.contacts[i].velocity;
+    const Vec3 first = friction_[i], second = n.cross(first);
+    const Vec3 by_n = response(body_, r, r, n), by_1 = response(body_, r, r, first),
+               by_2 = response(body_, r, r, second);
+    const auto along = [&](const Vec3& u) { return Eigen::Vector2d(first.dot(u), second.dot(u)); };
+    const Eigen::Vector2d slip = along(v), from_n = along(by_n);
+    const Eigen::Vector2d to_n(n.dot(by_1), n.dot(by_2));
+    const double own = n.dot(by_n), stop = -n.dot(v);
+    Eigen::Matrix2d across;
+    across << along(by_1), along(by_2);
+    Eigen::Vector2d f(1.0, 0.0);
+    for (int step = 0; step < kTurns; ++step) {
+      const Eigen::Vector2d g(-f(1), f(0));  // f turned
+      // the slip times what the normal impulse is divided by, and how that changes with the turn
+      const Eigen::Vector2d after =
+          (own + mu_ * to_n.dot(f)) * slip + stop * (from_n + mu_ * across * f);
+      const Eigen::Vector2d change = mu_ * (to_n.dot(g) * slip + stop * across * g);
+      const double slope = g.dot(change) - f.dot(after);
+      const double by = std::clamp(-g.dot(after) / slope, -kLongest, kLongest);
+      if (!std::isfinite(by)) return;
+      f = (f + by * g).normalized();
+      if (std::abs(by) < kAlone) {
+        const bool opposed = f.dot(after) < 0.0 && own + mu_ * to_n.dot(f) > 0.0;
+        if (opposed) friction_[i] = f(0) * first + f(1) * second;
+        return;
+      }
+    }
+  }
+
   // from the present directions, from the slip before the impact, for one point from all round
   void settleDirections() {
     const auto start = friction_;
+    if (acting_ == 1) turnAlone(slipping_[0]);
     double least = converge();
     auto best = friction_;
     const auto attempt = [&] {
@@ -247,7 +284,7 @@ class PlasticImpact {
   std::array<Kind, kSlots> kind_;
   std::array<Vec3, kSlots> friction_, impulse_;
   std::array<std::size_t, kSlots> slipping_{};
-  std::size_t slips_ = 0;
+  std::size_t slips_ = 0, acting_ = 0;  // points that slip, that have an impulse
 };
 
 }  // namespace

@@ -240,7 +240,9 @@ RestPose Simulation::carrier() const {
 }
 
 double Simulation::energy() const {
-  return mechanicalEnergy(scenario(), state(), run_->context.commands.restAt(time()));
+  const State now = state();
+  return mechanicalEnergy(scenario(), kinematics(now), now,
+                          run_->context.commands.restAt(time()));
 }
 
 }  // namespace assembly_cell

@@ -29,6 +29,10 @@ constexpr double kStepFloor =
 // Where it gives up contacts are found anew this far on, twice as far each time soon after another.
 constexpr double kLeap = 1e-12, kFarthestLeap = 1e-8, kSoon = 1e-6;  // [s]
 constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
+// Slip goes astray, too, where so many steps in a row are shorter than that: forces jump to and fro
+// between two values, and a run would take 1e9 of them. After an event a dozen are.
+constexpr double kCrawl = 1e-10;  // [s]
+constexpr int kMostCrawling = 300;
 constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
 constexpr double kSameEnd = 1e-14;  // rounding of a sum of steps, a part of the time
@@ -79,10 +83,10 @@ void Simulation::Run::step(double t_end) {
   if (!trial.finite() || !(trial.error <= 1.0 || coarse)) return refuse(trial);
   if (chatters) {
     const bool off = trial.error > 1.0;
-    const double before = off ? energyOf(system, context) : 0.0;
+    const double before = off ? energyOf(system, context, now) : 0.0;
     accept(t, trial);
     integrator.lengthen(system, context, trial, last, t_end);
-    if (off) limitEnergy(system, before, context);
+    if (off) limitEnergy(system, before, context, now);
     findModes(system, false, context, now);
     return checkState();
   }
@@ -98,6 +102,11 @@ void Simulation::Run::step(double t_end) {
   }
   accept(t, trial);
   integrator.accept(system, context, trial, last, t_end);
+  crawling = trial.h < kCrawl ? crawling + 1 : 0;
+  if (crawling > kMostCrawling && system.rigid && !system.fixed_step && slips(context.slots)) {
+    crawling = 0;
+    stopSlip();
+  }
   checkState();
 }
 
@@ -114,17 +123,22 @@ void Simulation::Run::refuse(const Trial& trial) {
     // the lowest point of a flat peg changes at once: step over that
     beginChatter(context.time, context);
   } else if (system.rigid && finite && shorter < kStepFloor && slips(context.slots)) {
-    ++context.counts.events;
-    noteEvent(system, now, context.time, context);
-    jam(system, false, context, now);
-    decide(system, context, now);
-    integrator.setStep(kAfterJam);
+    stopSlip();
   } else if (system.fixed_step || shorter < kStepFloor) {
     if (finite && system.discrete_friction && !system.fixed_step && leap()) return;
     context.stop = finite ? StopReason::kStepTooSmall : StopReason::kNonFinite;
   } else {
     integrator.refuse(system, context, trial, now);
   }
+}
+
+// slip that goes astray: there is no force that it can go on with
+void Simulation::Run::stopSlip() {
+  ++context.counts.events;
+  noteEvent(system, now, context.time, context);
+  jam(system, false, context, now);
+  decide(system, context, now);
+  integrator.setStep(kAfterJam);
 }
 
 bool Simulation::Run::accept(double t, const Trial& trial) {
@@ -152,10 +166,11 @@ bool Simulation::Run::accept(double t, const Trial& trial) {
 void Simulation::Run::endUnseen(const Trial& trial) {
   integrator.interrupt();
   const double t = context.time + trial.h;
+  const double limit = system.rigid ? energyOf(system, context, now) : HUGE_VAL;
   noteEvent(system, now, t, context);
   accept(t, trial);
   ++context.counts.events;
-  findModes(system, false, context, now);
+  findModesWithin(system, limit, context, now);
   checkState();
 }
 

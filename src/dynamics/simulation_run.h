@@ -18,6 +18,7 @@ struct Simulation::Run {
   bool accept(double t, const Trial& trial);
   void endAtEvent(const Events& at_end, Trial& trial);
   void endUnseen(const Trial& trial);
+  void stopSlip();
   bool leap();
   void checkState();
   void decideAfterCommand();
@@ -59,6 +60,7 @@ struct Simulation::Run {
   };
   std::unique_ptr<Behind> behind;
   bool looks = false;
+  int crawling = 0;  // very short steps in a row
 };
 
 }  // namespace assembly_cell

@@ -138,7 +138,8 @@ class EnergyBalance {
       State low = sim_.state(), high = low;
       (i < 9 ? low.q : low.v)(i % 9) -= step;
       (i < 9 ? high.q : high.v)(i % 9) += step;
-      const double change = mechanicalEnergy(s_, high, rest) - mechanicalEnergy(s_, low, rest);
+      const double change = mechanicalEnergy(s_, kinematics(high), high, rest) -
+                            mechanicalEnergy(s_, kinematics(low), low, rest);
       sum += error * std::abs(change) / (2.0 * step);
     }
     return sum;

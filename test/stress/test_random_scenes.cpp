@@ -123,5 +123,16 @@ TEST(Stress, SpringsFoundAndLostInTurn) {
   }
 }
 
+// Two points that slip, of a rigid peg: their forces jump between two values within each step, and
+// steps of 1e-11 s went on for more than fifty million evaluations. Such slip is stopped.
+TEST(Stress, ForcesThatJumpToAndFro) {
+  const Scenario base =
+      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  const stress::Verdict v = stress::run(stress::RandomScene(base, 4659), 0.02);
+  EXPECT_EQ(v.reason, "ok") << v.scene;
+  EXPECT_LT(v.gain, 1.0);
+  EXPECT_LT(v.evaluations, 2e6);
+}
+
 }  // namespace
 }  // namespace assembly_cell

@@ -60,6 +60,14 @@ RestProfile followProfile(const RestMotion& now, double t, const RestMotion& goa
 /// rate of each coordinate is a cubic. At full speed and no acceleration 0.75 v²/a farther.
 RestProfile planStop(const RestMotion& now, double t, double max_acceleration, double arm);
 
+/// Angle with its cosine and sine, and those of an angle near it without a library call (within
+/// 0.2 rad; exact to rounding).
+struct Direction {
+  double angle = 0.0, cosine = 1.0, sine = 0.0;
+};
+Direction directionOf(double angle);
+Direction directionNear(const Direction& base, double angle);
+
 /// Exciting force at time t, in thesis peg axes 1, 2. t_ref: see Simulation::setExciter. [N]
 struct Drive {
   ExciterParameters exciter;
@@ -67,6 +75,8 @@ struct Drive {
   ExciterErrors errors{};
 };
 Eigen::Vector2d exciterForce(const Drive& drive, double t);
+/// The same, with a direction near that of the force, which is taken anew where it is too far.
+Eigen::Vector2d exciterForce(const Drive& drive, double t, Direction& near);
 
 /// What one evaluation of the mechanism needs at a time and a state, without the contacts.
 struct Kinematics {
@@ -79,13 +89,6 @@ struct Kinematics {
 };
 Kinematics kinematics(const State& state);
 
-/// Angle with its cosine and sine, and those of an angle near it without a library call (within
-/// 0.03 rad; exact to rounding).
-struct Direction {
-  double angle = 0.0, cosine = 1.0, sine = 0.0;
-};
-Direction directionOf(double angle);
-Direction directionNear(const Direction& base, double angle);
 using EulerDirections = std::array<Direction, 3>;  ///< of phi, theta, psi
 /// Takes those of `near` anew that are too far from the state's angles.
 void keepNear(const State& state, EulerDirections& near);
@@ -115,8 +118,11 @@ struct InverseMass {
 void solveMass(const InverseMass& inverse, const Kinematics& k, const Vector9& force,
                Vector9& rate);
 
-double kineticEnergy(const Scenario& s, const State& state);  ///< of peg and carrier [J]
-/// Kinetic + coupling + carrier springs + weight [J]. `rest`: without what gives way.
-double mechanicalEnergy(const Scenario& s, const State& state, const RestMotion& rest);
+/// Of peg and carrier [J]. k: of the state with these rates v.
+double kineticEnergy(const Scenario& s, const Kinematics& k, const Vector9& v);
+/// Kinetic + coupling + carrier springs + weight [J]. k: of the state; `rest`: without what gives
+/// way.
+double mechanicalEnergy(const Scenario& s, const Kinematics& k, const State& state,
+                        const RestMotion& rest);
 
 }  // namespace assembly_cell
