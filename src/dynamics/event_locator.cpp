@@ -232,8 +232,8 @@ class Seen {
     size_ = std::min(size_ + 1, kMost);
   }
 
-  // Where the polynomial through them is zero, for one event, by Newton's method from where the line
-  // through the last two is; HUGE_VAL where there is none.
+  // Where the polynomial through them is zero, for one event, by Newton's method from where the
+  // line through the last two is; HUGE_VAL where there is none.
   double root(std::size_t event) const {
     std::array<double, kMost> at, part;  // divided differences
     std::size_t n = 0;
@@ -312,9 +312,9 @@ struct EventSearch {
   }
 
   double valueOfFirst() const { return events[first.event] / -at_end[first.event]; }
-  // The end of a bracket: by polynomials, a little beyond their zeros, to come to the far side; where
-  // these don't end soon, by halves: of the bracket, or of its order where low is the step's start.
-  // middle: events in the middle of the step, if they are known.
+  // The end of a bracket: by polynomials, a little beyond their zeros, to come to the far side;
+  // where these don't end soon, by halves: of the bracket, or of its order where low is the step's
+  // start. middle: events in the middle of the step, if they are known.
   double bracket(double high, const Events* middle, double resolution) {
     double low = 0.0;
     Seen seen;

@@ -21,7 +21,7 @@ struct Trial {
   State end;
   Vector9 slope;                                        ///< v' there
   Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();  ///< of State::give there
-  double error = 0.0;               ///< over the tolerance; 0 without error control
+  double error = 0.0;  ///< over the tolerance; 0 without error control
   /// Least event function of the closed slots at the stages within, where they are watched.
   double inside = -1.0;
   Vector9 sixth = Vector9::Zero();  ///< of interpolate(), from refine(): coefficient of (u − u²)³

@@ -25,7 +25,7 @@ Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
 }
 
 // The reach of directionNear()'s series: what follows is below 1e-17.
-constexpr double kNear = 0.2;  // [rad]
+constexpr double kNear = 0.2;                                               // [rad]
 constexpr double kShortestMove = 2e-3, kLongestMove = 1e4, kLonger = 1.05;  // of the rest pose [s]
 
 struct Deflection {
@@ -299,8 +299,8 @@ Direction directionNear(const Direction& base, double angle) {
   const double versine = d * ((-1.0 / 2 + d * (1.0 / 24)) +
                               d2 * ((-1.0 / 720 + d * (1.0 / 40320)) - d2 * (1.0 / 3628800)));
   const double sine =
-      turn * ((1.0 - d * (1.0 / 6)) + d2 * ((1.0 / 120 - d * (1.0 / 5040)) +
-                                            d2 * (1.0 / 362880 - d * (1.0 / 39916800))));
+      turn * ((1.0 - d * (1.0 / 6)) +
+              d2 * ((1.0 / 120 - d * (1.0 / 5040)) + d2 * (1.0 / 362880 - d * (1.0 / 39916800))));
   return {angle, base.cosine + (base.cosine * versine - base.sine * sine),
           base.sine + (base.sine * versine + base.cosine * sine)};
 }

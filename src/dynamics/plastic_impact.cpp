@@ -165,8 +165,8 @@ class PlasticImpact {
     return e.cwiseAbs().maxCoeff();
   }
 
-  // Newton's method for a point that slips alone: the slip after the impact is known in closed form,
-  // and its part across the direction is to vanish.
+  // Newton's method for a point that slips alone: the slip after the impact is known in closed
+  // form, and its part across the direction is to vanish.
   void turnAlone(std::size_t i) {
     const Vec3 &n = e_.point(i).normal, &r = e_.contacts[i].r, &v = e_.contacts[i].velocity;
     const Vec3 first = friction_[i], second = n.cross(first);

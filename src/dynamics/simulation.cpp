@@ -241,8 +241,7 @@ RestPose Simulation::carrier() const {
 
 double Simulation::energy() const {
   const State now = state();
-  return mechanicalEnergy(scenario(), kinematics(now), now,
-                          run_->context.commands.restAt(time()));
+  return mechanicalEnergy(scenario(), kinematics(now), now, run_->context.commands.restAt(time()));
 }
 
 }  // namespace assembly_cell

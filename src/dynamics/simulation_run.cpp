@@ -33,7 +33,7 @@ constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from th
 // between two values, and a run would take 1e9 of them. After an event a dozen are.
 constexpr double kCrawl = 1e-10;  // [s]
 constexpr int kMostCrawling = 300;
-constexpr double kMinSine = 0.1;    // of theta: the Euler angles are singular at 0
+constexpr double kMinSine = 0.1;  // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
 constexpr double kSameEnd = 1e-14;  // rounding of a sum of steps, a part of the time
 

@@ -27,8 +27,8 @@ Method methodOf(const std::string& name) {
                    " is not available; use hamming, rk4, dopri5 or dop853");
 }
 
-// the smallest gap of the admitted features with the peg's centre of mass at this height [m]; the set:
-// of the last search
+// the smallest gap of the admitted features with the peg's centre of mass at this height [m]; the
+// set: of the last search
 double smallestGap(const System& s, State at, double height, ContactSet& set) {
   at.q(0) = height;
   findContacts(s.edge(kinematics(at)), s.shapes, s.admitted & ~s.excluded, set);
