@@ -151,6 +151,7 @@ struct Context {
   Cluster cluster;
   double chatter_until = -1.0;      ///< no event is located before this time [s]
   double leapt = -1.0, leap = 0.0;  ///< end and length of the last leap [s]
+  int crawling = 0;                 ///< very short steps in a row
   RunCounts counts;                 ///< without evaluations
   StopReason stop = StopReason::kOk;
 };

@@ -34,7 +34,8 @@ constexpr int kMostLooks = 8;
 // As many are spared where closed slots were far from events at two stages, 0.3 and 0.8 of a step
 // of dopri5, which are off by its third order: all that looks found in 200 vibrated runs was found.
 constexpr int kStageLooks = 2;
-// An event is looked for by so many polynomials, then by halves in turn.
+// An event is looked for by so many polynomials, then by halves in turn. One less and one more: the
+// same events, within 0.2 % of their evaluations.
 constexpr int kPolynomials = 3;
 // Shorter steps are taken anew: what the interpolant gains there is in its rounding [s].
 constexpr double kRefined = 1e-6;

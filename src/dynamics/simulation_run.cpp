@@ -102,9 +102,10 @@ void Simulation::Run::step(double t_end) {
   }
   accept(t, trial);
   integrator.accept(system, context, trial, last, t_end);
-  crawling = trial.h < kCrawl ? crawling + 1 : 0;
-  if (crawling > kMostCrawling && system.rigid && !system.fixed_step && slips(context.slots)) {
-    crawling = 0;
+  if (!last) context.crawling = trial.h < kCrawl ? context.crawling + 1 : 0;
+  const bool crawls = context.crawling > kMostCrawling && !system.fixed_step;
+  if (crawls && system.rigid && slips(context.slots)) {
+    context.crawling = 0;
     stopSlip();
   }
   checkState();

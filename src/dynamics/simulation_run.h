@@ -60,7 +60,6 @@ struct Simulation::Run {
   };
   std::unique_ptr<Behind> behind;
   bool looks = false;
-  int crawling = 0;  // very short steps in a row
 };
 
 }  // namespace assembly_cell
