@@ -33,6 +33,8 @@ struct System {
   bool compliant = false;          ///< the carrier gives way behind its encoders
   double leave_gap = 0.0;          ///< a contact opens above this [m]
   double slip_threshold = 0.0;     ///< slip slower than this is rest [m/s]
+  /// Tolerance over 1e-9 m, from 1e-3 to 100: as far as hysteresis and places of events follow it.
+  double coarseness = 1.0;
   InverseMass inverse_mass;
   double arm = 0.0;                            ///< from the centre of mass to the peg's edge [m]
   ContactSlotMask admitted = 0, excluded = 0;  ///< excluded: watched, ends the run

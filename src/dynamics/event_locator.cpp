@@ -402,8 +402,7 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
   // the interpolant of another step is not worth more; of discrete friction a thousandth of the
   // tolerance at 1 m/s, as far as the hysteresis of its forces follows that
   const double worth = dense ? 0.0 : 1e-7 * h;
-  const double fine = s.scenario.solver.tolerance / 1e-9;
-  const double time = kEventTime * std::clamp(fine, 0.1, s.discrete_friction ? 100.0 : 0.1);
+  const double time = kEventTime * (s.discrete_friction ? std::max(0.1, s.coarseness) : 0.1);
   const double resolution = std::max({time, 4e-16 * std::abs(c.time), worth});
   double end = search.bracket(h, dense ? &middle : nullptr, resolution);
   if (!dense) return search.takeAnew(end);

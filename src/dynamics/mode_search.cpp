@@ -34,8 +34,7 @@ double setHysteresis(const System& s, Context& c, const Evaluation& e) {
     scale = std::max(
         scale, std::abs(e.point(i).normal.dot(at.acceleration)) + std::abs(at.rates.gap_bias));
   }
-  const double fine = std::clamp(s.scenario.solver.tolerance / 1e-9, 1e-3, 100.0);
-  const double change = kHysteresis * fine * scale;
+  const double change = kHysteresis * s.coarseness * scale;
   const double limit = 0.5 * (c.approach > 0.0 ? std::min(c.approach, change) : change);
   c.approach = change;
   c.pull = c.approach * s.scenario.mechanism.peg.mass;

@@ -290,6 +290,15 @@ RestProfile planStop(const RestMotion& now, double t, double max_acceleration, d
 
 Direction directionOf(double angle) { return {angle, std::cos(angle), std::sin(angle)}; }
 
+namespace {
+
+// takes a direction anew that is farther from an angle
+void keepWithin(double reach, double angle, Direction& near) {
+  if (!(std::abs(angle - near.angle) < reach)) near = directionOf(angle);
+}
+
+}  // namespace
+
 Direction directionNear(const Direction& base, double angle) {
   const double turn = angle - base.angle;
   if (!(std::abs(turn) < kNear)) return directionOf(angle);
@@ -316,7 +325,7 @@ Eigen::Vector2d exciterForce(const Drive& drive, double t, Direction& near) {
   const ExciterErrors& errors = drive.errors;
   const double angle = e.direction * (e.frequency * (t - drive.t_ref - errors.delay) + e.phase);
   const double amplitude = errors.gain * e.amplitude;
-  if (!(std::abs(angle - near.angle) < kNear)) near = directionOf(angle);
+  keepWithin(kNear, angle, near);
   const Direction at = directionNear(near, angle);
   Eigen::Vector2d force(at.cosine, at.sine);  // peg axes x, y
   if (errors.ellipticity != 0.0) {
@@ -332,9 +341,7 @@ Eigen::Vector2d exciterForce(const Drive& drive, double t, Direction& near) {
 
 void keepNear(const State& state, EulerDirections& near) {
   for (int i = 0; i < 3; ++i) {
-    Direction& base = near[static_cast<std::size_t>(i)];
-    const double angle = state.q(3 + i);
-    if (!(std::abs(angle - base.angle) < 0.5 * kNear)) base = directionOf(angle);
+    keepWithin(0.5 * kNear, state.q(3 + i), near[static_cast<std::size_t>(i)]);
   }
 }
 

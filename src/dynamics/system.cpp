@@ -110,6 +110,7 @@ System::System(const Scenario& given)
   shapes.peg_length = lengthOf(scenario.mechanism);
   shapes.bore_lean = scenario.imperfections.bore_lean;
   compliant = isCompliant(scenario);
+  coarseness = std::clamp(solver.tolerance / 1e-9, 1e-3, 100.0);
   // slip is told from rest above the integrator's velocity error, docs/theory.md
   slip_threshold = std::max(kMinSlip, kSlipOverTolerance * (fixed_step ? 1e-9 : solver.tolerance));
   // the thesis's rows let a stationary contact creep below v_ST

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "assembly_cell/base/distributions.h"
 
@@ -54,6 +55,11 @@ TEST(RootIn, IsThereInAFewCalls) {
     EXPECT_LE(found.low, found.high);
     EXPECT_LT(calls, 20);
   }
+}
+
+TEST(RootIn, WantsUnlikeSigns) {
+  const auto above = [](double x) { return x + 1.0; };
+  EXPECT_THROW(rootIn(0.0, 1.0, above, 1e-9), std::domain_error);
 }
 
 // steps have no root between neighbours
