@@ -17,18 +17,20 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 
 constexpr int kUnknowns = 7;  // slope x, y of the plane; height; centre x, y; offset of points x, y
+constexpr int kOfHole = 5;    // those before the offset
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
-constexpr int kMarch = 36, kBisections = 30;  // of half the edge, for where it crosses the rim
-constexpr int kLune = 24;                     // of the part below the plane
-constexpr int kGrid = 15, kMostGrid = 97;     // centres to start from, per axis: these at least
-constexpr double kGridStep = 0.25;            // and so many radii apart at most
-constexpr int kStarts = 5;                    // of these climbed
-constexpr double kAzimuth = 1e-9;             // to which a contact on a chamfer is sought [rad]
-constexpr double kSteep = 100.0;              // a wall up from the bore's end, for that search
-constexpr double kSlack = 1e-9;               // within the bore that is on its end [m]
-constexpr double kGridReach = 2.0;            // of the prior's deviations
+constexpr int kMarch = 36;                 // steps of half the edge, for where it crosses the rim
+constexpr double kCrossing = 1e-10;        // to which that is sought [rad]
+constexpr int kLune = 24;                  // of the part below the plane
+constexpr int kGrid = 15, kMostGrid = 97;  // centres to start from, per axis: these at least
+constexpr double kGridStep = 0.25;         // and so many radii apart at most
+constexpr int kStarts = 5;                 // of these climbed
+constexpr double kAzimuth = 1e-9;          // to which a contact on a chamfer is sought [rad]
+constexpr double kSteep = 100.0;           // a wall up from the bore's end, for that search
+constexpr double kSlack = 1e-9;            // within the bore that is on its end [m]
+constexpr double kGridReach = 2.0;         // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr int kCircles = 4;          // steps up the peg's chamfer, for which touches
 constexpr double kCircle = 1e-3;     // and to which its circle is sought
@@ -36,6 +38,13 @@ constexpr int kHeldBisections = 14;  // of a step, for the highest circle that t
 constexpr double kNowhere = 1e9;     // gap of a circle that touches nothing [m]
 constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
 constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
+
+// of a point of the peg's edge from its axis, peg axes
+using Direction = Vec2;
+Direction direction(double azimuth) { return {std::cos(azimuth), std::sin(azimuth)}; }
+Direction turned(const Direction& a, const Direction& by) {
+  return {a.x() * by.x() - a.y() * by.y(), a.x() * by.y() + a.y() * by.x()};
+}
 
 // The peg's edge over a hole: heights and distances as functions of the azimuth. Of a chamfered peg
 // the circle that is a part `up` of the way from the bottom edge to the shoulder.
@@ -53,20 +62,19 @@ struct Edge {
     ex = x - normal * rise.x();
     ey = y - normal * rise.y();
     low = std::atan2(-rise.y(), -rise.x());
+    lowest = direction(low);
   }
-  double height(double a) const {
-    return middle + r * (std::cos(a) * rise.x() + std::sin(a) * rise.y());
-  }
-  double beyond(double a) const {
-    return (p + r * (std::cos(a) * ex + std::sin(a) * ey)).norm() - R;
-  }
+  double height(const Direction& a) const { return middle + r * a.dot(rise); }
+  double beyond(const Direction& a) const { return place(a).norm() - R; }
+  bool inside(const Direction& a) const { return place(a).squaredNorm() < R * R; }
   // what lies beyond the wall at its height: the chamfer widens the bore
-  double beyondWall(double a) const {
+  double beyondWall(const Direction& a) const {
     const double out = beyond(a);
     return width > 0.0 ? out - width * std::clamp(1.0 + height(a) / deep, 0.0, 1.0) : out;
   }
   // height over face and chamfer; over the bore as over a steep wall up
-  double over(double a) const {
+  double over(double azimuth) const {
+    const Direction a = direction(azimuth);
     if (!(width > 0.0)) return height(a);
     const double out = beyond(a);
     if (out < 0.0) return height(a) + deep - kSteep * out;
@@ -75,23 +83,22 @@ struct Edge {
 
   // azimuth of what is lowest over the block; nothing where the whole edge is in the bore
   std::optional<double> touch() const {
-    if (beyond(low) >= width) return low;
+    if (beyond(lowest) >= width) return low;
     return width > 0.0 ? touchOnChamfer() : touchOnRim();
   }
 
   // the first point outside the rim, from the lowest one on
   std::optional<double> touchOnRim() const {
+    static const Direction step = direction(M_PI / kMarch), step_back = direction(-M_PI / kMarch);
+    Direction ahead = lowest, back = lowest;
     for (int i = 1; i <= kMarch; ++i) {
-      for (const int side : {1, -1}) {
-        double in = low + side * M_PI * (i - 1) / kMarch, out = low + side * M_PI * i / kMarch;
-        if (beyond(out) < 0.0) continue;
-        for (int k = 0; k < kBisections; ++k) {
-          const double half = 0.5 * (in + out);
-          (beyond(half) < 0.0 ? in : out) = half;
-        }
-        const double mirrored = crossingOn(-side, i);
-        return std::abs(mirrored - low) < std::abs(out - low) ? mirrored : out;
-      }
+      ahead = turned(ahead, step);
+      back = turned(back, step_back);
+      const bool out_ahead = !inside(ahead), out_back = !inside(back);
+      if (!out_ahead && !out_back) continue;
+      constexpr double none = 2.0 * M_PI;
+      const double a = out_ahead ? crossing(1, i) : none, b = out_back ? crossing(-1, i) : none;
+      return low + (b < a ? -b : a);
     }
     return {};
   }
@@ -99,7 +106,7 @@ struct Edge {
   std::optional<double> touchOnChamfer() const {
     const auto on = [this](double a) { return over(a); };
     // both sides of the lowest point may be nearly as low
-    double lowest = low, height = 1e9;
+    double least_at = low, height = 1e9;
     for (const double side : {1.0, -1.0}) {
       double best = low, least = over(low);
       for (int i = 1; i <= kMarch; ++i) {
@@ -112,10 +119,10 @@ struct Edge {
       best = leastIn(best - M_PI / kMarch, best + M_PI / kMarch, on, kAzimuth);
       if (over(best) >= height) continue;
       height = over(best);
-      lowest = best;
+      least_at = best;
     }
-    if (beyond(lowest) < -kSlack) return {};
-    return lowest;
+    if (beyond(direction(least_at)) < -kSlack) return {};
+    return least_at;
   }
 
   // how far what is below the plane reaches beyond the wall
@@ -125,9 +132,11 @@ struct Edge {
     double best = -1e9;
     int at = 0;
     std::array<double, kLune + 1> values{};
-    for (int i = 0; i <= kLune; ++i) {
+    const Direction step = direction(2.0 * half / kLune);
+    Direction a = turned(lowest, direction(-half));
+    for (int i = 0; i <= kLune; ++i, a = turned(a, step)) {
       const auto k = static_cast<std::size_t>(i);
-      values[k] = beyondWall(low + half * (2.0 * i / kLune - 1.0));
+      values[k] = beyondWall(a);
       if (values[k] > best) {
         best = values[k];
         at = i;
@@ -135,31 +144,35 @@ struct Edge {
     }
     if (at == 0 || at == kLune) return best;
     if (width > 0.0) {  // it may be at a kink
-      const auto inside = [this](double a) { return -beyondWall(a); };
+      const auto short_of = [this](double azimuth) { return -beyondWall(direction(azimuth)); };
       const double from = low + half * (2.0 * (at - 1) / kLune - 1.0);
-      return beyondWall(leastIn(from, from + 4.0 * half / kLune, inside, kAzimuth));
+      return -short_of(leastIn(from, from + 4.0 * half / kLune, short_of, kAzimuth));
     }
     // parabola through the three about the greatest
     const auto k = static_cast<std::size_t>(at);
-    const double a = values[k - 1], b = values[k], c = values[k + 1];
-    const double bend = a - 2 * b + c;
-    return bend < 0.0 ? b - (c - a) * (c - a) / (8 * bend) : b;
+    const double before = values[k - 1], here = values[k], after = values[k + 1];
+    const double bend = before - 2 * here + after;
+    return bend < 0.0 ? here - (after - before) * (after - before) / (8 * bend) : here;
   }
 
   double r, R, width, deep, middle = 0.0, low = 0.0;
+  Direction lowest;
   Vec2 rise;
   Vec3 p, ex, ey;
 
  private:
-  // the crossing in the same step on the other side, or none
-  double crossingOn(int side, int step) const {
-    double in = low + side * M_PI * (step - 1) / kMarch, out = low + side * M_PI * step / kMarch;
-    if (beyond(out) < 0.0) return 1e9;
-    for (int k = 0; k < kBisections; ++k) {
-      const double half = 0.5 * (in + out);
-      (beyond(half) < 0.0 ? in : out) = half;
-    }
-    return out;
+  Vec3 place(const Direction& a) const { return p + r * (a.x() * ex + a.y() * ey); }
+
+  // from the lowest point to the crossing of the rim in a step of the march
+  double crossing(int side, int step) const {
+    const auto value = [&](double away) {
+      return place(turned(lowest, direction(side * away))).squaredNorm() - R * R;
+    };
+    const double from = M_PI * (step - 1) / kMarch, to = M_PI * step / kMarch;
+    // by rounding the march may have seen an end on the other side
+    if (!(value(from) < 0.0)) return from;
+    if (!(value(to) > 0.0)) return to;
+    return rootIn(from, to, value, kCrossing).high;
   }
 };
 
@@ -174,7 +187,7 @@ Felt feltBy(const TouchReading& reading, const Edge& edge) {
   if (reading.kind == TouchReading::kWall) return {edge.reach(), edge.low, edge.r};
   const std::optional<double> at = edge.touch();
   // an edge all inside rests nowhere: as if on its highest point
-  const double gap = at ? edge.over(*at) : edge.height(edge.low + M_PI);
+  const double gap = at ? edge.over(*at) : edge.height(-edge.lowest);
   if (reading.kind == TouchReading::kFree)
     return {std::min({0.0, gap, -edge.reach()}), 0.0, edge.r, at.has_value()};
   return {gap, at.value_or(edge.low), edge.r, at.has_value()};
@@ -194,7 +207,7 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
     const double low = lowest(bottom), high = lowest(at(1.0));
     if (!(low < 0.0)) return feltBy(reading, bottom);
     if (high > 0.0) highest = low / (low - high);
-  } else if (bottom.beyond(bottom.low) >= bottom.width) {
+  } else if (bottom.beyond(bottom.lowest) >= bottom.width) {
     return feltBy(reading, bottom);  // on the face
   }
   const auto felt = [&](double up) {
@@ -286,18 +299,49 @@ class Posterior {
     return of_moves / std::max(1.0, free - 2.0);
   }
 
-  // residuals over their deviations; those of readings that don't fit weighed down
-  Eigen::VectorXd operator()(const Unknowns& x) const {
-    Eigen::VectorXd out(count_);
+  std::vector<Felt> felt(const Unknowns& x) const {
     const Hole hole = holeOf(x);
+    std::vector<Felt> out;
+    out.reserve(readings_.size());
+    for (const TouchReading& r : readings_) {
+      out.push_back(residualOf(model_, r, hole.normal, hole.center));
+    }
+    return out;
+  }
+
+  // residuals over their deviations; those of readings that don't fit weighed down
+  Eigen::VectorXd operator()(const Unknowns& x) const { return residuals(x, felt(x)); }
+
+  Eigen::MatrixXd slope(const Unknowns& x) const {
+    Eigen::MatrixXd J(count_, kUnknowns);
+    const double r = model_.peg.radius;
+    const std::vector<Felt> here = felt(x);
+    for (int i = 0; i < kUnknowns; ++i) {
+      const double h = i < 2 ? 1e-6 : 1e-6 * r;
+      Unknowns up = x, down = x;
+      up(i) += h;
+      down(i) -= h;
+      // what the sensor is off by is nothing to the peg
+      J.col(i) =
+          i < kOfHole ? (*this)(up) - (*this)(down) : residuals(up, here) - residuals(down, here);
+      J.col(i) /= 2 * h;
+    }
+    return J;
+  }
+
+ private:
+  static double robust(double z) { return z / std::sqrt(1.0 + z * z / kOutlier); }
+
+  Eigen::VectorXd residuals(const Unknowns& x, const std::vector<Felt>& felt) const {
+    Eigen::VectorXd out(count_);
     int n = 0;
-    for (const TouchReading& reading : readings_) {
-      const Felt felt = residualOf(model_, reading, hole.normal, hole.center);
-      out(n++) = robust(felt.residual / reading.sd);
+    for (std::size_t i = 0; i < readings_.size(); ++i) {
+      const TouchReading& reading = readings_[i];
+      const Felt& here = felt[i];
+      out(n++) = robust(here.residual / reading.sd);
       if (!reading.point) continue;
-      const Vec2 on(std::cos(felt.azimuth), std::sin(felt.azimuth));
-      const Vec2 at = *reading.point + felt.height * reading.lean;
-      const Vec2 off = at - felt.radius * on - x.tail<2>();
+      const Vec2 at = *reading.point + here.height * reading.lean;
+      const Vec2 off = at - here.radius * direction(here.azimuth) - x.tail<2>();
       out(n++) = robust(off.x() / model_.point_sd);
       out(n++) = robust(off.y() / model_.point_sd);
     }
@@ -311,22 +355,6 @@ class Posterior {
     return out;
   }
 
-  Eigen::MatrixXd slope(const Unknowns& x) const {
-    Eigen::MatrixXd J(count_, kUnknowns);
-    const double r = model_.peg.radius;
-    for (int i = 0; i < kUnknowns; ++i) {
-      const double h = i < 2 ? 1e-6 : 1e-6 * r;
-      Unknowns up = x, down = x;
-      up(i) += h;
-      down(i) -= h;
-      J.col(i) = ((*this)(up) - (*this)(down)) / (2 * h);
-    }
-    return J;
-  }
-
- private:
-  static double robust(double z) { return z / std::sqrt(1.0 + z * z / kOutlier); }
-
   const TouchModel& model_;
   const std::vector<TouchReading>& readings_;
   double height_;
@@ -337,8 +365,8 @@ class Posterior {
 double climb(const Posterior& posterior, Unknowns& x) {
   Eigen::VectorXd z = posterior(x);
   double cost = z.squaredNorm(), damping = 1e-3;
+  Eigen::MatrixXd J = posterior.slope(x);
   for (int i = 0; i < kIterations; ++i) {
-    const Eigen::MatrixXd J = posterior.slope(x);
     Square H = J.transpose() * J;
     const Unknowns g = J.transpose() * z;
     H.diagonal() *= 1.0 + damping;
@@ -351,6 +379,7 @@ double climb(const Posterior& posterior, Unknowns& x) {
       cost -= change;
       damping = std::max(1e-9, 0.1 * damping);
       if (change < 1e-6) break;
+      J = posterior.slope(x);
     } else {
       damping *= 10.0;
       if (damping > 1e6) break;

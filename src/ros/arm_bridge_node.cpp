@@ -110,12 +110,12 @@ void ArmBridgeNode::readArm(Parameters& parameters) {
 }
 
 void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
-  carrier_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
+  carrier_pub_ = {nh_, "carrier_pose", kQueue};
   plant_state_pub_ = nh_.advertise<PlantState>("plant_state", 10, true);
   exciter_pub_ = arm_nh_.advertise<Exciter>("exciter", kQueue, true);
   wrench_pub_ = pnh.advertise<geometry_msgs::WrenchStamped>("wrench", kQueue);
   diagnostics_pub_ = nh_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
-  if (lockstep_) ack_pub_ = arm_nh_.advertise<Ack>("ack", kQueue, true);
+  if (lockstep_) ack_pub_ = {arm_nh_, "ack", kQueue};
   if (!lockstep_) lease_pub_ = arm_nh_.advertise<Lease>("lease", kQueue);
   using Request = std_srvs::Trigger::Request;
   using Response = std_srvs::Trigger::Response;

@@ -30,7 +30,7 @@ EmulatedArmNode::EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   readParameters(pnh);
   name_in_lockstep_ = participantName(nh_.getNamespace(), pnh.getNamespace());
   // latched: who connects late must not miss the first one
-  if (lockstep_) ack_pub_ = nh_.advertise<Ack>("ack", kQueue, true);
+  if (lockstep_) ack_pub_ = {nh_, "ack", kQueue};
   joints_pub_ = arm_nh_.advertise<sensor_msgs::JointState>("joint_states", kQueue, true);
   pose_pub_ = arm_nh_.advertise<geometry_msgs::PoseStamped>("current_pose", kQueue, true);
   motion_pub_ = nh_.advertise<CarrierMotion>("carrier_motion", kQueue, true);
@@ -160,7 +160,7 @@ void EmulatedArmNode::feel(const WrenchSamples& samples) {
   Ack ack;
   ack.node = name_in_lockstep_;
   ack.sequence = samples.sequence;
-  publishShared(ack_pub_, ack);
+  ack_pub_.publish(ack);
 }
 
 void EmulatedArmNode::publish(double time) {

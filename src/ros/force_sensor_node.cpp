@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/force_sensor_node.h"
 
-#include <assembly_cell/Ack.h>
 #include <assembly_cell/DisplacementSamples.h>
 #include <assembly_cell/DisplacementWithCovariance.h>
 #include <assembly_cell/WrenchSamples.h>
@@ -197,11 +196,10 @@ void ForceSensorNode::advertise() {
   if (recorded_ ? quantity_ != SampleQuantity::kWrench : calibrated_ && !isIdentity(calibration_)) {
     advertiseStrain();
   }
-  // in lockstep latched: who connects late must not miss the first block
-  wrench_samples_pub_ = nh_.advertise<WrenchSamples>("wrench_samples", queue, lockstep_);
+  // in lockstep who connects late must not miss the first block
+  wrench_samples_pub_ = {nh_, "wrench_samples", queue, lockstep_};
   if (publish_displacement_) {
-    displacement_samples_pub_ =
-        nh_.advertise<DisplacementSamples>("displacement_samples", queue, lockstep_);
+    displacement_samples_pub_ = {nh_, "displacement_samples", queue, lockstep_};
   }
   wrench_raw_pub_ = nh_.advertise<geometry_msgs::WrenchStamped>("wrench_raw", queue);
   wrench_pub_ = nh_.advertise<geometry_msgs::WrenchStamped>("wrench", queue);
@@ -213,7 +211,7 @@ void ForceSensorNode::advertise() {
   calibration_pub_ = nh_.advertise<SensorCalibration>("calibration", 1, true);
   // all participants answer at the cell's root, one above the sensor's group
   if (lockstep_) {
-    ack_pub_ = nh_.advertise<Ack>(ros::names::append(cellNamespace(), "ack"), kQueue, true);
+    ack_pub_ = {nh_, ros::names::append(cellNamespace(), "ack"), kQueue};
   }
   calibration_time_ = ros::Time::now();
   publishBias();
@@ -283,7 +281,7 @@ void ForceSensorNode::acknowledge(const StrainSamples& block) {
   Ack ack;
   ack.node = name_in_lockstep_;
   ack.sequence = block.sequence;
-  publishShared(ack_pub_, ack);
+  ack_pub_.publish(ack);
 }
 
 void ForceSensorNode::process(const StrainSamples::ConstPtr& block) {

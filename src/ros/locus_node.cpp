@@ -58,7 +58,7 @@ LocusNode::LocusNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
   locus_pub_ = nh_.advertise<LocusEstimate>("locus", kQueue);
   mode_pub_ = nh_.advertise<LocusEstimate>("contact_mode", 1, true);
   // latched: who connects late must not miss the first one
-  if (lockstep_) ack_pub_ = nh_.advertise<Ack>("ack", kQueue, true);
+  if (lockstep_) ack_pub_ = {nh_, "ack", kQueue};
   enable_srv_ = pnh_.advertiseService("enable", &LocusNode::enable, this);
   server_.start();
   const auto hints = ros::TransportHints().tcpNoDelay();
@@ -157,7 +157,7 @@ void LocusNode::acknowledge(std::uint32_t sequence) {
   Ack ack;
   ack.node = name_in_lockstep_;
   ack.sequence = sequence;
-  publishShared(ack_pub_, ack);
+  ack_pub_.publish(ack);
 }
 
 ros::Time LocusNode::lastSample() const {

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "assembly_cell/Ack.h"
 #include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/vibration_fit.h"
@@ -82,7 +81,7 @@ RosPlant::RosPlant(ros::NodeHandle& nh, const Settings& settings)
   // latched, so that who connects late has the state of carrier and exciter
   command_pub_ = nh.advertise<geometry_msgs::PoseStamped>("carrier_command", kQueue, true);
   exciter_pub_ = nh.advertise<Exciter>("exciter", kQueue, true);
-  if (lockstep_) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
+  if (lockstep_) ack_pub_ = {nh, "ack", kQueue};
   subscribe();
   const auto onCalibration = [this](std::optional<Matrix6>& rounding, std::string& serial,
                                     const SensorCalibration& calibration) {
@@ -220,31 +219,13 @@ void RosPlant::assemble() {
     const geometry_msgs::PoseStamped::ConstPtr carrier = carrierAtEndOf(*parts.wrench_b);
     if (!carrier) continue;
 
-    Block block;
-    block.sequence = it->first;
-    block.end = carrier->header.stamp;
-    BlockMoments a, b, d;
-    bool good = moments(parts.wrench_a->wrench, a) && moments(parts.wrench_b->wrench, b) &&
-                moments(parts.displacement_b->displacement, d);
-    block.means.wrench_a = a.mean;
-    block.means.wrench_b = b.mean;
-    block.means.displacement_b = d.mean;
-    block.means.covariance_a = a.covariance;
-    block.means.covariance_b = b.covariance;
-    block.means.samples = std::min(a.count, b.count);
-    block.means.length = b.count * parts.wrench_b->period;
-    block.saturated = {saturatedChannels(*parts.wrench_a), saturatedChannels(*parts.wrench_b)};
-    block.means.saturated = block.saturated[0] != 0 || block.saturated[1] != 0;
-    try {
-      block.X_BC = fromPose(carrier->pose, "carrier_pose");
-    } catch (const InputError& error) {
-      good = false;
-    }
+    const std::uint32_t sequence = it->first;
+    const ros::Time end = carrier->header.stamp;
+    const Parts whole = parts;
     // a repetition of a latched message makes no new block
-    const bool repeated = done_ && *done_ == block.sequence;
-    const WrenchSamples::ConstPtr samples = parts.wrench_b;
+    const bool repeated = done_ && *done_ == sequence;
     parts_.erase(parts_.begin(), std::next(it));
-    while (!carrier_poses_.empty() && carrier_poses_.front()->header.stamp <= block.end) {
+    while (!carrier_poses_.empty() && carrier_poses_.front()->header.stamp <= end) {
       carrier_poses_.pop_front();
     }
     if (repeated) return;
@@ -253,28 +234,53 @@ void RosPlant::assemble() {
     block_interval_ = std::min(interval, last_interval_);
     last_interval_ = interval;
     block_arrived_ = now;
-    done_ = block.sequence;
-    done_end_ = block.end;
-    pending_ack_ = block.sequence;
-    if (good) {
-      if (compliance_) block.means.displacement_b = *compliance_ * b.mean;
-      recent_.push_back(samples);
-      while (recent_.size() > kRecent &&
-             (samples->header.stamp - recent_.front()->header.stamp).toSec() > kRecentTime) {
-        recent_.pop_front();
-      }
-      if (vibration_.request) collect(*samples);
-      fresh_ = block;
-    } else {
-      ROS_ERROR_THROTTLE(1.0, "block %u is not one of finite samples: ignored", block.sequence);
-    }
-    if (!active_ || !good) acknowledge();
-    // a strategy that hangs holds nothing
-    const std::chrono::duration<double> silent = now - alive_;
-    if (active_ && good && silent.count() < kThinking) link_.renew(block.end);
+    done_ = sequence;
+    done_end_ = end;
+    pending_ack_ = sequence;
+    if (!active_ || !take(whole, *carrier)) acknowledge();
     changed_.notify_all();
     return;
   }
+}
+
+// Of a block that somebody waits for. False where it isn't one of finite samples.
+bool RosPlant::take(const Parts& parts, const geometry_msgs::PoseStamped& carrier) {
+  Block block;
+  block.sequence = parts.wrench_b->sequence;
+  block.end = carrier.header.stamp;
+  BlockMoments a, b, d;
+  bool good = moments(parts.wrench_a->wrench, a) && moments(parts.wrench_b->wrench, b) &&
+              moments(parts.displacement_b->displacement, d);
+  block.means.wrench_a = a.mean;
+  block.means.wrench_b = b.mean;
+  block.means.displacement_b = compliance_ ? Vector6(*compliance_ * b.mean) : d.mean;
+  block.means.covariance_a = a.covariance;
+  block.means.covariance_b = b.covariance;
+  block.means.samples = std::min(a.count, b.count);
+  block.means.length = b.count * parts.wrench_b->period;
+  block.saturated = {saturatedChannels(*parts.wrench_a), saturatedChannels(*parts.wrench_b)};
+  block.means.saturated = block.saturated[0] != 0 || block.saturated[1] != 0;
+  try {
+    block.X_BC = fromPose(carrier.pose, "carrier_pose");
+  } catch (const InputError& error) {
+    good = false;
+  }
+  if (!good) {
+    ROS_ERROR_THROTTLE(1.0, "block %u is not one of finite samples: ignored", block.sequence);
+    return false;
+  }
+  const WrenchSamples::ConstPtr& samples = parts.wrench_b;
+  recent_.push_back(samples);
+  while (recent_.size() > kRecent &&
+         (samples->header.stamp - recent_.front()->header.stamp).toSec() > kRecentTime) {
+    recent_.pop_front();
+  }
+  if (vibration_.request) collect(*samples);
+  fresh_ = block;
+  // a strategy that hangs holds nothing
+  const std::chrono::duration<double> silent = block_arrived_ - alive_;
+  if (silent.count() < kThinking) link_.renew(block.end);
+  return true;
 }
 
 void RosPlant::acknowledge() {
@@ -285,7 +291,7 @@ void RosPlant::acknowledge() {
     ack.sequence = *pending_ack_;
     ack.commands = commands_;
     ack.session = link_.session();
-    publishShared(ack_pub_, ack);
+    ack_pub_.publish(ack);
   }
   pending_ack_.reset();
 }

@@ -186,7 +186,7 @@ bool SimulatorNode::onStep(Step::Request& request, Step::Response& response) {
     steps_ended_.clear();
     changed_.notify_all();
     const auto done = [this] { return quit_ || steps_ == 0 || !stopped_.empty(); };
-    while (ros::ok() && !done()) changed_.wait_for(lock, std::chrono::milliseconds(100), done);
+    while (ros::ok() && !done()) stepped_.wait_for(lock, std::chrono::milliseconds(100), done);
     const std::string time = "at " + std::to_string(now_) + " s";
     if (steps_ > 0) endSteps(stopped_.empty() ? "shutting down" : "stopped: " + stopped_);
     if (!steps_ended_.empty()) throw InputError(time + ", " + steps_ended_);
@@ -198,7 +198,7 @@ void SimulatorNode::endSteps(const std::string& why) {
   if (steps_ == 0) return;
   steps_ended_ = std::to_string(steps_) + " blocks short: " + why;
   steps_ = 0;
-  changed_.notify_all();
+  stepped_.notify_all();
 }
 
 // The arm stays where it is, and would take the carrier back there through whatever is between.

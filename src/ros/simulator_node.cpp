@@ -130,13 +130,13 @@ void SimulatorNode::drawMismatch(const std::string& file) {
 }
 
 void SimulatorNode::advertise(ros::NodeHandle& pnh) {
-  // Latched in lockstep, so that a participant that connects late doesn't miss the first block.
-  // roscpp gives who connects the latest block before those that are still queued, which paced
-  // samples must not: there the next block comes by itself.
-  bridge_a_pub_ = nh_.advertise<StrainSamples>("sensor_a/bridge", kQueue, lockstep_);
-  bridge_b_pub_ = nh_.advertise<StrainSamples>("sensor_b/bridge", kQueue, lockstep_);
+  // In lockstep a participant that connects late doesn't miss the first block. It may get the
+  // latest one before those that are still queued, which paced samples must not: there the next
+  // block comes by itself.
+  bridge_a_pub_ = {nh_, "sensor_a/bridge", kQueue, lockstep_};
+  bridge_b_pub_ = {nh_, "sensor_b/bridge", kQueue, lockstep_};
   accelerometers_pub_ = nh_.advertise<AccelerometerSamples>("accelerometers", kQueue);
-  carrier_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
+  carrier_pub_ = {nh_, "carrier_pose", kQueue};
   plant_state_pub_ = nh_.advertise<PlantState>("plant_state", 10, true);
   diagnostics_pub_ = nh_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
   if (lockstep_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", 10, true);
@@ -206,6 +206,7 @@ SimulatorNode::~SimulatorNode() {
     quit_ = true;
   }
   changed_.notify_all();
+  stepped_.notify_all();
   thread_.join();
   service_spinner_.stop();
 }
@@ -272,7 +273,7 @@ void SimulatorNode::stepBlock() {
   if (reason != StopReason::kOk) stopped_ = toString(reason);
   if (steps_ > 0) --steps_;
   // who waits for the last of its steps
-  if (steps_ == 0 || !stopped_.empty()) changed_.notify_all();
+  if (steps_ == 0 || !stopped_.empty()) stepped_.notify_all();
 }
 
 void SimulatorNode::applyCommands() {
@@ -359,8 +360,7 @@ double SimulatorNode::nodeTime(const ros::Time& stamp) const {
 
 void SimulatorNode::publishBlock() {
   const ros::Time stamp = stampAt(block_.time);
-  const auto bridge = [&](const ros::Publisher& pub, const char* sensor, const auto& volts,
-                          const auto& saturated) {
+  const auto bridge = [&](auto& pub, const char* sensor, const auto& volts, const auto& saturated) {
     StrainSamples message;
     message.header.stamp = stamp;
     message.header.frame_id = sensor;
@@ -369,7 +369,7 @@ void SimulatorNode::publishBlock() {
     message.temperature = block_.temperature;
     message.volts = volts;
     message.saturated = saturated;
-    publishShared(pub, std::move(message));
+    pub.publish(std::move(message));
   };
   bridge(bridge_a_pub_, "sensor_a", block_.volts_a, block_.saturated_a);
   bridge(bridge_b_pub_, "sensor_b", block_.volts_b, block_.saturated_b);
@@ -383,8 +383,8 @@ void SimulatorNode::publishBlock() {
     publishShared(accelerometers_pub_, std::move(felt));
   }
 
-  publishShared(carrier_pub_,
-                poseStamped(kCarrierBaseFrame, cell_->reported(), stampAt(cell_->world().time())));
+  carrier_pub_.publish(
+      poseStamped(kCarrierBaseFrame, cell_->reported(), stampAt(cell_->world().time())));
 }
 
 // Where a person believes the carrier to be: upright over the hole's middle. Where it is belongs to

@@ -84,7 +84,7 @@ bool saturated(const WrenchSamples& m) {
 TwinForceStreams::TwinForceStreams(ros::NodeHandle& nh, const Settings& settings,
                                    std::function<void()> on_carrier)
     : settings_(settings), on_carrier_(std::move(on_carrier)) {
-  if (settings_.lockstep) ack_pub_ = nh.advertise<Ack>("ack", kQueue, true);
+  if (settings_.lockstep) ack_pub_ = {nh, "ack", kQueue};
   const auto wrenches = [&](const std::string& sensor, std::deque<Wrench>& list) {
     return subscribeStream<WrenchSamples>(
         nh, sensor + "/wrench_samples", kQueue,
@@ -163,7 +163,7 @@ void TwinForceStreams::acknowledge() {
   Ack ack;
   ack.node = settings_.name;
   ack.sequence = sequence;
-  publishShared(ack_pub_, ack);
+  ack_pub_.publish(ack);
 }
 
 std::optional<TwinForceStreams::Now> TwinForceStreams::now() const {

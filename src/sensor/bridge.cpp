@@ -21,6 +21,7 @@ constexpr double kStrainPerMoment = 6.0 / (71.7e9 * 0.040 * 0.002 * 0.002);
 constexpr double kStiffness = 71.7e9 * 0.040 * 0.002 * 0.002 * 0.002 / 12.0 / 0.006;
 constexpr double kGainDrift = 2e-4;             // [1/K]
 constexpr double kReferenceTemperature = 20.0;  // [°C]
+constexpr double kNoFraction = 0x1.8p52;        // neighbours of it are 1 apart
 // in series from the datum: channels 1 3 5 2 4 6
 constexpr std::array<std::size_t, 6> kOrder = {0, 2, 4, 1, 3, 5};
 
@@ -188,17 +189,18 @@ Vector6 converterInput(const Bridge& bridge, const Vector6& volts) {
 StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal) {
   const double codes = std::ldexp(1.0, bridge.bits - 1);
   const double lsb = resolution(bridge);
-  const Vector6 exact = converterInput(bridge, volts);
+  Vector6 input = converterInput(bridge, volts);
+  for (double& channel : input) channel += bridge.noise * normal();
   StrainSample sample;
   for (int k = 0; k < 6; ++k) {
-    const double input = exact[k] + bridge.noise * normal();
-    // round to a code; the end codes stand for everything beyond (and for what is no number)
-    double code = std::nearbyint(input / lsb);
-    if (!(code < codes - 1.0)) code = codes - 1.0;
-    if (code < -codes) code = -codes;
-    if (code == codes - 1.0 || code == -codes) {
-      sample.saturated = static_cast<std::uint8_t>(sample.saturated | (1u << k));
-    }
+    // the end codes stand for everything beyond (and for what is no number)
+    double code = input[k] / lsb;
+    code = code < codes - 1.0 ? code : codes - 1.0;
+    code = code > -codes ? code : -codes;
+    // to the next integer, half to even, as nearbyint(): so large a number has no digits behind it
+    code = code + kNoFraction - kNoFraction;
+    const bool at_end = code == codes - 1.0 || code == -codes;
+    sample.saturated = static_cast<std::uint8_t>(sample.saturated | (at_end ? 1u << k : 0u));
     sample.volts[k] = code * lsb;
   }
   return sample;

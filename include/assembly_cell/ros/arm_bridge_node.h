@@ -30,6 +30,7 @@
 #include "assembly_cell/ros/arm_output.h"
 #include "assembly_cell/ros/participants.h"
 #include "assembly_cell/ros/poll_beat.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/static_frames.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 
@@ -153,8 +154,9 @@ class ArmBridgeNode {
   bool told_any_ = false;
   std::uint64_t points_ = 0;
 
-  ros::Publisher carrier_pub_, plant_state_pub_, exciter_pub_, wrench_pub_, ack_pub_, lease_pub_,
-      diagnostics_pub_;
+  ros::Publisher plant_state_pub_, exciter_pub_, wrench_pub_, lease_pub_, diagnostics_pub_;
+  LatestPublisher<geometry_msgs::PoseStamped> carrier_pub_;
+  LatestPublisher<Ack> ack_pub_;
   ros::Subscriber command_sub_, exciter_sub_, lease_sub_, ack_sub_, stop_sub_;
   StreamSubscriber state_sub_;
   std::array<StreamSubscriber, 2> wrench_subs_;

@@ -17,9 +17,11 @@
 #include <string>
 #include <thread>
 
+#include "assembly_cell/Ack.h"
 #include "assembly_cell/arm/emulated_arm.h"
 #include "assembly_cell/guard/freshness.h"
 #include "assembly_cell/ros/arm_output.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
@@ -78,7 +80,8 @@ class EmulatedArmNode {
   ros::Time epoch_;  // cell time is relative to it
 
   std::string name_in_lockstep_;
-  ros::Publisher joints_pub_, pose_pub_, motion_pub_, ack_pub_;
+  ros::Publisher joints_pub_, pose_pub_, motion_pub_;
+  LatestPublisher<Ack> ack_pub_;
   StreamSubscriber simulated_sub_, wrench_sub_, command_sub_;
   ros::ServiceServer unlock_srv_;
   std::thread thread_;

@@ -27,8 +27,10 @@
 #include <string>
 #include <thread>
 
+#include "assembly_cell/Ack.h"
 #include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/live_settings.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/ros_clock.h"
 #include "assembly_cell/ros/source_choice.h"
 #include "assembly_cell/ros/stream_subscriber.h"
@@ -218,8 +220,11 @@ class ForceSensorNode {
 
   ros::CallbackQueue service_queue_;
   StreamSubscriber bridge_sub_;
-  ros::Publisher strain_pub_, wrench_samples_pub_, displacement_samples_pub_, wrench_raw_pub_,
-      wrench_pub_, wrench_covariance_pub_, displacement_pub_, bias_pub_, calibration_pub_, ack_pub_;
+  ros::Publisher strain_pub_, wrench_raw_pub_, wrench_pub_, wrench_covariance_pub_,
+      displacement_pub_, bias_pub_, calibration_pub_;
+  LatestPublisher<WrenchSamples> wrench_samples_pub_;
+  LatestPublisher<DisplacementSamples> displacement_samples_pub_;
+  LatestPublisher<Ack> ack_pub_;
   ros::ServiceServer zero_srv_, zero_to_srv_, undo_bias_srv_, set_bias_srv_, clear_bias_srv_,
       get_calibration_srv_, set_calibration_srv_, device_bias_srv_;
   ros::WallTimer diagnostics_timer_;

@@ -18,11 +18,13 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/Ack.h"
 #include "assembly_cell/locus/reading.h"
 #include "assembly_cell/locus/sliding_locus.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/checked_action.h"
 #include "assembly_cell/ros/live_settings.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
@@ -107,7 +109,8 @@ class LocusNode {
   };
   std::optional<Stream> stream_;
 
-  ros::Publisher locus_pub_, mode_pub_, ack_pub_;
+  ros::Publisher locus_pub_, mode_pub_;
+  LatestPublisher<Ack> ack_pub_;
   StreamSubscriber block_sub_, carrier_sub_;
   ros::Subscriber exciter_sub_;
   ros::ServiceServer enable_srv_;

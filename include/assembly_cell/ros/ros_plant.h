@@ -19,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/Ack.h"
 #include "assembly_cell/DisplacementSamples.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/IdentifyLocusAction.h"
@@ -28,6 +29,7 @@
 #include "assembly_cell/guard/freshness.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/plant_link.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 #include "assembly_cell/ros/twin_force_client.h"
 
@@ -132,6 +134,7 @@ class RosPlant : public Plant {
   std::vector<std::string> missingParts() const;
   Parts& partsOf(std::uint32_t sequence);
   void assemble();
+  bool take(const Parts& parts, const geometry_msgs::PoseStamped& carrier);
   void acknowledge();
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
                const std::function<bool()>& ready);
@@ -213,7 +216,8 @@ class RosPlant : public Plant {
   DriveErrors drive_;                           // made up for
   std::optional<Matrix6> compliance_;           // of the coupling, where it is known better
 
-  ros::Publisher command_pub_, exciter_pub_, ack_pub_;
+  ros::Publisher command_pub_, exciter_pub_;
+  LatestPublisher<Ack> ack_pub_;
   std::array<StreamSubscriber, 4> block_subs_;  ///< of kBlockTopics
   ros::Subscriber calibration_a_sub_, calibration_b_sub_;
   ros::Subscriber locus_status_sub_;

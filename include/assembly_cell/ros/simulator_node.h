@@ -23,6 +23,7 @@
 #include <thread>
 
 #include "assembly_cell/AccelerometerSamples.h"
+#include "assembly_cell/Ack.h"
 #include "assembly_cell/CarrierMotion.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/Lease.h"
@@ -35,6 +36,7 @@
 #include "assembly_cell/guard/plant_guard.h"
 #include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/participants.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/static_frames.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 
@@ -156,7 +158,8 @@ class SimulatorNode {
 
   // shared with the callbacks, under mutex_
   std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable changed_;  // what the loop waits for
+  std::condition_variable stepped_;  // the last of the steps that ~step waits for
   bool paused_ = false;
   bool quit_ = false;
   std::uint32_t steps_ = 0;  // blocks still to do while paused
@@ -182,8 +185,10 @@ class SimulatorNode {
   std::chrono::steady_clock::time_point figures_start_;
   double figures_time_ = 0.0;
 
-  ros::Publisher bridge_a_pub_, bridge_b_pub_, accelerometers_pub_, carrier_pub_, clock_pub_,
-      truth_pose_pub_, truth_contacts_pub_, truth_mismatch_pub_, diagnostics_pub_, plant_state_pub_;
+  LatestPublisher<StrainSamples> bridge_a_pub_, bridge_b_pub_;
+  LatestPublisher<geometry_msgs::PoseStamped> carrier_pub_;
+  ros::Publisher accelerometers_pub_, clock_pub_, truth_pose_pub_, truth_contacts_pub_,
+      truth_mismatch_pub_, diagnostics_pub_, plant_state_pub_;
   tf2_ros::TransformBroadcaster tf_;
   StaticFrames static_tf_;
   ros::Subscriber command_sub_, exciter_sub_, ack_sub_, lease_sub_;

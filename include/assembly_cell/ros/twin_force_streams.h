@@ -13,11 +13,13 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/Ack.h"
 #include "assembly_cell/DisplacementSamples.h"
 #include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/averaging_window.h"
 #include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
@@ -96,7 +98,7 @@ class TwinForceStreams {
   std::optional<Matrix6> S_a_, S_b_;  ///< volts to wrench, for the rounding
   PerSide<Eigen::MatrixXd> gains_;    ///< of their errors
 
-  ros::Publisher ack_pub_;
+  LatestPublisher<Ack> ack_pub_;
   StreamSubscriber a_sub_, b_sub_, d_sub_, carrier_sub_;
   ros::Subscriber calibration_a_sub_, calibration_b_sub_;
 };
