@@ -12,6 +12,7 @@
 #include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/node_watch.h"
 #include "assembly_cell/ros/ros_plant.h"
+#include "assembly_cell/ros/shared_spinner.h"
 
 // A goal over the cell: how it begins, waits, goes on after a lapse, and ends.
 namespace assembly_cell::ros_bridge {
@@ -85,11 +86,30 @@ void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& wh
       }
     }
     const auto before = Steady::now();
-    changed_.wait_for(lock, std::chrono::duration<double>(kTick));
+    waitForChange(lock, ready);
     alive_ = Steady::now();
     // a process that was frozen has not waited
     waited += std::min(std::chrono::duration<double>(alive_ - before).count(), 2 * kTick);
   }
+}
+
+// A tick, or less. In lockstep, where nodes share a thread, it is this one that works for it: what
+// a strategy waits for needs no other thread to wake up.
+void RosPlant::waitForChange(std::unique_lock<std::mutex>& lock,
+                             const std::function<bool()>& ready) {
+  const auto until = Steady::now() + std::chrono::duration_cast<Steady::duration>(
+                                         std::chrono::duration<double>(kTick));
+  if (!lockstep_ || !SharedSpinner::ofThisProcess().works()) {
+    changed_.wait_until(lock, until);
+    return;
+  }
+  const auto is_ready = [&] {
+    const std::lock_guard<std::mutex> look(mutex_);
+    return ready();
+  };
+  lock.unlock();
+  SharedSpinner::Helper().callUntil(is_ready, until);
+  lock.lock();
 }
 
 void RosPlant::waitForBlock(std::unique_lock<std::mutex>& lock) {
@@ -322,6 +342,9 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
 }
 
 PlantBlock RosPlant::nextBlock(const PlantCommand& command, bool first) {
+  // from here on the spinner's thread need not wake up for what is commanded
+  std::optional<SharedSpinner::Helper> helper;
+  if (lockstep_) helper.emplace();
   std::unique_lock<std::mutex> lock(mutex_);
   checkGoal();
   if (command.rest || command.exciter || command.locus || command.vibration) freshen(lock);

@@ -2,6 +2,8 @@
 #include "assembly_cell/ros/shared_spinner.h"
 
 #include <algorithm>
+#include <boost/make_shared.hpp>
+#include <utility>
 
 #include "assembly_cell/ros/message_guard.h"
 
@@ -24,6 +26,7 @@ SharedSpinner::~SharedSpinner() {
 void SharedSpinner::Queue::addCallback(const ros::CallbackInterfacePtr& callback,
                                        std::uint64_t removal_id) {
   ros::CallbackQueue::addCallback(callback, removal_id);
+  filled_ = true;
   ofThisProcess().tell();
 }
 
@@ -39,51 +42,66 @@ void SharedSpinner::tell() {
   if (helper_waits) helpers_told_.notify_all();
 }
 
-void SharedSpinner::add(ros::CallbackQueue* queue) {
-  {
-    const std::lock_guard<std::mutex> lock(calling_);
+void SharedSpinner::add(Queue* queue) {
+  change([&] {
     queues_.push_back(queue);
     works_ = true;
     if (!thread_.joinable()) thread_ = std::thread([this] { spin(); });
-  }
+  });
   tell();
 }
 
-void SharedSpinner::remove(ros::CallbackQueue* queue) {
-  const std::lock_guard<std::mutex> lock(calling_);
-  queues_.erase(std::remove(queues_.begin(), queues_.end(), queue), queues_.end());
-  works_ = !queues_.empty();
+void SharedSpinner::remove(Queue* queue) {
+  change([&] {
+    queues_.erase(std::remove(queues_.begin(), queues_.end(), queue), queues_.end());
+    works_ = !queues_.empty();
+  });
 }
 
-// One at a time: what is behind one that throws stays in the queue.
+// Between two rounds of calls, however closely they follow each other.
+void SharedSpinner::change(const std::function<void()>& what) {
+  ++changing_;
+  {
+    const std::lock_guard<std::mutex> lock(calling_);
+    what();
+  }
+  --changing_;
+}
+
+// One at a time: what is behind one that throws stays in the queue. What comes in meanwhile is
+// news.
 bool SharedSpinner::callEach() {
-  const std::lock_guard<std::mutex> lock(calling_);
+  while (changing_ > 0) std::this_thread::yield();
+  const std::lock_guard<std::mutex> calling(calling_);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    news_ = false;
+  }
   bool called = false;
-  for (ros::CallbackQueue* queue : queues_) {
+  for (Queue* queue : queues_) {
+    if (!queue->filled_.exchange(false)) continue;
+    bool empty = false;
     guarded("callback",
-            [&] { called |= queue->callOne(ros::WallDuration(0.0)) != ros::CallbackQueue::Empty; });
+            [&] { empty = queue->callOne(ros::WallDuration(0.0)) == ros::CallbackQueue::Empty; });
+    if (empty) continue;
+    queue->filled_ = true;
+    called = true;
   }
   return called;
 }
 
-// Until nothing is left: what comes in after that is news.
-void SharedSpinner::callAll() {
-  do {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    news_ = false;
-  } while (callEach());
-}
-
 void SharedSpinner::spin() {
-  while (true) {
-    {
-      std::unique_lock<std::mutex> lock(mutex_);
-      waiting_ = true;
-      told_.wait(lock, [this] { return (news_ && helpers_ == 0) || stopping_; });
-      waiting_ = false;
-      if (stopping_) return;
-    }
-    callAll();
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (!stopping_) {
+    waiting_ = true;
+    told_.wait(lock, [this] { return (news_ && helpers_ == 0) || stopping_; });
+    waiting_ = false;
+    lock.unlock();
+    const bool called = callEach();
+    lock.lock();
+    // there may be more; who has come to help meanwhile goes on
+    if (called) news_ = true;
+    if (called && helpers_waiting_ > 0) helpers_told_.notify_all();
   }
 }
 
@@ -103,14 +121,37 @@ bool SharedSpinner::Helper::callUntil(const std::function<bool()>& done,
                                       std::chrono::steady_clock::time_point deadline) {
   SharedSpinner& shared = ofThisProcess();
   while (true) {
-    shared.callAll();
-    if (done()) return true;
+    const bool called = shared.callEach();
+    const bool is_done = done();
     std::unique_lock<std::mutex> lock(shared.mutex_);
+    if (called) shared.news_ = true;
+    // what another one waits for may have been done here
+    if (called && shared.helpers_waiting_ > 0) shared.helpers_told_.notify_all();
+    if (is_done || std::chrono::steady_clock::now() >= deadline) return is_done;
     ++shared.helpers_waiting_;
-    const bool news = shared.helpers_told_.wait_until(lock, deadline, [&] { return shared.news_; });
+    shared.helpers_told_.wait_until(lock, deadline, [&] { return shared.news_; });
     --shared.helpers_waiting_;
-    if (!news) return false;
   }
+}
+
+namespace {
+
+class Call : public ros::CallbackInterface {
+ public:
+  explicit Call(std::function<void()> what) : what_(std::move(what)) {}
+  CallResult call() override {
+    what_();
+    return Success;
+  }
+
+ private:
+  std::function<void()> what_;
+};
+
+}  // namespace
+
+ros::CallbackInterfacePtr callbackOf(std::function<void()> what) {
+  return boost::make_shared<Call>(std::move(what));
 }
 
 }  // namespace assembly_cell::ros_bridge

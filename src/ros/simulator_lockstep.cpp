@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <optional>
+
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/ros/simulator_node.h"
@@ -13,9 +15,18 @@ namespace {
 
 constexpr std::chrono::seconds kAskAgain{2};  // of who has not answered a block, wall clock
 constexpr int kConnectionCheck = 3;           // so many of them
-constexpr double kStamp = 1e-6;               // rounding of stamps [s]
 
 }  // namespace
+
+// Who floods a topic pushes the block out of its receivers' queues; who has it answers again.
+void SimulatorNode::askAgain(std::uint32_t sequence) {
+  const std::lock_guard<std::mutex> computing(computing_);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!awaiting_ || awaited_ != sequence || isAnswered()) return;
+  }
+  publishBlock();
+}
 
 void SimulatorNode::subscribeToAcks() {
   ack_sub_.shutdown();
@@ -23,43 +34,52 @@ void SimulatorNode::subscribeToAcks() {
       nh_.subscribe("ack", kQueue, &SimulatorNode::onAck, this, ros::TransportHints().tcpNoDelay());
 }
 
-// Where nodes share a thread it is this one that works for it meanwhile.
-bool SimulatorNode::waitUntil(std::unique_lock<std::mutex>& lock,
-                              std::chrono::steady_clock::time_point limit,
-                              const std::function<bool()>& ready) {
-  if (!SharedSpinner::ofThisProcess().works()) return changed_.wait_until(lock, limit, ready);
-  constexpr std::chrono::milliseconds slice(100);  // then the end of the node is looked for
-  const auto done = [&] {
-    const std::lock_guard<std::mutex> look(mutex_);
-    return ready();
-  };
-  lock.unlock();
-  SharedSpinner::Helper helper;
-  bool is_ready = false;
-  for (auto now = std::chrono::steady_clock::now(); !is_ready && now < limit;
-       now = std::chrono::steady_clock::now()) {
-    is_ready = helper.callUntil(done, std::min(limit, now + slice));
+// Where nodes share a thread, whoever calls back the last answer computes the next block, and no
+// other thread needs to wake up.
+void SimulatorNode::goOn() {
+  const std::lock_guard<std::mutex> computing(computing_);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!awaiting_ || quit_ || !isAnswered()) return;
+    if (!tasks_.empty() || (paused_ && steps_ <= 1)) {
+      awaiting_ = false;
+      changed_.notify_all();
+      return;
+    }
   }
-  lock.lock();
-  return is_ready;
+  finishBlock();
+  if (!computeBlock()) changed_.notify_all();
 }
 
-void SimulatorNode::waitForAcks(std::uint32_t sequence) {
+// Of the last block, whoever computes those up to it.
+void SimulatorNode::waitForAcks() {
+  using Clock = std::chrono::steady_clock;
   std::unique_lock<std::mutex> lock(mutex_);
-  const double timeout = participants_.allKnown() ? ack_timeout_ : start_timeout_;
-  const auto deadline =
-      std::chrono::steady_clock::now() + std::chrono::nanoseconds(std::llround(1e9 * timeout));
-  const auto answered = [&] {
-    return quit_ || (participants_.allAnswered(sequence) &&
-                     (!follows_ || motion_time_ >= now_ + blockLength() - kStamp));
-  };
+  double timeout = 0.0;
+  Clock::time_point deadline;
+  std::optional<std::uint32_t> sequence;
   for (int asked = 1;; ++asked) {
-    const auto again = std::chrono::steady_clock::now() + kAskAgain;
-    if (waitUntil(lock, std::min(again, deadline), answered)) return;
-    if (std::chrono::steady_clock::now() >= deadline) break;
+    // another block by now, or the next one is being computed
+    if (awaited_ != sequence || isAnswered()) {
+      sequence = awaited_;
+      timeout = participants_.allKnown() ? ack_timeout_ : start_timeout_;
+      deadline = Clock::now() + std::chrono::nanoseconds(std::llround(1e9 * timeout));
+      asked = 1;
+    }
+    const auto over = [&] {
+      return quit_ || !awaiting_ || (!SharedSpinner::ofThisProcess().works() && isAnswered());
+    };
+    if (changed_.wait_until(lock, std::min(Clock::now() + kAskAgain, deadline), over)) {
+      awaiting_ = false;
+      return;
+    }
+    if (awaited_ != sequence || isAnswered()) {
+      tellLoop();  // it may have been told before the nodes began to share a thread
+      continue;
+    }
+    if (Clock::now() >= deadline) break;
     lock.unlock();
-    // who floods a topic pushes the block out of its receivers' queues; who has it answers again
-    publishBlock();
+    askAgain(*sequence);
     // a connection that was never made isn't tried again by ROS: answers are latched, ask anew
     if (asked % kConnectionCheck == 0) subscribeToAcks();
     lock.lock();
@@ -67,9 +87,9 @@ void SimulatorNode::waitForAcks(std::uint32_t sequence) {
   ROS_FATAL(
       "no answer to block %u within %g s of wall time from %s: it has ended, is frozen, computes "
       "for longer than that or runs without ~lockstep; look at it, or raise ~ack_timeout",
-      sequence, timeout,
-      participants_.missing(sequence).empty() ? "who publishes carrier_motion"
-                                              : participants_.missing(sequence).c_str());
+      *sequence, timeout,
+      participants_.missing(*sequence).empty() ? "who publishes carrier_motion"
+                                               : participants_.missing(*sequence).c_str());
   exit_code_ = 1;
   quit_ = true;
   ros::requestShutdown();

@@ -65,6 +65,8 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   advertise(pnh);
   ROS_INFO("%s: scenario %s, %s, %zu participants", pnh.getNamespace().c_str(), file_.c_str(),
            lockstep_ ? "lockstep" : "paced by the wall clock", participants_.size());
+  go_on_ = callbackOf([this] { goOn(); });
+  go_on_id_ = reinterpret_cast<std::uint64_t>(go_on_.get());
   thread_ = std::thread([this] { loop(); });
   service_spinner_.start();
 }
@@ -201,6 +203,7 @@ void SimulatorNode::pairParts() {
 }
 
 SimulatorNode::~SimulatorNode() {
+  nh_.getCallbackQueue()->removeByID(go_on_id_);
   {
     std::lock_guard<std::mutex> lock(mutex_);
     quit_ = true;
@@ -230,7 +233,7 @@ void SimulatorNode::loop() {
       tasks.swap(tasks_);
     }
     if (tasks.empty()) {
-      stepBlock();
+      runBlock();
     } else {
       for (auto& task : tasks) task();
       pace_time_ = -1.0;
@@ -238,42 +241,56 @@ void SimulatorNode::loop() {
   }
 }
 
-void SimulatorNode::stepBlock() {
+void SimulatorNode::runBlock() {
+  {
+    const std::lock_guard<std::mutex> computing(computing_);
+    if (!computeBlock()) return;
+  }
+  if (lockstep_) {
+    waitForAcks();
+  } else {
+    pace();
+  }
+  const std::lock_guard<std::mutex> computing(computing_);
+  finishBlock();
+}
+
+bool SimulatorNode::computeBlock() {
   watchPlant();
   applyCommands();
   publishPlantState();
   const StopReason reason = cell_->next(block_, accelerometers_pub_.getNumSubscribers() > 0,
                                         [this](const Vector6& load) { feel(load); });
-  const std::uint32_t sequence = sequence_;
+  const bool good = reason == StopReason::kOk;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     // answers may come while the block goes out
-    awaited_ = sequence;
-    participants_.expect(sequence);
+    awaited_ = sequence_;
+    awaiting_ = lockstep_ && good;
+    participants_.expect(sequence_);
     now_ = base_ + cell_->world().time();
   }
   publishPlantState();
-  if (reason == StopReason::kOk) {
-    // what follows from the block is called from here: nobody else needs to wake up
-    std::optional<SharedSpinner::Helper> helper;
-    if (lockstep_) helper.emplace();
+  if (good) {
     publishBlock();
     publishState();
-    if (lockstep_) {
-      waitForAcks(sequence);
-    } else {
-      pace();
-    }
-    ++sequence_;
-  } else {
-    ROS_ERROR("simulation stopped at %.6f s: %s; call ~reset to start anew", cell_->world().time(),
-              toString(reason));
+    return true;
   }
+  ROS_ERROR("simulation stopped at %.6f s: %s; call ~reset to start anew", cell_->world().time(),
+            toString(reason));
   std::lock_guard<std::mutex> lock(mutex_);
-  if (reason != StopReason::kOk) stopped_ = toString(reason);
+  stopped_ = toString(reason);
   if (steps_ > 0) --steps_;
-  // who waits for the last of its steps
-  if (steps_ == 0 || !stopped_.empty()) stepped_.notify_all();
+  stepped_.notify_all();
+  return false;
+}
+
+// Goes on, or has done the last of its steps.
+void SimulatorNode::finishBlock() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (!stopped_.empty()) return;
+  ++sequence_;
+  if (steps_ > 0 && --steps_ == 0) stepped_.notify_all();
 }
 
 void SimulatorNode::applyCommands() {

@@ -138,6 +138,7 @@ class RosPlant : public Plant {
   void acknowledge();
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
                const std::function<bool()>& ready);
+  void waitForChange(std::unique_lock<std::mutex>& lock, const std::function<bool()>& ready);
   void waitForBlock(std::unique_lock<std::mutex>& lock);
   PlantBlock nextBlock(const PlantCommand& command, bool first);
   void takeNext(std::unique_lock<std::mutex>& lock);

@@ -29,17 +29,21 @@ class SharedSpinner {
   class Queue : public ros::CallbackQueue {
    public:
     void addCallback(const ros::CallbackInterfacePtr& callback, std::uint64_t removal_id) override;
+
+   private:
+    friend class SharedSpinner;
+    std::atomic<bool> filled_{false};  ///< there may be something in it
   };
 
-  void add(ros::CallbackQueue* queue);
+  void add(Queue* queue);
   /// Returns once no callback of the queue is under way, and none comes any more.
-  void remove(ros::CallbackQueue* queue);
+  void remove(Queue* queue);
 
   /// Are there any queues?
   bool works() const { return works_; }
 
-  /// Who will have to wait for the callbacks takes the thread's place: it sleeps until the last of
-  /// these has gone.
+  /// Who will have to wait for what callbacks do takes the thread's place: it sleeps until the last
+  /// of these has gone.
   class Helper {
    public:
     Helper();
@@ -57,11 +61,12 @@ class SharedSpinner {
 
   void tell();
   void spin();
-  void callAll();
+  void change(const std::function<void()>& what);
   bool callEach();  ///< one callback of each queue; false: there was none
 
-  std::mutex calling_;  ///< held while callbacks run
-  std::vector<ros::CallbackQueue*> queues_;
+  std::mutex calling_;            ///< held while callbacks run
+  std::atomic<int> changing_{0};  ///< who want it for something else
+  std::vector<Queue*> queues_;
   std::mutex mutex_;
   std::condition_variable told_, helpers_told_;
   bool news_ = false, stopping_ = false;
@@ -70,5 +75,8 @@ class SharedSpinner {
   std::atomic<bool> works_{false};
   std::thread thread_;
 };
+
+/// To call `what` by way of a queue.
+ros::CallbackInterfacePtr callbackOf(std::function<void()> what);
 
 }  // namespace assembly_cell::ros_bridge

@@ -90,9 +90,13 @@ class SimulatorNode {
   /// Lets the loop run `task` between two blocks and waits for it. Rethrows what it throws.
   void betweenBlocks(const std::function<void()>& task);
   void endSteps(const std::string& why);  // of ~step; with the lock
-  void tellLoop();                        // once all have answered; with the lock
+  bool isAnswered() const;                // the last block, by all; with the lock
+  void tellLoop();                        // once it is; with the lock
   void loop();
-  void stepBlock();
+  void runBlock();
+  bool computeBlock();  // and publishes it; false: the simulation has stopped; with computing_
+  void finishBlock();   // with computing_
+  void goOn();
   void applyCommands();
   /// A new cell at the present node time.
   void restart(const Scenario& scenario);
@@ -101,9 +105,8 @@ class SimulatorNode {
   void publishState();
   void publishDiagnostics();
   void subscribeToAcks();
-  bool waitUntil(std::unique_lock<std::mutex>& lock, std::chrono::steady_clock::time_point limit,
-                 const std::function<bool()>& ready);
-  void waitForAcks(std::uint32_t sequence);
+  void askAgain(std::uint32_t sequence);
+  void waitForAcks();
   void pace();
   /// Stamp of a time of the present cell.
   ros::Time stampAt(double cell_time) const;
@@ -141,7 +144,8 @@ class SimulatorNode {
   Load felt_;  // of the coupling: below it no contact is felt
   LeaseMode lease_mode_ = LeaseMode::kAuto;
 
-  // of the loop alone
+  // of who computes: the loop, or in lockstep who calls back the last answer (goOn())
+  std::mutex computing_;  // before mutex_
   std::unique_ptr<SimulatedCell> cell_;
   StrainBlock block_;
   double base_ = 0.0;           // node time of the cell's time 0 [s]
@@ -177,6 +181,7 @@ class SimulatorNode {
   std::string refused_node_;     // of the last refusal
   GuardVerdict refusal_;
   std::uint32_t awaited_ = 0;                 // block that acks are awaited for
+  bool awaiting_ = false;                     // they are
   std::set<std::string> earlier_publishers_;  // topic and node, before this one came to life
 
   std::atomic<double> now_{0.0};  // node time [s]
@@ -193,6 +198,8 @@ class SimulatorNode {
   StaticFrames static_tf_;
   ros::Subscriber command_sub_, exciter_sub_, ack_sub_, lease_sub_;
   StreamSubscriber motion_sub_;
+  ros::CallbackInterfacePtr go_on_;
+  std::uint64_t go_on_id_ = 0;
   ros::CallbackQueue service_queue_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
   GuardedSpinner service_spinner_{3, &service_queue_};  // a pause ends a step that is under way
