@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/conversions.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
@@ -25,9 +26,11 @@ geometry_msgs::Quaternion toQuaternion(const Eigen::Matrix3d& R) {
 }
 
 Vector6 cut(const Vector6& value, const FieldRange& linear, const FieldRange& angular) {
-  Vector6 within;
-  within << value.head<3>().cwiseMax(linear.low).cwiseMin(linear.high),
-      value.tail<3>().cwiseMax(angular.low).cwiseMin(angular.high);
+  Vector6 within = value;
+  for (int i = 0; i < 6; ++i) {
+    const FieldRange& range = i < 3 ? linear : angular;
+    within[i] = std::min(std::max(range.low, value[i]), range.high);
+  }
   return within;
 }
 

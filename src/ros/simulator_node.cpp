@@ -421,13 +421,14 @@ void SimulatorNode::publishState() {
   World& world = cell_->world();
   const ros::Time stamp = stampAt(world.time());
 
-  tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));
-
+  frames_.assign(1,
+                 transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));
   if (publish_truth_) {
     const Pose X_HP = world.pegPose();
     publishShared(truth_pose_pub_, poseStamped(kHoleTruthFrame, X_HP, stamp));
-    tf_.sendTransform(transformStamped(kHoleTruthFrame, kPegTruthFrame, X_HP, stamp));
+    frames_.push_back(transformStamped(kHoleTruthFrame, kPegTruthFrame, X_HP, stamp));
   }
+  tf_.sendTransform(frames_);
   if (publish_truth_ && truth_contacts_pub_.getNumSubscribers() > 0) {
     ContactArray contacts;
     contacts.header.stamp = stamp;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/TransformStamped.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_srvs/SetBool.h>
@@ -21,6 +22,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "assembly_cell/AccelerometerSamples.h"
 #include "assembly_cell/Ack.h"
@@ -148,9 +150,10 @@ class SimulatorNode {
   std::mutex computing_;  // before mutex_
   std::unique_ptr<SimulatedCell> cell_;
   StrainBlock block_;
-  double base_ = 0.0;           // node time of the cell's time 0 [s]
-  std::uint32_t sequence_ = 0;  // of the next block
-  ros::Time epoch_;             // stamp of node time 0
+  std::vector<geometry_msgs::TransformStamped> frames_;  // sent last
+  double base_ = 0.0;                                    // node time of the cell's time 0 [s]
+  std::uint32_t sequence_ = 0;                           // of the next block
+  ros::Time epoch_;                                      // stamp of node time 0
   std::chrono::steady_clock::time_point pace_start_;
   double lost_ = 0.0;                // against the wall clock since the start [s]
   double pace_time_ = -1.0;          // node time at pace_start_ [s]; negative: not pacing yet
