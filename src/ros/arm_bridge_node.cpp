@@ -110,7 +110,7 @@ void ArmBridgeNode::readArm(Parameters& parameters) {
 }
 
 void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
-  carrier_pub_ = {nh_, "carrier_pose", kQueue};
+  carrier_pub_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", kQueue, true);
   plant_state_pub_ = nh_.advertise<PlantState>("plant_state", 10, true);
   exciter_pub_ = arm_nh_.advertise<Exciter>("exciter", kQueue, true);
   wrench_pub_ = pnh.advertise<geometry_msgs::WrenchStamped>("wrench", kQueue);

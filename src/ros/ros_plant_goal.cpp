@@ -3,6 +3,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "assembly_cell/align/step.h"
@@ -12,7 +13,6 @@
 #include "assembly_cell/ros/locus_messages.h"
 #include "assembly_cell/ros/node_watch.h"
 #include "assembly_cell/ros/ros_plant.h"
-#include "assembly_cell/ros/shared_spinner.h"
 
 // A goal over the cell: how it begins, waits, goes on after a lapse, and ends.
 namespace assembly_cell::ros_bridge {
@@ -123,7 +123,17 @@ double RosPlant::questionTime() const {
   return settings_.slow_factor * (lockstep_ ? kSlowAnswer : kAnswer);
 }
 
-// Whose messages stay out. Without the lock while it asks: callbacks take it.
+// Of other nodes, which may take long to answer: callbacks go on meanwhile, by another thread.
+void RosPlant::ask(std::unique_lock<std::mutex>& lock, const std::function<void()>& question) {
+  const bool helps = helper_.has_value();
+  helper_.reset();
+  lock.unlock();
+  question();
+  lock.lock();
+  if (helps) helper_.emplace();
+}
+
+// Whose messages stay out.
 std::string RosPlant::whoIsMissing(std::unique_lock<std::mutex>& lock, bool only_gone) {
   std::vector<std::string> topics;
   const auto add = [&](const char* topic) { topics.push_back(nh_.resolveName(topic)); };
@@ -149,11 +159,12 @@ std::string RosPlant::whoIsMissing(std::unique_lock<std::mutex>& lock, bool only
     }
   }
   const bool running = !origin_.isZero();
-  lock.unlock();
-  std::vector<TopicPublisher> found =
-      publishersOf(topics, lockstep_ || anybody ? questionTime() : 0.0);
-  const std::string lost = twin_force_.complaint();
-  lock.lock();
+  std::vector<TopicPublisher> found;
+  std::string lost;
+  ask(lock, [&] {
+    found = publishersOf(topics, lockstep_ || anybody ? questionTime() : 0.0);
+    lost = twin_force_.complaint();
+  });
   if (only_gone || anybody) {
     const auto there = [&](const TopicPublisher& publisher) {
       const bool unknown = publisher.presence == NodePresence::kUnknown;
@@ -235,9 +246,8 @@ void RosPlant::checkSensors(std::unique_lock<std::mutex>& lock) {
     const double time = (last_.end - s.since).toSec();
     if (recovering_ || s.blocks < kLeastSaturated || time < kSaturated) continue;
     const std::string channels = channelText(s.channels);
-    lock.unlock();
-    const TopicPublisher from = publishersOf({nh_.resolveName(kBlockTopics[sensor])}).front();
-    lock.lock();
+    TopicPublisher from;
+    ask(lock, [&] { from = publishersOf({nh_.resolveName(kBlockTopics[sensor])}).front(); });
     throw PlantError(
         AlignFailure::kSensorSaturated,
         text(
@@ -343,8 +353,8 @@ PlantBlock RosPlant::next(const PlantCommand& command) {
 
 PlantBlock RosPlant::nextBlock(const PlantCommand& command, bool first) {
   // from here on the spinner's thread need not wake up for what is commanded
-  std::optional<SharedSpinner::Helper> helper;
-  if (lockstep_) helper.emplace();
+  const std::shared_ptr<void> until_return(nullptr, [this](void*) { helper_.reset(); });
+  if (lockstep_) helper_.emplace();
   std::unique_lock<std::mutex> lock(mutex_);
   checkGoal();
   if (command.rest || command.exciter || command.locus || command.vibration) freshen(lock);
@@ -395,7 +405,8 @@ void RosPlant::recover(double seconds) {
   if (origin_.isZero()) {
     throw PlantError(AlignFailure::kNoData, "nothing is known of the cell");
   }
-  recovering_ = true;
+  active_ = recovering_ = true;
+  alive_ = Steady::now();
   cancelled_ = nullptr;
   vibration_.request.reset();
   if (locus_wanted_) endReading(lock);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
+#include <memory>
 #include <utility>
 
 #include "assembly_cell/ros/message_guard.h"
@@ -61,11 +62,9 @@ void SharedSpinner::remove(Queue* queue) {
 // Between two rounds of calls, however closely they follow each other.
 void SharedSpinner::change(const std::function<void()>& what) {
   ++changing_;
-  {
-    const std::lock_guard<std::mutex> lock(calling_);
-    what();
-  }
-  --changing_;
+  const std::shared_ptr<void> until_return(nullptr, [this](void*) { --changing_; });
+  const std::lock_guard<std::mutex> lock(calling_);
+  what();
 }
 
 // One at a time: what is behind one that throws stays in the queue. What comes in meanwhile is

@@ -13,8 +13,10 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr std::chrono::seconds kAskAgain{2};  // of who has not answered a block, wall clock
-constexpr int kConnectionCheck = 3;           // so many of them
+// Of who has not answered a block, wall clock. At the start nodes subscribe one after another, and
+// a second subscription to a topic in one process hears only what comes after it.
+constexpr std::chrono::milliseconds kAskAgain{2000}, kAskAtStart{200};
+constexpr int kConnectionCheck = 3;  // so many of them
 
 }  // namespace
 
@@ -69,7 +71,8 @@ void SimulatorNode::waitForAcks() {
     const auto over = [&] {
       return quit_ || !awaiting_ || (!SharedSpinner::ofThisProcess().works() && isAnswered());
     };
-    if (changed_.wait_until(lock, std::min(Clock::now() + kAskAgain, deadline), over)) {
+    const auto again = Clock::now() + (participants_.allKnown() ? kAskAgain : kAskAtStart);
+    if (changed_.wait_until(lock, std::min(again, deadline), over)) {
       awaiting_ = false;
       return;
     }

@@ -203,7 +203,6 @@ void SimulatorNode::pairParts() {
 }
 
 SimulatorNode::~SimulatorNode() {
-  nh_.getCallbackQueue()->removeByID(go_on_id_);
   {
     std::lock_guard<std::mutex> lock(mutex_);
     quit_ = true;
@@ -211,6 +210,7 @@ SimulatorNode::~SimulatorNode() {
   changed_.notify_all();
   stepped_.notify_all();
   thread_.join();
+  nh_.getCallbackQueue()->removeByID(go_on_id_);
   service_spinner_.stop();
 }
 
@@ -256,12 +256,18 @@ void SimulatorNode::runBlock() {
 }
 
 bool SimulatorNode::computeBlock() {
-  watchPlant();
-  applyCommands();
-  publishPlantState();
-  const StopReason reason = cell_->next(block_, accelerometers_pub_.getNumSubscribers() > 0,
-                                        [this](const Vector6& load) { feel(load); });
-  const bool good = reason == StopReason::kOk;
+  std::string why;
+  try {
+    watchPlant();
+    applyCommands();
+    publishPlantState();
+    const StopReason reason = cell_->next(block_, accelerometers_pub_.getNumSubscribers() > 0,
+                                          [this](const Vector6& load) { feel(load); });
+    if (reason != StopReason::kOk) why = toString(reason);
+  } catch (const std::exception& error) {
+    why = error.what();
+  }
+  const bool good = why.empty();
   {
     std::lock_guard<std::mutex> lock(mutex_);
     // answers may come while the block goes out
@@ -274,12 +280,14 @@ bool SimulatorNode::computeBlock() {
   if (good) {
     publishBlock();
     publishState();
+    std::lock_guard<std::mutex> lock(mutex_);
+    tellLoop();  // there may be no participants
     return true;
   }
   ROS_ERROR("simulation stopped at %.6f s: %s; call ~reset to start anew", cell_->world().time(),
-            toString(reason));
+            why.c_str());
   std::lock_guard<std::mutex> lock(mutex_);
-  stopped_ = toString(reason);
+  stopped_ = why;
   if (steps_ > 0) --steps_;
   stepped_.notify_all();
   return false;
@@ -421,8 +429,7 @@ void SimulatorNode::publishState() {
   World& world = cell_->world();
   const ros::Time stamp = stampAt(world.time());
 
-  frames_.assign(1,
-                 transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));
+  frames_.assign(1, transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));
   if (publish_truth_) {
     const Pose X_HP = world.pegPose();
     publishShared(truth_pose_pub_, poseStamped(kHoleTruthFrame, X_HP, stamp));

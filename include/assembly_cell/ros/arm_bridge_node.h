@@ -154,8 +154,8 @@ class ArmBridgeNode {
   bool told_any_ = false;
   std::uint64_t points_ = 0;
 
-  ros::Publisher plant_state_pub_, exciter_pub_, wrench_pub_, lease_pub_, diagnostics_pub_;
-  LatestPublisher<geometry_msgs::PoseStamped> carrier_pub_;
+  ros::Publisher carrier_pub_, plant_state_pub_, exciter_pub_, wrench_pub_, lease_pub_,
+      diagnostics_pub_;
   LatestPublisher<Ack> ack_pub_;
   ros::Subscriber command_sub_, exciter_sub_, lease_sub_, ack_sub_, stop_sub_;
   StreamSubscriber state_sub_;

@@ -3,6 +3,7 @@
 
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
+#include <ros/single_subscriber_publisher.h>
 #include <boost/make_shared.hpp>
 
 #include <cstdint>
@@ -23,7 +24,9 @@ void publishShared(const ros::Publisher& publisher, Message message) {
 
 /// The same for a topic that gives the latest message to who connects, as a latched one does. ROS
 /// writes each message of a latched topic to bytes, whether anybody outside of the process wants it
-/// or not; this one does so where somebody connects. It may come to that one twice.
+/// or not; this one does so where somebody connects. It may come to that one twice. A process
+/// connects to a topic once: its second subscription hears what comes from then on, so whatever it
+/// can't do without must be said again until it answers.
 template <class Message>
 class LatestPublisher {
  public:

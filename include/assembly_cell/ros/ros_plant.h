@@ -30,6 +30,7 @@
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/plant_link.h"
 #include "assembly_cell/ros/publish_shared.h"
+#include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 #include "assembly_cell/ros/twin_force_client.h"
 
@@ -138,6 +139,7 @@ class RosPlant : public Plant {
   void acknowledge();
   void waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
                const std::function<bool()>& ready);
+  void ask(std::unique_lock<std::mutex>& lock, const std::function<void()>& question);
   void waitForChange(std::unique_lock<std::mutex>& lock, const std::function<bool()>& ready);
   void waitForBlock(std::unique_lock<std::mutex>& lock);
   PlantBlock nextBlock(const PlantCommand& command, bool first);
@@ -175,6 +177,7 @@ class RosPlant : public Plant {
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
+  std::optional<SharedSpinner::Helper> helper_;        ///< of the strategy's thread, during a step
   std::deque<std::pair<std::uint32_t, Parts>> parts_;  // with sequence, not complete yet
   std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_poses_;  // not used yet
   ros::Time done_end_;                                              ///< of the last complete block
