@@ -6,14 +6,11 @@
 #include <std_srvs/Trigger.h>
 
 #include <atomic>
-#include <chrono>
 #include <functional>
 #include <limits>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "assembly_cell/AddContact.h"
@@ -25,8 +22,6 @@
 #include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/poll_beat.h"
-#include "assembly_cell/ros/publish_shared.h"
-#include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/ros/twin_force_client.h"
 
 namespace assembly_cell::ros_bridge::ros_bridge_test {
@@ -299,140 +294,6 @@ TEST(PollBeatTest, ServicesAnswerBetweenSlowBeats) {
   EXPECT_LT(wallSeconds() - begin, 60.0);
   EXPECT_EQ(beats, 0);
   spinner.stop();
-}
-
-// ---- a topic that gives its latest message ----
-
-// What comes in on /latest in a queue of its own, once `count` are there.
-std::vector<int> received(std::size_t count) {
-  ros::NodeHandle nh;
-  ros::CallbackQueue queue;
-  nh.setCallbackQueue(&queue);
-  std::vector<int> values;
-  const ros::Subscriber sub = nh.subscribe<std_msgs::Int32>(
-      "/latest", 10, [&](const auto& message) { values.push_back(message->data); });
-  const ros::WallTime limit = ros::WallTime::now() + ros::WallDuration(10.0);
-  while (values.size() < count && ros::WallTime::now() < limit) {
-    ros::getGlobalCallbackQueue()->callAvailable();
-    queue.callAvailable(ros::WallDuration(0.01));
-  }
-  return values;
-}
-
-TEST(LatestPublisherTest, WhoComesLateGetsTheLatestMessage) {
-  ros::NodeHandle nh;
-  LatestPublisher<std_msgs::Int32> publisher(nh, "/latest", 10);
-  for (const int value : {1, 2, 3}) {
-    std_msgs::Int32 message;
-    message.data = value;
-    publisher.publish(message);
-  }
-  EXPECT_EQ(received(1), std::vector<int>{3});
-  EXPECT_EQ(received(1), std::vector<int>{3});
-}
-
-TEST(LatestPublisherTest, GivesOnlyWhatComesWhereNothingElseIsAskedFor) {
-  ros::NodeHandle nh;
-  LatestPublisher<std_msgs::Int32> publisher(nh, "/latest", 10, false);
-  publisher.publish(std_msgs::Int32());
-  ros::CallbackQueue queue;
-  nh.setCallbackQueue(&queue);
-  std::vector<int> values;
-  const ros::Subscriber sub = nh.subscribe<std_msgs::Int32>(
-      "/latest", 10, [&](const auto& message) { values.push_back(message->data); });
-  while (publisher.getNumSubscribers() == 0) ros::WallDuration(0.001).sleep();
-  std_msgs::Int32 message;
-  message.data = 7;
-  publisher.publish(message);
-  while (values.empty()) queue.callAvailable(ros::WallDuration(0.01));
-  EXPECT_EQ(values, std::vector<int>{7});
-}
-
-TEST(LatestPublisherTest, OfNoTopicItSaysNothing) {
-  LatestPublisher<std_msgs::Int32> nobody;
-  nobody.publish(std_msgs::Int32());
-  EXPECT_EQ(nobody.getNumSubscribers(), 0u);
-}
-
-// ---- one thread for several queues ----
-
-constexpr std::chrono::seconds kLong(10);
-
-void addTo(SharedSpinner::Queue& queue, std::function<void()> what) {
-  queue.addCallback(callbackOf(std::move(what)), 1);
-}
-
-bool soon(const std::atomic<bool>& flag) {
-  for (int i = 0; i < 10000 && !flag; ++i) ros::WallDuration(0.001).sleep();
-  return flag;
-}
-
-TEST(SharedSpinnerTest, CallsWhatIsInAllQueuesAlsoBehindAnException) {
-  SharedSpinner::Queue first, second;
-  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
-  spinner.add(&first);
-  spinner.add(&second);
-  std::atomic<bool> behind{false}, beside{false};
-  addTo(first, [] { throw std::runtime_error("on purpose"); });
-  addTo(first, [&] { behind = true; });
-  addTo(second, [&] { beside = true; });
-  EXPECT_TRUE(soon(behind));
-  EXPECT_TRUE(soon(beside));
-  spinner.remove(&first);
-  spinner.remove(&second);
-  EXPECT_FALSE(spinner.works());
-}
-
-TEST(SharedSpinnerTest, WhoWaitsDoesTheWork) {
-  SharedSpinner::Queue queue;
-  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
-  spinner.add(&queue);
-  {
-    SharedSpinner::Helper helper;
-    std::thread::id by;
-    bool done = false;
-    // the second is added by the first, as an answer to what that one has published
-    addTo(queue, [&] {
-      addTo(queue, [&] {
-        by = std::this_thread::get_id();
-        done = true;
-      });
-    });
-    EXPECT_TRUE(helper.callUntil([&] { return done; }, std::chrono::steady_clock::now() + kLong));
-    EXPECT_EQ(by, std::this_thread::get_id());
-    EXPECT_FALSE(helper.callUntil([] { return false; },
-                                  std::chrono::steady_clock::now() + std::chrono::milliseconds(5)));
-  }
-  // and once it has gone, the thread does
-  std::atomic<bool> later{false};
-  addTo(queue, [&] { later = true; });
-  EXPECT_TRUE(soon(later));
-  spinner.remove(&queue);
-}
-
-// A cell that nobody waits for calls back for ever.
-TEST(SharedSpinnerTest, CallbacksThatNeverEndHoldNobodyUp) {
-  SharedSpinner::Queue queue, other;
-  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
-  spinner.add(&queue);
-  std::atomic<long> count{0};
-  std::function<void()> again = [&] {
-    ++count;
-    addTo(queue, again);
-  };
-  addTo(queue, again);
-  while (count < 1000) std::this_thread::yield();
-  spinner.add(&other);
-  const long before = count;
-  EXPECT_TRUE(SharedSpinner::Helper().callUntil([&] { return count > before + 1000; },
-                                                std::chrono::steady_clock::now() + kLong));
-  EXPECT_FALSE(SharedSpinner::Helper().callUntil(
-      [] { return false; }, std::chrono::steady_clock::now() + std::chrono::milliseconds(5)));
-  spinner.remove(&queue);
-  const long at_the_end = count;
-  ros::WallDuration(0.01).sleep();
-  EXPECT_EQ(count, at_the_end);
-  spinner.remove(&other);
 }
 
 }  // namespace
