@@ -71,7 +71,8 @@ void SimulatorNode::waitForAcks() {
     const auto over = [&] {
       return quit_ || !awaiting_ || (!SharedSpinner::ofThisProcess().works() && isAnswered());
     };
-    const auto again = Clock::now() + (participants_.allKnown() ? kAskAgain : kAskAtStart);
+    const bool begins = SharedSpinner::ofThisProcess().works() && !participants_.allKnown();
+    const auto again = Clock::now() + (begins ? kAskAtStart : kAskAgain);
     if (changed_.wait_until(lock, std::min(again, deadline), over)) {
       awaiting_ = false;
       return;
