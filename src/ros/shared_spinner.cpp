@@ -67,26 +67,29 @@ void SharedSpinner::change(const std::function<void()>& what) {
   what();
 }
 
-// One at a time: what is behind one that throws stays in the queue. What comes in meanwhile is
-// news.
-bool SharedSpinner::callEach() {
+// One at a time: what is behind one that throws stays in the queue. What is left, and what comes in
+// meanwhile, is news.
+void SharedSpinner::callEach() {
   while (changing_ > 0) std::this_thread::yield();
   const std::lock_guard<std::mutex> calling(calling_);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     news_ = false;
   }
-  bool called = false;
+  bool called = false, left = false;
   for (Queue* queue : queues_) {
     if (!queue->filled_.exchange(false)) continue;
-    bool empty = false;
-    guarded("callback",
-            [&] { empty = queue->callOne(ros::WallDuration(0.0)) == ros::CallbackQueue::Empty; });
-    if (empty) continue;
-    queue->filled_ = true;
+    guarded("callback", [&] { queue->callOne(ros::WallDuration(0.0)); });
     called = true;
+    if (queue->isEmpty()) continue;
+    queue->filled_ = true;
+    left = true;
   }
-  return called;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  // what another one waits for may have been done here
+  const bool others = called && helpers_waiting_ > 0;
+  if (left || others) news_ = true;
+  if (others) helpers_told_.notify_all();
 }
 
 void SharedSpinner::spin() {
@@ -96,11 +99,8 @@ void SharedSpinner::spin() {
     told_.wait(lock, [this] { return (news_ && helpers_ == 0) || stopping_; });
     waiting_ = false;
     lock.unlock();
-    const bool called = callEach();
+    callEach();
     lock.lock();
-    // there may be more; who has come to help meanwhile goes on
-    if (called) news_ = true;
-    if (called && helpers_waiting_ > 0) helpers_told_.notify_all();
   }
 }
 
@@ -120,13 +120,10 @@ bool SharedSpinner::Helper::callUntil(const std::function<bool()>& done,
                                       std::chrono::steady_clock::time_point deadline) {
   SharedSpinner& shared = ofThisProcess();
   while (true) {
-    const bool called = shared.callEach();
+    shared.callEach();
     const bool is_done = done();
-    std::unique_lock<std::mutex> lock(shared.mutex_);
-    if (called) shared.news_ = true;
-    // what another one waits for may have been done here
-    if (called && shared.helpers_waiting_ > 0) shared.helpers_told_.notify_all();
     if (is_done || std::chrono::steady_clock::now() >= deadline) return is_done;
+    std::unique_lock<std::mutex> lock(shared.mutex_);
     ++shared.helpers_waiting_;
     shared.helpers_told_.wait_until(lock, deadline, [&] { return shared.news_; });
     --shared.helpers_waiting_;

@@ -7,14 +7,11 @@
 #include "assembly_cell/cell/carrier_arm.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
-#include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/ros/simulator_node.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
-
-constexpr double kStamp = 1e-6;  // rounding of stamps [s]
 
 /// Answers a service with the text that `what` returns, or with that of what it throws.
 template <class Response, class What>
@@ -111,20 +108,6 @@ void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
     renew({event.getPublisherName(), now_, true, false}, ack.session);
   }
   tellLoop();
-}
-
-bool SimulatorNode::isAnswered() const {
-  return participants_.allAnswered(awaited_) &&
-         (!follows_ || motion_time_ >= now_ + blockLength() - kStamp);
-}
-
-void SimulatorNode::tellLoop() {
-  if (!awaiting_ || !isAnswered()) return;
-  if (SharedSpinner::ofThisProcess().works()) {
-    nh_.getCallbackQueue()->addCallback(go_on_, go_on_id_);
-  } else {
-    changed_.notify_all();
-  }
 }
 
 void SimulatorNode::onLease(const ros::MessageEvent<Lease const>& event) {

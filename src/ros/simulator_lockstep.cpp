@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "assembly_cell/ros/conversions.h"
-#include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/ros/simulator_node.h"
 
 namespace assembly_cell::ros_bridge {
@@ -17,8 +16,23 @@ namespace {
 // a second subscription to a topic in one process hears only what comes after it.
 constexpr std::chrono::milliseconds kAskAgain{2000}, kAskAtStart{200};
 constexpr int kConnectionCheck = 3;  // so many of them
+constexpr double kStamp = 1e-6;      // rounding of stamps [s]
 
 }  // namespace
+
+bool SimulatorNode::isAnswered() const {
+  return participants_.allAnswered(awaited_) &&
+         (!follows_ || motion_time_ >= now_ + blockLength() - kStamp);
+}
+
+void SimulatorNode::tellLoop() {
+  if (!awaiting_ || !isAnswered()) return;
+  if (SharedSpinner::ofThisProcess().works()) {
+    nh_.getCallbackQueue()->addCallback(go_on_, removalId(go_on_));
+  } else {
+    changed_.notify_all();
+  }
+}
 
 // Who floods a topic pushes the block out of its receivers' queues; who has it answers again.
 void SimulatorNode::askAgain(std::uint32_t sequence) {

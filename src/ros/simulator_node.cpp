@@ -20,7 +20,6 @@
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/parameters.h"
 #include "assembly_cell/ros/publish_shared.h"
-#include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/sensor/bridge.h"
 
 namespace assembly_cell::ros_bridge {
@@ -65,8 +64,6 @@ SimulatorNode::SimulatorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   advertise(pnh);
   ROS_INFO("%s: scenario %s, %s, %zu participants", pnh.getNamespace().c_str(), file_.c_str(),
            lockstep_ ? "lockstep" : "paced by the wall clock", participants_.size());
-  go_on_ = callbackOf([this] { goOn(); });
-  go_on_id_ = reinterpret_cast<std::uint64_t>(go_on_.get());
   thread_ = std::thread([this] { loop(); });
   service_spinner_.start();
 }
@@ -210,7 +207,7 @@ SimulatorNode::~SimulatorNode() {
   changed_.notify_all();
   stepped_.notify_all();
   thread_.join();
-  nh_.getCallbackQueue()->removeByID(go_on_id_);
+  nh_.getCallbackQueue()->removeByID(removalId(go_on_));
   service_spinner_.stop();
 }
 

@@ -62,7 +62,7 @@ class SharedSpinner {
   void tell();
   void spin();
   void change(const std::function<void()>& what);
-  bool callEach();  ///< one callback of each queue; false: there was none
+  void callEach();  ///< one callback of each queue that has any
 
   std::mutex calling_;            ///< held while callbacks run
   std::atomic<int> changing_{0};  ///< who want it for something else
@@ -78,5 +78,9 @@ class SharedSpinner {
 
 /// To call `what` by way of a queue.
 ros::CallbackInterfacePtr callbackOf(std::function<void()> what);
+/// By which it can be taken out of the queue again.
+inline std::uint64_t removalId(const ros::CallbackInterfacePtr& callback) {
+  return reinterpret_cast<std::uint64_t>(callback.get());
+}
 
 }  // namespace assembly_cell::ros_bridge

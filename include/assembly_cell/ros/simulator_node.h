@@ -39,6 +39,7 @@
 #include "assembly_cell/ros/guarded_spinner.h"
 #include "assembly_cell/ros/participants.h"
 #include "assembly_cell/ros/publish_shared.h"
+#include "assembly_cell/ros/shared_spinner.h"
 #include "assembly_cell/ros/static_frames.h"
 #include "assembly_cell/ros/stream_subscriber.h"
 
@@ -201,8 +202,7 @@ class SimulatorNode {
   StaticFrames static_tf_;
   ros::Subscriber command_sub_, exciter_sub_, ack_sub_, lease_sub_;
   StreamSubscriber motion_sub_;
-  ros::CallbackInterfacePtr go_on_;
-  std::uint64_t go_on_id_ = 0;
+  const ros::CallbackInterfacePtr go_on_ = callbackOf([this] { goOn(); });
   ros::CallbackQueue service_queue_;
   ros::ServiceServer pause_srv_, step_srv_, reset_srv_, set_state_srv_;
   GuardedSpinner service_spinner_{3, &service_queue_};  // a pause ends a step that is under way
