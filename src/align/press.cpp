@@ -20,6 +20,9 @@ constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's sti
 constexpr double kFirstStiffness = 3e4;            // [N/m]
 constexpr double kMostChange = 3e-4;               // of height in one step of a press [m]
 constexpr int kHoldSteps = 30;
+// From a command to the end of what it does: a block may be 60 ms old when it is given, the command
+// as old when it is taken, and an arm needs 50 ms [s]. The force of before says nothing.
+constexpr double kOnTheWay = 0.2;
 constexpr double kPullStep = 2.5e-4;  // of travel on the way out [m]
 constexpr double kPullTravel = 2e-3;  // in such steps [m]
 // Of a coupling that is twice as stiff as the default one it may take as much force: 16 N, less
@@ -437,6 +440,16 @@ void PressController::hold(double force, double tolerance, bool settled) {
     stiffness_ = std::clamp(stiffness_, kSoftest * stiffer, kStiffest * stiffer);
   }
   throw AlignError(AlignFailure::kPressNotHeld, line("%.2f N instead of %.2f N", forceZ(), force));
+}
+
+void PressController::holdStill(double force, double tolerance) {
+  for (int i = 0; i < kHoldSteps; ++i) {
+    hold(force, tolerance, i > 0);
+    for (const double held = last_.time; last_.time < held + kOnTheWay;) wait(1);
+    if (settle() && std::abs(forceZ() - force) <= tolerance * force) return;
+  }
+  throw AlignError(AlignFailure::kPressNotHeld,
+                   line("%.2f N instead of %.2f N, or it doesn't stay", forceZ(), force));
 }
 
 }  // namespace assembly_cell

@@ -305,7 +305,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
         throw AlignError(AlignFailure::kNoContact,
                          text("none within %g m of descent", limits_.descent));
       }
-      press.hold(force, parameters_.press_tolerance);
+      press.holdStill(force, parameters_.press_tolerance);
       result.success = true;
       result.force = press.forceZ();
       result.message = "pressing";

@@ -124,6 +124,9 @@ class PressController {
   /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
   /// `settled`: the force is, as after a light touch, and isn't waited for.
   void hold(double force, double tolerance, bool settled = false);
+  /// The same, and the force is still there when all that was commanded has long had its effect,
+  /// however late the plant is. Throws AlignError `press_not_held`.
+  void holdStill(double force, double tolerance);
 
   /// Contact wrench, sensor_b axes about its origin; of the weight what it was at the tare, turned
   /// with the carrier since. [N], [N·m]
