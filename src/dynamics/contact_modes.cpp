@@ -91,11 +91,11 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
     Slot& slot = c.slots[i];
     if (slot.mode != Mode::kSlip || slot.armed) continue;
     const Vec3& slip = e.contacts[i].tangential;
-    if (slipAhead(s, slot, e.contacts[i], e.face >> i & 1u) < 0.0) {
+    if (slipAhead(s, slot, i, e) < 0.0) {
       slot.armed = true;
       turned |= 1u << i;
     } else if (!s.rigid && slip.dot(slot.slip_direction) > 0.0 &&
-               slip.norm() > kAstray * s.slip_threshold) {
+               slip.norm() > kAstray * slipThreshold(s, e)) {
       stops |= e.face >> i & 1u ? e.active() & e.face : 1u << i;
     }
   }
@@ -169,7 +169,7 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(e.active())) {
     Slot& slot = c.slots[i];
     if (slot.mode == Mode::kSlip && slot.armed) slid |= 1u << i;
-    slot.armed = slipSpeed(e, i) > kRest * s.slip_threshold;
+    slot.armed = slipSpeed(e, i) > kRest * slipThreshold(s, e);
     slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
   }
   double limit = 0.0;
@@ -328,7 +328,7 @@ void updateSlots(const System& s, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(e.closed)) {
     Slot& slot = c.slots[i];
     if (slot.mode == Mode::kSlip && s.discrete_friction &&
-        slipSpeed(e, i) > 2.0 * s.slip_threshold) {
+        slipSpeed(e, i) > 2.0 * slipThreshold(s, e)) {
       slot.armed = true;
     }
     if (slot.mode == Mode::kIdle && e.valid(i) && e.contacts[i].gap >= s.leave_gap) {
@@ -337,10 +337,11 @@ void updateSlots(const System& s, Context& c, Evaluation& e) {
   }
 }
 
-double slipAhead(const System& s, const Slot& slot, const ContactKinematics& at, bool of_face) {
+double slipAhead(const System& s, const Slot& slot, std::size_t i, const Evaluation& e) {
+  const ContactKinematics& at = e.contacts[i];
   const double against = -at.tangential.dot(slot.slip_direction);
   // the points of a face rest while the fastest is that slow
-  const double rest = of_face ? kFaceRest * s.slip_threshold : s.slip_threshold;
+  const double rest = (e.face >> i & 1u ? kFaceRest : 1.0) * slipThreshold(s, e);
   if (s.rigid) return rest + against;
   if (s.scenario.mechanism.friction.sliding_coefficient == 0.0) return HUGE_VAL;
   const double speed = at.tangential.norm();

@@ -34,6 +34,6 @@ void keepDepth(std::size_t i, double handed, Context& c, Evaluation& e);
 /// Slip that begins has a friction of fixed direction. Below zero: it goes elsewhere than against
 /// that, fast enough to tell; under the rigid law, which keeps resting points at zero speed, only
 /// when it goes along with it [m/s].
-double slipAhead(const System& s, const Slot& slot, const ContactKinematics& at, bool of_face);
+double slipAhead(const System& s, const Slot& slot, std::size_t i, const Evaluation& e);
 
 }  // namespace assembly_cell

@@ -75,7 +75,7 @@ void addRow(const System& s, const Slot& slot, std::size_t i, double least, cons
   }
   // slip that begins has its limit's direction, soon that of the velocity
   const double own = at.tangential.norm(), speed = std::max(own, least);
-  const double begin = slot.armed ? 0.0 : std::clamp(2.0 - own / s.slip_threshold, 0.0, 1.0);
+  const double begin = slot.armed ? 0.0 : std::clamp(2.0 - own / slipThreshold(s, e), 0.0, 1.0);
   Vec3 slip = -begin * slot.slip_direction;
   if (speed > 0.0) slip += (1.0 - begin) / speed * at.tangential;
   const double size = speed > own || (begin == 0.0 && own > 0.0) ? 1.0 : slip.norm();

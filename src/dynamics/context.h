@@ -33,6 +33,7 @@ struct System {
   bool compliant = false;          ///< the carrier gives way behind its encoders
   double leave_gap = 0.0;          ///< a contact opens above this [m]
   double slip_threshold = 0.0;     ///< slip slower than this is rest [m/s]
+  double lone_slip = 0.0;          ///< the same of a point that is the only one closed
   /// Tolerance over 1e-9 m, from 1e-3 to 100: as far as hysteresis and places of events follow it.
   double coarseness = 1.0;
   InverseMass inverse_mass;
@@ -205,6 +206,11 @@ struct Evaluation {
   double drive_time = -1.0;  ///< of drive_force [s]
   Eigen::Vector2d drive_force = Eigen::Vector2d::Zero();
 };
+
+/// Slip slower than this is rest [m/s].
+inline double slipThreshold(const System& s, const Evaluation& e) {
+  return (e.closed & (e.closed - 1u)) == 0u ? s.lone_slip : s.slip_threshold;
+}
 
 /// The slots of a mask, rising: for (const std::size_t i : Slots(mask)).
 class Slots {

@@ -85,9 +85,9 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
   if (slot.mode == Mode::kStick) {
     value[2] = c.pull - coneExcess(s, e, i);
   } else if (slot.armed) {
-    value[2] = onwards(c, e, i) - s.slip_threshold;
+    value[2] = onwards(c, e, i) - slipThreshold(s, e);
   } else {
-    value[2] = slipAhead(s, slot, at, e.face >> i & 1u);
+    value[2] = slipAhead(s, slot, i, e);
   }
 }
 

@@ -177,7 +177,7 @@ class SlipDirections {
  private:
   static Vec3 slipOf(const System& s, std::size_t i, const Context& c, const Evaluation& e) {
     const Vec3& slip = e.contacts[i].tangential;
-    const bool has = c.slots[i].armed || slip.norm() > kHas * s.slip_threshold;
+    const bool has = c.slots[i].armed || slip.norm() > kHas * slipThreshold(s, e);
     return has ? slip : Vec3(-c.slots[i].slip_direction);
   }
 
@@ -239,7 +239,7 @@ bool begins(const System& s, const Context& c, std::size_t i, const Evaluation& 
   const ContactKinematics& at = e.contacts[i];
   const Vec3& friction = c.slots[i].slip_direction;
   const double speed = at.tangential.norm();
-  if (!(speed > kNone * s.slip_threshold)) return true;
+  if (!(speed > kNone * slipThreshold(s, e))) return true;
   if (at.tangential.dot(friction) > 0.0) return false;
   return accelerationOf(body, e, i).dot(friction) < kFading * speed;
 }
@@ -259,7 +259,7 @@ double slipTurning(const System& s, const Context& c, const Evaluation& e) {
   for (const std::size_t i : Slots(sliding)) {
     const double speed = slipSpeed(e, i);
     if (!c.slots[i].armed && !begins(s, c, i, e, body)) return 0.0;
-    fastest = std::max(fastest, frictionRate(i, e, body) / std::max(speed, s.slip_threshold));
+    fastest = std::max(fastest, frictionRate(i, e, body) / std::max(speed, slipThreshold(s, e)));
   }
   return fastest;
 }
@@ -312,7 +312,7 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
       return;
     }
     rested = rested || rests;
-    rests = directions.rests(s.slip_threshold);
+    rests = directions.rests(slipThreshold(s, e));
   }
   State error;
   step.end = c.state;
@@ -340,7 +340,7 @@ void followSlip(const System& s, Context& c, const Evaluation& e) {
     Slot& slot = c.slots[i];
     const double speed = e.contacts[i].tangential.norm();
     if (slot.mode != Mode::kSlip || slot.armed) continue;
-    if (!(speed > kNone * s.slip_threshold)) continue;
+    if (!(speed > kNone * slipThreshold(s, e))) continue;
     slot.slip_direction = e.contacts[i].tangential / -speed;
   }
 }
