@@ -23,6 +23,8 @@ constexpr int kHoldSteps = 30;
 // From a command to the end of what it does: a block may be 60 ms old when it is given, the command
 // as old when it is taken, and an arm needs 50 ms [s]. The force of before says nothing.
 constexpr double kOnTheWay = 0.2;
+// So often a force may have gone on and is held anew: an arm's end of a move does so once.
+constexpr int kHolds = 5;
 constexpr double kPullStep = 2.5e-4;  // of travel on the way out [m]
 constexpr double kPullTravel = 2e-3;  // in such steps [m]
 // Of a coupling that is twice as stiff as the default one it may take as much force: 16 N, less
@@ -415,6 +417,11 @@ bool PressController::approach(double floor) {
   return true;
 }
 
+AlignError PressController::gaveWay(double start) const {
+  return {AlignFailure::kGaveWay,
+          line("%.1f mm down for %.1f N", (start - target_.z) * 1e3, forceZ())};
+}
+
 void PressController::hold(double force, double tolerance, bool settled) {
   // secant steps to the force
   RestPose target = target_;
@@ -429,8 +436,8 @@ void PressController::hold(double force, double tolerance, bool settled) {
     const double change = std::clamp((force - before) / stiffness_, -most, most);
     target.z -= change;
     if (start - target.z > limits_.compliance * force) {
-      throw AlignError(AlignFailure::kGaveWay,
-                       line("%.1f mm down for %.1f N", (start - target.z) * 1e3, forceZ()));
+      target_ = target;
+      throw gaveWay(start);
     }
     moveTo(target);
     wait(timed(kSettleBlocks));
@@ -443,10 +450,13 @@ void PressController::hold(double force, double tolerance, bool settled) {
 }
 
 void PressController::holdStill(double force, double tolerance) {
-  for (int i = 0; i < kHoldSteps; ++i) {
+  const double start = target_.z;
+  for (int i = 0; i < kHolds; ++i) {
     hold(force, tolerance, i > 0);
-    for (const double held = last_.time; last_.time < held + kOnTheWay;) wait(1);
-    if (settle() && std::abs(forceZ() - force) <= tolerance * force) return;
+    for (double passed = 0.0; passed < kOnTheWay; passed += last_.length) wait(1);
+    settle();  // or it swings within the tolerance
+    if (start - target_.z > limits_.compliance * force) throw gaveWay(start);
+    if (std::abs(forceZ() - force) <= tolerance * force) return;
   }
   throw AlignError(AlignFailure::kPressNotHeld,
                    line("%.2f N instead of %.2f N, or it doesn't stay", forceZ(), force));

@@ -32,7 +32,7 @@ struct System {
   bool discrete_friction = false;  ///< stick and slip are modes; else regularised friction
   bool compliant = false;          ///< the carrier gives way behind its encoders
   double leave_gap = 0.0;          ///< a contact opens above this [m]
-  double slip_threshold = 0.0;     ///< slip slower than this is rest [m/s]
+  double slip_threshold = 0.0;     ///< slip slower than this is rest, see slipThreshold() [m/s]
   double lone_slip = 0.0;          ///< the same of a point that is the only one closed
   /// Tolerance over 1e-9 m, from 1e-3 to 100: as far as hysteresis and places of events follow it.
   double coarseness = 1.0;
@@ -209,7 +209,8 @@ struct Evaluation {
 
 /// Slip slower than this is rest [m/s].
 inline double slipThreshold(const System& s, const Evaluation& e) {
-  return (e.closed & (e.closed - 1u)) == 0u ? s.lone_slip : s.slip_threshold;
+  const bool several = (e.closed & (e.closed - 1u)) != 0u || e.face != 0u;
+  return several ? s.slip_threshold : s.lone_slip;
 }
 
 /// The slots of a mask, rising: for (const std::size_t i : Slots(mask)).

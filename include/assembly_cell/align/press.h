@@ -124,8 +124,9 @@ class PressController {
   /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
   /// `settled`: the force is, as after a light touch, and isn't waited for.
   void hold(double force, double tolerance, bool settled = false);
-  /// The same, and the force is still there when all that was commanded has long had its effect,
-  /// however late the plant is. Throws AlignError `press_not_held`.
+  /// The same, and the force is still within tolerance·force 0.2 s later and with the peg at rest:
+  /// all that was commanded has had its effect, also of an arm beside a busy machine. Throws
+  /// AlignError `press_not_held` where it goes on five times, `gave_way` as hold() over all.
   void holdStill(double force, double tolerance);
 
   /// Contact wrench, sensor_b axes about its origin; of the weight what it was at the tare, turned
@@ -146,6 +147,7 @@ class PressController {
 
  private:
   Vector6 weightSince(const RestPose& pose) const;
+  AlignError gaveWay(double start) const;
   double held() const;
   void twist(const RestPose& at);
   /// Of a contact force of `force`, `sideways` of it in x and y [N].
