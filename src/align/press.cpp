@@ -417,9 +417,10 @@ bool PressController::approach(double floor) {
   return true;
 }
 
-AlignError PressController::gaveWay(double start) const {
-  return {AlignFailure::kGaveWay,
-          line("%.1f mm down for %.1f N", (start - target_.z) * 1e3, forceZ())};
+// a press that has gone so far down for a force
+void PressController::limitWay(double down, double force) const {
+  if (down <= limits_.compliance * force) return;
+  throw AlignError(AlignFailure::kGaveWay, line("%.1f mm down for %.1f N", down * 1e3, forceZ()));
 }
 
 void PressController::hold(double force, double tolerance, bool settled) {
@@ -435,10 +436,7 @@ void PressController::hold(double force, double tolerance, bool settled) {
     const double most = kMostChange * scale.sink;
     const double change = std::clamp((force - before) / stiffness_, -most, most);
     target.z -= change;
-    if (start - target.z > limits_.compliance * force) {
-      target_ = target;
-      throw gaveWay(start);
-    }
+    limitWay(start - target.z, force);
     moveTo(target);
     wait(timed(kSettleBlocks));
     // slip makes single secants unreliable: change the estimate by no more than threefold
@@ -455,7 +453,7 @@ void PressController::holdStill(double force, double tolerance) {
     hold(force, tolerance, i > 0);
     for (double passed = 0.0; passed < kOnTheWay; passed += last_.length) wait(1);
     settle();  // or it swings within the tolerance
-    if (start - target_.z > limits_.compliance * force) throw gaveWay(start);
+    limitWay(start - target_.z, force);
     if (std::abs(forceZ() - force) <= tolerance * force) return;
   }
   throw AlignError(AlignFailure::kPressNotHeld,

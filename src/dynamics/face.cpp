@@ -108,7 +108,7 @@ void stopPoints(const System& s, ContactSlotMask points, Context& c, Evaluation&
     const Vec3& normal = e.point(i).normal;
     Constraint& row = rows.add(i, at.r, normal);
     const double speed = at.tangential.norm();
-    row.stick = speed < s.slip_threshold;
+    row.stick = speed < slipThreshold(s, e);
     row.change = -(row.stick ? at.velocity : Vec3(at.gap_rate * normal));
     if (!row.stick) {
       row.direction -= s.scenario.mechanism.friction.sliding_coefficient / speed * at.tangential;

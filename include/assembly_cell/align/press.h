@@ -147,7 +147,7 @@ class PressController {
 
  private:
   Vector6 weightSince(const RestPose& pose) const;
-  AlignError gaveWay(double start) const;
+  void limitWay(double down, double force) const;
   double held() const;
   void twist(const RestPose& at);
   /// Of a contact force of `force`, `sideways` of it in x and y [N].
