@@ -136,10 +136,6 @@ Chamfer chamferOf(double width, double angle) {
   return {width, width / std::tan(angle), std::sin(angle), std::cos(angle)};
 }
 
-EdgeHeight edgeHeight(const EdgeCircle& e) {
-  return {e.center(0), e.radius * std::sqrt(square(e.axis0(0)) + square(e.axis1(0)))};
-}
-
 ContactSlotMask possibleSlots(const ContactShapes& shapes) {
   ContactSlotMask mask = kSharpRimSlots;
   if (shapes.chamfer) mask |= kHoleChamferMask;

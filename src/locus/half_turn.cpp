@@ -3,10 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
-
-#include "assembly_cell/base/distributions.h"
 
 #include "assembly_cell/locus/linear_motion.h"
 
@@ -82,32 +79,6 @@ DirectionEstimate linear_motion::resolveHalfTurn(const SeenMotion& seen,
   weigh(evidence.vertical, kVertical);
   weigh(evidence.yaw, kYaw);
   return withOdds(estimate, odds);
-}
-
-WobbleTilt tiltFromWobble(double direction_before, double direction_after, const Vector2d& turn,
-                          double direction_sd) {
-  // q = θ_y - i θ_x points to the lowest edge point; Im(q e^{-i α}) = 0 before and after the turn
-  const Complex step(turn.y(), -turn.x());
-  const double swing = std::sin(direction_after - direction_before);
-  WobbleTilt tilt;
-  tilt.sd = std::numeric_limits<double>::infinity();
-  if (!(std::abs(swing) > 1e-12)) return tilt;
-  tilt.along = (step * std::polar(1.0, -direction_after)).imag() / swing;
-  const Complex q = tilt.along * std::polar(1.0, direction_before);
-  tilt.before = {-q.imag(), q.real()};
-  tilt.sd =
-      direction_sd *
-      std::hypot(tilt.along * std::cos(direction_after - direction_before), std::abs(q + step)) /
-      std::abs(swing);
-  return tilt;
-}
-
-DirectionEstimate resolveByWobble(DirectionEstimate estimate, double direction_after,
-                                  const Vector2d& turn, double direction_sd) {
-  const WobbleTilt tilt = tiltFromWobble(estimate.alpha, direction_after, turn, direction_sd);
-  const double z = std::isfinite(tilt.sd) && tilt.sd > 0.0 ? tilt.along / tilt.sd : 0.0;
-  const double likely = normalTail(-z);
-  return withOdds(estimate, logOdds(estimate.weight) + logOdds(likely));
 }
 
 }  // namespace assembly_cell

@@ -87,8 +87,7 @@ TEST_P(NearStarts, Align) {
     ForcePlant watched(plant);
     const AlignResult result = align(watched, s.mechanism, p);
     EXPECT_TRUE(result.success) << start.offset.transpose() << ": " << result.reason;
-    EXPECT_TRUE(
-        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
+    EXPECT_LE(edgeReach(plant.truth().pegPose(), s.mechanism.peg.radius), s.mechanism.hole.radius);
     EXPECT_LT(plant.truth().pegPose().p.z(), -0.5 * p.insertion_depth);
     // a third of the clearance, a tenth of a degree
     EXPECT_LT((result.offset + start.offset).norm(), 3e-5);
@@ -117,7 +116,7 @@ TEST_P(NearStarts, AlignInCloseFits) {
     ForcePlant watched(plant);
     const AlignResult result = align(watched, s.mechanism, p);
     EXPECT_TRUE(result.success) << start.offset.transpose() << ": " << result.reason;
-    EXPECT_TRUE(edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, start.radius));
+    EXPECT_LE(edgeReach(plant.truth().pegPose(), s.mechanism.peg.radius), start.radius);
     // rigid parts hold one another with any force; what the coupling bears is known
     EXPECT_LT(watched.greatest_load, p.force_limit) << start.offset.transpose();
   }
@@ -134,8 +133,7 @@ TEST_P(NearStarts, InTheHoleAlready) {
     EXPECT_TRUE(result.success) << result.reason;
     EXPECT_EQ(result.contacts, 0);
     EXPECT_LT(result.time, 5.0);
-    EXPECT_TRUE(
-        edgeInside(plant.truth().pegPose(), s.mechanism.peg.radius, s.mechanism.hole.radius));
+    EXPECT_LE(edgeReach(plant.truth().pegPose(), s.mechanism.peg.radius), s.mechanism.hole.radius);
     EXPECT_LT(plant.truth().pegPose().p.z(), -0.5 * depth);
   }
 }

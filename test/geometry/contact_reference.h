@@ -27,6 +27,17 @@ inline ContactShapes shapesOf(double clearance) {
   return s;
 }
 
+/// Of the edge circle over the hole plane: its points lie at center ± amplitude.
+struct EdgeHeight {
+  double center;
+  double amplitude;
+  double lowest() const { return center - amplitude; }
+};
+
+inline EdgeHeight edgeHeight(const EdgeCircle& e) {
+  return {e.center(0), e.radius * std::hypot(e.axis0(0), e.axis1(0))};
+}
+
 struct BodiesReference {
   Vec3L center, axis0, axis1, axis;
   Real r_p, r_h, length, depth;

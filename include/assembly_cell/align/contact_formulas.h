@@ -9,8 +9,8 @@
 
 namespace assembly_cell {
 
-// Tilt and hole from directions of contact (thesis 9.8, 9.9), exact
-// in the clearance; small tilts add as complex numbers. Plane of the hole as the complex plane,
+// Tilt and hole from contacts (thesis 9.9), exact in the clearance; small tilts add as complex
+// numbers. Plane of the hole as the complex plane,
 // origin below the peg's bottom centre, directions anticlockwise from x. [m], [rad]
 //
 // q = θ_y − i θ_x = |tilt| e^{i low}: low is the direction of the lowest point of the peg's edge. A
@@ -22,41 +22,12 @@ inline std::complex<double> tiltAsComplex(const Eigen::Vector2d& tilt) {
 }
 inline Eigen::Vector2d tiltFromComplex(std::complex<double> q) { return {-q.imag(), q.real()}; }
 
-/// A contact on the plane (so at the lowest edge point) after the wobble dq. alpha may be off by π.
-struct WobbleReading {
-  std::complex<double> dq;
-  double alpha = 0.0;
-};
-
-/// Tilt before the wobble from two directions, exact (in place of 9.20–9.23). Nothing for a wobble
-/// along the tilt: sin(a1 − a0) below 1e-9.
-std::optional<std::complex<double>> tiltFromWobble(std::complex<double> dq, double a0, double a1);
-
-/// The same from many, by linear least squares.
-std::optional<std::complex<double>> tiltFromReadings(const std::vector<WobbleReading>& readings);
-
-/// Point of the edge of a peg tilted by q that lies in direction a, projected onto the plane.
-std::complex<double> edgePoint(double radius, std::complex<double> q, double a);
-
-/// Hole from both edge contacts, equal radii (thesis 9.13, 9.14): off by up to
-/// √(hole radius² − radius²).
-std::complex<double> equalRadiusCentre(double radius, double a1, double a2);
-
-/// Centre of the circle through two points, on the side of `away`. Nothing when they are farther
+/// Centre of the circle through two points, on the side of `away`: the hole from both edge contacts
+/// (thesis 9.13, 9.14, which leave out the clearance). Nothing when they are farther
 /// apart than its diameter.
 std::optional<std::complex<double>> centreThrough(double hole_radius, std::complex<double> p1,
                                                   std::complex<double> p2,
                                                   std::complex<double> away);
-
-/// Hole from both edge contacts, with clearance and tilt.
-std::optional<std::complex<double>> holeFromEdges(double radius, double hole_radius,
-                                                  std::complex<double> q, double a1, double a2);
-
-/// Hole from the direction alpha of a double contact (mod π: the segment) and the direction a_c of
-/// the one contact that a wobble leaves, with clearance and the tilt q then (9.27, 9.28).
-std::optional<std::complex<double>> holeFromDouble(double radius, double hole_radius,
-                                                   std::complex<double> q, double alpha,
-                                                   double a_c);
 
 /// A contact on the plane after the rotation `turn` about e(alpha) of a double contact.
 struct TurnReading {

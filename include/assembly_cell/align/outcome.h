@@ -21,12 +21,6 @@ inline Pose shoulderPose(const Pose& X_HP, double chamfer_height) {
 double edgeReach(const Pose& X_HP, double peg_radius,
                  const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero());
 
-/// The peg's whole bottom edge lies within the hole's cylinder.
-inline bool edgeInside(const Pose& X_HP, double peg_radius, double hole_radius,
-                       const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero()) {
-  return edgeReach(X_HP, peg_radius, bore_lean) <= hole_radius;
-}
-
 /// How far from the bore's axis the edge of a peg reaches that leans on its wall, at most [m]. The
 /// viscous law lets it sink in, by u/rate where it comes at a speed u and by some micrometres a
 /// second where it slides: by 0.1 mm or the clearance.

@@ -25,15 +25,6 @@ struct EdgeCircle {
   double radius;
 };
 
-/// Height quantities of the edge circle over the hole plane: its points lie at c1 ± A.
-struct EdgeHeight {
-  double center;     ///< c1
-  double amplitude;  ///< A = r_p sin(tilt)
-  double lowest() const { return center - amplitude; }
-  double highest() const { return center + amplitude; }
-};
-EdgeHeight edgeHeight(const EdgeCircle& edge);
-
 /// The ways in which a point of the peg and a point of the block can touch. Four come from the
 /// peg's edge circle p(t) against the block, three from the rim circle H(s) against the peg:
 ///

@@ -35,19 +35,4 @@ DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoi
                                   const HalfTurnEvidence& evidence, DirectionEstimate estimate,
                                   LocusAxes axes = LocusAxes::kHole);
 
-/// The peg's tilt against the plane from the contact's directions (each modulo π) before and after
-/// a small turn of the peg, edge on plane (docs/theory.md, "Locus").
-struct WobbleTilt {
-  Eigen::Vector2d before{0, 0};  ///< tilt before the turn: rotation vector x, y [rad]
-  double along = 0.0;            ///< of the edge's dip along `direction` before the turn [rad]
-  double sd = 0.0;               ///< of `along`; infinite for a turn along the tilt
-};
-/// turn: rotation vector x, y of the peg [rad]; direction_sd: of both directions [rad].
-WobbleTilt tiltFromWobble(double direction_before, double direction_after,
-                          const Eigen::Vector2d& turn, double direction_sd);
-
-/// The contact is where the edge dips: the same by a wobble. `estimate` is the one before the turn.
-DirectionEstimate resolveByWobble(DirectionEstimate estimate, double direction_after,
-                                  const Eigen::Vector2d& turn, double direction_sd);
-
 }  // namespace assembly_cell
