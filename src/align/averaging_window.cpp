@@ -11,7 +11,46 @@ namespace {
 // Half or twice doubles or halves the turn that a window may have.
 constexpr double kLever = 0.1;
 
+// Encoders scatter. Of so many blocks and more their scatter can be told from motion, ...
+constexpr int kTellsScatter = 6;
+// ... which is what goes beyond so many standard deviations. Of 10 blocks that only scatter 1
+// window in 5000 is refused where one standard deviation is twice the limit; with one less of both
+// 1 in 50, with one more a drift must be a third larger to be seen.
+constexpr double kScatters = 3.5, kHalvesScatter = 2.5;
+// What scatters more than this isn't held [m].
+constexpr double kMostScatter = 2e-4;
+
+// Length of a way and a turn [m].
+double lengthOf(const Vector6& way) { return way.head<3>().norm() + kLever * way.tail<3>().norm(); }
+
 }  // namespace
+
+// The first block against all others, and the halves' means against each other: where all only
+// scatters, both differ by what neighbours differ.
+bool AveragingWindow::hasMoved() {
+  const std::size_t n = ways_.size(), half = n / 2;
+  motion_ = 0.0;
+  for (const Vector6& way : ways_) motion_ = std::max(motion_, lengthOf(way));
+  if (motion_ <= limits_.carrier_motion) return false;
+  if (n < kTellsScatter) return true;
+  // neighbours without the steady part of their difference: 2σ² each
+  Vector6 squares = Vector6::Zero(), first = Vector6::Zero(), second = Vector6::Zero();
+  const double steps = static_cast<double>(n - 1);
+  const Vector6 steady = (ways_.back() - ways_.front()) / steps;
+  for (std::size_t i = 1; i < n; ++i) {
+    squares += (ways_[i] - ways_[i - 1] - steady).cwiseAbs2();
+  }
+  const double sd = lengthOf((squares / (2.0 * (steps - 1.0 / steps))).cwiseSqrt());
+  if (motion_ > limits_.carrier_motion + std::min(kScatters * sd, kMostScatter)) return true;
+  for (std::size_t i = 0; i < half; ++i) {
+    first += ways_[i];
+    second += ways_[n - 1 - i];
+  }
+  const double count = static_cast<double>(half);
+  // a steady motion's halves are half its way apart
+  const double drift = 2.0 * lengthOf((second - first) / count);
+  return drift > limits_.carrier_motion + 2.0 * kHalvesScatter * sd * std::sqrt(2.0 / count);
+}
 
 RestPose AveragingWindow::carrier() const {
   const double n = std::max(1, blocks());
@@ -52,18 +91,17 @@ AveragingWindow::State AveragingWindow::add(const PlantBlock& block) {
   // for a strategy the press itself looks after saturation and motion
   if (std::isfinite(limits_.carrier_motion)) {
     if (block.saturated) return State::kSaturated;
-    const Pose carrier = poseFromRest(block.carrier);
-    if (means_.blocks() == 1) first_carrier_ = carrier;
-    const Eigen::Matrix3d turn = first_carrier_.R.transpose() * carrier.R;
-    motion_ = std::max(motion_, (carrier.p - first_carrier_.p).norm() +
-                                    kLever * vectorFromRotation(turn).value.norm());
-    if (motion_ > limits_.carrier_motion) return State::kMoved;
+    const Pose carrier = poseFromRest(block.carrier), first = poseFromRest(origin_);
+    Vector6 way;
+    way << carrier.p - first.p, vectorFromRotation(first.R.transpose() * carrier.R).value;
+    ways_.push_back(way);
   }
   if (blocks() < limits_.blocks) return State::kFilling;
+  if (std::isfinite(limits_.carrier_motion) && hasMoved()) return State::kMoved;
   if (blocks() == 1 || means_.settled(limits_.settled_force)) return State::kSettled;
   if (++tried_ >= limits_.tries) return State::kNotSettled;
   means_.clear();
-  motion_ = 0.0;
+  ways_.clear();
   return State::kFilling;
 }
 

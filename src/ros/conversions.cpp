@@ -84,7 +84,11 @@ Pose fromPose(const geometry_msgs::Pose& pose, const std::string& source) {
   const Eigen::Vector3d p(pose.position.x, pose.position.y, pose.position.z);
   const Eigen::Quaterniond q(pose.orientation.w, pose.orientation.x, pose.orientation.y,
                              pose.orientation.z);
-  if (!p.allFinite()) throw InputError(source + ": position is not finite: give metres");
+  for (int axis = 0; axis < 3; ++axis) {
+    if (std::abs(p(axis)) <= kPositionField.high) continue;
+    throw InputError(source + ": position." + "xyz"[axis] + " is " + std::to_string(p(axis)) +
+                     ": give metres, from -100 to 100");
+  }
   if (!q.coeffs().allFinite() || std::abs(q.norm() - 1.0) > kQuaternionTolerance) {
     throw InputError(source + ": orientation has norm " + std::to_string(q.norm()) +
                      ": give a unit quaternion x, y, z, w");

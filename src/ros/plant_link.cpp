@@ -108,8 +108,14 @@ void PlantLink::watchConstant(ros::NodeHandle& nh, const std::string& topic,
 // ---- the session ----
 
 void PlantLink::begin() {
-  const std::string holder = hold(plant_, node_);
+  std::string holder = hold(plant_, node_);
   const std::lock_guard<std::mutex> lock(mutex_);
+  // another process: what this goal would send meanwhile would only disturb the other's
+  if (holder == node_ && state_ && !state_->held && !state_->holder.empty() &&
+      state_->holder != ros::this_node::getName()) {
+    holder = state_->holder;
+    letGo(plant_, node_);
+  }
   if (holder != node_) {
     session_ = 0;
     fault_ = holder + " holds the plant";

@@ -1,4 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/averaging_window.h"
 #include "assembly_cell/align/contact_window.h"
 
 #include <gtest/gtest.h>
@@ -102,4 +103,47 @@ TEST(PegWeight, HangsUnderTheCoupling) {
   w = pegWeight(peg, 10.0, Vector3d(0.6, 0.0, 0.8), Vector6::Zero());
   EXPECT_NEAR(w(0), -2.4, 1e-15);
   EXPECT_NEAR(w(4), -0.05 * -2.4, 1e-15);
+}
+
+// Encoders that scatter are no motion; a drift or a step beyond their scatter is, and what swings
+// far is no scatter.
+TEST(AveragingWindow, TellsMotionFromScatter) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  // windows of 10 blocks that count as moved: the carrier's x from block to block, and its scatter
+  const auto moved = [&](double sd, int windows, const auto& way) {
+    int count = 0;
+    for (int run = 0; run < windows; ++run) {
+      AveragingLimits limits;
+      limits.blocks = 10;
+      limits.settled_force = 1.0;
+      limits.carrier_motion = 1e-5;
+      AveragingWindow window(limits);
+      AveragingWindow::State state{};
+      for (int i = 0; i < limits.blocks; ++i) {
+        PlantBlock block;
+        block.time = 0.02 * (i + 1);
+        block.carrier = {way(i) + sd * normal(random), sd * normal(random),
+                         0.1 + sd * normal(random),    sd * normal(random),
+                         sd * normal(random),          sd * normal(random)};
+        state = window.add(block);
+      }
+      count += state == AveragingWindow::State::kMoved;
+    }
+    return count;
+  };
+  const auto still = [](int) { return 0.0; };
+  const auto drift = [](double way) { return [way](int i) { return way * i / 9.0; }; };
+  const auto jump = [](double way) { return [way](int i) { return i < 5 ? 0.0 : way; }; };
+  EXPECT_EQ(moved(0.0, 1, still), 0);
+  EXPECT_EQ(moved(0.0, 1, drift(9e-6)), 0);
+  EXPECT_EQ(moved(0.0, 1, drift(1.1e-5)), 1);
+  EXPECT_EQ(moved(0.0, 1, jump(1.1e-5)), 1);
+  // 1 of 5000 and less of each level's scatter
+  for (const double sd : {5e-6, 1e-5, 2e-5}) {
+    EXPECT_LE(moved(sd, 2000, still), 4) << sd;
+    EXPECT_EQ(moved(sd, 100, drift(10 * sd + 1e-5)), 100) << sd;
+    EXPECT_EQ(moved(sd, 100, jump(8 * sd + 1e-5)), 100) << sd;
+  }
+  EXPECT_EQ(moved(0.0, 1, [](int i) { return i % 2 ? 3e-4 : 0.0; }), 1);
 }

@@ -3,6 +3,7 @@
 #include <ros/ros.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 #include <fstream>
 #include <iterator>
@@ -132,6 +133,30 @@ TEST(OneName, OnlyOneNodeOfAProcessHoldsThePlant) {
   one.end();
   other.begin();
   EXPECT_FALSE(other.fault());
+}
+
+TEST(OneName, APlantThatAnotherProcessHoldsIsLeftAlone) {
+  ros::NodeHandle nh("held_cell");
+  ros::Publisher plant = nh.advertise<PlantState>("plant_state", 1, true);
+  std::atomic<int> heard{0};
+  PlantLink link(nh, "/one", true, [&] { ++heard; });
+  PlantState state;
+  state.life = 1;
+  state.session = 5;
+  state.holder = "/somebody";
+  plant.publish(state);
+  ASSERT_TRUE(waitFor([&] { return heard > 0; }));
+  link.begin();
+  EXPECT_EQ(link.session(), 0U);
+  EXPECT_EQ(link.fault().value_or(""), "/somebody holds the plant");
+  link.end();
+  state.session = 0;
+  state.holder.clear();
+  plant.publish(state);
+  ASSERT_TRUE(waitFor([&] { return heard > 1; }));
+  link.begin();
+  EXPECT_NE(link.session(), 0U);
+  EXPECT_FALSE(link.fault());
 }
 
 // ---- how it ends ----

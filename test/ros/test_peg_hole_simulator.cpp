@@ -290,7 +290,13 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   service.request.peg.position.x = kNaN;
   ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
   EXPECT_FALSE(service.response.success);
-  EXPECT_NE(service.response.message.find("peg"), std::string::npos) << service.response.message;
+  EXPECT_EQ(service.response.message.find("peg: position.x is nan: give metres"), 0U)
+      << service.response.message;
+  service.request.peg.position.x = 1e9;
+  ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
+  EXPECT_FALSE(service.response.success);
+  EXPECT_EQ(service.response.message.find("peg: position.x is 1000000000"), 0U)
+      << service.response.message;
 }
 
 TEST_F(Simulator, TellsWhereCarrierAndPegAre) {

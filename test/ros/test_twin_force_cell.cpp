@@ -299,6 +299,13 @@ TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
   EXPECT_EQ(bits(solve.response.status), bits(live));
 }
 
+// The carrier's encoders scatter by 10 um there, the estimator's limit of motion.
+TEST(TwinForceCellUnknown, AlignsWhereEncodersScatter) {
+  TwinCell cell({"strategy:=twin_force", "mismatch:=" + std::string(ASSEMBLY_CELL_SOURCE_DIR) +
+                                             "/config/mismatch/level_2.yaml"});
+  EXPECT_EQ(cell.align([] {}), "aligned");
+}
+
 // Without the node, and with one that dies under way, the alignment ends and names it.
 TEST(TwinForceCellWithout, NamesAMissingNode) {
   TwinCell cell({"strategy:=twin_force", "twin_force:=false"});

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <vector>
 
 #include "assembly_cell/align/contact_window.h"
 #include "assembly_cell/align/plant.h"
@@ -12,7 +13,8 @@ namespace assembly_cell {
 struct AveragingLimits {
   int blocks = 2;              ///< of a window
   double settled_force = 0.0;  ///< halves that differ by more are not settled [N]
-  double carrier_motion = std::numeric_limits<double>::infinity();  ///< within a window [m]
+  /// Of the carrier within a window, beyond the scatter of its encoders [m].
+  double carrier_motion = std::numeric_limits<double>::infinity();
   int tries = 1;                                                    ///< windows at most
 };
 
@@ -25,7 +27,8 @@ class AveragingWindow {
   explicit AveragingWindow(const AveragingLimits& limits) : limits_(limits) {}
 
   /// The next block; anything but kFilling is final. A window that isn't settled makes room for the
-  /// next one until all tries are used up; saturation and motion end it at once.
+  /// next one until all tries are used up; saturation ends it at once, and so does motion that no
+  /// scatter of encoders explains.
   State add(const PlantBlock& block);
 
   const ContactWindow& means() const { return means_; }
@@ -38,14 +41,16 @@ class AveragingWindow {
   double rotationVariance() const;
   double firstEnd() const { return first_end_; }  ///< of the window's first block [s]
   double lastEnd() const { return last_.time; }   ///< of its last block [s]
-  double motion() const { return motion_; }       ///< of the carrier, largest so far [m]
+  double motion() const { return motion_; }       ///< of the carrier as its encoders say [m]
 
  private:
   AveragingLimits limits_;
   ContactWindow means_;
   PlantBlock last_;
+  bool hasMoved();
+
   double first_end_ = 0.0, motion_ = 0.0;
-  Pose first_carrier_;
+  std::vector<Vector6> ways_;  // of the carrier since the window's first block
   // of the carrier less the window's first: sums of x, y, z, yaw, theta, phi and of their squares
   RestPose origin_;
   Vector6 sum_ = Vector6::Zero(), squares_ = Vector6::Zero();
