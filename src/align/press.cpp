@@ -276,7 +276,7 @@ void PressController::begin(const Mechanism& mechanism) {
       throw AlignError(
           AlignFailure::kInContact,
           line("the peg doesn't come free: %.1f N of change after %.1f mm of travel up; take it "
-               "out by hand, or reset the simulation",
+               "out by the action retreat or by hand, or reset the simulation",
                force().norm(), (higher.z - tare_pose_.z) * 1e3));
     }
     const double change = (last_.wrench_b - before).head<3>().norm();

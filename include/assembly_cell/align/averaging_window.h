@@ -15,7 +15,7 @@ struct AveragingLimits {
   double settled_force = 0.0;  ///< halves that differ by more are not settled [N]
   /// Of the carrier within a window, beyond the scatter of its encoders [m].
   double carrier_motion = std::numeric_limits<double>::infinity();
-  int tries = 1;                                                    ///< windows at most
+  int tries = 1;  ///< windows at most
 };
 
 /// Averages block after block while nothing moves, until a window of them is settled. One block
