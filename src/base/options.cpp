@@ -4,6 +4,7 @@
 #include <boost/program_options/cmdline.hpp>
 #include <boost/program_options/errors.hpp>
 #include <boost/program_options/parsers.hpp>
+#include <cstdio>
 #include <iostream>
 
 #include "assembly_cell/base/csv_text.h"
@@ -145,7 +146,11 @@ bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream
 int runTool(const std::string& tool, int argc, char** argv,
             int (*run)(const std::vector<std::string>& arguments)) {
   try {
-    return run({argv + 1, argv + argc});
+    const int code = run({argv + 1, argv + argc});
+    // a full disk, or a stream that is closed
+    std::cout.flush();
+    if (std::cout && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+    throw InputError("standard output: can't be written: give it room, or write to a file");
   } catch (const std::exception& error) {
     std::cerr << tool << ": " << error.what() << std::endl;
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -18,6 +19,9 @@
 namespace assembly_cell {
 
 namespace {
+
+// Counts of nanoseconds are 2e18; squares of squares of this are still finite.
+constexpr double kLargest = 1e30;
 
 char separatorOf(const std::string& row) {
   for (const char c : {',', ';', '\t'}) {
@@ -63,7 +67,11 @@ std::vector<double> numbersOf(const Table& table, const std::vector<std::string>
   std::vector<double> row(cells.size(), std::numeric_limits<double>::quiet_NaN());
   for (std::size_t c = 0; c < cells.size(); ++c) {
     if (blanks && cells[c].empty()) continue;
-    if (parseNumber(cells[c], row[c])) continue;
+    if (parseNumber(cells[c], row[c])) {
+      if (std::abs(row[c]) <= kLargest) continue;
+      throw InputError(place + "column " + table.names[c] + " is " + printable(cells[c]) +
+                       ": nothing measured is beyond 1e30; correct it, or take the row out");
+    }
     throw InputError(place + "column " + table.names[c] + " is '" + printable(cells[c]) +
                      "': give a finite number");
   }

@@ -37,6 +37,10 @@ TEST(Table, ReadsHeadersSeparatorsAndComments) {
 TEST(Table, NamesFileLineAndColumn) {
   EXPECT_EQ(refusal("t,b\n1,2\n"), "f.csv:1: column a is missing: add it");
   EXPECT_EQ(refusal("t,a\n1,nan\n"), "f.csv:2: column a is 'nan': give a finite number");
+  EXPECT_EQ(
+      refusal("t,a\n1,-2e30\n"),
+      "f.csv:2: column a is -2e30: nothing measured is beyond 1e30; correct it, or take the row "
+      "out");
   EXPECT_EQ(refusal("1,2\n3\n"), "f.csv:2: 1 columns: give 2 as in the first row");
   EXPECT_EQ(refusal("1,\n"), "f.csv:1: column a is '': give a finite number");
   EXPECT_EQ(refusal("a,a\n1,2\n"), "f.csv:1: column a: there are two such");

@@ -32,7 +32,7 @@ struct Table {
 
 /// names: of the columns of a file without a header; what further columns it has are "column 8" and
 /// so on. blanks: empty cells are NaN, otherwise refused. Throws InputError naming file, line and
-/// column: unreadable or empty file, a row of another length, what is not a finite number.
+/// column: unreadable or empty file, a row of another length, what is no number within ±1e30.
 Table readTable(const std::string& path, const std::vector<std::string>& names,
                 bool blanks = false);
 
