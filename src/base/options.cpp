@@ -143,14 +143,18 @@ bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream
   return true;
 }
 
+void checkStandardOutput() {
+  std::cout.flush();
+  if (std::cout && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return;
+  throw InputError("standard output: can't be written: give it room, or write to a file");
+}
+
 int runTool(const std::string& tool, int argc, char** argv,
             int (*run)(const std::vector<std::string>& arguments)) {
   try {
     const int code = run({argv + 1, argv + argc});
-    // a full disk, or a stream that is closed
-    std::cout.flush();
-    if (std::cout && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
-    throw InputError("standard output: can't be written: give it room, or write to a file");
+    checkStandardOutput();
+    return code;
   } catch (const std::exception& error) {
     std::cerr << tool << ": " << error.what() << std::endl;
   }

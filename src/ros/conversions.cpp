@@ -87,7 +87,7 @@ Pose fromPose(const geometry_msgs::Pose& pose, const std::string& source) {
   for (int axis = 0; axis < 3; ++axis) {
     if (std::abs(p(axis)) <= kPositionField.high) continue;
     throw InputError(source + ": position." + "xyz"[axis] + " is " + std::to_string(p(axis)) +
-                     ": give metres, from -100 to 100");
+                     ": give metres, at most " + std::to_string(std::lround(kPositionField.high)));
   }
   if (!q.coeffs().allFinite() || std::abs(q.norm() - 1.0) > kQuaternionTolerance) {
     throw InputError(source + ": orientation has norm " + std::to_string(q.norm()) +

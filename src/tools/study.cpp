@@ -155,12 +155,6 @@ class Progress {
   std::unique_ptr<assembly_cell::Heartbeat> beat_;
 };
 
-// what was printed has arrived
-void checkOutput() {
-  std::cout.flush();
-  if (!std::cout) throw InputError("standard output: cannot be written: give it room");
-}
-
 void printList(const Study& study) {
   std::cout << "run,seed";
   for (const auto& axis : study.axes) std::cout << "," << axis.name;
@@ -171,7 +165,7 @@ void printList(const Study& study) {
     for (const std::string& label : plan.labels) std::cout << "," << label;
     std::cout << "\n";
   }
-  checkOutput();
+  assembly_cell::checkStandardOutput();
 }
 
 void printSummary(const Study& study, const StudyLedger& ledger, const StudyOptimum& optimum,
@@ -218,7 +212,7 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
   }
   std::cout << "results: " << yamlQuoted(ledger.resultsPath()) << "\n"
             << "wall_time: " << yamlNumber(seconds) << "\n";
-  checkOutput();
+  assembly_cell::checkStandardOutput();
 }
 
 // Rank 0, or the only process.

@@ -71,6 +71,11 @@ TEST(ContactFormulas, EdgesTellTheHole) {
       }
     }
   }
+  // untilted the distance has a closed form: r cos δ + √(r² cos² δ + R² − r²)
+  const auto [behind, ahead] = crossings(0.0, 0.015);
+  const double c = kFormulaPeg * std::cos(0.5 * std::arg(ahead / behind));
+  EXPECT_NEAR(c + std::sqrt(c * c + kFormulaHole * kFormulaHole - kFormulaPeg * kFormulaPeg), 0.015,
+              1e-13);
   // edges of a wider hole than this
   EXPECT_FALSE(centreThrough(0.01, {0.02, 0.0}, {-0.02, 0.0}, {0.0, 1.0}));
 }

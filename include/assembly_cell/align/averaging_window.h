@@ -27,8 +27,8 @@ class AveragingWindow {
   explicit AveragingWindow(const AveragingLimits& limits) : limits_(limits) {}
 
   /// The next block; anything but kFilling is final. A window that isn't settled makes room for the
-  /// next one until all tries are used up; saturation ends it at once, and so does motion that no
-  /// scatter of encoders explains.
+  /// next one until all tries are used up; saturation ends it at once, motion that no scatter of
+  /// encoders explains when it is full.
   State add(const PlantBlock& block);
 
   const ContactWindow& means() const { return means_; }
@@ -44,15 +44,16 @@ class AveragingWindow {
   double motion() const { return motion_; }       ///< of the carrier as its encoders say [m]
 
  private:
+  bool hasMoved();
+
   AveragingLimits limits_;
   ContactWindow means_;
   PlantBlock last_;
-  bool hasMoved();
-
   double first_end_ = 0.0, motion_ = 0.0;
-  std::vector<Vector6> ways_;  // of the carrier since the window's first block
-  // of the carrier less the window's first: sums of x, y, z, yaw, theta, phi and of their squares
+  // of the carrier less the window's first: x, y, z, yaw, theta, phi of each block where motion is
+  // limited, and sums of them and of their squares
   RestPose origin_;
+  std::vector<Vector6> ways_;
   Vector6 sum_ = Vector6::Zero(), squares_ = Vector6::Zero();
   int tried_ = 0;
 };

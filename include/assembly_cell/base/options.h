@@ -106,6 +106,9 @@ class OptionParser {
   std::vector<File> files_;
 };
 
+/// What was printed has arrived. Throws InputError otherwise: a full disk, a stream that is closed.
+void checkStandardOutput();
+
 /// main() of a tool: the code that `run` returns, or 2 and one line "tool: ..." on standard error
 /// for what it throws.
 int runTool(const std::string& tool, int argc, char** argv,

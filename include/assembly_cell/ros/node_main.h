@@ -14,7 +14,6 @@
 #include <thread>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "assembly_cell/ros/command_line.h"
 #include "assembly_cell/ros/guarded_spinner.h"
@@ -25,8 +24,8 @@ namespace assembly_cell::ros_bridge {
 /// For a master that isn't there, before a node gives up: wall clock [s].
 constexpr double kMasterPatience = 1.0;
 
-/// While roslaunch may still be starting other nodes: wall clock [s]. It needs 0.1 s for a cell,
-/// and 0.6 s beside eight busy programs on two cores.
+/// While roslaunch may still be starting other nodes: wall clock [s]. For a cell it needs 0.2 to
+/// 0.5 s beside three busy programs on two cores, 0.7 s beside eight.
 constexpr double kLaunching = 2.0;
 
 /// True when Node has exitCode().
@@ -52,15 +51,11 @@ inline void waitForSignal() {
   while (ros::ok() && !asked) ros::WallDuration(0.02).sleep();
 }
 
-/// For a node that has said why it ends: lives on for as long as roslaunch may still start others.
-/// When a required node ends before, roslaunch leaves its master and what it has started behind.
-/// begin: of this process.
-inline void outliveLaunch(const std::vector<char*>& arguments,
-                          std::chrono::steady_clock::time_point begin) {
-  const bool launched = std::any_of(arguments.begin(), arguments.end(), [](const char* argument) {
+/// Of a command line that ROS hasn't taken its own arguments from.
+inline bool isFromRoslaunch(int argc, char** argv) {
+  return std::any_of(argv, argv + argc, [](const char* argument) {
     return std::string_view(argument).substr(0, 7) == "__log:=";  // roslaunch alone gives it
   });
-  if (launched) std::this_thread::sleep_until(begin + std::chrono::duration<double>(kLaunching));
 }
 
 /// Runs a node until shutdown: Node(nh, pnh), spun by Node::kThreads threads. No exception of a
@@ -71,7 +66,7 @@ inline void outliveLaunch(const std::vector<char*>& arguments,
 template <class Node>
 int run(int argc, char** argv, const std::string& name) {
   const auto begin = std::chrono::steady_clock::now();
-  const std::vector<char*> arguments(argv, argv + argc);  // ROS takes its own out
+  const bool launched = isFromRoslaunch(argc, argv);
   if (const auto answered = answerCommandLine(argc, argv, name)) return *answered;
   // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
@@ -105,7 +100,9 @@ int run(int argc, char** argv, const std::string& name) {
     return 0;
   } catch (const std::exception& error) {
     ROS_FATAL("%s: %s", name.c_str(), error.what());
-    outliveLaunch(arguments, begin);
+    // Roslaunch leaves its master, and what it has started, when a required node ends while others
+    // are still being started.
+    if (launched) std::this_thread::sleep_until(begin + std::chrono::duration<double>(kLaunching));
     return 1;
   }
 }
