@@ -262,6 +262,7 @@ void findModesWithin(const System& s, double limit, Context& c, Evaluation& e) {
 
 void changeModes(const System& s, Context& c, Evaluation& e) {
   const double before = s.rigid ? energyOf(s, c, e) : 0.0;
+  const bool wedged = !s.rigid && e.wedge_margin < 2.0 * kWedged;
   bool closed = false, lost = false;
   double handed = 0.0;  // gap of contacts that were lost
   closed = updateFace(s, c, e);
@@ -297,6 +298,8 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
   // a slot that was lost may have another place
   if (closed || lost) e.present = false;
   if (closed && s.rigid) faceImpact(s, c, e);
+  // behind the wedge other points may carry and agree: it was passed on the way there
+  if (wedged && !closed && !lost) jam(s, false, c, e);
   decide(s, c, e);
   if (s.rigid && e.closed &&
       energyOf(s, c, e) > before + kLift * freeAcceleration(s, e) * s.scenario.mechanism.peg.mass) {

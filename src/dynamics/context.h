@@ -33,7 +33,7 @@ struct System {
   bool compliant = false;          ///< the carrier gives way behind its encoders
   double leave_gap = 0.0;          ///< a contact opens above this [m]
   double slip_threshold = 0.0;     ///< slip slower than this is rest, see slipThreshold() [m/s]
-  double lone_slip = 0.0;          ///< the same of a point that is the only one closed
+  double fine_slip = 0.0;          ///< the same of points that are no face, but amid chatter
   /// Tolerance over 1e-9 m, from 1e-3 to 100: as far as hysteresis and places of events follow it.
   double coarseness = 1.0;
   InverseMass inverse_mass;
@@ -197,6 +197,7 @@ struct Evaluation {
   double loads = 0.0;               ///< force between sticking points, of their load, at most
   double moved = 0.0, speed = 0.0;  ///< of the edge since the step's start, and now: bounds
   bool clear = false;               ///< open slots were left out by these bounds, none is closed
+  bool coarse = false;              ///< amid chatter
   bool present = false;  ///< of an event that changes modes next: all is known of that state
   bool watched = true;   ///< open slots are searched where events are; else they stay as they were
   std::int64_t count = 0;  ///< right-hand sides so far
@@ -209,8 +210,7 @@ struct Evaluation {
 
 /// Slip slower than this is rest [m/s].
 inline double slipThreshold(const System& s, const Evaluation& e) {
-  const bool several = (e.closed & (e.closed - 1u)) != 0u || e.face != 0u;
-  return several ? s.slip_threshold : s.lone_slip;
+  return e.coarse || e.face ? s.slip_threshold : s.fine_slip;
 }
 
 /// The slots of a mask, rising: for (const std::size_t i : Slots(mask)).

@@ -54,6 +54,7 @@ class Integrator {
   struct Pace {
     std::int64_t decisions = -1;  ///< of the context when the past began
     bool slow = false;            ///< the last step was by slow_slip.h
+    int stiff = 0;                ///< steps in a row as long as stability, not accuracy, allows
     int explicit_left = 0;        ///< steps without slow_slip.h, which has just failed
     double next_step = 0.0;       ///< [s]
     Accepted last;                ///< since the contacts changed
@@ -95,6 +96,7 @@ class Integrator {
   };
 
   bool goesSlow(const System& s, const Context& c, double h) const;
+  void note(const Context& c, const Trial& step);
   void attemptHamming(const System& s, const Context& c, Trial& step, Evaluation& e);
   void remember(const Context& c, double h);
   void resetDefect();

@@ -72,6 +72,7 @@ void Simulation::Run::step(double t_end) {
   const bool last = integrator.plan(system, context, now, t_end, trial);
   const double t = last ? t_end : context.time + trial.h;
   const bool chatters = context.time < context.chatter_until;
+  now.coarse = chatters;
   if (chatters && system.rigid) {
     takeChatterStep(system, t, context, now);
     return checkState();

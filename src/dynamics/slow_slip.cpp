@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "contact_solver.h"
+#include "contact_tolerances.h"
 #include "tableaus.h"
 
 namespace assembly_cell {
@@ -261,7 +262,8 @@ double slipTurning(const System& s, const Context& c, const Evaluation& e) {
     if (!c.slots[i].armed && !begins(s, c, i, e, body)) return 0.0;
     fastest = std::max(fastest, frictionRate(i, e, body) / std::max(speed, slipThreshold(s, e)));
   }
-  return fastest;
+  // near a wedge forces, and with them velocities, follow directions that much faster
+  return fastest / std::clamp(e.wedge_margin, kWedged, 1.0);
 }
 
 double slipFalling(const System& s, const Context& c, const Evaluation& e) {

@@ -17,6 +17,7 @@
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
+#include "assembly_cell/dynamics/simulation.h"
 #include "scenarios.h"
 
 using namespace assembly_cell;
@@ -297,35 +298,49 @@ TEST(Align, ReachesTheHole) {
   }
 }
 
-// The commands of alignments once more, at a tolerance of 1e-12: what is found at 1e-9 lies 1e-9 m
-// from that where nothing jumps. 17 % of the blocks don't: slip of two points at once that is
-// slower than 1e-5 m/s, wedges. 39 % when that was so of one point, too.
+// The commands of alignments once more, at a tolerance of 1e-12: what is found lies 1e-9 m from
+// that where nothing jumps. At 1e-9 m a tenth of the blocks don't: slip of two points that is
+// slower than 3e-7 m/s decides there who comes to rest first, and wedges (17 % where slower than
+// 1e-5 m/s was rest). Of runs at 1e-12 and 1e-13 one in 500 is as far apart.
 TEST(Align, TruthFollowsTheTolerance) {
-  std::vector<double> off;
-  for (unsigned seed = 1; seed <= 3; ++seed) {
-    const double azimuth = 2.1 * seed;
-    const Scenario s =
-        startAt(cell(), 0.006 * Vector2d(std::cos(azimuth), std::sin(azimuth)),
-                Vector2d(0.01 * std::cos(2 * azimuth), 0.015 * std::sin(3 * azimuth)), 0.003);
-    ASSERT_EQ(s.solver.tolerance, 1e-9);
-    Scenario fine = s;
-    fine.solver.tolerance = 1e-12;
-    CellParameters sensors;
-    sensors.seed = seed;
-    SimulatedPlant plant(s, s.mechanism, sensors), again(fine, s.mechanism, sensors);
-    TwoPlants both(plant, again, off);
-    AlignParameters p;
-    p.strategy = "touch";
-    EXPECT_TRUE(align(both, s.mechanism, p).success);
+  const struct {
+    double tolerance, median, beyond;
+  } cases[] = {{1e-9, 3e-10, 0.15}, {3e-11, 1e-11, 0.03}};
+  for (const auto& wanted : cases) {
+    std::vector<double> off;
+    std::int64_t coarse = 0, fine = 0;
+    for (unsigned seed = 1; seed <= 3; ++seed) {
+      const double azimuth = 2.1 * seed;
+      Scenario s =
+          startAt(cell(), 0.006 * Vector2d(std::cos(azimuth), std::sin(azimuth)),
+                  Vector2d(0.01 * std::cos(2 * azimuth), 0.015 * std::sin(3 * azimuth)), 0.003);
+      s.solver.tolerance = wanted.tolerance;
+      Scenario finer = s;
+      finer.solver.tolerance = 1e-12;
+      CellParameters sensors;
+      sensors.seed = seed;
+      SimulatedPlant plant(s, s.mechanism, sensors), again(finer, s.mechanism, sensors);
+      TwoPlants both(plant, again, off);
+      AlignParameters p;
+      p.strategy = "touch";
+      EXPECT_TRUE(align(both, s.mechanism, p).success);
+      coarse += dynamic_cast<const Simulation&>(plant.truth()).counts().evaluations;
+      fine += dynamic_cast<const Simulation&>(again.truth()).counts().evaluations;
+    }
+    std::sort(off.begin(), off.end());
+    const auto blocks = static_cast<double>(off.size());
+    const auto beyond =
+        static_cast<double>(off.end() - std::upper_bound(off.begin(), off.end(), 1e-9)) / blocks;
+    std::printf(
+        "truth at %.0f block ends, %.0e m: median %.1e m, %.1f %% beyond 1e-9 m; at 1e-12 "
+        "%.1f times the evaluations\n",
+        blocks, wanted.tolerance, off[off.size() / 2], 100.0 * beyond,
+        static_cast<double>(fine) / static_cast<double>(coarse));
+    EXPECT_LT(off[off.size() / 2], wanted.median);
+    EXPECT_LT(beyond, wanted.beyond);
+    // 3.1; 11.7 where slip that slows down stays with the explicit method
+    if (wanted.tolerance == 1e-9) EXPECT_LT(fine, 6 * coarse);
   }
-  std::sort(off.begin(), off.end());
-  const auto blocks = static_cast<double>(off.size());
-  const auto beyond =
-      static_cast<double>(off.end() - std::upper_bound(off.begin(), off.end(), 1e-9)) / blocks;
-  std::printf("truth at %.0f block ends: median %.1e m, %.0f %% beyond 1e-9 m\n", blocks,
-              off[off.size() / 2], 100.0 * beyond);
-  EXPECT_LT(off[off.size() / 2], 5e-10);
-  EXPECT_LT(beyond, 0.25);
 }
 
 // Starts of the tool's seeds whose peg still swung between the walls when it was asked for them:

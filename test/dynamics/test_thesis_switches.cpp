@@ -221,7 +221,7 @@ TEST(ThesisCreep, KeepsTheSlip) {
          "friction={static: 0.5, sliding: 0.5}", "solver.tolerance=1e-9", "solver.max_step=1e-5",
          std::string("thesis_creep=") + (on ? "true" : "false")},
         0.2, 0.0, -1e-3);
-    const double slip = 5e-7;  // below what counts as slip at this tolerance [m/s]
+    const double slip = 2e-7;  // below what counts as slip at this tolerance [m/s]
     p.s.initial.velocity.x() = slip;
     p.s.initial.position.z() -= 1e-9;
     Simulation sim(p.s);
