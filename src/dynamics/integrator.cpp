@@ -124,8 +124,9 @@ void stages(const System& s, const Context& c, const Vector18& start, Slopes<T>&
   if constexpr (I < T::kStages) stages<T, I + 1>(s, c, start, slopes, step, e);
 }
 
-// An error of the velocities as one of the slips of sliding points, the largest of them: of their
-// direction forces follow, the more so the nearer two points are. e: of the step's end.
+// The largest error of a sliding point's slip, over the part of its speed that is allowed: forces
+// follow the slip's direction, the more so the nearer two points are. v: error of the velocities;
+// e: of the step's end.
 double slipErrorOf(const System& s, const Context& c, const Vector9& v, const Evaluation& e) {
   const double mu = s.scenario.mechanism.friction.sliding_coefficient;
   if (!s.discrete_friction || mu == 0.0 || e.coarse) return 0.0;
