@@ -16,9 +16,9 @@ namespace {
 constexpr double kSlipOverTolerance = 1e4;  // [1/s]
 // The same of points that are no face, under the compliant laws: velocity that is taken from them
 // is missing from then on. Block ends of ten alignments by touch that are farther than 1e-9 m from
-// a run at 1e-12, at tolerances of 1e-9, 1e-10 and 1e-11 m: 10 %, 4 % and 0.4 %. A third: 7 %, 1 %
-// and 0.4 %, effort +12 %; three times: 13 %, 7 % and 0.9 %, effort -2 %. Faces would take ten
-// times the steps, vibrated runs of the rigid law 17 % more.
+// a run at 1e-12, at tolerances of 1e-9, 1e-10 and 1e-11 m: 10 %, 4 % and below 1 %. A third: 7 %,
+// 1 % and below 1 %, effort +12 %; three times: 13 %, 7 % and 1 %, effort -2 %. Faces would take
+// ten times the steps, vibrated runs of the rigid law 17 % more.
 constexpr double kFineSlipOverTolerance = 300.0;  // [1/s]
 constexpr double kMinSlip = 1e-8;                 // [m/s]
 // What an impact at 0.7 m/s or a press at 1e6 N/m of 1 kN sinks in at most, under the default laws.
