@@ -145,6 +145,9 @@ void decideRegularised(const System& s, Context& c, Evaluation& e) {
   if (c.face.on) settleFace(s, c.approach, c, e);
 }
 
+// As near to a wedge as the event of one leaves the points, and beyond.
+bool isWedged(const Evaluation& e) { return e.wedge_margin < 2.0 * kWedged; }
+
 // What has been tried at this decision: slip that went astray was stopped, points were jammed, all.
 enum class Tried { kNothing, kStop, kJam, kJamAll };
 
@@ -188,8 +191,7 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     return decide(s, Tried::kStop, c, e);
   }
   if (!s.rigid && tried != Tried::kJamAll && slips(c.slots) &&
-      (e.wedge_margin < 2.0 * kWedged ||
-       contradiction(s, c, e) > limit * s.scenario.mechanism.peg.mass)) {
+      (isWedged(e) || contradiction(s, c, e) > limit * s.scenario.mechanism.peg.mass)) {
     const bool everything = tried == Tried::kJam;
     jam(s, everything, c, e);
     return decide(s, everything ? Tried::kJamAll : Tried::kJam, c, e);
@@ -262,7 +264,7 @@ void findModesWithin(const System& s, double limit, Context& c, Evaluation& e) {
 
 void changeModes(const System& s, Context& c, Evaluation& e) {
   const double before = s.rigid ? energyOf(s, c, e) : 0.0;
-  const bool wedged = !s.rigid && e.wedge_margin < 2.0 * kWedged;
+  const bool wedged = !s.rigid && isWedged(e);
   bool closed = false, lost = false;
   double handed = 0.0;  // gap of contacts that were lost
   closed = updateFace(s, c, e);

@@ -82,7 +82,7 @@ class Integrator {
   void accept(const System& s, const Context& c, const Trial& step, bool last, double t_end);
   /// The step was cut short by an event.
   void interrupt() { bridging_ = false; }
-  /// The next step as its error asks for.
+  /// The next step as the last one's error asks for, and what its method depends on.
   void lengthen(const System& s, const Context& c, const Trial& step, bool last, double t_end);
 
  private:
