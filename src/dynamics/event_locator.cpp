@@ -158,7 +158,7 @@ namespace {
 
 // When within the step an open gap that shrinks at its start and grows at its end is below zero, by
 // a cubic; 0 where none is.
-double dipIn(const Context& c, const Trial& step, const Evaluation& e) {
+double dipOfOpen(const Context& c, const Trial& step, const Evaluation& e) {
   for (const std::size_t i : Slots(e.open_set.valid & ~e.closed)) {
     const Slot& slot = c.slots[i];
     const double v0 = step.h * slot.gap_rate, v1 = step.h * e.contacts[i].gap_rate;
@@ -173,43 +173,88 @@ double dipIn(const Context& c, const Trial& step, const Evaluation& e) {
   return 0.0;
 }
 
+// When an event function of a closed slot is farthest below zero, by cubics through its values at
+// both ends and the stages; 0 where none is.
+double dipOfClosed(const Context& c, const Trial& step, const Events& at_end,
+                   ContactSlotMask closed) {
+  double least = 0.0, at = 0.0;
+  for (const std::size_t i : Slots(closed)) {
+    for (std::size_t kind = 0; kind < kEventKinds; ++kind) {
+      const double f0 = c.events.ofSlot(i)[kind], f1 = step.stages.value[0][i][kind];
+      const double f2 = step.stages.value[1][i][kind], f3 = at_end.ofSlot(i)[kind];
+      if (!(std::max({f0, f1, f2, f3}) < HUGE_VAL)) continue;
+      // divided differences, and what they make of powers of the part of the step
+      const double d01 = (f1 - f0) / 0.3, d12 = (f2 - f1) / 0.5, d23 = (f3 - f2) / 0.2;
+      const double d012 = (d12 - d01) / 0.8, c3 = (d23 - d12) / 0.7 - d012;
+      const double c1 = d01 - 0.3 * d012 + 0.24 * c3, c2 = d012 - 1.1 * c3;
+      const double square = c2 * c2 - 3.0 * c3 * c1;
+      if (!(c1 < 0.0 && square > 0.0)) continue;
+      const double u = -c1 / (c2 + std::sqrt(square));
+      const double value = f0 + u * (c1 + u * (c2 + u * c3));
+      if (!(u > 0.0 && u < 1.0 && value < least)) continue;
+      least = value;
+      at = u * step.h;
+    }
+  }
+  return at;
+}
+
+// Exciter or friction turn so far within the step that an event may hide in it.
+bool isBlind(const Context& c, const Trial& step) {
+  const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kBlindSlip;
+  return turns || step.h * c.commands.drive.exciter.frequency >= kBlindPhase;
+}
+
+// all closed slots are far from events at the stages
+bool staysInside(const StageEvents& stages, ContactSlotMask closed) {
+  if (!stages.told) return false;
+  for (const auto& stage : stages.value) {
+    for (const std::size_t i : Slots(closed)) {
+      if (*std::min_element(stage[i].begin(), stage[i].end()) < 0.0) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
-bool isBlind(const System& s, const Context& c, const Trial& step) {
-  const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kBlindSlip;
-  return !s.fixed_step && (turns || step.h * c.commands.drive.exciter.frequency >= kBlindPhase);
-}
-
-double leastInside(const System& s, const Context& c, const Evaluation& e) {
-  if (c.face.on) return -1.0;
-  double least = HUGE_VAL;
+void noteStage(const System& s, const Context& c, const Evaluation& e, int stage,
+               StageEvents& stages) {
   for (const std::size_t i : Slots(e.closed)) {
-    if (!e.valid(i) || c.slots[i].mode == Mode::kIdle) return -1.0;
-    std::array<double, kEventKinds> value;
+    auto& value = stages.value[stage][i];
     value.fill(HUGE_VAL);
-    slotEvents(s, c, e, i, value.data());
-    least = std::min(least, *std::min_element(value.begin(), value.end()));
+    if (e.valid(i) && c.slots[i].mode != Mode::kIdle) {
+      slotEvents(s, c, e, i, value.data());
+    } else {
+      stages.told = false;
+    }
   }
-  return least;
 }
 
-bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e,
-                 Evaluation& inside) {
-  if (s.fixed_step) return false;
-  const double dip = dipIn(c, step, e), phase = step.h * c.commands.drive.exciter.frequency;
+double hiddenEvent(const System& s, const Context& c, const Trial& step, const Events& at_end,
+                   Evaluation& e, Evaluation& inside) {
+  if (s.fixed_step) return 0.0;
+  const double phase = step.h * c.commands.drive.exciter.frequency;
   const int looks = std::clamp(static_cast<int>(phase / kBlindPhase), 1, kMostLooks);
-  const bool seen = step.inside >= 0.0 && looks <= kStageLooks;
-  if (dip == 0.0 && (!e.closed || seen || !isBlind(s, c, step))) return false;
+  const double dips[] = {dipOfOpen(c, step, e),
+                         step.stages.noted ? dipOfClosed(c, step, at_end, e.closed) : 0.0};
+  const bool seen = looks <= kStageLooks && staysInside(step.stages, e.closed);
+  const bool blind = e.closed && !seen && isBlind(c, step);
+  if (dips[0] == 0.0 && dips[1] == 0.0 && !blind) return 0.0;
   inside = e;
-  bool hidden = false;
-  for (int i = dip > 0.0 ? 0 : 1; i <= looks && !hidden; ++i) {
-    const double tau = i == 0 ? dip : step.h * i / (looks + 1);
+  const auto broken_at = [&](double tau) {
     evaluate(s, c, c.time + tau, interpolate(c, step, tau), Level::kEvents, inside);
-    const Events events = eventValues(s, c, inside);
-    hidden = broken(events) > 0;
+    e.count = inside.count;
+    return broken(eventValues(s, c, inside)) > 0;
+  };
+  for (const double tau : dips) {
+    if (tau > 0.0 && broken_at(tau)) return tau;
   }
-  e.count = inside.count;
-  return hidden;
+  for (int i = 1; blind && i <= looks; ++i) {
+    const double tau = step.h * i / (looks + 1);
+    if (broken_at(tau)) return tau;
+  }
+  return 0.0;
 }
 
 namespace {

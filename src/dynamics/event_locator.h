@@ -14,16 +14,15 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e);
 /// Sets what the events of the next step are told by, from the evaluation of the present state.
 void beginStep(const System& s, Context& c, const Evaluation& e);
 
-/// Exciter or friction turn so far within the step that an event may hide in it.
-bool isBlind(const System& s, const Context& c, const Trial& step);
-/// Least event function of the closed slots, of forces within a step; below zero where that doesn't
-/// tell.
-double leastInside(const System& s, const Context& c, const Evaluation& e);
+/// Notes the event functions of the closed slots at the first or second of these stages.
+void noteStage(const System& s, const Context& c, const Evaluation& e, int stage,
+               StageEvents& stages);
 
-/// A mode is broken inside a step that ends with none broken: sticking contacts are shaken loose
-/// and caught within part of a turn of the exciter. e: of the step's end, kept; inside: workspace.
-bool hiddenEvent(const System& s, const Context& c, const Trial& step, Evaluation& e,
-                 Evaluation& inside);
+/// When a mode is broken inside a step that ends with none broken: sticking contacts are shaken
+/// loose and caught again within it. 0 where none is found. at_end: events of the step's end;
+/// e: of it, kept; inside: workspace.
+double hiddenEvent(const System& s, const Context& c, const Trial& step, const Events& at_end,
+                   Evaluation& e, Evaluation& inside);
 
 /// Shortens a step that ends with events broken (`at_end`) to end at the first of them.
 void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,

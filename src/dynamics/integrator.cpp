@@ -119,7 +119,7 @@ void stages(const System& s, const Context& c, const Vector18& start, Slopes<T>&
       s, c, c.time + T::c[I] * h, end, I == T::kStages ? Level::kEvents : Level::kForces, e);
   slopes.give[I] = e.motion.give_rate;
   if constexpr (std::is_same_v<T, Dopri5> && (I == 2 || I == 3)) {
-    if (step.inside >= 0.0) step.inside = std::min(step.inside, leastInside(s, c, e));
+    if (step.stages.noted) noteStage(s, c, e, I - 2, step.stages);
   }
   if constexpr (I < T::kStages) stages<T, I + 1>(s, c, start, slopes, step, e);
 }
@@ -239,7 +239,8 @@ double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
 
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e) {
   step.method = method;
-  step.inside = method == Method::kDopri5 && e.closed && isBlind(s, c, step) ? HUGE_VAL : -1.0;
+  step.stages.noted = step.stages.told =
+      method == Method::kDopri5 && e.closed && !s.fixed_step && !c.face.on;
   switch (method) {
     case Method::kRk4:
       return attemptTableau<Classical4>(s, c, step, e);

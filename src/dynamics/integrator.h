@@ -13,6 +13,14 @@ inline bool isFinite(const State& state) {
 }
 
 /// A step of length h from the context's state, tried.
+/// Event functions of the closed slots at the stages at 0.3 and 0.8 of a step of dopri5, off by
+/// their third order. HUGE_VAL: not that of the slot.
+struct StageEvents {
+  bool noted = false;
+  bool told = false;  ///< they tell of events in between: all slots carry
+  std::array<std::array<std::array<double, kEventKinds>, kSlots>, 2> value = {};
+};
+
 struct Trial {
   bool finite() const { return isFinite(end) && slope.allFinite(); }
 
@@ -22,8 +30,7 @@ struct Trial {
   Vector9 slope;                                        ///< v' there
   Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();  ///< of State::give there
   double error = 0.0;  ///< over the tolerance; 0 without error control
-  /// Least event function of the closed slots at the stages within, where they are watched.
-  double inside = -1.0;
+  StageEvents stages;
   Vector9 sixth = Vector9::Zero();  ///< of interpolate(), from refine(): coefficient of (u − u²)³
 };
 

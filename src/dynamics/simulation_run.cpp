@@ -96,9 +96,9 @@ void Simulation::Run::step(double t_end) {
     if (!std::all_of(at_end.begin(), at_end.end(), [](double value) { return value >= 0.0; })) {
       return endAtEvent(at_end, trial);
     }
-    if (hiddenEvent(system, context, trial, now, inside)) {
+    if (const double tau = hiddenEvent(system, context, trial, at_end, now, inside); tau > 0.0) {
       ++context.counts.rejected;
-      return integrator.setStep(0.5 * trial.h);
+      return integrator.setStep(tau);
     }
   }
   accept(t, trial);

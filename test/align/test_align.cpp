@@ -298,35 +298,49 @@ TEST(Align, ReachesTheHole) {
   }
 }
 
-// The commands of alignments once more, at a tolerance of 1e-12: what is found lies 1e-9 m from
-// that where nothing jumps. At 1e-9 m a tenth of the blocks don't: slip of two points that is
-// slower than 3e-7 m/s decides there who comes to rest first, and wedges (17 % where slower than
-// 1e-5 m/s was rest). Of runs at 1e-12 and 1e-13 one in 500 is as far apart.
+// An alignment, and its commands once more at 1e-12 m.
+struct TruthTwice {
+  std::vector<double> off;  // of the peg at each block's end [m]
+  std::int64_t evaluations = 0, finer = 0;
+};
+
+TruthTwice truthTwice(const std::string& strategy, unsigned seed, double tolerance) {
+  const double azimuth = 2.1 * seed;
+  Scenario s =
+      startAt(cell(), 0.006 * Vector2d(std::cos(azimuth), std::sin(azimuth)),
+              Vector2d(0.01 * std::cos(2 * azimuth), 0.015 * std::sin(3 * azimuth)), 0.003);
+  s.solver.tolerance = tolerance;
+  Scenario finer = s;
+  finer.solver.tolerance = 1e-12;
+  CellParameters sensors;
+  sensors.seed = seed;
+  SimulatedPlant plant(s, s.mechanism, sensors), again(finer, s.mechanism, sensors);
+  TruthTwice truth;
+  TwoPlants both(plant, again, truth.off);
+  AlignParameters p;
+  p.strategy = strategy;
+  EXPECT_TRUE(align(both, s.mechanism, p).success);
+  truth.evaluations = dynamic_cast<const Simulation&>(plant.truth()).counts().evaluations;
+  truth.finer = dynamic_cast<const Simulation&>(again.truth()).counts().evaluations;
+  return truth;
+}
+
+// What is found lies 1e-9 m from a run at 1e-12 where nothing jumps. Elsewhere two near points,
+// wedged, decide by forces of 1e-8 N who comes to rest first. 10 % are farther where the speed of
+// rest follows the tolerance, 17 % where that is 1e4 times the tolerance.
 TEST(Align, TruthFollowsTheTolerance) {
   const struct {
     double tolerance, median, beyond;
-  } cases[] = {{1e-9, 3e-10, 0.15}, {3e-11, 1e-11, 0.03}};
+  } cases[] = {{1e-9, 3e-10, 0.08}, {3e-11, 1e-11, 0.03}};
   ASSERT_EQ(cell().solver.tolerance, cases[0].tolerance);
   for (const auto& wanted : cases) {
     std::vector<double> off;
     std::int64_t coarse = 0, fine = 0;
     for (unsigned seed = 1; seed <= 3; ++seed) {
-      const double azimuth = 2.1 * seed;
-      Scenario s =
-          startAt(cell(), 0.006 * Vector2d(std::cos(azimuth), std::sin(azimuth)),
-                  Vector2d(0.01 * std::cos(2 * azimuth), 0.015 * std::sin(3 * azimuth)), 0.003);
-      s.solver.tolerance = wanted.tolerance;
-      Scenario finer = s;
-      finer.solver.tolerance = 1e-12;
-      CellParameters sensors;
-      sensors.seed = seed;
-      SimulatedPlant plant(s, s.mechanism, sensors), again(finer, s.mechanism, sensors);
-      TwoPlants both(plant, again, off);
-      AlignParameters p;
-      p.strategy = "touch";
-      EXPECT_TRUE(align(both, s.mechanism, p).success);
-      coarse += dynamic_cast<const Simulation&>(plant.truth()).counts().evaluations;
-      fine += dynamic_cast<const Simulation&>(again.truth()).counts().evaluations;
+      const TruthTwice truth = truthTwice("touch", seed, wanted.tolerance);
+      off.insert(off.end(), truth.off.begin(), truth.off.end());
+      coarse += truth.evaluations;
+      fine += truth.finer;
     }
     std::sort(off.begin(), off.end());
     const auto blocks = static_cast<double>(off.size());
@@ -339,9 +353,17 @@ TEST(Align, TruthFollowsTheTolerance) {
         static_cast<double>(fine) / static_cast<double>(coarse));
     EXPECT_LT(off[off.size() / 2], wanted.median);
     EXPECT_LT(beyond, wanted.beyond);
-    // 3.1 and 1.8; at 1e-9 m 11.7 where slip that slows down stays with the explicit method
+    // 3.1 and 1.7; at 1e-9 m 11.7 where slip that slows down stays with the explicit method
     EXPECT_LT(fine, 6 * coarse);
   }
+}
+
+// In block 307 friction leaves its cone for half a millisecond, within a step of two: the peg that
+// was held was 3e-9 m off for 24 blocks.
+TEST(Align, SlipWithinAStepIsSeen) {
+  const TruthTwice truth = truthTwice("single_contact", 1, cell().solver.tolerance);
+  ASSERT_GT(truth.off.size(), 400u);
+  EXPECT_LT(*std::max_element(truth.off.begin(), truth.off.begin() + 400), 1e-9);
 }
 
 // Starts of the tool's seeds whose peg still swung between the walls when it was asked for them:
