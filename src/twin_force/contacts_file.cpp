@@ -63,6 +63,20 @@ TwinContact readContact(Section& in) {
   return c;
 }
 
+// a contact that counts twice makes standard deviations too small
+void refuseTwice(const Section& in, const std::vector<TwinContact>& contacts) {
+  const TwinContact& last = contacts.back();
+  for (std::size_t i = 0; i + 1 < contacts.size(); ++i) {
+    const TwinContact& c = contacts[i];
+    if (c.wrench_a != last.wrench_a || c.wrench_b != last.wrench_b || c.move.p != last.move.p ||
+        c.move.R != last.move.R) {
+      continue;
+    }
+    in.refuse(in.at(""), "as contacts[" + std::to_string(i) + "]",
+              "the same to the last digit, keep one of them");
+  }
+}
+
 ContactCandidate readCandidate(Section& in, const ContactCandidate& defaults) {
   in.only({"move", "point", "force", "covariance_a", "covariance_b", "move_covariance"});
   ContactCandidate c = defaults;
@@ -131,7 +145,10 @@ ContactsFile parseContacts(const std::string& yaml, const std::string& source) {
   Section file(yaml::loadYaml(yaml, source, yaml::FileKind::kContacts), "", source);
   file.only({"contacts", "prior", "tare_covariance", "errors", "candidates"});
   ContactsFile out;
-  for (Section& contact : file.sections("contacts")) out.contacts.push_back(readContact(contact));
+  for (Section& contact : file.sections("contacts")) {
+    out.contacts.push_back(readContact(contact));
+    refuseTwice(contact, out.contacts);
+  }
   if (file.has("prior")) {
     Section prior = file.section("prior");
     prior.only({"position", "quaternion", "covariance"});

@@ -202,6 +202,9 @@ TEST_F(EstimatePose, RefusesBadInput) {
           "contacts[1].wrench_a: value a list of 7");
   refused(replaced("wrench_b: [", "wrench_b: [x, ", 1), "contacts[1].wrench_b");
   refused(replaced("    move: ", "    mov: ", 0), "contacts[0].mov");
+  ContactsFile twice = file;
+  twice.contacts.push_back(twice.contacts[1]);
+  refused(write(contactsYaml(twice)), "value as contacts[1]: the same to the last digit");
   refused(replaced("quaternion: [", "quaternion: [1.5, 0, 0, 0], junk: [", 0),
           "contacts[0].move.junk");
 }
