@@ -43,9 +43,24 @@ TEST(Table, NamesFileLineAndColumn) {
       "out");
   EXPECT_EQ(refusal("1,2\n3\n"), "f.csv:2: 1 columns: give 2 as in the first row");
   EXPECT_EQ(refusal("1,\n"), "f.csv:1: column a is '': give a finite number");
-  EXPECT_EQ(refusal("a,a\n1,2\n"), "f.csv:1: column a: there are two such");
+  EXPECT_EQ(refusal("a,a\n1,2\n"), "f.csv:1: column a: there are two such, keep one or rename it");
+  EXPECT_EQ(refusal("a,other,other\n1,2,3\n"),
+            "f.csv:1: column other: there are two such, keep one or rename it");
   EXPECT_EQ(refusal("t,a\n"), "f.csv: no rows of numbers: give a CSV file");
   EXPECT_THROW(parse("1,2\n1,3\n").checkRising(0), InputError);
+}
+
+TEST(Table, AsksWhatAMisspeltColumnIs) {
+  const auto find = [](const std::string& header) {
+    return tableFromText(header + "\n1,2\n", "f.csv", {"a"}).find({"temperature"});
+  };
+  for (const char* slip : {"temprature", "Temperatur", "tempreature"}) {
+    EXPECT_THROW(find(std::string("a,") + slip), InputError) << slip;
+  }
+  for (const char* other : {"temperature_2", "humidity", "tare"}) {
+    EXPECT_FALSE(find(std::string("a,") + other)) << other;
+  }
+  EXPECT_TRUE(find("temprature,temperature"));
 }
 
 TEST(Table, TellsTheUnitOfTimesBySpacing) {
