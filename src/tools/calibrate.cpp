@@ -213,15 +213,30 @@ bool isObservationFile(const std::string& path) {
   return false;
 }
 
-// weights that a calibration was not made from
-void compareWithWeights(const Calibration& c, const ObservationSet& set) {
-  const Side side = c.serial_number == set.sensor.b.serial_number ? Side::kB : Side::kA;
+// weights that a calibration was not made from; false where there is none to compare with
+bool compareWithWeights(const Calibration& c, const std::string& path) {
+  const ObservationSet set = readObservations(path);
+  // a sensor without a serial number is saved under its name
+  const auto serial = [&](Side side) {
+    const std::string& given = set.sensor[side].serial_number;
+    return given.empty() ? sensorName(side) : given;
+  };
+  const Side side = c.serial_number == serial(Side::kB) ? Side::kB : Side::kA;
+  if (c.serial_number != serial(side)) {
+    throw InputError("--observations: value " + path + ": its sensors are '" + serial(Side::kA) +
+                     "' and '" + serial(Side::kB) + "', the calibration is of '" + c.serial_number +
+                     "': give tests of this one");
+  }
   double force = 0.0, torque = 0.0;
-  int count = 0;
+  int count = 0, dropped = 0;
   Calibration zeroed = c;
   for (const Observation& o : set.observations) {
     const auto& reading = o.reading[side];
     if (!reading) continue;
+    if (unusable(*reading, set.sensor[side])) {
+      ++dropped;
+      continue;
+    }
     if (o.kind == ObservationKind::kUnloaded) zeroed.zero_volts = reading->volts;
     if (o.kind != ObservationKind::kWeight || o.side != side) continue;
     const Eigen::Vector3d F = o.mass * set.gravity * o.direction;
@@ -233,8 +248,10 @@ void compareWithWeights(const Calibration& c, const ObservationSet& set) {
     ++count;
   }
   line("weights", std::to_string(count));
+  line("dropped", std::to_string(dropped));
   line("force_error_rms", yamlNumber(count > 0 ? std::sqrt(force / 3 / count) : std::nan("")));
   line("torque_error_rms", yamlNumber(count > 0 ? std::sqrt(torque / 3 / count) : std::nan("")));
+  return count > 0;
 }
 
 int checkCalibrationFile(const std::string& path, const std::string& observations) {
@@ -249,8 +266,8 @@ int checkCalibrationFile(const std::string& path, const std::string& observation
        yamlNumber(c.wrench_fit.dof > 0 ? c.wrench_fit.chi2 / c.wrench_fit.dof : std::nan("")));
   line("predicted_sd", list(c.wrench_fit.predicted_sd));
   line("observations", yamlQuoted(c.observations_digest));
-  if (!observations.empty()) compareWithWeights(c, readObservations(observations));
-  return 0;
+  if (observations.empty() || compareWithWeights(c, observations)) return 0;
+  return codeOf(false, observations + ": no weight on this sensor, nothing was compared");
 }
 
 // false where a channel refuses the linear model
