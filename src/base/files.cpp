@@ -2,12 +2,14 @@
 #include "assembly_cell/base/files.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <iostream>
 #include <system_error>
 #include <utility>
 
@@ -28,6 +30,55 @@ int openTemporary(const std::string& path) {
   return file;
 }
 
+// Where a file is written to.
+struct Place {
+  std::string path;       // behind links, also one to a file that isn't there yet
+  bool in_place = false;  // a device, a pipe or what a standard stream goes to
+  int stream = -1;        // that stream
+};
+
+Place placeOf(const std::string& path) {
+  namespace fs = std::filesystem;
+  struct stat file {};
+  Place place{path, false, -1};
+  if (::stat(path.c_str(), &file) == 0) {
+    for (const int stream : {STDOUT_FILENO, STDERR_FILENO}) {
+      struct stat standard {};
+      if (::fstat(stream, &standard) != 0 || standard.st_dev != file.st_dev ||
+          standard.st_ino != file.st_ino) {
+        continue;
+      }
+      return {path, true, stream};
+    }
+    if (S_ISDIR(file.st_mode)) return place;
+    if (!S_ISREG(file.st_mode)) return {path, true, -1};
+  }
+  std::error_code none;
+  constexpr int kMostLinks = 40;  // the kernel's
+  fs::path at = path;
+  for (int i = 0; i < kMostLinks && fs::is_symlink(at, none); ++i) {
+    at = at.parent_path() / fs::read_symlink(at, none);
+  }
+  place.path = at.string();
+  return place;
+}
+
+// the stream itself knows how far it has been written
+int openInPlace(const Place& place) {
+  if (place.stream < 0) return ::open(place.path.c_str(), O_WRONLY | O_CLOEXEC);
+  std::cout.flush();
+  return ::fcntl(place.stream, F_DUPFD_CLOEXEC, 0);
+}
+
+void syncFolderOf(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (directory < 0) return;
+  ::fsync(directory);
+  ::close(directory);
+}
+
 }  // namespace
 
 bool writeAll(int file, const std::string& bytes) {
@@ -43,18 +94,14 @@ bool writeAll(int file, const std::string& bytes) {
 
 NewFile::NewFile(const std::string& path, std::string what, std::string remedy)
     : path_(path), what_(std::move(what)), remedy_(std::move(remedy)) {
-  namespace fs = std::filesystem;
-  std::error_code none;
-  const fs::file_status status = fs::status(path, none);
-  if (fs::is_directory(status)) {
+  if (std::filesystem::is_directory(path)) {
     errno = EISDIR;
     fail("cannot be written");
   }
-  if (fs::exists(status)) path_ = fs::canonical(path, none).string();
-  const bool in_place = fs::exists(status) && !fs::is_regular_file(status);
-  written_ = in_place ? path_ : path_ + ".part" + std::to_string(::getpid());
-  const int opened =
-      in_place ? ::open(path_.c_str(), O_WRONLY | O_CLOEXEC) : openTemporary(written_);
+  const Place place = placeOf(path);
+  path_ = place.path;
+  written_ = place.in_place ? path_ : path_ + ".part" + std::to_string(::getpid());
+  const int opened = place.in_place ? openInPlace(place) : openTemporary(written_);
   file_ = opened < 0 ? nullptr : ::fdopen(opened, "w");
   if (file_ == nullptr) fail("cannot be written");
 }
@@ -83,14 +130,15 @@ void NewFile::fail(const char* how) const {
 
 void writeFileAtomically(const std::string& path, const std::string& content,
                          const std::string& where) {
-  const std::string temporary = path + ".tmp" + std::to_string(::getpid());
+  const Place place = placeOf(path);
+  const std::string temporary = place.path + ".tmp" + std::to_string(::getpid());
   const auto fail = [&](const char* what) {
     const std::string reason = std::strerror(errno);
-    ::unlink(temporary.c_str());
+    if (!place.in_place) ::unlink(temporary.c_str());
     throw InputError(where + " can't be written (" + what + ": " + reason +
                      "): give a writable folder");
   };
-  const int file = openTemporary(temporary);
+  const int file = place.in_place ? openInPlace(place) : openTemporary(temporary);
   if (file < 0) fail("open");
   if (!writeAll(file, content)) {
     const int error = errno;
@@ -98,17 +146,12 @@ void writeFileAtomically(const std::string& path, const std::string& content,
     errno = error;
     fail("write");
   }
-  const bool synced = ::fsync(file) == 0;
+  const bool synced = place.in_place || ::fsync(file) == 0;
   const bool closed = ::close(file) == 0;
   if (!synced || !closed) fail("fsync");
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) fail("rename");
-  const std::size_t slash = path.rfind('/');
-  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-  const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (directory >= 0) {
-    ::fsync(directory);
-    ::close(directory);
-  }
+  if (place.in_place) return;
+  if (std::rename(temporary.c_str(), place.path.c_str()) != 0) fail("rename");
+  syncFolderOf(place.path);
 }
 
 }  // namespace assembly_cell

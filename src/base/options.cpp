@@ -73,9 +73,9 @@ std::string OptionParser::range(long low, long high) {
   return "give a whole number from " + std::to_string(low) + " to " + std::to_string(high);
 }
 
-void OptionParser::readOption(const std::string& name,
-                              const std::vector<std::string>& values) const {
+void OptionParser::readOption(const std::string& name, const std::vector<std::string>& values) {
   const Option& option = options_.at(name);
+  given_.insert(name);
   if (option.flag != nullptr) {
     *option.flag = option.set;
     return;
@@ -85,11 +85,27 @@ void OptionParser::readOption(const std::string& name,
   if (!option.read(value)) throw InputError(name + ": value " + value + ": " + option.remedy);
 }
 
-bool OptionParser::parse(const std::vector<std::string>& arguments) const {
+void OptionParser::onlyWith(const std::string& serves,
+                            const std::vector<std::string>& names) const {
+  if (given(serves)) return;
+  for (const std::string& name : names) {
+    if (given(name))
+      throw InputError(name + ": serves " + serves + ": give that too, or leave it out");
+  }
+}
+
+void OptionParser::notWith(const std::string& beside, const std::vector<std::string>& names) const {
+  for (const std::string& name : names) {
+    if (given(name))
+      throw InputError(name + ": of no use with " + beside + ": leave one of them out");
+  }
+}
+
+bool OptionParser::parse(const std::vector<std::string>& arguments) {
   return parse(arguments, std::cout);
 }
 
-bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream& out) const {
+bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream& out) {
   po::options_description known;
   known.add_options()("help", new po::untyped_value(true));
   for (const auto& [name, option] : options_) {

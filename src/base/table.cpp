@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <numeric>
 #include <sstream>
 #include <string_view>
 
@@ -80,6 +81,27 @@ std::vector<double> numbersOf(const Table& table, const std::vector<std::string>
 
 }  // namespace
 
+bool isMisspelt(const std::string& word, const std::string& meant) {
+  constexpr std::size_t kShortest = 5, kLong = 8;
+  const auto letter = [](unsigned char c) { return std::isalpha(c) != 0; };
+  if (meant.size() < kShortest || !std::all_of(meant.begin(), meant.end(), letter) ||
+      word.find(meant) != std::string::npos) {
+    return false;
+  }
+  // Levenshtein's distance, row by row
+  std::vector<std::size_t> row(meant.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= word.size(); ++i) {
+    std::size_t diagonal = row[0]++;
+    for (std::size_t k = 1; k <= meant.size(); ++k) {
+      const std::size_t change = diagonal + (word[i - 1] == meant[k - 1] ? 0 : 1);
+      diagonal = row[k];
+      row[k] = std::min({row[k] + 1, row[k - 1] + 1, change});
+    }
+  }
+  return row.back() <= (meant.size() < kLong ? 1u : 2u);
+}
+
 std::optional<std::size_t> Table::find(const std::vector<std::string>& any) const {
   std::optional<std::size_t> found;
   for (std::size_t c = 0; c < names.size(); ++c) {
@@ -87,6 +109,14 @@ std::optional<std::size_t> Table::find(const std::vector<std::string>& any) cons
     if (std::none_of(any.begin(), any.end(), isName)) continue;
     if (found) throw InputError(path + ":1: column " + names[c] + ": there are two such");
     found = c;
+  }
+  if (found) return found;
+  for (const std::string& column : names) {
+    for (const std::string& name : any) {
+      if (!header || !isMisspelt(column, lowerCase(name))) continue;
+      throw InputError(path + ":1: column " + column + ": is it " + name +
+                       "? correct it, or give it a name of its own");
+    }
   }
   return found;
 }

@@ -108,6 +108,11 @@ CalibrationRefusal unusable(const Reading& reading, const SensorDescription& sen
     if ((reading.saturated >> k & 1) != 0) {
       return {CalibrationFailure::kSaturated, channel + " saturated"};
     }
+    if (std::abs(reading.volts[k]) > sensor.full_scale) {
+      return {CalibrationFailure::kSaturated, channel + " reads " + yamlNumber(reading.volts[k]) +
+                                                  " V, beyond the full scale of " +
+                                                  yamlNumber(sensor.full_scale) + " V"};
+    }
     const double sample =
         std::sqrt(std::max(sensor.noise * sensor.noise, reading.noise[k] * reading.noise[k]) +
                   sensor.quantisation());
@@ -118,6 +123,17 @@ CalibrationRefusal unusable(const Reading& reading, const SensorDescription& sen
     }
   }
   return {};
+}
+
+bool sameTest(const Observation& a, const Observation& b) {
+  const auto sameReading = [](const std::optional<Reading>& p, const std::optional<Reading>& q) {
+    return p.has_value() == q.has_value() && (!p || p->volts == q->volts);
+  };
+  return a.kind == b.kind && a.side == b.side && a.stamp != 0.0 && a.stamp == b.stamp &&
+         sameReading(a.reading.a, b.reading.a) && sameReading(a.reading.b, b.reading.b) &&
+         a.X_AB.p == b.X_AB.p && a.X_AB.R == b.X_AB.R && a.mass == b.mass &&
+         a.direction == b.direction && a.point == b.point && a.gauges == b.gauges &&
+         a.displacement == b.displacement && a.load == b.load && a.channel == b.channel;
 }
 
 void checkObservation(const Observation& o, const ObservationSet& set, const std::string& source) {

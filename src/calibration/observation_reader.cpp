@@ -32,6 +32,17 @@ class Reader {
                      path_ + (path_.empty() || key.empty() ? "" : ".") + key + " " + what);
   }
 
+  /// at the key's own line, with its value
+  [[noreturn]] void refuseValue(const std::string& key, const std::string& what) const {
+    const Reader entry = at(key);
+    const YAML::Node& node = entry.node_;
+    std::string value = node.IsScalar() ? node.Scalar() : "";
+    for (std::size_t i = 0; node.IsSequence() && i < node.size(); ++i) {
+      value += (i == 0 ? "" : ", ") + (node[i].IsScalar() ? node[i].Scalar() : std::string("?"));
+    }
+    entry.refuse("", "is '" + value + "': " + what);
+  }
+
   void keys(const std::set<std::string>& allowed) const {
     if (!node_.IsMap()) refuse("", "is not a mapping: see docs/calibration.md for the format");
     std::set<std::string> seen;
@@ -122,12 +133,12 @@ Reading readReading(const Reader& in, const SensorDescription& sensor) {
   r.volts = in.matrix<6>("volts");
   if (in.has("samples")) {
     const long samples = in.integer("samples");
-    if (samples < 1 || samples > 1000000000) in.refuse("samples", "is not at least 1");
+    if (samples < 1 || samples > 1000000000) in.refuseValue("samples", "give 1 at least");
     r.samples = static_cast<int>(samples);
   }
   if (in.has("saturated")) {
     const long bits = in.integer("saturated");
-    if (bits < 0 || bits > 63) in.refuse("saturated", "is no bit per channel: give 0 to 63");
+    if (bits < 0 || bits > 63) in.refuseValue("saturated", "a bit per channel: give 0 to 63");
     r.saturated = static_cast<std::uint8_t>(bits);
   }
   if (in.has("noise")) r.noise = in.matrix<6>("noise");
@@ -151,7 +162,7 @@ Pose readPose(const Reader& in) {
   X.p = in.matrix<3>("position");
   const Eigen::Vector4d q = in.matrix<4>("quaternion");
   if (!(std::abs(q.norm() - 1.0) < 1e-3)) {
-    in.refuse("quaternion", "is not a unit quaternion x y z w");
+    in.refuseValue("quaternion", "give a unit quaternion x, y, z, w");
   }
   X.R = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized().toRotationMatrix();
   return X;
@@ -163,13 +174,13 @@ SensorDescription readSensor(const Reader& in) {
   if (in.has("serial_number")) sensor.serial_number = in.text("serial_number");
   if (in.has("bits")) {
     const long bits = in.integer("bits");
-    if (bits < 4 || bits > 32) in.refuse("bits", "is no converter's: give 10, 16 or 24");
+    if (bits < 4 || bits > 32) in.refuseValue("bits", "no converter's: give 10, 16 or 24");
     sensor.bits = static_cast<int>(bits);
   }
   sensor.full_scale = in.number("full_scale", sensor.full_scale);
-  if (!(sensor.full_scale > 0.0)) in.refuse("full_scale", "is not positive: give volts");
+  if (!(sensor.full_scale > 0.0)) in.refuseValue("full_scale", "give V above 0");
   sensor.noise = in.number("noise", sensor.noise);
-  if (!(sensor.noise >= 0.0)) in.refuse("noise", "is negative: give volts rms");
+  if (!(sensor.noise >= 0.0)) in.refuseValue("noise", "give V rms, at least 0");
   if (in.has("nominal")) {
     sensor.nominal = in.matrix<6, 6>("nominal");
     const Eigen::FullPivLU<Matrix6> lu(sensor.nominal);
@@ -183,7 +194,7 @@ ReferenceAccuracy readAccuracy(const Reader& in) {
   ReferenceAccuracy accuracy;
   for (const auto& [key, value] : accuracy.items()) {
     *value = in.number(key, *value);
-    if (!(*value >= 0.0)) in.refuse(key, "is negative: give a standard deviation");
+    if (!(*value >= 0.0)) in.refuseValue(key, "give a standard deviation, at least 0");
   }
   if (!(accuracy.gauge > 0.0)) in.refuse("gauge", "is 0: give a standard deviation in m");
   return accuracy;
@@ -194,7 +205,7 @@ GaugeLayout readLayout(const Reader& in) {
   if (in.has("half_distance")) {
     if (in.has("gauges")) in.refuse("gauges", "is there besides half_distance: give one of them");
     const double D = in.number("half_distance");
-    if (!(D > 0.0)) in.refuse("half_distance", "is not positive: give a distance in m");
+    if (!(D > 0.0)) in.refuseValue("half_distance", "give a distance above 0 in m");
     return thesisGauges(D);
   }
   GaugeLayout layout = thesisGauges();
@@ -205,9 +216,9 @@ GaugeLayout readLayout(const Reader& in) {
     g.keys({"point", "axis", "face"});
     DialGauge gauge{g.matrix<3>("point"), g.matrix<3>("axis"), 0};
     if (!(std::abs(gauge.axis.norm() - 1.0) < kUnitTolerance))
-      g.refuse("axis", "is no unit vector");
+      g.refuseValue("axis", "give a unit vector");
     const long face = g.integer("face");
-    if (face < 0 || face > 2) g.refuse("face", "is none of 0, 1, 2");
+    if (face < 0 || face > 2) g.refuseValue("face", "give 0, 1 or 2");
     gauge.face = static_cast<int>(face);
     layout.gauges.push_back(gauge);
   }
@@ -219,7 +230,7 @@ GaugeLayout readLayout(const Reader& in) {
       f.keys({"normal", "offset"});
       layout.faces[k] = {f.matrix<3>("normal"), f.number("offset")};
       if (!(std::abs(layout.faces[k].normal.norm() - 1.0) < kUnitTolerance)) {
-        f.refuse("normal", "is no unit vector");
+        f.refuseValue("normal", "give a unit vector");
       }
     }
   }
@@ -251,14 +262,19 @@ Observation readObservation(const Reader& in, const ObservationSet& set) {
   if (needs("position")) o.X_AB = readPose(in);
   if (in.has("pose_covariance")) o.X_covariance = in.matrix<6, 6>("pose_covariance");
   if (needs("mass")) o.mass = in.number("mass");
-  if (needs("direction")) o.direction = in.matrix<3>("direction");
+  if (needs("direction")) {
+    o.direction = in.matrix<3>("direction");
+    if (!(std::abs(o.direction.norm() - 1.0) < kUnitTolerance)) {
+      in.refuseValue("direction", "give the unit vector of gravity in sensor axes");
+    }
+  }
   if (needs("point")) o.point = in.matrix<3>("point");
   if (in.has("gauges")) o.gauges = in.numbers("gauges");
   if (in.has("displacement")) o.displacement = in.matrix<6>("displacement");
   if (needs("load")) o.load = in.number("load");
   if (needs("channel")) {
     const long channel = in.integer("channel");
-    if (channel < 0 || channel > 5) in.refuse("channel", "is none of 0 to 5");
+    if (channel < 0 || channel > 5) in.refuseValue("channel", "give 0 to 5");
     o.channel = static_cast<int>(channel);
   }
   if (in.has("point_at_rest")) o.point_at_rest = in.flag("point_at_rest");
@@ -273,11 +289,20 @@ void readHeader(const Reader& in, std::set<std::string> more, ObservationSet& se
     if (in.has(sensorName(side))) set.sensor[side] = readSensor(in.at(sensorName(side)));
   }
   set.gravity = in.number("gravity", set.gravity);
-  if (!(set.gravity > 0.0)) in.refuse("gravity", "is not positive: give m/s2");
+  if (!(set.gravity > 0.0)) in.refuseValue("gravity", "give m/s2 above 0");
   if (in.has("accuracy")) set.accuracy = readAccuracy(in.at("accuracy"));
   for (const Side side : kSides) {
     const std::string key = std::string("gauges_") + toString(side);
     if (in.has(key)) set.gauges[side] = readLayout(in.at(key));
+  }
+}
+
+void refuseTwice(const ObservationSet& set, const std::string& place) {
+  const std::vector<Observation>& all = set.observations;
+  for (std::size_t i = 0; i + 1 < all.size(); ++i) {
+    if (!sameTest(all[i], all.back())) continue;
+    throw InputError(place + ": the same test as observation " + std::to_string(i) +
+                     ", to the last digit: keep one of them");
   }
 }
 
@@ -306,8 +331,9 @@ ObservationSet readYaml(const std::string& content, const std::string& path) {
   const Reader list = in.at("observations");
   for (std::size_t i = 0; i < list.size(); ++i) {
     set.observations.push_back(readObservation(list.at(i), set));
-    checkObservation(set.observations.back(), set,
-                     path + ": observations[" + std::to_string(i) + "]");
+    const std::string place = path + ": observations[" + std::to_string(i) + "]";
+    checkObservation(set.observations.back(), set, place);
+    refuseTwice(set, place);
   }
   return set;
 }
@@ -416,6 +442,7 @@ ObservationSet readCsv(const std::string& content, const std::string& path) {
     reader.single();
     set.observations.push_back(readObservation(reader, set));
     checkObservation(set.observations.back(), set, place);
+    refuseTwice(set, place);
   }
   if (header.empty()) throw InputError(path + ": no header line: name the columns");
   return set;

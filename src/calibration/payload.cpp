@@ -31,6 +31,7 @@ constexpr double kOutlierTail = 0.01;         // false outliers a clean recordin
 constexpr double kMaxOutliers = 0.25;         // of the poses
 constexpr double kNoiseFloor = 1e-7;          // of the largest reading: rounding, not noise
 constexpr double kWeakestDirection = 0.05;    // share of the weight that rotation makes visible
+constexpr double kLeastWeight = 5.0;          // sd
 // median held-out errors, force times torque, of one reading of the axes over the other's. The
 // recording of test/data and four simulated ones lie below 0.004 or above 4e4: half of it decides
 // alike, from 1 on nothing stays undecided
@@ -163,6 +164,21 @@ CalibrationRefusal refusalOf(const std::vector<StaticPose>& poses) {
             "two horizontal axes by tens of degrees"};
   }
   return {};
+}
+
+// a sensor that is stuck, or carries nothing
+CalibrationRefusal weightRefusal(const PayloadModel& model, const Problem& problem) {
+  const double floor = problem.floor[kForce];
+  if (model.weight > kLeastWeight * std::max(model.weight_sd, floor)) return {};
+  return {CalibrationFailure::kNoWeight,
+          "the forces don't follow the orientations: no weight is felt; check that the sensor "
+          "carries the payload and that its readings change"};
+}
+
+// the same reading again and again, to the last bit
+bool isConstant(const std::vector<Vector6>& wrenches) {
+  return std::all_of(wrenches.begin(), wrenches.end(),
+                     [&](const Vector6& w) { return w == wrenches.front(); });
 }
 
 // the reading of the axes that leaves less when the bias may drift
@@ -427,6 +443,11 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   PayloadModel model;
   model.refusal = refusalOf(poses);
   if (model.refusal) return model;
+  if (isConstant(wrenches)) {
+    model.refusal = {CalibrationFailure::kNoWeight,
+                     "all poses have the same wrench: check that the sensor's readings change"};
+    return model;
+  }
   model.structure_tested = poses.size() >= kMinForStructure;
   const WrenchAxes fitting =
       findAxes(poses, wrenches, model.structure_tested && options.drift, model);
@@ -441,6 +462,8 @@ PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
   const Identified found =
       identify(poses, inSensorAxes(poses, wrenches, model.axes), options, model);
   fillPayload(found, model);
+  model.refusal = weightRefusal(model, found.problem);
+  if (model.refusal) return model;
   fillResiduals(found, model);
   fillBias(poses, found, model);
   if (options.in_situ) model.in_situ = correctInSitu(model, found.problem, options);

@@ -1,4 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,11 @@ using Eigen::Index;
 
 constexpr double kOtherRate = 5.0;  // ratio of spacings of one set-up; 1.8 in the recordings
 constexpr double kWeakLoad = 0.02;  // of the strongest direction of load
+// variance of a channel's cells over what its noise within them explains: 1 of a dead channel, 1e3
+// and more of one that is loaded
+constexpr double kDeadChannel = 10.0;
+constexpr double kSameChannels = 1e-6;  // of the strongest combination: rounding leaves 1e-8
+constexpr double kRounding = 1e-12;     // of a channel's largest reading
 
 Vector6 largest(const std::vector<ReferenceAverages>& runs) {
   Vector6 out = Vector6::Zero();
@@ -48,10 +54,83 @@ void loadGate(const std::vector<ReferenceAverages>& runs, std::vector<Gate>& gat
            std::string("the runs hardly load ") + names[axis] + " by itself: add a run that does"});
 }
 
+// how much more a channel's cells vary than its samples within them let expect
+double liveliness(const std::vector<ReferenceAverages>& runs, Index channel) {
+  double between = 0.0, within = 0.0, cells = 0.0, samples = 0.0, biggest = 0.0;
+  for (const ReferenceAverages& run : runs) {
+    biggest = std::max(biggest, run.run->raw.col(channel).cwiseAbs().maxCoeff());
+    double mean = 0.0;
+    for (const ReferenceCell& cell : run.cells.cells) mean += cell.raw[channel];
+    mean /= static_cast<double>(run.cells.cells.size());
+    for (const ReferenceCell& cell : run.cells.cells) {
+      const auto count = static_cast<double>(cell.count);
+      between += count * std::pow(cell.raw[channel] - mean, 2);
+      // by neighbours: a load that changes within the cell is no noise
+      for (std::size_t i = cell.first + 1; i < cell.first + cell.count; ++i) {
+        const auto k = static_cast<Index>(i);
+        within += 0.5 * std::pow(run.run->raw(k, channel) - run.run->raw(k - 1, channel), 2);
+      }
+      samples += count - 1.0;
+      ++cells;
+    }
+  }
+  const double least = std::pow(kRounding * biggest, 2);
+  if (!(between / cells > least)) return 0.0;
+  return (between / cells) / std::max(within / std::max(samples, 1.0), least);
+}
+
+// every channel feels the load, and each something of its own
+void channelGates(const std::vector<ReferenceAverages>& runs, std::vector<Gate>& gates) {
+  const Index channels = runs.front().run->raw.cols();
+  Index worst = 0;
+  double least = HUGE_VAL;
+  for (Index k = 0; k < channels; ++k) {
+    const double alive = liveliness(runs, k);
+    if (alive >= least) continue;
+    least = alive;
+    worst = k;
+  }
+  addGate(gates, !(least > kDeadChannel),
+          {"channels", Verdict::kRefuse, least, kDeadChannel,
+           "raw channel " + std::to_string(worst + 1) +
+               " doesn't follow the load: check its wiring, or leave the column out"});
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(channels, channels);
+  for (const ReferenceAverages& run : runs) {
+    for (const ReferenceCell& cell : run.cells.cells) {
+      const Eigen::VectorXd raw = cell.raw - run.cells.raw_tare;
+      sum += raw * raw.transpose();
+    }
+  }
+  const Eigen::VectorXd scale = sum.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale.asDiagonal() * sum *
+                                                              scale.asDiagonal());
+  const double weakest =
+      std::sqrt(std::max(solver.eigenvalues()[0], 0.0) / solver.eigenvalues()[channels - 1]);
+  Index same = 0;
+  solver.eigenvectors().col(0).cwiseAbs().maxCoeff(&same);
+  addGate(gates, !(weakest > kSameChannels),
+          {"independent_channels", Verdict::kRefuse, weakest, kSameChannels,
+           "raw channel " + std::to_string(same + 1) +
+               " is a combination of the others: leave the column out"});
+}
+
+bool sameRecording(const ReferenceRun& a, const ReferenceRun& b) {
+  return a.t.size() == b.t.size() && a.raw == b.raw && a.wrench == b.wrench;
+}
+
 }  // namespace
 
 void checkReferenceRuns(const std::vector<ReferenceAverages>& runs) {
-  for (const ReferenceAverages& run : runs) {
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const ReferenceAverages& run = runs[i];
+    for (std::size_t k = 0; k < i; ++k) {
+      if (run.run->raw.cols() != runs[k].run->raw.cols() ||
+          !sameRecording(*runs[k].run, *run.run)) {
+        continue;
+      }
+      throw InputError(run.run->name + ": the same recording as " + runs[k].run->name +
+                       ": give each once, what judges the map must be another");
+    }
     if (run.run->raw.cols() != runs.front().run->raw.cols()) {
       throw InputError(run.run->name + ": " + std::to_string(run.run->raw.cols()) +
                        " raw channels, " + std::to_string(runs.front().run->raw.cols()) + " in " +
@@ -71,6 +150,7 @@ void judgeReference(const std::vector<ReferenceAverages>& runs, const ReferenceA
                     ReferenceSolution& out) {
   std::vector<Gate>& gates = out.gates;
   loadGate(runs, gates);
+  channelGates(runs, gates);
   const double each = static_cast<double>(out.cells) / out.coefficients;
   addGate(gates, each < kCellsPerCoefficient,
           {"cells_per_coefficient", Verdict::kRefuse, each, kCellsPerCoefficient,
@@ -80,7 +160,13 @@ void judgeReference(const std::vector<ReferenceAverages>& runs, const ReferenceA
           {"lag", Verdict::kWarn, out.lag, kLagRange,
            "the lag ends at its limit: are these the same loads, and times in one clock?"});
   const ReferenceError& error = out.left_out[static_cast<std::size_t>(out.model)];
-  const double ratio = std::max(error.force / out.plain.force, error.torque / out.plain.torque);
+  const double force = error.force / out.plain.force, torque = error.torque / out.plain.torque;
+  const bool judged = std::isfinite(force) && std::isfinite(torque);
+  addGate(gates, !judged,
+          {"left_out", Verdict::kRefuse, judged ? std::max(force, torque) : std::nan(""), 1.0,
+           std::string("no run left out can judge the model ") + toString(out.model) +
+               ": record longer, or take a smaller --model"});
+  const double ratio = judged ? std::max(force, torque) : 0.0;
   addGate(gates, ratio > 1.0,
           {"against_plain", Verdict::kWarn, ratio, 1.0,
            "a run left out is predicted worse than by ordinary least squares: its tare, or its "

@@ -12,6 +12,8 @@
 #include "assembly_cell/base/bag.h"
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/table.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
@@ -81,6 +83,11 @@ RecordedMotion parseMotion(std::istream& file, const std::string& path) {
   const std::size_t values_end = names.size();
   if (std::find(header.begin(), header.end(), "uncertainty") != header.end()) {
     names.push_back("uncertainty");
+  }
+  for (const std::string& name : header) {
+    if (names.back() == "uncertainty" || !isMisspelt(name, "uncertainty")) continue;
+    throw InputError(path + ":" + std::to_string(row) + ": column " + printable(name) +
+                     ": is it uncertainty? correct it, or give it a name of its own");
   }
   std::vector<std::size_t> column(names.size());
   for (std::size_t c = 0; c < names.size(); ++c) {

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/scene/scenario_numbers.h"
@@ -10,6 +11,9 @@ namespace assembly_cell {
 namespace {
 
 using Eigen::Vector3d;
+
+// so far from its mean a normal draw may go
+constexpr double kNormalReach = 5.0;
 
 // of a key path and a run: FNV-1a of the path, mixed with the seed (splitmix64)
 std::uint64_t streamSeed(std::uint64_t seed, const std::string& key) {
@@ -102,7 +106,8 @@ std::vector<DrawnChange> drawChanges(const std::vector<ScenarioChange>& changes,
   std::vector<DrawnChange> drawn;
   Scenario any;
   for (const ScenarioChange& change : changes) {
-    DrawnChange d{change.key, change.path, change.each, {}};
+    DrawnChange d{change.key, change.path, change.each, {}, 0.0, 0.0};
+    std::tie(d.low, d.high) = change.draw.reach(mean);
     const bool matrix = change.path == "coupling.stiffness" || change.path == "coupling.damping";
     std::size_t entries =
         scenarioNumbers(any, matrix ? change.path + ".diagonal" : change.path).size();
@@ -166,6 +171,12 @@ void drawCarrier(const Mismatch::Carrier& asked, Drawer& drawer, Truth& truth) {
 }
 
 }  // namespace
+
+std::pair<double, double> Draw::reach(double mean) const {
+  if (kind == Kind::kNumber) return {first, first};
+  if (kind == Kind::kNormal) return {mean - kNormalReach * first, mean + kNormalReach * first};
+  return {first, second};
+}
 
 Eigen::Vector2d boreLean(const Eigen::Vector2d& tilt) {
   const double angle = tilt.norm();

@@ -13,12 +13,11 @@ using yaml::Range;
 using yaml::Section;
 using yaml::shown;
 
-// so far from its mean a normal draw may go
-constexpr double kNormalReach = 5.0;
 constexpr double kLargest = 1e9;
 constexpr double kMaxTilt = 0.1;      // beyond this an oblique bore is no bore any more [rad]
 constexpr double kMaxFaceTilt = 0.3;  // a start stays a start [rad]
 constexpr double kMaxTurn = M_PI;     // of frames [rad]
+constexpr double kMaxDelay = 1.0;     // of the exciter: drives answer within tens of ms [s]
 constexpr double kMaxLatency = 0.1;   // samples are kept so long [s]
 constexpr double kMaxScale = 0.5;     // of encoders
 constexpr const char* kForms =
@@ -59,12 +58,7 @@ std::string shownDraw(const Draw& draw) {
 
 void checkRange(const Section& in, const std::string& path, const Draw& draw,
                 const Limits& limits) {
-  double low = draw.first, high = draw.second;
-  if (draw.kind == Draw::Kind::kNumber) high = low;
-  if (draw.kind == Draw::Kind::kNormal) {
-    low = limits.mean - kNormalReach * draw.first;
-    high = limits.mean + kNormalReach * draw.first;
-  }
+  const auto [low, high] = draw.reach(limits.mean);
   const bool low_enough = limits.above ? low > limits.low : low >= limits.low;
   if (!low_enough || high > limits.high) refuseRange(in, path, shownDraw(draw), limits);
 }
@@ -87,13 +81,15 @@ Draw readDraw(Section& in, const std::string& key, const Limits& limits) {
   if (node.IsMap()) {
     Section form(node, path, in.source());
     const std::vector<std::string> keys = form.keys();
-    if (keys.size() != 1) in.refuse(path, shown(node), kForms);
+    std::string names;
+    for (const std::string& name : keys) names += (names.empty() ? "" : ", ") + name;
+    if (keys.size() != 1) in.refuse(path, "{" + names + "}", kForms);
     if (keys[0] == "normal") {
       draw = {Draw::Kind::kNormal, form.number("normal", Range::kNotNegative), 0.0};
     } else if (keys[0] == "uniform" || keys[0] == "log_uniform") {
       draw = readBounds(form, keys[0]);
     } else {
-      in.refuse(path, shown(node), kForms);
+      in.refuse(in.at(key) + "." + names, shown(node[names]), kForms);
     }
   } else if (!yaml::readNumber(node, draw.first)) {
     in.refuse(path, shown(node), kForms);
@@ -170,7 +166,7 @@ std::vector<ScenarioChange> readChanges(Section& root, const std::string& name, 
 Mismatch::Exciter readExciter(Section in) {
   Mismatch::Exciter exciter;
   exciter.amplitude = readOptional(in, "amplitude", {1.0, 0.0, kLargest, false});
-  exciter.delay = readOptional(in, "delay", kNotNegative);
+  exciter.delay = readOptional(in, "delay", {0.0, 0.0, kMaxDelay, false});
   exciter.ellipticity = readOptional(in, "ellipticity", {0.0, 0.0, 1.0, false});
   exciter.harmonic = readOptional(in, "harmonic");
   in.finish();

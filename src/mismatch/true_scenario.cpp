@@ -45,8 +45,10 @@ void scaleInertias(const std::string& path, double factor, Mechanism& m) {
 
 std::vector<ScenarioNumber> numbersOf(const DrawnChange& change, Scenario& s) {
   if (change.path != "friction") return scenarioNumbers(s, change.path);
-  return {{"friction.static", &s.mechanism.friction.static_coefficient},
-          {"friction.sliding", &s.mechanism.friction.sliding_coefficient}};
+  FrictionParameters& friction = s.mechanism.friction;
+  const yaml::Range range = yaml::Range::kNotNegative;
+  return {{"friction.static", &friction.static_coefficient, range, false},
+          {"friction.sliding", &friction.sliding_coefficient, range, false}};
 }
 
 void scale(const DrawnChange& change, Scenario& s) {
@@ -62,8 +64,22 @@ void scale(const DrawnChange& change, Scenario& s) {
   scaleInertias(change.path, change.values.front(), s.mechanism);
 }
 
-void add(const DrawnChange& change, Scenario& s) {
+// what another run of the file could draw is refused in every run
+void checkReach(const DrawnChange& change, const ScenarioNumber& number,
+                const std::string& source) {
+  for (const double by : {change.low, change.high}) {
+    const double value = *number.value + by;
+    if (change.low == change.high || yaml::inRange(value, number.range)) continue;
+    yaml::refuse(source, "add." + change.key,
+                 "[" + shown(change.low) + ", " + shown(change.high) + "]",
+                 "can be drawn (normal draws within 5 SD), but the true " + number.key +
+                     " would be " + shown(value) + ", give a narrower draw");
+  }
+}
+
+void add(const DrawnChange& change, const std::string& source, Scenario& s) {
   const std::vector<ScenarioNumber> numbers = numbersOf(change, s);
+  for (const ScenarioNumber& number : numbers) checkReach(change, number, source);
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     const double before = *numbers[i].value;
     *numbers[i].value += change.values[change.each ? i : 0];
@@ -141,8 +157,10 @@ std::optional<Problem> problemOf(const Mechanism& m) {
 void checkNumbers(const Truth& truth, const std::string& source, Scenario& s) {
   for (const auto* changes : {&truth.scale, &truth.add}) {
     for (const DrawnChange& change : *changes) {
-      const std::string list = isMatrix(change.path) ? ".diagonal" : "";
-      for (const ScenarioNumber& number : scenarioNumbers(s, change.path + list)) {
+      const std::vector<ScenarioNumber> numbers =
+          isMatrix(change.path) ? scenarioNumbers(s, change.path + ".diagonal")
+                                : numbersOf(change, s);
+      for (const ScenarioNumber& number : numbers) {
         const double value = *number.value;
         if (yaml::inRange(value, number.range) && !std::isnan(value)) continue;
         yaml::refuse(source, (changes == &truth.scale ? "scale." : "add.") + change.key,
@@ -190,7 +208,7 @@ Scenario trueScenario(const Scenario& nominal, const Truth& truth, const std::st
   s.imperfections = truth.imperfections;
   if (!truth.scale.empty() || !truth.add.empty()) {
     for (const DrawnChange& change : truth.scale) scale(change, s);
-    for (const DrawnChange& change : truth.add) add(change, s);
+    for (const DrawnChange& change : truth.add) add(change, source, s);
     checkNumbers(truth, source, s);
     const double longer = s.mechanism.peg.coupling_height - nominal.mechanism.peg.coupling_height;
     if (longer != 0.0) s.initial.position -= longer * rotationFromEuler(s.initial.euler).col(2);

@@ -26,6 +26,7 @@ namespace {
 
 constexpr int kStuck = 10;                  // CPU time without a message read [s]
 constexpr rlim_t kMaxMemory = 8ull << 30u;  // a damaged length asks for any [bytes]
+constexpr char kReason[] = "--reason";      // asked for by checkBag: what is wrong, bare
 constexpr char kRemedy[] = ": give a whole bag, or mend it with `rosbag reindex`";
 
 // the time of the process, not the clock's: a busy machine may take long
@@ -38,17 +39,35 @@ void winUp() {
 
 int runBagCheck(int argc, char** argv) {
   const bool asked = argc == 2 && std::strcmp(argv[1], "--help") == 0;
-  if (argc != 2 || asked) {
-    std::puts(
+  const bool child = argc == 3 && std::strcmp(argv[1], kReason) == 0;
+  if ((argc != 2 && !child) || asked) {
+    std::fputs(
         "usage: check_bag FILE    reads every message of a bag; exit: 0 whole, 1 damaged, 2 bad "
-        "arguments");
+        "arguments\n",
+        asked ? stdout : stderr);
     return asked ? 0 : 2;
+  }
+  const std::string path = argv[argc - 1];
+  const auto refuse = [&](int code, const std::string& why, const char* remedy) {
+    if (child) {
+      std::puts(why.c_str());
+    } else {
+      std::fprintf(stderr, "check_bag: %s: %s%s\n", printable(path, 1000).c_str(), why.c_str(),
+                   remedy);
+    }
+    return code;
+  };
+  std::error_code none;
+  const bool folder = std::filesystem::is_directory(path, none);
+  if (folder || ::access(path.c_str(), R_OK) != 0) {
+    return refuse(2, folder ? "this is a folder" : std::strerror(errno),
+                  ": give a bag that can be read");
   }
   const rlimit memory{kMaxMemory, kMaxMemory};
   setrlimit(RLIMIT_AS, &memory);
   try {
     winUp();
-    const rosbag::Bag bag(argv[1], rosbag::bagmode::Read);
+    const rosbag::Bag bag(path, rosbag::bagmode::Read);
     rosbag::View all(bag);
     std::vector<std::uint8_t> data;
     for (const rosbag::MessageInstance& message : all) {
@@ -59,8 +78,7 @@ int runBagCheck(int argc, char** argv) {
     }
     return 0;
   } catch (const std::exception& error) {
-    std::puts(printable(error.what(), 200).c_str());
-    return 1;
+    return refuse(1, printable(error.what(), 200), kRemedy);
   }
 }
 
@@ -76,7 +94,7 @@ void checkBag(const std::string& path, const std::string& what) {
     dup2(ends[1], STDOUT_FILENO);
     const int silent = open("/dev/null", O_WRONLY);
     dup2(silent, STDERR_FILENO);
-    execl(program.c_str(), program.c_str(), path.c_str(), static_cast<char*>(nullptr));
+    execl(program.c_str(), program.c_str(), kReason, path.c_str(), static_cast<char*>(nullptr));
     _exit(127);
   }
   close(ends[1]);

@@ -21,6 +21,9 @@ using yaml::Section;
 using yaml::shown;
 
 constexpr double kMaxSteps = 1e10;  // a run with more would not end
+// of a step [m]: below, rounding of positions of 0.1 m is seen as error and no step is short
+// enough; above, an error as large as a clearance passes
+constexpr double kFinestTolerance = 1e-14, kCoarsestTolerance = 1e-3;
 
 ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
   struct Name {
@@ -144,7 +147,7 @@ SolverParameters readSolver(Section in) {
   if (in.optional("integrator")) {
     solver.integrator = in.text("integrator", "give the name of an integrator, such as dopri5");
   }
-  solver.tolerance = in.number("tolerance", Range::kPositive, solver.tolerance);
+  solver.tolerance = in.number("tolerance", kFinestTolerance, kCoarsestTolerance, solver.tolerance);
   solver.max_step = in.number("max_step", Range::kPositive, solver.max_step);
   solver.step = in.number("step", Range::kPositive, solver.step);
   in.finish();

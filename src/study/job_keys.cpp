@@ -8,6 +8,7 @@
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/study/study.h"
+#include "study_check.h"
 
 namespace assembly_cell {
 namespace {
@@ -97,7 +98,7 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
   if (s.key == "align.strategy") {
     AlignParameters probe;
     probe.strategy = s.value;
-    checkParameters(probe);
+    study_file::checkAlign(probe);
     job.align.strategy = s.value;
     return true;
   }

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/study/ledger.h"
 
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <filesystem>
@@ -30,11 +31,25 @@ std::string madeFolder(const std::string& folder) {
   return folder;
 }
 
+// what another program or person made is not ours to replace
+std::string ownFolder(const std::string& folder, bool fresh) {
+  namespace fs = std::filesystem;
+  madeFolder(folder);
+  if (fresh || fs::exists(folder + "/journal")) return folder;
+  for (const char* name : {"/results.csv", "/history.csv", "/manifest.yaml"}) {
+    if (!fs::exists(folder + name)) continue;
+    throw InputError(
+        "--output: value " + folder + ": its " + (name + 1) +
+        " is of no study that can go on: give another folder, or --fresh to replace it");
+  }
+  return folder;
+}
+
 }  // namespace
 
 StudyLedger::StudyLedger(const Study& study, const std::string& folder, bool fresh)
     : study_(study),
-      folder_(madeFolder(folder)),
+      folder_(ownFolder(folder, fresh)),
       synced_(std::chrono::steady_clock::now()),
       journal_(folder + "/journal", "study " + study.digest + " by " + studyProgram(), fresh) {
   total_ = runCount(study);
@@ -99,6 +114,13 @@ double StudyLedger::objective(std::int64_t point) const {
     sum += std::isnan(value) ? study_.search.otherwise : value;
   }
   return sum / static_cast<double>(runs);
+}
+
+bool StudyLedger::valued(std::int64_t point) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto runs = runsPerPoint(study_);
+  const auto first = objective_.begin() + point * runs;
+  return std::any_of(first, first + runs, [](double value) { return !std::isnan(value); });
 }
 
 void StudyLedger::close() {

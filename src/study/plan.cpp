@@ -113,7 +113,8 @@ StudyRun studyRun(const Study& study, const StudyTask& task) {
       const double* there = scenarioNumber(base, target.key);
       number = *there * std::pow(value, target.power);
     }
-    run.settings.push_back({target.key, yamlNumber(number)});
+    // YAML's null would be refused as empty
+    run.settings.push_back({target.key, std::isfinite(number) ? yamlNumber(number) : "inf"});
   }
   return run;
 }

@@ -28,6 +28,7 @@ StudyOptimum searchOptimum(const Study& study, StudyLedger& ledger,
     if (a.kind == StudyAxis::Kind::kSearch) axes.push_back(&a);
   }
   StudyOptimum optimum;
+  optimum.number = -1;
   std::vector<double> best(axes.size(), 0.5);
   double best_value = 0.0;
   const double sign = study.search.maximise ? -1.0 : 1.0;
@@ -43,7 +44,9 @@ StudyOptimum searchOptimum(const Study& study, StudyLedger& ledger,
       throw nlopt::forced_stop();
     }
     const double value = ledger.objective(number);
-    if (optimum.evaluations == 0 || sign * value < sign * best_value) {
+    // what took `otherwise` alone guides the search, but is no optimum
+    const bool first = optimum.number < 0;
+    if (ledger.valued(number) && (first || sign * value < sign * best_value)) {
       best = point;
       best_value = value;
       optimum.number = number;
@@ -82,7 +85,7 @@ StudyOptimum searchOptimum(const Study& study, StudyLedger& ledger,
   }
   optimum.complete = !interrupted;
   if (optimum.complete) ledger.close();
-  if (optimum.evaluations > 0) {
+  if (optimum.number >= 0) {
     optimum.value = best_value;
     for (std::size_t i = 0; i < axes.size(); ++i) {
       optimum.point.push_back(searchValue(*axes[i], best[i]));

@@ -1,8 +1,10 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "study_check.h"
 
+#include <algorithm>
 #include <set>
 
+#include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -22,6 +24,36 @@ bool admitted(const Study& study, const StudySetting& s) {
 }
 
 }  // namespace
+
+std::string nameOf(yaml::Section& in, const char* remedy) {
+  std::string name = in.text("name", remedy);
+  std::replace_if(
+      name.begin(), name.end(),
+      [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
+  if (trimmed(name).empty()) in.refuse(in.at("name"), "\"" + name + "\"", remedy);
+  return name;
+}
+
+void checkCount(const Study& study, const std::string& path) {
+  double count = static_cast<double>(study.samples);
+  for (const StudyAxis& a : study.axes) {
+    if (a.grid()) count *= static_cast<double>(a.size());
+  }
+  double points = study.search.outcome.empty() ? 1.0 : 0.0;
+  for (const StudySearch::Step& step : study.search.steps) points += step.evaluations;
+  count *= points;
+  if (count > static_cast<double>(kMaxRuns)) {
+    yaml::refuse(path, "samples", yaml::shown(count) + " runs", "give at most 1e8 runs in all");
+  }
+}
+
+void checkAlign(const AlignParameters& parameters) {
+  try {
+    checkParameters(parameters);
+  } catch (const InputError& e) {
+    throw InputError(std::string("align.") + e.what());
+  }
+}
 
 void loadScenarios(Study& study, const std::string& path) {
   std::vector<std::string> overrides;

@@ -1,9 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/study/study.h"
 
 // What a study refers to, once its own file is read.
@@ -19,6 +21,15 @@ void within(const std::string& path, const std::string& where, const Do& what) {
   }
 }
 
+/// The key `name`: something to be seen, on one line.
+std::string nameOf(yaml::Section& in, const char* remedy);
+
+constexpr std::int64_t kMaxRuns = 100000000;
+
+/// Refuses more than kMaxRuns.
+void checkCount(const Study& study, const std::string& path);
+/// checkParameters(), whose refusals name the study's keys: align.*.
+void checkAlign(const AlignParameters& parameters);
 /// Reads the scenarios, with `set`.
 void loadScenarios(Study& study, const std::string& path);
 /// Refuses keys that don't exist: they would make every run fail alike.

@@ -17,14 +17,17 @@ namespace assembly_cell {
 namespace {
 
 namespace fs = std::filesystem;
+using study_file::checkAlign;
+using study_file::checkCount;
 using study_file::checkKeys;
 using study_file::findDirectKeys;
+using study_file::kMaxRuns;
 using study_file::loadScenarios;
+using study_file::nameOf;
 using yaml::Range;
 using yaml::Section;
 using yaml::shown;
 
-constexpr std::int64_t kMaxRuns = 100000000;
 constexpr std::size_t kMaxValues = 100000;  // of one axis
 
 // a node as YAML text on one line
@@ -51,10 +54,7 @@ class Reader {
       : path_(path), folder_(fs::path(path).parent_path()), in_(root, "", path) {}
 
   Study read() {
-    study_.name = in_.text("name", "give the study a name");
-    std::replace_if(
-        study_.name.begin(), study_.name.end(),
-        [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, ' ');
+    study_.name = nameOf(in_, "give the study a name");
     study_.scenarios.push_back(
         file(in_.text("scenario", "give a scenario file, seen from the study's folder")));
     readJob();
@@ -70,8 +70,9 @@ class Reader {
     readOutcomes();
     readEnough();
     in_.finish();
-    checkCount();
+    checkCount(study_, path_);
     loadScenarios(study_, path_);
+    within("set", [&] { checkAlign(study_.job.align); });
     study_.judged = study_.job.kind == StudyJob::Kind::kAlign ||
                     std::isfinite(study_.job.assembled_depth) ||
                     std::isfinite(study_.job.assembled_offset);
@@ -93,11 +94,14 @@ class Reader {
 
   // a mapping "key.path: value"
   std::vector<StudySetting> settings(const YAML::Node& node, const std::string& where) {
-    if (!node.IsMap()) in_.refuse(where, shown(node), "give a mapping of key paths and values");
+    const Section unique(node, where, in_.source());
     std::vector<StudySetting> list;
     for (const auto& entry : node) {
-      if (!entry.first.IsScalar()) in_.refuse(where, shown(entry.first), "give key.path: value");
       addSettings(entry.first.Scalar(), entry.second, where, list);
+    }
+    std::set<std::string> keys;
+    for (const StudySetting& s : list) {
+      if (!keys.insert(s.key).second) in_.refuse(where, s.key, "set twice, keep one of them");
     }
     return list;
   }
@@ -153,7 +157,7 @@ class Reader {
     if (study_.history && job.kind == StudyJob::Kind::kAlign) {
       in_.refuse("history", "true", "only runs of job: simulate have one");
     }
-    within("", [&] { checkParameters(job.align); });
+    within("", [&] { checkAlign(job.align); });
   }
 
   void readMismatch() {
@@ -261,8 +265,13 @@ class Reader {
         a.targets.push_back({key, power});
       }
     }
+    std::set<std::string> keys;
+    for (const StudyAxis::Target& target : a.targets) {
+      if (keys.insert(target.key).second) continue;
+      in.refuse(in.at("key"), target.key, "named twice, keep one of them");
+    }
     if (in.optional("name")) {
-      a.name = csvCell(in.text("name", "give a name"));
+      a.name = csvCell(nameOf(in, "give a name"));
     } else if (!a.targets.empty()) {
       a.name = csvCell(a.targets.front().key);
     } else {
@@ -457,19 +466,6 @@ class Reader {
     }
     enough.failed = in.number("failed", Range::kPositive, enough.failed);
     in.finish();
-  }
-
-  void checkCount() {
-    double count = static_cast<double>(study_.samples);
-    for (const StudyAxis& a : study_.axes) {
-      if (a.grid()) count *= static_cast<double>(a.size());
-    }
-    double points = study_.search.outcome.empty() ? 1.0 : 0.0;
-    for (const StudySearch::Step& step : study_.search.steps) points += step.evaluations;
-    count *= points;
-    if (count > static_cast<double>(kMaxRuns)) {
-      in_.refuse("samples", yaml::shown(count) + " runs", "give at most 1e8 runs in all");
-    }
   }
 
   std::string path_;

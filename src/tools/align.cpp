@@ -6,7 +6,6 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <mutex>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "assembly_cell/arm/arm_settings.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/heartbeat.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
@@ -25,6 +25,7 @@
 #include "assembly_cell/cell/calibrated_sensors.h"
 #include "assembly_cell/cell/first_goal.h"
 #include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/sensor/bridge.h"
@@ -135,6 +136,8 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.flag("--check", o.check);
   parser.text("--report", o.report);
   if (!parser.parse(arguments)) return false;
+  parser.onlyWith("--insert", {"--insert-exciter"});
+  if (o.runs == 1) parser.onlyWith("--random-start", {"--offset-max", "--tilt-max"});
   assembly_cell::checkBits(o.cell.bits, "--bits: value ");
   return true;
 }
@@ -354,6 +357,11 @@ void readInsert(const std::string& text, assembly_cell::InsertParameters& insert
   }
 }
 
+// what a run's refusal is about
+const std::string& sourceOf(const Options& o) {
+  return o.mechanism.empty() ? o.scenario : o.mechanism;
+}
+
 std::vector<Run> runAll(const Options& o, const Task& task) {
   std::vector<Run> runs(static_cast<std::size_t>(o.runs));
   std::atomic<std::size_t> next{0};
@@ -394,9 +402,23 @@ std::vector<Run> runAll(const Options& o, const Task& task) {
   for (long i = 1; i < std::min(o.threads, o.runs); ++i) threads.emplace_back(work);
   work();
   for (std::thread& thread : threads) thread.join();
-  if (!bad_input.empty())
-    throw InputError((o.mechanism.empty() ? o.scenario : o.mechanism) + ": " + bad_input);
+  if (!bad_input.empty()) throw InputError(sourceOf(o) + ": " + bad_input);
   return runs;
+}
+
+// what only a cell that is built refuses: an integrator without its step, a coupling without
+// stiffness, a place that the arm can't reach
+void checkFirstRun(const Options& o, const Task& task) {
+  Truth truth;
+  const Scenario scenario = task.truthOf(o, o.cell.seed, truth);
+  CellParameters cell = o.cell;
+  cell.truth = truth.cell;
+  try {
+    assembly_cell::SimulatedPlant(
+        scenario, task.known ? task.known->mechanism : task.scenario.mechanism, cell);
+  } catch (const InputError& error) {
+    throw InputError(sourceOf(o) + ": " + error.what());
+  }
 }
 
 int run(const std::vector<std::string>& arguments) {
@@ -429,22 +451,20 @@ int run(const std::vector<std::string>& arguments) {
       task.truthOf(o, o.cell.seed + static_cast<std::uint64_t>(i), unused);
     }
   }
-  if (o.check) return 0;
-  std::ofstream file;
+  checkFirstRun(o, task);
+  std::unique_ptr<assembly_cell::NewFile> file;
   if (!o.report.empty()) {
-    file.open(o.report, std::ios::trunc);
-    if (!file) {
-      throw InputError("--report: value " + o.report + ": give a file that can be written");
-    }
+    file = std::make_unique<assembly_cell::NewFile>(o.report, "--report: value " + o.report,
+                                                    "give a file that can be written");
   }
+  if (o.check) return 0;
 
   const std::vector<Run> runs = runAll(o, task);
   const std::string text = yaml(runs, o);
   std::cout << text << std::flush;
-  if (file.is_open()) {
-    file << text;
-    file.close();
-    if (!file) throw InputError("--report: value " + o.report + ": writing failed");
+  if (file) {
+    file->write(text);
+    file->finish();
   }
   return std::all_of(runs.begin(), runs.end(), [](const Run& r) { return r.trial.success; }) ? 0
                                                                                              : 1;

@@ -85,6 +85,12 @@ void printForce(const ForceSolution& s, bool matrices) {
   printGates(s.gates);
 }
 
+// a check that refuses says why where nobody looks through the YAML
+int codeOf(bool accepted, const std::string& message) {
+  if (!accepted) std::cerr << "calibrate: " << message << "\n";
+  return accepted ? 0 : 1;
+}
+
 int plan(const std::vector<std::string>& arguments) {
   std::string wanted, observations, simulate;
   std::uint64_t seed = 1;
@@ -100,6 +106,8 @@ int plan(const std::vector<std::string>& arguments) {
   parser.number("--nonlinearity", settings.nonlinearity, 0.0, 1.0);
   parser.integer("--samples", settings.samples, 1, 100000);
   if (!parser.parse(arguments)) return 0;
+  if (wanted == "next") parser.notWith("next", {"--simulate"});
+  if (wanted != "next") parser.notWith("a plan of " + wanted, {"--next"});
   checkBits(settings.bits, "--bits: value ");
   settings.seed = seed + 1000;
   CalibrationRig rig(settings);
@@ -116,7 +124,7 @@ int plan(const std::vector<std::string>& arguments) {
                 << ", do: " << yamlQuoted(describe(candidates[next.chosen[i]])) << "}\n";
     }
     printForce(next.after, false);
-    return next.after.accepted ? 0 : 1;
+    return codeOf(next.after.accepted, next.after.message);
   }
   const auto name = planName(wanted);
   if (!name) {
@@ -127,20 +135,20 @@ int plan(const std::vector<std::string>& arguments) {
   for (const LoadRequest& request : requests) {
     std::cout << "  - " << yamlQuoted(describe(request)) << "\n";
   }
-  bool good = true;
+  int code = 0;
   if (*name != PlanName::kDisplacement) {
     ForceSettings force;
     if (*name == PlanName::kQuadratic) force.model = StrainModel::kQuadratic;
     const ForceSolution judged = judgeDesign(predictPlan(requests, set), force);
     printForce(judged, false);
-    good = judged.accepted;
+    code = codeOf(judged.accepted, judged.message);
   }
   if (!simulate.empty()) {
     for (const LoadRequest& request : requests) set.observations.push_back(rig.measure(request));
     writeObservations(set, simulate);
     std::cerr << "calibrate: " << set.observations.size() << " observations written\n";
   }
-  return good ? 0 : 1;
+  return code;
 }
 
 int solve(const std::vector<std::string>& arguments) {
@@ -168,6 +176,7 @@ int solve(const std::vector<std::string>& arguments) {
   parser.text("--save", store);
   parser.text("--id", id);
   if (!parser.parse(arguments)) return 0;
+  parser.onlyWith("--save", {"--id"});
   const bool save = !store.empty();
   CalibrationSession session(store, readObservations(file));
   for (const std::string& text : session.warnings()) std::cerr << "calibrate: " << text << "\n";
@@ -183,13 +192,9 @@ int solve(const std::vector<std::string>& arguments) {
               << ", rank: " << d.rank << ", condition: " << yamlNumber(d.condition)
               << ", residual_sd: " << list(d.residual_sd) << "}\n";
   }
-  if (!solution.force) return solution.accepted ? 0 : 1;
-  printForce(*solution.force, true);
-  if (!solution.accepted) {
-    std::cerr << "calibrate: " << solution.message << "\n";
-    return 1;
-  }
-  if (!save) return 0;
+  if (solution.force) printForce(*solution.force, true);
+  const int code = codeOf(solution.accepted, solution.message);
+  if (!solution.force || code != 0 || !save) return code;
   const auto saved = session.save(id);
   for (const Side side : kSides) {
     line(std::string("saved_") + toString(side),
@@ -208,15 +213,30 @@ bool isObservationFile(const std::string& path) {
   return false;
 }
 
-// weights that a calibration was not made from
-void compareWithWeights(const Calibration& c, const ObservationSet& set) {
-  const Side side = c.serial_number == set.sensor.b.serial_number ? Side::kB : Side::kA;
+// weights that a calibration was not made from; false where there is none to compare with
+bool compareWithWeights(const Calibration& c, const std::string& path) {
+  const ObservationSet set = readObservations(path);
+  // a sensor without a serial number is saved under its name
+  const auto serial = [&](Side side) {
+    const std::string& given = set.sensor[side].serial_number;
+    return given.empty() ? sensorName(side) : given;
+  };
+  const Side side = c.serial_number == serial(Side::kB) ? Side::kB : Side::kA;
+  if (c.serial_number != serial(side)) {
+    throw InputError("--observations: value " + path + ": its sensors are '" + serial(Side::kA) +
+                     "' and '" + serial(Side::kB) + "', the calibration is of '" + c.serial_number +
+                     "': give tests of this one");
+  }
   double force = 0.0, torque = 0.0;
-  int count = 0;
+  int count = 0, dropped = 0;
   Calibration zeroed = c;
   for (const Observation& o : set.observations) {
     const auto& reading = o.reading[side];
     if (!reading) continue;
+    if (unusable(*reading, set.sensor[side])) {
+      ++dropped;
+      continue;
+    }
     if (o.kind == ObservationKind::kUnloaded) zeroed.zero_volts = reading->volts;
     if (o.kind != ObservationKind::kWeight || o.side != side) continue;
     const Eigen::Vector3d F = o.mass * set.gravity * o.direction;
@@ -228,8 +248,10 @@ void compareWithWeights(const Calibration& c, const ObservationSet& set) {
     ++count;
   }
   line("weights", std::to_string(count));
+  line("dropped", std::to_string(dropped));
   line("force_error_rms", yamlNumber(count > 0 ? std::sqrt(force / 3 / count) : std::nan("")));
   line("torque_error_rms", yamlNumber(count > 0 ? std::sqrt(torque / 3 / count) : std::nan("")));
+  return count > 0;
 }
 
 int checkCalibrationFile(const std::string& path, const std::string& observations) {
@@ -244,8 +266,8 @@ int checkCalibrationFile(const std::string& path, const std::string& observation
        yamlNumber(c.wrench_fit.dof > 0 ? c.wrench_fit.chi2 / c.wrench_fit.dof : std::nan("")));
   line("predicted_sd", list(c.wrench_fit.predicted_sd));
   line("observations", yamlQuoted(c.observations_digest));
-  if (!observations.empty()) compareWithWeights(c, readObservations(observations));
-  return 0;
+  if (observations.empty() || compareWithWeights(c, observations)) return 0;
+  return codeOf(false, observations + ": no weight on this sensor, nothing was compared");
 }
 
 // false where a channel refuses the linear model
@@ -303,8 +325,9 @@ int check(const std::vector<std::string>& arguments) {
   parser.file("file", file);
   parser.text("--observations", observations);
   if (!parser.parse(arguments)) return 0;
-  return isObservationFile(file) ? checkObservationFile(file)
-                                 : checkCalibrationFile(file, observations);
+  if (!isObservationFile(file)) return checkCalibrationFile(file, observations);
+  parser.notWith("a file of observations", {"--observations"});
+  return checkObservationFile(file);
 }
 
 const std::map<std::string, int (*)(const std::vector<std::string>&)> kCommands = {

@@ -109,7 +109,11 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.number("--rate", o.rate, positive, "give a positive number of Hz");
   parser.number("--direction-limit", o.direction_limit, positive, "give a positive number of rad");
   if (!parser.parse(arguments)) return false;
+  parser.onlyWith("--plan", {"--bits", "--noise", "--rate", "--direction-limit"});
   if (o.plan) {
+    parser.notWith("--plan",
+                   {"--topic", "--start", "--drift", "--harmonics", "--robust", "--fit-frequency",
+                    "--acceleration", "--trace", "--false-alarm", "--indifference"});
     if (!o.samples.empty())
       throw InputError("--plan: takes no samples: leave " + o.samples + " out");
     if (o.mechanism.empty()) throw InputError("--mechanism: value missing: --plan needs it");
@@ -126,6 +130,11 @@ void cut(const Options& o, RecordedMotion& motion) {
   if (motion.t.empty() || (!o.start && !o.duration)) return;
   const double from = motion.t.front() + o.start.value_or(0.0);
   const double to = o.duration ? from + *o.duration : motion.t.back() + 1.0;
+  if (from > motion.t.back()) {
+    throw InputError("--start: value " + yamlNumber(*o.start) + ": the samples end " +
+                     yamlNumber(motion.t.back() - motion.t.front()) +
+                     " s after the first: give less");
+  }
   const auto place = [&](double t) {
     return std::lower_bound(motion.t.begin(), motion.t.end(), t) - motion.t.begin();
   };
@@ -137,6 +146,10 @@ void cut(const Options& o, RecordedMotion& motion) {
   keep(motion.signals, 6);
   keep(motion.sd, 1);
   keep(motion.t, 1);
+  if (motion.t.empty()) {
+    throw InputError("--duration: value " + yamlNumber(*o.duration) +
+                     ": no sample is within it: give more");
+  }
 }
 
 void writeTrace(const Options& o, const RecordedMotion& motion) {

@@ -95,7 +95,9 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.text("--output", o.output);
   parser.text("--mismatch", o.mismatch);
   parser.integer("--seed", o.seed, 0, 1L << 62);
-  return parser.parse(arguments);
+  if (!parser.parse(arguments)) return false;
+  if (parser.given("--at")) parser.notWith("--at", {"--rows"});
+  return true;
 }
 
 std::vector<double> rowTimes(const Options& options, double duration) {

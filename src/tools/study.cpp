@@ -51,7 +51,7 @@ A study that was ended at any time goes on where it was with the same command.
   --help                print this
 
 Under mpirun the ranks share the runs; results do not depend on threads and ranks.
-Exit code: 0 complete, 2 bad input, 130 or 143 ended by a signal (what is done is kept).
+Exit code: 0 complete, 1 a search whose outcome no run has, 2 bad input, 130 or 143 ended by a signal (what is done is kept).
 
 Example: study config/studies/exciting_force.yaml
          mpirun -n 4 study config/studies/success_misalignment.yaml --output map
@@ -199,7 +199,9 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
               << ", interval: [" << yamlNumber(share.low) << ", " << yamlNumber(share.high)
               << "]}\n";
   }
-  if (!study.search.outcome.empty()) {
+  if (!study.search.outcome.empty() && optimum.point.empty()) {
+    std::cout << "optimum: null\n";
+  } else if (!study.search.outcome.empty()) {
     std::cout << "optimum:\n  " << study.search.outcome << ": " << yamlNumber(optimum.value)
               << "\n";
     std::size_t i = 0;
@@ -247,7 +249,10 @@ int lead(const Options& o, const Study& study, Ranks* ranks) {
   }
   const auto statuses = ledger.finish();
   printSummary(study, ledger, optimum, statuses, seconds);
-  return 0;
+  if (study.search.outcome.empty() || !optimum.point.empty()) return 0;
+  std::cerr << "study: search: no run has the outcome " << study.search.outcome
+            << ", so nothing is an optimum: see the reasons in " << ledger.resultsPath() << "\n";
+  return 1;
 }
 
 int run(Options o, Ranks* ranks) {

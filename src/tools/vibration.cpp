@@ -134,10 +134,10 @@ Columns walkMotionAt(const std::vector<double>& times, const ModelParameters& pa
 const ClosedForm& modelOf(const Options& o, Parameters& p) {
   const ClosedForm& model = *vibrationModel(o.model);
   if (o.model != "locus") return model;
-  if (!p.has("model")) p.expect(model);
-  const ClosedForm* locus = locusModel(p.word("model"));
+  const std::string name = p.has("model") ? p.word("model") : "missing";
+  const ClosedForm* locus = locusModel(name);
   if (locus) return *locus;
-  throw InputError("model: value " + p.word("model") +
+  throw InputError(o.file + ": model: value " + name +
                    ": give isotropic, transverse, vertical, double, general or sliding");
 }
 

@@ -9,6 +9,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <iterator>
 #include <string>
 
@@ -65,6 +66,46 @@ TEST_F(Files, AFolderUnderTheTemporaryNameIsRefused) {
   fs::create_directory(at("a.yaml.tmp" + std::to_string(getpid())));
   EXPECT_THROW(writeFileAtomically(at("a.yaml"), "x", "test"), InputError);
   EXPECT_FALSE(fs::exists(at("a.yaml")));
+}
+
+TEST_F(Files, ALinkAndADeviceStayWhatTheyAre) {
+  const auto both = [](const std::string& path, const std::string& text) {
+    writeFileAtomically(path, text, "test");
+    NewFile file(path, "file", "give another name");
+    file.write(text);
+    file.finish();
+  };
+  fs::create_symlink("precious", at("link"));
+  fs::create_symlink("link", at("link_to_link"));
+  fs::create_symlink(at("later"), at("link_to_nothing"));
+  both(at("link_to_link"), "through");
+  both(at("link_to_nothing"), "made");
+  EXPECT_EQ(contentOf(at("precious")), "through");
+  EXPECT_EQ(contentOf(at("later")), "made");
+  for (const char* link : {"link", "link_to_link", "link_to_nothing"}) {
+    EXPECT_TRUE(fs::is_symlink(at(link))) << link;
+  }
+  // links to devices: nothing happens to the machine's own where this goes wrong
+  fs::create_symlink("/dev/null", at("null"));
+  both(at("null"), "gone");
+  EXPECT_TRUE(fs::is_character_file(at("null")));
+  EXPECT_TRUE(fs::is_symlink(at("null")));
+  fs::create_symlink("/dev/full", at("full"));
+  EXPECT_THROW(writeFileAtomically(at("full"), "x", "test"), InputError);
+  EXPECT_TRUE(fs::is_symlink(at("full")));
+  for (const auto& entry : fs::directory_iterator(folder_)) {
+    EXPECT_EQ(entry.path().extension(), "") << "left over";
+  }
+}
+
+TEST_F(Files, WhatStandardOutputGoesToGetsTheFileInItsPlace) {
+  ::testing::internal::CaptureStdout();
+  std::cout << "before\n";
+  // a link: nothing happens to the machine's own /dev/stdout where this goes wrong
+  fs::create_symlink("/proc/self/fd/1", at("stdout"));
+  writeFileAtomically(at("stdout"), "file\n", "test");
+  std::cout << "after\n";
+  EXPECT_EQ(::testing::internal::GetCapturedStdout(), "before\nfile\nafter\n");
 }
 
 std::string repeated(const std::string& piece, int times) {

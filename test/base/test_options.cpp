@@ -51,6 +51,30 @@ struct Tool {
   }
 };
 
+TEST(Options, ThatWouldChangeNothingAreRefused) {
+  const auto refusal = [](const std::vector<std::string>& arguments) -> std::string {
+    std::string save, id;
+    bool plan = false;
+    OptionParser parser("Usage: tool\n");
+    parser.text("--save", save);
+    parser.text("--id", id);
+    parser.flag("--plan", plan);
+    try {
+      parser.parse(arguments);
+      parser.onlyWith("--save", {"--id"});
+      if (plan) parser.notWith("--plan", {"--save"});
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal({"--id", "a"}), "--id: serves --save: give that too, or leave it out");
+  EXPECT_EQ(refusal({"--save", "x", "--plan"}),
+            "--save: of no use with --plan: leave one of them out");
+  EXPECT_EQ(refusal({"--save", "x", "--id", "a"}), "");
+  EXPECT_EQ(refusal({}), "");
+}
+
 TEST(Options, AreReadIntoTheirVariables) {
   Tool tool;
   EXPECT_TRUE(tool.parse({"--set",  "a=1",     "cell.yaml",  "--seed",   "4611686018427387904",

@@ -48,6 +48,19 @@ TEST(Table, NamesFileLineAndColumn) {
   EXPECT_THROW(parse("1,2\n1,3\n").checkRising(0), InputError);
 }
 
+TEST(Table, AsksWhatAMisspeltColumnIs) {
+  const auto find = [](const std::string& header) {
+    return tableFromText(header + "\n1,2\n", "f.csv", {"a"}).find({"temperature"});
+  };
+  for (const char* slip : {"temprature", "Temperatur", "tempreature"}) {
+    EXPECT_THROW(find(std::string("a,") + slip), InputError) << slip;
+  }
+  for (const char* other : {"temperature_2", "humidity", "tare"}) {
+    EXPECT_FALSE(find(std::string("a,") + other)) << other;
+  }
+  EXPECT_TRUE(find("temprature,temperature"));
+}
+
 TEST(Table, TellsTheUnitOfTimesBySpacing) {
   for (const double unit : {1.0, 1e-3, 1e-6, 1e-9}) {
     for (const double spacing : {1e-4, 1e-3, 0.05}) {

@@ -86,11 +86,37 @@ TEST_F(Calibrate, PlansSolvesSavesAndChecks) {
   const Result check = run("check store/sensor_a/first.yaml --observations t.yaml");
   EXPECT_EQ(check.code, 0) << check.text;
   EXPECT_TRUE(has(check, "weights: 6\n")) << check.text;
+  EXPECT_TRUE(has(check, "dropped: 0\n")) << check.text;
+  // of another sensor, and of sensors without a number
+  ASSERT_EQ(std::system(("cd " + folder_ +
+                         " && sed 's/simulated-/other-/' t.yaml >other.yaml && "
+                         "sed 's/simulated-[ab]//' t.yaml >plain.yaml")
+                            .c_str()),
+            0);
+  const Result other = run("check store/sensor_a/first.yaml --observations other.yaml");
+  EXPECT_EQ(other.code, 2);
+  EXPECT_TRUE(has(other, "the calibration is of 'simulated-a'")) << other.text;
+  ASSERT_EQ(run("solve plain.yaml --save plain --id one").code, 0);
+  const Result plain = run("check plain/sensor_b/one.yaml --observations plain.yaml");
+  EXPECT_EQ(plain.code, 0) << plain.text;
+  // readings that no converter of 5 V gives
+  ASSERT_EQ(
+      std::system(
+          ("cd " + folder_ + " && sed 's/volts: \\[[^,]*,/volts: [12.0,/' t.yaml >v.yaml").c_str()),
+      0);
+  EXPECT_EQ(run("check v.yaml").code, 1);
+  EXPECT_TRUE(has(run("check v.yaml"), "beyond the full scale of 5.0 V"))
+      << run("check v.yaml").text;
+  const Result nothing = run("check store/sensor_a/first.yaml --observations v.yaml");
+  EXPECT_EQ(nothing.code, 1);
+  EXPECT_TRUE(has(nothing, "nothing was compared")) << nothing.text;
   // stored ones are never overwritten
   const Result taken = run("solve t.yaml --save store --id first");
   EXPECT_EQ(taken.code, 2);
   EXPECT_TRUE(has(taken, "id 'first' is taken")) << taken.text;
   EXPECT_EQ(run("check t.yaml").code, 0);
+  EXPECT_TRUE(has(run("solve t.yaml --id x"), "--id: serves --save"));
+  EXPECT_EQ(run("plan recommended --next 2").code, 2);
   const Result next = run("plan next --observations t.yaml --next 2");
   EXPECT_EQ(next.code, 0) << next.text;
   EXPECT_TRUE(has(next, "gain:")) << next.text;

@@ -226,6 +226,37 @@ TEST(Payload, SaysWhenItCannotKnow) {
   EXPECT_THROW(identify(bad), InputError);
 }
 
+TEST(Payload, ReadingsThatDontFollowThePosesAreRefused) {
+  RecordingPlan plan;
+  const SimulatedRecording r = simulate(plan);
+  SimulatedRecording stuck = r;
+  for (Vector6& w : stuck.wrenches) w = r.wrenches.front();
+  EXPECT_EQ(identify(stuck).refusal.code, CalibrationFailure::kNoWeight);
+  SimulatedRecording empty = r;
+  for (std::size_t i = 0; i < empty.wrenches.size(); ++i) {
+    empty.wrenches[i] = Vector6::Constant(3.0 + 1e-3 * std::sin(12.9898 * double(i * i)));
+  }
+  PayloadOptions sensor;
+  sensor.axes = WrenchAxes::kSensor;
+  EXPECT_EQ(identify(empty, sensor).refusal.code, CalibrationFailure::kNoWeight);
+}
+
+TEST(Payload, OtherAxesThatFitBetterAreFound) {
+  SimulatedRecording r = simulate(RecordingPlan());
+  // of base axes only the bias tells how they are meant
+  r.wrenches = inSensorAxes(r.poses, r.wrenches, identify(r).axes);
+  const WrenchAxes axes = WrenchAxes::kSensor;
+  EXPECT_LT(otherAxes(r.poses, r.wrenches, axes).better, 1.5);
+  SimulatedRecording swapped = r;
+  for (Vector6& w : swapped.wrenches) w.head<3>() = Eigen::Vector3d(-w[1], w[0], w[2]);
+  const OtherAxes found = otherAxes(swapped.poses, swapped.wrenches, axes);
+  EXPECT_GT(found.better, 10.0);
+  EXPECT_EQ(found.axes, (std::array<std::string, 3>{"y", "-x", "z"}));
+  SimulatedRecording inverse = r;
+  for (StaticPose& pose : inverse.poses) pose.R.transposeInPlace();
+  EXPECT_TRUE(otherAxes(inverse.poses, inverse.wrenches, axes).inverse);
+}
+
 TEST(Payload, CorrectionMatrixOnRequest) {
   RecordingPlan plan;
   plan.seed = 13;

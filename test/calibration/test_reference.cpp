@@ -118,11 +118,53 @@ TEST(Reference, RefusesWhatCannotBeJudged) {
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find("slow: a sample every"), std::string::npos);
   }
+  // the same recording again judges nothing
+  ReferenceRun again = run;
+  again.name = "again";
+  EXPECT_THROW(solveReference({run, again}, nullptr, {}), InputError);
+  EXPECT_THROW(solveReference({run}, &again, {}), InputError);
   // pushed along one axis only
   ReferenceRun one = bench.run("one", 0.3), two = bench.run("two", 1.0);
   one.wrench.rightCols<4>().setZero();
   two.wrench.rightCols<4>().setZero();
   EXPECT_FALSE(solveReference({one}, &two, {}).accepted);
+}
+
+// without or with noise, or what another channel says already
+TEST(Reference, RefusesAChannelThatSaysNothing) {
+  Bench bench;
+  const ReferenceRun first = bench.run("a", 0.3), second = bench.run("b", 1.7);
+  const auto refusal = [&](const auto& spoil) {
+    std::vector<ReferenceRun> runs = {first, second};
+    for (ReferenceRun& run : runs) spoil(run);
+    const ReferenceSolution s = solveReference(runs, nullptr, {});
+    return s.accepted ? std::string("accepted") : gateTexts(s.gates, Verdict::kRefuse);
+  };
+  EXPECT_EQ(refusal([](ReferenceRun&) {}), "accepted");
+  EXPECT_NE(refusal([](ReferenceRun& run) {
+              run.raw.col(3).setConstant(7.0);
+            }).find("raw channel 4 doesn't follow the load"),
+            std::string::npos);
+  EXPECT_NE(refusal([&](ReferenceRun& run) {
+              std::normal_distribution<double> normal;
+              for (double& raw : run.raw.col(2)) raw = normal(bench.random);
+            }).find("raw channel 3 doesn't follow the load"),
+            std::string::npos);
+  EXPECT_NE(refusal([](ReferenceRun& run) {
+              run.raw.col(5) = 2.0 * run.raw.col(4);
+            }).find("combination of the others"),
+            std::string::npos);
+}
+
+TEST(Reference, AModelThatNoRunJudgesIsRefused) {
+  Bench bench;
+  const std::vector<ReferenceRun> runs = {bench.run("a", 0.3, 10), bench.run("b", 1.7, 10)};
+  ReferenceOptions options;
+  options.model = ReferenceModel::kQuadratic;
+  const ReferenceSolution s = solveReference(runs, nullptr, options);
+  EXPECT_FALSE(s.accepted);
+  EXPECT_NE(gateTexts(s.gates, Verdict::kRefuse).find("no run left out can judge"),
+            std::string::npos);
 }
 
 }  // namespace

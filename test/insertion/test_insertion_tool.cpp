@@ -115,6 +115,14 @@ TEST_F(InsertionTool, FormsAnswerUnderTheNamesOfTheHelp) {
   EXPECT_EQ(YAML::Load(swept.text)["depth"].size(), 50u) << swept.text;
 }
 
+TEST_F(InsertionTool, AKeyThatIsSweptIsTheOptions) {
+  const Result typo = run("two_point", "{peg_radius: 0.025, hole_radius: 0.0251, tilt: 0.01}",
+                          "--sweep tlit=0.001:0.05:50");
+  EXPECT_EQ(typo.exit_code, 2);
+  EXPECT_NE(typo.text.find("insertion: --sweep: value tlit: no parameter"), std::string::npos)
+      << typo.text;
+}
+
 TEST_F(InsertionTool, RefusesInOneLine) {
   const struct {
     const char *form, *parameters, *named;

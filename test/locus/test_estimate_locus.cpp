@@ -217,6 +217,7 @@ TEST_F(EstimateLocus, UncertaintyOfSamples) {
   // 500 good samples
   EXPECT_NEAR(std::sqrt(y["variance"].as<double>()), 1e-8 / std::sqrt(500.0), 0.1e-9);
   EXPECT_NEAR(y["semi_major"].as<double>(), 5e-6, 5 * y["semi_axes_sd"].as<double>());
+  refused(write("t,x,y,uncertainy\n0,1,2,1\n") + " --frequency 770", "is it uncertainty?");
   refused(write("t,x,y,uncertainty\n0,1,2,0\n") + " --frequency 770",
           ":2: column uncertainty is '0'");
 }
@@ -288,6 +289,7 @@ TEST_F(EstimateLocus, Plan) {
   EXPECT_EQ(weak.code, 1);
   EXPECT_EQ(YAML::Load(weak.out)["refusal"].as<std::string>().rfind("too_uncertain", 0), 0u);
   refused("--plan", "--mechanism: value missing");
+  refused("--plan --robust", "--robust: of no use with --plan");
   refused(base, "--amplitude: value missing");
   refused(base + "--amplitude 1 --bits 12", "--bits: value 12");
 }
@@ -345,7 +347,8 @@ TEST_F(EstimateLocus, RefusesHostileInput) {
   refused(good + " --frequency 0", "--frequency: value 0");
   refused(good + " --frequency 15800", "samples a period of the exciter: more than two are needed");
   refused(good + " --frequency 1e300", "samples.csv: ");
-  refused(good + " --frequency 770 --start 5", "0 samples");
+  refused(good + " --frequency 770 --start 5", "--start: value 5");
+  refused(good + " --frequency 770 --bits 10", "--bits: serves --plan");
   refused(good + " --frequency 770 --duration 1e-3", "samples.csv: ");
   refused(folder_.path() + " --frequency 770", "missing, unreadable or empty");
   std::string huge = "t,x,y\n";

@@ -140,6 +140,9 @@ TEST(MismatchFile, RefusesByKeyValueAndRemedy) {
       {"exciter: {ellipticity: 1.5}", {"exciter.ellipticity", "1.5", "at most 1"}},
       {"exciter: {delay: {normal: 0.001}}", {"exciter.delay", "{normal: 0.001}", "at least 0"}},
       {"scale: {peg.mas: 1.1}", {"scale.peg.mas", "1.1", "peg.mass"}},
+      {"scale: {peg.mass: {norml: 0.1}}", {"scale.peg.mass.norml", "0.1", "{normal: SD}"}},
+      {"scale: {peg.mass: {normal: 0.1, mean: 1}}", {"scale.peg.mass", "{normal, mean}"}},
+      {"exciter: {delay: 1.0e+9}", {"exciter.delay", "1000000000", "at most 1"}},
       {"scale: {peg: 1.1}", {"scale.peg", "no number"}},
       {"scale: {peg.mass.each: 1.1}", {"scale.peg.mass.each", "leave out .each"}},
       {"scale: {peg.mass: 0}", {"scale.peg.mass", "0", "above 0"}},
@@ -176,6 +179,10 @@ TEST(MismatchFile, RefusesByKeyValueAndRemedy) {
 TEST(MismatchFile, RefusesDrawsThatMakeNoScenario) {
   const Refused cases[] = {
       {"add: {hole.radius: -0.1}", {"add.hole.radius", "-0.1", "hole.radius", "narrower"}},
+      {"add: {hole.radius: {normal: 0.01}}", {"add.hole.radius", "within 5 SD", "narrower"}},
+      {"add: {friction: {normal: 0.1}}", {"add.friction", "within 5 SD", "friction.s"}},
+      {"add: {peg.mass: {uniform: [-5, 0]}}", {"add.peg.mass", "peg.mass", "narrower"}},
+      {"add: {friction: -0.5}", {"add.friction", "-0.5", "friction.s"}},
       {"add: {hole.chamfer.angle: 0.7}",
        {"add.hole.chamfer.angle", "0.7", "not within 0.1 and 1.4", "narrower"}},
       {"add: {hole.chamfer.width: 0.07}",

@@ -133,7 +133,9 @@ TEST(Scenario, RefusesWhatIsUnphysicalByItsPath) {
       {"initial.peg={position: [0, 0, 1], euler: [0, 0, 0]}", "initial.peg.euler[1]: value 0",
        "sin(theta)"},
       {"initial.carrier={x: 0, y: 0}", "initial.carrier.yaw: value missing", "number"},
-      {"solver.tolerance=0", "solver.tolerance", "> 0"},
+      {"solver.tolerance=0", "solver.tolerance", "from 1e-14 to 0.001"},
+      {"solver.tolerance=1e-30", "solver.tolerance", "from 1e-14 to 0.001"},
+      {"solver.tolerance=1", "solver.tolerance", "from 1e-14 to 0.001"},
       {"solver.max_step=-1", "solver.max_step", "> 0"},
       {"solver.step=0", "solver.step", "> 0"},
       // sizes with which a run has no end

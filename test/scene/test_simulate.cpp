@@ -230,6 +230,8 @@ TEST_F(Simulate, BadInputGivesOneLineAndExitsWithTwo) {
       {scenario + " --at nan", "--at: value nan"},
       {scenario + " --at 0.03", "--at: value 0.03"},
       {scenario + " --rows 1", "--rows: value 1"},
+      {scenario + " --rows 3 --at 0", "--rows: of no use with --at"},
+      {scenario + " --tolerance 1e-30", "solver.tolerance: value 1e-30"},
       {scenario + " --rows many", "--rows: value many"},
       {scenario + " --output " + path(""), "--output: value "},
       {scenario + " --output " + path("no/such/run.csv"), "cannot be written"},

@@ -281,6 +281,13 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
       {"seed: -1\n", "seed"},
       {"job: fly\n", "job"},
       {"axes: 3\n", "axes"},
+      {"axes: [{name: k, cases: {a: {gravity: 9, gravity: 8}}}]\n", "cases.a.gravity"},
+      {"axes: [{name: k, cases: {a: {peg.mass: 1, peg: {mass: 2}}}}]\n",
+       "axes[0].cases.a: value peg.mass: set twice"},
+      {"axes: [{key: [gravity, gravity], values: [1]}]\n",
+       "axes[0].key: value gravity: named twice"},
+      {"axes: [{key: gravity, name: '', values: [1]}]\n", "axes[0].name"},
+      {"axes: [{key: gravity, name: ' ', values: [1]}]\n", "axes[0].name"},
       {"axes: [3]\n", "axes[0]"},
       {"axes: [{key: gravity}]\n", "axes[0]"},
       {"axes: [{values: [1]}]\n", "axes[0].name"},
@@ -322,7 +329,7 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
       {"look: 0\n", "look"},
       {"move: {z: far}\n", "move.z"},
       {"assembled: {depth: .inf}\n", "assembled.depth"},
-      {"job: align\nalign: {press_force: -3}\n", "press_force"},
+      {"job: align\nalign: {press_force: -3}\n", ": align.press_force: -3"},
       {"align: {press_force: 3}\n", "job: align"},
       {"axes: [{key: cell.noise, values: [0]}]\n", "cell.noise"},
       {"axes: [{key: cell.noise, uniform: [0, 1]}]\n", "job: align"},
@@ -347,6 +354,13 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
     EXPECT_NE(what.find(path_.string()), std::string::npos) << b.text << what;
     EXPECT_NE(what.find(b.named), std::string::npos) << b.text << what;
     EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+  }
+  try {
+    study("job: align\n", {"set.align.press_force=-3"});
+    ADD_FAILURE() << "accepted";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find(": set: align.press_force: -3"), std::string::npos)
+        << e.what();
   }
 }
 

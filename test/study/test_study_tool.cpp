@@ -320,6 +320,30 @@ TEST_F(StudyTool, SearchFindsAKnownOptimumWithAnyWorkers) {
   EXPECT_EQ(again["done_before"].as<int>(), again["runs"].as<int>());
 }
 
+// where no run has the outcome, `otherwise` alone is compared
+TEST_F(StudyTool, ASearchWithoutAValueHasNoOptimum) {
+  const std::string file = study("name: search\nscenario: " + kScenarios +
+                                 "cell.yaml\nset: {duration: 1.0e-3}\nassembled: {depth: 0.5}\n"
+                                 "axes:\n  - {key: start.x, search: [-0.01, 0.02]}\n"
+                                 "search:\n  minimise: time_to_assemble\n  otherwise: 10\n"
+                                 "  steps: [{algorithm: direct, evaluations: 5}]\n");
+  const Result result = run({file, "--quiet", "--output", path("none")});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(YAML::Load(result.out)["optimum"].IsNull()) << result.out;
+  EXPECT_NE(result.err.find("no run has the outcome time_to_assemble"), std::string::npos)
+      << result.err;
+}
+
+TEST_F(StudyTool, WhatIsNoStudysResultStays) {
+  fs::create_directories(path("mine"));
+  std::ofstream(path("mine/results.csv")) << "precious";
+  const Result result = run({usual(1), "--output", path("mine")});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_NE(result.err.find("results.csv"), std::string::npos) << result.err;
+  EXPECT_EQ(textOf(path("mine/results.csv")), "precious");
+  EXPECT_EQ(run({usual(1), "--quiet", "--fresh", "--output", path("mine")}).exit_code, 0);
+}
+
 TEST_F(StudyTool, BadInputExitsWithTwoAndOneLine) {
   const std::string good = usual(1);
   const std::string bad = path("bad.yaml");

@@ -27,7 +27,7 @@ class NewFile {
 };
 
 /// Temporary file, fsync, rename, fsync of the folder: a reader sees the old content or the new
-/// one. Throws InputError beginning with `where`.
+/// one. Links, devices and pipes as for NewFile. Throws InputError beginning with `where`.
 void writeFileAtomically(const std::string& path, const std::string& content,
                          const std::string& where);
 

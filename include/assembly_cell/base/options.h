@@ -4,6 +4,7 @@
 #include <functional>
 #include <iosfwd>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -78,8 +79,14 @@ class OptionParser {
   void files(const std::string& what, std::vector<std::string>& variable);
 
   /// False after --help, which prints the help (without `out`: to standard output).
-  bool parse(const std::vector<std::string>& arguments) const;
-  bool parse(const std::vector<std::string>& arguments, std::ostream& out) const;
+  bool parse(const std::vector<std::string>& arguments);
+  bool parse(const std::vector<std::string>& arguments, std::ostream& out);
+
+  /// After parse(): an option that would change nothing is refused. `serves`: the one that each of
+  /// `names` does something for; `beside`: the one, or a mode, in which it does nothing.
+  void onlyWith(const std::string& serves, const std::vector<std::string>& names) const;
+  void notWith(const std::string& beside, const std::vector<std::string>& names) const;
+  bool given(const std::string& name) const { return given_.count(name) > 0; }
 
  private:
   struct Option {
@@ -99,11 +106,12 @@ class OptionParser {
   static bool readInteger(const std::string& text, long& number);
   static std::string range(double low, double high);
   static std::string range(long low, long high);
-  void readOption(const std::string& name, const std::vector<std::string>& values) const;
+  void readOption(const std::string& name, const std::vector<std::string>& values);
 
   std::string help_;
   std::map<std::string, Option> options_;
   std::vector<File> files_;
+  std::set<std::string> given_;
 };
 
 /// What was printed has arrived. Throws InputError otherwise: a full disk, a stream that is closed.

@@ -40,6 +40,10 @@ Table readTable(const std::string& path, const std::vector<std::string>& names,
 Table tableFromText(const std::string& text, const std::string& path,
                     const std::vector<std::string>& names, bool blanks = false);
 
+/// A slip of the pen in `meant`, a word of letters: one off, or two of a longer word. What only
+/// adds to it, as temperature_2 does, is another word.
+bool isMisspelt(const std::string& word, const std::string& meant);
+
 /// Seconds in the unit of times that count in s, ms, µs or ns, by their median spacing: recorders
 /// take 14 samples a second to 14 thousand.
 double timeUnit(const std::vector<double>& times);

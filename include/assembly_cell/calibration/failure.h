@@ -40,6 +40,7 @@ enum class CalibrationFailure {
   kTooFewPoses,
   kOneAxis,        ///< the orientations do not tell weight from bias
   kAxesUndecided,  ///< base and sensor axes fit alike
+  kNoWeight,       ///< the readings don't follow the orientations
 };
 
 /// A failure and one line about it; converts to true where there is one.

@@ -132,8 +132,8 @@ struct PayloadModel {
 
 /// Identifies payload and bias from static poses, looks for drift, breaks and outliers and models
 /// what is significant. Refusals (`refusal`): gravity's directions in sensor axes do not determine
-/// the weight, neither reading of the axes fits better, too few poses. Throws InputError for sizes
-/// that disagree, non-finite values or an order that does not rise.
+/// the weight, neither reading of the axes fits better, too few poses, readings without a weight.
+/// Throws InputError for sizes that disagree, non-finite values or an order that does not rise.
 PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
                              const std::vector<Vector6>& wrenches, const PayloadOptions& options);
 
@@ -155,6 +155,17 @@ struct PlainPayload {
 /// wrenches: in sensor axes, one a pose. For poses that identifyPayload accepts.
 PlainPayload plainPayload(const std::vector<StaticPose>& poses,
                           const std::vector<Vector6>& wrenches);
+
+/// Another reading of a recording that fits better than the one given.
+struct OtherAxes {
+  double better = 1.0;              ///< rms of the force that is left, over that of this reading
+  bool inverse = false;             ///< the rotations are those of the base in the sensor
+  std::array<std::string, 3> axes;  ///< where the force's x, y, z are, such as "-y"
+};
+/// The best of all right-handed axes of the force and both senses of the rotations, by ordinary
+/// least squares; all signs the other way fit alike, with the weight upwards.
+OtherAxes otherAxes(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches,
+                    WrenchAxes axes);
 
 /// Wrenches in sensor axes from those of a recording in `axes`.
 std::vector<Vector6> inSensorAxes(const std::vector<StaticPose>& poses,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "assembly_cell/mismatch/truth.h"
@@ -19,6 +20,9 @@ struct Draw {
   Kind kind = Kind::kNumber;
   double first = 0.0;   ///< the number, the standard deviation or the lower bound
   double second = 0.0;  ///< the upper bound
+
+  /// Lowest and highest that it reaches; a normal draw 5 standard deviations from its mean.
+  std::pair<double, double> reach(double mean) const;
 };
 
 /// An entry of `scale` or `add`.
@@ -61,7 +65,8 @@ Truth drawTruth(const Mismatch& mismatch, std::uint64_t seed);
 
 /// The nominal scenario as it truly is: scaled, added to, with its imperfections. The peg hangs
 /// where its coupling is; with a face tilt the start turns about the peg's bottom centre. Throws
-/// InputError where a draw makes the scenario unphysical, `source` names the file.
+/// InputError where a draw makes the scenario unphysical, or one under `add` could; `source` names
+/// the file.
 Scenario trueScenario(const Scenario& nominal, const Truth& truth, const std::string& source);
 
 /// Lean of a bore's axis, x and y per unit of height, from its tilt in `hole`, a rotation vector.

@@ -57,7 +57,8 @@ struct DrawnChange {
   std::string key;   ///< as it stands in the file
   std::string path;  ///< without ".each"
   bool each = false;
-  std::vector<double> values;  ///< one, or one for each entry
+  std::vector<double> values;    ///< one, or one for each entry
+  double low = 0.0, high = 0.0;  ///< how far another draw may reach
 };
 
 /// All that was drawn.

@@ -10,7 +10,8 @@ namespace assembly_cell::ros_bridge {
 /// Throws InputError "<what> can't be read: ...", one line.
 void checkBag(const std::string& path, const std::string& what);
 
-/// The program check_bag: 0, or 1 with one line on standard output that says what is wrong.
+/// The program check_bag: 0, 1 for a damaged bag or 2 for bad use, these with one line that says
+/// what is wrong.
 int runBagCheck(int argc, char** argv);
 
 }  // namespace assembly_cell::ros_bridge

@@ -50,6 +50,8 @@ class StudyLedger {
   std::int64_t offer(const std::vector<double>& point);
   /// Mean of the objective over a point's runs, all of which must be done.
   double objective(std::int64_t point) const;
+  /// A run of the point has a value of its own, not `otherwise`.
+  bool valued(std::int64_t point) const;
   /// Search: no points follow.
   void close();
 
@@ -102,7 +104,7 @@ void runThreads(const Study& study, StudyLedger& ledger, int threads,
 /// The best point of a search; `execute` does what the ledger offers, `stop` ends the search.
 struct StudyOptimum {
   bool complete = false;
-  std::vector<double> point;  ///< values of the axes of kind kSearch
+  std::vector<double> point;  ///< values of the axes of kind kSearch; empty: no point has a value
   double value = kStudyNone;
   std::int64_t evaluations = 0, number = 0;  ///< number: of the best point
 };

@@ -157,9 +157,19 @@ BaseTilt tiltOf(const PayloadModel& m) {
   return out;
 }
 
+constexpr double kOtherAxesBetter = 3.0;  // times: below it may be noise, drift or a bad fit
+
+std::string findingOf(const OtherAxes& other) {
+  return "the forces fit " + number(other.better) + " times better with " +
+         (other.inverse ? "the inverse of the rotations and " : "") + "axes (" + other.axes[0] +
+         ", " + other.axes[1] + ", " + other.axes[2] +
+         "): check how the recording's axes and rotations are meant";
+}
+
 // what was found, in words
-std::vector<std::string> findings(const PayloadModel& m) {
+std::vector<std::string> findings(const PayloadModel& m, const OtherAxes& other) {
   std::vector<std::string> out;
+  if (other.better > kOtherAxesBetter) out.push_back(findingOf(other));
   const BaseTilt tilt = tiltOf(m);
   if (tilt.angle > 5.0 * tilt.sd && tilt.angle > kLevelBase) {
     out.push_back("the base hangs askew: gravity points along (" + number(tilt.down.x()) + ", " +
@@ -202,10 +212,10 @@ std::vector<std::string> findings(const PayloadModel& m) {
 }
 
 // five lines for the person who reads no further
-void printSummary(std::ostream& out, const PayloadModel& m, double gravity) {
+void printSummary(std::ostream& out, const PayloadModel& m, double gravity,
+                  const std::vector<std::string>& found) {
   const Eigen::Vector3d c = 1e3 * m.center_of_mass;
   const Eigen::Vector3d sd = 1e3 * m.center_covariance.diagonal().cwiseSqrt();
-  const std::vector<std::string> found = findings(m);
   out << text("# mass %.4f +- %.4f kg\n", m.weight / gravity, m.weight_sd / gravity)
       << text("# centre of mass (%.2f, %.2f, %.2f) +- (%.2f, %.2f, %.2f) mm in sensor axes\n",
               c.x(), c.y(), c.z(), sd.x(), sd.y(), sd.z())
@@ -217,7 +227,8 @@ void printSummary(std::ostream& out, const PayloadModel& m, double gravity) {
       << (found.size() > 1 ? text("; %zu more under findings", found.size() - 1) : "") << "\n";
 }
 
-void printModel(std::ostream& out, const PayloadModel& m, bool holdout, double gravity) {
+void printModel(std::ostream& out, const PayloadModel& m, bool holdout, double gravity,
+                const std::vector<std::string>& found) {
   out << "status: ok\n";
   out << "axes: " << toString(m.axes) << "\n";
   out << "axes_residual: {base: " << yamlNumber(m.base_residual)
@@ -289,7 +300,7 @@ void printModel(std::ostream& out, const PayloadModel& m, bool holdout, double g
   printTests(out, "plain", m.plain_test);
   printTests(out, "final", m.final_test);
   out << "findings:\n";
-  for (const std::string& text : findings(m)) out << "  - \"" << text << "\"\n";
+  for (const std::string& text : found) out << "  - \"" << text << "\"\n";
 }
 
 void printPlain(std::ostream& out, const PlainPayload& p, double gravity) {
@@ -368,11 +379,14 @@ int run(const Options& options, std::ostream& out) {
   const PayloadModel model = identifyPayload(poses.values, wrenches.values, options.payload);
   if (model.refusal) {
     out << "status: refused\nreason: \"" << model.refusal.text << "\"\n";
+    std::cerr << "calibrate: " << model.refusal.text << "\n";
     return 1;
   }
   const double gravity = options.gravity.value_or(poses.gravity.value_or(kGravity));
-  printSummary(out, model, gravity);
-  printModel(out, model, options.holdout, gravity);
+  const std::vector<std::string> found =
+      findings(model, otherAxes(poses.values, wrenches.values, model.axes));
+  printSummary(out, model, gravity, found);
+  printModel(out, model, options.holdout, gravity, found);
   printPlain(out,
              plainPayload(poses.values, inSensorAxes(poses.values, wrenches.values, model.axes)),
              gravity);

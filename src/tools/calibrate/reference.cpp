@@ -100,6 +100,7 @@ int reference(const std::vector<std::string>& arguments) {
   parser.text("--serial", serial);
   parser.text("--id", id);
   if (!parser.parse(arguments)) return 0;
+  parser.onlyWith("--save", {"--sensor", "--serial", "--id"});
   std::vector<ReferenceRun> runs;
   for (const std::string& file : files) {
     if (file == hold_out) throw InputError("--holdout: value " + file + ": is a RUN as well");

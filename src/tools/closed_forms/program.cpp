@@ -79,8 +79,8 @@ void Parameters::expect(const ClosedForm& model) const {
     if (std::find(all.begin(), all.end(), key) != all.end()) return;
     std::string list;
     for (const std::string& name : all) list += " " + name;
-    throw InputError(file_ + ": " + key + ": no parameter of " + model.name + ", which takes" +
-                     list);
+    const std::string place = values_.count(key) > 0 ? "--sweep: value " : file_ + ": ";
+    throw InputError(place + key + ": no parameter of " + model.name + ", which takes" + list);
   };
   for (const std::string& key : in_.keys()) check(key);
   for (const auto& item : values_) check(item.first);
