@@ -28,6 +28,15 @@ int openTemporary(const std::string& path) {
   return file;
 }
 
+std::string temporaryOf(const std::string& path) {
+  return path + ".tmp" + std::to_string(::getpid());
+}
+
+[[noreturn]] void failToWrite(const std::string& where, const char* what) {
+  throw InputError(where + " can't be written (" + what + ": " + std::strerror(errno) +
+                   "): give a writable folder");
+}
+
 }  // namespace
 
 bool writeAll(int file, const std::string& bytes) {
@@ -81,14 +90,28 @@ void NewFile::fail(const char* how) const {
   throw InputError(what_ + ": " + how + " (" + std::strerror(errno) + "), " + remedy_);
 }
 
+void checkWritable(const std::string& path, const std::string& where) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  const fs::file_status status = fs::status(path, none);
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    throw InputError(where + " can't be written (it is a folder or a device): name a file");
+  }
+  const std::string temporary = temporaryOf(path);
+  const int file = openTemporary(temporary);
+  if (file < 0) failToWrite(where, "open");
+  ::close(file);
+  ::unlink(temporary.c_str());
+}
+
 void writeFileAtomically(const std::string& path, const std::string& content,
                          const std::string& where) {
-  const std::string temporary = path + ".tmp" + std::to_string(::getpid());
+  const std::string temporary = temporaryOf(path);
   const auto fail = [&](const char* what) {
-    const std::string reason = std::strerror(errno);
+    const int error = errno;
     ::unlink(temporary.c_str());
-    throw InputError(where + " can't be written (" + what + ": " + reason +
-                     "): give a writable folder");
+    errno = error;
+    failToWrite(where, what);
   };
   const int file = openTemporary(temporary);
   if (file < 0) fail("open");
