@@ -38,7 +38,12 @@ constexpr double kWedged = 0.25;
 constexpr double kTwist = 0.06;                     // [rad]
 constexpr double kTwisted = 0.01;                   // of it, which gives way
 constexpr int kFreeSteps = 4, kMaxFreeSteps = 100;  // of kPullStep: a millimetre, and 25
-constexpr double kFreeSide = 3e-4;                  // against a wall 2 N [m]
+// Of a touch. Less is lost again in the steps of a press: of six from 0.15 to 0.4 N two were.
+constexpr double kLeastPress = 0.33;
+// Of a carrier at rest, amply; and of the ways of some begin(), up and aside.
+constexpr double kHeightNoise = 2e-4, kLifts = 3e-3;  // [m], of tilt [rad]
+constexpr double kLifted = 1e-4;                      // of a millimetre up, what may be missing [m]
+constexpr double kFreeSide = 3e-4;                    // against a wall 2 N [m]
 constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling's compliance
 // Of the force over a step of a free peg [N]. Contact changes it by the coupling's stiffness times
 // the step, 12 N; noise of 20 mV a channel, forty times the cell's, by 0.12 N rms. Half: a peg
@@ -287,15 +292,34 @@ void PressController::begin(const Mechanism& mechanism) {
   tare();
 }
 
-void PressController::release(const Mechanism& mechanism) {
+void PressController::release(const Mechanism& mechanism, const std::optional<RestPose>& hung) {
   guarded_ = false;
   PlantCommand off;
   off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
   step(off);
-  RestPose up = last_.carrier;
-  up.z += kFreeSteps * kPullStep;
-  moveTo(up);
+  const bool low = !hung || last_.carrier.z < hung->z - kHeightNoise;
+  if (low) {
+    RestPose up = last_.carrier;
+    up.z += kFreeSteps * kPullStep;
+    nudge(up);
+    // about there is enough: how far a reported pose scatters is not known before the tare
+    for (int i = 0; i < kStillLimit && std::abs(last_.carrier.z - up.z) > kLifted; ++i) wait(1);
+  }
   guarded_ = true;
+  begin(mechanism);
+  if (!low) goBack(*hung, mechanism);
+}
+
+// From where begin() has lifted it, in this goal and the one that failed. Felt there, it hung on
+// nothing but what was believed.
+void PressController::goBack(const RestPose& hung, const Mechanism& mechanism) {
+  const RestPose& at = last_.carrier;
+  const double up = at.z - hung.z, turned = std::hypot(at.theta - hung.theta, at.phi - hung.phi);
+  const bool there = std::hypot(at.x - hung.x, at.y - hung.y) < kLifts && turned < kLifts;
+  if (!there || up < kHeightNoise || up > kLifts) return;
+  moveTo(hung);
+  if (settle() && force().norm() < freeForce()) return;
+  tared_ = false;
   begin(mechanism);
 }
 
@@ -423,6 +447,12 @@ void PressController::limitWay(double down, double force) const {
   throw AlignError(AlignFailure::kGaveWay, line("%.1f mm down for %.1f N", down * 1e3, forceZ()));
 }
 
+double PressController::leastForce(double tolerance) const {
+  const Matrix6 of_mean = scatter_ / std::max(1, last_.samples) + last_.rounding_b;
+  const double scatter = kNoiseRms * std::sqrt(of_mean(2, 2));
+  return std::max(kLeastPress * touch_, scatter / tolerance);
+}
+
 void PressController::hold(double force, double tolerance, bool settled) {
   // secant steps to the force
   RestPose target = target_;
@@ -444,7 +474,7 @@ void PressController::hold(double force, double tolerance, bool settled) {
     stiffness_ = std::clamp(measured, stiffness_ / 3, stiffness_ * 3);
     stiffness_ = std::clamp(stiffness_, kSoftest * stiffer, kStiffest * stiffer);
   }
-  throw AlignError(AlignFailure::kPressNotHeld, line("%.2f N instead of %.2f N", forceZ(), force));
+  throw AlignError(AlignFailure::kPressNotHeld, line("%.4g N instead of %.4g N", forceZ(), force));
 }
 
 void PressController::holdStill(double force, double tolerance) {
@@ -457,7 +487,7 @@ void PressController::holdStill(double force, double tolerance) {
     if (std::abs(forceZ() - force) <= tolerance * force) return;
   }
   throw AlignError(AlignFailure::kPressNotHeld,
-                   line("%.2f N instead of %.2f N, or it doesn't stay", forceZ(), force));
+                   line("%.4g N instead of %.4g N, or it doesn't stay", forceZ(), force));
 }
 
 }  // namespace assembly_cell

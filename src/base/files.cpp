@@ -79,6 +79,15 @@ void syncFolderOf(const std::string& path) {
   ::close(directory);
 }
 
+std::string temporaryOf(const Place& place) {
+  return place.path + ".tmp" + std::to_string(::getpid());
+}
+
+[[noreturn]] void failToWrite(const std::string& where, const char* what) {
+  throw InputError(where + " can't be written (" + what + ": " + std::strerror(errno) +
+                   "): give a writable folder");
+}
+
 }  // namespace
 
 bool writeAll(int file, const std::string& bytes) {
@@ -128,15 +137,28 @@ void NewFile::fail(const char* how) const {
   throw InputError(what_ + ": " + how + " (" + std::strerror(errno) + "), " + remedy_);
 }
 
+void checkWritable(const std::string& path, const std::string& where) {
+  const Place place = placeOf(path);
+  if (std::filesystem::is_directory(place.path)) {
+    errno = EISDIR;
+    failToWrite(where, "open");
+  }
+  const std::string temporary = temporaryOf(place);
+  const int file = place.in_place ? openInPlace(place) : openTemporary(temporary);
+  if (file < 0) failToWrite(where, "open");
+  ::close(file);
+  if (!place.in_place) ::unlink(temporary.c_str());
+}
+
 void writeFileAtomically(const std::string& path, const std::string& content,
                          const std::string& where) {
   const Place place = placeOf(path);
-  const std::string temporary = place.path + ".tmp" + std::to_string(::getpid());
+  const std::string temporary = temporaryOf(place);
   const auto fail = [&](const char* what) {
-    const std::string reason = std::strerror(errno);
+    const int error = errno;
     if (!place.in_place) ::unlink(temporary.c_str());
-    throw InputError(where + " can't be written (" + what + ": " + reason +
-                     "): give a writable folder");
+    errno = error;
+    failToWrite(where, what);
   };
   const int file = place.in_place ? openInPlace(place) : openTemporary(temporary);
   if (file < 0) fail("open");

@@ -33,7 +33,7 @@ MessageCheck& MessageCheck::fail(MessageFault fault, const char* field, double v
                                  double high) {
   fault_ = fault;
   field_ = field;
-  value_ = value;
+  value_ = std::isnan(value) ? std::abs(value) : value;  // a NaN is printed without a sign
   low_ = low;
   high_ = high;
   return *this;

@@ -7,6 +7,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/guard/message_check.h"
 #include "assembly_cell/ros/conversions.h"
 
 namespace assembly_cell::ros_bridge {
@@ -208,9 +209,11 @@ LoadRequest fromMessage(const LoadStep& step, const std::string& source) {
   request.target = fromMessage(step.test, source);
   request.wrench = fromWrench(step.wrench);
   request.strain = Vector6::Map(step.strain.data());
-  if (!request.wrench.allFinite() || !request.strain.allFinite()) {
-    throw InputError(source + ": wrench or strain is not finite: give numbers");
-  }
+  const MessageCheck found =
+      MessageCheck()
+          .sixes("wrench", request.wrench.data(), 6, kForceField, kTorqueField)
+          .numbers("strain", step.strain.data(), step.strain.size(), kCoefficientField);
+  if (!found.good()) throw InputError(source + ": " + found.text());
   return request;
 }
 

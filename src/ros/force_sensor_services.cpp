@@ -18,6 +18,11 @@ constexpr std::size_t kUndoSteps = 32;  // biases remembered
 // NaN is not within
 bool isWrench(const Vector6& w) { return cutWrench(w) == w; }
 
+// Of six numbers that somebody sent; empty, or the first that is no force or moment.
+std::string faultOf(const char* field, const Vector6& w) {
+  return MessageCheck().sixes(field, w.data(), 6, kForceField, kTorqueField).text();
+}
+
 }  // namespace
 
 void ForceSensorNode::publishBias() {
@@ -50,13 +55,12 @@ bool ForceSensorNode::zero(std_srvs::Trigger::Request&, std_srvs::Trigger::Respo
 
 bool ForceSensorNode::zeroTo(ZeroTo::Request& request, ZeroTo::Response& response) {
   const Vector6 load = Vector6::Map(request.wrench.data());
-  if (isWrench(load)) {
+  const std::string fault = faultOf("wrench", load);
+  if (fault.empty()) {
     takeZero(load, "zero_to", response.success, response.message);
   } else {
     response.success = false;
-    response.message =
-        "zero_to refused: wrench is not finite or beyond 1e5 N, 1e4 N m: give six numbers in N and "
-        "N m";
+    response.message = "zero_to refused: " + fault;
   }
   return true;
 }
@@ -117,11 +121,10 @@ void ForceSensorNode::takeZero(const Vector6& load, const std::string& service, 
 
 bool ForceSensorNode::setBias(SetBias::Request& request, SetBias::Response& response) {
   const Vector6 bias = Vector6::Map(request.bias.data());
-  response.success = isWrench(bias);
+  const std::string fault = faultOf("bias", bias);
+  response.success = fault.empty();
   if (!response.success) {
-    response.message =
-        "set_bias refused: bias is not finite or beyond 1e5 N, 1e4 N m: give six numbers in N and "
-        "N m";
+    response.message = "set_bias refused: " + fault;
     return true;
   }
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -211,14 +214,14 @@ bool ForceSensorNode::setCalibration(SetCalibration::Request& request,
   response.success = false;
   try {
     calibration = fromMessage(request.calibration, "set_calibration refused");
+    // names the number, which the checks of a file don't
+    if (const MessageCheck found = check(request.calibration); !found.good()) {
+      throw InputError("set_calibration refused: " + found.text());
+    }
     checkCalibration(calibration, "set_calibration refused");
     checkUse(calibration, "set_calibration refused");
   } catch (const InputError& error) {
     response.message = error.what();
-    return true;
-  }
-  if (const MessageCheck found = check(request.calibration); !found.good()) {
-    response.message = "set_calibration refused: " + found.text();
     return true;
   }
   const std::lock_guard<std::mutex> lock(mutex_);

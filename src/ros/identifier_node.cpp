@@ -21,7 +21,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kFreeing = 2.0;                      // of cell time after a goal that failed [s]
+constexpr double kFreeing = 5.0;                      // of cell time after a goal that failed [s]
 constexpr double kLeastTime = 5.0, kMostTime = 60.0;  // of a goal's time_limit [s]
 
 void tell(const Mechanism& nominal, const Identification& found, IdentifyResult& result) {
@@ -56,6 +56,9 @@ IdentifierNode::IdentifierNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   state_pub_ = pnh.advertise<SupervisorState>("state", 10, true);
   mechanism_pub_ = nh.advertise<std_msgs::String>(kMechanismTopic, 1, true);
   tellPeg("", false, "");
+  supervisor_sub_ = subscribeChecked<SupervisorState>(
+      nh, "assembly_supervisor/state", 10,
+      [this](const SupervisorState::ConstPtr& message) { hearSupervisor(*message); });
   server_ = std::make_unique<Server>(nh, "identify",
                                      [this](const IdentifyGoalConstPtr& goal) { execute(goal); });
   server_->start();
@@ -80,6 +83,8 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
     throw InputError(text("time_limit is %g s: give %g to %g s, or 0 for the most", goal.time_limit,
                           kLeastTime, kMostTime));
   }
+  const std::string file = goal.file.empty() ? file_ : goal.file;
+  if (!file.empty()) checkWritable(file, "file '" + printable(file, 200) + "'");
   const auto progress = [this](const IdentificationProgress& now) {
     IdentifyFeedback feedback;
     feedback.state = now.state;
@@ -99,7 +104,6 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
   prior.unknowns = unknownsAsDrawn(prior_scale_);
   const Identification found = identify(mechanism_, data, prior);
   tell(mechanism_, found, result);
-  const std::string file = goal.file.empty() ? file_ : goal.file;
   std_msgs::String record;
   record.data = mechanismRecord(mechanism_, found, "mechanism_identifier, " + scenario_, utcNow());
   if (!file.empty()) {
@@ -110,7 +114,21 @@ void IdentifierNode::identifyInto(const IdentifyGoal& goal, IdentifyResult& resu
   result.message = file.empty() ? "not stored: no file was named" : "stored in " + result.file;
 }
 
+// What a goal of the supervisor has left, for a goal of our own that moves nothing.
+void IdentifierNode::hearSupervisor(const SupervisorState& supervisor) {
+  const std::lock_guard<std::mutex> lock(state_mutex_);
+  if (!supervisor.goal.empty() || !state_.goal.empty()) return;
+  state_.in_contact = supervisor.in_contact;
+  state_.reason = supervisor.reason;
+}
+
+SupervisorState IdentifierNode::peg() {
+  const std::lock_guard<std::mutex> lock(state_mutex_);
+  return state_;
+}
+
 void IdentifierNode::tellPeg(const std::string& goal, bool in_contact, const std::string& reason) {
+  const std::lock_guard<std::mutex> lock(state_mutex_);
   state_.header.stamp = plant_->stamp();
   state_.goal = goal;
   state_.in_contact = in_contact;
@@ -120,40 +138,44 @@ void IdentifierNode::tellPeg(const std::string& goal, bool in_contact, const std
   state_pub_.publish(told);
 }
 
-bool IdentifierNode::free() {
-  const bool moved = plant_->hasMoved();
-  bool pressed = moved;
+bool IdentifierNode::free(bool hung_free) {
+  bool pressed = plant_->hasMoved();
   try {
-    if (moved && plant_->hasData()) {
+    if (pressed && plant_->hasData()) {
       plant_->recover(kFreeing);
       PressController hand(*plant_, limits_);
-      hand.release(mechanism_);
+      hand.release(mechanism_, hung_free ? std::optional(plant_->startPose()) : std::nullopt);
       pressed = false;
     }
   } catch (const std::exception& error) {
     ROS_WARN("the peg could not be freed: %s", error.what());
   }
   plant_->end(pressed);
-  // what has moved nothing leaves the peg as it was
-  return moved ? !pressed : !state_.in_contact;
+  return !pressed;
 }
 
 void IdentifierNode::execute(const IdentifyGoalConstPtr& goal) {
   IdentifyResult result;
+  bool failed = false;
   const std::lock_guard<std::mutex> turn(busy_);
-  tellPeg("identify", state_.in_contact, state_.reason);
+  const SupervisorState before = peg();
+  tellPeg("identify", before.in_contact, before.reason);
   try {
     identifyInto(*goal, result);
     tellPeg("", false, "");
   } catch (const std::exception& error) {
+    failed = true;
     result.accepted = false;
     result.message = error.what();
     if (result.verdict.empty()) result.verdict = "refused: " + result.message;
-    const bool freed = free();
-    tellPeg("", !freed, freed ? "" : result.message);
+    const bool moved = plant_->hasMoved();
+    const bool freed = free(!before.in_contact);
+    // what has moved nothing leaves the peg as it was
+    const SupervisorState left = peg();
+    if (moved) tellPeg("", !freed, freed ? "" : result.message);
+    if (!moved) tellPeg("", left.in_contact, left.reason);
   }
-  const std::string& why = result.parameters.empty() ? result.message : result.verdict;
-  server_->finish(result.accepted, result, why);
+  server_->finish(result.accepted, result, failed ? result.message : result.verdict);
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -119,6 +119,14 @@ MessageCheck check(const SensorCalibration& m) {
   finite(check, "wrench_range", m.wrench_range);
   finite(check, "displacement_range", m.displacement_range);
   finite(check, "noise", m.noise);
+  check.number("wrench_fit.chi2", m.wrench_fit.chi2, kFiniteField);
+  check.number("wrench_fit.p", m.wrench_fit.p, kFiniteField);
+  finite(check, "wrench_fit.residual_rms", m.wrench_fit.residual_rms);
+  finite(check, "wrench_fit.predicted_sd", m.wrench_fit.predicted_sd);
+  check.number("displacement_fit.chi2", m.displacement_fit.chi2, kFiniteField);
+  check.number("displacement_fit.p", m.displacement_fit.p, kFiniteField);
+  finite(check, "displacement_fit.residual_rms", m.displacement_fit.residual_rms);
+  finite(check, "displacement_fit.predicted_sd", m.displacement_fit.predicted_sd);
   return check;
 }
 

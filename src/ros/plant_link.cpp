@@ -15,7 +15,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr char kAnotherLife[] = "the plant was started anew during the goal";
+constexpr char kAnotherLife[] = "the plant was started anew, or reset, during the goal";
 
 std::uint32_t randomNumber() {
   std::random_device random;
@@ -191,16 +191,29 @@ void PlantLink::repeated() {
 
 // ---- what is heard ----
 
+void PlantLink::isOf(const std::string& node) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  plant_node_ = node;
+  if (state_node_ != node) state_.reset();
+}
+
+std::string PlantLink::judgeUnlocked(const std::string& node) {
+  if (plant_node_.empty()) return door_.judgePublisher(node);
+  if (node == plant_node_) return {};
+  return "the plant is " + plant_node_ + ", which publishes carrier_pose: end the other publisher";
+}
+
 void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& node) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const std::string why = door_.judgePublisher(node);
+    const std::string why = judgeUnlocked(node);
     if (!why.empty()) {
       IncomingLog::ofThisProcess().refuse("plant_state", node, why);
       return;
     }
     const bool held_before = state_ && state_->session == session_;
     state_ = *state;
+    state_node_ = node;
     const std::string& me = ros::this_node::getName();
     if (session_ != 0 && fault_.empty()) {
       if (life_ == 0 || !moving_) life_ = state->life;

@@ -36,7 +36,8 @@ constexpr double kThinking =
 constexpr const char* kWrenchA = kBlockTopics[0];
 constexpr const char* kWrenchB = kBlockTopics[1];
 constexpr const char* kDisplacementB = kBlockTopics[2];
-constexpr const char* kCarrier = kBlockTopics[3];
+constexpr std::size_t kCarrierPart = 3;
+constexpr const char* kCarrier = kBlockTopics[kCarrierPart];
 
 /// Of 6 × n numbers, sample after sample. False when it isn't a block of finite numbers.
 bool moments(const std::vector<double>& samples, BlockMoments& out) {
@@ -117,6 +118,7 @@ void RosPlant::subscribe() {
     return [this, on, part](const auto& message, const std::string& node) {
       {
         const std::lock_guard<std::mutex> lock(mutex_);
+        if (part == kCarrierPart && publishers_[part] != node) link_.isOf(node);
         publishers_[part] = node;
       }
       (this->*on)(message);
@@ -317,6 +319,8 @@ bool RosPlant::hasMoved() const {
 }
 
 Pose RosPlant::carrierMotion() const { return inverse(start_) * carrierPose(); }
+
+RestPose RosPlant::startPose() const { return restFromPose(start_); }
 
 Pose RosPlant::carrierPose() const {
   std::lock_guard<std::mutex> lock(mutex_);

@@ -59,6 +59,8 @@ void RosPlant::checkGoal() const {
 // Of a wait, wall time. In lockstep the cell's time stands while somebody is slow.
 double RosPlant::patience() const {
   if (stopping_) return std::min(kParting * settings_.slow_factor, settings_.timeout);
+  // who cancels a goal has an answer, also while the plant is paused
+  if (recovering_ && lockstep_) return std::min(kProbe * settings_.slow_factor, settings_.timeout);
   if (lockstep_ || origin_.isZero()) return settings_.timeout;
   return std::max(settings_.data_timeout * settings_.slow_factor,
                   std::min(kIntervals * block_interval_, settings_.timeout));
@@ -66,6 +68,7 @@ double RosPlant::patience() const {
 
 void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& what,
                        const std::function<bool()>& ready) {
+  const auto begin = Steady::now();
   double waited = 0.0, probed = 0.0;
   while (true) {
     checkGoal();
@@ -76,9 +79,11 @@ void RosPlant::waitFor(std::unique_lock<std::mutex>& lock, const std::string& wh
       const std::string who = whoIsMissing(lock, !over);
       if (ready()) return;
       if (over || !who.empty()) {
+        // with the questions, which a frozen node leaves open for long
+        const double passed = std::chrono::duration<double>(Steady::now() - begin).count();
         throw PlantError(
             AlignFailure::kNoData,
-            text("no %s within %.3g s of wall time%s%s", what.c_str(), waited,
+            text("no %s within %.3g s of wall time%s%s", what.c_str(), passed,
                  !who.empty()     ? ": "
                  : what == kBlock ? " (is the simulator paused or stopped? its diagnostics tell)"
                                   : "",

@@ -1,10 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/cell/carrier_arm.h"
+#include "assembly_cell/geometry/contact_geometry.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
 #include "assembly_cell/ros/simulator_node.h"
@@ -23,6 +26,51 @@ bool answer(Response& response, const What& what) {
     response.message = error.what();
   }
   return true;
+}
+
+constexpr double kFarthest = 0.5;  // of peg and carrier from the hole's mouth [m]
+constexpr double kDeepest = 1e-4;  // of a peg in the block: a start that touches may be so [m]
+
+void refuseFar(const char* field, const Pose& X) {
+  const double away = X.p.norm();
+  if (away <= kFarthest) return;
+  throw InputError(text("set_state refused: %s is %.3g m from the hole's mouth: give at most %g m",
+                        field, away, kFarthest));
+}
+
+ContactShapes shapesOf(const Scenario& scenario) {
+  const PegParameters& peg = scenario.mechanism.peg;
+  const HoleParameters& hole = scenario.mechanism.hole;
+  ContactShapes shapes;
+  shapes.hole_radius = hole.radius;
+  shapes.hole_depth = hole.depth;
+  shapes.peg_length = 2.0 * peg.half_height;
+  shapes.bore_lean = scenario.imperfections.bore_lean;
+  if (hole.chamfer_width > 0.0) shapes.chamfer = chamferOf(hole.chamfer_width, hole.chamfer_angle);
+  if (peg.chamfer_width > 0.0) shapes.peg_chamfer = chamferOf(peg.chamfer_width, peg.chamfer_angle);
+  return shapes;
+}
+
+// The plant itself looks no deeper than a tenth of the peg's radius.
+void refuseDeep(const Scenario& scenario, const Pose& X_HP) {
+  const EdgeCircle edge{toThesisAxes(X_HP.p), toThesisAxes(X_HP.R.col(0)),
+                        toThesisAxes(X_HP.R.col(1)), tipRadius(scenario.mechanism.peg)};
+  if (scenario.contact.law == ContactLaw::kNone) return;
+  ContactSet set;
+  const ContactSlotMask valid = findContacts(edge, shapesOf(scenario), kAllContactSlots, set);
+  double gap = -kDeepest;
+  std::string where;
+  for (int slot = 0; slot < kContactSlots; ++slot) {
+    const ContactPoint& point = set.slots[static_cast<std::size_t>(slot)];
+    if ((valid >> slot & 1u) == 0 || point.gap >= gap) continue;
+    gap = point.gap;
+    const Eigen::Vector3d at = 1e3 * fromThesisAxes(point.p);
+    where = text("%.3g mm deep in the block (%s), at x %.1f, y %.1f, z %.1f mm of the hole",
+                 -1e3 * gap, toString(point.feature), at.x(), at.y(), at.z());
+  }
+  if (where.empty()) return;
+  throw InputError("set_state refused: peg is " + where +
+                   text(": give a pose that is in it by %g mm at most", 1e3 * kDeepest));
 }
 
 }  // namespace
@@ -209,7 +257,8 @@ void SimulatorNode::refuseBesideAnArm(const char* what) const {
 bool SimulatorNode::onReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   return answer(response, [this] {
     refuseBesideAnArm("reset");
-    betweenBlocks([this] { restart(scenario_); });
+    betweenBlocks(
+        [this] { restart(std::make_unique<SimulatedCell>(scenario_, cell_parameters_, X_HB_)); });
     return "at the scenario's start, the clock goes on at " + std::to_string(now_) + " s";
   });
 }
@@ -220,14 +269,19 @@ bool SimulatorNode::onSetState(SetState::Request& request, SetState::Response& r
     // the scenario with another start, at rest
     Scenario scenario = scenario_;
     const Pose X_HP = fromPose(request.peg, "peg");
-    scenario.rest = restFromPose(fromPose(request.carrier, "carrier"));
+    const Pose X_HC = fromPose(request.carrier, "carrier");
+    refuseFar("peg.position", X_HP);
+    refuseFar("carrier.position", X_HC);
+    scenario.rest = restFromPose(X_HC);
     scenario.initial = InitialState{};
     scenario.initial.position = X_HP.p + scenario.mechanism.peg.half_height * X_HP.R.col(2);
     scenario.initial.euler = eulerFromRotation(X_HP.R);
     scenario.initial.carrier_x = scenario.rest.x;
     scenario.initial.carrier_y = scenario.rest.y;
     scenario.initial.carrier_yaw = scenario.rest.yaw;
-    betweenBlocks([this, &scenario] { restart(scenario); });
+    refuseDeep(scenario, X_HP);
+    auto cell = std::make_unique<SimulatedCell>(scenario, cell_parameters_, X_HB_);
+    betweenBlocks([this, &cell] { restart(std::move(cell)); });
     return "state set at " + std::to_string(now_) + " s";
   });
 }

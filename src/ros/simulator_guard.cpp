@@ -46,10 +46,15 @@ void SimulatorNode::readGuard(Parameters& parameters) {
   const std::string mode = parameters.choice("lease", {"auto", "required", "none"}, "auto");
   if (mode == "required") lease_mode_ = LeaseMode::kRequired;
   if (mode == "none") lease_mode_ = LeaseMode::kNone;
+  beginLife();
+}
+
+void SimulatorNode::beginLife() {
   std::random_device random;
+  const std::uint32_t before = life_;
   do {
-    plant_state_.life = random();
-  } while (plant_state_.life == 0);
+    life_ = random();
+  } while (life_ == 0 || life_ == before);
 }
 
 // Who keeps a message for us from before: a latched one of theirs is not meant for this life.
@@ -166,12 +171,12 @@ void SimulatorNode::publishPlantState() {
     state.refused_reason = refusal_.good() ? "" : toString(refusal_.reason);
     state.refusal = refusal_.text;
   }
-  state.life = plant_state_.life;
+  state.life = life_;
   const PlantState& last = plant_state_;
-  const bool same = state.session == last.session && state.holder == last.holder &&
-                    state.held == last.held && state.overload == last.overload &&
-                    state.exciter == last.exciter && state.reason == last.reason &&
-                    state.refused == last.refused && state.refusal == last.refusal;
+  const bool same =
+      state.life == last.life && state.session == last.session && state.holder == last.holder &&
+      state.held == last.held && state.overload == last.overload && state.exciter == last.exciter &&
+      state.reason == last.reason && state.refused == last.refused && state.refusal == last.refusal;
   if (same && plant_state_known_) return;
   state.header.stamp = stampAt(cell_->world().time());
   plant_state_known_ = true;

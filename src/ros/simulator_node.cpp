@@ -328,8 +328,7 @@ void SimulatorNode::applyCommands() {
   }
 }
 
-void SimulatorNode::restart(const Scenario& scenario) {
-  auto cell = std::make_unique<SimulatedCell>(scenario, cell_parameters_, X_HB_);
+void SimulatorNode::restart(std::unique_ptr<SimulatedCell> cell) {
   // the clock goes on
   base_ += cell_->world().time();
   cell_ = std::move(cell);
@@ -343,7 +342,10 @@ void SimulatorNode::restart(const Scenario& scenario) {
     stop_ = GuardAction{};
     guard_.overloaded = guard_.shaking = false;
   }
+  // whoever holds the plant must hear of it: nothing is where it was
+  beginLife();
   publishState();
+  publishPlantState();
 }
 
 void SimulatorNode::pace() {

@@ -278,11 +278,16 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
   const double force = goal->force;
   const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
   if (turn) takeLive();
+  // what is held may be more by the tolerance
+  const double most = limits_.force / (1.0 + parameters_.press_tolerance);
   if (!turn) {
     result.message = "busy: another action is running";
-  } else if (!std::isfinite(force) || force <= 0.0 || force >= limits_.force) {
+  } else if (!std::isfinite(force) || force <= 0.0 || force >= most) {
     result.message = "force is " + (std::isnan(force) ? "nan" : text("%g N", force)) +
-                     text(": give more than 0 and less than %g N", limits_.force);
+                     text(
+                         ": give more than 0 and less than %.4g N, ~force_limit less "
+                         "~press_tolerance",
+                         most);
   } else {
     End end;
     try {
@@ -301,6 +306,12 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
       PressController press(plant, limits_);
       watched = &press;
       press.begin(mechanism_);
+      if (const double least = press.leastForce(parameters_.press_tolerance); force < least) {
+        throw InputError(
+            text("force is %g N: give at least %.2g N, less is lost in the steps of a press or the "
+                 "scatter of sensor_b",
+                 force, least));
+      }
       if (!press.approach(press.target().z - limits_.descent)) {
         throw AlignError(AlignFailure::kNoContact,
                          text("none within %g m of descent", limits_.descent));

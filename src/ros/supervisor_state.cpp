@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <diagnostic_msgs/DiagnosticArray.h>
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 
@@ -19,7 +20,7 @@ namespace {
 
 // A carrier that holds a peg in its bore: what the coupling gives way to it. [m], [rad]
 constexpr double kBeside = 1e-3, kTurned = 0.02;
-constexpr double kFreeing = 2.0;           // of cell time after a goal that failed [s]
+constexpr double kFreeing = 5.0;           // of cell time after a goal that failed [s]
 constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
 constexpr char kIdentify[] = "identify: ";
 
@@ -41,15 +42,20 @@ void SupervisorNode::startState(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   publishState();
 }
 
-// What the identifier's goal has left, while no goal of our own knows better.
+// What the identifier's goal has left, while no goal of our own knows better. Once it has run it
+// knows better than ours before it: it hears of what they left.
 void SupervisorNode::hearIdentifier(const SupervisorState& identifier) {
   {
     const std::lock_guard<std::mutex> lock(state_mutex_);
-    if (!identifier.goal.empty() || !state_.goal.empty()) return;
+    const bool ran = identifier_runs_ && identifier.goal.empty();
+    identifier_runs_ = !identifier.goal.empty();
+    if (identifier_runs_ || !state_.goal.empty()) return;
     const bool ours = state_.in_contact && state_.reason.rfind(kIdentify, 0) != 0;
-    if (ours || state_.in_contact == identifier.in_contact) return;
+    if ((ours && !ran) || state_.in_contact == identifier.in_contact) return;
     state_.in_contact = identifier.in_contact;
+    state_.stuck = state_.stuck && identifier.in_contact;
     state_.reason = identifier.in_contact ? kIdentify + identifier.reason.substr(0, 500) : "";
+    identified_ = identifier.header.stamp;
   }
   publishState();
 }
@@ -62,6 +68,8 @@ void SupervisorNode::enter(const std::string& goal, bool needs_free_peg) {
                        "): call the action retreat first");
     }
     state_.goal = goal;
+    began_free_ = !state_.in_contact;
+    identified_ = ros::Time();
   }
   publishState();
 }
@@ -113,7 +121,8 @@ void SupervisorNode::leave(const End& end) {
     try {
       plant_->recover(kFreeing);
       PressController hand(*plant_, limits_);
-      hand.release(mechanism_);
+      const bool hung_free = began_free_ && !end.stuck;
+      hand.release(mechanism_, hung_free ? std::optional(plant_->startPose()) : std::nullopt);
       in_contact = stuck = false;
     } catch (const AlignError& error) {
       // what a sensor that tells nothing leaves unknown isn't stuck: the next goal feels first
@@ -198,7 +207,7 @@ SupervisorState SupervisorNode::told() const {
 
 void SupervisorNode::publishState() {
   const std::lock_guard<std::mutex> lock(state_mutex_);
-  state_.header.stamp = plant_->stamp();
+  state_.header.stamp = std::max(plant_->stamp(), identified_);
   state_pub_.publish(told());
 }
 

@@ -324,6 +324,22 @@ INSTANTIATE_TEST_SUITE_P(One, Failures, testing::ValuesIn(kCases), [](const auto
   return std::string(test.param.strategy) + "_" + toString(test.param.failure);
 });
 
+// However often a goal fails in the air, the peg is hung no higher.
+TEST(Hanging, StaysWhereAGoalThatFailsFindsIt) {
+  Arrangement s;
+  s.sensors.bits = 10;
+  s.parameters.strategy = "single_contact";
+  s.parameters.exciter_amplitude = 0.05;
+  s.parameters.press_force = 5.0;
+  SimulatedPlant plant(s.scenario, s.nominal, s.sensors);
+  const double before = plant.truth().carrier().z;
+  for (int i = 0; i < 3; ++i) {
+    const AlignResult result = align(plant, s.nominal, s.parameters, nullptr);
+    EXPECT_EQ(result.failure, AlignFailure::kTooUncertain) << result.reason;
+    EXPECT_NEAR(plant.truth().carrier().z, before, 1e-4);
+  }
+}
+
 // A peg that a move left pressed, anywhere, tilted, on rim or face: the force is no zero and
 // friction no wall. With the sensor's zero as designed and with another.
 TEST(Pressed, IsFreedFirstAndAligned) {

@@ -108,6 +108,24 @@ TEST_F(Files, WhatStandardOutputGoesToGetsTheFileInItsPlace) {
   EXPECT_EQ(::testing::internal::GetCapturedStdout(), "before\nfile\nafter\n");
 }
 
+TEST_F(Files, WhereNothingCanBeWrittenIsKnownBefore) {
+  EXPECT_NO_THROW(checkWritable(at("new.yaml"), "test"));
+  EXPECT_NO_THROW(checkWritable(at("precious"), "test"));
+  EXPECT_NO_THROW(checkWritable("/dev/null", "test"));
+  EXPECT_EQ(contentOf(at("precious")), "mine");
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1);
+  for (const std::string& path :
+       {at("nowhere/new.yaml"), folder_.string(), at("precious/new.yaml")}) {
+    try {
+      checkWritable(path, "file " + path);
+      ADD_FAILURE() << path;
+    } catch (const InputError& error) {
+      EXPECT_EQ(std::string(error.what()).rfind("file " + path + " can't be written (", 0), 0U)
+          << error.what();
+    }
+  }
+}
+
 std::string repeated(const std::string& piece, int times) {
   std::string text;
   for (int k = 0; k < times; ++k) text += piece;

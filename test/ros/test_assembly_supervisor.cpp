@@ -148,10 +148,17 @@ TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
     EXPECT_EQ(press(force).state_, SimpleClientGoalState::ABORTED);
     EXPECT_FALSE(press_.getResult()->success);
     const std::string given = std::isnan(force) ? "nan" : text("%g N", force);
-    EXPECT_EQ(press_.getResult()->message,
-              "force is " + given + ": give more than 0 and less than 40 N");
+    EXPECT_EQ(press_.getResult()->message, "force is " + given +
+                                               ": give more than 0 and less than 38.1 N, "
+                                               "~force_limit less ~press_tolerance");
   }
+  // and what is lost in the steps of a press
+  EXPECT_EQ(press(1e-3).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_EQ(press_.getResult()->message.rfind("force is 0.001 N: give at least 0.", 0), 0U)
+      << press_.getResult()->message;
   EXPECT_EQ(command_.size(), 0U);
+  EXPECT_EQ(press(0.75).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  EXPECT_EQ(press(37.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
 }
 
 // Beside a goal that runs stands no reason of the goal before.
@@ -207,7 +214,7 @@ TEST_F(Supervisor, GoesByTheForceLimitThatIsSetMeanwhile) {
   std_srvs::Trigger reset;
   ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
   EXPECT_EQ(press(25.0).state_, SimpleClientGoalState::ABORTED);
-  EXPECT_NE(press_.getResult()->message.find("less than 20"), std::string::npos)
+  EXPECT_NE(press_.getResult()->message.find("less than 19.05"), std::string::npos)
       << press_.getResult()->message;
   // what doesn't go with the rest, is no number or needs a restart, changes nothing
   EXPECT_FALSE(test::setLive(node, "force_limit", 14.0));  // contact_force is 15
@@ -222,7 +229,7 @@ TEST_F(Supervisor, GoesByTheForceLimitThatIsSetMeanwhile) {
   EXPECT_EQ(test::valueIn(after, "force_limit"), 40.0);
   ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
   EXPECT_EQ(press(50.0).state_, SimpleClientGoalState::ABORTED);
-  EXPECT_NE(press_.getResult()->message.find("less than 40"), std::string::npos);
+  EXPECT_NE(press_.getResult()->message.find("less than 38.1"), std::string::npos);
   EXPECT_EQ(press(25.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
 }
 

@@ -38,7 +38,13 @@ TEST_F(ForceSensorCalibration, TakesSoundCalibrationsOnly) {
   refused("singular");
   request.calibration = old;
   request.calibration.volts_to_wrench[7] = kNaN;
-  refused("not finite");
+  refused("set_calibration refused: volts_to_wrench[7] is nan: give");
+  request.calibration = old;
+  request.calibration.volts_to_displacement[3] = std::numeric_limits<double>::infinity();
+  refused("set_calibration refused: volts_to_displacement[3] is inf: give");
+  request.calibration = old;
+  request.calibration.wrench_fit.p = -kNaN;
+  refused("set_calibration refused: wrench_fit.p is nan: give");
   request.calibration = old;
   request.calibration.id = "";
   refused("id is empty");
@@ -184,7 +190,7 @@ TEST_F(ForceSensorCalibration, TakesQuadraticCalibrationsWithCovariance) {
   refused("covariance");
   request.calibration = toMessage(c);
   request.calibration.displacement_products[4] = kNaN;
-  refused("not finite");
+  refused("displacement_products[4] is nan");
   request.calibration = old;
   EXPECT_TRUE(b_.call<SetCalibration>("set_calibration", request).success);
 }

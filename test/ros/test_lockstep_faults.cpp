@@ -1,9 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <actionlib/client/simple_action_client.h>
+#include <actionlib_msgs/GoalStatusArray.h>
 #include <geometry_msgs/PoseStamped.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
 #include <signal.h>
+#include <std_srvs/SetBool.h>
 
 #include <map>
 #include <memory>
@@ -15,7 +17,9 @@
 #include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/PlantState.h"
 #include "assembly_cell/RetreatAction.h"
+#include "assembly_cell/Step.h"
 #include "assembly_cell/SupervisorState.h"
+#include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
 
@@ -173,6 +177,48 @@ TEST_F(LockstepFaults, ASensorThatSaturatesByItselfIsNamed) {
   EXPECT_FALSE(state_.last()->stuck);
   nh_.deleteParam("peg_hole_simulator/noise");
   ASSERT_TRUE(restartSimulator());
+  expectPress(kForce);
+}
+
+// Time stands: the goal ends all the same, and what it left is told. A goal that is cancelled in
+// the air leaves the peg at its height.
+TEST_F(LockstepFaults, ACancelIsAnsweredWhileThePlantIsPaused) {
+  startCell();
+  startSupervisor({"_block_timeout:=600"});
+  const Record<actionlib_msgs::GoalStatusArray> status(nh_, "move_to_contact/status");
+  const auto pause = [](bool data) {
+    std_srvs::SetBool service;
+    service.request.data = data;
+    EXPECT_TRUE(callService("/lockstep/peg_hole_simulator/pause", service));
+  };
+  // some blocks of the tare, then a cancel that has been heard
+  const auto cancelInTheAir = [&] {
+    pause(true);
+    startPress(kForce);
+    Step some;
+    some.request.blocks = 6;
+    ASSERT_TRUE(waitFor([&] { return state_.last()->goal == "move_to_contact"; }));
+    ASSERT_TRUE(callService("/lockstep/peg_hole_simulator/step", some));
+    press_.cancelGoal();
+    ASSERT_TRUE(waitFor([&] {
+      const auto last = status.last();
+      return last && !last->status_list.empty() &&
+             last->status_list.back().status == actionlib_msgs::GoalStatus::PREEMPTING;
+    }));
+  };
+  const double height = carrier_.last()->pose.position.z;
+  for (int i = 0; i < 2; ++i) {
+    cancelInTheAir();
+    pause(false);
+    EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::PREEMPTED);
+    EXPECT_NEAR(carrier_.last()->pose.position.z, height, 1e-4);
+    ASSERT_TRUE(waitFor([&] { return state_.last()->goal.empty(); }));
+    EXPECT_FALSE(state_.last()->in_contact) << state_.last()->reason;
+  }
+  cancelInTheAir();
+  EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::PREEMPTED);
+  EXPECT_EQ(press_.getResult()->message, "cancelled");
+  pause(false);
   expectPress(kForce);
 }
 

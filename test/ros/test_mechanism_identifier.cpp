@@ -1,11 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <actionlib/client/simple_action_client.h>
+#include <geometry_msgs/PoseStamped.h>
 #include <gtest/gtest.h>
 #include <ros/master.h>
 #include <ros/network.h>
 #include <ros/ros.h>
 #include <signal.h>
 #include <std_msgs/String.h>
+#include <std_srvs/Trigger.h>
 #include <unistd.h>
 #include <xmlrpcpp/XmlRpc.h>
 
@@ -13,6 +15,7 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -20,9 +23,11 @@
 #include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/IdentifyAction.h"
+#include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/mechanism/mechanism_text.h"
+#include "assembly_cell/ros/service_call.h"
 #include "cell_fixture.h"
 
 // The action identify of the node mechanism_identifier, and what the supervisor makes of a file.
@@ -109,14 +114,25 @@ TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
   ASSERT_TRUE(waitFor([&] { return client.isServerConnected(); })) << cell.output();
 
   IdentifyGoal goal;
-  goal.time_limit = 2.0;
-  client.sendGoal(goal);
-  ASSERT_TRUE(waitFor([&] { return client.getState().isDone(); }, kRunTime));
-  EXPECT_NE(client.getState().getText().find("time_limit is 2 s"), std::string::npos)
-      << client.getState().getText();
-
-  goal.time_limit = 0.0;
   ros::NodeHandle nh;
+  const Record<geometry_msgs::PoseStamped> commands(nh, "carrier_command");
+  const auto refused = [&](const std::string& words) {
+    client.sendGoal(goal);
+    ASSERT_TRUE(waitFor([&] { return client.getState().isDone(); }, kRunTime));
+    EXPECT_EQ(client.getState(), actionlib::SimpleClientGoalState::ABORTED);
+    EXPECT_EQ(client.getState().getText().rfind(words, 0), 0u) << client.getState().getText();
+  };
+  goal.time_limit = 2.0;
+  refused("time_limit is 2 s");
+  goal.time_limit = std::numeric_limits<double>::quiet_NaN();
+  refused("time_limit is nan s");
+  // before anything moves
+  goal.time_limit = 0.0;
+  goal.file = "/nowhere/mechanism.yaml";
+  refused("file '/nowhere/mechanism.yaml' can't be written (open: No such file or directory)");
+  EXPECT_EQ(commands.size(), 0u);
+  goal.file.clear();
+
   Record<IdentifyActionFeedback> feedback(nh, "identify/feedback");
   ASSERT_TRUE(waitFor([&] { return feedback.connected(); }));
   client.sendGoal(goal);
@@ -132,10 +148,35 @@ TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
     return last && !last->on;
   }));
 
-  goal.time_limit = kShort;
+  // nothing of the goal holds in a plant that is reset, and that is said
+  feedback.clear();
+  client.sendGoal(goal);
+  ASSERT_TRUE(waitFor([&] {
+    const auto last = feedback.last();
+    return last && last->feedback.readings > 0;
+  })) << cell.output();
+  std_srvs::Trigger reset;
+  ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
+  ASSERT_TRUE(waitFor([&] { return client.getState().isDone(); }, kRunTime));
+  EXPECT_EQ(client.getState().getText(), "the plant was started anew, or reset, during the goal");
+
+  // what the supervisor leaves pressed the identifier frees, and both say so
+  actionlib::SimpleActionClient<MoveToContactAction> press("move_to_contact", false);
+  ASSERT_TRUE(waitFor([&] { return press.isServerConnected(); }));
+  MoveToContactGoal force;
+  force.force = 5.0;
+  press.sendGoal(force);
+  ASSERT_TRUE(waitFor([&] { return press.getState().isDone(); }, kRunTime));
+  ASSERT_EQ(press.getState(), actionlib::SimpleClientGoalState::SUCCEEDED)
+      << press.getResult()->message;
+  ASSERT_TRUE(waitFor([&] { return cell.states.last()->in_contact; }));
+
+  goal.time_limit = 2 * kShort;  // freeing the peg takes some
   feedback.clear();
   client.sendGoal(goal);
   ASSERT_TRUE(waitFor([&] { return client.getState().isDone(); }, kRunTime)) << cell.output();
+  EXPECT_TRUE(waitFor([&] { return !cell.states.last()->in_contact; }))
+      << cell.states.last()->reason;
   const IdentifyResultConstPtr result = client.getResult();
   ASSERT_TRUE(result);
   EXPECT_TRUE(result->accepted) << result->verdict << " " << result->message;

@@ -135,6 +135,36 @@ TEST(OneName, OnlyOneNodeOfAProcessHoldsThePlant) {
   EXPECT_FALSE(other.fault());
 }
 
+// The state of a plant is that of who publishes the carrier's pose, however long that is silent.
+TEST(OneName, AStrangersStateOfThePlantIsRefusedByName) {
+  ros::NodeHandle nh("own_state");
+  ros::Publisher plant = nh.advertise<PlantState>("plant_state", 1, true);
+  std::atomic<int> heard{0};
+  PlantLink link(nh, "/one", true, [&] { ++heard; });
+  PlantState state;
+  state.holder = "/somebody";
+  plant.publish(state);
+  ASSERT_TRUE(waitFor([&] { return heard > 0; }));
+  // heard before it was known whose the plant is: forgotten
+  link.isOf("/the_plant");
+  link.begin();
+  EXPECT_FALSE(link.fault());
+  link.end();
+  const auto refused = [] { return IncomingLog::ofThisProcess().figures(); };
+  const std::uint64_t before = refused().refused;
+  plant.publish(state);
+  ASSERT_TRUE(waitFor([&] { return refused().refused > before; }));
+  EXPECT_EQ(refused().last, "plant_state of " + ros::this_node::getName() +
+                                ": the plant is /the_plant, which publishes carrier_pose: end the "
+                                "other publisher");
+  EXPECT_EQ(heard, 1);
+  link.isOf(ros::this_node::getName());
+  plant.publish(state);
+  ASSERT_TRUE(waitFor([&] { return heard > 1; }));
+  link.begin();
+  EXPECT_EQ(link.fault().value_or(""), "/somebody holds the plant");
+}
+
 TEST(OneName, APlantThatAnotherProcessHoldsIsLeftAlone) {
   ros::NodeHandle nh("held_cell");
   ros::Publisher plant = nh.advertise<PlantState>("plant_state", 1, true);

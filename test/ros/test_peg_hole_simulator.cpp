@@ -287,6 +287,25 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   EXPECT_EQ(contacts_.last()->header.frame_id, "hole_truth");
   EXPECT_GT(force, 1.0);
 
+  // what no start can be, by depth and place; what is there stays
+  const auto refused = [&](const Pose& X_HP, const std::string& words) {
+    service.request.peg = toPose(X_HP);
+    service.request.carrier =
+        toPose(X_HP * Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, length)});
+    ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
+    EXPECT_FALSE(service.response.success) << words;
+    EXPECT_EQ(service.response.message.rfind("set_state refused: " + words, 0), 0U)
+        << service.response.message;
+  };
+  const auto upright = [](double x, double z) {
+    return Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(x, 0.0, z)};
+  };
+  refused(upright(0.010, -0.003), "peg is 3 mm deep in the block (");
+  refused(upright(0.005, -0.020), "peg is 4.9 mm deep in the block (edge_wall), at x 30");
+  refused(upright(0.0, -0.070), "peg is 10 mm deep in the block (edge_plane), at x ");
+  refused(upright(0.7, 0.010), "peg.position is 0.7 m from the hole's mouth: give at most 0.5 m");
+  ASSERT_TRUE(step(1).success);
+
   service.request.peg.position.x = kNaN;
   ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
   EXPECT_FALSE(service.response.success);

@@ -83,8 +83,10 @@ class PressController {
   /// force limit.
   void begin(const Mechanism& mechanism);
 
-  /// After a goal that failed: exciter off, a millimetre up whatever is felt, then begin().
-  void release(const Mechanism& mechanism);
+  /// After a goal that failed: exciter off, a millimetre up whatever is felt, then begin(). hung:
+  /// where the peg is known to have hung free. No lower than there it isn't lifted, and still there
+  /// but for the steps of begin() it goes back: goals that fail don't hang it higher.
+  void release(const Mechanism& mechanism, const std::optional<RestPose>& hung = std::nullopt);
 
   /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
   /// deflection.
@@ -121,6 +123,10 @@ class PressController {
 
   /// Lowers until the first touch. False when the rest height `floor` [m] was reached without one.
   bool approach(double floor);
+  /// What holdStill() can hold at least, as of the tare: less is within the scatter of a block, or
+  /// lost in the steps of a press. [N]
+  double leastForce(double tolerance) const;
+
   /// In contact: adjusts the height until the mean force along z is within tolerance·force. [N]
   /// `settled`: the force is, as after a light touch, and isn't waited for.
   void hold(double force, double tolerance, bool settled = false);
@@ -149,6 +155,7 @@ class PressController {
   Vector6 weightSince(const RestPose& pose) const;
   void limitWay(double down, double force) const;
   double held() const;
+  void goBack(const RestPose& hung, const Mechanism& mechanism);
   void twist(const RestPose& at);
   /// Of a contact force of `force`, `sideways` of it in x and y [N].
   ForceAlarm alarmAt(double force, double sideways) const;

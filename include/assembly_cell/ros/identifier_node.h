@@ -39,7 +39,10 @@ class IdentifierNode {
   /// Throws PlantError, AlignError, InputError.
   void identifyInto(const IdentifyGoal& goal, IdentifyResult& result);
   /// After a goal that failed, if there is anything to feel with. True: nothing presses any more.
-  bool free();
+  /// hung_free: the peg, when the goal began.
+  bool free(bool hung_free);
+  SupervisorState peg();
+  void hearSupervisor(const SupervisorState& supervisor);
   void tellPeg(const std::string& goal, bool in_contact, const std::string& reason);
 
   Mechanism mechanism_;  ///< as drawn
@@ -47,9 +50,11 @@ class IdentifierNode {
   double prior_scale_ = 1.0;
   PressLimits limits_;
   std::unique_ptr<RosPlant> plant_;
-  std::mutex busy_;        ///< held by the goal that runs
-  SupervisorState state_;  ///< of the peg, by the last goal that moved it
+  std::mutex busy_;  ///< held by the goal that runs
+  std::mutex state_mutex_;
+  SupervisorState state_;  ///< of the peg, by the last goal that moved it, the supervisor's as well
   ros::Publisher state_pub_, mechanism_pub_;
+  ros::Subscriber supervisor_sub_;
   std::unique_ptr<Server> server_;
 };
 

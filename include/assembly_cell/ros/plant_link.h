@@ -39,6 +39,9 @@ class PlantLink {
   void end();                     ///< lets the plant go
   std::uint32_t session() const;  ///< 0: none
 
+  /// Who publishes the carrier's pose is the plant: its state counts, no other's.
+  void isOf(const std::string& node);
+
   /// Sign of life: the holder has seen the block that ended at `seen`. In lockstep the Ack says so.
   void renew(const ros::Time& seen);
 
@@ -55,6 +58,8 @@ class PlantLink {
 
  private:
   void onState(const PlantState::ConstPtr& state, const std::string& node);
+  /// Empty, or why a state of that node is refused.
+  std::string judgeUnlocked(const std::string& node);
   void onCommand(const std::string& topic, const std::string& node);
   /// A value that must stay what it was at the goal's start.
   void onConstant(const std::string& what, const std::string& bytes);
@@ -74,8 +79,10 @@ class PlantLink {
   std::uint32_t life_ = 0;     // of the plant when the session began; 0: not known
   std::uint32_t refused_ = 0;  // commands, when the session began or was repeated
   bool moving_ = false;
-  StreamDoor door_;    // of the plant's state
-  bool lost_ = false;  // something that was commanded is not in force
+  StreamDoor door_;         // of the plant's state, until it is known whose it is
+  std::string plant_node_;  // who publishes carrier_pose; empty: not heard yet
+  std::string state_node_;  // whose state_ is
+  bool lost_ = false;       // something that was commanded is not in force
   std::string fault_;
   std::map<std::string, std::string> constants_;  // by name, as bytes
 

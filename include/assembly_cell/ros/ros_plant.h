@@ -97,6 +97,7 @@ class RosPlant : public Plant {
   ros::Time stampOf(double time) const;  ///< of a time on the plant's clock [s]
   double time() const;                   ///< the same on the plant clock, 0 before its start [s]
   Pose carrierMotion() const;            ///< carrier in the carrier frame of begin(), last block
+  RestPose startPose() const;            ///< of the carrier at begin(), in its base
   Pose carrierPose() const;              ///< in its base, at the last block's end
 
  private:

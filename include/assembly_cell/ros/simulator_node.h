@@ -102,7 +102,7 @@ class SimulatorNode {
   void goOn();
   void applyCommands();
   /// A new cell at the present node time.
-  void restart(const Scenario& scenario);
+  void restart(std::unique_ptr<SimulatedCell> cell);
   void publishBlock();
   void publishStaticFrames();
   void publishState();
@@ -118,6 +118,7 @@ class SimulatorNode {
 
   // the guard (simulator_guard.cpp); those with a lock need mutex_
   void readGuard(Parameters& parameters);
+  void beginLife();  ///< of the plant: a start, or a state that was set
   void findEarlierPublishers();
   void refuse(const std::string& what, const std::string& node, const GuardVerdict& why);  // lock
   void renew(const Sender& sender, std::uint32_t session);                                 // lock
@@ -161,7 +162,8 @@ class SimulatorNode {
   Load allowed_;                     // of the coupling during this block
   bool watched_ = true;              // its load is
   std::optional<Vector6> too_much_;  // the load that stopped the plant in this block
-  PlantState plant_state_;           // last published
+  std::uint32_t life_ = 0;
+  PlantState plant_state_;  // last published
   bool plant_state_known_ = false;
 
   // shared with the callbacks, under mutex_

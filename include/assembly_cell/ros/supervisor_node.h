@@ -120,13 +120,16 @@ class SupervisorNode {
     double depth = 0.0;  ///< of the peg's edge in the hole [m]
     Pose carrier;        ///< that held it there
   };
-  LeftIn left_in_;  ///< by busy_, of the last goal
+  LeftIn left_in_;           ///< by busy_, of the last goal
+  bool began_free_ = false;  ///< the peg, as far as is known, when the goal began
   std::unique_ptr<LiveSettings> live_;
 
   std::unique_ptr<RosPlant> plant_;
   std::mutex busy_;  ///< held by the goal that runs
   std::mutex state_mutex_;
   SupervisorState state_;
+  bool identifier_runs_ = false;  ///< by state_mutex_, as heard last
+  ros::Time identified_;          ///< by state_mutex_: whose end state_ is of, if the identifier's
   ros::Publisher state_pub_, diagnostics_pub_;
   ros::Subscriber identifier_sub_, mechanism_sub_;
   ros::WallTimer diagnostics_timer_;
