@@ -125,17 +125,6 @@ CalibrationRefusal unusable(const Reading& reading, const SensorDescription& sen
   return {};
 }
 
-bool sameTest(const Observation& a, const Observation& b) {
-  const auto sameReading = [](const std::optional<Reading>& p, const std::optional<Reading>& q) {
-    return p.has_value() == q.has_value() && (!p || p->volts == q->volts);
-  };
-  return a.kind == b.kind && a.side == b.side && a.stamp != 0.0 && a.stamp == b.stamp &&
-         sameReading(a.reading.a, b.reading.a) && sameReading(a.reading.b, b.reading.b) &&
-         a.X_AB.p == b.X_AB.p && a.X_AB.R == b.X_AB.R && a.mass == b.mass &&
-         a.direction == b.direction && a.point == b.point && a.gauges == b.gauges &&
-         a.displacement == b.displacement && a.load == b.load && a.channel == b.channel;
-}
-
 void checkObservation(const Observation& o, const ObservationSet& set, const std::string& source) {
   const auto refuse = [&](const std::string& what) { throw InputError(source + ": " + what); };
   const bool both = o.kind == ObservationKind::kReacting;

@@ -297,15 +297,6 @@ void readHeader(const Reader& in, std::set<std::string> more, ObservationSet& se
   }
 }
 
-void refuseTwice(const ObservationSet& set, const std::string& place) {
-  const std::vector<Observation>& all = set.observations;
-  for (std::size_t i = 0; i + 1 < all.size(); ++i) {
-    if (!sameTest(all[i], all.back())) continue;
-    throw InputError(place + ": the same test as observation " + std::to_string(i) +
-                     ", to the last digit: keep one of them");
-  }
-}
-
 YAML::Node parse(const std::string& content, const std::string& source) {
   if (const std::string why = tooDeep(content); !why.empty()) throw InputError(source + ": " + why);
   try {
@@ -333,7 +324,6 @@ ObservationSet readYaml(const std::string& content, const std::string& path) {
     set.observations.push_back(readObservation(list.at(i), set));
     const std::string place = path + ": observations[" + std::to_string(i) + "]";
     checkObservation(set.observations.back(), set, place);
-    refuseTwice(set, place);
   }
   return set;
 }
@@ -442,7 +432,6 @@ ObservationSet readCsv(const std::string& content, const std::string& path) {
     reader.single();
     set.observations.push_back(readObservation(reader, set));
     checkObservation(set.observations.back(), set, place);
-    refuseTwice(set, place);
   }
   if (header.empty()) throw InputError(path + ": no header line: name the columns");
   return set;

@@ -14,8 +14,4 @@ constexpr double kUnitTolerance = 1e-6;  // of directions and rotations as writt
 /// Keys of an observation's line that only this kind has (docs/calibration.md).
 const std::set<std::string>& fieldsOf(ObservationKind kind);
 
-/// Alike to the last digit, and of the same time: a test that counts twice makes standard deviations
-/// too small. Without a stamp a coarse converter may say the same of two.
-bool sameTest(const Observation& a, const Observation& b);
-
 }  // namespace assembly_cell

@@ -74,6 +74,19 @@ double lengthOf(const Mechanism& mechanism) {
 
 }  // namespace
 
+ContactShapes shapesOf(const Scenario& scenario) {
+  const HoleParameters& hole = scenario.mechanism.hole;
+  const PegParameters& peg = scenario.mechanism.peg;
+  ContactShapes shapes;
+  shapes.hole_radius = hole.radius;
+  shapes.hole_depth = hole.depth;
+  shapes.peg_length = lengthOf(scenario.mechanism);
+  shapes.bore_lean = scenario.imperfections.bore_lean;
+  if (hole.chamfer_width > 0.0) shapes.chamfer = chamferOf(hole.chamfer_width, hole.chamfer_angle);
+  if (peg.chamfer_width > 0.0) shapes.peg_chamfer = chamferOf(peg.chamfer_width, peg.chamfer_angle);
+  return shapes;
+}
+
 ContactSlotMask slotsOf(const ContactFeatures& features) {
   ContactSlotMask mask = 0;
   if (features.edge_edge) mask |= kEdgeEdgeSlots;
@@ -98,10 +111,7 @@ System::System(const Scenario& given)
   discrete_friction = rigid || (contact.law == ContactLaw::kViscous && contact.stationary_rows);
   // without modes of rest a contact's force ends at zero gap
   leave_gap = discrete_friction ? kReach : kTouch;
-  const HoleParameters& hole = scenario.mechanism.hole;
-  const PegParameters& peg = scenario.mechanism.peg;
-  if (hole.chamfer_width > 0.0) shapes.chamfer = chamferOf(hole.chamfer_width, hole.chamfer_angle);
-  if (peg.chamfer_width > 0.0) shapes.peg_chamfer = chamferOf(peg.chamfer_width, peg.chamfer_angle);
+  shapes = shapesOf(scenario);
   if (contact.law != ContactLaw::kNone) {
     // contacts that `features` excludes are watched as well: they end the run. The bottom face
     // never meets the rim before the edge meets the plane
@@ -110,10 +120,6 @@ System::System(const Scenario& given)
     excluded = admitted & ~slotsOf(contact.features);
     for (const std::size_t i : Slots(admitted)) slots = i + 1;
   }
-  shapes.hole_radius = hole.radius;
-  shapes.hole_depth = hole.depth;
-  shapes.peg_length = lengthOf(scenario.mechanism);
-  shapes.bore_lean = scenario.imperfections.bore_lean;
   compliant = isCompliant(scenario);
   coarseness = std::clamp(solver.tolerance / 1e-9, 1e-3, 100.0);
   // slip is told from rest above the integrator's velocity error, docs/theory.md
@@ -125,6 +131,7 @@ System::System(const Scenario& given)
   if (scenario.thesis.creep) {
     slip_threshold = fine_slip = std::max(slip_threshold, contact.regularisation_speed);
   }
+  const PegParameters& peg = scenario.mechanism.peg;
   arm = std::hypot(peg.half_height, peg.radius);
 }
 

@@ -7,6 +7,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/cell/carrier_arm.h"
+#include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/geometry/contact_geometry.h"
 #include "assembly_cell/ros/conversions.h"
 #include "assembly_cell/ros/message_guard.h"
@@ -36,19 +37,6 @@ void refuseFar(const char* field, const Pose& X) {
   if (away <= kFarthest) return;
   throw InputError(text("set_state refused: %s is %.3g m from the hole's mouth: give at most %g m",
                         field, away, kFarthest));
-}
-
-ContactShapes shapesOf(const Scenario& scenario) {
-  const PegParameters& peg = scenario.mechanism.peg;
-  const HoleParameters& hole = scenario.mechanism.hole;
-  ContactShapes shapes;
-  shapes.hole_radius = hole.radius;
-  shapes.hole_depth = hole.depth;
-  shapes.peg_length = 2.0 * peg.half_height;
-  shapes.bore_lean = scenario.imperfections.bore_lean;
-  if (hole.chamfer_width > 0.0) shapes.chamfer = chamferOf(hole.chamfer_width, hole.chamfer_angle);
-  if (peg.chamfer_width > 0.0) shapes.peg_chamfer = chamferOf(peg.chamfer_width, peg.chamfer_angle);
-  return shapes;
 }
 
 // The plant itself looks no deeper than a tenth of the peg's radius.

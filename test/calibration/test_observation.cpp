@@ -110,10 +110,6 @@ TEST_F(Files, RefuseByFileLineAndKey) {
              "- {kind: weight, sensor: a, mass: 1, direction: [0, 0, 2], point: [0, 0, 0], "
              "a: {volts: [1, 2, 3, 4, 5, 6]}}\n",
          "o.yaml:3: observations[0].direction is '0, 0, 2': give the unit vector");
-  const std::string weight =
-      "- {kind: weight, sensor: a, stamp: 3, mass: 1, direction: [0, 0, 1], point: [0, 0, 0], "
-      "a: {volts: [1, 2, 3, 4, 5, 6]}}\n";
-  expect(head + weight + weight, "observations[1]: the same test as observation 0");
   expect("format: assembly_cell observations 1\ngravity: -9\nobservations:\n",
          "o.yaml:2: gravity is '-9'");
   expect(head + "- {kind: reacting, position: [0, 0, 0], quaternion: [0, 0, 0, 2]}\n",

@@ -9,6 +9,8 @@ namespace assembly_cell {
 
 /// Slots of the kinds of contact that a run admits.
 ContactSlotMask slotsOf(const ContactFeatures& features);
+/// The pair as its contacts are searched.
+ContactShapes shapesOf(const Scenario& scenario);
 
 struct RunCounts {
   std::int64_t evaluations = 0;  ///< right-hand sides
