@@ -40,10 +40,9 @@ constexpr double kTwisted = 0.01;                   // of it, which gives way
 constexpr int kFreeSteps = 4, kMaxFreeSteps = 100;  // of kPullStep: a millimetre, and 25
 // Of a touch. Less is lost again in the steps of a press: of six from 0.15 to 0.4 N two were.
 constexpr double kLeastPress = 0.33;
-// Of a carrier at rest, amply; and of the ways of some begin(), up and aside.
-constexpr double kHeightNoise = 2e-4, kLifts = 3e-3;  // [m], of tilt [rad]
-constexpr double kLifted = 1e-4;                      // of a millimetre up, what may be missing [m]
-constexpr double kFreeSide = 3e-4;                    // against a wall 2 N [m]
+constexpr double kLifts = 3e-3;         // ways of some begin(), up and aside [m], of tilt [rad]
+constexpr double kLifted = 1e-4;        // of a millimetre up, what may be missing [m]
+constexpr double kFreeSide = 3e-4;      // against a wall 2 N [m]
 constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling's compliance
 // Of the force over a step of a free peg [N]. Contact changes it by the coupling's stiffness times
 // the step, 12 N; noise of 20 mV a channel, forty times the cell's, by 0.12 N rms. Half: a peg

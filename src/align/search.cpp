@@ -14,10 +14,9 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-constexpr double kClear = 3e-4;       // over the plane before the last descent [m]
-constexpr double kTravel = 2e-3;      // over the plane while moving sideways [m]
-constexpr double kLeave = 8e-3;       // travel up after a failure [m]
-constexpr double kSameHeight = 2e-4;  // of a carrier whose pose scatters [m]
+constexpr double kClear = 3e-4;   // over the plane before the last descent [m]
+constexpr double kTravel = 2e-3;  // over the plane while moving sideways [m]
+constexpr double kLeave = 8e-3;   // travel up after a failure [m]
 
 constexpr double kWallSearch = 6.0;    // travel to a wall at most, in clearances
 constexpr double kWallPush = 2.5;      // and as far as makes so much of a wall's deflection
@@ -126,7 +125,7 @@ void Search::leave() {
   }
   const double up = press_.last().carrier.z - start_.z;
   // where it began it hung free: goals that fail in the air don't hang it higher each time
-  const bool hangs = !isFarIn() && up > -kSameHeight && press_.force().norm() < press_.freeForce();
+  const bool hangs = !isFarIn() && up > -kHeightNoise && press_.force().norm() < press_.freeForce();
   if (begun_ && !hangs && up < kLeave * scale_.room) {
     backOut(kLeave * scale_.room);
   } else {

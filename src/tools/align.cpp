@@ -451,7 +451,7 @@ int run(const std::vector<std::string>& arguments) {
       task.truthOf(o, o.cell.seed + static_cast<std::uint64_t>(i), unused);
     }
   }
-  checkFirstRun(o, task);
+  if (o.check) checkFirstRun(o, task);
   std::unique_ptr<assembly_cell::NewFile> file;
   if (!o.report.empty()) {
     file = std::make_unique<assembly_cell::NewFile>(o.report, "--report: value " + o.report,

@@ -75,8 +75,8 @@ TEST(ReportNoise, StrategiesArriveInIt) {
   }
 }
 
-// A carrier that never reports exactly where it was sent: a peg under it is freed in the two
-// seconds that a goal that failed has for it.
+// A carrier that never reports exactly where it was sent: a peg under it is freed within two
+// of the five seconds that a goal that failed has for it.
 TEST(ReportNoise, APegIsFreedInIt) {
   Scenario scenario = loadScenario(ASSEMBLY_CELL_SOURCE_DIR "/config/scenarios/cell.yaml");
   CellParameters cell;

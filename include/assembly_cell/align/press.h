@@ -31,6 +31,9 @@ inline constexpr double kFreeForce = 1.0;
 /// [N/s]
 inline constexpr double kZeroDrift = 0.09;
 
+/// A carrier at rest reports its height to within this, amply [m]
+inline constexpr double kHeightNoise = 2e-4;
+
 /// How far the pose that a carrier at rest reports scatters from block to block.
 struct ReportNoise {
   double position = 0.0;  ///< sd of an axis [m]
