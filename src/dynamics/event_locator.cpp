@@ -220,10 +220,16 @@ bool staysInside(const StageEvents& stages, ContactSlotMask closed) {
 
 void noteStage(const System& s, const Context& c, const Evaluation& e, int stage,
                StageEvents& stages) {
+  ContactSlotMask sticking = 0;
+  for (const std::size_t i : Slots(e.closed)) {
+    if (c.slots[i].mode == Mode::kStick) sticking |= 1u << i;
+  }
+  // two of them share a force that is only found at a step's end
+  const ContactSlotMask shared = sticking & (sticking - 1) ? sticking : 0;
   for (const std::size_t i : Slots(e.closed)) {
     auto& value = stages.value[stage][i];
     value.fill(HUGE_VAL);
-    if (e.valid(i) && c.slots[i].mode != Mode::kIdle) {
+    if (e.valid(i) && c.slots[i].mode != Mode::kIdle && !(shared >> i & 1u)) {
       slotEvents(s, c, e, i, value.data());
     } else {
       stages.told = false;

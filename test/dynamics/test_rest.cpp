@@ -69,5 +69,22 @@ TEST(Rest, IsWhereContactsCanHoldThePeg) {
   EXPECT_GE(wedged, 10);
 }
 
+// The force that two resting points share is found at a step's end only: what they seem to carry
+// on the way is no event to be looked for.
+TEST(Rest, OfTwoEdgesTakesSixEvaluationsAStep) {
+  for (const ContactLaw law : {ContactLaw::kViscous, ContactLaw::kRigid}) {
+    Scenario s = onTwoEdges(0.05, 1e-4);
+    s.contact.law = law;
+    s.mechanism.exciter.amplitude = 0.1;
+    Simulation sim(s);
+    ASSERT_EQ(sim.advance(0.02), StopReason::kOk);
+    ASSERT_EQ(closedContacts(sim), 2);
+    const RunCounts before = sim.counts();
+    for (int k = 1; k <= 100; ++k) ASSERT_EQ(sim.advance(0.02 + 2e-4 * k), StopReason::kOk);
+    EXPECT_EQ(sim.counts().steps - before.steps, 100);
+    EXPECT_EQ(sim.counts().evaluations - before.evaluations, 600);
+  }
+}
+
 }  // namespace
 }  // namespace assembly_cell
