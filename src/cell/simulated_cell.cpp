@@ -118,7 +118,7 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
   block.saturated_b.resize(n);
   block.accelerations.resize(accelerations ? 2 * n : 0);
   block.time = static_cast<double>(samples_ + 1) * parameters_.sample_period;
-  const double end = static_cast<double>(samples_ + n) * parameters_.sample_period;
+  const double end = nextEnd();
   for (std::size_t i = 0; i < n; ++i) {
     ++samples_;
     // times from the count of samples, so that rounding does not add up

@@ -10,5 +10,7 @@ int main(int argc, char** argv) {
   // cleared and mapped anew for the next one: 7 % of an alignment in lockstep.
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
   mallopt(M_TOP_PAD, 1 << 20);
+  // One heap: what a thread leaves the next one takes. Those of other threads grow page by page.
+  mallopt(M_ARENA_MAX, 1);
   return assembly_cell::ros_bridge::run<NodeletManager>(argc, argv, "nodelet_manager");
 }

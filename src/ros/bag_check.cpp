@@ -26,7 +26,7 @@ namespace {
 
 constexpr int kStuck = 10;                  // CPU time without a message read [s]
 constexpr rlim_t kMaxMemory = 8ull << 30u;  // a damaged length asks for any [bytes]
-constexpr char kReason[] = "--reason";      // asked for by checkBag: what is wrong, bare
+constexpr char kReason[] = "--reason";      // asked for by damageOf(): what is wrong, bare
 constexpr char kRemedy[] = ": give a whole bag, or mend it with `rosbag reindex`";
 
 // the time of the process, not the clock's: a busy machine may take long
@@ -35,34 +35,8 @@ void winUp() {
   setitimer(ITIMER_VIRTUAL, &timer, nullptr);
 }
 
-}  // namespace
-
-int runBagCheck(int argc, char** argv) {
-  const bool asked = argc == 2 && std::strcmp(argv[1], "--help") == 0;
-  const bool child = argc == 3 && std::strcmp(argv[1], kReason) == 0;
-  if ((argc != 2 && !child) || asked) {
-    std::fputs(
-        "usage: check_bag FILE    reads every message of a bag; exit: 0 whole, 1 damaged, 2 bad "
-        "arguments\n",
-        asked ? stdout : stderr);
-    return asked ? 0 : 2;
-  }
-  const std::string path = argv[argc - 1];
-  const auto refuse = [&](int code, const std::string& why, const char* remedy) {
-    if (child) {
-      std::puts(why.c_str());
-    } else {
-      std::fprintf(stderr, "check_bag: %s: %s%s\n", printable(path, 1000).c_str(), why.c_str(),
-                   remedy);
-    }
-    return code;
-  };
-  std::error_code none;
-  const bool folder = std::filesystem::is_directory(path, none);
-  if (folder || ::access(path.c_str(), R_OK) != 0) {
-    return refuse(2, folder ? "this is a folder" : std::strerror(errno),
-                  ": give a bag that can be read");
-  }
+// Exit code of the program's own process, which may not come to its end: 0, or 1 and why.
+int readWhole(const std::string& path) {
   const rlimit memory{kMaxMemory, kMaxMemory};
   setrlimit(RLIMIT_AS, &memory);
   try {
@@ -78,11 +52,14 @@ int runBagCheck(int argc, char** argv) {
     }
     return 0;
   } catch (const std::exception& error) {
-    return refuse(1, printable(error.what(), 200), kRemedy);
+    std::puts(printable(error.what(), 200).c_str());
+    return 1;
   }
 }
 
-void checkBag(const std::string& path, const std::string& what) {
+// What is wrong with a bag; empty: nothing. Throws InputError, told by `what`, where no process can
+// be had to read it.
+std::string damageOf(const std::string& path, const std::string& what) {
   const std::string program =
       std::filesystem::read_symlink("/proc/self/exe").parent_path() / "check_bag";
   int ends[2];
@@ -108,14 +85,48 @@ void checkBag(const std::string& path, const std::string& what) {
   int status = 0;
   while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
-  if (child > 0 && WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  if (child > 0 && WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
   if (child < 0 || (WIFEXITED(status) && WEXITSTATUS(status) == 127)) {
     throw InputError(what + " can't be read: the program " + program + " can't be run");
   }
   while (!said.empty() && said.back() == '\n') said.pop_back();
   if (WIFSIGNALED(status) && WTERMSIG(status) == SIGVTALRM) said = "it has no end";
-  if (said.empty()) said = "it is damaged";
-  throw InputError(what + " can't be read: " + printable(said, 200) + kRemedy);
+  return said.empty() ? "it is damaged" : printable(said, 200);
+}
+
+}  // namespace
+
+int runBagCheck(int argc, char** argv) {
+  if (argc == 3 && std::strcmp(argv[1], kReason) == 0) return readWhole(argv[2]);
+  const bool asked = argc == 2 && std::strcmp(argv[1], "--help") == 0;
+  if (argc != 2 || asked) {
+    std::fputs(
+        "usage: check_bag FILE    reads every message of a bag; exit: 0 whole, 1 damaged, 2 bad "
+        "arguments\n",
+        asked ? stdout : stderr);
+    return asked ? 0 : 2;
+  }
+  const std::string path = argv[1], shown = printable(path, 1000);
+  std::error_code none;
+  const bool folder = std::filesystem::is_directory(path, none);
+  if (folder || ::access(path.c_str(), R_OK) != 0) {
+    std::fprintf(stderr, "check_bag: %s: %s: give a bag that can be read\n", shown.c_str(),
+                 folder ? "this is a folder" : std::strerror(errno));
+    return 2;
+  }
+  try {
+    const std::string damage = damageOf(path, shown);
+    if (damage.empty()) return 0;
+    std::fprintf(stderr, "check_bag: %s: %s%s\n", shown.c_str(), damage.c_str(), kRemedy);
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "check_bag: %s\n", error.what());
+  }
+  return 1;
+}
+
+void checkBag(const std::string& path, const std::string& what) {
+  const std::string damage = damageOf(path, what);
+  if (!damage.empty()) throw InputError(what + " can't be read: " + damage + kRemedy);
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -10,6 +10,14 @@
 
 namespace assembly_cell::ros_bridge {
 
+namespace {
+
+// So often the thread looks whether helpers that come and go left anything, several blocks of a
+// cell in lockstep: who decides for longer keeps callbacks waiting by as much.
+constexpr std::chrono::milliseconds kLook{2};
+
+}  // namespace
+
 SharedSpinner& SharedSpinner::ofThisProcess() {
   static SharedSpinner spinner;
   return spinner;
@@ -96,8 +104,18 @@ void SharedSpinner::spin() {
   std::unique_lock<std::mutex> lock(mutex_);
   while (!stopping_) {
     waiting_ = true;
-    told_.wait(lock, [this] { return (news_ && helpers_ == 0) || stopping_; });
-    waiting_ = false;
+    const auto has_work = [this] { return (news_ && helpers_ == 0) || stopping_; };
+    while (!has_work()) {
+      // what the last helper left waits for the next one, or for this
+      looks_ = helped_;
+      helped_ = false;
+      if (looks_) {
+        told_.wait_for(lock, kLook);
+      } else {
+        told_.wait(lock);
+      }
+    }
+    waiting_ = looks_ = false;
     lock.unlock();
     callEach();
     lock.lock();
@@ -108,12 +126,15 @@ SharedSpinner::Helper::Helper() {
   SharedSpinner& shared = ofThisProcess();
   const std::lock_guard<std::mutex> lock(shared.mutex_);
   ++shared.helpers_;
+  shared.helped_ = true;
 }
 
 SharedSpinner::Helper::~Helper() {
   SharedSpinner& shared = ofThisProcess();
   const std::lock_guard<std::mutex> lock(shared.mutex_);
-  if (--shared.helpers_ == 0 && shared.news_ && shared.waiting_) shared.told_.notify_one();
+  if (--shared.helpers_ > 0 || !shared.news_ || !shared.waiting_) return;
+  // one that helps again and again needs no other thread to wake up each time
+  if (!shared.looks_) shared.told_.notify_one();
 }
 
 bool SharedSpinner::Helper::callUntil(const std::function<bool()>& done,

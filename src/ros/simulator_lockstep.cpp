@@ -1,11 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // How the simulator waits for its participants.
+#include <rosgraph_msgs/Clock.h>
+
 #include <algorithm>
 #include <cmath>
-
 #include <optional>
 
 #include "assembly_cell/ros/conversions.h"
+#include "assembly_cell/ros/publish_shared.h"
 #include "assembly_cell/ros/simulator_node.h"
 
 namespace assembly_cell::ros_bridge {
@@ -19,6 +21,13 @@ constexpr int kConnectionCheck = 3;  // so many of them
 constexpr double kStamp = 1e-6;      // rounding of stamps [s]
 
 }  // namespace
+
+void SimulatorNode::publishClock(const ros::Time& stamp) {
+  clock_stamp_ = stamp;
+  rosgraph_msgs::Clock clock;
+  clock.clock = stamp;
+  publishShared(clock_pub_, clock);
+}
 
 bool SimulatorNode::isAnswered() const {
   return participants_.allAnswered(awaited_) &&

@@ -258,6 +258,8 @@ bool SimulatorNode::computeBlock() {
     watchPlant();
     applyCommands();
     publishPlantState();
+    // first: roscpp's network thread, which keeps others from publishing, sends it meanwhile
+    if (lockstep_) publishClock(stampAt(cell_->nextEnd()));
     const StopReason reason = cell_->next(block_, accelerometers_pub_.getNumSubscribers() > 0,
                                           [this](const Vector6& load) { feel(load); });
     if (reason != StopReason::kOk) why = toString(reason);
@@ -452,11 +454,7 @@ void SimulatorNode::publishState() {
     }
     publishShared(truth_contacts_pub_, std::move(contacts));
   }
-  if (lockstep_) {
-    rosgraph_msgs::Clock clock;
-    clock.clock = stamp;
-    publishShared(clock_pub_, clock);
-  }
+  if (lockstep_ && stamp != clock_stamp_) publishClock(stamp);
 }
 
 void SimulatorNode::publishDiagnostics() {

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "assembly_cell/base/date.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/heartbeat.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
@@ -268,6 +269,9 @@ int run(const std::vector<std::string>& arguments) {
     throw InputError("--runs: value " + std::to_string(o.runs) +
                      ": --out and --readings are of one cell, leave it out");
   }
+  // before the run, which takes a while
+  if (!o.out.empty()) checkWritable(o.out, "--out: value " + o.out);
+  if (!o.readings.empty()) checkWritable(o.readings, "--readings: value " + o.readings);
   Task task{loadScenario(o.scenario, o.overrides), {}, {}, {}};
   if (!o.mismatch.empty()) task.mismatch = loadMismatch(o.mismatch);
   task.prior.unknowns = unknownsAsDrawn(o.prior_scale);

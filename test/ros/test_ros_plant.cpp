@@ -138,6 +138,22 @@ TEST(SharedSpinnerTest, WhoWaitsDoesTheWork) {
   spinner.remove(&queue);
 }
 
+// A strategy between two blocks lets the thread sleep, one that goes on deciding doesn't.
+TEST(SharedSpinnerTest, WhatIsLeftByHelpersThatComeAndGoIsCalled) {
+  SharedSpinner::Queue queue;
+  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
+  spinner.add(&queue);
+  for (int round = 0; round < 5; ++round) {
+    std::atomic<bool> left{false};
+    for (int i = 0; i < 100; ++i) {
+      SharedSpinner::Helper helper;
+      if (i == 99) addTo(queue, [&] { left = true; });
+    }
+    EXPECT_TRUE(soon(left)) << round;
+  }
+  spinner.remove(&queue);
+}
+
 // A cell that nobody waits for calls back for ever.
 TEST(SharedSpinnerTest, CallbacksThatNeverEndHoldNobodyUp) {
   SharedSpinner::Queue queue, other;

@@ -88,6 +88,12 @@ class SimulatedCell {
   StopReason next(StrainBlock& block, bool accelerations = false,
                   const std::function<void(const Vector6& load)>& watch = nullptr);
 
+  /// When that block will end, in the world's time [s].
+  double nextEnd() const {
+    return static_cast<double>(samples_ + static_cast<std::uint64_t>(parameters_.block_size)) *
+           parameters_.sample_period;
+  }
+
   /// The same without the samples that nobody reads. The wrench is found at every millisecond, and
   /// often enough for a motion at `fastest` [rad/s]; means and covariances are as those of a block,
   /// see BlockMeans. At rest they are those of the samples; of a vibration of 2 N sensor_b has 1.5

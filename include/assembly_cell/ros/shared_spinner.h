@@ -71,6 +71,8 @@ class SharedSpinner {
   std::condition_variable told_, helpers_told_;
   bool news_ = false, stopping_ = false;
   bool waiting_ = false;                   ///< the thread, for news
+  bool looks_ = false;                     ///< it does so for a moment only
+  bool helped_ = false;                    ///< somebody has since it last began to wait
   int helpers_ = 0, helpers_waiting_ = 0;  ///< who do its work
   std::atomic<bool> works_{false};
   std::thread thread_;

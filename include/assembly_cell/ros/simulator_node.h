@@ -106,6 +106,7 @@ class SimulatorNode {
   void publishBlock();
   void publishStaticFrames();
   void publishState();
+  void publishClock(const ros::Time& stamp);
   void publishDiagnostics();
   void subscribeToAcks();
   void askAgain(std::uint32_t sequence);
@@ -196,6 +197,7 @@ class SimulatorNode {
   std::chrono::steady_clock::time_point figures_start_;
   double figures_time_ = 0.0;
 
+  ros::Time clock_stamp_;  // as it was last published
   LatestPublisher<StrainSamples> bridge_a_pub_, bridge_b_pub_;
   LatestPublisher<geometry_msgs::PoseStamped> carrier_pub_;
   ros::Publisher accelerometers_pub_, clock_pub_, truth_pose_pub_, truth_contacts_pub_,
