@@ -178,7 +178,7 @@ double dipOfOpen(const Context& c, const Trial& step, const Evaluation& e) {
 double dipOfClosed(const Context& c, const Trial& step, const Events& at_end,
                    ContactSlotMask closed) {
   double least = 0.0, at = 0.0;
-  for (const std::size_t i : Slots(closed)) {
+  for (const std::size_t i : Slots(closed & ~step.stages.shared)) {
     for (std::size_t kind = 0; kind < kEventKinds; ++kind) {
       const double f0 = c.events.ofSlot(i)[kind], f1 = step.stages.value[0][i][kind];
       const double f2 = step.stages.value[1][i][kind], f3 = at_end.ofSlot(i)[kind];
@@ -224,12 +224,11 @@ void noteStage(const System& s, const Context& c, const Evaluation& e, int stage
   for (const std::size_t i : Slots(e.closed)) {
     if (c.slots[i].mode == Mode::kStick) sticking |= 1u << i;
   }
-  // two of them share a force that is only found at a step's end
-  const ContactSlotMask shared = sticking & (sticking - 1) ? sticking : 0;
+  stages.shared = sticking & (sticking - 1) ? sticking : 0;
   for (const std::size_t i : Slots(e.closed)) {
     auto& value = stages.value[stage][i];
     value.fill(HUGE_VAL);
-    if (e.valid(i) && c.slots[i].mode != Mode::kIdle && !(shared >> i & 1u)) {
+    if (e.valid(i) && c.slots[i].mode != Mode::kIdle) {
       slotEvents(s, c, e, i, value.data());
     } else {
       stages.told = false;

@@ -17,6 +17,8 @@ inline bool isFinite(const State& state) {
 struct StageEvents {
   bool noted = false;
   bool told = false;  ///< they tell of events in between: all slots carry
+  /// Slots that stick beside each other: what these share is found at a step's end, here it is 0.
+  ContactSlotMask shared = 0;
   std::array<std::array<std::array<double, kEventKinds>, kSlots>, 2> value;
 };
 
