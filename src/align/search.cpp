@@ -291,7 +291,10 @@ void Search::startHere() {
 bool Search::stillIn() {
   knowBore();
   hole_.normal_sd = kUnknownAxis;
-  if (centre(Mat3::Identity())) return true;
+  if (centre(Mat3::Identity())) {
+    leanInBore();
+    return true;
+  }
   throw AlignError(AlignFailure::kInContact,
                    text("the goal before has left the peg %.1f mm deep in the hole, and its walls "
                         "aren't where they were; take it out by the action retreat, or reset the "
@@ -323,13 +326,22 @@ bool Search::alreadyIn() {
   hole_.normal_sd = kUnknownAxis;
   rememberSag(bottom);
   if (centre(Mat3::Identity()) &&
-      lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity()))
+      lower(pegPose(press_.target(), Vector6::Zero()).p, Mat3::Identity())) {
+    leanInBore();
     return true;
+  }
   // no hole: something on one side only, or a face
   found_ = false;
   hole_ = HoleEstimate();
   press_.moveTo(start);
   return false;
+}
+
+// The axis isn't known: a peg that leans in the bore meets one wall with its edge and the other at
+// the rim, and the middle between them is off by up to half the clearance.
+void Search::leanInBore() {
+  const double play = 0.5 * (mechanism_.hole.radius - mechanism_.peg.radius);
+  hole_.center_covariance.diagonal().array() += play * play / 3.0;
 }
 
 bool Search::enter(const Vec3& center, int rings) {

@@ -259,13 +259,16 @@ void TwinForceContacts::fit() {
 }
 
 // lowest point of the bottom edge that isn't over the hole
-Vec3 TwinForceContacts::touchPoint(const Pose& X_HP) const {
-  Vec3 lowest(0, 0, 1e9);
+std::optional<Vec3> TwinForceContacts::touchPoint(const Pose& X_HP) const {
+  std::optional<Vec3> lowest;
   for (int i = 0; i < 360; ++i) {
     const double a = 2 * M_PI * i / 360;
     const Vec3 edge = tipRadius(setup_.mechanism.peg) * Vec3(std::cos(a), std::sin(a), 0.0);
     const Vec3 p = X_HP.R * edge + X_HP.p;
-    if (p.head<2>().norm() > mouthRadius(setup_.mechanism.hole) && p.z() < lowest.z()) lowest = p;
+    if (p.head<2>().norm() > mouthRadius(setup_.mechanism.hole) &&
+        (!lowest || p.z() < lowest->z())) {
+      lowest = p;
+    }
   }
   return lowest;
 }
@@ -274,18 +277,22 @@ ReachableContact TwinForceContacts::advise() {
   const double pull = kPull * setup_.mechanism.friction.static_coefficient * task_.contact_force;
   std::vector<ContactCandidate> candidates;
   std::vector<ReachableContact> reachable;
+  // chamfers may leave the edge far inside the mouth
+  const double gap = mouthRadius(setup_.mechanism.hole) - tipRadius(setup_.mechanism.peg);
+  const double over_plane = std::max(kOverPlane, gap + kOverRim);
   for (int k = 0; k < kAzimuths; ++k) {
     const double a = 2 * M_PI * k / kAzimuths;
     const Vec2 down(std::cos(a), std::sin(a));
-    for (const double beside : {-kOverRim, kOverPlane}) {
+    for (const double beside : {-kOverRim, over_plane}) {
       Pose X_HP{tiltRotation(task_.contact_tilt * Vec2(-down.y(), down.x())), Vec3::Zero()};
       X_HP.p.head<2>() = beside * down;
-      const Vec3 touch = touchPoint(X_HP);
-      X_HP.p.z() -= touch.z();
+      const std::optional<Vec3> touch = touchPoint(X_HP);
+      if (!touch) continue;  // the edge hangs in the mouth
+      X_HP.p.z() -= touch->z();
       const Pose X_PH = inverse(X_HP);
       ContactCandidate c;
       c.move = inverse(estimate_.pose) * X_HP;
-      c.point = X_PH.R * Vec3(touch.x(), touch.y(), 0.0) + X_PH.p;
+      c.point = X_PH.R * Vec3(touch->x(), touch->y(), 0.0) + X_PH.p;
       c.covariance_a = contacts_.back().covariance_a;
       c.covariance_b = contacts_.back().covariance_b;
       c.move_covariance = contacts_.back().move_covariance;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/guard/message_check.h"
 
 namespace assembly_cell::ros_bridge {
@@ -86,12 +87,12 @@ Pose fromPose(const geometry_msgs::Pose& pose, const std::string& source) {
                              pose.orientation.z);
   for (int axis = 0; axis < 3; ++axis) {
     if (std::abs(p(axis)) <= kPositionField.high) continue;
-    throw InputError(source + ": position." + "xyz"[axis] + " is " + std::to_string(p(axis)) +
-                     ": give metres, at most " + std::to_string(std::lround(kPositionField.high)));
+    throw InputError(source + text(": position.%c is %.12g: give metres, at most %g", "xyz"[axis],
+                                   p(axis), kPositionField.high));
   }
   if (!q.coeffs().allFinite() || std::abs(q.norm() - 1.0) > kQuaternionTolerance) {
-    throw InputError(source + ": orientation has norm " + std::to_string(q.norm()) +
-                     ": give a unit quaternion x, y, z, w");
+    throw InputError(
+        source + text(": orientation has norm %g: give a unit quaternion x, y, z, w", q.norm()));
   }
   return {q.normalized().toRotationMatrix(), p};
 }

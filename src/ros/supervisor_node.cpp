@@ -169,7 +169,9 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
       result = align(*plant_, mechanism_, known ? withDrive(parameters, known->drive) : parameters,
                      progress);
       if (result.success) left_in_ = {result.depth, plant_->carrierPose()};
-      end.failed = end.begun = !result.success;
+      end.failed = !result.success;
+      // a cancel before anything moved leaves what was known of the peg
+      end.begun = end.failed && (plant_->hasMoved() || result.failure != AlignFailure::kCancelled);
       end.failure = result.failure;
       end.reason = result.reason;
     } catch (...) {

@@ -84,7 +84,8 @@ SupervisorNode::End SupervisorNode::endOfException() const {
   } catch (const InputError& error) {
     end.reason = error.what();
   } catch (const PlantError& error) {
-    end.begun = true;
+    // a cancel before anything moved leaves what was known of the peg
+    end.begun = end.begun || error.failure != AlignFailure::kCancelled;
     end.failure = error.failure;
     end.contacts = error.contacts;
     end.reason = error.what();

@@ -149,9 +149,20 @@ void TwinForceNode::begin(const TwinForceTask& task) {
   advised_.reset();
 }
 
+// Without services_: who waits for samples keeps nobody else waiting, in lockstep they come only
+// once others have been answered.
 TwinForceNode::Reading TwinForceNode::read(TwinForceStreams::Window window) {
-  if (window.duration == 0.0) window.duration = window_;
-  return streams_->read(window, limits_);
+  std::unique_lock<std::mutex> coming(coming_, std::defer_lock);
+  if (window.last.isZero() && !coming.try_lock()) {
+    throw InputError("another call waits for samples to come: call again once it has its answer");
+  }
+  AveragingLimits limits;
+  {
+    const std::lock_guard<std::mutex> turn(services_);
+    if (window.duration == 0.0) window.duration = window_;
+    limits = limits_;
+  }
+  return streams_->read(window, limits);
 }
 
 bool TwinForceNode::onBegin(BeginTwinForce::Request& request, BeginTwinForce::Response& response) {
@@ -173,16 +184,21 @@ bool TwinForceNode::onBegin(BeginTwinForce::Request& request, BeginTwinForce::Re
 }
 
 std::pair<bool, std::string> TwinForceNode::tare(const TwinForceStreams::Window& window) {
-  const std::lock_guard<std::mutex> turn(services_);
+  const auto taken = [this] {
+    return text("zero from %d samples", free_->window.means().samples());
+  };
   try {
-    if (!free_ || !same(window, free_asked_)) {
-      const Reading reading = read(window);
-      const WindowAnswer answer = contacts_->tare(reading.window);
-      if (!answer.refusal.empty()) return {false, answer.refusal};
-      free_ = reading;
-      free_asked_ = window;
+    {
+      const std::lock_guard<std::mutex> turn(services_);
+      if (free_ && same(window, free_asked_)) return {true, taken()};
     }
-    return {true, text("zero from %d samples", free_->window.means().samples())};
+    const Reading reading = read(window);
+    const std::lock_guard<std::mutex> turn(services_);
+    const WindowAnswer answer = contacts_->tare(reading.window);
+    if (!answer.refusal.empty()) return {false, answer.refusal};
+    free_ = reading;
+    free_asked_ = window;
+    return {true, taken()};
   } catch (const InputError& error) {
     return {false, error.what()};
   }
@@ -214,8 +230,7 @@ std::vector<TwinForceNode::Origin>::const_iterator TwinForceNode::known(
 }
 
 std::vector<TwinForceNode::Origin>::const_iterator TwinForceNode::add(
-    const TwinForceStreams::Window& window) {
-  const Reading reading = read(window);
+    const TwinForceStreams::Window& window, const Reading& reading) {
   const WindowAnswer answer = contacts_->add(reading.window);
   if (!answer.refusal.empty()) throw InputError(answer.refusal + ": call ~reset first");
   std::string message = text("contact %zu: %.2f N", origins_.size(), answer.force);
@@ -227,18 +242,25 @@ std::vector<TwinForceNode::Origin>::const_iterator TwinForceNode::add(
   return std::prev(origins_.end());
 }
 
-bool TwinForceNode::onAdd(AddContact::Request& request, AddContact::Response& response) {
+std::string TwinForceNode::keep(const TwinForceStreams::Window& window) {
+  {
+    const std::lock_guard<std::mutex> turn(services_);
+    const auto origin = known(window);
+    if (origin != origins_.end()) return origin->message;
+  }
+  const Reading reading = read(window);
   const std::lock_guard<std::mutex> turn(services_);
+  return add(window, reading)->message;
+}
+
+bool TwinForceNode::onAdd(AddContact::Request& request, AddContact::Response& response) {
   try {
-    const TwinForceStreams::Window asked{request.window, request.first, request.last,
-                                         request.blocks};
-    auto origin = known(asked);
-    if (origin == origins_.end()) origin = add(asked);
+    response.message = keep({request.window, request.first, request.last, request.blocks});
     response.success = true;
-    response.message = origin->message;
   } catch (const InputError& error) {
     response.message = error.what();
   }
+  const std::lock_guard<std::mutex> turn(services_);
   response.status = status();
   status_pub_.publish(response.status);
   return true;

@@ -163,6 +163,18 @@ TEST(TwinForceStrategy, BelievesWhatCalibrationsSayOfThemselves) {
   EXPECT_NEAR(squared / kCells, 2.0, 2.0 * 2.0 / std::sqrt(kCells));
 }
 
+// The tip, a fifth of the radius, hangs in a mouth nearly twice as wide as the hole wherever a
+// sharp edge would reach over the rim: the carrier was sent 2e7 km away.
+TEST(TwinForceStrategy, AsksForContactsThatThereAre) {
+  Scenario s = cell();
+  s.mechanism.peg.chamfer_width = s.mechanism.hole.chamfer_width = 0.02;
+  const Scenario start = startAt(s, {0.046, 0.003}, {0.012, -0.013}, 0.003);
+  SimulatedPlant plant(start, s.mechanism, CellParameters{});
+  const AlignResult result = align(plant, s.mechanism, twinForceParameters());
+  EXPECT_TRUE(result.success) << result.reason;
+  EXPECT_GE(result.contacts, 3);
+}
+
 TEST(TwinForceStrategy, RefusesBadParameters) {
   const Scenario s = cell();
   const auto message = [&](const std::function<void(AlignParameters&)>& change) {

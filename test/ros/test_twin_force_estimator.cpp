@@ -324,6 +324,33 @@ TEST_F(TwinForceEstimator, AWindowSaidTwiceCountsOnce) {
   }
 }
 
+// In lockstep samples come once a strategy has been answered: who waits for them holds it up for
+// good.
+TEST_F(TwinForceEstimator, WhoWaitsForSamplesKeepsNobodyWaiting) {
+  const Vector3d force(0.5, -0.3, 0.4), at(0.01, 0.02, 0);
+  push(Pose{}, force, at);
+  std_srvs::Trigger tare;
+  std::atomic<bool> answered{false};
+  std::thread caller([&] {
+    EXPECT_TRUE(callService("twin_force_estimator/tare", tare));
+    answered = true;
+  });
+  // its window has come in half when the next one asks
+  push(Pose{}, force, at);
+  AddContact second;
+  EXPECT_TRUE(waitFor([&] {
+    return callService("twin_force_estimator/add_contact", second) &&
+           second.response.message.find("another call waits") == 0;
+  })) << second.response.message;
+  std_srvs::Trigger reset;
+  ASSERT_TRUE(callService("twin_force_estimator/reset", reset));
+  EXPECT_TRUE(reset.response.success) << reset.response.message;
+  EXPECT_FALSE(answered);
+  for (int i = 0; i < 2000 && !answered; ++i) push(Pose{}, force, at);
+  caller.join();
+  EXPECT_TRUE(tare.response.success) << tare.response.message;
+}
+
 TEST_F(TwinForceEstimator, TakesOutTheZero) {
   // both sensors off by what they feel hanging free
   const Vector3d offset(0.5, -0.3, 0.4), at(0.01, 0.02, 0);

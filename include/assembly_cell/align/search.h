@@ -150,6 +150,7 @@ class Search {
   /// A goal before has left the peg deeper in the hole than any alignment does.
   bool isFarIn() const;
   bool stillIn();
+  void leanInBore();
   /// S is the carrier as it stands.
   void startHere();
   /// The peg is in the bore, as deep as the goal before has left it.

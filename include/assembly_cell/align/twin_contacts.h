@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "assembly_cell/align/twin_sensing.h"
@@ -81,7 +82,7 @@ class TwinForceContacts : public TwinForceSensing {
  private:
   void fit();
   Pose moveOf(const Pose& X_SC) const;
-  Eigen::Vector3d touchPoint(const Pose& X_HP) const;
+  std::optional<Eigen::Vector3d> touchPoint(const Pose& X_HP) const;
   PosePrior touchedPrior(const Pose& about, double sd) const;
   void check(const TwinContact& contact);
 

@@ -64,7 +64,10 @@ class TwinForceNode {
   /// whose answer got lost is said again.
   std::vector<Origin>::const_iterator known(const TwinForceStreams::Window& window) const;
   /// Keeps a contact; throws InputError with the reason when it is refused.
-  std::vector<Origin>::const_iterator add(const TwinForceStreams::Window& window);
+  std::vector<Origin>::const_iterator add(const TwinForceStreams::Window& window,
+                                          const Reading& reading);
+  /// The same of a window that is read first, with the answer; without services_.
+  std::string keep(const TwinForceStreams::Window& window);
   /// Takes the zero from a window; true and what from, or why not.
   std::pair<bool, std::string> tare(const TwinForceStreams::Window& window);
   void publishPose();
@@ -77,6 +80,7 @@ class TwinForceNode {
   TwinForceTask own_task_;  ///< by parameters
 
   mutable std::mutex services_;  ///< one at a time
+  std::mutex coming_;            ///< one that waits for samples to come
   std::unique_ptr<TwinForceContacts> contacts_;
   std::vector<Origin> origins_;          ///< of the contacts
   std::optional<Reading> free_;          ///< the latest zero
