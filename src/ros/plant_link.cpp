@@ -107,12 +107,22 @@ void PlantLink::watchConstant(ros::NodeHandle& nh, const std::string& topic,
 
 // ---- the session ----
 
+// By the plant's last word. Of one that has been stopped nobody can be said to hold it.
+bool PlantLink::freeUnlocked() const {
+  return !state_ || state_->held || state_->holder.empty() ||
+         state_->holder == ros::this_node::getName();
+}
+
+bool PlantLink::isFree() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return freeUnlocked();
+}
+
 void PlantLink::begin() {
   std::string holder = hold(plant_, node_);
   const std::lock_guard<std::mutex> lock(mutex_);
   // another process: what this goal would send meanwhile would only disturb the other's
-  if (holder == node_ && state_ && !state_->held && !state_->holder.empty() &&
-      state_->holder != ros::this_node::getName()) {
+  if (holder == node_ && !freeUnlocked()) {
     holder = state_->holder;
     letGo(plant_, node_);
   }

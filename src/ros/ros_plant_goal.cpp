@@ -34,6 +34,7 @@ constexpr std::size_t kLeastSamples = 8;  // of a vibration
 constexpr double kSaturated = 0.5;
 constexpr int kLeastSaturated = 5;  // blocks: two with a freeze between them are no proof
 constexpr char kBlock[] = "block of samples";
+constexpr std::chrono::seconds kLettingGo(1);  // of wall time
 // of the participants of a lockstep that a cell may have: time waits for them, asked or not
 constexpr const char* kOptional[] = {"twin_force/status", "align/status", "identify/status"};
 
@@ -332,6 +333,13 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   const auto arrived = [this] { return fresh_.has_value(); };
   // a plant with a dead man would stop a session that begins before a driver is back
   if (!lockstep_) waitFor(lock, kBlock, arrived);
+  // who held it a moment ago may still be letting it go, by its answer to the next block
+  const auto is_free = [this] { return link_.isFree(); };
+  const auto until = Steady::now() + kLettingGo;
+  while (!is_free() && Steady::now() < until) {
+    acknowledge();
+    waitForChange(lock, is_free);
+  }
   link_.begin();
   waitFor(lock, kBlock, arrived);
   waitFor(lock, "calibration of sensor_a and sensor_b",

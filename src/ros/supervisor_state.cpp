@@ -22,7 +22,7 @@ namespace {
 constexpr double kBeside = 1e-3, kTurned = 0.02;
 constexpr double kFreeing = 5.0;           // of cell time after a goal that failed [s]
 constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
-constexpr char kIdentify[] = "identify: ";
+constexpr char kIdentify[] = "identify: ", kIdentifier[] = "mechanism_identifier";
 
 }  // namespace
 
@@ -33,8 +33,10 @@ void SupervisorNode::startState(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
       nh.createWallTimer(ros::WallDuration(kDiagnosticPeriod),
                          [this](const ros::WallTimerEvent&) { publishDiagnostics(); });
   identifier_sub_ = subscribeChecked<SupervisorState>(
-      nh, "mechanism_identifier/state", 10,
+      nh, std::string(kIdentifier) + "/state", 10,
       [this](const SupervisorState::ConstPtr& message) { hearIdentifier(*message); });
+  plant_sub_ = subscribeChecked<PlantState>(
+      nh, "plant_state", 10, [this](const PlantState::ConstPtr& message) { hearPlant(*message); });
   mechanism_sub_ = subscribeMechanism(nh, [this](const KnownMechanism& known) {
     const std::lock_guard<std::mutex> lock(state_mutex_);
     news_ = known;
@@ -56,6 +58,20 @@ void SupervisorNode::hearIdentifier(const SupervisorState& identifier) {
     state_.stuck = state_.stuck && identifier.in_contact;
     state_.reason = identifier.in_contact ? kIdentify + identifier.reason.substr(0, 500) : "";
     identified_ = identifier.header.stamp;
+  }
+  publishState();
+}
+
+// An identifier that ends amid its goal says nothing of the peg: the plant does that it has
+// stopped.
+void SupervisorNode::hearPlant(const PlantState& plant) {
+  {
+    const std::lock_guard<std::mutex> lock(state_mutex_);
+    const bool ended = plant.held && plant.reason.find(kIdentifier) != std::string::npos;
+    if (!ended || !identifier_runs_ || !state_.goal.empty()) return;
+    state_.in_contact = true;
+    state_.reason = kIdentify + plant.reason.substr(0, 500);
+    identified_ = plant.header.stamp;
   }
   publishState();
 }

@@ -32,6 +32,7 @@ class PlantLink {
   PlantLink(const PlantLink&) = delete;
   PlantLink& operator=(const PlantLink&) = delete;
 
+  bool isFree() const;            ///< no node of another process holds it, as far as is known
   void begin();                   ///< a session with a new number; none while another node of this
                                   ///< process has one, which is a fault
   void forget();                  ///< the blocks show another life: its state may come later
@@ -68,6 +69,7 @@ class PlantLink {
   template <class Message>
   ros::Subscriber watchCommands(ros::NodeHandle& nh, const std::string& topic);
   bool followsUnlocked() const;
+  bool freeUnlocked() const;
 
   const std::string node_, plant_;  // names of who holds, and of what
   const bool lockstep_;

@@ -13,6 +13,7 @@
 #include "assembly_cell/AlignmentReport.h"
 #include "assembly_cell/AssemblePegAction.h"
 #include "assembly_cell/MoveToContactAction.h"
+#include "assembly_cell/PlantState.h"
 #include "assembly_cell/RetreatAction.h"
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/align/align.h"
@@ -101,6 +102,7 @@ class SupervisorNode {
   /// since; 0 where that isn't the way along the bore. [m]
   double inserted() const;
   void hearIdentifier(const SupervisorState& identifier);
+  void hearPlant(const PlantState& plant);
   void publishState();
   SupervisorState told() const;  ///< by state_mutex_
   void publishDiagnostics();
@@ -131,7 +133,7 @@ class SupervisorNode {
   bool identifier_runs_ = false;  ///< by state_mutex_, as heard last
   ros::Time identified_;          ///< by state_mutex_: whose end state_ is of, if the identifier's
   ros::Publisher state_pub_, diagnostics_pub_;
-  ros::Subscriber identifier_sub_, mechanism_sub_;
+  ros::Subscriber identifier_sub_, plant_sub_, mechanism_sub_;
   ros::WallTimer diagnostics_timer_;
   ros::Publisher report_pub_;
   StaticFrames frames_;
