@@ -154,7 +154,7 @@ StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool sampl
   const double rate = std::max({fastest, felt_a_.humRate(), felt_b_.humRate(), 1e-9});
   const double apart = std::min(kApart, kTurn / rate);
   const SampleSum sum(n, static_cast<int>(apart / period * (1.0 + 1e-9)));
-  const double end = static_cast<double>(samples_ + static_cast<std::uint64_t>(n)) * period;
+  const double end = nextEnd();
   const auto timeOf = [&](int i) { return static_cast<double>(samples_ + i) * period; };
   BlockMeans a, b;
   means.saturated = false;

@@ -170,8 +170,7 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
                      progress);
       if (result.success) left_in_ = {result.depth, plant_->carrierPose()};
       end.failed = !result.success;
-      // a cancel before anything moved leaves what was known of the peg
-      end.begun = end.failed && (plant_->hasMoved() || result.failure != AlignFailure::kCancelled);
+      end.begun = end.failed && hasBegun(result.failure);
       end.failure = result.failure;
       end.reason = result.reason;
     } catch (...) {

@@ -90,6 +90,11 @@ void SupervisorNode::enter(const std::string& goal, bool needs_free_peg) {
   publishState();
 }
 
+// A goal that failed. A cancel before anything has moved leaves what was known of the peg.
+bool SupervisorNode::hasBegun(AlignFailure failure) const {
+  return plant_->hasMoved() || failure != AlignFailure::kCancelled;
+}
+
 SupervisorNode::End SupervisorNode::endOfException() const {
   End end;
   end.failed = true;
@@ -100,8 +105,7 @@ SupervisorNode::End SupervisorNode::endOfException() const {
   } catch (const InputError& error) {
     end.reason = error.what();
   } catch (const PlantError& error) {
-    // a cancel before anything moved leaves what was known of the peg
-    end.begun = end.begun || error.failure != AlignFailure::kCancelled;
+    end.begun = hasBegun(error.failure);
     end.failure = error.failure;
     end.contacts = error.contacts;
     end.reason = error.what();

@@ -331,8 +331,12 @@ TEST_F(TwinForceEstimator, WhoWaitsForSamplesKeepsNobodyWaiting) {
   push(Pose{}, force, at);
   std_srvs::Trigger tare;
   std::atomic<bool> answered{false};
+  // until it is the one that waits, and the other one the second
   std::thread caller([&] {
-    EXPECT_TRUE(callService("twin_force_estimator/tare", tare));
+    EXPECT_TRUE(waitFor([&] {
+      return callService("twin_force_estimator/tare", tare) &&
+             tare.response.message.find("another call waits") != 0;
+    }));
     answered = true;
   });
   // its window has come in half when the next one asks

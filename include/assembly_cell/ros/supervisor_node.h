@@ -95,6 +95,7 @@ class SupervisorNode {
   };
   /// Of the exception that is being handled.
   End endOfException() const;
+  bool hasBegun(AlignFailure failure) const;
   /// A goal has ended. Where it failed the peg is freed first, if there is anything to feel with.
   void leave(const End& end);
   void tell(bool in_contact, bool stuck, const std::string& reason);
