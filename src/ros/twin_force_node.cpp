@@ -243,14 +243,17 @@ std::vector<TwinForceNode::Origin>::const_iterator TwinForceNode::add(
 }
 
 std::string TwinForceNode::keep(const TwinForceStreams::Window& window) {
-  {
-    const std::lock_guard<std::mutex> turn(services_);
-    const auto origin = known(window);
-    if (origin != origins_.end()) return origin->message;
+  std::optional<Reading> reading;
+  while (true) {
+    {
+      const std::lock_guard<std::mutex> turn(services_);
+      const auto origin = known(window);
+      if (origin != origins_.end()) return origin->message;
+      // nor has a call that was said again meanwhile kept it
+      if (reading) return add(window, *reading)->message;
+    }
+    reading = read(window);
   }
-  const Reading reading = read(window);
-  const std::lock_guard<std::mutex> turn(services_);
-  return add(window, reading)->message;
 }
 
 bool TwinForceNode::onAdd(AddContact::Request& request, AddContact::Response& response) {
