@@ -11,6 +11,7 @@
 #include <random>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/AddContact.h"
@@ -321,6 +322,36 @@ TEST_F(TwinForceEstimator, AWindowSaidTwiceCountsOnce) {
     EXPECT_TRUE(k == 0 || tare.response.message == zero) << tare.response.message;
     zero = tare.response.message;
     EXPECT_EQ(say(call).status.contacts.size(), 3U);
+  }
+}
+
+// Also while its blocks are still to come, and nobody has kept it yet.
+TEST_F(TwinForceEstimator, AWindowToComeSaidTwiceCountsOnce) {
+  const Vector3d force(2, 1, 15), at(0.02, 0.01, 0);
+  push(Pose{}, force, at);
+  AddContact calls[2];
+  double end = time_;
+  for (int k = 0; k < 5; ++k) {
+    end += kPeriod * kBlock;
+    if (k == 0) calls[0].request.first = ros::Time(end);
+  }
+  calls[0].request.last = ros::Time(end);
+  calls[0].request.blocks = 5;
+  calls[1] = calls[0];
+  std::atomic<int> answered{0};
+  std::vector<std::thread> callers;
+  for (AddContact& call : calls) {
+    callers.emplace_back([&] {
+      EXPECT_TRUE(callService("twin_force_estimator/add_contact", call));
+      ++answered;
+    });
+  }
+  for (int i = 0; i < 2000 && answered < 2; ++i) push(Pose{}, force, at);
+  for (std::thread& caller : callers) caller.join();
+  for (const AddContact& call : calls) {
+    EXPECT_TRUE(call.response.success) << call.response.message;
+    EXPECT_EQ(call.response.message, calls[0].response.message);
+    EXPECT_EQ(call.response.status.contacts.size(), 1U);
   }
 }
 
