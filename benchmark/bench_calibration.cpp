@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <tuple>
 
-#include "assembly_cell/calibration/force.h"
-#include "assembly_cell/calibration/plan.h"
-#include "assembly_cell/calibration/rig.h"
+#include "assembly_cell/calibration/two_sensor/force.h"
+#include "assembly_cell/calibration/two_sensor/plan.h"
+#include "assembly_cell/calibration/two_sensor/rig.h"
 #include "assembly_cell/sensor/calibration.h"
 
 using namespace assembly_cell;

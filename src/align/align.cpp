@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/align/align.h"
 
-#include "assembly_cell/align/search.h"
+#include "assembly_cell/align/search/search.h"
 #include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "assembly_cell/base/roots.h"
+#include "assembly_cell/math/roots.h"
 
 namespace assembly_cell {
 

@@ -4,9 +4,9 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/force.h"
-#include "assembly_cell/calibration/plan.h"
-#include "assembly_cell/calibration/rig.h"
+#include "assembly_cell/calibration/two_sensor/force.h"
+#include "assembly_cell/calibration/two_sensor/plan.h"
+#include "assembly_cell/calibration/two_sensor/rig.h"
 
 namespace assembly_cell {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "assembly_cell/align/press.h"
+#include "assembly_cell/align/search/press.h"
 
 namespace assembly_cell {
 namespace {

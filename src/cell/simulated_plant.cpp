@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "assembly_cell/align/contact_window.h"
-#include "assembly_cell/align/step.h"
+#include "assembly_cell/align/estimation/contact_window.h"
+#include "assembly_cell/align/search/step.h"
 #include "assembly_cell/locus/vibration_fit.h"
 
 namespace assembly_cell {

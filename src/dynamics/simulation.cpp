@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "assembly_cell/base/input_error.h"
-#include "contact_solver.h"
-#include "evaluation.h"
+#include "contact/contact_solver.h"
+#include "integration/evaluation.h"
 #include "simulation_run.h"
 
 namespace assembly_cell {

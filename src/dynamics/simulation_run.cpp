@@ -5,14 +5,14 @@
 #include <cmath>
 #include <limits>
 
-#include "chatter.h"
-#include "contact_modes.h"
-#include "contact_solver.h"
-#include "contact_tolerances.h"
-#include "event_locator.h"
-#include "face_edge.h"
-#include "impact.h"
-#include "slow_slip.h"
+#include "contact/contact_modes.h"
+#include "contact/contact_solver.h"
+#include "contact/contact_tolerances.h"
+#include "contact/slow_slip.h"
+#include "face/face_edge.h"
+#include "impact/impact.h"
+#include "integration/chatter.h"
+#include "integration/event_locator.h"
 
 namespace assembly_cell {
 namespace {

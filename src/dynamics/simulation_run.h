@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "context.h"
-#include "integrator.h"
+#include "integration/integrator.h"
 
 namespace assembly_cell {
 

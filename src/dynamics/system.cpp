@@ -2,9 +2,9 @@
 #include <algorithm>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/base/roots.h"
 #include "assembly_cell/dynamics/simulation.h"
-#include "contact_tolerances.h"
+#include "assembly_cell/math/roots.h"
+#include "contact/contact_tolerances.h"
 #include "context.h"
 
 namespace assembly_cell {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/math/distributions.h"
 #include "problem.h"
 
 namespace assembly_cell {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "assembly_cell/align/press.h"
-#include "assembly_cell/align/vibration_point.h"
+#include "assembly_cell/align/estimation/vibration_point.h"
+#include "assembly_cell/align/search/press.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/locus/contact_model.h"
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/estimation/contact_window.h"
 
 namespace assembly_cell {
 

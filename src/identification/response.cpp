@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/estimation/contact_window.h"
 #include "assembly_cell/locus/linear_motion.h"
 
 namespace assembly_cell {

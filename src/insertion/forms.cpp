@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "assembly_cell/base/text.h"
-#include "assembly_cell/base/validity.h"
 #include "assembly_cell/insertion/compliance.h"
 #include "assembly_cell/insertion/jamming.h"
 #include "assembly_cell/insertion/two_point.h"
+#include "assembly_cell/math/validity.h"
 
 namespace assembly_cell {
 

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "assembly_cell/base/validity.h"
+#include "assembly_cell/math/validity.h"
 
 namespace assembly_cell {
 

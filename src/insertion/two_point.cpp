@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "assembly_cell/base/validity.h"
+#include "assembly_cell/math/validity.h"
 
 namespace assembly_cell {
 

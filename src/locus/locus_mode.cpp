@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/harmonic_fit.h"
+#include "assembly_cell/math/distributions.h"
 
 namespace assembly_cell {
 namespace {

@@ -1,8 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <pluginlib/class_list_macros.hpp>
 
-#include "assembly_cell/ros/calibration_server_node.h"
-#include "assembly_cell/ros/simulated_rig_node.h"
+#include "assembly_cell/ros/calibration/calibration_server_node.h"
+#include "assembly_cell/ros/simulation/simulated_rig_node.h"
 #include "hosted_nodelet.h"
 
 namespace assembly_cell::ros_bridge {

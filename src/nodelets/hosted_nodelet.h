@@ -8,10 +8,10 @@
 #include <memory>
 #include <string>
 
-#include "assembly_cell/ros/guarded_spinner.h"
-#include "assembly_cell/ros/hosted_nodes.h"
-#include "assembly_cell/ros/node_main.h"
-#include "assembly_cell/ros/shared_spinner.h"
+#include "assembly_cell/ros/bridge/guarded_spinner.h"
+#include "assembly_cell/ros/process/hosted_nodes.h"
+#include "assembly_cell/ros/process/node_main.h"
+#include "assembly_cell/ros/process/shared_spinner.h"
 
 namespace assembly_cell::ros_bridge {
 

@@ -1,9 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <pluginlib/class_list_macros.hpp>
 
-#include "assembly_cell/ros/force_sensor_node.h"
-#include "assembly_cell/ros/locus_node.h"
-#include "assembly_cell/ros/twin_force_node.h"
+#include "assembly_cell/ros/driver/force_sensor_node.h"
+#include "assembly_cell/ros/estimation/locus_node.h"
+#include "assembly_cell/ros/estimation/twin_force_node.h"
 #include "hosted_nodelet.h"
 
 namespace assembly_cell::ros_bridge {

@@ -1,9 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <pluginlib/class_list_macros.hpp>
 
-#include "assembly_cell/ros/cell_player.h"
-#include "assembly_cell/ros/contact_markers_node.h"
-#include "assembly_cell/ros/simulator_node.h"
+#include "assembly_cell/ros/simulation/cell_player.h"
+#include "assembly_cell/ros/simulation/contact_markers_node.h"
+#include "assembly_cell/ros/simulation/simulator_node.h"
 #include "hosted_nodelet.h"
 
 namespace assembly_cell::ros_bridge {

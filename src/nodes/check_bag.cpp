@@ -1,4 +1,4 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/ros/bag_check.h"
+#include "assembly_cell/ros/bridge/bag_check.h"
 
 int main(int argc, char** argv) { return assembly_cell::ros_bridge::runBagCheck(argc, argv); }

@@ -1,8 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <malloc.h>
 
-#include "assembly_cell/ros/node_main.h"
-#include "assembly_cell/ros/nodelet_manager.h"
+#include "assembly_cell/ros/process/node_main.h"
+#include "assembly_cell/ros/process/nodelet_manager.h"
 
 int main(int argc, char** argv) {
   using assembly_cell::ros_bridge::NodeletManager;

@@ -12,11 +12,11 @@
 #include <limits>
 #include <unsupported/Eigen/FFT>
 
-#include "assembly_cell/base/distributions.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/median.h"
 #include "assembly_cell/base/table.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/math/distributions.h"
 
 namespace assembly_cell {
 

@@ -3,7 +3,7 @@
 
 #include "assembly_cell/base/bag.h"
 #include "assembly_cell/base/table.h"
-#include "assembly_cell/calibration/payload_files.h"
+#include "assembly_cell/calibration/payload/payload_files.h"
 #include "assembly_cell/recording/contacts.h"
 
 namespace assembly_cell {

@@ -13,11 +13,11 @@
 #include <utility>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/sensor/iio_source.h"
-#include "assembly_cell/sensor/netft_source.h"
-#include "assembly_cell/sensor/replay_source.h"
-#include "assembly_cell/sensor/serial_source.h"
-#include "assembly_cell/sensor/simulated_source.h"
+#include "assembly_cell/sensor/devices/iio_source.h"
+#include "assembly_cell/sensor/devices/netft_source.h"
+#include "assembly_cell/sensor/devices/replay_source.h"
+#include "assembly_cell/sensor/devices/serial_source.h"
+#include "assembly_cell/sensor/devices/simulated_source.h"
 #include "assembly_cell/sensor/source_parameters.h"
 
 namespace assembly_cell {

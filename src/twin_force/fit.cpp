@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "assembly_cell/base/distributions.h"
+#include "assembly_cell/math/distributions.h"
 
 namespace assembly_cell {
 namespace twin_force {

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/vibration/inertia.h"
 
-#include "assembly_cell/base/validity.h"
+#include "assembly_cell/math/validity.h"
 
 namespace assembly_cell {
 namespace {

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "assembly_cell/base/validity.h"
 #include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/math/validity.h"
 #include "assembly_cell/vibration/inertia.h"
 
 namespace assembly_cell {

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "assembly_cell/base/roots.h"
+#include "assembly_cell/math/roots.h"
 
 namespace assembly_cell {
 namespace vibration {

@@ -3,7 +3,7 @@
 
 #include <complex>
 
-#include "assembly_cell/base/validity.h"
+#include "assembly_cell/math/validity.h"
 #include "numeric.h"
 
 namespace assembly_cell {

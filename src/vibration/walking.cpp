@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "assembly_cell/base/validity.h"
+#include "assembly_cell/math/validity.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/single_dof.h"
 #include "numeric.h"

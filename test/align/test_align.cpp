@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/press.h"
+#include "assembly_cell/align/search/press.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/align/averaging_window.h"
-#include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/estimation/averaging_window.h"
+#include "assembly_cell/align/estimation/contact_window.h"
 
 #include <gtest/gtest.h>
 

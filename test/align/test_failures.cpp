@@ -13,7 +13,7 @@
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/press.h"
+#include "assembly_cell/align/search/press.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "assembly_cell/align/press.h"
+#include "assembly_cell/align/search/press.h"
 #include "mismatched_trial.h"
 
 namespace assembly_cell {

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "assembly_cell/align/align.h"
-#include "assembly_cell/align/press.h"
+#include "assembly_cell/align/search/press.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"

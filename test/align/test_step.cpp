@@ -1,13 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Blocks put together to the steps of a strategy.
-#include "assembly_cell/align/step.h"
+#include "assembly_cell/align/search/step.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
 #include <vector>
 
-#include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/estimation/contact_window.h"
 
 namespace assembly_cell {
 namespace {

@@ -6,7 +6,7 @@
 #include <random>
 #include <string>
 
-#include "assembly_cell/align/touch_fit.h"
+#include "assembly_cell/align/estimation/touch_fit.h"
 #include "assembly_cell/base/input_error.h"
 #include "mismatched_trial.h"
 

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Roots and distributions: against a loop by hand and the tables.
 
-#include "assembly_cell/base/roots.h"
+#include "assembly_cell/math/roots.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "assembly_cell/base/distributions.h"
+#include "assembly_cell/math/distributions.h"
 
 namespace assembly_cell {
 namespace {

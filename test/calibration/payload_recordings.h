@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "assembly_cell/calibration/payload.h"
+#include "assembly_cell/calibration/payload/payload.h"
 
 namespace assembly_cell::test {
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/dead_weights.h"
+#include "assembly_cell/calibration/dead_weights/dead_weights.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/displacement.h"
+#include "assembly_cell/calibration/two_sensor/displacement.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/dial_gauge.h"
-#include "assembly_cell/calibration/plan.h"
-#include "assembly_cell/calibration/rig.h"
+#include "assembly_cell/calibration/two_sensor/dial_gauge.h"
+#include "assembly_cell/calibration/two_sensor/plan.h"
+#include "assembly_cell/calibration/two_sensor/rig.h"
 
 namespace assembly_cell {
 namespace {

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/drift.h"
+#include "assembly_cell/calibration/two_sensor/drift.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/sensor/replay.h"
+#include "assembly_cell/sensor/devices/replay.h"
 
 namespace assembly_cell {
 namespace {

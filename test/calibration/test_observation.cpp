@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/calibration/observations/observation.h"
 
 #include <gtest/gtest.h>
 #include <stdlib.h>
@@ -10,10 +10,10 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/linearity.h"
-#include "assembly_cell/calibration/plan.h"
-#include "assembly_cell/calibration/rig.h"
-#include "assembly_cell/calibration/store.h"
+#include "assembly_cell/calibration/observations/store.h"
+#include "assembly_cell/calibration/two_sensor/linearity.h"
+#include "assembly_cell/calibration/two_sensor/plan.h"
+#include "assembly_cell/calibration/two_sensor/rig.h"
 #include "temporary_folder.h"
 
 namespace assembly_cell {

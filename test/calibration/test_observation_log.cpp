@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/observation_log.h"
+#include "assembly_cell/calibration/observations/observation_log.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>

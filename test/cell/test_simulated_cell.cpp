@@ -10,7 +10,7 @@
 
 #include "../dynamics/scenes.h"
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/rig.h"
+#include "assembly_cell/calibration/two_sensor/rig.h"
 #include "scenarios.h"
 
 namespace assembly_cell {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "byte_order.h"
+#include "devices/byte_order.h"
 
 namespace assembly_cell {
 

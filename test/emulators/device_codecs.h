@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "assembly_cell/sensor/rdt.h"
-#include "assembly_cell/sensor/serial_frame.h"
+#include "assembly_cell/sensor/devices/rdt.h"
+#include "assembly_cell/sensor/devices/serial_frame.h"
 
 namespace assembly_cell {
 

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "assembly_cell/sensor/netft_configuration.h"
+#include "assembly_cell/sensor/devices/netft_configuration.h"
 #include "device_codecs.h"
 
 namespace assembly_cell {

@@ -14,7 +14,7 @@
 
 #include "assembly_cell/sensor/descriptor.h"
 #include "assembly_cell/sensor/source_parameters.h"
-#include "byte_order.h"
+#include "devices/byte_order.h"
 #include "emulators.h"
 
 namespace assembly_cell {

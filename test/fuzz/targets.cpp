@@ -17,11 +17,11 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/guard/message_check.h"
 #include "assembly_cell/guard/plant_guard.h"
-#include "assembly_cell/sensor/iio_text.h"
-#include "assembly_cell/sensor/netft_configuration.h"
-#include "assembly_cell/sensor/rdt.h"
-#include "assembly_cell/sensor/replay.h"
-#include "assembly_cell/sensor/serial_frame.h"
+#include "assembly_cell/sensor/devices/iio_text.h"
+#include "assembly_cell/sensor/devices/netft_configuration.h"
+#include "assembly_cell/sensor/devices/rdt.h"
+#include "assembly_cell/sensor/devices/replay.h"
+#include "assembly_cell/sensor/devices/serial_frame.h"
 
 namespace assembly_cell {
 

@@ -8,9 +8,9 @@
 #include <filesystem>
 #include <string>
 
-#include "assembly_cell/calibration/dead_weights.h"
-#include "assembly_cell/calibration/payload_files.h"
-#include "assembly_cell/calibration/reference.h"
+#include "assembly_cell/calibration/dead_weights/dead_weights.h"
+#include "assembly_cell/calibration/payload/payload_files.h"
+#include "assembly_cell/calibration/reference/reference.h"
 #include "assembly_cell/recording/contacts.h"
 #include "assembly_cell/recording/tones.h"
 

@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/ros/service_call.h"
+#include "assembly_cell/ros/bridge/service_call.h"
 #include "cell_fixture.h"
 #include "temporary_folder.h"
 

@@ -32,9 +32,9 @@
 #include <thread>
 #include <vector>
 
-#include "assembly_cell/ros/calibration_messages.h"
-#include "assembly_cell/ros/conversions.h"
-#include "assembly_cell/ros/service_call.h"
+#include "assembly_cell/ros/bridge/calibration_messages.h"
+#include "assembly_cell/ros/bridge/conversions.h"
+#include "assembly_cell/ros/bridge/service_call.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "cell_fixture.h"

@@ -20,8 +20,8 @@
 #include <string>
 
 #include "cell_fixture.h"
-#include "cell_link.h"
-#include "cell_widget.h"
+#include "links/cell_link.h"
+#include "widgets/cell_widget.h"
 
 // What the tests of the panel share: the real widget on a screen in memory, clicked and looked at.
 namespace assembly_cell::panel {

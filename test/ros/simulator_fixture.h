@@ -27,8 +27,8 @@
 #include "assembly_cell/Step.h"
 #include "assembly_cell/StrainSamples.h"
 #include "assembly_cell/cell/start.h"
-#include "assembly_cell/ros/conversions.h"
-#include "assembly_cell/ros/service_call.h"
+#include "assembly_cell/ros/bridge/conversions.h"
+#include "assembly_cell/ros/bridge/service_call.h"
 #include "assembly_cell/scene/scenario.h"
 #include "cell_fixture.h"
 

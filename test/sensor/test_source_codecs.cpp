@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "../fuzz/targets.cpp"
-#include "assembly_cell/sensor/iio_text.h"
-#include "assembly_cell/sensor/netft_configuration.h"
-#include "assembly_cell/sensor/serial_frame.h"
+#include "assembly_cell/sensor/devices/iio_text.h"
+#include "assembly_cell/sensor/devices/netft_configuration.h"
+#include "assembly_cell/sensor/devices/serial_frame.h"
 
 namespace assembly_cell {
 namespace {

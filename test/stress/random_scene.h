@@ -34,7 +34,7 @@ constexpr std::int64_t kPatience = 50'000'000;
 /// viscous law where it pushes on a point that leaves the block slower than its rate. Dampers,
 /// friction and impacts only take, so that the rest never grows but by the error of a step: at most
 /// the tolerance in each coordinate, 30/m as much of angles and 30/s of rates (errorOf in
-/// src/dynamics/integrator.cpp).
+/// src/dynamics/integration/integrator.cpp).
 class EnergyBalance {
  public:
   explicit EnergyBalance(const Simulation& sim) : sim_(sim), s_(sim.scenario()) {

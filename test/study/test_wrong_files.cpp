@@ -11,7 +11,7 @@
 #include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/arm/cell_place.h"
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/calibration/observations/observation.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/scene/scenario.h"

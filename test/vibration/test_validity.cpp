@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Finite numbers in, finite numbers or a refusal out: every closed form with any magnitudes.
-#include "assembly_cell/base/validity.h"
+#include "assembly_cell/math/validity.h"
 
 #include <gtest/gtest.h>
 

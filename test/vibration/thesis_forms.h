@@ -6,7 +6,7 @@
 #include <cmath>
 #include <optional>
 
-#include "assembly_cell/base/validity.h"
+#include "assembly_cell/math/validity.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/rig.h"
 #include "assembly_cell/vibration/sliding.h"

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include "assembly_cell/align/contact_window.h"
+#include "assembly_cell/align/estimation/contact_window.h"
 #include "assembly_cell/sensor/bridge.h"
 
 namespace assembly_cell {

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include "assembly_cell/calibration/observation.h"
+#include "assembly_cell/calibration/observations/observation.h"
 #include "assembly_cell/cell/simulated_cell.h"
 
 namespace assembly_cell {

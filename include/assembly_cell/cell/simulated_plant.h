@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
+#include "assembly_cell/align/estimation/twin_contacts.h"
 #include "assembly_cell/align/plant.h"
-#include "assembly_cell/align/twin_contacts.h"
 #include "assembly_cell/cell/carrier_arm.h"
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/identification/mechanism_record.h"

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "assembly_cell/base/closed_form.h"
+#include "assembly_cell/math/closed_form.h"
 
 namespace assembly_cell {
 

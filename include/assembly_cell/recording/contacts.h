@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/calibration/payload.h"
+#include "assembly_cell/calibration/payload/payload.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/twin_force/line_of_action.h"
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/payload.h"
+#include "assembly_cell/calibration/payload/payload.h"
 
 #include <algorithm>
 #include <array>
@@ -15,7 +15,7 @@
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/calibration/payload_files.h"
+#include "assembly_cell/calibration/payload/payload_files.h"
 #include "assembly_cell/description/joint_chain.h"
 #include "commands.h"
 #include "print.h"

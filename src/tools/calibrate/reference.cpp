@@ -1,9 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/reference.h"
+#include "assembly_cell/calibration/reference/reference.h"
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
-#include "assembly_cell/calibration/store.h"
+#include "assembly_cell/calibration/observations/store.h"
 #include "commands.h"
 #include "print.h"
 

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/base/closed_form.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/math/closed_form.h"
 
 namespace assembly_cell {
 

@@ -1,0 +1,44 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <assembly_cell/CalibrationResult.h>
+#include <assembly_cell/CalibrationTest.h>
+#include <assembly_cell/DisplacementResult.h>
+#include <assembly_cell/LoadStep.h>
+#include <assembly_cell/SensorCalibration.h>
+#include <assembly_cell/StrainSamples.h>
+
+#include <string>
+
+#include "assembly_cell/calibration/two_sensor/plan.h"
+#include "assembly_cell/calibration/two_sensor/session.h"
+#include "assembly_cell/sensor/calibration.h"
+
+namespace assembly_cell::ros_bridge {
+
+SensorCalibration toMessage(const Calibration& calibration);
+
+/// Throws InputError beginning with `source` for arrays of a wrong size.
+Calibration fromMessage(const SensorCalibration& message, const std::string& source);
+
+/// The known side of an observation; readings and stamp are left out.
+CalibrationTest toMessage(const Observation& observation);
+
+/// Throws InputError beginning with `source`: unknown kind or sensor, a pose that is none, arrays
+/// of a wrong size. What else an observation needs is for checkObservation() to say.
+Observation fromMessage(const CalibrationTest& test, const std::string& source);
+
+LoadStep toMessage(const LoadRequest& request);
+LoadRequest fromMessage(const LoadStep& step, const std::string& source);
+
+CalibrationResult toMessage(const ForceSolution& solution, const ObservationSet& set);
+DisplacementResult toMessage(const DisplacementSolution& solution);
+CalibrationResult toMessage(const CalibrationSolution& solution);
+
+/// "2, 5" for the bits 1 and 4, "none" for 0.
+std::string channelText(unsigned channels);
+
+/// Six numbers in a printf pattern each, "fx fy fz N, tx ty tz N m".
+std::string wrenchText(const Vector6& w, const char* pattern);
+
+}  // namespace assembly_cell::ros_bridge

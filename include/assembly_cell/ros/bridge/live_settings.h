@@ -1,0 +1,92 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <dynamic_reconfigure/Config.h>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+
+#include <functional>
+#include <mutex>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "assembly_cell/ros/bridge/guarded_spinner.h"
+#include "assembly_cell/ros/bridge/parameters.h"
+
+// Parameters that may change while a node runs, for the clients of dynamic_reconfigure. Its server
+// isn't used: it cuts what is out of range without a word, takes NaN, and applies one half of a
+// request whose other half is unknown. See docs/interfaces.md.
+namespace assembly_cell::ros_bridge {
+
+/// A parameter that may change while the node runs.
+struct LiveSetting {
+  std::string name;         ///< relative to the node
+  std::string description;  ///< unit, and from when on a change holds
+  Range range;
+  double value = 0.0;        ///< in force; of a switch 0 or 1
+  bool is_switch = false;    ///< true or false
+  bool lowers_only = false;  ///< range.max is the value at the start: more is cut to it
+};
+using LiveValues = std::vector<LiveSetting>;
+
+LiveSetting liveNumber(const std::string& name, double value, const Range& range,
+                       const std::string& description);
+LiveSetting liveSwitch(const std::string& name, bool value, const std::string& description);
+/// A limit that stays at or below what the node was started with.
+LiveSetting liveLimit(const std::string& name, double value, double min,
+                      const std::string& description);
+
+/// Throws std::logic_error where there is none of the name.
+double valueOf(const LiveValues& values, std::string_view name);
+
+/// What a request comes to.
+struct LiveChange {
+  LiveValues values;    ///< with it; as before where it is refused
+  std::string refusal;  ///< one line; empty: taken
+  std::string cut;      ///< what was cut to its bound, one line; empty: nothing
+};
+
+/// A request is taken as a whole or not at all. Refused are a name that is unknown, not live or
+/// given twice, another kind of value, NaN and what is out of range. `prefix` of the names in the
+/// lines: the node with a slash. `restart`: parameters that need a restart of the node.
+LiveChange judge(const LiveValues& values, const dynamic_reconfigure::Config& request,
+                 const std::string& prefix, const std::set<std::string>& restart);
+
+/// The node's `~set_parameters`, `~parameter_descriptions` and `~parameter_updates`. A request
+/// changes what now() and number() give, nothing else: the node asks where a change is safe. What
+/// is in force goes to the parameter server, too, so that a node that is started again keeps it.
+class LiveSettings {
+ public:
+  /// Throws InputError where the values don't go together; that refuses a request.
+  using Check = std::function<void(const LiveValues&)>;
+
+  /// `restart`: all other parameters of the node.
+  LiveSettings(const ros::NodeHandle& pnh, LiveValues values, const std::set<std::string>& restart,
+               Check check = nullptr);
+  ~LiveSettings();
+
+  LiveValues now() const;
+  double number(std::string_view name) const;
+
+ private:
+  friend struct LiveCall;
+
+  /// Empty, or why it is refused. In a thread of its own: the node's data never waits.
+  std::string take(const dynamic_reconfigure::Config& request, const std::string& caller);
+  void describe();
+
+  ros::CallbackQueue queue_;  ///< first: publishers and service leave it when they end
+  ros::NodeHandle nh_;
+  const std::set<std::string> restart_;
+  const Check check_;
+  mutable std::mutex mutex_;
+  LiveValues values_;
+  ros::WallTime logged_;  ///< the last change
+  ros::Publisher description_pub_, update_pub_;
+  ros::ServiceServer service_;
+  GuardedSpinner spinner_{1, &queue_};  ///< last: its thread uses the rest
+};
+
+}  // namespace assembly_cell::ros_bridge

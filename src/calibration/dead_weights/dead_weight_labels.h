@@ -1,0 +1,22 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <vector>
+
+#include "assembly_cell/calibration/dead_weights/dead_weights.h"
+
+namespace assembly_cell {
+
+/// Labelled rows as a line to be fitted: Y = A C.
+struct LabelledRows {
+  const std::vector<DeadWeight>& rows;
+  const std::vector<std::size_t>& block;
+  const std::vector<std::size_t>& labelled;
+  const Eigen::MatrixXd& A;  ///< a row for each labelled one
+  const Eigen::MatrixXd& Y;  ///< its label
+};
+
+/// Labels that don't agree with what a robust fit of the others reads.
+std::vector<WrongLabel> wrongLabels(const LabelledRows& data);
+
+}  // namespace assembly_cell

@@ -1,0 +1,125 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/calibration/payload/payload_files.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <cmath>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/sensor/wrench_range.h"
+
+namespace assembly_cell {
+
+namespace {
+
+constexpr double kNearRotation = 0.01;  // digits and rounding of what a file holds
+
+std::vector<Eigen::Matrix3d> fromJoints(const Table& table, const JointAngles& joints) {
+  std::vector<std::size_t> column;
+  for (std::size_t k = 0; k < joints.names.size(); ++k) {
+    column.push_back(table.need({joints.names[k], "j" + std::to_string(k + 1)}));
+  }
+  std::vector<Eigen::Matrix3d> out;
+  std::vector<double> angles(column.size());
+  for (const std::vector<double>& row : table.rows) {
+    for (std::size_t k = 0; k < column.size(); ++k) angles[k] = row[column[k]];
+    out.push_back(joints.rotation(angles));
+  }
+  return out;
+}
+
+std::vector<Eigen::Matrix3d> fromMatrices(const Table& table) {
+  std::vector<std::size_t> column;
+  for (const char* name : {"r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33"}) {
+    column.push_back(table.need({name}));
+  }
+  std::vector<Eigen::Matrix3d> out;
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    Eigen::Matrix3d R;
+    for (std::size_t k = 0; k < 9; ++k) {
+      R(static_cast<Eigen::Index>(k / 3), static_cast<Eigen::Index>(k % 3)) =
+          table.rows[i][column[k]];
+    }
+    // the nearest rotation
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(R, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    const double off = (svd.singularValues().array() - 1.0).abs().maxCoeff();
+    if (!(off < kNearRotation && R.determinant() > 0.0)) {
+      throw InputError(table.place(i) + "r11 to r33 are off a rotation by " + yamlNumber(off) +
+                       ": give the matrix of the sensor's axes in the base, row by row");
+    }
+    out.push_back(svd.matrixU() * svd.matrixV().transpose());
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<Eigen::Matrix3d> readRotations(const Table& table) {
+  if (table.find({"r11"})) return fromMatrices(table);
+  const auto q = table.needAll({{"qx"}, {"qy"}, {"qz"}, {"qw"}});
+  std::vector<Eigen::Matrix3d> out;
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::vector<double>& row = table.rows[i];
+    Eigen::Quaterniond rotation(row[q[3]], row[q[0]], row[q[1]], row[q[2]]);
+    const double norm = rotation.norm();
+    if (!(std::abs(norm - 1.0) < kNearRotation)) {
+      throw InputError(table.place(i) + "quaternion has length " + yamlNumber(norm) +
+                       ": give a unit quaternion qx,qy,qz,qw");
+    }
+    out.push_back(rotation.normalized().toRotationMatrix());
+  }
+  return out;
+}
+
+Poses readPoses(const std::string& path, const JointAngles* joints) {
+  std::vector<std::string> names = {"x", "y", "z", "qx", "qy", "qz", "qw"};
+  if (joints != nullptr) names = joints->names;
+  names.push_back("order");
+  const Table table = readTable(path, names);
+  const std::vector<Eigen::Matrix3d> R =
+      joints != nullptr ? fromJoints(table, *joints) : readRotations(table);
+  const auto order = table.find({"order", "index", "time", "t"});
+  const auto temperature = table.find({"temperature"});
+  Poses out;
+  out.ordered = order.has_value();
+  if (table.find({"gx"})) {
+    const auto g = table.needAll({{"gx"}, {"gy"}, {"gz"}});
+    double sum = 0.0;
+    for (const auto& row : table.rows) sum += std::hypot(row[g[0]], row[g[1]], row[g[2]]);
+    out.gravity = sum / static_cast<double>(table.rows.size());
+  }
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    StaticPose pose;
+    pose.R = R[i];
+    pose.order = order ? table.rows[i][*order] : static_cast<double>(i);
+    if (temperature) pose.temperature = table.rows[i][*temperature];
+    out.values.push_back(pose);
+  }
+  return out;
+}
+
+Wrenches readWrenches(const std::string& path) {
+  const std::vector<std::string> names = {"fx", "fy", "fz", "tx", "ty", "tz"};
+  const Table table = readTable(path, names);
+  Wrenches out;
+  out.header = table.header;
+  const auto temperature = table.find({"temperature"});
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::vector<double>& row = table.rows[i];
+    Vector6 w;
+    for (std::size_t k = 0; k < 6; ++k) {
+      const double value = w[static_cast<Eigen::Index>(k)] = row[table.need({names[k]})];
+      if (std::abs(value) > (k < 3 ? kLargestForce : kLargestTorque)) {
+        throw InputError(table.place(i) + names[k] + " is " + yamlNumber(value) +
+                         ": no sensor measures that, it is a code for a fault or an end of its "
+                         "numbers; take the row and its pose out");
+      }
+    }
+    out.values.push_back(w);
+    if (temperature) out.temperature.push_back(row[*temperature]);
+  }
+  return out;
+}
+
+}  // namespace assembly_cell

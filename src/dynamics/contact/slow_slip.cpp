@@ -1,0 +1,350 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "slow_slip.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "contact_solver.h"
+#include "contact_tolerances.h"
+#include "integration/tableaus.h"
+
+namespace assembly_cell {
+namespace {
+
+using Vec3 = Eigen::Vector3d;
+using Ark = Ark436;
+
+// More unknowns are left to the explicit method.
+constexpr int kMostUnknowns = 6;
+// A direction is found when what is left of it is so small, or doesn't get smaller near its
+// rounding, which is larger the slower the slip. Quasi-Newton steps take 3 or 4 turns, more than
+// kTurnings fail.
+constexpr double kAligned = 0.1;     // of the tolerance [rad/m]
+constexpr double kRounding = 1e-10;  // [rad]
+constexpr int kTurnings = 16;
+constexpr double kLargestTurn = 0.5;  // [rad] of one of them
+// Slip slower than these parts of its threshold is none yet, and has no direction of its own. Half
+// and twice: a vibrated press is the same to the last bit.
+constexpr double kNone = 0.01, kHas = 0.5;
+// Slip that falls at a higher rate doesn't begin.
+constexpr double kFading = 1e4;  // [1/s]
+// Slip falls where its acceleration is against it, by this cosine. Where it is more across, steps
+// of up to five times the bound were taken; along it, of any length.
+constexpr double kFalls = 0.5;
+// Its estimate is of one order less than that of dopri5: with this factor ends are as near to those
+// at fine tolerances. Effort −8 % and +14 %; a face that rocks over the hole has 264 events for
+// 119.
+constexpr double kSafety = 4.0;
+// The error of a step in which slip ends and begins again: half of it next.
+constexpr double kRested = 12.0;
+using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostUnknowns, 1>;
+using Derivative =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostUnknowns, kMostUnknowns>;
+
+// acceleration across the slip by the friction of point i
+double frictionRate(std::size_t i, const Evaluation& e, const Body& body) {
+  const ContactKinematics& at = e.contacts[i];
+  const Vec3 friction = at.force - at.normal_force * e.point(i).normal;
+  const double size = friction.norm();
+  if (!(size > 0.0)) return 0.0;
+  const Vec3 across = e.point(i).normal.cross(friction) / size;
+  return size * across.dot(response(body, at.r, at.r, across));
+}
+
+// Points that slip as one: a point alone, or those of a face, which turns about its normal, too.
+// Their slip is its size times a unit vector: along two axes of the plane and, of a face, the speed
+// of its edge around it. Friction depends on the vector alone.
+struct SlipGroup {
+  std::array<std::size_t, 3> slot{};
+  int points = 0;
+  bool armed = true;
+  double radius = 0.0;                 // of the face; 0 of a point [m]
+  double friction = 0.0;               // acceleration by it [m/s²]
+  Vec3 start = Vec3::Zero();           // along the first axis
+  Vec3 normal, first, second, middle;  // axes and lever, of the state that is evaluated
+  Vec3 unit = Vec3::UnitX();           // the vector
+  std::array<Vec3, 2> across;          // unit vectors across it: the unknowns turn it to them
+  double speed = 0.0;                  // along it, at the velocities that were asked for
+
+  int unknowns() const { return radius > 0.0 ? 2 : 1; }
+
+  void place(const Evaluation& e) {
+    normal = e.point(slot[0]).normal;
+    first = (start - normal * normal.dot(start)).normalized();
+    second = normal.cross(first);
+    middle.setZero();
+    for (int k = 0; k < points; ++k) middle += e.contacts[slot[k]].r / points;
+  }
+
+  Vec3 at(std::size_t i, const Evaluation& e) const {
+    Vec3 v = unit(0) * first + unit(1) * second;
+    if (radius > 0.0) v += unit(2) / radius * normal.cross(e.contacts[i].r - middle);
+    return v;
+  }
+
+  // the vector, not scaled, of these velocities of the peg
+  Vec3 of(const Vec3& linear, const Vec3& angular) const {
+    const Vec3 v = linear + angular.cross(middle);
+    return {v.dot(first), v.dot(second), radius * angular.dot(normal)};
+  }
+
+  void turn(const double* by) {
+    for (int k = 0; k < unknowns(); ++k) unit += by[k] * across[k];
+    unit.normalize();
+    turnAxes();
+  }
+
+  // axes across the vector, that go with it
+  void turnAxes() {
+    if (radius > 0.0) {
+      across[0] = (across[0] - unit * unit.dot(across[0])).normalized();
+      across[1] = unit.cross(across[0]);
+    } else {
+      across[0] = {-unit(1), unit(0), 0.0};
+    }
+  }
+};
+
+// Directions of slip, that are found.
+class SlipDirections {
+ public:
+  SlipDirections(const System& s, const Context& c, const Evaluation& e) {
+    const Body body = bodyOf(s, e.k);
+    ContactSlotMask face = 0;
+    for (const std::size_t i : Slots(e.active())) {
+      if (c.slots[i].mode != Mode::kSlip) continue;
+      if (e.face >> i & 1u) {
+        face |= 1u << i;
+        continue;
+      }
+      SlipGroup& slip = slips_[n_++];
+      add(i, c, frictionRate(i, e, body), slip);
+      slip.start = slipOf(s, i, c, e);
+    }
+    if (face) addFace(s, c, face, e, body, slips_[n_++]);
+    for (int k = 0; k < n_; ++k) {
+      slips_[k].turnAxes();
+      unknowns_ += slips_[k].unknowns();
+    }
+    // what it is where slip goes on and friction is alike in all directions
+    derivative_ = -Derivative::Identity(unknowns_, unknowns_);
+  }
+
+  // v' with the directions that the velocities known + weight v' have; false where none was found
+  bool solve(const System& s, const Context& c, const Vector9& known, double weight, Vector9& slope,
+             Evaluation& e) {
+    for (int k = 0; k < n_; ++k) slips_[k].place(e);
+    const auto left = [&] {
+      slope = forces(s, c, Level::kForces, e);
+      return misalignment(known + weight * slope, weight, e);
+    };
+    Unknowns off = left();
+    double before = HUGE_VAL;
+    for (int turning = 0; turning < kTurnings; ++turning) {
+      const double size = off.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+      if (!std::isfinite(size)) return false;
+      if (size < kAligned * s.scenario.solver.tolerance) return goesOn();
+      if (size < kRounding && size > 0.5 * before) return goesOn();
+      before = size;
+      const Unknowns step =
+          (-derivative_.partialPivLu().solve(off)).cwiseMax(-kLargestTurn).cwiseMin(kLargestTurn);
+      for (int k = 0, at = 0; k < n_; at += slips_[k++].unknowns()) slips_[k].turn(&step(at));
+      const Unknowns next = left();
+      derivative_ += (next - off - derivative_ * step) * step.transpose() / step.squaredNorm();
+      off = next;
+    }
+    return false;
+  }
+
+  // v' with friction against the directions
+  Vector9 forces(const System& s, const Context& c, Level level, Evaluation& e) const {
+    for (int k = 0; k < n_; ++k) {
+      for (int p = 0; p < slips_[k].points; ++p) {
+        const std::size_t i = slips_[k].slot[p];
+        e.contacts[i].tangential = slips_[k].at(i, e);
+      }
+    }
+    return forcesAgain(s, c.slots, level, e);
+  }
+
+  // some slip that there has been is slower than that, or has ended, at the velocities solved for
+  bool rests(double slower) const {
+    return std::any_of(slips_.begin(), slips_.begin() + n_, [slower](const SlipGroup& slip) {
+      return slip.armed && slip.speed < slower;
+    });
+  }
+
+ private:
+  static Vec3 slipOf(const System& s, std::size_t i, const Context& c, const Evaluation& e) {
+    const Vec3& slip = e.contacts[i].tangential;
+    const bool has = c.slots[i].armed || slip.norm() > kHas * slipThreshold(s, e);
+    return has ? slip : Vec3(-c.slots[i].slip_direction);
+  }
+
+  static void add(std::size_t i, const Context& c, double friction, SlipGroup& slip) {
+    slip.slot[slip.points++] = i;
+    slip.armed = slip.armed && c.slots[i].armed;
+    slip.friction += friction;
+  }
+
+  static void addFace(const System& s, const Context& c, ContactSlotMask points,
+                      const Evaluation& e, const Body& body, SlipGroup& slip) {
+    for (const std::size_t i : Slots(points)) add(i, c, frictionRate(i, e, body), slip);
+    slip.radius = s.scenario.mechanism.peg.radius;
+    slip.start = e.point(slip.slot[0]).normal.unitOrthogonal();
+    slip.place(e);
+    Vec3 mean = Vec3::Zero();
+    double turning = 0.0, square = 0.0;
+    for (const std::size_t i : Slots(points)) {
+      const Vec3 v = slipOf(s, i, c, e), arm = e.contacts[i].r - slip.middle;
+      mean += v / slip.points;
+      turning += slip.normal.dot(arm.cross(v));
+      square += arm.squaredNorm();
+    }
+    slip.unit = {mean.dot(slip.first), mean.dot(slip.second), slip.radius * turning / square};
+    slip.unit.normalize();
+    slip.across[0] = slip.unit.unitOrthogonal();
+  }
+
+  // of the slips at the velocities v across their directions, over the slip or what friction takes
+  // of it: smooth where slip ends and begins, the other way
+  Unknowns misalignment(const Vector9& v, double weight, const Evaluation& e) {
+    Unknowns off(unknowns_);
+    const Vec3 linear = v.head<3>(), angular = e.k.Re * v.segment<3>(3);
+    for (int k = 0, at = 0; k < n_; ++k) {
+      SlipGroup& slip = slips_[k];
+      const Vec3 found = slip.of(linear, angular);
+      slip.speed = slip.unit.dot(found);
+      const double scale = std::abs(slip.speed) + weight * slip.friction;
+      for (int j = 0; j < slip.unknowns(); ++j) off(at++) = slip.across[j].dot(found) / scale;
+    }
+    return off;
+  }
+
+  // only slip that there has been ends in a step
+  bool goesOn() const {
+    return std::none_of(slips_.begin(), slips_.begin() + n_,
+                        [](const SlipGroup& slip) { return slip.speed < 0.0 && !slip.armed; });
+  }
+
+  std::array<SlipGroup, kMostUnknowns> slips_;
+  int n_ = 0, unknowns_ = 0;
+  Derivative derivative_;
+};
+
+// Slip that begins goes its way, faster and faster; not what is left of an earlier one, and not
+// what comes to rest before it has begun.
+bool begins(const System& s, const Context& c, std::size_t i, const Evaluation& e,
+            const Body& body) {
+  const ContactKinematics& at = e.contacts[i];
+  const Vec3& friction = c.slots[i].slip_direction;
+  const double speed = at.tangential.norm();
+  if (!(speed > kNone * slipThreshold(s, e))) return true;
+  if (at.tangential.dot(friction) > 0.0) return false;
+  return accelerationOf(body, e, i).dot(friction) < kFading * speed;
+}
+
+}  // namespace
+
+double slipTurning(const System& s, const Context& c, const Evaluation& e) {
+  const double mu = s.scenario.mechanism.friction.sliding_coefficient;
+  if (!s.discrete_friction || mu == 0.0) return 0.0;
+  ContactSlotMask sliding = 0;
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode == Mode::kSlip) sliding |= 1u << i;
+  }
+  if (!sliding || __builtin_popcount(sliding) > kMostUnknowns) return 0.0;
+  double fastest = 0.0;
+  const Body body = bodyOf(s, e.k);
+  for (const std::size_t i : Slots(sliding)) {
+    const double speed = slipSpeed(e, i);
+    if (!c.slots[i].armed && !begins(s, c, i, e, body)) return 0.0;
+    fastest = std::max(fastest, frictionRate(i, e, body) / std::max(speed, slipThreshold(s, e)));
+  }
+  // near a wedge forces, and with them velocities, follow directions that much faster
+  return fastest / std::clamp(e.wedge_margin, kWedged, 1.0);
+}
+
+double slipFalling(const System& s, const Context& c, const Evaluation& e) {
+  double fastest = 0.0;
+  if (!s.discrete_friction || s.scenario.mechanism.friction.sliding_coefficient == 0.0) return 0.0;
+  for (const std::size_t i : Slots(e.active())) {
+    if (c.slots[i].mode != Mode::kSlip || !c.slots[i].armed) continue;
+    const Vec3 &slip = e.contacts[i].tangential, &normal = e.point(i).normal;
+    const double speed = slip.norm();
+    // of a face its fastest point: the others may be near its centre of rotation
+    if (speed < slipSpeed(e, i)) continue;
+    Vec3 acceleration = accelerationOf(bodyOf(s, e.k), e, i);
+    acceleration -= normal * normal.dot(acceleration);
+    const double size = acceleration.norm();
+    if (-slip.dot(acceleration) > kFalls * speed * size) fastest = std::max(fastest, size / speed);
+  }
+  return fastest;
+}
+
+void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation& e) {
+  const double h = step.h;
+  keepNear(c.state, e.near);
+  std::array<Vector9, Ark::kStages> velocity, slope;
+  std::array<Vec3, Ark::kStages> give;
+  velocity[0] = c.state.v;
+  slope[0] = c.slope;
+  give[0] = c.give_rate;
+  evaluate(s, c, c.time, c.state, Level::kForces, e);
+  SlipDirections directions(s, c, e);
+  bool rested = false, rests = false;
+  for (int i = 1; i < Ark::kStages; ++i) {
+    State at = c.state;
+    Vector9 known = c.state.v;
+    for (int j = 0; j < i; ++j) {
+      at.q += h * Ark::a[i][j] * velocity[j];
+      at.v += h * Ark::a[i][j] * slope[j];
+      at.give += h * Ark::a[i][j] * give[j];
+      known += h * Ark::implicit[i][j] * slope[j];
+    }
+    velocity[i] = at.v;
+    evaluate(s, c, c.time + Ark::c[i] * h, at, Level::kForces, e);
+    give[i] = e.motion.give_rate;
+    if (!directions.solve(s, c, known, h * Ark::kGamma, slope[i], e)) {
+      step.end = c.state;
+      step.slope = c.slope;
+      step.give_rate = c.give_rate;
+      step.error = HUGE_VAL;
+      return;
+    }
+    rested = rested || rests;
+    rests = directions.rests(slipThreshold(s, e));
+  }
+  State error;
+  step.end = c.state;
+  for (int i = 0; i < Ark::kStages; ++i) {
+    step.end.q += h * Ark::b[i] * velocity[i];
+    step.end.v += h * Ark::b[i] * slope[i];
+    step.end.give += h * Ark::b[i] * give[i];
+    error.q += h * (Ark::b[i] - Ark::estimate[i]) * velocity[i];
+    error.v += h * (Ark::b[i] - Ark::estimate[i]) * slope[i];
+    error.give += h * (Ark::b[i] - Ark::estimate[i]) * give[i];
+  }
+  // velocity and direction agree at the end, but where slip has gone on beyond its own
+  evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
+  step.give_rate = e.motion.give_rate;
+  std::array<Vec3, kSlots> slip;
+  for (const std::size_t i : Slots(e.active())) slip[i] = e.contacts[i].tangential;
+  step.slope = directions.forces(s, c, Level::kEvents, e);
+  for (const std::size_t i : Slots(e.active())) e.contacts[i].tangential = slip[i];
+  step.error = kSafety * errorOf(s, error);
+  if (rested && !rests) step.error = std::max(step.error, kRested);
+}
+
+void followSlip(const System& s, Context& c, const Evaluation& e) {
+  for (const std::size_t i : Slots(e.active())) {
+    Slot& slot = c.slots[i];
+    const double speed = e.contacts[i].tangential.norm();
+    if (slot.mode != Mode::kSlip || slot.armed) continue;
+    if (!(speed > kNone * slipThreshold(s, e))) continue;
+    slot.slip_direction = e.contacts[i].tangential / -speed;
+  }
+}
+
+}  // namespace assembly_cell

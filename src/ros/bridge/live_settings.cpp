@@ -1,0 +1,266 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/ros/bridge/live_settings.h"
+
+#include <dynamic_reconfigure/ConfigDescription.h>
+#include <dynamic_reconfigure/Reconfigure.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/bridge/message_guard.h"
+
+namespace assembly_cell::ros_bridge {
+
+using dynamic_reconfigure::Config;
+using dynamic_reconfigure::Reconfigure;
+
+namespace {
+
+constexpr char kGroup[] = "Default";      // that clients expect
+constexpr std::size_t kMostValues = 200;  // of a request
+constexpr double kLogPeriod = 1.0;        // of changes, wall clock [s]
+constexpr double kSwitchOn = 0.5;         // of a switch's value
+
+/// One value of a request.
+struct Asked {
+  std::string name;
+  enum Kind { kNumber, kSwitch, kText } kind;
+  double value;
+};
+
+std::vector<Asked> listed(const Config& request) {
+  std::vector<Asked> all;
+  for (const auto& b : request.bools) all.push_back({b.name, Asked::kSwitch, b.value ? 1.0 : 0.0});
+  for (const auto& i : request.ints) all.push_back({i.name, Asked::kNumber, 1.0 * i.value});
+  for (const auto& d : request.doubles) all.push_back({d.name, Asked::kNumber, d.value});
+  for (const auto& s : request.strs) all.push_back({s.name, Asked::kText, 0.0});
+  return all;
+}
+
+std::string knownNames(const LiveValues& values) {
+  std::string names;
+  for (const LiveSetting& setting : values) names += (names.empty() ? "" : ", ") + setting.name;
+  return names;
+}
+
+// Empty, or what is wrong with a value; `setting` takes it.
+std::string take(const Asked& asked, const std::string& name, LiveSetting& setting,
+                 std::string& cut) {
+  if (setting.is_switch) {
+    if (asked.kind != Asked::kSwitch) return name + " is a switch: give true or false";
+    setting.value = asked.value;
+    return {};
+  }
+  if (asked.kind != Asked::kNumber) return name + " is no number: give one";
+  if (std::isfinite(asked.value) && setting.lowers_only && asked.value > setting.range.max) {
+    cut = text("%s is %g: more than %g, the value at the start, needs a restart; %g is taken",
+               name.c_str(), asked.value, setting.range.max, setting.range.max);
+    setting.value = setting.range.max;
+    return {};
+  }
+  const std::string wrong = outside(asked.value, setting.range);
+  if (!wrong.empty()) return name + " is " + wrong;
+  setting.value = asked.value;
+  return {};
+}
+
+Config configOf(const LiveValues& values, double (*of)(const LiveSetting&)) {
+  Config config;
+  for (const LiveSetting& setting : values) {
+    if (setting.is_switch) {
+      config.bools.emplace_back();
+      config.bools.back().name = setting.name;
+      config.bools.back().value = of(setting) > kSwitchOn;
+    } else {
+      config.doubles.emplace_back();
+      config.doubles.back().name = setting.name;
+      config.doubles.back().value = of(setting);
+    }
+  }
+  config.groups.emplace_back();
+  config.groups.back().name = kGroup;
+  config.groups.back().state = true;
+  return config;
+}
+
+Config inForce(const LiveValues& values) {
+  return configOf(values, [](const LiveSetting& setting) { return setting.value; });
+}
+
+}  // namespace
+
+LiveSetting liveNumber(const std::string& name, double value, const Range& range,
+                       const std::string& description) {
+  return {name, description, range, value, false, false};
+}
+
+LiveSetting liveSwitch(const std::string& name, bool value, const std::string& description) {
+  return {name, description, {0.0, 1.0}, value ? 1.0 : 0.0, true, false};
+}
+
+LiveSetting liveLimit(const std::string& name, double value, double min,
+                      const std::string& description) {
+  return {name, description, {min, value}, value, false, true};
+}
+
+double valueOf(const LiveValues& values, std::string_view name) {
+  for (const LiveSetting& setting : values) {
+    if (setting.name == name) return setting.value;
+  }
+  throw std::logic_error("no live setting " + std::string(name));
+}
+
+LiveChange judge(const LiveValues& values, const Config& request, const std::string& prefix,
+                 const std::set<std::string>& restart) {
+  LiveChange change{values, {}, {}};
+  const std::size_t count = request.bools.size() + request.ints.size() + request.doubles.size() +
+                            request.strs.size() + request.groups.size();
+  if (count > kMostValues) {
+    change.refusal = text("%zu values: give %zu at most", count, kMostValues);
+    return change;
+  }
+  std::set<std::string> seen;
+  for (const Asked& asked : listed(request)) {
+    const std::string name = "parameter " + prefix + printable(asked.name);
+    const auto setting = std::find_if(change.values.begin(), change.values.end(),
+                                      [&](const LiveSetting& s) { return s.name == asked.name; });
+    if (!seen.insert(asked.name).second) {
+      change.refusal = name + " is given twice: give it once";
+    } else if (setting != change.values.end()) {
+      change.refusal = take(asked, name, *setting, change.cut);
+    } else if (restart.count(asked.name) != 0) {
+      change.refusal =
+          name + " needs a restart: set it before the node starts; live are " + knownNames(values);
+    } else {
+      change.refusal = name + " is unknown: live are " + knownNames(values);
+    }
+    if (!change.refusal.empty()) {
+      change.values = values;
+      change.cut.clear();
+      return change;
+    }
+  }
+  return change;
+}
+
+/// The service. Unlike roscpp's own it tells the caller why a request is refused, without a line in
+/// the log for each.
+struct LiveCall : ros::ServiceCallbackHelper {
+  explicit LiveCall(LiveSettings& of) : settings(of) {}
+
+  bool call(ros::ServiceCallbackHelperCallParams& params) override {
+    std::string why = "the request can't be read";
+    Reconfigure::Response response;
+    guarded(settings.service_.getService(), [&] {
+      Reconfigure::Request request;
+      ros::serialization::deserializeMessage(params.request, request);
+      why = settings.take(request.config, (*params.connection_header)["callerid"]);
+      response.config = inForce(settings.now());
+    });
+    params.response = why.empty() ? ros::serialization::serializeServiceResponse(true, response)
+                                  : ros::serialization::serializeServiceResponse(false, why);
+    // roscpp sends what is in the response; false would send an error without words
+    return true;
+  }
+
+  LiveSettings& settings;
+};
+
+LiveSettings::LiveSettings(const ros::NodeHandle& pnh, LiveValues values,
+                           const std::set<std::string>& restart, Check check)
+    : nh_(pnh), restart_(restart), check_(std::move(check)), values_(std::move(values)) {
+  nh_.setCallbackQueue(&queue_);
+  description_pub_ =
+      nh_.advertise<dynamic_reconfigure::ConfigDescription>("parameter_descriptions", 1, true);
+  update_pub_ = nh_.advertise<Config>("parameter_updates", 1, true);
+  describe();
+  update_pub_.publish(inForce(values_));
+  ros::AdvertiseServiceOptions options;
+  options.service = "set_parameters";
+  options.md5sum = ros::service_traits::md5sum<Reconfigure>();
+  options.datatype = ros::service_traits::datatype<Reconfigure>();
+  options.req_datatype = ros::message_traits::datatype<Reconfigure::Request>();
+  options.res_datatype = ros::message_traits::datatype<Reconfigure::Response>();
+  options.callback_queue = &queue_;
+  options.helper = boost::make_shared<LiveCall>(*this);
+  service_ = nh_.advertiseService(options);
+  spinner_.start();
+}
+
+LiveSettings::~LiveSettings() {
+  service_.shutdown();
+  spinner_.stop();
+}
+
+LiveValues LiveSettings::now() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return values_;
+}
+
+double LiveSettings::number(std::string_view name) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return valueOf(values_, name);
+}
+
+std::string LiveSettings::take(const Config& request, const std::string& caller) {
+  const std::string prefix = nh_.getNamespace() + "/";
+  const LiveValues before = now();
+  LiveChange change = judge(before, request, prefix, restart_);
+  if (change.refusal.empty() && check_) {
+    try {
+      check_(change.values);
+    } catch (const InputError& error) {
+      change.refusal = "parameters " + nh_.getNamespace() + ": " + error.what();
+    }
+  }
+  if (!change.refusal.empty() || !change.cut.empty()) {
+    IncomingLog::ofThisProcess().refuse(service_.getService(), caller, change.refusal + change.cut);
+  }
+  if (!change.refusal.empty()) return change.refusal;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    values_ = change.values;
+  }
+  std::string news;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const LiveSetting& setting = change.values[i];
+    if (setting.value == before[i].value) continue;
+    news += text("%s%s %g, was %g", news.empty() ? "" : "; ", setting.name.c_str(), setting.value,
+                 before[i].value);
+    if (setting.is_switch) {
+      nh_.setParam(setting.name, setting.value > kSwitchOn);
+    } else {
+      nh_.setParam(setting.name, setting.value);
+    }
+  }
+  if (news.empty()) return {};
+  update_pub_.publish(inForce(change.values));
+  if (const auto time = ros::WallTime::now(); (time - logged_).toSec() >= kLogPeriod) {
+    logged_ = time;
+    ROS_INFO("set by %s: %s", caller.c_str(), news.c_str());
+  }
+  return {};
+}
+
+void LiveSettings::describe() {
+  dynamic_reconfigure::ConfigDescription description;
+  description.groups.emplace_back();
+  dynamic_reconfigure::Group& group = description.groups.back();
+  group.name = kGroup;
+  for (const LiveSetting& setting : values_) {
+    group.parameters.emplace_back();
+    group.parameters.back().name = setting.name;
+    group.parameters.back().type = setting.is_switch ? "bool" : "double";
+    group.parameters.back().description = setting.description;
+  }
+  description.min = configOf(values_, [](const LiveSetting& s) { return s.range.min; });
+  description.max = configOf(values_, [](const LiveSetting& s) { return s.range.max; });
+  description.dflt = inForce(values_);
+  description_pub_.publish(description);
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,125 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <cmath>
+#include <cstddef>
+#include <sstream>
+#include <string>
+
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/ros/bridge/conversions.h"
+#include "assembly_cell/ros/simulation/contact_markers_node.h"
+
+namespace assembly_cell::ros_bridge {
+
+namespace {
+
+// Words stand beside the cell as rviz/cell.rviz looks at it: its view comes from kYaw. Lengths are
+// in radii of the hole, so that they fit a peg of any size.
+constexpr double kYaw = 0.9;  // [rad]
+constexpr double kStateBeside = 4.0, kLegendBeside = 4.4, kNamesBeside = 2.8;
+constexpr double kLetters = 0.26, kLine = 1.5;  // height; from line to line, in letters
+constexpr std::size_t kLongestLine = 20;        // of the state
+
+struct Entry {
+  const char* text;
+  const Color* color;
+};
+constexpr Entry kLegend[] = {
+    {"rim of the hole", &kHoleColor},
+    {"true peg", &kTruePegColor},
+    {"estimated peg", &kEstimatedPegColor},
+    {"estimated hole", &kEstimatedHoleColor},
+    {"contact", &kContactPointColor},
+    {"its normal", &kContactNormalColor},
+    {"its force", &kContactForceColor},
+    {"locus", &kLocusColor},
+    {"directions it allows", &kHypothesisColor},
+};
+
+// lines of at most kLongestLine characters, where there are blanks
+std::string wrapped(const std::string& words) {
+  std::string lines;
+  std::size_t length = 0;
+  std::istringstream in(words);
+  for (std::string word; in >> word; length += word.size()) {
+    if (!lines.empty()) {
+      const bool full = length + 1 + word.size() > kLongestLine;
+      lines += full ? '\n' : ' ';
+      length = full ? 0 : length + 1;
+    }
+    lines += word;
+  }
+  return lines;
+}
+
+// to the right of the view
+Eigen::Vector3d right(double distance, double height) {
+  return {-std::sin(kYaw) * distance, std::cos(kYaw) * distance, height};
+}
+
+}  // namespace
+
+void ContactMarkersNode::hear(const actionlib_msgs::GoalStatus& status,
+                              const std::string& strategy_state, const std::string& message) {
+  if (goal_id_ != status.goal_id.id) {
+    goal_id_ = status.goal_id.id;
+    report_.reset();
+    locus_.reset();
+  }
+  telling_ = message.empty() ? strategy_state : strategy_state + ": " + message;
+}
+
+void ContactMarkersNode::drawState() {
+  const double r = hole_radius_ > 0.0 ? hole_radius_ : peg_radius_;
+  if (!(r > 0.0)) return;
+  const auto show = [&](const std::string& words, const Color& color) {
+    addText("state", kHoleFrame, right(-kStateBeside * r, 4.0 * r), kLetters * r, words, color);
+  };
+  if (!report_) {
+    if (!telling_.empty()) show(wrapped(telling_), kTextColor);
+    return;
+  }
+  const AlignmentReport& report = *report_;
+  std::string words = wrapped(report.reason);
+  if (report.estimate_known && truth_at_report_) {
+    const Pose estimated = fromPose(report.estimated_pose, "report");
+    const Pose truth = fromPose(truth_at_report_->pose, "truth/pose");
+    const double tilt = std::atan2(estimated.R.col(2).cross(truth.R.col(2)).norm(),
+                                   estimated.R.col(2).dot(truth.R.col(2)));
+    words += text("\noffset wrong by %.3f mm\ntilt wrong by %.3f deg",
+                  1e3 * (estimated.p - truth.p).head<2>().norm(), 180.0 / M_PI * tilt);
+  }
+  show(words, report.success ? kSuccessColor : kFailureColor);
+}
+
+void ContactMarkersNode::drawNames() {
+  const double r = hole_radius_;
+  const auto name = [&](const char* words, const char* frame, double height) {
+    addText("names", frame, right(kNamesBeside * r, height), kLetters * r, words, kTextColor);
+  };
+  name("hole", kHoleFrame, 0.0);
+  name("sensor_a", "sensor_a", 0.0);
+  name("sensor_b", "sensor_b", 0.0);
+  name("peg", kPegFrame, peg_radius_);
+}
+
+void ContactMarkersNode::drawLegend() {
+  const double r = hole_radius_;
+  Eigen::Vector3d at = right(kLegendBeside * r, 4.5 * r);
+  for (const Entry& entry : kLegend) {
+    const bool locus = entry.color == &kLocusColor;
+    addText("legend", kHoleFrame, at, kLetters * r,
+            locus ? text("%s, %g times", entry.text, locus_scale_) : entry.text, *entry.color);
+    at.z() -= kLine * kLetters * r;
+  }
+}
+
+void ContactMarkersNode::addText(const std::string& ns, const std::string& frame,
+                                 const Eigen::Vector3d& at, double height, const std::string& words,
+                                 const Color& color) {
+  Marker& marker = add(ns, Marker::TEXT_VIEW_FACING, frame, color);
+  marker.pose.position = toPoint(at);
+  marker.scale.z = height;
+  marker.text = words;
+}
+
+}  // namespace assembly_cell::ros_bridge

@@ -1,0 +1,120 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/ApplyLoad.h"
+#include "assembly_cell/PlanCalibration.h"
+#include "assembly_cell/ros/bridge/service_call.h"
+#include "calibration_fixture.h"
+#include "panel_fixture.h"
+
+namespace assembly_cell::panel::calibration_page_test {
+namespace {
+
+using ros_bridge::callService;
+
+using test::Child;
+
+// the load that the page asks for, on the rig; false where the plan has none with this text
+bool bringAbout(const std::vector<LoadStep>& plan, const std::string& asked) {
+  const auto step = std::find_if(plan.begin(), plan.end(), [&asked](const LoadStep& s) {
+    return asked.compare(0, s.text.size(), s.text) == 0;
+  });
+  if (step == plan.end()) return false;
+  ApplyLoad call;
+  call.request.step = *step;
+  EXPECT_TRUE(callService("/simulated_calibration_rig/apply", call));
+  EXPECT_TRUE(call.response.success) << call.response.message;
+  return call.response.success;
+}
+
+TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
+  const test::TemporaryFolder folder;
+  Child server({test::executable("calibration_server"), "_store:=" + folder.path()});
+  Screen s;
+  s.find<QTabWidget>("tabs")->setCurrentIndex(1);
+  ASSERT_TRUE(seen([&] { return s.link.view().calibration.there; })) << server.output();
+
+  s.click("ask_plan");
+  auto* steps = s.find<QListWidget>("steps");
+  ASSERT_TRUE(seen([&] { return steps->count() > 30; })) << s.text("judgement");
+  EXPECT_TRUE(s.says("judgement", "steps")) << s.text("judgement");
+  PlanCalibration plan;
+  ASSERT_TRUE(callService("/calibration_server/plan", plan));
+  ASSERT_EQ(static_cast<int>(plan.response.steps.size()), steps->count());
+  EXPECT_FALSE(s.enabled("confirm"));
+  EXPECT_FALSE(s.enabled("take_back"));
+  // nor is there a cell
+  EXPECT_EQ(s.text("state"), "not there");
+  EXPECT_EQ(s.text("true_offset"), "not there");
+  for (const char* name : {"start", "cancel", "retreat", "pause", "run", "step_blocks", "reset"}) {
+    EXPECT_FALSE(s.enabled(name)) << name;
+  }
+
+  s.find<QLineEdit>("id")->setText("by_hand");
+  s.click("begin");
+  auto* progress = s.find<QProgressBar>("progress");
+  const int count = steps->count();
+  bool weighed = false;
+  for (int done = 0; done < count; ++done) {
+    ASSERT_TRUE(seen([&] { return progress->value() == done && s.enabled("confirm"); }))
+        << done << ": " << s.text("calibration_state") << s.text("answer");
+    const std::string asked = s.text("what_to_do");
+    ASSERT_TRUE(bringAbout(plan.response.steps, asked)) << asked;
+    // the list is where the work is
+    const std::string row = steps->currentItem()->text().toStdString();
+    EXPECT_NE(asked.find(row.substr(row.find(' ') + 1)), std::string::npos) << row << asked;
+    // a mass can be told, where one hangs
+    const bool hangs = asked.find("hang") != std::string::npos;
+    EXPECT_EQ(s.find<QDoubleSpinBox>("mass")->isVisible(), hangs) << asked;
+    EXPECT_EQ(s.find<QDoubleSpinBox>("mass")->value() > 0.0, hangs) << asked;
+    if (hangs && !weighed) keepPicture(s.widget);
+    weighed |= hangs;
+    s.click("confirm");
+  }
+  EXPECT_TRUE(weighed);
+  ASSERT_TRUE(seen([&] { return s.link.view().calibration.result_known; }))
+      << s.text("calibration_state");
+  EXPECT_TRUE(seen([&] { return s.says("calibration_result", "by_hand"); }))
+      << s.text("calibration_result");
+  EXPECT_TRUE(seen([&] { return s.says("in_force", "sensor_a by_hand, sensor_b by_hand"); }))
+      << s.text("in_force");
+  EXPECT_TRUE(seen([&] { return s.says("sensor_a_calibration", "by_hand"); }))
+      << s.text("sensor_a_calibration");
+
+  // what was stored can be put in force again
+  s.click("look");
+  auto* stored = s.find<QComboBox>("stored");
+  ASSERT_TRUE(seen([&] { return stored->findText("by_hand") >= 0; })) << s.text("answer");
+  stored->setCurrentText("by_hand");
+  s.click("load");
+  EXPECT_TRUE(seen([&] { return s.says("answer", "load: done"); })) << s.text("answer");
+}
+
+TEST(CalibrationPage, TakesBackAndCancels) {
+  const test::TemporaryFolder folder;
+  Child server({test::executable("calibration_server"), "_store:=" + folder.path()});
+  Screen s;
+  s.find<QTabWidget>("tabs")->setCurrentIndex(1);
+  ASSERT_TRUE(seen([&] { return s.link.view().calibration.there; })) << server.output();
+  s.click("begin");
+  auto* progress = s.find<QProgressBar>("progress");
+  s.click("confirm");
+  ASSERT_TRUE(seen([&] { return progress->value() == 1; })) << s.text("answer");
+  s.click("cancel_calibration");
+  ASSERT_TRUE(seen([&] { return s.says("calibration_result", "cancelled"); }))
+      << s.text("calibration_result");
+  EXPECT_TRUE(seen([&] { return s.says("calibration_state", "1 observations"); }))
+      << s.text("calibration_state");
+  s.click("take_back");
+  EXPECT_TRUE(seen([&] { return s.says("calibration_state", "0 observations"); }))
+      << s.text("calibration_state");
+  // a server that ends is not there any more
+  server.stop();
+  EXPECT_TRUE(
+      seen([&] { return !s.enabled("begin") && s.says("calibration_there", "not there"); }));
+}
+
+}  // namespace
+}  // namespace assembly_cell::panel::calibration_page_test

@@ -1,0 +1,270 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <gtest/gtest.h>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <std_msgs/Int32.h>
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "assembly_cell/Ack.h"
+#include "assembly_cell/DisplacementSamples.h"
+#include "assembly_cell/SensorCalibration.h"
+#include "assembly_cell/WrenchSamples.h"
+#include "assembly_cell/align/search/step.h"
+#include "assembly_cell/ros/bridge/calibration_messages.h"
+#include "assembly_cell/ros/bridge/conversions.h"
+#include "assembly_cell/ros/bridge/guarded_spinner.h"
+#include "assembly_cell/ros/bridge/publish_shared.h"
+#include "assembly_cell/ros/process/shared_spinner.h"
+#include "assembly_cell/ros/supervision/ros_plant.h"
+
+namespace assembly_cell::ros_bridge::ros_plant_test {
+namespace {
+
+// ---- a topic that gives its latest message ----
+
+// What comes in on /latest in a queue of its own, once `count` are there.
+std::vector<int> received(std::size_t count) {
+  ros::NodeHandle nh;
+  ros::CallbackQueue queue;
+  nh.setCallbackQueue(&queue);
+  std::vector<int> values;
+  const ros::Subscriber sub = nh.subscribe<std_msgs::Int32>(
+      "/latest", 10, [&](const auto& message) { values.push_back(message->data); });
+  const ros::WallTime limit = ros::WallTime::now() + ros::WallDuration(10.0);
+  while (values.size() < count && ros::WallTime::now() < limit) {
+    ros::getGlobalCallbackQueue()->callAvailable();
+    queue.callAvailable(ros::WallDuration(0.01));
+  }
+  return values;
+}
+
+TEST(LatestPublisherTest, WhoComesLateGetsTheLatestMessage) {
+  ros::NodeHandle nh;
+  LatestPublisher<std_msgs::Int32> publisher(nh, "/latest", 10);
+  for (const int value : {1, 2, 3}) {
+    std_msgs::Int32 message;
+    message.data = value;
+    publisher.publish(message);
+  }
+  EXPECT_EQ(received(1), std::vector<int>{3});
+  EXPECT_EQ(received(1), std::vector<int>{3});
+}
+
+TEST(LatestPublisherTest, GivesOnlyWhatComesWhereNothingElseIsAskedFor) {
+  ros::NodeHandle nh;
+  LatestPublisher<std_msgs::Int32> publisher(nh, "/latest", 10, false);
+  publisher.publish(std_msgs::Int32());
+  ros::CallbackQueue queue;
+  nh.setCallbackQueue(&queue);
+  std::vector<int> values;
+  const ros::Subscriber sub = nh.subscribe<std_msgs::Int32>(
+      "/latest", 10, [&](const auto& message) { values.push_back(message->data); });
+  while (publisher.getNumSubscribers() == 0) ros::WallDuration(0.001).sleep();
+  std_msgs::Int32 message;
+  message.data = 7;
+  publisher.publish(message);
+  while (values.empty()) queue.callAvailable(ros::WallDuration(0.01));
+  EXPECT_EQ(values, std::vector<int>{7});
+}
+
+TEST(LatestPublisherTest, OfNoTopicItSaysNothing) {
+  LatestPublisher<std_msgs::Int32> nobody;
+  nobody.publish(std_msgs::Int32());
+  EXPECT_EQ(nobody.getNumSubscribers(), 0u);
+}
+
+// ---- one thread for several queues ----
+
+constexpr std::chrono::seconds kLong(10);
+
+void addTo(SharedSpinner::Queue& queue, std::function<void()> what) {
+  queue.addCallback(callbackOf(std::move(what)), 1);
+}
+
+bool soon(const std::atomic<bool>& flag) {
+  for (int i = 0; i < 10000 && !flag; ++i) ros::WallDuration(0.001).sleep();
+  return flag;
+}
+
+TEST(SharedSpinnerTest, CallsWhatIsInAllQueuesAlsoBehindAnException) {
+  SharedSpinner::Queue first, second;
+  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
+  spinner.add(&first);
+  spinner.add(&second);
+  std::atomic<bool> behind{false}, beside{false};
+  addTo(first, [] { throw std::runtime_error("on purpose"); });
+  addTo(first, [&] { behind = true; });
+  addTo(second, [&] { beside = true; });
+  EXPECT_TRUE(soon(behind));
+  EXPECT_TRUE(soon(beside));
+  spinner.remove(&first);
+  spinner.remove(&second);
+  EXPECT_FALSE(spinner.works());
+}
+
+TEST(SharedSpinnerTest, WhoWaitsDoesTheWork) {
+  SharedSpinner::Queue queue;
+  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
+  spinner.add(&queue);
+  {
+    SharedSpinner::Helper helper;
+    std::thread::id by;
+    bool done = false;
+    // the second is added by the first, as an answer to what that one has published
+    addTo(queue, [&] {
+      addTo(queue, [&] {
+        by = std::this_thread::get_id();
+        done = true;
+      });
+    });
+    EXPECT_TRUE(helper.callUntil([&] { return done; }, std::chrono::steady_clock::now() + kLong));
+    EXPECT_EQ(by, std::this_thread::get_id());
+    EXPECT_FALSE(helper.callUntil([] { return false; },
+                                  std::chrono::steady_clock::now() + std::chrono::milliseconds(5)));
+  }
+  // and once it has gone, the thread does
+  std::atomic<bool> later{false};
+  addTo(queue, [&] { later = true; });
+  EXPECT_TRUE(soon(later));
+  spinner.remove(&queue);
+}
+
+// A strategy between two blocks lets the thread sleep, one that goes on deciding doesn't.
+TEST(SharedSpinnerTest, WhatIsLeftByHelpersThatComeAndGoIsCalled) {
+  SharedSpinner::Queue queue;
+  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
+  spinner.add(&queue);
+  for (int round = 0; round < 5; ++round) {
+    std::atomic<bool> left{false};
+    for (int i = 0; i < 100; ++i) {
+      SharedSpinner::Helper helper;
+      if (i == 99) addTo(queue, [&] { left = true; });
+    }
+    EXPECT_TRUE(soon(left)) << round;
+  }
+  spinner.remove(&queue);
+}
+
+// A cell that nobody waits for calls back for ever.
+TEST(SharedSpinnerTest, CallbacksThatNeverEndHoldNobodyUp) {
+  SharedSpinner::Queue queue, other;
+  SharedSpinner& spinner = SharedSpinner::ofThisProcess();
+  spinner.add(&queue);
+  std::atomic<long> count{0};
+  std::function<void()> again = [&] {
+    ++count;
+    addTo(queue, again);
+  };
+  addTo(queue, again);
+  while (count < 1000) std::this_thread::yield();
+  spinner.add(&other);
+  const long before = count;
+  EXPECT_TRUE(SharedSpinner::Helper().callUntil([&] { return count > before + 1000; },
+                                                std::chrono::steady_clock::now() + kLong));
+  EXPECT_FALSE(SharedSpinner::Helper().callUntil(
+      [] { return false; }, std::chrono::steady_clock::now() + std::chrono::milliseconds(5)));
+  spinner.remove(&queue);
+  const long at_the_end = count;
+  ros::WallDuration(0.01).sleep();
+  EXPECT_EQ(count, at_the_end);
+  spinner.remove(&other);
+}
+
+// ---- the cell as a strategy's plant ----
+
+// A cell in lockstep, as a strategy's node hears it: the next block comes with its answer.
+class FakeCell {
+ public:
+  explicit FakeCell(const std::string& space) : nh_(space) {
+    nh_.setCallbackQueue(&queue_);
+    a_ = nh_.advertise<WrenchSamples>("sensor_a/wrench_samples", 10, true);
+    b_ = nh_.advertise<WrenchSamples>("sensor_b/wrench_samples", 10, true);
+    d_ = nh_.advertise<DisplacementSamples>("sensor_b/displacement_samples", 10, true);
+    carrier_ = nh_.advertise<geometry_msgs::PoseStamped>("carrier_pose", 10, true);
+    for (const std::string sensor : {"sensor_a", "sensor_b"}) {
+      Calibration calibration;
+      calibration.volts_to_wrench.setIdentity();
+      calibration.serial_number = sensor;
+      pubs_.push_back(nh_.advertise<SensorCalibration>(sensor + "/calibration", 1, true));
+      pubs_.back().publish(toMessage(calibration));
+    }
+    ack_ = nh_.subscribe<Ack>("ack", 10, [this](const auto& ack) {
+      if (ack->sequence == sequence_) next();
+    });
+    next();
+    spinner_.start();
+  }
+  ~FakeCell() { spinner_.stop(); }
+
+ private:
+  void next() {
+    constexpr double period = 2e-4;
+    constexpr std::size_t samples = 100;
+    ++sequence_;
+    const ros::Time start(1.0 + samples * period * sequence_);
+    WrenchSamples wrench;
+    wrench.header.stamp = start;
+    wrench.period = period;
+    wrench.sequence = sequence_;
+    wrench.wrench.assign(6 * samples, 0.5);
+    wrench.saturated.assign(samples, 0);
+    a_.publish(wrench);
+    b_.publish(wrench);
+    DisplacementSamples displacement;
+    displacement.header = wrench.header;
+    displacement.period = period;
+    displacement.sequence = sequence_;
+    displacement.displacement.assign(6 * samples, 0.0);
+    d_.publish(displacement);
+    carrier_.publish(
+        poseStamped(kCarrierBaseFrame, Pose(), start + ros::Duration((samples - 1) * period)));
+  }
+
+  ros::NodeHandle nh_;
+  ros::CallbackQueue queue_;
+  ros::Publisher a_, b_, d_, carrier_;
+  std::vector<ros::Publisher> pubs_;
+  std::uint32_t sequence_ = 0;
+  ros::Subscriber ack_;
+  GuardedSpinner spinner_{1, &queue_};
+};
+
+// A goal that ended may be followed by one that frees the peg, and by the next goal.
+TEST(RosPlantTest, HearsBlocksWheneverAGoalIsUnderWay) {
+  const FakeCell cell("plant_test");
+  ros::NodeHandle nh("plant_test");
+  ros::CallbackQueue queue;
+  nh.setCallbackQueue(&queue);
+  RosPlant::Settings settings;
+  settings.node = "/plant_test/strategy";
+  settings.lockstep = true;
+  settings.timeout = 5.0;
+  RosPlant plant(nh, settings);
+  GuardedSpinner spinner(1, &queue);
+  spinner.start();
+  const auto never = [] { return false; };
+  plant.begin(never);
+  const PlantBlock first = plant.next({});
+  EXPECT_EQ(first.wrench_a, Vector6::Constant(0.5));
+  EXPECT_NEAR(plant.next({}).time, first.time + kStepTime, 1e-9);
+  plant.end(false);
+  plant.recover(1.0);
+  EXPECT_GT(plant.next({}).time, first.time);
+  plant.end(false);
+  plant.begin(never);
+  EXPECT_EQ(plant.next({}).samples, 100);
+  plant.end(false);
+  spinner.stop();
+}
+
+}  // namespace
+}  // namespace assembly_cell::ros_bridge::ros_plant_test
