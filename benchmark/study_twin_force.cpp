@@ -1,5 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Studies of docs/twin_force.md as CSV files: study_twin_force FOLDER [RUNS]. About a minute.
+// Studies of docs/theory/twin_force.md as CSV files: study_twin_force FOLDER [RUNS]. About a
+// minute.
 
 #include <algorithm>
 #include <cmath>

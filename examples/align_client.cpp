@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Asks a running cell for an alignment, tells what it does, and how it ended.
-// usage: align_client [STRATEGY]    strategies: docs/strategies.md; none: the cell's own
+// usage: align_client [STRATEGY]    strategies: docs/reference/strategies.md; none: the cell's own
 #include <actionlib/client/simple_action_client.h>
 #include <assembly_cell/AlignPegAction.h>
 #include <ros/ros.h>
@@ -53,7 +53,8 @@ int main(int argc, char** argv) {
   const bool asked = argc == 2 && std::strcmp(argv[1], "--help") == 0;
   if (argc > 2 || asked) {
     std::puts(
-        "usage: align_client [STRATEGY]    strategies: docs/strategies.md; none: the cell's own");
+        "usage: align_client [STRATEGY]    strategies: docs/reference/strategies.md; none: the "
+        "cell's own");
     return asked ? 0 : 2;
   }
   if (!ros::master::check()) {

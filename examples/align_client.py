@@ -2,7 +2,7 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 """Asks a running cell for an alignment, tells what it does, and how it ended.
 
-usage: align_client.py [STRATEGY]    strategies: docs/strategies.md; none: the cell's own
+usage: align_client.py [STRATEGY]    strategies: docs/reference/strategies.md; none: the cell's own
 """
 import sys
 import time

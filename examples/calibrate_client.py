@@ -3,7 +3,7 @@
 """Has a running calibration_server measure plans one after another, from no observations on, and store one calibration
 of both sensors from all of them.
 
-usage: calibrate_client.py PLAN...    plans: recommended, quadratic, displacement (docs/calibration.md)
+usage: calibrate_client.py PLAN...    plans: recommended, quadratic, displacement (docs/how_to/calibration.md)
 Standard output: the id of what was stored. What it does and what comes of it: standard error.
 exit: 0 stored, 1 not
 example: calibrate_client.py recommended displacement

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Studies of the whole alignment with the tool align: figures of docs/strategies.md.
+"""Studies of the whole alignment with the tool align: figures of docs/reference/strategies.md.
 
 usage: plot_align.py [--tool ALIGN] [--runs N] [--seed S] [--output FOLDER]
   --tool    the executable (default: align of the package in .build)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Runs the studies of the locus estimator: figures and tables of docs/locus.md.
+"""Runs the studies of the locus estimator: figures and tables of docs/theory/locus.md.
 
 usage: plot_locus.py [--tool STUDY_LOCUS] [--runs N] [--output FOLDER]
   --tool    the executable (default: study_locus, found in PATH or in .build; build it with -DASSEMBLY_CELL_BENCHMARK=ON)

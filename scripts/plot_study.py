@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Plots the results of a study: the figures of docs/gallery.md, and a picture of any other study.
+"""Plots the results of a study: the figures of docs/results/gallery.md, and a picture of any other study.
 
 usage: plot_study.py FOLDER PICTURE.png
   FOLDER       with results.csv, manifest.yaml and, for some figures, history.csv

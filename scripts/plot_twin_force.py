@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Regenerates the tables (CSV) and figures of docs/twin_force.md from the program study_twin_force.
+"""Regenerates the tables (CSV) and figures of docs/theory/twin_force.md from the program study_twin_force.
 
 usage: plot_twin_force.py [--study STUDY_TWIN_FORCE] [--output FOLDER]
   --study   the executable (default: study_twin_force, found in PATH or in .build)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Regenerates the figures of docs/vibration.md from the tool `vibration`.
+"""Regenerates the figures of docs/theory/vibration.md from the tool `vibration`.
 
 usage: plot_vibration.py [--tool VIBRATION] [--output FOLDER]
   --tool    the executable (default: vibration, found in PATH or in .build)

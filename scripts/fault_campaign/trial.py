@@ -11,7 +11,7 @@ from .cell import (
     ARM, BENCH_DRIVERS, BRIDGE, DRIVERS, IDENTIFIER, LOCUS, MINE, NODES, RIG, SERVER, SIMULATOR, START, SUPERVISOR, TWIN, Broken, Client, Ears, Goal, Nodes, wait_for)
 from .hostile import HOSTILE, be_hostile
 
-# what docs/safety.md promises
+# what docs/reference/safety.md promises
 HOLD = 0.1 + 0.02  # from the last sign of life; a block is what this tool can't see [s cell]
 NAME = 0.5  # a node that is missed to its name in the result [s]
 STAND = 0.1 + 0.1 + 0.02  # through an arm: its timeout, the way to rest, and a block [s cell]
@@ -325,7 +325,7 @@ class Campaign:
         broken += [f"crash: {text}" for text in self.nodes.crashed()]
         return row
 
-    # -- what docs/safety.md says --
+    # -- what docs/reference/safety.md says --
 
     def judge_plant(self, trial, row, mark):
         ears, broken = self.ears, row["broken"]

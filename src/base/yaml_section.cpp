@@ -91,7 +91,7 @@ bool inRange(double value, Range range) {
 Section::Section(const YAML::Node& node, std::string path, std::string source, Wording wording)
     : path_(std::move(path)), source_(std::move(source)), wording_(wording) {
   if (!node.IsDefined() || !node.IsMap()) {
-    refuse(at(""), shown(node), "give a mapping of keys, see docs/interfaces/files.md");
+    refuse(at(""), shown(node), "give a mapping of keys, see docs/reference/files.md");
   }
   for (const auto& entry : node) {
     if (!entry.first.IsScalar()) {
@@ -153,7 +153,7 @@ bool Section::optional(const std::string& key) {
 }
 
 Section Section::section(const std::string& key) {
-  return Section(required(key, "add this mapping, see docs/interfaces/files.md"), at(key), source_,
+  return Section(required(key, "add this mapping, see docs/reference/files.md"), at(key), source_,
                  wording_);
 }
 
@@ -429,7 +429,7 @@ YAML::Node loadMapping(const std::string& text, const std::string& source,
                        const std::vector<std::string>& overrides, FileKind wanted) {
   YAML::Node root = loadYaml(text, source, wanted);
   if (!root.IsMap()) {
-    refuse(source, "file", shown(root), "give a mapping of keys, see docs/interfaces/files.md");
+    refuse(source, "file", shown(root), "give a mapping of keys, see docs/reference/files.md");
   }
   for (const std::string& change : overrides) root.reset(withOverride(root, change));
   return root;

@@ -122,7 +122,7 @@ System::System(const Scenario& given)
   }
   compliant = isCompliant(scenario);
   coarseness = std::clamp(solver.tolerance / 1e-9, 1e-3, 100.0);
-  // slip is told from rest above the integrator's velocity error, docs/theory.md
+  // slip is told from rest above the integrator's velocity error, docs/theory/thesis.md
   const double tolerance = fixed_step ? 1e-9 : solver.tolerance;
   slip_threshold =
       std::max(rigid ? kLeastRestSpeed : kFaceRestSpeed, kFaceRestOverTolerance * tolerance);

@@ -182,7 +182,7 @@ KnownMechanism knownFrom(const Identification& found) {
 std::string mechanismRecord(const Mechanism& nominal, const Identification& found,
                             const std::string& origin, const std::string& date) {
   std::ostringstream out;
-  out << "# Identified mechanism: docs/identification.md\n"
+  out << "# Identified mechanism: docs/theory/identification.md\n"
       << mechanismText(found.model.mechanism) << "identification:\n"
       << "  format: " << yamlQuoted(kFormat) << "\n"
       << "  origin: " << yamlQuoted(origin) << "\n"

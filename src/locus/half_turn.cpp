@@ -17,7 +17,7 @@ using linear_motion::Complex9;
 namespace {
 
 // Of vertical motion and yaw that the linear model predicts. At half and twice of it all 1620
-// directions of docs/locus.md, "Constants", keep their end.
+// directions of docs/theory/locus.md, "Constants", keep their end.
 constexpr double kModelError = 0.05;
 constexpr int kVertical = linear_motion::kU + 2, kYaw = linear_motion::kTheta + 2;
 

@@ -136,7 +136,7 @@ struct Distances {
   double from_none, from_circle, from_segment;
 };
 
-// F tests (docs/theory.md, "Locus")
+// F tests (docs/theory/thesis.md, "Locus")
 LocusMode modeByTests(const Distances& d, double false_alarm, double eps2,
                       std::optional<LocusMode> previous) {
   const double lambda = d.from_none * eps2 / (1.0 + eps2);

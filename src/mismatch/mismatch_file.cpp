@@ -222,7 +222,8 @@ Mismatch parseMismatch(const std::string& text, const std::string& source) {
   YAML::Node root = yaml::loadYaml(text, source, yaml::FileKind::kMismatch);
   if (!root.IsDefined() || root.IsNull()) root = YAML::Node(YAML::NodeType::Map);
   if (!root.IsMap()) {
-    yaml::refuse(source, "file", shown(root), "give a mapping of keys, see docs/mismatch.md");
+    yaml::refuse(source, "file", shown(root),
+                 "give a mapping of keys, see docs/reference/mismatch.md");
   }
   Section in(root, "", source);
   Mismatch mismatch;

@@ -25,7 +25,7 @@ std::string raisePriority(int priority) {
   const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
   if (error == 0) return {};
   return "no real-time priority " + std::to_string(priority) + ": " + std::strerror(error) +
-         ": give this user rtprio, see docs/hardware.md";
+         ": give this user rtprio, see docs/how_to/hardware.md";
 }
 
 const char* toText(LinkState state) {

@@ -404,7 +404,7 @@ class Reader {
     const auto& names = outcomeNames(study_.job.kind);
     if (search.outcome == "modes" ||
         std::find(names.begin(), names.end(), search.outcome) == names.end()) {
-      in.refuse(in.at(key), search.outcome, "no number of this job's, see docs/studies.md");
+      in.refuse(in.at(key), search.outcome, "no number of this job's, see docs/how_to/studies.md");
     }
     search.otherwise = in.number("otherwise", Range::kAny);
     search.tolerance = in.number("tolerance", Range::kPositive, search.tolerance);
@@ -479,7 +479,7 @@ class Reader {
 Study loadStudy(const std::string& path, const std::vector<std::string>& overrides) {
   YAML::Node root = yaml::loadYaml(yaml::fileText(path, "study"), path, yaml::FileKind::kStudy);
   if (!root.IsMap()) {
-    yaml::refuse(path, "file", shown(root), "give a mapping of keys, see docs/studies.md");
+    yaml::refuse(path, "file", shown(root), "give a mapping of keys, see docs/how_to/studies.md");
   }
   for (const std::string& text : overrides) root.reset(yaml::withOverride(root, text));
   Study study = Reader(root, path).read();

@@ -66,21 +66,21 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --mechanism FILE.yaml what strategies believe of the parts instead of the scenario, as identify --out wrote it;
                         checked on the hanging peg before anything is pressed
   --calibrate N         each run calibrates its sensors on the simulated bench first, N readings averaged a test, and
-                        the twin-force likelihood takes the covariance, see docs/twin_force.md; adds
+                        the twin-force likelihood takes the covariance, see docs/theory/twin_force.md; adds
                         wrench_error_squared, as offset_error_squared but before touches and walls
-  --identify            each run identifies its mechanism first, see docs/identification.md
+  --identify            each run identifies its mechanism first, see docs/theory/identification.md
   --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
-                        for each run from its seed, see docs/mismatch.md
+                        for each run from its seed, see docs/reference/mismatch.md
   --insert DEPTH        go on until the edge is so deep, or floor: until it is seated on the hole's floor; success
                         then means seated, and the truth agrees  [m]
   --insert-exciter F    shake the peg on the way down (default 0: off)  [N]
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
                         every other time without freeing the peg; wants --runs above 1
   --world W             what simulates the mechanism: exact (default), mujoco or "{engine: mujoco, facets: 512}",
-                        see docs/second_world.md; strategies know of it only that
+                        see docs/results/second_world.md; strategies know of it only that
                         its coupling turns with the carrier (coupling.axes=carrier)
   --arm FILE.yaml       an emulated arm carries the carrier, led by the bridge that a real one has, as
-                        config/arm/emulated.yaml names them: latency, repeatability and limits, see docs/arm.md
+                        config/arm/emulated.yaml names them: latency, repeatability and limits, see docs/how_to/arm.md
   --check               read the input and refuse what is bad; run nothing
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for truth and strategy together; repeatable

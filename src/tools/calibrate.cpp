@@ -46,7 +46,7 @@ solve  both sensors from an observation file (.yaml, or .csv by named columns) o
 check  a calibration file (its checksum, what it says), or an observation file (what is in it, what would be dropped,
        linearity tests); with --observations: a calibration file against observations it was not made from
 Example: calibrate plan recommended --nonlinearity 0 --simulate tests.yaml && calibrate solve tests.yaml --save .
-Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/calibration.md
+Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/how_to/calibration.md
 )";
 
 void printForce(const ForceSolution& s, bool matrices) {

@@ -34,7 +34,7 @@ constexpr const char* kHelp =
 Identifies the mechanism of a simulated cell by feeling: the hanging peg is shaken and turned, then pressed on the
 face beside the hole, pushed and shaken there. Prints what was found as YAML; --out writes it for align and cell.launch.
 
-  --mismatch FILE.yaml  how the truth differs from the scenario, see docs/mismatch.md
+  --mismatch FILE.yaml  how the truth differs from the scenario, see docs/reference/mismatch.md
   --seed N              of the sensors' noise and of what the mismatch draws (default 1)
   --runs K              that many cells, seeds from --seed on: how often the intervals hold (default 1)
   --bits B              of the converters: 10, 16 (default) or 24

@@ -19,7 +19,7 @@ constexpr const char* kHelp =
     R"(Usage: insertion FORM PARAMETERS.yaml [options]
 
 Evaluates a closed form of a round peg's way into its hole, in the plane of its tilt, and prints the result as YAML.
-PARAMETERS.yaml is a flat mapping of numbers [m] [rad] [N] [N m]. docs/insertion.md derives the equations.
+PARAMETERS.yaml is a flat mapping of numbers [m] [rad] [N] [N m]. docs/theory/insertion.md derives the equations.
 
 FORM         parameters -> results
   two_point  peg_radius hole_radius tilt -> depth (along the side, where the peg touches both sides) lowest wall_contact

@@ -36,7 +36,7 @@ Runs a scenario and prints a YAML summary.
   --integrator NAME     hamming, rk4, dopri5 or dop853; the same as --set solver.integrator=NAME
   --tolerance T         the same as --set solver.tolerance=T  [m]
   --step H              the same as --set solver.step=H, of rk4 and, if given, hamming  [s]
-  --mismatch FILE.yaml  how the truth differs from the scenario, see docs/mismatch.md
+  --mismatch FILE.yaml  how the truth differs from the scenario, see docs/reference/mismatch.md
   --seed N              of what is drawn for it (default 1)
   --at T1,T2,...        times of the rows of the output  [s]
   --rows N              number of evenly spaced rows when --at is absent (default 201)

@@ -43,7 +43,7 @@ A study that was ended at any time goes on where it was with the same command.
   --output FOLDER       of the results (default results/<name of the file>)
   --threads N           runs at the same time (default: the cores; under mpirun 1 a rank)
   --fresh               drop the runs that the folder holds
-  --mismatch FILE.yaml  how the truth of every run differs from its scenario, see docs/mismatch.md; the same as
+  --mismatch FILE.yaml  how the truth of every run differs from its scenario, see docs/reference/mismatch.md; the same as
                         the study's key mismatch
   --set KEY.PATH=VALUE  change a value of the study: samples=100, axes[0].range.count=5; repeatable
   --list                print the runs instead of doing them: number, seed and axes as CSV

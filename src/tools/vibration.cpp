@@ -31,7 +31,7 @@ constexpr const char* kHelp =
     R"(Usage: vibration MODEL PARAMETERS.yaml [options]
 
 Evaluates a closed form of vibratory assembly and prints the result as YAML. PARAMETERS.yaml is a flat mapping of
-numbers in any coherent units (SI; or kg, mm, s with mN); nothing is converted. docs/vibration.md has the equations.
+numbers in any coherent units (SI; or kg, mm, s with mN); nothing is converted. docs/theory/vibration.md has the equations.
 
 MODEL             parameters -> results
   inertia           m r h -> Ix Iy Iz beta

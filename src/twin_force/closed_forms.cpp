@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 // Of the denominators, relative: an error of the forces grows tenfold there. Twice of it refuses 23
 // of 500 random sets of contacts more.
 constexpr double kThesisLimit = 0.1;
-// The others were chosen for the geometries of docs/twin_force.md; at half and twice the tests of
-// test/twin_force still reach the bound in each, but for what is said.
+// The others were chosen for the geometries of docs/theory/twin_force.md; at half and twice the
+// tests of test/twin_force still reach the bound in each, but for what is said.
 constexpr double kThesisNoise = 3.0;  // sd: vectors below it have no direction
 // Second singular value of the forces: lines within 3° count as parallel. At twice couple pairs
 // bring the noise of moments to lines that forces tell apart: the likelihood misses the bound.

@@ -16,7 +16,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 // At half and twice of each the tests of test/twin_force pass as they are: the bound is reached in
-// the geometries of docs/twin_force.md.
+// the geometries of docs/theory/twin_force.md.
 constexpr double kNearParallel = 0.35;  // second singular value of the forces, lines within 20°:
                                         // from there on one start may end at another turn
 constexpr double kLongestTurn = 0.5;  // of one step: a Gauss–Helmert step is linear so far [rad]

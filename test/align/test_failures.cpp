@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Every failure of an alignment, by a cell in which something is wrong; and the table of them in
-// docs/strategies.md.
+// docs/reference/strategies.md.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -476,10 +476,10 @@ TEST(PlantFailures, TheJudgeNamesAPegThatIsNotSeated) {
   EXPECT_EQ(above.status, "not_seated");
 }
 
-// names of the table in docs/strategies.md are those of the enumeration, and every one but the
-// plant's and the judge's has a case above
+// names of the table in docs/reference/strategies.md are those of the enumeration, and every one
+// but the plant's and the judge's has a case above
 TEST(FailureTable, ListsEveryNameAndNoOther) {
-  std::ifstream page(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/docs/strategies.md");
+  std::ifstream page(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/docs/reference/strategies.md");
   std::multiset<std::string> listed, named;
   bool within = false;
   for (std::string line; std::getline(page, line);) {

@@ -299,8 +299,8 @@ AlignTrial tried(const char* strategy, int level, std::uint64_t seed) {
                        0.03 * Vector2d(std::sin(2.0 * a), std::cos(3.0 * a)), strategy, seed);
 }
 
-// Counts of docs/robustness.md: more than 99 of 100. Errors: five deviations of where a carrier
-// comes to rest, 10, 30 and 50 µm an axis.
+// Counts of docs/results/robustness.md: more than 99 of 100. Errors: five deviations of where a
+// carrier comes to rest, 10, 30 and 50 µm an axis.
 TEST(Touch, AlignsInCellsThatAreNotInTheirFiles) {
   for (int level = 1; level <= 3; ++level) {
     const double rests = level == 1 ? 1e-5 : level == 2 ? 3e-5 : 5e-5;

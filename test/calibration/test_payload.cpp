@@ -58,8 +58,8 @@ TEST(Payload, ExactWithoutNoise) {
   EXPECT_FALSE(m.structure_tested);
 }
 
-// False alarms of clean recordings are about 1 % (drift) and below (docs/payload.md): 4 of 30 would
-// be a chance of 2e-4.
+// False alarms of clean recordings are about 1 % (drift) and below (docs/how_to/payload.md): 4 of
+// 30 would be a chance of 2e-4.
 TEST(Payload, CleanRecordingsStayPlain) {
   for (const std::size_t poses : {20u, 50u}) {
     int drift = 0, breaks = 0, outliers = 0;

@@ -52,7 +52,7 @@ TEST_P(Looking, ChangesNothing) {
               << file << ", " << depth << " m deep, tolerance " << tolerance << ", " << looks;
         }
       }
-      // at 1e-9 a slip of 1e-6 m/s is rest (docs/theory.md), which may keep a sticking point
+      // at 1e-9 a slip of 1e-6 m/s is rest (docs/theory/thesis.md), which may keep a sticking point
       EXPECT_NEAR(ends[1], ends[2], 1e-10) << file << ", " << depth << " m deep";
     }
   }

@@ -222,8 +222,8 @@ TEST(ThesisSwitches, ChangeWhatTheySay) {
 
 // Fig 8.1, one point, 0.3 N, high stiffness, no damping: sticks throughout in the correct model;
 // with the thesis's moments the force does spurious work, the peg excites itself, leaves the rim
-// within 50 ms (docs/theory.md, errors of the thesis) and comes down on the plane, which the run
-// excludes.
+// within 50 ms (docs/theory/thesis.md, errors of the thesis) and comes down on the plane, which the
+// run excludes.
 TEST(ThesisSwitches, MomentsMakeTheOnePointRunLoseContact) {
   for (const bool moments : {false, true}) {
     Scenario s = vibrated(0.3, 1e-9);

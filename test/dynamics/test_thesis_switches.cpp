@@ -78,7 +78,7 @@ TEST(ThesisMoments, OfTheExciter) {
 }
 
 // the listing's A(4..6, 7..12): moments of contact forces. One edge on the plane that presses with
-// N = −K gap; lever and inverse mass matrix as in docs/theory.md.
+// N = −K gap; lever and inverse mass matrix as in docs/theory/thesis.md.
 TEST(ThesisMoments, OfAContact) {
   Scenario s = load("cell", {"contact={law: spring_dashpot, stiffness: 1e5, damping: 0}",
                              "friction={static: 0, sliding: 0}", "solver.tolerance=1e-14"});
@@ -121,7 +121,7 @@ TEST(ThesisMoments, ErrorIsNoneUprightAndAFifthAtFig81) {
   Vector9 q = Vector9::Zero();
   q(4) = M_PI_2;
   EXPECT_LT(momentError(q, Vector3d(1, 2, 3)).norm(), 1e-15);
-  q(4) = 1.771;  // what M1 puts into phi: docs/theory.md, 20 %
+  q(4) = 1.771;  // what M1 puts into phi: docs/theory/thesis.md, 20 %
   EXPECT_NEAR(momentError(q, Vector3d(1, 0, 0))(0), 0.20, 5e-3);
 }
 

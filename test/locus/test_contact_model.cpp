@@ -79,7 +79,7 @@ Matrix6 full(const CouplingMatrix& m) {
 
 // ---- closed forms ----
 
-// docs/theory.md, "Locus", table of the support without yaw (thesis 9.2.2)
+// docs/theory/thesis.md, "Locus", table of the support without yaw (thesis 9.2.2)
 TEST(ContactModel, TextbookTableOfTheSupportWithoutYaw) {
   struct Row {
     double frequency, radial, tangential;
@@ -112,7 +112,7 @@ TEST(ContactModel, OperatingFrequencyOfTheTextbook) {
   EXPECT_NEAR(operatingFrequency(s, 0.0), 100.13, 0.01);
 }
 
-// docs/theory.md, "Locus", general support: any coupling, fixed carrier, no static terms
+// docs/theory/thesis.md, "Locus", general support: any coupling, fixed carrier, no static terms
 TEST(ContactModel, GeneralSupportFormula) {
   Mechanism s = thesisMechanism();
   s.gravity = 0.0;
@@ -153,7 +153,7 @@ TEST(ContactModel, GeneralSupportFormula) {
   }
 }
 
-// docs/theory.md, "Locus": without tilt and yaw-tilt coupling nothing tells alpha from
+// docs/theory/thesis.md, "Locus": without tilt and yaw-tilt coupling nothing tells alpha from
 // alpha + π, and alpha is in N alone, as 2 alpha
 TEST(ContactModel, HalfTurnAndDoubleAngle) {
   const Mechanism s = thesisMechanism();
@@ -515,7 +515,7 @@ TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
   const OperatingPoint p = operatingPoint(500);
   const double alpha = 2.3;
   const Locus truth = locusOf(contactResponse(s, p, alpha), 1e-6, 1000);
-  // closed form of the upright peg: alpha is in arg N alone (docs/theory.md, "Locus")
+  // closed form of the upright peg: alpha is in arg N alone (docs/theory/thesis.md, "Locus")
   const double bound = std::sqrt(truth.variance() / (4 * std::norm(truth.N)));
   std::mt19937_64 random(6);
   std::normal_distribution<double> normal;

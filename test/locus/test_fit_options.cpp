@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Outliers, harmonics, unknown frequency and hysteresis, by Monte Carlo against the Cramér–Rao
-// bound of clean data and the figures of docs/locus.md.
+// bound of clean data and the figures of docs/theory/locus.md.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -77,7 +77,7 @@ TEST(HarmonicFit, PTurnsWithTheExciter) {
   }
 }
 
-// docs/theory.md, "Locus": windows, to two decimals
+// docs/theory/thesis.md, "Locus": windows, to two decimals
 TEST(HarmonicFit, InflationOfWindowsThatAreNotWholePeriods) {
   const auto inflation = [](double periods, bool drift) {
     const std::size_t n = 4000;
@@ -114,7 +114,7 @@ TEST(HarmonicFit, VarianceAndScatterAreAsStated) {
   EXPECT_NEAR(scatter / (4.0 * 0.04 / 100.0 * inflation), 1.0, 4.0 / std::sqrt(2400.0));
 }
 
-// docs/theory.md, "Locus": bound of the orientation [deg], n = 400; and the least-squares
+// docs/theory/thesis.md, "Locus": bound of the orientation [deg], n = 400; and the least-squares
 // fit attains it (2 % is four standard errors of 20000 runs' rms, with the second-order excess of
 // the noisiest row allowed for).
 TEST(HarmonicFit, OrientationAttainsTheCramerRaoBound) {
@@ -207,7 +207,7 @@ Locus measured(const Locus& truth, std::mt19937_64& random) {
   return locus;
 }
 
-// docs/theory.md, "Locus": critical values at 394 degrees of freedom, four digits
+// docs/theory/thesis.md, "Locus": critical values at 394 degrees of freedom, four digits
 TEST(LocusMode, CriticalValuesOfTheFTests) {
   constexpr std::size_t kN = 201;  // 2 n - 8 = 394
   struct Row {
@@ -232,7 +232,7 @@ TEST(LocusMode, CriticalValuesOfTheFTests) {
   }
 }
 
-// docs/theory.md, "Locus": confusion at n = 200, false alarm 1 %, exact tests; 2000 runs
+// docs/theory/thesis.md, "Locus": confusion at n = 200, false alarm 1 %, exact tests; 2000 runs
 // here and there: four standard errors of the difference, plus the table's rounding.
 TEST(LocusMode, ConfusionTable) {
   struct Row {

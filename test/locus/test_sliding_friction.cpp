@@ -14,7 +14,7 @@
 namespace assembly_cell {
 namespace {
 
-// P = R e^{-if}, R = sqrt(F² - (μN)²)/|k - mω²|, f = atan2(μN, (k - mω²)R) (docs/theory.md,
+// P = R e^{-if}, R = sqrt(F² - (μN)²)/|k - mω²|, f = atan2(μN, (k - mω²)R) (docs/theory/thesis.md,
 // "Locus")
 TEST(SlidingFriction, OfTheTextbookCircle) {
   for (const double k : {1e3, 1e5}) {

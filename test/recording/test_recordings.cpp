@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// What the recordings of docs/recordings.md say. They are others' and not in the package: the
-// folder that holds them is named by ASSEMBLY_CELL_RECORDINGS, without it these tests are skipped.
+// What the recordings of docs/how_to/recordings.md say. They are others' and not in the package:
+// the folder that holds them is named by ASSEMBLY_CELL_RECORDINGS, without it these tests are
+// skipped.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,7 +1,7 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 """Many messages in little time: they are made once and changed on the wire. A pool of whole messages is serialised; what is
 sent is one of them with some of its numbers overwritten, and every other one with a stamp and a sequence that go on, as a
-stream's do. Sizes and lengths stay right: bytes that are no message are another matter (docs/safety.md)."""
+stream's do. Sizes and lengths stay right: bytes that are no message are another matter (docs/reference/safety.md)."""
 import io
 import random
 import socket

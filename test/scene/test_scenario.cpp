@@ -113,7 +113,7 @@ TEST(Scenario, AbsentOptionalKeysTakeTheirDefaults) {
 // Stress-free: the coupling point of the peg lies at the carrier's rest point, angles agree.
 TEST(Scenario, AbsentInitialStartsAtRestStressFree) {
   const Scenario s = with({});
-  // the axis by its angles (docs/conventions.md) in axes x, y, z
+  // the axis by its angles (docs/reference/conventions.md) in axes x, y, z
   const Eigen::Vector3d axis(std::sin(0.02) * std::sin(1.6), std::cos(1.6),
                              std::cos(0.02) * std::sin(1.6));
   const Eigen::Vector3d coupling = s.initial.position + 0.050 * axis;

@@ -60,7 +60,7 @@ TEST(Extremes, StepsOverFiveDecades) {
 }
 
 // Painlevé: a sliding point is inconsistent from mu = n.Wn / |t.Wn| on, W the mobility of the
-// point. docs/theory.md: 1.53 to 1.68 for the listed geometries.
+// point. docs/theory/thesis.md: 1.53 to 1.68 for the listed geometries.
 TEST(Extremes, FrictionUpToOneStaysBelowPainlevesBound) {
   double least = 1e9;
   for (const char* const name : {"sliding", "chapter8_force_one_10N", "chapter8_force_two_10N"}) {
@@ -167,7 +167,7 @@ TEST(Extremes, ChatterAndResonance) {
   chatter.mechanism.exciter.amplitude = 4.0;
   chatter.mechanism.exciter.frequency = 30.0;
   expectSane(chatter, 0.05, "chatter");
-  // natural frequencies of the high stiffness, docs/theory.md
+  // natural frequencies of the high stiffness, docs/theory/thesis.md
   for (const double w : {16.0, 229.0, 737.0, 969.0, 991.0}) {
     Scenario s = load("chapter8_damping_two_none");
     s.mechanism.exciter.frequency = w;

@@ -259,7 +259,7 @@ TEST(PoseEstimate, ThesisFormAndItsLimits) {
   const auto& exact = estimatePose(measure(s), with(kThesis), workspace);
   ASSERT_TRUE(hasPose(exact.status));
   EXPECT_LT(errorOf(s.X_AB, exact.pose).cwiseAbs().maxCoeff(), 1e-13);
-  // docs/twin_force.md: 2 to 3 times the bound for geometries like this one
+  // docs/theory/twin_force.md: 2 to 3 times the bound for geometries like this one
   const Statistics t = monteCarlo(s, with(kThesis), 2000, bound(s));
   EXPECT_GT(t.position, 1.3);
   EXPECT_LT(t.position, 3.5);

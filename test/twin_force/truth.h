@@ -71,7 +71,7 @@ struct PairMisfit {
 };
 PairMisfit pairMisfit(const TwinContact& i, const TwinContact& j);
 
-/// The geometries of docs/twin_force.md: 20 N, arms about 60 mm, |T| 0.14 m.
+/// The geometries of docs/theory/twin_force.md: 20 N, arms about 60 mm, |T| 0.14 m.
 std::vector<Scene> geometries();
 
 }  // namespace twin_truth

@@ -216,9 +216,9 @@ TEST(AgainstSimulation, GeneralLocusOfTheTextbook) {
   EXPECT_LT((std::abs(v.P - model.P) + std::abs(v.N - model.N)) / model.a, 0.04);
 }
 
-// Thesis peg (SI) in double contact, springs at the support as in docs/vibration.md, no vertical
-// spring: tilted by 0.1 rad toward the hole, force raised slowly to `F`. Mean movement per cycle
-// toward the hole [m] and the part of the time that contacts slip.
+// Thesis peg (SI) in double contact, springs at the support as in docs/theory/vibration.md, no
+// vertical spring: tilted by 0.1 rad toward the hole, force raised slowly to `F`. Mean movement per
+// cycle toward the hole [m] and the part of the time that contacts slip.
 struct Slip {
   double step = 0.0, slipping = 0.0;
   bool lifted = false;
@@ -361,8 +361,8 @@ double typicalRigTime(double x0, double M_over_L) {
   return times[1];
 }
 
-// The trends of docs/vibration.md, as rigAssembly has them; the times themselves depend on what K
-// stands for.
+// The trends of docs/theory/vibration.md, as rigAssembly has them; the times themselves depend on
+// what K stands for.
 TEST(AgainstSimulation, TrendsOfTheRig) {
   const double middle = typicalRigTime(.010, .010);
   // longer with the misalignment

@@ -6,7 +6,8 @@
 
 namespace assembly_cell {
 
-/// How an alignment ended. What each failure means and what to do: docs/strategies.md, "Failures".
+/// How an alignment ended. What each failure means and what to do: docs/reference/strategies.md,
+/// "Failures".
 enum class AlignFailure {
   kNone,  ///< aligned
   // moves and press

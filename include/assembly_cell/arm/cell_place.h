@@ -27,8 +27,8 @@ struct CellPlace {
   }
 };
 
-/// Reads the file that relates cell and base, see docs/arm.md. Throws InputError naming file, key,
-/// value and remedy.
+/// Reads the file that relates cell and base, see docs/how_to/arm.md. Throws InputError naming
+/// file, key, value and remedy.
 CellPlace loadCellPlace(const std::string& path);
 
 }  // namespace assembly_cell

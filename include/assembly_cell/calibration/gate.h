@@ -9,8 +9,8 @@ namespace assembly_cell {
 /// What a check found: nothing, a warning, or a reason to refuse.
 enum class Verdict { kPass, kWarn, kRefuse };
 
-/// One check (docs/calibration.md, "What is refused") with its numbers. `text` is one line that
-/// names what is wrong and what to add; empty when passed.
+/// One check (docs/how_to/calibration.md, "What is refused") with its numbers. `text` is one line
+/// that names what is wrong and what to add; empty when passed.
 struct Gate {
   std::string name;  ///< rank, condition, predicted_sd, dof, chi2, low_chi2, geometry, …
   Verdict verdict = Verdict::kPass;

@@ -15,8 +15,9 @@ struct WorldChoice {
   SoftContact contact;  ///< of MuJoCo
 };
 
-/// "exact", "mujoco", or a YAML mapping as "{engine: mujoco, facets: 512}", see docs/interfaces.md.
-/// `source` names it in messages. Throws InputError, also for an engine that this build has not.
+/// "exact", "mujoco", or a YAML mapping as "{engine: mujoco, facets: 512}", see
+/// docs/reference/interfaces.md. `source` names it in messages. Throws InputError, also for an
+/// engine that this build has not.
 WorldChoice parseWorld(const std::string& text, const std::string& source);
 
 /// Throws InputError where the world refuses the scenario.

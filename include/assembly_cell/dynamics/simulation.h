@@ -41,7 +41,7 @@ struct RunCounts {
 /// found) are plain values in context.h; evaluation.h is f, contact_solver.h its forces,
 /// integrator.h the step, event_locator.h the events, impact.h the impacts, contact_modes.h and
 /// mode_search.h the decisions, chatter.h what is too dense for them; simulation_run.h puts the
-/// steps together and looks into them. Equations: docs/theory.md.
+/// steps together and looks into them. Equations: docs/theory/thesis.md.
 class Simulation final : public World {
  public:
   /// Throws InputError when the scenario asks for what is not available (law, integrator).

@@ -6,13 +6,14 @@
 namespace assembly_cell {
 
 /// What is free in the second world: nothing of it is known to strategies or estimators.
-/// docs/second_world.md shows what becomes of an alignment with each.
+/// docs/results/second_world.md shows what becomes of an alignment with each.
 struct SoftContact {
   double time_step = 1e-4;  ///< of the engine, at most [s]; samples end steps
   int facets = 256;         ///< of the bore
   /// Time constant in which the engine lets a penetration decay [s]; at least two steps count, the
   /// engine sees to that. With `impedance` this is how stiff a contact is. Ten steps: what stops
-  /// within one or two knocks, and neighbouring facets pinch the edge (docs/second_world.md).
+  /// within one or two knocks, and neighbouring facets pinch the edge
+  /// (docs/results/second_world.md).
   double contact_time = 1e-3;
   /// How much of a contact's force comes from the constraint, 0.5 soft to 0.9999 hard.
   double impedance = 0.99;

@@ -41,8 +41,8 @@ struct EdgeCircle {
 /// wall begins. edge_plane and rim_face are at the upper one, edge_wall is below the lower one,
 /// edge_edge and rim_side are at both. A peg with a chamfer has two edge circles, too: the bottom
 /// edge and, where its side begins, the shoulder. Each may be in place of the bottom edge in the
-/// table; rim_face is inside the bottom edge, rim_side above the shoulder. docs/theory.md says why
-/// no other pair can touch.
+/// table; rim_face is inside the bottom edge, rim_side above the shoulder. docs/theory/thesis.md
+/// says why no other pair can touch.
 ///
 /// [1] or the floor z = −hole_depth where the lowest point lies inside the rim.
 /// [2] of a bore that leans: of the circle of radius r_h at the height of the place, see bore_lean.

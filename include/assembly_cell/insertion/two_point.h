@@ -7,7 +7,7 @@ namespace assembly_cell {
 
 // Two-point contact of a round peg in a round hole, in the plane of the peg's tilt: the edge of its
 // base touches the wall, its side the mouth on the other side. Exact for any tilt
-// (docs/insertion.md has the derivations); the usual forms for small tilt are in Whitney,
+// (docs/theory/insertion.md has the derivations); the usual forms for small tilt are in Whitney,
 // "Quasi-static assembly of compliantly supported rigid parts", J. Dyn. Sys. Meas. Control 104
 // (1982) 65-77.
 

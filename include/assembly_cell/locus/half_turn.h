@@ -9,8 +9,8 @@
 namespace assembly_cell {
 
 // The motion in the plane is the same for a contact C and for C*, half a turn further on the edge
-// (docs/theory.md, "Locus"). What is odd under the half turn tells them apart: vertical motion,
-// yaw, or how the contact moves when the peg is tilted a little.
+// (docs/theory/thesis.md, "Locus"). What is odd under the half turn tells them apart: vertical
+// motion, yaw, or how the contact moves when the peg is tilted a little.
 
 /// A phasor Re(U e^{ia}) of the exciter's angle a as measured.
 struct MeasuredPhasor {

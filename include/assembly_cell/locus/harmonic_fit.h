@@ -60,7 +60,7 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
                           const std::vector<double>& sd = {});
 
 /// Counter-rotating amplitudes of the planar locus Z = X + iY = P e^{ia} + N e^{−ia}, a the
-/// exciter's angle (thesis chapter 9; docs/theory.md, "Locus").
+/// exciter's angle (thesis chapter 9; docs/theory/thesis.md, "Locus").
 struct Locus {
   std::complex<double> P, N;  ///< [m]
   double sigma = 0.0;         ///< noise of one axis, one sample [m]

@@ -16,7 +16,8 @@ namespace assembly_cell {
 // One reading of the locus: what the samples of a window say of the contact. The same for the
 // simulated plant, the estimator's node, the strategies and the tool.
 
-/// Limits of a reading. Origins, and what half and twice of each do: docs/locus.md, "Limits".
+/// Limits of a reading. Origins, and what half and twice of each do: docs/theory/locus.md,
+/// "Limits".
 struct ReadingLimits {
   double false_alarm = 0.01;     ///< rate at which a true mode is refused
   double indifference = 0.05;    ///< ratio of the axes, or of N to P, that counts as none

@@ -12,7 +12,8 @@
 
 namespace assembly_cell {
 
-// A mismatch file, typed: how the true cell differs from what its files say. docs/mismatch.md.
+// A mismatch file, typed: how the true cell differs from what its files say.
+// docs/reference/mismatch.md.
 
 /// How a number is drawn.
 struct Draw {

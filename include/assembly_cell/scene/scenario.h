@@ -9,7 +9,7 @@
 namespace assembly_cell {
 
 // A scenario file, typed. SI units, frame `hole` (z out of the hole). Field by field the layout of
-// config/scenarios/*.yaml, see docs/interfaces.md.
+// config/scenarios/*.yaml, see docs/reference/interfaces.md.
 
 enum class ContactLaw { kNone, kSpringDashpot, kViscous, kRigid };
 
@@ -38,10 +38,10 @@ struct ContactParameters {
   ContactFeatures features;
 };
 
-/// What the thesis does differently and wrongly (docs/theory.md, "Errors of the thesis"), each off
-/// by default: to show what it does. Top-level keys thesis_moments and so on. Its pull-back "-15
-/// x1" is contact.pull_back: 15; its coupling of 0.5 sqrt(Kii Kjj) instead of the printed 0.1 is
-/// k26, k35.
+/// What the thesis does differently and wrongly (docs/theory/thesis.md, "Errors of the thesis"),
+/// each off by default: to show what it does. Top-level keys thesis_moments and so on. Its
+/// pull-back "-15 x1" is contact.pull_back: 15; its coupling of 0.5 sqrt(Kii Kjj) instead of the
+/// printed 0.1 is k26, k35.
 struct ThesisSwitches {
   bool moments =
       false;  ///< moments of exciter and contacts by Re^-1, Rpe^-1 instead of Re^T, Rpe^T

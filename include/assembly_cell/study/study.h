@@ -15,8 +15,8 @@
 
 namespace assembly_cell {
 
-// A study file, typed: config/studies/*.yaml, docs/studies.md. A study is a numbered list of runs;
-// what a run does depends on the study and its number alone.
+// A study file, typed: config/studies/*.yaml, docs/how_to/studies.md. A study is a numbered list of
+// runs; what a run does depends on the study and its number alone.
 
 constexpr double kStudyNone = std::numeric_limits<double>::quiet_NaN();
 

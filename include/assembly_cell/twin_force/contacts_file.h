@@ -10,7 +10,7 @@
 
 namespace assembly_cell {
 
-/// A file of recorded contacts, see docs/twin_force.md.
+/// A file of recorded contacts, see docs/theory/twin_force.md.
 struct ContactsFile {
   std::vector<TwinContact> contacts;
   std::optional<PosePrior> prior;

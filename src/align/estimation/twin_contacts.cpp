@@ -18,8 +18,9 @@ using Mat3 = Eigen::Matrix3d;
 // Margins: median error and time at half and twice, of `align config/scenarios/cell.yaml --strategy
 // twin_force --runs 30 --seed 1000` (3.8 µm, 7.8 s as it is); all succeed, with 3 contacts each.
 constexpr int kAzimuths = 8;  // of the tilts to choose from
-// Peg's centre beside the hole's, low edge inside: more than √(R² − r²) (docs/strategies.md, "Near
-// starts"). The first advice never takes the rim there: half and twice are the same runs. [m]
+// Peg's centre beside the hole's, low edge inside: more than √(R² − r²)
+// (docs/reference/strategies.md, "Near starts"). The first advice never takes the rim there: half
+// and twice are the same runs. [m]
 constexpr double kOverRim = 3e-3;
 // The same, low edge outside: the whole edge on the plane. Half 4.2 µm, 7.4 s; twice 4.1 µm, 8.2 s.
 constexpr double kOverPlane = 8e-3;

@@ -20,8 +20,9 @@ constexpr double kBehind = 0.25;          // of such a step, what doesn't follow
 constexpr double kOffWall = 0.5;          // of the clearance, a step off a wall at most
 constexpr int kFreeTries = 8;             // to get off a wall
 constexpr double kWallSd = 4e-6;          // of a middle between walls, per axis [m]
-// A move of this length ends where none did before (docs/mismatch.md): the middle of two walls that
-// are felt after one each scatters by half of that, and a tenth goes for what touches don't tell.
+// A move of this length ends where none did before (docs/reference/mismatch.md): the middle of two
+// walls that are felt after one each scatters by half of that, and a tenth goes for what touches
+// don't tell.
 constexpr double kOwnEnd = 2e-4, kOfEnds = 0.6;
 constexpr int kSwingBlocks = 5;  // until a swing is gone that looks like a wall
 

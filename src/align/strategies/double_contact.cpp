@@ -31,8 +31,8 @@ double turnFrom(double a, double b) {
   return turn < 0.0 ? turn + 2 * M_PI : turn;
 }
 
-// The strategy `double_contact` (thesis Fig 9.16; docs/strategies.md): both edge contacts at
-// once tell the hole's direction, a wobble about it which of them stays, and where the plane is.
+// The strategy `double_contact` (thesis Fig 9.16; docs/reference/strategies.md): both edge contacts
+// at once tell the hole's direction, a wobble about it which of them stays, and where the plane is.
 class DoubleContact : public VibratedSearch {
  public:
   DoubleContact(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,

@@ -23,8 +23,8 @@ constexpr double kWay = 0.4, kWayStep = 0.1;  // of it, for the low side of the 
 constexpr double kAwayFromHole = 0.7;         // low side of readings for the plane [rad]
 constexpr double kKnownTilt = 5e-4;           // sd of the plane that is enough [rad]
 
-// The strategy `single_contact` (thesis Fig 9.14; docs/strategies.md): the low side of the peg
-// once round, at a constant tilt against the plane.
+// The strategy `single_contact` (thesis Fig 9.14; docs/reference/strategies.md): the low side of
+// the peg once round, at a constant tilt against the plane.
 class SingleContact : public VibratedSearch {
  public:
   SingleContact(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,

@@ -44,7 +44,8 @@ class Reader {
   }
 
   void keys(const std::set<std::string>& allowed) const {
-    if (!node_.IsMap()) refuse("", "is not a mapping: see docs/calibration.md for the format");
+    if (!node_.IsMap())
+      refuse("", "is not a mapping: see docs/how_to/calibration.md for the format");
     std::set<std::string> seen;
     for (const auto& item : node_) {
       const std::string key = item.first.IsScalar() ? item.first.Scalar() : "?";
@@ -408,7 +409,8 @@ ObservationSet readCsv(const std::string& content, const std::string& path) {
       header = row;
       for (const std::string& name : header) {
         if (csvColumns().count(name) == 0) {
-          throw InputError(place + ": column '" + name + "' is not known: see docs/calibration.md");
+          throw InputError(place + ": column '" + name +
+                           "' is not known: see docs/how_to/calibration.md");
         }
       }
       if (std::set<std::string>(header.begin(), header.end()).size() != header.size()) {

@@ -11,7 +11,7 @@ namespace assembly_cell {
 constexpr const char* kObservationFormat = "assembly_cell observations 1";
 constexpr double kUnitTolerance = 1e-6;  // of directions and rotations as written by people
 
-/// Keys of an observation's line that only this kind has (docs/calibration.md).
+/// Keys of an observation's line that only this kind has (docs/how_to/calibration.md).
 const std::set<std::string>& fieldsOf(ObservationKind kind);
 
 }  // namespace assembly_cell

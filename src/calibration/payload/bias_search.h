@@ -1,5 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Which drifts, temperature coefficients and breaks the bias of a recording has (docs/payload.md).
+// Which drifts, temperature coefficients and breaks the bias of a recording has
+// (docs/how_to/payload.md).
 #pragma once
 
 #include <Eigen/Core>

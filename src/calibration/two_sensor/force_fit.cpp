@@ -86,8 +86,9 @@ Linear linearised(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S,
   return out;
 }
 
-// Gauss–Helmert (docs/calibration.md, "How it is estimated"): linearise at the present matrices and
-// adjusted strains, solve for matrices and shared zeros, adjust the strains, until nothing moves.
+// Gauss–Helmert (docs/how_to/calibration.md, "How it is estimated"): linearise at the present
+// matrices and adjusted strains, solve for matrices and shared zeros, adjust the strains, until
+// nothing moves.
 class Adjustment {
  public:
   Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S)

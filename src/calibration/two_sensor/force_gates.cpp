@@ -11,7 +11,7 @@ namespace assembly_cell {
 
 namespace {
 
-// gates: docs/calibration.md, "What is refused"
+// gates: docs/how_to/calibration.md, "What is refused"
 constexpr double kWarnCondition = 100.0;
 constexpr double kSdLimitFewBits = 0.01;  // of full scale
 constexpr double kSdLimit = 0.001;        // of full scale, 16 bits and more

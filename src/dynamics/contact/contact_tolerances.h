@@ -4,8 +4,8 @@
 
 namespace assembly_cell {
 
-// How each was varied: docs/theory.md, tuned constants of the dynamics. "Scenes" are 400 random
-// ones; those with many impacts end elsewhere by any change.
+// How each was varied: docs/theory/thesis.md, tuned constants of the dynamics. "Scenes" are 400
+// random ones; those with many impacts end elsewhere by any change.
 
 // A contact closes below minus this: far under every tolerance, over the rounding of a gap. Half
 // and twice: 65 and 72 scenes end elsewhere, effort the same; Chapter 8 moves by 0.4 nm.
@@ -23,8 +23,8 @@ constexpr double kEventTime = 1e-12;  // [s]
 // Relative, makes redundant rows of the complementarity solvable, over rounding: 5 and 3 scenes, by
 // up to 2 um.
 constexpr double kShift = 1e-11;
-// Sliding contacts nearer to a wedge are jammed (docs/theory.md): jammed runs take 43 % more and 7
-// % less.
+// Sliding contacts nearer to a wedge are jammed (docs/theory/thesis.md): jammed runs take 43 % more
+// and 7 % less.
 constexpr double kWedged = 1e-3;
 // As much force between two sticking points, of their load: with less a peg that rests wedged
 // begins to slide. 7 scenes each; jammed runs take 43 % and 14 % more.

@@ -16,8 +16,8 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 // Chatter is as many events as are remembered (24) within kCluster: 120 kHz, hundreds of times the
-// mechanism's fastest frequency (docs/theory.md). Half and twice: 14 and 16 of 400 random scenes
-// end elsewhere, effort within 3 %; jammed runs take 13 % more and 1 % less.
+// mechanism's fastest frequency (docs/theory/thesis.md). Half and twice: 14 and 16 of 400 random
+// scenes end elsewhere, effort within 3 %; jammed runs take 13 % more and 1 % less.
 constexpr double kCluster = 2e-4;  // [s]
 // For so long no event is located. Half and twice: 60 of 400 random scenes end elsewhere, effort −9
 // % and +8 %; jammed runs −14 % and +89 %, modes decided late make them jam again.

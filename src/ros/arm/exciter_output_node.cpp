@@ -88,7 +88,7 @@ void ExciterOutputNode::open(ros::NodeHandle& pnh) {
   const std::string name = "parameter " + pnh.resolveName("shaker");
   Parameters parameters(pnh);
   if (!parameters.isTree("shaker")) {
-    throw InputError(name + " is no map: give {type: audio, ...}, see docs/arm.md");
+    throw InputError(name + " is no map: give {type: audio, ...}, see docs/how_to/arm.md");
   }
   const YAML::Node map = parameters.tree("shaker");
   type_ = Parameters(ros::NodeHandle(pnh, "shaker")).text("type");

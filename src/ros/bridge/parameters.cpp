@@ -96,7 +96,7 @@ std::optional<XmlRpcValue> Parameters::find(const std::string& name, bool requir
   asked_.insert(name.substr(0, name.find('/')));
   XmlRpcValue value;
   if (nh_.getParam(name, value)) return value;
-  if (required) refuse(nh_, name, "missing", "set it, see docs/interfaces.md");
+  if (required) refuse(nh_, name, "missing", "set it, see docs/reference/interfaces.md");
   return std::nullopt;
 }
 

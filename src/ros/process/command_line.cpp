@@ -23,7 +23,8 @@ std::optional<int> answerCommandLine(int argc, char** argv, const std::string& n
     if (argument == "--help" || argument == "-h") {
       std::printf(
           "usage: rosrun assembly_cell %s [_PARAMETER:=VALUE ...] [TOPIC:=NAME ...]\n"
-          "Its parameters, topics and services: docs/interfaces.md of the package and the page "
+          "Its parameters, topics and services: docs/reference/interfaces.md of the package and "
+          "the page "
           "that it has for each.\n",
           node.c_str());
       return 0;

@@ -178,7 +178,7 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
   }
   out << YAML::Key << "verdict" << YAML::Value << verdict(report, details);
   out << YAML::EndMap;
-  return "# Alignment, as msg/AlignmentReport.msg and more, see docs/interfaces/files.md. [m] "
+  return "# Alignment, as msg/AlignmentReport.msg and more, see docs/reference/files.md. [m] "
          "[rad] "
          "[s]\n" +
          std::string(out.c_str()) + "\n";

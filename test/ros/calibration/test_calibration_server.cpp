@@ -676,7 +676,7 @@ TEST_F(CalibrationCell, CalibratesBothSensors) {
   EXPECT_GT(done.result.p, 1e-3);
   EXPECT_EQ(done.result.model, "linear");
   for (std::size_t k = 0; k < 6; ++k) {
-    // gate `predicted_sd` of docs/calibration.md: 0.1 % of 50 N, 2 N·m
+    // gate `predicted_sd` of docs/how_to/calibration.md: 0.1 % of 50 N, 2 N·m
     EXPECT_GT(done.result.predicted_sd_a[k], 0.0);
     EXPECT_LT(done.result.predicted_sd_b[k], k < 3 ? 0.05 : 0.002);
   }

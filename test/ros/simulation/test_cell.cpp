@@ -59,9 +59,9 @@ bool common(const std::string& name) {
 
 // what the page on interfaces and those of the nodes say
 std::string interfacePages() {
-  std::vector<std::string> files = {test::sourceFile("docs/interfaces.md")};
+  std::vector<std::string> files = {test::sourceFile("docs/reference/interfaces.md")};
   for (const auto& entry :
-       std::filesystem::directory_iterator(test::sourceFile("docs/interfaces"))) {
+       std::filesystem::directory_iterator(test::sourceFile("docs/reference/nodes"))) {
     files.push_back(entry.path());
   }
   std::string text;

@@ -55,7 +55,7 @@ FitStatus fitPlane(double peg_radius, std::vector<HoleReading>& readings, HoleEs
 /// also tells C from C*: of the two ends of the edge's diameter only one is at the plane's height
 /// in every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at
 /// distance hole_radius from the centre; the others on the plane, outside of it
-/// (docs/theory.md, "From contacts to the hole"). `estimate.normal` is the start.
+/// (docs/theory/thesis.md, "From contacts to the hole"). `estimate.normal` is the start.
 /// Resolves alpha and kind of every reading. Fails with kNoPlaneReading, kNoHoleUnderEdge (fewer
 /// than `least_rim` contacts on the rim) or kOneEdgeOnly, which has the centre of the best circle.
 FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,

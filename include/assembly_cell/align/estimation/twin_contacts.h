@@ -11,8 +11,8 @@
 namespace assembly_cell {
 
 /// What is known of the hole's place before anything is felt, per axis [m], [rad]: wide enough for
-/// starts 15 mm and 2° off, and lines near parallel need one (docs/twin_force.md). Half or twice
-/// moves the median error of 30 alignments by 0.01 µm.
+/// starts 15 mm and 2° off, and lines near parallel need one (docs/theory/twin_force.md). Half or
+/// twice moves the median error of 30 alignments by 0.01 µm.
 inline constexpr double kNominalPositionSd = 0.02, kNominalRotationSd = 0.1;
 
 /// Prior of a hole whose place is only nominally known: pose of the peg at the start, sd of each
@@ -23,7 +23,7 @@ PosePrior nominalPrior(const Pose& X_HP, double position_sd, double rotation_sd)
 /// Six-axis sensors' matrices are good to 1 to 2 % of their range; a level and a vernier tell a
 /// frame to 1° and 0.5 mm, as a size; warming sensors drift by a newton a minute; arms repeat to
 /// 20 to 50 µm. With a third of these errors in truth (level 1) and with all (level 2) 100 of 100
-/// align, with twice as many (level 3) it gets worse: docs/robustness.md.
+/// align, with twice as many (level 3) it gets worse: docs/results/robustness.md.
 struct TwinUncertainty {
   double gain = 0.01;        ///< of every entry of both strain matrices, as in SensorErrors, where
                              ///< their calibrations don't say it

@@ -154,9 +154,9 @@ std::string observationHeader(const ObservationSet& set);
 /// The whole observation file.
 std::string observationsText(const ObservationSet& set);
 
-/// Reads an observation file: YAML with one observation a line (docs/calibration.md), CSV by named
-/// columns (path ends in .csv), or the last message of a server's ~observations (a .bag). Throws
-/// InputError naming file and line or key.
+/// Reads an observation file: YAML with one observation a line (docs/how_to/calibration.md), CSV by
+/// named columns (path ends in .csv), or the last message of a server's ~observations (a .bag).
+/// Throws InputError naming file and line or key.
 ObservationSet readObservations(const std::string& path);
 
 /// Writes the whole file atomically (temporary file, fsync, rename). Throws InputError.

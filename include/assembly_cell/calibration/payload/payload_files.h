@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Recordings of static poses: CSV with optional header (docs/payload.md).
+// Recordings of static poses: CSV with optional header (docs/how_to/payload.md).
 #pragma once
 
 #include <functional>

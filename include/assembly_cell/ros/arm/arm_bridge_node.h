@@ -42,7 +42,7 @@ class Parameters;
 /// carrier_command, exciter and leases, sends the arm a point each period and tells where it is.
 /// Limits and dead man are those of arm/arm_guard.h. Without lockstep roscpp's network
 /// thread hears what came in and makes the points (PollBeat); in lockstep those of a block follow
-/// from it, once all participants have answered it. See docs/arm.md.
+/// from it, once all participants have answered it. See docs/how_to/arm.md.
 class ArmBridgeNode {
  public:
   /// Of its callbacks: one keeps commands, blocks and states in order.

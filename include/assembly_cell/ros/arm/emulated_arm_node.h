@@ -31,7 +31,7 @@ class Parameters;
 /// Node emulate_arm: an arm that isn't there, with its driver's topics. It carries the carrier of a
 /// simulator with ~follow_motion. Without lockstep its controller keeps to the cell's time as the
 /// simulator's messages tell it; in lockstep it answers each block of sensor_b whose load it has
-/// taken, and each command takes it to the command's stamp. See docs/arm.md.
+/// taken, and each command takes it to the command's stamp. See docs/how_to/arm.md.
 class EmulatedArmNode {
  public:
   /// Of its callbacks.

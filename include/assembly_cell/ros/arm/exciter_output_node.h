@@ -20,7 +20,7 @@ namespace assembly_cell::ros_bridge {
 /// Node exciter_output: gives what the bridge lets pass of the exciter to a shaker: a sound card, a
 /// motor with an unbalance, or a plug-in. It plays by the wall clock. Without a sign of life of the
 /// bridge (carrier_pose) for ~timeout it is off, and stays off until it is told anew. See
-/// docs/arm.md.
+/// docs/how_to/arm.md.
 class ExciterOutputNode {
  public:
   /// Of its callbacks.

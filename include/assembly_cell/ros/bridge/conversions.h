@@ -14,7 +14,7 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Frames of tf, see docs/conventions.md. Those of the truth leave the simulator with
+/// Frames of tf, see docs/reference/conventions.md. Those of the truth leave the simulator with
 /// ~publish_truth only.
 constexpr char kWorldFrame[] = "world";
 constexpr char kHoleFrame[] = "hole";

@@ -17,7 +17,7 @@
 
 // Parameters that may change while a node runs, for the clients of dynamic_reconfigure. Its server
 // isn't used: it cuts what is out of range without a word, takes NaN, and applies one half of a
-// request whose other half is unknown. See docs/interfaces.md.
+// request whose other half is unknown. See docs/reference/interfaces.md.
 namespace assembly_cell::ros_bridge {
 
 /// A parameter that may change while the node runs.

@@ -32,7 +32,7 @@
 namespace assembly_cell::ros_bridge {
 
 /// Calibrates two sensors: plans tests, averages their strain, keeps every observation on disk,
-/// solves, stores and puts in force. Interfaces: docs/interfaces.md.
+/// solves, stores and puts in force. Interfaces: docs/reference/interfaces.md.
 class CalibrationServerNode {
  public:
   /// Of its callbacks: of the data; services and the action have threads of their own.

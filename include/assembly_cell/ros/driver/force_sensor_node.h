@@ -45,7 +45,7 @@ class Parameters;
 
 /// Driver of one six-axis sensor: blocks of samples, from the topic `bridge` or from a StrainSource
 /// (device, recording, plug-in), become wrenches and displacements. A source is read by a thread of
-/// its own and published by another. Interfaces: docs/interfaces.md.
+/// its own and published by another. Interfaces: docs/reference/interfaces.md.
 /// Wrench: exerted by the environment on the part that the sensor carries, about the origin of
 /// frame_id; wrench = wrench_raw − bias.
 class ForceSensorNode {

@@ -31,7 +31,7 @@ namespace assembly_cell::ros_bridge {
 
 /// Locus of the peg from the coupling's displacement while the exciter runs: a sliding estimate on
 /// `locus`, the mode on `contact_mode`, single readings by the action `identify_locus`. All in
-/// sensor axes. Interfaces: docs/interfaces.md.
+/// sensor axes. Interfaces: docs/reference/interfaces.md.
 class LocusNode {
  public:
   /// Of its callbacks: one keeps exciter and blocks in order; readings have a thread of their own.

@@ -29,7 +29,7 @@ namespace assembly_cell::ros_bridge {
 /// Node twin_force_estimator: pose of the peg in the hole from contacts that both force sensors
 /// feel. Keeps contacts and advises the next one; never moves anything. Idle but for the services;
 /// once a pose is known it follows the carrier. Interfaces:
-/// docs/interfaces.md.
+/// docs/reference/interfaces.md.
 class TwinForceNode {
  public:
   /// Of the data; services, which wait for it, have threads of their own.

@@ -18,7 +18,7 @@ NodeletLine parseNodeletLine(const std::string& line, const std::string& paramet
 
 /// Node nodelet_manager: the nodes of a cell in one process. Loads the nodelets that ~nodelets
 /// names, in that order, and ends with an error when one of them can't begin or fails. Others may
-/// be loaded by the services of any nodelet manager. Interfaces: docs/interfaces.md.
+/// be loaded by the services of any nodelet manager. Interfaces: docs/reference/interfaces.md.
 class NodeletManager {
  public:
   /// Of the services.

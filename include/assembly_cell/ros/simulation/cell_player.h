@@ -23,7 +23,7 @@ namespace assembly_cell::ros_bridge {
 /// Plays the topics of a cell from a bag, in the order in which they were recorded. In lockstep
 /// with its participants, so that the same bag gives the same estimates to the last bit: it goes on
 /// after a block when the participants have acknowledged it, and a block goes out only when what
-/// was recorded before it has arrived. Interfaces: docs/interfaces.md.
+/// was recorded before it has arrived. Interfaces: docs/reference/interfaces.md.
 class CellPlayer {
  public:
   /// Of its callbacks.

@@ -14,7 +14,8 @@
 namespace assembly_cell::ros_bridge {
 
 /// The simulated calibration bench: two sensors whose truth nobody else sees, masses, dial gauges.
-/// Publishes the strain of both under the load last applied. Interfaces: docs/interfaces.md.
+/// Publishes the strain of both under the load last applied. Interfaces:
+/// docs/reference/interfaces.md.
 class SimulatedRigNode {
  public:
   /// Of its callbacks.

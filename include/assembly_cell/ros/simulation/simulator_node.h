@@ -49,7 +49,7 @@ class Parameters;
 
 /// Node peg_hole_simulator: the simulated cell in time, paced by the wall clock or in lockstep with
 /// its participants. A thread of its own steps block by block; services and commands take effect
-/// between two blocks. See docs/interfaces.md.
+/// between two blocks. See docs/reference/interfaces.md.
 class SimulatorNode {
  public:
   /// Of commands and acks; services have threads of their own.

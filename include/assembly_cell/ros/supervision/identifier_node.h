@@ -18,7 +18,7 @@ namespace assembly_cell::ros_bridge {
 
 /// Node mechanism_identifier: finds by shaking and pressing what the mechanism's numbers are, and
 /// stores them with their covariance. It holds the plant while a goal runs, as the supervisor does
-/// for its own; the plant's guard refuses the second of both. See docs/interfaces.md.
+/// for its own; the plant's guard refuses the second of both. See docs/reference/interfaces.md.
 class IdentifierNode {
  public:
   /// Of the data; goals have threads of their own.

@@ -28,7 +28,7 @@
 namespace assembly_cell::ros_bridge {
 
 /// Node assembly_supervisor: runs the strategies over the cell through ROS. It alone moves
-/// anything. One goal at a time. See docs/interfaces.md.
+/// anything. One goal at a time. See docs/reference/interfaces.md.
 class SupervisorNode {
  public:
   /// Of the data; goals have threads of their own.
