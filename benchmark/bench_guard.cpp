@@ -23,7 +23,7 @@ int main() {
     CellClock clock(true);
     Sender sender{"/assembly_supervisor", 0.0, true, false};
     guard.braking.stiffness.diagonal().setConstant(5e4);
-    const Load felt = feltLoad(guard.limits);
+    const Load felt = detectionThreshold(guard.limits);
     const Vector6 way = Vector6::Constant(1e-5);
     Vector6 load = Vector6::Constant(1.0);
     load(0) = 20.0;
@@ -36,8 +36,8 @@ int main() {
       refused += renewLease(guard, sender, 7, now, action).good() ? 0 : 1;
       X.p.z() = 1e-6 * (k % 100);
       slow += speedLimit(guard, load, way) < 1e-3 ? 1 : 0;
-      refused += judgeMove(guard, sender, X, now).good() ? 0 : 1;
-      refused += judgeExciter(guard, sender, {1.0, 450.0, 0.0, 1}, now).good() ? 0 : 1;
+      refused += checkMove(guard, sender, X, now).good() ? 0 : 1;
+      refused += checkExciter(guard, sender, {1.0, 450.0, 0.0, 1}, now).good() ? 0 : 1;
       for (int i = 0; i < kSamples; ++i) {
         load(2) = 1e-3 * i;
         if (exceeds(load, felt)) stopped += mustStop(guard.braking, load, way, guard.allowed);

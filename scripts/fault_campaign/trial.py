@@ -335,7 +335,7 @@ class Campaign:
         held = mark > 0 and ears.plant[mark - 1][0].held
         for state, sign in list(ears.plant[mark:]):
             begins, held = state.held and not held, state.held
-            if not self.lockstep and begins and (self.arm or not state.overload) and state.reason.startswith("lapsed") and sign:
+            if not self.lockstep and begins and (self.arm or not state.overload) and state.reason.startswith("expired") and sign:
                 row["hold"] = max(row["hold"] or 0.0, state.header.stamp.to_sec() - sign)
             if state.held and state.exciter:
                 broken.append("hold: held with the exciter on")

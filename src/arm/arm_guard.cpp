@@ -83,7 +83,7 @@ void updateRate(ArmGuard& arm, std::size_t sensor, const Eigen::Vector3d& force,
 }
 
 bool isBusy(const ArmGuard& arm) {
-  return !arm.guard.holder.empty() || arm.guard.shaking || !isAtRest(arm.motion);
+  return !arm.guard.owner.empty() || arm.guard.shaking || !isAtRest(arm.motion);
 }
 
 // A sample at the end of the range tells no load. One or a few are a knock; more are not.
@@ -133,7 +133,7 @@ void holdLapsed(ArmGuard& arm, const std::string& holder, double now) {
          text("no fresh %s for %.3f s, and so ", source.what, now - source.time) + lapse);
     return;
   }
-  hold(arm, ArmReason::kLapsed, lapse);
+  hold(arm, ArmReason::kExpired, lapse);
 }
 
 // Where it was sent lately: its latency doesn't count.
@@ -186,7 +186,7 @@ const char* toString(ArmMode mode) {
 
 const char* toString(ArmReason reason) {
   static constexpr const char* kNames[] = {
-      "none",       "lapsed",      "no_wrench_a", "no_wrench_b", "no_state",   "max_force",
+      "none",       "expired",     "no_wrench_a", "no_wrench_b", "no_state",   "max_force",
       "max_torque", "raw_force",   "raw_torque",  "saturated",   "force_rate", "following",
       "outside",    "unreachable", "stop",        "lone_exciter"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(ArmReason::kCount));
@@ -216,9 +216,9 @@ void setRate(ArmGuard& arm, double period, double smoothing) {
       std::round(smoothing / period), 1.0, static_cast<double>(CommandMotion::kLongest)));
 }
 
-void feel(ArmGuard& arm, const FeltSamples& samples) {
+void addSamples(ArmGuard& arm, const ContactSamples& samples) {
   const auto sensor = static_cast<std::size_t>(samples.sensor);
-  const Load felt = feltLoad(arm.limits.guard);
+  const Load felt = detectionThreshold(arm.limits.guard);
   Vector6 way = Vector6::Zero();
   if (sensor == 1) {
     // what is on its way to the arm can't be called back
@@ -301,7 +301,7 @@ GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, d
 }
 
 GuardVerdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now) {
-  GuardVerdict verdict = judgeMove(arm.guard, sender, X, now);
+  GuardVerdict verdict = checkMove(arm.guard, sender, X, now);
   if (!verdict.good()) return verdict;
   if (arm.mode != ArmMode::kFollowing) return halted(arm);
   if (!isWithin(arm.motion.limits, arm.motion.out)) {
@@ -320,14 +320,14 @@ GuardVerdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now
 
 GuardVerdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& exciter, double now) {
   if (exciter.amplitude > 0.0 && isHalted(arm)) return halted(arm);
-  return judgeExciter(arm.guard, sender, exciter, now);
+  return checkExciter(arm.guard, sender, exciter, now);
 }
 
 void tick(ArmGuard& arm, double now) {
   if (!arm.begun) return;
-  const std::string holder = arm.guard.holder;
+  const std::string holder = arm.guard.owner;
   const GuardAction action = watch(arm.guard, arm.wrench[1], arm.motion.out(2), now);
-  if (action.reason == GuardReason::kLapsed) {
+  if (action.reason == GuardReason::kExpired) {
     holdLapsed(arm, holder, now);
   } else if (action.reason == GuardReason::kLoneExciter) {
     arm.text = text("%s: the exciter ran for %g s and nobody holds the plant",

@@ -91,8 +91,8 @@ CarrierPoses CarrierArm::lead(const PlantCommand& command, double now, double le
   return carrier(arm_, kinematics_);
 }
 
-void CarrierArm::feel(const FeltSamples& felt) {
-  assembly_cell::feel(bridge_, felt);
+void CarrierArm::feel(const ContactSamples& felt) {
+  addSamples(bridge_, felt);
   if (felt.sensor == 1 && felt.count > 0) {
     load(arm_, Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(
                    felt.values, 6, static_cast<Eigen::Index>(felt.count))

@@ -104,7 +104,7 @@ void SimulatedPlant::tellArm() {
       Vector6::Map(wrenches.data() + 6 * i) =
           wrenchFromVolts(calibration, Vector6::Map(volts.data() + 6 * i));
     }
-    FeltSamples felt;
+    ContactSamples felt;
     felt.sensor = sensor;
     felt.values = wrenches.data();
     felt.count = n;

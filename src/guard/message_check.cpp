@@ -69,9 +69,9 @@ MessageCheck& MessageCheck::sixes(const char* field, const double* values, std::
 }
 
 MessageCheck& MessageCheck::block(const char* field, std::size_t values, std::size_t each) {
-  if (!good() || (values > 0 && values % each == 0 && values <= kMostValues)) return *this;
+  if (!good() || (values > 0 && values % each == 0 && values <= kMaxValues)) return *this;
   return fail(MessageFault::kSize, field, static_cast<double>(values), static_cast<double>(each),
-              static_cast<double>(kMostValues));
+              static_cast<double>(kMaxValues));
 }
 
 MessageCheck& MessageCheck::noneOr(const char* field, std::size_t size, std::size_t wanted) {
@@ -90,9 +90,9 @@ MessageCheck& MessageCheck::stamp(const char* field, double seconds) {
 }
 
 MessageCheck& MessageCheck::name(const char* field, const std::string& value) {
-  if (!good() || value.size() <= kLongestName) return *this;
+  if (!good() || value.size() <= kMaxNameLength) return *this;
   return fail(MessageFault::kName, field, static_cast<double>(value.size()), 0.0,
-              static_cast<double>(kLongestName));
+              static_cast<double>(kMaxNameLength));
 }
 
 MessageCheck& MessageCheck::direction(const char* field, int value) {

@@ -34,22 +34,22 @@ GuardVerdict refused(GuardReason reason, const std::string& why) {
 // A sign of life. A stamp from the future is worth no more than one of now.
 void see(PlantGuard& guard, const Sender& sender, double now) {
   guard.seen = std::max(guard.seen, std::min(sender.stamp, now));
-  guard.lapsed = false;
+  guard.expired = false;
 }
 
 // may this sender command at all?
-GuardVerdict judgeSender(PlantGuard& guard, const Sender& sender, double now) {
-  if (isOfEarlierLife(guard, sender, now)) {
-    return refused(GuardReason::kEarlierLife,
+GuardVerdict checkSender(PlantGuard& guard, const Sender& sender, double now) {
+  if (isFromEarlierBoot(guard, sender, now)) {
+    return refused(GuardReason::kEarlierBoot,
                    "the command is older than this run of the plant: send it anew");
   }
   if (guard.mode == LeaseMode::kNone) return {};
-  if (guard.holder.empty()) {
+  if (guard.owner.empty()) {
     if (guard.mode == LeaseMode::kAuto) return {};
     return refused(GuardReason::kNoLease, "nobody commands without a lease");
   }
-  if (guard.holder != sender.node) {
-    return refused(GuardReason::kHeldByAnother, guard.holder + " holds the plant");
+  if (guard.owner != sender.node) {
+    return refused(GuardReason::kOwnedByAnother, guard.owner + " holds the plant");
   }
   if (!sender.stamped || !isFresh(sender.stamp, now - kStamp)) {
     return refused(GuardReason::kStale,
@@ -73,9 +73,9 @@ double wayTo(const Eigen::Vector3d& load, const Eigen::Vector3d& growth, double 
 }
 
 void endSession(PlantGuard& guard) {
-  guard.holder.clear();
+  guard.owner.clear();
   guard.session = 0;
-  guard.lapsed = false;
+  guard.expired = false;
 }
 
 GuardAction stop(PlantGuard& guard, GuardReason reason) {
@@ -103,7 +103,7 @@ const char* toString(GuardReason reason) {
   static constexpr const char* kNames[] = {
       "good",          "held_by_another", "no_lease",   "stale",        "earlier_life",
       "not_finite",    "frame_id",        "workspace",  "max_rotation", "max_amplitude",
-      "max_frequency", "direction",       "overloaded", "lapsed",       "max_force",
+      "max_frequency", "direction",       "overloaded", "expired",      "max_force",
       "max_torque",    "lone_exciter"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(GuardReason::kCount));
   return kNames[static_cast<int>(reason)];
@@ -118,7 +118,7 @@ PlantGuard plantGuard(const GuardLimits& limits, LeaseMode mode, bool lockstep) 
   return guard;
 }
 
-bool isOfEarlierLife(const PlantGuard& guard, const Sender& sender, double now) {
+bool isFromEarlierBoot(const PlantGuard& guard, const Sender& sender, double now) {
   if (!sender.stamped) return sender.latched;
   return guard.lockstep ? sender.stamp > now + kStamp : sender.stamp < -kStamp;
 }
@@ -126,20 +126,20 @@ bool isOfEarlierLife(const PlantGuard& guard, const Sender& sender, double now) 
 GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t session, double now,
                         GuardAction& action) {
   if (guard.mode == LeaseMode::kNone) return {};
-  const bool mine = guard.holder == sender.node && guard.session == session;
+  const bool mine = guard.owner == sender.node && guard.session == session;
   if (session == 0) {
-    if (guard.holder == sender.node) {
+    if (guard.owner == sender.node) {
       action.exciter_off = guard.shaking;
       guard.shaking = false;
       endSession(guard);
     }
     return {};
   }
-  if (!guard.holder.empty() && guard.holder != sender.node) {
-    return refused(GuardReason::kHeldByAnother, guard.holder + " holds the plant");
+  if (!guard.owner.empty() && guard.owner != sender.node) {
+    return refused(GuardReason::kOwnedByAnother, guard.owner + " holds the plant");
   }
-  if (isOfEarlierLife(guard, sender, now)) {
-    return refused(GuardReason::kEarlierLife, "the lease is older than this run of the plant");
+  if (isFromEarlierBoot(guard, sender, now)) {
+    return refused(GuardReason::kEarlierBoot, "the lease is older than this run of the plant");
   }
   // late news are no sign of life
   if (!sender.stamped || !(now - sender.stamp < guard.limits.lease_time - kStamp)) {
@@ -147,7 +147,7 @@ GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t s
                                              sender.stamped ? now - sender.stamp : now));
   }
   if (!mine) {
-    guard.holder = sender.node;
+    guard.owner = sender.node;
     guard.session = session;
     // whatever somebody else began ends
     action.hold = action.exciter_off = true;
@@ -159,7 +159,7 @@ GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t s
   return {};
 }
 
-GuardVerdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now) {
+GuardVerdict checkMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now) {
   const GuardLimits& limits = guard.limits;
   if (!X.p.allFinite() || !X.R.allFinite()) {
     return refused(GuardReason::kNotFinite, "give finite numbers");
@@ -175,7 +175,7 @@ GuardVerdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, d
   if (!(angle <= limits.rotation)) {
     return beyond(GuardReason::kRotation, "turn from the start", angle, limits.rotation, "rad");
   }
-  GuardVerdict verdict = judgeSender(guard, sender, now);
+  GuardVerdict verdict = checkSender(guard, sender, now);
   if (!verdict.good() || !guard.overloaded) return verdict;
   if (X.p.z() < guard.height + kHeight) {
     return refused(GuardReason::kOverloaded, "the plant was stopped by its load: only up");
@@ -184,7 +184,7 @@ GuardVerdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, d
   return {};
 }
 
-GuardVerdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
+GuardVerdict checkExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
                           double now) {
   const GuardLimits& limits = guard.limits;
   if (!std::isfinite(drive.amplitude) || !std::isfinite(drive.frequency) ||
@@ -207,7 +207,7 @@ GuardVerdict judgeExciter(PlantGuard& guard, const Sender& sender, const Exciter
     guard.shaking = false;
     return {};
   }
-  GuardVerdict verdict = judgeSender(guard, sender, now);
+  GuardVerdict verdict = checkSender(guard, sender, now);
   if (!verdict.good()) return verdict;
   if (guard.overloaded) {
     return refused(GuardReason::kOverloaded, "the plant was stopped by its load");
@@ -223,20 +223,20 @@ GuardAction watch(PlantGuard& guard, const Vector6& load, double height, double 
   Load& allowed = guard.allowed;
   allowed.force = unloading(guard.load.force, guard.limits.force, allowed.force);
   allowed.torque = unloading(guard.load.torque, guard.limits.torque, allowed.torque);
-  if (guard.holder.empty()) {
+  if (guard.owner.empty()) {
     const bool lone = guard.shaking && guard.mode != LeaseMode::kNone;
     if (!lone || now - guard.shaking_since < guard.limits.lone_exciter - kStamp) return {};
     guard.shaking = false;
     return {GuardReason::kLoneExciter, false, true};
   }
   const double silent = now - guard.seen;
-  if (guard.lapsed) {
+  if (guard.expired) {
     if (silent >= kForget) endSession(guard);
     return {};
   }
   if (silent < guard.limits.lease_time - kStamp) return {};
-  guard.lapsed = true;
-  return stop(guard, GuardReason::kLapsed);
+  guard.expired = true;
+  return stop(guard, GuardReason::kExpired);
 }
 
 double speedLimit(const PlantGuard& guard, const Vector6& load, const Vector6& way) {

@@ -59,7 +59,7 @@ struct Cell {
     const auto samples = [&](int sensor, const Vector6& wrench) {
       std::vector<double> values;
       for (int i = 0; i < 4; ++i) values.insert(values.end(), wrench.begin(), wrench.end());
-      feel(arm, {sensor, values.data(), 4, kBlock / 4, now, zero, nullptr});
+      addSamples(arm, {sensor, values.data(), 4, kBlock / 4, now, zero, nullptr});
     };
     if (data_a) samples(0, wrench_a);
     if (data_b) samples(1, wrench_b);
@@ -197,7 +197,7 @@ TEST(ArmGuard, ASaturatedSensor) {
   Cell cell(noLimits());
   cell.start();
   const std::uint8_t bits = 4;
-  feel(cell.arm, {1, cell.wrench_b.data(), 1, kBlock, cell.now, cell.zero, &bits});
+  addSamples(cell.arm, {1, cell.wrench_b.data(), 1, kBlock, cell.now, cell.zero, &bits});
   cell.expectHeld(ArmReason::kSaturated);
 }
 
@@ -217,7 +217,7 @@ TEST(ArmGuard, AKnockIsNoLoad) {
       bits[2 + i] = 1;
       values[6 * (2 + i)] = 155.0;
     }
-    feel(cell.arm, {0, values.data(), 10, kSample, cell.now, cell.zero, bits.data()});
+    addSamples(cell.arm, {0, values.data(), 10, kSample, cell.now, cell.zero, bits.data()});
     EXPECT_EQ(cell.arm.mode, count < 6 ? ArmMode::kFollowing : ArmMode::kHeld) << cell.arm.text;
     EXPECT_EQ(cell.arm.wrench[0].norm(), 0.0);
   }
@@ -291,7 +291,7 @@ TEST(ArmGuard, StaleDataEachAlone) {
       {&Cell::data_a, ArmReason::kNoWrenchA},
       {&Cell::data_b, ArmReason::kNoWrenchB},
       {&Cell::state, ArmReason::kNoState},
-      {&Cell::lease, ArmReason::kLapsed}};
+      {&Cell::lease, ArmReason::kExpired}};
   for (const auto& [data, reason] : kinds) {
     ArmLimits limits = noLimits();
     limits.timeout = 0.1;
@@ -361,7 +361,7 @@ TEST(ArmGuard, WhatStarvesTheHolderIsTheReason) {
 TEST(ArmGuard, StaleOrForeignCommandsAreRefused) {
   Cell cell(noLimits());
   EXPECT_EQ(move(cell.arm, {"stranger", cell.now, true, false}, at(0.01, 0, 0), cell.now).reason,
-            GuardReason::kHeldByAnother);
+            GuardReason::kOwnedByAnother);
   EXPECT_EQ(
       move(cell.arm, {"supervisor", cell.now - 0.1, true, false}, at(0.01, 0, 0), cell.now).reason,
       GuardReason::kStale);

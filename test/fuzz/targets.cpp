@@ -235,21 +235,21 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
     const std::string node = std::string("/") + static_cast<char>('a' + event.node % 3);
     const Sender sender{node, now - static_cast<double>(event.age), (event.flags & 1) != 0,
                         (event.flags & 2) != 0};
-    const std::string holder = guard.holder;
+    const std::string holder = guard.owner;
     bool commanded = false;
     switch (event.kind % 4) {
       case 0: {
         GuardAction action;
         told(renewLease(guard, sender, event.session % 3, now, action));
-        require(holder == guard.holder || action.exciter_off || !guard.shaking,
+        require(holder == guard.owner || action.exciter_off || !guard.shaking,
                 "another holder begins with the exciter off");
-        require(guard.holder.empty() || guard.mode != LeaseMode::kNone, "no sessions");
+        require(guard.owner.empty() || guard.mode != LeaseMode::kNone, "no sessions");
         break;
       }
       case 1: {
         Pose X;
         X.p = {event.a, event.b, event.a - event.b};
-        commanded = told(judgeMove(guard, sender, X, now));
+        commanded = told(checkMove(guard, sender, X, now));
         if (!commanded) break;
         require((X.p.array() >= limits.box_min.array()).all() &&
                     (X.p.array() <= limits.box_max.array()).all(),
@@ -258,7 +258,7 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
       }
       case 2: {
         const ExciterCommand drive{event.a, event.b, event.a, event.flags & 4 ? 1 : -1};
-        const bool good = told(judgeExciter(guard, sender, drive, now));
+        const bool good = told(checkExciter(guard, sender, drive, now));
         commanded = good && drive.amplitude > 0.0;
         require(!good || (drive.amplitude <= limits.amplitude && drive.frequency >= 0.0 &&
                           drive.frequency <= limits.frequency),
@@ -280,15 +280,15 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
                 "limits are numbers");
       }
     }
-    require(!commanded || guard.mode == LeaseMode::kNone || guard.holder.empty() ||
-                guard.holder == node,
-            "only the holder commands");
-    require(!commanded || guard.mode != LeaseMode::kRequired || guard.holder == node,
+    require(
+        !commanded || guard.mode == LeaseMode::kNone || guard.owner.empty() || guard.owner == node,
+        "only the holder commands");
+    require(!commanded || guard.mode != LeaseMode::kRequired || guard.owner == node,
             "nobody commands without a lease where one is required");
     require(guard.seen <= now, "nobody has seen the future");
-    require(guard.holder.empty() || guard.lapsed || now - guard.seen < limits.lease_time + 0.02,
+    require(guard.owner.empty() || guard.expired || now - guard.seen < limits.lease_time + 0.02,
             "the dead man comes in time");
-    require(!(guard.lapsed && guard.shaking), "nothing shakes without a lease");
+    require(!(guard.expired && guard.shaking), "nothing shakes without a lease");
   }
 }
 

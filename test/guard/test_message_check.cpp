@@ -60,10 +60,10 @@ TEST(MessageCheck, SixesHaveTwoRanges) {
 
 TEST(MessageCheck, BlocksHaveWholeSamples) {
   EXPECT_TRUE(MessageCheck().block("volts", 6, 6).good());
-  EXPECT_TRUE(MessageCheck().block("volts", kMostValues, 6).good());
+  EXPECT_TRUE(MessageCheck().block("volts", kMaxValues, 6).good());
   EXPECT_EQ(MessageCheck().block("volts", 0, 6).fault(), MessageFault::kSize);
   EXPECT_EQ(MessageCheck().block("volts", 7, 6).fault(), MessageFault::kSize);
-  EXPECT_EQ(MessageCheck().block("volts", kMostValues + 6, 6).fault(), MessageFault::kSize);
+  EXPECT_EQ(MessageCheck().block("volts", kMaxValues + 6, 6).fault(), MessageFault::kSize);
   EXPECT_EQ(MessageCheck().same("saturated", 3, 4).text(), "saturated has 3 entries: give 4");
   EXPECT_TRUE(MessageCheck().noneOr("wrench_products", 0, 126).good());
   EXPECT_FALSE(MessageCheck().noneOr("wrench_products", 125, 126).good());

@@ -31,10 +31,10 @@ struct Plant {
     return renewLease(guard, as(node), session, now, last).reason;
   }
   GuardReason move(const Sender& sender, double z = 0.001) {
-    return judgeMove(guard, sender, Pose{Eigen::Matrix3d::Identity(), {0, 0, z}}, now).reason;
+    return checkMove(guard, sender, Pose{Eigen::Matrix3d::Identity(), {0, 0, z}}, now).reason;
   }
   GuardReason shake(const Sender& sender, double amplitude = 1.0) {
-    return judgeExciter(guard, sender, {amplitude, 450.0, 0.0, 1}, now).reason;
+    return checkExciter(guard, sender, {amplitude, 450.0, 0.0, 1}, now).reason;
   }
   GuardAction block(const Vector6& load = kNothing) {
     now += kBlock;
@@ -69,13 +69,13 @@ TEST(PlantGuard, ASessionBeginsWithTheExciterOffAndCommandsAlone) {
   EXPECT_EQ(plant.lease("/a", 7), GuardReason::kNone);
   EXPECT_FALSE(plant.last.exciter_off);
 
-  const GuardVerdict other = judgeMove(plant.guard, plant.as("/b"), Pose{}, plant.now);
-  EXPECT_EQ(other.reason, GuardReason::kHeldByAnother);
+  const GuardVerdict other = checkMove(plant.guard, plant.as("/b"), Pose{}, plant.now);
+  EXPECT_EQ(other.reason, GuardReason::kOwnedByAnother);
   EXPECT_EQ(other.text, "held_by_another: /a holds the plant");
-  EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kHeldByAnother);
-  EXPECT_EQ(plant.lease("/b", 8), GuardReason::kHeldByAnother);
+  EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kOwnedByAnother);
+  EXPECT_EQ(plant.lease("/b", 8), GuardReason::kOwnedByAnother);
   EXPECT_EQ(plant.lease("/b", 0), GuardReason::kNone);
-  EXPECT_EQ(plant.guard.holder, "/a");
+  EXPECT_EQ(plant.guard.owner, "/a");
   // switching off is never refused
   EXPECT_EQ(plant.shake(plant.as("/a")), GuardReason::kNone);
   EXPECT_EQ(plant.shake(plant.as("/b"), 0.0), GuardReason::kNone);
@@ -109,14 +109,14 @@ TEST(PlantGuard, DeadMan) {
       seen = plant.now;
     }
     while (!plant.block().hold) ASSERT_LT(plant.now, seen + 1.0);
-    EXPECT_EQ(plant.last.reason, GuardReason::kLapsed);
+    EXPECT_EQ(plant.last.reason, GuardReason::kExpired);
     EXPECT_TRUE(plant.last.exciter_off);
     EXPECT_FALSE(plant.guard.shaking);
     EXPECT_LE(plant.now - seen, 0.1 + 1e-6);
     EXPECT_GT(plant.now - seen, 0.1 - kBlock);
     // told once
     EXPECT_FALSE(plant.block().hold);
-    EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kHeldByAnother);
+    EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kOwnedByAnother);
     while (plant.now - seen < 1.0) plant.block();
     EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kNone);
   }
@@ -126,9 +126,9 @@ TEST(PlantGuard, ALapseEndsWithTheNextSignOfLife) {
   Plant plant;
   plant.lease("/a", 7);
   while (!plant.block().hold) ASSERT_LT(plant.now, 6.0);
-  EXPECT_TRUE(plant.guard.lapsed);
+  EXPECT_TRUE(plant.guard.expired);
   EXPECT_EQ(plant.lease("/a", 7), GuardReason::kNone);
-  EXPECT_FALSE(plant.guard.lapsed);
+  EXPECT_FALSE(plant.guard.expired);
   // the same node started anew takes over at once
   EXPECT_EQ(plant.lease("/a", 8), GuardReason::kNone);
   EXPECT_TRUE(plant.last.exciter_off);
@@ -161,15 +161,15 @@ TEST(PlantGuard, CommandsOfAnEarlierLifeAreRefused) {
   for (const bool lockstep : {false, true}) {
     Plant plant(LeaseMode::kAuto, lockstep);
     plant.now = 0.0;
-    EXPECT_EQ(plant.move({"/a", 0.0, false, true}), GuardReason::kEarlierLife) << "latched";
+    EXPECT_EQ(plant.move({"/a", 0.0, false, true}), GuardReason::kEarlierBoot) << "latched";
     const double before = lockstep ? 37.0 : -0.5;
-    EXPECT_EQ(plant.move({"/a", before, true, true}), GuardReason::kEarlierLife);
-    EXPECT_EQ(plant.move({"/a", before, true, false}), GuardReason::kEarlierLife);
-    EXPECT_EQ(plant.shake({"/a", before, true, false}), GuardReason::kEarlierLife);
+    EXPECT_EQ(plant.move({"/a", before, true, true}), GuardReason::kEarlierBoot);
+    EXPECT_EQ(plant.move({"/a", before, true, false}), GuardReason::kEarlierBoot);
+    EXPECT_EQ(plant.shake({"/a", before, true, false}), GuardReason::kEarlierBoot);
     GuardAction action;
     EXPECT_EQ(renewLease(plant.guard, {"/a", before, true, false}, 7, 0.0, action).reason,
-              GuardReason::kEarlierLife);
-    EXPECT_TRUE(plant.guard.holder.empty());
+              GuardReason::kEarlierBoot);
+    EXPECT_TRUE(plant.guard.owner.empty());
     EXPECT_EQ(plant.move({"/a", 0.0, true, false}), GuardReason::kNone);
     EXPECT_EQ(plant.move({"/a", 0.0, false, false}), GuardReason::kNone);
   }
@@ -178,7 +178,7 @@ TEST(PlantGuard, CommandsOfAnEarlierLifeAreRefused) {
 TEST(PlantGuard, RefusesBeyondItsLimitsByNameValueAndLimit) {
   Plant plant;
   const auto exciter = [&](const ExciterCommand& drive) {
-    return judgeExciter(plant.guard, plant.as("/a"), drive, plant.now).text;
+    return checkExciter(plant.guard, plant.as("/a"), drive, plant.now).text;
   };
   EXPECT_EQ(exciter({50.0, 2e4, 0.0, 1}), "");
   EXPECT_EQ(exciter({1000.0, 450, 0, 1}),
@@ -192,7 +192,7 @@ TEST(PlantGuard, RefusesBeyondItsLimitsByNameValueAndLimit) {
   EXPECT_EQ(exciter({0.0, kNaN, 0, 1}).rfind("not_finite", 0), 0U);
 
   const auto move = [&](const Pose& X) {
-    return judgeMove(plant.guard, plant.as("/a"), X, plant.now).text;
+    return checkMove(plant.guard, plant.as("/a"), X, plant.now).text;
   };
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
   EXPECT_EQ(move({I, {0.1, -0.1, 0.1}}), "");
@@ -311,7 +311,7 @@ TEST(PlantGuard, AStampFromTheFutureIsASignOfLifeOfNow) {
   EXPECT_EQ(plant.move(ahead), GuardReason::kNone);
   const double last = plant.now;
   while (!plant.block().hold) ASSERT_LT(plant.now, last + 0.2);
-  EXPECT_EQ(plant.last.reason, GuardReason::kLapsed);
+  EXPECT_EQ(plant.last.reason, GuardReason::kExpired);
 }
 
 TEST(PlantGuard, ALoneExciterStops) {

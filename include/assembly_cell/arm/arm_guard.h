@@ -40,7 +40,7 @@ const char* toString(ArmMode mode);  ///< waiting, following, held, stopped
 /// Why the arm was held or stopped.
 enum class ArmReason {
   kNone,
-  kLapsed,       ///< no sign of life of who holds it
+  kExpired,      ///< no sign of life of who holds it
   kNoWrenchA,    ///< no fresh samples of sensor_a
   kNoWrenchB,    ///< of sensor_b
   kNoState,      ///< no fresh state of the arm
@@ -57,7 +57,7 @@ enum class ArmReason {
   kLoneExciter,  ///< nobody holds the plant
   kCount
 };
-const char* toString(ArmReason reason);  ///< "lapsed" and so on
+const char* toString(ArmReason reason);  ///< "expired" and so on
 
 /// Means over the latest window, for the rate of a force.
 struct ForceWindow {
@@ -100,7 +100,7 @@ void setRate(ArmGuard& arm, double period, double smoothing);
 
 /// Samples of a sensor (0: sensor_a, 1: sensor_b): 6 × count, zero taken off, the last one at
 /// `end`; `zero` is what was taken off.
-struct FeltSamples {
+struct ContactSamples {
   int sensor = 0;
   const double* values = nullptr;
   std::size_t count = 0;
@@ -109,7 +109,7 @@ struct FeltSamples {
   /// A byte a sample, not 0: a channel was at its end, the load isn't known. Null: none was.
   const std::uint8_t* saturated = nullptr;
 };
-void feel(ArmGuard& arm, const FeltSamples& samples);
+void addSamples(ArmGuard& arm, const ContactSamples& samples);
 /// The arm's own word of where it is, as of `stamp`.
 void setState(ArmGuard& arm, const Pose& X, double stamp);
 

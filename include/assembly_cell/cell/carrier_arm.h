@@ -31,7 +31,7 @@ class CarrierArm {
   CarrierPoses lead(const PlantCommand& command, double now, double length);
   /// Of the block that has passed: 6 × n wrenches of sensor_a or sensor_b (0, 1), the last at
   /// `felt.end`.
-  void feel(const FeltSamples& felt);
+  void feel(const ContactSamples& felt);
 
   /// Both sensors have been heard: commands are taken.
   bool ready() const { return bridge_.wrench_known[0] && bridge_.wrench_known[1]; }

@@ -30,9 +30,9 @@ constexpr FieldRange kPeriodField{1e-6, 1.0, "s"};      // of samples: 1 MHz to 
 /// Stamps end in July 2036: differences of two fit in the 31 bits of a ROS duration, whatever is
 /// added to them.
 constexpr double kLastStamp = 2.1e9;  // [s]
-constexpr std::size_t kMostValues =
-    6 * 1000000;                           // in a block: a sample a microsecond, a second long
-constexpr std::size_t kLongestName = 200;  // of ids and frames [bytes]
+constexpr std::size_t kMaxValues =
+    6 * 1000000;                             // in a block: a sample a microsecond, a second long
+constexpr std::size_t kMaxNameLength = 200;  // of ids and frames [bytes]
 
 /// What is wrong with a message.
 enum class MessageFault : std::uint8_t {
@@ -42,7 +42,7 @@ enum class MessageFault : std::uint8_t {
   kSize,       // no samples, no whole samples, or too many
   kUnlike,     // two lengths that must be the same are not
   kStamp,      // absurd, or far from those of its stream
-  kName,       // longer than kLongestName
+  kName,       // longer than kMaxNameLength
   kDirection,  // neither 1 nor -1
   kQuaternion  // norm is not 1
 };
@@ -58,7 +58,7 @@ class MessageCheck {
   /// within `torque`. Wrenches, and displacements with their ranges.
   MessageCheck& sixes(const char* field, const double* values, std::size_t count,
                       const FieldRange& first, const FieldRange& last);
-  /// n samples of `each` values, n > 0 and at most kMostValues values.
+  /// n samples of `each` values, n > 0 and at most kMaxValues values.
   MessageCheck& block(const char* field, std::size_t values, std::size_t each);
   /// Values in `field`: none or `wanted`.
   MessageCheck& noneOr(const char* field, std::size_t size, std::size_t wanted);

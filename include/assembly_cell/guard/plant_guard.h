@@ -32,10 +32,10 @@ struct GuardLimits {
 enum class GuardReason {
   kNone,
   // commands and leases
-  kHeldByAnother,
+  kOwnedByAnother,
   kNoLease,
   kStale,
-  kEarlierLife,
+  kEarlierBoot,
   kNotFinite,
   kFrame,
   kWorkspace,
@@ -45,7 +45,7 @@ enum class GuardReason {
   kDirection,
   kOverloaded,
   // the plant was stopped
-  kLapsed,
+  kExpired,
   kForce,
   kTorque,
   kLoneExciter,
@@ -105,10 +105,10 @@ struct PlantGuard {
   Pose start;  ///< of the carrier in its base: middle of the workspace
 
   // the session
-  std::string holder;         ///< node; empty: nobody holds the plant
+  std::string owner;          ///< node; empty: nobody holds the plant
   std::uint32_t session = 0;  ///< its number
   double seen = 0.0;          ///< end of the last block that the holder is known to have seen
-  bool lapsed = false;        ///< the lease ran out
+  bool expired = false;       ///< the lease ran out
   // the plant
   bool overloaded = false;  ///< stopped by its load: until a move up or another session
   Load load;                ///< of the coupling at the last block's end
@@ -121,7 +121,7 @@ PlantGuard plantGuard(const GuardLimits& limits, LeaseMode mode, bool lockstep);
 
 /// Is what comes from there older than this run of the plant? A restarted plant does not move by
 /// itself.
-bool isOfEarlierLife(const PlantGuard& guard, const Sender& sender, double now);
+bool isFromEarlierBoot(const PlantGuard& guard, const Sender& sender, double now);
 
 /// A sign of life of a session at `now`; session 0 lets the plant go. A session begins with its
 /// first one, with the exciter off and the carrier brought to a stop. Refused while another node
@@ -130,9 +130,9 @@ GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t s
                         GuardAction& action);
 
 /// A move of the carrier to X, in its base. What the holder sends is a sign of life, too.
-GuardVerdict judgeMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now);
+GuardVerdict checkMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now);
 /// An exciter command; amplitude 0 is off, which anybody may ask for whenever it is not stale.
-GuardVerdict judgeExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
+GuardVerdict checkExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
                           double now);
 
 /// Once a block, before it begins: the dead man. `load` of the coupling and height of the carrier
@@ -150,7 +150,7 @@ inline bool exceeds(const Vector6& load, const Load& limit) {
            load.tail<3>().squaredNorm() <= limit.torque * limit.torque);
 }
 /// A tenth of the limits: below it no contact is felt, and what a stop would add isn't asked.
-inline Load feltLoad(const GuardLimits& limits) {
+inline Load detectionThreshold(const GuardLimits& limits) {
   constexpr double kFelt = 0.1;
   return {kFelt * limits.force, kFelt * limits.torque};
 }

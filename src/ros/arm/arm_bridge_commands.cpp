@@ -75,7 +75,7 @@ Sender ArmBridgeNode::senderOf(const ros::MessageEvent<Message const>& event) co
 }
 
 // What publishers keep comes in before the first sample and the arm's first word.
-bool ArmBridgeNode::isOfEarlierLife(const Sender& sender) const {
+bool ArmBridgeNode::isFromEarlierBoot(const Sender& sender) const {
   return epoch_.isZero() || !arm_.begun || sender.stamp < -kStamp;
 }
 
@@ -119,8 +119,8 @@ void ArmBridgeNode::take(const Sender& sender, const geometry_msgs::PoseStamped&
     no(GuardReason::kStale, "it has no stamp: give header.stamp");
     return;
   }
-  if (isOfEarlierLife(sender)) {
-    no(GuardReason::kEarlierLife, "it is older than this run of the bridge: send it anew");
+  if (isFromEarlierBoot(sender)) {
+    no(GuardReason::kEarlierBoot, "it is older than this run of the bridge: send it anew");
     return;
   }
   try {
@@ -148,8 +148,8 @@ void ArmBridgeNode::take(const Sender& sender, const Exciter& exciter) {
   GuardVerdict verdict;
   if (!sender.stamped && !off) {
     verdict = {GuardReason::kStale, "stale: it has no stamp: give header.stamp"};
-  } else if (isOfEarlierLife(sender) && !off) {
-    verdict = {GuardReason::kEarlierLife,
+  } else if (isFromEarlierBoot(sender) && !off) {
+    verdict = {GuardReason::kEarlierBoot,
                "earlier_life: it is older than this run of the bridge: send it anew"};
   } else {
     verdict = drive(arm_, sender, drive_command, now());
@@ -270,7 +270,7 @@ void ArmBridgeNode::onWrench(std::size_t sensor, const WrenchSamples& samples) {
   if (sensor == 1 && nodeTime(end) < block_end_ - kStamp) anotherLife(end);
   if (sequence_[sensor] == samples.sequence && lockstep_) return;  // latched, again
   sequence_[sensor] = samples.sequence;
-  FeltSamples felt;
+  ContactSamples felt;
   felt.sensor = static_cast<int>(sensor);
   felt.values = samples.wrench.data();
   felt.count = count;
@@ -287,7 +287,7 @@ void ArmBridgeNode::onWrench(std::size_t sensor, const WrenchSamples& samples) {
     felt.values = felt_.data();
     felt.zero += change;
   }
-  feel(arm_, felt);
+  addSamples(arm_, felt);
   if (sensor == 1) {
     clock_.observe(wall(), end.toSec());
     block_end_ = felt.end;

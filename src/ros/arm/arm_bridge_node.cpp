@@ -249,8 +249,8 @@ ros::Time ArmBridgeNode::stampAt(double time) const {
 
 // At each point and each word of the arm: what hasn't changed costs nothing.
 void ArmBridgeNode::publishState() {
-  const bool held = isHalted(arm_) || arm_.guard.lapsed;
-  if (told_any_ && arm_.guard.session == told_.session && arm_.guard.holder == told_.holder &&
+  const bool held = isHalted(arm_) || arm_.guard.expired;
+  if (told_any_ && arm_.guard.session == told_.session && arm_.guard.owner == told_.holder &&
       held == told_.held && isHalted(arm_) == told_.overload && life_ == told_.life &&
       arm_.guard.shaking == told_.exciter && arm_.text == told_.reason &&
       refused_ == told_.refused) {
@@ -259,7 +259,7 @@ void ArmBridgeNode::publishState() {
   PlantState state;
   state.life = life_;
   state.session = arm_.guard.session;
-  state.holder = arm_.guard.holder;
+  state.holder = arm_.guard.owner;
   state.held = held;
   state.overload = isHalted(arm_);
   state.exciter = arm_.guard.shaking;
@@ -294,7 +294,7 @@ void ArmBridgeNode::publishDiagnostics() {
     if (!arm_.begun) {
       status.message += epoch_.isZero() ? ": no samples of sensor_b" : ": no state of the arm";
     }
-    holder = arm_.guard.holder;
+    holder = arm_.guard.owner;
     refusal = refusal_.text;
     refused = refused_;
     points = points_;

@@ -84,7 +84,7 @@ void SimulatorNode::onCarrierCommand(
   std::lock_guard<std::mutex> lock(mutex_);
   const Sender sender = senderOf(event, "carrier_command");
   // what is of an earlier life is not counted: its sender has begun to count anew
-  if (!isOfEarlierLife(guard_, sender, now_) &&
+  if (!isFromEarlierBoot(guard_, sender, now_) &&
       !participants_.count(sender.node, "carrier_command", command.header)) {
     return;
   }
@@ -97,7 +97,7 @@ void SimulatorNode::onCarrierCommand(
   }
   try {
     const Pose X = fromPose(command.pose, "pose");
-    const GuardVerdict verdict = judgeMove(guard_, sender, X, now_);
+    const GuardVerdict verdict = checkMove(guard_, sender, X, now_);
     if (verdict.good()) carrier_command_ = X;
     if (!verdict.good()) refuse("carrier_command", sender.node, verdict);
   } catch (const InputError& error) {
@@ -109,7 +109,7 @@ void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
   const Exciter& exciter = *event.getConstMessage();
   std::lock_guard<std::mutex> lock(mutex_);
   const Sender sender = senderOf(event, "exciter");
-  if (!isOfEarlierLife(guard_, sender, now_) &&
+  if (!isFromEarlierBoot(guard_, sender, now_) &&
       !participants_.count(sender.node, "exciter", exciter.header)) {
     return;
   }
@@ -124,7 +124,7 @@ void SimulatorNode::onExciter(const ros::MessageEvent<Exciter const>& event) {
     drive.amplitude = 0.0;
     drive.direction = 1;
   }
-  const GuardVerdict verdict = judgeExciter(guard_, sender, drive, now_);
+  const GuardVerdict verdict = checkExciter(guard_, sender, drive, now_);
   if (verdict.good()) exciter_ = exciter;
   if (!verdict.good()) refuse("exciter", sender.node, verdict);
 }

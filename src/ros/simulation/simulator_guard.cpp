@@ -42,7 +42,7 @@ void SimulatorNode::readGuard(Parameters& parameters) {
   limits.lease_time = parameters.number("lease_time", Range{0.04, 10.0}, limits.lease_time);
   max_speed_ = parameters.number("max_speed", kPositive, max_speed_);
   max_acceleration_ = parameters.number("max_acceleration", kPositive, max_acceleration_);
-  felt_ = feltLoad(limits);
+  felt_ = detectionThreshold(limits);
   const std::string mode = parameters.choice("lease", {"auto", "required", "none"}, "auto");
   if (mode == "required") lease_mode_ = LeaseMode::kRequired;
   if (mode == "none") lease_mode_ = LeaseMode::kNone;
@@ -105,17 +105,17 @@ void SimulatorNode::watchPlant() {
   const Vector6 load = world.couplingWrench();
   const double height = cell_->carrier().encoders(world).p.z();
   std::lock_guard<std::mutex> lock(mutex_);
-  const std::string holder = guard_.holder;
+  const std::string holder = guard_.owner;
   const GuardAction action = watch(guard_, load, height, now_);
   allowed_ = guard_.allowed;
   // somebody else's motion isn't ours to stop
   watched_ = !guard_.overloaded && !follows_;
   too_much_.reset();
   if (action.reason == GuardReason::kNone) return;
-  if (action.reason == GuardReason::kLapsed) {
+  if (action.reason == GuardReason::kExpired) {
     carrier_command_.reset();
     stopped_because_ =
-        text("lapsed: no sign of life of %s for %g s", holder.c_str(), limits_.lease_time);
+        text("expired: no sign of life of %s for %g s", holder.c_str(), limits_.lease_time);
   } else {
     stopped_because_ = text("%s: the exciter ran for %g s and nobody holds the plant",
                             toString(action.reason), limits_.lone_exciter);
@@ -161,8 +161,8 @@ void SimulatorNode::publishPlantState() {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     state.session = guard_.session;
-    state.holder = guard_.holder;
-    state.held = guard_.lapsed || guard_.overloaded;
+    state.holder = guard_.owner;
+    state.held = guard_.expired || guard_.overloaded;
     state.overload = guard_.overloaded;
     state.exciter = guard_.shaking;
     state.reason = stopped_because_;

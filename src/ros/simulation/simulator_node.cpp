@@ -473,9 +473,9 @@ void SimulatorNode::publishDiagnostics() {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     status.message = paused_ ? "paused" : "running";
-    holder = guard_.holder;
+    holder = guard_.owner;
     refusal = refusal_.text;
-    if (guard_.lapsed || guard_.overloaded) {
+    if (guard_.expired || guard_.overloaded) {
       status.level = diagnostic_msgs::DiagnosticStatus::WARN;
       status.message = "held: " + stopped_because_;
     }

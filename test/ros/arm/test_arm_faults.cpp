@@ -127,7 +127,7 @@ TEST_F(ArmFaults, ABridgeThatDiesLeavesAnArmThatStandsAndAnotherOneGoesOn) {
   nodes_.at("arm_bridge")->signal(SIGKILL);
   const auto off = [this] { return simulator_.last()->held && !simulator_.last()->exciter; };
   ASSERT_TRUE(waitFor(off));
-  EXPECT_EQ(simulator_.last()->reason.rfind("lapsed", 0), 0U) << simulator_.last()->reason;
+  EXPECT_EQ(simulator_.last()->reason.rfind("expired", 0), 0U) << simulator_.last()->reason;
   EXPECT_LE((simulator_.last()->header.stamp - leases_.last()->header.stamp).toSec(),
             kTimeout + kBlock);
   EXPECT_LT(turned(200), 1e-5);

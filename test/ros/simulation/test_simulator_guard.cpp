@@ -161,7 +161,7 @@ TEST_F(SimulatorGuard, AHolderThatFallsSilentIsADeadMan) {
     return std::abs(carrier.last()->pose.position.x - from) > 0.001;
   }));
   ASSERT_TRUE(waitFor(held));
-  EXPECT_EQ(state.last()->reason.rfind("lapsed: no sign of life of ", 0), 0U);
+  EXPECT_EQ(state.last()->reason.rfind("expired: no sign of life of ", 0), 0U);
   EXPECT_LE((state.last()->header.stamp - seen).toSec(), 0.1 + kStamp);
   // it stops, short of the goal, and stays
   const std::size_t n = carrier.size();

@@ -130,7 +130,7 @@ TEST_F(Faults, AKilledSupervisorLeavesAPlantThatStandsAndAnotherOneGoesOn) {
   node("assembly_supervisor").signal(SIGKILL);
   ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
   EXPECT_FALSE(held(before)->exciter);
-  EXPECT_EQ(held(before)->reason.rfind("lapsed", 0), 0U) << held(before)->reason;
+  EXPECT_EQ(held(before)->reason.rfind("expired", 0), 0U) << held(before)->reason;
   // by the plant's clock, from the last block that the supervisor is known to have seen
   EXPECT_LE((held(before)->header.stamp - leases_.last()->header.stamp).toSec(), 0.1 + kStamp);
   // the client learns of it

@@ -67,7 +67,7 @@ class ArmBridgeNode {
   // what comes in
   template <class Message>
   Sender senderOf(const ros::MessageEvent<Message const>& event) const;  // lock
-  bool isOfEarlierLife(const Sender& sender) const;                      // lock
+  bool isFromEarlierBoot(const Sender& sender) const;                    // lock
   void onCarrierCommand(const ros::MessageEvent<geometry_msgs::PoseStamped const>& event);
   void onExciter(const ros::MessageEvent<Exciter const>& event);
   void onLease(const ros::MessageEvent<Lease const>& event);
