@@ -32,12 +32,12 @@ lever) and how far from z they may be (the footprint) from those in which the wr
   --footprint R         radius of the tip [m] (default: found)
   --force F             least force that is judged [N] (default 1)
   --output FILE         every sample as CSV: kind, force, couple over force and its sd, where the line of action cuts the
-                        tip's plane with covariance, its direction, and that point in the base (scripts/plot_contacts.py)
+                        tip's plane with covariance, its direction, and that point in the base (scripts/plot contacts)
   --help                print this
 
 Exit code: 0 ok, 2 bad input.
 
-Example: contacts 001.csv --output contacts.csv && scripts/plot_contacts.py contacts.csv contacts.png
+Example: contacts 001.csv --output contacts.csv && scripts/plot contacts contacts.csv contacts.png
 )";
 
 template <typename Values>

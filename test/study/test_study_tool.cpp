@@ -400,11 +400,11 @@ TEST_F(StudyTool, StudiesOfThePackageAreGood) {
 
 TEST_F(StudyTool, ResultsArePlotted) {
   ASSERT_EQ(run({usual(3), "--output", path("a")}).exit_code, 0);
-  const std::string script = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/scripts/plot_study.py";
-  const Result good = wait(start({script, path("a"), path("a.png")}));
+  const std::string script = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/scripts/plot";
+  const Result good = wait(start({script, "study", path("a"), path("a.png")}));
   EXPECT_EQ(good.exit_code, 0) << good.err;
   EXPECT_EQ(textOf(path("a.png")).substr(1, 3), "PNG");
-  const Result bad = wait(start({script, path("absent"), path("b.png")}));
+  const Result bad = wait(start({script, "study", path("absent"), path("b.png")}));
   EXPECT_EQ(bad.exit_code, 2);
   EXPECT_EQ(linesOf(bad.err).size(), 1u) << bad.err;
 }

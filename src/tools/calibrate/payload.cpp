@@ -41,7 +41,7 @@ A header row is optional; without one the columns are those above, an eighth of 
   --predict FILE       poses of further readings; without an order column row k lies between poses k and k+1
   --output FILE        where the predicted wrenches go as CSV, axes and header as in WRENCHES.csv (default: only into the YAML)
   --holdout            print the leave-one-out error of every pose besides its rms
-  --trace FILE         bias, its sd and the residual at every pose as CSV (scripts/plot_payload.py)
+  --trace FILE         bias, its sd and the residual at every pose as CSV (scripts/plot payload)
   --in-situ            correction matrix of the sensor, if the data support it
   --gravity G          where it was recorded, to say the weight as a mass [m/s2] (default: the length of
                        the columns gx,gy,gz of POSES.csv, else 9.80665)

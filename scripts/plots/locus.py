@@ -1,28 +1,12 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Runs the studies of the locus estimator: figures and tables of docs/theory/locus.md.
-
-usage: plot_locus.py [--tool STUDY_LOCUS] [--runs N] [--output FOLDER]
-  --tool    the executable (default: study_locus, found in PATH or in .build; build it with -DASSEMBLY_CELL_BENCHMARK=ON)
-  --runs    Monte Carlo runs a point (default 4000)
-  --output  where CSV files and pictures go (default: docs/images of the source tree)
-exit: 0 ok, 2 bad input
-"""
-import argparse
+"""Runs the studies of the locus estimator: figures and tables of docs/theory/locus.md."""
 import csv
 import io
 import os
-import shutil
 import subprocess
-import sys
 
-import matplotlib
+from plots.style import add_output, plt, program, save
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-
-SOURCE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-BUILT = os.path.join(SOURCE, ".build", "devel", "lib", "assembly_cell", "study_locus")
 MODES = ["none", "segment", "ellipse", "circle", "undecided"]
 
 
@@ -49,9 +33,7 @@ def plot_accuracy(rows, folder):
         axis.set(xscale="log", ylim=(0.9, 2.5), xlabel="noise of one sample, sigma/a", title=f"b/a = {b:g}")
     axes[0].set_ylabel("rms error of the direction / Cramér–Rao bound")
     axes[0].legend(fontsize=8)
-    figure.tight_layout()
-    figure.savefig(os.path.join(folder, "locus_accuracy.png"), dpi=110)
-    plt.close(figure)
+    save(figure, folder, "locus_accuracy.png")
 
 
 def plot_modes(rows, folder):
@@ -63,32 +45,23 @@ def plot_modes(rows, folder):
         axis.barh(labels, values, left=left, color=color, label=mode, height=0.9)
         left = [a + b for a, b in zip(left, values)]
     axis.invert_yaxis()
-    axis.set(xlim=(0, 1), xlabel="share of decisions", ylabel="true mode, sigma/a")
+    axis.set(xlim=(0, 1), xlabel="fraction of decisions", ylabel="true mode, sigma/a")
     axis.tick_params(axis="y", labelsize=7)
     axis.legend(ncol=5, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=8)
-    figure.tight_layout()
-    figure.savefig(os.path.join(folder, "locus_modes.png"), dpi=110)
-    plt.close(figure)
+    save(figure, folder, "locus_modes.png")
 
 
-def main():
-    parser = argparse.ArgumentParser(usage=__doc__)
-    parser.add_argument("--tool", default=shutil.which("study_locus") or BUILT)
-    parser.add_argument("--runs", default="4000")
-    parser.add_argument("--output", default=os.path.join(SOURCE, "docs", "images"))
-    arguments = parser.parse_args()
-    try:
-        os.makedirs(arguments.output, exist_ok=True)
-        plot_accuracy(study(arguments.tool, arguments.output, "accuracy", arguments.runs), arguments.output)
-        plot_modes(study(arguments.tool, arguments.output, "modes", arguments.runs), arguments.output)
-        study(arguments.tool, arguments.output, "alarms", arguments.runs)
-        for name in ("settling", "bias", "friction", "cost"):
-            study(arguments.tool, arguments.output, name)
-    except (OSError, ValueError) as error:
-        print(f"plot_locus.py: {error}", file=sys.stderr)
-        return 2
-    return 0
+def add_arguments(parser):
+    parser.add_argument("--tool", default=program("study_locus"),
+                        help="the executable (default: study_locus in PATH or in .build; build it with -DASSEMBLY_CELL_BENCHMARK=ON)")
+    parser.add_argument("--runs", default="4000", help="Monte Carlo runs a point (default 4000)")
+    add_output(parser)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def draw(options):
+    os.makedirs(options.output, exist_ok=True)
+    plot_accuracy(study(options.tool, options.output, "accuracy", options.runs), options.output)
+    plot_modes(study(options.tool, options.output, "modes", options.runs), options.output)
+    study(options.tool, options.output, "alarms", options.runs)
+    for name in ("settling", "bias", "friction", "cost"):
+        study(options.tool, options.output, name)

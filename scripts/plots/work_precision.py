@@ -1,33 +1,25 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Plots the CSV of bench_work_precision and prints the slopes and the comparison with the peers.
+"""Plots the CSV of bench_work_precision; prints the slopes and the comparison with the peers.
 
-usage: plot_work_precision.py RUN.csv FOLDER
-  writes FOLDER/work_precision_evaluations.png, _time.png, _tolerance.png
-exit: 0 ok, 2 bad input
+Writes FOLDER/work_precision_evaluations.png, _time.png, _tolerance.png.
 """
-import csv
 import math
 import os
-import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy
+
+from plots.style import plt, rows_of, save
 
 STYLES = {"dopri5": ("#2a6f97", "o-"), "dop853": ("#d1495b", "s-"), "hamming": ("#e76f51", "P-"), "rk4, fixed": ("#2a9d8f", "^-"),
           "hamming, fixed": ("#f4a261", "v-"),
           "odeint dopri5": ("#2a6f97", "o:"), "odeint rkf78": ("#7b2d8b", "D:")}
 ADAPTIVE = ("dopri5", "dop853", "hamming", "odeint dopri5", "odeint rkf78")
-CEILING = 1e-2  # errors above, and failed runs, stand here [m]
+CEILING = 1e-2  # errors above, and failed runs, are drawn here [m]
 FLOOR = 1e-14   # rounding: positions of 0.05 m, some digits lost [m]
 
 
 def load(path):
-    with open(path, encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(path)
     for row in rows:
         for key in ("control", "error", "evaluations", "seconds"):
             row[key] = float(row[key])
@@ -69,8 +61,7 @@ def grid(panels, x, label, path):
     figure.supxlabel(label)
     figure.supylabel("largest error of the peg's position [m]; x: failed or beyond the scale")
     figure.tight_layout(rect=(0.015, 0, 1, 1))
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
+    save(figure, path, tight=False)
 
 
 def slope(rows, x):
@@ -111,23 +102,16 @@ def report(panels):
                 print(f"| {error:.0e} m | {ours} | {peer} | {ratios[0]:.2f} | {ratios[1]:.2f} |")
 
 
-def main(arguments):
-    if len(arguments) != 2:
-        print("plot_work_precision.py: expected RUN.csv FOLDER", file=sys.stderr)
-        return 2
-    try:
-        panels = load(arguments[0])
-        base = os.path.join(arguments[1], "work_precision_")
-        grid(panels, "evaluations", "evaluations of the right-hand side", base + "evaluations.png")
-        grid(panels, "seconds", "time [s]", base + "time.png")
-        adaptive = {k: v for k, v in panels.items() if any(m in ADAPTIVE for m in v)}
-        grid(adaptive, "control", "tolerance [m]", base + "tolerance.png")
-        report(panels)
-    except (OSError, ValueError, KeyError) as error:
-        print(f"plot_work_precision.py: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    return 0
+def add_arguments(parser):
+    parser.add_argument("input", metavar="RUN.csv", help="as bench_work_precision printed it")
+    parser.add_argument("folder", metavar="FOLDER")
 
 
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+def draw(options):
+    panels = load(options.input)
+    base = os.path.join(options.folder, "work_precision_")
+    grid(panels, "evaluations", "evaluations of the right-hand side", base + "evaluations.png")
+    grid(panels, "seconds", "time [s]", base + "time.png")
+    adaptive = {k: v for k, v in panels.items() if any(m in ADAPTIVE for m in v)}
+    grid(adaptive, "control", "tolerance [m]", base + "tolerance.png")
+    report(panels)

@@ -1,23 +1,15 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Draws where lines of action cut the tip's plane, from the CSV of the tool contacts.
-
-usage: plot_contacts.py CONTACTS.csv PICTURE.png
-"""
-import csv
-import sys
-
-import matplotlib
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+"""Where lines of action cut the tip's plane, from the CSV of the tool `contacts`."""
+from plots.style import plt, rows_of, save
 
 
-def main():
-    if len(sys.argv) != 3:
-        print(__doc__.strip(), file=sys.stderr)
-        return 2
-    with open(sys.argv[1]) as file:
-        rows = [row for row in csv.DictReader(file) if row["kind"] in ("one", "several")]
+def add_arguments(parser):
+    parser.add_argument("input", metavar="CONTACTS.csv", help="as `contacts --output` wrote it")
+    parser.add_argument("picture", metavar="PICTURE.png")
+
+
+def draw(options):
+    rows = [row for row in rows_of(options.input) if row["kind"] in ("one", "several")]
     figure, (points, times) = plt.subplots(1, 2, figsize=(9, 3.6), gridspec_kw={"width_ratios": [1, 1.6]})
     for kind, color in (("several", "0.75"), ("one", "tab:blue")):
         some = [row for row in rows if row["kind"] == kind]
@@ -28,10 +20,4 @@ def main():
     times.set(ylim=(1e-3, 300), xlabel="t [s]", ylabel="|F·M|/F² [mm]", title="couple over force")
     for axes in (points, times):
         axes.grid(alpha=0.3)
-    figure.tight_layout()
-    figure.savefig(sys.argv[2], dpi=70)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    save(figure, options.picture)

@@ -1,18 +1,6 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Draws the readings of an identification and what the fit says of them.
-
-usage: plot_identification.py READINGS.csv PICTURE.png
-  READINGS.csv  as `identify --readings` wrote it
-exit: 0 ok, 2 bad input
-"""
-import csv
-import sys
-
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+"""Measurements of an identification and their fit, from the CSV of `identify --readings`."""
+from plots.style import plt, rows_of, save
 
 PANELS = [("hanging: force along x, y", "-1", ("fx", "fy"), "force [N]"),
           ("hanging: torque about x, y", "-1", ("tx", "ty"), "torque [N m]"),
@@ -24,7 +12,13 @@ def size(row, axis):
     return abs(complex(float(row[axis + "_re"]), float(row[axis + "_im"])))
 
 
-def draw(rows, picture):
+def add_arguments(parser):
+    parser.add_argument("input", metavar="READINGS.csv", help="as `identify --readings` wrote it")
+    parser.add_argument("picture", metavar="PICTURE.png")
+
+
+def draw(options):
+    rows = rows_of(options.input)
     figure, panels = plt.subplots(2, 2, figsize=(11, 7))
     for panel, (title, place, axes, label) in zip(panels.flat, PANELS):
         chosen = [row for row in rows if row["place"] == place and row["direction"] == "1"]
@@ -39,22 +33,4 @@ def draw(rows, picture):
         panel.set(title=title, xlabel="exciter, anticlockwise [rad/s]", ylabel=label)
         panel.legend()
     figure.suptitle("Amplitudes of sensor_b's wrench; open: left out of the fit")
-    figure.tight_layout()
-    figure.savefig(picture, dpi=80)
-
-
-def main():
-    if len(sys.argv) != 3 or sys.argv[1].startswith("-"):
-        sys.exit(__doc__ if "--help" in sys.argv else "plot_identification.py: give READINGS.csv PICTURE.png")
-    try:
-        with open(sys.argv[1], encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        draw(rows, sys.argv[2])
-    except (OSError, KeyError, ValueError) as error:
-        print(f"{sys.argv[1]}: {error!r}: give what identify --readings wrote", file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    save(figure, options.picture)

@@ -1,31 +1,15 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Regenerates the figures of docs/theory/vibration.md from the tool `vibration`.
-
-usage: plot_vibration.py [--tool VIBRATION] [--output FOLDER]
-  --tool    the executable (default: vibration, found in PATH or in .build)
-  --output  where the pictures go (default: docs/images of the source tree)
-       plot_vibration.py --map MAP.csv PICTURE.png     plots one design map
-exit: 0 ok, 2 bad input
-"""
-import argparse
-import csv
+"""Figures of docs/theory/vibration.md from the tool `vibration`, or one design map."""
 import math
 import os
-import shutil
 import subprocess
-import sys
 import tempfile
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from matplotlib.colors import ListedColormap
 import yaml
+from matplotlib.colors import ListedColormap
 
-SOURCE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-BUILT = os.path.join(SOURCE, ".build", "devel", "lib", "assembly_cell", "vibration")
+from plots.style import add_output, plt, program, rows_of, save
+
 OUTCOMES = ["sticks", "assembles", "slides_both", "slides_out", "lifts", "walks_out"]
 COLORS = ["#e8e8e8", "#2a9d8f", "#a8dadc", "#d1495b", "#f4a261", "#7b2d8b"]
 
@@ -50,12 +34,6 @@ class Tool:
 
 def numbers(values):
     return [math.nan if v is None else v for v in values]
-
-
-def save(figure, folder, name):
-    figure.tight_layout()
-    figure.savefig(os.path.join(folder, name), dpi=110)
-    plt.close(figure)
 
 
 def sliding(tool, folder, name, title, cases):
@@ -134,8 +112,7 @@ def rig(tool, folder):
 
 
 def design_map(table, picture):
-    with open(table, encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = rows_of(table)
     frequencies = sorted({float(row["w"]) for row in rows})
     forces = sorted({float(row["F"]) for row in rows})
     if len(rows) != len(frequencies) * len(forces) or min(len(frequencies), len(forces)) < 2:
@@ -151,9 +128,7 @@ def design_map(table, picture):
         axes.plot([], [], "s", color=color, markeredgecolor="0.4", label=name.replace("_", " "))
     axes.set(xlabel="ω [rad/s]", ylabel="F")
     axes.legend(loc="upper right", fontsize=8)
-    figure.tight_layout()
-    figure.savefig(picture, dpi=110)
-    plt.close(figure)
+    save(figure, picture)
 
 
 def maps(tool, folder):
@@ -164,30 +139,21 @@ def maps(tool, folder):
             design_map(table.name, os.path.join(folder, name))
 
 
-def main(arguments):
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tool", default=shutil.which("vibration") or BUILT)
-    parser.add_argument("--output", default=os.path.join(SOURCE, "docs", "images"))
-    parser.add_argument("--map", nargs=2, metavar=("MAP.csv", "PICTURE.png"))
-    options = parser.parse_args(arguments)
-    try:
-        if options.map:
-            design_map(*options.map)
-            return 0
-        tool, folder = Tool(options.tool), options.output
-        low = [(50, 0), (50, 1280)]
-        sliding(tool, folder, "vibration_4_11.png", "low band", low)
-        sliding(tool, folder, "vibration_4_14.png", "intermediate band", [(95, 1280), (95, 2560)])
-        sliding(tool, folder, "vibration_4_17.png", "high band", [(120, 1280), (150, 1280), (200, 1280)])
-        walking(tool, folder)
-        flight(tool, folder)
-        rig(tool, folder)
-        maps(tool, folder)
-    except (OSError, ValueError, KeyError, yaml.YAMLError) as error:
-        print(f"plot_vibration.py: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    return 0
+def add_arguments(parser):
+    parser.add_argument("--tool", default=program("vibration"), help="the executable (default: vibration in PATH or in .build)")
+    add_output(parser)
+    parser.add_argument("--map", nargs=2, metavar=("MAP.csv", "PICTURE.png"), help="draws this design map only")
 
 
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+def draw(options):
+    if options.map:
+        design_map(*options.map)
+        return
+    tool, folder = Tool(options.tool), options.output
+    sliding(tool, folder, "vibration_4_11.png", "low band", [(50, 0), (50, 1280)])
+    sliding(tool, folder, "vibration_4_14.png", "intermediate band", [(95, 1280), (95, 2560)])
+    sliding(tool, folder, "vibration_4_17.png", "high band", [(120, 1280), (150, 1280), (200, 1280)])
+    walking(tool, folder)
+    flight(tool, folder)
+    rig(tool, folder)
+    maps(tool, folder)

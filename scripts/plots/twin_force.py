@@ -1,41 +1,17 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Regenerates the tables (CSV) and figures of docs/theory/twin_force.md from the program study_twin_force.
-
-usage: plot_twin_force.py [--study STUDY_TWIN_FORCE] [--output FOLDER]
-  --study   the executable (default: study_twin_force, found in PATH or in .build)
-  --output  folder of CSV files and figures (default docs/images of this source tree)
-exit: 0 ok, 2 bad input
-example: scripts/plot_twin_force.py --study .build/devel/lib/assembly_cell/study_twin_force
-"""
-import argparse
-import csv
+"""Tables (CSV) and figures of docs/theory/twin_force.md, from the program study_twin_force."""
 import os
-import shutil
 import subprocess
-import sys
 
-import matplotlib
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-
-SOURCE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-BUILT = os.path.join(SOURCE, ".build", "devel", "lib", "assembly_cell", "study_twin_force")
+from plots.style import add_output, plt, program, rows_of, save
 
 
 def table(folder, name):
-    with open(os.path.join(folder, name + ".csv"), newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    return rows_of(os.path.join(folder, name + ".csv"))
 
 
 def column(rows, key):
     return [float(row[key]) for row in rows]
-
-
-def save(figure, folder, name):
-    figure.tight_layout()
-    figure.savefig(os.path.join(folder, name + ".png"), dpi=110)
-    plt.close(figure)
 
 
 def geometries(folder):
@@ -56,7 +32,7 @@ def geometries(folder):
     axes[0].set_yticks(range(len(names)), names)
     axes[0].invert_yaxis()
     axes[1].legend()
-    save(figure, folder, "twin_force_geometries")
+    save(figure, folder, "twin_force_geometries.png")
 
 
 def figure_10_5(folder):
@@ -80,7 +56,7 @@ def figure_10_5(folder):
     for axis in (left, right):
         axis.grid(alpha=0.3, which="both")
         axis.legend(fontsize=8)
-    save(figure, folder, "twin_force_10_5")
+    save(figure, folder, "twin_force_10_5.png")
 
 
 def count(folder):
@@ -96,7 +72,7 @@ def count(folder):
     axis.set_ylabel("bound, 3 axes")
     axis.grid(alpha=0.3)
     axis.legend()
-    save(figure, folder, "twin_force_count")
+    save(figure, folder, "twin_force_count.png")
 
 
 def faults(folder):
@@ -114,23 +90,16 @@ def faults(folder):
     axis.set_xlabel("χ² / degrees of freedom, without noise (noise alone adds 1)")
     axis.grid(alpha=0.3)
     axis.legend(fontsize=8)
-    save(figure, folder, "twin_force_faults")
+    save(figure, folder, "twin_force_faults.png")
 
 
-def main(arguments):
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--study", default=shutil.which("study_twin_force") or BUILT)
-    parser.add_argument("--output", default=os.path.join(SOURCE, "docs", "images"))
-    options = parser.parse_args(arguments)
-    try:
-        subprocess.run([options.study, options.output], check=True)
-        for draw in (geometries, figure_10_5, count, faults):
-            draw(options.output)
-    except (OSError, ValueError, KeyError, subprocess.CalledProcessError) as error:
-        print(f"plot_twin_force.py: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    return 0
+def add_arguments(parser):
+    parser.add_argument("--tool", default=program("study_twin_force"),
+                        help="the executable (default: study_twin_force in PATH or in .build; build it with -DASSEMBLY_CELL_BENCHMARK=ON)")
+    add_output(parser)
 
 
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+def draw(options):
+    subprocess.run([options.tool, options.output], check=True)
+    for figure in (geometries, figure_10_5, count, faults):
+        figure(options.output)

@@ -1,36 +1,18 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Plots the results of a study: the figures of docs/results/gallery.md, and a picture of any other study.
-
-usage: plot_study.py FOLDER PICTURE.png
-  FOLDER       with results.csv, manifest.yaml and, for some figures, history.csv
-  PICTURE.png  what to write
-exit: 0 ok, 2 bad input
-"""
-import csv
-import io
+"""Results of a study: the figures of docs/results/gallery.md, and a picture of any other study."""
 import math
 import os
-import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import yaml
-from PIL import Image  # comes with matplotlib
+
+from plots.style import plt, rows_of, save
 
 COLORS = ["tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple"]
 
 
 def number(text):
     return float(text) if text else math.nan
-
-
-def rows_of(path):
-    with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def histories(folder):
@@ -50,13 +32,13 @@ def groups(rows, *keys):
     return found
 
 
-def share(rows):
+def fraction(rows):
     return sum(r["assembled"] == "1" for r in rows) / len(rows)
 
 
 def interval(rows):
-    """Wilson's 95 % interval of the share of assembled runs."""
-    n, p, z = len(rows), share(rows), 1.96
+    """Wilson's 95 % interval of the fraction of assembled runs."""
+    n, p, z = len(rows), fraction(rows), 1.96
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     return middle - half, middle + half
@@ -159,8 +141,8 @@ def misalignment(folder):
     done, xs, ys = np.histogram2d(x[good], y[good], bins=bins, range=[[x.min(), x.max()], [y.min(), y.max()]])
     tried, _, _ = np.histogram2d(x, y, bins=(xs, ys))
     picture = axes[1].pcolormesh(xs, ys, (done / np.maximum(tried, 1)).T, cmap="RdYlGn", vmin=0, vmax=1)
-    figure.colorbar(picture, ax=axes[1], label="share assembled")
-    axes[1].set(title="share in cells of 0.5 mm")
+    figure.colorbar(picture, ax=axes[1], label="fraction assembled")
+    axes[1].set(title="fraction in cells of 0.5 mm")
     for axis in axes:
         axis.set(xlabel="start x [mm]", ylabel="start y [mm]")
         axis.set_aspect("equal")
@@ -173,14 +155,14 @@ def clearance(folder):
     for (amplitude,), mine in groups(rows, "exciter.amplitude").items():
         cells = groups(mine, "hole.radius")
         gap = [1e3 * (float(k[0]) - 0.025) for k in cells]
-        shares = [share(c) for c in cells.values()]
+        fractions = [fraction(c) for c in cells.values()]
         limits = [interval(c) for c in cells.values()]
-        errors = [[s - a for s, (a, b) in zip(shares, limits)], [b - s for s, (a, b) in zip(shares, limits)]]
-        axes[0].errorbar(gap, shares, np.maximum(errors, 0), fmt="o-", ms=3, capsize=2, label=f"{amplitude} N")
-        times = [np.nanmedian([number(r["time_to_assemble"]) for r in c]) if share(c) > 0 else math.nan
+        errors = [[s - a for s, (a, b) in zip(fractions, limits)], [b - s for s, (a, b) in zip(fractions, limits)]]
+        axes[0].errorbar(gap, fractions, np.maximum(errors, 0), fmt="o-", ms=3, capsize=2, label=f"{amplitude} N")
+        times = [np.nanmedian([number(r["time_to_assemble"]) for r in c]) if fraction(c) > 0 else math.nan
                  for c in cells.values()]
         axes[1].plot(gap, 1e3 * np.array(times), "o-", ms=3)
-    axes[0].set(ylabel="share assembled, 95 % interval", ylim=(-0.03, 1.03))
+    axes[0].set(ylabel="fraction assembled, 95 % interval", ylim=(-0.03, 1.03))
     axes[1].set(ylabel="median time to assemble [ms]")
     axes[0].legend(title="exciting force", fontsize=8)
     for axis in axes:
@@ -196,7 +178,7 @@ def excitation(folder):
         frequencies = list(groups(mine, "exciter.frequency"))
         amplitudes = list(groups(mine, "exciter.amplitude"))
         cells = groups(mine, "exciter.amplitude", "exciter.frequency")
-        table = np.array([[share(cells[a + f]) for f in frequencies] for a in amplitudes])
+        table = np.array([[fraction(cells[a + f]) for f in frequencies] for a in amplitudes])
         axis.imshow(table, origin="lower", cmap="RdYlGn", vmin=0, vmax=1, aspect="auto")
         for i, line in enumerate(table):
             for k, value in enumerate(line):
@@ -241,7 +223,7 @@ def strategies(folder):
         tilts_noises = list(groups(mine, "start.tilt", "cell.noise"))
         offsets = list(groups(mine, "start.offset"))
         cells = groups(mine, "start.tilt", "cell.noise", "start.offset")
-        table = np.array([[share(cells[tn + o]) for o in offsets] for tn in tilts_noises])
+        table = np.array([[fraction(cells[tn + o]) for o in offsets] for tn in tilts_noises])
         line[0].imshow(table, origin="lower", cmap="RdYlGn", vmin=0, vmax=1, aspect="auto")
         for i, row in enumerate(tilts_noises):
             for k, offset in enumerate(offsets):
@@ -304,27 +286,10 @@ FIGURES = {
 }
 
 
-def write(figure, picture):
-    """256 colours are enough, and a third of the bytes."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=80)
-    Image.open(buffer).convert("RGB").quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(picture, optimize=True)
+def add_arguments(parser):
+    parser.add_argument("input", metavar="FOLDER", help="with results.csv, manifest.yaml and, for some figures, history.csv")
+    parser.add_argument("picture", metavar="PICTURE.png")
 
 
-def main(arguments):
-    if len(arguments) != 2 or arguments[0] in ("-h", "--help"):
-        print(__doc__.strip())
-        return 0 if arguments and arguments[0] in ("-h", "--help") else 2
-    folder, picture = arguments
-    try:
-        figure = FIGURES.get(os.path.basename(os.path.normpath(folder)), spread)(folder)
-        figure.tight_layout()
-        write(figure, picture)
-    except (OSError, ValueError, KeyError, StopIteration) as error:
-        print(f"plot_study: {folder}: {error}: give a folder with the results of a complete study", file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+def draw(options):
+    save(FIGURES.get(os.path.basename(os.path.normpath(options.input)), spread)(options.input), options.picture)

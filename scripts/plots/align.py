@@ -1,29 +1,15 @@
-#!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Studies of the whole alignment with the tool align: figures of docs/reference/strategies.md.
-
-usage: plot_align.py [--tool ALIGN] [--runs N] [--seed S] [--output FOLDER]
-  --tool    the executable (default: align of the package in .build)
-  --runs    random starts a point (default 20)
-  --seed    of the first start (default 1)
-  --output  where align_study.csv and align_study.png go (default: docs/images of the source tree)
-exit: 0 ok, 2 bad input
-"""
-import argparse
+"""Studies of the whole alignment with the tool `align`: figures of docs/reference/strategies.md."""
 import csv
 import os
 import subprocess
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import yaml
 
-SOURCE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-BUILT = os.path.join(SOURCE, ".build", "devel", "lib", "assembly_cell", "align")
-SCENARIO = os.path.join(SOURCE, "config", "scenarios", "cell.yaml")
+from plots.style import ROOT, add_output, plt, program, save
+
+SCENARIO = os.path.join(ROOT, "config", "scenarios", "cell.yaml")
 STRATEGIES = ["single_contact", "double_contact"]
 PEG = 0.025
 # what is varied: name, unit of the plot, values there, options for a value
@@ -61,9 +47,9 @@ def plot(rows, folder):
         for strategy, marker, colour in zip(STRATEGIES, "os", ("C0", "C1")):
             mine = [r for r in rows if r["study"] == name and r["strategy"] == strategy]
             x = [r["value"] for r in mine]
-            share = [r["succeeded"] / r["runs"] for r in mine]
-            axes[0][column].errorbar(x, share, [[s - r["success_low"] for s, r in zip(share, mine)],
-                                                [r["success_high"] - s for s, r in zip(share, mine)]],
+            fraction = [r["succeeded"] / r["runs"] for r in mine]
+            axes[0][column].errorbar(x, fraction, [[s - r["success_low"] for s, r in zip(fraction, mine)],
+                                                [r["success_high"] - s for s, r in zip(fraction, mine)]],
                                      fmt=marker + "-", color=colour, ms=4, capsize=2, label=strategy)
             for part, line in (("median", "-"), ("p95", ":")):
                 known = [r for r in mine if r[f"offset_{part}"] != ""]
@@ -73,21 +59,21 @@ def plot(rows, folder):
         axes[0][column].set(title=f"{name} [{unit}]", ylim=(0, 1.05))
         axes[1][column].set(yscale="log")
         axes[2][column].set(xlabel=f"{name} [{unit}]", ylim=(0, None))
-    axes[0][0].set_ylabel("share aligned, 95 % interval")
+    axes[0][0].set_ylabel("fraction aligned, 95 % interval")
     axes[1][0].set_ylabel("error of the hole's centre [mm]")
     axes[2][0].set_ylabel("simulated time, median [s]")
     axes[1][0].legend(fontsize=7)
-    figure.tight_layout()
-    figure.savefig(os.path.join(folder, "align_study.png"), dpi=100)
+    save(figure, folder, "align_study.png")
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tool", default=BUILT)
-    parser.add_argument("--runs", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--output", default=os.path.join(SOURCE, "docs", "images"))
-    options = parser.parse_args()
+def add_arguments(parser):
+    parser.add_argument("--tool", default=program("align"), help="the executable (default: align in PATH or in .build)")
+    parser.add_argument("--runs", type=int, default=20, help="random starts a point (default 20)")
+    parser.add_argument("--seed", type=int, default=1, help="of the first start (default 1)")
+    add_output(parser)
+
+
+def draw(options):
     if options.runs < 2 or not os.access(options.tool, os.X_OK):
         raise ValueError("--runs needs at least 2, --tool an executable: build the target align first")
     rows = []
@@ -103,11 +89,3 @@ def main():
         writer.writeheader()
         writer.writerows(rows)
     plot(rows, options.output)
-
-
-if __name__ == "__main__":
-    try:
-        main()
-    except (OSError, ValueError) as error:
-        print(f"plot_align.py: {error}", file=sys.stderr)
-        sys.exit(2)
