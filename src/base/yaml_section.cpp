@@ -72,22 +72,6 @@ bool readNumber(const YAML::Node& node, double& value) {
   return error == std::errc() && end == last && std::isfinite(value);
 }
 
-const char* remedy(Range range) {
-  switch (range) {
-    case Range::kPositive:
-      return "give a finite number > 0";
-    case Range::kNotNegative:
-      return "give a finite number >= 0";
-    case Range::kAny:
-      break;
-  }
-  return "give a finite number";
-}
-
-bool inRange(double value, Range range) {
-  return range == Range::kAny || value > 0.0 || (range == Range::kNotNegative && value == 0.0);
-}
-
 Section::Section(const YAML::Node& node, std::string path, std::string source, Wording wording)
     : path_(std::move(path)), source_(std::move(source)), wording_(wording) {
   if (!node.IsDefined() || !node.IsMap()) {
@@ -167,27 +151,19 @@ std::vector<Section> Section::sections(const std::string& key) {
   return all;
 }
 
-double Section::number(const std::string& key, Range range) {
-  const YAML::Node node = required(key, std::string(remedy(range)));
+double Section::number(const std::string& key, const Range& range,
+                       std::optional<double> otherwise) {
+  if (otherwise && !optional(key)) return *otherwise;
+  const std::string what = remedy(range);
+  const YAML::Node node = required(key, what);
   double value = 0.0;
-  if (!readNumber(node, value) || !inRange(value, range)) {
-    refuse(at(key), shown(node), remedy(range));
-  }
+  if (!readNumber(node, value) || !range.contains(value)) refuse(at(key), shown(node), what);
   return value;
-}
-
-double Section::number(const std::string& key, Range range, double otherwise) {
-  return optional(key) ? number(key, range) : otherwise;
 }
 
 double Section::number(const std::string& key, double low, double high,
                        std::optional<double> otherwise) {
-  if (otherwise && !optional(key)) return *otherwise;
-  const std::string what = "give a number from " + shown(low) + " to " + shown(high);
-  const YAML::Node node = required(key, what);
-  double value = 0.0;
-  if (!readNumber(node, value) || value < low || value > high) refuse(at(key), shown(node), what);
-  return value;
+  return number(key, Range{low, high}, otherwise);
 }
 
 std::int64_t Section::integer(const std::string& key, std::int64_t low, std::int64_t high,
@@ -210,7 +186,7 @@ std::vector<double> Section::numbers(const std::string& key, std::size_t count) 
   return values;
 }
 
-void Section::readNumbers(const std::string& key, Range range, int count, double* values) {
+void Section::readNumbers(const std::string& key, const Range& range, int count, double* values) {
   const std::string size = "give a list of " + std::to_string(count) + " numbers";
   const YAML::Node node = required(key, size);
   if (!node.IsSequence() || node.size() != static_cast<std::size_t>(count)) {
@@ -219,7 +195,7 @@ void Section::readNumbers(const std::string& key, Range range, int count, double
   }
   for (int i = 0; i < count; ++i) {
     const YAML::Node entry = node[static_cast<std::size_t>(i)];
-    if (!readNumber(entry, values[i]) || !inRange(values[i], range)) {
+    if (!readNumber(entry, values[i]) || !range.contains(values[i])) {
       refuse(at(key) + "[" + std::to_string(i) + "]", shown(entry), remedy(range));
     }
   }
@@ -271,6 +247,54 @@ void Section::only(std::initializer_list<const char*> keys) {
   for (const char* key : keys) know(key);
   finish();
 }
+
+void Section::readField(const Field& field) {
+  const std::string name = field.name();
+  switch (field.kind) {
+    case Field::Kind::kNumber:
+      *field.numbers = number(name, field.range);
+      return;
+    case Field::Kind::kNumbers:
+      readNumbers(name, field.range, static_cast<int>(field.count), field.numbers);
+      return;
+    case Field::Kind::kInteger:
+      field.set(integer(name, static_cast<std::int64_t>(field.range.low),
+                        static_cast<std::int64_t>(field.range.high)));
+      return;
+    case Field::Kind::kFlag:
+      *field.flag = flag(name, *field.flag);
+      return;
+    case Field::Kind::kText:
+      *field.text = text(name, field.remedy());
+      return;
+    case Field::Kind::kChoice:
+      field.parse(choice(name, field.names));
+      return;
+    case Field::Kind::kSection:
+      return;
+  }
+}
+
+void Section::readFields(std::deque<Field>::const_iterator at,
+                         std::deque<Field>::const_iterator end) {
+  while (at != end) {
+    const Field& field = *at++;
+    const bool is_section = field.kind == Field::Kind::kSection;
+    const auto after = is_section ? at + static_cast<std::ptrdiff_t>(field.count) : at;
+    if (optional(field.name()) || field.is_required) {
+      if (is_section) {
+        Section inner = section(field.name());
+        inner.readFields(at, after);
+        inner.finish();
+      } else {
+        readField(field);
+      }
+    }
+    at = after;
+  }
+}
+
+void Section::read(const FieldList& fields) { readFields(fields.begin(), fields.end()); }
 
 void Section::finish() const {
   for (const auto& [key, node] : entries_) {

@@ -11,19 +11,14 @@ namespace {
 
 constexpr double kQuaternionTolerance = 1e-3;  // farther from unit is a mistake, not rounding
 
-// NaN is in no range
-bool within(double value, const FieldRange& range) {
-  return value >= range.low && value <= range.high;
-}
-
 MessageFault faultOf(double value) {
   return std::isfinite(value) ? MessageFault::kRange : MessageFault::kNotFinite;
 }
 
 // most blocks are good: a pass without a jump, and one that looks for the place
-bool allWithin(const double* values, std::size_t count, const FieldRange& range) {
+bool allWithin(const double* values, std::size_t count, const Range& range) {
   bool good = true;
-  for (std::size_t k = 0; k < count; ++k) good &= within(values[k], range);
+  for (std::size_t k = 0; k < count; ++k) good &= range.contains(values[k]);
   return good;
 }
 
@@ -39,23 +34,23 @@ MessageCheck& MessageCheck::fail(MessageFault fault, const char* field, double v
   return *this;
 }
 
-MessageCheck& MessageCheck::number(const char* field, double value, const FieldRange& range) {
-  if (!good() || within(value, range)) return *this;
+MessageCheck& MessageCheck::number(const char* field, double value, const Range& range) {
+  if (!good() || range.contains(value)) return *this;
   unit_ = range.unit;
   return fail(faultOf(value), field, value, range.low, range.high);
 }
 
 MessageCheck& MessageCheck::numbers(const char* field, const double* values, std::size_t count,
-                                    const FieldRange& range) {
+                                    const Range& range) {
   if (!good() || allWithin(values, count, range)) return *this;
   std::size_t k = 0;
-  while (within(values[k], range)) ++k;
+  while (range.contains(values[k])) ++k;
   index_ = static_cast<std::ptrdiff_t>(k);
   return number(field, values[k], range);
 }
 
 MessageCheck& MessageCheck::sixes(const char* field, const double* values, std::size_t count,
-                                  const FieldRange& first, const FieldRange& last) {
+                                  const Range& first, const Range& last) {
   if (!good()) return *this;
   bool sound = true;
   for (std::size_t k = 0; k + 6 <= count; k += 6) {

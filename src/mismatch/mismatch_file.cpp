@@ -110,7 +110,7 @@ std::optional<Draw> readOptional(Section& in, const std::string& key,
 Range rangeOf(const std::vector<ScenarioNumber>& numbers) {
   Range range = Range::kAny;
   for (const ScenarioNumber& number : numbers) {
-    if (number.range == Range::kPositive || range == Range::kAny) range = number.range;
+    if (number.range.low > range.low) range = number.range;
   }
   return range;
 }
@@ -146,8 +146,8 @@ ScenarioChange readChange(Section& in, const std::string& key, bool scales) {
   const Range range = friction ? Range::kNotNegative : rangeOf(numbers);
   if (scales) {
     limits.mean = 1.0;
-    if (range != Range::kAny) limits.low = 0.0;
-    limits.above = range == Range::kPositive;
+    if (range.low >= 0.0) limits.low = 0.0;
+    limits.above = range.low == Range::kMinPositive;
   }
   change.draw = readDraw(in, key, limits);
   return change;

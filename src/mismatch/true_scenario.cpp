@@ -69,7 +69,7 @@ void checkReach(const DrawnChange& change, const ScenarioNumber& number,
                 const std::string& source) {
   for (const double by : {change.low, change.high}) {
     const double value = *number.value + by;
-    if (change.low == change.high || yaml::inRange(value, number.range)) continue;
+    if (change.low == change.high || number.range.contains(value)) continue;
     yaml::refuse(source, "add." + change.key,
                  "[" + shown(change.low) + ", " + shown(change.high) + "]",
                  "can be drawn (normal draws within 5 SD), but the true " + number.key +
@@ -162,7 +162,7 @@ void checkNumbers(const Truth& truth, const std::string& source, Scenario& s) {
                                 : numbersOf(change, s);
       for (const ScenarioNumber& number : numbers) {
         const double value = *number.value;
-        if (yaml::inRange(value, number.range) && !std::isnan(value)) continue;
+        if (number.range.contains(value) && !std::isnan(value)) continue;
         yaml::refuse(source, (changes == &truth.scale ? "scale." : "add.") + change.key,
                      shownValues(change.values),
                      "drawn, but the true " + number.key + " would be " + shown(value) +

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "assembly_cell/arm/arm_settings.h"
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/heartbeat.h"
 #include "assembly_cell/base/input_error.h"
@@ -71,6 +72,8 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --identify            each run identifies its mechanism first, see docs/theory/identification.md
   --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
                         for each run from its seed, see docs/reference/mismatch.md
+  --parameter KEY=VALUE a parameter of the strategy, such as press_force=8, repeatable; see
+                        docs/reference/nodes/assembly_supervisor.md
   --insert DEPTH        go on until the edge is so deep, or floor: until it is seated on the hole's floor; success
                         then means seated, and the truth agrees  [m]
   --insert-exciter F    shake the peg on the way down (default 0: off)  [N]
@@ -97,7 +100,7 @@ constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
 struct Options {
   std::string scenario, report, mismatch, mechanism, insert, arm, world = "exact";
   bool identify = false;
-  std::vector<std::string> overrides;
+  std::vector<std::string> overrides, parameters;
   AlignParameters align;
   CellParameters cell;
   int calibrate = 0;  // readings a test; 0: sensors as designed
@@ -127,6 +130,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.flag("--random-start", o.random_start);
   parser.integer("--threads", o.threads, 1, 1024);
   parser.texts("--set", o.overrides);
+  parser.texts("--parameter", o.parameters);
   parser.text("--world", o.world);
   parser.text("--arm", o.arm);
   parser.text("--mismatch", o.mismatch);
@@ -359,6 +363,17 @@ void readInsert(const std::string& text, assembly_cell::InsertParameters& insert
   }
 }
 
+void setParameters(Options& o) {
+  const assembly_cell::FieldList fields = fieldsOf(o.align);
+  for (const std::string& one : o.parameters) {
+    try {
+      setField(fields, one);
+    } catch (const InputError& error) {
+      throw InputError(std::string("--parameter: ") + error.what());
+    }
+  }
+}
+
 // what a run's refusal is about
 const std::string& sourceOf(const Options& o) {
   return o.mechanism.empty() ? o.scenario : o.mechanism;
@@ -430,6 +445,7 @@ int run(const std::vector<std::string>& arguments) {
   // the engine's coupling is bolted to the carrier
   if (o.cell.world.mujoco) o.overrides.insert(o.overrides.begin(), "coupling.axes=carrier");
   readInsert(o.insert, o.align.insert);
+  setParameters(o);
   if (!o.arm.empty()) {
     o.cell.arm = std::make_shared<assembly_cell::ArmSetup>(assembly_cell::loadArmSetup(o.arm));
   }

@@ -7,64 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/align/parameters.h"
 #include "assembly_cell/align/plant.h"
 
 namespace assembly_cell {
-
-/// The way down after the alignment. Defaults are those of the default cell.
-struct InsertParameters {
-  double depth = 0.0;    ///< of the bottom edge below the plane; 0: the peg stays aligned [m]
-  bool floor = false;    ///< down to the floor of the hole instead; depth is 0 then
-  double force = 12.0;   ///< contact force at which the peg stops [N]
-  double speed = 0.012;  ///< without resistance [m/s]
-  double exciter = 0.0;  ///< shakes the peg on the way down; 0: off [N]
-
-  bool wanted() const { return floor || depth > 0.0; }
-  /// Depth at which the peg is seated: the one asked for, or the hole's. [m]
-  double goal(double hole_depth) const { return floor ? hole_depth : depth; }
-};
-
-/// Parameters of a strategy. Defaults are those of the default cell.
-struct AlignParameters {
-  std::string strategy = "auto";
-  double press_force = 0.0;        ///< while a locus is read; 0: chosen [N]
-  double press_tolerance = 0.05;   ///< fraction of press_force
-  double force_limit = 40.0;       ///< abort above [N]
-  double descent_limit = 0.02;     ///< abort when no contact within [m]
-  double approach_step = 1e-4;     ///< travel down in one block before contact [m]
-  double exciter_amplitude = 0.0;  ///< 0: chosen [N]
-  double exciter_frequency = 0.0;  ///< 0: chosen, see chooseVibration() [rad/s]
-  int exciter_direction = 1;
-  double shake = 1.5;             ///< exciter while the contact settles, times its amplitude
-  double settle = 0.1;            ///< before a reading, after the exciter shook harder [s]
-  double window = 0.2;            ///< of one reading at most [s]
-  double sweep_tilt = 0.052;      ///< commanded tilt of the sweep, about 3 degrees [rad]
-  int sweep_readings = 20;        ///< of a round, with those for the plane, at most
-  double direction_limit = 0.01;  ///< expected sd of a reading beyond which nothing is tried [rad]
-  double lift = 3e-4;             ///< above the touch before a rotation [m]
-  double insertion_depth = 5e-4;  ///< of the edge below the plane that counts as aligned [m]
-  double insertion_force = 2.0;   ///< more than this on the way means not aligned [N]
-  int rounds = 3;                 ///< sweeps at most
-
-  // what is known of exciter and carrier besides the mechanism, as in OperatingPoint
-  Eigen::Vector2d exciter_ellipse{0, 0};
-  double carrier_compliance = 0.0;  ///< [m/N]
-
-  // twin_force
-  double contact_force = 15.0;      ///< of each contact [N]
-  double contact_tilt = 0.052;      ///< of the peg against the plane, about 3 degrees [rad]
-  double contact_window = 0.2;      ///< that is averaged, hanging free and pressed [s]
-  double settled_force = 0.02;      ///< a window whose halves differ by more is not settled [N]
-  int fewest_contacts = 3;          ///< before the peg is moved over the hole
-  int most_contacts = 12;           ///< of one attempt
-  double required_position = 3e-5;  ///< sd of the hole, per axis, that is enough [m]
-  double required_rotation = 1e-3;  ///< [rad]
-
-  InsertParameters insert;
-  /// Depth of the bottom edge below the plane at the start, as an end before has told it; 0: not
-  /// known, or not in the hole. [m]
-  double inserted = 0.0;
-};
 
 /// Progress for people and for the action's feedback.
 struct AlignProgress {
@@ -131,11 +77,8 @@ struct AlignResult {
   InsertResult insert;
 };
 
-/// Throws InputError naming the parameter, its value and its range.
-void checkParameters(const AlignParameters& parameters);
-
-/// The same with what these parts can't: throws InputError naming the parameter or the mechanism's
-/// key.
+/// checkParameters() and what these parts can't do. Throws InputError naming the parameter or the
+/// mechanism's key.
 void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters);
 
 /// Runs a strategy until the peg's edge lies within the hole, or is seated where an insertion is

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/file_kind.h"
 
 // Files that people write, read key by key: every refusal is one line that names the source, the
@@ -27,9 +28,7 @@ std::string shown(const YAML::Node& node);
 /// Number in YAML's notation without octal, hexadecimal, .inf, .nan or quotes.
 bool readNumber(const YAML::Node& node, double& value);
 
-enum class Range { kAny, kNotNegative, kPositive };
-const char* remedy(Range range);
-bool inRange(double value, Range range);
+using assembly_cell::Range;
 
 /// How a section says what is wrong: "peg.mass: value -1: give ..." or "peg.mass is '-1': give
 /// ...".
@@ -62,15 +61,15 @@ class Section {
   Section section(const std::string& key);
   /// A list of mappings.
   std::vector<Section> sections(const std::string& key);
-  double number(const std::string& key, Range range);
-  double number(const std::string& key, Range range, double otherwise);
+  double number(const std::string& key, const Range& range,
+                std::optional<double> otherwise = std::nullopt);
   /// Bounds included; without `otherwise` the key must be there.
   double number(const std::string& key, double low, double high,
                 std::optional<double> otherwise = std::nullopt);
   std::int64_t integer(const std::string& key, std::int64_t low, std::int64_t high,
                        std::optional<std::int64_t> otherwise = std::nullopt);
   template <int N>
-  Eigen::Matrix<double, N, 1> numbers(const std::string& key, Range range) {
+  Eigen::Matrix<double, N, 1> numbers(const std::string& key, const Range& range) {
     Eigen::Matrix<double, N, 1> values;
     readNumbers(key, range, N, values.data());
     return values;
@@ -85,6 +84,10 @@ class Section {
   std::vector<std::string> texts(const std::string& key);
   bool flag(const std::string& key, bool otherwise);
 
+  /// Reads all fields, those of nested sections from mappings of their own, in which unknown keys
+  /// are refused. What may be missing and is keeps its value. Throws InputError.
+  void read(const FieldList& fields);
+
   void finish() const;
 
  protected:
@@ -95,7 +98,9 @@ class Section {
                               const std::string& what_to_do, const std::string& is) const;
   const YAML::Node* find(const std::string& key) const;
   void know(const std::string& key);
-  void readNumbers(const std::string& key, Range range, int count, double* values);
+  void readField(const Field& field);
+  void readFields(std::deque<Field>::const_iterator at, std::deque<Field>::const_iterator end);
+  void readNumbers(const std::string& key, const Range& range, int count, double* values);
 
   std::string path_;
   std::string source_;

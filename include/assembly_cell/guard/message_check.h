@@ -5,28 +5,24 @@
 #include <cstdint>
 #include <string>
 
-namespace assembly_cell {
+#include "assembly_cell/base/range.h"
 
-/// Closed range of a field. Beyond it a number is a mistake or an attack, not a measurement.
-struct FieldRange {
-  double low, high;
-  const char* unit;
-};
+namespace assembly_cell {
 
 // What no part of a cell reaches. Wide on purpose: they keep nonsense out, they don't set a machine
 // up.
-constexpr FieldRange kVoltsField{-12.0, 12.0, "V"};       // a converter of ±10 V and its offset
-constexpr FieldRange kForceField{-1e5, 1e5, "N"};         // ten tonnes
-constexpr FieldRange kTorqueField{-1e4, 1e4, "N m"};      // the same on a lever of 0.1 m
-constexpr FieldRange kDisplacementField{-0.1, 0.1, "m"};  // of a coupling: some mm
-constexpr FieldRange kRotationField{-0.2, 0.2, "rad"};    // of a coupling: some hundredths
-constexpr FieldRange kPositionField{-100.0, 100.0, "m"};  // of a carrier in its base
-constexpr FieldRange kAmplitudeField{0.0, 1e4, "N"};      // exciter
-constexpr FieldRange kFrequencyField{0.0, 1e5, "rad/s"};  // exciter: 16 kHz
-constexpr FieldRange kPhaseField{-1e6, 1e6, "rad"};
-constexpr FieldRange kAccelerationField{-1e6, 1e6, "m/s2"};
-constexpr FieldRange kCoefficientField{-1e9, 1e9, ""};  // of a calibration, in SI units
-constexpr FieldRange kPeriodField{1e-6, 1.0, "s"};      // of samples: 1 MHz to 1 Hz
+constexpr Range kVoltsField{-12.0, 12.0, "V"};       // a converter of ±10 V and its offset
+constexpr Range kForceField{-1e5, 1e5, "N"};         // ten tonnes
+constexpr Range kTorqueField{-1e4, 1e4, "N m"};      // the same on a lever of 0.1 m
+constexpr Range kDisplacementField{-0.1, 0.1, "m"};  // of a coupling: some mm
+constexpr Range kRotationField{-0.2, 0.2, "rad"};    // of a coupling: some hundredths
+constexpr Range kPositionField{-100.0, 100.0, "m"};  // of a carrier in its base
+constexpr Range kAmplitudeField{0.0, 1e4, "N"};      // exciter
+constexpr Range kFrequencyField{0.0, 1e5, "rad/s"};  // exciter: 16 kHz
+constexpr Range kPhaseField{-1e6, 1e6, "rad"};
+constexpr Range kAccelerationField{-1e6, 1e6, "m/s2"};
+constexpr Range kCoefficientField{-1e9, 1e9, ""};  // of a calibration, in SI units
+constexpr Range kPeriodField{1e-6, 1.0, "s"};      // of samples: 1 MHz to 1 Hz
 /// Stamps end in July 2036: differences of two fit in the 31 bits of a ROS duration, whatever is
 /// added to them.
 constexpr double kLastStamp = 2.1e9;  // [s]
@@ -51,13 +47,13 @@ enum class MessageFault : std::uint8_t {
 /// long as text() isn't asked for. Names of fields must outlive the check: give literals.
 class MessageCheck {
  public:
-  MessageCheck& number(const char* field, double value, const FieldRange& range);
+  MessageCheck& number(const char* field, double value, const Range& range);
   MessageCheck& numbers(const char* field, const double* values, std::size_t count,
-                        const FieldRange& range);
+                        const Range& range);
   /// 6 × n numbers, sample after sample: the first three of a sample within `force`, the others
   /// within `torque`. Wrenches, and displacements with their ranges.
   MessageCheck& sixes(const char* field, const double* values, std::size_t count,
-                      const FieldRange& first, const FieldRange& last);
+                      const Range& first, const Range& last);
   /// n samples of `each` values, n > 0 and at most kMaxValues values.
   MessageCheck& block(const char* field, std::size_t values, std::size_t each);
   /// Values in `field`: none or `wanted`.

@@ -52,6 +52,9 @@ struct StudyJob {
   CellParameters cell;
 };
 
+/// Its keys in a study file.
+void fields(FieldList& f, StudyJob& job);
+
 /// "key.path = value" of a run, the value in YAML syntax.
 struct StudySetting {
   std::string key, value;

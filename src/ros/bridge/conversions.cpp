@@ -26,10 +26,10 @@ geometry_msgs::Quaternion toQuaternion(const Eigen::Matrix3d& R) {
   return out;
 }
 
-Vector6 cut(const Vector6& value, const FieldRange& linear, const FieldRange& angular) {
+Vector6 cut(const Vector6& value, const Range& linear, const Range& angular) {
   Vector6 within = value;
   for (int i = 0; i < 6; ++i) {
-    const FieldRange& range = i < 3 ? linear : angular;
+    const Range& range = i < 3 ? linear : angular;
     within[i] = std::min(std::max(range.low, value[i]), range.high);
   }
   return within;

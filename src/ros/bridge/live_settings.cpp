@@ -56,10 +56,10 @@ std::string take(const Asked& asked, const std::string& name, LiveSetting& setti
     return {};
   }
   if (asked.kind != Asked::kNumber) return name + " is no number: give one";
-  if (std::isfinite(asked.value) && setting.lowers_only && asked.value > setting.range.max) {
+  if (std::isfinite(asked.value) && setting.lowers_only && asked.value > setting.range.high) {
     cut = text("%s is %g: more than %g, the value at the start, needs a restart; %g is taken",
-               name.c_str(), asked.value, setting.range.max, setting.range.max);
-    setting.value = setting.range.max;
+               name.c_str(), asked.value, setting.range.high, setting.range.high);
+    setting.value = setting.range.high;
     return {};
   }
   const std::string wrong = outside(asked.value, setting.range);
@@ -105,6 +105,36 @@ LiveSetting liveSwitch(const std::string& name, bool value, const std::string& d
 LiveSetting liveLimit(const std::string& name, double value, double min,
                       const std::string& description) {
   return {name, description, {min, value}, value, false, true};
+}
+
+LiveValues liveValues(const FieldList& fields, const std::string& when) {
+  LiveValues values;
+  for (const Field& field : fields) {
+    if (field.change == Field::Change::kRestart) continue;
+    const std::string name = parameterName(field.path);
+    const std::string unit = *field.range.unit == '\0' ? "" : text(" [%s]", field.range.unit);
+    const std::string description = field.description + unit + "; " + when;
+    if (field.kind == Field::Kind::kFlag) {
+      values.push_back(liveSwitch(name, *field.flag, description));
+    } else if (field.change == Field::Change::kLower) {
+      values.push_back(liveLimit(name, *field.numbers, field.range.low, description));
+    } else {
+      values.push_back(liveNumber(name, *field.numbers, field.range, description));
+    }
+  }
+  return values;
+}
+
+void put(const LiveValues& values, const FieldList& fields) {
+  for (const Field& field : fields) {
+    if (field.change == Field::Change::kRestart) continue;
+    const double value = valueOf(values, parameterName(field.path));
+    if (field.kind == Field::Kind::kFlag) {
+      *field.flag = value > kSwitchOn;
+    } else {
+      *field.numbers = value;
+    }
+  }
 }
 
 double valueOf(const LiveValues& values, std::string_view name) {
@@ -257,8 +287,8 @@ void LiveSettings::describe() {
     group.parameters.back().type = setting.is_switch ? "bool" : "double";
     group.parameters.back().description = setting.description;
   }
-  description.min = configOf(values_, [](const LiveSetting& s) { return s.range.min; });
-  description.max = configOf(values_, [](const LiveSetting& s) { return s.range.max; });
+  description.min = configOf(values_, [](const LiveSetting& s) { return s.range.low; });
+  description.max = configOf(values_, [](const LiveSetting& s) { return s.range.high; });
   description.dflt = inForce(values_);
   description_pub_.publish(description);
 }

@@ -15,12 +15,12 @@ namespace {
 
 constexpr double kSilence = 5.0, kSilenceInLockstep = 60.0;  // of a publisher that has gone [s]
 constexpr double kWarnPeriod = 1.0;                          // of one topic, wall clock [s]
-constexpr FieldRange kFiniteField{-1e18, 1e18, ""};          // squares of it stay finite
-constexpr FieldRange kShareField{-1.001, 1.001, ""};
+constexpr Range kFiniteField{-1e18, 1e18, ""};               // squares of it stay finite
+constexpr Range kShareField{-1.001, 1.001, ""};
 constexpr std::size_t kMaxContacts = 10000;
-constexpr FieldRange kJointField{-1e3, 1e3, "rad"};     // some turns
-constexpr FieldRange kRateField{-1e3, 1e3, ""};         // of a flange [m/s], [rad/s]
-constexpr FieldRange kMotionStepField{1e-6, 0.1, "s"};  // between poses that tell a rate
+constexpr Range kJointField{-1e3, 1e3, "rad"};     // some turns
+constexpr Range kRateField{-1e3, 1e3, ""};         // of a flange [m/s], [rad/s]
+constexpr Range kMotionStepField{1e-6, 0.1, "s"};  // between poses that tell a rate
 
 MessageCheck header(const std_msgs::Header& header) {
   MessageCheck check;
@@ -30,12 +30,12 @@ MessageCheck header(const std_msgs::Header& header) {
 
 template <class Numbers>
 void finite(MessageCheck& check, const char* field, const Numbers& numbers,
-            const FieldRange& range = kFiniteField) {
+            const Range& range = kFiniteField) {
   check.numbers(field, numbers.data(), numbers.size(), range);
 }
 
 void vector(MessageCheck& check, const char* field, double x, double y, double z,
-            const FieldRange& range) {
+            const Range& range) {
   const double values[] = {x, y, z};
   check.numbers(field, values, 3, range);
 }

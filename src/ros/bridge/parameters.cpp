@@ -24,14 +24,6 @@ std::string print(const XmlRpcValue& value) {
   return out.str();
 }
 
-std::string print(double value) {
-  if (std::isnan(value)) return "nan";  // of either sign
-  std::ostringstream out;
-  out.precision(12);
-  out << value;
-  return out.str();
-}
-
 bool isNumber(const XmlRpcValue& value) {
   return value.getType() == XmlRpcValue::TypeDouble || value.getType() == XmlRpcValue::TypeInt;
 }
@@ -39,16 +31,6 @@ bool isNumber(const XmlRpcValue& value) {
 double toDouble(XmlRpcValue value) {
   return value.getType() == XmlRpcValue::TypeInt ? static_cast<int>(value)
                                                  : static_cast<double>(value);
-}
-
-std::string describe(const Range& range) {
-  const double huge = std::numeric_limits<double>::max();
-  if (range.min <= -huge && range.max >= huge) return "give a finite number";
-  if (range.max >= huge) {
-    if (range.min == kPositive.min) return "give a number greater than 0";
-    return "give a number not below " + print(range.min);
-  }
-  return "give a number from " + print(range.min) + " to " + print(range.max);
 }
 
 YAML::Node toYaml(XmlRpcValue& value) {
@@ -87,11 +69,6 @@ YAML::Node toYaml(XmlRpcValue& value) {
 
 }  // namespace
 
-std::string outside(double number, const Range& range) {
-  if (std::isfinite(number) && number >= range.min && number <= range.max) return {};
-  return print(number) + ": " + describe(range);
-}
-
 std::optional<XmlRpcValue> Parameters::find(const std::string& name, bool required) {
   asked_.insert(name.substr(0, name.find('/')));
   XmlRpcValue value;
@@ -104,7 +81,7 @@ double Parameters::number(const std::string& name, const Range& range,
                           std::optional<double> fallback) {
   const auto value = find(name, !fallback);
   if (!value) return *fallback;
-  if (!isNumber(*value)) refuse(nh_, name, print(*value), describe(range));
+  if (!isNumber(*value)) refuse(nh_, name, print(*value), remedy(range));
   const double number = toDouble(*value);
   if (const std::string wrong = outside(number, range); !wrong.empty()) {
     throw InputError("parameter " + nh_.resolveName(name) + " is " + wrong);
@@ -189,6 +166,42 @@ std::vector<double> Parameters::numbers(const std::string& name, std::size_t siz
     out.push_back(toDouble((*value)[i]));
   }
   return out;
+}
+
+void Parameters::read(const FieldList& fields) {
+  for (const Field& field : fields) {
+    if (field.kind == Field::Kind::kSection) continue;
+    const std::string name = parameterName(field.path);
+    if (!find(name, field.is_required)) continue;
+    switch (field.kind) {
+      case Field::Kind::kNumber:
+        *field.numbers = number(name, field.range);
+        break;
+      case Field::Kind::kNumbers: {
+        const std::vector<double> row = numbers(name, field.count);
+        for (const double value : row) {
+          if (!field.range.contains(value)) refuse(nh_, name, print(value), remedy(field.range));
+        }
+        std::copy(row.begin(), row.end(), field.numbers);
+        break;
+      }
+      case Field::Kind::kInteger:
+        field.set(
+            integer(name, static_cast<int>(field.range.low), static_cast<int>(field.range.high)));
+        break;
+      case Field::Kind::kFlag:
+        *field.flag = flag(name);
+        break;
+      case Field::Kind::kText:
+        *field.text = text(name);
+        break;
+      case Field::Kind::kChoice:
+        field.parse(choice(name, field.names));
+        break;
+      case Field::Kind::kSection:
+        break;
+    }
+  }
 }
 
 YAML::Node Parameters::tree(const std::string& name) {

@@ -22,27 +22,6 @@ double secondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// What may change between two goals.
-LiveValues liveOf(const AlignParameters& p) {
-  const std::string when = "; from the next goal on";
-  return {liveLimit("force_limit", p.force_limit, 2.0, "Abort above [N]" + when),
-          liveNumber("press_force", p.press_force, kNotNegative,
-                     "While a locus is read, 0: as little as makes the direction exact [N]" + when),
-          liveNumber("contact_force", p.contact_force, kPositive,
-                     "twin_force: of a contact [N]" + when),
-          liveNumber("insert_force", p.insert.force, kPositive,
-                     "assemble: at which the peg stops [N]" + when),
-          liveNumber("window", p.window, kPositive, "Of one reading at most [s]" + when)};
-}
-
-void put(const LiveValues& values, AlignParameters& p) {
-  p.force_limit = valueOf(values, "force_limit");
-  p.press_force = valueOf(values, "press_force");
-  p.contact_force = valueOf(values, "contact_force");
-  p.insert.force = valueOf(values, "insert_force");
-  p.window = valueOf(values, "window");
-}
-
 template <class Feedback>
 Feedback feedbackOf(const AlignProgress& now) {
   Feedback feedback;
@@ -66,36 +45,7 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   X_CP_.p.z() = -mechanism_.peg.coupling_height - mechanism_.peg.half_height;
 
   AlignParameters& p = parameters_;
-  p.strategy = parameters.text("strategy", p.strategy);
-  p.press_force = parameters.number("press_force", kAny, p.press_force);
-  p.press_tolerance = parameters.number("press_tolerance", kAny, p.press_tolerance);
-  p.force_limit = parameters.number("force_limit", kAny, p.force_limit);
-  p.descent_limit = parameters.number("descent_limit", kAny, p.descent_limit);
-  p.approach_step = parameters.number("approach_step", kAny, p.approach_step);
-  p.exciter_amplitude = parameters.number("exciter_amplitude", kAny, p.exciter_amplitude);
-  p.exciter_frequency = parameters.number("exciter_frequency", kAny, p.exciter_frequency);
-  p.exciter_direction = parameters.integer("exciter_direction", -1, 1, p.exciter_direction);
-  p.shake = parameters.number("shake", kAny, p.shake);
-  p.settle = parameters.number("settle", kAny, p.settle);
-  p.window = parameters.number("window", kAny, p.window);
-  p.sweep_tilt = parameters.number("sweep_tilt", kAny, p.sweep_tilt);
-  p.sweep_readings = parameters.integer("sweep_readings", 1, 1000, p.sweep_readings);
-  p.direction_limit = parameters.number("direction_limit", kAny, p.direction_limit);
-  p.lift = parameters.number("lift", kAny, p.lift);
-  p.insertion_depth = parameters.number("insertion_depth", kAny, p.insertion_depth);
-  p.insertion_force = parameters.number("insertion_force", kAny, p.insertion_force);
-  p.rounds = parameters.integer("rounds", 1, 1000, p.rounds);
-  p.contact_force = parameters.number("contact_force", kAny, p.contact_force);
-  p.contact_tilt = parameters.number("contact_tilt", kAny, p.contact_tilt);
-  p.contact_window = parameters.number("contact_window", kAny, p.contact_window);
-  p.settled_force = parameters.number("settled_force", kAny, p.settled_force);
-  p.fewest_contacts = parameters.integer("fewest_contacts", 1, 1000, p.fewest_contacts);
-  p.most_contacts = parameters.integer("most_contacts", 1, 1000, p.most_contacts);
-  p.required_position = parameters.number("required_position", kAny, p.required_position);
-  p.required_rotation = parameters.number("required_rotation", kAny, p.required_rotation);
-  p.insert.force = parameters.number("insert_force", kAny, p.insert.force);
-  p.insert.speed = parameters.number("insert_speed", kAny, p.insert.speed);
-  p.insert.exciter = parameters.number("insert_exciter", kAny, p.insert.exciter);
+  parameters.read(fieldsOf(p));
   limits_.descent = p.descent_limit;
   limits_.approach_step = p.approach_step;
   const RosPlant::Settings plant = plantSettings(parameters, pnh.getNamespace());
@@ -107,10 +57,10 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
     throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
   }
 
-  live_ = std::make_unique<LiveSettings>(pnh, liveOf(p), parameters.asked(),
-                                         [this](const LiveValues& values) {
+  live_ = std::make_unique<LiveSettings>(pnh, liveValues(fieldsOf(p), "from the next goal on"),
+                                         parameters.asked(), [this](const LiveValues& values) {
                                            AlignParameters wanted = parameters_;
-                                           put(values, wanted);
+                                           put(values, fieldsOf(wanted));
                                            checkParameters(wanted);
                                          });
   nh_ = nh;
@@ -161,7 +111,7 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
     const ros::Time before = plant_->stamp();
     End end;
     try {
-      put(takeLive(), parameters);
+      put(takeLive(), fieldsOf(parameters));
       enter(name, true);
       const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
       plant_->know(known);

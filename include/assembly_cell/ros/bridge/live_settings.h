@@ -27,7 +27,7 @@ struct LiveSetting {
   Range range;
   double value = 0.0;        ///< in force; of a switch 0 or 1
   bool is_switch = false;    ///< true or false
-  bool lowers_only = false;  ///< range.max is the value at the start: more is cut to it
+  bool lowers_only = false;  ///< range.high is the value at the start: more is cut to it
 };
 using LiveValues = std::vector<LiveSetting>;
 
@@ -37,6 +37,12 @@ LiveSetting liveSwitch(const std::string& name, bool value, const std::string& d
 /// A limit that stays at or below what the node was started with.
 LiveSetting liveLimit(const std::string& name, double value, double min,
                       const std::string& description);
+
+/// The fields that may change while the node runs, with their present values. `when` ends the
+/// descriptions: "from the next goal on".
+LiveValues liveValues(const FieldList& fields, const std::string& when);
+/// Sets the fields of these names.
+void put(const LiveValues& values, const FieldList& fields);
 
 /// Throws std::logic_error where there is none of the name.
 double valueOf(const LiveValues& values, std::string_view name);

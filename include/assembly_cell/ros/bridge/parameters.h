@@ -4,25 +4,17 @@
 #include <ros/node_handle.h>
 #include <yaml-cpp/yaml.h>
 
-#include <limits>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/fields.h"
+
 namespace assembly_cell::ros_bridge {
 
-/// Closed range of a number.
-struct Range {
-  double min = -std::numeric_limits<double>::max();
-  double max = std::numeric_limits<double>::max();
-};
-constexpr Range kAny{};
-constexpr Range kNotNegative{0.0, std::numeric_limits<double>::max()};
-constexpr Range kPositive{std::numeric_limits<double>::min(), std::numeric_limits<double>::max()};
-
-/// Empty, or the number with what to do: not finite, or not in the range.
-std::string outside(double number, const Range& range);
+constexpr Range kAny = Range::kAny, kNotNegative = Range::kNotNegative,
+                kPositive = Range::kPositive;
 
 /// Reads the parameters of a node handle's namespace (for private ones, give NodeHandle("~")). A
 /// parameter is required when it has no fallback. Missing, of the wrong type, not finite or out of
@@ -46,6 +38,10 @@ class Parameters {
   /// A list of `size` finite numbers.
   std::vector<double> numbers(const std::string& name, std::size_t size,
                               std::optional<std::vector<double>> fallback = std::nullopt);
+
+  /// All fields of a struct, by their paths with '_' between the parts. What is missing keeps its
+  /// value, unless it is required.
+  void read(const FieldList& fields);
 
   /// A map of values of any kind, for a reader with rules of its own; an empty one where it's
   /// missing.

@@ -1,0 +1,419 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/base/fields.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <sstream>
+
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/base/yaml_text.h"
+
+namespace assembly_cell {
+
+using Kind = Field::Kind;
+
+namespace {
+
+std::string inUnit(const char* unit) { return *unit == '\0' ? "" : std::string(" [") + unit + "]"; }
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+  return all;
+}
+
+// A number as people write it: without a point where it is whole.
+std::string plain(double value) {
+  std::string text = yamlNumber(value);
+  const std::size_t size = text.size();
+  if (size > 2 && text.compare(size - 2, 2, ".0") == 0) text.resize(size - 2);
+  return text;
+}
+
+std::string integerText(double value) { return std::to_string(static_cast<std::int64_t>(value)); }
+
+}  // namespace
+
+// ---- ranges
+
+std::string remedy(const Range& range) {
+  const std::string unit = inUnit(range.unit), high = yaml::shown(range.high);
+  const bool bounded = range.high < Range::kMax;
+  if (range.low <= -Range::kMax) {
+    return "give a " + (bounded ? "number of at most " + high : std::string("finite number")) +
+           unit;
+  }
+  if (range.low == Range::kMinPositive) {
+    return "give a " +
+           (bounded ? "number above 0 and at most " + high : std::string("finite number > 0")) +
+           unit;
+  }
+  const std::string low = yaml::shown(range.low);
+  if (!bounded) return "give a finite number >= " + low + unit;
+  return "give a number from " + low + " to " + high + unit;
+}
+
+std::string outside(double value, const Range& range) {
+  if (range.contains(value)) return {};
+  // of either sign
+  return (std::isnan(value) ? "nan" : yaml::shown(value)) + ": " + remedy(range);
+}
+
+// ---- a field
+
+Field& Field::required(bool is) {
+  is_required = is;
+  return *this;
+}
+
+Field& Field::independent() {
+  is_independent = true;
+  return *this;
+}
+
+Field& Field::written(bool is) {
+  is_written = is;
+  return *this;
+}
+
+Field& Field::flow() {
+  is_flow = true;
+  return *this;
+}
+
+Field& Field::live(Change when) {
+  change = when;
+  return *this;
+}
+
+std::string Field::name() const {
+  const std::size_t dot = path.rfind('.');
+  return dot == std::string::npos ? path : path.substr(dot + 1);
+}
+
+std::string Field::value() const {
+  switch (kind) {
+    case Kind::kNumber:
+      return yamlNumber(*numbers);
+    case Kind::kNumbers: {
+      std::string row;
+      for (std::size_t i = 0; i < count; ++i) row += (i == 0 ? "[" : ", ") + yamlNumber(numbers[i]);
+      return row + "]";
+    }
+    case Kind::kInteger:
+      return std::to_string(get());
+    case Kind::kFlag:
+      return *flag ? "true" : "false";
+    case Kind::kText:
+      return yamlQuoted(*text);
+    case Kind::kChoice:
+      return text != nullptr ? *text : names.at(static_cast<std::size_t>(get()));
+    case Kind::kSection:
+      break;
+  }
+  return {};
+}
+
+std::string Field::remedy() const {
+  switch (kind) {
+    case Kind::kNumber:
+      return assembly_cell::remedy(range);
+    case Kind::kNumbers:
+      return "give a list of " + std::to_string(count) + " numbers" + inUnit(range.unit);
+    case Kind::kInteger:
+      return "give a whole number from " + integerText(range.low) + " to " +
+             integerText(range.high) + inUnit(range.unit);
+    case Kind::kFlag:
+      return "give true or false";
+    case Kind::kText:
+      return "give a text";
+    case Kind::kChoice:
+      return "give one of " + joined(names);
+    case Kind::kSection:
+      break;
+  }
+  return "give a mapping of keys";
+}
+
+bool Field::parse(const std::string& given) const {
+  switch (kind) {
+    case Kind::kNumber: {
+      double number = 0.0;
+      if (!parseNumber(given, number) || !range.contains(number)) return false;
+      *numbers = number;
+      return true;
+    }
+    case Kind::kNumbers: {
+      const YAML::Node row = yaml::loadYaml(given, path);
+      std::vector<double> all(count);
+      bool good = row.IsSequence() && row.size() == count;
+      for (std::size_t i = 0; good && i < count; ++i) {
+        good = yaml::readNumber(row[i], all[i]) && range.contains(all[i]);
+      }
+      if (good) std::copy(all.begin(), all.end(), numbers);
+      return good;
+    }
+    case Kind::kInteger: {
+      double number = 0.0;
+      if (!parseNumber(given, number) || number != std::round(number) || !range.contains(number)) {
+        return false;
+      }
+      set(static_cast<std::int64_t>(number));
+      return true;
+    }
+    case Kind::kFlag:
+      if (given != "true" && given != "false") return false;
+      *flag = given == "true";
+      return true;
+    case Kind::kText:
+      *text = given;
+      return true;
+    case Kind::kChoice: {
+      const auto found = std::find(names.begin(), names.end(), given);
+      if (found == names.end()) return false;
+      if (text != nullptr) {
+        *text = given;
+      } else {
+        set(std::distance(names.begin(), found));
+      }
+      return true;
+    }
+    case Kind::kSection:
+      break;
+  }
+  return false;
+}
+
+// ---- the list
+
+Field& FieldList::add(const char* name, Kind kind, const Range& range, const char* description) {
+  Field field;
+  field.path = prefix_ + name;
+  field.kind = kind;
+  field.range = range;
+  field.description = description;
+  fields_.push_back(std::move(field));
+  return fields_.back();
+}
+
+Field& FieldList::number(const char* name, double& value, const Range& range,
+                         const char* description) {
+  Field& field = add(name, Kind::kNumber, range, description);
+  field.numbers = &value;
+  return field;
+}
+
+Field& FieldList::numbers(const char* name, double* values, std::size_t count, const Range& range,
+                          const char* description) {
+  Field& field = add(name, Kind::kNumbers, range, description);
+  field.numbers = values;
+  field.count = count;
+  return field;
+}
+
+Field& FieldList::flag(const char* name, bool& value, const char* description) {
+  Field& field = add(name, Kind::kFlag, {}, description);
+  field.flag = &value;
+  return field;
+}
+
+Field& FieldList::text(const char* name, std::string& value, const char* description) {
+  Field& field = add(name, Kind::kText, {}, description);
+  field.text = &value;
+  return field;
+}
+
+Field& FieldList::choice(const char* name, std::string& value, std::vector<std::string> names,
+                         const char* description) {
+  Field& field = add(name, Kind::kChoice, {}, description);
+  field.text = &value;
+  field.names = std::move(names);
+  return field;
+}
+
+Field& FieldList::indexed(const char* name, Kind kind, std::function<std::int64_t()> get,
+                          std::function<void(std::int64_t)> set, const char* description) {
+  Field& field = add(name, kind, {}, description);
+  field.get = std::move(get);
+  field.set = std::move(set);
+  return field;
+}
+
+Field& FieldList::group(const char* name, const std::function<void(FieldList&)>& list,
+                        const char* description) {
+  Field& section = add(name, Kind::kSection, {}, description);
+  const std::size_t first = fields_.size();
+  const std::string outer = prefix_;
+  prefix_ = section.path + ".";
+  list(*this);
+  prefix_ = outer;
+  section.count = fields_.size() - first;
+  return section;
+}
+
+const Field* FieldList::find(const std::string& path) const {
+  const auto found =
+      std::find_if(begin(), end(), [&](const Field& field) { return field.path == path; });
+  return found == end() ? nullptr : &*found;
+}
+
+std::string FieldList::names() const {
+  std::vector<std::string> all;
+  for (const Field& field : *this) {
+    if (field.kind != Kind::kSection) all.push_back(field.path);
+  }
+  return joined(all);
+}
+
+// ---- from texts
+
+void setField(const FieldList& fields, const std::string& path, const std::string& text) {
+  const Field* field = fields.find(path);
+  const std::string item = path + ": value " + text + ": ";
+  if (field == nullptr || field->kind == Kind::kSection) {
+    throw KeyError(item + "unknown key, known here: " + fields.names());
+  }
+  if (!field->parse(text)) throw InputError(item + field->remedy());
+}
+
+void setField(const FieldList& fields, const std::string& assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos) {
+    throw InputError("value " + assignment + ": write KEY=VALUE, known keys are " + fields.names());
+  }
+  setField(fields, assignment.substr(0, equals), assignment.substr(equals + 1));
+}
+
+void checkFields(const FieldList& fields) {
+  for (const Field& field : fields) {
+    bool good = true;
+    if (field.kind == Kind::kNumber || field.kind == Kind::kNumbers) {
+      good = std::all_of(field.numbers, field.numbers + field.count,
+                         [&](double value) { return field.range.contains(value); });
+    } else if (field.kind == Kind::kInteger) {
+      good = field.range.contains(static_cast<double>(field.get()));
+    } else if (field.kind == Kind::kChoice && field.text != nullptr) {
+      good = std::find(field.names.begin(), field.names.end(), *field.text) != field.names.end();
+    }
+    if (!good) throw InputError(field.path + ": value " + field.value() + ": " + field.remedy());
+  }
+}
+
+// ---- to texts
+
+namespace {
+
+using Fields = std::deque<Field>::const_iterator;
+
+// Inline from `at` to `end`: "{diagonal: [1.0, 2.0], k26: 0.0}".
+std::string flowText(Fields at, Fields end) {
+  std::string text;
+  for (; at != end; ++at) {
+    if (!at->is_written) continue;
+    text += (text.empty() ? "{" : ", ") + at->name() + ": " + at->value();
+  }
+  return text + "}";
+}
+
+void blockText(Fields at, Fields end, std::size_t indent, std::string& text) {
+  while (at != end) {
+    const Field& field = *at++;
+    const bool section = field.kind == Kind::kSection;
+    const Fields after = section ? at + static_cast<std::ptrdiff_t>(field.count) : at;
+    if (field.is_written) {
+      text += std::string(indent, ' ') + field.name() + ":";
+      if (!section) {
+        text += " " + field.value() + "\n";
+      } else if (field.is_flow) {
+        text += " " + flowText(at, after) + "\n";
+      } else {
+        text += "\n";
+        blockText(at, after, indent + 2, text);
+      }
+    }
+    at = after;
+  }
+}
+
+std::string rangeText(const Field& field) {
+  const Range& range = field.range;
+  switch (field.kind) {
+    case Kind::kFlag:
+      return "true, false";
+    case Kind::kText:
+      return "";
+    case Kind::kChoice:
+      return joined(field.names);
+    case Kind::kInteger:
+      return integerText(range.low) + " to " + integerText(range.high) + inUnit(range.unit);
+    default:
+      break;
+  }
+  const bool bounded = range.high < Range::kMax;
+  std::string text;
+  if (range.low == Range::kMinPositive) {
+    text = bounded ? "above 0, to " + plain(range.high) : "above 0";
+  } else if (range.low > -Range::kMax) {
+    text = bounded ? plain(range.low) + " to " + plain(range.high) : "from " + plain(range.low);
+  } else if (bounded) {
+    text = "to " + plain(range.high);
+  }
+  const std::string unit = inUnit(range.unit);
+  return text.empty() && !unit.empty() ? unit.substr(1) : text + unit;
+}
+
+std::string defaultText(const Field& field) {
+  if (field.is_required) return "required";
+  if (field.kind == Kind::kNumber) return plain(*field.numbers);
+  if (field.kind == Kind::kText && field.text->empty()) return "\"\"";
+  return field.kind == Kind::kText ? *field.text : field.value();
+}
+
+}  // namespace
+
+std::string yamlText(const FieldList& fields, std::size_t indent) {
+  std::string text;
+  blockText(fields.begin(), fields.end(), indent, text);
+  return text;
+}
+
+std::string parameterName(const std::string& path) {
+  std::string name = path;
+  std::replace(name.begin(), name.end(), '.', '_');
+  return name;
+}
+
+std::string commentedParameters(const FieldList& fields, std::size_t indent) {
+  constexpr std::size_t kColumn = 26;  // of the comments
+  std::ostringstream text;
+  for (const Field& field : fields) {
+    if (field.kind == Kind::kSection) continue;
+    std::string line = parameterName(field.path) + ": " + field.value();
+    line.resize(std::max(line.size() + 1, kColumn), ' ');
+    const std::string range = rangeText(field);
+    text << std::string(indent, ' ') << line << "# " << field.description
+         << (range.empty() ? "" : " (" + range + ")") << "\n";
+  }
+  return text.str();
+}
+
+std::string fieldTable(const FieldList& fields, bool parameters) {
+  std::ostringstream text;
+  text << (parameters ? "| parameter" : "| key") << " | default | range | |\n|---|---|---|---|\n";
+  for (const Field& field : fields) {
+    if (field.kind == Kind::kSection) continue;
+    text << "| `" << (parameters ? "~" + parameterName(field.path) : field.path) << "` | "
+         << defaultText(field) << " | " << rangeText(field) << " | " << field.description
+         << (field.change == Field::Change::kRestart ? ""
+             : field.change == Field::Change::kLive  ? " Live."
+                                                     : " Live, lower values only.")
+         << " |\n";
+  }
+  return text.str();
+}
+
+}  // namespace assembly_cell
