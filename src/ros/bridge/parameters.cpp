@@ -1,6 +1,9 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/bridge/parameters.h"
 
+#include <ros/names.h>
+#include <ros/this_node.h>
+
 #include <algorithm>
 #include <cmath>
 #include <sstream>

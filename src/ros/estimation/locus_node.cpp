@@ -98,7 +98,7 @@ void LocusNode::readParameters() {
   parameters.refuseUnknown();
   live_ = std::make_unique<LiveSettings>(
       pnh_,
-      LiveValues{liveNumber("window", window, {windows.min, std::min(windows.max, history_)},
+      LiveValues{liveNumber("window", window, {windows.low, std::min(windows.high, history_)},
                             "Of the sliding estimate, from the next block on [s]")},
       parameters.asked());
 }
