@@ -4,9 +4,11 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <random>
+#include <thread>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
@@ -23,7 +25,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr double kConnectionCheck = 5.0;  // wall clock [s]
-constexpr int kCallbacks = 100;           // before a point: a flood doesn't keep it out
+constexpr std::chrono::milliseconds kBehind(100);
+constexpr int kCallbacks = 100;  // before a point: a flood doesn't keep it out
 
 std::uint32_t randomLife() {
   std::random_device random;
@@ -58,7 +61,12 @@ ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   }
   ROS_INFO("%s: %.0f points a second, %s", pnh.getNamespace().c_str(), settings_.rate,
            lockstep_ ? "lockstep" : "by the wall clock");
-  if (!lockstep_) beat_.emplace(1.0 / (settings_.rate * real_time_factor_), [this] { beat(); });
+  if (!lockstep_) points_thread_ = std::thread([this] { runPoints(); });
+}
+
+ArmBridgeNode::~ArmBridgeNode() {
+  stopping_ = true;
+  if (points_thread_.joinable()) points_thread_.join();
 }
 
 // ---- parameters ----
@@ -151,6 +159,20 @@ void ArmBridgeNode::publishFrames() {
 }
 
 // ---- the points ----
+
+// Points at their rate. Late ones are made up for, by at most kBehind.
+void ArmBridgeNode::runPoints() {
+  using Clock = std::chrono::steady_clock;
+  const auto period = std::chrono::duration_cast<Clock::duration>(
+      std::chrono::duration<double>(1.0 / (settings_.rate * real_time_factor_)));
+  auto next = Clock::now() + period;
+  while (!stopping_) {
+    std::this_thread::sleep_until(next);
+    beat();
+    next += period;
+    if (Clock::now() - next > kBehind) next = Clock::now();
+  }
+}
 
 // One wakeup a point: what has come in since the last one is taken just before it; nothing of it
 // could move the arm earlier.

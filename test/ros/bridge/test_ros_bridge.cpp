@@ -1,16 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <gtest/gtest.h>
-#include <ros/callback_queue.h>
 #include <ros/ros.h>
-#include <std_msgs/Int32.h>
-#include <std_srvs/Trigger.h>
 
 #include <atomic>
 #include <functional>
 #include <limits>
-#include <set>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "assembly_cell/AddContact.h"
@@ -19,10 +14,8 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bridge/conversions.h"
-#include "assembly_cell/ros/bridge/guarded_spinner.h"
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/estimation/twin_force_client.h"
-#include "assembly_cell/ros/process/poll_beat.h"
 
 namespace assembly_cell::ros_bridge::ros_bridge_test {
 namespace {
@@ -220,80 +213,6 @@ TEST(TwinForceClientTest, AnEstimatorThatForgotIsNamed) {
   ForgetfulEstimator estimator(0);
   const std::string reason = addTwo(estimator, true);
   EXPECT_EQ(reason.rfind("twin_force_estimator keeps 1 contacts of 2", 0), 0U) << reason;
-}
-
-// ---- the network thread's beat ----
-
-double wallSeconds() { return ros::WallTime::now().toSec(); }
-
-// What a beat publishes is heard at the next one, and all of it is in one thread.
-TEST(PollBeatTest, HearsBeforeEachBeatAndSendsAfterIt) {
-  ros::NodeHandle nh;
-  ros::CallbackQueue queue;
-  nh.setCallbackQueue(&queue);
-  std::atomic<int> beats{0}, heard{0}, late{0};
-  std::set<std::thread::id> threads;
-  ros::Publisher pub = nh.advertise<std_msgs::Int32>("poll_beat/number", 100);
-  ros::Subscriber sub = nh.subscribe<std_msgs::Int32>("poll_beat/number", 100,
-                                                      [&](const std_msgs::Int32ConstPtr& number) {
-                                                        threads.insert(std::this_thread::get_id());
-                                                        heard = number->data;
-                                                        if (number->data != beats) ++late;
-                                                      });
-  {
-    const PollBeat beat(0.002, [&] {
-      threads.insert(std::this_thread::get_id());
-      queue.callAvailable(ros::WallDuration(0.0));
-      std_msgs::Int32 number;
-      number.data = ++beats;
-      pub.publish(number);
-    });
-    const double end = wallSeconds() + 60.0;
-    while (heard < 1000 && wallSeconds() < end) ros::WallDuration(0.01).sleep();
-    EXPECT_GE(heard, 1000);
-    EXPECT_EQ(late, 0);
-  }
-  EXPECT_EQ(threads.size(), 1U);
-  const int last = beats;
-  ros::WallDuration(0.05).sleep();
-  EXPECT_EQ(beats, last) << "a beat after the end";
-}
-
-TEST(PollBeatTest, KeepsThePeriodAndMakesUpForWhatWasLate) {
-  std::atomic<int> beats{0};
-  const double begin = wallSeconds();
-  const PollBeat beat(0.005, [&] {
-    // one beat takes as long as ten
-    if (++beats == 20) ros::WallDuration(0.05).sleep();
-  });
-  const double end = begin + 60.0;
-  while (beats < 200 && wallSeconds() < end) ros::WallDuration(0.005).sleep();
-  const double took = wallSeconds() - begin;
-  EXPECT_GE(beats, 200);
-  // never ahead of the clock by more than the beat that is looked at
-  EXPECT_GT(took, 198 * 0.005);
-}
-
-TEST(PollBeatTest, ServicesAnswerBetweenSlowBeats) {
-  ros::NodeHandle nh;
-  ros::CallbackQueue queue;
-  nh.setCallbackQueue(&queue);
-  using Request = std_srvs::Trigger::Request;
-  using Response = std_srvs::Trigger::Response;
-  const ros::ServiceServer server = nh.advertiseService<Request, Response>(
-      "poll_beat/ask", [](Request&, Response& response) { return response.success = true; });
-  GuardedSpinner spinner(1, &queue);
-  spinner.start();
-  std::atomic<int> beats{0};
-  const double begin = wallSeconds();
-  const PollBeat beat(3600.0, [&] { ++beats; });
-  std_srvs::Trigger trigger;
-  EXPECT_TRUE(ros::service::call("poll_beat/ask", trigger));
-  EXPECT_TRUE(trigger.response.success);
-  // the beat of an hour holds up nothing
-  EXPECT_LT(wallSeconds() - begin, 60.0);
-  EXPECT_EQ(beats, 0);
-  spinner.stop();
 }
 
 }  // namespace

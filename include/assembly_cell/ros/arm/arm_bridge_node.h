@@ -16,6 +16,7 @@
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <deque>
 #include <functional>
@@ -23,6 +24,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "assembly_cell/arm/arm_settings.h"
@@ -32,7 +34,6 @@
 #include "assembly_cell/ros/bridge/static_frames.h"
 #include "assembly_cell/ros/bridge/stream_subscriber.h"
 #include "assembly_cell/ros/process/participants.h"
-#include "assembly_cell/ros/process/poll_beat.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -40,9 +41,9 @@ class Parameters;
 
 /// Node arm_bridge: stands between the supervisor and an arm as the plant does: takes
 /// carrier_command, exciter and leases, sends the arm a point each period and tells where it is.
-/// Limits and dead man are those of arm/arm_guard.h. Without lockstep roscpp's network
-/// thread hears what came in and makes the points (PollBeat); in lockstep those of a block follow
-/// from it, once all participants have answered it. See docs/how_to/arm.md.
+/// Limits and dead man are those of arm/arm_guard.h. Without lockstep one thread
+/// handles the received messages and computes the points; in lockstep those of a block follow from
+/// it, once all participants have answered it. See docs/how_to/arm.md.
 class ArmBridgeNode {
  public:
   /// Of its callbacks: one keeps commands, blocks and states in order.
@@ -50,6 +51,7 @@ class ArmBridgeNode {
 
   /// Throws InputError for a bad parameter, file or robot description.
   ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
+  ~ArmBridgeNode();
 
  private:
   /// The arm's own word.
@@ -95,6 +97,7 @@ class ArmBridgeNode {
   void publishState();
   void publishExciter(const Exciter& exciter);
 
+  void runPoints();
   void beat();
   void keepConnections();
   void publishDiagnostics();
@@ -165,7 +168,8 @@ class ArmBridgeNode {
   ros::WallTimer diagnostics_timer_, connection_timer_;
   tf2_ros::TransformBroadcaster tf_;
   StaticFrames static_tf_;
-  std::optional<PollBeat> beat_;  // last: none comes while the rest goes
+  std::atomic<bool> stopping_{false};
+  std::thread points_thread_;  // last: uses the other members
 };
 
 }  // namespace assembly_cell::ros_bridge
