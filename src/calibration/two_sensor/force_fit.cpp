@@ -9,7 +9,7 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr int kIterations = 30;
+constexpr int kForceFitIterations = 30;
 constexpr double kConverged = 1e-10;     // of the change of S, in parts of S
 constexpr double kMinRedundancy = 0.02;  // of a test whose residual still says something
 
@@ -123,7 +123,7 @@ class Adjustment {
   }
 
   void iterate() {
-    for (int iteration = 1; iteration <= kIterations && !fit.converged; ++iteration) {
+    for (int iteration = 1; iteration <= kForceFitIterations && !fit.converged; ++iteration) {
       linearise();
       eliminateZeros();
       if (!factorise()) return;

@@ -67,7 +67,7 @@ DesignRank rankOf(const ForceSystem& system, int terms) {
 }
 
 PerSide<Eigen::MatrixXd> plainLeastSquares(const ForceSystem& system) {
-  constexpr int kTerms = 6;
+  constexpr int kLoadTerms = 6;
   if (equationsOf(system) == 0) return {};
   Eigen::VectorXd y(equationsOf(system));
   Eigen::Index row = 0;
@@ -76,7 +76,7 @@ PerSide<Eigen::MatrixXd> plainLeastSquares(const ForceSystem& system) {
     y.segment(row, test.equations) = test.known;
     row += test.equations;
   }
-  return matricesOf(designOf(system, kTerms).colPivHouseholderQr().solve(y), system.rows, kTerms);
+  return matricesOf(designOf(system, kLoadTerms).colPivHouseholderQr().solve(y), system.rows, kLoadTerms);
 }
 
 std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& set, int rows,

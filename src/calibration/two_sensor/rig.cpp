@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kUnloadedSamples = 100;
 constexpr int kPointIterations = 20;       // of a point that moves with the carrier
-constexpr double kStrainRange = 4.0;       // of a movement wanted as 1 [V]
+constexpr double kRequestedStrain = 4.0;       // of a movement wanted as 1 [V]
 constexpr double kRoomTemperature = 20.0;  // [°C]
 
 Eigen::Vector3d errors(NormalSource& normal, double sd) {
@@ -105,7 +105,7 @@ Observation CalibrationRig::apply(const LoadRequest& request) {
       press(request.wrench.head<3>());
       break;
     case ObservationKind::kDisplacement: {
-      w = SensorDescription().nominal * (kStrainRange * request.strain);
+      w = SensorDescription().nominal * (kRequestedStrain * request.strain);
       o.displacement.reset();
       o.gauges = gauges(o.side, w);
       break;

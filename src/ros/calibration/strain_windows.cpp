@@ -14,7 +14,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kSlice = 0.05;  // of waiting, after which `stop` is asked [s]
+constexpr double kWaitSlice = 0.05;  // of waiting, after which `stop` is asked [s]
 
 }  // namespace
 
@@ -122,7 +122,7 @@ CalibrationRefusal StrainWindows::fill(const PerSide<bool>& wanted, const ros::T
       ready = false;
       if (!refusal) refusal = waiting(side, begun);
     }
-    if (!ready && !refusal) changed_.wait_for(lock, Seconds(kSlice));
+    if (!ready && !refusal) changed_.wait_for(lock, Seconds(kWaitSlice));
   }
   for (const Side side : kSides) collectors_[side].active = false;
   return refusal;

@@ -16,9 +16,9 @@ namespace {
 
 constexpr double kLook = 0.02;     // between two looks at the action, wall clock [s]
 constexpr double kServer = 10.0;   // for its server, wall clock [s]
-constexpr double kParting = 10.0;  // for the answer to a cancel, wall clock [s]
+constexpr double kCancelTimeout = 10.0;  // for the answer to a cancel, wall clock [s]
 constexpr double kQuestion = 1.0;  // between two looks for the node, wall clock [s]
-constexpr double kAnswer = 2.0;    // of the node to a question, wall clock [s]
+constexpr double kReplyTimeout = 2.0;    // of the node to a question, wall clock [s]
 
 // the others go by places of touches or wrenches
 bool needsMechanism(const std::string& strategy) {
@@ -125,7 +125,7 @@ void SupervisorNode::identifyMechanism(const std::function<bool()>& cancelled) {
   const auto done = [&] { return client.getState().isDone(); };
   // it ends by itself, where the cell stops, with the reason; not when its process dies or freezes
   while (!lookFor(kQuestion, ended, done) && !ended()) {
-    const auto found = publishersOf({nh_.resolveName("identify/status")}, kAnswer * slow_factor_);
+    const auto found = publishersOf({nh_.resolveName("identify/status")}, kReplyTimeout * slow_factor_);
     if (found.front().presence != NodePresence::kListening && !done()) {
       throw PlantError(AlignFailure::kNoData, "no result of identify: " + describe(found));
     }
@@ -133,7 +133,7 @@ void SupervisorNode::identifyMechanism(const std::function<bool()>& cancelled) {
   if (!done()) {
     client.cancelGoal();
     lookFor(
-        kParting, [] { return false; }, done);
+        kCancelTimeout, [] { return false; }, done);
     giveUp();
   }
   const IdentifyResultConstPtr result = client.getResult();

@@ -20,7 +20,7 @@ namespace {
 
 // A carrier that holds a peg in its bore: what the coupling gives way to it. [m], [rad]
 constexpr double kBeside = 1e-3, kTurned = 0.02;
-constexpr double kFreeing = 5.0;           // of cell time after a goal that failed [s]
+constexpr double kReleaseTimeout = 5.0;           // of cell time after a goal that failed [s]
 constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
 constexpr char kIdentify[] = "identify: ", kIdentifier[] = "mechanism_identifier";
 
@@ -140,7 +140,7 @@ void SupervisorNode::leave(const End& end) {
     reason = "not known, nothing to feel with: " + reason;
   } else if (!end.freed) {
     try {
-      plant_->recover(kFreeing);
+      plant_->recover(kReleaseTimeout);
       PressController hand(*plant_, limits_);
       const bool hung_free = began_free_ && !end.stuck;
       hand.release(mechanism_, hung_free ? std::optional(plant_->startPose()) : std::nullopt);

@@ -1,0 +1,73 @@
+# A module is a folder src/<module> with its headers in include/assembly_cell/<module>. It sees the headers of the
+# modules that it names and of those that these name, nothing above: each has an include folder of its own in the build
+# tree, with a link to its headers. An include that points upward does not build.
+
+# The headers and object library module_<name> of the folder <path>. In a unity build up to eight files of a folder are
+# compiled as one.
+function(assembly_cell_module name path)
+  set(headers ${CMAKE_BINARY_DIR}/modules/${name}/assembly_cell/${path})
+  get_filename_component(parent ${headers} DIRECTORY)
+  file(MAKE_DIRECTORY ${parent})
+  file(CREATE_LINK ${PROJECT_SOURCE_DIR}/include/assembly_cell/${path} ${headers} SYMBOLIC)
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
+  add_library(module_${name} OBJECT ${sources})
+  set_target_properties(module_${name} PROPERTIES UNITY_BUILD ${ASSEMBLY_CELL_UNITY} UNITY_BUILD_MODE GROUP)
+  foreach(source ${sources})
+    get_filename_component(folder ${source} DIRECTORY)
+    string(MAKE_C_IDENTIFIER "${folder}" folder)
+    list(APPEND in_${folder} ${source})
+    list(LENGTH in_${folder} count)
+    math(EXPR group "(${count} - 1) / 8")
+    file(RELATIVE_PATH label ${PROJECT_SOURCE_DIR}/src ${source})
+    get_filename_component(label ${label} DIRECTORY)
+    string(MAKE_C_IDENTIFIER "${label}" label)
+    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${label}_${group})
+  endforeach()
+  target_include_directories(module_${name} PUBLIC ${CMAKE_BINARY_DIR}/modules/${name} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+endfunction()
+
+# add_module(NAME [MODULES module...] [LIBRARIES library...]): a module of the core, which has no ROS.
+function(add_module name)
+  cmake_parse_arguments(module "" "" "MODULES;LIBRARIES" ${ARGN})
+  assembly_cell_module(${name} ${name})
+  if(NOT name STREQUAL base)
+    target_precompile_headers(module_${name} REUSE_FROM module_base)
+  endif()
+  list(TRANSFORM module_MODULES PREPEND module_)
+  target_link_libraries(module_${name} PUBLIC ${module_MODULES} ${module_LIBRARIES})
+  set_property(GLOBAL APPEND PROPERTY ASSEMBLY_CELL_CORE_OBJECTS $<TARGET_OBJECTS:module_${name}>)
+endfunction()
+
+# add_ros_module(NAME MODULES module...): the folder src/ros/NAME as the module ros_NAME. Others name it so, too.
+function(add_ros_module name)
+  cmake_parse_arguments(module "" "" "MODULES" ${ARGN})
+  assembly_cell_module(ros_${name} ros/${name})
+  if(NOT name STREQUAL bridge)
+    target_precompile_headers(module_ros_${name} REUSE_FROM module_ros_bridge)
+  endif()
+  list(TRANSFORM module_MODULES PREPEND module_)
+  target_link_libraries(module_ros_${name} PUBLIC ${module_MODULES})
+  needs_messages(module_ros_${name})
+  set_property(GLOBAL APPEND PROPERTY ASSEMBLY_CELL_ROS_OBJECTS $<TARGET_OBJECTS:module_ros_${name}>)
+endfunction()
+
+# A right-hand side is small functions with vectors between them: inline they stay in registers, 2 to 3 % of a run.
+function(inline_small_functions target)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+    target_compile_options(${target} PRIVATE "SHELL:-mllvm -inline-threshold=500")
+  endif()
+endfunction()
+
+# needs_messages(TARGET): the package's messages are generated first.
+function(needs_messages target)
+  add_dependencies(${target} ${${PROJECT_NAME}_EXPORTED_TARGETS} ${catkin_EXPORTED_TARGETS})
+endfunction()
+
+# package_program(TARGET): an executable that rosrun finds, installed with the package.
+function(package_program target)
+  set_target_properties(${target} PROPERTIES
+    RUNTIME_OUTPUT_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION})
+  install(TARGETS ${target} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+  add_dependencies(programs ${target})
+endfunction()
+add_custom_target(programs)

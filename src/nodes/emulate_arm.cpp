@@ -1,8 +1,0 @@
-// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/ros/arm/emulated_arm_node.h"
-#include "assembly_cell/ros/process/node_main.h"
-
-int main(int argc, char** argv) {
-  using assembly_cell::ros_bridge::EmulatedArmNode;
-  return assembly_cell::ros_bridge::run<EmulatedArmNode>(argc, argv, "emulate_arm");
-}
