@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Asks a running cell for an alignment, tells what it does, and how it ended.
+// Requests an alignment from a running cell, prints its status and the result.
 // usage: align_client [STRATEGY]    strategies: docs/reference/strategies.md; none: the cell's own
 #include <actionlib/client/simple_action_client.h>
 #include <assembly_cell/AlignPegAction.h>
@@ -12,7 +12,7 @@ namespace {
 
 using Client = actionlib::SimpleActionClient<assembly_cell::AlignPegAction>;
 
-void tell(const assembly_cell::AlignPegFeedbackConstPtr& feedback) {
+void print(const assembly_cell::AlignPegFeedbackConstPtr& feedback) {
   std::printf("%7.2f s  %s, %u contacts", feedback->time, feedback->state.c_str(),
               feedback->contacts);
   if (feedback->position_sd > 0.0) {
@@ -32,10 +32,10 @@ bool serverComes(const Client& client, double patience) {
 }
 
 // True with a result. What is sent while ROS makes a connection may be lost: a goal of which the
-// server says nothing for 10 s is asked for again.
-bool ask(Client& client, const assembly_cell::AlignPegGoal& goal) {
+// server that publishes nothing for 10 s is requested again.
+bool request(Client& client, const assembly_cell::AlignPegGoal& goal) {
   while (ros::ok()) {
-    client.sendGoal(goal, {}, {}, &tell);
+    client.sendGoal(goal, {}, {}, &print);
     const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(10.0);
     while (client.getState() != actionlib::SimpleClientGoalState::PENDING ||
            ros::WallTime::now() < end) {
@@ -50,12 +50,12 @@ bool ask(Client& client, const assembly_cell::AlignPegGoal& goal) {
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "align_client", ros::init_options::AnonymousName);
-  const bool asked = argc == 2 && std::strcmp(argv[1], "--help") == 0;
-  if (argc > 2 || asked) {
+  const bool help = argc == 2 && std::strcmp(argv[1], "--help") == 0;
+  if (argc > 2 || help) {
     std::puts(
         "usage: align_client [STRATEGY]    strategies: docs/reference/strategies.md; none: the "
         "cell's own");
-    return asked ? 0 : 2;
+    return help ? 0 : 2;
   }
   if (!ros::master::check()) {
     std::fprintf(stderr,
@@ -72,7 +72,7 @@ int main(int argc, char** argv) {
   }
   assembly_cell::AlignPegGoal goal;
   if (argc > 1) goal.strategy = argv[1];
-  if (!ask(client, goal)) return 1;
+  if (!request(client, goal)) return 1;
   const assembly_cell::AlignmentReport report = client.getResult()->report;
   std::printf("%s\n", report.reason.c_str());
   if (!report.success) return 1;

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Asks a running cell for an alignment, tells what it does, and how it ended.
+"""Requests an alignment from a running cell, prints its status and the result.
 
 usage: align_client.py [STRATEGY]    strategies: docs/reference/strategies.md; none: the cell's own
 """
@@ -14,7 +14,7 @@ from actionlib_msgs.msg import GoalStatus
 from assembly_cell.msg import AlignPegAction, AlignPegGoal
 
 
-def tell(feedback):
+def show(feedback):
     known = f", hole known to {1e3 * feedback.position_sd:.3f} mm" if feedback.position_sd > 0.0 else ""
     print(f"{feedback.time:7.2f} s  {feedback.state}, {feedback.contacts} contacts{known}")
 
@@ -28,11 +28,11 @@ def server_comes(client, patience):
     return True
 
 
-def ask(client, goal):
-    """True with a result. What is sent while ROS makes a connection may be lost: a goal of which the server says nothing
-    for 10 s is asked for again."""
+def request(client, goal):
+    """True with a result. What is sent while ROS makes a connection may be lost: a goal of which the server publishes nothing
+    for 10 s is requested again."""
     while not rospy.is_shutdown():
-        client.send_goal(goal, feedback_cb=tell)
+        client.send_goal(goal, feedback_cb=show)
         end = time.monotonic() + 10.0
         while client.get_state() != GoalStatus.PENDING or time.monotonic() < end:
             if client.wait_for_result(rospy.Duration(1.0)):
@@ -54,7 +54,7 @@ def main():
     if not server_comes(client, 60.0):
         sys.exit("align_client: no server of the action 'align' within 60 s: is assembly_supervisor running?")
     goal = AlignPegGoal(strategy=words[0] if words else "")
-    if not ask(client, goal):
+    if not request(client, goal):
         return 1
     report = client.get_result().report
     print(report.reason)

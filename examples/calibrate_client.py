@@ -19,7 +19,7 @@ START = 120.0  # for the server, wall clock [s]
 SHOW_EVERY = 25  # steps
 
 
-def tell(text):
+def show(text):
     print(text, file=sys.stderr, flush=True)
 
 
@@ -30,7 +30,7 @@ class Progress:
     def __call__(self, feedback):
         if feedback.step >= self.shown + SHOW_EVERY:
             self.shown = feedback.step
-            tell(f"{self.plan}: step {feedback.step} of {feedback.steps}")
+            show(f"{self.plan}: step {feedback.step} of {feedback.steps}")
 
 
 def main():
@@ -53,7 +53,7 @@ def main():
         result = client.get_result()
         if result is None:
             sys.exit(f"calibrate_client: {plan}: the server has ended without a result")
-        tell(f"{plan}: {result.observations} observations; {result.message}")
+        show(f"{plan}: {result.observations} observations; {result.message}")
         if not result.success:
             return 1
     print(result.id)

@@ -13,7 +13,7 @@ LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where there i
 
 
 class Refused(Exception):
-    """What `align` says of bad input, one line."""
+    """Message of `align` about bad input, one line."""
 
 
 def align(arguments, report, program=None):

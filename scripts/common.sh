@@ -20,7 +20,7 @@ export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1
 
 say() { printf '[%(%H:%M:%S)T] %s\n' -1 "$*" >&2; }
 
-# fail STEP LOG [LINES]: names the step and the log, shows the first lines of what the log says is wrong
+# fail STEP LOG [LINES]: names the step and the log, shows the first errors in the log
 fail() {
   if [ -f "$2" ]; then
     grep -aE 'FATAL|ERROR|[Ee]rror:|^E:|FAILED|^cell_urdf:' "$2" | sed 's/\x1b\[[0-9;]*m//g' | head -n "${3:-5}" >&2 || true
@@ -75,7 +75,7 @@ announce() {
 
 # shows how far ninja's output (standard input) has come: one line on a terminal, else one every 10 s
 show_progress() {
-  local line shown=-10 last="" told="" terminal=false
+  local line shown=-10 last="" printed="" terminal=false
   if [ -t 2 ]; then terminal=true; fi
   while IFS= read -r line; do
     # ninja itself looks for new files first
@@ -87,13 +87,13 @@ show_progress() {
       printf '\r[%(%H:%M:%S)T] built %s ' -1 "$last" >&2
     elif [ $((SECONDS - shown)) -ge 10 ]; then
       say "built $last"
-      told=$last
+      printed=$last
       shown=$SECONDS
     fi
   done
   if $terminal; then
     printf '\r[%(%H:%M:%S)T] built %s\n' -1 "${last:-all}" >&2
-  elif [ -n "$told" ] && [ "$told" != "$last" ]; then
+  elif [ -n "$printed" ] && [ "$printed" != "$last" ]; then
     say "built $last"
   fi
 }

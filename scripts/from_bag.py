@@ -11,7 +11,7 @@ locus         samples as CSV: of the coupling's displacement (t,x,y,z,rx,ry,rz) 
               stretch in which it was on, t = 0 at its phase zero, its settings in a first line that starts with #
 wrench        t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw: the one topic of wrenches (WrenchStamped, or WrenchSamples), each with the
               last pose (PoseStamped, one topic) before it; without samples that are marked as saturated, not finite or beyond
-              what any sensor measures (90 kN, 9 kN m): how many, is said on standard error
+              what any sensor measures (90 kN, 9 kN m): their number is printed on standard error
 exit: 0 ok, 2 bad input
 """
 import bisect

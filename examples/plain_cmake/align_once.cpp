@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Aligns the peg of a scenario in simulation, by the core library alone, and says how well.
+// Aligns the peg of a scenario in simulation, by the core library alone, and prints the errors.
 // usage: align_once [SCENARIO.yaml [STRATEGY]]    none: the default cell, by its contacts' places
 #include <assembly_cell/base/input_error.h>
 #include <assembly_cell/cell/judge.h>
@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
   assembly_cell::AlignParameters parameters;
   parameters.strategy = argc > 2 ? argv[2] : "touch";
   try {
-    // the truth is the scenario, and the strategy knows the parts as they are drawn
+    // the ground truth is the scenario; the strategy has the parts as they are drawn
     const assembly_cell::Scenario scenario = assembly_cell::loadScenario(path);
     const assembly_cell::AlignTrial trial = assembly_cell::tryAlignment(
         scenario, scenario.mechanism, assembly_cell::CellParameters(), parameters);

@@ -1,5 +1,5 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""A cell as processes of this one, what it says, and goals to it."""
+"""A cell as processes of this one, its messages, and goals to it."""
 import ctypes
 import math
 import os
@@ -10,9 +10,9 @@ import time
 import xmlrpc.client
 
 START = 120.0  # for a node, a cell, a service to be there [s wall]
-ENDED = 20.0  # a node that was asked to end [s wall]
-STILL = 1e-5  # in a block: what an arm at rest gives way under a swinging peg [m]
-MINE = "/campaign_of_faults"  # this node, the stranger
+ENDED = 20.0  # a node that was told to end [s wall]
+STILL = 1e-5  # in a block: displacement of an arm at rest under a swinging peg [m]
+MINE = "/campaign_of_faults"  # this node, an unknown publisher to the cell
 
 SUPERVISOR, SIMULATOR = "assembly_supervisor", "peg_hole_simulator"
 LOCUS, TWIN, IDENTIFIER = "locus_estimator", "twin_force_estimator", "mechanism_identifier"
@@ -94,7 +94,7 @@ class Nodes:
         self.ours.discard(name)
 
     def up(self, name):
-        """Is the process that was started the one that the master knows?"""
+        """Is the process that was started the one that is registered at the master?"""
         try:
             uri = self.master().lookupNode(f"{self.ns}/{name}")
             return xmlrpc.client.ServerProxy(uri).getPid(MINE)[2] == self.running[name].pid
@@ -124,12 +124,12 @@ class Nodes:
         return stubborn
 
     def crashed(self):
-        """Who has ended without being asked to."""
+        """Nodes that have ended by themselves."""
         return [f"{n} has ended with {p.returncode}" for n, p in self.running.items() if p.poll() is not None and n not in self.ours]
 
 
 class Ears:
-    """What the cell says, as it comes in."""
+    """Messages of the cell, as they arrive."""
 
     def __init__(self, ns, arm):
         import rospy
@@ -137,18 +137,18 @@ class Ears:
         from diagnostic_msgs.msg import DiagnosticArray
         from geometry_msgs.msg import PoseStamped
 
-        self.plant, self.supervisor, self.pose = [], None, None  # states of the plant with the holder's last sign of life
+        self.plant, self.supervisor, self.pose = [], None, None  # states of the plant with the owner's last heartbeat
         self.sign, self.time, self.height, self.force, self.peak = None, 0.0, 0.0, 0.0, 0.0
         self.named = {}  # what nodes have refused, by their name in the diagnostics
         self.samples = {}
         self.at, self.moving = None, 0.0  # true carrier, and when it moved last [s]
 
-        def hear_contacts(message):
+        def on_contacts(message):
             force = [sum(getattr(c.force, axis) for c in message.contacts if c.state) for axis in "xyz"]
             self.force = math.sqrt(sum(f * f for f in force))
             self.peak = max(self.peak, self.force)
 
-        def hear_carrier(message):
+        def on_carrier(message):
             if message._connection_header["callerid"] == MINE:
                 return
             self.height = message.pose.position.z
@@ -156,17 +156,17 @@ class Ears:
                 self.time = message.header.stamp.to_sec()
             self.samples["carrier_pose"] = message
 
-        def hear_simulated(message):
+        def on_simulated(message):
             at, self.time = [getattr(message.pose.position, axis) for axis in "xyz"], message.header.stamp.to_sec()
             if self.at is not None and math.dist(at, self.at) > STILL:
                 self.moving = self.time
             self.at = at
 
-        def hear_sign(message):
+        def on_heartbeat(message):
             if message._connection_header["callerid"] != MINE:
                 self.sign = max(self.sign or 0.0, message.header.stamp.to_sec())
 
-        def hear_plant(message):
+        def on_plant(message):
             if message._connection_header["callerid"] == MINE:
                 return
             if self.plant and self.plant[-1][0].session != message.session and message.session:
@@ -178,16 +178,16 @@ class Ears:
                 if status.name.endswith(": messages") and MINE in status.message:
                     self.named[status.name] = status.message
 
-        hear = lambda topic, cls, what: rospy.Subscriber(ns + "/" + topic, cls, what, queue_size=200, tcp_nodelay=True)
+        subscribe = lambda topic, cls, what: rospy.Subscriber(ns + "/" + topic, cls, what, queue_size=200, tcp_nodelay=True)
         self.subscribers = [
-            hear("truth/contacts", ContactArray, hear_contacts), hear("carrier_pose", PoseStamped, hear_carrier),
-            hear("lease", Lease, hear_sign), hear("carrier_command", PoseStamped, hear_sign), hear("exciter", Exciter, hear_sign),
-            hear("plant_state", PlantState, hear_plant),
-            hear(SUPERVISOR + "/state", SupervisorState, lambda message: setattr(self, "supervisor", message)),
-            hear("truth/pose", PoseStamped, lambda message: setattr(self, "pose", message.pose)),
+            subscribe("truth/contacts", ContactArray, on_contacts), subscribe("carrier_pose", PoseStamped, on_carrier),
+            subscribe("lease", Lease, on_heartbeat), subscribe("carrier_command", PoseStamped, on_heartbeat), subscribe("exciter", Exciter, on_heartbeat),
+            subscribe("plant_state", PlantState, on_plant),
+            subscribe(SUPERVISOR + "/state", SupervisorState, lambda message: setattr(self, "supervisor", message)),
+            subscribe("truth/pose", PoseStamped, lambda message: setattr(self, "pose", message.pose)),
             rospy.Subscriber("/diagnostics", DiagnosticArray, hear_diagnostics, queue_size=50)]
         if arm:
-            self.subscribers.append(hear("arm/simulated_pose", PoseStamped, hear_simulated))
+            self.subscribers.append(subscribe("arm/simulated_pose", PoseStamped, on_simulated))
 
     def state(self):
         return self.plant[-1][0] if self.plant else None
@@ -209,7 +209,7 @@ class Goal:
 
     def lost(self):
         """The server's connections have ended."""
-        if self.result is None and self.end is None and self.client.hear.get_num_connections() == 0:
+        if self.result is None and self.end is None and self.client.results.get_num_connections() == 0:
             self.end = time.monotonic()
         return self.result is None and self.end is not None
 
@@ -239,7 +239,7 @@ class Client:
         self.goal, self.count = None, 0
         self.send = rospy.Publisher(f"{ns}/{action}/goal", self.goal_class, queue_size=10, tcp_nodelay=True)
         self.stop = rospy.Publisher(f"{ns}/{action}/cancel", GoalID, queue_size=10, tcp_nodelay=True)
-        self.hear = rospy.Subscriber(f"{ns}/{action}/result", result_class, self.on_result, queue_size=20, tcp_nodelay=True)
+        self.results = rospy.Subscriber(f"{ns}/{action}/result", result_class, self.on_result, queue_size=20, tcp_nodelay=True)
 
     def on_result(self, message):
         goal = self.goal
@@ -248,4 +248,4 @@ class Client:
             goal.status, goal.result = message.status.status, message.result
 
     def connected(self):
-        return all(p.get_num_connections() > 0 for p in (self.send, self.stop, self.hear))
+        return all(p.get_num_connections() > 0 for p in (self.send, self.stop, self.results))

@@ -1,23 +1,23 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""What strangers send, and what changes during a goal."""
+"""Messages of unknown publishers, and changes during a goal."""
 import copy
 
 from .cell import MINE, START, wait_for
 
-HOSTILE = {  # fault: what the reason of the goal's end says; None: the goal goes on, the diagnostics name the stranger
-    "stranger's carrier_command": MINE + " published carrier_command",
-    "stranger's exciter": MINE + " published exciter",
-    "stranger's exciter, absurd stamp": MINE + " published exciter",
-    "stranger's lease": None,
-    "stranger's plant_state": None,
-    "stranger's blocks, NaN": None,
-    "stranger's blocks, stamp 4294967295": None,
-    "stranger's blocks, sequence near 2^32": None,
-    "stranger's blocks, period 1e300": None,
-    "stranger's blocks, stale": None,
-    "stranger's strain, 100 V": None,
-    "stranger's carrier_pose": None,
-    "stranger's calibration, 1e300": None,
+HOSTILE = {  # fault: part of the reason of the goal's end; None: the goal goes on, the diagnostics name the publisher
+    "unknown publisher's carrier_command": MINE + " published carrier_command",
+    "unknown publisher's exciter": MINE + " published exciter",
+    "unknown publisher's exciter, absurd stamp": MINE + " published exciter",
+    "unknown publisher's lease": None,
+    "unknown publisher's plant_state": None,
+    "unknown publisher's blocks, NaN": None,
+    "unknown publisher's blocks, stamp 4294967295": None,
+    "unknown publisher's blocks, sequence near 2^32": None,
+    "unknown publisher's blocks, period 1e300": None,
+    "unknown publisher's blocks, stale": None,
+    "unknown publisher's strain, 100 V": None,
+    "unknown publisher's carrier_pose": None,
+    "unknown publisher's calibration, 1e300": None,
     "zero changed": "zero of sensor_b changed",
     "calibration changed": "calibration of sensor_b changed",
 }
@@ -56,7 +56,7 @@ def be_hostile(campaign, what):
         topic, message = "lease", Lease(session=77)
         message.header.stamp = stamp
     elif "plant_state" in what:
-        topic, message = "plant_state", PlantState(life=77, session=77, holder="nobody", held=True)
+        topic, message = "plant_state", PlantState(life=77, session=77, holder="none", held=True)
         message.header.stamp = stamp
     elif "calibration" in what:
         topic, message = "sensor_b/calibration", SensorCalibration(volts_to_wrench=[1e300] * 36)

@@ -12,9 +12,9 @@ from .cell import (
 from .hostile import HOSTILE, be_hostile
 
 # what docs/reference/safety.md promises
-HOLD = 0.1 + 0.02  # from the last sign of life; a block is what this tool can't see [s cell]
+HOLD = 0.1 + 0.02  # from the last heartbeat; a block is the resolution of this tool [s cell]
 NAME = 0.5  # a node that is missed to its name in the result [s]
-STAND = 0.1 + 0.1 + 0.02  # through an arm: its timeout, the way to rest, and a block [s cell]
+STAND = 0.1 + 0.1 + 0.02  # through an arm: its timeout, braking, and a block [s cell]
 FREEING = 2.0  # the peg is freed before the result comes [s cell]
 LOST = 2.0  # a client learns that its server is gone [s]
 GONE = 1.0  # in lockstep: a node that is gone [s wall]
@@ -23,7 +23,7 @@ OVERSHOOT = 1.1
 
 BLOCK_TIMEOUT = 10.0  # ~block_timeout of the supervisor [s wall]
 
-# how a strategy may end from a place that it doesn't know its way from
+# how a strategy may end from an unusual start
 STRATEGY = (
     "edge_in_hole", "no_hole_under_edge", "no_contact", "no_plane_reading", "one_edge_only", "lost_contact", "not_inserted", "edge_not_resolved",
     "gave_way", "both_edges", "wedged", "not_double")
@@ -46,7 +46,7 @@ def holder_of(goal):
 
 def faults_of(goal, arm=False):
     if arm:
-        # without those of the world itself
+        # without those of the simulator itself
         nodes = [node for node in NODES if node not in (SIMULATOR, IDENTIFIER)] + [BRIDGE, ARM]
         found = [(kind, node) for kind in ("kill", "restart", "stall") for node in nodes]
         return found + [("stall", SUPERVISOR), ("stall", BRIDGE), ("kill", BRIDGE), ("restart", BRIDGE), ("ctrl-c", SUPERVISOR), ("ctrl-c", BRIDGE)]
@@ -71,7 +71,7 @@ class Campaign:
         self.ns = self.nodes.ns
         self.arm = options.arm
         self.ears = Ears(self.ns, self.arm)
-        self.last_life = 0  # of a simulator that was started anew
+        self.last_boot = 0  # boot id before the last restart
         types = {"move_to_contact": (m.MoveToContactActionGoal, m.MoveToContactActionResult), "align": (m.AlignPegActionGoal, m.AlignPegActionResult),
                  "retreat": (m.RetreatActionGoal, m.RetreatActionResult), "assemble": (m.AssemblePegActionGoal, m.AssemblePegActionResult),
                  "identify": (m.IdentifyActionGoal, m.IdentifyActionResult), "bench/calibrate": (m.CalibrateSensorsActionGoal, m.CalibrateSensorsActionResult)}
@@ -83,7 +83,7 @@ class Campaign:
                 "sensor_b/wrench_samples": m.WrenchSamples, "sensor_b/bridge": m.StrainSamples, "carrier_pose": PoseStamped,
                 "sensor_b/calibration": m.SensorCalibration}.items()}
         if self.arm:
-            # a publisher of what is missed would be asked for, too
+            # a publisher of a missing topic would be expected to answer, too
             for topic in [topic for topic in self.strange if topic != "carrier_command"]:
                 self.strange.pop(topic).unregister()
         with open(self.nodes.package / "config/scenarios/cell.yaml", encoding="utf-8") as file:
@@ -93,10 +93,10 @@ class Campaign:
         self.bench = [name for name in self.nodes.nodes if name.startswith("bench/")]
 
     def start(self, names):
-        """What they say from now on counts."""
+        """Messages from now on count."""
         for name in names:
             if name == (BRIDGE if self.arm else SIMULATOR) and self.ears.plant:
-                self.last_life = self.ears.state().life
+                self.last_boot = self.ears.state().life
             if name == SUPERVISOR:
                 self.ears.supervisor = None
             self.nodes.start(name)
@@ -109,9 +109,9 @@ class Campaign:
             return self.clients["bench/calibrate"].connected()
         clients = [self.clients[name] for name in ("align", "move_to_contact", "retreat", "assemble", *(() if self.arm else ("identify",)))]
         ears = self.ears
-        heard = ears.plant and ears.supervisor and ears.state().life != self.last_life
-        heard = heard and all(s.get_num_connections() > 0 for s in ears.subscribers)
-        return heard and all(client.connected() for client in clients)
+        received = ears.plant and ears.supervisor and ears.state().life != self.last_boot
+        received = received and all(s.get_num_connections() > 0 for s in ears.subscribers)
+        return received and all(client.connected() for client in clients)
 
     def wait_until_ready(self, bench=False):
         if not wait_for(lambda: self.ready(bench), START, 0.05):
@@ -126,13 +126,13 @@ class Campaign:
 
         answers = queue.Queue()
 
-        def ask():
+        def request():
             try:
                 answers.put(rospy.ServiceProxy(f"{self.ns}/{name}", cls)(*arguments))
             except Exception:  # no such service at present, or it died
                 answers.put(None)
 
-        threading.Thread(target=ask, daemon=True).start()
+        threading.Thread(target=request, daemon=True).start()
         try:
             return answers.get(timeout=10.0 * self.factor)
         except queue.Empty:
@@ -164,7 +164,7 @@ class Campaign:
             self.call(SIMULATOR + "/reset", Trigger)
 
     def go_home(self):
-        """With an arm: up, and over to where it began, commanded while nobody holds it."""
+        """With an arm: up, and over to where it began, commanded while it has no owner."""
         import rospy
 
         ears = self.ears
@@ -239,17 +239,17 @@ class Campaign:
         return kind == "stall" or kind == "restart" and node not in (holder_of(trial["goal"]), SIMULATOR, BRIDGE, ARM)
 
     def must_stand(self, trial):
-        """Does nobody lead the arm any more, as long as the fault lasts?"""
+        """Is the arm without commands as long as the fault lasts?"""
         return self.arm and trial["kind"] == "kill" and trial["node"] in (SUPERVISOR, BRIDGE, ARM, *DRIVERS)
 
     def is_needed(self, trial):
-        """Does the goal ask this node for anything? In lockstep time waits for every node."""
+        """Does the goal need this node? In lockstep time waits for every node."""
         node, goal = trial["node"], trial["goal"]
-        asked = {LOCUS: ("align",), TWIN: ("twin_force", "assemble"), IDENTIFIER: ("identify",), SUPERVISOR: [g for g in GOALS if g != "identify"]}
-        return self.lockstep or goal in asked.get(node, GOALS)
+        needed = {LOCUS: ("align",), TWIN: ("twin_force", "assemble"), IDENTIFIER: ("identify",), SUPERVISOR: [g for g in GOALS if g != "identify"]}
+        return self.lockstep or goal in needed.get(node, GOALS)
 
     def expected(self, trial):
-        """What the reason says that names the fault; "" where no name is due."""
+        """Parts of a reason that names the fault; "" where no name is due."""
         kind, node = trial["kind"], trial["node"]
         if kind == "hostile":
             return [HOSTILE[node]]
@@ -325,7 +325,7 @@ class Campaign:
         broken += [f"crash: {text}" for text in self.nodes.crashed()]
         return row
 
-    # -- what docs/reference/safety.md says --
+    # -- promises of docs/reference/safety.md --
 
     def judge_plant(self, trial, row, mark):
         ears, broken = self.ears, row["broken"]
@@ -342,20 +342,20 @@ class Campaign:
         # a bridge that stands still itself sends no points: the arm stands meanwhile
         frozen = trial["stall"] if self.arm and (trial["kind"], trial["node"]) == ("stall", BRIDGE) else 0.0
         if row["hold"] is not None and row["hold"] > HOLD + frozen:
-            broken.append(f"hold: {row['hold']:.3f} s after the last sign of life")
+            broken.append(f"hold: {row['hold']:.3f} s after the last heartbeat")
         limit = OVERSHOOT * FORCE_LIMIT
         if row["peak"] > limit:
             broken.append(f"peak: {row['peak']:.1f} N, promised are {limit:.0f} N")
 
     def judge_rest(self, trial, row):
-        """After a goal, with every node there: nothing shakes, and what presses is told."""
+        """After a goal, with every node there: nothing shakes, and a pressing peg is reported."""
         ears, broken = self.ears, row["broken"]
         limit = FREEING * self.factor + 5.0
         if not wait_for(lambda: not ears.state().exciter, limit):
             broken.append("exciter: still on")
-        told = lambda: ears.force < 0.5 or ears.supervisor.in_contact or ears.state().held
-        if trial["node"] not in (holder_of(trial["goal"]), SUPERVISOR, SIMULATOR, "all") and "pressing" not in row["result"] and not wait_for(told, limit):
-            broken.append(f"contact: {ears.force:.1f} N and nobody says so")
+        reported = lambda: ears.force < 0.5 or ears.supervisor.in_contact or ears.state().held
+        if trial["node"] not in (holder_of(trial["goal"]), SUPERVISOR, SIMULATOR, "all") and "pressing" not in row["result"] and not wait_for(reported, limit):
+            broken.append(f"contact: {ears.force:.1f} N without a report")
 
     def judge_truth(self, row, goal):
         if goal.result is None or not hasattr(goal.result, "report") or not goal.result.report.success:
@@ -386,7 +386,7 @@ class Campaign:
             if wait_for(lambda: self.ears.named or of_plant(), 10.0 * self.factor):
                 row["name"] = time.monotonic() - begun if not trial["wait"] else None
             else:
-                broken.append("name: nobody names the stranger")
+                broken.append("name: the unknown publisher isn't named")
             if by_itself and not goal.succeeded():
                 broken.append(f"disturbed: {row['result']}")
             return
@@ -434,7 +434,7 @@ class Campaign:
         self.wait_until_ready()
         if aligned:
             self.reset()
-        # a lease of nobody's goal holds the plant for a second
+        # a lease without a goal owns the plant for a second
         wait_for(lambda: self.ears.state().holder != MINE, 10.0 * factor)
         if trial["retreat"] or (self.ears.supervisor is not None and self.ears.supervisor.stuck):
             goal = self.send("retreat")
