@@ -13,7 +13,7 @@ namespace assembly_cell {
 /// from is on disk. A plain text file: a header of any lines, then one record a line. The header's
 /// last line and every record end with a seal, "  # <number> crc32:<eight digits>", number 0 for
 /// the header: for YAML a comment, so that a journal of observation lines is an observation file.
-/// One process at a time has a journal open (a lock on <path>.lock).
+/// One process at a time has a journal open (a lock on PATH.lock).
 class ObservationLog {
  public:
   /// Opens or creates. A last line that a crash cut off was never acknowledged and is cut off;
@@ -30,14 +30,14 @@ class ObservationLog {
   /// Takes the last record off and returns after fsync. Throws InputError when there is none.
   void removeLast();
 
-  /// Begins anew with `header`; the old file is kept as <path>.previous.
+  /// Begins anew with `header`; the old file is kept as PATH.previous.
   void clear(const std::string& header);
 
   const std::vector<std::string>& records() const { return records_; }
   const std::string& path() const { return journal_.path(); }
   bool torn() const { return torn_; }
   /// Records that were acknowledged and are not in the file any more: somebody cut it. Known from
-  /// <path>.count, which holds how many there are; without that file 0.
+  /// PATH.count, which holds how many there are; without that file 0.
   std::size_t lost() const { return lost_; }
 
  private:

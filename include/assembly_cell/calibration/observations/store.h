@@ -10,13 +10,13 @@ namespace assembly_cell {
 /// neither HOME nor ROS_HOME is.
 std::string calibrationStore();
 
-/// <store>/<sensor>/<id>.yaml. Names are letters, digits, '.', '_' and '-', not beginning with a
+/// STORE/SENSOR/ID.yaml. Names are letters, digits, '.', '_' and '-', not beginning with a
 /// dot, at most 100 characters: never a path. Throws InputError naming `what` is wrong.
 bool isCalibrationName(const std::string& text);
 std::string calibrationPath(const std::string& store, const std::string& sensor,
                             const std::string& id);
 
-/// Makes <store>/<sensor> with parents. Throws InputError when it can't.
+/// Makes STORE/SENSOR with parents. Throws InputError when it can't.
 void makeCalibrationFolder(const std::string& store, const std::string& sensor);
 
 /// Ids stored in a folder, sorted; temporary files left out.

@@ -44,7 +44,7 @@ template <typename T>
 using MaybePerSide = PerSide<std::optional<T>>;
 
 /// The calibration of both sensors from the first observation to the file in the store, whose
-/// layout is <store>/<sensor_a|sensor_b>/<id>.yaml: observe (add), solve, save, load. What a
+/// layout is STORE/{sensor_a|sensor_b}/ID.yaml: observe (add), solve, save, load. What a
 /// solution or a file doesn't determine stays as in the calibration in force: saved and loaded ones
 /// are whole. One thread at a time changes a session, others may ask for its observations and
 /// calibrations meanwhile. Requests that it refuses throw CalibrationError, bad files InputError.
@@ -54,7 +54,7 @@ class CalibrationSession {
   /// empty `store`: nothing is kept.
   CalibrationSession(std::string store, ObservationSet set);
 
-  /// From now on observations are in <store>/observations.yaml, beginning with those that are there
+  /// From now on observations are in STORE/observations.yaml, beginning with those that are there
   /// of a session with the same sensors. True when an unfinished line was cut off.
   bool openJournal();
 
@@ -76,7 +76,7 @@ class CalibrationSession {
   MaybePerSide<CalibrationInForce> load(const std::string& id, const PerSide<bool>& wanted,
                                         const PerSide<Calibration>& fallback = {}) const;
 
-  /// Those given come in force, here and in <store>/in_force.yaml for the next session.
+  /// Those given come in force, here and in STORE/in_force.yaml for the next session.
   void putInForce(const MaybePerSide<CalibrationInForce>& calibrations);
   MaybePerSide<CalibrationInForce> inForce() const;
 
