@@ -33,6 +33,6 @@ install(DIRECTORY test/data DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/test
 install(PROGRAMS scripts/faults scripts/free_port scripts/from_bag.py scripts/launch scripts/plot scripts/plot_report.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY scripts/fault_campaign scripts/plots DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION} FILES_MATCHING PATTERN "*.py")
-# beside the tools that call it; the only executable of its name, for rosrun asks where there are two
+# beside the tools that call it; the only executable of its name, for rosrun prompts where there are two
 configure_file(scripts/from_bag.py ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION}/from_bag.py
   COPYONLY FILE_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)

@@ -10,7 +10,7 @@ import time
 import xmlrpc.client
 
 START = 120.0  # for a node, a cell, a service to be there [s wall]
-ENDED = 20.0  # a node that was told to end [s wall]
+ENDED = 20.0  # a node that was stopped [s wall]
 STILL = 1e-5  # in a block: displacement of an arm at rest under a swinging peg [m]
 MINE = "/campaign_of_faults"  # this node, an unknown publisher to the cell
 
@@ -173,7 +173,7 @@ class Ears:
                 self.sign = None
             self.plant.append((message, self.sign))
 
-        def hear_diagnostics(message):
+        def on_diagnostics(message):
             for status in message.status:
                 if status.name.endswith(": messages") and MINE in status.message:
                     self.named[status.name] = status.message
@@ -185,7 +185,7 @@ class Ears:
             subscribe("plant_state", PlantState, on_plant),
             subscribe(SUPERVISOR + "/state", SupervisorState, lambda message: setattr(self, "supervisor", message)),
             subscribe("truth/pose", PoseStamped, lambda message: setattr(self, "pose", message.pose)),
-            rospy.Subscriber("/diagnostics", DiagnosticArray, hear_diagnostics, queue_size=50)]
+            rospy.Subscriber("/diagnostics", DiagnosticArray, on_diagnostics, queue_size=50)]
         if arm:
             self.subscribers.append(subscribe("arm/simulated_pose", PoseStamped, on_simulated))
 

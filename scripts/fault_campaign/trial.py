@@ -260,9 +260,9 @@ class Campaign:
         if node == holder_of(trial["goal"]):
             return ["server lost"]
         if node == SIMULATOR:
-            return [SIMULATOR, "started anew", "another life"]
+            return [SIMULATOR, "restarted", "boot id"]
         if node == BRIDGE:
-            return [BRIDGE, "started anew", "another life"] + (["the plant stopped itself"] if kind == "stall" else [])
+            return [BRIDGE, "restarted", "boot id"] + (["the plant stopped itself"] if kind == "stall" else [])
         if node == ARM:
             return ["no_state", "following"]
         if self.arm and node in DRIVERS:
@@ -310,24 +310,24 @@ class Campaign:
             broken.append("result: none")
         broken += [f"end: {text}" for text in trial.get("stubborn", [])]
         if trial["goal"] != "calibrate":
-            self.judge_plant(trial, row, mark)
+            self.check_plant(trial, row, mark)
             if stand is not None and stand > STAND:
                 broken.append(f"stand: the carrier moved until {stand:.3f} s after the fault")
-            self.judge_truth(row, goal)
+            self.check_truth(row, goal)
         if not idle:
-            self.judge_name(trial, row, goal, by_itself, begun, shaken)
+            self.check_name(trial, row, goal, by_itself, begun, shaken)
         if not self.goes_on(trial):
             undo()
         self.wait_until_ready(trial["goal"] == "calibrate")
         if trial["goal"] != "calibrate":
-            self.judge_rest(trial, row)
-        row["next"] = self.judge_next(trial, row, trial["goal"] in ("align", "twin_force", "assemble") and goal.succeeded())
+            self.check_rest(trial, row)
+        row["next"] = self.check_next(trial, row, trial["goal"] in ("align", "twin_force", "assemble") and goal.succeeded())
         broken += [f"crash: {text}" for text in self.nodes.crashed()]
         return row
 
     # -- promises of docs/reference/safety.md --
 
-    def judge_plant(self, trial, row, mark):
+    def check_plant(self, trial, row, mark):
         ears, broken = self.ears, row["broken"]
         fault_of_holder = trial["node"] == holder_of(trial["goal"]) and trial["kind"] in ("kill", "restart")
         if not self.lockstep and fault_of_holder and row["moment"] != "idle":
@@ -347,7 +347,7 @@ class Campaign:
         if row["peak"] > limit:
             broken.append(f"peak: {row['peak']:.1f} N, promised are {limit:.0f} N")
 
-    def judge_rest(self, trial, row):
+    def check_rest(self, trial, row):
         """After a goal, with every node there: nothing shakes, and a pressing peg is reported."""
         ears, broken = self.ears, row["broken"]
         limit = FREEING * self.factor + 5.0
@@ -357,7 +357,7 @@ class Campaign:
         if trial["node"] not in (holder_of(trial["goal"]), SUPERVISOR, SIMULATOR, "all") and "pressing" not in row["result"] and not wait_for(reported, limit):
             broken.append(f"contact: {ears.force:.1f} N without a report")
 
-    def judge_truth(self, row, goal):
+    def check_truth(self, row, goal):
         if goal.result is None or not hasattr(goal.result, "report") or not goal.result.report.success:
             return
         reach = self.reach()
@@ -377,7 +377,7 @@ class Campaign:
         points = [[self.radii[0] * (R[i][0] * math.cos(a) + R[i][1] * math.sin(a)) for i in range(2)] for a in angles]
         return max(math.hypot(pose.position.x + x, pose.position.y + y) for x, y in points)
 
-    def judge_name(self, trial, row, goal, by_itself, begun, shaken):
+    def check_name(self, trial, row, goal, by_itself, begun, shaken):
         """Is it named, and in time?"""
         kind, node, broken = trial["kind"], trial["node"], row["broken"]
         holder = holder_of(trial["goal"])
@@ -419,10 +419,10 @@ class Campaign:
     def second(self, row, align):
         goal = self.send("align") if align else self.send("move_to_contact", force=8.0)
         wait_for(goal.done, (300.0 if align else 40.0) * self.factor)
-        self.judge_truth(row, goal)
+        self.check_truth(row, goal)
         return goal
 
-    def judge_next(self, trial, row, aligned):
+    def check_next(self, trial, row, aligned):
         """The next goal, from wherever the peg is."""
         factor = self.factor
         if trial["goal"] == "calibrate":
