@@ -7,7 +7,7 @@
 
 namespace assembly_cell_example {
 
-/// A shaker that does at once what it is told. Key: largest, amplitude [N].
+/// A shaker that follows its commands at once. Key: largest, amplitude [N].
 class IdealShaker : public assembly_cell::Shaker {
  public:
   void open(const YAML::Node& parameters, double now) override {

@@ -85,9 +85,9 @@ class Pool:
         return struct.pack("<I", len(data)) + data
 
 
-class Heard:
+class Taken:
     """How many of a publisher's (URI) messages nodes (URIs) have taken, without what their queues dropped. A node that
-    connects anew, as the simulator in lockstep does to who answers its blocks, begins to count anew: all are added."""
+    reconnects, as the simulator in lockstep does to its participants, restarts its count: all are added."""
 
     def __init__(self, readers, topic, publisher):
         self.topic, self.publisher = topic, publisher
@@ -106,7 +106,7 @@ class TopicSender:
     """Writes batches to all who subscribe, no faster than they take them."""
 
     def __init__(self, publisher, readers, topic, uri):
-        self.publisher, self.heard = publisher, Heard(readers, topic, uri)
+        self.publisher, self.received = publisher, Taken(readers, topic, uri)
         self.batch, self.pause, self.taken = BATCH, 0.001, 0
         for connection in list(publisher.impl.connections):  # otherwise single ones are gathered
             connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -138,7 +138,7 @@ class TopicSender:
         end = time.monotonic() + budget
         while self.taken < count and time.monotonic() < end:
             sent = self.send(pool, min(2000, count - self.taken))
-            before, self.taken = self.taken, self.heard.least()
+            before, self.taken = self.taken, self.received.least()
             self.adapt((self.taken - before) / sent)
         return self.taken
 
