@@ -1,5 +1,5 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Studies of the whole alignment with the tool `align`: figures of docs/reference/strategies.md."""
+"""Studies of the whole alignment with the tool `align`: figures of docs/results/strategies.md."""
 import csv
 import os
 import subprocess
