@@ -113,6 +113,7 @@ std::string Field::value() const {
     case Kind::kChoice:
       return text != nullptr ? *text : names.at(static_cast<std::size_t>(get()));
     case Kind::kSection:
+    case Kind::kOther:
       break;
   }
   return {};
@@ -134,9 +135,10 @@ std::string Field::remedy() const {
     case Kind::kChoice:
       return "give one of " + joined(names);
     case Kind::kSection:
+    case Kind::kOther:
       break;
   }
-  return "give a mapping of keys";
+  return "write it in a file";
 }
 
 bool Field::parse(const std::string& given) const {
@@ -183,6 +185,7 @@ bool Field::parse(const std::string& given) const {
       return true;
     }
     case Kind::kSection:
+    case Kind::kOther:
       break;
   }
   return false;
@@ -240,6 +243,14 @@ Field& FieldList::indexed(const char* name, Kind kind, std::function<std::int64_
   Field& field = add(name, kind, {}, description);
   field.get = std::move(get);
   field.set = std::move(set);
+  return field;
+}
+
+Field& FieldList::other(const char* name, std::function<void(yaml::Section&)> read,
+                        const char* description) {
+  Field& field = add(name, Kind::kOther, {}, description);
+  field.read = std::move(read);
+  field.is_written = false;
   return field;
 }
 
@@ -345,6 +356,7 @@ std::string rangeText(const Field& field) {
     case Kind::kFlag:
       return "true, false";
     case Kind::kText:
+    case Kind::kOther:
       return "";
     case Kind::kChoice:
       return joined(field.names);

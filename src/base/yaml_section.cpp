@@ -270,6 +270,9 @@ void Section::readField(const Field& field) {
     case Field::Kind::kChoice:
       field.parse(choice(name, field.names));
       return;
+    case Field::Kind::kOther:
+      field.read(*this);
+      return;
     case Field::Kind::kSection:
       return;
   }

@@ -8,7 +8,7 @@
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/mechanism/mechanism_text.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
 namespace {

@@ -1,238 +1,223 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/mechanism/mechanism_file.h"
-
 #include <cmath>
 
-namespace assembly_cell {
-namespace mechanism_file {
+#include "assembly_cell/base/fields.h"
+#include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/mechanism/mechanism.h"
 
-using yaml::Range;
-using yaml::Section;
+namespace assembly_cell {
+
 using yaml::shown;
 
 namespace {
 
+// beyond these a number is a slip of the pen, and a run with it would not end
+constexpr Range kLength{-1e3, 1e3, "m"};
+constexpr Range kAngle{-1e3, 1e3, "rad"};
+constexpr Range kSize = positive("m", 1.0);
+constexpr Range kMass = positive("kg", 1e4);
+constexpr Range kInertia = positive("kg m2");
+
 // the Euler angles are singular at sin(theta) = 0: peg horizontal
-constexpr double kSmallestSinTheta = 0.1;
+constexpr double kMinSinTheta = 0.1;
 // rounding of k² against the product of its diagonal entries
 constexpr double kDefiniteRounding = 1e-12;
-constexpr double kLargestPart = 1.0;  // of a radius or a height [m]
-double withinSize(const Section& in, const std::string& key, double value, double largest) {
-  if (std::abs(value) > largest) {
-    in.refuse(in.at(key), value, "give at most " + shown(largest) + " in size, SI units");
-  }
-  return value;
-}
 
-double readSize(Section& in, const std::string& key) {
-  const double value = in.number(key, Range::kPositive);
-  if (value > kLargestPart) {
-    in.refuse(in.at(key), value,
-              "give at most " + shown(kLargestPart) + " m, lengths are in metres");
-  }
-  return value;
-}
-
-}  // namespace
-
-double readLength(Section& in, const std::string& key, Range range) {
-  return withinSize(in, key, in.number(key, range), kLargestLength);
-}
-
-double readAngle(Section& in, const std::string& key) {
-  return withinSize(in, key, in.number(key, Range::kAny), kLargestAngle);
-}
-
-Eigen::Vector3d readTriple(Section& in, const std::string& key, double largest) {
-  const Eigen::Vector3d values = in.numbers<3>(key, Range::kAny);
-  for (int i = 0; i < 3; ++i) {
-    withinSize(in, key + "[" + std::to_string(i) + "]", values[i], largest);
-  }
-  return values;
-}
-
-void checkTheta(const Section& in, const std::string& key, double theta) {
-  // reversed axes (theta outside 0..pi) name the same poses a second time
-  if (!(theta > 0.0 && theta < M_PI && std::sin(theta) >= kSmallestSinTheta)) {
-    in.refuse(key, theta, "give an angle with sin(theta) >= 0.1 between 0 and pi, upright is pi/2");
-  }
-}
-
-namespace {
-
-// beyond it, what is computed from it overflows sooner or later
-double readMass(Section& in) {
-  constexpr double kLargest = 1e4;  // [kg]
-  const double mass = in.number("mass", Range::kPositive);
-  if (mass > kLargest) in.refuse(in.at("mass"), mass, "give at most 10000 kg");
-  return mass;
-}
-
-// of peg and hole alike
-void readChamfer(Section in, double& width, double& angle) {
-  width = readLength(in, "width", Range::kNotNegative);
-  angle = in.number("angle", kLeastChamferAngle, kMostChamferAngle, angle);
-  in.finish();
-}
-
-PegParameters readPeg(Section in) {
-  PegParameters peg;
-  peg.radius = readSize(in, "radius");
-  peg.half_height = readSize(in, "half_height");
-  peg.mass = readMass(in);
-  peg.inertia_transverse = in.number("inertia_transverse", Range::kPositive);
-  peg.inertia_axial = in.number("inertia_axial", Range::kPositive);
-  peg.coupling_height = readLength(in, "coupling_height", Range::kAny);
-  peg.exciter_height = readLength(in, "exciter_height", Range::kAny);
-  if (in.optional("chamfer")) {
-    readChamfer(in.section("chamfer"), peg.chamfer_width, peg.chamfer_angle);
-    if (!(tipRadius(peg) > 0.0)) {
-      in.refuse(in.at("chamfer.width"), peg.chamfer_width,
-                "the peg's radius is " + shown(peg.radius) + " m; give less");
-    }
-    if (!(chamferHeight(peg) < 2.0 * peg.half_height)) {
-      in.refuse(in.at("chamfer.width"), peg.chamfer_width,
-                "the chamfer goes " + shown(chamferHeight(peg)) + " m up, the peg is " +
-                    shown(2.0 * peg.half_height) + " long; give less");
-    }
-  }
-  in.finish();
+std::optional<MechanismProblem> problemOf(const PegParameters& peg) {
   // no body has more inertia about an axis than the sum about the two across
   if (peg.inertia_axial > 2.0 * peg.inertia_transverse) {
-    in.refuse(in.at("inertia_axial"), peg.inertia_axial,
-              "no body has more than twice inertia_transverse (" + shown(peg.inertia_transverse) +
-                  "), correct one of them");
+    return MechanismProblem{"peg.inertia_axial", peg.inertia_axial,
+                            "no body has more than twice inertia_transverse (" +
+                                shown(peg.inertia_transverse) + "), correct one of them"};
   }
-  return peg;
+  if (!(tipRadius(peg) > 0.0)) {
+    return MechanismProblem{"peg.chamfer.width", peg.chamfer_width,
+                            "the peg's radius is " + shown(peg.radius) + " m; give less"};
+  }
+  if (!(chamferHeight(peg) < 2.0 * peg.half_height)) {
+    return MechanismProblem{"peg.chamfer.width", peg.chamfer_width,
+                            "the chamfer goes " + shown(chamferHeight(peg)) + " m up, the peg is " +
+                                shown(2.0 * peg.half_height) + " long; give less"};
+  }
+  return {};
 }
 
-HoleParameters readHole(Section in) {
-  HoleParameters hole;
-  hole.radius = readSize(in, "radius");
-  hole.depth = in.number("depth", Range::kPositive, hole.depth);
-  if (in.optional("chamfer")) {
-    readChamfer(in.section("chamfer"), hole.chamfer_width, hole.chamfer_angle);
-    if (!(mouthRadius(hole) < blockRadius(hole))) {
-      in.refuse(
-          in.at("chamfer.width"), hole.chamfer_width,
-          "the block's wall is " + shown(blockRadius(hole) - hole.radius) + " m wide; give less");
-    }
-    if (!(chamferDepth(hole) < hole.depth)) {
-      in.refuse(in.at("chamfer.width"), hole.chamfer_width,
-                "the chamfer goes " + shown(chamferDepth(hole)) + " m deep, the hole " +
-                    shown(hole.depth) + "; give less");
-    }
+std::optional<MechanismProblem> problemOf(const HoleParameters& hole) {
+  if (!(mouthRadius(hole) < blockRadius(hole))) {
+    return MechanismProblem{
+        "hole.chamfer.width", hole.chamfer_width,
+        "the block's wall is " + shown(blockRadius(hole) - hole.radius) + " m wide; give less"};
   }
-  in.finish();
-  return hole;
+  if (!(chamferDepth(hole) < hole.depth)) {
+    return MechanismProblem{"hole.chamfer.width", hole.chamfer_width,
+                            "the chamfer goes " + shown(chamferDepth(hole)) + " m deep, the hole " +
+                                shown(hole.depth) + "; give less"};
+  }
+  return {};
 }
 
-CarrierParameters readCarrier(Section in, RestPose* rest) {
-  CarrierParameters carrier;
-  carrier.mass = readMass(in);
-  carrier.inertia = in.number("inertia", Range::kPositive);
-  carrier.stiffness = in.numbers<3>("stiffness", Range::kNotNegative);
-  carrier.damping = in.numbers<3>("damping", Range::kNotNegative);
-  carrier.max_speed = in.number("max_speed", Range::kPositive, carrier.max_speed);
-  carrier.max_acceleration =
-      in.number("max_acceleration", Range::kPositive, carrier.max_acceleration);
-  if (rest || in.optional("rest")) {
-    Section in_rest = in.section("rest");
-    RestPose unused;
-    RestPose& to = rest ? *rest : unused;
-    to.x = readLength(in_rest, "x", Range::kAny);
-    to.y = readLength(in_rest, "y", Range::kAny);
-    to.yaw = readAngle(in_rest, "yaw");
-    in_rest.finish();
-  }
-  in.finish();
-  return carrier;
-}
-
-// Diagonal and the two cross terms, named with the letter k or c; positive semidefinite.
-CouplingMatrix readCouplingMatrix(Section in, const std::string& letter) {
-  CouplingMatrix matrix;
-  matrix.diagonal = in.numbers<6>("diagonal", Range::kNotNegative);
-  matrix.k26 = in.number(letter + "26", Range::kAny);
-  matrix.k35 = in.number(letter + "35", Range::kAny);
-  in.finish();
-  const auto check = [&](const std::string& key, double cross, int i, int j) {
-    const double limit = matrix.diagonal[i] * matrix.diagonal[j];
-    if (cross * cross > limit * (1.0 + kDefiniteRounding)) {
-      in.refuse(in.at(key), cross,
-                "the matrix is not positive semidefinite, give at most sqrt(diagonal[" +
-                    std::to_string(i) + "] * diagonal[" + std::to_string(j) +
-                    "]) = " + shown(std::sqrt(limit)) + " in size");
-    }
-  };
-  check(letter + "26", matrix.k26, 1, 5);
-  check(letter + "35", matrix.k35, 2, 4);
-  return matrix;
-}
-
-CouplingParameters readCoupling(Section in, RestPose* rest) {
-  CouplingParameters coupling;
-  coupling.stiffness = readCouplingMatrix(in.section("stiffness"), "k");
-  coupling.damping = readCouplingMatrix(in.section("damping"), "c");
-  if (in.optional("axes") && in.choice("axes", {"hole", "carrier"}) == "carrier") {
-    coupling.axes = CouplingAxes::kCarrier;
-  }
-  if (rest || in.optional("rest")) {
-    Section in_rest = in.section("rest");
-    RestPose unused;
-    RestPose& to = rest ? *rest : unused;
-    to.z = readLength(in_rest, "z", Range::kAny);
-    to.theta = readAngle(in_rest, "theta");
-    to.phi = readAngle(in_rest, "phi");
-    in_rest.finish();
-    checkTheta(in_rest, in_rest.at("theta"), to.theta);
-  }
-  in.finish();
-  return coupling;
-}
-
-ExciterParameters readExciter(Section in) {
-  ExciterParameters exciter;
-  exciter.amplitude = in.number("amplitude", Range::kNotNegative);
-  exciter.frequency =
-      withinSize(in, "frequency", in.number("frequency", Range::kNotNegative), kLargestFrequency);
-  exciter.phase = in.optional("phase") ? readAngle(in, "phase") : 0.0;
-  const double direction = in.number("direction", Range::kAny, 1.0);
-  in.finish();
-  if (std::abs(direction) != 1.0) {
-    in.refuse(in.at("direction"), direction, "give 1 (anticlockwise from above) or -1 (clockwise)");
-  }
-  exciter.direction = direction > 0.0 ? 1 : -1;
-  return exciter;
-}
-
-FrictionParameters readFriction(Section in) {
-  FrictionParameters friction;
-  friction.static_coefficient = in.number("static", Range::kNotNegative);
-  friction.sliding_coefficient = in.number("sliding", Range::kNotNegative);
-  in.finish();
-  if (friction.sliding_coefficient > friction.static_coefficient) {
-    in.refuse(in.at("sliding"), friction.sliding_coefficient,
-              "give at most friction.static (" + shown(friction.static_coefficient) + ")");
-  }
-  return friction;
+std::optional<MechanismProblem> indefinite(const CouplingMatrix& matrix, const char* key, int i,
+                                           int j, double cross) {
+  const double limit = matrix.diagonal[i] * matrix.diagonal[j];
+  if (!(cross * cross > limit * (1.0 + kDefiniteRounding))) return {};
+  return MechanismProblem{key, cross,
+                          "the matrix is not positive semidefinite, give at most sqrt(diagonal[" +
+                              std::to_string(i) + "] * diagonal[" + std::to_string(j) +
+                              "]) = " + shown(std::sqrt(limit)) + " in size"};
 }
 
 }  // namespace
 
-Mechanism readMechanism(Section& in, RestPose* rest) {
-  Mechanism mechanism;
-  mechanism.gravity = in.number("gravity", Range::kNotNegative);
-  mechanism.peg = readPeg(in.section("peg"));
-  mechanism.hole = readHole(in.section("hole"));
-  mechanism.carrier = readCarrier(in.section("carrier"), rest);
-  mechanism.coupling = readCoupling(in.section("coupling"), rest);
-  if (in.optional("exciter")) mechanism.exciter = readExciter(in.section("exciter"));
-  mechanism.friction = readFriction(in.section("friction"));
-  return mechanism;
+// not in an unnamed namespace, which FieldList::section() doesn't see
+
+// of peg and hole alike
+static void chamferFields(FieldList& f, double& width, double& angle) {
+  f.group("chamfer",
+          [&](FieldList& g) {
+            g.number("width", width, notNegative("m", kLength.high),
+                     "Of the edge's chamfer, across; 0: sharp.")
+                .required();
+            g.number("angle", angle, {kLeastChamferAngle, kMostChamferAngle, "rad"},
+                     "Between the chamfer's face and the axis.");
+          })
+      .flow()
+      .written(width > 0.0);
 }
 
-}  // namespace mechanism_file
+static void fields(FieldList& f, PegParameters& p) {
+  f.number("radius", p.radius, kSize, "Of the peg.").required().independent();
+  f.number("half_height", p.half_height, kSize, "From the centre of mass to the bottom edge.")
+      .required();
+  f.number("mass", p.mass, kMass, "Of the peg.").required().independent();
+  f.number("inertia_transverse", p.inertia_transverse, kInertia, "About the centre of mass.")
+      .required();
+  f.number("inertia_axial", p.inertia_axial, kInertia, "At most twice inertia_transverse.")
+      .required();
+  f.number("coupling_height", p.coupling_height, kLength,
+           "From the centre of mass to the coupling, along the axis.")
+      .required();
+  f.number("exciter_height", p.exciter_height, kLength,
+           "From the centre of mass to the exciter's force, along the axis.")
+      .required()
+      .independent();
+  chamferFields(f, p.chamfer_width, p.chamfer_angle);
+}
+
+static void fields(FieldList& f, HoleParameters& p) {
+  f.number("radius", p.radius, kSize, "Of the hole.").required().independent();
+  f.number("depth", p.depth, positive("m"), "Of the hole; missing: without end.")
+      .written(std::isfinite(p.depth));
+  chamferFields(f, p.chamfer_width, p.chamfer_angle);
+}
+
+static void fields(FieldList& f, CarrierParameters& p, RestPose& rest, bool in_scenario) {
+  f.number("mass", p.mass, kMass, "Of the carrier.").required().independent();
+  f.number("inertia", p.inertia, kInertia, "Of the carrier, yaw.").required().independent();
+  f.numbers("stiffness", p.stiffness.data(), 3, Range::kNotNegative, "x, y [N/m], yaw [N m/rad].")
+      .required();
+  f.numbers("damping", p.damping.data(), 3, Range::kNotNegative, "x, y [N s/m], yaw [N m s/rad].")
+      .required();
+  f.number("max_speed", p.max_speed, positive("m/s"), "Of the commanded rest pose.").independent();
+  f.number("max_acceleration", p.max_acceleration, positive("m/s2"), "Of the commanded rest pose.");
+  f.group("rest",
+          [&](FieldList& g) {
+            g.number("x", rest.x, kLength, "Rest position.").required();
+            g.number("y", rest.y, kLength, "Rest position.").required();
+            g.number("yaw", rest.yaw, kAngle, "Rest angle about z.").required();
+          })
+      .required(in_scenario)
+      .written(in_scenario);
+}
+
+// `letter` of the two cross terms: k or c
+static void couplingMatrixFields(FieldList& f, CouplingMatrix& m, bool stiffness) {
+  f.group(stiffness ? "stiffness" : "damping",
+          [&](FieldList& g) {
+            g.numbers("diagonal", m.diagonal.data(), 6, Range::kNotNegative,
+                      stiffness ? "z, x, y [N/m], about z, x, y [N m/rad]."
+                                : "z, x, y [N s/m], about z, x, y [N m s/rad].")
+                .required();
+            g.number(stiffness ? "k26" : "c26", m.k26, Range::kAny, "x with rotation about y.")
+                .required();
+            g.number(stiffness ? "k35" : "c35", m.k35, Range::kAny, "y with rotation about x.")
+                .required();
+          })
+      .required()
+      .flow();
+}
+
+static void fields(FieldList& f, CouplingParameters& p, RestPose& rest, bool in_scenario) {
+  couplingMatrixFields(f, p.stiffness, true);
+  couplingMatrixFields(f, p.damping, false);
+  f.choice("axes", p.axes, {"hole", "carrier"},
+           "Axes of springs and dampers: those of the frame hole, or of the carrier.")
+      .written(p.axes != CouplingAxes::kHole);
+  f.group("rest",
+          [&](FieldList& g) {
+            g.number("z", rest.z, kLength, "Rest height of the coupling point.").required();
+            g.number("theta", rest.theta, kAngle, "Rest angle, upright: pi/2.").required();
+            g.number("phi", rest.phi, kAngle, "Rest angle.").required();
+          })
+      .required(in_scenario)
+      .written(in_scenario);
+}
+
+static void fields(FieldList& f, ExciterParameters& p) {
+  f.number("amplitude", p.amplitude, notNegative("N"), "Of the rotating force; 0: off.")
+      .required()
+      .independent();
+  f.number("frequency", p.frequency, notNegative("rad/s", 1e6), "Of the rotating force.")
+      .required()
+      .independent();
+  f.number("phase", p.phase, kAngle, "Of the rotating force at time 0.").independent();
+  f.integer("direction", p.direction, -1, 1, "1: anticlockwise from above, -1: clockwise.");
+}
+
+static void fields(FieldList& f, FrictionParameters& p) {
+  f.number("static", p.static_coefficient, Range::kNotNegative, "Coefficient at rest.").required();
+  f.number("sliding", p.sliding_coefficient, Range::kNotNegative,
+           "Coefficient while sliding, at most static.")
+      .required();
+}
+
+void fields(FieldList& f, Mechanism& m, RestPose& rest, bool in_scenario) {
+  f.number("gravity", m.gravity, notNegative("m/s2"), "Along -z of the carrier's base.")
+      .required()
+      .independent();
+  f.section("peg", m.peg).required();
+  f.section("hole", m.hole).required();
+  f.group("carrier", [&](FieldList& g) { fields(g, m.carrier, rest, in_scenario); }).required();
+  f.group("coupling", [&](FieldList& g) { fields(g, m.coupling, rest, in_scenario); }).required();
+  f.section("exciter", m.exciter).flow();
+  f.section("friction", m.friction).required().flow();
+}
+
+std::optional<MechanismProblem> problemOf(const Mechanism& m) {
+  if (auto problem = problemOf(m.peg)) return problem;
+  if (auto problem = problemOf(m.hole)) return problem;
+  const CouplingMatrix &k = m.coupling.stiffness, &c = m.coupling.damping;
+  if (auto problem = indefinite(k, "coupling.stiffness.k26", 1, 5, k.k26)) return problem;
+  if (auto problem = indefinite(k, "coupling.stiffness.k35", 2, 4, k.k35)) return problem;
+  if (auto problem = indefinite(c, "coupling.damping.c26", 1, 5, c.k26)) return problem;
+  if (auto problem = indefinite(c, "coupling.damping.c35", 2, 4, c.k35)) return problem;
+  if (m.exciter.direction == 0) {
+    return MechanismProblem{"exciter.direction", 0.0,
+                            "give 1 (anticlockwise from above) or -1 (clockwise)"};
+  }
+  if (m.friction.sliding_coefficient > m.friction.static_coefficient) {
+    return MechanismProblem{
+        "friction.sliding", m.friction.sliding_coefficient,
+        "give at most friction.static (" + shown(m.friction.static_coefficient) + ")"};
+  }
+  return {};
+}
+
+std::optional<MechanismProblem> problemOfTheta(const std::string& key, double theta) {
+  // reversed axes (theta outside 0..pi) name the same poses a second time
+  if (theta > 0.0 && theta < M_PI && std::sin(theta) >= kMinSinTheta) return {};
+  return MechanismProblem{key, theta,
+                          "give an angle with sin(theta) >= 0.1 between 0 and pi, upright is pi/2"};
+}
 
 Pose poseFromRest(const RestPose& rest) {
   return {rotationFromEuler({rest.phi, rest.theta, rest.yaw}),
@@ -261,15 +246,30 @@ Mechanism parseMechanism(const std::string& text, const std::string& source,
                          const std::vector<std::string>& overrides) {
   yaml::Section in(yaml::loadMapping(text, source, overrides, yaml::FileKind::kMechanism), "",
                    source);
-  const Mechanism mechanism = mechanism_file::readMechanism(in, nullptr);
-  // what a scenario says beside
+  Mechanism mechanism;
+  RestPose rest;
+  FieldList list;
+  fields(list, mechanism, rest, false);
+  in.read(list);
+  // other keys of a scenario
   for (const char* key : {"name", "duration", "push", "contact", "initial", "solver",
                           "identification", "thesis_moments", "thesis_cross_stiffness",
                           "thesis_creep", "thesis_no_centripetal", "thesis_sign_flip"}) {
     in.optional(key);
   }
   in.finish();
+  auto problem = problemOf(mechanism);
+  if (!problem) problem = problemOfTheta("coupling.rest.theta", rest.theta);
+  if (problem) in.refuse(problem->key, problem->value, problem->why);
   return mechanism;
+}
+
+std::string mechanismText(const Mechanism& mechanism) {
+  Mechanism copy = mechanism;
+  RestPose rest;
+  FieldList list;
+  fields(list, copy, rest, false);
+  return yamlText(list);
 }
 
 }  // namespace assembly_cell

@@ -6,6 +6,7 @@
 #include "assembly_cell/mismatch/mismatch.h"
 #include "assembly_cell/scene/scenario_numbers.h"
 #include "assembly_cell/sensor/bridge.h"
+#include "draw_keys.h"
 
 namespace assembly_cell {
 namespace {
@@ -55,50 +56,10 @@ class Stream {
     } while (!(direction.squaredNorm() > 1e-6));
     return size * direction.normalized();
   }
-  Vector3d axes(const Draw& draw) {
-    Vector3d drawn;
-    for (double& axis : drawn) axis = value(draw, 0.0);
-    return drawn;
-  }
 
  private:
   std::mt19937_64 engine_;
   NormalSource normal_;
-};
-
-// Draws key after key and notes which were there.
-class Drawer {
- public:
-  Drawer(std::uint64_t seed, Truth& truth) : seed_(seed), truth_(truth) {}
-
-  template <class Take>
-  void draw(const std::string& key, const std::optional<Draw>& asked, const Take& take) {
-    if (!asked) return;
-    Stream stream(seed_, key);
-    take(stream, *asked);
-    truth_.drawn.push_back(key);
-  }
-  void one(const std::string& key, const std::optional<Draw>& asked, double& to,
-           double mean = 0.0) {
-    draw(key, asked, [&](Stream& s, const Draw& d) { to = s.value(d, mean); });
-  }
-  void axes(const std::string& key, const std::optional<Draw>& asked, Vector3d& to) {
-    draw(key, asked, [&](Stream& s, const Draw& d) { to = s.axes(d); });
-  }
-  void directed(const std::string& key, const std::optional<Draw>& asked, Vector3d& to) {
-    draw(key, asked, [&](Stream& s, const Draw& d) { to = s.directed(d); });
-  }
-  void tilt(const std::string& key, const std::optional<Draw>& asked, Eigen::Vector2d& to) {
-    draw(key, asked, [&](Stream& s, const Draw& d) {
-      const double size = s.value(d, 0.0), azimuth = s.angle();
-      to = size * Eigen::Vector2d(std::cos(azimuth), std::sin(azimuth));
-    });
-  }
-  std::uint64_t noise(const std::string& key) const { return streamSeed(seed_, key + "#noise"); }
-
- private:
-  std::uint64_t seed_;
-  Truth& truth_;
 };
 
 std::vector<DrawnChange> drawChanges(const std::vector<ScenarioChange>& changes,
@@ -123,51 +84,30 @@ std::vector<DrawnChange> drawChanges(const std::vector<ScenarioChange>& changes,
   return drawn;
 }
 
-void drawSensor(const std::string& name, const Mismatch::Sensor& asked, Drawer& drawer,
-                SensorTruth& sensor) {
-  drawer.draw(name + ".matrix", asked.matrix, [&](Stream& s, const Draw& d) {
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) sensor.matrix(i, j) = s.value(d, 0.0);
+void drawKey(const DrawKey& key, const Draw& draw, std::uint64_t seed) {
+  Stream stream(seed, key.path);
+  switch (key.shape) {
+    case DrawKey::Shape::kNumber:
+      *key.values = stream.value(draw, key.mean);
+      if (key.angle != nullptr) *key.angle = stream.angle();
+      return;
+    case DrawKey::Shape::kAxes:
+      for (int i = 0; i < 3; ++i) key.values[i] = stream.value(draw, 0.0);
+      return;
+    case DrawKey::Shape::kDirection:
+      Eigen::Map<Vector3d>(key.values) = stream.directed(draw);
+      return;
+    case DrawKey::Shape::kTilt: {
+      const double size = stream.value(draw, 0.0), azimuth = stream.angle();
+      Eigen::Map<Eigen::Vector2d>(key.values) =
+          size * Eigen::Vector2d(std::cos(azimuth), std::sin(azimuth));
+      return;
     }
-  });
-  drawer.directed(name + ".frame.rotation", asked.rotation, sensor.rotation);
-  drawer.directed(name + ".frame.offset", asked.offset, sensor.offset);
-  Vector3d drift = Vector3d::Zero();
-  drawer.axes(name + ".drift.force", asked.drift_force, drift);
-  sensor.drift.head<3>() = drift;
-  drift.setZero();
-  drawer.axes(name + ".drift.torque", asked.drift_torque, drift);
-  sensor.drift.tail<3>() = drift;
-  drawer.one(name + ".drift.walk", asked.walk, sensor.walk);
-  sensor.walk_seed = drawer.noise(name + ".drift.walk");
-  drawer.directed(name + ".hum.force", asked.hum_force, sensor.hum);
-  drawer.draw(name + ".hum.frequency", asked.hum_frequency, [&](Stream& s, const Draw& d) {
-    sensor.hum_frequency = s.value(d, 0.0);
-    sensor.hum_phase = s.angle();
-  });
-  drawer.one(name + ".latency", asked.latency, sensor.latency);
-}
-
-void drawExciter(const Mismatch::Exciter& asked, Drawer& drawer, ExciterErrors& exciter) {
-  drawer.one("exciter.amplitude", asked.amplitude, exciter.gain, 1.0);
-  drawer.one("exciter.delay", asked.delay, exciter.delay);
-  drawer.draw("exciter.ellipticity", asked.ellipticity, [&](Stream& s, const Draw& d) {
-    exciter.ellipticity = s.value(d, 0.0);
-    exciter.azimuth = s.angle();
-  });
-  drawer.one("exciter.harmonic", asked.harmonic, exciter.harmonic);
-}
-
-void drawCarrier(const Mismatch::Carrier& asked, Drawer& drawer, Truth& truth) {
-  CarrierTruth& carrier = truth.cell.carrier;
-  drawer.axes("carrier.reading_noise", asked.reading_noise, carrier.reading_noise);
-  carrier.reading_seed = drawer.noise("carrier.reading_noise");
-  drawer.axes("carrier.repeatability", asked.repeatability, carrier.repeatability);
-  carrier.repeatability_seed = drawer.noise("carrier.repeatability");
-  drawer.axes("carrier.compliance", asked.compliance, truth.imperfections.compliance);
-  drawer.directed("carrier.frame.rotation", asked.rotation, carrier.rotation);
-  drawer.axes("carrier.frame.scale", asked.scale, carrier.scale);
-  drawer.directed("carrier.frame.offset", asked.offset, carrier.offset);
+    case DrawKey::Shape::kMatrix:
+      for (int i = 0; i < 6; ++i) {
+        for (int j = 0; j < 6; ++j) Eigen::Map<Matrix6>(key.values)(i, j) = stream.value(draw, 0.0);
+      }
+  }
 }
 
 }  // namespace
@@ -189,13 +129,17 @@ Truth drawTruth(const Mismatch& mismatch, std::uint64_t seed) {
   Truth truth;
   truth.scale = drawChanges(mismatch.scale, "scale", 1.0, seed);
   truth.add = drawChanges(mismatch.add, "add", 0.0, seed);
-  Drawer drawer(seed, truth);
-  drawExciter(mismatch.exciter, drawer, truth.imperfections.exciter);
-  drawSensor("sensor_a", mismatch.sensor_a, drawer, truth.cell.sensor_a);
-  drawSensor("sensor_b", mismatch.sensor_b, drawer, truth.cell.sensor_b);
-  drawCarrier(mismatch.carrier, drawer, truth);
-  drawer.tilt("hole.bore_tilt", mismatch.bore_tilt, truth.bore_tilt);
-  drawer.tilt("hole.face_tilt", mismatch.face_tilt, truth.face_tilt);
+  for (const DrawKey& key : drawKeys(truth)) {
+    const auto draw = mismatch.draws.find(key.path);
+    if (draw == mismatch.draws.end()) continue;
+    drawKey(key, draw->second, seed);
+    truth.drawn.push_back(key.path);
+  }
+  const auto noise = [&](const char* key) { return streamSeed(seed, std::string(key) + "#noise"); };
+  truth.cell.sensor_a.walk_seed = noise("sensor_a.drift.walk");
+  truth.cell.sensor_b.walk_seed = noise("sensor_b.drift.walk");
+  truth.cell.carrier.reading_seed = noise("carrier.reading_noise");
+  truth.cell.carrier.repeatability_seed = noise("carrier.repeatability");
   truth.imperfections.bore_lean = boreLean(truth.bore_tilt);
   return truth;
 }

@@ -46,7 +46,7 @@ void scaleInertias(const std::string& path, double factor, Mechanism& m) {
 std::vector<ScenarioNumber> numbersOf(const DrawnChange& change, Scenario& s) {
   if (change.path != "friction") return scenarioNumbers(s, change.path);
   FrictionParameters& friction = s.mechanism.friction;
-  const yaml::Range range = yaml::Range::kNotNegative;
+  const Range range = Range::kNotNegative;
   return {{"friction.static", &friction.static_coefficient, range, false},
           {"friction.sliding", &friction.sliding_coefficient, range, false}};
 }
@@ -64,12 +64,17 @@ void scale(const DrawnChange& change, Scenario& s) {
   scaleInertias(change.path, change.values.front(), s.mechanism);
 }
 
+// a hole without end stays so
+bool possible(double value, const Range& range) {
+  return range.contains(value) || value == HUGE_VAL;
+}
+
 // what another run of the file could draw is refused in every run
 void checkReach(const DrawnChange& change, const ScenarioNumber& number,
                 const std::string& source) {
   for (const double by : {change.low, change.high}) {
     const double value = *number.value + by;
-    if (change.low == change.high || number.range.contains(value)) continue;
+    if (change.low == change.high || possible(value, number.range)) continue;
     yaml::refuse(source, "add." + change.key,
                  "[" + shown(change.low) + ", " + shown(change.high) + "]",
                  "can be drawn (normal draws within 5 SD), but the true " + number.key +
@@ -89,54 +94,9 @@ void add(const DrawnChange& change, const std::string& source, Scenario& s) {
 
 // ---- what a scenario file would be refused for
 
-struct Problem {
-  std::string key;  // that the scenario would name
-  std::string what;
-};
-
-std::optional<Problem> indefinite(const std::string& name, const CouplingMatrix& matrix,
-                                  const std::string& letter) {
-  constexpr double kRounding = 1e-12;
-  const auto bad = [&](double cross, int i, int j) {
-    return cross * cross > matrix.diagonal(i) * matrix.diagonal(j) * (1.0 + kRounding);
-  };
-  if (bad(matrix.k26, 1, 5)) return Problem{name + "." + letter + "26", "not semidefinite with"};
-  if (bad(matrix.k35, 2, 4)) return Problem{name + "." + letter + "35", "not semidefinite with"};
-  return {};
-}
-
-std::optional<Problem> problemOf(const Mechanism& m) {
-  constexpr const char* kSteep = "not within 0.1 and 1.4 rad with";
-  if (m.friction.sliding_coefficient > m.friction.static_coefficient) {
-    return Problem{"friction.sliding", "more than friction.static with"};
-  }
-  if (m.peg.inertia_axial > 2.0 * m.peg.inertia_transverse) {
-    return Problem{"peg.inertia_axial", "more than twice peg.inertia_transverse with"};
-  }
-  const auto steep = [](double angle) {
-    return !(angle >= kLeastChamferAngle && angle <= kMostChamferAngle);
-  };
-  if (steep(m.peg.chamfer_angle)) return Problem{"peg.chamfer.angle", kSteep};
-  if (!(tipRadius(m.peg) > 0.0)) {
-    return Problem{"peg.chamfer.width", "as wide as the peg's radius with"};
-  }
-  if (!(chamferHeight(m.peg) < 2.0 * m.peg.half_height)) {
-    return Problem{"peg.chamfer.width", "as high as the peg is long with"};
-  }
-  if (steep(m.hole.chamfer_angle)) return Problem{"hole.chamfer.angle", kSteep};
-  if (!(mouthRadius(m.hole) < blockRadius(m.hole))) {
-    return Problem{"hole.chamfer.width", "as wide as the block's wall with"};
-  }
-  if (!(chamferDepth(m.hole) < m.hole.depth)) {
-    return Problem{"hole.chamfer.width", "as deep as the hole with"};
-  }
-  auto found = indefinite("coupling.stiffness", m.coupling.stiffness, "k");
-  return found ? found : indefinite("coupling.damping", m.coupling.damping, "c");
-}
-
 // refuses by the last entry of the file that concerns the key
-[[noreturn]] void refuseDraw(const Truth& truth, const std::string& source, const Problem& problem,
-                             double value) {
+[[noreturn]] void refuseDraw(const Truth& truth, const std::string& source,
+                             const MechanismProblem& problem) {
   std::string section, key, drawn;
   const std::string part = problem.key.substr(0, problem.key.find('.'));
   const auto look = [&](const std::vector<DrawnChange>& changes, const std::string& name) {
@@ -150,8 +110,8 @@ std::optional<Problem> problemOf(const Mechanism& m) {
   look(truth.scale, "scale");
   look(truth.add, "add");
   yaml::refuse(source, section + "." + key, drawn,
-               "drawn, but the true " + problem.key + " would be " + problem.what + " " +
-                   shown(value) + ", give a narrower draw");
+               "drawn, but the true " + problem.key + " would be " + shown(problem.value) + " (" +
+                   problem.why + "), give a narrower draw");
 }
 
 void checkNumbers(const Truth& truth, const std::string& source, Scenario& s) {
@@ -162,7 +122,7 @@ void checkNumbers(const Truth& truth, const std::string& source, Scenario& s) {
                                 : numbersOf(change, s);
       for (const ScenarioNumber& number : numbers) {
         const double value = *number.value;
-        if (number.range.contains(value) && !std::isnan(value)) continue;
+        if (possible(value, number.range)) continue;
         yaml::refuse(source, (changes == &truth.scale ? "scale." : "add.") + change.key,
                      shownValues(change.values),
                      "drawn, but the true " + number.key + " would be " + shown(value) +
@@ -170,10 +130,10 @@ void checkNumbers(const Truth& truth, const std::string& source, Scenario& s) {
       }
     }
   }
-  const std::optional<Problem> problem = problemOf(s.mechanism);
-  if (!problem) return;
-  const double* value = scenarioNumber(s, problem->key);
-  refuseDraw(truth, source, *problem, value ? *value : 0.0);
+  auto problem = problemOf(s.mechanism);
+  if (!problem) problem = problemOfTheta("coupling.rest.theta", s.rest.theta);
+  if (!problem) problem = problemOfTheta("initial.peg.euler[1]", s.initial.euler.theta);
+  if (problem) refuseDraw(truth, source, *problem);
 }
 
 // ---- where the peg starts

@@ -2,22 +2,38 @@
 #include <map>
 
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/mismatch/mismatch.h"
+#include "draw_keys.h"
 
 namespace assembly_cell {
 namespace {
 
-template <class Numbers>
-std::string list(const Numbers& numbers) {
+// every `step`th of n numbers
+std::string list(const double* numbers, std::size_t n, std::size_t step = 1) {
   std::string text;
-  for (const double number : numbers) text += (text.empty() ? "" : ", ") + yamlNumber(number);
+  for (std::size_t i = 0; i < n; ++i) {
+    text += (text.empty() ? "" : ", ") + yamlNumber(numbers[i * step]);
+  }
   return "[" + text + "]";
 }
 
-std::string matrix(const Matrix6& m) {
-  std::string text;
-  for (int i = 0; i < 6; ++i) text += (i > 0 ? ", " : "") + list(Vector6(m.row(i).transpose()));
-  return "[" + text + "]";
+std::string textOf(const DrawKey& key) {
+  switch (key.shape) {
+    case DrawKey::Shape::kAxes:
+    case DrawKey::Shape::kDirection:
+      return list(key.values, 3);
+    case DrawKey::Shape::kTilt:
+      return list(key.values, 2);
+    case DrawKey::Shape::kMatrix: {
+      std::string rows;
+      for (int i = 0; i < 6; ++i) rows += (i > 0 ? ", " : "") + list(key.values + i, 6, 6);
+      return "[" + rows + "]";
+    }
+    case DrawKey::Shape::kNumber:
+      break;
+  }
+  const std::string number = yamlNumber(*key.values);
+  if (key.angle == nullptr) return number;
+  return number + ", " + key.angle_name + ": " + yamlNumber(*key.angle);
 }
 
 std::string changes(const std::vector<DrawnChange>& drawn) {
@@ -26,48 +42,13 @@ std::string changes(const std::vector<DrawnChange>& drawn) {
     const std::string key =
         change.key.find('[') == std::string::npos ? change.key : yamlQuoted(change.key);
     text += (text.empty() ? "" : ", ") + key + ": " +
-            (change.each ? list(change.values) : yamlNumber(change.values.front()));
+            (change.each ? list(change.values.data(), change.values.size())
+                         : yamlNumber(change.values.front()));
   }
   return "{" + text + "}";
 }
 
 using Texts = std::map<std::string, std::string>;
-
-void addSensor(const std::string& name, const SensorTruth& s, Texts& texts) {
-  texts[name + ".matrix"] = matrix(s.matrix);
-  texts[name + ".frame.rotation"] = list(s.rotation);
-  texts[name + ".frame.offset"] = list(s.offset);
-  texts[name + ".drift.force"] = list(Eigen::Vector3d(s.drift.head<3>()));
-  texts[name + ".drift.torque"] = list(Eigen::Vector3d(s.drift.tail<3>()));
-  texts[name + ".drift.walk"] = yamlNumber(s.walk);
-  texts[name + ".hum.force"] = list(s.hum);
-  texts[name + ".hum.frequency"] =
-      yamlNumber(s.hum_frequency) + ", phase: " + yamlNumber(s.hum_phase);
-  texts[name + ".latency"] = yamlNumber(s.latency);
-}
-
-// what stands behind each key path of the file
-Texts textsOf(const Truth& truth) {
-  const ExciterErrors& e = truth.imperfections.exciter;
-  const CarrierTruth& c = truth.cell.carrier;
-  Texts texts = {
-      {"exciter.amplitude", yamlNumber(e.gain)},
-      {"exciter.delay", yamlNumber(e.delay)},
-      {"exciter.ellipticity", yamlNumber(e.ellipticity) + ", azimuth: " + yamlNumber(e.azimuth)},
-      {"exciter.harmonic", yamlNumber(e.harmonic)},
-      {"carrier.reading_noise", list(c.reading_noise)},
-      {"carrier.repeatability", list(c.repeatability)},
-      {"carrier.compliance", list(truth.imperfections.compliance)},
-      {"carrier.frame.rotation", list(c.rotation)},
-      {"carrier.frame.scale", list(c.scale)},
-      {"carrier.frame.offset", list(c.offset)},
-      {"hole.bore_tilt", list(truth.bore_tilt)},
-      {"hole.face_tilt", list(truth.face_tilt)},
-  };
-  addSensor("sensor_a", truth.cell.sensor_a, texts);
-  addSensor("sensor_b", truth.cell.sensor_b, texts);
-  return texts;
-}
 
 // keys [first, last) of one mapping, whose path ends before `depth`
 std::string mapping(const std::vector<std::string>& keys, std::size_t first, std::size_t last,
@@ -98,7 +79,10 @@ std::string truthText(const Truth& truth) {
   };
   if (!truth.scale.empty()) join("scale: " + changes(truth.scale));
   if (!truth.add.empty()) join("add: " + changes(truth.add));
-  join(mapping(truth.drawn, 0, truth.drawn.size(), 0, textsOf(truth)));
+  Truth copy = truth;
+  Texts texts;
+  for (const DrawKey& key : drawKeys(copy)) texts[key.path] = textOf(key);
+  join(mapping(truth.drawn, 0, truth.drawn.size(), 0, texts));
   return "{" + text + "}";
 }
 

@@ -5,27 +5,25 @@
 #include <cmath>
 #include <iterator>
 
-#include "assembly_cell/mechanism/mechanism_file.h"
+#include "assembly_cell/base/fields.h"
+#include "assembly_cell/base/yaml_section.h"
 
 namespace assembly_cell {
 namespace {
 
-using mechanism_file::checkTheta;
-using mechanism_file::kLargestAngle;
-using mechanism_file::kLargestLength;
-using mechanism_file::readAngle;
-using mechanism_file::readLength;
-using mechanism_file::readTriple;
-using yaml::Range;
 using yaml::Section;
 using yaml::shown;
 
+// beyond these a number is a slip of the pen
+constexpr Range kLength{-1e3, 1e3, "m"};
+constexpr Range kAngle{-1e3, 1e3, "rad"};
 constexpr double kMaxSteps = 1e10;  // a run with more would not end
 // of a step [m]: below, rounding of positions of 0.1 m is seen as error and no step is short
 // enough; above, an error as large as a clearance passes
 constexpr double kFinestTolerance = 1e-14, kCoarsestTolerance = 1e-3;
 
-ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
+ContactFeatures readFeatures(Section& in) {
+  const YAML::Node node = in.required("features", "");
   struct Name {
     const char* text;
     bool ContactFeatures::*admitted;
@@ -53,126 +51,115 @@ ContactFeatures readFeatures(const Section& in, const YAML::Node& node) {
   return features;
 }
 
-ThesisSwitches readThesis(Section& in) {
-  ThesisSwitches thesis;
-  thesis.moments = in.flag("thesis_moments", false);
-  thesis.cross_stiffness = in.flag("thesis_cross_stiffness", false);
-  thesis.creep = in.flag("thesis_creep", false);
-  thesis.no_centripetal = in.flag("thesis_no_centripetal", false);
-  thesis.sign_flip = in.flag("thesis_sign_flip", false);
-  return thesis;
+}  // namespace
+
+// not in an unnamed namespace, which FieldList::section() doesn't see
+
+static void fields(FieldList& f, ContactParameters& c) {
+  f.choice("law", c.law, {"none", "spring_dashpot", "viscous", "rigid"}, "Of the contacts.")
+      .required();
+  f.number("regularisation_speed", c.regularisation_speed, positive("m/s"),
+           "Of the regularised friction.");
+  f.flag("stationary_rows", c.stationary_rows, "viscous: discrete stick instead.");
+  f.number("stiffness", c.stiffness, notNegative("N/m"), "spring_dashpot: required, above 0.");
+  f.number("damping", c.damping, notNegative("N s/m"), "spring_dashpot: required.");
+  f.number("rate", c.rate, notNegative("1/s"), "viscous: required, above 0.").independent();
+  f.number("pull_back", c.pull_back, notNegative("1/s2"), "viscous: of the penetration.");
+  f.number("restitution", c.restitution, {0.0, 1.0}, "rigid: energetic coefficient, 0: plastic.");
+  f.other(
+      "features", [&c](Section& in) { c.features = readFeatures(in); },
+      "List of the kinds of contact that a run admits; missing: all.");
 }
 
-ContactParameters readContact(Section in) {
-  ContactParameters contact;
-  const std::string law = in.text("law", "give none, spring_dashpot, viscous or rigid");
-  if (law == "none") {
-    contact.law = ContactLaw::kNone;
-  } else if (law == "spring_dashpot") {
-    contact.law = ContactLaw::kSpringDashpot;
-  } else if (law == "viscous") {
-    contact.law = ContactLaw::kViscous;
-  } else if (law == "rigid") {
-    contact.law = ContactLaw::kRigid;
-  } else {
-    in.refuse(in.at("law"), law, "give none, spring_dashpot, viscous or rigid");
-  }
-
-  contact.regularisation_speed =
-      in.number("regularisation_speed", Range::kPositive, contact.regularisation_speed);
-  contact.stationary_rows = in.flag("stationary_rows", contact.stationary_rows);
-
-  // what the law cannot do without must be there
-  if (contact.law == ContactLaw::kSpringDashpot) {
-    contact.stiffness = in.number("stiffness", Range::kPositive);
-    contact.damping = in.number("damping", Range::kNotNegative);
-  } else {
-    contact.stiffness = in.number("stiffness", Range::kNotNegative, contact.stiffness);
-    contact.damping = in.number("damping", Range::kNotNegative, contact.damping);
-  }
-  contact.rate = contact.law == ContactLaw::kViscous
-                     ? in.number("rate", Range::kPositive)
-                     : in.number("rate", Range::kNotNegative, contact.rate);
-  contact.pull_back = in.number("pull_back", Range::kNotNegative, contact.pull_back);
-  contact.restitution = in.number("restitution", Range::kNotNegative, contact.restitution);
-  if (contact.restitution > 1.0) {
-    in.refuse(in.at("restitution"), contact.restitution, "give a number from 0 to 1");
-  }
-  if (in.optional("features")) {
-    contact.features = readFeatures(in, in.required("features", ""));
-  }
-  in.finish();
-  return contact;
+static void fields(FieldList& f, InitialState& s) {
+  static_assert(sizeof(EulerAngles) == 3 * sizeof(double), "three numbers in a row");
+  f.flag("close", s.close, "Lower the peg until the smallest gap is 0.");
+  f.group("carrier", [&](FieldList& g) {
+    g.number("x", s.carrier_x, kLength, "Position.").required();
+    g.number("y", s.carrier_y, kLength, "Position.").required();
+    g.number("yaw", s.carrier_yaw, kAngle, "Angle about z.").required();
+    g.numbers("velocity", s.carrier_velocity.data(), 3, Range::kAny, "x, y [m/s], yaw [rad/s].");
+  });
+  f.group("peg", [&](FieldList& g) {
+    g.numbers("position", s.position.data(), 3, kLength, "Centre of mass.").required();
+    g.numbers("euler", &s.euler.phi, 3, kAngle, "Angles phi, theta, psi.").required();
+    g.numbers("velocity", s.velocity.data(), 3, finite("m/s"), "Of the centre of mass.");
+    g.numbers("euler_rates", s.euler_rates.data(), 3, finite("rad/s"), "Of phi, theta, psi.");
+  });
 }
 
-// Absent parts start at rest: the carrier at its rest pose, the peg hanging stress-free from it.
-InitialState readInitial(const YAML::Node& node, const std::string& source, const RestPose& rest,
-                         double coupling_height) {
-  Section in(node, "initial", source);
-  InitialState initial;
-  initial.close = in.flag("close", initial.close);
+static void fields(FieldList& f, SolverParameters& p) {
+  f.choice("integrator", p.integrator, {"dopri5", "dop853", "hamming", "rk4"},
+           "Of the equations of motion.");
+  f.number("tolerance", p.tolerance, {kFinestTolerance, kCoarsestTolerance, "m"},
+           "Absolute error of a position per step; of angles 30 rad/m times that.")
+      .independent();
+  f.number("max_step", p.max_step, positive("s"), "Longest step.").independent();
+  f.number("step", p.step, positive("s"), "Of fixed-step methods.");
+}
 
-  initial.carrier_x = rest.x;
-  initial.carrier_y = rest.y;
-  initial.carrier_yaw = rest.yaw;
-  if (in.optional("carrier")) {
-    Section carrier = in.section("carrier");
-    initial.carrier_x = readLength(carrier, "x", Range::kAny);
-    initial.carrier_y = readLength(carrier, "y", Range::kAny);
-    initial.carrier_yaw = readAngle(carrier, "yaw");
-    initial.carrier_velocity = carrier.vector("velocity");
-    carrier.finish();
+void fields(FieldList& f, Scenario& s) {
+  f.text("name", s.name, "Of the scenario.").required();
+  f.number("duration", s.duration, notNegative("s"), "Of the run.").required().independent();
+  fields(f, s.mechanism, s.rest, true);
+  f.numbers("push", s.push.data(), 3, finite("N"),
+            "Constant force in peg axes at the exciter's point.");
+  f.section("contact", s.contact).required();
+  f.flag("thesis_moments", s.thesis.moments,
+         "Moments of exciter and contacts as the thesis prints them.");
+  f.flag("thesis_cross_stiffness", s.thesis.cross_stiffness,
+         "k26 and k35 count twice; coupling.axes: hole only.");
+  f.flag("thesis_creep", s.thesis.creep, "Stationary rows demand no acceleration only.");
+  f.flag("thesis_no_centripetal", s.thesis.no_centripetal,
+         "Rows without the centripetal terms and the contact's own motion.");
+  f.flag("thesis_sign_flip", s.thesis.sign_flip,
+         "viscous: a pulling normal force is negated, not released.");
+  f.section("initial", s.initial);
+  f.section("solver", s.solver);
+}
+
+namespace {
+
+// Missing parts start at rest: the carrier at its rest pose, the peg hanging stress-free from it.
+void completeInitial(Section& in, Scenario& scenario) {
+  bool has_carrier = false, has_peg = false;
+  if (in.has("initial")) {
+    const Section given = in.section("initial");
+    has_carrier = given.has("carrier");
+    has_peg = given.has("peg");
   }
-
+  InitialState& initial = scenario.initial;
+  const RestPose& rest = scenario.rest;
+  if (!has_carrier) {
+    initial.carrier_x = rest.x;
+    initial.carrier_y = rest.y;
+    initial.carrier_yaw = rest.yaw;
+  }
+  if (has_peg) return;
   initial.euler = {rest.phi, rest.theta, initial.carrier_yaw};
   const Eigen::Vector3d axis = rotationFromEuler(initial.euler).col(2);
-  initial.position =
-      Eigen::Vector3d(initial.carrier_x, initial.carrier_y, rest.z) - coupling_height * axis;
-  if (in.optional("peg")) {
-    Section peg = in.section("peg");
-    initial.position = readTriple(peg, "position", kLargestLength);
-    const Eigen::Vector3d euler = readTriple(peg, "euler", kLargestAngle);
-    initial.euler = {euler[0], euler[1], euler[2]};
-    initial.velocity = peg.vector("velocity");
-    initial.euler_rates = peg.vector("euler_rates");
-    peg.finish();
-    checkTheta(peg, peg.at("euler") + "[1]", initial.euler.theta);
-  }
-  in.finish();
-  return initial;
+  initial.position = Eigen::Vector3d(initial.carrier_x, initial.carrier_y, rest.z) -
+                     scenario.mechanism.peg.coupling_height * axis;
 }
 
-SolverParameters readSolver(Section in) {
-  SolverParameters solver;
-  if (in.optional("integrator")) {
-    solver.integrator = in.text("integrator", "give the name of an integrator, such as dopri5");
+// The law's own parameters must be there.
+void checkContact(Section contact, ContactLaw law) {
+  if (law == ContactLaw::kSpringDashpot) {
+    contact.number("stiffness", positive("N/m"));
+    contact.number("damping", notNegative("N s/m"));
   }
-  solver.tolerance = in.number("tolerance", kFinestTolerance, kCoarsestTolerance, solver.tolerance);
-  solver.max_step = in.number("max_step", Range::kPositive, solver.max_step);
-  solver.step = in.number("step", Range::kPositive, solver.step);
-  in.finish();
-  return solver;
+  if (law == ContactLaw::kViscous) contact.number("rate", positive("1/s"));
 }
 
-Scenario readScenario(const YAML::Node& root, const std::string& source) {
-  Section in(root, "", source);
-  Scenario scenario;
-  scenario.name = in.text("name", "give the scenario a name");
-  scenario.duration = in.number("duration", Range::kNotNegative);
-  scenario.mechanism = mechanism_file::readMechanism(in, &scenario.rest);
-  scenario.push = in.vector("push");
-  scenario.contact = readContact(in.section("contact"));
-  scenario.thesis = readThesis(in);
+void check(const Section& in, const Scenario& scenario) {
+  auto problem = problemOf(scenario.mechanism);
+  if (!problem) problem = problemOfTheta("coupling.rest.theta", scenario.rest.theta);
+  if (!problem) problem = problemOfTheta("initial.peg.euler[1]", scenario.initial.euler.theta);
+  if (problem) in.refuse(problem->key, problem->value, problem->why);
   if (scenario.thesis.cross_stiffness &&
       scenario.mechanism.coupling.axes == CouplingAxes::kCarrier) {
     in.refuse("thesis_cross_stiffness", "true", "the thesis's coupling has coupling.axes: hole");
   }
-  const YAML::Node initial =
-      in.optional("initial") ? in.required("initial", "") : YAML::Node(YAML::NodeType::Map);
-  scenario.initial =
-      readInitial(initial, source, scenario.rest, scenario.mechanism.peg.coupling_height);
-  if (in.optional("solver")) scenario.solver = readSolver(in.section("solver"));
-  in.finish();
   const double longest_step = std::min(
       scenario.solver.max_step, scenario.solver.step > 0.0 ? scenario.solver.step : HUGE_VAL);
   if (scenario.duration > kMaxSteps * longest_step) {
@@ -180,6 +167,16 @@ Scenario readScenario(const YAML::Node& root, const std::string& source) {
               "more than " + shown(kMaxSteps) + " steps of solver.max_step or solver.step (" +
                   shown(longest_step) + "), give a shorter time or longer steps");
   }
+}
+
+Scenario readScenario(const YAML::Node& root, const std::string& source) {
+  Section in(root, "", source);
+  Scenario scenario;
+  in.read(fieldsOf(scenario));
+  in.finish();
+  checkContact(in.section("contact"), scenario.contact.law);
+  completeInitial(in, scenario);
+  check(in, scenario);
   return scenario;
 }
 

@@ -23,9 +23,13 @@
 // and tables. Defaults are those of the struct. Checks that involve several fields are functions.
 namespace assembly_cell {
 
+namespace yaml {
+class Section;
+}
+
 /// A member of a struct: where it is, by which name a person sets it, and what it may be.
 struct Field {
-  enum class Kind { kNumber, kNumbers, kInteger, kFlag, kText, kChoice, kSection };
+  enum class Kind { kNumber, kNumbers, kInteger, kFlag, kText, kChoice, kSection, kOther };
   /// When a node takes a change: at its start only, while it runs, or while it runs and never
   /// above the value at the start.
   enum class Change { kRestart, kLive, kLower };
@@ -33,7 +37,7 @@ struct Field {
   std::string path;  ///< "insert.force"
   Kind kind;
   Range range;              ///< of a number, of each of a row, of an integer
-  std::string description;  ///< a sentence
+  const char* description;  ///< a sentence, a literal
 
   double* numbers = nullptr;  ///< of a number or a row of `count`
   std::size_t count = 1;      ///< of a section: of the fields after it that are in it, at any depth
@@ -43,6 +47,8 @@ struct Field {
   std::function<std::int64_t()> get;
   std::function<void(std::int64_t)> set;
   std::vector<std::string> names;  ///< of a choice
+  /// Of kOther, which only a file has: reads the key `name()` of a section.
+  std::function<void(yaml::Section&)> read;
 
   bool is_required = false;     ///< a file or a node's parameters must have it
   bool is_independent = false;  ///< no other field and no check depends on it
@@ -98,6 +104,9 @@ class FieldList {
   /// A text that is one of `names`.
   Field& choice(const char* name, std::string& value, std::vector<std::string> names,
                 const char* description);
+  /// A value of any other form, read by a function.
+  Field& other(const char* name, std::function<void(yaml::Section&)> read,
+               const char* description = "");
   /// A struct within the struct: calls its function fields().
   template <class Struct>
   Field& section(const char* name, Struct& value, const char* description = "") {

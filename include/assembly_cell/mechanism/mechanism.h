@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
+
+class FieldList;
 
 // What is known of the cell's parts: all that strategies, estimators, locus fit and displacement
 // map see. Where the hole is and how a simulation runs is in a Scenario. SI units.
@@ -125,6 +128,22 @@ struct Mechanism {
 /// Static stiffness of the coupling in the order of a wrench: x y z [N/m], about x y z [N·m/rad].
 Matrix6 couplingStiffness(const CouplingParameters& coupling);
 
+/// Keys of a scenario or mechanism file: gravity, peg, hole, carrier, coupling, exciter, friction.
+/// The rest pose in carrier.rest and coupling.rest must be in a scenario; a mechanism file may have
+/// it.
+void fields(FieldList& f, Mechanism& m, RestPose& rest, bool in_scenario);
+
+/// A number of a mechanism that doesn't go with the others.
+struct MechanismProblem {
+  std::string key;
+  double value;
+  std::string why;
+};
+/// Checks of several numbers together, whose ranges have been checked; empty: none is wrong.
+std::optional<MechanismProblem> problemOf(const Mechanism& mechanism);
+/// Also of the angle theta of a pose, named `key`: near 0 and pi the Euler angles are singular.
+std::optional<MechanismProblem> problemOfTheta(const std::string& key, double theta);
+
 /// The mechanism of a scenario or mechanism file; keys of a simulation are passed over. Each
 /// override is "key.path=value". Throws InputError naming file, key path, value and remedy.
 Mechanism loadMechanism(const std::string& path, const std::vector<std::string>& overrides = {});
@@ -132,5 +151,9 @@ Mechanism loadMechanism(const std::string& path, const std::vector<std::string>&
 /// The same of a file's text; `source` is what messages call it.
 Mechanism parseMechanism(const std::string& text, const std::string& source,
                          const std::vector<std::string>& overrides = {});
+
+/// The mechanism's keys of a scenario or mechanism file, from gravity to friction. Numbers read
+/// back bitwise; a hole without an end has no depth there.
+std::string mechanismText(const Mechanism& mechanism);
 
 }  // namespace assembly_cell

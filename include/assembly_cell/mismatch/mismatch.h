@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,22 +36,9 @@ struct ScenarioChange {
 
 /// What a file asks for; what is left out is exact. Names as in the file.
 struct Mismatch {
-  struct Exciter {
-    std::optional<Draw> amplitude, delay, ellipticity, harmonic;
-  };
-  struct Sensor {
-    std::optional<Draw> matrix, rotation, offset, drift_force, drift_torque, walk, hum_force,
-        hum_frequency, latency;
-  };
-  struct Carrier {
-    std::optional<Draw> reading_noise, repeatability, compliance, rotation, scale, offset;
-  };
   std::string source;  ///< for refusals
   std::vector<ScenarioChange> scale, add;
-  Exciter exciter;
-  Sensor sensor_a, sensor_b;
-  Carrier carrier;
-  std::optional<Draw> bore_tilt, face_tilt;
+  std::map<std::string, Draw> draws;  ///< by their key paths, "sensor_a.drift.force"
 };
 
 /// Reads a mismatch file. Throws InputError naming file, key path, value and remedy: unreadable

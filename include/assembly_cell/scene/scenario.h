@@ -105,6 +105,9 @@ struct Scenario {
   Imperfections imperfections;
 };
 
+/// Keys of a scenario file.
+void fields(FieldList& f, Scenario& s);
+
 /// Reads a scenario file; each override is "key.path=value" (value in YAML syntax) and is applied
 /// before the checks. Throws InputError naming file, key path, value and remedy: unreadable file,
 /// unknown, missing or duplicate key, wrong type or size, non-finite or unphysical value.

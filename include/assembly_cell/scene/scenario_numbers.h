@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/base/range.h"
 #include "assembly_cell/scene/scenario.h"
 
 namespace assembly_cell {
@@ -15,15 +15,15 @@ namespace assembly_cell {
 struct ScenarioNumber {
   std::string key;  ///< "peg.mass", "carrier.stiffness[0]"
   double* value = nullptr;
-  yaml::Range range = yaml::Range::kAny;
-  bool alone = false;  ///< no other number and no check of the file depends on it
+  Range range;
+  bool independent = false;  ///< no other number and no check of the file depends on it
 };
 
 /// All that a key names: itself, or the entries of a list; empty for what is neither.
 std::vector<ScenarioNumber> scenarioNumbers(Scenario& scenario, const std::string& key);
 
-/// The number of a key path; null for what is none. `alone`: its place in ScenarioNumber.
-double* scenarioNumber(Scenario& scenario, const std::string& key, bool* alone = nullptr);
+/// The number of a key path; null for what is none. `independent` as in ScenarioNumber.
+double* scenarioNumber(Scenario& scenario, const std::string& key, bool* independent = nullptr);
 
 /// Names of all numbers and lists, for refusals.
 std::string scenarioNumberNames();

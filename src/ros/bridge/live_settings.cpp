@@ -113,7 +113,7 @@ LiveValues liveValues(const FieldList& fields, const std::string& when) {
     if (field.change == Field::Change::kRestart) continue;
     const std::string name = parameterName(field.path);
     const std::string unit = *field.range.unit == '\0' ? "" : text(" [%s]", field.range.unit);
-    const std::string description = field.description + unit + "; " + when;
+    const std::string description = std::string(field.description) + unit + "; " + when;
     if (field.kind == Field::Kind::kFlag) {
       values.push_back(liveSwitch(name, *field.flag, description));
     } else if (field.change == Field::Change::kLower) {

@@ -202,6 +202,7 @@ void Parameters::read(const FieldList& fields) {
         field.parse(choice(name, field.names));
         break;
       case Field::Kind::kSection:
+      case Field::Kind::kOther:
         break;
     }
   }

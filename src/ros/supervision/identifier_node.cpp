@@ -12,7 +12,6 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/identification/fit.h"
 #include "assembly_cell/identification/mechanism_record.h"
-#include "assembly_cell/mechanism/mechanism_file.h"
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/supervision/mechanism_news.h"
 #include "assembly_cell/ros/supervision/watched_plant.h"

@@ -26,7 +26,7 @@
 #include "assembly_cell/MoveToContactAction.h"
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/identification/mechanism_record.h"
-#include "assembly_cell/mechanism/mechanism_text.h"
+#include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "cell_fixture.h"
 

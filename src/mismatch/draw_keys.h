@@ -1,0 +1,37 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "assembly_cell/base/range.h"
+#include "assembly_cell/mismatch/mismatch.h"
+
+namespace assembly_cell {
+
+/// A key of a mismatch file besides `scale` and `add`: what may be drawn, how, and where it goes.
+struct DrawKey {
+  enum class Shape {
+    kNumber,
+    kAxes,       ///< three numbers, each drawn
+    kDirection,  ///< a vector of the drawn size in a random direction
+    kTilt,       ///< the same in the plane
+    kMatrix      ///< 6×6, each entry drawn
+  };
+  std::string path;  ///< "sensor_a.drift.force"
+  Shape shape;
+  double* values;
+  Range range;        ///< of the drawn number, without end: kLargestDraw
+  double mean = 0.0;  ///< of a normal draw
+  // of a number: an angle that is drawn with it, and its name in a run's report
+  const char* angle_name = nullptr;
+  double* angle = nullptr;
+  bool required = false;  ///< where its section is there
+};
+
+constexpr double kLargestDraw = 1e9;
+
+/// All of them in the order of the file; `values` are in `truth`.
+std::vector<DrawKey> drawKeys(Truth& truth);
+
+}  // namespace assembly_cell
