@@ -21,18 +21,20 @@ void fields(FieldList& f, InsertParameters& p) {
   f.number("force", p.force, {kMinForce, 1000, "N"},
            "assemble: contact force at which the peg stops, below force_limit.")
       .live();
-  f.number("speed", p.speed, positive("m/s", 0.1), "assemble: descent without resistance.");
+  f.number("speed", p.speed, positive("m/s", 0.1),
+           "assemble: speed of the descent without resistance.");
   f.number("exciter", p.exciter, notNegative("N", 1000),
            "assemble: exciting force during the descent; 0: off.");
 }
 
 void fields(FieldList& f, AlignParameters& p) {
-  f.choice("strategy", p.strategy, strategyNames(), "Of a goal that names none.");
+  f.choice("strategy", p.strategy, strategyNames(), "Strategy of a goal that names none.");
   f.number("press_force", p.press_force, notNegative("N", 1000),
            "Contact force while a locus is measured, 2 N to force_limit; 0: as little as makes the "
            "direction exact, up to 3/4 of force_limit.")
       .live();
-  f.number("press_tolerance", p.press_tolerance, positive("", 0.5), "Fraction of press_force.");
+  f.number("press_tolerance", p.press_tolerance, positive("", 0.5),
+           "Tolerance of press_force, a fraction of it.");
   f.number("force_limit", p.force_limit, {kMinForce, 1000, "N"},
            "Contact force above which a goal is aborted.")
       .live(Field::Change::kLower);
@@ -41,13 +43,15 @@ void fields(FieldList& f, AlignParameters& p) {
   f.number("approach_step", p.approach_step, positive("m", 0.01),
            "Descent in one block before contact.");
   f.number("exciter_amplitude", p.exciter_amplitude, notNegative("N", 1000),
-           "0: as much as friction holds at the press force.");
+           "Amplitude of the exciting force; 0: as much as friction holds at the press force.");
   f.number("exciter_frequency", p.exciter_frequency, notNegative("rad/s", 1e5),
-           "0: where the direction of contact has the smallest standard deviation.");
+           "Frequency of the exciting force; 0: where the direction of contact has the smallest "
+           "standard "
+           "deviation.");
   f.integer("exciter_direction", p.exciter_direction, -1, 1,
-            "1: anticlockwise from above, -1: clockwise.");
+            "Rotation of the exciting force; 1: anticlockwise from above, -1: clockwise.");
   f.number("shake", p.shake, {1, 5},
-           "Exciter while the contact settles, in multiples of its amplitude.");
+           "Exciting force while the contact settles, in multiples of its amplitude.");
   f.number("settle", p.settle, notNegative("s", 60),
            "Time to settle after that, before a measurement.");
   f.number("window", p.window, positive("s", 60), "Longest measurement of a locus.").live();
@@ -56,26 +60,26 @@ void fields(FieldList& f, AlignParameters& p) {
             "Largest number of locus measurements of a round, with those of the plane.");
   f.number("direction_limit", p.direction_limit, positive("rad", 1),
            "Expected standard deviation of a measured direction beyond which nothing is tried.");
-  f.number("lift", p.lift, positive("m", 0.01), "Above the touch before a rotation.");
+  f.number("lift", p.lift, positive("m", 0.01), "Height above the touch before a rotation.");
   f.number("insertion_depth", p.insertion_depth, positive("m", 0.01),
            "Depth of the edge below the plane that counts as aligned.");
   f.number("insertion_force", p.insertion_force, positive("N", 1000),
-           "More than this during the entry means not aligned; below force_limit.");
+           "Contact force during the entry that means not aligned; below force_limit.");
   f.integer("rounds", p.rounds, 1, 10,
             "Largest number of sweeps of one attempt; twin_force: of attempts to enter.");
   f.number("contact_force", p.contact_force, {kMinForce, 1000, "N"},
-           "twin_force: of each contact, below force_limit.")
+           "twin_force: force of each contact, below force_limit.")
       .live();
   f.number("contact_tilt", p.contact_tilt, {0.02, 0.14, "rad"},
-           "twin_force: of the peg against the plane.");
+           "twin_force: tilt of the peg against the plane.");
   f.number("contact_window", p.contact_window, {0.02, 60, "s"},
            "twin_force: averaging time, hanging free and pressed.");
   f.number("settled_force", p.settled_force, positive("N", 10),
-           "twin_force: a window whose halves differ by more is not settled.");
+           "twin_force: largest difference between the halves of a settled window.");
   f.integer("fewest_contacts", p.fewest_contacts, 2, 30,
-            "twin_force: contacts before the peg is moved over the hole.");
+            "twin_force: smallest number of contacts before the peg is moved over the hole.");
   f.integer("most_contacts", p.most_contacts, 2, 30,
-            "twin_force: of one attempt, at least fewest_contacts.");
+            "twin_force: largest number of contacts of one attempt, at least fewest_contacts.");
   f.number("required_position", p.required_position, positive("m", 0.01),
            "twin_force: sufficient standard deviation of the hole's position, per axis.");
   f.number("required_rotation", p.required_rotation, positive("rad", 0.1),

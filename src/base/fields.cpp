@@ -26,14 +26,6 @@ std::string joined(const std::vector<std::string>& names) {
   return all;
 }
 
-// A number as people write it: without a point where it is whole.
-std::string plain(double value) {
-  std::string text = yamlNumber(value);
-  const std::size_t size = text.size();
-  if (size > 2 && text.compare(size - 2, 2, ".0") == 0) text.resize(size - 2);
-  return text;
-}
-
 std::string integerText(double value) { return std::to_string(static_cast<std::int64_t>(value)); }
 
 }  // namespace
@@ -49,8 +41,7 @@ std::string remedy(const Range& range) {
   }
   if (range.low == Range::kMinPositive) {
     return "give a " +
-           (bounded ? "number above 0 and at most " + high : std::string("finite number > 0")) +
-           unit;
+           (bounded ? "number > 0 and at most " + high : std::string("finite number > 0")) + unit;
   }
   const std::string low = yaml::shown(range.low);
   if (!bounded) return "give a finite number >= " + low + unit;
@@ -138,7 +129,7 @@ std::string Field::remedy() const {
     case Kind::kOther:
       break;
   }
-  return "write it in a file";
+  return "give it in a file";
 }
 
 bool Field::parse(const std::string& given) const {
@@ -350,37 +341,15 @@ void blockText(Fields at, Fields end, std::size_t indent, std::string& text) {
   }
 }
 
+// What a value may be: "number from 0 to 60 [s]".
 std::string rangeText(const Field& field) {
-  const Range& range = field.range;
-  switch (field.kind) {
-    case Kind::kFlag:
-      return "true, false";
-    case Kind::kText:
-    case Kind::kOther:
-      return "";
-    case Kind::kChoice:
-      return joined(field.names);
-    case Kind::kInteger:
-      return integerText(range.low) + " to " + integerText(range.high) + inUnit(range.unit);
-    default:
-      break;
-  }
-  const bool bounded = range.high < Range::kMax;
-  std::string text;
-  if (range.low == Range::kMinPositive) {
-    text = bounded ? "above 0, to " + plain(range.high) : "above 0";
-  } else if (range.low > -Range::kMax) {
-    text = bounded ? plain(range.low) + " to " + plain(range.high) : "from " + plain(range.low);
-  } else if (bounded) {
-    text = "to " + plain(range.high);
-  }
-  const std::string unit = inUnit(range.unit);
-  return text.empty() && !unit.empty() ? unit.substr(1) : text + unit;
+  const std::string text = field.remedy();
+  return text.substr(text.compare(0, 7, "give a ") == 0 ? 7 : 5);
 }
 
 std::string defaultText(const Field& field) {
   if (field.is_required) return "required";
-  if (field.kind == Kind::kNumber) return plain(*field.numbers);
+  if (field.kind == Kind::kNumber) return yaml::shown(*field.numbers);
   if (field.kind == Kind::kText && field.text->empty()) return "\"\"";
   return field.kind == Kind::kText ? *field.text : field.value();
 }
@@ -406,9 +375,8 @@ std::string commentedParameters(const FieldList& fields, std::size_t indent) {
     if (field.kind == Kind::kSection) continue;
     std::string line = parameterName(field.path) + ": " + field.value();
     line.resize(std::max(line.size() + 1, kColumn), ' ');
-    const std::string range = rangeText(field);
-    text << std::string(indent, ' ') << line << "# " << field.description
-         << (range.empty() ? "" : " (" + range + ")") << "\n";
+    text << std::string(indent, ' ') << line << "# " << field.description << " ("
+         << rangeText(field) << ")\n";
   }
   return text.str();
 }

@@ -75,50 +75,59 @@ static void chamferFields(FieldList& f, double& width, double& angle) {
   f.group("chamfer",
           [&](FieldList& g) {
             g.number("width", width, notNegative("m", kLength.high),
-                     "Of the edge's chamfer, across; 0: sharp.")
+                     "Radial width of the edge's chamfer; 0: sharp.")
                 .required();
             g.number("angle", angle, {kLeastChamferAngle, kMostChamferAngle, "rad"},
-                     "Between the chamfer's face and the axis.");
+                     "Angle between the chamfer's face and the axis.");
           })
       .flow()
       .written(width > 0.0);
 }
 
 static void fields(FieldList& f, PegParameters& p) {
-  f.number("radius", p.radius, kSize, "Of the peg.").required().independent();
-  f.number("half_height", p.half_height, kSize, "From the centre of mass to the bottom edge.")
+  f.number("radius", p.radius, kSize, "Radius of the peg.").required().independent();
+  f.number("half_height", p.half_height, kSize,
+           "Distance from the centre of mass to the bottom edge.")
       .required();
-  f.number("mass", p.mass, kMass, "Of the peg.").required().independent();
-  f.number("inertia_transverse", p.inertia_transverse, kInertia, "About the centre of mass.")
+  f.number("mass", p.mass, kMass, "Mass of the peg.").required().independent();
+  f.number("inertia_transverse", p.inertia_transverse, kInertia,
+           "Inertia about a transverse axis through the centre of mass.")
       .required();
-  f.number("inertia_axial", p.inertia_axial, kInertia, "At most twice inertia_transverse.")
+  f.number("inertia_axial", p.inertia_axial, kInertia,
+           "Inertia about the peg's axis, at most twice inertia_transverse.")
       .required();
   f.number("coupling_height", p.coupling_height, kLength,
-           "From the centre of mass to the coupling, along the axis.")
+           "Distance along the axis from the centre of mass to the coupling.")
       .required();
   f.number("exciter_height", p.exciter_height, kLength,
-           "From the centre of mass to the exciter's force, along the axis.")
+           "Distance along the axis from the centre of mass to the exciting force.")
       .required()
       .independent();
   chamferFields(f, p.chamfer_width, p.chamfer_angle);
 }
 
 static void fields(FieldList& f, HoleParameters& p) {
-  f.number("radius", p.radius, kSize, "Of the hole.").required().independent();
-  f.number("depth", p.depth, positive("m"), "Of the hole; missing: without end.")
+  f.number("radius", p.radius, kSize, "Radius of the hole.").required().independent();
+  f.number("depth", p.depth, positive("m"), "Depth of the hole; missing: infinite.")
       .written(std::isfinite(p.depth));
   chamferFields(f, p.chamfer_width, p.chamfer_angle);
 }
 
 static void fields(FieldList& f, CarrierParameters& p, RestPose& rest, bool in_scenario) {
-  f.number("mass", p.mass, kMass, "Of the carrier.").required().independent();
-  f.number("inertia", p.inertia, kInertia, "Of the carrier, yaw.").required().independent();
-  f.numbers("stiffness", p.stiffness.data(), 3, Range::kNotNegative, "x, y [N/m], yaw [N m/rad].")
+  f.number("mass", p.mass, kMass, "Mass of the carrier.").required().independent();
+  f.number("inertia", p.inertia, kInertia, "Inertia of the carrier about z.")
+      .required()
+      .independent();
+  f.numbers("stiffness", p.stiffness.data(), 3, Range::kNotNegative,
+            "Stiffness along x, y [N/m] and about z [N m/rad].")
       .required();
-  f.numbers("damping", p.damping.data(), 3, Range::kNotNegative, "x, y [N s/m], yaw [N m s/rad].")
+  f.numbers("damping", p.damping.data(), 3, Range::kNotNegative,
+            "Damping along x, y [N s/m] and about z [N m s/rad].")
       .required();
-  f.number("max_speed", p.max_speed, positive("m/s"), "Of the commanded rest pose.").independent();
-  f.number("max_acceleration", p.max_acceleration, positive("m/s2"), "Of the commanded rest pose.");
+  f.number("max_speed", p.max_speed, positive("m/s"), "Largest speed of the commanded rest pose.")
+      .independent();
+  f.number("max_acceleration", p.max_acceleration, positive("m/s2"),
+           "Largest acceleration of the commanded rest pose.");
   f.group("rest",
           [&](FieldList& g) {
             g.number("x", rest.x, kLength, "Rest position.").required();
@@ -134,12 +143,14 @@ static void couplingMatrixFields(FieldList& f, CouplingMatrix& m, bool stiffness
   f.group(stiffness ? "stiffness" : "damping",
           [&](FieldList& g) {
             g.numbers("diagonal", m.diagonal.data(), 6, Range::kNotNegative,
-                      stiffness ? "z, x, y [N/m], about z, x, y [N m/rad]."
-                                : "z, x, y [N s/m], about z, x, y [N m s/rad].")
+                      stiffness ? "Stiffness along z, x, y [N/m], about z, x, y [N m/rad]."
+                                : "Damping along z, x, y [N s/m], about z, x, y [N m s/rad].")
                 .required();
-            g.number(stiffness ? "k26" : "c26", m.k26, Range::kAny, "x with rotation about y.")
+            g.number(stiffness ? "k26" : "c26", m.k26, Range::kAny,
+                     "Cross term of x with the rotation about y.")
                 .required();
-            g.number(stiffness ? "k35" : "c35", m.k35, Range::kAny, "y with rotation about x.")
+            g.number(stiffness ? "k35" : "c35", m.k35, Range::kAny,
+                     "Cross term of y with the rotation about x.")
                 .required();
           })
       .required()
@@ -163,20 +174,23 @@ static void fields(FieldList& f, CouplingParameters& p, RestPose& rest, bool in_
 }
 
 static void fields(FieldList& f, ExciterParameters& p) {
-  f.number("amplitude", p.amplitude, notNegative("N"), "Of the rotating force; 0: off.")
+  f.number("amplitude", p.amplitude, notNegative("N"), "Amplitude of the rotating force; 0: off.")
       .required()
       .independent();
-  f.number("frequency", p.frequency, notNegative("rad/s", 1e6), "Of the rotating force.")
+  f.number("frequency", p.frequency, notNegative("rad/s", 1e6),
+           "Angular frequency of the rotating force.")
       .required()
       .independent();
-  f.number("phase", p.phase, kAngle, "Of the rotating force at time 0.").independent();
-  f.integer("direction", p.direction, -1, 1, "1: anticlockwise from above, -1: clockwise.");
+  f.number("phase", p.phase, kAngle, "Phase of the rotating force at time 0.").independent();
+  f.integer("direction", p.direction, -1, 1,
+            "Rotation of the force; 1: anticlockwise from above, -1: clockwise.");
 }
 
 static void fields(FieldList& f, FrictionParameters& p) {
-  f.number("static", p.static_coefficient, Range::kNotNegative, "Coefficient at rest.").required();
+  f.number("static", p.static_coefficient, Range::kNotNegative, "Friction coefficient at rest.")
+      .required();
   f.number("sliding", p.sliding_coefficient, Range::kNotNegative,
-           "Coefficient while sliding, at most static.")
+           "Friction coefficient while sliding, at most static.")
       .required();
 }
 

@@ -56,15 +56,18 @@ ContactFeatures readFeatures(Section& in) {
 // not in an unnamed namespace, which FieldList::section() doesn't see
 
 static void fields(FieldList& f, ContactParameters& c) {
-  f.choice("law", c.law, {"none", "spring_dashpot", "viscous", "rigid"}, "Of the contacts.")
-      .required();
+  f.choice("law", c.law, {"none", "spring_dashpot", "viscous", "rigid"}, "Contact law.").required();
   f.number("regularisation_speed", c.regularisation_speed, positive("m/s"),
-           "Of the regularised friction.");
+           "Speed below which friction is regularised.");
   f.flag("stationary_rows", c.stationary_rows, "viscous: discrete stick instead.");
-  f.number("stiffness", c.stiffness, notNegative("N/m"), "spring_dashpot: required, above 0.");
-  f.number("damping", c.damping, notNegative("N s/m"), "spring_dashpot: required.");
-  f.number("rate", c.rate, notNegative("1/s"), "viscous: required, above 0.").independent();
-  f.number("pull_back", c.pull_back, notNegative("1/s2"), "viscous: of the penetration.");
+  f.number("stiffness", c.stiffness, notNegative("N/m"),
+           "spring_dashpot: stiffness of a contact, required, > 0.");
+  f.number("damping", c.damping, notNegative("N s/m"),
+           "spring_dashpot: damping of a contact, required.");
+  f.number("rate", c.rate, notNegative("1/s"),
+           "viscous: decay rate of the normal velocity, required, > 0.")
+      .independent();
+  f.number("pull_back", c.pull_back, notNegative("1/s2"), "viscous: pull-back of a penetration.");
   f.number("restitution", c.restitution, {0.0, 1.0}, "rigid: energetic coefficient, 0: plastic.");
   f.other(
       "features", [&c](Section& in) { c.features = readFeatures(in); },
@@ -75,32 +78,36 @@ static void fields(FieldList& f, InitialState& s) {
   static_assert(sizeof(EulerAngles) == 3 * sizeof(double), "three numbers in a row");
   f.flag("close", s.close, "Lower the peg until the smallest gap is 0.");
   f.group("carrier", [&](FieldList& g) {
-    g.number("x", s.carrier_x, kLength, "Position.").required();
-    g.number("y", s.carrier_y, kLength, "Position.").required();
-    g.number("yaw", s.carrier_yaw, kAngle, "Angle about z.").required();
-    g.numbers("velocity", s.carrier_velocity.data(), 3, Range::kAny, "x, y [m/s], yaw [rad/s].");
+    g.number("x", s.carrier_x, kLength, "Position of the carrier.").required();
+    g.number("y", s.carrier_y, kLength, "Position of the carrier.").required();
+    g.number("yaw", s.carrier_yaw, kAngle, "Angle of the carrier about z.").required();
+    g.numbers("velocity", s.carrier_velocity.data(), 3, Range::kAny,
+              "Velocity along x, y [m/s] and about z [rad/s].");
   });
   f.group("peg", [&](FieldList& g) {
-    g.numbers("position", s.position.data(), 3, kLength, "Centre of mass.").required();
-    g.numbers("euler", &s.euler.phi, 3, kAngle, "Angles phi, theta, psi.").required();
-    g.numbers("velocity", s.velocity.data(), 3, finite("m/s"), "Of the centre of mass.");
-    g.numbers("euler_rates", s.euler_rates.data(), 3, finite("rad/s"), "Of phi, theta, psi.");
+    g.numbers("position", s.position.data(), 3, kLength, "Position of the centre of mass.")
+        .required();
+    g.numbers("euler", &s.euler.phi, 3, kAngle, "Euler angles phi, theta, psi.").required();
+    g.numbers("velocity", s.velocity.data(), 3, finite("m/s"), "Velocity of the centre of mass.");
+    g.numbers("euler_rates", s.euler_rates.data(), 3, finite("rad/s"), "Rates of phi, theta, psi.");
   });
 }
 
 static void fields(FieldList& f, SolverParameters& p) {
   f.choice("integrator", p.integrator, {"dopri5", "dop853", "hamming", "rk4"},
-           "Of the equations of motion.");
+           "Integrator of the equations of motion.");
   f.number("tolerance", p.tolerance, {kFinestTolerance, kCoarsestTolerance, "m"},
            "Absolute error of a position per step; of angles 30 rad/m times that.")
       .independent();
-  f.number("max_step", p.max_step, positive("s"), "Longest step.").independent();
-  f.number("step", p.step, positive("s"), "Of fixed-step methods.");
+  f.number("max_step", p.max_step, positive("s"), "Longest step of the integrator.").independent();
+  f.number("step", p.step, positive("s"), "Step of fixed-step methods.");
 }
 
 void fields(FieldList& f, Scenario& s) {
-  f.text("name", s.name, "Of the scenario.").required();
-  f.number("duration", s.duration, notNegative("s"), "Of the run.").required().independent();
+  f.text("name", s.name, "Name of the scenario.").required();
+  f.number("duration", s.duration, notNegative("s"), "Duration of the run.")
+      .required()
+      .independent();
   fields(f, s.mechanism, s.rest, true);
   f.numbers("push", s.push.data(), 3, finite("N"),
             "Constant force in peg axes at the exciter's point.");

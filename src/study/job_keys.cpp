@@ -12,16 +12,16 @@ namespace assembly_cell {
 void fields(FieldList& f, StudyJob& j) {
   const Range place{-1, 1, "m"}, turn{-1, 1, "rad"};
   f.group("start", [&](FieldList& g) {
-    g.number("x", j.start.x, place, "Bottom centre of the peg.");
-    g.number("y", j.start.y, place, "Bottom centre of the peg.");
-    g.number("offset", j.start.offset, place, "Added to it, along azimuth.");
+    g.number("x", j.start.x, place, "Position of the peg's bottom centre.");
+    g.number("y", j.start.y, place, "Position of the peg's bottom centre.");
+    g.number("offset", j.start.offset, place, "Distance added to x, y in the direction azimuth.");
     g.number("azimuth", j.start.azimuth, finite("rad"), "Direction of the offset.");
     g.number("tilt_x", j.start.tilt_x, turn, "Rotation vector of the peg's tilt.");
     g.number("tilt_y", j.start.tilt_y, turn, "Rotation vector of the peg's tilt.");
-    g.number("tilt", j.start.tilt, turn, "Added to it, along tilt_azimuth.");
+    g.number("tilt", j.start.tilt, turn, "Angle added to the tilt in the direction tilt_azimuth.");
     g.number("tilt_azimuth", j.start.tilt_azimuth, finite("rad"), "Direction of the tilt.");
     g.number("height", j.start.height, notNegative("m", 1),
-             "Of the lowest point of the edge above the plane.");
+             "Height of the edge's lowest point above the plane.");
   });
   f.group("move", [&](FieldList& g) {
     g.number("x", j.move.x, place, "Open-loop motion of the rest pose.");
@@ -32,9 +32,9 @@ void fields(FieldList& f, StudyJob& j) {
   f.number("look", j.look, {1e-6, Range::kMax, "s"}, "Period in which outcomes are evaluated.");
   f.group("assembled", [&](FieldList& g) {
     g.number("depth", j.assembled_depth, notNegative("m", 1),
-             "Assembled: the whole edge is deeper than this.");
+             "Depth of the whole edge from which the peg counts as assembled.");
     g.number("offset", j.assembled_offset, notNegative("m", 1),
-             "Assembled: the bottom centre is nearer to the axis than this.");
+             "Distance of the bottom centre from the axis up to which it counts as assembled.");
   });
   f.group("stop", [&](FieldList& g) {
     g.flag("assembled", j.stop_assembled, "Ends the run when assembled.");
@@ -43,8 +43,8 @@ void fields(FieldList& f, StudyJob& j) {
              "Ends the run after this many evaluations of the right-hand side.");
   });
   f.group("cell", [&](FieldList& g) {
-    g.integer("bits", j.cell.bits, 10, 24, "Of the converters: 10, 16 or 24.");
-    g.number("noise", j.cell.noise, notNegative("V", 5), "Of a strain channel, rms.");
+    g.integer("bits", j.cell.bits, 10, 24, "Resolution of the converters: 10, 16 or 24 bits.");
+    g.number("noise", j.cell.noise, notNegative("V", 5), "Noise of a strain channel, rms.");
   });
   f.section("align", j.align);
 }

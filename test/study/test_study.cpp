@@ -329,7 +329,7 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
       {"look: 0\n", "look"},
       {"move: {z: far}\n", "move.z"},
       {"assembled: {depth: .inf}\n", "assembled.depth"},
-      {"job: align\nalign: {press_force: -3}\n", ": align.press_force: -3"},
+      {"job: align\nalign: {press_force: -3}\n", ": align.press_force: value -3"},
       {"align: {press_force: 3}\n", "job: align"},
       {"axes: [{key: cell.noise, values: [0]}]\n", "cell.noise"},
       {"axes: [{key: cell.noise, uniform: [0, 1]}]\n", "job: align"},
@@ -359,7 +359,7 @@ TEST_F(StudyFile, BadFilesAreRefusedInOneLine) {
     study("job: align\n", {"set.align.press_force=-3"});
     ADD_FAILURE() << "accepted";
   } catch (const InputError& e) {
-    EXPECT_NE(std::string(e.what()).find(": set: align.press_force: -3"), std::string::npos)
+    EXPECT_NE(std::string(e.what()).find(": set: align.press_force: value -3"), std::string::npos)
         << e.what();
   }
 }

@@ -373,8 +373,8 @@ TEST(SupervisorBadInput, GivesOneLine) {
   };
   refuse({}, "/bad/assembly_supervisor/scenario is missing");
   refuse({scenario, "_press_force:=nan"}, "/bad/assembly_supervisor/press_force is nan");
-  refuse({scenario, "_press_force:=50.0"}, "press_force: 50");
-  refuse({scenario, "_exciter_direction:=0"}, "exciter_direction: 0");
+  refuse({scenario, "_press_force:=50.0"}, "press_force: value 50");
+  refuse({scenario, "_exciter_direction:=0"}, "exciter_direction: value 0");
   refuse({scenario, "_strategy:=telepathy"}, "telepathy");
   refuse({scenario, "_windw:=0.1"}, "/bad/assembly_supervisor/windw is unknown");
 }
