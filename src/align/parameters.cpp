@@ -27,7 +27,7 @@ void fields(FieldList& f, InsertParameters& p) {
            "assemble: exciting force during the descent; 0: off.");
 }
 
-void fields(FieldList& f, AlignParameters& p) {
+void alignFields(FieldList& f, AlignParameters& p) {
   f.choice("strategy", p.strategy, strategyNames(), "Strategy of a goal that names none.");
   f.number("press_force", p.press_force, notNegative("N", 1000),
            "Contact force while a locus is measured, 2 N to force_limit; 0: as little as makes the "
@@ -84,6 +84,10 @@ void fields(FieldList& f, AlignParameters& p) {
            "twin_force: sufficient standard deviation of the hole's position, per axis.");
   f.number("required_rotation", p.required_rotation, positive("rad", 0.1),
            "twin_force: sufficient standard deviation of the hole's axis.");
+}
+
+void fields(FieldList& f, AlignParameters& p) {
+  alignFields(f, p);
   f.section("insert", p.insert);
 }
 

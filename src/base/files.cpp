@@ -20,7 +20,7 @@ namespace assembly_cell {
 namespace {
 
 // A new file of our own. What stands under the name, left by an earlier process or put there by
-// somebody (a link to a file of ours), is taken away, never written through.
+// another program (a link to a file of ours), is removed, never written through.
 int openTemporary(const std::string& path) {
   constexpr int kFlags = O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
   int file = ::open(path.c_str(), kFlags, 0644);

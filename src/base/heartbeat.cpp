@@ -5,8 +5,8 @@
 
 namespace assembly_cell {
 
-Heartbeat::Heartbeat(std::chrono::milliseconds pause, std::function<void(double)> say)
-    : pause_(pause), say_(std::move(say)), next_(begun_ + pause) {
+Heartbeat::Heartbeat(std::chrono::milliseconds pause, std::function<void(double)> report)
+    : pause_(pause), report_(std::move(report)), next_(begun_ + pause) {
   thread_ = std::thread([this] { beat(); });
 }
 
@@ -33,9 +33,9 @@ void Heartbeat::beat() {
     }
     const auto now = std::chrono::steady_clock::now();
     next_ = now + pause_;
-    // who speaks may hold a lock of its own while it rests this
+    // the report may own a lock of the caller, which rest() is called under
     lock.unlock();
-    say_(std::chrono::duration<double>(now - begun_).count());
+    report_(std::chrono::duration<double>(now - begun_).count());
     lock.lock();
   }
 }

@@ -162,7 +162,7 @@ bool OptionParser::parse(const std::vector<std::string>& arguments, std::ostream
 void checkStandardOutput() {
   std::cout.flush();
   if (std::cout && std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return;
-  throw InputError("standard output: can't be written: give it room, or write to a file");
+  throw InputError("standard output: can't be written: free space, or write to a file");
 }
 
 int runTool(const std::string& tool, int argc, char** argv,

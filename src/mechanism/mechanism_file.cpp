@@ -77,7 +77,7 @@ static void chamferFields(FieldList& f, double& width, double& angle) {
             g.number("width", width, notNegative("m", kLength.high),
                      "Radial width of the edge's chamfer; 0: sharp.")
                 .required();
-            g.number("angle", angle, {kLeastChamferAngle, kMostChamferAngle, "rad"},
+            g.number("angle", angle, {kMinChamferAngle, kMaxChamferAngle, "rad"},
                      "Angle between the chamfer's face and the axis.");
           })
       .flow()

@@ -46,7 +46,7 @@ void fields(FieldList& f, StudyJob& j) {
     g.integer("bits", j.cell.bits, 10, 24, "Resolution of the converters: 10, 16 or 24 bits.");
     g.number("noise", j.cell.noise, notNegative("V", 5), "Noise of a strain channel, rms.");
   });
-  f.section("align", j.align);
+  f.group("align", [&](FieldList& g) { alignFields(g, j.align); });
 }
 
 bool setStudyJob(StudyJob& job, const StudySetting& s) {
@@ -65,9 +65,6 @@ bool setStudyJob(StudyJob& job, const StudySetting& s) {
   if (section == "start") job.start.given = true;
   if (section == "move") job.move.given = true;
 
-  if (s.key.rfind("align.insert.", 0) == 0) {
-    throw KeyError(refusal("of no use: a study's runs end aligned, leave it out"));
-  }
   setField(fieldsOf(job), s.key, s.value);
   if (s.key == "cell.bits") checkBits(job.cell.bits, s.key + ": value ");
   return true;

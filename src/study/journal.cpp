@@ -16,7 +16,7 @@ constexpr double kLockPatience = 3.0;
 }  // namespace
 
 StudyJournal::StudyJournal(const std::string& path, const std::string& header, bool fresh)
-    : journal_(path, "give --output a folder that can be written, with room") {
+    : journal_(path, "give --output a folder that can be written, with free space") {
   journal_.lockOut(path, kLockPatience);
   journal_.open();
   const std::string first = header + "\n";

@@ -92,7 +92,7 @@ void StudyLedger::settle() {
     prefix_assembled_ += (flags & kAssembled) != 0 ? 1 : 0;
     const ShareInterval share = shareInterval(prefix_assembled_, prefix_);
     const bool narrow =
-        prefix_ >= enough.least && 0.5 * (share.high - share.low) <= enough.half_width;
+        prefix_ >= enough.min_runs && 0.5 * (share.high - share.low) <= enough.half_width;
     const bool failing = static_cast<double>(prefix_failed_) >= enough.failed;
     if (narrow || failing) total_ = offered_ = prefix_;
   }
@@ -179,7 +179,7 @@ std::map<std::string, std::int64_t> StudyLedger::finish() {
   const std::lock_guard<std::mutex> lock(mutex_);
   const std::size_t status = 2 + study_.axes.size();
   std::map<std::string, std::int64_t> statuses;
-  const char* remedy = "give --output a folder that can be written, with room";
+  const char* remedy = "give --output a folder that can be written, with free space";
   NewFile results(resultsPath(), "results " + resultsPath(), remedy);
   results.write(resultsHeader(study_) + "\n");
   std::unique_ptr<NewFile> history;

@@ -72,7 +72,7 @@ StudyRun studyRun(const Study& study, const StudyTask& task) {
 
   StudyRun run;
   const auto index = static_cast<std::uint64_t>(study.paired ? sample : task.run);
-  // as many bits as every spreadsheet holds
+  // as many bits as every spreadsheet has
   run.seed = mix(mix(study.seed) + mix(index)) >> 11;
 
   std::size_t file = 0;

@@ -105,8 +105,9 @@ class Observer {
     const State& state = simulation_.state();
     const RunCounts& counts = simulation_.counts();
     result.set("stopped_at", simulation_.time());
-    const bool asked = std::isfinite(job_.assembled_depth) || std::isfinite(job_.assembled_offset);
-    if (asked) result.set("assembled", result.assembled);
+    const bool evaluated =
+        std::isfinite(job_.assembled_depth) || std::isfinite(job_.assembled_offset);
+    if (evaluated) result.set("assembled", result.assembled);
     if (result.assembled) result.set("time_to_assemble", time_to_assemble_);
     result.set("final_offset", X_HP.p.head<2>().norm());
     result.set("final_depth", depth(X_HP));

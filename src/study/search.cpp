@@ -19,8 +19,8 @@ nlopt::algorithm algorithmOf(const std::string& name) {
 
 }  // namespace
 
-// The optimiser is deterministic and asks for the same points again after a kill: those that the
-// journal holds cost nothing.
+// The optimiser is deterministic and requests the same points again after a kill: those in the
+// journal cost nothing.
 StudyOptimum searchOptimum(const Study& study, StudyLedger& ledger,
                            const std::function<void()>& execute, const std::atomic<bool>& stop) {
   std::vector<const StudyAxis*> axes;

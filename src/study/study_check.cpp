@@ -83,7 +83,7 @@ void checkKeys(Study& study, const std::string& path) {
   std::set<std::string> seen;
   for (const StudySetting& s : all) {
     StudyJob job = study.job;
-    if (s.key.rfind("assembled.", 0) == 0) study.judged = true;
+    if (s.key.rfind("assembled.", 0) == 0) study.evaluated = true;
     if (!seen.insert(s.key).second || s.key == "scenario") continue;
     try {
       if (setStudyJob(job, s)) continue;

@@ -73,9 +73,9 @@ class Reader {
     checkCount(study_, path_);
     loadScenarios(study_, path_);
     within("set", [&] { checkAlign(study_.job.align); });
-    study_.judged = study_.job.kind == StudyJob::Kind::kAlign ||
-                    std::isfinite(study_.job.assembled_depth) ||
-                    std::isfinite(study_.job.assembled_offset);
+    study_.evaluated = study_.job.kind == StudyJob::Kind::kAlign ||
+                       std::isfinite(study_.job.assembled_depth) ||
+                       std::isfinite(study_.job.assembled_offset);
     checkKeys(study_, path_);
     findDirectKeys(study_);
     return std::move(study_);
@@ -377,9 +377,9 @@ class Reader {
     if (bounds) checkScaled(in, a, a.low);
   }
 
-  void checkScaled(const Section& in, const StudyAxis& a, double least) const {
+  void checkScaled(const Section& in, const StudyAxis& a, double min) const {
     for (const StudyAxis::Target& target : a.targets) {
-      if (target.power != 0.0 && least <= 0.0) in.refuse(in.at(""), least, "factors must be > 0");
+      if (target.power != 0.0 && min <= 0.0) in.refuse(in.at(""), min, "factors must be > 0");
     }
   }
 
@@ -388,7 +388,7 @@ class Reader {
       return a.kind == StudyAxis::Kind::kSearch;
     });
     if (!in_.optional("search")) {
-      if (searched) in_.refuse("search", "missing", "an axis is searched: say what for");
+      if (searched) in_.refuse("search", "missing", "an axis is searched: give the outcome");
       return;
     }
     if (!searched) in_.refuse("search", "given", "needs an axis with search: [low, high]");
@@ -459,7 +459,7 @@ class Reader {
     }
     Section in = in_.section("enough");
     StudyEnough& enough = study_.enough;
-    enough.least = in.integer("least", 1, kMaxRuns, enough.least);
+    enough.min_runs = in.integer("least", 1, kMaxRuns, enough.min_runs);
     enough.half_width = in.number("half_width", Range::kPositive, enough.half_width);
     if (enough.half_width >= 0.5) {
       in.refuse(in.at("half_width"), enough.half_width, "give a share below 0.5");

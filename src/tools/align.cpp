@@ -51,8 +51,8 @@ using Eigen::Vector2d;
 constexpr const char* kHelp =
     R"(Usage: align SCENARIO.yaml [options]
 
-Aligns the peg with the hole in simulation, by feeling alone, and prints the result as YAML. One run starts as
-the scenario says; several start at random: offset uniform in a disc, tilt uniform up to a limit, any direction.
+Aligns the peg with the hole in simulation, by contact forces alone, and prints the result as YAML. One run starts as
+the scenario has it; several start at random: offset uniform in a disc, tilt uniform up to a limit, any direction.
 
   --strategy S          auto (default), touch, single_contact, double_contact, twin_force, vibratory,
                         or, of the baselines, spiral or passive
@@ -64,29 +64,29 @@ the scenario says; several start at random: offset uniform in a disc, tilt unifo
   --noise V             of every strain channel, rms (default 5e-4)  [V]
   --offset-max D        of random starts (default 0.015)  [m]
   --tilt-max T          of random starts (default 0.0349, 2 degrees)  [rad]
-  --mechanism FILE.yaml what strategies believe of the parts instead of the scenario, as identify --out wrote it;
+  --mechanism FILE.yaml nominal parts of the strategies instead of the scenario, as identify --out wrote it;
                         checked on the hanging peg before anything is pressed
   --calibrate N         each run calibrates its sensors on the simulated bench first, N readings averaged a test, and
                         the twin-force likelihood takes the covariance, see docs/theory/twin_force.md; adds
                         wrench_error_squared, as offset_error_squared but before touches and walls
   --identify            each run identifies its mechanism first, see docs/theory/identification.md
-  --mismatch FILE.yaml  how the truth differs from the scenario, which the strategy goes on believing; drawn anew
-                        for each run from its seed, see docs/reference/mismatch.md
+  --mismatch FILE.yaml  how the ground truth differs from the scenario, which the strategy goes on using; drawn
+                        again for each run from its seed, see docs/reference/mismatch.md
   --parameter KEY=VALUE a parameter of the strategy, such as press_force=8, repeatable; see
                         docs/reference/nodes/assembly_supervisor.md
   --insert DEPTH        go on until the edge is so deep, or floor: until it is seated on the hole's floor; success
-                        then means seated, and the truth agrees  [m]
-  --insert-exciter F    shake the peg on the way down (default 0: off)  [N]
+                        then means seated, also in the ground truth  [m]
+  --insert-exciter F    shake the peg during the insertion (default 0: off)  [N]
   --second-goals        before each run another goal pressed with up to 40 N or was cut off at a random moment,
                         every other time without freeing the peg; wants --runs above 1
-  --world W             what simulates the mechanism: exact (default), mujoco or "{engine: mujoco, facets: 512}",
+  --world W             simulator backend: exact (default), mujoco or "{engine: mujoco, facets: 512}",
                         see docs/results/second_world.md; strategies know of it only that
                         its coupling turns with the carrier (coupling.axes=carrier)
   --arm FILE.yaml       an emulated arm carries the carrier, led by the bridge that a real one has, as
                         config/arm/emulated.yaml names them: latency, repeatability and limits, see docs/how_to/arm.md
   --check               read the input and refuse what is bad; run nothing
   --threads N           runs at the same time (default: the machine's cores)
-  --set KEY.PATH=VALUE  change a value of the scenario, for truth and strategy together; repeatable
+  --set KEY.PATH=VALUE  change a value of the scenario, for ground truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
   --help                print this
 
@@ -240,7 +240,7 @@ std::string spread(std::vector<double> values) {
   return "{median: " + at(0.5) + ", p95: " + at(0.95) + ", max: " + at(1.0) + "}";
 }
 
-// of a strategy that said aligned with the peg outside: told where there may be one
+// Runs whose strategy reported aligned with the peg outside, printed where there may be one
 std::string falseSuccesses(std::ptrdiff_t wrong, const std::vector<Run>& runs, const Options& o) {
   const bool drawn = o.second_goals || (!runs.empty() && !runs.front().truth.empty());
   if (wrong == 0 && !drawn) return "";
@@ -259,9 +259,10 @@ std::string insertion(const AlignTrial& trial) {
       << ", time: " << yamlNumber(r.time) << ", force: " << yamlNumber(r.force)
       << ", backed_out: " << r.backed_out << ", profile: [";
   for (std::size_t i = 0; i < r.profile.size(); ++i) {
-    const assembly_cell::BoreReading& felt = r.profile[i];
-    out << (i == 0 ? "[" : ", [") << yamlNumber(felt.depth) << ", " << yamlNumber(felt.along)
-        << ", " << yamlNumber(felt.sideways) << ", " << yamlNumber(felt.moment) << "]";
+    const assembly_cell::BoreReading& measured = r.profile[i];
+    out << (i == 0 ? "[" : ", [") << yamlNumber(measured.depth) << ", "
+        << yamlNumber(measured.along) << ", " << yamlNumber(measured.sideways) << ", "
+        << yamlNumber(measured.moment) << "]";
   }
   out << "]}\n";
   return out.str();
@@ -286,8 +287,8 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
     offset.push_back(error.norm());
     normalised.push_back(error.dot(trial.result.offset_covariance.inverse() * error));
     if (trial.result.wrench_offset) {
-      const Vector2d felt = *trial.result.wrench_offset - trial.true_offset;
-      wrench.push_back(felt.dot(trial.result.wrench_covariance.inverse() * felt));
+      const Vector2d error_b = *trial.result.wrench_offset - trial.true_offset;
+      wrench.push_back(error_b.dot(trial.result.wrench_covariance.inverse() * error_b));
     }
     tilt.push_back((trial.result.tilt - trial.true_tilt).norm());
   }
@@ -336,7 +337,7 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
   return out.str();
 }
 
-// as it was asked for
+// the goal's end, or the reason of a failure
 std::string endOf(const Options& o, const AlignTrial& trial) {
   return trial.success && o.align.insert.wanted() ? "seated" : trial.result.reason;
 }
@@ -348,8 +349,8 @@ KnownMechanism knownMechanism(const Options& o) {
   }
   const KnownMechanism known = assembly_cell::loadKnownMechanism(o.mechanism);
   if (!known.accepted) {
-    throw InputError("--mechanism: value " + o.mechanism + ": its identification says " +
-                     known.verdict + "; identify the mechanism anew");
+    throw InputError("--mechanism: value " + o.mechanism + ": its identification reports " +
+                     known.verdict + "; identify the mechanism again");
   }
   return known;
 }

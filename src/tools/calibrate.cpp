@@ -33,7 +33,7 @@ constexpr const char* kHelp =
        calibrate deadweights FILE.csv [options]                 known loads and readings
        calibrate payload POSES.csv WRENCHES.csv [options]       weight, centre of mass and bias; each has a --help
 
-plan   the tests of a plan, judged before anything is measured: rank, condition, degrees of freedom, predicted
+plan   the tests of a plan, checked before anything is measured: rank, condition, degrees of freedom, predicted
        standard deviation. NAME: recommended, quadratic, displacement, thesis_fixed, thesis_shifted.
        --observations FILE --next K   instead of a plan: the K tests that add most to these observations (NAME: next)
        --simulate FILE                carries the plan out on the simulated bench and writes an observation file
@@ -43,7 +43,7 @@ solve  both sensors from an observation file (.yaml, or .csv by named columns) o
        --model automatic|linear|quadratic       --rated FORCE,TORQUE [N],[N m] (50,2)
        --displacement                           identifies the displacement from its tests as well
        --save FOLDER [--id ID]                  writes FOLDER/sensor_a/<ID>.yaml and FOLDER/sensor_b/<ID>.yaml
-check  a calibration file (its checksum, what it says), or an observation file (what is in it, what would be dropped,
+check  a calibration file (its checksum, its content), or an observation file (what is in it, what would be dropped,
        linearity tests); with --observations: a calibration file against observations it was not made from
 Example: calibrate plan recommended --nonlinearity 0 --simulate tests.yaml && calibrate solve tests.yaml --save .
 Exit: 0 ok, 1 refused by a check, 2 bad input. Format of the files: docs/how_to/calibration.md
@@ -85,7 +85,7 @@ void printForce(const ForceSolution& s, bool matrices) {
   printGates(s.gates);
 }
 
-// a check that refuses says why where nobody looks through the YAML
+// the reason of a refusal, for users who don't read the YAML
 int codeOf(bool accepted, const std::string& message) {
   if (!accepted) std::cerr << "calibrate: " << message << "\n";
   return accepted ? 0 : 1;
@@ -139,9 +139,9 @@ int plan(const std::vector<std::string>& arguments) {
   if (*name != PlanName::kDisplacement) {
     ForceSettings force;
     if (*name == PlanName::kQuadratic) force.model = StrainModel::kQuadratic;
-    const ForceSolution judged = judgeDesign(predictPlan(requests, set), force);
-    printForce(judged, false);
-    code = codeOf(judged.accepted, judged.message);
+    const ForceSolution predicted = judgeDesign(predictPlan(requests, set), force);
+    printForce(predicted, false);
+    code = codeOf(predicted.accepted, predicted.message);
   }
   if (!simulate.empty()) {
     for (const LoadRequest& request : requests) set.observations.push_back(rig.measure(request));

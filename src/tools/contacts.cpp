@@ -30,7 +30,7 @@ lever) and how far from z they may be (the footprint) from those in which the wr
 
   --lever L             z of the tip's plane in the sensor's frame [m] (default: found)
   --footprint R         radius of the tip [m] (default: found)
-  --force F             least force that is judged [N] (default 1)
+  --force F             smallest force that is evaluated [N] (default 1)
   --output FILE         every sample as CSV: kind, force, couple over force and its sd, where the line of action cuts the
                         tip's plane with covariance, its direction, and that point in the base (scripts/plot contacts)
   --help                print this

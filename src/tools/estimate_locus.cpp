@@ -34,10 +34,10 @@ constexpr const char* kHelp =
 Fits the locus of a planar motion under a rotating exciter, decides its mode and prints the contact's
 direction as YAML. SAMPLES.csv: one header row with the columns t, x, y (others are ignored); t in s, rising;
 x and y of the peg's centre of mass in m; uncertainty, if there: sd of a sample's x and y, in any unit. Or ax, ay: accelerations in m/s2; or
-x, y, z, rx, ry, rz: displacement of the coupling as sensor_b tells it. The window is the whole file, at least one
+x, y, z, rx, ry, rz: displacement of the coupling as measured by sensor_b. The window is the whole file, at least one
 period of the exciter. RECORDING.bag: displacement_samples or accelerometers, with the exciter's messages.
 
-  --frequency W         of the exciter [rad/s]; its phase is zero at t = 0; default: as the bag says
+  --frequency W         of the exciter [rad/s]; its phase is zero at t = 0; default: that of the bag
   --direction D         of the exciter: 1 anticlockwise from above (default), -1 clockwise
   --topic T             of a bag with several
   --start S             leave out what is earlier than S after the first sample [s]
@@ -51,9 +51,9 @@ period of the exciter. RECORDING.bag: displacement_samples or accelerometers, wi
   --false-alarm A       rate at which a true mode is refused (default 0.01)
   --indifference E      a minor axis, or a counter-rotating part, below this ratio counts as none (default 0.05)
   --mechanism FILE      scenario of the mechanism: hypotheses by inverting its linear model with one point held
-  --amplitude F         of the exciter [N] (default: as the bag says, or exciter.amplitude of the scenario)
+  --amplitude F         of the exciter [N] (default: that of the bag, or exciter.amplitude of the scenario)
   --press N             contact force [N] (default: of a displacement its mean, else the peg's weight)
-  --plan                no samples: choose the frequency, or judge --frequency, and forecast a reading's worth
+  --plan                no samples: choose the frequency, or evaluate --frequency, and forecast a reading's worth
   --bits B, --noise V   of the sensor's converter and channels, for --plan (default 16, 0.0005)
   --rate HZ             of the samples, for --plan (default 5000); its window is --duration (default 0.2)
   --direction-limit S   --plan refuses where the direction's sd would be larger [rad] (default 0.1)
@@ -229,7 +229,7 @@ Result estimate(const Options& o, RecordedMotion::Kind kind, HarmonicFit fit) {
   }
   const Locus& locus = result.locus;
   if (displacement && mechanism) {
-    // both axes alike, as that locus tells its noise
+    // both axes alike, as the noise is estimated from that locus
     const std::complex<double> i(0.0, 1.0);
     fit.phasor[0] = locus.P + std::conj(locus.N);
     fit.phasor[1] = -i * (locus.P - std::conj(locus.N));

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Pose of component B in component A from recorded contacts that both feel.
+// Pose of component B in component A from recorded contacts that both measure.
 
 #include <algorithm>
 #include <cmath>
@@ -31,7 +31,7 @@ using assembly_cell::yamlQuoted;
 constexpr const char* kHelp =
     R"(Usage: estimate_pose CONTACTS.yaml [options]
 
-Estimates the pose of component B, at the reference contact, in component A from the wrenches that both feel,
+Estimates the pose of component B, at the reference contact, in component A from the wrenches that both measure,
 and prints it as YAML. CONTACTS.yaml: key `contacts`, a list of {wrench_a: [6], wrench_b: [6], covariance_a: [36],
 covariance_b: [36], move: {position, quaternion: [x, y, z, w]}, move_covariance: [36] optional}; optional `prior:
 {position, quaternion, covariance: [36]}`, `tare_covariance: [144]` of an offset (w_A, w_b) common to all contacts,

@@ -31,12 +31,12 @@ using namespace assembly_cell;
 constexpr const char* kHelp =
     R"(Usage: identify SCENARIO.yaml [options]
 
-Identifies the mechanism of a simulated cell by feeling: the hanging peg is shaken and turned, then pressed on the
+Identifies the mechanism of a simulated cell from contact forces: the hanging peg is shaken and turned, then pressed on the
 face beside the hole, pushed and shaken there. Prints what was found as YAML; --out writes it for align and cell.launch.
 
   --mismatch FILE.yaml  how the truth differs from the scenario, see docs/reference/mismatch.md
   --seed N              of the sensors' noise and of what the mismatch draws (default 1)
-  --runs K              that many cells, seeds from --seed on: how often the intervals hold (default 1)
+  --runs K              that many cells, seeds from --seed on: how often the intervals contain the ground truth (default 1)
   --bits B              of the converters: 10, 16 (default) or 24
   --noise V             of every strain channel, rms (default 5e-4)  [V]
   --prior-scale F       times the spreads of a cell as drawn that the fit begins with (default 1)
@@ -44,7 +44,7 @@ face beside the hole, pushed and shaken there. Prints what was found as YAML; --
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for truth and drawing together; repeatable
   --out FILE.yaml       write the mechanism that was found, with its covariance
-  --readings FILE.csv   write the readings and what the fit says of them
+  --readings FILE.csv   write the readings and their residuals
   --help                print this
 
 Exit code: 0 accepted, 1 refused by the data that were left out (named in verdict), 2 bad input.
@@ -145,7 +145,7 @@ std::string oneResult(const Mechanism& nominal, const IdentificationTrial& trial
         << ", sd: " << yamlNumber(sdAt(nominal, found.unknowns, i, found.z[i], found.sd(i)))
         << ", of_prior: " << yamlNumber(found.sd(i)) << "}\n";
   }
-  out << "truth:           # what the simulation knows\n"
+  out << "truth:           # of the simulation\n"
       << "  direction_bias: " << yamlNumber(trial.direction_bias) << "\n"
       << "  direction_bias_as_drawn: " << yamlNumber(trial.direction_bias_as_drawn) << "\n";
   for (int i = 0; i < kUnknowns; ++i) {

@@ -37,12 +37,12 @@ using Clock = std::chrono::steady_clock;
 constexpr const char* kHelp =
     R"(Usage: study STUDY.yaml [options]
 
-Does all runs that a study describes and writes results.csv, manifest.yaml and, if asked for, history.csv.
+Does all runs that a study describes and writes results.csv, manifest.yaml and, where the study has it, history.csv.
 A study that was ended at any time goes on where it was with the same command.
 
   --output FOLDER       of the results (default results/<name of the file>)
   --threads N           runs at the same time (default: the cores; under mpirun 1 a rank)
-  --fresh               drop the runs that the folder holds
+  --fresh               drop the runs in the folder
   --mismatch FILE.yaml  how the truth of every run differs from its scenario, see docs/reference/mismatch.md; the same as
                         the study's key mismatch
   --set KEY.PATH=VALUE  change a value of the study: samples=100, axes[0].range.count=5; repeatable
@@ -60,7 +60,7 @@ Example: study config/studies/exciting_force.yaml
 std::atomic<bool> stop_requested{false};
 std::atomic<int> stop_signal{0};
 
-// the first signal asks, the second ends at once
+// the first signal ends after the present runs, the second at once
 void onSignal(int number) {
   stop_requested = true;
   stop_signal = number;
@@ -192,7 +192,7 @@ void printSummary(const Study& study, const StudyLedger& ledger, const StudyOpti
   }
   const assembly_cell::ShareInterval share =
       assembly_cell::shareInterval(count.assembled, count.total);
-  if (!study.judged) {
+  if (!study.evaluated) {
     std::cout << "assembled: null\n";
   } else {
     std::cout << "assembled: {runs: " << count.assembled << ", share: " << yamlNumber(share.share)
@@ -303,7 +303,7 @@ int main(int argc, char** argv) {
     if (Ranks::launched()) ranks = std::make_unique<Ranks>();
     return run(options, ranks.get());
   } catch (const std::exception& e) {
-    // all ranks have the same to say
+    // all ranks have the same message
     if (!ranks || ranks->rank() == 0) std::cerr << "study: " << e.what() << std::endl;
     return 2;
   }

@@ -19,7 +19,7 @@ constexpr const char* kHelp =
     R"(Usage: tones RECORDING.csv [options]
 
 Frequencies, amplitudes, and when they step, of the tones in recorded channels, each with its sd, as YAML. RECORDING.csv:
-columns t (s, ms, us or ns, told by its spacing) and the channels by name, one rate. What a tone is to the exciter:
+columns t (s, ms, us or ns, recognised by its spacing) and the channels by name, one rate. What a tone is to the exciter:
 its own, a harmonic, an intermodulation (factors of its tones by frequency, lowest order up to 5), or foreign.
 
   --channel NAME        only this channel; may be given several times (default: all)
@@ -80,7 +80,7 @@ int run(const std::vector<std::string>& arguments) {
   parser.integer("--steps", options.most_steps, 0, 20);
   parser.number("--smallest", options.smallest, 0.0, 1.0);
   if (!parser.parse(arguments)) return 0;
-  // the exciter first: the others' tones are told by its
+  // the exciter first: the others' tones are found with it
   if (!exciter.empty()) {
     channels.erase(std::remove(channels.begin(), channels.end(), exciter), channels.end());
   }

@@ -26,7 +26,7 @@ TEST(Heartbeat, EndsAtOnceAndIsSilentThen) {
   EXPECT_EQ(beats, 0);
 }
 
-// who speaks is not spoken over, and may hold the lock that the beat asks for
+// a report is not interrupted, and may own the lock that the heartbeat needs
 TEST(Heartbeat, RestsAfterOtherWords) {
   std::atomic<int> beats{0};
   std::mutex voice;

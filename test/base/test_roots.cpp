@@ -34,7 +34,7 @@ TEST(Bisect, GivesTheBitsOfALoopByHand) {
   }
 }
 
-TEST(Bisect, AsksBetweenTheEndsOnly) {
+TEST(Bisect, EvaluatesBetweenTheEndsOnly) {
   const auto inside = [](double x) {
     EXPECT_TRUE(x > 0.0 && x < 1.0);
     return true;

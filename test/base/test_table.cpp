@@ -48,7 +48,7 @@ TEST(Table, NamesFileLineAndColumn) {
   EXPECT_THROW(parse("1,2\n1,3\n").checkRising(0), InputError);
 }
 
-TEST(Table, AsksWhatAMisspeltColumnIs) {
+TEST(Table, RefusesAMisspeltColumn) {
   const auto find = [](const std::string& header) {
     return tableFromText(header + "\n1,2\n", "f.csv", {"a"}).find({"temperature"});
   };
@@ -61,7 +61,7 @@ TEST(Table, AsksWhatAMisspeltColumnIs) {
   EXPECT_TRUE(find("temprature,temperature"));
 }
 
-TEST(Table, TellsTheUnitOfTimesBySpacing) {
+TEST(Table, FindsTheUnitOfTimesBySpacing) {
   for (const double unit : {1.0, 1e-3, 1e-6, 1e-9}) {
     for (const double spacing : {1e-4, 1e-3, 0.05}) {
       EXPECT_EQ(timeUnit({0.0, spacing / unit, 2 * spacing / unit}), unit)

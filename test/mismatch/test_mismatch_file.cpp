@@ -74,13 +74,13 @@ TEST(MismatchFile, EveryKeyIsReadAndReportedByItsName) {
   const Truth truth = drawn(kWhole);
   const YAML::Node file = YAML::Load(kWhole), report = YAML::Load(truthText(truth));
   const std::function<void(const YAML::Node&, const YAML::Node&, const std::string&)> compare =
-      [&](const YAML::Node& asked, const YAML::Node& told, const std::string& path) {
-        for (const auto& entry : asked) {
+      [&](const YAML::Node& part, const YAML::Node& report_part, const std::string& path) {
+        for (const auto& entry : part) {
           const std::string key = entry.first.as<std::string>();
-          ASSERT_TRUE(told[key]) << path << key;
+          ASSERT_TRUE(report_part[key]) << path << key;
           const bool draw = !entry.second.IsMap() || entry.second["uniform"] ||
                             entry.second["normal"] || entry.second["log_uniform"];
-          if (!draw) compare(entry.second, told[key], path + key + ".");
+          if (!draw) compare(entry.second, report_part[key], path + key + ".");
         }
       };
   compare(file, report, "");
@@ -111,7 +111,7 @@ TEST(MismatchFile, LevelsAreReadAndMakeScenarios) {
     for (std::uint64_t seed = 0; seed < 2000; ++seed) {
       const Truth truth = drawTruth(mismatch, seed);
       const Scenario s = trueScenario(nominal, truth, "level");
-      // the widest friction that the table asks for
+      // the widest friction that the table has
       EXPECT_GE(s.mechanism.friction.sliding_coefficient, 0.05 - 1e-12);
       EXPECT_LE(s.mechanism.friction.sliding_coefficient, 0.6 + 1e-12);
       EXPECT_LE(truth.bore_tilt.norm(), 0.5 * M_PI / 180 + 1e-5);

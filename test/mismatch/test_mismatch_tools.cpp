@@ -76,7 +76,7 @@ TEST_F(MismatchTools, NothingAskedLeavesAlignAsItWas) {
   EXPECT_EQ(plain.text.find("mismatch"), std::string::npos);
 }
 
-TEST_F(MismatchTools, AlignTellsWhatWasDrawn) {
+TEST_F(MismatchTools, AlignReportsTheDraw) {
   const std::string m =
       file("m.yaml",
            "scale: {coupling.damping: {log_uniform: [0.9, 1.1]}}\nhole: {bore_tilt: "

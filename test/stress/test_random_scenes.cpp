@@ -21,7 +21,7 @@ void addChamfer(unsigned seed, Scenario& s) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit;
   HoleParameters& hole = s.mechanism.hole;
-  hole.chamfer_angle = kLeastChamferAngle + (kMostChamferAngle - kLeastChamferAngle) * unit(random);
+  hole.chamfer_angle = kMinChamferAngle + (kMaxChamferAngle - kMinChamferAngle) * unit(random);
   hole.chamfer_width = std::min(hole.radius * std::pow(10.0, -3.0 + 2.0 * unit(random)),
                                 0.5 * hole.depth * std::tan(hole.chamfer_angle));
 }

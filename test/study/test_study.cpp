@@ -116,7 +116,7 @@ TEST_F(StudyFile, DrawsDependOnSeedAxisAndRunAlone) {
         std::max(distance, std::abs((sorted[i] + 1) / 4 - (static_cast<double>(i) + 0.5) / n));
   }
   EXPECT_LT(distance, 1.95 / std::sqrt(n));
-  // another seed draws anew, an axis more leaves the others' numbers alone
+  // another seed draws other numbers, an axis more leaves the others' numbers alone
   EXPECT_NE(studyRun(study("samples: 9\nseed: 2\n" + axes), {5, {}}).labels[0],
             studyRun(s, {5, {}}).labels[0]);
   EXPECT_EQ(
@@ -256,7 +256,7 @@ TEST_F(StudyFile, ShareIntervalIsWilsons) {
 
 TEST_F(StudyFile, AlignRunsReportTheEstimatorsError) {
   const std::string cell = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml";
-  // nothing to be felt within the first millimetre: a failure by name
+  // no contact within the first millimetre: a failure by name
   const Study s =
       study("job: align\nalign: {strategy: twin_force}\nstart: {offset: 0.3, height: 0.2}\n",
             {"scenario=" + cell, "set={}"});

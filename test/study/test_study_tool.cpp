@@ -210,11 +210,13 @@ TEST_F(StudyTool, IsNeverSilentForLong) {
                                  "chapter8_force_two_10N.yaml\nset: {duration: 1.0e5}\n");
   const pid_t child = start({kTool, file, "--output", path("a"), "--threads", "1"});
   const auto begun = std::chrono::steady_clock::now();
-  const auto told = [&] { return textOf(path("err")).find("] 0 of 1 runs") != std::string::npos; };
-  while (!told() && std::chrono::steady_clock::now() - begun < std::chrono::seconds(60)) {
+  const auto reported = [&] {
+    return textOf(path("err")).find("] 0 of 1 runs") != std::string::npos;
+  };
+  while (!reported() && std::chrono::steady_clock::now() - begun < std::chrono::seconds(60)) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  EXPECT_TRUE(told()) << textOf(path("err"));
+  EXPECT_TRUE(reported()) << textOf(path("err"));
   EXPECT_EQ(kill(child, SIGKILL), 0);
   wait(child);
 }
@@ -232,7 +234,7 @@ TEST_F(StudyTool, InterruptKeepsWhatIsDoneAndSaysHowToGoOn) {
   EXPECT_NE(result.err.find("of 9000 runs; they are kept"), std::string::npos) << result.err;
   EXPECT_FALSE(fs::exists(path("a/results.csv")));
   EXPECT_FALSE(YAML::LoadFile(path("a/manifest.yaml"))["complete"].as<bool>());
-  // another study isn't mixed in, --fresh begins anew
+  // another study isn't mixed in, --fresh starts again
   const Result other = run({usual(1), "--output", path("a")});
   EXPECT_EQ(other.exit_code, 2);
   EXPECT_NE(other.err.find("--fresh"), std::string::npos) << other.err;
@@ -273,7 +275,7 @@ TEST_F(StudyTool, EnoughEndsAtTheSameRunWithAnyWorkers) {
   EXPECT_EQ(summary["assembled"]["runs"].as<int>(), summary["statuses"]["assembled"].as<int>(0));
 }
 
-TEST_F(StudyTool, NoRoomEndsThreadsAndRanksByName) {
+TEST_F(StudyTool, AFullDiskEndsThreadsAndRanksByName) {
   const std::string file = usual(400);
   // files of at most 32 KiB: writing more fails as on a full disk
   const std::string command = "trap '' XFSZ; ulimit -f 64; exec " + kTool + " " + file +

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// A file of another kind than wanted is told as such, in one line, by whoever reads files.
+// A file of another kind than wanted is refused as such, in one line, by each reader.
 
 #include <gtest/gtest.h>
 
@@ -109,8 +109,8 @@ TEST_F(WrongFiles, AreNamedInsideAnArmsFile) {
   }
 }
 
-// what is merely wrong inside is still told by its key
-TEST_F(WrongFiles, KeysAreToldWhereTheKindIsRight) {
+// wrong content is still refused by its key
+TEST_F(WrongFiles, KeysAreNamedWhereTheKindIsRight) {
   const std::string file = folder_.path() + "/cell.yaml";
   std::ifstream in(kFolder + "config/scenarios/cell.yaml");
   std::string text{std::istreambuf_iterator<char>(in), {}};

@@ -71,6 +71,8 @@ std::vector<std::string> strategyNames();
 /// What a person can set; `insert.depth` and `insert.floor` are of a goal.
 void fields(FieldList& f, InsertParameters& p);
 void fields(FieldList& f, AlignParameters& p);
+/// The same without the insertion.
+void alignFields(FieldList& f, AlignParameters& p);
 
 /// Throws InputError naming the parameter, its value and its range.
 void checkParameters(const AlignParameters& parameters);

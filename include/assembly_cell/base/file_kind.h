@@ -7,7 +7,7 @@
 
 namespace assembly_cell::yaml {
 
-/// What a YAML file is, told by keys that only its kind has. A scenario is a mechanism, too.
+/// What a YAML file is, recognised by keys that only its kind has. A scenario is a mechanism, too.
 enum class FileKind {
   kAny,
   kScenario,

@@ -34,8 +34,8 @@ void writeFileAtomically(const std::string& path, const std::string& content,
 /// Could a file be written there? Leaves nothing behind. Throws InputError beginning with `where`.
 void checkWritable(const std::string& path, const std::string& where);
 
-/// All bytes into an open file, whatever signals come; false (errno says why) when they can't be
-/// written.
+/// Writes all bytes into an open file, also when signals arrive; false (errno says why) when they
+/// can't be written.
 bool writeAll(int file, const std::string& bytes);
 
 }  // namespace assembly_cell

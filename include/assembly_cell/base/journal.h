@@ -20,12 +20,12 @@ class Journal {
   /// No other process may have it, until the end of this object: a lock on the file `lock`, tried
   /// for `patience` [s].
   void lockOut(const std::string& lock, double patience);
-  /// Opens the file, or makes it; anew where it's open: after a rename.
+  /// Opens the file, or makes it; again where it's open: after a rename.
   void open();
 
   /// The bytes from a place on, as many as there are.
   std::string read(std::int64_t place, std::size_t size) const;
-  /// Whole or not at all, also where there's no room; with `sync` it's on disk after the return.
+  /// Whole or not at all, also where the disk is full; with `sync` it's on disk after the return.
   void append(const std::string& record, bool sync);
   /// Keeps the first bytes only, on disk after the return.
   void cut(std::int64_t size);

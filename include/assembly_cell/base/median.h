@@ -6,7 +6,7 @@
 namespace assembly_cell {
 
 /// The value with index size / 2 of the sorted values: of an even number the upper one of the two
-/// in the middle. Reorders the values; they must not be empty and hold no NaN.
+/// in the middle. Reorders the values; they must not be empty nor contain NaN.
 double upperMedian(std::vector<double>& values);
 double upperMedian(std::vector<double>&& values);
 

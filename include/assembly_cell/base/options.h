@@ -22,7 +22,7 @@ class OptionParser {
 
   /// Sets `variable` to `value`; takes no value on the command line.
   void flag(const std::string& name, bool& variable, bool value = true);
-  /// `remedy` says what to give instead of a value that `read` refuses. The last one given holds,
+  /// `remedy`: what to give instead of a value that `read` refuses. The last one given is used,
   /// unless `read` collects them.
   void value(const std::string& name, const std::string& remedy, Read read);
   void text(const std::string& name, std::string& variable);

@@ -15,7 +15,7 @@ std::string crcText(const std::string& bytes);
 bool isLine(const std::string& text);
 
 /// `text` on one line: controls become blanks, bytes beyond ASCII question marks, more than
-/// `longest` characters are cut off. For whatever a device or a file says.
+/// `longest` characters are cut off. For texts of devices and files.
 std::string printable(const std::string& text, std::size_t longest = 80);
 
 }  // namespace assembly_cell

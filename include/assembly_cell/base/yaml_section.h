@@ -22,7 +22,7 @@ namespace assembly_cell::yaml {
                          const std::string& value, const std::string& remedy);
 
 std::string shown(double value);
-/// What stands in the file, shortened to fit a line.
+/// The node's text, shortened to fit a line.
 std::string shown(const YAML::Node& node);
 
 /// Number in YAML's notation without octal, hexadecimal, .inf, .nan or quotes.
@@ -30,11 +30,11 @@ bool readNumber(const YAML::Node& node, double& value);
 
 using assembly_cell::Range;
 
-/// How a section says what is wrong: "peg.mass: value -1: give ..." or "peg.mass is '-1': give
+/// Wording of refusals: "peg.mass: value -1: give ..." or "peg.mass is '-1': give
 /// ...".
 enum class Wording { kValue, kIs };
 
-/// A mapping of the file that is read key by key; finish() refuses what nobody asked for.
+/// A mapping of the file that is read key by key; finish() refuses keys that were not read.
 class Section {
  public:
   Section(const YAML::Node& node, std::string path, std::string source,
@@ -119,8 +119,8 @@ std::string fileText(const std::string& path, const std::string& what,
 YAML::Node loadYaml(const std::string& text, const std::string& source,
                     FileKind wanted = FileKind::kAny);
 
-/// The tree after an override "key.path=value", the value in YAML syntax. Copies what lies on the
-/// way, so that a node shared through a YAML alias changes in one place only.
+/// The tree after an override "key.path=value", the value in YAML syntax. Copies the nodes
+/// on the path, so that a node shared through a YAML alias changes in one place only.
 YAML::Node withOverride(const YAML::Node& root, const std::string& text);
 
 /// A mapping of keys with overrides applied.

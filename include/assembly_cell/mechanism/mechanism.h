@@ -37,7 +37,7 @@ struct HoleParameters {
 };
 
 /// Between which a chamfer's angle lies [rad].
-constexpr double kLeastChamferAngle = 0.1, kMostChamferAngle = 1.4;
+constexpr double kMinChamferAngle = 0.1, kMaxChamferAngle = 1.4;
 
 /// Radius at the face: of the chamfer's outer edge [m].
 inline double mouthRadius(const HoleParameters& hole) { return hole.radius + hole.chamfer_width; }
@@ -58,8 +58,8 @@ inline double chamferHeight(const PegParameters& peg) {
 /// Of the bottom edge [m].
 inline double tipRadius(const PegParameters& peg) { return peg.radius - peg.chamfer_width; }
 
-/// Rest pose of the mechanism: of the coupling point and the tilt it holds. Thesis x2e, x3e, x1e,
-/// theta1e, theta2e, theta3e.
+/// Rest pose of the mechanism: position of the coupling point and the commanded tilt. Thesis x2e,
+/// x3e, x1e, theta1e, theta2e, theta3e.
 struct RestPose {
   double x = 0.0;                     ///< x2e [m]
   double y = 0.0;                     ///< x3e [m]

@@ -12,7 +12,7 @@
 
 namespace assembly_cell {
 
-// A mismatch file, typed: how the true cell differs from what its files say.
+// A mismatch file, typed: how the ground truth differs from the files of the cell.
 // docs/reference/mismatch.md.
 
 /// How a number is drawn.
@@ -28,13 +28,13 @@ struct Draw {
 
 /// An entry of `scale` or `add`.
 struct ScenarioChange {
-  std::string key;   ///< as it stands in the file
+  std::string key;   ///< as in the file
   std::string path;  ///< without ".each"
   bool each = false;
   Draw draw;
 };
 
-/// What a file asks for; what is left out is exact. Names as in the file.
+/// Content of a file; what is left out is exact. Names as in the file.
 struct Mismatch {
   std::string source;  ///< for refusals
   std::vector<ScenarioChange> scale, add;
@@ -47,8 +47,8 @@ Mismatch loadMismatch(const std::string& path);
 /// The same from text; `source` names it in messages.
 Mismatch parseMismatch(const std::string& yaml, const std::string& source);
 
-/// What one run's truth is. One stream of random numbers for each key path and seed, none of them
-/// that of the sensors' noise: a key that is added changes no other draw.
+/// Draws the ground truth of one run. One stream of random numbers for each key path and seed, none
+/// of them that of the sensors' noise: a key that is added changes no other draw.
 Truth drawTruth(const Mismatch& mismatch, std::uint64_t seed);
 
 /// The nominal scenario as it truly is: scaled, added to, with its imperfections. The peg hangs

@@ -10,7 +10,7 @@
 
 namespace assembly_cell {
 
-// What was drawn for one run: plain numbers. Exact by default. SI units.
+// Ground truth that was drawn for one run: plain numbers. Exact by default. SI units.
 
 /// How a sensor's samples differ from the wrench in it. Torques count against forces at 30 mm.
 struct SensorTruth {
@@ -39,14 +39,14 @@ struct SensorTruth {
 struct CarrierTruth {
   static constexpr double kTurn = 0.1;  ///< rotations against translations [rad/m]
   Eigen::Vector3d reading_noise = Eigen::Vector3d::Zero();  ///< sd of the reported pose [m]
-  Eigen::Vector3d repeatability = Eigen::Vector3d::Zero();  ///< sd of where a move ends [m]
+  Eigen::Vector3d repeatability = Eigen::Vector3d::Zero();  ///< sd of a move's end [m]
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();  ///< of the encoders' base in the base [rad]
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();    ///< of its origin there [m]
-  Eigen::Vector3d scale = Eigen::Vector3d::Zero();     ///< a way s is reported as (1 + scale) s
+  Eigen::Vector3d scale = Eigen::Vector3d::Zero();  ///< a distance s is reported as (1 + scale) s
   std::uint64_t reading_seed = 0, repeatability_seed = 0;
 };
 
-/// What a simulated cell needs of the truth besides its scenario.
+/// Ground truth of a simulated cell besides its scenario.
 struct CellTruth {
   SensorTruth sensor_a, sensor_b;
   CarrierTruth carrier;
@@ -54,7 +54,7 @@ struct CellTruth {
 
 /// Numbers of one entry of `scale` or `add`.
 struct DrawnChange {
-  std::string key;   ///< as it stands in the file
+  std::string key;   ///< as in the file
   std::string path;  ///< without ".each"
   bool each = false;
   std::vector<double> values;    ///< one, or one for each entry

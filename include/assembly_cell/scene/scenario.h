@@ -46,7 +46,7 @@ struct ThesisSwitches {
   bool moments =
       false;  ///< moments of exciter and contacts by Re^-1, Rpe^-1 instead of Re^T, Rpe^T
   bool cross_stiffness = false;  ///< k26 and k35 count twice (listing, 6.14–6.16)
-  bool creep = false;            ///< stationary rows ask for no acceleration only (6.35, 6.36)
+  bool creep = false;            ///< stationary rows demand no acceleration only (6.35, 6.36)
   bool no_centripetal = false;  ///< 6.38–6.40 without omega × (omega × r) and without the way of
                                 ///< the contact point and the turn of the normal
   bool sign_flip = false;  ///< viscous: a pulling normal force is negated, not released
@@ -71,17 +71,17 @@ struct SolverParameters {
   double step = 0.0;        ///< of fixed-step methods [s]
 };
 
-/// What the exciter makes of the force that it is asked for. Exact by default.
+/// Errors of the exciting force. Exact by default.
 struct ExciterErrors {
   double gain = 1.0;         ///< of the amplitude, which is the ellipse's major axis
-  double delay = 0.0;        ///< of the force behind the angle that is asked for [s]
+  double delay = 0.0;        ///< of the force behind the commanded angle [s]
   double ellipticity = 0.0;  ///< 1 − minor/major axis
   double azimuth = 0.0;      ///< of the major axis, peg axes [rad]
   double harmonic = 0.0;     ///< force at twice the angle, fraction of the amplitude
 };
 
-/// What the true parts do that no file says of them. Read from a mismatch file only, see the room
-/// `mismatch`; exact by default.
+/// Properties of the true parts that a scenario doesn't have. Read from a mismatch file only, see
+/// the module `mismatch`; exact by default.
 struct Imperfections {
   ExciterErrors exciter;
   /// Behind the carrier's encoders, x, y, z [m/N]: the rest pose shifts by so much of the

@@ -24,7 +24,7 @@ std::string studyProgram();
 class StudyJournal {
  public:
   /// Opens or begins the journal, alone (other processes are refused). Throws InputError: not
-  /// writable, in use, begun by another study or program (unless `fresh`, which begins anew).
+  /// writable, in use, begun by another study or program (unless `fresh`, which starts again).
   StudyJournal(const std::string& path, const std::string& header, bool fresh);
   ~StudyJournal();
 
@@ -55,7 +55,7 @@ class StudyLedger {
   /// Search: no points follow.
   void close();
 
-  /// The next run that nobody has done or taken; false when there is none now.
+  /// The next run that is neither done nor taken; false when there is none now.
   bool take(StudyTask& task);
   void put(const StudyRecord& record);
   /// Runs that may still be taken, about.

@@ -23,7 +23,7 @@ struct StudyRecord {
 std::string encodeRecord(const StudyRecord& record);
 std::size_t decodeRecord(const char* text, std::size_t size, StudyRecord& record);
 
-/// Outcomes that a job knows, in the order of their columns.
+/// Outcomes of a job, in the order of their columns.
 const std::vector<std::string>& outcomeNames(StudyJob::Kind kind);
 
 std::string resultsHeader(const Study& study);

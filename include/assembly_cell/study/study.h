@@ -42,7 +42,7 @@ struct StudyJob {
   Kind kind = Kind::kSimulate;
   StudyStart start;
   StudyMove move;
-  double look = 2e-3;                    ///< how often outcomes are looked at [s]
+  double look = 2e-3;                    ///< period in which outcomes are evaluated [s]
   double assembled_depth = kStudyNone;   ///< assembled: whole edge deeper than this, and ... [m]
   double assembled_offset = kStudyNone;  ///< ... bottom centre nearer to the axis than this [m]
   bool stop_assembled = true;            ///< ends the run
@@ -84,7 +84,7 @@ struct StudyAxis {
 
 /// When there are enough runs: looked at after each run, in the order of the runs.
 struct StudyEnough {
-  std::int64_t least = 100;        ///< runs before the interval counts
+  std::int64_t min_runs = 100;     ///< runs before the interval counts
   double half_width = kStudyNone;  ///< of the 95 % interval of the share of assembled runs
   double failed = kStudyNone;      ///< number of failed runs
 };
@@ -111,7 +111,7 @@ struct Study {
   std::vector<std::string> digests;    ///< of the contents
   std::vector<Scenario> bases;         ///< with `set`
   std::vector<StudySetting> set;       ///< of every run
-  std::optional<Mismatch> mismatch;    ///< how the truth of each run differs
+  std::optional<Mismatch> mismatch;    ///< how the ground truth of each run differs
   std::string mismatch_text;           ///< content of its file
   StudyJob job;
   std::uint64_t seed = 1;
@@ -119,7 +119,7 @@ struct Study {
   bool paired = false;  ///< sample k draws the same numbers and has the same seed at every point
   std::vector<StudyAxis> axes;
   std::vector<std::string> outcomes;  ///< columns
-  bool judged = false;                ///< runs are told to assemble or not
+  bool evaluated = false;             ///< each run is assembled or not
   bool history = false;               ///< a second file with a row per look
   StudyEnough enough;
   StudySearch search;
@@ -132,7 +132,7 @@ Study loadStudy(const std::string& path, const std::vector<std::string>& overrid
 
 /// Runs of one point of the search, or of the whole study without one.
 std::int64_t runsPerPoint(const Study& study);
-/// All runs, for a search the most there may be.
+/// Number of all runs; for a search the largest possible one.
 std::int64_t runCount(const Study& study);
 
 /// A run to be done: its number, and the point of the search as numbers from 0 to 1.

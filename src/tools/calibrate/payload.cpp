@@ -43,13 +43,13 @@ A header row is optional; without one the columns are those above, an eighth of 
   --holdout            print the leave-one-out error of every pose besides its rms
   --trace FILE         bias, its sd and the residual at every pose as CSV (scripts/plot payload)
   --in-situ            correction matrix of the sensor, if the data support it
-  --gravity G          where it was recorded, to say the weight as a mass [m/s2] (default: the length of
+  --gravity G          where it was recorded, for the mass of the weight [m/s2] (default: the length of
                        the columns gx,gy,gz of POSES.csv, else 9.80665)
   --weight W           known weight [N]: fixes the scale of the correction matrix
   --no-drift, --no-breaks, --keep-outliers    leave a part out, to see what it changes
   --help               print this
 
-Exit code: 0 ok, 1 the data do not determine the payload (the YAML says why), 2 bad input.
+Exit code: 0 ok, 1 the data do not determine the payload (the reason is in the YAML), 2 bad input.
 
 Example: calibrate payload poses.csv wrenches.csv --predict new_poses.csv --output predicted.csv --holdout
 )";
@@ -136,7 +136,7 @@ std::string number(double value) {
   return text.str();
 }
 
-constexpr double kGravity = 9.80665;  // standard, to say a weight as a mass [m/s²]
+constexpr double kGravity = 9.80665;  // standard, for the mass of a weight [m/s²]
 
 // of the base's z against gravity, up or down whichever is nearer
 struct BaseTilt {

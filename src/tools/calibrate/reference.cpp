@@ -16,10 +16,10 @@ constexpr const char* kHelp =
 
 Map of a six-axis sensor's raw channels to wrenches, from recordings in series with a reference sensor under any loads.
 RUN: columns t, ch1 ... chN (N >= 6), fx fy fz tx ty tz of the reference [N, N m] by a header, or in this order without
-one; further columns are passed over. Comma, tab or blanks between them. t in s, ms, us or ns, told by its spacing. Begin
+one; further columns are passed over. Comma, tab or blanks between them. t in s, ms, us or ns, recognised by its spacing. Begin
 each run unloaded. Bursts are averaged; the lag between the two sensors, and each run's tare, offset and drift are found.
 
-  --holdout RUN         judge the model by this run, which the map doesn't rest on (default: by each RUN in turn)
+  --holdout RUN         validate the model with this run, which the map doesn't rest on (default: by each RUN in turn)
   --model M             linear, squares (and each channel's square), quadratic (and all products); default: which predicts
                         the run left out best
   --lag S               of the raw channels after the reference [s] (default: estimated)

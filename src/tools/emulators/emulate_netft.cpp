@@ -11,7 +11,7 @@ namespace {
 
 constexpr const char* kHelp = R"(Usage: emulate_netft [options]
 
-A Net F/T box without the box: streams RDT records over UDP to whoever asks and tells its configuration over
+A Net F/T box without the box: streams RDT records over UDP to each client and serves its configuration over
 HTTP. Prints the driver's parameters that reach it, runs until Ctrl-C (or --duration), then prints what happened.
 
   --bind-address A   this computer's address (default 127.0.0.1)

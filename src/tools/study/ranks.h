@@ -15,8 +15,8 @@
 namespace assembly_cell {
 
 /// The processes of one study under mpirun. Rank 0 keeps the ledger, hands out blocks of runs and
-/// works itself; the others ask, work and send records. While a rank works on a block the next is
-/// on its way, so that nobody waits for an answer. All waiting is asleep.
+/// works itself; the others request, work and send records. While a rank works on a block the next
+/// is on its way, so that no rank waits for an answer. All waiting is asleep.
 class Ranks {
  public:
   /// True when a launcher of MPI has started this process.
@@ -33,7 +33,7 @@ class Ranks {
   /// True on all ranks when `text` is the same on all and `good` everywhere. Collective.
   bool agree(const std::string& text, bool good) const;
 
-  /// Rank 0: does what the ledger offers, with all ranks. A rank that was told to stop stops all.
+  /// Rank 0: does what the ledger offers, with all ranks. A rank that received a signal stops all.
   void serve(const Study& study, StudyLedger& ledger, int threads, std::atomic<bool>& stop);
   /// Rank 0: the others may leave.
   void release();
