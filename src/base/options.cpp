@@ -8,6 +8,7 @@
 #include <iostream>
 
 #include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
 
@@ -21,6 +22,10 @@ void OptionParser::flag(const std::string& name, bool& variable, bool value) {
 
 void OptionParser::value(const std::string& name, const std::string& remedy, Read read) {
   options_[name] = {remedy, std::move(read), nullptr, false};
+}
+
+void OptionParser::field(const std::string& name, const Field& field) {
+  value(name, field.remedy(), [field](const std::string& text) { return field.parse(text); });
 }
 
 void OptionParser::text(const std::string& name, std::string& variable) {

@@ -55,17 +55,26 @@ ContactFeatures readFeatures(Section& in) {
 
 // not in an unnamed namespace, which FieldList::section() doesn't see
 
-static void fields(FieldList& f, ContactParameters& c) {
+static void lawField(FieldList& f, ContactParameters& c) {
   f.choice("law", c.law, {"none", "spring_dashpot", "viscous", "rigid"}, "Contact law.").required();
+}
+
+// The law decides which of its parameters are required: it is read first.
+static void fields(FieldList& f, ContactParameters& c) {
+  const bool spring = c.law == ContactLaw::kSpringDashpot, viscous = c.law == ContactLaw::kViscous;
+  lawField(f, c);
   f.number("regularisation_speed", c.regularisation_speed, positive("m/s"),
            "Speed below which friction is regularised.");
   f.flag("stationary_rows", c.stationary_rows, "viscous: discrete stick instead.");
-  f.number("stiffness", c.stiffness, notNegative("N/m"),
-           "spring_dashpot: stiffness of a contact, required, > 0.");
+  f.number("stiffness", c.stiffness, spring ? positive("N/m") : notNegative("N/m"),
+           "spring_dashpot: stiffness of a contact, required, > 0.")
+      .required(spring);
   f.number("damping", c.damping, notNegative("N s/m"),
-           "spring_dashpot: damping of a contact, required.");
-  f.number("rate", c.rate, notNegative("1/s"),
+           "spring_dashpot: damping of a contact, required.")
+      .required(spring);
+  f.number("rate", c.rate, viscous ? positive("1/s") : notNegative("1/s"),
            "viscous: decay rate of the normal velocity, required, > 0.")
+      .required(viscous)
       .independent();
   f.number("pull_back", c.pull_back, notNegative("1/s2"), "viscous: pull-back of a penetration.");
   f.number("restitution", c.restitution, {0.0, 1.0}, "rigid: energetic coefficient, 0: plastic.");
@@ -149,15 +158,6 @@ void completeInitial(Section& in, Scenario& scenario) {
                      scenario.mechanism.peg.coupling_height * axis;
 }
 
-// The law's own parameters must be there.
-void checkContact(Section contact, ContactLaw law) {
-  if (law == ContactLaw::kSpringDashpot) {
-    contact.number("stiffness", positive("N/m"));
-    contact.number("damping", notNegative("N s/m"));
-  }
-  if (law == ContactLaw::kViscous) contact.number("rate", positive("1/s"));
-}
-
 void check(const Section& in, const Scenario& scenario) {
   auto problem = problemOf(scenario.mechanism);
   if (!problem) problem = problemOfTheta("coupling.rest.theta", scenario.rest.theta);
@@ -179,9 +179,13 @@ void check(const Section& in, const Scenario& scenario) {
 Scenario readScenario(const YAML::Node& root, const std::string& source) {
   Section in(root, "", source);
   Scenario scenario;
+  if (const YAML::Node contact = root["contact"]) {
+    FieldList law;
+    lawField(law, scenario.contact);
+    Section(contact, "contact", source).read(law);
+  }
   in.read(fieldsOf(scenario));
   in.finish();
-  checkContact(in.section("contact"), scenario.contact.law);
   completeInitial(in, scenario);
   check(in, scenario);
   return scenario;

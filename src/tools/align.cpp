@@ -116,7 +116,8 @@ struct Options {
 bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   assembly_cell::OptionParser parser(kHelp);
   parser.file("scenario file", o.scenario);
-  parser.text("--strategy", o.align.strategy);
+  const assembly_cell::FieldList parameters = fieldsOf(o.align);
+  parser.field("--strategy", *parameters.find("strategy"));
   parser.integer("--seed", o.cell.seed, 0, 1L << 62);
   parser.integer("--runs", o.runs, 1, 10000000);
   parser.integer("--bits", o.cell.bits, 1, 64);
@@ -125,7 +126,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.number("--offset-max", o.offset_max, 0.0, 0.1);
   parser.number("--tilt-max", o.tilt_max, 0.0, 0.1);
   parser.text("--insert", o.insert);
-  parser.number("--insert-exciter", o.align.insert.exciter, 0.0, 1000.0);
+  parser.field("--insert-exciter", *parameters.find("insert.exciter"));
   parser.flag("--second-goals", o.second_goals);
   parser.flag("--random-start", o.random_start);
   parser.integer("--threads", o.threads, 1, 1024);

@@ -366,7 +366,9 @@ TEST(TrueScenario, FaceTilts) {
   EXPECT_NEAR(truth.face_tilt.norm(), 0.02, 1e-15);
   const Scenario s = trueScenario(nominal, truth, "test");
   const double h = nominal.mechanism.peg.half_height;
-  const auto axis = [](const Scenario& of) { return rotationFromEuler(of.initial.euler).col(2); };
+  const auto axis = [](const Scenario& of) -> Vector3d {
+    return rotationFromEuler(of.initial.euler).col(2);
+  };
   const Vector3d bottom = nominal.initial.position - h * axis(nominal);
   EXPECT_LT((s.initial.position - h * axis(s) - bottom).norm(), 1e-15);
   // Rodrigues' formula by hand, for the inverse turn

@@ -11,6 +11,8 @@
 
 namespace assembly_cell {
 
+struct Field;
+
 /// The command line of a tool: options are bound to variables, parse() fills them. What it refuses
 /// is an InputError "--name: value X: what to do".
 class OptionParser {
@@ -26,6 +28,8 @@ class OptionParser {
   /// unless `read` collects them.
   void value(const std::string& name, const std::string& remedy, Read read);
   void text(const std::string& name, std::string& variable);
+  /// The value of a declared setting, see base/fields.h; its struct must live until parse().
+  void field(const std::string& name, const Field& field);
   void texts(const std::string& name, std::vector<std::string>& variable);
   /// "a,b,c": as many finite numbers as `variable` has.
   void numbers(const std::string& name, double* variable, std::size_t count);
