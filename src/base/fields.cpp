@@ -129,7 +129,7 @@ std::string Field::remedy() const {
     case Kind::kOther:
       break;
   }
-  return "give it in a file";
+  return "give a list or a mapping in a file";
 }
 
 bool Field::parse(const std::string& given) const {
@@ -349,7 +349,9 @@ std::string rangeText(const Field& field) {
 
 std::string defaultText(const Field& field) {
   if (field.is_required) return "required";
-  if (field.kind == Kind::kNumber) return yaml::shown(*field.numbers);
+  if (field.kind == Kind::kNumber) {
+    return std::isfinite(*field.numbers) ? yaml::shown(*field.numbers) : "none";
+  }
   if (field.kind == Kind::kText && field.text->empty()) return "\"\"";
   return field.kind == Kind::kText ? *field.text : field.value();
 }

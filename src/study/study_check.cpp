@@ -112,10 +112,10 @@ void findDirectKeys(Study& study) {
     std::set<std::string> keys, bad;
     for (const StudySetting& s : ends) {
       Scenario scratch = study.bases.front();
-      bool alone = false;
+      bool independent = false;
       double value = 0.0;
-      const bool number = scenarioNumber(scratch, s.key, &alone) != nullptr;
-      if (!number || !alone || !parseNumber(s.value, value) || !admitted(study, s))
+      const bool number = scenarioNumber(scratch, s.key, &independent) != nullptr;
+      if (!number || !independent || !parseNumber(s.value, value) || !admitted(study, s))
         bad.insert(s.key);
       keys.insert(s.key);
     }
