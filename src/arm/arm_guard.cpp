@@ -11,15 +11,16 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kRelief = 1.1;    // of the load at the beginning, while it is being taken off
-constexpr double kSlowest = 1e-3;  // that a move may be asked to be [m/s]
-constexpr double kStopWay = 0.8;   // as the plant's guard counts it, of v²/a
-constexpr double kStarves = 0.5;   // of the timeout: a source that is silent so long starves others
+constexpr double kRelief = 1.1;     // allowed fraction of the present load while it is relieved
+constexpr double kMinSpeed = 1e-3;  // [m/s]
+constexpr double kStopWay = 0.8;  // stopping distance as a fraction of v²/a, as in plant_guard.cpp
+constexpr double kBlocksOwner =
+    0.5;  // silence of a source that keeps the owner waiting, of the timeout
 constexpr char kSensors[] = "ab";
 
 Load loadOf(const Vector6& wrench) { return {wrench.head<3>().norm(), wrench.tail<3>().norm()}; }
 
-// what is being taken off may be above the limit, but not grow
+// Allowed load: above the limit while a larger load is being relieved, never growing.
 double relieved(double load, double limit, double allowed) {
   return std::isfinite(load) ? std::clamp(kRelief * load, limit, std::max(limit, allowed)) : limit;
 }
@@ -46,8 +47,8 @@ void holdBeyond(ArmGuard& arm, ArmReason reason, const std::string& what, double
        text("%s is %g %s, allowed are 0 to %g %s", what.c_str(), value, unit, limit, unit));
 }
 
-// the first sample that is too much holds the arm
-void judgeSample(ArmGuard& arm, std::size_t sensor, const Vector6& contact, const Vector6& raw) {
+// Holds the arm if the sample exceeds an allowed load.
+void checkSample(ArmGuard& arm, std::size_t sensor, const Vector6& contact, const Vector6& raw) {
   const std::string of = std::string(" of sensor_") + kSensors[sensor];
   const Load load = loadOf(contact), raw_load = loadOf(raw);
   const Load &allowed = arm.allowed[sensor], &raw_allowed = arm.raw_allowed[sensor];
@@ -71,7 +72,7 @@ void updateRate(ArmGuard& arm, std::size_t sensor, const Eigen::Vector3d& force,
   ++window.count;
   const double passed = time - window.start;
   if (passed < 0.0 || passed > 10.0 * arm.limits.rate_window) {
-    window = ForceWindow();  // another life of the sensor, or a gap
+    window = ForceWindow();  // the sensor was restarted, or samples are missing
     return;
   }
   if (passed < arm.limits.rate_window * (1.0 - 1e-6)) return;
@@ -86,8 +87,8 @@ bool isBusy(const ArmGuard& arm) {
   return !arm.guard.owner.empty() || arm.guard.shaking || !isAtRest(arm.motion);
 }
 
-// A sample at the end of the range tells no load. One or a few are a knock; more are not.
-void waitOutKnock(ArmGuard& arm, std::size_t sensor, double period) {
+// A saturated sample gives no load. A knock saturates a few samples; longer saturation is an error.
+void addSaturated(ArmGuard& arm, std::size_t sensor, double period) {
   arm.saturated[sensor] += period;
   if (arm.saturated[sensor] <= arm.limits.saturated_time || isHalted(arm) || !isBusy(arm)) return;
   hold(arm, ArmReason::kSaturated,
@@ -96,10 +97,10 @@ void waitOutKnock(ArmGuard& arm, std::size_t sensor, double period) {
 }
 
 struct Source {
-  ArmReason reason;  // without it
+  ArmReason reason;  // of a hold when the source isn't fresh
   const char* what;
   bool known;
-  double time;  // of its last word
+  double time;  // last stamp
 };
 
 std::array<Source, 3> sourcesOf(const ArmGuard& arm) {
@@ -123,20 +124,20 @@ void watchData(ArmGuard& arm, double now) {
   }
 }
 
-// Who gets no block, as a source of it is missing, shows no life either: then that is the cause.
-void holdLapsed(ArmGuard& arm, const std::string& holder, double now) {
+// An owner that receives no block because a source is missing sends no lease: the source is named.
+void holdExpired(ArmGuard& arm, const std::string& owner, double now) {
   const double timeout = arm.limits.timeout;
-  const std::string lapse = text("no sign of life of %s for %g s", holder.c_str(), timeout);
+  const std::string expiry = text("no sign of life of %s for %g s", owner.c_str(), timeout);
   for (const Source& source : sourcesOf(arm)) {
-    if (source.known && now - source.time < kStarves * timeout) continue;
+    if (source.known && now - source.time < kBlocksOwner * timeout) continue;
     hold(arm, source.reason,
-         text("no fresh %s for %.3f s, and so ", source.what, now - source.time) + lapse);
+         text("no fresh %s for %.3f s, and so ", source.what, now - source.time) + expiry);
     return;
   }
-  hold(arm, ArmReason::kExpired, lapse);
+  hold(arm, ArmReason::kExpired, expiry);
 }
 
-// Where it was sent lately: its latency doesn't count.
+// Compares with all points within the following time, so the arm's latency is no error.
 void watchFollowing(ArmGuard& arm) {
   const double points = arm.limits.following_time / arm.motion.period;
   const auto count = std::min(static_cast<std::size_t>(std::max(1.0, points)), arm.sent.size());
@@ -156,7 +157,7 @@ void watchFollowing(ArmGuard& arm) {
             arm.limits.following_turn));
 }
 
-// of those that have to be taken off
+// Is a load above its limit, so that it has to be relieved?
 bool isOverloaded(const ArmGuard& arm) {
   for (std::size_t i = 0; i < 2; ++i) {
     const Load load = loadOf(arm.wrench[i]), limit = contactLimit(arm);
@@ -170,6 +171,7 @@ bool isOverloaded(const ArmGuard& arm) {
 void begin(ArmGuard& arm, const Pose& X) {
   beginMotion(arm.motion, X);
   arm.sent.fill(arm.motion.out);
+  arm.begun = true;
 }
 
 GuardVerdict halted(const ArmGuard& arm) {
@@ -213,15 +215,15 @@ ArmGuard armGuard(const ArmLimits& limits, const Braking& braking, LeaseMode mod
 void setRate(ArmGuard& arm, double period, double smoothing) {
   arm.motion.period = period;
   arm.motion.smoothing = static_cast<std::size_t>(std::clamp(
-      std::round(smoothing / period), 1.0, static_cast<double>(CommandMotion::kLongest)));
+      std::round(smoothing / period), 1.0, static_cast<double>(CommandMotion::kMaxSmoothing)));
 }
 
 void addSamples(ArmGuard& arm, const ContactSamples& samples) {
   const auto sensor = static_cast<std::size_t>(samples.sensor);
-  const Load felt = detectionThreshold(arm.limits.guard);
+  const Load detectable = detectionThreshold(arm.limits.guard);
   Vector6 way = Vector6::Zero();
   if (sensor == 1) {
-    // what is on its way to the arm can't be called back
+    // points already sent can't be recalled
     way = stopWay(arm.motion) + motionRate(arm.motion) * arm.limits.delay;
   }
   Vector6 known = arm.wrench[sensor];
@@ -229,16 +231,16 @@ void addSamples(ArmGuard& arm, const ContactSamples& samples) {
     const Vector6 contact = Vector6::Map(samples.values + 6 * i);
     const double behind = static_cast<double>(samples.count - 1 - i) * samples.period;
     if (samples.saturated != nullptr && samples.saturated[i] != 0) {
-      waitOutKnock(arm, sensor, samples.period);
+      addSaturated(arm, sensor, samples.period);
       continue;
     }
     arm.saturated[sensor] = 0.0;
     known = contact;
     updateRate(arm, sensor, contact.head<3>(), samples.end - behind);
     if (isHalted(arm)) continue;
-    judgeSample(arm, sensor, contact, contact + samples.zero);
+    checkSample(arm, sensor, contact, contact + samples.zero);
     const Load& allowed = arm.allowed[sensor];
-    if (isHalted(arm) || sensor != 1 || !exceeds(contact, felt)) continue;
+    if (isHalted(arm) || sensor != 1 || !exceeds(contact, detectable)) continue;
     if (!mustStop(arm.guard.braking, contact, way, allowed)) continue;
     const Load then = loadOf(loadAfter(arm.guard.braking, contact, way));
     hold(arm, then.force > allowed.force ? ArmReason::kForce : ArmReason::kTorque,
@@ -264,28 +266,34 @@ void addSamples(ArmGuard& arm, const ContactSamples& samples) {
   }
 }
 
-void setState(ArmGuard& arm, const Pose& X, double stamp) {
-  if (!X.p.allFinite() || !X.R.allFinite()) return;
+bool setState(ArmGuard& arm, const Pose& X, double stamp, const std::string& beyond_limit) {
+  if (!X.p.allFinite() || !X.R.allFinite()) return false;
   arm.measured = coordinatesOf(X);
   arm.state_time = stamp;
   arm.state_known = true;
-  // moved by somebody else while it wasn't commanded
+  arm.beyond_limit = beyond_limit;
+  // moved by other means while it wasn't commanded
   const Vector6 off = arm.measured - arm.motion.out;
   const bool moved = arm.begun && !isBusy(arm) &&
                      !(off.head<3>().norm() <= arm.limits.following &&
                        off.tail<3>().norm() <= arm.limits.following_turn);
-  if (moved) begin(arm, X);
-  if (arm.begun) return;
-  // the first point is where the arm is
+  if (arm.begun && !moved) return false;
+  if (!beyond_limit.empty()) {
+    arm.begun = false;
+    hold(arm, ArmReason::kUnreachable, beyond_limit);
+    return false;
+  }
+  // after a joint beyond its limit the motion starts at resume()
+  if (!arm.begun && arm.reason == ArmReason::kUnreachable) return false;
   begin(arm, X);
-  arm.begun = true;
   if (arm.mode == ArmMode::kWaiting) arm.mode = ArmMode::kFollowing;
+  return true;
 }
 
 GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, double now) {
   const std::uint32_t before = arm.guard.session;
-  // nobody begins on what can't be watched yet: a driver that was started anew is back for others
-  // before it is for us. The next lease asks again
+  // A restarted driver may reach other nodes before this one: the session starts with a later
+  // lease, when all watched sources are fresh.
   if (session != 0 && session != before && !arm.guard.lockstep) {
     for (const Source& source : sourcesOf(arm)) {
       if (isFresh(arm, source, now)) continue;
@@ -295,8 +303,8 @@ GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, d
   GuardAction action;
   const GuardVerdict verdict = renewLease(arm.guard, sender, session, now, action);
   if (action.hold) brake(arm.motion);
-  const bool begins = arm.guard.session != 0 && arm.guard.session != before;
-  if (verdict.good() && begins && arm.mode == ArmMode::kHeld) resume(arm, now);
+  const bool starts = arm.guard.session != 0 && arm.guard.session != before;
+  if (verdict.good() && starts && arm.mode == ArmMode::kHeld) resume(arm, now);
   return verdict;
 }
 
@@ -306,7 +314,7 @@ GuardVerdict move(ArmGuard& arm, const Sender& sender, const Pose& X, double now
   if (arm.mode != ArmMode::kFollowing) return halted(arm);
   if (!isWithin(arm.motion.limits, arm.motion.out)) {
     hold(arm, ArmReason::kOutside,
-         text("the arm stands outside of its workspace, at %g %g %g m: bring it back by hand",
+         text("the arm is outside of its workspace, at %g %g %g m: bring it back by hand",
               arm.motion.out(0), arm.motion.out(1), arm.motion.out(2)));
     return halted(arm);
   }
@@ -324,19 +332,20 @@ GuardVerdict drive(ArmGuard& arm, const Sender& sender, const ExciterCommand& ex
 }
 
 void tick(ArmGuard& arm, double now) {
-  if (!arm.begun) return;
-  const std::string holder = arm.guard.owner;
+  if (!arm.state_known) return;
+  const std::string owner = arm.guard.owner;
   const GuardAction action = watch(arm.guard, arm.wrench[1], arm.motion.out(2), now);
   if (action.reason == GuardReason::kExpired) {
-    holdLapsed(arm, holder, now);
+    holdExpired(arm, owner, now);
   } else if (action.reason == GuardReason::kLoneExciter) {
-    arm.text = text("%s: the exciter ran for %g s and nobody holds the plant",
+    arm.text = text("%s: the exciter ran for %g s while no session owned the plant",
                     toString(action.reason), arm.limits.guard.lone_exciter);
   }
   if (!isHalted(arm) && isBusy(arm)) {
     watchData(arm, now);
     if (!isHalted(arm)) watchFollowing(arm);
   }
+  if (!arm.begun) return;
   stepMotion(arm.motion);
   arm.sent[arm.sent_next] = arm.motion.out;
   arm.sent_next = (arm.sent_next + 1) % arm.sent.size();
@@ -363,12 +372,17 @@ std::string resume(ArmGuard& arm, double now) {
     return arm.text + ": start the bridge again, in lockstep the whole cell";
   if (arm.mode != ArmMode::kHeld) return text("the arm is not held, it is %s", toString(arm.mode));
   if (!arm.state_known || now - arm.state_time >= arm.limits.timeout) {
-    return "no fresh state of the arm: the next point must be where it is";
+    return "no fresh state of the arm: the next point must be at its pose";
+  }
+  if (!arm.beyond_limit.empty()) {
+    arm.reason = ArmReason::kUnreachable;
+    arm.text = std::string(toString(arm.reason)) + ": " + arm.beyond_limit;
+    return arm.text;
   }
   allowRelief(arm);
   for (ForceWindow& window : arm.windows) window = ForceWindow();
-  // an arm that stands somewhere else than it was sent is not sent back
-  if (isAtRest(arm.motion)) begin(arm, poseOfCoordinates(arm.measured));
+  // the motion restarts where the arm is: it isn't sent back to an old point
+  if (!arm.begun || isAtRest(arm.motion)) begin(arm, poseOfCoordinates(arm.measured));
   brake(arm.motion);
   arm.mode = ArmMode::kFollowing;
   arm.reason = ArmReason::kNone;
@@ -380,11 +394,11 @@ double safeSpeed(const ArmGuard& arm, const Vector6& way) {
   const double a = arm.limits.motion.acceleration, delay = arm.limits.delay;
   const double speed = speedLimit(arm.guard, arm.wrench[1], way);
   if (!std::isfinite(speed)) return speed;
-  // its way until it stands, now with what passes before it begins to stop
+  // the same stopping distance with the way during the delay
   const double room = kStopWay * speed * speed / a;
   const double v =
       (std::sqrt(delay * delay + 4.0 * kStopWay * room / a) - delay) * 0.5 * a / kStopWay;
-  return std::max(kSlowest, v);
+  return std::max(kMinSpeed, v);
 }
 
 }  // namespace assembly_cell

@@ -12,18 +12,22 @@
 #include <limits>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/description/joint_chain.h"
 
 namespace assembly_cell {
 namespace {
 
-constexpr double kArm = 0.1;          // metres of way a radian, to weigh turns [m]
-constexpr double kNear = 0.02;        // least singular value below which it is damped [m/rad]
+constexpr double kLever = 0.1;        // metres per radian, to weight rotations [m]
+constexpr double kNear = 0.02;        // singular value below which it is damped [m/rad]
 constexpr double kDamping = 0.05;     // at the singularity [m/rad]
-constexpr double kReached = 1e-9;     // [m], and times 1/kArm [rad]
-constexpr double kGoodEnough = 1e-7;  // the same where no step brings more
-constexpr double kLongestStep = 0.2;  // of a joint in one step [rad]
+constexpr double kReached = 1e-9;     // [m], and divided by kLever [rad]
+constexpr double kGoodEnough = 1e-7;  // the same where steps no longer improve
+constexpr double kMaxStep = 0.2;      // of a joint in one iteration [rad]
 constexpr int kSteps = 200;
+// Of a joint beyond its limit: rounding of encoders and of limits in degrees. The pose for the
+// joint at its limit is then within 10 µm up to a reach of 2 m. [rad], [m]
+constexpr double kLimitTolerance = 5e-6;
 using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 KDL::Vector kdl(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -58,9 +62,9 @@ JointLimits limitsOf(const urdf::ModelInterface& model, const JointChain& chain,
       throw InputError(source + ": joint " + name + ": has no limit of its velocity: give one");
     }
     constexpr double kAny = std::numeric_limits<double>::infinity();
-    const bool endless = joint->type == urdf::Joint::CONTINUOUS;
-    limits.lower(k) = endless ? -kAny : joint->limits->lower;
-    limits.upper(k) = endless ? kAny : joint->limits->upper;
+    const bool continuous = joint->type == urdf::Joint::CONTINUOUS;
+    limits.lower(k) = continuous ? -kAny : joint->limits->lower;
+    limits.upper(k) = continuous ? kAny : joint->limits->upper;
     limits.speed(k) = joint->limits->velocity;
     if (limits.lower(k) < limits.upper(k)) continue;
     throw InputError(source + ": joint " + name + ": lower limit not below the upper one");
@@ -68,20 +72,20 @@ JointLimits limitsOf(const urdf::ModelInterface& model, const JointChain& chain,
   return limits;
 }
 
-Vector6 weighed(const Vector6& v) {
+Vector6 weighted(const Vector6& v) {
   Vector6 out = v;
-  out.tail<3>() *= kArm;
+  out.tail<3>() *= kLever;
   return out;
 }
 
-// Rates for the weighed rates v, damped where the least singular value is small.
+// Joint rates for the weighted twist v, damped where the smallest singular value is small.
 JointVector dampedRates(Jacobian J, const Vector6& v) {
-  J.bottomRows<3>() *= kArm;
+  J.bottomRows<3>() *= kLever;
   Matrix6 M = J * J.transpose();
-  const double least = std::sqrt(std::max(
+  const double sigma = std::sqrt(std::max(
       0.0, Eigen::SelfAdjointEigenSolver<Matrix6>(M, Eigen::EigenvaluesOnly).eigenvalues()(0)));
-  if (least < kNear) {
-    const double share = 1.0 - least / kNear;
+  if (sigma < kNear) {
+    const double share = 1.0 - sigma / kNear;
     M.diagonal().array() += kDamping * kDamping * share * share;
   }
   // full rank by the damping
@@ -131,6 +135,22 @@ const std::vector<std::string>& ArmKinematics::names() const { return chain_->na
 const std::string& ArmKinematics::base() const { return chain_->base; }
 const JointLimits& ArmKinematics::limits() const { return chain_->limits; }
 
+bool ArmKinematics::select(const std::vector<std::string>& names,
+                           const std::vector<double>& positions, JointVector& q,
+                           std::string& missing) const {
+  q.resize(joints());
+  for (std::size_t k = 0; k < chain_->names.size(); ++k) {
+    const auto found = std::find(names.begin(), names.end(), chain_->names[k]);
+    const auto index = static_cast<std::size_t>(found - names.begin());
+    if (index >= positions.size()) {
+      missing = chain_->names[k];
+      return false;
+    }
+    q(static_cast<Eigen::Index>(k)) = positions[index];
+  }
+  return true;
+}
+
 Pose ArmKinematics::forward(const JointVector& q) const {
   chain_->q.data = q;
   KDL::Frame frame;
@@ -152,8 +172,8 @@ const Jacobian& ArmKinematics::jacobian(const JointVector& q) const {
 JointVector ArmKinematics::rates(const JointVector& q, const Vector6& v) const {
   const JointLimits& limits = chain_->limits;
   Jacobian J = jacobian(q);
-  JointVector dq = dampedRates(J, weighed(v));
-  // joints at their limits stay there; the others do their share
+  JointVector dq = dampedRates(J, weighted(v));
+  // joints at their limits stay there; the others are solved again without them
   for (int pass = 0; pass < joints(); ++pass) {
     bool changed = false;
     for (Eigen::Index k = 0; k < q.size(); ++k) {
@@ -164,9 +184,23 @@ JointVector ArmKinematics::rates(const JointVector& q, const Vector6& v) const {
       changed = true;
     }
     if (!changed) break;
-    dq = dampedRates(J, weighed(v));
+    dq = dampedRates(J, weighted(v));
   }
   return dq;
+}
+
+std::string ArmKinematics::beyondLimit(const JointVector& q) const {
+  const JointLimits& limits = chain_->limits;
+  for (Eigen::Index k = 0; k < q.size(); ++k) {
+    if (q(k) <= limits.upper(k) + kLimitTolerance && q(k) >= limits.lower(k) - kLimitTolerance) {
+      continue;
+    }
+    const auto index = static_cast<std::size_t>(k);
+    const char* const unit = chain_->joints.joints[index].slides ? "m" : "rad";
+    return text("joint %s is at %.7g %s, its limits are %.7g to %.7g %s: move it back by hand",
+                chain_->names[index].c_str(), q(k), unit, limits.lower(k), limits.upper(k), unit);
+  }
+  return {};
 }
 
 JointSolution ArmKinematics::solve(const Pose& X, JointVector& q) const {
@@ -174,28 +208,28 @@ JointSolution ArmKinematics::solve(const Pose& X, JointVector& q) const {
   q = q.cwiseMax(limits.lower).cwiseMin(limits.upper);
   JointSolution out;
   JointVector best = q;
-  double least = std::numeric_limits<double>::infinity();
+  double min_distance = std::numeric_limits<double>::infinity();
   for (out.steps = 0; out.steps <= kSteps; ++out.steps) {
     const Pose now = forward(q);
     Vector6 way;
     way << X.p - now.p, now.R * vectorFromRotation(now.R.transpose() * X.R).value;
-    const double distance = weighed(way).norm();
-    if (distance < least) {
+    const double distance = weighted(way).norm();
+    if (distance < min_distance) {
       best = q;
-      least = distance;
+      min_distance = distance;
       out.distance = way.head<3>().norm();
       out.turn = way.tail<3>().norm();
     }
     if (distance < kReached || !std::isfinite(distance)) break;
     JointVector step = rates(q, way);
     const double longest = step.cwiseAbs().maxCoeff();
-    if (longest > kLongestStep) step *= kLongestStep / longest;
+    if (longest > kMaxStep) step *= kMaxStep / longest;
     const JointVector moved = (q + step).cwiseMax(limits.lower).cwiseMin(limits.upper);
     if ((moved - q).cwiseAbs().maxCoeff() < 1e-15) break;
     q = moved;
   }
   q = best;
-  out.reached = least < kGoodEnough;
+  out.reached = min_distance < kGoodEnough;
   for (Eigen::Index k = 0; k < q.size(); ++k) {
     if (q(k) >= limits.upper(k) || q(k) <= limits.lower(k)) out.at_limit = static_cast<int>(k);
   }

@@ -20,11 +20,11 @@ JointPoint jointPoint(const ArmKinematics& kinematics, const CellPlace& place,
              " is at its limit";
     }
   }
-  const JointVector most = motion.period * kinematics.limits().speed;
+  const JointVector max_step = motion.period * kinematics.limits().speed;
   for (Eigen::Index k = 0; k < q.size(); ++k) {
-    if (std::abs(q(k) - before(k)) <= most(k)) continue;
+    if (std::abs(q(k) - before(k)) <= max_step(k)) continue;
     const double rate = std::abs(q(k) - before(k)) / motion.period;
-    q(k) = before(k) + std::copysign(most(k), q(k) - before(k));
+    q(k) = before(k) + std::copysign(max_step(k), q(k) - before(k));
     if (why.empty()) {
       why = text("joint %s would have to turn by %g rad/s, allowed are %g rad/s",
                  kinematics.names()[static_cast<std::size_t>(k)].c_str(), rate,

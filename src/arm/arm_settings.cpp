@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_section.h"
@@ -10,88 +11,94 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kMost = NumberField::kMost, kLeast = NumberField::kLeast;
+const std::vector<std::string> kInterfaces = {"pose", "twist", "joints"};
 
-// What only the node of such a file asks for.
-void skip(yaml::Section& in, std::initializer_list<const char*> keys) {
-  for (const char* key : keys) in.optional(key);
-}
-
-void needJoints(yaml::Section& in) {
-  for (const char* key : {"interface", "state"}) {
-    const std::string value = in.choice(key, {"joints", "pose", "twist"}, "joints");
-    if (value != "joints") in.refuse(in.at(key), value, "without ROS only joints are emulated");
+template <class Settings>
+void readFile(const std::string& path, const char* what, yaml::FileKind kind, Settings& settings) {
+  yaml::Section in(yaml::loadYaml(yaml::fileText(path, what), path, kind), "", path);
+  in.read(fieldsOf(settings));
+  in.finish();
+  for (const Field& field : fieldsOf(settings)) {
+    if (field.path != "interface" && field.path != "state") continue;
+    const std::string& value = field.names[static_cast<std::size_t>(field.get())];
+    if (value != "joints") {
+      in.refuse(in.at(field.path), value, "without ROS only joints are emulated");
+    }
   }
-}
-
-BridgeSettings loadBridge(const std::string& path) {
-  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "parameters of arm_bridge"), path,
-                                  yaml::FileKind::kArmBridge),
-                   "", path);
-  BridgeSettings settings;
-  readFields(in, fieldsOf(settings));
-  needJoints(in);
-  skip(in, {"description", "base_frame", "twist_gain", "lease", "payload_mass", "payload_centre",
-            "publish_frames"});
-  in.finish();
-  return settings;
-}
-
-void loadArm(const std::string& path, ArmSetup& setup) {
-  yaml::Section in(yaml::loadYaml(yaml::fileText(path, "parameters of emulate_arm"), path,
-                                  yaml::FileKind::kEmulatedArm),
-                   "", path);
-  readFields(in, fieldsOf(setup.arm));
-  needJoints(in);
-  skip(in, {"description", "seed"});
-  const ArmKinematics kinematics(setup.urdf, setup.place.flange, setup.source);
-  const auto joints = static_cast<std::size_t>(kinematics.joints());
-  setup.home.assign(joints, 0.0);
-  if (in.has("home")) setup.home = in.numbers("home", joints);
-  in.finish();
 }
 
 }  // namespace
 
-std::vector<NumberField> fieldsOf(BridgeSettings& settings) {
-  ArmLimits& limits = settings.limits;
+void fields(FieldList& f, BridgeSettings& s) {
+  ArmLimits& limits = s.limits;
   MotionLimits& motion = limits.motion;
   GuardLimits& guard = limits.guard;
-  return {
-      {"rate", 20.0, 2000.0, &settings.rate},
-      {"smoothing", 0.0, 0.1, &settings.smoothing},
-      {"workspace", -kMost, kMost, settings.workspace.data(), settings.workspace.size()},
-      {"max_speed", 1e-3, 0.25, &motion.speed},
-      {"max_acceleration", 1e-2, 10.0, &motion.acceleration},
-      {"max_rotation", 0.0, 1.0, &guard.rotation},
-      {"max_force", kLeast, kMost, &guard.force},
-      {"max_torque", kLeast, kMost, &guard.torque},
-      {"max_amplitude", 0.0, kMost, &guard.amplitude},
-      {"max_frequency", 0.0, kMost, &guard.frequency},
-      {"max_raw_force", kLeast, kMost, &limits.raw_force},
-      {"max_raw_torque", kLeast, kMost, &limits.raw_torque},
-      {"max_force_rate", kLeast, kMost, &limits.force_rate},
-      {"saturated_time", 0.0, 0.1, &limits.saturated_time},
-      {"max_following", kLeast, kMost, &limits.following},
-      {"max_following_turn", kLeast, kMost, &limits.following_turn},
-      {"following_time", 1e-3, 0.25, &limits.following_time},
-      {"timeout", 0.04, 10.0, &limits.timeout},
-      {"delay", 0.0, 1.0, &limits.delay},
-  };
+  f.choice("interface", s.interface, kInterfaces,
+           "Commands: joints (JointTrajectory on arm/command), pose (PoseStamped on "
+           "arm/target_frame), twist (TwistStamped on arm/twist).");
+  f.choice("state", s.state, {"joints", "pose"},
+           "State: joints (arm/joint_states) or pose of the flange (arm/current_pose).");
+  f.text("description", s.description, "Parameter with the arm's URDF.");
+  f.text("base_frame", s.base_frame,
+         "Frame of poses and twists; empty: the root link of the URDF.");
+  f.number("rate", s.rate, {20.0, 2000.0, "Hz"}, "Points per second.");
+  f.number("smoothing", s.smoothing, {0.0, 0.1, "s"},
+           "A point is the mean of those within this time: makes the acceleration continuous.");
+  f.number("twist_gain", s.twist_gain, {0.0, 100.0, "1/s"}, "Of the following error in twists.");
+  f.choice("lease", s.lease, {"auto", "required", "none"},
+           "Who may command: auto, required (only with a lease), none (leases are ignored).");
+  f.number("payload_mass", s.payload_mass, {0.0, 100.0, "kg"},
+           "Below sensor_b, as calibrate payload finds it; 0: its weight isn't compensated.");
+  f.numbers("payload_centre", s.payload_centre.data(), s.payload_centre.size(), finite("m"),
+            "Centre of mass in sensor_b.");
+  f.flag("publish_frames", s.publish_frames,
+         "Publishes hole -> carrier_base -> carrier, hole -> base.");
+  f.number("max_speed", motion.speed, {1e-3, 0.25, "m/s"},
+           "Of the carrier, a rotation counted at the peg's edge.");
+  f.number("max_acceleration", motion.acceleration, {1e-2, 10.0, "m/s2"}, "Of the same.");
+  f.numbers("workspace", s.workspace.data(), s.workspace.size(), finite("m"),
+            "Min and max of x, y, z in carrier_base.");
+  f.number("max_rotation", guard.rotation, {0.0, 1.0, "rad"}, "From carrier_base.");
+  f.number("max_force", guard.force, positive("N"), "Contact at either sensor, zero removed.");
+  f.number("max_torque", guard.torque, positive("N m"), "Of the same.");
+  f.number("max_raw_force", limits.raw_force, positive("N"),
+           "At either sensor with its zero: what the sensor bears.");
+  f.number("max_raw_torque", limits.raw_torque, positive("N m"), "Of the same.");
+  f.number("max_force_rate", limits.force_rate, positive("N/s"),
+           "Of the contact force's mean over 20 ms.");
+  f.number("saturated_time", limits.saturated_time, {0.0, 0.1, "s"},
+           "Longest saturation of a sensor that counts as a knock of stiff parts.");
+  f.number("max_following", limits.following, positive("m"),
+           "From the arm to the points of the last following_time.");
+  f.number("max_following_turn", limits.following_turn, positive("rad"), "Of the same.");
+  f.number("following_time", limits.following_time, {1e-3, 0.25, "s"},
+           "Latency and lag of the arm.");
+  f.number("max_amplitude", guard.amplitude, notNegative("N"), "Of the exciter.");
+  f.number("max_frequency", guard.frequency, notNegative("rad/s"), "Of the exciter.");
+  f.number("timeout", limits.timeout, {0.04, 10.0, "s"},
+           "Without wrenches, the arm's state or the owner's lease it is held.");
+  f.number("delay", limits.delay, {0.0, 1.0, "s"},
+           "From a contact to the arm's reaction: bounds the speed of moves near a contact.");
 }
 
-std::vector<NumberField> fieldsOf(EmulatedArmParameters& p) {
-  return {
-      {"rate", 125.0, 500.0, &p.rate},
-      {"latency", 0.0, 0.05, &p.latency},
-      {"jitter", 0.0, 0.05, &p.jitter},
-      {"bandwidth", 2.0, 40.0, &p.bandwidth},
-      {"encoder_step", 0.0, 1e-2, &p.encoder_step},
-      {"repeatability", 0.0, 1e-3, &p.repeatability},
-      {"compliance", -kMost, kMost, p.compliance.data(), 6},
-      {"protective_force", kLeast, kMost, &p.protective_force},
-      {"protective_torque", kLeast, kMost, &p.protective_torque},
-  };
+void fields(FieldList& f, EmulatedArmSettings& s) {
+  EmulatedArmParameters& arm = s.arm;
+  f.choice("interface", s.interface, kInterfaces, "As that of arm_bridge.");
+  f.text("description", s.description, "Parameter with the arm's URDF.");
+  f.number("rate", arm.rate, {125.0, 500.0, "Hz"}, "Of the controller.");
+  f.number("latency", arm.latency, {0.0, 0.05, "s"}, "From a command's stamp to its effect.");
+  f.number("jitter", arm.jitter, {0.0, 0.05, "s"}, "Of the latency, uniform from 0.");
+  f.number("bandwidth", arm.bandwidth, {2.0, 40.0, "Hz"}, "Of the joints' positions.");
+  f.number("encoder_step", arm.encoder_step, {0.0, 1e-2, "rad"}, "Resolution of the encoders.");
+  f.number("repeatability", arm.repeatability, {0.0, 1e-3, "m"},
+           "Sd of a move's final position, each axis; not measured by the encoders.");
+  f.numbers("compliance", arm.compliance.data(), 6, finite("m/N, rad/(N m)"), "Of the flange.");
+  f.number("protective_force", arm.protective_force, positive("N"),
+           "At the flange: it stops until ~unlock.");
+  f.number("protective_torque", arm.protective_torque, positive("N m"), "Of the same.");
+  f.integer("seed", arm.seed, 0, 2147483647, "Of jitter and repeatability.");
+  f.numbers("home", s.home.data(), s.home.size(), finite("rad"),
+            "Joints near the carrier's start.");
 }
 
 ArmGuard bridgeGuard(const BridgeSettings& settings, const Mechanism& mechanism, LeaseMode lease,
@@ -106,10 +113,10 @@ ArmGuard bridgeGuard(const BridgeSettings& settings, const Mechanism& mechanism,
     throw InputError(source + text("workspace is %g to %g m along %c: give the lower end first",
                                    from, to, "xyz"[i]));
   }
-  if (settings.smoothing * settings.rate > static_cast<double>(CommandMotion::kLongest)) {
+  if (settings.smoothing * settings.rate > static_cast<double>(CommandMotion::kMaxSmoothing)) {
     throw InputError(source +
                      text("smoothing: %g s are more than %zu points at the rate: give less",
-                          settings.smoothing, CommandMotion::kLongest));
+                          settings.smoothing, CommandMotion::kMaxSmoothing));
   }
   limits.motion.arm = mechanism.peg.coupling_height + mechanism.peg.half_height;
   const Braking braking{couplingStiffness(mechanism.coupling), limits.motion.acceleration,
@@ -117,6 +124,12 @@ ArmGuard bridgeGuard(const BridgeSettings& settings, const Mechanism& mechanism,
   ArmGuard arm = armGuard(limits, braking, lease, lockstep);
   setRate(arm, 1.0 / settings.rate, settings.smoothing);
   return arm;
+}
+
+Payload payloadOf(const BridgeSettings& settings, const Mechanism& mechanism,
+                  const CellPlace& place) {
+  return {-mechanism.gravity * settings.payload_mass * place.carrierBase().R.row(2).transpose(),
+          Eigen::Vector3d::Map(settings.payload_centre.data())};
 }
 
 ArmSetup loadArmSetup(const std::string& path) {
@@ -132,8 +145,10 @@ ArmSetup loadArmSetup(const std::string& path) {
   setup.source = file("urdf");
   setup.urdf = yaml::fileText(setup.source, "URDF of an arm");
   setup.place = loadCellPlace(file("place"));
-  setup.bridge = loadBridge(file("bridge"));
-  loadArm(file("arm"), setup);
+  readFile(file("bridge"), "parameters of arm_bridge", yaml::FileKind::kArmBridge, setup.bridge);
+  const ArmKinematics kinematics(setup.urdf, setup.place.flange, setup.source);
+  setup.arm.home.assign(static_cast<std::size_t>(kinematics.joints()), 0.0);
+  readFile(file("arm"), "parameters of emulate_arm", yaml::FileKind::kEmulatedArm, setup.arm);
   in.finish();
   return setup;
 }

@@ -6,19 +6,19 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kFarthest = 10.0;  // of anything here [m]
+constexpr double kMaxDistance = 10.0;  // of any position [m]
 
 Pose readPose(yaml::Section in) {
   Pose X;
   X.p = in.vector("position");
-  const Eigen::Vector3d turn = in.vector("rotation");
-  if (!(X.p.cwiseAbs().maxCoeff() <= kFarthest)) {
+  const Eigen::Vector3d rotation = in.vector("rotation");
+  if (!(X.p.cwiseAbs().maxCoeff() <= kMaxDistance)) {
     in.refuse(in.at("position"), X.p.norm(), "give at most 10 m along each axis");
   }
-  if (!(turn.norm() <= 2.0 * M_PI)) {
-    in.refuse(in.at("rotation"), turn.norm(), "give a rotation vector of at most 2 pi rad");
+  if (!(rotation.norm() <= 2.0 * M_PI)) {
+    in.refuse(in.at("rotation"), rotation.norm(), "give a rotation vector of at most 2 pi rad");
   }
-  X.R = rotationFromVector({turn});
+  X.R = rotationFromVector({rotation});
   in.finish();
   return X;
 }
@@ -34,7 +34,7 @@ CellPlace loadCellPlace(const std::string& path) {
   place.flange = in.text("flange", "give the link of the arm that carries the carrier");
   place.X_flange_carrier = readPose(in.section("carrier_in_flange"));
   place.X_base_hole = readPose(in.section("hole_in_base"));
-  place.carrier_height = in.number("carrier_height", 0.0, kFarthest);
+  place.carrier_height = in.number("carrier_height", 0.0, kMaxDistance);
   in.finish();
   return place;
 }

@@ -7,28 +7,28 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kRounding = 1e-12;  // of what lies on a limit [m], [rad]
+constexpr double kRounding = 1e-12;  // of a value at a limit [m], [rad]
 
-// all in metres
-Vector6 weighed(const MotionLimits& limits, const Vector6& x) {
+// Rotations as lengths, and back. [m]
+Vector6 weighted(const MotionLimits& limits, const Vector6& x) {
   Vector6 y = x;
   y.tail<3>() *= limits.arm;
   return y;
 }
-Vector6 unweighed(const MotionLimits& limits, const Vector6& y) {
+Vector6 unweighted(const MotionLimits& limits, const Vector6& y) {
   Vector6 x = y;
   x.tail<3>() /= limits.arm;
   return x;
 }
 
-// Braking takes `less` from the way of each period: the way from the next period on until rest,
-// when the last one's was `step`.
-double wayToRest(double step, double less) {
+// Stopping distance from the next period on after a period's step `step`, when braking shortens
+// each step by `less`.
+double stoppingDistance(double step, double less) {
   const double n = std::floor(step / less);
   return n * step - 0.5 * less * n * (n + 1.0);
 }
 
-// The way in the coming period with which a braking that follows ends after `distance`.
+// Step of the coming period after which braking ends at `distance`.
 double stepThatEndsAt(double distance, double less) {
   const double n = std::floor(0.5 * (std::sqrt(1.0 + 8.0 * distance / less) - 1.0));
   return (distance + 0.5 * less * n * (n + 1.0)) / (n + 1.0);
@@ -37,7 +37,7 @@ double stepThatEndsAt(double distance, double less) {
 Vector6 restOf(const Vector6& at, const Vector6& step, double less) {
   const double size = step.norm();
   if (!(size > 0.0)) return at;
-  return at + step / size * wayToRest(size, less);
+  return at + step / size * stoppingDistance(size, less);
 }
 
 }  // namespace
@@ -64,7 +64,7 @@ bool isWithin(const MotionLimits& limits, const Vector6& x) {
 void beginMotion(CommandMotion& motion, const Pose& X) {
   const Vector6 x = coordinatesOf(X);
   motion.goal = motion.out = motion.previous = x;
-  motion.at = weighed(motion.limits, x);
+  motion.at = weighted(motion.limits, x);
   motion.step.setZero();
   motion.points.fill(x);
   motion.next = 0;
@@ -88,11 +88,11 @@ void stepMotion(CommandMotion& motion) {
   const double less = limits.acceleration * motion.period * motion.period;
   const Vector6 present = motion.step;
   const double size = present.norm();
-  // braking: along the way that it goes anyhow
+  // braking: along the present direction
   Vector6 step = Vector6::Zero();
   if (size > less) step = present * (1.0 - less / size);
   if (!motion.braking) {
-    const Vector6 way = weighed(limits, motion.goal) - motion.at;
+    const Vector6 way = weighted(limits, motion.goal) - motion.at;
     const double distance = way.norm();
     Vector6 wanted = Vector6::Zero();
     if (distance > 0.0) {
@@ -104,12 +104,12 @@ void stepMotion(CommandMotion& motion) {
     if (amount > less) change *= less / amount;
     const Vector6 candidate = present + change;
     const bool within =
-        isWithin(limits, unweighed(limits, restOf(motion.at + candidate, candidate, less)));
+        isWithin(limits, unweighted(limits, restOf(motion.at + candidate, candidate, less)));
     if (within) step = candidate;
   }
   motion.step = step;
   motion.at += step;
-  motion.points[motion.next] = unweighed(limits, motion.at);
+  motion.points[motion.next] = unweighted(limits, motion.at);
   motion.next = (motion.next + 1) % motion.smoothing;
   motion.previous = motion.out;
   motion.out.setZero();
@@ -120,14 +120,14 @@ void stepMotion(CommandMotion& motion) {
 Vector6 restPoint(const CommandMotion& motion) {
   const MotionLimits& limits = motion.limits;
   const double less = limits.acceleration * motion.period * motion.period;
-  return unweighed(limits, restOf(motion.at, motion.step, less));
+  return unweighted(limits, restOf(motion.at, motion.step, less));
 }
 
 bool isAtRest(const CommandMotion& motion) {
   constexpr double kStill = 1e-9;  // [m], [rad]
   return motion.step.isZero(0.0) && (motion.out - motion.previous).norm() < kStill &&
          stopWay(motion).norm() < kStill &&
-         (motion.braking || (unweighed(motion.limits, motion.at) - motion.goal).norm() < kStill);
+         (motion.braking || (unweighted(motion.limits, motion.at) - motion.goal).norm() < kStill);
 }
 
 }  // namespace assembly_cell

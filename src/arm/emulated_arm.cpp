@@ -9,12 +9,12 @@
 namespace assembly_cell {
 namespace {
 
-constexpr int kParts = 4;             // of a cycle, for the joints' motion
-constexpr double kStep = 1e-3;        // between the poses that tell rate and acceleration [s]
-constexpr double kLongEnough = 2e-4;  // a way that ends somewhere else than the last one [m]
-constexpr double kStill = 1e-4;       // of the joints [rad/s]
-constexpr double kSettling = 0.05;    // time constant of sag and of where a move ends [s]
-constexpr double kStamp = 1e-6;       // rounding of stamps [s]
+constexpr int kSubsteps = 4;        // of a cycle, integration of the joints
+constexpr double kStep = 1e-3;      // between the poses of CarrierPoses [s]
+constexpr double kMinMove = 2e-4;   // shortest move with a repeatability error of its own [m]
+constexpr double kStill = 1e-4;     // joint rate at rest [rad/s]
+constexpr double kSettling = 0.05;  // time constant of sag and repeatability error [s]
+constexpr double kStamp = 1e-6;     // rounding of stamps [s]
 
 void stop(EmulatedArm& arm, const std::string& why) {
   arm.stopped = true;
@@ -25,33 +25,33 @@ void stop(EmulatedArm& arm, const std::string& why) {
 
 void moveJoints(EmulatedArm& arm, const JointLimits& limits, double dt) {
   const double w = 2.0 * M_PI * arm.parameters.bandwidth;
-  for (int part = 0; part < kParts; ++part) {
-    const double h = dt / kParts;
+  for (int i = 0; i < kSubsteps; ++i) {
+    const double h = dt / kSubsteps;
     arm.acceleration = w * w * (arm.target - arm.q) - 2.0 * w * arm.rate;
     const JointVector before = arm.rate;
     arm.rate = (arm.rate + h * arm.acceleration).cwiseMax(-limits.speed).cwiseMin(limits.speed);
     arm.acceleration = (arm.rate - before) / h;
     arm.q += h * arm.rate;
-    const JointVector held = arm.q.cwiseMax(limits.lower).cwiseMin(limits.upper);
-    if (held != arm.q) arm.rate.setZero();
-    arm.q = held;
+    const JointVector clamped = arm.q.cwiseMax(limits.lower).cwiseMin(limits.upper);
+    if (clamped != arm.q) arm.rate.setZero();
+    arm.q = clamped;
   }
 }
 
-// A move that has come to rest far enough from the last one ends somewhere else.
+// Draws a new repeatability error where a move has ended.
 void settle(EmulatedArm& arm, const ArmKinematics& kinematics, double dt) {
   if (arm.rate.cwiseAbs().maxCoeff() < kStill) {
     const Pose at = arm.place.carrierOf(kinematics.forward(arm.q));
-    if ((at.p - arm.drawn_at.p).norm() > kLongEnough) {
+    if ((at.p - arm.drawn_at.p).norm() > kMinMove) {
       arm.drawn_at = at;
       std::normal_distribution<double> normal(0.0, 1.0);
       for (int i = 0; i < 3; ++i)
         arm.off_goal(i) = arm.parameters.repeatability * normal(arm.random);
     }
   }
-  const double share = 1.0 - std::exp(-dt / kSettling);
-  arm.off += share * (arm.off_goal - arm.off);
-  arm.sag += share * (arm.parameters.compliance.cwiseProduct(arm.force) - arm.sag);
+  const double fraction = 1.0 - std::exp(-dt / kSettling);
+  arm.off += fraction * (arm.off_goal - arm.off);
+  arm.sag += fraction * (arm.parameters.compliance.cwiseProduct(arm.force) - arm.sag);
 }
 
 }  // namespace
@@ -72,10 +72,10 @@ EmulatedArm emulatedArm(const EmulatedArmParameters& parameters, const CellPlace
 bool command(EmulatedArm& arm, const JointVector& q, double stamp) {
   if (q.size() != arm.q.size() || !q.allFinite() || !std::isfinite(stamp)) return false;
   if (arm.stopped) return true;
-  std::uniform_real_distribution<double> late(0.0, arm.parameters.jitter);
+  std::uniform_real_distribution<double> jitter(0.0, arm.parameters.jitter);
   double due = stamp + arm.parameters.latency;
-  if (arm.parameters.jitter > 0.0) due += late(arm.random);
-  // they keep their order
+  if (arm.parameters.jitter > 0.0) due += jitter(arm.random);
+  // commands keep their order
   if (!arm.queue.empty()) due = std::max(due, arm.queue.back().due);
   arm.queue.push_back({due, q});
   return true;

@@ -17,7 +17,8 @@ PlantError stopped(const std::string& why) { return {AlignFailure::kStopped, why
 
 JointVector startJoints(const ArmSetup& setup, const ArmKinematics& kinematics,
                         const Pose& carrier) {
-  JointVector q = JointVector::Map(setup.home.data(), static_cast<Eigen::Index>(setup.home.size()));
+  const std::vector<double>& home = setup.arm.home;
+  JointVector q = JointVector::Map(home.data(), static_cast<Eigen::Index>(home.size()));
   const JointSolution solution = kinematics.solve(setup.place.flangeOf(carrier), q);
   if (solution.reached) return q;
   throw InputError(setup.file +
@@ -46,7 +47,7 @@ CarrierArm::CarrierArm(const ArmSetup& setup, const Mechanism& mechanism, const 
       kinematics_(setup.urdf, setup.place.flange, setup.source),
       bridge_(bridgeGuard(setup.bridge, mechanism, LeaseMode::kAuto, true, setup.file + ": ")),
       sent_(startJoints(setup, kinematics_, carrier)) {
-  arm_ = emulatedArm(seeded(setup.arm, seed), place_, kinematics_, sent_, 0.0);
+  arm_ = emulatedArm(seeded(setup.arm.arm, seed), place_, kinematics_, sent_, 0.0);
   setState(bridge_, place_.carrierOf(kinematics_.forward(encoders(arm_))), 0.0);
 }
 

@@ -10,28 +10,27 @@
 
 namespace assembly_cell {
 
-using JointVector = Eigen::VectorXd;  ///< one a joint, from the base on [rad] or [m]
+using JointVector = Eigen::VectorXd;  ///< joint positions, from the base on [rad] or [m]
 
 struct JointLimits {
-  JointVector lower, upper;  ///< [rad]; of a continuous joint ±infinity
+  JointVector lower, upper;  ///< [rad]; ±infinity for a continuous joint
   JointVector speed;         ///< [rad/s]
 };
 
-/// How a search for joint positions ended.
+/// Result of the inverse kinematics.
 struct JointSolution {
   bool reached = false;
-  double distance = 0.0, turn = 0.0;  ///< from the pose asked for [m], [rad]
+  double distance = 0.0, turn = 0.0;  ///< error of position and rotation [m], [rad]
   int steps = 0;
-  int at_limit = -1;  ///< a joint that stands at its limit; -1: none
+  int at_limit = -1;  ///< index of a joint at its limit; -1: none
 };
 
-/// An arm's joints as its URDF has them, from the root to the link `tip`: forward kinematics and
-/// Jacobian by KDL, inverse kinematics by damped least squares from where the arm is. Not
-/// thread-safe.
+/// The joints of an arm's URDF from the root to the link `tip`: forward kinematics and Jacobian by
+/// KDL, inverse kinematics by damped least squares. Not thread-safe.
 class ArmKinematics {
  public:
-  /// Throws InputError naming `source`: no URDF, no such link, joints that neither turn nor slide,
-  /// none at all, or one without limits.
+  /// Throws InputError naming `source`: no URDF, no such link, joints that are neither revolute nor
+  /// prismatic, no joint at all, or one without limits.
   ArmKinematics(const std::string& urdf, const std::string& tip, const std::string& source);
   ~ArmKinematics();
 
@@ -40,16 +39,23 @@ class ArmKinematics {
   const std::string& base() const;  ///< root link
   const JointLimits& limits() const;
 
+  /// Positions of the arm's joints from those of a message, in any order and among others. False if
+  /// one of them is missing; `missing` is its name.
+  bool select(const std::vector<std::string>& names, const std::vector<double>& positions,
+              JointVector& q, std::string& missing) const;
+
   Pose forward(const JointVector& q) const;
-  /// Rates of the tip (velocity, angular velocity; base axes) by those of the joints. 6 × joints.
+  /// Twist of the tip (velocity, angular velocity; base axes) per joint rate. 6 × joints.
   const Eigen::Matrix<double, 6, Eigen::Dynamic>& jacobian(const JointVector& q) const;
 
-  /// Joint positions whose tip is at X, from `q` on and within the limits: the near solution, the
-  /// damping grows as a singularity comes near. Where X can't be reached q is as near as it got.
+  /// Inverse kinematics from `q` on, within the limits; the damping grows near a singularity. Where
+  /// X can't be reached, q is the nearest solution found.
   JointSolution solve(const Pose& X, JointVector& q) const;
-  /// Joint rates that give the tip the rates `v` as well as the damping allows; of joints at their
-  /// limits only those that lead away.
+  /// Damped joint rates for the twist `v` of the tip; a joint at its limit only moves away from it.
   JointVector rates(const JointVector& q, const Vector6& v) const;
+  /// One line with the first joint of q outside its limits, its position and its limits; empty:
+  /// none. solve() moves such a joint to its limit.
+  std::string beyondLimit(const JointVector& q) const;
 
  private:
   struct Chain;

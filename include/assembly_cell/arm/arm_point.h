@@ -9,19 +9,20 @@
 
 namespace assembly_cell {
 
-/// A point of the way in the arm's terms. Poses and twists are of the flange in the arm's base.
+/// A point of the commanded motion as joints or twist. Poses and twists are those of the flange in
+/// the arm's base.
 
 struct JointPoint {
   JointVector q;      ///< [rad]
-  JointVector rates;  ///< that lead there within a period [rad/s]
-  std::string why;    ///< the joints can't: q is as near as they get; empty: they can
+  JointVector rates;  ///< from the previous point within a period [rad/s]
+  std::string why;    ///< why the joints don't reach the point: q is the nearest; empty: they do
 };
-/// From the joints `before` to the present point of `motion`, no faster than they turn.
+/// From the joints `before` to the present point of `motion`, within the joints' speed limits.
 JointPoint jointPoint(const ArmKinematics& kinematics, const CellPlace& place,
                       const CommandMotion& motion, const JointVector& before);
 
-/// Velocity and angular velocity in the last period, and `gain` [1/s] times what an arm at
-/// `measured` (coordinates) is behind. [m/s], [rad/s]
+/// Velocity and angular velocity in the last period, plus `gain` [1/s] times the following error of
+/// an arm at `measured` (coordinates). [m/s], [rad/s]
 Vector6 flangeTwist(const CellPlace& place, const CommandMotion& motion, const Vector6& measured,
                     double gain);
 

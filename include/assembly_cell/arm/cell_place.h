@@ -7,18 +7,17 @@
 
 namespace assembly_cell {
 
-/// Where the cell stands before an arm, as a person has measured it: roughly. An alignment finds
-/// the rest.
+/// Pose of the cell relative to an arm, as measured by hand to a few millimetres and a degree.
 struct CellPlace {
-  std::string flange;           ///< link of the arm's URDF that carries the carrier
+  std::string flange;           ///< link of the arm's URDF that the carrier is mounted on
   Pose X_flange_carrier;        ///< coupling point, z up the peg's axis
-  Pose X_base_hole;             ///< hole's rim in the arm's base, z out of the hole
+  Pose X_base_hole;             ///< middle of the hole's rim in the arm's base, z out of the hole
   double carrier_height = 0.0;  ///< of carrier_base over `hole` [m]
 
   Pose carrierBase() const {
     return X_base_hole * Pose{Eigen::Matrix3d::Identity(), {0.0, 0.0, carrier_height}};
   }
-  /// Of the carrier in its base from that of the flange in the arm's base, and back.
+  /// Carrier in carrier_base from the flange in the arm's base, and back.
   Pose carrierOf(const Pose& X_base_flange) const {
     return inverse(carrierBase()) * X_base_flange * X_flange_carrier;
   }
@@ -27,7 +26,7 @@ struct CellPlace {
   }
 };
 
-/// Reads the file that relates cell and base, see docs/how_to/arm.md. Throws InputError naming
+/// Reads a file of a cell's pose, see docs/how_to/arm.md. Throws InputError naming
 /// file, key, value and remedy.
 CellPlace loadCellPlace(const std::string& path);
 

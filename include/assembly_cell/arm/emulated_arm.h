@@ -11,18 +11,18 @@
 
 namespace assembly_cell {
 
-/// What stands for an arm in tests: joints that follow positions as an industrial controller makes
-/// them, late and not quite exactly. Times are cell time [s].
+/// Emulation of an arm with an industrial controller: joints that follow positions with latency,
+/// lag, repeatability and compliance. Times are cell time [s].
 struct EmulatedArmParameters {
-  double rate = 500.0;          ///< of its controller, 125 to 500 [Hz]
+  double rate = 500.0;          ///< of the controller, 125 to 500 [Hz]
   double latency = 0.01;        ///< from a command's stamp to its effect [s]
   double jitter = 0.001;        ///< of the latency, uniform from 0 [s]
   double bandwidth = 25.0;      ///< of the joints' positions, critically damped [Hz]
-  double encoder_step = 1e-6;   ///< of a joint's reading [rad]
-  double repeatability = 3e-5;  ///< sd of where a move ends, each axis [m]
+  double encoder_step = 1e-6;   ///< resolution of the joint encoders [rad]
+  double repeatability = 3e-5;  ///< sd of a move's final position, each axis [m]
   Vector6 compliance = (Vector6() << 5e-7, 5e-7, 5e-7, 2e-5, 2e-5, 2e-5)
                            .finished();  ///< of the flange [m/N], [rad/(N m)]
-  double protective_force = 150.0;       ///< at the flange: it stops by itself [N]
+  double protective_force = 150.0;       ///< protective stop, force at the flange [N]
   double protective_torque = 20.0;       ///< [N m]
   std::uint64_t seed = 1;
 };
@@ -30,47 +30,46 @@ struct EmulatedArmParameters {
 struct EmulatedArm {
   EmulatedArmParameters parameters;
   CellPlace place;
-  double time = 0.0;  ///< of the last cycle
+  double time = 0.0;  ///< last cycle of the controller
   JointVector q, rate, acceleration;
-  JointVector target;  ///< where the joints are going now
+  JointVector target;  ///< present set point of the joints
   struct Command {
     double due = 0.0;
     JointVector q;
   };
   std::deque<Command> queue;
   bool stopped = false;
-  std::string why;                  ///< it was stopped
-  Vector6 force = Vector6::Zero();  ///< of the environment on the carrier, carrier's axes
-  Vector6 sag = Vector6::Zero();    ///< of the carrier, by that force
-  Vector6 off = Vector6::Zero();    ///< from its encoders' pose: where the last move ended
+  std::string why;                  ///< reason of a protective stop
+  Vector6 force = Vector6::Zero();  ///< wrench on the carrier, carrier axes
+  Vector6 sag = Vector6::Zero();    ///< displacement of the carrier by it
+  Vector6 off = Vector6::Zero();    ///< repeatability error of the last move
   Vector6 off_goal = Vector6::Zero();
-  Pose drawn_at;  ///< where `off_goal` was drawn
+  Pose drawn_at;  ///< pose at which `off_goal` was drawn
   std::mt19937_64 random;
 };
 
-/// Poses of the carrier in its base before, at and after a time: they tell its rate and
+/// Poses of the carrier in carrier_base before, at and after a time, for its rate and
 /// acceleration.
 struct CarrierPoses {
   double step = 0.0;  ///< [s]
   Pose before, at, after;
 };
 
-/// Stands at rest with the joints at q.
+/// At rest with the joints at q.
 EmulatedArm emulatedArm(const EmulatedArmParameters& parameters, const CellPlace& place,
                         const ArmKinematics& kinematics, const JointVector& q, double time);
-/// A command of where the joints shall be, made at `stamp`. Of the wrong size or not finite it is
-/// not taken: false.
+/// Commands joint positions at `stamp`. False if they are of the wrong size or not finite.
 bool command(EmulatedArm& arm, const JointVector& q, double stamp);
-/// Force and torque on the carrier now; too much of it stops the arm.
+/// Sets force and torque on the carrier; beyond the protective limits the arm stops.
 void load(EmulatedArm& arm, const Vector6& wrench);
-/// Cycles of the controller until `time`.
+/// Runs the controller's cycles until `time`.
 void advance(EmulatedArm& arm, const ArmKinematics& kinematics, double time);
-/// By a person, after a protective stop.
+/// Ends a protective stop.
 void unlock(EmulatedArm& arm);
 
-/// What its encoders say.
+/// Encoder readings of the joints.
 JointVector encoders(const EmulatedArm& arm);
-/// Where the carrier really is.
+/// Poses of the carrier, sag and repeatability included.
 CarrierPoses carrier(const EmulatedArm& arm, const ArmKinematics& kinematics);
 
 }  // namespace assembly_cell

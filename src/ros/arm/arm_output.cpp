@@ -9,13 +9,9 @@
 
 namespace assembly_cell::ros_bridge {
 
-ArmInterface armInterface(const std::string& name) {
-  if (name == "pose") return ArmInterface::kPose;
-  return name == "twist" ? ArmInterface::kTwist : ArmInterface::kJoints;
-}
-
-ArmOutput::ArmOutput(ros::NodeHandle nh, const Settings& settings, const ArmKinematics* kinematics)
-    : settings_(settings), kinematics_(kinematics) {
+ArmOutput::ArmOutput(ros::NodeHandle nh, const BridgeSettings& settings, const CellPlace& place,
+                     const ArmKinematics* kinematics)
+    : settings_(settings), place_(place), kinematics_(kinematics) {
   switch (settings.interface) {
     case ArmInterface::kPose:
       pub_ = nh.advertise<geometry_msgs::PoseStamped>("target_frame", kQueue);
@@ -38,10 +34,10 @@ void ArmOutput::setJoints(const JointVector& q) {
 
 std::string ArmOutput::send(const CommandMotion& motion, const Vector6& measured,
                             const ros::Time& stamp) {
+  ++sent_;
   switch (settings_.interface) {
     case ArmInterface::kPose:
-      pub_.publish(
-          poseStamped(settings_.base_frame, settings_.place.flangeOf(motionPose(motion)), stamp));
+      pub_.publish(poseStamped(settings_.base_frame, place_.flangeOf(motionPose(motion)), stamp));
       break;
     case ArmInterface::kTwist:
       sendTwist(motion, measured, stamp);
@@ -54,7 +50,7 @@ std::string ArmOutput::send(const CommandMotion& motion, const Vector6& measured
 
 void ArmOutput::sendTwist(const CommandMotion& motion, const Vector6& measured,
                           const ros::Time& stamp) {
-  const Vector6 v = flangeTwist(settings_.place, motion, measured, settings_.twist_gain);
+  const Vector6 v = flangeTwist(place_, motion, measured, settings_.twist_gain);
   geometry_msgs::TwistStamped twist;
   twist.header.stamp = stamp;
   twist.header.frame_id = settings_.base_frame;
@@ -66,12 +62,12 @@ void ArmOutput::sendTwist(const CommandMotion& motion, const Vector6& measured,
 std::string ArmOutput::sendJoints(const CommandMotion& motion, const ros::Time& stamp) {
   if (!q_) return {};
   joints_.header.stamp = stamp;
-  // at rest the last point again
+  // at rest the last point is repeated
   if (rest_ == motion.out) {
     pub_.publish(joints_);
     return {};
   }
-  const JointPoint point = jointPoint(*kinematics_, settings_.place, motion, *q_);
+  const JointPoint point = jointPoint(*kinematics_, place_, motion, *q_);
   joints_.points[0].positions.assign(point.q.begin(), point.q.end());
   joints_.points[0].velocities.assign(point.rates.begin(), point.rates.end());
   joints_.points[0].time_from_start = ros::Duration(motion.period);

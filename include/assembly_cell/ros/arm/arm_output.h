@@ -4,52 +4,39 @@
 #include <ros/ros.h>
 #include <trajectory_msgs/JointTrajectory.h>
 
-#include <memory>
+#include <cstdint>
 #include <optional>
 #include <string>
 
-#include "assembly_cell/arm/arm_kinematics.h"
-#include "assembly_cell/arm/cell_place.h"
-#include "assembly_cell/arm/command_motion.h"
+#include "assembly_cell/arm/arm_settings.h"
 
 namespace assembly_cell::ros_bridge {
 
-/// How an arm is told where to go.
-enum class ArmInterface {
-  kPose,   ///< geometry_msgs/PoseStamped of the flange on target_frame
-  kTwist,  ///< geometry_msgs/TwistStamped of the flange on twist
-  kJoints  ///< trajectory_msgs/JointTrajectory of one point on command
-};
-/// pose, twist or joints.
-ArmInterface armInterface(const std::string& name);
-
-/// Sends an arm the points of its way, in the terms that its driver takes.
+/// Sends the points of the commanded motion in the terms of the arm's driver.
 class ArmOutput {
  public:
-  struct Settings {
-    ArmInterface interface = ArmInterface::kJoints;
-    CellPlace place;
-    std::string base_frame;   ///< of poses and twists
-    double twist_gain = 5.0;  ///< of the way that is left, in twists [1/s]
-  };
   /// Topics are relative to `nh`. kinematics: of the arm, needed for joints.
-  ArmOutput(ros::NodeHandle nh, const Settings& settings, const ArmKinematics* kinematics);
+  ArmOutput(ros::NodeHandle nh, const BridgeSettings& settings, const CellPlace& place,
+            const ArmKinematics* kinematics);
 
-  /// Where the arm's joints are: the search for the next ones begins there.
+  /// Present joints of the arm: the inverse kinematics of the next point starts there.
   void setJoints(const JointVector& q);
-  /// The point of `motion`, for an arm that says it is at `measured`. Empty, or why its joints
-  /// can't: they are sent as near as they get.
+  /// Sends the point of `motion` for an arm at `measured`. Empty, or why the joints don't reach it:
+  /// the nearest ones are sent.
   std::string send(const CommandMotion& motion, const Vector6& measured, const ros::Time& stamp);
+  std::uint64_t sent() const { return sent_; }  ///< number of points
 
  private:
   std::string sendJoints(const CommandMotion& motion, const ros::Time& stamp);
   void sendTwist(const CommandMotion& motion, const Vector6& measured, const ros::Time& stamp);
 
-  Settings settings_;
+  const BridgeSettings settings_;
+  const CellPlace place_;
   const ArmKinematics* kinematics_;
-  std::optional<JointVector> q_;  // sent last
-  std::optional<Vector6> rest_;   // the carrier there, if these joints lead nearest to it
-  trajectory_msgs::JointTrajectory joints_;  // that
+  std::uint64_t sent_ = 0;
+  std::optional<JointVector> q_;             // sent last
+  std::optional<Vector6> rest_;              // coordinates for which q_ is the solution from q_
+  trajectory_msgs::JointTrajectory joints_;  // sent last
   ros::Publisher pub_;
 };
 

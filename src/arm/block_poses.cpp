@@ -1,0 +1,45 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/arm/block_poses.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "assembly_cell/arm/command_motion.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kMemory = 1.0;          // of states [s]
+constexpr double kRounding = 1e-6;       // of stamps [s]
+constexpr std::size_t kMaxBlocks = 100;  // without a state
+
+}  // namespace
+
+void BlockPoses::addBlock(double end) {
+  ends_.push_back(end);
+  if (ends_.size() > kMaxBlocks) ends_.pop_front();
+}
+
+void BlockPoses::addState(double time, const Vector6& coordinates) {
+  states_.push_back({time, coordinates});
+  while (time - states_.front().time > kMemory) states_.pop_front();
+}
+
+std::optional<BlockPoses::BlockPose> BlockPoses::next() {
+  if (ends_.empty() || states_.empty()) return std::nullopt;
+  const double end = ends_.front();
+  if (states_.back().time < end - kRounding) return std::nullopt;
+  ends_.pop_front();
+  const auto after = std::find_if(states_.begin(), states_.end(), [&](const State& state) {
+    return state.time >= end - kRounding;
+  });
+  Vector6 x = after->coordinates;
+  const double ahead = after->time - end;
+  if (after != states_.begin() && ahead > kRounding) {
+    const State& before = *std::prev(after);
+    x += ahead / (after->time - before.time) * (before.coordinates - after->coordinates);
+  }
+  return BlockPose{end, poseOfCoordinates(x)};
+}
+
+}  // namespace assembly_cell
