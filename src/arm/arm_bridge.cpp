@@ -2,11 +2,6 @@
 #include "assembly_cell/arm/arm_bridge.h"
 
 namespace assembly_cell {
-namespace {
-
-constexpr double kRounding = 1e-6;  // of stamps [s]
-
-}  // namespace
 
 Vector6 weightChange(const Payload& payload, const Eigen::Matrix3d& R_zero,
                      const Eigen::Matrix3d& R) {
@@ -32,7 +27,7 @@ ArmBridge::Start ArmBridge::start(std::size_t sensor, StampNs end) {
     if (!arm_.guard.lockstep && !(received_[0] && received_[1])) return Start::kWaiting;
     time_.start(end);
   }
-  if (sensor != 1 || time_.at(end) >= block_end_ - kRounding) return Start::kContinues;
+  if (sensor != 1 || time_.at(end) >= block_end_ - kStampRounding) return Start::kContinues;
   const ArmMode mode = arm_.mode;
   const std::string text = arm_.text;
   arm_ = initial_;
@@ -94,7 +89,7 @@ GuardVerdict ArmBridge::checkStamp(const Sender& sender) const {
   if (!sender.stamped) {
     return {GuardReason::kStale, "stale: it has no stamp: give header.stamp"};
   }
-  if (!time_.started() || !arm_.state_known || sender.stamp < -kRounding) {
+  if (!time_.started() || !arm_.state_known || sender.stamp < -kStampRounding) {
     return {GuardReason::kEarlierBoot,
             "earlier_life: it is older than this run of the bridge: send it again"};
   }

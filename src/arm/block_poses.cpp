@@ -5,12 +5,12 @@
 #include <iterator>
 
 #include "assembly_cell/arm/command_motion.h"
+#include "assembly_cell/arm/node_time.h"
 
 namespace assembly_cell {
 namespace {
 
 constexpr double kMemory = 1.0;          // of states [s]
-constexpr double kRounding = 1e-6;       // of stamps [s]
 constexpr std::size_t kMaxBlocks = 100;  // without a state
 
 }  // namespace
@@ -28,14 +28,14 @@ void BlockPoses::addState(double time, const Vector6& coordinates) {
 std::optional<BlockPoses::BlockPose> BlockPoses::next() {
   if (ends_.empty() || states_.empty()) return std::nullopt;
   const double end = ends_.front();
-  if (states_.back().time < end - kRounding) return std::nullopt;
+  if (states_.back().time < end - kStampRounding) return std::nullopt;
   ends_.pop_front();
   const auto after = std::find_if(states_.begin(), states_.end(), [&](const State& state) {
-    return state.time >= end - kRounding;
+    return state.time >= end - kStampRounding;
   });
   Vector6 x = after->coordinates;
   const double ahead = after->time - end;
-  if (after != states_.begin() && ahead > kRounding) {
+  if (after != states_.begin() && ahead > kStampRounding) {
     const State& before = *std::prev(after);
     x += ahead / (after->time - before.time) * (before.coordinates - after->coordinates);
   }

@@ -19,7 +19,7 @@ constexpr double kNever = 1e9;  // a limit that isn't there
 
 Pose at(double x, double y, double z) { return {Eigen::Matrix3d::Identity(), {x, y, z}}; }
 
-/// All limits out of the way: each test puts back the one that it is about.
+/// No limits: each test sets the one that it checks.
 ArmLimits noLimits() {
   ArmLimits limits;
   limits.guard.force = limits.guard.torque = limits.raw_force = limits.raw_torque = kNever;
@@ -33,7 +33,7 @@ ArmLimits noLimits() {
   return limits;
 }
 
-/// A supervisor, an arm that goes where it is sent, sensors, and a clock.
+/// A supervisor, an arm that follows its points, sensors, and a clock.
 struct Cell {
   ArmGuard arm;
   double now = 10.0;
@@ -77,14 +77,14 @@ struct Cell {
       }
     }
   }
-  /// Sent on a long way, it is moving now.
+  /// Starts a long move.
   void start() {
     EXPECT_TRUE(go(at(0.09, 0, 0)).good());
     run(0.2);
     EXPECT_FALSE(isAtRest(arm.motion));
     EXPECT_EQ(arm.mode, ArmMode::kFollowing) << arm.text;
   }
-  /// It was brought to rest for this reason, and stays so whatever is commanded.
+  /// It was brought to rest for this reason, and refuses commands.
   void expectHeld(ArmReason reason) {
     EXPECT_EQ(arm.mode, ArmMode::kHeld);
     EXPECT_EQ(arm.reason, reason) << arm.text;
@@ -98,7 +98,7 @@ struct Cell {
   }
 };
 
-// ---- each limit alone between a bad command and motion ----
+// ---- each limit by itself stops a bad command ----
 
 TEST(ArmGuard, WithoutLimitsTheArmMoves) {
   Cell cell(noLimits());
@@ -164,7 +164,7 @@ TEST(ArmGuard, ContactTorqueOfEitherSensor) {
   }
 }
 
-// A zero that was taken under load must not hide what the sensor bears.
+// A zero taken under load must not hide the load of the sensor.
 TEST(ArmGuard, ForceAndTorqueWithTheirZero) {
   ArmLimits limits = noLimits();
   limits.raw_force = 60.0;
@@ -201,7 +201,7 @@ TEST(ArmGuard, ASaturatedSensor) {
   cell.expectHeld(ArmReason::kSaturated);
 }
 
-// Stiff parts that touch: a sample or two at the end of the range, which tells no load.
+// Stiff parts that touch saturate a sample or two, which give no load.
 TEST(ArmGuard, AKnockIsNoLoad) {
   constexpr double kSample = 2e-4;
   ArmLimits limits = noLimits();
@@ -242,7 +242,7 @@ TEST(ArmGuard, ForceRate) {
   }
 }
 
-// What is on its way counts: the force that there will be when the arm has stopped.
+// The force at the end of a stop counts.
 TEST(ArmGuard, StopsBeforeTheForceIsTooMuch) {
   ArmLimits limits = noLimits();
   limits.guard.force = 60.0;
@@ -269,7 +269,7 @@ TEST(ArmGuard, FollowingError) {
   const Vector6 stuck = cell.arm.measured;
   cell.run(0.3);
   cell.expectHeld(ArmReason::kFollowing);
-  // it isn't sent back, nor on: the next point is where the arm is
+  // the next point is where the arm is
   EXPECT_EQ(resume(cell.arm, cell.now), "");
   EXPECT_LT((cell.arm.motion.out - stuck).norm(), 1e-12);
 }
@@ -313,7 +313,7 @@ TEST(ArmGuard, StaleDataEachAlone) {
   }
 }
 
-// A new session isn't held for what was missing before it: it begins when all of it is there.
+// A new session isn't held for sources that were missing before: it starts when all are fresh.
 TEST(ArmGuard, ANewSessionWaitsForWhatIsWatched) {
   for (bool Cell::*data : {&Cell::data_a, &Cell::data_b, &Cell::state}) {
     ArmLimits limits = noLimits();
@@ -336,9 +336,8 @@ TEST(ArmGuard, ANewSessionWaitsForWhatIsWatched) {
   }
 }
 
-// Who gets no blocks for want of data shows no life: what is missing is named, not who waits for
-// it.
-TEST(ArmGuard, WhatStarvesTheHolderIsTheReason) {
+// An owner without blocks for want of data sends no lease: the missing source is named.
+TEST(ArmGuard, AMissingSourceThatBlocksTheOwnerIsTheReason) {
   const std::vector<std::pair<bool Cell::*, ArmReason>> kinds = {
       {&Cell::data_a, ArmReason::kNoWrenchA},
       {&Cell::data_b, ArmReason::kNoWrenchB},
@@ -360,7 +359,7 @@ TEST(ArmGuard, WhatStarvesTheHolderIsTheReason) {
 
 TEST(ArmGuard, StaleOrForeignCommandsAreRefused) {
   Cell cell(noLimits());
-  EXPECT_EQ(move(cell.arm, {"stranger", cell.now, true, false}, at(0.01, 0, 0), cell.now).reason,
+  EXPECT_EQ(move(cell.arm, {"other", cell.now, true, false}, at(0.01, 0, 0), cell.now).reason,
             GuardReason::kOwnedByAnother);
   EXPECT_EQ(
       move(cell.arm, {"supervisor", cell.now - 0.1, true, false}, at(0.01, 0, 0), cell.now).reason,
@@ -383,6 +382,40 @@ TEST(ArmGuard, NothingMovesBeforeTheArmsPlaceIsKnown) {
   tick(arm, 1.0);
   EXPECT_TRUE(arm.begun);
   EXPECT_LT((arm.motion.out - coordinatesOf(X)).norm(), 1e-12);
+}
+
+// The arm is not sent to the limit: without a point it stays where it is.
+TEST(ArmGuard, AJointBeyondItsLimitHoldsWithoutAPoint) {
+  const std::string beyond = "joint wrist is at 6.9 rad, its limits are -6.28 to 6.28 rad";
+  const Pose X = at(0.01, 0, 0);
+  ArmGuard arm = armGuard(noLimits(), Braking(), LeaseMode::kAuto, false);
+  setRate(arm, kPeriod, 0.02);
+  EXPECT_FALSE(setState(arm, X, 1.0, beyond));
+  EXPECT_EQ(arm.mode, ArmMode::kHeld);
+  EXPECT_EQ(arm.text, "unreachable: " + beyond);
+  tick(arm, 1.0);
+  EXPECT_FALSE(arm.begun);
+  EXPECT_EQ(resume(arm, 1.0), "unreachable: " + beyond);
+  EXPECT_NE(move(arm, {"anybody", 1.0, true, false}, X, 1.0).text.find(beyond), std::string::npos);
+  // moved back by hand it still is held, until a person resumes it
+  EXPECT_FALSE(setState(arm, X, 1.1));
+  EXPECT_FALSE(arm.begun);
+  EXPECT_EQ(resume(arm, 1.1), "");
+  EXPECT_TRUE(arm.begun);
+  tick(arm, 1.1);
+  EXPECT_LT((arm.motion.out - coordinatesOf(X)).norm(), 1e-12);
+}
+
+TEST(ArmGuard, AnIdleArmMovedBeyondAJointLimitGetsNoMorePoints) {
+  ArmLimits limits = noLimits();
+  limits.following = 0.002;
+  Cell cell(limits);
+  EXPECT_TRUE(renew(cell.arm, cell.sender(), 0, cell.now).good());
+  EXPECT_TRUE(setState(cell.arm, at(0.02, 0, 0), cell.now));
+  EXPECT_TRUE(cell.arm.begun);
+  EXPECT_FALSE(setState(cell.arm, at(0.03, 0, 0), cell.now, "joint wrist is at 6.9 rad"));
+  EXPECT_FALSE(cell.arm.begun);
+  EXPECT_EQ(cell.arm.reason, ArmReason::kUnreachable);
 }
 
 TEST(ArmGuard, APersonOrANewSessionResumesAHold) {
@@ -443,10 +476,9 @@ TEST(ArmGuard, AHoldSwitchesTheExciterOff) {
 
 // ---- a million commands against a wall ----
 
-// The peg meets a face of 5e4 N/m wherever it goes below z = −2 mm; the sensors tell of it a block
-// later, the arm is 20 ms late. Moves go anywhere at any moment, sessions begin and end, persons
-// resume. The force may pass its limit by what is not counted: the samples' age and what the arm
-// does between two of them, a fifth.
+// The peg touches a face of 5e4 N/m below z = −2 mm; the sensors report it a block later, the arm's
+// latency is 20 ms. Moves to any pose at any time, sessions start and end, holds are resumed. The
+// force may exceed its limit by a fifth: the samples' age and the motion between two of them.
 TEST(ArmGuard, HostileCommandsNeverPassTheForceLimit) {
   ArmLimits limits;
   limits.guard.force = 60.0;
@@ -470,7 +502,7 @@ TEST(ArmGuard, HostileCommandsNeverPassTheForceLimit) {
         if (chance(random) < 0.01) X.p(k % 3) = kNan;
         Sender sender = cell.sender();
         if (chance(random) < 0.1) sender.stamp += unit(random);
-        if (chance(random) < 0.05) sender.node = "stranger";
+        if (chance(random) < 0.05) sender.node = "other";
         if (chance(random) < 0.02 || k == 0) move(cell.arm, sender, X, cell.now);
       }
       tick(cell.arm, cell.now + i * kPeriod);

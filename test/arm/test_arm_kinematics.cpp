@@ -9,6 +9,7 @@
 #include "assembly_cell/arm/arm_kinematics.h"
 #include "assembly_cell/arm/cell_place.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/description/joint_chain.h"
 
 namespace assembly_cell {
@@ -51,7 +52,7 @@ TEST(ArmKinematics, PlanarArmInClosedForm) {
   EXPECT_NEAR(J(5, 0), 1.0, 1e-12);
 }
 
-// The description room's own product of transforms is the reference.
+// The product of transforms of the module description is the reference.
 TEST(ArmKinematics, ForwardIsTheProductOfTheUrdfsTransforms) {
   const std::string urdf = armUrdf();
   const ArmKinematics arm(urdf, "tool0", "arm");
@@ -74,22 +75,21 @@ TEST(ArmKinematics, SolvesForPosesOfItsOwn) {
   JointVector home(6);
   home << 0.0, 0.1, 1.8, -0.4, -1.4, 0.0;
   for (int i = 0; i < 200; ++i) {
-    JointVector truth = home, q(6);
-    for (double& value : truth) value += 0.4 * angle(random);
-    for (Eigen::Index k = 0; k < 6; ++k) q(k) = truth(k) + little(random);
-    const Pose X = arm.forward(truth);
+    JointVector reference = home, q(6);
+    for (double& value : reference) value += 0.4 * angle(random);
+    for (Eigen::Index k = 0; k < 6; ++k) q(k) = reference(k) + little(random);
+    const Pose X = arm.forward(reference);
     const JointSolution solution = arm.solve(X, q);
     ASSERT_TRUE(solution.reached) << i << ": " << solution.distance << " " << solution.turn;
     const Pose Y = arm.forward(q);
     ASSERT_LT((X.p - Y.p).norm(), 1e-7);
     ASSERT_LT((X.R - Y.R).norm(), 1e-6);
-    // the near one
-    ASSERT_LT((q - truth).cwiseAbs().maxCoeff(), 0.5);
+    // the nearest solution
+    ASSERT_LT((q - reference).cwiseAbs().maxCoeff(), 0.5);
   }
 }
 
-// Stretched out, the arm has no rate along itself: damped rates stay finite, and what can't be
-// reached is told.
+// Stretched out, the arm is singular: damped rates stay finite, an unreachable pose is reported.
 TEST(ArmKinematics, IsDampedWhereItIsSingular) {
   const ArmKinematics arm(armUrdf(), "tool0", "arm");
   for (const double elbow : {0.0, 1e-9, 1e-6, 1e-3}) {
@@ -123,11 +123,48 @@ TEST(ArmKinematics, KeepsJointLimits) {
     ASSERT_TRUE(((q - limits.lower).array() >= 0.0).all());
     ASSERT_TRUE(((limits.upper - q).array() >= 0.0).all());
   }
-  // a joint that stands at its limit does not go beyond
+  // a joint at its limit doesn't move beyond
   JointVector q(6);
   q << 0.0, 0.1, limits.upper(2), -0.4, -1.4, 0.0;
   const auto inward = arm.jacobian(q).col(2);
   EXPECT_EQ(arm.rates(q, inward)(2), 0.0);
+}
+
+// Its inverse kinematics would send the arm to the limit, millimetres away.
+TEST(ArmKinematics, NamesAJointBeyondItsLimit) {
+  const ArmKinematics arm(armUrdf(), "tool0", "arm");
+  JointVector q(6);
+  q << -0.2, 0.07, 2.1, -0.6, -1.57, 6.28 + 1e-6;
+  EXPECT_EQ(arm.beyondLimit(q), "");
+  for (const double position : {6.9, 6.30, -6.2801}) {
+    q(5) = position;
+    const std::string line = arm.beyondLimit(q);
+    EXPECT_EQ(line.rfind("joint " + arm.names()[5] +
+                             text(" is at %g rad, its limits are -6.28 to "
+                                  "6.28 rad",
+                                  position),
+                         0),
+              0U)
+        << line;
+  }
+  q(5) = 6.30;
+  const Pose before = arm.forward(q);
+  JointVector moved = q;
+  arm.solve(before, moved);
+  EXPECT_GT((moved - q).cwiseAbs().maxCoeff(), 0.01);
+  EXPECT_GT((arm.forward(moved).p - before.p).norm() + (arm.forward(moved).R - before.R).norm(),
+            1e-4);
+}
+
+TEST(ArmKinematics, SelectsItsJointsFromAMessage) {
+  const ArmKinematics arm(kPlanar, "tip", "planar");
+  JointVector q;
+  std::string missing;
+  EXPECT_TRUE(arm.select({"gripper", "two", "one"}, {9.0, 0.2, 0.1}, q, missing));
+  EXPECT_EQ(q(0), 0.1);
+  EXPECT_EQ(q(1), 0.2);
+  EXPECT_FALSE(arm.select({"two", "gripper"}, {0.2, 9.0}, q, missing));
+  EXPECT_EQ(missing, "one");
 }
 
 TEST(ArmKinematics, RefusesWhatIsNoArm) {

@@ -9,6 +9,7 @@ namespace assembly_cell {
 
 /// Stamp of a message: nanoseconds since 1970, or since a simulation's start; 0: none.
 using StampNs = std::int64_t;
+constexpr double kStampRounding = 1e-6;  ///< [s]
 inline double seconds(StampNs stamp) {
   constexpr StampNs kSecond = 1000000000;
   return static_cast<double>(stamp / kSecond) + 1e-9 * static_cast<double>(stamp % kSecond);

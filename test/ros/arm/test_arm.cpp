@@ -15,6 +15,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <array>
+#include <cmath>
 #include <fstream>
 #include <limits>
 #include <memory>
@@ -24,6 +25,7 @@
 
 #include "assembly_cell/arm/arm_kinematics.h"
 #include "assembly_cell/arm/cell_place.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "cell_fixture.h"
@@ -48,8 +50,8 @@ std::string armUrdf() {
   return text.str();
 }
 
-/// A bridge in lockstep that stands alone: the test is its sensors, its supervisor and its arm,
-/// which goes exactly where it is sent.
+/// A bridge in lockstep by itself: the test is its sensors, its supervisor and its arm, which
+/// follows the points exactly.
 class Bridge : public ::testing::Test {
  protected:
   Bridge()
@@ -78,6 +80,10 @@ class Bridge : public ::testing::Test {
     start({});
   }
   void start(const std::vector<std::string>& more) {
+    launch(more);
+    block();
+  }
+  void launch(const std::vector<std::string>& more) {
     std::vector<std::string> command = {executable("arm_bridge"),
                                         "__ns:=/bridge",
                                         "_lockstep:=true",
@@ -94,12 +100,11 @@ class Bridge : public ::testing::Test {
               points_.connected() && exciter_.connected() && acks_.connected());
     })) << bridge_->output();
     ASSERT_TRUE(bridge_->running()) << bridge_->output();
-    block();
   }
 
   ros::Time time() const { return ros::Time(100.0) + ros::Duration(blocks_ * kBlock); }
 
-  void tellJoints() {
+  void publishJoints() {
     sensor_msgs::JointState joints;
     joints.header.stamp = time();
     joints.name = kinematics_.names();
@@ -107,9 +112,9 @@ class Bridge : public ::testing::Test {
     joints_pub_.publish(joints);
   }
   /// A block of samples, the arm's state, the answer with all commands; waits for the bridge's.
-  void block() {
+  void publishBlock() {
     ++blocks_;
-    tellJoints();
+    publishJoints();
     for (std::size_t i = 0; i < 2; ++i) {
       WrenchSamples samples;
       samples.header.stamp = time() - ros::Duration((kSamples - 1) * kBlock / kSamples);
@@ -132,6 +137,10 @@ class Bridge : public ::testing::Test {
       const auto last = acks_.last();
       return last && last->sequence == ack.sequence;
     })) << bridge_->output();
+  }
+  /// The same; waits for the block's points, and the arm follows them.
+  void block() {
+    ASSERT_NO_FATAL_FAILURE(publishBlock());
     const ros::Time end = time() + ros::Duration(kBlock - 1e-6);
     ASSERT_TRUE(waitFor([&] {
       const auto last = points_.last();
@@ -206,12 +215,12 @@ TEST_F(Bridge, BeginsWhereTheArmIsAndMovesToWhereItIsSent) {
   go(at(0.01, 0.005, -0.002));
   blocks(30);
   EXPECT_LT((carrier().p - Eigen::Vector3d(0.01, 0.005, -0.002)).norm(), 1e-6);
-  // and tells where that is, with the time of the samples
-  const auto told = poses_.last();
-  ASSERT_TRUE(told);
-  EXPECT_EQ(told->header.stamp, time());
-  EXPECT_EQ(told->header.frame_id, "carrier_base");
-  EXPECT_NEAR(told->pose.position.x, 0.01, 1e-6);
+  // its pose has the stamp of the samples
+  const auto pose = poses_.last();
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(pose->header.stamp, time());
+  EXPECT_EQ(pose->header.frame_id, "carrier_base");
+  EXPECT_NEAR(pose->pose.position.x, 0.01, 1e-6);
 }
 
 TEST_F(Bridge, RefusesWhatIsBadByName) {
@@ -282,7 +291,7 @@ TEST_F(Bridge, AStopIsForGoodByServiceAndByTopic) {
   go(at(0.02, 0, 0));
   blocks(5);
   EXPECT_LT((carrier().p - stopped.p).norm(), 1e-9);
-  // a bridge that starts anew hears a latched stop
+  // a restarted bridge receives a latched stop
   bridge_->stop();
   std_msgs::Bool stop;
   stop.data = true;
@@ -312,9 +321,9 @@ TEST_F(Bridge, AnotherSessionsCommandsAreRefused) {
   session_ = 3;
   blocks(2);
   ros::NodeHandle other;
-  Child stranger({"rostopic", "pub", "-1", "/bridge/carrier_command", "geometry_msgs/PoseStamped",
-                  "{header: {stamp: {secs: 100, nsecs: 50000000}, frame_id: carrier_base}, "
-                  "pose: {orientation: {w: 1.0}}}"});
+  Child publisher({"rostopic", "pub", "-1", "/bridge/carrier_command", "geometry_msgs/PoseStamped",
+                   "{header: {stamp: {secs: 100, nsecs: 50000000}, frame_id: carrier_base}, "
+                   "pose: {orientation: {w: 1.0}}}"});
   EXPECT_TRUE(waitFor([&] {
     block();
     const auto state = state_.last();
@@ -331,18 +340,18 @@ std::string withLimit(const std::string& joint, const std::string& limit, double
   return urdf.replace(begin, urdf.find('"', begin) - begin, std::to_string(value));
 }
 
-/// A bridge that stops nobody: what isn't the joints' is as wide as it goes.
+/// A bridge whose limits are wide except those of the joints.
 class Joints : public Bridge {
  protected:
   void SetUp() override {}
-  // from where the arm stood at first
+  // from the arm's first pose
   void begin(const std::string& urdf) {
     if (bridge_) bridge_->stop();
     nh_.setParam("arm_description", urdf);
     session_ = commands_ = 0;
     blocks_ += 100;  // a later time, so that nothing of the last run counts
     q_ = first_;
-    tellJoints();  // latched: the next bridge doesn't begin where the last one ended
+    publishJoints();  // latched: the next bridge doesn't start where the last one ended
     points_.clear();
     start({"_max_speed:=0.25", "_max_acceleration:=10", "_delay:=0", "_max_force:=1e5",
            "_max_torque:=1e5", "_max_raw_force:=1e6", "_max_raw_torque:=1e6", "_max_following:=1",
@@ -376,8 +385,8 @@ class Joints : public Bridge {
   JointVector low_, high_, fastest_;
 };
 
-// The same command with the URDF's own limits and with one of them tight: each is all that stands
-// between the command and the motion. No joint passes it by a point.
+// The same command with the URDF's own limits and with one of them tight: each limit by itself
+// stops the motion. No point passes it.
 TEST_F(Joints, EachPositionLimitHoldsByItself) {
   begin(armUrdf());
   goThere();
@@ -413,6 +422,50 @@ TEST_F(Joints, EachSpeedLimitHoldsByItself) {
   }
 }
 
+// The inverse kinematics moves such a joint to its limit: the first point would be millimetres
+// away.
+TEST_F(Joints, AJointBeyondItsLimitHoldsTheArmWithoutAPoint) {
+  const std::string& joint = kinematics_.names()[5];
+  for (const double beyond : {0.62, 0.02}) {
+    const double limit = 0.01 * std::round(100.0 * (first_(5) - beyond));
+    session_ = commands_ = 0;
+    blocks_ += 100;
+    q_ = first_;
+    publishJoints();
+    points_.clear();
+    state_.clear();
+    if (bridge_) bridge_->stop();
+    nh_.setParam("arm_description", withLimit(joint, "upper", limit));
+    ASSERT_NO_FATAL_FAILURE(launch({}));
+    for (int i = 0; i < 3; ++i) ASSERT_NO_FATAL_FAILURE(publishBlock());
+    const std::string reason =
+        "unreachable: joint " + joint + text(" is at %.7g rad, its limits are ", first_(5));
+    ASSERT_TRUE(waitForReason(reason)) << state_.last()->reason;
+    EXPECT_NE(state_.last()->reason.find(text(" to %g rad", limit)), std::string::npos);
+    EXPECT_EQ(bridge_->lines(reason).size(), 1U) << bridge_->output();
+    std::string why;
+    EXPECT_FALSE(call("resume", &why));
+    EXPECT_EQ(why, state_.last()->reason);
+    // neither does a new session, nor a command
+    session_ = 7;
+    go(at(0.01, 0, 0));
+    for (int i = 0; i < 3; ++i) ASSERT_NO_FATAL_FAILURE(publishBlock());
+    EXPECT_TRUE(state_.last()->held);
+    // moved back by hand it is still held, until a person resumes it
+    q_(5) = limit - 0.1;
+    for (int i = 0; i < 3; ++i) ASSERT_NO_FATAL_FAILURE(publishBlock());
+    EXPECT_EQ(points_.size(), 0U);
+    EXPECT_TRUE(call("resume"));
+    const Pose before = carrier();
+    blocks(3);
+    for (const auto& point : points_.all()) {
+      const auto& p = point->points.at(0).positions;
+      const Pose X = place_.carrierOf(kinematics_.forward(JointVector::Map(p.data(), 6)));
+      ASSERT_LT((X.p - before.p).norm(), 1e-5);
+    }
+  }
+}
+
 TEST(BadParameters, EndTheNodeWithALine) {
   ros::NodeHandle nh("bad");
   nh.setParam("arm_description", armUrdf());
@@ -431,7 +484,7 @@ TEST(BadParameters, EndTheNodeWithALine) {
   EXPECT_NE(unknown.find("slow"), std::string::npos) << unknown;
 }
 
-// The whole cell through bridge and arm: in lockstep, so that a busy machine makes no difference.
+// The whole cell through bridge and arm: in lockstep, independent of the load of the machine.
 TEST(ArmCell, AlignsThroughBridgeAndArm) {
   const std::string file =
       std::string(::testing::TempDir()) + "arm_report_" + std::to_string(getpid()) + ".yaml";
@@ -458,7 +511,7 @@ TEST(ArmCell, AlignsThroughBridgeAndArm) {
   EXPECT_TRUE(read["success"].as<bool>());
   EXPECT_TRUE(read["truth_known"].as<bool>());
   EXPECT_LT(read["edge_reach"].as<double>(), read["hole_radius"].as<double>());
-  // the arm carries it: what it says and where it is differ by sag and repeatability only
+  // reported and actual pose differ by sag and repeatability only
   ASSERT_GT(poses.size(), 100u);
   ASSERT_GT(motion.size(), 1000u);
 }
