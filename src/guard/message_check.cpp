@@ -15,7 +15,8 @@ MessageFault faultOf(double value) {
   return std::isfinite(value) ? MessageFault::kRange : MessageFault::kNotFinite;
 }
 
-// most blocks are good: a pass without a jump, and one that looks for the place
+// Most blocks are good: one pass without branches, and only for bad ones a second to find the
+// fault.
 bool allWithin(const double* values, std::size_t count, const Range& range) {
   bool good = true;
   for (std::size_t k = 0; k < count; ++k) good &= range.contains(values[k]);
@@ -96,7 +97,7 @@ MessageCheck& MessageCheck::direction(const char* field, int value) {
 }
 
 MessageCheck& MessageCheck::quaternion(const char* field, double x, double y, double z, double w) {
-  // squares of the largest numbers overflow to infinity, which is in no range either
+  // squares of very large numbers overflow to infinity, which is refused too
   const double norm = std::sqrt(x * x + y * y + z * z + w * w);
   if (!good() || std::abs(norm - 1.0) <= kQuaternionTolerance) return *this;
   return fail(MessageFault::kQuaternion, field, norm, 1.0, 1.0);

@@ -12,13 +12,13 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kStamp = 1e-6;    // rounding of stamps [s]
-constexpr double kForget = 1.0;    // a holder whose lease lapsed so long ago has none [s]
-constexpr double kUnload = 1.1;    // of the present load, while it is being taken off
-constexpr double kHeight = 1e-6;   // a move by more is one up [m]
-constexpr double kSlowest = 1e-3;  // that a move may be asked to be [m/s]
-// Of v²/a: the way of a stop (planStop). At full speed 0.75; on the way there, less fast but still
-// gaining speed, up to 0.79.
+constexpr double kStamp = 1e-6;     // rounding of stamps [s]
+constexpr double kForget = 1.0;     // from the expiry of a lease to the end of ownership [s]
+constexpr double kUnload = 1.1;     // allowed fraction of the present load while it is relieved
+constexpr double kHeight = 1e-6;    // smallest move up [m]
+constexpr double kMinSpeed = 1e-3;  // [m/s]
+// Stopping distance of planStop() as a fraction of v²/a: 0.75 at full speed, up to 0.79 while still
+// accelerating.
 constexpr double kStopWay = 0.8;
 constexpr char kBeyond[] = "%s: %s is %g %s, allowed are 0 to %g %s";
 
@@ -31,25 +31,25 @@ GuardVerdict refused(GuardReason reason, const std::string& why) {
   return {reason, std::string(toString(reason)) + ": " + why};
 }
 
-// A sign of life. A stamp from the future is worth no more than one of now.
-void see(PlantGuard& guard, const Sender& sender, double now) {
+// A stamp from the future renews the lease no longer than one of now.
+void renewUntil(PlantGuard& guard, const Sender& sender, double now) {
   guard.seen = std::max(guard.seen, std::min(sender.stamp, now));
   guard.expired = false;
 }
 
-// may this sender command at all?
+// May this sender command?
 GuardVerdict checkSender(PlantGuard& guard, const Sender& sender, double now) {
   if (isFromEarlierBoot(guard, sender, now)) {
     return refused(GuardReason::kEarlierBoot,
-                   "the command is older than this run of the plant: send it anew");
+                   "the command is older than this run of the plant: send it again");
   }
   if (guard.mode == LeaseMode::kNone) return {};
   if (guard.owner.empty()) {
     if (guard.mode == LeaseMode::kAuto) return {};
-    return refused(GuardReason::kNoLease, "nobody commands without a lease");
+    return refused(GuardReason::kNoLease, "commands need a lease");
   }
   if (guard.owner != sender.node) {
-    return refused(GuardReason::kOwnedByAnother, guard.owner + " holds the plant");
+    return refused(GuardReason::kOwnedByAnother, guard.owner + " owns the plant");
   }
   if (!sender.stamped || !isFresh(sender.stamp, now - kStamp)) {
     return refused(GuardReason::kStale,
@@ -57,19 +57,19 @@ GuardVerdict checkSender(PlantGuard& guard, const Sender& sender, double now) {
                                          now - sender.stamp, kFreshAge)
                                   : "a session's command needs the stamp of its last block");
   }
-  see(guard, sender, now);
+  renewUntil(guard, sender, now);
   return {};
 }
 
-// How far along a way on which the load grows by `growth` a metre it stays within `limit`? [m]
-double wayTo(const Eigen::Vector3d& load, const Eigen::Vector3d& growth, double limit) {
+// Distance along a path with a load gradient `growth` per metre until the load reaches `limit`. [m]
+double distanceTo(const Eigen::Vector3d& load, const Eigen::Vector3d& growth, double limit) {
   const double steepness = growth.squaredNorm();
   if (!(steepness > 0.0)) return std::numeric_limits<double>::infinity();
   const double along = load.dot(growth);
-  const double room = std::max(0.0, limit * limit - load.squaredNorm());
-  const double root = std::sqrt(along * along + steepness * room);
+  const double margin = std::max(0.0, limit * limit - load.squaredNorm());
+  const double root = std::sqrt(along * along + steepness * margin);
   if (along <= 0.0) return (root - along) / steepness;
-  return room / (root + along);
+  return margin / (root + along);
 }
 
 void endSession(PlantGuard& guard) {
@@ -83,13 +83,12 @@ GuardAction stop(PlantGuard& guard, GuardReason reason) {
   return {reason, true, true};
 }
 
-// What is allowed while a load is being taken off, now that it is `load`. One that is no number
-// is no reason to allow more.
+// Allowed load while a larger one is being relieved; `load`: present one. NaN doesn't raise it.
 double unloading(double load, double limit, double allowed) {
   return std::isfinite(load) ? std::clamp(kUnload * load, limit, std::max(limit, allowed)) : limit;
 }
 
-// a load that is being taken off may be above the limit, but not grow
+// The present load may be above the limit while it is relieved, but must not grow.
 void allowUnloading(PlantGuard& guard) {
   guard.overloaded = false;
   constexpr double kAny = std::numeric_limits<double>::infinity();
@@ -136,26 +135,26 @@ GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t s
     return {};
   }
   if (!guard.owner.empty() && guard.owner != sender.node) {
-    return refused(GuardReason::kOwnedByAnother, guard.owner + " holds the plant");
+    return refused(GuardReason::kOwnedByAnother, guard.owner + " owns the plant");
   }
   if (isFromEarlierBoot(guard, sender, now)) {
     return refused(GuardReason::kEarlierBoot, "the lease is older than this run of the plant");
   }
-  // late news are no sign of life
+  // a lease message older than the lease time doesn't renew it
   if (!sender.stamped || !(now - sender.stamp < guard.limits.lease_time - kStamp)) {
-    return refused(GuardReason::kStale, text("the lease knows the plant as of %.3f s ago",
+    return refused(GuardReason::kStale, text("the lease is based on a block of %.3f s ago",
                                              sender.stamped ? now - sender.stamp : now));
   }
   if (!mine) {
     guard.owner = sender.node;
     guard.session = session;
-    // whatever somebody else began ends
+    // acquiring the plant cancels the previous owner's motion
     action.hold = action.exciter_off = true;
     guard.shaking = false;
     guard.seen = std::min(sender.stamp, now);
     allowUnloading(guard);
   }
-  see(guard, sender, now);
+  renewUntil(guard, sender, now);
   return {};
 }
 
@@ -193,7 +192,6 @@ GuardVerdict checkExciter(PlantGuard& guard, const Sender& sender, const Exciter
                    text("amplitude %g, frequency %g, phase %g: give finite numbers",
                         drive.amplitude, drive.frequency, drive.phase));
   }
-  // amplitude and frequency not negative, too
   if (!(drive.amplitude >= 0.0 && drive.amplitude <= limits.amplitude)) {
     return beyond(GuardReason::kAmplitude, "amplitude", drive.amplitude, limits.amplitude, "N");
   }
@@ -246,9 +244,10 @@ double speedLimit(const PlantGuard& guard, const Vector6& load, const Vector6& w
   const double size = way.cwiseProduct(weight).cwiseAbs().maxCoeff();
   if (!(size > 0.0)) return std::numeric_limits<double>::infinity();
   const Vector6 growth = -braking.stiffness * way / size;
-  const double room = std::min(wayTo(load.head<3>(), growth.head<3>(), guard.allowed.force),
-                               wayTo(load.tail<3>(), growth.tail<3>(), guard.allowed.torque));
-  return std::max(kSlowest, std::sqrt(room * braking.acceleration / kStopWay));
+  const double distance =
+      std::min(distanceTo(load.head<3>(), growth.head<3>(), guard.allowed.force),
+               distanceTo(load.tail<3>(), growth.tail<3>(), guard.allowed.torque));
+  return std::max(kMinSpeed, std::sqrt(distance * braking.acceleration / kStopWay));
 }
 
 GuardVerdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way) {

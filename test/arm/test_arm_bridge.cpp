@@ -13,7 +13,7 @@ namespace {
 constexpr StampNs kSecond = 1000000000;
 constexpr StampNs kEpoch = 1000 * kSecond;
 
-Pose at(double x, double y, double z) { return {Eigen::Matrix3d::Identity(), {x, y, z}}; }
+Pose shifted(double x, double y, double z) { return {Eigen::Matrix3d::Identity(), {x, y, z}}; }
 
 ArmBridge bridgeWith(const Payload& payload, bool lockstep = true) {
   return {armGuard({}, Braking(), LeaseMode::kAuto, lockstep), CellPlace(), payload,
@@ -53,13 +53,14 @@ TEST(ArmBridge, ARestartDropsStateAndKeepsAStop) {
 
 TEST(ArmBridge, CommandsWithoutAStampOrFromBeforeTheStartAreRefused) {
   ArmBridge bridge = bridgeWith({});
-  EXPECT_EQ(bridge.move("/a", kEpoch, at(0.01, 0, 0)).reason, GuardReason::kEarlierBoot);
+  EXPECT_EQ(bridge.move("/a", kEpoch, shifted(0.01, 0, 0)).reason, GuardReason::kEarlierBoot);
   addBlock(bridge, 1, kEpoch);
-  EXPECT_EQ(bridge.move("/a", kEpoch, at(0.01, 0, 0)).reason, GuardReason::kEarlierBoot);
+  EXPECT_EQ(bridge.move("/a", kEpoch, shifted(0.01, 0, 0)).reason, GuardReason::kEarlierBoot);
   bridge.setState(Pose(), kEpoch, "");
-  EXPECT_EQ(bridge.move("/a", 0, at(0.01, 0, 0)).reason, GuardReason::kStale);
-  EXPECT_EQ(bridge.move("/a", kEpoch - kSecond, at(0.01, 0, 0)).reason, GuardReason::kEarlierBoot);
-  EXPECT_TRUE(bridge.move("/a", kEpoch, at(0.01, 0, 0)).good());
+  EXPECT_EQ(bridge.move("/a", 0, shifted(0.01, 0, 0)).reason, GuardReason::kStale);
+  EXPECT_EQ(bridge.move("/a", kEpoch - kSecond, shifted(0.01, 0, 0)).reason,
+            GuardReason::kEarlierBoot);
+  EXPECT_TRUE(bridge.move("/a", kEpoch, shifted(0.01, 0, 0)).good());
   EXPECT_EQ(bridge.drive("/a", 0, {1.0, 100.0, 0.0, 1}).reason, GuardReason::kStale);
   EXPECT_TRUE(bridge.drive("/a", 0, {0.0, 0.0, 0.0, 1}).good());
 }
@@ -87,10 +88,10 @@ TEST(BlockPoses, AreInterpolatedBetweenStates) {
   BlockPoses poses;
   poses.addBlock(1.0);
   EXPECT_FALSE(poses.next());
-  poses.addState(0.9, coordinatesOf(at(0.01, 0, 0)));
+  poses.addState(0.9, coordinatesOf(shifted(0.01, 0, 0)));
   EXPECT_FALSE(poses.next());
   EXPECT_TRUE(poses.pending());
-  poses.addState(1.1, coordinatesOf(at(0.03, 0, 0)));
+  poses.addState(1.1, coordinatesOf(shifted(0.03, 0, 0)));
   const auto pose = poses.next();
   ASSERT_TRUE(pose);
   EXPECT_EQ(pose->end, 1.0);

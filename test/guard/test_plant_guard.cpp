@@ -71,7 +71,7 @@ TEST(PlantGuard, ASessionBeginsWithTheExciterOffAndCommandsAlone) {
 
   const GuardVerdict other = checkMove(plant.guard, plant.as("/b"), Pose{}, plant.now);
   EXPECT_EQ(other.reason, GuardReason::kOwnedByAnother);
-  EXPECT_EQ(other.text, "held_by_another: /a holds the plant");
+  EXPECT_EQ(other.text, "held_by_another: /a owns the plant");
   EXPECT_EQ(plant.shake(plant.as("/b")), GuardReason::kOwnedByAnother);
   EXPECT_EQ(plant.lease("/b", 8), GuardReason::kOwnedByAnother);
   EXPECT_EQ(plant.lease("/b", 0), GuardReason::kNone);

@@ -35,16 +35,16 @@ enum class MessageFault : std::uint8_t {
   kNone,
   kNotFinite,
   kRange,
-  kSize,       // no samples, no whole samples, or too many
-  kUnlike,     // two lengths that must be the same are not
-  kStamp,      // absurd, or far from those of its stream
+  kSize,       // no samples, incomplete ones, or too many
+  kUnlike,     // two lengths that must be equal are not
+  kStamp,      // out of range, or far from those of its stream
   kName,       // longer than kMaxNameLength
   kDirection,  // neither 1 nor -1
   kQuaternion  // norm is not 1
 };
 
-/// Looks at the fields of a message, one call a field. The first fault stays. Allocates nothing as
-/// long as text() isn't asked for. Names of fields must outlive the check: give literals.
+/// Checks the fields of a message, one call a field; keeps the first fault. Only text() allocates.
+/// Names of fields must outlive the check: literals.
 class MessageCheck {
  public:
   MessageCheck& number(const char* field, double value, const Range& range);
@@ -82,14 +82,13 @@ class MessageCheck {
   double value_ = 0.0, low_ = 0.0, high_ = 0.0;
 };
 
-/// Stamps of one stream. A stamp more than `window` ahead of all that came before is refused, until
-/// a second one agrees with it: then the clock was set. A stamp behind is the clock that was set
-/// back or a simulation that began anew: taken at once, and so is the return to where the stream
-/// was before. So one absurd stamp moves nothing, and nobody starves.
+/// Stamps of one stream. A stamp more than `window` ahead of all before is rejected; a second one
+/// near it is taken as a clock jump. An earlier stamp (the clock was set back, a simulation was
+/// restarted) is accepted at once, and so is the return to the stream's previous time.
 class StampWindow {
  public:
   explicit StampWindow(double window = 86400.0) : window_(window) {}
-  /// [s]; 0 passes and moves nothing.
+  /// [s]; 0 is accepted and ignored.
   bool accept(double stamp);
   double last() const { return last_; }  ///< accepted [s], 0: none yet
 

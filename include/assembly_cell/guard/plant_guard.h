@@ -8,24 +8,24 @@
 
 namespace assembly_cell {
 
-/// What stands between whoever commands a machine and the machine: a lease that has to be kept
-/// alive, limits, and a dead man. The simulator uses it as a bridge to a real arm will: it is told
-/// of leases, commands and loads and says what to do. All times are cell time [s].
+/// Guard between the nodes that command a plant and the plant: leases, limits, and a watchdog. Used
+/// by the simulator and by arm_bridge: they pass leases, commands and loads, and carry out the
+/// actions that it returns. All times are cell time [s].
 
 enum class LeaseMode {
-  kAuto,      ///< while a session holds the plant only its node commands; else anybody
-  kRequired,  ///< nobody commands without a session
-  kNone       ///< no sessions: leases are not looked at
+  kAuto,      ///< while a session owns the plant only its node commands; else any node
+  kRequired,  ///< commands need a session
+  kNone       ///< no sessions: leases are ignored
 };
 
 struct GuardLimits {
   double force = 100.0, torque = 10.0;        ///< load of the coupling, weight included [N], [N·m]
   double amplitude = 50.0, frequency = 2e4;   ///< of the exciter [N], [rad/s]
-  Eigen::Vector3d box_min{-0.1, -0.1, -0.1};  ///< of commanded positions, carrier's base,
-  Eigen::Vector3d box_max{0.1, 0.1, 0.1};     ///< from the start [m]
-  double rotation = 0.35;                     ///< of the same [rad]
+  Eigen::Vector3d box_min{-0.1, -0.1, -0.1};  ///< of commanded positions, in carrier_base,
+  Eigen::Vector3d box_max{0.1, 0.1, 0.1};     ///< relative to the start [m]
+  double rotation = 0.35;                     ///< angle from the start [rad]
   double lease_time = 0.1;                    ///< without a sign of life: hold, exciter off [s]
-  double lone_exciter = 10.0;                 ///< that nobody holds runs no longer [s]
+  double lone_exciter = 10.0;                 ///< longest run of the exciter without an owner [s]
 };
 
 /// Why something was refused or stopped.
@@ -54,29 +54,29 @@ enum class GuardReason {
 /// "held_by_another" and so on.
 const char* toString(GuardReason reason);
 
-/// What became of a lease or a command. `text` is one line with value and limit; empty if good.
+/// Result of checking a lease or a command. `text`: one line with value and limit; empty if good.
 struct GuardVerdict {
   GuardReason reason = GuardReason::kNone;
   std::string text;
   bool good() const { return reason == GuardReason::kNone; }
 };
 
-/// What the plant does now.
+/// What the plant has to do now.
 struct GuardAction {
-  GuardReason reason = GuardReason::kNone;  ///< why the plant was stopped; kNone: it wasn't
+  GuardReason reason = GuardReason::kNone;  ///< why the plant is stopped; kNone: it isn't
   bool hold = false;                        ///< bring the carrier to a stop where it is
   bool exciter_off = false;
 };
 
-/// Who sends, and how old what it knows is.
+/// Node that sent a message, and the age of the data that led to it.
 struct Sender {
   std::string node;
-  double stamp = 0.0;    ///< of the message: end of the last block that the sender has seen
-  bool stamped = false;  ///< false: `stamp` says nothing
-  bool latched = false;  ///< sent before this plant came to life: kept by its publisher
+  double stamp = 0.0;    ///< end of the last block that the sender has received
+  bool stamped = false;  ///< false: the message has no stamp
+  bool latched = false;  ///< sent before this plant was started, latched by its publisher
 };
 
-/// What an exciter is told.
+/// Command to the exciter.
 struct ExciterCommand {
   double amplitude = 0.0;  ///< [N]; 0 is off
   double frequency = 0.0;  ///< [rad/s]
@@ -89,11 +89,11 @@ struct Load {
   double force = 0.0, torque = 0.0;  ///< [N], [N·m]
 };
 
-/// How a carrier comes to rest, and what its coupling makes of the way that it takes.
+/// Stop of the carrier, and the load of the coupling that its stopping distance adds.
 struct Braking {
-  Matrix6 stiffness = Matrix6::Zero();  ///< of the coupling, see couplingStiffness(); 0: not known
+  Matrix6 stiffness = Matrix6::Zero();  ///< of the coupling, see couplingStiffness(); 0: unknown
   double acceleration = 1.0;            ///< of a stop [m/s²]
-  double arm = 0.0;                     ///< of a turn: metres of way a radian [m]
+  double arm = 0.0;                     ///< lever of a rotation [m]
 };
 
 struct PlantGuard {
@@ -101,47 +101,45 @@ struct PlantGuard {
   Braking braking;
   LeaseMode mode = LeaseMode::kAuto;
   bool lockstep =
-      false;   ///< the clock begins anew in each life: a later stamp is of an earlier one
-  Pose start;  ///< of the carrier in its base: middle of the workspace
+      false;   ///< the clock restarts with each boot: a later stamp is from an earlier one
+  Pose start;  ///< of the carrier in carrier_base: middle of the workspace
 
   // the session
-  std::string owner;          ///< node; empty: nobody holds the plant
+  std::string owner;          ///< node that owns the plant; empty: none
   std::uint32_t session = 0;  ///< its number
-  double seen = 0.0;          ///< end of the last block that the holder is known to have seen
-  bool expired = false;       ///< the lease ran out
+  double seen = 0.0;          ///< end of the last block that the owner has received
+  bool expired = false;       ///< the owner's lease has expired
   // the plant
-  bool overloaded = false;  ///< stopped by its load: until a move up or another session
+  bool overloaded = false;  ///< stopped by its load: until a move up or a new session
   Load load;                ///< of the coupling at the last block's end
-  Load allowed;             ///< at present: more than the limits while a load is being taken off
+  Load allowed;             ///< above the limits while a load is being relieved
   bool shaking = false;     ///< exciter on by command
   double shaking_since = 0.0;
-  double height = 0.0;  ///< of the carrier's commanded pose at present, z in its base [m]
+  double height = 0.0;  ///< of the commanded pose, z in carrier_base [m]
 };
 PlantGuard plantGuard(const GuardLimits& limits, LeaseMode mode, bool lockstep);
 
-/// Is what comes from there older than this run of the plant? A restarted plant does not move by
-/// itself.
+/// Was the message sent before this boot of the plant? A restarted plant ignores older commands.
 bool isFromEarlierBoot(const PlantGuard& guard, const Sender& sender, double now);
 
-/// A sign of life of a session at `now`; session 0 lets the plant go. A session begins with its
-/// first one, with the exciter off and the carrier brought to a stop. Refused while another node
-/// holds the plant; one whose lease lapsed a second ago holds it no longer.
+/// Renews the lease of a session; session 0 releases the plant. The first lease of a session
+/// acquires the plant, with the exciter off and the carrier brought to a stop. Refused while
+/// another node owns the plant; ownership ends a second after the lease has expired.
 GuardVerdict renewLease(PlantGuard& guard, const Sender& sender, std::uint32_t session, double now,
                         GuardAction& action);
 
-/// A move of the carrier to X, in its base. What the holder sends is a sign of life, too.
+/// Checks a move of the carrier to X in carrier_base. A command of the owner renews its lease.
 GuardVerdict checkMove(PlantGuard& guard, const Sender& sender, const Pose& X, double now);
-/// An exciter command; amplitude 0 is off, which anybody may ask for whenever it is not stale.
+/// Checks an exciter command; amplitude 0 switches it off, which any node may request.
 GuardVerdict checkExciter(PlantGuard& guard, const Sender& sender, const ExciterCommand& drive,
                           double now);
 
-/// Once a block, before it begins: the dead man. `load` of the coupling and height of the carrier
-/// as of now.
+/// Watchdog, once before each block. `load`: of the coupling; height: of the carrier [m].
 GuardAction watch(PlantGuard& guard, const Vector6& load, double height, double now);
 
-/// How fast a move by `way` (translation and rotation vector in the carrier's axes) may become: a
-/// stop at any moment of it ends within the allowed load, if the peg meets something that doesn't
-/// give way. `load` as of now. At least a millimetre a second, or nothing could be relieved. [m/s]
+/// Largest speed of a move along `way` (translation and rotation vector, carrier axes) at which a
+/// stop at any time ends within the allowed load, if the peg touches a rigid surface. `load`:
+/// present load of the coupling. At least 1 mm/s, so that a load can be relieved. [m/s]
 double speedLimit(const PlantGuard& guard, const Vector6& load, const Vector6& way);
 
 /// Is the load more than `limit`? One that is not finite is.
@@ -149,21 +147,21 @@ inline bool exceeds(const Vector6& load, const Load& limit) {
   return !(load.head<3>().squaredNorm() <= limit.force * limit.force &&
            load.tail<3>().squaredNorm() <= limit.torque * limit.torque);
 }
-/// A tenth of the limits: below it no contact is felt, and what a stop would add isn't asked.
+/// A tenth of the limits: below it no contact is detected, and a stop isn't predicted.
 inline Load detectionThreshold(const GuardLimits& limits) {
-  constexpr double kFelt = 0.1;
-  return {kFelt * limits.force, kFelt * limits.torque};
+  constexpr double kFraction = 0.1;
+  return {kFraction * limits.force, kFraction * limits.torque};
 }
-/// Of the coupling when the carrier has gone on by `way` and the peg stood still.
+/// Load of the coupling after the carrier has moved by `way` while the peg was at rest.
 inline Vector6 loadAfter(const Braking& braking, const Vector6& load, const Vector6& way) {
   return load - braking.stiffness * way;
 }
-/// Every sample whose load is felt: has the plant to be stopped? `way` is what a stop would take.
+/// For each sample above detectionThreshold(): must the plant be stopped? `way`: stopping distance.
 inline bool mustStop(const Braking& braking, const Vector6& load, const Vector6& way,
                      const Load& allowed) {
   return exceeds(load, allowed) || exceeds(loadAfter(braking, load, way), allowed);
 }
-/// It had to, and has been stopped. The text has value and limit.
+/// Records that the plant was stopped by its load; the text has value and limit.
 GuardVerdict overload(PlantGuard& guard, const Vector6& load, const Vector6& way);
 
 }  // namespace assembly_cell

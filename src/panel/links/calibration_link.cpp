@@ -13,68 +13,54 @@
 #include "assembly_cell/LoadCalibration.h"
 #include "assembly_cell/PlanCalibration.h"
 #include "assembly_cell/base/text.h"
-#include "assembly_cell/ros/bridge/message_guard.h"
-#include "service_errand.h"
+#include "service_request.h"
 
 namespace assembly_cell::panel {
 
 namespace {
 
-constexpr std::size_t kLine = 500;  // characters of a text that a server sends
+constexpr std::size_t kMaxLine = 500;  // characters of a text
 
-constexpr char kRunning[] = "calibrate";         // state of the server while its action runs
-constexpr auto kLate = std::chrono::seconds(2);  // without a word of an action that runs
+constexpr char kRunning[] = "calibrate";  // state of the server while its action runs
+constexpr auto kFeedbackTimeout = std::chrono::seconds(2);
 
 std::string serverName(const std::string& service) { return "calibration_server/" + service; }
 
 }  // namespace
 
-CalibrationLink::CalibrationLink(const ros::NodeHandle& nh, Errands& errands)
-    : nh_(nh), errands_(errands) {}
-
-void CalibrationLink::begin() {
-  goal_pub_ = nh_.advertise<CalibrateSensorsActionGoal>("calibrate/goal", 1);
-  cancel_pub_ = nh_.advertise<actionlib_msgs::GoalID>("calibrate/cancel", 1);
-  using Status = CalibrationStatus::ConstPtr;
-  status_sub_ = nh_.subscribe<CalibrationStatus>(
-      serverName("status"), 10, boost::function<void(const Status&)>([this](const Status& status) {
-        const std::lock_guard<std::mutex> lock(mutex_);
-        const bool running = status->state == kRunning;
+CalibrationLink::CalibrationLink(const ros::NodeHandle& nh, AsyncRequests& requests)
+    : requests_(requests), topics_{nh, mutex_} {
+  goal_pub_ = topics_.nh.advertise<CalibrateSensorsActionGoal>("calibrate/goal", 1);
+  cancel_pub_ = topics_.nh.advertise<actionlib_msgs::GoalID>("calibrate/cancel", 1);
+  status_sub_ = topics_.subscribe<CalibrationStatus>(
+      serverName("status"), [this](const CalibrationStatus& status) {
+        const bool running = status.state == kRunning;
         if (running && !view_.running) running_since_ = Clock::now();
         view_.running = running;
-        view_.state = printable(status->state);
-        view_.observations = status->observations;
-        view_.last_id = printable(status->last_id);
-        view_.in_force = {printable(status->calibration_a), printable(status->calibration_b)};
-      }));
-  using Feedback = CalibrateSensorsActionFeedback::ConstPtr;
-  feedback_sub_ = nh_.subscribe<CalibrateSensorsActionFeedback>(
-      "calibrate/feedback", 50,
-      boost::function<void(const Feedback&)>([this](const Feedback& message) {
-        const std::lock_guard<std::mutex> lock(mutex_);
+        view_.state = printable(status.state);
+        view_.observations = status.observations;
+        view_.last_id = printable(status.last_id);
+        view_.active = {printable(status.calibration_a), printable(status.calibration_b)};
+      });
+  using Feedback = CalibrateSensorsActionFeedback;
+  feedback_sub_ =
+      topics_.subscribe<Feedback>("calibrate/feedback", [this](const Feedback& message) {
         view_.result_known = false;
-        view_.step = message->feedback.step;
-        view_.step_count = message->feedback.steps;
-        view_.observations = message->feedback.observations;
-        view_.step_state = printable(message->feedback.state);
-        view_.step_message = printable(message->feedback.message, kLine);
-      }));
-  using Result = CalibrateSensorsActionResult::ConstPtr;
-  result_sub_ = nh_.subscribe<CalibrateSensorsActionResult>(
-      "calibrate/result", 10, boost::function<void(const Result&)>([this](const Result& message) {
-        const std::string& said = message->result.message;
-        conclude(message->result.success,
-                 printable(said.empty() ? message->status.text : said, kLine));
-      }));
-}
-
-void CalibrationLink::conclude(bool success, const std::string& text) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  view_.result_known = true;
-  view_.success = success;
-  view_.result = text;
-  view_.step_state.clear();
-  view_.step_message.clear();
+        view_.step = message.feedback.step;
+        view_.step_count = message.feedback.steps;
+        view_.observations = message.feedback.observations;
+        view_.step_state = printable(message.feedback.state);
+        view_.step_message = printable(message.feedback.message, kMaxLine);
+      });
+  using Result = CalibrateSensorsActionResult;
+  result_sub_ = topics_.subscribe<Result>("calibrate/result", [this](const Result& message) {
+    const std::string& text = message.result.message;
+    view_.result_known = true;
+    view_.success = message.result.success;
+    view_.result = printable(text.empty() ? message.status.text : text, kMaxLine);
+    view_.step_state.clear();
+    view_.step_message.clear();
+  });
 }
 
 CalibrationView CalibrationLink::view() const {
@@ -83,30 +69,30 @@ CalibrationView CalibrationLink::view() const {
   out.there = status_sub_.getNumPublishers() > 0 && feedback_sub_.getNumPublishers() > 0 &&
               goal_pub_.getNumSubscribers() > 0;
   out.step_unknown =
-      view_.running && view_.step_state.empty() && Clock::now() - running_since_ > kLate;
+      view_.running && view_.step_state.empty() && Clock::now() - running_since_ > kFeedbackTimeout;
   return out;
 }
 
-void CalibrationLink::askPlan(const std::string& plan) {
+void CalibrationLink::requestPlan(const std::string& plan) {
   PlanCalibration::Request request;
   request.plan = plan;
-  beginServiceErrand<PlanCalibration>(
-      errands_, "plan", nh_.resolveName(serverName("plan")), request,
+  callServiceAsync<PlanCalibration>(
+      requests_, "plan", topics_.nh.resolveName(serverName("plan")), request,
       [this, plan](const PlanCalibration::Response& response) {
         std::vector<CalibrationStep> steps;
         for (const LoadStep& step : response.steps) {
-          steps.push_back({printable(step.text, kLine), step.test.kind, step.test.mass});
+          steps.push_back({printable(step.text, kMaxLine), step.test.kind, step.test.mass});
         }
         const std::lock_guard<std::mutex> lock(mutex_);
         steps_ = response.steps;
         view_.steps = steps;
         view_.plan = plan;
         view_.plan_good = response.success;
-        view_.judgement = printable(response.message, kLine);
+        view_.plan_report = printable(response.message, kMaxLine);
       });
 }
 
-void CalibrationLink::run(const CalibrationRequest& request) {
+void CalibrationLink::start(const CalibrationRequest& request) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     view_.result_known = false;
@@ -122,11 +108,11 @@ void CalibrationLink::run(const CalibrationRequest& request) {
 
 void CalibrationLink::cancel() { cancel_pub_.publish(actionlib_msgs::GoalID()); }
 
-int CalibrationLink::awaited() const {
-  const std::string& said = view_.step_message;
-  const auto begins = [&said](const LoadStep& step) {
-    const std::string text = printable(step.text, kLine);
-    return said.compare(0, text.size() + 1, text + ";") == 0;
+int CalibrationLink::awaitedStep() const {
+  const std::string& message = view_.step_message;
+  const auto begins = [&message](const LoadStep& step) {
+    const std::string text = printable(step.text, kMaxLine);
+    return message.compare(0, text.size() + 1, text + ";") == 0;
   };
   // equal texts are equal loads
   const auto found = std::find_if(steps_.begin(), steps_.end(), begins);
@@ -137,7 +123,7 @@ void CalibrationLink::confirm(const Measured& measured) {
   ConfirmLoad::Request request;
   if (measured.changed) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const int step = awaited();
+    const int step = awaitedStep();
     if (step >= 0) {
       request.changed = true;
       request.test = steps_[static_cast<std::size_t>(step)].test;
@@ -147,18 +133,18 @@ void CalibrationLink::confirm(const Measured& measured) {
       }
     }
   }
-  beginServiceErrand<ConfirmLoad>(errands_, "confirm", nh_.resolveName(serverName("confirm")),
-                                  request);
+  callServiceAsync<ConfirmLoad>(requests_, "confirm", topics_.nh.resolveName(serverName("confirm")),
+                                request);
 }
 
 void CalibrationLink::removeLast() {
-  beginServiceErrand<std_srvs::Trigger>(errands_, "take back",
-                                        nh_.resolveName(serverName("remove_last")), {});
+  callServiceAsync<std_srvs::Trigger>(requests_, "remove last",
+                                      topics_.nh.resolveName(serverName("remove_last")), {});
 }
 
-void CalibrationLink::askStored() {
-  beginServiceErrand<GetCalibrations>(
-      errands_, "stored", nh_.resolveName(serverName("get_calibration")), {},
+void CalibrationLink::requestStored() {
+  callServiceAsync<GetCalibrations>(
+      requests_, "stored", topics_.nh.resolveName(serverName("get_calibration")), {},
       [this](const GetCalibrations::Response& response) {
         std::vector<std::string> ids = response.stored_a;
         ids.insert(ids.end(), response.stored_b.begin(), response.stored_b.end());
@@ -172,8 +158,8 @@ void CalibrationLink::askStored() {
 void CalibrationLink::load(const std::string& id) {
   LoadCalibration::Request request;
   request.id = id;
-  beginServiceErrand<LoadCalibration>(errands_, "load", nh_.resolveName(serverName("load")),
-                                      request);
+  callServiceAsync<LoadCalibration>(requests_, "load", topics_.nh.resolveName(serverName("load")),
+                                    request);
 }
 
 }  // namespace assembly_cell::panel

@@ -9,37 +9,34 @@
 
 #include "assembly_cell/CalibrationTest.h"
 #include "assembly_cell/LoadStep.h"
+#include "async_requests.h"
 #include "cell_view.h"
-#include "errands.h"
+#include "locked_subscriber.h"
 
 namespace assembly_cell::panel {
 
-/// The part of CellLink that speaks with calibration_server.
+/// Topics, action and services of calibration_server.
 class CalibrationLink {
  public:
   /// nh: of the cell, with the queue that is spun.
-  CalibrationLink(const ros::NodeHandle& nh, Errands& errands);
-
-  /// Subscribes.
-  void begin();
+  CalibrationLink(const ros::NodeHandle& nh, AsyncRequests& requests);
   CalibrationView view() const;
 
-  void askPlan(const std::string& plan);
-  void run(const CalibrationRequest& request);
+  void requestPlan(const std::string& plan);
+  void start(const CalibrationRequest& request);
   void cancel();
   void confirm(const Measured& measured);
   void removeLast();
-  void askStored();
+  void requestStored();
   void load(const std::string& id);
 
  private:
-  void conclude(bool success, const std::string& text);
-  /// Step of the plan whose load the action waits for; −1: it isn't known.
-  int awaited() const;
+  /// Step of the plan whose load the action waits for; −1: unknown.
+  int awaitedStep() const;
 
-  ros::NodeHandle nh_;
-  Errands& errands_;
+  AsyncRequests& requests_;
   mutable std::mutex mutex_;
+  LockedSubscriber topics_;
   CalibrationView view_;
   Clock::time_point running_since_;
   std::vector<LoadStep> steps_;  // of the plan that is shown

@@ -3,14 +3,13 @@
 
 #include <cstdint>
 #include <memory>
-#include <string>
 
 #include "cell_view.h"
 
 namespace assembly_cell::panel {
 
-/// A cell through ROS: hears its topics in a thread of its own, sends goals, calls services in
-/// threads of their own. Nothing here waits. Needs ros::init.
+/// A cell through ROS: subscribes in a thread of its own, sends goals, calls services in threads of
+/// their own. No function waits. Needs ros::init.
 class CellLink {
  public:
   CellLink();
@@ -21,8 +20,7 @@ class CellLink {
   CellView view();
 
   void start(const GoalRequest& goal);
-  /// Whatever goal the supervisor works on, whoever has sent it.
-  void cancel();
+  void cancel();  ///< the supervisor's goal, of any client
   void retreat();
 
   void zero(Sensor sensor);
@@ -32,18 +30,18 @@ class CellLink {
   void step(std::uint32_t blocks);
   void reset();
 
-  void askPlan(const std::string& plan);
-  void beginCalibration(const CalibrationRequest& request);
+  void requestPlan(const std::string& plan);
+  void startCalibration(const CalibrationRequest& request);
   void cancelCalibration();
-  /// The load that the action waits for is on. Of the step `step` of the plan.
+  /// The load that the action waits for is applied.
   void confirmLoad(const Measured& measured);
   void removeLast();
-  void askStored();
+  void requestStored();
   void loadCalibration(const std::string& id);
 
  private:
-  class Implementation;
-  std::unique_ptr<Implementation> implementation_;
+  struct Links;
+  std::unique_ptr<Links> links_;
 };
 
 }  // namespace assembly_cell::panel

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-// What the panel shows of a cell, and what a person asks of it. Plain structs between the threads
-// of ROS, which fill them, and the one of the screen, which draws them. SI units.
+// What the panel shows of a cell, and what a person requests. Plain structs between the threads of
+// ROS, which fill them, and the thread of the screen, which draws them. SI units.
 namespace assembly_cell::panel {
 
 using Clock = std::chrono::steady_clock;  // of the wall
@@ -19,12 +19,12 @@ enum Sensor { kSensorA, kSensorB };
 constexpr std::array<const char*, 2> kSensorNames = {"sensor_a", "sensor_b"};
 
 struct SensorView {
-  bool there = false;              // somebody publishes its wrench
+  bool there = false;              // its wrench is published
   std::array<double, 6> wrench{};  // force before torque, axes of the sensor [N] [N m]
-  bool limit_known = false;        // a calibration from strain is in force
-  // smallest load along or about this axis alone at which a channel leaves its converter's range
+  bool limit_known = false;        // a calibration from strain is active
+  // load along or about each axis alone at which a channel leaves its converter's range
   std::array<double, 6> limit{};  // [N] [N m]
-  std::string calibration;        // id of the one in force
+  std::string calibration;        // id of the active one
 };
 
 enum class Light { kNotThere, kGood, kWarning, kFault };
@@ -33,14 +33,14 @@ struct NodeView {
   std::string node;  // relative to the cell's namespace
   Light light = Light::kNotThere;
   std::string reason;
-  bool silent = false;  // it was heard once, and isn't any more
+  bool silent = false;  // its diagnostics have stopped
 };
 
 /// The goal of the supervisor that runs, or ran last.
 struct GoalView {
-  bool there = false;  // a supervisor listens
-  std::string goal;    // under way; empty: none
-  bool asked = false;  // it was sent and nothing was heard of it yet
+  bool there = false;      // a supervisor is running
+  std::string goal;        // under way; empty: none
+  bool requested = false;  // sent, without an answer yet
   bool in_contact = false, stuck = false;
   std::string reason;  // of contact
   std::string step;    // of the strategy
@@ -48,9 +48,9 @@ struct GoalView {
   std::uint32_t contacts = 0;                   // read so far
   double time = 0.0;                            // cell time [s]
   double position_sd = 0.0, rotation_sd = 0.0;  // of both axes together; 0: not known [m] [rad]
-  bool inserting = false;                       // what follows is felt on the way down
+  bool inserting = false;                       // the following values are those of an insertion
   double depth = 0.0, force = 0.0;              // [m] [N]
-  int walls = 0;                                // contacts there
+  int walls = 0;                                // bore-wall contacts
   enum class Outcome { kNone, kSuccess, kFailure, kCancelled } outcome = Outcome::kNone;
   std::string outcome_text;
 };
@@ -60,7 +60,7 @@ struct EstimateView {
   bool known = false;
   Pair offset{}, tilt{};                        // [m] [rad]
   double position_sd = 0.0, rotation_sd = 0.0;  // of both axes together; 0: not known [m] [rad]
-  bool truth_there = false;                     // somebody publishes it
+  bool truth_there = false;                     // the ground truth is published
   bool truth_known = false;
   Pair true_offset{}, true_tilt{};
 };
@@ -80,28 +80,28 @@ struct CalibrationStep {
 
 struct CalibrationView {
   bool there = false;
-  std::string state;  // idle, or what is under way
+  std::string state;  // idle, or the running task
   std::uint32_t observations = 0;
   std::string last_id;
-  std::array<std::string, 2> in_force;  // ids, by sensor
-  std::vector<std::string> stored;      // ids of either sensor
-  std::string plan;                     // of the steps
+  std::array<std::string, 2> active;  // ids, by sensor
+  std::vector<std::string> stored;    // ids of either sensor
+  std::string plan;                   // of the steps
   std::vector<CalibrationStep> steps;
   bool plan_good = false;
-  std::string judgement;                   // of the plan
+  std::string plan_report;
   bool running = false;                    // the action
   std::uint32_t step = 0, step_count = 0;  // steps done
   std::string step_state, step_message;
-  bool step_unknown = false;  // it runs, and what it said last came before this panel
+  bool step_unknown = false;  // it runs, and its last feedback is older than this panel
   bool result_known = false, success = false;
   std::string result;
 };
 
-/// What a request has come to.
+/// State of a request.
 struct Answer {
   enum class State { kWaiting, kGood, kBad } state = State::kWaiting;
   std::string text;
-  Clock::time_point since;   // it was asked, or answered
+  Clock::time_point since;   // the request or the answer was sent
   std::uint64_t number = 0;  // counts up
 };
 
@@ -114,25 +114,25 @@ struct CellView {
   SimulatorView simulator;
   std::vector<NodeView> nodes;
   CalibrationView calibration;
-  std::map<std::string, Answer> answers;  // by what was asked
+  std::map<std::string, Answer> answers;  // by request
 };
 
 /// A goal to start.
 struct GoalRequest {
-  std::string strategy;  // empty: the supervisor's own
-  bool insert = false;   // on down after the alignment
-  bool floor = false;    // to the hole's floor, depth isn't looked at
+  std::string strategy;  // empty: that of the supervisor
+  bool insert = false;   // after the alignment
+  bool floor = false;    // to the hole's floor, depth is ignored
   double depth = 0.0;    // [m]
 };
 
 /// A calibration to run.
 struct CalibrationRequest {
-  std::string plan;      // empty: the server's own
-  bool restart = false;  // throw all observations away first
+  std::string plan;      // empty: that of the server
+  bool restart = false;  // deletes all observations first
   std::string id;        // of what is stored; empty: date and time
 };
 
-/// What was really done in a step of a calibration.
+/// What was applied in a step of a calibration.
 struct Measured {
   bool changed = false;            // false: as planned
   double mass = 0.0;               // of a weight [kg]

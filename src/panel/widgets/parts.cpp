@@ -6,20 +6,24 @@
 #include <QLabel>
 #include <QPushButton>
 #include <QScrollArea>
+#include <QVBoxLayout>
 
 namespace assembly_cell::panel {
 
-QPushButton* button(const QString& name, const QString& text) {
-  auto* out = new QPushButton(text);
-  out->setObjectName(name);
-  // no wider than its text asks for
+QPushButton* button(const QString& name, const QString& text, const std::function<void()>& action,
+                    const std::function<void()>& refresh) {
+  auto* out = named(name, new QPushButton(text));
+  // no wider than its text
   out->setMinimumWidth(out->fontMetrics().horizontalAdvance(text) + 14);
+  QObject::connect(out, &QPushButton::clicked, out, [action, refresh] {
+    action();
+    refresh();
+  });
   return out;
 }
 
 QLabel* wrappedLabel(const QString& name, int lines) {
-  auto* label = new QLabel;
-  label->setObjectName(name);
+  auto* label = named(name, new QLabel);
   label->setWordWrap(true);
   label->setTextFormat(Qt::PlainText);
   label->setTextInteractionFlags(Qt::TextSelectableByMouse);
@@ -37,6 +41,13 @@ QGridLayout* tightGrid(QWidget* parent) {
   grid->setHorizontalSpacing(6);
   grid->setVerticalSpacing(2);
   return grid;
+}
+
+QVBoxLayout* tightColumn(QWidget* parent) {
+  auto* column = new QVBoxLayout(parent);
+  column->setContentsMargins(4, 4, 4, 4);
+  column->setSpacing(3);
+  return column;
 }
 
 QHBoxLayout* row(std::initializer_list<QWidget*> widgets) {
@@ -65,6 +76,11 @@ void setColored(QLabel* label, const QString& text, const QColor& color) {
 bool waits(const std::map<std::string, Answer>& answers, const std::string& name) {
   const auto found = answers.find(name);
   return found != answers.end() && found->second.state == Answer::State::kWaiting;
+}
+
+QString setting(const std::map<std::string, std::string>& settings, const char* key) {
+  const auto found = settings.find(key);
+  return found == settings.end() ? QString() : QString::fromStdString(found->second);
 }
 
 }  // namespace assembly_cell::panel

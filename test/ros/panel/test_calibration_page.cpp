@@ -36,15 +36,15 @@ TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
   s.find<QTabWidget>("tabs")->setCurrentIndex(1);
   ASSERT_TRUE(seen([&] { return s.link.view().calibration.there; })) << server.output();
 
-  s.click("ask_plan");
+  s.click("check_plan");
   auto* steps = s.find<QListWidget>("steps");
-  ASSERT_TRUE(seen([&] { return steps->count() > 30; })) << s.text("judgement");
-  EXPECT_TRUE(s.says("judgement", "steps")) << s.text("judgement");
+  ASSERT_TRUE(seen([&] { return steps->count() > 30; })) << s.text("plan_report");
+  EXPECT_TRUE(s.says("plan_report", "steps")) << s.text("plan_report");
   PlanCalibration plan;
   ASSERT_TRUE(callService("/calibration_server/plan", plan));
   ASSERT_EQ(static_cast<int>(plan.response.steps.size()), steps->count());
   EXPECT_FALSE(s.enabled("confirm"));
-  EXPECT_FALSE(s.enabled("take_back"));
+  EXPECT_FALSE(s.enabled("remove_last"));
   // nor is there a cell
   EXPECT_EQ(s.text("state"), "not there");
   EXPECT_EQ(s.text("true_offset"), "not there");
@@ -60,7 +60,7 @@ TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
   for (int done = 0; done < count; ++done) {
     ASSERT_TRUE(seen([&] { return progress->value() == done && s.enabled("confirm"); }))
         << done << ": " << s.text("calibration_state") << s.text("answer");
-    const std::string asked = s.text("what_to_do");
+    const std::string asked = s.text("load_to_apply");
     ASSERT_TRUE(bringAbout(plan.response.steps, asked)) << asked;
     // the list is where the work is
     const std::string row = steps->currentItem()->text().toStdString();
@@ -78,13 +78,13 @@ TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
       << s.text("calibration_state");
   EXPECT_TRUE(seen([&] { return s.says("calibration_result", "by_hand"); }))
       << s.text("calibration_result");
-  EXPECT_TRUE(seen([&] { return s.says("in_force", "sensor_a by_hand, sensor_b by_hand"); }))
-      << s.text("in_force");
+  EXPECT_TRUE(seen([&] { return s.says("active_calibration", "sensor_a by_hand, sensor_b by_hand"); }))
+      << s.text("active_calibration");
   EXPECT_TRUE(seen([&] { return s.says("sensor_a_calibration", "by_hand"); }))
       << s.text("sensor_a_calibration");
 
   // what was stored can be put in force again
-  s.click("look");
+  s.click("list");
   auto* stored = s.find<QComboBox>("stored");
   ASSERT_TRUE(seen([&] { return stored->findText("by_hand") >= 0; })) << s.text("answer");
   stored->setCurrentText("by_hand");
@@ -107,7 +107,7 @@ TEST(CalibrationPage, TakesBackAndCancels) {
       << s.text("calibration_result");
   EXPECT_TRUE(seen([&] { return s.says("calibration_state", "1 observations"); }))
       << s.text("calibration_state");
-  s.click("take_back");
+  s.click("remove_last");
   EXPECT_TRUE(seen([&] { return s.says("calibration_state", "0 observations"); }))
       << s.text("calibration_state");
   // a server that ends is not there any more

@@ -93,7 +93,7 @@ TEST_F(Panel, ShowsWhatIsThereAndWhatIsNot) {
   EXPECT_FALSE(s().enabled("pause"));
   // no calibration server: said, and nothing to click
   EXPECT_TRUE(s().says("calibration_there", "not there"));
-  for (const char* name : {"ask_plan", "begin", "confirm", "take_back", "look", "load"}) {
+  for (const char* name : {"check_plan", "begin", "confirm", "remove_last", "list", "load"}) {
     EXPECT_FALSE(s().enabled(name)) << name;
   }
 }

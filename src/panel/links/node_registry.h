@@ -9,25 +9,25 @@
 
 namespace assembly_cell::panel {
 
-/// A node of the package that tells how it is.
+/// A node of the package that publishes diagnostics.
 struct KnownNode {
   const char* name;   // relative to the cell's namespace
-  const char* topic;  // that it alone publishes, from its start on; empty: none
-  bool expected;      // in every cell: shown also before it was heard
+  const char* topic;  // that it alone publishes from its start on; empty: none
+  bool expected;      // in every cell: shown also before its first diagnostics
 };
 const std::vector<KnownNode>& knownNodes();
 
-/// What the diagnostics have said of each node, and which have fallen silent.
-class NodeRoll {
+/// Last diagnostics of each node, and the nodes that have become silent.
+class NodeRegistry {
  public:
   /// A status `<node>: <part>`; level as in diagnostic_msgs/DiagnosticStatus.
-  void hear(const std::string& node, const std::string& part, int level, const std::string& message,
-            Clock::time_point now);
-  /// What has become of a node that is silent.
-  enum class Fate { kUnknown, kEnded, kGone, kFrozen };
-  void tellFate(const std::string& node, Fate fate);
+  void update(const std::string& node, const std::string& part, int level,
+              const std::string& message, Clock::time_point now);
+  /// What has become of a silent node.
+  enum class ExitState { kUnknown, kEnded, kGone, kFrozen };
+  void setExitState(const std::string& node, ExitState state);
 
-  /// Nodes that were heard once and are silent now.
+  /// Nodes with diagnostics that are silent now.
   std::vector<std::string> silent(Clock::time_point now) const;
   std::vector<NodeView> view(Clock::time_point now) const;
 
@@ -38,12 +38,12 @@ class NodeRoll {
   };
   struct Entry {
     std::map<std::string, Part> parts;
-    Clock::time_point heard;
-    Fate fate = Fate::kUnknown;
+    Clock::time_point updated;
+    ExitState exit_state = ExitState::kUnknown;
   };
   static NodeView viewOf(const std::string& node, const Entry& entry, Clock::time_point now);
 
-  std::map<std::string, Entry> heard_;
+  std::map<std::string, Entry> entries_;
 };
 
 }  // namespace assembly_cell::panel

@@ -1,14 +1,14 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "node_roll.h"
+#include "node_registry.h"
 
 namespace assembly_cell::panel {
 
 namespace {
 
-constexpr auto kSilence = std::chrono::seconds(3);  // each node speaks once a second
+constexpr auto kSilence = std::chrono::seconds(3);  // each node publishes once a second
 constexpr char kMessages[] = "messages";            // the part that every node has
 
-bool isSilent(Clock::time_point heard, Clock::time_point now) { return now - heard > kSilence; }
+bool isSilent(Clock::time_point updated, Clock::time_point now) { return now - updated > kSilence; }
 
 }  // namespace
 
@@ -31,66 +31,66 @@ const std::vector<KnownNode>& knownNodes() {
   return nodes;
 }
 
-void NodeRoll::hear(const std::string& node, const std::string& part, int level,
-                    const std::string& message, Clock::time_point now) {
-  Entry& entry = heard_[node];
+void NodeRegistry::update(const std::string& node, const std::string& part, int level,
+                          const std::string& message, Clock::time_point now) {
+  Entry& entry = entries_[node];
   entry.parts[part] = {level, message};
-  entry.heard = now;
-  entry.fate = Fate::kUnknown;
+  entry.updated = now;
+  entry.exit_state = ExitState::kUnknown;
 }
 
-void NodeRoll::tellFate(const std::string& node, Fate fate) {
-  const auto found = heard_.find(node);
-  if (found != heard_.end()) found->second.fate = fate;
+void NodeRegistry::setExitState(const std::string& node, ExitState state) {
+  const auto found = entries_.find(node);
+  if (found != entries_.end()) found->second.exit_state = state;
 }
 
-std::vector<std::string> NodeRoll::silent(Clock::time_point now) const {
+std::vector<std::string> NodeRegistry::silent(Clock::time_point now) const {
   std::vector<std::string> nodes;
-  for (const auto& [node, entry] : heard_) {
-    if (isSilent(entry.heard, now)) nodes.push_back(node);
+  for (const auto& [node, entry] : entries_) {
+    if (isSilent(entry.updated, now)) nodes.push_back(node);
   }
   return nodes;
 }
 
-NodeView NodeRoll::viewOf(const std::string& node, const Entry& entry, Clock::time_point now) {
-  NodeView view{node, Light::kGood, "", isSilent(entry.heard, now)};
+NodeView NodeRegistry::viewOf(const std::string& node, const Entry& entry, Clock::time_point now) {
+  NodeView view{node, Light::kGood, "", isSilent(entry.updated, now)};
   if (view.silent) {
-    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(now - entry.heard);
+    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(now - entry.updated);
     const std::string silence = "silent for " + std::to_string(seconds.count()) + " s";
     view.light = Light::kFault;
-    switch (entry.fate) {
-      case Fate::kUnknown:
+    switch (entry.exit_state) {
+      case ExitState::kUnknown:
         view.reason = silence;
         break;
-      case Fate::kEnded:
+      case ExitState::kEnded:
         view.light = Light::kNotThere;
         view.reason = "has ended";
         break;
-      case Fate::kGone:
-        view.reason = "gone: nobody listens at its address, " + silence;
+      case ExitState::kGone:
+        view.reason = "gone: no process at its address, " + silence;
         break;
-      case Fate::kFrozen:
+      case ExitState::kFrozen:
         view.reason = "frozen: it doesn't answer, " + silence;
         break;
     }
     return view;
   }
-  // the worst part; among equals its own work rather than its messages
+  // the worst part; among equal ones not `messages`
   int worst = -1;
-  for (const auto& [part, said] : entry.parts) {
-    if (said.level < worst || (said.level == worst && part == kMessages)) continue;
-    worst = said.level;
-    view.reason = said.message;
+  for (const auto& [name, part] : entry.parts) {
+    if (part.level < worst || (part.level == worst && name == kMessages)) continue;
+    worst = part.level;
+    view.reason = part.message;
   }
   view.light = worst == 0 ? Light::kGood : worst == 1 ? Light::kWarning : Light::kFault;
   return view;
 }
 
-std::vector<NodeView> NodeRoll::view(Clock::time_point now) const {
+std::vector<NodeView> NodeRegistry::view(Clock::time_point now) const {
   std::vector<NodeView> views;
   for (const KnownNode& known : knownNodes()) {
-    const auto found = heard_.find(known.name);
-    if (found != heard_.end()) {
+    const auto found = entries_.find(known.name);
+    if (found != entries_.end()) {
       views.push_back(viewOf(known.name, found->second, now));
     } else if (known.expected) {
       views.push_back({known.name, Light::kNotThere, "not there", false});
