@@ -395,9 +395,9 @@ double safeSpeed(const ArmGuard& arm, const Vector6& way) {
   const double speed = speedLimit(arm.guard, arm.wrench[1], way);
   if (!std::isfinite(speed)) return speed;
   // the same stopping distance with the way during the delay
-  const double room = kStopWay * speed * speed / a;
+  const double distance = kStopWay * speed * speed / a;
   const double v =
-      (std::sqrt(delay * delay + 4.0 * kStopWay * room / a) - delay) * 0.5 * a / kStopWay;
+      (std::sqrt(delay * delay + 4.0 * kStopWay * distance / a) - delay) * 0.5 * a / kStopWay;
   return std::max(kMinSpeed, v);
 }
 

@@ -38,10 +38,10 @@ void AudioShaker::open(const YAML::Node& parameters, double now) {
 }
 
 std::string AudioShaker::cannot(const ExciterCommand& command) const {
-  const double most = 1.0 / gain_.cwiseAbs().maxCoeff();
-  if (command.amplitude > most) {
+  const double full_scale = 1.0 / gain_.cwiseAbs().maxCoeff();
+  if (command.amplitude > full_scale) {
     return text("amplitude is %g N, full scale is %g N: give less, or another gain_x and gain_y",
-                command.amplitude, most);
+                command.amplitude, full_scale);
   }
   const double highest = M_PI * settings_.rate;
   if (command.frequency < highest) return {};
@@ -50,7 +50,7 @@ std::string AudioShaker::cannot(const ExciterCommand& command) const {
 }
 
 void AudioShaker::drive(const ExciterCommand& command, double reference, double now) {
-  // what is in the queue can't be changed
+  // queued samples can't be changed
   const double from = clock_.known ? std::max(clock_.next, now) : now;
   assembly_cell::drive(signal_, command, reference, from + delay_);
   state_.on = command.amplitude > 0.0;
@@ -61,20 +61,20 @@ void AudioShaker::drive(const ExciterCommand& command, double reference, double 
 
 void AudioShaker::work(double now) {
   const double rate = settings_.rate;
-  const double queued = device_->paced() ? device_->queued() : written_ - rate * (now - begun_);
+  const double queued = device_->hasRate() ? device_->queued() : written_ - rate * (now - begun_);
   observe(clock_, now + std::max(0.0, queued) * clock_.period, since_);
   since_ = 0.0;
   double wanted = std::ceil(rate * lead_ - queued);
-  // what an output without a pace has missed is missed
-  if (!device_->paced() && queued < 0.0) begun_ = now - written_ / rate;
-  wanted = std::min({wanted, rate * lead_, static_cast<double>(device_->room())});
+  // an output without a sample rate skips what it has missed
+  if (!device_->hasRate() && queued < 0.0) begun_ = now - written_ / rate;
+  wanted = std::min({wanted, rate * lead_, static_cast<double>(device_->available())});
   if (wanted < 1.0) return;
   const auto n = static_cast<std::size_t>(wanted);
   frames_.assign(n * settings_.channels, 0);
-  forget(signal_, clock_.next + delay_);
+  removeFaded(signal_, clock_.next + delay_);
   if (signal_.count > 0) {
     for (std::size_t i = 0; i < n; ++i) {
-      // a fade into another command may be the sum of both
+      // during a change the sum of both commands may exceed full scale
       const Eigen::Vector2d volts = gain_.cwiseProduct(
           forceAt(signal_, clock_.next + delay_ + static_cast<double>(i) * clock_.period));
       for (std::size_t k = 0; k < 2; ++k) {

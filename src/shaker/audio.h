@@ -26,15 +26,15 @@ class AudioShaker final : public Shaker {
  private:
   AudioDevice::Settings settings_;
   std::array<std::size_t, 2> channel_{0, 1};        // of the coils along x and y
-  Eigen::Vector2d gain_ = Eigen::Vector2d::Zero();  // full scale a newton
+  Eigen::Vector2d gain_ = Eigen::Vector2d::Zero();  // full scale per newton
   double delay_ = 0.0;                              // of amplifier and coil [s]
-  double lead_ = 0.02;                              // that is written ahead [s]
+  double lead_ = 0.02;                              // written in advance [s]
   std::unique_ptr<AudioDevice> device_;
   DriveSignal signal_;
   SampleClock clock_;
   ShakerState state_;
-  double begun_ = 0.0;    // of an output without a pace [s]
-  double written_ = 0.0;  // samples, all and since the last look
+  double begun_ = 0.0;    // start of an output without a sample rate [s]
+  double written_ = 0.0;  // samples, all and since the last work()
   double since_ = 0.0;
   std::vector<std::int16_t> frames_;
 };

@@ -19,8 +19,8 @@ struct AudioDevice::Handle {
 
 namespace {
 
-// what went wrong is told by what is thrown
-void silent(const char*, int, const char*, int, const char*, ...) {}
+// The reason of an error is in the exception.
+void ignoreMessage(const char*, int, const char*, int, const char*, ...) {}
 
 [[noreturn]] void refuse(const AudioDevice::Settings& s, const char* what, long code) {
   throw InputError(text(
@@ -33,7 +33,7 @@ void silent(const char*, int, const char*, int, const char*, ...) {}
 
 AudioDevice::AudioDevice(const Settings& settings)
     : handle_(std::make_unique<Handle>()), settings_(settings) {
-  snd_lib_error_set_handler(silent);
+  snd_lib_error_set_handler(ignoreMessage);
   const auto check = [this](int code, const char* what) {
     if (code < 0) refuse(settings_, what, code);
   };
@@ -45,7 +45,7 @@ AudioDevice::AudioDevice(const Settings& settings)
                            settings_.channels, settings_.rate, 1, microseconds),
         "refuses");
   const snd_pcm_type_t type = snd_pcm_type(handle_->pcm);
-  paced_ = type != SND_PCM_TYPE_NULL && type != SND_PCM_TYPE_FILE;
+  has_rate_ = type != SND_PCM_TYPE_NULL && type != SND_PCM_TYPE_FILE;
 }
 
 AudioDevice::~AudioDevice() = default;
@@ -67,7 +67,7 @@ double AudioDevice::queued() {
   return static_cast<double>(std::max<snd_pcm_sframes_t>(frames, 0));
 }
 
-std::size_t AudioDevice::room() {
+std::size_t AudioDevice::available() {
   const snd_pcm_sframes_t frames = snd_pcm_avail_update(handle_->pcm);
   if (frames < 0) recover(frames, "is lost");
   return static_cast<std::size_t>(std::max<snd_pcm_sframes_t>(frames, 0));
@@ -76,7 +76,7 @@ std::size_t AudioDevice::room() {
 void AudioDevice::write(const std::vector<std::int16_t>& frames) {
   std::size_t done = 0;
   const std::size_t all = frames.size() / settings_.channels;
-  // once more after a gap
+  // a second attempt after a gap
   for (int attempt = 0; attempt < 2 && done < all; ++attempt) {
     const snd_pcm_sframes_t taken =
         snd_pcm_writei(handle_->pcm, frames.data() + done * settings_.channels, all - done);
@@ -86,7 +86,7 @@ void AudioDevice::write(const std::vector<std::int16_t>& frames) {
       done += static_cast<std::size_t>(taken);
     }
   }
-  // short queues start late by themselves
+  // ALSA starts a short queue late
   if (snd_pcm_state(handle_->pcm) == SND_PCM_STATE_PREPARED) snd_pcm_start(handle_->pcm);
 }
 

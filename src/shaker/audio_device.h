@@ -21,12 +21,12 @@ class AudioDevice {
   explicit AudioDevice(const Settings& settings);
   ~AudioDevice();
 
-  /// Whether samples are taken at a rate at all: ALSA's null and file devices take what they get.
-  bool paced() const { return paced_; }
-  /// Samples that wait to sound. After a gap the queue is empty.
+  /// False for ALSA's null and file devices, which accept samples at any rate.
+  bool hasRate() const { return has_rate_; }
+  /// Queued samples; 0 after a gap.
   double queued();
   /// Samples of all channels that may be written now.
-  std::size_t room();
+  std::size_t available();
   /// frames: channels × n. Throws InputError when the device is lost.
   void write(const std::vector<std::int16_t>& frames);
   std::uint64_t gaps() const { return gaps_; }
@@ -37,7 +37,7 @@ class AudioDevice {
   struct Handle;
   std::unique_ptr<Handle> handle_;
   Settings settings_;
-  bool paced_ = true;
+  bool has_rate_ = true;
   std::uint64_t gaps_ = 0;
 };
 

@@ -9,9 +9,9 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kForEver = std::numeric_limits<double>::infinity();
+constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
-// From 0 to 1 as u does, flat at both ends.
+// Smooth step from 0 to 1 for u from 0 to 1.
 double fade(double u) {
   if (u <= 0.0) return 0.0;
   return u >= 1.0 ? 1.0 : u * u * (3.0 - 2.0 * u);
@@ -29,10 +29,10 @@ double levelAt(const DriveSignal::Voice& voice, double time) {
 }  // namespace
 
 void drive(DriveSignal& signal, const ExciterCommand& command, double reference, double time) {
-  forget(signal, time);
+  removeFaded(signal, time);
   for (std::size_t i = 0; i < signal.count; ++i) {
     DriveSignal::Voice& voice = signal.voices[i];
-    if (voice.end < kForEver) continue;
+    if (voice.end < kUnlimited) continue;
     voice.end = time;
     voice.fall = std::min(signal.ramp, 2.0 * M_PI / voice.drive.frequency);
   }
@@ -41,10 +41,10 @@ void drive(DriveSignal& signal, const ExciterCommand& command, double reference,
     std::move(signal.voices.begin() + 1, signal.voices.end(), signal.voices.begin());
     --signal.count;
   }
-  signal.voices[signal.count++] = {command, reference, time, kForEver, signal.ramp, 0.0};
+  signal.voices[signal.count++] = {command, reference, time, kUnlimited, signal.ramp, 0.0};
 }
 
-void forget(DriveSignal& signal, double time) {
+void removeFaded(DriveSignal& signal, double time) {
   const auto last = signal.voices.begin() + static_cast<std::ptrdiff_t>(signal.count);
   const auto kept =
       std::remove_if(signal.voices.begin(), last,

@@ -8,9 +8,10 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kJump = 5e-3;  // more isn't jitter [s]
-constexpr double kPull = 0.02;  // of an error, at each look; the rate takes a quarter of its square
-constexpr double kWrongest = 1e-3;  // of a converter's rate
+constexpr double kJump = 5e-3;  // larger errors aren't jitter [s]
+constexpr double kPull =
+    0.02;  // of the error, each measurement; of the rate a quarter of its square
+constexpr double kMaxError = 1e-3;  // of a converter's rate
 
 }  // namespace
 
@@ -25,8 +26,8 @@ void observe(SampleClock& clock, double measured, double samples) {
   clock.next += kPull * error;
   if (samples <= 0.0) return;
   clock.period += 0.25 * kPull * kPull * error / samples;
-  clock.period = std::clamp(clock.period, (1.0 - kWrongest) * clock.nominal,
-                            (1.0 + kWrongest) * clock.nominal);
+  clock.period = std::clamp(clock.period, (1.0 - kMaxError) * clock.nominal,
+                            (1.0 + kMaxError) * clock.nominal);
 }
 
 }  // namespace assembly_cell

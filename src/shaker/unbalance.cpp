@@ -11,7 +11,7 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kMissed = 1.5;  // revolutions without a pulse: the phase isn't known any more
+constexpr double kMissed = 1.5;  // revolutions without a pulse until the phase is unknown
 
 }  // namespace
 
@@ -20,7 +20,7 @@ void UnbalanceShaker::open(const YAML::Node& parameters, double now) {
   in.optional("type");
   unbalance_ = in.number("unbalance", yaml::Range::kPositive);
   acceleration_ = in.number("acceleration", yaml::Range::kPositive);
-  most_ = in.number("max_speed", yaml::Range::kPositive);
+  max_speed_ = in.number("max_speed", yaml::Range::kPositive);
   tolerance_ = in.number("amplitude_tolerance", 0.0, 10.0, tolerance_);
   index_angle_ = in.number("index_angle", -2.0 * M_PI, 2.0 * M_PI, 0.0);
   in.finish();
@@ -29,8 +29,9 @@ void UnbalanceShaker::open(const YAML::Node& parameters, double now) {
 
 std::string UnbalanceShaker::cannot(const ExciterCommand& command) const {
   if (!(command.amplitude > 0.0)) return {};
-  if (command.frequency > most_) {
-    return text("frequency is %g rad/s: give at most %g (max_speed)", command.frequency, most_);
+  if (command.frequency > max_speed_) {
+    return text("frequency is %g rad/s: give at most %g (max_speed)", command.frequency,
+                max_speed_);
   }
   const double force = unbalance_ * command.frequency * command.frequency;
   if (std::abs(command.amplitude - force) <= tolerance_ * force) return {};
@@ -41,7 +42,7 @@ std::string UnbalanceShaker::cannot(const ExciterCommand& command) const {
 }
 
 void UnbalanceShaker::drive(const ExciterCommand& command, double reference, double now) {
-  (void)reference;  // its phase is its own
+  (void)reference;  // the phase isn't controlled
   work(now);
   wanted_ = command.amplitude > 0.0 ? command.frequency : 0.0;
   if (wanted_ > 0.0) next_direction_ = command.direction;
@@ -50,7 +51,7 @@ void UnbalanceShaker::drive(const ExciterCommand& command, double reference, dou
 void UnbalanceShaker::work(double now) {
   double left = acceleration_ * std::max(0.0, now - time_);
   time_ = now;
-  if (direction_ != next_direction_) {  // down to rest first
+  if (direction_ != next_direction_) {  // decelerate to rest first
     const double down = std::min(left, speed_);
     speed_ -= down;
     left -= down;

@@ -7,8 +7,8 @@
 
 namespace assembly_cell {
 
-/// A motor that turns a mass off its axis: force = unbalance · speed². Its phase is what an index
-/// pulse says; nobody chooses it.
+/// A motor that turns an eccentric mass: force = unbalance · speed². Its phase isn't controlled,
+/// only measured by index pulses.
 class UnbalanceShaker final : public Shaker {
  public:
   void open(const YAML::Node& parameters, double now) override;
@@ -23,8 +23,8 @@ class UnbalanceShaker final : public Shaker {
   double unbalance_ = 0.0;     // [kg m]
   double acceleration_ = 0.0;  // of run-up and run-down [rad/s2]
   double tolerance_ = 0.2;     // of a commanded amplitude
-  double index_angle_ = 0.0;   // of the mass from the peg's x when the pulse comes [rad]
-  double most_ = 0.0;          // speed [rad/s]
+  double index_angle_ = 0.0;   // of the mass from the peg's x at a pulse [rad]
+  double max_speed_ = 0.0;     // [rad/s]
   double wanted_ = 0.0, speed_ = 0.0, time_ = 0.0;
   int direction_ = 1, next_direction_ = 1;
   double pulse_ = 0.0;                // the last one [s]

@@ -370,11 +370,11 @@ TEST(ArmGuard, StaleOrForeignCommandsAreRefused) {
 
 // ---- the watchdog's states ----
 
-TEST(ArmGuard, NothingMovesBeforeTheArmsPlaceIsKnown) {
+TEST(ArmGuard, NothingMovesBeforeTheArmsPoseIsKnown) {
   ArmGuard arm = armGuard(noLimits(), Braking(), LeaseMode::kAuto, false);
   setRate(arm, kPeriod, 0.02);
   EXPECT_EQ(arm.mode, ArmMode::kWaiting);
-  EXPECT_FALSE(move(arm, {"anybody", 1.0, true, false}, at(0.01, 0, 0), 1.0).good());
+  EXPECT_FALSE(move(arm, {"node", 1.0, true, false}, at(0.01, 0, 0), 1.0).good());
   tick(arm, 1.0);
   EXPECT_FALSE(arm.begun);
   const Pose X{rotationFromVector({Eigen::Vector3d(0.1, 0.2, 0)}), {0.03, -0.02, 0.01}};
@@ -396,7 +396,7 @@ TEST(ArmGuard, AJointBeyondItsLimitHoldsWithoutAPoint) {
   tick(arm, 1.0);
   EXPECT_FALSE(arm.begun);
   EXPECT_EQ(resume(arm, 1.0), "unreachable: " + beyond);
-  EXPECT_NE(move(arm, {"anybody", 1.0, true, false}, X, 1.0).text.find(beyond), std::string::npos);
+  EXPECT_NE(move(arm, {"node", 1.0, true, false}, X, 1.0).text.find(beyond), std::string::npos);
   // moved back by hand it still is held, until a person resumes it
   EXPECT_FALSE(setState(arm, X, 1.1));
   EXPECT_FALSE(arm.begun);
@@ -451,7 +451,7 @@ TEST(ArmGuard, APersonOrANewSessionResumesAHold) {
 TEST(ArmGuard, AStopIsForGood) {
   Cell cell(noLimits());
   cell.start();
-  stopForGood(cell.arm, "asked for");
+  stopForGood(cell.arm, "requested");
   EXPECT_EQ(cell.arm.mode, ArmMode::kStopped);
   cell.run(0.2);
   EXPECT_TRUE(isAtRest(cell.arm.motion));
@@ -489,7 +489,7 @@ TEST(ArmGuard, HostileCommandsNeverPassTheForceLimit) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0), chance(0.0, 1.0);
   std::vector<double> heights(20, 0.0);  // of the last points: the arm's latency
   std::size_t next = 0;
-  double greatest = 0.0, fastest = 0.0;
+  double largest = 0.0, fastest = 0.0;
   int holds = 0, commands = 0;
   Vector6 last = cell.arm.motion.out;
   while (commands < 1000000) {
@@ -512,7 +512,7 @@ TEST(ArmGuard, HostileCommandsNeverPassTheForceLimit) {
       heights[next] = cell.arm.motion.out(2);
       next = (next + 1) % heights.size();
       const double deep = std::max(0.0, -0.002 - heights[next]);
-      greatest = std::max(greatest, 5e4 * deep);
+      largest = std::max(largest, 5e4 * deep);
       cell.wrench_b(2) = 5e4 * deep;
       setState(cell.arm, poseOfCoordinates(cell.arm.motion.out), cell.now + i * kPeriod);
     }
@@ -524,8 +524,8 @@ TEST(ArmGuard, HostileCommandsNeverPassTheForceLimit) {
     }
   }
   EXPECT_GT(holds, 100);
-  EXPECT_GT(greatest, 30.0);
-  EXPECT_LT(greatest, 1.2 * 60.0);
+  EXPECT_GT(largest, 30.0);
+  EXPECT_LT(largest, 1.2 * 60.0);
   EXPECT_LE(fastest, limits.motion.speed * (1.0 + 1e-9));
 }
 

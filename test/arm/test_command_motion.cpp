@@ -35,7 +35,7 @@ int pointsToRest(CommandMotion& motion) {
   return points;
 }
 
-TEST(CommandMotion, StandsWhereItBegins) {
+TEST(CommandMotion, RestsAtItsStart) {
   CommandMotion motion =
       motionAt({rotationFromVector({Eigen::Vector3d(0.1, -0.2, 0.05)}), {0.012, -0.034, 0.056}});
   const Vector6 start = motion.out;
@@ -46,16 +46,16 @@ TEST(CommandMotion, StandsWhereItBegins) {
   EXPECT_TRUE(isAtRest(motion));
 }
 
-// Bang-bang in closed form: d/v + v/a for a way at full speed, 2 √(d/a) for a short one, and the
-// mean's length.
-TEST(CommandMotion, TakesTheTimeOfTheQuickestWayAndTheMeans) {
+// Bang-bang in closed form: d/v + v/a for a distance at full speed, 2 √(d/a) for a short one, plus
+// the length of the mean.
+TEST(CommandMotion, TakesTheTimeOfTheFastestMoveAndTheMean) {
   for (const double distance : {0.0004, 0.001, 0.0025, 0.01, 0.05}) {
     CommandMotion motion = motionAt(Pose());
     ASSERT_TRUE(moveTo(motion, upright(0.0, distance, 0.0), 1.0));
     const double v = motion.limits.speed, a = motion.limits.acceleration;
     const double time = distance > v * v / a ? distance / v + v / a : 2.0 * std::sqrt(distance / a);
     const double mean = motion.period * static_cast<double>(motion.smoothing - 1);
-    // a period and a half at either end: the way is made of whole ones
+    // a period and a half at either end: the path has whole ones
     EXPECT_NEAR(pointsToRest(motion) * motion.period, time + mean, 3.0 * motion.period) << distance;
     EXPECT_LT((motion.out - coordinatesOf(upright(0.0, distance, 0.0))).norm(), 1e-12);
   }
@@ -72,7 +72,7 @@ TEST(CommandMotion, GoesStraight) {
   }
 }
 
-// The bound is that of a mean over n points of what changes by at most 2 a: 2 a / (n period).
+// Bound of a mean over n points of an acceleration that changes by at most 2 a: 2 a / (n period).
 TEST(CommandMotion, AccelerationIsContinuous) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> anywhere(-0.1, 0.1), chance(0.0, 1.0);
@@ -80,7 +80,7 @@ TEST(CommandMotion, AccelerationIsContinuous) {
   Vector6 before = Vector6::Zero(), rate = before, acceleration = before;
   const double n = static_cast<double>(motion.smoothing), T = motion.period;
   const double jerk = 2.0 * motion.limits.acceleration / (n * T);
-  double greatest = 0.0;
+  double largest = 0.0;
   for (int i = 0; i < 20000; ++i) {
     if (chance(random) < 0.02) {
       moveTo(motion, upright(anywhere(random), anywhere(random), anywhere(random)), 1.0);
@@ -90,15 +90,15 @@ TEST(CommandMotion, AccelerationIsContinuous) {
     const Vector6 now_rate = (motion.out - before) / T, now = (now_rate - rate) / T;
     const double change = weighedNorm(motion, now - acceleration) / T;
     ASSERT_LE(change, jerk * (1.0 + 1e-6));
-    greatest = std::max(greatest, change);
+    largest = std::max(largest, change);
     before = motion.out;
     rate = now_rate;
     acceleration = now;
   }
-  EXPECT_GT(greatest, 0.3 * jerk);
+  EXPECT_GT(largest, 0.3 * jerk);
 }
 
-TEST(CommandMotion, BrakesToThePointThatItTells) {
+TEST(CommandMotion, BrakesToItsRestPoint) {
   std::mt19937_64 random(5);
   std::uniform_int_distribution<int> points(1, 200);
   for (int run = 0; run < 200; ++run) {
@@ -108,16 +108,16 @@ TEST(CommandMotion, BrakesToThePointThatItTells) {
     if (run % 2 == 0) moveTo(motion, upright(-0.05, 0.09, 0.01), 1.0);
     for (int i = points(random) / 4; i > 0; --i) stepMotion(motion);
     brake(motion);
-    const Vector6 told = restPoint(motion);
+    const Vector6 predicted = restPoint(motion);
     const double speed = weighedNorm(motion, motion.step) / motion.period;
     const int took = pointsToRest(motion);
-    EXPECT_LT((motion.out - told).norm(), 1e-12);
+    EXPECT_LT((motion.out - predicted).norm(), 1e-12);
     EXPECT_LE(took, speed / motion.limits.acceleration / motion.period + 2.0 +
                         static_cast<double>(motion.smoothing));
   }
 }
 
-TEST(CommandMotion, RefusesWhatIsNoPlaceToGo) {
+TEST(CommandMotion, RefusesGoalsOutsideItsLimits) {
   CommandMotion motion = motionAt(Pose());
   constexpr double kNotFinite = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -132,8 +132,8 @@ TEST(CommandMotion, RefusesWhatIsNoPlaceToGo) {
   EXPECT_TRUE(isAtRest(motion));
 }
 
-// A million commands: anywhere within the limits and far beyond, NaN, changed at any moment, with
-// any speed, braked at any moment. None leaves box, cone, speed or acceleration.
+// A million commands within the limits and far beyond, NaN, changed or braked at any time, with any
+// speed. None leaves the limits of box, cone, speed or acceleration.
 TEST(CommandMotion, AMillionHostileCommandsStayWithinTheLimits) {
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> unit(-1.0, 1.0), chance(0.0, 1.0);
@@ -153,7 +153,7 @@ TEST(CommandMotion, AMillionHostileCommandsStayWithinTheLimits) {
     if (kind < 0.3) x.head<3>() = 0.1 * x.head<3>().cwiseSign();  // the corners
     moveTo(motion, poseOfCoordinates(x), chance(random) < 0.5 ? 1.0 : 0.1 * chance(random));
     if (chance(random) < 0.05) brake(motion);
-    // mostly the next command comes before the last one is done
+    // most commands are replaced before they are reached
     const int points = chance(random) < 0.001 ? 2000 : chance(random) < 0.03 ? 50 : 1;
     for (int k = 0; k < points; ++k) {
       stepMotion(motion);

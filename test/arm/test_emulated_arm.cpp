@@ -12,7 +12,7 @@
 namespace assembly_cell {
 namespace {
 
-/// The package's own arm over the default cell, without errors unless a test asks for them.
+/// The package's arm over the default cell, without errors unless a test sets them.
 struct Bench {
   CellPlace place =
       loadCellPlace(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/arm/cell_place.yaml");
@@ -58,7 +58,7 @@ TEST(EmulatedArm, FollowsAStepAfterItsLatency) {
   }
 }
 
-TEST(EmulatedArm, TheThreePosesTellItsRateAndAcceleration) {
+TEST(EmulatedArm, TheThreePosesGiveRateAndAcceleration) {
   Bench bench;
   bench.start();
   command(bench.arm, bench.turned(0, 0.05), 0.0);
@@ -93,7 +93,7 @@ TEST(EmulatedArm, EncodersAreSteps) {
   for (const double value : q) EXPECT_NEAR(value / 1e-3, std::round(value / 1e-3), 1e-9);
 }
 
-TEST(EmulatedArm, GivesWayAndItsEncodersDontSeeIt) {
+TEST(EmulatedArm, YieldsUnderForceUnseenByItsEncoders) {
   Bench bench;
   bench.parameters.compliance.setConstant(1e-6);
   bench.start();
@@ -106,7 +106,8 @@ TEST(EmulatedArm, GivesWayAndItsEncodersDontSeeIt) {
   EXPECT_NEAR(carrier(bench.arm, bench.kinematics).at.p.z(), 20e-6, 1e-8);
 }
 
-// 100 moves and back: where they end scatters as the parameter says (χ² of 300 values within 5 sd).
+// 100 moves and back: sd of their final positions is that of the parameter (χ² of 300 values within
+// 5 sd).
 TEST(EmulatedArm, MovesEndWithItsRepeatability) {
   Bench bench;
   bench.parameters.repeatability = 3e-5;
@@ -141,7 +142,7 @@ TEST(EmulatedArm, StopsByItselfUnderForce) {
   EXPECT_NEAR(bench.arm.q(0) - bench.q(0), 0.1, 1e-6);
 }
 
-TEST(EmulatedArm, TakesNoNonsense) {
+TEST(EmulatedArm, RefusesInvalidCommands) {
   Bench bench;
   bench.start();
   JointVector bad = bench.q;

@@ -11,13 +11,13 @@ namespace {
 constexpr double kFreshBlock = 0.02;  // [s]
 constexpr double kDelay = 0.004;      // of a message that is not late [s]
 
-// A plant whose clock starts at 100 s, and what its messages tell.
+// A plant whose clock starts at 100 s, and the cell time from its messages.
 struct Feed {
   CellClock clock{true};
   double wall = 0.0, stamp = 100.0;
-  double late = 0.0;  // what is in the queue [s]
+  double late = 0.0;  // length of the queue [s]
 
-  // blocks that come as the plant sends them, `rate` cell seconds a second
+  // blocks received as the plant sends them, `rate` cell seconds per second
   void run(int blocks, double rate = 1.0) {
     for (int i = 0; i < blocks; ++i) {
       wall += kFreshBlock / rate;
@@ -47,14 +47,14 @@ TEST(Freshness, TimeGoesOnWhileNothingComes) {
   EXPECT_EQ(lockstep.now(50.0), 100.0);
 }
 
-// Frozen for 0.2 to 10 s, with a queue that keeps all or only the last two seconds: no block of the
-// heap is taken for fresh, and the first one after it is.
-TEST(Freshness, NothingOfAHeapIsFreshAfterAFreeze) {
+// Frozen for 0.2 to 10 s, with a queue of all or only of the last two seconds: no block of the
+// burst is fresh, and the first one after it is.
+TEST(Freshness, NoMessageOfABurstIsFreshAfterAFreeze) {
   for (const double frozen : {0.2, 1.0, 3.0, 10.0}) {
     for (const double queue : {2.0, 100.0}) {
       Feed feed;
       feed.run(100);
-      // the plant goes on meanwhile; now the heap, a millisecond each
+      // the plant ran meanwhile; now the burst, a millisecond per message
       const double end = feed.wall + frozen;
       const int missed = static_cast<int>(frozen / kFreshBlock + 0.5);
       const int kept = std::min(missed, static_cast<int>(queue / kFreshBlock + 0.5));
@@ -101,7 +101,7 @@ TEST(Freshness, ASlowOrQuickPlantIsFresh) {
   }
 }
 
-TEST(Freshness, AnotherLifeOfThePlantBeginsAnew) {
+TEST(Freshness, ARestartedPlantResetsTheClock) {
   Feed feed;
   feed.run(500);
   feed.stamp = 1.0;

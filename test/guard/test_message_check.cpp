@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Fields of messages: what passes, what doesn't, and that the text names it.
+// Fields of messages: accepted and refused values, and the text of a refusal.
 
 #include "assembly_cell/guard/message_check.h"
 
@@ -118,7 +118,7 @@ TEST(MessageCheck, AllocatesNothingForAGoodBlock) {
   EXPECT_TRUE(check.good());
 }
 
-TEST(StampWindow, OneAbsurdStampMovesNothing) {
+TEST(StampWindow, ASingleOutlierIsRejected) {
   StampWindow window(10.0);
   EXPECT_TRUE(window.accept(100.0));
   EXPECT_FALSE(window.accept(2e9));
@@ -137,14 +137,14 @@ TEST(StampWindow, TheClockMayBeSetForwards) {
   EXPECT_TRUE(window.accept(5000.2));
 }
 
-TEST(StampWindow, ASimulationThatBeginsAnewIsTakenAtOnce) {
+TEST(StampWindow, ARestartedSimulationIsAcceptedAtOnce) {
   StampWindow window(10.0);
   EXPECT_TRUE(window.accept(5000.0));
   EXPECT_TRUE(window.accept(1.0));
   EXPECT_TRUE(window.accept(1.004));
 }
 
-TEST(StampWindow, AStrangerFromThePastStarvesNobody) {
+TEST(StampWindow, AStampFromThePastDoesNotBlockTheStream) {
   StampWindow window(10.0);
   for (double t = 5000.0; t < 5010.0; t += 1.0) {
     EXPECT_TRUE(window.accept(t)) << t;

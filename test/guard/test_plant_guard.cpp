@@ -16,7 +16,7 @@ constexpr double kBlock = 0.02;  // [s]
 const double kNaN = std::numeric_limits<double>::quiet_NaN();
 const Vector6 kNothing = Vector6::Zero();
 
-// A plant with its clock, and nodes that know it as of its last block.
+// A plant with its clock, and nodes that have received its last block.
 struct Plant {
   explicit Plant(LeaseMode mode = LeaseMode::kAuto, bool lockstep = false)
       : guard(plantGuard({}, mode, lockstep)) {}
@@ -48,7 +48,7 @@ Vector6 down(double force) {
   return load;
 }
 
-TEST(PlantGuard, WithoutASessionAnybodyCommandsUnlessALeaseIsRequired) {
+TEST(PlantGuard, WithoutASessionAnyNodeCommandsUnlessALeaseIsRequired) {
   Plant free, strict(LeaseMode::kRequired);
   EXPECT_EQ(free.move(free.as("/a")), GuardReason::kNone);
   EXPECT_EQ(free.move(free.as("/b")), GuardReason::kNone);
@@ -87,9 +87,9 @@ TEST(PlantGuard, ASessionBeginsWithTheExciterOffAndCommandsAlone) {
   EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kNone);
 }
 
-// Whenever the holder dies, the plant stands no later than lease_time after the last block that it
-// has seen; nobody else gets it before, all do a second later.
-TEST(PlantGuard, DeadMan) {
+// When the owner dies at any time, the plant is at rest within lease_time after the last block that
+// it received; other nodes can acquire it a second later, not before.
+TEST(PlantGuard, Watchdog) {
   std::mt19937 random(1);
   for (int trial = 0; trial < 300; ++trial) {
     Plant plant;
@@ -114,7 +114,7 @@ TEST(PlantGuard, DeadMan) {
     EXPECT_FALSE(plant.guard.shaking);
     EXPECT_LE(plant.now - seen, 0.1 + 1e-6);
     EXPECT_GT(plant.now - seen, 0.1 - kBlock);
-    // told once
+    // reported once
     EXPECT_FALSE(plant.block().hold);
     EXPECT_EQ(plant.move(plant.as("/b")), GuardReason::kOwnedByAnother);
     while (plant.now - seen < 1.0) plant.block();
@@ -122,20 +122,20 @@ TEST(PlantGuard, DeadMan) {
   }
 }
 
-TEST(PlantGuard, ALapseEndsWithTheNextSignOfLife) {
+TEST(PlantGuard, AnExpiredLeaseIsRenewedByTheNextSignOfLife) {
   Plant plant;
   plant.lease("/a", 7);
   while (!plant.block().hold) ASSERT_LT(plant.now, 6.0);
   EXPECT_TRUE(plant.guard.expired);
   EXPECT_EQ(plant.lease("/a", 7), GuardReason::kNone);
   EXPECT_FALSE(plant.guard.expired);
-  // the same node started anew takes over at once
+  // the same node, restarted, acquires it at once
   EXPECT_EQ(plant.lease("/a", 8), GuardReason::kNone);
   EXPECT_TRUE(plant.last.exciter_off);
   EXPECT_EQ(plant.guard.session, 8U);
 }
 
-TEST(PlantGuard, OldNewsAreNoSignOfLifeAndLeadToNoCommand) {
+TEST(PlantGuard, OldMessagesRenewNoLeaseAndLeadToNoCommand) {
   Plant plant;
   plant.lease("/a", 7);
   const Sender old = plant.as("/a");
@@ -149,7 +149,7 @@ TEST(PlantGuard, OldNewsAreNoSignOfLifeAndLeadToNoCommand) {
   EXPECT_EQ(plant.move(old), GuardReason::kStale) << "80 ms";
   EXPECT_EQ(plant.shake(old), GuardReason::kStale);
   EXPECT_EQ(plant.move({"/a", 0.0, false, false}), GuardReason::kStale) << "no stamp";
-  // a heap of leases from before a freeze
+  // a burst of leases from before a freeze
   const double seen = plant.guard.seen;
   plant.block();
   GuardAction action;
@@ -157,7 +157,7 @@ TEST(PlantGuard, OldNewsAreNoSignOfLifeAndLeadToNoCommand) {
   EXPECT_EQ(plant.guard.seen, seen);
 }
 
-TEST(PlantGuard, CommandsOfAnEarlierLifeAreRefused) {
+TEST(PlantGuard, CommandsFromBeforeTheBootAreRefused) {
   for (const bool lockstep : {false, true}) {
     Plant plant(LeaseMode::kAuto, lockstep);
     plant.now = 0.0;
@@ -223,7 +223,7 @@ TEST(PlantGuard, AnOverloadStopsThePlantUntilAMoveUpOrAnotherSession) {
       EXPECT_EQ(plant.move(plant.as("/a"), 0.001), GuardReason::kNone);
     }
     EXPECT_FALSE(plant.guard.overloaded);
-    // the load may be taken off, but not grow; then the limit is what it was
+    // the load may be relieved, but not grow; then the limit is restored
     EXPECT_FALSE(exceeds(down(160.0), plant.guard.allowed));
     EXPECT_TRUE(exceeds(down(170.0), plant.guard.allowed));
     plant.block(down(120.0));
@@ -244,7 +244,7 @@ TEST(PlantGuard, AnOverloadStopsThePlantUntilAMoveUpOrAnotherSession) {
             "max_torque: load of the coupling is 11 N m, allowed are 0 to 10 N m");
 }
 
-// A plant whose coupling bears 5e4 N/m and 50 N·m/rad, and whose carrier brakes with 1 m/s².
+// A plant with a coupling of 5e4 N/m and 50 N·m/rad, whose carrier brakes with 1 m/s².
 Plant braking() {
   Plant plant;
   plant.guard.braking.stiffness.diagonal() << 5e4, 5e4, 5e4, 50.0, 50.0, 50.0;
@@ -271,7 +271,7 @@ TEST(PlantGuard, TheLoadIsStoppedBeforeItIsTooMuch) {
             "stopped, allowed are 0 to 100 N");
 }
 
-// No faster than a stop may cost, whatever the direction and the load: the bound is reached.
+// The speed limit keeps a stop within the allowed load, for any direction and load; it is tight.
 TEST(PlantGuard, AMoveIsNoFasterThanAStopMayCost) {
   Plant plant = braking();
   PlantGuard& guard = plant.guard;
@@ -285,7 +285,7 @@ TEST(PlantGuard, AMoveIsNoFasterThanAStopMayCost) {
       way(i) = (i < 3 ? 0.01 : 0.1) * uniform(random);
     }
     const double speed = speedLimit(guard, load, way);
-    // the way of a stop of what moves at that speed, its quickest coordinate braking with 1 m/s²
+    // stopping distance at that speed, the fastest coordinate braking with 1 m/s²
     Vector6 arm;
     arm << 1, 1, 1, 0.08, 0.08, 0.08;
     const Vector6 direction = way / way.cwiseProduct(arm).cwiseAbs().maxCoeff();
@@ -295,13 +295,13 @@ TEST(PlantGuard, AMoveIsNoFasterThanAStopMayCost) {
     slowest += speed < 0.03 ? 1 : 0;
   }
   EXPECT_GT(slowest, 0);
-  // what is at the limit may still be relieved
+  // a load at the limit may still be relieved
   EXPECT_GT(speedLimit(guard, down(100.0), down(0.01)), 0.05);
   EXPECT_EQ(speedLimit(guard, down(100.0), down(-0.01)), 1e-3);
   EXPECT_EQ(speedLimit(guard, down(50.0), kNothing), std::numeric_limits<double>::infinity());
 }
 
-// A stamp of an hour ahead keeps nobody alive for an hour.
+// A stamp an hour ahead doesn't renew a lease for an hour.
 TEST(PlantGuard, AStampFromTheFutureIsASignOfLifeOfNow) {
   Plant plant;
   GuardAction action;

@@ -37,12 +37,12 @@ TEST(DriveSignal, IsOffWithinAPeriod) {
   drive(signal, ExciterCommand(), 0.0, 1.0);
   EXPECT_GT(forceAt(signal, 1.0 + 0.5 * 2 * M_PI / 620.0).norm(), 1.0);
   EXPECT_EQ(forceAt(signal, 1.0 + 2 * M_PI / 620.0).norm(), 0.0);
-  forget(signal, 1.0 + 2 * M_PI / 620.0);
+  removeFaded(signal, 1.0 + 2 * M_PI / 620.0);
   EXPECT_EQ(signal.count, 0u);
 }
 
-// Changes at random, up to three within a fade: no sample is farther from the one before than the
-// fastest fade, rotation and all voices at once allow; at the end it is what was said last.
+// Random changes, up to three within a fade: the difference of two samples is bounded by the
+// fastest fade and rotation of all voices; at the end the signal is that of the last command.
 TEST(DriveSignal, ChangesWithoutAStep) {
   std::mt19937 random(3);
   const auto uniform = [&random](double low, double high) {

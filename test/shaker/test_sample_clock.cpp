@@ -10,8 +10,8 @@
 namespace assembly_cell {
 namespace {
 
-// A converter 180 ppm fast, looked at every 5 ms with 0.3 ms of jitter: after ten seconds samples
-// are placed within a thirtieth of the jitter, at a kilohertz 4 degrees of phase.
+// A converter 180 ppm fast, measured every 5 ms with 0.3 ms of jitter: after ten seconds the output
+// times of samples are within a thirtieth of the jitter, at a kilohertz 4 degrees of phase.
 TEST(SampleClock, FollowsAQuartzThatIsOff) {
   std::mt19937 random(1);
   std::normal_distribution<double> jitter(0.0, 3e-4);

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The shakers, audio through ALSA's file device: what would have sounded is read again.
+// The shakers; the output of audio is read from ALSA's file device.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -49,7 +49,7 @@ TEST_F(Audio, PlaysAmplitudePhaseAndDirectionInQuadrature) {
   {
     const auto shaker = makeShaker("audio");
     shaker->open(YAML::Load(map(", delay: 1.2e-3")), 50.0);
-    for (int i = 0; i <= 240; ++i) {  // looks every 5 ms, of 15 ms now and then
+    for (int i = 0; i <= 240; ++i) {  // work every 5 ms, sometimes 15 ms
       const double now = 50.0 + 5e-3 * i;
       if (i == 20) shaker->drive({7.0, w, 0.4, -1}, 49.0, on);
       if (i == 180) shaker->drive(ExciterCommand(), 0.0, off);
@@ -60,7 +60,7 @@ TEST_F(Audio, PlaysAmplitudePhaseAndDirectionInQuadrature) {
   }
   const std::vector<std::int16_t> samples = samplesOf(path_);
   ASSERT_GT(samples.size(), 2u * 48000u);
-  // sample n sounds at 50 + n / rate, and its force is there `delay` later
+  // sample n is output at 50 + n / rate, its force follows `delay` later
   std::complex<double> x = 0.0, y = 0.0;
   int n = 0;
   for (int i = 0; i < 48000 / 110 * 55; ++i) {
@@ -137,7 +137,7 @@ TEST(Unbalance, ItsPhaseIsTheIndexPulses) {
   motor->drive({9.0, 300.0, 0.0, -1}, 0.0, 0.0);
   motor->work(1.0);
   EXPECT_FALSE(motor->state(1.0).measured);
-  const double revolution = 2 * M_PI / 290.0;  // it slips
+  const double revolution = 2 * M_PI / 290.0;  // with slip
   for (int i = 0; i < 5; ++i) motor->index(1.0 + i * revolution);
   const double now = 1.0 + 4.5 * revolution;
   const ShakerState state = motor->state(now);
@@ -147,7 +147,7 @@ TEST(Unbalance, ItsPhaseIsTheIndexPulses) {
   const double angle =
       state.force.direction * (state.force.frequency * (now - state.reference) + state.force.phase);
   EXPECT_NEAR(std::remainder(angle - (0.3 - M_PI), 2 * M_PI), 0.0, 1e-6);
-  // no pulse any more
+  // without further pulses
   EXPECT_FALSE(motor->state(1.0 + 6.0 * revolution).measured);
 }
 

@@ -5,19 +5,19 @@
 
 namespace assembly_cell {
 
-/// When each sample of a converter with a clock of its own will sound. The queue in front of it is
-/// looked at now and then, with jitter; a loop of second order follows the converter's rate, so
-/// that phases stay exact while its quartz is off by a hundredth of a per cent.
+/// Output time of each sample of a converter with a clock of its own. The length of its queue is
+/// measured now and then, with jitter; a second-order loop estimates the converter's rate, so that
+/// phases stay exact with a quartz error of 1e-4.
 struct SampleClock {
-  double nominal = 1.0 / 48000.0;  ///< [s] from one sample to the next, as it says
-  double period = nominal;         ///< as it is
-  double next = 0.0;               ///< when the next sample that is written will sound [s]
+  double nominal = 1.0 / 48000.0;  ///< nominal sample period [s]
+  double period = nominal;         ///< estimated [s]
+  double next = 0.0;               ///< output time of the next written sample [s]
   bool known = false;
-  std::uint64_t jumps = 0;  ///< the queue ran empty, or the computer's clock was put right
+  std::uint64_t jumps = 0;  ///< the queue ran empty, or the computer's clock was set
 };
 
-/// `samples` were written since the last look, and now one that is written would sound at
-/// `measured` [s]. next is already that of the sample after them.
+/// A sample written now would be output at `measured` [s]; `samples` were written since the last
+/// measurement, and are included in `next`.
 void observe(SampleClock& clock, double measured, double samples);
 
 }  // namespace assembly_cell

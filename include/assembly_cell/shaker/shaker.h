@@ -13,20 +13,21 @@
 
 namespace assembly_cell {
 
-/// What a shaker does, as far as it knows.
+/// State of a shaker.
 struct ShakerState {
   bool on = false;
-  /// The force now and its phase at `reference`, as of ExciterCommand; frequency 0: standing still.
+  /// Present force, with its phase at `reference`; frequency 0: at rest.
   ExciterCommand force;
   double reference = 0.0;  ///< [s]
-  bool measured = false;   ///< the phase is, as by an index pulse; false: it is what was played
-  double latency = 0.0;    ///< from a command to the force that begins [s]
-  std::uint64_t gaps = 0;  ///< times that the output ran dry, or that its clock jumped
+  bool measured =
+      false;  ///< the phase is measured by an index pulse; false: it is the commanded one
+  double latency = 0.0;    ///< from a command to the start of its force [s]
+  std::uint64_t gaps = 0;  ///< number of underruns and clock jumps of the output
 };
 
-/// A device that makes the exciter's force, without ROS. A class in another package becomes a
-/// shaker by exporting it through pluginlib with this base class. One thread calls it. Times are of
-/// the computer's clock [s].
+/// A device that generates the exciter's force, without ROS. Another package adds a shaker by
+/// exporting a class with this base class through pluginlib. Called by one thread. Times are those
+/// of the computer's clock [s].
 class Shaker {
  public:
   Shaker() = default;
@@ -34,23 +35,23 @@ class Shaker {
   Shaker(const Shaker&) = delete;
   Shaker& operator=(const Shaker&) = delete;
 
-  /// Takes the parameters, a YAML map (the key `type` is passed over), and opens the device. Throws
-  /// InputError with the key, its value and what to do.
+  /// Reads the parameters, a YAML map (the key `type` is ignored), and opens the device. Throws
+  /// InputError with key, value and remedy.
   virtual void open(const YAML::Node& parameters, double now) = 0;
-  /// Why it can't do this; empty: it can. Off is always possible.
+  /// Why the command isn't possible; empty: it is. Off always is.
   virtual std::string cannot(const ExciterCommand& command) const = 0;
-  /// From now on; amplitude 0: off, within one period where the device can. reference [s].
+  /// Starts a command; amplitude 0: off, within one period if possible. reference [s].
   virtual void drive(const ExciterCommand& command, double reference, double now) = 0;
   /// Called every few milliseconds. Throws InputError when the device is lost.
   virtual void work(double now) = 0;
-  /// An index pulse came from the shaft.
+  /// An index pulse of the shaft.
   virtual void index(double time) { (void)time; }
-  /// Speed that a motor drive shall keep now [rad/s]; nothing: there is none.
+  /// Set point for a motor drive [rad/s]; none: there is no motor.
   virtual std::optional<double> speed() const { return std::nullopt; }
   virtual ShakerState state(double now) const = 0;
 };
 
-/// Those of this package: audio, unbalance. Null for another name.
+/// Shakers of this package: audio, unbalance. Null for another name.
 std::unique_ptr<Shaker> makeShaker(const std::string& type);
 const std::vector<std::string>& shakerTypes();
 

@@ -469,7 +469,7 @@ TEST_F(Joints, AJointBeyondItsLimitHoldsTheArmWithoutAPoint) {
 TEST(BadParameters, EndTheNodeWithALine) {
   ros::NodeHandle nh("bad");
   nh.setParam("arm_description", armUrdf());
-  const auto said = [](const std::vector<std::string>& more) {
+  const auto refusal = [](const std::vector<std::string>& more) {
     std::vector<std::string> command = {executable("arm_bridge"), "__ns:=/bad",
                                         "_scenario:=" + sourceFile("config/scenarios/cell.yaml")};
     command.insert(command.end(), more.begin(), more.end());
@@ -478,9 +478,9 @@ TEST(BadParameters, EndTheNodeWithALine) {
     return node.output();
   };
   const std::string place = "_place:=" + sourceFile("config/arm/cell_place.yaml");
-  EXPECT_NE(said({"_place:=nowhere.yaml"}).find("nowhere.yaml"), std::string::npos);
-  EXPECT_NE(said({place, "_max_force:=-1"}).find("max_force"), std::string::npos);
-  const std::string unknown = said({place, "_max_force:=60", "_slow:=1"});
+  EXPECT_NE(refusal({"_place:=nowhere.yaml"}).find("nowhere.yaml"), std::string::npos);
+  EXPECT_NE(refusal({place, "_max_force:=-1"}).find("max_force"), std::string::npos);
+  const std::string unknown = refusal({place, "_max_force:=60", "_slow:=1"});
   EXPECT_NE(unknown.find("slow"), std::string::npos) << unknown;
 }
 

@@ -25,8 +25,8 @@
 #include "cell_fixture.h"
 #include "contact_force.h"
 
-// A cell through bridge and emulated arm at the pace of the wall clock, slowed down, whose bridge
-// or arm dies during goals and is started again alone. Times are cell time, from stamps.
+// A cell with bridge and emulated arm by the (slowed) wall clock, whose bridge or arm dies during
+// goals and is restarted alone. Times are cell time, from stamps.
 namespace assembly_cell::ros_bridge::arm_faults_test {
 namespace {
 
@@ -64,7 +64,7 @@ class ArmFaults : public ::testing::Test {
     command.insert(command.end(), more.begin(), more.end());
     nodes_[program + below] = std::make_unique<Child>(command);
   }
-  // in a reading: pressed, with the exciter on
+  // until a locus measurement: pressed, with the exciter on
   void shake() {
     AlignPegGoal goal;
     goal.strategy = "single_contact";
@@ -78,8 +78,8 @@ class ArmFaults : public ::testing::Test {
     EXPECT_EQ(align_.getState().state_, SimpleClientGoalState::ABORTED);
     return align_.getResult()->report.reason;
   }
-  // the next goal, from wherever the peg is
-  void pressAnew() {
+  // the next goal, from the present pose of the peg
+  void pressAgain() {
     MoveToContactGoal goal;
     goal.force = 8.0;
     press_.sendGoal(goal);
@@ -92,18 +92,18 @@ class ArmFaults : public ::testing::Test {
     ASSERT_TRUE(waitFor([&] { return contacts_.size() > n + 2; }));
     EXPECT_TRUE(waitFor([&] { return std::abs(force() - 8.0) < 0.1 * 8.0; })) << force();
   }
-  // its joints don't turn over so many states [rad]
-  double turned(std::size_t states) {
+  // largest motion of a joint over so many states [rad]
+  double jointMotion(std::size_t states) {
     const std::size_t n = joints_.size();
     EXPECT_TRUE(waitFor([&] { return joints_.size() >= n + states; }));
     const auto all = joints_.all();
-    double most = 0.0;
+    double largest = 0.0;
     for (std::size_t i = n; i < all.size(); ++i) {
       for (std::size_t k = 0; k < all[i]->position.size(); ++k) {
-        most = std::max(most, std::abs(all[i]->position[k] - all[n]->position[k]));
+        largest = std::max(largest, std::abs(all[i]->position[k] - all[n]->position[k]));
       }
     }
-    return most;
+    return largest;
   }
 
   ros::NodeHandle nh_{"/arm_faults"};
@@ -119,46 +119,46 @@ class ArmFaults : public ::testing::Test {
   actionlib::SimpleActionClient<MoveToContactAction> press_{nh_, "move_to_contact", false};
 };
 
-// The arm stays at the last point that it was sent, the exciter is off by itself, the supervisor
-// says who is missing; a bridge that was started again alone begins where the arm is.
+// The arm stays at the last point, the exciter is switched off, the supervisor names the bridge; a
+// bridge restarted alone starts at the arm's pose.
 TEST_F(ArmFaults, ABridgeThatDiesLeavesAnArmThatStandsAndAnotherOneGoesOn) {
   ASSERT_NO_FATAL_FAILURE(shake());
-  const std::uint32_t life = plant_.last()->life;
+  const std::uint32_t boot_id = plant_.last()->life;
   nodes_.at("arm_bridge")->signal(SIGKILL);
   const auto off = [this] { return simulator_.last()->held && !simulator_.last()->exciter; };
   ASSERT_TRUE(waitFor(off));
   EXPECT_EQ(simulator_.last()->reason.rfind("expired", 0), 0U) << simulator_.last()->reason;
   EXPECT_LE((simulator_.last()->header.stamp - leases_.last()->header.stamp).toSec(),
             kTimeout + kBlock);
-  EXPECT_LT(turned(200), 1e-5);
+  EXPECT_LT(jointMotion(200), 1e-5);
   const std::string reason = endOfAlign();
   EXPECT_NE(reason.find("carrier_pose of /arm_faults/arm_bridge (gone)"), std::string::npos)
       << reason;
-  EXPECT_TRUE(waitFor([this] { return state_.last()->in_contact; })) << "nobody knows";
+  EXPECT_TRUE(waitFor([this] { return state_.last()->in_contact; }));
   start("arm_bridge");
-  ASSERT_TRUE(waitFor([&] { return plant_.last()->life != life; }));
+  ASSERT_TRUE(waitFor([&] { return plant_.last()->life != boot_id; }));
   // nothing moves by itself
-  EXPECT_LT(turned(200), 1e-5);
+  EXPECT_LT(jointMotion(200), 1e-5);
   EXPECT_FALSE(simulator_.last()->exciter);
-  pressAnew();
+  pressAgain();
 }
 
-TEST_F(ArmFaults, ABridgeThatIsStartedAnewAtOnceEndsTheGoalByName) {
+TEST_F(ArmFaults, ARestartedBridgeEndsTheGoalByName) {
   ASSERT_NO_FATAL_FAILURE(shake());
   nodes_.at("arm_bridge")->signal(SIGKILL);
   exciter_.clear();
   start("arm_bridge");
   const std::string reason = endOfAlign();
-  const bool named = reason.find("started anew") != std::string::npos ||
+  const bool named = reason.find("the plant was ") != std::string::npos ||
                      reason.find("arm_bridge") != std::string::npos;
   EXPECT_TRUE(named) << reason;
   ASSERT_TRUE(waitFor([this] { return !simulator_.last()->exciter; }));
-  pressAnew();
-  // the supervisor's last command to shake was still there when the new one came
+  pressAgain();
+  // the supervisor's last exciter command was still latched when the new bridge started
   for (const auto& exciter : exciter_.all()) EXPECT_FALSE(exciter->on);
 }
 
-// The goal ends before its clock has begun.
+// The goal ends before its clock has started.
 TEST_F(ArmFaults, AGoalOnAStoppedArmHasTakenNoTime) {
   std_srvs::Trigger stop;
   ASSERT_TRUE(callService("/arm_faults/arm_bridge/stop", stop));
@@ -181,7 +181,7 @@ TEST_F(ArmFaults, AnArmThatFallsSilentIsNamedAndTheNextGoalWorks) {
   const std::size_t n = joints_.size();
   start("emulate_arm");
   ASSERT_TRUE(waitFor([&] { return joints_.size() > n + 100; }));
-  pressAnew();
+  pressAgain();
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ using test::Record;
 using test::sourceFile;
 using test::waitFor;
 
-/// The bridge: its sign of life, and what it lets pass of the exciter.
+/// The bridge: its sign of life, and the exciter commands that it has accepted.
 class ExciterOutput : public ::testing::Test {
  protected:
   ExciterOutput()
@@ -66,7 +66,7 @@ class ExciterOutput : public ::testing::Test {
     environment_ = {"ROS_PACKAGE_PATH=" + sourceFile("test/example_shaker") + ":" +
                     (packages == nullptr ? "" : packages)};
   }
-  // timeout: a busy machine is no dead bridge
+  // timeout: longer than the delays of a busy machine
   void start(const std::map<std::string, std::string>& shaker, double timeout = 3.0) {
     ros::param::set("/exciter_output/timeout", timeout);
     ros::param::set("/exciter_output/max_amplitude", 10.0);
@@ -102,7 +102,7 @@ class ExciterOutput : public ::testing::Test {
     exciter_.publish(exciter);
   }
   bool on() const { return done_.last() && done_.last()->on; }
-  // along x and y, as the card would have got it
+  // along x and y, as a sound card would receive it
   std::vector<std::int16_t> played() const {
     std::ifstream in(path_, std::ios::binary);
     const std::string bytes((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
@@ -127,18 +127,18 @@ class ExciterOutput : public ::testing::Test {
 };
 
 TEST_F(ExciterOutput, PlaysWhatTheBridgeLetsPassAndIsSilentWithoutIt) {
-  // said long before it was there, and latched
+  // sent long before the node was started, and latched
   shake(5.0, 600.0, ros::Time::now() - ros::Duration(30.0));
   startAudio();
   ASSERT_TRUE(warned("stale")) << node_->output();
   EXPECT_FALSE(on());
 
   const double w = 2 * M_PI * 120.0;
-  const auto begun = [&] {  // once it has heard the bridge
+  const auto started = [&] {  // after the first carrier_pose
     shake(5.0, w);
     return waitFor([this] { return on(); }, 1.0);
   };
-  ASSERT_TRUE(waitFor(begun)) << node_->output();
+  ASSERT_TRUE(waitFor(started)) << node_->output();
   EXPECT_EQ(done_.last()->amplitude, 5.0);
   EXPECT_EQ(done_.last()->frequency, w);
   const auto size = [this] {
@@ -146,7 +146,7 @@ TEST_F(ExciterOutput, PlaysWhatTheBridgeLetsPassAndIsSilentWithoutIt) {
   };
   const std::int64_t before = size();
   ASSERT_TRUE(waitFor([&] { return size() > before + 4 * 24000; }));
-  // too much is not played, what was before goes on
+  // too large an amplitude is refused, the previous command continues
   const auto too_much = [&] {
     shake(50.0, w);
     return warned("max_amplitude", 1.1);
@@ -163,7 +163,7 @@ TEST_F(ExciterOutput, PlaysWhatTheBridgeLetsPassAndIsSilentWithoutIt) {
     return warned("without a bridge", 1.1);
   };
   ASSERT_TRUE(waitFor(refused)) << node_->output();
-  // and lives again: what was told before doesn't begin by itself
+  // and is restarted: the previous command doesn't start by itself
   alive_ = true;
   const std::int64_t then = size();
   ASSERT_TRUE(waitFor([&] { return size() > then + 4 * 9600; }));
@@ -183,7 +183,7 @@ TEST_F(ExciterOutput, PlaysWhatTheBridgeLetsPassAndIsSilentWithoutIt) {
     turns.push_back(std::remainder(
         std::atan2(samples[2 * i + 3], samples[2 * i + 2]) - std::atan2(y, x), 2 * M_PI));
   }
-  // a busy machine leaves gaps, at which the phase jumps; 0.1 % is what a card's clock may be off
+  // a busy machine leaves gaps, at which the phase jumps; 0.1 % is the error of a card's clock
   std::nth_element(turns.begin(), turns.begin() + 4800, turns.end());
   EXPECT_NEAR(turns[4800], w / 48000.0, 2e-3 * w / 48000.0);
   for (std::size_t i = samples.size() - 9600; i < samples.size(); ++i) ASSERT_EQ(samples[i], 0);
@@ -228,11 +228,11 @@ TEST_F(ExciterOutput, LoadsAPlugInFromAnotherPackage) {
   ASSERT_TRUE(waitFor([this] {
     return done_.last() && exciter_.getNumSubscribers() > 0 && pose_.getNumSubscribers() > 0;
   })) << node_->output();
-  const auto begun = [&] {  // once it has heard the bridge
+  const auto started = [&] {  // after the first carrier_pose
     shake(5.0, 600.0);
     return waitFor([this] { return on(); }, 1.0);
   };
-  ASSERT_TRUE(waitFor(begun)) << node_->output();
+  ASSERT_TRUE(waitFor(started)) << node_->output();
   EXPECT_EQ(done_.last()->amplitude, 5.0);
   const auto refused = [&] {  // a warning a second; the node itself would take 10 N
     shake(9.0, 600.0);

@@ -23,10 +23,10 @@
 #include "links/cell_link.h"
 #include "widgets/cell_widget.h"
 
-// What the tests of the panel share: the real widget on a screen in memory, clicked and looked at.
+// What the tests of the panel share: the widget on a virtual screen, with clicks and pictures.
 namespace assembly_cell::panel {
 
-/// Waits with the screen alive; false after the patience.
+/// Processes events until the condition holds; false after the timeout.
 template <class Condition>
 bool seen(const Condition& condition, double patience = test::kPatience) {
   return test::waitFor(
@@ -54,11 +54,11 @@ struct Screen {
     return part;
   }
   std::string text(const char* label) { return find<QLabel>(label)->text().toStdString(); }
-  bool says(const char* label, const std::string& part) {
+  bool shows(const char* label, const std::string& part) {
     return text(label).find(part) != std::string::npos;
   }
   bool enabled(const char* name) { return find<QPushButton>(name)->isEnabled(); }
-  /// Clicks a button once it can be clicked.
+  /// Clicks a button as soon as it is enabled.
   void click(const char* name) {
     ASSERT_TRUE(seen([&] { return enabled(name); })) << name << ": " << text("answer");
     QTest::mouseClick(find<QPushButton>(name), Qt::LeftButton);
@@ -73,7 +73,7 @@ inline int pixelsOf(const QImage& image, const QColor& color, int top, int botto
   return count;
 }
 
-/// For the documentation, where somebody asks for it.
+/// For the documentation, with ASSEMBLY_CELL_PICTURE.
 inline void keepPicture(QWidget& widget) {
   const char* file = getenv("ASSEMBLY_CELL_PICTURE");
   if (file == nullptr) return;

@@ -16,10 +16,10 @@ using ros_bridge::callService;
 
 using test::Child;
 
-// the load that the page asks for, on the rig; false where the plan has none with this text
-bool bringAbout(const std::vector<LoadStep>& plan, const std::string& asked) {
-  const auto step = std::find_if(plan.begin(), plan.end(), [&asked](const LoadStep& s) {
-    return asked.compare(0, s.text.size(), s.text) == 0;
+// applies the requested load on the rig; false if the plan has none with this text
+bool applyLoad(const std::vector<LoadStep>& plan, const std::string& request) {
+  const auto step = std::find_if(plan.begin(), plan.end(), [&request](const LoadStep& s) {
+    return request.compare(0, s.text.size(), s.text) == 0;
   });
   if (step == plan.end()) return false;
   ApplyLoad call;
@@ -29,7 +29,7 @@ bool bringAbout(const std::vector<LoadStep>& plan, const std::string& asked) {
   return call.response.success;
 }
 
-TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
+TEST(CalibrationPage, LeadsFromThePlanToAnActiveCalibration) {
   const test::TemporaryFolder folder;
   Child server({test::executable("calibration_server"), "_store:=" + folder.path()});
   Screen s;
@@ -39,13 +39,13 @@ TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
   s.click("check_plan");
   auto* steps = s.find<QListWidget>("steps");
   ASSERT_TRUE(seen([&] { return steps->count() > 30; })) << s.text("plan_report");
-  EXPECT_TRUE(s.says("plan_report", "steps")) << s.text("plan_report");
+  EXPECT_TRUE(s.shows("plan_report", "steps")) << s.text("plan_report");
   PlanCalibration plan;
   ASSERT_TRUE(callService("/calibration_server/plan", plan));
   ASSERT_EQ(static_cast<int>(plan.response.steps.size()), steps->count());
   EXPECT_FALSE(s.enabled("confirm"));
   EXPECT_FALSE(s.enabled("remove_last"));
-  // nor is there a cell
+  // there is no cell
   EXPECT_EQ(s.text("state"), "not there");
   EXPECT_EQ(s.text("true_offset"), "not there");
   for (const char* name : {"start", "cancel", "retreat", "pause", "run", "step_blocks", "reset"}) {
@@ -60,15 +60,15 @@ TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
   for (int done = 0; done < count; ++done) {
     ASSERT_TRUE(seen([&] { return progress->value() == done && s.enabled("confirm"); }))
         << done << ": " << s.text("calibration_state") << s.text("answer");
-    const std::string asked = s.text("load_to_apply");
-    ASSERT_TRUE(bringAbout(plan.response.steps, asked)) << asked;
-    // the list is where the work is
+    const std::string request = s.text("load_to_apply");
+    ASSERT_TRUE(applyLoad(plan.response.steps, request)) << request;
+    // the list shows the current step
     const std::string row = steps->currentItem()->text().toStdString();
-    EXPECT_NE(asked.find(row.substr(row.find(' ') + 1)), std::string::npos) << row << asked;
-    // a mass can be told, where one hangs
-    const bool hangs = asked.find("hang") != std::string::npos;
-    EXPECT_EQ(s.find<QDoubleSpinBox>("mass")->isVisible(), hangs) << asked;
-    EXPECT_EQ(s.find<QDoubleSpinBox>("mass")->value() > 0.0, hangs) << asked;
+    EXPECT_NE(request.find(row.substr(row.find(' ') + 1)), std::string::npos) << row << request;
+    // a mass can be entered for a weight
+    const bool hangs = request.find("hang") != std::string::npos;
+    EXPECT_EQ(s.find<QDoubleSpinBox>("mass")->isVisible(), hangs) << request;
+    EXPECT_EQ(s.find<QDoubleSpinBox>("mass")->value() > 0.0, hangs) << request;
     if (hangs && !weighed) keepPicture(s.widget);
     weighed |= hangs;
     s.click("confirm");
@@ -76,23 +76,24 @@ TEST(CalibrationPage, LeadsFromThePlanToACalibrationInForce) {
   EXPECT_TRUE(weighed);
   ASSERT_TRUE(seen([&] { return s.link.view().calibration.result_known; }))
       << s.text("calibration_state");
-  EXPECT_TRUE(seen([&] { return s.says("calibration_result", "by_hand"); }))
+  EXPECT_TRUE(seen([&] { return s.shows("calibration_result", "by_hand"); }))
       << s.text("calibration_result");
-  EXPECT_TRUE(seen([&] { return s.says("active_calibration", "sensor_a by_hand, sensor_b by_hand"); }))
-      << s.text("active_calibration");
-  EXPECT_TRUE(seen([&] { return s.says("sensor_a_calibration", "by_hand"); }))
+  EXPECT_TRUE(seen([&] {
+    return s.shows("active_calibration", "sensor_a by_hand, sensor_b by_hand");
+  })) << s.text("active_calibration");
+  EXPECT_TRUE(seen([&] { return s.shows("sensor_a_calibration", "by_hand"); }))
       << s.text("sensor_a_calibration");
 
-  // what was stored can be put in force again
+  // a stored calibration can be activated again
   s.click("list");
   auto* stored = s.find<QComboBox>("stored");
   ASSERT_TRUE(seen([&] { return stored->findText("by_hand") >= 0; })) << s.text("answer");
   stored->setCurrentText("by_hand");
   s.click("load");
-  EXPECT_TRUE(seen([&] { return s.says("answer", "load: done"); })) << s.text("answer");
+  EXPECT_TRUE(seen([&] { return s.shows("answer", "load: done"); })) << s.text("answer");
 }
 
-TEST(CalibrationPage, TakesBackAndCancels) {
+TEST(CalibrationPage, RemovesTheLastObservationAndCancels) {
   const test::TemporaryFolder folder;
   Child server({test::executable("calibration_server"), "_store:=" + folder.path()});
   Screen s;
@@ -103,17 +104,17 @@ TEST(CalibrationPage, TakesBackAndCancels) {
   s.click("confirm");
   ASSERT_TRUE(seen([&] { return progress->value() == 1; })) << s.text("answer");
   s.click("cancel_calibration");
-  ASSERT_TRUE(seen([&] { return s.says("calibration_result", "cancelled"); }))
+  ASSERT_TRUE(seen([&] { return s.shows("calibration_result", "cancelled"); }))
       << s.text("calibration_result");
-  EXPECT_TRUE(seen([&] { return s.says("calibration_state", "1 observations"); }))
+  EXPECT_TRUE(seen([&] { return s.shows("calibration_state", "1 observations"); }))
       << s.text("calibration_state");
   s.click("remove_last");
-  EXPECT_TRUE(seen([&] { return s.says("calibration_state", "0 observations"); }))
+  EXPECT_TRUE(seen([&] { return s.shows("calibration_state", "0 observations"); }))
       << s.text("calibration_state");
-  // a server that ends is not there any more
+  // a server that has ended
   server.stop();
   EXPECT_TRUE(
-      seen([&] { return !s.enabled("begin") && s.says("calibration_there", "not there"); }));
+      seen([&] { return !s.enabled("begin") && s.shows("calibration_there", "not there"); }));
 }
 
 }  // namespace

@@ -48,18 +48,18 @@ class Panel : public ::testing::Test {
   void run() {
     ASSERT_TRUE(seen([&] { return s().enabled("run") || s().enabled("pause"); }));
     if (s().enabled("run")) s().click("run");
-    ASSERT_TRUE(seen([&] { return s().says("simulation", "running"); }));
+    ASSERT_TRUE(seen([&] { return s().shows("simulation", "running"); }));
   }
   void pause() {
     ASSERT_TRUE(seen([&] { return s().enabled("run") || s().enabled("pause"); }));
     if (s().enabled("pause")) s().click("pause");
-    ASSERT_TRUE(seen([&] { return s().says("simulation", "paused"); }));
+    ASSERT_TRUE(seen([&] { return s().shows("simulation", "paused"); }));
   }
   // the peg back over the hole, the simulation on
-  void beginAnew() {
+  void restart() {
     run();
     s().click("reset");
-    ASSERT_TRUE(seen([&] { return s().says("answer", "reset: done"); })) << s().text("answer");
+    ASSERT_TRUE(seen([&] { return s().shows("answer", "reset: done"); })) << s().text("answer");
   }
   // colour of a node's light as drawn
   QColor light(const char* node) {
@@ -84,15 +84,15 @@ TEST_F(Panel, ShowsWhatIsThereAndWhatIsNot) {
   }
   EXPECT_EQ(light("twin_force_estimator"), absentColor());
   EXPECT_EQ(reason("twin_force_estimator"), "not there");
-  EXPECT_TRUE(seen([&] { return s().says("simulation", "paused"); })) << s().text("simulation");
-  EXPECT_TRUE(seen([&] { return s().says("state", "idle"); })) << s().text("state");
-  EXPECT_TRUE(seen([&] { return s().says("sensor_a_calibration", "sensor_a_design"); }));
+  EXPECT_TRUE(seen([&] { return s().shows("simulation", "paused"); })) << s().text("simulation");
+  EXPECT_TRUE(seen([&] { return s().shows("state", "idle"); })) << s().text("state");
+  EXPECT_TRUE(seen([&] { return s().shows("sensor_a_calibration", "sensor_a_design"); }));
   EXPECT_TRUE(s().enabled("start"));
   EXPECT_FALSE(s().enabled("cancel"));
   EXPECT_TRUE(seen([&] { return s().text("true_offset") == "-"; })) << s().text("true_offset");
   EXPECT_FALSE(s().enabled("pause"));
-  // no calibration server: said, and nothing to click
-  EXPECT_TRUE(s().says("calibration_there", "not there"));
+  // no calibration server: reported, no button is enabled
+  EXPECT_TRUE(s().shows("calibration_there", "not there"));
   for (const char* name : {"check_plan", "begin", "confirm", "remove_last", "list", "load"}) {
     EXPECT_FALSE(s().enabled(name)) << name;
   }
@@ -103,23 +103,23 @@ TEST_F(Panel, PausesStepsRunsAndResets) {
   const double before = simulated();
   s().find<QSpinBox>("blocks")->setValue(5);
   s().click("step_blocks");
-  EXPECT_TRUE(seen([&] { return s().says("answer", "step: done"); })) << s().text("answer");
+  EXPECT_TRUE(seen([&] { return s().shows("answer", "step: done"); })) << s().text("answer");
   // a block is 0.02 s
   EXPECT_TRUE(seen([&] { return std::abs(simulated() - before - 0.1) < 1e-9; })) << simulated();
-  EXPECT_TRUE(s().says("simulation", "paused"));
+  EXPECT_TRUE(s().shows("simulation", "paused"));
 
   run();
   EXPECT_TRUE(seen([&] { return simulated() > before + 0.2; }));
   EXPECT_FALSE(s().enabled("step_blocks"));
   s().click("reset");
-  EXPECT_TRUE(seen([&] { return s().says("answer", "reset: done"); })) << s().text("answer");
+  EXPECT_TRUE(seen([&] { return s().shows("answer", "reset: done"); })) << s().text("answer");
   pause();
 }
 
-TEST_F(Panel, StartsAnAlignmentAndShowsItsEstimateBesideTheTruth) {
+TEST_F(Panel, StartsAnAlignmentAndShowsItsEstimateBesideTheGroundTruth) {
   ros::NodeHandle nh;
   const Record<AlignmentReport> reports(nh, "report");
-  beginAnew();
+  restart();
   s().find<QComboBox>("strategy")->setCurrentText("single_contact");
   std::set<std::string> steps, states;
   bool locus = false;
@@ -127,14 +127,14 @@ TEST_F(Panel, StartsAnAlignmentAndShowsItsEstimateBesideTheTruth) {
   ASSERT_TRUE(seen([&] {
     steps.insert(s().text("step"));
     states.insert(s().text("state"));
-    locus |= s().says("reading", "locus: ellipse");
+    locus |= s().shows("reading", "locus: ellipse");
     return s().text("outcome") != "-";
   })) << s().text("state");
-  EXPECT_TRUE(s().says("outcome", "success: aligned")) << s().text("outcome");
+  EXPECT_TRUE(s().shows("outcome", "success: aligned")) << s().text("outcome");
   EXPECT_EQ(states.count("align"), 1U);
   EXPECT_GT(steps.size(), 3U);
   EXPECT_TRUE(locus);
-  EXPECT_TRUE(seen([&] { return s().says("state", "idle"); })) << s().text("state");
+  EXPECT_TRUE(seen([&] { return s().shows("state", "idle"); })) << s().text("state");
   EXPECT_EQ(s().find<QLabel>("outcome")->palette().color(QPalette::WindowText), goodColor());
 
   ASSERT_TRUE(reports.last());
@@ -152,13 +152,13 @@ TEST_F(Panel, StartsAnAlignmentAndShowsItsEstimateBesideTheTruth) {
   EXPECT_GT(std::hypot(e.true_offset[0], e.true_offset[1]), 3e-3);
   EXPECT_LT(s().find<QLabel>("offset_error")->text().toDouble(), 0.1);
   EXPECT_LT(s().find<QLabel>("tilt_error")->text().toDouble(), 0.1);
-  EXPECT_TRUE(s().says("contacts", std::to_string(report.contacts) + " read"))
+  EXPECT_TRUE(s().shows("contacts", std::to_string(report.contacts) + " read"))
       << s().text("contacts");
   keepPicture(s().widget);
 }
 
 TEST_F(Panel, InsertsToADepth) {
-  beginAnew();
+  restart();
   s().find<QComboBox>("strategy")->setCurrentText("single_contact");
   QTest::mouseClick(s().find<QCheckBox>("insert"), Qt::LeftButton, {}, QPoint(8, 8));
   ASSERT_TRUE(s().find<QCheckBox>("insert")->isChecked());
@@ -166,35 +166,35 @@ TEST_F(Panel, InsertsToADepth) {
   s().click("start");
   bool deep = false;
   ASSERT_TRUE(seen([&] {
-    deep |= s().says("contacts", "mm deep");
-    return s().says("outcome", "success");
+    deep |= s().shows("contacts", "mm deep");
+    return s().shows("outcome", "success");
   })) << s().text("outcome");
   EXPECT_TRUE(deep);
   EXPECT_NEAR(s().link.view().goal.depth, 5e-3, 1e-3);
   s().find<QCheckBox>("insert")->setChecked(false);
 }
 
-TEST_F(Panel, CancelsAGoalThatSomebodyElseStarted) {
-  beginAnew();
+TEST_F(Panel, CancelsAGoalOfAnotherClient) {
+  restart();
   ros::NodeHandle nh;
   ros::Publisher other = nh.advertise<AlignPegActionGoal>("align/goal", 1);
   ASSERT_TRUE(seen([&] { return other.getNumSubscribers() > 0; }));
   AlignPegActionGoal goal;
   goal.goal.strategy = "single_contact";
-  goal.goal_id.id = "somebody";
+  goal.goal_id.id = "other";
   other.publish(goal);
   ASSERT_TRUE(seen([&] { return s().text("state") == "align"; })) << s().text("state");
   EXPECT_FALSE(s().enabled("start"));
   s().click("cancel");
-  EXPECT_TRUE(seen([&] { return s().says("outcome", "cancelled"); })) << s().text("outcome");
-  EXPECT_TRUE(seen([&] { return s().says("state", "idle"); })) << s().text("state");
+  EXPECT_TRUE(seen([&] { return s().shows("outcome", "cancelled"); })) << s().text("outcome");
+  EXPECT_TRUE(seen([&] { return s().shows("state", "idle"); })) << s().text("state");
   EXPECT_FALSE(s().enabled("cancel"));
   s().click("retreat");
-  EXPECT_TRUE(seen([&] { return s().says("outcome", "success: free"); })) << s().text("outcome");
+  EXPECT_TRUE(seen([&] { return s().shows("outcome", "success: free"); })) << s().text("outcome");
 }
 
 TEST_F(Panel, BarsGrowWithTheForceZeroAndUndoTakeItAway) {
-  beginAnew();
+  restart();
   auto* bars = s().find<ForceBars>("sensor_a_bars");
   const auto pixels = [&](const QColor& color) {
     const QImage image = bars->grab().toImage();
@@ -217,7 +217,7 @@ TEST_F(Panel, BarsGrowWithTheForceZeroAndUndoTakeItAway) {
     EXPECT_TRUE(seen([&] { return true; }));
   };
   s().click("sensor_a_zero");
-  ASSERT_TRUE(seen([&] { return s().says("answer", "sensor_a zero: done"); }))
+  ASSERT_TRUE(seen([&] { return s().shows("answer", "sensor_a zero: done"); }))
       << s().text("answer");
   ASSERT_TRUE(becomes(0.0)) << force();
   EXPECT_TRUE(seen([&] { return pixels(goodColor()) < 30; }));
@@ -234,13 +234,13 @@ TEST_F(Panel, BarsGrowWithTheForceZeroAndUndoTakeItAway) {
   readAs(0.95);
   EXPECT_TRUE(seen([&] { return pixels(faultColor()) > 4 * fifth; }));
 
-  // back, one change after the other
+  // undo, one change after the other
   for (const double share : {0.7, 0.4, 0.2, 0.0}) {
     s().click("sensor_a_undo");
     EXPECT_TRUE(becomes(share * limit)) << share << ": " << force();
     EXPECT_TRUE(seen([&] { return s().enabled("sensor_a_undo"); }));
   }
-  EXPECT_TRUE(s().says("answer", "sensor_a undo: done")) << s().text("answer");
+  EXPECT_TRUE(s().shows("answer", "sensor_a undo: done")) << s().text("answer");
   EXPECT_TRUE(seen([&] { return pixels(goodColor()) < 30; }));
   pause();
 }
@@ -251,19 +251,19 @@ TEST_F(Panel, LivesOnWithFrozenAndDeadNodes) {
   const int driver = pidOf("/sensor_a/driver");
   kill(driver, SIGSTOP);
   s().click("sensor_a_zero");
-  EXPECT_TRUE(seen([&] { return s().says("answer", "sensor_a zero: no answer yet"); }));
+  EXPECT_TRUE(seen([&] { return s().shows("answer", "sensor_a zero: no answer yet"); }));
   EXPECT_FALSE(s().enabled("sensor_a_zero"));
-  // the screen goes on meanwhile: a light turns red and says why
+  // the screen is refreshed meanwhile: a light turns red and shows the reason
   EXPECT_TRUE(seen([&] { return light("sensor_a/driver") == faultColor(); }));
   EXPECT_TRUE(seen([&] { return reason("sensor_a/driver").find("frozen") == 0; }))
       << reason("sensor_a/driver");
-  EXPECT_TRUE(s().says("answer", "sensor_a zero: no answer yet")) << s().text("answer");
-  // a panel that is closed waits for nobody
+  EXPECT_TRUE(s().shows("answer", "sensor_a zero: no answer yet")) << s().text("answer");
+  // closing a panel doesn't wait for the answer
   {
     Screen other;
     ASSERT_TRUE(seen([&] { return other.enabled("sensor_a_undo"); }));
     QTest::mouseClick(other.find<QPushButton>("sensor_a_undo"), Qt::LeftButton);
-    ASSERT_TRUE(seen([&] { return other.says("answer", "no answer yet"); }));
+    ASSERT_TRUE(seen([&] { return other.shows("answer", "no answer yet"); }));
   }
   kill(driver, SIGCONT);
   run();
