@@ -27,7 +27,7 @@ ArmBridge::Start ArmBridge::start(std::size_t sensor, StampNs end) {
     if (!arm_.guard.lockstep && !(received_[0] && received_[1])) return Start::kWaiting;
     time_.start(end);
   }
-  if (sensor != 1 || time_.at(end) >= block_end_ - kStampRounding) return Start::kContinues;
+  if (sensor != 1 || time_.at(end) >= block_.end - kStampRounding) return Start::kContinues;
   const ArmMode mode = arm_.mode;
   const std::string text = arm_.text;
   arm_ = initial_;
@@ -67,9 +67,8 @@ void ArmBridge::addBlock(const SensorBlock& block) {
   addSamples(arm_, samples);
   if (block.sensor != 1) return;
   time_.observe(block.end);
-  block_end_ = samples.end;
-  block_length_ = static_cast<double>(block.count) * block.period;
-  poses_.addBlock(block_end_);
+  block_ = {samples.end, static_cast<double>(block.count) * block.period};
+  poses_.addBlock(block_.end);
 }
 
 bool ArmBridge::setState(const Pose& X_base_flange, StampNs stamp,

@@ -66,8 +66,11 @@ class ArmBridge {
   BlockPoses& poses() { return poses_; }
   const NodeTime& time() const { return time_; }
   std::uint32_t bootId() const { return boot_id_; }
-  double blockEnd() const { return block_end_; }        ///< of sensor_b, cell time [s]
-  double blockLength() const { return block_length_; }  ///< [s]
+  /// The last block of sensor_b, cell time [s].
+  struct Block {
+    double end = 0.0, length = 0.0;
+  };
+  const Block& block() const { return block_; }
 
  private:
   GuardVerdict checkStamp(const Sender& sender) const;
@@ -83,7 +86,7 @@ class ArmBridge {
   std::array<Vector6, 2> zeros_{Vector6::Zero(), Vector6::Zero()};
   Eigen::Matrix3d R_zero_ = Eigen::Matrix3d::Identity();  // of the carrier at sensor_b's zero
   std::vector<double> values_;                            // of a block, weight removed
-  double block_end_ = 0.0, block_length_ = 0.0;
+  Block block_;
 };
 
 }  // namespace assembly_cell

@@ -351,9 +351,9 @@ void ArmBridgeNode::endBlock() {
   if (!settings_.lockstep || !sequence || bridge_.poses().pending()) return;
   if (!participants_.missing(*sequence).empty()) return;
   for (const BlockBarrier::Task& task : barrier_.finish()) task();
-  const double period = 1.0 / settings_.bridge.rate, length = bridge_.blockLength();
+  const double period = 1.0 / settings_.bridge.rate, length = bridge_.block().length;
   const auto count = static_cast<int>(std::ceil(length / period - 1e-6));
-  for (int i = 1; i <= count; ++i) point(bridge_.blockEnd() + std::min(i * period, length));
+  for (int i = 1; i <= count; ++i) point(bridge_.block().end + std::min(i * period, length));
   publisher_->acknowledge(*sequence, bridge_);
 }
 

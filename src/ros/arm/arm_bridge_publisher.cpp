@@ -42,7 +42,7 @@ void ArmBridgePublisher::publishFrames(const CellPlace& place, const std::string
   const Pose X_HB{Eigen::Matrix3d::Identity(), {0.0, 0.0, place.carrier_height}};
   static_tf_.send({transformStamped(kHoleFrame, kCarrierBaseFrame, X_HB, stamp),
                    transformStamped(kHoleFrame, base_frame, inverse(place.X_base_hole), stamp)});
-  frames_ = true;
+  tf_.emplace();
 }
 
 void ArmBridgePublisher::refuse(const std::string& what, const std::string& node,
@@ -60,7 +60,7 @@ void ArmBridgePublisher::exciter(const Exciter& command) {
 }
 
 void ArmBridgePublisher::block(const std_msgs::Header& header, ArmBridge& bridge) {
-  const ros::Time end = stampAt(bridge, bridge.blockEnd());
+  const ros::Time end = stampAt(bridge, bridge.block().end);
   if (wrench_pub_.getNumSubscribers() > 0) {
     geometry_msgs::WrenchStamped contact;
     contact.header.stamp = end;
@@ -79,8 +79,8 @@ void ArmBridgePublisher::changes(ArmBridge& bridge) {
   while (const auto pose = bridge.poses().next()) {
     const ros::Time stamp = stampAt(bridge, pose->end);
     carrier_pub_.publish(poseStamped(kCarrierBaseFrame, pose->X, stamp));
-    if (!frames_) continue;
-    tf_.sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame, pose->X, stamp));
+    if (!tf_) continue;
+    tf_->sendTransform(transformStamped(kCarrierBaseFrame, kCarrierFrame, pose->X, stamp));
   }
   if (exciter_on_ && !bridge.guard().guard.shaking) {
     Exciter off;

@@ -24,13 +24,14 @@ EmulatedArmNode::EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   const double factor = parameters.number("real_time_factor", Range{1e-3, 1e3}, 1.0);
   time_ = std::make_unique<NodeTime>(lockstep_, factor);
   const CellPlace place = loadCellPlace(parameters.text("place"));
-  const std::string description = parameters.text("description", settings_.description);
+  EmulatedArmSettings settings;
+  const std::string description = parameters.text("description", settings.description);
   auto kinematics =
       std::make_unique<ArmKinematics>(Parameters(nh_).text(description), place.flange, description);
-  settings_.home.assign(static_cast<std::size_t>(kinematics->joints()), 0.0);
-  parameters.read(fieldsOf(settings_));
+  settings.home.assign(static_cast<std::size_t>(kinematics->joints()), 0.0);
+  parameters.read(fieldsOf(settings));
   parameters.refuseUnknown();
-  controller_ = std::make_unique<ArmController>(settings_, place, std::move(kinematics));
+  controller_ = std::make_unique<ArmController>(settings, place, std::move(kinematics));
 
   ros::NodeHandle arm_nh(nh_, "arm");
   // latched: a participant that connects late must receive the first one
@@ -38,7 +39,7 @@ EmulatedArmNode::EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   joints_pub_ = arm_nh.advertise<sensor_msgs::JointState>("joint_states", kQueue, true);
   pose_pub_ = arm_nh.advertise<geometry_msgs::PoseStamped>("current_pose", kQueue, true);
   motion_pub_ = nh_.advertise<CarrierMotion>("carrier_motion", kQueue, true);
-  subscribe(arm_nh);
+  subscribe(arm_nh, settings.interface);
   unlock_srv_ = pnh.advertiseService<std_srvs::Trigger::Request, std_srvs::Trigger::Response>(
       "unlock", [this](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
         const std::lock_guard<std::mutex> lock(mutex_);
@@ -49,7 +50,7 @@ EmulatedArmNode::EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
         return true;
       });
   if (lockstep_) return;
-  thread_.start(1.0 / (settings_.arm.rate * factor), [this] {
+  thread_.start(1.0 / (settings.arm.rate * factor), [this] {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (controller_->isPlaced()) runUntil(time_->now());
   });
@@ -64,14 +65,14 @@ void EmulatedArmNode::take(const Message& message, const Command& command) {
   if (lockstep_) runUntil(time);
 }
 
-void EmulatedArmNode::subscribe(ros::NodeHandle& arm_nh) {
+void EmulatedArmNode::subscribe(ros::NodeHandle& arm_nh, ArmInterface interface) {
   simulated_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
       arm_nh, "simulated_pose", kQueue, [this](const auto& m) { onSimulated(*m); }, nullptr,
       lockstep_);
   wrench_sub_ = subscribeStream<WrenchSamples>(
       nh_, "sensor_b/wrench_samples", kQueue, [this](const auto& m) { onWrench(*m); }, nullptr,
       lockstep_);
-  switch (settings_.interface) {
+  switch (interface) {
     case ArmInterface::kPose:
       command_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
           arm_nh, "target_frame", kQueue, [this](const auto& message) {

@@ -53,12 +53,12 @@ class ArmBridgePublisher {
   const std::string name_, participant_;
   Refused refused_;
   std::optional<PlantState> published_;
-  bool exciter_on_ = false, frames_ = false;
+  bool exciter_on_ = false;
   std::uint32_t exciter_count_ = 0;
   ros::Publisher carrier_pub_, plant_state_pub_, exciter_pub_, wrench_pub_, lease_pub_,
       diagnostics_pub_;
   LatestPublisher<Ack> ack_pub_;
-  tf2_ros::TransformBroadcaster tf_;
+  std::optional<tf2_ros::TransformBroadcaster> tf_;  // with frames
   StaticFrames static_tf_;
 };
 

@@ -31,7 +31,7 @@ class EmulatedArmNode {
   EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh);
 
  private:
-  void subscribe(ros::NodeHandle& arm_nh);
+  void subscribe(ros::NodeHandle& arm_nh, ArmInterface interface);
   void onSimulated(const geometry_msgs::PoseStamped& pose);
   void onWrench(const WrenchSamples& samples);
 
@@ -45,7 +45,6 @@ class EmulatedArmNode {
   ros::NodeHandle nh_;
   const std::string participant_;
   bool lockstep_ = false;
-  EmulatedArmSettings settings_;
   std::mutex mutex_;
   std::unique_ptr<ArmController> controller_;
   std::unique_ptr<NodeTime> time_;
