@@ -90,7 +90,7 @@ GuardVerdict ArmBridge::checkStamp(const Sender& sender) const {
   }
   if (!time_.started() || !arm_.state_known || sender.stamp < -kStampRounding) {
     return {GuardReason::kEarlierBoot,
-            "earlier_life: it is older than this run of the bridge: send it again"};
+            "earlier_boot: it is older than this run of the bridge: send it again"};
   }
   return {};
 }

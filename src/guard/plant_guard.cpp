@@ -100,7 +100,7 @@ void allowUnloading(PlantGuard& guard) {
 
 const char* toString(GuardReason reason) {
   static constexpr const char* kNames[] = {
-      "good",          "held_by_another", "no_lease",   "stale",        "earlier_life",
+      "good",          "held_by_another", "no_lease",   "stale",        "earlier_boot",
       "not_finite",    "frame_id",        "workspace",  "max_rotation", "max_amplitude",
       "max_frequency", "direction",       "overloaded", "expired",      "max_force",
       "max_torque",    "lone_exciter"};

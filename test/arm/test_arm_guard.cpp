@@ -314,7 +314,7 @@ TEST(ArmGuard, StaleDataEachAlone) {
 }
 
 // A new session isn't held for sources that were missing before: it starts when all are fresh.
-TEST(ArmGuard, ANewSessionWaitsForWhatIsWatched) {
+TEST(ArmGuard, TheNextSessionWaitsForWhatIsWatched) {
   for (bool Cell::*data : {&Cell::data_a, &Cell::data_b, &Cell::state}) {
     ArmLimits limits = noLimits();
     limits.timeout = 0.1;
@@ -418,7 +418,7 @@ TEST(ArmGuard, AnIdleArmMovedBeyondAJointLimitGetsNoMorePoints) {
   EXPECT_EQ(cell.arm.reason, ArmReason::kUnreachable);
 }
 
-TEST(ArmGuard, APersonOrANewSessionResumesAHold) {
+TEST(ArmGuard, APersonOrTheNextSessionResumesAHold) {
   ArmLimits limits = noLimits();
   limits.guard.force = 60.0;
   for (const bool person : {true, false}) {

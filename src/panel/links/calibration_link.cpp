@@ -13,7 +13,7 @@
 #include "assembly_cell/LoadCalibration.h"
 #include "assembly_cell/PlanCalibration.h"
 #include "assembly_cell/base/text.h"
-#include "service_request.h"
+#include "requests/service_request.h"
 
 namespace assembly_cell::panel {
 

@@ -9,9 +9,9 @@
 
 #include "assembly_cell/CalibrationTest.h"
 #include "assembly_cell/LoadStep.h"
-#include "async_requests.h"
 #include "cell_view.h"
 #include "locked_subscriber.h"
+#include "requests/async_requests.h"
 
 namespace assembly_cell::panel {
 

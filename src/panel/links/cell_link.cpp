@@ -8,12 +8,12 @@
 
 #include "assembly_cell/Step.h"
 #include "assembly_cell/ros/bridge/guarded_spinner.h"
-#include "async_requests.h"
 #include "calibration_link.h"
 #include "goal_link.h"
 #include "node_link.h"
+#include "requests/async_requests.h"
+#include "requests/service_request.h"
 #include "sensor_link.h"
-#include "service_request.h"
 
 namespace assembly_cell::panel {
 

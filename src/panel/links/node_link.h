@@ -7,10 +7,10 @@
 #include <mutex>
 #include <string>
 
-#include "async_requests.h"
 #include "cell_view.h"
 #include "locked_subscriber.h"
 #include "node_registry.h"
+#include "requests/async_requests.h"
 
 namespace assembly_cell::panel {
 

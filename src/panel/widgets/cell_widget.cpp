@@ -9,12 +9,12 @@
 #include <QVBoxLayout>
 #include <algorithm>
 
-#include "calibration_page.h"
-#include "colors.h"
+#include "calibration/calibration_page.h"
 #include "estimate_box.h"
 #include "goal_box.h"
-#include "node_lights.h"
-#include "parts.h"
+#include "parts/colors.h"
+#include "parts/node_lights.h"
+#include "parts/parts.h"
 #include "sensor_box.h"
 #include "simulation_box.h"
 

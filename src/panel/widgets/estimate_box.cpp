@@ -5,7 +5,7 @@
 #include <QLabel>
 #include <cmath>
 
-#include "parts.h"
+#include "parts/parts.h"
 
 namespace assembly_cell::panel {
 

@@ -10,8 +10,8 @@
 #include <QPushButton>
 #include <algorithm>
 
-#include "colors.h"
-#include "parts.h"
+#include "parts/colors.h"
+#include "parts/parts.h"
 
 namespace assembly_cell::panel {
 

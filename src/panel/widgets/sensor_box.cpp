@@ -6,8 +6,8 @@
 #include <QPushButton>
 #include <QVBoxLayout>
 
-#include "force_bars.h"
-#include "parts.h"
+#include "parts/force_bars.h"
+#include "parts/parts.h"
 
 namespace assembly_cell::panel {
 

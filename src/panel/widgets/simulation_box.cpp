@@ -7,7 +7,7 @@
 #include <QSpinBox>
 #include <QVBoxLayout>
 
-#include "parts.h"
+#include "parts/parts.h"
 
 namespace assembly_cell::panel {
 

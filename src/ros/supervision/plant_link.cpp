@@ -229,7 +229,7 @@ void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& no
       if (life_ == 0 || !moving_) life_ = state->life;
       // a command that is kept from before the plant's start is of no goal
       const bool mine = state->refused != refused_ && state->refused_node == me &&
-                        state->refused_reason != "earlier_life";
+                        state->refused_reason != "earlier_boot";
       const bool late = state->refused_reason == "stale" ||
                         state->refused_reason == "held_by_another" ||
                         state->refused_reason == "no_lease";

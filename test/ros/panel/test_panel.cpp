@@ -13,9 +13,9 @@
 #include "assembly_cell/ZeroTo.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "panel_fixture.h"
-#include "widgets/colors.h"
-#include "widgets/force_bars.h"
-#include "widgets/node_lights.h"
+#include "parts/colors.h"
+#include "parts/force_bars.h"
+#include "parts/node_lights.h"
 
 namespace assembly_cell::panel::panel_test {
 namespace {

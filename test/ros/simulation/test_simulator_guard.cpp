@@ -198,7 +198,7 @@ TEST_F(SimulatorGuard, ARestartedPlantDoesNotMoveByItself) {
   Record<geometry_msgs::PoseStamped> carrier(nh_, ns + "carrier_pose");
   ASSERT_TRUE(waitFor([&] { return state.last() && state.last()->refused >= 2; }))
       << plant.output();
-  EXPECT_EQ(state.last()->refused_reason, "earlier_life");
+  EXPECT_EQ(state.last()->refused_reason, "earlier_boot");
   ASSERT_TRUE(waitFor([&] { return carrier.size() > 20; }));
   EXPECT_FALSE(state.last()->exciter);
   EXPECT_NEAR(carrier.last()->pose.position.x, start_.p.x(), 1e-4);

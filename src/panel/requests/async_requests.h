@@ -8,7 +8,7 @@
 #include <string>
 #include <thread>
 
-#include "cell_view.h"
+#include "links/cell_view.h"
 
 namespace assembly_cell::panel {
 

@@ -12,7 +12,7 @@
 #include <QVBoxLayout>
 #include <algorithm>
 
-#include "parts.h"
+#include "parts/parts.h"
 #include "plan_box.h"
 
 namespace assembly_cell::panel {

@@ -7,8 +7,8 @@
 #include <QPushButton>
 #include <QVBoxLayout>
 
-#include "colors.h"
-#include "parts.h"
+#include "parts/colors.h"
+#include "parts/parts.h"
 
 namespace assembly_cell::panel {
 

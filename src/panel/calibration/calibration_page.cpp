@@ -4,9 +4,9 @@
 #include <QLabel>
 #include <QVBoxLayout>
 
-#include "colors.h"
 #include "measure_box.h"
-#include "parts.h"
+#include "parts/colors.h"
+#include "parts/parts.h"
 #include "plan_box.h"
 #include "result_box.h"
 
