@@ -301,7 +301,11 @@ void checkFields(const FieldList& fields) {
     } else if (field.kind == Kind::kChoice && field.text != nullptr) {
       good = std::find(field.names.begin(), field.names.end(), *field.text) != field.names.end();
     }
-    if (!good) throw InputError(field.path + ": value " + field.value() + ": " + field.remedy());
+    if (good) continue;
+    const bool number = field.kind == Kind::kNumber;
+    throw InputError(field.path + ": value " +
+                     (number ? yaml::shown(*field.numbers) : field.value()) + ": " +
+                     field.remedy());
   }
 }
 
