@@ -44,59 +44,68 @@ void fields(FieldList& f, BridgeSettings& s) {
   f.number("rate", s.rate, {20.0, 2000.0, "Hz"}, "Points per second.");
   f.number("smoothing", s.smoothing, {0.0, 0.1, "s"},
            "A point is the mean of those within this time: makes the acceleration continuous.");
-  f.number("twist_gain", s.twist_gain, {0.0, 100.0, "1/s"}, "Of the following error in twists.");
+  f.number("twist_gain", s.twist_gain, {0.0, 100.0, "1/s"},
+           "Gain of the following error in twists.");
   f.choice("lease", s.lease, {"auto", "required", "none"},
            "Who may command: auto, required (only with a lease), none (leases are ignored).");
   f.number("payload_mass", s.payload_mass, {0.0, 100.0, "kg"},
-           "Below sensor_b, as calibrate payload finds it; 0: its weight isn't compensated.");
+           "Mass below sensor_b, as calibrate payload finds it; 0: its weight isn't compensated.");
   f.numbers("payload_centre", s.payload_centre.data(), s.payload_centre.size(), finite("m"),
             "Centre of mass in sensor_b.");
   f.flag("publish_frames", s.publish_frames,
          "Publishes hole -> carrier_base -> carrier, hole -> base.");
   f.number("max_speed", motion.speed, {1e-3, 0.25, "m/s"},
-           "Of the carrier, a rotation counted at the peg's edge.");
-  f.number("max_acceleration", motion.acceleration, {1e-2, 10.0, "m/s2"}, "Of the same.");
+           "Speed of the carrier, a rotation counted at the peg's edge.");
+  f.number("max_acceleration", motion.acceleration, {1e-2, 10.0, "m/s2"},
+           "Acceleration of the carrier, a rotation counted at the peg's edge.");
   f.numbers("workspace", s.workspace.data(), s.workspace.size(), finite("m"),
             "Min and max of x, y, z in carrier_base.");
-  f.number("max_rotation", guard.rotation, {0.0, 1.0, "rad"}, "From carrier_base.");
-  f.number("max_force", guard.force, positive("N"), "Contact at either sensor, zero removed.");
-  f.number("max_torque", guard.torque, positive("N m"), "Of the same.");
+  f.number("max_rotation", guard.rotation, {0.0, 1.0, "rad"}, "Rotation from carrier_base.");
+  f.number("max_force", guard.force, positive("N"),
+           "Contact force at either sensor, zero removed.");
+  f.number("max_torque", guard.torque, positive("N m"),
+           "Contact torque at either sensor, zero removed.");
   f.number("max_raw_force", limits.raw_force, positive("N"),
-           "At either sensor with its zero: what the sensor bears.");
-  f.number("max_raw_torque", limits.raw_torque, positive("N m"), "Of the same.");
+           "Force at either sensor with its zero: what the sensor bears.");
+  f.number("max_raw_torque", limits.raw_torque, positive("N m"),
+           "Torque at either sensor with its zero: what the sensor bears.");
   f.number("max_force_rate", limits.force_rate, positive("N/s"),
-           "Of the contact force's mean over 20 ms.");
+           "Rate of the contact force's mean over 20 ms.");
   f.number("saturated_time", limits.saturated_time, {0.0, 0.1, "s"},
            "Longest saturation of a sensor that counts as a knock of stiff parts.");
   f.number("max_following", limits.following, positive("m"),
-           "From the arm to the points of the last following_time.");
-  f.number("max_following_turn", limits.following_turn, positive("rad"), "Of the same.");
+           "Distance of the arm from the points of the last following_time.");
+  f.number("max_following_turn", limits.following_turn, positive("rad"),
+           "Rotation of the arm from the points of the last following_time.");
   f.number("following_time", limits.following_time, {1e-3, 0.25, "s"},
            "Latency and lag of the arm.");
-  f.number("max_amplitude", guard.amplitude, notNegative("N"), "Of the exciter.");
-  f.number("max_frequency", guard.frequency, notNegative("rad/s"), "Of the exciter.");
-  f.number("timeout", limits.timeout, {0.04, 10.0, "s"},
-           "Without wrenches, the arm's state or the owner's lease it is held.");
+  f.number("max_amplitude", guard.amplitude, notNegative("N"), "Amplitude of the exciter.");
+  f.number("max_frequency", guard.frequency, notNegative("rad/s"), "Frequency of the exciter.");
+  f.number(
+      "timeout", limits.timeout, {0.04, 10.0, "s"},
+      "The arm is held after this time without wrenches, the arm's state or the owner's lease.");
   f.number("delay", limits.delay, {0.0, 1.0, "s"},
-           "From a contact to the arm's reaction: bounds the speed of moves near a contact.");
+           "Time from a contact to the arm's reaction: bounds the speed of moves near a contact.");
 }
 
 void fields(FieldList& f, EmulatedArmSettings& s) {
   EmulatedArmParameters& arm = s.arm;
   f.choice("interface", s.interface, kInterfaces, "As that of arm_bridge.");
   f.text("description", s.description, "Parameter with the arm's URDF.");
-  f.number("rate", arm.rate, {125.0, 500.0, "Hz"}, "Of the controller.");
-  f.number("latency", arm.latency, {0.0, 0.05, "s"}, "From a command's stamp to its effect.");
-  f.number("jitter", arm.jitter, {0.0, 0.05, "s"}, "Of the latency, uniform from 0.");
-  f.number("bandwidth", arm.bandwidth, {2.0, 40.0, "Hz"}, "Of the joints' positions.");
+  f.number("rate", arm.rate, {125.0, 500.0, "Hz"}, "Rate of the controller.");
+  f.number("latency", arm.latency, {0.0, 0.05, "s"}, "Time from a command's stamp to its effect.");
+  f.number("jitter", arm.jitter, {0.0, 0.05, "s"}, "Variation of the latency, uniform from 0.");
+  f.number("bandwidth", arm.bandwidth, {2.0, 40.0, "Hz"}, "Bandwidth of the joints' positions.");
   f.number("encoder_step", arm.encoder_step, {0.0, 1e-2, "rad"}, "Resolution of the encoders.");
   f.number("repeatability", arm.repeatability, {0.0, 1e-3, "m"},
            "Sd of a move's final position, each axis; not measured by the encoders.");
-  f.numbers("compliance", arm.compliance.data(), 6, finite("m/N, rad/(N m)"), "Of the flange.");
+  f.numbers("compliance", arm.compliance.data(), 6, finite("m/N, rad/(N m)"),
+            "Compliance of the flange.");
   f.number("protective_force", arm.protective_force, positive("N"),
-           "At the flange: it stops until ~unlock.");
-  f.number("protective_torque", arm.protective_torque, positive("N m"), "Of the same.");
-  f.integer("seed", arm.seed, 0, 2147483647, "Of jitter and repeatability.");
+           "Force at the flange that stops the arm until ~unlock.");
+  f.number("protective_torque", arm.protective_torque, positive("N m"),
+           "Torque at the flange that stops the arm until ~unlock.");
+  f.integer("seed", arm.seed, 0, 2147483647, "Seed of jitter and repeatability.");
   f.numbers("home", s.home.data(), s.home.size(), finite("rad"),
             "Joints near the carrier's start.");
 }

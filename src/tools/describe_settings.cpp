@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/align/parameters.h"
+#include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
@@ -23,8 +24,8 @@ constexpr const char* kHelp =
     R"(Usage: describe_settings FILE... [options]
 
 Writes the settings that the code declares into pages (.md: a table) and parameter files (.yaml: keys with defaults and
-comments), between the lines "settings NAME" and "end of settings" in a comment. NAME: align (as parameters of a node),
-scenario, study.
+comments), between the lines "settings NAME" and "end of settings" in a comment. NAME: align, arm_bridge (as parameters
+of a node), scenario, study.
 
   --check               write nothing: refuse a file that differs from the code
   --help                print this
@@ -43,9 +44,11 @@ std::string describe(bool parameters, bool markdown) {
 
 std::string describe(const std::string& name, bool markdown, const std::string& where) {
   if (name == "align") return describe<AlignParameters>(true, markdown);
+  if (name == "arm_bridge") return describe<BridgeSettings>(true, markdown);
   if (name == "scenario") return describe<Scenario>(false, markdown);
   if (name == "study") return describe<StudyJob>(false, markdown);
-  throw InputError(where + ": settings " + name + ": unknown, known are align, scenario, study");
+  throw InputError(where + ": settings " + name +
+                   ": unknown, known are align, arm_bridge, scenario, study");
 }
 
 // What a line's comment says: "settings align" of "<!-- settings align -->" or "# settings align".
