@@ -4,14 +4,15 @@
 #include <algorithm>
 #include <iterator>
 
-#include "assembly_cell/align/search/search.h"
+#include "assembly_cell/align/strategies/strategies.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 namespace {
 
 using Strategy = AlignResult (*)(Plant&, const Mechanism&, const AlignParameters&,
-                                 const std::function<void(const AlignProgress&)>&);
+                                 const ProgressCallback&);
 struct NamedStrategy {
   const char* name;
   Strategy run;
@@ -25,15 +26,16 @@ constexpr NamedStrategy kStrategies[] = {{"single_contact", singleContact},
                                          {"spiral", spiralSearch},
                                          {"passive", passiveAssembly}};
 
-// What a depth may be felt wrong by, and a hole may be deeper than the peg that fills it [m].
+// Error of a measured depth, and of the depth of a hole that its peg fills [m].
 constexpr double kTopMargin = 1e-3;
 
-void check(bool good, const char* name, double value, const char* remedy) {
+void require(bool good, const char* name, double value, const char* remedy) {
   if (!good) throw InputError(std::string(name) + text(": %g: ", value) + remedy);
 }
 
-// What strategies were shown with: radius, 2 to 60 mm, and mass are what a press or a sensor says.
-constexpr double kLoosest = 0.6, kBluntest = 0.9, kWidest = 1.0;  // in radii
+// Largest clearance, peg chamfer and hole chamfer that the strategies were tested with, in radii.
+// The press and the sensor limit radius, 2 to 60 mm, and mass.
+constexpr double kMaxClearance = 0.6, kMaxPegChamfer = 0.9, kMaxHoleChamfer = 1.0;
 
 void checkParts(const Mechanism& m) {
   const double r = m.peg.radius;
@@ -41,29 +43,29 @@ void checkParts(const Mechanism& m) {
     throw InputError("hole.radius: " + text("%g m", m.hole.radius) +
                      " is not larger than the peg's; the peg can't enter");
   }
-  check(m.hole.radius - r <= kLoosest * r, "hole.radius", m.hole.radius,
-        text("the clearance is more than %g of the peg's radius; that is no fit to look for",
-             kLoosest)
-            .c_str());
-  check(m.peg.chamfer_width <= kBluntest * r, "peg.chamfer.width", m.peg.chamfer_width,
-        text("must be at most %g of the peg's radius", kBluntest).c_str());
-  check(m.hole.chamfer_width <= kWidest * r, "hole.chamfer.width", m.hole.chamfer_width,
-        text("must be at most the peg's radius, %g m", r).c_str());
+  require(m.hole.radius - r <= kMaxClearance * r, "hole.radius", m.hole.radius,
+          text("the clearance is more than %g of the peg's radius; that is no fit to look for",
+               kMaxClearance)
+              .c_str());
+  require(m.peg.chamfer_width <= kMaxPegChamfer * r, "peg.chamfer.width", m.peg.chamfer_width,
+          text("must be at most %g of the peg's radius", kMaxPegChamfer).c_str());
+  require(m.hole.chamfer_width <= kMaxHoleChamfer * r, "hole.chamfer.width", m.hole.chamfer_width,
+          text("must be at most the peg's radius, %g m", r).c_str());
 }
 
 // The peg's top stays above the mouth of a hole that is deeper than the peg is long.
 void checkTop(const Mechanism& mechanism, const InsertParameters& insert) {
-  const double length = 2.0 * mechanism.peg.half_height, most = length - kTopMargin;
+  const double length = 2.0 * mechanism.peg.half_height, max_depth = length - kTopMargin;
   if (mechanism.hole.depth <= length + kTopMargin) return;
   if (insert.floor) {
     throw InputError(text("insert.floor: hole.depth is %g m, the peg is %g m long and its top ",
                           mechanism.hole.depth, length) +
-                     text("has to stay out; give insert.depth, at most %g m", most));
+                     text("has to stay out; give insert.depth, at most %g m", max_depth));
   }
-  if (insert.depth > most) {
+  if (insert.depth > max_depth) {
     throw InputError(text("insert.depth: %g m: the peg is %g m long and its top has to stay out; ",
                           insert.depth, length) +
-                     text("give at most %g m", most));
+                     text("give at most %g m", max_depth));
   }
 }
 

@@ -16,7 +16,7 @@ Eigen::Vector2d tiltOf(const Pose& X_HP) {
 }
 
 double reachInBore(double peg_radius, double hole_radius) {
-  constexpr double kSunk = 1e-4;  // what the usual clearance always allowed [m]
+  constexpr double kSunk = 1e-4;  // depth of the wall's deformation in a usual clearance [m]
   return hole_radius + std::max(hole_radius - peg_radius, kSunk);
 }
 

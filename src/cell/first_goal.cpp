@@ -3,7 +3,8 @@
 
 #include <random>
 
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/free_peg.h"
+#include "assembly_cell/align/search/press_controller.h"
 
 namespace assembly_cell {
 namespace {
@@ -31,9 +32,10 @@ class CutPlant : public Plant {
 void press(Plant& plant, double force) {
   PressLimits limits;
   limits.force = 1.5 * kMostForce;
-  PressController hand(plant, limits);
-  hand.tare();
-  hand.approach(hand.target().z - limits.descent);
+  GuardedCarrier carrier(plant, limits);
+  carrier.tare();
+  PressController hand(carrier);
+  hand.approach(carrier.target().z - limits.descent);
   hand.hold(force, 0.05);
 }
 
@@ -63,7 +65,8 @@ void leaveFirstGoal(Plant& plant, const Mechanism& mechanism, const AlignParamet
   plant.next(off);
   if (!freed) return;
   try {
-    PressController(plant, PressLimits{}).release(mechanism);
+    GuardedCarrier carrier(plant, PressLimits{});
+    releasePeg(carrier, mechanism);
   } catch (const AlignError&) {
     // stuck: the next goal has to say so
   }

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cmath>
 
-#include "assembly_cell/align/search/press.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/contact_model.h"
 

@@ -6,7 +6,8 @@
 #include <numeric>
 
 #include "assembly_cell/align/estimation/vibration_point.h"
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/free_peg.h"
+#include "assembly_cell/align/search/press_controller.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/locus/contact_model.h"
 
@@ -73,23 +74,24 @@ class Campaign {
       : nominal_(nominal),
         plan_(plan),
         progress_(progress),
-        press_(plant, limitsFor(nominal, plan)) {
-    begin_ = press_.last().time;
-    press_.wait(1);
-    block_ = press_.last().time - begin_;
+        carrier_(plant, limitsFor(nominal, plan)),
+        press_(carrier_) {
+    begin_ = carrier_.last().time;
+    carrier_.wait(1);
+    block_ = carrier_.last().time - begin_;
   }
 
   IdentificationData run() {
     report("tare");
-    press_.begin(nominal_);
-    X_start_ = poseFromRest(press_.tarePose());
+    tareFreePeg(carrier_, nominal_);
+    X_start_ = poseFromRest(carrier_.sensor().tare().pose);
     hang();
     turn();
     try {
       for (int place = 0; place < plan_.places; ++place) pressAt(place);
     } catch (const AlignError& error) {
       data_.notes.push_back(std::string("pressed: ") + error.what());
-      press_.release(nominal_);
+      releasePeg(carrier_, nominal_);
     }
     goTo(X_start_);
     data_.time = now();
@@ -97,7 +99,7 @@ class Campaign {
   }
 
  private:
-  double now() const { return press_.last().time - begin_; }
+  double now() const { return carrier_.last().time - begin_; }
   bool late() const { return now() > plan_.time_limit; }
 
   void report(const char* state) {
@@ -105,13 +107,7 @@ class Campaign {
     if (progress_) progress_({state, now(), static_cast<int>(readings)});
   }
 
-  void goTo(const Pose& X) { press_.moveTo(restFromPose(X)); }
-
-  void exciterOff() {
-    PlantCommand off;
-    off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
-    press_.step(off);
-  }
+  void goTo(const Pose& X) { carrier_.moveTo(restFromPose(X)); }
 
   void hang() {
     report("hanging");
@@ -121,14 +117,14 @@ class Campaign {
       for (const int direction : {1, -1}) {
         if (late()) return skipped("hanging");
         VibrationReading reading = readVibration(
-            press_, {plan_.hanging_force, frequency, 0.0, direction}, plan_.swing, plan_.window);
+            carrier_, {plan_.hanging_force, frequency, 0.0, direction}, plan_.swing, plan_.window);
         reading.R_BS = X_start_.R;
         reading.held_out = (step + (direction > 0 ? 0 : 2)) % kHeldOut == 0;
         data_.vibrations.push_back(reading);
         report("hanging");
       }
     }
-    exciterOff();
+    exciterOff(carrier_);
   }
 
   void turn() {
@@ -143,14 +139,14 @@ class Campaign {
       turned.R = X_start_.R * rotationFromVector({Vector3d(tilt.x(), tilt.y(), 0.0)});
       goTo(turned);
       const int blocks = blocksIn(plan_.window);
-      press_.tare(blocks);
+      carrier_.tare(blocks);
       PoseReading reading;
       reading.R_BS = turned.R;
       // the zero that was taken: of the last blocks
       reading.time = now() - 0.5 * block_ * blocks;
-      reading.wrench = press_.last().wrench_b - press_.wrench();
-      const double samples = std::max(1, press_.last().samples) * blocks;
-      reading.covariance = press_.scatter() / samples + press_.rounding();
+      reading.wrench = carrier_.last().wrench_b - carrier_.sensor().wrench();
+      const double samples = std::max(1, carrier_.last().samples) * blocks;
+      reading.covariance = carrier_.sensor().tare().scatter / samples + carrier_.last().rounding_b;
       data_.poses.push_back(reading);
       report("gravity");
     }
@@ -173,22 +169,22 @@ class Campaign {
     const Vector3d axis = X_start_.R.transpose() * R.col(2);
     above.p += X_start_.R * (plan_.beside * Vector3d(outward.x(), outward.y(), 0.0) +
                              length * Vector3d(axis.x(), axis.y(), 0.0));
-    above.p.z() = std::max(above.p.z(), press_.target().z) + kClear;
-    RestPose up = press_.target();
+    above.p.z() = std::max(above.p.z(), carrier_.target().z) + kClear;
+    RestPose up = carrier_.target();
     up.z = above.p.z();
-    press_.moveTo(up);
+    carrier_.moveTo(up);
     goTo(above);
-    press_.tare(blocksIn(plan_.window));
+    carrier_.tare(blocksIn(plan_.window));
     zero_taken_ = now() - 0.5 * plan_.window;
     press_.approach(-1e9);
     press_.hold(plan_.press, 0.05);
   }
 
   void lift() {
-    exciterOff();
-    RestPose up = press_.target();
+    exciterOff(carrier_);
+    RestPose up = carrier_.target();
     up.z = std::max(up.z, press_.touchZ()) + 5e-4;
-    press_.moveTo(up);
+    carrier_.moveTo(up);
   }
 
   void pressAt(int place) {
@@ -211,7 +207,7 @@ class Campaign {
       for (const int direction : {1, -1}) {
         if (late()) break;
         shake({kShake * amplitude, frequency, 0.0, direction});
-        VibrationReading reading = readVibration(press_, {amplitude, frequency, 0.0, direction},
+        VibrationReading reading = readVibration(carrier_, {amplitude, frequency, 0.0, direction},
                                                  plan_.settle, plan_.window);
         reading.place = place;
         reading.since_zero = now() - 0.5 * plan_.window - zero_taken_;
@@ -228,8 +224,8 @@ class Campaign {
   void shake(const ExciterParameters& exciter) {
     PlantCommand command;
     command.exciter = exciter;
-    press_.step(command);
-    press_.wait(blocksIn(0.5 * plan_.settle));
+    carrier_.step(command);
+    carrier_.wait(blocksIn(0.5 * plan_.settle));
   }
 
   // what friction holds while it is shaken
@@ -238,24 +234,24 @@ class Campaign {
     demand.given = {frequency, 0.0, plan_.press, 0.0};
     demand.tilt = plan_.tilt;
     demand.shake = kShake;
-    demand.greatest_press = plan_.press;
+    demand.max_press = plan_.press;
     demand.friction = friction;
     demand.window = plan_.window;
-    demand.samples = std::max(8.0, press_.last().samples * plan_.window / block_);
-    demand.scatter = press_.scatter();
-    demand.rounding = press_.rounding();
+    demand.samples = std::max(8.0, carrier_.last().samples * plan_.window / block_);
+    demand.scatter = carrier_.sensor().tare().scatter;
+    demand.rounding = carrier_.last().rounding_b;
     return chooseVibration(nominal_, demand).amplitude;
   }
 
   // friction against a way along `along` over the normal force, face axes as far as they are known
   double ratio(const Vector3d& along) const {
-    const Vector3d force = R_touch_ * press_.force();
+    const Vector3d force = R_touch_ * carrier_.force();
     return -force.dot(along) / std::max(0.1, force.z());
   }
 
   // of all tangential force
   double coefficient() const {
-    const Vector3d force = R_touch_ * press_.force();
+    const Vector3d force = R_touch_ * carrier_.force();
     return force.head<2>().norm() / std::max(0.1, force.z());
   }
 
@@ -269,12 +265,12 @@ class Campaign {
   // sideways across the lean until it slides: until the ratio rises no more, which a carrier that
   // ends its steps within tens of micrometres lets jump
   std::optional<double> slide(const Vector3d& along) {
-    RestPose at = press_.target();
+    RestPose at = carrier_.target();
     std::vector<double> ratios;
     for (int k = 0; k < kPushSteps; ++k) {
       advance(at, along);
-      press_.moveTo(at);
-      press_.wait(1);
+      carrier_.moveTo(at);
+      carrier_.wait(1);
       ratios.push_back(ratio(along));
       if (k < 7) continue;
       const auto sum = [&](int from) {
@@ -294,10 +290,10 @@ class Campaign {
       advance(at, along);
       PlantCommand command;
       command.rest = at;
-      press_.step(command);
+      carrier_.step(command);
       if (k >= kSlideStart) sum += coefficient() / (kSlideBlocks - kSlideStart);
     }
-    press_.moveTo(at);
+    carrier_.moveTo(at);
     return sum;
   }
 
@@ -320,6 +316,7 @@ class Campaign {
   const Mechanism& nominal_;
   const IdentificationPlan& plan_;
   const std::function<void(const IdentificationProgress&)>& progress_;
+  GuardedCarrier carrier_;
   PressController press_;
   double begin_ = 0.0, block_ = 0.02;
   Pose X_start_;
@@ -339,30 +336,30 @@ IdentificationPlan planFor(const Mechanism& nominal) {
   return plan;
 }
 
-VibrationReading readVibration(PressController& press, const ExciterParameters& exciter,
+VibrationReading readVibration(GuardedCarrier& carrier, const ExciterParameters& exciter,
                                double settle, double window) {
   constexpr double kSpare = 0.5;  // beyond the window [s]
   PlantCommand command;
   command.exciter = exciter;
-  press.step(command);
-  for (const double end = press.last().time + settle; press.last().time < end;) press.wait(1);
+  carrier.step(command);
+  for (const double end = carrier.last().time + settle; carrier.last().time < end;) carrier.wait(1);
   command = {};
-  const double start = press.last().time;
+  const double start = carrier.last().time;
   command.vibration = LocusRequest{start, window};
-  press.step(command);
-  while (!press.last().vibration) {
-    const double begun = std::max(start, press.last().reading_start);
-    if (press.last().time > begun + window + kSpare) {
+  carrier.step(command);
+  while (!carrier.last().vibration) {
+    const double begun = std::max(start, carrier.last().reading_start);
+    if (carrier.last().time > begun + window + kSpare) {
       throw AlignError(AlignFailure::kNoReading, "the plant gave no reading of sensor_b's wrench");
     }
-    press.wait(1);
+    carrier.wait(1);
   }
-  const HarmonicFit& fit = *press.last().vibration;
+  const HarmonicFit& fit = *carrier.last().vibration;
   VibrationReading reading;
   reading.exciter = exciter;
   reading.phasor = fit.phasor;
   reading.covariance = 0.5 * fit.scatter.trace() * fit.noise;
-  reading.contact = fit.offset - (press.last().wrench_b - press.wrench());
+  reading.contact = fit.offset - (carrier.last().wrench_b - carrier.sensor().wrench());
   return reading;
 }
 

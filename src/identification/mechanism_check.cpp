@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/math/distributions.h"
 #include "problem.h"
@@ -85,18 +85,17 @@ AlignParameters withDrive(AlignParameters parameters, const DriveErrors& drive) 
 }
 
 MechanismCheck checkMechanism(Plant& plant, const KnownMechanism& known) {
-  PressController press(plant, PressLimits());
-  press.begin(known.mechanism);
+  GuardedCarrier carrier(plant, PressLimits());
+  tareFreePeg(carrier, known.mechanism);
   // by what is believed: beside the first resonance, and where the carrier moves with the peg
   const std::vector<double> all = planFor(known.mechanism).hanging;
   std::vector<VibrationReading> readings;
   for (const int direction : {1, -1}) {
     const double frequency = direction > 0 ? all[1] : all[all.size() / 2];
-    readings.push_back(readVibration(press, {kForce, frequency, 0.0, direction}, kSwing, kWindow));
+    readings.push_back(
+        readVibration(carrier, {kForce, frequency, 0.0, direction}, kSwing, kWindow));
   }
-  PlantCommand off;
-  off.exciter = ExciterParameters{0.0, 0.0, 0.0, 1};
-  press.step(off);
+  exciterOff(carrier);
   IdentificationPrior prior;
   prior.hanging_model = kSwingLeft;
   return judgeMechanism(known, readings, prior);

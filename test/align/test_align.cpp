@@ -7,12 +7,10 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <optional>
 #include <random>
 #include <vector>
 
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/search/press.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
@@ -31,7 +29,7 @@ AlignParameters singleContactParameters() {
   return p;
 }
 
-// fails after a number of blocks, as a plant that is stopped does
+// Fails after a number of blocks, as a stopped plant does.
 class StoppingPlant : public Plant {
  public:
   StoppingPlant(Plant& plant, int blocks) : plant_(plant), left_(blocks) {}
@@ -45,7 +43,7 @@ class StoppingPlant : public Plant {
   int left_;
 };
 
-// what a strategy saw and did, to the last bit
+// Blocks and commands of a strategy, to the last bit.
 class RecordingPlant : public Plant {
  public:
   explicit RecordingPlant(Plant& plant) : plant_(plant) {}
@@ -88,202 +86,7 @@ class TwicePlant : public Plant {
 
 }  // namespace
 
-constexpr double kRadius = 0.025;
-
-Pose tilted(double about_y, const Eigen::Vector3d& p) {
-  return {rotationFromVector({Eigen::Vector3d(0.0, about_y, 0.0)}), p};
-}
-
-TEST(Outcome, TiltIsTheRotationVectorOfTheAxis) {
-  // rotation about a horizontal axis: the vector itself; a turn about the peg's axis changes
-  // nothing
-  const Eigen::Vector3d v(0.012, -0.02, 0.0);
-  const Pose X{rotationFromVector({v}) * rotationFromVector({Eigen::Vector3d(0.0, 0.0, 1.0)}),
-               Eigen::Vector3d::Zero()};
-  EXPECT_LT((tiltOf(X) - v.head<2>()).norm(), 1e-15);
-  EXPECT_EQ(tiltOf(Pose{}).norm(), 0.0);
-}
-
-TEST(Outcome, EdgeReachIsThatOfAnEllipse) {
-  // upright and off centre: r + d
-  EXPECT_NEAR(edgeReach({Eigen::Matrix3d::Identity(), Eigen::Vector3d(1e-3, 0.0, 5.0)}, kRadius),
-              0.026, 1e-12);
-  // tilted about y: semi-axes r cos and r, so r
-  EXPECT_NEAR(edgeReach(tilted(0.3, Eigen::Vector3d::Zero()), kRadius), kRadius, 1e-12);
-  // and moved along x by d: max over a of (r cos(t) cos(a) + d)² + (r sin(a))², closed form:
-  // r² + d² + r² d² cos²(t) / (r² sin²(t)) where its cos(a) = d cos(t) / (r sin²(t)) < 1
-  const double d = 1e-4, t = 0.3;
-  const double expected = std::sqrt(kRadius * kRadius + d * d + std::pow(d / std::tan(t), 2));
-  EXPECT_NEAR(edgeReach(tilted(t, Eigen::Vector3d(d, 0.0, 0.0)), kRadius), expected, 1e-12);
-}
-
-// 12 N within 5 %, for contacts on plane and rim and two tilts
-TEST(Press, HoldsTheForce) {
-  for (const double x : {0.004, 0.06}) {
-    for (const double tilt : {0.01, 0.05}) {
-      const Scenario s = startAt(cell(), Vector2d(x, 0), Vector2d(0, tilt), 0.001);
-      SimulatedPlant plant(s, s.mechanism, CellParameters{});
-      PressController press(plant, PressLimits{});
-      press.tare();
-      ASSERT_TRUE(press.approach(-1.0));
-      press.hold(12.0, 0.05);
-      EXPECT_NEAR(press.forceZ(), 12.0, 0.6);
-      // truth: the contacts carry what was felt, and it stays
-      press.wait(25);
-      double force = 0.0;
-      for (const ContactReport& c : plant.truth().contacts()) force += c.force.z();
-      EXPECT_NEAR(force, 12.0, 0.6) << x << " " << tilt;
-    }
-  }
-}
-
-// An arm that comes to rest somewhere else after every long move, and takes its time; what it
-// reports doesn't show it.
-class CreepingPlant : public Plant {
- public:
-  CreepingPlant(Plant& plant, unsigned seed) : plant_(plant), random_(seed) {}
-  // from now on by so much a block, up
-  void sink(double rate) { sink_ = rate; }
-  PlantBlock next(const PlantCommand& command) override {
-    if (command.rest) {
-      if (std::abs(command.rest->z - drawn_at_) > 1e-4) {
-        drawn_at_ = command.rest->z;
-        goal_ = std::normal_distribution<double>(0.0, 5e-5)(random_);
-      }
-      target_ = *command.rest;
-    }
-    goal_ += sink_;
-    creep_ += 0.2 * (goal_ - creep_);  // 0.09 s
-    PlantCommand now = command;
-    if (target_) {
-      now.rest = target_;
-      now.rest->z += creep_;
-    }
-    PlantBlock block = plant_.next(now);
-    if (target_) block.carrier.z -= creep_;
-    return block;
-  }
-
- private:
-  Plant& plant_;
-  std::mt19937 random_;
-  std::optional<RestPose> target_;
-  double drawn_at_ = 0.0, goal_ = 0.0, creep_ = 0.0, sink_ = 0.0;
-};
-
-// A force that is passing by is none that is held.
-TEST(Press, HoldsTheForceThatStays) {
-  int passed_by = 0;
-  for (unsigned i = 0; i < 24; ++i) {
-    const Scenario s =
-        startAt(cell(), Vector2d(i % 2 == 0 ? 0.004 : 0.06, 0), Vector2d(0, 0.03), 0.001);
-    const auto held = [&](bool still) {
-      SimulatedPlant plant(s, s.mechanism, CellParameters{});
-      CreepingPlant creeping(plant, i);
-      PressController press(creeping, PressLimits{});
-      press.tare();
-      EXPECT_TRUE(press.approach(-1.0));
-      if (still) {
-        press.holdStill(8.0, 0.05);
-      } else {
-        press.hold(8.0, 0.05);
-      }
-      press.wait(50);
-      double force = 0.0;
-      for (const ContactReport& c : plant.truth().contacts()) force += c.force.z();
-      return force;
-    };
-    // beyond the tolerance: the peg's weight in a coupling that is bent, noise, creep in a block
-    EXPECT_NEAR(held(true), 8.0, 0.4 + 0.1) << i;
-    passed_by += std::abs(held(false) - 8.0) > 0.5 ? 1 : 0;
-  }
-  EXPECT_GT(passed_by, 0);
-}
-
-// Under a press that must be followed without end: by name, and soon.
-TEST(Press, FollowsWhatSinksToItsLimitOnly) {
-  const Scenario s = startAt(cell(), Vector2d(0.06, 0), Vector2d(0, 0.03), 0.001);
-  for (const double rate : {1e-5, 2e-5}) {  // [m] a block
-    SimulatedPlant plant(s, s.mechanism, CellParameters{});
-    CreepingPlant sinking(plant, 0);
-    PressController press(sinking, PressLimits{});
-    press.tare();
-    ASSERT_TRUE(press.approach(-1.0));
-    sinking.sink(rate);
-    const double begin = press.last().time;
-    try {
-      press.holdStill(8.0, 0.05);
-      ADD_FAILURE() << rate;
-    } catch (const AlignError& error) {
-      const std::string what = error.what();
-      EXPECT_TRUE(what.rfind("gave_way", 0) == 0 || what.rfind("press_not_held", 0) == 0) << what;
-    }
-    EXPECT_LT(press.last().time - begin, 60.0);
-    EXPECT_GT(press.target().z, press.touchZ() - 2 * PressLimits{}.compliance * 8.0);
-  }
-}
-
-TEST(Press, GivesUpByName) {
-  const auto reason = [](const Scenario& s, const PressLimits& limits, double force) {
-    try {
-      SimulatedPlant plant(s, s.mechanism, CellParameters{});
-      PressController press(plant, limits);
-      press.tare();
-      press.approach(-1.0);
-      press.hold(force, 0.05);
-    } catch (const AlignError& error) {
-      return std::string(error.what());
-    }
-    return std::string("none");
-  };
-  const Scenario s = startAt(cell(), Vector2d(0.06, 0), Vector2d(0, 0.03), 0.003);
-  PressLimits limits;
-  limits.descent = 0.001;
-  EXPECT_EQ(reason(s, limits, 12.0).rfind("no_contact", 0), 0u);
-  limits = {};
-  limits.force = 8.0;
-  EXPECT_EQ(reason(s, limits, 12.0).rfind("force_limit", 0), 0u);
-  limits.force = 1e3;
-  const std::string saturated = reason(s, limits, 120.0);
-  EXPECT_EQ(saturated.rfind("sensor_saturated", 0), 0u) << saturated;
-}
-
-// hangs over the hole with noise of the sensor, and a swing that doesn't die away
-class SwingingPlant : public Plant {
- public:
-  SwingingPlant(Plant& plant, double force) : plant_(plant), force_(force) {}
-  PlantBlock next(const PlantCommand& command) override {
-    PlantBlock block = plant_.next(command);
-    block.wrench_b(0) += force_ * std::sin(2 * M_PI * 5.0 * block.time);
-    return block;
-  }
-
- private:
-  Plant& plant_;
-  double force_;
-};
-
-// with 20 mV blocks differ by 0.12 N rms, which never stays below 0.03 N: noise; 2 N at 5 Hz are a
-// swing
-TEST(Press, TellsNoiseFromASwing) {
-  CellParameters parameters;
-  parameters.noise = 20e-3;
-  const Scenario s = startAt(cell(), Vector2d(0.06, 0), Vector2d(0, 0.03), 0.003);
-  for (parameters.seed = 100; parameters.seed < 110; ++parameters.seed) {
-    SimulatedPlant plant(s, s.mechanism, parameters);
-    EXPECT_NO_THROW(PressController(plant, PressLimits{}).tare()) << parameters.seed;
-    SwingingPlant swinging(plant, 2.0);
-    PressController press(swinging, PressLimits{});
-    try {
-      press.tare();
-      ADD_FAILURE() << parameters.seed;
-    } catch (const AlignError& error) {
-      EXPECT_EQ(std::string(error.what()).rfind("not_still", 0), 0u);
-    }
-  }
-}
-
-// random starts, all aligned by the judge's measure; the commands of one run repeat to the last bit
+// Random starts, all aligned by ground truth; the commands of one run repeat to the last bit.
 TEST(Align, ReachesTheHole) {
   const Scenario s = cell();
   const struct {
@@ -343,7 +146,7 @@ double shareBeyond(const std::vector<double>& values, double limit) {
 }
 
 // What is found lies 1e-9 m from a run at 1e-12 where nothing jumps. Elsewhere two near points,
-// wedged, decide by forces of 1e-8 N who comes to rest first, and runs at 1e-12 m by two methods
+// wedged, decide by forces of 1e-8 N which comes to rest first, and runs at 1e-12 m by two methods
 // part by more than 1e-9 m, too: there no run is the truth. 10 % are farther where the speed of
 // rest follows the tolerance, 17 % where that is 1e4 times the tolerance.
 TEST(Align, TruthFollowsTheTolerance) {
@@ -445,7 +248,7 @@ TEST(Align, DoubleContactReachesTheHole) {
   }
 }
 
-// never tells a double contact
+// Never reports a double contact.
 class OneSidedPlant : public Plant {
  public:
   explicit OneSidedPlant(Plant& plant) : plant_(plant) {}
@@ -461,8 +264,8 @@ class OneSidedPlant : public Plant {
   Plant& plant_;
 };
 
-// double contact where it is to be had, else the sweep; both from the same hanging peg
-TEST(Align, VibratoryTakesTheOtherWay) {
+// Double contact where there is one, else the sweep; both from the same hanging peg.
+TEST(Align, VibratoryFallsBackToSingleContact) {
   const Scenario s = cell();
   const Vector2d offset(-0.007, 0.004), tilt(0.0196, 0.0114);  // 1.3 degrees
   AlignParameters p;
@@ -491,7 +294,7 @@ TEST(Align, VibratoryTakesTheOtherWay) {
   EXPECT_GT(readings[1], readings[0] + 20);
 }
 
-// too little force for the converter: said before anything is touched
+// Too little force for the converter: refused before the first touch.
 TEST(Align, RefusesWhatItCannotMeasure) {
   CellParameters sensors;
   sensors.bits = 10;
@@ -517,7 +320,7 @@ TEST(Align, RepeatsToTheLastBit) {
   EXPECT_EQ(commands[0], commands[1]);
 }
 
-// another seed is another run
+// Another seed is another run.
 TEST(Align, SeedMatters) {
   std::vector<double> commands[2];
   for (std::uint64_t seed = 0; seed < 2; ++seed) {

@@ -34,7 +34,7 @@ TEST(Baselines, SpiralDropsIn) {
 }
 
 // A face without a hole within reach: the search ends by name.
-TEST(Baselines, SpiralSaysThatThereIsNoHole) {
+TEST(Baselines, SpiralReportsThatThereIsNoHole) {
   AlignParameters p;
   p.strategy = "spiral";
   Scenario s = cell();
@@ -45,8 +45,8 @@ TEST(Baselines, SpiralSaysThatThereIsNoHole) {
   EXPECT_EQ(trial.result.failure, AlignFailure::kNoHoleUnderEdge) << trial.result.reason;
 }
 
-// Within the clearance shaking and lowering assemble; farther off the peg stands on the face, and
-// the strategy says so.
+// Within the clearance shaking and lowering assemble; farther off the peg is on the face, and the
+// strategy reports it.
 TEST(Baselines, PassiveNeedsAHoleBelow) {
   const AlignTrial near = baselineTrial("passive", {2e-5, 1e-5}, {5e-4, 0.0});
   EXPECT_TRUE(near.success) << near.result.reason;

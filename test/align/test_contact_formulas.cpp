@@ -58,7 +58,7 @@ TEST(ContactFormulas, ComplexTiltPointsDown) {
 }
 
 // both edges of exact geometry give the hole to rounding, whatever the tilt
-TEST(ContactFormulas, EdgesTellTheHole) {
+TEST(ContactFormulas, EdgesDetermineTheHole) {
   for (const double distance : {0.003, 0.015, 0.03, 0.045}) {
     for (const double tilt : {0.0, 0.02, 0.14}) {
       for (const double low : {0.3, 1.4, -2.8}) {
@@ -80,7 +80,7 @@ TEST(ContactFormulas, EdgesTellTheHole) {
   EXPECT_FALSE(centreThrough(0.01, {0.02, 0.0}, {-0.02, 0.0}, {0.0, 1.0}));
 }
 
-TEST(ContactFormulas, TurnTellsTheTiltTowardTheHole) {
+TEST(ContactFormulas, RotationDeterminesTheTiltTowardTheHole) {
   const double alpha = 0.4, tilt = 0.02;
   std::vector<TurnReading> readings;
   for (const double turn : {0.05, 0.07, -0.06}) {

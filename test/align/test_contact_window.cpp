@@ -105,9 +105,9 @@ TEST(PegWeight, HangsUnderTheCoupling) {
   EXPECT_NEAR(w(4), -0.05 * -2.4, 1e-15);
 }
 
-// Encoders that scatter are no motion; a drift or a step beyond their scatter is, and what swings
-// far is no scatter.
-TEST(AveragingWindow, TellsMotionFromScatter) {
+// Encoders that scatter are no motion; a drift or a step beyond their scatter is, and a
+// large swing is no scatter.
+TEST(AveragingWindow, DistinguishesMotionFromScatter) {
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
   // windows of 10 blocks that count as moved: the carrier's x from block to block, and its scatter

@@ -13,7 +13,7 @@
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/press_controller.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
@@ -25,7 +25,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-// A cell in which something is wrong: what the strategy commands and what it feels may be changed.
+// A cell in which something is wrong: commands and measurements may be changed.
 class FaultyPlant : public Plant {
  public:
   explicit FaultyPlant(SimulatedPlant& plant) : plant_(plant) {}
@@ -84,7 +84,7 @@ void forgetModes(FaultyPlant& plant, LocusMode forgotten) {
   };
 }
 
-// a reading that comes after the double contact of an attempt
+// A reading that comes after the double contact of an attempt.
 void afterDouble(FaultyPlant& plant, const std::function<void(LocusReading&)>& change) {
   plant.on_block = [&plant, change, doubled = false](PlantBlock& b) mutable {
     // back at the height of the start: another attempt
@@ -324,7 +324,7 @@ INSTANTIATE_TEST_SUITE_P(One, Failures, testing::ValuesIn(kCases), [](const auto
   return std::string(test.param.strategy) + "_" + toString(test.param.failure);
 });
 
-// However often a goal fails in the air, the peg is hung no higher.
+// A peg whose goals fail in the air isn't raised by them.
 TEST(Hanging, StaysWhereAGoalThatFailsFindsIt) {
   Arrangement s;
   s.sensors.bits = 10;
@@ -364,8 +364,9 @@ TEST(Pressed, IsFreedFirstAndAligned) {
     PressLimits limits;
     limits.force = 60.0;
     const double force = uniform(5.0, 40.0);
-    PressController before(plant, limits);
-    before.tare();
+    GuardedCarrier carrier(plant, limits);
+    carrier.tare();
+    PressController before(carrier);
     before.approach(-1.0);
     try {
       before.hold(force, 0.05);
@@ -382,7 +383,7 @@ TEST(Pressed, IsFreedFirstAndAligned) {
   }
 }
 
-// what the plant itself ends with goes through every strategy
+// Failures of the plant itself pass through every strategy.
 TEST(PlantFailures, PassThrough) {
   for (const AlignFailure failure :
        {AlignFailure::kCancelled, AlignFailure::kNoData, AlignFailure::kStopped}) {
@@ -405,7 +406,7 @@ TEST(PlantFailures, PassThrough) {
   }
 }
 
-// And tells how many readings there were until then, of all strategies that had been tried.
+// And reports the number of readings until then, of all strategies that had been tried.
 TEST(PlantFailures, CountTheReadings) {
   for (const char* strategy : {"single_contact", "vibratory", "twin_force", "touch"}) {
     SimulatedPlant simulated(cell(), cell().mechanism, CellParameters{});
@@ -415,29 +416,29 @@ TEST(PlantFailures, CountTheReadings) {
     const bool two = parameters.strategy == "vibratory";
     if (two) forgetModes(plant, LocusMode::kSegment);
     const auto spoil = plant.on_block;
-    int before = 0, told = 0;
+    int before = 0, reported = 0;
     bool first = two;
     plant.on_block = [&](PlantBlock& block) {
       if (spoil) spoil(block);
-      if (!first && told >= 2) throw PlantError(AlignFailure::kCancelled, "gone");
+      if (!first && reported >= 2) throw PlantError(AlignFailure::kCancelled, "gone");
     };
     try {
       align(plant, cell().mechanism, parameters, [&](const AlignProgress& now) {
-        told = now.contacts;
+        reported = now.contacts;
         if (now.state != "single_contact") return;
         first = false;
-        before = std::exchange(told, 0);
+        before = std::exchange(reported, 0);
       });
       ADD_FAILURE() << strategy;
     } catch (const PlantError& error) {
       EXPECT_EQ(before > 0, two) << strategy;
-      EXPECT_EQ(error.contacts, before + told) << strategy;
+      EXPECT_EQ(error.contacts, before + reported) << strategy;
     }
   }
 }
 
-// said aligned, and half a clearance too far; or in the bore that leans there
-TEST(PlantFailures, TheJudgeNamesAnEdgeOutside) {
+// Reported as aligned, and half a clearance too far; or in the bore that leans there.
+TEST(PlantFailures, TheEvaluatorNamesAnEdgeOutside) {
   Scenario truth = cell();
   AlignTrial trial;
   trial.result.success = true;
@@ -454,8 +455,8 @@ TEST(PlantFailures, TheJudgeNamesAnEdgeOutside) {
   EXPECT_EQ(trial.status, "edge_outside");
 }
 
-// said seated, and half a millimetre short of it; or 0.1 mm, which the plane's height may hide
-TEST(PlantFailures, TheJudgeNamesAPegThatIsNotSeated) {
+// Reported as seated, and half a millimetre short of it; or 0.1 mm, within the error of the plane.
+TEST(PlantFailures, TheEvaluatorNamesAPegThatIsNotSeated) {
   AlignTrial there;
   there.result.success = true;
   there.X_HP.p = Eigen::Vector3d(0.0, 0.0, -0.0399);
@@ -477,7 +478,7 @@ TEST(PlantFailures, TheJudgeNamesAPegThatIsNotSeated) {
 }
 
 // names of the table in docs/reference/strategies.md are those of the enumeration, and every one
-// but the plant's and the judge's has a case above
+// but the plant's and the evaluator's has a case above
 TEST(FailureTable, ListsEveryNameAndNoOther) {
   std::ifstream page(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/docs/reference/strategies.md");
   std::multiset<std::string> listed, named;

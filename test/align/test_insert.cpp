@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The way down the bore, against the truth of the exact simulation.
+// The insertion, against the ground truth of the exact simulation.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,9 +21,9 @@ constexpr double kDepth = 0.04;  // [m]
 struct Bore {
   const char* name;
   double clearance;  // radial [m]
-  Vector2d lean;     // of the axis against the face, which nobody knows
+  Vector2d lean;     // of the axis against the face, unknown to the strategy
   double friction;
-  double force;  // the greatest that may be felt on the way [N]
+  double force;  // largest contact force allowed [N]
 };
 
 class Insertion : public testing::TestWithParam<Bore> {};
@@ -64,8 +64,8 @@ TEST_P(Insertion, EndsSeated) {
   EXPECT_TRUE(trial.success) << trial.result.reason;
   EXPECT_TRUE(r.seated);
   EXPECT_EQ(r.backed_out, 0);
-  // the height of the plane is known to some micrometres, a block on the way down is 0.2 mm, and it
-  // stops in the next one: of 100 seeds 0.325 mm at most, in the tight bore that leans
+  // the height of the plane is known to some micrometres, a block on the path down is 0.2 mm, and
+  // it stops in the next one: of 100 seeds 0.325 mm at most, in the tight bore that leans
   EXPECT_NEAR(r.end.depth, trial.depth, 5e-5);
   EXPECT_GE(trial.depth, kDepth - 5e-5);
   EXPECT_LE(trial.depth, kDepth + 3.5e-4);
@@ -74,7 +74,7 @@ TEST_P(Insertion, EndsSeated) {
   for (std::size_t i = 1; i < r.profile.size(); ++i) {
     EXPECT_NEAR(r.profile[i].depth, 1e-3 * static_cast<double>(i), 2.5e-4);
   }
-  // the walls have led the peg: its tilt against the bore is what both leave it
+  // the walls have led the peg: its tilt against the bore is within the clearance of both
   const Vector2d lean(trial.X_HP.R(0, 2), trial.X_HP.R(1, 2));
   EXPECT_LT((lean - bore.lean).norm(), 2.0 * bore.clearance / kDepth + 5e-4);
 }
@@ -83,7 +83,7 @@ INSTANTIATE_TEST_SUITE_P(One, Insertion, testing::ValuesIn(kBores),
                          [](const auto& test) { return std::string(test.param.name); });
 
 // The exciter shakes from the bore's mouth to the depth, and no longer.
-TEST(InsertionExciter, ShakesOnTheWayDownOnly) {
+TEST(InsertionExciter, ShakesDuringTheInsertionOnly) {
   const Scenario s = startAt(cell(2e-5), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
   AlignParameters p = parameters();
   p.insert.exciter = 2.0;
@@ -91,7 +91,7 @@ TEST(InsertionExciter, ShakesOnTheWayDownOnly) {
   EXPECT_TRUE(trial.success) << trial.result.reason;
   const AlignTrial still = tryAlignment(s, s.mechanism, CellParameters{}, parameters());
   EXPECT_TRUE(still.success) << still.result.reason;
-  // 2 N at the wall are felt on the way, less in a mean over a block
+  // 2 N at the wall are measured on the path, less in a mean over a block
   EXPECT_GT(trial.result.insert.force, still.result.insert.force + 0.1);
   EXPECT_LT(trial.result.insert.end.force(), still.result.insert.force + 0.1);
 }
@@ -130,7 +130,7 @@ TEST(InsertionDepth, WhereThePegsTopWouldGoInIsRefused) {
   EXPECT_NO_THROW(checkGoal(s.mechanism, p));
 }
 
-TEST(InsertionFloor, WantsADepthInTheDrawing) {
+TEST(InsertionFloor, NeedsADepthInTheDrawing) {
   AlignParameters p = parameters();
   p.insert.depth = 0.0;
   p.insert.floor = true;
@@ -139,9 +139,9 @@ TEST(InsertionFloor, WantsADepthInTheDrawing) {
   EXPECT_THROW(tryAlignment(s, s.mechanism, CellParameters{}, p), InputError);
 }
 
-// To the floor in the exact world: felt, lifted off and felt again. In the default cell the peg is
-// as long as the hole is deep; in the shallower one its side goes on over the face.
-TEST(InsertionFloor, EndsSeatedInTheExactWorld) {
+// To the floor in the exact simulation: touched, lifted off and touched again. In the default cell
+// the peg is as long as the hole is deep; in the shallower one its side goes on over the face.
+TEST(InsertionFloor, EndsSeatedInTheExactSimulation) {
   AlignParameters p;
   p.insert.floor = true;
   for (const double depth : {0.06, 0.05}) {

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Starts less than the trap's width off: the tilted edge drops into the hole; and what else ends
+// Starts less than the trap's width off: the tilted edge drops into the hole; and other ends of
 // the loop of a strategy.
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ using Eigen::Vector2d;
 
 namespace {
 
-// remembers the greatest true forces of contact; may keep the exciter from the strategy
+// Records the largest contact forces of the ground truth; may block the exciter.
 class ForcePlant : public Plant {
  public:
   explicit ForcePlant(SimulatedPlant& plant) : plant_(plant) {}
@@ -97,8 +97,7 @@ TEST_P(NearStarts, Align) {
   }
 }
 
-// where the hole is hardly wider than the peg, its edge finds a hold on both sides over the middle:
-// before, half of these starts ended with `not_arrived` and 140 to 230 N
+// Where the hole is hardly wider than the peg, its edge is held on both sides over the middle.
 TEST_P(NearStarts, AlignInCloseFits) {
   AlignParameters p;
   p.strategy = GetParam();
@@ -142,7 +141,7 @@ INSTANTIATE_TEST_SUITE_P(Strategies, NearStarts,
                          testing::Values("single_contact", "double_contact", "twin_force", "touch"),
                          [](const auto& p) { return std::string(p.param); });
 
-// nothing moves, or no mode can be told: both strategies of the vibrated peg end by name
+// Nothing moves, or the mode is undecided: both strategies of the vibrated peg end by name
 TEST(FailureCases, NoMovementAndUndecided) {
   const Scenario s = cell();
   for (const char* strategy : {"single_contact", "double_contact"}) {
@@ -177,7 +176,7 @@ TEST(FailureCases, NoMovementAndUndecided) {
   }
 }
 
-// resistance all round a hole: from where the peg goes then, the hole lies in another direction
+// Resistance all round a hole: from the next place of the peg, the hole is in another direction.
 TEST(FailureCases, ARefusedPegLooksForTheHoleFromWhereItWent) {
   const Scenario s = cell();
   for (const double x : {0.0025, 0.006, -0.01}) {
@@ -200,10 +199,9 @@ TEST(FailureCases, ARefusedPegLooksForTheHoleFromWhereItWent) {
   }
 }
 
-// Parts that differ by what a careful person can measure turn all readings of one place by up to
-// two degrees, alike: they agree on a centre half a millimetre off, and reading them again tells no
-// more
-TEST(FailureCases, ACentreThatProvedWrongIsReadFromElsewhere) {
+// Errors of carefully measured parts rotate all readings of one place alike, by up to two degrees:
+// they agree on a centre half a millimetre off, and further readings there add no information.
+TEST(FailureCases, AWrongCentreIsMeasuredFromElsewhere) {
   const Mismatch careful =
       loadMismatch(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/mismatch/level_1.yaml");
   for (const auto& [offset, tilt] :
@@ -218,7 +216,7 @@ TEST(FailureCases, ACentreThatProvedWrongIsReadFromElsewhere) {
   }
 }
 
-// a contact that slips is pressed more and shaken less, once, and what helped stays
+// A contact that slips is pressed more and shaken less, once; the new point is kept if it helped.
 TEST(FailureCases, ASlipIsPressedMoreAndShakenLess) {
   const Scenario s = cell();
   SimulatedPlant plant(startAt(s, Vector2d(0.006, 0.0), Vector2d(0.0, 0.0), 0.001), s.mechanism,

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/free_peg.h"
 #include "mismatched_trial.h"
 
 namespace assembly_cell {
@@ -82,9 +82,9 @@ TEST(ReportNoise, APegIsFreedInIt) {
   CellParameters cell;
   cell.truth = drawTruth(parseMismatch("carrier: {reading_noise: 1.0e-5}", "test"), 1).cell;
   SimulatedPlant plant(scenario, scenario.mechanism, cell);
-  PressController hand(plant, pressLimits(scenario.mechanism));
+  GuardedCarrier hand(plant, pressLimits(scenario.mechanism));
   const double from = plant.truth().carrier().z, begin = hand.last().time;
-  hand.release(scenario.mechanism);
+  releasePeg(hand, scenario.mechanism);
   EXPECT_NEAR(plant.truth().carrier().z, from + 1e-3, 1e-4);
   EXPECT_LT(hand.last().time - begin, 2.0);
   // where it is known to hang free it stays, also when it has to be lifted for a proof: a peg that
@@ -93,7 +93,7 @@ TEST(ReportNoise, APegIsFreedInIt) {
   lighter.peg.mass = 0.2;
   const RestPose hung = hand.last().carrier;
   for (const Mechanism& mechanism : {scenario.mechanism, lighter}) {
-    hand.release(mechanism, hung);
+    releasePeg(hand, mechanism, hung);
     EXPECT_NEAR(plant.truth().carrier().z, from + 1e-3, 1e-4);
   }
 }

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "assembly_cell/align/align.h"
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/simulated_plant.h"
@@ -20,7 +20,7 @@ Scenario scenario(const std::string& name, const std::vector<std::string>& overr
 TEST(Scale, IsOneInTheDefaultCell) {
   const Scale scale = scaleOf(scenario("cell").mechanism);
   for (const double factor :
-       {scale.length, scale.room, scale.force, scale.sink, scale.give, scale.step, scale.time}) {
+       {scale.length, scale.travel, scale.force, scale.sink, scale.give, scale.step, scale.time}) {
     EXPECT_NEAR(factor, 1.0, 1e-4);  // five digits of the default's values
   }
 }
@@ -73,18 +73,18 @@ TEST(Scale, ATouchIsMoreThanALanding) {
 TEST(Scale, WeightIsNoContact) {
   const Scenario s = startAt(scenario("cell", {"peg.mass=1.5"}), {0.06, 0.0}, {0.0, 0.0}, 0.02);
   SimulatedPlant plant(s, s.mechanism, CellParameters{});
-  PressController press(plant, pressLimits(s.mechanism));
-  press.begin(s.mechanism);
-  RestPose tilted = press.target();
+  GuardedCarrier carrier(plant, pressLimits(s.mechanism));
+  tareFreePeg(carrier, s.mechanism);
+  RestPose tilted = carrier.target();
   tilted.phi += 0.1;
-  press.moveTo(tilted);
-  ASSERT_TRUE(press.settle());
+  carrier.moveTo(tilted);
+  ASSERT_TRUE(carrier.settle());
   // 1.5 kg at 0.1 rad pull sideways by 1.47 N; what the deflection adds is second order
-  EXPECT_LT(press.force().norm(), 0.05);
-  EXPECT_LT(press.wrench().tail<3>().norm(), 0.005);
+  EXPECT_LT(carrier.force().norm(), 0.05);
+  EXPECT_LT(carrier.sensor().wrench().tail<3>().norm(), 0.005);
 }
 
-// none of these aligned with constants of one peg
+// Pegs that don't align with the constants of one peg.
 TEST(Scale, AlignsOtherPegs) {
   const struct {
     const char* name;
@@ -114,9 +114,9 @@ TEST(Scale, FindsTheMiddleOfACloseFit) {
   EXPECT_LT(trial.result.time, 40.0);
 }
 
-// What a light touch sinks in by is more than the low edge is put into the hole by, and its
-// stiffness makes no 2 N of the depth where it stands on the face.
-TEST(Scale, FeelsTheFaceThroughASoftCoupling) {
+// A light touch sinks in by more than the depth at which the low edge is put into the hole, and on
+// the face that depth makes less than 2 N.
+TEST(Scale, DetectsTheFaceThroughASoftCoupling) {
   const Scenario s =
       startAt(scenario("pegs/r10_c40_aluminium_soft"), {0.006, 0.004}, {0.01, -0.01}, 0.003);
   AlignParameters p;

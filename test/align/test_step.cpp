@@ -90,16 +90,16 @@ TEST(Step, ALongBlockIsGivenAsItIs) {
   EXPECT_TRUE(step.covariance_a == block.covariance_a);
 }
 
-TEST(Step, EndsWithTheBlockThatIsFelt) {
+TEST(Step, EndsWithTheBlockOfTheAlarm) {
   Blocks blocks;
   blocks.touch = 13;
   blocks.force = 2.0;
   EXPECT_EQ(blocks.step(watching(1.5)).samples, 100);
-  const PlantBlock felt = blocks.step(watching(1.5));
+  const PlantBlock alarmed = blocks.step(watching(1.5));
   EXPECT_EQ(blocks.given, 14);
-  EXPECT_EQ(felt.samples, 10) << "alone: what was before it would hide it";
-  EXPECT_NEAR(felt.wrench_b(2), 2.0, 0.05);
-  // less than was asked for is felt, too, but in its time
+  EXPECT_EQ(alarmed.samples, 10) << "alone: what was before it would hide it";
+  EXPECT_NEAR(alarmed.wrench_b(2), 2.0, 0.05);
+  // less than the alarm's force is included, too, at the step's end
   EXPECT_EQ(blocks.step(watching(2.5)).samples, 100);
 }
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The hole from touches alone, and the strategy in cells that are not in their files.
+// The hole from touches alone, and the strategy in cells that differ from their files.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 
 constexpr double kPeg = 0.025, kHole = 0.0251;
 
-// At this height the edge would just touch what is not bore, the face or a chamfer of 45°: by dense
-// sampling in axes of the hole, which shares nothing with the fit.
+// Height at which the edge just touches the face or a chamfer of 45°: by dense sampling in axes of
+// the hole, independent of the fit.
 struct Sampled {
   double height;   // of the bottom's centre at the touch
   double azimuth;  // of the touch
@@ -96,7 +96,7 @@ TEST(TouchFit, CovarianceCoversTheError) {
 
 // 14 touches leave 9 degrees of freedom; a variance over its estimate has a mean of 1 and, by
 // χ² of 9, a deviation of 0.63: 0.08 of 60 draws
-TEST(TouchFit, TellsWhereMovesEnd) {
+TEST(TouchFit, EstimatesWhereMovesEnd) {
   constexpr int kDraws = 60;
   constexpr double kSd = 3e-5;
   double sum = 0.0;

@@ -141,10 +141,10 @@ TEST(TwinForceStrategy, AlignsWhereSensorsAreOff) {
   }
 }
 
-// Sensors of level 2, calibrated before they were built in: what their wrenches tell of the centre
-// is as wrong as it is said to be. With the deviations of matrices that nobody calibrated it would
-// be half of that.
-TEST(TwinForceStrategy, BelievesWhatCalibrationsSayOfThemselves) {
+// Sensors of level 2, calibrated before they were built in: the centre's error from their wrenches
+// is as large as the stated one. With the deviations of uncalibrated matrices it would be half of
+// that.
+TEST(TwinForceStrategy, UsesTheCovariancesOfCalibrations) {
   const Mismatch level_2 =
       loadMismatch(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/mismatch/level_2.yaml");
   constexpr int kCells = 50;
@@ -165,7 +165,7 @@ TEST(TwinForceStrategy, BelievesWhatCalibrationsSayOfThemselves) {
 
 // The tip, a fifth of the radius, hangs in a mouth nearly twice as wide as the hole wherever a
 // sharp edge would reach over the rim: the carrier was sent 2e7 km away.
-TEST(TwinForceStrategy, AsksForContactsThatThereAre) {
+TEST(TwinForceStrategy, AdvisesReachableContacts) {
   Scenario s = cell();
   s.mechanism.peg.chamfer_width = s.mechanism.hole.chamfer_width = 0.02;
   const Scenario start = startAt(s, {0.046, 0.003}, {0.012, -0.013}, 0.003);
@@ -192,8 +192,9 @@ TEST(TwinForceStrategy, RefusesBadParameters) {
   EXPECT_NE(unknown.find("strategy: value twin: give one of"), std::string::npos) << unknown;
   EXPECT_NE(unknown.find("single_contact, double_contact, twin_force"), std::string::npos)
       << unknown;
-  EXPECT_NE(message([](AlignParameters& p) { p.contact_force = 41.0; }).find("contact_force: value 41"),
-            std::string::npos);
+  EXPECT_NE(
+      message([](AlignParameters& p) { p.contact_force = 41.0; }).find("contact_force: value 41"),
+      std::string::npos);
   EXPECT_NE(message([](AlignParameters& p) { p.fewest_contacts = 1; }).find("fewest_contacts"),
             std::string::npos);
   EXPECT_NE(message([](AlignParameters& p) { p.most_contacts = 2; }).find("most_contacts"),

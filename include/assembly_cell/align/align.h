@@ -12,67 +12,66 @@
 
 namespace assembly_cell {
 
-/// Progress for people and for the action's feedback.
+/// Progress for log lines and for the action's feedback.
 struct AlignProgress {
   std::string state;  ///< of the state machine
   int contacts = 0;   ///< readings taken
   double time = 0.0;  ///< plant clock [s]
   std::string message;
-  double position_sd = 0.0;  ///< of the hole's centre as known now, 2 axes; 0: not known [m]
+  double position_sd = 0.0;  ///< of the hole's estimated centre, 2 axes; 0: not known [m]
   double rotation_sd = 0.0;  ///< of its axis, 2 axes [rad]
-  double depth = 0.0;        ///< of the bottom edge, on the way down [m]
-  double force = 0.0;        ///< there [N]
-  int walls = 0;             ///< points of the peg that the bore pushes there, as BoreReading
+  double depth = 0.0;        ///< of the bottom edge, during the insertion [m]
+  double force = 0.0;        ///< contact force there [N]
+  int walls = 0;             ///< bore-wall contacts there, as in BoreReading
 };
 
-/// A direction of contact that was felt.
+/// A measured direction of a contact.
 struct DirectionReading {
   double start = 0.0, end = 0.0;  ///< window of the reading, plant clock [s]
   double direction = 0.0;         ///< azimuth of the contact on the peg's edge, peg axes [rad]
   double sd = 0.0;                ///< [rad]
 };
 
-/// What the peg feels in the bore: the contacts' wrench at the centre of its bottom edge, less its
-/// weight.
+/// Wrench of the contacts in the bore, without the peg's weight, at the centre of its bottom edge.
 struct BoreReading {
-  double depth = 0.0;     ///< of that centre below the plane, as felt [m]
+  double depth = 0.0;     ///< of that centre below the plane, as measured [m]
   double along = 0.0;     ///< up the peg's axis [N]
   double sideways = 0.0;  ///< [N]
   double moment = 0.0;    ///< across the axis [N·m]
-  int walls = 0;          ///< points that the bore pushes: none, one, or two at both ends
+  int walls = 0;          ///< bore-wall contacts: none, one, or two at both ends
 
   double force() const { return std::hypot(along, sideways); }
 };
 
-/// How the way down ended.
+/// Result of an insertion.
 struct InsertResult {
   bool seated = false;  ///< at the depth, or on the floor
   BoreReading end;
-  double force = 0.0;                ///< the greatest mean over a block on the way [N]
+  double force = 0.0;                ///< largest mean over a block on the path down [N]
   double time = 0.0;                 ///< plant clock used [s]
-  int backed_out = 0;                ///< times that the peg was stuck and went up again
-  std::vector<BoreReading> profile;  ///< one each millimetre
+  int backed_out = 0;                ///< times that the peg was stuck and was pulled up again
+  std::vector<BoreReading> profile;  ///< one a millimetre
 };
 
-/// How an alignment ended.
+/// Result of an alignment.
 struct AlignResult {
   bool success = false;
   AlignFailure failure = AlignFailure::kNone;
   std::string reason;  ///< "aligned", or the failure's name and what happened
   bool known = false;  ///< offset and tilt were estimated
-  Eigen::Vector2d offset{
-      0, 0};  ///< estimated: hole centre relative to the peg's bottom centre at reference_time [m]
+  /// Estimated: hole centre relative to the peg's bottom centre at reference_time [m]
+  Eigen::Vector2d offset{0, 0};
   Eigen::Matrix2d offset_covariance = Eigen::Matrix2d::Zero();  ///< [m²]
   Eigen::Vector2d tilt{0, 0};  ///< estimated tilt of the peg axis then, rotation vector x, y [rad]
   double tilt_sd = 0.0;        ///< [rad]
-  /// The same offset as wrenches alone told it, before touches and walls; twin_force only.
+  /// The same offset from wrenches alone, before touches and walls; twin_force only. [m]
   std::optional<Eigen::Vector2d> wrench_offset;
   Eigen::Matrix2d wrench_covariance = Eigen::Matrix2d::Zero();  ///< [m²]
   int contacts = 0;                                             ///< readings taken
   double time = 0.0;                                            ///< plant clock used [s]
-  double reference_time =
-      0.0;  ///< plant clock when the peg hung at rest, before its first move [s]
-  std::vector<DirectionReading> readings;  ///< that the last estimate rests on
+  /// Plant clock when the peg hung at rest, before its first move [s]
+  double reference_time = 0.0;
+  std::vector<DirectionReading> readings;  ///< of the last estimate
   double depth = 0.0;  ///< of the bottom edge below the plane at the end, 0 without success [m]
   InsertResult insert;
 };
@@ -81,15 +80,15 @@ struct AlignResult {
 /// mechanism's key.
 void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters);
 
-/// Runs a strategy until the peg's edge lies within the hole, or is seated where an insertion is
-/// asked for, or a failure is named. `mechanism`
-/// gives the nominal parameters of the parts (not where they are). Throws InputError for bad
-/// parameters, PlantError when the plant fails.
+/// Runs a strategy until the peg's edge is within the hole, or the peg is seated where an insertion
+/// is requested, or it fails. `mechanism`: the nominal parameters of the parts, not their poses.
+/// Throws InputError for bad parameters, PlantError when the plant fails.
 AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                   const std::function<void(const AlignProgress&)>& progress = nullptr);
 
-/// Out of the hole along its bore, the walls leading, from a depth of `parameters.inserted`. Throws
-/// InputError for bad parameters, AlignError where the peg doesn't come out, PlantError.
+/// Moves the peg out of the hole along its bore, led by the walls, from a depth of
+/// `parameters.inserted`. Throws InputError for bad parameters, AlignError where the peg doesn't
+/// come out, PlantError.
 void withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
               const std::function<void(const AlignProgress&)>& progress = nullptr);
 

@@ -6,7 +6,7 @@
 
 namespace assembly_cell {
 
-/// How an alignment ended. What each failure means and what to do: docs/reference/strategies.md,
+/// Outcome of an alignment. What each failure means and what to do: docs/reference/strategies.md,
 /// "Failures".
 enum class AlignFailure {
   kNone,  ///< aligned
@@ -38,22 +38,22 @@ enum class AlignFailure {
   kSensorSigns,
   kNoPose,
   kNotInserted,
-  // on the way down
+  // insertion
   kJammed,
-  // the plant and whoever looks on
+  // the plant and its evaluation
   kCancelled,
   kNoData,
   kStopped,
   kEdgeOutside,
   kNotSeated,
   kWrongMechanism,
-  kCount  ///< of these
+  kCount  ///< number of outcomes
 };
 
 /// Its name: "aligned", "force_limit" and so on.
 const char* toString(AlignFailure failure);
 
-/// A move, a press or a strategy was given up. what() is "name: message".
+/// A move, a press or a strategy failed. what() is "name: message".
 struct AlignError : std::runtime_error {
   AlignError(AlignFailure failed, const std::string& message)
       : std::runtime_error(std::string(toString(failed)) + ": " + message), failure(failed) {}

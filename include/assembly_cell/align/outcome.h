@@ -5,13 +5,13 @@
 
 namespace assembly_cell {
 
-// What the judge of an alignment looks at: true poses of frame `peg` in `hole`.
+// Evaluation of an alignment's end from ground truth: poses of frame `peg` in `hole`.
 
 /// Tilt of the peg's axis: smallest rotation from upright, rotation vector x, y [rad].
 Eigen::Vector2d tiltOf(const Pose& X_HP);
 
-/// Where the side of a peg begins whose bottom edge is chamfered up to a height [m]: what has to be
-/// in the hole.
+/// Frame where the side of a peg begins whose bottom edge is chamfered up to a height [m]: the part
+/// that has to be in the hole.
 inline Pose shoulderPose(const Pose& X_HP, double chamfer_height) {
   return {X_HP.R, X_HP.p + chamfer_height * X_HP.R.col(2)};
 }
@@ -21,14 +21,14 @@ inline Pose shoulderPose(const Pose& X_HP, double chamfer_height) {
 double edgeReach(const Pose& X_HP, double peg_radius,
                  const Eigen::Vector2d& bore_lean = Eigen::Vector2d::Zero());
 
-/// How far from the bore's axis the edge of a peg reaches that leans on its wall, at most [m]. The
-/// viscous law lets it sink in, by u/rate where it comes at a speed u and by some micrometres a
-/// second where it slides: by 0.1 mm or the clearance.
+/// Largest radial distance of the peg's edge from the bore's axis while the peg touches the wall
+/// [m]. The viscous law lets it sink in, by u/rate where it comes at a speed u and by some
+/// micrometres a second where it slides: by 0.1 mm or the clearance.
 double reachInBore(double peg_radius, double hole_radius);
 
-/// A peg whose edge reaches so far from the bore's axis is aligned (depth 0: the edge is in the
+/// Whether a peg whose edge is so far from the bore's axis is aligned (depth 0: the edge is in the
 /// hole) or inserted to a depth, all [m]: in the bore and its edge's lowest point no more than 0.2
-/// mm short of it, which the height of the felt plane and the carrier's compliance may hide.
+/// mm short of it, within the errors of the measured plane and the carrier's compliance.
 bool inPlace(const Pose& X_HP, double edge_reach, double peg_radius, double hole_radius,
              double depth);
 

@@ -19,15 +19,15 @@ struct LocusRequest {
   double duration = 0.0;  ///< [s]
 };
 
-/// What a strategy wants to know of at once, where blocks are shorter than its steps: sensor_b's
-/// force minus `reference` is as great as that. See step.h.
+/// Limits that end a step early where blocks are shorter than steps, see step.h: of sensor_b's
+/// force minus `reference`.
 struct ForceAlarm {
   Eigen::Vector3d reference = Eigen::Vector3d::Zero();        ///< [N]
   double force = std::numeric_limits<double>::infinity();     ///< [N]
   double sideways = std::numeric_limits<double>::infinity();  ///< of x and y alone [N]
 };
 
-/// What is done before the next block. Nothing set: only wait.
+/// Command before the next block. Nothing set: only wait.
 struct PlantCommand {
   std::optional<RestPose> rest;  ///< move the rest pose there, in the carrier's base frame
   std::optional<ExciterParameters>
@@ -37,7 +37,7 @@ struct PlantCommand {
   std::optional<ForceAlarm> alarm;        ///< ends the step early
 };
 
-/// What one block of samples says. Means over the block.
+/// Measurements of one block of samples: means over the block.
 struct PlantBlock {
   double time = 0.0;                       ///< end of the block, plant clock [s]
   double length = 0.0;                     ///< of the block [s]
@@ -50,18 +50,18 @@ struct PlantBlock {
   int samples = 0;                           ///< in the block
   Vector6 displacement_b = Vector6::Zero();  ///< of the coupling, sensor_b axes [m], [rad]
   bool saturated = false;                    ///< any channel of either sensor
-  RestPose carrier;                          ///< its pose in its base frame, as its encoders say
+  RestPose carrier;                          ///< its pose in its base frame, by its encoders
   std::optional<LocusReading> locus;         ///< in the first block at or after the window's end
-  /// Of the window under way, plant clock: later than asked for where the reading began anew [s].
+  /// Start of the current window, plant clock: later than requested where it was restarted [s].
   double reading_start = 0.0;
-  /// Likewise of sensor_b's wrench, fitVibration() at the angle that the exciter was asked for.
+  /// Likewise of sensor_b's wrench, fitVibration() at the commanded angle of the exciter.
   std::optional<HarmonicFit> vibration;
 };
 
 class TwinForceSensing;
 
-/// The cell as a strategy sees it: simulated in core, or through ROS in the supervisor. It does not
-/// know where the hole is.
+/// The cell for a strategy: simulated in core, or through ROS in the supervisor. It has no
+/// information about where the hole is.
 class Plant {
  public:
   virtual ~Plant() = default;
@@ -79,8 +79,8 @@ struct PlantError : std::runtime_error {
         failure(failed),
         status(name.empty() ? toString(failed) : name) {}
   AlignFailure failure;
-  int contacts = 0;    ///< readings that the alignment had taken until then
-  std::string status;  ///< name of what stopped a simulation; else that of the failure
+  int contacts = 0;    ///< readings of the alignment until then
+  std::string status;  ///< reason why a simulation stopped; else the failure's name
 };
 
 }  // namespace assembly_cell

@@ -83,10 +83,10 @@ struct IdentificationProgress {
 IdentificationData measure(Plant& plant, const Mechanism& nominal, const IdentificationPlan& plan,
                            const std::function<void(const IdentificationProgress&)>& progress = {});
 
-class PressController;
+class GuardedCarrier;
 /// One step of the stepped sine: exciter as asked for, `settle` and `window` [s]. `contact` is the
 /// mean over the window less the tare. The exciter goes on. Throws AlignError no_reading.
-VibrationReading readVibration(PressController& press, const ExciterParameters& exciter,
+VibrationReading readVibration(GuardedCarrier& carrier, const ExciterParameters& exciter,
                                double settle, double window);
 
 }  // namespace assembly_cell

@@ -7,47 +7,47 @@
 namespace assembly_cell {
 namespace {
 
-// A turn counts as the way of a point so far from the carrier's origin [m]: about the peg's length.
-// Half or twice doubles or halves the turn that a window may have.
+// A rotation counts as the displacement of a point so far from the carrier's origin [m]: about the
+// peg's length. Half or twice doubles or halves the rotation that a window may have.
 constexpr double kLever = 0.1;
 
-// Encoders scatter. Of so many blocks and more their scatter can be told from motion, ...
-constexpr int kTellsScatter = 6;
-// ... which is what goes beyond so many standard deviations. Of 10 blocks that only scatter 1
+// Blocks from which on scatter of encoders can be distinguished from motion, ...
+constexpr int kMinBlocks = 6;
+// ... which is a displacement beyond so many standard deviations. Of 10 blocks that only scatter 1
 // window in 5000 is refused where one standard deviation is twice the limit, and 95 % of those with
 // a step of five; with one less of both 1 in 20 and all, with one more none and 25 %.
 constexpr double kScatters = 3.5, kHalvesScatter = 2.5;
-// What scatters more than this isn't held [m].
-constexpr double kMostScatter = 2e-4;
+// A carrier with more scatter than this isn't held [m].
+constexpr double kMaxScatter = 2e-4;
 
-// Length of a way and of a turn that is small, from an upright carrier [m].
-double lengthOf(const Vector6& way) { return way.head<3>().norm() + kLever * way.tail<3>().norm(); }
+// Length of a displacement and of a small rotation, from an upright carrier [m].
+double lengthOf(const Vector6& d) { return d.head<3>().norm() + kLever * d.tail<3>().norm(); }
 
 }  // namespace
 
 // The first block against all others, and the halves' means against each other: where all only
-// scatters, both differ by what neighbours differ.
+// scatter, both differ by as much as neighbours.
 bool AveragingWindow::hasMoved() {
-  const std::size_t n = ways_.size(), half = n / 2;
+  const std::size_t n = displacements_.size(), half = n / 2;
   motion_ = 0.0;
-  for (const Vector6& way : ways_) motion_ = std::max(motion_, lengthOf(way));
+  for (const Vector6& d : displacements_) motion_ = std::max(motion_, lengthOf(d));
   if (motion_ <= limits_.carrier_motion) return false;
-  if (n < kTellsScatter) return true;
+  if (n < kMinBlocks) return true;
   // neighbours without the steady part of their difference: 2σ² each
   Vector6 squares = Vector6::Zero(), first = Vector6::Zero(), second = Vector6::Zero();
   const double steps = static_cast<double>(n - 1);
-  const Vector6 steady = (ways_.back() - ways_.front()) / steps;
+  const Vector6 steady = (displacements_.back() - displacements_.front()) / steps;
   for (std::size_t i = 1; i < n; ++i) {
-    squares += (ways_[i] - ways_[i - 1] - steady).cwiseAbs2();
+    squares += (displacements_[i] - displacements_[i - 1] - steady).cwiseAbs2();
   }
   const double sd = lengthOf((squares / (2.0 * (steps - 1.0 / steps))).cwiseSqrt());
-  if (motion_ > limits_.carrier_motion + std::min(kScatters * sd, kMostScatter)) return true;
+  if (motion_ > limits_.carrier_motion + std::min(kScatters * sd, kMaxScatter)) return true;
   for (std::size_t i = 0; i < half; ++i) {
-    first += ways_[i];
-    second += ways_[n - 1 - i];
+    first += displacements_[i];
+    second += displacements_[n - 1 - i];
   }
   const double count = static_cast<double>(half);
-  // a steady motion's halves are half its way apart
+  // the halves' means of a steady motion differ by half of it
   const double drift = 2.0 * lengthOf((second - first) / count);
   return drift > limits_.carrier_motion + 2.0 * kHalvesScatter * sd * std::sqrt(2.0 / count);
 }
@@ -88,17 +88,17 @@ AveragingWindow::State AveragingWindow::add(const PlantBlock& block) {
   means_.add({block.wrench_a, block.covariance_a, block.samples},
              {block.wrench_b, block.covariance_b, block.samples}, block.displacement_b);
   last_ = block;
-  // for a strategy the press itself looks after saturation and motion
+  // in a strategy the press checks saturation and motion
   if (std::isfinite(limits_.carrier_motion)) {
     if (block.saturated) return State::kSaturated;
-    ways_.push_back(off);
+    displacements_.push_back(off);
   }
   if (blocks() < limits_.blocks) return State::kFilling;
   if (std::isfinite(limits_.carrier_motion) && hasMoved()) return State::kMoved;
   if (blocks() == 1 || means_.settled(limits_.settled_force)) return State::kSettled;
   if (++tried_ >= limits_.tries) return State::kNotSettled;
   means_.clear();
-  ways_.clear();
+  displacements_.clear();
   return State::kFilling;
 }
 

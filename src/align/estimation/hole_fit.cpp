@@ -18,12 +18,12 @@ constexpr double kPointFloor = 3e-6;  // sd of a contact's place besides its dir
 constexpr double kDirectionFloor = 1e-3;   // sd of a direction, model included [rad]
 constexpr double kBranchDirection = 0.02;  // sd of a direction where centres compete [rad]
 constexpr double kExplained = 0.008;       // off an expected direction by less is no error [rad]
-constexpr std::size_t kFewest = 5;         // readings for a plane with something left over
+constexpr std::size_t kMinReadings = 5;    // for a plane, with two to spare
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
-// weight of a contact's height: an error of its direction moves it up or down the peg's tilted edge
+// Weight of a contact's height: an error of its direction moves it up or down the peg's tilted edge
 double heightWeight(const HoleReading& r, double radius, const Vec3& normal) {
   const Vec3 along = r.X_SP.R * Vec3(-std::sin(r.alpha), std::cos(r.alpha), 0.0);
   return 1.0 / (1.0 + std::pow(radius * normal.dot(along) * r.sd / kHeightSd, 2));
@@ -35,15 +35,15 @@ Vec3 contactPoint(const HoleReading& r, double radius, double alpha) {
   return r.X_SP.R * Vec3(radius * std::cos(alpha), radius * std::sin(alpha), 0.0) + r.X_SP.p;
 }
 
-// azimuth of the lowest edge point, peg axes
+// Azimuth of the lowest edge point, peg axes. [rad]
 double lowest(const HoleReading& r, const Vec3& normal) {
   return std::atan2(-r.X_SP.R.col(1).dot(normal), -r.X_SP.R.col(0).dot(normal));
 }
 
-// a contact on the rim, in plane coordinates
+// A contact on the rim, in plane coordinates.
 struct RimPoint {
   Vec2 p;        // [m]
-  Vec2 tangent;  // way of the point by its direction on the edge [m/rad]
+  Vec2 tangent;  // derivative of the point by its direction on the edge [m/rad]
   double sd;     // of the direction [rad]
 };
 
@@ -53,9 +53,9 @@ struct CircleFit {
   double cost = 1e300;
 };
 
-// centre of a circle of given radius through points with robust weights. An error of the direction
+// Centre of a circle of given radius through points with robust weights. An error of the direction
 // moves a point along the peg's edge: for its distance from the centre only the part across the rim
-// counts, little where both circles are almost parallel
+// counts, little where both circles are almost parallel.
 CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>& outside,
                     double radius, const Vec2& start) {
   CircleFit fit;
@@ -109,7 +109,7 @@ Arc arcOver(const Vec2& peg, double peg_radius, const Vec2& center, double hole_
   return {std::atan2(d.y(), d.x()), std::acos(std::clamp(c, -1.0, 1.0))};
 }
 
-// Where a peg touches, as a direction in the plane: at its lowest edge point, or where its edge
+// Direction in the plane where a peg touches: at its lowest edge point, or where its edge
 // crosses the rim nearest to it.
 double touchDirection(const Arc& arc, double low) {
   const double away = wrapPi(low - arc.toward);
@@ -117,11 +117,11 @@ double touchDirection(const Arc& arc, double low) {
   return arc.toward + (away > 0.0 ? arc.half : -arc.half);
 }
 
-// a reading's peg in the plane, and the directions from it to the contact and to the lowest point
-// of its edge
+// A reading's peg in the plane, and the directions from it to the measured contact and to the
+// lowest point of its edge.
 struct Sight {
   Vec2 peg;
-  double felt, low;
+  double contact, low;
 };
 Sight sightOf(const HoleReading& r, double radius, const HoleEstimate& e,
               const Eigen::Matrix<double, 3, 2>& axes) {
@@ -137,12 +137,12 @@ struct Radii {
 };
 
 // The circle through two points has two centres: start in every direction around `middle`; of all
-// that fit, the one under which every contact of the sweep would be where it was felt.
+// that fit, the one under which the contacts of the sweep would be nearest to the measured ones.
 CircleFit bestCircle(const std::vector<RimPoint>& rim, const std::vector<Vec2>& plane,
                      const std::vector<HoleReading>& readings, const std::vector<Sight>& sights,
                      const Radii& radii, const Vec2& middle) {
   CircleFit best;
-  double least = 1e300;
+  double min_cost = 1e300;
   for (int i = 0; i < 24; ++i) {
     for (const double distance : {0.01, 0.1, 0.4, 1.2}) {
       const double a = 2 * M_PI * i / 24.0;
@@ -154,13 +154,13 @@ CircleFit bestCircle(const std::vector<RimPoint>& rim, const std::vector<Vec2>& 
         if (r.kind == HoleReading::kOut) continue;
         const Sight& at = sights[k];
         const Arc arc = arcOver(at.peg, radii.peg, fit.center, radii.hole);
-        const double off = wrapPi(at.felt - touchDirection(arc, at.low));
+        const double off = wrapPi(at.contact - touchDirection(arc, at.low));
         const double z = off / std::max(kBranchDirection, r.sd);
         cost += z * z / (1.0 + z * z / 16.0);
       }
       // equal but for rounding: the better circle
-      if (cost < 0.999 * least || (cost <= 1.001 * least && fit.cost < best.cost)) {
-        least = std::min(least, cost);
+      if (cost < 0.999 * min_cost || (cost <= 1.001 * min_cost && fit.cost < best.cost)) {
+        min_cost = std::min(min_cost, cost);
         best = fit;
       }
     }
@@ -170,7 +170,7 @@ CircleFit bestCircle(const std::vector<RimPoint>& rim, const std::vector<Vec2>& 
 
 }  // namespace
 
-// plane through the contacts by least squares; C or C* by what lies at its height
+// Plane through the contacts by least squares; C or C* by which end is at its height.
 FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstimate& e) {
   double spread = 0.0;
   for (int pass = 0; pass < 15; ++pass) {
@@ -184,14 +184,13 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
       const double weight = heightWeight(r, radius, e.normal);  // of either end
       bool take;
       if (pass < 3) {
-        // at first only what is clear: ends of a diameter well down the slope
+        // at first only unambiguous contacts: ends of a diameter well down the slope
         if (there < here && !r.end_known) r.alpha = opposite;
         take = std::abs(here - there) > 0.02 * radius;
       } else {
         if (std::abs(there) < std::abs(here) && !r.end_known) r.alpha = opposite;
-        const double least =
-            r.end_known ? std::abs(here) : std::min(std::abs(here), std::abs(there));
-        take = least * std::sqrt(weight) < std::max(kHeightFloor, 4 * spread);
+        const double off = r.end_known ? std::abs(here) : std::min(std::abs(here), std::abs(there));
+        take = off * std::sqrt(weight) < std::max(kHeightFloor, 4 * spread);
       }
       r.kind = take ? HoleReading::kPlane : HoleReading::kOut;
       if (!take) continue;
@@ -201,7 +200,7 @@ FitStatus fitPlane(double radius, std::vector<HoleReading>& readings, HoleEstima
       b += weight * row * p.z();
       ++n;
     }
-    if (n < kFewest) {
+    if (n < kMinReadings) {
       return {AlignFailure::kNoPlaneReading, "fewer than 5 contacts agree on a plane"};
     }
     const Eigen::FullPivLU<Mat3> lu(A);
@@ -232,7 +231,7 @@ Eigen::Matrix<double, 3, 2> planeAxes(const Vec3& normal) {
 }
 
 FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
-                  HoleEstimate& e, int least_rim) {
+                  HoleEstimate& e, int min_rim) {
   const FitStatus status = fitPlane(peg_radius, readings, e);
   if (!status.good()) return status;
 
@@ -260,7 +259,7 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
     }
   }
   middle /= e.plane_readings + e.rim_readings;
-  if (e.rim_readings < least_rim) {
+  if (e.rim_readings < min_rim) {
     return {AlignFailure::kNoHoleUnderEdge, "too few contacts on the rim"};
   }
 
@@ -269,16 +268,16 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
   }
   const CircleFit best =
       bestCircle(rim, plane, readings, sights, {peg_radius, hole_radius}, middle);
-  // a contact that neither the plane nor an edge of this hole explains was read wrong
+  // a contact that neither the plane nor an edge of this hole explains is an outlier
   for (std::size_t i = 0; i < readings.size(); ++i) {
     HoleReading& r = readings[i];
     r.explained = false;
     if (r.kind == HoleReading::kOut) continue;
     const Sight& at = sights[i];
     const Arc arc = arcOver(at.peg, peg_radius, best.center, hole_radius);
-    double off = std::abs(wrapPi(at.felt - at.low));
+    double off = std::abs(wrapPi(at.contact - at.low));
     for (const double half : {-arc.half, arc.half}) {
-      off = std::min(off, std::abs(wrapPi(at.felt - arc.toward - half)));
+      off = std::min(off, std::abs(wrapPi(at.contact - arc.toward - half)));
     }
     r.explained = off < std::max(kExplained, 4 * std::min(r.sd, kExplained));
   }
@@ -286,7 +285,7 @@ FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading
   e.center_covariance = best.covariance;
   if (std::sqrt(best.covariance.trace()) > 0.02 * hole_radius) {
     return {AlignFailure::kOneEdgeOnly,
-            "the rim was felt on one side only, the centre is not determined"};
+            "the rim was touched on one side only, the centre is not determined"};
   }
   return {};
 }

@@ -21,25 +21,25 @@ constexpr int kOfHole = 5;    // those before the offset
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
-constexpr int kMarch = 36;                 // steps of half the edge, for where it crosses the rim
-constexpr double kCrossing = 1e-10;        // to which that is sought [rad]
-constexpr int kLune = 24;                  // of the part below the plane
-constexpr int kGrid = 15, kMostGrid = 97;  // centres to start from, per axis: these at least
-constexpr double kGridStep = 0.25;         // and so many radii apart at most
-constexpr int kStarts = 5;                 // of these climbed
-constexpr double kAzimuth = 1e-9;          // to which a contact on a chamfer is sought [rad]
-constexpr double kSteep = 100.0;           // a wall up from the bore's end, for that search
-constexpr double kSlack = 1e-9;            // within the bore that is on its end [m]
-constexpr double kGridReach = 2.0;         // of the prior's deviations
+constexpr int kMarch = 36;                // steps of half the edge, for where it crosses the rim
+constexpr double kCrossing = 1e-10;       // tolerance of that [rad]
+constexpr int kLune = 24;                 // of the part below the plane
+constexpr int kGrid = 15, kMaxGrid = 97;  // start centres per axis: these at least
+constexpr double kGridStep = 0.25;        // and so many radii between them at most
+constexpr int kStarts = 5;                // of these climbed
+constexpr double kAzimuth = 1e-9;         // tolerance of a contact on a chamfer [rad]
+constexpr double kSteep = 100.0;          // a wall up from the bore's end, for that search
+constexpr double kSlack = 1e-9;           // within the bore that is on its end [m]
+constexpr double kGridReach = 2.0;        // of the prior's deviations
 constexpr int kIterations = 40;
 constexpr int kCircles = 4;          // steps up the peg's chamfer, for which touches
-constexpr double kCircle = 1e-3;     // and to which its circle is sought
-constexpr int kHeldBisections = 14;  // of a step, for the highest circle that the bore holds
+constexpr double kCircle = 1e-3;     // and the tolerance of its circle
+constexpr int kHeldBisections = 14;  // of a step, for the highest circle inside the bore
 constexpr double kNowhere = 1e9;     // gap of a circle that touches nothing [m]
-constexpr double kTouchSd = 5.5e-6;  // of a touch from above, wherever the carrier stands [m]
-constexpr double kOutlier = 16.0;    // squared residual from where on a reading counts less
+constexpr double kTouchSd = 5.5e-6;  // of a touch from above, at any carrier pose [m]
+constexpr double kOutlier = 16.0;    // squared residual beyond which a reading counts less
 
-// of a point of the peg's edge from its axis, peg axes
+// Of a point of the peg's edge from its axis, peg axes.
 using Direction = Vec2;
 Direction direction(double azimuth) { return {std::cos(azimuth), std::sin(azimuth)}; }
 Direction turned(const Direction& a, const Direction& by) {
@@ -47,7 +47,7 @@ Direction turned(const Direction& a, const Direction& by) {
 }
 
 // The peg's edge over a hole: heights and distances as functions of the azimuth. Of a chamfered peg
-// the circle that is a part `up` of the way from the bottom edge to the shoulder.
+// the circle that is a part `up` of the height from the bottom edge to the shoulder.
 struct Edge {
   Edge(const TouchModel& model, const Pose& X_SP, const Vec3& normal, const Vec3& center, double up)
       : r(tipRadius(model.peg) + up * model.peg.chamfer_width),
@@ -67,12 +67,12 @@ struct Edge {
   double height(const Direction& a) const { return middle + r * a.dot(rise); }
   double beyond(const Direction& a) const { return place(a).norm() - R; }
   bool inside(const Direction& a) const { return place(a).squaredNorm() < R * R; }
-  // what lies beyond the wall at its height: the chamfer widens the bore
+  // Distance beyond the wall at its height: the chamfer widens the bore. [m]
   double beyondWall(const Direction& a) const {
     const double out = beyond(a);
     return width > 0.0 ? out - width * std::clamp(1.0 + height(a) / deep, 0.0, 1.0) : out;
   }
-  // height over face and chamfer; over the bore as over a steep wall up
+  // Height over face and chamfer; over the bore as over a steep wall up. [m]
   double over(double azimuth) const {
     const Direction a = direction(azimuth);
     if (!(width > 0.0)) return height(a);
@@ -81,13 +81,13 @@ struct Edge {
     return height(a) + deep * std::max(0.0, 1.0 - out / width);
   }
 
-  // azimuth of what is lowest over the block; nothing where the whole edge is in the bore
+  // Azimuth of the lowest point over the block; nothing where the whole edge is in the bore. [rad]
   std::optional<double> touch() const {
     if (beyond(lowest) >= width) return low;
     return width > 0.0 ? touchOnChamfer() : touchOnRim();
   }
 
-  // the first point outside the rim, from the lowest one on
+  // The first point outside the rim, from the lowest one on. [rad]
   std::optional<double> touchOnRim() const {
     static const Direction step = direction(M_PI / kMarch), step_back = direction(-M_PI / kMarch);
     Direction ahead = lowest, back = lowest;
@@ -106,26 +106,26 @@ struct Edge {
   std::optional<double> touchOnChamfer() const {
     const auto on = [this](double a) { return over(a); };
     // both sides of the lowest point may be nearly as low
-    double least_at = low, height = 1e9;
+    double lowest_at = low, height = 1e9;
     for (const double side : {1.0, -1.0}) {
-      double best = low, least = over(low);
+      double best = low, min_height = over(low);
       for (int i = 1; i <= kMarch; ++i) {
         const double a = low + side * M_PI * i / kMarch, here = over(a);
-        if (here < least) {
-          least = here;
+        if (here < min_height) {
+          min_height = here;
           best = a;
         }
       }
       best = leastIn(best - M_PI / kMarch, best + M_PI / kMarch, on, kAzimuth);
       if (over(best) >= height) continue;
       height = over(best);
-      least_at = best;
+      lowest_at = best;
     }
-    if (beyond(direction(least_at)) < -kSlack) return {};
-    return least_at;
+    if (beyond(direction(lowest_at)) < -kSlack) return {};
+    return lowest_at;
   }
 
-  // how far what is below the plane reaches beyond the wall
+  // Reach of the edge below the plane beyond the wall. [m]
   double reach() const {
     const double slope = r * rise.norm();
     const double half = std::acos(std::clamp(middle / std::max(slope, 1e-12), -1.0, 1.0));
@@ -148,7 +148,7 @@ struct Edge {
       const double from = low + half * (2.0 * (at - 1) / kLune - 1.0);
       return -short_of(leastIn(from, from + 4.0 * half / kLune, short_of, kAzimuth));
     }
-    // parabola through the three about the greatest
+    // parabola through the three about the maximum
     const auto k = static_cast<std::size_t>(at);
     const double before = values[k - 1], here = values[k], after = values[k + 1];
     const double bend = before - 2 * here + after;
@@ -163,7 +163,7 @@ struct Edge {
  private:
   Vec3 place(const Direction& a) const { return p + r * (a.x() * ex + a.y() * ey); }
 
-  // from the lowest point to the crossing of the rim in a step of the march
+  // Azimuth from the lowest point to the crossing of the rim in a step of the march. [rad]
   double crossing(int side, int step) const {
     const auto value = [&](double away) {
       return place(turned(lowest, direction(side * away))).squaredNorm() - R * R;
@@ -176,67 +176,66 @@ struct Edge {
   }
 };
 
-// a touch against a hole: its residual, and where on the peg it would be
-struct Felt {
+// A touch against a hole: its residual [m], and where on the peg it would be.
+struct Expected {
   double residual, azimuth, radius;
   bool rests = true;
   double height = 0.0;  // over the peg's bottom
 };
 
-Felt feltBy(const TouchReading& reading, const Edge& edge) {
+Expected expectedOf(const TouchReading& reading, const Edge& edge) {
   if (reading.kind == TouchReading::kWall) return {edge.reach(), edge.low, edge.r};
   const std::optional<double> at = edge.touch();
-  // an edge all inside rests nowhere: as if on its highest point
+  // an edge inside the bore doesn't rest: as if on its highest point
   const double gap = at ? edge.over(*at) : edge.height(-edge.lowest);
   if (reading.kind == TouchReading::kFree)
     return {std::min({0.0, gap, -edge.reach()}), 0.0, edge.r, at.has_value()};
   return {gap, at.value_or(edge.low), edge.r, at.has_value()};
 }
 
-// By whichever circle of the peg's chamfer is nearest to the block. All of its circles are on the
+// By the circle of the peg's chamfer that is nearest to the block. All of its circles are on the
 // cone, which is as near as the nearest of them.
-Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
-                   const Vec3& center) {
+Expected expectedOnChamfer(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
+                           const Vec3& center) {
   const auto at = [&](double up) { return Edge(model, reading.X_SP, normal, center, up); };
   const Edge bottom = at(0.0);
   const bool wall = reading.kind == TouchReading::kWall;
   double highest = 1.0;
   if (wall) {
-    // of a circle only what is below the plane lies against the wall
+    // only the part of a circle below the plane is against the wall
     const auto lowest = [](const Edge& edge) { return edge.middle - edge.r * edge.rise.norm(); };
     const double low = lowest(bottom), high = lowest(at(1.0));
-    if (!(low < 0.0)) return feltBy(reading, bottom);
+    if (!(low < 0.0)) return expectedOf(reading, bottom);
     if (high > 0.0) highest = low / (low - high);
   } else if (bottom.beyond(bottom.lowest) >= bottom.width) {
-    return feltBy(reading, bottom);  // on the face
+    return expectedOf(reading, bottom);  // on the face
   }
-  const auto felt = [&](double up) {
+  const auto expected = [&](double up) {
     const Edge edge = at(up);
-    Felt found = feltBy(reading, edge);
+    Expected found = expectedOf(reading, edge);
     found.height = up * chamferHeight(model.peg);
-    // a circle that the bore holds rests nowhere: what rests is higher up
+    // a circle inside the bore doesn't rest: one higher up does
     if (!found.rests) {
       const bool edges = reading.kind == TouchReading::kEdge;
       found.residual = edges ? kNowhere : std::min(0.0, -edge.reach());
     }
     return found;
   };
-  const auto apart = [wall](const Felt& f) { return wall ? -f.residual : f.residual; };
+  const auto distance = [wall](const Expected& f) { return wall ? -f.residual : f.residual; };
   double best = 0.0;
-  Felt nearest = felt(0.0);
-  double held = nearest.rests ? -1.0 : 0.0;  // the highest circle that the bore holds
+  Expected nearest = expected(0.0);
+  double held = nearest.rests ? -1.0 : 0.0;  // the highest circle inside the bore
   for (int i = 1; i <= kCircles; ++i) {
     const double up = highest * i / kCircles;
-    const Felt here = felt(up);
+    const Expected here = expected(up);
     if (!here.rests) held = up;
-    if (apart(here) >= apart(nearest)) continue;
+    if (distance(here) >= distance(nearest)) continue;
     nearest = here;
     best = up;
   }
   const double step = highest / kCircles;
   double from = std::max(0.0, best - step), to = std::min(highest, best + step);
-  // what rests first above it may be as near as any, or the nearest is between it and the next
-  // circle
+  // the first circle that rests above it may be the nearest, or that is between it and the next one
   if (held >= 0.0 && held < highest) {
     const double next = held + step;
     double rests = next;
@@ -244,24 +243,24 @@ Felt feltByChamfer(const TouchModel& model, const TouchReading& reading, const V
       const double up = 0.5 * (held + rests);
       (at(up).touch() ? rests : held) = up;
     }
-    const Felt here = felt(rests);
+    const Expected here = expected(rests);
     from = std::max(from, rests);
-    if (apart(here) < apart(nearest)) {
+    if (distance(here) < distance(nearest)) {
       nearest = here;
       from = rests;
       to = next;
     }
   }
-  const Felt refined = felt(leastIn(
-      from, to, [&](double up) { return apart(felt(up)); }, kCircle));
-  if (apart(refined) < apart(nearest)) nearest = refined;
-  return nearest.residual < kNowhere ? nearest : feltBy(reading, at(1.0));
+  const Expected refined = expected(leastIn(
+      from, to, [&](double up) { return distance(expected(up)); }, kCircle));
+  if (distance(refined) < distance(nearest)) nearest = refined;
+  return nearest.residual < kNowhere ? nearest : expectedOf(reading, at(1.0));
 }
 
-Felt residualOf(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
-                const Vec3& center) {
-  if (model.peg.chamfer_width > 0.0) return feltByChamfer(model, reading, normal, center);
-  return feltBy(reading, Edge(model, reading.X_SP, normal, center, 0.0));
+Expected residualOf(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
+                    const Vec3& center) {
+  if (model.peg.chamfer_width > 0.0) return expectedOnChamfer(model, reading, normal, center);
+  return expectedOf(reading, Edge(model, reading.X_SP, normal, center, 0.0));
 }
 
 struct Hole {
@@ -281,8 +280,8 @@ class Posterior {
   }
   int count() const { return count_; }
 
-  // What the touches from above leave, their own error apart, by what is free of them; z and J are
-  // those of the end. Walls are felt less exactly.
+  // Variance of where moves end: residuals of touches from above less their own error, by their
+  // degrees of freedom; z and J are those of the solution. Walls are measured less exactly. [m²]
   double placeVariance(const Eigen::VectorXd& z, const Eigen::MatrixXd& J,
                        const Square& covariance) const {
     double squares = 0.0, free = 0.0;
@@ -299,9 +298,9 @@ class Posterior {
     return of_moves / std::max(1.0, free - 2.0);
   }
 
-  std::vector<Felt> felt(const Unknowns& x) const {
+  std::vector<Expected> expected(const Unknowns& x) const {
     const Hole hole = holeOf(x);
-    std::vector<Felt> out;
+    std::vector<Expected> out;
     out.reserve(readings_.size());
     for (const TouchReading& r : readings_) {
       out.push_back(residualOf(model_, r, hole.normal, hole.center));
@@ -309,19 +308,19 @@ class Posterior {
     return out;
   }
 
-  // residuals over their deviations; those of readings that don't fit weighed down
-  Eigen::VectorXd operator()(const Unknowns& x) const { return residuals(x, felt(x)); }
+  // Residuals over their deviations; those of readings that don't fit have less weight.
+  Eigen::VectorXd operator()(const Unknowns& x) const { return residuals(x, expected(x)); }
 
   Eigen::MatrixXd slope(const Unknowns& x) const {
     Eigen::MatrixXd J(count_, kUnknowns);
     const double r = model_.peg.radius;
-    const std::vector<Felt> here = felt(x);
+    const std::vector<Expected> here = expected(x);
     for (int i = 0; i < kUnknowns; ++i) {
       const double h = i < 2 ? 1e-6 : 1e-6 * r;
       Unknowns up = x, down = x;
       up(i) += h;
       down(i) -= h;
-      // what the sensor is off by is nothing to the peg
+      // the sensor's offset doesn't move the peg
       J.col(i) =
           i < kOfHole ? (*this)(up) - (*this)(down) : residuals(up, here) - residuals(down, here);
       J.col(i) /= 2 * h;
@@ -332,12 +331,12 @@ class Posterior {
  private:
   static double robust(double z) { return z / std::sqrt(1.0 + z * z / kOutlier); }
 
-  Eigen::VectorXd residuals(const Unknowns& x, const std::vector<Felt>& felt) const {
+  Eigen::VectorXd residuals(const Unknowns& x, const std::vector<Expected>& expected) const {
     Eigen::VectorXd out(count_);
     int n = 0;
     for (std::size_t i = 0; i < readings_.size(); ++i) {
       const TouchReading& reading = readings_[i];
-      const Felt& here = felt[i];
+      const Expected& here = expected[i];
       out(n++) = robust(here.residual / reading.sd);
       if (!reading.point) continue;
       const Vec2 at = *reading.point + here.height * reading.lean;
@@ -361,7 +360,7 @@ class Posterior {
   int count_ = 0;
 };
 
-// Levenberg–Marquardt; returns the sum of squares
+// Levenberg–Marquardt; returns the sum of squares.
 double climb(const Posterior& posterior, Unknowns& x) {
   Eigen::VectorXd z = posterior(x);
   double cost = z.squaredNorm(), damping = 1e-3;
@@ -388,7 +387,7 @@ double climb(const Posterior& posterior, Unknowns& x) {
   return cost;
 }
 
-// All points of touch lie in the hole's plane, on the rim or beside it.
+// Plane through the points of touch, which are on the rim or beside it.
 Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& readings) {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Vec3 b = Vec3::Zero();
@@ -405,7 +404,7 @@ Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& 
   }
   const Eigen::FullPivLU<Eigen::Matrix3d> lu(A);
   if (n < 3 || !lu.isInvertible()) {
-    throw InputError("touches: fewer than 3 that tell a plane; touch at other tilts");
+    throw InputError("touches: fewer than 3 that determine a plane; touch at other tilts");
   }
   const Vec3 plane = lu.solve(b);
   Unknowns x = Unknowns::Zero();
@@ -430,7 +429,7 @@ TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& re
   std::vector<Start> starts;
   const double reach = kGridReach * model.position_sd;
   const double steps = 2.0 * reach / (kGridStep * model.peg.radius);
-  const int grid = static_cast<int>(std::clamp<double>(std::ceil(steps) + 1, kGrid, kMostGrid));
+  const int grid = static_cast<int>(std::clamp<double>(std::ceil(steps) + 1, kGrid, kMaxGrid));
   for (int i = 0; i < grid; ++i) {
     for (int k = 0; k < grid; ++k) {
       const Vec2 off(2.0 * i / (grid - 1) - 1.0, 2.0 * k / (grid - 1) - 1.0);

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "assembly_cell/align/search/search.h"
+#include "assembly_cell/align/search/search_frame.h"
 #include "assembly_cell/twin_force/next_contact.h"
 
 namespace assembly_cell {
@@ -24,14 +24,15 @@ constexpr int kAzimuths = 8;  // of the tilts to choose from
 constexpr double kOverRim = 3e-3;
 // The same, low edge outside: the whole edge on the plane. Half 4.2 µm, 7.4 s; twice 4.1 µm, 8.2 s.
 constexpr double kOverPlane = 8e-3;
-// Sideways, times what friction holds: half of it can't slip. Half or twice 3.7 to 3.8 µm, but at
-// twice nothing holds it.
+// Sideways, times the limit of friction: half of it can't slip. Half or twice 3.7 to 3.8 µm, but at
+// twice it slips.
 constexpr double kPull = 0.5;
 // Sd of a touched point's height: the edge of a peg whose tilt isn't known yet (0.1 rad over its
-// radius); then where a move ends, 30 µm, and what a point of the rim felt 1 mm off makes at 3°.
-// [m]
+// radius); then where a move ends, 30 µm, and the effect at 3° of a point of the rim measured 1 mm
+// off. [m]
 constexpr double kTouchedFirst = 2e-3, kTouched = 6e-5;
-// Line of action's distance from the axis over the radius from which one point of the edge carries.
+// Distance of the line of action from the axis, over the radius, from which on one point of the
+// edge carries.
 constexpr double kOnEdge = 0.8;
 
 // Φ C Φᵀ, symmetric to the last bit.
@@ -40,11 +41,63 @@ Matrix6 transported(const Matrix6& phi, const Matrix6& covariance) {
   return 0.5 * (c + c.transpose());
 }
 
-// Of a wrench, the same force on each axis with torques at the sensors' arm.
+// Variance of a wrench: the same force on each axis with torques at the sensors' arm.
 Matrix6 wrenchVariance(double force_sd, double arm) {
   Vector6 sd;
   sd << Vec3::Constant(force_sd), Vec3::Constant(arm * force_sd);
   return sd.cwiseAbs2().asDiagonal();
+}
+
+// Signs of the sensors with one more contact, the last of all. Pressed against a plane each sensor
+// has a side of its own; elsewhere only one is checked against the other.
+SignVerdict signsWith(const TwinContact& contact, const std::vector<TwinContact>& contacts,
+                      const TwinForceSetup& setup, SignVerdict before) {
+  const Mat3 nominal = setup.options.prior ? setup.options.prior->pose.R : Mat3::Identity();
+  const SignCheck now =
+      checkSigns(contact, nominal, setup.on_plane ? Vec3(0, 0, 1) : Vec3(0, 0, 0));
+  const SignVerdict all =
+      setup.on_plane || contacts.size() < 3 ? SignVerdict::kUndecided : checkSigns(contacts);
+  for (const SignVerdict verdict : {now.pair, now.a, now.b, all}) {
+    if (verdict == SignVerdict::kReversed) return SignVerdict::kReversed;
+  }
+  return now.pair == SignVerdict::kRight && before == SignVerdict::kUndecided ? now.pair : before;
+}
+
+// The nominal prior with the touched points in the hole's plane, to first order about a pose: they
+// determine height and tilt.
+PosePrior touchedPrior(const PosePrior& nominal, const std::vector<Vec3>& points, const Pose& about,
+                       double sd) {
+  Vector6 away;
+  away << about.p - nominal.pose.p, vectorFromRotation(about.R * nominal.pose.R.transpose()).value;
+  Matrix6 information = nominal.covariance.inverse();
+  Vector6 pull = information * away;
+  for (const Vec3& point : points) {
+    const Vec3 p = about.R * point;
+    Vector6 slope;
+    slope << 0.0, 0.0, 1.0, p.y(), -p.x(), 0.0;
+    information += slope * slope.transpose() / (sd * sd);
+    pull += slope * (p.z() + about.p.z()) / (sd * sd);
+  }
+  PosePrior prior;
+  prior.covariance = information.inverse();
+  prior.covariance = (0.5 * (prior.covariance + prior.covariance.transpose())).eval();
+  const Vector6 step = -prior.covariance * pull;
+  prior.pose = {rotationFromVector({Vec3(step.tail<3>())}) * about.R, about.p + step.head<3>()};
+  return prior;
+}
+
+// Lowest point of the bottom edge that isn't over the hole, axes of hole.
+std::optional<Vec3> touchPoint(const Mechanism& mechanism, const Pose& X_HP) {
+  std::optional<Vec3> lowest;
+  for (int i = 0; i < 360; ++i) {
+    const double a = 2 * M_PI * i / 360;
+    const Vec3 edge = tipRadius(mechanism.peg) * Vec3(std::cos(a), std::sin(a), 0.0);
+    const Vec3 p = X_HP.R * edge + X_HP.p;
+    if (p.head<2>().norm() > mouthRadius(mechanism.hole) && (!lowest || p.z() < lowest->z())) {
+      lowest = p;
+    }
+  }
+  return lowest;
 }
 
 }  // namespace
@@ -70,8 +123,7 @@ Mat3 centerCovariance(const TwinForceSolution& solution) {
   return J * solution.covariance * J.transpose();
 }
 
-TwinForceContacts::TwinForceContacts(const TwinForceSetup& setup)
-    : setup_(setup), X_HA_(inverse(setup.X_AH)), X_PC_(inverse(setup.X_CP)), workspace_(0) {}
+TwinForceContacts::TwinForceContacts(const TwinForceSetup& setup) : setup_(setup), workspace_(0) {}
 
 void TwinForceContacts::setGainCovariances(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   setup_.gain_covariance_a = a;
@@ -87,17 +139,17 @@ void TwinForceContacts::begin(const TwinForceTask& task) {
   setup_.options.required_position = task.required_position;
   setup_.options.required_rotation = task.required_rotation;
   setup_.options.tare_covariance.reset();
-  referenced_ = task.reference.has_value();
-  if (referenced_) X_SP_ = *task.reference * setup_.X_CP;
-  tared_ = false;
+  X_SP_.reset();
+  if (task.reference) X_SP_ = *task.reference * setup_.X_CP;
+  zero_.reset();
   zero_age_ = 0.0;
   const TwinUncertainty& known = setup_.uncertainty;
   TwinErrors errors;
   errors.a.gain = errors.b.gain = known.gain;
   errors.a.rotation = errors.b.rotation = known.rotation;
   errors.a.offset = errors.b.offset = known.offset;
-  errors.a.frame = X_HA_;
-  errors.b.frame = X_PC_;
+  errors.a.frame = inverse(setup_.X_AH);
+  errors.b.frame = inverse(setup_.X_CP);
   errors.a.gain_covariance = setup_.gain_covariance_a;
   errors.b.gain_covariance = setup_.gain_covariance_b;
   setup_.options.errors = errors;
@@ -108,14 +160,15 @@ void TwinForceContacts::begin(const TwinForceTask& task) {
 }
 
 WindowAnswer TwinForceContacts::tare(const AveragingWindow& free) {
-  free_ = free.means();
-  free_end_ = free.lastEnd();
-  X_SC_free_ = carrierPose(free.carrier());
-  tared_ = true;
-  // a driver may have taken the weight out already: then upright counts
-  const Vec3 force = free_.wrenchB().head<3>();
+  Zero zero;
+  zero.free = free.means();
+  zero.end = free.lastEnd();
+  zero.X_SC = carrierPose(free.carrier());
+  // a driver may have removed the weight already: then the carrier counts as upright
+  const Vec3 force = zero.free.wrenchB().head<3>();
   const bool weighed = force.norm() > 0.5 * setup_.mechanism.peg.mass * setup_.mechanism.gravity;
-  up_ = weighed ? Vec3(-(X_SC_free_.R * force).normalized()) : Vec3(X_SC_free_.R.col(2));
+  zero.up = weighed ? Vec3(-(zero.X_SC.R * force).normalized()) : Vec3(zero.X_SC.R.col(2));
+  zero_ = zero;
   return {};
 }
 
@@ -124,7 +177,7 @@ Pose TwinForceContacts::carrierPose(const RestPose& carrier) const {
 }
 
 Pose TwinForceContacts::moveOf(const Pose& X_SC) const {
-  return inverse(X_SP_) * X_SC * setup_.X_CP;
+  return inverse(*X_SP_) * X_SC * setup_.X_CP;
 }
 
 Pose TwinForceContacts::pegPose(const Pose& X_SC, const Vector6& displacement) const {
@@ -133,31 +186,32 @@ Pose TwinForceContacts::pegPose(const Pose& X_SC, const Vector6& displacement) c
 
 WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
   if (contacts_.size() >= task_.capacity) {
-    return {std::to_string(contacts_.size()) + " contacts are kept, as many as there is room for"};
+    return {std::to_string(contacts_.size()) +
+            " contacts are kept, which is the capacity of the task"};
   }
   const ContactWindow& pressed = window.means();
   const Matrix6 &rounding_a = window.last().rounding_a, &rounding_b = window.last().rounding_b;
   const Pose X_SC = carrierPose(window.carrier());
-  if (!referenced_) X_SP_ = X_SC * setup_.X_CP;
-  referenced_ = true;
-  const Matrix6 phi_a = wrenchTransform(X_HA_), phi_b = wrenchTransform(X_PC_);
+  if (!X_SP_) X_SP_ = X_SC * setup_.X_CP;
+  const Matrix6 phi_a = wrenchTransform(inverse(setup_.X_AH)),
+                phi_b = wrenchTransform(inverse(setup_.X_CP));
   TwinContact c;
   Vector6 zero_a = Vector6::Zero(), zero_b = Vector6::Zero();
   Matrix6 scatter_a = pressed.covarianceA(), scatter_b = pressed.covarianceB();
-  if (tared_) {
+  if (zero_) {
     // the weight turns with the carrier and shifts with the deflection
     const auto weight = [this](const Pose& X, const ContactWindow& means) {
-      return pegWeight(setup_.mechanism.peg, setup_.mechanism.gravity, X.R.transpose() * up_,
+      return pegWeight(setup_.mechanism.peg, setup_.mechanism.gravity, X.R.transpose() * zero_->up,
                        means.displacement());
     };
-    zero_a = free_.wrenchA();
-    zero_b = free_.wrenchB() + weight(X_SC, pressed) - weight(X_SC_free_, free_);
-    scatter_a += free_.covarianceA();
-    scatter_b += free_.covarianceB();
-    // the walk since the zero is this contact's own, a steady drift the same in all
+    zero_a = zero_->free.wrenchA();
+    zero_b = zero_->free.wrenchB() + weight(X_SC, pressed) - weight(zero_->X_SC, zero_->free);
+    scatter_a += zero_->free.covarianceA();
+    scatter_b += zero_->free.covarianceB();
+    // the walk since the zero is this contact's own, a steady drift is common to all
     const TwinUncertainty& known = setup_.uncertainty;
     const double arm = setup_.options.errors->a.arm;
-    const double age = std::max(0.0, window.lastEnd() - free_end_);
+    const double age = std::max(0.0, window.lastEnd() - zero_->end);
     zero_age_ = std::max(zero_age_, age);
     const Matrix6 walked = wrenchVariance(known.walk * std::sqrt(age), arm);
     const Matrix6 drifted = wrenchVariance(known.drift * zero_age_, arm);
@@ -182,59 +236,23 @@ WindowAnswer TwinForceContacts::add(const AveragingWindow& window) {
           .covariance;
   contacts_.push_back(c);
 
-  // where on the bottom the line of action passes: in the hole's plane, whatever is touched
+  // point of the line of action on the bottom: in the hole's plane, for any contact
   const Pose X_PQ = deflectedPeg(setup_.X_CP, pressed.displacement());
   const Vector6 w = transformWrench(inverse(X_PQ), c.wrench_b);
   const Pose X_0Q = c.move * X_PQ;
   const double force = w(2) == 0.0 ? 1.0 : w(2);
   Vec3 point(-w(4) / force, w(3) / force, 0.0);
-  // one point carries: it is on the edge, whatever the sensor is off
+  // one point carries: it is on the edge, whatever the sensor's error
   const double radius = tipRadius(setup_.mechanism.peg);
   if (point.norm() > kOnEdge * radius) point *= radius / point.norm();
   points_.push_back(X_0Q.R * point + X_0Q.p);
-  check(c);
+  signs_ = signsWith(c, contacts_, setup_, signs_);
   return {"", signs_ == SignVerdict::kReversed, c.wrench_b.head<3>().norm()};
-}
-
-// Pressed against a plane each sensor has a side of its own; elsewhere only one against the other.
-void TwinForceContacts::check(const TwinContact& contact) {
-  const Mat3 nominal = setup_.options.prior ? setup_.options.prior->pose.R : Mat3::Identity();
-  const SignCheck now =
-      checkSigns(contact, nominal, setup_.on_plane ? Vec3(0, 0, 1) : Vec3(0, 0, 0));
-  const SignVerdict all =
-      setup_.on_plane || contacts_.size() < 3 ? SignVerdict::kUndecided : checkSigns(contacts_);
-  for (const SignVerdict verdict : {now.pair, now.a, now.b, all}) {
-    if (verdict == SignVerdict::kReversed) signs_ = SignVerdict::kReversed;
-  }
-  if (now.pair == SignVerdict::kRight && signs_ == SignVerdict::kUndecided) signs_ = now.pair;
-}
-
-// The nominal prior with the touched points in the hole's plane, to first order about a pose: they
-// tell height and tilt.
-PosePrior TwinForceContacts::touchedPrior(const Pose& about, double sd) const {
-  const PosePrior& nominal = *setup_.options.prior;
-  Vector6 away;
-  away << about.p - nominal.pose.p, vectorFromRotation(about.R * nominal.pose.R.transpose()).value;
-  Matrix6 information = nominal.covariance.inverse();
-  Vector6 pull = information * away;
-  for (const Vec3& point : points_) {
-    const Vec3 p = about.R * point;
-    Vector6 slope;
-    slope << 0.0, 0.0, 1.0, p.y(), -p.x(), 0.0;
-    information += slope * slope.transpose() / (sd * sd);
-    pull += slope * (p.z() + about.p.z()) / (sd * sd);
-  }
-  PosePrior prior;
-  prior.covariance = information.inverse();
-  prior.covariance = (0.5 * (prior.covariance + prior.covariance.transpose())).eval();
-  const Vector6 step = -prior.covariance * pull;
-  prior.pose = {rotationFromVector({Vec3(step.tail<3>())}) * about.R, about.p + step.head<3>()};
-  return prior;
 }
 
 TwinForceSolution TwinForceContacts::solve() {
   fit();
-  // a matrix that has changed since its calibration: from here on as one that nobody calibrated
+  // a matrix that has changed since its calibration: from here on as an uncalibrated one
   const bool contradicted =
       estimate_.status == TwinForceStatus::kRefuseInconsistent || !estimate_.rejected.empty();
   TwinErrors& errors = *setup_.options.errors;
@@ -252,26 +270,13 @@ void TwinForceContacts::fit() {
   Pose start = options.prior ? options.prior->pose : Pose{};
   const bool on_plane = setup_.on_plane && options.prior && !points_.empty();
   for (int pass = 0; pass < (on_plane ? 3 : 1); ++pass) {
-    if (on_plane) options.prior = touchedPrior(start, pass == 0 ? kTouchedFirst : kTouched);
+    if (on_plane)
+      options.prior =
+          touchedPrior(*setup_.options.prior, points_, start, pass == 0 ? kTouchedFirst : kTouched);
     estimate_ = estimatePose(contacts_, options, workspace_);
     if (!hasPose(estimate_.status)) break;
     start = estimate_.pose;
   }
-}
-
-// lowest point of the bottom edge that isn't over the hole
-std::optional<Vec3> TwinForceContacts::touchPoint(const Pose& X_HP) const {
-  std::optional<Vec3> lowest;
-  for (int i = 0; i < 360; ++i) {
-    const double a = 2 * M_PI * i / 360;
-    const Vec3 edge = tipRadius(setup_.mechanism.peg) * Vec3(std::cos(a), std::sin(a), 0.0);
-    const Vec3 p = X_HP.R * edge + X_HP.p;
-    if (p.head<2>().norm() > mouthRadius(setup_.mechanism.hole) &&
-        (!lowest || p.z() < lowest->z())) {
-      lowest = p;
-    }
-  }
-  return lowest;
 }
 
 ReachableContact TwinForceContacts::advise() {
@@ -287,7 +292,7 @@ ReachableContact TwinForceContacts::advise() {
     for (const double beside : {-kOverRim, over_plane}) {
       Pose X_HP{tiltRotation(task_.contact_tilt * Vec2(-down.y(), down.x())), Vec3::Zero()};
       X_HP.p.head<2>() = beside * down;
-      const std::optional<Vec3> touch = touchPoint(X_HP);
+      const std::optional<Vec3> touch = touchPoint(setup_.mechanism, X_HP);
       if (!touch) continue;  // the edge hangs in the mouth
       X_HP.p.z() -= touch->z();
       const Pose X_PH = inverse(X_HP);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/scale.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/linear_motion.h"
 
@@ -29,9 +29,9 @@ using linear_motion::motionFromSensor;
 using linear_motion::MotionParts;
 using linear_motion::UnheldMotion;
 
-// of a contact shaken with 1 N at one frequency, the worst over all directions
+// Response of a contact shaken with 1 N at one frequency, the worst over all directions.
 struct Answer {
-  double need = 0.0;     // press that friction asks for
+  double need = 0.0;     // press that friction requires
   double axis = 1e9;     // |minor| over major axis
   double rocking = 0.0;  // [rad]
   double white = 0.0;    // variance of the direction by scatter and rounding [rad²]
@@ -48,12 +48,12 @@ struct PlaneByWrench {
   }
 };
 
-// The contacts that are compared: what of them depends neither on frequency nor on press.
+// The contacts that are compared: their terms that depend neither on frequency nor on press.
 class Contacts {
  public:
   Contacts(const Mechanism& mechanism, const VibrationDemand& demand);
-  // ends at the first direction whose axes, minor over major, are below `least_axis`
-  Answer at(double frequency, double press, double least_axis) const;
+  // Ends at the first direction whose axes, minor over major, are below `min_axis`.
+  Answer at(double frequency, double press, double min_axis) const;
 
  private:
   PlaneByWrench planeByWrench(double frequency) const;
@@ -66,7 +66,8 @@ class Contacts {
   Matrix6 stiffness_;
   bool rounds_;
   Matrix6 information_ = Matrix6::Zero();  // of the rounding
-  double pattern_ = 0.0;  // of the rounding that noise leaves: what is wider than a step is even
+  double pattern_ =
+      0.0;  // of the rounding pattern that noise leaves; noise wider than a step removes it
   double friction_, lever_;
 };
 
@@ -112,7 +113,7 @@ PlaneByWrench Contacts::planeByWrench(double frequency) const {
   return by;
 }
 
-Answer Contacts::at(double frequency, double press, double least_axis) const {
+Answer Contacts::at(double frequency, double press, double min_axis) const {
   const PlaneByWrench plane = planeByWrench(frequency);
   const Eigen::Matrix4d white =
       2.0 / demand_.samples * plane.carried(demand_.scatter + demand_.rounding);
@@ -130,7 +131,7 @@ Answer Contacts::at(double frequency, double press, double least_axis) const {
     const ContactResponse r = contactResponse(mechanism_, held, a);
     const double major = std::abs(r.P) + std::abs(r.N);
     answer.axis = std::min(answer.axis, std::abs(std::abs(r.P) - std::abs(r.N)) / major);
-    if (!(answer.axis >= least_axis)) return answer;
+    if (!(answer.axis >= min_axis)) return answer;
     const Complex9 turned = held.solve(a + kStep);
     const Eigen::Vector2cd more = counterRotating(turned[0], turned[1]);
     const Complex dP = (more[0] - r.P) / kStep, dN = (more[1] - r.N) / kStep;
@@ -161,17 +162,17 @@ VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand
                             ? given.frequency
                             : operatingFrequency(mechanism, std::max(1.0, given.press));
   const Contacts contacts(mechanism, demand);
-  const double least_axis = given.frequency > 0.0 ? -1.0 : kMinAxis;
+  const double min_axis = given.frequency > 0.0 ? -1.0 : kMinAxis;
   VibrationPoint best;
   best.direction_sd = 1e9;
   for (const double step : kPressSteps) {
-    const double press = given.press > 0.0 ? given.press : std::min(step, demand.greatest_press);
+    const double press = given.press > 0.0 ? given.press : std::min(step, demand.max_press);
     for (int k = 0; k < kFrequencies; ++k) {
       // from half the middle frequency to twice of it
       const double frequency =
           given.frequency > 0.0 ? middle : 0.5 * middle * std::pow(4.0, (k + 0.5) / kFrequencies);
-      const Answer answer = contacts.at(frequency, press, least_axis);
-      if (!(answer.axis >= least_axis)) continue;
+      const Answer answer = contacts.at(frequency, press, min_axis);
+      if (!(answer.axis >= min_axis)) continue;
       const double amplitude = given.amplitude > 0.0
                                    ? given.amplitude
                                    : std::min(press / (kHeld * demand.shake * answer.need),
@@ -181,7 +182,7 @@ VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand
       if (sd < best.direction_sd) best = {frequency, amplitude, press, sd};
       if (given.frequency > 0.0) break;
     }
-    if (best.direction_sd <= kEnough || given.press > 0.0 || press >= demand.greatest_press) break;
+    if (best.direction_sd <= kEnough || given.press > 0.0 || press >= demand.max_press) break;
   }
   if (!(best.frequency > 0.0)) {
     throw InputError(

@@ -10,7 +10,7 @@
 namespace assembly_cell {
 namespace {
 
-// of the default cell, config/scenarios/cell.yaml
+// Of the default cell, config/scenarios/cell.yaml.
 constexpr double kRadius = 0.025;                // [m]
 constexpr double kMass = 0.395, kGravity = 9.8;  // [kg], [m/s²]
 constexpr double kPress = 3.2626e-5;             // [m/N]
@@ -18,21 +18,20 @@ constexpr double kSideways = 1.5971e-4;          // [m/N]
 constexpr double kImpedance = 140.6;             // √(stiffness · mass) along the axis [N s/m]
 constexpr double kDecay = 0.2;                   // [s]
 
-constexpr double kLightest =
-    0.2;  // of the default touch of 1.5 N: 0.3 N, 60 of a 16 bit block's noise
-constexpr double kHeaviest = 4.0 / kTouchForce;  // 4 N
-// Half of what a machine of mismatch level 2 repeats to: a stiff coupling pushes by as much without
-// a contact.
+// Bounds of a touch, of the default one of 1.5 N: 0.3 N, 60 of a 16 bit block's noise, and 4 N.
+constexpr double kMinTouch = 0.2, kMaxTouch = 4.0 / kTouchForce;
+// Half of the repeatability of a machine of mismatch level 2: a stiff coupling pushes by as much
+// without a contact.
 constexpr double kLanding = 1.5e-5;  // [m]
-// In one block a touch may come to four light ones: 0.1 mm in the default cell makes two, so that
+// In one block a touch may reach four light ones: 0.1 mm in the default cell makes two, so that
 // only couplings twice as stiff are approached more slowly.
 constexpr double kMoreSink = 2.0;
-constexpr double kLongest = 20.0;
-constexpr double kStill = 0.03;       // at rest, from block to block [N]
-constexpr double kStillShare = 0.25;  // of what the mouth leaves round the tip
-constexpr double kLeastStill = 0.3;   // of kStill: twice the noise of a 16 bit block
+constexpr double kMaxTime = 20.0;        // of the default cell's decay
+constexpr double kStill = 0.03;          // at rest, from block to block [N]
+constexpr double kStillFraction = 0.25;  // of the gap between mouth and tip
+constexpr double kMinStill = 0.3;        // of kStill: twice the noise of a 16 bit block
 
-// of the slowest mode of the peg in its coupling, the carrier held [s]
+// Decay time of the slowest mode of the peg in its coupling, the carrier held. [s]
 double slowestDecay(const Mechanism& mechanism) {
   const PegParameters& peg = mechanism.peg;
   CouplingParameters damping;
@@ -52,10 +51,12 @@ double slowestDecay(const Mechanism& mechanism) {
   rate.bottomRightCorner<6, 6>() = -inverse * couplingStiffness(damping);
   const Eigen::EigenSolver<Eigen::Matrix<double, 12, 12>> modes(rate, false);
   const double slowest = -modes.eigenvalues().real().maxCoeff();
-  return slowest > 0.0 ? 1.0 / slowest : kLongest;
+  return slowest > 0.0 ? 1.0 / slowest : kMaxTime;
 }
 
 }  // namespace
+
+int Scale::timed(int blocks) const { return static_cast<int>(std::ceil(blocks * time - 1e-9)); }
 
 double sidewaysCompliance(const Mechanism& mechanism) {
   Eigen::Matrix<double, 1, 6> row;
@@ -73,20 +74,20 @@ Scale scaleOf(const Mechanism& mechanism) {
   const PegParameters& peg = mechanism.peg;
   Scale scale;
   scale.length = peg.radius / kRadius;
-  scale.room = std::max(1.0, scale.length);
+  scale.travel = std::max(1.0, scale.length);
   const double weight = peg.mass * mechanism.gravity / (kMass * kGravity);
   const double landing = kLanding * mechanism.coupling.stiffness.diagonal(0) / kTouchForce;
-  scale.force = std::clamp(std::max(weight, landing), kLightest, kHeaviest);
+  scale.force = std::clamp(std::max(weight, landing), kMinTouch, kMaxTouch);
   scale.sink = scale.force * pressCompliance(mechanism) / kPress;
   const double sideways = sidewaysCompliance(mechanism);
   scale.give = scale.force * sideways / kSideways;
-  // a chamfer leads in what is farther off
+  // a chamfer leads in a peg that is farther off
   const double mouth = mechanism.hole.radius + mechanism.hole.chamfer_width - tipRadius(peg);
-  scale.still = std::clamp(kStillShare * mouth / sideways / kStill, kLeastStill,
-                           std::max(kLeastStill, scale.force));
+  scale.still = std::clamp(kStillFraction * mouth / sideways / kStill, kMinStill,
+                           std::max(kMinStill, scale.force));
   const double impedance = std::sqrt(mechanism.coupling.stiffness.diagonal(0) * peg.mass);
   scale.step = std::min({1.0, kMoreSink * scale.sink, scale.force * kImpedance / impedance});
-  scale.time = std::clamp(slowestDecay(mechanism) / kDecay, 1.0, kLongest);
+  scale.time = std::clamp(slowestDecay(mechanism) / kDecay, 1.0, kMaxTime);
   return scale;
 }
 

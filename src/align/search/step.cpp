@@ -22,14 +22,14 @@ bool isBeyond(const ForceAlarm& alarm, const PlantBlock& block) {
 void join(Vector6& mean, Matrix6& covariance, double count, const Vector6& other_mean,
           const Matrix6& other_covariance, double other_count) {
   const double all = count + other_count;
-  const Vector6 apart = other_mean - mean;
+  const Vector6 difference = other_mean - mean;
   covariance = ((count - 1.0) * covariance + (other_count - 1.0) * other_covariance +
-                count * other_count / all * apart * apart.transpose()) /
+                count * other_count / all * difference * difference.transpose()) /
                (all - 1.0);
-  mean += other_count / all * apart;
+  mean += other_count / all * difference;
 }
 
-// What only one block of a step tells.
+// Results that only one block of a step has.
 void keepReadings(PlantBlock& block, const PlantBlock& before) {
   if (!block.locus) block.locus = before.locus;
   if (!block.vibration) block.vibration = before.vibration;

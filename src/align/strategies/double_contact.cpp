@@ -4,7 +4,9 @@
 #include <optional>
 
 #include "assembly_cell/align/estimation/contact_formulas.h"
+#include "assembly_cell/align/strategies/strategies.h"
 #include "assembly_cell/align/strategies/vibrated_search.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 namespace {
@@ -33,26 +35,14 @@ double turnFrom(double a, double b) {
 
 // The strategy `double_contact` (thesis Fig 9.16; docs/reference/strategies.md): both edge contacts
 // at once tell the hole's direction, a wobble about it which of them stays, and where the plane is.
-class DoubleContact : public VibratedSearch {
+class DoubleContact {
  public:
-  DoubleContact(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
-                const Progress& progress)
-      : VibratedSearch(plant, mechanism, parameters, progress) {}
+  DoubleContact(Search& search, VibratedSearch& vibrated)
+      : search_(search), s_(search.state), vibrated_(vibrated) {}
 
- private:
-  enum class State { kLevel, kSeek, kStepAhead, kStepBehind, kSolve, kEnter, kDone };
-  // where a single contact was: on the rim before or after the hole's direction, or on the plane
-  enum class Side { kPlane, kBehind, kAhead };
-  struct Contact {
-    Side side = Side::kPlane;
-    double low = 0.0, direction = 0.0;  // hole axes [rad]
-    double turn = 0.0;                  // of the wobble [rad]
-    Complex point;                      // in the plane, hole axes about S [m]
-  };
-
-  bool attempt() override {
+  bool attempt() {
     int rounds = 0;
-    State state = found_ ? State::kEnter : State::kLevel;
+    State state = s_.found ? State::kEnter : State::kLevel;
     while (state != State::kDone) {
       switch (state) {
         case State::kLevel:
@@ -62,7 +52,7 @@ class DoubleContact : public VibratedSearch {
           state = seek() ? State::kStepAhead : State::kEnter;
           break;
         case State::kStepAhead:
-          contacts_felt_.clear();
+          single_.clear();
           state = step(1.0, true) ? State::kStepBehind : State::kEnter;
           break;
         case State::kStepBehind:
@@ -73,14 +63,14 @@ class DoubleContact : public VibratedSearch {
           state = State::kEnter;
           break;
         case State::kEnter:
-          if (enter(hole_.center)) {
+          if (search_.entry.enter(s_.hole.center)) {
             state = State::kDone;
-          } else if (++rounds >= p_.rounds) {
+          } else if (++rounds >= s_.p.rounds) {
             return false;
           } else {
-            bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
-            goAside();
-            here_ = felt_.size();
+            vibrated_.bottom = s_.target().p;
+            vibrated_.goAside();
+            here_ = vibrated_.measured.size();
             double_low_.reset();
             state = State::kSeek;
           }
@@ -92,66 +82,82 @@ class DoubleContact : public VibratedSearch {
     return true;
   }
 
-  // one reading at a tilt q against the plane; nothing when the edge went in
-  bool readAt(Complex q, const char* name, Felt& felt, bool press_both = true) {
-    const Mat3 R = rotationToAxis(hole_.normal) * tiltRotation(tiltFromComplex(q));
-    if (!read(R, name, felt, press_both)) {
-      takeEntry();
+ private:
+  using Measurement = DirectionMeasurement;
+  enum class State { kLevel, kSeek, kStepAhead, kStepBehind, kSolve, kEnter, kDone };
+  // Of a single contact: on the rim before or after the hole's direction, or on the plane.
+  enum class Side { kPlane, kBehind, kAhead };
+  struct Contact {
+    Side side = Side::kPlane;
+    double low = 0.0, direction = 0.0;  // hole axes [rad]
+    double turn = 0.0;                  // of the wobble [rad]
+    Complex point;                      // in the plane, hole axes about S [m]
+  };
+
+  // One measurement at a tilt q against the plane. False when the edge went in.
+  bool readAt(Complex q, const char* name, Measurement& measured, bool press_both = true) {
+    const Mat3 R = rotationToAxis(s_.hole.normal) * tiltRotation(tiltFromComplex(q));
+    if (!vibrated_.read(R, name, measured, press_both)) {
+      vibrated_.takeEntry();
       return false;
     }
-    if (felt.usable) felt_.push_back(felt);
+    if (measured.usable) vibrated_.measured.push_back(measured);
     return true;
   }
 
   bool levelRound() {
-    here_ = felt_.size();
+    here_ = vibrated_.measured.size();
     double_low_.reset();
     for (int i = 0; i < kLevelReadings; ++i) {
-      Felt felt;
+      Measurement measured;
       const double low = 2 * M_PI * i / kLevelReadings;
-      if (!readAt(std::polar(tilt_, low), "level", felt, false)) return false;
-      if (felt.straddles) double_low_ = low;
+      if (!readAt(std::polar(vibrated_.tilt, low), "level", measured, false)) return false;
+      if (measured.straddles) double_low_ = low;
     }
-    if (!level())
+    if (!vibrated_.level())
       throw AlignError(AlignFailure::kNoPlaneReading, "the contacts don't agree on a plane");
     return true;
   }
 
-  // a usable reading against what is known of the plane
-  Contact contactOf(Felt felt) const {
-    const Mat3 R_HS = rotationToAxis(hole_.normal).transpose();
-    const Pose& X_SP = felt.reading.X_SP;
-    const double r = tipRadius(mechanism_.peg);
-    invert(felt);
+  // A usable measurement against the known plane.
+  Contact contactOf(Measurement measured) const {
+    const Mat3 R_HS = rotationToAxis(s_.hole.normal).transpose();
+    const Pose& X_SP = measured.reading.X_SP;
+    const double r = tipRadius(s_.mechanism.peg);
+    vibrated_.sensor.invert(measured);
     const auto point = [&](double a) {
       return Vec3(X_SP.R * Vec3(r * std::cos(a), r * std::sin(a), 0.0) + X_SP.p);
     };
     // C or C*: the one at the plane's height
-    const auto off = [&](double a) { return std::abs(hole_.normal.dot(point(a)) - hole_.height); };
-    const double a = felt.reading.alpha;
-    const Vec3 p = R_HS * point(!felt.reading.end_known && off(a + M_PI) < off(a) ? a + M_PI : a);
+    const auto off = [&](double a) {
+      return std::abs(s_.hole.normal.dot(point(a)) - s_.hole.height);
+    };
+    const double a = measured.reading.alpha;
+    const Vec3 p =
+        R_HS * point(!measured.reading.end_known && off(a + M_PI) < off(a) ? a + M_PI : a);
     const Vec3 from = p - R_HS * X_SP.p;
     Contact contact;
     contact.direction = std::atan2(from.y(), from.x());
     contact.point = {p.x(), p.y()};
     contact.low = std::arg(tiltAsComplex(axisTilt((R_HS * X_SP.R).col(2))));
     const double ahead = wrapPi(contact.direction - contact.low);
-    if (std::abs(ahead) > std::max(kOnEdge, 4 * felt.reading.sd)) {
+    if (std::abs(ahead) > std::max(kOnEdge, 4 * measured.reading.sd)) {
       contact.side = ahead < 0.0 ? Side::kBehind : Side::kAhead;
     }
     return contact;
   }
 
-  // tilts toward the hole until both edges carry. With the low side before the hole's direction the
-  // edge behind is felt, beyond it the edge ahead
+  // Tilts toward the hole until both edges carry. With the low side before the hole's direction the
+  // contact is on the edge behind it, beyond it on the edge ahead.
   bool seek() {
     std::optional<Contact> behind, ahead;
     const auto keep = [&](const Contact& c) {
       if (c.side == Side::kBehind) behind = c;
       if (c.side == Side::kAhead) ahead = c;
     };
-    for (std::size_t i = here_; i < felt_.size(); ++i) keep(contactOf(felt_[i]));
-    if (!behind && !ahead && !double_low_ && !found_) {
+    for (std::size_t i = here_; i < vibrated_.measured.size(); ++i)
+      keep(contactOf(vibrated_.measured[i]));
+    if (!behind && !ahead && !double_low_ && !s_.found) {
       throw AlignError(AlignFailure::kNoHoleUnderEdge,
                        "no contact of the first round was on the rim");
     }
@@ -160,7 +166,7 @@ class DoubleContact : public VibratedSearch {
     for (int i = 0; i < kSeekReadings; ++i) {
       double toward;
       if (behind && ahead) {
-        // the middle of both edges, or of both low sides where the edges mislead
+        // the middle of both edges, or of both low sides where the edges are wrong
         const double a = halve ? behind->low : behind->direction;
         const double b = halve ? ahead->low : ahead->direction;
         toward = a + 0.5 * turnFrom(a, b);
@@ -171,17 +177,17 @@ class DoubleContact : public VibratedSearch {
       }
       // the second edge may bounce instead of carry: a little to the sides
       if (bounced > 0) toward += (bounced % 2 == 0 ? -kNudge : kNudge) * ((bounced + 1) / 2);
-      Felt felt;
-      if (!readAt(std::polar(kDoubleTilt, toward), "seek", felt)) return false;
-      if (felt.seen.mode.mode == LocusMode::kSegment) {
-        alpha_ = felt.seen.locus.orientation();
+      Measurement measured;
+      if (!readAt(std::polar(kDoubleTilt, toward), "seek", measured)) return false;
+      if (measured.seen.mode.mode == LocusMode::kSegment) {
+        alpha_ = measured.seen.locus.orientation();
         if (std::cos(alpha_ - toward) < 0.0) alpha_ = wrapPi(alpha_ + M_PI);
-        report("seek", text("double contact, the hole lies in direction %.2f deg or opposite",
-                            alpha_ * 180 / M_PI));
+        s_.report("seek", text("double contact, the hole lies in direction %.2f deg or opposite",
+                               alpha_ * 180 / M_PI));
         return true;
       }
-      if (felt.usable) {
-        const Contact c = contactOf(felt);
+      if (measured.usable) {
+        const Contact c = contactOf(measured);
         keep(c);
         halve = behind && ahead && i > 0;
         bounced = 0;
@@ -193,14 +199,14 @@ class DoubleContact : public VibratedSearch {
                      "the peg doesn't rest on both edges in any direction");
   }
 
-  // of a hole that was found, seen from here
+  // Direction of a hole that was found, from here. [rad]
   double towardHole() const {
-    const Vec3 way = rotationToAxis(hole_.normal).transpose() * (hole_.center - bottom_);
-    return std::atan2(way.y(), way.x());
+    const Vec3 d = rotationToAxis(s_.hole.normal).transpose() * (s_.hole.center - vibrated_.bottom);
+    return std::atan2(d.y(), d.x());
   }
 
-  // rotates about the hole's direction: one contact opens, the other stays, and far enough the
-  // lowest point leaves the hole: the plane, which tells the tilt
+  // Rotates about the hole's direction: one contact opens, the other stays, and far enough the
+  // lowest point leaves the hole and rests on the plane, which determines the tilt.
   bool step(double sign, bool to_plane) {
     const Side side = sign > 0.0 ? Side::kBehind : Side::kAhead;
     double size = kStep, turn = 0.0;
@@ -208,19 +214,19 @@ class DoubleContact : public VibratedSearch {
     while (plateau < kPlateau || (to_plane && plane < kPlaneReadings)) {
       turn += size;
       if (turn > kMaxTurn) {
-        report("step", "the plane is out of reach: position only");
+        s_.report("step", "the plane is out of reach: position only");
         break;
       }
-      Felt felt;
+      Measurement measured;
       const Complex q = Complex(kDoubleTilt, -sign * turn) * std::polar(1.0, alpha_);
-      if (!readAt(q, "step", felt)) return false;
-      if (felt.seen.mode.mode == LocusMode::kNone)
+      if (!readAt(q, "step", measured)) return false;
+      if (measured.seen.mode.mode == LocusMode::kNone)
         throw AlignError(AlignFailure::kLostContact, "nothing moves any more");
-      if (!felt.usable) continue;
-      Contact c = contactOf(felt);
+      if (!measured.usable) continue;
+      Contact c = contactOf(measured);
       c.turn = sign * turn;
       if (c.side == side) {
-        contacts_felt_.push_back(c);
+        single_.push_back(c);
         if (++plateau == kPlateau && to_plane) {
           // to where the lowest point is expected to leave the hole
           const double half = std::abs(wrapPi(c.direction - alpha_));
@@ -239,7 +245,7 @@ class DoubleContact : public VibratedSearch {
         turn -= size;
         size *= 0.25;
       } else if (c.side == Side::kPlane) {
-        contacts_felt_.push_back(c);
+        single_.push_back(c);
         ++plane;
       }
     }
@@ -250,54 +256,60 @@ class DoubleContact : public VibratedSearch {
     return true;
   }
 
-  // the formulas; then all readings together, which weighs them
+  // The formulas; then all measurements together, weighted.
   void solve() {
     std::optional<Contact> behind, ahead;
     std::vector<TurnReading> plane;
-    for (const Contact& c : contacts_felt_) {
+    for (const Contact& c : single_) {
       if (c.side == Side::kPlane) plane.push_back({c.turn, c.direction});
       if (c.side == Side::kBehind && !behind) behind = c;
       if (c.side == Side::kAhead && !ahead) ahead = c;
     }
     if (!behind || !ahead)
-      throw AlignError(AlignFailure::kEdgeNotResolved, "only one of both edges was felt");
+      throw AlignError(AlignFailure::kEdgeNotResolved, "only one of both edges was measured");
     const Complex middle = 0.5 * (behind->point + ahead->point);
-    const auto centre = centreThrough(mouthRadius(mechanism_.hole), behind->point, ahead->point,
+    const auto centre = centreThrough(mouthRadius(s_.mechanism.hole), behind->point, ahead->point,
                                       middle + std::polar(1.0, alpha_));
     if (!centre)
       throw AlignError(AlignFailure::kEdgeNotResolved,
                        "the edges are farther apart than the hole is wide");
     const std::optional<double> tilt = tiltFromDouble(alpha_, plane);
-    const Mat3 R_SH = rotationToAxis(hole_.normal);
-    hole_.center = R_SH * Vec3(centre->real(), centre->imag(), 0.0);
-    hole_.center += hole_.normal * (hole_.height - hole_.normal.dot(hole_.center));
-    report("solve",
-           text("centre %.3f %.3f mm by both edges", offset().x() * 1e3, offset().y() * 1e3) +
-               (tilt ? text(", tilt %.3f deg by the plane, %.3f commanded", *tilt * 180 / M_PI,
-                            kDoubleTilt * 180 / M_PI)
-                     : std::string(", position only")));
-    found_ = true;
-    const HoleEstimate formula = hole_;
+    const Mat3 R_SH = rotationToAxis(s_.hole.normal);
+    s_.hole.center = R_SH * Vec3(centre->real(), centre->imag(), 0.0);
+    s_.hole.center += s_.hole.normal * (s_.hole.height - s_.hole.normal.dot(s_.hole.center));
+    s_.report("solve", text("centre %.3f %.3f mm by both edges", holeOffset(s_).x() * 1e3,
+                            holeOffset(s_).y() * 1e3) +
+                           (tilt ? text(", tilt %.3f deg by the plane, %.3f commanded",
+                                        *tilt * 180 / M_PI, kDoubleTilt * 180 / M_PI)
+                                 : std::string(", position only")));
+    s_.found = true;
+    const HoleEstimate formula = s_.hole;
     try {
-      resolve();
+      vibrated_.resolve();
     } catch (const AlignError& error) {
-      hole_ = formula;
-      report("resolve", std::string(error.what()) + "; the formula's centre stands");
+      s_.hole = formula;
+      s_.report("resolve", std::string(error.what()) + "; the formula's centre stands");
     }
   }
 
+  Search& search_;
+  SearchState& s_;
+  VibratedSearch& vibrated_;
   std::size_t here_ = 0;              // the first reading of this place: others show another hole
   std::optional<double> double_low_;  // low side of a double contact met by chance [rad]
   double alpha_ = 0.0;  // direction of the hole by the double contact, hole axes [rad]
-  std::vector<Contact> contacts_felt_;
+  std::vector<Contact> single_;
 };
 
 }  // namespace
 
 AlignResult doubleContact(Plant& plant, const Mechanism& mechanism,
-                          const AlignParameters& parameters,
-                          const std::function<void(const AlignProgress&)>& progress) {
-  return DoubleContact(plant, mechanism, parameters, progress).run();
+                          const AlignParameters& parameters, const ProgressCallback& progress) {
+  Search search(plant, mechanism, parameters, progress);
+  VibratedSearch vibrated(search);
+  DoubleContact strategy(search, vibrated);
+  return search.run([&] { vibrated.run([&] { return strategy.attempt(); }); },
+                    [&](AlignResult& result) { vibrated.summarise(result); });
 }
 
 }  // namespace assembly_cell

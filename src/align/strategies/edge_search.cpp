@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/mechanism/compliance.h"
 
 namespace assembly_cell {
 namespace {
@@ -14,58 +17,68 @@ using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
 constexpr int kDrops = 8;  // tries to put the low edge into the hole
-// And one for every place that a miss rules out, a disc of 0.8 radii, as far as the hole may be:
+// And one for every place that a miss rules out, a disc of 0.8 radii, in the region of the hole:
 // none more for 25 mm, 39 for 3 mm.
-constexpr double kRuledOut = 0.8, kMayBe = 0.015;  // [m]
+constexpr double kRuledOut = 0.8, kRegion = 0.015;  // [m]
 constexpr double kOver = 3e-4;       // lowest point over the plane before a descent [m]
-constexpr double kPullFree = 5e-4;   // of a peg that nothing holds [m]
-constexpr double kSpot = 1e-4;       // aside that is on the spot [m]
+constexpr double kPullFree = 5e-4;   // of a free peg [m]
+constexpr double kSpot = 1e-4;       // aside: less is no lateral motion [m]
 constexpr double kSinks = 0.5;       // of scale: a light touch's travel is a quarter of kDeep
 constexpr double kDeep = 4e-4;       // lowest point below the plane, inside [m]
 constexpr double kPlaceSd = 5e-5;    // of where a move ends [m]
 constexpr double kPush = 0.75;       // sideways: a wall [N]
-constexpr double kSidestep = 1e-4;   // of the way to a wall, in one block [m]
-constexpr double kMoreGive = 2.0;    // harder or smaller by that, it is the same
-constexpr double kYields = 0.1;      // of a push, when half of the way into it is taken back
+constexpr double kSidestep = 1e-4;   // of the travel to a wall, in one block [m]
+constexpr double kMoreGive = 2.0;    // stiffer or smaller pegs by that take the same step
+constexpr double kYields = 0.1;      // of a push, when half of the travel into it is taken back
 constexpr double kBack = 3e-4;       // off a wall again [m]
 constexpr double kSlack = 5e-6;      // strain that is none [m]
-constexpr int kRelaxes = 3;          // ways that the carrier follows
+constexpr int kRelaxes = 3;          // moves of the carrier after the strain
 constexpr double kBehind = 2.5e-3;   // low edge inside by so much at least when put down [m]
 constexpr double kFarthest = 6e-3;   // and at most [m]
-constexpr double kLost = 8e-3;       // way to a wall at most [m]
-constexpr double kHopeless = 4.0;    // sd over what an entry looks through: one in thirty gets in
+constexpr double kLost = 8e-3;       // travel to a wall at most [m]
+constexpr double kHopeless = 4.0;    // sd over the reach of an entry: one in thirty gets in
 constexpr double kRaise = 2e-3;      // where the zero isn't that of a free peg [m]
 constexpr int kHigher = 5;           // times
 constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of no plane
 constexpr double kSure = 2.5;        // deviations
 // A chamfer of 45 degrees pushes aside by (1 - mu) / (1 + mu) of the force on it, 0.54 at 0.3.
-constexpr double kGives = 0.5;
-constexpr double kElsewhere = 0.2;  // of the chamfer, from where it was tried in vain
-constexpr int kRest = 2;            // blocks
+constexpr double kChamferPush = 0.5;
+constexpr double kElsewhere = 0.2;                   // of the chamfer, from a failed attempt
+constexpr int kRest = 2;                             // blocks
 constexpr double kPointSd = 1e-3, kOffsetSd = 4e-3;  // of the lines of action [m]
-constexpr double kLeastPointSd = 2e-4;               // by the sensor's noise [m]
+constexpr double kMinPointSd = 2e-4;                 // by the sensor's noise [m]
+
+// Travel of the peg's bottom along a direction for a force on it, the peg's axes along R. [m/N]
+double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
+  const Vec3 along = R.transpose() * direction;
+  Eigen::Matrix<double, 1, 6> row;
+  row << along.transpose(), Vec3(0, 0, -s.frame.length()).cross(along).transpose();
+  return (row * couplingStiffness(s.mechanism.coupling).inverse() * row.transpose()).value();
+}
 
 }  // namespace
 
-EdgeSearch::EdgeSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& p,
-                       const Progress& progress)
-    : Search(plant, mechanism, p, progress) {
-  model_.peg = mechanism.peg;
-  model_.hole = mechanism.hole;
-  model_.position_sd *= scale_.room;
-  model_.point_sd = std::max(kLeastPointSd, kPointSd * scale_.length);
-  model_.offset_sd = kOffsetSd * scale_.length;
+Mat3 tiltedTo(const Vec3& normal, double a, double tilt) {
+  return rotationToAxis(normal) * tiltRotation(tilt * Vec2(-std::sin(a), std::cos(a)));
 }
 
-void EdgeSearch::feelIn() {
-  const double places = std::pow(kMayBe / (kRuledOut * mechanism_.peg.radius), 2);
+EdgeSearch::EdgeSearch(Search& search) : search_(search), s_(search.state) {
+  model.peg = s_.mechanism.peg;
+  model.hole = s_.mechanism.hole;
+  model.position_sd *= s_.scale.travel;
+  model.point_sd = std::max(kMinPointSd, kPointSd * s_.scale.length);
+  model.offset_sd = kOffsetSd * s_.scale.length;
+}
+
+void EdgeSearch::enterByWalls() {
+  const double places = std::pow(kRegion / (kRuledOut * s_.mechanism.peg.radius), 2);
   const int drops = kDrops + static_cast<int>(places);
   for (int i = 0; i < drops; ++i) {
     if (isFunnelled()) {
-      funnelled_ = hole_.center;
-      report("enter", "the chamfer leads");
-      if (enter(hole_.center, 1)) return;
-      bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+      funnelled_ = s_.hole.center;
+      s_.report("enter", "the chamfer leads");
+      if (search_.entry.enter(s_.hole.center, 1)) return;
+      bottom = s_.target().p;
     }
     if (!drop(i)) {
       resolve();
@@ -73,281 +86,271 @@ void EdgeSearch::feelIn() {
     }
     const bool met = walls();
     resolve();
-    if (!met || position_sd_ > kHopeless * std::max(kPlaceSd, enterReach())) continue;
-    if (enter(hole_.center)) return;
-    bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+    if (!met || s_.sd.position > kHopeless * std::max(kPlaceSd, search_.entry.reach())) continue;
+    if (search_.entry.enter(s_.hole.center)) return;
+    bottom = s_.target().p;
   }
-  throw AlignError(AlignFailure::kNotInserted,
-                   text("no entry after %.0f touches", static_cast<double>(contacts_)));
+  throw AlignError(AlignFailure::kNotInserted, text("no entry after %d touches", s_.contacts));
 }
 
-void EdgeSearch::remember(const Touch& light) {
+void EdgeSearch::add(const Touch& light) {
   TouchReading reading;
   reading.X_SP = light.X_SP;
   reading.sd = kPlaceSd;
   // on two points, as in a cone, its line of action is between them
-  const bool chamfered = mechanism_.hole.chamfer_width + mechanism_.peg.chamfer_width > 0.0;
-  if (!light.steep() && !(chamfered && light.straddles())) reading.point = light.point;
+  const bool chamfered = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width > 0.0;
+  if (!light.isSteep() && !(chamfered && light.straddles())) reading.point = light.point;
   reading.lean = light.lean;
-  readings_.push_back(reading);
+  readings.push_back(reading);
 }
 
-// low side at azimuth a
-Mat3 EdgeSearch::tilted(const Vec3& normal, double a, double tilt) {
-  return rotationToAxis(normal) * tiltRotation(tilt * Vec2(-std::sin(a), std::cos(a)));
-}
-
-// lowest point of the edge under the bottom's centre, along the normal [m]
+// Lowest point of the edge under the bottom's centre, along the normal. [m]
 double EdgeSearch::dip(const Mat3& R) const {
-  const double up = hole_.normal.dot(R.col(2));
-  return tipRadius(mechanism_.peg) * std::sqrt(std::max(0.0, 1.0 - up * up));
+  const double up = s_.hole.normal.dot(R.col(2));
+  return tipRadius(s_.mechanism.peg) * std::sqrt(std::max(0.0, 1.0 - up * up));
 }
 
-// over a place and turned there, free; the zero taken anew
+// Over a place and rotated there, free; takes the zero again.
 void EdgeSearch::hover(const Vec3& place, const Mat3& R) {
-  const Mat3 now = (inverse(X_BS_) * poseFromRest(press_.target())).R;
-  Vec3 up = pegPose(press_.target(), Vector6::Zero()).p;
+  const Mat3 now = s_.frame.carrierPose(s_.carrier.target()).R;
+  Vec3 up = s_.target().p;
   Vec3 over = place;
-  if (found_) {
+  if (s_.found) {
     const auto raise = [this](Vec3& p, double height) {
-      p += hole_.normal * std::max(0.0, height - hole_.normal.dot(p) + hole_.height);
+      p += s_.hole.normal * std::max(0.0, height - s_.hole.normal.dot(p) + s_.hole.height);
     };
-    raise(up, dip(now) + kOver * scale_.room);
-    raise(over, dip(R) + kOver * scale_.room);
-    raise(up, hole_.normal.dot(over) - hole_.height);
-    // straight up before it goes aside; on the spot it may turn while it rises
-    if ((over - up).norm() > kSpot) press_.moveTo(restFor(up, now), false);
+    raise(up, dip(now) + kOver * s_.scale.travel);
+    raise(over, dip(R) + kOver * s_.scale.travel);
+    raise(up, s_.hole.normal.dot(over) - s_.hole.height);
+    // straight up before it goes aside; without a lateral motion it may rotate while it rises
+    if ((over - up).norm() > kSpot) s_.carrier.moveTo(s_.frame.restFor(up, now), false);
   } else {
     const double turn = std::acos(std::clamp(R.col(2).dot(now.col(2)), -1.0, 1.0));
-    over.z() = std::max(over.z(), up.z()) + tipRadius(mechanism_.peg) * turn;
+    over.z() = std::max(over.z(), up.z()) + tipRadius(s_.mechanism.peg) * turn;
   }
-  press_.moveTo(restFor(over, R), false);
-  press_.tare(2);
+  s_.carrier.moveTo(s_.frame.restFor(over, R), false);
+  s_.carrier.tare(2);
   // the edge already rests on something
-  for (int i = 0; press_.tareShift() > press_.freeShift(); ++i) {
+  for (int i = 0; s_.carrier.sensor().tareShift() > s_.carrier.sensor().freeShift(); ++i) {
     if (i == kHigher) {
       throw AlignError(AlignFailure::kNotFree,
                        text("%.1f N where the zero is taken, %.1f N are allowed",
-                            press_.tareShift(), press_.freeShift()));
+                            s_.carrier.sensor().tareShift(), s_.carrier.sensor().freeShift()));
     }
-    over.z() += kRaise * scale_.room;
-    press_.moveTo(restFor(over, R), false);
-    press_.tare(2);
+    over.z() += kRaise * s_.scale.travel;
+    s_.carrier.moveTo(s_.frame.restFor(over, R), false);
+    s_.carrier.tare(2);
   }
 }
 
-// one touch from above at the present place
 void EdgeSearch::touch(const Mat3& R) {
-  hover(bottom_, R);
-  const std::optional<Touch> light = lightTouch(-1e9);
-  // nothing is turned in a hole that holds the edge
-  if (light && light->felt() && !known_) refuseWedge(*light, R);
+  hover(bottom, R);
+  const std::optional<Touch> light = search_.touch.lower(-1e9);
+  // a peg isn't rotated while the hole holds its edge
+  if (light && light->isContact() && !known) search_.touch.refuseWedge(*light, R);
   if (light) keep(*light);
-  bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
-  // an edge that both sides of the hole carry wedges there when it turns
+  bottom = s_.target().p;
+  // an edge that both sides of the hole carry wedges there when it rotates
   if (light && light->straddles()) liftOut(R);
 }
 
-// straight up until it is over what it has touched
+// Straight up until it is over the contact.
 void EdgeSearch::liftOut(const Mat3& R) {
-  const double travel = dip(R) + kOver * scale_.room;
-  const Pose peg = pegPose(press_.last().carrier, deflection());
-  const RestPose up = press_.pull(restFor(peg.p, peg.R), kPullFree * scale_.room, travel);
-  press_.moveTo(restFor(pegPose(up, Vector6::Zero()).p + travel * hole_.normal, R), false);
+  const double travel = dip(R) + kOver * s_.scale.travel;
+  const Pose peg = s_.peg();
+  const RestPose up =
+      pullUp(s_.carrier, s_.frame.restFor(peg.p, peg.R), kPullFree * s_.scale.travel, travel);
+  s_.carrier.moveTo(
+      s_.frame.restFor(s_.frame.pegPose(up, Vector6::Zero()).p + travel * s_.hole.normal, R),
+      false);
 }
 
 void EdgeSearch::keep(const Touch& light) {
-  if (!light.felt()) return;
-  remember(light);
-  ++contacts_;
-  report("touch", text("%.1f N, line of action %.1f mm from the axis", light.force,
-                       light.point.norm() * 1e3));
+  if (!light.isContact()) return;
+  add(light);
+  ++s_.contacts;
+  s_.report("touch", text("%.1f N, line of action %.1f mm from the axis", light.force,
+                          light.point.norm() * 1e3));
 }
 
 void EdgeSearch::resolve() {
   TouchFit fit;
   try {
-    fit = fitTouches(model_, readings_);
+    fit = fitTouches(model, readings);
   } catch (const InputError& error) {
     throw AlignError(AlignFailure::kNoPlaneReading, error.what());
   }
-  if (!known_ && fit.chi2 > kContradict * fit.residuals) {
+  if (!known && fit.chi2 > kContradict * fit.residuals) {
     throw AlignError(
         AlignFailure::kNoPlaneReading,
-        text("touches contradict one another, chi2 %.0f of %.0f", fit.chi2, fit.residuals));
+        text("touches contradict one another, chi2 %.0f of %d", fit.chi2, fit.residuals));
   }
-  hole_.normal = fit.normal;
-  hole_.height = fit.height;
-  hole_.height_sd = fit.height_sd;
-  hole_.normal_sd = fit.normal_sd;
-  hole_.center = fit.center;
-  hole_.center_covariance = fit.center_covariance;
-  place_variance_ = placeVarianceOf(fit);
-  found_ = true;
-  position_sd_ = std::sqrt(fit.center_covariance.trace());
-  rotation_sd_ = fit.normal_sd;
-  report("resolve",
-         text("centre %.3f %.3f mm", offset().x() * 1e3, offset().y() * 1e3) +
-             text(" +- %.3f mm, tilt sd %.3f deg", position_sd_ * 1e3, rotation_sd_ * 180 / M_PI) +
-             text(", chi2 %.1f of %.0f", fit.chi2, fit.residuals));
+  s_.hole.normal = fit.normal;
+  s_.hole.height = fit.height;
+  s_.hole.height_sd = fit.height_sd;
+  s_.hole.normal_sd = fit.normal_sd;
+  s_.hole.center = fit.center;
+  s_.hole.center_covariance = fit.center_covariance;
+  search_.entry.place_variance = std::max(fit.place_variance, min_move_sd * min_move_sd);
+  s_.found = true;
+  s_.sd.position = std::sqrt(fit.center_covariance.trace());
+  s_.sd.rotation = fit.normal_sd;
+  s_.report(
+      "resolve",
+      text("centre %.3f %.3f mm", holeOffset(s_).x() * 1e3, holeOffset(s_).y() * 1e3) +
+          text(" +- %.3f mm, tilt sd %.3f deg", s_.sd.position * 1e3, s_.sd.rotation * 180 / M_PI) +
+          text(", chi2 %.1f of %d", fit.chi2, fit.residuals));
 }
 
-// The hole is known so well that chamfers lead an upright peg into it, and the coupling gives way
-// before that feels like a face; and not where that was tried in vain.
+// Whether the hole is known so well that chamfers lead an upright peg into it, and the coupling
+// yields before the force is that of a face; not where such an entry failed.
 bool EdgeSearch::isFunnelled() const {
-  const double width = mechanism_.hole.chamfer_width + mechanism_.peg.chamfer_width;
-  const double gives = kGives * insertionForce() * sidewaysCompliance(mechanism_);
-  const bool elsewhere = !funnelled_ || (hole_.center - *funnelled_).norm() > kElsewhere * width;
-  return elsewhere && kSure * position_sd_ < std::min(width, gives);
+  const double width = s_.mechanism.hole.chamfer_width + s_.mechanism.peg.chamfer_width;
+  const double yields = kChamferPush * search_.entry.maxForce() * sidewaysCompliance(s_.mechanism);
+  const bool elsewhere = !funnelled_ || (s_.hole.center - *funnelled_).norm() > kElsewhere * width;
+  return elsewhere && kSure * s_.sd.position < std::min(width, yields);
 }
 
-// the low edge into the hole; what is touched instead is kept
-bool EdgeSearch::drop(int turn) {
-  Vec3 to = hole_.center - bottom_;
-  to -= hole_.normal * hole_.normal.dot(to);
-  const Eigen::Matrix<double, 3, 2> axes = planeAxes(hole_.normal);
+// The low edge into the hole. False where it touches instead, which is kept as a reading.
+bool EdgeSearch::drop(int attempt) {
+  Vec3 to = s_.hole.center - bottom;
+  to -= s_.hole.normal * s_.hole.normal.dot(to);
+  const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
   const Vec2 flat = axes.transpose() * to;
-  if (turn == 0 || flat.norm() > kFarthest * scale_.length)
+  if (attempt == 0 || flat.norm() > kFarthest * s_.scale.length)
     heading_ = std::atan2(flat.y(), flat.x());
   else
     heading_ += 0.5 * M_PI;
   const Vec3 ahead = axes * Vec2(std::cos(heading_), std::sin(heading_));
   const double sd =
-      std::sqrt(std::max(0.0, ahead.head<2>().dot(hole_.center_covariance * ahead.head<2>())));
-  const double behind = std::clamp(kSure * sd, kBehind * scale_.length, kFarthest * scale_.length);
-  const Mat3 R = tilted(hole_.normal, heading_, p_.contact_tilt);
-  const double over = kOver * scale_.room;
+      std::sqrt(std::max(0.0, ahead.head<2>().dot(s_.hole.center_covariance * ahead.head<2>())));
+  const double behind =
+      std::clamp(kSure * sd, kBehind * s_.scale.length, kFarthest * s_.scale.length);
+  const Mat3 R = tiltedTo(s_.hole.normal, heading_, s_.p.contact_tilt);
+  const double over = kOver * s_.scale.travel;
   const double deep =
-      kDeep * scale_.length + chamferDepth(mechanism_.hole) + chamferHeight(mechanism_.peg);
-  const Vec3 place = hole_.center - behind * ahead + (dip(R) + over) * hole_.normal;
+      kDeep * s_.scale.length + chamferDepth(s_.mechanism.hole) + chamferHeight(s_.mechanism.peg);
+  const Vec3 place = s_.hole.center - behind * ahead + (dip(R) + over) * s_.hole.normal;
   hover(place, R);
-  const Vec3 lowest = place - (over + deep + kSure * hole_.height_sd) * hole_.normal;
-  std::optional<Touch> light = lightTouch(restFor(lowest, R).z);
-  // what sinks in by about so much before it is a touch may rest on the face: felt at rest
-  if (!light && kSinks * scale_.sink > scale_.length) {
-    const Touch resting = feel();
-    if (resting.felt()) light = resting;
+  const Vec3 lowest = place - (over + deep + kSure * s_.hole.height_sd) * s_.hole.normal;
+  std::optional<Touch> light = search_.touch.lower(s_.frame.restFor(lowest, R).z);
+  // where a touch sinks in by about as much, the peg may rest on the face: measured at rest
+  if (!light && kSinks * s_.scale.sink > s_.scale.length) {
+    const Touch resting = search_.touch.measure();
+    if (resting.isContact()) light = resting;
   }
-  bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+  bottom = s_.target().p;
   if (light) {
     keep(*light);
     return false;
   }
-  report("drop", text("the low edge is in, %.1f mm from the centre", behind * 1e3));
+  s_.report("drop", text("the low edge is in, %.1f mm from the centre", behind * 1e3));
   ahead_ = ahead;
   return true;
 }
 
-// Against the wall ahead and on both sides; false: not even one ahead, so that the place where
-// the low edge went down is all that was learnt.
+// Against the wall ahead and on both sides. False without a wall ahead: then the only reading is
+// the free place where the low edge went down.
 bool EdgeSearch::walls() {
   TouchReading free;
   free.kind = TouchReading::kFree;
-  free.X_SP = pegPose(press_.target(), hangingFree());
+  free.X_SP = s_.frame.pegPose(s_.carrier.target(), s_.freeDeflection());
   free.sd = kPlaceSd;
-  const Vec3 left = hole_.normal.cross(ahead_);
+  const Vec3 left = s_.hole.normal.cross(ahead_);
   if (!wall(ahead_)) {
-    readings_.push_back(free);
+    readings.push_back(free);
     return false;
   }
-  for (const Vec3& way : {left, Vec3(-left)}) {
-    if (!wall(way)) break;
+  for (const Vec3& side : {left, Vec3(-left)}) {
+    if (!wall(side)) break;
   }
   return true;
 }
 
-// Steps sideways until the wall pushes back; the place without force by two forces, which needs
-// no stiffness. Across the way the wall leads a low edge that fits it closely: what that strains
-// the coupling by counts, by the drawn stiffness.
-bool EdgeSearch::wall(const Vec3& way) {
-  const Mat3 R = (inverse(X_BS_) * poseFromRest(press_.target())).R;
-  const Vec3 across = hole_.normal.cross(way);
+// Steps sideways until the wall pushes back. The position without force is extrapolated from two
+// forces, which needs no stiffness. Across the direction the wall leads a low edge that fits it
+// closely: the strain of the coupling is corrected by the drawn stiffness.
+bool EdgeSearch::wall(const Vec3& direction) {
+  const Mat3 R = s_.frame.carrierPose(s_.carrier.target()).R;
+  const Vec3 across = s_.hole.normal.cross(direction);
   const Vec3 from = relaxed(R);
-  const Vec3 zero = press_.force();
+  const Vec3 zero = s_.carrier.force();
   const auto push = [&](const Vec3& axis) {
-    return -axis.dot(carrierPose().R * (press_.force() - zero));
+    return -axis.dot(s_.frame.carrierPose(s_.carrier.last().carrier).R *
+                     (s_.carrier.force() - zero));
   };
-  const double wanted = kPush * scale_.force;
+  const double wanted = kPush * s_.scale.force;
   const double step =
-      kSidestep * std::min({1.0, scale_.give * kMoreGive, scale_.length * kMoreGive});
-  double moved = 0.0, felt = 0.0, gentler = 0.0;
+      kSidestep * std::min({1.0, s_.scale.give * kMoreGive, s_.scale.length * kMoreGive});
+  double moved = 0.0, pushed = 0.0, gentler = 0.0;
   Vec2 less = Vec2::Zero();
-  while (felt < wanted) {
+  while (pushed < wanted) {
     // no wall of a small hole is farther than across it
-    if (moved >
-        std::clamp(2.0 * mechanism_.hole.radius, kLost * scale_.length, kLost * scale_.room)) {
-      report("wall", "none within reach");
-      bottom_ = pegPose(press_.last().carrier, Vector6::Zero()).p;
-      press_.moveTo(restFor(bottom_, R), false);
+    if (moved > std::clamp(2.0 * s_.mechanism.hole.radius, kLost * s_.scale.length,
+                           kLost * s_.scale.travel)) {
+      s_.report("wall", "none within reach");
+      bottom = s_.frame.pegPose(s_.carrier.last().carrier, Vector6::Zero()).p;
+      s_.carrier.moveTo(s_.frame.restFor(bottom, R), false);
       return false;
     }
     moved += step;
     PlantCommand command;
-    command.rest = restFor(from + moved * way, R);
-    press_.step(command);
-    felt = push(way);
-    if (felt < wanted) continue;
-    felt = pushedAt(from + moved * way, R, [&] { return Vec2(push(way), 0.0); }).x();
-    if (felt < wanted) continue;
-    gentler = moved - 0.5 * felt * softness(way, R);
-    less = pushedAt(from + gentler * way, R, [&] { return Vec2(push(way), push(across)); });
-    // a wall pushes half as much there; a swing of the peg doesn't know where it is
-    if (felt - less.x() < kYields * felt) felt = 0.0;
+    command.rest = s_.frame.restFor(from + moved * direction, R);
+    s_.carrier.step(command);
+    pushed = push(direction);
+    if (pushed < wanted) continue;
+    pushed = pushedAt(from + moved * direction, R, [&] { return Vec2(push(direction), 0.0); }).x();
+    if (pushed < wanted) continue;
+    gentler = moved - 0.5 * pushed * softness(s_, direction, R);
+    less = pushedAt(from + gentler * direction, R,
+                    [&] { return Vec2(push(direction), push(across)); });
+    // a wall pushes half as much there; a swing of the peg is independent of the position
+    if (pushed - less.x() < kYields * pushed) pushed = 0.0;
   }
-  const double at = gentler - less.x() * (moved - gentler) / (felt - less.x());
-  const double led = -less.y() * softness(across, R);
+  const double at = gentler - less.x() * (moved - gentler) / (pushed - less.x());
+  const double led = -less.y() * softness(s_, across, R);
   TouchReading reading;
   reading.kind = TouchReading::kWall;
-  reading.X_SP = pegPose(restFor(from + at * way + led * across, R), hangingFree());
+  reading.X_SP = s_.frame.pegPose(s_.frame.restFor(from + at * direction + led * across, R),
+                                  s_.freeDeflection());
   reading.sd = kPlaceSd;
-  readings_.push_back(reading);
-  ++contacts_;
-  report("wall",
-         text("after %.2f mm, %.1f N", at * 1e3, felt) + text(", led aside by %.3f mm", led * 1e3));
-  const Vec3 back = from + (at - kBack * scale_.length) * way + led * across;
-  press_.moveTo(restFor(back, R), false);
-  bottom_ = pegPose(press_.target(), Vector6::Zero()).p;
+  readings.push_back(reading);
+  ++s_.contacts;
+  s_.report("wall", text("after %.2f mm, %.1f N", at * 1e3, pushed) +
+                        text(", led aside by %.3f mm", led * 1e3));
+  const Vec3 back = from + (at - kBack * s_.scale.length) * direction + led * across;
+  s_.carrier.moveTo(s_.frame.restFor(back, R), false);
+  bottom = s_.target().p;
   return true;
 }
 
-// Where the carrier has followed the peg sideways, so that no wall strains the coupling.
+// Bottom centre where the carrier has followed the peg sideways, so that no wall strains the
+// coupling.
 Vec3 EdgeSearch::relaxed(const Mat3& R) {
-  Vec3 at = pegPose(press_.target(), Vector6::Zero()).p;
-  press_.wait(timed(kRest));
+  Vec3 at = s_.target().p;
+  s_.carrier.wait(s_.scale.timed(kRest));
   for (int i = 0; i < kRelaxes; ++i) {
-    Vec3 strain = softness(ahead_, R) * (carrierPose().R * press_.force());
-    strain -= hole_.normal * hole_.normal.dot(strain);
+    Vec3 strain = softness(s_, ahead_, R) *
+                  (s_.frame.carrierPose(s_.carrier.last().carrier).R * s_.carrier.force());
+    strain -= s_.hole.normal * s_.hole.normal.dot(strain);
     if (strain.norm() < kSlack) break;
     at += strain;
-    press_.moveTo(restFor(at, R), false);
-    press_.wait(timed(kRest));
+    s_.carrier.moveTo(s_.frame.restFor(at, R), false);
+    s_.carrier.wait(s_.scale.timed(kRest));
   }
   return at;
 }
 
 Vec2 EdgeSearch::pushedAt(const Vec3& p, const Mat3& R, const std::function<Vec2()>& push) {
-  press_.moveTo(restFor(p, R));
-  const int n = timed(kRest);
-  press_.wait(n);
+  s_.carrier.moveTo(s_.frame.restFor(p, R));
+  const int n = s_.scale.timed(kRest);
+  s_.carrier.wait(n);
   Vec2 sum = Vec2::Zero();
   for (int i = 0; i < n; ++i) {
-    press_.wait(1);
+    s_.carrier.wait(1);
     sum += push() / n;
   }
   return sum;
-}
-
-// travel of the peg's bottom for a force on it [m/N]
-double EdgeSearch::softness(const Vec3& way, const Mat3& R) const {
-  const Vec3 along = R.transpose() * way;
-  Eigen::Matrix<double, 1, 6> row;
-  row << along.transpose(), Vec3(0, 0, -length_).cross(along).transpose();
-  return (row * couplingStiffness(mechanism_.coupling).inverse() * row.transpose()).value();
-}
-
-Vec2 EdgeSearch::offset() const {
-  return (rotationToAxis(hole_.normal).transpose() * (hole_.center - Vec3(0, 0, -length_)))
-      .head<2>();
 }
 
 }  // namespace assembly_cell

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/base/date.h"
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
@@ -142,8 +143,9 @@ bool IdentifierNode::free(bool hung_free) {
   try {
     if (pressed && plant_->hasData()) {
       plant_->recover(kFreeing);
-      PressController hand(*plant_, limits_);
-      hand.release(mechanism_, hung_free ? std::optional(plant_->startPose()) : std::nullopt);
+      GuardedCarrier carrier(*plant_, limits_);
+      releasePeg(carrier, mechanism_,
+                 hung_free ? std::optional(plant_->startPose()) : std::nullopt);
       pressed = false;
     }
   } catch (const std::exception& error) {

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 
+#include "assembly_cell/align/search/free_peg.h"
+#include "assembly_cell/align/search/press_controller.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/identification/mechanism_check.h"
@@ -244,32 +246,33 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     try {
       enter("move_to_contact", true);
       plant_->begin([this] { return contact_server_->isPreemptRequested(); });
-      const PressController* watched = nullptr;
+      const GuardedCarrier* watched = nullptr;
       WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
         MoveToContactFeedback feedback;
         // the controller's zero, as it shows in its last block
         if (watched != nullptr) {
-          feedback.force = block.wrench_b(2) - watched->last().wrench_b(2) + watched->forceZ();
+          feedback.force = block.wrench_b(2) - watched->last().wrench_b(2) + watched->force().z();
         }
         feedback.z = block.carrier.z;
         contact_server_->publishFeedback(feedback);
       });
-      PressController press(plant, limits_);
-      watched = &press;
-      press.begin(mechanism_);
-      if (const double least = press.leastForce(parameters_.press_tolerance); force < least) {
+      GuardedCarrier carrier(plant, limits_);
+      watched = &carrier;
+      tareFreePeg(carrier, mechanism_);
+      PressController press(carrier);
+      if (const double least = press.minForce(parameters_.press_tolerance); force < least) {
         throw InputError(
             text("force is %g N: give at least %.2g N, less is lost in the steps of a press or the "
                  "scatter of sensor_b",
                  force, least));
       }
-      if (!press.approach(press.target().z - limits_.descent)) {
+      if (!press.approach(carrier.target().z - limits_.descent)) {
         throw AlignError(AlignFailure::kNoContact,
                          text("none within %g m of descent", limits_.descent));
       }
       press.holdStill(force, parameters_.press_tolerance);
       result.success = true;
-      result.force = press.forceZ();
+      result.force = carrier.force().z();
       result.message = "pressing";
       end.pressing = true;
       end.reason = text("move_to_contact presses with %.1f N", result.force);

@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/diagnostics.h"
@@ -20,7 +21,7 @@ namespace {
 
 // A carrier that holds a peg in its bore: what the coupling gives way to it. [m], [rad]
 constexpr double kBeside = 1e-3, kTurned = 0.02;
-constexpr double kReleaseTimeout = 5.0;           // of cell time after a goal that failed [s]
+constexpr double kReleaseTimeout = 5.0;    // of cell time after a goal that failed [s]
 constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
 constexpr char kIdentify[] = "identify: ", kIdentifier[] = "mechanism_identifier";
 
@@ -141,9 +142,10 @@ void SupervisorNode::leave(const End& end) {
   } else if (!end.freed) {
     try {
       plant_->recover(kReleaseTimeout);
-      PressController hand(*plant_, limits_);
+      GuardedCarrier carrier(*plant_, limits_);
       const bool hung_free = began_free_ && !end.stuck;
-      hand.release(mechanism_, hung_free ? std::optional(plant_->startPose()) : std::nullopt);
+      releasePeg(carrier, mechanism_,
+                 hung_free ? std::optional(plant_->startPose()) : std::nullopt);
       in_contact = stuck = false;
     } catch (const AlignError& error) {
       // what a sensor that tells nothing leaves unknown isn't stuck: the next goal feels first
@@ -189,8 +191,8 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
         withdraw(plant, mechanism_, out);
         left_in_ = LeftIn();
       }
-      PressController hand(plant, limits_);
-      hand.release(mechanism_);
+      GuardedCarrier carrier(plant, limits_);
+      releasePeg(carrier, mechanism_);
       result.success = true;
       result.message = end.reason = "free";
     } catch (...) {

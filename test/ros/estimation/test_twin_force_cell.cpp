@@ -28,7 +28,7 @@
 #include "assembly_cell/TwinForceState.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/estimation/twin_sensing.h"
-#include "assembly_cell/align/search/search.h"
+#include "assembly_cell/align/search/search_frame.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/service_call.h"

@@ -23,12 +23,12 @@ BlockMoments momentsOf(const double* samples, std::size_t n);
 /// of many samples keeps it: a load at rest is rounded alike each time.
 Matrix6 roundingCovariance(const Matrix6& volts_to_wrench, double step);
 
-/// Weight of the peg as sensor_b feels it, in the carrier's axes about its origin. up: against
+/// Wrench of the peg's weight at sensor_b, in the carrier's axes about its origin. up: against
 /// gravity, carrier axes; displacement: of the coupling, x y z [m], rotation vector [rad].
 Vector6 pegWeight(const PegParameters& peg, double gravity, const Eigen::Vector3d& up,
                   const Vector6& displacement);
 
-/// What both sensors feel while nothing moves: means of a window with their covariance.
+/// Wrenches of both sensors at rest: means of a window with their covariance.
 class ContactWindow {
  public:
   void clear() { *this = ContactWindow(); }

@@ -8,14 +8,14 @@
 
 namespace assembly_cell {
 
-/// One felt contact: where the peg was (frame `peg` in a frame S that does not move) and in which
-/// direction on its bottom edge the contact lay.
+/// One measured contact: where the peg was (frame `peg` in a frame S that does not move) and in
+/// which direction on its bottom edge the contact lay.
 struct HoleReading {
   Pose X_SP;
   /// Azimuth on the edge in peg axes, unless `end_known` modulo π until fitHole resolves it [rad].
   double alpha = 0.0;
   double sd = 0.0;         ///< of alpha [rad]
-  bool end_known = false;  ///< the locus told which end of the diameter it is
+  bool end_known = false;  ///< the locus determines which end of the diameter it is
   enum Kind {
     kOut,
     kPlane,
@@ -24,7 +24,7 @@ struct HoleReading {
   bool explained = true;  ///< by fitHole: plane or an edge of the hole found lie in this direction
 };
 
-constexpr int kRimReadings = 4;  ///< that determine a hole and leave something over
+constexpr int kRimReadings = 4;  ///< that determine a hole, with one to spare
 
 /// The hole in S.
 struct HoleEstimate {
@@ -37,7 +37,7 @@ struct HoleEstimate {
   int plane_readings = 0, rim_readings = 0;
 };
 
-/// How a fit ended: kNone, or why it doesn't determine what was asked for.
+/// Outcome of a fit: kNone, or why it doesn't determine the hole.
 struct FitStatus {
   AlignFailure failure = AlignFailure::kNone;
   const char* message = "";
@@ -52,13 +52,13 @@ Eigen::Matrix<double, 3, 2> planeAxes(const Eigen::Vector3d& normal);
 FitStatus fitPlane(double peg_radius, std::vector<HoleReading>& readings, HoleEstimate& estimate);
 
 /// Finds plane and centre from readings at several tilts. All contacts lie in the hole plane, which
-/// also tells C from C*: of the two ends of the edge's diameter only one is at the plane's height
-/// in every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at
+/// also distinguishes C from C*: of the two ends of the edge's diameter only one is at the plane's
+/// height in every tilt of the wobble. Contacts away from the peg's lowest point are on the rim: at
 /// distance hole_radius from the centre; the others on the plane, outside of it
 /// (docs/theory/thesis.md, "From contacts to the hole"). `estimate.normal` is the start.
 /// Resolves alpha and kind of every reading. Fails with kNoPlaneReading, kNoHoleUnderEdge (fewer
-/// than `least_rim` contacts on the rim) or kOneEdgeOnly, which has the centre of the best circle.
+/// than `min_rim` contacts on the rim) or kOneEdgeOnly, which has the centre of the best circle.
 FitStatus fitHole(double peg_radius, double hole_radius, std::vector<HoleReading>& readings,
-                  HoleEstimate& estimate, int least_rim = kRimReadings);
+                  HoleEstimate& estimate, int min_rim = kRimReadings);
 
 }  // namespace assembly_cell

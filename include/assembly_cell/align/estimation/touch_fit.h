@@ -9,30 +9,30 @@
 
 namespace assembly_cell {
 
-// Plane and circle of a hole from where a tilted peg touched, by the carrier's pose: no strain
-// matrix, no mechanism's parameter better than to a tenth is needed.
+// Plane and circle of a hole from the carrier's poses when a tilted peg touched: needs no strain
+// matrix, and the mechanism's parameters to a tenth only.
 
 /// One touch of the peg's bottom edge or its chamfer, frame `peg` in a frame S that does not move.
 struct TouchReading {
   enum Kind {
-    kEdge,  ///< from above: what is not over the hole rests on its plane or on the chamfer
-    kWall,  ///< from the side: what is below the plane lies against the wall
-    kFree   ///< none: nothing of the edge is in the block
+    kEdge,  ///< from above: the edge outside the hole rests on its plane or on the chamfer
+    kWall,  ///< from the side: the edge below the plane is against the wall
+    kFree   ///< none: no point of the edge is in the block
   } kind = kEdge;
   Pose X_SP;        ///< with the coupling's deflection
-  double sd = 0.0;  ///< of the peg's place along the touch [m]
+  double sd = 0.0;  ///< of the peg's position along the touch [m]
   /// Where the line of action crosses the bottom, peg axes [m]; the sensor's own offset included.
   std::optional<Eigen::Vector2d> point;
-  /// How far aside that line goes a metre up, peg axes; only a chamfered peg is touched above its
+  /// Lateral slope of that line, aside over up, peg axes; only a chamfered peg is touched above its
   /// bottom.
   Eigen::Vector2d lean = Eigen::Vector2d::Zero();
 };
 
-/// What is known before, and how well a point is felt. All standard deviations.
+/// Prior knowledge, and the errors of a measured point. All standard deviations.
 struct TouchModel {
   PegParameters peg;                                ///< its bottom edge with its chamfer
   HoleParameters hole;                              ///< with its chamfer
-  Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< about which the hole is looked for, S [m]
+  Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< centre of the region of the hole, S [m]
   double position_sd = 0.012;                       ///< of the hole from there, per axis [m]
   double tilt_sd = 0.05;                            ///< of its plane against S, per axis [rad]
   double point_sd = 1e-3;                           ///< of a point of touch, per axis [m]
@@ -47,8 +47,8 @@ struct TouchFit {
   Eigen::Matrix2d center_covariance = Eigen::Matrix2d::Zero();  ///< of x and y in S [m²]
   double height_sd = 0.0;                                       ///< at the centre [m]
   double normal_sd = 0.0;                                       ///< both axes [rad]
-  /// Of where a move ends, per axis, by what touches from above leave: unbiased for its inverse,
-  /// which is what weighs an error [m²]
+  /// Of where a move ends, per axis, by the residuals of touches from above; its inverse, the
+  /// weight of an error, is unbiased [m²]
   double place_variance = 0.0;
   double chi2 = 0.0;  ///< prior included; as many degrees of freedom as residuals
   int residuals = 0;
@@ -60,8 +60,8 @@ struct TouchFit {
 TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& readings);
 
 /// Residual of a reading for a given hole, in metres: gap between edge and block outside the bore
-/// (kEdge), reach of what is below the plane beyond the wall (kWall), or how deep the edge would be
-/// in the block (kFree, never positive).
+/// (kEdge), reach of the edge below the plane beyond the wall (kWall), or how deep the edge would
+/// be in the block (kFree, never positive).
 double touchResidual(const TouchModel& model, const TouchReading& reading,
                      const Eigen::Vector3d& normal, const Eigen::Vector3d& center);
 

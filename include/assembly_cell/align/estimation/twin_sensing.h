@@ -10,11 +10,11 @@
 
 namespace assembly_cell {
 
-/// What the contacts to come are for.
+/// Task of the following contacts.
 struct TwinForceTask {
   Pose X_BS;                        ///< frame S of all poses of the carrier, in the carrier's base
   std::optional<Pose> reference;    ///< X_SC that the pose refers to; none: of the first contact
-  double contact_force = 15.0;      ///< of the contacts that are advised [N]
+  double contact_force = 15.0;      ///< of the advised contacts [N]
   double contact_tilt = 0.052;      ///< of the peg against the plane there [rad]
   double settled_force = 0.02;      ///< halves of a window that differ by more are refused [N]
   double required_position = 3e-5;  ///< sd that is enough, per axis [m]
@@ -22,14 +22,14 @@ struct TwinForceTask {
   std::size_t capacity = 64;        ///< contacts that can be kept
 };
 
-/// What became of a window.
+/// Result of a window.
 struct WindowAnswer {
-  std::string refusal;          ///< why it wasn't taken, one phrase; empty: it was
+  std::string refusal;          ///< why it was refused, one phrase; empty: accepted
   bool signs_reversed = false;  ///< one sensor reports the opposite sign
   double force = 0.0;           ///< of the contact [N]
 };
 
-/// Pose of the peg in the hole, as far as the contacts tell it.
+/// Pose of the peg in the hole, as far as the contacts determine it.
 struct TwinForceSolution {
   TwinForceStatus status = TwinForceStatus::kRefuseTooFew;
   std::string reason;                    ///< why the status is not OK
@@ -44,25 +44,24 @@ struct TwinForceSolution {
 struct ReachableContact {
   Pose X_HP;
   Eigen::Vector3d pull = Eigen::Vector3d::Zero();   ///< axes of hole [N]
-  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< to be felt by the peg, axes of hole [N]
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< expected on the peg, axes of hole [N]
   double smallest_eigenvalue = 0.0;                 ///< expected with it
   double position_sd = 0.0, rotation_sd = 0.0;      ///< expected, 3 axes; ∞ if unobservable then
 };
 
-/// Twin-force sensing as a strategy asks for it: in the same process, or the node
-/// twin_force_estimator. It keeps contacts and advises; it never moves anything. Calls throw
-/// PlantError when there is no answer.
+/// Dual wrench sensing for a strategy: in the same process, or the node twin_force_estimator. Keeps
+/// contacts and advises; never moves the carrier. Calls throw PlantError without a response.
 class TwinForceSensing {
  public:
   virtual ~TwinForceSensing() = default;
-  /// Forgets contacts and zero.
+  /// Drops contacts and zero.
   virtual void begin(const TwinForceTask& task) = 0;
   /// The peg hangs free: the zero of both sensors from here on, weight included.
   virtual WindowAnswer tare(const AveragingWindow& free) = 0;
   /// Keeps a contact.
   virtual WindowAnswer add(const AveragingWindow& pressed) = 0;
   virtual TwinForceSolution solve() = 0;
-  /// The contact within reach that tells most, with the pose of the last solve().
+  /// The contact within reach with the most information, with the pose of the last solve().
   virtual ReachableContact advise() = 0;
 };
 

@@ -6,7 +6,7 @@
 
 namespace assembly_cell {
 
-/// How the peg is shaken and pressed while its locus is read.
+/// Excitation and press force while a locus is measured.
 struct VibrationPoint {
   double frequency = 0.0;     ///< of the exciter [rad/s]
   double amplitude = 0.0;     ///< [N]
@@ -14,12 +14,12 @@ struct VibrationPoint {
   double direction_sd = 0.0;  ///< expected of one reading's direction, the worst of all [rad]
 };
 
-/// What the choice depends on besides the mechanism. Of `given` what is zero is chosen.
+/// Input of the choice besides the mechanism. Zeros of `given` are chosen.
 struct VibrationDemand {
   VibrationPoint given;                ///< direction_sd is not used
   double tilt = 0.052;                 ///< of the peg against the plane [rad]
   double shake = 1.5;                  ///< the contact must hold for this times the amplitude
-  double greatest_press = 0.0;         ///< [N]
+  double max_press = 0.0;              ///< [N]
   double friction = 0.0;               ///< measured coefficient; 0: the mechanism's
   double window = 0.2;                 ///< of a reading [s]
   double samples = 1000.0;             ///< in a window
@@ -27,13 +27,13 @@ struct VibrationDemand {
   Matrix6 rounding = Matrix6::Zero();  ///< that its converter adds
 };
 
-/// Operating point for this sensor. Frequency: where the direction is best told by the locus of a
-/// contact that still sticks, among those where a single contact is no segment (that is the sign of
-/// double contact). Amplitude: as much as friction holds. Press: as little as makes the direction
-/// as good as the model. A converter coarser than its noise rounds a vibration of A steps alike in
-/// every period: an error of 0.11/√A steps (Bessel series of a rounded sine) that no window
-/// averages out, so that coarse converters need force. Throws InputError where no frequency will
-/// do.
+/// Operating point for this sensor. Frequency: where the locus of a contact that still sticks
+/// determines the direction best, among those where a single contact is no segment (that is the
+/// sign of double contact). Amplitude: as much as friction holds. Press: as little as makes the
+/// direction as good as the model. A converter coarser than its noise rounds a vibration of A steps
+/// alike in every period: an error of 0.11/√A steps (Bessel series of a rounded sine) that no
+/// window averages out, so that coarse converters need force. Throws InputError where no frequency
+/// will do.
 VibrationPoint chooseVibration(const Mechanism& mechanism, const VibrationDemand& demand);
 
 }  // namespace assembly_cell

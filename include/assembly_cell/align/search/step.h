@@ -7,18 +7,16 @@
 
 namespace assembly_cell {
 
-/// What a strategy takes at a time: its waits, speeds and thresholds are made for blocks of such a
-/// length [s].
+/// Step of a strategy [s]: its waits, speeds and thresholds are made for blocks of this length.
 inline constexpr double kStepTime = 0.02;
 
-/// Carries out the command and gives the next block; `first`: of this step.
+/// Carries out the command and returns the next block; `first`: of this step.
 using NextBlock = std::function<PlantBlock(const PlantCommand& command, bool first)>;
 
 /// A step of a plant whose blocks may be shorter: carries out the command, then puts blocks
 /// together until they are kStepTime long. Means and covariances are those of all their samples. A
 /// block whose force is beyond command.alarm, and beyond its own noise, ends the step at once and
-/// is given alone: what needs an answer doesn't wait for the rest. A block as long as a step is
-/// given as it is.
+/// is returned alone. A block as long as a step is returned as it is.
 PlantBlock nextStep(const PlantCommand& command, const NextBlock& next);
 
 }  // namespace assembly_cell

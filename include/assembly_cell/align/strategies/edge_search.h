@@ -10,58 +10,53 @@
 
 namespace assembly_cell {
 
-/// What touch and twin_force share: the peg's tilted edge touches the face, which tells the plane
-/// and, where it sinks over the rim, roughly the hole; then the low edge is put into the hole and
-/// moved against its wall on three sides. Only places and thresholds of force count.
-class EdgeSearch : public Search {
- protected:
-  using Vec2 = Eigen::Vector2d;
-  using Vec3 = Eigen::Vector3d;
-  using Mat3 = Eigen::Matrix3d;
+/// Locates the hole from the positions of touches: the peg's tilted edge on the face determines the
+/// plane and, where it sinks over the rim, roughly the hole; then the low edge is put into the hole
+/// and moved against its wall on three sides. Uses positions and thresholds of force only, so
+/// strain matrices and the mechanism need not be known well. Part of `touch` and `twin_force`.
+class EdgeSearch {
+ public:
+  explicit EdgeSearch(Search& search);
 
-  EdgeSearch(Plant& plant, const Mechanism& mechanism, const AlignParameters& p,
-             const Progress& progress);
-
-  /// Deflection of the peg hanging free where the carrier is, as deflection() would tell it.
-  virtual Vector6 hangingFree() const { return sag(press_.target()) - sag(start_); }
-
-  /// Of where moves end, per axis, by what the readings leave. [m²]
-  virtual double placeVarianceOf(const TouchFit& fit) const { return fit.place_variance; }
-  /// Rotation with the low side at azimuth a.
-  static Mat3 tilted(const Vec3& normal, double a, double tilt);
-  /// One touch from above, over bottom_, free before; the zero taken anew.
-  void touch(const Mat3& R);
-  /// A light touch as a reading.
-  void remember(const Touch& light);
-  /// Plane and hole by the readings.
+  /// One touch from above, over `bottom`, with the peg's axes along R in S; the zero is taken there
+  /// first. Adds a reading. Throws AlignError `not_free`, and `wedged` unless `known`.
+  void touch(const Eigen::Matrix3d& R);
+  /// Adds a light touch as a reading.
+  void add(const Touch& touch);
+  /// Plane and hole from the readings, into SearchState::hole. Throws AlignError
+  /// `no_plane_reading`.
   void resolve();
-  /// The low edge into the hole, against its walls, and the entry, where the plane and roughly the
-  /// hole are known. Throws `not_inserted` after its tries.
-  void feelIn();
-  /// Of the hole's centre from the peg's bottom at the start, in axes of the plane. [m]
-  Vec2 offset() const;
+  /// The low edge into the hole, against its walls, and the entry; needs `known`. Throws AlignError
+  /// `not_inserted` after its attempts.
+  void enterByWalls();
 
-  TouchModel model_;
-  std::vector<TouchReading> readings_;
-  Vec3 bottom_ = Vec3::Zero();  ///< where the peg's bottom centre is, in S [m]
-  bool known_ = false;          ///< plane and, roughly, the hole
+  TouchModel model;
+  std::vector<TouchReading> readings;
+  Eigen::Vector3d bottom = Eigen::Vector3d::Zero();  ///< the peg's bottom centre, in S [m]
+  bool known = false;                                ///< plane and, roughly, the hole
+  double min_move_sd = 0.0;  ///< of where moves end, per axis, whatever the readings show [m]
 
  private:
-  double dip(const Mat3& R) const;
-  void hover(const Vec3& place, const Mat3& R);
-  void liftOut(const Mat3& R);
+  double dip(const Eigen::Matrix3d& R) const;
+  void hover(const Eigen::Vector3d& place, const Eigen::Matrix3d& R);
+  void liftOut(const Eigen::Matrix3d& R);
   void keep(const Touch& light);
   bool isFunnelled() const;
-  bool drop(int turn);
+  bool drop(int attempt);
   bool walls();
-  bool wall(const Vec3& way);
-  Vec3 relaxed(const Mat3& R);
-  Vec2 pushedAt(const Vec3& p, const Mat3& R, const std::function<Vec2()>& push);
-  double softness(const Vec3& way, const Mat3& R) const;
+  bool wall(const Eigen::Vector3d& direction);
+  Eigen::Vector3d relaxed(const Eigen::Matrix3d& R);
+  Eigen::Vector2d pushedAt(const Eigen::Vector3d& p, const Eigen::Matrix3d& R,
+                           const std::function<Eigen::Vector2d()>& push);
 
-  Vec3 ahead_ = Vec3::UnitX();     // way of the low edge in the hole
-  double heading_ = 0.0;           // its azimuth in the plane [rad]
-  std::optional<Vec3> funnelled_;  // centre of the hole when the chamfer was to lead
+  Search& search_;
+  SearchState& s_;
+  Eigen::Vector3d ahead_ = Eigen::Vector3d::UnitX();  // direction of the low edge in the hole
+  double heading_ = 0.0;                              // its azimuth in the plane [rad]
+  std::optional<Eigen::Vector3d> funnelled_;          // hole's centre when the chamfer was to lead
 };
+
+/// Axes of a peg tilted against the normal, its low side at azimuth a [rad].
+Eigen::Matrix3d tiltedTo(const Eigen::Vector3d& normal, double a, double tilt);
 
 }  // namespace assembly_cell

@@ -9,7 +9,7 @@
 
 #include "assembly_cell/IdentifyAction.h"
 #include "assembly_cell/SupervisorState.h"
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/guarded_carrier.h"
 #include "assembly_cell/identification/measure.h"
 #include "assembly_cell/ros/bridge/checked_action.h"
 #include "assembly_cell/ros/supervision/ros_plant.h"

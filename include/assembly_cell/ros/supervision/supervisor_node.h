@@ -17,7 +17,7 @@
 #include "assembly_cell/RetreatAction.h"
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/align/align.h"
-#include "assembly_cell/align/search/press.h"
+#include "assembly_cell/align/search/guarded_carrier.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/bridge/checked_action.h"
 #include "assembly_cell/ros/bridge/live_settings.h"

@@ -1,0 +1,42 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include "assembly_cell/align/search/search_state.h"
+
+namespace assembly_cell {
+
+/// Motion in the bore: down to a depth or the floor, or up and out. The carrier follows the
+/// coupling's strain, so that the walls lead the peg and errors of the hole's estimate don't
+/// matter. Needs the hole's plane and the deflection of the hanging peg (SearchState::hanging);
+/// the force stays bounded by InsertParameters::force down and a part of the force limit up.
+class BoreInsertion {
+ public:
+  explicit BoreInsertion(SearchState& state) : s_(state) {}
+
+  /// From the edge in the hole to the depth or the floor, into SearchState::inserted. Throws
+  /// AlignError `jammed`, `not_seated`.
+  void insert();
+  /// The peg is upright in the bore at depth AlignParameters::inserted, hanging free of load.
+  void startInBore();
+  /// Up by `travel` [m], or as far as a bounded pull takes the peg, then until the walls relax.
+  void backOut(double travel);
+  /// Up along the bore and out of it from AlignParameters::inserted. Returns the target of the
+  /// undeflected peg, in S; throws AlignError `stuck`.
+  Pose leave();
+
+ private:
+  enum class End { kDeep, kStuck, kResisted };
+  End lower();
+  double opposing(double direction) const;
+  BoreReading move(double down);
+  BoreReading measure();
+  int wallContacts(const Vector6& wrench, double depth) const;
+  void shake(double amplitude);
+  bool isOnFloor();
+  bool pressAgain(const BoreReading& pressed);
+
+  SearchState& s_;
+  Pose X_SP_;  // target of the undeflected peg
+};
+
+}  // namespace assembly_cell

@@ -1,0 +1,87 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <optional>
+
+#include "assembly_cell/align/plant.h"
+#include "assembly_cell/align/search/contact_sensor.h"
+#include "assembly_cell/align/search/report_noise.h"
+#include "assembly_cell/align/search/scale.h"
+#include "assembly_cell/mechanism/mechanism.h"
+
+namespace assembly_cell {
+
+/// Limits of whatever moves the carrier.
+struct PressLimits {
+  double force = 40.0;          ///< abort above this contact force [N]
+  double descent = 0.02;        ///< abort without contact after this travel down [m]
+  double approach_step = 1e-4;  ///< travel down in one block before contact [m]
+  double compliance = 5e-4;     ///< travel per force while pressing: more is no contact [m/N]
+  Scale scale;                  ///< of the mechanism
+  PegParameters peg;            ///< its weight turns with the carrier, see ContactSensor
+  double gravity = 0.0;         ///< [m/s²]
+};
+
+/// The limits for a mechanism: default ones with its steps, compliance, scale and weight.
+PressLimits pressLimits(const Mechanism& mechanism);
+
+/// Blocks that a motion of the carrier or a settling peg may take.
+inline constexpr int kMotionBlocks = 200;
+
+/// Moves the carrier of a plant, with the contact force checked in every block. All commands of a
+/// search pass through step().
+class GuardedCarrier {
+ public:
+  /// Waits for the first block. Throws PlantError.
+  GuardedCarrier(Plant& plant, const PressLimits& limits);
+
+  /// One block with a command. Throws AlignError `force_limit` or `sensor_saturated` once there is
+  /// a tare, PlantError when the plant fails.
+  const PlantBlock& step(const PlantCommand& command);
+  const PlantBlock& wait(int blocks);
+  /// The exciter goes out with the next step, unless that command sets it.
+  void exciterNext(const ExciterParameters& exciter) { exciter_ = exciter; }
+  /// Whether step() checks force and saturation; true at first.
+  void setGuarded(bool guarded) { guarded_ = guarded; }
+
+  const PlantBlock& last() const { return sensor_.last(); }
+  const ContactSensor& sensor() const { return sensor_; }
+  Eigen::Vector3d force() const { return sensor_.force(); }  ///< see ContactSensor
+  const PressLimits& limits() const { return limits_; }
+  const RestPose& target() const { return target_; }
+  /// Of the carrier's pose, on the blocks of all tares so far.
+  ReportNoise reportNoise() const { return meter_.noise(); }
+
+  /// Hanging free: waits until still, then takes the mean of `blocks` blocks as zero of force and
+  /// deflection. Throws AlignError `not_still`.
+  void tare(int blocks = 10);
+  /// The next tare counts as the first one; nothing is checked until then.
+  void clearTare() { sensor_.clearTare(); }
+  /// Waits until blocks in a row agree; false: they never do. Throws AlignError `sensor_saturated`
+  /// where a channel stays at its limit.
+  bool settle();
+
+  /// Moves the rest pose and waits until it is there. Without `to_the_end` a noisy pose ends the
+  /// wait a little early, which is enough before a tare; a move that follows waits for the end
+  /// first, as a carrier that gets a far target while it brakes overshoots (6 mm in 20 mm). Throws
+  /// AlignError `not_arrived`.
+  void moveTo(const RestPose& target, bool to_the_end = true);
+  /// A step that a block has time for. `alarm`: instead of that of the force limit.
+  void nudge(const RestPose& target, const std::optional<ForceAlarm>& alarm = std::nullopt);
+
+ private:
+  Plant& plant_;
+  PressLimits limits_;
+  ContactSensor sensor_;
+  std::optional<ExciterParameters> exciter_;  // of the next step
+  RestPose target_;
+  ReportNoiseMeter meter_;  // of the blocks of all tares
+  int to_end_ = 0;          // blocks to the certain end of the last move
+  bool guarded_ = true;
+  int saturated_ = 0;  // blocks in a row
+};
+
+/// One block with the exciter off.
+void exciterOff(GuardedCarrier& carrier, int direction = 1);
+
+}  // namespace assembly_cell

@@ -1,0 +1,146 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/search/guarded_carrier.h"
+
+#include <cmath>
+#include <limits>
+
+#include "assembly_cell/base/text.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr double kMaxCompliance = 3.0;  // travel of a press, times the coupling's compliance
+constexpr double kStillForce = 0.03;    // change from block to block of a peg at rest [N]
+constexpr int kStillBlocks = 3;
+// After so many blocks a swing has died away, and a change that is left may be noise.
+constexpr int kSwingBlocks = 50;
+// Stiff parts that touch make a knock of a few samples, at or over the ends of the bridges' range;
+// a block may end in the middle of it. Three saturated blocks in a row are a press.
+constexpr int kKnockBlocks = 2;
+// At rest so many in a row are a faulty sensor: its own noise, an offset, a broken wire.
+constexpr int kFaultyBlocks = 50;
+
+}  // namespace
+
+PressLimits pressLimits(const Mechanism& mechanism) {
+  PressLimits limits;
+  limits.scale = scaleOf(mechanism);
+  limits.approach_step *= limits.scale.step;
+  limits.compliance = kMaxCompliance * pressCompliance(mechanism);
+  limits.peg = mechanism.peg;
+  limits.gravity = mechanism.gravity;
+  return limits;
+}
+
+GuardedCarrier::GuardedCarrier(Plant& plant, const PressLimits& limits)
+    : plant_(plant), limits_(limits), sensor_(limits.peg, limits.gravity, limits.scale.force) {
+  wait(1);
+  target_ = last().carrier;
+}
+
+const PlantBlock& GuardedCarrier::step(const PlantCommand& command) {
+  PlantCommand all = command;
+  if (exciter_ && !all.exciter) all.exciter = exciter_;
+  exciter_.reset();
+  // before the tare the peg may still swing
+  const bool guarded = sensor_.isTared() && guarded_;
+  if (guarded && !all.alarm) {
+    all.alarm = sensor_.alarmAt(limits_.force, std::numeric_limits<double>::infinity());
+  }
+  sensor_.update(plant_.next(all));
+  to_end_ = std::max(0, to_end_ - 1);
+  saturated_ = last().saturated ? saturated_ + 1 : 0;
+  if (guarded && saturated_ > kKnockBlocks) {
+    throw AlignError(AlignFailure::kSensorSaturated,
+                     "a channel is at its limit; lower the press force");
+  }
+  if (guarded && force().norm() > limits_.force) {
+    throw AlignError(AlignFailure::kForceLimit,
+                     text("%.1f N is over %.1f N", force().norm(), limits_.force));
+  }
+  return last();
+}
+
+const PlantBlock& GuardedCarrier::wait(int blocks) {
+  for (int i = 0; i < blocks; ++i) step({});
+  return last();
+}
+
+bool GuardedCarrier::settle() {
+  int still = 0;
+  for (int i = 0; still < kStillBlocks; ++i) {
+    if (i == limits_.scale.timed(kMotionBlocks)) return false;
+    const Vector6 before = last().wrench_b;
+    wait(1);
+    if (saturated_ >= limits_.scale.timed(kFaultyBlocks)) {
+      throw AlignError(AlignFailure::kSensorSaturated,
+                       "a channel stays at its limit with the peg at rest; look at both sensors, "
+                       "their offsets and their noise");
+    }
+    double limit = kStillForce * limits_.scale.still;
+    if (i >= limits_.scale.timed(kSwingBlocks) && last().samples > 0) {
+      limit = std::max(limit, sensor_.noiseChange());
+    }
+    const bool agrees = (last().wrench_b - before).head<3>().norm() < limit;
+    still = agrees && !last().saturated ? still + 1 : 0;
+  }
+  return true;
+}
+
+void GuardedCarrier::tare(int blocks) {
+  if (!settle()) {
+    throw AlignError(AlignFailure::kNotStill,
+                     "the hanging peg doesn't come to rest; check for contact");
+  }
+  Tare sum;
+  meter_.interrupt();
+  for (int i = 0; i < blocks; ++i) {
+    wait(1);
+    meter_.add(last().carrier);
+    sum.wrench += last().wrench_b;
+    sum.displacement += last().displacement_b;
+    sum.scatter += last().covariance_b;
+  }
+  target_ = last().carrier;
+  sensor_.setTare(
+      {sum.wrench / blocks, sum.displacement / blocks, sum.scatter / blocks, target_, last().time});
+}
+
+void GuardedCarrier::moveTo(const RestPose& target, bool to_the_end) {
+  wait(to_end_);
+  target_ = target;
+  PlantCommand command;
+  command.rest = target;
+  for (int i = 0; i <= kMotionBlocks; ++i) {
+    const RestPose before = last().carrier;
+    step(command);
+    if (arrived(before, last().carrier, target, reportNoise())) {
+      to_end_ = blocksToEnd(reportNoise());
+      if (to_the_end) wait(to_end_);
+      return;
+    }
+    command.rest.reset();
+  }
+  const RestPose& at = last().carrier;
+  const double away = std::hypot(at.x - target.x, at.y - target.y, at.z - target.z);
+  throw AlignError(
+      AlignFailure::kNotArrived,
+      text("the carrier comes no nearer than %.3f mm to where it was sent, %.1f N on the peg",
+           away * 1e3, force().norm()));
+}
+
+void GuardedCarrier::nudge(const RestPose& target, const std::optional<ForceAlarm>& alarm) {
+  target_ = target;
+  PlantCommand command;
+  command.rest = target;
+  command.alarm = alarm;
+  step(command);
+}
+
+void exciterOff(GuardedCarrier& carrier, int direction) {
+  PlantCommand off;
+  off.exciter = ExciterParameters{0.0, 0.0, 0.0, direction};
+  carrier.step(off);
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,114 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/search/press_controller.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "assembly_cell/base/text.h"
+
+namespace assembly_cell {
+namespace {
+
+// Lengths, forces and times of the default cell; PressLimits::scale carries them over.
+// Touch force sideways, of a touch. An edge that slides down the bore's wall pushes with 0.3 to
+// 0.5 N before it wedges. Half: near starts take 0.5 s longer. Twice: one of 80 of them is held
+// with 200 N.
+constexpr double kSidewaysTouch = 0.2;
+constexpr double kSoftest = 2e3, kStiffest = 2e5;  // bounds of the secant's stiffness [N/m]
+constexpr double kFirstStiffness = 3e4;            // [N/m]
+constexpr double kMaxChange = 3e-4;                // of height in one step of a press [m]
+constexpr int kHoldSteps = 30;
+// Delay from a command to the end of its effect: a block may be 60 ms old when it arrives, the
+// command as old when it is taken, and an arm needs 50 ms [s]. An earlier force has no meaning.
+constexpr double kCommandDelay = 0.2;
+// Times that a force may have gone on and is held again: an arm's end of a move does so once.
+constexpr int kHolds = 5;
+// Of a touch. Less is lost again in the steps of a press: of six from 0.15 to 0.4 N two were.
+constexpr double kMinPress = 0.33;
+constexpr int kSettleBlocks = 3;
+// 99 of 100 blocks scatter by less than 2.5 sd.
+constexpr double kScatterReach = 2.5;
+
+}  // namespace
+
+PressController::PressController(GuardedCarrier& carrier)
+    : carrier_(carrier),
+      stiffness_(kFirstStiffness * carrier.limits().scale.force / carrier.limits().scale.sink) {}
+
+bool PressController::approach(double floor) {
+  // descend a little every block until the first touch; a steep one hardly pushes up
+  const double start = carrier_.target().z, touch = carrier_.sensor().touchForce();
+  RestPose target = carrier_.target();
+  while (carrier_.force().norm() < touch &&
+         carrier_.force().head<2>().norm() < kSidewaysTouch * touch) {
+    if (target.z <= floor) return false;
+    if (start - target.z > carrier_.limits().descent) {
+      throw AlignError(AlignFailure::kNoContact,
+                       text("none within %.1f mm of descent from z %.4f m",
+                            carrier_.limits().descent * 1e3, start));
+    }
+    target.z -= carrier_.limits().approach_step;
+    carrier_.nudge(target, carrier_.sensor().alarmAt(touch, kSidewaysTouch * touch));
+  }
+  touch_z_ = carrier_.last().carrier.z;
+  target.z = touch_z_;
+  carrier_.moveTo(target);
+  return true;
+}
+
+// Refuses a press that has gone down by `down` [m] for a force.
+void PressController::limitTravel(double down, double force) const {
+  if (down <= carrier_.limits().compliance * force) return;
+  throw AlignError(AlignFailure::kGaveWay,
+                   text("%.1f mm down for %.1f N", down * 1e3, carrier_.force().z()));
+}
+
+double PressController::minForce(double tolerance) const {
+  const PlantBlock& last = carrier_.last();
+  const Matrix6 of_mean =
+      carrier_.sensor().tare().scatter / std::max(1, last.samples) + last.rounding_b;
+  const double scatter = kScatterReach * std::sqrt(of_mean(2, 2));
+  return std::max(kMinPress * carrier_.sensor().touchForce(), scatter / tolerance);
+}
+
+void PressController::hold(double force, double tolerance, bool settled) {
+  // secant steps to the force
+  RestPose target = carrier_.target();
+  const double start = target.z;
+  const Scale& scale = carrier_.limits().scale;
+  const double stiffer = scale.force / scale.sink;
+  if (!settled) carrier_.wait(scale.timed(kSettleBlocks));
+  for (int i = 0; i < kHoldSteps; ++i) {
+    const double before = carrier_.force().z();
+    if (std::abs(before - force) <= tolerance * force) return;
+    const double max_change = kMaxChange * scale.sink;
+    const double change = std::clamp((force - before) / stiffness_, -max_change, max_change);
+    target.z -= change;
+    limitTravel(start - target.z, force);
+    carrier_.moveTo(target);
+    carrier_.wait(scale.timed(kSettleBlocks));
+    // slip makes single secants unreliable: change the estimate by no more than threefold
+    const double measured = (carrier_.force().z() - before) / change;
+    stiffness_ = std::clamp(measured, stiffness_ / 3, stiffness_ * 3);
+    stiffness_ = std::clamp(stiffness_, kSoftest * stiffer, kStiffest * stiffer);
+  }
+  throw AlignError(AlignFailure::kPressNotHeld,
+                   text("%.4g N instead of %.4g N", carrier_.force().z(), force));
+}
+
+void PressController::holdStill(double force, double tolerance) {
+  const double start = carrier_.target().z;
+  for (int i = 0; i < kHolds; ++i) {
+    hold(force, tolerance, i > 0);
+    for (double passed = 0.0; passed < kCommandDelay; passed += carrier_.last().length) {
+      carrier_.wait(1);
+    }
+    carrier_.settle();  // or it swings within the tolerance
+    limitTravel(start - carrier_.target().z, force);
+    if (std::abs(carrier_.force().z() - force) <= tolerance * force) return;
+  }
+  throw AlignError(AlignFailure::kPressNotHeld, text("%.4g N instead of %.4g N, or it doesn't stay",
+                                                     carrier_.force().z(), force));
+}
+
+}  // namespace assembly_cell

@@ -1,0 +1,52 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include "assembly_cell/align/search/retreat.h"
+
+#include <cmath>
+
+#include "assembly_cell/align/search/free_peg.h"
+#include "assembly_cell/base/text.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr int kMoreRetreats = 2;    // where the first didn't free the peg
+constexpr double kGolden = 2.4;     // from one offset to the next, never the same twice [rad]
+constexpr double kUpright = 0.364;  // slope of a rim contact that is safe to press, 20 degrees
+
+}  // namespace
+
+void Retreat::backOut(double travel) {
+  for (int i = 0;; ++i) {
+    const Pose peg = s_.peg();
+    try {
+      // unstrained; if that does not free it, turned back first: pulling may tighten a wedge
+      const Eigen::Matrix3d R = i == 0 ? peg.R : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+      retreatUp(s_.carrier, s_.frame.restFor(peg.p, R), travel);
+      return;
+    } catch (const AlignError& error) {
+      if (i == kMoreRetreats) throw;
+      s_.report("recover", error.what());
+    }
+  }
+}
+
+void Retreat::avoidLowSide(const Eigen::Matrix3d& R) {
+  const Eigen::Vector3d low(R.col(2).x(), R.col(2).y(), 0.0);
+  if (low.norm() < 1e-6) return;
+  aside_ = -low.normalized();
+  offsets_ = 0;
+}
+
+Eigen::Vector3d Retreat::nextOffset(double tilt) {
+  const Eigen::Matrix3d turn = rotationFromVector({Eigen::Vector3d(0, 0, kGolden * offsets_++)});
+  const double travel = trapWidth(tilt);
+  s_.report("aside", text("by %.1f mm", travel * 1e3));
+  return travel * (rotationToAxis(s_.hole.normal) * turn * aside_);
+}
+
+double Retreat::trapWidth(double tilt) const {
+  const double r = tipRadius(s_.mechanism.peg), R = mouthRadius(s_.mechanism.hole);
+  return std::sqrt(R * R - r * r) + r * tilt / kUpright;
+}
+
+}  // namespace assembly_cell
