@@ -12,8 +12,10 @@ namespace assembly_cell {
 void fields(FieldList& f, ShakerLimits& limits) {
   f.number("timeout", limits.timeout, {0.04, 10.0, "s"},
            "Without carrier_pose for this time it is off.");
-  f.number("max_amplitude", limits.max_amplitude, notNegative("N"), "Of a command.");
-  f.number("max_frequency", limits.max_frequency, notNegative("rad/s"), "Of a command.");
+  f.number("max_amplitude", limits.max_amplitude, notNegative("N"),
+           "Largest amplitude of a command.");
+  f.number("max_frequency", limits.max_frequency, notNegative("rad/s"),
+           "Largest frequency of a command.");
 }
 
 GuardedShaker::GuardedShaker(std::shared_ptr<Shaker> shaker, const ShakerLimits& limits)
