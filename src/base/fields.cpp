@@ -50,7 +50,7 @@ std::string remedy(const Range& range) {
 
 std::string outside(double value, const Range& range) {
   if (range.contains(value)) return {};
-  // of either sign
+  // a NaN is printed without its sign
   return (std::isnan(value) ? "nan" : yaml::shown(value)) + ": " + remedy(range);
 }
 
@@ -375,7 +375,7 @@ std::string parameterName(const std::string& path) {
 }
 
 std::string commentedParameters(const FieldList& fields, std::size_t indent) {
-  constexpr std::size_t kColumn = 26;  // of the comments
+  constexpr std::size_t kColumn = 26;  // where comments begin
   std::ostringstream text;
   for (const Field& field : fields) {
     if (field.kind == Kind::kSection) continue;

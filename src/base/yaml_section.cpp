@@ -107,7 +107,7 @@ void Section::refuse(const std::string& path, const std::string& value,
   throwLine(source_ + ": " + path + " is '" + value + "': " + what_to_do);
 }
 
-// what is wrong with the key, not with its value
+// Refuses the key, not its value.
 void Section::refuseKey(const std::string& key, const std::string& value,
                         const std::string& what_to_do, const std::string& is) const {
   if (wording_ == Wording::kValue) refuse(at(key), value, what_to_do);

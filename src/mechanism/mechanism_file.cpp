@@ -70,7 +70,7 @@ std::optional<MechanismProblem> indefinite(const CouplingMatrix& matrix, const c
 
 // not in an unnamed namespace, which FieldList::section() doesn't see
 
-// of peg and hole alike
+// Chamfer of the peg or of the hole.
 static void chamferFields(FieldList& f, double& width, double& angle) {
   f.group("chamfer",
           [&](FieldList& g) {

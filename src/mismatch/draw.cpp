@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 // so far from its mean a normal draw may go
 constexpr double kNormalReach = 5.0;
 
-// of a key path and a run: FNV-1a of the path, mixed with the seed (splitmix64)
+// Seed of a key path's stream in a run: FNV-1a of the path, mixed with the seed (splitmix64).
 std::uint64_t streamSeed(std::uint64_t seed, const std::string& key) {
   std::uint64_t hash = 14695981039346656037ull;
   for (const char c : key) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ull;
@@ -73,7 +73,7 @@ std::vector<DrawnChange> drawChanges(const std::vector<ScenarioChange>& changes,
     std::size_t entries =
         scenarioNumbers(any, matrix ? change.path + ".diagonal" : change.path).size();
     if (change.path == "friction") entries = 2;
-    // what is added to a list goes to each entry on its own
+    // each entry of a list has its own draw
     d.each = change.each || (section == "add" && entries > 1);
     Stream stream(seed, section + "." + change.key);
     for (std::size_t i = 0; i < (d.each ? entries : 1); ++i) {

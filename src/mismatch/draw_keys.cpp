@@ -12,9 +12,9 @@ constexpr Range kAnySize{-kLargestDraw, kLargestDraw}, kSize{0.0, kLargestDraw};
 constexpr Range kFrameTurn{-M_PI, M_PI, "rad"};
 constexpr Range kBoreTilt{-0.1, 0.1, "rad"};  // beyond this an oblique bore is no bore any more
 constexpr Range kFaceTilt{-0.3, 0.3, "rad"};  // a start stays a start
-constexpr Range kDelay{0.0, 1.0, "s"};        // of the exciter: drives answer within tens of ms
+constexpr Range kDelay{0.0, 1.0, "s"};        // drives respond within tens of ms
 constexpr Range kLatency{0.0, 0.1, "s"};      // samples are kept so long
-constexpr Range kScale{-0.5, 0.5};            // of encoders
+constexpr Range kScale{-0.5, 0.5};            // scale error of encoders
 
 void addSensor(const std::string& name, SensorTruth& s, std::vector<DrawKey>& keys) {
   double* const drift = s.drift.data();

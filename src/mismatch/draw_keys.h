@@ -21,12 +21,12 @@ struct DrawKey {
   std::string path;  ///< "sensor_a.drift.force"
   Shape shape;
   double* values;
-  Range range;        ///< of the drawn number, without end: kLargestDraw
-  double mean = 0.0;  ///< of a normal draw
-  // of a number: an angle that is drawn with it, and its name in a run's report
+  Range range;        ///< of the drawn number; kLargestDraw: unbounded
+  double mean = 0.0;  ///< mean of a normal draw
+  // a random angle that is drawn after the number, and its name in a run's report; null: none
   const char* angle_name = nullptr;
   double* angle = nullptr;
-  bool required = false;  ///< where its section is there
+  bool required = false;  ///< if its section is there
 };
 
 constexpr double kLargestDraw = 1e9;

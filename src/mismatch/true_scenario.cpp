@@ -69,7 +69,7 @@ bool possible(double value, const Range& range) {
   return range.contains(value) || value == HUGE_VAL;
 }
 
-// what another run of the file could draw is refused in every run
+// Refuses in every run what another run of the file could draw.
 void checkReach(const DrawnChange& change, const ScenarioNumber& number,
                 const std::string& source) {
   for (const double by : {change.low, change.high}) {

@@ -44,7 +44,7 @@ StudyJournal::~StudyJournal() { journal_.sync(); }
 void StudyJournal::read(const std::function<void(const StudyRecord&, std::int64_t)>& visit) {
   constexpr std::size_t kChunk = 1 << 20;
   std::string text;
-  std::int64_t place = begin_;  // of the text's first byte
+  std::int64_t place = begin_;  // offset of the text's first byte
   StudyRecord record;
   bool more = true;
   while (more) {
@@ -59,7 +59,7 @@ void StudyJournal::read(const std::function<void(const StudyRecord&, std::int64_
     place += static_cast<std::int64_t>(at);
     text.erase(0, at);
   }
-  // what is left was cut off
+  // the rest was cut off
   if (place < journal_.size()) journal_.cut(place);
 }
 

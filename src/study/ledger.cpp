@@ -31,7 +31,7 @@ std::string madeFolder(const std::string& folder) {
   return folder;
 }
 
-// what another program or person made is not ours to replace
+// Files of other programs are not replaced.
 std::string ownFolder(const std::string& folder, bool fresh) {
   namespace fs = std::filesystem;
   madeFolder(folder);

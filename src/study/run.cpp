@@ -129,7 +129,7 @@ class Observer {
   }
 
  private:
-  // of the highest point of the peg's bottom edge below the hole's plane
+  // depth of the highest point of the peg's bottom edge below the hole's plane
   double depth(const Pose& X_HP) const {
     return -(X_HP.p.z() + tipRadius(simulation_.scenario().mechanism.peg) *
                               std::hypot(X_HP.R(2, 0), X_HP.R(2, 1)));

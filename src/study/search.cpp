@@ -44,7 +44,7 @@ StudyOptimum searchOptimum(const Study& study, StudyLedger& ledger,
       throw nlopt::forced_stop();
     }
     const double value = ledger.objective(number);
-    // what took `otherwise` alone guides the search, but is no optimum
+    // a point without the outcome in any run guides the search, but is no optimum
     const bool first = optimum.number < 0;
     if (ledger.valued(number) && (first || sign * value < sign * best_value)) {
       best = point;
@@ -80,7 +80,7 @@ StudyOptimum searchOptimum(const Study& study, StudyLedger& ledger,
     } catch (const nlopt::forced_stop&) {
       if (interrupted) break;
     } catch (const nlopt::roundoff_limited&) {
-      // as good as it gets
+      // the tolerance is below rounding
     }
   }
   optimum.complete = !interrupted;

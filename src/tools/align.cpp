@@ -95,7 +95,7 @@ Exit code: 0 all runs ended aligned, 1 some did not (named in reason), 2 bad inp
 Example: align config/scenarios/cell.yaml --runs 20 --seed 7
 )";
 
-constexpr double kStartHeight = 0.003;  // of random starts over the plane [m]
+constexpr double kStartHeight = 0.003;  // height of random starts above the plane [m]
 
 struct Options {
   std::string scenario, report, mismatch, mechanism, insert, arm, world = "exact";
@@ -150,7 +150,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
 struct Run {
   std::uint64_t seed = 0;
   AlignTrial trial;
-  std::string truth;  // what was drawn; empty: nothing
+  std::string truth;  // drawn model errors; empty: none
   double wall_time = 0.0;
 };
 
@@ -251,7 +251,7 @@ std::string falseSuccesses(std::ptrdiff_t wrong, const std::vector<Run>& runs, c
          yamlNumber(share.low) + ", " + yamlNumber(share.high) + "]\n";
 }
 
-// of one run
+// The insertion of one run.
 std::string insertion(const AlignTrial& trial) {
   const assembly_cell::InsertResult& r = trial.result.insert;
   std::ostringstream out;
@@ -376,7 +376,7 @@ void setParameters(Options& o) {
   }
 }
 
-// what a run's refusal is about
+// The file that a run's refusal concerns.
 const std::string& sourceOf(const Options& o) {
   return o.mechanism.empty() ? o.scenario : o.mechanism;
 }
@@ -425,7 +425,7 @@ std::vector<Run> runAll(const Options& o, const Task& task) {
   return runs;
 }
 
-// what only a cell that is built refuses: an integrator without its step, a coupling without
+// Refusals of a built cell: an integrator without its step, a coupling without
 // stiffness, a place that the arm can't reach
 void checkFirstRun(const Options& o, const Task& task) {
   Truth truth;

@@ -164,7 +164,7 @@ std::string spread(std::vector<double> values) {
   return "{median: " + at(0.5) + ", p95: " + at(0.95) + ", max: " + at(1.0) + "}";
 }
 
-// of one unknown, or of all that were seen, over the accepted runs
+// Statistics of one unknown, or of all observable ones, over the accepted runs.
 struct Coverage {
   std::int64_t inside = 0, count = 0;
   double squares = 0.0, errors = 0.0, variances = 0.0;

@@ -138,7 +138,7 @@ std::string number(double value) {
 
 constexpr double kGravity = 9.80665;  // standard, for the mass of a weight [m/s²]
 
-// of the base's z against gravity, up or down whichever is nearer
+// Tilt of the base's z against gravity, up or down, whichever is nearer.
 struct BaseTilt {
   double angle, sd;
   Eigen::Vector3d down;
@@ -149,7 +149,7 @@ BaseTilt tiltOf(const PayloadModel& m) {
   out.down = m.gravity / m.weight;
   const Eigen::Vector2d level = out.down.head<2>();
   out.angle = std::atan2(level.norm(), std::abs(out.down.z()));
-  // of the two level components, along the tilt or any of them
+  // uncertainty of the two level components, along the tilt or any direction
   Eigen::Vector3d along = Eigen::Vector3d::UnitX();
   if (level.norm() > 1e-12) along.head<2>() = level.normalized();
   const Eigen::Vector3d across = along - out.down.dot(along) * out.down;
@@ -166,7 +166,7 @@ std::string findingOf(const OtherAxes& other) {
          "): check how the recording's axes and rotations are meant";
 }
 
-// what was found, in words
+// The result in words.
 std::vector<std::string> findings(const PayloadModel& m, const OtherAxes& other) {
   std::vector<std::string> out;
   if (other.better > kOtherAxesBetter) out.push_back(findingOf(other));

@@ -17,8 +17,8 @@ constexpr int kRecords = 1, kTasks = 2;  // message tags
 // between looks for a message: rank 0 shares its core with a worker, and while ranks have a block
 // no rank waits for it; the others have nothing else to do
 constexpr std::chrono::microseconds kLongNap(5000), kShortNap(1000), kWorkerNap(200);
-constexpr double kBlockTime = 0.1;  // of a block of runs [s]
-constexpr std::size_t kBlocks = 2;  // of a rank: at work and waiting
+constexpr double kBlockTime = 0.1;  // duration of a block of runs [s]
+constexpr std::size_t kBlocks = 2;  // blocks of a rank: at work and waiting
 constexpr std::int64_t kLargestBlock = 4096;
 
 std::string receiveFrom(const MPI_Status& status) {
@@ -195,7 +195,7 @@ void Ranks::serve(const Study& study, StudyLedger& ledger, int threads, std::ato
 void Ranks::release() {
   for (int i = 1; i < size_; ++i) {
     Peer& peer = peers_[static_cast<std::size_t>(i)];
-    // what a rank still does is left undone here: it is repeated when the study goes on
+    // runs that a rank has not finished are repeated when the study goes on
     for (Block& block : peer.blocks) {
       MPI_Status status;
       MPI_Probe(i, kRecords, MPI_COMM_WORLD, &status);

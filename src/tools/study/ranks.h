@@ -43,13 +43,13 @@ class Ranks {
  private:
   struct Block {
     std::int64_t runs = 0;
-    std::string bytes;  // of its tasks, untouched until they have arrived
+    std::string bytes;  // its tasks, valid once they have arrived
     MPI_Request request = MPI_REQUEST_NULL;
   };
   struct Peer {
-    std::deque<Block> blocks;  // that it has
+    std::deque<Block> blocks;  // at work and waiting
     double since = 0.0;        // when it began with the first of them [s]
-    double run_time = 0.0;     // of one run, as measured [s]; 0: not known
+    double run_time = 0.0;     // measured duration of a run [s]; 0: not measured yet
   };
   void receive(StudyLedger& ledger, std::atomic<bool>& stop, bool& any);
   void handOut(StudyLedger& ledger, int threads);
