@@ -47,7 +47,7 @@ namespace {
 
 // the outcome of what is done with a list: "" or the refusal
 template <class Do>
-std::string refusal(const Do& what) {
+std::string refusedBy(const Do& what) {
   try {
     what();
   } catch (const InputError& error) {
@@ -56,8 +56,8 @@ std::string refusal(const Do& what) {
   return "";
 }
 
-std::string readRefusal(const std::string& text, Outer& outer) {
-  return refusal([&] {
+std::string refusedFile(const std::string& text, Outer& outer) {
+  return refusedBy([&] {
     yaml::Section in(yaml::loadYaml(text, "f.yaml"), "", "f.yaml");
     in.read(fieldsOf(outer));
     in.finish();
@@ -67,7 +67,7 @@ std::string readRefusal(const std::string& text, Outer& outer) {
 TEST(Fields, AWrittenStructReadsBackTheSame) {
   Outer written{0.3, 7, true, "a: b", Outer::Mode::kOn, {1.0 / 3.0 + 2.0, {1e-17, 5e300}}};
   Outer read;
-  EXPECT_EQ(readRefusal(yamlText(fieldsOf(written)), read), "");
+  EXPECT_EQ(refusedFile(yamlText(fieldsOf(written)), read), "");
   EXPECT_EQ(read.time, written.time);
   EXPECT_EQ(read.count, 7);
   EXPECT_TRUE(read.flag);
@@ -79,23 +79,23 @@ TEST(Fields, AWrittenStructReadsBackTheSame) {
 
 TEST(Fields, WhatIsMissingKeepsItsValueUnlessItIsRequired) {
   Outer outer;
-  EXPECT_EQ(readRefusal("count: 4\n", outer), "");
+  EXPECT_EQ(refusedFile("count: 4\n", outer), "");
   EXPECT_EQ(outer.count, 4);
   EXPECT_EQ(outer.time, 0.1);
-  EXPECT_EQ(readRefusal("inner: {row: [3, 4]}\n", outer),
+  EXPECT_EQ(refusedFile("inner: {row: [3, 4]}\n", outer),
             "f.yaml: inner.force: value missing: give a number from 2 to 1000 [N]");
 }
 
 TEST(Fields, ReadersNamePathValueAndRemedy) {
   Outer outer;
-  EXPECT_EQ(readRefusal("time: 0\n", outer),
+  EXPECT_EQ(refusedFile("time: 0\n", outer),
             "f.yaml: time: value 0: give a number > 0 and at most 60 [s]");
-  EXPECT_EQ(readRefusal("inner: {force: 3, row: [3, -4]}\n", outer),
+  EXPECT_EQ(refusedFile("inner: {force: 3, row: [3, -4]}\n", outer),
             "f.yaml: inner.row[1]: value -4: give a finite number >= 0");
-  EXPECT_EQ(readRefusal("inner: {force: 3, w: 1}\n", outer),
+  EXPECT_EQ(refusedFile("inner: {force: 3, w: 1}\n", outer),
             "f.yaml: inner.w: value 1: unknown key, known here: force, row");
   const auto set = [&](const char* text) {
-    return refusal([&] { setField(fieldsOf(outer), text); });
+    return refusedBy([&] { setField(fieldsOf(outer), text); });
   };
   EXPECT_EQ(set("inner.force=1"), "inner.force: value 1: give a number from 2 to 1000 [N]");
   EXPECT_EQ(set("count=2.5"), "count: value 2.5: give a whole number from 1 to 10");
@@ -114,10 +114,10 @@ TEST(Fields, ReadersNamePathValueAndRemedy) {
 TEST(Fields, ValuesOutOfRangeAreFound) {
   Outer outer;
   outer.inner.force = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(refusal([&] { checkFields(fieldsOf(outer)); }),
+  EXPECT_EQ(refusedBy([&] { checkFields(fieldsOf(outer)); }),
             "inner.force: value nan: give a number from 2 to 1000 [N]");
   outer.inner.force = 3.0;
-  EXPECT_EQ(refusal([&] { checkFields(fieldsOf(outer)); }), "");
+  EXPECT_EQ(refusedBy([&] { checkFields(fieldsOf(outer)); }), "");
 }
 
 TEST(Fields, TablesHaveDefaultRangeAndDescription) {
