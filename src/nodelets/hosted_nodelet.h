@@ -15,7 +15,7 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Calls what is in the queue of a nodelet by threads of its own.
+/// Callback queue of a nodelet with threads of its own.
 template <unsigned kThreads>
 class OwnThreads {
  public:
@@ -28,7 +28,7 @@ class OwnThreads {
   GuardedSpinner spinner_{kThreads, &queue_};
 };
 
-/// By the one thread that such nodelets share.
+/// Callback queue of a nodelet, called by the thread that such nodelets share.
 class SharedThread {
  public:
   ~SharedThread() { stop(); }
@@ -40,7 +40,7 @@ class SharedThread {
   SharedSpinner::Queue queue_;
 };
 
-/// A node's class as a nodelet, with a queue of its own.
+/// A node's class as a nodelet with a callback queue of its own.
 template <class Node, class Threads = OwnThreads<Node::kThreads>>
 class HostedNodelet : public nodelet::Nodelet {
  public:
@@ -50,7 +50,7 @@ class HostedNodelet : public nodelet::Nodelet {
     if constexpr (HasExitCode<Node>::value) {
       if (node_) HostedNodes::ofThisProcess().ended(node_->exitCode());
     }
-    // before its queue
+    // before its queue is destroyed
     node_.reset();
   }
 
@@ -76,7 +76,7 @@ class HostedNodelet : public nodelet::Nodelet {
   int stop_ = 0;  // number of its stop
 };
 
-/// The same of a node whose callbacks never wait, and which one thread calls.
+/// The same for a node whose callbacks never wait and are called by one thread.
 template <class Node>
 class TogetherNodelet : public HostedNodelet<Node, SharedThread> {
   static_assert(Node::kThreads == 1);

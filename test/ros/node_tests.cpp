@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The tests of nodes are one program. A .test file starts the world of its tests and names their
-// suites.
+// The tests of nodes, one program. A .test file starts the nodes that its tests need and names
+// their suites.
 #include <gtest/gtest.h>
 #include <ros/ros.h>
 
@@ -10,8 +10,8 @@
 
 namespace {
 
-// another node, which wants the exciter on
-int beAStranger() {
+// Another node, which commands the exciter.
+int runOtherNode() {
   ros::NodeHandle nh;
   const ros::Publisher pub = nh.advertise<assembly_cell::Exciter>("exciter", 1, true);
   assembly_cell::Exciter exciter;
@@ -27,9 +27,9 @@ int beAStranger() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const bool stranger = argc > 1 && std::string(argv[1]) == "--stranger";
-  ros::init(argc, argv, stranger ? "stranger" : "node_tests");
-  if (stranger) return beAStranger();
+  const bool is_other = argc > 1 && std::string(argv[1]) == "--other-node";
+  ros::init(argc, argv, is_other ? "other_node" : "node_tests");
+  if (is_other) return runOtherNode();
   ::testing::InitGoogleTest(&argc, argv);
   if (::testing::GTEST_FLAG(list_tests)) return RUN_ALL_TESTS();  // without a master, too
   const ros::NodeHandle keep;

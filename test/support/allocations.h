@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-// GCC and clang tell of the address sanitizer each in their way.
+// Macros of the address sanitizer: GCC and clang have different ones.
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer)
 #define ASSEMBLY_CELL_SANITIZED
@@ -13,10 +13,10 @@
 #define ASSEMBLY_CELL_SANITIZED
 #endif
 
-// Linked into each test of the core: counts what is allocated.
+// Linked into each test of the core: counts allocations.
 namespace assembly_cell::test {
 
 std::uint64_t allocationsOfAll();         ///< of all threads, since the start
-std::uint64_t allocationsOfThisThread();  ///< of the caller
+std::uint64_t allocationsOfThisThread();  ///< of the calling thread
 
 }  // namespace assembly_cell::test

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The scenarios that the package ships.
+// Scenarios of the package.
 #pragma once
 
 #include <string>

@@ -9,7 +9,7 @@
 
 namespace assembly_cell::test {
 
-/// A new folder, gone with all that is in it when the object goes.
+/// A new folder, deleted with its content by the destructor.
 class TemporaryFolder {
  public:
   TemporaryFolder()

@@ -287,7 +287,7 @@ void ArmBridgeNode::onAck(const ros::MessageEvent<Ack const>& event) {
     return;
   }
   // the answer renews the lease before the owner's commands are handled
-  if (participants_.speaksOfSession(ack) && !barrier_.isFinished(ack.sequence)) {
+  if (participants_.reportsSession(ack) && !barrier_.isFinished(ack.sequence)) {
     barrier_.deferFirst([this, node, session = ack.session] {
       renew(node, bridge_.time().stampAt(bridge_.time().now()), session);
     });

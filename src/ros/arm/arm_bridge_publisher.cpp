@@ -9,7 +9,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/diagnostics.h"
-#include "assembly_cell/ros/process/lockstep.h"
+#include "assembly_cell/ros/process/participants.h"
 
 namespace assembly_cell::ros_bridge {
 

@@ -13,7 +13,7 @@
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
 #include "assembly_cell/ros/bridge/parameters.h"
-#include "assembly_cell/ros/process/lockstep.h"
+#include "assembly_cell/ros/process/participants.h"
 
 namespace assembly_cell::ros_bridge {
 

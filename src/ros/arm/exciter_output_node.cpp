@@ -69,7 +69,7 @@ void ExciterOutputNode::open(ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
   ShakerLimits limits;
   parameters.read(fieldsOf(limits));
-  parameters.tell("shaker");
+  parameters.markKnown("shaker");
   parameters.refuseUnknown();
   if (!parameters.isTree("shaker")) {
     throw InputError(name + " is no map: give {type: audio, ...}, see docs/how_to/arm.md");

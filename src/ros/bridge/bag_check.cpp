@@ -24,18 +24,18 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kStuck = 10;                  // CPU time without a message read [s]
-constexpr rlim_t kMaxMemory = 8ull << 30u;  // a damaged length asks for any [bytes]
-constexpr char kReason[] = "--reason";      // asked for by damageOf(): what is wrong, bare
-constexpr char kRemedy[] = ": give a whole bag, or mend it with `rosbag reindex`";
+constexpr int kStuck = 10;                  // CPU time without another message [s]
+constexpr rlim_t kMaxMemory = 8ull << 30u;  // a damaged length may be any number [bytes]
+constexpr char kReason[] = "--reason";      // for damageOf(): prints the damage without context
+constexpr char kRemedy[] = ": give a whole bag, or repair it with `rosbag reindex`";
 
-// the time of the process, not the clock's: a busy machine may take long
+// CPU time of the process: a busy machine may take longer by the clock
 void winUp() {
   const itimerval timer{{0, 0}, {kStuck, 0}};
   setitimer(ITIMER_VIRTUAL, &timer, nullptr);
 }
 
-// Exit code of the program's own process, which may not come to its end: 0, or 1 and why.
+// Exit code of the program, which may crash or hang: 0, or 1 with the reason.
 int readWhole(const std::string& path) {
   const rlimit memory{kMaxMemory, kMaxMemory};
   setrlimit(RLIMIT_AS, &memory);
@@ -57,8 +57,8 @@ int readWhole(const std::string& path) {
   }
 }
 
-// What is wrong with a bag; empty: nothing. Throws InputError, told by `what`, where no process can
-// be had to read it.
+// The damage of a bag; empty: none. Throws InputError, with `what`, if no process can be started to
+// read it.
 std::string damageOf(const std::string& path, const std::string& what) {
   const std::string program =
       std::filesystem::read_symlink("/proc/self/exe").parent_path() / "check_bag";

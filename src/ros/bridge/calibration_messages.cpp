@@ -62,10 +62,10 @@ std::vector<std::string> textsOf(const std::vector<Gate>& gates, Verdict verdict
   return texts;
 }
 
-// -1 for what isn't known: no NaN on the wire
+// -1 for unknown: messages have no NaN
 double known(double value) { return std::isfinite(value) ? value : -1.0; }
 
-// what solutions of forces and of displacements both say
+// common fields of solutions of forces and of displacements
 template <class Solution, class Message>
 void fillCommon(const Solution& s, Message& m) {
   m.accepted = s.accepted;

@@ -12,7 +12,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kQuaternionTolerance = 1e-3;  // farther from unit is a mistake, not rounding
+constexpr double kQuaternionTolerance = 1e-3;  // of the norm: larger is a mistake, not rounding
 
 geometry_msgs::Quaternion toQuaternion(const Eigen::Matrix3d& R) {
   Eigen::Quaterniond q(R);

@@ -1,13 +1,13 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/bridge/guarded_spinner.h"
 
-#include "assembly_cell/ros/bridge/message_guard.h"
+#include "assembly_cell/ros/bridge/incoming_log.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-const ros::WallDuration kSlice(0.1);  // of waiting, after which the end is looked for
+const ros::WallDuration kSlice(0.1);  // of waiting, between checks for the end
 
 }  // namespace
 
@@ -30,7 +30,7 @@ void GuardedSpinner::wait() {
   threads_.clear();
 }
 
-// One callback at a time: what is behind one that throws stays in the queue.
+// One callback at a time: those after one that throws stay in the queue.
 void GuardedSpinner::spin() {
   while (!stopping_ && ros::ok()) {
     guarded("callback", [this] { queue_->callOne(kSlice); });

@@ -21,23 +21,24 @@ using dynamic_reconfigure::Reconfigure;
 namespace {
 
 constexpr char kGroup[] = "Default";      // that clients expect
-constexpr std::size_t kMostValues = 200;  // of a request
+constexpr std::size_t kMaxRequest = 200;  // values of a request
 constexpr double kLogPeriod = 1.0;        // of changes, wall clock [s]
 constexpr double kSwitchOn = 0.5;         // of a switch's value
 
 /// One value of a request.
-struct Asked {
+struct Requested {
   std::string name;
   enum Kind { kNumber, kSwitch, kText } kind;
   double value;
 };
 
-std::vector<Asked> listed(const Config& request) {
-  std::vector<Asked> all;
-  for (const auto& b : request.bools) all.push_back({b.name, Asked::kSwitch, b.value ? 1.0 : 0.0});
-  for (const auto& i : request.ints) all.push_back({i.name, Asked::kNumber, 1.0 * i.value});
-  for (const auto& d : request.doubles) all.push_back({d.name, Asked::kNumber, d.value});
-  for (const auto& s : request.strs) all.push_back({s.name, Asked::kText, 0.0});
+std::vector<Requested> listed(const Config& request) {
+  std::vector<Requested> all;
+  for (const auto& b : request.bools)
+    all.push_back({b.name, Requested::kSwitch, b.value ? 1.0 : 0.0});
+  for (const auto& i : request.ints) all.push_back({i.name, Requested::kNumber, 1.0 * i.value});
+  for (const auto& d : request.doubles) all.push_back({d.name, Requested::kNumber, d.value});
+  for (const auto& s : request.strs) all.push_back({s.name, Requested::kText, 0.0});
   return all;
 }
 
@@ -47,24 +48,25 @@ std::string knownNames(const LiveValues& values) {
   return names;
 }
 
-// Empty, or what is wrong with a value; `setting` takes it.
-std::string take(const Asked& asked, const std::string& name, LiveSetting& setting,
-                 std::string& cut) {
+// Sets the value. Empty, or why it is refused.
+std::string setValue(const Requested& requested, const std::string& name, LiveSetting& setting,
+                     std::string& cut) {
   if (setting.is_switch) {
-    if (asked.kind != Asked::kSwitch) return name + " is a switch: give true or false";
-    setting.value = asked.value;
+    if (requested.kind != Requested::kSwitch) return name + " is a switch: give true or false";
+    setting.value = requested.value;
     return {};
   }
-  if (asked.kind != Asked::kNumber) return name + " is no number: give one";
-  if (std::isfinite(asked.value) && setting.lowers_only && asked.value > setting.range.high) {
-    cut = text("%s is %g: more than %g, the value at the start, needs a restart; %g is taken",
-               name.c_str(), asked.value, setting.range.high, setting.range.high);
+  if (requested.kind != Requested::kNumber) return name + " is no number: give one";
+  if (std::isfinite(requested.value) && setting.lowers_only &&
+      requested.value > setting.range.high) {
+    cut = text("%s is %g: more than %g, the value at the start, needs a restart; %g is set",
+               name.c_str(), requested.value, setting.range.high, setting.range.high);
     setting.value = setting.range.high;
     return {};
   }
-  const std::string wrong = outside(asked.value, setting.range);
+  const std::string wrong = outside(requested.value, setting.range);
   if (!wrong.empty()) return name + " is " + wrong;
-  setting.value = asked.value;
+  setting.value = requested.value;
   return {};
 }
 
@@ -87,7 +89,7 @@ Config configOf(const LiveValues& values, double (*of)(const LiveSetting&)) {
   return config;
 }
 
-Config inForce(const LiveValues& values) {
+Config activeConfig(const LiveValues& values) {
   return configOf(values, [](const LiveSetting& setting) { return setting.value; });
 }
 
@@ -144,25 +146,26 @@ double valueOf(const LiveValues& values, std::string_view name) {
   throw std::logic_error("no live setting " + std::string(name));
 }
 
-LiveChange judge(const LiveValues& values, const Config& request, const std::string& prefix,
-                 const std::set<std::string>& restart) {
+LiveChange applied(const LiveValues& values, const Config& request, const std::string& prefix,
+                   const std::set<std::string>& restart) {
   LiveChange change{values, {}, {}};
   const std::size_t count = request.bools.size() + request.ints.size() + request.doubles.size() +
                             request.strs.size() + request.groups.size();
-  if (count > kMostValues) {
-    change.refusal = text("%zu values: give %zu at most", count, kMostValues);
+  if (count > kMaxRequest) {
+    change.refusal = text("%zu values: give %zu at most", count, kMaxRequest);
     return change;
   }
   std::set<std::string> seen;
-  for (const Asked& asked : listed(request)) {
-    const std::string name = "parameter " + prefix + printable(asked.name);
-    const auto setting = std::find_if(change.values.begin(), change.values.end(),
-                                      [&](const LiveSetting& s) { return s.name == asked.name; });
-    if (!seen.insert(asked.name).second) {
+  for (const Requested& requested : listed(request)) {
+    const std::string name = "parameter " + prefix + printable(requested.name);
+    const auto setting =
+        std::find_if(change.values.begin(), change.values.end(),
+                     [&](const LiveSetting& s) { return s.name == requested.name; });
+    if (!seen.insert(requested.name).second) {
       change.refusal = name + " is given twice: give it once";
     } else if (setting != change.values.end()) {
-      change.refusal = take(asked, name, *setting, change.cut);
-    } else if (restart.count(asked.name) != 0) {
+      change.refusal = setValue(requested, name, *setting, change.cut);
+    } else if (restart.count(requested.name) != 0) {
       change.refusal =
           name + " needs a restart: set it before the node starts; live are " + knownNames(values);
     } else {
@@ -177,8 +180,8 @@ LiveChange judge(const LiveValues& values, const Config& request, const std::str
   return change;
 }
 
-/// The service. Unlike roscpp's own it tells the caller why a request is refused, without a line in
-/// the log for each.
+/// The service. Unlike roscpp's, its error has the reason of a refusal, and not every refusal is
+/// logged.
 struct LiveCall : ros::ServiceCallbackHelper {
   explicit LiveCall(LiveSettings& of) : settings(of) {}
 
@@ -188,12 +191,12 @@ struct LiveCall : ros::ServiceCallbackHelper {
     guarded(settings.service_.getService(), [&] {
       Reconfigure::Request request;
       ros::serialization::deserializeMessage(params.request, request);
-      why = settings.take(request.config, (*params.connection_header)["callerid"]);
-      response.config = inForce(settings.now());
+      why = settings.apply(request.config, (*params.connection_header)["callerid"]);
+      response.config = activeConfig(settings.now());
     });
     params.response = why.empty() ? ros::serialization::serializeServiceResponse(true, response)
                                   : ros::serialization::serializeServiceResponse(false, why);
-    // roscpp sends what is in the response; false would send an error without words
+    // roscpp sends the response; false would send an error without a text
     return true;
   }
 
@@ -208,7 +211,7 @@ LiveSettings::LiveSettings(const ros::NodeHandle& pnh, LiveValues values,
       nh_.advertise<dynamic_reconfigure::ConfigDescription>("parameter_descriptions", 1, true);
   update_pub_ = nh_.advertise<Config>("parameter_updates", 1, true);
   describe();
-  update_pub_.publish(inForce(values_));
+  update_pub_.publish(activeConfig(values_));
   ros::AdvertiseServiceOptions options;
   options.service = "set_parameters";
   options.md5sum = ros::service_traits::md5sum<Reconfigure>();
@@ -236,10 +239,10 @@ double LiveSettings::number(std::string_view name) const {
   return valueOf(values_, name);
 }
 
-std::string LiveSettings::take(const Config& request, const std::string& caller) {
+std::string LiveSettings::apply(const Config& request, const std::string& caller) {
   const std::string prefix = nh_.getNamespace() + "/";
   const LiveValues before = now();
-  LiveChange change = judge(before, request, prefix, restart_);
+  LiveChange change = applied(before, request, prefix, restart_);
   if (change.refusal.empty() && check_) {
     try {
       check_(change.values);
@@ -255,23 +258,23 @@ std::string LiveSettings::take(const Config& request, const std::string& caller)
     const std::lock_guard<std::mutex> lock(mutex_);
     values_ = change.values;
   }
-  std::string news;
+  std::string changes;
   for (std::size_t i = 0; i < before.size(); ++i) {
     const LiveSetting& setting = change.values[i];
     if (setting.value == before[i].value) continue;
-    news += text("%s%s %g, was %g", news.empty() ? "" : "; ", setting.name.c_str(), setting.value,
-                 before[i].value);
+    changes += text("%s%s %g, was %g", changes.empty() ? "" : "; ", setting.name.c_str(),
+                    setting.value, before[i].value);
     if (setting.is_switch) {
       nh_.setParam(setting.name, setting.value > kSwitchOn);
     } else {
       nh_.setParam(setting.name, setting.value);
     }
   }
-  if (news.empty()) return {};
-  update_pub_.publish(inForce(change.values));
+  if (changes.empty()) return {};
+  update_pub_.publish(activeConfig(change.values));
   if (const auto time = ros::WallTime::now(); (time - logged_).toSec() >= kLogPeriod) {
     logged_ = time;
-    ROS_INFO("set by %s: %s", caller.c_str(), news.c_str());
+    ROS_INFO("set by %s: %s", caller.c_str(), changes.c_str());
   }
   return {};
 }
@@ -289,7 +292,7 @@ void LiveSettings::describe() {
   }
   description.min = configOf(values_, [](const LiveSetting& s) { return s.range.low; });
   description.max = configOf(values_, [](const LiveSetting& s) { return s.range.high; });
-  description.dflt = inForce(values_);
+  description.dflt = activeConfig(values_);
   description_pub_.publish(description);
 }
 

@@ -1,26 +1,20 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/bridge/message_guard.h"
 
-#include <diagnostic_msgs/DiagnosticArray.h>
-
 #include <cmath>
 #include <iterator>
-#include <tuple>
-
-#include "assembly_cell/ros/bridge/diagnostics.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kSilence = 5.0, kSilenceInLockstep = 60.0;  // of a publisher that has gone [s]
-constexpr double kWarnPeriod = 1.0;                          // of one topic, wall clock [s]
+constexpr double kSilence = 5.0, kSilenceInLockstep = 60.0;  // of a publisher that has ended [s]
 constexpr Range kFiniteField{-1e18, 1e18, ""};               // squares of it stay finite
-constexpr Range kShareField{-1.001, 1.001, ""};
+constexpr Range kFractionField{-1.001, 1.001, ""};
 constexpr std::size_t kMaxContacts = 10000;
 constexpr Range kJointField{-1e3, 1e3, "rad"};     // some turns
 constexpr Range kRateField{-1e3, 1e3, ""};         // of a flange [m/s], [rad/s]
-constexpr Range kMotionStepField{1e-6, 0.1, "s"};  // between poses that tell a rate
+constexpr Range kMotionStepField{1e-6, 0.1, "s"};  // between poses that determine a rate
 
 MessageCheck header(const std_msgs::Header& header) {
   MessageCheck check;
@@ -88,7 +82,7 @@ MessageCheck check(const Exciter& m) {
   MessageCheck check = header(m.header);
   check.number("amplitude", m.amplitude, kAmplitudeField);
   check.number("frequency", m.frequency, kFrequencyField).number("phase", m.phase, kPhaseField);
-  // one that is off has none
+  // none while it is off
   return m.on ? check.direction("direction", m.direction) : check;
 }
 
@@ -132,7 +126,7 @@ MessageCheck check(const SensorCalibration& m) {
 
 MessageCheck check(const LocusEstimate& m) {
   MessageCheck check = header(m.header);
-  finite(check, "probabilities", m.probabilities, kShareField);
+  finite(check, "probabilities", m.probabilities, kFractionField);
   finite(check, "p", m.p);
   finite(check, "n", m.n);
   finite(check, "force", m.force);
@@ -153,7 +147,7 @@ MessageCheck check(const ContactArray& m) {
   if (m.contacts.size() > kMaxContacts) check.same("contacts", m.contacts.size(), kMaxContacts);
   for (const Contact& c : m.contacts) {
     vector(check, "contacts.position", c.position.x, c.position.y, c.position.z, kPositionField);
-    vector(check, "contacts.normal", c.normal.x, c.normal.y, c.normal.z, kShareField);
+    vector(check, "contacts.normal", c.normal.x, c.normal.y, c.normal.z, kFractionField);
     vector(check, "contacts.force", c.force.x, c.force.y, c.force.z, kFiniteField);
     check.number("contacts.gap", c.gap, kPositionField);
   }
@@ -197,19 +191,19 @@ MessageCheck check(const AlignPegGoal& goal) {
   return MessageCheck().name("strategy", goal.strategy);
 }
 
-// its depth is answered in words
+// its depth is checked by the node
 MessageCheck check(const AssemblePegGoal& goal) {
   return MessageCheck().name("strategy", goal.strategy);
 }
 
-// its time_limit is answered in words, whatever it is
+// its time_limit is checked by the node
 MessageCheck check(const IdentifyGoal& goal) { return MessageCheck().name("file", goal.file); }
 
 MessageCheck check(const CalibrateSensorsGoal& goal) {
   return MessageCheck().name("plan", goal.plan).name("id", goal.id);
 }
 
-// its force is answered in words, whatever it is
+// its force is checked by the node
 MessageCheck check(const MoveToContactGoal&) { return {}; }
 
 MessageCheck check(const RetreatGoal&) { return {}; }
@@ -290,79 +284,23 @@ ros::Time later(const ros::Time& stamp, double seconds) {
 
 // ---- streams ----
 
-StreamDoor::StreamDoor(bool lockstep) : silence_(lockstep ? kSilenceInLockstep : kSilence) {}
+StreamFilter::StreamFilter(bool lockstep) : silence_(lockstep ? kSilenceInLockstep : kSilence) {}
 
-std::string StreamDoor::judgePublisher(const std::string& publisher) {
+std::string StreamFilter::checkPublisher(const std::string& publisher) {
   const ros::WallTime now = ros::WallTime::now();
   if (publisher != publisher_) {
-    if (!heard_.isZero() && (now - heard_).toSec() < silence_) {
+    if (!received_.isZero() && (now - received_).toSec() < silence_) {
       return "the stream is that of " + publisher_ + ": end one of the two publishers";
     }
     publisher_ = publisher;
   }
-  heard_ = now;
+  received_ = now;
   return {};
 }
 
-std::string StreamDoor::judgeStamp(const ros::Time& stamp) {
+std::string StreamFilter::checkStamp(const ros::Time& stamp) {
   if (window_.accept(stamp.toSec())) return {};
   return "header.stamp is far ahead of those before";
-}
-
-// ---- the log ----
-
-IncomingLog& IncomingLog::ofThisProcess() {
-  static IncomingLog log;
-  return log;
-}
-
-bool IncomingLog::due(const std::string& topic) {
-  const ros::WallTime now = ros::WallTime::now();
-  ros::WallTime& last = warned_[topic];
-  if (!last.isZero() && (now - last).toSec() < kWarnPeriod) return false;
-  last = now;
-  return true;
-}
-
-void IncomingLog::refuse(const std::string& topic, const std::string& publisher,
-                         const std::string& why) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  ++figures_.refused;
-  figures_.last = topic + " of " + publisher + ": " + why;
-  if (due(topic)) ROS_WARN("refused: %s", figures_.last.c_str());
-}
-
-void IncomingLog::caught(const std::string& where, const std::string& what) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  ++figures_.caught;
-  figures_.last = where + ": " + what;
-  if (due(where)) ROS_ERROR("a callback failed: %s", figures_.last.c_str());
-}
-
-IncomingDiagnostics::IncomingDiagnostics(ros::NodeHandle& nh)
-    : pub_(nh.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10)),
-      timer_(nh.createWallTimer(ros::WallDuration(1.0),
-                                [this](const ros::WallTimerEvent&) { publish(); })) {}
-
-void IncomingDiagnostics::publish() {
-  const IncomingLog::Figures figures = IncomingLog::ofThisProcess().figures();
-  diagnostic_msgs::DiagnosticStatus status;
-  status.name = ros::this_node::getName().substr(1) + ": messages";
-  status.hardware_id = "none";
-  const bool news =
-      figures.refused + figures.caught != std::exchange(told_, figures.refused + figures.caught);
-  status.level =
-      news ? diagnostic_msgs::DiagnosticStatus::WARN : diagnostic_msgs::DiagnosticStatus::OK;
-  status.message = news ? "refused: " + figures.last : "none refused";
-  publishStatus(pub_, status,
-                {{"Refused", std::to_string(figures.refused)},
-                 {"Callbacks failed", std::to_string(figures.caught)},
-                 {"Last", figures.last}});
-}
-
-IncomingLog::Figures IncomingLog::figures() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return figures_;
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -16,7 +16,7 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
-// parameters of some nodes whose names topics or services have, too: these may be renamed
+// names of parameters that are also names of topics or services, which may be renamed
 const std::set<std::string> kTopicsToo = {"bridge", "carrier_motion", "clock", "lease", "load",
                                           "plan",   "state",          "store", "wrench"};
 
@@ -73,7 +73,7 @@ YAML::Node toYaml(XmlRpcValue& value) {
 }  // namespace
 
 std::optional<XmlRpcValue> Parameters::find(const std::string& name, bool required) {
-  asked_.insert(name.substr(0, name.find('/')));
+  known_.insert(name.substr(0, name.find('/')));
   XmlRpcValue value;
   if (nh_.getParam(name, value)) return value;
   if (required) refuse(nh_, name, "missing", "set it, see docs/reference/interfaces.md");
@@ -221,11 +221,11 @@ bool Parameters::isTree(const std::string& name) const {
 }
 
 void Parameters::refuseRenamed() const {
-  // of the node itself: who gives another's by the command line of a manager means a topic
+  // only of the node itself: on the command line of a nodelet manager such a name is a topic
   if (nh_.getNamespace() != ros::this_node::getName()) return;
   for (const auto& [from, to] : ros::names::getUnresolvedRemappings()) {
     const std::string name = from.substr(from[0] == '~' ? 1 : 0);
-    if (asked_.count(name) == 0 || kTopicsToo.count(name) != 0) continue;
+    if (known_.count(name) == 0 || kTopicsToo.count(name) != 0) continue;
     throw InputError("'" + from + ":=" + to +
                      "' would rename a topic: a parameter has an underscore before it, _" + name +
                      ":=" + to);
@@ -237,9 +237,9 @@ void Parameters::refuseUnknown(const std::set<std::string>& others) const {
   XmlRpcValue all;
   if (!nh_.getParam(nh_.getNamespace(), all) || all.getType() != XmlRpcValue::TypeStruct) return;
   for (const auto& entry : all) {
-    if (asked_.count(entry.first) != 0 || others.count(entry.first) != 0) continue;
+    if (known_.count(entry.first) != 0 || others.count(entry.first) != 0) continue;
     std::string known;
-    for (const auto& name : asked_) known += (known.empty() ? "" : ", ") + name;
+    for (const auto& name : known_) known += (known.empty() ? "" : ", ") + name;
     throw InputError("parameter " + nh_.resolveName(entry.first) +
                      " is unknown: remove it or correct its name, known are " + known);
   }

@@ -13,7 +13,7 @@ struct StaticFrames::Shared {
 };
 
 StaticFrames::StaticFrames() {
-  // as long as one of them lives
+  // as long as one object exists
   static std::mutex mutex;
   static std::weak_ptr<Shared> of_this_process;
   const std::lock_guard<std::mutex> lock(mutex);

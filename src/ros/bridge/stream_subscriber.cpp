@@ -8,24 +8,24 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-// twice, before a simulator gives up waiting (~ack_timeout); wall clock [s]
-constexpr double kLook = 2.0;
-// Of silence, before a subscription is made anew: at first, and at most, as a plant may stand.
-constexpr int kFewLooks = 2, kManyLooks = 32;
+// Two of them are shorter than a simulator's ~ack_timeout; wall clock [s].
+constexpr double kCheckPeriod = 2.0;
+// Silent checks before a subscription is renewed: at first, and at most, as a plant may be paused.
+constexpr int kMinChecks = 2, kMaxChecks = 32;
 
 }  // namespace
 
 StreamSubscriber::StreamSubscriber(ros::NodeHandle& nh, Subscribe subscribe,
-                                   std::shared_ptr<std::atomic<bool>> heard, bool lockstep)
+                                   std::shared_ptr<std::atomic<bool>> received, bool lockstep)
     : connection_(std::make_unique<Connection>()) {
   Connection& connection = *connection_;
   connection.subscribe = std::move(subscribe);
-  connection.heard = std::move(heard);
-  connection.patience = kFewLooks;
+  connection.received = std::move(received);
+  connection.patience = kMinChecks;
   connection.sub = connection.subscribe();
   if (!lockstep) return;
-  connection.timer = nh.createWallTimer(ros::WallDuration(kLook),
-                                        [&connection](const auto&) { connection.look(); });
+  connection.timer = nh.createWallTimer(ros::WallDuration(kCheckPeriod),
+                                        [&connection](const auto&) { connection.check(); });
 }
 
 StreamSubscriber::Connection::~Connection() {
@@ -33,16 +33,17 @@ StreamSubscriber::Connection::~Connection() {
   sub.shutdown();
 }
 
-void StreamSubscriber::Connection::look() {
-  if (heard->exchange(false)) {
+void StreamSubscriber::Connection::check() {
+  if (received->exchange(false)) {
     silent = 0;
-    patience = kFewLooks;
+    patience = kMinChecks;
     return;
   }
   if (++silent < patience) return;
-  ROS_DEBUG("nothing on %s for %g s: subscribing anew", sub.getTopic().c_str(), silent * kLook);
+  ROS_DEBUG("nothing on %s for %g s: subscribing again", sub.getTopic().c_str(),
+            silent * kCheckPeriod);
   silent = 0;
-  patience = std::min(2 * patience, kManyLooks);
+  patience = std::min(2 * patience, kMaxChecks);
   sub.shutdown();
   sub = subscribe();
 }

@@ -226,7 +226,7 @@ void CalibrationServerNode::calibrate(const CalibrateSensorsGoalConstPtr& goal) 
   const std::unique_lock<std::mutex> busy(busy_, std::try_to_lock);
   if (!busy) {
     result.message = "another request is under way: try again";
-    action_->setAborted(result, result.message);
+    action_->end(actionlib_msgs::GoalStatus::ABORTED, result, result.message);
     return;
   }
   in_action_ = true;
@@ -244,12 +244,12 @@ void CalibrationServerNode::calibrate(const CalibrateSensorsGoalConstPtr& goal) 
   if (cancelled() && !result.success) {
     result.message = "cancelled; " + std::to_string(result.observations) +
                      " observations are on disk: the same goal goes on from here";
-    action_->setPreempted(result, result.message);
+    action_->end(actionlib_msgs::GoalStatus::PREEMPTED, result, result.message);
   } else if (failed || !result.success) {
     result.success = false;
-    action_->setAborted(result, result.message);
+    action_->end(actionlib_msgs::GoalStatus::ABORTED, result, result.message);
   } else {
-    action_->setSucceeded(result, result.message);
+    action_->end(actionlib_msgs::GoalStatus::SUCCEEDED, result, result.message);
   }
 }
 

@@ -20,7 +20,7 @@
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/bridge/publish_shared.h"
 #include "assembly_cell/ros/driver/bag_source.h"
-#include "assembly_cell/ros/process/lockstep.h"
+#include "assembly_cell/ros/process/participants.h"
 #include "assembly_cell/sensor/wrench_range.h"
 
 namespace assembly_cell::ros_bridge {
@@ -72,7 +72,7 @@ ForceSensorNode::~ForceSensorNode() {
 void ForceSensorNode::readParameters() {
   Parameters parameters(pnh_);
   choice_ = chooseSource(pnh_);
-  parameters.tell("source");
+  parameters.markKnown("source");
   frame_id_ = parameters.text("frame_id");
   if (frame_id_.empty() || frame_id_[0] == '/') {
     throw InputError("parameter " + pnh_.resolveName("frame_id") + " is '" + frame_id_ +
@@ -120,7 +120,7 @@ void ForceSensorNode::readParameters() {
       pnh_,
       LiveValues{liveNumber("display_rate", display_rate, rates,
                             "Of wrench and wrench_raw, from the next block on [Hz]")},
-      parameters.asked());
+      parameters.known());
 }
 
 double ForceSensorNode::prepareSource(Parameters& parameters) {

@@ -28,7 +28,7 @@ TwinForceStatus statusOf(const std::string& name) {
     if (name == toString(status)) return status;
   }
   throw PlantError(AlignFailure::kNoData,
-                   std::string(kNode) + " has a status '" + name + "' that is not known");
+                   std::string(kNode) + " has a status '" + name + "' that is unknown");
 }
 
 }  // namespace
@@ -46,7 +46,7 @@ ContactTask contactTask(const TwinForceTask& task) {
   return out;
 }
 
-// Looks every few milliseconds; false when the time is up.
+// Polls every few milliseconds; false after the time limit.
 bool TwinForceClient::wait(double limit, const std::function<bool(double)>& ready) {
   using Clock = std::chrono::steady_clock;
   const auto deadline = Clock::now() + std::chrono::duration<double>(limit);
@@ -58,8 +58,8 @@ bool TwinForceClient::wait(double limit, const std::function<bool(double)>& read
   return true;
 }
 
-// One that calculates answers a question, one that is frozen doesn't. One that nobody knows may be
-// on its way, unless it was there before.
+// A node that computes responds, a frozen one doesn't. An unregistered one may be starting, unless
+// it was used before.
 void TwinForceClient::lookForNode(const std::string& service, bool may_be_starting) const {
   const auto found = publishersOf({nh_.resolveName("twin_force/status")}, settings_.answer_within);
   const NodePresence presence = found.front().presence;
@@ -73,12 +73,12 @@ void TwinForceClient::lookForNode(const std::string& service, bool may_be_starti
 
 bool TwinForceClient::waitUntilFree(double limit) {
   return wait(limit, [this](double patience) {
-    return !under_way_.valid() || under_way_.wait_for(std::chrono::duration<double>(patience)) ==
-                                      std::future_status::ready;
+    return !call_.valid() ||
+           call_.wait_for(std::chrono::duration<double>(patience)) == std::future_status::ready;
   });
 }
 
-// ROS waits for an answer as long as the connection stands: another thread does so for us.
+// ROS waits for an answer as long as the connection is open: in another thread.
 template <class Service>
 std::optional<typename Service::Response> TwinForceClient::attempt(
     const std::string& service, const typename Service::Request& request) {
@@ -102,9 +102,8 @@ std::optional<typename Service::Response> TwinForceClient::attempt(
                      text("no service %s within %g s of wall time: is it running?",
                           service.c_str() + 1, settings_.timeout));
   }
-  under_way_ = std::async(std::launch::async, [answer, service] {
-    answer->good = callService(service, answer->service);
-  });
+  call_ = std::async(std::launch::async,
+                     [answer, service] { answer->good = callService(service, answer->service); });
   if (!waitUntilFree(settings_.patience)) lookForNode(service);
   if (!waitUntilFree(settings_.timeout)) {
     throw PlantError(AlignFailure::kNoData,
@@ -153,11 +152,11 @@ void TwinForceClient::begin(const TwinForceTask& task) {
   begun_ = true;
 }
 
-// The strategy goes on with what the node keeps: that must be what it was told.
-void TwinForceClient::checkMemory(const TwinForceState& state) const {
+// The strategy continues with the state of the node, which must be that of its calls.
+void TwinForceClient::checkState(const TwinForceState& state) const {
   const auto complain = [](const std::string& what) {
     throw PlantError(AlignFailure::kNoData, std::string(kNode) + what +
-                                                ": was it started anew, or does somebody else use "
+                                                ": was it restarted, or does another client use "
                                                 "it?");
   };
   if (state.contacts.size() != contacts_) {
@@ -194,7 +193,7 @@ WindowAnswer TwinForceClient::add(const AveragingWindow& pressed) {
                      std::string(kNode) + " answered without a contact " + found.text());
   }
   ++contacts_;
-  checkMemory(answer.status);
+  checkState(answer.status);
   WindowAnswer out;
   out.signs_reversed = answer.status.signs == "reversed";
   out.force = Vector6::Map(answer.status.contacts.back().wrench_b.data()).head<3>().norm();
@@ -206,7 +205,7 @@ TwinForceSolution TwinForceClient::solve() {
   if (const MessageCheck found = check(state_); !found.good()) {
     throw PlantError(AlignFailure::kNoData, std::string(kNode) + ": " + found.text());
   }
-  checkMemory(state_);
+  checkState(state_);
   TwinForceSolution out;
   out.status = statusOf(state_.status);
   out.reason = state_.reason;

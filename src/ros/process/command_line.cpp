@@ -11,7 +11,7 @@ std::optional<int> answerCommandLine(int argc, char** argv, const std::string& n
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     if (const std::size_t at = argument.find(":="); at != std::string::npos) {
-      // ROS's own answer to what can't be a name doesn't say what is meant
+      // ROS's own error for such a name has no remedy
       std::string why;
       if (argument[0] == '_' || ros::names::validate(argument.substr(at + 2), why)) continue;
       std::fprintf(stderr,

@@ -18,7 +18,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr int kPatience = 200;  // for an answer of another host [ms]
+constexpr int kPatience = 200;  // for a response of another host [ms]
 
 constexpr char kBody[] =
     "<?xml version=\"1.0\"?><methodCall><methodName>getPid</methodName><params><param><value>"
@@ -29,7 +29,7 @@ bool waitUntil(int fd, short events, int patience) {
   return poll(&waiting, 1, patience) == 1;
 }
 
-// Any answer to a question within `patience` [ms]?
+// Is there any response to a request within `patience` [ms]?
 bool answers(int fd, const std::string& host, int patience) {
   const std::string request =
       "POST /RPC2 HTTP/1.1\r\nHost: " + host +
@@ -39,8 +39,8 @@ bool answers(int fd, const std::string& host, int patience) {
   return waitUntil(fd, POLLIN, patience);
 }
 
-// Does somebody listen there, and answer (patience above 0)? Gone is who is known not to listen: a
-// frozen process accepts nobody any more once enough have called.
+// State of the process at an address; patience > 0: it must respond within this time [ms]. Only a
+// refused connection means gone: a frozen process stops accepting when its backlog is full.
 NodePresence presenceAt(const std::string& host, std::uint32_t port, int patience) {
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
@@ -81,7 +81,7 @@ NodePresence presenceOf(const std::string& node, int patience) {
   return presenceAt(host, port, patience);
 }
 
-// Of several the ones that are gone, or mute, otherwise all: which of them is missed isn't known.
+// Of several publishers those that are gone, or mute, otherwise all.
 void add(TopicPublisher& publisher, const std::string& node, NodePresence presence) {
   const auto rank = [](NodePresence p) { return static_cast<int>(p); };
   if (!publisher.node.empty() && rank(presence) > rank(publisher.presence)) return;
@@ -121,7 +121,7 @@ std::string describe(const std::vector<TopicPublisher>& publishers) {
   for (const TopicPublisher& publisher : publishers) {
     out += (out.empty() ? "" : ", ") + publisher.topic.substr(publisher.topic[0] == '/' ? 1 : 0);
     if (publisher.node.empty()) {
-      out += " (nobody publishes it: is its node running?)";
+      out += " (no publisher: is its node running?)";
       continue;
     }
     out += " of " + publisher.node;

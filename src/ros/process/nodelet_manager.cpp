@@ -51,7 +51,7 @@ NodeletManager::NodeletManager(ros::NodeHandle& nh, ros::NodeHandle& pnh) : load
 
 void NodeletManager::stop() {
   HostedNodes::ofThisProcess().stopAll();
-  // what they said last is on its way
+  // their last messages are being sent
   if (ros::ok()) ros::WallDuration(0.1).sleep();
   loader_.clear();
 }

@@ -1,13 +1,23 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/process/participants.h"
 
+#include <ros/ros.h>
+
 #include <algorithm>
 #include <utility>
 
 #include "assembly_cell/base/text.h"
-#include "assembly_cell/ros/process/lockstep.h"
 
 namespace assembly_cell::ros_bridge {
+
+std::string participantName(const std::string& root, const std::string& node) {
+  const std::string above = root == "/" ? "/" : root + "/";
+  return node.compare(0, above.size(), above) == 0 ? node.substr(above.size()) : node.substr(1);
+}
+
+std::string participantNode(const std::string& root, const std::string& participant) {
+  return ros::names::append(root, participant);
+}
 
 Participants::Participants(const std::vector<std::string>& names, const std::string& root)
     : root_(root) {
@@ -42,7 +52,7 @@ std::string Participants::answer(const Ack& ack, const std::string& publisher) {
     return "block " + std::to_string(ack.sequence) + " hasn't gone out yet, the last one is " +
            std::to_string(newest_);
   }
-  // an earlier block's, again
+  // a repetition for an earlier block
   if (latest.known && ack.sequence < latest.sequence) return {};
   latest.known = true;
   latest.sequence = ack.sequence;
@@ -51,7 +61,7 @@ std::string Participants::answer(const Ack& ack, const std::string& publisher) {
   return {};
 }
 
-bool Participants::speaksOfSession(const Ack& ack) {
+bool Participants::reportsSession(const Ack& ack) {
   const std::uint32_t before = std::exchange(answers_[ack.node].session, ack.session);
   return before != 0 || ack.session != 0;
 }

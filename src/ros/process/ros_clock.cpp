@@ -10,8 +10,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr int kTries = 5;
-constexpr std::int64_t kSmoothing = 16;    // readings: their noise is some hundred nanoseconds
-constexpr std::int64_t kTight = 20'000;    // between the readings of one offset [ns]
+constexpr std::int64_t kSmoothing = 16;    // of the offset, whose noise is some hundred nanoseconds
+constexpr std::int64_t kTight = 20'000;    // between the two clock readings of an offset [ns]
 constexpr std::int64_t kStep = 5'000'000;  // beyond any slewing between two blocks [ns]
 
 template <class Point>

@@ -6,15 +6,15 @@
 #include <memory>
 #include <utility>
 
-#include "assembly_cell/ros/bridge/message_guard.h"
+#include "assembly_cell/ros/bridge/incoming_log.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-// So often the thread looks whether helpers that come and go left anything, several blocks of a
-// cell in lockstep: who decides for longer keeps callbacks waiting by as much.
-constexpr std::chrono::milliseconds kLook{2};
+// Period in which the thread checks for callbacks that helpers have left, several blocks of a cell
+// in lockstep. A strategy that computes for longer delays callbacks by as much.
+constexpr std::chrono::milliseconds kCheckPeriod{2};
 
 }  // namespace
 
@@ -28,7 +28,7 @@ SharedSpinner::~SharedSpinner() {
     const std::lock_guard<std::mutex> lock(mutex_);
     stopping_ = true;
   }
-  told_.notify_all();
+  changed_.notify_all();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -36,19 +36,19 @@ void SharedSpinner::Queue::addCallback(const ros::CallbackInterfacePtr& callback
                                        std::uint64_t removal_id) {
   ros::CallbackQueue::addCallback(callback, removal_id);
   filled_ = true;
-  ofThisProcess().tell();
+  ofThisProcess().notify();
 }
 
-void SharedSpinner::tell() {
+void SharedSpinner::notify() {
   bool waits = false, helper_waits = false;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    news_ = true;
+    pending_ = true;
     waits = waiting_ && helpers_ == 0;
     helper_waits = helpers_waiting_ > 0;
   }
-  if (waits) told_.notify_one();
-  if (helper_waits) helpers_told_.notify_all();
+  if (waits) changed_.notify_one();
+  if (helper_waits) helpers_changed_.notify_all();
 }
 
 void SharedSpinner::add(Queue* queue) {
@@ -57,7 +57,7 @@ void SharedSpinner::add(Queue* queue) {
     works_ = true;
     if (!thread_.joinable()) thread_ = std::thread([this] { spin(); });
   });
-  tell();
+  notify();
 }
 
 void SharedSpinner::remove(Queue* queue) {
@@ -67,7 +67,7 @@ void SharedSpinner::remove(Queue* queue) {
   });
 }
 
-// Between two rounds of calls, however closely they follow each other.
+// Between two rounds of callbacks, also while these follow each other without a pause.
 void SharedSpinner::change(const std::function<void()>& what) {
   ++changing_;
   const std::shared_ptr<void> until_return(nullptr, [this](void*) { --changing_; });
@@ -75,14 +75,14 @@ void SharedSpinner::change(const std::function<void()>& what) {
   what();
 }
 
-// One at a time: what is behind one that throws stays in the queue. What is left, and what comes in
-// meanwhile, is news.
+// One callback of each queue at a time: those after one that throws stay in the queue. Remaining
+// and new ones are pending.
 void SharedSpinner::callEach() {
   while (changing_ > 0) std::this_thread::yield();
   const std::lock_guard<std::mutex> calling(calling_);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    news_ = false;
+    pending_ = false;
   }
   bool called = false, left = false;
   for (Queue* queue : queues_) {
@@ -94,28 +94,28 @@ void SharedSpinner::callEach() {
     left = true;
   }
   const std::lock_guard<std::mutex> lock(mutex_);
-  // what another one waits for may have been done here
+  // may have been what another helper waits for
   const bool others = called && helpers_waiting_ > 0;
-  if (left || others) news_ = true;
-  if (others) helpers_told_.notify_all();
+  if (left || others) pending_ = true;
+  if (others) helpers_changed_.notify_all();
 }
 
 void SharedSpinner::spin() {
   std::unique_lock<std::mutex> lock(mutex_);
   while (!stopping_) {
     waiting_ = true;
-    const auto has_work = [this] { return (news_ && helpers_ == 0) || stopping_; };
+    const auto has_work = [this] { return (pending_ && helpers_ == 0) || stopping_; };
     while (!has_work()) {
-      // what the last helper left waits for the next one, or for this
-      looks_ = helped_;
+      // callbacks that the last helper left are called by the next one, or here
+      checks_ = helped_;
       helped_ = false;
-      if (looks_) {
-        told_.wait_for(lock, kLook);
+      if (checks_) {
+        changed_.wait_for(lock, kCheckPeriod);
       } else {
-        told_.wait(lock);
+        changed_.wait(lock);
       }
     }
-    waiting_ = looks_ = false;
+    waiting_ = checks_ = false;
     lock.unlock();
     callEach();
     lock.lock();
@@ -132,9 +132,9 @@ SharedSpinner::Helper::Helper() {
 SharedSpinner::Helper::~Helper() {
   SharedSpinner& shared = ofThisProcess();
   const std::lock_guard<std::mutex> lock(shared.mutex_);
-  if (--shared.helpers_ > 0 || !shared.news_ || !shared.waiting_) return;
-  // one that helps again and again needs no other thread to wake up each time
-  if (!shared.looks_) shared.told_.notify_one();
+  if (--shared.helpers_ > 0 || !shared.pending_ || !shared.waiting_) return;
+  // a helper that returns soon needs no other thread
+  if (!shared.checks_) shared.changed_.notify_one();
 }
 
 bool SharedSpinner::Helper::callUntil(const std::function<bool()>& done,
@@ -146,7 +146,7 @@ bool SharedSpinner::Helper::callUntil(const std::function<bool()>& done,
     if (is_done || std::chrono::steady_clock::now() >= deadline) return is_done;
     std::unique_lock<std::mutex> lock(shared.mutex_);
     ++shared.helpers_waiting_;
-    shared.helpers_told_.wait_until(lock, deadline, [&] { return shared.news_; });
+    shared.helpers_changed_.wait_until(lock, deadline, [&] { return shared.pending_; });
     --shared.helpers_waiting_;
   }
 }

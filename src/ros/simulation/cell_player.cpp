@@ -22,7 +22,7 @@
 #include "assembly_cell/ros/bridge/bag_check.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
 #include "assembly_cell/ros/bridge/parameters.h"
-#include "assembly_cell/ros/process/lockstep.h"
+#include "assembly_cell/ros/process/participants.h"
 
 namespace assembly_cell::ros_bridge {
 

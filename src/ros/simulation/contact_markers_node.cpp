@@ -33,7 +33,7 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
   const LiveValues start = readLive(parameters);
   wrench_topic_ = parameters.text("wrench", std::string());
   parameters.refuseUnknown();
-  live_ = std::make_unique<LiveSettings>(pnh, start, parameters.asked());
+  live_ = std::make_unique<LiveSettings>(pnh, start, parameters.known());
   // a wrench's line needs no model of the parts
   if (wrench_topic_.empty() || nh.hasParam("robot_description")) {
     const CellDescription description =

@@ -220,7 +220,7 @@ ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh
                      (details_.floor ? word : text("%g", depth)) +
                      ": give a depth of 0 to 1 m, or floor");
   }
-  parameters.tell("insert");
+  parameters.markKnown("insert");
   parameters.refuseUnknown();
   if (details_.floor || details_.insert > 0.0) {
     assemble_ = std::make_unique<Client<AssemblePegAction>>(nh, "assemble", false);

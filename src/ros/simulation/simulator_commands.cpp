@@ -140,7 +140,7 @@ void SimulatorNode::onAck(const ros::MessageEvent<Ack const>& event) {
     return;
   }
   // in lockstep the answer is the holder's sign of life
-  if (participants_.speaksOfSession(ack) && ack.sequence >= awaited_) {
+  if (participants_.reportsSession(ack) && ack.sequence >= awaited_) {
     renew({event.getPublisherName(), now_, true, false}, ack.session);
   }
   tellLoop();

@@ -1,13 +1,17 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/supervision/plant_link.h"
 
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/WrenchStamped.h>
 #include <ros/serialization.h>
 
 #include <map>
 #include <random>
 #include <utility>
 
+#include "assembly_cell/Exciter.h"
 #include "assembly_cell/Lease.h"
+#include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/publish_shared.h"
 
@@ -15,7 +19,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr char kAnotherLife[] = "the plant was started anew, or reset, during the goal";
+constexpr char kPlantRestarted[] = "the plant was restarted, or reset, during the goal";
 
 std::uint32_t randomNumber() {
   std::random_device random;
@@ -24,39 +28,39 @@ std::uint32_t randomNumber() {
   return number;
 }
 
-// Nodes that share a process have one name, by which the plant's guard can't tell them apart. Who
-// of them holds a plant is known here.
-struct Holders {
+// Owners of plants among the nodes of this process. They share one name, by which the plant's guard
+// can't distinguish them.
+struct Owners {
   std::mutex mutex;
   std::map<std::string, std::string> nodes;  // by the plant's name
 };
 
-Holders& holdersOfThisProcess() {
-  static Holders holders;
-  return holders;
+Owners& ownersOfThisProcess() {
+  static Owners owners;
+  return owners;
 }
 
-// The node of this process that holds the plant: from now on `node`, if there was none.
-std::string hold(const std::string& plant, const std::string& node) {
-  Holders& holders = holdersOfThisProcess();
-  const std::lock_guard<std::mutex> lock(holders.mutex);
-  return holders.nodes.try_emplace(plant, node).first->second;
+// Owner of the plant in this process: `node`, if there was none.
+std::string acquirePlant(const std::string& plant, const std::string& node) {
+  Owners& owners = ownersOfThisProcess();
+  const std::lock_guard<std::mutex> lock(owners.mutex);
+  return owners.nodes.try_emplace(plant, node).first->second;
 }
 
-// False when it was another node's to let go.
-bool letGo(const std::string& plant, const std::string& node) {
-  Holders& holders = holdersOfThisProcess();
-  const std::lock_guard<std::mutex> lock(holders.mutex);
-  const auto holder = holders.nodes.find(plant);
-  if (holder == holders.nodes.end()) return true;
-  if (holder->second != node) return false;
-  holders.nodes.erase(holder);
+// False if another node of this process owns the plant.
+bool releasePlant(const std::string& plant, const std::string& node) {
+  Owners& owners = ownersOfThisProcess();
+  const std::lock_guard<std::mutex> lock(owners.mutex);
+  const auto owner = owners.nodes.find(plant);
+  if (owner == owners.nodes.end()) return true;
+  if (owner->second != node) return false;
+  owners.nodes.erase(owner);
   return true;
 }
 
-// all but the header: the same values sent again are no change
+// All but the header, which changes when the same values are sent again.
 template <class Message>
-std::string bytesOf(Message message) {
+std::string serialized(Message message) {
   message.header = std_msgs::Header();
   const std::uint32_t size = ros::serialization::serializationLength(message);
   std::string bytes(size, '\0');
@@ -65,211 +69,193 @@ std::string bytesOf(Message message) {
   return bytes;
 }
 
+// By the plant's latest state. A session that was stopped owns nothing.
+bool isFreeBy(const std::optional<PlantState>& state) {
+  return !state || state->held || state->holder.empty() ||
+         state->holder == ros::this_node::getName();
+}
+
 }  // namespace
 
-PlantLink::PlantLink(ros::NodeHandle& nh, const std::string& holder, bool lockstep,
-                     std::function<void()> changed)
-    : node_(holder),
-      plant_(nh.resolveName("plant_state")),
-      lockstep_(lockstep),
-      changed_(std::move(changed)) {
-  if (!lockstep_) lease_pub_ = nh.advertise<Lease>("lease", kQueue);
-  state_sub_ = subscribeChecked<PlantState>(
-      nh, "plant_state", kQueue,
-      [this](const PlantState::ConstPtr& state, const std::string& node) { onState(state, node); },
-      ros::TransportHints().tcpNoDelay());
-  command_sub_ = watchCommands<geometry_msgs::PoseStamped>(nh, "carrier_command");
-  exciter_sub_ = watchCommands<Exciter>(nh, "exciter");
+// ---- disturbances ----
+
+GoalDisturbances::GoalDisturbances(ros::NodeHandle& nh,
+                                   std::function<void(const std::string&)> fault)
+    : fault_(std::move(fault)) {
+  watchCommands<geometry_msgs::PoseStamped>(nh, "carrier_command");
+  watchCommands<Exciter>(nh, "exciter");
   for (const std::string sensor : {"sensor_a", "sensor_b"}) {
     watchConstant<geometry_msgs::WrenchStamped>(nh, sensor + "/bias", "zero of " + sensor);
     watchConstant<SensorCalibration>(nh, sensor + "/calibration", "calibration of " + sensor);
   }
 }
 
-PlantLink::~PlantLink() { letGo(plant_, node_); }
-
 template <class Message>
-ros::Subscriber PlantLink::watchCommands(ros::NodeHandle& nh, const std::string& topic) {
+void GoalDisturbances::watchCommands(ros::NodeHandle& nh, const std::string& topic) {
   using Event = ros::MessageEvent<Message const>;
-  const boost::function<void(const Event&)> look = [this, topic](const Event& event) {
-    onCommand(topic, event.getPublisherName());
+  const boost::function<void(const Event&)> receive = [this, topic](const Event& event) {
+    const std::string& node = event.getPublisherName();
+    if (node == ros::this_node::getName()) return;
+    fault_(node + " published " + topic + " during the goal: no other node may command the plant");
   };
-  return nh.subscribe<Message, const Event&>(topic, kQueue, look);
+  subs_.push_back(nh.subscribe<Message, const Event&>(topic, kQueue, receive));
 }
 
 template <class Message>
-void PlantLink::watchConstant(ros::NodeHandle& nh, const std::string& topic,
-                              const std::string& what) {
-  constant_subs_.push_back(subscribeChecked<Message>(
-      nh, topic, kQueue,
-      [this, what](const auto& message) { onConstant(what, bytesOf(*message)); }));
+void GoalDisturbances::watchConstant(ros::NodeHandle& nh, const std::string& topic,
+                                     const std::string& what) {
+  const auto receive = [this, what](const boost::shared_ptr<Message const>& message) {
+    {
+      const std::string bytes = serialized(*message);
+      const std::lock_guard<std::mutex> lock(mutex_);
+      const auto [known, first] = constants_.try_emplace(what, bytes);
+      if (first || known->second == bytes) return;
+      known->second = bytes;
+    }
+    fault_(what + " changed during the goal: start it again");
+  };
+  subs_.push_back(subscribeChecked<Message>(nh, topic, kQueue, receive));
 }
 
 // ---- the session ----
 
-// By the plant's last word. Of one that has been stopped nobody can be said to hold it.
-bool PlantLink::freeUnlocked() const {
-  return !state_ || state_->held || state_->holder.empty() ||
-         state_->holder == ros::this_node::getName();
+PlantLink::PlantLink(ros::NodeHandle& nh, const std::string& node, bool lockstep,
+                     std::function<void()> changed)
+    : node_(node),
+      plant_(nh.resolveName("plant_state")),
+      lockstep_(lockstep),
+      changed_(std::move(changed)),
+      disturbances_(nh, [this](const std::string& fault) { setFault(fault); }) {
+  if (!lockstep_) lease_pub_ = nh.advertise<Lease>("lease", kQueue);
+  state_sub_ = subscribeChecked<PlantState>(
+      nh, "plant_state", kQueue,
+      [this](const PlantState::ConstPtr& state, const std::string& publisher) {
+        onState(state, publisher);
+      },
+      ros::TransportHints().tcpNoDelay());
 }
 
-bool PlantLink::isFree() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return freeUnlocked();
-}
+PlantLink::~PlantLink() { releasePlant(plant_, node_); }
 
-void PlantLink::begin() {
-  std::string holder = hold(plant_, node_);
+void PlantLink::acquire() {
+  std::string owner = acquirePlant(plant_, node_);
   const std::lock_guard<std::mutex> lock(mutex_);
-  // another process: what this goal would send meanwhile would only disturb the other's
-  if (holder == node_ && !freeUnlocked()) {
-    holder = state_->holder;
-    letGo(plant_, node_);
+  // commands of this goal would disturb the owner in another process
+  if (owner == node_ && !isFreeBy(state_)) {
+    owner = state_->holder;
+    releasePlant(plant_, node_);
   }
-  if (holder != node_) {
-    session_ = 0;
-    fault_ = holder + " holds the plant";
+  session_ = Session();
+  if (owner != node_) {
+    session_.fault = owner + " holds the plant";
     return;
   }
-  session_ = randomNumber();
-  life_ = state_ ? state_->life : 0;
-  refused_ = state_ ? state_->refused : 0;
-  lost_ = false;
-  moving_ = false;
-  fault_.clear();
+  session_.number = randomNumber();
+  session_.boot_id = state_ ? state_->life : 0;
+  session_.refused = state_ ? state_->refused : 0;
 }
 
-void PlantLink::forget() {
+void PlantLink::beginMotion() {
   const std::lock_guard<std::mutex> lock(mutex_);
-  state_.reset();
-  life_ = 0;
-  if (moving_ && fault_.empty()) fault_ = kAnotherLife;
+  session_.moves = true;
 }
 
-void PlantLink::move() {
+void PlantLink::release() {
   const std::lock_guard<std::mutex> lock(mutex_);
-  moving_ = true;
+  session_ = Session();
+  const bool owned = releasePlant(plant_, node_);
+  if (!lockstep_ && owned) lease_pub_.publish(Lease());
 }
 
-void PlantLink::end() {
+void PlantLink::renew(const ros::Time& stamp) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  session_ = 0;
-  moving_ = false;
-  fault_.clear();
-  const bool mine = letGo(plant_, node_);
-  if (!lockstep_ && mine) lease_pub_.publish(Lease());
-}
-
-std::uint32_t PlantLink::session() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return session_;
-}
-
-void PlantLink::renew(const ros::Time& seen) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (lockstep_ || session_ == 0) return;
+  if (lockstep_ || session_.number == 0) return;
   Lease lease;
-  lease.header.stamp = seen;
-  lease.session = session_;
+  lease.header.stamp = stamp;
+  lease.session = session_.number;
   publishShared(lease_pub_, lease);
 }
 
-std::optional<std::string> PlantLink::fault() const {
+PlantLink::Status PlantLink::status() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (fault_.empty()) return std::nullopt;
-  return fault_;
+  const bool is_obeyed =
+      lockstep_ || !state_ || (state_->session == session_.number && !state_->held);
+  return {session_.number, isFreeBy(state_), is_obeyed, session_.interrupted, session_.fault};
 }
 
-bool PlantLink::lapsed() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return lost_;
-}
-
-bool PlantLink::followsUnlocked() const {
-  return lockstep_ || !state_ || (state_->session == session_ && !state_->held);
-}
-
-bool PlantLink::follows() const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return followsUnlocked();
-}
-
-void PlantLink::repeated() {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  lost_ = false;
-}
-
-// ---- what is heard ----
-
-void PlantLink::isOf(const std::string& node) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  plant_node_ = node;
-  if (state_node_ != node) state_.reset();
-}
-
-std::string PlantLink::judgeUnlocked(const std::string& node) {
-  if (plant_node_.empty()) return door_.judgePublisher(node);
-  if (node == plant_node_) return {};
-  return "the plant is " + plant_node_ + ", which publishes carrier_pose: end the other publisher";
-}
-
-void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& node) {
+void PlantLink::setFault(const std::string& fault) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    const std::string why = judgeUnlocked(node);
+    if (session_.number == 0 || !session_.fault.empty()) return;
+    session_.fault = fault;
+  }
+  changed_();
+}
+
+void PlantLink::clearInterruption() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  session_.interrupted = false;
+}
+
+// ---- the plant's state ----
+
+void PlantLink::setPlantNode(const std::string& node) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  publishers_.carrier_pose = node;
+  if (publishers_.state != node) state_.reset();
+}
+
+void PlantLink::onPlantRestart() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  state_.reset();
+  session_.boot_id = 0;
+  if (session_.moves && session_.fault.empty()) session_.fault = kPlantRestarted;
+}
+
+void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& publisher) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::string why;
+    if (publishers_.carrier_pose.empty()) {
+      why = filter_.checkPublisher(publisher);
+    } else if (publisher != publishers_.carrier_pose) {
+      why = "the plant is " + publishers_.carrier_pose +
+            ", which publishes carrier_pose: end the other publisher";
+    }
     if (!why.empty()) {
-      IncomingLog::ofThisProcess().refuse("plant_state", node, why);
+      IncomingLog::ofThisProcess().refuse("plant_state", publisher, why);
       return;
     }
-    const bool held_before = state_ && state_->session == session_;
+    const bool had_session = state_ && state_->session == session_.number;
     state_ = *state;
-    state_node_ = node;
-    const std::string& me = ros::this_node::getName();
-    if (session_ != 0 && fault_.empty()) {
-      if (life_ == 0 || !moving_) life_ = state->life;
-      // a command that is kept from before the plant's start is of no goal
-      const bool mine = state->refused != refused_ && state->refused_node == me &&
-                        state->refused_reason != "earlier_boot";
-      const bool late = state->refused_reason == "stale" ||
-                        state->refused_reason == "held_by_another" ||
-                        state->refused_reason == "no_lease";
-      if (state->life != life_) {
-        fault_ = kAnotherLife;
-      } else if (!state->holder.empty() && state->holder != me) {
-        fault_ = state->holder + " holds the plant";
-      } else if (state->overload && state->session == session_) {
-        fault_ = "the plant stopped itself: " + state->reason;
-      } else if (mine && !late) {
-        fault_ = state->refusal;
-      }
-      // lapsed, let go after a lapse, or a command that came late
-      if (!lockstep_ && ((held_before && !followsUnlocked()) || (mine && late))) lost_ = true;
-      refused_ = state->refused;
-    }
+    publishers_.state = publisher;
+    if (session_.number != 0 && session_.fault.empty()) checkSession(had_session);
   }
   changed_();
 }
 
-void PlantLink::onCommand(const std::string& topic, const std::string& node) {
-  if (node == ros::this_node::getName()) return;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (session_ == 0 || !fault_.empty()) return;
-    fault_ = node + " published " + topic + " during the goal: nobody else may command the plant";
+void PlantLink::checkSession(bool had_session) {
+  const std::string& me = ros::this_node::getName();
+  const std::string& reason = state_->refused_reason;
+  if (session_.boot_id == 0 || !session_.moves) session_.boot_id = state_->life;
+  // latched commands from before the plant's start belong to no goal
+  const bool refused =
+      state_->refused != session_.refused && state_->refused_node == me && reason != "earlier_boot";
+  const bool late = reason == "stale" || reason == "held_by_another" || reason == "no_lease";
+  const bool has_session = state_->session == session_.number;
+  if (state_->life != session_.boot_id) {
+    session_.fault = kPlantRestarted;
+  } else if (!state_->holder.empty() && state_->holder != me) {
+    session_.fault = state_->holder + " holds the plant";
+  } else if (state_->overload && has_session) {
+    session_.fault = "the plant stopped itself: " + state_->reason;
+  } else if (refused && !late) {
+    session_.fault = state_->refusal;
   }
-  changed_();
-}
-
-void PlantLink::onConstant(const std::string& what, const std::string& bytes) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    const auto [known, first] = constants_.try_emplace(what, bytes);
-    if (first || known->second == bytes) return;
-    known->second = bytes;
-    if (session_ == 0 || !fault_.empty()) return;
-    fault_ = what + " changed during the goal: start it again";
-  }
-  changed_();
+  // the lease expired, or a command came too late
+  const bool stopped = had_session && (!has_session || state_->held);
+  if (!lockstep_ && (stopped || (refused && late))) session_.interrupted = true;
+  session_.refused = state_->refused;
 }
 
 }  // namespace assembly_cell::ros_bridge

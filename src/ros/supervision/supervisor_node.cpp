@@ -3,21 +3,25 @@
 
 #include <chrono>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/align/search/press_controller.h"
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/identification/mechanism_check.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/parameters.h"
-#include "assembly_cell/ros/supervision/watched_plant.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-/// What is not known is 0 on the wire, never NaN.
+constexpr char kBusy[] = "busy: another action is running";
+
+// In messages an unknown number is 0, never NaN.
 double finite(double value) { return std::isfinite(value) ? value : 0.0; }
 
 double secondsSince(std::chrono::steady_clock::time_point start) {
@@ -37,52 +41,83 @@ Feedback feedbackOf(const AlignProgress& now) {
   return feedback;
 }
 
+// X_CP: peg in the carrier, at rest.
+AlignmentReport reportOf(const AlignResult& result, double wall_time, const RosPlant::State& plant,
+                         const Pose& X_CP) {
+  AlignmentReport report;
+  report.header.stamp = plant.stamp;
+  report.header.frame_id = kHoleFrame;
+  if (result.reference_time > 0.0) {
+    report.reference = plant.origin + ros::Duration(result.reference_time);
+  }
+  report.success = result.success;
+  report.reason = result.reason;
+  report.estimate_known = result.known;
+  for (int i = 0; i < 2 && result.known; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    report.estimated_offset[k] = finite(result.offset(i));
+    report.estimated_tilt[k] = finite(result.tilt(i));
+  }
+  report.contacts = static_cast<std::uint32_t>(result.contacts);
+  report.simulated_time = finite(result.time);
+  report.wall_time = wall_time;
+
+  // the peg at the start as estimated, moved as the carrier has moved since
+  const Eigen::Vector3d tilt(report.estimated_tilt[0], report.estimated_tilt[1], 0.0);
+  const Pose X_HP_start{
+      rotationFromVector({tilt}),
+      Eigen::Vector3d(-report.estimated_offset[0], -report.estimated_offset[1], 0.0)};
+  const Pose motion = inverse(plant.start) * plant.carrier;
+  Pose X_HP = X_HP_start * inverse(X_CP) * motion * X_CP;
+  X_HP.p.z() = 0.0;
+  report.estimated_pose = toPose(result.known ? X_HP : Pose());
+  return report;
+}
+
+template <class Node, class Spec, class Goal>
+void startServer(ros::NodeHandle& nh, const std::string& name, Node* node,
+                 void (Node::*execute)(const Goal&),
+                 std::unique_ptr<CheckedActionServer<Spec>>& server) {
+  server = std::make_unique<CheckedActionServer<Spec>>(
+      nh, name, [node, execute](const Goal& goal) { (node->*execute)(goal); });
+  server->start();
+}
+
 }  // namespace
 
 SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   Parameters parameters(pnh);
-  mechanism_ = loadMechanism(parameters.text("scenario"),
-                             parameters.texts("overrides", std::vector<std::string>{}));
-  readMechanism(parameters);
-  X_CP_.p.z() = -mechanism_.peg.coupling_height - mechanism_.peg.half_height;
-
-  AlignParameters& p = parameters_;
-  parameters.read(fieldsOf(p));
-  limits_.descent = p.descent_limit;
-  limits_.approach_step = p.approach_step;
-  const RosPlant::Settings plant = plantSettings(parameters, pnh.getNamespace());
-  slow_factor_ = plant.slow_factor;
+  mechanism_ = std::make_unique<MechanismKeeper>(parameters);
+  parameters.read(fieldsOf(parameters_));
+  limits_.descent = parameters_.descent_limit;
+  limits_.approach_step = parameters_.approach_step;
+  PlantSettings plant;
+  plant.node = pnh.getNamespace();
+  parameters.read(fieldsOf(plant));
   parameters.refuseUnknown();
   try {
-    checkParameters(p);
+    checkParameters(parameters_);
   } catch (const InputError& error) {
-    throw InputError("parameters " + pnh.getNamespace() + ": " + error.what());
+    throw InputError("parameters " + plant.node + ": " + error.what());
   }
 
-  live_ = std::make_unique<LiveSettings>(pnh, liveValues(fieldsOf(p), "from the next goal on"),
-                                         parameters.asked(), [this](const LiveValues& values) {
+  live_ = std::make_unique<LiveSettings>(pnh,
+                                         liveValues(fieldsOf(parameters_), "from the next goal on"),
+                                         parameters.known(), [this](const LiveValues& values) {
                                            AlignParameters wanted = parameters_;
                                            put(values, fieldsOf(wanted));
                                            checkParameters(wanted);
                                          });
-  nh_ = nh;
-  name_ = pnh.getNamespace();
   plant_ = std::make_unique<RosPlant>(nh, plant);
-  startState(nh, pnh);
+  mechanism_->connect(nh, *plant_, plant.slow_factor);
+  peg_ = std::make_unique<PegState>(pnh, [this] { return plant_->state().stamp; });
+  peg_monitor_ = std::make_unique<PegMonitor>(nh, plant.node, *peg_);
+  goals_ = std::make_unique<GoalRunner>(*plant_, *peg_);
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
-  align_server_ = std::make_unique<AlignServer>(
-      nh, "align", [this](const AlignPegGoalConstPtr& goal) { executeAlign(goal); });
-  assemble_server_ = std::make_unique<AssembleServer>(
-      nh, "assemble", [this](const AssemblePegGoalConstPtr& goal) { executeAssemble(goal); });
-  contact_server_ = std::make_unique<ContactServer>(
-      nh, "move_to_contact",
-      [this](const MoveToContactGoalConstPtr& goal) { executeContact(goal); });
-  retreat_server_ = std::make_unique<RetreatServer>(
-      nh, "retreat", [this](const RetreatGoalConstPtr& goal) { executeRetreat(goal); });
-  align_server_->start();
-  assemble_server_->start();
-  contact_server_->start();
-  retreat_server_->start();
+  startServer(nh, "align", this, &SupervisorNode::executeAlign, align_server_);
+  startServer(nh, "assemble", this, &SupervisorNode::executeAssemble, assemble_server_);
+  startServer(nh, "move_to_contact", this, &SupervisorNode::executeContact, contact_server_);
+  startServer(nh, "retreat", this, &SupervisorNode::executeRetreat, retreat_server_);
 }
 
 SupervisorNode::~SupervisorNode() {
@@ -94,54 +129,58 @@ SupervisorNode::~SupervisorNode() {
   retreat_server_->shutdown();
 }
 
-LiveValues SupervisorNode::takeLive() {
-  const LiveValues values = live_->now();
-  limits_.force = valueOf(values, "force_limit");
-  return values;
+void SupervisorNode::stop() {
+  plant_->stop();
+  goals_->wait();
+}
+
+void SupervisorNode::takeLive(AlignParameters& parameters) {
+  put(live_->now(), fieldsOf(parameters));
+  limits_.force = parameters.force_limit;
 }
 
 AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters parameters,
                                         const std::function<bool()>& cancelled,
                                         const std::function<void(const AlignProgress&)>& progress,
-                                        AlignmentReport& answer) {
+                                        AlignmentReport& report) {
   const auto start = std::chrono::steady_clock::now();
   AlignResult result;
-  const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
+  const std::unique_lock<std::mutex> turn = goals_->tryLock();
   if (!turn) {
-    result.reason = "busy: another action is running";
+    result.reason = kBusy;
   } else {
-    const ros::Time before = plant_->stamp();
-    End end;
-    try {
-      put(takeLive(), fieldsOf(parameters));
-      enter(name, true);
-      const KnownMechanism* known = beginKnown(parameters.strategy, cancelled, progress);
-      plant_->know(known);
-      parameters.inserted = inserted();
-      result = align(*plant_, mechanism_, known ? withDrive(parameters, known->drive) : parameters,
-                     progress);
-      if (result.success) left_in_ = {result.depth, plant_->carrierPose()};
-      end.failed = !result.success;
-      end.begun = end.failed && hasBegun(result.failure);
-      end.failure = result.failure;
-      end.reason = result.reason;
-    } catch (...) {
-      end = endOfException();
-      result.success = false;
-      result.reason = end.reason;
-      result.contacts = end.contacts;
-    }
-    // the clock of a goal that never began is that of the one before
-    if (result.time == 0.0 && plant_->stamp() != before) result.time = plant_->time();
-    leave(end);
+    takeLive(parameters);
+    const auto depth = [this] { return inserted_.depthAt(plant_->state().carrier); };
+    const GoalEnd end =
+        goals_->run(name, true, {mechanism_->mechanism(), limits_}, [&](GoalEnd& out) {
+          const KnownMechanism* known = mechanism_->begin(parameters.strategy, cancelled, progress,
+                                                          [&] { return depth() > 0.0; });
+          plant_->setMechanism(known);
+          parameters.inserted = depth();
+          result = align(*plant_, mechanism_->mechanism(),
+                         known ? withDrive(parameters, known->drive) : parameters, progress);
+          if (result.success) inserted_ = {result.depth, plant_->state().carrier};
+          out.failed = !result.success;
+          out.begun = out.failed && goals_->hasBegun(result.failure);
+          out.failure = result.failure;
+          out.contacts = result.contacts;
+          out.reason = result.reason;
+        });
+    result.success = !end.failed;
+    result.reason = end.reason;
+    result.contacts = end.contacts;
+    if (result.time == 0.0) result.time = end.time;
   }
-  answer = report(result, secondsSince(start));
-  if (turn) report_pub_.publish(answer);
-  if (turn && result.known) {
-    // where that peg has the hole, its rim at the height of the peg's edge
-    const Pose X_PH = inverse(fromPose(answer.estimated_pose, "report"));
+  const RosPlant::State plant = plant_->state();
+  const Pose X_CP = mechanism_->pegInCarrier();
+  report = reportOf(result, secondsSince(start), plant, X_CP);
+  if (!turn) return result;
+  report_pub_.publish(report);
+  if (result.known) {
+    // hole as estimated from that peg, its rim at the height of the peg's edge
+    const Pose X_PH = inverse(fromPose(report.estimated_pose, "report"));
     frames_.send({transformStamped(kCarrierBaseFrame, kHoleEstimatedFrame,
-                                   plant_->carrierPose() * X_CP_ * X_PH, answer.header.stamp)});
+                                   plant.carrier * X_CP * X_PH, report.header.stamp)});
   }
   return result;
 }
@@ -166,13 +205,14 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
   parameters.insert.floor = goal->floor;
   AssemblePegResult answer;
   AlignResult result;
-  if (goal->floor ? goal->depth != 0.0 || !std::isfinite(mechanism_.hole.depth)
-                  : !(goal->depth > 0.0 && goal->depth < mechanism_.hole.depth)) {
+  const double hole = mechanism_->mechanism().hole.depth;
+  if (goal->floor ? goal->depth != 0.0 || !std::isfinite(hole)
+                  : !(goal->depth > 0.0 && goal->depth < hole)) {
     result.reason =
         text(goal->floor ? "depth is %g m with floor: give 0 and a hole with a depth, it has %g m"
                          : "depth is %g m: give more than 0 and less than the hole's, %g m",
-             std::isnan(goal->depth) ? std::abs(goal->depth) : goal->depth, mechanism_.hole.depth);
-    answer.report = report(result, 0.0);
+             std::isnan(goal->depth) ? std::abs(goal->depth) : goal->depth, hole);
+    answer.report = reportOf(result, 0.0, plant_->state(), mechanism_->pegInCarrier());
   } else {
     result = runStrategy(
         "assemble", parameters, [this] { return assemble_server_->isPreemptRequested(); },
@@ -189,100 +229,106 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
   answer.force = finite(result.insert.force);
   answer.time = finite(result.insert.time);
   answer.backed_out = static_cast<std::uint32_t>(result.insert.backed_out);
-  for (const BoreReading& felt : result.insert.profile) {
-    answer.profile_depth.push_back(finite(felt.depth));
-    answer.profile_along.push_back(finite(felt.along));
-    answer.profile_sideways.push_back(finite(felt.sideways));
-    answer.profile_moment.push_back(finite(felt.moment));
+  for (const BoreReading& reading : result.insert.profile) {
+    answer.profile_depth.push_back(finite(reading.depth));
+    answer.profile_along.push_back(finite(reading.along));
+    answer.profile_sideways.push_back(finite(reading.sideways));
+    answer.profile_moment.push_back(finite(reading.moment));
   }
   assemble_server_->finish(result.success, answer, result.reason);
 }
 
-AlignmentReport SupervisorNode::report(const AlignResult& result, double wall_time) const {
-  AlignmentReport report;
-  report.header.stamp = plant_->stamp();
-  report.header.frame_id = kHoleFrame;
-  if (result.reference_time > 0.0) report.reference = plant_->stampOf(result.reference_time);
-  report.success = result.success;
-  report.reason = result.reason;
-  report.estimate_known = result.known;
-  for (int i = 0; i < 2 && result.known; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    report.estimated_offset[k] = finite(result.offset(i));
-    report.estimated_tilt[k] = finite(result.tilt(i));
-  }
-  report.contacts = static_cast<std::uint32_t>(result.contacts);
-  report.simulated_time = finite(result.time);
-  report.wall_time = wall_time;
-
-  // the peg at the start as estimated, moved as the carrier has moved since
-  const Eigen::Vector3d tilt(report.estimated_tilt[0], report.estimated_tilt[1], 0.0);
-  const Pose X_HP_start{
-      rotationFromVector({tilt}),
-      Eigen::Vector3d(-report.estimated_offset[0], -report.estimated_offset[1], 0.0)};
-  Pose X_HP = X_HP_start * inverse(X_CP_) * plant_->carrierMotion() * X_CP_;
-  X_HP.p.z() = 0.0;
-  report.estimated_pose = toPose(result.known ? X_HP : Pose());
-  return report;
-}
-
 void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
   MoveToContactResult result;
-  const double force = goal->force;
-  const std::unique_lock<std::mutex> turn(busy_, std::try_to_lock);
-  if (turn) takeLive();
-  // what is held may be more by the tolerance
-  const double most = limits_.force / (1.0 + parameters_.press_tolerance);
+  const double force = goal->force, tolerance = parameters_.press_tolerance;
+  const std::unique_lock<std::mutex> turn = goals_->tryLock();
+  AlignParameters parameters = parameters_;
+  if (turn) takeLive(parameters);
+  // the force may exceed its setpoint by the tolerance
+  const double max_force = limits_.force / (1.0 + tolerance);
   if (!turn) {
-    result.message = "busy: another action is running";
-  } else if (!std::isfinite(force) || force <= 0.0 || force >= most) {
+    result.message = kBusy;
+  } else if (!std::isfinite(force) || force <= 0.0 || force >= max_force) {
     result.message = "force is " + (std::isnan(force) ? "nan" : text("%g N", force)) +
                      text(
                          ": give more than 0 and less than %.4g N, ~force_limit less "
                          "~press_tolerance",
-                         most);
+                         max_force);
   } else {
-    End end;
-    try {
-      enter("move_to_contact", true);
-      plant_->begin([this] { return contact_server_->isPreemptRequested(); });
-      const GuardedCarrier* watched = nullptr;
-      WatchedPlant plant(*plant_, [this, &watched](const PlantBlock& block) {
-        MoveToContactFeedback feedback;
-        // the controller's zero, as it shows in its last block
-        if (watched != nullptr) {
-          feedback.force = block.wrench_b(2) - watched->last().wrench_b(2) + watched->force().z();
-        }
-        feedback.z = block.carrier.z;
-        contact_server_->publishFeedback(feedback);
-      });
-      GuardedCarrier carrier(plant, limits_);
-      watched = &carrier;
-      tareFreePeg(carrier, mechanism_);
-      PressController press(carrier);
-      if (const double least = press.minForce(parameters_.press_tolerance); force < least) {
-        throw InputError(
-            text("force is %g N: give at least %.2g N, less is lost in the steps of a press or the "
-                 "scatter of sensor_b",
-                 force, least));
-      }
-      if (!press.approach(carrier.target().z - limits_.descent)) {
-        throw AlignError(AlignFailure::kNoContact,
-                         text("none within %g m of descent", limits_.descent));
-      }
-      press.holdStill(force, parameters_.press_tolerance);
-      result.success = true;
-      result.force = carrier.force().z();
-      result.message = "pressing";
-      end.pressing = true;
-      end.reason = text("move_to_contact presses with %.1f N", result.force);
-    } catch (...) {
-      end = endOfException();
-      result.message = end.reason;
-    }
-    leave(end);
+    const Mechanism& mechanism = mechanism_->mechanism();
+    const GoalEnd end =
+        goals_->run("move_to_contact", true, {mechanism, limits_}, [&](GoalEnd& out) {
+          plant_->begin([this] { return contact_server_->isPreemptRequested(); });
+          const GuardedCarrier* guarded = nullptr;
+          ObservedPlant plant(*plant_, [&](const PlantBlock& block) {
+            MoveToContactFeedback feedback;
+            // the zero is subtracted, as in the carrier's latest block
+            if (guarded != nullptr) {
+              feedback.force =
+                  block.wrench_b(2) - guarded->last().wrench_b(2) + guarded->force().z();
+            }
+            feedback.z = block.carrier.z;
+            contact_server_->publishFeedback(feedback);
+          });
+          GuardedCarrier carrier(plant, limits_);
+          guarded = &carrier;
+          tareFreePeg(carrier, mechanism);
+          PressController press(carrier);
+          if (const double min_force = press.minForce(tolerance); force < min_force) {
+            throw InputError(
+                text("force is %g N: give at least %.2g N, less is lost in the steps of a press or "
+                     "the scatter of sensor_b",
+                     force, min_force));
+          }
+          if (!press.approach(carrier.target().z - limits_.descent)) {
+            throw AlignError(AlignFailure::kNoContact,
+                             text("none within %g m of descent", limits_.descent));
+          }
+          press.holdStill(force, tolerance);
+          result.force = carrier.force().z();
+          out.pressing = true;
+          out.reason = text("move_to_contact presses with %.1f N", result.force);
+        });
+    result.success = !end.failed;
+    result.message = end.failed ? end.reason : "pressing";
   }
   contact_server_->finish(result.success, result, result.message);
+}
+
+void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
+  RetreatResult result;
+  const std::unique_lock<std::mutex> turn = goals_->tryLock();
+  if (!turn) {
+    result.message = kBusy;
+  } else {
+    AlignParameters live = parameters_;
+    takeLive(live);
+    const Mechanism& mechanism = mechanism_->mechanism();
+    const GoalEnd end = goals_->run("retreat", false, {mechanism, limits_}, [&](GoalEnd& out) {
+      out.freed = true;
+      plant_->begin([this] { return retreat_server_->isPreemptRequested(); });
+      std::optional<Vector6> first;
+      ObservedPlant plant(*plant_, [&](const PlantBlock& block) {
+        if (!first) first = block.wrench_b;
+        RetreatFeedback feedback;
+        feedback.force = (block.wrench_b - *first).head<3>().norm();
+        retreat_server_->publishFeedback(feedback);
+        result.z = block.carrier.z;
+      });
+      AlignParameters parameters = parameters_;
+      parameters.inserted = inserted_.depthAt(plant_->state().carrier);
+      if (parameters.inserted > 0.0) {
+        withdraw(plant, mechanism, parameters);
+        inserted_ = InsertedPeg();
+      }
+      GuardedCarrier carrier(plant, limits_);
+      releasePeg(carrier, mechanism);
+      out.reason = "free";
+    });
+    result.success = !end.failed;
+    result.message = end.reason;
+  }
+  retreat_server_->finish(result.success, result, result.message);
 }
 
 }  // namespace assembly_cell::ros_bridge

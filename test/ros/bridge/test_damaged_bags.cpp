@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Bags with bytes that are wrong: the source plays what is sound or says in one line what isn't,
-// whatever rosbag's decompression makes of it.
+// Bags with wrong bytes: the source plays the valid part or reports the damage in one line,
+// whatever rosbag's decompression does.
 
 #include <gtest/gtest.h>
 #include <ros/ros.h>
@@ -51,7 +51,7 @@ class DamagedBags : public ::testing::TestWithParam<rosbag::CompressionType> {
     std::ofstream(path_, std::ios::binary | std::ios::trunc) << bytes;
   }
 
-  // samples that the source plays; the line that it says instead
+  // samples that the source plays, or the line that it reports
   std::size_t play(std::string& line) {
     BagSource source;
     YAML::Node map;
@@ -81,7 +81,7 @@ class DamagedBags : public ::testing::TestWithParam<rosbag::CompressionType> {
   std::string whole_;
 };
 
-TEST_P(DamagedBags, AWholeOneIsPlayed) {
+TEST_P(DamagedBags, AnIntactBagIsPlayed) {
   std::string line;
   EXPECT_EQ(play(line), static_cast<std::size_t>(kBlocks * kSamples));
   EXPECT_EQ(line, "");
@@ -104,7 +104,7 @@ TEST_P(DamagedBags, NoDamageAbortsOrHangs) {
     const std::size_t samples = play(line);
     EXPECT_EQ(line.find('\n'), std::string::npos) << line;
     EXPECT_LT(line.size(), 500u) << line;
-    EXPECT_TRUE(samples > 0 || !line.empty()) << "seed " << seed << " says nothing";
+    EXPECT_TRUE(samples > 0 || !line.empty()) << "seed " << seed << ": no line";
     EXPECT_LE(samples, static_cast<std::size_t>(kBlocks * kSamples));
     if (line.empty()) continue;
     ++refused;

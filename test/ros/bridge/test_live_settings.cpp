@@ -37,20 +37,20 @@ LiveValues some() {
           liveLimit("force_limit", 40.0, 2.0, "[N]")};
 }
 
-// ---- what a request comes to ----
+// ---- a request ----
 
 template <class Value>
-LiveChange judged(const std::string& name, Value value) {
+LiveChange changed(const std::string& name, Value value) {
   Config request;
   add(request, name, value);
-  return judge(some(), request, "/node/", kRestart);
+  return applied(some(), request, "/node/", kRestart);
 }
 
-TEST(Judge, TakesWhatIsInRange) {
+TEST(LiveChange, AcceptsValuesInTheirRange) {
   Config request;
   add(request, "window", 0.5);
   add(request, "words", false);
-  const LiveChange change = judge(some(), request, "/node/", kRestart);
+  const LiveChange change = applied(some(), request, "/node/", kRestart);
   EXPECT_EQ(change.refusal, "");
   EXPECT_EQ(change.cut, "");
   EXPECT_EQ(valueOf(change.values, "window"), 0.5);
@@ -61,7 +61,7 @@ TEST(Judge, TakesWhatIsInRange) {
   whole.ints.emplace_back();
   whole.ints.back().name = "window";
   whole.ints.back().value = 3;
-  EXPECT_EQ(valueOf(judge(some(), whole, "/node/", kRestart).values, "window"), 3.0);
+  EXPECT_EQ(valueOf(applied(some(), whole, "/node/", kRestart).values, "window"), 3.0);
 }
 
 void expectRefused(const LiveChange& change, const std::string& line) {
@@ -72,65 +72,65 @@ void expectRefused(const LiveChange& change, const std::string& line) {
   EXPECT_EQ(valueOf(change.values, "force_limit"), 40.0);
 }
 
-TEST(Judge, RefusesByNameValueAndBound) {
+TEST(LiveChange, RefusalHasNameValueAndBound) {
   const std::string range = "give a number from 0.001 to 10";
-  expectRefused(judged("window", kNaN), "parameter /node/window is nan: " + range);
-  expectRefused(judged("window", kInfinity), "parameter /node/window is inf: " + range);
-  expectRefused(judged("window", 10.5), "parameter /node/window is 10.5: " + range);
-  expectRefused(judged("window", 0.0), "parameter /node/window is 0: " + range);
-  expectRefused(judged("window", true), "parameter /node/window is no number: give one");
-  expectRefused(judged("words", 1.0), "parameter /node/words is a switch: give true or false");
-  expectRefused(judged("wimdow", 1.0),
+  expectRefused(changed("window", kNaN), "parameter /node/window is nan: " + range);
+  expectRefused(changed("window", kInfinity), "parameter /node/window is inf: " + range);
+  expectRefused(changed("window", 10.5), "parameter /node/window is 10.5: " + range);
+  expectRefused(changed("window", 0.0), "parameter /node/window is 0: " + range);
+  expectRefused(changed("window", true), "parameter /node/window is no number: give one");
+  expectRefused(changed("words", 1.0), "parameter /node/words is a switch: give true or false");
+  expectRefused(changed("wimdow", 1.0),
                 "parameter /node/wimdow is unknown: live are window, words, force_limit");
-  expectRefused(judged("scenario", 1.0),
+  expectRefused(changed("scenario", 1.0),
                 "parameter /node/scenario needs a restart: set it before the node starts; live "
                 "are window, words, force_limit");
-  expectRefused(judged("a\nb\x1b", 1.0),
+  expectRefused(changed("a\nb\x1b", 1.0),
                 "parameter /node/a b  is unknown: live are window, words, force_limit");
 }
 
-TEST(Judge, LimitsGoDownOnly) {
-  const LiveChange lower = judged("force_limit", 25.0);
+TEST(LiveChange, LimitsCanOnlyBeLowered) {
+  const LiveChange lower = changed("force_limit", 25.0);
   EXPECT_EQ(lower.refusal + lower.cut, "");
-  // up again, to what it was at the start
+  // up again to the value at the start
   Config request;
   add(request, "force_limit", 60.0);
-  const LiveChange higher = judge(lower.values, request, "/node/", kRestart);
+  const LiveChange higher = applied(lower.values, request, "/node/", kRestart);
   EXPECT_EQ(higher.refusal, "");
   EXPECT_EQ(higher.cut,
             "parameter /node/force_limit is 60: more than 40, the value at the start, needs a "
-            "restart; 40 is taken");
+            "restart; 40 is set");
   EXPECT_EQ(valueOf(higher.values, "force_limit"), 40.0);
   const std::string range = "give a number from 2 to 40";
-  expectRefused(judged("force_limit", 1.0), "parameter /node/force_limit is 1: " + range);
-  expectRefused(judged("force_limit", kNaN), "parameter /node/force_limit is nan: " + range);
-  expectRefused(judged("force_limit", kInfinity), "parameter /node/force_limit is inf: " + range);
+  expectRefused(changed("force_limit", 1.0), "parameter /node/force_limit is 1: " + range);
+  expectRefused(changed("force_limit", kNaN), "parameter /node/force_limit is nan: " + range);
+  expectRefused(changed("force_limit", kInfinity), "parameter /node/force_limit is inf: " + range);
 }
 
-TEST(Judge, TakesAllOrNothing) {
+TEST(LiveChange, AcceptsAllOrNothing) {
   Config request;
   add(request, "force_limit", 20.0);
   add(request, "words", false);
   add(request, "window", kNaN);
-  expectRefused(judge(some(), request, "/node/", kRestart),
+  expectRefused(applied(some(), request, "/node/", kRestart),
                 "parameter /node/window is nan: give a number from 0.001 to 10");
   Config twice;
   add(twice, "window", 1.0);
   add(twice, "window", 2.0);
-  expectRefused(judge(some(), twice, "/node/", kRestart),
+  expectRefused(applied(some(), twice, "/node/", kRestart),
                 "parameter /node/window is given twice: give it once");
   Config text;
   text.strs.emplace_back();
   text.strs.back().name = "window";
   text.strs.back().value = "0.5";
-  expectRefused(judge(some(), text, "/node/", kRestart),
+  expectRefused(applied(some(), text, "/node/", kRestart),
                 "parameter /node/window is no number: give one");
   Config many;
   for (int i = 0; i < 201; ++i) add(many, "window", 1.0);
-  expectRefused(judge(some(), many, "/node/", kRestart), "201 values: give 200 at most");
+  expectRefused(applied(some(), many, "/node/", kRestart), "201 values: give 200 at most");
 }
 
-// ---- over a master ----
+// ---- with a master ----
 
 class Live : public ::testing::Test {
  protected:
@@ -142,7 +142,7 @@ class Live : public ::testing::Test {
           }
         });
   }
-  // as a person types it
+  // as on a command line
   static std::string answerOf(const std::vector<std::string>& command) {
     Child child(command);
     child.wait();
@@ -156,7 +156,7 @@ class Live : public ::testing::Test {
   std::unique_ptr<LiveSettings> live_;
 };
 
-TEST_F(Live, TellsWhatThereIs) {
+TEST_F(Live, DescribesItsSettings) {
   ros::NodeHandle nh;
   test::Record<dynamic_reconfigure::ConfigDescription> descriptions(nh,
                                                                     "/live/parameter_descriptions");
@@ -176,13 +176,13 @@ TEST_F(Live, TellsWhatThereIs) {
   EXPECT_EQ(valueIn(after, "window"), 0.7);
   EXPECT_EQ(live_->number("window"), 0.7);
   ASSERT_TRUE(waitFor([&] { return valueIn(*updates.last(), "window") == 0.7; }));
-  // a node that is started again keeps it
+  // a restarted node keeps it
   double kept = 0.0;
   EXPECT_TRUE(nh.getParam("/live/window", kept));
   EXPECT_EQ(kept, 0.7);
 }
 
-TEST_F(Live, ARefusalTellsTheCallerWhyAndChangesNothing) {
+TEST_F(Live, ARefusalHasAReasonAndChangesNothing) {
   const std::uint64_t refused = IncomingLog::ofThisProcess().figures().refused;
   EXPECT_NE(call("{name: window, value: .nan}")
                 .find("parameter /live/window is nan: give a number from 0.001 to 10"),
@@ -195,7 +195,7 @@ TEST_F(Live, ARefusalTellsTheCallerWhyAndChangesNothing) {
   EXPECT_EQ(IncomingLog::ofThisProcess().figures().refused, refused + 3);
   EXPECT_EQ(live_->number("window"), 0.2);
   EXPECT_EQ(live_->number("force_limit"), 40.0);
-  // cut, said so, and answered with what is in force
+  // cut, reported, and answered with the active values
   EXPECT_NE(call("{name: force_limit, value: 60.0}").find("value: 40.0"), std::string::npos);
   EXPECT_NE(IncomingLog::ofThisProcess().figures().last.find("more than 40"), std::string::npos);
 }
@@ -217,8 +217,8 @@ TEST_F(Live, DynparamGetsAndSets) {
   EXPECT_EQ(live_->number("window"), 0.25);
 }
 
-// Known and unknown names with any value, from two callers at once: every call is answered, and
-// what is in force stays within its bounds.
+// Known and unknown names with any value, from two callers at once: every call is answered, and the
+// active values stay within their bounds.
 TEST_F(Live, AFloodIsAnswered) {
   const auto flood = [](unsigned seed, int& answered) {
     std::mt19937_64 random(seed);

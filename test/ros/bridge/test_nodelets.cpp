@@ -36,8 +36,8 @@ std::vector<std::string> with(std::vector<std::string> arguments, const std::str
   return arguments;
 }
 
-// names of the nodes that the master knows, but for the test's own and ROS's
-std::vector<std::string> nodesOfTheCell() {
+// Registered nodes, without the test's own and those of ROS.
+std::vector<std::string> cellNodes() {
   std::vector<std::string> nodes;
   EXPECT_TRUE(ros::master::getNodes(nodes));
   const auto other = [](const std::string& node) {
@@ -49,10 +49,10 @@ std::vector<std::string> nodesOfTheCell() {
   return nodes;
 }
 
-void expectTheSame(const std::vector<std::string>& arguments, const std::string& strategy) {
+void expectSameResults(const std::vector<std::string>& arguments, const std::string& strategy) {
   std::vector<std::string> nodes;
   const CellRun one =
-      runCell(with(arguments, "nodelets:=true"), strategy, [&] { nodes = nodesOfTheCell(); });
+      runCell(with(arguments, "nodelets:=true"), strategy, [&] { nodes = cellNodes(); });
   ASSERT_EQ(one.exit_code, 0) << one.output;
   EXPECT_EQ(nodes, std::vector<std::string>{"/cell"});
   EXPECT_GT(one.commands.size(), 100U);
@@ -60,7 +60,7 @@ void expectTheSame(const std::vector<std::string>& arguments, const std::string&
   EXPECT_EQ(one.in_base.count("hole_truth"), 1U);
 
   const CellRun separate =
-      runCell(with(arguments, "nodelets:=false"), strategy, [&] { nodes = nodesOfTheCell(); });
+      runCell(with(arguments, "nodelets:=false"), strategy, [&] { nodes = cellNodes(); });
   ASSERT_EQ(separate.exit_code, 0) << separate.output;
   EXPECT_GT(nodes.size(), 5U);
   EXPECT_EQ(without(one.report, {}), without(separate.report, {}));
@@ -68,19 +68,19 @@ void expectTheSame(const std::vector<std::string>& arguments, const std::string&
       << one.commands.size() << " and " << separate.commands.size() << " commands";
 }
 
-TEST(Nodelets, OneProcessDoesTheSameToTheLastBit) { expectTheSame({}, "single_contact"); }
+TEST(Nodelets, OneProcessHasTheSameResultsToTheLastBit) { expectSameResults({}, "single_contact"); }
 
 TEST(Nodelets, AlsoWithTheTwinForceEstimator) {
-  expectTheSame({"twin_force:=true", "seed:=2"}, "twin_force");
+  expectSameResults({"twin_force:=true", "seed:=2"}, "twin_force");
 }
 
 TEST(Nodelets, AlsoInBlocksOfTwoMilliseconds) {
-  expectTheSame({"block_size:=10", "seed:=3"}, "single_contact");
+  expectSameResults({"block_size:=10", "seed:=3"}, "single_contact");
 }
 
-TEST(Nodelets, AlsoThroughAnArm) { expectTheSame({"arm:=true", "seed:=4"}, "twin_force"); }
+TEST(Nodelets, AlsoThroughAnArm) { expectSameResults({"arm:=true", "seed:=4"}, "twin_force"); }
 
-// ---- nodes that share a name ----
+// ---- nodes of one process, which share its name ----
 
 Ack answerOf(const std::string& node, std::uint32_t commands, std::uint32_t session) {
   Ack ack;
@@ -91,7 +91,7 @@ Ack answerOf(const std::string& node, std::uint32_t commands, std::uint32_t sess
   return ack;
 }
 
-TEST(OneName, CommandsOfAllParticipantsAreAwaited) {
+TEST(SharedProcess, WaitsForTheCommandsOfAllParticipants) {
   Participants participants({"one", "other"});
   participants.expect(1);
   EXPECT_EQ(participants.answer(answerOf("one", 1, 7), "/cell"), "");
@@ -105,51 +105,51 @@ TEST(OneName, CommandsOfAllParticipantsAreAwaited) {
   EXPECT_TRUE(participants.allAnswered(1));
 }
 
-TEST(OneName, WhoNeverHadASessionEndsNone) {
+TEST(SharedProcess, AParticipantWithoutASessionEndsNone) {
   Participants participants({"supervisor", "driver"});
-  EXPECT_TRUE(participants.speaksOfSession(answerOf("supervisor", 0, 7)));
-  EXPECT_FALSE(participants.speaksOfSession(answerOf("driver", 0, 0)));
-  EXPECT_TRUE(participants.speaksOfSession(answerOf("supervisor", 0, 0))) << "it lets go";
-  EXPECT_FALSE(participants.speaksOfSession(answerOf("supervisor", 0, 0)));
+  EXPECT_TRUE(participants.reportsSession(answerOf("supervisor", 0, 7)));
+  EXPECT_FALSE(participants.reportsSession(answerOf("driver", 0, 0)));
+  EXPECT_TRUE(participants.reportsSession(answerOf("supervisor", 0, 0))) << "released";
+  EXPECT_FALSE(participants.reportsSession(answerOf("supervisor", 0, 0)));
 }
 
-TEST(OneName, OnlyOneNodeOfAProcessHoldsThePlant) {
+TEST(SharedProcess, OnlyOneOfItsNodesOwnsThePlant) {
   ros::NodeHandle nh("one_name"), elsewhere("another_cell");
   PlantLink one(nh, "/one", false, [] {}), other(nh, "/other", false, [] {});
   PlantLink there(elsewhere, "/third", false, [] {});
-  one.begin();
-  other.begin();
-  EXPECT_NE(one.session(), 0U);
-  EXPECT_FALSE(one.fault());
-  EXPECT_EQ(other.session(), 0U);
-  EXPECT_EQ(other.fault().value_or(""), "/one holds the plant");
-  there.begin();
-  EXPECT_FALSE(there.fault()) << "another plant";
-  // who has nothing lets nothing go
-  other.end();
-  other.begin();
-  EXPECT_TRUE(other.fault());
-  other.end();
-  one.end();
-  other.begin();
-  EXPECT_FALSE(other.fault());
+  one.acquire();
+  other.acquire();
+  EXPECT_NE(one.status().session, 0U);
+  EXPECT_EQ(one.status().fault, "");
+  EXPECT_EQ(other.status().session, 0U);
+  EXPECT_EQ(other.status().fault, "/one holds the plant");
+  there.acquire();
+  EXPECT_EQ(there.status().fault, "") << "another plant";
+  // a node that is no owner releases nothing
+  other.release();
+  other.acquire();
+  EXPECT_NE(other.status().fault, "");
+  other.release();
+  one.release();
+  other.acquire();
+  EXPECT_EQ(other.status().fault, "");
 }
 
-// The state of a plant is that of who publishes the carrier's pose, however long that is silent.
-TEST(OneName, AStrangersStateOfThePlantIsRefusedByName) {
+// The publisher of the carrier's pose is the plant, however long it is silent.
+TEST(PlantLink, RefusesAStateOfAnotherNodeThanThePlant) {
   ros::NodeHandle nh("own_state");
   ros::Publisher plant = nh.advertise<PlantState>("plant_state", 1, true);
-  std::atomic<int> heard{0};
-  PlantLink link(nh, "/one", true, [&] { ++heard; });
+  std::atomic<int> changes{0};
+  PlantLink link(nh, "/one", true, [&] { ++changes; });
   PlantState state;
-  state.holder = "/somebody";
+  state.holder = "/owner";
   plant.publish(state);
-  ASSERT_TRUE(waitFor([&] { return heard > 0; }));
-  // heard before it was known whose the plant is: forgotten
-  link.isOf("/the_plant");
-  link.begin();
-  EXPECT_FALSE(link.fault());
-  link.end();
+  ASSERT_TRUE(waitFor([&] { return changes > 0; }));
+  // a state from before the plant's node is known is dropped
+  link.setPlantNode("/the_plant");
+  link.acquire();
+  EXPECT_EQ(link.status().fault, "");
+  link.release();
   const auto refused = [] { return IncomingLog::ofThisProcess().figures(); };
   const std::uint64_t before = refused().refused;
   plant.publish(state);
@@ -157,41 +157,41 @@ TEST(OneName, AStrangersStateOfThePlantIsRefusedByName) {
   EXPECT_EQ(refused().last, "plant_state of " + ros::this_node::getName() +
                                 ": the plant is /the_plant, which publishes carrier_pose: end the "
                                 "other publisher");
-  EXPECT_EQ(heard, 1);
-  link.isOf(ros::this_node::getName());
+  EXPECT_EQ(changes, 1);
+  link.setPlantNode(ros::this_node::getName());
   plant.publish(state);
-  ASSERT_TRUE(waitFor([&] { return heard > 1; }));
-  link.begin();
-  EXPECT_EQ(link.fault().value_or(""), "/somebody holds the plant");
+  ASSERT_TRUE(waitFor([&] { return changes > 1; }));
+  link.acquire();
+  EXPECT_EQ(link.status().fault, "/owner holds the plant");
 }
 
-TEST(OneName, APlantThatAnotherProcessHoldsIsLeftAlone) {
+TEST(PlantLink, TakesNoPlantOfAnotherProcess) {
   ros::NodeHandle nh("held_cell");
   ros::Publisher plant = nh.advertise<PlantState>("plant_state", 1, true);
-  std::atomic<int> heard{0};
-  PlantLink link(nh, "/one", true, [&] { ++heard; });
+  std::atomic<int> changes{0};
+  PlantLink link(nh, "/one", true, [&] { ++changes; });
   PlantState state;
   state.life = 1;
   state.session = 5;
-  state.holder = "/somebody";
+  state.holder = "/owner";
   plant.publish(state);
-  ASSERT_TRUE(waitFor([&] { return heard > 0; }));
-  link.begin();
-  EXPECT_EQ(link.session(), 0U);
-  EXPECT_EQ(link.fault().value_or(""), "/somebody holds the plant");
-  link.end();
+  ASSERT_TRUE(waitFor([&] { return changes > 0; }));
+  link.acquire();
+  EXPECT_EQ(link.status().session, 0U);
+  EXPECT_EQ(link.status().fault, "/owner holds the plant");
+  link.release();
   state.session = 0;
   state.holder.clear();
   plant.publish(state);
-  ASSERT_TRUE(waitFor([&] { return heard > 1; }));
-  link.begin();
-  EXPECT_NE(link.session(), 0U);
-  EXPECT_FALSE(link.fault());
+  ASSERT_TRUE(waitFor([&] { return changes > 1; }));
+  link.acquire();
+  EXPECT_NE(link.status().session, 0U);
+  EXPECT_EQ(link.status().fault, "");
 }
 
-// ---- how it ends ----
+// ---- end of the process ----
 
-// what the launch has to say of a bad parameter, and that it ends by itself
+// The launch reports a bad parameter in this line and ends.
 void expectRefusal(const std::vector<std::string>& arguments, const std::string& line) {
   std::vector<std::string> command = {test::sourceFile("scripts/launch"), "assembly_cell",
                                       "cell.launch", "lockstep:=true"};
@@ -210,26 +210,26 @@ TEST(Nodelets, ABadParameterEndsTheCellWithOneLine) {
   expectRefusal({"strategy:=guess"}, "strategy: value guess: give one of");
 }
 
-TEST(Nodelets, ASimulatorThatGivesUpEndsTheProcess) {
+TEST(Nodelets, TheProcessEndsWithASimulatorThatTimesOut) {
   ros::NodeHandle nh;
   nh.setParam("robot_description", textOf(test::sourceFile("urdf/cell.urdf")));
   nh.setParam("alone/scenario", test::sourceFile("config/scenarios/cell.yaml"));
   nh.setParam("alone/lockstep", true);
-  nh.setParam("alone/participants", std::vector<std::string>{"nobody"});
+  nh.setParam("alone/participants", std::vector<std::string>{"missing"});
   nh.setParam("alone/start_timeout", 0.5);
   Child process({executable("nodelet_manager"), "__name:=manager",
                  "_nodelets:=assembly_cell/peg_hole_simulator alone"});
   EXPECT_EQ(process.wait(), 1) << process.output();
-  EXPECT_EQ(process.lines("no answer to block 0 within 0.5 s of wall time from nobody").size(), 1U)
+  EXPECT_EQ(process.lines("no answer to block 0 within 0.5 s of wall time from missing").size(), 1U)
       << process.output();
 }
 
-TEST(Nodelets, WhatIsNoNodeletIsNamed) {
+TEST(Nodelets, NamesABadNodelet) {
   for (const auto& [nodelets, line] : std::vector<std::pair<std::string, std::string>>{
            {"assembly_cell/locus_estimator",
             "parameter /manager/nodelets: 'assembly_cell/locus_estimator' is no nodelet: give TYPE "
             "NAME [FROM:=TO ...]"},
-           {"assembly_cell/nobody nobody", "nobody: nodelet assembly_cell/nobody: "}}) {
+           {"assembly_cell/missing missing", "missing: nodelet assembly_cell/missing: "}}) {
     Child process({executable("nodelet_manager"), "__name:=manager", "_nodelets:=" + nodelets});
     EXPECT_EQ(process.wait(), 1) << process.output();
     EXPECT_EQ(process.lines(line).size(), 1U) << process.output();

@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
 
-// All bits but those of header.seq, which ROS counts by itself.
+// All bits except header.seq, which ROS counts by itself.
 std::vector<std::uint8_t> bits(LocusEstimate estimate) {
   estimate.header.seq = 0;
   std::vector<std::uint8_t> bytes(ros::serialization::serializationLength(estimate));
@@ -48,7 +48,7 @@ class RecordReplay : public ::testing::Test {
     publisher.publish(message);
   }
 
-  // plays the bag and returns what the estimator made of it
+  // plays the bag and returns the estimates
   std::map<ros::Time, std::vector<std::uint8_t>> replay(const std::string& ns,
                                                         const std::vector<std::string>& arguments) {
     Record<LocusEstimate> loci(nh_, "/" + ns + "/locus");
@@ -68,7 +68,7 @@ class RecordReplay : public ::testing::Test {
   std::string bag_ = folder_ + "/run.bag";
 };
 
-TEST_F(RecordReplay, TheSameBagGivesTheSameEstimatesToTheLastBit) {
+TEST_F(RecordReplay, TheSameBagHasTheSameEstimatesToTheLastBit) {
   ros::Publisher exciters = nh_.advertise<Exciter>("/live/exciter", 100, true);
   Record<LocusEstimate> live(nh_, "/live/locus");
   Record<DisplacementSamples> blocks(nh_, "/live/sensor_b/displacement_samples");
@@ -89,7 +89,7 @@ TEST_F(RecordReplay, TheSameBagGivesTheSameEstimatesToTheLastBit) {
                    "_calibration_file:=" + sourceFile("config/calibration/sensor_b.yaml")});
     ASSERT_TRUE(waitFor([&] { return blocks.size() > 60 && live.connected(); })) << driver.output();
 
-    // on, another frequency, off, on: each change while blocks go on
+    // on, another frequency, off, on, while blocks continue
     exciter(exciters, true, kTwoPi * frequency);
     ASSERT_TRUE(waitFor([&] { return live.size() > 30; })) << estimator.output();
     exciter(exciters, true, kTwoPi * 1.01 * frequency);
@@ -119,7 +119,7 @@ TEST_F(RecordReplay, TheSameBagGivesTheSameEstimatesToTheLastBit) {
   }
   EXPECT_GT(common, first.size() / 2);
 
-  // and the live run's, but where a change of the exciter arrived between other blocks
+  // also to the live run, except where a change of the exciter arrived between other blocks
   const auto at_once = byStamp(live);
   std::size_t equal = 0, shared = 0;
   for (const auto& [stamp, estimate] : at_once) {
@@ -133,7 +133,7 @@ TEST_F(RecordReplay, TheSameBagGivesTheSameEstimatesToTheLastBit) {
 }
 
 // One line each, and exit code 1.
-TEST_F(RecordReplay, RefusesWhatItCannotPlay) {
+TEST_F(RecordReplay, RefusesABadBagInOneLine) {
   Child none({executable("cell_player"), "__name:=no_bag", "_bag:=/none.bag", "_topics:=exciter"});
   EXPECT_EQ(none.wait(), 1);
   EXPECT_TRUE(has(none.output(), "bag '/none.bag' can't be read")) << none.output();
@@ -143,9 +143,9 @@ TEST_F(RecordReplay, RefusesWhatItCannotPlay) {
     bag.write("/exciter", ros::Time(1.0), Exciter());
   }
   Child silent({executable("cell_player"), "__name:=no_topic", "_bag:=" + bag_, "_topics:=exciter",
-                "_participants:=nobody=exciter", "_start_timeout:=0.3"});
+                "_participants:=missing=exciter", "_start_timeout:=0.3"});
   EXPECT_EQ(silent.wait(), 1);
-  EXPECT_TRUE(has(silent.output(), "no connection to /nobody")) << silent.output();
+  EXPECT_TRUE(has(silent.output(), "no connection to /missing")) << silent.output();
 
   Child foreign({executable("cell_player"), "__name:=foreign", "_bag:=" + bag_, "_topics:=exciter",
                  "_recorded_namespace:=/other"});

@@ -39,7 +39,7 @@ void expectRefusal(const std::function<void()>& call, const std::string& expecte
   EXPECT_EQ(line.find('\n'), std::string::npos) << line;
 }
 
-TEST(Conversions, PosesComeBack) {
+TEST(Conversions, PosesAreConvertedBack) {
   for (const double angle : {0.0, 1e-8, 0.3, 3.1, 3.14159265358979 - 1e-8}) {
     const Eigen::Vector3d axis = Eigen::Vector3d(1.0, -2.0, 0.5).normalized();
     const Pose X{rotationFromVector({angle * axis}), Eigen::Vector3d(0.1, -0.2, 0.3)};
@@ -55,7 +55,7 @@ TEST(Conversions, PosesComeBack) {
   }
 }
 
-TEST(Conversions, PosesThatAreNoneAreRefused) {
+TEST(Conversions, InvalidPosesAreRefused) {
   geometry_msgs::Pose pose = toPose(Pose{});
   pose.position.y = kNaN;
   expectRefusal([&] { fromPose(pose, "the source"); }, "the source: position");
@@ -75,7 +75,7 @@ TEST(Conversions, WrenchesKeepForceBeforeTorque) {
   EXPECT_EQ(fromWrench(message), w);
 }
 
-TEST(Conversions, RestPosesAreThoseOfTheThesisAngles) {
+TEST(Conversions, RestPosesHaveTheAnglesOfTheThesis) {
   const RestPose rest{0.01, -0.02, 0.08, 0.1, 1.6, -0.05};
   const Pose X = poseFromRest(rest);
   EXPECT_EQ(X.p, Eigen::Vector3d(0.01, -0.02, 0.08));
@@ -88,7 +88,7 @@ TEST(Conversions, RestPosesAreThoseOfTheThesisAngles) {
   EXPECT_LT((poseFromRest(RestPose{}).R - Eigen::Matrix3d::Identity()).norm(), kRounding);
 }
 
-TEST(ParametersTest, ReadsWhatIsThereAndFallsBack) {
+TEST(ParametersTest, ReadsParametersAndDefaults) {
   Parameters p(ros::NodeHandle("~good"));
   EXPECT_EQ(p.number("number", kPositive), 0.5);
   EXPECT_EQ(p.number("integer", kAny), 3.0);
@@ -122,7 +122,7 @@ TEST(ParametersTest, RefusesInOneLineWithNameAndValue) {
   expectRefusal([&] { p.numbers("three", 2); }, "list of 2");
 }
 
-TEST(ParametersTest, RefusesWhatNobodyAskedFor) {
+TEST(ParametersTest, RefusesUnknownParameters) {
   Parameters p(ros::NodeHandle("~good"));
   p.number("number", kAny);
   expectRefusal(
@@ -133,13 +133,13 @@ TEST(ParametersTest, RefusesWhatNobodyAskedFor) {
   EXPECT_NO_THROW(p.refuseUnknown({"flag", "text", "list", "three", "integer"}));
 }
 
-// An estimator that loses calls: the connection ends without an answer.
+// An estimator that loses calls: the connection is closed without an answer.
 class ForgetfulEstimator {
  public:
   explicit ForgetfulEstimator(int lost) : lost_(lost) {
     using Handle = ros::NodeHandle;
     Handle nh, pnh("twin_force_estimator");
-    // who publishes it is asked whether it is alive
+    // its publisher is checked to be running
     status_ = nh.advertise<TwinForceState>("twin_force/status", 1, true);
     services_ = {pnh.advertiseService("begin", &ForgetfulEstimator::onBegin, this),
                  pnh.advertiseService("add_contact", &ForgetfulEstimator::onAdd, this)};
@@ -172,7 +172,7 @@ class ForgetfulEstimator {
   std::vector<ros::ServiceServer> services_;
 };
 
-// What the client says of two contacts.
+// The client's error after two contacts.
 std::string addTwo(ForgetfulEstimator& estimator, bool forgets) {
   TwinForceClient::Settings settings;
   settings.stamp_of = [](double time) { return ros::Time(100.0 + time); };
@@ -191,7 +191,7 @@ std::string addTwo(ForgetfulEstimator& estimator, bool forgets) {
   }
 }
 
-TEST(TwinForceClientTest, ACallWithoutAnAnswerIsSaidOnceMore) {
+TEST(TwinForceClientTest, ACallWithoutAnAnswerIsRepeatedOnce) {
   ros::AsyncSpinner spinner(1);
   spinner.start();
   {
@@ -207,7 +207,7 @@ TEST(TwinForceClientTest, ACallWithoutAnAnswerIsSaidOnceMore) {
   }
 }
 
-TEST(TwinForceClientTest, AnEstimatorThatForgotIsNamed) {
+TEST(TwinForceClientTest, AnEstimatorWithoutItsContactsIsNamed) {
   ros::AsyncSpinner spinner(1);
   spinner.start();
   ForgetfulEstimator estimator(0);

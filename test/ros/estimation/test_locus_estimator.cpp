@@ -86,7 +86,7 @@ class LocusEstimator : public ::testing::Test {
     clear();
   }
 
-  // ---- what the estimator hears ----
+  // ---- input of the estimator ----
 
   void switchOn(double frequency, int direction) {
     exciter_.header.stamp = ros::Time(time_);
@@ -153,7 +153,7 @@ class LocusEstimator : public ::testing::Test {
     return contactResponse(mechanism_, point, alpha);
   }
 
-  // ---- what it says ----
+  // ---- its output ----
 
   template <class M>
   void keep(const std::string& topic, std::vector<M>& messages) {
@@ -181,19 +181,19 @@ class LocusEstimator : public ::testing::Test {
     modes_.clear();
   }
 
-  void expectLocus(const LocusEstimate& e, const ContactResponse& truth, double alpha) {
+  void expectLocus(const LocusEstimate& e, const ContactResponse& expected, double alpha) {
     // five standard deviations of the fit through the map from deflection to the centre of mass
     const double tolerance = 5 * e.noise_sd * std::sqrt(e.inflation / e.samples);
     const Eigen::Vector2cd xy =
-        centreOfMassPhasors(mechanism_, exciter_.direction * exciter_.frequency, truth.coupling);
+        centreOfMassPhasors(mechanism_, exciter_.direction * exciter_.frequency, expected.coupling);
     const Locus seen = locusFromPhasors(xy.x(), xy.y(), 0.0, 1, 1.0);
     EXPECT_NEAR(e.p[0], seen.P.real(), tolerance);
     EXPECT_NEAR(e.p[1], seen.P.imag(), tolerance);
     EXPECT_NEAR(e.n[0], seen.N.real(), tolerance);
     EXPECT_NEAR(e.n[1], seen.N.imag(), tolerance);
-    EXPECT_LT(tolerance, 1e-2 * std::abs(truth.N));
+    EXPECT_LT(tolerance, 1e-2 * std::abs(expected.N));
     // the static force's arm, which that map leaves out, is below 2 %
-    EXPECT_NEAR(e.semi_major, std::abs(truth.P) + std::abs(truth.N), 0.02 * e.semi_major);
+    EXPECT_NEAR(e.semi_major, std::abs(expected.P) + std::abs(expected.N), 0.02 * e.semi_major);
     EXPECT_NEAR(e.semi_minor, seen.semiMinor(), 3 * tolerance);
     EXPECT_GE(e.orientation, 0.0);
     EXPECT_LT(e.orientation, M_PI);
@@ -206,7 +206,7 @@ class LocusEstimator : public ::testing::Test {
     ASSERT_EQ(e.hypothesis_direction.size(), 2u);
     ASSERT_EQ(e.hypothesis_weight.size(), 2u);
     EXPECT_NEAR(e.hypothesis_weight[0] + e.hypothesis_weight[1], 1.0, 1e-12);
-    // vertical motion and yaw tell which half turn
+    // vertical motion and yaw determine the half turn
     EXPECT_NEAR(std::remainder(e.hypothesis_direction[0] - alpha, 2 * M_PI), 0.0, 0.02);
     EXPECT_NEAR(std::remainder(e.hypothesis_direction[1] - alpha, M_PI), 0.0, 0.02);
     EXPECT_GT(e.hypothesis_weight[0], 0.99);
@@ -264,7 +264,7 @@ TEST_F(LocusEstimator, AcknowledgesEveryBlockByItsName) {
   ASSERT_EQ(count(acks_), 3u);
   EXPECT_EQ(last(acks_).node, "locus_estimator");
   EXPECT_EQ(last(acks_).commands, 0u);
-  // also one that it can't use
+  // also a block that it can't use
   DisplacementSamples b = block(Complex6::Zero());
   b.displacement[17] = std::numeric_limits<double>::quiet_NaN();
   send(b);
@@ -281,17 +281,17 @@ TEST_F(LocusEstimator, SlidesOverWholePeriodsWhileTheExciterRuns) {
   for (const int direction : {1, -1}) {
     switchOn(500, direction);
     const double alpha = 2.0 + direction;
-    const ContactResponse truth = response(alpha);
-    push(truth.coupling, 4);
+    const ContactResponse expected = response(alpha);
+    push(expected.coupling, 4);
     const std::size_t before = count(loci_);
-    push(truth.coupling, 6);
+    push(expected.coupling, 6);
     ASSERT_TRUE(waitFor([&] { return count(loci_) >= before + 6; }));
     const LocusEstimate e = last(loci_);
     // 0.1 s holds seven periods of 12.6 ms: 440 samples
     EXPECT_EQ(e.samples, 440u);
     EXPECT_NEAR(e.inflation, 1.0, 0.02);
     EXPECT_NEAR(e.header.stamp.toSec(), time_ + kPeriod, 1e-6);
-    expectLocus(e, truth, alpha);
+    expectLocus(e, expected, alpha);
     EXPECT_EQ(e.mode, LocusEstimate::SEGMENT);
   }
 
@@ -304,22 +304,22 @@ TEST_F(LocusEstimator, SlidesOverWholePeriodsWhileTheExciterRuns) {
   EXPECT_EQ(count(loci_), before);
 }
 
-// A window that is set while it slides holds for the next block's estimate.
-TEST_F(LocusEstimator, SlidesOverTheWindowThatIsSetMeanwhile) {
+// A new window is valid from the next block on.
+TEST_F(LocusEstimator, AppliesAChangedWindowToTheNextBlock) {
   switchOn(500, 1);
-  const ContactResponse truth = response(1.0);
+  const ContactResponse expected = response(1.0);
   const auto samples = [&] {
     const std::size_t before = count(loci_);
-    push(truth.coupling);
+    push(expected.coupling);
     EXPECT_TRUE(waitFor([&] { return count(loci_) > before; }));
     return last(loci_).samples;
   };
-  push(truth.coupling, 6);
+  push(expected.coupling, 6);
   EXPECT_EQ(samples(), 440u);
   // 0.05 s holds three periods of 12.6 ms: 189 samples
   ASSERT_TRUE(test::setLive("locus_estimator", "window", 0.05));
   EXPECT_EQ(samples(), 189u);
-  expectLocus(last(loci_), truth, 1.0);
+  expectLocus(last(loci_), expected, 1.0);
 
   EXPECT_FALSE(test::setLive("locus_estimator", "window", std::nan("")));
   EXPECT_FALSE(test::setLive("locus_estimator", "window", 2.5));  // longer than ~history
@@ -344,7 +344,7 @@ TEST_F(LocusEstimator, ModeIsLatchedAndOnlySentWhenItChanges) {
   EXPECT_NEAR(none.orientation_sd, M_PI / std::sqrt(12.0), 1e-12);
   EXPECT_TRUE(none.hypothesis_direction.empty());
 
-  // who comes late is told
+  // latched
   std::vector<LocusEstimate> late;
   keep("contact_mode", late);
   ASSERT_TRUE(waitFor([&] { return count(late) > 0; }));
@@ -352,7 +352,7 @@ TEST_F(LocusEstimator, ModeIsLatchedAndOnlySentWhenItChanges) {
   subs_.pop_back();
 }
 
-TEST_F(LocusEstimator, EnableStopsAndStartsIt) {
+TEST_F(LocusEstimator, CanBeDisabledAndEnabled) {
   switchOn(500, 1);
   ASSERT_TRUE(enable(false));
   push(response(1.0).coupling, 10);
@@ -363,10 +363,10 @@ TEST_F(LocusEstimator, EnableStopsAndStartsIt) {
   EXPECT_TRUE(waitFor([&] { return count(loci_) > 0; }));
 }
 
-TEST_F(LocusEstimator, IdentifiesAWindowToCome) {
+TEST_F(LocusEstimator, IdentifiesAComingWindow) {
   switchOn(500, 1);
-  const ContactResponse truth = response(0.7);
-  push(truth.coupling);
+  const ContactResponse expected = response(0.7);
+  push(expected.coupling);
   std::vector<IdentifyLocusFeedback> feedback;
   client_.sendGoal(goal(time_, 0.2), Client::SimpleDoneCallback(), Client::SimpleActiveCallback(),
                    [&](const IdentifyLocusFeedback::ConstPtr& f) {
@@ -378,7 +378,7 @@ TEST_F(LocusEstimator, IdentifiesAWindowToCome) {
     EXPECT_FALSE(client_.getState().isDone()) << k;
     pose(0.001);
     const std::size_t before = count(feedback);
-    push(truth.coupling);
+    push(expected.coupling);
     if (k < 9) {
       ASSERT_TRUE(waitFor([&] { return count(feedback) > before; })) << k;
     }
@@ -389,21 +389,21 @@ TEST_F(LocusEstimator, IdentifiesAWindowToCome) {
   EXPECT_TRUE(result.success) << result.message;
   EXPECT_EQ(result.locus.samples, 1000u);
   EXPECT_NEAR(result.locus.header.stamp.toSec(), time_, 1e-6);
-  expectLocus(result.locus, truth, 0.7);
+  expectLocus(result.locus, expected, 0.7);
   // progress in cycles of the exciter, then probabilities
   const IdentifyLocusFeedback f = last(feedback);
   EXPECT_NEAR(f.cycles, 0.18 * 500 / (2 * M_PI), 0.1);
   EXPECT_GT(f.probabilities[LocusEstimate::SEGMENT], 0.5);
 }
 
-TEST_F(LocusEstimator, IdentifiesAWindowOfThePast) {
+TEST_F(LocusEstimator, IdentifiesAPastWindow) {
   switchOn(770, -1);
-  const ContactResponse truth = response(5.0);
+  const ContactResponse expected = response(5.0);
   const double start = time_ + kPeriod;  // the sample at time_ was at rest
-  push(truth.coupling, 15);
+  push(expected.coupling, 15);
   const IdentifyLocusResult result = resultOf(goal(start, 0.3));
   ASSERT_TRUE(result.success) << result.message;
-  expectLocus(result.locus, truth, 5.0);
+  expectLocus(result.locus, expected, 5.0);
   // the last exciter on the topic
   IdentifyLocusGoal g = goal(start, 0.3);
   g.exciter = Exciter();
@@ -433,13 +433,13 @@ TEST_F(LocusEstimator, RefusesWithAReason) {
   // no samples to come
   refused(goal(time_, 0.2), "no displacement samples for 2 s");
 
-  // a hole in the samples
+  // missing samples
   const double hole = time_;
   push(response(1.0).coupling, 2);
   block(response(1.0).coupling);
   push(response(1.0).coupling, 4);
   refused(goal(hole, 0.1), "100 of the window's 500 samples are missing");
-  // the carrier must hold still
+  // the carrier must be at rest
   const double moving = time_;
   for (int k = 0; k < 5; ++k) {
     push(response(1.0).coupling);
@@ -452,31 +452,31 @@ TEST_F(LocusEstimator, RefusesWithAReason) {
   }));
 }
 
-TEST_F(LocusEstimator, RefusesWhatNoiseMakesUseless) {
+TEST_F(LocusEstimator, RefusesANoisyMeasurement) {
   switchOn(770, 1);
-  const ContactResponse truth = response(1.0);
+  const ContactResponse expected = response(1.0);
   const double start = time_ + kPeriod;
-  for (int k = 0; k < 15; ++k) send(block(truth.coupling, 3e-5));
+  for (int k = 0; k < 15; ++k) send(block(expected.coupling, 3e-5));
   refused(goal(start, 0.25), "too_uncertain: the direction would have a sd of ");
 }
 
-// a hole in the samples empties the window, and it fills again
-TEST_F(LocusEstimator, SlidesAnewAfterALostBlock) {
+// Missing samples empty the window, which fills again.
+TEST_F(LocusEstimator, RestartsTheWindowAfterALostBlock) {
   switchOn(500, 1);
-  const ContactResponse truth = response(1.0);
-  push(truth.coupling, 8);
+  const ContactResponse expected = response(1.0);
+  push(expected.coupling, 8);
   ASSERT_TRUE(waitFor([&] { return count(loci_) > 0; }));
-  block(truth.coupling);  // lost
-  push(truth.coupling, 1);
+  block(expected.coupling);  // lost
+  push(expected.coupling, 1);
   const std::size_t before = count(loci_);
-  push(truth.coupling, 3);
+  push(expected.coupling, 3);
   EXPECT_EQ(count(loci_), before);
-  push(truth.coupling, 3);
+  push(expected.coupling, 3);
   ASSERT_TRUE(waitFor([&] { return count(loci_) > before; }));
-  expectLocus(last(loci_), truth, 1.0);
+  expectLocus(last(loci_), expected, 1.0);
 }
 
-// the simulated cell with a peg that slides on the plane: friction instead of a contact's direction
+// Simulated cell with a peg that slides on the plane: friction instead of the contact's direction.
 TEST_F(LocusEstimator, FrictionOfASlidingPeg) {
   SimulatedReadingOptions o;
   o.lean = 0.7;
@@ -485,26 +485,26 @@ TEST_F(LocusEstimator, FrictionOfASlidingPeg) {
   o.frequency = 500;
   o.amplitude = 15;
   o.press = 8;
-  const SimulatedReading truth = readSimulated(o);
+  const SimulatedReading expected = readSimulated(o);
   exciter_.amplitude = o.amplitude;
   switchOn(o.frequency, 1);
   const double start = time_ + kPeriod;
-  for (int k = 0; k < 15; ++k) send(block(truth.fit.phasor, kNoise, truth.point.press));
+  for (int k = 0; k < 15; ++k) send(block(expected.fit.phasor, kNoise, expected.point.press));
   const IdentifyLocusResult result = resultOf(goal(start, 0.25));
   ASSERT_TRUE(result.success) << result.message;
   EXPECT_TRUE(result.locus.hypothesis_direction.empty());
-  // 0.2 in the scenario; the node doesn't know the tilt: a tenth
+  // 0.2 in the scenario; without the tilt it is known to a tenth
   EXPECT_NEAR(result.locus.friction, 0.2, 0.02);
   EXPECT_GT(result.locus.friction_sd, 0.0);
 }
 
-// The strategies see the same whether they run in core or through ROS: the node, fed with the
-// samples of a cell, says what the plant made of the same cell does.
-TEST_F(LocusEstimator, SaysWhatTheSimulatedPlantSays) {
+// Strategies have the same data in core and through ROS: with the samples of a cell the node's
+// estimate is that of the simulated plant of the same cell.
+TEST_F(LocusEstimator, AgreesWithTheSimulatedPlant) {
   const Scenario scenario = loadScenario(
       std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml", {"gravity=9.81"});
   CellParameters parameters;
-  // less than hides the codes: the plant, too, makes every sample, with the same noise
+  // so little noise that the codes show: the plant computes every sample with the same noise
   parameters.noise = 5e-5;
   SimulatedPlant plant(scenario, mechanism_, parameters);
   SimulatedCell cell(scenario, parameters);
@@ -529,7 +529,7 @@ TEST_F(LocusEstimator, SaysWhatTheSimulatedPlantSays) {
     seen = step(down);
   }
 
-  // from here on the node listens
+  // from here on the node receives blocks
   const double base = time_ - cell.world().time();
   exciter_.header.stamp = ros::Time(time_);
   exciter_.on = true;
@@ -565,7 +565,7 @@ TEST_F(LocusEstimator, SaysWhatTheSimulatedPlantSays) {
   ASSERT_TRUE(result.success) << result.message;
   const LocusReading node = fromLocusEstimate(result.locus);
   const LocusReading& core = *seen.locus;
-  // stamps are rounded to 1 ns, which turns the exciter by 4.5e-7
+  // stamps are rounded to 1 ns, in which the exciter rotates by 4.5e-7 rad
   const double tolerance = 1e-6 * core.locus.semiMajor();
   EXPECT_EQ(node.locus.samples, core.locus.samples);
   EXPECT_LT(std::abs(node.locus.P - core.locus.P), tolerance);
@@ -597,13 +597,13 @@ TEST_F(LocusEstimator, IsPreempted) {
   ASSERT_TRUE(client_.waitForResult(ros::Duration(kPatience)));
   EXPECT_EQ(client_.getState(), actionlib::SimpleClientGoalState::PREEMPTED);
   EXPECT_FALSE(client_.getResult()->success);
-  // and ready for the next
+  // the next goal works
   const double start = time_;
   push(response(1.0).coupling, 10);
   EXPECT_TRUE(resultOf(goal(start, 0.2)).success);
 }
 
-TEST_F(LocusEstimator, ClockThatJumpsBackClearsTheSamples) {
+TEST_F(LocusEstimator, AClockThatJumpsBackClearsTheSamples) {
   switchOn(500, 1);
   const double later = time_;
   push(response(1.0).coupling, 10);
@@ -612,13 +612,13 @@ TEST_F(LocusEstimator, ClockThatJumpsBackClearsTheSamples) {
   refused(goal(later - 1801.0, 0.2), "samples are kept from");
   clear();
   switchOn(500, 1);
-  const ContactResponse truth = response(3.0);
-  push(truth.coupling, 8);
+  const ContactResponse expected = response(3.0);
+  push(expected.coupling, 8);
   ASSERT_TRUE(waitFor([&] { return count(loci_) > 0; }));
-  expectLocus(last(loci_), truth, 3.0);
+  expectLocus(last(loci_), expected, 3.0);
 }
 
-// a bad parameter: one line that names it, exit 1
+// One line that names the parameter, exit code 1.
 TEST_F(LocusEstimator, BadParametersEndTheNode) {
   const std::string node = std::string(ASSEMBLY_CELL_BIN_DIR) + "/locus_estimator __name:=bad ";
   const std::string scenario =

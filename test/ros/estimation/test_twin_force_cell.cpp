@@ -45,7 +45,7 @@ using test::waitFor;
 
 constexpr double kRunTime = 120.0;  // of one alignment on a busy machine, wall clock [s]
 
-// The cell in lockstep, paused until somebody asks for an alignment; all that it says is kept.
+// The cell in lockstep, paused until an alignment begins; its messages are recorded.
 class TwinCell {
  public:
   explicit TwinCell(std::vector<std::string> arguments) : cell_(command(std::move(arguments))) {
@@ -57,7 +57,7 @@ class TwinCell {
     })) << cell_.output();
   }
 
-  // "" when it doesn't end in time; asks `meanwhile` for what to do
+  // empty if it doesn't end in time; calls `meanwhile` while it waits
   template <class Meanwhile>
   std::string align(const Meanwhile& meanwhile) {
     Child report({executable("report"), "_strategy:=twin_force",
@@ -94,7 +94,7 @@ class TwinCell {
   Child cell_;
 };
 
-// What `rosnode kill` asks a node, without its seconds: the alignment goes on meanwhile.
+// As `rosnode kill`, without its delay of seconds in which the alignment would continue.
 void endNode(const std::string& name) {
   XmlRpc::XmlRpcValue request, response, uri;
   request[0] = ros::this_node::getName();
@@ -117,7 +117,7 @@ TwinForceSolution solutionOf(const TwinForceState& state) {
   return out;
 }
 
-// All bits but those of header.seq, which ROS counts by itself.
+// All bits except header.seq, which ROS counts by itself.
 std::vector<std::uint8_t> bits(TwinForceState state) {
   state.header.seq = 0;
   std::vector<std::uint8_t> bytes(ros::serialization::serializationLength(state));
@@ -126,7 +126,7 @@ std::vector<std::uint8_t> bits(TwinForceState state) {
   return bytes;
 }
 
-// states of the node after it solved: another contact alone leaves the pose as it is
+// States of the node after `solve`: a contact alone doesn't change the pose.
 std::vector<TwinForceState::ConstPtr> solved(const TwinCell& cell) {
   std::vector<TwinForceState::ConstPtr> out;
   for (const auto& state : cell.states.all()) {
@@ -176,7 +176,7 @@ class TwinForceCell : public ::testing::Test {
 std::unique_ptr<TwinCell> TwinForceCell::cell_;
 std::string TwinForceCell::reason_;
 
-TEST_F(TwinForceCell, ReportsWhatTheNodeEstimates) {
+TEST_F(TwinForceCell, ReportsTheEstimateOfTheNode) {
   ASSERT_EQ(reason_, "aligned");
   const AlignmentReport report = *cell_->reports.last();
   const auto states = solved(*cell_);
@@ -185,20 +185,20 @@ TEST_F(TwinForceCell, ReportsWhatTheNodeEstimates) {
   EXPECT_GE(report.contacts, 3U);
   EXPECT_EQ(last.contacts.size(), report.contacts);
 
-  // each solution that the strategy speaks of is the node's, to the last bit
-  std::vector<double> told;
+  // each solution in the strategy's messages is that of the node, to the last bit
+  std::vector<double> reported;
   for (const auto& f : cell_->feedback.all()) {
-    if (f->feedback.state == "solve") told.push_back(f->feedback.position_sd);
+    if (f->feedback.state == "solve") reported.push_back(f->feedback.position_sd);
   }
   std::vector<double> known;
   for (const auto& state : states) {
     known.push_back(std::sqrt(centerCovariance(solutionOf(*state)).topLeftCorner<2, 2>().trace()));
   }
-  EXPECT_EQ(told, known);
+  EXPECT_EQ(reported, known);
 
   // so is the report's tilt: with the sag of one of the windows in which the peg hung at the start;
   // its offset is that of the walls: from the node's it is less than the clearance, in which the
-  // first way down ended
+  // first descent ended
   Distance nearest{std::numeric_limits<double>::infinity(), 0.0};
   for (std::size_t i = 0;
        cell_->displacement.all()[i + 9]->header.stamp < last.contacts[0].zero_window[0]; ++i) {
@@ -209,7 +209,7 @@ TEST_F(TwinForceCell, ReportsWhatTheNodeEstimates) {
   EXPECT_LT(nearest.offset, 1e-4);
 }
 
-TEST_F(TwinForceCell, GoesWhereTheNodeAdvises) {
+TEST_F(TwinForceCell, MovesToTheAdvisedContacts) {
   const auto states = solved(*cell_);
   ASSERT_GE(states.size(), 2U);
   for (std::size_t k = 0; k + 1 < states.size(); ++k) {
@@ -222,14 +222,14 @@ TEST_F(TwinForceCell, GoesWhereTheNodeAdvises) {
       return std::hypot((made.p - advised.p).head<2>().norm(),
                         0.1 * vectorFromRotation(made.R.transpose() * advised.R).value.norm());
     };
-    // but for the way of a pull sideways and of the press; where it was before is elsewhere
+    // except the travel of the lateral pull and of the press; the previous contact is elsewhere
     EXPECT_LT(miss(after.contacts.back()), 5e-4) << k;
     EXPECT_GT(miss(before.contacts.back()), 2e-3) << k;
   }
 }
 
-// The windows are in the node's state: the same services over a bag give the same state.
-TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
+// The node's state has the windows: the same services with a bag lead to the same state.
+TEST_F(TwinForceCell, ReplayHasTheSameEstimateToTheLastBit) {
   const auto states = solved(*cell_);
   ASSERT_FALSE(states.empty());
   const TwinForceState& live = *states.back();
@@ -265,7 +265,7 @@ TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
                 "_rate:=fast"});
   EXPECT_EQ(player.wait(), 0) << player.output();
   EXPECT_EQ(player.lines("the bag is over").size(), 1U) << player.output();
-  // as users play it, with the locus estimator in step, too
+  // as users play it, with the locus estimator in lockstep, too
   Child launch({"roslaunch", "assembly_cell", "replay.launch", "bag:=" + file, "ns:=/both",
                 "rate:=fast", "clock:=false", "twin_force:=true"});
   EXPECT_EQ(launch.wait(), 0) << launch.output();
@@ -273,7 +273,7 @@ TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
   EXPECT_EQ(launch.lines("died").size(), 0U) << launch.output();
   unlink(file.c_str());
 
-  // as the supervisor asked
+  // as the supervisor requested
   const std::string space = "/replay/twin_force_estimator/";
   BeginTwinForce begin;
   begin.request.task = live.task;
@@ -299,14 +299,14 @@ TEST_F(TwinForceCell, ReplayGivesTheSameEstimateToTheLastBit) {
   EXPECT_EQ(bits(solve.response.status), bits(live));
 }
 
-// The carrier's encoders scatter by 10 um there, the estimator's limit of motion.
+// The carrier's encoders scatter by 10 um in this cell, the estimator's limit of motion.
 TEST(TwinForceCellUnknown, AlignsWhereEncodersScatter) {
   TwinCell cell({"strategy:=twin_force", "mismatch:=" + std::string(ASSEMBLY_CELL_SOURCE_DIR) +
                                              "/config/mismatch/level_2.yaml"});
   EXPECT_EQ(cell.align([] {}), "aligned");
 }
 
-// Without the node, and with one that dies under way, the alignment ends and names it.
+// Without the node, or if it dies, the alignment ends and names it.
 TEST(TwinForceCellWithout, NamesAMissingNode) {
   TwinCell cell({"strategy:=twin_force", "twin_force:=false"});
   const std::string reason = cell.align([] {});

@@ -39,7 +39,7 @@ constexpr int kBlock = 100;        // samples
 constexpr double kNoise = 5e-3;    // of a force [N]; of a torque a tenth of it [N m]
 constexpr double kLength = 0.080;  // coupling to bottom edge, as in urdf/cell.urdf [m]
 
-// What the test makes of the blocks that it feeds.
+// Faults of the blocks that the test publishes.
 struct Feed {
   double late = 0.0;       // stamp of sensor_a's blocks against sensor_b's [s]
   double drift = 0.0;      // of both forces [N/s]
@@ -63,7 +63,7 @@ class TwinForceEstimator : public ::testing::Test {
              d_.getNumSubscribers() > 0 && carrier_.getNumSubscribers() > 0 && acks_.connected() &&
              status_.connected() && pose_.connected() &&
              ros::service::exists("twin_force_estimator/solve", false);
-    })) << "the estimator isn't there";
+    })) << "the estimator is not running";
     // each test an hour after the one before
     static double start = 100.0;
     time_ = start;
@@ -73,7 +73,7 @@ class TwinForceEstimator : public ::testing::Test {
     ASSERT_TRUE(reset.response.success);
     status_.clear();
     pose_.clear();
-    // somewhere off and tilted, as the estimator must find out
+    // offset and tilted; to be estimated
     X_HP_ = {rotationFromVector({Vector3d(0.02, -0.03, 0.05)}), Vector3d(0.006, -0.004, 0.003)};
   }
 
@@ -110,7 +110,7 @@ class TwinForceEstimator : public ::testing::Test {
     geometry_msgs::PoseStamped carrier;
     carrier.header.stamp = ros::Time(time_);
     carrier.header.frame_id = "carrier_base";
-    // only differences may count: somewhere else as a whole
+    // only differences may count: everything shifted together
     Pose X = elsewhere_ * move * inverse(X_CP);
     X.p.x() += feed.speed * time_;
     carrier.pose = toPose(X);
@@ -122,7 +122,7 @@ class TwinForceEstimator : public ::testing::Test {
         << "no ack of block " << sequence_;
   }
 
-  // the service with blocks coming in meanwhile
+  // calls the service while blocks arrive
   AddContact::Response add(const Pose& move, const Vector3d& force, const Vector3d& point,
                            const Feed& feed = {}, double window = 0.0) {
     push(move, force, point, feed);
@@ -144,7 +144,7 @@ class TwinForceEstimator : public ::testing::Test {
     return call.response;
   }
 
-  // contacts in different directions, the peg moved and turned between them
+  // contacts in different directions, the peg translated and rotated between them
   void addThree(double sign = 1.0) {
     Feed feed;
     feed.sign = sign;
@@ -178,7 +178,7 @@ TEST_F(TwinForceEstimator, FindsAKnownPose) {
   EXPECT_TRUE(s.pose_known);
   EXPECT_EQ(s.signs, "right");
   EXPECT_TRUE(s.rejected.empty());
-  // by its own covariance: 6 sd per axis never happen by chance
+  // 6 sd per axis by its own covariance
   const Pose X = fromPose(s.pose.pose, "pose");
   const Vector3d dT = X_HP_last_.p - X.p;
   const Vector3d turn = vectorFromRotation(X_HP_last_.R * X.R.transpose()).value;
@@ -190,7 +190,7 @@ TEST_F(TwinForceEstimator, FindsAKnownPose) {
   // and small: noise of 5 mN averaged over 500 samples
   EXPECT_LT(dT.norm(), 5e-4);
   EXPECT_LT(turn.norm(), 5e-3);
-  // the next contact is advised, and would help
+  // the advised contact improves the estimate
   EXPECT_TRUE(s.advice_known);
   EXPECT_GT(s.advised_force.z, 0.0);
   EXPECT_GE(s.advised_eigenvalue, s.eigenvalues[0]);
@@ -207,9 +207,8 @@ TEST_F(TwinForceEstimator, FindsAKnownPose) {
   EXPECT_LT((now - (X_HP_ * up).p).norm(), 5e-4);
 }
 
-// What a calibration stores of its own map is the prior of its sensor's matrix in the tasks that
-// begin from then on.
-TEST_F(TwinForceEstimator, BelievesTheCovarianceOfACalibration) {
+// The covariance of a calibration is the prior of its sensor's matrix in tasks that begin after it.
+TEST_F(TwinForceEstimator, UsesTheCovarianceOfACalibration) {
   ros::Publisher publisher = nh_.advertise<SensorCalibration>("sensor_a/calibration", 1, true);
   const auto priors = [&] {
     std_srvs::Trigger reset;
@@ -231,7 +230,7 @@ TEST_F(TwinForceEstimator, BelievesTheCovarianceOfACalibration) {
   }));
   ASSERT_EQ(prior.rows(), 36);
   EXPECT_LT((prior - 0.002 * 0.002 * Eigen::MatrixXd::Identity(36, 36)).norm(), 1e-12);
-  // one that doesn't say it
+  // a calibration without a covariance
   c.wrench_covariance.resize(0, 0);
   publisher.publish(toMessage(c));
   EXPECT_TRUE(waitFor([&] { return priors().size() == 0; }));
@@ -265,7 +264,7 @@ TEST_F(TwinForceEstimator, RefusesByName) {
   EXPECT_EQ(bad.message.rfind("window is -1", 0), 0U) << bad.message;
 }
 
-TEST_F(TwinForceEstimator, NoPoseFromTooLittle) {
+TEST_F(TwinForceEstimator, HasNoPoseFromTooFewContacts) {
   auto answer = solve();
   EXPECT_FALSE(answer.success);
   EXPECT_EQ(answer.status.status, "REFUSE_TOO_FEW");
@@ -275,12 +274,12 @@ TEST_F(TwinForceEstimator, NoPoseFromTooLittle) {
   EXPECT_EQ(answer.status.status, "REFUSE_TOO_FEW");
   EXPECT_FALSE(answer.status.pose_known);
   EXPECT_EQ(answer.status.pose.pose.orientation.w, 1.0);
-  // nothing felt: kept, but no pose
+  // no force: kept, but no pose
   EXPECT_TRUE(add(Pose{}, Vector3d::Zero(), Vector3d::Zero()).success);
   EXPECT_EQ(solve().status.status, "REFUSE_TOO_FEW");
 }
 
-TEST_F(TwinForceEstimator, TellsAReversedSensor) {
+TEST_F(TwinForceEstimator, ReportsAReversedSensor) {
   addThree(-1.0);
   const auto answer = solve();
   EXPECT_FALSE(answer.success);
@@ -288,8 +287,8 @@ TEST_F(TwinForceEstimator, TellsAReversedSensor) {
   EXPECT_NE(answer.message.find("opposite sign"), std::string::npos);
 }
 
-// A caller whose answer got lost says it again: that is the same contact, not another one.
-TEST_F(TwinForceEstimator, AWindowSaidTwiceCountsOnce) {
+// A client whose answer was lost repeats the call: that is the same contact, not another one.
+TEST_F(TwinForceEstimator, ARepeatedWindowCountsOnce) {
   const auto window = [this](auto& request) {
     const double first = time_ + kPeriod * kBlock;
     for (int k = 0; k < 5; ++k) push(Pose{}, {2, 1, 15}, {0.02, 0.01, 0});
@@ -301,32 +300,32 @@ TEST_F(TwinForceEstimator, AWindowSaidTwiceCountsOnce) {
   window(tare.request);
   AddContact call, other;
   window(call.request);
-  const auto say = [](AddContact& asked) {
+  const auto add = [](AddContact& asked) {
     EXPECT_TRUE(callService("twin_force_estimator/add_contact", asked));
     EXPECT_TRUE(asked.response.success) << asked.response.message;
     return asked.response;
   };
-  const auto said = say(call);
-  const auto again = say(call);
-  EXPECT_EQ(again.message, said.message);
+  const auto first_answer = add(call);
+  const auto again = add(call);
+  EXPECT_EQ(again.message, first_answer.message);
   EXPECT_EQ(again.status.contacts.size(), 1U);
-  EXPECT_EQ(again.status.contacts.back().wrench_b, said.status.contacts.back().wrench_b);
+  EXPECT_EQ(again.status.contacts.back().wrench_b, first_answer.status.contacts.back().wrench_b);
   // another window is another contact
   window(other.request);
-  EXPECT_EQ(say(other).status.contacts.size(), 2U);
-  // and so is the same one less another zero
+  EXPECT_EQ(add(other).status.contacts.size(), 2U);
+  // so is the same window with another zero
   std::string zero;
   for (int k = 0; k < 2; ++k) {
     ASSERT_TRUE(callService("twin_force_estimator/tare_window", tare));
     ASSERT_TRUE(tare.response.success) << tare.response.message;
     EXPECT_TRUE(k == 0 || tare.response.message == zero) << tare.response.message;
     zero = tare.response.message;
-    EXPECT_EQ(say(call).status.contacts.size(), 3U);
+    EXPECT_EQ(add(call).status.contacts.size(), 3U);
   }
 }
 
-// Also while its blocks are still to come, and nobody has kept it yet.
-TEST_F(TwinForceEstimator, AWindowToComeSaidTwiceCountsOnce) {
+// Also while its blocks are still to come.
+TEST_F(TwinForceEstimator, ARepeatedComingWindowCountsOnce) {
   const Vector3d force(2, 1, 15), at(0.02, 0.01, 0);
   push(Pose{}, force, at);
   AddContact calls[2];
@@ -355,14 +354,13 @@ TEST_F(TwinForceEstimator, AWindowToComeSaidTwiceCountsOnce) {
   }
 }
 
-// In lockstep samples come once a strategy has been answered: who waits for them holds it up for
-// good.
-TEST_F(TwinForceEstimator, WhoWaitsForSamplesKeepsNobodyWaiting) {
+// In lockstep a call that waits for samples must not block the calls of the strategy.
+TEST_F(TwinForceEstimator, ACallThatWaitsForSamplesBlocksNoOther) {
   const Vector3d force(0.5, -0.3, 0.4), at(0.01, 0.02, 0);
   push(Pose{}, force, at);
   std_srvs::Trigger tare;
   std::atomic<bool> answered{false};
-  // until it is the one that waits, and the other one the second
+  // until this call waits and the other one is the second
   std::thread caller([&] {
     EXPECT_TRUE(waitFor([&] {
       return callService("twin_force_estimator/tare", tare) &&
@@ -370,7 +368,7 @@ TEST_F(TwinForceEstimator, WhoWaitsForSamplesKeepsNobodyWaiting) {
     }));
     answered = true;
   });
-  // its window has come in half when the next one asks
+  // half of its window has arrived at the next call
   push(Pose{}, force, at);
   AddContact second;
   EXPECT_TRUE(waitFor([&] {
@@ -386,8 +384,8 @@ TEST_F(TwinForceEstimator, WhoWaitsForSamplesKeepsNobodyWaiting) {
   EXPECT_TRUE(tare.response.success) << tare.response.message;
 }
 
-TEST_F(TwinForceEstimator, TakesOutTheZero) {
-  // both sensors off by what they feel hanging free
+TEST_F(TwinForceEstimator, SubtractsTheZero) {
+  // both sensors have the offset of the hanging peg
   const Vector3d offset(0.5, -0.3, 0.4), at(0.01, 0.02, 0);
   push(Pose{}, offset, at);
   std_srvs::Trigger tare;
@@ -401,7 +399,7 @@ TEST_F(TwinForceEstimator, TakesOutTheZero) {
   ASSERT_TRUE(tare.response.success) << tare.response.message;
   const auto answer = add(Pose{}, offset, at);
   ASSERT_TRUE(answer.success) << answer.message;
-  // nothing is left but noise: 6 sd of 500 samples, twice
+  // the rest is noise: 6 sd of 500 samples, twice
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_LT(std::abs(answer.status.contacts[0].wrench_a[i]), 6 * kNoise / std::sqrt(250.0));
     EXPECT_LT(std::abs(answer.status.contacts[0].wrench_b[i]), 6 * kNoise / std::sqrt(250.0));

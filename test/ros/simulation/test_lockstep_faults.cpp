@@ -117,7 +117,7 @@ TEST_F(LockstepFaults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
   ASSERT_TRUE(restartSimulator());
   EXPECT_EQ(finish(press_).state_, SimpleClientGoalState::ABORTED);
   const std::string reason = press_.getResult()->message;
-  const bool named = reason.find("started anew") != std::string::npos ||
+  const bool named = reason.find("restarted") != std::string::npos ||
                      reason.find("peg_hole_simulator") != std::string::npos;
   EXPECT_TRUE(named) << reason;
   expectPress(kForce);

@@ -58,8 +58,8 @@ class Supervisor : public ::testing::Test {
              press_.isServerConnected() && retreat_.isServerConnected() && command_.connected() &&
              exciter_.connected() && carrier_.size() > 0 && contacts_.connected() &&
              report_.connected();
-    })) << "the cell isn't there";
-    // hanging over the plane again, with the clock going on
+    })) << "the cell is not running";
+    // the peg hangs over the plane again; the clock continues
     std_srvs::Trigger reset;
     ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
     ASSERT_TRUE(reset.response.success) << reset.response.message;
@@ -85,7 +85,7 @@ class Supervisor : public ::testing::Test {
     });
     return finish(assemble_);
   }
-  // under way, with the peg pressed and the exciter on
+  // until the peg is pressed with the exciter on
   bool shaking() {
     std::lock_guard<std::mutex> lock(mutex_);
     return !feedback_.empty() && exciter_.last() && exciter_.last()->on;
@@ -118,7 +118,7 @@ class Supervisor : public ::testing::Test {
   actionlib::SimpleActionClient<RetreatAction> retreat_;
   std::mutex mutex_;
   std::vector<AlignPegFeedback> feedback_;
-  double deepest_ = 0.0;  // of the feedback of assemble [m]
+  double deepest_ = 0.0;  // largest depth in the feedback of assemble [m]
   std::vector<MoveToContactFeedback> press_feedback_;
 };
 
@@ -152,7 +152,7 @@ TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
                                                ": give more than 0 and less than 38.1 N, "
                                                "~force_limit less ~press_tolerance");
   }
-  // and what is lost in the steps of a press
+  // below the resolution of a press
   EXPECT_EQ(press(1e-3).state_, SimpleClientGoalState::ABORTED);
   EXPECT_EQ(press_.getResult()->message.rfind("force is 0.001 N: give at least 0.", 0), 0U)
       << press_.getResult()->message;
@@ -161,8 +161,8 @@ TEST_F(Supervisor, RefusesForcesBeyondItsLimits) {
   EXPECT_EQ(press(37.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
 }
 
-// Beside a goal that runs stands no reason of the goal before.
-TEST_F(Supervisor, TellsTheReasonOfTheGoalThatEndedLast) {
+// The reason of the previous goal is not published while a goal runs.
+TEST_F(Supervisor, PublishesTheReasonOfTheLastGoal) {
   const Record<SupervisorState> states(nh_, "assembly_supervisor/state");
   const auto now = [&](const std::string& goal, const std::string& reason) {
     return waitFor([&] {
@@ -172,7 +172,7 @@ TEST_F(Supervisor, TellsTheReasonOfTheGoalThatEndedLast) {
   };
   ASSERT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
   ASSERT_TRUE(now("", "move_to_contact presses with"));
-  // a refused one changes nothing
+  // a refused goal changes nothing
   startAlign("telepathy");
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
   ASSERT_TRUE(now("", "move_to_contact presses with"));
@@ -186,7 +186,7 @@ TEST_F(Supervisor, TellsTheReasonOfTheGoalThatEndedLast) {
     EXPECT_TRUE(state->goal.empty() || state->reason.empty()) << state->goal;
   }
   EXPECT_EQ(ran.count("retreat"), 1U);
-  // of a goal that failed, too, though its peg is free again
+  // also that of a failed goal whose peg is free again
   startAlign("single_contact");
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
   align_.cancelGoal();
@@ -194,8 +194,8 @@ TEST_F(Supervisor, TellsTheReasonOfTheGoalThatEndedLast) {
   EXPECT_TRUE(now("", "cancelled"));
 }
 
-// A lower limit holds from the next goal on: the one that runs keeps its own.
-TEST_F(Supervisor, GoesByTheForceLimitThatIsSetMeanwhile) {
+// A new limit is valid from the next goal on; the active goal keeps its limit.
+TEST_F(Supervisor, AppliesAChangedForceLimitToTheNextGoal) {
   const std::string node = "assembly_supervisor";
   MoveToContactGoal goal;
   goal.force = 25.0;
@@ -216,14 +216,14 @@ TEST_F(Supervisor, GoesByTheForceLimitThatIsSetMeanwhile) {
   EXPECT_EQ(press(25.0).state_, SimpleClientGoalState::ABORTED);
   EXPECT_NE(press_.getResult()->message.find("less than 19.05"), std::string::npos)
       << press_.getResult()->message;
-  // what doesn't go with the rest, is no number or needs a restart, changes nothing
+  // a value that contradicts others, is not a number or needs a restart changes nothing
   EXPECT_FALSE(test::setLive(node, "force_limit", 14.0));  // contact_force is 15
   EXPECT_FALSE(test::setLive(node, "force_limit", std::nan("")));
   EXPECT_FALSE(test::setLive(node, "descent_limit", 0.5));
   EXPECT_EQ(press(20.5).state_, SimpleClientGoalState::ABORTED);
   EXPECT_EQ(press(19.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
 
-  // no higher than at the start
+  // at most the value at the start
   dynamic_reconfigure::Config after;
   ASSERT_TRUE(test::setLive(node, "force_limit", 100.0, &after));
   EXPECT_EQ(test::valueIn(after, "force_limit"), 40.0);
@@ -245,7 +245,7 @@ TEST_F(Supervisor, AssemblesToADepth) {
     std::lock_guard<std::mutex> lock(mutex_);
     EXPECT_GT(deepest_, 0.025);
   }
-  // the truth at the end of the last block that was used
+  // ground truth at the end of the last block that was used
   const auto seen = [&] {
     const auto last = pose_.last();
     return last && last->header.stamp >= result.report.header.stamp;
@@ -254,8 +254,8 @@ TEST_F(Supervisor, AssemblesToADepth) {
   EXPECT_NEAR(pose_.last()->pose.position.z, -result.depth, 2e-4);
 }
 
-// What it has left in the hole it goes on with, and takes out again.
-TEST_F(Supervisor, KnowsHowDeepItHasAssembled) {
+// A peg in the hole is inserted further, and withdrawn by the next alignment.
+TEST_F(Supervisor, ContinuesFromTheDepthOfTheLastGoal) {
   const auto height = [this](const ros::Time& stamp) {
     EXPECT_TRUE(waitFor([&] { return pose_.last() && pose_.last()->header.stamp >= stamp; }));
     return pose_.last()->pose.position.z;
@@ -266,7 +266,7 @@ TEST_F(Supervisor, KnowsHowDeepItHasAssembled) {
     ASSERT_EQ(state.state_, SimpleClientGoalState::SUCCEEDED) << result.report.reason;
     EXPECT_NEAR(height(result.report.header.stamp), -depth, 3e-4);
   }
-  // aligned it is, and stays
+  // it is aligned and stays there
   startAlign("auto");
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::SUCCEEDED)
       << align_.getResult()->report.reason;
@@ -303,7 +303,7 @@ TEST_F(Supervisor, RefusesAnUnknownStrategyAndReportsIt) {
   EXPECT_FALSE(report.truth_known);
   ASSERT_TRUE(waitFor([this] { return report_.last() != nullptr; }));
   EXPECT_EQ(report_.last()->reason, report.reason);
-  // latched: who comes late gets it too
+  // latched
   Record<AlignmentReport> late(nh_, "report");
   EXPECT_TRUE(waitFor([&] { return late.last() != nullptr; }));
 }
@@ -324,7 +324,7 @@ TEST_F(Supervisor, CancelEndsAnAlignmentWithExciterOffAndCarrierAtRest) {
   EXPECT_EQ(align_.getResult()->report.estimated_pose.position.x, 0.0);
   ASSERT_TRUE(waitFor([this] { return exciter_.last() && !exciter_.last()->on; }));
 
-  // where it is told to be is where it was, and it stays there
+  // the commanded pose is the last one, and the carrier stays there
   ASSERT_TRUE(waitFor([this] { return command_.last() != nullptr; }));
   const std::size_t n = carrier_.size();
   ASSERT_TRUE(waitFor([&] { return carrier_.size() > n + 50; }));
@@ -337,7 +337,7 @@ TEST_F(Supervisor, CancelEndsAnAlignmentWithExciterOffAndCarrierAtRest) {
   }
 }
 
-TEST_F(Supervisor, TakesOneGoalAtATime) {
+TEST_F(Supervisor, AcceptsOneGoalAtATime) {
   startAlign("single_contact");
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
   EXPECT_EQ(press(5.0).state_, SimpleClientGoalState::ABORTED);
@@ -346,7 +346,7 @@ TEST_F(Supervisor, TakesOneGoalAtATime) {
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED);
 }
 
-TEST_F(Supervisor, GivesUpWhenNoSamplesCome) {
+TEST_F(Supervisor, EndsAGoalWithoutSamples) {
   std_srvs::SetBool pause;
   pause.request.data = true;
   ASSERT_TRUE(callService("peg_hole_simulator/pause", pause));
@@ -360,7 +360,7 @@ TEST_F(Supervisor, GivesUpWhenNoSamplesCome) {
   EXPECT_TRUE(waitFor([&] { return carrier_.size() > n; })) << "the lockstep is broken";
 }
 
-TEST(SupervisorBadInput, GivesOneLine) {
+TEST(SupervisorBadInput, IsRefusedInOneLine) {
   const std::string scenario = "_scenario:=" + sourceFile("config/scenarios/cell.yaml");
   const auto refuse = [](const std::vector<std::string>& arguments, const std::string& expected) {
     ros::param::del("/bad/assembly_supervisor");

@@ -30,7 +30,7 @@
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "cell_fixture.h"
 
-// The action identify of the node mechanism_identifier, and what the supervisor makes of a file.
+// The action identify of mechanism_identifier, and the supervisor with an identified mechanism.
 namespace assembly_cell::ros_bridge::mechanism_identifier_test {
 namespace {
 
@@ -47,7 +47,7 @@ std::string temporary(const std::string& name) {
   return std::string(::testing::TempDir()) + name + "_" + std::to_string(getpid()) + ".yaml";
 }
 
-// Of a node that was started by somebody else.
+// Of a node that the launch has started.
 pid_t processOf(const std::string& node) {
   XmlRpc::XmlRpcValue request, response, uri;
   request[0] = ros::this_node::getName();
@@ -65,7 +65,7 @@ pid_t processOf(const std::string& node) {
   return static_cast<pid_t>(int(answer[2]));
 }
 
-// The cell in lockstep, its mechanism_identifier writing to a file of its own.
+// The cell in lockstep; its mechanism_identifier writes to a temporary file.
 class Cell {
  public:
   explicit Cell(std::vector<std::string> arguments) : cell_(command(std::move(arguments))) {
@@ -75,7 +75,7 @@ class Cell {
     EXPECT_TRUE(cell_.running()) << cell_.output();
   }
 
-  // the reason in the supervisor's report; "" when it doesn't end in time
+  // reason in the supervisor's report; empty if the goal doesn't end in time
   std::string align(
       const std::string& strategy = "auto", const std::function<void()>& meanwhile = [] {}) {
     Child report({executable("report"), "_strategy:=" + strategy});
@@ -108,7 +108,7 @@ class Cell {
   Child cell_;
 };
 
-TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
+TEST(MechanismIdentifier, StoresTheResultAndCanBeCancelled) {
   Cell cell({"identification:=true"});
   Client client("identify", false);
   ASSERT_TRUE(waitFor([&] { return client.isServerConnected(); })) << cell.output();
@@ -148,7 +148,7 @@ TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
     return last && !last->on;
   }));
 
-  // nothing of the goal holds in a plant that is reset, and that is said
+  // a reset of the plant ends the goal with this reason
   feedback.clear();
   client.sendGoal(goal);
   ASSERT_TRUE(waitFor([&] {
@@ -158,9 +158,9 @@ TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
   std_srvs::Trigger reset;
   ASSERT_TRUE(callService("peg_hole_simulator/reset", reset));
   ASSERT_TRUE(waitFor([&] { return client.getState().isDone(); }, kRunTime));
-  EXPECT_EQ(client.getState().getText(), "the plant was started anew, or reset, during the goal");
+  EXPECT_EQ(client.getState().getText(), "the plant was restarted, or reset, during the goal");
 
-  // what the supervisor leaves pressed the identifier frees, and both say so
+  // the identifier frees a peg that the supervisor has left pressed; both report that
   actionlib::SimpleActionClient<MoveToContactAction> press("move_to_contact", false);
   ASSERT_TRUE(waitFor([&] { return press.isServerConnected(); }));
   MoveToContactGoal force;
@@ -185,9 +185,9 @@ TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
   ASSERT_EQ(result->parameters.size(), result->values.size());
   const KnownMechanism known = loadKnownMechanism(cell.file);
   EXPECT_TRUE(known.identified);
-  // of a cell that is as drawn, 5e4 N/m by its file; 10 % is the prior's spread
+  // the cell is as drawn, 5e4 N/m; the prior's standard deviation is 10 %
   EXPECT_NEAR(known.mechanism.coupling.stiffness.diagonal[1], 5e4, 2e3);
-  // and whoever comes is told
+  // latched
   Record<std_msgs::String> news(nh, "mechanism");
   ASSERT_TRUE(waitFor([&] { return news.size() > 0; }));
   std::ifstream stored(cell.file);
@@ -195,9 +195,9 @@ TEST(MechanismIdentifier, StoresWhatItFoundAndCanBeCancelled) {
   unlink(cell.file.c_str());
 }
 
-// Another cell's file is refused by name before anything is pressed; with leave to identify the
-// supervisor finds the numbers of this one, and aligns.
-TEST(MechanismIdentifier, WrongFileIsRefusedOrIdentifiedAnew) {
+// The file of another cell is refused by name before anything is pressed. With ~identify the
+// supervisor has this cell identified, and aligns.
+TEST(MechanismIdentifier, AWrongFileIsRefusedOrReplaced) {
   const std::string wrong = temporary("wrong");
   Child identify({executable("identify"), test::sourceFile("config/scenarios/cell.yaml"),
                   "--time-limit", "5", "--set", "peg.mass=0.45", "--set", "carrier.mass=0.6",
@@ -209,7 +209,7 @@ TEST(MechanismIdentifier, WrongFileIsRefusedOrIdentifiedAnew) {
     EXPECT_EQ(reason.find("wrong_mechanism: "), 0u) << reason;
     ASSERT_GT(cell.reports.size(), 0u);
     EXPECT_EQ(cell.reports.last()->contacts, 0u);
-    // until somebody has one that fits
+    // until a matching mechanism is published
     ros::NodeHandle nh;
     ros::Publisher identifier = nh.advertise<std_msgs::String>("mechanism", 1, true);
     std_msgs::String text;
@@ -232,8 +232,8 @@ TEST(MechanismIdentifier, WrongFileIsRefusedOrIdentifiedAnew) {
   unlink(wrong.c_str());
 }
 
-// The supervisor waits for the identifier's answer as long as it is there.
-TEST(MechanismIdentifier, OneThatDiesIsNamedByTheSupervisor) {
+// The supervisor waits for the identifier as long as that is running.
+TEST(MechanismIdentifier, TheSupervisorNamesAnIdentifierThatDies) {
   Cell cell({"paused:=true", "identify:=true"});
   ros::NodeHandle nh;
   Record<IdentifyActionFeedback> feedback(nh, "identify/feedback");

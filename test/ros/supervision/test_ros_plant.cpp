@@ -29,9 +29,9 @@
 namespace assembly_cell::ros_bridge::ros_plant_test {
 namespace {
 
-// ---- a topic that gives its latest message ----
+// ---- a latched topic ----
 
-// What comes in on /latest in a queue of its own, once `count` are there.
+// The first `count` messages of a new subscription to /latest.
 std::vector<int> received(std::size_t count) {
   ros::NodeHandle nh;
   ros::CallbackQueue queue;
@@ -47,7 +47,7 @@ std::vector<int> received(std::size_t count) {
   return values;
 }
 
-TEST(LatestPublisherTest, WhoComesLateGetsTheLatestMessage) {
+TEST(LatestPublisherTest, ALaterSubscriberReceivesTheLatestMessage) {
   ros::NodeHandle nh;
   LatestPublisher<std_msgs::Int32> publisher(nh, "/latest", 10);
   for (const int value : {1, 2, 3}) {
@@ -59,7 +59,7 @@ TEST(LatestPublisherTest, WhoComesLateGetsTheLatestMessage) {
   EXPECT_EQ(received(1), std::vector<int>{3});
 }
 
-TEST(LatestPublisherTest, GivesOnlyWhatComesWhereNothingElseIsAskedFor) {
+TEST(LatestPublisherTest, WithoutLatchingOnlyNewMessagesArrive) {
   ros::NodeHandle nh;
   LatestPublisher<std_msgs::Int32> publisher(nh, "/latest", 10, false);
   publisher.publish(std_msgs::Int32());
@@ -76,10 +76,10 @@ TEST(LatestPublisherTest, GivesOnlyWhatComesWhereNothingElseIsAskedFor) {
   EXPECT_EQ(values, std::vector<int>{7});
 }
 
-TEST(LatestPublisherTest, OfNoTopicItSaysNothing) {
-  LatestPublisher<std_msgs::Int32> nobody;
-  nobody.publish(std_msgs::Int32());
-  EXPECT_EQ(nobody.getNumSubscribers(), 0u);
+TEST(LatestPublisherTest, WithoutATopicItPublishesNothing) {
+  LatestPublisher<std_msgs::Int32> unconnected;
+  unconnected.publish(std_msgs::Int32());
+  EXPECT_EQ(unconnected.getNumSubscribers(), 0u);
 }
 
 // ---- one thread for several queues ----
@@ -95,23 +95,23 @@ bool soon(const std::atomic<bool>& flag) {
   return flag;
 }
 
-TEST(SharedSpinnerTest, CallsWhatIsInAllQueuesAlsoBehindAnException) {
+TEST(SharedSpinnerTest, CallsAllQueuesAlsoAfterAnException) {
   SharedSpinner::Queue first, second;
   SharedSpinner& spinner = SharedSpinner::ofThisProcess();
   spinner.add(&first);
   spinner.add(&second);
-  std::atomic<bool> behind{false}, beside{false};
+  std::atomic<bool> after{false}, other{false};
   addTo(first, [] { throw std::runtime_error("on purpose"); });
-  addTo(first, [&] { behind = true; });
-  addTo(second, [&] { beside = true; });
-  EXPECT_TRUE(soon(behind));
-  EXPECT_TRUE(soon(beside));
+  addTo(first, [&] { after = true; });
+  addTo(second, [&] { other = true; });
+  EXPECT_TRUE(soon(after));
+  EXPECT_TRUE(soon(other));
   spinner.remove(&first);
   spinner.remove(&second);
   EXPECT_FALSE(spinner.works());
 }
 
-TEST(SharedSpinnerTest, WhoWaitsDoesTheWork) {
+TEST(SharedSpinnerTest, AWaitingThreadCallsTheCallbacks) {
   SharedSpinner::Queue queue;
   SharedSpinner& spinner = SharedSpinner::ofThisProcess();
   spinner.add(&queue);
@@ -119,7 +119,7 @@ TEST(SharedSpinnerTest, WhoWaitsDoesTheWork) {
     SharedSpinner::Helper helper;
     std::thread::id by;
     bool done = false;
-    // the second is added by the first, as an answer to what that one has published
+    // the first callback adds the second, as an answer to a message does
     addTo(queue, [&] {
       addTo(queue, [&] {
         by = std::this_thread::get_id();
@@ -131,15 +131,15 @@ TEST(SharedSpinnerTest, WhoWaitsDoesTheWork) {
     EXPECT_FALSE(helper.callUntil([] { return false; },
                                   std::chrono::steady_clock::now() + std::chrono::milliseconds(5)));
   }
-  // and once it has gone, the thread does
+  // afterwards the spinner's thread does
   std::atomic<bool> later{false};
   addTo(queue, [&] { later = true; });
   EXPECT_TRUE(soon(later));
   spinner.remove(&queue);
 }
 
-// A strategy between two blocks lets the thread sleep, one that goes on deciding doesn't.
-TEST(SharedSpinnerTest, WhatIsLeftByHelpersThatComeAndGoIsCalled) {
+// The thread of the spinner calls what helpers have left, however often these come.
+TEST(SharedSpinnerTest, CallsWhatShortHelpersLeave) {
   SharedSpinner::Queue queue;
   SharedSpinner& spinner = SharedSpinner::ofThisProcess();
   spinner.add(&queue);
@@ -154,8 +154,8 @@ TEST(SharedSpinnerTest, WhatIsLeftByHelpersThatComeAndGoIsCalled) {
   spinner.remove(&queue);
 }
 
-// A cell that nobody waits for calls back for ever.
-TEST(SharedSpinnerTest, CallbacksThatNeverEndHoldNobodyUp) {
+// A cell without lockstep adds callbacks for ever.
+TEST(SharedSpinnerTest, EndlessCallbacksDelayNoOtherThread) {
   SharedSpinner::Queue queue, other;
   SharedSpinner& spinner = SharedSpinner::ofThisProcess();
   spinner.add(&queue);
@@ -181,7 +181,7 @@ TEST(SharedSpinnerTest, CallbacksThatNeverEndHoldNobodyUp) {
 
 // ---- the cell as a strategy's plant ----
 
-// A cell in lockstep, as a strategy's node hears it: the next block comes with its answer.
+// Publishes the topics of a cell in lockstep: the next block follows an acknowledgement.
 class FakeCell {
  public:
   explicit FakeCell(const std::string& space) : nh_(space) {
@@ -238,13 +238,13 @@ class FakeCell {
   GuardedSpinner spinner_{1, &queue_};
 };
 
-// A goal that ended may be followed by one that frees the peg, and by the next goal.
-TEST(RosPlantTest, HearsBlocksWheneverAGoalIsUnderWay) {
+// A goal may be followed by a recovery, and by the next goal.
+TEST(RosPlantTest, ReturnsBlocksInEachGoalAndRecovery) {
   const FakeCell cell("plant_test");
   ros::NodeHandle nh("plant_test");
   ros::CallbackQueue queue;
   nh.setCallbackQueue(&queue);
-  RosPlant::Settings settings;
+  PlantSettings settings;
   settings.node = "/plant_test/strategy";
   settings.lockstep = true;
   settings.timeout = 5.0;

@@ -26,8 +26,8 @@
 #include "cell_fixture.h"
 #include "contact_force.h"
 
-// A cell at the pace of the wall clock, slowed down, whose nodes die, freeze and are disturbed
-// during goals. Times are cell time, from stamps.
+// A slowed-down cell without lockstep whose nodes die, freeze and are disturbed during goals. Times
+// are cell time, from stamps.
 namespace assembly_cell::ros_bridge::supervisor_faults_test {
 namespace {
 
@@ -80,7 +80,7 @@ class Faults : public ::testing::Test {
     goal.strategy = "single_contact";
     align_.sendGoal(goal);
   }
-  // in a reading: pressed, with the exciter on
+  // during a locus measurement: pressed, with the exciter on
   bool shaking() { return plant_.last()->session != 0 && plant_.last()->exciter; }
   template <class Client>
   SimpleClientGoalState finish(Client& client) {
@@ -94,13 +94,13 @@ class Faults : public ::testing::Test {
     press_.sendGoal(goal);
     return finish(press_);
   }
-  // true contact force, now [N]
+  // contact force now, ground truth [N]
   double force() {
     const std::size_t n = contacts_.size();
     EXPECT_TRUE(waitFor([&] { return contacts_.size() > n + 2; }));
     return test::liftingForce(*contacts_.last());
   }
-  // the first state of the plant from `from` on in which it is held
+  // first state of the plant from `from` on in which it has stopped
   PlantState::ConstPtr held(std::size_t from) const {
     const auto all = plant_.all();
     for (std::size_t i = from; i < all.size(); ++i) {
@@ -122,7 +122,7 @@ class Faults : public ::testing::Test {
   actionlib::SimpleActionClient<RetreatAction> retreat_;
 };
 
-TEST_F(Faults, AKilledSupervisorLeavesAPlantThatStandsAndAnotherOneGoesOn) {
+TEST_F(Faults, AKilledSupervisorStopsThePlantAndAnotherOneContinues) {
   Child report(
       {executable("report"), "__ns:=/faults", "_unpause:=false", "_strategy:=single_contact"});
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
@@ -131,13 +131,13 @@ TEST_F(Faults, AKilledSupervisorLeavesAPlantThatStandsAndAnotherOneGoesOn) {
   ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
   EXPECT_FALSE(held(before)->exciter);
   EXPECT_EQ(held(before)->reason.rfind("expired", 0), 0U) << held(before)->reason;
-  // by the plant's clock, from the last block that the supervisor is known to have seen
+  // plant clock, from the last block that the supervisor has received
   EXPECT_LE((held(before)->header.stamp - leases_.last()->header.stamp).toSec(), 0.1 + kStamp);
-  // the client learns of it
+  // the client is notified
   EXPECT_EQ(report.wait(), 1) << report.output();
   EXPECT_EQ(report.lines("server lost").size(), 1U) << report.output();
 
-  // the next one frees the pressed peg first
+  // the next supervisor frees the pressed peg first
   const std::uint32_t session = plant_.last()->session;
   start("assembly_supervisor", "assembly_supervisor", "/faults");
   ASSERT_TRUE(waitFor([&] { return state_.connected(); }));
@@ -145,7 +145,7 @@ TEST_F(Faults, AKilledSupervisorLeavesAPlantThatStandsAndAnotherOneGoesOn) {
   ASSERT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
   EXPECT_NEAR(force(), 8.0, 0.1 * 8.0);
   EXPECT_NE(plant_.last()->session, session);
-  // Ctrl-C leaves nothing running either
+  // nor does Ctrl-C leave anything running
   node("assembly_supervisor").stop();
   EXPECT_FALSE(plant_.last()->exciter);
 }
@@ -162,17 +162,17 @@ TEST_F(Faults, CtrlCEndsAGoalWithTheExciterOffAndThePegFree) {
   EXPECT_NE(reason().find("shutting down"), std::string::npos) << reason();
 }
 
-TEST_F(Faults, AFrozenSupervisorCostsTimeOnly) {
+TEST_F(Faults, AFrozenSupervisorOnlyDelaysTheGoal) {
   MoveToContactGoal goal;
   goal.force = 12.0;
   const double from = carrier_.last()->pose.position.z;
   press_.sendGoal(goal);
-  // on its way down
+  // during the descent
   ASSERT_TRUE(waitFor([&] { return carrier_.last()->pose.position.z < from - 1e-3; }));
   const std::size_t before = plant_.size();
   node("assembly_supervisor").signal(SIGSTOP);
   ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
-  // a heap of old blocks meanwhile
+  // old blocks queue up meanwhile
   const std::size_t n = carrier_.size();
   ASSERT_TRUE(waitFor([&] { return carrier_.size() > n + 60; }));
   node("assembly_supervisor").signal(SIGCONT);
@@ -184,7 +184,7 @@ TEST_F(Faults, AFrozenSupervisorCostsTimeOnly) {
   EXPECT_LT(peak, 1.1 * 40.0);
   EXPECT_NEAR(force(), 12.0, 0.1 * 12.0);
 
-  // what presses is shown; retreat frees it
+  // the contact is reported; retreat frees the peg
   EXPECT_TRUE(waitFor([this] { return state_.last()->in_contact; }));
   retreat_.sendGoal(RetreatGoal());
   EXPECT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
@@ -193,18 +193,18 @@ TEST_F(Faults, AFrozenSupervisorCostsTimeOnly) {
   EXPECT_NEAR(force(), 0.0, 1e-9);
 }
 
-// The reading begins anew, and the alignment is as good as any.
-TEST_F(Faults, AFrozenSupervisorDuringAReadingIsRead) {
+// The measurement is restarted, and the alignment is as accurate as any.
+TEST_F(Faults, AFrozenSupervisorRestartsTheMeasurement) {
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
-  // shaken hard, then the reading: half a second of cell time on, in its window
+  // half a second of cell time later, in the window of the measurement
   const ros::Time on = plant_.last()->header.stamp;
   ASSERT_TRUE(waitFor([&] { return carrier_.last()->header.stamp > on + ros::Duration(0.35); }));
   const std::size_t before = plant_.size();
   node("assembly_supervisor").signal(SIGSTOP);
   ASSERT_TRUE(waitFor([&] { return held(before) != nullptr; }));
   node("assembly_supervisor").signal(SIGCONT);
-  // it goes on: the next contact is shaken, too
+  // it continues with the next contact
   ASSERT_TRUE(waitFor([&] { return !plant_.last()->held && plant_.last()->exciter; }));
   ASSERT_TRUE(waitFor([&] { return !plant_.last()->exciter; }));
   ASSERT_TRUE(waitFor([&] { return align_.getState().isDone() || shaking(); }));
@@ -229,7 +229,7 @@ TEST_F(Faults, AFrozenOrDeadDriverIsNamedAndTheNextGoalWorks) {
     ASSERT_TRUE(waitFor([this] { return plant_.last()->session == 0; }));
     EXPECT_FALSE(plant_.last()->exciter);
     EXPECT_TRUE(waitFor([this] { return state_.last()->in_contact && !state_.last()->stuck; }))
-        << "nobody knows";
+        << "not named";
     if (signal == SIGSTOP) {
       node("driver of sensor_b").signal(SIGCONT);
     } else {
@@ -240,9 +240,9 @@ TEST_F(Faults, AFrozenOrDeadDriverIsNamedAndTheNextGoalWorks) {
   }
 }
 
-// A reading that its estimator didn't finish is asked for once more. Where the node takes too long
-// to come, on a slow machine, the goal ends by its name.
-TEST_F(Faults, ARestartedEstimatorIsAskedOnceMore) {
+// A measurement that the estimator didn't finish is requested once more. If the node starts too
+// slowly, the goal ends and names it.
+TEST_F(Faults, AMeasurementIsRepeatedAfterARestartOfTheEstimator) {
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
   const ros::Time on = plant_.last()->header.stamp;
@@ -251,7 +251,7 @@ TEST_F(Faults, ARestartedEstimatorIsAskedOnceMore) {
   start("locus_estimator", "locus_estimator", "/faults");
   const auto done = [this] { return align_.getState().isDone(); };
   ASSERT_TRUE(waitFor([&] { return done() || !plant_.last()->exciter; }));
-  // the next contact is shaken, too
+  // it continues with the next contact
   ASSERT_TRUE(waitFor([&] { return done() || shaking(); }));
   if (done()) {
     EXPECT_NE(reason().find("locus_estimator"), std::string::npos) << reason();
@@ -261,7 +261,7 @@ TEST_F(Faults, ARestartedEstimatorIsAskedOnceMore) {
   }
 }
 
-// The new plant's clock is far ahead of the old one's: this cell runs at a third of the wall clock.
+// The clock of the restarted plant is far ahead: this cell runs at a third of the wall clock.
 TEST_F(Faults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
@@ -269,7 +269,7 @@ TEST_F(Faults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
   node("peg_hole_simulator").signal(SIGKILL);
   start("peg_hole_simulator", "peg_hole_simulator", "/faults");
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
-  const bool named = reason().find("started anew") != std::string::npos ||
+  const bool named = reason().find("restarted") != std::string::npos ||
                      reason().find("peg_hole_simulator") != std::string::npos;
   EXPECT_TRUE(named) << reason();
   ASSERT_TRUE(waitFor([&] { return plant_.last()->life != life; }));
@@ -297,9 +297,9 @@ TEST_F(Faults, ASensorThatSaturatesByItselfIsNamed) {
       << said;
 }
 
-// The identifier can't free a peg that it can't feel. The supervisor tells it until it knows
-// better.
-TEST_F(Faults, WhatAnIdentificationLeavesInContactIsTold) {
+// Without data the identifier can't free the peg. The supervisor reports the contact until it is
+// resolved.
+TEST_F(Faults, AContactLeftByTheIdentifierIsReported) {
   ros::Publisher identifier = nh_.advertise<SupervisorState>("mechanism_identifier/state", 1, true);
   SupervisorState left;
   left.in_contact = true;
@@ -326,13 +326,13 @@ TEST_F(Faults, ACancelledGoalLeavesAFreePeg) {
   EXPECT_FALSE(plant_.last()->exciter);
 }
 
-TEST_F(Faults, WhoElseCommandsOrZeroesEndsTheGoalAndIsNamed) {
+TEST_F(Faults, CommandsAndZeroesOfOthersEndTheGoalAndAreNamed) {
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));
   {
-    Child stranger({"/proc/self/exe", "--stranger", "__ns:=/faults"});
+    Child other_node({"/proc/self/exe", "--other-node", "__ns:=/faults"});
     EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::ABORTED);
-    EXPECT_EQ(reason().rfind("/faults/stranger published exciter", 0), 0U) << reason();
+    EXPECT_EQ(reason().rfind("/faults/other_node published exciter", 0), 0U) << reason();
   }
   startAlign();
   ASSERT_TRUE(waitFor([this] { return shaking(); }));

@@ -5,13 +5,13 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Reads a bag once through in a process of its own (the program check_bag), because ROS's bag
-/// library can throw what nobody catches, crash or decompress for ever where a bag is damaged.
+/// Reads a bag once in a separate process (the program check_bag), because ROS's bag library can
+/// throw uncaught exceptions, crash or decompress for ever if a bag is damaged.
 /// Throws InputError "<what> can't be read: ...", one line.
 void checkBag(const std::string& path, const std::string& what);
 
-/// The program check_bag: 0, 1 for a damaged bag or 2 for bad use, these with one line that says
-/// what is wrong.
+/// The program check_bag. Returns 0, 1 for a damaged bag or 2 for bad arguments, with one line that
+/// names the fault.
 int runBagCheck(int argc, char** argv);
 
 }  // namespace assembly_cell::ros_bridge

@@ -21,11 +21,11 @@ SensorCalibration toMessage(const Calibration& calibration);
 /// Throws InputError beginning with `source` for arrays of a wrong size.
 Calibration fromMessage(const SensorCalibration& message, const std::string& source);
 
-/// The known side of an observation; readings and stamp are left out.
+/// The load of an observation, without measurements and stamp.
 CalibrationTest toMessage(const Observation& observation);
 
-/// Throws InputError beginning with `source`: unknown kind or sensor, a pose that is none, arrays
-/// of a wrong size. What else an observation needs is for checkObservation() to say.
+/// Throws InputError beginning with `source`: unknown kind or sensor, an invalid pose, arrays of a
+/// wrong size. checkObservation() checks the rest.
 Observation fromMessage(const CalibrationTest& test, const std::string& source);
 
 LoadStep toMessage(const LoadRequest& request);

@@ -16,133 +16,188 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// An action with one goal at a time, as actionlib::SimpleActionServer has it: a new goal preempts
-/// the one before. It differs where a message from anywhere could do harm:
-/// - goals and cancels are checked first; absurd stamps and long ids are refused and named. A goal
-///   that is refused for what it holds is answered (REJECTED, the text says why).
-/// - The last goal to arrive counts, whatever the stamps say: a clock that was set back, or a
-///   simulation that began anew, recalls no goal.
-/// - What `execute` throws ends the goal (ABORTED, with the text), not the process.
-/// - A flood of goals or cancels can't fill the memory.
+/// The goals of an action, one at a time: a new goal preempts the one before. Thread-safe.
+template <class Handle>
+class GoalQueue {
+ public:
+  /// The next goal; one that waits already is returned: it is replaced.
+  std::optional<Handle> push(const Handle& goal) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::optional<Handle> replaced = std::exchange(next_, goal);
+    next_cancelled_ = false;
+    if (current_) preempted_ = true;
+    changed_.notify_all();
+    return replaced;
+  }
+  void cancel(const Handle& goal) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (current_ && goal == *current_) preempted_ = true;
+    if (next_ && goal == *next_) next_cancelled_ = true;
+  }
+  /// Waits for the next goal, which becomes the current one; none after stop().
+  std::optional<Handle> pop() {
+    std::unique_lock<std::mutex> lock(mutex_);
+    current_.reset();
+    changed_.wait(lock, [this] { return stopping_ || next_; });
+    if (stopping_) return std::nullopt;
+    current_.swap(next_);
+    preempted_ = std::exchange(next_cancelled_, false);
+    return current_;
+  }
+  void stop() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopping_ = true;
+    changed_.notify_all();
+  }
+  std::optional<Handle> current() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return current_;
+  }
+  /// The current goal was cancelled, or another one has arrived.
+  bool isPreempted() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return preempted_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<Handle> current_, next_;
+  bool preempted_ = false, next_cancelled_ = false, stopping_ = false;
+};
+
+/// Empty, or why a goal or a cancel is refused: its id.
+inline std::string faultOf(const actionlib_msgs::GoalID& id) {
+  MessageCheck check;
+  check.name("goal_id.id", id.id).stamp("goal_id.stamp", id.stamp.toSec());
+  return check.good() ? std::string() : check.text();
+}
+
+/// The message, with a stamp from the future set to now: all goals up to the stamp of a cancel are
+/// cancelled, for ever if it is far ahead. stampOf: the stamp in a message.
+template <class Message, class StampOf>
+boost::shared_ptr<const Message> notFromFuture(const boost::shared_ptr<const Message>& message,
+                                               const StampOf& stampOf) {
+  const ros::Time now = ros::Time::now();
+  if (stampOf(*message) <= now) return message;
+  const auto copy = boost::make_shared<Message>(*message);
+  const_cast<ros::Time&>(stampOf(*copy)) = now;
+  return copy;
+}
+
+/// An action with one goal at a time, as actionlib::SimpleActionServer, but robust against any
+/// message:
+/// - goals and cancels are checked; those with absurd stamps or long ids are refused and logged. A
+///   goal that is refused for its content is answered (REJECTED, with the reason).
+/// - The goal that arrived last is the valid one, whatever the stamps are: after the clock was set
+///   back, or a simulation was restarted, no goal is recalled.
+/// - An exception of `execute` ends the goal (ABORTED, with its text), not the process.
+/// - The number of goals and cancels that are remembered is limited.
 template <class Spec>
 class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   using Base = actionlib::ActionServerBase<Spec>;
   using Handle = typename Base::GoalHandle;
-  using Status = actionlib_msgs::GoalStatus;
 
  public:
   ACTION_DEFINITION(Spec)
   using Execute = std::function<void(const GoalConstPtr&)>;
+  using Status = actionlib_msgs::GoalStatus;
 
   /// `execute` runs in a thread of its own, from start() on.
   CheckedActionServer(const ros::NodeHandle& nh, const std::string& name, Execute execute)
       : Base({}, {}), nh_(nh, name), execute_(std::move(execute)) {
     this->registerGoalCallback([this](Handle goal) { onGoal(goal); });
-    this->registerCancelCallback([this](Handle goal) { onCancel(goal); });
+    this->registerCancelCallback([this](Handle goal) { goals_.cancel(goal); });
   }
 
   ~CheckedActionServer() override { shutdown(); }
 
   void start() {
-    thread_ = std::thread([this] { loop(); });
+    thread_ = std::thread([this] {
+      while (std::optional<Handle> goal = goals_.pop()) {
+        goal->setAccepted("accepted");
+        std::string failure = "the goal ended without a result";
+        try {
+          execute_(goal->getGoal());
+        } catch (const std::exception& error) {
+          failure = error.what();
+          IncomingLog::ofThisProcess().caught(nh_.getNamespace(), failure);
+        }
+        const auto status = goal->getGoalStatus().status;
+        if (status == Status::ACTIVE || status == Status::PREEMPTING) {
+          goal->setAborted(Result(), failure);
+        }
+      }
+    });
     Base::start();
   }
 
-  /// Waits for the end of the goal under way: `execute` must see that the node ends.
+  /// Waits for the end of the current goal: `execute` must notice that the node ends.
   void shutdown() {
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      stopping_ = true;
-    }
-    changed_.notify_all();
+    goals_.stop();
     if (thread_.joinable()) thread_.join();
     goal_sub_.shutdown();
     cancel_sub_.shutdown();
     status_timer_.stop();
   }
 
-  /// The goal under way was cancelled, or another one came.
-  bool isPreemptRequested() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return preempted_;
-  }
+  /// The current goal was cancelled, or another one has arrived.
+  bool isPreemptRequested() const { return goals_.isPreempted(); }
 
   void publishFeedback(const Feedback& feedback) {
-    if (std::optional<Handle> goal = current()) goal->publishFeedback(feedback);
+    if (std::optional<Handle> goal = goals_.current()) goal->publishFeedback(feedback);
   }
-  void setSucceeded(const Result& result, const std::string& text) {
-    if (std::optional<Handle> goal = current()) goal->setSucceeded(result, text);
+  /// Ends the current goal. status: SUCCEEDED, PREEMPTED or ABORTED.
+  void end(std::uint8_t status, const Result& result, const std::string& text) {
+    std::optional<Handle> goal = goals_.current();
+    if (!goal) return;
+    if (status == Status::SUCCEEDED) goal->setSucceeded(result, text);
+    if (status == Status::PREEMPTED) goal->setCanceled(result, text);
+    if (status == Status::ABORTED) goal->setAborted(result, text);
   }
-  void setPreempted(const Result& result, const std::string& text) {
-    if (std::optional<Handle> goal = current()) goal->setCanceled(result, text);
-  }
-  void setAborted(const Result& result, const std::string& text) {
-    if (std::optional<Handle> goal = current()) goal->setAborted(result, text);
-  }
-  /// Succeeded, or else preempted where that was asked for, or else aborted.
+  /// Succeeded, or preempted where that was requested, or else aborted.
   void finish(bool success, const Result& result, const std::string& text) {
-    if (success) {
-      setSucceeded(result, text);
-    } else if (isPreemptRequested()) {
-      setPreempted(result, text);
-    } else {
-      setAborted(result, text);
-    }
+    const std::uint8_t failure = isPreemptRequested() ? Status::PREEMPTED : Status::ABORTED;
+    end(success ? std::uint8_t{Status::SUCCEEDED} : failure, result, text);
   }
 
  private:
-  static constexpr std::uint32_t kQueue = 50;
-  static constexpr double kStatusPeriod = 0.2;        // wall clock [s]
-  static constexpr double kStatusLife = 5.0;          // of a goal's status after its end [s]
-  static constexpr std::size_t kMostStatuses = 1000;  // goals and cancels remembered
+  static constexpr std::uint32_t kQueueSize = 50;
+  static constexpr double kStatusPeriod = 0.2;       // wall clock [s]
+  static constexpr double kStatusTime = 5.0;         // status of a goal after its end [s]
+  static constexpr std::size_t kMaxStatuses = 1000;  // goals and cancels that are remembered
 
-  std::optional<Handle> current() const {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return current_;
-  }
-
-  // ---- the wire ----
+  // ---- messages ----
 
   void initialize() override {
-    result_pub_ = nh_.template advertise<ActionResult>("result", kQueue);
-    feedback_pub_ = nh_.template advertise<ActionFeedback>("feedback", kQueue);
-    status_pub_ = nh_.template advertise<actionlib_msgs::GoalStatusArray>("status", kQueue, true);
+    pubs_.result = nh_.template advertise<ActionResult>("result", kQueueSize);
+    pubs_.feedback = nh_.template advertise<ActionFeedback>("feedback", kQueueSize);
+    pubs_.status =
+        nh_.template advertise<actionlib_msgs::GoalStatusArray>("status", kQueueSize, true);
     status_timer_ = nh_.createWallTimer(ros::WallDuration(kStatusPeriod),
                                         [this](const ros::WallTimerEvent&) { publishStatus(); });
     goal_sub_ = nh_.template subscribe<ActionGoal, const ros::MessageEvent<ActionGoal const>&>(
-        "goal", kQueue,
+        "goal", kQueueSize,
         [this](const ros::MessageEvent<ActionGoal const>& event) { receiveGoal(event); });
     cancel_sub_ = nh_.template subscribe<actionlib_msgs::GoalID,
                                          const ros::MessageEvent<actionlib_msgs::GoalID const>&>(
-        "cancel", kQueue, [this](const ros::MessageEvent<actionlib_msgs::GoalID const>& event) {
+        "cancel", kQueueSize, [this](const ros::MessageEvent<actionlib_msgs::GoalID const>& event) {
           receiveCancel(event);
         });
   }
 
-  // empty, or why the message is dropped
-  std::string faultOf(const actionlib_msgs::GoalID& id) {
-    MessageCheck check;
-    check.name("goal_id.id", id.id).stamp("goal_id.stamp", id.stamp.toSec());
-    if (!check.good()) return check.text();
+  // Empty, or why a goal or a cancel is refused.
+  std::string refusalOf(const actionlib_msgs::GoalID& id) {
+    const std::string fault = faultOf(id);
+    if (!fault.empty()) return fault;
     const boost::recursive_mutex::scoped_lock lock(this->lock_);
-    if (this->status_list_.size() < kMostStatuses) return {};
-    return "more than " + std::to_string(kMostStatuses) + " goals within some seconds";
-  }
-
-  // Stamps from the future count as now: what was cancelled "up to" them would stay so for ever.
-  template <class Message, class Edit>
-  boost::shared_ptr<const Message> notFromFuture(const boost::shared_ptr<const Message>& message,
-                                                 const Edit& stampOf) {
-    const ros::Time now = ros::Time::now();
-    if (stampOf(*message) <= now) return message;
-    const auto copy = boost::make_shared<Message>(*message);
-    const_cast<ros::Time&>(stampOf(*copy)) = now;
-    return copy;
+    if (this->status_list_.size() < kMaxStatuses) return {};
+    return "more than " + std::to_string(kMaxStatuses) + " goals within some seconds";
   }
 
   void receiveGoal(const ros::MessageEvent<ActionGoal const>& event) {
     guarded(goal_sub_.getTopic(), [&] {
-      const std::string fault = faultOf(event.getConstMessage()->goal_id);
+      const std::string fault = refusalOf(event.getConstMessage()->goal_id);
       if (!fault.empty()) {
         IncomingLog::ofThisProcess().refuse(goal_sub_.getTopic(), event.getPublisherName(), fault);
         return;
@@ -151,7 +206,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
           event.getConstMessage(),
           [](const auto& m) -> const ros::Time& { return m.goal_id.stamp; });
       {
-        // the clock was set back since a cancel
+        // the clock was set back after a cancel
         const boost::recursive_mutex::scoped_lock lock(this->lock_);
         if (this->last_cancel_ > ros::Time::now()) this->last_cancel_ = ros::Time();
       }
@@ -161,7 +216,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
 
   void receiveCancel(const ros::MessageEvent<actionlib_msgs::GoalID const>& event) {
     guarded(cancel_sub_.getTopic(), [&] {
-      const std::string fault = faultOf(*event.getConstMessage());
+      const std::string fault = refusalOf(*event.getConstMessage());
       if (!fault.empty()) {
         IncomingLog::ofThisProcess().refuse(cancel_sub_.getTopic(), event.getPublisherName(),
                                             fault);
@@ -169,7 +224,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
       }
       Base::cancelCallback(notFromFuture<actionlib_msgs::GoalID>(
           event.getConstMessage(), [](const auto& m) -> const ros::Time& { return m.stamp; }));
-      // a cancel that comes before its goal is remembered for a while, not for ever
+      // a cancel that arrives before its goal is remembered for kStatusTime
       const boost::recursive_mutex::scoped_lock lock(this->lock_);
       for (auto& tracker : this->status_list_) {
         if (tracker.handle_tracker_.expired()) tracker.handle_destruction_time_ = ros::Time::now();
@@ -183,7 +238,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     message.header.stamp = ros::Time::now();
     message.status = status;
     message.result = result;
-    result_pub_.publish(message);
+    pubs_.result.publish(message);
     publishStatus();
   }
 
@@ -193,7 +248,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     message.header.stamp = ros::Time::now();
     message.status = status;
     message.feedback = feedback;
-    feedback_pub_.publish(message);
+    pubs_.feedback.publish(message);
   }
 
   void publishStatus() override {
@@ -205,10 +260,10 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     for (auto it = this->status_list_.begin(); it != this->status_list_.end();) {
       message.status_list.push_back(it->status_);
       const ros::Time ended = it->handle_destruction_time_;
-      const bool old = !ended.isZero() && std::abs((now - ended).toSec()) > kStatusLife;
+      const bool old = !ended.isZero() && std::abs((now - ended).toSec()) > kStatusTime;
       it = old ? this->status_list_.erase(it) : std::next(it);
     }
-    status_pub_.publish(message);
+    pubs_.status.publish(message);
   }
 
   // ---- one goal at a time ----
@@ -221,58 +276,20 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
       goal.setRejected(Result(), text);
       return;
     }
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (next_) next_->setCanceled(Result(), "another goal came");
-    next_ = goal;
-    next_cancelled_ = false;
-    if (current_) preempted_ = true;
-    changed_.notify_all();
-  }
-
-  void onCancel(Handle goal) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (current_ && goal == *current_) preempted_ = true;
-    if (next_ && goal == *next_) next_cancelled_ = true;
-  }
-
-  void loop() {
-    std::unique_lock<std::mutex> lock(mutex_);
-    while (true) {
-      changed_.wait(lock, [this] { return stopping_ || next_; });
-      if (stopping_) return;
-      current_.swap(next_);
-      next_.reset();
-      preempted_ = std::exchange(next_cancelled_, false);
-      Handle goal = *current_;
-      lock.unlock();
-      goal.setAccepted("accepted");
-      std::string failure = "the goal ended without a result";
-      try {
-        execute_(goal.getGoal());
-      } catch (const std::exception& error) {
-        failure = error.what();
-        IncomingLog::ofThisProcess().caught(nh_.getNamespace(), failure);
-      }
-      const auto status = goal.getGoalStatus().status;
-      if (status == Status::ACTIVE || status == Status::PREEMPTING) {
-        goal.setAborted(Result(), failure);
-      }
-      lock.lock();
-      current_.reset();
+    if (std::optional<Handle> replaced = goals_.push(goal)) {
+      replaced->setCanceled(Result(), "another goal came");
     }
   }
 
   ros::NodeHandle nh_;
   const Execute execute_;
-  ros::Publisher result_pub_, feedback_pub_, status_pub_;
+  struct {
+    ros::Publisher result, feedback, status;
+  } pubs_;
   ros::Subscriber goal_sub_, cancel_sub_;
   ros::WallTimer status_timer_;
-
-  mutable std::mutex mutex_;
-  std::condition_variable changed_;
-  std::optional<Handle> current_, next_;
-  bool preempted_ = false, next_cancelled_ = false, stopping_ = false;
-  std::thread thread_;  // last: what it uses is there before and after
+  GoalQueue<Handle> goals_;
+  std::thread thread_;  // last: uses the other members
 };
 
 }  // namespace assembly_cell::ros_bridge

@@ -14,8 +14,8 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Frames of tf, see docs/reference/conventions.md. Those of the truth leave the simulator with
-/// ~publish_truth only.
+/// Frames of tf, see docs/reference/conventions.md. The simulator publishes those of the
+/// ground truth with ~publish_truth only.
 constexpr char kWorldFrame[] = "world";
 constexpr char kHoleFrame[] = "hole";
 constexpr char kCarrierBaseFrame[] = "carrier_base";
@@ -25,15 +25,15 @@ constexpr char kHoleEstimatedFrame[] = "hole_estimated";
 constexpr char kHoleTruthFrame[] = "hole_truth";
 constexpr char kPegTruthFrame[] = "peg_truth";
 
-/// Length of the queue of a topic on which every message counts.
+/// Length of the queue of a topic that must lose no message.
 constexpr std::uint32_t kQueue = 100;
-/// What a stamp is rounded by at the most, of a sample's period.
+/// Largest rounding of a stamp, as a fraction of a sample's period.
 constexpr double kSampleRounding = 0.01;
 
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 geometry_msgs::Vector3 toVector3(const Eigen::Vector3d& v);
 
-/// Quaternions on the wire are unit, with w ≥ 0.
+/// Quaternions in messages have norm 1 and w ≥ 0.
 geometry_msgs::Pose toPose(const Pose& X);
 geometry_msgs::PoseStamped poseStamped(const std::string& frame, const Pose& X,
                                        const ros::Time& stamp);

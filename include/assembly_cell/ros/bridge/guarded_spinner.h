@@ -10,8 +10,8 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Calls what is in a callback queue, as ros::AsyncSpinner does, but a callback that throws ends
-/// neither the thread nor the process: the exception is logged and counted (IncomingLog).
+/// Calls the callbacks of a queue, as ros::AsyncSpinner, but an exception of a callback ends
+/// neither the thread nor the process: it is logged and counted (IncomingLog).
 class GuardedSpinner {
  public:
   explicit GuardedSpinner(unsigned threads, ros::CallbackQueue* queue = nullptr);
@@ -20,9 +20,9 @@ class GuardedSpinner {
   GuardedSpinner& operator=(const GuardedSpinner&) = delete;
 
   void start();
-  /// Returns once no callback is under way.
+  /// Returns once no callback is running.
   void stop();
-  /// Returns once ROS has been shut down, and no callback is under way.
+  /// Returns once ROS has been shut down and no callback is running.
   void wait();
 
  private:

@@ -16,8 +16,8 @@
 #include "assembly_cell/ros/bridge/parameters.h"
 
 // Parameters that may change while a node runs, for the clients of dynamic_reconfigure. Its server
-// isn't used: it cuts what is out of range without a word, takes NaN, and applies one half of a
-// request whose other half is unknown. See docs/reference/interfaces.md.
+// isn't used: it silently limits values to their range, accepts NaN, and applies the known part of
+// a request with unknown names. See docs/reference/interfaces.md.
 namespace assembly_cell::ros_bridge {
 
 /// A parameter that may change while the node runs.
@@ -25,9 +25,9 @@ struct LiveSetting {
   std::string name;         ///< relative to the node
   std::string description;  ///< unit, and from when on a change holds
   Range range;
-  double value = 0.0;        ///< in force; of a switch 0 or 1
+  double value = 0.0;        ///< active; of a switch 0 or 1
   bool is_switch = false;    ///< true or false
-  bool lowers_only = false;  ///< range.high is the value at the start: more is cut to it
+  bool lowers_only = false;  ///< range.high is the value at the start and limits the value
 };
 using LiveValues = std::vector<LiveSetting>;
 
@@ -47,25 +47,25 @@ void put(const LiveValues& values, const FieldList& fields);
 /// Throws std::logic_error where there is none of the name.
 double valueOf(const LiveValues& values, std::string_view name);
 
-/// What a request comes to.
+/// Result of a request.
 struct LiveChange {
   LiveValues values;    ///< with it; as before where it is refused
-  std::string refusal;  ///< one line; empty: taken
-  std::string cut;      ///< what was cut to its bound, one line; empty: nothing
+  std::string refusal;  ///< one line; empty: accepted
+  std::string cut;      ///< value that was limited to its bound, one line; empty: none
 };
 
-/// A request is taken as a whole or not at all. Refused are a name that is unknown, not live or
-/// given twice, another kind of value, NaN and what is out of range. `prefix` of the names in the
+/// Applies a request as a whole or not at all. Refused are a name that is unknown, not live or
+/// given twice, another kind of value, NaN and a value out of range. `prefix` of the names in the
 /// lines: the node with a slash. `restart`: parameters that need a restart of the node.
-LiveChange judge(const LiveValues& values, const dynamic_reconfigure::Config& request,
-                 const std::string& prefix, const std::set<std::string>& restart);
+LiveChange applied(const LiveValues& values, const dynamic_reconfigure::Config& request,
+                   const std::string& prefix, const std::set<std::string>& restart);
 
 /// The node's `~set_parameters`, `~parameter_descriptions` and `~parameter_updates`. A request
-/// changes what now() and number() give, nothing else: the node asks where a change is safe. What
-/// is in force goes to the parameter server, too, so that a node that is started again keeps it.
+/// changes only now() and number(), which the node reads where a change is safe. Active values are
+/// set on the parameter server, too, so that a restarted node keeps them.
 class LiveSettings {
  public:
-  /// Throws InputError where the values don't go together; that refuses a request.
+  /// Throws InputError if the values contradict each other; that refuses a request.
   using Check = std::function<void(const LiveValues&)>;
 
   /// `restart`: all other parameters of the node.
@@ -79,8 +79,8 @@ class LiveSettings {
  private:
   friend struct LiveCall;
 
-  /// Empty, or why it is refused. In a thread of its own: the node's data never waits.
-  std::string take(const dynamic_reconfigure::Config& request, const std::string& caller);
+  /// Empty, or why it is refused. In a thread of its own: the node's data never wait.
+  std::string apply(const dynamic_reconfigure::Config& request, const std::string& caller);
   void describe();
 
   ros::CallbackQueue queue_;  ///< first: publishers and service leave it when they end

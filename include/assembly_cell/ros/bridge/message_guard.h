@@ -43,12 +43,13 @@
 #include <utility>
 
 #include "assembly_cell/guard/message_check.h"
+#include "assembly_cell/ros/bridge/incoming_log.h"
 #include "assembly_cell/ros/bridge/stream_subscriber.h"
 
 namespace assembly_cell::ros_bridge {
 
-// What a message may hold: finite numbers in their ranges, whole samples, stamps that can be added
-// to. A good one costs no allocation.
+// Checks of messages: finite numbers in their ranges, whole samples, stamps that can be added to.
+// Without allocation for a valid message.
 MessageCheck check(const StrainSamples& message);
 MessageCheck check(const WrenchSamples& message);
 MessageCheck check(const DisplacementSamples& message);
@@ -62,7 +63,7 @@ MessageCheck check(const LocusEstimate& message);
 MessageCheck check(const ContactArray& message);
 MessageCheck check(const AlignmentReport& message);
 MessageCheck check(const TwinForceState& message);
-// of goals only what their nodes can't answer in words
+// of goals only what their nodes don't answer themselves
 MessageCheck check(const AlignPegGoal& goal);
 MessageCheck check(const AssemblePegGoal& goal);
 MessageCheck check(const CalibrateSensorsGoal& goal);
@@ -70,7 +71,7 @@ MessageCheck check(const IdentifyGoal& goal);
 MessageCheck check(const IdentifyLocusGoal& goal);
 MessageCheck check(const MoveToContactGoal& goal);
 MessageCheck check(const RetreatGoal& goal);
-// what a goal tells while it runs
+// feedback of goals
 MessageCheck check(const AlignPegActionFeedback& message);
 MessageCheck check(const AssemblePegActionFeedback& message);
 MessageCheck check(const geometry_msgs::PoseStamped& message);
@@ -80,77 +81,29 @@ MessageCheck check(const sensor_msgs::JointState& message);
 MessageCheck check(const trajectory_msgs::JointTrajectory& message);
 MessageCheck check(const CarrierMotion& message);
 
-/// `stamp` moved by `seconds`, at the ends of what a stamp can hold if it would leave them.
+/// `stamp` + `seconds`, limited to the range of stamps.
 ros::Time later(const ros::Time& stamp, double seconds);
 
-/// What this process has refused and survived, for its log and its diagnostics.
-class IncomingLog {
+/// Filter of a stream of blocks or poses. A stream has one publisher: messages of others are
+/// refused until the first one has been silent for 5 s; in lockstep, where the plant may stand
+/// still, for a minute. Its stamps follow one another (StampWindow).
+class StreamFilter {
  public:
-  struct Figures {
-    std::uint64_t refused = 0;  ///< messages
-    std::uint64_t caught = 0;   ///< exceptions of callbacks
-    std::string last;           ///< in words; empty: nothing yet
-  };
-  static IncomingLog& ofThisProcess();
-
-  /// Counts, and warns at most once a second for a topic.
-  void refuse(const std::string& topic, const std::string& publisher, const std::string& why);
-  void caught(const std::string& where, const std::string& what);
-  Figures figures() const;
+  explicit StreamFilter(bool lockstep = false);
+  /// Both return an empty text, or why the message is refused.
+  std::string checkPublisher(const std::string& publisher);
+  std::string checkStamp(const ros::Time& stamp);
 
  private:
-  bool due(const std::string& topic);
-
-  mutable std::mutex mutex_;
-  Figures figures_;
-  std::map<std::string, ros::WallTime> warned_;  // by topic or place
-};
-
-/// Publishes the figures of the log once a second of wall time, as the status "<node>: messages".
-class IncomingDiagnostics {
- public:
-  explicit IncomingDiagnostics(ros::NodeHandle& nh);
-
- private:
-  void publish();
-
-  ros::Publisher pub_;
-  ros::WallTimer timer_;
-  std::uint64_t told_ = 0;  // refused and caught, so far
-};
-
-/// Runs `what`; an exception is logged and counted, not passed on. False if there was one.
-template <class What>
-bool guarded(const std::string& where, const What& what) {
-  try {
-    what();
-    return true;
-  } catch (const std::exception& error) {
-    IncomingLog::ofThisProcess().caught(where, error.what());
-    return false;
-  }
-}
-
-/// The door of a stream of blocks or poses. A stream has one publisher: who comes in between is a
-/// stranger, until the first one has been silent for 5 s; in lockstep, where a plant may stand,
-/// for a minute. Its stamps follow one another (StampWindow).
-class StreamDoor {
- public:
-  explicit StreamDoor(bool lockstep = false);
-  // Empty, or why the message is refused.
-  std::string judgePublisher(const std::string& publisher);
-  std::string judgeStamp(const ros::Time& stamp);
-
- private:
-  double silence_;  // of a publisher that has gone, wall clock [s]
+  double silence_;  // after which another publisher is accepted, wall clock [s]
   StampWindow window_;
   std::string publisher_;
-  ros::WallTime heard_;
+  ros::WallTime received_;
 };
 
-/// Hands a message on, with the name of its publisher where the callback takes that.
+/// Calls `callback` with the message, and with the name of its publisher if it takes that.
 template <class Message, class Callback>
-void hand(const Callback& callback, const ros::MessageEvent<Message const>& event) {
+void deliver(const Callback& callback, const ros::MessageEvent<Message const>& event) {
   const auto message = event.getConstMessage();
   if constexpr (std::is_invocable_v<Callback, decltype(message), std::string>) {
     callback(message, event.getPublisherName());
@@ -159,8 +112,8 @@ void hand(const Callback& callback, const ros::MessageEvent<Message const>& even
   }
 }
 
-/// A subscription that gives `callback` (of a shared pointer, or of that and the publisher's name)
-/// what check() passes. What it throws ends no process.
+/// Subscription whose messages pass check() before `callback` gets them (a shared pointer, or that
+/// and the publisher's name). Exceptions of the callback are logged and counted.
 template <class Message, class Callback>
 ros::Subscriber subscribeChecked(ros::NodeHandle& nh, const std::string& topic, std::uint32_t queue,
                                  Callback callback,
@@ -173,43 +126,44 @@ ros::Subscriber subscribeChecked(ros::NodeHandle& nh, const std::string& topic, 
       IncomingLog::ofThisProcess().refuse(name, event.getPublisherName(), found.text());
       return;
     }
-    guarded(name, [&] { hand(callback, event); });
+    guarded(name, [&] { deliver(callback, event); });
   };
   return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(), hints);
 }
 
-/// For what the publisher of a stream has sent and the node can't use, with the reason.
+/// Callback for a refused message of the stream's publisher, with the reason.
 template <class Message>
 using Unusable = std::function<void(const Message&, const std::string&)>;
 
-/// The same of a stream of blocks or poses. `unusable`: a lockstep goes on after that, too.
+/// The same of a stream of blocks or poses. `unusable`: in lockstep such a block must be
+/// acknowledged, too.
 template <class Message, class Callback>
 StreamSubscriber subscribeStream(ros::NodeHandle& nh, const std::string& topic, std::uint32_t queue,
                                  Callback callback, const Unusable<Message>& unusable = nullptr,
                                  bool lockstep = false) {
   using Event = ros::MessageEvent<Message const>;
   const std::string name = nh.resolveName(topic);
-  const auto door = std::make_shared<StreamDoor>(lockstep);
-  const auto heard = std::make_shared<std::atomic<bool>>(false);
+  const auto filter = std::make_shared<StreamFilter>(lockstep);
+  const auto received = std::make_shared<std::atomic<bool>>(false);
   const boost::function<void(const Event&)> receive = [=](const Event& event) {
     const auto message = event.getConstMessage();
-    std::string why = door->judgePublisher(event.getPublisherName());
-    const bool stranger = !why.empty();
-    if (!stranger) *heard = true;
+    std::string why = filter->checkPublisher(event.getPublisherName());
+    const bool is_unknown = !why.empty();
+    if (!is_unknown) *received = true;
     if (why.empty()) why = check(*message).text();
-    if (why.empty()) why = door->judgeStamp(message->header.stamp);
+    if (why.empty()) why = filter->checkStamp(message->header.stamp);
     if (!why.empty()) {
       IncomingLog::ofThisProcess().refuse(name, event.getPublisherName(), why);
-      if (unusable && !stranger) guarded(name, [&] { unusable(*message, why); });
+      if (unusable && !is_unknown) guarded(name, [&] { unusable(*message, why); });
       return;
     }
-    guarded(name, [&] { hand(callback, event); });
+    guarded(name, [&] { deliver(callback, event); });
   };
   const auto subscribe = [nh, topic, queue, receive]() mutable {
     return nh.subscribe<Message, const Event&>(topic, queue, receive, ros::VoidConstPtr(),
                                                ros::TransportHints().tcpNoDelay());
   };
-  return StreamSubscriber(nh, subscribe, heard, lockstep);
+  return StreamSubscriber(nh, subscribe, received, lockstep);
 }
 
 }  // namespace assembly_cell::ros_bridge

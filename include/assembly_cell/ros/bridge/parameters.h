@@ -46,16 +46,17 @@ class Parameters {
   /// A map of values of any kind, for a reader with rules of its own; an empty one where it's
   /// missing.
   YAML::Node tree(const std::string& name);
-  /// Counts as asked for: somebody else reads it.
-  void tell(const std::string& name) { asked_.insert(name); }
-  /// All that was asked for so far.
-  const std::set<std::string>& asked() const { return asked_; }
-  /// Does `name` hold a map?
+  /// Marks a parameter as known: it is read elsewhere.
+  void markKnown(const std::string& name) { known_.insert(name); }
+  /// Parameters that were read so far.
+  const std::set<std::string>& known() const { return known_; }
+  /// Is `name` a map?
   bool isTree(const std::string& name) const;
 
-  /// Throws for the first parameter of the namespace that none of the calls above has asked for and
-  /// that is not in `others`: a slip of the pen must not pass as a default. Nor must a parameter of
-  /// the node that its command line gives without the underscore, which renames a topic.
+  /// Throws InputError for the first parameter of the namespace that none of the calls above has
+  /// read and that is not in `others`: a misspelt name must not become a default. Also for a
+  /// parameter of the node that its command line gives without the underscore: that renames a
+  /// topic.
   void refuseUnknown(const std::set<std::string>& others = {}) const;
 
  private:
@@ -63,7 +64,7 @@ class Parameters {
   std::optional<XmlRpc::XmlRpcValue> find(const std::string& name, bool required);
 
   ros::NodeHandle nh_;
-  std::set<std::string> asked_;
+  std::set<std::string> known_;
 };
 
 }  // namespace assembly_cell::ros_bridge

@@ -12,7 +12,7 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// An object whose class may be another package's.
+/// An object whose class may be in another package.
 template <class Base>
 struct PlugIn {
   std::shared_ptr<void> loader;  ///< keeps its library; destroyed after the object
@@ -20,8 +20,8 @@ struct PlugIn {
 };
 
 /// The class `type` that a package exports through pluginlib for the base class assembly_cell::NAME
-/// (`base`). Throws InputError: nobody exports it (with the `known` ones and those of other
-/// packages), or it can't be loaded; `name` is the parameter that asks for it.
+/// (`base`). Throws InputError if no package exports it (the text lists `known` and exported ones)
+/// or it can't be loaded; `name`: the parameter that selects it.
 template <class Base>
 PlugIn<Base> loadPlugIn(const std::string& base, const std::string& type, const std::string& name,
                         const std::vector<std::string>& known) {

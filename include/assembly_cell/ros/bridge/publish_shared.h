@@ -14,28 +14,27 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Publishes a message that subscribers in this process get as it is, not written to bytes and read
-/// again. Nobody may change it any more. Its header.seq is what it says there: ROS counts only what
-/// it writes to bytes.
+/// Publishes a message that subscribers in this process share, without serialization; it must not
+/// be changed any more. Its header.seq stays: ROS sets that of serialized messages only.
 template <class Message>
 void publishShared(const ros::Publisher& publisher, Message message) {
   publisher.publish(boost::make_shared<Message>(std::move(message)));
 }
 
-/// The same for a topic that gives the latest message to who connects, as a latched one does. ROS
-/// writes each message of a latched topic to bytes, whether anybody outside of the process wants it
-/// or not; this one does so where somebody connects. It may come to that one twice. A process
-/// connects to a topic once: its second subscription hears what comes from then on, so whatever it
-/// can't do without must be said again until it answers.
+/// The same for a latched topic, whose latest message new subscribers receive. ROS serializes each
+/// message of a latched topic, even without subscribers in other processes; this class does so when
+/// one connects, which may receive the message twice. A process connects to a topic once: its
+/// second subscription receives only later messages, so what it needs must be repeated until it
+/// answers.
 template <class Message>
 class LatestPublisher {
  public:
   using ConstPtr = boost::shared_ptr<Message const>;
 
-  /// Of no topic: there is nobody to publish to.
+  /// Of no topic: publish() does nothing.
   LatestPublisher() = default;
 
-  /// latest: false for a topic that gives only what comes.
+  /// latest: false for a topic that isn't latched.
   LatestPublisher(ros::NodeHandle nh, const std::string& topic, std::uint32_t queue,
                   bool latest = true)
       : state_(std::make_shared<State>()) {
@@ -44,14 +43,14 @@ class LatestPublisher {
       return;
     }
     const std::weak_ptr<State> of_this = state_;
-    const auto greet = [of_this](const ros::SingleSubscriberPublisher& who) {
+    const auto on_connect = [of_this](const ros::SingleSubscriberPublisher& subscriber) {
       const std::shared_ptr<State> state = of_this.lock();
       if (!state) return;
-      // an older one never comes after a newer one
+      // no older message arrives after a newer one
       const std::lock_guard<std::mutex> lock(state->mutex);
-      if (state->message) who.publish(*state->message);
+      if (state->message) subscriber.publish(*state->message);
     };
-    publisher_ = nh.advertise<Message>(topic, queue, greet);
+    publisher_ = nh.advertise<Message>(topic, queue, on_connect);
   }
 
   void publish(ConstPtr message) {

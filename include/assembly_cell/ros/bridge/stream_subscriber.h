@@ -10,18 +10,17 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// The subscription of a stream. In lockstep it is made anew while nothing comes in. ROS connects
-/// to a publisher once: one that is started anew at its predecessor's address, as a port may be
-/// given out twice, is taken for that one and never heard. Blocks are latched and said again until
-/// they are answered, so nothing gets lost meanwhile.
+/// Subscription of a stream. In lockstep it is renewed while no message arrives: ROS connects to a
+/// publisher's address once, and doesn't connect again to a restarted publisher that got the same
+/// port. Blocks are latched and repeated until they are acknowledged, so none is lost meanwhile.
 class StreamSubscriber {
  public:
   using Subscribe = std::function<ros::Subscriber()>;
 
   StreamSubscriber() = default;
-  /// heard: set by the subscription's callback, by what is of the stream's publisher.
+  /// received: set by the subscription's callback for messages of the stream's publisher.
   StreamSubscriber(ros::NodeHandle& nh, Subscribe subscribe,
-                   std::shared_ptr<std::atomic<bool>> heard, bool lockstep);
+                   std::shared_ptr<std::atomic<bool>> received, bool lockstep);
   void shutdown() { connection_.reset(); }
   /// Its resolved name; empty after shutdown().
   std::string topic() const { return connection_ ? connection_->sub.getTopic() : std::string(); }
@@ -29,11 +28,11 @@ class StreamSubscriber {
  private:
   struct Connection {
     ~Connection();
-    void look();
+    void check();
 
     Subscribe subscribe;
-    std::shared_ptr<std::atomic<bool>> heard;
-    int silent = 0, patience = 0;  // looks
+    std::shared_ptr<std::atomic<bool>> received;
+    int silent = 0, patience = 0;  // checks
     ros::Subscriber sub;
     ros::WallTimer timer;
   };

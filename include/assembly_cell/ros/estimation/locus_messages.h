@@ -10,7 +10,7 @@ namespace assembly_cell::ros_bridge {
 
 ExciterParameters exciterOf(const Exciter& message);
 
-/// A reading on the wire, all but its header and its refusal (the action's message), and back.
+/// Message of a measurement, without its header and its refusal (the action's message), and back.
 /// frequency: of the exciter [rad/s].
 LocusEstimate toLocusEstimate(const LocusReading& reading, double frequency);
 LocusReading fromLocusEstimate(const LocusEstimate& message);

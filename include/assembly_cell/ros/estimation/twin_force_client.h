@@ -17,22 +17,22 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// On the wire.
+/// Message of a task.
 ContactTask contactTask(const TwinForceTask& task);
 
-/// The running twin_force_estimator, as a strategy asks for it. Windows go to it as times of the
-/// cell: it averages the blocks that the strategy means from its own streams. Every call ends
-/// within a timeout, and is said once more when the connection was lost before the answer: said
-/// twice counts once. PlantError names the node when there is no answer, and when it doesn't know
-/// of what it was told before (it was started anew, or somebody else uses it).
+/// Client of twin_force_estimator, for strategies. A window is sent as cell time: the node averages
+/// the same blocks of its own streams. Every call ends within a timeout; it is repeated once if the
+/// connection was lost before the answer, which the node recognizes. PlantError names the node if
+/// there is no answer, or if its contacts, task or zero are not those of the earlier calls (it was
+/// restarted, or another client uses it).
 class TwinForceClient : public TwinForceSensing {
  public:
   struct Settings {
     double timeout = 10.0;                      ///< of every call, wall clock [s]
-    double patience = 0.3;                      ///< then the node is looked for [s wall]
-    double answer_within = 0.2;                 ///< of the node to that question [s wall]
+    double patience = 0.3;                      ///< before the node is looked for [s wall]
+    double answer_within = 0.2;                 ///< for the node to respond then [s wall]
     std::function<ros::Time(double)> stamp_of;  ///< of a time on the plant's clock [s]
-    std::function<bool()> cancelled;            ///< the call is given up
+    std::function<bool()> cancelled;            ///< ends a call
   };
   TwinForceClient(const ros::NodeHandle& nh, const Settings& settings)
       : nh_(nh), settings_(settings) {}
@@ -43,10 +43,9 @@ class TwinForceClient : public TwinForceSensing {
   TwinForceSolution solve() override;
   ReachableContact advise() override;
 
-  /// The node that is being asked and isn't there any more: " (no service ...: is it running?)";
-  /// else empty. For whoever waits for blocks in vain.
+  /// " (no service ...: is it running?)" if the node that is in use has ended; else empty.
   std::string complaint() const;
-  void release() { begun_ = false; }  ///< the strategy is through
+  void release() { begun_ = false; }  ///< the strategy has ended
 
  private:
   template <class Service>
@@ -61,17 +60,17 @@ class TwinForceClient : public TwinForceSensing {
   bool wait(double limit, const std::function<bool(double patience)>& ready);
   bool waitUntilFree(double limit);
   void lookForNode(const std::string& service, bool may_be_starting = false) const;
-  void checkMemory(const TwinForceState& state) const;
+  void checkState(const TwinForceState& state) const;
 
   ros::NodeHandle nh_;
   Settings settings_;
   bool begun_ = false;
-  // what the node was told since begin()
+  // what the node has, by the calls since begin()
   ContactTask task_;
   std::uint32_t zero_blocks_ = 0;  ///< of the latest zero
   std::size_t contacts_ = 0;
-  TwinForceState state_;         ///< as of the last solve()
-  std::future<void> under_way_;  ///< a call that may still be waiting for its answer
+  TwinForceState state_;    ///< as of the last solve()
+  std::future<void> call_;  ///< that may still be waiting for its answer
 };
 
 }  // namespace assembly_cell::ros_bridge

@@ -6,9 +6,9 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Answers a node's command line before it looks for a master. Arguments with := are ROS's own;
-/// --help prints where the node's parameters are described, anything else is refused in one line.
-/// Returns the exit code (0, 2), or nothing where the node is to run.
+/// Handles a node's command line before it connects to a master. Arguments with := are ROS's own;
+/// --help prints where the node's parameters are described, others are refused in one line. Returns
+/// the exit code (0, 2), or nothing if the node is to run.
 std::optional<int> answerCommandLine(int argc, char** argv, const std::string& node);
 
 }  // namespace assembly_cell::ros_bridge

@@ -8,21 +8,21 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// The nodes that share this process as nodelets: how they end together, as a launch of processes
-/// does in which each is required. Thread-safe.
+/// The end of the nodes that share this process as nodelets: they end together, as a launch in
+/// which each node is required. Thread-safe.
 class HostedNodes {
  public:
   static HostedNodes& ofThisProcess();
 
-  /// `node` can't begin: one line says why, and the process is asked to end.
+  /// `node` can't start: logs the reason in one line and requests the end of the process.
   void fail(const std::string& node, const std::string& why);
   bool failed() const;
 
-  /// `stop` ends what the node does, while it can still publish. Returns its number.
+  /// `stop` ends the node's activity while it can still publish. Returns its number.
   int add(std::function<void()> stop);
-  /// Calls it, unless it has been called.
+  /// Calls it, once.
   void stop(int number);
-  /// Of all nodes: while each of them still runs.
+  /// Calls all of them, while every node still runs.
   void stopAll();
 
   /// A node has ended with this code.

@@ -16,16 +16,16 @@
 #include <utility>
 
 #include "assembly_cell/ros/bridge/guarded_spinner.h"
-#include "assembly_cell/ros/bridge/message_guard.h"
+#include "assembly_cell/ros/bridge/incoming_log.h"
 #include "assembly_cell/ros/process/command_line.h"
 
 namespace assembly_cell::ros_bridge {
 
-/// For a master that isn't there, before a node gives up: wall clock [s].
-constexpr double kMasterPatience = 1.0;
+/// Wait for a ROS master, wall clock [s].
+constexpr double kMasterTimeout = 1.0;
 
-/// While roslaunch may still be starting other nodes: wall clock [s]. For a cell it needs 0.2 to
-/// 0.5 s beside three busy programs on two cores, 0.7 s beside eight.
+/// Time in which roslaunch may still be starting other nodes, wall clock [s]. A cell takes 0.2 to
+/// 0.5 s with three busy programs on two cores, 0.7 s with eight.
 constexpr double kLaunching = 2.0;
 
 /// True when Node has exitCode().
@@ -41,40 +41,40 @@ struct HasStop : std::false_type {};
 template <class Node>
 struct HasStop<Node, std::void_t<decltype(std::declval<Node>().stop())>> : std::true_type {};
 
-/// Waits for ROS's shutdown, or for SIGINT or SIGTERM, which a node with stop() takes for itself.
+/// Waits for ROS's shutdown, or for SIGINT or SIGTERM, which a node with stop() handles itself.
 inline void waitForSignal() {
-  static std::atomic<bool> asked{false};
+  static std::atomic<bool> received{false};
   struct sigaction action = {};
-  action.sa_handler = [](int) { asked = true; };
+  action.sa_handler = [](int) { received = true; };
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  while (ros::ok() && !asked) ros::WallDuration(0.02).sleep();
+  while (ros::ok() && !received) ros::WallDuration(0.02).sleep();
 }
 
-/// Of a command line that ROS hasn't taken its own arguments from.
+/// Of a command line with ROS's own arguments.
 inline bool isFromRoslaunch(int argc, char** argv) {
   return std::any_of(argv, argv + argc, [](const char* argument) {
-    return std::string_view(argument).substr(0, 7) == "__log:=";  // roslaunch alone gives it
+    return std::string_view(argument).substr(0, 7) == "__log:=";  // only roslaunch sets it
   });
 }
 
-/// Runs a node until shutdown: Node(nh, pnh), spun by Node::kThreads threads. No exception of a
-/// callback ends it; its diagnostics tell what it has refused and survived. Returns 1 with one line
-/// on standard error when there is no master or the construction throws; otherwise exitCode() if
-/// the node has one, or 0; 0 or 2 for a command line that is answered by itself. A node that has
-/// stop() is stopped by SIGINT or SIGTERM while it can still publish.
+/// Runs a node until shutdown: Node(nh, pnh), spun by Node::kThreads threads. Exceptions of
+/// callbacks don't end it; they are in its diagnostics, with refused messages. Returns 1 with one
+/// line on standard error if there is no master or the construction throws; otherwise exitCode() if
+/// the node has one, or 0; 0 or 2 for arguments like --help. A node with stop() is stopped by
+/// SIGINT or SIGTERM while it can still publish.
 template <class Node>
 int run(int argc, char** argv, const std::string& name) {
   const auto begin = std::chrono::steady_clock::now();
   const bool launched = isFromRoslaunch(argc, argv);
   if (const auto answered = answerCommandLine(argc, argv, name)) return *answered;
-  // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
+  // outlives the try block: without a handle ROS shuts down and logs nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
-    // parameters of the command line are set at once, without a master for ever
-    ros::master::setRetryTimeout(ros::WallDuration(kMasterPatience));
+    // parameters of the command line are set in ros::init, which waits for the master
+    ros::master::setRetryTimeout(ros::WallDuration(kMasterTimeout));
     ros::init(argc, argv, name, HasStop<Node>::value ? ros::init_options::NoSigintHandler : 0);
-    // a node handle would wait for the master for ever
+    // a node handle would wait for the master without a limit
     if (!ros::master::check()) {
       ROS_FATAL("%s: no ROS master at %s: start roscore or a launch file, or set ROS_MASTER_URI",
                 name.c_str(), ros::master::getURI().c_str());
@@ -90,7 +90,7 @@ int run(int argc, char** argv, const std::string& name) {
     if constexpr (HasStop<Node>::value) {
       waitForSignal();
       node.stop();
-      // what it said last is on its way
+      // its last messages are being sent
       ros::WallDuration(0.1).sleep();
     } else {
       spinner.wait();
@@ -100,8 +100,8 @@ int run(int argc, char** argv, const std::string& name) {
     return 0;
   } catch (const std::exception& error) {
     ROS_FATAL("%s: %s", name.c_str(), error.what());
-    // Roslaunch leaves its master, and what it has started, when a required node ends while others
-    // are still being started.
+    // if a required node ends during the start of others, roslaunch doesn't end those nor its
+    // master
     if (launched) std::this_thread::sleep_until(begin + std::chrono::duration<double>(kLaunching));
     return 1;
   }

@@ -6,24 +6,24 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Is a node there? Asked when its messages stay out, so that the answer can be told.
+/// State of a node whose messages are missing.
 enum class NodePresence {
-  kGone,       ///< the master knows it, nobody listens at its address any more
-  kMute,       ///< somebody does and doesn't answer: it is frozen, or its host is off
-  kListening,  ///< somebody does, and answers if that was asked
-  kUnknown,    ///< nobody publishes the topic, as far as the master knows
+  kGone,       ///< registered, but its address accepts no connection
+  kMute,       ///< accepts connections and doesn't respond: frozen, or its host is off
+  kListening,  ///< accepts connections, and responds if that was checked
+  kUnknown,    ///< no publisher of the topic is registered
 };
 
 struct TopicPublisher {
-  std::string topic;  ///< as it was asked for
+  std::string topic;  ///< as requested
   std::string node;   ///< empty: none; several with " and "
   NodePresence presence = NodePresence::kUnknown;
 };
 
-/// Who publishes these topics (resolved names), and is it there? Takes a few milliseconds, 0.2 s
-/// for a host that doesn't answer. Several publishers of a topic: those that are gone, otherwise
-/// those that are mute, otherwise all.
-/// answer_within: a node that is there must answer a question in this time; 0: it isn't asked [s].
+/// Publishers of topics (resolved names) and their state. Takes a few milliseconds, 0.2 s for a
+/// host that doesn't respond. Of several publishers of a topic: those that are gone, otherwise
+/// those that are mute, otherwise all. answer_within: time for a node to respond to a request [s];
+/// 0: none is sent.
 std::vector<TopicPublisher> publishersOf(const std::vector<std::string>& topics,
                                          double answer_within = 0.0);
 

@@ -8,7 +8,7 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// A nodelet to load, as a line names it: TYPE NAME [FROM:=TO ...].
+/// A nodelet to load, from a line TYPE NAME [FROM:=TO ...].
 struct NodeletLine {
   std::string type, name;
   ros::M_string remappings;
@@ -17,17 +17,17 @@ struct NodeletLine {
 NodeletLine parseNodeletLine(const std::string& line, const std::string& parameter);
 
 /// Node nodelet_manager: the nodes of a cell in one process. Loads the nodelets that ~nodelets
-/// names, in that order, and ends with an error when one of them can't begin or fails. Others may
-/// be loaded by the services of any nodelet manager. Interfaces: docs/reference/interfaces.md.
+/// names, in that order, and ends with an error if one of them can't start or fails. Others may be
+/// loaded by the services of any nodelet manager. Interfaces: docs/reference/interfaces.md.
 class NodeletManager {
  public:
-  /// Of the services.
+  /// Threads of the services.
   static constexpr unsigned kThreads = 1;
 
   /// Throws InputError for a bad parameter.
   NodeletManager(ros::NodeHandle& nh, ros::NodeHandle& pnh);
 
-  void stop();  ///< all nodes, the goals that are under way first
+  void stop();  ///< ends all nodes, their active goals first
   int exitCode() const;
 
  private:

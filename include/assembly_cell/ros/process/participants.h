@@ -14,33 +14,41 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Who must answer a block in lockstep before the next one begins, and how many commands have come
-/// in from whom. Participants in one process share its name: their commands are counted together.
-/// Not thread-safe.
+/// The name of `node` in the simulator's ~participants: relative to `root`, the cell's namespace.
+/// Outside of it, the whole name without the first slash. A node has the namespace of its private
+/// handle as its name: nodelets share the name of their process.
+std::string participantName(const std::string& root, const std::string& node);
+
+/// The node with the name `participant` in the cell of namespace `root`.
+std::string participantNode(const std::string& root, const std::string& participant);
+
+/// Nodes that acknowledge a block in lockstep before the next one begins, and the number of
+/// commands that have arrived from each. Participants in one process share its name: their commands
+/// are counted together. Not thread-safe.
 class Participants {
  public:
   /// root: the cell's namespace.
   explicit Participants(const std::vector<std::string>& names = {}, const std::string& root = "/");
 
   std::size_t size() const { return answers_.size(); }
-  /// All have answered at least once.
+  /// All have acknowledged at least once.
   bool allKnown() const;
-  /// Counts a command of a node; false for a repetition (latched messages may come twice).
+  /// Counts a command of a node; false for a repetition (latched messages may arrive twice).
   bool count(const std::string& publisher, const std::string& topic,
              const std_msgs::Header& header);
-  /// Block `sequence` goes out: nobody can have answered a later one.
+  /// Block `sequence` is published: later ones can't be acknowledged yet.
   void expect(std::uint32_t sequence) { newest_ = sequence; }
-  /// Takes an answer; empty, or why it doesn't count: of none of them, to a block that hasn't gone
-  /// out, or of another node. A participant is the node of its name; who has another name
-  /// (~name_in_lockstep) is the node that answered first.
+  /// Takes an acknowledgement; empty, or why it is refused: of no participant, of a block that
+  /// isn't published yet, or of another node. A participant is the node of its name; one with
+  /// another name (~name_in_lockstep) is the node that acknowledged first.
   std::string answer(const Ack& ack, const std::string& publisher);
-  /// Does this answer speak of a session? One that has none, of a participant that had none before,
-  /// says nothing of the session of another node of its process.
-  bool speaksOfSession(const Ack& ack);
-  /// All have answered block `sequence`, and their commands have come in.
+  /// Does this acknowledgement begin, keep or end a session of its participant? One without a
+  /// session says nothing of the session of another node of its process.
+  bool reportsSession(const Ack& ack);
+  /// All have acknowledged block `sequence`, and their commands have arrived.
   bool allAnswered(std::uint32_t sequence) const;
-  /// Those who have not answered block `sequence`, or whose commands have not all come in, with the
-  /// reason; empty when there are none.
+  /// Those who have not acknowledged block `sequence`, or whose commands have not all arrived, with
+  /// the reason; empty: none.
   std::string missing(std::uint32_t sequence) const;
 
  private:
@@ -53,13 +61,13 @@ class Participants {
     std::uint32_t commands = 0;
     std::map<std::string, std::pair<std::uint32_t, ros::Time>> last;  ///< seq, stamp by topic
   };
-  /// Of participants that have answered from `publisher`.
+  /// Commands by the acknowledgements of the participants of `publisher`.
   std::uint32_t claimedBy(const std::string& publisher) const;
   static bool hasAnswered(const Answer& answer, std::uint32_t sequence);
   bool commandsCameIn(const Answer& answer) const;
 
   std::string root_;
-  std::uint32_t newest_ = 0;               // block that has gone out
+  std::uint32_t newest_ = 0;               // published block
   std::map<std::string, Answer> answers_;  // the latest, by participant
   std::map<std::string, Sender> senders_;
 };

@@ -11,13 +11,13 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// Of a time in the past; 0 where it isn't. [s]
+/// Age of a stamp [s]; 0 for a stamp in the future.
 inline double age(const ros::Time& time) {
   return std::max(0.0, (ros::Time::now() - time).toSec());
 }
 
 /// ROS time (the system clock) of points of the steady clock. A step of the system clock is taken
-/// over at once and counted; an offset that was read while the process was held up isn't used.
+/// over at once and counted; an offset that was read while the process was interrupted isn't used.
 class RosClock {
  public:
   using Steady = std::chrono::steady_clock;

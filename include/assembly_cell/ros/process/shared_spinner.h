@@ -22,36 +22,34 @@ class SharedSpinner {
  public:
   static SharedSpinner& ofThisProcess();
   ~SharedSpinner();
-  SharedSpinner(const SharedSpinner&) = delete;
-  SharedSpinner& operator=(const SharedSpinner&) = delete;
 
-  /// A queue that tells the thread what comes in.
+  /// A queue that notifies the spinner of callbacks.
   class Queue : public ros::CallbackQueue {
    public:
     void addCallback(const ros::CallbackInterfacePtr& callback, std::uint64_t removal_id) override;
 
    private:
     friend class SharedSpinner;
-    std::atomic<bool> filled_{false};  ///< there may be something in it
+    std::atomic<bool> filled_{false};  ///< may have callbacks
   };
 
   void add(Queue* queue);
-  /// Returns once no callback of the queue is under way, and none comes any more.
+  /// Returns once no callback of the queue is running; none is called any more.
   void remove(Queue* queue);
 
-  /// Are there any queues?
+  /// Has it any queues?
   bool works() const { return works_; }
 
-  /// Who will have to wait for what callbacks do takes the thread's place: it sleeps until the last
-  /// of these has gone.
+  /// While a thread that waits for callbacks has a Helper, it calls them itself and the spinner's
+  /// thread sleeps.
   class Helper {
    public:
     Helper();
     ~Helper();
     Helper(const Helper&) = delete;
     Helper& operator=(const Helper&) = delete;
-    /// Calls what comes in until done() or the deadline, and returns done(). The caller must not
-    /// hold what a callback locks.
+    /// Calls callbacks until done() or the deadline, and returns done(). The caller must not own a
+    /// mutex that a callback locks.
     bool callUntil(const std::function<bool()>& done,
                    std::chrono::steady_clock::time_point deadline);
   };
@@ -59,28 +57,28 @@ class SharedSpinner {
  private:
   SharedSpinner() = default;
 
-  void tell();
+  void notify();
   void spin();
   void change(const std::function<void()>& what);
   void callEach();  ///< one callback of each queue that has any
 
   std::mutex calling_;            ///< held while callbacks run
-  std::atomic<int> changing_{0};  ///< who want it for something else
+  std::atomic<int> changing_{0};  ///< threads that wait for it in change()
   std::vector<Queue*> queues_;
   std::mutex mutex_;
-  std::condition_variable told_, helpers_told_;
-  bool news_ = false, stopping_ = false;
-  bool waiting_ = false;                   ///< the thread, for news
-  bool looks_ = false;                     ///< it does so for a moment only
-  bool helped_ = false;                    ///< somebody has since it last began to wait
-  int helpers_ = 0, helpers_waiting_ = 0;  ///< who do its work
+  std::condition_variable changed_, helpers_changed_;
+  bool pending_ = false, stopping_ = false;  ///< callbacks
+  bool waiting_ = false;                     ///< the thread waits for callbacks
+  bool checks_ = false;                      ///< it waits for one period only
+  bool helped_ = false;                      ///< there was a helper since it began to wait
+  int helpers_ = 0, helpers_waiting_ = 0;
   std::atomic<bool> works_{false};
   std::thread thread_;
 };
 
-/// To call `what` by way of a queue.
+/// A callback for a queue that calls `what`.
 ros::CallbackInterfacePtr callbackOf(std::function<void()> what);
-/// By which it can be taken out of the queue again.
+/// Number by which it can be removed from the queue.
 inline std::uint64_t removalId(const ros::CallbackInterfacePtr& callback) {
   return reinterpret_cast<std::uint64_t>(callback.get());
 }

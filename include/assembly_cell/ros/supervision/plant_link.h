@@ -1,8 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <geometry_msgs/PoseStamped.h>
-#include <geometry_msgs/WrenchStamped.h>
 #include <ros/ros.h>
 
 #include <cstdint>
@@ -13,84 +11,96 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/Exciter.h"
 #include "assembly_cell/PlantState.h"
-#include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
 
 namespace assembly_cell::ros_bridge {
 
-/// Holds the plant for a goal: a session with a lease, what the plant's guard says of it, and who
-/// or what spoils the goal: another commander, another life of the plant, a zero or a calibration
-/// that changes. Thread-safe; calls `changed` whenever there is news.
-class PlantLink {
+/// Detects what must not happen during a goal: commands of another node, and another zero or
+/// calibration of a sensor. Calls `fault` with one line that names it.
+class GoalDisturbances {
  public:
-  /// holder: the node that holds the plant by it, its whole name.
-  PlantLink(ros::NodeHandle& nh, const std::string& holder, bool lockstep,
-            std::function<void()> changed);
-  ~PlantLink();
-  PlantLink(const PlantLink&) = delete;
-  PlantLink& operator=(const PlantLink&) = delete;
-
-  bool isFree() const;            ///< no node of another process holds it, as far as is known
-  void begin();                   ///< a session with a new number; none while another node of this
-                                  ///< process has one, which is a fault
-  void forget();                  ///< the blocks show another life: its state may come later
-  void move();                    ///< it moves from now on: the plant must stay the same
-  void end();                     ///< lets the plant go
-  std::uint32_t session() const;  ///< 0: none
-
-  /// Who publishes the carrier's pose is the plant: its state counts, no other's.
-  void isOf(const std::string& node);
-
-  /// Sign of life: the holder has seen the block that ended at `seen`. In lockstep the Ack says so.
-  void renew(const ros::Time& seen);
-
-  /// Why the goal has to end, if it has to: one line that names who and what.
-  std::optional<std::string> fault() const;
-
-  /// The plant has stopped, or not followed, since the last call of repeated(): the lease lapsed or
-  /// a command came too late. Never in lockstep, where time waits for the holder.
-  bool lapsed() const;
-  /// The plant follows this session at present. True where no guard is known.
-  bool follows() const;
-  /// What was lost is being said again.
-  void repeated();
+  GoalDisturbances(ros::NodeHandle& nh, std::function<void(const std::string&)> fault);
 
  private:
-  void onState(const PlantState::ConstPtr& state, const std::string& node);
-  /// Empty, or why a state of that node is refused.
-  std::string judgeUnlocked(const std::string& node);
-  void onCommand(const std::string& topic, const std::string& node);
-  /// A value that must stay what it was at the goal's start.
-  void onConstant(const std::string& what, const std::string& bytes);
+  template <class Message>
+  void watchCommands(ros::NodeHandle& nh, const std::string& topic);
+  /// The values of the topic's message must stay the same; what: their name in words.
   template <class Message>
   void watchConstant(ros::NodeHandle& nh, const std::string& topic, const std::string& what);
-  template <class Message>
-  ros::Subscriber watchCommands(ros::NodeHandle& nh, const std::string& topic);
-  bool followsUnlocked() const;
-  bool freeUnlocked() const;
 
-  const std::string node_, plant_;  // names of who holds, and of what
+  const std::function<void(const std::string&)> fault_;
+  std::mutex mutex_;
+  std::map<std::string, std::string> constants_;  // serialized, by their names
+  std::vector<ros::Subscriber> subs_;
+};
+
+/// Ownership of the plant during a goal: a session with a lease, the state that the plant's guard
+/// publishes, and faults that end the goal: another owner, another boot of the plant, see also
+/// GoalDisturbances. Thread-safe; calls `changed` when any of it changes.
+class PlantLink {
+ public:
+  /// node: that owns the plant during its goals, resolved name.
+  PlantLink(ros::NodeHandle& nh, const std::string& node, bool lockstep,
+            std::function<void()> changed);
+  ~PlantLink();
+
+  /// Begins a session with a new number. Another owner of the plant is a fault; then there is no
+  /// session.
+  void acquire();
+  /// Commands follow: from now on the plant must keep its boot id.
+  void beginMotion();
+  void release();
+
+  /// The node that publishes the carrier's pose is the plant; states of other nodes are refused.
+  void setPlantNode(const std::string& node);
+  /// In lockstep: drops the state of the earlier boot. A fault once motion has begun.
+  void onPlantRestart();
+
+  /// Renews the lease: the owner has received the block that ended at `stamp`. In lockstep the
+  /// acknowledgement of a block does so.
+  void renew(const ros::Time& stamp);
+
+  struct Status {
+    std::uint32_t session = 0;  ///< 0: none
+    bool is_free = true;        ///< no node of another process is known to own the plant
+    bool is_obeyed = true;      ///< the plant obeys this session, or has no guard
+    /// Since clearInterruption() the plant has stopped or refused a command, because the lease
+    /// expired or the command came too late. Never in lockstep, where time waits for the owner.
+    bool is_interrupted = false;
+    std::string fault;  ///< why the goal has to end, one line; empty: it may go on
+  };
+  Status status() const;
+  void clearInterruption();
+
+ private:
+  struct Session {
+    std::uint32_t number = 0;   // 0: none
+    std::uint32_t boot_id = 0;  // of the plant; 0: not known
+    std::uint32_t refused = 0;  // commands that the plant had refused
+    bool moves = false;
+    bool interrupted = false;
+    std::string fault;
+  };
+
+  void onState(const PlantState::ConstPtr& state, const std::string& publisher);
+  /// Compares a new state with the session. had_session: the state before was of this session.
+  void checkSession(bool had_session);
+  void setFault(const std::string& fault);
+
+  const std::string node_, plant_;
   const bool lockstep_;
   const std::function<void()> changed_;
-
   mutable std::mutex mutex_;
-  std::uint32_t session_ = 0;
+  Session session_;
   std::optional<PlantState> state_;
-  std::uint32_t life_ = 0;     // of the plant when the session began; 0: not known
-  std::uint32_t refused_ = 0;  // commands, when the session began or was repeated
-  bool moving_ = false;
-  StreamDoor door_;         // of the plant's state, until it is known whose it is
-  std::string plant_node_;  // who publishes carrier_pose; empty: not heard yet
-  std::string state_node_;  // whose state_ is
-  bool lost_ = false;       // something that was commanded is not in force
-  std::string fault_;
-  std::map<std::string, std::string> constants_;  // by name, as bytes
-
+  StreamFilter filter_;  // of plant_state, until the plant's node is known
+  struct {
+    std::string carrier_pose, state;  // of state_; empty: none yet
+  } publishers_;
   ros::Publisher lease_pub_;
-  ros::Subscriber state_sub_, command_sub_, exciter_sub_;
-  std::vector<ros::Subscriber> constant_subs_;
+  ros::Subscriber state_sub_;
+  GoalDisturbances disturbances_;
 };
 
 }  // namespace assembly_cell::ros_bridge
