@@ -138,7 +138,7 @@ inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
   }
   if (!r.closed.empty()) {
     r.contact = std::arg(contact);
-    r.point.rolling = r.closed[0].feature == ContactReport::kEdgePlane;
+    r.point.rolling = r.closed[0].feature == ContactFeature::kEdgePlane;
   }
   return r;
 }

@@ -123,7 +123,7 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     ++samples_;
     // times from the count of samples, so that rounding does not add up
     const double time = static_cast<double>(samples_) * parameters_.sample_period;
-    const StopReason reason = world_->look(time, end);
+    const StopReason reason = world_->sampleAt(time, end);
     if (reason != StopReason::kOk) return reason;
     warm(time);
     const StrainSample a = convertVolts(bridge_a_, voltsA(time), normal_a_);
@@ -162,7 +162,7 @@ StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool sampl
   const int step = samples_b ? 1 : sum.spacing();
   for (int i = 0; i <= n; i += step) {
     const double time = timeOf(i);
-    const StopReason reason = world_->look(time, end);
+    const StopReason reason = world_->sampleAt(time, end);
     if (reason != StopReason::kOk) return reason;
     warm(time);
     if (i % sum.spacing() == 0) {

@@ -6,7 +6,7 @@
 namespace assembly_cell {
 namespace {
 
-// from the coupling to the peg's edge
+// Weight of angles in planRest(): distance from the coupling to the peg's edge [m].
 double armOf(const PegParameters& peg) { return peg.coupling_height + peg.half_height; }
 
 }  // namespace
@@ -39,7 +39,7 @@ void stopRest(Commands& commands, const Mechanism& mechanism, double t) {
                                mechanism.carrier.max_acceleration, armOf(mechanism.peg)));
 }
 
-Vector6 stopWay(const Commands& commands, const Mechanism& mechanism, double t) {
+Vector6 stoppingDisplacement(const Commands& commands, const Mechanism& mechanism, double t) {
   Vector6 way = Vector6::Zero();
   if (commands.settledAt(t)) return way;
   const RestMotion now = restMotion(commands.profile, t);

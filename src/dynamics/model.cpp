@@ -12,7 +12,7 @@ namespace assembly_cell {
 namespace {
 
 // FK or FC = K d with K of thesis order: diagonal plus (2,6) and (3,5). By elements, here and
-// below: pairs of what has just been written one by one would wait for it in memory.
+// below: vector loads of elements written one by one would stall (store forwarding).
 Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
   Vector6 f;
   f(0) = K.diagonal(0) * d(0);
@@ -24,7 +24,7 @@ Vector6 multiply(const CouplingMatrix& K, const Vector6& d) {
   return f;
 }
 
-// The reach of directionNear()'s series: what follows is below 1e-17.
+// Range of the series of directionNear(): the remainder is below 1e-17.
 constexpr double kNear = 0.2;                                               // [rad]
 constexpr double kShortestMove = 2e-3, kLongestMove = 1e4, kLonger = 1.05;  // of the rest pose [s]
 
@@ -53,11 +53,11 @@ Deflection couplingDeflection(const Scenario& s, const Kinematics& k, const Stat
   return out;
 }
 
-// Of a coupling that turns with the carrier; vectors x, y, z.
+// Deflections of a coupling whose axes turn with the carrier; vectors x, y, z.
 struct TurningCoupling {
   Eigen::Matrix3d R;       // of the carrier in `hole`
   Eigen::Vector3d offset;  // from the carrier's coupling point to the peg's, `hole`
-  Deflection in_carrier;   // in the carrier's axes, thesis order; the rotation as a vector
+  Deflection in_carrier;   // in the carrier's axes, thesis order; rotation vector
 };
 
 TurningCoupling turningCoupling(const Scenario& s, const Kinematics& k, const State& state,
@@ -82,23 +82,23 @@ TurningCoupling turningCoupling(const Scenario& s, const Kinematics& k, const St
   return c;
 }
 
-// moment whose work on a turn of the peg is that of `on_vector` on its rotation vector r: by the
-// transposed inverse of the left Jacobian of SO(3)
+// Moment conjugate to the angular velocity, from the one conjugate to the rate of the rotation
+// vector r (`on_vector`): by the transposed inverse of the left Jacobian of SO(3).
 Eigen::Vector3d momentOfVector(const Eigen::Vector3d& r, const Eigen::Vector3d& on_vector) {
   const double angle = r.norm(), half = 0.5 * angle;
   const double square = angle < 1e-4 ? 1.0 / 12 : (1.0 - half / std::tan(half)) / (angle * angle);
   return on_vector + 0.5 * r.cross(on_vector) + square * r.cross(r.cross(on_vector));
 }
 
-// The rate at which the rest pose gives way along z, under the force F while it doesn't: the damper
-// feels it at once, by `damping`.
+// Rate of the carrier deflection along z; F: coupling force without that rate, `damping`: of the
+// coupling, whose force depends on the rate.
 double givesAlongZ(const Scenario& s, double give, double F, double damping) {
   const double compliance = s.imperfections.compliance(2);
-  return (compliance * F - give) / (kGiveLag + compliance * damping);
+  return (compliance * F - give) / (kComplianceLag + compliance * damping);
 }
 
-// What the coupling does to the carrier, thesis axes of `hole`: FK, FC, FCm of FreeMotion, FKm on
-// the angles psi, theta, phi, and about the carrier's axis.
+// Forces of the coupling, thesis axes of `hole`: FK, FC, FCm of FreeMotion, FKm on the angles psi,
+// theta, phi, and the moment about the carrier's axis.
 void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
                     const RestMotion& rest, FreeMotion& m, double& yaw) {
   const CouplingParameters& coupling = s.mechanism.coupling;
@@ -113,8 +113,9 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
     Vector6 FC = multiply(coupling.damping, deflection.rate);
     if (isCompliant(s)) {
       const double damping = coupling.damping.diagonal(0);
-      m.give_rate(2) = givesAlongZ(s, state.give(2), FK(0) + FC(0), damping);
-      FC(0) -= damping * m.give_rate(2);
+      m.carrier_deflection_rate(2) =
+          givesAlongZ(s, state.carrier_deflection(2), FK(0) + FC(0), damping);
+      FC(0) -= damping * m.carrier_deflection_rate(2);
     }
     for (int i = 0; i < 3; ++i) {
       m.FK(i) = FK(i);
@@ -129,12 +130,13 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
   const Vector6 FK = multiply(coupling.stiffness, c.in_carrier.d);
   Vector6 FC = multiply(coupling.damping, c.in_carrier.rate);
   if (isCompliant(s)) {
-    Vector6 z = Vector6::Zero();  // along it, in the carrier's axes
+    Vector6 z = Vector6::Zero();  // deflection in the carrier's axes, thesis order
     z.head<3>() = toThesisAxes(c.R.row(2).transpose());
     const Vector6 damper = multiply(coupling.damping, z);
-    m.give_rate(2) = givesAlongZ(s, state.give(2), z.head<3>().dot(FK.head<3>() + FC.head<3>()),
-                                 z.head<3>().dot(damper.head<3>()));
-    FC -= m.give_rate(2) * damper;
+    m.carrier_deflection_rate(2) =
+        givesAlongZ(s, state.carrier_deflection(2), z.head<3>().dot(FK.head<3>() + FC.head<3>()),
+                    z.head<3>().dot(damper.head<3>()));
+    FC -= m.carrier_deflection_rate(2) * damper;
   }
   const auto turned = [&c](const Eigen::Vector3d& thesis) -> Eigen::Vector3d {
     return c.R * fromThesisAxes(thesis);
@@ -213,10 +215,10 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
     c.col(5) = 6 * distance - 3 * v0 - 0.5 * a0;
     profile.duration = T;
   };
-  // of speed and acceleration over their limits, the greatest; or one that is over `enough`
+  // maximum of speed and acceleration over their limits; or the first value above `enough`
   const auto excess = [&](double enough) {
     double greatest = 0.0;
-    // in steps of 12 of the 41 places: what is over is met among the first few
+    // in strides of 12 over the 41 samples: a violation is found among the first few
     for (int i = 0; i <= 40 && !(greatest > enough); ++i) {
       const RestMotion m =
           restMotion(profile, t + profile.duration * (12 * i % 41) / 40.0 * (1 - 1e-12));
@@ -230,7 +232,7 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
     shape(T);
     if (excess(1.0) <= 1.0) return profile;
   }
-  // none does: what is over them least
+  // none does: the one with the smallest violation
   RestProfile best;
   double least = 1e300;
   for (double T = kShortestMove; T < kLongestMove; T *= kLonger) {
@@ -269,8 +271,8 @@ RestProfile planStop(const RestMotion& now, double t, double max_acceleration, d
   weight << 1, 1, 1, arm, arm, arm;
   const double speed = now.rate.cwiseProduct(weight).cwiseAbs().maxCoeff();
   // A rate of v0 (1 - u)^2 (1 + 2 u) + a0 T u (1 - u)^2 has the acceleration
-  // (1 - u) (a0 - b u), b = 3 a0 + 6 v0 / T: at least -(b - a0)^2 / (4 b), which is the limit -a
-  // for
+  // (1 - u) (a0 - b u), b = 3 a0 + 6 v0 / T, with the minimum -(b - a0)^2 / (4 b), which equals the
+  // limit -a for
   const double a0 = now.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff();
   const double a = std::max(max_acceleration, a0);
   const double b = a0 + 2 * a + 2 * std::sqrt(a * (a + a0));
@@ -292,7 +294,7 @@ Direction directionOf(double angle) { return {angle, std::cos(angle), std::sin(a
 
 namespace {
 
-// takes a direction anew that is farther from an angle
+// Recomputes a direction that is more than kNear from the angle.
 void keepWithin(double reach, double angle, Direction& near) {
   if (!(std::abs(angle - near.angle) < reach)) near = directionOf(angle);
 }
@@ -302,8 +304,7 @@ void keepWithin(double reach, double angle, Direction& near) {
 Direction directionNear(const Direction& base, double angle) {
   const double turn = angle - base.angle;
   if (!(std::abs(turn) < kNear)) return directionOf(angle);
-  // series in pairs, that needn't wait for one another; the cosine less 1, so that the base's
-  // rounding is all there is
+  // series in independent pairs; of cosine − 1, so that the error is the rounding of the base
   const double d = turn * turn, d2 = d * d;
   const double versine = d * ((-1.0 / 2 + d * (1.0 / 24)) +
                               d2 * ((-1.0 / 720 + d * (1.0 / 40320)) - d2 * (1.0 / 3628800)));
@@ -382,14 +383,15 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   std::optional<RestMotion> given;
   if (compliant) {
     given = rest;
-    given->position.head<3>() += state.give;
+    given->position.head<3>() += state.carrier_deflection;
   }
   couplingForces(s, k, state, given ? *given : rest, m, yaw);
   const Eigen::Vector3d T(m.FK(0) + m.FC(0), m.FK(1) + m.FC(1), m.FK(2) + m.FC(2));
   if (compliant) {
-    m.give_rate.head<2>() =
-        (s.imperfections.compliance.head<2>().cwiseProduct(T.tail<2>()) - state.give.head<2>()) /
-        kGiveLag;
+    m.carrier_deflection_rate.head<2>() =
+        (s.imperfections.compliance.head<2>().cwiseProduct(T.tail<2>()) -
+         state.carrier_deflection.head<2>()) /
+        kComplianceLag;
   }
 
   // exciter and constant push at d1 along the axis; peg axes x = axis 2, y = −(axis 1)
@@ -405,7 +407,7 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   const Eigen::Vector3d moment = k.a.cross(s.mechanism.peg.exciter_height * F - d2 * T) - m.FCm;
   Eigen::Vector3d Q = k.Re.transpose() * moment;
   if (s.thesis.moments) {
-    // of the exciter and the push: by the inverse instead of the transpose
+    // moment of exciter and push by the inverse instead of the transpose
     const Eigen::Vector3d drive_moment = s.mechanism.peg.exciter_height * k.a.cross(F);
     Q += k.Re.inverse() * drive_moment - k.Re.transpose() * drive_moment;
   }
@@ -428,8 +430,9 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   m.force(8) =
       yaw - c.stiffness(2) * (q(8) - rest.position(3)) - c.damping(2) * (v(8) - rest.rate(3));
   if (compliant) {
-    m.force.segment<2>(6) += c.stiffness.head<2>().cwiseProduct(state.give.head<2>()) +
-                             c.damping.head<2>().cwiseProduct(m.give_rate.head<2>());
+    m.force.segment<2>(6) +=
+        c.stiffness.head<2>().cwiseProduct(state.carrier_deflection.head<2>()) +
+        c.damping.head<2>().cwiseProduct(m.carrier_deflection_rate.head<2>());
   }
 }
 
@@ -462,7 +465,7 @@ double kineticEnergy(const Scenario& s, const Kinematics& k, const Vector9& v) {
 double mechanicalEnergy(const Scenario& s, const Kinematics& k, const State& state,
                         const RestMotion& commanded) {
   RestMotion rest = commanded;
-  rest.position.head<3>() += state.give;
+  rest.position.head<3>() += state.carrier_deflection;
   const Vector6 d = s.mechanism.coupling.axes == CouplingAxes::kHole
                         ? couplingDeflection(s, k, state, rest).d
                         : turningCoupling(s, k, state, rest).in_carrier.d;

@@ -41,18 +41,18 @@ Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Simulation::~Simulation() = default;
 
-double Simulation::time() const { return run_->looks ? run_->behind->time : run_->context.time; }
+double Simulation::time() const { return run_->sampling ? run_->dense->time : run_->context.time; }
 const State& Simulation::state() const {
-  return run_->looks ? run_->behind->state : run_->context.state;
+  return run_->sampling ? run_->dense->state : run_->context.state;
 }
 const Vector9& Simulation::acceleration() const {
-  if (!run_->looks) return run_->context.slope;
+  if (!run_->sampling) return run_->context.slope;
   run_->find(Run::Found::kForces);
-  return run_->behind->slope;
+  return run_->dense->slope;
 }
 const Scenario& Simulation::scenario() const { return run_->system.scenario; }
 StopReason Simulation::stopReason() const {
-  return run_->looks ? StopReason::kOk : run_->context.stop;
+  return run_->sampling ? StopReason::kOk : run_->context.stop;
 }
 RunCounts Simulation::counts() const {
   RunCounts counts = run_->context.counts;
@@ -61,53 +61,53 @@ RunCounts Simulation::counts() const {
 }
 
 StopReason Simulation::advance(double t_end, std::int64_t attempts) {
-  if (run_->looks && t_end < run_->context.time) run_->comeBack();
-  run_->looks = false;
+  if (run_->sampling && t_end < run_->context.time) run_->returnToSample();
+  run_->sampling = false;
   return run_->advance(t_end, attempts);
 }
 
-StopReason Simulation::look(double t, double ahead) {
+StopReason Simulation::sampleAt(double t, double ahead) {
   Run& r = *run_;
   if (r.system.fixed_step || r.system.method == Method::kHamming) {
     return advance(t);
   }
-  r.look(t, std::max(t, ahead));
+  r.sampleAt(t, std::max(t, ahead));
   return stopReason();
 }
 
 void Simulation::setRestTarget(const RestPose& target, double max_speed) {
-  run_->comeBack();
+  run_->returnToSample();
   Context& c = run_->context;
   assembly_cell::setRestTarget(c.commands, scenario().mechanism, c.time, target, max_speed);
   c.stale = true;
 }
 
 void Simulation::followRest(const RestMotion& goal, double t_goal) {
-  run_->comeBack();
+  run_->returnToSample();
   Context& c = run_->context;
   assembly_cell::followRest(c.commands, c.time, goal, t_goal);
   c.stale = true;
 }
 
 void Simulation::stopRest() {
-  run_->comeBack();
+  run_->returnToSample();
   Context& c = run_->context;
   assembly_cell::stopRest(c.commands, scenario().mechanism, c.time);
   c.stale = true;
 }
 
-Vector6 Simulation::stopWay() const {
-  return assembly_cell::stopWay(run_->context.commands, scenario().mechanism, time());
+Vector6 Simulation::stoppingDisplacement() const {
+  return assembly_cell::stoppingDisplacement(run_->context.commands, scenario().mechanism, time());
 }
 
 RestPose Simulation::rest() const {
   Vector6 rest = run_->context.commands.restPositionAt(time());
-  rest.head<3>() += state().give;
+  rest.head<3>() += state().carrier_deflection;
   return restPose(rest);
 }
 
 void Simulation::setRestShift(const Vector6& shift) {
-  run_->comeBack();
+  run_->returnToSample();
   Context& c = run_->context;
   assembly_cell::setRestShift(c.commands, scenario().mechanism, c.time, shift);
   c.stale = true;
@@ -116,14 +116,14 @@ void Simulation::setRestShift(const Vector6& shift) {
 Vector6 Simulation::restShift() const {
   const std::optional<RestProfile>& asked = run_->context.commands.shift;
   Vector6 shift = asked ? restMotion(*asked, time()).position : Vector6::Zero();
-  shift.head<3>() += state().give;
+  shift.head<3>() += state().carrier_deflection;
   return shift;
 }
 
 bool Simulation::atRest() const { return run_->context.commands.settledAt(time()); }
 
 void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
-  run_->comeBack();
+  run_->returnToSample();
   Drive& drive = run_->context.commands.drive;
   drive.exciter = exciter;
   drive.t_ref = t_ref;
@@ -133,12 +133,12 @@ void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
 
 std::array<ContactReport, kSlots> Simulation::contacts() const {
   const System& s = run_->system;
-  const Context& c = run_->shown();
+  const Context& c = run_->sampled();
   const SlotArray& slots = c.slots;
-  // all slots are searched and the internal force of two sticking contacts is shared
+  // all slots are searched, and the internal force of two sticking contacts is computed
   Evaluation e = run_->atPresent(Run::Found::kForces, [](const Evaluation& at) { return at; });
-  // within a step it isn't known how resting contacts share what they carry
-  if (run_->looks && e.active()) forcesAgain(s, slots, Level::kEvents, e);
+  // the internal forces of resting contacts are not part of an evaluation within a step
+  if (run_->sampling && e.active()) recomputeForces(s, slots, Level::kEvents, e);
   if (const ContactSlotMask others = s.admitted & ~e.closed) {
     locate(s, c, others, e, e.open_set);
   }
@@ -151,8 +151,8 @@ std::array<ContactReport, kSlots> Simulation::contacts() const {
   const ContactSlotMask on_plane = e.face & ~c.face.crossings;
   for (std::size_t i = 0; i < kSlots; ++i) {
     ContactReport& r = report[i];
-    r.feature = static_cast<ContactReport::Feature>(
-        on_plane >> i & 1u ? ContactFeature::kEdgePlane : featureOfSlot(static_cast<int>(i)));
+    r.feature =
+        on_plane >> i & 1u ? ContactFeature::kEdgePlane : featureOfSlot(static_cast<int>(i));
     r.valid = (s.admitted & e.valid()) >> i & 1u;
     if (!r.valid) continue;
     const ContactKinematics& at = e.contacts[i];
@@ -205,10 +205,11 @@ Eigen::Vector2d Simulation::specificForce(double height) const {
   const Vector9& rate = acceleration();
   const Eigen::Vector3d turn = k.Re * rate.segment<3>(3) + k.Re_rate * state().v.segment<3>(3);
   const Eigen::Vector3d arm = height * k.a;
-  Eigen::Vector3d felt = rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
-  felt[0] += scenario().mechanism.gravity;  // thesis axis 1 is up
+  Eigen::Vector3d specific_force =
+      rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
+  specific_force[0] += scenario().mechanism.gravity;  // thesis axis 1 is up
   // peg axes: x is the thesis's second, y against its first
-  return {k.R1.dot(felt), -k.R0.dot(felt)};
+  return {k.R1.dot(specific_force), -k.R0.dot(specific_force)};
 }
 
 Pose Simulation::pegPose() const {

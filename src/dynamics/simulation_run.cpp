@@ -11,33 +11,34 @@
 #include "contact/slow_slip.h"
 #include "face/face_edge.h"
 #include "impact/impact.h"
-#include "integration/chatter.h"
 #include "integration/event_locator.h"
+#include "integration/zeno.h"
 
 namespace assembly_cell {
 namespace {
 
-// A rigid flat peg that asks for shorter steps is stepped over: a hundredth of the usual ones. Half
-// and twice: 19 and 21 of 400 random scenes end elsewhere, effort within 1 %; Chapter 8 moves by 2
-// nm.
+// Step size below which a Zeno phase begins for a rigid flat peg: a hundredth of the usual ones.
+// Half and twice: 19 and 21 of 400 random scenes end elsewhere, effort within 1 %; Chapter 8 moves
+// by 2 nm.
 constexpr double kShortest = 2e-6;  // [s]
-// Where its face can lie its lowest point is followed to an event's resolution.
+// The same where its face can rest: the resolution of an event.
 constexpr double kShortestOnGround = 1e-12;  // [s]
 // No result changes at half or twice of these.
 constexpr double kStepFloor =
-    1e-13;  // error control below this gives up: a tenth of kEventTime [s]
-// Where it gives up contacts are found anew this far on, twice as far each time soon after another.
-constexpr double kLeap = 1e-12, kFarthestLeap = 1e-8, kSoon = 1e-6;  // [s]
-constexpr double kAfterJam = 1e-6;  // the first step after a jam, grows from there [s]
-// Slip goes astray, too, where so many steps in a row are shorter than that: forces jump to and fro
-// between two values, and a run would take 1e9 of them. After an event a dozen are.
-constexpr double kCrawl = 1e-10;  // [s]
-constexpr int kMostCrawling = 300;
+    1e-13;  // step size at which error control fails: a tenth of kEventTime [s]
+// Step over a discontinuity where error control fails; doubled if the last one is less than kSoon
+// ago.
+constexpr double kLeap = 1e-12, kMaxLeap = 1e-8, kSoon = 1e-6;  // [s]
+constexpr double kAfterPainleve = 1e-6;  // first step after a Painlevé impact [s]
+// Slip is inconsistent, too, after so many consecutive steps below kShortStep: forces alternate
+// between two values. After an event a dozen steps are as short.
+constexpr double kShortStep = 1e-10;  // [s]
+constexpr int kMaxShortSteps = 300;
 constexpr double kMinSine = 0.1;  // of theta: the Euler angles are singular at 0
 constexpr std::int64_t kEventLimit = 10000000;
-constexpr double kSameEnd = 1e-14;  // rounding of a sum of steps, a part of the time
+constexpr double kSameEnd = 1e-14;  // rounding of a sum of steps, relative to the time
 
-// a contact that `features` excludes ends the run
+// kOk, or the reason by a closed contact of an excluded feature
 StopReason excludedContact(const System& s, const Evaluation& e) {
   if (e.closed_set.top_reached || e.open_set.top_reached) return StopReason::kPegTop;
   const ContactSlotMask found = e.closed & s.excluded & ~e.face;
@@ -66,21 +67,21 @@ Simulation::Run::Run(const Scenario& scenario)
   }
 }
 
-// one attempt at a step towards t_end
+// One trial step towards t_end.
 void Simulation::Run::step(double t_end) {
   Trial trial;
   const bool last = integrator.plan(system, context, now, t_end, trial);
   const double t = last ? t_end : context.time + trial.h;
-  const bool chatters = context.time < context.chatter_until;
+  const bool chatters = context.time < context.zeno_until;
   now.coarse = chatters;
   if (chatters && system.rigid) {
-    takeChatterStep(system, t, context, now);
+    takeTimeSteppingStep(system, t, context, now);
     return checkState();
   }
   integrator.attempt(system, context, trial, now);
-  // springs that are found and lost in turn; other laws would gain from such steps. The last step
-  // before t_end is longer by a rounding
-  const bool coarse = chatters && hasSprings(system) && trial.h <= 1.01 * kMinChatterStep;
+  // steps with a larger error are accepted of springs that close and open alternately; with other
+  // laws they would add energy. The last step before t_end is longer by a rounding
+  const bool coarse = chatters && hasSprings(system) && trial.h <= 1.01 * kMinZenoStep;
   if (!trial.finite() || !(trial.error <= 1.0 || coarse)) return refuse(trial);
   if (chatters) {
     const bool off = trial.error > 1.0;
@@ -103,27 +104,27 @@ void Simulation::Run::step(double t_end) {
   }
   accept(t, trial);
   integrator.accept(system, context, trial, last, t_end);
-  if (!last) context.crawling = trial.h < kCrawl ? context.crawling + 1 : 0;
-  const bool crawls = context.crawling > kMostCrawling && !system.fixed_step;
-  if (crawls && system.rigid && slips(context.slots)) {
-    context.crawling = 0;
+  if (!last) context.short_steps = trial.h < kShortStep ? context.short_steps + 1 : 0;
+  const bool stalls = context.short_steps > kMaxShortSteps && !system.fixed_step;
+  if (stalls && system.rigid && slips(context.slots)) {
+    context.short_steps = 0;
     stopSlip();
   }
   checkState();
 }
 
-// a step that failed: a shorter one next, or the end of the run
+// Rejects a trial step: reduces the step size, or ends the run.
 void Simulation::Run::refuse(const Trial& trial) {
   ++context.counts.rejected;
-  if (integrator.goesExplicit(trial)) return;
+  if (integrator.fallBackToExplicit(trial)) return;
   const bool finite = trial.finite();
   const double shorter = trial.h * Integrator::shrinkBy(trial);
-  const bool lies = system.rigid && mayLie(system, now.edge);
+  const bool lies = system.rigid && canRestOnFace(system, now.edge);
   if (!system.fixed_step && shorter < (lies ? kShortestOnGround : kShortest) && finite &&
-      system.rigid && isFlat(now) && !context.face.on && context.time >= context.chatter_until) {
-    if (lies) return endUnseen(trial);
-    // the lowest point of a flat peg changes at once: step over that
-    beginChatter(context.time, context);
+      system.rigid && isFlat(now) && !context.face.on && context.time >= context.zeno_until) {
+    if (lies) return stepOverJump(trial);
+    // the lowest point of a flat peg jumps
+    beginZenoPhase(context.time, context);
   } else if (system.rigid && finite && shorter < kStepFloor && slips(context.slots)) {
     stopSlip();
   } else if (system.fixed_step || shorter < kStepFloor) {
@@ -134,21 +135,21 @@ void Simulation::Run::refuse(const Trial& trial) {
   }
 }
 
-// slip that goes astray: there is no force that it can go on with
+// Ends slip for which no consistent force exists, by a Painlevé impact.
 void Simulation::Run::stopSlip() {
   ++context.counts.events;
-  noteEvent(system, now, context.time, context);
-  jam(system, false, context, now);
+  recordEvent(system, now, context.time, context);
+  painleveImpact(system, false, context, now);
   decide(system, context, now);
-  integrator.setStep(kAfterJam);
+  integrator.setStep(kAfterPainleve);
 }
 
 bool Simulation::Run::accept(double t, const Trial& trial) {
-  if (behind) behind->step = trial;
+  if (dense) dense->step = trial;
   context.time = t;
   context.state = trial.end;
   context.slope = trial.slope;
-  context.give_rate = trial.give_rate;
+  context.carrier_deflection_rate = trial.carrier_deflection_rate;
   ++context.counts.steps;
   if (!system.admitted) return true;
   if (trial.method == Method::kSlowSlip) followSlip(system, context, now);
@@ -163,34 +164,34 @@ bool Simulation::Run::accept(double t, const Trial& trial) {
   return !moved;
 }
 
-// A point of a flat peg that jumps within less than an event's resolution: contacts are found anew
-// behind it.
-void Simulation::Run::endUnseen(const Trial& trial) {
+// Ends the step without locating an event (a point of a flat peg jumps within less than the
+// resolution of an event) and finds all modes again.
+void Simulation::Run::stepOverJump(const Trial& trial) {
   integrator.interrupt();
   const double t = context.time + trial.h;
   const double limit = system.rigid ? energyOf(system, context, now) : HUGE_VAL;
-  noteEvent(system, now, t, context);
+  recordEvent(system, now, t, context);
   accept(t, trial);
   ++context.counts.events;
   findModesWithin(system, limit, context, now);
   checkState();
 }
 
-// Two points of contact come together or part, and their forces jump between what one carries and
-// what a pair does: past that, to where contacts are found anew. False where that hasn't helped.
+// Steps over a discontinuity of the forces where two contact points merge or separate, and finds
+// all modes again. False if the step would exceed kMaxLeap.
 bool Simulation::Run::leap() {
   context.leap = context.time - context.leapt < kSoon ? 2.0 * context.leap : kLeap;
-  if (context.leap > kFarthestLeap) return false;
+  if (context.leap > kMaxLeap) return false;
   Trial step;
   step.h = context.leap;
   step.end = context.state;
   step.end.q += step.h * context.state.v;
-  step.end.give += step.h * context.give_rate;
+  step.end.carrier_deflection += step.h * context.carrier_deflection_rate;
   step.slope = context.slope;
-  step.give_rate = context.give_rate;
-  endUnseen(step);
+  step.carrier_deflection_rate = context.carrier_deflection_rate;
+  stepOverJump(step);
   context.leapt = context.time;
-  integrator.setStep(kAfterJam);
+  integrator.setStep(kAfterPainleve);
   return true;
 }
 
@@ -198,7 +199,7 @@ void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {
   integrator.interrupt();
   locateEvent(system, context, at_end, trial, now);
   const double t = context.time + trial.h;
-  noteEvent(system, now, t, context);
+  recordEvent(system, now, t, context);
   now.present = accept(t, trial);
   ++context.counts.events;
   changeModes(system, context, now);
@@ -209,7 +210,7 @@ void Simulation::Run::endAtEvent(const Events& at_end, Trial& trial) {
   }
 }
 
-// what ends a run after a step
+// Sets the stop reason after a step.
 void Simulation::Run::checkState() {
   if (std::sin(context.state.q(4)) < kMinSine) {
     context.stop = StopReason::kSingular;
@@ -218,14 +219,14 @@ void Simulation::Run::checkState() {
   }
 }
 
-// forces jump with the commands: decide anew who slides
+// Forces jump with the commands: modes are decided again.
 void Simulation::Run::decideAfterCommand() {
-  if (context.stale && !(system.rigid && context.time < context.chatter_until)) {
+  if (context.stale && !(system.rigid && context.time < context.zeno_until)) {
     decide(system, context, now);
   }
 }
 
-// of the present, after a command and before the run goes on
+// Evaluation at the present time after a command, before the next step.
 Evaluation Simulation::Run::afterCommand() const {
   Evaluation e = now;
   evaluate(system, context, context.time, context.state, Level::kEvents, e);
@@ -241,19 +242,19 @@ StopReason Simulation::Run::advance(double t_end, std::int64_t attempts) {
   return context.stop;
 }
 
-// Steps until t is reached or passed, then shows t.
-void Simulation::Run::look(double t, double ahead) {
+// Steps until t is reached or passed, then samples t.
+void Simulation::Run::sampleAt(double t, double ahead) {
   if (context.stop == StopReason::kOk) decideAfterCommand();
-  if (!behind)
-    behind = std::make_unique<Behind>(
-        Behind{context, now, integrator.pace(), {}, 0.0, {}, Found::kNothing, {}});
-  Behind& b = *behind;
-  // steps end beside times that are looked at, by rounding
+  if (!dense)
+    dense = std::make_unique<DenseOutput>(
+        DenseOutput{context, now, integrator.pace(), {}, 0.0, {}, Found::kNothing, {}});
+  DenseOutput& b = *dense;
+  // ends of steps differ from sample times by rounding
   const double resolution = kSameEnd * std::max(1.0, t);
   while (context.time < t - resolution && context.stop == StopReason::kOk) {
     if (integrator.nextStep(system, context) <= t - context.time + resolution ||
-        context.time < context.chatter_until) {
-      // it ends at t or before; of first order amid chatter, what is within isn't known
+        context.time < context.zeno_until) {
+      // ends at t or before; steps of a Zeno phase are of first order and have no dense output
       step(t);
       continue;
     }
@@ -269,8 +270,8 @@ void Simulation::Run::look(double t, double ahead) {
     }
     step(ahead);
   }
-  looks = t < context.time - resolution;
-  if (looks) {
+  sampling = t < context.time - resolution;
+  if (sampling) {
     b.time = t;
     b.state = interpolate(b.context, b.step, t - b.context.time);
     b.found = Found::kNothing;
@@ -279,9 +280,9 @@ void Simulation::Run::look(double t, double ahead) {
   }
 }
 
-// The wrench in the coupling needs no contacts: they are found where somebody asks for them.
+// Contacts are evaluated on demand only: the wrench in the coupling does not need them.
 void Simulation::Run::find(Found needed) const {
-  Behind& b = *behind;
+  DenseOutput& b = *dense;
   if (b.found >= needed) return;
   b.found = needed;
   if (needed == Found::kMotion) {
@@ -291,16 +292,16 @@ void Simulation::Run::find(Found needed) const {
   }
 }
 
-// Before a command: the last step ends where it is looked at.
-void Simulation::Run::comeBack() {
-  if (!looks) return;
-  looks = false;
+// Before a command: the run returns to the sampled time, the rest of the step is discarded.
+void Simulation::Run::returnToSample() {
+  if (!sampling) return;
+  sampling = false;
   const std::int64_t count = now.count;
-  context = behind->context;
-  now = behind->now;
+  context = dense->context;
+  now = dense->now;
   now.count = count;
-  integrator.resume(behind->pace);
-  advance(behind->time, std::numeric_limits<std::int64_t>::max());
+  integrator.resume(dense->pace);
+  advance(dense->time, std::numeric_limits<std::int64_t>::max());
 }
 
 }  // namespace assembly_cell

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// A run: how it steps, and how it is looked at within a step.
+// A run: its steps, and samples of the dense output of the last step.
 #pragma once
 
 #include <memory>
@@ -14,43 +14,44 @@ struct Simulation::Run {
 
   void step(double t_end);
   void refuse(const Trial& trial);
-  /// True where the last evaluation is of the state that it leaves.
+  /// Takes over the trial's end as the state at t [s]. True if the last evaluation is of that
+  /// state.
   bool accept(double t, const Trial& trial);
   void endAtEvent(const Events& at_end, Trial& trial);
-  void endUnseen(const Trial& trial);
+  void stepOverJump(const Trial& trial);
   void stopSlip();
   bool leap();
   void checkState();
   void decideAfterCommand();
   StopReason advance(double t_end, std::int64_t attempts);
-  void look(double t, double ahead);
-  void comeBack();
+  void sampleAt(double t, double ahead);
+  void returnToSample();
   Evaluation afterCommand() const;
-  /// What is known of a state within a step: nothing yet, its free motion, its contacts, too.
+  /// Part of the evaluation at the sample that is up to date: none, free motion, contact forces.
   enum class Found { kNothing, kMotion, kForces };
-  /// What `use` makes of the evaluation of the present, of which it needs so much.
+  /// use(evaluation at the present time), evaluated as far as `needed`.
   template <class Use>
   auto atPresent(Found needed, const Use& use) const {
-    if (looks) {
+    if (sampling) {
       find(needed);
-      return use(behind->now);
+      return use(dense->now);
     }
     return context.stale ? use(afterCommand()) : use(now);
   }
-  /// Of what is looked at.
+  /// Evaluates the sample as far as `needed`.
   void find(Found needed) const;
-  /// Modes and commands of what is looked at.
-  const Context& shown() const { return looks ? behind->context : context; }
+  /// Modes and commands at the sample.
+  const Context& sampled() const { return sampling ? dense->context : context; }
 
   const System system;
   Context context;
   Evaluation now;     // the last one
-  Evaluation inside;  // workspace: within a step
+  Evaluation inside;  // workspace: points within a step
   Integrator integrator;
-  // The last step that may be looked into: what was at its start, and what of it is looked at.
-  struct Behind {
+  // Dense output of the last step: context at its start, and the sample taken of it.
+  struct DenseOutput {
     Context context;
-    Evaluation now;  // of what is looked at
+    Evaluation now;  // at the sample
     Integrator::Pace pace;
     Trial step;
     double time;
@@ -58,8 +59,8 @@ struct Simulation::Run {
     Found found;
     Vector9 slope;
   };
-  std::unique_ptr<Behind> behind;
-  bool looks = false;
+  std::unique_ptr<DenseOutput> dense;
+  bool sampling = false;
 };
 
 }  // namespace assembly_cell

@@ -10,17 +10,17 @@
 namespace assembly_cell {
 namespace {
 
-// Slip slower than this is rest: of a point, and of a face or amid chatter. It is part of the
-// compliant laws, as v_ST is of the thesis's: while it fell with the tolerance, runs at 1e-9 and
-// 1e-12 m followed two laws, and 10 % of the block ends of alignments differed by over 1e-9 m; 2 %
-// do now. Half and twice of the first: 3 % and 3 %, evaluations up to 4 % more, and as many. Faces
-// would take ten times the steps with it.
+// Slip speed that counts as rest: of a point; of a face and in Zeno phases, which would take ten
+// times the steps with the former. Part of the compliant laws as v_ST is of the thesis's, and
+// therefore independent of the tolerance: at 1e-9 and 1e-12 m, 2 % of the block ends of alignments
+// differ by more than 1e-9 m, 10 % if it is proportional to the tolerance. Half and twice of the
+// first: 3 % and 3 %, evaluations up to 4 % more, and as many.
 constexpr double kRestSpeed = 3e-7, kFaceRestSpeed = 1e-5;  // [m/s]
-// Not below these parts of the tolerance, where the error of a step's velocities hides it.
+// Lower bounds over the tolerance: the error of a step's velocities.
 constexpr double kRestOverTolerance = 300.0, kFaceRestOverTolerance = 1e4;  // [1/s]
-// The rigid law, where forces jump, goes by the tolerance alone, down to this.
+// Under the rigid law it is proportional to the tolerance, down to this.
 constexpr double kLeastRestSpeed = 1e-8;  // [m/s]
-// What an impact at 0.7 m/s or a press at 1e6 N/m of 1 kN sinks in at most, under the default laws.
+// Maximum penetration of an impact at 0.7 m/s or a load of 1 kN at 1e6 N/m, under the default laws.
 constexpr double kFlush = 1e-3;  // [m]
 
 Method methodOf(const std::string& name) {
@@ -32,8 +32,8 @@ Method methodOf(const std::string& name) {
                    " is not available; use hamming, rk4, dopri5 or dop853");
 }
 
-// the smallest gap of the admitted features with the peg's centre of mass at this height [m]; the
-// set: of the last search
+// Smallest gap of the admitted features with the peg's centre of mass at this height [m]; set: warm
+// start and result.
 double smallestGap(const System& s, State at, double height, ContactSet& set) {
   at.q(0) = height;
   findContacts(s.edge(kinematics(at)), s.shapes, s.admitted & ~s.excluded, set);
@@ -42,7 +42,7 @@ double smallestGap(const System& s, State at, double height, ContactSet& set) {
   return gap;
 }
 
-// lowers the peg until the smallest gap is zero: gaps fall with the height
+// Lowers the peg until the smallest gap, which decreases with the height, is zero.
 double closedHeight(const System& s, const State& start) {
   ContactSet set;
   const auto smallest = [&](double height) { return smallestGap(s, start, height, set); };
@@ -64,8 +64,8 @@ double closedHeight(const System& s, const State& start) {
   return rootIn(low, high, smallest, 1e-17).high;
 }
 
-// A peg that is as long as the hole is deep has its top at the mouth once it is seated: contacts
-// sink in by up to kFlush, and its side goes on by that.
+// Length of the side for the contact search: of a peg as long as the hole is deep, extended by
+// kFlush, the penetration of contacts when it is seated.
 double lengthOf(const Mechanism& mechanism) {
   const double length = 2.0 * mechanism.peg.half_height;
   const bool flush = std::abs(length - mechanism.hole.depth) < kFlush;
@@ -87,18 +87,6 @@ ContactShapes shapesOf(const Scenario& scenario) {
   return shapes;
 }
 
-ContactSlotMask slotsOf(const ContactFeatures& features) {
-  ContactSlotMask mask = 0;
-  if (features.edge_edge) mask |= kEdgeEdgeSlots;
-  if (features.edge_plane) mask |= kEdgePlaneSlots;
-  if (features.edge_wall) mask |= kEdgeWallSlots;
-  if (features.rim_side) mask |= kRimSideSlots;
-  if (features.rim_face) mask |= kRimFaceSlots;
-  if (features.edge_cone) mask |= kEdgeConeSlots;
-  if (features.rim_cone) mask |= kRimConeSlots;
-  return mask;
-}
-
 System::System(const Scenario& given)
     : scenario(given), method(methodOf(given.solver.integrator)), inverse_mass(given.mechanism) {
   const SolverParameters& solver = scenario.solver;
@@ -109,20 +97,20 @@ System::System(const Scenario& given)
   fixed_step = method == Method::kRk4 || (method == Method::kHamming && solver.step > 0.0);
   rigid = contact.law == ContactLaw::kRigid;
   discrete_friction = rigid || (contact.law == ContactLaw::kViscous && contact.stationary_rows);
-  // without modes of rest a contact's force ends at zero gap
+  // with regularised friction a contact's force ends at zero gap
   leave_gap = discrete_friction ? kReach : kTouch;
   shapes = shapesOf(scenario);
   if (contact.law != ContactLaw::kNone) {
-    // contacts that `features` excludes are watched as well: they end the run. The bottom face
-    // never meets the rim before the edge meets the plane
-    const bool face = contact.features.rim_face && !contact.features.edge_plane;
+    // excluded features are searched too, as they end the run; not rim_face, whose gap is positive
+    // while that of edge_plane is
+    const bool face = (contact.features & kRimFaceSlots) && !(contact.features & kEdgePlaneSlots);
     admitted = possibleSlots(shapes) & ~(face ? 0u : kRimFaceSlots);
-    excluded = admitted & ~slotsOf(contact.features);
+    excluded = admitted & ~contact.features;
     for (const std::size_t i : Slots(admitted)) slots = i + 1;
   }
   compliant = isCompliant(scenario);
   coarseness = std::clamp(solver.tolerance / 1e-9, 1e-3, 100.0);
-  // slip is told from rest above the integrator's velocity error, docs/theory/thesis.md
+  // above the velocity error of the integrator, docs/theory/thesis.md
   const double tolerance = fixed_step ? 1e-9 : solver.tolerance;
   slip_threshold =
       std::max(rigid ? kLeastRestSpeed : kFaceRestSpeed, kFaceRestOverTolerance * tolerance);

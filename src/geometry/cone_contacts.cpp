@@ -8,7 +8,7 @@ namespace assembly_cell {
 namespace contact_search {
 namespace {
 
-// height of a point over the cone, and its derivatives along the edge
+// Height of a point over the cone, and its derivatives along the edge.
 struct ConePlace {
   Meridian m;
   double gap;
@@ -19,7 +19,7 @@ Extremum conePlace(const Peg& e, const Rim& rim, const Place& at, ConePlace& pla
   edgePoint(e, at, m);
   m.rho = levelNorm(m.x);
   m.inverse_rho = m.rho > 0.0 ? 1.0 / m.rho : 0.0;
-  // of rho²/2; on a circle nothing large cancels near the axis, see edgeWall()
+  // derivatives of rho²/2, without cancellation near the axis, see edgeWall()
   double first, second, third;
   if (e.leans()) {
     first = levelDot(m.x, m.dx);
@@ -36,13 +36,13 @@ Extremum conePlace(const Peg& e, const Rim& rim, const Place& at, ConePlace& pla
   const double dddrho = (third - 3.0 * m.drho * m.ddrho) * m.inverse_rho;
   const double s = rim.cone->sine, c = rim.cone->cosine;
   place.gap = s * m.x(0) + c * (rim.radius - m.rho);
-  // as of half a squared distance: the gap itself is what is least
+  // derivatives of the gap, which is minimised
   return {s * m.dx(0) - c * m.drho, -s * m.u(0) - c * m.ddrho, 0.5 * (-s * m.dx(0) - c * dddrho),
           2 * place.gap};
 }
 
-// is a place of least height a contact: over the cone, and where the edge overlaps it not so that
-// plane or wall are nearer all along the overlap
+// A minimum of the height is a contact: over the cone; of an overlap, only if neither plane nor
+// wall has the smaller penetration all along it.
 bool acceptCone(const Peg& e, const Rim& rim, double far, double bend, const ConePlace& place) {
   const Chamfer& cone = *rim.cone;
   const Meridian& m = place.m;
@@ -51,10 +51,10 @@ bool acceptCone(const Peg& e, const Rim& rim, double far, double bend, const Con
   if (!(foot <= kTouch * e.r && foot >= -cone.height - kTouch * e.r)) return false;
   const double depth = -place.gap;
   if (depth <= 0.0) return true;
-  // the edge comes back out of the cone at sqrt(2 depth/gap'') to both sides
+  // the edge leaves the cone at ±sqrt(2 depth/gap'')
   const double width2 = 2 * depth / bend;
   const Depth wall{m.rho - rim.radius + cone.width, m.drho, m.ddrho};
-  return depth <= planeDepth(m).most(width2) && depth <= wall.most(width2);
+  return depth <= planeDepth(m).max(width2) && depth <= wall.max(width2);
 }
 
 }  // namespace
@@ -65,13 +65,13 @@ void edgeCone(const Peg& e, const Rim& rim, double far, std::size_t first_slot,
   const double s = rim.cone->sine, c = rim.cone->cosine;
   const double lean = e.leans() ? levelNorm(e.lean) : 0.0;
   const double lowest = e.center(0) - e.amplitude;
-  // of the gap anywhere
+  // lower bound of the gap
   const double least = s * lowest + c * (rim.radius - e.offset - e.r - lean * e.amplitude);
   if (least > far) return;
   if (e.center(0) + e.amplitude + s * std::max(0.0, -least) < -rim.cone->height - kTouch * e.r) {
     return;
   }
-  // the gap is a constant less its first harmonic towards `steep` and a second one
+  // the gap is a constant, a first harmonic with its minimum towards `steep`, and a second one
   const Vec3 low = (e.lc * e.p + e.ls * e.q) / e.r, major = (e.lc * e.q - e.ls * e.p) / e.r;
   const double along_low = s * e.amplitude + c * levelDot(low, e.center);
   const double along_major = c * levelDot(major, e.center);

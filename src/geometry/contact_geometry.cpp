@@ -13,7 +13,7 @@ using namespace contact_search;
 
 namespace {
 
-// at a hand-over both neighbours may hold by rounding, at one place: the edge–edge candidate stays
+// Where features meet, both may be valid at one point by rounding: keeps the edge–edge candidate.
 void dropDoubles(double r, std::size_t slots, ContactSet& set, ContactSlotMask& valid) {
   for (std::size_t i = 0; i < slots; ++i) {
     if (!(kEdgeEdgeSlots >> i & 1u) || !set.slots[i].valid) continue;
@@ -39,24 +39,23 @@ void edgePair(const Peg& e, const Rim& rim, double reach, std::size_t first,
   }
 }
 
-// the slots of one edge circle of the peg, the first of each pair
+// Slots of one edge circle of the peg, the first of each pair.
 struct EdgeSlots {
   std::size_t edge, plane, wall, low_edge, cone;
 };
 constexpr EdgeSlots kBottom{0, 2, 3, 8, 10}, kShoulder{14, 18, 19, 16, 21};
-// of rim_side and rim_cone; with a chamfer in the hole at its lower edge, and at its upper one
+// First slots of rim_side and rim_cone, at lower and upper edge of the hole's chamfer.
 constexpr std::size_t kSide = 5, kUpperSide = 12, kCone = 23, kLowerCone = 25;
 constexpr ContactSlotMask pairOf(std::size_t first) { return 3u << first; }
 
-// One edge circle of the peg against the block. Of a chamfered rim these are the searches of its
-// upper edge, its face, and its lower edge with the wall, for which heights are counted from that
-// edge.
+// One edge circle of the peg against the block; with a chamfer in the hole against its upper edge,
+// its cone, and its lower edge with the wall, with heights above that edge.
 void findEdge(const EdgeCircle& circle, const Peg& e, const EdgeSlots& at,
               const ContactShapes& shapes, ContactSlotMask admitted, ContactSet& set) {
   const double far = 2 * shapes.reach, depth = shapes.chamfer.height;
   const Chamfer* cone = shapes.chamfer ? &shapes.chamfer : nullptr;
   const Rim upper{shapes.hole_radius + shapes.chamfer.width, cone, false};
-  // below the plane the block is where its bore is
+  // below the plane, contacts with an inclined bore
   std::optional<Peg> straight;
   if (e.leans()) straight.emplace(straightened(circle, e.lean), shapes.bore_lean);
   const Peg& seen = straight ? *straight : e;
@@ -78,8 +77,8 @@ void findEdge(const EdgeCircle& circle, const Peg& e, const EdgeSlots& at,
 }
 
 constexpr ContactSlotMask kOfRims = kRimSideSlots | kRimFaceSlots | kRimConeSlots;
-// The rim, or the edges of its chamfer, against the peg; `side` is the circle where the peg's side
-// begins, if it isn't the bottom edge.
+// The rim, or the edges of the hole's chamfer, against the peg; side: circle where the peg's side
+// begins.
 void findRims(const Peg& e, const Peg& side, const ContactShapes& shapes, ContactSlotMask admitted,
               ContactSet& set) {
   set.slots[7].valid = false;
@@ -101,7 +100,7 @@ void findRims(const Peg& e, const Peg& side, const ContactShapes& shapes, Contac
   }
 }
 
-// what was found with heights counted from the lower edge of the chamfer
+// Transforms contacts found with heights above the lower edge of the chamfer back.
 void lowerBack(const Peg& e, double depth, ContactSlotMask admitted, ContactSet& set) {
   const Vec3 down = -depth * Vec3(1.0, e.lean(1), e.lean(2));
   for (const std::size_t i : {3, 4, 5, 6, 8, 9, 16, 17, 19, 20, 25, 26}) {
@@ -153,7 +152,7 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
                              ContactSlotMask admitted, ContactSet& set) {
   set.top_reached = false;
   admitted &= possibleSlots(shapes);
-  // all of the peg is above the plane: the height test needs neither root nor search
+  // all of the peg is above the plane
   const double above = edge.center(0) - shapes.reach;
   const double amplitude2 = square(edge.radius + shapes.peg_chamfer.width) *
                             (square(edge.axis0(0)) + square(edge.axis1(0)));
@@ -200,8 +199,8 @@ ContactSlotMask findContacts(const EdgeCircle& edge, const ContactShapes& shapes
 }
 
 void turnPlace(double by, ContactPoint& candidate) {
-  // normalised to the order of by⁴, as the angle of what is left is to that of by⁷: every search
-  // waits for it, and stepBack() would take twice as long (1 % of a vibrated run)
+  // normalised to fourth order in `by`, its angle to seventh; stepBack() would take twice as long
+  // (1 % of a vibrated run)
   const double d = by * by, scale = 1.0 - d * (0.5 - 0.375 * d);
   const double c = candidate.cos_t, s = candidate.sin_t;
   candidate.cos_t = scale * (c - by * s);
@@ -210,12 +209,13 @@ void turnPlace(double by, ContactPoint& candidate) {
 }
 
 double contactClearance(const EdgeCircle& edge, const ContactShapes& shapes) {
-  // of the cylinder around a chamfered peg
+  // bounding cylinder of a chamfered peg
   const Peg e({edge.center, edge.axis0, edge.axis1, edge.radius + shapes.peg_chamfer.width});
   const double lowest = e.center(0) - e.amplitude;
   if (lowest > 0.0) return lowest;
   if (!(e.axis(0) > 0.1)) return 0.0;
-  // level slices of the peg from the bottom to the plane: ellipses no longer than r / cos(tilt)
+  // horizontal sections of the peg up to the plane: ellipses with a semi-axis of at most r /
+  // cos(tilt)
   const double lift = -e.center(0) / e.axis(0);
   const double at_plane = levelNorm(e.center + lift * e.axis);
   const double lean = shapes.bore_lean.norm();

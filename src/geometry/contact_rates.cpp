@@ -9,13 +9,13 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// a minimum flatter than this part of its radius runs anywhere: no rolling terms
+// Curvature of a minimum over its radius below which its point is undetermined: no rolling terms.
 constexpr double kFlat = 1e-9;
 
-// of a place of the rim, from its circle's middle; H'' = −radial
+// Vector from the centre of the rim's circle to its point; H'' = −radial.
 Vec3 rimRadial(const ContactPoint& c) { return {0.0, c.tangent(2), -c.tangent(1)}; }
 
-// both points run: speeds t' and s' keep p − H across both tangents, and turn the normal
+// Edge on edge: the rates t' and s' keep p − H normal to both tangents.
 ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                            const Vec3& omega) {
   const Vec3 radial = c.p - e.center;  // p'' = −radial, H'' = −rim, D = p − H = gap n
@@ -36,11 +36,11 @@ ContactRates edgeEdgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec
   return {n_turn * t_rate + across * inverse_cross, turn * t_rate, t_rate};
 }
 
-// the edge runs over a fixed plane, round wall or cone: the gap's second derivatives by t and time
+// Edge on plane, wall or cone: second derivatives of the gap by t and time.
 ContactRates edgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                        const Vec3& omega) {
   const Vec3 turn = omega.cross(c.dp);
-  // along the circles of wall and cone; none on the plane
+  // along the circles of wall and cone; zero on the plane
   const double v_round = c.tangent.dot(v_m), dp_round = c.tangent.dot(c.dp);
   const double bend = -c.curvature * v_round;
   const double mixed = c.normal.dot(turn) + bend * dp_round;
@@ -55,15 +55,15 @@ ContactRates edgeRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v
   return rates;
 }
 
-// the rim's point runs over the peg's side, face or chamfer: in the axes of the peg it moves at
-// −v_m
+// Rim on side, face or chamfer of the peg, relative to which the rim's point moves at −v_m.
 ContactRates rimRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_m,
                       const Vec3& omega) {
   const Vec3& n = c.normal;
   const Vec3 axis = e.axis0.cross(e.axis1);
   Vec3 round = axis.cross(n);
   if (c.feature == ContactFeature::kRimCone) round.normalize();
-  const Vec3 v_rim = v_m - c.gap * omega.cross(n);  // of the peg's material at the rim
+  const Vec3 v_rim =
+      v_m - c.gap * omega.cross(n);  // velocity of the peg's material point at the rim
   const double spin = omega.dot(n);
   const double v_round = -round.dot(v_rim), t_round = round.dot(c.tangent);
   const double mixed = n.dot(omega.cross(c.tangent)) + c.curvature * v_round * t_round;
@@ -75,7 +75,8 @@ ContactRates rimRates(const EdgeCircle& e, const ContactPoint& c, const Vec3& v_
   const bool flat = sharpness < kFlat * rim.norm();
   const double s_rate = flat ? 0.0 : -mixed / sharpness;
   rates.gap_bias += mixed * s_rate;
-  // run of the contact point over the peg: on the side the part around the axis at its radius
+  // velocity of the contact point along the peg; on the side, its circumferential part at the
+  // radius
   Vec3 run = s_rate * c.tangent - v_rim;
   run -= n.dot(run) * n + c.curvature * c.gap * round.dot(run) * round;
   rates.rolling = omega.cross(run);

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// What the searches of edge and rim share: places on circles, the peg, Newton steps, pairs of
-// slots. Thesis axes.
+// Shared by the searches of edge and rim: points on circles, the peg, Newton steps, pairs of slots.
+// Thesis axes.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,27 +16,27 @@ namespace contact_search {
 
 using Vec3 = Eigen::Vector3d;
 
-// Each with two numbers: of 360 000 random searches near contact (tilts from 1e-14 to 0.5, warm and
-// cold starts) so many find other contacts at half and at twice of it.
+// Effect of half and twice each value, in this order: number of 360 000 random searches near
+// contact (tilts from 1e-14 to 0.5, warm and cold starts) with other contacts.
 
-constexpr int kNewtonLimit = 12;  // steps until a search fails: 40, 0
+constexpr int kNewtonLimit = 12;  // maximum number of Newton steps: 40, 0
 // below this |T × p'| / (r_h r_p) the tangents count as parallel and there is no candidate:
 // 28, 49
 constexpr double kParallel = 1e-6;
-// lengths of these parts of the peg's radius: tilts (sine) and offsets that have no direction, and
-// rounding of a height at a hand-over: 32, 34; 8, 13; 0, 1
+// over the peg's radius: tilt (sine) and offset below which their direction is undefined, and
+// rounding of a height where features meet: 32, 34; 8, 13; 0, 1
 constexpr double kLevel = 1e-12, kCoaxial = 1e-13, kTouch = 1e-12;
-constexpr double kNoOffset = 1e-15;  // [m] from the axis: no direction
-// reaches to which candidates of edge and rim are kept, from where the next search begins: a
-// vibrated peg that is found anew each time takes 2 % more; no other contacts
+constexpr double kNoOffset = 1e-15;  // offset without a direction [m]
+// distance over the reach up to which candidates of edge and rim are kept as warm starts; without
+// them a vibrated peg takes 2 % more; no other contacts
 constexpr double kKept = 20.0;
-// candidates of one kind nearer than this (angle, chord over radius) are one: 12, 11
+// angle (chord over radius) below which candidates of one feature are merged: 12, 11
 constexpr double kMerged = 1e-6;
 
 inline double square(double x) { return x * x; }
 
-// product of the parts in the hole's plane, and their length; by elements, as pairs of them would
-// wait for one another in memory (a fifth of a search)
+// Products and norms of horizontal components; by elements, as vector loads of elements written one
+// by one would stall (a fifth of a search).
 inline double levelDot(const Vec3& a, const Vec3& b) { return a(1) * b(1) + a(2) * b(2); }
 inline Vec3 combined(double a, const Vec3& u, double b, const Vec3& v) {
   return {a * u(0) + b * v(0), a * u(1) + b * v(1), a * u(2) + b * v(2)};
@@ -44,7 +44,7 @@ inline Vec3 combined(double a, const Vec3& u, double b, const Vec3& v) {
 inline double squaredNorm(const Vec3& v) { return v(0) * v(0) + v(1) * v(1) + v(2) * v(2); }
 inline double levelNorm(const Vec3& v) { return std::sqrt(levelDot(v, v)); }
 
-// a place on a circle, kept as cosine and sine so that Newton steps need no trigonometry
+// Point on a circle by cosine, sine and angle t, so that Newton steps need no trigonometry.
 struct Place {
   double c, s, t;
 };
@@ -61,7 +61,7 @@ inline Turn turnOf(double step) {
           step * (1.0 - d / 6 * (1.0 - d / 20 * (1.0 - d / 42)))};
 }
 
-// turns a place back by `step`, normalised anew
+// Moves a point back by the angle `step`; normalises it.
 inline Place stepBack(const Place& at, double step) {
   const auto [cosine, sine] = turnOf(step);
   const double c = at.c * cosine + at.s * sine, s = at.s * cosine - at.c * sine;
@@ -71,7 +71,7 @@ inline Place stepBack(const Place& at, double step) {
 
 inline Place placeOf(double c, double s) { return {c, s, std::atan2(s, c)}; }
 
-// place in the direction (x, y); false where that is none
+// Point in the direction (x, y); false for a zero vector.
 inline bool placeTowards(double x, double y, Place& at) {
   const double norm = std::sqrt(x * x + y * y);
   if (!(norm > 0.0)) return false;
@@ -81,18 +81,18 @@ inline bool placeTowards(double x, double y, Place& at) {
   return true;
 }
 
-// the peg as the searches want it: scaled axes of the edge, its axis, tilt and offset
+// An edge circle of the peg with quantities of the searches.
 struct Peg {
   double r;
-  Vec3 center;  // of the bottom
-  Vec3 p, q;    // r R0, r R1
+  Vec3 center;
+  Vec3 p, q;  // r R0, r R1
   Vec3 axis;
   double amplitude;     // A = r sin(tilt)
-  double sine, offset;  // of the tilt; of the centre from the hole's axis
-  double lc, ls;        // t of the lowest point; of t = 0 for an upright peg
-  Vec3 lean;            // of the bore, (0, bore_lean)
+  double sine, offset;  // sine of the tilt; distance of the centre from the hole's axis
+  double lc, ls;        // cosine and sine of the lowest point's t; t = 0 for an upright peg
+  Vec3 lean;            // (0, bore_lean)
   double length = 0.0;  // from this circle to the top
-  // of the peg, below its shoulder; the circle is that one, else its bottom edge
+  // chamfer of the peg; shoulder: the circle is the shoulder, else the bottom edge
   const Chamfer* cone = nullptr;
   bool shoulder = false;
 
@@ -116,13 +116,13 @@ struct Peg {
   bool leans() const { return lean(1) != 0.0 || lean(2) != 0.0; }
   bool finite() const { return std::isfinite(center(0) + offset + amplitude + axis.sum()); }
 
-  // the edge's place in the direction of the centre's offset from the hole's axis
+  // point of the edge in the direction of the centre's offset from the hole's axis
   bool placeOfOffset(Place& at) const {
     return placeTowards(levelDot(p, center), levelDot(q, center), at);
   }
 };
 
-// the same with its height counted from a level section that is lower by `by`
+// The same with heights above a horizontal section that is lower by `by`.
 inline Peg raised(const Peg& e, double by) {
   Peg up = e;
   up.center += by * Vec3(1.0, e.lean(1), e.lean(2));
@@ -130,15 +130,15 @@ inline Peg raised(const Peg& e, double by) {
   return up;
 }
 
-// an edge of the block at height 0: the sharp rim (no cone), or one edge of a chamfer
+// Edge of the block at height 0: the sharp rim (no cone), or one edge of a chamfer.
 struct Rim {
   double radius;
   const Chamfer* cone = nullptr;
-  bool lower = false;  // the one where the wall begins, else the one in the plane
+  bool lower = false;  // the edge at the wall, else the one in the plane
 };
 
-// the edge as seen by a bore that leans: its level sections moved over one another, which leaves
-// heights as they are and makes the bore a right cylinder (and the edge an ellipse)
+// Shear that maps an inclined bore to a right cylinder, applied to the edge (which becomes an
+// ellipse); heights are unchanged.
 inline EdgeCircle straightened(const EdgeCircle& e, const Vec3& lean) {
   return {e.center - e.center(0) * lean, e.axis0 - e.axis0(0) * lean, e.axis1 - e.axis1(0) * lean,
           e.radius};
@@ -146,26 +146,26 @@ inline EdgeCircle straightened(const EdgeCircle& e, const Vec3& lean) {
 
 enum class Search { kFound, kNone, kFailed };
 
-// Halley's step for the root of a function with this value, slope and half second derivative:
-// Newton's step, and what the parabola adds; `last`: cubic convergence leaves only rounding
-// (twice and half of its limits: the same contacts)
+// Halley's step for the root of a function with this value, slope and half second derivative.
+// `last`: the error after the step is rounding, by cubic convergence (twice and half of the limits:
+// the same contacts).
 inline double halley(double value, double slope, double half_bend, bool& last) {
   const double inverse = 1.0 / slope, step = value * inverse, bend = half_bend * inverse * step;
   last = std::abs(step) < 1e-4 && bend * bend * std::abs(step) < 1e-15;
   return std::abs(bend) < 0.25 ? step * (1.0 + bend) : step;
 }
 
-// ---- extremal places of a circle, and the two slots of a kind
+// ---- extrema on a circle, and pairs of slots
 
-// half of a squared distance along a circle: its first and second derivative, half of the third,
-// and the squared distance
+// Half of a squared distance along a circle: first and second derivative, half of the third, and
+// the squared distance.
 struct Extremum {
   double value, slope, half_bend, distance2;
 };
 
-// Newton to the place of the least (sign 1) or largest (sign -1) distance, from the Extremum that
-// `evaluate` gives at a place; `e` is the last but one, the last is evaluated for its side effect.
-// kNone: beyond the limit
+// Newton's method for the minimum (sign 1) or maximum (sign -1) of the distance; evaluate(place)
+// returns an Extremum. `e` is the last but one; the last evaluation is for its side effect. kNone:
+// beyond limit2, the squared limit of the distance.
 template <typename Evaluate>
 Search searchExtremum(const Evaluate& evaluate, double sign, double limit2, Place& at,
                       Extremum& e) {
@@ -175,7 +175,7 @@ Search searchExtremum(const Evaluate& evaluate, double sign, double limit2, Plac
     bool last = false;
     const double step = halley(e.value, e.slope, e.half_bend, last);
     if (!(std::abs(step) < 0.7)) return Search::kFailed;
-    // the extremal distance of the parabola here, and as much again for what that leaves out
+    // extremum of the parabola, with its change doubled for the remainder
     if (std::abs(step) < 0.2 && sign * (e.distance2 - 2 * e.value * step) > sign * limit2) {
       return Search::kNone;
     }
@@ -192,13 +192,13 @@ inline bool sameAngle(const ContactPoint& a, const Place& b) {
   return std::abs(a.sin_t * b.c - a.cos_t * b.s) < kMerged && a.cos_t * b.c + a.sin_t * b.s > 0.0;
 }
 
-// the two slots of a kind that has places in pairs: those admitted are empty now, the others hold
-// their places
+// The two slots of a feature with pairs of points: admitted ones are cleared, the points of the
+// others are reserved.
 struct SlotPair {
   ContactSet& set;
-  ContactSlotMask admitted, warm;  // warm: with a candidate of the previous call
+  ContactSlotMask admitted, warm;  // warm: slots with a candidate of the previous call
   std::size_t first;
-  int found = 0;  // places held and found
+  int found = 0;  // number of points reserved and found
 
   SlotPair(ContactSet& s, ContactSlotMask a, std::size_t f)
       : set(s), admitted(a), warm(s.valid & a & 3u << f), first(f) {
@@ -213,9 +213,9 @@ struct SlotPair {
   }
 };
 
-// Fills a pair: from its candidates of the previous call, then anew into the free slots, the first
-// place first. `find` moves a place to a contact, `start` gives the first or second one to begin
-// from, `fill` makes the contact that was found. single: there is one place only
+// Fills a pair: from its candidates of the previous call, then from cold starts into the free
+// slots. find(at) moves a point to a contact, start(first, at) returns the first or second cold
+// start, fill(at, contact) sets the contact. single: there is one point only.
 template <typename Find, typename Start, typename Fill>
 void fillPair(SlotPair& pair, bool single, const Find& find, const Start& start, const Fill& fill) {
   auto& slots = pair.set.slots;
@@ -238,13 +238,13 @@ void fillPair(SlotPair& pair, bool single, const Find& find, const Start& start,
   }
 }
 
-// a circle of radius r, tilted by its sine, seen along a direction: an ellipse with its centre at
-// (x, y) from a point along major and minor axis
+// Projection of a circle of radius r with the sine of its tilt: an ellipse with its centre at (x,
+// y) along major and minor axis, relative to a point.
 struct Ellipse {
   double r, sine, cosine, x, y;
 
-  // closed-form start for the place farthest from the point (end of the major axis) or nearest to
-  // it (end of the minor axis); `end` ±1
+  // closed-form start for the farthest point of the ellipse (at end `end` = ±1 of the major axis)
+  // or the nearest one (of the minor axis)
   bool start(double end, bool nearest, Place& at) const {
     const double bend = r * sine * sine;
     double lead = end;
@@ -258,10 +258,9 @@ struct Ellipse {
   }
 };
 
-// ---- the searches; each leaves out what is farther apart than `far` and not admitted; heights are
-// those over the rim's
+// ---- the searches; candidates with a gap above `far` are omitted; heights are above the rim's
 
-// a point of the edge, and its meridian curve (x(0), rho), with derivatives by t
+// Point of the edge and its meridian curve (x(0), rho), with derivatives by t.
 struct Meridian {
   Vec3 x, dx, u;  // p, p', p − centre
   double rho, inverse_rho, drho, ddrho;
@@ -273,7 +272,7 @@ inline void edgePoint(const Peg& e, const Place& at, Meridian& m) {
   m.x = combined(1.0, e.center, 1.0, m.u);
 }
 
-// all but the block's point, normal and gap; by elements, which the compiler keeps in registers
+// Sets all but the block's point, normal and gap; by elements, which stay in registers.
 inline void setEdge(ContactFeature feature, const Place& at, const Meridian& m,
                     ContactPoint& contact) {
   contact.valid = true;
@@ -287,33 +286,33 @@ inline void setEdge(ContactFeature feature, const Place& at, const Meridian& m,
   contact.cross_norm = contact.curvature = 0.0;
 }
 
-// how deep a place of the edge is under a face of the block, with derivatives by t
+// Depth of a point of the edge below a surface of the block, with derivatives by t.
 struct Depth {
   double value, slope, bend;
 
-  // the curve gets no deeper than `depth` before it turns back
+  // the maximum of the parabola is below `depth`
   bool turnsAbove(double depth) const {
     return bend < 0.0 && slope * slope < 2 * bend * (value - depth);
   }
-  // how deep it gets within sqrt(width2) to both sides
-  double most(double width2) const {
+  // maximum of the parabola within ±sqrt(width2)
+  double max(double width2) const {
     const double width = std::sqrt(width2), turn = std::abs(slope);
     if (bend < 0.0 && turn < -bend * width) return value - 0.5 * slope * slope / bend;
     return value + turn * width + 0.5 * bend * width2;
   }
 };
 
-// under the plane
+// Below the plane.
 inline Depth planeDepth(const Meridian& m) { return {-m.x(0), -m.dx(0), m.u(0)}; }
 
-// under the hole's chamfer
+// Below the hole's chamfer.
 inline Depth coneDepth(const Rim& rim, const Meridian& m) {
   const double s = rim.cone->sine, c = rim.cone->cosine;
   return {c * (m.rho - rim.radius) - s * m.x(0), c * m.drho - s * m.dx(0),
           c * m.ddrho + s * m.u(0)};
 }
 
-// a place that was found on the straightened edge, back in the cell
+// Transforms a contact on the straightened edge back (inverse shear).
 inline void leanBack(const Peg& seen, ContactPoint& contact) {
   if (!seen.leans()) return;
   contact.p += contact.p(0) * seen.lean;
@@ -321,8 +320,8 @@ inline void leanBack(const Peg& seen, ContactPoint& contact) {
   contact.rim += contact.rim(0) * seen.lean;
 }
 
-// the same for wall and cone, normal and gap by the gradient of the gap in the cell; rise: what the
-// lean adds to it along the first axis
+// The same for wall and cone, with normal and gap from the gradient of the gap; rise: its component
+// along the first axis by the inclination.
 inline void leanWall(const Peg& seen, double rise, ContactPoint& contact) {
   contact.normal(0) += rise;
   contact.tangent(0) = -levelDot(seen.lean, contact.tangent);
@@ -334,10 +333,10 @@ inline void leanWall(const Peg& seen, double rise, ContactPoint& contact) {
   leanBack(seen, contact);
 }
 
-// The lowest places over a cone among samples of a circle, the lowest first: one or two. `gap`
-// gives the height at a place, the samples begin at `start`.
+// One or two lowest local minima of the gap over a cone among samples of a circle, in rising order.
+// gap_at(place): gap; the samples begin at `start`.
 struct LowestPlaces {
-  // where two places may be a minimum: twice as far apart as the nearest minima
+  // half of the smallest distance of two minima
   static constexpr int kSamples = 24;
 
   std::array<Place, 2> places;
@@ -370,7 +369,7 @@ struct LowestPlaces {
     }
   }
 
-  // the lowest one, or the other
+  // the lowest minimum, or the other
   bool start(bool lowest, Place& at) const {
     const std::size_t i = lowest ? 0 : 1;
     if (n <= static_cast<int>(i)) return false;
@@ -378,24 +377,24 @@ struct LowestPlaces {
     return true;
   }
 };
-// the height's first harmonic over its second: above it there is one minimum, and Newton finds it
-// from the first harmonic's
+// Ratio of the first to the second harmonic of the gap above which there is one minimum, which
+// Newton's method reaches from that of the first harmonic.
 constexpr double kOneMinimum = 12.0;
 
 // slot: 0 or 1 of the pair
 void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
               ContactPoint& contact);
 void edgePlane(const Peg& e, const Rim& rim, double hole_depth, double far, ContactPoint& contact);
-// pairs: into the slots `first` and the one after it
+// pairs: slots `first` and first + 1
 void edgeWall(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
               ContactSet& set);
 // the rim is the upper one
 void edgeCone(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
               ContactSet& set);
-// the circle is the one where the side begins
+// e: the circle where the side begins
 void rimSide(const Peg& e, const Rim& rim, double far, std::size_t first, ContactSlotMask admitted,
              ContactSet& set);
-// the circle is the bottom edge
+// e: the bottom edge
 void rimCone(const Peg& e, double rim_radius, double far, std::size_t first,
              ContactSlotMask admitted, ContactSet& set);
 void rimFace(const Peg& e, double rim_radius, double far, ContactPoint& contact);

@@ -9,7 +9,7 @@ namespace assembly_cell {
 namespace contact_search {
 namespace {
 
-// of half a circle; half and twice of them: other contacts in 24 and 8 of 360 000 random searches
+// Samples of half a circle. Half and twice: other contacts in 24 and 8 of 360 000 random searches.
 constexpr int kScanPoints = 48;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -21,7 +21,7 @@ void meridian(const Peg& e, const Place& at, Meridian& m) {
   m.ddrho = (levelDot(m.dx, m.dx) - levelDot(m.x, m.u) - m.drho * m.drho) * m.inverse_rho;
 }
 
-// the point of a place that is turned back, from that before
+// Meridian of a point moved back by `step`, from the one before.
 void turnBack(const Peg& e, double step, Meridian& m) {
   const auto [cosine, sine] = turnOf(step);
   const Vec3 u = combined(cosine, m.u, -sine, m.dx);
@@ -30,15 +30,15 @@ void turnBack(const Peg& e, double step, Meridian& m) {
   m.x = combined(1.0, e.center, 1.0, m.u);
 }
 
-// slot 0 leaves the hole with rising t; in both the edge climbs outwards
-// outwards and up on slot 0, back on slot 1; out of a bore that leans beside its wall
+// Slot 0: the edge leaves the hole with rising t, outwards and up; slot 1: it returns. Of an
+// inclined bore relative to its wall.
 bool admissible(const Peg& e, const Meridian& m, int slot) {
   const double drho = e.leans() ? m.drho - levelDot(e.lean, m.x) * m.inverse_rho * m.dx(0) : m.drho;
   return slot == 0 ? drho >= 0.0 && m.dx(0) >= 0.0 : drho <= 0.0 && m.dx(0) <= 0.0;
 }
 
-// Phi(t) = x1 x1' + (rho − r_h) rho' = 0 at a local minimum of the distance to the rim; kNone: of
-// the other kind, or apart by more than `far`
+// Solves Phi(t) = x1 x1' + (rho − r_h) rho' = 0 for a local minimum of the distance to the rim.
+// kNone: of the other slot, or a distance above `far`.
 Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meridian& m) {
   for (int i = 0; i < kNewtonLimit; ++i) {
     meridian(e, at, m);
@@ -53,7 +53,7 @@ Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meri
     if (last) {
       turnBack(e, step, m);
       at = stepBack(at, step);
-      // 1/rho from its neighbour: one Newton step squares an error of the order of `step`
+      // 1/rho by one Newton step from the last one, whose error is of the order of `step`
       const double rho2 = levelDot(m.x, m.x);
       m.inverse_rho += step * m.drho * m.inverse_rho * m.inverse_rho;
       m.inverse_rho *= 1.5 - 0.5 * rho2 * m.inverse_rho * m.inverse_rho;
@@ -68,9 +68,9 @@ Search searchRim(const Peg& e, double r_h, double far, int slot, Place& at, Meri
   return Search::kFailed;
 }
 
-// a candidate without a warm start; `reach`: crossings higher over the plane may be left out
+// Cold start; reach: crossings higher above the plane may be omitted [m].
 Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at, Meridian& m) {
-  // where the edge, if it were upright, crosses the hole's cylinder
+  // crossing of an upright edge with the hole's cylinder
   const double side = slot == 0 ? 1.0 : -1.0;
   const double c =
       std::clamp((r_h * r_h - e.r * e.r - e.offset * e.offset) / (2 * e.r * e.offset), -1.0, 1.0);
@@ -79,9 +79,9 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   if (!e.placeOfOffset(out)) return Search::kNone;
   const Place crossing{c * out.c + side * s * out.s, c * out.s - side * s * out.c, 0.0};
 
-  // no contact where it crosses well above the plane; tilt moves the crossing by no more than the
-  // shift: the projected ellipse is narrower than the circle by r (1 − cos tilt). The gap is the
-  // height times the normal's slope, at least height / (1 + A/slope)
+  // no contact if the crossing is well above the plane. Tilt moves it by at most the shift, as the
+  // projected ellipse is narrower than the circle by r (1 − cos tilt). The gap is the height times
+  // the slope of the normal, at least height / (1 + A/slope)
   const double slope = e.offset * s;
   const double shift = e.amplitude * e.sine;
   const double height = e.center(0) + crossing.c * e.p(0) + crossing.s * e.q(0) - reach;
@@ -96,7 +96,7 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   };
   const Search search = from(crossing, kKept * reach);
   if (search == Search::kFound || !(e.amplitude > 0.0)) return search;
-  // second start: where the edge crosses the plane
+  // second start: crossing of the edge with the plane
   const double cp = std::clamp(e.center(0) / e.amplitude, -1.0, 1.0),
                sp = side * std::sqrt(1 - cp * cp);
   const Place level{e.lc * cp - e.ls * sp, e.ls * cp + e.lc * sp, 0.0};
@@ -104,7 +104,7 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   if (second != Search::kFailed) return second;
   if (search != Search::kFailed) return search;
 
-  // last resort: the nearest point of the right kind among samples of the half circle
+  // third start: the nearest admissible point among samples of the half circle
   double best = kInfinity;
   const double turn = -side * M_PI / kScanPoints;
   Place sample = stepBack({e.lc, e.ls, 0.0}, 0.5 * turn), start{};
@@ -121,8 +121,8 @@ Search searchRimCold(const Peg& e, double r_h, double reach, int slot, Place& at
   return from(start, kInfinity);
 }
 
-// the other edge of the chamfer, or its face, is nearer: the edge climbs less steeply than the cone
-// at the lower edge, more steeply at the upper one
+// The normal is outside the normal cone of the hole's chamfer edge: at the lower edge the peg's
+// edge is less steep than the cone, at the upper one steeper.
 bool beyondCone(const Peg& e, const Rim& rim, const Meridian& m, int slot) {
   const double out = slot == 0 ? m.drho : -m.drho;
   const double lean = levelDot(e.lean, m.x) * m.inverse_rho;
@@ -131,14 +131,14 @@ bool beyondCone(const Peg& e, const Rim& rim, const Meridian& m, int slot) {
   return rim.lower ? flat > 0.0 : flat < 0.0;
 }
 
-// the other edge of the peg's chamfer, or its face, is nearer
+// The normal is outside the normal cone of the edge of the peg's chamfer.
 bool beyondPegCone(const Peg& e, const Vec3& normal, const Vec3& out) {
   const double flat = e.cone->cosine * normal.dot(e.axis) + e.cone->sine * normal.dot(out) / e.r;
   return e.shoulder ? flat > 0.0 : flat < 0.0;
 }
 
-// is a farthest place of the edge a contact with the wall: below the rim, and not so flat under the
-// plane (the chamfer) that it is nearer
+// A maximum of rho is a contact with the wall: below the rim, and the penetration of plane
+// (chamfer) is not smaller.
 bool acceptWall(const Peg& e, const Rim& rim, double far, Meridian& m) {
   if (!(m.x(0) <= kTouch * e.r)) return false;
   m.rho = levelNorm(m.x);
@@ -146,12 +146,11 @@ bool acceptWall(const Peg& e, const Rim& rim, double far, Meridian& m) {
   const double depth = m.rho - rim.radius;
   if (!(-depth <= far)) return false;
   if ((!rim.cone && depth <= -m.x(0)) || depth <= 0.0) return true;
-  // the edge comes back out of the wall at sqrt(2 depth/|rho''|) to both sides; how deep up to
-  // there
+  // the edge leaves the wall at ±sqrt(2 depth/|rho''|); maximum depth within
   m.ddrho *= m.inverse_rho;
   m.drho = 0.0;
   const Depth above = rim.cone ? coneDepth(rim, m) : planeDepth(m);
-  return depth <= above.most(-2 * depth / m.ddrho);
+  return depth <= above.max(-2 * depth / m.ddrho);
 }
 
 }  // namespace
@@ -161,9 +160,9 @@ void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
   const double r_h = rim.radius;
   Place at{contact.cos_t, contact.sin_t, contact.t};
   contact.valid = false;
-  // the edge stays inside the hole's cylinder, or outside it: no crossing, no contact
+  // the edge is inside or outside the hole's cylinder: no crossing, no contact
   if (e.offset + e.r <= r_h || e.offset >= e.r + r_h || e.offset < kNoOffset) return;
-  // nor where all of it is deeper than it reaches sideways into the block
+  // nor if all of it is deeper than its maximum lateral overlap
   if (e.center(0) + e.amplitude < -(e.offset + e.r - r_h)) return;
 
   Meridian m;
@@ -173,9 +172,9 @@ void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
   const double norm = std::sqrt(m.dx(0) * m.dx(0) + m.drho * m.drho);
   if (!(norm > kParallel * e.r)) return;
 
-  // up and towards the axis; in the peg's cone too, else side or face of the peg are nearer
+  // normal up and towards the axis, and in the normal cone of the peg's edge
   const double inverse = 1.0 / norm;
-  // only at a wall that leans over is there a normal that points down
+  // a normal pointing down exists only at an overhanging wall
   const double out_rate = e.leans() && slot == 1 ? -m.drho : m.drho;
   const double up = (e.leans() ? out_rate : std::abs(m.drho)) * inverse;
   const double inward = std::abs(m.dx(0)) * inverse;
@@ -183,7 +182,7 @@ void edgeEdge(const Peg& e, const Rim& rim, double reach, int slot, bool warm,
   const Vec3 normal(up, -inward * e2, -inward * e3);
   if (normal.dot(e.axis) < 0.0 || normal.dot(m.u) > 0.0) return;
   if (e.cone && beyondPegCone(e, normal, m.u)) return;
-  // deeper than the edge reaches sideways into wall or chamfer before it turns back: not at the rim
+  // deeper than the maximum lateral overlap with wall or chamfer: not a contact of the rim
   const double out = m.rho - r_h, gap = up * m.x(0) - inward * out;
   if (rim.cone && beyondCone(e, rim, m, slot)) return;
   if (rim.cone && gap < 0.0 && coneDepth(rim, m).turnsAbove(-gap)) return;
@@ -203,7 +202,7 @@ void edgePlane(const Peg& e, const Rim& rim, double hole_depth, double far, Cont
   const bool floor = lowest <= far - hole_depth;
   if (!(lowest <= far)) return;
   Place at{e.lc, e.ls, 0.0};
-  // parallel to the plane: the edge point farthest from the hole's axis stands for the face
+  // parallel to the plane: the edge point farthest from the hole's axis represents the face
   if (!e.tilted()) {
     const bool directed = e.offset >= kNoOffset && e.placeOfOffset(at);
     if (!directed && !floor) return;
@@ -215,7 +214,7 @@ void edgePlane(const Peg& e, const Rim& rim, double hole_depth, double far, Cont
   if (!outside && !floor) return;
   double height = outside ? 0.0 : -hole_depth;
   if (outside && lowest < 0.0 && (rim.cone || square(r_h - lowest) > rho2)) {
-    // deeper than it reaches sideways into wall or chamfer before it turns back: in the hole
+    // deeper than the maximum lateral overlap with wall or chamfer: in the hole
     meridian(e, at, m);
     const double sideways = lowest + m.rho - r_h;
     if (rim.cone ? coneDepth(rim, m).turnsAbove(-lowest)
@@ -240,8 +239,8 @@ void edgeWall(const Peg& e, const Rim& rim, double far, std::size_t first, Conta
   if (e.offset + e.r + lean * e.amplitude < r_h - far) return;
   const double bend = e.amplitude * (e.sine + 2 * lean);
   if (!(e.offset > kCoaxial * e.r) && !(bend > kCoaxial * e.r)) return;
-  // one farthest place only, near the direction of the offset: skipped where it's flat under the
-  // plane (the chamfer) or above it
+  // a single maximum, near the direction of the offset: skipped if the penetration of the plane
+  // (chamfer) is smaller, or above it
   const bool single = e.offset * e.axis(0) > bend;
   if (!pair.warm && !e.leans() && e.offset > 2 * bend) {
     const double out = e.offset + e.r * e.axis(0) - r_h, under = e.amplitude - e.center(0);
@@ -254,8 +253,8 @@ void edgeWall(const Peg& e, const Rim& rim, double far, std::size_t first, Conta
 
   Meridian m;
   Extremum extremum{};
-  // of rho²/2, with p' · (p − centre) = 0 and |p'| = |p − centre|: nothing large cancels near the
-  // axis
+  // derivatives of rho²/2, with p' · (p − centre) = 0 and |p'| = |p − centre|: no cancellation near
+  // the axis
   const auto evaluate = [&](const Place& at) {
     edgePoint(e, at, m);
     if (e.leans()) {
@@ -274,7 +273,7 @@ void edgeWall(const Peg& e, const Rim& rim, double far, std::size_t first, Conta
     return acceptWall(e, rim, far, m);
   };
   const auto start = [&](bool farther, Place& at) {
-    // the minor axis's image has length cos(tilt): `low` carries it
+    // the projected minor axis, of length cos(tilt), is along `low`
     const Vec3 low = (e.lc * e.p + e.ls * e.q) / e.r, major = (e.lc * e.q - e.ls * e.p) / e.r;
     const Ellipse seen{e.r, e.sine, 1.0, levelDot(major, e.center), -levelDot(low, e.center)};
     if (!seen.start((seen.x >= 0.0) == farther ? 1.0 : -1.0, false, at)) return false;

@@ -9,18 +9,18 @@ namespace assembly_cell {
 namespace contact_search {
 namespace {
 
-// a place of the rim in the peg's cylinder coordinates and their derivatives by s
+// Point of the rim in cylinder coordinates of the peg, and their derivatives by s.
 struct RimPlace {
-  Vec3 H;                  // of the rim
-  Vec3 across;             // from the peg's axis to H, across the axis
+  Vec3 H;                  // point of the rim
+  Vec3 across;             // from the peg's axis to H, normal to the axis
   double height, dheight;  // w along the axis
-  Extremum extremum;       // of sigma²/2
+  Extremum extremum;       // of sigma²/2, sigma = |across|
 };
 
-// the hole's centre as the peg sees it
+// The hole's centre relative to the peg.
 struct HoleOffset {
-  double along;  // axis · bottom centre: minus its height over the peg's face
-  Vec3 o;        // its offset from the peg's axis, across the axis
+  double along;  // axis · bottom centre: minus the height of the hole's centre over the peg's face
+  Vec3 o;        // its offset from the peg's axis, normal to the axis
 
   explicit HoleOffset(const Peg& e) : along(e.axis.dot(e.center)), o(along * e.axis - e.center) {}
 };
@@ -53,12 +53,12 @@ void setRim(ContactFeature feature, const Place& at, const RimPlace& m, const Ve
   contact.gap = gap;
 }
 
-// a place of the rim over the cone of the peg's chamfer, whichever of its circles e is, and the
-// derivatives of its axis distance by s
+// Point of the rim over the cone of the peg's chamfer (e: any of its circles), and the derivatives
+// of its axis distance by s.
 struct OverCone {
   double sigma, dsigma, ddsigma;
   double gap;
-  Extremum extremum;  // as of half a squared distance: the gap itself is what is least
+  Extremum extremum;  // derivatives of the gap, which is minimised
 
   OverCone(const Peg& e, const HoleOffset& hole, const RimPlace& m) {
     sigma = std::sqrt(m.extremum.distance2);
@@ -71,12 +71,12 @@ struct OverCone {
     extremum = {c * dsigma - s * m.dheight, c * ddsigma + s * rise,
                 0.5 * (c * dddsigma + s * m.dheight), 2 * gap};
   }
-  // how deep the rim is in it
+  // depth of the rim in the chamfer
   Depth depth() const { return {-gap, -extremum.value, -extremum.slope}; }
 };
 
-// is a nearest place of the rim a contact with the side: over the edge where that begins, and not
-// so flat over it that face or chamfer is nearer
+// A minimum of sigma is a contact with the side: above the edge where that begins, and the
+// penetration of face or chamfer is not smaller.
 bool acceptSide(const Peg& e, const HoleOffset& hole, double far, const RimPlace& m,
                 bool& top_reached) {
   if (!(m.height >= -kTouch * e.r)) return false;
@@ -88,16 +88,16 @@ bool acceptSide(const Peg& e, const HoleOffset& hole, double far, const RimPlace
   }
   const double below = depth - m.height;
   if (depth <= 0.0) return true;
-  // the rim comes back out of the side at sqrt(2 depth/sigma'') to both sides
+  // the rim leaves the side at ±sqrt(2 depth/sigma'')
   if (e.cone) {
-    return depth <= OverCone(e, hole, m).depth().most(2 * depth * sigma / m.extremum.slope);
+    return depth <= OverCone(e, hole, m).depth().max(2 * depth * sigma / m.extremum.slope);
   }
   if (below <= 0.0) return true;
   return square(below) * m.extremum.slope <= m.dheight * m.dheight * 2 * depth * sigma;
 }
 
-// is a lowest place of the rim over the chamfer's cone a contact: over the chamfer, and where the
-// rim overlaps it not so that face or side are nearer all along the overlap
+// A minimum of the gap over the peg's chamfer is a contact: over the cone; of an overlap, only if
+// neither face nor side has the smaller penetration all along it.
 bool acceptCone(const Peg& e, const HoleOffset& hole, double far, const RimPlace& m,
                 const OverCone& over) {
   const Chamfer& cone = *e.cone;
@@ -109,7 +109,7 @@ bool acceptCone(const Peg& e, const HoleOffset& hole, double far, const RimPlace
   const double width2 = 2 * depth / over.extremum.slope;
   const Depth face{m.height, m.dheight, -(m.height + hole.along)};
   const Depth side{e.r + cone.width - over.sigma, -over.dsigma, -over.ddsigma};
-  return depth <= face.most(width2) && depth <= side.most(width2);
+  return depth <= face.max(width2) && depth <= side.max(width2);
 }
 
 }  // namespace
@@ -120,7 +120,7 @@ void rimSide(const Peg& e, const Rim& rim, double far, std::size_t first, Contac
   SlotPair pair(set, admitted, first);
   const HoleOffset hole(e);
   const Vec3& o = hole.o;
-  const double highest = r_h * e.sine - hole.along;  // of the rim over the face
+  const double highest = r_h * e.sine - hole.along;  // height of the rim over the face
   if (!(highest >= -kTouch * e.r)) return;
   const double offset = o.norm();
   if (r_h * e.axis(0) - offset > e.r + far) return;
@@ -129,7 +129,7 @@ void rimSide(const Peg& e, const Rim& rim, double far, std::size_t first, Contac
   const bool single = offset * e.axis(0) > bend;
   if (!pair.warm && offset > 2 * bend) {
     if (!e.cone && e.r - (r_h - offset) > highest && offset < r_h) return;
-    // the nearest place is off the direction of the offset by the ellipse's bend
+    // the minimum is off the direction of the offset by the curvature of the ellipse
     Place towards{};
     const bool directed = placeTowards(-o(1), -o(2), towards);
     const double height = r_h * (e.axis(1) * towards.c + e.axis(2) * towards.s) - hole.along;
@@ -147,7 +147,7 @@ void rimSide(const Peg& e, const Rim& rim, double far, std::size_t first, Contac
            acceptSide(e, hole, far, m, set.top_reached);
   };
   const auto start = [&](bool nearer, Place& at) {
-    // the rim seen along the axis, the minor axis along the lean
+    // projection of the rim along the axis, the minor axis in the direction of tilt
     const double l2 = e.tilted() ? e.axis(1) / e.sine : 1.0;
     const double l3 = e.tilted() ? e.axis(2) / e.sine : 0.0;
     const Ellipse seen{r_h, e.sine, e.axis(0), o(2) * l2 - o(1) * l3,
@@ -173,12 +173,12 @@ void rimCone(const Peg& e, double r_h, double far, std::size_t first_slot, Conta
   const HoleOffset hole(e);
   const Vec3& o = hole.o;
   const double offset = o.norm(), swing = r_h * e.sine;
-  const double highest = swing - hole.along, lowest = -swing - hole.along;  // over the face
-  // of the gap anywhere
+  const double highest = swing - hole.along, lowest = -swing - hole.along;  // heights over the face
+  // lower bound of the gap
   const double least = c * (r_h * e.axis(0) - offset - e.r) - s * highest;
   if (least > far || !(highest + s * far >= -kTouch * e.r)) return;
   if (lowest + s * std::min(0.0, least) > e.cone->height + kTouch * e.r) return;
-  // the gap is a constant with a first harmonic and a second one
+  // the gap is a constant plus a first and a second harmonic
   const double along_2 = s * r_h * e.axis(1) - c * o(1);
   const double along_3 = s * r_h * e.axis(2) - c * o(2);
   const double first = std::hypot(along_2, along_3);
@@ -224,7 +224,7 @@ void rimFace(const Peg& e, double r_h, double far, ContactPoint& contact) {
   const HoleOffset hole(e);
   const double highest = r_h * e.sine - hole.along;
   if (!(-highest <= far)) return;
-  // parallel to the plane: the rim point nearest to the peg's axis stands for the face
+  // parallel to the plane: the rim point nearest to the peg's axis represents the face
   Place at{};
   const Vec3& towards = e.tilted() ? e.axis : e.center;
   if (!e.tilted() && e.offset < kNoOffset) return;
@@ -233,7 +233,7 @@ void rimFace(const Peg& e, double r_h, double far, ContactPoint& contact) {
   rimPlace(e, hole, r_h, at, m);
   if (!(m.extremum.distance2 < e.r * e.r)) return;
   const double sigma = std::sqrt(m.extremum.distance2);
-  // farther over the face than it reaches in from side or chamfer before it turns back: there
+  // higher over the face than the maximum overlap with side or chamfer: a contact of those
   if (e.cone && m.height > 0.0 && OverCone(e, hole, m).depth().turnsAbove(m.height)) return;
   const double inside = e.r - sigma - m.height;
   if (!e.cone && inside < 0.0 && m.height > 0.0 && m.extremum.slope > 0.0 &&

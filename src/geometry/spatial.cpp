@@ -50,7 +50,7 @@ EulerAngles eulerFromRotation(const Eigen::Matrix3d& R) {
   } else {
     angles.phi = std::atan2(R(0, 2), R(2, 2));
   }
-  // what remains after phi and theta is the rotation about the peg's axis
+  // the remainder after phi and theta is the rotation about the peg's axis
   EulerAngles tilt = angles;
   tilt.psi = 0.0;
   const Eigen::Matrix3d rest = rotationFromEuler(tilt).transpose() * R;
@@ -60,7 +60,7 @@ EulerAngles eulerFromRotation(const Eigen::Matrix3d& R) {
 
 Eigen::Matrix3d rotationFromVector(const RotationVector& v) {
   const double angle = v.value.norm();
-  // series below 1e-8: the quadratic term is under rounding
+  // below 1e-8 the quadratic term is below rounding
   if (angle < 1e-8) return Eigen::Matrix3d::Identity() + skew(v.value);
   return Eigen::AngleAxisd(angle, v.value / angle).toRotationMatrix();
 }

@@ -22,31 +22,24 @@ constexpr double kMaxSteps = 1e10;  // a run with more would not end
 // enough; above, an error as large as a clearance passes
 constexpr double kFinestTolerance = 1e-14, kCoarsestTolerance = 1e-3;
 
-ContactFeatures readFeatures(Section& in) {
+ContactSlotMask readFeatures(Section& in) {
   const YAML::Node node = in.required("features", "");
-  struct Name {
-    const char* text;
-    bool ContactFeatures::*admitted;
-  };
-  constexpr Name kNames[] = {
-      {"edge_edge", &ContactFeatures::edge_edge}, {"edge_plane", &ContactFeatures::edge_plane},
-      {"edge_wall", &ContactFeatures::edge_wall}, {"rim_side", &ContactFeatures::rim_side},
-      {"rim_face", &ContactFeatures::rim_face},   {"edge_cone", &ContactFeatures::edge_cone},
-      {"rim_cone", &ContactFeatures::rim_cone}};
   const std::string path = in.at("features");
   const std::string available =
       "available are edge_edge, edge_plane, edge_wall, rim_side, rim_face, edge_cone and rim_cone";
   if (!node.IsSequence()) in.refuse(path, shown(node), "give a list of names, " + available);
-  ContactFeatures features{false, false, false, false, false, false, false};
+  ContactSlotMask features = 0;
   for (std::size_t i = 0; i < node.size(); ++i) {
     const std::string entry = path + "[" + std::to_string(i) + "]";
     const std::string text = node[i].IsScalar() ? node[i].Scalar() : "";
-    const auto* name = std::find_if(std::begin(kNames), std::end(kNames),
-                                    [&](const Name& n) { return text == n.text; });
-    if (name == std::end(kNames)) in.refuse(entry, shown(node[i]), "unknown contact, " + available);
-    bool& admitted = features.*(name->admitted);
-    if (admitted) in.refuse(entry, text, "named twice, keep one of them");
-    admitted = true;
+    const auto* feature = std::find_if(std::begin(kContactFeatures), std::end(kContactFeatures),
+                                       [&](ContactFeature f) { return text == toString(f); });
+    if (feature == std::end(kContactFeatures)) {
+      in.refuse(entry, shown(node[i]), "unknown contact, " + available);
+    }
+    const ContactSlotMask slots = slotsOf(*feature);
+    if (features & slots) in.refuse(entry, text, "named twice, keep one of them");
+    features |= slots;
   }
   return features;
 }

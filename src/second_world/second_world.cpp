@@ -192,9 +192,9 @@ RestMotion SecondWorld::restNow() const {
 }
 
 // Over the step that follows, by the force of now.
-void SecondWorld::giveWay(double h) {
+void SecondWorld::updateDeflection(double h) {
   const Vector3d way = -scenario_.imperfections.compliance.cwiseProduct(coupling().force) - give_;
-  const Vector3d step = -std::expm1(-h / kGiveLag) * way;
+  const Vector3d step = -std::expm1(-h / kComplianceLag) * way;
   give_rate_ = step / h;
   give_ += step;
 }
@@ -202,7 +202,7 @@ void SecondWorld::giveWay(double h) {
 void SecondWorld::step(double h) {
   Engine& e = *engine_;
   if (stale_) evaluate();
-  if (isCompliant(scenario_)) giveWay(h);
+  if (isCompliant(scenario_)) updateDeflection(h);
   e.m->opt.timestep = h;
   mj_Euler(e.m, e.d);
   ++steps_;
@@ -248,8 +248,8 @@ void SecondWorld::stopRest() {
   stale_ = true;
 }
 
-Vector6 SecondWorld::stopWay() const {
-  return assembly_cell::stopWay(commands_, scenario_.mechanism, time());
+Vector6 SecondWorld::stoppingDisplacement() const {
+  return assembly_cell::stoppingDisplacement(commands_, scenario_.mechanism, time());
 }
 
 RestPose SecondWorld::rest() const { return restPose(restNow().position); }
@@ -305,19 +305,19 @@ EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) 
 }
 
 // what touches what: of the peg's bottom edge or of the bore's rim
-ContactReport::Feature featureOf(const EngineContact& c, double above_bottom) {
+ContactFeature featureOf(const EngineContact& c, double above_bottom) {
   constexpr double kAtEdge = 2e-4, kAcross = 0.1;  // of the normal's part along z: of a wall
   if (c.chamfer && c.normal.z() > kAcross && above_bottom < kAtEdge) {
-    return ContactReport::kEdgeCone;
+    return ContactFeature::kEdgeCone;
   }
   if (c.normal.z() > 0.9) {
-    return c.point.z() < -kAtEdge || above_bottom < kAtEdge ? ContactReport::kEdgePlane
-                                                            : ContactReport::kRimFace;
+    return c.point.z() < -kAtEdge || above_bottom < kAtEdge ? ContactFeature::kEdgePlane
+                                                            : ContactFeature::kRimFace;
   }
   const bool at_rim = c.point.z() > -kAtEdge, at_edge = above_bottom < kAtEdge;
-  return at_rim && at_edge ? ContactReport::kEdgeEdge
-         : at_rim          ? ContactReport::kRimSide
-                           : ContactReport::kEdgeWall;
+  return at_rim && at_edge ? ContactFeature::kEdgeEdge
+         : at_rim          ? ContactFeature::kRimSide
+                           : ContactFeature::kEdgeWall;
 }
 
 }  // namespace

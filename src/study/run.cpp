@@ -51,8 +51,7 @@ struct Result {
 
 // contact slots in the order of simulate's column `mode`
 std::string modeOf(const Scenario& scenario, const std::array<ContactReport, kSlots>& contacts) {
-  const ContactSlotMask shown =
-      kEdgeEdgeSlots | kEdgePlaneSlots | slotsOf(scenario.contact.features);
+  const ContactSlotMask shown = kEdgeEdgeSlots | kEdgePlaneSlots | scenario.contact.features;
   ContactShapes shapes;
   shapes.chamfer.width = scenario.mechanism.hole.chamfer_width;
   shapes.peg_chamfer.width = scenario.mechanism.peg.chamfer_width;

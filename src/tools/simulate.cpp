@@ -135,7 +135,7 @@ struct SlotColumn {
 };
 // the shoulder of a chamfered peg as its edge, then its chamfer
 void addShoulder(const Scenario& scenario, std::vector<SlotColumn>& columns) {
-  const assembly_cell::ContactFeatures& admitted = scenario.contact.features;
+  const assembly_cell::ContactSlotMask admitted = scenario.contact.features;
   const bool both = scenario.mechanism.hole.chamfer_width > 0.0;
   const auto add = [&](const std::string& name, std::size_t slot, int count) {
     for (int i = 0; i < count; ++i) {
@@ -146,23 +146,27 @@ void addShoulder(const Scenario& scenario, std::vector<SlotColumn>& columns) {
   add("shoulder_edge", 14, 2);
   if (both) add("shoulder_low_edge", 16, 2);
   add("shoulder_plane", 18, 1);
-  if (admitted.edge_wall) add("shoulder_wall", 19, 2);
-  if (both && admitted.edge_cone) add("shoulder_cone", 21, 2);
-  if (admitted.rim_cone) add("rim_cone", 23, 2);
-  if (both && admitted.rim_cone) add("low_rim_cone", 25, 2);
+  if (admitted & assembly_cell::kEdgeWallSlots) add("shoulder_wall", 19, 2);
+  if (both && (admitted & assembly_cell::kEdgeConeSlots)) add("shoulder_cone", 21, 2);
+  if (admitted & assembly_cell::kRimConeSlots) add("rim_cone", 23, 2);
+  if (both && (admitted & assembly_cell::kRimConeSlots)) add("low_rim_cone", 25, 2);
 }
 
 std::vector<SlotColumn> slotColumns(const Scenario& scenario) {
-  const assembly_cell::ContactFeatures& admitted = scenario.contact.features;
+  const assembly_cell::ContactSlotMask admitted = scenario.contact.features;
   std::vector<SlotColumn> columns = {{"edge_0", 0}, {"edge_1", 1}, {"plane", 2}};
-  if (admitted.edge_wall) columns.insert(columns.end(), {{"wall_0", 3}, {"wall_1", 4}});
-  if (admitted.rim_side) columns.insert(columns.end(), {{"side_0", 5}, {"side_1", 6}});
-  if (admitted.rim_face) columns.push_back({"face", 7});
+  if (admitted & assembly_cell::kEdgeWallSlots)
+    columns.insert(columns.end(), {{"wall_0", 3}, {"wall_1", 4}});
+  if (admitted & assembly_cell::kRimSideSlots)
+    columns.insert(columns.end(), {{"side_0", 5}, {"side_1", 6}});
+  if (admitted & assembly_cell::kRimFaceSlots) columns.push_back({"face", 7});
   if (scenario.mechanism.hole.chamfer_width > 0.0) {
     // edge and side at the lower and upper edge of the chamfer, edge on it
     columns.insert(columns.end(), {{"low_edge_0", 8}, {"low_edge_1", 9}});
-    if (admitted.edge_cone) columns.insert(columns.end(), {{"cone_0", 10}, {"cone_1", 11}});
-    if (admitted.rim_side) columns.insert(columns.end(), {{"mouth_0", 12}, {"mouth_1", 13}});
+    if (admitted & assembly_cell::kEdgeConeSlots)
+      columns.insert(columns.end(), {{"cone_0", 10}, {"cone_1", 11}});
+    if (admitted & assembly_cell::kRimSideSlots)
+      columns.insert(columns.end(), {{"mouth_0", 12}, {"mouth_1", 13}});
   }
   if (scenario.mechanism.peg.chamfer_width > 0.0) addShoulder(scenario, columns);
   return columns;
@@ -235,8 +239,8 @@ void printSummary(Simulation& simulation, const std::string& truth, double wall_
             << "rejected: " << counts.rejected << "\n"
             << "events: " << counts.events << "\n"
             << "impacts: " << counts.impacts << "\n"
-            << "jams: " << counts.jams << "\n"
-            << "chatters: " << counts.chatters << "\n"
+            << "jams: " << counts.painleve_impacts << "\n"
+            << "chatters: " << counts.zeno_phases << "\n"
             << "wall_time: " << shown(wall_time) << "\n"
             << (truth == "{}" ? "" : "mismatch: " + truth + "\n") << "final:\n";
   for (const Column& column : rowOf(simulation)) {

@@ -31,7 +31,7 @@ Scenario dropped(double off, double height, const std::vector<std::string>& more
 
 // Without friction it slides over the cone, a contact of this feature, and off it without losing
 // energy.
-void expectSlideWithoutLoss(Scenario s, ContactReport::Feature cone) {
+void expectSlideWithoutLoss(Scenario s, ContactFeature cone) {
   s.initial.close = true;
   Simulation simulation(s);
   const double before = simulation.energy();
@@ -52,7 +52,7 @@ void expectSlideWithoutLoss(Scenario s, ContactReport::Feature cone) {
 }
 
 TEST(Chamfer, SlidesDownWithoutLoss) {
-  expectSlideWithoutLoss(dropped(4e-4, 0.0), ContactReport::kEdgeCone);
+  expectSlideWithoutLoss(dropped(4e-4, 0.0), ContactFeature::kEdgeCone);
 }
 
 // Bounces that give back all they take: off the cone, off its edges, off the wall.
@@ -80,7 +80,7 @@ TEST(Chamfer, ExcludedConeEndsTheRunByName) {
 TEST(Chamfer, OfThePegSlidesDownWithoutLoss) {
   expectSlideWithoutLoss(
       dropped(4e-4, 0.0, {"hole.chamfer={width: 0}", "peg.chamfer={width: 1.0e-3, angle: 0.6}"}),
-      ContactReport::kRimCone);
+      ContactFeature::kRimCone);
 }
 
 TEST(Chamfer, OfThePegBouncesKeepTheEnergy) {
@@ -128,7 +128,7 @@ TEST(Chamfer, AllLawsHoldThePegOnTheCone) {
     EXPECT_LT((simulation.pegPose().p - at).norm(), 1e-7) << law;
     const auto contacts = simulation.contacts();
     EXPECT_TRUE(std::any_of(contacts.begin(), contacts.end(), [](const ContactReport& c) {
-      return c.feature == ContactReport::kEdgeCone && c.state == ContactReport::kStick &&
+      return c.feature == ContactFeature::kEdgeCone && c.state == ContactReport::kStick &&
              c.force.norm() > 1.0;
     })) << law;
   }

@@ -102,7 +102,7 @@ void compareWithFineRun(Scenario scene, const char* name, double tolerance, doub
     for (int i = 0; i < Shaken::kSamples; ++i) {
       const double t = Shaken::timeOf(++sample);
       ASSERT_EQ(fine.advance(t), StopReason::kOk);
-      ASSERT_EQ(coarse.look(t, end), StopReason::kOk);
+      ASSERT_EQ(coarse.sampleAt(t, end), StopReason::kOk);
       ASSERT_EQ(coarse.time(), t);
       const double off = (coarse.state().q - fine.state().q).head<3>().cwiseAbs().maxCoeff();
       apart = std::max(apart, off);
@@ -145,7 +145,7 @@ TEST(LookingWithinSteps, ChangesNoStep) {
     Shaken::command(block, passed);
     const double end = Shaken::timeOf(sample + Shaken::kSamples);
     for (int i = 0; i < Shaken::kSamples; ++i) {
-      ASSERT_EQ(looked.look(Shaken::timeOf(++sample), end), StopReason::kOk);
+      ASSERT_EQ(looked.sampleAt(Shaken::timeOf(++sample), end), StopReason::kOk);
     }
     ASSERT_EQ(passed.advance(end), StopReason::kOk);
     ASSERT_EQ(looked.state().q, passed.state().q) << block;
@@ -159,7 +159,7 @@ TEST(LookingWithinSteps, ACommandGoesBack) {
   target.y += 1e-3;
   for (int i = 1; i <= 300; ++i) {
     const double t = Shaken::timeOf(i);
-    ASSERT_EQ(looked.look(t, std::ceil(i / 100.0) * 0.02), StopReason::kOk);
+    ASSERT_EQ(looked.sampleAt(t, std::ceil(i / 100.0) * 0.02), StopReason::kOk);
     ASSERT_EQ(stopped.advance(t), StopReason::kOk);
     if (i % 37 != 0) continue;
     target.y = -target.y;

@@ -63,7 +63,7 @@ TEST(Rest, IsWhereContactsCanHoldThePeg) {
     if (speed > kSlip) continue;
     expectInsideCones(sim, k);
     // within a step, too
-    sim.look(0.4003, 0.402);
+    sim.sampleAt(0.4003, 0.402);
     expectInsideCones(sim, k);
   }
   EXPECT_GE(wedged, 10);

@@ -111,7 +111,7 @@ TEST(Simulation, HangingPegDeflectsTheCoupling) {
 
 // Let go in the upright coupling of a carrier that gives way: deflection X, its rate and the way w
 // are linear in time, by their eigenvalues. F = k (X - w) + c (X' - w') on the carrier, and
-// kGiveLag w' = C F - w.
+// kComplianceLag w' = C F - w.
 TEST(Simulation, TheCarrierGivesWayAsItsClosedForm) {
   for (const char* axes : {"hole", "carrier"}) {
     for (const char* solver : {"dopri5", "dop853", "hamming", "rk4"}) {
@@ -130,7 +130,7 @@ TEST(Simulation, TheCarrierGivesWayAsItsClosedForm) {
       // w' = by (X, X', w)
       const Eigen::RowVector3d by =
           Eigen::RowVector3d(compliance * k, compliance * c, -compliance * k - 1.0) /
-          (kGiveLag + compliance * c);
+          (kComplianceLag + compliance * c);
       Eigen::Matrix3d A;
       A << 0, 1, 0, (Eigen::RowVector3d(-k, -c, k) + c * by) / m, by;
       const Vector3d end = {-weight * (1 / k + compliance), 0, -weight * compliance};
@@ -300,7 +300,7 @@ TEST(Simulation, StopsWithAReason) {
   Scenario excluded = onThePlane(0.1);
   excluded.initial.position.z() += 1e-4;
   excluded.initial.velocity.z() = -0.1;
-  excluded.contact.features.edge_plane = false;
+  excluded.contact.features &= ~kEdgePlaneSlots;
   Simulation falling(excluded);
   EXPECT_EQ(falling.advance(0.1), StopReason::kEdgePlane);
   EXPECT_GT(falling.time(), 0.8e-3);

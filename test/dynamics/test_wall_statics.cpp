@@ -54,7 +54,7 @@ TEST(WallStatics, SlidesDownTheWall) {
     if (c.state == ContactReport::kOpen) continue;
     EXPECT_NEAR(c.normal.x(), -1.0, 1e-12);
     pressed -= c.force.x();
-    if (c.feature == ContactReport::kRimSide) at_rim -= c.force.x();
+    if (c.feature == ContactFeature::kRimSide) at_rim -= c.force.x();
   }
   const double h = s.mechanism.peg.half_height, z = sim.state().q(0);
   EXPECT_NEAR(pressed, 2.0, 1e-9);
@@ -109,7 +109,7 @@ Rest equilibrium(const Scenario& s, const Gap& gap, double stiffness, Rest start
 
 struct Lean {
   const char* name;
-  ContactReport::Feature feature;
+  ContactFeature feature;
   Gap gap;
   Vector3d bottom;  // bottom centre at the start
   double tilt;
@@ -124,25 +124,25 @@ std::vector<Lean> leans(const Scenario& s) {
   const Real R = s.mechanism.hole.radius, r = s.mechanism.peg.radius,
              h = s.mechanism.peg.half_height;
   return {{"edge on the plane",
-           ContactReport::kEdgePlane,
+           ContactFeature::kEdgePlane,
            [=](Real, Real z, Real T) { return z - h * std::cos(T) - r * std::sin(T); },
            {0.08, 0, 0.0052},
            0.2,
            {0.0, -4e-4, 0.02}},
           {"edge on the wall",
-           ContactReport::kEdgeWall,
+           ContactFeature::kEdgeWall,
            [=](Real x, Real, Real T) { return R - (x - h * std::sin(T) + r * std::cos(T)); },
            {3e-4, 0, -0.01},
            -0.02,
            {6e-4, 0.0, -0.01}},
           {"rim on the side",
-           ContactReport::kRimSide,
+           ContactFeature::kRimSide,
            [=](Real x, Real z, Real T) { return (R - x) * std::cos(T) + z * std::sin(T) - r; },
            {2e-4, 0, -0.01},
            0.03,
            {6e-4, 0.0, 0.0}},
           {"edge on the chamfer",
-           ContactReport::kEdgeCone,
+           ContactFeature::kEdgeCone,
            [=](Real x, Real z, Real T) {
              return std::sin(Real(kAngle)) * (z - h * std::cos(T) - r * std::sin(T)) +
                     std::cos(Real(kAngle)) * (R + kWidth - (x - h * std::sin(T) + r * std::cos(T)));
@@ -152,7 +152,7 @@ std::vector<Lean> leans(const Scenario& s) {
            {1.2e-3, -1e-3, 0.0},
            true},
           {"lower edge of the chamfer on the side",
-           ContactReport::kRimSide,
+           ContactFeature::kRimSide,
            [=](Real x, Real z, Real T) {
              return (R - x) * std::cos(T) + (z + kWidth / std::tan(Real(kAngle))) * std::sin(T) - r;
            },

@@ -38,7 +38,7 @@ Vector2d acceleration(const Scenario& s, double time) {
   EXPECT_EQ(simulation.advance(time), StopReason::kOk);
   int on_cone = 0;
   for (const ContactReport& c : simulation.contacts()) {
-    on_cone += c.state != ContactReport::kOpen && c.feature == ContactReport::kEdgeCone;
+    on_cone += c.state != ContactReport::kOpen && c.feature == ContactFeature::kEdgeCone;
   }
   EXPECT_EQ(on_cone, 1);
   return {simulation.acceleration()(1), simulation.acceleration()(0)};

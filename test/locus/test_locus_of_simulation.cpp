@@ -38,7 +38,7 @@ TEST(LocusOfSimulation, SingleContactOfTwoEdges) {
         o.direction = direction;
         const SimulatedReading r = readSimulated(o);
         ASSERT_EQ(r.closed.size(), 1u);
-        ASSERT_EQ(r.closed[0].feature, ContactReport::kEdgeEdge);
+        ASSERT_EQ(r.closed[0].feature, ContactFeature::kEdgeEdge);
         const DirectionEstimate e =
             contactDirection(r.scenario.mechanism, r.point, r.locus, LocusAxes::kSensor);
         // either half turn: how clearly they differ depends on where the tilt points
@@ -60,7 +60,7 @@ TEST(LocusOfSimulation, EdgeRollingOnThePlane) {
       o.frequency = frequency;
       SimulatedReading r = readSimulated(o);
       ASSERT_EQ(r.closed.size(), 1u);
-      ASSERT_EQ(r.closed[0].feature, ContactReport::kEdgePlane);
+      ASSERT_EQ(r.closed[0].feature, ContactFeature::kEdgePlane);
       const DirectionEstimate e =
           contactDirection(r.scenario.mechanism, r.point, r.locus, LocusAxes::kSensor);
       EXPECT_LT(degrees(std::remainder(e.alpha - r.contact, M_PI)), kBias)

@@ -77,8 +77,8 @@ TEST(Scenario, EveryKeyArrivesInItsField) {
   EXPECT_EQ(s.contact.rate, 800.0);
   EXPECT_EQ(s.contact.pull_back, 15.0);
   EXPECT_EQ(s.contact.restitution, 0.5);
-  EXPECT_FALSE(s.contact.features.edge_edge);
-  EXPECT_TRUE(s.contact.features.edge_plane);
+  EXPECT_FALSE(s.contact.features & kEdgeEdgeSlots);
+  EXPECT_TRUE(s.contact.features & kEdgePlaneSlots);
   EXPECT_TRUE(s.initial.close);
   EXPECT_EQ(s.initial.position, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(s.initial.euler.phi, 0.1);
@@ -102,8 +102,8 @@ TEST(Scenario, AbsentOptionalKeysTakeTheirDefaults) {
   EXPECT_TRUE(std::isinf(s.mechanism.hole.depth));
   EXPECT_EQ(s.mechanism.exciter.amplitude, 0.0);
   EXPECT_EQ(s.push, Eigen::Vector3d::Zero());
-  EXPECT_TRUE(s.contact.features.edge_edge);
-  EXPECT_TRUE(s.contact.features.edge_plane);
+  EXPECT_TRUE(s.contact.features & kEdgeEdgeSlots);
+  EXPECT_TRUE(s.contact.features & kEdgePlaneSlots);
   EXPECT_EQ(s.contact.regularisation_speed, defaults.contact.regularisation_speed);
   EXPECT_EQ(s.mechanism.carrier.max_speed, defaults.mechanism.carrier.max_speed);
   EXPECT_EQ(s.solver.integrator, defaults.solver.integrator);

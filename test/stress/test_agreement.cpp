@@ -40,7 +40,7 @@ std::optional<End> runTo(const Scenario& s, double duration, int looks) {
     if (sim.advance(duration * i / looks, stress::kPatience / 100) != StopReason::kOk) return {};
     if (sim.time() < duration * i / looks) return {};
   }
-  return End{sim.state(), sim.counts().chatters > 0};
+  return End{sim.state(), sim.counts().zeno_phases > 0};
 }
 
 double apart(const End& a, const End& b) {

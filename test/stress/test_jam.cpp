@@ -57,10 +57,10 @@ void lower(const Lowering& run, double faster, double& lost) {
     const double until = 0.002 * look;
     while (sim.time() < until) {
       const double time = sim.time(), energy = sim.energy(), before = exciterSpeed(sim);
-      const auto jams = sim.counts().jams;
+      const auto jams = sim.counts().painleve_impacts;
       ASSERT_EQ(sim.advance(until, 1), StopReason::kOk) << sim.time();
       ASSERT_LT(sim.counts().evaluations, 200000) << "creeps at " << sim.time();
-      if (sim.counts().jams == jams) continue;
+      if (sim.counts().painleve_impacts == jams) continue;
       // the exciter's work in the step that ends with the jam
       const double work = faster * scene.mechanism.exciter.amplitude *
                           std::max(before, exciterSpeed(sim)) * (sim.time() - time);

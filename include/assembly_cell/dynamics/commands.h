@@ -7,7 +7,7 @@
 
 namespace assembly_cell {
 
-/// What is commanded: the rest pose's motion and the exciter. The same for every world.
+/// Commanded motion of the rest pose and of the exciter; shared by the simulator backends.
 struct Commands {
   explicit Commands(const Scenario& scenario);
   void setProfile(const RestProfile& from_now_on);
@@ -27,17 +27,17 @@ struct Commands {
   bool settledAt(double t) const { return !(t < profile.start + profile.duration); }
 
   RestProfile profile;
-  RestMotion settled;                ///< of the commanded pose once the profile has ended
-  std::optional<RestProfile> shift;  ///< how far the rest pose stands off from that
+  RestMotion settled;                ///< commanded pose after the end of the profile
+  std::optional<RestProfile> shift;  ///< offset of the rest pose from `profile`
   Drive drive;
 };
 
-// From time t [s] on, as the functions of `World` of these names say.
+/// The commands of `World` of these names, from time t [s] on.
 void setRestTarget(Commands& commands, const Mechanism& mechanism, double t, const RestPose& target,
                    double max_speed);
 void followRest(Commands& commands, double t, const RestMotion& goal, double t_goal);
 void stopRest(Commands& commands, const Mechanism& mechanism, double t);
-Vector6 stopWay(const Commands& commands, const Mechanism& mechanism, double t);
+Vector6 stoppingDisplacement(const Commands& commands, const Mechanism& mechanism, double t);
 void setRestShift(Commands& commands, const Mechanism& mechanism, double t, const Vector6& shift);
 
 }  // namespace assembly_cell

@@ -15,12 +15,13 @@ using Vector9 = Eigen::Matrix<double, 9, 1>;
 struct State {
   Vector9 q = Vector9::Zero();
   Vector9 v = Vector9::Zero();
-  /// How far the rest pose gives way behind the encoders: x, y, z [m]. By the compliance times the
-  /// coupling's force, through a lag of kGiveLag. Zero where nothing gives way.
-  Eigen::Vector3d give = Eigen::Vector3d::Zero();
+  /// Deflection of the rest pose by the compliance of the carrier, which its encoders don't
+  /// measure: x, y, z [m]. First-order lag (time constant kComplianceLag) of compliance · coupling
+  /// force; zero for a rigid carrier.
+  Eigen::Vector3d carrier_deflection = Eigen::Vector3d::Zero();
 };
-constexpr double kGiveLag = 0.01;  ///< [s]
-/// Some part of the carrier gives way behind its encoders.
+constexpr double kComplianceLag = 0.01;  ///< [s]
+/// The scenario has a compliant carrier, see State::carrier_deflection.
 inline bool isCompliant(const Scenario& scenario) {
   return !scenario.imperfections.compliance.isZero(0.0);
 }
@@ -35,7 +36,7 @@ struct RestMotion {
 Vector6 restVector(const RestPose& pose);
 RestPose restPose(const Vector6& position);
 
-/// C² motion of the rest pose: one quintic for all six coordinates, then rest.
+/// C² motion of the rest pose: a quintic for each of the six coordinates, then rest.
 struct RestProfile {
   double start = 0.0;     ///< [s]
   double duration = 0.0;  ///< [s]; 0: at rest
@@ -45,23 +46,25 @@ struct RestProfile {
 };
 RestProfile restProfile(const RestPose& at_rest);
 
-/// From the present motion to `target` within the carrier's speed and acceleration; angles count
-/// with the distance from the coupling to the peg's edge as their arm. A plan that starts in
-/// mid-motion keeps the acceleration but may pass the speed by up to 40 %.
+/// Profile from the motion `now` at time t [s] to rest at `target` within the carrier's limits of
+/// speed and acceleration. Angles are weighted by `arm` [m], the distance from the coupling to the
+/// peg's edge. A plan that starts in motion keeps the acceleration limit; its speed may exceed the
+/// limit by up to 40 %.
 RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
                      const CarrierParameters& limits, double arm);
 RestMotion restMotion(const RestProfile& profile, double t);
 
-/// From the present motion to that of `goal` at t_goal, later than t: one quintic, which is told
-/// for as long again.
+/// Quintic from the motion `now` at time t to `goal` at t_goal > t [s]. The profile ends at
+/// t + 2 (t_goal − t): the same quintic is extrapolated after t_goal.
 RestProfile followProfile(const RestMotion& now, double t, const RestMotion& goal, double t_goal);
 
-/// From the present motion to rest, the quickest that keeps `max_acceleration`, in closed form; the
-/// rate of each coordinate is a cubic. At full speed and no acceleration 0.75 v²/a farther.
+/// Fastest profile from the motion `now` to rest whose rates are cubics and whose acceleration
+/// stays within `max_acceleration` [m/s²], in closed form. From speed v without acceleration it
+/// ends after a distance of 0.75 v²/max_acceleration.
 RestProfile planStop(const RestMotion& now, double t, double max_acceleration, double arm);
 
-/// Angle with its cosine and sine, and those of an angle near it without a library call (within
-/// 0.2 rad; exact to rounding).
+/// An angle with its cosine and sine. directionNear() computes those of an angle within 0.2 rad of
+/// `base` from a series, exact to rounding.
 struct Direction {
   double angle = 0.0, cosine = 1.0, sine = 0.0;
 };
@@ -75,10 +78,11 @@ struct Drive {
   ExciterErrors errors{};
 };
 Eigen::Vector2d exciterForce(const Drive& drive, double t);
-/// The same, with a direction near that of the force, which is taken anew where it is too far.
+/// The same from a direction near that of the force; `near` is recomputed where it is more than
+/// 0.2 rad off.
 Eigen::Vector2d exciterForce(const Drive& drive, double t, Direction& near);
 
-/// What one evaluation of the mechanism needs at a time and a state, without the contacts.
+/// Kinematics of the peg at a state, thesis axes.
 struct Kinematics {
   Eigen::Vector3d x, v;       ///< centre of mass, thesis axes
   Eigen::Vector3d R0, R1, a;  ///< peg axes in thesis axes
@@ -90,10 +94,10 @@ struct Kinematics {
 Kinematics kinematics(const State& state);
 
 using EulerDirections = std::array<Direction, 3>;  ///< of phi, theta, psi
-/// Takes those of `near` anew that are too far from the state's angles.
+/// Recomputes the directions of `near` that are too far from the state's angles.
 void keepNear(const State& state, EulerDirections& near);
 
-/// The same, from the directions of a state near it.
+/// kinematics() from the directions of a state near it.
 void kinematics(const State& state, const EulerDirections& near, Kinematics& k);
 
 /// Free motion: forces of coupling, carrier, weight and exciter.
@@ -102,14 +106,14 @@ struct FreeMotion {
   Eigen::Vector3d FK, FKm;  ///< spring force (T part) and generalised moments (FK4, FK5, FK6)
   Eigen::Vector3d FC, FCm;  ///< damper force and moments (FC4, FC5, FC6)
   Vector6 deflection;       ///< d of the coupling, thesis order 1..6
-  /// How fast the carrier gives way, where it does: x, y, z [m/s].
-  Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();
+  /// Rate of State::carrier_deflection: x, y, z [m/s].
+  Eigen::Vector3d carrier_deflection_rate = Eigen::Vector3d::Zero();
 };
-/// `rest`: without what gives way.
+/// `rest`: commanded, without State::carrier_deflection.
 void freeMotion(const Scenario& s, const Kinematics& k, const State& state, const RestMotion& rest,
                 const Eigen::Vector2d& exciter_force, FreeMotion& m);
 
-/// 1 over masses and moments of inertia of peg and carrier.
+/// Reciprocals of masses [1/kg] and moments of inertia [1/(kg m²)] of peg and carrier.
 struct InverseMass {
   explicit InverseMass(const Mechanism& mechanism);
   double peg, transverse, axial, carrier, yaw;
@@ -118,10 +122,10 @@ struct InverseMass {
 void solveMass(const InverseMass& inverse, const Kinematics& k, const Vector9& force,
                Vector9& rate);
 
-/// Of peg and carrier [J]. k: of the state with these rates v.
+/// Kinetic energy of peg and carrier [J]. k: kinematics of the state with these rates v.
 double kineticEnergy(const Scenario& s, const Kinematics& k, const Vector9& v);
-/// Kinetic + coupling + carrier springs + weight [J]. k: of the state; `rest`: without what gives
-/// way.
+/// Kinetic energy + energy of coupling, carrier springs and weight [J]. k: kinematics of `state`;
+/// `rest`: commanded, without State::carrier_deflection.
 double mechanicalEnergy(const Scenario& s, const Kinematics& k, const State& state,
                         const RestMotion& rest);
 

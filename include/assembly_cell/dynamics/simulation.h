@@ -7,27 +7,25 @@
 
 namespace assembly_cell {
 
-/// Slots of the kinds of contact that a run admits.
-ContactSlotMask slotsOf(const ContactFeatures& features);
-/// The pair as its contacts are searched.
+/// Shapes of peg and hole for the contact search.
 ContactShapes shapesOf(const Scenario& scenario);
 
 struct RunCounts {
   std::int64_t evaluations = 0;  ///< right-hand sides
   std::int64_t steps = 0;        ///< accepted
   std::int64_t rejected = 0;
-  std::int64_t events = 0;    ///< contact opened, closed, stick, slip
-  std::int64_t impacts = 0;   ///< contacts closed at an approaching speed
-  std::int64_t chatters = 0;  ///< times that events were too dense to be located
-  std::int64_t jams = 0;      ///< impacts without collision: slipping points wedged by friction
+  std::int64_t events = 0;            ///< located changes of contact modes
+  std::int64_t impacts = 0;           ///< contacts closed at an approaching speed
+  std::int64_t zeno_phases = 0;       ///< Zeno phases: events too dense to be located one by one
+  std::int64_t painleve_impacts = 0;  ///< Painlevé (frictional) impacts, without a collision
 };
 
 /// The nine-degree-of-freedom mechanism in time. Deterministic: the same calls give the same bits.
-/// No allocation after construction and the first look(). Between two events the contacts keep
+/// No allocation after construction and the first sampleAt(). Between two events the contacts keep
 /// their modes (open, idle, sliding, sticking) and the motion is smooth; a step is
 ///
 ///   until t_end, or a reason to stop:
-///     if events have become too dense:    a step of fixed length that locates none (chatter)
+///     if events accumulate (Zeno):        a step of fixed length that locates none
 ///     else
 ///       try a step h of the integrator, modes frozen       v' = f(t, q, v): free motion of the
 ///       its error is over the tolerance:  a shorter one      mechanism, contact points, forces
@@ -35,16 +33,17 @@ struct RunCounts {
 ///       else                              find the first zero, shorten the step to end there,
 ///                                         open or close the contacts that it names,
 ///                                         rigid contacts that closed: impact,
-///                                         decide the modes of all closed contacts anew
+///                                         decide the modes of all closed contacts again
 ///
-/// In src/dynamics: `System` (constant), `Context` (where the run is) and `Evaluation` (what f
-/// found) are plain values in context.h; evaluation.h is f, contact_solver.h its forces,
-/// integrator.h the step, event_locator.h the events, impact.h the impacts, contact_modes.h and
-/// mode_search.h the decisions, chatter.h what is too dense for them; simulation_run.h puts the
-/// steps together and looks into them. Equations: docs/theory/thesis.md.
+/// In src/dynamics: `System` (constants), `Context` (state of the run) and `Evaluation` (result of
+/// f) are plain values in context.h; evaluation.h is f, contact_solver.h its forces, integrator.h
+/// the step, event_locator.h the events, impact.h the impacts, contact_modes.h and mode_search.h
+/// the modes, zeno.h the event accumulation; simulation_run.h the run and its dense output.
+/// Equations: docs/theory/thesis.md.
 class Simulation final : public World {
  public:
-  /// Throws InputError when the scenario asks for what is not available (law, integrator).
+  /// Throws InputError for a contact law or integrator that is not available, and for an initial
+  /// overlap of more than 1e-8 m under the rigid law.
   explicit Simulation(const Scenario& scenario);
 
   Simulation(Simulation&&) noexcept;
@@ -63,12 +62,12 @@ class Simulation final : public World {
   std::int64_t steps() const override { return counts().steps; }
   StopReason advance(double t_end,
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) override;
-  StopReason look(double t, double ahead) override;
+  StopReason sampleAt(double t, double ahead) override;
   void setRestTarget(const RestPose& target,
                      double max_speed = std::numeric_limits<double>::infinity()) override;
   void followRest(const RestMotion& goal, double t_goal) override;
   void stopRest() override;
-  Vector6 stopWay() const override;
+  Vector6 stoppingDisplacement() const override;
   RestPose rest() const override;
   void setRestShift(const Vector6& shift) override;
   Vector6 restShift() const override;

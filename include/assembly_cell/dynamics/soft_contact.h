@@ -5,23 +5,23 @@
 
 namespace assembly_cell {
 
-/// What is free in the second world: nothing of it is known to strategies or estimators.
-/// docs/results/second_world.md shows what becomes of an alignment with each.
+/// Contact parameters of the MuJoCo backend `SecondWorld`. Strategies and estimators don't receive
+/// them. Influence of each on an alignment: docs/results/second_world.md.
 struct SoftContact {
-  double time_step = 1e-4;  ///< of the engine, at most [s]; samples end steps
-  int facets = 256;         ///< of the bore
-  /// Time constant in which the engine lets a penetration decay [s]; at least two steps count, the
-  /// engine sees to that. With `impedance` this is how stiff a contact is. Ten steps: what stops
-  /// within one or two knocks, and neighbouring facets pinch the edge
+  double time_step = 1e-4;  ///< maximum step of the engine [s]; samples end steps
+  int facets = 256;         ///< boxes around the bore
+  /// Time constant of the decay of a penetration [s]; the engine uses at least two steps. Together
+  /// with `impedance` it sets the stiffness of a contact. Default: ten steps; with one or two, an
+  /// impact stops within them and neighbouring facets pinch the edge
   /// (docs/results/second_world.md).
   double contact_time = 1e-3;
-  /// How much of a contact's force comes from the constraint, 0.5 soft to 0.9999 hard.
+  /// Constraint impedance of MuJoCo's solimp, 0.5 soft to 0.9999 hard.
   double impedance = 0.99;
-  /// How much harder friction holds along a contact than the contact holds across: creep under a
-  /// constant load falls with it; more makes the solver slower.
+  /// MuJoCo's impratio: impedance of friction over that of the normal direction. A larger ratio
+  /// reduces creep under a constant load and slows the solver down.
   double friction_ratio = 10.0;
-  /// Of the hole's rim, 45°, so wide and so deep [m], in place of the one that the scenario has
-  /// and that strategies know of.
+  /// Width and depth of a 45° chamfer of the hole [m], in place of the scenario's, which the
+  /// strategies use.
   std::optional<double> chamfer;
 };
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/geometry/contact_geometry.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
@@ -12,17 +13,6 @@ namespace assembly_cell {
 // config/scenarios/*.yaml, see docs/reference/interfaces.md.
 
 enum class ContactLaw { kNone, kSpringDashpot, kViscous, kRigid };
-
-/// Which kinds of contact a run admits.
-struct ContactFeatures {
-  bool edge_edge = true;
-  bool edge_plane = true;
-  bool edge_wall = true;
-  bool rim_side = true;
-  bool rim_face = true;
-  bool edge_cone = true;
-  bool rim_cone = true;
-};
 
 struct ContactParameters {
   ContactLaw law = ContactLaw::kNone;
@@ -35,7 +25,7 @@ struct ContactParameters {
   /// rigid: energetic (Stronge) coefficient, 0 plastic to 1. Approaches slower than 1 mm/s don't
   /// bounce, so that bounces end; several points bounce one after the other, the fastest first.
   double restitution = 0.0;
-  ContactFeatures features;
+  ContactSlotMask features = kAllContactSlots;  ///< slots of the features that a run admits
 };
 
 /// What the thesis does differently and wrongly (docs/theory/thesis.md, "Errors of the thesis"),

@@ -42,7 +42,7 @@ class SecondWorld final : public World {
                      double max_speed = std::numeric_limits<double>::infinity()) override;
   void followRest(const RestMotion& goal, double t_goal) override;
   void stopRest() override;
-  Vector6 stopWay() const override;
+  Vector6 stoppingDisplacement() const override;
   RestPose rest() const override;
   void setRestShift(const Vector6& shift) override;
   Vector6 restShift() const override;
@@ -62,7 +62,7 @@ class SecondWorld final : public World {
 
   Coupling coupling() const;
   RestMotion restNow() const;
-  void giveWay(double h);
+  void updateDeflection(double h);
   void evaluate();
   void step(double h);
 

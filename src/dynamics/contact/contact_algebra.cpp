@@ -12,15 +12,15 @@ namespace {
 
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
-// Ranks are clear: no result changes at half or twice of any of these.
-constexpr double kRank = 1e-10;       // relative pivots below this are redundant rows
-constexpr double kClear = 1e-6;       // over this they are none, whatever is pivoted
-constexpr double kPainleve = 1e-3;    // of 1/mass: normal response to the force of a slipping point
-constexpr double kAmple = 0.1;        // a determinant over this is far from zero
-constexpr double kRedundant = 1e-9;   // below this so is what friction makes of it
+// No result changes at half or twice of any of these.
+constexpr double kRank = 1e-10;      // relative pivots below this are redundant rows
+constexpr double kClear = 1e-6;      // relative pivots above this: full rank, whatever the pivoting
+constexpr double kPainleve = 1e-3;   // of 1/mass: normal response to the force of a slipping point
+constexpr double kAmple = 0.1;       // determinants above this are far from zero
+constexpr double kRedundant = 1e-9;  // determinant below which the slipping points are redundant
 constexpr double kCoincident = 1e-9;  // points closer than this are one [m]
 
-// the response of all force components at s: 1/m − [r] B [s]
+// Influence matrix: acceleration at r by a force at s, 1/m − [r] B [s].
 Mat3 influence(const Body& b, const Vec3& r, const Vec3& s) {
   if (!b.symmetric) {
     return Mat3::Identity() / b.mass - skew(r) * b.inverse_inertia * skew(s);
@@ -33,7 +33,7 @@ Mat3 influence(const Body& b, const Vec3& r, const Vec3& s) {
   return m;
 }
 
-// How the body answers a force: linear and angular acceleration.
+// Linear and angular acceleration by a force.
 struct Answer {
   Answer() = default;
   Answer(const Body& b, const Vec3& r, const Vec3& force)
@@ -41,8 +41,8 @@ struct Answer {
   Vec3 linear, angular;
 };
 
-// A direction at a point: what an answer moves the point along it. Of n points so n² responses cost
-// n answers.
+// A direction at a point, and the component of the point's acceleration along it: n² responses of n
+// points from n accelerations of the body.
 struct Axis {
   Axis() = default;
   Axis(const Vec3& r, const Vec3& along_it) : along(along_it), moment(r.cross(along_it)) {}
@@ -52,8 +52,8 @@ struct Axis {
   Vec3 along, moment;
 };
 
-// A slipping point: its row, and the answer to a force along its direction, or along its normal
-// beyond Painlevé's bound.
+// A slipping point: its row, and the acceleration of the body by a force along its direction, or
+// along its normal beyond Painlevé's bound.
 struct Slip {
   Slip() = default;
   Slip(const Body& b, const Constraint& c)
@@ -75,7 +75,7 @@ void oneSlip(const Body& b, Constraint& c) {
   c.force = c.normal.dot(c.change) / slip.own * slip.direction;
 }
 
-// true: far from wedging each other
+// True if the two are far from Painlevé's paradox.
 bool twoSlips(const Body& b, Constraint& one, Constraint& two) {
   const Slip s1(b, one), s2(b, two);
   const Vec3 &d1 = s1.direction, &d2 = s2.direction;
@@ -84,7 +84,7 @@ bool twoSlips(const Body& b, Constraint& one, Constraint& two) {
   const double c1 = one.normal.dot(one.change), c2 = two.normal.dot(two.change);
   const double determinant = a11 * a22 - a12 * a21;
   if (std::abs(determinant) < kRank * a11 * a22) {
-    // the same row twice: each carries half
+    // identical rows: half each
     one.force = c1 / (a11 + a12) * d1;
     two.force = c2 / (a21 + a22) * d2;
     return true;
@@ -111,7 +111,7 @@ Vec3 angularMomentum(const Body& b, const Vec3& angular) {
          (b.inertia_axial - b.inertia_transverse) * b.axis.dot(angular) * b.axis;
 }
 
-// two sticking points leave one freedom, the turn about the line through them
+// Two sticking points leave one degree of freedom, the rotation about the line through them.
 void hinge(const Body& b, Constraint& one, Constraint& two) {
   const Vec3 apart = two.r - one.r, middle = 0.5 * (one.r + two.r);
   const double square = apart.squaredNorm();
@@ -123,8 +123,8 @@ void hinge(const Body& b, Constraint& one, Constraint& two) {
   }
   const Vec3 along = apart / std::sqrt(square);
   const auto inertia = [&b](const Vec3& angular) { return angularMomentum(b, angular); };
-  // angular change across the line from the difference of the two points, along it from the
-  // balance of moments: contact forces have none about the line
+  // angular acceleration normal to the line from the difference of the two points, along it from
+  // the balance of moments: contact forces have no moment about the line
   const Vec3 across = apart.cross(two.change - one.change) / square;
   const Vec3 middle_cross = middle.cross(along);  // = −(along × middle)
   const double free = along.dot(inertia(along)) + b.mass * middle_cross.squaredNorm();
@@ -137,8 +137,8 @@ void hinge(const Body& b, Constraint& one, Constraint& two) {
   one.force = force - two.force;
 }
 
-// Three and more sticking points hold the body: its change by least squares, then the least forces
-// that make it. False where they are on a line.
+// Three and more sticking points determine the motion of the body: least-squares acceleration, then
+// the minimum-norm forces that cause it. False for collinear points.
 bool held(const Body& b, Constraints& all) {
   const double part = 1.0 / static_cast<double>(all.n);
   Vec3 middle = Vec3::Zero(), mean = Vec3::Zero(), turning = Vec3::Zero();
@@ -162,7 +162,7 @@ bool held(const Body& b, Constraints& all) {
   return true;
 }
 
-// Points that all slip; false where they are redundant, or nearly.
+// n points that all slip; false if they are redundant, or nearly.
 template <int n>
 bool onlySlips(const Body& b, Constraints& all) {
   std::array<Slip, n> slips;
@@ -231,7 +231,7 @@ void general(const Body& b, Constraints& all) {
   BoundedVector<kMaxRows> x;
   Eigen::FullPivLU<decltype(A)> full(m, m);
   full.setThreshold(kRank);
-  // a body has six freedoms
+  // a body has six degrees of freedom
   const bool may_be_regular = m <= 6;
   if (may_be_regular) full.compute(A);
   if (may_be_regular && full.isInvertible()) {
@@ -245,8 +245,8 @@ void general(const Body& b, Constraints& all) {
   for (std::size_t i = 0; i < m; ++i) columns[i].at->force += x(i) * columns[i].direction;
 }
 
-// The equations of the slipping points' normals once the sticking ones are held, rows over their
-// own coefficient; without friction less what makes points part when another one is pressed.
+// Determinant of the equations of the slipping points' normals with the sticking points held, each
+// row over its diagonal element; without friction, positive off-diagonal elements are left out.
 double slipDeterminant(const Body& b, const Constraints& all, bool friction) {
   std::array<const Constraint*, kContactSlots> sticks{};
   std::array<Slip, kContactSlots> slips;

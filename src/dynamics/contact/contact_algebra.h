@@ -11,12 +11,12 @@
 
 namespace assembly_cell {
 
-/// How the peg answers a force at a point: linear and angular acceleration.
+/// Mass and inertia of the peg. `axis`: unit, thesis axes.
 struct Body {
   double mass = 1.0, inertia_transverse = 1.0, inertia_axial = 1.0;
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
   Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Identity();
-  bool symmetric = true;  ///< inverse_inertia is the inverse of the inertia, not a thesis switch's
+  bool symmetric = true;  ///< false: inverse_inertia is that of thesis_moments, not symmetric
 };
 
 /// A force at the centre of mass with its moment about it.
@@ -28,21 +28,21 @@ struct ForceMoment {
   Eigen::Vector3d force = Eigen::Vector3d::Zero(), moment = Eigen::Vector3d::Zero();
 };
 
-/// One point of the body whose change is asked for, and the force that makes it. Made by
-/// Constraints::add(): room for all slots costs nothing.
+/// Prescribed change of acceleration (velocity, position) of one point of the body, and the force
+/// that causes it. Filled in by Constraints::add(); deliberately uninitialised before.
 struct Constraint {
-  std::size_t slot;           ///< of the contact; free to the caller
-  bool stick;                 ///< three components are asked for, else the one along the normal
+  std::size_t slot;           ///< for the caller: contact slot
+  bool stick;                 ///< all three components are prescribed, else the normal one
   Eigen::Vector3d r;          ///< lever from the centre of mass
-  Eigen::Vector3d normal;     ///< slip: row
-  Eigen::Vector3d direction;  ///< slip: of the force, scaled to 1 along the normal
-  Eigen::Vector3d change;     ///< asked for; slip: only its part along the normal
+  Eigen::Vector3d normal;     ///< unit; slip: row of the equations
+  Eigen::Vector3d direction;  ///< slip: of the force, normal component 1
+  Eigen::Vector3d change;     ///< prescribed; slip: only its normal component
   Eigen::Vector3d force;      ///< result
 };
 
-/// Points that are solved together.
+/// Coupled constraints of one body.
 struct Constraints {
-  /// Frictionless until told otherwise; `change` is left to the caller.
+  /// Appends a frictionless constraint; `change` is to be set by the caller.
   Constraint& add(std::size_t slot, const Eigen::Vector3d& r, const Eigen::Vector3d& normal) {
     Constraint& row = rows[n++];
     row.slot = slot;
@@ -66,16 +66,16 @@ struct Constraints {
   std::size_t n = 0;
 };
 
-/// Forces that make the changes asked for. Redundant rows (two sticking points never change their
-/// distance, points that coincide) get the least-norm solution. A slipping point beyond Painlevé's
-/// bound, where friction would pull the contact shut by itself, is solved without its friction.
-/// True where it has shown that wedgeMargin() is 1.
+/// Solves for the forces of the constraints. Redundant rows (the distance of two sticking points is
+/// constant; coinciding points) get the minimum-norm solution. A slipping point beyond Painlevé's
+/// bound, where a positive normal force would accelerate it towards the block, is solved without
+/// friction. True if wedgeMargin() is known to be 1.
 bool solveConstraints(const Body& body, Constraints& constraints);
 
-/// How far slipping points are from being wedged by their friction: the determinant of their
-/// equations, sticking points held, over the one without friction. At zero no finite force keeps
-/// the points apart (Painlevé's paradox), beyond it friction drives them together. 1 where nothing
-/// slips, where the points are redundant, and anywhere well above zero.
+/// Distance of the slipping points from Painlevé's paradox: determinant of their equations with
+/// friction, sticking points held, over the one without friction. At zero no finite force keeps the
+/// bodies apart; below zero friction accelerates them together. Returns 1 without slip, for
+/// redundant points, and wherever it is well above zero.
 double wedgeMargin(const Body& body, const Constraints& constraints);
 
 /// Change of the acceleration (velocity) of point r by a force (impulse) at point s.

@@ -17,33 +17,34 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// Slip below this many times its threshold may be rest: over 1, or slip whose end was located there
-// goes on. Half: events without end, 4.7 times the effort in Chapter 8; twice: 2 % more, 0.03 um.
+// Slip speed over its threshold below which stick is tried; above 1, as slip ends at events located
+// at the threshold. Half: events without end, 4.7 times the effort in Chapter 8; twice: 2 % more,
+// 0.03 um.
 constexpr double kRest = 1.5;
-// Of a face that has begun to slip, by its fastest point: under 1.5, where the friction of its
-// onset and that of its velocity may cancel. 1.1, 1.4 and 2 in pegs pushed down into the corner of
-// floor and wall: effort −7 %, +24 %, +5 %.
+// The same of a face that has begun to slip, for its fastest point; below 1.5, as the friction at
+// the onset and that along the velocity may cancel. 1.1, 1.4 and 2 in pegs pushed into the corner
+// of floor and wall: effort −7 %, +24 %, +5 %.
 constexpr double kFaceRest = 1.2;
-// Slip slower than this part of its threshold, the other way than it begins, is nothing. Half and
-// twice, there: nothing and −1 %.
+// Slip opposite to its onset below this fraction of the threshold is ignored. Half and twice,
+// there: nothing and −1 %.
 constexpr double kAstray = 0.01;
-// Slip goes against its friction, by this cosine. Half and twice (any slip is astray): 3 and 4 of
-// 400 scenes end elsewhere; wedged pegs take 1 % and 52 % more.
+// Minimum cosine of the angle between slip and the direction opposite to friction for consistent
+// slip. Half and twice (no slip is consistent): 3 and 4 of 400 scenes end elsewhere; wedged pegs
+// take 1 % and 52 % more.
 constexpr double kAhead = 0.9;
-// A contact lifted farther at an event pays for it with speed: over the error of an event's place,
+// Correction of a gap at an event above which the energy is limited; above the error of an event,
 // 1e-12 s at 1 m/s. Half: 3 of 400 scenes end elsewhere; twice: no result changes.
 constexpr double kLift = 1e-11;  // [m]
-// Places nearer than this part of the radius are one, at normals as near: what an event leaves of a
-// hand-over.
+// Distance over the radius, and of the unit normals, below which two contact points coincide when
+// one feature takes over from another.
 constexpr double kSamePlace = 1e-6;
-// A face's points are chosen anew so many times at one decision, as friction moves with them; the
-// point about which the peg tips so many times, in steps of at most kTipStep, until it is right to
-// kTip.
+// Limits of the iterations at one decision: moves of the points of a face, whose friction depends
+// on them; secant steps of at most kTipStep for the tipping point, to an accuracy of kTip.
 constexpr int kFaceMoves = 4, kFaceTurns = 12;
 constexpr double kTip = 1e-9, kTipStep = 0.5;  // [rad]
 
-// A point that begins to slip goes where its friction pushes it: no slip. As the force between two
-// sticking points may be larger than kLoads allows, they stick with more of it.
+// A point that begins to slip accelerates along its friction: the slip is inconsistent. The points
+// then stick with a larger internal force than kLoads allows.
 bool slipsAstray(const System& s, double limit, const Context& c, const Evaluation& e) {
   int resting = 0;
   for (const std::size_t i : Slots(e.active())) resting += c.slots[i].armed ? 0 : 1;
@@ -58,7 +59,7 @@ bool slipsAstray(const System& s, double limit, const Context& c, const Evaluati
   return false;
 }
 
-// What is left of the slip of these points is taken by an impulse: friction would take no longer.
+// Stops the remaining slip of these points by an impulse.
 void stopSlip(const System& s, ContactSlotMask points, Context& c, Evaluation& e) {
   Constraints rows;
   for (const std::size_t i : Slots(e.active())) {
@@ -73,7 +74,7 @@ void stopSlip(const System& s, ContactSlotMask points, Context& c, Evaluation& e
   applyImpulse(s, rows.total(), c, e);
 }
 
-// Points that slid and rest now.
+// Points that slipped and rest now.
 ContactSlotMask cameToRest(const Context& c, ContactSlotMask slid, const Evaluation& e) {
   ContactSlotMask resting = 0;
   for (const std::size_t i : Slots(slid & e.active())) {
@@ -82,9 +83,9 @@ ContactSlotMask cameToRest(const Context& c, ContactSlotMask slid, const Evaluat
   return resting;
 }
 
-// Slip that has begun one way and goes another gets the friction of its velocity. Where that brakes
-// it, it would come to rest at once: it is put to rest, and all is to be decided anew (true). So is
-// what is left of an earlier slip the other way.
+// Friction of beginning slip with another direction than its onset is set opposite to the velocity.
+// Slip that this decelerates would end at once: it is stopped, as is a remainder of earlier slip in
+// the opposite direction. True if modes are to be decided again.
 bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
   ContactSlotMask turned = 0, stops = 0;
   for (const std::size_t i : Slots(e.active())) {
@@ -100,7 +101,7 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
     }
   }
   if (!turned && !stops) return false;
-  if (turned) c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
+  if (turned) c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
   const Body body = bodyOf(s, e.k);
   for (const std::size_t i : Slots(turned)) {
     if (accelerationOf(body, e, i).dot(e.contacts[i].tangential) < 0.0) stops |= 1u << i;
@@ -109,14 +110,14 @@ bool stopTurnedSlip(const System& s, Context& c, Evaluation& e) {
   return stops != 0;
 }
 
-// Points of a face that lies follow its load, as friction turns with them. Where the load is at the
-// edge, the peg tips about the one point beside which no other comes down (secants).
+// Moves the points of a face with its load, as friction depends on them. With the load at the edge,
+// the peg tips about the point whose neighbours have no decreasing gap (secant iteration).
 void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
   bool moved = false;
   for (int n = 0; n < kFaceMoves; ++n) {
-    if (s.discrete_friction) turnSlip(s, limit, c, e);
+    if (s.discrete_friction) solveSlipDirections(s, limit, c, e);
     if (!moveFacePoints(s, limit, c, e)) break;
-    agree(s, false, limit, c, e);
+    iterateModes(s, false, limit, c, e);
     moved = true;
   }
   if (!moved && !c.face.overHole()) return;
@@ -124,8 +125,8 @@ void settleFace(const System& s, double limit, Context& c, Evaluation& e) {
   for (int n = 0; n < kFaceTurns && std::abs(error) > kTip; ++n) {
     const double next = at + std::clamp(error / slope, -kTipStep, kTipStep);
     tipAbout(s, next, c, e);
-    agree(s, false, limit, c, e);
-    if (s.discrete_friction) turnSlip(s, limit, c, e);
+    iterateModes(s, false, limit, c, e);
+    if (s.discrete_friction) solveSlipDirections(s, limit, c, e);
     const double left = tippingError(s, limit, c, e), way = next - at;
     slope = std::max((error - left) / way, kTip);
     at = next;
@@ -145,10 +146,11 @@ void decideRegularised(const System& s, Context& c, Evaluation& e) {
   if (c.face.on) settleFace(s, c.approach, c, e);
 }
 
-// As near to a wedge as the event of one leaves the points, and beyond.
+// wedgeMargin() at or below the event of a Painlevé impact.
 bool isWedged(const Evaluation& e) { return e.wedge_margin < 2.0 * kWedged; }
 
-// What has been tried at this decision: slip that went astray was stopped, points were jammed, all.
+// Measures taken at this decision against inconsistent slip: stopped; Painlevé impact of some, of
+// all points.
 enum class Tried { kNothing, kStop, kJam, kJamAll };
 
 void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
@@ -176,10 +178,10 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
   }
   double limit = 0.0;
-  agree(s, true, limit, c, e);
+  iterateModes(s, true, limit, c, e);
   if (c.face.on) settleFace(s, limit, c, e);
-  turnSlip(s, limit, c, e);
-  if (!s.rigid) tryAll(s, limit, c, e);
+  solveSlipDirections(s, limit, c, e);
+  if (!s.rigid) enumerateModes(s, limit, c, e);
   if (!s.rigid && e.loads < kWedgeLoads && slipsAstray(s, limit, c, e)) {
     e.loads = kWedgeLoads;
     return decide(s, tried, c, e);
@@ -191,19 +193,19 @@ void decide(const System& s, Tried tried, Context& c, Evaluation& e) {
     return decide(s, Tried::kStop, c, e);
   }
   if (!s.rigid && tried != Tried::kJamAll && slips(c.slots) &&
-      (isWedged(e) || contradiction(s, c, e) > limit * s.scenario.mechanism.peg.mass)) {
+      (isWedged(e) || worstViolation(s, c, e) > limit * s.scenario.mechanism.peg.mass)) {
     const bool everything = tried == Tried::kJam;
-    jam(s, everything, c, e);
+    painleveImpact(s, everything, c, e);
     return decide(s, everything ? Tried::kJamAll : Tried::kJam, c, e);
   }
-  if (s.rigid && c.time >= c.chatter_until) {
+  if (s.rigid && c.time >= c.zeno_until) {
     if (project(s, c, e)) c.slope = evaluate(s, c, c.time, c.state, Level::kEvents, e);
   }
   beginStep(s, c, e);
 }
 
-// Gap of a closed contact at the place of an open one, which is handed over to it soon; 0 where
-// there is none.
+// Gap of a closed contact that coincides with an open one, which takes over from it [m]; 0 if there
+// is none.
 double heldAt(const System& s, std::size_t open, const Evaluation& e) {
   const ContactPoint& point = e.point(open);
   double gap = 0.0;
@@ -266,7 +268,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
   const double before = s.rigid ? energyOf(s, c, e) : 0.0;
   const bool wedged = !s.rigid && isWedged(e);
   bool closed = false, lost = false;
-  double handed = 0.0;  // gap of contacts that were lost
+  double handed = 0.0;  // smallest gap of contacts without a point
   closed = updateFace(s, c, e);
   if (beginFace(s, c, e)) closed = true;
   for (const std::size_t i : Slots(e.closed)) {
@@ -279,7 +281,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
       closed = closed || at.gap_rate < -kSettledSpeed;
     }
   }
-  // a contact that is handed over to the next feature finds it at gap zero
+  // of a contact that takes over from another feature the gap is zero
   for (const std::size_t i : Slots(s.admitted & ~e.closed & e.open_set.valid)) {
     const double gap = e.contacts[i].gap, rate = e.contacts[i].gap_rate;
     const bool closes = gap < 0.0 && !(s.rigid && gap > -kReach && rate > 0.0);
@@ -288,8 +290,8 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
     const double here = s.rigid ? 0.0 : std::min(handed, heldAt(s, i, e));
     setMode(i, s.discrete_friction ? Mode::kIdle : Mode::kSlip, c, e);
     c.slots[i].armed = false;
-    // where a face may lie what a step was off by is put right
-    const bool error = s.rigid && gap > -s.scenario.solver.tolerance && mayLie(s, e.edge);
+    // where a face can rest, the error of a step is corrected by project()
+    const bool error = s.rigid && gap > -s.scenario.solver.tolerance && canRestOnFace(s, e.edge);
     if (s.scenario.contact.law != ContactLaw::kViscous && !error) keepDepth(i, here, c, e);
     if (rate < -1e-9) {
       ++c.counts.impacts;
@@ -297,11 +299,11 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
     }
   }
   if (beginFace(s, c, e)) closed = true;
-  // a slot that was lost may have another place
+  // a slot without a point may have one elsewhere
   if (closed || lost) e.present = false;
   if (closed && s.rigid) faceImpact(s, c, e);
-  // behind the wedge other points may carry and agree: it was passed on the way there
-  if (wedged && !closed && !lost) jam(s, false, c, e);
+  // beyond the paradox another set of points may be consistent, but the impact came before
+  if (wedged && !closed && !lost) painleveImpact(s, false, c, e);
   decide(s, c, e);
   if (s.rigid && e.closed &&
       energyOf(s, c, e) > before + kLift * freeAcceleration(s, e) * s.scenario.mechanism.peg.mass) {
@@ -313,7 +315,7 @@ void changeModes(const System& s, Context& c, Evaluation& e) {
 void decide(const System& s, Context& c, Evaluation& e) {
   e.loads = kLoads;
   decide(s, Tried::kNothing, c, e);
-  c.give_rate = e.motion.give_rate;
+  c.carrier_deflection_rate = e.motion.carrier_deflection_rate;
 }
 
 void keepDepth(std::size_t i, double handed, Context& c, Evaluation& e) {
@@ -345,7 +347,7 @@ void updateSlots(const System& s, Context& c, Evaluation& e) {
 double slipAhead(const System& s, const Slot& slot, std::size_t i, const Evaluation& e) {
   const ContactKinematics& at = e.contacts[i];
   const double against = -at.tangential.dot(slot.slip_direction);
-  // the points of a face rest while the fastest is that slow
+  // the points of a face rest together, by the fastest
   const double rest = (e.face >> i & 1u ? kFaceRest : 1.0) * slipThreshold(s, e);
   if (s.rigid) return rest + against;
   if (s.scenario.mechanism.friction.sliding_coefficient == 0.0) return HUGE_VAL;

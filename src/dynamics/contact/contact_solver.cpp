@@ -12,18 +12,19 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// Below this tilt a rigid peg's lowest point has no speed: it would run round the edge in no time.
-// Half and twice: 13 and 15 of 400 random scenes end elsewhere, effort within 2 %.
+// Tilt below which the rates of a rigid peg's lowest point are set to zero, as it moves around the
+// edge at unbounded speed. Half and twice: 13 and 15 of 400 random scenes end elsewhere, effort
+// within 2 %.
 constexpr double kFlat = 1e-5;  // [rad]
-// Of a face that turns, points slower than this part of its fastest have less friction: in truth
-// the load is spread around the centre of rotation, and a point there would be held. Half and
-// twice: 16 and 22 of 181 level random scenes end elsewhere, effort +6 % and −2 %.
+// Of a rotating face, slip speed over that of the fastest point below which friction is reduced:
+// the real load is distributed around the centre of rotation, where a single point would stick.
+// Half and twice: 16 and 22 of 181 level random scenes end elsewhere, effort +6 % and −2 %.
 constexpr double kCentre = 0.25;
-// Part of the load that a point of a face counts with at least: over the rounding of forces.
+// Minimum fraction of the load of a point of a face, above the rounding of forces.
 constexpr double kLeastShare = 1e-12;
-constexpr int kShares = 2;  // rounds of sharing among more than two sticking points
+constexpr int kShares = 2;  // sweeps over the pairs of more than two sticking points
 
-// accelerations of the active contacts without forces; false where there is none
+// Accelerations of the active contacts without contact forces; false if there is none.
 bool prepare(const System& s, Evaluation& e) {
   const Kinematics& k = e.k;
   const Vec3 angular = k.Re * e.free.segment<3>(3) + k.Re_rate * e.euler_rates;
@@ -37,9 +38,10 @@ bool prepare(const System& s, Evaluation& e) {
     at.rates = {};
     if (s.scenario.thesis.no_centripetal) continue;
     at.acceleration += k.omega.cross(k.omega.cross(at.r));
-    // a rigid flat peg's lowest point has no way along the edge, those of a face have none
+    // no motion along the edge of a rigid flat peg's lowest point and of the points of a face
     const bool flat = s.rigid && e.point(i).feature == ContactFeature::kEdgePlane &&
-                      k.a(1) * k.a(1) + k.a(2) * k.a(2) < kFlat * kFlat && !mayLie(s, e.edge);
+                      k.a(1) * k.a(1) + k.a(2) * k.a(2) < kFlat * kFlat &&
+                      !canRestOnFace(s, e.edge);
     if (flat || e.face >> i & 1u) continue;
     const EdgeCircle edge =
         kShoulderSlots >> i & 1u ? shoulderOf(e.edge, s.shapes.peg_chamfer) : e.edge;
@@ -54,12 +56,12 @@ Vector9 withForces(const System& s, const Evaluation& e) {
   return e.free + accelerationBy(s, e.k, sum);
 }
 
-// The row of a sliding or sticking contact: what its acceleration has to change by. least: slip
-// slower than that has less friction.
+// Row of a slipping or sticking contact: the prescribed change of its acceleration. least: slip
+// speed below which friction is reduced [m/s].
 void addRow(const System& s, const Slot& slot, std::size_t i, double least, const Evaluation& e,
             Constraints& constraints) {
   const ContactParameters& law = s.scenario.contact;
-  // the rigid law keeps closed contacts shut by projection instead
+  // under the rigid law project() keeps closed gaps at zero instead
   const double rate = s.rigid ? 0.0 : law.rate, pull_back = s.rigid ? 0.0 : law.pull_back;
   const ContactKinematics& at = e.contacts[i];
   const Vec3& normal = e.point(i).normal;
@@ -67,13 +69,13 @@ void addRow(const System& s, const Slot& slot, std::size_t i, double least, cons
   const double normal_target = -rate * at.gap_rate - pull_back * at.gap - at.rates.gap_bias;
   row.stick = slot.mode == Mode::kStick;
   if (row.stick) {
-    // the point of the peg at the contact comes to rest, also while the contact rolls
+    // the material point of the peg at the contact rests, also while the contact rolls
     const double creep = s.scenario.thesis.creep ? 0.0 : rate;
     const Vec3 rolling = at.rates.rolling - normal * normal.dot(at.rates.rolling);
     row.change = normal * normal_target - creep * at.tangential - rolling - at.acceleration;
     return;
   }
-  // slip that begins has its limit's direction, soon that of the velocity
+  // beginning slip has the direction of its limit, then that of the velocity
   const double own = at.tangential.norm(), speed = std::max(own, least);
   const double begin = slot.armed ? 0.0 : std::clamp(2.0 - own / slipThreshold(s, e), 0.0, 1.0);
   Vec3 slip = -begin * slot.slip_direction;
@@ -84,7 +86,7 @@ void addRow(const System& s, const Slot& slot, std::size_t i, double least, cons
   row.change = (normal_target - normal.dot(at.acceleration)) * normal;
 }
 
-// what an idle slot's gap would do
+// Sets `demand` of an idle slot.
 void findDemand(const System& s, const Body& body, const Constraints& rows, std::size_t i,
                 Evaluation& e) {
   const ContactParameters& law = s.scenario.contact;
@@ -98,8 +100,9 @@ void findDemand(const System& s, const Body& body, const Constraints& rows, std:
               pull_back * at.gap;
 }
 
-// Sticking points of a face: friction that is undetermined goes by the load, with which it is as
-// far inside the cones as it can be: all points of a face that is pushed begin to slip at once.
+// Distributes the friction of the sticking points of a face in proportion to their loads, where it
+// is undetermined: then it is as far inside the cones as possible, and all points of a face that is
+// pushed begin to slip together.
 void shareFaceFriction(ContactSlotMask points, Evaluation& e) {
   const auto planar = [](const Vec3& v) { return v.tail<2>(); };
   const auto moment = [](const Eigen::Vector2d& arm, const Eigen::Vector2d& force) {
@@ -133,8 +136,7 @@ void shareFaceFriction(ContactSlotMask points, Evaluation& e) {
   }
 }
 
-// Forces at rest that are known leave less to be found: nothing where all is as it was. False where
-// there are none.
+// Subtracts the effect of known rest forces from the right-hand sides. False if there are none.
 bool addRestForces(const Body& body, const SlotArray& slots, Constraints& rows) {
   ForceMoment sum;
   bool any = false;
@@ -178,16 +180,16 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
 
   const ContactSlotMask resting = sticking & face;
   if (!held && (resting & (resting - 1))) shareFaceFriction(resting, e);
-  // sticking points: the force along their connections moves nothing; any value inside all cones
-  // will do, the best one is looked for where the even one is outside
+  // internal forces of sticking points don't move the peg: any value inside all cones is valid, and
+  // they are optimised only if the minimum-norm solution is outside
   if ((sticking & (sticking - 1)) && (sticking & ~e.face) && !insideCones(s, e, sticking, 0.0)) {
     shareInternalForces(s, sticking, e.loads, e);
   }
   for (const std::size_t i : Slots(idle)) findDemand(s, body, constraints, i, e);
 }
 
-// Two sticking points can't change their distance: the force along their connection is
-// undetermined. Of all its values up to `limit` take the one farthest inside both friction cones.
+// The internal force along the connection of two sticking points is undetermined: takes the value
+// in ±limit [N] that is farthest inside both friction cones.
 void shareInternalForce(const System& s, std::size_t one, std::size_t two, double limit,
                         Evaluation& e) {
   const Vec3 apart = e.contacts[two].r - e.contacts[one].r;
@@ -195,7 +197,7 @@ void shareInternalForce(const System& s, std::size_t one, std::size_t two, doubl
   if (!(distance > 0.0)) return;
   const Vec3 along = apart / distance;
   const double mu = s.scenario.mechanism.friction.static_coefficient;
-  // (T + s t)² and N + s n of either point
+  // for an internal force s: tangential force² (T + s t)² and normal force N + s n of each point
   struct Cone {
     double tt, ts, ss, N, n;
   };
@@ -222,10 +224,10 @@ void shareInternalForce(const System& s, std::size_t one, std::size_t two, doubl
 
 Vector9 contactForces(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
   if (!prepare(s, e)) return e.free;
-  return forcesAgain(s, slots, level, e);
+  return recomputeForces(s, slots, level, e);
 }
 
-Vector9 forcesAgain(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
+Vector9 recomputeForces(const System& s, const SlotArray& slots, Level level, Evaluation& e) {
   e.wedge_margin = 1.0;
   if (s.discrete_friction) {
     solveModes(s, slots, level, e);

@@ -7,45 +7,47 @@
 
 namespace assembly_cell {
 
-/// v' with the forces of the active contacts, left in e.contacts. What depends on their modes:
+/// v' with the forces of the active contacts, which are stored in e.contacts. By mode:
 ///
-///   sliding (slip)    direction of the force known: g'' = −k g' − beta g, one unknown
-///   sticking (stick)  the peg's point comes to rest: three unknowns
-///   idle              no force; `demand` says what its gap would do
+///   slip   direction of the force known: g'' = −k g' − beta g, one unknown
+///   stick  acceleration of the peg's point prescribed: three unknowns
+///   idle   no force; ContactKinematics::demand is set
 ///
 /// (rigid law: k = beta = 0.) With regularised friction all directions are known; the normal forces
-/// are those of springs, or solve the rows of the carrying points.
+/// are those of springs, or the solution of the rows of the carrying points.
 Vector9 contactForces(const System& s, const SlotArray& slots, Level level, Evaluation& e);
 
-/// The same at the same state, with other modes or directions of slip (e.contacts[i].tangential).
-Vector9 forcesAgain(const System& s, const SlotArray& slots, Level level, Evaluation& e);
+/// contactForces() at the same state with other modes or slip directions
+/// (e.contacts[i].tangential).
+Vector9 recomputeForces(const System& s, const SlotArray& slots, Level level, Evaluation& e);
 
-/// The same with regularised friction, after choosing which active contacts carry (slip) and which
-/// don't (idle), and the branch of friction of each.
+/// contactForces() with regularised friction, after selecting the active contacts that carry
+/// (slip; the others: idle) and the branch of friction of each.
 Vector9 chooseCarriers(const System& s, SlotArray& slots, Evaluation& e);
 
-/// Forces with regularised friction of springs, or of the linear complementarity of all points.
-/// `carriers`: slots that carry, or kUndecided; returns those that do.
+/// Forces with regularised friction, of springs or of the linear complementarity problem of all
+/// points. `carriers`: slots that carry, or kUndecided. Returns the carrying slots.
 constexpr ContactSlotMask kUndecided = ~0u;
 ContactSlotMask regularisedForces(const System& s, const SlotArray& slots, ContactSlotMask carriers,
                                   Evaluation& e);
 
-/// Of a contact's point, contact forces included, as it rolls [m/s²].
+/// Acceleration of a contact's point with contact forces and rolling [m/s²].
 Eigen::Vector3d accelerationOf(const Body& body, const Evaluation& e, std::size_t i);
 
-/// Of a contact's point; of those of a face, which slip or rest together, the fastest's [m/s].
+/// Slip speed of a contact's point; for the points of a face the maximum over the face [m/s].
 double slipSpeed(const Evaluation& e, std::size_t i);
 
-/// Some contact slides, and not only since now.
+/// A contact slips whose slip has exceeded the threshold (Slot::armed).
 bool slips(const SlotArray& slots);
 
-/// Tangential force beyond what static friction holds [N].
+/// Tangential force less the static friction limit [N].
 double coneExcess(const System& s, const Evaluation& e, std::size_t i);
-/// None of these points needs more friction than there is, by more than this [N].
+/// coneExcess() of all these points is at most `by` [N].
 bool insideCones(const System& s, const Evaluation& e, ContactSlotMask points, double by);
 
-/// Sticking points share the forces along their connections, which move nothing, pair by pair, each
-/// up to `limit` times the load of all, so that they stay as far inside their cones as possible.
+/// Chooses the internal forces of sticking points (pairs of opposite forces along their connection,
+/// without influence on the motion) pair by pair, each up to `limit` times the total load, so that
+/// the points are as far inside their friction cones as possible.
 void shareInternalForces(const System& s, ContactSlotMask points, double limit, Evaluation& e);
 
 }  // namespace assembly_cell

@@ -4,41 +4,43 @@
 
 namespace assembly_cell {
 
-// How each was varied: docs/theory/thesis.md, tuned constants of the dynamics. "Scenes" are 400
-// random ones; those with many impacts end elsewhere by any change.
+// Effect of half and twice each value, in this order (docs/theory/thesis.md, tuned constants of the
+// dynamics): of 400 random scenes so many end elsewhere, where those with many impacts are
+// sensitive to any change; "effort" is the number of evaluations.
 
-// A contact closes below minus this: far under every tolerance, over the rounding of a gap. Half
-// and twice: 65 and 72 scenes end elsewhere, effort the same; Chapter 8 moves by 0.4 nm.
+// Penetration at which a contact closes: far below each tolerance, above the rounding of a gap. 65
+// and 72 scenes, effort the same; the run of Chapter 8 moves by 0.4 nm.
 constexpr double kTouch = 1e-14;  // [m]
-// Closed at the start up to this gap, what a scenario file's digits leave: 4 and 3 scenes.
+// Gap up to which a contact is closed at the start, from the digits of scenario files: 4 and 3
+// scenes.
 constexpr double kInitialReach = 1e-8;  // [m]
-// A closed slot leaves reach above this gap, the default tolerance: 35 and 33 scenes, effort −2 %;
-// jammed runs take 83 % and 33 % more.
+// Gap above which a closed slot opens, the default tolerance: 35 and 33 scenes, effort −2 %; jammed
+// runs take 83 % and 33 % more.
 constexpr double kReach = 1e-9;  // [m]
-// A contact found deeper is kept there, over the depth that an event leaves: one scene, none.
+// Depth above which Slot::depth is set, above the depth that an event leaves: one scene, none.
 constexpr double kFound = 1e-11;  // [m]
-// Events are located to this, 1e-12 m at 1 m/s: 42 and 51 scenes, effort −1 % and −3 %; Chapter 8
+// Resolution of event location, 1e-12 m at 1 m/s: 42 and 51 scenes, effort −1 % and −3 %; Chapter 8
 // moves by 0.3 nm.
 constexpr double kEventTime = 1e-12;  // [s]
-// Relative, makes redundant rows of the complementarity solvable, over rounding: 5 and 3 scenes, by
-// up to 2 um.
+// Relative diagonal shift that regularises redundant rows of the complementarity problem, above
+// rounding: 5 and 3 scenes, by up to 2 um.
 constexpr double kShift = 1e-11;
-// Sliding contacts nearer to a wedge are jammed (docs/theory/thesis.md): jammed runs take 43 % more
-// and 7 % less.
+// wedgeMargin() below which slipping contacts undergo a Painlevé impact (docs/theory/thesis.md):
+// jammed runs take 43 % more and 7 % less.
 constexpr double kWedged = 1e-3;
-// As much force between two sticking points, of their load: with less a peg that rests wedged
-// begins to slide. 7 scenes each; jammed runs take 43 % and 14 % more.
+// Limit of the internal force of two sticking points over their load; with a lower one a peg that
+// rests wedged begins to slide. 7 scenes each; jammed runs take 43 % and 14 % more.
 constexpr double kLoads = 2.0;
-// The same where no slip is consistent: what the peg's stiffness allows, a wedge holds.
+// The same where no slip is consistent.
 constexpr double kWedgeLoads = 100.0;
-// Approach let be after an impact, over the rounding of impulses: 3 scenes and one, by 3 nm.
+// Approach speed tolerated after an impact, above the rounding of impulses: 3 scenes and one, by 3
+// nm.
 constexpr double kSettledSpeed = 1e-9;  // [m/s]
-// Of the typical force at a tolerance of 1e-9 m, in proportion to it from 1e-3 to 100: smaller
-// changes change no mode; over the rounding of forces, and over what putting contacts right at an
-// event changes (else one of twenty events is followed by itself). Half and twice: Chapter 8 moves
-// by 2e-13 m, 17 and 22 of 400 random scenes end elsewhere.
+// Hysteresis of forces over the typical force, at a tolerance of 1e-9 m; scaled by
+// System::coarseness. Above the rounding of forces and above the change by project() at an event
+// (with less, one of twenty events repeats itself). 17 and 22 scenes; Chapter 8 moves by 2e-13 m.
 constexpr double kHysteresis = 1e-8;
-// Least typical acceleration, of a peg without load: no result changes at half or twice.
+// Lower bound of the typical acceleration, for a peg without load: no result changes.
 constexpr double kMinScale = 1e-3;  // [m/s²]
 
 }  // namespace assembly_cell

@@ -13,20 +13,20 @@ namespace {
 using Vec3 = Eigen::Vector3d;
 
 constexpr int kModePasses = 24, kSlipTurns = 100;
-// All combinations of so many points are tried, 27.
+// Maximum number of points for enumeration, 3^3 combinations.
 constexpr int kMostTried = 3;
-// Directions that haven't come nearer by half in so many turns won't: a face of which a point would
-// be held turns for ever.
+// Iterations within which the error of directions must halve; a face of which one point would stick
+// does not converge.
 constexpr int kProgress = 10;
-// A turn of slip that takes back so much of the last one is made smaller, by at most kMaxStiffer.
-// Half and twice of the second, half of the first: forces of 20 alignments agree within 2e-5 N;
-// twice of the first: onsets swing again.
+// An iteration that reverses the last one by more than this fraction is damped, by at most
+// kMaxStiffer. Half and twice of the second, half of the first: forces of 20 alignments agree
+// within 2e-5 N; twice of the first: the iteration oscillates.
 constexpr double kSwing = 0.5, kMaxStiffer = 4.0;
-// A secant turns by at most ten times what is asked for.
+// A secant step is at most ten times the fixed-point step.
 constexpr double kFall = 0.1;
 
-// Sets the hysteresis by the accelerations that count here. Returns the limit of decisions: half
-// the smaller of the old and the new one, so that what made an event is found.
+// Sets the hysteresis from the accelerations at this state. Returns the limit of decisions: half
+// the smaller of the old and the new one, so that the violation that caused the event exceeds it.
 double setHysteresis(const System& s, Context& c, const Evaluation& e) {
   double scale = kMinScale;
   for (const std::size_t i : Slots(e.active())) {
@@ -41,7 +41,7 @@ double setHysteresis(const System& s, Context& c, const Evaluation& e) {
   return limit;
 }
 
-// direction of a contact's friction; zero where there is none
+// Friction of a contact [N].
 Vec3 tangentialForce(const Evaluation& e, std::size_t i) {
   const ContactKinematics& at = e.contacts[i];
   const Vec3 tangential = at.force - at.normal_force * e.point(i).normal;
@@ -49,8 +49,8 @@ Vec3 tangentialForce(const Evaluation& e, std::size_t i) {
   return size > 0.0 ? Vec3(tangential / size) : Vec3(Vec3::Zero());
 }
 
-// An idle contact begins to carry: at rest, or it slides. One that did so at this decision and was
-// pulled then slides: rest asks for friction, which it hasn't got before its load.
+// Makes an idle contact carry: stick or slip. `again`: it did so at this decision and pulled; it
+// slips then, as stick requires friction before it has a load.
 void join(const System& s, std::size_t i, bool again, Context& c, const Evaluation& e) {
   Slot& slot = c.slots[i];
   slot.mode = slot.armed ? Mode::kSlip : Mode::kStick;
@@ -64,8 +64,9 @@ void join(const System& s, std::size_t i, bool again, Context& c, const Evaluati
   slot.slip_direction = acceleration / -size;
 }
 
-// Changes the mode of the worst offender: pulled, else beyond its cone, else (while `joining`)
-// idle but approaching. False where there is none. joined: those that were so at this decision.
+// Changes the mode of the contact with the largest violation: pulling, else outside its cone, else
+// (while `joining`) idle and approaching. False if there is none. joined: contacts that began to
+// carry at this decision.
 bool changeWorst(const System& s, double limit, bool joining, ContactSlotMask& joined, Context& c,
                  const Evaluation& e) {
   std::size_t worst = kSlots;
@@ -111,30 +112,30 @@ bool changeWorst(const System& s, double limit, bool joining, ContactSlotMask& j
   return true;
 }
 
-// What a point's direction of slip is turned by, from one turn to the next.
+// Iteration of the direction of slip of one point.
 struct Turning {
-  Vec3 asked = Vec3::Zero(), last = Vec3::Zero();  // by its acceleration; what it was turned by
+  Vec3 asked = Vec3::Zero(), last = Vec3::Zero();  // fixed-point steps and steps taken
   double stiffer = 1.0;
 
-  // The turn for what is asked now. Of a point alone by secants, while it is asked for ever less;
-  // else as much as asked, and what takes back the last turn tells by how much less next time.
-  Vec3 next(const Vec3& asks, bool alone) {
-    const double square = last.squaredNorm(), fall = (asked - asks).dot(last);
-    const bool secant = alone && asks.squaredNorm() < asked.squaredNorm() && fall > kFall * square;
-    const double swing = -asks.dot(last);
+  // Next step, from the fixed-point step `step`: secant steps of a single point while the
+  // fixed-point steps decrease; else the fixed-point step, damped after a reversal.
+  Vec3 next(const Vec3& step, bool alone) {
+    const double square = last.squaredNorm(), fall = (asked - step).dot(last);
+    const bool secant = alone && step.squaredNorm() < asked.squaredNorm() && fall > kFall * square;
+    const double swing = -step.dot(last);
     if (!secant && swing > kSwing * square) {
       stiffer *= std::min(1.0 + swing / square, kMaxStiffer);
     }
-    asked = asks;
-    last = secant ? Vec3(square / fall * asks) : asks;
+    asked = step;
+    last = secant ? Vec3(square / fall * step) : step;
     return last;
   }
 };
 
-// Slip that begins goes where the point is accelerated to, which depends on the friction against it
-// (prox iteration); where the friction still holds the point, against the friction. A direction is
-// turned by the compliance along it; where the one across is larger that would swing for ever
-// (beyond twice as large).
+// Fixed-point (prox) iteration for the direction of beginning slip: along the acceleration of the
+// point, which depends on the friction opposite to it; opposite to the friction if that still holds
+// the point. Steps are scaled by the inverse mass along the direction; without damping they would
+// oscillate if the one across is more than twice as large.
 void findSlip(const System& s, Context& c, Evaluation& e) {
   const double mu = s.scenario.mechanism.friction.sliding_coefficient;
   ContactSlotMask begins = 0;
@@ -165,7 +166,7 @@ void findSlip(const System& s, Context& c, Evaluation& e) {
       direction = (direction + change).normalized();
     }
     if (largest < 1e-14) return;
-    c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
+    c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
     if (largest < 1e-12) return;
     if (turn % kProgress < kProgress - 1) continue;
     if (largest > 0.5 * before) return;
@@ -175,7 +176,7 @@ void findSlip(const System& s, Context& c, Evaluation& e) {
 
 }  // namespace
 
-double contradiction(const System& s, const Context& c, const Evaluation& e) {
+double worstViolation(const System& s, const Context& c, const Evaluation& e) {
   double most = 0.0;
   for (const std::size_t i : Slots(e.active())) {
     const ContactKinematics& at = e.contacts[i];
@@ -186,20 +187,20 @@ double contradiction(const System& s, const Context& c, const Evaluation& e) {
   return most;
 }
 
-// Not where that puts a pull on a face that has none: near its centre of rotation its points' slips
-// are no two alike.
-void turnSlip(const System& s, double limit, Context& c, Evaluation& e) {
+// Reverted if it makes a face pull that did not: near its centre of rotation the directions of its
+// points differ arbitrarily.
+void solveSlipDirections(const System& s, double limit, Context& c, Evaluation& e) {
   if (!(e.active() & e.face)) return findSlip(s, c, e);
   const double allowed = limit * s.scenario.mechanism.peg.mass;
-  const bool agreed = contradiction(s, c, e) <= allowed;
+  const bool agreed = worstViolation(s, c, e) <= allowed;
   const SlotArray before = c.slots;
   findSlip(s, c, e);
-  if (!agreed || contradiction(s, c, e) <= allowed) return;
+  if (!agreed || worstViolation(s, c, e) <= allowed) return;
   c.slots = before;
-  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
+  c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
 }
 
-void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
+void iterateModes(const System& s, bool first, double& limit, Context& c, Evaluation& e) {
   if (!s.discrete_friction) {
     c.slope = chooseCarriers(s, c.slots, e);
     return;
@@ -208,37 +209,37 @@ void agree(const System& s, bool first, double& limit, Context& c, Evaluation& e
   for (const std::size_t i : Slots(e.active())) c.slots[i].rest_force.setZero();
   for (int pass = 0; pass < kModePasses; ++pass) {
     c.slope = pass == 0 ? contactForces(s, c.slots, Level::kEvents, e)
-                        : forcesAgain(s, c.slots, Level::kEvents, e);
+                        : recomputeForces(s, c.slots, Level::kEvents, e);
     if (first && pass == 0) limit = setHysteresis(s, c, e);
-    if (pass == 0 && holdAtRest(s, limit, c, e)) break;
+    if (pass == 0 && findAdmissibleRestForces(s, limit, c, e)) break;
     if (!changeWorst(s, limit, pass < kModePasses / 2, joined, c, e)) break;
   }
 }
 
-void tryAll(const System& s, double limit, Context& c, Evaluation& e) {
+void enumerateModes(const System& s, double limit, Context& c, Evaluation& e) {
   const ContactSlotMask points = e.active();
   const double allowed = limit * s.scenario.mechanism.peg.mass;
-  double least = contradiction(s, c, e);
+  double least = worstViolation(s, c, e);
   if (!(least > allowed) || __builtin_popcount(points) > kMostTried || (points & e.face)) return;
   SlotArray best = c.slots;
   ContactSlotMask armed = 0;
   for (const std::size_t i : Slots(points)) armed |= c.slots[i].armed ? 1u << i : 0u;
-  // carrying points, all subsets from all to none; of those that rest the ones that slide
+  // subsets of carrying points, from all to none; for each the subsets that slip
   for (ContactSlotMask carry = points;; carry = (carry - 1) & points) {
     for (const std::size_t i : Slots(points)) {
       const ContactSlotMask bit = 1u << i;
       c.slots[i].mode = !(carry & bit) ? Mode::kIdle : armed & bit ? Mode::kSlip : Mode::kStick;
     }
-    forcesAgain(s, c.slots, Level::kEvents, e);
+    recomputeForces(s, c.slots, Level::kEvents, e);
     SlotArray held = c.slots;
     for (const std::size_t i : Slots(carry & ~armed))
       held[i].slip_direction = tangentialForce(e, i);
     for (ContactSlotMask slide = 0;;) {
       c.slots = held;
       for (const std::size_t i : Slots(slide)) c.slots[i].mode = Mode::kSlip;
-      c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
+      c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
       findSlip(s, c, e);
-      const double by = contradiction(s, c, e);
+      const double by = worstViolation(s, c, e);
       if (by < least) {
         least = by;
         best = c.slots;
@@ -249,7 +250,7 @@ void tryAll(const System& s, double limit, Context& c, Evaluation& e) {
     if (carry == 0 || !(least > allowed)) break;
   }
   c.slots = best;
-  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
+  c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
 }
 
 }  // namespace assembly_cell

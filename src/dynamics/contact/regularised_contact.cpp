@@ -1,8 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Contact forces with regularised friction: the direction of each force is known, the normal forces
-// come from springs or from the linear complementarity of all active contacts. Who carries and the
-// branch of friction are frozen within a step, so that forces are smooth there and changes are
-// events; where that is undecided the complementarity is solved by enumeration.
+// Contact forces with regularised friction: the direction of each force is known; the normal forces
+// are those of springs, or the solution of the linear complementarity problem (LCP) of all active
+// contacts. The set of carrying contacts and the branch of friction are frozen within a step, so
+// that forces are smooth there and changes are events; an undecided set is found by enumeration.
 #include <Eigen/LU>
 #include <algorithm>
 
@@ -15,12 +15,12 @@ namespace {
 using Vec3 = Eigen::Vector3d;
 using Forces = Eigen::Matrix<double, kSlots, 1>;
 
-// A N + b >= 0 is the complement of N >= 0; subsets of the n points are bits of an unsigned
+// LCP 0 <= A N + b ⟂ N >= 0; subsets of the n points are bits of an unsigned.
 struct Complementarity {
   Eigen::Matrix<double, kSlots, kSlots> A;
   Forces b;
   int n = 0;
-  double scale = 0.0;  // of b
+  double scale = 0.0;  // typical size of b
 
   double gapAcceleration(int row, const Forces& N) const {
     double w = b(row);
@@ -29,7 +29,7 @@ struct Complementarity {
   }
 };
 
-// normal forces of a subset that carries, the others have none
+// Normal forces with this subset carrying; zero for the others.
 Forces solveSubset(const Complementarity& p, unsigned subset) {
   std::array<int, kSlots> index{};
   int m = 0;
@@ -58,7 +58,7 @@ Forces solveSubset(const Complementarity& p, unsigned subset) {
   return N;
 }
 
-// largest pull, or acceleration into the block of a point that doesn't carry
+// Largest violation of the LCP: negative normal force, or acceleration into the block.
 double violation(const Complementarity& p, unsigned subset, const Forces& N) {
   double largest = 0.0;
   for (int i = 0; i < p.n; ++i) {
@@ -68,7 +68,7 @@ double violation(const Complementarity& p, unsigned subset, const Forces& N) {
   return largest;
 }
 
-// the subset with the least violation; an exact one ends the search
+// Subset with the smallest violation; an exact solution ends the search.
 unsigned chooseSubset(const Complementarity& p, Forces& N) {
   double least = 1e300;
   unsigned chosen = 0;
@@ -86,7 +86,7 @@ unsigned chooseSubset(const Complementarity& p, Forces& N) {
   return chosen;
 }
 
-// The points' normal forces; returns the subset that carries.
+// Solves for the normal forces N. Returns the carrying subset.
 unsigned solve(const Complementarity& p, bool sign_flip, bool choose, unsigned carriers,
                Forces& N) {
   N = Forces::Zero();

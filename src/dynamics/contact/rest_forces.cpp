@@ -11,24 +11,24 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// Of 60 pegs pushed down into the corner of floor and wall, effort:
+// Efforts are those of 60 pegs pushed into the corner of floor and wall.
 
-// Cones so much narrower are tried in turn: forces well inside stay there when loads change. The
-// last three alone: +68 %, the last one alone: +108 %.
+// Fractions of the friction coefficient of the cones that are tried in turn: forces well inside
+// stay inside when loads change. The last three alone: +68 %, the last one alone: +108 %.
 constexpr std::array<double, 4> kNarrower = {0.5, 0.9, 0.99, 0.999};
-// Sweeps over all points, and how far beyond its own equation each goes (1: 2 % more; 1.9: 1 %).
-// Half and twice of the first: 6 % more and 3 % less.
+// Maximum number of sweeps over all points, and over-relaxation (1: 2 % more; 1.9: 1 %). Half and
+// twice of the first: 6 % more and 3 % less.
 constexpr int kSweeps = 200;
 constexpr double kBeyond = 1.7;
-// A cone is given up where so many sweeps leave more than this part of the squared rest: 7 % less
-// than all sweeps, with 4 % more steps.
-constexpr int kLook = 20;
+// A cone is abandoned if this number of sweeps leaves more than this fraction of the squared
+// residual: 7 % less than all sweeps, with 4 % more steps.
+constexpr int kCheckInterval = 20;
 constexpr double kSlow = 0.9;
-// Part of the acceleration by the forces that may be left: less than the narrowest margin holds.
-// Half and twice: 6 % and 1 % more.
+// Tolerance of the residual over the acceleration by the forces, below the smallest margin. Half
+// and twice: 6 % and 1 % more.
 constexpr double kHeld = 1e-4;
 
-// the nearest force inside a cone
+// Projection of a force onto a friction cone.
 Vec3 projected(const Vec3& force, const Vec3& normal, double mu) {
   const double N = normal.dot(force);
   const Vec3 tangential = force - N * normal;
@@ -39,8 +39,8 @@ Vec3 projected(const Vec3& force, const Vec3& normal, double mu) {
   return n * normal + mu * n / T * tangential;
 }
 
-// Forces inside cones of this coefficient that accelerate the body as the target does: projected
-// Gauss-Seidel steps from those given, which stay near them. False where they don't get there.
+// Forces inside the cones of coefficient mu with the resultant acceleration of `target`, by
+// projected Gauss-Seidel iteration from the given ones. False without convergence.
 bool findInside(const Body& body, const ForceMoment& target, double mu, const Evaluation& e,
                 std::array<Vec3, kSlots>& forces) {
   const ContactSlotMask points = e.active();
@@ -52,7 +52,7 @@ bool findInside(const Body& body, const ForceMoment& target, double mu, const Ev
     sum.add(e.contacts[i].r, forces[i]);
     scale = std::max(scale, (asked + turn.cross(e.contacts[i].r)).squaredNorm());
   }
-  // too much of the acceleration
+  // residual of the acceleration
   Vec3 linear = sum.force / body.mass - asked, angular = body.inverse_inertia * sum.moment - turn;
   for (int sweep = 1; sweep <= kSweeps; ++sweep) {
     double most = 0.0;
@@ -68,7 +68,7 @@ bool findInside(const Body& body, const ForceMoment& target, double mu, const Ev
       most = std::max(most, off.squaredNorm());
     }
     if (most < kHeld * kHeld * scale) return true;
-    if (sweep % kLook > 0) continue;
+    if (sweep % kCheckInterval > 0) continue;
     if (most > kSlow * before) return false;
     before = most;
   }
@@ -77,7 +77,7 @@ bool findInside(const Body& body, const ForceMoment& target, double mu, const Ev
 
 }  // namespace
 
-bool holdAtRest(const System& s, double limit, Context& c, Evaluation& e) {
+bool findAdmissibleRestForces(const System& s, double limit, Context& c, Evaluation& e) {
   const ContactSlotMask points = e.active();
   if (__builtin_popcount(points) < 3 || !(points & ~e.face)) return false;
   ForceMoment target;
@@ -90,10 +90,10 @@ bool holdAtRest(const System& s, double limit, Context& c, Evaluation& e) {
     load += forces[i].norm();
   }
   const double allowed = limit * s.scenario.mechanism.peg.mass;
-  if (contradiction(s, c, e) <= allowed) return false;
+  if (worstViolation(s, c, e) <= allowed) return false;
   const Body body = bodyOf(s, e.k);
   const double mu = s.scenario.mechanism.friction.static_coefficient;
-  // each cone goes on from where the narrower one ended
+  // each cone starts from the result of the narrower one
   const bool held = std::any_of(kNarrower.begin(), kNarrower.end(), [&](double part) {
     return findInside(body, target, part * mu, e, forces);
   });
@@ -101,10 +101,10 @@ bool holdAtRest(const System& s, double limit, Context& c, Evaluation& e) {
   for (const std::size_t i : Slots(points)) total += forces[i].norm();
   if (!held || total > (1.0 + e.loads) * load) return false;
   for (const std::size_t i : Slots(points)) c.slots[i].rest_force = forces[i];
-  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
-  if (contradiction(s, c, e) <= allowed) return true;
+  c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
+  if (worstViolation(s, c, e) <= allowed) return true;
   for (const std::size_t i : Slots(points)) c.slots[i].rest_force.setZero();
-  c.slope = forcesAgain(s, c.slots, Level::kEvents, e);
+  c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
   return false;
 }
 

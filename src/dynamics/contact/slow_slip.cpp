@@ -15,34 +15,34 @@ namespace {
 using Vec3 = Eigen::Vector3d;
 using Ark = Ark436;
 
-// More unknowns are left to the explicit method.
-constexpr int kMostUnknowns = 6;
-// A direction is found when what is left of it is so small, or doesn't get smaller near its
-// rounding, which is larger the slower the slip. Quasi-Newton steps take 3 or 4 turns, more than
-// kTurnings fail.
-constexpr double kAligned = 0.1;     // of the tolerance [rad/m]
+// Maximum number of unknowns of the implicit method.
+constexpr int kMaxUnknowns = 6;
+// Convergence of the directions: a residual below kAligned, or one that stagnates near its
+// rounding, which grows as the slip gets slower. Quasi-Newton takes 3 or 4 iterations; more than
+// kMaxIterations fail.
+constexpr double kAligned = 0.1;     // over the tolerance [rad/m]
 constexpr double kRounding = 1e-10;  // [rad]
-constexpr int kTurnings = 16;
-constexpr double kLargestTurn = 0.5;  // [rad] of one of them
-// Slip slower than these parts of its threshold is none yet, and has no direction of its own. Half
-// and twice: a vibrated press is the same to the last bit.
+constexpr int kMaxIterations = 16;
+constexpr double kLargestTurn = 0.5;  // of one iteration [rad]
+// Slip speeds over the threshold below which a point does not slip yet, and below which the slip
+// has no direction of its own. Half and twice: a vibrated press is the same to the last bit.
 constexpr double kNone = 0.01, kHas = 0.5;
-// Slip that falls at a higher rate doesn't begin.
+// Slip that decreases at a higher rate does not begin.
 constexpr double kFading = 1e4;  // [1/s]
-// Slip falls where its acceleration is against it, by this cosine. Where it is more across, steps
-// of up to five times the bound were taken; along it, of any length.
-constexpr double kFalls = 0.5;
-// Its estimate is of one order less than that of dopri5: with this factor ends are as near to those
-// at fine tolerances. Effort −8 % and +14 %; a face that rocks over the hole has 264 events for
-// 119.
+// Minimum cosine of the angle between the acceleration and the direction opposite to slip for slip
+// to count as decreasing. At smaller ones, steps of up to five times the bound are possible.
+constexpr double kDecreasing = 0.5;
+// Factor on the error estimate, whose order is one less than that of dopri5; results are then as
+// near to those at fine tolerances. Half and twice: effort −8 % and +14 %; half: a face that rocks
+// over the hole has 264 events instead of 119.
 constexpr double kSafety = 4.0;
-// The error of a step in which slip ends and begins again: half of it next.
+// Error set for a step in which slip ends and begins again: the next one has half its length.
 constexpr double kRested = 12.0;
-using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostUnknowns, 1>;
+using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxUnknowns, 1>;
 using Derivative =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostUnknowns, kMostUnknowns>;
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxUnknowns>;
 
-// acceleration across the slip by the friction of point i
+// Acceleration across the slip by the friction of point i [m/s²].
 double frictionRate(std::size_t i, const Evaluation& e, const Body& body) {
   const ContactKinematics& at = e.contacts[i];
   const Vec3 friction = at.force - at.normal_force * e.point(i).normal;
@@ -52,20 +52,21 @@ double frictionRate(std::size_t i, const Evaluation& e, const Body& body) {
   return size * across.dot(response(body, at.r, at.r, across));
 }
 
-// Points that slip as one: a point alone, or those of a face, which turns about its normal, too.
-// Their slip is its size times a unit vector: along two axes of the plane and, of a face, the speed
-// of its edge around it. Friction depends on the vector alone.
+// Points with a common slip: a single point, or those of a face, which also rotates about its
+// normal. The slip is its magnitude times a unit vector: components along two axes of the contact
+// plane and, of a face, the circumferential speed of its edge. Friction depends on the unit vector
+// only.
 struct SlipGroup {
   std::array<std::size_t, 3> slot{};
   int points = 0;
   bool armed = true;
-  double radius = 0.0;                 // of the face; 0 of a point [m]
-  double friction = 0.0;               // acceleration by it [m/s²]
-  Vec3 start = Vec3::Zero();           // along the first axis
-  Vec3 normal, first, second, middle;  // axes and lever, of the state that is evaluated
-  Vec3 unit = Vec3::UnitX();           // the vector
-  std::array<Vec3, 2> across;          // unit vectors across it: the unknowns turn it to them
-  double speed = 0.0;                  // along it, at the velocities that were asked for
+  double radius = 0.0;                 // of the face; 0 for a point [m]
+  double friction = 0.0;               // acceleration by friction [m/s²]
+  Vec3 start = Vec3::Zero();           // direction of the first axis
+  Vec3 normal, first, second, middle;  // axes and lever at the evaluated state
+  Vec3 unit = Vec3::UnitX();           // unit vector of the slip
+  std::array<Vec3, 2> across;  // unit vectors across `unit`, along which the unknowns turn it
+  double speed = 0.0;          // slip along `unit` at the prescribed velocities
 
   int unknowns() const { return radius > 0.0 ? 2 : 1; }
 
@@ -83,7 +84,7 @@ struct SlipGroup {
     return v;
   }
 
-  // the vector, not scaled, of these velocities of the peg
+  // slip vector at these velocities of the peg, not normalised
   Vec3 of(const Vec3& linear, const Vec3& angular) const {
     const Vec3 v = linear + angular.cross(middle);
     return {v.dot(first), v.dot(second), radius * angular.dot(normal)};
@@ -95,7 +96,7 @@ struct SlipGroup {
     turnAxes();
   }
 
-  // axes across the vector, that go with it
+  // transports the axes across the vector with it
   void turnAxes() {
     if (radius > 0.0) {
       across[0] = (across[0] - unit * unit.dot(across[0])).normalized();
@@ -106,7 +107,7 @@ struct SlipGroup {
   }
 };
 
-// Directions of slip, that are found.
+// Quasi-Newton solver for the directions of slip.
 class SlipDirections {
  public:
   SlipDirections(const System& s, const Context& c, const Evaluation& e) {
@@ -127,11 +128,12 @@ class SlipDirections {
       slips_[k].turnAxes();
       unknowns_ += slips_[k].unknowns();
     }
-    // what it is where slip goes on and friction is alike in all directions
+    // exact if slip persists and the inverse mass is isotropic
     derivative_ = -Derivative::Identity(unknowns_, unknowns_);
   }
 
-  // v' with the directions that the velocities known + weight v' have; false where none was found
+  // v' with friction opposite to the slip at the velocities known + weight v'; false without
+  // convergence
   bool solve(const System& s, const Context& c, const Vector9& known, double weight, Vector9& slope,
              Evaluation& e) {
     for (int k = 0; k < n_; ++k) slips_[k].place(e);
@@ -141,11 +143,11 @@ class SlipDirections {
     };
     Unknowns off = left();
     double before = HUGE_VAL;
-    for (int turning = 0; turning < kTurnings; ++turning) {
+    for (int turning = 0; turning < kMaxIterations; ++turning) {
       const double size = off.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
       if (!std::isfinite(size)) return false;
-      if (size < kAligned * s.scenario.solver.tolerance) return goesOn();
-      if (size < kRounding && size > 0.5 * before) return goesOn();
+      if (size < kAligned * s.scenario.solver.tolerance) return persists();
+      if (size < kRounding && size > 0.5 * before) return persists();
       before = size;
       const Unknowns step =
           (-derivative_.partialPivLu().solve(off)).cwiseMax(-kLargestTurn).cwiseMin(kLargestTurn);
@@ -157,7 +159,7 @@ class SlipDirections {
     return false;
   }
 
-  // v' with friction against the directions
+  // v' with friction opposite to the directions
   Vector9 forces(const System& s, const Context& c, Level level, Evaluation& e) const {
     for (int k = 0; k < n_; ++k) {
       for (int p = 0; p < slips_[k].points; ++p) {
@@ -165,10 +167,10 @@ class SlipDirections {
         e.contacts[i].tangential = slips_[k].at(i, e);
       }
     }
-    return forcesAgain(s, c.slots, level, e);
+    return recomputeForces(s, c.slots, level, e);
   }
 
-  // some slip that there has been is slower than that, or has ended, at the velocities solved for
+  // an existing slip is slower than `slower`, or has ended, at the solved velocities
   bool rests(double slower) const {
     return std::any_of(slips_.begin(), slips_.begin() + n_, [slower](const SlipGroup& slip) {
       return slip.armed && slip.speed < slower;
@@ -207,8 +209,8 @@ class SlipDirections {
     slip.across[0] = slip.unit.unitOrthogonal();
   }
 
-  // of the slips at the velocities v across their directions, over the slip or what friction takes
-  // of it: smooth where slip ends and begins, the other way
+  // components of the slips at the velocities v across their directions, over the slip or the
+  // change of slip by friction: smooth where slip reverses
   Unknowns misalignment(const Vector9& v, double weight, const Evaluation& e) {
     Unknowns off(unknowns_);
     const Vec3 linear = v.head<3>(), angular = e.k.Re * v.segment<3>(3);
@@ -222,19 +224,19 @@ class SlipDirections {
     return off;
   }
 
-  // only slip that there has been ends in a step
-  bool goesOn() const {
+  // no existing slip ends in the step
+  bool persists() const {
     return std::none_of(slips_.begin(), slips_.begin() + n_,
                         [](const SlipGroup& slip) { return slip.speed < 0.0 && !slip.armed; });
   }
 
-  std::array<SlipGroup, kMostUnknowns> slips_;
+  std::array<SlipGroup, kMaxUnknowns> slips_;
   int n_ = 0, unknowns_ = 0;
   Derivative derivative_;
 };
 
-// Slip that begins goes its way, faster and faster; not what is left of an earlier one, and not
-// what comes to rest before it has begun.
+// Beginning slip of point i increases along its onset; false for the remainder of an earlier slip
+// and for slip that ends before it has begun.
 bool begins(const System& s, const Context& c, std::size_t i, const Evaluation& e,
             const Body& body) {
   const ContactKinematics& at = e.contacts[i];
@@ -254,7 +256,7 @@ double slipTurning(const System& s, const Context& c, const Evaluation& e) {
   for (const std::size_t i : Slots(e.active())) {
     if (c.slots[i].mode == Mode::kSlip) sliding |= 1u << i;
   }
-  if (!sliding || __builtin_popcount(sliding) > kMostUnknowns) return 0.0;
+  if (!sliding || __builtin_popcount(sliding) > kMaxUnknowns) return 0.0;
   double fastest = 0.0;
   const Body body = bodyOf(s, e.k);
   for (const std::size_t i : Slots(sliding)) {
@@ -262,7 +264,7 @@ double slipTurning(const System& s, const Context& c, const Evaluation& e) {
     if (!c.slots[i].armed && !begins(s, c, i, e, body)) return 0.0;
     fastest = std::max(fastest, frictionRate(i, e, body) / std::max(speed, slipThreshold(s, e)));
   }
-  // near a wedge forces, and with them velocities, follow directions that much faster
+  // near Painlevé's paradox the sensitivity of forces to directions grows by that factor
   return fastest / std::clamp(e.wedge_margin, kWedged, 1.0);
 }
 
@@ -273,12 +275,13 @@ double slipFalling(const System& s, const Context& c, const Evaluation& e) {
     if (c.slots[i].mode != Mode::kSlip || !c.slots[i].armed) continue;
     const Vec3 &slip = e.contacts[i].tangential, &normal = e.point(i).normal;
     const double speed = slip.norm();
-    // of a face its fastest point: the others may be near its centre of rotation
+    // of a face, its fastest point: others may be near the centre of rotation
     if (speed < slipSpeed(e, i)) continue;
     Vec3 acceleration = accelerationOf(bodyOf(s, e.k), e, i);
     acceleration -= normal * normal.dot(acceleration);
     const double size = acceleration.norm();
-    if (-slip.dot(acceleration) > kFalls * speed * size) fastest = std::max(fastest, size / speed);
+    if (-slip.dot(acceleration) > kDecreasing * speed * size)
+      fastest = std::max(fastest, size / speed);
   }
   return fastest;
 }
@@ -290,7 +293,7 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
   std::array<Vec3, Ark::kStages> give;
   velocity[0] = c.state.v;
   slope[0] = c.slope;
-  give[0] = c.give_rate;
+  give[0] = c.carrier_deflection_rate;
   evaluate(s, c, c.time, c.state, Level::kForces, e);
   SlipDirections directions(s, c, e);
   bool rested = false, rests = false;
@@ -300,16 +303,16 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
     for (int j = 0; j < i; ++j) {
       at.q += h * Ark::a[i][j] * velocity[j];
       at.v += h * Ark::a[i][j] * slope[j];
-      at.give += h * Ark::a[i][j] * give[j];
+      at.carrier_deflection += h * Ark::a[i][j] * give[j];
       known += h * Ark::implicit[i][j] * slope[j];
     }
     velocity[i] = at.v;
     evaluate(s, c, c.time + Ark::c[i] * h, at, Level::kForces, e);
-    give[i] = e.motion.give_rate;
+    give[i] = e.motion.carrier_deflection_rate;
     if (!directions.solve(s, c, known, h * Ark::kGamma, slope[i], e)) {
       step.end = c.state;
       step.slope = c.slope;
-      step.give_rate = c.give_rate;
+      step.carrier_deflection_rate = c.carrier_deflection_rate;
       step.error = HUGE_VAL;
       return;
     }
@@ -321,14 +324,14 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
   for (int i = 0; i < Ark::kStages; ++i) {
     step.end.q += h * Ark::b[i] * velocity[i];
     step.end.v += h * Ark::b[i] * slope[i];
-    step.end.give += h * Ark::b[i] * give[i];
+    step.end.carrier_deflection += h * Ark::b[i] * give[i];
     error.q += h * (Ark::b[i] - Ark::estimate[i]) * velocity[i];
     error.v += h * (Ark::b[i] - Ark::estimate[i]) * slope[i];
-    error.give += h * (Ark::b[i] - Ark::estimate[i]) * give[i];
+    error.carrier_deflection += h * (Ark::b[i] - Ark::estimate[i]) * give[i];
   }
-  // velocity and direction agree at the end, but where slip has gone on beyond its own
+  // at the end velocity and direction agree, except where slip has reversed
   evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
-  step.give_rate = e.motion.give_rate;
+  step.carrier_deflection_rate = e.motion.carrier_deflection_rate;
   std::array<Vec3, kSlots> slip;
   for (const std::size_t i : Slots(e.active())) slip[i] = e.contacts[i].tangential;
   step.slope = directions.forces(s, c, Level::kEvents, e);

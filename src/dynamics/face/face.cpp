@@ -16,36 +16,41 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// How each was varied: in 181 level random scenes of test/stress; those with many impacts end
-// elsewhere by any change.
+// Half and twice of each were tried in 181 level random scenes of test/stress; those with many
+// impacts are sensitive to any change.
 
-// A face lies where its highest point is no farther over the plane: half of the tolerance, and at
-// most half of what a closed contact may be, so that nobody can tell. Half and twice: 9 and 10
-// scenes end elsewhere, effort +10 % and −2 %.
-constexpr double kLies = 0.5, kMostLies = 5e-10;  // of the tolerance; [m]
-// The rigid law puts gaps to zero: no farther than an event's resolution leaves of them. At 1e-12
-// and 1e-11 7 and 3 of 485 scenes of test_agreement end beyond what is allowed, here 4.
-constexpr double kRigidLies = 3e-13;  // [m]
-// It has left so many times higher: between the two nothing changes. Half and twice: 15 and 17
-// scenes, effort +5 % and +3 %.
-constexpr double kLeft = 4.0;
-constexpr int kStrikes = 8;  // points of one impact that may come down one after the other
-// What would rise by less is put to rest: the end of a peg that rocks, whose impacts else go on
-// down to the rounding of a gap. A tenth and ten times: 9 and 11 scenes instead of 10 of 486 end
-// beyond what is allowed, with 12 times and 0.96 times the time.
+// Height of the highest point of a face below which it is in contact: half of the tolerance, and at
+// most half of kReach. Half and twice: 9 and 10 scenes end elsewhere, effort +10 % and −2 %.
+constexpr double kContactHeight = 0.5, kMaxContactHeight = 5e-10;  // over the tolerance; [m]
+// The same under the rigid law, which sets gaps to zero: the resolution of an event. At 1e-12 and
+// 1e-11, 7 and 3 of 485 scenes of test_agreement exceed the tolerance, here 4.
+constexpr double kRigidContactHeight = 3e-13;  // [m]
+// Hysteresis: height at which a face contact opens, over that at which it closes. Half and twice:
+// 15 and 17 scenes, effort +5 % and +3 %.
+constexpr double kOpenRatio = 4.0;
+constexpr int kStrikes = 8;  // maximum number of sequential points of one impact
+// Height of a rebound below which the face is stopped, to end rocking whose impacts otherwise
+// continue down to the rounding of a gap. A tenth and ten times: 9 and 11 scenes instead of 10 of
+// 486 exceed the tolerance, with 12 times and 0.96 times the effort.
 constexpr double kLastRise = 1e-14;  // [m]
 
-// where contacts end at zero gap a face lies when it is in the ground
-double lies(const System& s) {
+// Height of the highest point at which a face contact closes [m]; below zero where contacts open at
+// zero gap.
+double contactHeight(const System& s) {
   if (!s.discrete_friction) return 0.5 * kTouch;
-  if (s.fixed_step) return kMostLies;
-  return s.rigid ? kRigidLies : std::min(kMostLies, kLies * s.scenario.solver.tolerance);
+  if (s.fixed_step) return kMaxContactHeight;
+  return s.rigid ? kRigidContactHeight
+                 : std::min(kMaxContactHeight, kContactHeight * s.scenario.solver.tolerance);
 }
 
-double leaves(const System& s) { return kLeft * (s.discrete_friction ? lies(s) : kMostLies); }
-double beside(const System& s) { return s.discrete_friction ? lies(s) : kMostLies; }
+double leaves(const System& s) {
+  return kOpenRatio * (s.discrete_friction ? contactHeight(s) : kMaxContactHeight);
+}
+double beside(const System& s) {
+  return s.discrete_friction ? contactHeight(s) : kMaxContactHeight;
+}
 
-// the closed point that is deepest; 0 where none is closed
+// Smallest gap of the closed points [m]; 0 if none is closed.
 double deepestPoint(const Evaluation& e) {
   double deepest = 0.0;
   for (const std::size_t i : Slots(e.active() & kFaceSlots)) {
@@ -54,14 +59,14 @@ double deepestPoint(const Evaluation& e) {
   return deepest;
 }
 
-// the point that is highest over where its spring begins
+// Largest gap of the points over the zero of their springs [m].
 double highestPoint(const Evaluation& e) {
   double highest = -HUGE_VAL;
   for (const std::size_t i : Slots(kFaceSlots)) highest = std::max(highest, e.contacts[i].gap);
   return highest;
 }
 
-// back to the lowest point of the edge; a spring goes on as the one that is pressed most
+// Returns to the contact of the lowest edge point; with springs it continues the most loaded one.
 void endFace(const System& s, Context& c, Evaluation& e) {
   const bool touched = (e.active() & kFaceSlots) != 0;
   double pressed = 0.0;
@@ -77,13 +82,14 @@ void endFace(const System& s, Context& c, Evaluation& e) {
   }
 }
 
-// Of a face over the hole: an end of the arc is a crossing, what lies between them one point.
+// Slot of a face over the hole for the parameter t: that of a crossing at an end of the arc, else
+// the plane slot.
 std::size_t slotOf(const Arc& arc, double t) {
   if (arc.has(t)) return *Slots(kFacePlaneSlot);
   return std::remainder(t - arc.about, 2.0 * M_PI) < 0.0 ? 0 : 1;
 }
 
-// one of these slots whose point carries nothing; kSlots where all do
+// One of these slots whose point carries no load; kSlots if all carry.
 std::size_t sparePoint(ContactSlotMask slots, const Context& c, const Evaluation& e) {
   std::size_t spare = kSlots;
   for (const std::size_t i : Slots(slots)) {
@@ -93,14 +99,13 @@ std::size_t sparePoint(ContactSlotMask slots, const Context& c, const Evaluation
   return spare;
 }
 
-// Such a speed hardly lifts a point: what is left of rocking.
+// The rebound of this speed is below kLastRise.
 bool barelyRises(const System& s, double speed, const Evaluation& e) {
   return speed * speed <= 2.0 * kLastRise * freeAcceleration(s, e);
 }
 
-// All normal speed of closed points of these slots is stopped, with the friction of their slip. The
-// impacts that are yet to come would do the same together with the load of the rest meanwhile: to
-// first order in the speed that is left, in whatever order they come.
+// Stops the normal speed of the closed points of these slots by impulses with the friction of their
+// slip. To first order in the remaining speed this equals the remaining impacts, in any order.
 void stopPoints(const System& s, ContactSlotMask points, Context& c, Evaluation& e) {
   Constraints rows;
   for (const std::size_t i : Slots(points & e.active())) {
@@ -118,21 +123,22 @@ void stopPoints(const System& s, ContactSlotMask points, Context& c, Evaluation&
   applyImpulse(s, rows.total(), c, e);
 }
 
-// What is left of rocking would not lift the face: all of it is stopped.
-bool putToRest(const System& s, Context& c, Evaluation& e) {
+// Stops a face whose remaining rebounds are below kLastRise. Returns whether it did.
+bool stopFace(const System& s, Context& c, Evaluation& e) {
   const Round height = heights(c, e.edge), speed = speeds(e);
-  if (height.most(groundOf(s, e.edge, c.face.overHole())) > lies(s)) return false;
+  if (height.most(groundOf(s, e.edge, c.face.overHole())) > contactHeight(s)) return false;
   if (!barelyRises(s, std::abs(speed.middle) + speed.swing(), e)) return false;
   closePoints(s, kFaceSlots & ~e.active(), c, e);
   stopPoints(s, kFaceSlots, c, e);
   return true;
 }
 
-// The same of points that strike one after the other, as of a peg that stands on two crossings.
+// The same for sequential impacts of points, as of a peg on two crossings.
 void endRocking(const System& s, Context& c, Evaluation& e) {
   ContactSlotMask left = 0;
   for (const std::size_t i : Slots(s.admitted & ~e.closed & e.open_set.valid)) {
-    if (e.contacts[i].gap < lies(s) && barelyRises(s, e.contacts[i].gap_rate, e)) left |= 1u << i;
+    if (e.contacts[i].gap < contactHeight(s) && barelyRises(s, e.contacts[i].gap_rate, e))
+      left |= 1u << i;
   }
   if (!left || !e.active()) return;
   for (const std::size_t i : Slots(e.active())) {
@@ -153,22 +159,21 @@ void beginFaceStep(Context& c, const Evaluation& e) {
 double faceEvent(const System& s, const Context& c, const Evaluation& e) {
   const Round height = heights(c, e.edge);
   if (!c.face.on) {
-    // the point across from the one that carried at the step's start: it stays down once it is
+    // the point opposite to the one that carried at the step's start, which stays down
     if (!(e.closed & kFacePlaneSlot) || !nearlyLevel(e.edge)) return HUGE_VAL;
     const double up = height.middle + c.face.height - groundUnder(s, e.edge);
     const Round over{up, height.cosine, height.sine};
     const double t = c.face.across;
     if (!hasGround(s, e.edge)) {
-      // and the ends of the arc beside the hole, also where the face has come down so far that the
-      // lowest point has passed into it
+      // and the ends of the arc beside the hole, also if the lowest point has passed into the hole
       if (!reachesOver(s, e.edge)) return HUGE_VAL;
       const Arc arc = groundOf(s, e.edge, true);
       const double ends = std::max(over.at(arc.from()), over.at(arc.to()));
-      return (arc.has(t) ? std::max(ends, over.at(t)) : ends) - lies(s);
+      return (arc.has(t) ? std::max(ends, over.at(t)) : ends) - contactHeight(s);
     }
-    // of springs two points beside it, which carry nothing then
+    // with springs, two points beside it, which carry no load then
     return hasSprings(s) ? std::max(over.at(t + 0.5 * kFaceTurn), over.at(t - 0.5 * kFaceTurn))
-                         : over.at(t) - lies(s);
+                         : over.at(t) - contactHeight(s);
   }
   const double ground = sameGround(s, c.face, e.edge);
   if (hasSprings(s)) return std::min(ground, leaves(s) - highestPoint(e));
@@ -196,10 +201,10 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
   c.face.height = groundUnder(s, e.edge);
   const Round height = heights(c, e.edge);
   const std::size_t single = *Slots(kFacePlaneSlot);
-  // one that has passed into the hole was there when the step began
+  // a lowest point that has passed into the hole: the one at the start of the step
   const double lowest = e.valid(single) ? e.point(single).t : c.face.across + M_PI;
   if (hasSprings(s)) {
-    // their forces depend on the points, which stay where they are
+    // spring forces depend on the points, which are not moved
     if (std::max(height.at(lowest + kFaceTurn), height.at(lowest - kFaceTurn)) > kTouch)
       return false;
     const double depth = c.slots[single].depth;
@@ -210,22 +215,22 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
     e.contacts[0].gap = e.point(0).gap - depth;
     return true;
   }
-  if (height.most(groundOf(s, e.edge, over_hole)) > 1.5 * lies(s)) return false;
+  if (height.most(groundOf(s, e.edge, over_hole)) > 1.5 * contactHeight(s)) return false;
   c.face.crossings = over_hole ? kCrossingSlots : 0;
   openPoints(kFaceSlots, c, e);
   c.face.on = true;
   const Round speed = speeds(e);
   if (over_hole) {
-    // the point that comes down fastest, or the one that has carried
-    const double falls = speed.leastAt();
+    // the fastest approaching point, or the one that has carried
+    const double falls = speed.minAt();
     const bool strikes =
         s.rigid && groundOf(s, e.edge, true).has(falls) && speed.least() < -kSettledSpeed;
     const double t = strikes ? falls : lowest;
     setPoints(s, {t, t, t}, c, e);
     return true;
   }
-  // the point that has carried, the one that comes down fastest, and one beside both
-  double fastest = std::remainder(speed.leastAt() - lowest, 2.0 * M_PI);
+  // the point that has carried, the fastest approaching one, and a third away from both
+  double fastest = std::remainder(speed.minAt() - lowest, 2.0 * M_PI);
   if (!(std::abs(fastest) > 0.5 * kFaceTurn)) fastest = kFaceTurn;
   setPoints(s, {lowest + 0.5 * fastest + M_PI, lowest, lowest + fastest}, c, e);
   return true;
@@ -242,11 +247,11 @@ bool updateFace(const System& s, Context& c, Evaluation& e) {
              height.least(arc) < deepestPoint(e) - 0.9 * beside(s)) {
     const std::size_t i = sparePoint(c.face.overHole() ? kFacePlaneSlot : kFaceSlots, c, e);
     if (i == kSlots) {
-      // the one point of a face over the hole carries, another place of its edge comes down
+      // the plane point of a face over the hole carries, another point of its edge approaches
       if (c.face.overHole()) endFace(s, c, e);
       return false;
     }
-    c.face.t[i] = height.leastAt(arc);
+    c.face.t[i] = height.minAt(arc);
     closePoints(s, 1u << i, c, e);
   } else {
     return false;
@@ -259,17 +264,17 @@ bool updateFace(const System& s, Context& c, Evaluation& e) {
 
 void faceImpact(const System& s, Context& c, Evaluation& e) {
   for (int n = 0; n < kStrikes; ++n) {
-    if (c.face.on && putToRest(s, c, e)) return;
+    if (c.face.on && stopFace(s, c, e)) return;
     impact(s, c, e);
     if (!c.face.on) return endRocking(s, c, e);
     const Round speed = speeds(e);
     const Arc arc = groundOf(s, e.edge, c.face.overHole());
     if (speed.least(arc) >= -kSettledSpeed) return;
     const std::size_t i =
-        c.face.overHole() ? slotOf(arc, speed.leastAt()) : sparePoint(kFaceSlots, c, e);
+        c.face.overHole() ? slotOf(arc, speed.minAt()) : sparePoint(kFaceSlots, c, e);
     if (i == kSlots) return;
     if (c.face.overHole()) c.face.crossings |= kCrossingSlots & 1u << i;
-    c.face.t[i] = speed.leastAt(arc);
+    c.face.t[i] = speed.minAt(arc);
     closePoints(s, 1u << i, c, e);
   }
 }

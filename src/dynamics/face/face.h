@@ -1,11 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The peg's bottom face lies on the plane or on the hole's floor, or so nearly that nobody can
-// tell: it is carried at three points of its edge. They are material points of the peg on the plane
-// with the contact law in force, in the slots that else hold the lowest point and the crossings of
-// edge and rim. Any three points off one line ask for the same motion of a flat face, so they may
-// be chosen anew: around the centre of pressure while it lies inside the face; one of them where
-// the peg is about to tip. Under the rigid law a peg that rocks comes down flat and strikes with
-// its fastest point: every such impact is carried out, until the face lies.
+// Face contact of the peg's bottom on the plane or on the hole's floor, to within the resolution of
+// a gap. It is represented by three points of the edge: material points of the peg on the plane
+// under the scenario's contact law, in the slots of the lowest point and of the crossings of edge
+// and rim. Any three points that are not collinear prescribe the same motion of a flat face, so
+// they can be moved: around the centre of pressure while it is inside the face; one of them to the
+// tipping point. Under the rigid law each impact of a rocking peg is computed, at its fastest
+// point, until the face rests.
 #pragma once
 
 #include "context.h"
@@ -13,24 +13,25 @@
 
 namespace assembly_cell {
 
-/// Below zero: a peg on its edge has come down flat, or a lying face leaves, loses the ground under
-/// its edge, or reaches deeper beside its points [m]. e: at Level::kEvents.
+/// Event function of the face [m]. Below zero: a peg on its edge has become flat, or a face contact
+/// opens, loses the ground under its edge, or penetrates deeper beside its points. e: at
+/// Level::kEvents.
 double faceEvent(const System& s, const Context& c, const Evaluation& e);
 
-/// At the start of a step: which point of the edge tells that the face comes down.
+/// At the start of a step: sets Face::across, whose height is the event function of a flat peg.
 void beginFaceStep(Context& c, const Evaluation& e);
 
-/// A face that is carried and has left, or reaches deeper beside its points, at an event. True
-/// where points have been closed that approach.
+/// Updates an active face at its event: opened, or penetrating beside its points. True if
+/// approaching points have been closed.
 bool updateFace(const System& s, Context& c, Evaluation& e);
 
-/// The peg is on its edge and flat: from now on its face is carried. True where it is.
+/// Activates the face contact if the peg is on its edge and flat. Returns whether it did.
 bool beginFace(const System& s, Context& c, Evaluation& e);
 
-/// The face is carried no more: its slots are open and without a point.
+/// Deactivates the face contact: its slots are open and without a point.
 void dropFace(Context& c, Evaluation& e);
 
-/// Rigid law: impact of the closed points, the face's fastest points among them.
+/// Rigid law: impact of the closed points, with the points of the face moved to its fastest ones.
 void faceImpact(const System& s, Context& c, Evaluation& e);
 
 }  // namespace assembly_cell

@@ -6,31 +6,32 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// A peg that leans more is none that may lie: the band of chatter.h.
+// Maximum tilt of a peg with a face contact, kFlatTilt of zeno.cpp.
 constexpr double kNearlyLevel = 1e-3;  // [rad]
-// The edge is so far off the hole: twice the reach of its contacts, and a little. No result changes
-// at half.
+// Lateral distance from the hole at which a face is beside it: more than twice the reach of
+// contacts. No result changes at half.
 constexpr double kOffTheHole = 5e-5;  // [m]
-// Of the cosine of the angle at which edge and rim cross: flatter is nearly a tangent.
+// Maximum cosine of half the arc and of the crossing angle: above it edge and rim are nearly
+// tangent.
 constexpr double kCrosses = 0.99;
 
 double rimOf(const System& s) { return s.shapes.hole_radius + s.shapes.chamfer.width; }
 double offAxis(const EdgeCircle& edge) { return std::hypot(edge.center(1), edge.center(2)); }
 
-// how far the edge is from where the hole takes its ground away; the floor has all of it
+// Lateral distance of the edge from the hole [m]; infinite on the floor.
 double groundLeft(const System& s, const EdgeCircle& edge) {
   return groundUnder(s, edge) < 0.0 ? HUGE_VAL
                                     : offAxis(edge) - edge.radius - rimOf(s) - kOffTheHole;
 }
 
-// Cosine of half the arc that reaches to where the edge crosses the rim; beyond ±1 it doesn't.
+// Cosine of half the arc between the crossings of edge and rim; beyond ±1 there are none.
 double crossing(const System& s, const EdgeCircle& edge) {
   const double rim = rimOf(s), off = offAxis(edge), r = edge.radius;
   return (rim * rim - off * off - r * r) / (2.0 * off * r);
 }
 
-// How far the edge is from where a face can't lie over the hole: crossings that are nearly
-// tangents, or ground that is hardly wider than the reach of contacts.
+// Lateral distance of the edge from a position in which a face can't rest over the hole: nearly
+// tangent crossings, or ground that is not wider than the reach of contacts [m].
 double overHoleBy(const System& s, const EdgeCircle& edge) {
   const double r = edge.radius;
   return std::min(r * (kCrosses - std::abs(crossing(s, edge))),
@@ -77,7 +78,7 @@ bool reachesOver(const System& s, const EdgeCircle& edge) {
          overHoleBy(s, edge) > 0.0 && (s.admitted & kFaceSlots) == kFaceSlots;
 }
 
-bool mayLie(const System& s, const EdgeCircle& edge) {
+bool canRestOnFace(const System& s, const EdgeCircle& edge) {
   return hasGround(s, edge) || (nearlyLevel(edge) && reachesOver(s, edge));
 }
 

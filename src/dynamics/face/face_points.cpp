@@ -12,13 +12,15 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-// A pressure farther out, in radii, is one about which the peg tips; over the rounding of forces.
+// Distance of the centre of pressure from the axis over the radius above which the peg tips; above
+// the rounding of forces.
 constexpr double kInside = 1.0 - 1e-9;
-// Three points whose middle is the centre of pressure come together at the edge: up to here. 0.8
-// and 0.95: 10 scenes each of 181 level ones of test/stress, effort within 2 %.
+// Three points with the centre of pressure as their centroid merge at the edge: limit of that
+// distance, over the radius. 0.8 and 0.95: 10 scenes each of 181 level ones of test/stress, effort
+// within 2 %.
 constexpr double kSpread = 0.9;
 
-// acceleration upwards of the material points, forces included, as the law damps it
+// Of the material points of the edge, forces included: g'' + k g' + beta g [m/s²].
 Round demands(const System& s, const Context& c, const Evaluation& e) {
   const ContactParameters& law = s.scenario.contact;
   const Vec3 angular = e.k.Re * c.slope.segment<3>(3) + e.k.Re_rate * e.euler_rates;
@@ -39,7 +41,7 @@ Round demands(const System& s, const Context& c, const Evaluation& e) {
   return found;
 }
 
-// new points that go on as those do that carry the face
+// Moves the three points; they keep the modes of the present ones.
 void movePoints(const System& s, const std::array<double, 3>& t, Context& c, Evaluation& e) {
   Slot as;
   double most = -HUGE_VAL;
@@ -57,10 +59,10 @@ void movePoints(const System& s, const std::array<double, 3>& t, Context& c, Eva
   }
 }
 
-// Where the point of a face over the hole has to be that the crossings at the arc's ends and itself
-// carry a load so far out, in radii, towards a place: beyond it on the ray from the middle between
-// the crossings. Outside the face the place towards which the peg tips; nothing where it tips about
-// crossings.
+// Parameter of the plane point of a face over the hole with which it and the crossings at the arc's
+// ends carry a load at the distance `out` (over the radius) in the direction `towards`: on the ray
+// from the middle between the crossings through the load. For a load outside the face the tipping
+// point; none if the peg tips about crossings.
 std::optional<double> pointOverHole(const Arc& arc, double out, double towards) {
   const double side = std::remainder(towards - arc.about, 2.0 * M_PI), chord = std::cos(arc.half);
   if (out * std::cos(side) <= chord) return {};
@@ -73,9 +75,9 @@ std::optional<double> pointOverHole(const Arc& arc, double out, double towards) 
   return arc.about + std::atan2(at.y(), at.x());
 }
 
-// For a load near the arc, which wanders along it: two points beside it and the crossing that is
-// farther off. With the crossings and one point each step of the load would be as short as its way
-// to the edge. False where there is no room for them.
+// For a load near the arc: two points beside it and the farther crossing, as with both crossings
+// each step would be limited by the distance of the load from the edge. False if the arc is too
+// short.
 bool pressNearEdge(const Arc& arc, double out, double towards, Face& face) {
   if (!(out > kSpread && out < kInside)) return false;
   const double side = std::remainder(towards - arc.about, 2.0 * M_PI);
@@ -180,7 +182,7 @@ bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e) {
   } else if (point) {
     tipAbout(s, *point, c, e);
   } else if (out < kInside) {
-    // their middle is the centre of pressure: each carries a third
+    // the centre of pressure is their centroid: each carries a third
     const double aside = std::acos(0.5 * (3.0 * std::min(out, kSpread) - 1.0));
     movePoints(s, {towards, towards + aside, towards - aside}, c, e);
   } else {
@@ -216,7 +218,7 @@ double tippingError(const System& s, double limit, const Context& c, const Evalu
   const Round demand = demands(s, c, e);
   const Arc arc = groundOf(s, e.edge, c.face.overHole());
   if (demand.least(arc) > -limit) return 0.0;
-  return std::remainder(demand.leastAt(arc) - c.face.t[tips], 2.0 * M_PI);
+  return std::remainder(demand.minAt(arc) - c.face.t[tips], 2.0 * M_PI);
 }
 
 }  // namespace assembly_cell

@@ -1,7 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The three points of a face that lies: which they are. Any three off one line ask for the same
-// motion of a flat face, so they may be chosen anew: around the centre of pressure while it lies
-// inside the face; one of them where the peg is about to tip.
+// Choice of the three contact points of a face, see face.h.
 #pragma once
 
 #include <array>
@@ -11,28 +9,28 @@
 
 namespace assembly_cell {
 
-constexpr double kFaceTurn = 2.0 * M_PI / 3.0;  ///< between points all round [rad]
+constexpr double kFaceTurn = 2.0 * M_PI / 3.0;  ///< between equally spaced points [rad]
 
-/// The face's points of the slots of `mask`.
+/// Contact points of the face in the slots of `mask`.
 void locateFace(const System& s, const Face& face, const EdgeCircle& edge, ContactSlotMask mask,
                 ContactSet& set);
 
-/// Slots without a point, apart.
+/// Opens the slots and invalidates their points.
 void openPoints(ContactSlotMask points, Context& c, Evaluation& e);
-/// Contact points of these slots, found anew while they are open; closed.
+/// Locates the contact points of these slots while they are open, and closes them.
 void closePoints(const System& s, ContactSlotMask points, Context& c, Evaluation& e);
-/// All points at these places, closed.
+/// Moves the three points to these parameters t and closes them.
 void setPoints(const System& s, const std::array<double, 3>& t, Context& c, Evaluation& e);
 
-/// Chooses the points of a face anew so that they carry the load that `decided` modes put on them.
-/// False where that changes nothing.
+/// Moves the points of a face to carry its load with forces that push. limit: hysteresis of
+/// accelerations [m/s²]. False if no point has moved.
 bool moveFacePoints(const System& s, double limit, Context& c, Evaluation& e);
 
-/// Where the peg is about to tip about one point of its edge: that point less the one whose gap
-/// would shrink fastest [rad]; 0 where none would.
+/// For a peg that tips about one point of its edge: parameter of that point less that of the point
+/// whose gap decreases fastest [rad]; 0 if none decreases.
 double tippingError(const System& s, double limit, const Context& c, const Evaluation& e);
 void tipAbout(const System& s, double t, Context& c, Evaluation& e);
-/// The slot of the point about which it does.
+/// Slot of the tipping point.
 std::size_t tippingSlot(const Context& c);
 
 }  // namespace assembly_cell

@@ -14,20 +14,20 @@ namespace assembly_cell {
 namespace {
 
 using Vec3 = Eigen::Vector3d;
-// Slower approaches do not bounce, which ends ever smaller bounces: they would rise by 50 nm. Half
-// and twice: 23 of 400 random scenes, those with restitution, end elsewhere.
+// Approach speed below which restitution is zero, to end series of bounces; such a rebound rises by
+// 50 nm. Half and twice: 23 of 400 random scenes, those with restitution, end elsewhere.
 constexpr double kMinBounce = 1e-3;  // [m/s]
-constexpr int kBounces = 60;  // impulses of one impact of several points, one after the other
-// Two points at rest may press against each other with this many times the load, far beyond what a
-// cone needs at μ = 0.001; and this part of all impulses is no excess over a cone, rounding is
-// 1e-15 of them. No result changes at half or twice of either.
+constexpr int kBounces = 60;         // maximum number of sequential impulses of one impact
+// Limit of internal impulses of two sticking points over their load, far above the need of a cone
+// at μ = 0.001; and tolerance of cone excess over the sum of impulses, whose rounding is 1e-15. No
+// result changes at half or twice of either.
 constexpr double kWedgeImpulse = 1e3;
 constexpr double kOutside = 1e-9;
-// What puts contacts right changes forces by less than a step may be off by: of the tolerance. Half
-// and twice: a vibrated run takes the same.
+// Correction by project() over the tolerance above which the evaluation is outdated. Half and
+// twice: a vibrated run takes the same effort.
 constexpr double kPutRight = 0.1;
 
-// the active contact that approaches fastest; kSlots where none is faster than `speed`
+// Active contact with the highest approach speed; kSlots if none exceeds `speed` [m/s].
 std::size_t fastestApproach(const Evaluation& e, double speed) {
   std::size_t fastest = kSlots;
   double approach = -speed;
@@ -39,7 +39,7 @@ std::size_t fastestApproach(const Evaluation& e, double speed) {
   return fastest;
 }
 
-// of one point's impact with Stronge's energetic coefficient
+// Impulse of one point with energetic restitution [N s].
 Vec3 restitutionImpulse(const System& s, const Evaluation& e, std::size_t i) {
   const ContactKinematics& at = e.contacts[i];
   const Body body = bodyOf(s, e.k);
@@ -61,13 +61,13 @@ double kineticEnergyOf(const System& s, const Context& c, const Evaluation& e) {
   return kineticEnergy(s.scenario, kinematicsOf(c, e), c.state.v);
 }
 
-// rounding may not give energy
+// Removes an increase of kinetic energy by rounding.
 void limitKineticEnergy(const System& s, double before, Context& c, const Evaluation& e) {
   const double after = kineticEnergyOf(s, c, e);
   if (after > before) c.state.v *= std::sqrt(before / after);
 }
 
-// impulses that bring these points to rest, left as e's forces; `loss`: the energy they take
+// Impulses that bring these points to rest, stored as forces in e; `loss`: dissipated energy [J].
 ForceMoment stoppingImpulse(const System& s, ContactSlotMask points, Evaluation& e, double& loss) {
   Constraints rows;
   for (const std::size_t i : Slots(points)) {
@@ -86,8 +86,8 @@ ForceMoment stoppingImpulse(const System& s, ContactSlotMask points, Evaluation&
   return rows.total();
 }
 
-// The impulses that bring these points to rest lie within their cones, with as much between any two
-// of them as it takes, and let none of the others approach faster.
+// The impulses that stop these points are within their friction cones, with suitable internal
+// impulses, and don't accelerate an approach of the others.
 bool restInCones(const System& s, ContactSlotMask points, ContactSlotMask others, Evaluation& e) {
   const Body body = bodyOf(s, e.k);
   for (const std::size_t i : Slots(others)) {
@@ -129,14 +129,14 @@ void impact(const System& s, Context& c, Evaluation& e) {
     plasticImpact(s, 1u << i, c, e);
   }
   limitKineticEnergy(s, before, c, e);
-  // who leaves is apart at once
+  // points that separate open at once
   for (const std::size_t i : Slots(e.active())) {
     if (e.contacts[i].gap_rate > 1e-9) setMode(i, Mode::kApart, c, e);
   }
 }
 
-void jam(const System& s, bool everything, Context& c, Evaluation& e) {
-  ++c.counts.jams;
+void painleveImpact(const System& s, bool everything, Context& c, Evaluation& e) {
+  ++c.counts.painleve_impacts;
   const ContactSlotMask all = e.active();
   ContactSlotMask best = all;
   double largest = 0.0, loss = 0.0;

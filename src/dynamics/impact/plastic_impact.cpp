@@ -12,18 +12,20 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 constexpr int kPasses = 24;
-// Post-impact slip below this has no direction. Half: no result changes; twice: one random scene of
-// 400.
+// Post-impact slip below which the direction is undefined. Half: no result changes; twice: one of
+// 400 random scenes.
 constexpr double kSlipTolerance = 1e-12;  // [m/s]
-constexpr int kTurns = 40, kStarts = 24;  // of the search for friction directions
-// To measure how an error changes, the root of its rounding; aimed at; good enough. Half and twice:
-// 18 and 14, 13 and 12 of 400 random scenes end elsewhere by roundings of their many impacts, none.
-constexpr double kTurn = 1e-7, kDirection = 1e-13, kSettled = 1e-9;  // [rad]
-// Newton steps of a direction alone are no longer than the first, and the last one is shorter than
-// the second: the next would be its square.
-constexpr double kLongest = 0.5, kAlone = 1e-9;  // [rad]
+constexpr int kTurns = 40, kStarts = 24;  // limits of the iteration for friction directions
+// Step of difference quotients (root of the rounding); target accuracy; accepted accuracy. Half and
+// twice: 18 and 14, 13 and 12, none of 400 random scenes end elsewhere, by rounding in many
+// impacts.
+constexpr double kTurn = 1e-7, kDirection = 1e-13, kAccepted = 1e-9;  // [rad]
+// Newton iteration of a single direction: maximum step, and the step that ends it (quadratic
+// convergence).
+constexpr double kLongest = 0.5, kLastStep = 1e-9;  // [rad]
 
-// Points are tried as sticking first; the worst offender changes until none is left.
+// Plastic impact with Coulomb friction: all points stick at first; the one with the largest
+// violation changes until none is left.
 class PlasticImpact {
  public:
   PlasticImpact(const System& s, ContactSlotMask points, Evaluation& e)
@@ -46,7 +48,7 @@ class PlasticImpact {
         if (kind_[i] == Kind::kSlip) slipping_[slips_++] = i;
       }
       if (!findImpulses()) break;
-      if (slips_ > 0 && mu_ > 0.0) settleDirections();
+      if (slips_ > 0 && mu_ > 0.0) solveDirections();
       if (!release() && !(pass < kPasses / 2 && rejoin())) break;
     }
   }
@@ -65,7 +67,7 @@ class PlasticImpact {
   using Angles = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kSlots, 1>;
   using Slopes = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kSlots, kSlots>;
 
-  // impulses for these kinds and friction directions; false: no point is left
+  // impulses for the present modes and friction directions; false if no point is left
   bool findImpulses() {
     Constraints rows;
     ContactSlotMask sticking = 0;
@@ -106,7 +108,7 @@ class PlasticImpact {
         (std::cos(angle) * f + std::sin(angle) * e_.point(i).normal.cross(f)).normalized();
   }
 
-  // Friction opposes the slip after the impact: angles in the contact planes between them.
+  // Angles in the contact planes between friction and the direction opposite to post-impact slip.
   Angles errors() {
     findImpulses();
     Angles angles(slips_);
@@ -121,7 +123,7 @@ class PlasticImpact {
     return angles;
   }
 
-  // how the errors e change with the directions, which stay
+  // Jacobian of the errors e by difference quotients; the directions are restored
   Slopes slopes(const Angles& e) {
     Slopes slope(e.size(), e.size());
     const auto from = friction_;
@@ -133,17 +135,17 @@ class PlasticImpact {
     return slope;
   }
 
-  // Broyden's method from the present directions, anew where it fails; the error left
+  // Broyden's method from the present directions, restarted where it fails; returns the error
   double converge() {
     Angles e = errors();
     Slopes slope;
     bool measured = false;
     for (int step = 0; step < kTurns && e.cwiseAbs().maxCoeff() > kDirection; ++step) {
-      const bool anew = !measured;
-      if (anew) slope = slopes(e);
+      const bool restart = !measured;
+      if (restart) slope = slopes(e);
       const auto from = friction_;
       const Angles full = -slope.partialPivLu().solve(e);
-      // shortened until the errors shrink
+      // line search
       bool better = false;
       double part = std::min(1.0, 1.0 / full.cwiseAbs().maxCoeff());
       for (; part > 1e-3 && !better; part /= 2) {
@@ -156,18 +158,18 @@ class PlasticImpact {
           e = next;
         } else {
           friction_ = from;
-          if (!anew) break;
+          if (!restart) break;
         }
       }
-      if (!better && anew) break;
+      if (!better && restart) break;
       measured = better;
     }
     return e.cwiseAbs().maxCoeff();
   }
 
-  // Newton's method for a point that slips alone: the slip after the impact is known in closed
-  // form, and its part across the direction is to vanish.
-  void turnAlone(std::size_t i) {
+  // Newton's method for a single slipping point: zero of the component of post-impact slip across
+  // the direction, in closed form.
+  void solveSingle(std::size_t i) {
     const Vec3 &n = e_.point(i).normal, &r = e_.contacts[i].r, &v = e_.contacts[i].velocity;
     const Vec3 first = friction_[i], second = n.cross(first);
     const Vec3 by_n = response(body_, r, r, n), by_1 = response(body_, r, r, first),
@@ -180,8 +182,8 @@ class PlasticImpact {
     across << along(by_1), along(by_2);
     Eigen::Vector2d f(1.0, 0.0);
     for (int step = 0; step < kTurns; ++step) {
-      const Eigen::Vector2d g(-f(1), f(0));  // f turned
-      // the slip times what the normal impulse is divided by, and how that changes with the turn
+      const Eigen::Vector2d g(-f(1), f(0));  // df/dangle
+      // post-impact slip times the denominator of the normal impulse, and its derivative
       const Eigen::Vector2d after =
           (own + mu_ * to_n.dot(f)) * slip + stop * (from_n + mu_ * across * f);
       const Eigen::Vector2d change = mu_ * (to_n.dot(g) * slip + stop * across * g);
@@ -189,7 +191,7 @@ class PlasticImpact {
       const double by = std::clamp(-g.dot(after) / slope, -kLongest, kLongest);
       if (!std::isfinite(by)) return;
       f = (f + by * g).normalized();
-      if (std::abs(by) < kAlone) {
+      if (std::abs(by) < kLastStep) {
         const bool opposed = f.dot(after) < 0.0 && own + mu_ * to_n.dot(f) > 0.0;
         if (opposed) friction_[i] = f(0) * first + f(1) * second;
         return;
@@ -197,10 +199,10 @@ class PlasticImpact {
     }
   }
 
-  // from the present directions, from the slip before the impact, for one point from all round
-  void settleDirections() {
+  // starts: present directions, slip before the impact, for one point equally spaced directions
+  void solveDirections() {
     const auto start = friction_;
-    if (acting_ == 1) turnAlone(slipping_[0]);
+    if (acting_ == 1) solveSingle(slipping_[0]);
     double least = converge();
     auto best = friction_;
     const auto attempt = [&] {
@@ -210,14 +212,14 @@ class PlasticImpact {
         best = friction_;
       }
     };
-    if (least > kSettled) {
+    if (least > kAccepted) {
       for (std::size_t j = 0; j < slips_; ++j) {
         const Vec3& before = e_.contacts[slipping_[j]].tangential;
         if (before.norm() > kSlipTolerance) friction_[slipping_[j]] = -before.normalized();
       }
       attempt();
     }
-    for (int k = 1; least > kSettled && slips_ == 1 && k < kStarts; ++k) {
+    for (int k = 1; least > kAccepted && slips_ == 1 && k < kStarts; ++k) {
       friction_ = start;
       turn(slipping_[0], k * 2.0 * M_PI / kStarts);
       attempt();
@@ -226,7 +228,7 @@ class PlasticImpact {
     findImpulses();
   }
 
-  // the worst offender, pulled or else beyond its cone, changes; false where there is none
+  // changes the point with the largest violation, pull or else cone excess; false if there is none
   bool release() {
     double total = 0.0;
     for (const std::size_t i : Slots(points_)) total += impulse_[i].norm();
@@ -241,7 +243,7 @@ class PlasticImpact {
       }
     }
     if (worst < kSlots) {
-      // to stop the slip may ask for a pull: it goes on
+      // stopping the slip may require a pull: the point slips instead
       const Vec3& slip = e_.contacts[worst].tangential;
       const bool goes_on =
           kind_[worst] == Kind::kStick && slip.norm() > kSlipTolerance && mu_ > 0.0;
@@ -264,7 +266,7 @@ class PlasticImpact {
     return worst < kSlots;
   }
 
-  // points that were left out but approach; false where there is none
+  // adds excluded points that approach; false if there is none
   bool rejoin() {
     bool rejoined = false;
     for (const std::size_t i : Slots(points_)) {
@@ -284,7 +286,7 @@ class PlasticImpact {
   std::array<Kind, kSlots> kind_;
   std::array<Vec3, kSlots> friction_, impulse_;
   std::array<std::size_t, kSlots> slipping_{};
-  std::size_t slips_ = 0, acting_ = 0;  // points that slip, that have an impulse
+  std::size_t slips_ = 0, acting_ = 0;  // slipping points, points with an impulse
 };
 
 }  // namespace

@@ -16,13 +16,13 @@ namespace {
 
 using Mat3 = Eigen::Matrix3d;
 using Vec3 = Eigen::Vector3d;
-// Of a step, relative; slip has ended at its start's e^-34.5 = 1e-15. Half and twice change nothing
-// but roundings: 4 of 400 random scenes end elsewhere, by up to 7 um.
+// Relative tolerance of a step; logarithm of initial over final slip at its end, e^-34.5 = 1e-15.
+// Half and twice change roundings only: 4 of 400 random scenes end elsewhere, by up to 7 um.
 constexpr double kTolerance = 1e-14, kSlipEnd = 34.5;
 constexpr int kMaxSteps = 4000, kDirections = 180, kHalvings = 60;
 
-// Slip in polar coordinates along a path tau with d(normal impulse) = speed dtau: smooth through
-// the end of slip, which tau never reaches.
+// Slip in polar coordinates (speed, phi) over a parameter tau with d(normal impulse) = speed dtau:
+// the equations are smooth at the end of slip, at infinite tau.
 struct Slip {
   Mat3 W;
   Vec3 n, t1, t2;
@@ -30,13 +30,14 @@ struct Slip {
 
   Vec3 along(double phi) const { return std::cos(phi) * t1 + std::sin(phi) * t2; }
   Vec3 across(double phi) const { return std::cos(phi) * t2 - std::sin(phi) * t1; }
-  // impulse a unit of normal impulse while the point slips along phi
+  // impulse per unit of normal impulse while the point slips along phi
   Vec3 ray(double phi) const { return n - mu * along(phi); }
   double swerve(double phi) const { return across(phi).dot(W * ray(phi)); }
   double stretch(double phi) const { return along(phi).dot(W * ray(phi)); }
 };
 
-// logarithm of the slip's speed, its direction, normal velocity, work of the normal force, impulse
+// Logarithm of the slip speed, its direction, normal velocity, work of the normal force, normal
+// impulse.
 enum Component { kLog, kPhi, kNormal, kWork, kImpulse };
 using Path = Eigen::Matrix<double, 7, 1>;
 
@@ -49,7 +50,7 @@ Path slope(const Slip& slip, const Path& x) {
   return d;
 }
 
-// one step of order eight; the largest error over `scale`
+// One step of order eight; returns the largest error over `scale`.
 double step(const Slip& slip, const Path& x, double h, const Path& scale, Path& end) {
   std::array<Path, Dop853::kStages + 1> k;
   k[0] = slope(slip, x);
@@ -64,7 +65,7 @@ double step(const Slip& slip, const Path& x, double h, const Path& scale, Path& 
   return (h * fifth).cwiseQuotient(scale).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
 }
 
-// the direction that slip keeps once it has begun anew
+// Constant direction of slip that restarts after its end.
 double newDirection(const Slip& slip, double phi) {
   double best = phi, largest = 0.0;
   for (int i = 0; i < kDirections; ++i) {
@@ -82,7 +83,7 @@ double newDirection(const Slip& slip, double phi) {
   return best;
 }
 
-// One impact: compression, then restitution, while the point slips or once slip has ended.
+// One impact: compression and restitution, with slip and after its end.
 class StrongeImpact {
  public:
   StrongeImpact(const Slip& slip, const Vec3& v, const FrictionParameters& friction,
@@ -110,7 +111,7 @@ class StrongeImpact {
   }
 
  private:
-  // the phases end where this is zero
+  // zero at the end of the present phase
   double left(const Path& at) const { return restoring_ ? owed_ - at(kWork) : -at(kNormal); }
   void restore() {
     restoring_ = true;
@@ -138,7 +139,7 @@ class StrongeImpact {
     }
   }
 
-  // a step that passes the end of a phase, shortened: secant steps kept in the bracket
+  // shortens a step that passes the end of a phase: bracketed secant method
   Path endOfPhase(double h, const Path& end) const {
     double low = 0.0, high = h, f_low = left(x_), f_high = left(end);
     Path at = end;
@@ -160,7 +161,7 @@ class StrongeImpact {
     return at;
   }
 
-  // slip has ended: rest, or slip anew in one direction; straight from here
+  // after the end of slip: stick, or slip in a constant direction, in closed form
   void goStraight() {
     const Mat3& W = slip_.W;
     const Vec3 &n = slip_.n, &t1 = slip_.t1, &t2 = slip_.t2;
@@ -184,7 +185,7 @@ class StrongeImpact {
     go((-now + std::sqrt(now * now + 2.0 * gain * std::max(0.0, owed_ - x_(kWork)))) / gain);
   }
 
-  // kinetic energy changes by P · (v + v+)/2: rounding may not make it grow
+  // the change of kinetic energy P · (v + v+)/2 must not be positive by rounding
   Vec3 withoutGain() const {
     const Vec3 P = x_.tail<3>();
     const auto energy = [&](const Vec3& total) { return total.dot(v_ + 0.5 * (slip_.W * total)); };

@@ -8,10 +8,10 @@
 
 namespace assembly_cell {
 
-/// Impulse on a point that arrives with velocity v against the normal n; W: its velocity by a unit
-/// of impulse. Coulomb friction along the impulse, v' = W (n − mu slip/|slip|), stick where it can
-/// hold; the normal force gives back e² of the work it took in compression (Stronge 1990). Never
-/// gives energy. [N s]
+/// Impulse [N s] of a collision with energetic restitution (Stronge 1990). v: velocity of the point
+/// [m/s], v·n < 0; n: unit normal; W: its inverse inertia [1/kg]. Along the normal impulse p,
+/// Coulomb friction: dv/dp = W (n − mu slip/|slip|), stick where friction suffices. The work of the
+/// normal force in restitution is e² times that in compression. The kinetic energy never increases.
 Eigen::Vector3d strongeImpulse(const Eigen::Matrix3d& W, const Eigen::Vector3d& n,
                                const Eigen::Vector3d& v, const FrictionParameters& friction,
                                double restitution);

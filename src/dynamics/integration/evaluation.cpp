@@ -10,13 +10,14 @@
 namespace assembly_cell {
 namespace {
 
-// Penetration beyond this part of the radius is no contact but the other side of the peg. Half and
+// Maximum penetration over the radius: deeper candidates are on the other side of the peg. Half and
 // twice: 7 and 2 of 400 random scenes end elsewhere.
 constexpr double kDeepest = 0.1;
-// Edge speed inside a step over that at its ends, for the bound that spares a search. Half and
-// twice: 10 and 2 of 400 random scenes end elsewhere, by less than 1 um.
+// Edge speed within a step over that at its ends, for the bound with which searches are skipped.
+// Half and twice: 10 and 2 of 400 random scenes end elsewhere, by less than 1 um.
 constexpr double kSpare = 1.5;
-constexpr double kFarthest = 0.01;  // a place that runs farther is searched from where it was [rad]
+// Maximum extrapolation of a contact point along its circle as the start of a search [rad].
+constexpr double kFarthest = 0.01;
 
 }  // namespace
 
@@ -42,7 +43,7 @@ void evaluateFree(const System& s, const Commands& commands, double t, const Sta
 
 void locate(const System& s, const Context& c, ContactSlotMask mask, Evaluation& e,
             ContactSet& set) {
-  // places that closed slots hold are not for open ones
+  // positions of closed slots are excluded for open ones
   for (const std::size_t i : Slots(kPairSlots & s.admitted & ~mask)) {
     set.slots[i].valid = false;
     if (&set == &e.open_set && (e.active() >> i & 1u)) set.slots[i] = e.closed_set.slots[i];
@@ -85,8 +86,8 @@ Vector9 evaluate(const System& s, const Context& c, double t, const State& state
   evaluateFree(s, c.commands, t, state, e);
   if (!s.admitted || (level == Level::kForces && !e.closed)) return e.free;
 
-  // closed contacts, and at a step's end the others: not while the edge can't have come down to
-  // the block since the clearance was known
+  // closed contacts, and at a step's end the others, unless the path of the edge since the last
+  // search is below the clearance
   const ContactSlotMask open = e.watched ? s.admitted & ~e.closed : 0u;
   bool search = false;
   if (level != Level::kForces && open) {
@@ -126,7 +127,7 @@ Body bodyOf(const System& s, const Kinematics& k) {
   b.inverse_inertia = ia * k.a * k.a.transpose();
   b.inverse_inertia.diagonal().array() += it;
   if (s.scenario.thesis.moments) {
-    // the moment of a contact force as the thesis puts it: Re^-1 instead of its transpose
+    // thesis_moments: generalised moment of a contact force by Re^-1 instead of the transpose
     b.symmetric = false;
     b.inverse_inertia *= (k.Re * k.Re.transpose()).inverse();
   }

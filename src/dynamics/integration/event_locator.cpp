@@ -13,38 +13,38 @@
 namespace assembly_cell {
 namespace {
 
-// A step is lengthened by less than this without a new one: a third order term of 1e-27 s³. Half
-// and twice: 61 and 58 of 400 random scenes, those with many impacts, end elsewhere, effort −3 %
-// and −1 %.
+// Maximum correction of a step's end by its Taylor series instead of a repeated step; the third
+// order term is 1e-27 s³. Half and twice: 61 and 58 of 400 random scenes, those with many impacts,
+// end elsewhere, effort −3 % and −1 %.
 constexpr double kTaylorTime = 1e-9;  // [s]
-// An idle contact that goes on approaching is hit there, over kTouch: 3 of 400 scenes, by 0.1 um.
+// Penetration at which an approaching idle contact is an event, above kTouch: 3 of 400 scenes, by
+// 0.1 um.
 constexpr double kIdleDepth = 1e-12;  // [m]
-// An event function that is so far below zero, of its value at the step's end, within the
-// resolution of its place has jumped: a contact point that is lost. No result changes at half or
+// Negative value of an event function at the located event, over that at the step's end, above
+// which the function is discontinuous: a contact point has vanished. No result changes at half or
 // twice.
 constexpr double kJump = 1e-3;
-// Longer steps are looked at inside, too, once for each such part of a turn of the exciter: a
-// contact is shaken loose and caught within it. Half: no result changes; twice: one jammed run of
-// six does.
-constexpr double kBlindPhase = 0.3;  // [rad]
-// So are those in which friction could have ended a slip, that begins again before the end; steps
-// of slow_slip.h see that themselves.
-constexpr double kBlindSlip = 1.0;
-constexpr int kMostLooks = 8;
-// As many are spared where closed slots were far from events at two stages, 0.3 and 0.8 of a step
-// of dopri5, which are off by its third order: all that looks found in 200 vibrated runs was found.
-constexpr int kStageLooks = 2;
-// An event is looked for by so many polynomials, then by halves in turn. One less and one more: the
-// same events, within 0.2 % of their evaluations.
+// Phase of the exciter [rad] per sample of the event functions within a step, as a contact may open
+// and close within it. Half: no result changes; twice: one jammed run of six does.
+constexpr double kSamplePhase = 0.3;  // [rad]
+// Rotation of friction in a step above which it is sampled, too, as slip may end and begin again;
+// not for steps of slow_slip.h, which detect that.
+constexpr double kSampleSlip = 1.0;
+constexpr int kMaxSamples = 8;
+// Number of samples replaced by the event functions at the stages at 0.3 and 0.8 of a step of
+// dopri5, if these are far from zero: in 200 vibrated runs no event was missed.
+constexpr int kStageSamples = 2;
+// Number of polynomial steps of the root search before bisection alternates. One less and one more:
+// the same events, within 0.2 % of their evaluations.
 constexpr int kPolynomials = 3;
-// Shorter steps are taken anew: what the interpolant gains there is in its rounding [s].
+// Length of a step below which it is repeated instead of interpolated, by rounding [s].
 constexpr double kRefined = 1e-6;
-// So are those of which the middle changes the interpolant by more than this part of the tolerance.
-// No result of the suite changes at half or twice of either; without it a rocking face is off by
-// 3.6 tolerances.
+// Change of the interpolant by refine() over the tolerance above which the step is repeated. No
+// result of the suite changes at half or twice of either; without it a rocking face is off by 3.6
+// tolerances.
 constexpr double kDense = 1.0;
 
-// Slip along that at the step's start; of a face that of the point that goes on fastest.
+// Component of slip along that at the step's start [m/s]; of a face its maximum over the points.
 double onwards(const Context& c, const Evaluation& e, std::size_t i) {
   double fastest = e.contacts[i].tangential.dot(c.slots[i].slip_start);
   if (!(e.face >> i & 1u)) return fastest;
@@ -55,18 +55,18 @@ double onwards(const Context& c, const Evaluation& e, std::size_t i) {
   return fastest;
 }
 
-// gap, normal force, friction of a closed contact
+// Event functions of a closed contact: gap, normal force, friction.
 void slotEvents(const System& s, const Context& c, const Evaluation& e, std::size_t i,
                 double* value) {
   const Slot& slot = c.slots[i];
   const ContactKinematics& at = e.contacts[i];
   if (slot.mode == Mode::kIdle) {
     if (s.rigid) {
-      // out of reach it asks for nothing any more
+      // out of reach it has no demand
       if (at.gap < s.leave_gap) value[1] = at.demand + c.approach;
       if (at.gap_rate < -kSettledSpeed) value[0] = at.gap + kIdleDepth;
     } else {
-      // what it asks for before it is out of reach is seen at a step's end beyond, too
+      // a demand before it is out of reach is found from a step's end beyond, too
       value[0] = s.leave_gap - at.gap;
       value[1] = at.demand + c.approach;
     }
@@ -74,7 +74,7 @@ void slotEvents(const System& s, const Context& c, const Evaluation& e, std::siz
   }
   value[0] = s.leave_gap - at.gap;
   if (!s.discrete_friction) {
-    // the branch that friction has been on, a rounding beyond its end
+    // the present branch of friction, with a margin for rounding
     const double limit = s.scenario.contact.regularisation_speed;
     const double beyond = at.tangential.norm() - limit;
     if (!s.scenario.thesis.sign_flip) value[1] = at.normal_force + c.pull;
@@ -95,7 +95,7 @@ auto broken(const Events& events) {
   return std::count_if(events.begin(), events.end(), [](double value) { return value < 0.0; });
 }
 
-// Of the events that are broken at the end the one that is first, each against its value there.
+// First of the event functions below zero at the step's end, by the ratio to its value there.
 struct First {
   double value = 1e3;
   std::size_t event = 0;
@@ -119,7 +119,7 @@ Events eventValues(const System& s, const Context& c, const Evaluation& e) {
     const ContactKinematics& at = e.contacts[i];
     if (c.slots[i].mode == Mode::kApart) {
       if (c.slots[i].rises && e.valid(i)) value[1] = at.gap_rate;
-      // a rigid contact that is just leaving may still be at its rounding
+      // a rigid contact that is opening may still have a gap of rounding size
       const bool leaving = s.rigid && at.gap > -kReach && at.gap_rate > 0.0;
       if (e.valid(i) && !leaving) value[0] = at.gap + kTouch;
     } else if (!e.valid(i)) {
@@ -156,8 +156,8 @@ void beginStep(const System& s, Context& c, const Evaluation& e) {
 
 namespace {
 
-// When within the step an open gap that shrinks at its start and grows at its end is below zero, by
-// a cubic; 0 where none is.
+// Time within the step at which the cubic of an open gap has a negative minimum, for a gap that
+// decreases at its start and increases at its end [s]; 0 if there is none.
 double dipOfOpen(const Context& c, const Trial& step, const Evaluation& e) {
   for (const std::size_t i : Slots(e.open_set.valid & ~e.closed)) {
     const Slot& slot = c.slots[i];
@@ -165,7 +165,7 @@ double dipOfOpen(const Context& c, const Trial& step, const Evaluation& e) {
     if (slot.mode != Mode::kApart || !(slot.gap < HUGE_VAL && v0 < 0.0 && v1 > 0.0)) continue;
     const double d = e.contacts[i].gap - slot.gap;
     const double c2 = 3.0 * d - 2.0 * v0 - v1, c3 = v0 + v1 - 2.0 * d;
-    // the rate is zero there: c3 = 0 for a parabola
+    // zero of the rate; c3 = 0 for a parabola
     const double root = std::sqrt(std::max(0.0, c2 * c2 - 3.0 * c3 * v0));
     const double u = -v0 / (c2 + root);
     if (u > 0.0 && u < 1.0 && slot.gap + u * (v0 + u * (c2 + u * c3)) < -kTouch) return u * step.h;
@@ -173,8 +173,8 @@ double dipOfOpen(const Context& c, const Trial& step, const Evaluation& e) {
   return 0.0;
 }
 
-// When an event function of a closed slot is farthest below zero, by cubics through its values at
-// both ends and the stages; 0 where none is.
+// Time of the most negative minimum of the cubics of the closed slots' event functions, through
+// their values at both ends and the stages [s]; 0 if there is none.
 double dipOfClosed(const Context& c, const Trial& step, const Events& at_end,
                    ContactSlotMask closed) {
   double least = 0.0, at = 0.0;
@@ -183,7 +183,7 @@ double dipOfClosed(const Context& c, const Trial& step, const Events& at_end,
       const double f0 = c.events.ofSlot(i)[kind], f1 = step.stages.value[0][i][kind];
       const double f2 = step.stages.value[1][i][kind], f3 = at_end.ofSlot(i)[kind];
       if (!(std::max({f0, f1, f2, f3}) < HUGE_VAL)) continue;
-      // divided differences, and what they make of powers of the part of the step
+      // divided differences, and coefficients of powers of the fraction of the step
       const double d01 = (f1 - f0) / 0.3, d12 = (f2 - f1) / 0.5, d23 = (f3 - f2) / 0.2;
       const double d012 = (d12 - d01) / 0.8, c3 = (d23 - d12) / 0.7 - d012;
       const double c1 = d01 - 0.3 * d012 + 0.24 * c3, c2 = d012 - 1.1 * c3;
@@ -199,15 +199,15 @@ double dipOfClosed(const Context& c, const Trial& step, const Events& at_end,
   return at;
 }
 
-// Exciter or friction turn so far within the step that an event may hide in it.
-bool isBlind(const Context& c, const Trial& step) {
-  const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kBlindSlip;
-  return turns || step.h * c.commands.drive.exciter.frequency >= kBlindPhase;
+// Exciter or friction rotate so far within the step that an event may be missed.
+bool needsSamples(const Context& c, const Trial& step) {
+  const bool turns = step.method != Method::kSlowSlip && step.h * c.slip_turning > kSampleSlip;
+  return turns || step.h * c.commands.drive.exciter.frequency >= kSamplePhase;
 }
 
-// all closed slots are far from events at the stages
+// The event functions of all closed slots are far from zero at the stages.
 bool staysInside(const StageEvents& stages, ContactSlotMask closed) {
-  if (!stages.told) return false;
+  if (!stages.complete) return false;
   for (const auto& stage : stages.value) {
     for (const std::size_t i : Slots(closed)) {
       if (*std::min_element(stage[i].begin(), stage[i].end()) < 0.0) return false;
@@ -218,8 +218,8 @@ bool staysInside(const StageEvents& stages, ContactSlotMask closed) {
 
 }  // namespace
 
-void noteStage(const System& s, const Context& c, const Evaluation& e, int stage,
-               StageEvents& stages) {
+void recordStage(const System& s, const Context& c, const Evaluation& e, int stage,
+                 StageEvents& stages) {
   ContactSlotMask sticking = 0;
   for (const std::size_t i : Slots(e.closed)) {
     if (c.slots[i].mode == Mode::kStick) sticking |= 1u << i;
@@ -231,7 +231,7 @@ void noteStage(const System& s, const Context& c, const Evaluation& e, int stage
     if (e.valid(i) && c.slots[i].mode != Mode::kIdle) {
       slotEvents(s, c, e, i, value.data());
     } else {
-      stages.told = false;
+      stages.complete = false;
     }
   }
 }
@@ -240,11 +240,11 @@ double hiddenEvent(const System& s, const Context& c, const Trial& step, const E
                    Evaluation& e, Evaluation& inside) {
   if (s.fixed_step) return 0.0;
   const double phase = step.h * c.commands.drive.exciter.frequency;
-  const int looks = std::clamp(static_cast<int>(phase / kBlindPhase), 1, kMostLooks);
+  const int sampling = std::clamp(static_cast<int>(phase / kSamplePhase), 1, kMaxSamples);
   const double dips[] = {dipOfOpen(c, step, e),
-                         step.stages.noted ? dipOfClosed(c, step, at_end, e.closed) : 0.0};
-  const bool seen = looks <= kStageLooks && staysInside(step.stages, e.closed);
-  const bool blind = e.closed && !seen && isBlind(c, step);
+                         step.stages.recorded ? dipOfClosed(c, step, at_end, e.closed) : 0.0};
+  const bool samples = sampling <= kStageSamples && staysInside(step.stages, e.closed);
+  const bool blind = e.closed && !samples && needsSamples(c, step);
   if (dips[0] == 0.0 && dips[1] == 0.0 && !blind) return 0.0;
   inside = e;
   const auto broken_at = [&](double tau) {
@@ -255,8 +255,8 @@ double hiddenEvent(const System& s, const Context& c, const Trial& step, const E
   for (const double tau : dips) {
     if (tau > 0.0 && broken_at(tau)) return tau;
   }
-  for (int i = 1; blind && i <= looks; ++i) {
-    const double tau = step.h * i / (looks + 1);
+  for (int i = 1; blind && i <= sampling; ++i) {
+    const double tau = step.h * i / (sampling + 1);
     if (broken_at(tau)) return tau;
   }
   return 0.0;
@@ -264,7 +264,7 @@ double hiddenEvent(const System& s, const Context& c, const Trial& step, const E
 
 namespace {
 
-// Some open slot has an event below zero.
+// An event function of an open slot is below zero.
 bool closes(const System& s, const Evaluation& e, const Events& events) {
   for (const std::size_t i : Slots(s.admitted & ~e.closed)) {
     const double* const value = events.ofSlot(i);
@@ -273,23 +273,23 @@ bool closes(const System& s, const Evaluation& e, const Events& events) {
   return false;
 }
 
-// What the event functions were at the last times that were looked at.
-class Seen {
+// Values of the event functions at the last sampled times.
+class SampledEvents {
  public:
   void add(double at, const Events& events) {
-    newest_ = (newest_ + 1) % kMost;
+    newest_ = (newest_ + 1) % kCapacity;
     at_[newest_] = at;
     events_[newest_] = events;
-    size_ = std::min(size_ + 1, kMost);
+    size_ = std::min(size_ + 1, kCapacity);
   }
 
-  // Where the polynomial through them is zero, for one event, by Newton's method from where the
-  // line through the last two is; HUGE_VAL where there is none.
+  // Zero of the interpolation polynomial of one event function, by Newton's method from the zero of
+  // the line through the last two values; HUGE_VAL if there is none.
   double root(std::size_t event) const {
-    std::array<double, kMost> at, part;  // divided differences
+    std::array<double, kCapacity> at, part;  // divided differences
     std::size_t n = 0;
     for (std::size_t i = 0; i < size_; ++i) {
-      const std::size_t k = (newest_ + kMost - i) % kMost;
+      const std::size_t k = (newest_ + kCapacity - i) % kCapacity;
       if (!(events_[k][event] < HUGE_VAL)) continue;
       at[n] = at_[k];
       part[n++] = events_[k][event];
@@ -313,31 +313,31 @@ class Seen {
   }
 
  private:
-  static constexpr std::size_t kMost = 4;
+  static constexpr std::size_t kCapacity = 4;
   static constexpr int kNewton = 4;
-  std::array<double, kMost> at_{};
-  std::array<Events, kMost> events_;
+  std::array<double, kCapacity> at_{};
+  std::array<Events, kCapacity> events_;
   std::size_t newest_ = 0, size_ = 0;
 };
 
-// The search for the first event within a step that was tried.
+// Search for the first event within a trial step.
 struct EventSearch {
   const System& s;
   const Context& c;
-  Trial whole;    // as it was tried
-  Events at_end;  // of its end, all below zero that are looked for
+  Trial whole;    // trial step
+  Events at_end;  // at its end; those below zero are searched
   Trial& step;
   Evaluation& e;
   Events events = at_end;
   First first = firstOf(at_end, at_end);
-  double beyond = -1.0;  // of the first event, where it was last seen below zero
+  double beyond = -1.0;  // last negative value of the first event, relative to at_end
 
   void evaluateEnd() {
     step.slope = evaluate(s, c, c.time + step.h, step.end, Level::kEvents, e);
-    step.give_rate = e.motion.give_rate;
+    step.carrier_deflection_rate = e.motion.carrier_deflection_rate;
   }
 
-  // `step` is the part of the whole one up to tau.
+  // sets `step` to the part of the whole one up to tau
   bool endAt(double tau) {
     step.h = tau;
     step.end = interpolate(c, whole, tau);
@@ -356,28 +356,28 @@ struct EventSearch {
     if (!eventsAt(tau)) return -1.0;
     const First found = firstOf(events, at_end);
     if (found.value >= 0.0 && broken(events) == 0) return found.value;
-    // or another, whose contact was lost before the end
+    // another event, of a contact that vanished before the end
     if (found.value >= 0.0) at_end = events;
     first = firstOf(events, at_end);
     return first.value;
   }
 
   double valueOfFirst() const { return events[first.event] / -at_end[first.event]; }
-  // The end of a bracket: by polynomials, a little beyond their zeros, to come to the far side;
-  // where these don't end soon, by halves: of the bracket, or of its order where low is the step's
-  // start. middle: events in the middle of the step, if they are known.
+  // Upper end of the bracket of the first zero [s]. Zeros of polynomials plus half the resolution,
+  // to reach the negative side; bisection if these converge slowly, geometric if the lower end is
+  // the step's start. middle: event functions in the middle of the step, if available.
   double bracket(double high, const Events* middle, double resolution) {
     double low = 0.0;
-    Seen seen;
-    seen.add(0.0, c.events);
-    seen.add(high, at_end);
+    SampledEvents samples;
+    samples.add(0.0, c.events);
+    samples.add(high, at_end);
     double before = high, value_before = -1.0;
     if (middle) {
-      seen.add(0.5 * high, *middle);
+      samples.add(0.5 * high, *middle);
       (broken(*middle) > 0 ? high : low) *= 0.5;
     }
     for (int i = 0; i < 200 && high - low > resolution; ++i) {
-      double next = seen.root(first.event) + 0.5 * resolution;
+      double next = samples.root(first.event) + 0.5 * resolution;
       const bool near = next > low - resolution && next < high + resolution;
       if (!near || (i > kPolynomials && i % 2 == 0)) {
         const bool order = low == 0.0 && i > kPolynomials;
@@ -386,7 +386,7 @@ struct EventSearch {
       next = std::clamp(next, low + 0.25 * resolution, high - 0.25 * resolution);
       const std::size_t event = first.event;
       const double value = valueAt(next);
-      seen.add(next, events);
+      samples.add(next, events);
       if (value >= 0.0) {
         low = next;
       } else {
@@ -401,8 +401,8 @@ struct EventSearch {
     return high;
   }
 
-  // The step anew to tau, corrected by the slope of the event's function, where it has one.
-  void takeAnew(double tau) {
+  // Repeats the step to tau and corrects its end by the rate of the event function, if that exists.
+  void repeatStep(double tau) {
     const double h = whole.h, span = std::min(1e-6, 0.5 * tau);
     double rate = 0.0;
     if (beyond > -kJump && eventsAt(tau - span)) rate = (beyond - valueOfFirst()) / span;
@@ -411,7 +411,7 @@ struct EventSearch {
     for (int i = 0; i < 3; ++i) {
       attemptStep(s, c, method, step, e);
       if (std::isinf(step.error)) {
-        // no step ends there: what the longer one says of it
+        // the step to tau fails: interpolates the longer one
         endAt(step.h);
         break;
       }
@@ -422,10 +422,10 @@ struct EventSearch {
       off = std::clamp(off, -0.5 * step.h, h - step.h);
       step.h += off;
       if (std::abs(off) < kTaylorTime) {
-        // so near that the slopes at hand are exact
+        // the Taylor series with the present slopes is exact to rounding
         step.end.q += off * (step.end.v + 0.5 * off * step.slope);
         step.end.v += off * step.slope;
-        step.end.give += off * step.give_rate;
+        step.end.carrier_deflection += off * step.carrier_deflection_rate;
         evaluateEnd();
         break;
       }
@@ -435,8 +435,8 @@ struct EventSearch {
 
 }  // namespace
 
-// Bracketed on the interpolant. A step whose interpolant has its own order ends there; others are
-// taken anew to exactly there and corrected if the event functions are off.
+// Brackets the zero on the interpolant. A step whose interpolant is as accurate as itself ends
+// there; others are repeated to that time and corrected.
 void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,
                  Evaluation& e) {
   EventSearch search{s, c, step, at_end, step, e};
@@ -446,16 +446,16 @@ void locateEvent(const System& s, const Context& c, const Events& at_end, Trial&
   if (dense) {
     dense = refine(s, c, search.whole, e) <= kDense;
     middle = eventValues(s, c, e);
-    // where none closes at end and middle, open slots needn't be searched on the way
+    // if no slot closes at the end and in the middle, open slots are not searched
     e.watched = !dense || e.face || closes(s, e, at_end) || closes(s, e, middle);
   }
-  // the interpolant of another step is not worth more; of discrete friction a thousandth of the
-  // tolerance at 1 m/s, as far as the hysteresis of its forces follows that
+  // accuracy of the interpolant of other steps; with discrete friction a thousandth of the
+  // tolerance at 1 m/s, scaled as the hysteresis of forces
   const double worth = dense ? 0.0 : 1e-7 * h;
   const double time = kEventTime * (s.discrete_friction ? std::max(0.1, s.coarseness) : 0.1);
   const double resolution = std::max({time, 4e-16 * std::abs(c.time), worth});
   double end = search.bracket(h, dense ? &middle : nullptr, resolution);
-  if (!dense) return search.takeAnew(end);
+  if (!dense) return search.repeatStep(end);
   if (!e.watched) {
     e.watched = true;
     if (step.h != end) {

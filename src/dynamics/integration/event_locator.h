@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Events: times within a step at which a contact opens or closes, sticks or slips.
+// Event location: times within a step at which a contact opens, closes, sticks or slips.
 #pragma once
 
 #include "context.h"
@@ -7,24 +7,24 @@
 
 namespace assembly_cell {
 
-/// Event functions of the evaluation e: gap, normal force and friction of each slot; how far
-/// sliding contacts are from a wedge.
+/// Values of the event functions at the evaluation e: gap, normal force and friction of each slot,
+/// wedgeMargin() and faceEvent().
 Events eventValues(const System& s, const Context& c, const Evaluation& e);
 
-/// Sets what the events of the next step are told by, from the evaluation of the present state.
+/// Initialises the event functions of the next step from the evaluation of the present state.
 void beginStep(const System& s, Context& c, const Evaluation& e);
 
-/// Notes the event functions of the closed slots at the first or second of these stages.
-void noteStage(const System& s, const Context& c, const Evaluation& e, int stage,
-               StageEvents& stages);
+/// Stores the event functions of the closed slots at the first or second of the stages.
+void recordStage(const System& s, const Context& c, const Evaluation& e, int stage,
+                 StageEvents& stages);
 
-/// When a mode is broken inside a step that ends with none broken: sticking contacts are shaken
-/// loose and caught again within it. 0 where none is found. at_end: events of the step's end;
-/// e: of it, kept; inside: workspace.
+/// Time within a step at which an event function falls below zero although none is at the step's
+/// end (a contact slips and sticks again within the step) [s]; 0 if none is found. at_end: event
+/// functions at the step's end; e: evaluation there, unchanged; inside: workspace.
 double hiddenEvent(const System& s, const Context& c, const Trial& step, const Events& at_end,
                    Evaluation& e, Evaluation& inside);
 
-/// Shortens a step that ends with events broken (`at_end`) to end at the first of them.
+/// Shortens a step at whose end event functions are below zero (`at_end`) to end at the first zero.
 void locateEvent(const System& s, const Context& c, const Events& at_end, Trial& step,
                  Evaluation& e);
 

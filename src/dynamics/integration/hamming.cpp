@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The multistep method and its past.
+// The multistep method and its history.
 #include <algorithm>
 #include <cmath>
 
@@ -8,7 +8,7 @@
 namespace assembly_cell {
 namespace {
 
-// the first step against two of half its size
+// Error of the first step against two of half its size, over the tolerance.
 double firstError(const System& s, const Context& c, double h, Evaluation& e) {
   Trial whole, half;
   whole.h = h;
@@ -19,23 +19,23 @@ double firstError(const System& s, const Context& c, double h, Evaluation& e) {
   middle.time += half.h;
   middle.state = half.end;
   middle.slope = half.slope;
-  middle.give_rate = half.give_rate;
+  middle.carrier_deflection_rate = half.carrier_deflection_rate;
   attemptStep(s, middle, Method::kHamming, half, e);
   return errorOf(s, {(half.end.q - whole.end.q) / 15.0, (half.end.v - whole.end.v) / 15.0,
-                     (half.end.give - whole.end.give) / 15.0});
+                     (half.end.carrier_deflection - whole.end.carrier_deflection) / 15.0});
 }
 
 }  // namespace
 
-// Hamming's modified predictor–corrector as IBM's HPCG has it: Ralston's method for the first three
-// steps, predictor, modifier, corrector, final value; the slope is evaluated at the modified
+// Hamming's modified predictor–corrector as in IBM's HPCG: Ralston's method for the first three
+// steps; then predictor, modifier, corrector, final value; the slope is evaluated at the modified
 // predictor and at the final value.
 void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, Evaluation& e) {
   Past& past = past_;
   const double h = step.h;
   if (past.count == 0 || std::abs(h - past.h) > 1e-6 * past.h) {
     past.y[0] = c.state;
-    past.slope[0] = {c.state.v, c.slope, c.give_rate};
+    past.slope[0] = {c.state.v, c.slope, c.carrier_deflection_rate};
     past.count = 1;
     past.h = h;
     past.defect = {};
@@ -63,7 +63,7 @@ void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, 
   predict(&State::give);
   at.v = evaluate(s, c, c.time + h, modified, Level::kForces, e);
   at.q = modified.v;
-  at.give = e.motion.give_rate;
+  at.carrier_deflection = e.motion.carrier_deflection_rate;
   const auto correct = [&](auto part_of) {
     const auto corrected = ((9.0 * y0.*part_of - y2.*part_of +
                              (3.0 * h) * (at.*part_of + 2.0 * f0.*part_of - f1.*part_of)) /
@@ -76,13 +76,15 @@ void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, 
   correct(&State::v);
   correct(&State::give);
   step.slope = evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
-  step.give_rate = e.motion.give_rate;
+  step.carrier_deflection_rate = e.motion.carrier_deflection_rate;
   trial_defect_ = change;
   step.error =
-      s.fixed_step ? 0.0 : errorOf(s, {last * change.q, last * change.v, last * change.give});
+      s.fixed_step
+          ? 0.0
+          : errorOf(s, {last * change.q, last * change.v, last * change.carrier_deflection});
 }
 
-// the accepted step becomes the newest row of the past
+// Appends the accepted step to the history.
 void Integrator::remember(const Context& c, double h) {
   Past& past = past_;
   if (past.count == 0 || std::abs(h - past.h) > 1e-6 * past.h) {
@@ -97,10 +99,10 @@ void Integrator::remember(const Context& c, double h) {
   }
   const int n = past.count++;
   past.y[n] = c.state;
-  past.slope[n] = {c.state.v, c.slope, c.give_rate};
+  past.slope[n] = {c.state.v, c.slope, c.carrier_deflection_rate};
 }
 
-// what HPCG does after each change of the step: predictor less corrector from the past
+// As HPCG after each change of the step size: predictor − corrector from the history.
 void Integrator::resetDefect() {
   Past& past = past_;
   const int n = past.count - 1;
@@ -116,7 +118,7 @@ void Integrator::resetDefect() {
   defect(&State::give);
 }
 
-// half the step: values between the last three from a formula of order six
+// Halves the step size; values between the last three rows by a formula of order six.
 void Integrator::halvePast(const System& s, const Context& c, Evaluation& e) {
   Past& past = past_;
   const int n = past.count - 1;
@@ -140,20 +142,20 @@ void Integrator::halvePast(const System& s, const Context& c, Evaluation& e) {
   past.y[0] = far;
   past.slope[0].v = evaluate(s, c, c.time - 3.0 * past.h, far, Level::kForces, e);
   past.slope[0].q = far.v;
-  past.slope[0].give = e.motion.give_rate;
+  past.slope[0].carrier_deflection = e.motion.carrier_deflection_rate;
   past.y[1] = y1;
   past.slope[1] = f1;
   past.y[2] = near;
   past.slope[2].v = evaluate(s, c, c.time - past.h, near, Level::kForces, e);
   past.slope[2].q = near.v;
-  past.slope[2].give = e.motion.give_rate;
+  past.slope[2].carrier_deflection = e.motion.carrier_deflection_rate;
   past.y[3] = y0;
   past.slope[3] = f0;
   past.count = 4;
   resetDefect();
 }
 
-// twice the step: every other row
+// Doubles the step size: keeps every other row.
 void Integrator::doublePast() {
   Past& past = past_;
   for (int i = 1; i < 4; ++i) {

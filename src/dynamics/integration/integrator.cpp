@@ -5,37 +5,37 @@
 #include <cmath>
 #include <type_traits>
 
-#include "chatter.h"
 #include "contact/slow_slip.h"
 #include "event_locator.h"
 #include "tableaus.h"
+#include "zeno.h"
 
 namespace assembly_cell {
 namespace {
 
-// Hamming halves no further, and one step of dopri5 is tried: below the length that an event leaves
-// of a step, far above its rounding. No result changes at half or twice of either.
+// Minimum step of hamming, below which one step of dopri5 is taken, and the length of that: below
+// the remainder of a step after an event, far above rounding. No result changes at half or twice.
 constexpr double kShortestHalf = 1e-9, kBridge = 1e-6;  // [s]
-// Friction that turns by more than this in a step [rad] is stiff: dopri5 is stable to 3.3. Steps of
-// slow_slip.h cost three explicit ones: they begin where slip begins at rest, and go on to here.
-// Half and twice of the first: a vibrated press takes 3 % more and 6 % more; of the second: nothing
-// and 2 % more.
+// Rotation of friction per step [rad] above which it is stiff for dopri5 (stable to 3.3), and above
+// which slow_slip.h, whose steps cost three explicit ones, is used at once; it is always used where
+// slip begins at rest. Half and twice of the first: a vibrated press takes 3 % more and 6 % more;
+// of the second: nothing and 2 % more.
 constexpr double kStiff = 3.0, kVeryStiff = 100.0;
-// They begin, too, after so many explicit steps in a row in which friction turns by more than that
-// [rad]: slip that slows down comes to the bound of stability and stays there. Twice as many: +1 %
-// of the evaluations of alignments; without: +6 %, and 3.7 times as many at a tolerance of 1e-12.
+// It is used, too, after this number of consecutive explicit steps with a rotation above kStiffTurn
+// [rad], limited by stability. Twice as many: +1 % of the evaluations of alignments; without: +6 %,
+// and 3.7 times as many at a tolerance of 1e-12.
 constexpr int kStiffSteps = 8;
 constexpr double kStiffTurn = 1.0;
-// So many steps are explicit after one without a direction of slip. Half and twice: a vibrated
-// press is the same to the last bit.
+// Number of explicit steps after a failure of slow_slip.h. Half and twice: a vibrated press is the
+// same to the last bit.
 constexpr int kExplicit = 8;
-// Slip that comes to rest loses this part of its speed in a step at most. Where it passes rest it
-// turns at once: of 2000 steps beyond all of it all were refused, of those up to half one in ten.
+// Maximum fraction of slip speed lost in a step, as slip that passes rest reverses: of 2000 steps
+// with more than 1 all were rejected, of those up to half one in ten.
 constexpr double kFallen = 0.6;
-// Of a slip's speed its error in a step may be so much: of two near points the forces are off by
-// far more, and changed modes that agreed. Half and twice: evaluations of alignments within 0.3 %.
+// Tolerated error of a slip velocity over its speed; forces of neighbouring points amplify it. Half
+// and twice: evaluations of alignments within 0.3 %.
 constexpr double kSlipError = 0.1;
-constexpr double kSafety = 0.9;                 // of the step that the error asks for
+constexpr double kSafety = 0.9;                 // fraction of the step size that the error allows
 using Vector18 = Eigen::Matrix<double, 18, 1>;  // a state, q before v
 
 template <class Row>
@@ -47,7 +47,7 @@ constexpr int lastNonZero() {
   return last;
 }
 
-// sum of coefficient times slope from the J-th on, zero coefficients left out at compile time
+// Sum of coefficients times slopes from the J-th on; zero coefficients are skipped at compile time.
 template <class Row, int J = 0, class Slopes>
 auto weighted(const Slopes& slopes) {
   if constexpr (Row::value(J) == 0.0) {
@@ -88,7 +88,7 @@ double errorOf(const System& s, const Eigen::Vector3d& give) {
   return give.lpNorm<Eigen::Infinity>() / s.scenario.solver.tolerance;
 }
 
-// the largest component over its tolerance: positions 1, angles 30 rad/m, velocities 30 1/s
+// Largest component over its tolerance: positions 1, angles 30 rad/m, velocities 30 1/s.
 double errorOf(const System& s, const Vector18& error) {
   static constexpr double a = 1 / 30.0, b = a * a;
   static constexpr std::array<double, 18> kScale = {1, 1, 1, a, a, a, 1, 1, a,
@@ -98,7 +98,7 @@ double errorOf(const System& s, const Vector18& error) {
   return std::isfinite(largest) ? largest / s.scenario.solver.tolerance : HUGE_VAL;
 }
 
-// Slopes of the stages of a step: of q and v, and where the carrier gives way of that.
+// Slopes of the stages of a step: of q and v, and of the carrier deflection.
 template <class T>
 struct Slopes {
   std::array<Vector18, T::kStages + 1> state;
@@ -113,20 +113,21 @@ void stages(const System& s, const Context& c, const Vector18& start, Slopes<T>&
   const Vector18 y = start + h * weighted<StageRow<T, I>>(slopes.state);
   end.q = y.head<9>();
   end.v = y.tail<9>();
-  if (s.compliant) end.give = c.state.give + h * weighted<StageRow<T, I>>(slopes.give);
+  if (s.compliant)
+    end.carrier_deflection =
+        c.state.carrier_deflection + h * weighted<StageRow<T, I>>(slopes.carrier_deflection);
   slopes.state[I].template head<9>() = end.v;
   slopes.state[I].template tail<9>() = evaluate(
       s, c, c.time + T::c[I] * h, end, I == T::kStages ? Level::kEvents : Level::kForces, e);
-  slopes.give[I] = e.motion.give_rate;
+  slopes.carrier_deflection[I] = e.motion.carrier_deflection_rate;
   if constexpr (std::is_same_v<T, Dopri5> && (I == 2 || I == 3)) {
-    if (step.stages.noted) noteStage(s, c, e, I - 2, step.stages);
+    if (step.stages.recorded) recordStage(s, c, e, I - 2, step.stages);
   }
   if constexpr (I < T::kStages) stages<T, I + 1>(s, c, start, slopes, step, e);
 }
 
-// The largest error of a sliding point's slip, over the part of its speed that is allowed: forces
-// follow the slip's direction, the more so the nearer two points are. v: error of the velocities;
-// e: of the step's end.
+// Largest error of the slip velocity of a slipping point over kSlipError times its speed. v: error
+// of the velocities; e: of the step's end.
 double slipErrorOf(const System& s, const Context& c, const Vector9& v, const Evaluation& e) {
   const double mu = s.scenario.mechanism.friction.sliding_coefficient;
   if (!s.discrete_friction || mu == 0.0 || e.coarse) return 0.0;
@@ -142,7 +143,7 @@ double slipErrorOf(const System& s, const Context& c, const Vector9& v, const Ev
   return largest / kSlipError;
 }
 
-// the largest component of what Row makes of the slopes, over its tolerance
+// Error of a step: the sum of slopes with the coefficients of Row, over the tolerance.
 template <class Row, class T>
 double errorBy(const System& s, const Context& c, double h, const Slopes<T>& slopes,
                const Evaluation& e) {
@@ -150,7 +151,7 @@ double errorBy(const System& s, const Context& c, double h, const Slopes<T>& slo
   double error = errorOf(s, off);
   if (e.closed) error = std::max(error, slipErrorOf(s, c, off.template tail<9>(), e));
   if (!s.compliant) return error;
-  return std::max(error, errorOf(s, Eigen::Vector3d(h * weighted<Row>(slopes.give))));
+  return std::max(error, errorOf(s, Eigen::Vector3d(h * weighted<Row>(slopes.carrier_deflection))));
 }
 
 template <class T>
@@ -162,10 +163,10 @@ void attemptTableau(const System& s, const Context& c, Trial& step, Evaluation& 
   start.tail<9>() = c.state.v;
   slopes.state[0].template head<9>() = c.state.v;
   slopes.state[0].template tail<9>() = c.slope;
-  slopes.give[0] = c.give_rate;
+  slopes.carrier_deflection[0] = c.carrier_deflection_rate;
   stages<T, 1>(s, c, start, slopes, step, e);
   step.slope = slopes.state[T::kStages].template tail<9>();
-  step.give_rate = slopes.give[T::kStages];
+  step.carrier_deflection_rate = slopes.carrier_deflection[T::kStages];
   step.error = 0.0;
   if constexpr (HasError<T>::value) {
     const double fifth = errorBy<ErrorRow<T>>(s, c, step.h, slopes, e);
@@ -193,7 +194,7 @@ double orderOf(Method method) {
 double errorOf(const System& s, const State& error) {
   Vector18 both;
   both << error.q, error.v;
-  return std::max(errorOf(s, both), errorOf(s, error.give));
+  return std::max(errorOf(s, both), errorOf(s, error.carrier_deflection));
 }
 
 State interpolate(const Context& c, const Trial& step, double tau) {
@@ -209,16 +210,17 @@ State interpolate(const Context& c, const Trial& step, double tau) {
   if (h > 1e-6) {
     s.v = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / h;
   } else {
-    // there it would cancel: velocities have their own cubic
+    // the derivative of the quintic would cancel: velocities have a cubic of their own
     const Vector9 dv = step.end.v - c.state.v, s0 = h * c.slope, s1 = h * step.slope;
     s.v = c.state.v + u * (s0 + u * (3.0 * dv - 2.0 * s0 - s1 + u * (-2.0 * dv + s0 + s1)));
   }
   const double w = u - u * u;
   s.q += w * w * w * step.sixth;
   s.v += 3.0 * w * w * (1.0 - 2.0 * u) / h * step.sixth;
-  const Eigen::Vector3d g = step.end.give - c.state.give, g0 = h * c.give_rate,
-                        g1 = h * step.give_rate;
-  s.give = c.state.give + u * (g0 + u * (3.0 * g - 2.0 * g0 - g1 + u * (-2.0 * g + g0 + g1)));
+  const Eigen::Vector3d g = step.end.carrier_deflection - c.state.carrier_deflection,
+                        g0 = h * c.carrier_deflection_rate, g1 = h * step.carrier_deflection_rate;
+  s.carrier_deflection = c.state.carrier_deflection +
+                         u * (g0 + u * (3.0 * g - 2.0 * g0 - g1 + u * (-2.0 * g + g0 + g1)));
   return s;
 }
 
@@ -226,10 +228,10 @@ double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
   const double h = step.h;
   const Vector9 slope =
       evaluate(s, c, c.time + 0.5 * h, interpolate(c, step, 0.5 * h), Level::kEvents, e);
-  // what the polynomial of order six has there; (u - u^2)^3 has -3/8
+  // second derivative of the quintic there; that of (u - u^2)^3 is -3/8
   const Vector9 of_ends = 1.5 / h * (step.end.v - c.state.v) - 0.25 * (c.slope + step.slope);
   step.sixth = -8.0 / 3.0 * h * h * (slope - of_ends);
-  // greatest values of the polynomial and of its rate
+  // maxima of (u - u^2)^3 and of its derivative
   constexpr double most = 1.0 / 64, fastest = 0.0537;
   const double change =
       errorOf(s, {most * step.sixth, fastest / h * step.sixth, Eigen::Vector3d::Zero()});
@@ -239,7 +241,7 @@ double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
 
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e) {
   step.method = method;
-  step.stages.noted = step.stages.told =
+  step.stages.recorded = step.stages.complete =
       method == Method::kDopri5 && e.closed && !s.fixed_step && !c.face.on;
   switch (method) {
     case Method::kRk4:
@@ -256,7 +258,7 @@ void attemptStep(const System& s, const Context& c, Method method, Trial& step, 
   attemptTableau<Ralston4>(s, c, step, e);
 }
 
-bool Integrator::goesSlow(const System& s, const Context& c, double h) const {
+bool Integrator::needsSlowSlip(const System& s, const Context& c, double h) const {
   return !s.fixed_step && pace_.explicit_left == 0 &&
          h * c.slip_turning > (pace_.slow                   ? kStiff
                                : pace_.stiff >= kStiffSteps ? kStiffTurn
@@ -266,7 +268,7 @@ bool Integrator::goesSlow(const System& s, const Context& c, double h) const {
 double Integrator::nextStep(const System& s, const Context& c) const {
   const double h = std::min(pace_.next_step, s.scenario.solver.max_step);
   const bool bound = s.method != Method::kHamming && h * c.slip_falling > kFallen;
-  return bound && !goesSlow(s, c, h) ? kFallen / c.slip_falling : h;
+  return bound && !needsSlowSlip(s, c, h) ? kFallen / c.slip_falling : h;
 }
 
 bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, double t_end,
@@ -278,9 +280,9 @@ bool Integrator::plan(const System& s, const Context& c, const Evaluation& e, do
   pace_.decisions = c.decisions;
   const double left = t_end - c.time;
   step.h = s.fixed_step ? s.scenario.solver.step : nextStep(s, c);
-  if (c.time < c.chatter_until) step.h = chatterStep(s, e, step.h);
+  if (c.time < c.zeno_until) step.h = zenoStep(s, e, step.h);
   if (s.method == Method::kHamming && !bridging_ && left > step.h) {
-    // equal steps to the end, so that the past stays of use
+    // equal steps to the end, so that the history stays valid
     const bool same = past_.count > 0 && past_.h <= step.h * (1 + 1e-6);
     const double wanted = same ? past_.h : step.h;
     step.h = left / std::max(1.0, std::ceil(left / wanted - 1e-6));
@@ -298,7 +300,7 @@ void Integrator::attempt(const System& s, const Context& c, Trial& step, Evaluat
     step.method = Method::kHamming;
     attemptHamming(s, c, step, e);
   } else {
-    attemptStep(s, c, goesSlow(s, c, step.h) ? Method::kSlowSlip : s.method, step, e);
+    attemptStep(s, c, needsSlowSlip(s, c, step.h) ? Method::kSlowSlip : s.method, step, e);
   }
 }
 
@@ -307,7 +309,7 @@ double Integrator::shrinkBy(const Trial& step) {
   return std::max(0.2, kSafety * std::pow(step.error, -1.0 / orderOf(step.method)));
 }
 
-bool Integrator::goesExplicit(const Trial& step) {
+bool Integrator::fallBackToExplicit(const Trial& step) {
   if (step.method != Method::kSlowSlip || !std::isinf(step.error)) return false;
   pace_.explicit_left = kExplicit;
   pace_.next_step = step.h;
@@ -318,7 +320,7 @@ void Integrator::refuse(const System& s, const Context& c, const Trial& step, Ev
   pace_.next_step = step.h * shrinkBy(step);
   if (s.method != Method::kHamming || bridging_) return;
   if (step.h < kShortestHalf) {
-    // halving finds no smooth past here: one step of dopri5, then a new start
+    // no smooth history after halving: one step of dopri5, then a restart
     bridging_ = true;
     past_.count = 0;
     pace_.next_step = kBridge;
@@ -332,7 +334,7 @@ void Integrator::refuse(const System& s, const Context& c, const Trial& step, Ev
   }
 }
 
-// what the method of the next step depends on
+// Records what the method of the next step depends on.
 void Integrator::note(const Context& c, const Trial& step) {
   pace_.slow = step.method == Method::kSlowSlip;
   pace_.stiff = !pace_.slow && step.h * c.slip_turning > kStiffTurn ? pace_.stiff + 1 : 0;
@@ -356,7 +358,7 @@ void Integrator::lengthen(const System& s, const Context& c, const Trial& step, 
   note(c, step);
   if (s.fixed_step) return;
   if (s.method == Method::kHamming) {
-    // HPCG: twice the step below a fiftieth of the tolerance, at an even number of steps to go
+    // HPCG: doubles below a fiftieth of the tolerance with an even number of remaining steps
     const double steps = std::round((t_end - c.time) / step.h);
     if (past_.count == Past::kMaxRows && step.error < 0.02 && std::fmod(steps, 2.0) == 0.0 &&
         2.0 * step.h <= s.scenario.solver.max_step * (1 + 1e-9)) {
@@ -368,8 +370,8 @@ void Integrator::lengthen(const System& s, const Context& c, const Trial& step, 
   if (last && step.error <= 0.5) return;
   const double right = std::pow(std::max(step.error, 1e-10), -1.0 / orderOf(step.method));
   double change = kSafety * right;
-  // where the right step has become shorter it goes on to (Gustafsson's predictive control): half
-  // of the steps were refused while slip came to rest
+  // Gustafsson's predictive control: extrapolates a decrease of the optimal step size; without it
+  // half of the steps are rejected while slip comes to rest
   const Accepted before = pace_.last;
   if (before.right > 0.0 && before.method == step.method) {
     change *= std::min(1.0, step.h * right / before.right);

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Steps of the four integrators, with the modes of the contacts frozen, and their length.
+// Steps of the integrators with frozen contact modes, and step size control.
 #pragma once
 
 #include <algorithm>
@@ -9,102 +9,104 @@
 namespace assembly_cell {
 
 inline bool isFinite(const State& state) {
-  return state.q.allFinite() && state.v.allFinite() && state.give.allFinite();
+  return state.q.allFinite() && state.v.allFinite() && state.carrier_deflection.allFinite();
 }
 
-/// Event functions of the closed slots at the stages at 0.3 and 0.8 of a step of dopri5, off by
-/// their third order. HUGE_VAL: not that of the slot. Unset where not noted, of open slots: 1.3 kB.
+/// Event functions of the closed slots at the stages at 0.3 and 0.8 of a step of dopri5, accurate
+/// to second order. HUGE_VAL: not defined for the slot's mode. Deliberately uninitialised (1.3 kB).
 struct StageEvents {
-  bool noted = false;
-  bool told = false;  ///< they tell of events in between: all slots carry
-  /// Slots that stick beside each other: what these share is found at a step's end, here it is 0.
+  bool recorded = false;
+  bool complete = false;  ///< usable for hiddenEvent(): all closed slots carry
+  /// Slots that stick together; their internal forces are 0 here, as they are found at step ends.
   ContactSlotMask shared = 0;
   std::array<std::array<std::array<double, kEventKinds>, kSlots>, 2> value;
 };
 
-/// A step of length h from the context's state, tried.
+/// A trial step of length h from the context's state.
 struct Trial {
   bool finite() const { return isFinite(end) && slope.allFinite(); }
 
   double h = 0.0;
-  Method method = Method::kDopri5;  ///< that tried it
+  Method method = Method::kDopri5;  ///< of this step
   State end;
-  Vector9 slope;                                        ///< v' there
-  Eigen::Vector3d give_rate = Eigen::Vector3d::Zero();  ///< of State::give there
-  double error = 0.0;  ///< over the tolerance; 0 without error control
+  Vector9 slope;  ///< v' there
+  Eigen::Vector3d carrier_deflection_rate =
+      Eigen::Vector3d::Zero();  ///< of State::carrier_deflection there
+  double error = 0.0;           ///< estimated, over the tolerance; 0 without error control
   StageEvents stages;
-  Vector9 sixth = Vector9::Zero();  ///< of interpolate(), from refine(): coefficient of (u − u²)³
+  Vector9 sixth = Vector9::Zero();  ///< coefficient of (u − u²)³ in interpolate(), from refine()
 };
 
-/// An error of a state over the tolerance.
+/// Weighted norm of an error of a state, over the tolerance.
 double errorOf(const System& s, const State& error);
 
-/// The state at c.time + tau within a step from the context: position, velocity and acceleration at
-/// both ends make one polynomial of order six. What gives way has one of order four.
+/// Dense output: the state at c.time + tau within a step from the context. Quintic Hermite
+/// interpolation of position, velocity and acceleration at both ends (order six); cubic of the
+/// carrier deflection (order four).
 State interpolate(const Context& c, const Trial& step, double tau);
 
-/// One order more for interpolate(), by the slope in the middle of the step; what that changes at
-/// most, over the tolerance. e: of the middle.
+/// Raises the order of interpolate() by one, from v' in the middle of the step. Returns the maximum
+/// change of the interpolant over the tolerance. e: of the middle.
 double refine(const System& s, const Context& c, Trial& step, Evaluation& e);
 
-/// A step of length step.h by a one-step method (kHamming: of the method that starts it). e: of its
-/// end.
+/// A step of length step.h by a one-step method (kHamming: by its starting method). e: of the
+/// step's end.
 void attemptStep(const System& s, const Context& c, Method method, Trial& step, Evaluation& e);
 
-/// The scenario's integrator: its past and its step size.
+/// The scenario's integrator with its history and step size.
 class Integrator {
  public:
-  /// What is known of the last step that was taken.
+  /// The last accepted step.
   struct Accepted {
-    double right = 0.0;  ///< step whose error would have been the tolerance; 0: none yet [s]
+    double right = 0.0;  ///< step size with an error of the tolerance; 0: none yet [s]
     Method method = Method::kDopri5;
   };
-  /// What a one-step method goes on with.
+  /// Step size state of a one-step method.
   struct Pace {
-    std::int64_t decisions = -1;  ///< of the context when the past began
+    std::int64_t decisions = -1;  ///< Context::decisions at the start of the history
     bool slow = false;            ///< the last step was by slow_slip.h
-    int stiff = 0;                ///< steps in a row as long as stability, not accuracy, allows
-    int explicit_left = 0;        ///< steps without slow_slip.h, which has just failed
+    int stiff = 0;                ///< consecutive steps limited by stability, not accuracy
+    int explicit_left = 0;        ///< remaining steps without slow_slip.h after its failure
     double next_step = 0.0;       ///< [s]
-    Accepted last;                ///< since the contacts changed
+    Accepted last;                ///< since the last change of contact modes
   };
 
   explicit Integrator(double first_step) { pace_.next_step = first_step; }
   const Pace& pace() const { return pace_; }
-  /// Goes on from there. Not with a multistep method, which has a past.
+  /// Continues from `pace`. Not for the multistep method, which has a history.
   void resume(const Pace& pace) { pace_ = pace; }
-  /// Length of the next step, where nothing ends it [s].
+  /// Length of the next step before limits by t_end [s].
   double nextStep(const System& s, const Context& c) const;
-  /// From now on steps of at most this length, until they grow by themselves [s].
+  /// Sets the length of the next step [s].
   void setStep(double h) { pace_.next_step = h; }
 
-  /// Sets step.h to the next step to take; true where it ends at t_end.
+  /// Sets step.h to the length of the next step; true if the step ends at t_end.
   bool plan(const System& s, const Context& c, const Evaluation& e, double t_end, Trial& step);
   void attempt(const System& s, const Context& c, Trial& step, Evaluation& e);
-  /// Factor of the step to try after a failed one.
+  /// Factor of the step size after a rejected step.
   static double shrinkBy(const Trial& step);
-  /// The step found no direction of slow slip: an explicit one next (true).
-  bool goesExplicit(const Trial& step);
-  /// The step was refused: a shorter one next.
+  /// True if the step failed by its implicit equations; the next ones are explicit.
+  bool fallBackToExplicit(const Trial& step);
+  /// After a rejected step: reduces the step size.
   void refuse(const System& s, const Context& c, const Trial& step, Evaluation& e);
-  /// The step was accepted as it was tried, c is at its end.
+  /// After an accepted step; c is at its end.
   void accept(const System& s, const Context& c, const Trial& step, bool last, double t_end);
-  /// The step was cut short by an event.
+  /// After a step that was shortened to end at an event.
   void interrupt() { bridging_ = false; }
-  /// The next step as the last one's error asks for, and what its method depends on.
+  /// Sets the next step size from the error of the last step, and updates the choice of method.
   void lengthen(const System& s, const Context& c, const Trial& step, bool last, double t_end);
 
  private:
-  // the past of a multistep method: rows 0 (oldest) to count − 1 (present state)
+  // history of the multistep method: rows 0 (oldest) to count − 1 (present state)
   struct Past {
     static constexpr int kMaxRows = 7;
     std::array<State, kMaxRows> y, slope;
-    State defect;  // predictor less corrector of the last step
+    State defect;  // predictor − corrector of the last step
     int count = 0;
     double h = 0.0;
   };
 
-  bool goesSlow(const System& s, const Context& c, double h) const;
+  bool needsSlowSlip(const System& s, const Context& c, double h) const;
   void note(const Context& c, const Trial& step);
   void attemptHamming(const System& s, const Context& c, Trial& step, Evaluation& e);
   void remember(const Context& c, double h);
@@ -114,7 +116,7 @@ class Integrator {
 
   Past past_;
   State trial_defect_;
-  bool bridging_ = false;  // hamming: one step of dopri5, past what it can't start in
+  bool bridging_ = false;  // hamming: a step of dopri5 over a state from which it can't start
   Pace pace_;
 };
 

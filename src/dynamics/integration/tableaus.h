@@ -1,10 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Runge–Kutta methods as numbers.
+// Butcher tableaus of Runge–Kutta methods.
 #pragma once
 
 namespace assembly_cell {
 
-/// Dormand & Prince 1980, order 5 with an estimate of order 4; the last stage is the end's slope.
+/// Dormand & Prince 1980, order 5 with an estimate of order 4; the last stage is the slope at the
+/// end.
 struct Dopri5 {
   static constexpr int kStages = 6;  ///< before the slope at the end
   static constexpr double a[7][6] = {
@@ -97,7 +98,7 @@ struct Classical4 {
   static constexpr double c[5] = {0, 0.5, 0.5, 1, 1};
 };
 
-/// Ralston 1962, order 4 with the least bound of its error: the start of HPCG.
+/// Ralston 1962, order 4 with minimum error bound: the starting method of HPCG.
 struct Ralston4 {
   static constexpr int kStages = 4;
   static constexpr double a[5][4] = {
@@ -113,7 +114,7 @@ struct Ralston4 {
 /// diagonally implicit method with the same weights, order 4 with an estimate of order 3.
 struct Ark436 {
   static constexpr int kStages = 6;
-  static constexpr double kGamma = 0.25;  ///< diagonal of `implicit`, which is left out there
+  static constexpr double kGamma = 0.25;  ///< diagonal of `implicit`, not stored there
   static constexpr double c[6] = {0, 0.5, 83.0 / 250, 31.0 / 50, 17.0 / 20, 1};
   static constexpr double a[6][5] = {
       {0, 0, 0, 0, 0},

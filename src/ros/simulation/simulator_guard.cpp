@@ -133,7 +133,7 @@ double SimulatorNode::speedOf(const Pose& target) {
   const Pose X = inverse(cell_->carrier().encoders(world)) * target;
   Vector6 way;
   way << X.p, vectorFromRotation(X.R).value;
-  const Vector6 stop = world.stopWay();
+  const Vector6 stop = world.stoppingDisplacement();
   const double moving = stop.head<3>().norm() + braking_.arm * stop.tail<3>().norm();
   std::lock_guard<std::mutex> lock(mutex_);
   return std::min(scenario_.mechanism.carrier.max_speed,
@@ -144,7 +144,7 @@ double SimulatorNode::speedOf(const Pose& target) {
 void SimulatorNode::feel(const Vector6& load) {
   if (!watched_ || too_much_ || !exceeds(load, felt_)) return;
   World& world = cell_->world();
-  const Vector6 way = world.stopWay();
+  const Vector6 way = world.stoppingDisplacement();
   if (!mustStop(braking_, load, way, allowed_)) return;
   too_much_ = load;
   world.stopRest();

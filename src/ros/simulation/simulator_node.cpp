@@ -444,7 +444,7 @@ void SimulatorNode::publishState() {
     for (const auto& report : world.contacts()) {
       if (!report.valid || !report.force.allFinite() || !report.normal.allFinite()) continue;
       Contact contact;
-      contact.feature = report.feature;
+      contact.feature = static_cast<std::uint8_t>(report.feature);
       contact.position = toPoint(report.point);
       contact.normal = toVector3(report.normal);
       contact.force = toVector3(report.force);

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "chatter.h"
+#include "zeno.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,38 +15,40 @@ namespace assembly_cell {
 namespace {
 
 using Vec3 = Eigen::Vector3d;
-// Chatter is as many events as are remembered (24) within kCluster: 120 kHz, hundreds of times the
-// mechanism's fastest frequency (docs/theory/thesis.md). Half and twice: 14 and 16 of 400 random
-// scenes end elsewhere, effort within 3 %; jammed runs take 13 % more and 1 % less.
+// A Zeno phase begins with kRecentEvents (24) events within kCluster: 120 kHz, hundreds of times
+// the highest eigenfrequency of the mechanism (docs/theory/thesis.md). Half and twice: 14 and 16 of
+// 400 random scenes end elsewhere, effort within 3 %; jammed runs take 13 % more and 1 % less.
 constexpr double kCluster = 2e-4;  // [s]
-// For so long no event is located. Half and twice: 60 of 400 random scenes end elsewhere, effort −9
-// % and +8 %; jammed runs −14 % and +89 %, modes decided late make them jam again.
-constexpr double kChatterSpan = 2e-3;  // [s]
-// Longest step amid chatter, a hundredth of that. Half and twice: effort within 1 % in random
+// Length of a Zeno phase. Half and twice: 60 of 400 random scenes end elsewhere, effort −9 % and +8
+// %; jammed runs −14 % and +89 %, as late mode decisions jam them again.
+constexpr double kZenoSpan = 2e-3;  // [s]
+// Maximum step in a Zeno phase, a hundredth of that. Half and twice: effort within 1 % in random
 // scenes, 60 % more in jammed runs either way.
-constexpr double kMaxChatterStep = 2e-5;  // [s]
-// Rigid: a point pressed on falls by less than kHop between two impacts, a tenth of the default
-// tolerance: effort +12 % and −13 % at half and twice; the run of Chapter 8 that lies down moves by
+constexpr double kMaxZenoStep = 2e-5;  // [s]
+// Rigid law: maximum free fall of a loaded point between two impacts, a tenth of the default
+// tolerance. Half and twice: effort +12 % and −13 %; the run of Chapter 8 that ends flat moves by
 // 0.2 um.
 constexpr double kHop = 1e-10;  // [m]
-// The rigid law chatters only where the peg is flat (the least rocking sends its lowest point round
-// the edge), or at three events a microsecond: two places of contact that merge push each other
-// open for ever. Half and twice: 9 and 8, 3 and 4 of 400 scenes end elsewhere, effort within 2 %.
+// Under the rigid law a Zeno phase begins only for a flat peg (the least rocking moves its lowest
+// point around the edge), or at three events a microsecond: two merging contact points that open
+// each other. Half and twice: 9 and 8, 3 and 4 of 400 scenes end elsewhere, effort within 2 %.
 constexpr double kFlatTilt = 1e-3;    // [rad]
 constexpr double kStandstill = 8e-6;  // [s]
-// Where a face may lie, a peg comes to rest or its pressure to the edge in a series of events that
-// come ever faster, and end: as many as are remembered within less than this part of the time that
-// those before them took. At 0.25 and 0.8 as many of 1000 scenes of test_agreement chatter.
+// Where a face can rest, a convergent series of events ends by itself: kRecentEvents events take
+// less than this fraction of the time of those before. At 0.25 and 0.8 as many of 1000 scenes of
+// test_agreement have a Zeno phase.
 constexpr double kFaster = 0.5;
-constexpr int kImpactPasses = 24;  // impacts of a step
-// Let be by these, over the rounding of a gap: 14 of 400 scenes end elsewhere, effort within 1 %.
+constexpr int kImpactPasses = 24;  // maximum number of impacts in a step
+// Penetration tolerated by them, above the rounding of a gap: 14 of 400 scenes end elsewhere,
+// effort within 1 %.
 constexpr double kPenetration = 1e-12;  // [m]
 
 void openAll(Context& c, Evaluation& e) {
   for (std::size_t i = 0; i < kSlots; ++i) setMode(i, Mode::kApart, c, e);
 }
 
-// velocities at the step's end that let no point be closer than zero there; the impulses
+// Changes the velocities so that no gap is negative at the step's end t; returns the impulses [N
+// s].
 std::array<Vec3, kSlots> stopPenetration(const System& s, double t, Context& c, Evaluation& e) {
   const double h = t - c.time;
   const State start = c.state;
@@ -57,7 +59,7 @@ std::array<Vec3, kSlots> stopPenetration(const System& s, double t, Context& c, 
   c.state.v += fall;
   for (Slot& slot : c.slots) slot.depth = 0.0;
   for (int pass = 0; pass < kImpactPasses; ++pass) {
-    // of the step: mean velocity, place at the end
+    // mean velocity of the step, positions at its end
     c.state.q = start.q + h * c.state.v;
     openAll(c, e);
     evaluateFree(s, c.commands, t, c.state, e);
@@ -78,7 +80,7 @@ std::array<Vec3, kSlots> stopPenetration(const System& s, double t, Context& c, 
   return impulse;
 }
 
-// notes an event at time t; the last ones are so dense that they are worth no more
+// Records an event at time t [s]; true if a Zeno phase is to begin.
 bool isDense(const System& s, const Evaluation& e, double t, Context& c) {
   double& oldest =
       c.recent_events[static_cast<std::size_t>(c.counts.events) % Context::kRecentEvents];
@@ -89,7 +91,7 @@ bool isDense(const System& s, const Evaluation& e, double t, Context& c) {
     before = {};
     return false;
   }
-  if (!s.discrete_friction || !(c.face.on || mayLie(s, e.edge))) {
+  if (!s.discrete_friction || !(c.face.on || canRestOnFace(s, e.edge))) {
     return !s.rigid || isFlat(e) || span < kStandstill;
   }
   if (before.events-- > 0) return false;
@@ -100,29 +102,27 @@ bool isDense(const System& s, const Evaluation& e, double t, Context& c) {
 
 }  // namespace
 
-void noteEvent(const System& s, const Evaluation& e, double t, Context& c) {
-  if (isDense(s, e, t, c)) beginChatter(t, c);
+void recordEvent(const System& s, const Evaluation& e, double t, Context& c) {
+  if (isDense(s, e, t, c)) beginZenoPhase(t, c);
 }
 
-void beginChatter(double t, Context& c) {
-  c.chatter_until = t + kChatterSpan;
-  ++c.counts.chatters;
+void beginZenoPhase(double t, Context& c) {
+  c.zeno_until = t + kZenoSpan;
+  ++c.counts.zeno_phases;
 }
 
 bool isFlat(const Evaluation& e) { return std::hypot(e.k.a(1), e.k.a(2)) < kFlatTilt; }
 
-double chatterStep(const System& s, const Evaluation& e, double h) {
+double zenoStep(const System& s, const Evaluation& e, double h) {
   if (!s.rigid) {
-    const double least = hasSprings(s) && !s.fixed_step
-                             ? std::min(kMinChatterStep, s.scenario.solver.max_step)
-                             : 0.0;
-    return std::clamp(h, least, kMaxChatterStep);
+    const double least =
+        hasSprings(s) && !s.fixed_step ? std::min(kMinZenoStep, s.scenario.solver.max_step) : 0.0;
+    return std::clamp(h, least, kMaxZenoStep);
   }
-  return std::clamp(std::sqrt(8.0 * kHop / freeAcceleration(s, e)), kMinChatterStep,
-                    kMaxChatterStep);
+  return std::clamp(std::sqrt(8.0 * kHop / freeAcceleration(s, e)), kMinZenoStep, kMaxZenoStep);
 }
 
-void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
+void takeTimeSteppingStep(const System& s, double t, Context& c, Evaluation& e) {
   const double before = energyOf(s, c, e);
   dropFace(c, e);
   Trial flight;
@@ -131,12 +131,12 @@ void takeChatterStep(const System& s, double t, Context& c, Evaluation& e) {
   limitEnergy(s, before, c, e);
   evaluateFree(s, c.commands, c.time, c.state, e);
   c.slope = e.free;
-  c.give_rate = e.motion.give_rate;
+  c.carrier_deflection_rate = e.motion.carrier_deflection_rate;
   attemptStep(s, c, Method::kRk4, flight, e);
   c.time = t;
   c.state = flight.end;
   ++c.counts.steps;
-  if (c.time >= c.chatter_until) {
+  if (c.time >= c.zeno_until) {
     return findModesWithin(s, energyOf(s, c, e), c, e);
   }
   // mean forces of the step
