@@ -94,7 +94,7 @@ inline SimulatedReading readSimulated(const SimulatedReadingOptions& o) {
   std::vector<double> angle, signals;
   mean.setZero();
   int blocks = 0;
-  World& truth = cell.world();
+  SimulatorBackend& truth = cell.world();
   // the contact rolls to and fro with the vibration: its mean direction over the blocks' ends
   std::complex<double> contact = 0.0;
   while (static_cast<double>(angle.size()) * parameters.sample_period < o.window) {

@@ -18,7 +18,7 @@ constexpr int kFewest = 4;        // looks for a constant and a harmonic
 }  // namespace
 
 PlantBlock Judge::next(const PlantCommand& command) {
-  World& truth = plant_.truth();
+  SimulatorBackend& truth = plant_.truth();
   if (command.exciter) {
     frequency_ = command.exciter->frequency;
     since_ = truth.time();

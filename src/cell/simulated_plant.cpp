@@ -116,7 +116,7 @@ void SimulatedPlant::tellArm() {
 }
 
 void SimulatedPlant::advance(const PlantCommand& command) {
-  World& world = cell_.world();
+  SimulatorBackend& world = cell_.world();
   if (arm_) {
     const CellParameters& parameters = cell_.parameters();
     const double length = parameters.block_size * parameters.sample_period;

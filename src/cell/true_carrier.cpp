@@ -40,11 +40,11 @@ Pose TrueCarrier::scaled(const Pose& pose, bool reported) const {
                            : Eigen::Vector3d(pose.p.cwiseQuotient(factor))};
 }
 
-void TrueCarrier::command(World& world, const Pose& pose, double max_speed) const {
+void TrueCarrier::command(SimulatorBackend& world, const Pose& pose, double max_speed) const {
   world.setRestTarget(restFromPose(X_HB_ * scaled(pose, false)), max_speed);
 }
 
-Pose TrueCarrier::encoders(const World& world) const {
+Pose TrueCarrier::encoders(const SimulatorBackend& world) const {
   const Vector6 shift = world.restShift();
   if (shift.isZero(0.0)) return scaled(inverse(X_HB_) * world.carrierPose(), true);
   RestPose carrier = world.carrier();
@@ -57,7 +57,7 @@ Pose TrueCarrier::encoders(const World& world) const {
   return scaled(inverse(X_HB_) * poseFromRest(carrier), true);
 }
 
-Pose TrueCarrier::report(const World& world) {
+Pose TrueCarrier::report(const SimulatorBackend& world) {
   Pose pose = encoders(world);
   if (!noisy_) return pose;
   const Vector6 noise = drawn(truth_.reading_noise, reading_);
@@ -66,7 +66,7 @@ Pose TrueCarrier::report(const World& world) {
   return pose;
 }
 
-void TrueCarrier::settle(World& world) {
+void TrueCarrier::settle(SimulatorBackend& world) {
   if (!repeats_) return;
   const Pose at = poseFromRest(restPose(restVector(world.rest()) - world.restShift()));
   way_ = std::max(way_, (at.p - last_draw_.p).norm());

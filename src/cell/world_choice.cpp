@@ -46,10 +46,10 @@ WorldChoice parseWorld(const std::string& text, const std::string& source) {
   return choice;
 }
 
-std::unique_ptr<World> makeWorld(const Scenario& scenario, const WorldChoice& choice) {
+std::unique_ptr<SimulatorBackend> makeWorld(const Scenario& scenario, const WorldChoice& choice) {
   checkEngine(choice.mujoco);
 #ifdef ASSEMBLY_CELL_MUJOCO
-  if (choice.mujoco) return std::make_unique<SecondWorld>(scenario, choice.contact);
+  if (choice.mujoco) return std::make_unique<MujocoSimulation>(scenario, choice.contact);
 #endif
   return std::make_unique<Simulation>(scenario);
 }

@@ -16,9 +16,9 @@
 namespace assembly_cell {
 namespace {
 
-// rounding of decimal numbers in text, relative
+// Relative rounding of decimal numbers in text.
 constexpr double kRounding = 1e-9;
-// the block's shapes may touch the bore's wall; deeper than this is a contradiction [m]
+// Maximum overlap of the block's shapes with the bore [m].
 constexpr double kWallTolerance = 1e-5;
 
 std::string shown(double value) {
@@ -45,7 +45,7 @@ bool same(double a, double b) {
   throw InputError(line);
 }
 
-// Collects the parser's complaints instead of printing them.
+// Collects the error messages of the URDF parser instead of printing them.
 class Complaints : public console_bridge::OutputHandler {
  public:
   Complaints() { console_bridge::useOutputHandler(this); }
@@ -68,7 +68,7 @@ class Reader {
   Reader(const std::string& urdf, std::string source) : source_(std::move(source)) {
     Complaints complaints;
     model_ = urdf::parseURDF(urdf);
-    // a link whose mass or shape does not parse is kept without it: the complaints count
+    // the parser keeps a link whose mass or shape is invalid without it: its messages are errors
     if (!model_ || !complaints.text().empty()) {
       refuse("file", "unreadable", "no valid URDF (" + complaints.text() + "), correct it");
     }
@@ -85,7 +85,8 @@ class Reader {
     return *found;
   }
 
-  /// Pose of a link in its parent, which must be `parent` through a joint of the type, unrotated.
+  /// Pose of a link in its parent, which must be `parent`; the joint must be of the type and
+  /// unrotated.
   Pose jointPose(const std::string& parent, const std::string& child, int type) const {
     const urdf::JointSharedPtr joint = link(child).parent_joint;
     if (!joint) refuse("joint " + parent + " -> " + child, "missing", "add this joint");
@@ -151,7 +152,7 @@ class Reader {
     return shape;
   }
 
-  /// A point on the z axis; returns its z.
+  /// z of a point, which must be on the z axis.
   double onAxis(const std::string& item, const Eigen::Vector3d& p) const {
     if (p.x() != 0.0 || p.y() != 0.0) refuse(item, shown(p), "x and y must be 0");
     return p.z();
@@ -169,7 +170,7 @@ class Reader {
   urdf::ModelInterfaceSharedPtr model_;
 };
 
-// a cylinder of the peg about its axis
+// Coaxial cylinder of the peg [m].
 struct Disc {
   double radius, low, high;
 };
@@ -190,8 +191,8 @@ std::vector<Disc> readDiscs(const Reader& in, const Part& part, const std::strin
   return discs;
 }
 
-// Of a chamfered peg: a cylinder from the shoulder up, and below it narrower ones inside the cone,
-// of which the lowest is as wide as the bottom edge.
+// Radii and chamfer of a chamfered peg, from a cylinder above the shoulder and narrower ones inside
+// the cone, of which the lowest has the radius of the bottom edge.
 void readChamfer(const Reader& in, const std::vector<Disc>& discs, const std::string& item,
                  PegParameters& peg) {
   const auto wider = [](const Disc& a, const Disc& b) { return a.radius < b.radius; };
@@ -201,7 +202,7 @@ void readChamfer(const Reader& in, const std::vector<Disc>& discs, const std::st
   peg.half_height = 0.5 * side.high;
   peg.chamfer_width = side.radius - tip.radius;
   peg.chamfer_angle = std::atan2(peg.chamfer_width, side.low);
-  // of lengths in text, whose differences they are
+  // absolute rounding of differences of lengths
   const double rounding = kRounding * side.high;
   if (!(std::abs(tip.low) <= rounding)) {
     in.refuse(item + ": origin z", shown(tip.low),
@@ -219,8 +220,8 @@ void readChamfer(const Reader& in, const std::vector<Disc>& discs, const std::st
   }
 }
 
-// Cylinders, centre of mass and inertia of the peg must agree: a body of revolution, its frame at
-// the centre of the bottom edge.
+// Checks that cylinders, centre of mass and inertia of the peg are consistent: a body of revolution
+// with its frame at the centre of the bottom edge.
 PegParameters readPeg(const Reader& in) {
   PegParameters peg;
   const Part part = in.part("peg", Pose());
@@ -263,8 +264,7 @@ PegParameters readPeg(const Reader& in) {
   return peg;
 }
 
-// The visual of a name at the hole, a cylinder from the face downwards: radius and depth. None
-// where it is missing.
+// Visual of the link `hole` with this name, a cylinder from the face down [m]; empty if missing.
 struct Hollow {
   double radius, depth;
 };
@@ -290,7 +290,7 @@ std::optional<Hollow> readHollow(const Reader& in, const std::string& name) {
   return Hollow{0.5 * cylinder.size.x(), depth};
 }
 
-// no shape of the block reaches into a cylinder around the hole's axis
+// Refuses shapes of the block that overlap a cylinder around the hole's axis.
 void checkFree(const Reader& in, const Part& block, const char* what, double radius, double top,
                double bottom) {
   PartShape cylinder;
@@ -308,8 +308,8 @@ void checkFree(const Reader& in, const Part& block, const char* what, double rad
   }
 }
 
-// The bore is the visual of that name: a cylinder from the rim downwards. A visual `chamfer` is as
-// wide as the hole's mouth and as deep as the chamfer.
+// The visual `bore` has radius and depth of the hole; an optional visual `chamfer` has the radius
+// of its mouth and the depth of the chamfer.
 HoleParameters readBore(const Reader& in, const Part& block) {
   const std::optional<Hollow> bore = readHollow(in, "bore"), mouth = readHollow(in, "chamfer");
   if (!bore) {
@@ -331,7 +331,7 @@ HoleParameters readBore(const Reader& in, const Part& block) {
               "give less than the bore's, " + shown(bore->depth));
   }
   hole.chamfer_angle = std::atan2(hole.chamfer_width, mouth->depth);
-  // steps inside the cone
+  // cylinders inside the cone
   constexpr int kSteps = 8;
   for (int i = 0; i < kSteps; ++i) {
     const double top = -mouth->depth * i / kSteps, bottom = -mouth->depth * (i + 1) / kSteps;
@@ -375,7 +375,7 @@ CellDescription loadCellDescription(const std::string& urdf, const std::string& 
     in.refuse("link carrier: inertia izz", shown(carrier.izz), "give a finite number > 0");
   }
 
-  // both joints of the peg give heights above its bottom edge
+  // both joints of the peg are heights above its bottom edge
   cell.peg = readPeg(in);
   const double coupling = -in.onAxis("joint of peg: origin", cell.X_BP.p);
   if (!(coupling > cell.peg.half_height)) {
@@ -430,7 +430,7 @@ void checkAgainst(const CellDescription& description, const Mechanism& mechanism
   for (const auto& value : values) {
     if (same(value.in_scenario, value.in_urdf)) continue;
     refuse("scenario " + scenario, value.key, shown(value.in_scenario),
-           "the URDF says " + shown(value.in_urdf) + " (" + value.element + "), make them equal");
+           "the URDF has " + shown(value.in_urdf) + " (" + value.element + "), make them equal");
   }
 }
 

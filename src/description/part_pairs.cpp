@@ -23,7 +23,7 @@ fcl::CollisionObjectd collisionObject(const PartShape& shape) {
   return fcl::CollisionObjectd(geometry, shape.X_PS.R, shape.X_PS.p);
 }
 
-// Box in axes of `hole` around all places of a shape of the carrier.
+// Bounding box in axes of `hole` of all positions of a shape of the carrier.
 PartShape sweptBox(const PartShape& shape, const Eigen::Vector3d& peg_in_carrier,
                    const CarrierTravel& travel) {
   fcl::CollisionObjectd object = collisionObject(shape);

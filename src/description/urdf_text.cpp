@@ -9,14 +9,14 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kAluminium = 2700.0;                           // [kg/m³]
-constexpr double kLeastHeight = 0.060;                          // of the block [m]
-constexpr int kBoxes = 24;                                      // of the block's ring
-constexpr int kSteps = 8;                                       // of the peg's chamfer
+constexpr double kMinHeight = 0.060;                            // minimum height of the block [m]
+constexpr int kBoxes = 24;                                      // boxes of the block's ring
+constexpr int kSteps = 8;                                       // cylinders of the peg's chamfer
 constexpr double kSensorRadius = 0.04, kSensorHeight = 0.03;    // sensor_a [m]
 constexpr double kCouplingRadius = 0.018, kCouplingUp = 0.010;  // sensor_b [m]
-constexpr double kCouplingDown = 0.020, kLeastDown = 0.001;     // where the peg leaves room [m]
+constexpr double kCouplingDown = 0.020, kMinDown = 0.001;       // where the peg is long enough [m]
 
-// one part: shapes seen and collided with alike
+// Writer of URDF elements; visual and collision shapes are the same.
 class Text {
  public:
   Text() { out_.precision(15); }
@@ -51,7 +51,7 @@ class Text {
           << size.z() << "\"/></geometry>";
     solid(name, material, shape.str());
   }
-  // what is left free, from the face down
+  // visual of a cavity, from the face down
   void hollow(const char* name, double radius, double depth) {
     out_ << "    <visual name=\"" << name << "\"><origin xyz=\"0 0 " << -0.5 * depth
          << "\"/><geometry><cylinder radius=\"" << radius << "\" length=\"" << depth
@@ -69,17 +69,16 @@ class Text {
   std::ostringstream out_;
 };
 
-// of a body of revolution: about its centre of mass, which is at this height
+// Body of revolution; moments of inertia about the centre of mass, which is at height `centre` [m].
 struct Inertia {
   double mass, centre, transverse, axial;
 };
 
-// takes the ring out of the block that the chamfer leaves free
+// Subtracts the volume of the chamfer.
 void cutChamfer(const HoleParameters& hole, Inertia& block) {
   const double R = hole.radius, deep = chamferDepth(hole);
   double mass = 0.0, moment = 0.0, about_face = 0.0, axial = 0.0;
-  // rings of one height each: their sums are polynomials of the fourth degree, which three points
-  // of Gauss make exact
+  // integrands are polynomials of fourth degree in z, exact with three Gauss points
   const double step = std::sqrt(0.6);
   for (const double x : {-step, 0.0, step}) {
     const double weight = kAluminium * deep * (x == 0.0 ? 4.0 / 9.0 : 5.0 / 18.0);
@@ -99,7 +98,7 @@ void cutChamfer(const HoleParameters& hole, Inertia& block) {
   block = {left, centre, block.transverse, block.axial - axial};
 }
 
-// around the chamfer: a ring of boxes outside the mouth, and one box along each generator
+// Chamfer: a ring of boxes outside the mouth, and a box along each of kBoxes generators.
 void writeMouth(Text& out, const HoleParameters& hole, double outer) {
   const double mouth = mouthRadius(hole), deep = chamferDepth(hole), width = hole.chamfer_width;
   const double thick = width * std::cos(hole.chamfer_angle), half = std::tan(M_PI / kBoxes);
@@ -120,7 +119,7 @@ void writeBlock(Text& out, const HoleParameters& hole, double height) {
   const double depth = std::isinf(hole.depth) ? height : hole.depth;
   const double outer = blockRadius(hole);
   const double R = hole.radius;
-  // a ring, and what is left below a bore that isn't as deep as the block is high
+  // a ring, and a disc below a bore that is not as deep as the block
   const double ring = kAluminium * M_PI * (outer * outer - R * R) * depth;
   const double below = kAluminium * M_PI * outer * outer * (height - depth);
   const double mass = ring + below;
@@ -151,8 +150,8 @@ void writeBlock(Text& out, const HoleParameters& hole, double height) {
   out.end();
 }
 
-// around the side above the shoulder, and steps inside the cone below it, the lowest one as wide as
-// the bottom edge
+// A cylinder above the shoulder, and kSteps cylinders inside the cone below it, the lowest with the
+// radius of the bottom edge.
 void writePeg(Text& out, const PegParameters& peg) {
   const double top = 2.0 * peg.half_height, shoulder = chamferHeight(peg);
   out.cylinder("body", "peg", 0.5 * (top + shoulder), peg.radius, top - shoulder);
@@ -169,7 +168,7 @@ void writePeg(Text& out, const PegParameters& peg) {
 std::string cellUrdf(const Mechanism& mechanism) {
   const PegParameters& peg = mechanism.peg;
   const double depth = mechanism.hole.depth;
-  const double height = std::isinf(depth) ? kLeastHeight : std::max(kLeastHeight, depth);
+  const double height = std::isinf(depth) ? kMinHeight : std::max(kMinHeight, depth);
   const double length = peg.half_height + peg.coupling_height;
   Text out;
   out.raw(
@@ -195,7 +194,7 @@ std::string cellUrdf(const Mechanism& mechanism) {
   out.cylinder("arm", "carrier", 0.06, 0.015, 0.06);
   out.end();
   // no deeper than the peg's top
-  const double down = std::clamp(peg.coupling_height - peg.half_height, kLeastDown, kCouplingDown);
+  const double down = std::clamp(peg.coupling_height - peg.half_height, kMinDown, kCouplingDown);
   out.joint("carrier", "sensor_b", 0.0);
   out.link("sensor_b");
   out.cylinder("body", "sensor", 0.5 * (kCouplingUp - down), kCouplingRadius, kCouplingUp + down);

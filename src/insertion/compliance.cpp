@@ -28,13 +28,13 @@ std::optional<double> chamferForceRatio(double slope, double friction) {
   return finiteResult("force_ratio", (std::cos(slope) + friction * std::sin(slope)) / along);
 }
 
-TipLoad holderLoad(const Holder& holder, double x, double turn) {
-  requireNotNegative({{"K_x", holder.lateral}, {"K_theta", holder.angular}});
-  requireFinite({{"L_g", holder.centre}, {"x", x}, {"turn", turn}});
-  // the compliance centre lies L_g above the base: a turn about it moves the base by +L_g turn
+TipLoad mountLoad(const CompliantMount& mount, double x, double turn) {
+  requireNotNegative({{"K_x", mount.lateral}, {"K_theta", mount.angular}});
+  requireFinite({{"L_g", mount.centre}, {"x", x}, {"turn", turn}});
+  // the compliance centre is L_g above the base: a rotation about it moves the base by +L_g turn
   TipLoad load;
-  load.F_x = finiteResult("F_x", -holder.lateral * (x - holder.centre * turn));
-  load.M = finiteResult("M", -holder.angular * turn - holder.centre * load.F_x);
+  load.F_x = finiteResult("F_x", -mount.lateral * (x - mount.centre * turn));
+  load.M = finiteResult("M", -mount.angular * turn - mount.centre * load.F_x);
   return load;
 }
 

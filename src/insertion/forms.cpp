@@ -16,19 +16,19 @@ namespace {
 using P = const ModelParameters&;
 using Values = std::vector<ModelValue>;
 
-// The greatest that scripts/make_peg and align take. [m]
-constexpr double kWidestPeg = 0.06, kWidestHole = 1.6 * kWidestPeg, kDeepest = 2.0;
+// Limits of scripts/make_peg and align [m].
+constexpr double kMaxPegRadius = 0.06, kMaxHoleRadius = 1.6 * kMaxPegRadius, kMaxDepth = 2.0;
 
-// Millimetres that were meant as metres have the right form, and a result.
-double length(P p, const char* key, double most) {
+// Length [m]; the upper limit detects millimetres.
+double length(P p, const char* key, double max) {
   const double value = p(key);
-  if (std::abs(value) > most) refuse(key, value, text("give metres, at most %g m", most).c_str());
+  if (std::abs(value) > max) refuse(key, value, text("give metres, at max %g m", max).c_str());
   return value;
 }
 
-double pegRadius(P p) { return length(p, "peg_radius", kWidestPeg); }
-double depth(P p) { return length(p, "depth", kDeepest); }
-PegInHole fitOf(P p) { return {pegRadius(p), length(p, "hole_radius", kWidestHole)}; }
+double pegRadius(P p) { return length(p, "peg_radius", kMaxPegRadius); }
+double depth(P p) { return length(p, "depth", kMaxDepth); }
+PegInHole fitOf(P p) { return {pegRadius(p), length(p, "hole_radius", kMaxHoleRadius)}; }
 TipLoad loadOf(P p) { return {p("F_x"), p("F_z"), p("M")}; }
 JammingDiagram diagramOf(P p) { return jammingDiagram(pegRadius(p), depth(p), p("friction")); }
 
@@ -69,14 +69,14 @@ const ClosedForm kForms[] = {
     {"chamfer", "peg_radius hole_radius hole_chamfer peg_chamfer slope friction", "", "",
      "capture slides force_ratio",
      [](P p) -> Values {
-       const Chamfers chamfers{length(p, "hole_chamfer", kWidestPeg),
-                               length(p, "peg_chamfer", kWidestPeg), p("slope")};
+       const Chamfers chamfers{length(p, "hole_chamfer", kMaxPegRadius),
+                               length(p, "peg_chamfer", kMaxPegRadius), p("slope")};
        const std::optional<double> ratio = chamferForceRatio(chamfers.slope, p("friction"));
        return {captureRange(fitOf(p), chamfers), ratio.has_value(), ratio};
      }},
     {"holder", "K_x K_theta L_g x turn", "", "", "F_x M", [](P p) -> Values {
-       const TipLoad load = holderLoad({p("K_x"), p("K_theta"), length(p, "L_g", kDeepest)},
-                                       length(p, "x", kWidestHole), p("turn"));
+       const TipLoad load = mountLoad({p("K_x"), p("K_theta"), length(p, "L_g", kMaxDepth)},
+                                      length(p, "x", kMaxHoleRadius), p("turn"));
        return {load.F_x, load.M};
      }}};
 

@@ -16,13 +16,13 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// a force at a point from the centre of the base, as (f_x, f_z, moment / r)
+// Wrench (f_x, f_z, moment / r) of a force at a point relative to the centre of the base.
 Vector3d wrenchOf(const Vector2d& point, const Vector2d& force, double radius) {
   const double moment = point.x() * force.y() - point.y() * force.x();
   return Vector3d(force.x(), force.y(), moment / radius).normalized();
 }
 
-// what the contacts can exert: the edges of both cones of friction
+// Edges of both friction cones as wrenches.
 std::array<Vector3d, 4> contactWrenches(const PegInHole& fit, const TwoPointContact& contact,
                                         double friction) {
   const double r = fit.peg_radius;
@@ -67,7 +67,7 @@ double restMargin(const PegInHole& fit, double tilt, double friction, const TipL
     refuse("friction", friction, "give less than depth / (2 peg_radius): this peg can be wedged");
   }
   requireFinite({{"F_x", load.F_x}, {"F_z", load.F_z}, {"M", load.M}});
-  // what the contacts have to exert
+  // wrench of the contacts that balances the load
   const Vector3d needed(-load.F_x, load.F_z, -load.M / fit.peg_radius);
   const double size = needed.norm();
   if (!(size > 0.0) || !std::isfinite(size)) {
@@ -79,7 +79,7 @@ double restMargin(const PegInHole& fit, double tilt, double friction, const TipL
     for (std::size_t j = 0; j < edges.size(); ++j) {
       if (i == j) continue;
       const Vector3d inwards = edges[i].cross(edges[j]).normalized();
-      // a face of the cone has every edge on one side
+      // all edges are on one side of a face of the cone
       const bool face = std::all_of(edges.begin(), edges.end(), [&](const Vector3d& edge) {
         return inwards.dot(edge) >= -1e-12;  // rounding of unit vectors
       });

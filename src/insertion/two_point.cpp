@@ -22,7 +22,7 @@ TwoPointContact twoPointContact(const PegInHole& fit, double tilt) {
   if (!(tilt > 0.0 && tilt < M_PI / 2 && D * c >= d)) {
     refuse("tilt", tilt, "give one above 0, at most acos(peg_radius/hole_radius)");
   }
-  // D - d cos = (D - d) + 2 d sin^2(tilt/2): nothing cancels
+  // D - d cos = (D - d) + 2 d sin^2(tilt/2), without cancellation
   const double half = std::sin(0.5 * tilt);
   TwoPointContact contact;
   contact.tilt = tilt;
@@ -35,7 +35,7 @@ TwoPointContact twoPointContact(const PegInHole& fit, double tilt) {
 std::optional<double> twoPointTilt(const PegInHole& fit, double depth) {
   check(fit);
   requirePositive("depth", depth);
-  // with u = tan(tilt/2): (D + d) u^2 - 2 l u + (D - d) = 0, its smaller root without cancelling
+  // with u = tan(tilt/2): (D + d) u^2 - 2 l u + (D - d) = 0, its smaller root without cancellation
   const double sum = 2 * (fit.hole_radius + fit.peg_radius);
   const double difference = 2 * (fit.hole_radius - fit.peg_radius);
   const double square =

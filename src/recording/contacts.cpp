@@ -19,27 +19,29 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kFreeWindow = 0.25;  // [s]
-// motion of a window that tells free from held [m], [rad]: a hand or robot moves 10 times that
+// minimum motion of a window without contact [m], [rad]: a hand or robot moves ten times that
 constexpr double kMoves = 0.5e-3, kTurns = 0.005;
-// forces of free windows differ by weight and noise only: share of the largest force, then, from
-// the model, sd. Half and twice leave bias and lever of 11 recordings within their sd
-constexpr double kAlike = 0.02;
+// maximum difference of forces without contact, by weight and noise: fraction of the largest force,
+// then, with the model, sd. Half and twice leave bias and lever of 11 recordings within their sd
+constexpr double kEqualForce = 0.02;
 constexpr double kFreeSd = 5.0;
 constexpr std::size_t kMinWindows = 6;
-// windows that find the lever, and couple over force [m] of a point contact with friction in them;
-// twice either lets contacts in a hole pass, half leaves too few: lever 0.3 mm more scattered
+// length of the windows for the lever [s], and maximum couple over force [m] of a point contact
+// with friction in them; twice either admits contacts in a hole, half leaves too few: 0.3 mm more
+// scatter
 constexpr double kLeverWindow = 0.2, kLeverPitch = 0.3e-3;
 constexpr double kLeverForce = 3.0;   // [N]
-constexpr double kLeverFloor = 2e-3;  // of a window's lever, what rolling and bending add [m]
-constexpr double kLeverSd = 0.02;     // a window that tells less is of no use [m]
+constexpr double kLeverFloor = 2e-3;  // sd of a window's lever by rolling and bending [m]
+constexpr double kLeverSd = 0.02;     // maximum sd of a window [m]
 constexpr double kHuber = 1.0;
-// of a sample with one contact: a face or a chipped edge touches at more than a point. 3 mm loses
-// 3 % of the single contacts, 12 mm 2 % of the several
+// maximum couple over force of a sample with one contact, as a face or a chipped edge is not a
+// point. 3 mm misses 3 % of the single contacts, 12 mm 2 % of the several
 constexpr double kOnePitch = 6e-3;
-constexpr double kFootprint = 1.5, kFootprintShare = 0.6;  // of the single contacts' quantile
-constexpr double kMajority = 0.2;                          // [s] on both sides
-constexpr double kShortest = 0.05;                         // segment [s]
-constexpr double kFelt = 8.0;                              // sd of the force
+constexpr double kFootprint = 1.5,
+                 kFootprintQuantile = 0.6;  // over the quantile of the single contacts
+constexpr double kMajority = 0.2;           // [s] on both sides
+constexpr double kShortest = 0.05;          // segment [s]
+constexpr double kDetected = 8.0;           // minimum force of a detected contact, in its sd
 
 struct Window {
   std::size_t first, end;
@@ -76,8 +78,8 @@ double quantile(std::vector<double> values, double share) {
   return *at;
 }
 
-// moving windows whose force is most alike
-std::vector<Window> alikeWindows(const std::vector<Window>& all, double tolerance) {
+// Largest set of moving windows with forces equal within the tolerance.
+std::vector<Window> equalWindows(const std::vector<Window>& all, double tolerance) {
   std::vector<Window> moving, best;
   for (const Window& w : all) {
     if (w.moves) moving.push_back(w);
@@ -108,7 +110,7 @@ PayloadModel payloadOf(const WrenchRecording& r, const std::vector<Window>& wind
   return identifyPayload(poses, wrenches, options);
 }
 
-// what the tool feels without contact
+// Wrench of bias and payload.
 Vector6 emptyWrench(const ContactAnalysis& a, const WrenchRecording& r, std::size_t i) {
   if (a.payload.refusal) return a.bias;
   StaticPose pose;
@@ -131,7 +133,7 @@ void identify(const WrenchRecording& r, const std::vector<Window>& windows, Cont
   a.free_windows = windows.size();
 }
 
-// of the windows' means about the empty tool, by the median
+// Robust sd (median) of the windows' means about the wrench of the empty tool.
 Vector6 robustSd(const ContactAnalysis& a, const WrenchRecording& r,
                  const std::vector<Window>& windows) {
   Vector6 out;
@@ -151,8 +153,8 @@ void findFree(const WrenchRecording& r, ContactAnalysis& a) {
   for (const Window& w : all) {
     largest = std::max(largest, (w.mean - all.front().mean).head<3>().norm());
   }
-  const double tolerance = std::max(kAlike * largest, 1e-3);
-  std::vector<Window> free = alikeWindows(all, tolerance);
+  const double tolerance = std::max(kEqualForce * largest, 1e-3);
+  std::vector<Window> free = equalWindows(all, tolerance);
   for (int pass = 0; pass < 3; ++pass) {
     if (free.size() < kMinWindows) {
       throw InputError(
@@ -184,11 +186,11 @@ void findFree(const WrenchRecording& r, ContactAnalysis& a) {
   }
 }
 
-// ---- lever: where along z the points of contact lie
+// ---- lever: height of the contact points along z
 
 struct LeverWindow {
   Vector3d point;
-  double sd;  // of the z
+  double sd;  // of z
 };
 
 std::optional<LeverWindow> leverOf(const ContactAnalysis& a, const Window& w) {
@@ -216,11 +218,11 @@ std::optional<LeverWindow> leverOf(const ContactAnalysis& a, const Window& w) {
   const double left = std::sqrt(std::max(squares - point.dot(moment), 0.0) / n);
   const double information = 1.0 / solver.solve(Vector3d::UnitZ()).z();
   if (!(information > 0.0) || !point.allFinite()) return std::nullopt;
-  // neighbouring samples say the same: a window counts as three readings of a moment
+  // neighbouring samples are correlated: a window counts as three measurements of a moment
   return LeverWindow{point, std::max(left, sd) * std::sqrt(n / information)};
 }
 
-// Huber's mean from the weighted median
+// Huber's mean, started from the weighted median.
 void combineLevers(const std::vector<LeverWindow>& windows, ContactAnalysis& a) {
   std::vector<std::pair<double, double>> levers;  // value, weight
   double sum = 0.0;
@@ -271,7 +273,7 @@ void findLever(const WrenchRecording& r, const ContactSettings& settings, Contac
     return out;
   };
   a.footprint =
-      settings.footprint ? *settings.footprint : kFootprint * quantile(radii(), kFootprintShare);
+      settings.footprint ? *settings.footprint : kFootprint * quantile(radii(), kFootprintQuantile);
   std::vector<LeverWindow> inside;
   for (const LeverWindow& w : found) {
     if (w.point.head<2>().norm() < a.footprint) inside.push_back(w);
@@ -283,18 +285,18 @@ void findLever(const WrenchRecording& r, const ContactSettings& settings, Contac
   }
 }
 
-// ---- verdicts
+// ---- classification
 
 void judge(const WrenchRecording& r, const ContactSettings& settings, ContactAnalysis& a) {
   const double force_sd = std::sqrt(a.noise.diagonal().head<3>().maxCoeff());
   const std::size_t n = r.t.size();
-  std::vector<int> one(n + 1, 0), judged(n + 1, 0);  // sums before each sample
+  std::vector<int> one(n + 1, 0), classified(n + 1, 0);  // cumulative sums before each sample
   for (std::size_t i = 0; i < n; ++i) {
     ContactSample& s = a.samples[i];
     const double force = s.wrench.head<3>().norm();
-    s.kind = force < kFelt * force_sd ? ContactKind::kFree
-             : force < settings.force ? ContactKind::kLight
-                                      : ContactKind::kSeveral;
+    s.kind = force < kDetected * force_sd ? ContactKind::kFree
+             : force < settings.force     ? ContactKind::kLight
+                                          : ContactKind::kSeveral;
     bool single = false;
     if (s.kind == ContactKind::kSeveral) {
       if (const auto line = contactLine(s.wrench, a.noise, a.lever)) s.line = *line;
@@ -302,7 +304,7 @@ void judge(const WrenchRecording& r, const ContactSettings& settings, ContactAna
       single = std::abs(s.line.pitch) < std::hypot(kOnePitch, 2.0 * s.line.pitch_sd) &&
                s.line.cut.norm() < std::hypot(a.footprint, std::min(spread, a.footprint));
     }
-    judged[i + 1] = judged[i] + (s.kind == ContactKind::kSeveral);
+    classified[i + 1] = classified[i] + (s.kind == ContactKind::kSeveral);
     one[i + 1] = one[i] + single;
   }
   std::size_t low = 0, high = 0;
@@ -310,7 +312,7 @@ void judge(const WrenchRecording& r, const ContactSettings& settings, ContactAna
     while (r.t[i] - r.t[low] > kMajority) ++low;
     while (high < n && r.t[high] - r.t[i] <= kMajority) ++high;
     if (a.samples[i].kind != ContactKind::kSeveral) continue;
-    if (2 * (one[high] - one[low]) > judged[high] - judged[low]) {
+    if (2 * (one[high] - one[low]) > classified[high] - classified[low]) {
       a.samples[i].kind = ContactKind::kOne;
     }
   }

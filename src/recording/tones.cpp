@@ -28,17 +28,19 @@ using Eigen::VectorXd;
 
 constexpr double kTwoPi = 2.0 * M_PI;
 constexpr std::size_t kMinSamples = 64;
-constexpr double kOneRate = 0.2;  // of the spacing: stamps that jitter more are another rate
-// peak over the median of the bins around it: of white noise one bin in 1e10 is beyond
+constexpr double kOneRate = 0.2;  // maximum jitter of stamps over the sampling period
+// Minimum of a peak over the median of the bins around it: one bin in 1e10 of white noise exceeds
+// it.
 constexpr double kOverFloor = 6.0;
 constexpr std::size_t kFloorBins = 200;  // on both sides
-constexpr std::size_t kLobe = 4;         // bins of a Hann window's main lobe and a shoulder
-// a step: false one in a thousand recordings over all its places, ...
+constexpr std::size_t kLobe = 4;         // bins of a Hann window's main lobe plus one
+// Probability of a false step in a recording, over all its positions, ...
 constexpr double kStepTail = 1e-3;
-// ... and worth this share of the largest amplitude: half of it admits the warming of a shaker,
-// twice loses steps by a fifth
+// ... and minimum step over the largest amplitude: half of it admits the warming of a shaker, twice
+// misses steps by a fifth.
 constexpr double kMinStep = 0.1;
-constexpr double kMinPeriods = 20.0;  // of the slowest tone between two steps
+constexpr double kMinPeriods =
+    20.0;  // minimum number of periods of the slowest tone between two steps
 
 // ---- spectrum
 
@@ -68,7 +70,7 @@ double floorAt(const std::vector<double>& spectrum, std::size_t bin) {
   return upperMedian(around);
 }
 
-// frequencies [cycles a sample] of the peaks, highest first
+// Frequencies [cycles per sample] of the peaks, highest first.
 std::vector<double> peaksOf(const VectorXd& values, std::size_t most, double smallest) {
   std::vector<double> spectrum = amplitudes(values), out;
   const std::vector<double> whole = spectrum;
@@ -78,7 +80,7 @@ std::vector<double> peaksOf(const VectorXd& values, std::size_t most, double sma
     const auto bin = static_cast<std::size_t>(peak - spectrum.begin());
     highest = std::max(highest, *peak);
     if (!(*peak > kOverFloor * floorAt(whole, bin)) || *peak < smallest * highest) break;
-    // a slope of something larger beside it is no peak
+    // not on the slope of a larger peak
     const bool top =
         whole[bin] >= whole[bin - 1] && (bin + 1 == whole.size() || whole[bin] >= whole[bin + 1]);
     if (top && bin + 1 < whole.size()) {
@@ -94,21 +96,21 @@ std::vector<double> peaksOf(const VectorXd& values, std::size_t most, double sma
   return out;
 }
 
-// ---- all tones together
+// ---- least-squares fit of all tones
 
-// columns of the segments' cosines and sines, then one for each frequency, then the offset
+// Columns: cosines and sines of the segments, one for each frequency, the offset.
 struct Model {
   std::vector<double> frequency;    // [Hz]
   std::vector<std::size_t> starts;  // first sample of each segment
   VectorXd coefficient;             // 2 for each tone of each segment, then the offset
-  MatrixXd covariance;              // of these, of the frequencies in between
+  MatrixXd covariance;              // of these and of the frequencies in between
   double squares = 0.0;
 
   Index tones() const { return static_cast<Index>(frequency.size()); }
   Index amplitudes() const { return 2 * tones() * static_cast<Index>(starts.size()); }
 };
 
-// one step of Gauss–Newton; returns the largest change of a frequency, of the line's width
+// Gauss–Newton step; returns the largest change of a frequency over the line width.
 double improve(const VectorXd& t, const VectorXd& y, Model& m) {
   const Index K = m.tones(), q = m.amplitudes() + K + 1;
   MatrixXd normal = MatrixXd::Zero(q, q);
@@ -116,7 +118,7 @@ double improve(const VectorXd& t, const VectorXd& y, Model& m) {
   double squares = 0.0;
   const double middle = t.mean();
   std::size_t segment = 0;
-  // in blocks: the columns of a segment are few
+  // in blocks, as each segment has few columns
   constexpr Index kBlock = 512;
   for (Index begin = 0; begin < t.size();) {
     while (segment + 1 < m.starts.size() && static_cast<Index>(m.starts[segment + 1]) <= begin) {
@@ -152,7 +154,7 @@ double improve(const VectorXd& t, const VectorXd& y, Model& m) {
     squares += values.squaredNorm();
     begin = end;
   }
-  // the first pass has no amplitudes yet, so no slopes
+  // without amplitudes in the first pass, derivatives by frequency are zero
   const bool first_pass = m.coefficient.isZero(0.0);
   VectorXd scale = normal.diagonal().cwiseSqrt();
   if (first_pass) scale.segment(m.amplitudes(), K).setConstant(1.0);
@@ -169,7 +171,7 @@ double improve(const VectorXd& t, const VectorXd& y, Model& m) {
   for (Index k = 0; k < K && !first_pass; ++k) {
     const double step = std::clamp(solution[m.amplitudes() + k], -0.3 * width, 0.3 * width);
     m.frequency[static_cast<std::size_t>(k)] += step;
-    // frequencies turn about the middle: so do the phases
+    // phases change with frequencies about the middle of the recording
     for (std::size_t s = 0; s < m.starts.size(); ++s) {
       const Index at = 2 * K * static_cast<Index>(s) + 2 * k;
       const std::complex<double> turned =
@@ -194,7 +196,7 @@ void settle(const VectorXd& t, const VectorXd& y, Model& m) {
 
 // ---- steps
 
-// sums over samples of one segment, to fit its two parts for every place of a step
+// Cumulative normal equations of one segment, to fit its two parts for each position of a step.
 struct Prefix {
   Index columns;
   std::vector<double> sums;  // of the upper triangle, the moments and the squares
@@ -228,8 +230,8 @@ Prefix prefixOf(const VectorXd& t, const VectorXd& y, const std::vector<double>&
   return out;
 }
 
-// least squares of samples [from, to) of the prefix: what is left, and the coefficients
-double leftOf(const Prefix& p, std::size_t from, std::size_t to, VectorXd* coefficients) {
+// Least squares over samples [from, to) of the prefix; returns the residual sum of squares.
+double residualOf(const Prefix& p, std::size_t from, std::size_t to, VectorXd* coefficients) {
   const auto width = static_cast<std::size_t>(p.width());
   const double *low = &p.sums[from * width], *high = &p.sums[to * width];
   MatrixXd normal(p.columns, p.columns);
@@ -249,7 +251,7 @@ struct Split {
   double f = 0.0, sd = 0.0;
 };
 
-// the best place of a step in samples [first, end), if there is one
+// Best step within samples [first, end); f = 0 if there is none.
 Split splitOf(const VectorXd& t, const VectorXd& y, const std::vector<double>& frequency,
               std::size_t first, std::size_t end) {
   const Prefix prefix = prefixOf(t, y, frequency, first, end);
@@ -260,14 +262,14 @@ Split splitOf(const VectorXd& t, const VectorXd& y, const std::vector<double>& f
       std::max(kMinPeriods / slowest / spacing, 4.0 * static_cast<double>(prefix.columns)));
   Split out;
   if (n <= 2 * margin) return out;
-  const double whole = leftOf(prefix, 0, n, nullptr);
+  const double whole = residualOf(prefix, 0, n, nullptr);
   std::vector<double> left(n, std::numeric_limits<double>::infinity());
   const auto look = [&](std::size_t k) {
     if (std::isinf(left[k])) {
-      left[k] = leftOf(prefix, 0, k, nullptr) + leftOf(prefix, k, n, nullptr);
+      left[k] = residualOf(prefix, 0, k, nullptr) + residualOf(prefix, k, n, nullptr);
     }
   };
-  // a quarter of a period of the slowest apart, then each sample about the best
+  // every quarter of the slowest period, then each sample around the best
   const auto coarse = std::max<std::size_t>(1, static_cast<std::size_t>(0.25 / slowest / spacing));
   for (std::size_t k = margin; k <= n - margin; k += coarse) look(k);
   const auto best_of = [&] {
@@ -284,8 +286,8 @@ Split splitOf(const VectorXd& t, const VectorXd& y, const std::vector<double>& f
   const double variance = left[best] / dof;
   out.f = (whole - left[best]) / q / variance;
   VectorXd before, after;
-  leftOf(prefix, 0, best, &before);
-  leftOf(prefix, best, n, &after);
+  residualOf(prefix, 0, best, &before);
+  residualOf(prefix, best, n, &after);
   double change = 0.0, largest = 0.0;
   for (Index k = 0; k + 1 < prefix.columns; k += 2) {
     change = std::max(change, (after - before).segment<2>(k).norm());
@@ -295,7 +297,7 @@ Split splitOf(const VectorXd& t, const VectorXd& y, const std::vector<double>& f
     return out;
   }
   out.place = first + best;
-  // where the misfit has risen by one variance
+  // interval in which the residual increases by one variance
   std::size_t low = best, high = best;
   while (low > margin && left[low] < left[best] + variance) --low;
   while (high + margin < n && left[high] < left[best] + variance) ++high;
@@ -305,13 +307,13 @@ Split splitOf(const VectorXd& t, const VectorXd& y, const std::vector<double>& f
 
 void findSteps(const VectorXd& t, const VectorXd& y, const ToneOptions& options, Model& m,
                std::vector<ToneStep>& steps) {
-  // the strongest tones show a step; weak ones would only add columns
+  // steps are searched in the strongest tones only
   std::vector<double> strong(
       m.frequency.begin(), m.frequency.begin() + static_cast<std::ptrdiff_t>(
                                                      std::min<std::size_t>(m.frequency.size(), 4)));
   const std::function<void(std::size_t, std::size_t)> look = [&](std::size_t first,
                                                                  std::size_t end) {
-    if (steps.size() >= options.most_steps) return;
+    if (steps.size() >= options.max_steps) return;
     const Split split = splitOf(t, y, strong, first, end);
     if (split.place == 0) return;
     steps.push_back(
@@ -410,7 +412,7 @@ ToneAnalysis findTones(const std::vector<double>& t, const std::vector<double>& 
   const VectorXd time = Eigen::Map<const VectorXd>(t.data(), n);
   const double rate = static_cast<double>(n - 1) / (t.back() - t.front());
   Model model;
-  for (const double f : peaksOf(y, options.most, options.smallest)) {
+  for (const double f : peaksOf(y, options.max_tones, options.smallest)) {
     model.frequency.push_back(f * rate);
   }
   if (model.frequency.empty()) {

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Which boxes of the block the engine has to look at: it would try each of hundreds, by bounding
-// spheres that all contain the peg.
+// Preselection of the boxes of the block for the engine, whose own broad phase tests bounding
+// spheres, which all contain the peg.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,15 +20,15 @@ struct Cylinder {
   double radius, half_height;
 };
 
-/// False only where a plane lies between them: across the cylinder's axis, or along a face of the
-/// box, there for what of the cylinder is below the box's top.
+/// False only if a plane separates them: normal to the cylinder's axis, or parallel to a face of
+/// the box for the part of the cylinder below the box's top.
 inline bool mayTouch(const Box& box, const Cylinder& peg) {
   const Eigen::Vector3d between = peg.center - box.center;
   const Eigen::Vector3d along = box.R.transpose() * peg.axis;
   // across the axis
   const double s = -between.dot(peg.axis), reach = box.half.dot(along.cwiseAbs());
   if (std::abs(s) > peg.half_height + reach) return false;
-  // only this part of the cylinder is no higher than the box's top
+  // part of the cylinder below the box's top
   double top = peg.half_height;
   const double rise = peg.axis.z();
   if (rise > 0.1) {

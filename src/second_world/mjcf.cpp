@@ -13,10 +13,10 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Of the engine's search for a contact's depth and normal. 1e-10: normals at will where an edge is
-// less than a micrometre deep at the rim, neighbours against each other.
+// Tolerance of the engine's search for a contact's depth and normal. With 1e-10 normals are
+// arbitrary for penetrations of an edge below a micrometre at the rim.
 constexpr const char* kSearch = "mpr_tolerance='1e-8' mpr_iterations='100'";
-constexpr double kFarDepth = 0.2;  // of a hole without a bottom [m]
+constexpr double kFarDepth = 0.2;  // depth of a hole without a bottom [m]
 
 void box(std::ostringstream& out, const char* name, const Matrix3d& R, const Vector3d& p,
          const Vector3d& half) {
@@ -26,10 +26,10 @@ void box(std::ostringstream& out, const char* name, const Matrix3d& R, const Vec
       << "' size='" << half.x() << " " << half.y() << " " << half.z() << "'/>\n";
 }
 
-// A box by its face towards the axis: where the middle of that face's upper edge is, how far the
-// box goes from there, and how the face is turned about that edge, its lower end inwards.
+// A box by its face towards the axis: midpoint of that face's upper edge, extents from there, and
+// tilt of the face about that edge, its lower end inwards.
 struct Wall {
-  double angle, distance, z;  // of the edge's middle about the axis
+  double angle, distance, z;  // of the edge's midpoint, cylindrical
   double height, thickness, half_width;
   double lean;
 };
@@ -84,8 +84,7 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
       << " 0 0' solref='" << contact.contact_time << " 1' solimp='" << contact.impedance << " "
       << contact.impedance << " 1e-3'/><default class='block'/></default>\n"
       << "<worldbody><body name='block'>\n";
-  // the facets' middle radius is the bore's: their corners are as far outside as their middles
-  // inside
+  // mean radius of the facets is the bore's: corners are as far outside as midpoints are inside
   const double middle = 0.5 * (1.0 + std::cos(pi / b.facets));
   for (int i = 0; i < b.facets; ++i) {
     const double angle = 2 * pi * i / b.facets;
@@ -96,7 +95,7 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
          {angle, b.rim * middle - b.deep * slope, -b.deep, b.depth, b.reach - b.rim, b.rim * corner,
           lean});
     if (b.chamfer <= 0.0) continue;
-    const double inwards = b.chamfer + b.deep * slope;  // from the mouth down to the bore
+    const double inwards = b.chamfer + b.deep * slope;  // taper from the mouth to the bore
     wall(out, "chamfer" + number,
          {angle, b.mouth * middle, 0.0, std::hypot(inwards, b.deep), b.chamfer, b.mouth * corner,
           std::atan2(inwards, b.deep)});
@@ -104,7 +103,7 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
          {angle, b.mouth * middle, 0.0, b.uprightDepth(b.mouth), b.reach - b.mouth,
           b.mouth * corner, 0.0});
   }
-  // plates around it, wider than the peg can go, and the bottom
+  // plates around it, beyond the reach of the peg, and the bottom
   const double size = 4 * b.rim + 0.05;
   for (int i = 0; i < BoreLayout::kPlates; ++i) {
     const double angle = 2 * pi * i / BoreLayout::kPlates;

@@ -19,19 +19,22 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kPeg = 0, kTurn = 3, kCarrier = 6;      // in the engine's velocities
-constexpr int kPegQuaternion = 3, kCarrierPlace = 7;  // in its positions
-constexpr double kMinSine = 0.1;    // of the axis over the horizontal: angles are singular at 0
+constexpr int kPeg = 0, kTurn = 3, kCarrier = 6;         // indices in the engine's velocities
+constexpr int kPegQuaternion = 3, kCarrierPosition = 7;  // indices in its positions
+constexpr double kMinSine =
+    0.1;  // sine of the elevation of the peg's axis: angles are singular at 0
 constexpr double kSameTime = 1e-9;  // rounding of sums of steps [s]
-constexpr double kCreep = 1e-3;     // slower is stick: soft friction creeps [m/s]
-// The engine makes a contact with each facet that it finds: those of about one normal and place are
-// reported as one.
-constexpr double kSameNormal = 0.995, kSamePlace = 3e-3;  // [-], [m]
+constexpr double kCreep =
+    1e-3;  // slip speed below which a contact sticks, as soft friction creeps [m/s]
+// The engine has a contact with each facet; those with nearly the same normal and position are
+// merged.
+constexpr double kSameNormal = 0.995, kSamePosition = 3e-3;  // [-], [m]
 
 [[noreturn]] void onError(const char* message) {
   throw InputError(std::string("MuJoCo refuses: ") + message);
 }
-void onWarning(const char*) {}  // counted in mjData; the default writes a file where one stands
+void onWarning(const char*) {
+}  // counted in mjData; the default handler writes a file to the working directory
 
 Matrix6 dampingOf(const CouplingParameters& coupling) {
   CouplingParameters damping;
@@ -41,7 +44,7 @@ Matrix6 dampingOf(const CouplingParameters& coupling) {
 
 }  // namespace
 
-struct SecondWorld::Engine {
+struct MujocoSimulation::Engine {
   explicit Engine(const std::string& text);
   ~Engine() {
     mj_deleteData(d);
@@ -57,7 +60,7 @@ struct SecondWorld::Engine {
   }
   Vector3d positions(int first) const { return Vector3d::Map(d->qpos + first); }
   Vector3d rates(int first) const { return Vector3d::Map(d->qvel + first); }
-  // the peg's angular velocity in `hole`
+  // angular velocity of the peg, axes of `hole`
   Vector3d turn() const { return R() * rates(kTurn); }
 
   mjModel* m = nullptr;
@@ -68,8 +71,8 @@ struct SecondWorld::Engine {
   Matrix6 stiffness, damping;
 };
 
-SecondWorld::Engine::Engine(const std::string& text) {
-  // the engine's reader keeps the last model for itself
+MujocoSimulation::Engine::Engine(const std::string& text) {
+  // the engine's parser has global state
   static std::mutex mutex;
   const std::lock_guard<std::mutex> lock(mutex);
   mju_user_error = onError;
@@ -95,45 +98,45 @@ SecondWorld::Engine::Engine(const std::string& text) {
   }
 }
 
-/// The coupling now: both ends, and what it does to the peg.
-struct SecondWorld::Coupling {
+/// Present state of the coupling: both ends, and its load on the peg.
+struct MujocoSimulation::Coupling {
   Pose carrier;        ///< X_H,carrier
-  Vector3d end;        ///< of the peg, from the carrier's origin [m]
+  Vector3d end;        ///< the peg's coupling point from the carrier's origin [m]
   Vector3d force;      ///< on the peg there, axes of `hole` [N]
   Vector3d moment;     ///< [N·m]
   Vector6 deflection;  ///< carrier's axes
 };
 
-SecondWorld::SecondWorld(const Scenario& scenario, const SoftContact& contact)
+MujocoSimulation::MujocoSimulation(const Scenario& scenario, const SoftContact& contact)
     : scenario_(scenario),
       contact_(contact),
       commands_(scenario),
       engine_(std::make_unique<Engine>(mjcf(scenario, contact))) {
   engine_->stiffness = couplingStiffness(scenario.mechanism.coupling);
   engine_->damping = dampingOf(scenario.mechanism.coupling);
-  const State start = Simulation(scenario).state();  // where a run begins
+  const State start = Simulation(scenario).state();  // initial state
   const Kinematics k = kinematics(start);
   const Eigen::Quaterniond q(rotationFromEuler({start.q(3), start.q(4), start.q(5)}));
   mjData* d = engine_->d;
   Vector3d::Map(d->qpos) = fromThesisAxes(k.x);
   Eigen::Vector4d::Map(d->qpos + kPegQuaternion) << q.w(), q.x(), q.y(), q.z();
-  Vector3d::Map(d->qpos + kCarrierPlace) = start.q.tail<3>();
+  Vector3d::Map(d->qpos + kCarrierPosition) = start.q.tail<3>();
   Vector3d::Map(d->qvel + kPeg) = fromThesisAxes(k.v);
   Vector3d::Map(d->qvel + kTurn) = q.conjugate() * fromThesisAxes(k.omega);
   Vector3d::Map(d->qvel + kCarrier) = start.v.tail<3>();
   evaluate();
 }
 
-SecondWorld::~SecondWorld() = default;
+MujocoSimulation::~MujocoSimulation() = default;
 
-SecondWorld::Coupling SecondWorld::coupling() const {
+MujocoSimulation::Coupling MujocoSimulation::coupling() const {
   const Engine& e = *engine_;
   const RestMotion rest = restNow();
   const Vector6 at = rest.position, rate = rest.rate;
   const Vector3d going = e.rates(kCarrier);
   Coupling c;
   c.carrier = carrierPose();
-  // phi about y, theta about the turned x, yaw about the carrier's own axis
+  // phi about y, theta about the rotated x, yaw about the carrier's axis
   const Matrix3d by_phi = rotationFromEuler({at(5), M_PI / 2, 0.0});
   const Vector3d turn =
       rate(5) * Vector3d::UnitY() + rate(4) * by_phi.col(0) + going.z() * c.carrier.R.col(2);
@@ -151,14 +154,14 @@ SecondWorld::Coupling SecondWorld::coupling() const {
   return c;
 }
 
-// Accelerations, contacts and their forces at the present state under the forces of now.
-void SecondWorld::evaluate() {
+// Accelerations, contacts and their forces at the present state.
+void MujocoSimulation::evaluate() {
   Engine& e = *engine_;
   const Mechanism& mechanism = scenario_.mechanism;
   const Coupling c = coupling();
   const Matrix3d R = e.R();
   const Eigen::Vector2d drive = exciterForce(commands_.drive, time());
-  // thesis peg axes: x is the second, y against the first
+  // thesis peg axes: x is the second, y opposite to the first
   const Vector3d push = R * (scenario_.push + Vector3d(drive.y(), -drive.x(), 0.0));
   const Vector3d axis = R.col(2);
   mjtNum* on_peg = e.d->xfrc_applied + 6 * e.m->geom_bodyid[e.peg_geom];
@@ -167,7 +170,7 @@ void SecondWorld::evaluate() {
                               mechanism.peg.exciter_height * axis.cross(push);
   const RestMotion rest = restNow();
   const Vector6 &at = rest.position, &rate = rest.rate;
-  const Vector3d off = e.positions(kCarrierPlace) - Vector3d(at(0), at(1), at(3));
+  const Vector3d off = e.positions(kCarrierPosition) - Vector3d(at(0), at(1), at(3));
   const Vector3d slip = e.rates(kCarrier) - Vector3d(rate(0), rate(1), rate(3));
   const Vector3d about = c.moment + c.end.cross(c.force);
   Vector3d::Map(e.d->qfrc_applied + kCarrier) =
@@ -183,23 +186,24 @@ void SecondWorld::evaluate() {
   stale_ = false;
 }
 
-// What is commanded and how the carrier gives way.
-RestMotion SecondWorld::restNow() const {
+// Commanded motion plus the deflection of the carrier.
+RestMotion MujocoSimulation::restNow() const {
   RestMotion rest = commands_.restAt(time());
-  rest.position.head<3>() += give_;
-  rest.rate.head<3>() += give_rate_;
+  rest.position.head<3>() += deflection_;
+  rest.rate.head<3>() += deflection_rate_;
   return rest;
 }
 
-// Over the step that follows, by the force of now.
-void SecondWorld::updateDeflection(double h) {
-  const Vector3d way = -scenario_.imperfections.compliance.cwiseProduct(coupling().force) - give_;
+// Deflection after the next step of length h [s], from the present force.
+void MujocoSimulation::updateDeflection(double h) {
+  const Vector3d way =
+      -scenario_.imperfections.compliance.cwiseProduct(coupling().force) - deflection_;
   const Vector3d step = -std::expm1(-h / kComplianceLag) * way;
-  give_rate_ = step / h;
-  give_ += step;
+  deflection_rate_ = step / h;
+  deflection_ += step;
 }
 
-void SecondWorld::step(double h) {
+void MujocoSimulation::step(double h) {
   Engine& e = *engine_;
   if (stale_) evaluate();
   if (isCompliant(scenario_)) updateDeflection(h);
@@ -222,52 +226,52 @@ void SecondWorld::step(double h) {
   }
 }
 
-StopReason SecondWorld::advance(double t_end, std::int64_t attempts) {
+StopReason MujocoSimulation::advance(double t_end, std::int64_t attempts) {
   while (stop_ == StopReason::kOk && attempts-- > 0 && time() < t_end - kSameTime) {
-    // as many equal steps as are needed
+    // equal steps of at most time_step
     const double left = t_end - time();
     step(left / std::ceil(left / contact_.time_step - 1e-6));
   }
   return stop_;
 }
 
-double SecondWorld::time() const { return engine_->d->time; }
+double MujocoSimulation::time() const { return engine_->d->time; }
 
-void SecondWorld::setRestTarget(const RestPose& target, double max_speed) {
+void MujocoSimulation::setRestTarget(const RestPose& target, double max_speed) {
   assembly_cell::setRestTarget(commands_, scenario_.mechanism, time(), target, max_speed);
   stale_ = true;
 }
 
-void SecondWorld::followRest(const RestMotion& goal, double t_goal) {
+void MujocoSimulation::followRest(const RestMotion& goal, double t_goal) {
   assembly_cell::followRest(commands_, time(), goal, t_goal);
   stale_ = true;
 }
 
-void SecondWorld::stopRest() {
+void MujocoSimulation::stopRest() {
   assembly_cell::stopRest(commands_, scenario_.mechanism, time());
   stale_ = true;
 }
 
-Vector6 SecondWorld::stoppingDisplacement() const {
+Vector6 MujocoSimulation::stoppingDisplacement() const {
   return assembly_cell::stoppingDisplacement(commands_, scenario_.mechanism, time());
 }
 
-RestPose SecondWorld::rest() const { return restPose(restNow().position); }
+RestPose MujocoSimulation::rest() const { return restPose(restNow().position); }
 
-void SecondWorld::setRestShift(const Vector6& shift) {
+void MujocoSimulation::setRestShift(const Vector6& shift) {
   assembly_cell::setRestShift(commands_, scenario_.mechanism, time(), shift);
   stale_ = true;
 }
 
-Vector6 SecondWorld::restShift() const {
+Vector6 MujocoSimulation::restShift() const {
   Vector6 shift = commands_.shift ? restMotion(*commands_.shift, time()).position : Vector6::Zero();
-  shift.head<3>() += give_;
+  shift.head<3>() += deflection_;
   return shift;
 }
 
-bool SecondWorld::atRest() const { return commands_.settledAt(time()); }
+bool MujocoSimulation::atRest() const { return commands_.settledAt(time()); }
 
-void SecondWorld::setExciter(const ExciterParameters& exciter, double t_ref) {
+void MujocoSimulation::setExciter(const ExciterParameters& exciter, double t_ref) {
   commands_.drive.exciter = exciter;
   commands_.drive.t_ref = t_ref;
   stale_ = true;
@@ -278,7 +282,7 @@ namespace {
 struct EngineContact {
   Vector3d point, normal, force, tangential;  // normal and force on the peg
   double gap;
-  bool chamfer;  // with a box of the chamfer
+  bool chamfer;  // of a box of the chamfer
 };
 
 EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) {
@@ -286,8 +290,8 @@ EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) 
   mjtNum local[6];
   mj_contactForce(m, d, i, local);
   using Rows = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  const Matrix3d frame = Rows::Map(c.frame).transpose();  // columns: normal, two along
-  const double sign = c.geom2 == peg_geom ? 1.0 : -1.0;   // the normal points to the second
+  const Matrix3d frame = Rows::Map(c.frame).transpose();  // columns: normal, two tangents
+  const double sign = c.geom2 == peg_geom ? 1.0 : -1.0;   // the normal points to the second body
   EngineContact out;
   out.point = Vector3d::Map(c.pos);
   out.normal = sign * frame.col(0);
@@ -295,7 +299,7 @@ EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) 
   out.gap = c.dist;
   const char* of_block = mj_id2name(m, mjOBJ_GEOM, sign > 0.0 ? c.geom1 : c.geom2);
   out.chamfer = of_block != nullptr && std::string(of_block).rfind("chamfer", 0) == 0;
-  // of the peg's point, along the contact
+  // tangential velocity of the peg's point
   const Vector3d lever = out.point - Vector3d::Map(d->qpos);
   const Eigen::Quaterniond q(d->qpos[3], d->qpos[4], d->qpos[5], d->qpos[6]);
   const Vector3d v =
@@ -304,9 +308,11 @@ EngineContact contactOf(const mjModel* m, const mjData* d, int i, int peg_geom) 
   return out;
 }
 
-// what touches what: of the peg's bottom edge or of the bore's rim
+// Feature of a contact; above_bottom: height of its point above the peg's bottom edge [m].
 ContactFeature featureOf(const EngineContact& c, double above_bottom) {
-  constexpr double kAtEdge = 2e-4, kAcross = 0.1;  // of the normal's part along z: of a wall
+  constexpr double kAtEdge = 2e-4,
+                   kAcross =
+                       0.1;  // distance from an edge [m]; vertical component of a wall's normal
   if (c.chamfer && c.normal.z() > kAcross && above_bottom < kAtEdge) {
     return ContactFeature::kEdgeCone;
   }
@@ -322,7 +328,7 @@ ContactFeature featureOf(const EngineContact& c, double above_bottom) {
 
 }  // namespace
 
-std::array<ContactReport, kSlots> SecondWorld::contacts() const {
+std::array<ContactReport, kSlots> MujocoSimulation::contacts() const {
   const Engine& e = *engine_;
   struct Merged {
     EngineContact c;
@@ -334,7 +340,7 @@ std::array<ContactReport, kSlots> SecondWorld::contacts() const {
     const double weight = c.force.norm();
     const auto same = std::find_if(merged.begin(), merged.end(), [&](const Merged& other) {
       return other.c.normal.dot(c.normal) > kSameNormal &&
-             (other.c.point - c.point).norm() < kSamePlace;
+             (other.c.point - c.point).norm() < kSamePosition;
     });
     if (same == merged.end()) {
       merged.push_back({c, weight});
@@ -368,9 +374,9 @@ std::array<ContactReport, kSlots> SecondWorld::contacts() const {
   return report;
 }
 
-int SecondWorld::contactCount() const { return engine_->d->ncon; }
+int MujocoSimulation::contactCount() const { return engine_->d->ncon; }
 
-Vector6 SecondWorld::couplingWrench() const {
+Vector6 MujocoSimulation::couplingWrench() const {
   const Coupling c = coupling();
   const Matrix3d R_CH = c.carrier.R.transpose();
   Vector6 w;
@@ -378,7 +384,7 @@ Vector6 SecondWorld::couplingWrench() const {
   return w;
 }
 
-Vector6 SecondWorld::holeWrench() const {
+Vector6 MujocoSimulation::holeWrench() const {
   const Engine& e = *engine_;
   Vector6 w = Vector6::Zero();
   for (int i = 0; i < e.d->ncon; ++i) {
@@ -389,7 +395,7 @@ Vector6 SecondWorld::holeWrench() const {
   return w;
 }
 
-Eigen::Vector2d SecondWorld::specificForce(double height) const {
+Eigen::Vector2d MujocoSimulation::specificForce(double height) const {
   const Engine& e = *engine_;
   const Matrix3d R = e.R();
   const Vector3d arm = height * R.col(2), turn = e.turn();
@@ -400,34 +406,34 @@ Eigen::Vector2d SecondWorld::specificForce(double height) const {
   return {R.col(0).dot(felt), R.col(1).dot(felt)};
 }
 
-Pose SecondWorld::pegPose() const {
+Pose MujocoSimulation::pegPose() const {
   const Matrix3d R = engine_->R();
   return {R, engine_->positions(kPeg) - scenario_.mechanism.peg.half_height * R.col(2)};
 }
 
-Pose SecondWorld::carrierPose() const { return poseFromRest(carrier()); }
+Pose MujocoSimulation::carrierPose() const { return poseFromRest(carrier()); }
 
-RestPose SecondWorld::carrier() const {
+RestPose MujocoSimulation::carrier() const {
   RestPose pose = rest();
-  const Vector3d place = engine_->positions(kCarrierPlace);
+  const Vector3d place = engine_->positions(kCarrierPosition);
   pose.x = place.x();
   pose.y = place.y();
   pose.yaw = place.z();
   return pose;
 }
 
-double SecondWorld::kineticEnergy() const {
+double MujocoSimulation::kineticEnergy() const {
   const mjData* d = engine_->d;
   std::vector<mjtNum> momentum(static_cast<std::size_t>(engine_->m->nv));
   mj_mulM(engine_->m, d, momentum.data(), d->qvel);
   return 0.5 * mju_dot(momentum.data(), d->qvel, engine_->m->nv);
 }
 
-double SecondWorld::energy() const {
+double MujocoSimulation::energy() const {
   const Coupling c = coupling();
   const Mechanism& mechanism = scenario_.mechanism;
   const Vector6 rest = restNow().position;
-  const Vector3d off = engine_->positions(kCarrierPlace) - Vector3d(rest(0), rest(1), rest(3));
+  const Vector3d off = engine_->positions(kCarrierPosition) - Vector3d(rest(0), rest(1), rest(3));
   return kineticEnergy() + 0.5 * c.deflection.dot(engine_->stiffness * c.deflection) +
          0.5 * mechanism.carrier.stiffness.dot(off.cwiseProduct(off)) +
          mechanism.peg.mass * mechanism.gravity * engine_->positions(kPeg).z();

@@ -76,8 +76,8 @@ int run(const std::vector<std::string>& arguments) {
   parser.file("recording", path);
   parser.texts("--channel", channels);
   parser.text("--exciter", exciter);
-  parser.integer("--tones", options.most, 1, 40);
-  parser.integer("--steps", options.most_steps, 0, 20);
+  parser.integer("--tones", options.max_tones, 1, 40);
+  parser.integer("--steps", options.max_steps, 0, 20);
   parser.number("--smallest", options.smallest, 0.0, 1.0);
   if (!parser.parse(arguments)) return 0;
   // the exciter first: the others' tones are found with it

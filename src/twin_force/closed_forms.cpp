@@ -13,21 +13,23 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Of the denominators, relative: an error of the forces grows tenfold there. Twice of it refuses 23
-// of 500 random sets of contacts more.
+// Minimum of the relative denominators, where errors of the forces are amplified tenfold. Twice
+// refuses 23 more of 500 random sets of contacts.
 constexpr double kThesisLimit = 0.1;
 // The others were chosen for the geometries of docs/theory/twin_force.md; at half and twice the
-// tests of test/twin_force still reach the bound in each, but for what is said.
-constexpr double kThesisNoise = 3.0;  // sd: vectors below it have no direction
-// Second singular value of the forces: lines within 3° count as parallel. At twice couple pairs
-// bring the noise of moments to lines that forces tell apart: the likelihood misses the bound.
+// tests of test/twin_force reach the bound in each, unless stated otherwise.
+constexpr double kThesisNoise =
+    3.0;  // sd: length of a vector below which its direction is undefined
+// Relative second singular value of the forces below which lines count as parallel (3°). At twice,
+// couple pairs add the noise of moments to lines that forces resolve: the likelihood misses the
+// bound.
 constexpr double kCouplePairs = 0.05;
-constexpr double kUnknownArm = 0.2;       // T before it is known: arms of 30 to 140 mm [m]
-constexpr double kTurnInformation = 9.0;  // an sd of 1/3 rad: less information is noise [1/rad²]
-constexpr double kShiftNoise = 9.0;       // times what noise alone gives: 3 sd
-constexpr double kRounding = 1e-13;       // of eigenvalues: 500 times the last bit
+constexpr double kUnknownArm = 0.2;       // typical T before its estimate, arms of 30 to 140 mm [m]
+constexpr double kTurnInformation = 9.0;  // minimum information, an sd of 1/3 rad [1/rad²]
+constexpr double kShiftNoise = 9.0;       // over the expected value of noise: 3 sd
+constexpr double kRounding = 1e-13;       // of eigenvalues, 500 times the machine epsilon
 
-// free vectors u = R v of two nearly parallel forces, Σ c F ≈ 0
+// Free vectors u = R v of two nearly parallel forces, Σ c F ≈ 0.
 struct CouplePair {
   int i, k;
   double c_i, c_k;
@@ -36,7 +38,7 @@ struct CouplePair {
   double weight;
 };
 
-// term with the largest force along the axis: partner of all others
+// Term with the largest force along the axis: partner of all others.
 int partner(const std::vector<Term>& terms, const std::vector<int>& used, const Vector3d& axis) {
   return *std::max_element(used.begin(), used.end(), [&](int i, int k) {
     return std::abs(terms[static_cast<std::size_t>(i)].F_A.dot(axis)) <
@@ -56,7 +58,7 @@ CouplePair couplePair(const std::vector<Term>& terms, int i, int k, const Vector
   const auto mix = [&pair](double x, double y) {
     return pair.c_i * pair.c_i * x + pair.c_k * pair.c_k * y;
   };
-  // forces that aren't quite parallel leave a force, beyond its noise, with an unknown lever
+  // forces that are not exactly parallel leave a resultant, beyond its noise, with an unknown lever
   const double left = (pair.c_i * a.F_A + pair.c_k * b.F_A).squaredNorm();
   pair.lever =
       kUnknownArm * kUnknownArm * std::max(0.0, left - 3.0 * mix(a.var_force, b.var_force));
@@ -64,7 +66,7 @@ CouplePair couplePair(const std::vector<Term>& terms, int i, int k, const Vector
   return pair;
 }
 
-// [v]ᵀ[v] = v·v I − v vᵀ
+// [v]ᵀ[v] = v·v I − v vᵀ.
 Matrix3d squaredCross(const Vector3d& v) {
   Matrix3d out = -v * v.transpose();
   out.diagonal().array() += v.squaredNorm();
@@ -88,7 +90,7 @@ RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int
   s.mean_axis = forces.eigenvectors().col(2);
   s.parallelism = std::sqrt(std::max(0.0, forces.eigenvalues()[1]) / forces.eigenvalues()[2]);
 
-  // couples settle the turn about parallel lines
+  // couples determine the rotation about parallel lines
   s.couple_pairs = s.parallelism < kCouplePairs;
   if (s.couple_pairs) {
     const int k = partner(terms, used, s.mean_axis);
@@ -104,7 +106,7 @@ RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int
   const double sign = U.determinant() * V.determinant() < 0.0 ? -1.0 : 1.0;
   Matrix3d R = U * Vector3d(1.0, 1.0, sign).asDiagonal() * V.transpose();
 
-  // turn about the axis of the first singular value: information s2 + s3
+  // rotation about the axis of the first singular value: information s2 + s3
   const Vector3d axis = U.col(0);
   const double turn_information = svd.singularValues()[1] + sign * svd.singularValues()[2];
   s.turn_known = turn_information > kTurnInformation;
@@ -164,7 +166,7 @@ Matrix6 robustCovariance(const std::vector<Term>& terms, const std::vector<int>&
   const Pose& X = s.pose;
   const Matrix3d cross_T = skew(X.p);
   const int k = s.couple_pairs ? partner(terms, used, s.mean_axis) : -1;
-  // how the translation answers a turn: −N⁺ Σ w [f]ᵀ (−[m] + ½[T][f])
+  // derivative of the translation by the rotation: −N⁺ Σ w [f]ᵀ (−[m] + ½[T][f])
   Matrix3d turn_to_shift = Matrix3d::Zero();
   Matrix3d partner_gain = Matrix3d::Zero(), lever = Matrix3d::Zero();
   for (const int i : used) {

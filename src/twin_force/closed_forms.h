@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Robust form on prepared contacts.
+// Closed-form estimates of the pose from terms: robust form, thesis form.
 #pragma once
 
 #include <vector>
@@ -10,21 +10,23 @@
 namespace assembly_cell {
 namespace twin_force {
 
-/// Rotation from the forces' SVD, with couple pairs where lines are parallel, then the translation.
-/// What the contacts can't tell stays at the start; the dropped directions are columns.
+/// Rotation from the SVD of the forces, with couple pairs for parallel lines, then the translation.
+/// Unobservable directions keep their initial values; dropped directions are columns.
 struct RobustSolution {
   Pose pose;
-  Eigen::Matrix3d dropped = Eigen::Matrix3d::Zero();  ///< unit directions of T that stayed
+  Eigen::Matrix3d dropped =
+      Eigen::Matrix3d::Zero();  ///< unit directions of T with their initial values
   int dropped_count = 0;
-  bool turn_known = true;         ///< false: the turn about the common line stayed
-  bool couple_pairs = false;      ///< forces were parallel within kCouplePairs
-  Eigen::Vector3d mean_axis;      ///< of the forces on A, unit
-  double parallelism = 0.0;       ///< second over first singular value of the forces on A
-  Eigen::Matrix3d turn_inverse;   ///< of the rotation's normal matrix, known directions only
-  Eigen::Matrix3d shift_inverse;  ///< of the translation's
+  bool turn_known = true;     ///< false: initial rotation about the common line
+  bool couple_pairs = false;  ///< forces were parallel within kCouplePairs
+  Eigen::Vector3d mean_axis;  ///< of the forces on A, unit
+  double parallelism = 0.0;   ///< second over first singular value of the forces on A
+  Eigen::Matrix3d
+      turn_inverse;  ///< inverse of the rotation's normal matrix, observable directions only
+  Eigen::Matrix3d shift_inverse;  ///< the same of the translation
 };
 
-/// `used` lists the terms.
+/// used: indices of the terms.
 RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int>& used,
                            const Pose& start);
 
@@ -32,7 +34,7 @@ RobustSolution solveRobust(const std::vector<Term>& terms, const std::vector<int
 void solveTranslation(const std::vector<Term>& terms, const std::vector<int>& used,
                       const Eigen::Vector3d& start, RobustSolution& out);
 
-/// First-order covariance of the robust pose, over the known directions.
+/// First-order covariance of the robust pose, over the observable directions.
 Matrix6 robustCovariance(const std::vector<Term>& terms, const std::vector<int>& used,
                          const RobustSolution& solution);
 

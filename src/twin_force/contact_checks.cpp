@@ -14,13 +14,13 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using twin_force::Term;
 
-// A verdict is certain beyond doubt or there is none: half or twice (kSlant: at most 1)
-// changes when it comes, not what.
-constexpr double kCertain = 20.0;      // sd of force: its direction is known to 3°
+// A verdict is given only if it is certain: half or twice (kSlant: at most 1) changes when, not
+// which.
+constexpr double kCertain = 20.0;      // sd of force: its direction is accurate to 3°
 constexpr double kSlant = 0.70710678;  // cos 45°, halfway between right and no verdict at 90°
 constexpr double kDeterminant = 3.0;   // sd
-// Cosine of the pair: a nominal orientation within 90° decides by the side, less 3°, as far as the
-// direction of either force is known.
+// Minimum cosine of the pair: with a nominal orientation within 90° its sign decides, less 3°, the
+// accuracy of the directions of the forces.
 constexpr double kSide = 0.05;
 
 SignVerdict verdict(const Vector3d& force, double variance, const Vector3d& expected) {
@@ -37,7 +37,7 @@ double determinant(const Vector3d& a, const Vector3d& b, const Vector3d& c) {
   return a.dot(b.cross(c));
 }
 
-// variance of a determinant for isotropic errors of its columns
+// Variance of a determinant for isotropic errors of its columns.
 double determinantVariance(const Vector3d& a, const Vector3d& b, const Vector3d& c, double va,
                            double vb, double vc) {
   return va * b.cross(c).squaredNorm() + vb * c.cross(a).squaredNorm() +
@@ -54,7 +54,7 @@ SignCheck checkSigns(const TwinContact& contact, const Matrix3d& R_AB, const Vec
   SignCheck out;
   out.b = verdict(F_b, var_b, force_on_b);
   out.a = verdict(F_A, var_a, -(R_Ab * force_on_b));
-  // the nominal orientation may be off by up to 90°: only the side counts
+  // the nominal orientation may be off by up to 90°: only the sign of the cosine is used
   const Vector3d back = -(R_Ab * F_b);
   if (F_A.squaredNorm() > kCertain * kCertain * var_a &&
       F_b.squaredNorm() > kCertain * kCertain * var_b) {
@@ -67,7 +67,7 @@ SignCheck checkSigns(const TwinContact& contact, const Matrix3d& R_AB, const Vec
 }
 
 SignVerdict checkSigns(const std::vector<TwinContact>& contacts) {
-  // the triple with the clearest determinant on both sides
+  // the triple with the most significant determinant on both sides
   double best = kDeterminant * kDeterminant;
   SignVerdict out = SignVerdict::kUndecided;
   const std::size_t n = contacts.size();

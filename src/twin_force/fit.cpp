@@ -15,20 +15,22 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// At half and twice of each the tests of test/twin_force pass as they are: the bound is reached in
+// At half and twice of each the tests of test/twin_force pass unchanged: the bound is reached in
 // the geometries of docs/theory/twin_force.md.
-constexpr double kNearParallel = 0.35;  // second singular value of the forces, lines within 20°:
-                                        // from there on one start may end at another turn
-constexpr double kLongestTurn = 0.5;  // of one step: a Gauss–Helmert step is linear so far [rad]
-constexpr double kSmallTurn = 0.1;    // of the robust form's correction: one step is exact [rad]
-constexpr double kConverged = 1e-12;  // step over the arm, and turn: rounding [rad]
+constexpr double kNearParallel = 0.35;  // relative second singular value of the forces, lines
+                                        // within 20°: one start may end at a wrong rotation
+constexpr double kLongestTurn =
+    0.5;  // of one step: range of linearity of a Gauss–Helmert step [rad]
+constexpr double kSmallTurn =
+    0.1;  // correction of the robust form for which one step is exact [rad]
+constexpr double kConverged = 1e-12;  // step over the arm, and rotation: rounding [rad]
 constexpr double kDecrement = 1e-18;  // δᵀIδ: a step of 1e-9 sd
 
 const Term& termOf(const Problem& problem, int i) {
   return (*problem.terms)[static_cast<std::size_t>(i)];
 }
 
-// The unknowns besides the pose, and their way along a step of the pose.
+// The unknowns besides the pose, and their step for a step of the pose.
 struct Others {
   TareState* tare;
   ErrorState* errors;
@@ -63,7 +65,7 @@ struct Others {
   }
 };
 
-// Normal equations at a pose; with errors or a tare offset, of the pose alone.
+// Normal equations at a pose; errors and tare offset are eliminated.
 void assemble(const Problem& problem, const std::vector<int>& used, const Pose& X, Normal& normal) {
   normal = Normal();
   TareState* tare = problem.tare;
@@ -93,14 +95,14 @@ void assemble(const Problem& problem, const std::vector<int>& used, const Pose& 
   if (problem.prior != nullptr) add(problem.prior->pose, problem.prior_weight, X, normal);
 }
 
-// The whole matrix from the lower half; whether there is a result.
+// Symmetrises the information from its lower half; sets `solved`.
 void finish(Fit& fit) {
   fit.normal.information = Matrix6(fit.normal.information.selfadjointView<Eigen::Lower>());
   fit.solved = std::isfinite(fit.normal.chi2) && fit.pose.p.allFinite();
 }
 
-// Gauss–Helmert from a start, steps halved while the likelihood falls.
-Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& start) {
+// Gauss–Helmert iteration from a start, with step halving while the likelihood decreases.
+Fit maximize(const Problem& problem, const std::vector<int>& used, const Pose& start) {
   const TwinForceOptions& options = problem.options;
   const double arm = options.required_position / options.required_rotation;
   Others others(problem);
@@ -125,7 +127,7 @@ Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& star
       fit.pose.R = fit.q.toRotationMatrix();
       fit.pose.p = from.p + part * step.head<3>();
       others.go(part);
-      // the last step moves nothing that matters
+      // converged
       if (small) break;
       assemble(problem, used, fit.pose, fit.normal);
       if (fit.normal.chi2 <= before + 1e-9 * (1.0 + before)) break;
@@ -138,7 +140,7 @@ Fit climb(const Problem& problem, const std::vector<int>& used, const Pose& star
 }
 
 // Eigenvalues of Λ, degrees of freedom and the χ² test.
-void judge(const Problem& problem, std::size_t contacts, Fit& fit) {
+void evaluateFit(const Problem& problem, std::size_t contacts, Fit& fit) {
   const Vector6& scale = problem.scale;
   const Matrix6 scaled = scale.asDiagonal() * fit.normal.information * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
@@ -154,8 +156,8 @@ void judge(const Problem& problem, std::size_t contacts, Fit& fit) {
 
 Fit fitLikelihood(const Problem& problem, const std::vector<int>& used) {
   RobustSolution robust = solveRobust(*problem.terms, used, problem.start);
-  Fit best = climb(problem, used, robust.pose);
-  // near parallel lines: other turns about the mean line, and the prior
+  Fit best = maximize(problem, used, robust.pose);
+  // nearly parallel lines: further starts by rotation about the mean line, and the prior
   if (robust.parallelism < kNearParallel) {
     const Matrix3d R = robust.pose.R;
     const int starts = problem.prior ? 4 : 3;
@@ -166,9 +168,9 @@ Fit fitLikelihood(const Problem& problem, const std::vector<int>& used) {
         robust.pose.R = Eigen::AngleAxisd(k * 0.5 * M_PI, robust.mean_axis) * R;
         solveTranslation(*problem.terms, used, problem.start.p, robust);
       }
-      Fit other = climb(problem, used, robust.pose);
+      Fit other = maximize(problem, used, robust.pose);
       other.iterations += best.iterations;
-      // equal within rounding: the first start stands
+      // equal within rounding: the first start is kept
       if (other.solved &&
           (!best.solved || other.normal.chi2 < best.normal.chi2 * (1.0 - 1e-9) - 1e-9)) {
         best = other;
@@ -177,11 +179,11 @@ Fit fitLikelihood(const Problem& problem, const std::vector<int>& used) {
       }
     }
   }
-  judge(problem, used.size(), best);
+  evaluateFit(problem, used.size(), best);
   return best;
 }
 
-// χ² of a pose from another method: the likelihood's value one step further. Returns the step.
+// χ² of a pose from another method, by the likelihood after one step. Returns the step.
 Vector6 fitAround(const Problem& problem, const std::vector<int>& used, const Pose& pose,
                   Fit& fit) {
   fit.pose = pose;
@@ -190,7 +192,7 @@ Vector6 fitAround(const Problem& problem, const std::vector<int>& used, const Po
   const Vector6 step = solveObservable(fit.normal, problem.scale);
   fit.normal.chi2 = std::max(0.0, fit.normal.chi2 + fit.normal.gradient.dot(step));
   finish(fit);
-  judge(problem, used.size(), fit);
+  evaluateFit(problem, used.size(), fit);
   return step;
 }
 
@@ -229,7 +231,7 @@ Fit fitSubset(const Problem& problem, const std::vector<int>& used) {
   const RobustSolution robust = solveRobust(*problem.terms, used, problem.start);
   Fit fit;
   const Vector6 step = fitAround(problem, used, robust.pose, fit);
-  // one likelihood step makes a closed form efficient, where nothing is near singular
+  // one likelihood step makes a closed form efficient, unless it is nearly singular
   if (!robust.couple_pairs && robust.dropped_count == 0 && robust.turn_known &&
       step.tail<3>().norm() < kSmallTurn) {
     fit.q = (turn(step.tail<3>()) * Eigen::Quaterniond(fit.pose.R)).normalized();

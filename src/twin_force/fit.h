@@ -10,19 +10,19 @@
 namespace assembly_cell {
 namespace twin_force {
 
-/// What the fits of one estimate share. Prior, tare and errors, which include the tare, are of the
-/// likelihood: null without, and for the other methods.
+/// Input shared by the fits of one estimate. Prior, tare and errors (which include the tare) are
+/// used by the likelihood: null if not given, and for the other methods.
 struct Problem {
   const std::vector<Term>* terms;
   const TwinForceOptions& options;
   const PosePrior* prior;
   TareState* tare;
   ErrorState* errors;
-  Pose start;            ///< the prior's pose; where directions stay that the contacts can't tell
+  Pose start;            ///< the prior's pose; initial value of unobservable directions
   Vector6 scale;         ///< diagonal of S
   Matrix6 prior_weight;  ///< P₀⁻¹
 };
-/// tare and errors are memory. `contacts` are those of the terms.
+/// tare and errors: memory. contacts: those of the terms.
 Problem makeProblem(const std::vector<Term>& terms, const std::vector<TwinContact>& contacts,
                     const TwinForceOptions& options, TareState& tare, ErrorState& errors);
 
@@ -41,14 +41,15 @@ struct Fit {
   double p = 0.0;
 };
 
-/// By the options' method from the terms that `used` lists.
+/// Fit by the options' method. used: indices of the terms.
 Fit fitSubset(const Problem& problem, const std::vector<int>& used);
 
-/// The thesis form from the pair with the smallest covariance, which it gives too. False where all
+/// Thesis form from the pair with the smallest covariance, which is returned too. False if all
 /// pairs are singular.
 bool fitThesis(const Problem& problem, const std::vector<int>& used, Fit& fit, Matrix6& covariance);
 
-/// The removal of one that leaves the best fit; `out` is its position in used, `trial` memory.
+/// Fit after the removal of the contact that leaves the best fit; out: its position in used; trial:
+/// memory.
 Fit bestRemoval(const Problem& problem, const std::vector<int>& used, std::vector<int>& trial,
                 std::size_t& out);
 

@@ -20,7 +20,7 @@ bool orthogonal(const Eigen::Matrix3d& R) {
   return (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= kSkewed;
 }
 
-// What is wrong with a covariance, or null.
+// Fault of a covariance, or null.
 template <int N>
 const char* covarianceFault(const Eigen::Matrix<double, N, N>& c, bool semidefinite) {
   if (!c.allFinite()) return "not finite";
@@ -33,7 +33,7 @@ const char* covarianceFault(const Eigen::Matrix<double, N, N>& c, bool semidefin
       }
     }
   }
-  // Cholesky; a pivot is what is left of the diagonal entry
+  // Cholesky decomposition; pivots relative to the diagonal entries
   const double smallest = semidefinite ? -1e-9 : kSmallestPivot;
   Eigen::Matrix<double, N, N> L = Eigen::Matrix<double, N, N>::Zero();
   for (int k = 0; k < N; ++k) {
@@ -46,7 +46,7 @@ const char* covarianceFault(const Eigen::Matrix<double, N, N>& c, bool semidefin
     for (int i = k + 1; i < N; ++i) {
       double value = 0.5 * (c(i, k) + c(k, i));
       for (int m = 0; m < k; ++m) value -= L(i, m) * L(k, m);
-      // nothing can be correlated with what doesn't vary
+      // a component with zero variance has no correlations
       if (semidefinite && empty) {
         if (std::abs(value) > 1e-4 * std::sqrt(c(i, i)) * std::sqrt(c(k, k))) return "indefinite";
         continue;
@@ -64,7 +64,7 @@ const char* covarianceFault(const Eigen::Matrix<double, N, N>& c, bool semidefin
                    " covariance (force before moment, position before rotation)");
 }
 
-// a contact's name is only put together for a message
+// The name of a contact is composed for a message only.
 template <typename Matrix>
 void requireCovariance(const Matrix& c, bool semidefinite, const char* name, int contact = -1) {
   const char* fault = covarianceFault(c, semidefinite);

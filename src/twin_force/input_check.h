@@ -10,11 +10,11 @@
 namespace assembly_cell {
 namespace twin_force {
 
-/// Throws InputError for options, covariances or a number of contacts that make no sense.
+/// Throws InputError for invalid options and covariances, and for more contacts than `capacity`.
 void checkInput(const std::vector<TwinContact>& contacts, const TwinForceOptions& options,
                 std::size_t capacity);
 
-/// Why a contact can't count, and which.
+/// Reason for a refusal and the index of the contact.
 struct Refusal {
   const char* reason;
   int culprit;

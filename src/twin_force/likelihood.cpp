@@ -14,7 +14,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// [v] M and M [v]ᵀ column by column, cheaper than products with skew(v)
+// [v] M and M [v]ᵀ column by column, cheaper than products with skew(v).
 Matrix3d crossFromLeft(const Vector3d& v, const Matrix3d& M) {
   Matrix3d out;
   for (int k = 0; k < 3; ++k) out.col(k) = v.cross(M.col(k));
@@ -29,7 +29,7 @@ Matrix3d crossFromRight(const Matrix3d& M, const Vector3d& v) {
   return out;
 }
 
-// blocks of Φ Σ Φᵀ + Σ_A, and of R Σ Rᵀ
+// Blocks of Φ Σ Φᵀ + Σ_A, and of R Σ Rᵀ.
 struct Blocks {
   Matrix3d rotated_ff, rotated_mf, rotated_mm;
   Matrix3d ff, mf, mm;
@@ -142,7 +142,7 @@ Whitened whiten(const Term& term, const Matrix3d& R, const Vector3d& T, const Ve
   w.K.noalias() = b.mf.lazyProduct(w.inv_f.transpose());
   const Matrix3d S = b.mm - w.K.lazyProduct(w.K.transpose()).eval();
   if (!inverseFactor(S, w.inv_m) || !definite_f) {
-    // a pose so far away that rounding has eaten the moments' covariance
+    // a pose so far away that the covariance of the moments is lost in rounding
     w.inv_f.setZero();
     w.inv_m.setZero();
     w.K.setZero();
@@ -152,7 +152,7 @@ Whitened whiten(const Term& term, const Matrix3d& R, const Vector3d& T, const Ve
     return w;
   }
 
-  // C⁻¹ r and the wrench of B that the residual adjusts
+  // C⁻¹ r and the adjusted wrench of B
   const Vector3d y_f = w.inv_f * r_f;
   const Vector3d y_m = w.inv_m * (r_m - w.K * y_f);
   w.chi2 = y_f.squaredNorm() + y_m.squaredNorm();
@@ -249,7 +249,7 @@ Vector6 solveObservable(const Normal& normal, const Vector6& scale) {
                          Matrix6(normal.information.selfadjointView<Eigen::Lower>()) *
                          scale.asDiagonal();
   const Vector6 g = scale.cwiseProduct(normal.gradient);
-  // Cholesky in 3×3 blocks where no pivot comes near the limit
+  // Cholesky decomposition in 3×3 blocks if no pivot is near the limit
   Matrix3d inv_t, inv_s;
   const Matrix3d A = scaled.topLeftCorner<3, 3>(), B = scaled.bottomLeftCorner<3, 3>();
   if (inverseFactor(A, inv_t)) {
@@ -268,7 +268,7 @@ Vector6 solveObservable(const Normal& normal, const Vector6& scale) {
       }
     }
   }
-  // what can't be seen stays
+  // no step in unobservable directions
   const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
   Vector6 d = Vector6::Zero();
   for (int k = 0; k < 6; ++k) {

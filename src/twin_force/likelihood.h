@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// What the estimators share: a contact brought to the reference, its likelihood, the normal
+// Shared by the estimators: a contact transformed to the reference, its likelihood, the normal
 // equations.
 #pragma once
 
@@ -13,7 +13,7 @@
 namespace assembly_cell {
 namespace twin_force {
 
-/// A contact at the reference: w_B = Φ(X_Bb) w_b, its covariance with the move's share.
+/// A contact at the reference: w_B = Φ(X_Bb) w_b, its covariance including that of the move.
 struct Term {
   Eigen::Vector3d F_A, M_A, F_B, M_B;
   Matrix6 cov_a;
@@ -23,7 +23,7 @@ struct Term {
   double var_moment = 0.0;  ///< the same of the moments [N²·m²]
 };
 Term makeTerm(const TwinContact& contact);
-/// The same without covariances: for the closed forms.
+/// makeTerm() without covariances, for the closed forms.
 Term bareTerm(const TwinContact& contact);
 
 /// Mean variance of one force component of a wrench covariance. [N²]
@@ -45,7 +45,7 @@ struct Whitened {
   Eigen::Vector3d f, m;                ///< adjusted R F_B, R M_B in axes of A
   double chi2;
 };
-/// offset: (o_A, o_b) that both wrenches carry, or null.
+/// offset: (o_A, o_b) of both wrenches, or null.
 Whitened whiten(const Term& term, const Eigen::Matrix3d& R, const Eigen::Vector3d& T,
                 const Vector12* offset = nullptr);
 
@@ -71,15 +71,15 @@ struct TareState {
   Eigen::Matrix<double, 6, 12> N_dz;
   Vector12 g_z;
 };
-/// L of the options' tare offset, semidefinite; zero where there is none.
+/// L of the options' tare offset, semidefinite; zero without one.
 Matrix12 tareRoot(const TwinForceOptions& options);
 void begin(TareState& tare);
 void add(const Term& term, const Whitened& w, const Pose& X_AB, TareState& tare);
 void eliminate(TareState& tare, Normal& normal);             ///< Schur complement on normal
-Vector12 tareStep(const TareState& tare, const Vector6& d);  ///< the z step that goes with δ = d
+Vector12 tareStep(const TareState& tare, const Vector6& d);  ///< step of z for δ = d
 
 /// Errors of both sensors and the tare offset as unknowns u ~ N(0, I), eliminated in the same way.
-/// Contact i carries the offset columns[i] u in (w_A, w_b): to first order in the errors.
+/// The offset of (w_A, w_b) of contact i is columns[i] u, to first order in the errors.
 using ErrorColumns = Eigen::Matrix<double, 12, Eigen::Dynamic>;
 struct ErrorState {
   std::vector<ErrorColumns> columns;  ///< of each term
@@ -88,15 +88,15 @@ struct ErrorState {
   Eigen::MatrixXd N_uu;
   Eigen::Matrix<double, 6, Eigen::Dynamic> N_du;
   Eigen::VectorXd g_u;
-  Eigen::LLT<Eigen::MatrixXd> factor;  ///< of N_uu, once eliminated
+  Eigen::LLT<Eigen::MatrixXd> factor;  ///< of N_uu, after eliminate()
 };
-/// C = L Lᵀ of what is common to all contacts: L of TareState, and of each gain_covariance.
+/// Factors L of C = L Lᵀ of the covariances common to all contacts: tare and each gain_covariance.
 struct ErrorRoots {
   Matrix12 tare = Matrix12::Zero();
   Eigen::MatrixXd gain_a, gain_b;  ///< 0 × 0: none
 };
 ErrorRoots errorRoots(const TwinForceOptions& options);
-/// What a contact's wrenches carry for each unknown.
+/// Derivatives of a contact's wrenches by the unknowns.
 ErrorColumns errorColumns(const TwinErrors& errors, const ErrorRoots& roots,
                           const Vector6& wrench_a, const Vector6& wrench_b);
 void begin(ErrorState& state);
@@ -117,7 +117,7 @@ Eigen::Quaterniond turn(const Eigen::Vector3d& dphi);
 /// Eigenvalues below this of Λ = S I S are not observable.
 constexpr double kUnobservable = 1e-6;
 
-/// −Λ⁺ g: the step over the observable directions. scale: diagonal of S.
+/// Step −Λ⁺ g over the observable directions. scale: diagonal of S.
 Vector6 solveObservable(const Normal& normal, const Vector6& scale);
 
 }  // namespace twin_force

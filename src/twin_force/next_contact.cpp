@@ -18,10 +18,11 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Smallest eigenvalues within this share are equal: contacts mirrored at the plane of the others
-// differ by rounding and noise. Half or twice: `align` finds the hole to 3.9 or 4.0 µm for 3.8.
+// Relative difference up to which smallest eigenvalues count as equal: contacts mirrored at the
+// plane of the others differ by rounding and noise. Half or twice: `align` locates the hole to 3.9
+// or 4.0 µm, here 3.8.
 constexpr double kEqual = 0.01;
-constexpr double kBeside = 0.05;  // of default candidates: an arm of usual parts [m]
+constexpr double kBeside = 0.05;  // lateral offset of default candidates, a typical arm [m]
 
 void checkCandidate(const ContactCandidate& c, std::size_t i) {
   const std::string name = "candidates[" + std::to_string(i) + "]";
@@ -62,8 +63,9 @@ ContactAdvice predict(const Matrix6& information, const TwinForceOptions& option
   return out;
 }
 
-// JᵀC⁻¹J that a candidate adds at the estimate's pose. Errors of the sensors are those of the
-// contacts before: what of them goes with the pose turns J, the rest is noise of this contact.
+// Information JᵀC⁻¹J of a candidate at the estimate's pose. Errors of the sensors are those of the
+// earlier contacts: their part that depends on the pose changes J, the rest is noise of this
+// contact.
 Matrix6 candidateInformation(const ContactCandidate& candidate, const TwinForceEstimate& estimate,
                              const TwinForceOptions& options, const twin_force::ErrorRoots& roots) {
   const Pose& X_AB = estimate.pose;
@@ -111,7 +113,7 @@ ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,
 }
 
 std::vector<ContactCandidate> defaultCandidates(const std::vector<TwinContact>& contacts) {
-  // mean line point, force and covariances of what there is
+  // mean line point, force and covariances of the contacts
   ContactCandidate mean;
   mean.covariance_a.setZero();
   mean.covariance_b.setZero();
@@ -135,7 +137,7 @@ std::vector<ContactCandidate> defaultCandidates(const std::vector<TwinContact>& 
   for (int x = -1; x <= 1; ++x) {
     for (int y = -1; y <= 1; ++y) {
       for (int z = -1; z <= 1; ++z) {
-        // one of each pair of opposites
+        // one of each pair of opposite directions
         if (x * 9 + y * 3 + z <= 0) continue;
         ContactCandidate c = mean;
         const Vector3d u = Vector3d(x, y, z).normalized();

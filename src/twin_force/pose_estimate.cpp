@@ -27,7 +27,8 @@ namespace {
 
 using Memory = TwinForceWorkspace::Memory;
 
-// of a null direction that makes a variance infinite: eigenvectors are exact to 1e-10 and better
+// Component of a null direction above which a variance is infinite; eigenvectors are accurate to
+// 1e-10.
 constexpr double kNullPart = 1e-6;
 
 void report(const Vector6& scale, const Fit& fit, TwinForceEstimate& e) {
@@ -51,8 +52,9 @@ void report(const Vector6& scale, const Fit& fit, TwinForceEstimate& e) {
   }
 }
 
-// What the closed form left at the start is unknown, whatever the likelihood could see there.
-void keepUnknown(const RobustSolution& robust, TwinForceEstimate& e) {
+// Directions that the closed form left at their initial values are unobservable, whatever the
+// likelihood.
+void markUnobservable(const RobustSolution& robust, TwinForceEstimate& e) {
   const int unknown = robust.dropped_count + (robust.turn_known ? 0 : 1);
   if (unknown <= e.null_count) return;
   e.null_count = 0;
@@ -76,7 +78,7 @@ void fillVariance(TwinForceEstimate& e) {
   }
 }
 
-// An empty estimate that keeps its lists' memory.
+// Clears an estimate; keeps the memory of its lists.
 void clear(TwinForceEstimate& e) {
   std::vector<int> rejected = std::move(e.rejected), too_light = std::move(e.too_light);
   rejected.clear();
@@ -92,7 +94,7 @@ void refuse(TwinForceEstimate& e, TwinForceStatus status, const char* reason, in
   e.culprit = culprit;
 }
 
-// Contacts as terms; used are those with enough force on both sensors.
+// Terms of the contacts; used: those with enough force on both sensors.
 void selectContacts(const std::vector<TwinContact>& contacts, double smallest_force,
                     Memory& memory) {
   memory.terms.clear();
@@ -108,7 +110,7 @@ void selectContacts(const std::vector<TwinContact>& contacts, double smallest_fo
   }
 }
 
-// An inconsistent fit: one sensor's signs are reversed, or there are outliers to remove.
+// For an inconsistent fit: checks for reversed signs of one sensor, and removes outliers.
 void repair(const Problem& problem, Memory& memory, Fit& fit) {
   const double smallest_p = problem.options.smallest_p;
   TwinForceEstimate& e = memory.estimate;
@@ -134,10 +136,9 @@ void repair(const Problem& problem, Memory& memory, Fit& fit) {
   std::sort(e.rejected.begin(), e.rejected.end());
 }
 
-// Contacts that agree to their noise: were the sensors off, they wouldn't, but for what no contact
-// tells. The pose then is the likelihood's without errors, which weighs all by their noise; what is
-// stated stays.
-void preferBare(const Problem& problem, Memory& memory, TwinForceEstimate& e) {
+// Contacts that are consistent to their noise: the pose is replaced by that of the likelihood
+// without errors, which weights all by their noise; the stated covariance stays.
+void preferWithoutErrors(const Problem& problem, Memory& memory, TwinForceEstimate& e) {
   Problem bare = problem;
   bare.errors = nullptr;
   if (problem.options.tare_covariance) bare.tare = &memory.tare;
@@ -147,7 +148,7 @@ void preferBare(const Problem& problem, Memory& memory, TwinForceEstimate& e) {
   e.rotation = fit.q.w() < 0.0 ? Eigen::Quaterniond(-fit.q.coeffs()) : fit.q;
 }
 
-void judgeAccuracy(TwinForceEstimate& e) {
+void evaluateAccuracy(TwinForceEstimate& e) {
   if (e.null_count > 0) {
     e.status = TwinForceStatus::kDegenerate;
     e.reason = "some directions can't be seen, see null_directions";
@@ -232,19 +233,19 @@ const TwinForceEstimate& estimatePose(const std::vector<TwinContact>& contacts,
   }
 
   report(problem.scale, fit, e);
-  if (problem.errors != nullptr) preferBare(problem, memory, e);
+  if (problem.errors != nullptr) preferWithoutErrors(problem, memory, e);
   if (thesis) e.covariance = own_covariance;
   if (options.method == TwinForceMethod::kRobust) {
     const RobustSolution robust = solveRobust(memory.terms, memory.used, problem.start);
-    // not stepped: the closed form's own covariance
+    // no likelihood step: covariance of the closed form
     if (robust.pose.p == fit.pose.p) {
       e.covariance = robustCovariance(memory.terms, memory.used, robust);
-      keepUnknown(robust, e);
+      markUnobservable(robust, e);
     }
   }
   fillVariance(e);
   e.unconfirmed = !e.rejected.empty() && memory.used.size() == 2;
-  judgeAccuracy(e);
+  evaluateAccuracy(e);
   return e;
 }
 

@@ -16,9 +16,10 @@ constexpr int kTare = 12;              // unknowns of the common offset
 constexpr int kGain = 36, kFrame = 6;  // and of each sensor
 constexpr int kUnknowns = kTare + 2 * (kGain + kFrame);
 
-constexpr double kSemidefinite = 1e-12;  // of a correlation matrix that may be singular
+constexpr double kSemidefinite =
+    1e-12;  // relative pivot of a correlation matrix that may be singular
 
-// L of C = L Lᵀ, semidefinite, of any units: by the correlations.
+// L of C = L Lᵀ for a semidefinite C with any units, from the correlations.
 MatrixXd rootOf(const MatrixXd& covariance) {
   if (covariance.size() == 0) return {};
   const VectorXd sd = covariance.diagonal().cwiseSqrt();
@@ -32,24 +33,24 @@ MatrixXd rootOf(const MatrixXd& covariance) {
   return sd.asDiagonal() * MatrixXd(correlation.llt().matrixL());
 }
 
-// What a wrench in the datum's axes carries for each error of its sensor.
+// Derivatives of a wrench in the datum's axes by the errors of its sensor.
 Eigen::Matrix<double, 6, kGain + kFrame> sensorColumns(const SensorErrors& e, const MatrixXd& root,
                                                        const Vector6& w) {
-  const Vector6 felt = transformWrench(inverse(e.frame), w);
+  const Vector6 local = transformWrench(inverse(e.frame), w);
   Vector6 arms;
   arms << Vector3d::Ones(), Vector3d::Constant(e.arm);
   Eigen::Matrix<double, 6, kGain + kFrame> out;
   out.setZero();
   for (int row = 0; row < 6; ++row) {
     if (root.size() > 0) {
-      out.row(row).head<kGain>().noalias() = felt.transpose() * root.middleRows<6>(6 * row);
+      out.row(row).head<kGain>().noalias() = local.transpose() * root.middleRows<6>(6 * row);
       continue;
     }
     for (int col = 0; col < 6; ++col) {
-      out(row, 6 * row + col) = e.gain * arms[row] * felt[col] / arms[col];
+      out(row, 6 * row + col) = e.gain * arms[row] * local[col] / arms[col];
     }
   }
-  const Vector3d F = felt.head<3>(), M = felt.tail<3>();
+  const Vector3d F = local.head<3>(), M = local.tail<3>();
   for (int axis = 0; axis < 3; ++axis) {
     const Vector3d unit = Vector3d::Unit(axis);
     out.col(kGain + axis) << e.rotation * unit.cross(F), e.rotation * unit.cross(M);

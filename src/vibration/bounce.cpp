@@ -13,10 +13,10 @@ namespace {
 
 using vibration::sinc;
 
-constexpr int kStepsPerTurn = 400;  // of the fastest motion, to find the impact
-constexpr int kTurns = 20;          // of the force, until which the peg has fallen back
+constexpr int kStepsPerTurn = 400;  // samples per period of the fastest motion, to find the impact
+constexpr int kTurns = 20;          // periods of the force within which the peg falls back
 
-// (sinc a − sinc b)/(a² − b²); by its series where the difference would cancel
+// (sinc a − sinc b)/(a² − b²); by its series where the difference cancels.
 double sincQuotient(double a2, double b2) {
   if (a2 > 1.0) {
     return (sinc(std::sqrt(a2)) - sinc(std::sqrt(b2))) / (a2 - b2);
@@ -31,14 +31,14 @@ double sincQuotient(double a2, double b2) {
   return sum;
 }
 
-// first zero of f in (0, end]: positive after 0, then scanned and bisected
+// First zero in (0, end] of f, which is positive after 0: by samples and bisection.
 template <typename Function>
 std::optional<double> firstReturn(double step, double end, const Function& f) {
   double before = 0.0;
   for (double t = step; t <= end; t += step) {
     if (f(t) <= 0.0) {
       double low = before, high = t;
-      if (low == 0.0) {  // back within the first step: find where it was up
+      if (low == 0.0) {  // negative within the first step: finds a positive value
         low = t / 2;
         for (int k = 0; k < 40 && f(low) <= 0.0; ++k) low /= 2;
         if (f(low) <= 0.0) return std::nullopt;
@@ -108,12 +108,12 @@ TipResult tipBounce(const TipCase& c) {
                           c.h,  c.l,
                           c.r,  *x.impulse,
                           c.g};
-  // height of the peg over the chord and of the far edge over the plane, the lower of both
+  // minimum of the heights of the peg over the chord and of the far edge over the plane
   const auto gap = [&](double t) {
     const FreeFlightState s = freeFlight(flight, t);
     return std::min(s.Z - d * s.theta, s.Z + c.r * s.theta);
   };
-  const double longest = 2 * *x.impulse / (c.m * c.g);  // of a body without rotation
+  const double longest = 2 * *x.impulse / (c.m * c.g);  // for a body without rotation
   if (longest > 0.0 && d < centroidInertia(c.m, c.r, c.h) / (c.m * c.r)) {
     x.t_flight = firstReturn(longest / kStepsPerTurn, longest * 1.01, gap);
   }

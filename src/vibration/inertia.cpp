@@ -20,7 +20,7 @@ ContactInertia contactInertia(double m, double r, double h) {
   i.Iz_local = 1.5 * m * r * r;
   i.Iyz_local = m * r * h;
   i.beta = 0.5 * std::atan2(24 * r * h, 16 * h * h - 15 * r * r);
-  // the smaller principal value from the determinant: nothing cancels
+  // the smaller principal value from the determinant, without cancellation
   const double larger =
       (i.Iy_local + i.Iz_local) / 2 + std::hypot((i.Iy_local - i.Iz_local) / 2, i.Iyz_local);
   i.Iy = larger;

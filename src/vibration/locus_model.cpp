@@ -14,7 +14,7 @@ namespace {
 using Complex = std::complex<double>;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-// a few roundings of the sums below; a resonance hit by chance misses it by 1e-13 and more
+// Rounding of the sums below; the relative distance from a resonance by chance is above 1e-13.
 constexpr double kRounding = 8 * std::numeric_limits<double>::epsilon();
 constexpr const char* kSingular =
     "singular: an undamped resonance or no stiffness, change w, K6 or C6";
@@ -25,7 +25,7 @@ void requireCase(const LocusCase& s) {
   requireFinite("alpha", s.alpha);
 }
 
-// K − I w² + icw, apart from an undamped resonance
+// K − I w² + icw; throws InputError at an undamped resonance.
 Complex stiffness(double K, double I, double c, double w) {
   requirePositive("K", K);
   requireNotNegative("c", c);
@@ -34,9 +34,9 @@ Complex stiffness(double K, double I, double c, double w) {
   return value;
 }
 
-// T' M T with T = [−[support]; 1]: a support's matrix about the contact
+// Matrix M of a support about the contact: T' M T with T = [−[support]; 1].
 Matrix3d aboutContact(const SupportMatrix& M, const Vector3d& support) {
-  // column by column: K T, then T' of it
+  // column by column: K T, then T' (K T)
   const auto forces = [&](int i, int j, int k, int row) {
     return Vector3d(support[j] * M(row, k) - support[k] * M(row, j) + M(row, 3 + i),
                     support[j] * M(row + 1, k) - support[k] * M(row + 1, j) + M(row + 1, 3 + i),
@@ -50,7 +50,7 @@ Matrix3d aboutContact(const SupportMatrix& M, const Vector3d& support) {
   return result;
 }
 
-// complex algebra without the checks for infinities that std::complex makes at each product
+// Complex vectors without the checks for infinities of std::complex products.
 struct ComplexVector {
   Vector3d re, im;
   double squaredNorm() const { return re.squaredNorm() + im.squaredNorm(); }
@@ -138,7 +138,7 @@ PlanarLocus generalLocus(const LocusCase& s, double l, double hF, double g, cons
   const double x = -s.r * std::cos(s.alpha), y = -s.r * std::sin(s.alpha), z = s.h;
   const Vector3d support(x, y, 2 * s.h + l);
   Matrix3d real = aboutContact(K6, support), imag = s.w * aboutContact(C6, support);
-  // stiffness less that of the weight, less the inertia about the contact
+  // stiffness − that of the weight − inertia about the contact times w²
   const double weight = s.m * g / 2, ww = s.w * s.w;
   real(0, 0) -= 2 * weight * z + ww * (centroid + s.m * (y * y + z * z));
   real(1, 1) -= 2 * weight * z + ww * (centroid + s.m * (x * x + z * z));
@@ -166,7 +166,7 @@ PlanarLocus generalLocus(const LocusCase& s, double l, double hF, double g, cons
   const Complex determinant = dot(A, BC);
   const double square = std::norm(determinant);
   const double largest = std::max({BC.squaredNorm(), CA.squaredNorm(), AB.squaredNorm()});
-  // singular relative to its own size: a resonance, or a support that lets the peg turn
+  // singular relative to its norm: a resonance, or a support with a free rotation
   if (!(largest * kRounding * kRounding < square)) refuse("w", s.w, kSingular);
   const double scale = 1.0 / (square * size);
   const auto solved = [&](const ComplexVector& cofactor) {

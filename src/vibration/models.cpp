@@ -15,7 +15,7 @@ namespace {
 using P = const ModelParameters&;
 using Values = std::vector<ModelValue>;
 
-// a struct whose members are these parameters in order
+// Struct whose members are these parameters in order.
 template <typename Struct, typename... Names>
 Struct from(P p, const Names*... names) {
   return {p(names)...};
@@ -108,7 +108,7 @@ const ClosedForm kModels[] = {
     {"map", "m r h g K kx l d phi mu", "", "inertia", "", nullptr},
     {"locus", "model", "", "", "", nullptr}};
 
-// geometry that a model doesn't need may stay in its file
+// Geometry that a model does not need is accepted in its file.
 const ClosedForm kLocusModels[] = {
     {"locus isotropic", "model m r h F alpha w K", "l d", "c", "P N a b psi",
      [](P p) { return locusValues(isotropicLocus(locusCase(p), p("K"), p("c", 0.0))); }},

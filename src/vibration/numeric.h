@@ -10,7 +10,7 @@ namespace vibration {
 
 inline double sinc(double x) { return x == 0.0 ? 1.0 : std::sin(x) / x; }
 
-/// Where `holds` ends, to the last bit: it holds at `low` and not at `high`.
+/// Bisection to the last bit for the boundary of `holds`, true at `low` and false at `high`.
 template <typename Predicate>
 double lastOf(double low, double high, const Predicate& holds) {
   const Bracket end = bisect(low, high, holds);

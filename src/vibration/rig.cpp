@@ -9,10 +9,11 @@
 namespace assembly_cell {
 namespace {
 
-// a second of computing; a slide is at least a rounding of x, so turns end, but not soon
+// Maximum number of revolutions: a second of computing.
 constexpr int kMaxTurns = 1000000;
-// Misalignment this near to tipping alone: never. 221 cycles at a distance of 1e-9, 293 at 1e-12,
-// and rounding of x0/A alone from 1e-15 on: twice or half of it is the same.
+// Relative distance of the misalignment from the limit of tipping below which the peg never tips.
+// 221 cycles at a distance of 1e-9, 293 at 1e-12; 1e-15 is the rounding of x0/A. Same at half and
+// twice.
 constexpr double kKnifeEdge = 1e-12;
 
 void requireRig(const RigCase& c) {

@@ -23,8 +23,8 @@ Complex drivenTerm(double w, Complex s, double u) {
   return u * std::exp(s * u) * difference / z;
 }
 
-// both trigonometric factors of the forced part share two angles; differences of frequencies are
-// formed before the sine, so w = W and its neighbourhood lose no digits
+// Undamped solution; differences of frequencies are formed before the sine, so that w near W loses
+// no digits.
 SingleDofState undamped(const SingleDof& s, double t) {
   const double u = t - s.t1, W = std::sqrt(s.K / s.I);
   const double sw = std::sin(s.w * (t + s.t1) / 2), cw = std::cos(s.w * (t + s.t1) / 2);
@@ -57,7 +57,8 @@ SingleDofState damped(const SingleDof& s, double t) {
     cosine = decay * std::cos(Wd * u);
     sine = decay * std::sin(Wd * u) / Wd;
   } else {
-    // far from a sharp resonance: steady state minus its start's free decay; also critical and over
+    // far from a sharp resonance, and for critical and higher damping: steady state − free decay of
+    // its initial values
     const double kappa2 = (gamma - W) * (gamma + W);
     if (kappa2 > 0.0) {
       const double kappa = std::sqrt(kappa2), slow = std::exp(-W2 / (gamma + kappa) * u);

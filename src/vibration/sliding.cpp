@@ -9,7 +9,7 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kMaxSwing = 0.5;  // [rad]; beyond it small motion means nothing
+constexpr double kMaxSwing = 0.5;  // [rad]; limit of small motion
 
 void requireCase(const SlidingCase& s) {
   requirePositive({{"K", s.K}, {"I", s.I}, {"h", s.h}, {"m", s.m}, {"g", s.g}});
@@ -19,19 +19,19 @@ void requireCase(const SlidingCase& s) {
     refuse("theta", s.theta, "give an amplitude from 0 to a right angle");
   }
   const double arm = 2 * s.h + s.l;
-  // a rounding above: kx (2h + l)² may be all of K
+  // margin for rounding: kx (2h + l)² may equal K
   if (s.kx * arm * arm > s.K * (1 + 1e-9)) {
     refuse("K", s.K, "give at least kx (2h + l)^2, a part of the chord's stiffness (4.17)");
   }
 }
 
-// force into the hole per rotation: exciter less transverse spring, or plus inertia
+// Force into the hole per rotation: exciter − transverse spring, plus inertia forces if `inertia`.
 double forcePerRotation(const SlidingCase& s, bool inertia) {
   const double D = (s.K - s.I * s.w * s.w) / (2 * s.h) - s.kx * (2 * s.h + s.l);
   return inertia ? D + s.m * s.h * s.w * s.w : D;
 }
 
-// p(x) = F_S/F_N at rotation x
+// p(x) = F_S/F_N at rotation x.
 std::optional<double> ratioAt(const SlidingCase& s, double D, bool inertia, double x) {
   const double weight = s.m * (inertia ? s.g - s.d * s.w * s.w * x : s.g);
   const double mean = (s.phi + x) / 2, lag = (s.phi - x) / 2;
@@ -40,7 +40,7 @@ std::optional<double> ratioAt(const SlidingCase& s, double D, bool inertia, doub
   return finiteResult("p", (weight * std::sin(mean) + D * x * std::cos(lag)) / normal);
 }
 
-// p1 and p2 of one of the two forms
+// p1 and p2 with or without inertia forces.
 struct SlidingPair {
   std::optional<double> p1, p2;
 };
@@ -93,7 +93,7 @@ DesignPoint designPoint(const DesignCase& c, double w, double F) {
   DesignPoint point;
   const double stiffness = std::abs(s.K - s.I * w * w), moment = 2 * F * c.h;
   const double half_chord = std::sqrt((c.r - c.d) * (c.r + c.d));
-  // 4.31 over a whole turn: weight less inertia cos wt against exciter sin wt
+  // 4.31 over a whole period: weight − inertia cos wt against exciter sin wt
   const bool swings = moment < kMaxSwing * stiffness;
   point.theta = swings ? moment / stiffness : kMaxSwing;
   const bool lifts =

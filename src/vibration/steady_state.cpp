@@ -9,7 +9,7 @@
 namespace assembly_cell {
 namespace {
 
-// K − I w²; refuses what is rounding alone
+// K − I w²; throws InputError where it is rounding.
 double dynamicStiffness(double K, double I, double w) {
   const double value = K - I * w * w;
   if (!(std::abs(value) > 8 * std::numeric_limits<double>::epsilon() * K)) {

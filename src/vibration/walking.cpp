@@ -11,8 +11,9 @@
 namespace assembly_cell {
 namespace {
 
-constexpr int kStepsPerTurn = 250;  // of the fastest motion, to find lift and landing
-// a minute of computing
+constexpr int kStepsPerTurn =
+    250;  // samples per period of the fastest motion, to find lift and landing
+// A minute of computing.
 constexpr int kMaxCycles = 100000;
 constexpr double kMaxSteps = 3e7;
 
@@ -20,7 +21,7 @@ struct Swing {
   WalkMotion angle, rate;
 };
 
-// the peg in its three phases
+// The peg on both contacts, on A and on B.
 class Walker {
  public:
   explicit Walker(const WalkCase& c)
@@ -86,7 +87,7 @@ class Walker {
     sum = c_.m * (c_.g + d_ * acceleration);
     difference = 2 * c_.h * c_.F * std::sin(c_.w * t) / s_;
   }
-  // a contact leaves once its normal force is gone and the peg, let go there, would rise there
+  // a contact opens if its normal force is zero and the peg would rise there without it
   bool leaves(const WalkSegment& segment, double t, int& pivot) const {
     double sum, difference;
     load(segment, t, sum, difference);
@@ -107,7 +108,7 @@ class Walker {
     return pivot * acceleration < 0.0;
   }
 
-  // both contacts again: angular momentum about the chord is kept
+  // landing on both contacts: angular momentum about the chord is conserved
   double rateAfterLanding(int pivot, const WalkMotion& rate) const {
     const double side = pivot > 0 ? 1.0 : -1.0;
     return rate.theta_Y + side * c_.m * s_ * (c_.h * rate.theta_Z - d_ * rate.theta_X) / chord_;
@@ -156,7 +157,7 @@ Walk walk(const WalkCase& c) {
   WalkSegment now{0.0, 0, walker.equilibrium(), 0.0, 0.0};
   walk.segments.push_back(now);
   for (double t = 0.0; t < end;) {
-    // double contact until a normal force vanishes
+    // double contact until a normal force is zero
     double lift = t;
     int pivot = 0;
     if (!walker.leaves(now, t, pivot)) {
@@ -183,7 +184,7 @@ Walk walk(const WalkCase& c) {
       high = low;
       low = lift + (low - lift) / 4;
     }
-    if (!up(low)) {  // a hop too short to see
+    if (!up(low)) {  // a phase shorter than the samples
       t = lift + step / 64;
       continue;
     }

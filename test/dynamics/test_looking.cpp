@@ -80,7 +80,7 @@ struct Shaken {
     scene.mechanism.exciter.amplitude = 2.0;
   }
   // a command before each tenth block, as a supervisor gives them
-  static void command(int block, World& world) {
+  static void command(int block, SimulatorBackend& world) {
     RestPose target = world.scenario().rest;
     target.x += 1e-4 * (block / 10 % 3);
     if (block % 10 == 0) world.setRestTarget(target);

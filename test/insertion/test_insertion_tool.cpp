@@ -42,18 +42,18 @@ TEST(Chamfer, ForceOfABlockOnASlope) {
 }
 
 // the load is what springs at the compliance centre give: energy K_x x_c²/2 + K_theta turn²/2
-TEST(Holder, LoadIsTheEnergysSlope) {
-  const Holder holder{2e4, 150.0, 0.08};
+TEST(CompliantMount, LoadIsTheEnergysSlope) {
+  const CompliantMount mount{2e4, 150.0, 0.08};
   const auto energy = [&](double x, double turn) {
-    const double centre = x - holder.centre * turn;
-    return 0.5 * holder.lateral * centre * centre + 0.5 * holder.angular * turn * turn;
+    const double centre = x - mount.centre * turn;
+    return 0.5 * mount.lateral * centre * centre + 0.5 * mount.angular * turn * turn;
   };
   const double x = 3e-4, turn = -0.01, e = 1e-6;
-  const TipLoad load = holderLoad(holder, x, turn);
+  const TipLoad load = mountLoad(mount, x, turn);
   EXPECT_NEAR(load.F_x, -(energy(x + e, turn) - energy(x - e, turn)) / (2 * e), 1e-6);
   EXPECT_NEAR(load.M, -(energy(x, turn + e) - energy(x, turn - e)) / (2 * e), 1e-6);
   // a remote centre at the tip: a lateral force turns nothing
-  EXPECT_EQ(holderLoad({2e4, 150.0, 0.0}, 1e-3, 0.0).M, 0.0);
+  EXPECT_EQ(mountLoad({2e4, 150.0, 0.0}, 1e-3, 0.0).M, 0.0);
 }
 
 class InsertionTool : public testing::Test {

@@ -28,7 +28,7 @@ Scenario swinging() {
 }
 
 // a point on the peg's axis, `height` above its centre of mass
-Vector3d pointOf(const World& s, double height) {
+Vector3d pointOf(const SimulatorBackend& s, double height) {
   const Pose X = s.pegPose();
   return X.p + (s.scenario().mechanism.peg.half_height + height) * X.R.col(2);
 }

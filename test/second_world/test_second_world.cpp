@@ -44,7 +44,7 @@ double swingError(double time_step) {
   const Scenario s = upright(0.01);
   SoftContact contact;
   contact.time_step = time_step;
-  SecondWorld world(s, contact);
+  MujocoSimulation world(s, contact);
   const double m = s.mechanism.peg.mass, k = s.mechanism.coupling.stiffness.diagonal(0);
   const double c = s.mechanism.coupling.damping.diagonal(0), sag = m * s.mechanism.gravity / k;
   const double decay = c / (2 * m), omega = std::sqrt(k / m - decay * decay);
@@ -61,7 +61,7 @@ double swingError(double time_step) {
 }
 
 // Semi-implicit Euler: of the order of omega h / 2 of the amplitude, and half of it at half a step.
-TEST(SecondWorld, FreeSwingIsTheClosedForm) {
+TEST(MujocoSimulation, FreeSwingIsTheClosedForm) {
   const double coarse = swingError(2e-4), fine = swingError(5e-5);
   EXPECT_LT(coarse, 0.5 * 356 * 2e-4 * 1.5);
   EXPECT_LT(fine, 0.35 * coarse);
@@ -69,9 +69,9 @@ TEST(SecondWorld, FreeSwingIsTheClosedForm) {
 
 // Forced by the exciter through the whole mechanism: as the exact simulation, which has closed
 // forms and peers of its own, for the steady state.
-TEST(SecondWorld, ExciterMovesThePegAsInTheFirst) {
+TEST(MujocoSimulation, ExciterMovesThePegAsInTheFirst) {
   const Scenario s = cellScenario();
-  const auto amplitude = [](World& world) {
+  const auto amplitude = [](SimulatorBackend& world) {
     ExciterParameters drive;
     drive.amplitude = 4.0;
     drive.frequency = 2 * M_PI * 100;  // ten periods are 500 samples
@@ -87,7 +87,7 @@ TEST(SecondWorld, ExciterMovesThePegAsInTheFirst) {
   Simulation first(s);
   SoftContact fine;
   fine.time_step = 2e-5;
-  SecondWorld second(s, fine);
+  MujocoSimulation second(s, fine);
   const std::complex<double> a = amplitude(first), b = amplitude(second);
   EXPECT_GT(std::abs(a), 1.0);
   // the half step between force and motion: 0.5 * omega * h of phase; angles' squares 1e-4
@@ -96,10 +96,10 @@ TEST(SecondWorld, ExciterMovesThePegAsInTheFirst) {
 
 // Without dampers energy neither comes nor goes: it swings with the step, by no more than
 // omega h, and doesn't drift.
-TEST(SecondWorld, EnergyStays) {
+TEST(MujocoSimulation, EnergyStays) {
   const Scenario s = upright(
       0.01, 0.0, {"coupling.damping.diagonal=[0, 0, 0, 0, 0, 0]", "carrier.damping=[0, 0, 0]"});
-  SecondWorld world(s, SoftContact{});
+  MujocoSimulation world(s, SoftContact{});
   const double mg = s.mechanism.peg.mass * s.mechanism.gravity;
   const double swings = mg * mg / s.mechanism.coupling.stiffness.diagonal(0);  // [J]
   const double start = world.energy();
@@ -114,9 +114,9 @@ TEST(SecondWorld, EnergyStays) {
 }
 
 // Pressed flat beside the hole by the coupling's spring.
-TEST(SecondWorld, StaticPressIsTheSpring) {
+TEST(MujocoSimulation, StaticPressIsTheSpring) {
   const Scenario s = upright(0.0005, 0.06);
-  SecondWorld world(s, SoftContact{});
+  MujocoSimulation world(s, SoftContact{});
   RestPose rest = s.rest;
   const double press = 2e-4;
   rest.z = 0.08 - press;
@@ -134,7 +134,7 @@ TEST(SecondWorld, StaticPressIsTheSpring) {
 
 // Tilted by 3.4 degrees, pressed on one point and shaken: what the accelerometers of both worlds
 // see of it, at the coupling and near the edge.
-Eigen::Vector4cd shaken(World& world, RestPose rest) {
+Eigen::Vector4cd shaken(SimulatorBackend& world, RestPose rest) {
   constexpr double kRate = 2 * M_PI * 70;  // 14 periods are 1000 samples
   world.setRestTarget(rest);
   EXPECT_EQ(world.advance(2.5), StopReason::kOk);
@@ -159,7 +159,7 @@ Eigen::Vector4cd shaken(World& world, RestPose rest) {
   return sum;
 }
 
-TEST(SecondWorld, ShakesOnAPointAsTheFirst) {
+TEST(MujocoSimulation, ShakesOnAPointAsTheFirst) {
   const std::string law =
       "contact={law: rigid, restitution: 0, features: [edge_edge, edge_plane, edge_wall, "
       "rim_side]}";
@@ -170,7 +170,7 @@ TEST(SecondWorld, ShakesOnAPointAsTheFirst) {
   rest.theta = M_PI / 2 + 0.06;
   SoftContact fine;
   fine.time_step = 5e-5;
-  SecondWorld second(turning, fine);
+  MujocoSimulation second(turning, fine);
   Simulation first(turning), fixed(cellScenario({law}));
   const Eigen::Vector4cd a = shaken(first, rest), b = shaken(second, rest);
   EXPECT_GT(a.norm(), 5.0);
@@ -194,7 +194,7 @@ TEST_P(BothWorlds, TouchAtTheSamePlace) {
       cellScenario({"contact={law: rigid, restitution: 0, features: [edge_edge, edge_plane, "
                     "edge_wall, rim_side]}"});
   // hanging where it starts, the carrier goes to the place above and down
-  const auto settle = [&](World& world) {
+  const auto settle = [&](SimulatorBackend& world) {
     RestPose rest;
     rest.x = at.x;
     rest.y = at.y;
@@ -209,7 +209,7 @@ TEST_P(BothWorlds, TouchAtTheSamePlace) {
     EXPECT_TRUE(world.atRest());
   };
   Simulation first(s);
-  SecondWorld second(s, SoftContact{});
+  MujocoSimulation second(s, SoftContact{});
   settle(first);
   settle(second);
   const Vector6 a = first.holeWrench(), b = second.holeWrench();
@@ -235,7 +235,7 @@ INSTANTIATE_TEST_SUITE_P(, BothWorlds,
                          });
 
 // The boxes that are left out would not have touched: the engine alone, with all of them.
-TEST(SecondWorld, SkipsOnlyWhatDoesNotTouch) {
+TEST(MujocoSimulation, SkipsOnlyWhatDoesNotTouch) {
   SoftContact contact;
   contact.facets = 64;
   std::mt19937 random(5);
@@ -249,7 +249,7 @@ TEST(SecondWorld, SkipsOnlyWhatDoesNotTouch) {
     s.initial.position =
         Vector3d(uniform(-reach, reach), uniform(-reach, reach), uniform(-0.01, 0.002) + 0.03);
     s.initial.euler = {uniform(-0.05, 0.05), M_PI / 2 + uniform(-0.05, 0.05), 0.0};
-    const SecondWorld world(s, contact);
+    const MujocoSimulation world(s, contact);
 
     const std::string path = testing::TempDir() + "skips_only.xml";
     std::ofstream(path) << mjcf(s, contact);
@@ -274,7 +274,7 @@ TEST(SecondWorld, SkipsOnlyWhatDoesNotTouch) {
 
 // A bore that leans by half a degree is free down to its bottom for a peg that leans as it does,
 // all round and with a chamfer as well, and ends by its clearance aside.
-TEST(SecondWorld, NothingStandsInABoreThatLeans) {
+TEST(MujocoSimulation, NothingStandsInABoreThatLeans) {
   constexpr double kLean = 8.727e-3, kDeep = 0.055;
   for (const double chamfer : {0.0, 5e-4}) {
     SoftContact contact;
@@ -290,7 +290,7 @@ TEST(SecondWorld, NothingStandsInABoreThatLeans) {
         s.initial.position =
             -kDeep * Vector3d(lean.x(), lean.y(), 1.0) + s.mechanism.peg.half_height * axis + off;
         s.initial.euler = {std::atan2(axis.x(), axis.z()), M_PI / 2 - std::asin(axis.y()), 0.0};
-        return SecondWorld(s, contact).contactCount();
+        return MujocoSimulation(s, contact).contactCount();
       };
       EXPECT_EQ(contacts(0.0), 0) << "azimuth " << a << ", chamfer " << chamfer;
       EXPECT_GT(contacts(1.2e-4), 0) << "azimuth " << a << ", chamfer " << chamfer;
@@ -302,14 +302,14 @@ TEST(SecondWorld, NothingStandsInABoreThatLeans) {
 // The scenario's chamfer, at an angle of its own, in a bore that leans: an upright peg whose edge
 // is 2 mm deep is free as far as the cone is wide there, by the closed form, and not farther.
 // Facets: 1 µm.
-TEST(SecondWorld, ChamferOfTheScenarioIsTheCone) {
+TEST(MujocoSimulation, ChamferOfTheScenarioIsTheCone) {
   constexpr double kWidth = 2e-3, kAngle = 0.4, kDepth = 2e-3, kLean = 8.727e-3;
   const auto contacts = [&](double aside, double lean) {
     Scenario s = upright(-kDepth, aside);
     s.mechanism.hole.chamfer_width = kWidth;
     s.mechanism.hole.chamfer_angle = kAngle;
     s.imperfections.bore_lean = {lean, 0.0};
-    return SecondWorld(s, SoftContact{}).contactCount();
+    return MujocoSimulation(s, SoftContact{}).contactCount();
   };
   const Scenario s = upright(0.0);
   const double deep = kWidth / std::tan(kAngle);
@@ -325,13 +325,13 @@ TEST(SecondWorld, ChamferOfTheScenarioIsTheCone) {
   }
 }
 
-TEST(SecondWorld, ChamferGuidesThePegIn) {
+TEST(MujocoSimulation, ChamferGuidesThePegIn) {
   // 0.6 mm off the middle, straight down: onto the face without a chamfer, into the hole with one
   const auto lowered = [](double chamfer) {
     const Scenario s = upright(0.0005, 0.0006);
     SoftContact contact;
     contact.chamfer = chamfer;
-    SecondWorld world(s, contact);
+    MujocoSimulation world(s, contact);
     RestPose rest = s.rest;
     rest.z = 0.0785;
     world.setRestTarget(rest);

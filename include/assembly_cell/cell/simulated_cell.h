@@ -111,7 +111,7 @@ class SimulatedCell {
   const Pose& reported() const { return reported_; }
   const TrueCarrier& carrier() const { return carrier_; }
 
-  World& world() { return *world_; }
+  SimulatorBackend& world() { return *world_; }
   const CellParameters& parameters() const { return parameters_; }
 
  private:
@@ -124,7 +124,7 @@ class SimulatedCell {
   void warm(double time);
 
   CellParameters parameters_;
-  std::unique_ptr<World> world_;
+  std::unique_ptr<SimulatorBackend> world_;
   TrueCarrier carrier_;
   Pose reported_;
   FeltWrench felt_a_, felt_b_;

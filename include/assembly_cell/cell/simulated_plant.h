@@ -34,7 +34,7 @@ class SimulatedPlant : public Plant {
   void know(const KnownMechanism& known);
 
   /// For the judge of a run only: no strategy sees it.
-  World& truth() { return cell_.world(); }
+  SimulatorBackend& truth() { return cell_.world(); }
 
  private:
   // Samples in a requested window: exciter's angle, and 6 × n displacements or wrenches.

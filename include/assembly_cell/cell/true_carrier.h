@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include "assembly_cell/dynamics/world.h"
+#include "assembly_cell/dynamics/simulator_backend.h"
 #include "assembly_cell/mismatch/truth.h"
 #include "assembly_cell/sensor/bridge.h"
 
@@ -19,13 +19,13 @@ class TrueCarrier {
   const Pose& base() const { return X_HB_; }
   /// Moves the rest pose to `pose` as the encoders have it, in the base, no faster than
   /// `max_speed` [m/s].
-  void command(World& world, const Pose& pose, double max_speed) const;
+  void command(SimulatorBackend& world, const Pose& pose, double max_speed) const;
   /// After a block: draws anew where the carrier stands when a long enough way has come to rest.
-  void settle(World& world);
+  void settle(SimulatorBackend& world);
   /// What the encoders report now; every call draws its noise.
-  Pose report(const World& world);
+  Pose report(const SimulatorBackend& world);
   /// The same without noise.
-  Pose encoders(const World& world) const;
+  Pose encoders(const SimulatorBackend& world) const;
 
  private:
   Pose scaled(const Pose& pose, bool reported) const;

@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
+#include "assembly_cell/dynamics/simulator_backend.h"
 #include "assembly_cell/dynamics/soft_contact.h"
-#include "assembly_cell/dynamics/world.h"
 
 namespace assembly_cell {
 
@@ -21,6 +21,6 @@ struct WorldChoice {
 WorldChoice parseWorld(const std::string& text, const std::string& source);
 
 /// Throws InputError where the world refuses the scenario.
-std::unique_ptr<World> makeWorld(const Scenario& scenario, const WorldChoice& choice);
+std::unique_ptr<SimulatorBackend> makeWorld(const Scenario& scenario, const WorldChoice& choice);
 
 }  // namespace assembly_cell

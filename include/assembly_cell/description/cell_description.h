@@ -23,14 +23,14 @@ struct Part {
   std::vector<PartShape> shapes;
 };
 
-/// What the URDF of the cell says: geometry, masses and inertias, one source of truth.
+/// Geometry, masses and inertias of the cell, from its URDF.
 struct CellDescription {
   PegParameters peg;
   HoleParameters hole;                                          ///< depth: length of the bore
   double carrier_mass = 0.0;                                    ///< [kg]
   double carrier_inertia = 0.0;                                 ///< yaw [kg m²]
   double hole_block_mass = 0.0;                                 ///< carried by sensor_a [kg]
-  Eigen::Vector3d hole_block_centre = Eigen::Vector3d::Zero();  ///< of mass, in `hole` [m]
+  Eigen::Vector3d hole_block_centre = Eigen::Vector3d::Zero();  ///< centre of mass, in `hole` [m]
   Pose X_WA;                                                    ///< sensor_a in world
   Pose X_AH;                                                    ///< hole in sensor_a
   Pose X_BP;                       ///< peg in sensor_b at rest (sensor_b = carrier frame)

@@ -9,19 +9,19 @@
 
 namespace assembly_cell {
 
-/// Where the carrier may go: bottom edge centre of the peg at rest relative to the hole's rim
+/// Workspace of the carrier: bottom edge centre of the peg at rest relative to the hole's rim
 /// centre, and rotation of the carrier about its origin.
 struct CarrierTravel {
-  double lateral = 0.010;  ///< |x|, |y| at most [m]
-  double lowest = -0.030;  ///< z from [m]
-  double highest = 0.020;  ///< z to [m]
-  double rotation = 0.05;  ///< tilt and yaw together at most [rad]
+  double lateral = 0.010;  ///< maximum |x|, |y| [m]
+  double lowest = -0.030;  ///< minimum z [m]
+  double highest = 0.020;  ///< maximum z [m]
+  double rotation = 0.05;  ///< maximum of tilt plus yaw [rad]
 };
 
 using PartPair = std::pair<std::string, std::string>;
 
-/// Pairs (moving link, fixed link) that can meet somewhere in the travel; the others never need a
-/// contact search. Conservative: each moving shape is replaced by the box that it sweeps. Meant for
+/// Pairs (moving link, fixed link) that can touch within the workspace; other pairs need no contact
+/// search. Conservative: each moving shape is replaced by the box that it sweeps. Meant for
 /// start-up. Throws InputError for a travel that is empty or not finite.
 std::vector<PartPair> canMeet(const CellDescription& description, const CarrierTravel& travel);
 

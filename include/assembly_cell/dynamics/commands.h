@@ -32,7 +32,7 @@ struct Commands {
   Drive drive;
 };
 
-/// The commands of `World` of these names, from time t [s] on.
+/// The commands of `SimulatorBackend` of these names, from time t [s] on.
 void setRestTarget(Commands& commands, const Mechanism& mechanism, double t, const RestPose& target,
                    double max_speed);
 void followRest(Commands& commands, double t, const RestMotion& goal, double t_goal);

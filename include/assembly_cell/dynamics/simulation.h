@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "assembly_cell/dynamics/world.h"
+#include "assembly_cell/dynamics/simulator_backend.h"
 
 namespace assembly_cell {
 
@@ -40,7 +40,7 @@ struct RunCounts {
 /// the step, event_locator.h the events, impact.h the impacts, contact_modes.h and mode_search.h
 /// the modes, zeno.h the event accumulation; simulation_run.h the run and its dense output.
 /// Equations: docs/theory/thesis.md.
-class Simulation final : public World {
+class Simulation final : public SimulatorBackend {
  public:
   /// Throws InputError for a contact law or integrator that is not available, and for an initial
   /// overlap of more than 1e-8 m under the rigid law.

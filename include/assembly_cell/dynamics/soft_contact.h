@@ -5,8 +5,8 @@
 
 namespace assembly_cell {
 
-/// Contact parameters of the MuJoCo backend `SecondWorld`. Strategies and estimators don't receive
-/// them. Influence of each on an alignment: docs/results/second_world.md.
+/// Contact parameters of the MuJoCo backend `MujocoSimulation`. Strategies and estimators don't
+/// receive them. Influence of each on an alignment: docs/results/second_world.md.
 struct SoftContact {
   double time_step = 1e-4;  ///< maximum step of the engine [s]; samples end steps
   int facets = 256;         ///< boxes around the bore

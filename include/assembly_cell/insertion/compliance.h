@@ -12,26 +12,28 @@ namespace assembly_cell {
 struct Chamfers {
   double hole_width = 0.0;
   double peg_width = 0.0;
-  double slope = 0.0;  ///< of the cone that touches, against the face [rad], below a right angle
+  double slope = 0.0;  ///< angle of the touching cone to the face [rad], below a right angle
 };
 
-/// The greatest lateral error [m] from which an upright peg is led in: both widths and the
-/// clearance. Throws InputError for a negative width or one of the peg's radius and more.
+/// Capture range: maximum lateral error [m] from which the chamfers guide an upright peg into the
+/// hole, the sum of both widths and the clearance. Throws InputError for a negative width or one of
+/// the peg's radius and more.
 double captureRange(const PegInHole& fit, const Chamfers& chamfers);
 
-/// Force into the hole for each newton of lateral resistance, on the chamfer:
-/// (cos + friction sin)/(sin - friction cos). Empty where tan(slope) <= friction: it sticks.
+/// Force into the hole per newton of lateral resistance, on the chamfer:
+/// (cos + friction sin)/(sin - friction cos). Empty for tan(slope) <= friction: it sticks.
 std::optional<double> chamferForceRatio(double slope, double friction);
 
-/// A compliant holder by its compliance centre: the point where a lateral force turns nothing.
-struct Holder {
+/// Compliant tool mount by its compliance centre, where a lateral force causes no rotation.
+struct CompliantMount {
   double lateral = 0.0;  ///< K_x [N/m]
   double angular = 0.0;  ///< K_theta [N m/rad]
   double centre = 0.0;  ///< L_g: of the compliance centre above the peg's base [m]; negative: below
 };
 
-/// How the holder loads the peg at the centre of its base when this is shifted by x [m] to the
-/// right and the peg turned anticlockwise by `turn` [rad] against where the holder rests. F_z is 0.
-TipLoad holderLoad(const Holder& holder, double x, double turn);
+/// Load of the mount on the peg at the centre of its base, for a displacement of that centre by x
+/// [m] to the right and a rotation of the peg by `turn` [rad] anticlockwise from equilibrium. F_z
+/// is 0.
+TipLoad mountLoad(const CompliantMount& mount, double x, double turn);
 
 }  // namespace assembly_cell

@@ -7,7 +7,7 @@
 
 namespace assembly_cell {
 
-/// The closed forms of insertion/ by name, null where there is none.
+/// Closed form of insertion/ by name, null if unknown.
 const ClosedForm* insertionForm(const std::string& name);
 
 }  // namespace assembly_cell

@@ -7,15 +7,15 @@
 
 namespace assembly_cell {
 
-/// What pushes the peg, at the centre of its base, in the plane of tilt: x to the right, z out of
-/// the hole.
+/// Load on the peg at the centre of its base, in the plane of tilt: x to the right, z out of the
+/// hole.
 struct TipLoad {
   double F_x = 0.0;  ///< to the right [N]
   double F_z = 0.0;  ///< into the hole [N]
   double M = 0.0;    ///< anticlockwise with z up and x to the right [N m]
 };
 
-/// Jamming diagram of Whitney (1982), for small tilts: a peg in contact goes on sliding in where
+/// Jamming diagram of Whitney (1982), for small tilts: a peg in contact continues to slide in if
 /// |F_x/F_z| < 1/friction and |M/(r F_z) + (1 + lambda) friction F_x/F_z| < lambda. Any contact of
 /// either sense: sides of the parallelogram are two-point contacts, corners one-point contacts.
 struct JammingDiagram {
@@ -23,7 +23,7 @@ struct JammingDiagram {
   double radius = 0.0;  ///< of the peg [m]
   double lambda = 0.0;  ///< depth / (2 radius friction)
 };
-/// depth: along the peg's side [m]. Throws InputError where one isn't positive.
+/// depth: along the peg's side [m]. Throws InputError for a value that is not positive.
 JammingDiagram jammingDiagram(double peg_radius, double depth, double friction);
 
 /// A load in the diagram's coordinates.
@@ -38,13 +38,12 @@ JammingPoint jammingPoint(const JammingDiagram& diagram, const TipLoad& load);
 /// Corners of the parallelogram in order, {lateral, moment}.
 std::array<std::array<double, 2>, 4> corners(const JammingDiagram& diagram);
 
-/// Whether a peg that rests in two-point contact, tilted by `tilt` to the right (its top to +x,
-/// base on the left wall, side at the right mouth), stays where it is under a load: a statement
-/// about friction of rigid bodies that is exact for any tilt. Positive: the load lies inside the
-/// cone of those that both contacts can balance, and the peg is jammed; negative: it moves. The
-/// value is the sine of the angle to the cone's nearest face in the space (F_x, F_z, M/r). Throws
-/// InputError where the peg can be wedged (depth <= friction d: what it does isn't determined) and
-/// for a load of zero.
+/// Jamming margin of a peg at rest in two-point contact with the tilt `tilt` to the right (top to
+/// +x, base on the left wall, side at the right mouth), for rigid bodies and exact for any tilt.
+/// Positive: both contacts can balance the load and the peg is jammed; negative: it moves. The
+/// value is the sine of the angle of the load to the nearest face of the cone of balanced loads in
+/// the space (F_x, F_z, M/r). Throws InputError if the peg can wedge (depth <= friction d:
+/// undetermined) and for a zero load.
 double restMargin(const PegInHole& fit, double tilt, double friction, const TipLoad& load);
 
 }  // namespace assembly_cell

@@ -21,29 +21,29 @@ void check(const PegInHole& fit);
 
 /// All lengths in [m], d = 2 peg_radius, D = 2 hole_radius.
 struct TwoPointContact {
-  double tilt = 0.0;    ///< of the peg's axis against the hole's [rad], above 0
+  double tilt = 0.0;    ///< angle between the peg's and the hole's axis [rad], above 0
   double depth = 0.0;   ///< l: along the peg's side, from its lowest point to the mouth
-  double lowest = 0.0;  ///< of the peg below the face: l cos(tilt)
+  double lowest = 0.0;  ///< depth of the peg's lowest point below the face: l cos(tilt)
   double wall_contact =
-      0.0;  ///< of the contact on the wall below the face: l cos(tilt) - d sin(tilt)
+      0.0;  ///< depth of the contact on the wall below the face: l cos(tilt) - d sin(tilt)
 };
 
-/// The depth at which a peg of this tilt [rad] first touches both sides: l sin + d cos = D. Throws
-/// InputError for a tilt outside 0 < tilt <= acos(d/D): beyond, the other end of the base would
-/// stand out of the hole.
+/// Two-point contact of a peg with this tilt [rad] at the depth where it first touches both sides:
+/// l sin + d cos = D. Throws InputError for a tilt outside 0 < tilt <= acos(d/D): beyond, the other
+/// end of the base would be above the hole.
 TwoPointContact twoPointContact(const PegInHole& fit, double tilt);
 
-/// The tilt [rad] that two-point contact allows at a depth l [m] along the side; empty above
-/// sqrt(D^2 - d^2), where the base isn't in the hole yet.
+/// Tilt [rad] of two-point contact at a depth l [m] along the side; empty above sqrt(D^2 - d^2),
+/// where the base is not in the hole.
 std::optional<double> twoPointTilt(const PegInHole& fit, double depth);
 
-/// A peg can be wedged, held by two contact forces that oppose each other inside both cones of
-/// friction with no load at all, where l <= friction * d: the line between the contacts makes with
-/// one normal and the other the angles a and a + tilt, and tan(a + tilt) = l/d exactly. [m]
+/// Maximum depth friction · d [m] at which the peg can wedge: two opposite contact forces inside
+/// both friction cones without any load. The line between the contacts is at angles a and a + tilt
+/// to the normals, and tan(a + tilt) = l/d exactly.
 double wedgingDepth(const PegInHole& fit, double friction);
 
-/// The least tilt [rad] whose first two-point contact is that deep; empty where the base can't be
-/// in the hole at that depth, so that no peg of this fit is wedged.
+/// Minimum tilt [rad] whose first two-point contact is at most at wedgingDepth(); empty if the base
+/// can't be in the hole at that depth, so that no peg of this fit wedges.
 std::optional<double> wedgingTilt(const PegInHole& fit, double friction);
 
 }  // namespace assembly_cell

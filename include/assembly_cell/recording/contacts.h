@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Contacts in a recording of a wrench and the tool's pose, without a model of the part it carries.
+// Contacts in a recording of a wrench and the tool's pose, without a model of the tool.
 #pragma once
 
 #include <array>
@@ -17,32 +17,32 @@ namespace assembly_cell {
 struct WrenchRecording {
   std::vector<double> t;        ///< rising [s]
   std::vector<Vector6> wrench;  ///< in sensor axes, about the sensor's origin
-  std::vector<Pose> pose;       ///< of the tool in the base; its axes are taken for the sensor's
+  std::vector<Pose> pose;       ///< of the tool in the base; its axes are used as the sensor's
 };
 
-/// A table with t, fx fy fz tx ty tz, x y z and qx qy qz qw or r11 … r33, in this order (with the
-/// quaternion) where it has no header; or a bag of a wrench and a pose. Throws InputError naming
+/// Reads a table with t, fx fy fz tx ty tz, x y z and qx qy qz qw or r11 … r33, in this order (with
+/// the quaternion) if it has no header; or a bag with a wrench and a pose. Throws InputError naming
 /// file, line and column.
 WrenchRecording readWrenchRecording(const std::string& path);
 
 struct ContactSettings {
-  std::optional<double> lever;      ///< of the tip's plane along z [m]; none: found
-  std::optional<double> footprint;  ///< radius of the tip about z [m]; none: found
-  double force = 1.0;               ///< least force that is judged [N]
+  std::optional<double> lever;      ///< height of the tip's plane along z [m]; empty: estimated
+  std::optional<double> footprint;  ///< radius of the tip about z [m]; empty: estimated
+  double force = 1.0;               ///< minimum force of a classified contact [N]
 };
 
-/// kLight: felt, but too light to be judged.
+/// kLight: contact detected below the minimum force.
 enum class ContactKind { kFree, kLight, kOne, kSeveral };
 const char* toString(ContactKind kind);  ///< free, light, one, several
 
 struct ContactSample {
   ContactKind kind = ContactKind::kFree;
-  Vector6 wrench = Vector6::Zero();  ///< bias and payload taken off
-  ContactLine line;                  ///< with the plane of the lever; of kOne and kSeveral
+  Vector6 wrench = Vector6::Zero();  ///< bias and payload subtracted
+  ContactLine line;  ///< intersection with the plane of the lever; of kOne and kSeveral
 };
 
 struct ContactSegment {
-  std::size_t first = 0, end = 0;  ///< samples
+  std::size_t first = 0, end = 0;  ///< range of samples
   ContactKind kind = ContactKind::kFree;
   double force = 0.0;                                 ///< mean [N]
   double pitch = 0.0;                                 ///< median |F·M|/F² [m]
@@ -51,9 +51,9 @@ struct ContactSegment {
 };
 
 struct ContactAnalysis {
-  PayloadModel payload;  ///< refused: `bias` alone was found
+  PayloadModel payload;  ///< if refused, only `bias` was estimated
   Vector6 bias = Vector6::Zero(), bias_sd = Vector6::Zero();
-  Matrix6 noise = Matrix6::Zero();     ///< covariance of a sample in the free parts, drift included
+  Matrix6 noise = Matrix6::Zero();     ///< covariance of a sample without contact, drift included
   std::size_t free_windows = 0;        ///< a quarter of a second each
   double lever = 0.0, lever_sd = 0.0;  ///< [m]
   std::size_t lever_windows = 0;
@@ -62,11 +62,11 @@ struct ContactAnalysis {
   std::vector<ContactSegment> segments;
 };
 
-/// Bias and payload from the parts in which the tool moves under an even wrench, lever and
-/// footprint from the windows in which the wrench is that of one point, then each sample's verdict:
-/// one contact where its couple over force is small and its line of action passes the footprint, by
-/// majority over two fifths of a second. Throws InputError: too short, no free part, no single
-/// contact to find the lever from.
+/// Estimates bias and payload from intervals in which the tool moves under a constant wrench, lever
+/// and footprint from windows with the wrench of one point, and classifies each sample: one contact
+/// if its couple over force is small and its line of action passes the footprint, by majority over
+/// two fifths of a second. Throws InputError for a recording that is too short, has no interval
+/// without contact, or no single contact for the lever.
 ContactAnalysis findContacts(const WrenchRecording& recording, const ContactSettings& settings);
 
 }  // namespace assembly_cell

@@ -5,32 +5,32 @@
 #include <string>
 
 #include "assembly_cell/dynamics/commands.h"
+#include "assembly_cell/dynamics/simulator_backend.h"
 #include "assembly_cell/dynamics/soft_contact.h"
-#include "assembly_cell/dynamics/world.h"
 
 namespace assembly_cell {
 
-/// The engine's model of a scenario: MJCF, frame `hole`. Peg (free) and carrier (x, y, yaw) have no
-/// springs in it, `SecondWorld` applies them. Friction is the sliding coefficient.
+/// MuJoCo's model of a scenario: MJCF, frame `hole`. Peg (free) and carrier (x, y, yaw) without
+/// springs, which `MujocoSimulation` applies. Friction is the sliding coefficient.
 std::string mjcf(const Scenario& scenario, const SoftContact& contact);
 
-/// The cell in MuJoCo: rigid-body dynamics, collisions, contact forces and friction are the
-/// engine's. The springs of coupling and carrier are forces on its bodies, by the rotation vector
-/// of the coupling and in the carrier's axes; `Simulation` takes Euler angles and the hole's. The
-/// carrier's profile and the exciter's force are commands and the same for both.
+/// Simulator backend with MuJoCo: rigid-body dynamics, collisions, contact forces and friction are
+/// the engine's. The springs of coupling and carrier are applied forces, computed from the rotation
+/// vector of the coupling and in the carrier's axes; `Simulation` uses Euler angles and the hole's
+/// axes. The commands (rest pose, exciter) are those of `Simulation`.
 ///
-/// A step: positions and contacts of now (mj_forward) under the forces of now, then the engine's
-/// semi-implicit Euler step. All that is asked for is of the present time.
-class SecondWorld final : public World {
+/// A step: mj_forward at the present state with the applied forces, then the engine's semi-implicit
+/// Euler step. All outputs are of the present time.
+class MujocoSimulation final : public SimulatorBackend {
  public:
-  /// Starts where `Simulation` does. Throws InputError where the scenario or the engine refuses.
-  SecondWorld(const Scenario& scenario, const SoftContact& contact);
-  ~SecondWorld() override;
+  /// Initial state as that of `Simulation`. Throws InputError for a scenario that is not supported
+  /// and for an error of the engine.
+  MujocoSimulation(const Scenario& scenario, const SoftContact& contact);
+  ~MujocoSimulation() override;
 
   double kineticEnergy() const;  ///< of peg and carrier, by the engine [J]
-  /// + coupling, carrier springs and weight [J].
-  double energy() const;
-  int contactCount() const;  ///< of the engine's: several may make one of contacts()
+  double energy() const;         ///< kinetic + coupling + carrier springs + weight [J]
+  int contactCount() const;      ///< contacts of the engine, which contacts() merges
 
   double time() const override;
   const Scenario& scenario() const override { return scenario_; }
@@ -69,12 +69,12 @@ class SecondWorld final : public World {
   Scenario scenario_;
   SoftContact contact_;
   Commands commands_;
-  Eigen::Vector3d give_ = Eigen::Vector3d::Zero();       // as in State
-  Eigen::Vector3d give_rate_ = Eigen::Vector3d::Zero();  // over the last step
+  Eigen::Vector3d deflection_ = Eigen::Vector3d::Zero();       // State::carrier_deflection
+  Eigen::Vector3d deflection_rate_ = Eigen::Vector3d::Zero();  // over the last step
   std::unique_ptr<Engine> engine_;
   StopReason stop_ = StopReason::kOk;
   std::int64_t steps_ = 0;
-  bool stale_ = true;  // after a command: forces are not of the present
+  bool stale_ = true;  // after a command: forces are outdated
 };
 
 }  // namespace assembly_cell

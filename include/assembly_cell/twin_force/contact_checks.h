@@ -9,16 +9,16 @@ namespace assembly_cell {
 
 enum class SignVerdict { kRight, kReversed, kUndecided };
 
-/// Start-up check of both sensors' signs from one press along a known direction.
+/// Start-up check of the signs of both sensors, from one press along a known direction.
 struct SignCheck {
   SignVerdict a = SignVerdict::kUndecided;  ///< wrench_a against −R_AB times the expected force
   SignVerdict b = SignVerdict::kUndecided;  ///< wrench_b against the expected force
-  SignVerdict pair =
-      SignVerdict::kUndecided;  ///< one against the other, needs no expected direction
+  SignVerdict pair = SignVerdict::kUndecided;  ///< of the two relative to each other, without an
+                                               ///< expected direction
 };
 /// R_AB: nominal orientation, within 90° of the true one. force_on_b: expected direction of the
-/// force on B in axes of b, any length; zero if unknown. Undecided below 20 sd of force or beyond
-/// 45° from either verdict.
+/// force on B in axes of b, any length; zero if unknown. Undecided below 20 sd of force or more
+/// than 45° from both verdicts.
 SignCheck checkSigns(const TwinContact& contact, const Eigen::Matrix3d& R_AB,
                      const Eigen::Vector3d& force_on_b);
 

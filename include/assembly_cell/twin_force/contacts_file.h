@@ -16,14 +16,14 @@ struct ContactsFile {
   std::optional<PosePrior> prior;
   std::optional<Matrix12> tare_covariance;
   std::optional<TwinErrors> errors;
-  std::vector<ContactCandidate> candidates;  ///< for the advice; may be empty
+  std::vector<ContactCandidate> candidates;  ///< for adviseNextContact(); may be empty
 };
 
 /// Throws InputError with one line: file, key path (`contacts[2].covariance_b`), value, remedy.
 ContactsFile loadContacts(const std::string& path);
 ContactsFile parseContacts(const std::string& yaml, const std::string& source);
 
-/// The same format, numbers that read back to the same bits.
+/// Text in this format; numbers are read to the same bits.
 std::string contactsYaml(const ContactsFile& file);
 
 }  // namespace assembly_cell

@@ -9,7 +9,7 @@ namespace assembly_cell {
 
 /// Line of action of a wrench: its force along a line and a couple along the force.
 struct LineOfAction {
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();       ///< of the line, nearest to the origin [m]
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();       ///< of the line nearest to the origin [m]
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< of the force, unit
   double force = 0.0;                                    ///< [N]
   double couple = 0.0;  ///< along direction; 0 for a point contact [N·m]
@@ -17,17 +17,17 @@ struct LineOfAction {
 /// Empty for a zero or non-finite force.
 std::optional<LineOfAction> lineOfAction(const Vector6& wrench);
 
-/// A wrench as that of one contact point, without a model of the part.
+/// Line of action and pitch of a wrench, for one contact point without a model of the part.
 struct ContactLine {
   LineOfAction line;
-  /// Couple over force F·M/F² [m]: 0 of a point contact, whatever its place and friction.
+  /// Couple over force F·M/F² [m]: 0 for a point contact with any position and friction.
   double pitch = 0.0, pitch_sd = 0.0;
-  /// Where the line cuts the plane z = height of the wrench's axes; infinite where it runs along
-  /// it.
+  /// Intersection of the line with the plane z = height of the wrench's axes [m]; infinite if
+  /// parallel.
   Eigen::Vector2d cut = Eigen::Vector2d::Zero();
   Eigen::Matrix2d cut_covariance = Eigen::Matrix2d::Zero();
 };
-/// covariance: of the wrench. Empty for a zero or non-finite force.
+/// covariance: of the wrench; height [m]. Empty for a zero or non-finite force.
 std::optional<ContactLine> contactLine(const Vector6& wrench, const Matrix6& covariance,
                                        double height);
 

@@ -8,7 +8,7 @@
 
 namespace assembly_cell {
 
-/// A contact that could be made next: B at `move`, pressed along a line.
+/// Candidate of the next contact: B at `move`, pressed along a line.
 struct ContactCandidate {
   Pose move;                                        ///< X_Bb, relative to the estimate's reference
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< on the line, in axes of b [m]
@@ -18,12 +18,13 @@ struct ContactCandidate {
   std::optional<Matrix6> move_covariance;
 };
 
-/// What a candidate would bring, predicted at the estimate's pose.
+/// Predicted result of a candidate, at the estimate's pose.
 struct ContactAdvice {
-  int candidate = -1;                    ///< index, −1: there was none
-  double smallest_eigenvalue = 0.0;      ///< of Λ with the candidate
-  double log_determinant = 0.0;          ///< of Λ with the candidate; −∞ if still singular
-  Matrix6 covariance = Matrix6::Zero();  ///< predicted, of δ, over what is observable then
+  int candidate = -1;                ///< index; −1: no candidates
+  double smallest_eigenvalue = 0.0;  ///< of Λ with the candidate
+  double log_determinant = 0.0;      ///< of Λ with the candidate; −∞ if still singular
+  Matrix6 covariance =
+      Matrix6::Zero();  ///< predicted, of δ, over the directions that are observable then
   double position_sd = 0.0, rotation_sd = 0.0;  ///< predicted, 3 axes; ∞ if still unobservable
 };
 
@@ -33,9 +34,9 @@ ContactAdvice adviseNextContact(const TwinForceEstimate& estimate,
                                 const std::vector<ContactCandidate>& candidates,
                                 const TwinForceOptions& options);
 
-/// Without a plan of reachable moves: at the reference pose, lines through the middle of the
-/// contacts' lines and 0.05 m beside it, along 13 directions (axes, diagonals), with the contacts'
-/// mean force and covariances.
+/// Candidates without a plan of reachable moves: at the reference pose, lines through the mean
+/// point of the contacts' lines and 0.05 m beside it, along 13 directions (axes, diagonals), with
+/// the contacts' mean force and covariances.
 std::vector<ContactCandidate> defaultCandidates(const std::vector<TwinContact>& contacts);
 
 }  // namespace assembly_cell

@@ -12,7 +12,7 @@
 
 namespace assembly_cell {
 
-// Pose of component B in component A from the wrenches that both feel (thesis chapter 10,
+// Pose of component B in component A from the wrenches measured on both (thesis chapter 10,
 // corrected). Frames A and B are the components' datum frames, b is B's datum at one contact, B at
 // the reference contact. Pose errors are δ = (dT, dφ): T_true = T + dT, R_true = exp([dφ]) R, both
 // in axes of A; covariances use this order. [m], [rad]
@@ -30,28 +30,28 @@ struct TwinContact {
   Pose move;                               ///< X_Bb: B at this contact in axes of the reference B
   std::optional<Matrix6> move_covariance;  ///< of move as a twist (dt, dφ) at O_B, axes of B
   double time_difference = 0.0;            ///< between the two wrenches [s]
-  bool moving = false;                     ///< B moved while the wrenches were taken
-  bool saturated = false;                  ///< an ADC channel was at its end
+  bool moving = false;                     ///< B moved while the wrenches were measured
+  bool saturated = false;                  ///< an ADC channel was at its limit
   double tare_age = 0.0;                   ///< time since the older tare [s]
 };
 
-/// What is known of X_AB before the contacts; 10 mm and 0.1 rad per axis are enough to help
-/// wherever lines may be within 10° of parallel.
+/// Prior of X_AB. Standard deviations of 10 mm and 0.1 rad per axis suffice where lines of action
+/// may be within 10° of parallel.
 struct PosePrior {
   Pose pose;
   Matrix6 covariance = Matrix6::Identity();  ///< of δ
 };
 
-/// How far a sensor may be from what its calibration and its drawing say. Standard deviations of
-/// independent errors with mean 0, the same in all contacts.
+/// Standard deviations of the errors of a sensor's calibration and mounting: independent, mean 0,
+/// the same in all contacts.
 struct SensorErrors {
-  Pose frame;             ///< of the sensor in the component's datum, as believed
+  Pose frame;             ///< nominal pose of the sensor in the component's datum
   double gain = 0.0;      ///< of every entry of E in w' = (I + E) w, in axes of the sensor
-  double arm = 0.03;      ///< torques count against forces at this arm there [m]
+  double arm = 0.03;      ///< conversion of torques to forces there [m]
   double rotation = 0.0;  ///< of the sensor's frame, per axis [rad]
   double offset = 0.0;    ///< [m]
-  /// Of the entries of E, row after row, SI units, 36 × 36, semidefinite, where a calibration says
-  /// it: gain and arm don't count then. 0 × 0: they do.
+  /// Covariance of the entries of E in row-major order, SI units, 36 × 36, semidefinite; replaces
+  /// gain and arm. 0 × 0: none.
   Eigen::MatrixXd gain_covariance;
 };
 struct TwinErrors {
@@ -65,12 +65,13 @@ struct TwinForceOptions {
   std::optional<PosePrior> prior;
   std::optional<Matrix12> tare_covariance;  ///< of an offset (w_A, w_b) common to all contacts,
                                             ///< mean 0; semidefinite; maximum likelihood only
-  /// Of both sensors; maximum likelihood only. Contacts that agree without give the pose without.
+  /// Of both sensors; maximum likelihood only. Contacts that are consistent without errors are
+  /// estimated without.
   std::optional<TwinErrors> errors;
-  double required_position = 1e-3;           ///< s_T: accuracy that is needed, per axis [m]
+  double required_position = 1e-3;           ///< s_T: required accuracy per axis [m]
   double required_rotation = 1e-2;           ///< s_φ [rad]
-  double smallest_p = 1e-3;                  ///< χ² below this probability is inconsistent
-  double smallest_force = 20.0;              ///< of a contact, in its sd
+  double smallest_p = 1e-3;                  ///< minimum probability of χ² of consistent contacts
+  double smallest_force = 20.0;              ///< minimum force of a contact, in its sd
   bool remove_outliers = true;               ///< robust and maximum likelihood
   double largest_difference_at_rest = 0.02;  ///< [s]
   double largest_difference_moving = 0.001;  ///< [s]
@@ -79,7 +80,7 @@ struct TwinForceOptions {
 };
 
 enum class TwinForceStatus {
-  kOk,                  ///< as good as required in every direction
+  kOk,                  ///< accuracy as required in every direction
   kWeak,                ///< usable with its covariance; see next_contact.h
   kDegenerate,          ///< observable part only; null_directions have infinite variance
   kRefuse,              ///< non-finite, saturated, stale tare, not simultaneous: no pose
@@ -94,31 +95,31 @@ bool hasPose(TwinForceStatus status);  ///< kOk, kWeak, kDegenerate
 
 struct TwinForceEstimate {
   TwinForceStatus status = TwinForceStatus::kRefuseTooFew;
-  const char* reason = "";  ///< one phrase why the status is not OK; static text
-  int culprit = -1;         ///< contact that a REFUSE is about, −1 none
+  const char* reason = "";  ///< reason if the status is not OK; static text
+  int culprit = -1;         ///< contact that caused a REFUSE; −1: none
   Pose pose;                ///< X_AB; meaningful if hasPose(status)
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< of pose, w ≥ 0
   Matrix6 covariance = Matrix6::Zero();  ///< of δ over the observable directions, always finite
-  /// Of each component of δ; infinite where a null direction has a part in it.
+  /// Of each component of δ; infinite if a null direction contributes to it.
   Vector6 variance = Vector6::Constant(std::numeric_limits<double>::infinity());
   Matrix6 information = Matrix6::Zero();  ///< Fisher information, prior included; finite
   double chi2 = 0.0;
   int dof = 0;
   double p = 0.0;  ///< probability of a larger χ²
   Vector6 eigenvalues =
-      Vector6::Zero();              ///< of Λ = S I S, ascending; 1 is just as good as required
+      Vector6::Zero();              ///< of Λ = S I S, ascending; 1: accuracy exactly as required
   Vector6 scale = Vector6::Ones();  ///< diagonal of S: s_T three times, s_φ three times
   Vector6 weak_direction = Vector6::Zero();  ///< unit eigenvector of the smallest: δ/(s_T, s_φ)
   Matrix6 null_directions =
       Matrix6::Zero();  ///< first null_count columns, scaled as weak_direction
   int null_count = 0;
-  std::vector<int> rejected;         ///< contacts left out as outliers, ascending, zero-based
-  std::vector<int> too_light;        ///< contacts left out for want of force
-  bool unconfirmed = false;          ///< 3 contacts, one rejected: nothing confirms the rest
-  bool opposed_signs = false;        ///< fits with one sensor's sign changed
+  std::vector<int> rejected;         ///< contacts removed as outliers, ascending, zero-based
+  std::vector<int> too_light;        ///< contacts without enough force
+  bool unconfirmed = false;          ///< 3 contacts, one rejected: no redundancy left
+  bool opposed_signs = false;        ///< consistent with the sign of one sensor reversed
   Vector12 tare = Vector12::Zero();  ///< estimated offset, with tare_covariance
-  /// With errors, for the next contact: the unknowns besides the pose are −slope δ + rest, their
-  /// rest independent of δ. Empty otherwise.
+  /// With errors, for the next contact: the unknowns besides the pose are −slope δ + rest, rest
+  /// independent of δ. Empty otherwise.
   Eigen::MatrixXd error_slope, error_rest;
   int iterations = 0;
 };
@@ -127,8 +128,8 @@ struct TwinForceEstimate {
 /// infinite variance are 0 elsewhere.
 Matrix6 coordinateCovariance(const TwinForceEstimate& estimate);
 
-/// Memory of an estimator of up to `capacity` contacts: estimatePose allocates nothing, unless
-/// errors of the sensors are unknowns.
+/// Memory for up to `capacity` contacts. estimatePose does not allocate, except with errors of the
+/// sensors as unknowns.
 class TwinForceWorkspace {
  public:
   explicit TwinForceWorkspace(std::size_t capacity);
@@ -142,15 +143,16 @@ class TwinForceWorkspace {
   std::unique_ptr<Memory> memory_;
 };
 
-/// Estimates X_AB at the reference. The result lives in the workspace until the next call. Throws
-/// InputError for covariances that are not finite, symmetric and positive definite, naming them
+/// Estimates X_AB at the reference. The result is in the workspace and valid until the next call.
+/// Throws InputError for covariances that are not finite, symmetric and positive definite, naming
+/// them
 /// (`contacts[2].covariance_b`), options out of range and more contacts than the workspace holds;
 /// non-finite wrenches, moves and times give kRefuse with the contact as culprit.
 const TwinForceEstimate& estimatePose(const std::vector<TwinContact>& contacts,
                                       const TwinForceOptions& options,
                                       TwinForceWorkspace& workspace);
 
-/// Refuses a covariance of 6 components: InputError with `name`, what is wrong and what to do.
+/// Checks a covariance of 6 components. Throws InputError with `name`, the fault and the remedy.
 void checkCovariance(const Matrix6& covariance, const std::string& name, bool semidefinite = false);
 
 }  // namespace assembly_cell

@@ -30,7 +30,8 @@ struct TipCase {
   double restitution = 0.0;
 };
 
-/// Empty from the first thing that does not happen: tipping, impact, flight.
+/// Quantities of events that don't occur (tipping, impact, flight) are empty, and so are all later
+/// ones.
 struct TipResult {
   std::optional<double> t_tip, t_impact, omega_impact;  ///< omega: theta' just before impact
   std::optional<double> impulse, t_flight, X_end;
@@ -39,7 +40,7 @@ struct TipResult {
 /// 4.42–4.48: a peg flat on the plane against two edge contacts tips under F sin wt, falls back,
 /// and flies until the chord or the plane is touched again. J = e I |theta'|/(r + d), a model: a
 /// rigid plastic stop would need a pulling chord. The edge leaves the chord only for d < I_cm/(m
-/// r). Throws InputError for 2Fh >= m g r: then it tips about the far edge as well.
+/// r). Throws InputError for 2Fh >= m g r, with which it also tips about the far edge.
 TipResult tipBounce(const TipCase& c);
 
 }  // namespace assembly_cell

@@ -17,13 +17,15 @@ struct ContactInertia {
 /// short pegs have beta → 90°, not 0.
 ContactInertia contactInertia(double m, double r, double h);
 
-/// About the horizontal transverse axis through the centre of mass.
+/// Moment of inertia about the horizontal transverse axis through the centre of mass.
 double centroidInertia(double m, double r, double h);
 
-/// 4.18, d = r cos(delta) from the peg's axis to the chord through both contacts.
+/// Moment of inertia about the chord through both contacts, 4.18; d = r cos(delta): distance of the
+/// peg's axis from the chord.
 double chordInertia(double m, double r, double h, double d);
 
-/// 4.17 corrected: kx (2h + l)² + KY + kz d² (printed (2h + 1)² and kz r²(1 − cos)²).
+/// Rotational stiffness about the chord, 4.17 corrected: kx (2h + l)² + KY + kz d² (printed (2h +
+/// 1)² and kz r²(1 − cos)²).
 double chordStiffness(double kx, double kz, double KY, double h, double l, double d);
 
 }  // namespace assembly_cell

@@ -13,7 +13,7 @@ struct PlanarLocus {
   std::complex<double> P, N;
   double a = 0.0, b = 0.0;     ///< semi-axes |P| ± |N|; b < 0: against the exciter
   double psi = 0.0;            ///< direction of the major axis in [0, pi)
-  bool has_direction = false;  ///< false for a circle or no motion: psi then means nothing
+  bool has_direction = false;  ///< false for a circle or no motion: psi is undefined then
 };
 
 PlanarLocus planarLocus(std::complex<double> P, std::complex<double> N);

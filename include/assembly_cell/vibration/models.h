@@ -9,12 +9,12 @@
 
 namespace assembly_cell {
 
-/// By name, null where there is none. `locus` has the parameter `model` alone, which names one of
-/// the table of locusModel (`isotropic`, ...); `map` is evaluated by designCase and designPoint.
+/// Closed form by name, null if unknown. The only parameter of `locus` is `model`, a name from the
+/// table of locusModel (`isotropic`, ...); `map` is evaluated by designCase and designPoint.
 const ClosedForm* vibrationModel(const std::string& name);
 const ClosedForm* locusModel(const std::string& name);
 
-DesignCase designCase(const ModelParameters& p);  ///< of `map`
-WalkCase walkCase(const ModelParameters& p);      ///< of `walk`
+DesignCase designCase(const ModelParameters& p);  ///< parameters of `map`
+WalkCase walkCase(const ModelParameters& p);      ///< parameters of `walk`
 
 }  // namespace assembly_cell

@@ -16,10 +16,9 @@ struct RigSlide {
 };
 
 struct RigResult {
-  bool never =
-      false;  ///< x0 >= 2 M_over_L (1 − 1e-12): never tips; time and cycles then mean nothing
-  double time = 0.0;  ///< from the first tip to assembly
-  int cycles = 0;     ///< slides
+  bool never = false;  ///< x0 >= 2 M_over_L (1 − 1e-12): never tips; time and cycles are undefined
+  double time = 0.0;   ///< from the first tip to assembly
+  int cycles = 0;      ///< slides
 };
 
 /// 5.2–5.5: the first sliding time after the trivial root 0 at which 5.6 (corrected: it is Δt² on
@@ -27,8 +26,8 @@ struct RigResult {
 /// acceleration a > 0; lengths in 2 M_over_L, times in 1/w: a = K g/(2 M_over_L w²).
 RigSlide rigSlide(double x, double a);
 
-/// Slides repeated once a turn of the moment until nothing is left. Throws InputError beyond a
-/// million turns.
+/// Slides repeated once a revolution of the moment until the misalignment is zero. Throws
+/// InputError beyond a million revolutions.
 RigResult rigAssembly(const RigCase& c);
 
 }  // namespace assembly_cell

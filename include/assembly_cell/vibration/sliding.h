@@ -48,10 +48,10 @@ struct DesignCase {
 enum class VibrationOutcome {
   kSticks,      ///< p1 and p2 at most mu
   kAssembles,   ///< p1 > mu >= p2
-  kSlidesBoth,  ///< p1 > p2 > mu: both ways, more inwards
+  kSlidesBoth,  ///< p1 > p2 > mu: in both directions, more inwards
   kSlidesOut,   ///< p2 > mu, p2 >= p1
-  kLifts,       ///< a contact lifts and friction is too small to hold the other (4.41)
-  kWalksOut     ///< a contact lifts and the other holds: 4.35–4.41
+  kLifts,       ///< a contact lifts and the other slips (4.41)
+  kWalksOut     ///< a contact lifts and the other sticks: 4.35–4.41
 };
 const char* toString(VibrationOutcome outcome);
 
@@ -61,8 +61,8 @@ struct DesignPoint {
   VibrationOutcome outcome = VibrationOutcome::kSticks;
 };
 
-/// What a force F at frequency w does. One contact lifts when hypot(d w² theta, 2hF/(m s)) exceeds
-/// g (4.31 with inertia forces); half a radian of amplitude counts as lifting.
+/// Outcome for a force F at frequency w. One contact lifts when hypot(d w² theta, 2hF/(m s))
+/// exceeds g (4.31 with inertia forces); half a radian of amplitude counts as lifting.
 DesignPoint designPoint(const DesignCase& c, double w, double F);
 
 }  // namespace assembly_cell

@@ -5,9 +5,9 @@
 
 namespace assembly_cell {
 
-/// 4.41: up to what half contact angle a single contact holds by friction, and the overlap there.
+/// 4.41: maximum half contact angle at which a single contact sticks, and the overlap there.
 struct WalkingLimit {
-  double alpha = 0.0;    ///< half contact angle (delta) [rad]; a right angle: always holds
+  double alpha = 0.0;    ///< half contact angle (delta) [rad]; a right angle: always sticks
   double overlap = 0.0;  ///< 2r(1 − cos alpha)
 };
 /// Corrected: 8.35 % for mu = 0.2 and r = h is of the diameter, not of the radius.
@@ -20,7 +20,7 @@ struct WalkCase {
   int cycles = 0;  ///< of the force
 };
 
-/// One stay on a single contact.
+/// Interval on a single contact.
 struct WalkPhase {
   double t_lift = 0.0, duration = 0.0;
   double dZ = 0.0;            ///< yaw gained [rad]
@@ -43,12 +43,13 @@ struct WalkSegment {
 struct Walk {
   std::vector<WalkPhase> phases;
   std::vector<WalkSegment> segments;
-  double dx = 0.0;       ///< sum of the steps
-  bool tension = false;  ///< both contacts would have lifted at once somewhere: read with care
+  double dx = 0.0;  ///< sum of the steps
+  bool tension =
+      false;  ///< both contacts would have lifted at once at some time: outside the model
 };
 
-/// 4.7: double and single contact in turn, no sliding. Normal forces of the double contact with
-/// inertia (4.31 is their static limit, for either contact). Corrected: contact is made again when
+/// 4.7: alternating double and single contact, no sliding. Normal forces of the double contact with
+/// inertia (4.31 is their static limit, for either contact). Corrected: contact closes again when
 /// theta_X, not theta_x, is zero; then angular momentum about the chord is conserved (the thesis
 /// keeps theta_Y'); signs of 4.36; Ω² in 4.37.
 Walk walk(const WalkCase& c);

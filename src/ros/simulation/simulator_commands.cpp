@@ -165,7 +165,7 @@ double SimulatorNode::blockLength() const {
 }
 
 void SimulatorNode::followMotion(const std::optional<CarrierMotion>& motion) {
-  World& world = cell_->world();
+  SimulatorBackend& world = cell_->world();
   if (!motion) {
     if (!world.atRest()) world.stopRest();
     return;

@@ -101,7 +101,7 @@ void SimulatorNode::renew(const Sender& sender, std::uint32_t session) {
 
 // Before a block: the dead man, and what the coupling may bear during it.
 void SimulatorNode::watchPlant() {
-  World& world = cell_->world();
+  SimulatorBackend& world = cell_->world();
   const Vector6 load = world.couplingWrench();
   const double height = cell_->carrier().encoders(world).p.z();
   std::lock_guard<std::mutex> lock(mutex_);
@@ -129,7 +129,7 @@ void SimulatorNode::watchPlant() {
 
 // Of a move that begins now, to `target` in the carrier's base.
 double SimulatorNode::speedOf(const Pose& target) {
-  World& world = cell_->world();
+  SimulatorBackend& world = cell_->world();
   const Pose X = inverse(cell_->carrier().encoders(world)) * target;
   Vector6 way;
   way << X.p, vectorFromRotation(X.R).value;
@@ -143,7 +143,7 @@ double SimulatorNode::speedOf(const Pose& target) {
 
 void SimulatorNode::feel(const Vector6& load) {
   if (!watched_ || too_much_ || !exceeds(load, felt_)) return;
-  World& world = cell_->world();
+  SimulatorBackend& world = cell_->world();
   const Vector6 way = world.stoppingDisplacement();
   if (!mustStop(braking_, load, way, allowed_)) return;
   too_much_ = load;

@@ -312,7 +312,7 @@ void SimulatorNode::applyCommands() {
     motion.swap(motion_);
     std::swap(stop, stop_);
   }
-  World& world = cell_->world();
+  SimulatorBackend& world = cell_->world();
   if (stop.hold) world.stopRest();
   if (stop.exciter_off) world.setExciter(ExciterParameters{}, world.time());
   if (command) cell_->command(*command, speedOf(*command));
@@ -427,7 +427,7 @@ void SimulatorNode::publishStaticFrames() {
 }
 
 void SimulatorNode::publishState() {
-  World& world = cell_->world();
+  SimulatorBackend& world = cell_->world();
   const ros::Time stamp = stampAt(world.time());
 
   frames_.assign(1, transformStamped(kCarrierBaseFrame, kCarrierFrame, cell_->reported(), stamp));

@@ -44,11 +44,11 @@ struct ContactReport {
 constexpr int kSlots = kContactSlots;
 
 /// Simulator backend: the mechanism in time, with the inputs (rest pose, exciter) and the outputs
-/// (wrenches, poses, contacts) of a simulated cell. Implemented by `Simulation` and `SecondWorld`.
-/// Frame `hole` unless stated otherwise.
-class World {
+/// (wrenches, poses, contacts) of a simulated cell. Implemented by `Simulation` and
+/// `MujocoSimulation`. Frame `hole` unless stated otherwise.
+class SimulatorBackend {
  public:
-  virtual ~World() = default;
+  virtual ~SimulatorBackend() = default;
 
   virtual double time() const = 0;  ///< [s] from the start of the scenario
   virtual const Scenario& scenario() const = 0;
@@ -111,9 +111,9 @@ class World {
   virtual RestPose carrier() const = 0;
 
  protected:
-  World() = default;
-  World(const World&) = default;
-  World& operator=(const World&) = default;
+  SimulatorBackend() = default;
+  SimulatorBackend(const SimulatorBackend&) = default;
+  SimulatorBackend& operator=(const SimulatorBackend&) = default;
 };
 
 }  // namespace assembly_cell
