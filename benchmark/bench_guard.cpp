@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // What the plant's guard and the freshness of blocks cost, as a part of one core: a block of
 // 100 samples every 20 ms, each with a look at the load; a lease, a move, an exciter command and
-// the dead man once a block. The fastest of several runs.
+// the watchdog once a block. The fastest of several runs.
 
 #include <algorithm>
 #include <chrono>
@@ -23,7 +23,7 @@ int main() {
     CellClock clock(true);
     Sender sender{"/assembly_supervisor", 0.0, true, false};
     guard.braking.stiffness.diagonal().setConstant(5e4);
-    const Load felt = detectionThreshold(guard.limits);
+    const Load detection = detectionThreshold(guard.limits);
     const Vector6 way = Vector6::Constant(1e-5);
     Vector6 load = Vector6::Constant(1.0);
     load(0) = 20.0;
@@ -40,7 +40,7 @@ int main() {
       refused += checkExciter(guard, sender, {1.0, 450.0, 0.0, 1}, now).good() ? 0 : 1;
       for (int i = 0; i < kSamples; ++i) {
         load(2) = 1e-3 * i;
-        if (exceeds(load, felt)) stopped += mustStop(guard.braking, load, way, guard.allowed);
+        if (exceeds(load, detection)) stopped += mustStop(guard.braking, load, way, guard.allowed);
       }
       stopped += watch(guard, load, X.p.z(), now).hold ? 1 : 0;
       clock.observe(now + 1e-3, now);

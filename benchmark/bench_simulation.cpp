@@ -79,7 +79,7 @@ struct Run {
   StopReason reason = StopReason::kOk;
 };
 
-// `duration` of simulated time after `settle` of it, in samples of 0.2 ms as the cell asks for
+// `duration` of simulated time after `settle` of it, in samples of 0.2 ms as those of the cell
 Run measure(const Scenario& s, double duration, double settle = 0.0, int repeats = kRepeats) {
   Run run;
   run.seconds = 1e300;
@@ -354,7 +354,7 @@ BlockTime blockTime(const Block& block) {
 void realTime() {
   std::printf(
       "\nReal-time factor of the whole cell: both bridges, 5 kHz, blocks of 100 samples; then of "
-      "blocks whose samples nobody reads\n");
+      "blocks whose samples are not read\n");
   for (const bool vibrated : {false, true}) {
     for (const bool contact : {false, true}) {
       Scenario s = contact ? twoEdges() : farAbove();

@@ -61,8 +61,8 @@ double quantile(std::vector<double> values, double q) {
 struct Box {
   pid_t process = -1;
   int port = 0, http_port = 0;
-  int stop = -1;     // a byte: the box ends
-  int answers = -1;  // what it sent and lost
+  int stop = -1;     // one byte ends the box
+  int answers = -1;  // numbers of sent and lost packets
 };
 
 Box startBox(const NetftEmulator::Options& options) {
@@ -74,8 +74,8 @@ Box startBox(const NetftEmulator::Options& options) {
     close(ports[0]);
     close(stop[1]);
     NetftEmulator emulator(options);
-    const int told[2] = {emulator.port(), emulator.httpPort()};
-    if (write(ports[1], told, sizeof told) < 0) _exit(1);
+    const int open_ports[2] = {emulator.port(), emulator.httpPort()};
+    if (write(ports[1], open_ports, sizeof open_ports) < 0) _exit(1);
     char end = 0;
     if (read(stop[0], &end, 1) < 0) _exit(1);
     const std::uint64_t counts[2] = {emulator.sent(), emulator.lost()};
@@ -84,16 +84,16 @@ Box startBox(const NetftEmulator::Options& options) {
   }
   close(ports[1]);
   close(stop[0]);
-  int told[2] = {0, 0};
-  if (read(ports[0], told, sizeof told) != sizeof told) std::exit(1);
-  box.port = told[0];
-  box.http_port = told[1];
+  int open_ports[2] = {0, 0};
+  if (read(ports[0], open_ports, sizeof open_ports) != sizeof open_ports) std::exit(1);
+  box.port = open_ports[0];
+  box.http_port = open_ports[1];
   box.stop = stop[1];
   box.answers = ports[0];
   return box;
 }
 
-// SCHED_FIFO for the calling thread, as a driver with the right to it would ask for
+// SCHED_FIFO for the calling thread, as of a driver with real-time priority
 void raise(double priority) {
   if (priority <= 0.0) return;
   sched_param parameters{};
@@ -226,13 +226,13 @@ int main(int argc, char** argv) {
         1e3 * quantile(r.latencies, 1.0));
     if (write(boxes[i].stop, "e", 1) != 1) return 1;
     std::uint64_t counts[2] = {0, 0};
-    const bool told = read(boxes[i].answers, counts, sizeof counts) == sizeof counts;
+    const bool answered = read(boxes[i].answers, counts, sizeof counts) == sizeof counts;
     std::printf("        box: sent %llu, lost on purpose %llu\n",
                 static_cast<unsigned long long>(counts[0]),
                 static_cast<unsigned long long>(counts[1]));
     int status = 0;
     waitpid(boxes[i].process, &status, 0);
-    good = good && told && (faults.loss > 0.0 || c.lost == 0);
+    good = good && answered && (faults.loss > 0.0 || c.lost == 0);
   }
   std::printf("a thread that only sleeps wakes late by %48.3f %6.3f %6.3f\n",
               1e3 * quantile(overshoots, 0.5), 1e3 * quantile(overshoots, 0.99),

@@ -1,10 +1,10 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The mechanism a second time, in extended precision, to judge the package's simulation by. Shares
-// the scenario file with it and nothing else: Newton–Euler equations in fixed axes with the angular
-// velocity as state (there: Lagrange's in Euler rates), contact derivatives by Taylor arithmetic
-// (there: closed formulas), contact modes by trial and check, Fehlberg's 7(8) pair of Boost.Odeint.
-// Two places of contact, edge on edge unless told otherwise; the rest pose does not move; impacts
-// plastic or with Stronge's restitution, by reference_impact.h.
+// Independent implementation of the mechanism in extended precision, the reference of the
+// simulation. Shares the scenario file with it and nothing else: Newton–Euler equations in fixed
+// axes with the angular velocity as state (there: Lagrange's in Euler rates), contact derivatives
+// by Taylor arithmetic (there: closed formulas), contact modes by trial and check, Fehlberg's 7(8)
+// pair of Boost.Odeint. Two places of contact, edge on edge unless set otherwise; the rest pose
+// does not move; impacts plastic or with Stronge's restitution, by reference_impact.h.
 #pragma once
 
 #include <Eigen/Dense>
@@ -622,7 +622,7 @@ class Mechanism {
   }
 
   // Laws with regularised friction. Each branch of the law (creeping or sliding, pressing or not)
-  // is kept through a step, so that every step sees smooth equations; `margin` < 0 asks for a
+  // is kept through a step, so that every step sees smooth equations; `margin` < 0 requests a
   // change.
   struct Compliant {
     std::array<Vec3, 2> force{Vec3::Zero(), Vec3::Zero()};
@@ -750,7 +750,7 @@ class Mechanism {
     }
   }
 
-  // directions of slip at the start of a step, by which its stop is judged
+  // directions of slip at the start of a step, by which its stop is detected
   void start_slip(const State& y) {
     if (!rigid_ || (mode_[0] == Mode::kOpen && mode_[1] == Mode::kOpen)) return;
     const Kinetics k = kinetics(time_, y);

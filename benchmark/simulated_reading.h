@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // One reading of the locus in the simulated cell, for tests and studies: the peg is pressed on at a
-// given lean, vibrated and felt through the sensor, and the truth is kept beside it.
+// given lean, vibrated and measured by the sensor; the ground truth is stored, too.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace assembly_cell {
 
 struct SimulatedReading {
   Scenario scenario;
-  OperatingPoint point;  // with the true tilts and the felt static force
+  OperatingPoint point;  // with the true tilts and the measured static force
   HarmonicFit fit;       // of the six displacements
   Locus locus;           // LocusAxes::kSensor
   std::vector<ContactReport> closed;

@@ -107,7 +107,7 @@ int accuracy(int runs, std::uint64_t seed) {
         const double psi = any(random);
         record(a, b, psi, sigma, random, r);
         const Locus locus = locusOf(r);
-        // with the phase of the exciter known, arg N alone tells the direction
+        // with a known phase of the exciter, arg N determines the direction
         const std::array<double, 4> found = {locus.orientation(), principalAxis(r), ellipseAxis(r),
                                              0.5 * std::arg(a > std::abs(b) ? locus.N : -locus.N)};
         for (std::size_t m = 0; m < found.size(); ++m) {

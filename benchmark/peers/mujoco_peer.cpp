@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // MuJoCo with the scene's forces on its bodies at each stage of its integrators. Where parts touch
-// the bore is a ring of boxes, as in the package's second world.
+// the bore is a ring of boxes, as in the package's MuJoCo backend.
 #include <mujoco/mujoco.h>
 
 #include <cstdio>

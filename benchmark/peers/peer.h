@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // A scene for the package and for other engines: what all of them start from, what acts on their
-// bodies, and what they are judged by.
+// bodies, and their error measures.
 #pragma once
 
 #include <array>
@@ -52,7 +52,7 @@ struct Setting {
   std::string engine, how;  ///< package or peer, its integrator and setting
   /// A whole run: positions at the checks; counts steps.
   using Run = std::function<Path(long& steps)>;
-  /// Bodies at the start, each call anew; not part of the time.
+  /// Bodies at their initial state, for each call; not part of the time.
   std::function<Run()> prepare;
 };
 

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// What any roscpp node pays for arm_bridge's traffic: hears the arm's joints and says 500 points a
-// second, as the bridge does, and does nothing else. A command moves the next point.
-// usage: bridge_floor [--reader]: the reader only hears the points.
+// Processor time of a minimal roscpp node with arm_bridge's traffic: receives the arm's joints and
+// sends 500 points a second, as the bridge does, and does nothing else. A command moves the next
+// point. usage: bridge_floor [--reader]: the reader only receives the points.
 #include <geometry_msgs/PoseStamped.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// How long after a block a command follows that was decided on it: both are heard here, over the
+// Delay between a block and the command decided on it: both are received here, over the
 // same kind of connection. A command's stamp is the end of the block.
 // usage: decision_delay: prints the delay of each command [ms], a line each, until it is ended.
 #include <assembly_cell/Exciter.h>

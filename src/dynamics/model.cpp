@@ -92,9 +92,9 @@ Eigen::Vector3d momentOfVector(const Eigen::Vector3d& r, const Eigen::Vector3d& 
 
 // Rate of the carrier deflection along z; F: coupling force without that rate, `damping`: of the
 // coupling, whose force depends on the rate.
-double givesAlongZ(const Scenario& s, double give, double F, double damping) {
+double deflectionRateAlongZ(const Scenario& s, double deflection, double F, double damping) {
   const double compliance = s.imperfections.compliance(2);
-  return (compliance * F - give) / (kComplianceLag + compliance * damping);
+  return (compliance * F - deflection) / (kComplianceLag + compliance * damping);
 }
 
 // Forces of the coupling, thesis axes of `hole`: FK, FC, FCm of FreeMotion, FKm on the angles psi,
@@ -114,7 +114,7 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
     if (isCompliant(s)) {
       const double damping = coupling.damping.diagonal(0);
       m.carrier_deflection_rate(2) =
-          givesAlongZ(s, state.carrier_deflection(2), FK(0) + FC(0), damping);
+          deflectionRateAlongZ(s, state.carrier_deflection(2), FK(0) + FC(0), damping);
       FC(0) -= damping * m.carrier_deflection_rate(2);
     }
     for (int i = 0; i < 3; ++i) {
@@ -133,9 +133,9 @@ void couplingForces(const Scenario& s, const Kinematics& k, const State& state,
     Vector6 z = Vector6::Zero();  // deflection in the carrier's axes, thesis order
     z.head<3>() = toThesisAxes(c.R.row(2).transpose());
     const Vector6 damper = multiply(coupling.damping, z);
-    m.carrier_deflection_rate(2) =
-        givesAlongZ(s, state.carrier_deflection(2), z.head<3>().dot(FK.head<3>() + FC.head<3>()),
-                    z.head<3>().dot(damper.head<3>()));
+    m.carrier_deflection_rate(2) = deflectionRateAlongZ(
+        s, state.carrier_deflection(2), z.head<3>().dot(FK.head<3>() + FC.head<3>()),
+        z.head<3>().dot(damper.head<3>()));
     FC -= m.carrier_deflection_rate(2) * damper;
   }
   const auto turned = [&c](const Eigen::Vector3d& thesis) -> Eigen::Vector3d {

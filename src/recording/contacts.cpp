@@ -287,7 +287,7 @@ void findLever(const WrenchRecording& r, const ContactSettings& settings, Contac
 
 // ---- classification
 
-void judge(const WrenchRecording& r, const ContactSettings& settings, ContactAnalysis& a) {
+void classify(const WrenchRecording& r, const ContactSettings& settings, ContactAnalysis& a) {
   const double force_sd = std::sqrt(a.noise.diagonal().head<3>().maxCoeff());
   const std::size_t n = r.t.size();
   std::vector<int> one(n + 1, 0), classified(n + 1, 0);  // cumulative sums before each sample
@@ -364,7 +364,7 @@ ContactAnalysis findContacts(const WrenchRecording& r, const ContactSettings& se
     out.samples[i].wrench = r.wrench[i] - emptyWrench(out, r, i);
   }
   findLever(r, settings, out);
-  judge(r, settings, out);
+  classify(r, settings, out);
   for (std::size_t first = 0, i = 1; i <= r.t.size(); ++i) {
     if (i < r.t.size() && out.samples[i].kind == out.samples[first].kind) continue;
     const bool contact = out.samples[first].kind == ContactKind::kOne ||

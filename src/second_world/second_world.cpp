@@ -400,10 +400,10 @@ Eigen::Vector2d MujocoSimulation::specificForce(double height) const {
   const Matrix3d R = e.R();
   const Vector3d arm = height * R.col(2), turn = e.turn();
   const Vector3d turning = R * Vector3d(Vector3d::Map(e.d->qacc + kTurn));
-  Vector3d felt =
+  Vector3d specific_force =
       Vector3d::Map(e.d->qacc + kPeg) + turning.cross(arm) + turn.cross(turn.cross(arm));
-  felt.z() += scenario_.mechanism.gravity;
-  return {R.col(0).dot(felt), R.col(1).dot(felt)};
+  specific_force.z() += scenario_.mechanism.gravity;
+  return {R.col(0).dot(specific_force), R.col(1).dot(specific_force)};
 }
 
 Pose MujocoSimulation::pegPose() const {

@@ -45,10 +45,6 @@ std::string errorOf(const Function& function) {
   return "accepted";
 }
 
-TEST(CellDescription, UrdfPassesCheckUrdf) {
-  EXPECT_EQ(std::system(("check_urdf \"" + kSource + "/urdf/cell.urdf\" > /dev/null").c_str()), 0);
-}
-
 TEST(CellDescription, ReadsTheDefaultCell) {
   const CellDescription cell = loadCellDescription(defaultUrdf());
   EXPECT_EQ(cell.peg.radius, 0.025);

@@ -109,10 +109,10 @@ TEST(Simulation, HangingPegDeflectsTheCoupling) {
   EXPECT_LT((sim.couplingWrench() - wrench).norm(), 1e-6);
 }
 
-// Let go in the upright coupling of a carrier that gives way: deflection X, its rate and the way w
-// are linear in time, by their eigenvalues. F = k (X - w) + c (X' - w') on the carrier, and
-// kComplianceLag w' = C F - w.
-TEST(Simulation, TheCarrierGivesWayAsItsClosedForm) {
+// Release in the upright coupling of a compliant carrier: deflection X, its rate and the carrier
+// deflection w by the eigenvalues of their linear equations. F = k (X - w) + c (X' - w') on the
+// carrier, and kComplianceLag w' = C F - w.
+TEST(Simulation, CarrierDeflectionHasItsClosedForm) {
   for (const char* axes : {"hole", "carrier"}) {
     for (const char* solver : {"dopri5", "dop853", "hamming", "rk4"}) {
       Scenario s = load("cell", {"contact={law: none}", std::string("coupling.axes=") + axes,
@@ -150,8 +150,9 @@ TEST(Simulation, TheCarrierGivesWayAsItsClosedForm) {
   }
 }
 
-// Pushed along all axes, at rest: it has given way by its compliance times the coupling's force.
-TEST(Simulation, TheCarrierGivesWayByItsComplianceTimesTheForce) {
+// Pushed along all axes, at rest: the carrier deflection is its compliance times the coupling's
+// force.
+TEST(Simulation, CarrierDeflectionAtRestIsComplianceTimesForce) {
   Scenario s = load("cell", {"contact={law: none}"});
   place(s, {0, 0, 0.01}, 0.02, 0.5);
   s.push = {0.7, -1.1, 0.4};
@@ -196,7 +197,7 @@ TEST(Simulation, RestTargetIsReachedByTheCarrier) {
   ASSERT_EQ(sim.advance(0.5), StopReason::kOk);
   EXPECT_LT((restVector(sim.rest()) - restVector(target)).norm(), 1e-15);
   ASSERT_EQ(sim.advance(1.0), StopReason::kOk);
-  // the carrier's springs give way to what its load is: nothing but the hanging peg's moment
+  // the load of the carrier's springs is the moment of the hanging peg only
   EXPECT_NEAR(sim.carrierPose().p.x(), target.x, 1e-6);
   EXPECT_NEAR(sim.state().q(8), target.yaw, 1e-5);
 }
@@ -324,9 +325,9 @@ TEST(Simulation, NamesWhatIsNotAvailable) {
             std::string::npos);
 }
 
-// Somebody else moves the carrier: from block to block it has the position, the rate and the
-// acceleration that were said, along one quintic, here that of a sine.
-TEST(Simulation, FollowsAMotionThatSomebodyElseMakes) {
+// A carrier moved from outside: each block ends with the commanded position, rate and acceleration,
+// along one quintic; here those of a sine.
+TEST(Simulation, FollowsAnExternalMotion) {
   constexpr double kBlock = 0.02, kSize = 1e-3, kRate = 20.0;  // [s], [m], [rad/s]
   const RestMotion start;
   RestProfile profile = restProfile(restPose(start.position));
@@ -358,8 +359,8 @@ bool slipsAnywhere(const Simulation& sim) {
 }
 
 // Coulomb's law where slip begins, from the reported forces and accelerations alone: the point of
-// contact is accelerated against its friction. A wall is felt: the peg's side on the rim, where it
-// gives way across (it spins about its axis) more than twice as easily as up and down.
+// contact is accelerated opposite to its friction. Contact of the peg's side with the rim, where
+// its inverse mass across (it spins about its axis) is more than twice that up and down.
 TEST(Simulation, SlipBeginsAgainstItsFriction) {
   State start;
   start.q << 0.03079837, -0.00174211, 0.00028532, -0.05427963, 1.56181618, 0.0002, -0.00451208,

@@ -33,7 +33,7 @@ void require(bool holds, const char* what) {
   std::abort();
 }
 
-// Frames out of bytes in pieces whose sizes the first byte tells.
+// Frames from bytes in pieces with sizes from the first byte.
 void fuzzFrames(const FrameFormat& format, const std::uint8_t* data, std::size_t size) {
   static const auto kept = std::make_unique<FrameDecoder>(format);
   FrameDecoder& decoder = *kept;
@@ -208,22 +208,22 @@ void fuzzMessageCheck(const std::uint8_t* data, std::size_t size) {
     if (number >= 0.0 && number <= kLastStamp) window.accept(number);
   }
   require(window.last() >= 0.0 && window.last() <= kLastStamp, "the window keeps stamps");
-  require(window.accept(100.0) || window.accept(100.0), "nobody starves");
+  require(window.accept(100.0) || window.accept(100.0), "no publisher is rejected twice in a row");
 }
 
-// Leases, moves, exciter commands and loads of three nodes in any order: what is let through is
-// within the limits and of the holder, and the dead man comes in time.
+// Leases, moves, exciter commands and loads of three nodes in any order: accepted commands are
+// within the limits and from the owner, and the watchdog stops in time.
 void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
   struct Event {
     std::uint8_t kind, node, session, flags;
-    float age;  // of what the sender knows [s]
+    float age;  // of the sender's last state [s]
     double a, b;
   };
   if (size == 0) return;
   PlantGuard guard = plantGuard({}, static_cast<LeaseMode>(data[0] % 3), (data[0] & 4) != 0);
   guard.braking.stiffness.diagonal().setConstant(5e4);
   const GuardLimits& limits = guard.limits;
-  const auto told = [](const GuardVerdict& verdict) {
+  const auto accepted = [](const GuardVerdict& verdict) {
     require(verdict.good() == verdict.text.empty(), "a refusal has a text");
     require(verdict.text.find('\n') == std::string::npos, "a refusal is one line");
     return verdict.good();
@@ -235,21 +235,21 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
     const std::string node = std::string("/") + static_cast<char>('a' + event.node % 3);
     const Sender sender{node, now - static_cast<double>(event.age), (event.flags & 1) != 0,
                         (event.flags & 2) != 0};
-    const std::string holder = guard.owner;
+    const std::string owner = guard.owner;
     bool commanded = false;
     switch (event.kind % 4) {
       case 0: {
         GuardAction action;
-        told(renewLease(guard, sender, event.session % 3, now, action));
-        require(holder == guard.owner || action.exciter_off || !guard.shaking,
-                "another holder begins with the exciter off");
+        accepted(renewLease(guard, sender, event.session % 3, now, action));
+        require(owner == guard.owner || action.exciter_off || !guard.shaking,
+                "another owner begins with the exciter off");
         require(guard.owner.empty() || guard.mode != LeaseMode::kNone, "no sessions");
         break;
       }
       case 1: {
         Pose X;
         X.p = {event.a, event.b, event.a - event.b};
-        commanded = told(checkMove(guard, sender, X, now));
+        commanded = accepted(checkMove(guard, sender, X, now));
         if (!commanded) break;
         require((X.p.array() >= limits.box_min.array()).all() &&
                     (X.p.array() <= limits.box_max.array()).all(),
@@ -258,7 +258,7 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
       }
       case 2: {
         const ExciterCommand drive{event.a, event.b, event.a, event.flags & 4 ? 1 : -1};
-        const bool good = told(checkExciter(guard, sender, drive, now));
+        const bool good = accepted(checkExciter(guard, sender, drive, now));
         commanded = good && drive.amplitude > 0.0;
         require(!good || (drive.amplitude <= limits.amplitude && drive.frequency >= 0.0 &&
                           drive.frequency <= limits.frequency),
@@ -269,7 +269,7 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
         now += 0.02;
         const Vector6 load = Vector6::Constant(event.a);
         if (exceeds(load, guard.allowed)) {
-          require(!told(overload(guard, load, Vector6::Zero())), "an overload is told");
+          require(!accepted(overload(guard, load, Vector6::Zero())), "an overload is reported");
         }
         watch(guard, load, event.b, now);
         const Vector6 way = Vector6::Constant(event.b);
@@ -282,12 +282,12 @@ void fuzzPlantGuard(const std::uint8_t* data, std::size_t size) {
     }
     require(
         !commanded || guard.mode == LeaseMode::kNone || guard.owner.empty() || guard.owner == node,
-        "only the holder commands");
+        "only the owner commands");
     require(!commanded || guard.mode != LeaseMode::kRequired || guard.owner == node,
-            "nobody commands without a lease where one is required");
-    require(guard.seen <= now, "nobody has seen the future");
+            "no command without a lease where one is required");
+    require(guard.seen <= now, "no message is from the future");
     require(guard.owner.empty() || guard.expired || now - guard.seen < limits.lease_time + 0.02,
-            "the dead man comes in time");
+            "the watchdog stops in time");
     require(!(guard.expired && guard.shaking), "nothing shakes without a lease");
   }
 }

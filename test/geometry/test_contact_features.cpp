@@ -191,7 +191,7 @@ TEST_F(ContactFeatures, DrawnOutOfTheHoleFeaturesHandOver) {
         findContacts(at(high), a.shapes, kAllContactSlots, after);
         const Smallest b = smallest(before), f = smallest(after);
         ASSERT_TRUE(b.slot >= 0 && f.slot >= 0);
-        // where an overlapping corner changes its nearest way out, that is told to second order
+        // where the nearest surface of an overlapping corner changes, gaps agree to second order
         EXPECT_NEAR(b.gap, f.gap, 1e-13 + 1e-4 * penetration) << i << " " << q;
         const ContactPoint& cb = before.slots[static_cast<std::size_t>(b.slot)];
         const ContactPoint& cf = after.slots[static_cast<std::size_t>(f.slot)];

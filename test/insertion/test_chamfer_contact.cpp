@@ -15,7 +15,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// upright, its edge half way down the cone; `angle`: of the cone to the hole's axis
+// upright, its edge halfway along the cone; `angle`: of the cone to the hole's axis
 Scenario onTheCone(double angle, double friction) {
   Scenario s = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml",
                             {"contact={law: rigid}", "solver.tolerance=1e-12"});

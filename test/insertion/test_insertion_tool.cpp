@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Chamfer and holder by hand, and the tool `insertion` as people call it.
+// Chamfer and compliant mount by hand, and the tool `insertion` from the command line.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>

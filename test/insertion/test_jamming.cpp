@@ -100,16 +100,16 @@ bool balanced(const Case& c) {
 
 TEST(Jamming, ConeOfLoadsAgainstTheBalanceOfForces) {
   Cases cases;
-  int rests = 0, judged = 0;
+  int rests = 0, checked = 0;
   for (int i = 0; i < 100000; ++i) {
     const Case c = cases.next();
     const double margin = restMargin(c.fit, c.tilt, c.friction, c.load);
     if (std::abs(margin) < kMargin) continue;
-    ++judged;
+    ++checked;
     rests += margin > 0.0;
     ASSERT_EQ(margin > 0.0, balanced(c)) << i << ": margin " << margin;
   }
-  EXPECT_GT(judged, 99900);
+  EXPECT_GT(checked, 99900);
   EXPECT_GT(rests, 20000);
   EXPECT_LT(rests, 80000);
 }
@@ -156,12 +156,12 @@ TEST(Jamming, TheSimulatorsPegRestsUnderTheSameLoads) {
   const char* asked = std::getenv("ASSEMBLY_CELL_JAMMING_LOADS");
   const int loads = asked ? std::atoi(asked) : 5000;
   Cases cases;
-  int rests = 0, moves_too = 0, judged = 0;
+  int rests = 0, moves_too = 0, checked = 0;
   for (int i = 0; i < loads; ++i) {
     const Case c = cases.next();
     const double margin = restMargin(c.fit, c.tilt, c.friction, c.load);
     if (std::abs(margin) < kMargin) continue;
-    ++judged;
+    ++checked;
     const bool stays = staysInSimulation(s, c);
     rests += stays;
     EXPECT_FALSE(stays && margin < 0.0) << i << ": margin " << margin;
@@ -169,7 +169,7 @@ TEST(Jamming, TheSimulatorsPegRestsUnderTheSameLoads) {
     ++moves_too;
     EXPECT_LT(c.depth, 5.0 * wedgingDepth(c.fit, c.friction)) << i << ": margin " << margin;
   }
-  EXPECT_GT(judged, 0.99 * loads);
+  EXPECT_GT(checked, 0.99 * loads);
   EXPECT_GT(rests, loads / 5);
   RecordProperty("moves_too", moves_too);
   EXPECT_LT(moves_too, 0.01 * loads);

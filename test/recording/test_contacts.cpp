@@ -74,7 +74,7 @@ TEST(Contacts, LeverBiasAndPayloadAreFound) {
   EXPECT_LT(a.footprint, 0.014);
 }
 
-TEST(Contacts, OneIsToldFromSeveral) {
+TEST(Contacts, OneIsDistinguishedFromSeveral) {
   const Hand hand;
   const ContactAnalysis a = findContacts(hand.recording, {});
   std::size_t right = 0;

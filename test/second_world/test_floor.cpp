@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The floor of the hole, felt in the second world; test_insert has the exact one.
+// Detection of the hole's floor in MuJoCo; test_insert has the exact simulator.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -44,7 +44,7 @@ class InsertionFloor : public testing::Test {
 }  // namespace
 
 // Seated where the truth has the floor, by evidence.
-TEST_F(InsertionFloor, IsFeltAndPressedGently) {
+TEST_F(InsertionFloor, IsDetectedAndPressedGently) {
   const AlignTrial trial = this->trial(kFloor);
   const InsertResult& r = trial.result.insert;
   EXPECT_TRUE(trial.success) << trial.result.reason;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The second world against closed forms, the engine without what this package puts around it, and
+// The MuJoCo backend against closed forms, the engine without what this package adds, and
 // the exact contacts.
 #include <gtest/gtest.h>
 #include <mujoco/mujoco.h>
@@ -69,7 +69,7 @@ TEST(MujocoSimulation, FreeSwingIsTheClosedForm) {
 
 // Forced by the exciter through the whole mechanism: as the exact simulation, which has closed
 // forms and peers of its own, for the steady state.
-TEST(MujocoSimulation, ExciterMovesThePegAsInTheFirst) {
+TEST(MujocoSimulation, ExciterMovesThePegAsInSimulation) {
   const Scenario s = cellScenario();
   const auto amplitude = [](SimulatorBackend& world) {
     ExciterParameters drive;
@@ -152,14 +152,14 @@ Eigen::Vector4cd shaken(SimulatorBackend& world, RestPose rest) {
   Eigen::Vector4cd sum = Eigen::Vector4cd::Zero();
   for (int i = 1; i <= 1000; ++i) {
     EXPECT_EQ(world.advance(start + i * 2e-4), StopReason::kOk);
-    Eigen::Vector4d felt;
-    felt << world.specificForce(0.05), world.specificForce(-0.02);
-    sum += std::polar(1.0 / 500, -kRate * (0.5 + i * 2e-4)) * felt;
+    Eigen::Vector4d measured;
+    measured << world.specificForce(0.05), world.specificForce(-0.02);
+    sum += std::polar(1.0 / 500, -kRate * (0.5 + i * 2e-4)) * measured;
   }
   return sum;
 }
 
-TEST(MujocoSimulation, ShakesOnAPointAsTheFirst) {
+TEST(MujocoSimulation, ShakesOnAPointAsInSimulation) {
   const std::string law =
       "contact={law: rigid, restitution: 0, features: [edge_edge, edge_plane, edge_wall, "
       "rim_side]}";
@@ -185,9 +185,9 @@ struct Press {
   const char* name;
   double x, y, tilt_x, tilt_y, down;
 };
-class BothWorlds : public testing::TestWithParam<Press> {};
+class BothBackends : public testing::TestWithParam<Press> {};
 
-TEST_P(BothWorlds, TouchAtTheSamePlace) {
+TEST_P(BothBackends, TouchAtTheSamePosition) {
   const Press& at = GetParam();
   // the viscous law keeps what a contact sank in while it came to rest
   const Scenario s =
@@ -226,7 +226,7 @@ TEST_P(BothWorlds, TouchAtTheSamePlace) {
   EXPECT_LT((through(a) - through(b)).norm(), 6e-4) << at.name;  // a facet is 0.62 mm wide
 }
 
-INSTANTIATE_TEST_SUITE_P(, BothWorlds,
+INSTANTIATE_TEST_SUITE_P(, BothBackends,
                          testing::Values(Press{"face", 0.052, 0.01, 0.02, 0.01, 0.0002},
                                          Press{"rim", 0.004, -0.003, 0.012, 0.02, 0.0006},
                                          Press{"far_rim", -0.012, 0.006, -0.015, 0.004, 0.0005}),
@@ -235,7 +235,7 @@ INSTANTIATE_TEST_SUITE_P(, BothWorlds,
                          });
 
 // The boxes that are left out would not have touched: the engine alone, with all of them.
-TEST(MujocoSimulation, SkipsOnlyWhatDoesNotTouch) {
+TEST(MujocoSimulation, SkipsOnlySeparatedBoxes) {
   SoftContact contact;
   contact.facets = 64;
   std::mt19937 random(5);
@@ -274,7 +274,7 @@ TEST(MujocoSimulation, SkipsOnlyWhatDoesNotTouch) {
 
 // A bore that leans by half a degree is free down to its bottom for a peg that leans as it does,
 // all round and with a chamfer as well, and ends by its clearance aside.
-TEST(MujocoSimulation, NothingStandsInABoreThatLeans) {
+TEST(MujocoSimulation, InclinedBoreIsFree) {
   constexpr double kLean = 8.727e-3, kDeep = 0.055;
   for (const double chamfer : {0.0, 5e-4}) {
     SoftContact contact;

@@ -16,7 +16,7 @@ namespace assembly_cell::stress {
 
 /// What a run was and what came of it.
 struct Verdict {
-  std::string scene;     ///< law, integrator and what else tells it
+  std::string scene;     ///< law, integrator and further settings
   std::string reason;    ///< how it ended
   double reached = 0.0;  ///< time [s]
   double gain = 0.0;     ///< largest energy gain over what the tolerance allows (EnergyBalance)
@@ -153,7 +153,7 @@ class EnergyBalance {
 };
 
 /// Runs for `duration`, watching energy after each step and finiteness at 40 times.
-inline Verdict judge(const Scenario& s, double duration) {
+inline Verdict evaluate(const Scenario& s, double duration) {
   Verdict v;
   Simulation sim(s);
   EnergyBalance balance(sim);
@@ -303,7 +303,7 @@ inline bool controlsError(const Scenario& s) {
 }
 
 inline Verdict run(const RandomScene& r, double duration) {
-  Verdict v = judge(r.scene, duration);
+  Verdict v = evaluate(r.scene, duration);
   const char* const laws[] = {"none", "spring_dashpot", "viscous", "rigid"};
   v.scene = std::string(laws[static_cast<int>(r.scene.contact.law)]) + " " +
             r.scene.solver.integrator + (r.driven ? ", driven" : "");

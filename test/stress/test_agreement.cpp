@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Random scenes at falling tolerances and with other output times end where the finest run ends: no
 // event is missed or misplaced. Starts above the block, deep in it, and at rest. The environment
-// variable ASSEMBLY_CELL_STRESS_SCENES asks for more scenes of each law (default 24).
+// variable ASSEMBLY_CELL_STRESS_SCENES sets more scenes of each law (default 24).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ namespace {
 
 struct End {
   State state;
-  bool chattered = false;
+  bool accumulated = false;
 };
 
 constexpr double kFinest = 1e-13, kMoved = 1e-11;
@@ -98,13 +98,13 @@ std::optional<double> sensitivity(const Scenario& s, double duration, double siz
 }
 
 struct Tally {
-  int judged = 0, beyond = 0, undecided = 0, chattered = 0, stopped = 0;
+  int evaluated = 0, beyond = 0, undecided = 0, accumulated = 0, stopped = 0;
   double worst = 0.0;
   unsigned worst_seed = 0;
 };
 
-// the error over what is allowed for one tolerance; counts what can't be judged
-void judge(const Scenario& base, unsigned seed, Law law, Tally& tally) {
+// the error over what is allowed for one tolerance; counts what can't be evaluated
+void evaluate(const Scenario& base, unsigned seed, Law law, Tally& tally) {
   Scenario s = sceneOf(base, seed, law);
   const double size = s.mechanism.peg.radius / 0.025, duration = 0.01 * std::sqrt(size);
   s.solver.tolerance = size * kFinest;
@@ -115,22 +115,22 @@ void judge(const Scenario& base, unsigned seed, Law law, Tally& tally) {
     ++tally.stopped;
     return;
   }
-  bool chattered = finest->chattered;
+  bool accumulated = finest->accumulated;
   double worst = 0.0;
   for (const double tolerance : kTolerances) {
     s.solver.tolerance = size * tolerance;
     for (const int looks : {1, 4, 20}) {
       const std::optional<End> end = runTo(s, duration, looks);
-      chattered = chattered || !end || end->chattered;
+      accumulated = accumulated || !end || end->accumulated;
       if (end) worst = std::max(worst, apart(*end, *finest) / (*moved * s.solver.tolerance));
     }
   }
-  if (chattered) {
-    ++tally.chattered;
+  if (accumulated) {
+    ++tally.accumulated;
   } else if (*moved > kUndecided) {
     ++tally.undecided;
   } else {
-    ++tally.judged;
+    ++tally.evaluated;
     if (!(worst < kAllowed)) {
       ++tally.beyond;
       std::printf("seed %u is off by %.2g tolerances\n", seed, worst);
@@ -150,19 +150,19 @@ void runScenes(const char* name, Law law, double most_chattered) {
   Tally tally;
   for (unsigned seed = 1; seed <= static_cast<unsigned>(scenes); ++seed) {
     try {
-      judge(base, seed, law, tally);
+      evaluate(base, seed, law, tally);
     } catch (const InputError&) {
       ++tally.stopped;
     }
   }
   std::printf(
-      "%-12s %4d scenes judged, %d beyond, worst of the others %.2g tolerances (seed %u); %d "
-      "chattered, %d undecided, %d "
+      "%-12s %4d scenes evaluated, %d beyond, worst of the others %.2g tolerances (seed %u); %d "
+      "accumulated, %d undecided, %d "
       "stopped or refused\n",
-      name, tally.judged, tally.beyond, tally.worst, tally.worst_seed, tally.chattered,
+      name, tally.evaluated, tally.beyond, tally.worst, tally.worst_seed, tally.accumulated,
       tally.undecided, tally.stopped);
   EXPECT_LE(tally.beyond, scenes / 100);
-  EXPECT_LE(tally.chattered, most_chattered * scenes);
+  EXPECT_LE(tally.accumulated, most_chattered * scenes);
   EXPECT_LE(tally.undecided + tally.stopped, 0.1 * scenes + 2);
 }
 

@@ -22,7 +22,7 @@ using Eigen::Vector3d;
 
 // the run gets to its end, or stops before it with a reason; error control bounds its energy
 void expectSane(const Scenario& s, double duration, const std::string& what) {
-  const stress::Verdict v = stress::judge(s, duration);
+  const stress::Verdict v = stress::evaluate(s, duration);
   EXPECT_TRUE(v.finite) << what;
   EXPECT_FALSE(v.hung) << what;
   EXPECT_NE(v.reason, "unknown") << what;
@@ -160,7 +160,7 @@ TEST(Extremes, ZeroClearanceAndTransitions) {
   }
 }
 
-TEST(Extremes, ChatterAndResonance) {
+TEST(Extremes, ZenoBehaviourAndResonance) {
   // slow drive through stick and slip
   Scenario chatter = load("chapter8_force_two_1N");
   chatter.mechanism.friction = {0.35, 0.05};
@@ -173,23 +173,6 @@ TEST(Extremes, ChatterAndResonance) {
     s.mechanism.exciter.frequency = w;
     s.solver.tolerance = 1e-9;
     expectSane(s, 0.05, "resonance " + std::to_string(w));
-  }
-}
-
-TEST(Extremes, RestitutionOfOneCreatesNoEnergy) {
-  for (const double mu : {0.0, 0.2, 0.8}) {
-    for (const double e : {0.5, 1.0}) {
-      Scenario s = load("impact", {"contact.law=rigid"});
-      s.contact.restitution = e;
-      s.mechanism.friction = {mu, mu};
-      s.mechanism.coupling.damping = CouplingMatrix{};
-      s.solver.tolerance = 1e-12;
-      const stress::Verdict v = stress::judge(s, 0.06);
-      EXPECT_TRUE(v.finite && !v.hung) << mu << " " << e;
-      // 1e-12 m a step over hundreds of steps at 0.2 m/s
-      EXPECT_LT(v.gain, 1.0) << mu << " " << e;
-      EXPECT_LT(v.share, 1e-8) << mu << " " << e;
-    }
   }
 }
 

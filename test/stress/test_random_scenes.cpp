@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Random scenes by the hundred: no crash, hang, NaN or energy gain; a run ends ok or with a named
-// reason. The environment variable ASSEMBLY_CELL_STRESS_SCENES asks for more (default 250, 120 with
+// reason. The environment variable ASSEMBLY_CELL_STRESS_SCENES sets more (default 250, 120 with
 // a chamfer, 120 of a level peg).
 #include <gtest/gtest.h>
 
@@ -111,7 +111,7 @@ TEST(Stress, RandomScenesOfLevelPegs) { runScenes(wanted(120), Kind::kLevel); }
 
 // A pair of springs on the rim and the one of the lowest point are found and lost in turn, over and
 // over: coarse steps go past that. Had taken more than fifty million evaluations.
-TEST(Stress, SpringsFoundAndLostInTurn) {
+TEST(Stress, AlternatingSprings) {
   const Scenario base =
       loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
   // the second is looked at where a step of the least length ends: one never ended there
@@ -125,7 +125,7 @@ TEST(Stress, SpringsFoundAndLostInTurn) {
 
 // Two points that slip, of a rigid peg: their forces jump between two values within each step, and
 // steps of 1e-11 s went on for more than fifty million evaluations. Such slip is stopped.
-TEST(Stress, ForcesThatJumpToAndFro) {
+TEST(Stress, AlternatingForces) {
   const Scenario base =
       loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
   const stress::Verdict v = stress::run(stress::RandomScene(base, 4659), 0.02);

@@ -36,7 +36,7 @@ RestPose rest() {
   return pose;
 }
 
-TEST(Wedge, SlipThatGoesAstrayEnds) {
+TEST(Wedge, InconsistentSlipEnds) {
   for (const double tilting : {-1.0, 0.0, 1.0}) {
     Scenario scene = startedFrom(cell(), wedged(tilting));
     scene.rest = rest();
@@ -68,7 +68,7 @@ TEST(Wedge, SlipThatGoesAstrayEnds) {
   }
 }
 
-TEST(Wedge, ARunOfTooManyStepsEndsByItsName) {
+TEST(Wedge, TooManyStepsEndTheRunWithAReason) {
   CellParameters parameters;
   parameters.block_size = 47;
   SimulatedPlant plant(cell({"solver.integrator=rk4", "solver.step=3e-9"}),

@@ -70,18 +70,18 @@ VectorXd entriesOf(const SensorErrors& sd, const VectorXd& e) {
   return out;
 }
 
-// what a sensor with such errors tells of a wrench in the datum's axes: w' = (I + E) w in a frame
-// that stands elsewhere, written out; e in standard deviations
-Vector6 told(const SensorErrors& sd, const VectorXd& e, const Vector6& w) {
+// Output of a sensor with such errors for a wrench in the datum's axes: w' = (I + E) w in a
+// displaced frame; e in standard deviations.
+Vector6 sensorOutput(const SensorErrors& sd, const VectorXd& e, const Vector6& w) {
   const Matrix3d dR = rotation(sd.rotation * e.segment<3>(36));
   const Vector3d shift = sd.offset * e.segment<3>(39);
-  Vector6 felt = seenFrom(inverse(sd.frame), w);
-  const Vector3d F = felt.head<3>(), M = felt.tail<3>();
-  felt << dR.transpose() * F, dR.transpose() * (M - shift.cross(F));
-  Vector6 out = felt;
+  Vector6 local = seenFrom(inverse(sd.frame), w);
+  const Vector3d F = local.head<3>(), M = local.tail<3>();
+  local << dR.transpose() * F, dR.transpose() * (M - shift.cross(F));
+  Vector6 out = local;
   const VectorXd E = entriesOf(sd, e);
   for (int i = 0; i < 6; ++i) {
-    for (int k = 0; k < 6; ++k) out[i] += E[6 * i + k] * felt[k];
+    for (int k = 0; k < 6; ++k) out[i] += E[6 * i + k] * local[k];
   }
   return seenFrom(sd.frame, out);
 }
@@ -97,8 +97,8 @@ Matrix6 boundWithErrors(const Scene& s, const TwinErrors& sd) {
       const auto k = static_cast<std::size_t>(i);
       const Vector6 w_b = s.w_b[k] + x.segment<6>(first + 6 * i);
       y.segment<6>(12 * i) =
-          told(sd.a, x.segment(6, kErrors), -seenFrom(X, seenFrom(s.moves[k], w_b)));
-      y.segment<6>(12 * i + 6) = told(sd.b, x.segment(6 + kErrors, kErrors), w_b);
+          sensorOutput(sd.a, x.segment(6, kErrors), -seenFrom(X, seenFrom(s.moves[k], w_b)));
+      y.segment<6>(12 * i + 6) = sensorOutput(sd.b, x.segment(6 + kErrors, kErrors), w_b);
     }
     y.tail(2 * kErrors) = x.segment(6, 2 * kErrors);
     return y;
@@ -130,8 +130,8 @@ std::vector<TwinContact> measureWith(const Scene& s, const TwinErrors& sd,
   const VectorXd e_a = drawn(random), e_b = drawn(random);
   std::vector<TwinContact> contacts = measure(s);
   for (TwinContact& c : contacts) {
-    c.wrench_a = told(sd.a, e_a, c.wrench_a) + gaussian(s.covariance_a, random);
-    c.wrench_b = told(sd.b, e_b, c.wrench_b) + gaussian(s.covariance_b, random);
+    c.wrench_a = sensorOutput(sd.a, e_a, c.wrench_a) + gaussian(s.covariance_a, random);
+    c.wrench_b = sensorOutput(sd.b, e_b, c.wrench_b) + gaussian(s.covariance_b, random);
   }
   return contacts;
 }
@@ -243,7 +243,7 @@ TEST(ErrorsOfSensors, EvidenceIsStillRefused) {
   std::mt19937_64 random(5);
   auto contacts = measureWith(s, *options.errors, random);
   ASSERT_TRUE(hasPose(estimatePose(contacts, options, workspace).status));
-  // a second contact that only one sensor feels: ten times what a matrix is off
+  // a second contact measured by one sensor only: ten times the error of a matrix
   contacts[2].wrench_a.head<3>() += Vector3d(2.0, -1.0, 1.0);
   EXPECT_EQ(estimatePose(contacts, options, workspace).status,
             TwinForceStatus::kRefuseInconsistent);
@@ -259,7 +259,7 @@ TEST(ErrorsOfSensors, EvidenceIsStillRefused) {
 }
 
 // what a contact is said to bring is what it brings: errors are the same in all
-TEST_P(DrawnSensors, AdviceForetellsTheCovariance) {
+TEST_P(DrawnSensors, AdvicePredictsTheCovariance) {
   const Scene s = errorScene();
   TwinForceWorkspace workspace(8);
   TwinForceOptions options;

@@ -18,8 +18,8 @@
 #include "assembly_cell/vibration/locus_model.h"
 #include "assembly_cell/vibration/rig.h"
 #include "assembly_cell/vibration/sliding.h"
-#include "expect_close.h"
-#include "thesis_forms.h"
+#include "support/expect_close.h"
+#include "support/thesis_forms.h"
 
 namespace assembly_cell {
 namespace {

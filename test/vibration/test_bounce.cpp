@@ -9,7 +9,7 @@
 
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/single_dof.h"
-#include "refusals.h"
+#include "support/refusals.h"
 
 namespace assembly_cell {
 namespace {

@@ -11,7 +11,7 @@
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/steady_state.h"
-#include "expect_close.h"
+#include "support/expect_close.h"
 
 namespace assembly_cell {
 namespace {

@@ -15,7 +15,7 @@
 #include "assembly_cell/vibration/rig.h"
 #include "assembly_cell/vibration/sliding.h"
 #include "assembly_cell/vibration/steady_state.h"
-#include "thesis_forms.h"
+#include "support/thesis_forms.h"
 
 namespace assembly_cell {
 namespace {

@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "assembly_cell/vibration/inertia.h"
-#include "refusals.h"
+#include "support/refusals.h"
 
 namespace assembly_cell {
 namespace {

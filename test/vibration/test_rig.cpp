@@ -7,8 +7,8 @@
 #include <cmath>
 #include <random>
 
-#include "refusals.h"
-#include "thesis_forms.h"
+#include "support/refusals.h"
+#include "support/thesis_forms.h"
 
 namespace assembly_cell {
 namespace {

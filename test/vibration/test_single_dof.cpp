@@ -9,8 +9,8 @@
 #include <limits>
 #include <random>
 
-#include "quadrature.h"
-#include "refusals.h"
+#include "support/quadrature.h"
+#include "support/refusals.h"
 
 namespace assembly_cell {
 namespace {
@@ -156,7 +156,7 @@ TEST(SingleDof, ResonanceIsNoSpecialPoint) {
   EXPECT_NEAR(singleDof(next, u).theta, exact, 2e-8 * sizeOf(s, u));
 }
 
-TEST(SingleDof, StartsWhereItIsTold) {
+TEST(SingleDof, StartsAtItsInitialValues) {
   const SingleDof s{2, 8, 0.3, 3, 1, -5, 2.2, 1.5, 0.7, -0.4};
   EXPECT_DOUBLE_EQ(singleDof(s, 1.5).theta, 0.7);
   EXPECT_DOUBLE_EQ(singleDof(s, 1.5).theta_dot, -0.4);

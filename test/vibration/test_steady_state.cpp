@@ -10,8 +10,8 @@
 
 #include "assembly_cell/vibration/inertia.h"
 #include "assembly_cell/vibration/single_dof.h"
-#include "refusals.h"
-#include "thesis_forms.h"
+#include "support/refusals.h"
+#include "support/thesis_forms.h"
 
 namespace assembly_cell {
 namespace {

@@ -15,8 +15,8 @@
 #include "assembly_cell/vibration/sliding.h"
 #include "assembly_cell/vibration/steady_state.h"
 #include "assembly_cell/vibration/walking.h"
-#include "refusals.h"
-#include "thesis_forms.h"
+#include "support/refusals.h"
+#include "support/thesis_forms.h"
 
 namespace assembly_cell {
 namespace {

@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "assembly_cell/vibration/inertia.h"
-#include "refusals.h"
-#include "thesis_forms.h"
+#include "support/refusals.h"
+#include "support/thesis_forms.h"
 
 namespace assembly_cell {
 namespace {

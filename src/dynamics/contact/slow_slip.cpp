@@ -290,10 +290,10 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
   const double h = step.h;
   keepNear(c.state, e.near);
   std::array<Vector9, Ark::kStages> velocity, slope;
-  std::array<Vec3, Ark::kStages> give;
+  std::array<Vec3, Ark::kStages> deflection_rate;
   velocity[0] = c.state.v;
   slope[0] = c.slope;
-  give[0] = c.carrier_deflection_rate;
+  deflection_rate[0] = c.carrier_deflection_rate;
   evaluate(s, c, c.time, c.state, Level::kForces, e);
   SlipDirections directions(s, c, e);
   bool rested = false, rests = false;
@@ -303,12 +303,12 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
     for (int j = 0; j < i; ++j) {
       at.q += h * Ark::a[i][j] * velocity[j];
       at.v += h * Ark::a[i][j] * slope[j];
-      at.carrier_deflection += h * Ark::a[i][j] * give[j];
+      at.carrier_deflection += h * Ark::a[i][j] * deflection_rate[j];
       known += h * Ark::implicit[i][j] * slope[j];
     }
     velocity[i] = at.v;
     evaluate(s, c, c.time + Ark::c[i] * h, at, Level::kForces, e);
-    give[i] = e.motion.carrier_deflection_rate;
+    deflection_rate[i] = e.motion.carrier_deflection_rate;
     if (!directions.solve(s, c, known, h * Ark::kGamma, slope[i], e)) {
       step.end = c.state;
       step.slope = c.slope;
@@ -324,10 +324,10 @@ void attemptSlowSlip(const System& s, const Context& c, Trial& step, Evaluation&
   for (int i = 0; i < Ark::kStages; ++i) {
     step.end.q += h * Ark::b[i] * velocity[i];
     step.end.v += h * Ark::b[i] * slope[i];
-    step.end.carrier_deflection += h * Ark::b[i] * give[i];
+    step.end.carrier_deflection += h * Ark::b[i] * deflection_rate[i];
     error.q += h * (Ark::b[i] - Ark::estimate[i]) * velocity[i];
     error.v += h * (Ark::b[i] - Ark::estimate[i]) * slope[i];
-    error.carrier_deflection += h * (Ark::b[i] - Ark::estimate[i]) * give[i];
+    error.carrier_deflection += h * (Ark::b[i] - Ark::estimate[i]) * deflection_rate[i];
   }
   // at the end velocity and direction agree, except where slip has reversed
   evaluate(s, c, c.time + h, step.end, Level::kEvents, e);

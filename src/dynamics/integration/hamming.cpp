@@ -60,7 +60,7 @@ void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, 
   };
   predict(&State::q);
   predict(&State::v);
-  predict(&State::give);
+  predict(&State::carrier_deflection);
   at.v = evaluate(s, c, c.time + h, modified, Level::kForces, e);
   at.q = modified.v;
   at.carrier_deflection = e.motion.carrier_deflection_rate;
@@ -74,7 +74,7 @@ void Integrator::attemptHamming(const System& s, const Context& c, Trial& step, 
   };
   correct(&State::q);
   correct(&State::v);
-  correct(&State::give);
+  correct(&State::carrier_deflection);
   step.slope = evaluate(s, c, c.time + h, step.end, Level::kEvents, e);
   step.carrier_deflection_rate = e.motion.carrier_deflection_rate;
   trial_defect_ = change;
@@ -115,7 +115,7 @@ void Integrator::resetDefect() {
   };
   defect(&State::q);
   defect(&State::v);
-  defect(&State::give);
+  defect(&State::carrier_deflection);
 }
 
 // Halves the step size; values between the last three rows by a formula of order six.
@@ -136,7 +136,7 @@ void Integrator::halvePast(const System& s, const Context& c, Evaluation& e) {
   };
   between(&State::q);
   between(&State::v);
-  between(&State::give);
+  between(&State::carrier_deflection);
   const State y0 = past.y[n], f0 = past.slope[n], y1 = past.y[n - 1], f1 = past.slope[n - 1];
   past.h *= 0.5;
   past.y[0] = far;

@@ -84,8 +84,8 @@ struct HasThirdError : std::false_type {};
 template <class T>
 struct HasThirdError<T, std::void_t<decltype(T::e3)>> : std::true_type {};
 
-double errorOf(const System& s, const Eigen::Vector3d& give) {
-  return give.lpNorm<Eigen::Infinity>() / s.scenario.solver.tolerance;
+double errorOf(const System& s, const Eigen::Vector3d& deflection) {
+  return deflection.lpNorm<Eigen::Infinity>() / s.scenario.solver.tolerance;
 }
 
 // Largest component over its tolerance: positions 1, angles 30 rad/m, velocities 30 1/s.
@@ -102,7 +102,7 @@ double errorOf(const System& s, const Vector18& error) {
 template <class T>
 struct Slopes {
   std::array<Vector18, T::kStages + 1> state;
-  std::array<Eigen::Vector3d, T::kStages + 1> give;
+  std::array<Eigen::Vector3d, T::kStages + 1> carrier_deflection;
 };
 
 template <class T, int I>

@@ -1,8 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// When one looks changes nothing, and a finer tolerance changes little: events are found whatever
-// the steps. The scenes of Chapter 8 with the peg started at rest some micrometres deep, where the
-// viscous law lets the depth decay: points lift off and come back inside the decay, and leave the
-// block while they are pressed on again.
+// Results are independent of sample times, and change little with the tolerance, as all events are
+// found. The scenes of Chapter 8 with the peg started at rest some micrometres deep, where the
+// depth decays under the viscous law: points lift off and return during the decay.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,17 +22,17 @@ struct Law {
   std::vector<std::string> overrides;
 };
 
-double heightAfter(const Scenario& scene, int looks) {
+double heightAfter(const Scenario& scene, int samples) {
   Simulation sim(scene);
-  for (int i = 1; i <= looks; ++i) {
-    EXPECT_EQ(sim.advance(kDuration * i / looks), StopReason::kOk);
+  for (int i = 1; i <= samples; ++i) {
+    EXPECT_EQ(sim.advance(kDuration * i / samples), StopReason::kOk);
   }
   return sim.state().q(0);
 }
 
-class Looking : public testing::TestWithParam<Law> {};
+class SampleTimes : public testing::TestWithParam<Law> {};
 
-TEST_P(Looking, ChangesNothing) {
+TEST_P(SampleTimes, ChangeNothing) {
   for (const char* file : {"force_one_0_3N", "force_one_1N", "force_one_3N", "force_one_10N",
                            "force_two_0_3N", "force_two_1N", "force_two_3N", "force_two_10N"}) {
     for (const double depth : {0.0, 1e-6, 2e-6, 3e-6, 5e-6, 8e-6}) {
@@ -47,9 +46,9 @@ TEST_P(Looking, ChangesNothing) {
         scene.initial.position.z() = Simulation(scene).state().q(0) - depth;
         scene.initial.close = false;
         ends.push_back(heightAfter(scene, 1));
-        for (const int looks : {4, 20, 100}) {
-          EXPECT_NEAR(heightAfter(scene, looks), ends.back(), std::max(1e-10, tolerance))
-              << file << ", " << depth << " m deep, tolerance " << tolerance << ", " << looks;
+        for (const int samples : {4, 20, 100}) {
+          EXPECT_NEAR(heightAfter(scene, samples), ends.back(), std::max(1e-10, tolerance))
+              << file << ", " << depth << " m deep, tolerance " << tolerance << ", " << samples;
         }
       }
       // at 1e-9 a slip of 1e-6 m/s is rest (docs/theory/thesis.md), which may keep a sticking point
@@ -58,7 +57,7 @@ TEST_P(Looking, ChangesNothing) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Laws, Looking,
+INSTANTIATE_TEST_SUITE_P(Laws, SampleTimes,
                          testing::Values(Law{"spring_dashpot", {"contact.law=spring_dashpot"}},
                                          Law{"viscous", {"contact.law=viscous"}},
                                          Law{"stationary_rows",
@@ -66,8 +65,8 @@ INSTANTIATE_TEST_SUITE_P(Laws, Looking,
                                               "contact.stationary_rows=true"}}),
                          [](const auto& law) { return std::string(law.param.name); });
 
-// The cell, pressed and shaken, looked at 5000 times a second within steps that its tolerance
-// chooses, a block of 20 ms ahead.
+// The cell, pressed and shaken, sampled 5000 times a second within steps of error control, a block
+// of 20 ms ahead.
 struct Shaken {
   static constexpr int kSamples = 100, kBlocks = 100;
   static constexpr double kPeriod = 2e-4;
@@ -124,7 +123,7 @@ void compareWithFineRun(Scenario scene, const char* name, double tolerance, doub
 
 // Hanging: ten steps' tolerance. Pressed, slip that is slower than 1e3 1/s times the tolerance is
 // none: whether it begins in a turn or not is some milliseconds of that.
-TEST(LookingWithinSteps, TruthAndSamplesAreThoseOfAFineRun) {
+TEST(DenseOutput, StatesAndSamplesAreThoseOfAFineRun) {
   for (const double tolerance : {1e-9, 1e-10}) {
     const double most = (tolerance < 5e-10 ? 1.3 : 0.8) * Shaken::kSamples * Shaken::kBlocks;
     Scenario scene = Shaken(tolerance).scene;
@@ -132,43 +131,43 @@ TEST(LookingWithinSteps, TruthAndSamplesAreThoseOfAFineRun) {
     scene.rest.z = 0.086;
     compareWithFineRun(scene, "hanging", tolerance, 10 * tolerance, most);
     scene.imperfections.compliance.setConstant(5e-6);
-    compareWithFineRun(scene, "hanging, giving way", tolerance, 10 * tolerance, most);
+    compareWithFineRun(scene, "hanging, compliant", tolerance, 10 * tolerance, most);
     scene.rest.z = 0.0795;
-    compareWithFineRun(scene, "pressed, giving way", tolerance, 10 * tolerance, HUGE_VAL);
+    compareWithFineRun(scene, "pressed, compliant", tolerance, 10 * tolerance, HUGE_VAL);
   }
 }
 
-TEST(LookingWithinSteps, ChangesNoStep) {
-  Simulation looked(Shaken(1e-9).scene), passed(Shaken(1e-9).scene);
+TEST(DenseOutput, ChangesNoStep) {
+  Simulation sampled(Shaken(1e-9).scene), passed(Shaken(1e-9).scene);
   for (int block = 0, sample = 0; block < Shaken::kBlocks; ++block) {
-    Shaken::command(block, looked);
+    Shaken::command(block, sampled);
     Shaken::command(block, passed);
     const double end = Shaken::timeOf(sample + Shaken::kSamples);
     for (int i = 0; i < Shaken::kSamples; ++i) {
-      ASSERT_EQ(looked.sampleAt(Shaken::timeOf(++sample), end), StopReason::kOk);
+      ASSERT_EQ(sampled.sampleAt(Shaken::timeOf(++sample), end), StopReason::kOk);
     }
     ASSERT_EQ(passed.advance(end), StopReason::kOk);
-    ASSERT_EQ(looked.state().q, passed.state().q) << block;
+    ASSERT_EQ(sampled.state().q, passed.state().q) << block;
   }
 }
 
-// A command in mid-step goes back to the time that is looked at.
-TEST(LookingWithinSteps, ACommandGoesBack) {
-  Simulation looked(Shaken(1e-10).scene), stopped(Shaken(1e-10).scene);
-  RestPose target = looked.scenario().rest;
+// A command in mid-step goes back to the time that is sampled at.
+TEST(DenseOutput, ACommandReturnsToTheSample) {
+  Simulation sampled(Shaken(1e-10).scene), stopped(Shaken(1e-10).scene);
+  RestPose target = sampled.scenario().rest;
   target.y += 1e-3;
   for (int i = 1; i <= 300; ++i) {
     const double t = Shaken::timeOf(i);
-    ASSERT_EQ(looked.sampleAt(t, std::ceil(i / 100.0) * 0.02), StopReason::kOk);
+    ASSERT_EQ(sampled.sampleAt(t, std::ceil(i / 100.0) * 0.02), StopReason::kOk);
     ASSERT_EQ(stopped.advance(t), StopReason::kOk);
     if (i % 37 != 0) continue;
     target.y = -target.y;
-    looked.setRestTarget(target);
+    sampled.setRestTarget(target);
     stopped.setRestTarget(target);
-    ASSERT_EQ(looked.time(), t);
+    ASSERT_EQ(sampled.time(), t);
   }
-  EXPECT_LT((looked.state().q - stopped.state().q).head<3>().norm(), 1e-9);
-  EXPECT_LT(looked.counts().steps, stopped.counts().steps);
+  EXPECT_LT((sampled.state().q - stopped.state().q).head<3>().norm(), 1e-9);
+  EXPECT_LT(sampled.counts().steps, stopped.counts().steps);
 }
 
 }  // namespace

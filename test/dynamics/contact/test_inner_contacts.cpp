@@ -136,7 +136,7 @@ TEST(InnerContacts, CompliantLaws) {
     compare("plane, " + name, onThePlane({law}), kPlane, 0.01, {2}, kSteps);
     compare("wall, " + name, onTheWall({law}), kInside, 0.01, {3}, kSteps);
     compare("side, " + name, onTheSide({law}), kInside, 0.01, {5}, kSteps);
-    // the viscous contact gives way: the side is not reached
+    // the viscous contact yields: the side is not reached
     const std::vector<std::size_t> carry = {3, name == "viscous" ? 3u : 5u};
     compare("wall and side, " + name, jammed({law}), kInside, 0.02, carry, 1e-10);
   }

@@ -42,7 +42,7 @@ TEST(SlowSlip, StepsFollowTheMotionAndErrorsTheTolerance) {
       const double error = (end.place - truth.place).cwiseAbs().maxCoeff();
       EXPECT_LT(error, 5.0 * tolerance) << amplitude << " N";
       EXPECT_LT(end.evaluations, tolerance < 5e-10 ? 30000 : 20000) << amplitude << " N";
-      // slip that comes to rest asks for ever shorter steps: foreseen, else 0.42 at 5 N and 1e-9 m
+      // steps shorten as slip comes to rest: predicted; without prediction 0.42 at 5 N and 1e-9 m
       EXPECT_LT(static_cast<double>(end.rejected), 0.2 * static_cast<double>(end.steps));
       std::printf(
           "%g N, tolerance %.0e: error %.1e m, %lld evaluations, %lld steps, %lld refused\n",
