@@ -422,21 +422,4 @@ RestPose MujocoSimulation::carrier() const {
   return pose;
 }
 
-double MujocoSimulation::kineticEnergy() const {
-  const mjData* d = engine_->d;
-  std::vector<mjtNum> momentum(static_cast<std::size_t>(engine_->m->nv));
-  mj_mulM(engine_->m, d, momentum.data(), d->qvel);
-  return 0.5 * mju_dot(momentum.data(), d->qvel, engine_->m->nv);
-}
-
-double MujocoSimulation::energy() const {
-  const Coupling c = coupling();
-  const Mechanism& mechanism = scenario_.mechanism;
-  const Vector6 rest = restNow().position;
-  const Vector3d off = engine_->positions(kCarrierPosition) - Vector3d(rest(0), rest(1), rest(3));
-  return kineticEnergy() + 0.5 * c.deflection.dot(engine_->stiffness * c.deflection) +
-         0.5 * mechanism.carrier.stiffness.dot(off.cwiseProduct(off)) +
-         mechanism.peg.mass * mechanism.gravity * engine_->positions(kPeg).z();
-}
-
 }  // namespace assembly_cell

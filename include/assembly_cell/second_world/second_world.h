@@ -28,9 +28,7 @@ class MujocoSimulation final : public SimulatorBackend {
   MujocoSimulation(const Scenario& scenario, const SoftContact& contact);
   ~MujocoSimulation() override;
 
-  double kineticEnergy() const;  ///< of peg and carrier, by the engine [J]
-  double energy() const;         ///< kinetic + coupling + carrier springs + weight [J]
-  int contactCount() const;      ///< contacts of the engine, which contacts() merges
+  int contactCount() const;  ///< contacts of the engine, which contacts() merges
 
   double time() const override;
   const Scenario& scenario() const override { return scenario_; }
