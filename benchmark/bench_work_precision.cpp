@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Error against time and evaluations, for every contact law and integrator, as CSV on standard
 // output. The errors are against an independent extended-precision simulation, see
-// reference_mechanism.h; what is compared and what is left out: benchmark/README.md.
+// support/reference_mechanism.h; what is compared and what is left out: benchmark/README.md.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -14,7 +14,7 @@
 
 #include "assembly_cell/dynamics/simulation.h"
 #include "peers/odeint_peer.h"
-#include "reference_mechanism.h"
+#include "support/reference_mechanism.h"
 
 namespace assembly_cell {
 namespace {

@@ -23,7 +23,7 @@
 #include "assembly_cell/locus/harmonic_fit.h"
 #include "assembly_cell/locus/sliding_friction.h"
 #include "assembly_cell/locus/sliding_locus.h"
-#include "simulated_reading.h"
+#include "support/simulated_reading.h"
 
 namespace {
 

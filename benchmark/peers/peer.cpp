@@ -6,7 +6,7 @@
 #include <ctime>
 #include <memory>
 
-#include "../reference_mechanism.h"
+#include "../support/reference_mechanism.h"
 #include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell::peers {

@@ -217,16 +217,16 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
   };
   // maximum of speed and acceleration over their limits; or the first value above `enough`
   const auto excess = [&](double enough) {
-    double greatest = 0.0;
+    double maximum = 0.0;
     // in strides of 12 over the 41 samples: a violation is found among the first few
-    for (int i = 0; i <= 40 && !(greatest > enough); ++i) {
+    for (int i = 0; i <= 40 && !(maximum > enough); ++i) {
       const RestMotion m =
           restMotion(profile, t + profile.duration * (12 * i % 41) / 40.0 * (1 - 1e-12));
-      greatest = std::max(
-          {greatest, m.rate.cwiseProduct(weight).cwiseAbs().maxCoeff() / speed_limit,
+      maximum = std::max(
+          {maximum, m.rate.cwiseProduct(weight).cwiseAbs().maxCoeff() / speed_limit,
            m.acceleration.cwiseProduct(weight).cwiseAbs().maxCoeff() / acceleration_limit});
     }
-    return greatest;
+    return maximum;
   };
   for (double T = kShortestMove; T < kLongestMove; T *= kLonger) {
     shape(T);
@@ -234,12 +234,12 @@ RestProfile planRest(const RestMotion& now, double t, const RestPose& target,
   }
   // none does: the one with the smallest violation
   RestProfile best;
-  double least = 1e300;
+  double minimum = 1e300;
   for (double T = kShortestMove; T < kLongestMove; T *= kLonger) {
     shape(T);
-    const double over = excess(least);
-    if (over < least) {
-      least = over;
+    const double over = excess(minimum);
+    if (over < minimum) {
+      minimum = over;
       best = profile;
     }
   }

@@ -19,7 +19,7 @@ constexpr double kRestSpeed = 3e-7, kFaceRestSpeed = 1e-5;  // [m/s]
 // Lower bounds over the tolerance: the error of a step's velocities.
 constexpr double kRestOverTolerance = 300.0, kFaceRestOverTolerance = 1e4;  // [1/s]
 // Under the rigid law it is proportional to the tolerance, down to this.
-constexpr double kLeastRestSpeed = 1e-8;  // [m/s]
+constexpr double kMinRestSpeed = 1e-8;  // [m/s]
 // Maximum penetration of an impact at 0.7 m/s or a load of 1 kN at 1e6 N/m, under the default laws.
 constexpr double kFlush = 1e-3;  // [m]
 
@@ -113,7 +113,7 @@ System::System(const Scenario& given)
   // above the velocity error of the integrator, docs/theory/thesis.md
   const double tolerance = fixed_step ? 1e-9 : solver.tolerance;
   slip_threshold =
-      std::max(rigid ? kLeastRestSpeed : kFaceRestSpeed, kFaceRestOverTolerance * tolerance);
+      std::max(rigid ? kMinRestSpeed : kFaceRestSpeed, kFaceRestOverTolerance * tolerance);
   fine_slip = rigid ? slip_threshold : std::max(kRestSpeed, kRestOverTolerance * tolerance);
   // the thesis's rows let a stationary contact creep below v_ST
   if (scenario.thesis.creep) {

@@ -66,9 +66,9 @@ void edgeCone(const Peg& e, const Rim& rim, double far, std::size_t first_slot,
   const double lean = e.leans() ? levelNorm(e.lean) : 0.0;
   const double lowest = e.center(0) - e.amplitude;
   // lower bound of the gap
-  const double least = s * lowest + c * (rim.radius - e.offset - e.r - lean * e.amplitude);
-  if (least > far) return;
-  if (e.center(0) + e.amplitude + s * std::max(0.0, -least) < -rim.cone->height - kTouch * e.r) {
+  const double minimum = s * lowest + c * (rim.radius - e.offset - e.r - lean * e.amplitude);
+  if (minimum > far) return;
+  if (e.center(0) + e.amplitude + s * std::max(0.0, -minimum) < -rim.cone->height - kTouch * e.r) {
     return;
   }
   // the gap is a constant, a first harmonic with its minimum towards `steep`, and a second one

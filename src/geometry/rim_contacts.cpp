@@ -175,9 +175,9 @@ void rimCone(const Peg& e, double r_h, double far, std::size_t first_slot, Conta
   const double offset = o.norm(), swing = r_h * e.sine;
   const double highest = swing - hole.along, lowest = -swing - hole.along;  // heights over the face
   // lower bound of the gap
-  const double least = c * (r_h * e.axis(0) - offset - e.r) - s * highest;
-  if (least > far || !(highest + s * far >= -kTouch * e.r)) return;
-  if (lowest + s * std::min(0.0, least) > e.cone->height + kTouch * e.r) return;
+  const double minimum = c * (r_h * e.axis(0) - offset - e.r) - s * highest;
+  if (minimum > far || !(highest + s * far >= -kTouch * e.r)) return;
+  if (lowest + s * std::min(0.0, minimum) > e.cone->height + kTouch * e.r) return;
   // the gap is a constant plus a first and a second harmonic
   const double along_2 = s * r_h * e.axis(1) - c * o(1);
   const double along_3 = s * r_h * e.axis(2) - c * o(2);

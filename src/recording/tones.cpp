@@ -71,11 +71,11 @@ double floorAt(const std::vector<double>& spectrum, std::size_t bin) {
 }
 
 // Frequencies [cycles per sample] of the peaks, highest first.
-std::vector<double> peaksOf(const VectorXd& values, std::size_t most, double smallest) {
+std::vector<double> peaksOf(const VectorXd& values, std::size_t maximum, double smallest) {
   std::vector<double> spectrum = amplitudes(values), out;
   const std::vector<double> whole = spectrum;
   double highest = 0.0;
-  while (out.size() < most && spectrum.size() > 2 * kLobe) {
+  while (out.size() < maximum && spectrum.size() > 2 * kLobe) {
     const auto peak = std::max_element(spectrum.begin() + kLobe, spectrum.end());
     const auto bin = static_cast<std::size_t>(peak - spectrum.begin());
     highest = std::max(highest, *peak);
@@ -436,7 +436,7 @@ ToneOrigin originOf(const Tone& tone, const std::vector<Tone>& exciter, double r
   ToneOrigin out;
   const std::size_t K = std::min<std::size_t>(exciter.size(), 4);
   std::vector<int> factors(K, 0);
-  int least = order + 1;
+  int minimum = order + 1;
   const std::function<void(std::size_t, int)> look = [&](std::size_t k, int used) {
     if (k == K) {
       double sum = 0.0, variance = tone.frequency_sd * tone.frequency_sd;
@@ -445,8 +445,8 @@ ToneOrigin originOf(const Tone& tone, const std::vector<Tone>& exciter, double r
         variance += std::pow(factors[i] * exciter[i].frequency_sd, 2);
       }
       const double allowed = std::max(4.0 * std::sqrt(variance), 0.1 * resolution * used);
-      if (used == 0 || used >= least || !(std::abs(sum - tone.frequency) <= allowed)) return;
-      least = used;
+      if (used == 0 || used >= minimum || !(std::abs(sum - tone.frequency) <= allowed)) return;
+      minimum = used;
       out.factors = factors;
       return;
     }
@@ -460,7 +460,7 @@ ToneOrigin originOf(const Tone& tone, const std::vector<Tone>& exciter, double r
   if (out.factors.empty()) return out;
   const auto involved =
       std::count_if(out.factors.begin(), out.factors.end(), [](int f) { return f != 0; });
-  out.kind = least == 1      ? ToneOrigin::Kind::kExciter
+  out.kind = minimum == 1    ? ToneOrigin::Kind::kExciter
              : involved == 1 ? ToneOrigin::Kind::kHarmonic
                              : ToneOrigin::Kind::kIntermodulation;
   return out;

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "../../benchmark/simulated_reading.h"
+#include "../../benchmark/support/simulated_reading.h"
 
 namespace assembly_cell {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "../../benchmark/simulated_reading.h"
+#include "../../benchmark/support/simulated_reading.h"
 
 namespace assembly_cell {
 namespace {

@@ -9,7 +9,7 @@
 #include <random>
 #include <string>
 
-#include "../../benchmark/simulated_reading.h"
+#include "../../benchmark/support/simulated_reading.h"
 
 namespace assembly_cell {
 namespace {

@@ -21,7 +21,7 @@ constexpr double kFlat = 1e-5;  // [rad]
 // Half and twice: 16 and 22 of 181 level random scenes end elsewhere, effort +6 % and −2 %.
 constexpr double kCentre = 0.25;
 // Minimum fraction of the load of a point of a face, above the rounding of forces.
-constexpr double kLeastShare = 1e-12;
+constexpr double kMinLoadFraction = 1e-12;
 constexpr int kShares = 2;  // sweeps over the pairs of more than two sticking points
 
 // Accelerations of the active contacts without contact forces; false if there is none.
@@ -56,9 +56,9 @@ Vector9 withForces(const System& s, const Evaluation& e) {
   return e.free + accelerationBy(s, e.k, sum);
 }
 
-// Row of a slipping or sticking contact: the prescribed change of its acceleration. least: slip
+// Row of a slipping or sticking contact: the prescribed change of its acceleration. min_slip: slip
 // speed below which friction is reduced [m/s].
-void addRow(const System& s, const Slot& slot, std::size_t i, double least, const Evaluation& e,
+void addRow(const System& s, const Slot& slot, std::size_t i, double min_slip, const Evaluation& e,
             Constraints& constraints) {
   const ContactParameters& law = s.scenario.contact;
   // under the rigid law project() keeps closed gaps at zero instead
@@ -76,7 +76,7 @@ void addRow(const System& s, const Slot& slot, std::size_t i, double least, cons
     return;
   }
   // beginning slip has the direction of its limit, then that of the velocity
-  const double own = at.tangential.norm(), speed = std::max(own, least);
+  const double own = at.tangential.norm(), speed = std::max(own, min_slip);
   const double begin = slot.armed ? 0.0 : std::clamp(2.0 - own / slipThreshold(s, e), 0.0, 1.0);
   Vec3 slip = -begin * slot.slip_direction;
   if (speed > 0.0) slip += (1.0 - begin) / speed * at.tangential;
@@ -112,12 +112,12 @@ void shareFaceFriction(ContactSlotMask points, Evaluation& e) {
   double load = 0.0, turning = 0.0, inertia = 0.0;
   Eigen::Vector2d middle = Eigen::Vector2d::Zero(), total = Eigen::Vector2d::Zero();
   for (const std::size_t i : Slots(points)) load += std::abs(e.contacts[i].normal_force);
-  const double least = kLeastShare * load;
-  if (!(least > 0.0)) return;
+  const double minimum = kMinLoadFraction * load;
+  if (!(minimum > 0.0)) return;
   load = 0.0;
   for (const std::size_t i : Slots(points)) {
     const ContactKinematics& at = e.contacts[i];
-    share[i] = std::max(at.normal_force, least);
+    share[i] = std::max(at.normal_force, minimum);
     load += share[i];
     middle += share[i] * planar(at.r);
     total += planar(at.force);
@@ -156,7 +156,7 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
   Constraints constraints;
   ContactSlotMask sticking = 0, idle = 0;
   const ContactSlotMask face = e.active() & e.face;
-  const double least = face ? kCentre * slipSpeed(e, *Slots(face)) : 0.0;
+  const double minimum = face ? kCentre * slipSpeed(e, *Slots(face)) : 0.0;
   for (const std::size_t i : Slots(e.active())) {
     if (slots[i].mode == Mode::kIdle) {
       idle |= 1u << i;
@@ -164,7 +164,7 @@ void solveModes(const System& s, const SlotArray& slots, Level level, Evaluation
       e.contacts[i].normal_force = 0.0;
       continue;
     }
-    addRow(s, slots[i], i, face >> i & 1u ? least : 0.0, e, constraints);
+    addRow(s, slots[i], i, face >> i & 1u ? minimum : 0.0, e, constraints);
     if (slots[i].mode == Mode::kStick) sticking |= 1u << i;
   }
   const bool held = level == Level::kEvents && addRestForces(body, slots, constraints);

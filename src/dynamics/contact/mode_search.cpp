@@ -14,7 +14,7 @@ using Vec3 = Eigen::Vector3d;
 
 constexpr int kModePasses = 24, kSlipTurns = 100;
 // Maximum number of points for enumeration, 3^3 combinations.
-constexpr int kMostTried = 3;
+constexpr int kMaxEnumerated = 3;
 // Iterations within which the error of directions must halve; a face of which one point would stick
 // does not converge.
 constexpr int kProgress = 10;
@@ -177,14 +177,15 @@ void findSlip(const System& s, Context& c, Evaluation& e) {
 }  // namespace
 
 double worstViolation(const System& s, const Context& c, const Evaluation& e) {
-  double most = 0.0;
+  double maximum = 0.0;
   for (const std::size_t i : Slots(e.active())) {
     const ContactKinematics& at = e.contacts[i];
     const bool idle = c.slots[i].mode == Mode::kIdle;
-    most = std::max(most, idle ? -at.demand * s.scenario.mechanism.peg.mass : -at.normal_force);
-    if (c.slots[i].mode == Mode::kStick) most = std::max(most, coneExcess(s, e, i));
+    maximum =
+        std::max(maximum, idle ? -at.demand * s.scenario.mechanism.peg.mass : -at.normal_force);
+    if (c.slots[i].mode == Mode::kStick) maximum = std::max(maximum, coneExcess(s, e, i));
   }
-  return most;
+  return maximum;
 }
 
 // Reverted if it makes a face pull that did not: near its centre of rotation the directions of its
@@ -219,8 +220,9 @@ void iterateModes(const System& s, bool first, double& limit, Context& c, Evalua
 void enumerateModes(const System& s, double limit, Context& c, Evaluation& e) {
   const ContactSlotMask points = e.active();
   const double allowed = limit * s.scenario.mechanism.peg.mass;
-  double least = worstViolation(s, c, e);
-  if (!(least > allowed) || __builtin_popcount(points) > kMostTried || (points & e.face)) return;
+  double minimum = worstViolation(s, c, e);
+  if (!(minimum > allowed) || __builtin_popcount(points) > kMaxEnumerated || (points & e.face))
+    return;
   SlotArray best = c.slots;
   ContactSlotMask armed = 0;
   for (const std::size_t i : Slots(points)) armed |= c.slots[i].armed ? 1u << i : 0u;
@@ -240,14 +242,14 @@ void enumerateModes(const System& s, double limit, Context& c, Evaluation& e) {
       c.slope = recomputeForces(s, c.slots, Level::kEvents, e);
       findSlip(s, c, e);
       const double by = worstViolation(s, c, e);
-      if (by < least) {
-        least = by;
+      if (by < minimum) {
+        minimum = by;
         best = c.slots;
       }
       slide = (slide - (carry & ~armed)) & carry & ~armed;
-      if (slide == 0 || !(least > allowed)) break;
+      if (slide == 0 || !(minimum > allowed)) break;
     }
-    if (carry == 0 || !(least > allowed)) break;
+    if (carry == 0 || !(minimum > allowed)) break;
   }
   c.slots = best;
   c.slope = recomputeForces(s, c.slots, Level::kEvents, e);

@@ -70,15 +70,15 @@ double violation(const Complementarity& p, unsigned subset, const Forces& N) {
 
 // Subset with the smallest violation; an exact solution ends the search.
 unsigned chooseSubset(const Complementarity& p, Forces& N) {
-  double least = 1e300;
+  double minimum = 1e300;
   unsigned chosen = 0;
-  for (unsigned subset = 1u << p.n; subset-- > 0 && least > 0.0;) {
+  for (unsigned subset = 1u << p.n; subset-- > 0 && minimum > 0.0;) {
     const Forces trial = solveSubset(p, subset);
     double broken = violation(p, subset, trial);
     if (!std::isfinite(broken)) continue;
     if (broken < 1e-13 * p.scale) broken = 0.0;
-    if (broken < least) {
-      least = broken;
+    if (broken < minimum) {
+      minimum = broken;
       N = trial.cwiseMax(0.0);
       chosen = subset;
     }

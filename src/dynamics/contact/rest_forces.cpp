@@ -55,7 +55,7 @@ bool findInside(const Body& body, const ForceMoment& target, double mu, const Ev
   // residual of the acceleration
   Vec3 linear = sum.force / body.mass - asked, angular = body.inverse_inertia * sum.moment - turn;
   for (int sweep = 1; sweep <= kSweeps; ++sweep) {
-    double most = 0.0;
+    double maximum = 0.0;
     for (const std::size_t i : Slots(points)) {
       const Vec3& r = e.contacts[i].r;
       const Vec3 off = linear + angular.cross(r);
@@ -65,12 +65,12 @@ bool findInside(const Body& body, const ForceMoment& target, double mu, const Ev
       forces[i] = next;
       linear += change / body.mass;
       angular += body.inverse_inertia * r.cross(change);
-      most = std::max(most, off.squaredNorm());
+      maximum = std::max(maximum, off.squaredNorm());
     }
-    if (most < kHeld * kHeld * scale) return true;
+    if (maximum < kHeld * kHeld * scale) return true;
     if (sweep % kCheckInterval > 0) continue;
-    if (most > kSlow * before) return false;
-    before = most;
+    if (maximum > kSlow * before) return false;
+    before = maximum;
   }
   return false;
 }

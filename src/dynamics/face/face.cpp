@@ -126,7 +126,7 @@ void stopPoints(const System& s, ContactSlotMask points, Context& c, Evaluation&
 // Stops a face whose remaining rebounds are below kLastRise. Returns whether it did.
 bool stopFace(const System& s, Context& c, Evaluation& e) {
   const Round height = heights(c, e.edge), speed = speeds(e);
-  if (height.most(groundOf(s, e.edge, c.face.overHole())) > contactHeight(s)) return false;
+  if (height.max(groundOf(s, e.edge, c.face.overHole())) > contactHeight(s)) return false;
   if (!barelyRises(s, std::abs(speed.middle) + speed.swing(), e)) return false;
   closePoints(s, kFaceSlots & ~e.active(), c, e);
   stopPoints(s, kFaceSlots, c, e);
@@ -179,8 +179,8 @@ double faceEvent(const System& s, const Context& c, const Evaluation& e) {
   if (hasSprings(s)) return std::min(ground, leaves(s) - highestPoint(e));
   const bool all = (e.active() & kFaceSlots) == kFaceSlots;
   const Arc arc = groundOf(s, e.edge, c.face.overHole());
-  const double deeper = all ? HUGE_VAL : height.least(arc) - deepestPoint(e) + beside(s);
-  return std::min({leaves(s) - height.most(arc), ground, deeper});
+  const double deeper = all ? HUGE_VAL : height.min(arc) - deepestPoint(e) + beside(s);
+  return std::min({leaves(s) - height.max(arc), ground, deeper});
 }
 
 void dropFace(Context& c, Evaluation& e) {
@@ -215,7 +215,7 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
     e.contacts[0].gap = e.point(0).gap - depth;
     return true;
   }
-  if (height.most(groundOf(s, e.edge, over_hole)) > 1.5 * contactHeight(s)) return false;
+  if (height.max(groundOf(s, e.edge, over_hole)) > 1.5 * contactHeight(s)) return false;
   c.face.crossings = over_hole ? kCrossingSlots : 0;
   openPoints(kFaceSlots, c, e);
   c.face.on = true;
@@ -224,7 +224,7 @@ bool beginFace(const System& s, Context& c, Evaluation& e) {
     // the fastest approaching point, or the one that has carried
     const double falls = speed.minAt();
     const bool strikes =
-        s.rigid && groundOf(s, e.edge, true).has(falls) && speed.least() < -kSettledSpeed;
+        s.rigid && groundOf(s, e.edge, true).has(falls) && speed.min() < -kSettledSpeed;
     const double t = strikes ? falls : lowest;
     setPoints(s, {t, t, t}, c, e);
     return true;
@@ -240,11 +240,11 @@ bool updateFace(const System& s, Context& c, Evaluation& e) {
   if (!c.face.on) return false;
   const Round height = heights(c, e.edge);
   const Arc arc = groundOf(s, e.edge, c.face.overHole());
-  const double up = hasSprings(s) ? highestPoint(e) : height.most(arc);
+  const double up = hasSprings(s) ? highestPoint(e) : height.max(arc);
   if (up > 0.9 * leaves(s) || !(sameGround(s, c.face, e.edge) > 1e-12)) {
     endFace(s, c, e);
   } else if (!hasSprings(s) && (e.active() & kFaceSlots) != kFaceSlots &&
-             height.least(arc) < deepestPoint(e) - 0.9 * beside(s)) {
+             height.min(arc) < deepestPoint(e) - 0.9 * beside(s)) {
     const std::size_t i = sparePoint(c.face.overHole() ? kFacePlaneSlot : kFaceSlots, c, e);
     if (i == kSlots) {
       // the plane point of a face over the hole carries, another point of its edge approaches
@@ -269,7 +269,7 @@ void faceImpact(const System& s, Context& c, Evaluation& e) {
     if (!c.face.on) return endRocking(s, c, e);
     const Round speed = speeds(e);
     const Arc arc = groundOf(s, e.edge, c.face.overHole());
-    if (speed.least(arc) >= -kSettledSpeed) return;
+    if (speed.min(arc) >= -kSettledSpeed) return;
     const std::size_t i =
         c.face.overHole() ? slotOf(arc, speed.minAt()) : sparePoint(kFaceSlots, c, e);
     if (i == kSlots) return;

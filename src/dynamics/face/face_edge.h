@@ -26,15 +26,15 @@ struct Round {
   double middle, cosine, sine;
   double at(double t) const { return middle + cosine * std::cos(t) + sine * std::sin(t); }
   double swing() const { return std::hypot(cosine, sine); }
-  double least() const { return middle - swing(); }
+  double min() const { return middle - swing(); }
   double minAt() const { return std::atan2(-sine, -cosine); }
   double minAt(const Arc& arc) const {
     const double t = minAt();
     if (arc.has(t)) return t;
     return at(arc.from()) < at(arc.to()) ? arc.from() : arc.to();
   }
-  double least(const Arc& arc) const { return arc.whole() ? least() : at(minAt(arc)); }
-  double most(const Arc& arc) const {
+  double min(const Arc& arc) const { return arc.whole() ? min() : at(minAt(arc)); }
+  double max(const Arc& arc) const {
     if (arc.has(minAt() + M_PI)) return middle + swing();
     return std::max(at(arc.from()), at(arc.to()));
   }

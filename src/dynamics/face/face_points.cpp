@@ -44,10 +44,10 @@ Round demands(const System& s, const Context& c, const Evaluation& e) {
 // Moves the three points; they keep the modes of the present ones.
 void movePoints(const System& s, const std::array<double, 3>& t, Context& c, Evaluation& e) {
   Slot as;
-  double most = -HUGE_VAL;
+  double maximum = -HUGE_VAL;
   for (const std::size_t i : Slots(e.active() & kFaceSlots)) {
-    if (c.slots[i].mode == Mode::kIdle || !(e.contacts[i].normal_force > most)) continue;
-    most = e.contacts[i].normal_force;
+    if (c.slots[i].mode == Mode::kIdle || !(e.contacts[i].normal_force > maximum)) continue;
+    maximum = e.contacts[i].normal_force;
     as = c.slots[i];
   }
   setPoints(s, t, c, e);
@@ -217,7 +217,7 @@ double tippingError(const System& s, double limit, const Context& c, const Evalu
   if (others > (c.face.overHole() ? 1 : 0)) return 0.0;
   const Round demand = demands(s, c, e);
   const Arc arc = groundOf(s, e.edge, c.face.overHole());
-  if (demand.least(arc) > -limit) return 0.0;
+  if (demand.min(arc) > -limit) return 0.0;
   return std::remainder(demand.minAt(arc) - c.face.t[tips], 2.0 * M_PI);
 }
 

@@ -203,23 +203,23 @@ class PlasticImpact {
   void solveDirections() {
     const auto start = friction_;
     if (acting_ == 1) solveSingle(slipping_[0]);
-    double least = converge();
+    double minimum = converge();
     auto best = friction_;
     const auto attempt = [&] {
       const double error = converge();
-      if (error < least) {
-        least = error;
+      if (error < minimum) {
+        minimum = error;
         best = friction_;
       }
     };
-    if (least > kAccepted) {
+    if (minimum > kAccepted) {
       for (std::size_t j = 0; j < slips_; ++j) {
         const Vec3& before = e_.contacts[slipping_[j]].tangential;
         if (before.norm() > kSlipTolerance) friction_[slipping_[j]] = -before.normalized();
       }
       attempt();
     }
-    for (int k = 1; least > kAccepted && slips_ == 1 && k < kStarts; ++k) {
+    for (int k = 1; minimum > kAccepted && slips_ == 1 && k < kStarts; ++k) {
       friction_ = start;
       turn(slipping_[0], k * 2.0 * M_PI / kStarts);
       attempt();

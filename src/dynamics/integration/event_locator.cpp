@@ -177,7 +177,7 @@ double dipOfOpen(const Context& c, const Trial& step, const Evaluation& e) {
 // their values at both ends and the stages [s]; 0 if there is none.
 double dipOfClosed(const Context& c, const Trial& step, const Events& at_end,
                    ContactSlotMask closed) {
-  double least = 0.0, at = 0.0;
+  double minimum = 0.0, at = 0.0;
   for (const std::size_t i : Slots(closed & ~step.stages.shared)) {
     for (std::size_t kind = 0; kind < kEventKinds; ++kind) {
       const double f0 = c.events.ofSlot(i)[kind], f1 = step.stages.value[0][i][kind];
@@ -191,8 +191,8 @@ double dipOfClosed(const Context& c, const Trial& step, const Events& at_end,
       if (!(c1 < 0.0 && square > 0.0)) continue;
       const double u = -c1 / (c2 + std::sqrt(square));
       const double value = f0 + u * (c1 + u * (c2 + u * c3));
-      if (!(u > 0.0 && u < 1.0 && value < least)) continue;
-      least = value;
+      if (!(u > 0.0 && u < 1.0 && value < minimum)) continue;
+      minimum = value;
       at = u * step.h;
     }
   }

@@ -232,9 +232,9 @@ double refine(const System& s, const Context& c, Trial& step, Evaluation& e) {
   const Vector9 of_ends = 1.5 / h * (step.end.v - c.state.v) - 0.25 * (c.slope + step.slope);
   step.sixth = -8.0 / 3.0 * h * h * (slope - of_ends);
   // maxima of (u - u^2)^3 and of its derivative
-  constexpr double most = 1.0 / 64, fastest = 0.0537;
+  constexpr double maximum = 1.0 / 64, fastest = 0.0537;
   const double change =
-      errorOf(s, {most * step.sixth, fastest / h * step.sixth, Eigen::Vector3d::Zero()});
+      errorOf(s, {maximum * step.sixth, fastest / h * step.sixth, Eigen::Vector3d::Zero()});
   if (std::isinf(change)) step.sixth.setZero();
   return change;
 }

@@ -115,9 +115,9 @@ bool isFlat(const Evaluation& e) { return std::hypot(e.k.a(1), e.k.a(2)) < kFlat
 
 double zenoStep(const System& s, const Evaluation& e, double h) {
   if (!s.rigid) {
-    const double least =
+    const double minimum =
         hasSprings(s) && !s.fixed_step ? std::min(kMinZenoStep, s.scenario.solver.max_step) : 0.0;
-    return std::clamp(h, least, kMaxZenoStep);
+    return std::clamp(h, minimum, kMaxZenoStep);
   }
   return std::clamp(std::sqrt(8.0 * kHop / freeAcceleration(s, e)), kMinZenoStep, kMaxZenoStep);
 }

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Contacts other than edge on edge, and restitution, against the independent simulation in extended
-// precision of benchmark/reference_mechanism.h: impact, slip, stick and parting on the plane, the
-// wall of the hole and the peg's side.
+// precision of benchmark/support/reference_mechanism.h: impact, slip, stick and parting on the
+// plane, the wall of the hole and the peg's side.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "../../benchmark/reference_mechanism.h"
+#include "../../../benchmark/support/reference_mechanism.h"
 #include "assembly_cell/dynamics/simulation.h"
 
 namespace assembly_cell {

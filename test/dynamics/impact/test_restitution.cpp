@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "../../benchmark/reference_impact.h"
+#include "../../../benchmark/support/reference_impact.h"
 #include "assembly_cell/dynamics/simulation.h"
 
 namespace assembly_cell {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "../../benchmark/reference_mechanism.h"
+#include "../../../benchmark/support/reference_mechanism.h"
 #include "assembly_cell/dynamics/simulation.h"
 #include "scenarios.h"
 

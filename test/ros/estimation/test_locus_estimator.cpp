@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "../../../benchmark/simulated_reading.h"
+#include "../../../benchmark/support/simulated_reading.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/locus/contact_model.h"
