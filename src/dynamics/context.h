@@ -113,7 +113,7 @@ class Events : public FirstOf<double, kEventKinds * kSlots + 2> {
 struct Face {
   bool on = false;
   ContactSlotMask crossings = 0;  ///< slots at crossings of edge and rim; 0: not over the hole
-  double height = 0.0;            ///< of plane or floor [m]
+  double height = 0.0;            ///< height of plane or floor [m]
   std::array<double, 3> t = {};   ///< parameters of the points on the edge circle [rad]
   double across = 0.0;            ///< without a face: parameter opposite to the lowest point [rad]
   bool overHole() const { return crossings != 0; }
@@ -139,7 +139,7 @@ struct Context {
   State state;
   Vector9 slope = Vector9::Zero();  ///< v' at the present state
   Eigen::Vector3d carrier_deflection_rate =
-      Eigen::Vector3d::Zero();  ///< of State::carrier_deflection there [m/s]
+      Eigen::Vector3d::Zero();  ///< rate of State::carrier_deflection there [m/s]
   bool stale = true;            ///< after a command: slope and the last evaluation are outdated
   Commands commands;
   SlotArray slots;
@@ -163,17 +163,18 @@ struct Context {
 
 /// Kinematics and force of a slot's contact.
 struct ContactKinematics {
-  Eigen::Vector3d r = Eigen::Vector3d::Zero();           ///< lever from the centre of mass
-  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();    ///< of the material point
+  Eigen::Vector3d r = Eigen::Vector3d::Zero();  ///< lever from the centre of mass
+  Eigen::Vector3d velocity =
+      Eigen::Vector3d::Zero();  ///< velocity of the peg's material point [m/s]
   Eigen::Vector3d tangential = Eigen::Vector3d::Zero();  ///< velocity in the contact plane
   Eigen::Vector3d acceleration =
-      Eigen::Vector3d::Zero();  ///< of the material point without contact forces
+      Eigen::Vector3d::Zero();  ///< its acceleration without contact forces [m/s²]
   Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< on the peg
   ContactRates rates;
   double normal_force = 0.0;
   double gap = 0.0;  ///< geometric gap − Slot::depth [m]
   double gap_rate = 0.0;
-  double demand = 0.0;  ///< of an idle slot: g'' + k g' + beta g without its force [m/s²]
+  double demand = 0.0;  ///< idle slot: g'' + k g' + beta g without its force [m/s²]
 };
 
 /// Result and workspace of an evaluation of the right-hand side. Searches work on a copy.
@@ -195,7 +196,7 @@ struct Evaluation {
   ContactSlotMask face = 0;    ///< slots of the face contact
   ContactSlotMask closed = 0;  ///< slots whose mode is not kApart: searched in every evaluation
   ContactSet closed_set, open_set;              ///< points of closed and of the other slots
-  FirstOf<ContactKinematics, kSlots> contacts;  ///< of the admitted slots
+  FirstOf<ContactKinematics, kSlots> contacts;  ///< contacts of the admitted slots
   double wedge_margin = 1.0;                    ///< wedgeMargin() of the slipping points
   double loads = 0.0;                           ///< limit of internal forces over the load
   double moved = 0.0,
@@ -209,7 +210,7 @@ struct Evaluation {
   // reused from one evaluation to the next
   EulerDirections near;      ///< base of kinematics()
   Direction drive_near;      ///< base of exciterForce()
-  double drive_time = -1.0;  ///< of drive_force [s]
+  double drive_time = -1.0;  ///< time of drive_force [s]
   Eigen::Vector2d drive_force = Eigen::Vector2d::Zero();
 };
 

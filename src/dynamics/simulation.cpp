@@ -75,59 +75,20 @@ StopReason Simulation::sampleAt(double t, double ahead) {
   return stopReason();
 }
 
-void Simulation::setRestTarget(const RestPose& target, double max_speed) {
+const Commands& Simulation::commands() const { return run_->context.commands; }
+
+Commands& Simulation::changeCommands() {
   run_->returnToSample();
-  Context& c = run_->context;
-  assembly_cell::setRestTarget(c.commands, scenario().mechanism, c.time, target, max_speed);
-  c.stale = true;
+  run_->context.stale = true;
+  return run_->context.commands;
 }
 
-void Simulation::followRest(const RestMotion& goal, double t_goal) {
-  run_->returnToSample();
-  Context& c = run_->context;
-  assembly_cell::followRest(c.commands, c.time, goal, t_goal);
-  c.stale = true;
-}
-
-void Simulation::stopRest() {
-  run_->returnToSample();
-  Context& c = run_->context;
-  assembly_cell::stopRest(c.commands, scenario().mechanism, c.time);
-  c.stale = true;
-}
-
-Vector6 Simulation::stoppingDisplacement() const {
-  return assembly_cell::stoppingDisplacement(run_->context.commands, scenario().mechanism, time());
-}
-
-RestPose Simulation::rest() const {
-  Vector6 rest = run_->context.commands.restPositionAt(time());
-  rest.head<3>() += state().carrier_deflection;
-  return restPose(rest);
-}
-
-void Simulation::setRestShift(const Vector6& shift) {
-  run_->returnToSample();
-  Context& c = run_->context;
-  assembly_cell::setRestShift(c.commands, scenario().mechanism, c.time, shift);
-  c.stale = true;
-}
-
-Vector6 Simulation::restShift() const {
-  const std::optional<RestProfile>& asked = run_->context.commands.shift;
-  Vector6 shift = asked ? restMotion(*asked, time()).position : Vector6::Zero();
-  shift.head<3>() += state().carrier_deflection;
-  return shift;
-}
-
-bool Simulation::atRest() const { return run_->context.commands.settledAt(time()); }
+Eigen::Vector3d Simulation::carrierDeflection() const { return state().carrier_deflection; }
 
 void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
-  run_->returnToSample();
-  Drive& drive = run_->context.commands.drive;
+  Drive& drive = changeCommands().drive;
   drive.exciter = exciter;
   drive.t_ref = t_ref;
-  run_->context.stale = true;
   run_->now.drive_time = -1.0;
 }
 

@@ -237,39 +237,10 @@ StopReason MujocoSimulation::advance(double t_end, std::int64_t attempts) {
 
 double MujocoSimulation::time() const { return engine_->d->time; }
 
-void MujocoSimulation::setRestTarget(const RestPose& target, double max_speed) {
-  assembly_cell::setRestTarget(commands_, scenario_.mechanism, time(), target, max_speed);
+Commands& MujocoSimulation::changeCommands() {
   stale_ = true;
+  return commands_;
 }
-
-void MujocoSimulation::followRest(const RestMotion& goal, double t_goal) {
-  assembly_cell::followRest(commands_, time(), goal, t_goal);
-  stale_ = true;
-}
-
-void MujocoSimulation::stopRest() {
-  assembly_cell::stopRest(commands_, scenario_.mechanism, time());
-  stale_ = true;
-}
-
-Vector6 MujocoSimulation::stoppingDisplacement() const {
-  return assembly_cell::stoppingDisplacement(commands_, scenario_.mechanism, time());
-}
-
-RestPose MujocoSimulation::rest() const { return restPose(restNow().position); }
-
-void MujocoSimulation::setRestShift(const Vector6& shift) {
-  assembly_cell::setRestShift(commands_, scenario_.mechanism, time(), shift);
-  stale_ = true;
-}
-
-Vector6 MujocoSimulation::restShift() const {
-  Vector6 shift = commands_.shift ? restMotion(*commands_.shift, time()).position : Vector6::Zero();
-  shift.head<3>() += deflection_;
-  return shift;
-}
-
-bool MujocoSimulation::atRest() const { return commands_.settledAt(time()); }
 
 void MujocoSimulation::setExciter(const ExciterParameters& exciter, double t_ref) {
   commands_.drive.exciter = exciter;

@@ -19,7 +19,7 @@ struct RobustSolution {
   int dropped_count = 0;
   bool turn_known = true;     ///< false: initial rotation about the common line
   bool couple_pairs = false;  ///< forces were parallel within kCouplePairs
-  Eigen::Vector3d mean_axis;  ///< of the forces on A, unit
+  Eigen::Vector3d mean_axis;  ///< mean direction of the forces on A, unit
   double parallelism = 0.0;   ///< second over first singular value of the forces on A
   Eigen::Matrix3d
       turn_inverse;  ///< inverse of the rotation's normal matrix, observable directions only

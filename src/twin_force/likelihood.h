@@ -19,7 +19,7 @@ struct Term {
   Matrix6 cov_a;
   Matrix6 cov_b;            ///< Σ_B + J_x Σ_x J_xᵀ
   Pose move;                ///< X_Bb
-  double var_force = 0.0;   ///< of one component, σ_A² + σ_B² [N²]
+  double var_force = 0.0;   ///< variance of one component, σ_A² + σ_B² [N²]
   double var_moment = 0.0;  ///< the same of the moments [N²·m²]
 };
 Term makeTerm(const TwinContact& contact);
@@ -66,7 +66,7 @@ void add(const Pose& prior, const Matrix6& weight, const Pose& X_AB, Normal& nor
 struct TareState {
   Matrix12 L = Matrix12::Zero();
   Vector12 z = Vector12::Zero();
-  // of the last assembly
+  // normal equations of the last assembly
   Matrix12 N_zz;
   Eigen::Matrix<double, 6, 12> N_dz;
   Vector12 g_z;
@@ -82,13 +82,13 @@ Vector12 tareStep(const TareState& tare, const Vector6& d);  ///< step of z for 
 /// The offset of (w_A, w_b) of contact i is columns[i] u, to first order in the errors.
 using ErrorColumns = Eigen::Matrix<double, 12, Eigen::Dynamic>;
 struct ErrorState {
-  std::vector<ErrorColumns> columns;  ///< of each term
+  std::vector<ErrorColumns> columns;  ///< derivatives of each term
   Eigen::VectorXd u;
-  // of the last assembly
+  // normal equations of the last assembly
   Eigen::MatrixXd N_uu;
   Eigen::Matrix<double, 6, Eigen::Dynamic> N_du;
   Eigen::VectorXd g_u;
-  Eigen::LLT<Eigen::MatrixXd> factor;  ///< of N_uu, after eliminate()
+  Eigen::LLT<Eigen::MatrixXd> factor;  ///< Cholesky factor of N_uu, after eliminate()
 };
 /// Factors L of C = L Lᵀ of the covariances common to all contacts: tare and each gain_covariance.
 struct ErrorRoots {

@@ -32,12 +32,4 @@ struct Commands {
   Drive drive;
 };
 
-/// The commands of `SimulatorBackend` of these names, from time t [s] on.
-void setRestTarget(Commands& commands, const Mechanism& mechanism, double t, const RestPose& target,
-                   double max_speed);
-void followRest(Commands& commands, double t, const RestMotion& goal, double t_goal);
-void stopRest(Commands& commands, const Mechanism& mechanism, double t);
-Vector6 stoppingDisplacement(const Commands& commands, const Mechanism& mechanism, double t);
-void setRestShift(Commands& commands, const Mechanism& mechanism, double t, const Vector6& shift);
-
 }  // namespace assembly_cell

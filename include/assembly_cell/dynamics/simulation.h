@@ -63,15 +63,6 @@ class Simulation final : public SimulatorBackend {
   StopReason advance(double t_end,
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) override;
   StopReason sampleAt(double t, double ahead) override;
-  void setRestTarget(const RestPose& target,
-                     double max_speed = std::numeric_limits<double>::infinity()) override;
-  void followRest(const RestMotion& goal, double t_goal) override;
-  void stopRest() override;
-  Vector6 stoppingDisplacement() const override;
-  RestPose rest() const override;
-  void setRestShift(const Vector6& shift) override;
-  Vector6 restShift() const override;
-  bool atRest() const override;
   void setExciter(const ExciterParameters& exciter, double t_ref) override;
   std::array<ContactReport, kSlots> contacts() const override;
   Vector6 couplingWrench() const override;
@@ -82,6 +73,9 @@ class Simulation final : public SimulatorBackend {
   RestPose carrier() const override;
 
  private:
+  const Commands& commands() const override;
+  Commands& changeCommands() override;
+  Eigen::Vector3d carrierDeflection() const override;
   struct Run;
   std::unique_ptr<Run> run_;
 };

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "assembly_cell/dynamics/model.h"
+#include "assembly_cell/dynamics/commands.h"
 
 namespace assembly_cell {
 
@@ -68,26 +68,26 @@ class SimulatorBackend {
 
   /// Moves the rest pose from now on to `target` along a C² profile within the carrier's limits,
   /// at most at `max_speed` [m/s].
-  virtual void setRestTarget(const RestPose& target,
-                             double max_speed = std::numeric_limits<double>::infinity()) = 0;
+  void setRestTarget(const RestPose& target,
+                     double max_speed = std::numeric_limits<double>::infinity());
   /// Moves the rest pose from now on along a quintic that reaches the motion `goal` at t_goal [s].
   /// For a carrier that is moved from outside: to be called again before t_goal.
-  virtual void followRest(const RestMotion& goal, double t_goal) = 0;
+  void followRest(const RestMotion& goal, double t_goal);
   /// Stops the rest pose from now on within the carrier's maximum acceleration, see planStop().
-  virtual void stopRest() = 0;
+  void stopRest();
   /// Displacement of the rest pose during a stop that begins now: translation and rotation vector
   /// in the axes of the carrier frame. [m], [rad]
-  virtual Vector6 stoppingDisplacement() const = 0;
-  virtual RestPose rest() const = 0;  ///< at the present time, restShift() included
+  Vector6 stoppingDisplacement() const;
+  RestPose rest() const;  ///< at the present time, restShift() included
 
   /// Changes the offset of the rest pose from the commanded one to `shift` (x, y, z, yaw, theta,
   /// phi) [m, rad], along a C² profile within the carrier's limits.
-  virtual void setRestShift(const Vector6& shift) = 0;
+  void setRestShift(const Vector6& shift);
   /// Present offset of the rest pose from the commanded one: setRestShift() plus the deflection of
   /// the carrier's compliance [m, rad].
-  virtual Vector6 restShift() const = 0;
+  Vector6 restShift() const;
   /// True after the end of the commanded motion.
-  virtual bool atRest() const = 0;
+  bool atRest() const;
 
   /// Sets the exciter from now on. Angle of its force: direction·(frequency·(t − t_ref) + phase),
   /// t_ref on the clock of time() [s].
@@ -114,6 +114,12 @@ class SimulatorBackend {
   SimulatorBackend() = default;
   SimulatorBackend(const SimulatorBackend&) = default;
   SimulatorBackend& operator=(const SimulatorBackend&) = default;
+
+  virtual const Commands& commands() const = 0;
+  /// The commands, to be changed from time() on: outputs are evaluated again.
+  virtual Commands& changeCommands() = 0;
+  /// Deflection of the carrier's compliance: x, y, z [m], as State::carrier_deflection.
+  virtual Eigen::Vector3d carrierDeflection() const = 0;
 };
 
 }  // namespace assembly_cell

@@ -132,7 +132,7 @@ struct ContactPoint {
   bool valid = false;
   ContactFeature feature = ContactFeature::kEdgeEdge;
   double t = 0.0;                   ///< parameter on the edge circle; on the rim (s) for rim_*
-  double cos_t = 1.0, sin_t = 0.0;  ///< of t
+  double cos_t = 1.0, sin_t = 0.0;  ///< cosine and sine of t
   Eigen::Vector3d p;                ///< point of the peg
   Eigen::Vector3d dp;               ///< dp/dt along the edge; zero for rim_*
   Eigen::Vector3d rim;              ///< point of the block: on rim (H), plane, floor or wall
@@ -167,8 +167,9 @@ struct ContactShapes {
   /// β − 1): 1 µm of 25 mm at 0.5°.
   Eigen::Vector2d bore_lean = Eigen::Vector2d::Zero();
   double reach = 2e-5;    ///< candidates with a larger gap may be omitted (not valid) [m]
-  Chamfer chamfer{};      ///< of the hole: from radius r_h + width in the plane down to r_h
-  Chamfer peg_chamfer{};  ///< of the peg: from the bottom edge up to the shoulder, wider by width
+  Chamfer chamfer{};      ///< chamfer of the hole: from radius r_h + width in the plane down to r_h
+  Chamfer peg_chamfer{};  ///< chamfer of the peg: from the bottom edge up to the shoulder, wider by
+                          ///< width
 };
 
 /// Slots that can be valid for these shapes.

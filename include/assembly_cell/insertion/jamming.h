@@ -10,9 +10,9 @@ namespace assembly_cell {
 /// Load on the peg at the centre of its base, in the plane of tilt: x to the right, z out of the
 /// hole.
 struct TipLoad {
-  double F_x = 0.0;  ///< to the right [N]
-  double F_z = 0.0;  ///< into the hole [N]
-  double M = 0.0;    ///< anticlockwise with z up and x to the right [N m]
+  double F_x = 0.0;  ///< force to the right [N]
+  double F_z = 0.0;  ///< force into the hole [N]
+  double M = 0.0;    ///< moment, anticlockwise with z up and x to the right [N m]
 };
 
 /// Jamming diagram of Whitney (1982), for small tilts: a peg in contact continues to slide in if
@@ -20,7 +20,7 @@ struct TipLoad {
 /// either sense: sides of the parallelogram are two-point contacts, corners one-point contacts.
 struct JammingDiagram {
   double friction = 0.0;
-  double radius = 0.0;  ///< of the peg [m]
+  double radius = 0.0;  ///< radius of the peg [m]
   double lambda = 0.0;  ///< depth / (2 radius friction)
 };
 /// depth: along the peg's side [m]. Throws InputError for a value that is not positive.

@@ -17,7 +17,7 @@ namespace assembly_cell {
 struct WrenchRecording {
   std::vector<double> t;        ///< rising [s]
   std::vector<Vector6> wrench;  ///< in sensor axes, about the sensor's origin
-  std::vector<Pose> pose;       ///< of the tool in the base; its axes are used as the sensor's
+  std::vector<Pose> pose;       ///< pose of the tool in the base; its axes are used as the sensor's
 };
 
 /// Reads a table with t, fx fy fz tx ty tz, x y z and qx qy qz qw or r11 … r33, in this order (with
@@ -47,7 +47,7 @@ struct ContactSegment {
   double force = 0.0;                                 ///< mean [N]
   double pitch = 0.0;                                 ///< median |F·M|/F² [m]
   Eigen::Vector2d cut = Eigen::Vector2d::Zero();      ///< weighted mean, of kOne
-  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();  ///< of the samples' cuts
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();  ///< covariance of the samples' cuts
 };
 
 struct ContactAnalysis {

@@ -13,7 +13,7 @@ struct ChannelRecording {
   std::string path;
   std::vector<double> t;  ///< rising, one rate [s]
   std::vector<std::string> names;
-  std::vector<std::vector<double>> values;  ///< of each channel
+  std::vector<std::vector<double>> values;  ///< values of each channel
 };
 
 /// Reads a table with the column t (or time) and the named channels; none: all but t. Throws
@@ -24,7 +24,7 @@ struct Tone {
   double frequency = 0.0, frequency_sd = 0.0;  ///< [Hz]
   std::vector<double> amplitude,
       amplitude_sd;           ///< of each segment between steps, in the channel's unit
-  std::vector<double> phase;  ///< of the cosine at t = 0 [rad]
+  std::vector<double> phase;  ///< phase of the cosine at t = 0 [rad]
 };
 
 struct ToneStep {

@@ -4,7 +4,6 @@
 #include <memory>
 #include <string>
 
-#include "assembly_cell/dynamics/commands.h"
 #include "assembly_cell/dynamics/simulator_backend.h"
 #include "assembly_cell/dynamics/soft_contact.h"
 
@@ -36,15 +35,6 @@ class MujocoSimulation final : public SimulatorBackend {
   std::int64_t steps() const override { return steps_; }
   StopReason advance(double t_end,
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) override;
-  void setRestTarget(const RestPose& target,
-                     double max_speed = std::numeric_limits<double>::infinity()) override;
-  void followRest(const RestMotion& goal, double t_goal) override;
-  void stopRest() override;
-  Vector6 stoppingDisplacement() const override;
-  RestPose rest() const override;
-  void setRestShift(const Vector6& shift) override;
-  Vector6 restShift() const override;
-  bool atRest() const override;
   void setExciter(const ExciterParameters& exciter, double t_ref) override;
   std::array<ContactReport, kSlots> contacts() const override;
   Vector6 couplingWrench() const override;
@@ -55,6 +45,9 @@ class MujocoSimulation final : public SimulatorBackend {
   RestPose carrier() const override;
 
  private:
+  const Commands& commands() const override { return commands_; }
+  Commands& changeCommands() override;
+  Eigen::Vector3d carrierDeflection() const override { return deflection_; }
   struct Engine;
   struct Coupling;
 

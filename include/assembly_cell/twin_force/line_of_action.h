@@ -9,8 +9,8 @@ namespace assembly_cell {
 
 /// Line of action of a wrench: its force along a line and a couple along the force.
 struct LineOfAction {
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();       ///< of the line nearest to the origin [m]
-  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< of the force, unit
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< point of the line nearest to the origin [m]
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< direction of the force, unit
   double force = 0.0;                                    ///< [N]
   double couple = 0.0;  ///< along direction; 0 for a point contact [N·m]
 };

@@ -21,8 +21,8 @@ struct ContactCandidate {
 /// Predicted result of a candidate, at the estimate's pose.
 struct ContactAdvice {
   int candidate = -1;                ///< index; −1: no candidates
-  double smallest_eigenvalue = 0.0;  ///< of Λ with the candidate
-  double log_determinant = 0.0;      ///< of Λ with the candidate; −∞ if still singular
+  double smallest_eigenvalue = 0.0;  ///< smallest eigenvalue of Λ with the candidate
+  double log_determinant = 0.0;      ///< log det Λ with the candidate; −∞ if still singular
   Matrix6 covariance =
       Matrix6::Zero();  ///< predicted, of δ, over the directions that are observable then
   double position_sd = 0.0, rotation_sd = 0.0;  ///< predicted, 3 axes; ∞ if still unobservable

@@ -25,31 +25,32 @@ using Matrix12 = Eigen::Matrix<double, 12, 12>;
 struct TwinContact {
   Vector6 wrench_a = Vector6::Zero();          ///< on A, about A's origin, axes of A
   Vector6 wrench_b = Vector6::Zero();          ///< on B, about B's origin, axes of b
-  Matrix6 covariance_a = Matrix6::Identity();  ///< of wrench_a, full [N², N²·m, N²·m²]
-  Matrix6 covariance_b = Matrix6::Identity();  ///< of wrench_b, full
-  Pose move;                               ///< X_Bb: B at this contact in axes of the reference B
-  std::optional<Matrix6> move_covariance;  ///< of move as a twist (dt, dφ) at O_B, axes of B
-  double time_difference = 0.0;            ///< between the two wrenches [s]
-  bool moving = false;                     ///< B moved while the wrenches were measured
-  bool saturated = false;                  ///< an ADC channel was at its limit
-  double tare_age = 0.0;                   ///< time since the older tare [s]
+  Matrix6 covariance_a = Matrix6::Identity();  ///< covariance of wrench_a, full [N², N²·m, N²·m²]
+  Matrix6 covariance_b = Matrix6::Identity();  ///< covariance of wrench_b, full
+  Pose move;  ///< X_Bb: B at this contact in axes of the reference B
+  std::optional<Matrix6>
+      move_covariance;           ///< covariance of move as a twist (dt, dφ) at O_B, axes of B
+  double time_difference = 0.0;  ///< between the two wrenches [s]
+  bool moving = false;           ///< B moved while the wrenches were measured
+  bool saturated = false;        ///< an ADC channel was at its limit
+  double tare_age = 0.0;         ///< time since the older tare [s]
 };
 
 /// Prior of X_AB. Standard deviations of 10 mm and 0.1 rad per axis suffice where lines of action
 /// may be within 10° of parallel.
 struct PosePrior {
   Pose pose;
-  Matrix6 covariance = Matrix6::Identity();  ///< of δ
+  Matrix6 covariance = Matrix6::Identity();  ///< covariance of δ
 };
 
 /// Standard deviations of the errors of a sensor's calibration and mounting: independent, mean 0,
 /// the same in all contacts.
 struct SensorErrors {
   Pose frame;             ///< nominal pose of the sensor in the component's datum
-  double gain = 0.0;      ///< of every entry of E in w' = (I + E) w, in axes of the sensor
+  double gain = 0.0;      ///< sd of each entry of E in w' = (I + E) w, in axes of the sensor
   double arm = 0.03;      ///< conversion of torques to forces there [m]
-  double rotation = 0.0;  ///< of the sensor's frame, per axis [rad]
-  double offset = 0.0;    ///< [m]
+  double rotation = 0.0;  ///< sd of the rotation of the sensor's frame, per axis [rad]
+  double offset = 0.0;    ///< sd of its origin, per axis [m]
   /// Covariance of the entries of E in row-major order, SI units, 36 × 36, semidefinite; replaces
   /// gain and arm. 0 × 0: none.
   Eigen::MatrixXd gain_covariance;
@@ -63,8 +64,9 @@ enum class TwinForceMethod { kThesis, kRobust, kMaximumLikelihood };
 struct TwinForceOptions {
   TwinForceMethod method = TwinForceMethod::kMaximumLikelihood;
   std::optional<PosePrior> prior;
-  std::optional<Matrix12> tare_covariance;  ///< of an offset (w_A, w_b) common to all contacts,
-                                            ///< mean 0; semidefinite; maximum likelihood only
+  std::optional<Matrix12>
+      tare_covariance;  ///< covariance of an offset (w_A, w_b) common to all contacts,
+                        ///< mean 0; semidefinite; maximum likelihood only
   /// Of both sensors; maximum likelihood only. Contacts that are consistent without errors are
   /// estimated without.
   std::optional<TwinErrors> errors;
@@ -98,8 +100,9 @@ struct TwinForceEstimate {
   const char* reason = "";  ///< reason if the status is not OK; static text
   int culprit = -1;         ///< contact that caused a REFUSE; −1: none
   Pose pose;                ///< X_AB; meaningful if hasPose(status)
-  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< of pose, w ≥ 0
-  Matrix6 covariance = Matrix6::Zero();  ///< of δ over the observable directions, always finite
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< rotation of `pose`, w ≥ 0
+  Matrix6 covariance =
+      Matrix6::Zero();  ///< covariance of δ over the observable directions, always finite
   /// Of each component of δ; infinite if a null direction contributes to it.
   Vector6 variance = Vector6::Constant(std::numeric_limits<double>::infinity());
   Matrix6 information = Matrix6::Zero();  ///< Fisher information, prior included; finite
@@ -107,8 +110,8 @@ struct TwinForceEstimate {
   int dof = 0;
   double p = 0.0;  ///< probability of a larger χ²
   Vector6 eigenvalues =
-      Vector6::Zero();              ///< of Λ = S I S, ascending; 1: accuracy exactly as required
-  Vector6 scale = Vector6::Ones();  ///< diagonal of S: s_T three times, s_φ three times
+      Vector6::Zero();  ///< eigenvalues of Λ = S I S, ascending; 1: accuracy exactly as required
+  Vector6 scale = Vector6::Ones();           ///< diagonal of S: s_T three times, s_φ three times
   Vector6 weak_direction = Vector6::Zero();  ///< unit eigenvector of the smallest: δ/(s_T, s_φ)
   Matrix6 null_directions =
       Matrix6::Zero();  ///< first null_count columns, scaled as weak_direction

@@ -24,7 +24,7 @@ struct SlidingRatio {
   double w_lower = 0.0, w_upper = 0.0;  ///< intermediate band [rad/s]
   double D = 0.0;                ///< force into the hole per rotation, without inertia forces
   std::optional<double> p1, p2;  ///< thesis form, quasi-static
-  std::optional<double> p1_inertia, p2_inertia;  ///< with the inertia forces
+  std::optional<double> p1_inertia, p2_inertia;  ///< ratios with the inertia forces
 };
 
 /// 4.19–4.28 in one form, and completed by the d'Alembert forces. Corrected: F_S for the second

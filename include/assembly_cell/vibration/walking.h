@@ -17,7 +17,7 @@ WalkingLimit walkingLimit(double mu, double r, double h);
 /// rotational stiffness K about all axes. Starts in static equilibrium at t = 0.
 struct WalkCase {
   double m = 0.0, g = 0.0, r = 0.0, h = 0.0, K = 0.0, F = 0.0, w = 0.0, cos_alpha = 0.0;
-  int cycles = 0;  ///< of the force
+  int cycles = 0;  ///< periods of the force
 };
 
 /// Interval on a single contact.

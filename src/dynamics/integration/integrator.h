@@ -27,11 +27,11 @@ struct Trial {
   bool finite() const { return isFinite(end) && slope.allFinite(); }
 
   double h = 0.0;
-  Method method = Method::kDopri5;  ///< of this step
+  Method method = Method::kDopri5;  ///< method of this step
   State end;
   Vector9 slope;  ///< v' there
   Eigen::Vector3d carrier_deflection_rate =
-      Eigen::Vector3d::Zero();  ///< of State::carrier_deflection there
+      Eigen::Vector3d::Zero();  ///< rate of State::carrier_deflection there
   double error = 0.0;           ///< estimated, over the tolerance; 0 without error control
   StageEvents stages;
   Vector9 sixth = Vector9::Zero();  ///< coefficient of (u − u²)³ in interpolate(), from refine()
