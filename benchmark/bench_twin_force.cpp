@@ -9,7 +9,7 @@
 #include <random>
 
 #include "../src/twin_force/closed_forms.h"
-#include "../test/twin_force/truth.h"
+#include "../test/twin_force/ground_truth.h"
 #include "assembly_cell/twin_force/next_contact.h"
 #include "assembly_cell/twin_force/pose_estimate.h"
 

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "../test/twin_force/ground_truth.h"
 #include "../test/twin_force/thesis_forms.h"
-#include "../test/twin_force/truth.h"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The equations of motion against virtual work on a body of six mass points, which knows neither
+// The equations of motion against virtual work on a body of six mass points, which has neither
 // angular velocities nor inertia matrices; and the profile of the rest pose.
 #include "assembly_cell/dynamics/model.h"
 

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// What a simulation shows, and how it behaves as a program: determinism, allocations, reasons to
+// Outputs of a simulation, and its properties as a program: determinism, allocations, reasons to
 // stop.
 #include <gtest/gtest.h>
 

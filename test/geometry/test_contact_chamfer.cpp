@@ -341,8 +341,8 @@ std::vector<PartShape> chamferedBlock(const ContactShapes& s) {
   return boxes;
 }
 
-// From touch, 0.1 mm along the contact's normal either way: FCL, which knows bodies and no
-// features, says free and overlapping.
+// From touch, 0.1 mm along the contact's normal in both directions: FCL, which has bodies and no
+// features, finds free and overlapping.
 TEST_F(ContactChamfer, FclAgreesATenthOfAMillimetreFromTouch) {
   std::array<int, kContactSlots> met{};
   for (int k = 0; k < 6; ++k) {

@@ -289,7 +289,7 @@ TEST_F(ContactPegChamfer, CapturesWithinBothChamfers) {
   }
 }
 
-// FCL, which knows bodies and no features: the peg as a stack of discs inside its cone.
+// FCL, which has bodies and no features: the peg as a stack of discs inside its cone.
 bool meetsStack(const std::vector<PartShape>& block, const EdgeCircle& e, const ContactShapes& s) {
   constexpr int kDiscs = 60;
   const EdgeCircle side = shoulderOf(e, s.peg_chamfer);

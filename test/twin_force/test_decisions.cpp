@@ -7,7 +7,7 @@
 #include "allocations.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/twin_force/contact_checks.h"
-#include "truth.h"
+#include "ground_truth.h"
 
 namespace assembly_cell {
 namespace {

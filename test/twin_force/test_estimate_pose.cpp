@@ -11,8 +11,8 @@
 #include <string>
 
 #include "assembly_cell/twin_force/contacts_file.h"
+#include "ground_truth.h"
 #include "temporary_folder.h"
-#include "truth.h"
 
 namespace assembly_cell {
 namespace {

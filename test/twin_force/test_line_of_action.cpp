@@ -7,8 +7,8 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/twin_force/line_of_action.h"
 #include "assembly_cell/twin_force/next_contact.h"
+#include "ground_truth.h"
 #include "thesis_forms.h"
-#include "truth.h"
 
 namespace assembly_cell {
 namespace {

@@ -2,7 +2,7 @@
 // Pose from contacts: exact without noise, at the Cramér–Rao bound with it, singular cases.
 #include <gtest/gtest.h>
 
-#include "truth.h"
+#include "ground_truth.h"
 
 namespace assembly_cell {
 namespace {

@@ -9,7 +9,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/twin_force/contacts_file.h"
 #include "assembly_cell/twin_force/next_contact.h"
-#include "truth.h"
+#include "ground_truth.h"
 
 namespace assembly_cell {
 namespace {

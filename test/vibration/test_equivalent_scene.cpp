@@ -43,7 +43,8 @@ VibratedScene vibrateScene(double lean, const Vector3d& at, int contacts, double
   s.mechanism.carrier.mass = s.mechanism.carrier.inertia = 1e6;
   s.mechanism.carrier.stiffness = {1e12, 1e12, 1e12};
   s.mechanism.carrier.damping = {1e9, 1e9, 1e9};
-  // damping of 0.2 % moves phases by less than 0.6° away from resonance, and forgets in 2 s
+  // damping of 0.2 % moves phases by less than 0.6° away from resonance, and transients decay in 2
+  // s
   const double damping =
       0.004 * std::sqrt(kStiffness * chordInertia(kPegMass, kRadius, kHalfHeight, 0));
   const double pull = 10;

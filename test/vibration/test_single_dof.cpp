@@ -197,7 +197,7 @@ TEST(SingleDof, RefusesWithTheReason) {
   EXPECT_NE(refusal([](auto& s) { s.t1 = 2; }, 1).find("t:"), std::string::npos);
   EXPECT_EQ(refusal([](auto& s) { s.w = std::nan(""); }, 1),
             "w: value not finite: give a finite number");
-  // a result out of range is said, not returned
+  // a result out of range is refused
   EXPECT_NE(refusal(
                 [](auto& s) {
                   s.C = 1e308;

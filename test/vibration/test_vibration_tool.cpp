@@ -1,5 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// The tool `vibration` as people call it: a process with a file, options, outputs and an exit code.
+// The tool `vibration` from the command line: a process with a file, options, outputs and an exit
+// code.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>

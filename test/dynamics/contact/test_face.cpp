@@ -90,7 +90,7 @@ TEST_P(Face, FallsFlat) {
   EXPECT_EQ(closedContacts(sim), 3);
 }
 
-// Pushed and turned, leaning a little, over and over: no energy comes from anywhere. (The viscous
+// Pushed and turned repeatedly, slightly tilted: the energy does not increase. (The viscous
 // law may push on points that leave; test/stress has its balance.)
 TEST_P(Face, NeverGainsEnergy) {
   const auto& [law, at] = GetParam();
@@ -146,7 +146,7 @@ INSTANTIATE_TEST_SUITE_P(Laws, Face,
                                   (test.param.place.z() < 0.0 ? "_floor" : "_plane");
                          });
 
-// Regularised friction: a viscous face creeps below v_ST and lies still across; on springs it sinks
+// Regularised friction: a viscous face creeps below v_ST and rests across; on springs it sinks
 // in by a third of the load each, lifted and dropped as well.
 TEST(FaceRegularised, Rests) {
   for (const double height : {0.0, 1e-4}) {
@@ -486,7 +486,8 @@ TEST(FaceOverTheHole, SlidesToRest) {
   }
 }
 
-// Pressed down by the cell's coupling and leaning a little it comes to rest without a storm.
+// Pressed down by the cell's coupling and leaning a little it comes to rest without event
+// accumulation.
 TEST(FaceOverTheHole, ComesDownFromRocking) {
   for (const char* law : {"viscous", "rigid"}) {
     for (const double lean : {0.0, 1.0, 2.0, 3.0}) {

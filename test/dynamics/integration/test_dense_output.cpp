@@ -78,7 +78,7 @@ struct Shaken {
     scene.rest.z = 0.0795;
     scene.mechanism.exciter.amplitude = 2.0;
   }
-  // a command before each tenth block, as a supervisor gives them
+  // a command before each tenth block, as from a supervisor
   static void command(int block, SimulatorBackend& world) {
     RestPose target = world.scenario().rest;
     target.x += 1e-4 * (block / 10 % 3);
@@ -151,7 +151,7 @@ TEST(DenseOutput, ChangesNoStep) {
   }
 }
 
-// A command in mid-step goes back to the time that is sampled at.
+// A command within a step takes effect at the sampled time.
 TEST(DenseOutput, ACommandReturnsToTheSample) {
   Simulation sampled(Shaken(1e-10).scene), stopped(Shaken(1e-10).scene);
   RestPose target = sampled.scenario().rest;

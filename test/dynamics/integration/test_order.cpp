@@ -88,7 +88,7 @@ TEST(Order, ThroughAnImpact) { check("impact", "impact", 0.05); }
 
 TEST(Order, ThroughStickAndSlip) { check("stick-slip", "chapter8_force_one_3N", 0.03); }
 
-// a run that is looked at between its steps is the same run
+// a run in pieces has the same bits
 TEST(Order, PiecesOfAnAdvanceGiveTheSameBits) {
   for (const std::string integrator : {"dopri5", "dop853", "hamming"}) {
     const Scenario s = load("chapter8_force_two_10N", {"solver.integrator=" + integrator});

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // Slow slip: the cell's peg, pressed on the plane and vibrated, sticks and slips twice a turn.
-// Friction turns there at 1e6 1/s. Steps go by the motion all the same, and errors by the
+// Friction turns there at 1e6 1/s. Steps still follow the motion, and errors the
 // tolerance.
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 
 namespace assembly_cell {
 
-/// What a call says when it refuses its input.
+/// Message of the InputError that a call throws.
 template <typename Call>
 std::string refusalOf(const Call& call) {
   try {

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "truth.h"
+#include "ground_truth.h"
 
 #include <cmath>
 

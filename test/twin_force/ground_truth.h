@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Simulated twin contacts with known truth, and the Cramér–Rao bound by differences of the raw
-// measurement equations: nothing here comes from the estimator.
+// Simulated contacts on both sensors with their ground truth, and the Cramér–Rao bound by
+// differences of the raw measurement equations: nothing here comes from the estimator.
 #pragma once
 
 #include <Eigen/Dense>
@@ -54,7 +54,7 @@ std::vector<TwinContact> measure(const Scene& s, std::mt19937_64* random = nullp
 Matrix6 bound(const Scene& s, const Matrix6* prior = nullptr, double offset_force = 0.0,
               double offset_moment = 0.0);
 
-/// δ of the truth relative to an estimate.
+/// δ of the ground truth relative to an estimate.
 Vector6 errorOf(const Pose& truth, const Pose& estimate);
 
 /// 10 mm and 0.1 rad per axis.
