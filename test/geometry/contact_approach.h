@@ -75,6 +75,78 @@ struct Approach {
   }
 };
 
+// The function of the parameter t, in extended precision, whose minimum is the gap of a slot.
+inline Real gapFunction(const BodiesReference& b, int slot, Real t) {
+  const bool low = slot == 8 || slot == 9 || slot == 16 || slot == 17;
+  const bool low_rim = b.chamfer > 0 && (slot == 5 || slot == 6 || slot == 25 || slot == 26);
+  const Vec3L p = kShoulderSlots >> slot & 1u ? b.upperEdge(t) : b.edge(t);
+  const Vec3L rim = low_rim ? b.rim(t) : b.mouth(t);
+  switch (featureOfSlot(slot)) {
+    case ContactFeature::kEdgeEdge:
+      return low ? std::hypot(p(0) + b.chamfer, b.rho(p) - b.r_h)
+                 : std::hypot(p(0), b.rho(p) - b.r_mouth);
+    case ContactFeature::kEdgePlane:
+      return p(0);
+    case ContactFeature::kEdgeWall:
+      return b.r_h - b.rho(p);
+    case ContactFeature::kEdgeCone:
+      return b.coneHeight(p);
+    case ContactFeature::kRimSide:
+      return b.axisDistance(rim) - b.r_side;
+    case ContactFeature::kRimCone:
+      return b.pegConeHeight(rim);
+    case ContactFeature::kRimFace:
+      break;
+  }
+  return -b.height(rim);
+}
+
+// Points, gaps and frames of all valid slots near the touch of an approach, apart and penetrating,
+// against the minimum found by halving intervals of the slope. met: counts by slot.
+inline void expectMinima(const Approach& a, std::array<int, kContactSlots>& met) {
+  const double speed =
+      std::hypot(a.way[0], a.way[1], a.way[2]) + 0.02 * std::hypot(a.way[3], a.way[4]);
+  for (const double depth : {-1e-5, -1e-7, 1e-8, 1e-6}) {
+    const EdgeCircle e = a.at(a.touch + depth / speed);
+    const BodiesReference b(e, a.shapes);
+    ContactSet set;
+    findContacts(e, a.shapes, kAllContactSlots, set);
+    for (int slot = 0; slot < kContactSlots; ++slot) {
+      const ContactPoint& c = set.slots[static_cast<std::size_t>(slot)];
+      if (!(set.valid >> slot & 1u)) continue;
+      const std::string where =
+          std::to_string(slot) + " " + toString(c.feature) + " gap " + std::to_string(c.gap);
+      ASSERT_TRUE(possibleSlots(a.shapes) >> slot & 1u) << where;
+      ASSERT_EQ(c.feature, featureOfSlot(slot));
+      const bool rim = (kRimSideSlots | kRimFaceSlots | kRimConeSlots) >> slot & 1u;
+      // zero distances have no smooth minimum: takes the square
+      const bool squared = c.feature == ContactFeature::kEdgeEdge;
+      const auto f = [&](Real t) {
+        const Real value = gapFunction(b, slot, t);
+        return squared ? value * value : value;
+      };
+      const Minimum minimum = minimumNear(c.t, f);
+      ASSERT_TRUE(minimum.found) << where;
+      const Real t = minimum.t, bend = minimum.bend;
+      const bool low_rim = b.chamfer > 0 && (slot == 5 || slot == 6 || slot == 25 || slot == 26);
+      const Vec3L on_circle = rim                           ? (low_rim ? b.rim(t) : b.mouth(t))
+                              : kShoulderSlots >> slot & 1u ? b.upperEdge(t)
+                                                            : b.edge(t);
+      // rounding of the reference's slope (1e-21 m over the step) over its bend, times the radius;
+      // squares are rounded at the gap's square
+      EXPECT_LT((on_circle - (rim ? c.rim : c.p).cast<Real>()).norm(), 1e-12L + 1e-16L / bend)
+          << where;
+      const Real gap = gapFunction(b, slot, t);
+      EXPECT_NEAR(static_cast<double>(squared ? std::abs(c.gap) - gap : c.gap - gap), 0.0, 1e-15)
+          << where;
+      EXPECT_NEAR(c.normal.norm(), 1.0, 1e-14);
+      EXPECT_LT((c.gap * c.normal - (c.p - c.rim)).norm(), 1e-14) << where;
+      EXPECT_LT(std::abs(c.normal.dot(rim ? c.tangent : c.dp)), 1e-14 + kRadius * 1e-10) << where;
+      ++met[static_cast<std::size_t>(slot)];
+    }
+  }
+}
+
 using HandOvers = std::map<std::pair<ContactFeature, ContactFeature>, int>;
 
 // Along a way of the peg, at(q) with q from 0 to 1, that stays near a contact: the smallest gap has

@@ -104,73 +104,10 @@ TEST_F(ContactChamfer, FirstTouchIsFound) {
   EXPECT_EQ(met[7], 0);
 }
 
-// what a slot minimises
-Real minimisedSlot(const BodiesReference& b, int slot, Real t) {
-  const bool upper = slot < 3 || slot > 11;
-  const auto circles = [&](const Vec3L& p) {
-    return upper ? std::hypot(p(0), b.rho(p) - b.r_mouth)
-                 : std::hypot(p(0) + b.chamfer, b.rho(p) - b.r_h);
-  };
-  switch (featureOfSlot(slot)) {
-    case ContactFeature::kEdgeEdge:
-      return circles(b.edge(t));
-    case ContactFeature::kEdgePlane:
-      return b.edge(t)(0);
-    case ContactFeature::kEdgeWall:
-      return b.r_h - b.rho(b.edge(t));
-    case ContactFeature::kEdgeCone:
-      return b.coneHeight(b.edge(t));
-    case ContactFeature::kRimSide:
-      return b.axisDistance(upper ? b.mouth(t) : b.rim(t)) - b.r_p;
-    case ContactFeature::kRimFace:
-    case ContactFeature::kRimCone:
-      break;
-  }
-  return -b.height(b.mouth(t));
-}
-
-// Points, gaps and frames near touch, apart and penetrating, against the minimum found by halving
-// intervals of the slope.
+// Points, gaps and frames near touch, see expectMinima().
 TEST_F(ContactChamfer, PointsAndGapsAreTheMinima) {
   std::array<int, kContactSlots> met{};
-  for (int i = 0; i < 240; ++i) {
-    const Approach a = approach(static_cast<Way>(i % 4));
-    const double speed =
-        std::hypot(a.way[0], a.way[1], a.way[2]) + 0.02 * std::hypot(a.way[3], a.way[4]);
-    for (const double depth : {-1e-5, -1e-7, 1e-8, 1e-6}) {
-      const EdgeCircle e = a.at(a.touch + depth / speed);
-      const BodiesReference b(e, a.shapes);
-      ContactSet set;
-      findContacts(e, a.shapes, kAllContactSlots, set);
-      for (int slot = 0; slot < kContactSlots; ++slot) {
-        const ContactPoint& c = set.slots[static_cast<std::size_t>(slot)];
-        if (!(set.valid >> slot & 1u)) continue;
-        ASSERT_EQ(c.feature, featureOfSlot(slot));
-        const bool rim =
-            c.feature == ContactFeature::kRimSide || c.feature == ContactFeature::kRimFace;
-        const bool squared = c.feature == ContactFeature::kEdgeEdge;
-        const auto f = [&](Real t) {
-          const Real value = minimisedSlot(b, slot, t);
-          return squared ? value * value : value;
-        };
-        const Minimum minimum = minimumNear(c.t, f);
-        ASSERT_TRUE(minimum.found) << toString(c.feature) << " " << c.gap;
-        const Real t = minimum.t, bend = minimum.bend;
-        const Vec3L on_circle = !rim ? b.edge(t) : slot == 5 || slot == 6 ? b.rim(t) : b.mouth(t);
-        // rounding of the reference's slope over its bend, times the radius
-        EXPECT_LT((on_circle - (rim ? c.rim : c.p).cast<Real>()).norm(), 1e-12L + 1e-16L / bend)
-            << toString(c.feature) << " gap " << c.gap;
-        const Real gap = minimisedSlot(b, slot, t);
-        EXPECT_NEAR(static_cast<double>(squared ? std::abs(c.gap) - gap : c.gap - gap), 0.0, 1e-15)
-            << toString(c.feature);
-        EXPECT_NEAR(c.normal.norm(), 1.0, 1e-14);
-        EXPECT_LT((c.gap * c.normal - (c.p - c.rim)).norm(), 1e-14) << toString(c.feature);
-        EXPECT_LT(std::abs(c.normal.dot(rim ? c.tangent : c.dp)), 1e-14 + kRadius * 1e-10)
-            << toString(c.feature);
-        ++met[static_cast<std::size_t>(slot)];
-      }
-    }
-  }
+  for (int i = 0; i < 240; ++i) expectMinima(approach(static_cast<Way>(i % 4)), met);
   for (const std::size_t slot : {0, 1, 2, 3, 5, 8, 9, 10, 12}) EXPECT_GT(met[slot], 8) << slot;
 }
 

@@ -73,74 +73,12 @@ TEST_F(ContactFeatures, FirstTouchIsFound) {
   EXPECT_GT(met[3], 10);
 }
 
-// What the slot minimises, in extended precision.
-Real minimised(const BodiesReference& b, const ContactPoint& c, Real t) {
-  switch (c.feature) {
-    case ContactFeature::kEdgeEdge: {
-      const Vec3L p = b.edge(t);
-      return std::hypot(p(0), b.rho(p) - b.r_h);
-    }
-    case ContactFeature::kEdgePlane:
-      return b.edge(t)(0);
-    case ContactFeature::kEdgeWall:
-      return b.r_h - b.rho(b.edge(t));
-    case ContactFeature::kRimSide:
-      return b.axisDistance(b.rim(t)) - b.r_p;
-    case ContactFeature::kRimFace:
-    case ContactFeature::kEdgeCone:
-    case ContactFeature::kRimCone:
-      break;
-  }
-  return -b.height(b.rim(t));
-}
-
-// Points, gaps and frames near touch, apart and penetrating, against the minimum found by halving
-// intervals of the slope.
+// Points, gaps and frames near touch, see expectMinima().
 TEST_F(ContactFeatures, PointsAndGapsAreTheMinima) {
-  std::array<int, 5> met{};
-  for (int i = 0; i < 120; ++i) {
-    const Approach a = approach(i % 2 == 0);
-    const double speed =
-        std::hypot(a.way[0], a.way[1], a.way[2]) + 0.02 * std::hypot(a.way[3], a.way[4]);
-    for (const double depth : {-1e-5, -1e-7, 1e-8, 1e-6}) {
-      const EdgeCircle e = a.at(a.touch + depth / speed);
-      const BodiesReference b(e, a.shapes);
-      ContactSet set;
-      findContacts(e, a.shapes, kAllContactSlots, set);
-      for (const ContactPoint& c : set.slots) {
-        if (!c.valid) continue;
-        const bool rim =
-            c.feature == ContactFeature::kRimSide || c.feature == ContactFeature::kRimFace;
-        // zero distances have no smooth minimum: take the square
-        const auto f = [&](Real t) {
-          const Real value = minimised(b, c, t);
-          return c.feature == ContactFeature::kEdgeEdge ? value * value : value;
-        };
-        const Minimum minimum = minimumNear(c.t, f);
-        ASSERT_TRUE(minimum.found) << toString(c.feature) << " " << c.gap;
-        const Real t = minimum.t, bend = minimum.bend;
-        const Vec3L on_circle = rim ? b.rim(t) : b.edge(t);
-        // rounding of the reference's slope (1e-21 m over the step) over its bend, times the
-        // radius; squares are rounded at the gap's square
-        EXPECT_LT((on_circle - (rim ? c.rim : c.p).cast<Real>()).norm(), 1e-12L + 1e-16L / bend)
-            << toString(c.feature) << " gap " << c.gap;
-        const Real gap = minimised(b, c, t);
-        EXPECT_NEAR(
-            static_cast<double>(c.feature == ContactFeature::kEdgeEdge ? std::abs(c.gap) - gap
-                                                                       : c.gap - gap),
-            0.0, 1e-15)
-            << toString(c.feature);
-        // the frame is as promised
-        EXPECT_NEAR(c.normal.norm(), 1.0, 1e-14);
-        EXPECT_LT((c.gap * c.normal - (c.p - c.rim)).norm(), 1e-14) << toString(c.feature);
-        EXPECT_LT(std::abs(c.normal.dot(rim ? c.tangent : c.dp)), 1e-14 + kRadius * 1e-10)
-            << toString(c.feature);
-        ++met[static_cast<std::size_t>(c.feature)];
-      }
-    }
-  }
-  EXPECT_GT(met[1], 3);
-  for (const int n : {met[0], met[2], met[3]}) EXPECT_GT(n, 30);
+  std::array<int, kContactSlots> met{};
+  for (int i = 0; i < 120; ++i) expectMinima(approach(i % 2 == 0), met);
+  EXPECT_GT(met[2], 3);
+  for (const std::size_t slot : {0, 3, 5}) EXPECT_GT(met[slot] + met[slot + 1], 30) << slot;
 }
 
 // From any touch in the hole the peg is drawn out: features hand over at the rim. The smallest gap
