@@ -19,6 +19,7 @@ using Eigen::Vector3d;
 // the geometries of docs/theory/twin_force.md.
 constexpr double kNearParallel = 0.35;  // relative second singular value of the forces, lines
                                         // within 20°: one start may end at a wrong rotation
+constexpr int kMaxIterations = 50;
 constexpr double kLongestTurn =
     0.5;  // of one step: range of linearity of a Gauss–Helmert step [rad]
 constexpr double kSmallTurn =
@@ -110,7 +111,7 @@ Fit maximize(const Problem& problem, const std::vector<int>& used, const Pose& s
   fit.pose = start;
   fit.q = Eigen::Quaterniond(start.R);
   assemble(problem, used, fit.pose, fit.normal);
-  for (fit.iterations = 0; fit.iterations < options.largest_iterations; ++fit.iterations) {
+  for (fit.iterations = 0; fit.iterations < kMaxIterations; ++fit.iterations) {
     Vector6 step = solveObservable(fit.normal, problem.scale);
     const double angle = step.tail<3>().norm();
     if (angle > kLongestTurn) step *= kLongestTurn / angle;

@@ -12,6 +12,8 @@
 namespace assembly_cell {
 namespace {
 
+// maximum time between the two wrenches of a contact [s]
+constexpr double kMaxDifferenceAtRest = 0.02, kMaxDifferenceMoving = 0.001;
 constexpr double kAsymmetry = 1e-6;       // of sqrt(c_ii c_jj), rounding of printed numbers
 constexpr double kSmallestPivot = 1e-12;  // of the diagonal entry
 constexpr double kSkewed = 1e-6;  // largest entry of RᵀR − I, rounding of printed numbers
@@ -117,14 +119,9 @@ void checkInput(const std::vector<TwinContact>& contacts, const TwinForceOptions
   }
   requirePositive(options.required_position, "required_position");
   requirePositive(options.required_rotation, "required_rotation");
-  requirePositive(options.smallest_force, "smallest_force");
   if (!(options.smallest_p >= 0.0 && options.smallest_p < 1.0)) {
     throw InputError("smallest_p: value " + yamlNumber(options.smallest_p) +
                      ": give a probability in [0, 1)");
-  }
-  if (options.largest_iterations < 1) {
-    throw InputError("largest_iterations: value " + std::to_string(options.largest_iterations) +
-                     ": give a number >= 1");
   }
   int n = 0;
   for (const TwinContact& c : contacts) {
@@ -164,8 +161,7 @@ std::optional<Refusal> refusalOf(const std::vector<TwinContact>& contacts,
     }
     if (c.saturated) return Refusal{"a sensor was saturated", n};
     if (c.tare_age > options.oldest_tare) return Refusal{"the tare is older than its limit", n};
-    const double limit =
-        c.moving ? options.largest_difference_moving : options.largest_difference_at_rest;
+    const double limit = c.moving ? kMaxDifferenceMoving : kMaxDifferenceAtRest;
     if (std::abs(c.time_difference) > limit) {
       return Refusal{"the two wrenches are not simultaneous", n};
     }

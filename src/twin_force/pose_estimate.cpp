@@ -27,6 +27,7 @@ namespace {
 
 using Memory = TwinForceWorkspace::Memory;
 
+constexpr double kMinForce = 20.0;  // minimum force of a contact, in its sd
 // Component of a null direction above which a variance is infinite; eigenvectors are accurate to
 // 1e-10.
 constexpr double kNullPart = 1e-6;
@@ -95,11 +96,10 @@ void refuse(TwinForceEstimate& e, TwinForceStatus status, const char* reason, in
 }
 
 // Terms of the contacts; used: those with enough force on both sensors.
-void selectContacts(const std::vector<TwinContact>& contacts, double smallest_force,
-                    Memory& memory) {
+void selectContacts(const std::vector<TwinContact>& contacts, Memory& memory) {
   memory.terms.clear();
   memory.used.clear();
-  const double limit = smallest_force * smallest_force;
+  const double limit = kMinForce * kMinForce;
   int n = 0;
   for (const TwinContact& c : contacts) {
     memory.terms.push_back(twin_force::makeTerm(c));
@@ -203,7 +203,7 @@ const TwinForceEstimate& estimatePose(const std::vector<TwinContact>& contacts,
     refuse(e, TwinForceStatus::kRefuse, refusal->reason, refusal->culprit);
     return e;
   }
-  selectContacts(contacts, options.smallest_force, memory);
+  selectContacts(contacts, memory);
   if (memory.used.size() < 2) {
     refuse(e, TwinForceStatus::kRefuseTooFew, "fewer than 2 contacts with enough force");
     return e;

@@ -70,15 +70,12 @@ struct TwinForceOptions {
   /// Of both sensors; maximum likelihood only. Contacts that are consistent without errors are
   /// estimated without.
   std::optional<TwinErrors> errors;
-  double required_position = 1e-3;           ///< s_T: required accuracy per axis [m]
-  double required_rotation = 1e-2;           ///< s_φ [rad]
-  double smallest_p = 1e-3;                  ///< minimum probability of χ² of consistent contacts
-  double smallest_force = 20.0;              ///< minimum force of a contact, in its sd
-  bool remove_outliers = true;               ///< robust and maximum likelihood
-  double largest_difference_at_rest = 0.02;  ///< [s]
-  double largest_difference_moving = 0.001;  ///< [s]
-  double oldest_tare = std::numeric_limits<double>::infinity();  ///< [s]
-  int largest_iterations = 50;
+  double required_position = 1e-3;  ///< s_T: required accuracy per axis [m]
+  double required_rotation = 1e-2;  ///< s_φ [rad]
+  double smallest_p = 1e-3;         ///< minimum probability of χ² of consistent contacts
+  bool remove_outliers = true;      ///< robust and maximum likelihood
+  double oldest_tare =
+      std::numeric_limits<double>::infinity();  ///< maximum TwinContact::tare_age [s]
 };
 
 enum class TwinForceStatus {
