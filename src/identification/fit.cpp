@@ -8,6 +8,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/math/distributions.h"
+#include "assembly_cell/math/least_squares.h"
 #include "problem.h"
 
 namespace assembly_cell {
@@ -18,10 +19,10 @@ using Eigen::VectorXd;
 using identification::Problem;
 using identification::Rows;
 
-constexpr int kMostIterations = 30;
-constexpr double kSettled = 1e-4;  // longest step at the end, in deviations of the prior
+constexpr int kMaxIterations = 30;
+constexpr double kSettled = 1e-4;  // largest component of the last step, in deviations of the prior
 
-constexpr double kBluntness[] = {0.2, 0.02, 0.0};  // errors of the model, of a reading's force
+constexpr double kModelErrors[] = {0.2, 0.02, 0.0};  // relative to a reading's force, in stages
 
 struct Solution {
   VectorXd z;
@@ -30,46 +31,63 @@ struct Solution {
   int data = 0, iterations = 0;
 };
 
-double cost(const Rows& rows, const VectorXd& z) {
-  return rows.residual.squaredNorm() + z.squaredNorm();
-}
+// Negative log posterior of z, doubled: ‖r(z)‖² + ‖z‖², for minimise().
+class Posterior {
+ public:
+  explicit Posterior(const Problem& problem)
+      : problem_(problem), unit_(MatrixXd::Identity(problem.size(), problem.size())) {}
 
-// Levenberg–Marquardt on data and prior, from s.z
-void refine(const Problem& problem, Solution& s) {
-  Rows rows = problem.rows(s.z, false, true);
-  const MatrixXd unit = MatrixXd::Identity(problem.size(), problem.size());
-  double damping = 0.0;
-  for (int k = 0; k < kMostIterations; ++k, ++s.iterations) {
-    const MatrixXd information = rows.jacobian.transpose() * rows.jacobian + unit;
-    const VectorXd slope = rows.jacobian.transpose() * rows.residual - s.z;
-    const MatrixXd damped = information + MatrixXd(damping * information.diagonal().asDiagonal());
-    const VectorXd step = damped.llt().solve(slope);
-    const VectorXd tried = s.z + step;
-    const double now = cost(rows, s.z), then = cost(problem.rows(tried, false, false), tried);
-    if (then <= now) {
-      s.z = tried;
-      rows = problem.rows(s.z, false, true);
-      damping *= 0.1;
-      if (damping < 1e-6) damping = 0.0;
-    } else {
-      damping = std::max(1e-3, 10.0 * damping);
-    }
-    if (step.cwiseAbs().maxCoeff() < kSettled) break;
+  void linearise(const VectorXd& z) {
+    at_ = z;
+    rows_ = problem_.rows(z, false, true);
+    information_ = rows_.jacobian.transpose() * rows_.jacobian + unit_;
+    slope_ = rows_.jacobian.transpose() * rows_.residual - z;
   }
-  s.covariance = (rows.jacobian.transpose() * rows.jacobian + unit).llt().solve(unit);
-  s.chi2 = cost(rows, s.z);
-  s.data = static_cast<int>(rows.residual.size());
+  VectorXd step(double damping) const {
+    const MatrixXd damped = information_ + MatrixXd(damping * information_.diagonal().asDiagonal());
+    return damped.llt().solve(slope_);
+  }
+  double cost(const VectorXd& z) const {
+    return problem_.rows(z, false, false).residual.squaredNorm() + z.squaredNorm();
+  }
+  bool small(const VectorXd& step) const { return step.cwiseAbs().maxCoeff() < kSettled; }
+
+  MatrixXd covariance(const VectorXd& z) {
+    if (z != at_) linearise(z);
+    return information_.llt().solve(unit_);
+  }
+  int data() const { return static_cast<int>(rows_.residual.size()); }
+
+ private:
+  const Problem& problem_;
+  MatrixXd unit_, information_;
+  VectorXd at_, slope_;
+  Rows rows_;
+};
+
+// Maximum a posteriori, from s.z.
+void refine(const Problem& problem, Solution& s) {
+  LeastSquaresOptions options;
+  options.max_iterations = kMaxIterations;
+  options.damping.off = 1e-6;
+  options.damping.restart = 1e-3;
+  Posterior posterior(problem);
+  const LeastSquaresResult result = minimise<StepControl::kDamping>(posterior, s.z, options);
+  s.covariance = posterior.covariance(s.z);
+  s.chi2 = result.cost;
+  s.data = posterior.data();
+  s.iterations += result.iterations;
 }
 
-// The data are so sharp that the nearest minimum need not be the best: at first they count as much
-// less exact, so that the prior leads.
+// The likelihood is so narrow that the nearest minimum need not be the best one: the first stages
+// assume larger errors, so that the prior dominates.
 Solution solve(const Mechanism& nominal, const IdentificationData& data,
                const IdentificationPrior& prior) {
   Solution s;
-  for (const double blunt : kBluntness) {
+  for (const double error : kModelErrors) {
     IdentificationPrior now = prior;
-    now.hanging_model = std::max(now.hanging_model, blunt);
-    now.pressed_model = std::max(now.pressed_model, blunt);
+    now.hanging_model = std::max(now.hanging_model, error);
+    now.pressed_model = std::max(now.pressed_model, error);
     const Problem problem(nominal, data, now);
     if (s.z.size() == 0) s.z = VectorXd::Zero(problem.size());
     refine(problem, s);
@@ -77,7 +95,7 @@ Solution solve(const Mechanism& nominal, const IdentificationData& data,
   return s;
 }
 
-// χ² of what was left out, its own noise and the posterior's
+// χ² of held-out rows with the covariance of their noise and of the posterior.
 double misfit(const Rows& rows, const MatrixXd& covariance) {
   const MatrixXd expected = rows.jacobian * covariance * rows.jacobian.transpose() +
                             MatrixXd::Identity(rows.residual.size(), rows.residual.size());
@@ -91,8 +109,8 @@ std::string nameOf(const VibrationReading& reading) {
          (reading.exciter.direction > 0 ? "anticlockwise" : "clockwise");
 }
 
-void judge(const Problem& problem, const IdentificationData& data, const Solution& solution,
-           Identification& result) {
+void checkHeldOut(const Problem& problem, const IdentificationData& data, const Solution& solution,
+                  Identification& result) {
   const Rows all = problem.rows(solution.z, true, true);
   result.dof = static_cast<int>(all.residual.size());
   result.chi2 = result.dof > 0 ? misfit(all, solution.covariance) : 0.0;
@@ -115,7 +133,7 @@ void judge(const Problem& problem, const IdentificationData& data, const Solutio
   if (result.accepted) {
     result.verdict = "accepted";
   } else if (result.dof == 0) {
-    result.verdict = "refused: no data were left out to judge the fit";
+    result.verdict = "refused: no data were left out to check the fit";
   } else {
     result.verdict =
         text("refused: data left out disagree, chi2 %.0f of %d, most ", result.chi2, result.dof) +
@@ -157,7 +175,7 @@ Identification identify(const Mechanism& nominal, const IdentificationData& data
   for (const VibrationReading& reading : data.vibrations) {
     result.fitted.push_back(problem.fitted(solution.z, reading));
   }
-  judge(problem, data, solution, result);
+  checkHeldOut(problem, data, solution, result);
   nameUnseen(result);
   return result;
 }

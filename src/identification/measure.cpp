@@ -22,19 +22,19 @@ constexpr double kStep = 2.0 * M_PI * 5.0;  // of frequencies, one period in a w
 constexpr int kHangingSteps = 9, kPressedSteps = 4;
 constexpr double kHangingLow = 0.9, kHangingHigh = 3.6;  // of the first resonance
 constexpr double kPressedLow = 0.7, kPressedHigh = 1.6;  // of the operating frequency
-constexpr int kHeldOut = 4;                              // every fourth step judges
+constexpr int kHeldOut = 4;                              // every fourth step is left out of the fit
 constexpr double kShake = 1.5;        // of the amplitude, while the contact settles
 constexpr double kReserve = 0.8;      // of the friction that was found
 constexpr double kClear = 4e-3;       // up before a travel aside [m]
 constexpr double kPushStep = 1.5e-4;  // of the push sideways [m]
 constexpr int kPushSteps = 24;
-constexpr int kSlideStart = 4, kSlideBlocks = 12;  // of them: until it slides evenly, and in all
+constexpr int kSlideStart = 4, kSlideBlocks = 12;  // of the push: before the mean, and in all
 constexpr double kSlides =
     1.05;  // the ratio of three steps over that of three before: less is sliding
 // travel of a press per force, ten times a coupling's [m/N]
 constexpr double kPressCompliance = 2e-4;
-constexpr double kFrictionSd = 0.004;    // the face's lean, to second order
-constexpr double kFrictionShare = 0.03;  // of the coefficient: the sensor's matrix
+constexpr double kFrictionSd = 0.004;         // the face's lean, to second order
+constexpr double kFrictionRelativeSd = 0.03;  // of the coefficient: the sensor's matrix
 
 bool isHum(int multiple) { return multiple == 10 || multiple == 12; }
 
@@ -160,7 +160,7 @@ class Campaign {
     data_.notes.push_back(text("%s: cut short at %.0f s of cell time", what, plan_.time_limit));
   }
 
-  // tilted beside the hole, its low side outward, the zero taken there, pressed
+  // Tares the tilted peg beside the hole, its low side outward, then presses it on the face.
   void touch(const Vector2d& outward) {
     const Matrix3d R = R_touch_ = X_start_.R * leaning(outward, plan_.tilt);
     const double length = nominal_.peg.half_height + nominal_.peg.coupling_height;
@@ -220,7 +220,8 @@ class Campaign {
     lift();
   }
 
-  // harder than the reading will be, so that friction keeps no preload near its limit
+  // with a larger amplitude than the measurement, so that no preload near the friction limit is
+  // left
   void shake(const ExciterParameters& exciter) {
     PlantCommand command;
     command.exciter = exciter;
@@ -228,7 +229,7 @@ class Campaign {
     carrier_.wait(blocksIn(0.5 * plan_.settle));
   }
 
-  // what friction holds while it is shaken
+  // amplitude that friction sustains [N]
   double amplitudeAt(double frequency, double friction) const {
     VibrationDemand demand;
     demand.given = {frequency, 0.0, plan_.press, 0.0};
@@ -243,13 +244,13 @@ class Campaign {
     return chooseVibration(nominal_, demand).amplitude;
   }
 
-  // friction against a way along `along` over the normal force, face axes as far as they are known
+  // friction force along −`along` over the normal force
   double ratio(const Vector3d& along) const {
     const Vector3d force = R_touch_ * carrier_.force();
     return -force.dot(along) / std::max(0.1, force.z());
   }
 
-  // of all tangential force
+  // tangential over normal force
   double coefficient() const {
     const Vector3d force = R_touch_ * carrier_.force();
     return force.head<2>().norm() / std::max(0.1, force.z());
@@ -262,8 +263,8 @@ class Campaign {
     at.z += kPushStep * along.z();
   }
 
-  // sideways across the lean until it slides: until the ratio rises no more, which a carrier that
-  // ends its steps within tens of micrometres lets jump
+  // Pushes sideways across the tilt until the ratio rises no more, so the peg slides; the ratio is
+  // averaged over three steps, as the carrier ends its steps within tens of micrometres.
   std::optional<double> slide(const Vector3d& along) {
     RestPose at = carrier_.target();
     std::vector<double> ratios;
@@ -282,8 +283,8 @@ class Campaign {
     return {};
   }
 
-  // Coefficient while it slides on, step after step without a halt: at the end of a step friction
-  // has braked the peg, and its mass keeps part of the push.
+  // Coefficient during sliding, step after step without a stop: after a stop friction has braked
+  // the peg, and the force no longer shows sliding friction.
   double sliding(RestPose at, const Vector3d& along) {
     double sum = 0.0;
     for (int k = 0; k < kSlideBlocks; ++k) {
@@ -300,14 +301,15 @@ class Campaign {
   void push(const Vector2d& outward) {
     report("push");
     const Vector3d along = X_start_.R * Vector3d(-outward.y(), outward.x(), 0.0);
-    // the first way ends the strain that pressing has left; both senses share the face's lean
+    // the first push removes the strain left by pressing; the mean of both senses removes the
+    // face's tilt
     slide(along);
     const std::optional<double> fro = slide(-along);
     const std::optional<double> to = fro ? slide(along) : std::nullopt;
     if (to && fro) {
       const double coefficient = 0.5 * (*to + *fro);
       data_.friction =
-          FrictionReading{coefficient, std::hypot(kFrictionSd, kFrictionShare * coefficient)};
+          FrictionReading{coefficient, std::hypot(kFrictionSd, kFrictionRelativeSd * coefficient)};
     } else {
       data_.notes.push_back("push: the peg did not slide");
     }

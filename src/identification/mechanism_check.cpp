@@ -20,21 +20,21 @@ using identification::Rows;
 
 constexpr double kSwing = 0.3, kWindow = 0.2;  // of each step [s]
 constexpr double kForce = 1.5;                 // of the exciter [N]
-// A swing that has not died away leaves so much of a reading's force.
+// error of a reading by a swing that has not decayed, relative to its force
 constexpr double kSwingLeft = 1.2e-3;
 
-// the change of one unknown that explains most of the misfit
+// The change of one unknown that explains most of the misfit.
 std::string mostLikely(const KnownMechanism& known, const VectorXd& residual,
                        const MatrixXd& jacobian, const Eigen::LLT<MatrixXd>& expected) {
   const VectorXd weighted = expected.solve(residual);
   int best = 0;
-  double most = -1.0, step = 0.0;
+  double largest = -1.0, step = 0.0;
   for (int i = 0; i < kUnknowns; ++i) {
     const VectorXd direction = jacobian.col(i);
     const double information = direction.dot(expected.solve(direction));
     const double slope = direction.dot(weighted);
-    if (!(information > 0.0) || slope * slope <= most * information) continue;
-    most = slope * slope / information;
+    if (!(information > 0.0) || slope * slope <= largest * information) continue;
+    largest = slope * slope / information;
     best = i;
     step = slope / information;
   }
@@ -49,9 +49,9 @@ std::string mostLikely(const KnownMechanism& known, const VectorXd& residual,
 
 }  // namespace
 
-MechanismCheck judgeMechanism(const KnownMechanism& known,
-                              const std::vector<VibrationReading>& readings,
-                              const IdentificationPrior& prior) {
+MechanismCheck evaluateMechanism(const KnownMechanism& known,
+                                 const std::vector<VibrationReading>& readings,
+                                 const IdentificationPrior& prior) {
   IdentificationPrior about = prior;
   about.unknowns = known.unknowns;
   IdentificationData data;
@@ -73,7 +73,7 @@ MechanismCheck judgeMechanism(const KnownMechanism& known,
     check.message = text("the hanging peg contradicts the mechanism, chi2 %.0f of %d, ", check.chi2,
                          check.dof) +
                     mostLikely(known, rows.residual, rows.jacobian, root) +
-                    "; identify the mechanism anew";
+                    "; identify the mechanism again";
   }
   return check;
 }
@@ -87,7 +87,7 @@ AlignParameters withDrive(AlignParameters parameters, const DriveErrors& drive) 
 MechanismCheck checkMechanism(Plant& plant, const KnownMechanism& known) {
   GuardedCarrier carrier(plant, PressLimits());
   tareFreePeg(carrier, known.mechanism);
-  // by what is believed: beside the first resonance, and where the carrier moves with the peg
+  // beside the first resonance of the model, and where the carrier moves with the peg
   const std::vector<double> all = planFor(known.mechanism).hanging;
   std::vector<VibrationReading> readings;
   for (const int direction : {1, -1}) {
@@ -98,7 +98,7 @@ MechanismCheck checkMechanism(Plant& plant, const KnownMechanism& known) {
   exciterOff(carrier);
   IdentificationPrior prior;
   prior.hanging_model = kSwingLeft;
-  return judgeMechanism(known, readings, prior);
+  return evaluateMechanism(known, readings, prior);
 }
 
 }  // namespace assembly_cell

@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "assembly_cell/base/files.h"
+#include "assembly_cell/base/yaml_flow.h"
 #include "assembly_cell/base/yaml_section.h"
-#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {
@@ -20,9 +20,9 @@ constexpr const char* kFormat = "assembly_cell mechanism 1";
 constexpr double kAgree = 1e-9;     // of a value with the mechanism's own key, relative
 constexpr double kRounding = 1e-9;  // of a correlation matrix
 
-bool aloneStanding(int i) { return i == kFriction || i >= kExciterGain; }
+bool hasNoNominal(int i) { return i == kFriction || i >= kExciterGain; }
 
-// The unknowns about a model; sd: of a factor's logarithm, else in its unit.
+// Unknowns centred at a model; sd: of a factor's logarithm, else in its unit.
 std::vector<Unknown> about(const MechanismModel& model, const UnknownVector& sd) {
   std::vector<Unknown> unknowns = unknownsAsDrawn();
   for (Unknown& unknown : unknowns) {
@@ -32,7 +32,7 @@ std::vector<Unknown> about(const MechanismModel& model, const UnknownVector& sd)
   const UnknownVector moved = unknownsOf(model.mechanism, unknowns, model);
   for (int i = 0; i < kUnknowns; ++i) {
     Unknown& unknown = unknowns[static_cast<std::size_t>(i)];
-    // the exciter and the carrier's compliance have no place in a Mechanism: their means have
+    // exciter and compliance of the carrier are not part of Mechanism: their means have the values
     if (i >= kExciterGain) unknown.mean = moved[i];
     unknown.sd = sd[i];
   }
@@ -55,30 +55,31 @@ std::vector<std::string> namesOf(const std::vector<int>& places,
 std::string recordText(const Mechanism& nominal, const Identification& found) {
   std::ostringstream out;
   out << "  parameters:      # factors for friction and exciter.amplitude, else SI\n";
-  const UnknownVector zero = UnknownVector::Zero();
   for (int i = 0; i < kUnknowns; ++i) {
-    const auto number = [&](double value) { return yamlNumber(value); };
-    out << "    - {name: " << yamlQuoted(found.unknowns[static_cast<std::size_t>(i)].name)
-        << ", drawn: " << number(valueAt(nominal, found.unknowns, i, 0.0))
-        << ", drawn_sd: " << number(sdAt(nominal, found.unknowns, i, zero[i], 1.0))
-        << ", value: " << number(valueAt(nominal, found.unknowns, i, found.z[i]))
-        << ", sd: " << number(sdAt(nominal, found.unknowns, i, found.z[i], found.sd(i))) << "}\n";
+    YamlMapping row;
+    row.quoted("name", found.unknowns[static_cast<std::size_t>(i)].name)
+        .number("drawn", valueAt(nominal, found.unknowns, i, 0.0))
+        .number("drawn_sd", sdAt(nominal, found.unknowns, i, 0.0, 1.0))
+        .number("value", valueAt(nominal, found.unknowns, i, found.z[i]))
+        .number("sd", sdAt(nominal, found.unknowns, i, found.z[i], found.sd(i)));
+    out << "    - " << row.text() << "\n";
   }
   out << "  correlation:     # of the parameters, in their order\n";
   for (int i = 0; i < kUnknowns; ++i) {
-    out << "    - [";
+    UnknownVector row;
     for (int k = 0; k < kUnknowns; ++k) {
       const double size = found.sd(i) * found.sd(k);
-      out << (k > 0 ? ", " : "") << yamlNumber(i == k ? 1.0 : found.covariance(i, k) / size);
+      row[k] = i == k ? 1.0 : found.covariance(i, k) / size;
     }
-    out << "]\n";
+    out << "    - " << yamlList(row) << "\n";
   }
   out << "  unseen: " << shownList(namesOf(found.unseen, found.unknowns)) << "\n"
-      << "  correlated:      # pairs that the data tell together only\n";
+      << "  correlated:      # pairs that the data don't separate\n";
   for (const CorrelatedPair& pair : found.correlated) {
     const std::vector<std::string> names = namesOf({pair.first, pair.second}, found.unknowns);
-    out << "    - {first: " << yamlQuoted(names[0]) << ", second: " << yamlQuoted(names[1])
-        << ", correlation: " << yamlNumber(pair.correlation) << "}\n";
+    YamlMapping row;
+    row.quoted("first", names[0]).quoted("second", names[1]);
+    out << "    - " << row.number("correlation", pair.correlation).text() << "\n";
   }
   if (found.correlated.empty()) out << "    []\n";
   return out.str();
@@ -87,7 +88,7 @@ std::string recordText(const Mechanism& nominal, const Identification& found) {
 void readCorrelation(Section& in, KnownMechanism& known) {
   const YAML::Node rows = in.required("correlation", "give a row for each parameter");
   const auto refuse = [&](const std::string& why) {
-    in.refuse(in.at("correlation"), yaml::shown(rows), why + "; identify the mechanism anew");
+    in.refuse(in.at("correlation"), yaml::shown(rows), why + "; identify the mechanism again");
   };
   if (!rows.IsSequence() || rows.size() != kUnknowns) refuse("has not a row for each parameter");
   for (int i = 0; i < kUnknowns; ++i) {
@@ -113,7 +114,7 @@ UnknownVector readParameters(Section& in, KnownMechanism& known) {
   std::vector<Section> entries = in.sections("parameters");
   if (entries.size() != kUnknowns) {
     in.refuse(in.at("parameters"), static_cast<double>(entries.size()),
-              "give all " + std::to_string(kUnknowns) + " parameters; identify anew");
+              "give all " + std::to_string(kUnknowns) + " parameters; identify again");
   }
   UnknownVector value, sd;
   for (int i = 0; i < kUnknowns; ++i) {
@@ -138,13 +139,13 @@ UnknownVector readParameters(Section& in, KnownMechanism& known) {
   std::vector<Unknown> plain = names;
   for (Unknown& unknown : plain) unknown.mean = 0.0;
   for (int i = 0; i < kUnknowns; ++i) {
-    if (aloneStanding(i)) continue;
+    if (hasNoNominal(i)) continue;
     const double own = valueAt(known.mechanism, plain, i, 0.0);
     if (std::abs(own - value[i]) > kAgree * std::abs(own)) {
       Section& entry = entries[static_cast<std::size_t>(i)];
       entry.refuse(entry.at("value"), value[i],
-                   "the mechanism's own key says " + yaml::shown(own) +
-                       "; don't change an identified file by hand, identify anew");
+                   "the mechanism's own key is " + yaml::shown(own) +
+                       "; don't change an identified file by hand, identify again");
     }
   }
   return sd;
@@ -181,6 +182,10 @@ KnownMechanism knownFrom(const Identification& found) {
 
 std::string mechanismRecord(const Mechanism& nominal, const Identification& found,
                             const std::string& origin, const std::string& date) {
+  YamlMapping left_out, fit;
+  left_out.number("chi2", found.chi2).integer("dof", found.dof).number("p", found.p);
+  fit.number("chi2", found.fit_chi2).integer("dof", found.fit_dof);
+  fit.number("condition", found.condition);
   std::ostringstream out;
   out << "# Identified mechanism: docs/theory/identification.md\n"
       << mechanismText(found.model.mechanism) << "identification:\n"
@@ -189,10 +194,8 @@ std::string mechanismRecord(const Mechanism& nominal, const Identification& foun
       << "  date: " << yamlQuoted(date) << "\n"
       << "  accepted: " << (found.accepted ? "true" : "false") << "\n"
       << "  verdict: " << yamlQuoted(found.verdict) << "\n"
-      << "  left_out: {chi2: " << yamlNumber(found.chi2) << ", dof: " << found.dof
-      << ", p: " << yamlNumber(found.p) << "}\n"
-      << "  fit: {chi2: " << yamlNumber(found.fit_chi2) << ", dof: " << found.fit_dof
-      << ", condition: " << yamlNumber(found.condition) << "}\n"
+      << "  left_out: " << left_out.text() << "\n"
+      << "  fit: " << fit.text() << "\n"
       << "  notes: " << shownList(found.notes) << "\n"
       << recordText(nominal, found);
   return out.str();
@@ -218,7 +221,7 @@ KnownMechanism parseKnownMechanism(const std::string& text, const std::string& s
   KnownMechanism known;
   known.mechanism = mechanism;
   known.identified = true;
-  in.text("origin", "say where the readings came from");
+  in.text("origin", "give the source of the readings");
   in.text("date", "give the date");
   in.required("accepted", "give true or false");
   known.accepted = in.flag("accepted", false);
@@ -249,10 +252,10 @@ KnownMechanism parseKnownMechanism(const std::string& text, const std::string& s
 }
 
 ExciterParameters compensated(const ExciterParameters& wanted, const DriveErrors& drive) {
-  ExciterParameters asked = wanted;
-  asked.amplitude /= drive.gain;
-  asked.phase += wanted.frequency * drive.delay;
-  return asked;
+  ExciterParameters command = wanted;
+  command.amplitude /= drive.gain;
+  command.phase += wanted.frequency * drive.delay;
+  return command;
 }
 
 }  // namespace assembly_cell

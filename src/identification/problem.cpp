@@ -15,10 +15,10 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr double kLever = 0.03;   // torques count against forces there [m]
-constexpr double kFlat = 30.0;    // sd of a zero that nothing is known of [N]
+constexpr double kLever = 0.03;   // lever of torques against forces [m]
+constexpr double kFlat = 30.0;    // sd of an unknown zero [N]
 constexpr double kMinute = 60.0;  // [s]
-constexpr double kHeld = 10.0;  // from a place's zero to its readings, about; its zero walks on [s]
+constexpr double kHeld = 10.0;  // from a position's zero to its readings, about: its zero walks [s]
 constexpr double kDifference = 1e-5;         // of derivatives, in deviations of the prior
 constexpr double kContactDifference = 1e-3;  // and by a static contact force [N]
 
@@ -36,7 +36,7 @@ void whiten(const MatrixXd& covariance, identification::Rows& rows) {
   if (rows.jacobian.size() > 0) rows.jacobian = root.matrixL().solve(rows.jacobian);
 }
 
-// what the zero of a pressed peg's contact may have drifted and walked
+// Prior sd of drift and random walk of the contact's zero since it was taken.
 Vector6 driftOf(const IdentificationPrior& prior, const VibrationReading& reading) {
   return perAxis(prior.sensor_drift * reading.since_zero / kMinute);
 }

@@ -7,11 +7,11 @@
 
 namespace assembly_cell::identification {
 
-// Places in the vector of all that is unknown.
+// Indices in the vector of unknowns and nuisance parameters.
 constexpr int kMap = kUnknowns, kGravity = kMap + 36, kFace = kGravity + 2, kZero = kFace + 2,
               kDrift = kZero + 6, kAside = kDrift + 6;
 
-// What one reading says: whitened residual, data less model, and minus its derivative.
+// Rows of one reading: whitened residual (data − model) and minus its derivative.
 struct Rows {
   Eigen::VectorXd residual;
   Eigen::MatrixXd jacobian;
@@ -28,7 +28,7 @@ class Problem {
   // One vibration.
   Rows rows(const Eigen::VectorXd& z, const VibrationReading& reading, bool derivatives) const;
 
-  // What the sensor should read.
+  // Reading of the sensor predicted at z.
   WrenchPhasor fitted(const Eigen::VectorXd& z, const VibrationReading& reading) const;
 
  private:

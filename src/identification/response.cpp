@@ -16,7 +16,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using namespace linear_motion;
 
-// what is shaken, and how
+// Operating point of a drive and a commanded exciter.
 OperatingPoint pointOf(const DriveErrors& drive, const ExciterParameters& exciter) {
   OperatingPoint point;
   point.frequency = exciter.frequency;
@@ -31,7 +31,7 @@ Eigen::Vector2cd lateExcitation(const DriveErrors& drive, const OperatingPoint& 
   return std::polar(1.0, -point.direction * point.frequency * drive.delay) * excitation(point);
 }
 
-// turn about the axis from the axes that the linear motion gives a body with this axis
+// Rotation about the axis, from the axes that linear_motion assigns to a body with this axis.
 double turnOf(const Matrix3d& R, const Matrix3d& upright) {
   const Vector3d x = upright.transpose() * R.col(0);
   return std::atan2(x.y(), x.x());
@@ -45,8 +45,8 @@ Vector2d tiltOfAxis(const Vector3d& axis) {
   return turn.head<2>() * (std::atan2(sine, axis.z()) / sine);
 }
 
-// Axes of the peg where a static wrench on the sensor, in its axes and about its origin, deflects
-// the coupling.
+// Axes of the peg with the coupling deflected by a static wrench on the sensor (sensor axes, about
+// its origin).
 Matrix3d restingPeg(const Mechanism& m, const Matrix3d& R_HS, const Vector6& wrench) {
   const Eigen::PartialPivLU<Matrix6> stiffness(couplingStiffness(m.coupling));
   const Vector6 deflection = stiffness.solve(wrench);
@@ -71,7 +71,7 @@ Matrix3d restingPeg(const Mechanism& m, const Matrix3d& R_HS, const Vector6& wre
   return rotationFromEuler(peg);
 }
 
-// of a peg that hangs from the sensor, as pegWeight()
+// Wrench of the hanging peg on the sensor, see pegWeight().
 Vector6 weightOn(const Mechanism& m, const Matrix3d& R_HS) {
   return pegWeight(m.peg, m.gravity, R_HS.transpose() * Vector3d::UnitZ(), Vector6::Zero());
 }

@@ -33,7 +33,7 @@ UnknownVector amounts(const std::vector<Unknown>& unknowns, const UnknownVector&
 
 double ratio(double value, double nominal) { return nominal != 0.0 ? value / nominal : 1.0; }
 
-// what a factor multiplies, or what is added to; 1 for factors that stand alone
+// Nominal value of an unknown; 1 for factors without one.
 double nominalOf(const Mechanism& m, int i) {
   if (i < kDamping) return m.coupling.stiffness.diagonal[i];
   if (i < kPegMass) return m.coupling.damping.diagonal[i - kDamping];

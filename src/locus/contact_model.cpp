@@ -9,6 +9,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/locus/linear_motion.h"
+#include "assembly_cell/math/least_squares.h"
 
 namespace assembly_cell {
 
@@ -71,41 +72,52 @@ class DirectionGrid {
   std::array<double, kGrid> cost_{};
 };
 
+// Squared distance of the predicted P, N from the measured ones over the direction alpha, for
+// minimise(): one real unknown.
+class DirectionFit {
+ public:
+  DirectionFit(const SeenMotion& seen, const Eigen::Vector2cd& measured, double noise)
+      : seen_(seen), measured_(measured), noise_(noise) {}
+
+  void linearise(double alpha) {
+    constexpr double kStep = 1e-4;  // of the central difference [rad]; half: the same to 1e-14
+    slope_ = (seen_.inPlane(alpha + kStep) - seen_.inPlane(alpha - kStep)) / (2.0 * kStep);
+    rest_ = tried_;
+    information_ = slope_.squaredNorm();
+  }
+  double step(double /*damping*/) const { return slope_.dot(rest_).real() / information_; }
+  double cost(double alpha) {
+    tried_ = measured_ - seen_.inPlane(alpha);
+    return tried_.squaredNorm();
+  }
+  // to a thousandth of the noise; half, twice: the same to 1e-12
+  bool small(double step) const {
+    return std::abs(step) <= std::max(1e-8, 1e-3 * std::sqrt(noise_ / information_));
+  }
+  double information() const { return information_; }  // |d(P, N)/dα|² [m²]
+
+ private:
+  const SeenMotion& seen_;
+  const Eigen::Vector2cd& measured_;
+  double noise_;
+  Eigen::Vector2cd slope_, rest_, tried_;
+  double information_ = 0.0;
+};
+
 struct Refined {
   double alpha = 0.0;
   double cost = 0.0;         // [m²]
-  double information = 0.0;  // |d(P, N)/dα|² [m²]
+  double information = 0.0;  // at the last step's start [m²]
 };
 
-// Gauss–Newton, a step only where it lowers the cost
 Refined refine(const SeenMotion& seen, const Eigen::Vector2cd& measured, double alpha,
                double noise) {
-  constexpr double kStep = 1e-4;    // of the central difference [rad]; half: the same to 1e-14
-  constexpr double kLongest = 0.2;  // of one step [rad]; half, twice: the same to 1e-10
-  constexpr int kMaxSteps = 30;     // half, twice: the same bits
-  Eigen::Vector2cd rest = measured - seen.inPlane(alpha);
-  Refined refined{alpha, rest.squaredNorm(), 0.0};
-  for (int iteration = 0; iteration < kMaxSteps; ++iteration) {
-    const Eigen::Vector2cd slope =
-        (seen.inPlane(refined.alpha + kStep) - seen.inPlane(refined.alpha - kStep)) / (2.0 * kStep);
-    refined.information = slope.squaredNorm();
-    double step = slope.dot(rest).real() / refined.information;
-    if (!std::isfinite(step)) break;
-    // to a thousandth of the noise; half, twice: the same to 1e-12
-    const double enough = std::max(1e-8, 1e-3 * std::sqrt(noise / refined.information));
-    step = std::clamp(step, -kLongest, kLongest);
-    Eigen::Vector2cd tried = measured - seen.inPlane(refined.alpha + step);
-    while (!(tried.squaredNorm() <= refined.cost) && std::abs(step) > enough) {
-      step *= 0.5;
-      tried = measured - seen.inPlane(refined.alpha + step);
-    }
-    if (!(tried.squaredNorm() <= refined.cost)) break;
-    refined.alpha += step;
-    rest = tried;
-    refined.cost = rest.squaredNorm();
-    if (std::abs(step) <= enough) break;
-  }
-  return refined;
+  LeastSquaresOptions options;
+  options.max_step = 0.2;       // [rad]; half, twice: the same to 1e-10
+  options.max_iterations = 30;  // half, twice: the same bits
+  DirectionFit fit(seen, measured, noise);
+  const double cost = minimise<StepControl::kHalving>(fit, alpha, options).cost;
+  return {alpha, cost, fit.information()};
 }
 
 }  // namespace

@@ -16,8 +16,8 @@ using linear_motion::Complex9;
 
 namespace {
 
-// Of vertical motion and yaw that the linear model predicts. At half and twice of it all 1620
-// directions of docs/theory/locus.md, "Constants", keep their end.
+// Relative error of the predicted vertical motion and yaw. At half and twice of it all 1620
+// directions of docs/theory/locus.md, "Constants", are resolved the same way.
 constexpr double kModelError = 0.05;
 constexpr int kVertical = linear_motion::kU + 2, kYaw = linear_motion::kTheta + 2;
 

@@ -7,6 +7,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/median.h"
+#include "assembly_cell/math/least_squares.h"
 
 namespace assembly_cell {
 namespace {
@@ -21,7 +22,6 @@ constexpr double kRayleighMedian = 1.1774;  // of a planar residual, in units of
 constexpr int kReweightings = 50;
 constexpr double kSettled = 1e-9;
 constexpr double kWorstInflation = 1e6;
-constexpr int kFrequencySteps = 30;
 
 using Design = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxColumns, 1>;
 using Normal = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxColumns, kMaxColumns>;
@@ -246,43 +246,47 @@ class WeightedFit {
   double efficiency_ = 1.0;  // mean slope of the influence function
 };
 
-// a search for the frequency: the motion fitted at trial frequencies, about the window's middle
+// Search for the frequency: the motion fitted at trial frequencies, about the window's middle. One
+// unknown for minimise(); the linear coefficients are eliminated (variable projection).
 class FrequencySearch {
  public:
-  FrequencySearch(const std::vector<double>& t, const std::vector<double>& signals,
-                  const HarmonicOptions& options, const std::vector<double>& sd)
+  FrequencySearch(const std::vector<double>& t, const std::vector<double>& signals, double start,
+                  double range, const HarmonicOptions& options, const std::vector<double>& sd)
       : t_(t),
         signals_(signals),
+        start_(start),
+        range_(range),
         options_(options),
-        sd_(sd),
+        sample_sd_(sd),
         n_(t.size()),
         angle_(n_),
         middle_(n_ > 0 ? 0.5 * (t.front() + t.back()) : 0.0) {}
 
-  // the best of steps of a quarter of the line's width
-  double coarse(double frequency, double range) {
-    anglesAt(frequency);
+  // Best of a scan in steps of a quarter of the line's width.
+  double coarse() {
+    anglesAt(start_);
     requireWindow(angle_, signals_, options_);
     const double duration = t_.back() - t_.front();
-    const int steps = std::max(1, static_cast<int>(std::ceil(range * duration / (kTwoPi / 8))));
-    double best = frequency, most = powerAt(frequency);
+    const int steps = std::max(1, static_cast<int>(std::ceil(range_ * duration / (kTwoPi / 8))));
+    double best = start_, largest = powerAt(start_);
     for (int k = -steps; k <= steps; ++k) {
-      const double w = frequency + range * k / steps;
+      const double w = start_ + range_ * k / steps;
       const double power = k == 0 ? 0.0 : powerAt(w);
-      if (power > most) {
-        most = power;
+      if (power > largest) {
+        largest = power;
         best = w;
       }
     }
     return best;
   }
 
-  // Gauss–Newton: how the fitted motion changes with the frequency, less what the columns explain.
-  // Returns the step, and the sd at the present frequency.
-  double step(double frequency, double& sd) {
+  // Change of the fitted motion with the frequency, less what the columns explain. Throws
+  // InputError where there is no motion.
+  void linearise(double frequency) {
+    frequency_ = frequency;
     anglesAt(frequency);
     requireWindow(angle_, signals_, options_);
-    const std::vector<double> given = weightsOf(sd_, n_);
+    const std::vector<double> given = weightsOf(sample_sd_, n_);
     WeightedFit weighted(angle_, signals_, options_, given);
     const HarmonicFit fit = weighted.result();
     const std::vector<double>& weights = weighted.weights();
@@ -317,9 +321,22 @@ class FrequencySearch {
     }
     if (!(slope2 > 0.0)) throw InputError("there is no motion whose frequency could be fitted");
     const double spread = slope2 * static_cast<double>(n_) / weight_sum;
-    sd = std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)) / spread);
-    return along / slope2;
+    sd_ = std::sqrt(0.5 * (fit.noise(0, 0) + fit.noise(1, 1)) / spread);
+    step_ = along / slope2;
   }
+  // throws InputError where it leaves the range
+  double step(double /*damping*/) const {
+    if (!(std::abs(frequency_ + step_ - start_) <= range_)) {
+      throw InputError("the best frequency is not within " + std::to_string(range_) +
+                       " rad/s of the given one: give a better one or a wider range");
+    }
+    return step_;
+  }
+  bool small(double step) const {
+    return std::abs(step) <= 1e-13 * (frequency_ + step) || std::abs(step) <= 1e-6 * sd_;
+  }
+
+  double sd() const { return sd_; }  // at the last linearisation [rad/s]
 
  private:
   void anglesAt(double w) {
@@ -327,16 +344,18 @@ class FrequencySearch {
   }
   double powerAt(double w) {
     anglesAt(w);
-    const HarmonicFit fit = fitHarmonic(angle_, signals_, options_, sd_);
+    const HarmonicFit fit = fitHarmonic(angle_, signals_, options_, sample_sd_);
     return std::norm(fit.phasor[0]) + std::norm(fit.phasor[1]);
   }
 
   const std::vector<double>&t_, &signals_;
+  double start_, range_;  // [rad/s]
   const HarmonicOptions& options_;
-  const std::vector<double>& sd_;
+  const std::vector<double>& sample_sd_;
   std::size_t n_;
   std::vector<double> angle_;
   double middle_;
+  double frequency_ = 0.0, step_ = 0.0, sd_ = 0.0;
 };
 
 }  // namespace
@@ -359,17 +378,11 @@ FrequencyFit fitFrequency(const std::vector<double>& t, const std::vector<double
     throw InputError("range is " + std::to_string(range) +
                      ": give a positive one in rad/s, below the frequency");
   }
-  FrequencySearch search(t, signals, options, sd);
-  FrequencyFit result{search.coarse(frequency, range), 0.0};
-  for (int pass = 0; pass < kFrequencySteps; ++pass) {
-    const double step = search.step(result.frequency, result.sd);
-    result.frequency += step;
-    if (!(std::abs(result.frequency - frequency) <= range)) {
-      throw InputError("the best frequency is not within " + std::to_string(range) +
-                       " rad/s of the given one: give a better one or a wider range");
-    }
-    if (std::abs(step) <= 1e-13 * result.frequency || std::abs(step) <= 1e-6 * result.sd) break;
-  }
+  FrequencySearch search(t, signals, frequency, range, options, sd);
+  FrequencyFit result;
+  result.frequency = search.coarse();
+  minimise<StepControl::kNone>(search, result.frequency, LeastSquaresOptions());
+  result.sd = search.sd();
   return result;
 }
 

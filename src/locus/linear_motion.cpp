@@ -134,15 +134,15 @@ UnheldMotion::UnheldMotion(const Mechanism& mechanism, double rate_of_angle, con
                            const Vector2d& sensor_tilt)
     : UnheldMotion(MotionParts(mechanism, tilt, sensor_tilt), rate_of_angle) {}
 
-void UnheldMotion::giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& compliance) {
-  // z: the coupling itself moves; its deflection is that by the peg's height less the way
+void UnheldMotion::addCompliance(const Mechanism& mechanism, const Eigen::Vector3cd& compliance) {
+  // z: the coupling itself moves; its deflection is that by the peg's height minus this motion
   const Complex9 by_height =
       dynamic.col(kU + 2) + rate * rate * mechanism.peg.mass * Complex9::Unit(kU + 2);
   const Complex6 wrench_by_height = wrench.col(kU + 2);
-  const Eigen::Matrix<Complex, 1, 9> way =
+  const Eigen::Matrix<Complex, 1, 9> motion =
       compliance[2] / (1.0 + compliance[2] * wrench_by_height[2]) * wrench.row(2);
-  dynamic -= by_height * way;
-  wrench -= wrench_by_height * way;
+  dynamic -= by_height * motion;
+  wrench -= wrench_by_height * motion;
   // x and y: the carrier's own springs and dampers pull to the rest point
   const CarrierParameters& carrier = mechanism.carrier;
   for (int axis = 0; axis < 2; ++axis) {
@@ -155,8 +155,8 @@ UnheldMotion unheldMotion(const Mechanism& mechanism, const OperatingPoint& poin
   const double rate = point.direction * point.frequency;
   UnheldMotion free(mechanism, rate, point.tilt, point.sensor_tilt);
   if (point.compliance != 0.0) {
-    const Complex give = point.compliance / Complex(1.0, rate * kLag);
-    free.giveWay(mechanism, Eigen::Vector3cd::Constant(give));
+    const Complex compliance = point.compliance / Complex(1.0, rate * kLag);
+    free.addCompliance(mechanism, Eigen::Vector3cd::Constant(compliance));
   }
   return free;
 }
@@ -222,7 +222,7 @@ Complex9 HeldMotion::solve(double alpha) const {
   const Vector3d along(-radial.y(), radial.x(), 0.0);
   fixed.leftCols<2>() += rolling_ * along.cross(contact_) * radial.transpose();
 
-  // u = -θ × rho; nothing pulls at the carrier but what moves with it, so its coordinates follow
+  // u = -θ × rho; only the peg acts on the carrier, so its coordinates follow from θ
   const Eigen::Matrix3cd held = skew(rho).cast<Complex>();
   const ComplexMatrix9& d = free_.dynamic;
   const Eigen::Matrix3cd carrier_by_theta =
@@ -307,10 +307,10 @@ Eigen::Matrix<Complex, 6, 9> sensorWrench(const Mechanism& mechanism, const Unhe
   Vector6 on_springs;
   on_springs << R_H.transpose() * static_force,
       (turned ? free.R_HS : free.euler).transpose() * static_moment;
-  // a singular stiffness, of springs that are not there, gives way nowhere
-  const Vector6 give =
+  // a singular stiffness (missing springs) has no deflection there
+  const Vector6 deflection =
       sensorStiffness(mechanism).completeOrthogonalDecomposition().solve(on_springs);
-  const Vector3d static_displacement = R_H * give.head<3>();
+  const Vector3d static_displacement = R_H * deflection.head<3>();
   Eigen::Matrix<Complex, 6, 9> wrench = free.wrench;
   const Eigen::Matrix<Complex, 3, 9> forces = free.wrench.topRows<3>();
   wrench.bottomRows<3>() += skew(static_displacement).cast<Complex>() * forces -

@@ -15,7 +15,8 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr int kLocusColumns = 4;  // cos, sin, 1, drift
-// Hysteresis: rates at which a decided mode is left, and another one enters for an ellipse.
+// Hysteresis: factors on the false-alarm rate for leaving a decided mode, and for leaving an
+// ellipse.
 constexpr double kKeep = 0.1, kEnter = 10.0;
 
 }  // namespace
@@ -140,7 +141,7 @@ struct Distances {
 LocusMode modeByTests(const Distances& d, double false_alarm, double eps2,
                       std::optional<LocusMode> previous) {
   const double lambda = d.from_none * eps2 / (1.0 + eps2);
-  // whether a mode's own test lets it pass; the previous one has it easier
+  // the previous mode has a lower threshold
   const auto passes = [&](LocusMode mode, double tail) {
     const double rate = previous == mode                  ? kKeep * false_alarm
                         : previous == LocusMode::kEllipse ? std::min(0.5, kEnter * false_alarm)

@@ -22,10 +22,10 @@ using linear_motion::HeldMotion;
 namespace {
 
 constexpr int kDirections = 12;          // half, twice: the same forecast
-constexpr double kDetuning = 0.01;       // the bias goes with it
+constexpr double kDetuning = 0.01;       // proportional to the bias
 constexpr double kSamplesPerTurn = 3.0;  // half, twice: no limit at 5 kHz
 
-// tangential over normal force of a plane contact, worst in a turn
+// Largest tangential over normal force of a plane contact in a turn of the exciter.
 double frictionDemand(const Eigen::Vector3cd& contact, const OperatingPoint& point) {
   constexpr int kPhases = 36;  // half, twice: the same to six digits
   double worst = 0.0;
@@ -116,9 +116,9 @@ DirectionForecast chooseFrequency(const Mechanism& mechanism, OperatingPoint poi
                                   const Matrix6& noise, double rate, double duration,
                                   const ForecastLimits& limits) {
   const double middle = operatingFrequency(mechanism, point.press);
-  const double most = 2.0 * M_PI * rate / kSamplesPerTurn;
+  const double highest = 2.0 * M_PI * rate / kSamplesPerTurn;
   const double first = std::max(0.5 * middle, 2.0 * M_PI / duration),
-               last = std::min(2.0 * middle, most);
+               last = std::min(2.0 * middle, highest);
   if (!(first < last)) {
     throw InputError(
         text("no frequency around %.4g rad/s is sampled three times a turn at %.4g Hz "

@@ -28,7 +28,7 @@ bool looksDouble(LocusMode mode) {
 
 ReadingAdvice adviceOf(const LocusReading& reading) {
   const LocusMode mode = reading.mode.mode;
-  // where noise hides the direction, it may look like a slide, too
+  // where noise hides the direction, it may also look like sliding
   if (!reading.refusal.empty()) return ReadingAdvice::kReadLonger;
   // two contacts that stick make a segment, a slide turns with the exciter
   const bool slides = reading.friction && !reading.direction && mode != LocusMode::kSegment;
@@ -36,12 +36,13 @@ ReadingAdvice adviceOf(const LocusReading& reading) {
   return mode == LocusMode::kUndecided ? ReadingAdvice::kReadLonger : ReadingAdvice::kNone;
 }
 
-// whether this operating point can tell a direction at all, and which frequency would
-void judge(const Mechanism& mechanism, const OperatingPoint& point, const HarmonicFit& fit,
-           double duration, const ReadingLimits& limits, LocusReading& reading) {
+// Refuses an operating point where the direction is not observable, and finds a better frequency.
+void checkOperatingPoint(const Mechanism& mechanism, const OperatingPoint& point,
+                         const HarmonicFit& fit, double duration, const ReadingLimits& limits,
+                         LocusReading& reading) {
   ForecastLimits useful;
   useful.direction_sd = limits.direction_sd;
-  // whether it slips or looks like two contacts, the reading itself tells
+  // slip and double contacts follow from the measurement itself
   useful.friction_demand = std::numeric_limits<double>::infinity();
   useful.axes_ratio = 0.0;
   const auto samples = static_cast<double>(fit.samples);
@@ -58,7 +59,7 @@ void judge(const Mechanism& mechanism, const OperatingPoint& point, const Harmon
         chooseFrequency(mechanism, point, fit.noise, samples / duration, duration, useful);
     if (refusalOf(best, useful).empty()) reading.better_frequency = best.frequency;
   } catch (const InputError&) {
-    // sampled too slowly for any other, or damped too much: none is better
+    // no other frequency is sampled fast enough or damped little enough
   }
 }
 
@@ -83,7 +84,7 @@ void explain(const Mechanism& mechanism, const OperatingPoint& point, const Read
   reading.advice = ReadingAdvice::kNone;
   const LocusMode mode = reading.mode.mode;
   if (mode == LocusMode::kNone) return;
-  // N alone tells the direction, so a circle against the exciter has one, too; one with it has none
+  // the direction follows from N alone: a circle against the exciter has one, one with it has none
   if (mode != LocusMode::kCircle) {
     const linear_motion::SeenMotion seen(mechanism, point, axes);
     const DirectionEstimate found = contactDirection(seen, reading.locus);
@@ -111,12 +112,12 @@ LocusReading readLocus(const Mechanism& mechanism, const ExciterParameters& exci
   if (!motion.plane) reading.force = contactForceFromDeflection(mechanism, motion.fit.offset);
   if (!motion.plane && moves) reading.evidence = halfTurnEvidence(mechanism, rate, motion.fit);
   if (motion.press) reading.force.z() = *motion.press;
-  // whatever moves then, the model cannot tell from where
+  // without excitation the model gives no direction
   if (!(exciter.amplitude > 0.0)) return reading;
 
   const OperatingPoint point = pointOf(exciter, reading.force);
   explain(mechanism, point, limits, reading, motion.plane ? LocusAxes::kHole : LocusAxes::kSensor);
-  // where none sticks, one may slide
+  // without a sticking contact, check for a sliding one
   if (!motion.plane && moves && !reading.direction && point.press > 0.0) {
     const SlidingFriction friction = slidingFriction(mechanism, point, motion.fit);
     if (friction.coefficient > limits.friction_sds * friction.sd &&
@@ -138,8 +139,8 @@ LocusReading readLocus(const Mechanism& mechanism, const ExciterParameters& exci
   const auto n = static_cast<double>(angle.size());
   const double duration =
       std::abs(angle.back() - angle.front()) / exciter.frequency * n / (n - 1.0);
-  judge(mechanism, pointOf(exciter, {0.0, 0.0, reading.force.z()}), motion.fit, duration, limits,
-        reading);
+  checkOperatingPoint(mechanism, pointOf(exciter, {0.0, 0.0, reading.force.z()}), motion.fit,
+                      duration, limits, reading);
   return reading;
 }
 

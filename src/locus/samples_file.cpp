@@ -41,7 +41,7 @@ void readSettings(const std::string& line, RecordedMotion& motion) {
   }
 }
 
-// columns of the wanted kind: the most that the header has
+// Columns of the largest kind that the header has.
 std::vector<std::string> wantedColumns(const std::vector<std::string>& header, Kind& kind) {
   const auto has = [&](const char* name) {
     return std::find(header.begin(), header.end(), name) != header.end();
@@ -58,8 +58,8 @@ std::vector<std::string> wantedColumns(const std::vector<std::string>& header, K
   return {"t", "x", "y"};
 }
 
-// nothing to read: blank, or a comment
-bool passedOver(const std::string& line) {
+// Blank or a comment.
+bool isSkipped(const std::string& line) {
   const std::string_view text = trimmed(line, " \t\r");
   return text.empty() || text.front() == '#';
 }
@@ -75,7 +75,7 @@ RecordedMotion parseMotion(std::istream& file, const std::string& path) {
     }
     if (row == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
     if (line.rfind("#", 0) == 0) readSettings(line, motion);
-  } while (passedOver(line));
+  } while (isSkipped(line));
 
   // columns by name
   const std::vector<std::string> header = cellsOf(line);
@@ -104,7 +104,7 @@ RecordedMotion parseMotion(std::istream& file, const std::string& path) {
   std::vector<double> values(names.size());
   while (std::getline(file, line)) {
     ++row;
-    if (passedOver(line)) continue;
+    if (isSkipped(line)) continue;
     const std::string place = path + ":" + std::to_string(row) + ": column ";
     const std::vector<std::string> cells = cellsOf(line);
     for (std::size_t c = 0; c < names.size(); ++c) {

@@ -9,7 +9,7 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kWorstInflation = 1e6;
+constexpr double kMaxInflation = 1e6;
 
 }  // namespace
 
@@ -86,7 +86,7 @@ bool SlidingFit<kSignals>::add(double angle, const Values& signals) {
   put(sample, place);
   ring_[next_] = sample;
   next_ = next_ + 1 == ring_.size() ? 0 : next_ + 1;
-  // a window's worth of sums that nothing was ever taken from; places now count from its end
+  // sums of one full window without subtractions; positions count from its end
   if (++fresh_count_ == ring_.size()) {
     sums_ = fresh_;
     sums_.dd += n - 2.0 * sums_.d;
@@ -125,7 +125,7 @@ HarmonicFit SlidingFit<kSignals>::fit() const {
 
   const Eigen::Matrix3d inverse = normal.inverse();
   const double inflation = inverse.topLeftCorner<2, 2>().trace() * n / 4.0;
-  if (!(normal.determinant() > 0.0 && inflation > 0.0 && inflation < kWorstInflation)) {
+  if (!(normal.determinant() > 0.0 && inflation > 0.0 && inflation < kMaxInflation)) {
     throw InputError(
         "the samples do not resolve the exciter's angle: take at least a period of it, at a "
         "sampling rate that is no multiple or fraction of its frequency");
@@ -145,7 +145,7 @@ HarmonicFit SlidingFit<kSignals>::fit() const {
       origin_ + x - c * fitted.row(0).transpose() - s * fitted.row(1).transpose();
   const double freedom = n - (drift_ ? 4.0 : 3.0);
   result.noise.template topLeftCorner<kSignals, kSignals>() = squares / freedom;
-  // rounding may leave less than nothing
+  // rounding may make it negative
   for (int i = 0; i < kSignals; ++i) {
     if (result.noise(i, i) > 0.0) continue;
     result.noise.row(i).setZero();

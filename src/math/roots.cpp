@@ -7,7 +7,7 @@
 namespace assembly_cell {
 namespace {
 
-constexpr std::uintmax_t kMostEvaluations = 200;
+constexpr std::uintmax_t kMaxEvaluations = 200;
 
 }  // namespace
 
@@ -18,7 +18,7 @@ Bracket bisect(double low, double high, bool (*holds)(const void* predicate, dou
     return holds(predicate, x) ? 1.0 : -1.0;
   };
   const auto narrow = [width](double a, double b) { return b - a <= width; };
-  // of which three are the ends and the first middle
+  // three of them are the ends and the first middle
   std::uintmax_t evaluations = static_cast<std::uintmax_t>(halvings) + 3;
   const auto [first, last] = boost::math::tools::bisect(sign, low, high, narrow, evaluations);
   return {first, last};
@@ -26,11 +26,12 @@ Bracket bisect(double low, double high, bool (*holds)(const void* predicate, dou
 
 Bracket rootIn(double low, double high, double (*value)(const void* function, double x),
                const void* function, double width) {
-  const auto ask = [&](double x) { return value(function, x); };
+  const auto evaluate = [&](double x) { return value(function, x); };
   boost::math::tools::eps_tolerance<double> neighbours;
   const auto narrow = [&](double a, double b) { return b - a <= width || neighbours(a, b); };
-  std::uintmax_t evaluations = kMostEvaluations;
-  const auto [first, last] = boost::math::tools::toms748_solve(ask, low, high, narrow, evaluations);
+  std::uintmax_t evaluations = kMaxEvaluations;
+  const auto [first, last] =
+      boost::math::tools::toms748_solve(evaluate, low, high, narrow, evaluations);
   return {first, last};
 }
 

@@ -110,7 +110,9 @@ struct Model {
   Index amplitudes() const { return 2 * tones() * static_cast<Index>(starts.size()); }
 };
 
-// Gauss–Newton step; returns the largest change of a frequency over the line width.
+// Gauss–Newton step; returns the largest change of a frequency over the line width. Not a
+// problem for math/least_squares.h: amplitudes are solved again at each step, each frequency has
+// its own bound, and the phases follow the frequencies.
 double improve(const VectorXd& t, const VectorXd& y, Model& m) {
   const Index K = m.tones(), q = m.amplitudes() + K + 1;
   MatrixXd normal = MatrixXd::Zero(q, q);

@@ -11,7 +11,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/calibration/observations/store.h"
+#include "assembly_cell/calibration/common/store.h"
 #include "assembly_cell/calibration/two_sensor/linearity.h"
 #include "assembly_cell/calibration/two_sensor/plan.h"
 #include "assembly_cell/calibration/two_sensor/rig.h"
@@ -139,7 +139,7 @@ int plan(const std::vector<std::string>& arguments) {
   if (*name != PlanName::kDisplacement) {
     ForceSettings force;
     if (*name == PlanName::kQuadratic) force.model = StrainModel::kQuadratic;
-    const ForceSolution predicted = judgeDesign(predictPlan(requests, set), force);
+    const ForceSolution predicted = evaluateDesign(predictPlan(requests, set), force);
     printForce(predicted, false);
     code = codeOf(predicted.accepted, predicted.message);
   }

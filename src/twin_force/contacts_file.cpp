@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_flow.h"
 #include "assembly_cell/base/yaml_section.h"
-#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 namespace {
@@ -78,24 +78,15 @@ ContactCandidate readCandidate(Section& in, const ContactCandidate& defaults) {
   return c;
 }
 
-template <typename Numbers>
-std::string list(const Numbers& numbers) {
-  std::string out = "[";
-  for (Eigen::Index i = 0; i < numbers.size(); ++i) {
-    out += (i == 0 ? "" : ", ") + yamlNumber(numbers[i]);
-  }
-  return out + "]";
-}
-
 template <int N>
 std::string rowByRow(const Eigen::Matrix<double, N, N>& m) {
   const Eigen::Matrix<double, N, N> transposed = m.transpose();
-  return list(Eigen::Map<const Eigen::Matrix<double, N * N, 1>>(transposed.data()));
+  return yamlList(Eigen::Map<const Eigen::Matrix<double, N * N, 1>>(transposed.data()));
 }
 
 std::string poseText(const Pose& X) {
   const Eigen::Quaterniond q(X.R);
-  return "position: " + list(X.p) + ", quaternion: " + list(q.coeffs());
+  return "position: " + yamlList(X.p) + ", quaternion: " + yamlList(q.coeffs());
 }
 
 SensorErrors readErrors(Section in) {
@@ -120,7 +111,7 @@ std::string errorsText(const SensorErrors& e) {
                     ", offset: " + yamlNumber(e.offset);
   // symmetric
   if (e.gain_covariance.size() > 0) {
-    out += ", gain_covariance: " + list(e.gain_covariance.reshaped());
+    out += ", gain_covariance: " + yamlList(e.gain_covariance.reshaped());
   }
   return out + "}";
 }
@@ -169,8 +160,8 @@ ContactsFile loadContacts(const std::string& path) {
 std::string contactsYaml(const ContactsFile& file) {
   std::string out = file.contacts.empty() ? "contacts: []\n" : "contacts:\n";
   for (const TwinContact& c : file.contacts) {
-    out += "  - wrench_a: " + list(c.wrench_a) + "\n";
-    out += "    wrench_b: " + list(c.wrench_b) + "\n";
+    out += "  - wrench_a: " + yamlList(c.wrench_a) + "\n";
+    out += "    wrench_b: " + yamlList(c.wrench_b) + "\n";
     out += "    covariance_a: " + rowByRow<6>(c.covariance_a) + "\n";
     out += "    covariance_b: " + rowByRow<6>(c.covariance_b) + "\n";
     out += "    move: {" + poseText(c.move) + "}\n";
@@ -196,7 +187,7 @@ std::string contactsYaml(const ContactsFile& file) {
   if (!file.candidates.empty()) out += "candidates:\n";
   for (const ContactCandidate& c : file.candidates) {
     out += "  - move: {" + poseText(c.move) + "}\n";
-    out += "    point: " + list(c.point) + "\n    force: " + list(c.force) + "\n";
+    out += "    point: " + yamlList(c.point) + "\n    force: " + yamlList(c.force) + "\n";
     out += "    covariance_a: " + rowByRow<6>(c.covariance_a) + "\n";
     out += "    covariance_b: " + rowByRow<6>(c.covariance_b) + "\n";
     if (c.move_covariance) out += "    move_covariance: " + rowByRow<6>(*c.move_covariance) + "\n";

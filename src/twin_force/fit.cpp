@@ -103,6 +103,8 @@ void finish(Fit& fit) {
 }
 
 // Gauss–Helmert iteration from a start, with step halving while the likelihood decreases.
+// Not a problem for math/least_squares.h: observations are adjusted, and the step after 20 halvings
+// is taken.
 Fit maximize(const Problem& problem, const std::vector<int>& used, const Pose& start) {
   const TwinForceOptions& options = problem.options;
   const double arm = options.required_position / options.required_rotation;

@@ -22,7 +22,7 @@ struct RecordingPlan {
   unsigned seed = 1;
 };
 
-/// Readings at order 0, 1, … and truth half-way between them.
+/// Readings at order 0, 1, … and ground truth half-way between them.
 struct SimulatedRecording {
   std::vector<StaticPose> poses, between;
   std::vector<Vector6> wrenches, truth_between;

@@ -2,41 +2,25 @@
 // The tool as a person uses it: plan, solve, check, without a master.
 #include <gtest/gtest.h>
 #include <stdlib.h>
-#include <sys/wait.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <string>
 
-#include "temporary_folder.h"
+#include "tool_run.h"
 
 namespace {
 
-struct Result {
-  int code;
-  std::string text;
-};
+using assembly_cell::test::ToolRun;
 
 class Calibrate : public ::testing::Test {
  protected:
-  Result run(const std::string& arguments) const {
-    const std::string command =
-        "cd " + folder_ + " && " ASSEMBLY_CELL_BIN_DIR "/calibrate " + arguments + " 2>&1";
-    FILE* pipe = popen(command.c_str(), "r");
-    Result result{-1, ""};
-    if (pipe == nullptr) return result;
-    std::array<char, 4096> buffer;
-    while (std::size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) {
-      result.text.append(buffer.data(), n);
-    }
-    result.code = WEXITSTATUS(pclose(pipe));
-    return result;
+  ToolRun run(const std::string& arguments) const {
+    return assembly_cell::test::runTool("calibrate " + arguments, folder_);
   }
-  static bool has(const Result& result, const std::string& part) {
-    return result.text.find(part) != std::string::npos;
+  static bool has(const ToolRun& result, const std::string& part) {
+    return result.text().find(part) != std::string::npos;
   }
   const assembly_cell::test::TemporaryFolder scratch_;
   const std::string folder_ = scratch_.path();
@@ -46,20 +30,20 @@ class Calibrate : public ::testing::Test {
 // nonlinear sensor, orientations on the thesis's procedure
 TEST_F(Calibrate, GatesSayWhatIsMissing) {
   ASSERT_EQ(run("plan recommended --simulate n.yaml").code, 0);
-  const Result nonlinear = run("solve n.yaml");
+  const ToolRun nonlinear = run("solve n.yaml");
   EXPECT_EQ(nonlinear.code, 1);
-  EXPECT_TRUE(has(nonlinear, "the linear model does not fit the tests")) << nonlinear.text;
+  EXPECT_TRUE(has(nonlinear, "the linear model does not fit the tests")) << nonlinear.text();
   EXPECT_TRUE(has(nonlinear, "for the quadratic model add 28 more reacting tests"));
   EXPECT_TRUE(has(nonlinear, "tests held out miss by"));
   run("plan thesis_shifted --simulate s.yaml");
-  const Result thesis = run("solve s.yaml --procedure thesis");
+  const ToolRun thesis = run("solve s.yaml --procedure thesis");
   EXPECT_EQ(thesis.code, 1);
-  EXPECT_TRUE(has(thesis, "reacting tests turn about 0 axes")) << thesis.text;
+  EXPECT_TRUE(has(thesis, "reacting tests turn about 0 axes")) << thesis.text();
   EXPECT_TRUE(has(thesis, "rank 30 of 36"));
   EXPECT_TRUE(has(thesis, "residual degrees of freedom, below 20"));
 }
 
-// a bag of the server's ~observations says what the file says; its last message counts
+// A bag of the server's ~observations gives the same result as the file; its last message counts.
 TEST_F(Calibrate, ReadsABag) {
   ASSERT_EQ(run("plan recommended --nonlinearity 0 --simulate t.yaml").code, 0);
   const std::string write =
@@ -68,37 +52,37 @@ TEST_F(Calibrate, ReadsABag) {
       "'t.bag', 'w'); b.write('/calibration_server/observations', String('old')); "
       "b.write('/calibration_server/observations', String(open('t.yaml').read())); b.close()\"";
   ASSERT_EQ(std::system(write.c_str()), 0);
-  const Result file = run("solve t.yaml"), bag = run("solve t.bag");
-  EXPECT_EQ(bag.code, 0) << bag.text;
-  EXPECT_EQ(bag.text, file.text);
-  const Result missing = run("solve none.bag");
+  const ToolRun file = run("solve t.yaml"), bag = run("solve t.bag");
+  EXPECT_EQ(bag.code, 0) << bag.text();
+  EXPECT_EQ(bag.text(), file.text());
+  const ToolRun missing = run("solve none.bag");
   EXPECT_EQ(missing.code, 2);
-  EXPECT_TRUE(has(missing, "none.bag: no observations read")) << missing.text;
+  EXPECT_TRUE(has(missing, "none.bag: no observations read")) << missing.text();
 }
 
 TEST_F(Calibrate, PlansSolvesSavesAndChecks) {
-  const Result plan = run("plan recommended --nonlinearity 0 --simulate t.yaml");
-  EXPECT_EQ(plan.code, 0) << plan.text;
-  EXPECT_TRUE(has(plan, "rank: 72\n")) << plan.text;
-  const Result solve = run("solve t.yaml --save store --id first");
-  EXPECT_EQ(solve.code, 0) << solve.text;
+  const ToolRun plan = run("plan recommended --nonlinearity 0 --simulate t.yaml");
+  EXPECT_EQ(plan.code, 0) << plan.text();
+  EXPECT_TRUE(has(plan, "rank: 72\n")) << plan.text();
+  const ToolRun solve = run("solve t.yaml --save store --id first");
+  EXPECT_EQ(solve.code, 0) << solve.text();
   EXPECT_TRUE(has(solve, "accepted: true"));
-  const Result check = run("check store/sensor_a/first.yaml --observations t.yaml");
-  EXPECT_EQ(check.code, 0) << check.text;
-  EXPECT_TRUE(has(check, "weights: 6\n")) << check.text;
-  EXPECT_TRUE(has(check, "dropped: 0\n")) << check.text;
+  const ToolRun check = run("check store/sensor_a/first.yaml --observations t.yaml");
+  EXPECT_EQ(check.code, 0) << check.text();
+  EXPECT_TRUE(has(check, "weights: 6\n")) << check.text();
+  EXPECT_TRUE(has(check, "dropped: 0\n")) << check.text();
   // of another sensor, and of sensors without a number
   ASSERT_EQ(std::system(("cd " + folder_ +
                          " && sed 's/simulated-/other-/' t.yaml >other.yaml && "
                          "sed 's/simulated-[ab]//' t.yaml >plain.yaml")
                             .c_str()),
             0);
-  const Result other = run("check store/sensor_a/first.yaml --observations other.yaml");
+  const ToolRun other = run("check store/sensor_a/first.yaml --observations other.yaml");
   EXPECT_EQ(other.code, 2);
-  EXPECT_TRUE(has(other, "the calibration is of 'simulated-a'")) << other.text;
+  EXPECT_TRUE(has(other, "the calibration is of 'simulated-a'")) << other.text();
   ASSERT_EQ(run("solve plain.yaml --save plain --id one").code, 0);
-  const Result plain = run("check plain/sensor_b/one.yaml --observations plain.yaml");
-  EXPECT_EQ(plain.code, 0) << plain.text;
+  const ToolRun plain = run("check plain/sensor_b/one.yaml --observations plain.yaml");
+  EXPECT_EQ(plain.code, 0) << plain.text();
   // readings that no converter of 5 V gives
   ASSERT_EQ(
       std::system(
@@ -106,28 +90,28 @@ TEST_F(Calibrate, PlansSolvesSavesAndChecks) {
       0);
   EXPECT_EQ(run("check v.yaml").code, 1);
   EXPECT_TRUE(has(run("check v.yaml"), "beyond the full scale of 5.0 V"))
-      << run("check v.yaml").text;
-  const Result nothing = run("check store/sensor_a/first.yaml --observations v.yaml");
+      << run("check v.yaml").text();
+  const ToolRun nothing = run("check store/sensor_a/first.yaml --observations v.yaml");
   EXPECT_EQ(nothing.code, 1);
-  EXPECT_TRUE(has(nothing, "nothing was compared")) << nothing.text;
+  EXPECT_TRUE(has(nothing, "nothing was compared")) << nothing.text();
   // stored ones are never overwritten
-  const Result taken = run("solve t.yaml --save store --id first");
+  const ToolRun taken = run("solve t.yaml --save store --id first");
   EXPECT_EQ(taken.code, 2);
-  EXPECT_TRUE(has(taken, "id 'first' is taken")) << taken.text;
+  EXPECT_TRUE(has(taken, "id 'first' is taken")) << taken.text();
   EXPECT_EQ(run("check t.yaml").code, 0);
   EXPECT_TRUE(has(run("solve t.yaml --id x"), "--id: serves --save"));
   EXPECT_EQ(run("plan recommended --next 2").code, 2);
-  const Result next = run("plan next --observations t.yaml --next 2");
-  EXPECT_EQ(next.code, 0) << next.text;
-  EXPECT_TRUE(has(next, "gain:")) << next.text;
+  const ToolRun next = run("plan next --observations t.yaml --next 2");
+  EXPECT_EQ(next.code, 0) << next.text();
+  EXPECT_TRUE(has(next, "gain:")) << next.text();
 }
 
 TEST_F(Calibrate, RefusesTheThesisWithOne) {
   EXPECT_EQ(run("plan thesis_fixed --simulate t.yaml").code, 1);
-  const Result all = run("solve t.yaml");
+  const ToolRun all = run("solve t.yaml");
   EXPECT_EQ(all.code, 1);
-  EXPECT_TRUE(has(all, "rank 21 of 36")) << all.text;
-  EXPECT_TRUE(has(all, "add ")) << all.text;
+  EXPECT_TRUE(has(all, "rank 21 of 36")) << all.text();
+  EXPECT_TRUE(has(all, "add ")) << all.text();
   EXPECT_EQ(run("plan thesis_shifted --simulate s.yaml").code, 1);
   EXPECT_TRUE(has(run("solve s.yaml --procedure thesis"), "rank 30 of 36"));
 }
@@ -136,13 +120,13 @@ TEST_F(Calibrate, BadInputEndsWithTwoAndOneLine) {
   for (const char* arguments :
        {"", "dance", "solve", "solve none.yaml", "plan", "plan nothing", "check none.yaml",
         "solve a b", "plan recommended --bits 12", "plan recommended --bits", "solve x --what"}) {
-    EXPECT_EQ(run(arguments).code, 2) << arguments << "\n" << run(arguments).text;
+    EXPECT_EQ(run(arguments).code, 2) << arguments << "\n" << run(arguments).text();
   }
   EXPECT_TRUE(has(run("plan recommended --bits 12"), "--bits: value 12: give 10, 16 or 24"));
   std::ofstream(folder_ + "/head_only.yaml") << "format: assembly_cell observations 1\n";
   EXPECT_EQ(run("solve head_only.yaml").code, 2);
   for (const char* arguments : {"", "solve none.yaml", "solve head_only.yaml"}) {
-    const std::string text = run(arguments).text;
+    const std::string text = run(arguments).text();
     EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 1) << text;
   }
   EXPECT_EQ(run("--help").code, 0);

@@ -104,12 +104,12 @@ TEST(DeadWeights, MissingLoadsAreNamed) {
 
 TEST(DeadWeights, ReadingsWithoutLabelAreRead) {
   std::vector<DeadWeight> rows = hung();
-  const Vector6 truth = *rows[17].label;
+  const Vector6 ground_truth = *rows[17].label;
   rows[17].label.reset();
   const DeadWeightSolution s = solveDeadWeights(rows);
   ASSERT_EQ(s.unlabelled, std::vector<std::size_t>{17});
   for (int k = 0; k < 6; ++k) {
-    EXPECT_NEAR(s.unlabelled_load[0][k], truth[k], 5.0 * s.unlabelled_sd[0][k]) << k;
+    EXPECT_NEAR(s.unlabelled_load[0][k], ground_truth[k], 5.0 * s.unlabelled_sd[0][k]) << k;
   }
   rows.resize(7);
   EXPECT_THROW(solveDeadWeights(rows), InputError);

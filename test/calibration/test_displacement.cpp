@@ -9,7 +9,7 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/two_sensor/dial_gauge.h"
+#include "assembly_cell/calibration/observations/dial_gauge.h"
 #include "assembly_cell/calibration/two_sensor/plan.h"
 #include "assembly_cell/calibration/two_sensor/rig.h"
 
@@ -23,7 +23,7 @@ Pose randomPose(NormalSource& normal, double angle, double distance) {
 }
 
 // The corrected closed form of thesis 11.5 for six gauges on orthogonal faces (exact), against
-// which the least squares are judged. Readings [m] X11 X12 X21 X22 X31 X32.
+// which the least squares are evaluated. Readings [m] X11 X12 X21 X22 X31 X32.
 Pose poseFromSixGauges(const Vector6& readings, double half_distance) {
   const GaugeLayout layout = thesisGauges(half_distance);
   if (!readings.allFinite()) throw InputError("gauges: a reading is not finite: read it again");
@@ -53,7 +53,7 @@ Pose poseFromSixGauges(const Vector6& readings, double half_distance) {
   return X;
 }
 
-// Readings by intersecting the gauge's line with the face, written out anew for face 1.
+// Readings by intersecting the gauge's line with the face, written out again for face 1.
 TEST(DialGauges, ReadTheFaceWhereTheirAxisMeetsIt) {
   NormalSource normal(1);
   const Pose X = randomPose(normal, 0.1, 1e-3);
@@ -174,8 +174,8 @@ TEST(Displacement, IsThatOfACoupling) {
 TEST(Displacement, QuadraticModelReachesTheGauges) {
   const RigSettings settings;
   CalibrationRig rig(settings);
-  Bridge truth = bridgeA(settings.bits, settings.noise);  // what the rig hides
-  truth.nonlinearity = settings.nonlinearity;
+  Bridge ground_truth = bridgeA(settings.bits, settings.noise);  // of the rig
+  ground_truth.nonlinearity = settings.nonlinearity;
   const ObservationSet set = tests(rig, centralComposite());
   const auto error = [&](const DisplacementSolution& s) {
     NormalSource normal(5);
@@ -183,7 +183,8 @@ TEST(Displacement, QuadraticModelReachesTheGauges) {
     for (int i = 0; i < 400; ++i) {
       Vector6 strain;
       for (int k = 0; k < 6; ++k) strain[k] = 4.0 * std::erf(normal() / std::sqrt(2.0)) * 0.7;
-      const BridgeState state = deflect(truth, strainMatrix(truth).inverse() * strain);
+      const BridgeState state =
+          deflect(ground_truth, strainMatrix(ground_truth).inverse() * strain);
       Calibration c;
       c.quadratic_displacement = true;
       c.volts_to_displacement = s.T.leftCols<6>();

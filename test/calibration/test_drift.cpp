@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/two_sensor/drift.h"
+#include "assembly_cell/calibration/common/drift.h"
 
 #include <gtest/gtest.h>
 
@@ -103,7 +103,7 @@ TEST(SettledWindow, NamesWhatIsWrong) {
   report = reportOf(swing, limits);
   EXPECT_EQ(report.verdict, Settling::kSpread);
   EXPECT_EQ(report.axis, 5);
-  // a ramp without noise is unsettled though nothing tells its noise; a constant is settled
+  // a ramp without noise is unsettled although its noise is unknown; a constant is settled
   limits.noise.setZero();
   Signal pure(50), still(50, axisSignal(0, 3.0));
   for (std::size_t i = 0; i < 50; ++i) pure[i] = axisSignal(2, 1e-6 * double(i));
@@ -124,7 +124,7 @@ TEST(SettledWindow, SerialCorrelationWidensTheMean) {
   EXPECT_NEAR(std::sqrt(report.variance[0] / (9.0 / 400.0)), 1.0, 0.4);  // rho is known to 3 %
 }
 
-TEST(SettledWindow, GapsAndBadSamplesStartAnew) {
+TEST(SettledWindow, GapsAndBadSamplesRestartTheWindow) {
   SettlingLimits limits;
   limits.window = 8;
   SettledWindow window(limits);
@@ -149,7 +149,7 @@ TEST(SettledWindow, GapsAndBadSamplesStartAnew) {
 }
 
 // A real sensor on a robot: it moves until 10.9 s, stands until 24.4 s and moves again (seen in the
-// recorded orientation, which the detector is not told).
+// recorded orientation, which the detector doesn't get).
 TEST(SettledWindow, RealRecording) {
   const Recording recording =
       loadRecording(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/test/data/drift.csv", {});

@@ -23,7 +23,7 @@ ObservationSet measured(CalibrationRig& rig, const std::vector<LoadRequest>& pla
 }
 
 // what the rig hides
-Bridge truth(const RigSettings& settings, Side side) {
+Bridge ground_truth(const RigSettings& settings, Side side) {
   Bridge bridge = (side == Side::kA ? bridgeA : bridgeB)(settings.bits, settings.noise);
   bridge.nonlinearity = settings.nonlinearity;
   return bridge;
@@ -59,7 +59,7 @@ LoadRequest hang(Side side, const Eigen::Vector3d& direction, const Eigen::Vecto
 int rank(const std::vector<LoadRequest>& plan, ForceProcedure procedure) {
   ForceSettings settings;
   settings.procedure = procedure;
-  return judgeDesign(predictPlan(plan, {}), settings).rank;
+  return evaluateDesign(predictPlan(plan, {}), settings).rank;
 }
 
 // The table of ranks: counted by hand from the null spaces (parallel frames leave any 3 × 3 matrix,
@@ -124,7 +124,8 @@ TEST(ForceProcedure, OfTheThesisIsRefusedAndSaysWhatToAdd) {
   }
 }
 
-// Mean square error of wrenches over rated loads against the truth, in parts of the covariance's.
+// Mean square error of wrenches over rated loads against the ground truth, in parts of the
+// covariance's.
 struct Study {
   double force = 0.0, torque = 0.0, force_bound = 0.0, torque_bound = 0.0;
   double chi2 = 0.0, dof = 0.0;
@@ -150,7 +151,7 @@ Study study(int bits, int runs) {
     out.chi2 += s.chi2;
     out.dof += s.dof;
     for (const Side side : kSides) {
-      const Matrix6 C = strainMatrix(truth(settings, side));
+      const Matrix6 C = strainMatrix(ground_truth(settings, side));
       const Matrix6 error = Matrix6(s.S[side]) * C - Matrix6::Identity();
       // uniform loads: E w wᵀ = diag(rated²)/3
       Vector6 rated;
@@ -198,7 +199,7 @@ TEST(QuadraticModel, OfTheNonlinearSensorReachesItsAccuracy) {
   EXPECT_NEAR(s.chi2 / s.dof, 1.0, 0.12);
   NormalSource normal(5);
   for (const Side side : kSides) {
-    const Bridge bridge = truth(settings, side);
+    const Bridge bridge = ground_truth(settings, side);
     const Eigen::MatrixXd& S = s.S[side];
     Vector6 square = Vector6::Zero();
     for (int i = 0; i < 200; ++i) {

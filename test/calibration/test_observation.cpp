@@ -10,7 +10,7 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/observations/store.h"
+#include "assembly_cell/calibration/common/store.h"
 #include "assembly_cell/calibration/two_sensor/linearity.h"
 #include "assembly_cell/calibration/two_sensor/plan.h"
 #include "assembly_cell/calibration/two_sensor/rig.h"
@@ -25,7 +25,7 @@ class Files : public ::testing::Test {
     std::ofstream(folder_ / name) << content;
     return folder_ / name;
   }
-  static std::string said(const std::string& path) {
+  static std::string refusalOf(const std::string& path) {
     try {
       readObservations(path);
     } catch (const InputError& error) {
@@ -75,14 +75,14 @@ TEST_F(Files, ACutOffLastLineIsRefused) {
   const std::string line = observationLine(set.observations[1]);
   const std::string whole = observationHeader(set) + observationLine(set.observations[0]) + "\n";
   for (const std::size_t cut : {line.size() / 4, line.size() / 2, line.size() - 1}) {
-    EXPECT_NE(said(write("torn.yaml", whole + line.substr(0, cut))), "accepted");
+    EXPECT_NE(refusalOf(write("torn.yaml", whole + line.substr(0, cut))), "accepted");
   }
 }
 
 TEST_F(Files, RefuseByFileLineAndKey) {
   const std::string head = "format: assembly_cell observations 1\nobservations:\n";
   const auto expect = [&](const std::string& content, const std::string& part) {
-    const std::string what = said(write("o.yaml", content));
+    const std::string what = refusalOf(write("o.yaml", content));
     EXPECT_NE(what.find(part), std::string::npos) << what;
     EXPECT_NE(what.find("o.yaml"), std::string::npos) << what;
     EXPECT_EQ(what.find('\n'), std::string::npos) << what;
@@ -114,7 +114,7 @@ TEST_F(Files, RefuseByFileLineAndKey) {
          "o.yaml:2: gravity is '-9'");
   expect(head + "- {kind: reacting, position: [0, 0, 0], quaternion: [0, 0, 0, 2]}\n",
          "quaternion is '0, 0, 0, 2'");
-  EXPECT_NE(said(folder_ / "none.yaml"), "accepted");
+  EXPECT_NE(refusalOf(folder_ / "none.yaml"), "accepted");
 }
 
 TEST_F(Files, CsvGivesTheSame) {
@@ -131,8 +131,10 @@ TEST_F(Files, CsvGivesTheSame) {
   // 10 bits: the noise does not dither, averages do not help
   const double lsb = 10.0 / 1024;
   EXPECT_NEAR(set.observations[0].reading.a->covariance(0, 0), 0.25e-6 + lsb * lsb / 12, 1e-12);
-  EXPECT_NE(said(write("bad.csv", "kind,volts\nunloaded,1\n")).find("'volts'"), std::string::npos);
-  EXPECT_NE(said(write("bad.csv", "kind,a1\nunloaded,1,2\n")).find("bad.csv:2"), std::string::npos);
+  EXPECT_NE(refusalOf(write("bad.csv", "kind,volts\nunloaded,1\n")).find("'volts'"),
+            std::string::npos);
+  EXPECT_NE(refusalOf(write("bad.csv", "kind,a1\nunloaded,1,2\n")).find("bad.csv:2"),
+            std::string::npos);
 }
 
 // Noise over the number of samples where it dithers the converter, and only there.

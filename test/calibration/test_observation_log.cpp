@@ -55,7 +55,7 @@ using Lines = std::vector<std::string>;
 
 // Cut at any place, a third of it and in the middle of a line: what is whole is kept, and how many
 // are gone is known.
-TEST(ObservationLog, TellsWhatACutHasLost) {
+TEST(ObservationLog, ReportsTheRecordsLostByACut) {
   const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   {
@@ -75,7 +75,7 @@ TEST(ObservationLog, TellsWhatACutHasLost) {
       EXPECT_EQ(log.records()[k], "- {a: " + std::to_string(k) + "}");
     }
   }
-  // it is told again until the file is right, or measuring goes on
+  // reported again until the file is restored or the measurement continues
   EXPECT_GT(ObservationLog(path, kHeader).lost(), 0u);
   ObservationLog(path, kHeader).append("- {a: again}");
   EXPECT_EQ(ObservationLog(path, kHeader).lost(), 0u);
@@ -107,7 +107,7 @@ TEST(ObservationLog, KeepsWhatWasAppended) {
   EXPECT_EQ(root["observations"][3]["d"].as<int>(), 4);
 }
 
-TEST(ObservationLog, RemovesTheLastAndStartsAnew) {
+TEST(ObservationLog, RemovesTheLastRecordAndClears) {
   const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";
   {
@@ -178,7 +178,7 @@ TEST(ObservationLog, RefusesDamageAtEveryByte) {
     for (const char* line : {"- {first: 1}", "- {second: 2}", "- {third: 3}"}) log.append(line);
   }
   const std::string whole = contentOf(path);
-  // the last end of line is what tells a torn line from a whole one
+  // a torn line has no end of line
   for (std::size_t place = 0; place + 1 < whole.size(); ++place) {
     for (const char change : {'\x01', '\x20'}) {
       std::string damaged = whole;
@@ -334,7 +334,7 @@ TEST(Killed, JournalHoldsEveryAcknowledgedRecord) {
   std::cout << kKills << " kills, " << torn << " torn lines cut off\n";
 }
 
-// Removing and starting anew under kills: always a state that was asked for.
+// Removing and clearing under kills: the file is always in a requested state.
 TEST(Killed, JournalIsWholeWhileRecordsAreTakenAway) {
   const test::TemporaryFolder folder;
   const std::string path = folder / "j.yaml";

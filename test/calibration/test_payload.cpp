@@ -33,7 +33,8 @@ bool anyDrift(const PayloadModel& m) {
   return any;
 }
 
-// rms of a component of force, and torque, at poses between the given ones against noise-free truth
+// rms of a component of force, and torque, at poses between the given ones against noise-free
+// ground truth
 std::pair<double, double> predictionError(const PayloadModel& m, const SimulatedRecording& r) {
   double force = 0.0, torque = 0.0;
   for (std::size_t i = 0; i < r.between.size(); ++i) {
@@ -204,7 +205,7 @@ TEST(Payload, HeldOutErrorIsAPrediction) {
 TEST(Payload, SaysWhenItCannotKnow) {
   RecordingPlan plan;
   SimulatedRecording r = simulate(plan);
-  // turned about one axis only: weight along it cannot be told from bias
+  // turned about one axis only: weight along it can't be separated from bias
   SimulatedRecording flat = r;
   for (std::size_t i = 0; i < flat.poses.size(); ++i) {
     flat.poses[i].R =
@@ -243,7 +244,7 @@ TEST(Payload, ReadingsThatDontFollowThePosesAreRefused) {
 
 TEST(Payload, OtherAxesThatFitBetterAreFound) {
   SimulatedRecording r = simulate(RecordingPlan());
-  // of base axes only the bias tells how they are meant
+  // axes of the wrenches follow from the bias only
   r.wrenches = inSensorAxes(r.poses, r.wrenches, identify(r).axes);
   const WrenchAxes axes = WrenchAxes::kSensor;
   EXPECT_LT(otherAxes(r.poses, r.wrenches, axes).better, 1.5);
@@ -278,12 +279,12 @@ TEST(Payload, CorrectionMatrixOnRequest) {
   options.known_weight = plan.weight;
   m = identify(r, options);
   ASSERT_TRUE(m.in_situ.given) << m.in_situ.reason;
-  Matrix6 truth = Matrix6::Identity();
-  truth.topLeftCorner<3, 3>() = A.inverse();
-  truth.bottomLeftCorner<3, 3>() = -S * A.inverse();
-  EXPECT_LT((m.in_situ.matrix - truth).topLeftCorner(3, 3).cwiseAbs().maxCoeff(),
+  Matrix6 ground_truth = Matrix6::Identity();
+  ground_truth.topLeftCorner<3, 3>() = A.inverse();
+  ground_truth.bottomLeftCorner<3, 3>() = -S * A.inverse();
+  EXPECT_LT((m.in_situ.matrix - ground_truth).topLeftCorner(3, 3).cwiseAbs().maxCoeff(),
             5.0 * m.in_situ.largest_sd);
-  EXPECT_LT((m.in_situ.matrix - truth).bottomLeftCorner(3, 3).cwiseAbs().maxCoeff(), 2e-4);
+  EXPECT_LT((m.in_situ.matrix - ground_truth).bottomLeftCorner(3, 3).cwiseAbs().maxCoeff(), 2e-4);
   r.poses.resize(18);
   r.wrenches.resize(18);
   EXPECT_FALSE(identify(r, options).in_situ.given);

@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // The tool as a person uses it: calibrate payload.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
@@ -14,27 +13,19 @@
 #include <string>
 #include <vector>
 
+#include "tool_run.h"
+
 namespace assembly_cell {
 namespace {
 
 const std::string kData = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/test/data/ati_payload/";
 
-struct Outcome {
-  int code;
-  std::string out, messages;
-};
+using test::ToolRun;
 
-std::string textOf(const std::string& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-Outcome call(const std::vector<std::string>& arguments) {
-  const std::string base = testing::TempDir() + "payload_" + std::to_string(getpid());
-  std::string command = ASSEMBLY_CELL_BIN_DIR "/calibrate payload";
+ToolRun call(const std::vector<std::string>& arguments) {
+  std::string command = "calibrate payload";
   for (const std::string& argument : arguments) command += " '" + argument + "'";
-  const int code = std::system((command + " >" + base + ".out 2>" + base + ".err").c_str());
-  return {WEXITSTATUS(code), textOf(base + ".out"), textOf(base + ".err")};
+  return test::runTool(command);
 }
 
 std::vector<std::string> lines(const std::string& path) {
@@ -60,8 +51,8 @@ std::vector<double> numbers(const std::string& line) {
 
 // Limits of the requirement: force 0.045 N, torque 0.0009 N m, weight 11.44 N within 0.05 N.
 TEST(PayloadTool, RealRecording) {
-  const Outcome o = call({kData + "poses.csv", kData + "wrenches.csv", "--holdout"});
-  ASSERT_EQ(o.code, 0) << o.messages;
+  const ToolRun o = call({kData + "poses.csv", kData + "wrenches.csv", "--holdout"});
+  ASSERT_EQ(o.code, 0) << o.error;
   const YAML::Node y = YAML::Load(o.out);
   EXPECT_EQ(y["status"].as<std::string>(), "ok");
   EXPECT_EQ(y["axes"].as<std::string>(), "base");
@@ -84,26 +75,26 @@ TEST(PayloadTool, EveryOtherPosePredictsTheRest) {
   const std::vector<std::string> poses = lines(kData + "poses.csv");
   const std::vector<std::string> wrenches = lines(kData + "wrenches.csv");
   ASSERT_EQ(poses.size(), 50u);
-  std::vector<std::string> given_poses, given_wrenches, further, truth;
+  std::vector<std::string> given_poses, given_wrenches, further, ground_truth;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     (i % 2 == 0 ? given_poses : further).push_back(poses[i]);
-    (i % 2 == 0 ? given_wrenches : truth).push_back(wrenches[i]);
+    (i % 2 == 0 ? given_wrenches : ground_truth).push_back(wrenches[i]);
   }
   const std::string output = write("out.csv", {});
-  const Outcome o = call({write("p.csv", given_poses), write("w.csv", given_wrenches), "--predict",
+  const ToolRun o = call({write("p.csv", given_poses), write("w.csv", given_wrenches), "--predict",
                           write("n.csv", further), "--output", output});
-  ASSERT_EQ(o.code, 0) << o.messages;
+  ASSERT_EQ(o.code, 0) << o.error;
   const std::vector<std::string> predicted = lines(output);
-  ASSERT_EQ(predicted.size(), truth.size());  // no header: as in the wrenches
+  ASSERT_EQ(predicted.size(), ground_truth.size());  // no header: as in the wrenches
   double force = 0.0, torque = 0.0;
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    const std::vector<double> p = numbers(predicted[i]), t = numbers(truth[i]);
+  for (std::size_t i = 0; i < ground_truth.size(); ++i) {
+    const std::vector<double> p = numbers(predicted[i]), t = numbers(ground_truth[i]);
     ASSERT_EQ(p.size(), 6u);
     for (std::size_t k = 0; k < 6; ++k) (k < 3 ? force : torque) += std::pow(p[k] - t[k], 2);
   }
   EXPECT_LT(std::sqrt(force / 75.0), 0.045);
   EXPECT_LT(std::sqrt(torque / 75.0), 0.0013);
-  EXPECT_EQ(YAML::Load(o.out)["prediction"].size(), truth.size());
+  EXPECT_EQ(YAML::Load(o.out)["prediction"].size(), ground_truth.size());
   EXPECT_EQ(YAML::Load(o.out)["prediction"][3]["order"].as<double>(), 3.5);
 }
 
@@ -115,10 +106,10 @@ TEST(PayloadTool, HeadersOrderAndTrace) {
   poses.insert(poses.begin(), "x,y,z,qx,qy,qz,qw,t");
   wrenches.insert(wrenches.begin(), "fx,fy,fz,tx,ty,tz");
   const std::string output = write("out.csv", {}), trace = write("trace.csv", {});
-  const Outcome o =
+  const ToolRun o =
       call({write("p.csv", poses), write("w.csv", wrenches), "--axes", "base", "--predict",
             write("n.csv", further), "--output", output, "--trace", trace, "--in-situ"});
-  ASSERT_EQ(o.code, 0) << o.messages;
+  ASSERT_EQ(o.code, 0) << o.error;
   const YAML::Node y = YAML::Load(o.out);
   EXPECT_NEAR(y["weight"].as<double>(), 11.44, 0.05);
   EXPECT_EQ(y["prediction"][0]["order"].as<double>(), 300.0);
@@ -134,11 +125,11 @@ TEST(PayloadTool, BadInputIsNamed) {
   EXPECT_EQ(call({"--help"}).code, 0);
   EXPECT_NE(call({"--help"}).out.find("Example"), std::string::npos);
   const auto refused = [](const std::vector<std::string>& arguments, const std::string& word) {
-    const Outcome o = call(arguments);
+    const ToolRun o = call(arguments);
     EXPECT_EQ(o.code, 2) << o.out;
     EXPECT_EQ(o.out, "");
-    EXPECT_NE(o.messages.find(word), std::string::npos) << o.messages;
-    EXPECT_EQ(std::count(o.messages.begin(), o.messages.end(), '\n'), 1);
+    EXPECT_NE(o.error.find(word), std::string::npos) << o.error;
+    EXPECT_EQ(std::count(o.error.begin(), o.error.end(), '\n'), 1);
   };
   refused({}, "POSES");
   refused({poses}, "WRENCHES");
@@ -157,7 +148,7 @@ TEST(PayloadTool, BadInputIsNamed) {
   refused({poses, write("five.csv", {"fx,fy,fz,tx,ty", "1,2,3,4,5"})}, "tz");
   refused({write("q.csv", {"0,0,0,0,0,0,2"}), wrenches}, "quaternion");
   // too few poses: understood, but not determined
-  const Outcome few = call({write("p1.csv", {"0,0,0,0,0,0,1"}), write("w1.csv", {"1,2,3,4,5,6"})});
+  const ToolRun few = call({write("p1.csv", {"0,0,0,0,0,0,1"}), write("w1.csv", {"1,2,3,4,5,6"})});
   EXPECT_EQ(few.code, 1);
   EXPECT_EQ(YAML::Load(few.out)["status"].as<std::string>(), "refused");
 }

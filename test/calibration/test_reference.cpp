@@ -65,18 +65,18 @@ TEST(Reference, FindsMapLagAndTareOfEachRun) {
   EXPECT_EQ(s.model, ReferenceModel::kLinear);
   EXPECT_NEAR(s.lag, bench.lag, 3e-4);  // a burst is a line, the load is not
   EXPECT_LT(s.lag_sd, 1e-4);
-  const Eigen::MatrixXd truth = bench.map.inverse();
+  const Eigen::MatrixXd ground_truth = bench.map.inverse();
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) {
       const double sd = std::sqrt(s.covariance(6 * i + j, 6 * i + j));
-      EXPECT_NEAR(s.map(i, j), truth(i, j), 5.0 * sd) << i << " " << j;
+      EXPECT_NEAR(s.map(i, j), ground_truth(i, j), 5.0 * sd) << i << " " << j;
     }
   }
   EXPECT_LT(s.hold_out->error.force, 0.5 * s.plain.force);
   EXPECT_EQ(s.runs[0].bursts, 150u);
 }
 
-TEST(Reference, TheRunLeftOutJudgesTheModel) {
+TEST(Reference, TheRunLeftOutSelectsTheModel) {
   Bench bench;
   bench.square = 0.05;
   const std::vector<ReferenceRun> runs = {bench.run("a", 0.3), bench.run("b", 1.7),
@@ -106,7 +106,7 @@ TEST(Reference, StoredMapReadsTheHeldRun) {
   EXPECT_LT(std::sqrt(rms.head<3>().mean()), 2.0);  // the lag is 1 N of it
 }
 
-TEST(Reference, RefusesWhatCannotBeJudged) {
+TEST(Reference, RefusesDataThatCannotBeEvaluated) {
   Bench bench;
   const ReferenceRun run = bench.run("a", 0.3);
   EXPECT_THROW(solveReference({run}, nullptr, {}), InputError);
@@ -118,7 +118,7 @@ TEST(Reference, RefusesWhatCannotBeJudged) {
   } catch (const InputError& error) {
     EXPECT_NE(std::string(error.what()).find("slow: a sample every"), std::string::npos);
   }
-  // the same recording again judges nothing
+  // the same recording again is refused
   ReferenceRun again = run;
   again.name = "again";
   EXPECT_THROW(solveReference({run, again}, nullptr, {}), InputError);
@@ -130,7 +130,7 @@ TEST(Reference, RefusesWhatCannotBeJudged) {
   EXPECT_FALSE(solveReference({one}, &two, {}).accepted);
 }
 
-// without or with noise, or what another channel says already
+// without or with noise, or a combination of other channels
 TEST(Reference, RefusesAChannelThatSaysNothing) {
   Bench bench;
   const ReferenceRun first = bench.run("a", 0.3), second = bench.run("b", 1.7);
@@ -156,14 +156,14 @@ TEST(Reference, RefusesAChannelThatSaysNothing) {
             std::string::npos);
 }
 
-TEST(Reference, AModelThatNoRunJudgesIsRefused) {
+TEST(Reference, AModelWithoutARunLeftOutIsRefused) {
   Bench bench;
   const std::vector<ReferenceRun> runs = {bench.run("a", 0.3, 10), bench.run("b", 1.7, 10)};
   ReferenceOptions options;
   options.model = ReferenceModel::kQuadratic;
   const ReferenceSolution s = solveReference(runs, nullptr, options);
   EXPECT_FALSE(s.accepted);
-  EXPECT_NE(gateTexts(s.gates, Verdict::kRefuse).find("no run left out can judge"),
+  EXPECT_NE(gateTexts(s.gates, Verdict::kRefuse).find("no run left out can check"),
             std::string::npos);
 }
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "assembly_cell/calibration/observations/store.h"
+#include "assembly_cell/calibration/common/store.h"
 #include "assembly_cell/calibration/two_sensor/plan.h"
 #include "assembly_cell/calibration/two_sensor/rig.h"
 #include "temporary_folder.h"
@@ -37,9 +37,9 @@ class Session : public ::testing::Test {
   static void solve(CalibrationSession& session) {
     session.solve(solveSettings(session.observations()));
   }
-  static MaybePerSide<CalibrationInForce> both(const MaybePerSide<Calibration>& saved) {
-    MaybePerSide<CalibrationInForce> out;
-    for (const Side side : kSides) out[side] = CalibrationInForce{*saved[side], ""};
+  static MaybePerSide<ActiveCalibration> both(const MaybePerSide<Calibration>& saved) {
+    MaybePerSide<ActiveCalibration> out;
+    for (const Side side : kSides) out[side] = ActiveCalibration{*saved[side], ""};
     return out;
   }
   template <typename Work>
@@ -104,10 +104,10 @@ TEST_F(Session, NeverLosesTheDisplacement) {
   EXPECT_EQ(loaded.b->calibration.volts_to_displacement, whole.b->volts_to_displacement);
   EXPECT_EQ(loaded.b->calibration.volts_to_wrench, whole.b->volts_to_wrench);
   EXPECT_TRUE(loaded.b->displacement_of.empty());
-  first.putInForce(loaded);
+  first.activate(loaded);
 
   CalibrationSession second(store_, force_);
-  ASSERT_TRUE(second.inForce().a.has_value());
+  ASSERT_TRUE(second.active().a.has_value());
   solve(second);
   const auto later = second.save("later");
   EXPECT_EQ(later.a->volts_to_displacement, whole.a->volts_to_displacement);
@@ -127,19 +127,19 @@ TEST_F(Session, NeverLosesTheDisplacement) {
   const auto kept = second.load("bare", {true, true});
   EXPECT_EQ(kept.a->displacement_of, "whole");
   EXPECT_EQ(kept.a->calibration.volts_to_displacement, whole.a->volts_to_displacement);
-  second.putInForce(kept);
+  second.activate(kept);
   CalibrationSession third(store_, force_);
   EXPECT_TRUE(third.warnings().empty());
-  ASSERT_TRUE(third.inForce().a.has_value());
-  EXPECT_EQ(third.inForce().a->calibration.id, "bare");
-  EXPECT_EQ(third.inForce().a->calibration.volts_to_displacement, whole.a->volts_to_displacement);
+  ASSERT_TRUE(third.active().a.has_value());
+  EXPECT_EQ(third.active().a->calibration.id, "bare");
+  EXPECT_EQ(third.active().a->calibration.volts_to_displacement, whole.a->volts_to_displacement);
   solve(third);
   EXPECT_EQ(third.save("next").b->volts_to_displacement, whole.b->volts_to_displacement);
 
-  // what another one has counts where nothing is in force
-  CalibrationSession stranger(store_ + "/new", force_);
-  solve(stranger);
-  EXPECT_EQ(stranger.save("x", {*whole.a, *whole.b}).a->volts_to_displacement,
+  // the fallback counts where no calibration is active
+  CalibrationSession fresh(store_ + "/new", force_);
+  solve(fresh);
+  EXPECT_EQ(fresh.save("x", {*whole.a, *whole.b}).a->volts_to_displacement,
             whole.a->volts_to_displacement);
 }
 
@@ -159,7 +159,7 @@ TEST_F(Session, GoesOnFromItsJournal) {
   session.clear();
   EXPECT_TRUE(session.observations().observations.empty());
   EXPECT_EQ(readObservations(store_ + "/observations.yaml.previous").observations.size(), 3u);
-  session.putInForce({});
+  session.activate({});
 }
 
 }  // namespace

@@ -44,12 +44,12 @@ carrier: {compliance: 5.0e-6}
 IdentificationTrial tryLevel2(std::uint64_t seed) {
   const Scenario nominal = cell();
   const Mismatch mismatch = loadMismatch(ASSEMBLY_CELL_SOURCE_DIR "/config/mismatch/level_2.yaml");
-  const Truth truth = drawTruth(mismatch, seed);
+  const Truth ground_truth = drawTruth(mismatch, seed);
   CellParameters parameters;
   parameters.seed = seed;
-  parameters.truth = truth.cell;
-  return tryIdentification(trueScenario(nominal, truth, "test"), nominal.mechanism, parameters,
-                           planFor(nominal.mechanism), {});
+  parameters.truth = ground_truth.cell;
+  return tryIdentification(trueScenario(nominal, ground_truth, "test"), nominal.mechanism,
+                           parameters, planFor(nominal.mechanism), {});
 }
 
 // one identification for all tests that look at one
@@ -66,7 +66,7 @@ TEST(Response, OfAPointMassIsTheClosedForm) {
   m.coupling.stiffness.k26 = m.coupling.stiffness.k35 = 0.0;
   m.carrier.stiffness = {1e14, 1e14, 1e14};
   m.gravity = 0.0;  // the weight's arm moves with the peg
-  // the carrier gives way by 5e-10 of the coupling, which resonance makes five times of
+  // the carrier yields by 5e-10 of the coupling, five times that at resonance
   constexpr double kRounding = 1e-8;
   for (const double frequency : {100.0, 356.0, 1200.0}) {
     for (const int direction : {1, -1}) {
@@ -93,12 +93,12 @@ struct Misfit {
 // died away.
 Misfit misfitOf(const std::string& mismatch, int places) {
   const Scenario nominal = cell();
-  const Truth truth = drawn(mismatch, 3);
-  const Scenario start = trueScenario(nominal, truth, "test");
+  const Truth ground_truth = drawn(mismatch, 3);
+  const Scenario start = trueScenario(nominal, ground_truth, "test");
   CellParameters parameters;
   parameters.noise = 1e-7;
   parameters.bits = 24;
-  parameters.truth = truth.cell;
+  parameters.truth = ground_truth.cell;
   SimulatedPlant plant(start, nominal.mechanism, parameters);
   IdentificationPlan plan = planFor(nominal.mechanism);
   plan.places = places;
@@ -124,26 +124,26 @@ Misfit misfitOf(const std::string& mismatch, int places) {
     }
     WrenchPhasor difference = reading.phasor - expected;
     difference.tail<3>() /= 0.03;
-    double& most = reading.place ? misfit.pressed : misfit.hanging;
-    most = std::max(most, difference.cwiseAbs().maxCoeff() / reading.phasor.head<3>().norm());
+    double& largest = reading.place ? misfit.pressed : misfit.hanging;
+    largest = std::max(largest, difference.cwiseAbs().maxCoeff() / reading.phasor.head<3>().norm());
   }
   return misfit;
 }
 
-// The readings' own: noise 2e-4 to 5e-4. Pressed, friction gives way a little in a window.
+// The readings' own: noise 2e-4 to 5e-4. Pressed, friction creeps a little in a window.
 TEST(Response, IsThatOfTheSimulation) {
   const Misfit misfit = misfitOf("{}", 3);
   EXPECT_LT(misfit.hanging, 3e-6);
   EXPECT_LT(misfit.pressed, 1e-4);
 }
 
-TEST(Response, IsThatOfTheSimulationWithOtherPartsAndACarrierThatGivesWay) {
+TEST(Response, IsThatOfTheSimulationWithOtherPartsAndACompliantCarrier) {
   const Misfit misfit = misfitOf(kParts, 1);
   EXPECT_LT(misfit.hanging, 3e-6);
   EXPECT_LT(misfit.pressed, 1e-4);
 }
 
-// Asked for with gain and delay made up for, the exciter gives the force that was wanted.
+// With gain and delay compensated in the command the exciter gives the wanted force.
 TEST(Response, OfACompensatedExciterIsThatOfAnExactOne) {
   const Mechanism m = cell().mechanism;
   MechanismModel real{m, {}};
@@ -151,12 +151,12 @@ TEST(Response, OfACompensatedExciterIsThatOfAnExactOne) {
   real.drive.delay = 7e-4;
   for (const int direction : {1, -1}) {
     const ExciterParameters wanted{2.0, 500.0, 0.3, direction};
-    const ExciterParameters asked = compensated(wanted, real.drive);
+    const ExciterParameters command = compensated(wanted, real.drive);
     const WrenchPhasor exact = hangingResponse({m, {}}, wanted, {0.0, 0.0});
-    // phasors refer to the angle that was asked for, which leads by direction · (phases'
+    // phasors refer to the commanded angle, which leads by direction · (phases'
     // difference)
-    const Complex ahead = std::polar(1.0, direction * (asked.phase - wanted.phase));
-    EXPECT_LT((ahead * hangingResponse(real, asked, {0.0, 0.0}) - exact).norm(),
+    const Complex ahead = std::polar(1.0, direction * (command.phase - wanted.phase));
+    EXPECT_LT((ahead * hangingResponse(real, command, {0.0, 0.0}) - exact).norm(),
               1e-12 * exact.norm());
   }
 }
@@ -192,7 +192,7 @@ TEST(Identification, OfACellAsDrawnFindsIt) {
     const std::string& name = trial.found.unknowns[static_cast<std::size_t>(i)].name;
     // 4 sd: one of 15 000
     EXPECT_LT(std::abs(trial.found.z[i] - trial.truth[i]), 4.0 * trial.found.sd(i)) << name;
-    // all are seen, friction least
+    // all are observed, friction with the largest sd
     EXPECT_LT(trial.found.sd(i), i == kFriction ? 0.5 : 0.35) << name;
   }
   // stiffness to 1 %, where the drawing was off by up to 10 %
@@ -205,7 +205,7 @@ TEST(Identification, OfACellAsDrawnFindsIt) {
   EXPECT_LT(trial.direction_bias, 0.2 * trial.direction_bias_as_drawn);
 }
 
-// A short version of `identify --runs 1000`: six cells that nobody has looked at.
+// A short version of `identify --runs 1000`: six cells of other seeds.
 TEST(Identification, StatesHowWellItKnows) {
   constexpr int kRuns = 6;
   int inside = 0;
@@ -220,16 +220,16 @@ TEST(Identification, StatesHowWellItKnows) {
     }
     bias2 += trial.direction_bias * trial.direction_bias;
   }
-  constexpr double kJudged{kRuns * int{kUnknowns}};
+  constexpr double kCount{kRuns * int{kUnknowns}};
   // of 150 that share much: a quarter as many, 3 sd about 0.95 and 1
-  EXPECT_GT(inside, 0.85 * kJudged);
-  EXPECT_LT(squares, 1.7 * kJudged);
-  EXPECT_GT(squares, 0.3 * kJudged);
+  EXPECT_GT(inside, 0.85 * kCount);
+  EXPECT_LT(squares, 1.7 * kCount);
+  EXPECT_GT(squares, 0.3 * kCount);
   EXPECT_LT(std::sqrt(bias2 / kRuns), 0.1 * M_PI / 180.0);
 }
 
-// A sensor that drifts another newton a minute, in the gravity's poses and in what a pressed peg is
-// said to carry: the poses tell it, and what is found stays.
+// A sensor that drifts another newton a minute, in the gravity's poses and in the contact
+// force of the pressed peg: the drift follows from the poses, the other unknowns are the same.
 TEST(Identification, DriftIsFoundAndChangesNothing) {
   IdentificationData data = level2().data;
   Vector6 drift;
@@ -291,11 +291,11 @@ TEST(Check, AgreesWithItsOwnCellAndRefusesAnother) {
   const KnownMechanism known = knownFrom(level2().found);
   const Mismatch mismatch = loadMismatch(ASSEMBLY_CELL_SOURCE_DIR "/config/mismatch/level_2.yaml");
   for (const std::uint64_t seed : {5, 6, 7}) {
-    const Truth truth = drawTruth(mismatch, seed);
+    const Truth ground_truth = drawTruth(mismatch, seed);
     CellParameters parameters;
     parameters.seed = 100 + seed;
-    parameters.truth = truth.cell;
-    const Scenario start = trueScenario(nominal, truth, "test");
+    parameters.truth = ground_truth.cell;
+    const Scenario start = trueScenario(nominal, ground_truth, "test");
     if (seed == 5) {
       SimulatedPlant plant(start, known.mechanism, parameters);
       const MechanismCheck check = checkMechanism(plant, known);
@@ -318,7 +318,7 @@ TEST(Check, OfADrawingIsWide) {
   for (const VibrationReading& reading : level2().data.vibrations) {
     if (!reading.place && readings.size() < 2) readings.push_back(reading);
   }
-  EXPECT_TRUE(judgeMechanism(knownAsDrawn(cell().mechanism), readings).agrees);
+  EXPECT_TRUE(evaluateMechanism(knownAsDrawn(cell().mechanism), readings).agrees);
 }
 
 }  // namespace

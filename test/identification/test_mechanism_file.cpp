@@ -1,13 +1,11 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // mechanism.yaml there and back, what is refused of it, and the tool that writes it.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -15,6 +13,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/identification/mechanism_record.h"
+#include "tool_run.h"
 
 namespace assembly_cell {
 namespace {
@@ -124,34 +123,19 @@ TEST_F(MechanismFile, RefusesWhatIsNone) {
   // changed by hand: the mechanism's key and what was identified don't agree
   const std::string by_hand = refusal("  mass: ", "  mass: 1");
   EXPECT_NE(by_hand.find("parameters"), std::string::npos) << by_hand;
-  EXPECT_NE(by_hand.find("identify anew"), std::string::npos) << by_hand;
+  EXPECT_NE(by_hand.find("identify again"), std::string::npos) << by_hand;
 }
 
-struct Outcome {
-  int code = -1;
-  std::string out;
-};
-
-Outcome runTool(const std::string& arguments) {
-  const std::string command = std::string(ASSEMBLY_CELL_BIN_DIR "/") + arguments + " 2>&1";
-  Outcome outcome;
-  FILE* pipe = popen(command.c_str(), "r");
-  if (!pipe) return outcome;
-  char buffer[4096];
-  for (std::size_t n; (n = fread(buffer, 1, sizeof buffer, pipe)) > 0;)
-    outcome.out.append(buffer, n);
-  const int status = pclose(pipe);
-  outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return outcome;
-}
+using test::runTool;
+using test::ToolRun;
 
 TEST_F(MechanismFile, ToolWritesWhatAlignTakes) {
   const std::string level = ASSEMBLY_CELL_SOURCE_DIR "/config/mismatch/level_2.yaml";
   const std::string out = (folder_ / "found.yaml").string();
   const std::string readings = (folder_ / "readings.csv").string();
-  const Outcome found = runTool("identify " + kCell + " --mismatch " + level + " --seed 4 --out " +
+  const ToolRun found = runTool("identify " + kCell + " --mismatch " + level + " --seed 4 --out " +
                                 out + " --readings " + readings);
-  ASSERT_EQ(found.code, 0) << found.out;
+  ASSERT_EQ(found.code, 0) << found.error;
   const YAML::Node result = YAML::Load(found.out.substr(found.out.find("verdict:")));
   EXPECT_TRUE(result["accepted"].as<bool>());
   EXPECT_EQ(result["parameters"].size(), static_cast<std::size_t>(kUnknowns));
@@ -159,7 +143,7 @@ TEST_F(MechanismFile, ToolWritesWhatAlignTakes) {
   EXPECT_TRUE(loadKnownMechanism(out).identified);
   EXPECT_GT(std::filesystem::file_size(readings), 1000u);
   // another cell's: refused by name, with nothing pressed
-  const Outcome other =
+  const ToolRun other =
       runTool("align " + kCell + " --seed 9 --mismatch " + level + " --mechanism " + out);
   EXPECT_EQ(other.code, 1);
   EXPECT_NE(other.out.find("reason: \"wrong_mechanism: "), std::string::npos) << other.out;
@@ -176,18 +160,19 @@ TEST_F(MechanismFile, ToolsRefuseBadInput) {
     for (std::size_t at; (at = arguments.find("CELL")) != std::string::npos;) {
       arguments.replace(at, 4, kCell);
     }
-    const Outcome outcome = runTool(arguments);
-    EXPECT_EQ(outcome.code, 2) << arguments << "\n" << outcome.out;
-    EXPECT_EQ(std::count(outcome.out.begin(), outcome.out.end(), '\n'), 1) << outcome.out;
+    const ToolRun outcome = runTool(arguments);
+    EXPECT_EQ(outcome.code, 2) << arguments << "\n" << outcome.error;
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_EQ(std::count(outcome.error.begin(), outcome.error.end(), '\n'), 1) << outcome.error;
   }
   // refused by its own data
   std::string refused = text();
   refused.replace(refused.find("accepted: true"), 14, "accepted: false");
   const std::string path = (folder_ / "refused.yaml").string();
   std::ofstream(path) << refused;
-  const Outcome outcome = runTool("align " + kCell + " --mechanism " + path);
+  const ToolRun outcome = runTool("align " + kCell + " --mechanism " + path);
   EXPECT_EQ(outcome.code, 2);
-  EXPECT_NE(outcome.out.find("--mechanism"), std::string::npos);
+  EXPECT_NE(outcome.error.find("--mechanism"), std::string::npos);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 // The two accelerometers on the simulated peg: against differences of its motion, and the locus
-// that they tell against the peg's own.
+// computed from them against the peg's own.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -43,14 +43,14 @@ TEST(Accelerometers, AreTheSecondDifferenceLessGravity) {
     SimulatedCell cell(swinging(), parameters);
     StrainBlock block;
     std::vector<Vector3d> points;
-    std::vector<Vector2d> felt;
+    std::vector<Vector2d> measured;
     std::vector<Eigen::Matrix3d> axes;
     for (int k = 0; k < 400; ++k) {
       ASSERT_EQ(cell.next(block, true), StopReason::kOk);
       ASSERT_EQ(block.accelerations.size(), 2u);
       points.push_back(pointOf(cell.world(), height));
       axes.push_back(cell.world().pegPose().R);
-      felt.emplace_back(block.accelerations[0], block.accelerations[1]);
+      measured.emplace_back(block.accelerations[0], block.accelerations[1]);
     }
     double largest = 0.0;
     for (std::size_t k = 300; k + 1 < points.size(); ++k) {
@@ -58,13 +58,13 @@ TEST(Accelerometers, AreTheSecondDifferenceLessGravity) {
       const Vector3d specific = axes[k].transpose() * (a + Vector3d(0, 0, 9.8));
       largest = std::max(largest, a.norm());
       // (ω dt)²/12 of the acceleration; rounding of positions 1e-17 and of the steps' error
-      EXPECT_LT((felt[k] - specific.head<2>()).norm(), 1e-3 * largest + 1e-4) << k;
+      EXPECT_LT((measured[k] - specific.head<2>()).norm(), 1e-3 * largest + 1e-4) << k;
     }
     EXPECT_GT(largest, 0.5);
   }
 }
 
-// 16 bit and all: the bridges don't notice whether somebody listens to the accelerometers
+// 16 bit and all: the bridges are the same with and without a reader of the accelerometers
 TEST(Accelerometers, LeaveTheBridgesAsTheyAre) {
   SimulatedCell with(swinging(), {}), without(swinging(), {});
   StrainBlock a, b;
@@ -83,29 +83,29 @@ TEST(Accelerometers, TellTheLocus) {
   SimulatedCell cell(swinging(), {});
   StrainBlock block;
   for (int k = 0; k < 50; ++k) ASSERT_EQ(cell.next(block), StopReason::kOk);  // 1 s: settled
-  std::vector<double> angle, felt, moved, series;
+  std::vector<double> angle, measured, moved, series;
   for (int k = 0; k < 10; ++k) {
     const double before = cell.world().time();
     ASSERT_EQ(cell.next(block, true), StopReason::kOk);
     for (std::size_t i = 0; i < block.saturated_b.size(); ++i) {
       angle.push_back(kDrive * (before + block.period * static_cast<double>(i + 1)));
-      felt.insert(felt.end(),
-                  {block.accelerations[2 * i], block.accelerations[2 * i + 1], 0, 0, 0, 0});
+      measured.insert(measured.end(),
+                      {block.accelerations[2 * i], block.accelerations[2 * i + 1], 0, 0, 0, 0});
       series.push_back(block.accelerations[2 * i]);
     }
   }
-  // the truth, sample by sample, of a second cell in the same state
+  // the ground truth, sample by sample, of a second cell in the same state
   CellParameters one;
   one.block_size = 1;
-  SimulatedCell truth(swinging(), one);
+  SimulatedCell ground_truth(swinging(), one);
   for (int k = 0; k < 6000; ++k) {
-    ASSERT_EQ(truth.next(block), StopReason::kOk);
+    ASSERT_EQ(ground_truth.next(block), StopReason::kOk);
     if (k < 5000) continue;
-    const Vector3d p = pointOf(truth.world(), 0.0);
+    const Vector3d p = pointOf(ground_truth.world(), 0.0);
     moved.insert(moved.end(), {p.x(), p.y(), 0, 0, 0, 0});
   }
   const Locus expected = locusFromFit(fitHarmonic(angle, moved));
-  const HarmonicFit fit = fitHarmonic(angle, felt);
+  const HarmonicFit fit = fitHarmonic(angle, measured);
   const double w2 = kDrive * kDrive;
   const Locus found = locusFromPhasors(-fit.phasor[0] / w2, -fit.phasor[1] / w2, 0, 1000, 1);
   // noise of 0.02 m/s² over ω² and the root of 1000 samples, five times; the peg's tilt of 1°,

@@ -153,8 +153,8 @@ TEST(ContactModel, GeneralSupportFormula) {
   }
 }
 
-// docs/theory/thesis.md, "Locus": without tilt and yaw-tilt coupling nothing tells alpha from
-// alpha + π, and alpha is in N alone, as 2 alpha
+// docs/theory/thesis.md, "Locus": without tilt and yaw-tilt coupling nothing distinguishes alpha
+// from alpha + π, and alpha is in N alone, as 2 alpha
 TEST(ContactModel, HalfTurnAndDoubleAngle) {
   const Mechanism s = thesisMechanism();
   for (const double w : {300.0, 500.0, 770.0}) {
@@ -165,7 +165,7 @@ TEST(ContactModel, HalfTurnAndDoubleAngle) {
       const ContactResponse b = contactResponse(s, p, alpha + M_PI);
       EXPECT_LT(relative(a, b.P, b.N), 1e-12);
       EXPECT_LT(relative(a, zero.P, zero.N * std::polar(1.0, 2 * alpha)), 1e-12);
-      // the vertical deflection does tell them apart
+      // the vertical deflection distinguishes them
       EXPECT_LT(std::abs(a.coupling[2] + b.coupling[2]), 1e-12 * std::abs(a.coupling[2]));
     }
   }
@@ -514,17 +514,17 @@ TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
   const Mechanism s = thesisMechanism();
   const OperatingPoint p = operatingPoint(500);
   const double alpha = 2.3;
-  const Locus truth = locusOf(contactResponse(s, p, alpha), 1e-6, 1000);
+  const Locus ground_truth = locusOf(contactResponse(s, p, alpha), 1e-6, 1000);
   // closed form of the upright peg: alpha is in arg N alone (docs/theory/thesis.md, "Locus")
-  const double bound = std::sqrt(truth.variance() / (4 * std::norm(truth.N)));
+  const double bound = std::sqrt(ground_truth.variance() / (4 * std::norm(ground_truth.N)));
   std::mt19937_64 random(6);
   std::normal_distribution<double> normal;
   constexpr int kRuns = 4000;
   double sum = 0.0, stated = 0.0;
   int within = 0;
   for (int run = 0; run < kRuns; ++run) {
-    Locus noisy = truth;
-    const double sd = std::sqrt(truth.variance());
+    Locus noisy = ground_truth;
+    const double sd = std::sqrt(ground_truth.variance());
     noisy.P += sd * Complex(normal(random), normal(random));
     noisy.N += sd * Complex(normal(random), normal(random));
     const DirectionEstimate e = contactDirection(s, p, noisy);
@@ -532,7 +532,7 @@ TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
     sum += error * error;
     stated += e.sd / kRuns;
     within += std::abs(error) < 2 * e.sd;
-    EXPECT_NEAR(e.weight, 0.5, 1e-6);  // upright: nothing tells the half turns apart
+    EXPECT_NEAR(e.weight, 0.5, 1e-6);  // upright: the half turn is unobservable
   }
   // five standard errors of an rms over 4000 runs: 5.6 %
   EXPECT_NEAR(std::sqrt(sum / kRuns) / bound, 1.0, 0.056);
@@ -542,8 +542,8 @@ TEST(ContactModel, DirectionAttainsTheCramerRaoBound) {
   EXPECT_GT(within, 0.95 * kRuns);
 }
 
-// tilt breaks the half turn: the weight says how clearly
-TEST(ContactModel, WeightTellsTheHalfTurnsApartWhenTheDataDo) {
+// tilt breaks the half turn: the weight states how clearly
+TEST(ContactModel, WeightDistinguishesTheHalfTurnsWhenTheDataDo) {
   const Mechanism s = thesisMechanism();
   OperatingPoint p = operatingPoint(500);
   p.tilt = {0.03, 0.0};

@@ -2,7 +2,6 @@
 // The tool estimate_locus: result keys, undefined results, bad input.
 #include <gtest/gtest.h>
 #include <stdlib.h>
-#include <sys/wait.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -15,17 +14,14 @@
 
 #include "assembly_cell/locus/contact_model.h"
 #include "assembly_cell/scene/scenario.h"
-#include "temporary_folder.h"
+#include "tool_run.h"
 
 namespace assembly_cell {
 namespace {
 
 const std::string kCell = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml";
 
-struct ToolRun {
-  int code = -1;
-  std::string out, error;
-};
+using test::ToolRun;
 
 class EstimateLocus : public ::testing::Test {
  protected:
@@ -55,18 +51,7 @@ class EstimateLocus : public ::testing::Test {
   }
 
   ToolRun run(const std::string& arguments) const {
-    const std::string command = std::string(ASSEMBLY_CELL_BIN_DIR) + "/estimate_locus " +
-                                arguments + " >" + path("out") + " 2>" + path("error");
-    ToolRun r;
-    const int status = std::system(command.c_str());
-    r.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    const auto read = [](const std::string& file) {
-      std::ifstream in(file);
-      return std::string(std::istreambuf_iterator<char>(in), {});
-    };
-    r.out = read(path("out"));
-    r.error = read(path("error"));
-    return r;
+    return test::runTool("estimate_locus " + arguments);
   }
 
   // bad input: exit 2, nothing on standard output, one line that contains `part`
@@ -243,7 +228,7 @@ TEST_F(EstimateLocus, Accelerations) {
   EXPECT_NEAR(YAML::Load(again.out)["semi_major"].as<double>(), 5e-6, 5e-8);
 }
 
-// displacements of the coupling through the mechanism: the half turn is told, too
+// displacements of the coupling through the mechanism: the half turn is resolved, too
 TEST_F(EstimateLocus, DisplacementsOfTheCoupling) {
   const Scenario mechanism = loadScenario(kCell);
   OperatingPoint point;

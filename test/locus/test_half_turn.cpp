@@ -29,7 +29,7 @@ OperatingPoint upright(double frequency) {
 double apart(double a, double b) { return std::abs(std::remainder(a - b, 2 * M_PI)); }
 
 // the coupling's six displacements of a contact in direction alpha
-HarmonicFit felt(const ContactResponse& r, double noise) {
+HarmonicFit measuredFit(const ContactResponse& r, double noise) {
   HarmonicFit fit;
   fit.phasor = r.coupling;
   fit.samples = 1000;
@@ -45,7 +45,7 @@ TEST(HalfTurn, VerticalMotionAndYawTell) {
       p.direction = direction;
       const double alpha = 0.5 * k + 0.1;
       const ContactResponse r = contactResponse(s.mechanism, p, alpha);
-      const HarmonicFit fit = felt(r, 1e-9);
+      const HarmonicFit fit = measuredFit(r, 1e-9);
       const Locus locus = centreOfMassLocus(s.mechanism, direction * p.frequency, fit);
       const DirectionEstimate plane = contactDirection(s.mechanism, p, locus, LocusAxes::kSensor);
       EXPECT_NEAR(plane.weight, 0.5, 1e-3);  // upright: the plane doesn't
@@ -73,11 +73,11 @@ TEST(HalfTurn, WeightsAreCalibrated) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> any(0, 2 * M_PI);
-  int said = 0, right = 0;
+  int resolved = 0, right = 0;
   double expected = 0.0;
   for (int run = 0; run < 4000; ++run) {
     const double alpha = any(random);
-    const HarmonicFit fit = felt(contactResponse(s.mechanism, p, alpha), 0);
+    const HarmonicFit fit = measuredFit(contactResponse(s.mechanism, p, alpha), 0);
     HalfTurnEvidence evidence = halfTurnEvidence(s.mechanism, p.frequency, fit);
     evidence.yaw.reset();
     const double sd = 0.8 * std::abs(evidence.vertical->value);
@@ -88,13 +88,13 @@ TEST(HalfTurn, WeightsAreCalibrated) {
     plane.alpha_opposite = alpha + M_PI;
     const DirectionEstimate e = resolveHalfTurn(s.mechanism, p, evidence, plane);
     if (e.weight < 0.8 || e.weight > 0.95) continue;
-    ++said;
+    ++resolved;
     expected += e.weight;
     right += apart(e.alpha, alpha) < 1.0;
   }
-  ASSERT_GT(said, 300);
+  ASSERT_GT(resolved, 300);
   // 4 standard deviations of a count, a weight that the model's 5 % make cautious
-  EXPECT_NEAR(right, expected, 4 * std::sqrt(0.13 * said));
+  EXPECT_NEAR(right, expected, 4 * std::sqrt(0.13 * resolved));
 }
 
 // The simulated cell, sensor noise of 16 bits at the exciter force of an alignment, tilts that the

@@ -92,7 +92,7 @@ TEST(HarmonicFit, InflationOfWindowsThatAreNotWholePeriods) {
   EXPECT_NEAR(inflation(7.0, false), 1.0, 1e-12);
 }
 
-// The noise and the scatter of the estimates are what the fit says (chi-square and normal limits
+// The noise and the scatter of the estimates are those of the fit (chi-square and normal limits
 // at four standard errors).
 TEST(HarmonicFit, VarianceAndScatterAreAsStated) {
   std::mt19937_64 random(7);
@@ -125,27 +125,27 @@ TEST(HarmonicFit, OrientationAttainsTheCramerRaoBound) {
   std::normal_distribution<double> normal;
   for (const Row& row : {Row{0.4, 0.02, 0.104}, Row{0.4, 0.1, 0.519}, Row{0.4, 0.3, 1.56},
                          Row{0.8, 0.1, 1.44}, Row{-0.4, 0.3, 1.56}}) {
-    Locus truth;
-    truth.P = 0.5 * (1.0 + row.b) * std::polar(1.0, 0.3);
-    truth.N = 0.5 * (1.0 - row.b) * std::polar(1.0, 1.1);
-    truth.sigma = row.sigma;
-    truth.samples = 400;
-    EXPECT_NEAR(truth.orientationSd() * 180 / M_PI, row.bound, 0.006 * row.bound);
-    EXPECT_NEAR(truth.orientation(), 0.7, 1e-14);
-    EXPECT_NEAR(truth.semiMajor(), 1.0, 1e-14);
-    EXPECT_NEAR(truth.semiMinor(), row.b, 1e-14);
+    Locus ground_truth;
+    ground_truth.P = 0.5 * (1.0 + row.b) * std::polar(1.0, 0.3);
+    ground_truth.N = 0.5 * (1.0 - row.b) * std::polar(1.0, 1.1);
+    ground_truth.sigma = row.sigma;
+    ground_truth.samples = 400;
+    EXPECT_NEAR(ground_truth.orientationSd() * 180 / M_PI, row.bound, 0.006 * row.bound);
+    EXPECT_NEAR(ground_truth.orientation(), 0.7, 1e-14);
+    EXPECT_NEAR(ground_truth.semiMajor(), 1.0, 1e-14);
+    EXPECT_NEAR(ground_truth.semiMinor(), row.b, 1e-14);
 
     const double sd = row.sigma / 20.0;
     constexpr int kRuns = 20000;
     double sum = 0.0;
     for (int run = 0; run < kRuns; ++run) {
-      Locus noisy = truth;
+      Locus noisy = ground_truth;
       noisy.P += sd * Complex(normal(random), normal(random));
       noisy.N += sd * Complex(normal(random), normal(random));
       const double error = std::remainder(noisy.orientation() - 0.7, M_PI);
       sum += error * error;
     }
-    EXPECT_NEAR(std::sqrt(sum / kRuns) / truth.orientationSd(), 1.0, 0.02 + 0.1 * row.sigma);
+    EXPECT_NEAR(std::sqrt(sum / kRuns) / ground_truth.orientationSd(), 1.0, 0.02 + 0.1 * row.sigma);
   }
 }
 
@@ -195,15 +195,15 @@ Locus locusOf(double a, double b, double sigma, std::size_t n) {
 }
 
 // P, N and the noise as a fit of n samples finds them
-Locus measured(const Locus& truth, std::mt19937_64& random) {
+Locus measured(const Locus& ground_truth, std::mt19937_64& random) {
   std::normal_distribution<double> normal;
-  const double nu = 2.0 * static_cast<double>(truth.samples) - 8.0;
+  const double nu = 2.0 * static_cast<double>(ground_truth.samples) - 8.0;
   std::chi_squared_distribution<double> chi2(nu);
-  Locus locus = truth;
-  const double sd = std::sqrt(truth.variance());
+  Locus locus = ground_truth;
+  const double sd = std::sqrt(ground_truth.variance());
   locus.P += sd * Complex(normal(random), normal(random));
   locus.N += sd * Complex(normal(random), normal(random));
-  locus.sigma = truth.sigma * std::sqrt(chi2(random) / nu);
+  locus.sigma = ground_truth.sigma * std::sqrt(chi2(random) / nu);
   return locus;
 }
 
@@ -274,16 +274,17 @@ TEST(LocusMode, FalseAlarmRateIsAsStated) {
       double a, b;
       LocusMode mode;
     };
-    for (const Truth& truth : {Truth{0, 0, LocusMode::kNone}, Truth{1, 0, LocusMode::kSegment},
-                               Truth{1, 1, LocusMode::kCircle}}) {
+    for (const Truth& ground_truth :
+         {Truth{0, 0, LocusMode::kNone}, Truth{1, 0, LocusMode::kSegment},
+          Truth{1, 1, LocusMode::kCircle}}) {
       int refused = 0;
       for (int run = 0; run < kRuns; ++run) {
-        const Locus locus = measured(locusOf(truth.a, truth.b, 0.1, 200), random);
-        refused += decideMode(locus, rate, 0.0).mode != truth.mode;
+        const Locus locus = measured(locusOf(ground_truth.a, ground_truth.b, 0.1, 200), random);
+        refused += decideMode(locus, rate, 0.0).mode != ground_truth.mode;
       }
       EXPECT_NEAR(static_cast<double>(refused) / kRuns, rate,
                   4.0 * std::sqrt(rate * (1.0 - rate) / kRuns))
-          << toString(truth.mode);
+          << toString(ground_truth.mode);
     }
   }
 }
@@ -295,10 +296,10 @@ TEST(LocusMode, IndifferenceZoneHoldsAtAnySignal) {
   constexpr double kEps = 0.05;
   constexpr int kRuns = 3000;
   for (const double sigma : {0.1, 0.01, 0.001, 1e-5}) {
-    const auto rate = [&](const Locus& truth, LocusMode mode) {
+    const auto rate = [&](const Locus& ground_truth, LocusMode mode) {
       int refused = 0;
       for (int run = 0; run < kRuns; ++run) {
-        refused += decideMode(measured(truth, random), 0.01, kEps).mode != mode;
+        refused += decideMode(measured(ground_truth, random), 0.01, kEps).mode != mode;
       }
       return static_cast<double>(refused) / kRuns;
     };

@@ -95,7 +95,7 @@ TEST(OperatingPoint, ChoosesNearTheMiddleOfTheResonances) {
       EXPECT_GT(f.direction_sd, 0.99 * best.direction_sd) << w;
     }
   }
-  // where |P| is least the damped cell's single contact is all but a segment
+  // where |P| is smallest the damped cell's single contact is all but a segment
   const DirectionForecast there = forecastDirection(s.mechanism, point(middle), noise, 1000);
   EXPECT_EQ(refusalOf(there, limits).rfind("looks_double: ", 0), 0u);
 }
@@ -110,7 +110,7 @@ TEST(OperatingPoint, RefusesByName) {
   const std::string strong =
       refusalOf(forecastDirection(s.mechanism, point(770, 6.0), noiseOf(16), 1000), limits);
   EXPECT_EQ(strong.rfind("would_slip: ", 0), 0u) << strong;
-  // the choice says so, too
+  // the chosen frequency is refused, too
   const DirectionForecast none =
       chooseFrequency(s.mechanism, point(1, 1e-3), noiseOf(10), 5000, 0.2);
   EXPECT_EQ(refusalOf(none, limits).rfind("too_uncertain: ", 0), 0u);

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// One reading: what it says of motions whose truth is known, and what it advises.
+// Locus measurement of motions with known ground truth, and its advice.
 #include "assembly_cell/locus/reading.h"
 
 #include <gtest/gtest.h>
@@ -98,7 +98,7 @@ TEST(Reading, ASlidingPegHasItsFrictionAndIsToBePressedMore) {
   EXPECT_EQ(r.advice, ReadingAdvice::kPressMore);
 }
 
-TEST(Reading, NoiseThatHidesTheDirectionAsksForALongerWindow) {
+TEST(Reading, NoiseThatHidesTheDirectionNeedsALongerWindow) {
   const Mechanism m = cellMechanism();
   const ExciterParameters exciter{1.0, 770.0, 0.0, 1};
   const LocusReading r =

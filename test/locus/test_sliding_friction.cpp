@@ -43,7 +43,7 @@ TEST(SlidingFriction, OfTheTextbookCircle) {
 }
 
 // A peg that slides on the plane in the simulated cell, through its sensor: rocking, damping and a
-// carrier that gives way; the textbook's formula is off by factors here.
+// compliant carrier; the textbook's formula is off by factors here.
 TEST(SlidingFriction, OfTheSimulatedCell) {
   for (const double mu : {0.1, 0.2, 0.35}) {
     for (const double frequency : {500.0, 770.0}) {

@@ -2,7 +2,6 @@
 // The tool estimate_pose: keys, exit codes, bad input; the contacts file there and back.
 #include <gtest/gtest.h>
 #include <stdlib.h>
-#include <sys/wait.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -12,17 +11,14 @@
 
 #include "assembly_cell/twin_force/contacts_file.h"
 #include "ground_truth.h"
-#include "temporary_folder.h"
+#include "tool_run.h"
 
 namespace assembly_cell {
 namespace {
 
 using namespace twin_truth;
 
-struct ToolRun {
-  int code = -1;
-  std::string out, error;
-};
+using test::ToolRun;
 
 class EstimatePose : public ::testing::Test {
  protected:
@@ -33,18 +29,7 @@ class EstimatePose : public ::testing::Test {
   }
 
   ToolRun run(const std::string& arguments) const {
-    const std::string command = std::string(ASSEMBLY_CELL_BIN_DIR) + "/estimate_pose " + arguments +
-                                " >" + path("out") + " 2>" + path("error");
-    ToolRun r;
-    const int status = std::system(command.c_str());
-    r.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    const auto read = [](const std::string& file) {
-      std::ifstream in(file);
-      return std::string(std::istreambuf_iterator<char>(in), {});
-    };
-    r.out = read(path("out"));
-    r.error = read(path("error"));
-    return r;
+    return test::runTool("estimate_pose " + arguments);
   }
 
   void refused(const std::string& arguments, const std::string& part) const {

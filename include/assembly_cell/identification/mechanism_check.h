@@ -9,28 +9,29 @@
 
 namespace assembly_cell {
 
-/// What a look at the hanging peg says of a mechanism.
+/// Result of a check of a mechanism on the hanging peg.
 struct MechanismCheck {
   bool agrees = false;
   double chi2 = 0.0, p = 1.0;
   int dof = 0;
-  std::string message;  ///< where it does not: which number is off most, and by how much
+  std::string message;  ///< if not: the parameter that deviates most, and by how much
 };
 
-constexpr double kCheckLevel = 1e-4;  ///< p below which a mechanism is contradicted
+constexpr double kCheckLevel = 1e-4;  ///< p below which the mechanism is refuted
 
-/// Judges steps of a stepped sine on the hanging peg by what is known of the mechanism, the
-/// sensor's own errors as in `prior`. The message names the number whose change alone explains
-/// most.
-MechanismCheck judgeMechanism(const KnownMechanism& known,
-                              const std::vector<VibrationReading>& readings,
-                              const IdentificationPrior& prior = {});
+/// χ² test of steps of a stepped sine on the hanging peg against a mechanism and its covariance;
+/// errors of the sensor as in `prior`. The message names the parameter whose change alone explains
+/// most of χ².
+MechanismCheck evaluateMechanism(const KnownMechanism& known,
+                                 const std::vector<VibrationReading>& readings,
+                                 const IdentificationPrior& prior = {});
 
-/// What a strategy has to know of the drive besides gain and delay, which the plant makes up for.
+/// Parameters of a strategy with ellipse and compliance of the drive; gain and delay are
+/// compensated by the plant.
 AlignParameters withDrive(AlignParameters parameters, const DriveErrors& drive);
 
-/// A check of about a second of shaking: the hanging peg at two frequencies, one either way,
-/// before anything is pressed. Ends with the exciter off. Throws AlignError, PlantError.
+/// A check before the first contact, about a second: the hanging peg at two frequencies, one in
+/// each direction. The exciter is off at the end. Throws AlignError, PlantError.
 MechanismCheck checkMechanism(Plant& plant, const KnownMechanism& known);
 
 }  // namespace assembly_cell

@@ -7,7 +7,7 @@
 
 namespace assembly_cell {
 
-/// Vibrations and what the fit says of them, a CSV with a header: place (-1 hanging), frequency
+/// Measured and fitted vibrations, a CSV file with a header: place (-1 hanging), frequency
 /// [rad/s], direction, amplitude [N], held_out, then real and imaginary parts of the six wrench
 /// phasors, measured (fx_re …) and fitted (fit_fx_re …). Throws InputError when it can't be
 /// written.

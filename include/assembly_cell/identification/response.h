@@ -7,9 +7,8 @@
 
 namespace assembly_cell {
 
-// What an exact sensor_b would read of a mechanism that is shaken: phasors U of its wrench, force
-// before torque, sensor axes about its origin, Re(U e^{ia}) with a the angle that the exciter was
-// asked for. [N], [N·m]
+// Wrench phasors U of an exact sensor_b on an excited mechanism, force before torque, sensor axes
+// about its origin, Re(U e^{ia}) with a the commanded angle of the exciter. [N], [N·m]
 
 using WrenchPhasor = Eigen::Matrix<std::complex<double>, 6, 1>;
 
@@ -17,13 +16,13 @@ using WrenchPhasor = Eigen::Matrix<std::complex<double>, 6, 1>;
 WrenchPhasor hangingResponse(const MechanismModel& model, const ExciterParameters& exciter,
                              const Eigen::Vector2d& lean);
 
-/// How the peg is pressed on the face.
+/// State of the peg pressed on the face.
 struct PressedState {
   Eigen::Matrix3d R_HS = Eigen::Matrix3d::Identity();  ///< sensor axes in the face's, z its normal
-  /// Static wrench of the contact on the peg, as sensor_b tells it: the reading less that of the
-  /// free peg, sensor axes about its origin [N], [N·m].
+  /// Static wrench of the contact on the peg by sensor_b: reading minus that of the free peg,
+  /// sensor axes about its origin [N], [N·m].
   Vector6 contact = Vector6::Zero();
-  double aside = 0.0;  ///< of the contact from the lowest point of the edge, along it [rad]
+  double aside = 0.0;  ///< angle along the edge from its lowest point to the contact [rad]
 };
 
 /// One point of the peg's edge held by friction.

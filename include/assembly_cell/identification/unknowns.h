@@ -8,27 +8,27 @@
 
 namespace assembly_cell {
 
-// What an identification looks for: how a mechanism differs from its drawing, as numbers with a
-// prior. SI units.
+// The unknowns of an identification: deviations of a mechanism from its drawing, with their prior.
+// SI units.
 
-/// What drives and holds the mechanism besides its own parts.
+/// Deviations of exciter and carrier.
 struct DriveErrors {
-  double gain = 1.0;   ///< of the exciter's amplitude, mean of both axes of its ellipse
-  double delay = 0.0;  ///< of the force behind the angle that is asked for [s]
+  double gain = 1.0;   ///< of the exciter's amplitude, mean of both axes of its ellipse [-]
+  double delay = 0.0;  ///< of the force after the commanded angle [s]
   /// Ellipse: (1, -i) becomes (1, -i) + [[p, q], [q, -p]] (1, -i) / 2; p = e cos 2φ, q = e sin 2φ
   /// with e the difference of the axes over their mean and φ the azimuth of the major axis.
   Eigen::Vector2d ellipse = Eigen::Vector2d::Zero();
   double compliance = 0.0;  ///< of the carrier behind its encoders, all axes, lag 10 ms [m/N]
 };
 
-/// A mechanism as it may be.
+/// A mechanism with its drive.
 struct MechanismModel {
   Mechanism mechanism;
   DriveErrors drive;
 };
 
 /// One unknown: value = nominal · exp(mean + sd z), or nominal + mean + sd z, with z standard
-/// normal before anything is measured.
+/// normal a priori.
 struct Unknown {
   std::string name;  ///< key path of the scenario, or of a mismatch file
   bool factor = true;

@@ -8,19 +8,19 @@
 
 namespace assembly_cell {
 
-// The mechanism's small motion as the estimator knows it. It shares nothing with dynamics/.
+// The estimator's linear model of the mechanism's small motion; independent of dynamics/.
 //
 // Phasors U stand for Re(U e^{ia}) with a the exciter's angle; a clockwise exciter is a negative
-// rate of a. Axes are those of `hole`; an estimator that does not know them uses the sensor's and
+// rate of a. Axes are those of `hole`; an estimator without them uses the sensor's and
 // leaves sensor_tilt at zero: all of alpha, P, N and tilt are then in sensor axes.
 
-/// What a prediction depends on besides the mechanism.
+/// Excitation, contact and posture of a prediction.
 struct OperatingPoint {
   double frequency = 0.0;          ///< exciter [rad/s]
   double amplitude = 0.0;          ///< exciter [N]
   int direction = 1;               ///< +1 anticlockwise from above
   double press = 0.0;              ///< static contact force on the peg along z [N]
-  Eigen::Vector2d friction{0, 0};  ///< and across it [N]: what pressing has left
+  Eigen::Vector2d friction{0, 0};  ///< static contact force across z, left by pressing [N]
   Eigen::Vector2d tilt{0, 0};      ///< of the peg axis: rotation vector (x, y) from upright [rad]
   bool rolling = false;  ///< edge on plane: rolls along the edge, press r / tilt [N m/rad]
   Eigen::Vector2d sensor_tilt{0, 0};  ///< of the sensor's axes, as tilt [rad]
@@ -31,8 +31,8 @@ struct OperatingPoint {
 /// Response with one point of the peg's edge held.
 struct ContactResponse {
   std::complex<double> P, N;  ///< of the centre of mass, carrier's motion included [m]
-  /// Deflection of the coupling as the sensor's static map tells it (damping shows as
-  /// displacement), sensor axes: x y z [m], rotation vector [rad].
+  /// Deflection of the coupling by the sensor's static map (damping shows as displacement), sensor
+  /// axes: x y z [m], rotation vector [rad].
   Eigen::Matrix<std::complex<double>, 6, 1> coupling;
   /// Force on the peg at the held point besides the press, hole axes [N]: it must stay within
   /// friction, or the contact slips.
@@ -57,7 +57,7 @@ struct DirectionEstimate {
       0.0;              ///< the best in the other half turn: it explains P, N almost as well
   double weight = 0.5;  ///< posterior weight of alpha against alpha_opposite
   double sd = 0.0;      ///< [rad]; Cramér–Rao, widened by the misfit beyond the noise
-  double misfit = 0.0;  ///< residual relative to the measured size, 0 perfect
+  double misfit = 0.0;  ///< residual relative to the measured size
 };
 
 /// How a measured locus came from the coupling's deflection.
@@ -73,7 +73,7 @@ enum class LocusAxes {
 DirectionEstimate contactDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                    const Locus& locus, LocusAxes axes = LocusAxes::kHole);
 
-/// How peg and sensor stand, and what rests on the sensor.
+/// Orientation of peg and sensor, and static load on the sensor.
 struct Posture {
   Eigen::Vector2d tilt = Eigen::Vector2d::Zero();         ///< as in OperatingPoint [rad]
   Eigen::Vector2d sensor_tilt = Eigen::Vector2d::Zero();  ///< [rad]
@@ -83,8 +83,8 @@ struct Posture {
   double compliance = 0.0;  ///< as in OperatingPoint [m/N]
 };
 
-/// Phasors of the centre of mass in the plane, x and y, from those of the coupling's deflection as
-/// the sensor's static map tells it (sensor axes). Undoes the damping in the sensor's wrench and
+/// Phasors of the centre of mass in the plane, x and y, from those of the coupling's deflection by
+/// the sensor's static map (sensor axes). Undoes the damping in the sensor's wrench and
 /// adds the carrier's own motion, which follows from the coupling's force. frequency: rate of the
 /// exciter's angle, negative for a clockwise exciter [rad/s].
 Eigen::Vector2cd centreOfMassPhasors(const Mechanism& mechanism, double frequency,

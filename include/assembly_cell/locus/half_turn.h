@@ -9,8 +9,8 @@
 namespace assembly_cell {
 
 // The motion in the plane is the same for a contact C and for C*, half a turn further on the edge
-// (docs/theory/thesis.md, "Locus"). What is odd under the half turn tells them apart: vertical
-// motion, yaw, or how the contact moves when the peg is tilted a little.
+// (docs/theory/thesis.md, "Locus"). Quantities that are odd under the half turn distinguish
+// them: vertical motion, yaw, or the shift of the contact when the peg is tilted a little.
 
 /// A phasor Re(U e^{ia}) of the exciter's angle a as measured.
 struct MeasuredPhasor {
@@ -29,8 +29,8 @@ HalfTurnEvidence halfTurnEvidence(const Mechanism& mechanism, double frequency,
                                   const HarmonicFit& fit);
 
 /// Multiplies the odds of both directions by those of the evidence and puts the likelier first.
-/// What the model leaves out counts as a twentieth of the predicted motion, or the estimate's
-/// misfit where larger. axes: how the evidence was measured. Throws InputError as contactDirection.
+/// The model error is a twentieth of the predicted motion, or the estimate's misfit where larger.
+/// axes: how the evidence was measured. Throws InputError as contactDirection.
 DirectionEstimate resolveHalfTurn(const Mechanism& mechanism, const OperatingPoint& point,
                                   const HalfTurnEvidence& evidence, DirectionEstimate estimate,
                                   LocusAxes axes = LocusAxes::kHole);

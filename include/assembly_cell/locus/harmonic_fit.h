@@ -12,7 +12,7 @@
 
 namespace assembly_cell {
 
-/// What a locus needs at the least: twice the four coefficients of a signal.
+/// Minimum for a locus: twice the four coefficients of a signal.
 inline constexpr std::size_t kMinLocusSamples = 8;
 
 /// Phasors of up to six signals x(t) = Re(U e^{ia(t)}) + offset + drift, a the exciter's angle, by
@@ -30,7 +30,7 @@ struct HarmonicFit {
   Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
 };
 
-/// What a fit holds besides the exciter's own angle and an offset.
+/// Columns of a fit in addition to the exciter's own angle and an offset.
 struct HarmonicOptions {
   bool drift = true;    ///< a column that is linear in the angle
   int harmonics = 1;    ///< fitted multiples of the angle, 1 to 4; the first alone is returned
@@ -87,7 +87,7 @@ struct LocusCovariance {
 };
 LocusCovariance locusCovariance(const HarmonicFit& fit);
 
-/// Sd of a direction mod π that nothing is known about, π/√12 [rad]: an orientation with a larger
+/// Sd of an unknown direction mod π, π/√12 [rad]: an orientation with a larger
 /// sd is undefined.
 constexpr double kUnknownOrientationSd = 0.90689968211710892;
 

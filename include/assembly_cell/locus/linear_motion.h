@@ -7,7 +7,7 @@
 #include "assembly_cell/locus/half_turn.h"
 
 // The linear motion behind contact_model.h, operating_point.h and identification: the mechanism
-// hanging, with a point of the peg's edge held, and as its sensor tells it. SI units, axes of
+// hanging, with a point of the peg's edge held, and as measured by its sensor. SI units, axes of
 // `hole`.
 namespace assembly_cell::linear_motion {
 
@@ -49,8 +49,8 @@ struct UnheldMotion : MotionFrames {
   Eigen::Matrix<Complex, 6, 9> wrench;  // of the peg on the sensor at the coupling, hole axes
   ComplexMatrix9 dynamic;               // generalised forces per coordinates
 
-  // The carrier's rest point gives way by so much of the coupling's force on it [m/N], each axis.
-  void giveWay(const Mechanism& mechanism, const Eigen::Vector3cd& compliance);
+  // Adds a compliance of the carrier's rest point to the coupling's force, by axis [m/N].
+  void addCompliance(const Mechanism& mechanism, const Eigen::Vector3cd& compliance);
 };
 
 // The same of an operating point, its compliance included.
@@ -71,7 +71,7 @@ Complex9 hangingMotion(const Mechanism& mechanism, const UnheldMotion& free,
 class HeldMotion {
  public:
   HeldMotion(const Mechanism& mechanism, const OperatingPoint& point);
-  // with a motion and an exciter that differ from what the point says
+  // with another motion and excitation than those of the point
   HeldMotion(const Mechanism& mechanism, const OperatingPoint& point, const UnheldMotion& free,
              const Eigen::Vector2cd& excitation);
 
@@ -101,13 +101,13 @@ class HeldMotion {
   PegParameters peg_;
   Eigen::Vector3d contact_;  // static force on the peg [N]
   double weight_;            // [N]
-  double rolling_;           // contact's way along the edge per turn about the radial axis [m]
+  double rolling_;  // travel of the contact along the edge per rotation about the radial axis [m]
   Eigen::Vector3cd force_;
   Eigen::Matrix3cd carrier_inverse_;  // carrier's coordinates by forces and moment on it
 };
 
-// The held motion as the estimator sees it: through the sensor's map without tilts, or as it is.
-// Throws InputError for an operating point that is none.
+// The held motion by LocusAxes: through the sensor's map without tilts (kSensor), or exact (kHole).
+// Throws InputError for an invalid operating point.
 class SeenMotion {
  public:
   SeenMotion(const Mechanism& mechanism, const OperatingPoint& point, LocusAxes axes);
@@ -132,7 +132,7 @@ DirectionEstimate resolveHalfTurn(const SeenMotion& seen, const HalfTurnEvidence
 // map.
 ContactResponse contactResponse(const Mechanism& mechanism, const HeldMotion& held, double alpha);
 
-// Throws InputError for an operating point that is none.
+// Throws InputError for an invalid operating point.
 void check(const OperatingPoint& point);
 
 // counter-rotating amplitudes of the plane motion

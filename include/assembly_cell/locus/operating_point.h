@@ -7,13 +7,13 @@
 
 namespace assembly_cell {
 
-/// What a reading of the contact's direction will be worth, before it is taken; each at the worst
-/// direction of the contact.
+/// Forecast of a measurement of the contact's direction; each value for the worst direction.
 struct DirectionForecast {
   double frequency = 0.0;       ///< of the exciter [rad/s]
-  double direction_sd = 0.0;    ///< by noise, Cramér–Rao [rad]; π: nothing will be known
-  double direction_bias = 0.0;  ///< where the true resonances are 1 % off the model's [rad]
-  double axes_ratio = 0.0;  ///< least |semi-minor| over semi-major: 0 looks like a double contact
+  double direction_sd = 0.0;    ///< by noise, Cramér–Rao [rad]; π: unobservable
+  double direction_bias = 0.0;  ///< if the resonances are 1 % off the model's [rad]
+  double axes_ratio =
+      0.0;  ///< smallest |semi-minor| over semi-major: 0 looks like a double contact
   double friction_demand = 0.0;  ///< largest tangential over normal contact force in a turn
 };
 
@@ -22,14 +22,14 @@ struct DirectionForecast {
 DirectionForecast forecastDirection(const Mechanism& mechanism, const OperatingPoint& point,
                                     const Matrix6& noise, double samples);
 
-/// When a reading is refused.
+/// Acceptance limits of a forecast.
 struct ForecastLimits {
   double direction_sd = 0.1;  ///< [rad]
   double axes_ratio = 0.1;
   double friction_demand = 0.2;  ///< coefficient of static friction
 };
 
-/// Empty, or the reason why a reading at this point is refused: `too_uncertain`, `would_slip` or
+/// Empty, or why a measurement at this point is refused: `too_uncertain`, `would_slip` or
 /// `looks_double`, with its number and what to do.
 std::string refusalOf(const DirectionForecast& forecast, const ForecastLimits& limits);
 

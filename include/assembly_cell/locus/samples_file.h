@@ -18,7 +18,7 @@ struct RecordedMotion {
   std::vector<double> t;        ///< [s], rising; the exciter's phase is zero at t = 0
   std::vector<double> signals;  ///< 6 × n; unused ones are zero
   std::vector<double> sd;       ///< of each sample; empty: not given
-  /// The exciter's settings, where the recording tells them: [rad/s], [N], ±1.
+  /// The exciter's settings, where the recording has them: [rad/s], [N], ±1.
   std::optional<double> frequency, amplitude;
   std::optional<int> direction;
 };

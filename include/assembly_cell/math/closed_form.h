@@ -12,8 +12,8 @@
 
 namespace assembly_cell {
 
-// Closed forms as a table: name, parameters, results, function. A room keeps its own table, a tool
-// evaluates it from a flat YAML file.
+// Closed forms as a table: name, parameters, results, function. Each module has its own table; a
+// tool evaluates it from a flat YAML file.
 
 /// Values of parameters by name; a matrix row by row.
 struct ModelParameters {
@@ -25,18 +25,18 @@ struct ModelParameters {
   double operator()(const std::string& name, double otherwise) const;
 };
 
-/// A name is of one kind in all models.
+/// Kind of a parameter, the same in all models.
 enum class ParameterKind { kNumber, kWhole, kFlag, kMatrix, kWord };
 ParameterKind parameterKind(const std::string& name);
 
-/// What is undefined inside valid input is empty.
+/// Empty: undefined for this valid input.
 using ModelValue = std::variant<double, std::optional<double>, std::optional<int>, bool,
                                 const char*, std::complex<double>, std::vector<double>>;
 
 struct ClosedForm {
   const char* name;
-  const char* required;  ///< names, one blank between
-  const char* spare;     ///< what its file may hold without being read
+  const char* required;  ///< names separated by a blank
+  const char* spare;     ///< names that the file may have without effect
   const char* optional;
   const char* results;
   std::vector<ModelValue> (*evaluate)(const ModelParameters&);  ///< one value a result

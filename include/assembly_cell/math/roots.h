@@ -9,7 +9,7 @@ struct Bracket {
 
 /// Halves [low, high], at whose lower end `holds` is true and at whose upper end it is false, until
 /// it is no longer than `width` or its ends are neighbours, at most `halvings` times. `holds` is
-/// asked between the ends only.
+/// evaluated between the ends only.
 Bracket bisect(double low, double high, bool (*holds)(const void* predicate, double x),
                const void* predicate, double width, int halvings);
 

@@ -7,8 +7,8 @@
 
 namespace assembly_cell {
 
-// What the closed forms of vibration/ say to input outside their validity: InputError with one line
-// naming parameter, value and remedy. A NaN or an infinity never enters and never leaves.
+// Checks of the closed forms: input outside their validity, and results that overflow, throw
+// InputError with one line naming parameter, value and remedy.
 
 [[noreturn]] void refuse(const char* name, double value, const char* remedy);
 

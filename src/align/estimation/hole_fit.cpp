@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/math/least_squares.h"
+
 namespace assembly_cell {
 namespace {
 
@@ -53,47 +55,66 @@ struct CircleFit {
   double cost = 1e300;
 };
 
-// Centre of a circle of given radius through points with robust weights. An error of the direction
-// moves a point along the peg's edge: for its distance from the centre only the part across the rim
-// counts, little where both circles are almost parallel.
-CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>& outside,
-                    double radius, const Vec2& start) {
-  CircleFit fit;
-  fit.center = start;
-  for (int iteration = 0; iteration < 60; ++iteration) {
-    Eigen::Matrix2d H = Eigen::Matrix2d::Zero();
-    Vec2 g = Vec2::Zero();
+// Centre of a circle of given radius through points with robust weights, for minimise(). An error
+// of the direction moves a point along the peg's edge: for its distance from the centre only the
+// part across the rim counts, little where both circles are almost parallel.
+class CircleProblem {
+ public:
+  CircleProblem(const std::vector<RimPoint>& points, const std::vector<Vec2>& outside,
+                double radius)
+      : points_(points), outside_(outside), radius_(radius) {}
+
+  void linearise(const Vec2& center) {
+    H_.setZero();
+    g_.setZero();
     double cost = 0.0, squares = 0.0;
-    for (const RimPoint& point : points) {
-      const Vec2 d = fit.center - point.p;
+    for (const RimPoint& point : points_) {
+      const Vec2 d = center - point.p;
       const double distance = std::max(d.norm(), 1e-9);
       const double along = d.dot(point.tangent) / distance * point.sd;
       const double sd = std::sqrt(kPointFloor * kPointFloor + along * along);
-      const double z = (distance - radius) / sd;
+      const double z = (distance - radius_) / sd;
       // Geman–McClure beyond a few sd; the likelihood's log sd counts when centres compete
       const double w = 1.0 / std::pow(1.0 + z * z / 16.0, 2);
       const Vec2 row = d / (distance * sd);
-      H += w * row * row.transpose();
-      g += w * row * z;
+      H_ += w * row * row.transpose();
+      g_ += w * row * z;
       cost += z * z / (1.0 + z * z / 16.0) + 2.0 * std::log(sd / kPointFloor);
       squares += w * z * z;
     }
     // a contact on the plane can't lie in the hole
-    for (const Vec2& p : outside) {
-      const double inside = radius - 2e-4 - (p - fit.center).norm();
+    for (const Vec2& p : outside_) {
+      const double inside = radius_ - 2e-4 - (p - center).norm();
       if (inside > 0.0) cost += std::pow(inside / 2e-4, 2);
     }
-    const auto n = static_cast<double>(points.size());
+    const auto n = static_cast<double>(points_.size());
     fit.cost = cost;
-    H.diagonal().array() += 1e-9 * H.trace();
-    const Vec2 step = -H.ldlt().solve(g);
+    H_.diagonal().array() += 1e-9 * H_.trace();
     // the scatter about the circle is the measure; the readings' sd only weighs them
-    fit.covariance = H.inverse() * std::max(kMinScatter, squares / std::max(1.0, n - 2));
-    // damp long steps: the circle is only locally linear
-    fit.center += step * std::min(1.0, 0.2 * radius / std::max(step.norm(), 1e-12));
-    if (step.norm() < 1e-10) break;
+    fit.covariance = H_.inverse() * std::max(kMinScatter, squares / std::max(1.0, n - 2));
   }
-  return fit;
+  Vec2 step(double /*damping*/) const { return -H_.ldlt().solve(g_); }
+  bool small(const Vec2& step) const { return step.norm() < 1e-10; }
+
+  CircleFit fit;  // cost and covariance at the start of the last step
+
+ private:
+  const std::vector<RimPoint>& points_;
+  const std::vector<Vec2>& outside_;
+  double radius_;
+  Eigen::Matrix2d H_;
+  Vec2 g_;
+};
+
+CircleFit fitCircle(const std::vector<RimPoint>& points, const std::vector<Vec2>& outside,
+                    double radius, const Vec2& start) {
+  LeastSquaresOptions options;
+  options.max_iterations = 60;
+  options.max_step = 0.2 * radius;  // the circle is only locally linear
+  CircleProblem problem(points, outside, radius);
+  problem.fit.center = start;
+  minimise<StepControl::kNone>(problem, problem.fit.center, options);
+  return problem.fit;
 }
 
 // Half of the arc of the peg's edge that is over the hole, and the direction of its middle. All in

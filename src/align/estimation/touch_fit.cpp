@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/math/least_squares.h"
 #include "assembly_cell/math/roots.h"
 
 namespace assembly_cell {
@@ -360,31 +361,45 @@ class Posterior {
   int count_ = 0;
 };
 
-// Levenberg–Marquardt; returns the sum of squares.
-double climb(const Posterior& posterior, Unknowns& x) {
-  Eigen::VectorXd z = posterior(x);
-  double cost = z.squaredNorm(), damping = 1e-3;
-  Eigen::MatrixXd J = posterior.slope(x);
-  for (int i = 0; i < kIterations; ++i) {
-    Square H = J.transpose() * J;
-    const Unknowns g = J.transpose() * z;
-    H.diagonal() *= 1.0 + damping;
-    const Unknowns next = x - H.ldlt().solve(g);
-    const Eigen::VectorXd there = posterior(next);
-    const double change = cost - there.squaredNorm();
-    if (change > 0.0) {
-      x = next;
-      z = there;
-      cost -= change;
-      damping = std::max(1e-9, 0.1 * damping);
-      if (change < 1e-6) break;
-      J = posterior.slope(x);
-    } else {
-      damping *= 10.0;
-      if (damping > 1e6) break;
-    }
+// The posterior for minimise().
+class PosteriorFit {
+ public:
+  explicit PosteriorFit(const Posterior& posterior) : posterior_(posterior) {}
+
+  double cost(const Unknowns& x) {
+    z_ = posterior_(x);
+    return z_.squaredNorm();
   }
-  return cost;
+  void linearise(const Unknowns& x) {
+    const Eigen::MatrixXd J = posterior_.slope(x);
+    H_ = J.transpose() * J;
+    g_ = J.transpose() * z_;
+  }
+  Unknowns step(double damping) const {
+    Square H = H_;
+    H.diagonal() *= 1.0 + damping;
+    return -H.ldlt().solve(g_);
+  }
+  bool small(const Unknowns& /*step*/) const { return false; }
+
+ private:
+  const Posterior& posterior_;
+  Eigen::VectorXd z_;
+  Square H_;
+  Unknowns g_;
+};
+
+// Refines x; returns the sum of squares.
+double climb(const Posterior& posterior, Unknowns& x) {
+  LeastSquaresOptions options;
+  options.max_iterations = kIterations;
+  options.accept_equal = false;
+  options.min_decrease = 1e-6;
+  options.damping.initial = 1e-3;
+  options.damping.min = 1e-9;
+  options.damping.max = 1e6;
+  PosteriorFit fit(posterior);
+  return minimise<StepControl::kDamping>(fit, x, options).cost;
 }
 
 // Plane through the points of touch, which are on the rim or beside it.

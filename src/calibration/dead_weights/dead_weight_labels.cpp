@@ -20,24 +20,24 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 // A wrong label is off by a step between weights or by an arm. Misfits below an eighth of the
-// smallest such step, or this share of the load, count as noise in the robust fit: the sensor is
-// not quite linear. Of 200 files with up to five swaps each, half of the shares misses 1 row more
-// and twice 3.
+// smallest such step, or this fraction of the load, count as noise in the robust fit: the sensor is
+// not quite linear. Of 200 files with up to five swaps each, half of these fractions misses
+// 1 more row, twice 3.
 constexpr double kStep = 0.125;
-constexpr double kForceShare = 0.003;   // [N/N]
-constexpr double kMomentShare = 0.001;  // [m]
-constexpr double kTukey = 8.0;          // of these sizes: where a row stops to count
-constexpr int kStarts = 200;            // random halves and thirds; a tenth does for one swap
+constexpr double kForceFraction = 0.003;   // [N/N]
+constexpr double kMomentFraction = 0.001;  // [m]
+constexpr double kTukey = 8.0;             // in these units: beyond it a row has weight 0
+constexpr int kStarts = 200;               // random halves and thirds; a tenth does for one swap
 // a label is wrong where another one is nearer by this factor ...
 constexpr double kNearer = 3.0;
 // ... and its own misfit is beyond this many robust sd
 constexpr double kBeyond = 6.0;
-constexpr double kNoiseForceShare = 0.005, kNoiseMomentShare = 0.0005;
+constexpr double kNoiseForceFraction = 0.005, kNoiseMomentFraction = 0.0005;
 // misfits of a file whose labels are right, of the smallest step between labels: 0.17 and 0.74 in
 // the recording, a single wrong one leaves 0.85
 constexpr double kCleanForce = 0.5, kCleanMoment = 0.78;
 // fits no label: sd, and share of the load or arm that is in doubt [N/N], [m]
-constexpr double kGross = 10.0, kGrossForceShare = 0.1, kGrossArm = 0.03;
+constexpr double kGross = 10.0, kGrossForceFraction = 0.1, kGrossArm = 0.03;
 
 struct Scales {
   double force_step, moment_step;  // smallest label but zero
@@ -54,7 +54,7 @@ Scales scalesOf(const MatrixXd& labels) {
   return out;
 }
 
-// misfits of the rows in units of what counts as noise
+// Misfits of the rows in units of the noise.
 VectorXd distances(const LabelledRows& d, const MatrixXd& C, const Scales& scales) {
   const MatrixXd read = d.A * C;
   VectorXd out(read.rows());
@@ -62,22 +62,22 @@ VectorXd distances(const LabelledRows& d, const MatrixXd& C, const Scales& scale
     const Vector6 e = (d.Y.row(i) - read.row(i)).transpose();
     const double load = read.row(i).head<3>().norm();
     out[i] = std::hypot(
-        e.head<3>().norm() / std::hypot(kStep * scales.force_step, kForceShare * load),
-        e.tail<3>().norm() / std::hypot(kStep * scales.moment_step, kMomentShare * load));
+        e.head<3>().norm() / std::hypot(kStep * scales.force_step, kForceFraction * load),
+        e.tail<3>().norm() / std::hypot(kStep * scales.moment_step, kMomentFraction * load));
   }
   return out;
 }
 
 MatrixXd weighted(const LabelledRows& d, const VectorXd& w) {
   const MatrixXd normal = d.A.transpose() * w.asDiagonal() * d.A;
-  // what no row tells stays small
+  // regularisation: what no row determines stays small
   const double floor = 1e-12 * normal.trace();
   return (normal + floor * MatrixXd::Identity(normal.rows(), normal.cols()))
       .ldlt()
       .solve(d.A.transpose() * w.asDiagonal() * d.Y);
 }
 
-// Tukey's weights, from wide to narrow; returns what the rows cost, 1 for one that doesn't count
+// Tukey's weights, from wide to narrow; returns the cost, 1 for a row of weight 0.
 double settle(const LabelledRows& d, const Scales& scales, double widest, MatrixXd& C) {
   for (double width = widest; width >= 1.0; width *= 0.5) {
     for (int pass = 0; pass < 8; ++pass) {
@@ -94,12 +94,12 @@ double settle(const LabelledRows& d, const Scales& scales, double widest, Matrix
 MatrixXd robustFit(const LabelledRows& d, const Scales& scales) {
   const Index n = d.A.rows();
   MatrixXd best;
-  double least = 1e301;
+  double lowest = 1e301;
   const auto consider = [&](const VectorXd& weights, double widest) {
     MatrixXd C = weighted(d, weights);
     const double cost = settle(d, scales, widest, C);
-    if (cost < least) {
-      least = cost;
+    if (cost < lowest) {
+      lowest = cost;
       best = C;
     }
   };
@@ -128,7 +128,7 @@ double robustSd(const MatrixXd& e) {
   return std::max(1.4826 * upperMedian(sizes), 1e-9);
 }
 
-// ---- labels that could have been meant
+// ---- labels that may have been intended
 
 struct Meant {
   Vector6 label;
@@ -189,7 +189,7 @@ bool explains(const Vector6& meant, const Vector6& own, const Vector6& read, con
 
 std::vector<WrongLabel> wrongLabels(const LabelledRows& d) {
   const Scales scales = scalesOf(d.Y);
-  // where ordinary least squares explains every label none is accused
+  // if ordinary least squares explains every label, none is wrong
   const MatrixXd rest = d.Y - d.A * weighted(d, VectorXd::Ones(d.A.rows()));
   if (rest.leftCols<3>().rowwise().norm().maxCoeff() < kCleanForce * scales.force_step &&
       rest.rightCols<3>().rowwise().norm().maxCoeff() < kCleanMoment * scales.moment_step) {
@@ -202,23 +202,23 @@ std::vector<WrongLabel> wrongLabels(const LabelledRows& d) {
     const auto row = static_cast<Index>(k);
     const Vector6 own = d.Y.row(row), r = read.row(row);
     const double load = r.head<3>().norm();
-    const double sd[2] = {std::hypot(force_sd, kNoiseForceShare * load),
-                          std::hypot(moment_sd, kNoiseMomentShare * load)};
+    const double sd[2] = {std::hypot(force_sd, kNoiseForceFraction * load),
+                          std::hypot(moment_sd, kNoiseMomentFraction * load)};
     WrongLabel wrong{d.labelled[k], e.row(row).head<3>().norm(), e.row(row).tail<3>().norm(), r,
                      ""};
-    double least = 1e300;
+    double lowest = 1e300;
     for (const Meant& meant : alternatives(d, k)) {
       if (!explains(meant.label, own, r, sd)) continue;
       const Vector6 left = meant.label - r;
       const double misfit = std::hypot(left.head<3>().norm() / (kStep * scales.force_step),
                                        left.tail<3>().norm() / (kStep * scales.moment_step));
-      if (misfit >= least) continue;
-      least = misfit;
+      if (misfit >= lowest) continue;
+      lowest = misfit;
       wrong.text = meant.text;
     }
     const bool gross =
         wrong.force_error >
-            std::max(kGross * force_sd, 0.5 * scales.force_step) + kGrossForceShare * load ||
+            std::max(kGross * force_sd, 0.5 * scales.force_step) + kGrossForceFraction * load ||
         wrong.moment_error > std::max(kGross * moment_sd, scales.moment_step) + kGrossArm * load;
     if (wrong.text.empty() && gross) wrong.text = "fits no label of the file";
     if (!wrong.text.empty()) out.push_back(wrong);

@@ -7,7 +7,7 @@
 
 namespace assembly_cell {
 
-/// Labelled rows as a line to be fitted: Y = A C.
+/// Labelled rows as a linear model Y = A C.
 struct LabelledRows {
   const std::vector<DeadWeight>& rows;
   const std::vector<std::size_t>& block;
@@ -16,7 +16,7 @@ struct LabelledRows {
   const Eigen::MatrixXd& Y;  ///< its label
 };
 
-/// Labels that don't agree with what a robust fit of the others reads.
+/// Labels that contradict a robust fit of the other rows.
 std::vector<WrongLabel> wrongLabels(const LabelledRows& data);
 
 }  // namespace assembly_cell

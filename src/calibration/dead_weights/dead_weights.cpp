@@ -22,12 +22,12 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kNoLoad = 0.03;    // of the largest reading: below it nothing hangs on the sensor
+constexpr double kNoLoad = 0.03;    // of the largest reading: below it the sensor is unloaded
 constexpr double kFullRank = 0.01;  // singular value of the loads, of the largest
-constexpr std::size_t kLeast = 8;
+constexpr std::size_t kMinRows = 8;
 const char* const kAxes[] = {"fx", "fy", "fz", "tx", "ty", "tz"};
 
-// the part of a reading that counts, force and moment in units of their largest
+// Size of a reading: the larger of force and moment, relative to the largest of the file.
 std::vector<double> readingSizes(const std::vector<DeadWeight>& rows) {
   double force = 1e-300, moment = 1e-300;
   for (const DeadWeight& row : rows) {
@@ -42,7 +42,7 @@ std::vector<double> readingSizes(const std::vector<DeadWeight>& rows) {
   return out;
 }
 
-// by the readings: a label may be wrong
+// Blocks by the readings, as a label may be wrong.
 std::vector<std::size_t> blocksOf(const std::vector<DeadWeight>& rows) {
   const std::vector<double> size = readingSizes(rows);
   std::vector<std::size_t> out(rows.size(), 0);
@@ -60,7 +60,7 @@ struct Line {
 
 Line lineOf(const std::vector<DeadWeight>& rows, const std::vector<std::size_t>& block,
             const std::vector<std::size_t>& used) {
-  // blocks that have a row
+  // columns for the blocks that have a row
   std::vector<Index> column(block.back() + 1, -1);
   Index count = 0;
   for (const std::size_t i : used) {
@@ -243,9 +243,9 @@ DeadWeightSolution solveDeadWeights(const std::vector<DeadWeight>& rows) {
     labelled.push_back(i);
     largest = std::max(largest, rows[i].label->head<3>().norm());
   }
-  if (labelled.size() < kLeast || !(largest > 0.0)) {
+  if (labelled.size() < kMinRows || !(largest > 0.0)) {
     throw InputError(text("%zu rows with known loads, the largest %.3g N: give %zu rows at least, ",
-                          labelled.size(), largest, kLeast) +
+                          labelled.size(), largest, kMinRows) +
                      "and loads above 0");
   }
   out.block = blocksOf(rows);

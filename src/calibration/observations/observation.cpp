@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/bridge.h"
@@ -50,13 +51,20 @@ std::string sensorName(Side side) { return std::string("sensor_") + toString(sid
 
 SensorDescription::SensorDescription() : nominal(strainMatrix(nominalBridge()).inverse()) {}
 
-std::array<std::pair<const char*, double*>, 6> ReferenceAccuracy::items() {
-  return {{{"direction", &direction},
-           {"mass", &mass},
-           {"point", &point},
-           {"position", &position},
-           {"rotation", &rotation},
-           {"gauge", &gauge}}};
+void fields(FieldList& f, SensorDescription& sensor) {
+  f.text("serial_number", sensor.serial_number, "Of the sensor.").required();
+  f.integer("bits", sensor.bits, 2, 32, "Of the converter.");
+  f.number("full_scale", sensor.full_scale, positive("V"), "Largest voltage of the converter.");
+  f.number("noise", sensor.noise, notNegative("V"), "Of a sample, rms.");
+}
+
+void fields(FieldList& f, ReferenceAccuracy& accuracy) {
+  f.number("direction", accuracy.direction, positive("rad"), "Sd of the direction of a weight.");
+  f.number("mass", accuracy.mass, positive("1"), "Relative sd of the mass of a weight.");
+  f.number("point", accuracy.point, positive("m"), "Sd of the point of a load, each axis.");
+  f.number("position", accuracy.position, positive("m"), "Sd of a relative pose, each axis.");
+  f.number("rotation", accuracy.rotation, positive("rad"), "Sd of a relative pose, each axis.");
+  f.number("gauge", accuracy.gauge, positive("m"), "Sd of a dial gauge.");
 }
 
 double SensorDescription::lsb() const { return 2.0 * full_scale * std::ldexp(1.0, -bits); }

@@ -42,11 +42,11 @@ void checkHeader(const Journal& journal, const std::string& header) {
 }  // namespace
 
 ObservationLog::ObservationLog(const std::string& path, const std::string& header)
-    : journal_(path, "give a writable folder with room") {
+    : journal_(path, "give a writable folder with free space") {
   checkHeader(journal_, header);
   journal_.lockOut(path + ".lock", 0.0);
   if (!std::filesystem::exists(path)) {
-    // moved away, with all that was in it
+    // a file that was moved away on purpose has lost nothing
     create(header);
     writeCount(0);
     return;
@@ -102,7 +102,7 @@ bool ObservationLog::read(const std::string& header) {
         found += '\n';
       }
     } else if (end == std::string::npos || line.find('\0') != std::string::npos) {
-      // a line without end, or room that was never filled, and nothing after it
+      // a last line without end, or preallocated zero bytes up to the end
       const bool nothing_follows =
           end == std::string::npos || content.find_first_not_of('\0', begin) == std::string::npos;
       if (!nothing_follows) {
@@ -160,7 +160,7 @@ void ObservationLog::removeLast() {
 void ObservationLog::clear(const std::string& header) {
   checkHeader(journal_, header);
   writeCount(0);
-  // the old file under both names, then the new one in its place: at no moment there is none
+  // the old file gets a second name before the new one replaces it: the path always exists
   const std::string previous = path() + ".previous", link = path() + ".old";
   ::unlink(link.c_str());
   if (::link(path().c_str(), link.c_str()) != 0) journal_.fail("link");

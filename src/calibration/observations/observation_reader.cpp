@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Observation files as text in: YAML and CSV. Every refusal names file, line and key.
+// Reads observation files, YAML and CSV. Every refusal names file, line and key.
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/LU>
@@ -11,6 +11,7 @@
 
 #include "assembly_cell/base/bag.h"
 #include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/file_kind.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
@@ -26,7 +27,7 @@ class Reader {
       : node_(node), source_(std::move(source)), path_(std::move(path)) {}
 
   [[noreturn]] void refuse(const std::string& key, const std::string& what) const {
-    // a node made by hand has no place in the file
+    // a node that was not parsed has no line
     const int line = node_.IsDefined() ? node_.Mark().line + 1 : 0;
     throw InputError(source_ + (line > 0 && !single_ ? ":" + std::to_string(line) : "") + ": " +
                      path_ + (path_.empty() || key.empty() ? "" : ".") + key + " " + what);
@@ -191,11 +192,16 @@ SensorDescription readSensor(const Reader& in) {
 }
 
 ReferenceAccuracy readAccuracy(const Reader& in) {
-  in.keys({"direction", "mass", "point", "position", "rotation", "gauge"});
   ReferenceAccuracy accuracy;
-  for (const auto& [key, value] : accuracy.items()) {
-    *value = in.number(key, *value);
-    if (!(*value >= 0.0)) in.refuseValue(key, "give a standard deviation, at least 0");
+  const FieldList list = fieldsOf(accuracy);
+  std::set<std::string> names;
+  for (const Field& field : list) names.insert(field.path);
+  in.keys(names);
+  for (const Field& field : list) {
+    *field.numbers = in.number(field.path, *field.numbers);
+    if (!(*field.numbers >= 0.0)) {
+      in.refuseValue(field.path, "give a standard deviation, at least 0");
+    }
   }
   if (!(accuracy.gauge > 0.0)) in.refuse("gauge", "is 0: give a standard deviation in m");
   return accuracy;
@@ -244,7 +250,7 @@ Observation readObservation(const Reader& in, const ObservationSet& set) {
   if (!kind) in.refuse("kind", "is '" + in.text("kind") + "': give " + kObservationKinds);
   Observation o;
   o.kind = *kind;
-  const std::set<std::string>& fields = fieldsOf(o.kind);
+  const std::set<std::string>& fields = keysOf(o.kind);
   std::set<std::string> keys = {"kind", "id", "stamp", "a", "b"};
   keys.insert(fields.begin(), fields.end());
   in.keys(keys);
@@ -282,7 +288,7 @@ Observation readObservation(const Reader& in, const ObservationSet& set) {
   return o;
 }
 
-// `more`: keys that are there besides
+// `more`: further keys that are allowed
 void readHeader(const Reader& in, std::set<std::string> more, ObservationSet& set) {
   more.insert({"sensor_a", "sensor_b", "gravity", "accuracy", "gauges_a", "gauges_b"});
   in.keys(more);

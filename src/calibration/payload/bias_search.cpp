@@ -22,9 +22,9 @@ using Eigen::VectorXd;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMinRecording = 4;  // poses between breaks
 constexpr std::size_t kMaxBreaks = 6;
-// of a drift or temperature coefficient: −2 log likelihood beyond BIC. 60 clean recordings of 50
-// poses: found without cause in none (half of it: 6; twice: 0); a random walk of 0.3 noise sd a
-// pose is found in 20 of 40 (half of it: 22; twice: 12)
+// Cost of a drift or temperature coefficient in −2 log likelihood, in addition to BIC. Of 60 clean
+// recordings of 50 poses none gets a false drift (half of it: 6; twice: 0); a random walk of 0.3
+// noise sd a pose is detected in 20 of 40 (half of it: 22; twice: 12).
 constexpr double kAxisCost = 9.0;
 constexpr double kBreakTail = 1e-5;  // false breaks a clean recording, all places together
 constexpr std::size_t kScanPlaces = 120;
@@ -103,12 +103,12 @@ GroupFit bestOf(const Candidates& candidates, double n, double floor) {
     for (int round = 0; round < 8 && (round < 2 || fit.criterion < last - 1e-9); ++round) {
       last = fit.criterion;
       for (std::size_t a = 0; a < 3; ++a) {
-        double least = kInfinity;
+        double lowest = kInfinity;
         for (const Candidate& c : candidates[a]) {
           const double s2 = residualSquares(c, fit.shared) / n + floor * floor;
           const double value = n * std::log(s2) + c.log_det + c.cost;
-          if (value < least) {
-            least = value;
+          if (value < lowest) {
+            lowest = value;
             fit.choice[a] = c;
           }
         }
@@ -122,7 +122,7 @@ GroupFit bestOf(const Candidates& candidates, double n, double floor) {
 
 // ---- breaks ----
 
-bool roomFor(const std::vector<std::size_t>& starts, std::size_t place, std::size_t n) {
+bool isFree(const std::vector<std::size_t>& starts, std::size_t place, std::size_t n) {
   if (place < kMinRecording || place + kMinRecording > n) return false;
   return std::all_of(starts.begin(), starts.end(), [&](std::size_t s) {
     return s == 0 || (place > s ? place - s : s - place) >= kMinRecording;
@@ -136,7 +136,7 @@ class BreakSearch {
     data_[kForce] = seriesOf(problem, kForce, Vector3d::Zero());
   }
 
-  // gravity from forces whose bias may do what it likes
+  // gravity from forces with a freely drifting bias
   Vector3d freeGravity() const {
     return uniformFit(data_[kForce], problem_.line, drift_ ? 1.0 / problem_.line.step : 0.0,
                       problem_.floor[kForce])
@@ -160,8 +160,8 @@ class BreakSearch {
     return out;
   }
 
-  // the break that gains most: a coarse scan of places for long recordings, then the neighbours of
-  // the best; false when none gains
+  // Adds the break that lowers the criterion by the largest amount: a coarse scan for long
+  // recordings, then the neighbours of the best. False when none lowers it.
   bool addBreak(Structure& best) const {
     if (best.starts.size() > kMaxBreaks) return false;
     const std::size_t stride = std::max<std::size_t>(1, n_ / kScanPlaces);
@@ -171,7 +171,7 @@ class BreakSearch {
     const auto tryAt = [&](std::size_t place) {
       const bool small = std::find(problem_.no_break.begin(), problem_.no_break.end(),
                                    problem_.line.order[place]) != problem_.no_break.end();
-      if (small || !roomFor(best.starts, place, n_)) return;
+      if (small || !isFree(best.starts, place, n_)) return;
       std::vector<std::size_t> starts = best.starts;
       starts.insert(std::upper_bound(starts.begin(), starts.end(), place), place);
       Structure trial = fitWith(starts);
@@ -190,7 +190,7 @@ class BreakSearch {
     return true;
   }
 
-  // a break that the final shapes make needless goes; the others keep their gain
+  // Removes breaks that no longer lower the criterion and records the gains of the others.
   void dropBreaks(Structure& best) const {
     const auto without = [&](std::size_t b) {
       std::vector<std::size_t> starts = best.starts;
@@ -306,7 +306,7 @@ void profile(GroupFit& fit, double n, double floor) {
     fit.shared = N.colPivHouseholderQr().solve(h);
     Vector3d squares;
     for (std::size_t a = 0; a < 3; ++a) squares[a] = residualSquares(fit.choice[a], fit.shared);
-    // two poses' worth of the mean keeps a lucky axis from taking all the weight
+    // shrinkage by two poses of the mean variance: no axis gets all the weight by chance
     const double mean = squares.sum() / (3.0 * n);
     fit.variance = (squares.array() + 2.0 * mean) / (n + 2.0) + floor * floor;
   }

@@ -26,8 +26,8 @@ struct Problem {
   std::vector<Eigen::Matrix3d> R;
   std::vector<Vector6> w;
   Timeline line;
-  std::array<double, 2> floor{};  ///< least sd by kind: rounding, not noise
-  std::vector<double> no_break;   ///< orders at which a break was looked at and found too small
+  std::array<double, 2> floor{};  ///< lower bound of the sd by kind: rounding
+  std::vector<double> no_break;   ///< orders where a break was too small
 };
 
 /// One component: readings y = X shared + own effects + drift + noise.

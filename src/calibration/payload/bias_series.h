@@ -11,8 +11,8 @@
 namespace assembly_cell::bias_series {
 
 /// Quantile of chi-square by Wilson and Hilferty (relative error < 1 % for p ≥ 1e-6), not that of
-/// base/distributions.h: its exact value moves limits in their third digit, and with them which
-/// break or outlier a recording was found to have.
+/// math/distributions.h: the exact value would change the limits in their third digit and so the
+/// detected breaks and outliers.
 double chiSquareQuantile(int dof, double upper_tail);
 /// P(N(0,1) beyond ±z).
 double twoSided(double z);

@@ -25,16 +25,17 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kMinPoses = 6;
 constexpr std::size_t kMaxPoses = 2000;
-constexpr std::size_t kMinForStructure = 16;  // fewer poses cannot tell drift from noise
-constexpr double kMinJump = 5.0;              // of a break, in sd of a reading: less is drift
-constexpr double kOutlierTail = 0.01;         // false outliers a clean recording
-constexpr double kMaxOutliers = 0.25;         // of the poses
-constexpr double kNoiseFloor = 1e-7;          // of the largest reading: rounding, not noise
-constexpr double kWeakestDirection = 0.05;    // share of the weight that rotation makes visible
-constexpr double kLeastWeight = 5.0;          // sd
-// median held-out errors, force times torque, of one reading of the axes over the other's. The
-// recording of test/data and four simulated ones lie below 0.004 or above 4e4: half of it decides
-// alike, from 1 on nothing stays undecided
+constexpr std::size_t kMinForStructure =
+    16;                                     // with fewer poses drift can't be separated from noise
+constexpr double kMinJump = 5.0;            // of a break, in sd of a reading: less is drift
+constexpr double kOutlierTail = 0.01;       // false outliers a clean recording
+constexpr double kMaxOutliers = 0.25;       // of the poses
+constexpr double kNoiseFloor = 1e-7;        // of the largest reading: rounding, not noise
+constexpr double kWeakestDirection = 0.05;  // fraction of the weight that rotation makes visible
+constexpr double kMinWeight = 5.0;          // sd
+// Ratio of the median held-out errors, force times torque, of both choices of the axes. The
+// recording of test/data and four simulated ones are below 0.004 or above 4e4; half of it gives the
+// same decisions, from 1 on nothing is undecided.
 constexpr double kClearly = 0.7;
 
 void checkInput(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches) {
@@ -58,7 +59,8 @@ void checkInput(const std::vector<StaticPose>& poses, const std::vector<Vector6>
   }
 }
 
-// what a free constant in sensor axes leaves of g: least root of 1 − R̄ R̄ᵀ, R̄ the mean rotation
+// Observability of g beside a free constant in sensor axes: smallest root of 1 − R̄ R̄ᵀ, R̄ the mean
+// rotation
 double weakestDirection(const std::vector<StaticPose>& poses) {
   const auto n = static_cast<double>(poses.size());
   Matrix3d mean = Matrix3d::Zero();
@@ -122,7 +124,7 @@ double medianHeldOut(const FullGroup& fit) {
   return upperMedian(sizes);
 }
 
-// how well one reading of the axes fits, with a bias that may do what it likes
+// How well one choice of the axes fits, with a freely drifting bias.
 struct AxesFit {
   double force = 0.0, torque = 0.0;  // median held-out error
   double weight = 0.0;
@@ -140,7 +142,7 @@ AxesFit tryAxes(const Problem& p, bool drift) {
           fits[kForce].group.effects.head<3>().norm()};
 }
 
-// base, sensor, or auto where neither fits better
+// Base, sensor, or auto where neither fits better.
 WrenchAxes chooseAxes(const AxesFit& base, const AxesFit& sensor) {
   const double ratio = base.force * base.torque / (sensor.force * sensor.torque);
   if (ratio < kClearly) return WrenchAxes::kBase;
@@ -159,19 +161,20 @@ CalibrationRefusal refusalOf(const std::vector<StaticPose>& poses) {
             std::to_string(poses.size()) + " poses: give at least " + std::to_string(kMinPoses)};
   }
   if (weakestDirection(poses) < kWeakestDirection) {
-    return {CalibrationFailure::kOneAxis,
-            "the orientations do not tell weight from bias (rank below 6): turn the sensor about "
-            "two horizontal axes by tens of degrees"};
+    return {
+        CalibrationFailure::kOneAxis,
+        "the orientations do not separate weight from bias (rank below 6): turn the sensor about "
+        "two horizontal axes by tens of degrees"};
   }
   return {};
 }
 
-// a sensor that is stuck, or carries nothing
+// Refuses a sensor that is stuck or carries nothing.
 CalibrationRefusal weightRefusal(const PayloadModel& model, const Problem& problem) {
   const double floor = problem.floor[kForce];
-  if (model.weight > kLeastWeight * std::max(model.weight_sd, floor)) return {};
+  if (model.weight > kMinWeight * std::max(model.weight_sd, floor)) return {};
   return {CalibrationFailure::kNoWeight,
-          "the forces don't follow the orientations: no weight is felt; check that the sensor "
+          "the forces don't follow the orientations: no weight is detected; check that the sensor "
           "carries the payload and that its readings change"};
 }
 
@@ -181,7 +184,7 @@ bool isConstant(const std::vector<Vector6>& wrenches) {
                      [&](const Vector6& w) { return w == wrenches.front(); });
 }
 
-// the reading of the axes that leaves less when the bias may drift
+// The choice of the axes with the smaller error when the bias may drift.
 WrenchAxes findAxes(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches,
                     bool drift, PayloadModel& model) {
   std::array<AxesFit, 2> fit;
@@ -220,12 +223,13 @@ struct Identified {
   FullGroups full;
 };
 
-// structure, then the worst outlier, until nothing changes
+// Alternates structure search and removal of the worst outlier until nothing changes.
 Identified identify(const std::vector<StaticPose>& poses, const std::vector<Vector6>& w,
                     const PayloadOptions& options, PayloadModel& model) {
   Identified found;
   std::vector<double> no_break;
-  const auto most = static_cast<std::size_t>(kMaxOutliers * static_cast<double>(poses.size()));
+  const auto max_outliers =
+      static_cast<std::size_t>(kMaxOutliers * static_cast<double>(poses.size()));
   while (true) {
     Problem& problem = found.problem;
     problem = problemOf(poses, w, model.used, model.temperature_mean);
@@ -246,7 +250,8 @@ Identified identify(const std::vector<StaticPose>& poses, const std::vector<Vect
       }
       continue;
     }
-    if (!options.outliers || model.used.size() <= kMinPoses + 2 || model.rejected.size() >= most) {
+    if (!options.outliers || model.used.size() <= kMinPoses + 2 ||
+        model.rejected.size() >= max_outliers) {
       break;
     }
     const auto worst = worstPose(found.full);

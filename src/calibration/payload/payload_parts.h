@@ -29,7 +29,7 @@ Estimate evaluate(const PayloadModel& model, std::size_t axis, const Functional&
 /// From the bias at used pose `from` to that at `to`, at the mean temperature.
 Estimate biasChange(const PayloadModel& model, std::size_t axis, std::size_t from, std::size_t to);
 
-/// First used pose after the break whose largest jump is least, if that is no more than `limit`
+/// First used pose after the break whose largest jump is smallest, if that is no more than `limit`
 /// standard deviations of a reading.
 std::optional<std::size_t> smallestBreak(const PayloadModel& model, double limit);
 

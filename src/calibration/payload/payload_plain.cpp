@@ -25,7 +25,7 @@ struct Fit {
   double squares = 0.0;
 };
 
-// three readings a pose: a constant of sensor axes and what `load` says of the pose
+// Three equations a pose: a constant in sensor axes and `load` of the pose.
 template <typename Load>
 Fit fit(const std::vector<Vector6>& wrenches, Eigen::Index part, Eigen::Index unknowns,
         const Load& load) {
@@ -63,7 +63,7 @@ OtherAxes otherAxes(const std::vector<StaticPose>& poses, const std::vector<Vect
   for (const Vector6& w : wrenches) largest += w.head<3>().squaredNorm();
   const double rounding = 1e-14 * largest;
   const double given = squaresLeft(poses, inSensorAxes(poses, wrenches, axes));
-  double least = given;
+  double lowest = given;
   for (const bool inverse : {false, true}) {
     std::vector<StaticPose> read = poses;
     for (StaticPose& pose : read) {
@@ -79,8 +79,8 @@ OtherAxes otherAxes(const std::vector<StaticPose>& poses, const std::vector<Vect
         std::vector<Vector6> turned = wrenches;
         for (Vector6& w : turned) w.head<3>() = P * w.head<3>();
         const double left = squaresLeft(read, inSensorAxes(read, turned, axes));
-        if (!(left < least)) continue;
-        least = left;
+        if (!(left < lowest)) continue;
+        lowest = left;
         out.inverse = inverse;
         for (std::size_t k = 0; k < 3; ++k) {
           out.axes[k] = std::string(signs >> k & 1 ? "-" : "") + "xyz"[order[k]];
@@ -88,7 +88,7 @@ OtherAxes otherAxes(const std::vector<StaticPose>& poses, const std::vector<Vect
       }
     } while (std::next_permutation(order.begin(), order.end()));
   }
-  out.better = std::sqrt((given + rounding) / (least + rounding));
+  out.better = std::sqrt((given + rounding) / (lowest + rounding));
   return out;
 }
 

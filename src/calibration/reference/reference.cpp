@@ -21,8 +21,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kHuber = 1.5;  // sd: 4 % of efficiency on normal noise; 1 and 3 within 2 % here
-constexpr double kLagStep = 0.005;  // [s] of the first look: loads by hand change in tenths
-constexpr double kBetter = 0.01;    // share by which a larger model must predict better
+constexpr double kLagStep = 0.005;  // [s] of the first scan: loads by hand change in tenths
+constexpr double kBetter = 0.01;    // fraction by which a larger model must predict better
 
 int coefficientsOf(ReferenceModel model, Index channels) {
   const int n = static_cast<int>(channels);
@@ -86,10 +86,10 @@ double medianOfAbsolute(const VectorXd& values) {
   return upperMedian(sizes);
 }
 
-// the lag that leaves least, of steps over the whole range
+// The lag with the smallest cost, of steps over the whole range.
 double firstLag(const std::vector<const ReferenceAverages*>& runs, const MatrixXd& design) {
   const Eigen::ColPivHouseholderQR<MatrixXd> qr(design);
-  double best = 0.0, least = std::numeric_limits<double>::infinity();
+  double best = 0.0, lowest = std::numeric_limits<double>::infinity();
   const int steps = static_cast<int>(std::lround(kLagRange / kLagStep));
   for (int k = -steps; k <= steps; ++k) {
     const double lag = kLagStep * k;
@@ -97,14 +97,15 @@ double firstLag(const std::vector<const ReferenceAverages*>& runs, const MatrixX
     const MatrixXd e = y - design * qr.solve(y);
     double cost = 0.0;
     for (Index axis = 0; axis < 6; ++axis) cost += std::log(e.col(axis).cwiseAbs().mean() + 1e-12);
-    if (cost >= least) continue;
-    least = cost;
+    if (cost >= lowest) continue;
+    lowest = cost;
     best = lag;
   }
   return best;
 }
 
-// one pass of Huber's weights over all axes and of the lag (variable projection)
+// One pass of Huber's weights over all axes and one Gauss–Newton step of the lag (variable
+// projection). Weights and lag change together, so this isn't a problem for math/least_squares.h.
 double improve(Fit& fit, const std::vector<const ReferenceAverages*>& runs, bool lag_free) {
   const MatrixXd y = shiftedWrench(runs, fit.lag), d = slopes(runs);
   double along = 0.0, information = 0.0;
@@ -214,7 +215,7 @@ void addPlainErrors(const std::vector<const ReferenceAverages*>& runs,
   }
 }
 
-// how much more a mean varies than independent residuals would let it, from neighbours
+// Variance of the mean over that of independent residuals, from the lag-1 correlation.
 double inflation(const VectorXd& e) {
   const Index n = e.size();
   const double squares = e.squaredNorm();
@@ -367,8 +368,9 @@ const char* toString(ReferenceModel model) {
 ReferenceSolution solveReference(const std::vector<ReferenceRun>& runs,
                                  const ReferenceRun* hold_out, const ReferenceOptions& options) {
   if (runs.empty() || (runs.size() == 1 && hold_out == nullptr)) {
-    throw InputError("runs: " + std::to_string(runs.size()) +
-                     " given and none held out: give another RUN, or --holdout RUN, to judge by");
+    throw InputError(
+        "runs: " + std::to_string(runs.size()) +
+        " given and none held out: give another RUN, or --holdout RUN, to check against");
   }
   std::vector<ReferenceAverages> averaged;
   for (const ReferenceRun& run : runs) averaged.push_back({&run, cellsOf(run)});
@@ -391,7 +393,7 @@ ReferenceSolution solveReference(const std::vector<ReferenceRun>& runs,
   fillMap(fit, out);
   for (const ReferenceAverages& run : averaged) out.runs.push_back(resultOf(fit, run));
   if (held) out.hold_out = resultOf(fit, *held);
-  judgeReference(averaged, held ? &*held : nullptr, out);
+  evaluateReference(averaged, held ? &*held : nullptr, out);
   return out;
 }
 

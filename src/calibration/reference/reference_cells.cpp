@@ -30,14 +30,14 @@ ReferenceCell cellOf(const ReferenceRun& run, std::size_t first, std::size_t end
   cell.t = t.mean();
   cell.raw = run.raw.middleRows(from, n).colwise().mean().transpose();
   cell.wrench = run.wrench.middleRows(from, n).colwise().mean().transpose();
-  const Eigen::VectorXd way = t.array() - cell.t;
+  const Eigen::VectorXd offset = t.array() - cell.t;
   if (n >= 3) {
-    cell.slope = run.wrench.middleRows(from, n).transpose() * way / way.squaredNorm();
+    cell.slope = run.wrench.middleRows(from, n).transpose() * offset / offset.squaredNorm();
   }
   return cell;
 }
 
-// the mean of the cells that carry nothing: near the run's first reading
+// Mean of the unloaded cells at the start of the run.
 void tare(ReferenceCells& run) {
   double force = 0.0, torque = 0.0;
   const Vector6 start = run.cells.front().wrench;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Recordings in bursts as averages that count alike.
+// Recordings in bursts reduced to averages of equal weight.
 #pragma once
 
 #include <vector>
@@ -31,11 +31,11 @@ ReferenceCells cellsOf(const ReferenceRun& run);
 /// Wrench of the reference at t, tare taken off: on the line through the nearest cell.
 Vector6 referenceAt(const ReferenceCells& run, std::size_t nearest, double t);
 
-constexpr double kLagRange = 0.1;  // [s] a sensor's filter delays less
-// cells a coefficient: with fewer a run left out says nothing
+constexpr double kLagRange = 0.1;  // [s] longer than the delay of a sensor's filter
+// cells a coefficient: with fewer the error of a run left out is meaningless
 constexpr double kCellsPerCoefficient = 3.0;
 
-/// A run beside its averages.
+/// A run with its averages.
 struct ReferenceAverages {
   const ReferenceRun* run;
   ReferenceCells cells;
@@ -45,7 +45,7 @@ struct ReferenceAverages {
 void checkReferenceRuns(const std::vector<ReferenceAverages>& runs);
 
 /// Fills gates and `accepted` of a solution that is otherwise complete.
-void judgeReference(const std::vector<ReferenceAverages>& runs, const ReferenceAverages* hold_out,
-                    ReferenceSolution& out);
+void evaluateReference(const std::vector<ReferenceAverages>& runs,
+                       const ReferenceAverages* hold_out, ReferenceSolution& out);
 
 }  // namespace assembly_cell

@@ -54,8 +54,8 @@ void loadGate(const std::vector<ReferenceAverages>& runs, std::vector<Gate>& gat
            std::string("the runs hardly load ") + names[axis] + " by itself: add a run that does"});
 }
 
-// how much more a channel's cells vary than its samples within them let expect
-double liveliness(const std::vector<ReferenceAverages>& runs, Index channel) {
+// Variance of a channel's cells over that explained by the noise within them.
+double signalToNoise(const std::vector<ReferenceAverages>& runs, Index channel) {
   double between = 0.0, within = 0.0, cells = 0.0, samples = 0.0, biggest = 0.0;
   for (const ReferenceAverages& run : runs) {
     biggest = std::max(biggest, run.run->raw.col(channel).cwiseAbs().maxCoeff());
@@ -74,24 +74,24 @@ double liveliness(const std::vector<ReferenceAverages>& runs, Index channel) {
       ++cells;
     }
   }
-  const double least = std::pow(kRounding * biggest, 2);
-  if (!(between / cells > least)) return 0.0;
-  return (between / cells) / std::max(within / std::max(samples, 1.0), least);
+  const double floor = std::pow(kRounding * biggest, 2);
+  if (!(between / cells > floor)) return 0.0;
+  return (between / cells) / std::max(within / std::max(samples, 1.0), floor);
 }
 
-// every channel feels the load, and each something of its own
+// Every channel must follow the load and be independent of the others.
 void channelGates(const std::vector<ReferenceAverages>& runs, std::vector<Gate>& gates) {
   const Index channels = runs.front().run->raw.cols();
   Index worst = 0;
-  double least = HUGE_VAL;
+  double lowest = HUGE_VAL;
   for (Index k = 0; k < channels; ++k) {
-    const double alive = liveliness(runs, k);
-    if (alive >= least) continue;
-    least = alive;
+    const double ratio = signalToNoise(runs, k);
+    if (ratio >= lowest) continue;
+    lowest = ratio;
     worst = k;
   }
-  addGate(gates, !(least > kDeadChannel),
-          {"channels", Verdict::kRefuse, least, kDeadChannel,
+  addGate(gates, !(lowest > kDeadChannel),
+          {"channels", Verdict::kRefuse, lowest, kDeadChannel,
            "raw channel " + std::to_string(worst + 1) +
                " doesn't follow the load: check its wiring, or leave the column out"});
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(channels, channels);
@@ -129,7 +129,7 @@ void checkReferenceRuns(const std::vector<ReferenceAverages>& runs) {
         continue;
       }
       throw InputError(run.run->name + ": the same recording as " + runs[k].run->name +
-                       ": give each once, what judges the map must be another");
+                       ": give each once, the map must be checked against another");
     }
     if (run.run->raw.cols() != runs.front().run->raw.cols()) {
       throw InputError(run.run->name + ": " + std::to_string(run.run->raw.cols()) +
@@ -146,8 +146,8 @@ void checkReferenceRuns(const std::vector<ReferenceAverages>& runs) {
   }
 }
 
-void judgeReference(const std::vector<ReferenceAverages>& runs, const ReferenceAverages* hold_out,
-                    ReferenceSolution& out) {
+void evaluateReference(const std::vector<ReferenceAverages>& runs,
+                       const ReferenceAverages* hold_out, ReferenceSolution& out) {
   std::vector<Gate>& gates = out.gates;
   loadGate(runs, gates);
   channelGates(runs, gates);
@@ -161,12 +161,12 @@ void judgeReference(const std::vector<ReferenceAverages>& runs, const ReferenceA
            "the lag ends at its limit: are these the same loads, and times in one clock?"});
   const ReferenceError& error = out.left_out[static_cast<std::size_t>(out.model)];
   const double force = error.force / out.plain.force, torque = error.torque / out.plain.torque;
-  const bool judged = std::isfinite(force) && std::isfinite(torque);
-  addGate(gates, !judged,
-          {"left_out", Verdict::kRefuse, judged ? std::max(force, torque) : std::nan(""), 1.0,
-           std::string("no run left out can judge the model ") + toString(out.model) +
+  const bool evaluated = std::isfinite(force) && std::isfinite(torque);
+  addGate(gates, !evaluated,
+          {"left_out", Verdict::kRefuse, evaluated ? std::max(force, torque) : std::nan(""), 1.0,
+           std::string("no run left out can check the model ") + toString(out.model) +
                ": record longer, or take a smaller --model"});
-  const double ratio = judged ? std::max(force, torque) : 0.0;
+  const double ratio = evaluated ? std::max(force, torque) : 0.0;
   addGate(gates, ratio > 1.0,
           {"against_plain", Verdict::kWarn, ratio, 1.0,
            "a run left out is predicted worse than by ordinary least squares: its tare, or its "

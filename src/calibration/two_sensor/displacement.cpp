@@ -7,8 +7,8 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/math/distributions.h"
-#include "format.h"
 
 namespace assembly_cell {
 
@@ -17,9 +17,9 @@ namespace {
 constexpr int kTerms = 27;  // strains and all products
 constexpr double kTestsRank = 1e-8;
 constexpr double kWorstCondition = 30.0;
-constexpr double kResidual = 3.0;      // times the expected noise
-constexpr double kCorner = 0.7;        // of the central composite
-constexpr Eigen::Index kMinTests = 6;  // for a name of the weak direction
+constexpr double kResidual = 3.0;      // largest ratio of residual to expected noise
+constexpr double kCorner = 0.7;        // corner of the central composite design
+constexpr Eigen::Index kMinTests = 6;  // below it the weak direction has no name
 
 std::string termName(Eigen::Index column) {
   if (column < 6) return "channel " + std::to_string(column);
@@ -85,8 +85,8 @@ Movements movementsOf(const ObservationSet& set, Side side, DisplacementSolution
   return found;
 }
 
-// rank, condition and weak direction of the design; true when it can be solved
-bool judgeDesign(const Eigen::MatrixXd& Z, DisplacementSolution& out) {
+// Rank, condition and weak direction of the design Z; true when it can be solved.
+bool evaluateDesign(const Eigen::MatrixXd& Z, DisplacementSolution& out) {
   std::string& weak = out.weak_direction = "every channel";
   if (Z.rows() >= kMinTests) {
     const Eigen::VectorXd norms = Z.colwise().norm().transpose().cwiseMax(1e-300);
@@ -111,7 +111,7 @@ bool judgeDesign(const Eigen::MatrixXd& Z, DisplacementSolution& out) {
   addGate(
       out.gates, out.condition > kWorstCondition,
       {"condition", Verdict::kRefuse, out.condition, kWorstCondition,
-       format("condition %.3g is above %.3g, weakest direction: ", out.condition, kWorstCondition) +
+       text("condition %.3g is above %.3g, weakest direction: ", out.condition, kWorstCondition) +
            weak + ": add tests that strain it both ways"});
   return true;
 }
@@ -126,8 +126,8 @@ void summarise(DisplacementSolution& out) {
   const std::string warnings = gateTexts(out.gates, Verdict::kWarn);
   out.accepted = reasons.empty();
   out.message = out.accepted ? std::to_string(out.tests) + " tests" +
-                                   format(", condition %.3g, residual %.3g m", out.condition,
-                                          out.residual_sd.head<3>().maxCoeff())
+                                   text(", condition %.3g, residual %.3g m", out.condition,
+                                        out.residual_sd.head<3>().maxCoeff())
                              : "refused: " + reasons;
   if (!warnings.empty()) out.message += "; warning: " + warnings;
 }
@@ -148,7 +148,7 @@ DisplacementSolution solveDisplacement(const ObservationSet& set, Side side) {
     Z.row(i) = allTerms(found.strains[i]).cwiseQuotient(scale).transpose();
     Y.row(i) = found.poses[i].transpose();
   }
-  if (judgeDesign(Z, out)) {
+  if (evaluateDesign(Z, out)) {
     const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Z);
     const Eigen::MatrixXd solution = qr.solve(Y);
     const Eigen::MatrixXd inverse =
@@ -173,13 +173,13 @@ DisplacementSolution solveDisplacement(const ObservationSet& set, Side side) {
     const double ratio = out.residual_sd.cwiseQuotient(out.output_sd).maxCoeff();
     addGate(out.gates, !(ratio <= kResidual),
             {"residual", Verdict::kRefuse, ratio, kResidual,
-             format("residuals are %.3g times the noise of gauges and strain, above %.3g: reduce "
-                    "the range or check the gauges",
-                    ratio, kResidual)});
+             text("residuals are %.3g times the noise of gauges and strain, above %.3g: reduce "
+                  "the range or check the gauges",
+                  ratio, kResidual)});
     addGate(out.gates, out.dof > 0 && out.p < 1e-3,
             {"lack_of_fit", Verdict::kWarn, out.p, 1e-3,
-             format("chi2/dof %.3g (p %.2g): the residuals are more than gauge noise",
-                    out.chi2 / (6 * out.dof), out.p)});
+             text("chi2/dof %.3g (p %.2g): the residuals are more than gauge noise",
+                  out.chi2 / (6 * out.dof), out.p)});
   }
   summarise(out);
   return out;
@@ -191,7 +191,7 @@ void applyDisplacement(const DisplacementSolution& s, Calibration& c) {
   c.quadratic_displacement = true;
   c.displacement_products = s.T.rightCols<kStrainProducts>();
   c.displacement_covariance = s.unit_covariance;
-  // where the fit is worse than its noise the residuals speak
+  // the larger of expected and measured: a poor fit shows in its residuals
   c.displacement_variance = s.output_sd.cwiseMax(s.residual_sd).cwiseAbs2();
   c.displacement_range = s.range;
   c.displacement_fit = {s.chi2, 6 * s.dof, s.p, s.residual_sd, s.output_sd};

@@ -6,16 +6,17 @@
 #include <cmath>
 #include <limits>
 
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/math/distributions.h"
 #include "force_gates.h"
-#include "format.h"
 
 namespace assembly_cell {
 
 namespace {
 
-constexpr double kOutlierP = 1e-3;  // of χ²: above it no test counts as an outlier
+constexpr double kOutlierP = 1e-3;  // p of χ² above which no test counts as an outlier
 
 ForceFit fitOf(const ForceSystem& system, const ObservationSet& set, const ForceFit* start,
                int terms, bool normalise) {
@@ -29,11 +30,11 @@ ForceFit fitOf(const ForceSystem& system, const ObservationSet& set, const Force
   return fitForce(system, S, normalise);
 }
 
-// removes the largest normalised residual while χ² is improbable
+// Removes the test with the largest normalised residual while χ² is improbable.
 ForceFit fitWithoutOutliers(ForceSystem& system, const ObservationSet& set, const ForceFit* start,
-                            int terms, double share) {
+                            int terms, double fraction) {
   ForceFit fit = fitOf(system, set, start, terms, true);
-  int left = static_cast<int>(share * static_cast<double>(system.tests.size()));
+  int left = static_cast<int>(fraction * static_cast<double>(system.tests.size()));
   while (left-- > 0 && fit.converged && chiSquareTail(fit.chi2, fit.dof) < kOutlierP) {
     std::size_t worst = system.tests.size();
     double excess = 1.0;
@@ -58,40 +59,40 @@ ForceFit fitWithoutOutliers(ForceSystem& system, const ObservationSet& set, cons
   return fit;
 }
 
-// every so many tests of each kind aside; normalised rms of their residuals
-void holdOut(ForceSystem system, const ObservationSet& set, const ForceFit& fit, double share,
+// Leaves a fraction of the tests of each kind out of the fit; rms of their normalised residuals.
+void holdOut(ForceSystem system, const ObservationSet& set, const ForceFit& fit, double fraction,
              ForceSolution& out) {
   const int terms = out.terms;
   out.hold_out_rms = std::numeric_limits<double>::quiet_NaN();
-  if (!(share > 0.0)) return;
-  const auto step = static_cast<int>(std::lround(1.0 / share));
+  if (!(fraction > 0.0)) return;
+  const auto step = static_cast<int>(std::lround(1.0 / fraction));
   std::array<int, 8> count{};
-  std::vector<std::size_t> aside;
+  std::vector<std::size_t> held_out;
   for (std::size_t k = 0; k < system.tests.size(); ++k) {
     ForceTest& test = system.tests[k];
     if (!test.used) continue;
     const auto kind = static_cast<std::size_t>(test.kind) + (test.part.a.present ? 0 : 1);
     if (++count[kind] % step == step / 2) {
       test.used = false;
-      aside.push_back(k);
+      held_out.push_back(k);
     }
   }
-  if (aside.empty()) return;
+  if (held_out.empty()) return;
   if (rankOf(noiseFree(system, set), terms).rank < 2 * system.rows * terms) return;
   const ForceFit part = fitOf(system, set, &fit, terms, true);
   if (!part.converged) return;
   double sum = 0.0;
   int equations = 0;
-  for (const std::size_t k : aside) {
+  for (const std::size_t k : held_out) {
     const int m = system.tests[k].equations;
     sum += part.normalised[k] * part.normalised[k] * m;
     equations += m;
   }
   out.hold_out_rms = std::sqrt(sum / equations);
-  out.hold_out_tests = static_cast<int>(aside.size());
+  out.hold_out_tests = static_cast<int>(held_out.size());
 }
 
-void takeOver(const ForceSystem& system, const ForceFit& fit, ForceSolution& out) {
+void fillSolution(const ForceSystem& system, const ForceFit& fit, ForceSolution& out) {
   out.S = fit.S;
   out.covariance = fit.covariance;
   out.terms = static_cast<int>(fit.S.a.cols());
@@ -110,7 +111,7 @@ void takeOver(const ForceSystem& system, const ForceFit& fit, ForceSolution& out
     result.observation = test.observation;
     if (!test.used) result.dropped = {CalibrationFailure::kOutlier, "outlier"};
     result.equations = test.equations;
-    // the rows of an indentation are moments
+    // an indentation has rows for moments only
     const int first = test.kind == ObservationKind::kIndentation ? 3 : 0;
     result.residual.segment(first, test.equations) = fit.residual[k];
     result.chi2 = fit.test_chi2[k];
@@ -130,16 +131,16 @@ void takeOver(const ForceSystem& system, const ForceFit& fit, ForceSolution& out
 
 int rowsOf(ForceProcedure procedure) { return procedure == ForceProcedure::kAllRows ? 6 : 3; }
 
-// geometry, noise-free rank; true when the system can be solved
-bool judgeSystem(const ForceSystem& system, const ObservationSet& set,
-                 const ForceSettings& settings, int terms, const Geometry& geometry,
-                 ForceSolution& out) {
+// Gates on geometry and noise-free rank; true when the system can be solved.
+bool evaluateSystem(const ForceSystem& system, const ObservationSet& set,
+                    const ForceSettings& settings, int terms, const Geometry& geometry,
+                    ForceSolution& out) {
   out.tests = system.dropped;
   out.procedure = settings.procedure;
   out.rows = system.rows;
   out.terms = terms;
   out.quadratic = terms == 27;
-  judgeGeometry(geometry, out.gates);
+  evaluateGeometry(geometry, out.gates);
   const DesignRank design = rankOf(noiseFree(system, set), terms);
   out.weak_vector = design.weakest;
   out.weak_direction = describeWeak(design.weakest, set, system.rows, terms, settings.rated);
@@ -150,7 +151,7 @@ bool judgeSystem(const ForceSystem& system, const ObservationSet& set,
     force_rows = " (force rows alone: rank " + std::to_string(alone.rank) + " of " +
                  std::to_string(alone.unknowns) + ")";
   }
-  judgeRank(design, force_rows, geometry, out);
+  evaluateRank(design, force_rows, geometry, out);
   return full;
 }
 
@@ -165,13 +166,13 @@ struct Fitted {
   ForceFit fit;
 };
 
-// linear, or complete quadratic where that is wanted or the linear one fits badly and data suffice;
-// `out`: gates of the model taken
+// The linear model, or the complete quadratic one if it is requested, or if the linear one fits
+// badly and there are enough data. `out`: gates of the model chosen.
 Fitted fitModel(const ForceSystem& system, const ObservationSet& set, const ForceSettings& settings,
                 const Geometry& geometry, ForceSolution& out) {
   Fitted found{system, {}};
   const std::string missing = missingForQuadratic(geometry, set);
-  // a model that is wrong everywhere has no outliers
+  // no outliers are removed before the model fits
   const ForceFit linear = fitOf(system, set, nullptr, 6, false);
   if (settings.model == StrainModel::kQuadratic) {
     addGate(out.gates, !missing.empty(),
@@ -191,8 +192,8 @@ Fitted fitModel(const ForceSystem& system, const ObservationSet& set, const Forc
   }
   if (!isPoor()) return found;
   ForceSolution quadratic;
-  if (!judgeSystem(system, set, settings, 27, geometry, quadratic)) {
-    // as it was before: all tests count
+  if (!evaluateSystem(system, set, settings, 27, geometry, quadratic)) {
+    // stay with the linear model and all tests
     for (ForceTest& test : found.system.tests) test.used = true;
     return found;
   }
@@ -205,6 +206,11 @@ Fitted fitModel(const ForceSystem& system, const ObservationSet& set, const Forc
 
 }  // namespace
 
+void fields(FieldList& f, RatedLoad& rated) {
+  f.number("force", rated.force, positive("N"), "Largest force, each axis.");
+  f.number("torque", rated.torque, positive("N m"), "Largest torque, each axis.");
+}
+
 const char* toString(ForceProcedure procedure) {
   return std::array{"all_rows", "force_rows", "thesis"}[static_cast<std::size_t>(procedure)];
 }
@@ -215,10 +221,10 @@ ForceSolution solveForce(const ObservationSet& set, const ForceSettings& setting
   const Geometry geometry = geometryOf(system, set);
   const int terms = settings.model == StrainModel::kQuadratic ? 27 : 6;
   ForceSolution out;
-  const bool solvable = judgeSystem(system, set, settings, terms, geometry, out);
-  // the noisy numbers that the thesis would have taken
+  const bool solvable = evaluateSystem(system, set, settings, terms, geometry, out);
+  // plain least squares, as in the thesis
   if (settings.procedure == ForceProcedure::kThesis) out.S = plainLeastSquares(system);
-  if (!solvable) judgeDropped(out);
+  if (!solvable) evaluateDropped(out);
   if (!solvable || settings.procedure == ForceProcedure::kThesis) {
     summarise(out);
     return out;
@@ -231,34 +237,34 @@ ForceSolution solveForce(const ObservationSet& set, const ForceSettings& setting
     summarise(out);
     return out;
   }
-  takeOver(found.system, found.fit, out);
-  judgePrediction(set, settings.rated, out);
+  fillSolution(found.system, found.fit, out);
+  evaluatePrediction(set, settings.rated, out);
   holdOut(found.system, set, found.fit, settings.hold_out, out);
-  judgeFit(geometry, set, settings.model, system.tests.size(), out);
+  evaluateFit(geometry, set, settings.model, system.tests.size(), out);
   summarise(out);
   return out;
 }
 
-ForceSolution judgeDesign(const ObservationSet& set, const ForceSettings& settings) {
+ForceSolution evaluateDesign(const ObservationSet& set, const ForceSettings& settings) {
   checkAll(set);
   const int rows = rowsOf(settings.procedure);
   const int terms = settings.model == StrainModel::kQuadratic ? 27 : 6;
   const ForceSystem system = buildSystem(set, settings, rows);
   const Geometry geometry = geometryOf(system, set);
   ForceSolution out;
-  if (judgeSystem(system, set, settings, terms, geometry, out)) {
+  if (evaluateSystem(system, set, settings, terms, geometry, out)) {
     out.S = nominalMatrices(set, rows, terms);
     const ForceFit fit = covarianceAt(noiseFree(system, set), out.S);
     if (fit.converged) {
       out.covariance = fit.covariance;
-      judgePrediction(set, settings.rated, out);
+      evaluatePrediction(set, settings.rated, out);
     }
   }
   summarise(out);
   if (out.accepted) {
     out.message = "design is good: rank " + std::to_string(out.rank) + " of " +
                   std::to_string(out.unknowns) +
-                  format(", condition %.3g, %d degrees of freedom", out.condition, out.dof);
+                  text(", condition %.3g, %d degrees of freedom", out.condition, out.dof);
     const std::string warnings = gateTexts(out.gates, Verdict::kWarn);
     if (!warnings.empty()) out.message += "; warning: " + warnings;
   }
@@ -284,18 +290,18 @@ void applyForce(const ForceSolution& solution, const ObservationSet& set, Side s
   c.noise.setConstant(std::sqrt(sensor.variance(sensor.noise)));
   c.observations_digest = observationsDigest(set);
   c.wrench_range.setZero();
-  double warmth = 0.0;
-  int warm = 0;
+  double temperatures = 0.0;
+  int count = 0;
   for (const Observation& o : set.observations) {
     const auto& reading = o.reading[side];
     if (!reading || unusable(*reading, sensor)) continue;
     if (o.kind == ObservationKind::kUnloaded) c.zero_volts = reading->volts;
     if (std::isfinite(reading->temperature)) {
-      warmth += reading->temperature;
-      ++warm;
+      temperatures += reading->temperature;
+      ++count;
     }
   }
-  if (warm > 0) c.temperature = warmth / warm;
+  if (count > 0) c.temperature = temperatures / count;
   for (const TestResult& test : solution.tests) {
     if (test.dropped) continue;
     const auto& reading = set.observations[test.observation].reading[side];

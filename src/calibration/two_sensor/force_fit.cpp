@@ -10,8 +10,8 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kForceFitIterations = 30;
-constexpr double kConverged = 1e-10;     // of the change of S, in parts of S
-constexpr double kMinRedundancy = 0.02;  // of a test whose residual still says something
+constexpr double kConverged = 1e-10;     // relative change of S
+constexpr double kMinRedundancy = 0.02;  // of a test, so that its residual is informative
 
 Small poseJacobian(const Pose& X, const Vector6& w_B, int rows) {
   const Eigen::Matrix3d f = skew(X.R * w_B.head<3>());
@@ -47,7 +47,7 @@ void addKronecker(Eigen::Ref<Eigen::MatrixXd> M, const Small& W, const Eigen::Ma
   }
 }
 
-// what a test contributes at a state of the adjustment
+// Contribution of a test at a state of the adjustment.
 struct Linear {
   PerSide<Small> D;  // d(residual)/d(strain)
   Small C, W;        // covariance of the residual and its inverse
@@ -86,9 +86,10 @@ Linear linearised(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S,
   return out;
 }
 
-// Gauss–Helmert (docs/how_to/calibration.md, "How it is estimated"): linearise at the present
-// matrices and adjusted strains, solve for matrices and shared zeros, adjust the strains, until
-// nothing moves.
+// Gauss–Helmert: errors in both the observed strains and the shared zeros, so not a problem for
+// math/least_squares.h (docs/how_to/calibration.md, "How it is estimated"): linearise at the
+// present matrices and adjusted strains, solve for matrices and shared zeros, adjust the strains,
+// until nothing moves.
 class Adjustment {
  public:
   Adjustment(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S)
@@ -146,7 +147,7 @@ class Adjustment {
     finish();
   }
 
-  void stopAtTheStart() {
+  void stayAtStart() {
     linearise();
     eliminateZeros();
     if (!factorise()) return;
@@ -155,7 +156,7 @@ class Adjustment {
     finish();
   }
 
-  void judgeResiduals(bool normalise) {
+  void evaluateResiduals(bool normalise) {
     if (fit.covariance.size() == 0) return;
     fit.chi2 = u_.squaredNorm();
     for (std::size_t k = 0; k < system_.tests.size(); ++k) {
@@ -163,11 +164,11 @@ class Adjustment {
       if (test.used) fit.chi2 += fit.test_chi2[k];
       fit.normalised[k] = std::sqrt(fit.test_chi2[k] / test.equations);
       if (!normalise) continue;
-      // a used test has pulled the result towards itself, an unused one adds the result's error
+      // the result depends on a used test; for an unused one its error adds
       Eigen::MatrixXd A(test.equations, unknowns_);
       designRows(test, rows_, terms_, strain_[k], A);
       const Small APA = A * fit.covariance * A.transpose();
-      // C ∓ APAᵀ is that of this residual; the floor keeps what nothing else checks from counting
+      // C ∓ APAᵀ is that of this residual; the floor bounds a test that no other one checks
       Eigen::MatrixXd Q = parts_[k].C * (1.0 + kMinRedundancy);
       if (test.used) {
         Q -= APA;
@@ -342,13 +343,13 @@ Eigen::MatrixXd whitenedRows(const ForceTest& test, const PerSide<Eigen::MatrixX
 ForceFit fitForce(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S, bool normalise) {
   Adjustment adjustment(system, S);
   adjustment.iterate();
-  adjustment.judgeResiduals(normalise);
+  adjustment.evaluateResiduals(normalise);
   return adjustment.fit;
 }
 
 ForceFit covarianceAt(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S) {
   Adjustment adjustment(system, S);
-  adjustment.stopAtTheStart();
+  adjustment.stayAtStart();
   return adjustment.fit;
 }
 

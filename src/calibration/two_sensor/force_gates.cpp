@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "format.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 
@@ -21,7 +21,7 @@ constexpr double kLowChi2 = 0.3;    // χ²/dof
 constexpr double kHoldOut = 1.5;    // normalised rms
 constexpr double kParallel = 0.02;  // [rad] orientations nearer than that are one
 constexpr double kShift = 1e-3;     // [m] poses nearer than that are one
-constexpr double kPlane = 0.1;      // third singular value of unit directions that still counts
+constexpr double kPlane = 0.1;      // singular value of unit directions above which they span it
 constexpr int kQuadraticBits = 16, kQuadraticReacting = 60, kQuadraticWeights = 12,
               kQuadraticIndentations = 18;
 
@@ -39,7 +39,7 @@ struct Directions {
   std::vector<Eigen::Vector3d> weights, points, forces;
 };
 
-void judgeSide(Directions& found, SideGeometry& g) {
+void evaluateSide(Directions& found, SideGeometry& g) {
   g.weights = static_cast<int>(found.weights.size());
   g.indentations = static_cast<int>(found.points.size());
   for (const double extent : spread(found.weights)) g.weight_rank += extent > kPlane ? 1 : 0;
@@ -87,17 +87,17 @@ std::string advice(const Geometry& g, int rows) {
 std::string lackOfFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
                       const ForceSolution& out) {
   const double ratio = out.dof > 0 ? out.chi2 / out.dof : 0.0;
-  const std::string text = format("chi2/dof %.3g (p %.2g): the ", ratio, out.p) +
-                           (out.quadratic ? "quadratic" : "linear") +
-                           " model does not fit the tests";
+  const std::string finding = text("chi2/dof %.3g (p %.2g): the ", ratio, out.p) +
+                              (out.quadratic ? "quadratic" : "linear") +
+                              " model does not fit the tests";
   if (out.quadratic || !(ratio > kModelChi2)) {
-    return text + ": check poses, masses and points of the tests with the largest residuals";
+    return finding + ": check poses, masses and points of the tests with the largest residuals";
   }
   const std::string missing = missingForQuadratic(geometry, set);
-  return text + (missing.empty() || wanted == StrainModel::kLinear
-                     ? ": use the quadratic model, or restrict the loads to half the rated range"
-                     : ": for the quadratic model add " + missing +
-                           "; or restrict the loads to half the rated range");
+  return finding + (missing.empty() || wanted == StrainModel::kLinear
+                        ? ": use the quadratic model, or restrict the loads to half the rated range"
+                        : ": for the quadratic model add " + missing +
+                              "; or restrict the loads to half the rated range");
 }
 
 }  // namespace
@@ -125,15 +125,15 @@ Geometry geometryOf(const ForceSystem& system, const ObservationSet& set) {
     }
   }
   if (!turns.empty()) g.turn_axes = spread(turns)[1] > kPlane ? 2 : 1;
-  for (const Side side : kSides) judgeSide(found[side], g.on[side]);
+  for (const Side side : kSides) evaluateSide(found[side], g.on[side]);
   return g;
 }
 
 std::string missingForQuadratic(const Geometry& g, const ObservationSet& set) {
   std::string out;
-  const auto need = [&](int have, int least, const std::string& what) {
-    if (have >= least) return;
-    out += (out.empty() ? "" : ", ") + std::to_string(least - have) + " more " + what;
+  const auto need = [&](int have, int needed, const std::string& what) {
+    if (have >= needed) return;
+    out += (out.empty() ? "" : ", ") + std::to_string(needed - have) + " more " + what;
   };
   if (std::min(set.sensor.a.bits, set.sensor.b.bits) < kQuadraticBits) {
     return "a converter of 16 bits or more (10 bits fit noise)";
@@ -147,7 +147,7 @@ std::string missingForQuadratic(const Geometry& g, const ObservationSet& set) {
   return out;
 }
 
-void judgeGeometry(const Geometry& g, std::vector<Gate>& gates) {
+void evaluateGeometry(const Geometry& g, std::vector<Gate>& gates) {
   const int rank = std::max(g.on.a.weight_rank, g.on.b.weight_rank);
   addGate(gates, g.reacting > 0 && g.turn_axes < 2 && rank < 3,
           {"orientations", Verdict::kRefuse, double(g.turn_axes), 2,
@@ -158,7 +158,7 @@ void judgeGeometry(const Geometry& g, std::vector<Gate>& gates) {
   for (const Side side : kSides) {
     const SideGeometry& on = g.on[side];
     if (on.indentations == 0) continue;
-    // one or two more points beside other tests do no harm
+    // one or two points in addition to other tests are allowed
     addGate(gates, on.collinear || on.coplanar,
             {std::string("indentations_") + toString(side),
              on.indentations < 3 ? Verdict::kWarn : Verdict::kRefuse, double(on.indentations), 0,
@@ -170,8 +170,8 @@ void judgeGeometry(const Geometry& g, std::vector<Gate>& gates) {
   }
 }
 
-void judgeRank(const DesignRank& design, const std::string& force_rows, const Geometry& geometry,
-               ForceSolution& out) {
+void evaluateRank(const DesignRank& design, const std::string& force_rows, const Geometry& geometry,
+                  ForceSolution& out) {
   out.rank = design.rank;
   out.unknowns = design.unknowns;
   out.equations = design.equations;
@@ -185,17 +185,17 @@ void judgeRank(const DesignRank& design, const std::string& force_rows, const Ge
                advice(geometry, out.rows)});
   addGate(out.gates, full && design.condition > kWarnCondition,
           {"condition", Verdict::kWarn, design.condition, kWarnCondition,
-           format("condition %.3g is above %.3g: add tests that move ", design.condition,
-                  kWarnCondition) +
+           text("condition %.3g is above %.3g: add tests that move ", design.condition,
+                kWarnCondition) +
                out.weak_direction});
   addGate(out.gates, out.dof < kMinDof,
           {"dof", Verdict::kRefuse, double(out.dof), kMinDof,
-           format("%d residual degrees of freedom, below %d: nothing would prove the fit; add %d "
-                  "or more reacting tests or weights",
-                  out.dof, kMinDof, (kMinDof - out.dof + out.rows - 1) / out.rows)});
+           text("%d residual degrees of freedom, below %d: nothing would prove the fit; add %d "
+                "or more reacting tests or weights",
+                out.dof, kMinDof, (kMinDof - out.dof + out.rows - 1) / out.rows)});
 }
 
-void judgePrediction(const ObservationSet& set, const RatedLoad& rated, ForceSolution& out) {
+void evaluatePrediction(const ObservationSet& set, const RatedLoad& rated, ForceSolution& out) {
   const Eigen::Index half = out.rows * out.terms;
   PerSide<double> worst;
   for (const Side side : kSides) {
@@ -211,13 +211,13 @@ void judgePrediction(const ObservationSet& set, const RatedLoad& rated, ForceSol
       std::min(set.sensor.a.bits, set.sensor.b.bits) < 16 ? kSdLimitFewBits : kSdLimit;
   addGate(out.gates, !(value <= limit),
           {"predicted_sd", Verdict::kRefuse, value, limit,
-           format("predicted standard deviation of a wrench over rated loads is %.3g %% of full "
-                  "scale, above %.3g %%: add tests that move ",
-                  100 * value, 100 * limit) +
+           text("predicted standard deviation of a wrench over rated loads is %.3g %% of full "
+                "scale, above %.3g %%: add tests that move ",
+                100 * value, 100 * limit) +
                out.weak_direction + ", or average more samples"});
 }
 
-void judgeDropped(ForceSolution& out) {
+void evaluateDropped(ForceSolution& out) {
   int count = 0;
   std::string first;
   for (const TestResult& test : out.tests) {
@@ -229,27 +229,27 @@ void judgeDropped(ForceSolution& out) {
            std::to_string(count) + " tests dropped, the first because of " + first});
 }
 
-void judgeFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
-              std::size_t tests, ForceSolution& out) {
+void evaluateFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
+                 std::size_t tests, ForceSolution& out) {
   const double ratio = out.dof > 0 ? out.chi2 / out.dof : 0.0;
   addGate(out.gates, out.p < kMinP,
           {"chi2", Verdict::kRefuse, out.p, kMinP, lackOfFit(geometry, set, wanted, out)});
   addGate(out.gates, out.dof >= kMinDof && ratio < kLowChi2,
           {"low_chi2", Verdict::kWarn, ratio, kLowChi2,
-           format("chi2/dof %.3g is below %.3g: the noise is overstated or data are copied", ratio,
-                  kLowChi2)});
+           text("chi2/dof %.3g is below %.3g: the noise is overstated or data are copied", ratio,
+                kLowChi2)});
   const auto outliers = std::count_if(
       out.tests.begin(), out.tests.end(),
       [](const TestResult& test) { return test.dropped.code == CalibrationFailure::kOutlier; });
   addGate(out.gates, outliers > 0,
           {"outliers", Verdict::kWarn, double(outliers), 0.1 * double(tests),
            std::to_string(outliers) + " tests removed as outliers"});
-  judgeDropped(out);
+  evaluateDropped(out);
   addGate(out.gates, out.hold_out_rms > kHoldOut,
           {"hold_out", Verdict::kRefuse, out.hold_out_rms, kHoldOut,
-           format("tests held out miss by %.3g standard deviations rms, above %.3g: the fit does "
-                  "not predict; add tests",
-                  out.hold_out_rms, kHoldOut)});
+           text("tests held out miss by %.3g standard deviations rms, above %.3g: the fit does "
+                "not predict; add tests",
+                out.hold_out_rms, kHoldOut)});
 }
 
 void summarise(ForceSolution& out) {
@@ -263,8 +263,8 @@ void summarise(ForceSolution& out) {
     out.message = "refused: " + reasons;
   } else {
     out.message = (out.quadratic ? std::string("quadratic") : std::string("linear")) +
-                  format(" model, chi2/dof %.3g", out.dof > 0 ? out.chi2 / out.dof : 0.0) +
-                  " with " + std::to_string(out.dof) + " degrees of freedom";
+                  text(" model, chi2/dof %.3g", out.dof > 0 ? out.chi2 / out.dof : 0.0) + " with " +
+                  std::to_string(out.dof) + " degrees of freedom";
   }
   if (!warnings.empty()) out.message += "; warning: " + warnings;
 }

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// What a set of force tests lacks, and what a fit of them is worth.
+// Acceptance tests of a set of force tests and of their fit.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@ namespace assembly_cell {
 
 constexpr double kModelChi2 = 3.0;  // χ²/dof beyond which the linear model is doubted
 
-/// What kinds of tests there are, from which advice follows.
+/// Geometry of the tests in use: basis of the advice on missing ones.
 struct SideGeometry {
   int weights = 0, indentations = 0, weight_rank = 0;
   bool collinear = false, coplanar = false;  ///< indentations
@@ -24,19 +24,19 @@ struct Geometry {
 };
 Geometry geometryOf(const ForceSystem& system, const ObservationSet& set);
 
-/// What the quadratic model needs besides; empty when nothing.
+/// Tests that the quadratic model needs in addition; empty when none.
 std::string missingForQuadratic(const Geometry& geometry, const ObservationSet& set);
 
-void judgeGeometry(const Geometry& geometry, std::vector<Gate>& gates);
-/// `force_rows`: what is known of the force rows alone, in brackets.
-void judgeRank(const DesignRank& design, const std::string& force_rows, const Geometry& geometry,
-               ForceSolution& out);
-void judgePrediction(const ObservationSet& set, const RatedLoad& rated, ForceSolution& out);
-void judgeDropped(ForceSolution& out);
-void judgeFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
-              std::size_t tests, ForceSolution& out);
+void evaluateGeometry(const Geometry& geometry, std::vector<Gate>& gates);
+/// `force_rows`: rank of the force rows alone, in brackets, or empty.
+void evaluateRank(const DesignRank& design, const std::string& force_rows, const Geometry& geometry,
+                  ForceSolution& out);
+void evaluatePrediction(const ObservationSet& set, const RatedLoad& rated, ForceSolution& out);
+void evaluateDropped(ForceSolution& out);
+void evaluateFit(const Geometry& geometry, const ObservationSet& set, StrainModel wanted,
+                 std::size_t tests, ForceSolution& out);
 
-/// Accepted or not, and the message.
+/// Sets `accepted` and the message from the gates.
 void summarise(ForceSolution& out);
 
 }  // namespace assembly_cell

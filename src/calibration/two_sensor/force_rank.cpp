@@ -14,8 +14,8 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kRank = 1e-8;         // of the column-scaled design
-constexpr double kSurelyFull = 1e-10;  // of eigenvalues: far above rounding
-constexpr int kLoads = 200;            // over which a predicted sd is taken
+constexpr double kSurelyFull = 1e-10;  // ratio of eigenvalues far above rounding
+constexpr int kLoads = 200;            // random loads of the predicted sd
 
 }  // namespace
 
@@ -39,11 +39,11 @@ DesignRank rankOf(const ForceSystem& system, int terms) {
     out.condition = std::sqrt(largest / eigen.eigenvalues()[0]);
     out.weakest = eigen.eigenvectors().col(0);
   } else {
-    // squared singular values drown in rounding: pivoted triangle instead
+    // squared singular values are below rounding: pivoted QR instead
     const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(A);
     const auto& R = qr.matrixQR();
-    const Eigen::Index most = std::min(R.rows(), R.cols());
-    while (out.rank < most && std::abs(R(out.rank, out.rank)) > kRank * std::abs(R(0, 0))) {
+    const Eigen::Index size = std::min(R.rows(), R.cols());
+    while (out.rank < size && std::abs(R(out.rank, out.rank)) > kRank * std::abs(R(0, 0))) {
       ++out.rank;
     }
     out.condition = HUGE_VAL;
@@ -51,18 +51,18 @@ DesignRank rankOf(const ForceSystem& system, int terms) {
       out.condition = std::abs(R(0, 0) / R(out.rank - 1, out.rank - 1));
       out.weakest = eigen.eigenvectors().col(0);
     } else {
-      // a vector that the rows do not see
-      Eigen::VectorXd blind = Eigen::VectorXd::Zero(out.unknowns);
-      blind[out.rank] = 1.0;
-      blind.head(out.rank) = -R.topLeftCorner(out.rank, out.rank)
-                                  .triangularView<Eigen::Upper>()
-                                  .solve(Eigen::VectorXd(R.col(out.rank).head(out.rank)));
-      out.weakest = (qr.colsPermutation() * blind).normalized();
+      // a vector of the null space
+      Eigen::VectorXd null = Eigen::VectorXd::Zero(out.unknowns);
+      null[out.rank] = 1.0;
+      null.head(out.rank) = -R.topLeftCorner(out.rank, out.rank)
+                                 .triangularView<Eigen::Upper>()
+                                 .solve(Eigen::VectorXd(R.col(out.rank).head(out.rank)));
+      out.weakest = (qr.colsPermutation() * null).normalized();
     }
   }
   out.weakest = scale.asDiagonal() * out.weakest;
-  const double most = out.weakest.cwiseAbs().maxCoeff();
-  if (most > 0.0) out.weakest /= most;
+  const double size = out.weakest.cwiseAbs().maxCoeff();
+  if (size > 0.0) out.weakest /= size;
   return out;
 }
 

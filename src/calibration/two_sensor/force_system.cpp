@@ -5,14 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/sensor/bridge.h"
-#include "format.h"
 
 namespace assembly_cell {
 
 namespace {
 
-constexpr std::size_t kSharedZeros = 24;  // beyond that their correlation is left out
+constexpr std::size_t kSharedZeros = 24;  // above this number their correlation is neglected
 
 // ---- zeros ----
 
@@ -43,7 +43,7 @@ Zeros zerosOf(const ObservationSet& set, Side side) {
   }
   if (zeros.list.empty()) return zeros;
 
-  // the same offset falls on the same code: repetition teaches nothing
+  // the same offset gives the same code: repetition adds no information
   Vector6 low = zeros.list[0].volts, high = low, sum = Vector6::Zero();
   for (const Zero& zero : zeros.list) {
     low = low.cwiseMin(zero.volts);
@@ -59,7 +59,7 @@ Zeros zerosOf(const ObservationSet& set, Side side) {
   return zeros;
 }
 
-// strain of a test's reading: zero of its time, drift judged
+// Strain of a test's reading against the zero at its time; refused where the zero has drifted.
 CalibrationRefusal strainOf(const ObservationSet& set, std::size_t order, Side side,
                             const Zeros& zeros, Part& part) {
   const SensorDescription& sensor = set.sensor[side];
@@ -81,9 +81,8 @@ CalibrationRefusal strainOf(const ObservationSet& set, std::size_t order, Side s
     const double limit = std::max(3.0 * std::sqrt(sensor.variance(sensor.noise)), sensor.lsb());
     const double drift = (z1.volts - z0.volts).cwiseAbs().maxCoeff();
     if (drift > limit) {
-      return {
-          CalibrationFailure::kZeroDrifted,
-          name + format("zero drifted by %.3g V (limit %.3g V): tare more often", drift, limit)};
+      return {CalibrationFailure::kZeroDrifted,
+              name + text("zero drifted by %.3g V (limit %.3g V): tare more often", drift, limit)};
     }
     if (z1.stamp > z0.stamp) {
       weight = std::clamp((o.stamp - z0.stamp) / (z1.stamp - z0.stamp), 0.0, 1.0);
@@ -110,7 +109,7 @@ Eigen::Vector3d loadedPoint(const Eigen::Vector3d& point, const Calibration& c,
   return corner + d.head<3>() + rotationFromVector({d.tail<3>()}) * (point - corner);
 }
 
-// what the test compares with: the other sensor, a weight, or no moment about a point
+// Reference of a test: the other sensor, a weight, or no moment about a point.
 void compareWithOther(const Observation& o, const ReferenceAccuracy* accuracy, int rows,
                       ForceTest& test) {
   test.X_AB = o.X_AB;
@@ -154,7 +153,7 @@ void compareMoments(const Observation& o, ForceTest& test) {
   K.rightCols(3).setIdentity();
 }
 
-// strains of all sensors that the observation concerns, and its point under load
+// Strains of all sensors that the observation concerns, and its point under load; or a refusal.
 CalibrationRefusal readTest(const ObservationSet& set, const ForceSettings& settings,
                             const PerSide<Zeros>& zeros, ForceTest& test) {
   const Observation& o = set.observations[test.observation];

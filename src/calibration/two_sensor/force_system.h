@@ -11,7 +11,7 @@
 
 namespace assembly_cell {
 
-// of one test: at most 6 × 6
+// matrices of one test, at most 6 × 6
 using Small = Eigen::MatrixXd;
 using SmallVector = Eigen::VectorXd;
 
@@ -26,7 +26,7 @@ struct Part {
   bool present = false;
   Small K;                               ///< equations × rows
   Vector6 strain = Vector6::Zero();      ///< reading − zero [V]
-  Matrix6 covariance = Matrix6::Zero();  ///< of the strain, shared zeros apart
+  Matrix6 covariance = Matrix6::Zero();  ///< of the strain without the shared zeros
   std::array<ZeroPart, 2> zeros;
 };
 
@@ -52,13 +52,13 @@ struct ForceSystem {
   std::vector<TestResult> dropped;
 };
 
-/// Of the tests in use.
+/// Number of equations of the tests in use.
 int equationsOf(const ForceSystem& system);
 
 /// Equations of all usable force observations; rows 3 leaves moments and indentations out.
 ForceSystem buildSystem(const ObservationSet& set, const ForceSettings& settings, int rows);
 
-/// The noise-free strains of the same loads, had the sensors the nominal matrices.
+/// The same loads with the noise-free strains of sensors that have the nominal matrices.
 ForceSystem noiseFree(const ForceSystem& system, const ObservationSet& set);
 
 /// Rank at 10⁻⁸ and condition of the column-scaled design, with the vector of the smallest
@@ -101,16 +101,16 @@ struct ForceFit {
                                    ///< of the unused the prediction's uncertainty added
 };
 
-/// Gauss–Helmert from S. Without `normalise` the leverage is left alone.
+/// Gauss–Helmert adjustment from S. Without `normalise` the leverage is not taken out.
 ForceFit fitForce(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S, bool normalise);
 
-/// Only the covariance that a fit at S would have.
+/// The covariance of a fit at S.
 ForceFit covarianceAt(const ForceSystem& system, const PerSide<Eigen::MatrixXd>& S);
 
-/// Least squares of the rows as they are, all weights 1; what the thesis does.
+/// Unweighted least squares of the rows, as in the thesis.
 PerSide<Eigen::MatrixXd> plainLeastSquares(const ForceSystem& system);
 
-/// What the weakest direction means: which wrench component errs with which load.
+/// The weakest direction as text: which wrench component is wrong under which load.
 std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& set, int rows,
                          int terms, const RatedLoad& rated);
 

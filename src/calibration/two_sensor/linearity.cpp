@@ -8,7 +8,7 @@
 #include <map>
 
 #include "assembly_cell/base/input_error.h"
-#include "format.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 
@@ -34,7 +34,7 @@ struct Group {
   double mean() const { return count > 0 ? sum / count : 0.0; }
 };
 
-// different loads, rising; those that are one but for rounding taken together
+// Distinct loads in rising order, merged within rounding.
 struct Loads {
   double low = HUGE_VAL, high = -HUGE_VAL, tolerance = 0.0;
   std::vector<double> values;
@@ -69,9 +69,10 @@ Loads loadsOf(const std::vector<LinearityStep>& steps) {
   return loads;
 }
 
-// residuals of the line by load, and by load and direction; returns the pure error's squares
-double judgeRepeats(const std::vector<LinearityStep>& steps, const Loads& loads,
-                    const Eigen::VectorXd& residual, LinearityResult& out) {
+// Groups the residuals of the line by load, and by load and direction; returns the sum of squares
+// of the pure error.
+double evaluateRepeats(const std::vector<LinearityStep>& steps, const Loads& loads,
+                       const Eigen::VectorXd& residual, LinearityResult& out) {
   std::map<std::size_t, Group> by_load;
   std::map<std::pair<std::size_t, bool>, Group> by_direction;
   bool up = true;  // the turning points belong to both directions' ends
@@ -131,7 +132,7 @@ LinearityResult testLinearity(const std::vector<LinearityStep>& steps) {
   }
 
   // lack of fit of the line against repeats in the same direction
-  const double pure = judgeRepeats(steps, loads, residual, out);
+  const double pure = evaluateRepeats(steps, loads, residual, out);
   if (out.pure_error_dof < 1) {
     throw InputError("linearity test: no load is repeated in the same direction: run two cycles");
   }
@@ -149,16 +150,16 @@ LinearityResult testLinearity(const std::vector<LinearityStep>& steps) {
 
   const bool bent = out.nonlinearity > kRefuseNonlinearity;
   const double limit = bent ? kRefuseNonlinearity : kWarnNonlinearity;
-  addGate(out.gates, out.nonlinearity > kWarnNonlinearity,
-          {"nonlinearity", bent ? Verdict::kRefuse : Verdict::kWarn, out.nonlinearity,
-           kRefuseNonlinearity,
-           format("nonlinearity %.3g %% of span is above %.3g %%", 100 * out.nonlinearity,
-                  100 * limit) +
-               (bent ? ": no linear model" : "")});
+  addGate(
+      out.gates, out.nonlinearity > kWarnNonlinearity,
+      {"nonlinearity", bent ? Verdict::kRefuse : Verdict::kWarn, out.nonlinearity,
+       kRefuseNonlinearity,
+       text("nonlinearity %.3g %% of span is above %.3g %%", 100 * out.nonlinearity, 100 * limit) +
+           (bent ? ": no linear model" : "")});
   addGate(out.gates, out.hysteresis > kHysteresis,
           {"hysteresis", Verdict::kRefuse, out.hysteresis, kHysteresis,
-           format("hysteresis %.3g %% of span is above %.3g %%: check gauges and clamping",
-                  100 * out.hysteresis, 100 * kHysteresis)});
+           text("hysteresis %.3g %% of span is above %.3g %%: check gauges and clamping",
+                100 * out.hysteresis, 100 * kHysteresis)});
   out.linear_model_allowed = !refused(out.gates);
   return out;
 }

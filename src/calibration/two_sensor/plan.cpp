@@ -8,21 +8,21 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/calibration/two_sensor/displacement.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "force_system.h"
-#include "format.h"
 
 namespace assembly_cell {
 
 namespace {
 
-constexpr double kHalfCube = 0.030;   // reference point to a mating face [m]
-constexpr double kSpread = 0.020;     // of contact points on a face [m]
-constexpr double kShift = 0.010;      // of one mating against another [m]
-constexpr double kMass = 3.0;         // [kg]
-constexpr double kStrainRange = 4.0;  // [V]
-constexpr double kPriorSd = 10.0;     // of a coefficient not known at all, in parts of the nominal
+constexpr double kHalfCube = 0.030;     // reference point to a mating face [m]
+constexpr double kSpread = 0.020;       // of contact points on a face [m]
+constexpr double kMatingShift = 0.010;  // of one mating against another [m]
+constexpr double kMass = 3.0;           // [kg]
+constexpr double kStrainRange = 4.0;    // [V]
+constexpr double kPriorSd = 10.0;  // prior sd of an unknown coefficient, relative to the nominal
 
 // 24 orientations of a cube
 std::vector<Eigen::Matrix3d> cubeTurns() {
@@ -62,7 +62,7 @@ class Draw {
   NormalSource normal_;
 };
 
-// cube B on face `axis` of cube A, turned by R; contact somewhere on the common face
+// Cube B on a face of cube A; contact at a random point of the common face.
 LoadRequest reacting(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
   LoadRequest request;
   request.target.kind = ObservationKind::kReacting;
@@ -79,7 +79,7 @@ LoadRequest reacting(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
   return request;
 }
 
-// the same, bolted together: any wrench that is within the rated load of both sensors
+// The same bolted together: any wrench within the rated load of both sensors.
 LoadRequest bolted(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
   LoadRequest request;
   request.target.kind = ObservationKind::kReacting;
@@ -93,7 +93,7 @@ LoadRequest bolted(Draw& draw, const Pose& X_AB, const RatedLoad& rated) {
 }
 
 Pose mating(Draw& draw, const Eigen::Matrix3d& R, std::size_t face) {
-  Eigen::Vector3d p = draw.box(kShift);
+  Eigen::Vector3d p = draw.box(kMatingShift);
   const auto axis = static_cast<Eigen::Index>(face % 3);
   p[axis] = (face % 2 == 0 ? 2.0 : -2.0) * kHalfCube;
   return {R, p};
@@ -143,7 +143,7 @@ Vector6 lastZero(const ObservationSet& set, Side side) {
 }
 
 std::string triple(const char* pattern, const Eigen::Vector3d& v) {
-  return format(pattern, v.x(), v.y(), v.z());
+  return text(pattern, v.x(), v.y(), v.z());
 }
 
 // the readings that the nominal sensors would give, free of noise
@@ -198,7 +198,7 @@ std::string describe(const LoadRequest& request) {
              triple(" and (%.2f, %.2f, %.2f) N m", torque);
     }
     case ObservationKind::kWeight:
-      return sensor + format(": hang %.3f kg", o.mass) +
+      return sensor + text(": hang %.3f kg", o.mass) +
              triple(" at (%.1f, %.1f, %.1f) mm", 1e3 * o.point) +
              triple(", gravity along (%.2f, %.2f, %.2f)", o.direction);
     case ObservationKind::kIndentation:
@@ -211,7 +211,7 @@ std::string describe(const LoadRequest& request) {
              triple(" %.1f %.1f %.1f V and read the gauges",
                     kStrainRange * request.strain.tail<3>());
     case ObservationKind::kLinearity:
-      return sensor + format(": channel %d, load %.4g", o.channel, o.load);
+      return sensor + text(": channel %d, load %.4g", o.channel, o.load);
   }
   return "";
 }
@@ -322,7 +322,7 @@ NextTests nextTests(const ObservationSet& set, const std::vector<LoadRequest>& c
   const int terms = settings.model == StrainModel::kQuadratic ? 27 : 6;
   const PerSide<Eigen::MatrixXd> S = nominalMatrices(set, rows, terms);
 
-  // a coefficient nothing is known of: ten times the largest of its row
+  // prior of a coefficient: ten times the largest nominal one of its row
   Eigen::VectorXd sd(2 * rows * terms);
   for (int r = 0; r < 2 * rows; ++r) {
     const auto row = r < rows ? S.a.row(r) : S.b.row(r - rows);
@@ -373,7 +373,7 @@ NextTests nextTests(const ObservationSet& set, const std::vector<LoadRequest>& c
     out.gain.push_back(best);
     chosen.push_back(candidates[which]);
   }
-  out.after = judgeDesign(predictPlan(chosen, set), settings);
+  out.after = evaluateDesign(predictPlan(chosen, set), settings);
   out.weak_direction_after = out.after.weak_direction;
   return out;
 }

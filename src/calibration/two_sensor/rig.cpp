@@ -10,9 +10,9 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kUnloadedSamples = 100;
-constexpr int kPointIterations = 20;       // of a point that moves with the carrier
-constexpr double kRequestedStrain = 4.0;       // of a movement wanted as 1 [V]
-constexpr double kRoomTemperature = 20.0;  // [°C]
+constexpr int kPointIterations = 20;  // of a point that moves with the carrier
+constexpr double kRequestedStrain = 4.0;  // strain of a requested movement of 1 [V]
+constexpr double kAmbient = 20.0;     // [°C]
 
 Eigen::Vector3d errors(NormalSource& normal, double sd) {
   const double z = normal(), y = normal(), x = normal();
@@ -41,11 +41,9 @@ CalibrationRig::CalibrationRig(const RigSettings& settings)
   bridge_.a.nonlinearity = bridge_.b.nonlinearity = settings.nonlinearity;
 }
 
-double CalibrationRig::temperature() const {
-  return kRoomTemperature + settings_.drift * time_ / 3600.0;
-}
+double CalibrationRig::temperature() const { return kAmbient + settings_.drift * time_ / 3600.0; }
 
-// what the dial gauges show under a wrench, with their noise
+// Readings of the dial gauges under a wrench, with their noise.
 std::vector<double> CalibrationRig::gauges(Side side, const Vector6& wrench) {
   Pose X;
   if (side == Side::kB && settings_.coupling_compliance) {

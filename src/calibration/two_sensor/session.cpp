@@ -11,7 +11,7 @@
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/calibration/observations/store.h"
+#include "assembly_cell/calibration/common/store.h"
 
 namespace assembly_cell {
 
@@ -47,7 +47,7 @@ SolveSettings solveSettings(const ObservationSet& set) {
 
 CalibrationSession::CalibrationSession(std::string store, ObservationSet set)
     : store_(std::move(store)), set_(std::move(set)) {
-  if (!store_.empty()) readInForce();
+  if (!store_.empty()) readActive();
 }
 
 // ---- observations ----
@@ -115,7 +115,7 @@ const CalibrationSolution& CalibrationSession::solve(const SolveSettings& settin
   ForceSettings force = settings.force;
   PerSide<Calibration> maps;
   for (const Side side : kSides) {
-    if (in_force_[side]) maps[side] = in_force_[side]->calibration;
+    if (active_[side]) maps[side] = active_[side]->calibration;
     if (settings.displacement[side]) {
       const DisplacementSolution& found =
           out.displacement[side].emplace(solveDisplacement(out.set, side));
@@ -134,7 +134,7 @@ const CalibrationSolution& CalibrationSession::solve(const SolveSettings& settin
     throw CalibrationError(
         CalibrationFailure::kNothingToSolve,
         std::to_string(out.set.observations.size()) +
-            " observations, no loaded one: add reacting tests and weights (plan tells)");
+            " observations, no loaded one: add reacting tests and weights (see plan)");
   }
   return solution_.emplace(std::move(out));
 }
@@ -181,9 +181,8 @@ MaybePerSide<Calibration> CalibrationSession::save(const std::string& wanted,
           "id '" + id + "' is taken: give another; stored ones are never overwritten");
     }
     if (!solution.force && !solution.displacement[side]) continue;
-    // what this solution doesn't tell stays as it was
-    Calibration& c =
-        out[side].emplace(in_force_[side] ? in_force_[side]->calibration : fallback[side]);
+    // maps that this solution doesn't determine are kept
+    Calibration& c = out[side].emplace(active_[side] ? active_[side]->calibration : fallback[side]);
     if (!hasDisplacement(c)) copyDisplacement(fallback[side], c);
     if (!solution.force && c.volts_to_wrench.isZero(0.0)) {
       throw CalibrationError(
@@ -233,16 +232,16 @@ Calibration CalibrationSession::loadStored(Side side, const std::string& id) con
   return c;
 }
 
-MaybePerSide<CalibrationInForce> CalibrationSession::load(
+MaybePerSide<ActiveCalibration> CalibrationSession::load(
     const std::string& id, const PerSide<bool>& wanted,
     const PerSide<Calibration>& fallback) const {
-  MaybePerSide<CalibrationInForce> out;
+  MaybePerSide<ActiveCalibration> out;
   for (const Side side : kSides) {
     if (!wanted[side]) continue;
-    CalibrationInForce& loaded = out[side].emplace(CalibrationInForce{loadStored(side, id), ""});
+    ActiveCalibration& loaded = out[side].emplace(ActiveCalibration{loadStored(side, id), ""});
     if (hasDisplacement(loaded.calibration)) continue;
-    if (in_force_[side] && hasDisplacement(in_force_[side]->calibration)) {
-      const CalibrationInForce& now = *in_force_[side];
+    if (active_[side] && hasDisplacement(active_[side]->calibration)) {
+      const ActiveCalibration& now = *active_[side];
       copyDisplacement(now.calibration, loaded.calibration);
       loaded.displacement_of =
           now.displacement_of.empty() ? now.calibration.id : now.displacement_of;
@@ -253,14 +252,14 @@ MaybePerSide<CalibrationInForce> CalibrationSession::load(
   return out;
 }
 
-void CalibrationSession::putInForce(const MaybePerSide<CalibrationInForce>& calibrations) {
+void CalibrationSession::activate(const MaybePerSide<ActiveCalibration>& calibrations) {
   std::string text;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     for (const Side side : kSides) {
-      if (calibrations[side]) in_force_[side] = calibrations[side];
-      if (!in_force_[side]) continue;
-      const CalibrationInForce& now = *in_force_[side];
+      if (calibrations[side]) active_[side] = calibrations[side];
+      if (!active_[side]) continue;
+      const ActiveCalibration& now = *active_[side];
       text += sensorName(side) + ": " + yamlQuoted(now.calibration.id) + "\n";
       if (now.displacement_of.empty()) continue;
       text += displacementKey(side) + ": " + yamlQuoted(now.displacement_of) + "\n";
@@ -270,13 +269,13 @@ void CalibrationSession::putInForce(const MaybePerSide<CalibrationInForce>& cali
   writeFileAtomically(path, text, "file '" + path + "'");
 }
 
-MaybePerSide<CalibrationInForce> CalibrationSession::inForce() const {
+MaybePerSide<ActiveCalibration> CalibrationSession::active() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return in_force_;
+  return active_;
 }
 
-// a file that is damaged is told and passed over: nothing is in force then
-void CalibrationSession::readInForce() {
+// A damaged file adds a warning; its sensor then has no active calibration.
+void CalibrationSession::readActive() {
   const std::string path = store_ + "/in_force.yaml";
   if (!fs::exists(path)) return;
   for (const Side side : kSides) {
@@ -288,16 +287,16 @@ void CalibrationSession::readInForce() {
       }
       const YAML::Node root = YAML::Load(text);
       if (!root.IsMap() || !root[sensorName(side)]) continue;
-      CalibrationInForce found{loadStored(side, root[sensorName(side)].as<std::string>()), ""};
+      ActiveCalibration found{loadStored(side, root[sensorName(side)].as<std::string>()), ""};
       if (const YAML::Node other = root[displacementKey(side)]) {
         found.displacement_of = other.as<std::string>();
         copyDisplacement(loadStored(side, found.displacement_of), found.calibration);
       }
-      in_force_[side] = found;
+      active_[side] = found;
     } catch (const YAML::Exception& error) {
       warnings_.push_back("file '" + path + "': " + error.msg + ": load a calibration");
     } catch (const InputError& error) {
-      warnings_.push_back("nothing in force for " + sensorName(side) + ": " + error.what());
+      warnings_.push_back("no active calibration for " + sensorName(side) + ": " + error.what());
     }
   }
 }

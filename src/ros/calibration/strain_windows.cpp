@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "assembly_cell/base/text.h"
-#include "assembly_cell/calibration/two_sensor/drift.h"
+#include "assembly_cell/calibration/common/drift.h"
 #include "assembly_cell/ros/bridge/calibration_messages.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
@@ -14,7 +14,7 @@ namespace assembly_cell::ros_bridge {
 
 namespace {
 
-constexpr double kWaitSlice = 0.05;  // of waiting, after which `stop` is asked [s]
+constexpr double kStopPollPeriod = 0.05;  // between two calls of `stop` while waiting [s]
 
 }  // namespace
 
@@ -32,7 +32,7 @@ StrainWindows::StrainWindows(const ros::NodeHandle& nh, Settings settings)
 void StrainWindows::collect(Collector& c, const StrainSamples& block) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    c.heard = Clock::now();
+    c.last_block = Clock::now();
     const Arrival arrival = c.sequence.accept(block.sequence);
     if (!c.active || arrival == Arrival::kDuplicate) return;
     if (arrival == Arrival::kRestart) {
@@ -61,7 +61,7 @@ CalibrationRefusal StrainWindows::unsettled(const Reading& reading, Side side) c
   const SensorDescription& sensor = settings_.sensor[side];
   SettlingLimits limits;
   limits.window = collectors_[side].volts.size();
-  // a converter's steps are noise, too
+  // includes quantisation noise
   for (int k = 0; k < 6; ++k) {
     limits.noise[k] = std::sqrt(std::max(sensor.noise * sensor.noise + sensor.quantisation(),
                                          reading.noise[k] * reading.noise[k]));
@@ -77,12 +77,12 @@ CalibrationRefusal StrainWindows::unsettled(const Reading& reading, Side side) c
               " samples)"};
 }
 
-// why a sensor that lacks samples is waited for in vain
-CalibrationRefusal StrainWindows::waiting(Side side, Clock::time_point begun) const {
+// Why the missing samples of a sensor are not waited for any longer; empty: wait.
+CalibrationRefusal StrainWindows::giveUp(Side side, Clock::time_point begun) const {
   const Collector& c = collectors_[side];
   const auto now = Clock::now();
   const std::string name = sensorName(side);
-  if (now - std::max(begun, c.heard.value_or(begun)) > settings_.source_timeout) {
+  if (now - std::max(begun, c.last_block.value_or(begun)) > settings_.source_timeout) {
     return {CalibrationFailure::kSilent,
             name + ": no samples on " + c.strain_sub.topic() + " for " +
                 text("%g s", settings_.source_timeout.count()) + ": start its driver"};
@@ -91,15 +91,15 @@ CalibrationRefusal StrainWindows::waiting(Side side, Clock::time_point begun) co
                         Seconds(static_cast<double>(settings_.window) * 1e-2)) {
     return {CalibrationFailure::kTooSlow, name + ": only " + std::to_string(c.volts.size()) +
                                               " of " + std::to_string(settings_.window) +
-                                              " samples came: look at stamps and rate"};
+                                              " samples received: check stamps and rate"};
   }
   if (c.restarted) {
-    return {CalibrationFailure::kRestarted, name + ": the source started anew: try again"};
+    return {CalibrationFailure::kRestarted, name + ": the source restarted: try again"};
   }
   return {};
 }
 
-// a window of each sensor wanted
+// Collects a window of each sensor wanted.
 CalibrationRefusal StrainWindows::fill(const PerSide<bool>& wanted, const ros::Time& from,
                                        std::unique_lock<std::mutex>& lock) {
   for (const Side side : kSides) {
@@ -120,16 +120,16 @@ CalibrationRefusal StrainWindows::fill(const PerSide<bool>& wanted, const ros::T
     for (const Side side : kSides) {
       if (!wanted[side] || collectors_[side].volts.size() == settings_.window) continue;
       ready = false;
-      if (!refusal) refusal = waiting(side, begun);
+      if (!refusal) refusal = giveUp(side, begun);
     }
-    if (!ready && !refusal) changed_.wait_for(lock, Seconds(kWaitSlice));
+    if (!ready && !refusal) changed_.wait_for(lock, Seconds(kStopPollPeriod));
   }
   for (const Side side : kSides) collectors_[side].active = false;
   return refusal;
 }
 
-CalibrationRefusal StrainWindows::judge(const PerSide<bool>& wanted,
-                                        PerSide<std::optional<Reading>>& readings) {
+CalibrationRefusal StrainWindows::evaluate(const PerSide<bool>& wanted,
+                                           PerSide<std::optional<Reading>>& readings) {
   CalibrationRefusal refusal;
   for (const Side side : kSides) {
     if (!wanted[side]) continue;
@@ -162,7 +162,7 @@ CalibrationRefusal StrainWindows::read(Observation& observation, const PerSide<b
   for (;;) {
     if (CalibrationRefusal refusal = fill(wanted, from, lock)) return refusal;
     PerSide<std::optional<Reading>> readings;
-    CalibrationRefusal refusal = judge(wanted, readings);
+    CalibrationRefusal refusal = evaluate(wanted, readings);
     if (!refusal) {
       observation.reading = readings;
       const Collector& c = wanted.a ? collectors_.a : collectors_.b;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/calibration/gate.h"
+#include "assembly_cell/calibration/common/gate.h"
 
 namespace assembly_cell {
 

@@ -3,7 +3,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
-#include "assembly_cell/calibration/observations/store.h"
+#include "assembly_cell/calibration/common/store.h"
 #include "commands.h"
 #include "print.h"
 

@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 
 constexpr int kKills = 52;
 
-// What the server has acknowledged over all its lives.
+// What the server has acknowledged over all its starts.
 class Acknowledged {
  public:
   void add(const std::string& id) {
@@ -84,7 +84,7 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
   std::uniform_int_distribution<int> pause(0, 350);  // [ms]
   int stored = 0, most = 0, by_hand = 0;
   std::atomic<std::uint32_t> seed{1};
-  bool was_in_force = false;
+  bool was_active = false;
   const ros::WallTime begin = ros::WallTime::now();
   for (int i = 0; i < kKills; ++i) {
     server.start();
@@ -94,12 +94,12 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
     const std::set<std::string> wanted = acknowledged.ids();
     const std::uint32_t count = server.status()->observations;
     ASSERT_GE(count, wanted.size()) << "after " << i << " kills";
-    const auto in_force = server.call<GetCalibrations>("get_calibration");
-    ASSERT_EQ(in_force.stored_a.size() >= in_force.stored_b.size(), true);  // a is written first
-    ASSERT_TRUE(!was_in_force || in_force.calibrations.size() == 2) << "after " << i << " kills";
-    was_in_force = was_in_force || in_force.calibrations.size() == 2;
+    const auto active = server.call<GetCalibrations>("get_calibration");
+    ASSERT_EQ(active.stored_a.size() >= active.stored_b.size(), true);  // a is written first
+    ASSERT_TRUE(!was_active || active.calibrations.size() == 2) << "after " << i << " kills";
+    was_active = was_active || active.calibrations.size() == 2;
 
-    // two of three lives run the plan, the others are asked by hand
+    // two of three starts run the plan, the others add observations by service
     std::atomic<bool> dying{false}, answered{false};
     std::unique_ptr<Server::Client> client;
     std::thread hand;
@@ -120,14 +120,14 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
             const std::size_t end = feedback->message.rfind(" done");
             if (end != std::string::npos) acknowledged.add(feedback->message.substr(0, end));
           });
-      // a life begins with the plan under way
+      // starts with the plan under way
       ASSERT_TRUE(waitFor([&] { return answered || server.status()->state == "calibrate"; }));
     } else {
       hand = std::thread([&, i] {
         AddObservation::Request request;
         request.test.kind = "unloaded";
         LoadCalibration::Request load;
-        if (!in_force.stored_b.empty()) load.id = in_force.stored_b.back();
+        if (!active.stored_b.empty()) load.id = active.stored_b.back();
         for (int n = 0; !dying; ++n) {
           request.test.id = "hand " + std::to_string(i) + "." + std::to_string(n);
           if (server.call<AddObservation>("add_observation", request).success) {
@@ -144,7 +144,7 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
     if (hand.joinable()) hand.join();
     client.reset();
 
-    // on disk, before anybody mends anything
+    // on disk, before any repair
     const std::set<std::string> ids = idsOf(server.journal());
     for (const std::string& id : acknowledged.ids()) {
       ASSERT_EQ(ids.count(id), 1u) << id << " was acknowledged and is lost, kill " << i;

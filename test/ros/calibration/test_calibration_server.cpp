@@ -212,7 +212,7 @@ TEST_F(Bench, WaitsUntilItSettles) {
   }
 }
 
-TEST_F(Bench, TakesBackAndStartsAnew) {
+TEST_F(Bench, RemovesTheLastAndResets) {
   EXPECT_TRUE(has(server_.trigger("remove_last").message, "nothing to remove"));
   for (const double mass : {1.0, 2.0, 3.0}) ASSERT_TRUE(add(server_, weight(mass)).success);
   EXPECT_TRUE(server_.trigger("remove_last").success);
@@ -229,7 +229,8 @@ TEST_F(Bench, TakesBackAndStartsAnew) {
   EXPECT_TRUE(waitFor([&] { return server_.status()->observations == 0; }));
 }
 
-// A plan is judged before anything is measured; the thesis's is refused with what it lacks.
+// A plan is evaluated before the first measurement; that of the thesis is refused with what it
+// lacks.
 TEST_F(Bench, PlansAndSaysWhatIsMissing) {
   PlanCalibration::Request request;
   auto plan = server_.call<PlanCalibration>("plan", request);
@@ -250,7 +251,7 @@ TEST_F(Bench, PlansAndSaysWhatIsMissing) {
   request.plan = "../etc";
   EXPECT_TRUE(has(server_.call<PlanCalibration>("plan", request).message, "plan is '../etc'"));
 
-  // without loads there is nothing to solve, with one the answer says what to add
+  // without loads there is nothing to solve, with one the answer names what to add
   EXPECT_TRUE(has(server_.call<SolveCalibration>("solve").message, "add reacting tests"));
   ASSERT_TRUE(add(server_, testOf("unloaded")).success);
   ASSERT_TRUE(add(server_, weight(3.0)).success);
@@ -333,7 +334,7 @@ Calibration calibrationOf(const std::string& sensor, const std::string& id, doub
   return c;
 }
 
-// Corrupt, foreign or renamed files and ids that are paths are refused; what was in force stays.
+// Corrupt, foreign or renamed files and ids that are paths are refused; the active ones stay.
 TEST_F(Bench, RefusesCorruptAndForeignFiles) {
   const std::string a = folder_.path() + "/sensor_a/", b = folder_.path() + "/sensor_b/";
   EXPECT_FALSE(server_.call<GetCalibrations>("get_calibration").success);
@@ -375,10 +376,10 @@ TEST_F(Bench, RefusesCorruptAndForeignFiles) {
     EXPECT_FALSE(response.success) << id;
     EXPECT_TRUE(has(response.message, part)) << id << ": " << response.message;
     EXPECT_FALSE(has(response.message, "\n"));
-    const auto in_force = server_.call<GetCalibrations>("get_calibration");
-    ASSERT_EQ(in_force.calibrations.size(), 2u);
-    EXPECT_EQ(in_force.calibrations[0].id, "good");
-    EXPECT_EQ(in_force.calibrations[1].id, "good");
+    const auto active = server_.call<GetCalibrations>("get_calibration");
+    ASSERT_EQ(active.calibrations.size(), 2u);
+    EXPECT_EQ(active.calibrations[0].id, "good");
+    EXPECT_EQ(active.calibrations[1].id, "good");
   }
   request.id = "only_a";
   request.sensor = "sensor_a";
@@ -386,28 +387,28 @@ TEST_F(Bench, RefusesCorruptAndForeignFiles) {
   request.sensor = "sensor_c";
   EXPECT_TRUE(has(server_.call<LoadCalibration>("load", request).message, "sensor is 'sensor_c'"));
 
-  // in force over a restart, and latched
+  // active after a restart, and latched
   server_.end(SIGKILL);
   std::ofstream(a + "x.yaml.tmp123") << "half";
   start();
   EXPECT_FALSE(fs::exists(a + "x.yaml.tmp123"));
-  auto in_force = server_.call<GetCalibrations>("get_calibration");
-  ASSERT_EQ(in_force.calibrations.size(), 2u);
-  EXPECT_EQ(in_force.calibrations[0].id, "only_a");
-  EXPECT_EQ(in_force.calibrations[0].header.frame_id, "sensor_a");
-  EXPECT_EQ(in_force.stored_b, std::vector<std::string>{"good"});
+  auto active = server_.call<GetCalibrations>("get_calibration");
+  ASSERT_EQ(active.calibrations.size(), 2u);
+  EXPECT_EQ(active.calibrations[0].id, "only_a");
+  EXPECT_EQ(active.calibrations[0].header.frame_id, "sensor_a");
+  EXPECT_EQ(active.stored_b, std::vector<std::string>{"good"});
   const auto latched = ros::topic::waitForMessage<SensorCalibration>(
       "/bench/calibration_server/sensor_b/calibration", ros::Duration(kPatience));
   ASSERT_TRUE(latched);
   EXPECT_EQ(latched->id, "good");
 
-  // damage found at a start is told, and the server goes on
+  // damage found at the start is reported, and the server runs
   server_.end(SIGTERM);
   fs::copy_file(a + "corrupt.yaml", a + "only_a.yaml", fs::copy_options::overwrite_existing);
   start();
-  in_force = server_.call<GetCalibrations>("get_calibration");
-  ASSERT_EQ(in_force.calibrations.size(), 1u);
-  EXPECT_EQ(in_force.calibrations[0].id, "good");
+  active = server_.call<GetCalibrations>("get_calibration");
+  ASSERT_EQ(active.calibrations.size(), 1u);
+  EXPECT_EQ(active.calibrations[0].id, "good");
 }
 
 // ---- the tool and the server have one store ----
@@ -462,7 +463,7 @@ void simulateSession(const std::string& folder) {
 }
 
 // What the tool saves the server loads and publishes, displacement and all; a file of forces alone
-// keeps the displacement in force, also over a restart.
+// keeps the active displacement, also over a restart.
 TEST_F(Bench, LoadsWhatTheToolSaves) {
   const test::TemporaryFolder work;
   simulateSession(work.path());
@@ -479,7 +480,7 @@ TEST_F(Bench, LoadsWhatTheToolSaves) {
     expectSame(loadCalibration(folder_.path() + "/" + sensor + "/whole.yaml"),
                published(sensor, "whole"));
   }
-  // into a store with a calibration in force the tool saves its displacement, too
+  // into a store with an active calibration the tool saves its displacement, too
   ASSERT_EQ(save("force.yaml", "force"), 0);
   request.id = "force";
   loaded = server_.call<LoadCalibration>("load", request);
@@ -500,10 +501,10 @@ TEST_F(Bench, LoadsWhatTheToolSaves) {
   loaded = server_.call<LoadCalibration>("load", request);
   ASSERT_TRUE(loaded.success) << loaded.message;
   EXPECT_TRUE(has(loaded.message, "sensor_a keeps the displacement of force")) << loaded.message;
-  for (int life = 0; life < 2; ++life) {
+  for (int run = 0; run < 2; ++run) {
     const SensorCalibration now = published("sensor_a", "bare");
     EXPECT_EQ(whole.volts_to_displacement, RowMajor6::Map(now.volts_to_displacement.data()));
-    if (life == 0) {
+    if (run == 0) {
       server_.end(SIGKILL);
       start();
     }
@@ -642,7 +643,7 @@ class CalibrationCell : public ::testing::Test {
   std::unique_ptr<Server::Client> client_;
 };
 
-// A whole plan: cancelled half way, gone on with, solved, stored, in force in the drivers, which
+// A whole plan: cancelled half way, continued, solved, stored, active in the drivers, which
 // then read a known weight right.
 TEST_F(CalibrationCell, CalibratesBothSensors) {
   CalibrateSensorsGoal goal;
@@ -681,7 +682,7 @@ TEST_F(CalibrationCell, CalibratesBothSensors) {
     EXPECT_LT(done.result.predicted_sd_b[k], k < 3 ? 0.05 : 0.002);
   }
 
-  // stored, whole, and in force everywhere
+  // stored, complete, and active everywhere
   for (const char* sensor : {"sensor_a", "sensor_b"}) {
     const Calibration c = loadCalibration(folder_.path() + "/" + sensor + "/first.yaml");
     EXPECT_EQ(c.id, "first");
@@ -692,9 +693,9 @@ TEST_F(CalibrationCell, CalibratesBothSensors) {
     EXPECT_EQ(call.response.calibration.id, "first");
     EXPECT_EQ(call.response.calibration.observations_digest, c.observations_digest);
   }
-  const auto in_force = server_.call<GetCalibrations>("get_calibration");
-  EXPECT_EQ(in_force.calibrations.size(), 2u);
-  EXPECT_EQ(in_force.stored_a, std::vector<std::string>{"first"});
+  const auto active = server_.call<GetCalibrations>("get_calibration");
+  EXPECT_EQ(active.calibrations.size(), 2u);
+  EXPECT_EQ(active.stored_a, std::vector<std::string>{"first"});
   SaveCalibration::Request save;
   save.id = "first";
   EXPECT_TRUE(has(server_.call<SaveCalibration>("save", save).message, "taken"));
@@ -734,13 +735,13 @@ TEST_F(CalibrationCell, CalibratesBothSensors) {
 // A rig that goes away ends the action with a reason, and nothing is lost.
 TEST_F(CalibrationCell, EndsWithAReasonWhenTheRigIsGone) {
   server_.end(SIGTERM);
-  server_.start({"_rig:=nobody/apply", "_source_timeout:=0.5"});
+  server_.start({"_rig:=missing/apply", "_source_timeout:=0.5"});
   client_ = std::make_unique<Server::Client>(server_.nh(), "calibrate", false);
   ASSERT_TRUE(client_->waitForServer(ros::Duration(kPatience)));
   client_->sendGoal(CalibrateSensorsGoal());
   const CalibrateSensorsResult answer = result();
   EXPECT_FALSE(answer.success);
-  EXPECT_TRUE(has(answer.message, "service /sim/nobody/apply doesn't answer")) << answer.message;
+  EXPECT_TRUE(has(answer.message, "service /sim/missing/apply doesn't answer")) << answer.message;
   EXPECT_TRUE(waitFor([&] { return server_.status()->state == "idle"; }));
   ros::param::set("/sim/calibration_server/rig", "simulated_calibration_rig/apply");
   ros::param::set("/sim/calibration_server/source_timeout", 2.0);

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// A six-axis sensor under known dead weights, whose labels people get wrong.
+// Calibration of a six-axis sensor with dead weights, robust against wrong labels.
 #pragma once
 
 #include <optional>
@@ -23,13 +23,13 @@ struct DeadWeight {
 /// InputError naming file, line and column.
 std::vector<DeadWeight> readDeadWeights(const std::string& path);
 
-/// A label that cannot be right: what the other rows say of this reading fits another label of the
-/// file by far better, or none.
+/// A wrong label: the load that the other rows predict for this reading fits another label of the
+/// file much better, or none.
 struct WrongLabel {
   std::size_t row = 0;
   double force_error = 0.0, moment_error = 0.0;  ///< of the label [N], [N m]
-  Vector6 expected = Vector6::Zero();            ///< load as the others read it
-  std::string text;                              ///< what it looks like, on one line
+  Vector6 expected = Vector6::Zero();            ///< load predicted by the other rows
+  std::string text;                              ///< the likely mistake, one line
 };
 
 struct DeadWeightSolution {
@@ -37,7 +37,7 @@ struct DeadWeightSolution {
       block;  ///< of each row: begins where the reading falls to that of no load
   std::size_t blocks = 0;
   std::vector<WrongLabel> wrong;
-  std::vector<std::size_t> used;  ///< rows that the map rests on
+  std::vector<std::size_t> used;  ///< rows of the fit
   std::vector<std::size_t> unlabelled;
   std::vector<Vector6> unlabelled_load, unlabelled_sd;  ///< as the map reads them; block's own zero
   int rank = 0;                                         ///< of the loads, 6 is full

@@ -6,14 +6,15 @@
 #include <limits>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "assembly_cell/calibration/failure.h"
-#include "assembly_cell/calibration/two_sensor/dial_gauge.h"
+#include "assembly_cell/calibration/common/failure.h"
+#include "assembly_cell/calibration/observations/dial_gauge.h"
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
+
+class FieldList;
 
 /// What was done to the sensors while their strain was read.
 enum class ObservationKind {
@@ -62,7 +63,7 @@ struct Reading {
   Vector6 noise = Vector6::Zero();       ///< of one sample, from differences of neighbours [V]
   Vector6 spread = Vector6::Zero();      ///< standard deviation of one sample in the window [V]
   int samples = 1;
-  std::uint8_t saturated = 0;                                     ///< bit k: channel k, ever
+  std::uint8_t saturated = 0;  ///< bit k: channel k in any sample
   double temperature = std::numeric_limits<double>::quiet_NaN();  ///< [°C], NaN if unknown
 };
 
@@ -96,7 +97,7 @@ struct SensorDescription {
   double full_scale = 5.0;  ///< ± of the converter [V]
   double noise = 0.5e-3;    ///< of one sample, rms [V]
   Matrix6 nominal;          ///< S by the drawing: volts to wrench in the sensor frame, from which
-                            ///< designs are judged before anything is measured
+                            ///< designs are evaluated before the first measurement
 
   SensorDescription();  ///< nominal: nominalBridge()
 
@@ -106,6 +107,8 @@ struct SensorDescription {
   /// noise dithers the converter (noise ≥ q/2) [V²].
   double variance(double sd, int samples = 1) const;
 };
+/// All but the nominal matrix.
+void fields(FieldList& f, SensorDescription& sensor);
 
 /// One standard deviation of what the tests are compared with.
 struct ReferenceAccuracy {
@@ -115,10 +118,8 @@ struct ReferenceAccuracy {
   double position = 20e-6;    ///< of a relative pose, per axis [m]
   double rotation = 0.3e-3;   ///< of a relative pose, per axis [rad]
   double gauge = 1e-6;        ///< of a dial gauge [m]
-
-  /// All of them by name.
-  std::array<std::pair<const char*, double*>, 6> items();
 };
+void fields(FieldList& f, ReferenceAccuracy& accuracy);
 
 /// All that was measured, in the order of time.
 struct ObservationSet {
@@ -140,7 +141,7 @@ CalibrationRefusal unusable(const Reading& reading, const SensorDescription& sen
 
 /// Throws InputError, one line beginning with `source`: what makes this observation unusable as
 /// such (readings missing, not finite, mass not positive, direction no unit vector, rotation no
-/// rotation, too few gauges …). Saturated readings pass: the solver drops them and says so.
+/// rotation, too few gauges …). Saturated readings pass: the solver drops and reports them.
 void checkObservation(const Observation& observation, const ObservationSet& set,
                       const std::string& source);
 

@@ -17,9 +17,9 @@ namespace assembly_cell {
 class ObservationLog {
  public:
   /// Opens or creates. A last line that a crash cut off was never acknowledged and is cut off;
-  /// torn() tells. Throws InputError, one line that names file and line: no journal, a line whose
+  /// torn() is then true. Throws InputError naming file and line: no journal, a line whose
   /// seal is wrong or missing, records with another header than `header` (one without records
-  /// begins anew), another process has it, or the file can't be written.
+  /// is replaced), another process has it open, or the file can't be written.
   /// `header`: at least one line, each with its end of line.
   ObservationLog(const std::string& path, const std::string& header);
 
@@ -27,17 +27,17 @@ class ObservationLog {
   /// can't be written; the journal is then as before.
   void append(const std::string& record);
 
-  /// Takes the last record off and returns after fsync. Throws InputError when there is none.
+  /// Removes the last record and returns after fsync. Throws InputError when there is none.
   void removeLast();
 
-  /// Begins anew with `header`; the old file is kept as PATH.previous.
+  /// Starts an empty journal with `header`; the old file is kept as PATH.previous.
   void clear(const std::string& header);
 
   const std::vector<std::string>& records() const { return records_; }
   const std::string& path() const { return journal_.path(); }
   bool torn() const { return torn_; }
-  /// Records that were acknowledged and are not in the file any more: somebody cut it. Known from
-  /// PATH.count, which holds how many there are; without that file 0.
+  /// Number of acknowledged records that are missing because the file was cut, by the count in
+  /// PATH.count; 0 without that file.
   std::size_t lost() const { return lost_; }
 
  private:

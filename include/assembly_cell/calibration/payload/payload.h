@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/calibration/failure.h"
+#include "assembly_cell/calibration/common/failure.h"
 #include "assembly_cell/geometry/spatial.h"
 
 namespace assembly_cell {
@@ -137,9 +137,8 @@ struct PayloadModel {
 PayloadModel identifyPayload(const std::vector<StaticPose>& poses,
                              const std::vector<Vector6>& wrenches, const PayloadOptions& options);
 
-/// A base that is tilted by less counts as set up by level [rad]: what a person does with a spirit
-/// level and what residuals that aren't white make of it. Half and twice judge the recordings
-/// alike.
+/// A base tilted by less counts as level [rad]: accuracy of a spirit level, with margin for
+/// residuals that aren't white. Half and twice give the same results for the recordings.
 constexpr double kLevelBase = 0.02;
 
 /// The same by ordinary least squares of all poses with a constant bias, as it is commonly

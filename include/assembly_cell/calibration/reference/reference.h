@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/calibration/gate.h"
+#include "assembly_cell/calibration/common/gate.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/sensor/calibration.h"
 
@@ -46,7 +46,7 @@ struct ReferenceError {
   Vector6 axis = Vector6::Zero();
 };
 
-/// What is the run's own: the tare, and what the map leaves of it.
+/// Results of one run: its tare and residuals.
 struct ReferenceRunResult {
   std::string name;
   std::size_t samples = 0, bursts = 0;
@@ -79,9 +79,9 @@ struct ReferenceSolution {
 };
 
 /// Averages bursts (and pieces of what has no gaps) to cells, tares each run by its unloaded cells,
-/// estimates lag and map together by Huber's M-estimate, and judges the model by a run left out.
-/// Throws InputError: one run and none held out, another number of channels, a rate or duration
-/// that is out of place.
+/// estimates lag and map together by Huber's M-estimate, and checks the model against a run left
+/// out. Throws InputError: one run and none held out, another number of channels, a rate or
+/// duration that is out of place.
 ReferenceSolution solveReference(const std::vector<ReferenceRun>& runs,
                                  const ReferenceRun* hold_out, const ReferenceOptions& options);
 

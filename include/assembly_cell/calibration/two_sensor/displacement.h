@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/calibration/gate.h"
+#include "assembly_cell/calibration/common/gate.h"
 #include "assembly_cell/calibration/observations/observation.h"
 #include "assembly_cell/sensor/calibration.h"
 
@@ -17,9 +17,10 @@ struct DisplacementSolution {
   bool accepted = false;
   Eigen::MatrixXd T = Eigen::MatrixXd::Zero(6, 27);
   Eigen::MatrixXd unit_covariance =
-      Eigen::MatrixXd::Zero(27, 27);      ///< of a row, output of variance 1
-  Vector6 output_sd = Vector6::Zero();    ///< expected of one test: gauges and strain
-  Vector6 residual_sd = Vector6::Zero();  ///< found; 0 without degrees of freedom
+      Eigen::MatrixXd::Zero(27, 27);  ///< of a row, output of variance 1
+  Vector6 output_sd =
+      Vector6::Zero();  ///< expected of one test, from gauges and strain noise [m], [rad]
+  Vector6 residual_sd = Vector6::Zero();  ///< measured; 0 without degrees of freedom [m], [rad]
   Vector6 range = Vector6::Zero();        ///< largest |strain| of each channel in the tests [V]
   int tests = 0, rank = 0, dof = 0;       ///< dof of one output
   double condition = 0.0;                 ///< strains in parts of their range
@@ -30,14 +31,14 @@ struct DisplacementSolution {
   std::string message;
 };
 
-/// Identifies from the displacement tests of one side.
+/// Least squares of the displacement tests of one side; `accepted` and `gates` state the quality.
 DisplacementSolution solveDisplacement(const ObservationSet& set, Side side);
 
 /// Matrices, covariance and range into a calibration. Throws InputError for one not accepted.
 void applyDisplacement(const DisplacementSolution& solution, Calibration& calibration);
 
-/// Strains in parts of the range, one test a row. Central composite: 32 corners of the half
-/// fraction at 0.7, 12 axial, 2 centre.
+/// Central composite design, strains as fractions of the range: 32 corners of the half fraction at
+/// 0.7, 12 axial points, 2 centres.
 std::vector<Vector6> centralComposite();
 
 }  // namespace assembly_cell

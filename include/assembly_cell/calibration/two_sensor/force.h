@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/calibration/gate.h"
+#include "assembly_cell/calibration/common/gate.h"
 #include "assembly_cell/calibration/observations/observation.h"
 #include "assembly_cell/sensor/calibration.h"
 
@@ -25,27 +25,28 @@ enum class StrainModel {
   kQuadratic,
 };
 
-/// Loads over which the accuracy of a wrench is judged: uniform in ± these, about the reference
+/// Loads over which the accuracy of a wrench is evaluated: uniform in ± these, about the reference
 /// point.
 struct RatedLoad {
   double force = 50.0;  ///< [N]
   double torque = 2.0;  ///< [N·m]
 };
+void fields(FieldList& f, RatedLoad& rated);
 
 struct ForceSettings {
   ForceProcedure procedure = ForceProcedure::kAllRows;
   StrainModel model = StrainModel::kAutomatic;
   RatedLoad rated;
   bool use_reference_covariance = true;
-  double max_outliers = 0.1;  ///< share of tests
-  double hold_out = 0.2;      ///< share of tests
+  double max_outliers = 0.1;  ///< largest fraction of the tests that may be removed
+  double hold_out = 0.2;      ///< fraction of the tests left out to check the prediction
   /// Displacement calibrations, for points given at rest; null: such points are refused.
   PerSide<const Calibration*> displacement;
 };
 
 const char* toString(ForceProcedure procedure);  ///< all_rows, force_rows, thesis
 
-/// What became of one test.
+/// Outcome of one test.
 struct TestResult {
   std::size_t observation = 0;  ///< index in the set
   CalibrationRefusal dropped;   ///< why it was not used
@@ -55,7 +56,7 @@ struct TestResult {
   double normalised = 0.0;             ///< sqrt(χ² / equations), leverage taken out
 };
 
-/// Strain to wrench of both sensors with everything that says how good it is. Parameters: rows of
+/// Strain to wrench of both sensors with its covariance, statistics and gates. Parameters: rows of
 /// S_A one after another, then of S_B; a row has 6 coefficients of the strains and, quadratic, 21
 /// of the products (strainProducts).
 struct ForceSolution {
@@ -77,22 +78,22 @@ struct ForceSolution {
   PerSide<Vector6> predicted_sd = {Vector6::Zero(), Vector6::Zero()};
   double hold_out_rms = 0.0;  ///< normalised; NaN: not possible
   int hold_out_tests = 0;
-  std::string weak_direction;   ///< in words
+  std::string weak_direction;   ///< described by loads and components
   Eigen::VectorXd weak_vector;  ///< unit, of the scaled parameters
   std::vector<TestResult> tests;
   std::vector<Gate> gates;
   std::string message;  ///< one line
 };
 
-/// Solves for both sensors. Never throws for poor data: the gates say what is wrong and what to
-/// add. Throws InputError for observations that checkObservation refuses.
+/// Solves for both sensors. Poor data don't throw: the gates name what is wrong and what to add.
+/// Throws InputError for observations that checkObservation refuses.
 ForceSolution solveForce(const ObservationSet& set, const ForceSettings& settings = {});
 
 /// Before any measurement: rank, condition, χ² degrees of freedom and predicted standard deviation
 /// of a design whose observations carry poses, weights and points but no readings of their own
-/// (predictPlan() in plan.h gives noise-free ones). S are the nominal ones. The gates
-/// on geometry, rank, condition, dof and predicted sd are judged.
-ForceSolution judgeDesign(const ObservationSet& set, const ForceSettings& settings = {});
+/// (predictPlan() in plan.h gives noise-free ones), with the nominal matrices S. Gates: geometry,
+/// rank, condition, dof and predicted sd.
+ForceSolution evaluateDesign(const ObservationSet& set, const ForceSettings& settings = {});
 
 /// Puts a solution into a calibration of one side: matrices, covariance, statistics, digest. The
 /// zero is that of the last unloaded reading. Throws InputError for a solution not accepted.

@@ -3,12 +3,12 @@
 
 #include <vector>
 
-#include "assembly_cell/calibration/gate.h"
+#include "assembly_cell/calibration/common/gate.h"
 #include "assembly_cell/calibration/observations/observation.h"
 
 namespace assembly_cell {
 
-/// One step of the test: set load and what the channel read.
+/// One step of the test: set load and reading of the channel.
 struct LinearityStep {
   double load = 0.0;
   double reading = 0.0;
@@ -29,7 +29,7 @@ struct LinearityResult {
   std::vector<Gate> gates;            ///< nonlinearity 0.2 % warns, 0.5 % refuses; hysteresis 0.1 %
 };
 
-/// Steps in the order of time; up or down is told from the step before. Throws InputError: fewer
+/// Steps in the order of time; up or down follows from the previous step. Throws InputError: fewer
 /// than three loads, no repeats, not finite.
 LinearityResult testLinearity(const std::vector<LinearityStep>& steps);
 

@@ -10,7 +10,7 @@
 
 namespace assembly_cell {
 
-/// What to do next: the known side of an observation and the load or movement wanted.
+/// One step of a plan: the known part of an observation, and the load or movement to apply.
 struct LoadRequest {
   Observation target;                ///< kind, side, pose, mass, direction, point; no readings
   Vector6 wrench = Vector6::Zero();  ///< reacting: on A, frame A; indentation: force and its
@@ -43,7 +43,7 @@ std::vector<LoadRequest> makePlan(PlanName name, const ObservationSet& set,
                                   int zero_every = 11);
 
 /// A set with the readings that the nominal sensors would give under a plan, free of noise,
-/// appended to its observations: input of judgeDesign().
+/// appended to its observations: input of evaluateDesign().
 ObservationSet predictPlan(const std::vector<LoadRequest>& plan, const ObservationSet& set);
 
 /// D-optimal continuation: from the candidates the `count` that add most to log det of the
@@ -53,7 +53,7 @@ struct NextTests {
   std::vector<std::size_t> chosen;  ///< indices of candidates
   std::vector<double> gain;         ///< log det added by each
   std::string weak_direction_before, weak_direction_after;
-  ForceSolution after;  ///< judged with the chosen ones added
+  ForceSolution after;  ///< design with the chosen ones added
 };
 NextTests nextTests(const ObservationSet& set, const std::vector<LoadRequest>& candidates,
                     std::size_t count, const ForceSettings& settings = {});

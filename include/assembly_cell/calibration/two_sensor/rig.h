@@ -12,24 +12,25 @@
 
 namespace assembly_cell {
 
-/// The simulated calibration bench: two sensors (bridge.h) as hidden truth, masses, dial gauges.
+/// The simulated calibration bench: two sensors (bridge.h) as hidden ground truth, masses, dial
+/// gauges.
 struct RigSettings {
   int bits = 16;
   double noise = 0.5e-3;         ///< of one sample, rms [V]
   double nonlinearity = 1.0;     ///< of the bridges: 0 linear … 1 as built
   double drift = 0.0;            ///< of the temperature [K/h]
-  bool reference_errors = true;  ///< known values are off by random errors of `accuracy`
+  bool reference_errors = true;  ///< known values have random errors of `accuracy`
   ReferenceAccuracy accuracy;
   double gravity = 9.80665;
   int samples = 20;             ///< averaged by measure(); unloaded readings take 100
   double sample_period = 2e-4;  ///< [s]
   double test_time = 60.0;      ///< from one test to the next [s]
   std::uint64_t seed = 1;
-  /// Of the wrench that a bridge feels to the one that loads its sensor, SI units: what its makers
-  /// left beside the drawing.
+  /// Wrench on a bridge = gain · wrench on its sensor, SI units: deviation from the drawing.
   PerSide<Matrix6> gain{Matrix6::Identity(), Matrix6::Identity()};
-  /// Of the coupling that sensor_b is: wrench in its frame to displacement of its origin, x y z [m]
-  /// and rotation vector [rad], which the gauges read. None: both sensors' own hinges give way.
+  /// Compliance of the coupling that sensor_b is: displacement of its origin, x y z [m] and
+  /// rotation vector [rad], which the gauges read, per wrench in its frame. None: compliance of the
+  /// sensor's own hinges.
   std::optional<Matrix6> coupling_compliance;
 };
 
@@ -37,12 +38,12 @@ class CalibrationRig {
  public:
   explicit CalibrationRig(const RigSettings& settings);
 
-  /// Brings the load about. Returns the observation as a person would note it: known values with
+  /// Applies the load. Returns the observation as a person would note it: known values with
   /// their errors, gauges read, no readings of the sensors. Throws InputError for a request that
   /// can't be done.
   Observation apply(const LoadRequest& request);
 
-  /// One sample of both sensors under the present load; time goes on by a sample period.
+  /// One sample of both sensors under the present load; time advances by a sample period.
   PerSide<StrainSample> sample();
 
   /// apply() and averaged readings: one complete observation.

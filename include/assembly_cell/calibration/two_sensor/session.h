@@ -15,17 +15,17 @@
 
 namespace assembly_cell {
 
-/// What is to be found from the observations.
+/// What to solve for.
 struct SolveSettings {
   ForceSettings force;
   bool wrench = true;          ///< strain to wrench of both sensors
   PerSide<bool> displacement;  ///< strain to displacement
 };
 
-/// Whatever a set has tests for.
+/// All that a set has tests for.
 SolveSettings solveSettings(const ObservationSet& set);
 
-/// What was found.
+/// Result of solve().
 struct CalibrationSolution {
   std::optional<ForceSolution> force;
   PerSide<std::optional<DisplacementSolution>> displacement;
@@ -34,10 +34,10 @@ struct CalibrationSolution {
   std::string message;    ///< one line
 };
 
-/// A calibration in force.
-struct CalibrationInForce {
+/// The calibration in use by a sensor.
+struct ActiveCalibration {
   Calibration calibration;
-  /// Id of the stored one that its displacement is of, where its own file has none.
+  /// Id of the stored calibration that its displacement comes from, where its own file has none.
   std::string displacement_of;
 };
 template <typename T>
@@ -45,20 +45,20 @@ using MaybePerSide = PerSide<std::optional<T>>;
 
 /// The calibration of both sensors from the first observation to the file in the store, whose
 /// layout is STORE/{sensor_a|sensor_b}/ID.yaml: observe (add), solve, save, load. What a
-/// solution or a file doesn't determine stays as in the calibration in force: saved and loaded ones
-/// are whole. One thread at a time changes a session, others may ask for its observations and
-/// calibrations meanwhile. Requests that it refuses throw CalibrationError, bad files InputError.
+/// solution or a file doesn't determine is taken from the active calibration: saved and loaded ones
+/// are complete. One thread at a time may change a session; observations() and active() are safe
+/// from others meanwhile. Refused requests throw CalibrationError, bad files InputError.
 class CalibrationSession {
  public:
-  /// Takes from the store what is in force there; warnings() tells what could not be taken. An
-  /// empty `store`: nothing is kept.
+  /// Reads the active calibrations from the store; warnings() has those that can't be read. An
+  /// empty `store`: nothing is stored.
   CalibrationSession(std::string store, ObservationSet set);
 
-  /// From now on observations are in STORE/observations.yaml, beginning with those that are there
-  /// of a session with the same sensors. True when an unfinished line was cut off.
+  /// Keeps observations in STORE/observations.yaml from now on, and reads those of an earlier
+  /// session with the same sensors. True when an unfinished line was cut off.
   bool openJournal();
 
-  /// Checks, keeps, and (with a journal) returns when it is on disk.
+  /// Checks and appends; with a journal returns when the observation is on disk.
   void add(const Observation& observation);
   Observation removeLast();
   void clear();  ///< the old journal is kept as observations.yaml.previous
@@ -67,20 +67,20 @@ class CalibrationSession {
   const CalibrationSolution& solve(const SolveSettings& settings);
 
   /// Stores the last accepted solution under `id` (empty: date and time) for each sensor that it
-  /// tells something of. `fallback`: what a sensor without a calibration in force, or without a
-  /// displacement in it, had so far. Returns what was stored; stored ones are never overwritten.
+  /// determines something of. `fallback`: for a sensor without an active calibration, or without a
+  /// displacement in it. Returns what was stored; stored ones are never overwritten.
   MaybePerSide<Calibration> save(const std::string& id, const PerSide<Calibration>& fallback = {});
 
-  /// The stored calibrations of the sensors wanted: all of them whole, or an error. Where a file
-  /// has no displacement it is that of the calibration in force, else of `fallback`.
-  MaybePerSide<CalibrationInForce> load(const std::string& id, const PerSide<bool>& wanted,
-                                        const PerSide<Calibration>& fallback = {}) const;
+  /// The stored calibrations of the sensors wanted, all of them complete, or throws. Where a file
+  /// has no displacement it is that of the active calibration, else of `fallback`.
+  MaybePerSide<ActiveCalibration> load(const std::string& id, const PerSide<bool>& wanted,
+                                       const PerSide<Calibration>& fallback = {}) const;
 
-  /// Those given come in force, here and in STORE/in_force.yaml for the next session.
-  void putInForce(const MaybePerSide<CalibrationInForce>& calibrations);
-  MaybePerSide<CalibrationInForce> inForce() const;
+  /// Makes these the active ones, here and in STORE/in_force.yaml for the next session.
+  void activate(const MaybePerSide<ActiveCalibration>& calibrations);
+  MaybePerSide<ActiveCalibration> active() const;
 
-  /// Ids in the store; also those that calibrate solve once put below the serial number.
+  /// Ids in the store, in the sensor's folder and in that named by its serial number.
   std::vector<std::string> stored(Side side) const;
   const std::string& store() const { return store_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
@@ -88,16 +88,16 @@ class CalibrationSession {
  private:
   std::vector<std::string> folders(Side side) const;
   Calibration loadStored(Side side, const std::string& id) const;
-  void readInForce();
+  void readActive();
 
   std::string store_;
   std::unique_ptr<ObservationLog> journal_;
   std::vector<std::string> warnings_;
   std::optional<CalibrationSolution> solution_;
 
-  mutable std::mutex mutex_;  ///< guards what others may ask for
+  mutable std::mutex mutex_;  ///< guards set_ and active_
   ObservationSet set_;
-  MaybePerSide<CalibrationInForce> in_force_;
+  MaybePerSide<ActiveCalibration> active_;
 };
 
 }  // namespace assembly_cell

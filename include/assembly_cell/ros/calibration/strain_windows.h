@@ -29,38 +29,39 @@ class StrainWindows {
     std::size_t window = 200;           ///< samples
     Seconds settle_timeout{5.0};        ///< for a window in which nothing moves
     Seconds source_timeout{2.0};        ///< without a block a sensor counts as silent
-    std::function<std::string()> stop;  ///< asked while waiting: empty, or why to give up
+    std::function<std::string()> stop;  ///< polled while waiting: empty, or why to give up
   };
 
   /// Subscribes to sensor_a/strain and sensor_b/strain of `nh`.
   StrainWindows(const ros::NodeHandle& nh, Settings settings);
 
   /// Attaches readings of a settled window of the sensors `wanted` to an observation. Samples count
-  /// from `from` on, or (zero) those that were all taken after the call. Or why it can't.
+  /// from `from` on, or (zero) those taken after the call. Returns why there is no window.
   CalibrationRefusal read(Observation& observation, const PerSide<bool>& wanted,
                           const ros::Time& from);
 
  private:
-  /// Samples of one sensor while somebody waits for them.
+  /// Samples of one sensor during read().
   struct Collector {
     StreamSubscriber strain_sub;
     bool active = false;
-    bool armed = false;  ///< the block that was under way at the call has gone by
+    bool armed = false;  ///< a block has come since the call, so the next ones were taken after it
     bool restarted = false;
     ros::Time from;  ///< of the first sample that counts
     std::vector<Vector6> volts;
     std::vector<std::uint8_t> saturated;
     double first = 0.0, last = 0.0;  ///< stamps [s]
     double temperature = 0.0;        ///< of the last block [degC]
-    std::optional<Clock::time_point> heard;
+    std::optional<Clock::time_point> last_block;
     SequenceMonitor sequence;
   };
 
   void collect(Collector& collector, const StrainSamples& block);
   CalibrationRefusal fill(const PerSide<bool>& wanted, const ros::Time& from,
                           std::unique_lock<std::mutex>& lock);
-  CalibrationRefusal waiting(Side side, Clock::time_point begun) const;
-  CalibrationRefusal judge(const PerSide<bool>& wanted, PerSide<std::optional<Reading>>& readings);
+  CalibrationRefusal giveUp(Side side, Clock::time_point begun) const;
+  CalibrationRefusal evaluate(const PerSide<bool>& wanted,
+                              PerSide<std::optional<Reading>>& readings);
   CalibrationRefusal unsettled(const Reading& reading, Side side) const;
 
   Settings settings_;

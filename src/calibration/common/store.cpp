@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/observations/store.h"
+#include "assembly_cell/calibration/common/store.h"
 
 #include <algorithm>
 #include <cstdlib>

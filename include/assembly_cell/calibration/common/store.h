@@ -11,7 +11,7 @@ namespace assembly_cell {
 std::string calibrationStore();
 
 /// STORE/SENSOR/ID.yaml. Names are letters, digits, '.', '_' and '-', not beginning with a
-/// dot, at most 100 characters: never a path. Throws InputError naming `what` is wrong.
+/// dot, at most 100 characters: never a path. Throws InputError naming what is wrong.
 bool isCalibrationName(const std::string& text);
 std::string calibrationPath(const std::string& store, const std::string& sensor,
                             const std::string& id);
@@ -22,7 +22,7 @@ void makeCalibrationFolder(const std::string& store, const std::string& sensor);
 /// Ids stored in a folder, sorted; temporary files left out.
 std::vector<std::string> storedCalibrations(const std::string& store, const std::string& sensor);
 
-/// Removes what a kill left of files that were never finished; for the one process that writes.
+/// Removes temporary files of an interrupted write; only the process that writes may call it.
 void removeLeftovers(const std::string& folder);
 
 /// An id that isn't taken: the date and time, "2026-01-12T15-04-05", with a number when needed.

@@ -8,10 +8,10 @@
 
 namespace assembly_cell {
 
-/// When six signals count as standing still.
+/// Limits within which six signals count as settled.
 struct SettlingLimits {
-  std::size_t window = 50;  ///< latest samples that are judged, at least 8
-  /// Sd of one sample of the sensor at rest, in the signals' units: the yardstick of all limits.
+  std::size_t window = 50;  ///< latest samples that are evaluated, at least 8
+  /// Sd of one sample of the sensor at rest, in the signals' units: the unit σ of all limits.
   /// Zero on an axis: taken from differences of neighbours, right for white noise only.
   Vector6 noise = Vector6::Zero();
   double spread = 5.0;        ///< largest deviation from the window's mean [σ]
@@ -21,17 +21,17 @@ struct SettlingLimits {
 
 enum class Settling {
   kFilling,  ///< fewer samples than the window
-  kSpread,   ///< a sample lies too far from the mean
+  kSpread,   ///< a sample is too far from the mean
   kTrend,    ///< the signals still run in one direction
   kSettled,
 };
 const char* toString(Settling verdict);  ///< filling, spread, trend, settled
 
-/// The window's numbers, in the signals' units unless said otherwise.
+/// Statistics of the window, in the signals' units unless another one is given.
 struct SettlingReport {
   Settling verdict = Settling::kFilling;
   std::size_t samples = 0;
-  int axis = 0;                         ///< that decides (or comes nearest to its limit)
+  int axis = 0;                         ///< axis with the largest value over its limit
   Vector6 mean = Vector6::Zero();       ///< over the window
   Vector6 variance = Vector6::Zero();   ///< of the mean, serial correlation included
   Vector6 sd = Vector6::Zero();         ///< of one sample about the straight line
@@ -40,8 +40,8 @@ struct SettlingReport {
   Vector6 change_sd = Vector6::Zero();  ///< of `change`, serial correlation included
 };
 
-/// Sliding window over evenly spaced samples that tells a sensor at rest from one that moves,
-/// creeps or swings. add() costs O(1) on average (one pass over the buffer a lap) and allocates
+/// Sliding window over evenly spaced samples: detects whether a sensor is at rest, or moves, creeps
+/// or swings. add() costs O(1) on average (one pass over the buffer a lap) and allocates
 /// nothing.
 class SettledWindow {
  public:
@@ -69,8 +69,8 @@ class SettledWindow {
   Run window() const;
 
   SettlingLimits limits_;
-  std::vector<Vector6> samples_;  ///< of this lap, and beyond position_ of the last
-  std::vector<Run> tails_;        ///< tails_[k]: samples k … end of the last lap
+  std::vector<Vector6> samples_;  ///< of this lap; from position_ on of the previous one
+  std::vector<Run> tails_;        ///< tails_[k]: samples k … end of the previous lap
   Run head_;                      ///< this lap
   Vector6 reference_ = Vector6::Zero();
   std::size_t position_ = 0;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/two_sensor/dial_gauge.h"
+#include "assembly_cell/calibration/observations/dial_gauge.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
@@ -8,8 +8,9 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/calibration/gate.h"
+#include "assembly_cell/calibration/common/gate.h"
 #include "assembly_cell/math/distributions.h"
+#include "assembly_cell/math/least_squares.h"
 
 namespace assembly_cell {
 
@@ -21,7 +22,7 @@ constexpr double kArm = 0.025;       // scales rotation against translation [m]
 constexpr double kGaugeRank = 1e-8;  // smallest over largest singular value
 constexpr double kFault = 1e-3;      // p(χ²) below which a gauge is called faulty
 
-// reading at a pose and its derivative to (dp, dφ)
+// Reading at a pose; `row`: its derivative by (dp, dφ).
 double reading(const GaugeLayout& layout, std::size_t k, const Pose& X,
                Eigen::Matrix<double, 1, 6>* row) {
   const DialGauge& gauge = layout.gauges[k];
@@ -56,48 +57,72 @@ void checkLayout(const GaugeLayout& layout) {
   }
 }
 
-struct Fit {
+// A pose as state of minimise(); a step is (dp, dφ) in axes of the datum.
+struct PoseState {
   Pose X;
-  Matrix6 inverse = Matrix6::Zero();  // of JᵀJ
-  Eigen::VectorXd residuals;
-  Eigen::MatrixXd J;
+
+  friend PoseState operator+(const PoseState& state, const Vector6& step) {
+    return {{rotationFromVector({step.tail<3>()}) * state.X.R, state.X.p + step.head<3>()}};
+  }
 };
 
-Fit fit(const GaugeLayout& layout, const std::vector<double>& readings) {
-  const auto n = static_cast<Eigen::Index>(readings.size());
-  Fit out{Pose(), Matrix6::Zero(), Eigen::VectorXd(n), Eigen::MatrixXd(n, 6)};
-  Vector6 scale;
-  scale << 1, 1, 1, 1 / kArm, 1 / kArm, 1 / kArm;
-  for (int iteration = 1; iteration <= kIterations; ++iteration) {
-    for (Eigen::Index i = 0; i < n; ++i) {
+// Residuals of the gauges over the pose of the carrier, for minimise().
+class GaugeFit {
+ public:
+  GaugeFit(const GaugeLayout& layout, const std::vector<double>& readings)
+      : layout_(layout),
+        readings_(readings),
+        residuals_(static_cast<Eigen::Index>(readings.size())),
+        J_(residuals_.size(), 6) {
+    scale_ << 1, 1, 1, 1 / kArm, 1 / kArm, 1 / kArm;
+  }
+
+  // throws InputError where the gauges don't determine the pose
+  void linearise(const PoseState& state) {
+    for (Eigen::Index i = 0; i < residuals_.size(); ++i) {
       const auto k = static_cast<std::size_t>(i);
       Eigen::Matrix<double, 1, 6> row;
-      out.residuals[i] = readings[k] - reading(layout, k, out.X, &row);
-      out.J.row(i) = row;
+      residuals_[i] = readings_[k] - reading(layout_, k, state.X, &row);
+      J_.row(i) = row;
     }
-    const Eigen::MatrixXd scaled = out.J * scale.asDiagonal();
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    if (!(svd.singularValues()[5] > kGaugeRank * svd.singularValues()[0])) {
+    const Eigen::MatrixXd scaled = J_ * scale_.asDiagonal();
+    svd_.compute(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    if (!(svd_.singularValues()[5] > kGaugeRank * svd_.singularValues()[0])) {
       throw InputError(
           "gauges: rank below 6, a movement is not seen by any of them: add gauges on "
           "other faces or farther apart");
     }
-    Vector6 step = scale.asDiagonal() * svd.solve(out.residuals);
+  }
+  Vector6 step(double /*damping*/) const {
+    Vector6 step = scale_.asDiagonal() * svd_.solve(residuals_);
     const double turn = step.tail<3>().norm();
     if (turn > 0.5) step *= 0.5 / turn;
-    out.X.p += step.head<3>();
-    out.X.R = rotationFromVector({step.tail<3>()}) * out.X.R;
-    if (!step.allFinite()) break;
-    // at rounding: 1e-15 of a metre, or no longer getting better
-    if (step.head<3>().norm() < 1e-14 && step.tail<3>().norm() < 1e-13) {
-      const Matrix6 V = scale.asDiagonal() * svd.matrixV();
-      out.inverse =
-          V * svd.singularValues().cwiseAbs2().cwiseInverse().asDiagonal() * V.transpose();
-      return out;
-    }
+    if (!step.allFinite()) fail();
+    return step;
   }
-  throw InputError("gauges: no pose fits the readings: check their order, signs and units [m]");
-}
+  // rounding
+  bool small(const Vector6& step) const {
+    return step.head<3>().norm() < 1e-14 && step.tail<3>().norm() < 1e-13;
+  }
+
+  [[noreturn]] static void fail() {
+    throw InputError("gauges: no pose fits the readings: check their order, signs and units [m]");
+  }
+  const Eigen::VectorXd& residuals() const { return residuals_; }
+  const Eigen::MatrixXd& J() const { return J_; }
+  Matrix6 inverse() const {  // of JᵀJ
+    const Matrix6 V = scale_.asDiagonal() * svd_.matrixV();
+    return V * svd_.singularValues().cwiseAbs2().cwiseInverse().asDiagonal() * V.transpose();
+  }
+
+ private:
+  const GaugeLayout& layout_;
+  const std::vector<double>& readings_;
+  Eigen::VectorXd residuals_;
+  Eigen::MatrixXd J_;
+  Vector6 scale_;
+  Eigen::JacobiSVD<Eigen::MatrixXd> svd_;
+};
 
 }  // namespace
 
@@ -139,11 +164,17 @@ GaugePose poseFromGauges(const GaugeLayout& layout, const std::vector<double>& r
   for (const double value : readings) {
     if (!std::isfinite(value)) throw InputError("gauges: a reading is not finite: read it again");
   }
-  const Fit all = fit(layout, readings);
+  GaugeFit fit(layout, readings);
+  PoseState state;
+  LeastSquaresOptions options;
+  options.max_iterations = kIterations;
+  const LeastSquaresResult result = minimise<StepControl::kNone>(fit, state, options);
+  if (result.iterations == kIterations) GaugeFit::fail();
+  const Matrix6 inverse = fit.inverse();
   GaugePose out;
-  out.X_DC = all.X;
-  out.covariance = sigma * sigma * all.inverse;
-  out.chi2 = all.residuals.squaredNorm() / (sigma * sigma);
+  out.X_DC = state.X;
+  out.covariance = sigma * sigma * inverse;
+  out.chi2 = fit.residuals().squaredNorm() / (sigma * sigma);
   out.dof = static_cast<int>(n) - 6;
   if (out.dof == 0) out.chi2 = 0.0;
   if (out.dof == 0 || chiSquareTail(out.chi2, out.dof) >= kFault) return out;
@@ -152,8 +183,9 @@ GaugePose poseFromGauges(const GaugeLayout& layout, const std::vector<double>& r
   double best = -1.0;
   for (std::size_t k = 0; k < n; ++k) {
     const auto i = static_cast<Eigen::Index>(k);
-    const double redundancy = 1.0 - (all.J.row(i) * all.inverse * all.J.row(i).transpose()).value();
-    const double improvement = all.residuals[i] * all.residuals[i] / std::max(redundancy, 1e-6);
+    const auto row = fit.J().row(i);
+    const double redundancy = 1.0 - (row * inverse * row.transpose()).value();
+    const double improvement = fit.residuals()[i] * fit.residuals()[i] / std::max(redundancy, 1e-6);
     if (redundancy > 1e-6 && improvement > best) {
       best = improvement;
       out.suspect = static_cast<int>(k);

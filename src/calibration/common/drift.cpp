@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/calibration/two_sensor/drift.h"
+#include "assembly_cell/calibration/common/drift.h"
 
 #include <algorithm>
 #include <array>
@@ -13,7 +13,7 @@ namespace assembly_cell {
 namespace {
 
 constexpr std::size_t kMinWindow = 8;
-constexpr double kLargestCorrelation = 0.98;  // beyond it a window says nothing of its own noise
+constexpr double kLargestCorrelation = 0.98;  // clamp: beyond it the noise cannot be estimated
 
 }  // namespace
 
@@ -78,7 +78,7 @@ void SettledWindow::add(const Vector6& sample) {
   head_ = join(head_, runOf(sample - reference_));
   if (++position_ < limits_.window) return;
 
-  // a lap is over: its tails are the old part of the windows to come
+  // end of a lap: its tails are the older part of the next windows
   full_ = true;
   position_ = 0;
   reference_ = sample;
@@ -108,7 +108,7 @@ SettlingReport SettledWindow::report() const {
   report.mean = reference_ + mean;
   if (report.samples < kMinWindow) return report;
 
-  // straight line, scatter about it, and how long its noise remembers
+  // straight line, scatter about it, and the correlation of its noise
   const double moment = n * (n * n - 1.0) / 12.0;
   const Vector6 slope = (run.moment - 0.5 * (n - 1.0) * run.sum) / moment;
   const Vector6 squares =

@@ -7,7 +7,7 @@
 
 namespace assembly_cell {
 
-/// Why a reading, a test, a request or a recording is of no use.
+/// Why a reading, a test, a request or a recording is refused.
 enum class CalibrationFailure {
   kNone,
   // a reading
@@ -16,12 +16,12 @@ enum class CalibrationFailure {
   // a test of a set
   kNoZero,          ///< no unloaded reading before it
   kZeroDrifted,     ///< the unloaded readings around it differ
-  kNoDisplacement,  ///< its point is that at rest, and no displacement map is known
+  kNoDisplacement,  ///< its point is that at rest, and there is no displacement map
   kOutlier,
   // a window of samples
   kSilent,     ///< no samples
   kTooSlow,    ///< too few samples
-  kRestarted,  ///< the source began anew meanwhile
+  kRestarted,  ///< the source restarted meanwhile
   kApart,      ///< the sensors' samples are not of the same time
   kCancelled,
   // a session
@@ -38,12 +38,12 @@ enum class CalibrationFailure {
   kDriverRefused,
   // static poses
   kTooFewPoses,
-  kOneAxis,        ///< the orientations do not tell weight from bias
+  kOneAxis,        ///< the orientations do not separate weight from bias
   kAxesUndecided,  ///< base and sensor axes fit alike
   kNoWeight,       ///< the readings don't follow the orientations
 };
 
-/// A failure and one line about it; converts to true where there is one.
+/// A failure and one line of explanation; true when there is a failure.
 struct CalibrationRefusal {
   CalibrationFailure code = CalibrationFailure::kNone;
   std::string text;
@@ -51,7 +51,7 @@ struct CalibrationRefusal {
   explicit operator bool() const { return code != CalibrationFailure::kNone; }
 };
 
-/// A request that a session refuses.
+/// A refused request of a session.
 struct CalibrationError : InputError {
   CalibrationError(CalibrationFailure failure, const std::string& text)
       : InputError(text), code(failure) {}
