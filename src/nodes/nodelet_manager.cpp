@@ -7,7 +7,7 @@
 int main(int argc, char** argv) {
   using assembly_cell::ros_bridge::NodeletManager;
   // Each block of samples takes some 50 kB for a moment. Given back to the kernel, its pages are
-  // cleared and mapped anew for the next one: 7 % of an alignment in lockstep.
+  // cleared and mapped again for the next one: 7 % of an alignment in lockstep.
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
   mallopt(M_TOP_PAD, 1 << 20);
   // One heap: what a thread leaves the next one takes. Those of other threads grow page by page.

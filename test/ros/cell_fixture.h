@@ -121,7 +121,7 @@ class Child {
     if (pid_ > 0 && running()) kill(pid_, number);
   }
 
-  /// Asks its group to end, insists after a while.
+  /// Ends its process group, by force after a while.
   void stop() {
     if (pid_ <= 0 || !running()) return;
     kill(pid_, SIGINT);

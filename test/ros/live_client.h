@@ -34,7 +34,7 @@ inline double valueIn(const dynamic_reconfigure::Config& config, const std::stri
   return 0.0;
 }
 
-/// True: taken. `after`: what is in force then.
+/// True: taken. `after`: the value that is active then.
 template <class Value>
 bool setLive(const std::string& node, const std::string& name, Value value,
              dynamic_reconfigure::Config* after = nullptr) {
