@@ -207,7 +207,7 @@ TEST(Nodelets, ABadParameterEndsTheCellWithOneLine) {
   const std::string remedy = ": give a whole number from 5 to 100";
   expectRefusal({"block_size:=4"}, "parameter /peg_hole_simulator/block_size is 4" + remedy);
   expectRefusal({"block_size:=101"}, "parameter /peg_hole_simulator/block_size is 101" + remedy);
-  expectRefusal({"strategy:=guess"}, "strategy: value guess: give one of");
+  expectRefusal({"strategy:=guess"}, "strategy is \"guess\": give one of");
 }
 
 TEST(Nodelets, TheProcessEndsWithASimulatorThatTimesOut) {
