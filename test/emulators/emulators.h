@@ -41,7 +41,7 @@ struct LinkFaults {
 };
 
 /// A Net F/T box on loopback: RDT over UDP, its configuration over HTTP. Records go out at a rate,
-/// or one by one as a test asks for them.
+/// or one by one on request of a test.
 class NetftEmulator {
  public:
   struct Options {
@@ -76,8 +76,8 @@ class NetftEmulator {
 
   void setFaults(const LinkFaults& faults);
   void setStatus(std::uint32_t status) { status_ = status; }
-  void setStalled(bool stalled) { stalled_ = stalled; }  ///< ft_sequence stands still
-  void setDead(bool dead) { dead_ = dead; }  ///< hears and says nothing, as without power
+  void setStalled(bool stalled) { stalled_ = stalled; }  ///< ft_sequence is constant
+  void setDead(bool dead) { dead_ = dead; }              ///< no answer, as without power
   void ignoreStarts(int count) { ignored_starts_ = count; }
   void ignoreBiases(int count) { ignored_biases_ = count; }
   void setHttpResponse(const std::string& response);  ///< instead of the configuration
@@ -149,11 +149,11 @@ class SerialEmulator {
 
   const std::string& path() const { return link_; }
 
-  /// Sends the next frames. False: unplugged, or (Robotiq) nobody has asked for the stream.
+  /// Sends the next frames. False: unplugged, or (Robotiq) the stream wasn't requested.
   bool emit(std::size_t count);
   /// The bytes of the frame of a sample; emit() sends these.
   std::vector<std::uint8_t> frame(std::uint64_t sample) const;
-  /// Sends bytes as they are, however long it takes the terminal to have room.
+  /// Sends bytes as they are, and waits while the terminal is full.
   bool sendRaw(const std::vector<std::uint8_t>& bytes);
   /// Passes over samples: the device measured them but they got lost.
   void skip(std::uint64_t samples);
@@ -178,7 +178,7 @@ class SerialEmulator {
   int terminal_ = -1;
   std::uint64_t sample_ = 0;
   std::mt19937_64 random_;
-  std::vector<std::uint8_t> heard_;
+  std::vector<std::uint8_t> received_;
   std::atomic<std::uint32_t> status_{0};
   std::atomic<std::uint64_t> latest_stamp_;  // sample whose time stamp none goes beyond
   std::atomic<bool> dead_{false}, stopping_{false}, streaming_{false};

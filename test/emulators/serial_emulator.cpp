@@ -85,7 +85,7 @@ void SerialEmulator::unplug() {
   terminal_ = -1;
 }
 
-// Hears Robotiq's requests; takes whatever else is said.
+// Receives Robotiq's requests; ignores other bytes.
 void SerialEmulator::listen() {
   constexpr std::array<std::uint8_t, 11> kStart = {9, 16, 0x01, 0x9a, 0, 1, 2, 0x02, 0x00, 0, 0};
   std::array<std::uint8_t, 11> start = kStart;
@@ -97,24 +97,24 @@ void SerialEmulator::listen() {
       const std::lock_guard<std::mutex> lock(mutex_);
       if (terminal_ >= 0) n = ::read(terminal_, data.data(), data.size());
       for (ssize_t i = 0; i < n && options_.robotiq && !dead_; ++i) {
-        heard_.push_back(data[static_cast<std::size_t>(i)]);
+        received_.push_back(data[static_cast<std::size_t>(i)]);
         // a burst of jam characters ends the stream, the request starts it
-        if (heard_.size() >= 8 &&
-            std::all_of(heard_.end() - 8, heard_.end(), [](auto c) { return c == 0xff; })) {
+        if (received_.size() >= 8 &&
+            std::all_of(received_.end() - 8, received_.end(), [](auto c) { return c == 0xff; })) {
           if (streaming_.exchange(false)) ++stops_;
-          heard_.clear();
+          received_.clear();
         }
-        if (heard_.size() >= start.size() &&
-            std::equal(start.begin(), start.end(), heard_.end() - start.size())) {
+        if (received_.size() >= start.size() &&
+            std::equal(start.begin(), start.end(), received_.end() - start.size())) {
           ++starts_;
           std::vector<std::uint8_t> answer(start.begin(), start.begin() + 6);
           answer.resize(8);
           putLittle16(&answer[6], crcModbus(answer.data(), 6));
           sendLocked(answer);
           streaming_ = true;
-          heard_.clear();
+          received_.clear();
         }
-        if (heard_.size() > kLongestRequest) heard_.clear();
+        if (received_.size() > kLongestRequest) received_.clear();
       }
     }
     if (n <= 0) std::this_thread::sleep_for(kPause);
@@ -138,7 +138,7 @@ std::vector<std::uint8_t> SerialEmulator::frame(std::uint64_t sample) const {
 }
 
 bool SerialEmulator::sendLocked(const std::vector<std::uint8_t>& bytes) {
-  // a terminal that nobody reads is full after a while
+  // a terminal without a reader is full after a while
   for (std::size_t sent = 0; sent < bytes.size();) {
     const ssize_t n =
         terminal_ < 0 ? -1 : ::write(terminal_, bytes.data() + sent, bytes.size() - sent);
