@@ -76,7 +76,8 @@ PerSide<Eigen::MatrixXd> plainLeastSquares(const ForceSystem& system) {
     y.segment(row, test.equations) = test.known;
     row += test.equations;
   }
-  return matricesOf(designOf(system, kLoadTerms).colPivHouseholderQr().solve(y), system.rows, kLoadTerms);
+  return matricesOf(designOf(system, kLoadTerms).colPivHouseholderQr().solve(y), system.rows,
+                    kLoadTerms);
 }
 
 std::string describeWeak(const Eigen::VectorXd& weakest, const ObservationSet& set, int rows,
