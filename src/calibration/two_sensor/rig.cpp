@@ -10,9 +10,9 @@ namespace assembly_cell {
 namespace {
 
 constexpr int kUnloadedSamples = 100;
-constexpr int kPointIterations = 20;  // of a point that moves with the carrier
+constexpr int kPointIterations = 20;      // of a point that moves with the carrier
 constexpr double kRequestedStrain = 4.0;  // strain of a requested movement of 1 [V]
-constexpr double kAmbient = 20.0;     // [°C]
+constexpr double kAmbient = 20.0;         // [°C]
 
 Eigen::Vector3d errors(NormalSource& normal, double sd) {
   const double z = normal(), y = normal(), x = normal();
