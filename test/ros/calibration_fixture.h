@@ -63,10 +63,10 @@ class Server {
     }
     // its own status and the last service it advertises
     const std::string last = nh_.resolveName("calibration_server/get_calibration");
-    const auto told = [&] { return status().has_value() || !alive(); };
-    // roscpp asks a new publisher once; at the port of one that ended it may get no answer
-    for (int i = 0; i < 6 && !waitFor(told, 10.0); ++i) subscribe();
-    ASSERT_TRUE(told());
+    const auto reported = [&] { return status().has_value() || !alive(); };
+    // roscpp contacts a new publisher once; at the port of one that ended it may get no answer
+    for (int i = 0; i < 6 && !waitFor(reported, 10.0); ++i) subscribe();
+    ASSERT_TRUE(reported());
     ASSERT_TRUE(alive()) << "the server ended";
     ASSERT_TRUE(waitFor([&] { return ros::service::exists(last, false); }));
   }
