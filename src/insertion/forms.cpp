@@ -22,7 +22,7 @@ constexpr double kMaxPegRadius = 0.06, kMaxHoleRadius = 1.6 * kMaxPegRadius, kMa
 // Length [m]; the upper limit detects millimetres.
 double length(P p, const char* key, double max) {
   const double value = p(key);
-  if (std::abs(value) > max) refuse(key, value, text("give metres, at max %g m", max).c_str());
+  if (std::abs(value) > max) refuse(key, value, text("give metres, at most %g m", max).c_str());
   return value;
 }
 

@@ -279,7 +279,7 @@ TEST(CellDescription, RefusesAScenarioThatContradictsIt) {
     const std::string error =
         errorOf([&] { checkAgainst(cell, scenario.mechanism, scenario.name); });
     EXPECT_EQ(error.rfind("scenario cell: " + std::string(key) + ": value ", 0), 0u) << error;
-    EXPECT_NE(error.find("the URDF says "), std::string::npos) << error;
+    EXPECT_NE(error.find("the URDF has "), std::string::npos) << error;
   }
   // differences of rounding are none
   EXPECT_NO_THROW(
