@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "../test/geometry/single_slot.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/simulated_cell.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"

@@ -2,7 +2,7 @@
 // Aligns the peg of a scenario in simulation, by the core library alone, and prints the errors.
 // usage: align_once [SCENARIO.yaml [STRATEGY]]    none: the default cell, by its contacts' places
 #include <assembly_cell/base/input_error.h>
-#include <assembly_cell/cell/judge.h>
+#include <assembly_cell/cell/align_trial.h>
 
 #include <cstdio>
 #include <string>

@@ -11,7 +11,7 @@ namespace {
 // exp(−2 π² noise²) / π (Widrow). Half of it: 3 %.
 constexpr double kNoiseOverCode = 0.7;
 // A Wishart matrix of six channels has degrees of freedom down to this less 6.
-constexpr int kFewestSamples = 8;
+constexpr int kMinSamples = 8;
 // The largest of a hundred normal numbers, on average.
 constexpr double kLargestNoise = 2.5;
 
@@ -31,7 +31,7 @@ double SampleSum::weight(int node) const {
 }
 
 bool BlockMeans::serves(const Bridge& bridge, int samples) {
-  return samples >= kFewestSamples && bridge.noise >= kNoiseOverCode * resolution(bridge);
+  return samples >= kMinSamples && bridge.noise >= kNoiseOverCode * resolution(bridge);
 }
 
 void BlockMeans::add(const Bridge& bridge, const Vector6& volts, double weight) {

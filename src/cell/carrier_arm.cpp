@@ -92,11 +92,11 @@ CarrierPoses CarrierArm::lead(const PlantCommand& command, double now, double le
   return carrier(arm_, kinematics_);
 }
 
-void CarrierArm::feel(const ContactSamples& felt) {
-  addSamples(bridge_, felt);
-  if (felt.sensor == 1 && felt.count > 0) {
+void CarrierArm::addWrenches(const ContactSamples& samples) {
+  addSamples(bridge_, samples);
+  if (samples.sensor == 1 && samples.count > 0) {
     load(arm_, Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(
-                   felt.values, 6, static_cast<Eigen::Index>(felt.count))
+                   samples.values, 6, static_cast<Eigen::Index>(samples.count))
                    .rowwise()
                    .mean());
   }

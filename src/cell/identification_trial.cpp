@@ -48,7 +48,7 @@ double directionBias(const MechanismModel& truth, const KnownMechanism& known) {
     PressedState state;
     state.R_HS = rotationFromVector({lean});
     state.contact.head<3>() = state.R_HS.transpose() * Eigen::Vector3d(0.0, 0.0, kPress);
-    // the phasors refer to the angle that was asked for: turned to that of the force
+    // the phasors refer to the commanded angle: rotated to that of the force
     const std::complex<double> ahead(0.0, asked.phase);
     const WrenchPhasor wrench = std::exp(ahead) * pressedResponse(truth, asked, state);
     const WrenchPhasor coupling = stiffness.inverse().cast<std::complex<double>>() * wrench;
@@ -61,7 +61,7 @@ double directionBias(const MechanismModel& truth, const KnownMechanism& known) {
         centreOfMassPhasors(known.mechanism, point.frequency, coupling, posture);
     const Locus locus = locusFromPhasors(xy[0], xy[1], 0.0, 0, 1.0);
     const DirectionEstimate found = contactDirection(known.mechanism, point, locus);
-    // nearest of both half turns: which is which the reading tells by other means
+    // nearest of both half turns: the reading distinguishes them by other means
     double error = M_PI;
     for (const double alpha : {found.alpha, found.alpha_opposite}) {
       error = std::min(error, std::abs(std::remainder(alpha - azimuth, 2.0 * M_PI)));

@@ -10,10 +10,10 @@
 namespace assembly_cell {
 namespace {
 
-// Of the places where a block's wrench is found: in time, and of a vibration's turn. Half: what is
-// left of a vibration falls to a sixteenth.
-constexpr double kApart = 1e-3;  // [s]
-constexpr double kTurn = 0.8;    // [rad]
+// Between two times at which a block's wrench is computed: in time, and in phase of a vibration.
+// With half of it the residual of a vibration falls to a sixteenth.
+constexpr double kSpacing = 1e-3;   // [s]
+constexpr double kPhaseStep = 0.8;  // [rad]
 
 }  // namespace
 
@@ -25,20 +25,7 @@ Calibration designCalibration(const Bridge& bridge) {
 }
 
 Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling) {
-  return withDisplacement(designCalibration(bridge), coupling);
-}
-
-Calibration withDisplacement(Calibration c, const CouplingParameters& coupling) {
-  const Eigen::FullPivLU<Matrix6> lu(couplingStiffness(coupling));
-  if (!lu.isInvertible()) {
-    throw InputError(
-        "coupling.stiffness: singular, so the coupling can't serve as a displacement sensor; give "
-        "every direction a stiffness");
-  }
-  c.volts_to_displacement = lu.solve(c.volts_to_wrench);
-  c.quadratic_displacement = c.quadratic_wrench;
-  if (c.quadratic_displacement) c.displacement_products = lu.solve(c.wrench_products);
-  return c;
+  return withDisplacement(designCalibration(bridge), couplingStiffness(coupling));
 }
 
 void meansOf(const StrainBlock& block, StrainMeans& means) {
@@ -62,8 +49,8 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
       world_(makeWorld(scenario, parameters.world)),
       carrier_(X_HB, scenario, parameters.truth.carrier),
       reported_(carrier_.report(*world_)),
-      felt_a_(parameters.truth.sensor_a, parameters.sample_period),
-      felt_b_(parameters.truth.sensor_b, parameters.sample_period),
+      measured_a_(parameters.truth.sensor_a, parameters.sample_period),
+      measured_b_(parameters.truth.sensor_b, parameters.sample_period),
       bridge_a_(bridgeA(parameters.bits, parameters.noise)),
       bridge_b_(bridgeB(parameters.bits, parameters.noise)),
       strain_matrix_a_(strainMatrix(bridge_a_)),
@@ -100,11 +87,11 @@ void SimulatedCell::warm(double time) {
 
 Vector6 SimulatedCell::voltsA(double time) {
   const Vector6 wrench = transformWrench(parameters_.X_AH, world_->holeWrench()) + block_weight_;
-  return voltsOf(bridge_a_, strain_matrix_a_, felt_a_(wrench, time));
+  return voltsOf(bridge_a_, strain_matrix_a_, measured_a_(wrench, time));
 }
 
 Vector6 SimulatedCell::voltsB(const Vector6& load, double time) {
-  return voltsOf(bridge_b_, strain_matrix_b_, felt_b_(load, time));
+  return voltsOf(bridge_b_, strain_matrix_b_, measured_b_(load, time));
 }
 
 StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
@@ -145,14 +132,14 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
 StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool samples_b) {
   const int n = parameters_.block_size;
   const double period = parameters_.sample_period;
-  if (felt_a_.remembers() || felt_b_.remembers() || !BlockMeans::serves(bridge_a_, n) ||
+  if (measured_a_.remembers() || measured_b_.remembers() || !BlockMeans::serves(bridge_a_, n) ||
       !BlockMeans::serves(bridge_b_, n)) {
     const StopReason reason = next(whole_);
     if (reason == StopReason::kOk) meansOf(whole_, means);
     return reason;
   }
-  const double rate = std::max({fastest, felt_a_.humRate(), felt_b_.humRate(), 1e-9});
-  const double apart = std::min(kApart, kTurn / rate);
+  const double rate = std::max({fastest, measured_a_.humRate(), measured_b_.humRate(), 1e-9});
+  const double apart = std::min(kSpacing, kPhaseStep / rate);
   const SampleSum sum(n, static_cast<int>(apart / period * (1.0 + 1e-9)));
   const double end = nextEnd();
   const auto timeOf = [&](int i) { return static_cast<double>(samples_ + i) * period; };

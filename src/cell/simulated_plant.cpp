@@ -3,7 +3,6 @@
 
 #include <cmath>
 
-#include "assembly_cell/align/estimation/contact_window.h"
 #include "assembly_cell/align/search/step.h"
 #include "assembly_cell/locus/vibration_fit.h"
 
@@ -13,17 +12,6 @@ namespace {
 // A peg wedged in the hole that creeps takes millions of steps a second: a run may have so many in
 // all and so many more for each second of it [1/s], several times what an alignment needs.
 constexpr double kMaxSteps = 3e6, kMaxStepsPerSecond = 1e5;
-constexpr double kRounding = 0.01;  // of a sample's period, at a window's ends
-
-Calibration believedA(const CellParameters& p) {
-  return p.calibration_a ? *p.calibration_a : designCalibration(bridgeA(p.bits, p.noise));
-}
-
-Calibration believedB(const CellParameters& p, const CouplingParameters& coupling) {
-  if (!p.calibration_b) return designCalibration(bridgeB(p.bits, p.noise), coupling);
-  const bool measured = !p.calibration_b->volts_to_displacement.isZero(0.0);
-  return measured ? *p.calibration_b : withDisplacement(*p.calibration_b, coupling);
-}
 
 TwinForceSetup twinForceSetup(const Mechanism& nominal, const Pose& X_AH,
                               const CellParameters& parameters) {
@@ -44,78 +32,67 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
     : nominal_(nominal),
       X_AH_(X_AH),
       cell_(scenario, parameters),
-      calibration_a_(believedA(parameters)),
-      calibration_b_(believedB(parameters, nominal.coupling)),
+      pipeline_(resolution(bridgeA(parameters.bits, parameters.noise))),
       twin_force_(twinForceSetup(nominal, X_AH, parameters)),
       exciter_(scenario.mechanism.exciter) {
-  const Bridge bridge = bridgeA(parameters.bits, parameters.noise);
-  const double step = resolution(bridge);
-  rounding_a_ = roundingCovariance(calibration_a_.volts_to_wrench, step);
-  rounding_b_ = roundingCovariance(calibration_b_.volts_to_wrench, step);
-  if (!parameters.arm) return;
-  arm_ = std::make_unique<CarrierArm>(*parameters.arm, nominal, cell_.reported(), parameters.seed);
+  const CellParameters& p = parameters;
+  pipeline_.setCalibration(
+      0, p.calibration_a ? *p.calibration_a : designCalibration(bridgeA(p.bits, p.noise)));
+  pipeline_.setCalibration(
+      1, p.calibration_b ? *p.calibration_b : designCalibration(bridgeB(p.bits, p.noise)));
+  updateCoupling();
+  if (!p.arm) return;
+  arm_ = std::make_unique<CarrierArm>(*p.arm, nominal, cell_.reported(), p.seed);
 }
 
-void SimulatedPlant::know(const KnownMechanism& known) {
-  nominal_ = known.mechanism;
-  drive_ = known.drive;
-  calibration_b_ = believedB(cell_.parameters(), nominal_.coupling);
+// A calibration with a displacement map of its own keeps it.
+void SimulatedPlant::updateCoupling() {
+  const bool measured = !pipeline_.calibration(1)->volts_to_displacement.isZero(0.0);
+  pipeline_.setCoupling(measured ? nullptr : &nominal_.coupling);
+}
+
+void SimulatedPlant::setMechanism(const KnownMechanism& identified) {
+  nominal_ = identified.mechanism;
+  drive_ = identified.drive;
+  updateCoupling();
   twin_force_ = TwinForceContacts(twinForceSetup(nominal_, X_AH_, cell_.parameters()));
 }
 
-void SimulatedPlant::Window::begin(const LocusRequest& wanted) {
-  request = wanted;
-  angles.clear();
-  signals.clear();
-}
-
-bool SimulatedPlant::Window::endsBefore(double time) const {
-  return request && time >= request->start + request->duration - 1e-9;
-}
-
-bool SimulatedPlant::Window::beginsBy(double time) const {
-  return request && request->start <= time;
-}
-
-void SimulatedPlant::collect(Window& window, bool wrench) {
-  const double period = cell_.parameters().sample_period;
+void SimulatedPlant::collect(SampleWindow& window, bool wrench) {
+  if (!window.window()) return;
   const std::size_t n = means_.volts_b.size() / 6;
+  signals_.resize(6 * n);
   for (std::size_t i = 0; i < n; ++i) {
-    const double t = means_.end - static_cast<double>(n - 1 - i) * period;
-    const double since = t - window.request->start + kRounding * period;
-    if (since < 0.0 || since >= window.request->duration) continue;
     const Vector6 volts = Vector6::Map(means_.volts_b.data() + 6 * i);
-    const Vector6 signal = wrench ? wrenchFromVolts(calibration_b_, volts)
-                                  : displacementFromVolts(calibration_b_, volts);
-    window.angles.push_back(exciter_.direction *
-                            (exciter_.frequency * (t - exciter_reference_) + exciter_.phase));
-    window.signals.insert(window.signals.end(), signal.data(), signal.data() + 6);
+    Vector6::Map(signals_.data() + 6 * i) =
+        wrench ? wrenchFromVolts(*pipeline_.calibration(1), volts) : pipeline_.displacement(volts);
   }
+  window.add(signals_.data(), n, cell_.parameters().sample_period, means_.end, exciter_,
+             exciter_reference_);
 }
 
-void SimulatedPlant::tellArm() {
+void SimulatedPlant::addWrenchesToArm() {
   const std::size_t n = block_.saturated_a.size();
+  signals_.resize(6 * n);
   for (int sensor = 0; sensor < 2; ++sensor) {
     const std::vector<double>& volts = sensor == 0 ? block_.volts_a : block_.volts_b;
-    const Calibration& calibration = sensor == 0 ? calibration_a_ : calibration_b_;
-    std::vector<double>& wrenches = felt_[static_cast<std::size_t>(sensor)];
-    wrenches.resize(6 * n);
+    const Calibration& calibration = *pipeline_.calibration(static_cast<std::size_t>(sensor));
     for (std::size_t i = 0; i < n; ++i) {
-      Vector6::Map(wrenches.data() + 6 * i) =
+      Vector6::Map(signals_.data() + 6 * i) =
           wrenchFromVolts(calibration, Vector6::Map(volts.data() + 6 * i));
     }
-    ContactSamples felt;
-    felt.sensor = sensor;
-    felt.values = wrenches.data();
-    felt.count = n;
-    felt.period = block_.period;
-    felt.end = cell_.world().time();
-    felt.saturated = (sensor == 0 ? block_.saturated_a : block_.saturated_b).data();
-    arm_->feel(felt);
+    ContactSamples samples;
+    samples.sensor = sensor;
+    samples.values = signals_.data();
+    samples.count = n;
+    samples.period = block_.period;
+    samples.end = cell_.world().time();
+    samples.saturated = (sensor == 0 ? block_.saturated_a : block_.saturated_b).data();
+    arm_->addWrenches(samples);
   }
 }
 
-void SimulatedPlant::advance(const PlantCommand& command) {
+void SimulatedPlant::command(const PlantCommand& command) {
   SimulatorBackend& world = cell_.world();
   if (arm_) {
     const CellParameters& parameters = cell_.parameters();
@@ -141,7 +118,11 @@ void SimulatedPlant::advance(const PlantCommand& command) {
     vibration_.begin(*command.vibration);
     collect(vibration_, true);
   }
+}
 
+void SimulatedPlant::advance(const PlantCommand& command) {
+  this->command(command);
+  SimulatorBackend& world = cell_.world();
   const double until =
       world.time() + cell_.parameters().block_size * cell_.parameters().sample_period;
   StopReason reason = StopReason::kOk;
@@ -161,26 +142,7 @@ void SimulatedPlant::advance(const PlantCommand& command) {
     throw PlantError(AlignFailure::kStopped, "simulation stopped: too_many_steps",
                      "too_many_steps");
   }
-  if (arm_) tellArm();
-}
-
-PlantBlock SimulatedPlant::means() const {
-  PlantBlock out;
-  const BlockMoments &volts_a = means_.a, &volts_b = means_.b;
-  out.wrench_a = wrenchFromVolts(calibration_a_, volts_a.mean);
-  out.wrench_b = wrenchFromVolts(calibration_b_, volts_b.mean);
-  out.displacement_b = displacementFromVolts(calibration_b_, volts_b.mean);
-  const Matrix6& S_a = calibration_a_.volts_to_wrench;
-  const Matrix6& S_b = calibration_b_.volts_to_wrench;
-  out.covariance_a = S_a * volts_a.covariance * S_a.transpose();
-  out.covariance_b = S_b * volts_b.covariance * S_b.transpose();
-  out.rounding_a = rounding_a_;
-  out.rounding_b = rounding_b_;
-  out.samples = volts_b.count;
-  out.length = volts_b.count * cell_.parameters().sample_period;
-  out.saturated = means_.saturated;
-  out.carrier = restFromPose(arm_ ? arm_->reported() : cell_.reported());
-  return out;
+  if (arm_) addWrenchesToArm();
 }
 
 PlantBlock SimulatedPlant::next(const PlantCommand& command) {
@@ -189,21 +151,22 @@ PlantBlock SimulatedPlant::next(const PlantCommand& command) {
 }
 
 PlantBlock SimulatedPlant::nextBlock(const PlantCommand& command) {
-  // a bridge commands nothing before it has felt something
+  // the arm's bridge takes no command before its first wrenches
   if (arm_ && !arm_->ready()) advance({});
   advance(command);
-  PlantBlock out = means();
+  PlantBlock out =
+      pipeline_.fromStrain(means_.a, means_.b, means_.saturated, cell_.parameters().sample_period);
+  out.carrier = restFromPose(arm_ ? arm_->reported() : cell_.reported());
   out.time = cell_.world().time();
-  if (locus_.request) collect(locus_, false);
-  if (vibration_.request) collect(vibration_, true);
-
-  if (locus_.endsBefore(out.time)) {
-    out.locus = readLocus(nominal_, exciter_, locus_.angles, locus_.signals);
-    locus_.request.reset();
+  collect(locus_, false);
+  collect(vibration_, true);
+  if (locus_.endsBy(out.time)) {
+    out.locus = readLocus(nominal_, exciter_, locus_.angles(), locus_.signals());
+    locus_.cancel();
   }
-  if (vibration_.endsBefore(out.time)) {
-    out.vibration = fitVibration(vibration_.angles, vibration_.signals);
-    vibration_.request.reset();
+  if (vibration_.endsBy(out.time)) {
+    out.vibration = fitVibration(vibration_.angles(), vibration_.signals());
+    vibration_.cancel();
   }
   return out;
 }

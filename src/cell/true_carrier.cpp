@@ -7,7 +7,7 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kWay = 2e-4,
-                 kTurn = 2e-3;  // that ends somewhere else than the last one [m], [rad]
+                 kTurn = 2e-3;  // move that draws another error of repeatability [m], [rad]
 
 Pose baseOf(const Pose& X_HB, const CarrierTruth& truth) {
   if (truth.rotation.isZero(0.0) && truth.offset.isZero(0.0)) return X_HB;

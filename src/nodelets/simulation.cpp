@@ -2,7 +2,7 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "assembly_cell/ros/simulation/cell_player.h"
-#include "assembly_cell/ros/simulation/contact_markers_node.h"
+#include "assembly_cell/ros/simulation/markers/contact_markers_node.h"
 #include "assembly_cell/ros/simulation/simulator_node.h"
 #include "hosted_nodelet.h"
 

@@ -66,7 +66,7 @@ void Acquisition::stop() {
     const std::lock_guard<std::mutex> lock(mutex_);
     stop_ = true;
   }
-  room_.notify_all();
+  freed_.notify_all();
   arrived_.notify_all();
   source_.close();
   if (thread_.joinable()) thread_.join();
@@ -173,7 +173,7 @@ SourceBlock& Acquisition::slot() {
   std::unique_lock<std::mutex> lock(mutex_);
   if (writing_ != kNone) return blocks_[writing_];
   if (options_.lossless) {
-    room_.wait(lock, [this] { return stop_ || count_ < ready_.size(); });
+    freed_.wait(lock, [this] { return stop_ || count_ < ready_.size(); });
   }
   writing_ = free_.back();
   free_.pop_back();
@@ -218,7 +218,7 @@ void Acquisition::backOff() {
   const auto wait = status_.back_off;
   status_.state = status_.static_cause.empty() ? LinkState::kBackingOff : LinkState::kMisconfigured;
   status_.next_attempt = Clock::now() + wait;
-  room_.wait_until(lock, status_.next_attempt, [this] { return stop_.load(); });
+  freed_.wait_until(lock, status_.next_attempt, [this] { return stop_.load(); });
   status_.back_off = std::min(2 * wait, options_.longest_back_off);
 }
 
@@ -235,7 +235,7 @@ const SourceBlock* Acquisition::next(std::chrono::nanoseconds timeout) {
   lent_ = ready_[first_];
   first_ = (first_ + 1) % ready_.size();
   --count_;
-  if (options_.lossless) room_.notify_all();
+  if (options_.lossless) freed_.notify_all();
   return &blocks_[lent_];
 }
 
@@ -257,7 +257,7 @@ void Acquisition::misconfigured(const std::string& cause) {
     status_.state = LinkState::kMisconfigured;
     status_.static_cause = cause;
   }
-  room_.notify_all();
+  freed_.notify_all();
   source_.close();
 }
 

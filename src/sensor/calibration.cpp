@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/sensor/calibration.h"
 
+#include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <charconv>
@@ -234,10 +235,10 @@ void checkCalibration(const Calibration& c, const std::string& source) {
                      ": id, serial_number or date holds control characters: give one line");
   }
   if (!c.volts_to_wrench.allFinite()) {
-    throw InputError(source + ": volts_to_wrench is not finite: calibrate anew");
+    throw InputError(source + ": volts_to_wrench is not finite: calibrate again");
   }
   if (!c.volts_to_displacement.allFinite()) {
-    throw InputError(source + ": volts_to_displacement is not finite: calibrate anew");
+    throw InputError(source + ": volts_to_displacement is not finite: calibrate again");
   }
   if (!c.zero_volts.allFinite()) {
     throw InputError(source +
@@ -246,7 +247,7 @@ void checkCalibration(const Calibration& c, const std::string& source) {
   if (!c.wrench_products.allFinite() || !c.displacement_products.allFinite()) {
     throw InputError(source +
                      ": wrench_products or displacement_products is not finite: calibrate "
-                     "anew");
+                     "again");
   }
   if (!isLine(c.observations_digest)) {
     throw InputError(source + ": observations holds control characters: give one line");
@@ -263,7 +264,7 @@ void checkCalibration(const Calibration& c, const std::string& source) {
        {std::pair{&c.wrench_fit, "wrench_fit"}, {&c.displacement_fit, "displacement_fit"}}) {
     if (!std::isfinite(fit->chi2) || !std::isfinite(fit->p) || !fit->residual_rms.allFinite() ||
         !fit->predicted_sd.allFinite()) {
-      throw InputError(source + ": " + key + " is not finite: calibrate anew");
+      throw InputError(source + ": " + key + " is not finite: calibrate again");
     }
   }
   checkCovariance(c.wrench_covariance, c.quadratic_wrench ? 162 : 36,
@@ -274,8 +275,29 @@ void checkCalibration(const Calibration& c, const std::string& source) {
   if (!(values[5] > kSingular * values[0])) {
     throw InputError(source + ": volts_to_wrench is singular (singular values " +
                      number(values[0]) + " to " + number(values[5]) +
-                     "): a direction of load would be blind; calibrate anew");
+                     "): a direction of load would be blind; calibrate again");
   }
+}
+
+std::string channelText(unsigned channels) {
+  std::string numbers;
+  for (unsigned k = 0; k < 6; ++k) {
+    if (channels >> k & 1u) numbers += (numbers.empty() ? "" : ", ") + std::to_string(k + 1);
+  }
+  return numbers.empty() ? "none" : numbers;
+}
+
+Calibration withDisplacement(Calibration c, const Matrix6& stiffness) {
+  const Eigen::FullPivLU<Matrix6> lu(stiffness);
+  if (!lu.isInvertible()) {
+    throw InputError(
+        "coupling.stiffness: singular, so the coupling can't serve as a displacement sensor; give "
+        "every direction a stiffness");
+  }
+  c.volts_to_displacement = lu.solve(c.volts_to_wrench);
+  c.quadratic_displacement = c.quadratic_wrench;
+  if (c.quadratic_displacement) c.displacement_products = lu.solve(c.wrench_products);
+  return c;
 }
 
 Matrix6 wrenchCovariance(const Calibration& c, const Vector6& volts,

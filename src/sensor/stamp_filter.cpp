@@ -10,7 +10,7 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kLongestDelay = 0.25;    // beyond the least; more is a pause of the device [s]
+constexpr double kLongestDelay = 0.25;    // beyond the minimum; more is a pause of the device [s]
 constexpr double kLongestBase = 1e3;      // keeps times exact to 1e-13 s [s]
 constexpr std::size_t kMinArrivals = 16;  // for a period of one's own
 
@@ -51,7 +51,7 @@ StampFilter::Line StampFilter::fit(double nominal) const {
     }
     hull[corners++] = c;
   }
-  // the edge over the arrivals' mean is the supporting line with the least sum of delays
+  // the edge over the arrivals' mean is the supporting line with the minimal sum of delays
   std::size_t right = 1;
   while (right + 1 < corners && hull[right].sample < mean) ++right;
   const Arrival& a = hull[right - 1];

@@ -11,7 +11,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
 

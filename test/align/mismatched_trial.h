@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/calibrated_sensors.h"
-#include "assembly_cell/cell/judge.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/mismatch/mismatch.h"
 

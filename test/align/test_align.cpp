@@ -12,7 +12,7 @@
 
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
@@ -207,7 +207,7 @@ TEST(Align, ASwingIsNoWall) {
     SimulatedPlant plant(startAt(s, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
                                  tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003),
                          s.mechanism, sensors);
-    Judge judge(plant);
+    TruthRecorder judge(plant);
     const AlignResult result = align(judge, s.mechanism, singleContactParameters());
     EXPECT_TRUE(result.success) << result.reason;
     const Eigen::Vector3d end = plant.truth().pegPose().p, start = judge.startPose(result).p;
@@ -227,7 +227,7 @@ TEST(Align, DoubleContactReachesTheHole) {
     CellParameters sensors;
     sensors.bits = bits;
     SimulatedPlant plant(startAt(s, offset, tilt, 0.003), s.mechanism, sensors);
-    Judge judge(plant);
+    TruthRecorder judge(plant);
     const AlignResult result = align(judge, s.mechanism, p);
     EXPECT_TRUE(result.success) << bits << ": " << result.reason;
     EXPECT_LE(edgeReach(plant.truth().pegPose(), s.mechanism.peg.radius), s.mechanism.hole.radius);
@@ -272,7 +272,7 @@ TEST(Align, VibratoryFallsBackToSingleContact) {
   int readings[2];
   for (const bool one_sided : {false, true}) {
     SimulatedPlant plant(startAt(s, offset, tilt, 0.003), s.mechanism, CellParameters{});
-    Judge judge(plant);
+    TruthRecorder judge(plant);
     OneSidedPlant blind(judge);
     std::string failed;
     p.strategy = "vibratory";

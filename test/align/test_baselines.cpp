@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "assembly_cell/align/align.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/scene/scenario.h"
 #include "scenarios.h"

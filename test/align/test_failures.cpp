@@ -14,7 +14,7 @@
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/align/search/press_controller.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "scenarios.h"
@@ -444,9 +444,9 @@ TEST(PlantFailures, TheEvaluatorNamesAnEdgeOutside) {
   trial.result.success = true;
   trial.X_HP.p = Eigen::Vector3d(1.5e-4, 0.0, -5e-4);
   AlignTrial leaning = trial;
-  judgeEnd(truth, {}, trial);
+  evaluateEnd(truth, {}, trial);
   truth.imperfections.bore_lean = {-0.3, 0.0};
-  judgeEnd(truth, {}, leaning);
+  evaluateEnd(truth, {}, leaning);
   EXPECT_TRUE(leaning.success);
   EXPECT_FALSE(leaning.false_success);
   EXPECT_TRUE(trial.false_success);
@@ -467,9 +467,9 @@ TEST(PlantFailures, TheEvaluatorNamesAPegThatIsNotSeated) {
   leans.X_HP.p = Eigen::Vector3d(0.0, 0.0, -0.0397);
   InsertParameters insert;
   insert.depth = 0.04;
-  judgeEnd(cell(), insert, there);
-  judgeEnd(cell(), insert, above);
-  judgeEnd(cell(), insert, leans);
+  evaluateEnd(cell(), insert, there);
+  evaluateEnd(cell(), insert, above);
+  evaluateEnd(cell(), insert, leans);
   EXPECT_TRUE(there.success);
   EXPECT_TRUE(leans.success);
   EXPECT_TRUE(above.false_success);

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "mismatched_trial.h"

@@ -4,7 +4,7 @@
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/search/free_peg.h"
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/scene/scenario.h"

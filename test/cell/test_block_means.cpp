@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-// Means of blocks whose samples nobody reads, against the samples themselves.
+// Means of blocks without samples, against the samples themselves.
 #include "assembly_cell/cell/block_means.h"
 
 #include <gtest/gtest.h>

@@ -63,7 +63,7 @@ TEST(CalibratedSensors, AreDrawnByTheSeed) {
   cell.seed = 2;
   EXPECT_NE(calibratedSensors(cell, 1).a.volts_to_wrench, first);
   EXPECT_THROW(calibratedSensors(cell, 0), InputError);
-  // a linear map is refused on bridges as built, each time anew
+  // a linear map is refused on bridges as built, at each repetition
   cell.bridge_nonlinearity = 1.0;
   EXPECT_THROW(calibratedSensors(cell, 20), InputError);
 }

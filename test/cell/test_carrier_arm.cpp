@@ -10,7 +10,7 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 #include "scenarios.h"
 
@@ -64,7 +64,7 @@ TEST(CarrierArm, GoesWhereItIsSentLateAndNotQuiteExactly) {
   const double off = (truth(plant, scenario) - Eigen::Vector3d(0.0, 0.0, 0.002)).norm();
   EXPECT_GT(off, 2e-6);
   EXPECT_LT(off, 2e-4);
-  // an arm that repeats exactly and doesn't give way stands where it says
+  // an arm with exact repeatability and no compliance is where its encoders report it
   arm.arm.repeatability = 0.0;
   arm.arm.compliance.setZero();
   SimulatedPlant exact(scenario, scenario.mechanism, with(arm));

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/mismatch/mismatch.h"
@@ -108,7 +108,7 @@ TEST(TrueCell, ExciterHasItsComponents) {
   }
 }
 
-// The simulation is driven by that force: what the coupling feels is scaled with it (linear).
+// The simulation is driven by that force: the coupling's load is scaled with it (linear).
 TEST(TrueCell, ExciterDrivesTheCell) {
   const auto power = [](const std::string& text) {
     const True t = truthOf(text, hanging());
@@ -136,60 +136,60 @@ Vector6 wrench() {
   return w;
 }
 
-TEST(FeltWrench, ExactSensorsChangeNothing) {
-  FeltWrench felt(SensorTruth{}, kPeriod);
-  EXPECT_EQ(felt(wrench(), 1.0), wrench());
+TEST(MeasuredWrench, ExactSensorsChangeNothing) {
+  MeasuredWrench measured(SensorTruth{}, kPeriod);
+  EXPECT_EQ(measured(wrench(), 1.0), wrench());
 }
 
 // Entry by entry: a force of 1 N counts as much as a torque of 0.03 N m.
-TEST(FeltWrench, MatrixMapsTorquesAtTheirLever) {
+TEST(MeasuredWrench, MatrixMapsTorquesAtTheirLever) {
   SensorTruth truth;
   truth.matrix(0, 1) = 0.01;  // x from y
   truth.matrix(2, 3) = 0.02;  // force from torque
   truth.matrix(5, 0) = 0.03;  // torque from force
   truth.matrix(4, 4) = -0.04;
-  FeltWrench felt(truth, kPeriod);
+  MeasuredWrench measured(truth, kPeriod);
   Vector6 expected = wrench();
   expected(0) += 0.01 * -2.0;
   expected(2) += 0.02 * 0.1 / 0.03;
   expected(5) += 0.03 * 0.03 * 3.0;
   expected(4) += -0.04 * -0.2;
-  EXPECT_LT((felt(wrench(), 0.0) - expected).norm(), 1e-15);
+  EXPECT_LT((measured(wrench(), 0.0) - expected).norm(), 1e-15);
 }
 
 // A sensor turned by a quarter about z and moved along x: by hand.
-TEST(FeltWrench, FrameIsTurnedAndMoved) {
+TEST(MeasuredWrench, FrameIsTurnedAndMoved) {
   SensorTruth truth;
   truth.rotation = Vector3d(0, 0, M_PI / 2);
   truth.offset = Vector3d(0.01, 0, 0);
-  FeltWrench felt(truth, kPeriod);
-  const Vector6 w = felt(wrench(), 0.0);
+  MeasuredWrench measured(truth, kPeriod);
+  const Vector6 w = measured(wrench(), 0.0);
   // its x is the old y, its y the old −x; about its origin the torque lacks offset × force
   EXPECT_LT((w.head<3>() - Vector3d(-2.0, -3.0, 5.0)).norm(), 1e-14);
   const Vector3d about(0.1, -0.2 + 0.01 * 5.0, 0.3 + 0.01 * 2.0);
   EXPECT_LT((w.tail<3>() - Vector3d(about.y(), -about.x(), about.z())).norm(), 1e-14);
 }
 
-TEST(FeltWrench, DriftsAndHums) {
+TEST(MeasuredWrench, DriftsAndHums) {
   SensorTruth truth;
   truth.drift << 1.0, -0.5, 0.0, 0.01, 0.0, -0.02;
-  FeltWrench drifting(truth, kPeriod);
+  MeasuredWrench drifting(truth, kPeriod);
   EXPECT_LT((drifting(wrench(), 30.0) - wrench() - 0.5 * truth.drift).norm(), 1e-15);
 
   SensorTruth humming;
   humming.hum = Vector3d(0.1, 0.0, -0.2);
   humming.hum_frequency = 50.0;
   humming.hum_phase = 0.7;
-  FeltWrench felt(humming, kPeriod);
+  MeasuredWrench measured(humming, kPeriod);
   for (const double t : {0.0, 0.001, 0.013}) {
-    const Vector6 hum = felt(wrench(), t) - wrench();
+    const Vector6 hum = measured(wrench(), t) - wrench();
     EXPECT_LT((hum.head<3>() - std::sin(2 * M_PI * 50 * t + 0.7) * humming.hum).norm(), 1e-14);
     EXPECT_TRUE(hum.tail<3>().isZero());
   }
 }
 
 // After a minute a walk has the variance of its square; half of that after half of it.
-TEST(FeltWrench, WalksAtRandom) {
+TEST(MeasuredWrench, WalksAtRandom) {
   constexpr int n = 400;
   constexpr double period = 0.05;
   double half = 0.0, whole = 0.0, torque = 0.0;
@@ -197,9 +197,9 @@ TEST(FeltWrench, WalksAtRandom) {
     SensorTruth truth;
     truth.walk = 0.1;
     truth.walk_seed = static_cast<std::uint64_t>(seed);
-    FeltWrench felt(truth, period);
+    MeasuredWrench measured(truth, period);
     for (int i = 1; i <= 1200; ++i) {
-      const Vector6 w = felt(Vector6::Zero(), i * period);
+      const Vector6 w = measured(Vector6::Zero(), i * period);
       if (i == 600) half += w.head<3>().squaredNorm();
       if (i == 1200) whole += w.head<3>().squaredNorm();
       if (i == 1200) torque += w.tail<3>().squaredNorm();
@@ -212,11 +212,11 @@ TEST(FeltWrench, WalksAtRandom) {
   EXPECT_NEAR(torque / (3 * n * 0.01 * 9e-4), 1.0, error);
 }
 
-TEST(FeltWrench, ComesLate) {
+TEST(MeasuredWrench, ComesLate) {
   for (const double latency : {3e-5, 2e-4, 4.7e-4, 1e-3, 3.33e-3}) {
     SensorTruth truth;
     truth.latency = latency;
-    FeltWrench felt(truth, kPeriod);
+    MeasuredWrench measured(truth, kPeriod);
     const double omega = 450.0;
     // a cubic through four samples errs by (omega period)⁴ / 4! times the product of the
     // distances, at most 1 in the middle and 6 outside of it
@@ -226,7 +226,7 @@ TEST(FeltWrench, ComesLate) {
       Vector6 w = Vector6::Zero();
       w(0) = 2.0 * t;
       w(1) = std::sin(omega * t);
-      const Vector6 late = felt(w, t);
+      const Vector6 late = measured(w, t);
       if (i < 30) continue;
       EXPECT_NEAR(late(0), 2.0 * (t - latency), 1e-15);
       EXPECT_NEAR(late(1), std::sin(omega * (t - latency)), error);
@@ -319,8 +319,8 @@ TEST(TrueCarrier, RepeatsWithinItsDeviation) {
   EXPECT_LT(kept, 1e-8);
 }
 
-// First-order: the carrier gives way to the weight like 1 − exp(−t / 10 ms), unseen.
-TEST(TrueCarrier, GivesWayThroughItsLag) {
+// First-order: the carrier yields to the weight like 1 − exp(−t / 10 ms), unseen.
+TEST(TrueCarrier, YieldsWithItsLag) {
   Scenario nominal = hanging();
   const Mechanism& m = nominal.mechanism;
   const double weight = m.peg.mass * m.gravity;

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/identification_trial.h"
-#include "assembly_cell/cell/judge.h"
 #include "assembly_cell/identification/mechanism_check.h"
 #include "assembly_cell/locus/vibration_fit.h"
 #include "assembly_cell/mismatch/mismatch.h"

@@ -7,7 +7,7 @@
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/cell/world_choice.h"
 

@@ -85,7 +85,7 @@ class ReplayBench : public SourceBench {
   void plug() override {
     std::ofstream file(path());
     file.precision(17);
-    // 4001 samples: emulatedValue begins anew there, and so does the loop
+    // 4001 samples: emulatedValue restarts there, and so does the loop
     for (std::uint64_t n = 0; n < 4001; ++n) {
       file << static_cast<double>(n) * 1e-4;
       for (std::size_t k = 0; k < 6; ++k) file << ',' << emulatedValue(n, k);
@@ -304,7 +304,7 @@ struct Rig {
     source->configure(parameters);
   }
 
-  /// For losses that a test waits for. What is lost because the machine was late is opened anew.
+  /// For losses that a test waits for. What is lost because the machine was late is opened again.
   void giveUpAfter(double receive_timeout, int start_retries) {
     hasty = true;
     askAfter(receive_timeout, start_retries);

@@ -32,7 +32,7 @@ bool waitFor(const Condition& condition) {
   return condition();
 }
 
-// A source that does as it's told; samples are numbered.
+// A source under a test's control; samples are numbered.
 class Scripted : public StrainSource {
  public:
   Scripted() {
@@ -99,7 +99,7 @@ AcquisitionOptions quick() {
   return options;
 }
 
-// A recording loses nothing, whoever is slower, and ends.
+// A recording loses nothing, whichever side is slower, and ends.
 TEST(Acquisition, LosslessDeliversEverySampleInOrder) {
   Scripted source;
   source.limit = 5000;
@@ -173,8 +173,8 @@ TEST(Acquisition, BacksOffDoublingAndComesBack) {
   EXPECT_EQ(acquisition.status().dynamic_cause, "");
 }
 
-// A device that answers but sends nothing is opened anew.
-TEST(Acquisition, OpensASilentDeviceAnew) {
+// A device that answers but sends nothing is opened again.
+TEST(Acquisition, OpensASilentDeviceAgain) {
   Scripted source;
   Acquisition acquisition(source, quick());
   acquisition.start();
@@ -187,7 +187,7 @@ TEST(Acquisition, OpensASilentDeviceAnew) {
 }
 
 // What can't work by configuration is a static cause, tried at leisure.
-TEST(Acquisition, TellsStaticCausesApart) {
+TEST(Acquisition, DistinguishesStaticCauses) {
   Scripted source;
   source.static_fault = true;
   Acquisition acquisition(source, quick());

@@ -61,7 +61,7 @@ TEST_P(Conformance, DeliversTheDevicesSamples) {
               0.5);  // the two lines above may be apart on a busy machine
 }
 
-TEST_P(Conformance, RefusesWhatItIsNotTold) {
+TEST_P(Conformance, RefusesMissingKeys) {
   Rig rig(GetParam());
   YAML::Node parameters = rig.bench->parameters();
   parameters["adress"] = "1";
@@ -379,7 +379,7 @@ TEST_P(Conformance, CloseEndsAReadAndAnOpen) {
     EXPECT_FALSE(rig.source->isOpen());
     EXPECT_EQ(rig.source->read(*rig.block, milliseconds(1)), ReadResult::kClosed);
     rig.source->close();
-    // an open that finds nobody
+    // an open that finds no device
     for (int i = 0; i < 3; ++i) {
       auto opener = std::async(std::launch::async, [&] {
         try {

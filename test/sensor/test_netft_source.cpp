@@ -33,7 +33,7 @@ std::string response(const std::string& body) {
   return "HTTP/1.0 200 OK\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
 }
 
-TEST(NetftSource, AsksAgainUntilTheFirstRecordAndNoLonger) {
+TEST(NetftSource, RepeatsRequestsUntilTheFirstRecord) {
   Rig rig("netft");
   rig.askAfter(1.0);
   box(rig).ignoreStarts(2);
@@ -165,7 +165,7 @@ TEST(NetftSource, TakesRecordsFromTheBoxAlone) {
   opened.get();
   const int port = emulator.clientPort();
   ASSERT_GT(port, 0);
-  const Descriptor stranger(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const Descriptor intruder(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in target{};
   target.sin_family = AF_INET;
   target.sin_port = htons(static_cast<std::uint16_t>(port));
@@ -176,7 +176,7 @@ TEST(NetftSource, TakesRecordsFromTheBoxAlone) {
     forged.rdt_sequence = 0xffffff00 + i;
     forged.ft_sequence = 1000000 + i;
     const auto data = packRdtRecord(forged);
-    ASSERT_EQ(sendto(stranger.get(), data.data(), data.size(), 0,
+    ASSERT_EQ(sendto(intruder.get(), data.data(), data.size(), 0,
                      reinterpret_cast<const sockaddr*>(&target), sizeof target),
               static_cast<ssize_t>(data.size()));
   }
@@ -219,7 +219,7 @@ TEST(NetftSource, LosesNothingMoreThanTheLinkDoes) {
   rig.expectTrue();
 }
 
-TEST(NetftSource, ABoxThatStartsAnewIsAskedAgain) {
+TEST(NetftSource, ABoxThatRestartsIsRequestedAgain) {
   Rig rig("netft");
   rig.askAfter(1.0);
   rig.open();

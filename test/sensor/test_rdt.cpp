@@ -91,7 +91,7 @@ struct Streamed {
   }
 };
 
-// What the issue asks for: 10 % loss, 5 % duplication, 5 % reordering.
+// Requirement: 10 % loss, 5 % duplication, 5 % reordering.
 TEST(RdtStream, CountsEveryLossExactlyUnderLossDuplicationAndReordering) {
   for (const std::uint64_t seed : {1u, 2u, 3u, 4u}) {
     std::mt19937_64 random(seed);
@@ -137,12 +137,12 @@ TEST(RdtStream, CountsEveryLossExactlyUnderLossDuplicationAndReordering) {
   }
 }
 
-TEST(RdtStream, AStreamThatBeginsAnewIsNoDuplicate) {
+TEST(RdtStream, AStreamThatRestartsIsNoDuplicate) {
   Streamed streamed;
   for (std::uint32_t n = 1; n <= 50; ++n) streamed.push(Streamed::record(n, 1000 + n, 0));
   // a start request: the device goes on counting measurements
   for (std::uint32_t n = 1; n <= 50; ++n) streamed.push(Streamed::record(n, 2000 + n, 0));
-  // a device that lost power: both begin anew
+  // a device that lost power: both restart
   for (std::uint32_t n = 1; n <= 50; ++n) streamed.push(Streamed::record(n, n, 0));
   streamed.take(true);
   EXPECT_EQ(streamed.counters.restarts, 2u);
@@ -153,7 +153,7 @@ TEST(RdtStream, AStreamThatBeginsAnewIsNoDuplicate) {
   EXPECT_TRUE(std::is_sorted(streamed.sequences.begin(), streamed.sequences.end()));
 }
 
-TEST(RdtStream, ADeviceThatRepeatsItsLifeIsHeardAfterAStart) {
+TEST(RdtStream, ADeviceThatRepeatsItsBootIsReceivedAfterAStart) {
   // power back within a fraction of a second: the same numbers again
   Streamed streamed;
   for (std::uint32_t n = 1; n <= 50; ++n) streamed.push(Streamed::record(n, n, 1));

@@ -139,7 +139,7 @@ TEST(StampFilter, NeverAfterArrivalAndNeverBackwards) {
   }
 }
 
-TEST(StampFilter, StartsAnewAfterAPauseWithoutNumbersAndForANewStream) {
+TEST(StampFilter, RestartsAfterAPauseWithoutNumbersAndForAnotherStream) {
   Link link;
   StampFilter filter;
   for (int i = 0; i < 300; ++i) filter.update(link.next(0.0));

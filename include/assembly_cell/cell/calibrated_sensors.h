@@ -6,11 +6,11 @@
 
 namespace assembly_cell {
 
-/// Both sensors of a cell as a person calibrates them before they are built in: plan `recommended`
-/// on the simulated bench, `samples` readings averaged a test, errors of the bench and of the
-/// readings drawn by the cell's seed. The bench has the cell's bridges with the matrices of its
-/// truth; frames, drift and hum are the cell's own. What the checks refuse is done anew, four times
-/// at most. Throws InputError where they refuse the fifth, too, or for samples below 1.
+/// Calibrations of both sensors by plan `recommended` on the simulated bench, `samples` readings
+/// averaged a test, errors of the bench and of the readings drawn by the cell's seed. The bench has
+/// the cell's bridges with the matrices of its ground truth; frames, drift and hum are the cell's
+/// own. A calibration that the checks refuse is repeated, four times at most. Throws InputError if
+/// they refuse the fifth, too, or for samples below 1.
 PerSide<Calibration> calibratedSensors(const CellParameters& cell, int samples);
 
 }  // namespace assembly_cell

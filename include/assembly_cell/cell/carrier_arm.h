@@ -15,27 +15,25 @@ namespace assembly_cell {
 /// `hole`.
 RestMotion restMotionOf(const CarrierPoses& poses, const Pose& X_HB);
 
-/// An arm that carries the carrier of a simulated cell, with a bridge before it: what arm_bridge
-/// and emulate_arm do in lockstep, by the same functions. Poses are in the carrier's base, times
+/// An arm that moves the carrier of a simulated cell, with its bridge: arm_bridge and emulate_arm
+/// in lockstep, by the same functions. Poses are in the carrier's base, times
 /// are the cell's [s].
 class CarrierArm {
  public:
-  /// Stands with the carrier at `carrier`, at time 0. `mechanism`: the nominal parts. `seed`: of
-  /// the arm's jitter and repeatability. Throws InputError, also where the arm doesn't reach.
+  /// At rest with the carrier at `carrier`, at time 0. `mechanism`: the nominal parts. `seed`: of
+  /// the arm's jitter and repeatability. Throws InputError, also if `carrier` is out of reach.
   CarrierArm(const ArmSetup& setup, const Mechanism& mechanism, const Pose& carrier,
              std::uint64_t seed);
 
-  /// Takes a command at `now` and sends the arm the points of the block from there on, of `length`.
-  /// How the carrier moves at the block's end. Throws PlantError where the bridge refuses, or holds
-  /// the arm.
+  /// Carries out a command at `now` and moves the arm over a block of `length`. Returns the
+  /// carrier's motion at the block's end. Throws PlantError if the bridge refuses or holds the arm.
   CarrierPoses lead(const PlantCommand& command, double now, double length);
-  /// Of the block that has passed: 6 × n wrenches of sensor_a or sensor_b (0, 1), the last at
-  /// `felt.end`.
-  void feel(const ContactSamples& felt);
+  /// Wrenches of sensor_a or sensor_b over the last block.
+  void addWrenches(const ContactSamples& samples);
 
-  /// Both sensors have been heard: commands are taken.
+  /// Wrenches of both sensors have arrived: commands are taken.
   bool ready() const { return bridge_.wrench_known[0] && bridge_.wrench_known[1]; }
-  /// Where the carrier is as the arm's encoders say, at the end of the last block.
+  /// The carrier by the arm's encoders at the end of the last block, in its base.
   Pose reported() const { return poseOfCoordinates(bridge_.measured); }
 
  private:

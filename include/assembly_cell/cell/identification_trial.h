@@ -6,14 +6,14 @@
 
 namespace assembly_cell {
 
-/// What the simulation knows of the unknowns.
+/// Ground truth of the unknowns.
 MechanismModel trueModel(const Scenario& truth);
 
 /// Rms over all directions of what a contact's direction is wrong by when it is read at the
 /// operating point by what is known of the mechanism, the sensor exact [rad].
 double directionBias(const MechanismModel& truth, const KnownMechanism& known);
 
-/// One simulated identification and what the truth says of it.
+/// One simulated identification with its evaluation by the ground truth.
 struct IdentificationTrial {
   IdentificationData data;
   Identification found;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "assembly_cell/cell/block_means.h"
-#include "assembly_cell/cell/felt_wrench.h"
+#include "assembly_cell/cell/measured_wrench.h"
 #include "assembly_cell/cell/true_carrier.h"
 #include "assembly_cell/cell/world_choice.h"
 #include "assembly_cell/mismatch/truth.h"
@@ -25,9 +25,6 @@ struct ArmSetup;
 /// Throws InputError for a coupling without a static map (singular stiffness).
 Calibration designCalibration(const Bridge& bridge);
 Calibration designCalibration(const Bridge& bridge, const CouplingParameters& coupling);
-/// A calibration with the displacement map of the sensor that is this coupling instead of its own.
-/// Throws InputError as above.
-Calibration withDisplacement(Calibration calibration, const CouplingParameters& coupling);
 
 /// What the simulated cell is made of besides the mechanism.
 struct CellParameters {
@@ -45,7 +42,7 @@ struct CellParameters {
   double bridge_nonlinearity = 0.0;   ///< of both bridges, see Bridge: 0 linear to 1 as built
   double bridge_drift = 0.0;          ///< of their temperature, from Bridge's own on [K/h]
   WorldChoice world;                  ///< what simulates the mechanism
-  /// SimulatedPlant only: what the drivers believe of the bridges; none: designCalibration(). One
+  /// SimulatedPlant only: calibrations of the drivers; none: designCalibration(). One
   /// of sensor_b without a displacement map gets the coupling's.
   std::optional<Calibration> calibration_a, calibration_b;
   /// SimulatedPlant only: an arm carries the carrier, see CarrierArm; null: it goes as commanded.
@@ -60,15 +57,16 @@ struct StrainBlock {
   std::vector<double> volts_a, volts_b;                ///< 6 × n, sample after sample [V]
   std::vector<std::uint8_t> saturated_a, saturated_b;  ///< bit per channel, per sample
   double temperature = 0.0;                            ///< of both bridges at the last sample [°C]
-  std::vector<double> accelerations;  ///< 2 × n, along the peg's x and y [m/s²]; empty unless asked
+  std::vector<double>
+      accelerations;  ///< 2 × n, along the peg's x and y [m/s²]; empty unless requested
 };
 
-/// What a block of samples of both bridges says, and those samples that are asked for. [V]
+/// Moments of a block of samples of both bridges, and the samples that are requested. [V]
 struct StrainMeans {
   BlockMoments a, b;
   bool saturated = false;       ///< any channel in any sample
   double end = 0.0;             ///< time of the last sample [s]
-  std::vector<double> volts_b;  ///< of sensor_b, 6 × all that were asked for, or the last one alone
+  std::vector<double> volts_b;  ///< of sensor_b, 6 × all that were requested, or the last one alone
 };
 /// All of a block.
 void meansOf(const StrainBlock& block, StrainMeans& means);
@@ -83,7 +81,7 @@ class SimulatedCell {
   /// Advances by one block and fills it (no allocation once `block` has its size). The first sample
   /// is one period after the present time, the last at the block's end. Returns the world's
   /// stop reason; after anything but kOk the block is not valid. accelerations: the two
-  /// accelerometers of the peg, too; the bridges' samples are the same either way. watch: is shown
+  /// accelerometers of the peg, too; the bridges' samples are the same either way. watch: receives
   /// the coupling's load at every sample, and may command the world.
   StopReason next(StrainBlock& block, bool accelerations = false,
                   const std::function<void(const Vector6& load)>& watch = nullptr);
@@ -94,12 +92,12 @@ class SimulatedCell {
            parameters_.sample_period;
   }
 
-  /// The same without the samples that nobody reads. The wrench is found at every millisecond, and
+  /// The same without the samples that are not read. The wrench is found at every millisecond, and
   /// often enough for a motion at `fastest` [rad/s]; means and covariances are as those of a block,
   /// see BlockMeans. At rest they are those of the samples; of a vibration of 2 N sensor_b has 1.5
   /// mN left, sensor_a, where friction jumps between slip and stick, up to 0.4 N. Where samples
   /// depend on each other, or the converter's codes show, all are made. samples_b: sensor_b's are,
-  /// whatever else.
+  /// in any case.
   StopReason average(StrainMeans& means, double fastest, bool samples_b);
 
   /// Moves the rest pose to `pose`, commanded in the carrier's base frame, within the carrier's
@@ -127,7 +125,7 @@ class SimulatedCell {
   std::unique_ptr<SimulatorBackend> world_;
   TrueCarrier carrier_;
   Pose reported_;
-  FeltWrench felt_a_, felt_b_;
+  MeasuredWrench measured_a_, measured_b_;
   Bridge bridge_a_, bridge_b_;
   Matrix6 strain_matrix_a_, strain_matrix_b_;
   NormalSource normal_a_, normal_b_, normal_accelerometers_;

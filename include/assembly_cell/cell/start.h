@@ -12,7 +12,7 @@ Scenario startAt(const Scenario& scenario, const Eigen::Vector2d& offset,
                  const Eigen::Vector2d& tilt, double height);
 
 /// Base of the carrier in `hole`, X_HB: where the rest pose starts, tilt included, yaw 0. The
-/// carrier's pose is commanded and reported in it, so that it says nothing of where the hole is.
+/// carrier's pose is commanded and reported in it, so that it does not reveal the hole's position.
 Pose carrierBase(const Scenario& scenario);
 
 }  // namespace assembly_cell

@@ -7,11 +7,11 @@
 
 namespace assembly_cell {
 
-/// The carrier between what is commanded and reported and what is true: its base in the hole, the
-/// axes and the noise of its encoders, and where its moves really end.
+/// The carrier's ground truth: its base in the hole, the axes and the noise of its encoders, and
+/// the true ends of its moves.
 class TrueCarrier {
  public:
-  /// X_HB: where the carrier's base stands in `hole`, see carrierBase(); the encoders' differs from
+  /// X_HB: pose of the carrier's base in `hole`, see carrierBase(); the encoders' differs from
   /// it where they are not exact.
   TrueCarrier(const Pose& X_HB, const Scenario& scenario, const CarrierTruth& truth);
 
@@ -20,7 +20,8 @@ class TrueCarrier {
   /// Moves the rest pose to `pose` as the encoders have it, in the base, no faster than
   /// `max_speed` [m/s].
   void command(SimulatorBackend& world, const Pose& pose, double max_speed) const;
-  /// After a block: draws anew where the carrier stands when a long enough way has come to rest.
+  /// After a block: draws the carrier's error of repeatability again once a long enough move has
+  /// come to rest.
   void settle(SimulatorBackend& world);
   /// What the encoders report now; every call draws its noise.
   Pose report(const SimulatorBackend& world);

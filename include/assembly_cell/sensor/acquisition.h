@@ -26,30 +26,30 @@ struct AcquisitionOptions {
   int priority = 0;       ///< of the thread, SCHED_FIFO 1 … 99; 0: as the program
 };
 
-/// Gives this thread SCHED_FIFO with that priority, 0 leaves it as it is. Says why it can't, in one
-/// line, or nothing.
+/// Gives this thread SCHED_FIFO with that priority, 0 leaves it as it is. Returns why it can't, in
+/// one line, or nothing.
 std::string raisePriority(int priority);
 
 enum class LinkState {
   kConnecting,     ///< open() is under way
-  kConnected,      ///< open; whether samples come tells last_samples
+  kConnected,      ///< open; last_samples shows whether samples arrive
   kBackingOff,     ///< not there; the next attempt comes at next_attempt
-  kMisconfigured,  ///< open, or what it delivers, says that the configuration can't work
+  kMisconfigured,  ///< the device or its data show that the configuration can't work
   kEnded,          ///< a recording is over
 };
 
 /// connecting, connected, backing off, misconfigured or ended.
 const char* toText(LinkState state);
 
-/// How the link to a device fares.
+/// State of the link to a device.
 struct LinkStatus {
   using Clock = std::chrono::steady_clock;
   LinkState state = LinkState::kConnecting;
-  std::string static_cause;    ///< of the configuration: stays until somebody changes something
-  std::string dynamic_cause;   ///< why the link isn't there now; empty once samples come
-  std::string last_loss;       ///< why it went the last time
-  std::string priority_fault;  ///< why the thread didn't get its priority
-  bool ever_sampled = false;   ///< a sample has come since the start
+  std::string static_cause;             ///< of the configuration: stays until it is changed
+  std::string dynamic_cause;            ///< why the link isn't there now; empty once samples come
+  std::string last_loss;                ///< why it went the last time
+  std::string priority_fault;           ///< why the thread didn't get its priority
+  bool ever_sampled = false;            ///< a sample has come since the start
   Clock::time_point last_samples{};     ///< arrival of the newest block, if ever_sampled
   Clock::time_point next_attempt{};     ///< while backing off
   std::chrono::nanoseconds back_off{};  ///< the present one
@@ -57,7 +57,7 @@ struct LinkStatus {
   std::uint64_t reconnects = 0;  ///< times samples came again after the link was lost
   std::uint64_t faults = 0;      ///< reads that ended in a fault of the device
   std::uint32_t fault = 0;       ///< its latest status word
-  std::uint64_t dropped_blocks = 0, dropped_samples = 0;  ///< for want of room in the queue
+  std::uint64_t dropped_blocks = 0, dropped_samples = 0;  ///< because the queue was full
   std::size_t queue_high = 0;                             ///< most blocks that ever waited
 };
 
@@ -101,7 +101,7 @@ class Acquisition {
   const AcquisitionOptions options_;
 
   mutable std::mutex mutex_;
-  std::condition_variable arrived_, room_;
+  std::condition_variable arrived_, freed_;
   std::vector<SourceBlock> blocks_;
   std::vector<std::size_t> free_;
   std::vector<std::size_t> ready_;  // a ring, oldest at first_

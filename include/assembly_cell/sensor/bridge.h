@@ -22,7 +22,7 @@ struct Hinge {
   double zero_drift;          ///< [V/K]
 };
 
-/// The strain bridge of a sensor as the simulator's hidden truth: six channels.
+/// Ground truth of a sensor's strain bridge: six channels.
 /// Frame: the sensor frame; its axes are the datum axes, its origin the reference point.
 struct Bridge {
   std::array<Hinge, 6> hinges;
@@ -92,11 +92,11 @@ StrainSample convert(const Bridge& bridge, const Matrix6& strain_matrix, const V
 /// The same for strain volts as of deflect().
 StrainSample convertVolts(const Bridge& bridge, const Vector6& volts, NormalSource& normal);
 
-/// What the converters see of strain volts, noise apart: with the bridge's offsets, as warm as it
-/// is [V].
+/// Input of the converters by strain volts without noise: with the bridge's offsets at its
+/// temperature [V].
 Vector6 converterInput(const Bridge& bridge, const Vector6& volts);
 
-/// The smallest change that the converters tell [V].
+/// Step of the converters [V].
 double resolution(const Bridge& bridge);
 
 /// Of a sample, by noise and rounding [V²].

@@ -9,7 +9,7 @@
 namespace assembly_cell {
 
 constexpr int kStrainProducts = 21;
-/// Serial number of a sensor that has no calibration and doesn't tell its own.
+/// Serial number of a sensor that has no calibration and reports none.
 inline constexpr const char* kUnknownSerial = "unknown";
 using Vector21 = Eigen::Matrix<double, kStrainProducts, 1>;
 using Matrix6x21 = Eigen::Matrix<double, 6, kStrainProducts>;
@@ -78,13 +78,18 @@ inline Vector6 displacementFromVolts(const Calibration& c, const Vector6& volts)
   return c.volts_to_displacement * s + c.displacement_products * strainProducts(s);
 }
 
+/// The calibration with the displacement map of a sensor that is a coupling of this stiffness:
+/// its static compliance times the wrench. [N/m], [N/rad], [N·m/m], [N·m/rad]. Throws InputError if
+/// the stiffness is singular.
+Calibration withDisplacement(Calibration calibration, const Matrix6& stiffness);
+
 /// Covariance of a wrench: that of the map (zero when unknown) and that of the strains,
 /// (I⊗b)ᵀ P (I⊗b) + J Σ_v Jᵀ with J = dw/dv. For publishing rates, not for every sample.
 Matrix6 wrenchCovariance(const Calibration& c, const Vector6& volts,
                          const Matrix6& volts_covariance);
 
-/// What the covariance of the map says of E in w' = (I + E) w, with w' what the map tells of a
-/// wrench w: covariance of the entries of E, row after row, SI units, 36 × 36; 0 × 0: unknown. Of a
+/// Covariance of the gain error E of the map, w' = (I + E) w with w' the map's value of a wrench w:
+/// covariance of the entries of E, row after row, SI units, 36 × 36; 0 × 0: unknown. Of a
 /// quadratic map that of its linear part.
 Eigen::MatrixXd gainCovariance(const Calibration& c);
 
@@ -94,6 +99,9 @@ Matrix6 displacementCovariance(const Calibration& c, const Vector6& volts,
 
 /// A bit per channel beyond 1.1 times the range of the tests; 0 where the range is unknown.
 unsigned outsideWrenchRange(const Calibration& c, const Vector6& volts);
+
+/// "2, 5" for the bits 1 and 4, "none" for 0.
+std::string channelText(unsigned channels);
 
 /// Throws InputError, one line beginning with `source` and naming the item: no id or serial number,
 /// a non-finite number, a singular volts_to_wrench, a covariance of the wrong size, not symmetric

@@ -13,7 +13,7 @@ namespace assembly_cell {
 /// time(sequence) lies below all arrivals: of those lines, the one nearest to the latest 256
 /// blocks' arrivals (an edge of their lower convex hull; Moon, Skelly, Towsley 1999, Zhang, Liu,
 /// Xia 2002). Its slope is the device's own period. Works on the steady clock, so that a step of
-/// the system clock moves the stamps by just that step. The least delay of the link stays in the
+/// the system clock moves the stamps by just that step. The minimal delay of the link stays in the
 /// stamps.
 class StampFilter {
  public:
@@ -21,8 +21,8 @@ class StampFilter {
   struct Stamp {
     Reception time;          ///< of the block's first sample; its last one is never after received
     double period = 0.0;     ///< measured [s]; the block's own until enough has arrived
-    double delay = 0.0;      ///< of the block's last sample beyond the least one [s]
-    bool restarted = false;  ///< the filter began anew: first block, new stream, or 0.25 s too late
+    double delay = 0.0;      ///< of the block's last sample beyond the minimal one [s]
+    bool restarted = false;  ///< the filter restarted: first block, new stream, or 0.25 s too late
   };
 
   /// No allocation.

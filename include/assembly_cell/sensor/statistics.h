@@ -27,7 +27,7 @@ class DifferenceNoise {
  public:
   void add(const Vector6& x);
   void breakRun() { has_last_ = false; }  ///< the next sample isn't a neighbour of the last
-  void clear();                           ///< forgets the differences, keeps the last sample
+  void clear();                           ///< drops the differences, keeps the last sample
   std::size_t count() const { return count_; }
   Vector6 rms() const;  ///< of one sample: sqrt(mean(Δ²)/2); zero without differences
 
@@ -38,11 +38,11 @@ class DifferenceNoise {
   bool has_last_ = false;
 };
 
-/// What a block's sequence number says. Numbers count up by one, modulo 2³².
+/// What a block's sequence number means. Numbers count up by one, modulo 2³².
 enum class Arrival { kNext, kLoss, kDuplicate, kRestart };
 
 /// Watches sequence numbers. A number at most 100 behind is a duplicate; farther behind, or back at
-/// 0 or 1, the source has started anew.
+/// 0 or 1, the source has restarted.
 class SequenceMonitor {
  public:
   Arrival accept(std::uint32_t sequence);

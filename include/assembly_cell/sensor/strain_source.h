@@ -29,18 +29,18 @@ enum class SampleQuantity {
 /// counts, volts or wrench.
 const char* toText(SampleQuantity quantity);
 
-/// A device that isn't there, doesn't answer or answers nonsense: what() is one line that names the
-/// source, the device and what to do. Unlike InputError it may pass: try again later.
+/// A device that is missing, doesn't answer or sends invalid data: what() is one line that names
+/// the source, the device and what to do. Unlike InputError it may pass: try again later.
 struct SourceError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// What a source says of itself once it's open. Texts of a device are printable and short.
+/// What a source reports of itself once it's open. Texts of a device are printable and short.
 struct SourceInfo {
   std::string type;           ///< simulated, replay, netft, serial, iio or a plug-in's
   std::string device;         ///< for people: address, port or file
-  std::string serial_number;  ///< empty if the device doesn't tell
-  std::string firmware;       ///< empty if the device doesn't tell
+  std::string serial_number;  ///< empty if the device doesn't report it
+  std::string firmware;       ///< empty if the device doesn't report it
   std::string note;           ///< for people: calibration in the device, its units, …
   SampleQuantity quantity = SampleQuantity::kVolts;  ///< of the blocks: kVolts or kWrench
   double rate = 0.0;                                 ///< nominal [Hz], 0 if unknown
@@ -61,14 +61,14 @@ constexpr std::size_t kBlockCapacity = 512;  ///< samples
 /// Samples that follow one another without a gap. Large: make one and read into it again and again.
 struct SourceBlock {
   std::size_t count = 0;  ///< samples
-  /// 6 × count, sample after sample: [V], or [N] and [N·m], as info().quantity says.
+  /// 6 × count, sample after sample: [V], or [N] and [N·m], see info().quantity.
   std::array<double, 6 * kBlockCapacity> values{};
   std::array<std::uint8_t, kBlockCapacity>
       saturated{};  ///< bit k: channel k at an end of its range
   /// Of the first sample. Sample k has sequence + k. Grows as long as the object lives; what it
   /// skips wasn't delivered (lost, late, faulty, stale).
   std::uint64_t sequence = 0;
-  /// Changes whenever the device's numbering began anew (open, restart): the time between two
+  /// Changes whenever the device's numbering restarts (open, restart): the time between two
   /// blocks then doesn't follow from their sequence.
   std::uint32_t stream = 0;
   double period = 0.0;  ///< nominal [s], 0 if unknown
@@ -82,9 +82,9 @@ struct SourceBlock {
 /// How a read ended.
 enum class ReadResult {
   kSamples,  ///< the block has 1 … kBlockCapacity samples
-  kTimeout,  ///< none; the device may come to life again by itself
+  kTimeout,  ///< none; the device may resume by itself
   kFault,    ///< records arrived, but their fault word forbids their use; see block.fault
-  kLost,     ///< the device went away: close, wait, open again; lostReason() says why
+  kLost,     ///< the device was lost: close, wait, open again; see lostReason()
   kEnd,      ///< a recording is over
   kClosed,   ///< close() was called
 };
@@ -102,15 +102,15 @@ struct SourceCounters {
   std::uint64_t garbage = 0;     ///< bytes that belong to no frame
   std::uint64_t malformed = 0;   ///< datagrams, frames or entries of a wrong size or with no number
   std::uint64_t foreign = 0;     ///< datagrams from others than the configured peer: dropped
-  std::uint64_t restarts = 0;    ///< the device's numbering began anew while open
+  std::uint64_t restarts = 0;    ///< the device's numbering restarted while open
   std::uint32_t fault = 0;       ///< the latest fault word
 };
 
 /// What came of a bias in the device, for which no protocol sends an acknowledgement.
 struct DeviceBias {
   enum class State {
-    kNone,      ///< never asked for
-    kPending,   ///< asked for or sent; samples are being awaited
+    kNone,      ///< not requested
+    kPending,   ///< requested or sent; samples are being awaited
     kVerified,  ///< fresh samples lie around zero
     kFailed,    ///< they don't
   };
@@ -145,7 +145,7 @@ class StrainSource {
   /// Waits until samples are there, at most `timeout`; then kTimeout. kClosed when not open.
   ReadResult read(SourceBlock& block, std::chrono::nanoseconds timeout);
 
-  /// Stops the device and lets it go; ends a read or an open under way in another thread and waits
+  /// Stops and closes the device; ends a read or an open under way in another thread and waits
   /// for it. Does nothing when closed.
   void close() noexcept;
 
@@ -159,7 +159,7 @@ class StrainSource {
   /// Why the latest read gave kLost; one line.
   std::string lostReason() const;
 
-  /// Asks for a bias in the device itself; it acts on every client of the device, so a bias in the
+  /// Requests a bias in the device itself; it acts on every client of the device, so a bias in the
   /// node is usually better. The reading thread sends it and verifies it from the samples that
   /// follow: see deviceBias(). Throws SourceError when the device has none or isn't open.
   void requestDeviceBias();

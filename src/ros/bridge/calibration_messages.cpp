@@ -266,14 +266,6 @@ CalibrationResult toMessage(const CalibrationSolution& s) {
   return m;
 }
 
-std::string channelText(unsigned channels) {
-  std::string text;
-  for (unsigned k = 0; k < 6; ++k) {
-    if (channels >> k & 1u) text += (text.empty() ? "" : ", ") + std::to_string(k + 1);
-  }
-  return text.empty() ? "none" : text;
-}
-
 std::string wrenchText(const Vector6& w, const char* pattern) {
   std::string line;
   for (int k = 0; k < 6; ++k) {

@@ -26,15 +26,6 @@ geometry_msgs::Quaternion toQuaternion(const Eigen::Matrix3d& R) {
   return out;
 }
 
-Vector6 cut(const Vector6& value, const Range& linear, const Range& angular) {
-  Vector6 within = value;
-  for (int i = 0; i < 6; ++i) {
-    const Range& range = i < 3 ? linear : angular;
-    within[i] = std::min(std::max(range.low, value[i]), range.high);
-  }
-  return within;
-}
-
 }  // namespace
 
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
@@ -109,9 +100,5 @@ Vector6 fromWrench(const geometry_msgs::Wrench& w) {
   out << w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z;
   return out;
 }
-
-Vector6 cutWrench(const Vector6& w) { return cut(w, kForceField, kTorqueField); }
-
-Vector6 cutDisplacement(const Vector6& d) { return cut(d, kDisplacementField, kRotationField); }
 
 }  // namespace assembly_cell::ros_bridge

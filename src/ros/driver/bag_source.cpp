@@ -59,7 +59,7 @@ void BagSource::doOpen() {
     position_ = view_->begin();
     info_.note = "topic " + topic;
     due_ = load();
-    if (!due_) throw InputError(where + ": no sound block on " + topic + ": record it anew");
+    if (!due_) throw InputError(where + ": no sound block on " + topic + ": record it again");
   } catch (const rosbag::BagException& error) {
     doClose();
     throw InputError(where + " can't be read: " + printable(error.what()) +

@@ -17,12 +17,14 @@
 #include <iterator>
 #include <set>
 
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/bag_check.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/process/participants.h"
+#include "assembly_cell/sensor/reception.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -41,7 +43,7 @@ std::optional<std::uint32_t> blockSequence(const rosbag::MessageInstance& messag
 }
 
 // Bytes as they were recorded. `has_header` stays false, as this constructor sets it (the default
-// one doesn't): ROS would read a header from any message and count it anew.
+// one doesn't): ROS would read a header from any message and restart its count.
 ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
                                 const std::string& topic) {
   ros::AdvertiseOptions options(topic, kPlayQueue, connection.md5sum, connection.datatype,
@@ -51,8 +53,6 @@ ros::AdvertiseOptions optionsOf(const rosbag::ConnectionInfo& connection,
   return options;
 }
 
-std::string seconds(std::chrono::duration<double> time) { return text("%g s", time.count()); }
-
 // the name in the bag: relative to the recorded cell, unless it begins with a slash
 std::string recordedName(const std::string& space, const std::string& topic) {
   return topic[0] == '/' ? topic : ros::names::append(space, topic);
@@ -60,10 +60,23 @@ std::string recordedName(const std::string& space, const std::string& topic) {
 
 }  // namespace
 
+void fields(FieldList& f, PlayerSettings& s) {
+  f.text("bag", s.bag, "File to play.").required();
+  f.text("recorded_namespace", s.recorded_namespace, "Of the cell in the bag.");
+  f.choice("rate", s.rate, {"original", "fast"}, "By the recorded stamps, or without waiting.");
+  f.number("factor", s.factor, {1e-3, 1e3}, "Times the recorded speed.");
+  f.flag("clock", s.clock, "Publishes /clock.");
+  f.flag("end_launch", s.end_launch, "Ends the launch file with the bag.");
+  f.number("ack_timeout", s.ack_timeout, {0.01, 3600, "s"},
+           "Ends the node without an acknowledgement for this time, wall clock.");
+  f.number("start_timeout", s.start_timeout, {0.01, 3600, "s"},
+           "The same for the participants' connections.");
+}
+
 CellPlayer::CellPlayer(const ros::NodeHandle& nh, const ros::NodeHandle& pnh) : nh_(nh), pnh_(pnh) {
   readParameters();
   openBag();
-  if (clock_) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", kPlayQueue);
+  if (settings_.clock) clock_pub_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", kPlayQueue);
   ack_sub_ = nh_.subscribe("ack", kPlayQueue, &CellPlayer::onAck, this,
                            ros::TransportHints().tcpNoDelay());
   thread_ = std::thread([this] { play(); });
@@ -80,18 +93,15 @@ CellPlayer::~CellPlayer() {
 
 void CellPlayer::readParameters() {
   Parameters parameters(pnh_);
-  file_ = parameters.text("bag");
-  if (file_.empty()) {
+  parameters.read(fieldsOf(settings_));
+  if (settings_.bag.empty()) {
     throw InputError("parameter " + pnh_.resolveName("bag") +
                      " is empty: give the bag to play, for example bag:=/tmp/run.bag");
   }
-  namespace_ = parameters.text("recorded_namespace", std::string("/"));
-  topics_ = parameters.texts("topics");
-  topics_.erase(std::remove(topics_.begin(), topics_.end(), std::string()), topics_.end());
-  fast_ = parameters.choice("rate", {"original", "fast"}, "original") == "fast";
-  rate_ = parameters.number("factor", {1e-3, 1e3}, 1.0);
-  clock_ = parameters.flag("clock", false);
-  end_launch_ = parameters.flag("end_launch", false);
+  settings_.topics = parameters.texts("topics");
+  settings_.topics.erase(
+      std::remove(settings_.topics.begin(), settings_.topics.end(), std::string()),
+      settings_.topics.end());
   for (const std::string& entry : parameters.texts("participants", std::vector<std::string>{})) {
     const std::size_t place = entry.find('=');
     Participant participant;
@@ -105,32 +115,30 @@ void CellPlayer::readParameters() {
                        "': give node=topic whose blocks it acknowledges, or node=topic+topic");
     }
     for (const std::string& topic : topics) {
-      if (std::find(topics_.begin(), topics_.end(), topic) == topics_.end()) {
+      if (std::find(settings_.topics.begin(), settings_.topics.end(), topic) ==
+          settings_.topics.end()) {
         throw InputError("parameter " + pnh_.resolveName("participants") + " has '" + entry +
                          "': its topic '" + topic + "' is not among ~topics");
       }
-      participant.topics.push_back(recordedName(namespace_, topic));
+      participant.topics.push_back(recordedName(settings_.recorded_namespace, topic));
     }
     participants_.push_back(participant);
   }
-  ack_timeout_ =
-      std::chrono::duration<double>(parameters.number("ack_timeout", {0.01, 3600}, 10.0));
-  start_timeout_ =
-      std::chrono::duration<double>(parameters.number("start_timeout", {0.01, 3600}, 60.0));
   parameters.refuseUnknown();
 }
 
 void CellPlayer::openBag() {
-  if (std::filesystem::exists(file_)) checkBag(file_, "bag '" + file_ + "'");
+  if (std::filesystem::exists(settings_.bag))
+    checkBag(settings_.bag, "bag '" + settings_.bag + "'");
   try {
-    bag_.open(file_, rosbag::bagmode::Read);
+    bag_.open(settings_.bag, rosbag::bagmode::Read);
   } catch (const rosbag::BagException& error) {
-    throw InputError("bag '" + file_ + "' can't be read: " + error.what() +
+    throw InputError("bag '" + settings_.bag + "' can't be read: " + error.what() +
                      ": give a bag that record.launch made, or mend it with `rosbag reindex`");
   }
   rosbag::View all(bag_);
-  for (const std::string& topic : topics_) {
-    const std::string recorded = recordedName(namespace_, topic);
+  for (const std::string& topic : settings_.topics) {
+    const std::string recorded = recordedName(settings_.recorded_namespace, topic);
     for (const rosbag::ConnectionInfo* connection : all.getConnections()) {
       if (connection->topic != recorded || publishers_.count(recorded) != 0) continue;
       ros::AdvertiseOptions options = optionsOf(*connection, topic);
@@ -140,12 +148,12 @@ void CellPlayer::openBag() {
   for (const Participant& participant : participants_) {
     for (const std::string& recorded : participant.topics) {
       if (publishers_.count(recorded) != 0) continue;
-      throw InputError("bag '" + file_ + "' has no " + recorded + ", which " + participant.name +
-                       " needs: record it, or set recorded_namespace");
+      throw InputError("bag '" + settings_.bag + "' has no " + recorded + ", which " +
+                       participant.name + " needs: record it, or set recorded_namespace");
     }
   }
   if (publishers_.empty()) {
-    throw InputError("bag '" + file_ + "' has none of ~topics: set recorded_namespace");
+    throw InputError("bag '" + settings_.bag + "' has none of ~topics: set recorded_namespace");
   }
 }
 
@@ -171,7 +179,7 @@ void CellPlayer::play() {
     exit_code_ = 1;
   }
   if (stopping_) return;
-  if (!(end_launch_ && exit_code_ == 0 && interruptLaunch())) ros::requestShutdown();
+  if (!(settings_.end_launch && exit_code_ == 0 && interruptLaunch())) ros::requestShutdown();
 }
 
 void CellPlayer::playAll() {
@@ -182,14 +190,15 @@ void CellPlayer::playAll() {
   const Clock::time_point start = Clock::now();
   const ros::Time first = view.getBeginTime();
   for (const rosbag::MessageInstance& message : view) {
-    if (!fast_) {
-      const std::chrono::duration<double> since((message.getTime() - first).toSec() / rate_);
+    if (settings_.rate != "fast") {
+      const std::chrono::duration<double> since((message.getTime() - first).toSec() /
+                                                settings_.factor);
       std::unique_lock<std::mutex> lock(mutex_);
       answered_.wait_until(lock, start + std::chrono::duration_cast<Clock::duration>(since),
                            [this] { return stopping_.load(); });
     }
     if (stopping_) return;
-    if (clock_) publishClock(message.getTime());
+    if (settings_.clock) publishClock(message.getTime());
     publish(message);
     ++played_;
   }
@@ -244,14 +253,13 @@ void CellPlayer::onAck(const ros::MessageEvent<Ack const>& event) {
 }
 
 void CellPlayer::awaitConnections() {
-  const Clock::time_point limit =
-      Clock::now() + std::chrono::duration_cast<Clock::duration>(start_timeout_);
+  const Clock::time_point limit = Clock::now() + nanoseconds(settings_.start_timeout);
   const Clock::time_point others = Clock::now() + kOthersPatience;
   std::string missing;
   std::map<std::string, std::set<std::string>> listeners, known;
   do {
     missing.clear();
-    // who wants what and who acknowledges, as the master knows it
+    // subscriptions and acknowledging nodes by the master
     XmlRpc::XmlRpcValue request, response, state;
     request[0] = ros::this_node::getName();
     known.swap(listeners);
@@ -279,7 +287,7 @@ void CellPlayer::awaitConnections() {
     // a node that is just starting may want more
     if (missing.empty() && listeners != known) missing = "all nodes: they keep on subscribing";
     for (const auto& [name, publisher] : publishers_) {
-      // a listener that takes no part may have died without a word
+      // a listener that is no participant may have died without unregistering
       if (Clock::now() < others &&
           publisher.getNumSubscribers() < listeners[publisher.getTopic()].size()) {
         missing = "a listener of " + publisher.getTopic();
@@ -293,7 +301,8 @@ void CellPlayer::awaitConnections() {
     answered_.wait_for(lock, std::chrono::milliseconds(20), [this] { return stopping_.load(); });
   } while (!stopping_ && Clock::now() < limit);
   if (!stopping_) {
-    throw InputError("no connection to " + missing + " in " + seconds(start_timeout_) +
+    throw InputError("no connection to " + missing + " in " +
+                     text("%g s", settings_.start_timeout) +
                      ": start it, in lockstep, or take it out of ~participants");
   }
 }
@@ -305,8 +314,7 @@ bool CellPlayer::listens(const Participant& participant, const std::string& topi
 
 void CellPlayer::awaitAnswers(const std::string& topic, std::uint32_t sequence) {
   std::unique_lock<std::mutex> lock(mutex_);
-  const Clock::time_point limit =
-      Clock::now() + std::chrono::duration_cast<Clock::duration>(ack_timeout_);
+  const Clock::time_point limit = Clock::now() + nanoseconds(settings_.ack_timeout);
   for (Participant& participant : participants_) {
     if (!listens(participant, topic)) continue;
     // it answers once it has the block of all its topics
@@ -321,12 +329,13 @@ void CellPlayer::awaitAnswers(const std::string& topic, std::uint32_t sequence) 
     };
     if (!answered_.wait_until(lock, limit, answered)) {
       throw InputError(participant.name + " didn't acknowledge block " + std::to_string(sequence) +
-                       " of " + topic + " in " + seconds(ack_timeout_) + ": is it in lockstep?");
+                       " of " + topic + " in " + text("%g s", settings_.ack_timeout) +
+                       ": is it in lockstep?");
     }
   }
 }
 
-// A message that went out before a repeated block lies with the receiver, at the latest, when that
+// A message that went out before a repeated block has arrived at the latest when that
 // block is repeated once more: topics have no common order, but each round trip has.
 void CellPlayer::settle(const std::string& topic) {
   const auto block = latest_.find(topic);
@@ -339,11 +348,11 @@ void CellPlayer::settle(const std::string& topic) {
         before[participant.name] = participant.answers;
       }
     }
-    bool anyone = false;
+    bool subscribed = false;
     for (const Participant& participant : participants_) {
-      anyone = anyone || (listens(participant, topic) && participant.answers_repetition);
+      subscribed = subscribed || (listens(participant, topic) && participant.answers_repetition);
     }
-    if (!anyone) return;
+    if (!subscribed) return;
     publishers_[topic].publish(block->second);
     std::unique_lock<std::mutex> lock(mutex_);
     const Clock::time_point limit = Clock::now() + kRepetitionPatience;

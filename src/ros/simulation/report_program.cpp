@@ -16,6 +16,7 @@
 
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/description/cell_description.h"
@@ -85,18 +86,18 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
     out += text("  %-22s %20s %20s %10s\n", name.c_str(), a.c_str(), b.c_str(), c.c_str());
   };
   const char* pair = "%8.3f %8.3f";
-  const bool known = report.truth_known, felt = report.estimate_known;
+  const bool known = report.truth_known, estimated = report.estimate_known;
   const char* not_done = details.insert > 0.0 ? "not inserted: " : "not aligned: ";
   out += report.success ? "aligned\n" : not_done + report.reason + "\n";
   if (!report.success && report.simulated_time == 0.0) return out;  // refused: nothing moved
   row("at the start", known ? "true" : "true (unknown)", "estimated", "error");
   row("offset x, y [mm]", known ? text(pair, true_offset.x(), true_offset.y()) : "-",
-      felt ? text(pair, offset.x(), offset.y()) : "-",
-      known && felt ? text("%.3f", (offset - true_offset).norm()) : "-");
+      estimated ? text(pair, offset.x(), offset.y()) : "-",
+      known && estimated ? text("%.3f", (offset - true_offset).norm()) : "-");
   row("tilt x, y [deg]", known ? text(pair, true_tilt.x(), true_tilt.y()) : "-",
-      felt ? text(pair, tilt.x(), tilt.y()) : "-",
-      known && felt ? text("%.3f", (tilt - true_tilt).norm()) : "-");
-  if (report.success && !felt) {
+      estimated ? text(pair, tilt.x(), tilt.y()) : "-",
+      known && estimated ? text("%.3f", (tilt - true_tilt).norm()) : "-");
+  if (report.success && !estimated) {
     out += "  no estimate: the peg was in the hole already, and this strategy states none then\n";
   }
   if (details.truth_end) {
@@ -108,7 +109,7 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
            whereTheEdgeIs(reach, details);
   }
   if (details.insert > 0.0) {
-    out += text("  inserted: %.2f mm as felt of %.2f mm asked for, greatest force %.1f N",
+    out += text("  inserted: %.2f mm measured of %.2f mm requested, largest force %.1f N",
                 1e3 * details.depth, 1e3 * details.insert, details.force);
     if (details.truth_end) out += text("; truly %.2f mm", -1e3 * details.truth_end->p.z());
     out += "\n";
@@ -140,20 +141,20 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
         << p.orientation.x << p.orientation.y << p.orientation.z << p.orientation.w << YAML::EndSeq
         << YAML::EndMap;
   };
-  const bool known = report.truth_known, felt = report.estimate_known;
+  const bool known = report.truth_known, estimated = report.estimate_known;
   out << YAML::BeginMap;
   out << YAML::Key << "success" << YAML::Value << static_cast<bool>(report.success);
   out << YAML::Key << "reason" << YAML::Value << report.reason;
   out << YAML::Key << "strategy" << YAML::Value << details.strategy;
   out << YAML::Key << "truth_known" << YAML::Value << known;
   pair("true_offset", report.true_offset[0], report.true_offset[1], known);
-  pair("estimated_offset", report.estimated_offset[0], report.estimated_offset[1], felt);
+  pair("estimated_offset", report.estimated_offset[0], report.estimated_offset[1], estimated);
   pair("true_tilt", report.true_tilt[0], report.true_tilt[1], known);
-  pair("estimated_tilt", report.estimated_tilt[0], report.estimated_tilt[1], felt);
+  pair("estimated_tilt", report.estimated_tilt[0], report.estimated_tilt[1], estimated);
   out << YAML::Key << "contacts" << YAML::Value << report.contacts;
   out << YAML::Key << "simulated_time" << YAML::Value << report.simulated_time;
   out << YAML::Key << "wall_time" << YAML::Value << report.wall_time;
-  if (felt) pose("estimated_pose", report.estimated_pose);
+  if (estimated) pose("estimated_pose", report.estimated_pose);
   if (details.insert > 0.0) {
     out << YAML::Key << "insertion" << YAML::Value << YAML::Flow << YAML::BeginMap;
     out << YAML::Key << "asked" << YAML::Value << details.insert;
@@ -188,7 +189,7 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
 
 namespace {
 
-// `rosrun … _insert:=0.04` leaves its parameter on the server: the next call hasn't asked for it.
+// `rosrun … _insert:=0.04` leaves its parameter on the server: the next call doesn't use it.
 class Forgotten {
  public:
   explicit Forgotten(std::string name) : name_(std::move(name)) {}
@@ -202,15 +203,23 @@ class Forgotten {
 
 }  // namespace
 
+ReportSettings::ReportSettings() : strategy(AlignParameters().strategy) {}
+
+void fields(FieldList& f, ReportSettings& s) {
+  f.text("strategy", s.strategy, "Of the alignment.");
+  f.text("report_file", s.report_file, "File that the report is written to; empty: none.");
+  f.text("simulator", s.simulator, "Name of the simulator's node.");
+  f.flag("unpause", s.unpause, "Ends a pause of the simulator.");
+  f.number("timeout", s.timeout, positive("s"), "Of the alignment, wall clock.");
+  f.number("start_timeout", s.start_timeout, positive("s"),
+           "Of the nodes that must be there first, wall clock.");
+}
+
 ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {
   const Forgotten forgotten(pnh.getNamespace());
   Parameters parameters(pnh);
-  details_.strategy = parameters.text("strategy", AlignParameters().strategy);
-  report_file_ = parameters.text("report_file", "");
-  simulator_ = parameters.text("simulator", "peg_hole_simulator");
-  unpause_ = parameters.flag("unpause", true);
-  timeout_ = parameters.number("timeout", kPositive, 600.0);
-  start_timeout_ = parameters.number("start_timeout", kPositive, 60.0);
+  parameters.read(fieldsOf(settings_));
+  details_.strategy = settings_.strategy;
   std::string word;
   details_.floor = pnh.getParam("insert", word);
   if (!details_.floor) details_.insert = parameters.number("insert", kAny, 0.0);
@@ -251,10 +260,10 @@ bool ReportProgram::waitFor(const std::string& what, double timeout,
   return false;
 }
 
-// Before the goal nothing tells that the cell has ended but its master.
+// Before the goal only the cell's master shows that it has ended.
 bool ReportProgram::waitForCell(const std::string& what, const std::function<bool()>& ready) const {
   ros::WallTime asked = ros::WallTime::now();
-  return waitFor(what, start_timeout_, [&] {
+  return waitFor(what, settings_.start_timeout, [&] {
     if (ros::WallTime::now() - asked > ros::WallDuration(kLostAfter)) {
       asked = ros::WallTime::now();
       if (!ros::master::check()) {
@@ -289,9 +298,10 @@ bool ReportProgram::othersAreThere() {
                    [this] { return serverIsThere(); })) {
     return false;
   }
-  if (unpause_ &&
-      !waitForCell("service " + simulator_ + "/pause (is the simulator running?)",
-                   [this] { return ros::service::exists(simulator_ + "/pause", false); })) {
+  if (settings_.unpause &&
+      !waitForCell("service " + settings_.simulator + "/pause (is the simulator running?)", [this] {
+        return ros::service::exists(settings_.simulator + "/pause", false);
+      })) {
     return false;
   }
   ros::master::V_TopicInfo topics;
@@ -343,20 +353,22 @@ bool ReportProgram::carryOut(ActionClient& client, const Goal& goal, Result& res
     return server_lost;
   };
   const auto accepted = locked(active_);
-  if (!waitFor("acceptance of the goal", start_timeout_, [&] { return accepted() || lost(); }) ||
+  if (!waitFor("acceptance of the goal", settings_.start_timeout,
+               [&] { return accepted() || lost(); }) ||
       isLost(!accepted())) {
     return false;
   }
-  if (unpause_) {
+  if (settings_.unpause) {
     std_srvs::SetBool run;
     run.request.data = false;
-    if (!callService(simulator_ + "/pause", run) || !run.response.success) {
-      ROS_ERROR("report: %s/pause failed: %s", simulator_.c_str(), run.response.message.c_str());
+    if (!callService(settings_.simulator + "/pause", run) || !run.response.success) {
+      ROS_ERROR("report: %s/pause failed: %s", settings_.simulator.c_str(),
+                run.response.message.c_str());
       return false;
     }
   }
   const auto done = locked(done_);
-  if (!waitFor("result of the goal", timeout_, [&] { return done() || lost(); })) {
+  if (!waitFor("result of the goal", settings_.timeout, [&] { return done() || lost(); })) {
     client.cancelGoal();
     return false;
   }
@@ -388,12 +400,12 @@ bool ReportProgram::carryOut() {
   details_.depth = result->depth;
   details_.force = result->force;
   for (std::size_t i = 0; i < result->profile_depth.size(); ++i) {
-    BoreReading felt;
-    felt.depth = result->profile_depth[i];
-    felt.along = result->profile_along.at(i);
-    felt.sideways = result->profile_sideways.at(i);
-    felt.moment = result->profile_moment.at(i);
-    details_.profile.push_back(felt);
+    BoreReading reading;
+    reading.depth = result->profile_depth[i];
+    reading.along = result->profile_along.at(i);
+    reading.sideways = result->profile_sideways.at(i);
+    reading.moment = result->profile_moment.at(i);
+    details_.profile.push_back(reading);
   }
   return true;
 }
@@ -423,12 +435,12 @@ int ReportProgram::run() {
   }
   addTruth(report, details_);
   std::cout << table(report, details_) << std::flush;
-  if (!report_file_.empty()) {
-    std::ofstream file(report_file_);
+  if (!settings_.report_file.empty()) {
+    std::ofstream file(settings_.report_file);
     file << yaml(report, details_);
     file.close();
     if (!file) {
-      ROS_ERROR("report: can't write %s: check ~report_file", report_file_.c_str());
+      ROS_ERROR("report: can't write %s: check ~report_file", settings_.report_file.c_str());
       return 1;
     }
   }
@@ -450,12 +462,12 @@ std::string asGiven(std::string text) {
 
 int runReport(int argc, char** argv) {
   if (const auto answered = answerCommandLine(argc, argv, "report")) return *answered;
-  // outlives the try block: with its last handle gone ROS shuts down and says nothing any more
+  // outlives the try block: with its last handle gone ROS shuts down and logs nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
     // roscpp's own patience with a master that isn't there, or has gone, has no end
     ros::master::setRetryTimeout(ros::WallDuration(kLostAfter));
-    // a name of its own, by which two goals have two names also while the cell's clock stands
+    // a name of its own, by which two goals have two names also while the cell's clock is stopped
     ros::init(argc, argv, "report", ros::init_options::AnonymousName);
     // a node handle would wait for the master for ever
     if (!ros::master::check()) {

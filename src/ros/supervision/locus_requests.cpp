@@ -122,11 +122,9 @@ LocusRequests::Outcome LocusRequests::take() {
 
 void VibrationWindow::begin(const LocusRequest& window, const Exciter& exciter,
                             const ros::Time& origin) {
-  window_ = window;
+  window_.begin(window);
   exciter_ = exciter;
   origin_ = origin;
-  angles_.clear();
-  wrenches_.clear();
   for (const auto& samples : recent_) collect(*samples);
 }
 
@@ -136,36 +134,37 @@ void VibrationWindow::add(const WrenchSamples::ConstPtr& samples) {
          (samples->header.stamp - recent_.front()->header.stamp).toSec() > kRecentTime) {
     recent_.pop_front();
   }
-  if (window_) collect(*samples);
+  collect(*samples);
 }
 
 void VibrationWindow::clear() {
-  window_.reset();
+  window_.cancel();
   recent_.clear();
 }
 
 void VibrationWindow::collect(const WrenchSamples& samples) {
-  const double start = (samples.header.stamp - origin_).toSec();
-  const double reference = (exciter_.header.stamp - origin_).toSec();
-  for (std::size_t i = 0; 6 * i < samples.wrench.size(); ++i) {
-    const double t = start + static_cast<double>(i) * samples.period;
-    const double since = t - window_->start + kSampleRounding * samples.period;
-    if (since < 0.0 || since >= window_->duration) continue;
-    angles_.push_back(exciter_.direction * (exciter_.frequency * (t - reference) + exciter_.phase));
-    const auto first = samples.wrench.begin() + static_cast<std::ptrdiff_t>(6 * i);
-    wrenches_.insert(wrenches_.end(), first, first + 6);
-  }
+  const std::size_t count = samples.wrench.size() / 6;
+  if (count == 0 || !window_.window()) return;
+  ExciterParameters drive;
+  drive.frequency = exciter_.frequency;
+  drive.phase = exciter_.phase;
+  drive.direction = exciter_.direction;
+  const double end =
+      (samples.header.stamp - origin_).toSec() + static_cast<double>(count - 1) * samples.period;
+  window_.add(samples.wrench.data(), count, samples.period, end, drive,
+              (exciter_.header.stamp - origin_).toSec());
 }
 
 HarmonicFit VibrationWindow::take() {
-  const double duration = window_->duration;
-  if (angles_.size() < kMinSamples) {
-    throw PlantError(AlignFailure::kNoReading,
-                     text("%zu samples of sensor_b/wrench_samples in a window of %g s",
-                          angles_.size(), duration));
+  const double duration = window_.window()->duration;
+  const std::size_t count = window_.angles().size();
+  if (count < kMinSamples) {
+    throw PlantError(
+        AlignFailure::kNoReading,
+        text("%zu samples of sensor_b/wrench_samples in a window of %g s", count, duration));
   }
-  window_.reset();
-  return fitVibration(angles_, wrenches_);
+  window_.cancel();
+  return fitVibration(window_.angles(), window_.signals());
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -93,9 +93,7 @@ RosPlant::State RosPlant::state() const {
 void RosPlant::setMechanism(const KnownMechanism* known) {
   const Lock lock = monitor_.lock();
   commands_.setDriveErrors(known != nullptr ? known->drive : DriveErrors());
-  blocks_.decoder().setCompliance(known != nullptr
-                                      ? std::optional(couplingCompliance(known->mechanism.coupling))
-                                      : std::nullopt);
+  blocks_.decoder().setCoupling(known != nullptr ? &known->mechanism.coupling : nullptr);
 }
 
 // ---- a goal ----
@@ -212,7 +210,7 @@ PlantBlock RosPlant::nextBlock(const PlantCommand& command, bool is_first) {
   block.time = goal_.timeOf(last.end);
   if (vibration_.window()) {
     block.reading_start = vibration_.window()->start;
-    if (hasEnded(*vibration_.window(), block.time)) block.vibration = vibration_.take();
+    if (vibration_.endsBy(block.time)) block.vibration = vibration_.take();
   } else if (locus_.isPending()) {
     block.reading_start = locus_.window().start;
     if (hasEnded(locus_.window(), block.time)) takeLocus(lock, block);

@@ -91,7 +91,7 @@ void IioSource::doConfigure(const YAML::Node& map) {
   info_.rate = rate_;
 }
 
-// A folder of that name, or the one whose attribute `name` says so.
+// A folder of that name, or the one with that attribute `name`.
 std::string IioSource::findDevice() const {
   std::error_code error;
   const std::string folder = root_ + "/" + device_;
@@ -131,7 +131,7 @@ IioSource::Channel IioSource::openChannel(const std::string& folder,
   channel.scale = kMilli * millivolts;
   channel.offset =
       number(folder, {prefix + "_offset", shared + "_offset", "in_voltage_offset"}, 0.0);
-  // the buffer's type tells the ends of the range
+  // the ends of the range follow from the buffer's type
   for (const std::string& type : {prefix + "_type", shared + "_type"}) {
     const auto text = attribute(folder + "/scan_elements/" + type);
     if (text && parseIioType(*text, channel.type)) break;

@@ -109,7 +109,7 @@ std::optional<std::string_view> field(std::string_view header, std::string_view 
   return std::nullopt;
 }
 
-// bytes that the body should have, if the header says so
+// length of the body by the header, if given [bytes]
 std::optional<std::size_t> contentLength(std::string_view header) {
   const auto text = field(header, "content-length");
   long length = 0;

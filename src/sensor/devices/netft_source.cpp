@@ -22,8 +22,8 @@ namespace assembly_cell {
 namespace {
 
 constexpr std::size_t kDatagrams = 64;    // read at once
-constexpr std::size_t kMaxAtOnce = 4096;  // datagrams in one go, whoever sends them
-constexpr int kReceiveBuffer = 4 << 20;   // asked for [bytes]
+constexpr std::size_t kMaxAtOnce = 4096;  // datagrams in one go, of all senders
+constexpr int kReceiveBuffer = 4 << 20;   // requested [bytes]
 constexpr auto kHttpTimeout = std::chrono::seconds(2);
 constexpr auto kShortestNap = std::chrono::microseconds(100);
 constexpr auto kIdle = std::chrono::microseconds(1500);  // without records a block isn't waited for
@@ -274,7 +274,7 @@ void NetftSource::send(RdtCommand command) const {
          sizeof socket_->peer);
 }
 
-// Every datagram that waits goes into the stream, as long as it has room.
+// Every datagram that waits goes into the stream, until it is full.
 void NetftSource::receive() {
   Socket& s = *socket_;
   for (std::size_t total = 0; total < kMaxAtOnce;) {
@@ -332,7 +332,7 @@ std::chrono::nanoseconds NetftSource::idle() const {
   return std::max<std::chrono::nanoseconds>(kIdle, nanoseconds(3.0 / info_.rate));
 }
 
-// When to look again for the block under way.
+// Time of the next check for the block under way.
 StrainSource::Clock::time_point NetftSource::napUntil() const {
   const Clock::time_point latest = stream_->oldest().steady + block_period_ + block_period_ / 2;
   const Clock::time_point soonest = Clock::now() + kShortestNap;
@@ -372,7 +372,7 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
         if (crowded) continue;
       }
     }
-    // a silent box is asked again; it may have started anew. Silent until it was looked at:
+    // requests are repeated to a silent box; it may have restarted. Silent until it was looked at:
     // this thread may have stood still since
     if (before - std::max(last_record_, last_start_) >= receive_timeout_) {
       if (starts_ == start_retries_) {

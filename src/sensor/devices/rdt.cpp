@@ -33,8 +33,8 @@ void RdtStream::begin() {
   started_ = false;
 }
 
-// Older than the newest, or implausibly far ahead: an old record, or numbers that began anew?
-bool RdtStream::startsAnew(const RdtRecord& record, std::int64_t step) const {
+// Older than the newest, or implausibly far ahead: an old record, or numbers that restarted?
+bool RdtStream::restarts(const RdtRecord& record, std::int64_t step) const {
   if (step > 0) return step > kLargestGap;
   if (restart_expected_) return true;
   const auto behind = static_cast<std::uint64_t>(-step);
@@ -59,9 +59,9 @@ void RdtStream::markMissing(std::uint64_t sequence, SourceCounters& counters) {
 bool RdtStream::push(const RdtRecord& record, const Reception& received, SourceCounters& counters) {
   const std::int64_t step =
       started_ ? static_cast<std::int32_t>(record.rdt_sequence - newest_rdt_) : 1;
-  const bool anew = !started_ || startsAnew(record, step);
+  const bool restarted = !started_ || restarts(record, step);
   std::uint64_t sequence = next_;
-  if (anew) {
+  if (restarted) {
     if (pending() > 0) return false;
     if (started_) {
       begin();
@@ -99,7 +99,7 @@ bool RdtStream::push(const RdtRecord& record, const Reception& received, SourceC
   }
   slot(sequence) = {sequence, Kind::kFilled, record, received};
   restart_expected_ = false;
-  if (anew || step > 0) {
+  if (restarted || step > 0) {
     newest_ = sequence;
     newest_rdt_ = record.rdt_sequence;
     newest_ft_ = record.ft_sequence;

@@ -113,7 +113,7 @@ bool FrameDecoder::next(SerialFrame& frame, SourceCounters& counters) {
     if (started_) ++counters.garbage;
   }
 
-  // room for what comes
+  // space for the next bytes
   std::copy(buffer_.begin() + static_cast<std::ptrdiff_t>(begin_),
             buffer_.begin() + static_cast<std::ptrdiff_t>(end_), buffer_.begin());
   end_ -= begin_;

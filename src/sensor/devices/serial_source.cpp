@@ -21,9 +21,9 @@ namespace assembly_cell {
 
 namespace {
 
-constexpr double kTick = 1e-6;            // of Bota's time stamps [s]
-constexpr double kLongestStep = 60.0;     // of time stamps; more is a device that started anew [s]
-constexpr double kShortestRestart = 1.0;  // back by more: the device started anew [s]
+constexpr double kTick = 1e-6;               // of Bota's time stamps [s]
+constexpr double kLongestStep = 60.0;        // of time stamps; more: the device restarted [s]
+constexpr double kShortestRestart = 1.0;     // back by more: the device restarted [s]
 constexpr std::uint64_t kMaxLost = 1 << 20;  // in one gap
 constexpr int kJamLength = 50;               // characters that end Robotiq's stream
 
@@ -162,14 +162,14 @@ void SerialSource::stopStream() const {
   [[maybe_unused]] const ssize_t n = ::write(port_.get(), jam.data(), jam.size());
 }
 
-// Every byte that waits, as long as frames have room. False: the port is gone.
+// Every byte that waits, until frames are full. False: the port is gone.
 bool SerialSource::receive() {
   Reception now = clocksNow();
   while (true) {
     SerialFrame frame;
     while (count_ < waiting_.size() && decoder_.next(frame, counts_)) accept(frame, now);
     if (count_ == waiting_.size()) return true;
-    const ssize_t n = ::read(port_.get(), decoder_.space(), decoder_.room());
+    const ssize_t n = ::read(port_.get(), decoder_.space(), decoder_.freeBytes());
     const int error = errno;
     if (n > 0) {
       decoder_.added(static_cast<std::size_t>(n));
@@ -283,8 +283,8 @@ ReadResult SerialSource::doRead(SourceBlock& block, Clock::time_point deadline) 
       block.fault = counts_.fault;
       return ReadResult::kFault;
     }
-    // a silent device is asked again; it may have started anew. Silent until it was looked at:
-    // this thread may have stood still since
+    // requests are repeated to a silent device; it may have restarted. Silent until it was looked
+    // at: this thread may have stood still since
     const Clock::time_point alive = std::max(last_frame_, last_start_);
     if (before - alive >= receive_timeout_) {
       if (starts_ == start_retries_) {

@@ -6,7 +6,7 @@ namespace {
 
 using ForceSensorCalibration = ForceSensorDriver;
 
-TEST_F(ForceSensorCalibration, TellsItsCalibration) {
+TEST_F(ForceSensorCalibration, ReturnsItsCalibration) {
   const Calibration file =
       loadCalibration(ASSEMBLY_CELL_SOURCE_DIR "/config/calibration/sensor_a.yaml");
   const auto response = a_.call<GetCalibration>("get_calibration");
@@ -116,7 +116,7 @@ TEST_F(ForceSensorCalibration, CalibrationsChangeBetweenTwoSamples) {
   EXPECT_EQ(now.calibration.id, "factor 61");
   EXPECT_EQ(now.calibration.header.stamp, latched.header.stamp);  // since when: its age
   EXPECT_LT(std::abs((ros::Time::now() - latched.header.stamp).toSec()), kPatience);
-  EXPECT_TRUE(has(now.message, "in force for")) << now.message;
+  EXPECT_TRUE(has(now.message, "active for")) << now.message;
   SetCalibration::Request request;
   request.calibration = old;
   EXPECT_TRUE(a_.call<SetCalibration>("set_calibration", request).success);

@@ -62,7 +62,7 @@ class Follower {
     const std::lock_guard<std::mutex> lock(mutex_);
     return seen_;
   }
-  // a device that starts anew counts from the start
+  // a device that restarts counts from the start
   void restart() {
     const std::lock_guard<std::mutex> lock(mutex_);
     next_ = 0;
@@ -205,8 +205,8 @@ TEST_F(DeviceTest, CountsLossesExactly) {
   EXPECT_EQ(follower.seen().unordered, 0u);
 }
 
-// Unplugged and returned at random: told apart from a wrong address, back within its back-off, and
-// nothing old is ever stamped as new.
+// Unplugged and returned at random: distinguished from a wrong address, back within its back-off,
+// and nothing old is ever stamped as new.
 TEST_F(DeviceTest, ComesBackAfterUnplugging) {
   NetftEmulator box(boxOptions());
   Follower follower(nh_, "unplugged");
@@ -264,7 +264,7 @@ TEST_F(DeviceTest, ComesBackAfterUnplugging) {
               slowest, 1e3 * seen.oldest);
 }
 
-// A device that was never there is told as such, and is taken when it appears.
+// A device that was never there is reported as such, and is opened when it appears.
 TEST_F(DeviceTest, WaitsForADeviceThatIsNotThereYet) {
   auto box = std::make_unique<NetftEmulator>(boxOptions());
   const std::vector<std::string> parameters = parametersOf(*box);
@@ -285,7 +285,7 @@ TEST_F(DeviceTest, WaitsForADeviceThatIsNotThereYet) {
 }
 
 // Volts without a calibration can't work, whatever the cable does: a static cause.
-TEST_F(DeviceTest, TellsWhatTheConfigurationLacks) {
+TEST_F(DeviceTest, ReportsWhatTheConfigurationLacks) {
   NetftEmulator::Options options = boxOptions();
   options.configuration.force_unit = options.configuration.torque_unit = "V";
   NetftEmulator box(options);
@@ -309,7 +309,7 @@ TEST_F(DeviceTest, TellsWhatTheConfigurationLacks) {
   EXPECT_EQ(diagnoses_.latest("strain/driver: device").level, DiagnosticStatus::ERROR);
 }
 
-// The device's fault word stops the samples and is told; healthy again, they go on.
+// The device's fault word stops the samples and is reported; healthy again, they go on.
 TEST_F(DeviceTest, PublishesNothingOfAFaultyDevice) {
   NetftEmulator box(boxOptions());
   Follower follower(nh_, "faulty");

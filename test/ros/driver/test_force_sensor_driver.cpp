@@ -131,7 +131,7 @@ TEST_F(ForceSensorDriver, SubtractsTheBias) {
 
 // A calibration of another sensor makes loads that no node takes in. The block comes all the same:
 // a plant in lockstep would wait for who misses it.
-TEST_F(ForceSensorDriver, TellsALoadBeyondAllSensorsAsSaturated) {
+TEST_F(ForceSensorDriver, MarksALoadBeyondAllSensorsAsSaturated) {
   SetCalibration::Request request;
   request.calibration = a_.call<GetCalibration>("get_calibration").calibration;
   const auto own = request;
@@ -139,15 +139,15 @@ TEST_F(ForceSensorDriver, TellsALoadBeyondAllSensorsAsSaturated) {
   const auto taken = a_.call<SetCalibration>("set_calibration", request);
   ASSERT_TRUE(taken.success) << taken.message;
   const StrainSamples block = a_.block(kLoad);
-  const WrenchSamples told = a_.pass(block);
-  ASSERT_EQ(told.saturated.size(), block.saturated.size());
+  const WrenchSamples wrenches = a_.pass(block);
+  ASSERT_EQ(wrenches.saturated.size(), block.saturated.size());
   bool cut = false;
-  for (std::size_t k = 0; k < told.saturated.size(); ++k) {
-    EXPECT_EQ(told.saturated[k], 0x3f);
+  for (std::size_t k = 0; k < wrenches.saturated.size(); ++k) {
+    EXPECT_EQ(wrenches.saturated[k], 0x3f);
     for (std::size_t j = 0; j < 6; ++j) {
       const double most = j < 3 ? 1e5 : 1e4;
-      EXPECT_LE(std::abs(told.wrench[6 * k + j]), most);
-      cut |= std::abs(told.wrench[6 * k + j]) == most;
+      EXPECT_LE(std::abs(wrenches.wrench[6 * k + j]), most);
+      cut |= std::abs(wrenches.wrench[6 * k + j]) == most;
     }
   }
   EXPECT_TRUE(cut);
@@ -301,8 +301,8 @@ TEST_F(ForceSensorDriver, ZeroToALoadAndUndo) {
   EXPECT_TRUE(has(nothing.message, "nothing to undo")) << nothing.message;
 }
 
-// Every block is answered (a latecomer hears of the last one, too old to count here), also one that
-// is dropped; nothing of a dropped one is published.
+// Every block is answered (a late subscriber receives the last one, too old to count here), also
+// one that is dropped; nothing of a dropped one is published.
 TEST_F(ForceSensorDriver, AcknowledgesEveryBlockInLockstep) {
   ros::NodeHandle nh;
   std::mutex mutex;
@@ -337,7 +337,7 @@ TEST_F(ForceSensorDriver, AcknowledgesEveryBlockInLockstep) {
   }
   EXPECT_EQ(seen, (std::vector<std::uint32_t>{good.sequence, last.sequence}));
 
-  // a plant that asks again and again: somebody after this node lacks its samples
+  // a plant that repeats its block: a node after this one lacks its samples
   for (int i = 0; i < 2; ++i) b_.send(last);
   EXPECT_TRUE(waitFor([&] {
     const auto all = b_.copy(b_.wrench_samples_);
@@ -381,7 +381,7 @@ TEST_F(ForceSensorDriver, DiagnosticsNameWhatIsWrong) {
   EXPECT_EQ(diagnostics.next(name, quiet).level, 2);
   EXPECT_EQ(diagnostics.next("sensor_b/driver: samples", quiet).level, 1);
 
-  // counts are told from here on
+  // counts are reported from here on
   a_.pass(a_.block(kLoad));
   diagnostics.next(name, [](const auto& s) { return !has(s.message, "no samples"); });
   const auto before = diagnostics.next(name, kAnything);

@@ -158,7 +158,7 @@ TEST_F(SensorSources, PlaysTheStrainOfABag) {
 }
 
 // A code for a fault and an end of a device's numbers, as recordings of sensors have them: handed
-// on with a mark and told, so that nobody takes them for a load.
+// on with a mark and reported, so that they are not taken for a load.
 TEST_F(SensorSources, MarksWhatNoSensorMeasures) {
   const test::TemporaryFolder folder;
   const std::string file = folder.path() + "/codes.csv";

@@ -31,7 +31,7 @@ struct SeenRun : CellRun {
   std::vector<std::string> undocumented;  // topics and services that the page doesn't name
 };
 
-// with somebody who looks at everything, or with nobody
+// with observers of everything, or with none
 SeenRun run(const std::vector<std::string>& arguments, bool watched,
             const std::string& strategy = "single_contact") {
   ros::NodeHandle nh;
@@ -118,7 +118,7 @@ std::vector<std::string> undocumented() {
 }
 
 TEST(Cell, AlignsInLockstepTheSameToTheLastBitSeenOrUnseen) {
-  // once with everybody looking, once with nobody, once without any truth to look at
+  // once with all observers, once with none, once without any truth to look at
   const SeenRun seen = run({}, true);
   ASSERT_EQ(seen.exit_code, 0) << seen.output;
   EXPECT_GT(seen.markers, 0U);

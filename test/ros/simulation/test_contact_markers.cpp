@@ -24,7 +24,7 @@
 #include "assembly_cell/LocusEstimate.h"
 #include "assembly_cell/description/cell_description.h"
 #include "assembly_cell/ros/bridge/conversions.h"
-#include "assembly_cell/ros/simulation/marker_colors.h"
+#include "assembly_cell/ros/simulation/markers/marker_colors.h"
 #include "cell_fixture.h"
 #include "live_client.h"
 
@@ -89,8 +89,8 @@ class Markers : public ::testing::Test {
   std::unique_ptr<Record<MarkerArray>> markers_;
 };
 
-TEST_F(Markers, WorkOnlyWhileSomebodyLooks) {
-  // nobody looks: no inputs either
+TEST_F(Markers, WorkOnlyWithASubscriber) {
+  // no subscriber: no inputs either
   ASSERT_TRUE(waitFor([this] { return contacts_pub_.getNumSubscribers() == 0; }));
   watch();
   EXPECT_GT(contacts_pub_.getNumSubscribers(), 0U);
@@ -101,7 +101,7 @@ TEST_F(Markers, WorkOnlyWhileSomebodyLooks) {
   }));
 }
 
-TEST_F(Markers, StartAnewAndKeepTheirRate) {
+TEST_F(Markers, RestartAndKeepTheirRate) {
   watch();
   // the first array clears what was there
   EXPECT_EQ(markers_->all().front()->markers.front().action, Marker::DELETEALL);
@@ -186,7 +186,7 @@ TEST_F(Markers, DrawAsSetWhileTheyRun) {
   contacts_pub_.publish(contacts);
   const double diameter = find("contact_points", 1).front().scale.x;
   find("legend", 9);
-  // those after this one are drawn with what is in force now
+  // those after this one are drawn with the active settings
   const auto drawn = [&](const std::string& ns, std::size_t count, int action = Marker::ADD) {
     markers_->clear();
     EXPECT_TRUE(waitFor([&] { return markers_->size() >= 2; }));
@@ -340,7 +340,7 @@ TEST_F(Markers, NameThePartsAndWhatTheColoursMean) {
   EXPECT_EQ(blue["its normal"], kContactNormalColor.b);
 }
 
-// a point of the rim comes where the camera's numbers say; nothing is sent to nobody
+// a point of the rim comes where the camera's numbers say; nothing is sent without a subscriber
 TEST_F(Markers, OfferAViewOfTheRimFromAbove) {
   tf2_ros::Buffer frames;
   tf2_ros::TransformListener listener(frames);

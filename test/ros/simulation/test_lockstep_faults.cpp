@@ -65,7 +65,7 @@ class LockstepFaults : public ::testing::Test {
   void startSimulator() {
     start("simulator", "peg_hole_simulator", "/lockstep", "peg_hole_simulator");
   }
-  // alone, at once; true when another life of the plant runs on
+  // alone, at once; true when another boot of the plant runs on
   bool restartSimulator() {
     const auto before = plant_.last();
     nodes_.at("simulator")->signal(SIGKILL);
@@ -126,10 +126,10 @@ TEST_F(LockstepFaults, ARestartedPlantIsNamedAndTheNextGoalWorks) {
   expectPress(kForce);
 }
 
-// In lockstep time waits for whoever is started anew. The goal goes on, or ends with a name.
+// In lockstep time waits for a node that is restarted. The goal goes on, or ends with a name.
 TEST_F(LockstepFaults, ARestartedDriverOrEstimatorDoesNotStopTheCell) {
   startCell();
-  const auto startAnew = [this](const std::string& what) {
+  const auto restart = [this](const std::string& what) {
     nodes_.at(what)->signal(SIGKILL);
     if (what == "locus_estimator") {
       start(what, what, "/lockstep", what);
@@ -144,13 +144,13 @@ TEST_F(LockstepFaults, ARestartedDriverOrEstimatorDoesNotStopTheCell) {
     ASSERT_TRUE(waitFor([&] { return carrier_.last()->pose.position.z < from - 5e-4; }))
         << what << ": from " << from << " to " << carrier_.last()->pose.position.z << " m, "
         << press_.getState().toString();
-    startAnew(what);
+    restart(what);
     finish(press_);
     const auto result = press_.getResult();
     EXPECT_TRUE(result->success || result->message.find(what) != std::string::npos)
         << what << ": " << result->message;
     // and while no goal runs
-    startAnew(what);
+    restart(what);
     expectPress(kForce);
     retreat_.sendGoal(RetreatGoal());
     ASSERT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
@@ -180,8 +180,8 @@ TEST_F(LockstepFaults, ASensorThatSaturatesByItselfIsNamed) {
   expectPress(kForce);
 }
 
-// Time stands: the goal ends all the same, and what it left is told. A goal that is cancelled in
-// the air leaves the peg at its height.
+// Time stands: the goal ends all the same, and what it left is reported. A goal that is cancelled
+// in the air leaves the peg at its height.
 TEST_F(LockstepFaults, ACancelIsAnsweredWhileThePlantIsPaused) {
   startCell();
   startSupervisor({"_block_timeout:=600"});
@@ -191,7 +191,7 @@ TEST_F(LockstepFaults, ACancelIsAnsweredWhileThePlantIsPaused) {
     service.request.data = data;
     EXPECT_TRUE(callService("/lockstep/peg_hole_simulator/pause", service));
   };
-  // some blocks of the tare, then a cancel that has been heard
+  // some blocks of the tare, then a cancel that has arrived
   const auto cancelInTheAir = [&] {
     pause(true);
     startPress(kForce);
@@ -222,8 +222,8 @@ TEST_F(LockstepFaults, ACancelIsAnsweredWhileThePlantIsPaused) {
   expectPress(kForce);
 }
 
-// A soft coupling pressed with 20 N by one supervisor, felt by another one that bears a tenth of
-// it: two attempts to free the peg are given up at its limit.
+// A soft coupling pressed with 20 N by one supervisor, measured by another one that bears a tenth
+// of it: two attempts to free the peg are given up at its limit.
 TEST_F(LockstepFaults, WhatDoesNotComeFreeIsStuckUntilRetreatFreesIt) {
   const std::vector<std::string> soft{
       "coupling.stiffness={diagonal: [5.0e3, 5.0e4, 5.0e4, 50, 50, 50], k26: 158, k35: -158}"};

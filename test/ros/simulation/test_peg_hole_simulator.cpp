@@ -51,7 +51,7 @@ TEST_F(Simulator, PausedPublishesNothingAndStepNeedsPause) {
   ASSERT_TRUE(pause(true).success);
 }
 
-// However many blocks were asked for, who pauses or begins anew is obeyed at the next one.
+// However many blocks were asked for, a pause or a restart takes effect at the next one.
 TEST_F(Simulator, PauseAndResetEndALongStep) {
   for (const std::string end : {"pause", "reset"}) {
     const std::size_t blocks = bridge_b_.size();
@@ -62,7 +62,7 @@ TEST_F(Simulator, PauseAndResetEndALongStep) {
     ASSERT_EQ(stepping.wait_for(std::chrono::seconds(60)), std::future_status::ready);
     const Step::Response response = stepping.get();
     EXPECT_FALSE(response.success);
-    EXPECT_NE(response.message.find(end == "pause" ? "~pause was called" : "began anew"),
+    EXPECT_NE(response.message.find(end == "pause" ? "~pause was called" : "was restarted"),
               std::string::npos)
         << response.message;
     EXPECT_NE(response.message.find(" blocks short"), std::string::npos) << response.message;
@@ -86,7 +86,7 @@ TEST_F(Simulator, CarrierPoseAndTruthStartAsTheScenarioSays) {
   ASSERT_TRUE(step(1).success);
   ASSERT_TRUE(waitFor([this] { return carrier_.size() == 1; }));
   const Pose X_HC = X_HB_ * fromPose(carrier_.last()->pose, "carrier");
-  // z and tilt are prescribed; x, y and yaw give way by less than 0.1 mm and 1 mrad to the hanging
+  // z and tilt are prescribed; x, y and yaw yield by less than 0.1 mm and 1 mrad to the hanging
   // peg
   EXPECT_NEAR(X_HC.p.z(), start.p.z(), kQuaternion);
   EXPECT_LT((X_HC.p - start.p).norm(), 1e-4);
@@ -130,7 +130,7 @@ TEST_F(Simulator, CommandMovesTheRestSmoothlyToItsTarget) {
   // never faster than the carrier may be, and a little for the spring that carries it
   EXPECT_LT(farthest, scenario_.mechanism.carrier.max_speed * kBlock + 1e-4);
   EXPECT_GT(farthest, 0.0);
-  // the springs give way by the swinging peg's few tenths of a newton over 2e5 N/m
+  // the springs yield by the swinging peg's few tenths of a newton over 2e5 N/m
   EXPECT_NEAR(last, start_.p.x() + 2e-3, 1e-5);
 }
 
@@ -206,7 +206,7 @@ TEST_F(Simulator, ExciterShakesThePeg) {
   EXPECT_LT(spread(*bridge_b_.last()), 0.1 * shaken);
 }
 
-// the peg's accelerometers: sampled only while somebody listens, with the bridges' stamps
+// the peg's accelerometers: sampled only with a subscriber, with the bridges' stamps
 TEST_F(Simulator, AccelerometersForWhoListens) {
   ASSERT_TRUE(step(1).success);
   ASSERT_TRUE(waitFor([this] { return synchronous(); }));
@@ -217,11 +217,11 @@ TEST_F(Simulator, AccelerometersForWhoListens) {
   exciter.frequency = 770.0;
   exciter.direction = 1;
   sendExciter(exciter);
-  const Record<AccelerometerSamples> felt(nh_, "accelerometers");
-  ASSERT_TRUE(waitFor([&] { return felt.connected(); }));
+  const Record<AccelerometerSamples> accelerations(nh_, "accelerometers");
+  ASSERT_TRUE(waitFor([&] { return accelerations.connected(); }));
   ASSERT_TRUE(step(10).success);
-  ASSERT_TRUE(waitFor([&] { return felt.size() == 10 && synchronous(); }));
-  const auto block = felt.last();
+  ASSERT_TRUE(waitFor([&] { return accelerations.size() == 10 && synchronous(); }));
+  const auto block = accelerations.last();
   ASSERT_EQ(block->acceleration.size(), 200u);
   EXPECT_EQ(block->header.stamp, bridge_b_.last()->header.stamp);
   EXPECT_EQ(block->sequence, bridge_b_.last()->sequence);
@@ -318,7 +318,7 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
       << service.response.message;
 }
 
-TEST_F(Simulator, TellsWhereCarrierAndPegAre) {
+TEST_F(Simulator, PublishesPosesOfCarrierAndPeg) {
   ASSERT_TRUE(step(1).success);
   ASSERT_TRUE(waitFor([this] { return truth_.size() == 1; }));
   std::set<std::string> edges;
@@ -374,10 +374,10 @@ TEST_F(Simulator, StopsWithANamedReasonAndResetHelps) {
   EXPECT_TRUE(response.success) << response.message;
 }
 
-TEST_F(Simulator, PublishesABlockAgainThatNobodyAnswers) {
+TEST_F(Simulator, PublishesABlockAgainWithoutAnswer) {
   pause(false);
   answering_ = false;
-  // the one that nobody answers, thrice
+  // the one without an answer, thrice
   ASSERT_TRUE(waitFor([this] {
     const auto all = bridge_b_.all();
     return all.size() >= 3 && all[all.size() - 3]->sequence == all.back()->sequence;
@@ -399,7 +399,7 @@ TEST_F(Simulator, PacedKeepsToTheWallClockAndTruthCanBeWithheld) {
   Record<StrainSamples> block(nh_, "paced/sensor_a/bridge");
   ASSERT_TRUE(waitFor([&] { return block.size() >= 2; }));
   // 0.5 s simulated at half the speed; at most one block was under way at either end. On a busy
-  // machine what has piled up comes at once, so that not every window tells the pace.
+  // machine queued messages arrive at once, so that not every window shows the pace.
   bool paced = false;
   for (int window = 0; window < 20 && !paced; ++window) {
     const auto wall = ros::WallTime::now();

@@ -108,7 +108,7 @@ class Report : public ::testing::Test {
   actionlib::SimpleActionServer<AlignPegAction> server_;
 };
 
-TEST_F(Report, TellsTrueAgainstEstimatedAndEndsZero) {
+TEST_F(Report, PrintsTrueAgainstEstimatedAndEndsZero) {
   publishTruth(tilted(0.02, Eigen::Vector3d(0.002, 0.0, 0.003)));
   EXPECT_EQ(report(), 0) << output_;
   EXPECT_EQ(strategy_, "auto");
@@ -136,8 +136,8 @@ TEST_F(Report, DoesNotBelieveASupervisorThatTheTruthContradicts) {
   EXPECT_FALSE(yaml_["verdict"].as<bool>());
 }
 
-// The edge is judged in the true bore, and what was drawn is in the report.
-TEST_F(Report, JudgesInTheTrueBore) {
+// The edge is evaluated in the true bore, and what was drawn is in the report.
+TEST_F(Report, EvaluatesInTheTrueBore) {
   ros::Publisher drawn_pub = nh_.advertise<std_msgs::String>("truth/mismatch", 1, true);
   std_msgs::String drawn;
   // a bore that leans by 5 mrad along x, 30 mm below the face
@@ -188,7 +188,7 @@ TEST_F(Report, BadParametersEndTwo) {
   }
 }
 
-// Without its underscore a parameter renames a topic that nobody has.
+// Without its underscore a parameter renames a topic that does not exist.
 TEST_F(Report, AParameterWithoutItsUnderscoreIsNamed) {
   for (const std::string given : {"strategy:=touch", "~strategy:=touch", "insert:=floor",
                                   "report_file:=/tmp/report.yaml", "unpause:=false"}) {
@@ -210,9 +210,10 @@ TEST(ReportAlone, EndsOneWithoutMasterOrSupervisor) {
   Child orphan({executable("report")}, {"ROS_MASTER_URI=http://localhost:1"});
   EXPECT_EQ(orphan.wait(), 1) << orphan.output();
   EXPECT_EQ(orphan.lines("no ROS master").size(), 1U) << orphan.output();
-  Child told({executable("report"), "_strategy:=touch"}, {"ROS_MASTER_URI=http://localhost:1"});
-  EXPECT_EQ(told.wait(), 1) << told.output();
-  EXPECT_EQ(told.lines("no ROS master").size(), 1U) << told.output();
+  Child without_master({executable("report"), "_strategy:=touch"},
+                       {"ROS_MASTER_URI=http://localhost:1"});
+  EXPECT_EQ(without_master.wait(), 1) << without_master.output();
+  EXPECT_EQ(without_master.lines("no ROS master").size(), 1U) << without_master.output();
   ros::param::del("/report");
   Child alone({executable("report"), "_start_timeout:=0.5"});
   EXPECT_EQ(alone.wait(), 1) << alone.output();

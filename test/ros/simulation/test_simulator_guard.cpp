@@ -4,7 +4,7 @@
 #include "contact_force.h"
 #include "simulator_fixture.h"
 
-// Lease, dead man, limits and lives of the plant, as nodes see them. The guard itself has tests of
+// Lease, watchdog, limits and boots of the plant, as nodes see them. The guard itself has tests of
 // its own, with a clock of its own: test/guard.
 namespace assembly_cell::ros_bridge::simulator_guard_test {
 namespace {
@@ -86,7 +86,7 @@ TEST_F(SimulatorGuard, StopsAtItsLoadAndLetsItBeTakenOff) {
   for (const auto& contacts : contacts_.all()) {
     peak = std::max(peak, test::liftingForce(*contacts));
   }
-  // stopped ahead: a tenth of the limit is where contact is felt, the rest is what a stop costs
+  // stopped ahead: a tenth of the limit is where contact is sensed, the rest is what a stop costs
   EXPECT_GT(peak, 60.0);
   EXPECT_LT(peak, 110.0);
   const double pressed = carrier_.last()->pose.position.z;
@@ -113,16 +113,16 @@ TEST_F(SimulatorGuard, WhileASessionHoldsThePlantOthersAreRefused) {
   EXPECT_FALSE(state().exciter) << "a session begins with the exciter off";
 
   const std::uint32_t refused = state().refused;
-  Child stranger({"/proc/self/exe", "--stranger"});
+  Child intruder({"/proc/self/exe", "--intruder"});
   EXPECT_TRUE(waitFor([&] { return stateAfter(1).refused > refused; }));
   EXPECT_EQ(state().refused_reason, "held_by_another");
-  EXPECT_EQ(state().refused_node, "/stranger");
+  EXPECT_EQ(state().refused_node, "/intruder");
   EXPECT_FALSE(state().exciter);
 
   // the holder itself may
   shake(1.0);
   EXPECT_TRUE(waitFor([&] { return stateAfter(1).exciter; }));
-  // and switches off when it lets go
+  // and switches off when it releases the plant
   session_ = 0;
   EXPECT_TRUE(waitFor([&] { return stateAfter(1).session == 0; }));
   EXPECT_FALSE(state().exciter);
@@ -202,7 +202,7 @@ TEST_F(SimulatorGuard, ARestartedPlantDoesNotMoveByItself) {
   ASSERT_TRUE(waitFor([&] { return carrier.size() > 20; }));
   EXPECT_FALSE(state.last()->exciter);
   EXPECT_NEAR(carrier.last()->pose.position.x, start_.p.x(), 1e-4);
-  // sent anew it does
+  // sent again it does
   command.header.stamp = carrier.last()->header.stamp;
   moves.publish(command);
   EXPECT_TRUE(waitFor([&] { return carrier.last()->pose.position.x > start_.p.x() + 4e-3; }))

@@ -72,13 +72,13 @@ TEST_F(SimulatorBadInput, Mismatch) {
   unlink(file.c_str());
 }
 
-// The truth that a mismatch draws is told once, to whoever asks; the carrier's pose is that of its
-// encoders.
-TEST_F(SimulatorBadInput, GoodMismatchIsToldToWhoMayKnow) {
+// The ground truth that a mismatch draws is published once, to subscribers with access; the
+// carrier's pose is that of its encoders.
+TEST_F(SimulatorBadInput, GoodMismatchIsPublishedWithTheTruth) {
   const std::string file =
       std::string(::testing::TempDir()) + "mismatch_" + std::to_string(getpid()) + ".yaml";
   std::ofstream(file) << "hole: {bore_tilt: 0.002}\ncarrier: {frame: {offset: 0.05}}\n";
-  ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"nobody"});
+  ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"absent"});
   Child child({executable("peg_hole_simulator"), "__ns:=/bad", "/clock:=clock", "/tf:=tf",
                "/tf_static:=tf_static", "_lockstep:=true", "_mismatch:=" + file, "_seed:=4",
                scenario_});
@@ -124,11 +124,11 @@ TEST_F(SimulatorBadInput, NoMaster) {
 }
 
 TEST_F(SimulatorBadInput, MissingParticipantEndsTheNode) {
-  ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"nobody"});
+  ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"absent"});
   Child child({executable("peg_hole_simulator"), "__ns:=/bad", "/clock:=clock", "/tf:=tf",
                "/tf_static:=tf_static", "_lockstep:=true", "_start_timeout:=0.5", scenario_});
   EXPECT_EQ(child.wait(), 1) << child.output();
-  EXPECT_EQ(child.lines("nobody (never answered)").size(), 1U) << child.output();
+  EXPECT_EQ(child.lines("absent (never answered)").size(), 1U) << child.output();
 }
 
 }  // namespace

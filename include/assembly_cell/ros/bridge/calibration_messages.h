@@ -35,9 +35,6 @@ CalibrationResult toMessage(const ForceSolution& solution, const ObservationSet&
 DisplacementResult toMessage(const DisplacementSolution& solution);
 CalibrationResult toMessage(const CalibrationSolution& solution);
 
-/// "2, 5" for the bits 1 and 4, "none" for 0.
-std::string channelText(unsigned channels);
-
 /// Six numbers in a printf pattern each, "fx fy fz N, tx ty tz N m".
 std::string wrenchText(const Vector6& w, const char* pattern);
 

@@ -49,10 +49,4 @@ Pose fromPose(const geometry_msgs::Pose& pose, const std::string& source);
 geometry_msgs::Wrench toWrench(const Vector6& w);
 Vector6 fromWrench(const geometry_msgs::Wrench& w);
 
-/// Of any voltage a calibration that isn't its sensor's makes loads and deflections that no node
-/// takes in, and a block that all refuse is a block that is missing. Each component at the end of
-/// its range then (guard/message_check.h); otherwise as it is. [N], [N·m] and [m], [rad].
-Vector6 cutWrench(const Vector6& w);
-Vector6 cutDisplacement(const Vector6& d);
-
 }  // namespace assembly_cell::ros_bridge

@@ -18,7 +18,7 @@ struct SourceChoice {
   std::shared_ptr<StrainSource> source;
 };
 
-/// Throws InputError: an unknown type (with the known ones), or what the source says of its keys.
+/// Throws InputError: an unknown type (with the known ones), or a refusal of its keys.
 SourceChoice chooseSource(const ros::NodeHandle& pnh);
 
 }  // namespace assembly_cell::ros_bridge

@@ -18,7 +18,24 @@
 #include <thread>
 #include <vector>
 
+namespace assembly_cell {
+class FieldList;
+}
+
 namespace assembly_cell::ros_bridge {
+
+/// Parameters of the player.
+struct PlayerSettings {
+  std::string bag;
+  std::string recorded_namespace = "/";
+  std::vector<std::string> topics;                  ///< relative to the cell
+  std::string rate = "original";                    ///< or fast
+  double factor = 1.0;                              ///< times the recorded speed
+  bool clock = false;                               ///< publishes /clock
+  bool end_launch = false;                          ///< ends the launch file with the bag
+  double ack_timeout = 10.0, start_timeout = 60.0;  ///< wall clock [s]
+};
+void fields(FieldList& f, PlayerSettings& s);
 
 /// Plays the topics of a cell from a bag, in the order in which they were recorded. In lockstep
 /// with its participants, so that the same bag gives the same estimates to the last bit: it goes on
@@ -62,12 +79,7 @@ class CellPlayer {
   void onAck(const ros::MessageEvent<Ack const>& event);
 
   ros::NodeHandle nh_, pnh_;
-  std::string file_, namespace_;
-  std::vector<std::string> topics_;
-  bool fast_ = false, clock_ = false;
-  bool end_launch_ = false;
-  double rate_ = 1.0;
-  std::chrono::duration<double> ack_timeout_{0.0}, start_timeout_{0.0};
+  PlayerSettings settings_;
 
   rosbag::Bag bag_;
   std::map<std::string, ros::Publisher> publishers_;                     ///< by name in the bag

@@ -19,9 +19,13 @@
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/geometry/spatial.h"
 
+namespace assembly_cell {
+class FieldList;
+}
+
 namespace assembly_cell::ros_bridge {
 
-/// What is told about an alignment besides the supervisor's report.
+/// What is printed about an alignment besides the supervisor's report.
 struct ReportDetails {
   std::string strategy;
   double peg_radius = 0.0, hole_radius = 0.0;  ///< [m]
@@ -29,8 +33,8 @@ struct ReportDetails {
   std::optional<Pose> truth_start, truth_end;  ///< X_HP
   double insert = 0.0;               ///< depth that the peg was to reach; 0: aligned only [m]
   bool floor = false;                ///< that depth is the hole's: down to its floor
-  double depth = 0.0, force = 0.0;   ///< of the insertion, as felt [m] [N]
-  std::vector<BoreReading> profile;  ///< of the way down
+  double depth = 0.0, force = 0.0;   ///< of the insertion, measured [m] [N]
+  std::vector<BoreReading> profile;  ///< of the descent
   std::string mismatch;              ///< what was drawn for the truth, YAML; empty: nothing
 };
 
@@ -44,7 +48,21 @@ bool verdict(const AlignmentReport& report, const ReportDetails& details);
 std::string table(const AlignmentReport& report, const ReportDetails& details);
 std::string yaml(const AlignmentReport& report, const ReportDetails& details);
 
-/// Program report: has the supervisor align the peg, reads the truth before and after, tells both.
+/// Parameters of the program.
+struct ReportSettings {
+  std::string strategy;     ///< of the alignment
+  std::string report_file;  ///< written; empty: none
+  std::string simulator = "peg_hole_simulator";
+  bool unpause = true;
+  double timeout = 600.0;       ///< of the alignment, wall clock [s]
+  double start_timeout = 60.0;  ///< of the nodes that must be there first, wall clock [s]
+
+  ReportSettings();
+};
+void fields(FieldList& f, ReportSettings& s);
+
+/// Program report: has the supervisor align the peg, reads the ground truth before and after, and
+/// prints both.
 class ReportProgram {
  public:
   /// Throws InputError for bad parameters.
@@ -62,9 +80,9 @@ class ReportProgram {
   bool waitFor(const std::string& what, double timeout, const std::function<bool()>& ready) const;
   /// First truth at or after a time, of those in memory; the newest for time 0.
   std::optional<Pose> truthAt(const ros::Time& stamp) const;
-  /// Waits for it; one error line and false when it doesn't come. True where nobody publishes it.
+  /// Waits for it; one error line and false when it doesn't come. True if it is not published.
   bool readTruth(const ros::Time& stamp, std::optional<Pose>& truth) const;
-  /// Waits for supervisor and simulator, and asks whether the truth is published.
+  /// Waits for supervisor and simulator, and finds out whether the ground truth is published.
   bool othersAreThere();
   /// Sends the goal, lets the simulator run and waits for its result_.
   template <class ActionClient, class Goal, class Result>
@@ -73,10 +91,8 @@ class ReportProgram {
   bool serverIsThere() const;
 
   ros::NodeHandle nh_;
-  std::string report_file_, simulator_;
-  bool unpause_ = true, truth_published_ = false;
-  double timeout_ = 600.0;       // of the alignment, wall [s]
-  double start_timeout_ = 60.0;  // of whoever must be there first, wall [s]
+  ReportSettings settings_;
+  bool truth_published_ = false;
   ReportDetails details_;
 
   mutable std::mutex mutex_;
@@ -85,7 +101,7 @@ class ReportProgram {
   AlignmentReport result_;
 
   ros::Subscriber truth_sub_, mismatch_sub_;
-  // the one that is asked for
+  // one of them
   std::unique_ptr<Client<AlignPegAction>> align_;
   std::unique_ptr<Client<AssemblePegAction>> assemble_;
 };

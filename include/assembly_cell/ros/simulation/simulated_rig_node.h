@@ -13,8 +13,8 @@
 
 namespace assembly_cell::ros_bridge {
 
-/// The simulated calibration bench: two sensors whose truth nobody else sees, masses, dial gauges.
-/// Publishes the strain of both under the load last applied. Interfaces:
+/// The simulated calibration bench: two sensors whose ground truth is not published, masses, dial
+/// gauges. Publishes the strain of both under the load last applied. Interfaces:
 /// docs/reference/interfaces.md.
 class SimulatedRigNode {
  public:

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "assembly_cell/align/estimation/block_pipeline.h"
 #include "assembly_cell/align/plant.h"
 #include "assembly_cell/ros/supervision/block_assembly.h"
 #include "assembly_cell/ros/supervision/plant_monitor.h"
@@ -53,22 +54,15 @@ class BlockDecoder {
   bool hasCalibrations() const;
   /// Throws PlantError if both are of one sensor.
   void checkCalibrations() const;
-  /// Displacements are computed by this compliance of the coupling instead of the driver's, sensor
-  /// axes; none: the driver's.
-  void setCompliance(const std::optional<Matrix6>& compliance) { compliance_ = compliance; }
+  /// Displacements follow from the wrench by this coupling; null: those of the driver.
+  void setCoupling(const CouplingParameters* coupling) { pipeline_.setCoupling(coupling); }
 
   /// Nothing if the samples aren't finite or the pose is none.
   std::optional<StreamBlock> decode(const BlockMessages& messages) const;
 
  private:
-  struct Sensor {
-    std::optional<Matrix6> rounding;  ///< covariance of the converter's rounding
-    std::string serial_number;
-    ros::Subscriber calibration_sub;
-  };
-
-  std::array<Sensor, 2> sensors_;  // sensor_a, sensor_b
-  std::optional<Matrix6> compliance_;
+  BlockPipeline pipeline_;
+  std::array<ros::Subscriber, 2> calibration_subs_;  // of sensor_a and sensor_b
 };
 
 }  // namespace assembly_cell::ros_bridge

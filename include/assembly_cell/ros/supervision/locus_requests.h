@@ -14,6 +14,7 @@
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/IdentifyLocusAction.h"
 #include "assembly_cell/WrenchSamples.h"
+#include "assembly_cell/align/estimation/sample_window.h"
 #include "assembly_cell/align/plant.h"
 
 namespace assembly_cell::ros_bridge {
@@ -68,10 +69,12 @@ class VibrationWindow {
   /// window: plant clock. exciter: commanded; origin: time 0 of the plant clock.
   void begin(const LocusRequest& window, const Exciter& exciter, const ros::Time& origin);
   void add(const WrenchSamples::ConstPtr& samples);
-  void cancel() { window_.reset(); }
+  void cancel() { window_.cancel(); }
   void clear();
   /// A window is under way.
-  const std::optional<LocusRequest>& window() const { return window_; }
+  const std::optional<LocusRequest>& window() const { return window_.window(); }
+  /// All samples of the window have been added by `time`, plant clock [s].
+  bool endsBy(double time) const { return window_.endsBy(time); }
   /// Ends the window. Throws PlantError if it has too few samples.
   HarmonicFit take();
 
@@ -79,10 +82,9 @@ class VibrationWindow {
   void collect(const WrenchSamples& samples);
 
   std::deque<WrenchSamples::ConstPtr> recent_;
-  std::optional<LocusRequest> window_;
+  SampleWindow window_;
   Exciter exciter_;
   ros::Time origin_;
-  std::vector<double> angles_, wrenches_;  // of the exciter [rad]; 6 × n [N], [N·m]
 };
 
 /// Has the window ended by `time`, plant clock [s]? Stamps are rounded to 1 ns.

@@ -18,7 +18,7 @@ namespace assembly_cell {
 /// in_<channel>_raw), rate [Hz] (of polling), block_period [s].
 ///
 /// A poll that comes a period or more too late skips its numbers, which count as lost: so many
-/// conversions were missed. sysfs tells nothing about duplicates or stale values.
+/// conversions were missed. sysfs has no record of duplicates or stale values.
 class IioSource : public StrainSource {
  public:
   IioSource();

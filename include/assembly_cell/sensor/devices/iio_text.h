@@ -17,7 +17,7 @@ bool parseIioNumber(std::string_view text, double& value);
 /// An integer on one line.
 bool parseIioInteger(std::string_view text, std::int64_t& value);
 
-/// How a sample lies in a buffer: [be|le]:[s|u]bits/storage>>shift.
+/// Layout of a sample in a buffer: [be|le]:[s|u]bits/storage>>shift.
 struct IioType {
   bool big_endian = false;
   bool is_signed = true;

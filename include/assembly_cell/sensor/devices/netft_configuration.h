@@ -10,7 +10,7 @@ namespace assembly_cell {
 
 constexpr std::size_t kLargestHttpResponse = 64 * 1024;
 
-/// What a Net F/T box says of itself in /netftapi2.xml.
+/// Configuration of a Net F/T box, as in its /netftapi2.xml.
 struct NetftConfiguration {
   double counts_per_force = 0.0;   ///< cfgcpf, counts per force_unit
   double counts_per_torque = 0.0;  ///< cfgcpt, counts per torque_unit
@@ -24,7 +24,7 @@ struct NetftConfiguration {
 
 /// Newtons in a unit of force: N, kN, lbf, klbf, kgf (kg), gf (g); newton metres in one of torque:
 /// N-m, N-mm, kN-m, lbf-in, lbf-ft, kgf-cm (kg-cm). Capitals, blanks and hyphens don't matter.
-/// Volts in V and mV, for a strain bridge that speaks this protocol. None for any other.
+/// Volts in V and mV, for a strain bridge with this protocol. None for any other.
 std::optional<double> forceUnit(std::string_view label);
 std::optional<double> torqueUnit(std::string_view label);
 std::optional<double> voltUnit(std::string_view label);
@@ -42,7 +42,7 @@ NetftScale netftScale(const NetftConfiguration& configuration);
 /// Body of an HTTP response. Throws SourceError for anything but a complete 200.
 std::string_view httpBody(std::string_view response);
 
-/// True once the response holds as many bytes as its header says (false if it doesn't say).
+/// True once the response holds as many bytes as its header declares (false without a declaration).
 bool httpComplete(std::string_view response);
 
 /// Reads the document. Throws SourceError for a missing or bad entry.

@@ -42,36 +42,36 @@ std::array<std::uint8_t, kRdtRequestSize> packRdtRequest(const RdtRequest& reque
 /// False for a wrong size.
 bool unpackRdtRecord(const std::uint8_t* data, std::size_t size, RdtRecord& record);
 
-/// A condition of the monitor was met: says nothing against the measurement.
+/// A condition of the monitor was met: the measurement is valid.
 constexpr std::uint32_t kRdtMonitorCondition = 0x80010000;
 
 /// What becomes of a stream's records.
 struct RdtPolicy {
   std::array<double, 6> scale{};  ///< [N], [N·m] or [V] per count
   bool deliver_faulty = false;    ///< status bits beyond the monitor's
-  bool drop_stale = true;         ///< ft_sequence that stands still
+  bool drop_stale = true;         ///< ft_sequence that doesn't change
 };
 
 /// Puts records in order and counts what is missing, exactly: sequence numbers modulo 2³² are
 /// unwrapped; a record up to 8 behind still finds its place, a later one is counted as late and no
-/// more as lost; one that came before is a duplicate. Numbers that begin anew (a new start request,
+/// more as lost; one that came before is a duplicate. Numbers that restart (a new start request,
 /// a device that started again) begin a new stream. No allocation.
 class RdtStream {
  public:
   static constexpr std::size_t kWindow = 1024;          ///< numbers remembered
   static constexpr std::size_t kDepth = 8;              ///< numbers to wait for one missing
-  static constexpr std::int64_t kLargestGap = 1 << 20;  ///< beyond, the numbers began anew
+  static constexpr std::int64_t kLargestGap = 1 << 20;  ///< beyond, the numbers restarted
 
   void setPolicy(const RdtPolicy& policy) { policy_ = policy; }
 
   /// The next record opens a new stream. What wasn't taken is dropped.
   void begin();
 
-  /// A start was asked for again after a silence: an old number is now the first of a new stream,
+  /// A start was requested again after a silence: an old number is now the first of a new stream,
   /// though a device that lost power repeats its numbers.
   void expectRestart() { restart_expected_ = true; }
 
-  /// False: no room until more is taken; then push the same record again.
+  /// False: full until more is taken; then push the same record again.
   bool push(const RdtRecord& record, const Reception& received, SourceCounters& counters);
 
   /// The next samples without a gap, at most `max_count`: kSamples; kFault with count 0 if only
@@ -100,7 +100,7 @@ class RdtStream {
   Kind kind(std::uint64_t sequence) const {
     return slot(sequence).sequence == sequence ? slot(sequence).kind : Kind::kEmpty;
   }
-  bool startsAnew(const RdtRecord& record, std::int64_t step) const;
+  bool restarts(const RdtRecord& record, std::int64_t step) const;
   void markMissing(std::uint64_t sequence, SourceCounters& counters);
 
   RdtPolicy policy_;

@@ -13,7 +13,7 @@ namespace assembly_cell {
 /// Frames of serial six-axis sensors: byte layouts, and a decoder that finds them in a stream of
 /// bytes. No devices.
 
-/// What a frame says.
+/// Content of a frame.
 struct SerialFrame {
   std::array<double, 6> values{};  ///< fx fy fz [N] tx ty tz [N·m]
   std::uint32_t status = 0;        ///< the device's own bits
@@ -63,7 +63,7 @@ class FrameDecoder {
 
   /// Space for the next bytes; at least one.
   std::uint8_t* space() { return buffer_.data() + end_; }
-  std::size_t room() const { return buffer_.size() - end_; }
+  std::size_t freeBytes() const { return buffer_.size() - end_; }
   /// `size` bytes were put at space().
   void added(std::size_t size) { end_ += size; }
 

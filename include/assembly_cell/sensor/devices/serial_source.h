@@ -17,7 +17,7 @@ namespace assembly_cell {
 /// publish_on_error.
 ///
 /// bota counts losses from the frames' time stamps and the rate. robotiq frames carry no number:
-/// what is missing is judged from the bytes that were no frame; duplicates can't be told.
+/// losses are estimated from the bytes that were no frame; duplicates can't be detected.
 class SerialSource : public StrainSource {
  public:
   SerialSource();

@@ -9,18 +9,18 @@
 
 namespace assembly_cell {
 
-/// What a sensor that is not exact feels of the wrench in it, sample after sample: late, in a frame
-/// that is turned and offset, by a matrix of its own, on zeros that drift, with hum. Noise and
-/// conversion come after it. An exact sensor hands the wrench on unchanged.
-class FeltWrench {
+/// Wrench measured by a sensor with errors, sample after sample: delayed, in a rotated and offset
+/// frame, with gain errors, drifting zeros and hum. Noise and conversion come after it. An exact
+/// sensor returns the wrench unchanged.
+class MeasuredWrench {
  public:
   /// period: of the samples [s].
-  FeltWrench(const SensorTruth& truth, double period);
+  MeasuredWrench(const SensorTruth& truth, double period);
 
   /// The next sample, at `time` [s]; w in the frame that the files name. No allocation.
   Vector6 operator()(const Vector6& w, double time);
 
-  /// What is felt depends on the samples before: none may be left out.
+  /// The value depends on earlier samples: none may be left out.
   bool remembers() const { return truth_.latency > 0.0 || truth_.walk > 0.0; }
   /// Of the hum, 0 without [rad/s].
   double humRate() const { return truth_.hum.isZero(0.0) ? 0.0 : 2 * M_PI * truth_.hum_frequency; }

@@ -6,13 +6,13 @@
 
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/conversions.h"
-#include "assembly_cell/ros/simulation/contact_markers_node.h"
+#include "assembly_cell/ros/simulation/markers/contact_markers_drawings.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
-// Words stand beside the cell as rviz/cell.rviz looks at it: its view comes from kYaw. Lengths are
+// Words are beside the cell in the view of rviz/cell.rviz, whose direction is kYaw. Lengths are
 // in radii of the hole, so that they fit a peg of any size.
 constexpr double kYaw = 0.9;  // [rad]
 constexpr double kStateBeside = 4.0, kLegendBeside = 4.4, kNamesBeside = 2.8;
@@ -56,33 +56,22 @@ Eigen::Vector3d right(double distance, double height) {
   return {-std::sin(kYaw) * distance, std::cos(kYaw) * distance, height};
 }
 
-}  // namespace
-
-void ContactMarkersNode::hear(const actionlib_msgs::GoalStatus& status,
-                              const std::string& strategy_state, const std::string& message) {
-  if (goal_id_ != status.goal_id.id) {
-    goal_id_ = status.goal_id.id;
-    report_.reset();
-    locus_.reset();
-  }
-  telling_ = message.empty() ? strategy_state : strategy_state + ": " + message;
-}
-
-void ContactMarkersNode::drawState() {
-  const double r = hole_radius_ > 0.0 ? hole_radius_ : peg_radius_;
+void drawState(MarkerCanvas& canvas, const PartShapes& shapes, const MarkerInputs& view) {
+  const double r = shapes.hole_radius > 0.0 ? shapes.hole_radius : shapes.peg_radius;
   if (!(r > 0.0)) return;
   const auto show = [&](const std::string& words, const Color& color) {
-    addText("state", kHoleFrame, right(-kStateBeside * r, 4.0 * r), kLetters * r, words, color);
+    canvas.addText("state", kHoleFrame, right(-kStateBeside * r, 4.0 * r), kLetters * r, words,
+                   color);
   };
-  if (!report_) {
-    if (!telling_.empty()) show(wrapped(telling_), kTextColor);
+  if (!view.report) {
+    if (!view.feedback.empty()) show(wrapped(view.feedback), kTextColor);
     return;
   }
-  const AlignmentReport& report = *report_;
+  const AlignmentReport& report = *view.report;
   std::string words = wrapped(report.reason);
-  if (report.estimate_known && truth_at_report_) {
+  if (report.estimate_known && view.truth_at_report) {
     const Pose estimated = fromPose(report.estimated_pose, "report");
-    const Pose truth = fromPose(truth_at_report_->pose, "truth/pose");
+    const Pose truth = fromPose(view.truth_at_report->pose, "truth/pose");
     const double tilt = std::atan2(estimated.R.col(2).cross(truth.R.col(2)).norm(),
                                    estimated.R.col(2).dot(truth.R.col(2)));
     words += text("\noffset wrong by %.3f mm\ntilt wrong by %.3f deg",
@@ -91,35 +80,38 @@ void ContactMarkersNode::drawState() {
   show(words, report.success ? kSuccessColor : kFailureColor);
 }
 
-void ContactMarkersNode::drawNames() {
-  const double r = hole_radius_;
+void drawNames(MarkerCanvas& canvas, const PartShapes& shapes) {
+  const double r = shapes.hole_radius;
   const auto name = [&](const char* words, const char* frame, double height) {
-    addText("names", frame, right(kNamesBeside * r, height), kLetters * r, words, kTextColor);
+    canvas.addText("names", frame, right(kNamesBeside * r, height), kLetters * r, words,
+                   kTextColor);
   };
   name("hole", kHoleFrame, 0.0);
   name("sensor_a", "sensor_a", 0.0);
   name("sensor_b", "sensor_b", 0.0);
-  name("peg", kPegFrame, peg_radius_);
+  name("peg", kPegFrame, shapes.peg_radius);
 }
 
-void ContactMarkersNode::drawLegend() {
-  const double r = hole_radius_;
+void drawLegend(MarkerCanvas& canvas, const MarkerSettings& settings, const PartShapes& shapes) {
+  const double r = shapes.hole_radius;
   Eigen::Vector3d at = right(kLegendBeside * r, 4.5 * r);
   for (const Entry& entry : kLegend) {
     const bool locus = entry.color == &kLocusColor;
-    addText("legend", kHoleFrame, at, kLetters * r,
-            locus ? text("%s, %g times", entry.text, locus_scale_) : entry.text, *entry.color);
+    canvas.addText("legend", kHoleFrame, at, kLetters * r,
+                   locus ? text("%s, %g times", entry.text, settings.locus_scale) : entry.text,
+                   *entry.color);
     at.z() -= kLine * kLetters * r;
   }
 }
 
-void ContactMarkersNode::addText(const std::string& ns, const std::string& frame,
-                                 const Eigen::Vector3d& at, double height, const std::string& words,
-                                 const Color& color) {
-  Marker& marker = add(ns, Marker::TEXT_VIEW_FACING, frame, color);
-  marker.pose.position = toPoint(at);
-  marker.scale.z = height;
-  marker.text = words;
+}  // namespace
+
+void drawWords(MarkerCanvas& canvas, const MarkerSettings& settings, const PartShapes& shapes,
+               const MarkerInputs& view) {
+  drawState(canvas, shapes, view);
+  if (!(shapes.hole_radius > 0.0)) return;
+  drawNames(canvas, shapes);
+  drawLegend(canvas, settings, shapes);
 }
 
 }  // namespace assembly_cell::ros_bridge

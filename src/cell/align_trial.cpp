@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/cell/judge.h"
+#include "assembly_cell/cell/align_trial.h"
 
 #include "assembly_cell/identification/mechanism_check.h"
 
@@ -13,58 +13,58 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kCarries = 0.5;  // [N]
-constexpr int kFewest = 4;        // looks for a constant and a harmonic
+constexpr int kMinRecords = 4;    // records for a constant and a harmonic
 
 }  // namespace
 
-PlantBlock Judge::next(const PlantCommand& command) {
+PlantBlock TruthRecorder::next(const PlantCommand& command) {
   SimulatorBackend& truth = plant_.truth();
   if (command.exciter) {
     frequency_ = command.exciter->frequency;
     since_ = truth.time();
   }
   const PlantBlock block = plant_.next(command);
-  Look look{block.time, truth.pegPose(), 0.0, frequency_ * (block.time - since_), 0};
+  Record record{block.time, truth.pegPose(), 0.0, frequency_ * (block.time - since_), 0};
   double most = kCarries;
   for (const ContactReport& contact : truth.contacts()) {
     if (!contact.valid) continue;
     const double force = contact.force.norm();
     if (force < kCarries) continue;
-    ++look.contacts;
+    ++record.contacts;
     if (force < most) continue;
     most = force;
-    const Eigen::Vector3d p = look.X_HP.R.transpose() * (contact.point - look.X_HP.p);
-    look.direction = std::atan2(p.y(), p.x());
+    const Eigen::Vector3d p = record.X_HP.R.transpose() * (contact.point - record.X_HP.p);
+    record.direction = std::atan2(p.y(), p.x());
   }
   force_ = std::max(force_, truth.holeWrench().head<3>().norm());
-  looks_.push_back(look);
+  records_.push_back(record);
   return block;
 }
 
-Pose Judge::startPose(const AlignResult& result) const {
-  for (const Look& look : looks_) {
-    if (look.time >= result.reference_time) return look.X_HP;
+Pose TruthRecorder::startPose(const AlignResult& result) const {
+  for (const Record& record : records_) {
+    if (record.time >= result.reference_time) return record.X_HP;
   }
   return plant_.truth().pegPose();
 }
 
-std::optional<double> Judge::directionError(const DirectionReading& reading) const {
+std::optional<double> TruthRecorder::directionError(const DirectionReading& reading) const {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   int n = 0;
-  for (const Look& look : looks_) {
-    if (look.time <= reading.start + 1e-9 || look.time > reading.end + 1e-9) continue;
-    if (look.contacts != 1) continue;
-    const Eigen::Vector3d row(1.0, std::cos(look.angle), std::sin(look.angle));
+  for (const Record& record : records_) {
+    if (record.time <= reading.start + 1e-9 || record.time > reading.end + 1e-9) continue;
+    if (record.contacts != 1) continue;
+    const Eigen::Vector3d row(1.0, std::cos(record.angle), std::sin(record.angle));
     A += row * row.transpose();
-    b += row * std::remainder(reading.direction - look.direction, 2 * M_PI);
+    b += row * std::remainder(reading.direction - record.direction, 2 * M_PI);
     ++n;
   }
-  if (n < kFewest) return {};
+  if (n < kMinRecords) return {};
   return Eigen::Vector3d(A.ldlt().solve(b)).x();
 }
 
-void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial& trial) {
+void evaluateEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial& trial) {
   const PegParameters& peg = truth.mechanism.peg;
   const HoleParameters& hole = truth.mechanism.hole;
   const double reach = edgeReach(shoulderPose(trial.X_HP, chamferHeight(peg)), peg.radius,
@@ -84,15 +84,15 @@ void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial&
 
 namespace {
 
-AlignResult alignChecked(SimulatedPlant& plant, Judge& judge, const KnownMechanism& known,
-                         const AlignParameters& parameters,
+AlignResult alignChecked(SimulatedPlant& plant, TruthRecorder& recorder,
+                         const KnownMechanism& known, const AlignParameters& parameters,
                          const std::function<void(const AlignProgress&)>& progress) {
   AlignResult refused;
   try {
-    const MechanismCheck check = checkMechanism(judge, known);
+    const MechanismCheck check = checkMechanism(recorder, known);
     if (check.agrees) {
-      plant.know(known);
-      return align(judge, known.mechanism, withDrive(parameters, known.drive), progress);
+      plant.setMechanism(known);
+      return align(recorder, known.mechanism, withDrive(parameters, known.drive), progress);
     }
     const AlignError error(AlignFailure::kWrongMechanism, check.message);
     refused.failure = error.failure;
@@ -105,13 +105,13 @@ AlignResult alignChecked(SimulatedPlant& plant, Judge& judge, const KnownMechani
   return refused;
 }
 
-// carries out a run and looks at its end
-AlignTrial judged(const Scenario& start, SimulatedPlant& plant, const InsertParameters& insert,
-                  const std::function<AlignResult(Judge&, AlignTrial&)>& run) {
-  Judge judge(plant);
+// carries out a run and evaluates its end
+AlignTrial evaluated(const Scenario& start, SimulatedPlant& plant, const InsertParameters& insert,
+                     const std::function<AlignResult(TruthRecorder&, AlignTrial&)>& run) {
+  TruthRecorder recorder(plant);
   AlignTrial trial;
   try {
-    trial.result = run(judge, trial);
+    trial.result = run(recorder, trial);
     trial.status = toString(trial.result.failure);
   } catch (const PlantError& error) {
     trial.result.failure = error.failure;
@@ -120,16 +120,16 @@ AlignTrial judged(const Scenario& start, SimulatedPlant& plant, const InsertPara
     trial.status = error.status;
     trial.result.time = plant.truth().time();
   }
-  const Pose X_start = judge.startPose(trial.result);
+  const Pose X_start = recorder.startPose(trial.result);
   trial.true_offset = -X_start.p.head<2>();
   trial.true_tilt = tiltOf(X_start);
   for (const DirectionReading& reading : trial.result.readings) {
-    const auto error = judge.directionError(reading);
+    const auto error = recorder.directionError(reading);
     if (error) trial.direction_errors.push_back(std::abs(*error));
   }
   trial.X_HP = plant.truth().pegPose();
-  trial.force = judge.force();
-  judgeEnd(start, insert, trial);
+  trial.force = recorder.force();
+  evaluateEnd(start, insert, trial);
   return trial;
 }
 
@@ -140,9 +140,9 @@ AlignTrial tryAlignment(const Scenario& start, const Mechanism& mechanism,
                         const std::function<void(const AlignProgress&)>& progress,
                         const std::function<void(Plant&)>& before) {
   SimulatedPlant plant(start, mechanism, cell);
-  return judged(start, plant, parameters.insert, [&](Judge& judge, AlignTrial&) {
+  return evaluated(start, plant, parameters.insert, [&](TruthRecorder& recorder, AlignTrial&) {
     if (before) before(plant);
-    return align(judge, mechanism, parameters, progress);
+    return align(recorder, mechanism, parameters, progress);
   });
 }
 
@@ -150,9 +150,9 @@ AlignTrial tryAlignment(const Scenario& start, const KnownMechanism& known,
                         const CellParameters& cell, const AlignParameters& parameters,
                         const std::function<void(const AlignProgress&)>& progress) {
   SimulatedPlant plant(start, known.mechanism, cell);
-  return judged(start, plant, parameters.insert, [&](Judge& judge, AlignTrial&) {
-    return known.identified ? alignChecked(plant, judge, known, parameters, progress)
-                            : align(judge, known.mechanism, parameters, progress);
+  return evaluated(start, plant, parameters.insert, [&](TruthRecorder& recorder, AlignTrial&) {
+    return known.identified ? alignChecked(plant, recorder, known, parameters, progress)
+                            : align(recorder, known.mechanism, parameters, progress);
   });
 }
 
@@ -160,19 +160,21 @@ AlignTrial identifyAndAlign(const Scenario& start, const Mechanism& nominal,
                             const CellParameters& cell, const AlignParameters& parameters,
                             const std::function<void(const AlignProgress&)>& progress) {
   SimulatedPlant plant(start, nominal, cell);
-  return judged(start, plant, parameters.insert, [&](Judge& judge, AlignTrial& trial) {
-    KnownMechanism known = knownAsDrawn(nominal);
-    try {
-      const Identification found = identify(nominal, measure(judge, nominal, planFor(nominal)));
-      if (found.accepted) known = knownFrom(found);
-    } catch (const AlignError&) {
-      // the drawing is what is known, then; the alignment finds out what is in the way
-    }
-    trial.identification_time = plant.truth().time();
-    if (!known.identified) return align(judge, nominal, parameters, progress);
-    plant.know(known);
-    return align(judge, known.mechanism, withDrive(parameters, known.drive), progress);
-  });
+  return evaluated(
+      start, plant, parameters.insert, [&](TruthRecorder& recorder, AlignTrial& trial) {
+        KnownMechanism known = knownAsDrawn(nominal);
+        try {
+          const Identification found =
+              identify(nominal, measure(recorder, nominal, planFor(nominal)));
+          if (found.accepted) known = knownFrom(found);
+        } catch (const AlignError&) {
+          // the nominal mechanism stays; the alignment finds the obstacle
+        }
+        trial.identification_time = plant.truth().time();
+        if (!known.identified) return align(recorder, nominal, parameters, progress);
+        plant.setMechanism(known);
+        return align(recorder, known.mechanism, withDrive(parameters, known.drive), progress);
+      });
 }
 
 }  // namespace assembly_cell

@@ -1,14 +1,15 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/ros/driver/force_sensor_node.h"
+#include "assembly_cell/ros/driver/sensor_diagnostics.h"
 
 #include <diagnostic_msgs/DiagnosticStatus.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/calibration_messages.h"
-#include "assembly_cell/ros/bridge/conversions.h"
+#include "assembly_cell/ros/process/ros_clock.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -16,7 +17,6 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
-constexpr std::size_t kNoiseSamples = 50;  // differences in one estimate of the noise
 constexpr const char* kAxes[6] = {"fx [N]", "fy [N]", "fz [N]", "tx [N m]", "ty [N m]", "tz [N m]"};
 
 /// A number that a source counts: its key, and what it means when it grows (null: nothing).
@@ -57,11 +57,15 @@ struct Causes {
   }
 };
 
+double seconds(SensorState::Clock::duration span) {
+  return std::chrono::duration<double>(span).count();
+}
+
 bool gone(const LinkStatus& link) {
   return link.state == LinkState::kBackingOff || link.state == LinkState::kConnecting;
 }
 
-/// Static causes: somebody must change something.
+/// Static causes: the configuration must be changed.
 Causes lastingCauses(const LinkStatus& link, const SourceInfo& info, const std::string& serial) {
   Causes out;
   if (!link.static_cause.empty()) out.add(kError, link.static_cause);
@@ -91,98 +95,101 @@ Causes passingCauses(const LinkStatus& link) {
 
 }  // namespace
 
-void ForceSensorNode::diagnoseSamples(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  status.hardware_id = calibration_.serial_number;
-  const std::chrono::duration<double> silence = Clock::now() - last_block_.value_or(started_);
-  if (rate_samples_ > 0 && last_time_ > rate_from_) {
-    rate_ = static_cast<double>(rate_samples_) / (last_time_ - rate_from_);
-    rate_from_ = last_time_;
-    rate_samples_ = 0;
-  }
-  // the first estimate grows with its samples; then each one is complete
-  if (noise_.count() >= kNoiseSamples || noise_.count() > noise_samples_) {
-    noise_rms_ = noise_.rms();
-    noise_samples_ = noise_.count();
-    if (noise_samples_ >= kNoiseSamples) noise_.clear();
-  }
-  const std::uint64_t lost = sequence_.lost() - reported_lost_;
-  const std::uint64_t duplicates = sequence_.duplicates() - reported_duplicates_;
-  const std::uint64_t restarts = sequence_.restarts() - reported_restarts_;
-  reported_lost_ = sequence_.lost();
-  reported_duplicates_ = sequence_.duplicates();
-  reported_restarts_ = sequence_.restarts();
-
-  // causes since the last report, the worst last
-  const auto warn = [&](const std::string& text) { status.mergeSummary(kWarn, text); };
-  const auto fail = [&](const std::string& text) { status.mergeSummary(kError, text); };
-  status.summary(kOk, "");
-  if (replay_ended_) {
-    status.summary(kOk, "the recording has ended");
-  } else if (silence > source_timeout_) {
-    // the simulator may be paused in lockstep
-    status.summary(lockstep_ ? kWarn : kError,
-                   last_block_ ? "no samples for " + text("%.1f s", silence.count())
-                               : "no samples yet from " + source_);
-  }
-  if (window_.malformed > 0) fail("malformed: " + fault_);
-  if (window_.saturated != 0) fail("saturated channels: " + channelText(window_.saturated));
-  if (window_.outside != 0) {
-    warn("load beyond the tests of the calibration, channels: " + channelText(window_.outside));
-  }
-  if (lost > 0) warn(std::to_string(lost) + " blocks lost");
-  if (duplicates > 0) warn(std::to_string(duplicates) + " blocks twice or out of order");
-  if (restarts > 0) warn("the source started anew");
-  if (!foreign_frame_.empty()) {
-    warn("blocks say they're from '" + foreign_frame_ + "', frame_id is '" + frame_id_ + "'");
-  }
-  // a device may know its own rate
-  const double expected =
-      expected_rate_ > 0.0 || !acquisition_ ? expected_rate_ : acquisition_->info().rate;
-  if (!replay_ended_ && rate_ > 0.0 && expected > 0.0 &&
-      std::abs(rate_ - expected) > rate_tolerance_ * expected) {
-    warn("rate " + text("%.4g Hz", rate_) + " instead of " + text("%.4g Hz", expected));
-  }
-  if (status.message.empty()) {
-    status.summary(kOk, "sampling at " + text("%.4g Hz", rate_));
-  }
-  total_samples_ += window_.samples;
-  total_saturated_ += window_.saturated_samples;
-  total_malformed_ += window_.malformed;
-
-  status.add("source", source_);
-  status.add("rate [Hz]", rate_);
-  status.add("expected rate [Hz]", expected);
-  status.add("age of last block [s]", last_block_ ? silence.count() : -1.0);
-  status.add("samples", total_samples_);
-  status.add("lost blocks", sequence_.lost());
-  status.add("duplicate blocks", sequence_.duplicates());
-  status.add("source restarts", sequence_.restarts());
-  status.add("malformed blocks", total_malformed_);
-  status.add("saturated channels", channelText(window_.saturated));
-  status.add("saturated samples", total_saturated_);
-  if (std::isfinite(temperature_)) status.add("temperature [degC]", temperature_);
-  for (int k = 0; k < 6; ++k) status.add(std::string("noise rms ") + kAxes[k], noise_rms_[k]);
-  status.add("samples in noise rms", noise_samples_);
-  window_ = Window();
-  foreign_frame_.clear();
+SensorDiagnostics::SensorDiagnostics(ros::NodeHandle& nh, const ros::NodeHandle& pnh,
+                                     const DriverSettings& settings, const std::string& source,
+                                     SensorState& state, const SourceReader* reader)
+    : settings_(settings),
+      source_(source),
+      state_(state),
+      reader_(reader),
+      updater_(nh, pnh, pnh.getNamespace()) {
+  updater_.setHardwareID(state.pipeline.calibration().serial_number);
+  updater_.add("samples", this, &SensorDiagnostics::diagnoseSamples);
+  if (reader != nullptr) updater_.add("device", this, &SensorDiagnostics::diagnoseDevice);
+  updater_.add("calibration", this, &SensorDiagnostics::diagnoseCalibration);
+  // on the wall clock: a simulator that is paused must not silence the diagnostics
+  timer_ = nh.createWallTimer(ros::WallDuration(settings.diagnostic_period),
+                              [this](const ros::WallTimerEvent&) { updater_.force_update(); });
 }
 
-void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const LinkStatus link = acquisition_->status();
-  const SourceInfo info = acquisition_->info();
-  const SourceCounters counters = choice_.source->counters();
-  const DeviceBias bias = choice_.source->deviceBias();
-  std::unique_lock<std::mutex> lock(mutex_);
-  const Delays delays = delays_;
-  lock.unlock();
-  const double median = delays.percentile(0.5), p99 = delays.percentile(0.99);
-  lock.lock();
-  status.hardware_id = calibration_.serial_number;
-  const auto now = Clock::now();
-  const auto seconds = [](auto span) { return std::chrono::duration<double>(span).count(); };
+double SensorDiagnostics::expectedRate() const {
+  if (settings_.expected_rate > 0.0 || reader_ == nullptr) return settings_.expected_rate;
+  return reader_->acquisition().info().rate;
+}
 
-  const Causes lasting = lastingCauses(link, info, calibration_.serial_number);
+void SensorDiagnostics::diagnoseSamples(Status& status) {
+  const std::lock_guard<std::mutex> lock(state_.mutex);
+  status.hardware_id = state_.pipeline.calibration().serial_number;
+  const double silence =
+      seconds(SensorState::Clock::now() - state_.last_block.value_or(state_.started));
+  const StreamReport report = state_.pipeline.statistics().report();
+
+  // causes since the last report, the worst last
+  const auto warn = [&](const std::string& cause) { status.mergeSummary(kWarn, cause); };
+  const auto fail = [&](const std::string& cause) { status.mergeSummary(kError, cause); };
+  const bool ended = reader_ != nullptr && reader_->ended();
+  status.summary(kOk, "");
+  if (ended) {
+    status.summary(kOk, "the recording has ended");
+  } else if (silence > settings_.source_timeout) {
+    // the simulator may be paused in lockstep
+    status.summary(settings_.lockstep ? kWarn : kError,
+                   state_.last_block ? "no samples for " + text("%.1f s", silence)
+                                     : "no samples yet from " + source_);
+  }
+  if (report.malformed) fail("malformed: " + report.fault);
+  if (report.saturated != 0) fail("saturated channels: " + channelText(report.saturated));
+  if (report.outside != 0) {
+    warn("load beyond the tests of the calibration, channels: " + channelText(report.outside));
+  }
+  if (report.lost > 0) warn(std::to_string(report.lost) + " blocks lost");
+  if (report.duplicates > 0) {
+    warn(std::to_string(report.duplicates) + " blocks twice or out of order");
+  }
+  if (report.restarts > 0) warn("the source restarted");
+  if (!state_.foreign_frame.empty()) {
+    warn("frame_id of blocks is '" + state_.foreign_frame + "', the node's is '" +
+         settings_.frame_id + "'");
+  }
+  const double expected = expectedRate();
+  if (!ended && report.rate > 0.0 && expected > 0.0 &&
+      std::abs(report.rate - expected) > settings_.rate_tolerance * expected) {
+    warn("rate " + text("%.4g Hz", report.rate) + " instead of " + text("%.4g Hz", expected));
+  }
+  if (status.message.empty()) {
+    status.summary(kOk, "sampling at " + text("%.4g Hz", report.rate));
+  }
+
+  status.add("source", source_);
+  status.add("rate [Hz]", report.rate);
+  status.add("expected rate [Hz]", expected);
+  status.add("age of last block [s]", state_.last_block ? silence : -1.0);
+  status.add("samples", report.total_samples);
+  status.add("lost blocks", report.total_lost);
+  status.add("duplicate blocks", report.total_duplicates);
+  status.add("source restarts", report.total_restarts);
+  status.add("malformed blocks", report.total_malformed);
+  status.add("saturated channels", channelText(report.saturated));
+  status.add("saturated samples", report.total_saturated);
+  if (std::isfinite(report.temperature)) status.add("temperature [degC]", report.temperature);
+  for (int k = 0; k < 6; ++k) status.add(std::string("noise rms ") + kAxes[k], report.noise_rms[k]);
+  status.add("samples in noise rms", report.noise_samples);
+  state_.foreign_frame.clear();
+}
+
+void SensorDiagnostics::diagnoseDevice(Status& status) {
+  const LinkStatus link = reader_->acquisition().status();
+  const SourceInfo info = reader_->acquisition().info();
+  const SourceCounters counters = reader_->source().counters();
+  const DeviceBias bias = reader_->source().deviceBias();
+  const SourceReader::Timing timing = reader_->timing();
+  {
+    const std::lock_guard<std::mutex> lock(state_.mutex);
+    status.hardware_id = state_.pipeline.calibration().serial_number;
+  }
+  const auto now = SensorState::Clock::now();
+
+  const Causes lasting = lastingCauses(link, info, status.hardware_id);
   Causes passing = passingCauses(link);
   for (const Counter& c : kCounters) {
     if (c.cause != nullptr) {
@@ -192,10 +199,10 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   passing.add(kWarn, link.dropped_samples - reported_link_.dropped_samples,
               "samples dropped: the driver is too slow");
   passing.add(kWarn, link.reconnects - reported_link_.reconnects, "reconnects");
-  passing.add(kWarn, ros_clock_.steps() - reported_steps_, "steps of the system clock");
+  passing.add(kWarn, timing.clock_steps - reported_steps_, "steps of the system clock");
   reported_counters_ = counters;
   reported_link_ = link;
-  reported_steps_ = ros_clock_.steps();
+  reported_steps_ = timing.clock_steps;
 
   status.summary(kOk, "");
   if (!lasting.text.empty()) {
@@ -211,7 +218,7 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   status.add("static cause", lasting.text);
   status.add("dynamic cause", passing.text);
   status.add("last loss", link.last_loss);
-  status.add("type", choice_.type);
+  status.add("type", reader_->type());
   status.add("device", info.device);
   status.add("device serial number", info.serial_number);
   status.add("firmware", info.firmware);
@@ -230,11 +237,11 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   status.add("dropped blocks", link.dropped_blocks);
   status.add("dropped samples", link.dropped_samples);
   status.add("most blocks in queue", link.queue_high);
-  status.add("clock steps", ros_clock_.steps());
-  status.add("last clock step [s]", ros_clock_.lastStep());
-  status.add("delay median [ms]", 1e3 * median);
-  status.add("delay p99 [ms]", 1e3 * p99);
-  status.add("delays", delays.count());
+  status.add("clock steps", timing.clock_steps);
+  status.add("last clock step [s]", timing.last_clock_step);
+  status.add("delay median [ms]", 1e3 * timing.delays.percentile(0.5));
+  status.add("delay p99 [ms]", 1e3 * timing.delays.percentile(0.99));
+  status.add("delays", timing.delays.count());
   if (bias.state != DeviceBias::State::kNone) {
     const char* states[] = {"none", "pending", "verified", "failed"};
     status.add("device bias", states[static_cast<std::size_t>(bias.state)]);
@@ -242,22 +249,25 @@ void ForceSensorNode::diagnoseDevice(diagnostic_updater::DiagnosticStatusWrapper
   }
 }
 
-void ForceSensorNode::diagnoseCalibration(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  status.hardware_id = calibration_.serial_number;
-  status.summary(kOk,
-                 "calibration " + calibration_.id + (bias_time_ ? ", zeroed" : ", not zeroed"));
-  status.add("serial number", calibration_.serial_number);
-  status.add("calibration id", calibration_.id);
-  status.add("calibration date", calibration_.date);
-  status.add("calibration in force [s]", age(calibration_time_));
-  status.add("model", calibration_.quadratic_wrench ? "quadratic" : "linear");
-  if (bias_time_) {
-    status.add("bias age [s]", age(*bias_time_));
+void SensorDiagnostics::diagnoseCalibration(Status& status) {
+  const std::lock_guard<std::mutex> lock(state_.mutex);
+  const Calibration& calibration = state_.pipeline.calibration();
+  const auto& bias_time = state_.bias_time;
+  status.hardware_id = calibration.serial_number;
+  status.summary(kOk, "calibration " + calibration.id + (bias_time ? ", zeroed" : ", not zeroed"));
+  status.add("serial number", calibration.serial_number);
+  status.add("calibration id", calibration.id);
+  status.add("calibration date", calibration.date);
+  status.add("calibration in force [s]", age(state_.calibration_time));
+  status.add("model", calibration.quadratic_wrench ? "quadratic" : "linear");
+  if (bias_time) {
+    status.add("bias age [s]", age(*bias_time));
   } else {
     status.add("bias age [s]", "never set");
   }
-  for (int k = 0; k < 6; ++k) status.add(std::string("bias ") + kAxes[k], bias_[k]);
+  for (int k = 0; k < 6; ++k) {
+    status.add(std::string("bias ") + kAxes[k], state_.pipeline.bias()[k]);
+  }
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -11,25 +11,25 @@
 
 namespace assembly_cell {
 
-/// A simulated plant with somebody who looks on: passes all commands and blocks on unchanged and
-/// remembers the truth at the end of every block.
-class Judge : public Plant {
+/// Records the ground truth of a simulated plant at the end of every block; commands and blocks
+/// pass through unchanged.
+class TruthRecorder : public Plant {
  public:
-  explicit Judge(SimulatedPlant& plant) : plant_(plant) {}
+  explicit TruthRecorder(SimulatedPlant& plant) : plant_(plant) {}
   PlantBlock next(const PlantCommand& command) override;
   TwinForceSensing* twinForce() override { return plant_.twinForce(); }
 
-  /// The greatest true contact force at the end of a block so far: all points together [N]
+  /// Largest true contact force at the end of a block so far, all points together [N].
   double force() const { return force_; }
   /// Frame `peg` in `hole` at the result's reference time: what its estimates refer to.
   Pose startPose(const AlignResult& result) const;
-  /// Direction felt less the true one [rad]. The contact rolls to and fro with the exciter: the
-  /// truth is the constant of a least-squares fit with the exciter's harmonic to the blocks' ends
-  /// in the window. Nothing where fewer than 4 of them see one and the same contact.
+  /// Measured less true direction [rad]. The contact rolls to and fro with the exciter: the true
+  /// direction is the constant of a least-squares fit with the exciter's harmonic to the blocks'
+  /// ends in the window. Nothing if fewer than 4 of them have exactly one contact.
   std::optional<double> directionError(const DirectionReading& reading) const;
 
  private:
-  struct Look {
+  struct Record {
     double time;  // [s]
     Pose X_HP;
     double direction;  // of the contact that carries most, peg axes [rad]
@@ -38,30 +38,30 @@ class Judge : public Plant {
   };
   SimulatedPlant& plant_;
   double frequency_ = 0.0, since_ = 0.0, force_ = 0.0;
-  std::vector<Look> looks_;
+  std::vector<Record> records_;
 };
 
-/// One simulated alignment and what the truth says of it.
+/// One simulated alignment with its evaluation by the ground truth.
 struct AlignTrial {
   AlignResult result;
   std::string status;  ///< name of how it ended: of the failure, or of what stopped the simulation
-  bool success = false;                    ///< the strategy says so and the edge is inside the hole
-  bool false_success = false;              ///< the strategy says so, and it isn't
+  bool success = false;        ///< the strategy reports it and the edge is inside the hole
+  bool false_success = false;  ///< the strategy reports it, and it isn't
   Eigen::Vector2d true_offset, true_tilt;  ///< as AlignResult's offset [m] and tilt [rad]
   Pose X_HP;                               ///< frame `peg` in `hole` at the end
-  double force = 0.0;                      ///< the greatest on the way, see Judge::force() [N]
+  double force = 0.0;                      ///< largest, see TruthRecorder::force() [N]
   double depth = 0.0;                      ///< of its bottom centre below the plane then [m]
-  std::vector<double> direction_errors;    ///< of the readings that can be judged, absolute [rad]
-  double identification_time = 0.0;        ///< of cell time, where the run identified first [s]
+  std::vector<double> direction_errors;  ///< absolute, of the readings that can be evaluated [rad]
+  double identification_time = 0.0;      ///< of cell time, where the run identified first [s]
 };
 
-/// What the end says of the trial: success, and an edge outside though the strategy said aligned,
-/// or a peg that isn't where the strategy said it is seated.
-void judgeEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial& trial);
+/// Evaluates the end of a trial: success; false success if the edge is outside though the strategy
+/// reported aligned, or the peg isn't where the strategy reported it seated.
+void evaluateEnd(const Scenario& truth, const InsertParameters& insert, AlignTrial& trial);
 
-/// Aligns in simulation from `start`; the strategy knows `known` alone. What was identified is
-/// checked on the hanging peg first: a mechanism that it contradicts is refused (`wrong_mechanism`)
-/// before anything is pressed, and its exciter's gain and delay are made up for. A simulation that
+/// Aligns in simulation from `start`; the strategy has `known` alone. An identified mechanism is
+/// checked on the hanging peg first: one that contradicts it is refused (`wrong_mechanism`) before
+/// any press, and its exciter's gain and delay are compensated. A simulation that
 /// stops is a failure with its reason. Throws InputError.
 AlignTrial tryAlignment(const Scenario& start, const KnownMechanism& known,
                         const CellParameters& cell, const AlignParameters& parameters,

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-#include "assembly_cell/cell/felt_wrench.h"
+#include "assembly_cell/cell/measured_wrench.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 namespace assembly_cell {
 namespace {
 
-// with the wrench's way into the frame of the true sensor
+// with the transformation into the frame of the true sensor
 Matrix6 mapOf(const SensorTruth& truth) {
   const Pose frame{rotationFromVector({truth.rotation}), truth.offset};
   return truth.gain() * wrenchTransform(inverse(frame));
@@ -15,7 +15,7 @@ Matrix6 mapOf(const SensorTruth& truth) {
 
 }  // namespace
 
-FeltWrench::FeltWrench(const SensorTruth& truth, double period)
+MeasuredWrench::MeasuredWrench(const SensorTruth& truth, double period)
     : truth_(truth), period_(period), map_(mapOf(truth)), normal_(truth.walk_seed) {
   exact_ = map_ == Matrix6::Identity() && truth.drift.isZero(0.0) && truth.walk == 0.0 &&
            truth.hum.isZero(0.0) && truth.latency == 0.0;
@@ -31,7 +31,7 @@ FeltWrench::FeltWrench(const SensorTruth& truth, double period)
   past_.resize(back_ + 4);
 }
 
-Vector6 FeltWrench::late(const Vector6& w) {
+Vector6 MeasuredWrench::late(const Vector6& w) {
   if (past_.empty()) return w;
   if (!filled_) std::fill(past_.begin(), past_.end(), w);
   filled_ = true;
@@ -44,19 +44,19 @@ Vector6 FeltWrench::late(const Vector6& w) {
   return sum;
 }
 
-Vector6 FeltWrench::operator()(const Vector6& w, double time) {
+Vector6 MeasuredWrench::operator()(const Vector6& w, double time) {
   if (exact_) return w;
-  Vector6 felt = map_ * late(w);
+  Vector6 measured = map_ * late(w);
   constexpr double kMinute = 60.0;
-  felt += time / kMinute * truth_.drift;
+  measured += time / kMinute * truth_.drift;
   if (truth_.walk > 0.0) {
     const double step = truth_.walk * std::sqrt(period_ / kMinute);
     for (int i = 0; i < 6; ++i) walk_(i) += (i < 3 ? step : step * SensorTruth::kLever) * normal_();
-    felt += walk_;
+    measured += walk_;
   }
-  felt.head<3>() +=
+  measured.head<3>() +=
       std::sin(2 * M_PI * truth_.hum_frequency * time + truth_.hum_phase) * truth_.hum;
-  return felt;
+  return measured;
 }
 
 }  // namespace assembly_cell

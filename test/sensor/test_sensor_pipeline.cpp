@@ -1,0 +1,82 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// The driver's data path without ROS: wrenches, bias, averages and statistics of a stream.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <vector>
+
+#include "assembly_cell/sensor/sensor_pipeline.h"
+
+namespace assembly_cell {
+namespace {
+
+constexpr std::size_t kSamples = 10;
+constexpr double kPeriod = 1e-3;
+
+class Pipeline : public testing::Test {
+ protected:
+  Pipeline() {
+    Calibration c;
+    c.volts_to_wrench = 10.0 * Matrix6::Identity();
+    pipeline_.setCalibration(c);
+  }
+  SensorPipeline::Result process(std::uint32_t sequence, double volts) {
+    values_.assign(6 * kSamples, volts);
+    BridgeBlock block;
+    block.samples = {values_.data(), marks_.data(), kSamples};
+    block.sequence = sequence;
+    block.start = sequence * kSamples * kPeriod;
+    block.period = kPeriod;
+    end_ = block.end();
+    return pipeline_.process(block, wrenches_, saturated_);
+  }
+
+  SensorPipeline pipeline_;
+  std::vector<double> values_, wrenches_;
+  std::vector<std::uint8_t> marks_ = std::vector<std::uint8_t>(kSamples), saturated_;
+  double end_ = 0.0;
+};
+
+TEST_F(Pipeline, SubtractsTheBiasFromSamplesButNotFromAverages) {
+  pipeline_.setBias(Vector6::Constant(2.0));
+  ASSERT_EQ(process(0, 0.5), SensorPipeline::Result::kDone);
+  EXPECT_EQ(wrenches_, std::vector<double>(6 * kSamples, 3.0));
+  const auto average = pipeline_.takeAverage(end_, 0.1, kPeriod);
+  ASSERT_TRUE(average);
+  EXPECT_EQ(average->wrench, Vector6::Constant(5.0).eval());
+  // the next one is due 0.1 s later
+  process(1, 0.5);
+  EXPECT_FALSE(pipeline_.takeAverage(end_, 0.1, kPeriod));
+}
+
+TEST_F(Pipeline, AZeroUsesOnlyBlocksThatBeganAfterTheRequest) {
+  process(0, 0.1);
+  pipeline_.zero() = ZeroMeasurement();
+  pipeline_.zero().active = true;
+  process(1, 0.2);
+  EXPECT_EQ(pipeline_.zero().moments.count(), 0U);
+  process(2, 0.3);
+  EXPECT_EQ(pipeline_.zero().moments.count(), kSamples);
+  EXPECT_NEAR(pipeline_.zero().moments.mean()(0), 3.0, 1e-12);
+  marks_[0] = 1;
+  process(3, 0.3);
+  EXPECT_NE(pipeline_.zero().failure.find("channel 1 saturated"), std::string::npos);
+}
+
+TEST_F(Pipeline, CountsLossesDuplicatesAndMalformedBlocks) {
+  process(0, 0.1);
+  process(3, 0.1);
+  EXPECT_EQ(process(3, 0.1), SensorPipeline::Result::kDuplicate);
+  EXPECT_EQ(process(4, std::numeric_limits<double>::max()), SensorPipeline::Result::kNotFinite);
+  const StreamReport report = pipeline_.statistics().report();
+  EXPECT_EQ(report.lost, 2U);
+  EXPECT_EQ(report.duplicates, 1U);
+  EXPECT_TRUE(report.malformed);
+  EXPECT_EQ(report.total_samples, 3 * kSamples);
+  // of the next interval
+  EXPECT_EQ(pipeline_.statistics().report().lost, 0U);
+  EXPECT_EQ(pipeline_.statistics().report().total_lost, 2U);
+}
+
+}  // namespace
+}  // namespace assembly_cell
