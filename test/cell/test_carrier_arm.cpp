@@ -65,8 +65,8 @@ TEST(CarrierArm, GoesWhereItIsSentLateAndNotQuiteExactly) {
   EXPECT_GT(off, 2e-6);
   EXPECT_LT(off, 2e-4);
   // an arm with exact repeatability and no compliance is where its encoders report it
-  arm.arm.repeatability = 0.0;
-  arm.arm.compliance.setZero();
+  arm.arm.arm.repeatability = 0.0;
+  arm.arm.arm.compliance.setZero();
   SimulatedPlant exact(scenario, scenario.mechanism, with(arm));
   exact.next(to(0.0, 0.0, 0.002));
   wait(exact, 30);
