@@ -207,10 +207,10 @@ TEST(Align, ASwingIsNoWall) {
     SimulatedPlant plant(startAt(s, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
                                  tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003),
                          s.mechanism, sensors);
-    TruthRecorder judge(plant);
-    const AlignResult result = align(judge, s.mechanism, singleContactParameters());
+    TruthRecorder recorder(plant);
+    const AlignResult result = align(recorder, s.mechanism, singleContactParameters());
     EXPECT_TRUE(result.success) << result.reason;
-    const Eigen::Vector3d end = plant.truth().pegPose().p, start = judge.startPose(result).p;
+    const Eigen::Vector3d end = plant.truth().pegPose().p, start = recorder.startPose(result).p;
     // a fifth of the clearance of 0.1 mm for the estimate, half of it for the peg, which may swing
     EXPECT_LT((result.offset + start.head<2>()).norm(), 2e-5);
     EXPECT_LT(end.head<2>().norm(), 5e-5);
@@ -227,18 +227,18 @@ TEST(Align, DoubleContactReachesTheHole) {
     CellParameters sensors;
     sensors.bits = bits;
     SimulatedPlant plant(startAt(s, offset, tilt, 0.003), s.mechanism, sensors);
-    TruthRecorder judge(plant);
-    const AlignResult result = align(judge, s.mechanism, p);
+    TruthRecorder recorder(plant);
+    const AlignResult result = align(recorder, s.mechanism, p);
     EXPECT_TRUE(result.success) << bits << ": " << result.reason;
     EXPECT_LE(edgeReach(plant.truth().pegPose(), s.mechanism.peg.radius), s.mechanism.hole.radius);
     // a fifth of the clearance; issue's figure of the direction
-    const Pose start = judge.startPose(result);
+    const Pose start = recorder.startPose(result);
     EXPECT_LT((result.offset + start.p.head<2>()).norm(), 2e-5);
     EXPECT_LT((result.tilt - tiltOf(start)).norm(), 2e-3);
     double sum = 0.0;
     int n = 0;
     for (const DirectionReading& reading : result.readings) {
-      const auto error = judge.directionError(reading);
+      const auto error = recorder.directionError(reading);
       if (!error) continue;
       sum += *error * *error;
       ++n;
@@ -272,12 +272,12 @@ TEST(Align, VibratoryFallsBackToSingleContact) {
   int readings[2];
   for (const bool one_sided : {false, true}) {
     SimulatedPlant plant(startAt(s, offset, tilt, 0.003), s.mechanism, CellParameters{});
-    TruthRecorder judge(plant);
-    OneSidedPlant blind(judge);
+    TruthRecorder recorder(plant);
+    OneSidedPlant blind(recorder);
     std::string failed;
     p.strategy = "vibratory";
-    const AlignResult result = align(one_sided ? static_cast<Plant&>(blind) : judge, s.mechanism, p,
-                                     [&](const AlignProgress& progress) {
+    const AlignResult result = align(one_sided ? static_cast<Plant&>(blind) : recorder, s.mechanism,
+                                     p, [&](const AlignProgress& progress) {
                                        if (progress.state == "single_contact") {
                                          failed = progress.message;
                                        }
@@ -286,7 +286,7 @@ TEST(Align, VibratoryFallsBackToSingleContact) {
     EXPECT_EQ(failed.rfind("not_double", 0) == 0, one_sided) << failed;
     EXPECT_LE(edgeReach(plant.truth().pegPose(), s.mechanism.peg.radius), s.mechanism.hole.radius);
     // a fifth of the clearance, of the peg as it hung before the first move
-    const Pose start = judge.startPose(result);
+    const Pose start = recorder.startPose(result);
     EXPECT_LT((result.offset + start.p.head<2>()).norm(), 2e-5);
     EXPECT_NEAR(result.time, plant.truth().time(), 0.1);
     readings[one_sided] = result.contacts;
