@@ -11,7 +11,7 @@
 namespace assembly_cell {
 namespace {
 
-constexpr double kStep = 10.0 / 65536.0, kPeriod = 2e-4;
+constexpr double kStep = 10.0 / 65536.0, kSamplePeriod = 2e-4;
 constexpr std::size_t kSamples = 20;
 
 Calibration calibration(double gain) {
@@ -40,15 +40,15 @@ std::vector<double> mapped(const std::vector<double>& volts, const Map& map) {
   return out;
 }
 
-class Pipeline : public testing::Test {
+class BlockStage : public testing::Test {
  protected:
-  Pipeline() : pipeline_(kStep) {
+  BlockStage() : pipeline_(kStep) {
     pipeline_.setCalibration(0, a_);
     pipeline_.setCalibration(1, b_);
   }
   PlantBlock fromStrain() const {
     return pipeline_.fromStrain(momentsOf(volts_a_.data(), kSamples),
-                                momentsOf(volts_b_.data(), kSamples), false, kPeriod);
+                                momentsOf(volts_b_.data(), kSamples), false, kSamplePeriod);
   }
   // by the drivers' maps
   std::optional<PlantBlock> fromWrenches() const {
@@ -59,7 +59,7 @@ class Pipeline : public testing::Test {
     const auto d = mapped(volts_b_, [&](const Vector6& v) { return displacementFromVolts(b_, v); });
     return pipeline_.fromWrenches({wrench_a.data(), nullptr, kSamples},
                                   {wrench_b.data(), saturated_.data(), kSamples},
-                                  {d.data(), nullptr, kSamples}, kPeriod);
+                                  {d.data(), nullptr, kSamples}, kSamplePeriod);
   }
 
   Calibration a_ = calibration(100.0), b_ = calibration(50.0);
@@ -69,7 +69,7 @@ class Pipeline : public testing::Test {
 };
 
 // Maps are linear: to rounding it is the same whether moments or samples are mapped.
-TEST_F(Pipeline, StrainAndWrenchesGiveTheSameBlock) {
+TEST_F(BlockStage, StrainAndWrenchesGiveTheSameBlock) {
   const PlantBlock strain = fromStrain();
   const PlantBlock wrenches = fromWrenches().value();
   EXPECT_LT((strain.wrench_a - wrenches.wrench_a).norm(), 1e-12);
@@ -80,11 +80,11 @@ TEST_F(Pipeline, StrainAndWrenchesGiveTheSameBlock) {
   EXPECT_EQ(strain.rounding_b, wrenches.rounding_b);
   EXPECT_EQ(strain.rounding_b, roundingCovariance(b_.volts_to_wrench, kStep));
   EXPECT_EQ(strain.samples, static_cast<int>(kSamples));
-  EXPECT_DOUBLE_EQ(strain.length, static_cast<double>(kSamples) * kPeriod);
+  EXPECT_DOUBLE_EQ(strain.length, static_cast<double>(kSamples) * kSamplePeriod);
 }
 
 // An identified coupling replaces both the calibration's map and the driver's displacements.
-TEST_F(Pipeline, ACouplingGivesTheDisplacements) {
+TEST_F(BlockStage, ACouplingGivesTheDisplacements) {
   const Vector6 own = fromStrain().displacement_b;
   CouplingParameters coupling;
   coupling.stiffness.diagonal << 3e5, 2e5, 2e5, 50.0, 100.0, 100.0;
@@ -97,7 +97,7 @@ TEST_F(Pipeline, ACouplingGivesTheDisplacements) {
   EXPECT_EQ(fromStrain().displacement_b, own);
 }
 
-TEST_F(Pipeline, ReportsSaturationAndRefusesWhatIsNotFinite) {
+TEST_F(BlockStage, ReportsSaturationAndRefusesWhatIsNotFinite) {
   EXPECT_FALSE(fromWrenches()->saturated);
   saturated_[3] = 0x10;
   EXPECT_TRUE(fromWrenches()->saturated);
@@ -114,16 +114,17 @@ TEST(SampleWindow, TakesTheSamplesThatLieInIt) {
   exciter.phase = 0.5;
   exciter.direction = -1;
   SampleWindow window;
-  window.begin({0.01 + 15 * kPeriod, 10 * kPeriod});
-  const double end = 0.01 + static_cast<double>(kSamples - 1) * kPeriod;  // sample i at 0.01 + i T
-  window.add(values.data(), kSamples, kPeriod, end, exciter, 0.01);
+  window.begin({0.01 + 15 * kSamplePeriod, 10 * kSamplePeriod});
+  const double end =
+      0.01 + static_cast<double>(kSamples - 1) * kSamplePeriod;  // sample i at 0.01 + i T
+  window.add(values.data(), kSamples, kSamplePeriod, end, exciter, 0.01);
   EXPECT_FALSE(window.endsBy(end));
-  window.add(values.data(), kSamples, kPeriod, end + kSamples * kPeriod, exciter, 0.01);
-  EXPECT_TRUE(window.endsBy(end + kSamples * kPeriod));
+  window.add(values.data(), kSamples, kSamplePeriod, end + kSamples * kSamplePeriod, exciter, 0.01);
+  EXPECT_TRUE(window.endsBy(end + kSamples * kSamplePeriod));
   ASSERT_EQ(window.angles().size(), 10U);
   EXPECT_EQ(window.signals()[0], 15.0);
   EXPECT_EQ(window.signals()[6 * 5], 0.0);
-  EXPECT_NEAR(window.angles()[0], -(100.0 * 15 * kPeriod + 0.5), 1e-12);
+  EXPECT_NEAR(window.angles()[0], -(100.0 * 15 * kSamplePeriod + 0.5), 1e-12);
 }
 
 }  // namespace

@@ -43,8 +43,8 @@ void fuzzFrames(const FrameFormat& format, const std::uint8_t* data, std::size_t
   SourceCounters counters;
   std::size_t frames = 0;
   for (std::size_t at = 1; at < size;) {
-    require(decoder.room() > 0, "room for the next bytes");
-    const std::size_t n = std::min({piece, size - at, decoder.room()});
+    require(decoder.freeBytes() > 0, "room for the next bytes");
+    const std::size_t n = std::min({piece, size - at, decoder.freeBytes()});
     std::copy(data + at, data + at + n, decoder.space());
     decoder.added(n);
     at += n;

@@ -10,60 +10,60 @@
 namespace assembly_cell {
 namespace {
 
-constexpr std::size_t kSamples = 10;
-constexpr double kPeriod = 1e-3;
+constexpr std::size_t kBlockSamples = 10;
+constexpr double kSamplePeriod = 1e-3;
 
-class Pipeline : public testing::Test {
+class SensorStage : public testing::Test {
  protected:
-  Pipeline() {
+  SensorStage() {
     Calibration c;
     c.volts_to_wrench = 10.0 * Matrix6::Identity();
     pipeline_.setCalibration(c);
   }
   SensorPipeline::Result process(std::uint32_t sequence, double volts) {
-    values_.assign(6 * kSamples, volts);
+    values_.assign(6 * kBlockSamples, volts);
     BridgeBlock block;
-    block.samples = {values_.data(), marks_.data(), kSamples};
+    block.samples = {values_.data(), marks_.data(), kBlockSamples};
     block.sequence = sequence;
-    block.start = sequence * kSamples * kPeriod;
-    block.period = kPeriod;
+    block.start = sequence * kBlockSamples * kSamplePeriod;
+    block.period = kSamplePeriod;
     end_ = block.end();
     return pipeline_.process(block, wrenches_, saturated_);
   }
 
   SensorPipeline pipeline_;
   std::vector<double> values_, wrenches_;
-  std::vector<std::uint8_t> marks_ = std::vector<std::uint8_t>(kSamples), saturated_;
+  std::vector<std::uint8_t> marks_ = std::vector<std::uint8_t>(kBlockSamples), saturated_;
   double end_ = 0.0;
 };
 
-TEST_F(Pipeline, SubtractsTheBiasFromSamplesButNotFromAverages) {
+TEST_F(SensorStage, SubtractsTheBiasFromSamplesButNotFromAverages) {
   pipeline_.setBias(Vector6::Constant(2.0));
   ASSERT_EQ(process(0, 0.5), SensorPipeline::Result::kDone);
-  EXPECT_EQ(wrenches_, std::vector<double>(6 * kSamples, 3.0));
-  const auto average = pipeline_.takeAverage(end_, 0.1, kPeriod);
+  EXPECT_EQ(wrenches_, std::vector<double>(6 * kBlockSamples, 3.0));
+  const auto average = pipeline_.takeAverage(end_, 0.1, kSamplePeriod);
   ASSERT_TRUE(average);
   EXPECT_EQ(average->wrench, Vector6::Constant(5.0).eval());
   // the next one is due 0.1 s later
   process(1, 0.5);
-  EXPECT_FALSE(pipeline_.takeAverage(end_, 0.1, kPeriod));
+  EXPECT_FALSE(pipeline_.takeAverage(end_, 0.1, kSamplePeriod));
 }
 
-TEST_F(Pipeline, AZeroUsesOnlyBlocksThatBeganAfterTheRequest) {
+TEST_F(SensorStage, AZeroUsesOnlyBlocksThatBeganAfterTheRequest) {
   process(0, 0.1);
   pipeline_.zero() = ZeroMeasurement();
   pipeline_.zero().active = true;
   process(1, 0.2);
   EXPECT_EQ(pipeline_.zero().moments.count(), 0U);
   process(2, 0.3);
-  EXPECT_EQ(pipeline_.zero().moments.count(), kSamples);
+  EXPECT_EQ(pipeline_.zero().moments.count(), kBlockSamples);
   EXPECT_NEAR(pipeline_.zero().moments.mean()(0), 3.0, 1e-12);
   marks_[0] = 1;
   process(3, 0.3);
   EXPECT_NE(pipeline_.zero().failure.find("channel 1 saturated"), std::string::npos);
 }
 
-TEST_F(Pipeline, CountsLossesDuplicatesAndMalformedBlocks) {
+TEST_F(SensorStage, CountsLossesDuplicatesAndMalformedBlocks) {
   process(0, 0.1);
   process(3, 0.1);
   EXPECT_EQ(process(3, 0.1), SensorPipeline::Result::kDuplicate);
@@ -72,7 +72,7 @@ TEST_F(Pipeline, CountsLossesDuplicatesAndMalformedBlocks) {
   EXPECT_EQ(report.lost, 2U);
   EXPECT_EQ(report.duplicates, 1U);
   EXPECT_TRUE(report.malformed);
-  EXPECT_EQ(report.total_samples, 3 * kSamples);
+  EXPECT_EQ(report.total_samples, 3 * kBlockSamples);
   // of the next interval
   EXPECT_EQ(pipeline_.statistics().report().lost, 0U);
   EXPECT_EQ(pipeline_.statistics().report().total_lost, 2U);
