@@ -4,7 +4,7 @@
 #include <Eigen/Dense>
 
 // Eigen's decompositions of the sizes that the core uses, and their solutions, are instantiated
-// once, in base/decompositions.cpp. The rooms' precompiled header brings these declarations; code
+// once, in math/decompositions.cpp. The modules' precompiled header brings these declarations; code
 // that doesn't see them works as well and compiles longer. Who includes them links the core.
 
 namespace Eigen {
