@@ -122,4 +122,15 @@ bool parseNumber(const std::string& text, double& value) {
 
 bool parseInteger(const std::string& text, long& value) { return parse(text, value); }
 
+std::string yamlList(const double* values, std::size_t count) {
+  std::string text = "[";
+  for (std::size_t i = 0; i < count; ++i) text += (i > 0 ? ", " : "") + yamlNumber(values[i]);
+  return text + "]";
+}
+
+YamlMapping& YamlMapping::add(const std::string& key, const std::string& yaml) {
+  entries_ += (entries_.empty() ? "" : ", ") + key + ": " + yaml;
+  return *this;
+}
+
 }  // namespace assembly_cell

@@ -6,8 +6,8 @@
 #include <sstream>
 
 #include "assembly_cell/base/files.h"
-#include "assembly_cell/base/yaml_flow.h"
 #include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/mechanism/mechanism.h"
 
 namespace assembly_cell {

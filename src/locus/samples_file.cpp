@@ -9,8 +9,8 @@
 #include <sstream>
 #include <string_view>
 
-#include "assembly_cell/base/bag.h"
 #include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/table.h"
 #include "assembly_cell/base/text.h"

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include <filesystem>
 
-#include "assembly_cell/base/bag.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/table.h"
 #include "assembly_cell/calibration/payload/payload_files.h"
 #include "assembly_cell/recording/contacts.h"

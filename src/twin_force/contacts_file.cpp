@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
-#include "assembly_cell/base/yaml_flow.h"
 #include "assembly_cell/base/yaml_section.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 namespace {

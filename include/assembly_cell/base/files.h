@@ -38,4 +38,10 @@ void checkWritable(const std::string& path, const std::string& where);
 /// can't be written.
 bool writeAll(int file, const std::string& bytes);
 
+/// What the script from_bag.py, which stands beside the running tool, takes out of a bag: the core
+/// knows no ROS. what: observations, or locus (samples as CSV) with the topic as option. Throws
+/// InputError with the script's line.
+std::string textFromBag(const std::string& what, const std::string& path,
+                        const std::string& option = {});
+
 }  // namespace assembly_cell

@@ -9,10 +9,10 @@
 #include <set>
 #include <sstream>
 
-#include "assembly_cell/base/bag.h"
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/file_kind.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "observation_text.h"

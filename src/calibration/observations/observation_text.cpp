@@ -7,7 +7,7 @@
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/text.h"
-#include "assembly_cell/base/yaml_flow.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 
