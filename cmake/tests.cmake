@@ -1,10 +1,5 @@
 # Tests: built by the target `tests`, run by ctest.
 
-if(NOT CATKIN_ENABLE_TESTING)
-  function(add_core_tests)
-  endfunction()
-  return()
-endif()
 find_package(roslaunch REQUIRED)
 find_package(rostest REQUIRED)
 # the package's files and executables, for tests
