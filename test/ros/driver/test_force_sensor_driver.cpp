@@ -415,7 +415,8 @@ TEST_F(ForceSensorDriver, DiagnosticsNameWhatIsWrong) {
   StrainSamples foreign = a_.block(kLoad);
   foreign.header.frame_id = "sensor_b";
   a_.send(foreign);
-  status = diagnostics.next(name, [](const auto& s) { return has(s.message, "from 'sensor_b'"); });
+  status =
+      diagnostics.next(name, [](const auto& s) { return has(s.message, "blocks is 'sensor_b'"); });
   EXPECT_EQ(status.level, 1);
 
   // a tenth of the rate
