@@ -113,10 +113,10 @@ TEST_F(SimulatorGuard, WhileASessionHoldsThePlantOthersAreRefused) {
   EXPECT_FALSE(state().exciter) << "a session begins with the exciter off";
 
   const std::uint32_t refused = state().refused;
-  Child intruder({"/proc/self/exe", "--intruder"});
+  Child other_node({"/proc/self/exe", "--other-node"});
   EXPECT_TRUE(waitFor([&] { return stateAfter(1).refused > refused; }));
   EXPECT_EQ(state().refused_reason, "held_by_another");
-  EXPECT_EQ(state().refused_node, "/intruder");
+  EXPECT_EQ(state().refused_node, "/other_node");
   EXPECT_FALSE(state().exciter);
 
   // the holder itself may
