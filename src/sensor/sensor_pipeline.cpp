@@ -52,7 +52,7 @@ SensorPipeline::Result SensorPipeline::process(const BridgeBlock& block,
   }
   if (!sum.wrench.allFinite()) {
     statistics_.addMalformed(block.sequence, "wrench is not finite");
-    statistics_.clearNoise();
+    statistics_.restartNoise();
     if (zero_.active) zero_.failure = "the wrench is not finite: look at the source";
     return Result::kNotFinite;
   }

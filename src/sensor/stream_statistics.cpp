@@ -42,7 +42,7 @@ void StreamStatistics::addMalformed(std::uint32_t sequence, const std::string& f
 }
 
 void StreamStatistics::clearNoise() {
-  noise_ = DifferenceNoise();
+  restartNoise();
   report_.noise_samples = 0;
 }
 

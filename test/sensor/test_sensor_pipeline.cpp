@@ -78,5 +78,16 @@ TEST_F(SensorStage, CountsLossesDuplicatesAndMalformedBlocks) {
   EXPECT_EQ(pipeline_.statistics().report().total_lost, 2U);
 }
 
+TEST_F(SensorStage, ABlockThatIsNotFiniteKeepsTheCompleteEstimateOfTheNoise) {
+  std::uint32_t sequence = 0;
+  while (sequence < 10) process(sequence++, 0.1);
+  const std::size_t complete = pipeline_.statistics().report().noise_samples;
+  ASSERT_GE(complete, 50U);
+  ASSERT_EQ(process(sequence++, std::numeric_limits<double>::max()),
+            SensorPipeline::Result::kNotFinite);
+  process(sequence++, 0.1);
+  EXPECT_EQ(pipeline_.statistics().report().noise_samples, complete);
+}
+
 }  // namespace
 }  // namespace assembly_cell

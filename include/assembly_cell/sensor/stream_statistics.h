@@ -41,7 +41,9 @@ class StreamStatistics {
   void addOutside(unsigned channels) { report_.outside |= channels; }
 
   void breakNoise() { noise_.breakRun(); }  ///< the next sample doesn't follow on the last one
-  void clearNoise();                        ///< samples so far are of another calibration
+  /// Starts a new estimate; the last complete one is reported until then.
+  void restartNoise() { noise_ = DifferenceNoise(); }
+  void clearNoise();  ///< samples so far are of another calibration: its estimate counts no more
 
   /// Starts the next interval.
   StreamReport report();
