@@ -9,7 +9,8 @@ namespace assembly_cell {
 /// Closed interval of a finite number and the number's unit.
 struct Range {
   static constexpr double kMax = std::numeric_limits<double>::max();
-  static constexpr double kMinPositive = std::numeric_limits<double>::denorm_min();
+  /// Smaller numbers lose digits, and their reciprocal may be infinite.
+  static constexpr double kMinPositive = std::numeric_limits<double>::min();
 
   double low = -kMax;
   double high = kMax;
