@@ -406,7 +406,7 @@ TEST(PlantFailures, PassThrough) {
   }
 }
 
-// And reports the number of readings until then, of all strategies that had been tried.
+// The failure reports the number of contacts before it, over all strategies that were tried.
 TEST(PlantFailures, CountTheReadings) {
   for (const char* strategy : {"single_contact", "vibratory", "twin_force", "touch"}) {
     SimulatedPlant simulated(cell(), cell().mechanism, CellParameters{});

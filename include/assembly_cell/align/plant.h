@@ -79,7 +79,7 @@ struct PlantError : std::runtime_error {
         failure(failed),
         status(name.empty() ? toString(failed) : name) {}
   AlignFailure failure;
-  int contacts = 0;    ///< readings of the alignment until then
+  int contacts = 0;    ///< locus measurements and touches before the failure
   std::string status;  ///< reason why a simulation stopped; else the failure's name
 };
 

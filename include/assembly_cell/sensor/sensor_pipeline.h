@@ -33,7 +33,7 @@ class SensorPipeline {
     kNotFinite,  ///< the wrenches overflow and must not be used
   };
 
-  /// Drops what was measured by the calibration before: bias, averages, noise, a zero in progress.
+  /// Drops measurements of the previous calibration: bias, averages, noise, a zero in progress.
   void setCalibration(const Calibration& calibration);
   /// The sensor reports its own serial number.
   void setSerialNumber(const std::string& number) { calibration_.serial_number = number; }

@@ -34,7 +34,8 @@ double turnFrom(double a, double b) {
 }
 
 // The strategy `double_contact` (thesis Fig 9.16; docs/reference/strategies.md): both edge contacts
-// at once tell the hole's direction, a wobble about it which of them stays, and where the plane is.
+// together determine the direction of the hole; a rotation about it determines which contact
+// remains, and the plane.
 class DoubleContact {
  public:
   DoubleContact(Search& search, VibratedSearch& vibrated)

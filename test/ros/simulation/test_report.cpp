@@ -136,7 +136,7 @@ TEST_F(Report, DoesNotBelieveASupervisorThatTheTruthContradicts) {
   EXPECT_FALSE(yaml_["verdict"].as<bool>());
 }
 
-// The edge is evaluated in the true bore, and what was drawn is in the report.
+// The edge is evaluated in the true bore, and the drawn model errors are in the report.
 TEST_F(Report, EvaluatesInTheTrueBore) {
   ros::Publisher drawn_pub = nh_.advertise<std_msgs::String>("truth/mismatch", 1, true);
   std_msgs::String drawn;

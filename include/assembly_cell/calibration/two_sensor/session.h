@@ -68,7 +68,7 @@ class CalibrationSession {
 
   /// Stores the last accepted solution under `id` (empty: date and time) for each sensor that it
   /// determines something of. `fallback`: for a sensor without an active calibration, or without a
-  /// displacement in it. Returns what was stored; stored ones are never overwritten.
+  /// displacement in it. Returns the stored calibrations; none is ever overwritten.
   MaybePerSide<Calibration> save(const std::string& id, const PerSide<Calibration>& fallback = {});
 
   /// The stored calibrations of the sensors wanted, all of them complete, or throws. Where a file

@@ -47,7 +47,7 @@ struct SimulatorSetup {
   Pose X_HB;                    ///< carrier's base in the true hole, by the scenario
   double nominal_height = 0.0;  ///< of the base over the hole, by the scenario's file [m]
   Braking braking;
-  std::string mismatch;  ///< what was drawn for the ground truth, YAML; empty: nothing
+  std::string mismatch;                 ///< model errors drawn for this run, YAML; empty: none
   std::vector<std::string> part_pairs;  ///< others than peg and hole that can meet
   bool peg_meets_hole = true;           ///< false: no search for contacts
 };
