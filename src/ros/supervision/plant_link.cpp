@@ -155,9 +155,9 @@ void PlantLink::acquire() {
   session_.refused = state_ ? state_->refused : 0;
 }
 
-void PlantLink::beginMotion() {
+void PlantLink::beginMotion(const ros::Time& origin) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  session_.moves = true;
+  session_.origin = origin;
 }
 
 void PlantLink::release() {
@@ -209,7 +209,7 @@ void PlantLink::onPlantRestart() {
   const std::lock_guard<std::mutex> lock(mutex_);
   state_.reset();
   session_.boot_id = 0;
-  if (session_.moves && session_.fault.empty()) session_.fault = kPlantRestarted;
+  if (session_.origin && session_.fault.empty()) session_.fault = kPlantRestarted;
 }
 
 void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& publisher) {
@@ -237,7 +237,9 @@ void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& pu
 void PlantLink::checkSession(bool had_session) {
   const std::string& me = ros::this_node::getName();
   const std::string& reason = state_->refused_reason;
-  if (session_.boot_id == 0 || !session_.moves) session_.boot_id = state_->life;
+  // the state of a restart before the origin may arrive later than the blocks that followed it
+  const bool is_early = !session_.origin || state_->header.stamp < *session_.origin;
+  if (session_.boot_id == 0 || is_early) session_.boot_id = state_->life;
   // latched commands from before the plant's start belong to no goal
   const bool refused =
       state_->refused != session_.refused && state_->refused_node == me && reason != "earlier_boot";

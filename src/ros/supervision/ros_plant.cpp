@@ -129,7 +129,7 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
     takeFreshBlock(lock);
   }
   goal_.setOrigin(blocks_.last().end, blocks_.last().X_BC);
-  link_.beginMotion();
+  link_.beginMotion(blocks_.last().end);
 }
 
 void RosPlant::recover(double seconds) {
@@ -147,7 +147,7 @@ void RosPlant::recover(double seconds) {
   link_.acquire();
   blocks_.drop();
   takeFreshBlock(lock);
-  link_.beginMotion();
+  link_.beginMotion(blocks_.last().end);
   goal_.limitRecovery(blocks_.last().end, seconds);
 }
 

@@ -314,7 +314,9 @@ TEST_F(Supervisor, CancelEndsAnAlignmentWithExciterOffAndCarrierAtRest) {
     std::lock_guard<std::mutex> lock(mutex_);
     return feedback_.empty() ? 0U : feedback_.back().contacts;
   };
-  ASSERT_TRUE(waitFor([&] { return contacts() > 0 && shaking(); }));
+  const auto is_done = [this] { return align_.getState().isDone(); };
+  ASSERT_TRUE(waitFor([&] { return is_done() || (contacts() > 0 && shaking()); }));
+  ASSERT_FALSE(is_done()) << align_.getState().getText();
   align_.cancelGoal();
   EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::PREEMPTED);
   EXPECT_EQ(align_.getResult()->report.reason, "cancelled");

@@ -7,7 +7,7 @@
 #include <atomic>
 #include <chrono>
 #include <functional>
-#include <optional>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -16,6 +16,7 @@
 
 #include "assembly_cell/Ack.h"
 #include "assembly_cell/DisplacementSamples.h"
+#include "assembly_cell/PlantState.h"
 #include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/WrenchSamples.h"
 #include "assembly_cell/align/search/step.h"
@@ -197,6 +198,8 @@ class FakeCell {
       pubs_.push_back(nh_.advertise<SensorCalibration>(sensor + "/calibration", 1, true));
       pubs_.back().publish(toMessage(calibration));
     }
+    state_ = nh_.advertise<PlantState>("plant_state", 10, true);
+    publishState(1, ros::Time(1.0));
     ack_ = nh_.subscribe<Ack>("ack", 10, [this](const auto& ack) {
       if (ack->sequence == sequence_) next();
     });
@@ -204,6 +207,20 @@ class FakeCell {
     spinner_.start();
   }
   ~FakeCell() { spinner_.stop(); }
+
+  void publishState(std::uint32_t boot_id, const ros::Time& stamp,
+                    const std::string& refusal = "") {
+    PlantState state;
+    state.header.stamp = stamp;
+    state.life = boot_id;
+    state.refusal = refusal;
+    if (!refusal.empty()) {
+      state.refused = 1;
+      state.refused_node = ros::this_node::getName();
+      state.refused_reason = "too_fast";
+    }
+    state_.publish(state);
+  }
 
  private:
   void next() {
@@ -231,39 +248,75 @@ class FakeCell {
 
   ros::NodeHandle nh_;
   ros::CallbackQueue queue_;
-  ros::Publisher a_, b_, d_, carrier_;
+  ros::Publisher a_, b_, d_, carrier_, state_;
   std::vector<ros::Publisher> pubs_;
   std::uint32_t sequence_ = 0;
   ros::Subscriber ack_;
   GuardedSpinner spinner_{1, &queue_};
 };
 
+// A RosPlant that is connected to a FakeCell.
+class RosPlantTest : public ::testing::Test {
+ protected:
+  RosPlantTest() {
+    nh_.setCallbackQueue(&queue_);
+    PlantSettings settings;
+    settings.node = "/plant_test/strategy";
+    settings.lockstep = true;
+    settings.timeout = 5.0;
+    plant_ = std::make_unique<RosPlant>(nh_, settings);
+    spinner_.start();
+  }
+  ~RosPlantTest() override { spinner_.stop(); }
+
+  void begin() {
+    plant_->begin([] { return false; });
+  }
+  // of the goal, for which blocks are taken until then
+  std::string fault() {
+    try {
+      for (int i = 0; i < 100000; ++i) plant_->next({});
+    } catch (const PlantError& error) {
+      return error.what();
+    }
+    return "none";
+  }
+
+  FakeCell cell_{"plant_test"};
+  ros::NodeHandle nh_{"plant_test"};
+  ros::CallbackQueue queue_;
+  std::unique_ptr<RosPlant> plant_;
+  GuardedSpinner spinner_{1, &queue_};
+};
+
 // A goal may be followed by a recovery, and by the next goal.
-TEST(RosPlantTest, ReturnsBlocksInEachGoalAndRecovery) {
-  const FakeCell cell("plant_test");
-  ros::NodeHandle nh("plant_test");
-  ros::CallbackQueue queue;
-  nh.setCallbackQueue(&queue);
-  PlantSettings settings;
-  settings.node = "/plant_test/strategy";
-  settings.lockstep = true;
-  settings.timeout = 5.0;
-  RosPlant plant(nh, settings);
-  GuardedSpinner spinner(1, &queue);
-  spinner.start();
-  const auto never = [] { return false; };
-  plant.begin(never);
-  const PlantBlock first = plant.next({});
+TEST_F(RosPlantTest, ReturnsBlocksInEachGoalAndRecovery) {
+  begin();
+  const PlantBlock first = plant_->next({});
   EXPECT_EQ(first.wrench_a, Vector6::Constant(0.5));
-  EXPECT_NEAR(plant.next({}).time, first.time + kStepTime, 1e-9);
-  plant.end(false);
-  plant.recover(1.0);
-  EXPECT_GT(plant.next({}).time, first.time);
-  plant.end(false);
-  plant.begin(never);
-  EXPECT_EQ(plant.next({}).samples, 100);
-  plant.end(false);
-  spinner.stop();
+  EXPECT_NEAR(plant_->next({}).time, first.time + kStepTime, 1e-9);
+  plant_->end(false);
+  plant_->recover(1.0);
+  EXPECT_GT(plant_->next({}).time, first.time);
+  plant_->end(false);
+  begin();
+  EXPECT_EQ(plant_->next({}).samples, 100);
+  plant_->end(false);
+}
+
+// Topics have connections of their own: blocks after a restart may overtake the plant's state.
+TEST_F(RosPlantTest, ARestartBeforeTheGoalsFirstBlockIsNoFault) {
+  begin();
+  const ros::Time origin = plant_->state().stamp;
+  cell_.publishState(2, origin - ros::Duration(1e-3));
+  cell_.publishState(2, origin + ros::Duration(1.0), "the second state");
+  EXPECT_EQ(fault(), "the second state");
+}
+
+TEST_F(RosPlantTest, ARestartDuringTheGoalEndsIt) {
+  begin();
+  cell_.publishState(2, plant_->state().stamp);
+  EXPECT_EQ(fault(), "the plant was restarted, or reset, during the goal");
 }
 
 }  // namespace

@@ -48,8 +48,8 @@ class PlantLink {
   /// Begins a session with a new number. Another owner of the plant is a fault; then there is no
   /// session.
   void acquire();
-  /// Commands follow: from now on the plant must keep its boot id.
-  void beginMotion();
+  /// Commands follow, based on a block that ended at `origin`: the plant must not restart later.
+  void beginMotion(const ros::Time& origin);
   void release();
 
   /// The node that publishes the carrier's pose is the plant; states of other nodes are refused.
@@ -78,7 +78,7 @@ class PlantLink {
     std::uint32_t number = 0;   // 0: none
     std::uint32_t boot_id = 0;  // of the plant; 0: not known
     std::uint32_t refused = 0;  // commands that the plant had refused
-    bool moves = false;
+    std::optional<ros::Time> origin;  // of the motion, once it has begun
     bool interrupted = false;
     std::string fault;
   };
