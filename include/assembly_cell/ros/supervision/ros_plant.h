@@ -81,10 +81,10 @@ class RosPlant : public Plant {
   PlantMonitor monitor_;
   PlantLink link_;
   PlantCommands commands_;
-  BlockStream blocks_;
+  VibrationWindow vibration_;
+  BlockStream blocks_;  // after the parts that its callbacks use
   GoalClock goal_;
   LocusRequests locus_;
-  VibrationWindow vibration_;
   SaturationCheck saturation_;
   TwinForceClient twin_force_;
 };
