@@ -29,10 +29,17 @@ fail() {
   exit 1
 }
 
+# packages.txt, or what is read in its place, for this release of Debian
+wanted_packages() {
+  local release
+  release=$(sed -n 's/^VERSION_CODENAME=//p' /etc/os-release)
+  sed 's/#.*//' "${1:-$root/scripts/packages.txt}" | awk -v release="$release" 'NF == 1 || $2 == release { print $1 }'
+}
+
 # what of packages.txt is not installed
 missing_packages() {
   local wanted
-  wanted=$(sed 's/#.*//' "$root/scripts/packages.txt" | xargs -n1)
+  wanted=$(wanted_packages)
   # shellcheck disable=SC2086
   comm -13 <(dpkg-query -W -f='${Package} ${db:Status-Status}\n' $wanted 2>/dev/null |
     sed -n 's/ installed$//p' | sort -u) <(printf '%s\n' "$wanted" | sort -u) | xargs
@@ -110,7 +117,7 @@ build() {
   if ! grep -qsxF "CMAKE_INSTALL_PREFIX:PATH=$prefix" "$build/CMakeCache.txt"; then
     say "configuring (log: $log)"
     # clang takes three quarters of GCC's time and makes faster programs; another compiler by CXX
-    CXX=${CXX:-clang++-14} cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON -DASSEMBLY_CELL_UNITY=ON \
+    CXX=${CXX:-$(command -v clang++-14 || command -v clang++-19 || command -v c++)} cmake -S "$root" -B "$build" -G Ninja -DCATKIN_ENABLE_TESTING=ON -DASSEMBLY_CELL_WERROR=ON -DASSEMBLY_CELL_UNITY=ON \
       -DCMAKE_INSTALL_PREFIX="$prefix" >"$log" 2>&1 </dev/null || fail "configure" "$log"
   fi
   log=$logs/build.log
