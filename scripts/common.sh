@@ -64,25 +64,25 @@ install_packages() {
     fail "install packages" "$log"
 }
 
-# announce CPU_MINUTES LAST: what is about to be done, how long it takes here and how much disk; CPU_MINUTES of an empty build
+# announce LAST: what is about to be done and how much disk it takes; how long the build takes is known once it runs
 announce() {
-  local missing cores steps=()
+  local missing steps=()
   missing=$(missing_packages | wc -w)
-  cores=$(nproc)
   if [ "$missing" -gt 0 ]; then
-    steps+=("install $missing of Debian's packages and what they need (up to 0.5 GB to fetch, 2 GB of disk, a few minutes)")
+    steps+=("install $missing of Debian's packages and what they need (up to 0.5 GB to fetch, 2 GB of disk)")
   fi
   if [ -f "$build/build.ninja" ]; then
     steps+=("build what has changed")
   else
-    steps+=("build in .build (0.5 GB of disk, about $((($1 + cores - 1) / cores)) minutes with $cores cores)")
+    steps+=("build in .build (0.5 GB of disk; the time left is shown while it runs)")
   fi
-  say "to do: $(printf '%s, ' "${steps[@]}")$2"
+  say "to do: $(printf '%s, ' "${steps[@]}")$1"
 }
 
-# shows how far ninja's output (standard input) has come: one line on a terminal, else one every 10 s
+# show_progress FILES: how far ninja's output (standard input) has come, one line on a terminal, else one every 10 s; and the
+# time left, from the pace at which this machine has compiled: FILES are to be compiled in all
 show_progress() {
-  local line shown=-10 last="" printed="" terminal=false
+  local line files=$1 compiled=0 begun=0 left shown=-10 last="" printed="" terminal=false
   if [ -t 2 ]; then terminal=true; fi
   while IFS= read -r line; do
     # ninja itself looks for new files first
@@ -90,16 +90,23 @@ show_progress() {
     last="${BASH_REMATCH[1]} of ${BASH_REMATCH[2]}"
     # catkin looks at each message again, also when nothing has changed
     [[ $line != *genmsg_check_deps.py* ]] || continue
+    # the pace is known after the first file
+    if [[ $line == *" Building CXX "* ]] && ((compiled++ == 0)); then begun=$SECONDS; fi
+    left=
+    if ((compiled > 1 && compiled < files && SECONDS > begun)); then
+      left=$(((SECONDS - begun) * (files - compiled) / (compiled - 1)))
+      if ((left < 60)); then left=", less than a minute left"; else left=", about $(((left + 30) / 60)) min left"; fi
+    fi
     if $terminal; then
-      printf '\r[%(%H:%M:%S)T] built %s ' -1 "$last" >&2
+      printf '\r\e[K[%(%H:%M:%S)T] built %s' -1 "$last$left" >&2
     elif [ $((SECONDS - shown)) -ge 10 ]; then
-      say "built $last"
+      say "built $last$left"
       printed=$last
       shown=$SECONDS
     fi
   done
   if $terminal; then
-    printf '\r[%(%H:%M:%S)T] built %s\n' -1 "${last:-all}" >&2
+    printf '\r\e[K[%(%H:%M:%S)T] built %s\n' -1 "${last:-all}" >&2
   elif [ -n "$printed" ] && [ "$printed" != "$last" ]; then
     say "built $last"
   fi
@@ -124,7 +131,8 @@ build() {
   say "building (log: $log)"
   (
     set -o pipefail
-    cmake --build "$build" -j"$(nproc)" --target "$@" 2>&1 </dev/null | tee "$log" | show_progress
+    files=$(ninja -C "$build" -n "$@" 2>/dev/null </dev/null | grep -c " Building CXX " || true)
+    cmake --build "$build" -j"$(nproc)" --target "$@" 2>&1 </dev/null | tee "$log" | show_progress "$files"
   ) || fail "build" "$log"
   set +u
   # shellcheck disable=SC1091
