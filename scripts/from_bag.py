@@ -4,14 +4,16 @@
 
 usage: from_bag.py observations SESSION.bag
        from_bag.py locus RECORDING.bag [TOPIC]
-       from_bag.py wrench RECORDING.bag
+       from_bag.py wrench RECORDING.bag [TOPIC [POSE_TOPIC]]
 observations  the observation file: the last message on calibration_server/observations
 locus         samples as CSV: of the coupling's displacement (t,x,y,z,rx,ry,rz) or, where the bag has none, of the peg's two
               accelerometers (t,ax,ay); TOPIC chooses among several. With messages of the exciter in the bag: of the last
               stretch in which it was on, t = 0 at its phase zero, its settings in a first line that starts with #
-wrench        t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw: the one topic of wrenches (WrenchStamped, or WrenchSamples), each with the
-              last pose (PoseStamped, one topic) before it; without samples that are marked as saturated, not finite or beyond
-              what any sensor measures (90 kN, 9 kN m): their number is printed on standard error
+wrench        t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw: a topic of wrenches (WrenchStamped, or WrenchSamples), each with the last
+              pose (PoseStamped) before it; TOPIC and POSE_TOPIC ('' for the only one) choose among several. Messages that share
+              a stamp are spread evenly to the next one; where a topic's stamps are all 0, the times of recording are used.
+              Samples that are marked as saturated, not finite or beyond what any sensor measures (90 kN, 9 kN m) are left
+              out. Each of these is printed on standard error with its number
 exit: 0 ok, 2 bad input
 """
 import bisect
@@ -93,50 +95,122 @@ def locus(bag, topic):
     return "\n".join(lines) + "\n"
 
 
-def only_topic(bag, types):
-    topics = sorted(name for name, info in bag.get_type_and_topic_info().topics.items() if info.msg_type in types)
-    if len(topics) != 1:
-        raise ValueError(f"{' and '.join(topics) or 'no topic'} of {' or '.join(types)}: record one")
+def only_topic(bag, types, wanted):
+    found = {name: info.msg_type for name, info in bag.get_type_and_topic_info().topics.items()}
+    topics = sorted(name for name in found if found[name] in types)
+    if wanted is not None:
+        named = [name for name in topics if name.strip("/") == wanted.strip("/")]
+        if not named:
+            raise ValueError(f"no {' or '.join(types)} on {wanted}: give one of {', '.join(topics) or 'none'}")
+        return named[0]
+    if not topics:
+        raise ValueError(f"no topic of {' or '.join(types)}: record one")
+    if len(topics) > 1:
+        option = "--pose-topic" if "geometry_msgs/PoseStamped" in types else "--topic"
+        raise ValueError(f"{len(topics)} topics of {' or '.join(types)}: name one of {', '.join(topics)} with {option}")
     return topics[0]
 
 
-def wrench(bag):
-    topics = {kind: only_topic(bag, types) for kind, types in
-              {"wrench": ("geometry_msgs/WrenchStamped", "assembly_cell/WrenchSamples"), "pose": ("geometry_msgs/PoseStamped",)}.items()}
-    poses, wrenches, refused = {}, {}, []
+def note(text):
+    print(text, file=sys.stderr)
+
+
+def stamped(entries, topic, use_arrival):
+    """Messages of a topic as (time [ns], message), rising: by stamps, those that share one spread evenly to the next."""
+    if use_arrival:
+        entries = [(arrival, arrival, message) for _, arrival, message in entries]
+    else:
+        without = sum(1 for stamp, _, _ in entries if stamp == 0)
+        if without:
+            note(f"{without} messages of {topic} left out: header.stamp is 0")
+        entries = [entry for entry in entries if entry[0] != 0]
+    # sort() keeps the order of recording within a stamp
+    entries.sort(key=lambda entry: entry[0])
+    groups, again = [], 0
+    for stamp, _, message in entries:
+        if not groups or groups[-1][0] != stamp:
+            groups.append((stamp, [message]))
+        elif message in groups[-1][1]:
+            again += 1
+        else:
+            groups[-1][1].append(message)
+    if again:
+        note(f"{again} messages of {topic} left out: recorded twice")
+    shared = len(entries) - again - len(groups)
+    if shared:
+        note(f"{shared} of {len(entries)} messages of {topic} share the stamp of another: spread evenly to the next stamp")
+    steps = sorted(after[0] - group[0] for group, after in zip(groups, groups[1:]))
+    usual = steps[len(steps) // 2] if steps else 10 ** 7
+    out = []
+    for i, (stamp, messages) in enumerate(groups):
+        until = min(groups[i + 1][0] - stamp, usual) if i + 1 < len(groups) else usual
+        out += [(stamp + k * until // len(messages), message) for k, message in enumerate(messages)]
+    return out
+
+
+def check_overlap(wrenches, poses):
+    first, last = max(wrenches[0][0], poses[0][0]), min(wrenches[-1][0], poses[-1][0])
+    if first > last:
+        spans = [f"{1e-9 * part[0][0]:.3f} to {1e-9 * part[-1][0]:.3f} s" for part in (wrenches, poses)]
+        raise ValueError(f"wrenches are of {spans[0]}, poses of {spans[1]}: give both one clock")
+
+
+def wrench(bag, wrench_topic, pose_topic):
+    topics = [only_topic(bag, ("geometry_msgs/WrenchStamped", "assembly_cell/WrenchSamples"), wrench_topic),
+              only_topic(bag, ("geometry_msgs/PoseStamped",), pose_topic)]
+    entries = {name: [] for name in topics}
+    for name, message, arrival in bag.read_messages(topics=topics):
+        entries[name].append((message.header.stamp.to_nsec(), arrival.to_nsec(), message))
+    for name in topics:
+        if not entries[name]:
+            raise ValueError(f"no message on {name}: record it again")
+    # one clock for both: that of the bag where one of them has none
+    unstamped = [name for name in topics if all(entry[0] == 0 for entry in entries[name])]
+    if unstamped:
+        note(f"header.stamp of {' and '.join(unstamped)} is 0: times of recording in the bag are used")
+    found, poses = [stamped(entries[name], name, bool(unstamped)) for name in topics]
+    check_overlap(found, poses)
+    rows, refused = [], []
 
     def keep(stamp, values, saturated=0):
         bad = [k for k, value in enumerate(values) if saturated >> k & 1 or not abs(value) <= LARGEST[k]]
         if bad:
             refused.append((stamp, bad[0], values[bad[0]]))
         else:
-            wrenches[stamp] = values
+            rows.append((stamp, values))
 
-    for name, message, _ in bag.read_messages(topics=list(topics.values())):
-        stamp = message.header.stamp.to_nsec()
-        if name == topics["pose"]:
-            p, q = message.pose.position, message.pose.orientation
-            poses[stamp] = [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
-        elif message._type == "geometry_msgs/WrenchStamped":
+    for stamp, message in found:
+        if message._type == "geometry_msgs/WrenchStamped":
             f, m = message.wrench.force, message.wrench.torque
             keep(stamp, [f.x, f.y, f.z, m.x, m.y, m.z])
-        else:
-            for k in range(len(message.wrench) // 6):
-                at = stamp + (round(1e9 * k * message.period) if math.isfinite(message.period) else k)
-                keep(at, list(message.wrench[6 * k:6 * k + 6]), message.saturated[k] if k < len(message.saturated) else 0)
+            continue
+        for k in range(len(message.wrench) // 6):
+            at = stamp + (round(1e9 * k * message.period) if math.isfinite(message.period) else k)
+            keep(at, list(message.wrench[6 * k:6 * k + 6]), message.saturated[k] if k < len(message.saturated) else 0)
     if refused:
         stamp, channel, value = min(refused)
         text = (f"{len(refused)} samples left out: saturated, or beyond what a sensor measures; "
                 f"the first: {('fx', 'fy', 'fz', 'tx', 'ty', 'tz')[channel]} {value!r} at {1e-9 * stamp:.6f} s")
-        if not wrenches:
+        if not rows:
             raise ValueError(text + "; none are left")
-        print(text, file=sys.stderr)
-    times = sorted(poses)
+        note(text)
+    times = [stamp for stamp, _ in poses]
     lines = ["t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw"]
-    for stamp in sorted(wrenches):
+    # a later block that begins within one before it goes on after it
+    last = None
+    overlapping = 0
+    for stamp, values in sorted(rows, key=lambda row: row[0]):
+        if last is not None and stamp <= last:
+            overlapping += 1
+            continue
+        last = stamp
         k = bisect.bisect_right(times, stamp)
         if k > 0:
-            lines.append(",".join(map(repr, [1e-9 * (stamp - times[0])] + wrenches[stamp] + poses[times[k - 1]])))
+            p, q = poses[k - 1][1].pose.position, poses[k - 1][1].pose.orientation
+            pose = [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+            lines.append(",".join(map(repr, [1e-9 * (stamp - times[0])] + values + pose)))
+    if overlapping:
+        note(f"{overlapping} samples left out: at the time of another")
     return "\n".join(lines) + "\n"
 
 
@@ -145,17 +219,24 @@ def main():
     if arguments[:1] in (["-h"], ["--help"]):
         print(__doc__.strip())
         return 0
-    if not (len(arguments) == 2 and arguments[0] in ("observations", "locus", "wrench") or len(arguments) == 3 and arguments[0] == "locus"):
+    most = {"observations": 2, "locus": 3, "wrench": 4}
+    if not 2 <= len(arguments) <= most.get(arguments[0] if arguments else "", 0):
         given = " ".join(arguments) or "none"
         print(f"from_bag.py: arguments {given}: give observations, locus or wrench and a bag, see --help", file=sys.stderr)
         return 2
     try:
         with rosbag.Bag(arguments[1]) as bag:
+            topics = [topic or None for topic in arguments[2:]] + [None, None]
             if arguments[0] == "locus":
-                text = locus(bag, arguments[2] if arguments[2:] else None)
+                text = locus(bag, topics[0])
+            elif arguments[0] == "wrench":
+                text = wrench(bag, topics[0], topics[1])
             else:
-                text = {"observations": observations, "wrench": wrench}[arguments[0]](bag)
+                text = observations(bag)
         sys.stdout.write(text)
+    except rosbag.ROSBagUnindexedException:
+        print(f"{arguments[1]}: has no index, its recording was cut off: run rosbag reindex {arguments[1]}", file=sys.stderr)
+        return 2
     except (OSError, ValueError, rosbag.ROSBagException) as error:
         print(f"{arguments[1]}: {error}", file=sys.stderr)
         return 2

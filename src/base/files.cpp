@@ -15,6 +15,7 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
@@ -192,7 +193,7 @@ std::string inQuotes(const std::string& text) {
 }  // namespace
 
 std::string textFromBag(const std::string& what, const std::string& path,
-                        const std::string& option) {
+                        const std::vector<std::string>& topics, std::vector<std::string>* notes) {
   namespace fs = std::filesystem;
   if (!fs::is_regular_file(path)) {
     throw InputError(path + ": no " + what + " read: there is no such file");
@@ -205,7 +206,9 @@ std::string textFromBag(const std::string& what, const std::string& path,
   // its output into the file, its complaint through the pipe
   const fs::path script = fs::read_symlink("/proc/self/exe").parent_path() / "from_bag.py";
   std::string command = inQuotes(script.string()) + " " + what + " " + inQuotes(path);
-  if (!option.empty()) command += " " + inQuotes(option);
+  std::size_t given = topics.size();
+  while (given > 0 && topics[given - 1].empty()) --given;
+  for (std::size_t k = 0; k < given; ++k) command += " " + inQuotes(topics[k]);
   FILE* pipe = popen((command + " 2>&1 >" + inQuotes(file)).c_str(), "r");
   std::string complaint;
   std::array<char, 512> buffer{};
@@ -220,6 +223,8 @@ std::string textFromBag(const std::string& what, const std::string& path,
     complaint.erase(0, complaint.rfind('\n') + 1);
     throw InputError(complaint.empty() ? path + ": can't be read: give a bag" : complaint);
   }
+  std::istringstream lines(complaint);
+  for (std::string line; notes != nullptr && std::getline(lines, line);) notes->push_back(line);
   return text;
 }
 

@@ -4,27 +4,18 @@
 #include <algorithm>
 #include <cstddef>
 #include <filesystem>
-#include <fstream>
-#include <istream>
 #include <sstream>
-#include <string_view>
+#include <utility>
 
-#include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/table.h"
-#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 namespace {
 
 using Kind = RecordedMotion::Kind;
-
-std::vector<std::string> cellsOf(const std::string& line) {
-  const auto cells = csvCells(line);
-  return {cells.begin(), cells.end()};
-}
 
 // settings as from_bag.py writes them: # key=value key=value
 void readSettings(const std::string& line, RecordedMotion& motion) {
@@ -41,115 +32,76 @@ void readSettings(const std::string& line, RecordedMotion& motion) {
   }
 }
 
-// Columns of the largest kind that the header has.
-std::vector<std::string> wantedColumns(const std::vector<std::string>& header, Kind& kind) {
+// Columns of the largest kind that the table has.
+std::vector<std::vector<std::string>> wantedColumns(const Table& table, Kind& kind) {
   const auto has = [&](const char* name) {
-    return std::find(header.begin(), header.end(), name) != header.end();
+    return std::find(table.names.begin(), table.names.end(), name) != table.names.end();
   };
   if (has("x") && has("y") && has("z") && has("rx") && has("ry") && has("rz")) {
     kind = Kind::kDisplacement;
-    return {"t", "x", "y", "z", "rx", "ry", "rz"};
+    return {{"x"}, {"y"}, {"z"}, {"rx"}, {"ry"}, {"rz"}};
   }
   if (has("ax") && has("ay") && !has("x")) {
     kind = Kind::kAcceleration;
-    return {"t", "ax", "ay"};
+    return {{"ax"}, {"ay"}};
   }
   kind = Kind::kPlane;
-  return {"t", "x", "y"};
+  return {{"x"}, {"y"}};
 }
 
-// Blank or a comment.
-bool isSkipped(const std::string& line) {
-  const std::string_view text = trimmed(line, " \t\r");
-  return text.empty() || text.front() == '#';
+std::vector<std::size_t> signalColumns(Table& table, Kind& kind) {
+  const auto wanted = wantedColumns(table, kind);
+  if (kind == Kind::kAcceleration) return table.needAll(wanted);
+  const std::vector<std::vector<std::string>> lengths(
+      wanted.begin(), wanted.begin() + (kind == Kind::kDisplacement ? 3 : 2));
+  std::vector<std::size_t> columns = table.needAll(lengths, Quantity::kLength);
+  if (kind == Kind::kDisplacement) {
+    for (const std::size_t c : table.needAll({{"rx"}, {"ry"}, {"rz"}}, Quantity::kAngle)) {
+      columns.push_back(c);
+    }
+  }
+  return columns;
 }
 
-RecordedMotion parseMotion(std::istream& file, const std::string& path) {
+RecordedMotion motionOf(Table table, TimeUnit unit) {
   RecordedMotion motion;
-  std::string line;
-  std::size_t row = 0;
-  do {
-    ++row;
-    if (!std::getline(file, line)) {
-      throw InputError(path + ": no samples: give a CSV file with the header t,x,y");
-    }
-    if (row == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
-    if (line.rfind("#", 0) == 0) readSettings(line, motion);
-  } while (isSkipped(line));
-
-  // columns by name
-  const std::vector<std::string> header = cellsOf(line);
-  std::vector<std::string> names = wantedColumns(header, motion.kind);
-  const std::size_t values_end = names.size();
-  if (std::find(header.begin(), header.end(), "uncertainty") != header.end()) {
-    names.push_back("uncertainty");
+  for (const std::string& comment : table.comments) readSettings(comment, motion);
+  if (!table.header) {
+    throw InputError(table.path + ":1: no header: name the columns, such as t,x,y");
   }
-  for (const std::string& name : header) {
-    if (names.back() == "uncertainty" || !isMisspelt(name, "uncertainty")) continue;
-    throw InputError(path + ":" + std::to_string(row) + ": column " + printable(name) +
-                     ": is it uncertainty? correct it, or give it a name of its own");
-  }
-  std::vector<std::size_t> column(names.size());
-  for (std::size_t c = 0; c < names.size(); ++c) {
-    const auto count = std::count(header.begin(), header.end(), names[c]);
-    if (count != 1) {
-      throw InputError(path + ":" + std::to_string(row) + ": column " + names[c] +
-                       (count == 0 ? " is missing" : " is there twice") +
-                       ": give the header t,x,y");
+  const std::vector<std::size_t> columns = signalColumns(table, motion.kind);
+  const auto uncertainty = table.find({"uncertainty"});
+  // the format's times are in s; a header may name another unit
+  const auto time = table.find({"t", "time"});
+  const bool seconds = unit == TimeUnit::kFound && time && table.units[*time].empty();
+  TableTimes times = readTimes(table, seconds ? TimeUnit::kSeconds : unit);
+  motion.t = std::move(times.t);
+  motion.time_unit = times.unit + ", " + (seconds ? "as in this format" : times.reason);
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    for (std::size_t c = 0; c < 6; ++c) {
+      motion.signals.push_back(c < columns.size() ? table.rows[i][columns[c]] : 0.0);
     }
-    column[c] = static_cast<std::size_t>(std::find(header.begin(), header.end(), names[c]) -
-                                         header.begin());
-  }
-
-  std::vector<double> values(names.size());
-  while (std::getline(file, line)) {
-    ++row;
-    if (isSkipped(line)) continue;
-    const std::string place = path + ":" + std::to_string(row) + ": column ";
-    const std::vector<std::string> cells = cellsOf(line);
-    for (std::size_t c = 0; c < names.size(); ++c) {
-      if (column[c] >= cells.size()) {
-        throw InputError(place + names[c] + " is missing: give " + std::to_string(header.size()) +
-                         " columns as in the header");
-      }
-      const std::string& text = cells[column[c]];
-      if (!parseNumber(text, values[c])) {
-        throw InputError(place + names[c] + " is '" + text + "': give a finite number");
-      }
-      if (c >= values_end && !(values[c] > 0.0)) {
-        throw InputError(place + names[c] + " is '" + text + "': give a positive one");
-      }
+    if (!uncertainty) continue;
+    const double sd = table.rows[i][*uncertainty];
+    if (!(sd > 0.0)) {
+      throw InputError(table.place(i) + "column uncertainty is " + yamlNumber(sd) +
+                       ": give a positive one");
     }
-    if (cells.size() > header.size()) {
-      throw InputError(place + std::to_string(header.size() + 1) + " is '" + cells[header.size()] +
-                       "': give " + std::to_string(header.size()) + " columns as in the header");
-    }
-    if (!motion.t.empty() && values[0] <= motion.t.back()) {
-      throw InputError(place + "t is '" + cells[column[0]] + "': give times that rise");
-    }
-    motion.t.push_back(values[0]);
-    for (std::size_t c = 1; c < 7; ++c) {
-      motion.signals.push_back(c < values_end ? values[c] : 0.0);
-    }
-    if (values_end < names.size()) motion.sd.push_back(values[values_end]);
+    motion.sd.push_back(sd);
   }
   return motion;
 }
 
 }  // namespace
 
-RecordedMotion readMotion(const std::string& path, const std::string& topic) {
+RecordedMotion readMotion(const std::string& path, const std::string& topic, TimeUnit unit) {
+  const std::vector<std::string> names = {"t", "x", "y"};
   if (std::filesystem::path(path).extension() == ".bag") {
-    std::istringstream text(textFromBag("locus", path, topic));
-    return parseMotion(text, path);
+    return motionOf(tableFromText(textFromBag("locus", path, {topic}), path, names),
+                    TimeUnit::kSeconds);
   }
   if (!topic.empty()) throw InputError("--topic: value " + topic + ": is for bags only");
-  std::ifstream file(path);
-  if (!file || std::filesystem::is_directory(path) ||
-      file.peek() == std::ifstream::traits_type::eof()) {
-    throw InputError(path + ": file missing, unreadable or empty: give a CSV file with t,x,y");
-  }
-  return parseMotion(file, path);
+  return motionOf(readTable(path, names), unit);
 }
 
 }  // namespace assembly_cell

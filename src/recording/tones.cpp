@@ -14,7 +14,6 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/median.h"
-#include "assembly_cell/base/table.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/math/distributions.h"
 
@@ -365,26 +364,22 @@ ToneAnalysis resultOf(const VectorXd& t, const Model& m, std::vector<ToneStep> s
 
 }  // namespace
 
-ChannelRecording readChannels(const std::string& path, const std::vector<std::string>& channels) {
+ChannelRecording readChannels(const std::string& path, const std::vector<std::string>& channels,
+                              TimeUnit unit) {
   const Table table = readTable(path, {"t"});
-  const std::size_t time = table.need({"t", "time"});
-  table.checkRising(time);
+  const TableTimes times = readTimes(table, unit);
   ChannelRecording out;
   out.path = path;
+  out.time_unit = times.unit + ", " + times.reason;
+  out.t = times.t;
   std::vector<std::size_t> columns;
-  for (const std::string& name : channels) {
-    std::string lower = name;
-    std::transform(lower.begin(), lower.end(), lower.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    columns.push_back(table.need({lower}));
-  }
+  for (const std::string& name : channels) columns.push_back(table.need({name}));
   for (std::size_t c = 0; c < table.names.size() && channels.empty(); ++c) {
-    if (c != time) columns.push_back(c);
+    if (c == times.column || table.isText(c)) continue;
+    if (!table.faults[c].empty()) throw InputError(table.faults[c]);
+    columns.push_back(c);
   }
   if (columns.empty()) throw InputError(path + ": no channel beside t: add one");
-  for (const std::vector<double>& row : table.rows) out.t.push_back(row[time]);
-  const double unit = timeUnit(out.t);
-  for (double& t : out.t) t *= unit;
   const std::size_t n = out.t.size();
   const double spacing = n > 1 ? (out.t.back() - out.t.front()) / static_cast<double>(n - 1) : 0.0;
   for (std::size_t i = 1; i < n; ++i) {

@@ -22,12 +22,15 @@ constexpr const char* kHelp =
        contacts RECORDING.bag [options]
 
 Contacts in a recording of a wrench and the tool's pose, without a model of the part, as YAML. RECORDING.csv: columns t
-(s, ms, us or ns), fx fy fz tx ty tz [N, N m] of the sensor, x y z [m] and qx qy qz qw (or r11 ... r33) of the tool in the
-base, by a header or in this order. The tool's axes are taken for the sensor's. RECORDING.bag: a geometry_msgs/WrenchStamped
+(s, ms, us or ns), fx fy fz tx ty tz [N, N m] of the sensor, x y z [m] and qx qy qz qw (or r11 ... r33, or rotation vectors
+rx ry rz [rad]) of the tool in the base, by a header or in this order. The tool's axes are taken for the sensor's. RECORDING.bag: a geometry_msgs/WrenchStamped
 or WrenchSamples and a geometry_msgs/PoseStamped.
 Payload and bias come from the parts in which the tool moves and touches nothing; where along z the contacts lie (the
 lever) and how far from z they may be (the footprint) from those in which the wrench is that of one point.
 
+  --topic TOPIC         of a bag's wrenches, where it has several
+  --pose-topic TOPIC    of its poses
+  --time-unit U         of t in a table: s, ms, us or ns (default auto: by the header, by magnitude since 1970, or by spacing)
   --lever L             z of the tip's plane in the sensor's frame [m] (default: found)
   --footprint R         radius of the tip [m] (default: found)
   --force F             smallest force that is evaluated [N] (default 1)
@@ -53,6 +56,10 @@ void line(const char* key, const std::string& value) { std::cout << key << ": " 
 
 void print(const WrenchRecording& r, const ContactAnalysis& a) {
   line("samples", std::to_string(r.t.size()));
+  line("time_unit", yamlQuoted(r.time_unit));
+  std::string notes;
+  for (const std::string& note : r.notes) notes += (notes.empty() ? "" : ", ") + yamlQuoted(note);
+  line("notes", "[" + notes + "]");
   line("free_windows", std::to_string(a.free_windows));
   if (a.payload.refusal) {
     line("payload", "null  # " + a.payload.refusal.text);
@@ -120,14 +127,18 @@ void writeSamples(const std::string& path, const WrenchRecording& r, const Conta
 int run(const std::vector<std::string>& arguments) {
   std::string path, output;
   ContactSettings settings;
+  RecordingOptions options;
   OptionParser parser(kHelp);
   parser.file("recording", path);
+  parser.text("--topic", options.topic);
+  parser.text("--pose-topic", options.pose_topic);
+  parser.choice("--time-unit", options.time_unit, kTimeUnitChoices);
   parser.number("--lever", settings.lever, -2.0, 2.0);
   parser.number("--footprint", settings.footprint, 1e-4, 1.0);
   parser.number("--force", settings.force, 1e-3, 1e5);
   parser.text("--output", output);
   if (!parser.parse(arguments)) return 0;
-  const WrenchRecording recording = readWrenchRecording(path);
+  const WrenchRecording recording = readWrenchRecording(path, options);
   ContactAnalysis analysis;
   try {
     analysis = findContacts(recording, settings);

@@ -32,7 +32,7 @@ constexpr const char* kHelp =
        estimate_locus --plan --mechanism FILE --amplitude F [options]
 
 Fits the locus of a planar motion under a rotating exciter, decides its mode and prints the contact's
-direction as YAML. SAMPLES.csv: one header row with the columns t, x, y (others are ignored); t in s, rising;
+direction as YAML. SAMPLES.csv: one header row with the columns t, x, y (others are ignored); t rising;
 x and y of the peg's centre of mass in m; uncertainty, if there: sd of a sample's x and y, in any unit. Or ax, ay: accelerations in m/s2; or
 x, y, z, rx, ry, rz: displacement of the coupling as measured by sensor_b. The window is the whole file, at least one
 period of the exciter. RECORDING.bag: displacement_samples or accelerometers, with the exciter's messages.
@@ -40,6 +40,7 @@ period of the exciter. RECORDING.bag: displacement_samples or accelerometers, wi
   --frequency W         of the exciter [rad/s]; its phase is zero at t = 0; default: that of the bag
   --direction D         of the exciter: 1 anticlockwise from above (default), -1 clockwise
   --topic T             of a bag with several
+  --time-unit U         of t: s, ms, us or ns (default auto: that of the header, such as t_ms, or s)
   --start S             leave out what is earlier than S after the first sample [s]
   --duration D          of the window [s]
   --drift               fit a linear drift besides the offset
@@ -71,6 +72,7 @@ struct Options {
   std::string samples, mechanism, topic, trace;
   std::optional<double> frequency, amplitude, press, frequency_range, start, duration;
   std::optional<int> direction;
+  TimeUnit time_unit = TimeUnit::kFound;
   HarmonicOptions fit{false, 1, false};
   bool acceleration = false, plan = false;
   double false_alarm = 0.01, indifference = 0.05;
@@ -83,6 +85,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.file("file of samples", o.samples, false);
   parser.text("--mechanism", o.mechanism);
   parser.text("--topic", o.topic);
+  parser.choice("--time-unit", o.time_unit, kTimeUnitChoices);
   parser.text("--trace", o.trace);
   parser.flag("--drift", o.fit.drift);
   parser.flag("--robust", o.fit.robust);
@@ -111,9 +114,9 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   if (!parser.parse(arguments)) return false;
   parser.onlyWith("--plan", {"--bits", "--noise", "--rate", "--direction-limit"});
   if (o.plan) {
-    parser.notWith("--plan",
-                   {"--topic", "--start", "--drift", "--harmonics", "--robust", "--fit-frequency",
-                    "--acceleration", "--trace", "--false-alarm", "--indifference"});
+    parser.notWith("--plan", {"--topic", "--time-unit", "--start", "--drift", "--harmonics",
+                              "--robust", "--fit-frequency", "--acceleration", "--trace",
+                              "--false-alarm", "--indifference"});
     if (!o.samples.empty())
       throw InputError("--plan: takes no samples: leave " + o.samples + " out");
     if (o.mechanism.empty()) throw InputError("--mechanism: value missing: --plan needs it");
@@ -357,7 +360,7 @@ int run(const std::vector<std::string>& arguments) {
   if (o.frequency_range && !o.frequency) {
     throw InputError("--frequency: value missing: --fit-frequency looks around it");
   }
-  RecordedMotion motion = readMotion(o.samples, o.topic);
+  RecordedMotion motion = readMotion(o.samples, o.topic, o.time_unit);
   if (o.acceleration && motion.kind == RecordedMotion::Kind::kPlane) {
     motion.kind = RecordedMotion::Kind::kAcceleration;
   }
@@ -388,7 +391,9 @@ int run(const std::vector<std::string>& arguments) {
   } catch (const InputError& error) {
     throw InputError(o.samples + ": " + error.what());
   }
-  print(o, frequency_sd, estimate(o, motion.kind, fit));
+  const Result result = estimate(o, motion.kind, fit);
+  line("time_unit", yamlQuoted(motion.time_unit));
+  print(o, frequency_sd, result);
   return 0;
 }
 

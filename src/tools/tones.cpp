@@ -19,7 +19,7 @@ constexpr const char* kHelp =
     R"(Usage: tones RECORDING.csv [options]
 
 Frequencies, amplitudes, and when they step, of the tones in recorded channels, each with its sd, as YAML. RECORDING.csv:
-columns t (s, ms, us or ns, recognised by its spacing) and the channels by name, one rate. What a tone is to the exciter:
+columns t (s, ms, us or ns) and the channels by name, one rate. What a tone is to the exciter:
 its own, a harmonic, an intermodulation (factors of its tones by frequency, lowest order up to 5), or foreign.
 
   --channel NAME        only this channel; may be given several times (default: all)
@@ -27,6 +27,7 @@ its own, a harmonic, an intermodulation (factors of its tones by frequency, lowe
   --tones N             at most in a channel, the largest first (default 12)
   --steps N             at most in a channel (default 4)
   --smallest R          amplitude of a tone, of the channel's largest (default 0.003)
+  --time-unit U         of t: s, ms, us or ns (default auto: by the header, by magnitude since 1970, or by spacing)
   --help                print this
 
 Exit code: 0 ok, 2 bad input.
@@ -72,6 +73,7 @@ int run(const std::vector<std::string>& arguments) {
   std::string path, exciter;
   std::vector<std::string> channels;
   ToneOptions options;
+  TimeUnit unit = TimeUnit::kFound;
   OptionParser parser(kHelp);
   parser.file("recording", path);
   parser.texts("--channel", channels);
@@ -79,14 +81,15 @@ int run(const std::vector<std::string>& arguments) {
   parser.integer("--tones", options.max_tones, 1, 40);
   parser.integer("--steps", options.max_steps, 0, 20);
   parser.number("--smallest", options.smallest, 0.0, 1.0);
+  parser.choice("--time-unit", unit, kTimeUnitChoices);
   if (!parser.parse(arguments)) return 0;
   // the exciter first: the others' tones are found with it
   if (!exciter.empty()) {
     channels.erase(std::remove(channels.begin(), channels.end(), exciter), channels.end());
   }
-  ChannelRecording recording = readChannels(path, channels);
+  ChannelRecording recording = readChannels(path, channels, unit);
   if (!exciter.empty()) {
-    const ChannelRecording driven = readChannels(path, {exciter});
+    const ChannelRecording driven = readChannels(path, {exciter}, unit);
     const auto at = std::find(recording.names.begin(), recording.names.end(), driven.names[0]);
     if (at != recording.names.end()) {
       recording.values.erase(recording.values.begin() + (at - recording.names.begin()));
@@ -99,7 +102,7 @@ int run(const std::vector<std::string>& arguments) {
   std::vector<Tone> driving;
   std::ostringstream out;  // nothing is printed of what ends in a refusal
   out << "samples: " << recording.t.size() << "\nduration: " << yamlNumber(duration)
-      << "\nchannels:\n";
+      << "\ntime_unit: " << yamlQuoted(recording.time_unit) << "\nchannels:\n";
   for (std::size_t c = 0; c < recording.names.size(); ++c) {
     ToneAnalysis analysis;
     try {

@@ -96,6 +96,46 @@ TEST(RecordingTools, BadRecordingsGetOneLine) {
   expectOneLine("contacts none.bag", "none.bag");
 }
 
+// A tone of 1 Hz sampled at 10 Hz in seconds, and the same with times in ms as whole numbers.
+TEST(RecordingTools, TonesNameTheUnitOfTime) {
+  std::string seconds = "t,fz\n", milliseconds = "t_ms,fz\n";
+  for (int k = 0; k < 600; ++k) {
+    const double value = 2.0 * std::sin(0.2 * M_PI * k) + 0.01 * ((7 * k) % 5 - 2);
+    seconds += std::to_string(0.1 * k) + "," + std::to_string(value) + "\n";
+    milliseconds += std::to_string(100 * k) + "," + std::to_string(value) + "\n";
+  }
+  const std::string t = write("seconds.csv", seconds);
+  for (const std::string& arguments : {t, t + " --time-unit s", write("ms.csv", milliseconds)}) {
+    const Result r = run("tones " + arguments);
+    ASSERT_EQ(r.code, 0) << r.text;
+    const std::size_t at = r.text.find("frequency: ");
+    ASSERT_NE(at, std::string::npos);
+    EXPECT_NEAR(std::stod(r.text.substr(at + 11)), 1.0, 0.001) << r.text;
+    EXPECT_NE(r.text.find("time_unit: "), std::string::npos);
+  }
+  expectOneLine("tones " + t + " --time-unit min", "--time-unit");
+}
+
+TEST(RecordingTools, PositionsInMillimetresAreNamed) {
+  std::string rows;
+  for (int k = 0; k < 100; ++k) {
+    rows += std::to_string(0.01 * k) + ",1,2,3,0,0,0,512.5,-32.2," + std::to_string(200 + 0.1 * k) +
+            ",0,0,0,1\n";
+  }
+  const std::string header = "t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw\n";
+  expectOneLine("contacts " + write("mm.csv", header + rows), "positions in mm?");
+  // near the origin the speed shows it
+  std::string near;
+  for (int k = 0; k < 100; ++k) {
+    near +=
+        std::to_string(0.01 * k) + ",1,2,3,0,0,0,1,1," + std::to_string(0.08 * k) + ",0,0,0,1\n";
+  }
+  expectOneLine("contacts " + write("near.csv", header + near), "positions in mm?");
+  const std::string named = "t,fx,fy,fz,tx,ty,tz,x [mm],y [mm],z [mm],qx,qy,qz,qw\n";
+  const Result r = run("contacts " + write("named.csv", named + rows));
+  EXPECT_EQ(r.text.find("positions in mm?"), std::string::npos) << r.text;
+}
+
 TEST(RecordingTools, PayloadReadsMatricesAndJointAngles) {
   // an arm of two joints under a base that hangs askew by 0.2 rad about x
   const std::string urdf = write(

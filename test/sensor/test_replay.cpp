@@ -83,6 +83,38 @@ TEST_F(RecordingFile, AHeaderOrdersTheColumns) {
   for (int k = 0; k < 6; ++k) EXPECT_EQ(r.values[1][k], k + 1);
 }
 
+// No header is passed over while its order is another than that of the page.
+TEST_F(RecordingFile, AHeaderIsReadOrRefusedByName) {
+  const std::string rows = "0,4,5,6,1,2,3,0,0,0,1\n0.005,4,5,6,1,2,3,0,0,0,1\n";
+  for (const std::string header :
+       {"t,tx,ty,tz,fx,fy,fz,qx,qy,qz,qw\n", "\xEF\xBB\xBFt,tx,ty,tz,fx,fy,fz,qx,qy,qz,qw\n",
+        "time,TX,TY,TZ,FX,FY,FZ,qx,qy,qz,qw\n",
+        "\"t\",\"tx\",\"ty\",\"tz\",\"fx\",\"fy\",\"fz\",\"qx\",\"qy\",\"qz\",\"qw\"\n",
+        "Time [s],Tx [Nm],Ty [Nm],Tz [Nm],Fx [N],Fy [N],Fz [N],qx,qy,qz,qw\n",
+        "timestamp,mx,my,mz,fx,fy,fz,qx,qy,qz,qw\n", "# t,tx,ty,tz,fx,fy,fz,qx,qy,qz,qw\n"}) {
+    const Recording r = load(header + rows);
+    for (int k = 0; k < 6; ++k) EXPECT_EQ(r.values[1][k], k + 1) << header;
+    EXPECT_EQ(r.time[1], 0.005);
+  }
+  EXPECT_EQ(refusal("t,u,v,w,fx,fy,fz,qx,qy,qz,qw\n" + rows), ":1: column tx is missing: add it");
+  EXPECT_EQ(load("t,fx,fy,fz,tx,ty,tz\n0,1,2,3,4,5,6\n0.005,1,2,3,4,5,6\n").values[1][5], 6.0);
+  EXPECT_EQ(load("0,1,2,3,4,5,6\n0.005,1,2,3,4,5,6\n").values[1][5], 6.0);
+  EXPECT_NE(refusal("0,1,2,3,4,5,6,7\n0.005,1,2,3,4,5,6,7\n").find("8 columns instead of 11"),
+            std::string::npos);
+}
+
+TEST_F(RecordingFile, MillisecondsAreReadOrNamed) {
+  const std::string header = "t,fx,fy,fz,tx,ty,tz\n";
+  const Recording whole = load(header + "0,1,2,3,4,5,6\n5,1,2,3,4,5,6\n10,1,2,3,4,5,6\n");
+  EXPECT_NEAR(whole.period, 0.005, 1e-12);
+  EXPECT_EQ(whole.note, "time in ms, whole numbers 5 apart");
+  const std::string decimals = header + "0.0,1,2,3,4,5,6\n5.0,1,2,3,4,5,6\n";
+  EXPECT_NE(refusal(decimals).find("0.2 Hz in s or 200 Hz in ms"), std::string::npos);
+  ReplayFormat format;
+  format.time_unit = TimeUnit::kMilliseconds;
+  EXPECT_NEAR(load(decimals, format).period, 0.005, 1e-12);
+}
+
 TEST_F(RecordingFile, NamedColumnsArePicked) {
   ReplayFormat format;
   format.columns = {"temperature", "fx", "fy", "fz", "t", "tx", "ty", "tz"};
@@ -98,17 +130,17 @@ TEST_F(RecordingFile, BadRowsAreNamedByLine) {
     const std::string said = refusal(rows, bare());
     EXPECT_EQ(said.compare(0, part.size(), part), 0) << said;
   };
-  expect(ok + "# remark\n1,1,2,3,4,5\n", ":3: 6 columns instead of 7");
-  expect(ok + "1,1,2,3,4,5,6,7\n", ":2: 8 columns instead of 7");
-  expect(ok + "1,nan,2,3,4,5,6\n", ":2: column 2 is 'nan'");
-  expect(ok + "1,1,inf,3,4,5,6\n", ":2: column 3 is 'inf'");
-  expect(ok + "1,1,2,x,4,5,6\n", ":2: column 4 is 'x'");
-  expect(ok + "1,1,2,,4,5,6\n", ":2: column 4 is ''");
-  expect(ok + "1,1,2,3,4,5,6 7\n", ":2: column 7 is '6 7'");
-  expect(ok + "0,1,2,3,4,5,6\n", ":2: time goes from 0.000000 to 0.000000");
-  expect(ok + "-1,1,2,3,4,5,6\n", ":2: time is -1.0");
-  expect(ok + "5e9,1,2,3,4,5,6\n", ":2: time is 5000000000");
-  expect(ok + "0.2,1,2,3,4,5,6\n0.1,1,2,3,4,5,6\n", ":3: time goes from 0.2");
+  expect(ok + "# remark\n1,1,2,3,4,5\n", ":3: 6 columns: give 7 as in the first row");
+  expect(ok + "1,1,2,3,4,5,6,7\n", ":2: 8 columns: give 7 as in the first row");
+  expect(ok + "1,nan,2,3,4,5,6\n", ":2: column fx is 'nan'");
+  expect(ok + "1,1,inf,3,4,5,6\n", ":2: column fy is 'inf'");
+  expect(ok + "1,1,2,x,4,5,6\n", ":2: column fz is 'x'");
+  expect(ok + "1,1,2,,4,5,6\n", ":2: column fz is ''");
+  expect(ok + "1,1,2,3,4,5,6 7\n", ":2: column tz is '6 7'");
+  expect(ok + "0,1,2,3,4,5,6\n", ":2: column t is 0.0 after 0.0");
+  expect("-1.5,1,2,3,4,5,6\n-1.25,1,2,3,4,5,6\n", ":1: time is -1.5");
+  expect("5e9,1,2,3,4,5,6\n5.0000000005e9,1,2,3,4,5,6\n", ":1: time is 5000000000");
+  expect(ok + "0.2,1,2,3,4,5,6\n0.1,1,2,3,4,5,6\n", ":3: column t is 0.1 after 0.2");
   expect(ok, "recording '' has 1 rows");
   EXPECT_THROW(loadRecording(path_ + ".none", {}), InputError);
   EXPECT_THROW(loadRecording(fs::path(path_).parent_path().string(), {}), InputError);
@@ -154,7 +186,9 @@ TEST_F(RecordingFile, BlocksEndAtGaps) {
 }
 
 TEST_F(RecordingFile, ALoopGoesOnInTime) {
-  Replay replay(load("1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n3,1,2,3,4,5,6\n", bare()), 1, true);
+  Replay replay(
+      load("t_s,fx,fy,fz,tx,ty,tz\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n3,1,2,3,4,5,6\n", bare()), 1,
+      true);
   ReplayBlock block;
   for (int i = 0; i < 10; ++i) {
     ASSERT_TRUE(replay.next(block));

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <string>
+#include <vector>
 
 namespace assembly_cell {
 
@@ -39,9 +40,11 @@ void checkWritable(const std::string& path, const std::string& where);
 bool writeAll(int file, const std::string& bytes);
 
 /// What the script from_bag.py, which stands beside the running tool, takes out of a bag: the core
-/// knows no ROS. what: observations, or locus (samples as CSV) with the topic as option. Throws
+/// knows no ROS. what: observations, locus (samples as CSV) or wrench, topics as the script takes
+/// them; empty ones: the only ones. notes: gets the script's lines about what it read. Throws
 /// InputError with the script's line.
 std::string textFromBag(const std::string& what, const std::string& path,
-                        const std::string& option = {});
+                        const std::vector<std::string>& topics = {},
+                        std::vector<std::string>* notes = nullptr);
 
 }  // namespace assembly_cell

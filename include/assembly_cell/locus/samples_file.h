@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/table.h"
+
 namespace assembly_cell {
 
 /// A recorded motion of the peg under the exciter.
@@ -15,6 +17,7 @@ struct RecordedMotion {
     kDisplacement   ///< the coupling's six displacements [m], [rad]
   };
   Kind kind = Kind::kPlane;
+  std::string time_unit;        ///< of the file, and why
   std::vector<double> t;        ///< [s], rising; the exciter's phase is zero at t = 0
   std::vector<double> signals;  ///< 6 × n; unused ones are zero
   std::vector<double> sd;       ///< of each sample; empty: not given
@@ -26,7 +29,9 @@ struct RecordedMotion {
 /// A CSV file with a header row: columns by name t and x, y, or ax, ay, or x, y, z, rx, ry, rz;
 /// uncertainty (one sd for both axes) if there; others are ignored. Or a bag of
 /// displacement_samples or accelerometers (scripts/from_bag.py). topic: of a bag with several.
-/// Throws InputError naming file, line and column.
-RecordedMotion readMotion(const std::string& path, const std::string& topic = {});
+/// Times in s, or in the unit that is given or in the header. Throws InputError naming file, line
+/// and column.
+RecordedMotion readMotion(const std::string& path, const std::string& topic = {},
+                          TimeUnit unit = TimeUnit::kFound);
 
 }  // namespace assembly_cell

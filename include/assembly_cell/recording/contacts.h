@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/table.h"
 #include "assembly_cell/calibration/payload/payload.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/twin_force/line_of_action.h"
@@ -15,15 +16,22 @@
 namespace assembly_cell {
 
 struct WrenchRecording {
-  std::vector<double> t;        ///< rising [s]
-  std::vector<Vector6> wrench;  ///< in sensor axes, about the sensor's origin
-  std::vector<Pose> pose;       ///< pose of the tool in the base; its axes are used as the sensor's
+  std::string time_unit;           ///< of the file, and why
+  std::vector<std::string> notes;  ///< what was converted, spread or left out in reading
+  std::vector<double> t;           ///< rising [s]
+  std::vector<Vector6> wrench;     ///< in sensor axes, about the sensor's origin
+  std::vector<Pose> pose;  ///< pose of the tool in the base; its axes are used as the sensor's
 };
 
-/// Reads a table with t, fx fy fz tx ty tz, x y z and qx qy qz qw or r11 … r33, in this order (with
-/// the quaternion) if it has no header; or a bag with a wrench and a pose. Throws InputError naming
-/// file, line and column.
-WrenchRecording readWrenchRecording(const std::string& path);
+struct RecordingOptions {
+  std::string topic, pose_topic;  ///< of a bag; empty: its only ones
+  TimeUnit time_unit = TimeUnit::kFound;
+};
+
+/// Reads a table with t (readTimes()), fx fy fz tx ty tz, x y z and rotations (readRotations()), in
+/// this order (with a quaternion) if it has no header; or a bag with a wrench and a pose. Throws
+/// InputError naming file, line and column, also for positions and speeds that no arm has.
+WrenchRecording readWrenchRecording(const std::string& path, const RecordingOptions& options = {});
 
 struct ContactSettings {
   std::optional<double> lever;      ///< height of the tip's plane along z [m]; empty: estimated

@@ -6,19 +6,24 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/table.h"
+
 namespace assembly_cell {
 
 /// Channels by name, sampled together.
 struct ChannelRecording {
   std::string path;
+  std::string time_unit;  ///< of the file, and why
   std::vector<double> t;  ///< rising, one rate [s]
   std::vector<std::string> names;
   std::vector<std::vector<double>> values;  ///< values of each channel
 };
 
-/// Reads a table with the column t (or time) and the named channels; none: all but t. Throws
-/// InputError naming file, line and column, also for a sampling rate that changes.
-ChannelRecording readChannels(const std::string& path, const std::vector<std::string>& channels);
+/// Reads a table with the column t (readTimes()) and the named channels; none: all but t and
+/// columns of text. Throws InputError naming file, line and column, also for a sampling rate that
+/// changes.
+ChannelRecording readChannels(const std::string& path, const std::vector<std::string>& channels,
+                              TimeUnit unit = TimeUnit::kFound);
 
 struct Tone {
   double frequency = 0.0, frequency_sd = 0.0;  ///< [Hz]

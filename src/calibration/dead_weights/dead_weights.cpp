@@ -201,17 +201,12 @@ void fillUnlabelled(const std::vector<DeadWeight>& rows, DeadWeightSolution& out
 
 std::vector<DeadWeight> readDeadWeights(const std::string& path) {
   std::vector<std::string> names;
-  std::vector<std::vector<std::string>> columns;
   for (const char* prefix : {"", "known_"}) {
-    for (const char* axis : kAxes) {
-      const std::string name = std::string(prefix) + axis;
-      names.push_back(name);
-      columns.push_back({name});
-      if (axis[0] == 't') columns.back().push_back(std::string(prefix) + "m" + axis[1]);
-    }
+    for (const char* axis : kAxes) names.push_back(std::string(prefix) + axis);
   }
-  const Table table = readTable(path, names, true);
-  const std::vector<std::size_t> column = table.needAll(columns);
+  Table table = readTable(path, names, true);
+  std::vector<std::size_t> column = wrenchColumns(table);
+  for (const std::size_t c : wrenchColumns(table, "known_")) column.push_back(c);
   std::vector<DeadWeight> out;
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
     DeadWeight row;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
 
 #include "assembly_cell/base/input_error.h"
@@ -53,10 +54,41 @@ std::vector<Eigen::Matrix3d> fromMatrices(const Table& table) {
   return out;
 }
 
+std::vector<Eigen::Matrix3d> fromVectors(Table& table) {
+  constexpr double kLongest = 2.0 * M_PI + 0.01;
+  const auto column = table.needAll({{"rx"}, {"ry"}, {"rz"}}, Quantity::kAngle);
+  std::vector<Eigen::Matrix3d> out;
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::vector<double>& row = table.rows[i];
+    const Eigen::Vector3d r(row[column[0]], row[column[1]], row[column[2]]);
+    const double angle = r.norm();
+    if (angle > kLongest) {
+      throw InputError(table.place(i) + "rotation vector rx ry rz has length " + yamlNumber(angle) +
+                       ": give the axis times the angle in rad, or name the unit, rx [deg]");
+    }
+    const Eigen::Vector3d axis =
+        angle > 0.0 ? Eigen::Vector3d(r / angle) : Eigen::Vector3d::UnitX();
+    out.push_back(Eigen::AngleAxisd(angle, axis).toRotationMatrix());
+  }
+  return out;
+}
+
+bool hasQuaternion(const Table& table) {
+  const auto is = [](const std::string& name) {
+    return name == "qx" || name == "qy" || name == "qz" || name == "qw";
+  };
+  return std::any_of(table.names.begin(), table.names.end(), is);
+}
+
 }  // namespace
 
-std::vector<Eigen::Matrix3d> readRotations(const Table& table) {
+std::vector<Eigen::Matrix3d> readRotations(Table& table) {
   if (table.find({"r11"})) return fromMatrices(table);
+  if (!hasQuaternion(table)) {
+    if (table.find({"rx"})) return fromVectors(table);
+    throw InputError(table.path +
+                     ":1: no rotations: add qx qy qz qw, r11 to r33, or rotation vectors rx ry rz");
+  }
   const auto q = table.needAll({{"qx"}, {"qy"}, {"qz"}, {"qw"}});
   std::vector<Eigen::Matrix3d> out;
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
@@ -76,7 +108,7 @@ Poses readPoses(const std::string& path, const JointAngles* joints) {
   std::vector<std::string> names = {"x", "y", "z", "qx", "qy", "qz", "qw"};
   if (joints != nullptr) names = joints->names;
   names.push_back("order");
-  const Table table = readTable(path, names);
+  Table table = readTable(path, names);
   const std::vector<Eigen::Matrix3d> R =
       joints != nullptr ? fromJoints(table, *joints) : readRotations(table);
   const auto order = table.find({"order", "index", "time", "t"});
@@ -101,7 +133,8 @@ Poses readPoses(const std::string& path, const JointAngles* joints) {
 
 Wrenches readWrenches(const std::string& path) {
   const std::vector<std::string> names = {"fx", "fy", "fz", "tx", "ty", "tz"};
-  const Table table = readTable(path, names);
+  Table table = readTable(path, names);
+  const std::vector<std::size_t> column = wrenchColumns(table);
   Wrenches out;
   out.header = table.header;
   const auto temperature = table.find({"temperature"});
@@ -109,7 +142,7 @@ Wrenches readWrenches(const std::string& path) {
     const std::vector<double>& row = table.rows[i];
     Vector6 w;
     for (std::size_t k = 0; k < 6; ++k) {
-      const double value = w[static_cast<Eigen::Index>(k)] = row[table.need({names[k]})];
+      const double value = w[static_cast<Eigen::Index>(k)] = row[column[k]];
       if (std::abs(value) > (k < 3 ? kLargestForce : kLargestTorque)) {
         throw InputError(table.place(i) + names[k] + " is " + yamlNumber(value) +
                          ": no sensor measures that, it is a code for a fault or an end of its "

@@ -227,6 +227,7 @@ double inflation(const VectorXd& e) {
 ReferenceRunResult resultOf(const Fit& fit, const ReferenceAverages& run) {
   ReferenceRunResult out;
   out.name = run.run->name;
+  out.time_unit = run.run->time_unit;
   out.samples = run.run->t.size();
   out.bursts = run.cells.bursts;
   out.tared = run.cells.tared;

@@ -64,13 +64,12 @@ void tare(ReferenceCells& run) {
 
 }  // namespace
 
-ReferenceRun readReferenceRun(const std::string& path, int channels) {
+ReferenceRun readReferenceRun(const std::string& path, int channels, TimeUnit unit) {
   std::vector<std::string> names = {"t"};
   for (int k = 1; k <= channels; ++k) names.push_back("ch" + std::to_string(k));
   for (const char* axis : {"fx", "fy", "fz", "tx", "ty", "tz"}) names.push_back(axis);
-  const Table table = readTable(path, names);
-  const std::size_t time = table.need({"t", "time"});
-  table.checkRising(time);
+  Table table = readTable(path, names);
+  const TableTimes times = readTimes(table, unit);
   std::vector<std::size_t> raw;
   while (true) {
     const std::string k = std::to_string(raw.size() + 1);
@@ -79,16 +78,16 @@ ReferenceRun readReferenceRun(const std::string& path, int channels) {
     raw.push_back(*column);
   }
   if (raw.size() < 6) table.need({"ch" + std::to_string(raw.size() + 1)});
-  const auto wrench =
-      table.needAll({{"fx"}, {"fy"}, {"fz"}, {"tx", "mx"}, {"ty", "my"}, {"tz", "mz"}});
+  const std::vector<std::size_t> wrench = wrenchColumns(table);
   ReferenceRun run;
   run.name = path;
+  run.t = times.t;
+  run.time_unit = times.unit + ", " + times.reason;
   const auto n = static_cast<Eigen::Index>(table.rows.size());
   run.raw.resize(n, static_cast<Eigen::Index>(raw.size()));
   run.wrench.resize(n, 6);
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(i);
-    run.t.push_back(table.rows[i][time]);
     for (std::size_t k = 0; k < raw.size(); ++k) {
       run.raw(row, static_cast<Eigen::Index>(k)) = table.rows[i][raw[k]];
     }
@@ -96,8 +95,6 @@ ReferenceRun readReferenceRun(const std::string& path, int channels) {
       run.wrench(row, static_cast<Eigen::Index>(k)) = table.rows[i][wrench[k]];
     }
   }
-  const double unit = timeUnit(run.t);
-  for (double& t : run.t) t *= unit;
   return run;
 }
 

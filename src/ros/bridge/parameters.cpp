@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -70,6 +71,19 @@ YAML::Node toYaml(XmlRpcValue& value) {
   throw InputError("parameter " + nh.resolveName(name) + " is " + value + ": " + remedy);
 }
 
+// rosparam reads YAML 1.1, where a number without a point or its exponent without a sign is text
+std::string numberAsText(const XmlRpcValue& value, const std::string& remedy) {
+  double number = 0.0;
+  XmlRpcValue copy = value;
+  if (copy.getType() != XmlRpcValue::TypeString ||
+      !parseNumber(static_cast<std::string>(copy), number)) {
+    return remedy;
+  }
+  const bool whole = number == std::nearbyint(number) && std::abs(number) < 1e9;
+  return "to rosparam this is text, not a number: write " +
+         (whole ? std::to_string(std::lround(number)) : yamlNumber(number)) + "; " + remedy;
+}
+
 }  // namespace
 
 std::optional<XmlRpcValue> Parameters::find(const std::string& name, bool required) {
@@ -84,7 +98,9 @@ double Parameters::number(const std::string& name, const Range& range,
                           std::optional<double> fallback) {
   const auto value = find(name, !fallback);
   if (!value) return *fallback;
-  if (!isNumber(*value)) refuse(nh_, name, print(*value), remedy(range));
+  if (!isNumber(*value)) {
+    refuse(nh_, name, print(*value), numberAsText(*value, remedy(range)));
+  }
   const double number = toDouble(*value);
   if (const std::string wrong = outside(number, range); !wrong.empty()) {
     throw InputError("parameter " + nh_.resolveName(name) + " is " + wrong);
@@ -97,7 +113,9 @@ int Parameters::integer(const std::string& name, int min, int max, std::optional
   if (!value) return *fallback;
   const std::string remedy =
       "give a whole number from " + std::to_string(min) + " to " + std::to_string(max);
-  if (value->getType() != XmlRpcValue::TypeInt) refuse(nh_, name, print(*value), remedy);
+  if (value->getType() != XmlRpcValue::TypeInt) {
+    refuse(nh_, name, print(*value), numberAsText(*value, remedy));
+  }
   const int number = static_cast<int>(*value);
   if (number < min || number > max) refuse(nh_, name, std::to_string(number), remedy);
   return number;
@@ -164,7 +182,7 @@ std::vector<double> Parameters::numbers(const std::string& name, std::size_t siz
   std::vector<double> out;
   for (int i = 0; i < value->size(); ++i) {
     if (!isNumber((*value)[i]) || !std::isfinite(toDouble((*value)[i]))) {
-      refuse(nh_, name, print(*value), remedy);
+      refuse(nh_, name, print(*value), numberAsText((*value)[i], remedy));
     }
     out.push_back(toDouble((*value)[i]));
   }

@@ -2,49 +2,24 @@
 #include "assembly_cell/sensor/devices/replay.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <istream>
-#include <string_view>
 #include <utility>
 
-#include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/median.h"
-#include "assembly_cell/sensor/source_parameters.h"
 
 namespace assembly_cell {
 
 namespace {
 
-constexpr double kLatestStamp = 4294967295.0;   // what ros::Time holds [s]
-constexpr std::size_t kLongestRow = 64 * 1024;  // [bytes]
-constexpr std::size_t kMaxRows = 50000000;      // 3 GB in memory
+constexpr double kLatestStamp = 4294967295.0;  // what ros::Time holds [s]
 
-bool parse(std::string_view field, double& value) {
-  if (!field.empty() && field.front() == '+') field.remove_prefix(1);
-  const char* end = field.data() + field.size();
-  const auto [stop, error] = std::from_chars(field.data(), end, value);
-  return error == std::errc() && stop == end;
-}
-
-std::vector<std::string> neededColumns(SampleQuantity quantity) {
-  if (quantity == SampleQuantity::kWrench) return {"t", "fx", "fy", "fz", "tx", "ty", "tz"};
-  return {"t", "ch1", "ch2", "ch3", "ch4", "ch5", "ch6"};
-}
-
-// where the needed names stand among `names`; empty if one isn't there exactly once
-std::vector<std::size_t> locate(const std::vector<std::string>& needed,
-                                const std::vector<std::string>& names) {
-  std::vector<std::size_t> places;
-  for (const std::string& name : needed) {
-    if (std::count(names.begin(), names.end(), name) != 1) return {};
-    places.push_back(
-        static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin()));
-  }
-  return places;
+std::vector<std::string> valueColumns(SampleQuantity quantity) {
+  if (quantity == SampleQuantity::kWrench) return {"fx", "fy", "fz", "tx", "ty", "tz"};
+  return {"ch1", "ch2", "ch3", "ch4", "ch5", "ch6"};
 }
 
 std::string join(const std::vector<std::string>& names) {
@@ -53,100 +28,75 @@ std::string join(const std::vector<std::string>& names) {
   return text;
 }
 
-/// Reads row after row into a recording. Errors don't name the place.
-class RowReader {
- public:
-  explicit RowReader(const ReplayFormat& format)
-      : format_(format),
-        needed_(neededColumns(format.quantity)),
-        columns_(format.columns.empty() ? defaultColumns(format.quantity) : format.columns),
-        places_(locate(needed_, columns_)),
-        row_(columns_.size()) {
-    if (format.bits < 2 || format.bits > 32) {
-      throw InputError("replay: bits is " + std::to_string(format.bits) + ": give 2 to 32");
-    }
-    if (!(format.full_scale > 0.0) || !std::isfinite(format.full_scale)) {
-      throw InputError("replay: full_scale is " + std::to_string(format.full_scale) +
-                       ": give volts above 0");
-    }
-    if (places_.empty()) {
-      throw InputError("replay: columns are '" + join(columns_) + "': name each of '" +
-                       join(needed_) + "' once");
-    }
+void check(const ReplayFormat& format) {
+  if (format.bits < 2 || format.bits > 32) {
+    throw InputError("replay: bits is " + std::to_string(format.bits) + ": give 2 to 32");
   }
-
-  void read(std::string_view content, Recording& recording) {
-    if (!parseRow(csvCells(content))) return;
-    const double t = row_[places_[0]];
-    if (t < 0.0 || t > kLatestStamp) {
-      throw InputError("time is " + std::to_string(t) + ": give seconds from 0 to 4.29e9");
-    }
-    if (!recording.time.empty() && t <= recording.time.back()) {
-      throw InputError("time goes from " + std::to_string(recording.time.back()) + " to " +
-                       std::to_string(t) + ": rows must increase in time");
-    }
-    Vector6 value;
-    std::uint8_t saturated = 0;
-    for (std::size_t k = 0; k < 6; ++k) {
-      value[static_cast<Eigen::Index>(k)] = channel(k, saturated);
-    }
-    if (recording.time.size() == kMaxRows) {
-      throw InputError("the recording has more than " + std::to_string(kMaxRows) + " rows: cut it");
-    }
-    recording.time.push_back(t);
-    recording.values.push_back(value);
-    recording.saturated.push_back(saturated);
+  if (!(format.full_scale > 0.0) || !std::isfinite(format.full_scale)) {
+    throw InputError("replay: full_scale is " + std::to_string(format.full_scale) +
+                     ": give volts above 0");
   }
-
- private:
-  /// False for a header, which may order the columns.
-  bool parseRow(const std::vector<std::string_view>& fields) {
-    if (fields.size() != columns_.size()) {
-      throw InputError(std::to_string(fields.size()) + " columns instead of " +
-                       std::to_string(columns_.size()) + ": mend the row or name the columns (" +
-                       join(columns_) + ")");
-    }
-    double probe = 0.0;
-    if (std::exchange(first_, false) && !parse(fields[0], probe)) {
-      const auto header = locate(needed_, {fields.begin(), fields.end()});
-      if (!header.empty()) places_ = header;
-      return false;
-    }
-    for (std::size_t i = 0; i < fields.size(); ++i) {
-      if (!parse(fields[i], row_[i]) || !std::isfinite(row_[i])) {
-        throw InputError("column " + std::to_string(i + 1) + " is '" +
-                         printable(std::string(fields[i])) + "': give a finite number");
-      }
-    }
-    return true;
+  if (format.columns.empty()) return;
+  std::vector<std::string> needed = valueColumns(format.quantity);
+  needed.insert(needed.begin(), "t");
+  for (const std::string& name : needed) {
+    if (std::count(format.columns.begin(), format.columns.end(), name) == 1) continue;
+    throw InputError("replay: columns are '" + join(format.columns) + "': name each of '" +
+                     join(needed) + "' once");
   }
+}
 
-  double channel(std::size_t k, std::uint8_t& saturated) const {
-    const double entry = row_[places_[k + 1]];
-    if (format_.quantity == SampleQuantity::kWrench) return entry;
-    const bool counts = format_.quantity == SampleQuantity::kCounts;
-    const double codes = std::ldexp(1.0, format_.bits - 1);
-    if (counts && (entry != std::nearbyint(entry) || entry < -codes || entry > codes - 1.0)) {
-      throw InputError(needed_[k + 1] + " is " + std::to_string(entry) + ": not a code of " +
-                       std::to_string(format_.bits) + " bits; set bits");
-    }
-    const double low = counts ? -codes : -format_.full_scale;
-    const double high = counts ? codes - 1.0 : format_.full_scale;
-    if (entry <= low || entry >= high) saturated = static_cast<std::uint8_t>(saturated | (1u << k));
-    return counts ? entry * (format_.full_scale / codes) : entry;
+// The names that the format gives, where the file has none of the needed ones.
+void nameColumns(Table& table, const ReplayFormat& format) {
+  const auto is_value = [&](const std::string& name) {
+    const auto values = valueColumns(format.quantity);
+    return std::count(values.begin(), values.end(), name) > 0;
+  };
+  const bool named = std::any_of(table.names.begin(), table.names.end(), is_value);
+  if (table.header && (named || format.columns.empty())) return;
+  const std::size_t n = table.names.size();
+  const std::size_t least = valueColumns(format.quantity).size() + 1;
+  const std::size_t most =
+      format.columns.empty() ? defaultColumns(format.quantity).size() : format.columns.size();
+  if (n != most && (n != least || !format.columns.empty())) {
+    throw InputError(
+        table.place(0) + std::to_string(n) + " columns instead of " + std::to_string(most) +
+        ": name them in a header, or mend columns (" +
+        join(format.columns.empty() ? defaultColumns(format.quantity) : format.columns) + ")");
   }
+  if (!table.header) return;
+  for (std::size_t c = 0; c < n; ++c) table.names[c] = columnName(format.columns[c]);
+}
 
-  const ReplayFormat& format_;
-  const std::vector<std::string> needed_, columns_;
-  std::vector<std::size_t> places_;
-  std::vector<double> row_;
-  bool first_ = true;
-};
+std::vector<std::size_t> valuesOf(Table& table, SampleQuantity quantity) {
+  if (quantity == SampleQuantity::kWrench) return wrenchColumns(table);
+  std::vector<std::vector<std::string>> columns;
+  for (const std::string& name : valueColumns(quantity)) columns.push_back({name});
+  return quantity == SampleQuantity::kVolts ? table.needAll(columns, Quantity::kVoltage)
+                                            : table.needAll(columns);
+}
+
+// In V for counts and volts; marks end codes.
+double channel(double entry, const ReplayFormat& format, const std::string& place,
+               std::uint8_t& saturated, std::size_t k) {
+  if (format.quantity == SampleQuantity::kWrench) return entry;
+  const bool counts = format.quantity == SampleQuantity::kCounts;
+  const double codes = std::ldexp(1.0, format.bits - 1);
+  if (counts && (entry != std::nearbyint(entry) || entry < -codes || entry > codes - 1.0)) {
+    throw InputError(place + "ch" + std::to_string(k + 1) + " is " + std::to_string(entry) +
+                     ": not a code of " + std::to_string(format.bits) + " bits; set bits");
+  }
+  const double low = counts ? -codes : -format.full_scale;
+  const double high = counts ? codes - 1.0 : format.full_scale;
+  if (entry <= low || entry >= high) saturated = static_cast<std::uint8_t>(saturated | (1u << k));
+  return counts ? entry * (format.full_scale / codes) : entry;
+}
 
 }  // namespace
 
 std::vector<std::string> defaultColumns(SampleQuantity quantity) {
-  std::vector<std::string> columns = neededColumns(quantity);
+  std::vector<std::string> columns = valueColumns(quantity);
+  columns.insert(columns.begin(), "t");
   if (quantity == SampleQuantity::kWrench) {
     for (const char* name : {"qx", "qy", "qz", "qw"}) columns.emplace_back(name);
   }
@@ -155,35 +105,41 @@ std::vector<std::string> defaultColumns(SampleQuantity quantity) {
 
 Recording loadRecording(const std::string& path, const ReplayFormat& format) {
   std::ifstream file(path);
-  if (!file) throw InputError("recording '" + path + "' can't be read: give an existing file");
+  if (!file || std::filesystem::is_directory(path)) {
+    throw InputError("recording '" + path + "' can't be read: give an existing file");
+  }
   return readRecording(file, path, format);
 }
 
 Recording readRecording(std::istream& stream, const std::string& name, const ReplayFormat& format) {
-  RowReader reader(format);
+  check(format);
+  Table table = tableFromStream(
+      stream, name, format.columns.empty() ? defaultColumns(format.quantity) : format.columns);
+  nameColumns(table, format);
+  const std::vector<std::size_t> column = valuesOf(table, format.quantity);
+  TableTimes times = readTimes(table, format.time_unit);
   Recording recording;
-  std::vector<char> line(kLongestRow);
-  for (std::size_t number = 1;
-       stream.getline(line.data(), static_cast<std::streamsize>(line.size())); ++number) {
-    // the newline counts, the end of the file doesn't
-    const auto length = static_cast<std::size_t>(stream.gcount()) - (stream.eof() ? 0 : 1);
-    const std::string_view content = trimmed({line.data(), length});
-    if (content.empty() || content.front() == '#') continue;
-    try {
-      reader.read(content, recording);
-    } catch (const InputError& error) {
-      throw InputError(name + ":" + std::to_string(number) + ": " + error.what());
+  recording.note = "time in " + times.unit + ", " + times.reason;
+  for (const std::string& note : table.notes) recording.note += "; " + note;
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    if (times.t[i] < 0.0 || times.t[i] > kLatestStamp) {
+      throw InputError(table.place(i) + "time is " + std::to_string(times.t[i]) +
+                       ": give seconds from 0 to 4.29e9");
     }
+    Vector6 value;
+    std::uint8_t saturated = 0;
+    for (std::size_t k = 0; k < 6; ++k) {
+      value[static_cast<Eigen::Index>(k)] =
+          channel(table.rows[i][column[k]], format, table.place(i), saturated, k);
+    }
+    recording.values.push_back(value);
+    recording.saturated.push_back(saturated);
   }
-  if (!stream.eof()) {
-    throw InputError("recording '" + name + "' has a row of more than " +
-                     std::to_string(kLongestRow) + " bytes, or can't be read to its end");
-  }
-  if (recording.time.size() < 2) {
-    throw InputError("recording '" + name + "' has " + std::to_string(recording.time.size()) +
+  if (table.rows.size() < 2) {
+    throw InputError("recording '" + name + "' has " + std::to_string(table.rows.size()) +
                      " rows: give at least 2");
   }
-
+  recording.time = std::move(times.t);
   recording.period = medianSpacing(recording.time);
   return recording;
 }

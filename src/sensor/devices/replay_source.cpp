@@ -12,6 +12,16 @@ namespace assembly_cell {
 
 ReplaySource::ReplaySource() { info_.type = "replay"; }
 
+namespace {
+
+std::vector<std::string> timeUnitNames() {
+  std::vector<std::string> names;
+  for (const auto& choice : kTimeUnitChoices) names.push_back(choice.first);
+  return names;
+}
+
+}  // namespace
+
 void ReplaySource::doConfigure(const YAML::Node& map) {
   SourceParameters parameters(map, "source " + info_.type);
   file_ = parameters.text("file");
@@ -23,6 +33,10 @@ void ReplaySource::doConfigure(const YAML::Node& map) {
   format_.columns = parameters.texts("columns", std::vector<std::string>());
   format_.bits = parameters.integer("bits", 2, 32, 16);
   format_.full_scale = parameters.number("full_scale", 1e-9, 1e9, 5.0);
+  const std::string unit = parameters.choice("time_unit", timeUnitNames(), "auto");
+  for (const auto& [name, value] : kTimeUnitChoices) {
+    if (name == unit) format_.time_unit = value;
+  }
   paced_ = parameters.choice("rate", {"original", "fast"}, "original") == "original";
   loop_ = parameters.flag("loop", false);
   block_size_ = static_cast<std::size_t>(
@@ -39,6 +53,7 @@ void ReplaySource::doConfigure(const YAML::Node& map) {
 
 void ReplaySource::doOpen() {
   replay_ = std::make_unique<Replay>(loadRecording(file_, format_), block_size_, loop_);
+  info_.note = replay_->recording().note;
   info_.rate = 1.0 / replay_->recording().period;
   has_due_ = replay_->next(due_);
   origin_ = due_.time;

@@ -16,13 +16,14 @@ constexpr const char* kHelp =
 
 Map of a six-axis sensor's raw channels to wrenches, from recordings in series with a reference sensor under any loads.
 RUN: columns t, ch1 ... chN (N >= 6), fx fy fz tx ty tz of the reference [N, N m] by a header, or in this order without
-one; further columns are passed over. Comma, tab or blanks between them. t in s, ms, us or ns, recognised by its spacing. Begin
+one; further columns are passed over. Comma, tab or blanks between them. t in s, ms, us or ns. Begin
 each run unloaded. Bursts are averaged; the lag between the two sensors, and each run's tare, offset and drift are found.
 
   --holdout RUN         validate the model with this run, which the map doesn't rest on (default: by each RUN in turn)
   --model M             linear, squares (and each channel's square), quadratic (and all products); default: which predicts
                         the run left out best
   --lag S               of the raw channels after the reference [s] (default: estimated)
+  --time-unit U         of t: s, ms, us or ns (default auto: by the header, by magnitude since 1970, or by spacing)
   --channels N          raw channels of a file without a header (default 6)
   --save FOLDER         writes FOLDER/SENSOR/ID.yaml as the other calibrations, volts being the raw unit
   --sensor SENSOR       (default sensor)
@@ -41,9 +42,10 @@ std::string errorText(const ReferenceError& e) {
 }
 
 void printRun(const ReferenceRunResult& run) {
-  std::cout << "{run: " << yamlQuoted(run.name) << ", samples: " << run.samples
-            << ", bursts: " << run.bursts << ", tared: " << (run.tared ? "true" : "false")
-            << ", error: " << errorText(run.error) << ",\n    raw_tare: " << list(run.raw_tare)
+  std::cout << "{run: " << yamlQuoted(run.name) << ", time_unit: " << yamlQuoted(run.time_unit)
+            << ", samples: " << run.samples << ", bursts: " << run.bursts
+            << ", tared: " << (run.tared ? "true" : "false") << ", error: " << errorText(run.error)
+            << ",\n    raw_tare: " << list(run.raw_tare)
             << ", wrench_tare: " << list(run.wrench_tare) << ",\n    offset: " << list(run.offset)
             << ", offset_sd: " << list(run.offset_sd) << ",\n    drift: " << list(run.drift)
             << ", drift_sd: " << list(run.drift_sd) << "}\n";
@@ -85,6 +87,7 @@ int reference(const std::vector<std::string>& arguments) {
   std::vector<std::string> files;
   std::string hold_out, store, sensor = "sensor", serial = "unknown", id;
   int channels = 6;
+  TimeUnit unit = TimeUnit::kFound;
   ReferenceOptions options;
   OptionParser parser(kHelp);
   parser.files("RUN", files);
@@ -94,6 +97,7 @@ int reference(const std::vector<std::string>& arguments) {
                  {"squares", ReferenceModel::kSquares},
                  {"quadratic", ReferenceModel::kQuadratic}});
   parser.number("--lag", options.lag, -0.1, 0.1);
+  parser.choice("--time-unit", unit, kTimeUnitChoices);
   parser.integer("--channels", channels, 6, 100);
   parser.text("--save", store);
   parser.text("--sensor", sensor);
@@ -104,10 +108,10 @@ int reference(const std::vector<std::string>& arguments) {
   std::vector<ReferenceRun> runs;
   for (const std::string& file : files) {
     if (file == hold_out) throw InputError("--holdout: value " + file + ": is a RUN as well");
-    runs.push_back(readReferenceRun(file, channels));
+    runs.push_back(readReferenceRun(file, channels, unit));
   }
   std::optional<ReferenceRun> held;
-  if (!hold_out.empty()) held = readReferenceRun(hold_out, channels);
+  if (!hold_out.empty()) held = readReferenceRun(hold_out, channels, unit);
   const ReferenceSolution solution = solveReference(runs, held ? &*held : nullptr, options);
   print(solution);
   if (!solution.accepted) {

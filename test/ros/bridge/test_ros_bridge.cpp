@@ -122,6 +122,16 @@ TEST(ParametersTest, RefusesInOneLineWithNameAndValue) {
   expectRefusal([&] { p.numbers("three", 2); }, "list of 2");
 }
 
+// rosparam, a reader of YAML 1.1, makes text of 5e-2 and 1e3.
+TEST(ParametersTest, NamesNumbersThatRosparamTakesForText) {
+  const ros::NodeHandle nh("~text_numbers");
+  nh.setParam("limit", "5e-2");
+  nh.setParam("count", "1e3");
+  Parameters p(nh);
+  expectRefusal([&] { p.number("limit", kNotNegative); }, "text, not a number: write 0.05; ");
+  expectRefusal([&] { p.integer("count", 1, 2000); }, "text, not a number: write 1000; ");
+}
+
 TEST(ParametersTest, RefusesUnknownParameters) {
   Parameters p(ros::NodeHandle("~good"));
   p.number("number", kAny);

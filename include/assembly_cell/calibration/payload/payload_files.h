@@ -30,9 +30,10 @@ struct JointAngles {
   std::function<Eigen::Matrix3d(const std::vector<double>&)> rotation;
 };
 
-/// Rotations in a table: qx qy qz qw (near unit length), or r11 r12 … r33 (near a rotation), row
-/// by row. Throws InputError naming file, line and column.
-std::vector<Eigen::Matrix3d> readRotations(const Table& table);
+/// Rotations in a table: qx qy qz qw (near unit length), r11 r12 … r33 (near a rotation), row by
+/// row, or by a header rx ry rz: rotation vectors [rad]. Throws InputError naming file, line and
+/// column.
+std::vector<Eigen::Matrix3d> readRotations(Table& table);
 
 /// Throw InputError naming file, line and column. joints: its columns, or j1, j2 …, in place of
 /// rotations.

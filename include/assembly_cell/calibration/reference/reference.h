@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/table.h"
 #include "assembly_cell/calibration/common/gate.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/sensor/calibration.h"
@@ -15,15 +16,17 @@ namespace assembly_cell {
 /// One recording: raw channels and the reference's wrench, sample by sample.
 struct ReferenceRun {
   std::string name;
+  std::string time_unit;   ///< of the file, and why
   std::vector<double> t;   ///< rising [s]
   Eigen::MatrixXd raw;     ///< samples × n ≥ 6 channels, any unit
   Eigen::MatrixXd wrench;  ///< samples × 6 of the reference [N], [N m]
 };
 
 /// Columns t, ch1 … chN (also raw1 …, s1 …), fx fy fz tx ty tz by name; without a header that order
-/// with `channels` raw ones, further columns are passed over. Times in s, ms, µs or ns by their
-/// spacing. Throws InputError naming file, line and column.
-ReferenceRun readReferenceRun(const std::string& path, int channels = 6);
+/// with `channels` raw ones, further columns are passed over. Times as readTimes(). Throws
+/// InputError naming file, line and column.
+ReferenceRun readReferenceRun(const std::string& path, int channels = 6,
+                              TimeUnit unit = TimeUnit::kFound);
 
 /// wrench(t) = map of the tared raw readings at t + lag.
 enum class ReferenceModel {
@@ -48,7 +51,7 @@ struct ReferenceError {
 
 /// Results of one run: its tare and residuals.
 struct ReferenceRunResult {
-  std::string name;
+  std::string name, time_unit;
   std::size_t samples = 0, bursts = 0;
   bool tared = false;  ///< false: never unloaded, its first reading counts as zero
   Eigen::VectorXd raw_tare;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/table.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "assembly_cell/sensor/strain_source.h"
 
@@ -15,12 +16,13 @@ namespace assembly_cell {
 /// How to read a recording.
 struct ReplayFormat {
   SampleQuantity quantity = SampleQuantity::kWrench;
-  /// Names of the file's columns, in order. Needed are t [s] and fx fy fz tx ty tz, or ch1 … ch6
-  /// for counts and volts; others are passed over. Empty: defaultColumns(). A header line that
-  /// holds the needed names goes before this.
+  /// Names of the columns, in order, of a file without a header or with one that names none of the
+  /// needed columns. Needed are t and fx fy fz tx ty tz, or ch1 … ch6 for counts and volts; others
+  /// are passed over. Empty: defaultColumns(), or the first seven of them.
   std::vector<std::string> columns;
   int bits = 16;            ///< of the converter (counts)
   double full_scale = 5.0;  ///< ± of the converter [V] (counts, volts)
+  TimeUnit time_unit = TimeUnit::kFound;
 };
 
 /// wrench: t fx fy fz tx ty tz qx qy qz qw; counts, volts: t ch1 … ch6.
@@ -28,17 +30,17 @@ std::vector<std::string> defaultColumns(SampleQuantity quantity);
 
 /// A recording in memory.
 struct Recording {
-  std::vector<double> time;             ///< [s], increasing, from 0 on
+  std::vector<double> time;             ///< [s], increasing
   std::vector<Vector6> values;          ///< [V] (counts, volts) or [N], [N·m] (wrench)
   std::vector<std::uint8_t> saturated;  ///< bit k: channel k at an end code; zero for wrenches
   double period = 0.0;                  ///< median spacing [s]
+  std::string note;                     ///< the file's unit of time and what was converted
 };
 
-/// Reads a CSV file; a first line that doesn't begin with a number is a header, lines that begin
-/// with # are comments. Throws InputError with file:line for a row with the wrong number of
-/// columns, an entry that is no finite number, a code outside the converter's, time that doesn't
-/// increase or can't be a stamp; for a row of more than 64 KiB, more than 5e7 rows or fewer than
-/// two; and for an unreadable file.
+/// Reads a table (base/table.h). Throws InputError with file:line for a row with the wrong number
+/// of columns, a needed entry that is no finite number, a code outside the converter's, time that
+/// doesn't increase or can't be a stamp; for a header without the needed columns, a unit of time
+/// that can't be determined, more than 5e7 rows or fewer than two; and for an unreadable file.
 Recording loadRecording(const std::string& path, const ReplayFormat& format);
 
 /// The same from a stream that is called `name` in messages.

@@ -10,8 +10,8 @@
 namespace assembly_cell {
 
 /// Plays a CSV recording; sequences count its rows, device_time is its time, loops appended. Keys:
-/// file, quantity [counts, volts, wrench], columns, bits, full_scale [V], rate [original, fast],
-/// loop, block_size.
+/// file, quantity [counts, volts, wrench], columns, time_unit [auto, s, ms, us, ns], bits,
+/// full_scale [V], rate [original, fast], loop, block_size.
 class ReplaySource : public StrainSource {
  public:
   ReplaySource();
