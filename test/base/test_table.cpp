@@ -108,6 +108,8 @@ TEST(Table, NamesDialectsThatItCannotRead) {
             "f.csv:3: a zero byte: give a text such as CSV, in UTF-8 or UTF-16");
   EXPECT_NE(refusal(std::string(70000, '1')).find("a row of more than 65536 bytes"),
             std::string::npos);
+  EXPECT_EQ(parse("ok,2.5\nok,3.5\n").rows.size(), 2u);
+  EXPECT_EQ(parse("t,1,2\n1,2,3\n").rows.size(), 1u);
   // without a header an index shifts the columns
   EXPECT_EQ(
       refusal("0,1.5,2\n1,1.6,3\n2,1.7,2\n"),

@@ -99,9 +99,12 @@ bool isHeader(const std::vector<std::string>& cells) {
   bool counts = text == cells.begin() + 1 && cells.size() > 2;
   for (std::size_t c = 1; c < cells.size(); ++c) counts &= cells[c] == std::to_string(c - 1);
   if (counts) return true;
-  double value = 0.0;
-  Decimal decimal = Decimal::kUnknown;
-  if (parseCell(*text, decimal, value)) return false;
+  // columns may have whole numbers for names, no others
+  for (auto cell = cells.begin(); cell != cells.end(); ++cell) {
+    double value = 0.0;
+    Decimal decimal = Decimal::kUnknown;
+    if (parseCell(*cell, decimal, value) && (cell == text || !isWhole(*cell))) return false;
+  }
   std::string lower = *text;
   std::transform(lower.begin(), lower.end(), lower.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });

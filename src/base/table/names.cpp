@@ -77,7 +77,7 @@ std::string lowerCase(std::string text) {
 // "N·m", "N-m" and "N m" are "nm"
 std::string plain(const std::string& unit) {
   std::string out = lowerCase(std::string(trimmed(unit, " \t[](){}")));
-  for (const std::string mark : {"\u00b7", "\u22c5", "*", "-", " ", "."}) {
+  for (const std::string mark : {"\u00b7", "\u22c5", "\xB7", "*", "-", " ", "."}) {
     for (std::size_t at = 0; (at = out.find(mark)) != std::string::npos;)
       out.erase(at, mark.size());
   }
