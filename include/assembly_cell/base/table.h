@@ -84,6 +84,7 @@ enum class TimeUnit { kFound, kSeconds, kMilliseconds, kMicroseconds, kNanosecon
 
 /// The choices of an option or a parameter.
 extern const std::vector<std::pair<std::string, TimeUnit>> kTimeUnitChoices;
+std::vector<std::string> timeUnitNames();  ///< of the choices
 
 struct TableTimes {
   std::size_t column = 0;

@@ -109,6 +109,12 @@ const std::vector<std::pair<std::string, TimeUnit>> kTimeUnitChoices = {
     {"us", TimeUnit::kMicroseconds},
     {"ns", TimeUnit::kNanoseconds}};
 
+std::vector<std::string> timeUnitNames() {
+  std::vector<std::string> names;
+  for (const auto& choice : kTimeUnitChoices) names.push_back(choice.first);
+  return names;
+}
+
 TableTimes readTimes(const Table& table, TimeUnit given) {
   const std::size_t column = timeColumn(table);
   table.checkRising(column);
@@ -133,7 +139,8 @@ TableTimes readTimes(const Table& table, TimeUnit given) {
                      " are " + rateText(spacing, choice.units[0]) + " or " +
                      rateText(spacing, choice.units[1]) + ": name it " + table.names[column] + "_" +
                      kUnits[choice.units[0]].name + " or " + table.names[column] + "_" +
-                     kUnits[choice.units[1]].name + " in the header, or give the unit of time");
+                     kUnits[choice.units[1]].name +
+                     " in the header, or set --time-unit (of a replay time_unit)");
   }
   return inUnit(table, column, kUnits[choice.units[0]].seconds, choice);
 }

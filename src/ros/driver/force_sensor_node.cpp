@@ -88,7 +88,10 @@ void ForceSensorNode::openSource(SourceChoice choice, Parameters& parameters) {
                      ", which keeps to the wall clock, with use_sim_time: set use_sim_time false" +
                      (info.recorded ? ", or rate fast" : ""));
   }
-  if (info.recorded) state_.rules.quantity = info.quantity;
+  if (info.recorded) {
+    ROS_INFO_NAMED("driver", "%s: %s", source_.c_str(), info.note.c_str());
+    state_.rules.quantity = info.quantity;
+  }
   settings_.expected_rate = info.recorded ? info.rate : 0.0;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/table.h"
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/bridge/plug_in.h"
 #include "assembly_cell/ros/driver/bag_source.h"
@@ -23,6 +24,7 @@ YAML::Node replayMap(const ros::NodeHandle& pnh) {
   map["file"] = parameters.text("file");
   map["quantity"] = parameters.choice("quantity", {"wrench", "volts", "counts"}, "wrench");
   map["columns"] = parameters.texts("columns", std::vector<std::string>{});
+  map["time_unit"] = parameters.choice("time_unit", timeUnitNames(), "auto");
   map["bits"] = parameters.integer("bits", 2, 32, 16);
   map["full_scale"] = parameters.number("full_scale", {1e-9, 1e9}, 5.0);
   map["rate"] = parameters.choice("rate", {"original", "fast"}, "original");

@@ -12,16 +12,6 @@ namespace assembly_cell {
 
 ReplaySource::ReplaySource() { info_.type = "replay"; }
 
-namespace {
-
-std::vector<std::string> timeUnitNames() {
-  std::vector<std::string> names;
-  for (const auto& choice : kTimeUnitChoices) names.push_back(choice.first);
-  return names;
-}
-
-}  // namespace
-
 void ReplaySource::doConfigure(const YAML::Node& map) {
   SourceParameters parameters(map, "source " + info_.type);
   file_ = parameters.text("file");
