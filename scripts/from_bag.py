@@ -26,6 +26,7 @@ MOTIONS = {"assembly_cell/DisplacementSamples": ("displacement", "t,x,y,z,rx,ry,
            "assembly_cell/AccelerometerSamples": ("acceleration", "t,ax,ay")}
 # as the driver's ~range_force and ~range_torque: beyond is a code for a fault, or an end of the numbers
 LARGEST = [9e4] * 3 + [9e3] * 3  # [N], [N m]
+MOST = 10
 LONGEST_GAP = 10 ** 10  # between the spans of two topics of one clock [ns]
 
 
@@ -169,6 +170,11 @@ def wrench(bag, wrench_topic, pose_topic):
     unstamped = [name for name in topics if all(entry[0] == 0 for entry in entries[name])]
     if unstamped:
         note(f"header.stamp of {' and '.join(unstamped)} is 0: times of recording in the bag are used")
+    # a stamp of more than MOST messages is that of a clock that stands
+    for name in set(topics) - set(unstamped):
+        if len(entries[name]) > MOST * len({entry[0] for entry in entries[name]}):
+            note(f"header.stamp of {name} stands still: times of recording in the bag are used")
+            unstamped.append(name)
     found, poses = [stamped(entries[name], name, bool(unstamped)) for name in topics]
     check_overlap(found, poses)
     rows, refused = [], []

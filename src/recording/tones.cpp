@@ -27,7 +27,8 @@ using Eigen::VectorXd;
 
 constexpr double kTwoPi = 2.0 * M_PI;
 constexpr std::size_t kMinSamples = 64;
-constexpr double kOneRate = 0.2;  // maximum jitter of stamps over the sampling period
+constexpr double kFarStart = 1000.0;  // durations of the recording
+constexpr double kOneRate = 0.2;      // maximum jitter of stamps over the sampling period
 // Minimum of a peak over the median of the bins around it: one bin in 1e10 of white noise exceeds
 // it.
 constexpr double kOverFloor = 6.0;
@@ -372,6 +373,11 @@ ChannelRecording readChannels(const std::string& path, const std::vector<std::st
   out.path = path;
   out.time_unit = times.unit + ", " + times.reason;
   out.t = times.t;
+  // far from t = 0 phases would have no digit left
+  if (std::abs(out.t.front()) > kFarStart * (out.t.back() - out.t.front())) {
+    out.time_unit += text("; t = 0 at the first sample, %.6f s", times.t.front());
+    for (double& t : out.t) t -= times.t.front();
+  }
   std::vector<std::size_t> columns;
   for (const std::string& name : channels) columns.push_back(table.need({name}));
   for (std::size_t c = 0; c < table.names.size() && channels.empty(); ++c) {

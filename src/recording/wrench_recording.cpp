@@ -16,7 +16,7 @@ namespace {
 
 // No cell has its base farther away [m], and no arm moves a tool faster in half of a recording
 // [m/s].
-constexpr double kFarthest = 50.0, kFastest = 5.0;
+constexpr double kFarthest = 15.0, kFastest = 5.0;
 
 bool isBag(const std::string& path) {
   const auto ends = [&](const std::string& end) {
@@ -39,7 +39,7 @@ void checkPositions(const WrenchRecording& r, const std::string& path) {
   throw InputError(path + ": columns x, y, z: " +
                    (farthest > kFarthest ? text("%.4g from the origin", farthest)
                                          : text("%.4g a second in the median", speed)) +
-                   " is too much in m: positions in mm? give m, or name the unit, x [mm]");
+                   " is too much in m: positions in mm or cm? give m, or name the unit, x [mm]");
 }
 
 }  // namespace

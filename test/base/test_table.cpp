@@ -110,6 +110,11 @@ TEST(Table, NamesDialectsThatItCannotRead) {
             std::string::npos);
   EXPECT_EQ(parse("ok,2.5\nok,3.5\n").rows.size(), 2u);
   EXPECT_EQ(parse("t,1,2\n1,2,3\n").rows.size(), 1u);
+  EXPECT_EQ(refusal("header: \n  seq: 0\n"),
+            "f.csv: this is output of rostopic echo: write it with rostopic echo -p");
+  const std::string commas = ": numbers with decimal commas need another separator, such as ;";
+  EXPECT_EQ(refusal("t,a\n1,5,2,5\n"), "f.csv:1: the header has 2 columns, the rows 4" + commas);
+  EXPECT_EQ(refusal("1,5,2,5,3,5,4,5,5,5,6,5\n"), "f.csv:1: 12 columns of whole numbers" + commas);
   // without a header an index shifts the columns
   EXPECT_EQ(
       refusal("0,1.5,2\n1,1.6,3\n2,1.7,2\n"),

@@ -105,13 +105,20 @@ TEST(RecordingTools, TonesNameTheUnitOfTime) {
     milliseconds += std::to_string(100 * k) + "," + std::to_string(value) + "\n";
   }
   const std::string t = write("seconds.csv", seconds);
-  for (const std::string& arguments : {t, t + " --time-unit s", write("ms.csv", milliseconds)}) {
+  std::string stamps = "t,fz\n";
+  for (int k = 0; k < 600; ++k) {
+    stamps += std::to_string(1.7e9 + 0.1 * k) + "," +
+              std::to_string(2.0 * std::sin(0.2 * M_PI * k) + 0.01 * ((7 * k) % 5 - 2)) + "\n";
+  }
+  for (const std::string& arguments :
+       {t, t + " --time-unit s", write("ms.csv", milliseconds), write("stamps.csv", stamps)}) {
     const Result r = run("tones " + arguments);
     ASSERT_EQ(r.code, 0) << r.text;
     const std::size_t at = r.text.find("frequency: ");
     ASSERT_NE(at, std::string::npos);
     EXPECT_NEAR(std::stod(r.text.substr(at + 11)), 1.0, 0.001) << r.text;
     EXPECT_NE(r.text.find("time_unit: "), std::string::npos);
+    EXPECT_NEAR(std::stod(r.text.substr(r.text.find("phase: [") + 8)), -M_PI / 2, 0.01) << r.text;
   }
   expectOneLine("tones " + t + " --time-unit min", "--time-unit");
 }
@@ -123,17 +130,17 @@ TEST(RecordingTools, PositionsInMillimetresAreNamed) {
             ",0,0,0,1\n";
   }
   const std::string header = "t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw\n";
-  expectOneLine("contacts " + write("mm.csv", header + rows), "positions in mm?");
+  expectOneLine("contacts " + write("mm.csv", header + rows), "positions in mm or cm?");
   // near the origin the speed shows it
   std::string near;
   for (int k = 0; k < 100; ++k) {
     near +=
         std::to_string(0.01 * k) + ",1,2,3,0,0,0,1,1," + std::to_string(0.08 * k) + ",0,0,0,1\n";
   }
-  expectOneLine("contacts " + write("near.csv", header + near), "positions in mm?");
+  expectOneLine("contacts " + write("near.csv", header + near), "positions in mm or cm?");
   const std::string named = "t,fx,fy,fz,tx,ty,tz,x [mm],y [mm],z [mm],qx,qy,qz,qw\n";
   const Result r = run("contacts " + write("named.csv", named + rows));
-  EXPECT_EQ(r.text.find("positions in mm?"), std::string::npos) << r.text;
+  EXPECT_EQ(r.text.find("positions in mm or cm?"), std::string::npos) << r.text;
 }
 
 TEST(RecordingTools, PayloadReadsMatricesAndJointAngles) {

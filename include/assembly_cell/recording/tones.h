@@ -14,7 +14,7 @@ namespace assembly_cell {
 struct ChannelRecording {
   std::string path;
   std::string time_unit;  ///< of the file, and why
-  std::vector<double> t;  ///< rising, one rate [s]
+  std::vector<double> t;  ///< rising, one rate [s]; from 0 on where t began far from it
   std::vector<std::string> names;
   std::vector<std::vector<double>> values;  ///< values of each channel
 };

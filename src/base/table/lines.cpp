@@ -19,8 +19,9 @@ struct Binary {
   const char* name;
 };
 
-const std::array<Binary, 7> kBinaries = {
+const std::array<Binary, 8> kBinaries = {
     {{"#ROSBAG", "a bag: let its name end with .bag"},
+     {"header:", "output of rostopic echo: write it with rostopic echo -p"},
      {"PK\x03\x04", "a spreadsheet or an archive: export it as CSV"},
      {"\xD0\xCF\x11\xE0", "a spreadsheet: export it as CSV"},
      {"MATLAB 5.0", "a MATLAB file: write it as CSV, as writematrix does"},

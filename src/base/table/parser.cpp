@@ -131,7 +131,10 @@ void Parser::takeHeader(std::size_t columns) {
   if (rows.empty()) {
     throw InputError(table_.path + ":" + std::to_string(text_rows_.front().line) +
                      ": the header has " + std::to_string(widest) + " columns, the rows " +
-                     std::to_string(columns) + ": give one name for each column");
+                     std::to_string(columns) +
+                     (separator_ == ',' && columns >= 2 * widest - 1
+                          ? ": numbers with decimal commas need another separator, such as ;"
+                          : ": give one name for each column"));
   }
   setNames(rows[0]);
   for (std::size_t i = 1; i < rows.size(); ++i) {
@@ -201,9 +204,16 @@ void Parser::addNumbers(std::vector<std::string> cells, std::size_t line) {
   table_.line.push_back(line);
 }
 
-// Without a header an index of rows would shift all columns.
+// Without a header an index of rows would shift all columns, and decimal commas double them.
 void Parser::checkIndex() const {
+  constexpr std::size_t kDoubled = 12;  // columns of a wrench with decimal commas
   const std::size_t n = table_.names.size();
+  if (!table_.header && separator_ == ',' && n > names_.size() && n >= kDoubled && n % 2 == 0 &&
+      std::all_of(table_.whole.begin(), table_.whole.end(), [](bool whole) { return whole; })) {
+    throw InputError(table_.path + ":" + std::to_string(table_.line[0]) + ": " + std::to_string(n) +
+                     " columns of whole numbers: numbers with decimal commas need another "
+                     "separator, such as ;");
+  }
   if (table_.header || table_.rows.size() < 3 || n < 2 || !table_.whole[0]) return;
   const bool time = !names_.empty() && names_[0] == "t";
   const bool order = !names_.empty() && names_.back() == "order";

@@ -65,7 +65,7 @@ Choice choose(double last, double spacing, bool whole) {
 }
 
 std::string rateText(double spacing, std::size_t unit) {
-  return text("%.4g Hz in %s", 1.0 / (spacing * kUnits[unit].seconds), kUnits[unit].name);
+  return text("%.6g Hz in %s", 1.0 / (spacing * kUnits[unit].seconds), kUnits[unit].name);
 }
 
 std::size_t timeColumn(const Table& table) {
