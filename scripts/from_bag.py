@@ -11,7 +11,7 @@ locus         samples as CSV: of the coupling's displacement (t,x,y,z,rx,ry,rz) 
               stretch in which it was on, t = 0 at its phase zero, its settings in a first line that starts with #
 wrench        t,fx,fy,fz,tx,ty,tz,x,y,z,qx,qy,qz,qw: a topic of wrenches (WrenchStamped, or WrenchSamples), each with the last
               pose (PoseStamped) before it; TOPIC and POSE_TOPIC ('' for the only one) choose among several. Messages that share
-              a stamp are spread evenly to the next one; where a topic's stamps are all 0, the times of recording are used.
+              a stamp are spread evenly to the next one; where a topic's stamps are all 0 or stand still, the times of recording are used.
               Samples that are marked as saturated, not finite or beyond what any sensor measures (90 kN, 9 kN m) are left
               out. Each of these is printed on standard error with its number
 exit: 0 ok, 2 bad input
@@ -26,7 +26,7 @@ MOTIONS = {"assembly_cell/DisplacementSamples": ("displacement", "t,x,y,z,rx,ry,
            "assembly_cell/AccelerometerSamples": ("acceleration", "t,ax,ay")}
 # as the driver's ~range_force and ~range_torque: beyond is a code for a fault, or an end of the numbers
 LARGEST = [9e4] * 3 + [9e3] * 3  # [N], [N m]
-MOST = 10
+MOST = 10  # messages of one stamp: a clock that stands has more
 LONGEST_GAP = 10 ** 10  # between the spans of two topics of one clock [ns]
 
 
