@@ -5,6 +5,8 @@
 #include <stdlib.h>
 
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 #include <string>
 
 #include "assembly_cell/calibration/common/store.h"
@@ -141,6 +143,40 @@ TEST_F(Session, NeverLosesTheDisplacement) {
   solve(fresh);
   EXPECT_EQ(fresh.save("x", {*whole.a, *whole.b}).a->volts_to_displacement,
             whole.a->volts_to_displacement);
+}
+
+// What was active when the file in_force.yaml was cut: a warning names each sensor that is lost.
+TEST_F(Session, AFileOfActiveCalibrationsThatWasCutIsNamed) {
+  CalibrationSession session(store_, force_);
+  solve(session);
+  session.activate(both(session.save("whole")));
+  const std::string path = store_ + "/in_force.yaml";
+  std::stringstream whole;
+  whole << std::ifstream(path).rdbuf();
+  const std::string text = whole.str();
+  for (std::size_t size = 0; size + 1 < text.size(); ++size) {
+    std::ofstream(path) << text.substr(0, size);
+    const CalibrationSession cut(store_, force_);
+    std::size_t named = 0;
+    for (const std::string& warning : cut.warnings()) {
+      named += warning.find("in_force.yaml' is damaged") != std::string::npos ? 1 : 0;
+    }
+    const auto active = cut.active();
+    EXPECT_EQ(named, (active.a ? 0U : 1U) + (active.b ? 0U : 1U)) << text.substr(0, size);
+    if (active.b) {
+      EXPECT_EQ(active.b->calibration.id, "whole");
+    }
+  }
+  // a sensor that has none is no damage
+  CalibrationSession other(store_ + "/other", force_);
+  solve(other);
+  MaybePerSide<ActiveCalibration> one = both(other.save("one"));
+  one.b.reset();
+  other.activate(one);
+  const CalibrationSession next(store_ + "/other", force_);
+  EXPECT_TRUE(next.warnings().empty());
+  EXPECT_TRUE(next.active().a);
+  EXPECT_FALSE(next.active().b);
 }
 
 // A journal's observations are there in the next session, to the last bit.

@@ -258,11 +258,13 @@ void CalibrationSession::activate(const MaybePerSide<ActiveCalibration>& calibra
     const std::lock_guard<std::mutex> lock(mutex_);
     for (const Side side : kSides) {
       if (calibrations[side]) active_[side] = calibrations[side];
-      if (!active_[side]) continue;
-      const ActiveCalibration& now = *active_[side];
-      text += sensorName(side) + ": " + yamlQuoted(now.calibration.id) + "\n";
-      if (now.displacement_of.empty()) continue;
-      text += displacementKey(side) + ": " + yamlQuoted(now.displacement_of) + "\n";
+      const ActiveCalibration now = active_[side].value_or(ActiveCalibration());
+      if (!now.displacement_of.empty()) {
+        text += displacementKey(side) + ": " + yamlQuoted(now.displacement_of) + "\n";
+      }
+      // the last line of each sensor, also without a calibration: a file that was cut lacks one
+      text +=
+          sensorName(side) + ": " + (active_[side] ? yamlQuoted(now.calibration.id) : "~") + "\n";
     }
   }
   const std::string path = store_ + "/in_force.yaml";
@@ -279,24 +281,30 @@ void CalibrationSession::readActive() {
   const std::string path = store_ + "/in_force.yaml";
   if (!fs::exists(path)) return;
   for (const Side side : kSides) {
+    const std::string name = sensorName(side);
+    const std::string damaged = "file '" + path + "' is damaged: ";
     try {
       std::ifstream in(path);
-      const std::string text{std::istreambuf_iterator<char>(in), {}};
-      if (const std::string why = tooDeep(text); !why.empty()) {
-        throw InputError("file '" + path + "': " + why);
-      }
+      std::string text{std::istreambuf_iterator<char>(in), {}};
+      // a line that is cut, maybe within an id
+      text.resize(text.rfind('\n') + 1);
+      if (const std::string why = tooDeep(text); !why.empty()) throw InputError(damaged + why);
       const YAML::Node root = YAML::Load(text);
-      if (!root.IsMap() || !root[sensorName(side)]) continue;
-      ActiveCalibration found{loadStored(side, root[sensorName(side)].as<std::string>()), ""};
+      if (!root.IsMap() || !root[name]) {
+        throw InputError(damaged + "it has no line '" + name + ": ID': load a calibration");
+      }
+      if (root[name].IsNull()) continue;
+      ActiveCalibration found{loadStored(side, root[name].as<std::string>()), ""};
       if (const YAML::Node other = root[displacementKey(side)]) {
         found.displacement_of = other.as<std::string>();
         copyDisplacement(loadStored(side, found.displacement_of), found.calibration);
       }
       active_[side] = found;
     } catch (const YAML::Exception& error) {
-      warnings_.push_back("file '" + path + "': " + error.msg + ": load a calibration");
+      warnings_.push_back("no active calibration for " + name + ": " + damaged + error.msg +
+                          ": load a calibration");
     } catch (const InputError& error) {
-      warnings_.push_back("no active calibration for " + sensorName(side) + ": " + error.what());
+      warnings_.push_back("no active calibration for " + name + ": " + error.what());
     }
   }
 }
