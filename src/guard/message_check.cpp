@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/guard/message_check.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "assembly_cell/base/text.h"
@@ -86,9 +87,16 @@ MessageCheck& MessageCheck::stamp(const char* field, double seconds) {
 }
 
 MessageCheck& MessageCheck::name(const char* field, const std::string& value) {
-  if (!good() || value.size() <= kMaxNameLength) return *this;
-  return fail(MessageFault::kName, field, static_cast<double>(value.size()), 0.0,
-              static_cast<double>(kMaxNameLength));
+  if (!good()) return *this;
+  if (value.size() > kMaxNameLength) {
+    return fail(MessageFault::kName, field, static_cast<double>(value.size()), 0.0,
+                static_cast<double>(kMaxNameLength));
+  }
+  const auto control = std::find_if(value.begin(), value.end(),
+                                    [](unsigned char c) { return c < 0x20 || c == 0x7f; });
+  if (control == value.end()) return *this;
+  return fail(MessageFault::kControl, field, static_cast<double>(control - value.begin() + 1), 0.0,
+              0.0);
 }
 
 MessageCheck& MessageCheck::direction(const char* field, int value) {
@@ -122,6 +130,9 @@ std::string MessageCheck::text() const {
       return where + assembly_cell::text(" is %.17g s: give at most %.0f s", value_, high_);
     case MessageFault::kName:
       return where + assembly_cell::text(" has %.0f characters: give at most %.0f", value_, high_);
+    case MessageFault::kControl:
+      return where + assembly_cell::text(
+                         " has a control character at position %.0f: give printable ones", value_);
     case MessageFault::kDirection:
       return where + assembly_cell::text(" is %.0f: give 1 or -1", value_);
     case MessageFault::kQuaternion:

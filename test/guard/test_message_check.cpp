@@ -90,6 +90,11 @@ TEST(MessageCheck, NamesDirectionsAndQuaternions) {
   EXPECT_TRUE(MessageCheck().name("id", std::string(200, 'a')).good());
   EXPECT_EQ(MessageCheck().name("id", std::string(20'000'000, 'a')).text(),
             "id has 20000000 characters: give at most 200");
+  // a terminal escape, and a NUL, which ends the name of a file
+  for (const char control : {'\x1b', '\0', '\n', '\x7f'}) {
+    EXPECT_EQ(MessageCheck().name("file", std::string("a.b") + control + "c").text(),
+              "file has a control character at position 4: give printable ones");
+  }
   EXPECT_TRUE(MessageCheck().direction("direction", -1).good());
   EXPECT_FALSE(MessageCheck().direction("direction", 0).good());
   EXPECT_TRUE(MessageCheck().quaternion("orientation", 0.6, 0.0, 0.0, 0.8).good());

@@ -39,6 +39,7 @@ enum class MessageFault : std::uint8_t {
   kUnlike,     // two lengths that must be equal are not
   kStamp,      // out of range, or far from those of its stream
   kName,       // longer than kMaxNameLength
+  kControl,    // a name with a control character
   kDirection,  // neither 1 nor -1
   kQuaternion  // norm is not 1
 };

@@ -58,7 +58,9 @@ void BagSource::doOpen() {
     view_ = std::make_unique<rosbag::View>(*bag_, rosbag::TopicQuery(topic));
     position_ = view_->begin();
     info_.note = "topic " + topic;
+    damage_.clear();
     due_ = load();
+    if (!damage_.empty()) throw InputError("source bag: " + damage_);
     if (!due_) throw InputError(where + ": no sound block on " + topic + ": record it again");
   } catch (const rosbag::BagException& error) {
     doClose();
@@ -83,6 +85,10 @@ StrainSamples::ConstPtr BagSource::load() {
     StrainSamples::ConstPtr block;
     try {
       block = (**position_).instantiate<StrainSamples>();
+    } catch (const rosbag::BagException& error) {
+      damage_ = "file '" + file_ + "' can't be read any more: " + printable(error.what()) +
+                ": was it cut, or written, while it was played?";
+      return nullptr;
     } catch (const ros::Exception&) {
       // lengths within the message don't fit
     }
@@ -94,7 +100,7 @@ StrainSamples::ConstPtr BagSource::load() {
 }
 
 ReadResult BagSource::doRead(SourceBlock& block, Clock::time_point deadline) {
-  if (!due_) return ReadResult::kEnd;
+  if (!due_) return damage_.empty() ? ReadResult::kEnd : lost(damage_);
   const std::size_t count = std::min(due_->saturated.size() - sample_, kBlockCapacity);
 
   // a block is due with its last sample

@@ -104,7 +104,8 @@ void GoalDisturbances::watchCommands(ros::NodeHandle& nh, const std::string& top
 template <class Message>
 void GoalDisturbances::watchConstant(ros::NodeHandle& nh, const std::string& topic,
                                      const std::string& what) {
-  const auto receive = [this, what](const boost::shared_ptr<Message const>& message) {
+  const auto receive = [this, what](const boost::shared_ptr<Message const>& message,
+                                    const std::string& publisher) {
     {
       const std::string bytes = serialized(*message);
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -112,7 +113,7 @@ void GoalDisturbances::watchConstant(ros::NodeHandle& nh, const std::string& top
       if (first || known->second == bytes) return;
       known->second = bytes;
     }
-    fault_(what + " changed during the goal: start it again");
+    fault_(what + " changed during the goal, by a message of " + publisher + ": start it again");
   };
   subs_.push_back(subscribeChecked<Message>(nh, topic, kQueue, receive));
 }

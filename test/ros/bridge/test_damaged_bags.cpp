@@ -8,6 +8,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <memory>
@@ -111,6 +112,23 @@ TEST_P(DamagedBags, NoDamageAbortsOrHangs) {
     EXPECT_NE(line.find("run.bag"), std::string::npos) << line;
   }
   EXPECT_GT(refused, cases / 4);
+}
+
+TEST_P(DamagedBags, ABagThatIsCutWhileItIsPlayedIsNoEndOfTheRecording) {
+  BagSource source;
+  YAML::Node map;
+  map["file"] = path_;
+  map["rate"] = "fast";
+  source.configure(map);
+  source.open();
+  const auto block = std::make_unique<SourceBlock>();
+  ASSERT_EQ(source.read(*block, std::chrono::seconds(60)), ReadResult::kSamples);
+  std::filesystem::resize_file(path_, whole_.size() / 4);
+  ReadResult last = ReadResult::kSamples;
+  while (last == ReadResult::kSamples) last = source.read(*block, std::chrono::seconds(60));
+  EXPECT_EQ(last, ReadResult::kLost);
+  EXPECT_NE(source.lostReason().find("run.bag' can't be read any more"), std::string::npos)
+      << source.lostReason();
 }
 
 INSTANTIATE_TEST_SUITE_P(Compressions, DamagedBags,

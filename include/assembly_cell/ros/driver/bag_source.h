@@ -32,10 +32,11 @@ class BagSource : public StrainSource {
   void doClose() noexcept override;
 
  private:
-  /// The next sound block, or null at the end.
+  /// The next sound block; null at the end, or where the file can't be read: damage_ says why.
   StrainSamples::ConstPtr load();
 
   std::string file_, topic_;
+  std::string damage_;  // found since open(); empty: none
   bool paced_ = true;
 
   std::unique_ptr<rosbag::Bag> bag_;
