@@ -27,7 +27,8 @@ std::string missingPublishers(const ros::NodeHandle& nh) {
   }
   std::vector<TopicPublisher> found = publishersOf(topics, kReplyTimeout);
   const auto present = [](const TopicPublisher& publisher) {
-    return publisher.presence != NodePresence::kGone && publisher.presence != NodePresence::kMute;
+    return publisher.presence == NodePresence::kListening ||
+           publisher.presence == NodePresence::kUnknown;
   };
   found.erase(std::remove_if(found.begin(), found.end(), present), found.end());
   return found.empty() ? "" : " (" + describe(found) + ")";

@@ -5,6 +5,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/ros/bridge/calibration_messages.h"
+#include "assembly_cell/ros/process/node_watch.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -42,6 +43,7 @@ CalibrationServerNode::CalibrationServerNode(const ros::NodeHandle& nh, const ro
     : operations_(nh, pnh, readCalibrationServerSettings(pnh),
                   [this] { return action_.stopReason(); }),
       action_(nh, operations_) {
+  refuseSecondServer(nh, "calibrate");
   action_.start();
   // services have threads of their own, so that the data path never waits for them
   ros::NodeHandle services(pnh);

@@ -11,6 +11,7 @@
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
 #include "assembly_cell/ros/bridge/service_call.h"
+#include "assembly_cell/ros/process/master_call.h"
 #include "assembly_cell/ros/process/node_watch.h"
 
 namespace assembly_cell::ros_bridge {
@@ -18,7 +19,8 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr char kNode[] = "twin_force_estimator";
-constexpr int kAttempts = 2;  // of a call whose connection is lost
+constexpr int kAttempts = 2;           // of a call whose connection is lost
+constexpr double kMasterAnswer = 0.2;  // [s wall]
 
 TwinForceStatus statusOf(const std::string& name) {
   using Status = TwinForceStatus;
@@ -90,7 +92,7 @@ std::optional<typename Service::Response> TwinForceClient::attempt(
   answer->service.request = request;
   ros::WallTime looked = ros::WallTime::now();
   if (!wait(settings_.timeout, [&](double patience) {
-        if (ros::service::exists(service, false)) return true;
+        if (callMaster("lookupService", service, kMasterAnswer)) return true;
         if ((ros::WallTime::now() - looked).toSec() > settings_.patience) {
           lookForNode(service, !begun_);
           looked = ros::WallTime::now();
@@ -170,7 +172,10 @@ void TwinForceClient::checkState(const TwinForceState& state) const {
 
 std::string TwinForceClient::complaint() const {
   const std::string service = nh_.resolveName(std::string(kNode) + "/solve");
-  if (!begun_ || ros::service::exists(service, false)) return "";
+  if (!begun_) return "";
+  const NodePresence presence =
+      publishersOf({nh_.resolveName("twin_force/status")}).front().presence;
+  if (presence != NodePresence::kGone && presence != NodePresence::kUnknown) return "";
   return text(" (no service %s: is it running?)", service.c_str() + 1);
 }
 

@@ -6,9 +6,9 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <atomic>
 #include <boost/algorithm/string/replace.hpp>
 #include <cmath>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <stdexcept>
@@ -17,6 +17,7 @@
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/fields.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/description/cell_description.h"
@@ -25,6 +26,7 @@
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "assembly_cell/ros/process/command_line.h"
+#include "assembly_cell/ros/process/process_start.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -33,6 +35,7 @@ namespace {
 constexpr double kTruthTimeout = 10.0;       // wall [s]
 constexpr double kLostAfter = 1.0;           // without the server's connections, wall [s]
 constexpr double kRounding = 0.001;          // well below a block [s]
+constexpr double kEndTimeout = 1.0;          // of ROS's own end, wall [s]
 constexpr std::size_t kTruthMemory = 50000;  // blocks, 1000 s
 
 Eigen::Vector2d vector(const boost::array<double, 2>& v) { return {v[0], v[1]}; }
@@ -189,6 +192,9 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
 
 namespace {
 
+// A result comes without the master.
+std::atomic<bool> needs_master{true};
+
 // `rosrun … _insert:=0.04` leaves its parameter on the server: the next call doesn't use it.
 class Forgotten {
  public:
@@ -267,10 +273,8 @@ bool ReportProgram::waitForCell(const std::string& what, const std::function<boo
     if (ros::WallTime::now() - asked > ros::WallDuration(kLostAfter)) {
       asked = ros::WallTime::now();
       if (!ros::master::check()) {
-        throw std::runtime_error(
-            text("server lost: no ROS master at %s any more; has the launch "
-                 "ended?",
-                 ros::master::getURI().c_str()));
+        throw std::runtime_error("server lost: no ROS master at " + ros::master::getURI() +
+                                 " any more; has the launch ended?");
       }
     }
     return ready();
@@ -346,11 +350,9 @@ bool ReportProgram::carryOut(ActionClient& client, const Goal& goal, Result& res
     if (client.isServerConnected()) there = ros::WallTime::now();
     return ros::WallTime::now() - there > ros::WallDuration(kLostAfter);
   };
-  const auto isLost = [&](bool server_lost) {
-    if (server_lost) {
-      ROS_ERROR("report: server lost: who offered the action has gone; is the supervisor running?");
-    }
-    return server_lost;
+  const auto isLost = [&](bool is_lost) {
+    if (is_lost) ROS_ERROR("report: server lost: its node has gone; is the supervisor running?");
+    return is_lost;
   };
   const auto accepted = locked(active_);
   if (!waitFor("acceptance of the goal", settings_.start_timeout,
@@ -368,6 +370,7 @@ bool ReportProgram::carryOut(ActionClient& client, const Goal& goal, Result& res
     }
   }
   const auto done = locked(done_);
+  needs_master = false;
   if (!waitFor("result of the goal", settings_.timeout, [&] { return done() || lost(); })) {
     client.cancelGoal();
     return false;
@@ -435,16 +438,18 @@ int ReportProgram::run() {
   }
   addTruth(report, details_);
   std::cout << table(report, details_) << std::flush;
-  if (!settings_.report_file.empty()) {
-    std::ofstream file(settings_.report_file);
-    file << yaml(report, details_);
-    file.close();
-    if (!file) {
-      ROS_ERROR("report: can't write %s: check ~report_file", settings_.report_file.c_str());
-      return 1;
+  bool written = std::cout.good();
+  if (!written) ROS_ERROR("report: can't write to standard output: is its disk full?");
+  try {
+    const std::string& path = settings_.report_file;
+    if (!path.empty()) {
+      writeFileAtomically(path, yaml(report, details_), "~report_file '" + printable(path) + "'");
     }
+  } catch (const InputError& error) {
+    ROS_ERROR("report: %s", error.what());
+    written = false;
   }
-  return verdict(report, details_) ? 0 : 1;
+  return written && verdict(report, details_) ? 0 : 1;
 }
 
 namespace {
@@ -465,28 +470,29 @@ int runReport(int argc, char** argv) {
   // outlives the try block: with its last handle gone ROS shuts down and logs nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
+    if (const auto why = prepareProcess()) throw std::runtime_error(*why);
     // roscpp's own patience with a master that isn't there, or has gone, has no end
     ros::master::setRetryTimeout(ros::WallDuration(kLostAfter));
     // a name of its own, by which two goals have two names also while the cell's clock is stopped
     ros::init(argc, argv, "report", ros::init_options::AnonymousName);
     // a node handle would wait for the master for ever
     if (!ros::master::check()) {
-      ROS_FATAL("report: no ROS master at %s: start the cell first, or set ROS_MASTER_URI",
-                ros::master::getURI().c_str());
-      return 1;
+      throw std::runtime_error("no ROS master at " + ros::master::getURI() +
+                               ": start the cell first, or set ROS_MASTER_URI");
     }
+    watchMaster("report", needs_master);
     nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
     ros::AsyncSpinner spinner(2);
     spinner.start();
     ReportProgram program(*nh, pnh);
-    return program.run();
+    return endWithin(kEndTimeout, program.run());
   } catch (const InputError& error) {
     ROS_FATAL("report: %s", asGiven(error.what()).c_str());
-    return 2;
+    return endWithin(kEndTimeout, 2);
   } catch (const std::exception& error) {
     ROS_FATAL("report: %s", error.what());
-    return 1;
+    return endWithin(kEndTimeout, 1);
   }
 }
 

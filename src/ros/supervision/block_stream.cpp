@@ -63,7 +63,11 @@ BlockStream::BlockStream(ros::NodeHandle& nh, const PlantSettings& settings, Pla
                                                                 nullptr, settings_.lockstep);
 }
 
-void BlockStream::clear() {
+void BlockStream::begin(PlantMonitor::Lock& lock) {
+  std::vector<std::string> topics = {nh_.resolveName("identify_locus/status")};
+  for (const char* topic : kBlockTopics) topics.push_back(nh_.resolveName(topic));
+  for (const char* topic : kOptional) topics.push_back(nh_.resolveName(topic));
+  monitor_.runUnlocked(lock, [&] { rememberPublishers(topics); });
   drop();
   last_ = StreamBlock{};
 }
@@ -128,7 +132,8 @@ std::string BlockStream::describeMissing(PlantMonitor::Lock& lock, const Silence
   });
   if (!silence.is_over || any) {
     const auto is_unsuspicious = [&](const TopicPublisher& publisher) {
-      if (publisher.presence != NodePresence::kUnknown) {
+      if (publisher.presence != NodePresence::kUnknown &&
+          publisher.presence != NodePresence::kNoMaster) {
         return publisher.presence == NodePresence::kListening;
       }
       const bool is_optional =
@@ -143,7 +148,8 @@ std::string BlockStream::describeMissing(PlantMonitor::Lock& lock, const Silence
       const std::string& node = arrivals_.publisher(static_cast<BlockPart>(i));
       if (node.empty() || publisher.topic != nh_.resolveName(kBlockTopics[i])) continue;
       publisher.node = node;
-      publisher.presence = NodePresence::kGone;
+      publisher.presence =
+          publisher.presence == NodePresence::kNoMaster ? NodePresence::kMute : NodePresence::kGone;
     }
   }
   return describe(found);

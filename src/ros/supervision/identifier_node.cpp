@@ -14,6 +14,7 @@
 #include "assembly_cell/identification/fit.h"
 #include "assembly_cell/identification/mechanism_record.h"
 #include "assembly_cell/ros/bridge/parameters.h"
+#include "assembly_cell/ros/process/node_watch.h"
 #include "assembly_cell/ros/supervision/goal_runner.h"
 #include "assembly_cell/ros/supervision/known_mechanism.h"
 
@@ -65,6 +66,7 @@ IdentifierNode::IdentifierNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   supervisor_sub_ = subscribeChecked<SupervisorState>(
       nh, "assembly_supervisor/state", 10,
       [this](const SupervisorState::ConstPtr& message) { onSupervisor(*message); });
+  refuseSecondServer(nh, "identify");
   server_ = std::make_unique<Server>(nh, "identify",
                                      [this](const IdentifyGoalConstPtr& goal) { execute(goal); });
   server_->start();

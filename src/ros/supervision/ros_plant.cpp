@@ -103,7 +103,7 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   const bool lockstep = goal_.settings().lockstep;
   goal_.begin(cancelled);
   monitor_.onActivity();
-  blocks_.clear();
+  blocks_.begin(lock);
   blocks_.setActive(true);
   vibration_.clear();
   saturation_.clear();

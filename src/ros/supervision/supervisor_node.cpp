@@ -14,6 +14,7 @@
 #include "assembly_cell/identification/mechanism_check.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/parameters.h"
+#include "assembly_cell/ros/process/node_watch.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -78,9 +79,12 @@ template <class Node, class Spec, class Goal>
 void startServer(ros::NodeHandle& nh, const std::string& name, Node* node,
                  void (Node::*execute)(const Goal&),
                  std::unique_ptr<CheckedActionServer<Spec>>& server) {
+  refuseSecondServer(nh, name);
   server = std::make_unique<CheckedActionServer<Spec>>(
       nh, name, [node, execute](const Goal& goal) { (node->*execute)(goal); });
   server->start();
+  // both may have started at once
+  refuseSecondServer(nh, name);
 }
 
 }  // namespace

@@ -206,6 +206,18 @@ TEST_F(Report, EndsOneWhenAFileCannotBeWritten) {
   EXPECT_NE(output_.find("/nowhere/report.yaml"), std::string::npos) << output_;
 }
 
+// A disk that is full, and a limit of the size of files.
+TEST_F(Report, EndsOneWhenItCannotPrintOrReachesAFileSizeLimit) {
+  Child full({"/bin/sh", "-c", "exec " + executable("report") + " >/dev/full"});
+  EXPECT_EQ(full.wait(), 1) << full.output();
+  EXPECT_EQ(full.lines("report: can't write to standard output").size(), 1U) << full.output();
+  const std::string file = std::string(::testing::TempDir()) + "limited.yaml";
+  Child limited(
+      {"/bin/sh", "-c", "ulimit -f 0; exec " + executable("report") + " _report_file:=" + file});
+  EXPECT_EQ(limited.wait(), 1) << limited.output();
+  EXPECT_EQ(limited.lines("limited.yaml': write (File too large)").size(), 1U) << limited.output();
+}
+
 TEST(ReportAlone, EndsOneWithoutMasterOrSupervisor) {
   Child orphan({executable("report")}, {"ROS_MASTER_URI=http://localhost:1"});
   EXPECT_EQ(orphan.wait(), 1) << orphan.output();

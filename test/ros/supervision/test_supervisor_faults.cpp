@@ -162,6 +162,29 @@ TEST_F(Faults, CtrlCEndsAGoalWithTheExciterOffAndThePegFree) {
   EXPECT_NE(reason().find("shutting down"), std::string::npos) << reason();
 }
 
+TEST_F(Faults, ASupervisorOfTheSameNameEndsTheGoalOfTheFirstWithAResult) {
+  startAlign();
+  ASSERT_TRUE(waitFor([this] { return shaking(); }));
+  const auto first = std::move(nodes_.at("assembly_supervisor"));
+  start("assembly_supervisor", "assembly_supervisor", "/faults");
+  EXPECT_EQ(first->wait(), 0) << first->output();
+  ASSERT_TRUE(waitFor([this] { return align_.getState().isDone(); }));
+  ASSERT_TRUE(align_.getResult());
+  EXPECT_NE(reason().find("shutting down"), std::string::npos) << reason();
+  ASSERT_TRUE(waitForCell());
+  EXPECT_EQ(press(8.0).state_, SimpleClientGoalState::SUCCEEDED);
+}
+
+TEST_F(Faults, ASecondSupervisorIsRefusedAndNamesTheFirst) {
+  XmlRpc::XmlRpcValue parameters;
+  ASSERT_TRUE(nh_.getParam("assembly_supervisor", parameters));
+  nh_.setParam("other_supervisor", parameters);
+  Child other({executable("assembly_supervisor"), "__ns:=/faults", "__name:=other_supervisor"});
+  EXPECT_EQ(other.wait(), 1) << other.output();
+  EXPECT_EQ(other.lines("action /faults/align is served by /faults/assembly_supervisor").size(), 1U)
+      << other.output();
+}
+
 TEST_F(Faults, AFrozenSupervisorOnlyDelaysTheGoal) {
   MoveToContactGoal goal;
   goal.force = 12.0;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdio>
 #include <exception>
 #include <memory>
 #include <string>
@@ -18,8 +19,13 @@
 #include "assembly_cell/ros/bridge/guarded_spinner.h"
 #include "assembly_cell/ros/bridge/incoming_log.h"
 #include "assembly_cell/ros/process/command_line.h"
+#include "assembly_cell/ros/process/log_relay.h"
+#include "assembly_cell/ros/process/process_start.h"
 
 namespace assembly_cell::ros_bridge {
+
+/// Time for ROS's own end after a node's, wall clock [s].
+constexpr double kEndTimeout = 10.0;
 
 /// Wait for a ROS master, wall clock [s].
 constexpr double kMasterTimeout = 1.0;
@@ -41,13 +47,15 @@ struct HasStop : std::false_type {};
 template <class Node>
 struct HasStop<Node, std::void_t<decltype(std::declval<Node>().stop())>> : std::true_type {};
 
-/// Waits for ROS's shutdown, or for SIGINT or SIGTERM, which a node with stop() handles itself.
+/// Waits for ROS's shutdown, or for SIGINT, SIGTERM or a request of another node, which a node with
+/// stop() handles itself.
 inline void waitForSignal() {
   static std::atomic<bool> received{false};
   struct sigaction action = {};
   action.sa_handler = [](int) { received = true; };
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  acceptShutdownRequests(received);
   while (ros::ok() && !received) ros::WallDuration(0.02).sleep();
 }
 
@@ -68,6 +76,11 @@ int run(int argc, char** argv, const std::string& name) {
   const auto begin = std::chrono::steady_clock::now();
   const bool launched = isFromRoslaunch(argc, argv);
   if (const auto answered = answerCommandLine(argc, argv, name)) return *answered;
+  const LogRelay relay;
+  if (const auto why = prepareProcess()) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), why->c_str());
+    return 1;
+  }
   // outlives the try block: without a handle ROS shuts down and logs nothing any more
   std::unique_ptr<ros::NodeHandle> nh;
   try {
@@ -81,6 +94,7 @@ int run(int argc, char** argv, const std::string& name) {
       return 1;
     }
     ros::master::setRetryTimeout(ros::WallDuration(0.0));
+    if constexpr (HasStop<Node>::value) replaceNamesake();
     nh = std::make_unique<ros::NodeHandle>();
     ros::NodeHandle pnh("~");
     Node node(*nh, pnh);
@@ -96,10 +110,11 @@ int run(int argc, char** argv, const std::string& name) {
       spinner.wait();
     }
     spinner.stop();
-    if constexpr (HasExitCode<Node>::value) return node.exitCode();
-    return 0;
+    if constexpr (HasExitCode<Node>::value) return endWithin(kEndTimeout, node.exitCode());
+    return endWithin(kEndTimeout, 0);
   } catch (const std::exception& error) {
     ROS_FATAL("%s: %s", name.c_str(), error.what());
+    endWithin(kLaunching + kEndTimeout, 1);
     // if a required node ends during the start of others, roslaunch doesn't end those nor its
     // master
     if (launched) std::this_thread::sleep_until(begin + std::chrono::duration<double>(kLaunching));
