@@ -6,6 +6,7 @@ import os
 import pathlib
 import signal
 import subprocess
+import threading
 import time
 import xmlrpc.client
 
@@ -42,11 +43,38 @@ def end_with_parent():
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
+class Terminal:
+    """What a node writes to: a pipe whose text is copied to the log, unless it is stopped and full."""
+
+    def __init__(self, log):
+        self.log, self.going = log, threading.Event()
+        self.going.set()
+        self.reader, self.writer = os.pipe()
+        threading.Thread(target=self.copy, daemon=True).start()
+
+    def copy(self):
+        while True:
+            text = os.read(self.reader, 4096)
+            self.going.wait()
+            os.write(self.log.fileno(), text)
+
+    def stop(self):
+        self.going.clear()
+        # a description of its own: the node's one stays as it is
+        full = os.open(f"/proc/self/fd/{self.writer}", os.O_WRONLY | os.O_NONBLOCK)
+        try:
+            while True:
+                os.write(full, b"." * 4095 + b"\n")
+        except BlockingIOError:
+            os.close(full)
+
+
 class Nodes:
     def __init__(self, options, folder, log):
         import roslaunch.config
 
         self.options, self.folder, self.log = options, folder, log
+        self.terminals = {}
         self.ns = "" if options.namespace == "root" else "/" + options.namespace
         self.nodes, self.running, self.ours = {}, {}, set()  # ours: those that this tool has ended
         package = pathlib.Path(__import__("rospkg").RosPack().get_path("assembly_cell"))
@@ -88,10 +116,28 @@ class Nodes:
 
         node = self.nodes[name]
         environment = setup_env(node, node.machine, os.environ["ROS_MASTER_URI"])
+        terminal = self.terminal_of(name).writer
         self.running[name] = subprocess.Popen(
-            create_local_process_args(node, node.machine), env=environment, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log,
+            create_local_process_args(node, node.machine), env=environment, stdin=subprocess.DEVNULL, stdout=terminal, stderr=terminal,
             start_new_session=True, preexec_fn=end_with_parent)
         self.ours.discard(name)
+
+    def terminal_of(self, name):
+        if name not in self.terminals:
+            self.terminals[name] = Terminal(self.log)
+        return self.terminals[name]
+
+    def start_second(self, name):
+        """The same node under another name; its exit code."""
+        from roslaunch.core import setup_env
+        from roslaunch.node_args import create_local_process_args
+
+        node, other = self.nodes[name], "second_" + name
+        self.master().setParam(f"{self.ns}/{other}", self.master().getParam(f"{self.ns}/{name}"))
+        command = [f"__name:={other}" if word.startswith("__name:=") else word for word in create_local_process_args(node, node.machine)]
+        environment = setup_env(node, node.machine, os.environ["ROS_MASTER_URI"])
+        return subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log, preexec_fn=end_with_parent,
+                              timeout=ENDED * self.options.factor, check=False).returncode
 
     def up(self, name):
         """Is the process that was started the one that is registered at the master?"""

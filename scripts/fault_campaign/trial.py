@@ -54,6 +54,8 @@ def faults_of(goal, arm=False):
         nodes = (RIG, SERVER, *BENCH_DRIVERS)
         return [(kind, node) for kind in ("kill", "restart", "stall") for node in nodes] + [("ctrl-c", SERVER)]
     found = [(kind, node) for kind in ("kill", "restart", "stall") for node in NODES]
+    found += [("terminal", node) for node in NODES] + [("kill-without-master", node) for node in (*DRIVERS, LOCUS, TWIN)]
+    found += [("second", holder_of(goal))]
     found += [("stall", holder_of(goal))] * 2 + [("ctrl-c", holder_of(goal))] * 2 + [("ctrl-c", "all")]
     return found + [("hostile", what) for what in HOSTILE]
 
@@ -210,9 +212,28 @@ class Campaign:
         nodes = self.nodes
         nothing = lambda: None
         if kind == "kill":
+            if trial["without_master"]:
+                self.options.master.send_signal(signal.SIGSTOP)
             nodes.signal(node, signal.SIGKILL)
             nodes.running[node].wait()
-            return lambda: self.start([node])
+
+            def undo():
+                self.options.master.send_signal(signal.SIGCONT)
+                self.start([node])
+
+            return undo
+        if kind == "terminal":
+            nodes.terminal_of(node).stop()
+
+            def resume():
+                time.sleep(trial["stall"] * self.factor)
+                nodes.terminal_of(node).going.set()
+
+            return resume
+        if kind == "second":
+            code = nodes.start_second(node)
+            trial["stubborn"] = [] if code == 1 else [f"a second {node} ends with {code}"]
+            return nothing
         if kind == "restart":
             nodes.signal(node, signal.SIGKILL)
             nodes.running[node].wait()
@@ -234,7 +255,7 @@ class Campaign:
         kind, node = trial["kind"], trial["node"]
         if kind == "hostile":
             return HOSTILE[node] is None
-        if not self.is_needed(trial):
+        if kind in ("terminal", "second") or not self.is_needed(trial):
             return True
         return kind == "stall" or kind == "restart" and node not in (holder_of(trial["goal"]), SIMULATOR, BRIDGE, ARM)
 
@@ -303,7 +324,8 @@ class Campaign:
         if self.must_stand(trial) and not idle:
             wait_for(lambda: ears.time > since + 2.0 * STAND, 20.0 * self.factor)
             stand = max(0.0, ears.moving - since)
-        row = {"goal": trial["goal"], "fault": f"{trial['kind']} {trial['node']}" + (f" {trial['stall']:.2f} s" if trial["kind"] == "stall" else ""),
+        unseen = "-without-master" if trial["without_master"] else ""
+        row = {"goal": trial["goal"], "fault": f"{trial['kind']}{unseen} {trial['node']}" + (f" {trial['stall']:.2f} s" if trial["kind"] == "stall" else ""),
                "moment": "idle" if idle else trial["moment"], "hold": None, "stand": stand, "name": None, "peak": ears.peak, "result": goal.reason()[:200], "broken": []}
         broken = row["broken"]
         if not goal.done():
@@ -390,7 +412,7 @@ class Campaign:
             if by_itself and not goal.succeeded():
                 broken.append(f"disturbed: {row['result']}")
             return
-        if self.goes_on(trial) and (kind == "stall" or self.is_needed(trial)):
+        if self.goes_on(trial) and kind not in ("terminal", "second") and (kind == "stall" or self.is_needed(trial)):
             # a short one may cost time only; a goal that ended because of it names it
             named = any(text in row["result"] for text in self.expected(trial)) or node == holder
             if by_itself and not goal.succeeded() and not named:
