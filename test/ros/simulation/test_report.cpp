@@ -215,7 +215,8 @@ TEST_F(Report, EndsOneWhenItCannotPrintOrReachesAFileSizeLimit) {
   Child limited(
       {"/bin/sh", "-c", "ulimit -f 0; exec " + executable("report") + " _report_file:=" + file});
   EXPECT_EQ(limited.wait(), 1) << limited.output();
-  EXPECT_EQ(limited.lines("limited.yaml': write (File too large)").size(), 1U) << limited.output();
+  EXPECT_EQ(limited.lines("limited.yaml' can't be written (write: File too large)").size(), 1U)
+      << limited.output();
 }
 
 TEST(ReportAlone, EndsOneWithoutMasterOrSupervisor) {

@@ -75,9 +75,9 @@ class PlantLink {
 
  private:
   struct Session {
-    std::uint32_t number = 0;   // 0: none
-    std::uint32_t boot_id = 0;  // of the plant; 0: not known
-    std::uint32_t refused = 0;  // commands that the plant had refused
+    std::uint32_t number = 0;         // 0: none
+    std::uint32_t boot_id = 0;        // of the plant; 0: not known
+    std::uint32_t refused = 0;        // commands that the plant had refused
     std::optional<ros::Time> origin;  // of the motion, once it has begun
     bool interrupted = false;
     std::string fault;
