@@ -70,6 +70,9 @@ void ForceSensorNode::readParameters() {
   loadCalibrationFile();
   live_ = std::make_unique<LiveSettings>(
       pnh_, liveValues(fieldsOf(settings_), "from the next block on"), parameters.known());
+  if (reader_ && reader_->source().info().recorded) {
+    ROS_INFO_NAMED("driver", "%s: %s", source_.c_str(), reader_->source().info().note.c_str());
+  }
 }
 
 void ForceSensorNode::openSource(SourceChoice choice, Parameters& parameters) {
@@ -88,10 +91,7 @@ void ForceSensorNode::openSource(SourceChoice choice, Parameters& parameters) {
                      ", which keeps to the wall clock, with use_sim_time: set use_sim_time false" +
                      (info.recorded ? ", or rate fast" : ""));
   }
-  if (info.recorded) {
-    ROS_INFO_NAMED("driver", "%s: %s", source_.c_str(), info.note.c_str());
-    state_.rules.quantity = info.quantity;
-  }
+  if (info.recorded) state_.rules.quantity = info.quantity;
   settings_.expected_rate = info.recorded ? info.rate : 0.0;
 }
 
