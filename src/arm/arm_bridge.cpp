@@ -76,11 +76,20 @@ bool ArmBridge::setState(const Pose& X_base_flange, StampNs stamp,
   // without samples there is no cell time to compare the stamp with
   const bool ready = arm_.guard.lockstep || (arm_.wrench_known[0] && arm_.wrench_known[1]);
   if (!time_.started() || !ready) return false;
-  const double time = time_.at(stamp);
+  const double time = time_.at(stamp), now = time_.now();
+  checkClock(arm_, time, now);
   const bool starts =
       assembly_cell::setState(arm_, place_.carrierOf(X_base_flange), time, beyond_limit);
-  poses_.addState(time, arm_.measured);
+  // With the stamps of another clock the pose would be that of another time. A state that is only
+  // late has the right stamp.
+  const bool late = time <= now && arm_.begun && arm_.reason != ArmReason::kClock;
+  if (arm_.clock_error.empty() || late) poses_.addState(time, arm_.measured);
   return starts;
+}
+
+std::string ArmBridge::missing() const {
+  if (time_.started()) return missingData(arm_, time_.now());
+  return std::string("no samples of ") + (received_[1] ? "sensor_a" : "sensor_b");
 }
 
 // Latched messages may be received before the first block and the first state.

@@ -16,6 +16,9 @@ constexpr double kMinSpeed = 1e-3;  // [m/s]
 constexpr double kStopWay = 0.8;  // stopping distance as a fraction of v²/a, as in plant_guard.cpp
 constexpr double kBlocksOwner =
     0.5;  // silence of a source that keeps the owner waiting, of the timeout
+// An error of the arm's clock that lasts holds the arm, in timeouts. Shorter ones are a burst after
+// a process was frozen, or the cell's time after a pause: six blocks, 0.12 s (CellClock).
+constexpr double kClockPatience = 3.0;
 constexpr char kSensors[] = "ab";
 
 Load loadOf(const Vector6& wrench) { return {wrench.head<3>().norm(), wrench.tail<3>().norm()}; }
@@ -113,13 +116,28 @@ bool isFresh(const ArmGuard& arm, const Source& source, double now) {
   return source.known && now - source.time < arm.limits.timeout - 1e-6;
 }
 
+// Is the arm's state received, but with stamps of another clock?
+bool hasClockError(const ArmGuard& arm, double now) {
+  return !arm.clock_error.empty() && now - arm.clock_checked < arm.limits.timeout;
+}
+
+// What is wrong with a source that isn't fresh.
+std::string describe(const ArmGuard& arm, const Source& source, double now) {
+  std::string out = source.known ? text("no fresh %s for %.3f s, allowed are %g s", source.what,
+                                        now - source.time, arm.limits.timeout)
+                                 : text("no %s has come in yet", source.what);
+  if (source.reason == ArmReason::kNoState && !arm.refusal.empty()) out += ": " + arm.refusal;
+  return out;
+}
+
 void watchData(ArmGuard& arm, double now) {
   for (const Source& source : sourcesOf(arm)) {
     if (isFresh(arm, source, now)) continue;
-    hold(arm, source.reason,
-         source.known ? text("no fresh %s for %.3f s, allowed are %g s", source.what,
-                             now - source.time, arm.limits.timeout)
-                      : text("no %s has come in yet", source.what));
+    if (source.reason == ArmReason::kNoState && hasClockError(arm, now)) {
+      hold(arm, ArmReason::kClock, arm.clock_error);
+    } else {
+      hold(arm, source.reason, describe(arm, source, now));
+    }
     return;
   }
 }
@@ -175,8 +193,9 @@ void begin(ArmGuard& arm, const Pose& X) {
 }
 
 GuardVerdict halted(const ArmGuard& arm) {
+  const std::string& why = arm.text.empty() ? arm.clock_error : arm.text;
   return {GuardReason::kOverloaded,
-          text("overloaded: the arm is %s: %s", toString(arm.mode), arm.text.c_str())};
+          text("overloaded: the arm is %s: %s", toString(arm.mode), why.c_str())};
 }
 
 }  // namespace
@@ -188,9 +207,9 @@ const char* toString(ArmMode mode) {
 
 const char* toString(ArmReason reason) {
   static constexpr const char* kNames[] = {
-      "none",       "expired",     "no_wrench_a", "no_wrench_b", "no_state",   "max_force",
-      "max_torque", "raw_force",   "raw_torque",  "saturated",   "force_rate", "following",
-      "outside",    "unreachable", "stop",        "lone_exciter"};
+      "none",      "expired",    "no_wrench_a", "no_wrench_b", "no_state",    "clock",
+      "max_force", "max_torque", "raw_force",   "raw_torque",  "saturated",   "force_rate",
+      "following", "outside",    "unreachable", "stop",        "lone_exciter"};
   static_assert(std::size(kNames) == static_cast<std::size_t>(ArmReason::kCount));
   return kNames[static_cast<int>(reason)];
 }
@@ -266,25 +285,54 @@ void addSamples(ArmGuard& arm, const ContactSamples& samples) {
   }
 }
 
+void checkClock(ArmGuard& arm, double stamp, double now) {
+  if (arm.guard.lockstep) return;
+  const double error = stamp - now, allowed = arm.limits.timeout;
+  arm.clock_checked = now;
+  if (std::abs(error) <= allowed) {
+    arm.clock_error.clear();
+    return;
+  }
+  if (arm.clock_error.empty() || now < arm.clock_since) arm.clock_since = now;
+  arm.clock_error =
+      text("the arm's stamps are %.3f s %s those of sensor_b, allowed are %g s: ", std::abs(error),
+           error > 0.0 ? "ahead of" : "behind", allowed);
+  arm.clock_error += error > 0.0 ? "set both clocks" : "set both clocks, or its messages are late";
+  if (now - arm.clock_since >= kClockPatience * allowed) {
+    hold(arm, ArmReason::kClock, arm.clock_error);
+  }
+}
+
+std::string missingData(const ArmGuard& arm, double now) {
+  if (hasClockError(arm, now)) return arm.clock_error;
+  for (const Source& source : sourcesOf(arm)) {
+    if (!isFresh(arm, source, now)) return describe(arm, source, now);
+  }
+  return {};
+}
+
 bool setState(ArmGuard& arm, const Pose& X, double stamp, const std::string& beyond_limit) {
   if (!X.p.allFinite() || !X.R.allFinite()) return false;
   arm.measured = coordinatesOf(X);
   arm.state_time = stamp;
   arm.state_known = true;
   arm.beyond_limit = beyond_limit;
+  arm.refusal.clear();
   // moved by other means while it wasn't commanded
   const Vector6 off = arm.measured - arm.motion.out;
   const bool moved = arm.begun && !isBusy(arm) &&
                      !(off.head<3>().norm() <= arm.limits.following &&
                        off.tail<3>().norm() <= arm.limits.following_turn);
   if (arm.begun && !moved) return false;
+  if (!arm.clock_error.empty()) return false;
   if (!beyond_limit.empty()) {
     arm.begun = false;
     hold(arm, ArmReason::kUnreachable, beyond_limit);
     return false;
   }
-  // after a joint beyond its limit the motion starts at resume()
-  if (!arm.begun && arm.reason == ArmReason::kUnreachable) return false;
+  // held before its start, it starts at resume()
+  const bool was_held = arm.reason == ArmReason::kUnreachable || arm.reason == ArmReason::kClock;
+  if (!arm.begun && was_held) return false;
   begin(arm, X);
   if (arm.mode == ArmMode::kWaiting) arm.mode = ArmMode::kFollowing;
   return true;
@@ -295,6 +343,7 @@ GuardVerdict renew(ArmGuard& arm, const Sender& sender, std::uint32_t session, d
   // A restarted driver may reach other nodes before this one: the session starts with a later
   // lease, when all watched sources are fresh.
   if (session != 0 && session != before && !arm.guard.lockstep) {
+    if (hasClockError(arm, now)) return {GuardReason::kStale, "stale: " + arm.clock_error};
     for (const Source& source : sourcesOf(arm)) {
       if (isFresh(arm, source, now)) continue;
       return {GuardReason::kStale, text("stale: there are no fresh %s", source.what)};
@@ -371,6 +420,11 @@ std::string resume(ArmGuard& arm, double now) {
   if (arm.mode == ArmMode::kStopped)
     return arm.text + ": start the bridge again, in lockstep the whole cell";
   if (arm.mode != ArmMode::kHeld) return text("the arm is not held, it is %s", toString(arm.mode));
+  if (hasClockError(arm, now)) {
+    arm.reason = ArmReason::kClock;
+    arm.text = std::string(toString(arm.reason)) + ": " + arm.clock_error;
+    return arm.text;
+  }
   if (!arm.state_known || now - arm.state_time >= arm.limits.timeout) {
     return "no fresh state of the arm: the next point must be at its pose";
   }

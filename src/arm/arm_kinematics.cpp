@@ -130,6 +130,14 @@ ArmKinematics::ArmKinematics(const std::string& urdf, const std::string& tip,
 
 ArmKinematics::~ArmKinematics() = default;
 
+bool isAwayFromRoot(const std::string& urdf, const std::string& frame) {
+  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(urdf);
+  if (!model || !model->getLink(frame)) return false;
+  const JointChain chain = loadJointChain(urdf, frame, "URDF");
+  return !chain.joints.empty() || chain.end.p.norm() > kReached ||
+         !chain.end.R.isIdentity(kReached);
+}
+
 int ArmKinematics::joints() const { return static_cast<int>(chain_->names.size()); }
 const std::vector<std::string>& ArmKinematics::names() const { return chain_->names; }
 const std::string& ArmKinematics::base() const { return chain_->base; }

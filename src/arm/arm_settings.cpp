@@ -54,9 +54,9 @@ void fields(FieldList& f, BridgeSettings& s) {
             "Centre of mass in sensor_b.");
   f.flag("publish_frames", s.publish_frames,
          "Publishes hole -> carrier_base -> carrier, hole -> base.");
-  f.number("max_speed", motion.speed, {1e-3, 0.25, "m/s"},
+  f.number("max_speed", motion.speed, {5e-3, 0.25, "m/s"},
            "Speed of the carrier, a rotation counted at the peg's edge.");
-  f.number("max_acceleration", motion.acceleration, {1e-2, 10.0, "m/s2"},
+  f.number("max_acceleration", motion.acceleration, {0.1, 10.0, "m/s2"},
            "Acceleration of the carrier, a rotation counted at the peg's edge.");
   f.numbers("workspace", s.workspace.data(), s.workspace.size(), finite("m"),
             "Min and max of x, y, z in carrier_base.");

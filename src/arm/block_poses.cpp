@@ -21,6 +21,8 @@ void BlockPoses::addBlock(double end) {
 }
 
 void BlockPoses::addState(double time, const Vector6& coordinates) {
+  // the arm's clock was set back
+  if (!states_.empty() && time < states_.back().time) states_.clear();
   states_.push_back({time, coordinates});
   while (time - states_.front().time > kMemory) states_.pop_front();
 }

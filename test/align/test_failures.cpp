@@ -14,6 +14,7 @@
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/align/search/press_controller.h"
+#include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
@@ -323,6 +324,35 @@ TEST_P(Failures, AreNamedWithTheExciterOff) {
 INSTANTIATE_TEST_SUITE_P(One, Failures, testing::ValuesIn(kCases), [](const auto& test) {
   return std::string(test.param.strategy) + "_" + toString(test.param.failure);
 });
+
+// A move takes as long as it takes while the carrier comes nearer.
+TEST(SlowCarrier, IsWaitedFor) {
+  Arrangement s;
+  s.scenario = cell({"carrier.max_speed=0.007"});
+  s.parameters.strategy = "twin_force";
+  for (const double x : {0.008, 0.014}) {
+    const Scenario from = startAt(s.scenario, Vector2d(x, 0), Vector2d(0.01, 0), 0.003);
+    SimulatedPlant plant(from, from.mechanism, s.sensors);
+    const AlignResult result = align(plant, from.mechanism, s.parameters, nullptr);
+    EXPECT_TRUE(result.success) << x << ": " << result.reason;
+  }
+}
+
+// One that is slower than a press, or can't end it, is refused instead of blaming the contact.
+TEST(SlowCarrier, IsRefusedByName) {
+  Arrangement s;
+  for (const std::string key : {"max_speed", "max_acceleration"}) {
+    Mechanism slow = s.nominal;
+    (key == "max_speed" ? slow.carrier.max_speed : slow.carrier.max_acceleration) = 1e-3;
+    try {
+      checkGoal(slow, s.parameters);
+      FAIL() << key;
+    } catch (const InputError& error) {
+      EXPECT_EQ(std::string(error.what()).rfind("carrier." + key + ": 0.001: ", 0), 0U)
+          << error.what();
+    }
+  }
+}
 
 // A peg whose goals fail in the air isn't raised by them.
 TEST(Hanging, StaysWhereAGoalThatFailsFindsIt) {

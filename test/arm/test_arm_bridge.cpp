@@ -6,6 +6,7 @@
 
 #include "assembly_cell/arm/arm_bridge.h"
 #include "assembly_cell/arm/block_barrier.h"
+#include "assembly_cell/arm/block_poses.h"
 
 namespace assembly_cell {
 namespace {
@@ -120,6 +121,37 @@ TEST(BlockBarrier, CommandsWaitForTheSamplesOfBothSensors) {
   barrier.restart();
   EXPECT_TRUE(barrier.add(1, 3));
   EXPECT_EQ(barrier.complete(), 3U);
+}
+
+TEST(ArmBridge, ByTheWallClockAnArmAheadOfItDoesNotStart) {
+  for (const StampNs error : {kSecond / 2, -kSecond / 2}) {
+    ArmBridge bridge = bridgeWith({}, false);
+    EXPECT_EQ(bridge.missing(), "no samples of sensor_b");
+    for (int i = 0; i < 2; ++i) {
+      addBlock(bridge, 1, kEpoch);
+      if (i == 0) EXPECT_EQ(bridge.missing(), "no samples of sensor_a");
+      addBlock(bridge, 0, kEpoch);
+    }
+    EXPECT_FALSE(bridge.setState(Pose(), kEpoch + error, ""));
+    EXPECT_NE(bridge.missing().find("the arm's stamps are 0."), std::string::npos)
+        << bridge.missing();
+    // no pose of another time
+    EXPECT_FALSE(bridge.poses().next());
+    EXPECT_TRUE(bridge.setState(Pose(), kEpoch, ""));
+  }
+}
+
+TEST(BlockPoses, AClockThatIsSetBackDropsTheStatesBefore) {
+  BlockPoses poses;
+  const auto x = [](double value) { return Vector6(value * Vector6::UnitX()); };
+  poses.addState(100.0, x(1.0));
+  poses.addState(10.0, x(2.0));
+  poses.addBlock(10.1);
+  EXPECT_FALSE(poses.next());
+  poses.addState(10.2, x(4.0));
+  const auto pose = poses.next();
+  ASSERT_TRUE(pose);
+  EXPECT_NEAR(pose->X.p.x(), 3.0, 1e-9);
 }
 
 }  // namespace

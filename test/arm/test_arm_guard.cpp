@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "assembly_cell/arm/arm_guard.h"
+#include "assembly_cell/base/text.h"
 
 namespace assembly_cell {
 namespace {
@@ -527,6 +528,89 @@ TEST(ArmGuard, HostileCommandsNeverPassTheForceLimit) {
   EXPECT_GT(largest, 30.0);
   EXPECT_LT(largest, 1.2 * 60.0);
   EXPECT_LE(fastest, limits.motion.speed * (1.0 + 1e-9));
+}
+
+// ---- the clock of the arm ----
+
+// Half a second ahead or behind: the motion doesn't start, and the arm is held by name.
+TEST(ArmGuard, AnArmWithAnotherClockIsHeldBeforeItsFirstPoint) {
+  for (const double error : {0.5, -0.5, 0.11, -0.11}) {
+    ArmGuard arm = armGuard({}, Braking(), LeaseMode::kAuto, false);
+    setRate(arm, kPeriod, 0.02);
+    std::string first;
+    for (double now = 10.0; now < 11.0; now += kPeriod) {
+      checkClock(arm, now + error, now);
+      EXPECT_FALSE(setState(arm, Pose(), now + error));
+      tick(arm, now);
+      if (first.empty()) first = missingData(arm, now);
+    }
+    EXPECT_FALSE(arm.begun);
+    EXPECT_EQ(arm.mode, ArmMode::kHeld);
+    EXPECT_EQ(arm.reason, ArmReason::kClock);
+    const std::string side = text("%.3f s ", std::abs(error)) + (error > 0 ? "ahead" : "behind");
+    EXPECT_EQ(arm.text.rfind("clock: the arm's stamps are " + side, 0), 0U) << arm.text;
+    EXPECT_EQ(arm.text, "clock: " + first);
+    // neither a person nor a session ends that, before the clock is right
+    EXPECT_EQ(resume(arm, 11.0), arm.text);
+    const GuardVerdict verdict = renew(arm, {"supervisor", 11.0, true, false}, 7, 11.0);
+    EXPECT_EQ(verdict.reason, GuardReason::kStale);
+    EXPECT_NE(verdict.text.find(side), std::string::npos) << verdict.text;
+    checkClock(arm, 11.0, 11.0);
+    EXPECT_FALSE(setState(arm, Pose(), 11.0));
+    EXPECT_EQ(resume(arm, 11.0), "");
+    EXPECT_TRUE(arm.begun);
+  }
+}
+
+TEST(ArmGuard, AClockWithinATenthOfASecondIsGood) {
+  for (const double error : {0.09, -0.09}) {
+    ArmGuard arm = armGuard({}, Braking(), LeaseMode::kAuto, false);
+    checkClock(arm, 10.0 + error, 10.0);
+    EXPECT_TRUE(setState(arm, Pose(), 10.0 + error));
+  }
+}
+
+// A burst after a freeze, or the cell's time after a pause.
+TEST(ArmGuard, LateStatesForAMomentAreNoErrorOfTheClock) {
+  ArmGuard arm = armGuard({}, Braking(), LeaseMode::kAuto, false);
+  setRate(arm, kPeriod, 0.02);
+  for (double now = 10.0; now < 11.0; now += kPeriod) {
+    const double late = now > 10.1 && now < 10.35 ? 0.3 : 0.0;
+    checkClock(arm, now - late, now);
+    EXPECT_EQ(arm.clock_error.empty(), late == 0.0);
+    setState(arm, Pose(), now - late);
+    tick(arm, now);
+  }
+  EXPECT_EQ(arm.mode, ArmMode::kFollowing) << arm.text;
+}
+
+// States that are received, with stamps of another clock, are not silence.
+TEST(ArmGuard, AClockThatIsSetBackWhileItMovesIsNamed) {
+  ArmLimits limits;
+  limits.guard.lone_exciter = kNever;
+  Cell cell(limits);
+  cell.start();
+  cell.state = false;
+  for (int i = 0; i < 100 && cell.arm.mode == ArmMode::kFollowing; ++i) {
+    checkClock(cell.arm, cell.now - 0.5, cell.now);
+    setState(cell.arm, poseOfCoordinates(cell.arm.motion.out), cell.now - 0.5);
+    cell.run(kBlock);
+  }
+  EXPECT_EQ(cell.arm.reason, ArmReason::kClock) << cell.arm.text;
+  EXPECT_NE(cell.arm.text.find("0.500 s behind"), std::string::npos) << cell.arm.text;
+}
+
+TEST(ArmGuard, AHoldForASilentArmNamesWhyItsMessagesAreRefused) {
+  ArmLimits limits;
+  limits.guard.lone_exciter = kNever;
+  Cell cell(limits);
+  cell.start();
+  cell.state = false;
+  cell.arm.refusal = "position of joint elbow is nan";
+  cell.run(0.3);
+  EXPECT_EQ(cell.arm.reason, ArmReason::kNoState);
+  EXPECT_NE(cell.arm.text.find(": position of joint elbow is nan"), std::string::npos)
+      << cell.arm.text;
 }
 
 }  // namespace

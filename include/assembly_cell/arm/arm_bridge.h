@@ -56,6 +56,8 @@ class ArmBridge {
   void setZero(std::size_t sensor, const Vector6& zero);
   /// Flange in the arm's base. True: the motion starts at this pose, see setState() of the guard.
   bool setState(const Pose& X_base_flange, StampNs stamp, const std::string& beyond_limit);
+  /// What the bridge lacks to follow commands, in one line; empty: nothing.
+  std::string missing() const;
 
   /// Commands of a node, as in the guard; refused without a stamp or from before the last start.
   GuardVerdict move(const std::string& node, StampNs stamp, const Pose& X);

@@ -44,6 +44,7 @@ enum class ArmReason {
   kNoWrenchA,    ///< no fresh samples of sensor_a
   kNoWrenchB,    ///< no fresh samples of sensor_b
   kNoState,      ///< no fresh state of the arm
+  kClock,        ///< the arm's stamps are ahead of the samples', or behind
   kForce,        ///< contact force
   kTorque,       ///< contact torque
   kRawForce,     ///< force, zero included
@@ -80,7 +81,11 @@ struct ArmGuard {
   bool begun = false;  ///< `motion` has started at the arm's pose: points are sent
   double state_time = 0.0;
   bool state_known = false;
-  std::string beyond_limit;            ///< see setState(); empty: all joints are within limits
+  std::string beyond_limit;  ///< see setState(); empty: all joints are within limits
+  std::string refusal;  ///< why the last message of the arm's state was refused; empty: it wasn't
+  std::string clock_error;             ///< of the arm's stamps, see checkClock(); empty: none
+  double clock_since = 0.0;            ///< time at which the error began [s]
+  double clock_checked = 0.0;          ///< time of the last check [s]
   Vector6 measured = Vector6::Zero();  ///< coordinates, see coordinatesOf()
   std::array<Vector6, 256> sent{};     ///< the latest points, a ring
   std::size_t sent_next = 0;
@@ -111,10 +116,14 @@ struct ContactSamples {
 };
 /// Checks the samples against the limits; holds the arm at the first one beyond.
 void addSamples(ArmGuard& arm, const ContactSamples& samples);
+/// Compares the stamp of a state of the arm that is received at `now` with the time of the samples.
+/// The motion doesn't start while they differ by more than `limits.timeout`, ahead or behind; an
+/// error that lasts holds the arm. Not in lockstep, where no time passes between two blocks.
+void checkClock(ArmGuard& arm, double stamp, double now);
 /// Measured pose of the arm at `stamp`; `beyond_limit`: ArmKinematics::beyondLimit() of its joints.
 /// The motion starts at the first pose, and again where the idle arm was moved by other means; true
 /// if it did. While a joint is beyond its limit it doesn't start: the arm is held, no point is
-/// sent.
+/// sent. Nor while there is an error of the clock.
 bool setState(ArmGuard& arm, const Pose& X, double stamp, const std::string& beyond_limit = {});
 
 /// Leases and commands, as in the plant guard. A new session ends a hold; it is refused while a
@@ -132,6 +141,10 @@ void hold(ArmGuard& arm, ArmReason reason, const std::string& text);
 void stopForGood(ArmGuard& arm, const std::string& text);
 /// Ends a hold on a person's request. Empty, or the reason why the arm stays held.
 std::string resume(ArmGuard& arm, double now);
+
+/// The first watched source that isn't fresh at `now`, in one line, with the likely cause; empty:
+/// all are.
+std::string missingData(const ArmGuard& arm, double now);
 
 inline bool isHalted(const ArmGuard& arm) {
   return arm.mode == ArmMode::kHeld || arm.mode == ArmMode::kStopped;

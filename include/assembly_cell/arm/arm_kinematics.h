@@ -62,4 +62,8 @@ class ArmKinematics {
   std::unique_ptr<Chain> chain_;
 };
 
+/// Is `frame` a link of the URDF whose frame is not that of the root link? False for other names:
+/// the root may have another name on /tf.
+bool isAwayFromRoot(const std::string& urdf, const std::string& frame);
+
 }  // namespace assembly_cell

@@ -28,6 +28,7 @@ class NodeTime {
   void observe(StampNs stamp);
 
   double now() const;
+  double newest() const { return at(last_); }  ///< time of the newest block
   double at(StampNs stamp) const { return 1e-9 * static_cast<double>(stamp - epoch_); }
   StampNs stampAt(double time) const;
 

@@ -19,6 +19,17 @@ constexpr int kSwingBlocks = 50;
 constexpr int kKnockBlocks = 2;
 // At rest so many in a row are a faulty sensor: its own noise, an offset, a broken wire.
 constexpr int kFaultyBlocks = 50;
+// A carrier that still comes nearer after kMotionBlocks is slow: it has as many again, so often. In
+// its last blocks it must have come nearer by more than a pressed carrier creeps.
+constexpr int kSlowMotions = 10;
+constexpr int kLastBlocks = 20;
+constexpr double kNearer = 2e-5;  // [m]
+constexpr double kTurnArm = 0.1;  // metres per radian of a turn
+
+double wayLeft(const RestPose& at, const RestPose& target) {
+  const double turn = std::hypot(at.yaw - target.yaw, at.theta - target.theta, at.phi - target.phi);
+  return std::hypot(at.x - target.x, at.y - target.y, at.z - target.z) + kTurnArm * turn;
+}
 
 }  // namespace
 
@@ -111,7 +122,9 @@ void GuardedCarrier::moveTo(const RestPose& target, bool to_the_end) {
   target_ = target;
   PlantCommand command;
   command.rest = target;
-  for (int i = 0; i <= kMotionBlocks; ++i) {
+  double earlier = 0.0;  // way that was left kLastBlocks before the end
+  int blocks = kMotionBlocks;
+  for (int i = 0; i <= blocks; ++i) {
     const RestPose before = last().carrier;
     step(command);
     if (arrived(before, last().carrier, target, reportNoise())) {
@@ -120,6 +133,18 @@ void GuardedCarrier::moveTo(const RestPose& target, bool to_the_end) {
       return;
     }
     command.rest.reset();
+    const double left = wayLeft(last().carrier, target);
+    if (i == blocks - kLastBlocks) earlier = left;
+    const double nearer = kNearer + 4.0 * reportNoise().position;
+    if (i == blocks && left < earlier - nearer && blocks < kSlowMotions * kMotionBlocks) {
+      blocks += kMotionBlocks;
+    }
+  }
+  if (blocks > kMotionBlocks && wayLeft(last().carrier, target) < earlier - kNearer) {
+    throw AlignError(AlignFailure::kNotArrived,
+                     text("the carrier is still on its way after %d blocks, %.3f mm are left: it "
+                          "is too slow, look at its max_speed and max_acceleration",
+                          blocks, wayLeft(last().carrier, target) * 1e3));
   }
   const RestPose& at = last().carrier;
   const double away = std::hypot(at.x - target.x, at.y - target.y, at.z - target.z);

@@ -73,9 +73,19 @@ ArmBridgeSettings::ArmBridgeSettings(const ros::NodeHandle& nh, const ros::NodeH
         "parameter ~state is pose while ~interface is joints: joints need joint_states");
   }
   if (reads_joints) {
-    kinematics = std::make_unique<ArmKinematics>(Parameters(nh).text(bridge.description),
-                                                 place.flange, bridge.description);
+    const std::string urdf = Parameters(nh).text(bridge.description);
+    kinematics = std::make_unique<ArmKinematics>(urdf, place.flange, bridge.description);
     if (bridge.base_frame.empty()) bridge.base_frame = kinematics->base();
+    if (isAwayFromRoot(urdf, bridge.base_frame)) {
+      throw InputError("parameter ~base_frame is \"" + bridge.base_frame +
+                       "\", a link that is not at the root of the URDF: poses are those in its "
+                       "root link " +
+                       kinematics->base() + ", give that, or state: pose");
+    }
+  }
+  if (bridge.base_frame.rfind('/', 0) == 0) {
+    throw InputError("parameter ~base_frame is \"" + printable(bridge.base_frame) +
+                     "\": names of frames have no leading slash, leave it out");
   }
   if (bridge.base_frame.empty()) {
     throw InputError("parameter ~base_frame is empty: give the frame of the arm's base");
@@ -88,14 +98,17 @@ ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
       settings_(nh, pnh),
       bridge_(settings_.guard, settings_.place, settings_.payload,
               NodeTime(settings_.lockstep, settings_.real_time_factor), randomBootId()),
-      joints_(std::move(settings_.kinematics)),
+      input_(
+          ros::NodeHandle(nh, "arm").resolveName(
+              settings_.bridge.state == ArmStateSource::kJoints ? "joint_states" : "current_pose"),
+          settings_.bridge.base_frame, std::move(settings_.kinematics)),
       participants_(participantsOf(settings_.participants, nh)) {
   if (!settings_.lockstep) {
     for (ros::NodeHandle* handle : {&nh_, &pnh}) handle->setCallbackQueue(&queue_);
   }
   const BridgeSettings& bridge = settings_.bridge;
   output_ = std::make_unique<ArmOutput>(ros::NodeHandle(nh_, "arm"), bridge, settings_.place,
-                                        joints_.kinematics());
+                                        input_.joints().kinematics());
   publisher_ = std::make_unique<ArmBridgePublisher>(nh_, pnh, settings_.lockstep);
   advertise(pnh);
   subscribe();
@@ -107,12 +120,15 @@ ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   ROS_INFO("%s: %.0f points a second, %s", pnh.getNamespace().c_str(), bridge.rate,
            settings_.lockstep ? "lockstep" : "by the wall clock");
   if (settings_.lockstep) return;
-  // Messages are handled just before a point: none has an effect earlier.
+  // Messages are handled just before a point: none has an effect earlier. A service or timer that
+  // throws doesn't cost the point.
   thread_.start(1.0 / (bridge.rate * settings_.real_time_factor), [this] {
     const ros::WallDuration at_once(0.0);
-    for (int i = 0; i < kMaxCallbacks; ++i) {
-      if (queue_.callOne(at_once) != ros::CallbackQueue::Called) break;
-    }
+    guarded("callback", [&] {
+      for (int i = 0; i < kMaxCallbacks; ++i) {
+        if (queue_.callOne(at_once) != ros::CallbackQueue::Called) break;
+      }
+    });
     const std::lock_guard<std::mutex> lock(mutex_);
     if (bridge_.time().started()) point(bridge_.time().now());
   });
@@ -148,7 +164,7 @@ void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
       }));
   connections_.timers.push_back(nh_.createWallTimer(ros::WallDuration(0.5), [this](const auto&) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    publisher_->diagnostics(bridge_, settings_.place.flange, output_->sent());
+    publisher_->diagnostics(bridge_, settings_.place.flange, output_->sent(), connections_.stuck);
   }));
   if (!settings_.lockstep) return;
   // ROS doesn't retry a connection that failed or was lost; latched messages are received again.
@@ -157,8 +173,10 @@ void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
         {
           const std::lock_guard<std::mutex> lock(mutex_);
           if (!barrier_.isStuck()) return;
+          connections_.stuck = awaited();
         }
-        ROS_WARN("block incomplete: subscribing again");
+        ROS_WARN("block incomplete, it waits for %s: subscribing again",
+                 connections_.stuck.c_str());
         subscribe();
       }));
 }
@@ -179,17 +197,11 @@ void ArmBridgeNode::subscribe() {
   }
   ros::NodeHandle arm_nh(nh_, "arm");
   if (settings_.bridge.state == ArmStateSource::kJoints) {
-    connections_.streams.push_back(subscribeStream<sensor_msgs::JointState>(
-        arm_nh, "joint_states", kQueue, [this](const auto& m) {
-          const std::lock_guard<std::mutex> lock(mutex_);
-          if (joints_.update(m->name, m->position)) onState(joints_.flange(), m->header.stamp);
-        }));
+    connections_.subscribers.push_back(subscribeEvents<sensor_msgs::JointState>(
+        arm_nh, "joint_states", [this](const auto& event) { onState(event); }));
   } else {
-    connections_.streams.push_back(subscribeStream<geometry_msgs::PoseStamped>(
-        arm_nh, "current_pose", kQueue, [this](const auto& m) {
-          const std::lock_guard<std::mutex> lock(mutex_);
-          onState(fromPose(m->pose, "current_pose"), m->header.stamp);
-        }));
+    connections_.subscribers.push_back(subscribeEvents<geometry_msgs::PoseStamped>(
+        arm_nh, "current_pose", [this](const auto& event) { onState(event); }));
   }
   connections_.subscribers.push_back(subscribeEvents<geometry_msgs::PoseStamped>(
       nh_, "carrier_command", [this](const auto& event) { onCarrierCommand(event); }));
@@ -322,11 +334,20 @@ void ArmBridgeNode::onWrench(std::size_t sensor, const WrenchSamples& samples) {
   endBlock();
 }
 
-void ArmBridgeNode::onState(const Pose& X_base_flange, const ros::Time& stamp) {
-  const bool starts = bridge_.setState(X_base_flange, nanoseconds(stamp), joints_.beyondLimit());
+template <class Message>
+void ArmBridgeNode::onState(const ros::MessageEvent<Message const>& event) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto state = input_.take(event);
+  if (!state) {
+    bridge_.guard().refusal = input_.refusal();
+    return;
+  }
+  const ArmJoints& joints = input_.joints();
+  const bool starts =
+      bridge_.setState(state->X_base_flange, nanoseconds(state->stamp), joints.beyondLimit());
   // Not while it follows: a lagging arm would make the next point a jump of the joints.
-  if (joints_.kinematics() != nullptr && (starts || isHalted(bridge_.guard()))) {
-    output_->setJoints(joints_.positions());
+  if (joints.kinematics() != nullptr && (starts || isHalted(bridge_.guard()))) {
+    output_->setJoints(joints.positions());
   }
   publisher_->changes(bridge_);
   endBlock();
@@ -350,11 +371,24 @@ void ArmBridgeNode::endBlock() {
   const auto sequence = barrier_.complete();
   if (!settings_.lockstep || !sequence || bridge_.poses().pending()) return;
   if (!participants_.missing(*sequence).empty()) return;
+  connections_.stuck.clear();
   for (const BlockBarrier::Task& task : barrier_.finish()) task();
   const double period = 1.0 / settings_.bridge.rate, length = bridge_.block().length;
   const auto count = static_cast<int>(std::ceil(length / period - 1e-6));
   for (int i = 1; i <= count; ++i) point(bridge_.block().end + std::min(i * period, length));
   publisher_->acknowledge(*sequence, bridge_);
+}
+
+std::string ArmBridgeNode::awaited() {
+  const auto sequence = barrier_.complete();
+  if (!sequence) return "the samples of sensor_a";
+  if (bridge_.poses().pending()) {
+    const std::string& why = input_.refusal();
+    return "the arm's state at its end" + (why.empty() ? why : ": " + why);
+  }
+  const std::string nodes = participants_.missing(*sequence);
+  if (nodes.empty()) return {};
+  return "the answer of " + nodes + ": start it by that name, or give ~participants the names";
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -134,19 +134,17 @@ void ArmBridgePublisher::acknowledge(std::uint32_t sequence, const ArmBridge& br
 }
 
 void ArmBridgePublisher::diagnostics(ArmBridge& bridge, const std::string& flange,
-                                     std::uint64_t points) {
+                                     std::uint64_t points, const std::string& stuck) {
   const ArmGuard& arm = bridge.guard();
   using Status = diagnostic_msgs::DiagnosticStatus;
   Status status;
   status.name = name_.substr(1) + ": arm";
   status.hardware_id = flange;
-  status.level = isHalted(arm) ? Status::ERROR : arm.state_known ? Status::OK : Status::WARN;
+  const std::string missing = stuck.empty() ? bridge.missing() : "a block waits for " + stuck;
+  status.level = isHalted(arm) ? Status::ERROR : missing.empty() ? Status::OK : Status::WARN;
   status.message = toString(arm.mode);
   if (!arm.text.empty()) status.message += ": " + arm.text;
-  if (!arm.state_known) {
-    status.message +=
-        bridge.time().started() ? ": no state of the arm" : ": no samples of sensor_b";
-  }
+  if (!missing.empty() && !isHalted(arm)) status.message += ": " + missing;
   const Vector6& x = arm.measured;
   publishStatus(diagnostics_pub_, status,
                 {{"Reason", toString(arm.reason)},

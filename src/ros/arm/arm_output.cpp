@@ -34,10 +34,9 @@ void ArmOutput::setJoints(const JointVector& q) {
 
 std::string ArmOutput::send(const CommandMotion& motion, const Vector6& measured,
                             const ros::Time& stamp) {
-  ++sent_;
   switch (settings_.interface) {
     case ArmInterface::kPose:
-      pub_.publish(poseStamped(settings_.base_frame, place_.flangeOf(motionPose(motion)), stamp));
+      publish(poseStamped(settings_.base_frame, place_.flangeOf(motionPose(motion)), stamp));
       break;
     case ArmInterface::kTwist:
       sendTwist(motion, measured, stamp);
@@ -48,6 +47,12 @@ std::string ArmOutput::send(const CommandMotion& motion, const Vector6& measured
   return {};
 }
 
+template <class Message>
+void ArmOutput::publish(const Message& message) {
+  pub_.publish(message);
+  ++sent_;
+}
+
 void ArmOutput::sendTwist(const CommandMotion& motion, const Vector6& measured,
                           const ros::Time& stamp) {
   const Vector6 v = flangeTwist(place_, motion, measured, settings_.twist_gain);
@@ -56,7 +61,7 @@ void ArmOutput::sendTwist(const CommandMotion& motion, const Vector6& measured,
   twist.header.frame_id = settings_.base_frame;
   twist.twist.linear = toVector3(v.head<3>());
   twist.twist.angular = toVector3(v.tail<3>());
-  pub_.publish(twist);
+  publish(twist);
 }
 
 std::string ArmOutput::sendJoints(const CommandMotion& motion, const ros::Time& stamp) {
@@ -64,14 +69,14 @@ std::string ArmOutput::sendJoints(const CommandMotion& motion, const ros::Time& 
   joints_.header.stamp = stamp;
   // at rest the last point is repeated
   if (rest_ == motion.out) {
-    pub_.publish(joints_);
+    publish(joints_);
     return {};
   }
   const JointPoint point = jointPoint(*kinematics_, place_, motion, *q_);
   joints_.points[0].positions.assign(point.q.begin(), point.q.end());
   joints_.points[0].velocities.assign(point.rates.begin(), point.rates.end());
   joints_.points[0].time_from_start = ros::Duration(motion.period);
-  pub_.publish(joints_);
+  publish(joints_);
   rest_.reset();
   if (point.why.empty() && point.q == *q_) rest_ = motion.out;
   q_ = point.q;

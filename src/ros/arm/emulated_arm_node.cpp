@@ -7,6 +7,8 @@
 #include <std_srvs/Trigger.h>
 #include <trajectory_msgs/JointTrajectory.h>
 
+#include <algorithm>
+
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
@@ -16,6 +18,18 @@
 #include "assembly_cell/ros/process/participants.h"
 
 namespace assembly_cell::ros_bridge {
+
+namespace {
+
+// Of the arm's time from the simulator's newest stamp: a paused simulator stops the arm. [s]
+constexpr double kMaxAhead = 0.1;
+
+void checkFrame(const std_msgs::Header& header, const std::string& base) {
+  if (header.frame_id == base) return;
+  throw InputError("frame_id is \"" + printable(header.frame_id) + "\": give " + base);
+}
+
+}  // namespace
 
 EmulatedArmNode::EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     : nh_(nh), participant_(participantName(nh.getNamespace(), pnh.getNamespace())) {
@@ -52,7 +66,7 @@ EmulatedArmNode::EmulatedArmNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
   if (lockstep_) return;
   thread_.start(1.0 / (settings.arm.rate * factor), [this] {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (controller_->isPlaced()) runUntil(time_->now());
+    if (controller_->isPlaced()) runUntil(std::min(time_->now(), time_->newest() + kMaxAhead));
   });
 }
 
@@ -77,11 +91,7 @@ void EmulatedArmNode::subscribe(ros::NodeHandle& arm_nh, ArmInterface interface)
       command_sub_ = subscribeStream<geometry_msgs::PoseStamped>(
           arm_nh, "target_frame", kQueue, [this](const auto& message) {
             take(*message, [this](const geometry_msgs::PoseStamped& m, double time) {
-              const std::string& base = controller_->kinematics().base();
-              if (m.header.frame_id != base) {
-                throw InputError("frame_id is \"" + printable(m.header.frame_id) + "\": give " +
-                                 base);
-              }
+              checkFrame(m.header, controller_->kinematics().base());
               controller_->commandPose(fromPose(m.pose, "target_frame"), time);
             });
           });
@@ -90,6 +100,7 @@ void EmulatedArmNode::subscribe(ros::NodeHandle& arm_nh, ArmInterface interface)
       command_sub_ = subscribeStream<geometry_msgs::TwistStamped>(
           arm_nh, "twist", kQueue, [this](const auto& message) {
             take(*message, [this](const geometry_msgs::TwistStamped& m, double time) {
+              checkFrame(m.header, controller_->kinematics().base());
               const auto &v = m.twist.linear, &w = m.twist.angular;
               controller_->commandTwist((Vector6() << v.x, v.y, v.z, w.x, w.y, w.z).finished(),
                                         time);

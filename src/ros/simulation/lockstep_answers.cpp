@@ -131,7 +131,8 @@ void LockstepAnswers::fail(double timeout) {
   const std::string missing = participants_.missing(awaited_);
   ROS_FATAL(
       "no answer to block %u within %g s of wall time from %s: it has ended, is frozen, computes "
-      "for longer than that or runs without ~lockstep; look at it, or raise ~ack_timeout",
+      "for longer than that, runs without ~lockstep or waits for another node (its log names it); "
+      "look at it, or raise ~ack_timeout",
       awaited_, timeout, missing.empty() ? "who publishes carrier_motion" : missing.c_str());
   exit_code_ = 1;
   state_.quit = true;

@@ -4,6 +4,7 @@
 #include <assembly_cell/Exciter.h>
 #include <assembly_cell/PlantState.h>
 #include <assembly_cell/WrenchSamples.h>
+#include <diagnostic_msgs/DiagnosticArray.h>
 #include <geometry_msgs/PoseStamped.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
@@ -19,6 +20,7 @@
 #include <fstream>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -62,6 +64,7 @@ class Bridge : public ::testing::Test {
         exciter_(nh_, "arm/exciter"),
         acks_(nh_, "arm/ack"),
         state_(nh_, "plant_state"),
+        diagnostics_(nh_, "/diagnostics"),
         poses_(nh_, "carrier_pose") {
     wrench_pubs_[0] = nh_.advertise<WrenchSamples>("sensor_a/wrench_samples", 100, true);
     wrench_pubs_[1] = nh_.advertise<WrenchSamples>("sensor_b/wrench_samples", 100, true);
@@ -70,6 +73,7 @@ class Bridge : public ::testing::Test {
     exciter_pub_ = nh_.advertise<Exciter>("exciter", 100, true);
     ack_pub_ = nh_.advertise<Ack>("ack", 100, true);
     stop_pub_ = nh_.advertise<std_msgs::Bool>("arm_bridge/stop", 1, true);
+    waitsFor({"tester"});
     q_ = JointVector(6);
     q_ << -0.2, 0.07, 2.1, -0.6, -1.57, 0.0;
     kinematics_.solve(place_.flangeOf(start_), q_);
@@ -79,15 +83,16 @@ class Bridge : public ::testing::Test {
     nh_.setParam("arm_description", armUrdf());
     start({});
   }
+  void waitsFor(const std::vector<std::string>& nodes) {
+    nh_.setParam("arm_bridge/participants", nodes);
+  }
   void start(const std::vector<std::string>& more) {
     launch(more);
     block();
   }
   void launch(const std::vector<std::string>& more) {
-    std::vector<std::string> command = {executable("arm_bridge"),
-                                        "__ns:=/bridge",
+    std::vector<std::string> command = {executable("arm_bridge"), "__ns:=/bridge",
                                         "_lockstep:=true",
-                                        "_participants:=tester",
                                         "_scenario:=" + sourceFile("config/scenarios/cell.yaml"),
                                         "_place:=" + sourceFile("config/arm/cell_place.yaml")};
     command.insert(command.end(), more.begin(), more.end());
@@ -102,19 +107,30 @@ class Bridge : public ::testing::Test {
     ASSERT_TRUE(bridge_->running()) << bridge_->output();
   }
 
-  ros::Time time() const { return ros::Time(100.0) + ros::Duration(blocks_ * kBlock); }
+  ros::Time time(int later = 0) const {
+    return ros::Time(100.0) + ros::Duration((blocks_ + later) * kBlock);
+  }
 
-  void publishJoints() {
+  /// State of the arm at the end of a block: 0: the present one.
+  void publishJoints(int later = 0) {
     sensor_msgs::JointState joints;
-    joints.header.stamp = time();
+    joints.header.stamp = time(later);
     joints.name = kinematics_.names();
     joints.position.assign(q_.begin(), q_.end());
     joints_pub_.publish(joints);
   }
   /// A block of samples, the arm's state, the answer with all commands; waits for the bridge's.
   void publishBlock() {
+    publishJoints(1);
+    ASSERT_NO_FATAL_FAILURE(publishSamples());
+    ASSERT_TRUE(waitFor([&] {
+      const auto last = acks_.last();
+      return last && last->sequence == static_cast<std::uint32_t>(blocks_);
+    })) << bridge_->output();
+  }
+  /// The next block without the arm's state.
+  void publishSamples() {
     ++blocks_;
-    publishJoints();
     for (std::size_t i = 0; i < 2; ++i) {
       WrenchSamples samples;
       samples.header.stamp = time() - ros::Duration((kSamples - 1) * kBlock / kSamples);
@@ -133,10 +149,6 @@ class Bridge : public ::testing::Test {
     ack.commands = commands_;
     ack.session = session_;
     ack_pub_.publish(ack);
-    ASSERT_TRUE(waitFor([&] {
-      const auto last = acks_.last();
-      return last && last->sequence == ack.sequence;
-    })) << bridge_->output();
   }
   /// The same; waits for the block's points, and the arm follows them.
   void block() {
@@ -182,6 +194,21 @@ class Bridge : public ::testing::Test {
     });
   }
 
+  /// The bridge's status with this text in its message.
+  std::optional<diagnostic_msgs::DiagnosticStatus> waitForStatus(const std::string& text) {
+    std::optional<diagnostic_msgs::DiagnosticStatus> found;
+    waitFor([&] {
+      for (const auto& array : diagnostics_.all()) {
+        for (const auto& status : array->status) {
+          if (status.name != "bridge/arm_bridge: arm") continue;
+          if (status.message.find(text) != std::string::npos) found = status;
+        }
+      }
+      return found.has_value();
+    });
+    return found;
+  }
+
   ros::NodeHandle nh_;
   CellPlace place_;
   ArmKinematics kinematics_;
@@ -189,6 +216,7 @@ class Bridge : public ::testing::Test {
   Record<Exciter> exciter_;
   Record<Ack> acks_;
   Record<PlantState> state_;
+  Record<diagnostic_msgs::DiagnosticArray> diagnostics_;
   Record<geometry_msgs::PoseStamped> poses_;
   std::array<ros::Publisher, 2> wrench_pubs_;
   ros::Publisher joints_pub_, command_pub_, exciter_pub_, ack_pub_, stop_pub_;
@@ -468,6 +496,113 @@ TEST_F(Joints, AJointBeyondItsLimitHoldsTheArmWithoutAPoint) {
   }
 }
 
+/// Whose bridge is started by the test.
+class SharedStates : public Bridge {
+ protected:
+  void SetUp() override { nh_.setParam("arm_description", armUrdf()); }
+  // another device on the arm's topic
+  static std::unique_ptr<Child> device(const std::string& topic, const std::string& type,
+                                       const std::string& message) {
+    return std::make_unique<Child>(std::vector<std::string>{"rostopic", "pub", "-r", "50",
+                                                            "/bridge/arm/" + topic, type, message});
+  }
+};
+
+TEST_F(SharedStates, AGripperOnTheArmsTopicIsPassedOver) {
+  const auto gripper = device("joint_states", "sensor_msgs/JointState",
+                              "{header: {stamp: {secs: 1}}, name: [finger, thumb], "
+                              "position: [.nan, 1.0e+9]}");
+  ASSERT_NO_FATAL_FAILURE(launch({}));
+  const std::string lack = "the joints " + kinematics_.names()[0];
+  // before the arm's first state the only message is named
+  ASSERT_NO_FATAL_FAILURE(publishSamples());
+  const auto status = waitForStatus(lack);
+  ASSERT_TRUE(status) << bridge_->output();
+  EXPECT_NE(status->message.find("has finger, thumb"), std::string::npos) << status->message;
+  EXPECT_EQ(status->level, diagnostic_msgs::DiagnosticStatus::WARN);
+  diagnostics_.clear();
+  blocks(5);
+  ASSERT_FALSE(HasFatalFailure());
+  go(at(0.01, 0, 0));
+  blocks(30);
+  EXPECT_LT((carrier().p - Eigen::Vector3d(0.01, 0, 0)).norm(), 1e-6);
+  EXPECT_TRUE(bridge_->lines("the stream is that of").empty()) << bridge_->output();
+  const auto following = waitForStatus("following");
+  ASSERT_TRUE(following);
+  EXPECT_EQ(following->message, "following");
+}
+
+TEST_F(SharedStates, JointsWithAPrefixAreNamed) {
+  ASSERT_NO_FATAL_FAILURE(launch({}));
+  sensor_msgs::JointState joints;
+  joints.header.stamp = time();
+  for (const std::string& name : kinematics_.names()) joints.name.push_back("left_" + name);
+  joints.position.assign(6, 0.0);
+  joints_pub_.publish(joints);
+  ASSERT_NO_FATAL_FAILURE(publishSamples());
+  const auto status = waitForStatus("similar are left_" + kinematics_.names()[0]);
+  ASSERT_TRUE(status) << bridge_->output();
+  EXPECT_TRUE(waitFor([&] {
+    return bridge_->running() && !bridge_->lines("similar are left_").empty();
+  })) << bridge_->output();
+  EXPECT_EQ(points_.size(), 0U);
+}
+
+TEST_F(SharedStates, ANodeThatDoesNotAnswerIsNamed) {
+  waitsFor({"tester", "emulate_arm"});
+  ASSERT_NO_FATAL_FAILURE(launch({}));
+  publishJoints(1);
+  ASSERT_NO_FATAL_FAILURE(publishSamples());
+  const auto status = waitForStatus("a block waits for the answer of emulate_arm (never answered)");
+  ASSERT_TRUE(status) << bridge_->output();
+  EXPECT_TRUE(waitFor([&] {
+    return bridge_->running() && !bridge_->lines("waits for the answer of emulate_arm").empty();
+  })) << bridge_->output();
+}
+
+TEST_F(SharedStates, ThePointsThatAreCountedWereSent) {
+  ASSERT_NO_FATAL_FAILURE(launch({}));
+  blocks(3);
+  ASSERT_TRUE(waitFor([&] {
+    diagnostics_.clear();
+    const auto status = waitForStatus("following");
+    if (!status) return false;
+    for (const auto& value : status->values) {
+      if (value.key == "Points sent") return value.value == std::to_string(points_.size());
+    }
+    return false;
+  })) << points_.size();
+}
+
+// Poses in another frame are refused by name, and take nothing over.
+TEST_F(SharedStates, PosesInAnotherFrameAreRefusedByName) {
+  ros::Publisher pose_pub = nh_.advertise<geometry_msgs::PoseStamped>("arm/current_pose", 10, true);
+  for (const std::string frame : {"world", "", "/arm_base"}) {
+    if (bridge_) bridge_->stop();
+    blocks_ += 100;
+    session_ = commands_ = 0;
+    pose_pub.publish(poseStamped(frame, kinematics_.forward(q_), time()));
+    diagnostics_.clear();
+    bridge_ = std::make_unique<Child>(
+        std::vector<std::string>{executable("arm_bridge"), "__ns:=/bridge", "_lockstep:=true",
+                                 "_scenario:=" + sourceFile("config/scenarios/cell.yaml"),
+                                 "_place:=" + sourceFile("config/arm/cell_place.yaml"),
+                                 "_state:=pose", "_interface:=pose", "_base_frame:=arm_base"});
+    ASSERT_TRUE(waitFor([&] {
+      return acks_.connected() && pose_pub.getNumSubscribers() > 0 &&
+             ack_pub_.getNumSubscribers() > 0;
+    })) << bridge_->output();
+    ASSERT_NO_FATAL_FAILURE(publishSamples());
+    const auto status = waitForStatus("frame_id is \"" + frame + "\": give \"arm_base\"");
+    ASSERT_TRUE(status) << bridge_->output();
+    pose_pub.publish(poseStamped("arm_base", kinematics_.forward(q_), time()));
+    ASSERT_TRUE(waitFor([&] {
+      const auto last = poses_.last();
+      return last && last->header.stamp == time();
+    })) << bridge_->output();
+  }
+}
+
 TEST(BadParameters, EndTheNodeWithALine) {
   ros::NodeHandle nh("bad");
   nh.setParam("arm_description", armUrdf());
@@ -484,6 +619,12 @@ TEST(BadParameters, EndTheNodeWithALine) {
   EXPECT_NE(refusal({place, "_max_force:=-1"}).find("max_force"), std::string::npos);
   const std::string unknown = refusal({place, "_max_force:=60", "_slow:=1"});
   EXPECT_NE(unknown.find("slow"), std::string::npos) << unknown;
+  const std::string slash = refusal({place, "_base_frame:=/arm_base"});
+  EXPECT_NE(slash.find("parameter ~base_frame is \"/arm_base\""), std::string::npos) << slash;
+  const std::string link = refusal({place, "_base_frame:=tool0"});
+  EXPECT_NE(link.find("parameter ~base_frame is \"tool0\", a link that is not at the root"),
+            std::string::npos)
+      << link;
 }
 
 // The whole cell through bridge and arm: in lockstep, independent of the load of the machine.

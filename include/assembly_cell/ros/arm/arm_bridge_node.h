@@ -13,10 +13,10 @@
 #include <string>
 #include <vector>
 
-#include "assembly_cell/arm/arm_joints.h"
 #include "assembly_cell/arm/arm_settings.h"
 #include "assembly_cell/arm/block_barrier.h"
 #include "assembly_cell/ros/arm/arm_bridge_publisher.h"
+#include "assembly_cell/ros/arm/arm_input.h"
 #include "assembly_cell/ros/arm/arm_output.h"
 #include "assembly_cell/ros/bridge/stream_subscriber.h"
 #include "assembly_cell/ros/process/participants.h"
@@ -61,10 +61,12 @@ class ArmBridgeNode {
   void onWrench(std::size_t sensor, const WrenchSamples& samples);
 
   // with the mutex locked
-  void onState(const Pose& X_base_flange, const ros::Time& stamp);
+  template <class Message>
+  void onState(const ros::MessageEvent<Message const>& event);
   void renew(const std::string& node, StampNs stamp, std::uint32_t session);
   void take(BlockBarrier::Task task);  ///< now, or in lockstep at the block's end
   void endBlock();
+  std::string awaited();  ///< what the present block waits for; empty: for nothing
   void point(double time);
 
   struct Connections {
@@ -72,13 +74,14 @@ class ArmBridgeNode {
     std::vector<StreamSubscriber> streams;
     std::vector<ros::ServiceServer> servers;
     std::vector<ros::WallTimer> timers;
+    std::string stuck;  // in lockstep: what the block waited for at the last check
   };
   ros::CallbackQueue queue_;  // of the points' thread
   ros::NodeHandle nh_;
   ArmBridgeSettings settings_;
   std::mutex mutex_;
   ArmBridge bridge_;
-  ArmJoints joints_;
+  ArmInput input_;
   std::unique_ptr<ArmOutput> output_;
   std::unique_ptr<ArmBridgePublisher> publisher_;
   BlockBarrier barrier_;

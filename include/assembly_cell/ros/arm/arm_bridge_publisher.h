@@ -37,8 +37,9 @@ class ArmBridgePublisher {
   void changes(ArmBridge& bridge);
   /// Lockstep: the points of block `sequence` have been sent.
   void acknowledge(std::uint32_t sequence, const ArmBridge& bridge);
-  /// `points`: sent so far.
-  void diagnostics(ArmBridge& bridge, const std::string& flange, std::uint64_t points);
+  /// `points`: sent so far. `stuck`: what a block in lockstep waits for; empty: for nothing.
+  void diagnostics(ArmBridge& bridge, const std::string& flange, std::uint64_t points,
+                   const std::string& stuck);
   /// Commands and exciter of the previous boot are forgotten.
   void restart();
 

@@ -24,9 +24,11 @@ class ArmOutput {
   /// Sends the point of `motion` for an arm at `measured`. Empty, or why the joints don't reach it:
   /// the nearest ones are sent.
   std::string send(const CommandMotion& motion, const Vector6& measured, const ros::Time& stamp);
-  std::uint64_t sent() const { return sent_; }  ///< number of points
+  std::uint64_t sent() const { return sent_; }  ///< number of published points
 
  private:
+  template <class Message>
+  void publish(const Message& message);
   std::string sendJoints(const CommandMotion& motion, const ros::Time& stamp);
   void sendTwist(const CommandMotion& motion, const Vector6& measured, const ros::Time& stamp);
 

@@ -77,6 +77,7 @@ MessageCheck check(const AssemblePegActionFeedback& message);
 MessageCheck check(const geometry_msgs::PoseStamped& message);
 MessageCheck check(const geometry_msgs::WrenchStamped& message);
 MessageCheck check(const geometry_msgs::TwistStamped& message);
+/// The header only: joints of other devices may be anything, see ArmJoints for those of an arm.
 MessageCheck check(const sensor_msgs::JointState& message);
 MessageCheck check(const trajectory_msgs::JointTrajectory& message);
 MessageCheck check(const CarrierMotion& message);
