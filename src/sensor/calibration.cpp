@@ -14,6 +14,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/sensor/ati_calibration.h"
 
 namespace assembly_cell {
 
@@ -366,8 +367,9 @@ Calibration loadCalibration(const std::string& path) {
   const std::string where = "calibration file '" + path + "'";
   // 162 by 162 numbers of a covariance
   constexpr std::size_t kLargestFile = 4 << 20;
-  const YAML::Node root = yaml::loadYaml(yaml::fileText(path, "a calibration", kLargestFile), where,
-                                         yaml::FileKind::kCalibration);
+  const std::string content = yaml::fileText(path, "a calibration", kLargestFile);
+  if (isXml(content)) return parseAtiCalibration(content, where);
+  const YAML::Node root = yaml::loadYaml(content, where, yaml::FileKind::kCalibration);
   const std::string format =
       root.IsMap() && root["format"] && root["format"].IsScalar() ? root["format"].Scalar() : "";
   if (format != kFormat && format != kExtendedFormat) {

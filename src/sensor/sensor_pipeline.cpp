@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/sensor/sensor_pipeline.h"
 
+#include "assembly_cell/sensor/frozen_readings.h"
 #include "assembly_cell/sensor/wrench_range.h"
 
 namespace assembly_cell {
@@ -49,6 +50,7 @@ SensorPipeline::Result SensorPipeline::process(const BridgeBlock& block,
     sum.volts += volts;
     if (zero_.active && zero_.armed) zero_.moments.add(raw);
     statistics_.addSample(raw, saturated[k]);
+    frozen_.add(volts.data(), block.period);
   }
   if (!sum.wrench.allFinite()) {
     statistics_.addMalformed(block.sequence, "wrench is not finite");
@@ -66,6 +68,7 @@ SensorPipeline::Result SensorPipeline::process(const BridgeBlock& block,
 void SensorPipeline::updateZero(const BridgeBlock& block, Arrival arrival) {
   if (!zero_.active || !zero_.failure.empty()) return;
   if (arrival == Arrival::kRestart) zero_.failure = "the source restarted: try again";
+  if (zero_.armed && frozen_.isFrozen()) zero_.failure = frozen_.describe() + kFrozenRemedy;
   const std::uint8_t saturated = block.samples.saturatedChannels();
   if (zero_.armed && saturated != 0) {
     zero_.failure = "channel " + channelText(saturated) + " saturated in block " +

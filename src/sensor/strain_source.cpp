@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/sensor/devices/iio_source.h"
 #include "assembly_cell/sensor/devices/netft_source.h"
 #include "assembly_cell/sensor/devices/replay_source.h"
@@ -95,6 +96,10 @@ void StrainSource::close() noexcept {
 SourceCounters StrainSource::counters() const {
   const std::lock_guard<std::mutex> lock(state_);
   return published_;
+}
+
+std::string StrainSource::faultText(std::uint32_t fault) const {
+  return text("fault 0x%08x", fault);
 }
 
 std::string StrainSource::lostReason() const {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -55,6 +56,7 @@ class NetftEmulator {
     std::uint32_t first_sequence = 1;  ///< of a stream
     std::array<double, 6> load{};      ///< added to the samples [N], [N·m]; what a bias takes away
     double amplitude = 1.0;            ///< of the samples
+    bool onrobot = false;  ///< an OnRobot HEX box: bias by a sample count of 255, off by 0
   };
 
   /// Throws SourceError when a port can't be had.
@@ -76,11 +78,18 @@ class NetftEmulator {
 
   void setFaults(const LinkFaults& faults);
   void setStatus(std::uint32_t status) { status_ = status; }
-  void setStalled(bool stalled) { stalled_ = stalled; }  ///< ft_sequence is constant
-  void setDead(bool dead) { dead_ = dead; }              ///< no answer, as without power
+  void setStalled(bool stalled) { stalled_ = stalled; }  ///< one measurement again and again
+  void setUnnumbered(bool unnumbered) { unnumbered_ = unnumbered; }  ///< ft_sequence is constant
+  void setFrozen(bool frozen) { frozen_ = frozen; }  ///< old counts under new numbers
+  void setDead(bool dead) { dead_ = dead; }          ///< no answer, as without power
   void ignoreStarts(int count) { ignored_starts_ = count; }
   void ignoreBiases(int count) { ignored_biases_ = count; }
   void setHttpResponse(const std::string& response);  ///< instead of the configuration
+  void setConfiguration(
+      const NetftConfiguration& configuration);  ///< of page and counts, from now on
+  /// A slow page: parts of so many bytes, a pause before each. keep_open: afterwards the connection
+  /// stays open for 20 pauses. 0 bytes: everything at once.
+  void setHttpPace(std::size_t bytes, std::chrono::milliseconds pause, bool keep_open = false);
   /// As after power came back: counters from the start, no client.
   void restart();
 
@@ -101,6 +110,7 @@ class NetftEmulator {
   std::array<std::int32_t, 6> counts(const std::array<double, 6>& values) const;
   void serveRequests();
   void serveHttp();
+  bool sendPage(int connection);
   void send(const std::array<std::uint8_t, kRdtRecordSize>& data);
   bool emitLocked(std::size_t count);
   void flushLocked();
@@ -115,7 +125,11 @@ class NetftEmulator {
   std::uint32_t ft_sequence_ = 0;
   std::uint64_t sample_ = 0;
   std::array<std::int32_t, 6> bias_{};
+  std::array<std::int32_t, 6> last_counts_{};
   std::string http_response_;
+  std::size_t http_part_ = 0;
+  std::chrono::milliseconds http_pause_{0};
+  bool http_keep_open_ = false;
   /// A record under way, and how many others it lets pass.
   struct Held {
     std::array<std::uint8_t, kRdtRecordSize> data;
@@ -123,6 +137,7 @@ class NetftEmulator {
   };
   std::vector<Held> held_;
   std::atomic<std::uint32_t> status_{0};
+  std::atomic<bool> unnumbered_{false}, frozen_{false};
   std::atomic<bool> stalled_{false}, dead_{false}, stopping_{false};
   std::atomic<int> ignored_starts_{0}, ignored_biases_{0};
   std::atomic<std::uint64_t> sent_{0}, lost_{0}, duplicated_{0}, reordered_{0};

@@ -143,7 +143,8 @@ void NetftEmulator::serveRequests() {
           --ignored_biases_;
           break;
         }
-        bias_ = counts(options_.load);
+        bias_ = options_.onrobot && request.sample_count != 255 ? decltype(bias_){}
+                                                                : counts(options_.load);
         break;
       default:
         break;
@@ -163,20 +164,30 @@ void NetftEmulator::serveHttp() {
       if (n <= 0) break;
       request.append(buffer.data(), static_cast<std::size_t>(n));
     }
-    std::string response;
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      response = http_response_;
-    }
-    if (dead_) continue;
-    std::size_t sent = 0;
-    while (sent < response.size()) {
-      const ssize_t n =
-          ::send(connection.get(), response.data() + sent, response.size() - sent, MSG_NOSIGNAL);
-      if (n <= 0) break;
-      sent += static_cast<std::size_t>(n);
-    }
+    if (!dead_ && !sendPage(connection.get())) return;
   }
+}
+
+// false when the emulator is stopped
+bool NetftEmulator::sendPage(int connection) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  const std::string response = http_response_;
+  const std::size_t part = http_part_ > 0 ? http_part_ : std::max<std::size_t>(response.size(), 1);
+  const auto pause = static_cast<int>(http_pause_.count());
+  const bool keep_open = http_keep_open_;
+  lock.unlock();
+  // a pause ends early when the emulator stops
+  const auto stopped = [&](int milliseconds) {
+    return milliseconds > 0 && !readable(-1, sockets_->stop.get(), milliseconds);
+  };
+  for (std::size_t sent = 0; sent < response.size();) {
+    if (stopped(pause)) return false;
+    const ssize_t n = ::send(connection, response.data() + sent,
+                             std::min(part, response.size() - sent), MSG_NOSIGNAL);
+    if (n <= 0) break;
+    sent += static_cast<std::size_t>(n);
+  }
+  return !(keep_open && stopped(20 * pause));
 }
 
 std::array<std::int32_t, 6> NetftEmulator::counts(const std::array<double, 6>& values) const {
@@ -212,8 +223,10 @@ bool NetftEmulator::emitLocked(std::size_t count) {
   const LinkFaults& faults = options_.faults;
   for (std::size_t i = 0; i < count; ++i) {
     RdtRecord next = record(rdt_sequence_++, sample_++);
-    next.ft_sequence = stalled_ ? ft_sequence_ : ++ft_sequence_;
+    next.ft_sequence = stalled_ || unnumbered_ ? ft_sequence_ : ++ft_sequence_;
     for (std::size_t k = 0; k < 6; ++k) next.counts[k] -= bias_[k];
+    if (stalled_ || frozen_) next.counts = last_counts_;
+    last_counts_ = next.counts;
     const auto data = packRdtRecord(next);
     ++sent_;
     if (faults.loss > 0.0 && chance(random_) < faults.loss) {
@@ -273,6 +286,20 @@ void NetftEmulator::setFaults(const LinkFaults& faults) {
 void NetftEmulator::setHttpResponse(const std::string& response) {
   const std::lock_guard<std::mutex> lock(mutex_);
   http_response_ = response;
+}
+
+void NetftEmulator::setConfiguration(const NetftConfiguration& configuration) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  options_.configuration = configuration;
+  http_response_ = httpResponse(configurationDocument(configuration));
+}
+
+void NetftEmulator::setHttpPace(std::size_t bytes, std::chrono::milliseconds pause,
+                                bool keep_open) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  http_part_ = bytes;
+  http_pause_ = pause;
+  http_keep_open_ = keep_open;
 }
 
 void NetftEmulator::restart() {

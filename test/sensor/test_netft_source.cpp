@@ -5,12 +5,14 @@
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 
 #include <thread>
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/descriptor.h"
+#include "assembly_cell/sensor/devices/netft_page.h"
 #include "source_bench.h"
 
 namespace assembly_cell {
@@ -238,11 +240,12 @@ TEST(NetftSource, ABoxThatRestartsIsRequestedAgain) {
   rig.expectTrue();
 }
 
-DeviceBias biasOf(int ignored) {
+DeviceBias biasOf(int ignored, bool onrobot = false) {
   NetftEmulator::Options options;
   options.load = {10.0, -20.0, 30.0, 1.0, -2.0, 3.0};
   options.amplitude = 0.001;
   options.rate = 2000.0;
+  options.onrobot = onrobot;
   NetftEmulator emulator(options);
   emulator.ignoreBiases(ignored);
   const auto source = makeSource("netft");
@@ -287,6 +290,165 @@ TEST(NetftSource, ABiasIsVerifiedFromFreshSamples) {
   const DeviceBias refused = biasOf(5);
   EXPECT_EQ(refused.state, DeviceBias::State::kFailed);
   EXPECT_NEAR(refused.residual[2], 30.0, 0.02);
+}
+
+// Its sample count of 0 would take a bias off.
+TEST(NetftSource, AnOnRobotBoxTakesTheBias) {
+  DeviceBias taken = biasOf(0, true);
+  for (int tries = 1; taken.state != DeviceBias::State::kVerified && tries < 5; ++tries) {
+    taken = biasOf(0, true);
+  }
+  EXPECT_EQ(taken.state, DeviceBias::State::kVerified);
+  EXPECT_LT(std::abs(taken.residual[2]), 0.02);
+}
+
+NetftEmulator::Options streamingOptions() {
+  NetftEmulator::Options options;
+  options.load = {10.0, -20.0, 30.0, 1.0, -2.0, 3.0};
+  options.amplitude = 0.001;
+  options.rate = 2000.0;
+  return options;
+}
+
+std::unique_ptr<StrainSource> sourceOf(const NetftEmulator& emulator, const std::string& more) {
+  auto source = makeSource("netft");
+  YAML::Node parameters = YAML::Load("{address: 127.0.0.1" + more + "}");
+  parameters["port"] = emulator.port();
+  parameters["http_port"] = emulator.httpPort();
+  source->configure(parameters);
+  return source;
+}
+
+// Reads until the condition holds, or the link is lost.
+template <class Condition>
+ReadResult readUntil(StrainSource& source, SourceBlock& block, const Condition& condition) {
+  const auto limit = std::chrono::steady_clock::now() + kPatience;
+  ReadResult result = ReadResult::kTimeout;
+  while (!condition() && std::chrono::steady_clock::now() < limit) {
+    result = source.read(block, milliseconds(20));
+    if (result == ReadResult::kLost) return result;
+  }
+  return result;
+}
+
+TEST(NetftSource, CountsChangedOnItsPageAreNoticedWhileItStreams) {
+  NetftEmulator emulator(streamingOptions());
+  const auto source = sourceOf(emulator, ", configuration_period: 0.02");
+  source->open();
+  SourceBlock block;
+  ASSERT_EQ(source->read(block, kPatience), ReadResult::kSamples);
+  EXPECT_NEAR(block.values[2], 30.0, 0.03);
+  NetftConfiguration changed = streamingOptions().configuration;
+  changed.counts_per_force = 1000.0;
+  changed.torque_unit = "lbf-in";
+  emulator.setConfiguration(changed);
+  EXPECT_EQ(readUntil(*source, block, [] { return false; }), ReadResult::kLost);
+  const std::string reason = source->lostReason();
+  EXPECT_NE(reason.find("counts per force (cfgcpf) from 1000000 to 1000, unit of torque (scfgtu) "
+                        "from Nm to lbf-in"),
+            std::string::npos)
+      << reason;
+  source->close();
+  source->open();
+  ASSERT_EQ(source->read(block, kPatience), ReadResult::kSamples);
+  EXPECT_NEAR(block.values[2], 30.0, 0.03);
+  EXPECT_NEAR(block.values[5], 3.0, 0.003);
+  // a page that can't be read is counted, and ends nothing
+  emulator.setHttpResponse("HTTP/1.0 500 Busy\r\n\r\n");
+  readUntil(*source, block, [&] { return source->counters().unread > 0; });
+  EXPECT_GT(source->counters().unread, 0u);
+  EXPECT_EQ(source->read(block, kPatience), ReadResult::kSamples);
+}
+
+TEST(NetftSource, TwoDriversOfOneBoxAreNamed) {
+  NetftEmulator emulator(streamingOptions());
+  const auto one = sourceOf(emulator, ", receive_timeout: 0.02, start_retries: 100");
+  const auto other = sourceOf(emulator, ", receive_timeout: 0.02, start_retries: 100");
+  one->open();
+  SourceBlock block;
+  ASSERT_EQ(one->read(block, kPatience), ReadResult::kSamples);
+  EXPECT_EQ(one->counters().takeovers, 0u);
+  other->open();
+  const auto both = [&] {
+    return one->counters().takeovers > 0 && other->counters().takeovers > 0;
+  };
+  auto reading = std::async(std::launch::async, [&] {
+    SourceBlock own;
+    readUntil(*other, own, both);
+  });
+  readUntil(*one, block, both);
+  reading.get();
+  EXPECT_TRUE(both());
+}
+
+TEST(NetftSource, ABoxThatDoesNotNumberItsMeasurementsIsNamed) {
+  NetftEmulator emulator(streamingOptions());
+  emulator.setUnnumbered(true);
+  SourceBlock block;
+  {
+    const auto source = sourceOf(emulator, "");
+    source->open();
+    EXPECT_EQ(readUntil(*source, block, [] { return false; }), ReadResult::kLost);
+    EXPECT_NE(source->lostReason().find("set drop_stale: false"), std::string::npos)
+        << source->lostReason();
+    EXPECT_EQ(source->counters().stale, 0u);
+  }
+  const auto source = sourceOf(emulator, ", drop_stale: false");
+  source->open();
+  readUntil(*source, block, [&] { return source->counters().samples > 100; });
+  EXPECT_GT(source->counters().samples, 100u);
+}
+
+// What a page is like when another client reads it, too.
+TEST(NetftSource, ASlowPageIsReadAndAHangingOneNamed) {
+  NetftEmulator emulator(streamingOptions());
+  const auto source = sourceOf(emulator, ", configuration_period: 0");
+  emulator.setHttpPace(100, milliseconds(5));
+  source->open();
+  EXPECT_EQ(source->info().serial_number, "EMU-1");
+  source->close();
+  // no length, and the connection stays open for longer than the source would wait
+  emulator.setHttpResponse(
+      "HTTP/1.0 200 OK\r\n\r\n<netft><cfgcpf>1000000</cfgcpf><cfgcpt>1000000</cfgcpt>"
+      "<scfgfu>N</scfgfu><scfgtu>Nm</scfgtu><calsn>kept</calsn></netft>");
+  emulator.setHttpPace(1000, milliseconds(1000), true);
+  source->open();
+  EXPECT_EQ(source->info().serial_number, "kept");
+  source->close();
+
+  const auto failure = [](const NetftEmulator& box) {
+    try {
+      // a patience of its own: 50 ms
+      readNetftPage({"127.0.0.1", box.httpPort(), "127.0.0.1"},
+                    [](int descriptor, auto, bool for_writing) {
+                      const short events = for_writing ? POLLOUT : POLLIN;
+                      pollfd watched{descriptor, events, 0};
+                      return poll(&watched, 1, 50) > 0;
+                    });
+    } catch (const SourceError& error) {
+      return std::string(error.what());
+    }
+    return std::string("read");
+  };
+  NetftEmulator silent(streamingOptions());
+  silent.setHttpPace(0, milliseconds(60000));
+  EXPECT_NE(failure(silent).find("accepts the connection but sends no page: close browsers"),
+            std::string::npos)
+      << failure(silent);
+  NetftEmulator stopping(streamingOptions());
+  stopping.setHttpResponse("HTTP/1.0 200 OK\r\n\r\n<netft>");
+  stopping.setHttpPace(0, milliseconds(10), true);
+  EXPECT_NE(failure(stopping).find("stops after 26 bytes of its page"), std::string::npos)
+      << failure(stopping);
+}
+
+TEST(NetftSource, NamesTheBitsOfAStatusWord) {
+  EXPECT_EQ(makeSource("netft")->faultText(0x80020000),
+            "transducer saturated or A/D converter fails, 0x80020000");
+  EXPECT_EQ(makeSource("netft")->faultText(0x80010000), "monitor condition latched, 0x80010000");
+  EXPECT_EQ(makeSource("netft")->faultText(0xc0000001), "CPU or RAM error, 0xc0000001");
+  EXPECT_EQ(makeSource("serial")->faultText(6), "overrange, invalid measurements, 0x00000006");
+  EXPECT_EQ(makeSource("iio")->faultText(2), "fault 0x00000002");
 }
 
 TEST(StrainSource, OnlyANetftBoxHasABiasOfItsOwn) {

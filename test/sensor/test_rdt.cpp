@@ -190,6 +190,17 @@ TEST(RdtStream, DropsWhatWasMeasuredBeforeAndWhatTheDeviceDisowns) {
   EXPECT_EQ(streamed.counters.fault, 0x80020000u);
 }
 
+TEST(RdtStream, NewReadingsUnderAnOldNumberAreCountedApartFromRepeatedOnes) {
+  Streamed streamed;
+  for (std::uint32_t n = 1; n <= 30; ++n) {
+    streamed.push(Streamed::record(n, 7, static_cast<std::int32_t>(n <= 10 ? 1 : n)));
+  }
+  streamed.take(true);
+  EXPECT_EQ(streamed.counters.samples, 1u);
+  EXPECT_EQ(streamed.counters.stale, 9u);
+  EXPECT_EQ(streamed.counters.unnumbered, 20u);
+}
+
 TEST(RdtStream, CountsAtTheirEndAreMarkedSaturated) {
   Streamed streamed;
   for (const std::int32_t end :

@@ -113,8 +113,8 @@ void checkCalibration(const Calibration& calibration, const std::string& source)
 std::string calibrationChecksum(const Calibration& calibration);
 
 /// Reads and checks a calibration file (matrices as {rows, cols, data}, checksum), of format 1
-/// (linear, no statistics) or 2. Throws InputError for an unreadable, foreign, corrupt (checksum)
-/// or non-finite file.
+/// (linear, no statistics) or 2; or a calibration of ATI (ati_calibration.h). Throws InputError for
+/// an unreadable, foreign, corrupt (checksum) or non-finite file.
 Calibration loadCalibration(const std::string& path);
 
 /// Writes atomically: temporary file, fsync, rename. Throws InputError when it cannot.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "assembly_cell/sensor/calibration.h"
+#include "assembly_cell/sensor/frozen_readings.h"
 #include "assembly_cell/sensor/sensor_samples.h"
 #include "assembly_cell/sensor/stream_statistics.h"
 
@@ -61,6 +62,8 @@ class SensorPipeline {
 
   ZeroMeasurement& zero() { return zero_; }
   StreamStatistics& statistics() { return statistics_; }
+  /// Of the samples as they come in; a zero in progress fails once they are frozen.
+  FrozenReadings& frozen() { return frozen_; }
 
  private:
   void clearAverage();
@@ -70,6 +73,7 @@ class SensorPipeline {
   Vector6 bias_ = Vector6::Zero();
   ZeroMeasurement zero_;
   StreamStatistics statistics_;
+  FrozenReadings frozen_;
   Average sum_{Vector6::Zero(), Vector6::Zero()};
   std::size_t summed_ = 0;
   double averaged_ = -1.0;  // end of the last average [s], −1: none

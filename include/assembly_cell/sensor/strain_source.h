@@ -89,7 +89,8 @@ enum class ReadResult {
   kClosed,   ///< close() was called
 };
 
-/// Totals since the object was made. samples + lost + late + faulty + stale = numbers that passed.
+/// Totals since the object was made. samples + lost + late + faulty + stale + unnumbered =
+/// numbers that passed.
 struct SourceCounters {
   std::uint64_t samples = 0;     ///< delivered
   std::uint64_t lost = 0;        ///< never arrived
@@ -98,11 +99,14 @@ struct SourceCounters {
   std::uint64_t reordered = 0;   ///< arrived out of order, put in order and delivered
   std::uint64_t faulty = 0;      ///< dropped for their fault word
   std::uint64_t stale = 0;       ///< dropped: the device repeats an old measurement as new
+  std::uint64_t unnumbered = 0;  ///< dropped: new readings under an old measurement's number
   std::uint64_t crc_errors = 0;  ///< frames with a wrong checksum
   std::uint64_t garbage = 0;     ///< bytes that belong to no frame
   std::uint64_t malformed = 0;   ///< datagrams, frames or entries of a wrong size or with no number
   std::uint64_t foreign = 0;     ///< datagrams from others than the configured peer: dropped
   std::uint64_t restarts = 0;    ///< the device's numbering restarted while open
+  std::uint64_t takeovers = 0;   ///< another client took the stream, which was requested again
+  std::uint64_t unread = 0;      ///< failed attempts to read the device's configuration again
   std::uint32_t fault = 0;       ///< the latest fault word
 };
 
@@ -155,6 +159,9 @@ class StrainSource {
   const SourceInfo& info() const { return info_; }
 
   SourceCounters counters() const;
+
+  /// A fault word of the device (SourceBlock::fault) by name, in one line; from any thread.
+  virtual std::string faultText(std::uint32_t fault) const;
 
   /// Why the latest read gave kLost; one line.
   std::string lostReason() const;

@@ -22,6 +22,9 @@ void fields(FieldList& f, DriverSettings& s) {
   f.number("display_rate", s.display_rate, {1e-3, 1e6, "Hz"}, "Of wrench and wrench_raw.").live();
   f.number("rate_tolerance", s.rate_tolerance, positive(""),
            "Deviation from expected_rate without a warning, fraction.");
+  f.number("frozen_after", s.frozen_after, notNegative("s", 3600),
+           "Equal readings of all six channels for this time are an error, and are not published; "
+           "0: never, for a noise below a step of the converter. Not in lockstep.");
   f.integer("zero_samples", s.zero_samples, 2, 1000000, "Samples of a zero.");
   f.number("zero_timeout", s.zero_timeout, notNegative("s", 3600),
            "A zero fails without its samples for this time.");

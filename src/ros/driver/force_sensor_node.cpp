@@ -67,6 +67,8 @@ void ForceSensorNode::readParameters() {
   settings_.expected_rate = parameters.number(
       "expected_rate", required ? positive("Hz") : notNegative("Hz"), settings_.expected_rate);
   parameters.refuseUnknown({"replay"});
+  // the simulator waits for an answer to each block in lockstep; it computes its readings
+  state_.pipeline.frozen().setLimit(settings_.lockstep ? 0.0 : settings_.frozen_after);
   loadCalibrationFile();
   live_ = std::make_unique<LiveSettings>(
       pnh_, liveValues(fieldsOf(settings_), "from the next block on"), parameters.known());
@@ -91,6 +93,7 @@ void ForceSensorNode::openSource(SourceChoice choice, Parameters& parameters) {
                      ", which keeps to the wall clock, with use_sim_time: set use_sim_time false" +
                      (info.recorded ? ", or rate fast" : ""));
   }
+  state_.recorded = info.recorded;
   if (info.recorded) state_.rules.quantity = info.quantity;
   settings_.expected_rate = info.recorded ? info.rate : 0.0;
 }

@@ -28,6 +28,9 @@ struct Counter {
 };
 constexpr std::uint8_t kOk = DiagnosticStatus::OK, kWarn = DiagnosticStatus::WARN,
                        kError = DiagnosticStatus::ERROR;
+constexpr const char* kTakenOver =
+    "takeovers of the stream by another driver or program that reads the same device, which has "
+    "one client at a time: end one of them";
 constexpr Counter kCounters[] = {
     {&SourceCounters::samples, "samples", kOk, nullptr},
     {&SourceCounters::lost, "lost samples", kWarn, "samples lost"},
@@ -36,11 +39,17 @@ constexpr Counter kCounters[] = {
     {&SourceCounters::reordered, "reordered samples", kOk, nullptr},
     {&SourceCounters::faulty, "faulty samples", kError, "samples dropped for a fault"},
     {&SourceCounters::stale, "stale samples", kError, "stale samples: the device stalls"},
+    {&SourceCounters::unnumbered, "unnumbered samples", kError,
+     "samples dropped, whose number stays the same while the readings change: the device does not "
+     "number its measurements: set drop_stale: false"},
     {&SourceCounters::crc_errors, "CRC errors", kWarn, "checksums wrong"},
     {&SourceCounters::garbage, "garbage bytes", kOk, nullptr},
     {&SourceCounters::malformed, "malformed frames", kWarn, "malformed frames"},
     {&SourceCounters::foreign, "foreign datagrams", kWarn, "datagrams from others"},
-    {&SourceCounters::restarts, "device restarts", kWarn, "restarts of the device"},
+    {&SourceCounters::restarts, "device restarts", kWarn, "restarts of the stream"},
+    {&SourceCounters::takeovers, "takeovers", kError, kTakenOver},
+    {&SourceCounters::unread, "failed configuration reads", kWarn,
+     "readings of the device's configuration failed: a change of it would not be noticed"},
 };
 
 /// Causes in one line, and the worst of their levels.
@@ -56,6 +65,17 @@ struct Causes {
     if (count > 0) add(of_cause, std::to_string(count) + " " + what);
   }
 };
+
+/// One line in the terminal when a condition begins, and one when it is over.
+void logChange(bool& logged, bool is_on, const std::string& cause, const char* over) {
+  if (logged == is_on) return;
+  logged = is_on;
+  if (is_on) {
+    ROS_ERROR_NAMED("driver", "%s", cause.c_str());
+  } else {
+    ROS_INFO_NAMED("driver", "%s", over);
+  }
+}
 
 double seconds(SensorState::Clock::duration span) {
   return std::chrono::duration<double>(span).count();
@@ -78,15 +98,16 @@ Causes lastingCauses(const LinkStatus& link, const SourceInfo& info, const std::
   return out;
 }
 
-/// Dynamic causes of the link: they pass by themselves, or with a cable.
-Causes passingCauses(const LinkStatus& link) {
+/// Dynamic causes of the link: they pass by themselves, or with a cable. fault: the device's fault
+/// word by name.
+Causes passingCauses(const LinkStatus& link, const std::string& fault) {
   Causes out;
   if (!link.dynamic_cause.empty()) {
     const bool never = gone(link) && !link.ever_sampled;
     out.add(kError, link.dynamic_cause +
                         (never ? " (not once since the start: is it the right device?)" : ""));
   } else if (link.state == LinkState::kConnected && link.fault != 0) {
-    out.add(kError, "the device reports a fault");
+    out.add(kError, "the device reports: " + fault);
   } else if (link.state == LinkState::kConnected && !link.ever_sampled) {
     out.add(kWarn, "open, but no samples yet");
   }
@@ -139,6 +160,7 @@ void SensorDiagnostics::diagnoseSamples(Status& status) {
   }
   if (report.malformed) fail("malformed: " + report.fault);
   if (report.saturated != 0) fail("saturated channels: " + channelText(report.saturated));
+  diagnoseFrozen(status);
   if (report.outside != 0) {
     warn("load beyond the tests of the calibration, channels: " + channelText(report.outside));
   }
@@ -177,6 +199,20 @@ void SensorDiagnostics::diagnoseSamples(Status& status) {
   state_.foreign_frame.clear();
 }
 
+// With the state locked.
+void SensorDiagnostics::diagnoseFrozen(Status& status) {
+  FrozenReadings& frozen = state_.pipeline.frozen();
+  const bool is_frozen = frozen.isFrozen();
+  const std::string found = frozen.report();
+  if (!found.empty()) {
+    status.mergeSummary(is_frozen ? kError : kWarn,
+                        "frozen readings: " + found + (is_frozen ? kFrozenRemedy : ""));
+  }
+  status.add("equal readings in a row", frozen.run());
+  logChange(reported_frozen_, is_frozen, "frozen readings: " + found + kFrozenRemedy,
+            "the readings move again");
+}
+
 void SensorDiagnostics::diagnoseDevice(Status& status) {
   const LinkStatus link = reader_->acquisition().status();
   const SourceInfo info = reader_->acquisition().info();
@@ -190,7 +226,9 @@ void SensorDiagnostics::diagnoseDevice(Status& status) {
   const auto now = SensorState::Clock::now();
 
   const Causes lasting = lastingCauses(link, info, status.hardware_id);
-  Causes passing = passingCauses(link);
+  const std::string fault = reader_->source().faultText(link.fault);
+  const bool has_faults = link.fault != 0 && link.state == LinkState::kConnected;
+  Causes passing = passingCauses(link, fault);
   for (const Counter& c : kCounters) {
     if (c.cause != nullptr) {
       passing.add(c.level, counters.*c.count - reported_counters_.*c.count, c.cause);
@@ -200,6 +238,10 @@ void SensorDiagnostics::diagnoseDevice(Status& status) {
               "samples dropped: the driver is too slow");
   passing.add(kWarn, link.reconnects - reported_link_.reconnects, "reconnects");
   passing.add(kWarn, timing.clock_steps - reported_steps_, "steps of the system clock");
+  logChange(reported_fault_, has_faults, info.device + " reports: " + fault,
+            "the device reports no fault any more");
+  logChange(reported_takeover_, counters.takeovers > reported_counters_.takeovers,
+            info.device + ": " + kTakenOver, "the stream isn't taken over any more");
   reported_counters_ = counters;
   reported_link_ = link;
   reported_steps_ = timing.clock_steps;
@@ -234,6 +276,7 @@ void SensorDiagnostics::diagnoseDevice(Status& status) {
              link.ever_sampled ? seconds(now - link.last_samples) : -1.0);
   for (const Counter& c : kCounters) status.add(c.key, counters.*c.count);
   status.add("fault word", text("0x%08x", link.fault));
+  status.add("fault", link.fault == 0 ? "none" : fault);
   status.add("dropped blocks", link.dropped_blocks);
   status.add("dropped samples", link.dropped_samples);
   status.add("most blocks in queue", link.queue_high);

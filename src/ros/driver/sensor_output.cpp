@@ -83,11 +83,13 @@ void SensorOutput::processLocked(const StrainSamples::ConstPtr& block) {
   if (block->header.frame_id != settings_.frame_id) state_.foreign_frame = block->header.frame_id;
   if (result == SensorPipeline::Result::kNotFinite) return;
 
+  if (strain_pub_) strain_pub_.publish(block);
+  // no wrench: who commands a machine holds it, as with a sensor that is silent
+  if (state_.pipeline.frozen().isFrozen() && !state_.recorded) return;
   wrench->header.stamp = block->header.stamp;
   wrench->header.frame_id = settings_.frame_id;
   wrench->period = block->period;
   wrench->sequence = block->sequence;
-  if (strain_pub_) strain_pub_.publish(block);
   wrench_samples_pub_.publish(wrench);
   last_wrench_ = wrench;
   if (settings_.publish_displacement &&

@@ -104,7 +104,10 @@ std::string SensorServices::takeZero(const Vector6& load) {
   // wait for samples that were all taken after the call; a silent source ends it early
   const auto samples = static_cast<std::size_t>(settings_.zero_samples);
   const Clock::time_point called = Clock::now();
-  while (zero.failure.empty() && zero.moments.count() < samples) {
+  // equal samples may be a frozen device: go on until one differs, or they count as frozen
+  const FrozenReadings& frozen = state_.pipeline.frozen();
+  while (zero.failure.empty() &&
+         (zero.moments.count() < samples || frozen.covers(zero.moments.count()))) {
     const Clock::time_point silent =
         later(std::max(called, state_.last_block.value_or(called)), settings_.source_timeout);
     const Clock::time_point limit = std::min(later(called, settings_.zero_timeout), silent);
@@ -115,6 +118,8 @@ std::string SensorServices::takeZero(const Vector6& load) {
     } else if (limit == silent) {
       zero.failure = "no samples for " + text("%g s", settings_.source_timeout) +
                      ": start the source, or let the simulator run";
+    } else if (zero.moments.count() >= samples) {
+      zero.failure = frozen.describe() + kFrozenRemedy;
     } else {
       zero.failure = "only " + std::to_string(zero.moments.count()) + " of " +
                      std::to_string(samples) + " samples came in " +

@@ -6,6 +6,7 @@
 #include <cctype>
 
 #include "assembly_cell/base/csv_text.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/sensor/source_parameters.h"
 #include "assembly_cell/sensor/strain_source.h"
@@ -148,7 +149,8 @@ bool httpComplete(std::string_view response) {
   const std::size_t end = response.find(kHeaderEnd);
   if (end == std::string_view::npos) return false;
   const auto length = contentLength(response.substr(0, end + 2));
-  return length && response.size() - end - kHeaderEnd.size() >= *length;
+  if (!length) return response.find("</netft>", end) != std::string_view::npos;
+  return response.size() - end - kHeaderEnd.size() >= *length;
 }
 
 std::string_view httpBody(std::string_view response) {
@@ -172,6 +174,24 @@ std::string_view httpBody(std::string_view response) {
                       " bytes: try again");
   }
   return length ? body.substr(0, *length) : body;
+}
+
+std::string describeChange(const NetftConfiguration& from, const NetftConfiguration& to) {
+  std::string changes;
+  const auto number = [](double value) { return text("%.10g", value); };
+  const auto compare = [&](const char* what, const std::string& before, const std::string& after) {
+    if (before == after) return;
+    changes += (changes.empty() ? "" : ", ") + std::string(what) + " from " + printable(before) +
+               " to " + printable(after);
+  };
+  compare("counts per force (cfgcpf)", number(from.counts_per_force), number(to.counts_per_force));
+  compare("counts per torque (cfgcpt)", number(from.counts_per_torque),
+          number(to.counts_per_torque));
+  compare("unit of force (scfgfu)", from.force_unit, to.force_unit);
+  compare("unit of torque (scfgtu)", from.torque_unit, to.torque_unit);
+  compare("rate (comrdtrate) [Hz]", number(from.rate), number(to.rate));
+  compare("calibration (calsn)", from.serial_number, to.serial_number);
+  return changes;
 }
 
 NetftConfiguration parseNetftConfiguration(std::string_view xml) {

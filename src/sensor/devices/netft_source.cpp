@@ -14,6 +14,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/sensor/descriptor.h"
+#include "assembly_cell/sensor/devices/netft_page.h"
 #include "assembly_cell/sensor/reception.h"
 #include "assembly_cell/sensor/source_parameters.h"
 
@@ -24,21 +25,14 @@ namespace {
 constexpr std::size_t kDatagrams = 64;    // read at once
 constexpr std::size_t kMaxAtOnce = 4096;  // datagrams in one go, of all senders
 constexpr int kReceiveBuffer = 4 << 20;   // requested [bytes]
-constexpr auto kHttpTimeout = std::chrono::seconds(2);
 constexpr auto kShortestNap = std::chrono::microseconds(100);
 constexpr auto kIdle = std::chrono::microseconds(1500);  // without records a block isn't waited for
 constexpr auto kBiasSettling = std::chrono::milliseconds(50);
 constexpr std::size_t kBiasSamples = 100;
 constexpr int kBiasAttempts = 3;
-constexpr double kBiasNoise = 3.0;  // standard deviations of a sample around zero
-
-sockaddr_in endpoint(const std::string& address, int port) {
-  sockaddr_in end{};
-  end.sin_family = AF_INET;
-  end.sin_port = htons(static_cast<std::uint16_t>(port));
-  inet_pton(AF_INET, address.c_str(), &end.sin_addr);
-  return end;
-}
+constexpr auto kTakeovers = std::chrono::seconds(3);  // for three restarts of a stream
+constexpr std::uint64_t kUnnumbered = 100;  // records in a row, a seventieth of a second at 7 kHz
+constexpr double kBiasNoise = 3.0;          // standard deviations of a sample around zero
 
 bool isAddress(const std::string& text) {
   in_addr address;
@@ -48,8 +42,6 @@ bool isAddress(const std::string& text) {
 bool isLoopback(const std::string& address) {
   return (ntohl(endpoint(address, 0).sin_addr.s_addr) >> 24) == 127;
 }
-
-const sockaddr* generic(const sockaddr_in& end) { return reinterpret_cast<const sockaddr*>(&end); }
 
 }  // namespace
 
@@ -73,6 +65,8 @@ NetftSource::NetftSource() : stream_(std::make_unique<RdtStream>()) {
 
 NetftSource::~NetftSource() { close(); }
 
+std::string NetftSource::faultText(std::uint32_t fault) const { return rdtStatusText(fault); }
+
 void NetftSource::doConfigure(const YAML::Node& map) {
   SourceParameters parameters(map, "source " + info_.type);
   address_ = parameters.text("address");
@@ -81,6 +75,8 @@ void NetftSource::doConfigure(const YAML::Node& map) {
   over_http_ = parameters.choice("configuration", {"http", "parameters"}, "http") == "http";
   if (over_http_) {
     http_port_ = parameters.integer("http_port", 1, 65535, 80);
+    configuration_period_ =
+        nanoseconds(parameters.number("configuration_period", 0.0, 3600.0, 2.0));
   } else {
     given_.counts_per_force = parameters.number("counts_per_force", 1e-6, 1e12);
     given_.counts_per_torque = parameters.number("counts_per_torque", 1e-6, 1e12);
@@ -119,80 +115,40 @@ void NetftSource::doConfigure(const YAML::Node& map) {
   info_.device = address_ + ":" + std::to_string(port_);
 }
 
-void NetftSource::failBind() const {
-  throw SourceError("source netft: bind_address (bind:= of the launch file) " + bind_address_ +
-                    ": " + strerror(errno) + ": give an address of this computer");
+// May be called by the thread that watches the page, too.
+NetftConfiguration NetftSource::readConfiguration() const {
+  const std::string response = readNetftPage(
+      {address_, http_port_, bind_address_}, [this](int descriptor, auto deadline, bool writing) {
+        const Wait waited = wait(descriptor, deadline, writing);
+        if (waited == Wait::kStopped) {
+          throw SourceError("source netft: closed while its page was read");
+        }
+        return waited == Wait::kReady;
+      });
+  return parseNetftConfiguration(httpBody(response));
 }
 
-// GET /netftapi2.xml from the box; at most kLargestHttpResponse bytes in kHttpTimeout.
-std::string NetftSource::readConfiguration() {
-  const std::string where = "source netft: " + address_ + ":" + std::to_string(http_port_);
-  const Clock::time_point deadline = Clock::now() + kHttpTimeout;
-  const auto until = [&](int descriptor, bool for_writing) {
-    switch (wait(descriptor, deadline, for_writing)) {
-      case Wait::kReady:
-        return;
-      case Wait::kTimeout:
-        throw SourceError(where + " doesn't answer to HTTP: check power, cable and address");
-      case Wait::kStopped:
-        throw SourceError("source netft: closed while it was being opened");
-    }
-  };
-  const auto fail = [&](int error) {
-    throw SourceError(where + ": " + strerror(error) + ": check power, cable and http_port");
-  };
-
-  Descriptor connection(socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  const sockaddr_in local = endpoint(bind_address_, 0), box = endpoint(address_, http_port_);
-  if (!connection) fail(errno);
-  if (bind(connection.get(), generic(local), sizeof local) != 0) failBind();
-  if (connect(connection.get(), generic(box), sizeof box) != 0) {
-    if (errno != EINPROGRESS) fail(errno);
-    until(connection.get(), true);
-    int error = 0;
-    socklen_t size = sizeof error;
-    getsockopt(connection.get(), SOL_SOCKET, SO_ERROR, &error, &size);
-    if (error != 0) fail(error);
-  }
-
-  const std::string request = "GET /netftapi2.xml HTTP/1.0\r\nHost: " + address_ + "\r\n\r\n";
-  for (std::size_t sent = 0; sent < request.size();) {
-    const ssize_t n =
-        ::send(connection.get(), request.data() + sent, request.size() - sent, MSG_NOSIGNAL);
-    if (n > 0) {
-      sent += static_cast<std::size_t>(n);
-    } else if (errno == EAGAIN) {
-      until(connection.get(), true);
-    } else if (errno != EINTR) {
-      fail(errno);
+// Reads the configuration now and then: who changes the counts on the box's page while it streams
+// scales all that follows.
+void NetftSource::watchConfiguration(const NetftConfiguration& opened) {
+  while (wait(-1, Clock::now() + configuration_period_) == Wait::kTimeout) {
+    try {
+      const std::string change = describeChange(opened, readConfiguration());
+      if (change.empty()) continue;
+      const std::lock_guard<std::mutex> lock(watch_mutex_);
+      change_ = change;
+      changed_ = true;
+      return;
+    } catch (const SourceError&) {
+      if (!stopping()) ++unread_;
     }
   }
-
-  std::string response;
-  std::array<char, 4096> buffer;
-  while (!httpComplete(response)) {
-    const ssize_t n = recv(connection.get(), buffer.data(), buffer.size(), 0);
-    if (n == 0) break;
-    if (n > 0) {
-      response.append(buffer.data(), static_cast<std::size_t>(n));
-    } else if (errno == EAGAIN) {
-      until(connection.get(), false);
-    } else if (errno != EINTR) {
-      fail(errno);
-    }
-    if (response.size() > kLargestHttpResponse) {
-      throw SourceError(where + " answers with more than " + std::to_string(kLargestHttpResponse) +
-                        " bytes: is it a Net F/T box?");
-    }
-  }
-  return response;
 }
 
 void NetftSource::doOpen() {
   NetftConfiguration configuration = given_;
   if (over_http_) {
-    const std::string response = readConfiguration();
-    configuration = parseNetftConfiguration(httpBody(response));
+    configuration = readConfiguration();
     if (!configuration.rdt_enabled) {
       throw SourceError("source netft: RDT is off in the box at " + address_ +
                         ": enable it on its page Communications");
@@ -219,7 +175,7 @@ void NetftSource::doOpen() {
   opened->descriptor = Descriptor(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   const sockaddr_in local = endpoint(bind_address_, 0);
   const int fd = opened->descriptor.get();
-  if (fd < 0 || bind(fd, generic(local), sizeof local) != 0) failBind();
+  if (fd < 0 || bind(fd, generic(local), sizeof local) != 0) failBind(bind_address_);
   // the kernel notes arrivals, so that reading many at once costs no accuracy
   const int on = 1;
   setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
@@ -255,9 +211,15 @@ void NetftSource::doOpen() {
            " requests to start: check power, cable, address and bind_address");
   }
   starts_ = 0;
+  changed_ = false;
+  unnumbered_ = counts_.unnumbered;
+  if (over_http_ && configuration_period_.count() > 0) {
+    watch_ = std::thread([this, configuration] { watchConfiguration(configuration); });
+  }
 }
 
 void NetftSource::doClose() noexcept {
+  if (watch_.joinable()) watch_.join();
   if (socket_) send(RdtCommand::kStop);
   socket_.reset();
   if (bias_attempts_ > 0) {
@@ -269,7 +231,8 @@ void NetftSource::doClose() noexcept {
 }
 
 void NetftSource::send(RdtCommand command) const {
-  const auto data = packRdtRequest({static_cast<std::uint16_t>(command), 0});
+  const std::uint32_t count = command == RdtCommand::kBias ? kRdtBiasOn : 0;
+  const auto data = packRdtRequest({static_cast<std::uint16_t>(command), count});
   sendto(socket_->descriptor.get(), data.data(), data.size(), MSG_NOSIGNAL, generic(socket_->peer),
          sizeof socket_->peer);
 }
@@ -320,11 +283,21 @@ void NetftSource::receive() {
             std::chrono::seconds(arrival.tv_sec) + std::chrono::nanoseconds(arrival.tv_nsec));
         received = arrivalOf(at, now, drained_);
       }
+      const std::uint64_t restarts = counts_.restarts;
       if (!stream_->push(record, received, counts_)) return;
+      if (counts_.restarts != restarts) noteRestart(now.steady);
       last_record_ = now.steady;
       starts_ = 0;
     }
   }
+}
+
+// A device doesn't start again three times in 3 s: another client takes the stream, loses it to the
+// next request of this one after receive_timeout, and requests it as well.
+void NetftSource::noteRestart(Clock::time_point now) {
+  std::rotate(restarts_.begin(), restarts_.begin() + 1, restarts_.end());
+  restarts_.back() = now;
+  if (now - restarts_.front() <= kTakeovers) ++counts_.takeovers;
 }
 
 // Silence after which a block goes out as it is.
@@ -344,6 +317,13 @@ StrainSource::Clock::time_point NetftSource::napUntil() const {
 }
 
 ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
+  counts_.unread = unread_;
+  if (changed_) {
+    const std::lock_guard<std::mutex> lock(watch_mutex_);
+    return lost(info_.device + ": its configuration was changed while it streamed: " + change_ +
+                "; samples since the change were read with the old one, it is opened again with "
+                "the new one");
+  }
   if (takeBiasRequest()) {
     bias_attempts_ = 1;
     bias_sent_ = Clock::now();
@@ -365,8 +345,14 @@ ReadResult NetftSource::doRead(SourceBlock& block, Clock::time_point deadline) {
         const std::size_t max_count = block_samples_ > 0 ? block_samples_ : kBlockCapacity;
         const ReadResult result = stream_->take(block, max_count, old, counts_);
         if (result == ReadResult::kSamples) {
+          unnumbered_ = counts_.unnumbered;
           block.period = info_.rate > 0.0 ? 1.0 / info_.rate : 0.0;
           if (bias_attempts_ > 0) watchBias(block);
+        }
+        if (counts_.unnumbered - unnumbered_ >= kUnnumbered) {
+          return lost(info_.device +
+                      " sends new readings under one and the same measurement number: set "
+                      "drop_stale: false for a device that does not number its measurements");
         }
         if (result != ReadResult::kTimeout) return result;
         if (crowded) continue;

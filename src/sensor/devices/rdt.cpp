@@ -5,8 +5,49 @@
 #include <limits>
 
 #include "byte_order.h"
+#include "status_bits.h"
 
 namespace assembly_cell {
+
+namespace {
+
+// bit 31 is set with each error and has no meaning of its own
+constexpr std::array<StatusBit, 29> kStatusBits = {
+    {{1u << 30, "CPU or RAM error"},
+     {1u << 29, "digital board error"},
+     {1u << 28, "analog board error"},
+     {1u << 27, "serial link to the analog board disturbed"},
+     {1u << 26, "program memory fails its check"},
+     {1u << 25, "halted by errors of its configuration"},
+     {1u << 24, "a setting is invalid"},
+     {1u << 23, "configuration does not fit the calibration"},
+     {1u << 22, "network communication failure"},
+     {1u << 21, "CAN communication error"},
+     {1u << 20, "RDT communication error"},
+     {1u << 19, "EtherNet/IP failure"},
+     {1u << 18, "DeviceNet failure"},
+     {1u << 17, "transducer saturated or A/D converter fails"},
+     {1u << 16, "monitor condition latched"},
+     {1u << 14, "watchdog timeout"},
+     {1u << 13, "stack check error"},
+     {1u << 12, "serial EEPROM (I2C) failure"},
+     {1u << 11, "serial flash (SPI) failure"},
+     {1u << 10, "watchdog timeout of the analog board"},
+     {1u << 9, "strain gauge excitation current too high"},
+     {1u << 8, "strain gauge excitation current too low"},
+     {1u << 7, "analog ground out of range"},
+     {1u << 6, "supply of the analog board too high"},
+     {1u << 5, "supply of the analog board too low"},
+     {1u << 4, "no data on the serial link"},
+     {1u << 3, "reference voltage or power monitor error"},
+     {1u << 2, "internal temperature error"},
+     {1u << 1, "HTTP failure"}}};
+
+}  // namespace
+
+std::string rdtStatusText(std::uint32_t status) {
+  return statusText(status, kStatusBits.data(), kStatusBits.size());
+}
 
 std::array<std::uint8_t, kRdtRequestSize> packRdtRequest(const RdtRequest& request) {
   std::array<std::uint8_t, kRdtRequestSize> data;
@@ -129,7 +170,8 @@ ReadResult RdtStream::take(SourceBlock& block, std::size_t max_count, bool flush
     const bool faulty = !policy_.deliver_faulty && (record.status & ~kRdtMonitorCondition) != 0;
     if (stale || faulty) {
       if (block.count > 0) break;
-      ++(stale ? counters.stale : counters.faulty);
+      const bool repeated = stale && record.counts == last_counts_;
+      ++(repeated ? counters.stale : stale ? counters.unnumbered : counters.faulty);
     } else {
       if (block.count == 0) block.sequence = next_;
       std::uint8_t saturated = 0;
@@ -149,6 +191,7 @@ ReadResult RdtStream::take(SourceBlock& block, std::size_t max_count, bool flush
       faults = faults || faulty;
     }
     last_ft_ = record.ft_sequence;
+    last_counts_ = record.counts;
     delivered_ = true;
     entry.kind = Kind::kDone;
     ++next_;

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "byte_order.h"
+#include "status_bits.h"
 
 namespace assembly_cell {
 
@@ -26,6 +27,12 @@ double littleFloat(const std::uint8_t* from) {
   std::memcpy(&value, &bits, sizeof value);
   return static_cast<double>(value);
 }
+
+constexpr std::array<StatusBit, 4> kBotaBits = {
+    {{kBotaOverrun, "its program took too long (overrun)"},
+     {kBotaOverrange, "overrange"},
+     {kBotaInvalid, "invalid measurements"},
+     {kBotaRaw, "raw measurements: set the sensor to calibrated wrenches"}}};
 
 bool botaIntact(const std::uint8_t* frame) { return crcX25(frame + 1, 34) == little16(frame + 35); }
 
@@ -63,6 +70,10 @@ bool robotiqDecode(const std::uint8_t* frame, SerialFrame& decoded) {
 }
 
 }  // namespace
+
+std::string botaStatusText(std::uint32_t status) {
+  return statusText(status, kBotaBits.data(), kBotaBits.size());
+}
 
 const FrameFormat kBotaFormat = {"bota", kBotaSize, 1, {0xaa, 0}, true, botaIntact, botaDecode};
 const FrameFormat kRobotiqFormat = {"robotiq",     kRobotiqSize, 2, {0x20, 0x4e}, false,

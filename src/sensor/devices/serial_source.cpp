@@ -45,6 +45,9 @@ SerialSource::SerialSource() {
 
 SerialSource::~SerialSource() { close(); }
 
+// only Bota's frames have a status
+std::string SerialSource::faultText(std::uint32_t fault) const { return botaStatusText(fault); }
+
 void SerialSource::doConfigure(const YAML::Node& map) {
   SourceParameters parameters(map, "source " + info_.type);
   path_ = parameters.text("port");

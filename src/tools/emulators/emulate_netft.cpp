@@ -23,6 +23,7 @@ HTTP. Prints the driver's parameters that reach it, runs until Ctrl-C (or --dura
   --loss P           chance that a record gets lost (default 0)
   --duplication P    that it arrives twice (default 0)
   --reordering P     that it arrives after the next 1 to 4 (default 0)
+  --onrobot          an OnRobot HEX box: the bias is taken with a sample count of 255, removed with 0
   --status S         the records' status word (default 0: healthy; 2147614720 is 0x80020000, a serious fault)
   --outage-period T  without power once in T seconds (default 0: never)
   --outage-length T  for T seconds (default 1)
@@ -52,6 +53,7 @@ int run(const std::vector<std::string>& arguments) {
   parser.number("--loss", box.faults.loss, 0.0, 1.0);
   parser.number("--duplication", box.faults.duplication, 0.0, 1.0);
   parser.number("--reordering", box.faults.reordering, 0.0, 1.0);
+  parser.flag("--onrobot", box.onrobot);
   parser.number("--status", status, 0.0, 4294967295.0);
   parser.number("--outage-period", period, 0.0, 1e6);
   parser.number("--outage-length", length, 0.001, 1e6);

@@ -320,6 +320,11 @@ TEST_F(DeviceTest, PublishesNothingOfAFaultyDevice) {
   ASSERT_TRUE(diagnoses_.await(name, [](const auto& s) {
     return s.level == DiagnosticStatus::ERROR && value(s, "fault word") == "0x80020000";
   }));
+  const std::string fault = "reports: transducer saturated or A/D converter fails, 0x80020000";
+  EXPECT_TRUE(has(diagnoses_.latest(name).message, "the device " + fault))
+      << diagnoses_.latest(name).message;
+  EXPECT_TRUE(waitFor([&] { return driver.running() && has(driver.output(), fault); }))
+      << driver.output();
   const auto at_fault = follower.seen();
   ASSERT_TRUE(diagnoses_.await(
       name, [&](const auto& s) { return number(s, "faulty samples") > 500; }, true));
@@ -329,6 +334,100 @@ TEST_F(DeviceTest, PublishesNothingOfAFaultyDevice) {
       name, [](const auto& s) { return s.level == DiagnosticStatus::OK; }, true));
   EXPECT_GT(follower.seen().samples, at_fault.samples);
   EXPECT_EQ(follower.seen().wrong, 0u);
+}
+
+// Old counts under new numbers: warned of, then an error; nothing is published that would let a
+// machine go on, and nothing is zeroed by it.
+TEST_F(DeviceTest, HoldsFrozenReadings) {
+  NetftEmulator box(boxOptions());
+  Follower follower(nh_, "frozen");
+  std::vector<std::string> parameters = parametersOf(box);
+  // room for a report between the warning and the error
+  parameters.push_back("_frozen_after:=2.0");
+  Driver driver("frozen", parameters);
+  const std::string name = "frozen/driver: samples";
+  ASSERT_TRUE(waitFor([&] { return follower.seen().samples > 100; })) << driver.output();
+  ASSERT_TRUE(diagnoses_.await(
+      name, [](const auto& s) { return s.level == DiagnosticStatus::OK; }, true));
+  box.setFrozen(true);
+  const std::string words = "frozen readings: all six channels have had exactly the same reading";
+  EXPECT_TRUE(diagnoses_.await(name, [&](const auto& s) {
+    return s.level == DiagnosticStatus::WARN && has(s.message, words);
+  })) << diagnoses_.latest(name).message;
+  ASSERT_TRUE(diagnoses_.await(name, [&](const auto& s) {
+    return s.level == DiagnosticStatus::ERROR && has(s.message, words);
+  })) << diagnoses_.latest(name).message;
+  EXPECT_TRUE(has(diagnoses_.latest(name).message, "set frozen_after: 0"));
+  const auto held = follower.seen();
+  const auto zero = trigger("/frozen/driver/zero");
+  EXPECT_FALSE(zero.success);
+  EXPECT_TRUE(has(zero.message, "the device or its link is frozen")) << zero.message;
+  EXPECT_EQ(follower.seen().samples, held.samples);
+  EXPECT_TRUE(waitFor([&] { return driver.running() && has(driver.output(), words); }))
+      << driver.output();
+  box.setFrozen(false);
+  EXPECT_TRUE(waitFor([&] { return follower.seen().samples > held.samples; }));
+  EXPECT_TRUE(diagnoses_.await(
+      name, [](const auto& s) { return s.level == DiagnosticStatus::OK; }, true));
+  EXPECT_TRUE(trigger("/frozen/driver/zero").success);
+}
+
+// A device without power in its gauges; and one whose noise is below a step, where it is normal.
+TEST_F(DeviceTest, ZerosAreFrozenUnlessItsNoiseIsBelowAStep) {
+  NetftEmulator::Options options = boxOptions();
+  options.amplitude = 0.0;
+  NetftEmulator box(options);
+  {
+    Record<WrenchSamples> samples(nh_, "/zeros/wrench_samples");
+    Driver driver("zeros", parametersOf(box));
+    ASSERT_TRUE(waitFor([&] { return samples.size() > 0; })) << driver.output();
+    // the zero outlasts its own samples: it can't yet be seen whether they are frozen
+    const auto zero = trigger("/zeros/driver/zero");
+    EXPECT_FALSE(zero.success);
+    EXPECT_TRUE(has(zero.message, "all six channels have read exactly zero")) << zero.message;
+  }
+  std::vector<std::string> parameters = parametersOf(box);
+  parameters.push_back("_frozen_after:=0");
+  Driver driver("steps", parameters);
+  ASSERT_TRUE(diagnoses_.await("steps/driver: samples", [](const auto& s) {
+    return s.level == DiagnosticStatus::OK && number(s, "samples") > 2 * kRate;
+  })) << driver.output();
+  EXPECT_TRUE(trigger("/steps/driver/zero").success);
+}
+
+// Each takes the stream from the other one.
+TEST_F(DeviceTest, NamesAnotherClientOfItsBox) {
+  NetftEmulator box(boxOptions());
+  Driver one("one", parametersOf(box)), other("other", parametersOf(box));
+  for (const std::string name : {"one/driver: device", "other/driver: device"}) {
+    ASSERT_TRUE(diagnoses_.await(name, [](const auto& s) {
+      return s.level == DiagnosticStatus::ERROR &&
+             has(s.message, "another driver or program that reads the same device");
+    })) << diagnoses_.latest(name).message;
+  }
+  EXPECT_TRUE(waitFor([&] { return one.running() && has(one.output(), "end one of them"); }))
+      << one.output();
+}
+
+// Who changes counts on the page while it streams makes all that follows wrong by their ratio.
+TEST_F(DeviceTest, ReadsItsConfigurationAgain) {
+  NetftEmulator::Options options = boxOptions();
+  options.load = {0.0, 0.0, 1000.0, 0.0, 0.0, 0.0};
+  NetftEmulator box(options);
+  Record<WrenchSamples> samples(nh_, "/page/wrench_samples");
+  std::vector<std::string> parameters = parametersOf(box);
+  parameters.push_back("_source/configuration_period:=0.1");
+  Driver driver("page", parameters);
+  ASSERT_TRUE(waitFor([&] { return samples.size() > 3; })) << driver.output();
+  EXPECT_NEAR(samples.last()->wrench[2], 1000.0, 20.0);
+  options.configuration.counts_per_force = 1000.0;
+  box.setConfiguration(options.configuration);
+  const std::string name = "page/driver: device";
+  ASSERT_TRUE(diagnoses_.await(name, [](const auto& s) {
+    return has(value(s, "last loss"), "counts per force (cfgcpf) from 1000000 to 1000;");
+  })) << driver.output();
+  EXPECT_TRUE(waitFor([&] { return std::abs(samples.last()->wrench[2] - 1000.0) < 20.0; }));
+  EXPECT_TRUE(has(value(diagnoses_.latest(name), "note"), "1000"));
 }
 
 // Wrenches of a device go through the node's bias like any others, and the device's own bias is

@@ -218,6 +218,24 @@ TEST_F(SensorSources, PlaysABagAtItsOwnPace) {
   EXPECT_LT((ros::Time::now() - all.back()->header.stamp).toSec(), kPatience);
 }
 
+// A recording is played as it is, also where its sensor was frozen; that is reported.
+TEST_F(SensorSources, PlaysFrozenReadingsAndReportsThem) {
+  const test::TemporaryFolder folder;
+  const std::string file = folder / "frozen.csv";
+  {
+    std::ofstream out(file);
+    out << "t,fx,fy,fz,tx,ty,tz\n";
+    for (int i = 0; i < 1000; ++i) out << 0.01 * i << ",1,2,3,0.1,0.2,0.3\n";
+  }
+  Record<WrenchSamples> wrench(nh_, "/still/wrench_samples");
+  Driver driver("still", {"_source/type:=replay", "_source/file:=" + file});
+  ASSERT_TRUE(diagnoses_.await("still/driver: samples", [](const auto& s) {
+    return s.level == diagnostic_msgs::DiagnosticStatus::ERROR && has(s.message, "frozen readings");
+  })) << driver.output();
+  const std::size_t before = wrench.size();
+  EXPECT_TRUE(waitFor([&] { return wrench.size() > before; }));
+}
+
 // The generator of strain needs neither a simulator nor a device.
 TEST_F(SensorSources, GeneratesStrain) {
   Record<WrenchSamples> wrench(nh_, "/generated/wrench_samples");

@@ -26,6 +26,7 @@ struct DriverSettings {
   double display_rate = 50.0;     ///< [Hz]
   double expected_rate = 5000.0;  ///< [Hz]; 0: that of the device, if it reports one
   double rate_tolerance = 0.05;   ///< fraction
+  double frozen_after = 1.0;      ///< [s]; 0: never
   int zero_samples = 200;
   double zero_timeout = 30.0, source_timeout = 2.0, diagnostic_period = 1.0;  ///< [s]
 

@@ -25,6 +25,7 @@ class SensorDiagnostics {
 
   double expectedRate() const;
   void diagnoseSamples(Status& status);
+  void diagnoseFrozen(Status& status);
   void diagnoseDevice(Status& status);
   void diagnoseCalibration(Status& status);
 
@@ -36,6 +37,7 @@ class SensorDiagnostics {
   SourceCounters reported_counters_;
   LinkStatus reported_link_;
   std::uint64_t reported_steps_ = 0;
+  bool reported_frozen_ = false, reported_fault_ = false, reported_takeover_ = false;
   diagnostic_updater::Updater updater_;
   ros::WallTimer timer_;
 };

@@ -30,6 +30,7 @@ struct SensorState {
   ros::Time calibration_time;                   ///< since when it has been active
   std::optional<ros::Time> bias_time;           ///< none: not set
   std::optional<Clock::time_point> last_block;  ///< its arrival
+  bool recorded = false;  ///< the source is a recording: played as it is, also where it is frozen
   std::string foreign_frame;  ///< of blocks of another sensor since the last report
 };
 

@@ -42,8 +42,13 @@ NetftScale netftScale(const NetftConfiguration& configuration);
 /// Body of an HTTP response. Throws SourceError for anything but a complete 200.
 std::string_view httpBody(std::string_view response);
 
-/// True once the response holds as many bytes as its header declares (false without a declaration).
+/// True once the response holds as many bytes as its header declares; without a declaration, once
+/// it has </netft>.
 bool httpComplete(std::string_view response);
+
+/// What differs in counts, units, rate and calibration: "counts per force (cfgcpf) from 1000000 to
+/// 1000"; empty: nothing.
+std::string describeChange(const NetftConfiguration& from, const NetftConfiguration& to);
 
 /// Reads the document. Throws SourceError for a missing or bad entry.
 NetftConfiguration parseNetftConfiguration(std::string_view xml);

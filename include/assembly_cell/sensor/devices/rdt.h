@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 
 #include "assembly_cell/sensor/strain_source.h"
 
@@ -25,6 +26,10 @@ enum class RdtCommand : std::uint16_t {
   kBias = 0x0042,        ///< software bias, for every client; not acknowledged
 };
 
+/// sample_count of kBias: ATI's boxes pass over it; OnRobot's HEX boxes take the bias with 255 and
+/// remove it with 0.
+constexpr std::uint32_t kRdtBiasOn = 255;
+
 struct RdtRequest {
   std::uint16_t command = 0;
   std::uint32_t sample_count = 0;  ///< 0: endless
@@ -44,6 +49,9 @@ bool unpackRdtRecord(const std::uint8_t* data, std::size_t size, RdtRecord& reco
 
 /// A condition of the monitor was met: the measurement is valid.
 constexpr std::uint32_t kRdtMonitorCondition = 0x80010000;
+
+/// Bits of a status word by name (Net F/T manual, system status code), in one line.
+std::string rdtStatusText(std::uint32_t status);
 
 /// What becomes of a stream's records.
 struct RdtPolicy {
@@ -113,6 +121,7 @@ class RdtStream {
   std::uint32_t newest_rdt_ = 0;  // its number in the device
   std::uint32_t newest_ft_ = 0;
   std::uint32_t last_ft_ = 0;  // of the record taken last
+  std::array<std::int32_t, 6> last_counts_{};
   std::uint32_t stream_ = 0;
 };
 

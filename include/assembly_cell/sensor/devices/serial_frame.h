@@ -45,6 +45,8 @@ struct FrameFormat {
 /// between.
 extern const FrameFormat kBotaFormat;
 constexpr std::size_t kBotaSize = 37;
+/// Bits of a status word by name, in one line.
+std::string botaStatusText(std::uint32_t status);
 constexpr std::uint16_t kBotaOverrun = 1, kBotaOverrange = 2, kBotaInvalid = 4, kBotaRaw = 8;
 
 /// Robotiq FT 300 in stream mode, little-endian, 16 bytes: 0x20 0x4E, 6 int16 (0.01 N, 0.001 N·m),

@@ -22,6 +22,7 @@ class SerialSource : public StrainSource {
  public:
   SerialSource();
   ~SerialSource() override;
+  std::string faultText(std::uint32_t fault) const override;
 
  protected:
   void doConfigure(const YAML::Node& parameters) override;
