@@ -106,8 +106,8 @@ void fields(FieldList& f, EmulatedArmSettings& s) {
   f.number("protective_torque", arm.protective_torque, positive("N m"),
            "Torque at the flange that stops the arm until ~unlock.");
   f.integer("seed", arm.seed, 0, 2147483647, "Seed of jitter and repeatability.");
-  f.numbers("home", s.home.data(), s.home.size(), finite("rad"),
-            "Joints near the carrier's start.");
+  f.numbers("home", s.home.data(), s.home.size(), finite("rad"), "Joints near the carrier's start.")
+      .derived("zeros, one a joint");
 }
 
 ArmGuard bridgeGuard(const BridgeSettings& settings, const Mechanism& mechanism, LeaseMode lease,

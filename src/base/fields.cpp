@@ -56,6 +56,11 @@ std::string outside(double value, const Range& range) {
 
 // ---- a field
 
+Field& Field::derived(const char* from) {
+  origin = from;
+  return *this;
+}
+
 Field& Field::required(bool is) {
   is_required = is;
   return *this;
@@ -353,6 +358,7 @@ std::string rangeText(const Field& field) {
 
 std::string defaultText(const Field& field) {
   if (field.is_required) return "required";
+  if (field.origin != nullptr) return field.origin;
   if (field.kind == Kind::kNumber) {
     return std::isfinite(*field.numbers) ? yaml::shown(*field.numbers) : "none";
   }
@@ -379,7 +385,9 @@ std::string commentedParameters(const FieldList& fields, std::size_t indent) {
   std::ostringstream text;
   for (const Field& field : fields) {
     if (field.kind == Kind::kSection) continue;
-    std::string line = parameterName(field.path) + ": " + field.value();
+    const bool has_default = !field.is_required && field.origin == nullptr;
+    std::string line = (has_default ? "" : "# ") + parameterName(field.path) + ": " +
+                       (has_default ? field.value() : defaultText(field));
     line.resize(std::max(line.size() + 1, kColumn), ' ');
     text << std::string(indent, ' ') << line << "# " << field.description << " ("
          << rangeText(field) << ")\n";

@@ -134,5 +134,21 @@ TEST(Fields, TablesHaveDefaultRangeAndDescription) {
             std::string::npos);
 }
 
+TEST(Fields, DefaultsThatDependOnOthersAreDescribedInWords) {
+  double width = 0.0;
+  std::string name, file;
+  FieldList list;
+  list.number("width", width, positive("m"), "Width.").derived("twice height");
+  list.text("file", file, "Input.").required();
+  list.text("name", name, "Name.");
+  const std::string table = fieldTable(list, true);
+  EXPECT_NE(table.find("| `~width` | twice height |"), std::string::npos) << table;
+  // a parameter file must not replace them by the struct's values
+  const std::string comments = commentedParameters(list);
+  EXPECT_EQ(comments.find("# width: twice height "), 0U) << comments;
+  EXPECT_NE(comments.find("\n# file: required "), std::string::npos) << comments;
+  EXPECT_NE(comments.find("\nname: "), std::string::npos) << comments;
+}
+
 }  // namespace
 }  // namespace assembly_cell

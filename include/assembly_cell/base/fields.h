@@ -50,13 +50,16 @@ struct Field {
   /// Of kOther, which only a file has: reads the key `name()` of a section.
   std::function<void(yaml::Section&)> read;
 
-  bool is_required = false;     ///< a file or a node's parameters must have it
-  bool is_independent = false;  ///< no other field and no check depends on it
-  bool is_written = true;       ///< into a file
-  bool is_flow = false;         ///< written on one line
+  const char* origin = nullptr;  ///< of a default that depends on others: in words, else null
+  bool is_required = false;      ///< a file or a node's parameters must have it
+  bool is_independent = false;   ///< no other field and no check depends on it
+  bool is_written = true;        ///< into a file
+  bool is_flow = false;          ///< written on one line
   Change change = Change::kRestart;
 
   Field& required(bool is = true);
+  /// The default depends on other parameters or on the node: in words, a literal.
+  Field& derived(const char* from);
   Field& independent();
   /// Left out of a written file when false: the default says the same.
   Field& written(bool is);
@@ -153,7 +156,7 @@ void checkFields(const FieldList& fields);
 std::string yamlText(const FieldList& fields, std::size_t indent = 0);
 
 /// The same with the descriptions as comments, names of sections joined by '_': parameters of a
-/// node. Each line after `indent` blanks.
+/// node. What has no default of its own is a comment. Each line after `indent` blanks.
 std::string commentedParameters(const FieldList& fields, std::size_t indent = 0);
 
 /// Rows of a Markdown table: name, default, range, description. `parameters`: names as a node's

@@ -52,10 +52,12 @@ std::string sensorName(Side side) { return std::string("sensor_") + toString(sid
 SensorDescription::SensorDescription() : nominal(strainMatrix(nominalBridge()).inverse()) {}
 
 void fields(FieldList& f, SensorDescription& sensor) {
-  f.text("serial_number", sensor.serial_number, "Of the sensor.").required();
-  f.integer("bits", sensor.bits, 2, 32, "Of the converter.");
+  f.text("serial_number", sensor.serial_number,
+         "Serial number as in the calibration of its driver.")
+      .required();
+  f.integer("bits", sensor.bits, 2, 32, "Bits of the converter.");
   f.number("full_scale", sensor.full_scale, positive("V"), "Largest voltage of the converter.");
-  f.number("noise", sensor.noise, notNegative("V"), "Of a sample, rms.");
+  f.number("noise", sensor.noise, notNegative("V"), "Noise of a sample, rms.");
 }
 
 void fields(FieldList& f, ReferenceAccuracy& accuracy) {

@@ -8,27 +8,31 @@
 
 namespace assembly_cell::ros_bridge {
 
-namespace {
-
 void fields(FieldList& f, CalibrationServerSettings& s) {
   f.text("store", s.store,
-         "Folder of observations and calibrations; empty: ~/.ros/assembly_cell/calibrations.");
-  f.number("gravity", s.sensors.gravity, positive("m/s2"), "At the place of calibration.");
+         "Folder of observations and calibrations, whole path; empty: "
+         "~/.ros/assembly_cell/calibrations (or below ROS_HOME). One server at a time.");
+  f.number("gravity", s.sensors.gravity, positive("m/s2"), "Gravity at the place of calibration.");
   f.number("gauge_half_distance", s.gauge_half_distance, positive("m"),
-           "Of the dial gauges in pairs.");
+           "Half distance of the dial gauges in pairs.");
   f.integer("window", s.window, 8, 100000, "Samples in an observation.");
   f.number("settle_timeout", s.settle_timeout, notNegative("s", 3600.0),
-           "For a window in which nothing moves, wall clock.");
+           "Longest wait for a window in which nothing moves, wall clock.");
   f.number("source_timeout", s.source_timeout, {0.01, 3600.0, "s"},
-           "Without a block a sensor counts as silent, wall clock.");
+           "Without a block for this time a sensor counts as silent, wall clock.");
   f.choice("plan", s.plan, {"recommended", "quadratic", "displacement"},
-           "Of a goal that names none.");
+           "Plan of a goal or request that names none.");
   f.integer("zero_every", s.zero_every, 1, 1000, "Loaded tests between two unloaded readings.");
   f.number("max_dropped", s.max_dropped, {0.0, 1.0},
            "Fraction of a plan's steps that may lack an observation.");
-  f.text("rig", s.rig, "Service that applies loads; empty: a person, who calls ~confirm.");
-  f.flag("set_drivers", s.set_drivers, "Active calibrations are sent to the sensors' drivers.");
+  f.text("rig", s.rig,
+         "Service (ApplyLoad) that applies loads, relative to the cell; empty: a person, who calls "
+         "~confirm.");
+  f.flag("set_drivers", s.set_drivers,
+         "Active calibrations are sent to the drivers of the sensors.");
 }
+
+namespace {
 
 // reads a map of parameters below `pnh`
 template <class Struct>
@@ -42,10 +46,8 @@ void readMap(const ros::NodeHandle& pnh, const std::string& name, Struct& value)
 
 CalibrationServerSettings readCalibrationServerSettings(const ros::NodeHandle& pnh) {
   CalibrationServerSettings settings;
-  FieldList own;
-  fields(own, settings);
   Parameters parameters(pnh);
-  parameters.read(own);
+  parameters.read(fieldsOf(settings));
   if (settings.store.empty()) settings.store = calibrationStore();
   if (settings.store[0] != '/') {
     throw InputError("parameter " + pnh.resolveName("store") + " is '" + settings.store +

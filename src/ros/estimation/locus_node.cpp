@@ -50,25 +50,35 @@ LocusEstimate stampedEstimate(const LocusReading& reading, const Exciter& excite
 }  // namespace
 
 void fields(FieldList& f, LocusSettings& s) {
-  f.text("scenario", s.scenario, "File of the cell.").required();
-  f.number("window", s.window, {1e-3, std::min(kMaxWindow, s.history), "s"},
-           "Longest window of the sliding estimate.")
+  f.text("scenario", s.scenario,
+         "Scenario file with the nominal parts of the mechanism; their poses are not used.")
+      .required();
+  f.number(
+       "window", s.window, {1e-3, std::min(kMaxWindow, s.history), "s"},
+       "Longest window of the sliding estimate, shortened to whole periods of the exciter; at most "
+       "history where that is given.")
       .live();
-  f.number("history", s.history, kHistory, "Of samples that are kept; the longest measurement.");
-  f.number("false_alarm", s.limits.false_alarm, {1e-6, 0.49},
-           "Rate at which a true contact mode is refused.");
+  f.number("history", s.history, kHistory,
+           "Duration of the samples that are kept, and of the longest measurement.")
+      .derived("2, or window where that is longer");
+  f.number(
+      "false_alarm", s.limits.false_alarm, {1e-6, 0.49},
+      "Rate at which a true contact mode is refused; lower: fewer false ellipses, higher: fewer "
+      "undecided.");
   f.number("indifference", s.limits.indifference, {0.0, 0.5},
-           "Ratio of the locus's axes, or of N to P, that counts as zero.");
+           "A minor axis or a counter-rotating part below this ratio counts as none.");
   f.number("misfit_limit", s.limits.misfit, Range::kPositive,
-           "Of a single contact, relative to the locus.");
+           "Hypotheses only where a single contact explains the locus but for this fraction.");
   f.number("direction_limit", s.limits.direction_sd, positive("rad"),
-           "Standard deviation of a direction; above it a measurement is refused.");
+           "A measurement is refused as too_uncertain if noise makes the sd of the worst contact "
+           "direction larger.");
   f.number("carrier_motion", s.carrier_motion, positive("m"),
-           "Largest motion of the peg's tip by the carrier during a measurement.");
+           "A measurement is refused if the carrier moves the tip of the peg farther meanwhile.");
   f.number("data_timeout", s.data_timeout, {0.01, 3600.0, "s"},
-           "A measurement fails without samples for this time, wall clock.");
+           "Longest wait for the next block of a measurement, wall clock.");
   f.flag("lockstep", s.lockstep, "Blocks are acknowledged.");
-  f.text("name_in_lockstep", s.name_in_lockstep, "In the simulator's participants.");
+  f.text("name_in_lockstep", s.name_in_lockstep, "Name in the participants of the simulator.")
+      .derived("its name relative to the cell");
 }
 
 LocusNode::LocusNode(const ros::NodeHandle& node_handle, const ros::NodeHandle& private_handle)

@@ -18,60 +18,70 @@
 
 namespace assembly_cell::ros_bridge {
 
-namespace {
-
-constexpr double kConverterStep = 10.0 / 65536;  // 16 bit over ±5 V [V]
-
-}  // namespace
-
 void fields(FieldList& f, TwinForceNodeSettings& s) {
-  f.text("scenario", s.scenario, "File of the cell.").required();
+  f.text("scenario", s.scenario,
+         "Scenario file with the nominal parts of the mechanism; their poses are not used.")
+      .required();
   f.number("smallest_p", s.smallest_p, {0.0, 0.5},
            "Contacts whose chi-square has a smaller probability are inconsistent.");
   f.number("prior_position_sd", s.prior_position_sd, positive("m"),
-           "Standard deviation of the nominal position, per axis.");
+           "Sd of the nominal position, per axis.");
   f.number("prior_rotation_sd", s.prior_rotation_sd, positive("rad"),
-           "The same of the nominal rotation.");
+           "Sd of the rotation from upright, per axis.");
   f.numbers("prior_position", s.prior_position.data(), 3, finite("m"),
             "Nominal position of the peg in the hole at the first contact.");
-  f.flag("on_plane", s.on_plane, "Contacts are in the plane of the hole.");
+  f.flag("on_plane", s.on_plane,
+         "All contacts lie in the plane of the hole, which determines the height.");
   TwinUncertainty& u = s.uncertainty;
-  f.number("move_sd", u.move, positive("m"), "Of the carrier's reported position, per axis.");
-  f.number("move_angle_sd", u.move_angle, positive("rad"), "Of its reported rotation.");
-  f.number("gain_sd", u.gain, Range::kNotNegative,
-           "Of each entry of the strain matrices whose calibration has no covariance.");
-  f.number("frame_rotation_sd", u.rotation, notNegative("rad"), "Of a sensor's frame, per axis.");
-  f.number("frame_offset_sd", u.offset, notNegative("m"), "Of a sensor's frame, per axis.");
-  f.number("drift_sd", u.drift, notNegative("N/s"), "Of a sensor's steady drift.");
-  f.number("walk_sd", u.walk, notNegative("N/s^0.5"), "Of a sensor's random walk.");
+  f.number("move_sd", u.move, positive("m"),
+           "Sd of a move of the carrier, per axis, besides the scatter of the reported poses.");
+  f.number("move_angle_sd", u.move_angle, positive("rad"),
+           "Sd of a rotation of the carrier, besides the same scatter.");
+  f.number(
+      "gain_sd", u.gain, Range::kNotNegative,
+      "Sd of each entry of E in w' = (I + E) w, torques at 30 mm, for a sensor whose calibration "
+      "has no wrench_covariance.");
+  f.number("frame_rotation_sd", u.rotation, notNegative("rad"),
+           "Sd of the rotation of a sensor against its place in the files, per axis.");
+  f.number("frame_offset_sd", u.offset, notNegative("m"),
+           "Sd of the position of a sensor against its place in the files, per axis.");
+  f.number("drift_sd", u.drift, notNegative("N/s"),
+           "Sd of the steady drift of a zero, per axis, torques at 30 mm.");
+  f.number("walk_sd", u.walk, notNegative("N/s^0.5"),
+           "Sd of the random walk of a zero, per axis, torques at 30 mm.");
   TwinForceTask& t = s.task;
   f.number("required_position", t.required_position, positive("m"),
-           "Standard deviation that is accurate enough, per axis.");
-  f.number("required_rotation", t.required_rotation, positive("rad"), "The same of a rotation.");
-  f.number("contact_force", t.contact_force, positive("N"), "Of the contacts that are advised.");
+           "Sd of the position that is accurate enough for the status OK, per axis.");
+  f.number("required_rotation", t.required_rotation, positive("rad"),
+           "Sd of the rotation that is accurate enough, per axis.");
+  f.number("contact_force", t.contact_force, positive("N"),
+           "Force of the contacts that are advised.");
   f.number("contact_tilt", t.contact_tilt, {0.02, 0.14, "rad"},
-           "Of the peg against the plane in these contacts.");
+           "Tilt of the peg against the plane in these contacts.");
   f.number("settled_force", t.settled_force, positive("N"),
-           "Windows whose halves differ by more are refused.");
-  f.number("carrier_motion", s.carrier_motion, positive("m"), "Largest motion within a window.");
+           "A window whose halves differ by more is refused.");
+  f.number("carrier_motion", s.carrier_motion, positive("m"),
+           "A window is refused if the carrier moves farther meanwhile, beyond the scatter of its "
+           "encoders.");
   f.number("window", s.window, {1e-3, 0.5 * TwinForceHistory::kLength, "s"},
-           "Of calls that name none.");
+           "Duration of a window of a call that names none.");
   TwinForceStreams::Settings& streams = s.streams;
   f.number("time_limit", streams.history.time_limit, {0.0, 0.02, "s"},
-           "Between the wrenches of both sensors.");
+           "Wrenches of both sensors farther apart in time are not simultaneous.");
   f.number("data_timeout", streams.data_timeout, {0.01, 3600.0, "s"},
-           "For the samples of a window, wall clock.");
-  f.number("converter_step", streams.history.converter_step, notNegative("V"),
-           "Of the converters of both sensors.");
+           "Longest wait for the samples of a window, wall clock.");
+  f.number(
+      "converter_step", streams.history.converter_step, notNegative("V"),
+      "Step q of the converters of both sensors; q²/12 of each channel goes into the covariances.");
   f.flag("use_displacement", streams.history.use_displacement,
-         "The deflection of the coupling is measured by sensor_b.");
+         "The pose is corrected by the deflection of the coupling, measured by sensor_b.");
   f.flag("lockstep", streams.lockstep, "Blocks are acknowledged.");
-  f.text("name_in_lockstep", streams.name, "In the simulator's participants.");
+  f.text("name_in_lockstep", streams.name, "Name in the participants of the simulator.")
+      .derived("its name relative to the cell");
 }
 
 TwinForceNode::TwinForceNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   TwinForceNodeSettings& s = settings_;
-  s.streams.history.converter_step = kConverterStep;
   s.streams.name = participantName(nh.getNamespace(), pnh.getNamespace());
   Parameters parameters(pnh);
   parameters.read(fieldsOf(s));

@@ -61,16 +61,19 @@ std::string recordedName(const std::string& space, const std::string& topic) {
 }  // namespace
 
 void fields(FieldList& f, PlayerSettings& s) {
-  f.text("bag", s.bag, "File to play.").required();
-  f.text("recorded_namespace", s.recorded_namespace, "Of the cell in the bag.");
-  f.choice("rate", s.rate, {"original", "fast"}, "By the recorded stamps, or without waiting.");
-  f.number("factor", s.factor, {1e-3, 1e3}, "Times the recorded speed.");
+  f.text("bag", s.bag, "Bag file.").required();
+  f.text("recorded_namespace", s.recorded_namespace, "Namespace of the cell in the bag.");
+  f.choice("rate", s.rate, {"original", "fast"},
+           "original: by the recorded stamps; fast: as fast as the participants follow.");
+  f.number("factor", s.factor, {1e-3, 1e3},
+           "Recorded seconds per second of the wall clock, with the original rate.");
   f.flag("clock", s.clock, "Publishes /clock.");
-  f.flag("end_launch", s.end_launch, "Ends the launch file with the bag.");
+  f.flag("end_launch", s.end_launch,
+         "Ends the roslaunch that has started it, as Ctrl-C does, when the bag is over.");
   f.number("ack_timeout", s.ack_timeout, {0.01, 3600, "s"},
-           "Ends the node without an acknowledgement for this time, wall clock.");
+           "Longest wait for an answer, wall clock; then the node ends.");
   f.number("start_timeout", s.start_timeout, {0.01, 3600, "s"},
-           "The same for the participants' connections.");
+           "The same for all connections at the start.");
 }
 
 CellPlayer::CellPlayer(const ros::NodeHandle& nh, const ros::NodeHandle& pnh) : nh_(nh), pnh_(pnh) {

@@ -212,13 +212,14 @@ class Forgotten {
 ReportSettings::ReportSettings() : strategy(AlignParameters().strategy) {}
 
 void fields(FieldList& f, ReportSettings& s) {
-  f.text("strategy", s.strategy, "Of the alignment.");
-  f.text("report_file", s.report_file, "File that the report is written to; empty: none.");
-  f.text("simulator", s.simulator, "Name of the simulator's node.");
-  f.flag("unpause", s.unpause, "Ends a pause of the simulator.");
-  f.number("timeout", s.timeout, positive("s"), "Of the alignment, wall clock.");
+  f.text("strategy", s.strategy, "Strategy of the alignment.");
+  f.text("report_file", s.report_file, "YAML file that the report is written to; empty: none.");
+  f.text("simulator", s.simulator, "Node with the service ~pause.");
+  f.flag("unpause", s.unpause,
+         "Calls ~pause of the simulator with false once the goal is accepted.");
+  f.number("timeout", s.timeout, positive("s"), "Longest wait for the result, wall clock.");
   f.number("start_timeout", s.start_timeout, positive("s"),
-           "Of the nodes that must be there first, wall clock.");
+           "Longest wait for supervisor and simulator to be there, wall clock.");
 }
 
 ReportProgram::ReportProgram(ros::NodeHandle& nh, ros::NodeHandle& pnh) : nh_(nh) {

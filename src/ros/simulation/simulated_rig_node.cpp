@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <string>
 
+#include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bridge/calibration_messages.h"
@@ -37,29 +38,48 @@ void append(StrainSamples& block, const StrainSample& sample) {
 
 }  // namespace
 
+RigNodeSettings::RigNodeSettings() { rig.nonlinearity = 0.0; }
+
+void fields(FieldList& f, RigNodeSettings& s) {
+  RigSettings& rig = s.rig;
+  f.integer("bits", rig.bits, 1, 64, "Bits of the converter: 10, 16 or 24.");
+  f.number("noise", rig.noise, notNegative("V"), "Noise of a sample, rms.");
+  f.number(
+      "nonlinearity", rig.nonlinearity, {0.0, 1.0},
+      "0: linear sensors; 1: finite rotations and curved gauges, which only plan quadratic can "
+      "calibrate.");
+  f.number("drift", rig.drift, {-100.0, 100.0, "K/h"}, "Drift of the temperature.");
+  f.text(
+      "coupling", s.coupling,
+      "Scenario or mechanism file whose coupling sensor_b is in the cell: gauges at sensor_b read "
+      "how it yields. Empty: the hinges of the sensor.");
+  f.flag("reference_errors", rig.reference_errors,
+         "Known values have random errors of their accuracies.");
+  f.number("gravity", rig.gravity, positive("m/s2"), "Gravity at the rig.");
+  f.number("rate", s.rate, {1.0, 1e6, "Hz"}, "Rate of the samples.");
+  f.integer("block_size", s.block_size, 1, 100000, "Samples in a block.");
+  f.number("real_time_factor", s.real_time_factor, {1e-3, 1e3},
+           "Seconds of samples per second of the wall clock.");
+  f.number("test_time", rig.test_time, notNegative("s"),
+           "Duration of a load on the time base of the temperature.");
+  f.integer("seed", rig.seed, 0, 2147483647, "Seed of the true parameters, noise and errors.");
+}
+
 SimulatedRigNode::SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHandle& pnh)
     : nh_(nh), pnh_(pnh) {
   Parameters parameters(pnh_);
-  settings_.bits = parameters.integer("bits", 1, 64, 16);
-  checkBits(settings_.bits, "parameter " + pnh_.resolveName("bits") + " is ");
-  settings_.noise = parameters.number("noise", kNotNegative, settings_.noise);
-  settings_.nonlinearity = parameters.number("nonlinearity", {0.0, 1.0}, 0.0);
-  settings_.drift = parameters.number("drift", {-100.0, 100.0}, 0.0);
-  settings_.reference_errors = parameters.flag("reference_errors", true);
-  settings_.gravity = parameters.number("gravity", kPositive, settings_.gravity);
-  settings_.sample_period = 1.0 / parameters.number("rate", {1.0, 1e6}, 5000.0);
-  settings_.test_time = parameters.number("test_time", kNotNegative, settings_.test_time);
-  const std::string coupling = parameters.text("coupling", "");
-  settings_.seed = static_cast<std::uint64_t>(parameters.integer("seed", 0, 2147483647, 1));
-  block_size_ = parameters.integer("block_size", 1, 100000, 100);
-  speed_ = parameters.number("real_time_factor", {1e-3, 1e3}, 1.0);
+  parameters.read(fieldsOf(settings_));
+  checkBits(settings_.rig.bits, "parameter " + pnh_.resolveName("bits") + " is ");
+  settings_.rig.sample_period = 1.0 / settings_.rate;
   parameters.refuseUnknown();
-  if (!coupling.empty()) settings_.coupling_compliance = complianceOf(coupling);
+  if (!settings_.coupling.empty()) {
+    settings_.rig.coupling_compliance = complianceOf(settings_.coupling);
+  }
   if (ros::Time::isSimTime()) {
     throw InputError("parameter /use_sim_time is true: the rig keeps to the wall clock; unset it");
   }
 
-  rig_ = std::make_unique<CalibrationRig>(settings_);
+  rig_ = std::make_unique<CalibrationRig>(settings_.rig);
   start_ = ros::Time::now();
   wall_start_ = Clock::now();
   for (const Side side : kSides) {
@@ -71,15 +91,16 @@ SimulatedRigNode::SimulatedRigNode(const ros::NodeHandle& nh, const ros::NodeHan
 }
 
 ros::Time SimulatedRigNode::stampOf(std::uint64_t sample) const {
-  return start_ + ros::Duration(static_cast<double>(sample) * settings_.sample_period);
+  return start_ + ros::Duration(static_cast<double>(sample) * settings_.rig.sample_period);
 }
 
 void SimulatedRigNode::publishDueBlocks() {
   const std::lock_guard<std::mutex> lock(mutex_);
   const std::chrono::duration<double> elapsed = Clock::now() - wall_start_;
-  const auto due = static_cast<std::uint64_t>(elapsed.count() * speed_ / settings_.sample_period);
+  const auto due = static_cast<std::uint64_t>(elapsed.count() * settings_.real_time_factor /
+                                              settings_.rig.sample_period);
   for (int i = 0; i < kMaxBlocksPerTick; ++i) {
-    if (samples_ + static_cast<std::uint64_t>(block_size_) > due) return;
+    if (samples_ + static_cast<std::uint64_t>(settings_.block_size) > due) return;
     publishBlock();
   }
 }
@@ -90,15 +111,15 @@ void SimulatedRigNode::publishBlock() {
     blocks[side] = boost::make_shared<StrainSamples>();
     blocks[side]->header.stamp = stampOf(samples_);
     blocks[side]->header.frame_id = sensorName(side);
-    blocks[side]->period = settings_.sample_period;
+    blocks[side]->period = settings_.rig.sample_period;
     blocks[side]->sequence = sequence_;
     blocks[side]->temperature = rig_->temperature();
   }
-  for (int k = 0; k < block_size_; ++k) {
+  for (int k = 0; k < settings_.block_size; ++k) {
     const PerSide<StrainSample> sample = rig_->sample();
     for (const Side side : kSides) append(*blocks[side], sample[side]);
   }
-  samples_ += static_cast<std::uint64_t>(block_size_);
+  samples_ += static_cast<std::uint64_t>(settings_.block_size);
   ++sequence_;
   for (const Side side : kSides) bridge_pub_[side].publish(blocks[side]);
 }

@@ -64,44 +64,79 @@ void pairParts(const GuardLimits& limits, SimulatorSetup& setup) {
 void fields(FieldList& f, SimulatorSettings& s) {
   CellParameters& cell = s.cell;
   GuardLimits& limits = s.limits;
-  f.text("scenario", s.scenario, "File of the scenario.").required();
-  f.text("mismatch", s.mismatch, "File of model errors from which the ground truth is drawn.");
-  f.integer("seed", cell.seed, 0, 2147483647, "Of noise and model errors.");
-  f.integer("bits", cell.bits, 1, 64, "Of the converters: 10, 16 or 24.");
-  f.integer("block_size", cell.block_size, 5, 100, "Samples a block.");
-  f.number("noise", cell.noise, notNegative("V", 10), "Of every channel, rms.");
+  f.text("scenario", s.scenario,
+         "Scenario file; geometry, masses and inertias must be those of the robot description.")
+      .required();
+  f.text("mismatch", s.mismatch,
+         "Mismatch file: how the ground truth differs from the scenario; no other node reads it.");
+  f.integer(
+      "seed", cell.seed, 0, 2147483647,
+      "Seed of the noise of the sensors and of the model errors: the same seed gives the same "
+      "samples to the last bit.");
+  f.integer("bits", cell.bits, 1, 64, "Bits of the converters of both bridges: 10, 16 or 24.");
+  f.integer("block_size", cell.block_size, 5, 100, "Samples a block; 10 are 2 ms.");
+  f.number("noise", cell.noise, notNegative("V", 10),
+           "Noise of every channel, rms; from 1.5 V on a range of 5 V saturates all the time.");
   f.number("accelerometer_noise", cell.accelerometer_noise, notNegative("m/s2", 1e3),
-           "Of the accelerometers on the peg, rms.");
+           "Noise of both accelerometers on the peg, rms; sampled only while accelerometers has a "
+           "subscriber.");
   f.number("accelerometer_height", cell.accelerometer_height, {-1.0, 1.0, "m"},
-           "Of the accelerometers above the peg's centre of mass.");
+           "Height of the accelerometers above the centre of mass of the peg.");
   f.number("nonlinearity", cell.bridge_nonlinearity, {0.0, 1.0},
-           "Of both bridges, 0: linear, 1: as built.");
-  f.number("drift", cell.bridge_drift, {-100.0, 100.0, "K/h"}, "Of the bridges' temperature.");
-  f.text("world", s.world, "Simulator backend: exact, mujoco, or a mapping.");
-  f.flag("publish_truth", s.publish_truth, "Publishes the ground truth.");
-  f.flag("lockstep", s.lockstep, "Waits for the participants' acknowledgements of each block.");
-  f.number("ack_timeout", s.ack_timeout, {0.1, 3600.0, "s"},
-           "Ends the node without an acknowledgement for this time, wall clock.");
-  f.number("start_timeout", s.start_timeout, {0.1, 3600.0, "s"},
-           "The same before all participants have answered once.");
-  f.flag("paused", s.paused, "Starts paused.");
-  f.number("real_time_factor", s.real_time_factor, {1e-3, 1e3}, "Simulated per wall time.");
-  f.flag("follow_motion", s.follow_motion, "An arm moves the carrier: carrier_motion.");
-  f.number("max_offset", s.max_offset, positive("m"), "Half edge of the default workspace.");
-  f.numbers("workspace", s.workspace.data(), 6, finite("m"),
-            "Of the carrier from its start: x from, to, y from, to, z from, to.");
-  f.number("max_rotation", limits.rotation, {0.0, 1.0, "rad"}, "Of the carrier from its start.");
-  f.number("max_force", limits.force, positive("N"), "Load of the coupling that stops the plant.");
-  f.number("max_torque", limits.torque, positive("N m"), "The same of its torque.");
-  f.number("max_amplitude", limits.amplitude, notNegative("N"), "Of the exciter.");
-  f.number("max_frequency", limits.frequency, notNegative("rad/s"), "Of the exciter.");
-  f.number("lease_time", limits.lease_time, {0.04, 10.0, "s"},
-           "Without a sign of life the carrier is held and the exciter is off.");
-  f.number("max_speed", s.max_speed, positive("m/s"), "Largest carrier.max_speed of a scenario.");
+           "Nonlinearity of the true bridges, 0: linear, 1: as built.");
+  f.number("drift", cell.bridge_drift, {-100.0, 100.0, "K/h"},
+           "Drift of the temperature of the true bridges, from 20 degrees on.");
+  f.text("world", s.world,
+         "Simulator backend: exact, mujoco, or a mapping such as {engine: mujoco, facets: 512}.");
+  f.flag(
+      "publish_truth", s.publish_truth,
+      "Publishes the ground truth, which only markers and report read: truth/pose, truth/contacts, "
+      "tf of hole_truth and peg_truth.");
+  f.flag("lockstep", s.lockstep,
+         "After each block waits for the answers of all participants; false with /use_sim_time "
+         "true is "
+         "refused.")
+      .derived("value of /use_sim_time");
+  f.number(
+      "ack_timeout", s.ack_timeout, {0.1, 3600.0, "s"},
+      "Longest wait for the answer of a participant, wall clock; then the node ends and reports "
+      "the missing one.");
+  f.number("start_timeout", s.start_timeout, {0.1, 3600.0, "s"}, "The same for its first answer.");
+  f.flag("paused", s.paused, "Starts paused; ~pause with data: false starts the clock.");
+  f.number("real_time_factor", s.real_time_factor, {1e-3, 1e3},
+           "Simulated seconds per second of the wall clock; not used in lockstep.");
+  f.flag(
+      "follow_motion", s.follow_motion,
+      "Something else moves the carrier, by carrier_motion; its load then stops nothing here. In "
+      "lockstep each block waits for it.");
+  f.number("max_offset", s.max_offset, positive("m"),
+           "Half edge of the default workspace, from the rest position of the scenario.");
+  f.numbers(
+       "workspace", s.workspace.data(), 6, finite("m"),
+       "Commanded positions from the rest position of the scenario, axes of carrier_base: x from, "
+       "to, y from, to, z from, to.")
+      .derived("±max_offset");
+  f.number("max_rotation", limits.rotation, {0.0, 1.0, "rad"},
+           "Largest commanded rotation from the rest pose of the scenario.");
+  f.number("max_force", limits.force, positive("N"),
+           "Load of the coupling, weight included, that stops the carrier at any sample.");
+  f.number("max_torque", limits.torque, positive("N m"), "The same of the torque.");
+  f.number("max_amplitude", limits.amplitude, notNegative("N"),
+           "Largest amplitude of the exciter.");
+  f.number("max_frequency", limits.frequency, notNegative("rad/s"),
+           "Largest frequency of the exciter.");
+  f.number(
+      "lease_time", limits.lease_time, {0.04, 10.0, "s"},
+      "Without a heartbeat of the owner for this time the carrier is held and the exciter is off, "
+      "cell time.");
+  f.number("max_speed", s.max_speed, positive("m/s"),
+           "A scenario with a faster carrier is refused; a single move may be slower, see Load.");
   f.number("max_acceleration", s.max_acceleration, positive("m/s2"),
-           "Largest carrier.max_acceleration of a scenario.");
+           "The same of its acceleration.");
   f.choice("lease", s.lease, {"auto", "required", "none"},
-           "Whether commands need a session: while there is one, always, never.");
+           "Whether a command needs a lease: auto: while the plant has an owner, required: always, "
+           "none: "
+           "leases are ignored.");
 }
 
 SimulatorSettings readSimulatorSettings(const ros::NodeHandle& pnh) {

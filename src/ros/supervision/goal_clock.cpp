@@ -22,14 +22,15 @@ constexpr double kShutdownWait = 1.0;  // for data while the node shuts down [s 
 
 void fields(FieldList& f, PlantSettings& s) {
   f.number("converter_step", s.converter_step, notNegative("V"),
-           "Step of the converters of both sensors.");
+           "Step of the converters of both sensors; cell.launch sets it by bits.");
   f.flag("lockstep", s.lockstep, "Blocks are acknowledged; time waits for the node.");
   f.number("block_timeout", s.timeout, {0.1, 3600.0, "s"},
-           "Of every wait in lockstep and of the first wait of a goal, wall clock.");
+           "Longest wait for the first block of a goal, in lockstep for each, wall clock.");
   f.number("data_timeout", s.data_timeout, {0.05, 3600.0, "s"},
-           "A goal ends without a block for this time.");
-  f.number("slow_factor", s.slow_factor, {1.0, 1000.0}, "Of waits for data, on a slow machine.");
-  f.number("goal_time", s.goal_time, {1.0, 1e6, "s"}, "A goal ends after this time.");
+           "A goal ends without data for this time.");
+  f.number("slow_factor", s.slow_factor, {1.0, 1000.0},
+           "Multiplies data_timeout and the waits for the response of a node, on a slow machine.");
+  f.number("goal_time", s.goal_time, {1.0, 1e6, "s"}, "A goal ends after this time, cell time.");
 }
 
 void GoalClock::begin(std::function<bool()> cancelled) {

@@ -44,10 +44,12 @@ void setResult(const Mechanism& nominal, const Identification& found, IdentifyRe
 }  // namespace
 
 void fields(FieldList& f, IdentifierSettings& s) {
-  f.text("scenario", s.scenario, "File of the cell.").required();
-  f.text("file", s.file, "Result of goals that name none; empty: not stored.");
-  f.number("prior_scale", s.prior_scale, {0.1, 10.0}, "Of the drawing's standard deviations.");
-  f.number("force_limit", s.force_limit, {1.0, 1000.0, "N"}, "A goal ends above this force.");
+  f.text("scenario", s.scenario, "Scenario file: the drawing that the fit begins with.").required();
+  f.text("file", s.file, "File for the result of a goal that names none; empty: not stored.");
+  f.number("prior_scale", s.prior_scale, {0.1, 10.0},
+           "Multiplies the standard deviations of a cell as drawn.");
+  f.number("force_limit", s.force_limit, {1.0, 1000.0, "N"},
+           "Contact force above which a goal ends.");
 }
 
 IdentifierNode::IdentifierNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {

@@ -73,10 +73,15 @@ ros::Subscriber subscribeMechanism(ros::NodeHandle& nh,
 }
 
 void fields(FieldList& f, MechanismSettings& s) {
-  f.text("mechanism", s.mechanism, "File of an identified mechanism; empty: the scenario's.");
+  f.text(
+      "mechanism", s.mechanism,
+      "Mechanism file of an identification, checked before each alignment; empty: the mechanism of "
+      "the scenario, not checked.");
   f.flag("identify", s.identify,
-         "A mechanism that is missing or contradicted is identified before the alignment.");
-  f.number("identify_time", s.identify_time, {5.0, 60.0, "s"}, "For that.");
+         "Calls mechanism_identifier where a strategy needs the mechanism and no file is there, or "
+         "the file is contradicted.");
+  f.number("identify_time", s.identify_time, {5.0, 60.0, "s"},
+           "Longest such identification, cell time.");
 }
 
 MechanismKeeper::MechanismKeeper(Parameters& parameters)

@@ -9,6 +9,10 @@
 #include "assembly_cell/calibration/observations/observation.h"
 #include "assembly_cell/calibration/two_sensor/force.h"
 
+namespace assembly_cell {
+class FieldList;
+}
+
 namespace assembly_cell::ros_bridge {
 
 /// Parameters of calibration_server (config/calibration_server.yaml).
@@ -26,6 +30,9 @@ struct CalibrationServerSettings {
   double gauge_half_distance = 0.025;  ///< of the dial gauges in pairs [m]
   bool set_drivers = true;  ///< whether active calibrations are sent to the sensors' drivers
 };
+
+/// Without the maps of parameters sensor_a, sensor_b, accuracy and rated.
+void fields(FieldList& f, CalibrationServerSettings& s);
 
 /// Reads the private parameters. Throws InputError for a bad or unknown one.
 CalibrationServerSettings readCalibrationServerSettings(const ros::NodeHandle& pnh);

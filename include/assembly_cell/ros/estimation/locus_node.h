@@ -29,7 +29,7 @@ namespace assembly_cell::ros_bridge {
 struct LocusSettings {
   std::string scenario;          ///< file of the cell
   double window = 0.2;           ///< longest window of the sliding estimate [s]
-  double history = 2.0;          ///< of samples that are kept, at least the window [s]
+  double history = 10.0;         ///< of samples that are kept, at least the window [s]
   ReadingLimits limits;          ///< of a measurement
   double carrier_motion = 1e-3;  ///< largest motion of the peg's tip by the carrier [m]
   double data_timeout = 10.0;    ///< wall clock [s]

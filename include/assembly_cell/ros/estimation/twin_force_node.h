@@ -23,6 +23,9 @@ class FieldList;
 namespace assembly_cell::ros_bridge {
 
 struct TwinForceNodeSettings {
+  /// With converters of 16 bit over ±5 V.
+  TwinForceNodeSettings() { streams.history.converter_step = 10.0 / 65536; }
+
   std::string scenario;  ///< file of the cell
   double smallest_p = 1e-3;
   std::array<double, 3> prior_position{};

@@ -8,10 +8,26 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <string>
 
 #include "assembly_cell/calibration/two_sensor/rig.h"
 
+namespace assembly_cell {
+class FieldList;
+}
+
 namespace assembly_cell::ros_bridge {
+
+struct RigNodeSettings {
+  RigSettings rig;                ///< its sample_period follows from rate
+  std::string coupling;           ///< file whose coupling sensor_b is; empty: its own hinges
+  double rate = 5000.0;           ///< of the samples [Hz]
+  int block_size = 100;           ///< samples in a block
+  double real_time_factor = 1.0;  ///< seconds of samples per second of the wall clock
+
+  RigNodeSettings();
+};
+void fields(FieldList& f, RigNodeSettings& s);
 
 /// The simulated calibration bench: two sensors whose ground truth is not published, masses, dial
 /// gauges. Publishes the strain of both under the load last applied. Interfaces:
@@ -33,9 +49,7 @@ class SimulatedRigNode {
   ros::Time stampOf(std::uint64_t sample) const;
 
   ros::NodeHandle nh_, pnh_;
-  RigSettings settings_;
-  double speed_ = 1.0;  // samples' time per wall clock
-  int block_size_ = 100;
+  RigNodeSettings settings_;
 
   std::mutex mutex_;
   std::unique_ptr<CalibrationRig> rig_;

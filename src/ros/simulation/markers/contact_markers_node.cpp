@@ -18,12 +18,11 @@ ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh
     : nh_(nh), rim_view_(nh) {
   Parameters parameters(pnh);
   parameters.read(fieldsOf(settings_));
-  wrench_topic_ = parameters.text("wrench", std::string());
   parameters.refuseUnknown();
   live_ = std::make_unique<LiveSettings>(
       pnh, liveValues(fieldsOf(settings_), "from the next picture on"), parameters.known());
   // a wrench's line needs no model of the parts
-  if (wrench_topic_.empty() || nh.hasParam("robot_description")) {
+  if (settings_.wrench.empty() || nh.hasParam("robot_description")) {
     shapes_ = partShapes(loadCellDescription(Parameters(nh).text("robot_description")));
   }
 
@@ -66,7 +65,7 @@ void ContactMarkersNode::subscribe() {
                                                     }));
   keep("exciter", view_.exciter);
   keep("twin_force/status", view_.twin_force);
-  if (!wrench_topic_.empty()) keep(wrench_topic_, view_.wrench);
+  if (!settings_.wrench.empty()) keep(settings_.wrench, view_.wrench);
   subs_.push_back(subscribeChecked<AlignPegActionFeedback>(
       nh_, "align/feedback", 1, [this](const AlignPegActionFeedback::ConstPtr& m) {
         onStatus(m->status, m->feedback.state, m->feedback.message);

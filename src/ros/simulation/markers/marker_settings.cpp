@@ -7,23 +7,30 @@
 namespace assembly_cell::ros_bridge {
 
 void fields(FieldList& f, MarkerSettings& s) {
-  f.number("rate", s.rate, {0.1, 30.0, "Hz"}, "Of the markers, wall clock.").live();
-  f.number("lifetime", s.lifetime, {1e-3, 1e6, "s"}, "Of a marker that isn't renewed, ROS time.")
+  f.text("wrench", s.wrench,
+         "Topic of a live wrench whose line of action is shown, such as sensor_b/wrench; empty: "
+         "none.");
+  f.number("rate", s.rate, {0.1, 30.0, "Hz"}, "Rate of the markers, wall clock.").live();
+  f.number("lifetime", s.lifetime, {1e-3, 1e6, "s"},
+           "Lifetime of a marker that isn't renewed, ROS time.")
       .live();
-  f.number("size", s.size, {0.01, 100.0}, "Times the width of lines, points and arrows.").live();
-  f.number("force_scale", s.force_scale, {1e-9, 1e3, "m/N"}, "Length of a force's arrow.").live();
+  f.number("size", s.size, {0.01, 100.0}, "Multiplies the width of lines, points and arrows.")
+      .live();
+  f.number("force_scale", s.force_scale, {1e-9, 1e3, "m/N"}, "Length of the arrow of a force.")
+      .live();
   f.number("force_threshold", s.force_threshold, {1e-9, 1e6, "N"}, "Weaker forces get no arrow.")
       .live();
   f.number("locus_scale", s.locus_scale, {1e-3, 1e9}, "Enlargement of the locus.").live();
   f.number("locus_height", s.locus_height, {-100.0, 100.0, "m"},
-           "Of the drawn locus above the peg's edge.")
+           "Height of the drawn locus above the edge of the peg.")
       .live();
-  f.number("ellipsoid_scale", s.ellipsoid_scale, {1e-3, 1e9}, "Enlargement of the ellipsoid, 3 sd.")
+  f.number("ellipsoid_scale", s.ellipsoid_scale, {1e-3, 1e9},
+           "Enlargement of the covariance ellipsoid, 3 sd.")
       .live();
   f.number("tip_height", s.tip_height, {-100.0, 100.0, "m"},
-           "Of the tip's plane along z of the wrench's frame.")
+           "Plane of the tip along z of the frame of the wrench: lever of the tool contacts.")
       .live();
-  f.number("one_pitch", s.one_pitch, {1e-9, 1e3, "m"}, "Couple over force of one contact, at most.")
+  f.number("one_pitch", s.one_pitch, {1e-9, 1e3, "m"}, "Largest couple over force of one contact.")
       .live();
   f.flag("words", s.words, "Names, legend and state are shown.").live();
 }

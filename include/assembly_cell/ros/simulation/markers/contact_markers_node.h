@@ -37,8 +37,7 @@ class ContactMarkersNode {
 
   ros::NodeHandle nh_;
   std::unique_ptr<LiveSettings> live_;
-  MarkerSettings settings_;   // of the present picture
-  std::string wrench_topic_;  // empty: none
+  MarkerSettings settings_;  // of the present picture
   PartShapes shapes_;
   MarkerInputs view_;
   MarkerCanvas canvas_;

@@ -21,6 +21,7 @@ namespace assembly_cell::ros_bridge {
 
 /// Parameters of contact_markers that may change while it runs.
 struct MarkerSettings {
+  std::string wrench;             ///< topic of a live wrench; empty: none
   double rate = 15.0;             ///< of the pictures, wall clock [Hz]
   double lifetime = 5.0;          ///< [s]
   double size = 1.0;              ///< times the width of lines, points and arrows

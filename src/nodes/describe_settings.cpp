@@ -13,7 +13,19 @@
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
+#include "assembly_cell/ros/calibration/calibration_server_settings.h"
+#include "assembly_cell/ros/driver/driver_settings.h"
+#include "assembly_cell/ros/estimation/locus_node.h"
+#include "assembly_cell/ros/estimation/twin_force_node.h"
+#include "assembly_cell/ros/simulation/cell_player.h"
+#include "assembly_cell/ros/simulation/markers/marker_settings.h"
+#include "assembly_cell/ros/simulation/report_program.h"
+#include "assembly_cell/ros/simulation/simulated_rig_node.h"
+#include "assembly_cell/ros/simulation/simulator_settings.h"
+#include "assembly_cell/ros/supervision/identifier_node.h"
+#include "assembly_cell/ros/supervision/known_mechanism.h"
 #include "assembly_cell/scene/scenario.h"
+#include "assembly_cell/shaker/guarded_shaker.h"
 #include "assembly_cell/study/study.h"
 
 namespace {
@@ -24,8 +36,10 @@ constexpr const char* kHelp =
     R"(Usage: describe_settings FILE... [options]
 
 Writes the settings that the code declares into pages (.md: a table) and parameter files (.yaml: keys with defaults and
-comments), between the lines "settings NAME" and "end of settings" in a comment. NAME: align, arm_bridge (as parameters
-of a node), scenario, study.
+comments), between the lines "settings NAME" and "end of settings" in a comment. NAME:
+  as parameters of a node: align, arm_bridge, calibration_server, driver, emulated_arm, exciter_output, identifier, locus,
+    markers, mechanism, plant, player, report, rig, simulator, source, twin_force;
+  as keys: calibration_maps, scenario, study.
 
   --check               write nothing: refuse a file that differs from the code
   --help                print this
@@ -35,6 +49,19 @@ Exit code: 0 ok, 1 a file differs (--check), 2 bad input.
 Example: describe_settings docs/reference/nodes/assembly_supervisor.md config/supervisor.yaml
 )";
 
+// The maps of parameters of the calibration server.
+struct CalibrationMaps {
+  SensorDescription sensor_a;
+  ReferenceAccuracy accuracy;
+  RatedLoad rated;
+};
+
+void fields(FieldList& f, CalibrationMaps& maps) {
+  f.section("sensor_a", maps.sensor_a);
+  f.section("accuracy", maps.accuracy);
+  f.section("rated", maps.rated);
+}
+
 template <class Settings>
 std::string describe(bool parameters, bool markdown) {
   Settings settings;
@@ -42,13 +69,42 @@ std::string describe(bool parameters, bool markdown) {
   return markdown ? fieldTable(list, parameters) : commentedParameters(list);
 }
 
+struct Described {
+  const char* name;
+  std::string (*describe)(bool parameters, bool markdown);
+  bool parameters;  // of a node, or keys of a file
+};
+
+const Described kDescribed[] = {
+    {"align", describe<AlignParameters>, true},
+    {"arm_bridge", describe<BridgeSettings>, true},
+    {"calibration_maps", describe<CalibrationMaps>, false},
+    {"calibration_server", describe<ros_bridge::CalibrationServerSettings>, true},
+    {"driver", describe<ros_bridge::DriverSettings>, true},
+    {"emulated_arm", describe<EmulatedArmSettings>, true},
+    {"exciter_output", describe<ShakerLimits>, true},
+    {"identifier", describe<ros_bridge::IdentifierSettings>, true},
+    {"locus", describe<ros_bridge::LocusSettings>, true},
+    {"markers", describe<ros_bridge::MarkerSettings>, true},
+    {"mechanism", describe<ros_bridge::MechanismSettings>, true},
+    {"plant", describe<ros_bridge::PlantSettings>, true},
+    {"player", describe<ros_bridge::PlayerSettings>, true},
+    {"report", describe<ros_bridge::ReportSettings>, true},
+    {"rig", describe<ros_bridge::RigNodeSettings>, true},
+    {"scenario", describe<Scenario>, false},
+    {"simulator", describe<ros_bridge::SimulatorSettings>, true},
+    {"source", describe<ros_bridge::SourceSettings>, true},
+    {"study", describe<StudyJob>, false},
+    {"twin_force", describe<ros_bridge::TwinForceNodeSettings>, true},
+};
+
 std::string describe(const std::string& name, bool markdown, const std::string& where) {
-  if (name == "align") return describe<AlignParameters>(true, markdown);
-  if (name == "arm_bridge") return describe<BridgeSettings>(true, markdown);
-  if (name == "scenario") return describe<Scenario>(false, markdown);
-  if (name == "study") return describe<StudyJob>(false, markdown);
-  throw InputError(where + ": settings " + name +
-                   ": unknown, known are align, arm_bridge, scenario, study");
+  std::string known;
+  for (const Described& described : kDescribed) {
+    if (name == described.name) return described.describe(described.parameters, markdown);
+    known += (known.empty() ? "" : ", ") + std::string(described.name);
+  }
+  throw InputError(where + ": settings " + name + ": unknown, known are " + known);
 }
 
 // What a line's comment says: "settings align" of "<!-- settings align -->" or "# settings align".
