@@ -8,6 +8,12 @@
 
 namespace assembly_cell {
 
+namespace {
+
+constexpr double kShortestAxis = 1e-6;  // of a unit vector in a URDF
+
+}  // namespace
+
 JointChain loadJointChain(const std::string& urdf, const std::string& link,
                           const std::string& source) {
   const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(urdf);
@@ -31,6 +37,10 @@ JointChain loadJointChain(const std::string& urdf, const std::string& link,
                        ": neither fixed, revolute, continuous nor prismatic: leave it out");
     }
     const Eigen::Vector3d axis(j.axis.x, j.axis.y, j.axis.z);
+    if (!(axis.norm() > kShortestAxis)) {
+      throw InputError(source + ": joint " + j.name + ": axis has length " +
+                       std::to_string(axis.norm()) + ": give a direction");
+    }
     out.joints.push_back({j.name, between, axis.normalized(), slides});
     between = Pose();
   }

@@ -9,6 +9,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
+#include "lever.h"
 
 namespace assembly_cell {
 
@@ -25,15 +26,10 @@ constexpr double kMoves = 0.5e-3, kTurns = 0.005;
 // then, with the model, sd. Half and twice leave bias and lever of 11 recordings within their sd
 constexpr double kEqualForce = 0.02;
 constexpr double kFreeSd = 5.0;
+constexpr double kUnsureLever = 4e-3;  // sd beyond which a lever is refused [m]
+constexpr double kLeverWindow = 0.2;   // [s]
+constexpr double kLeverSd = 0.02;      // maximum sd of a window [m]
 constexpr std::size_t kMinWindows = 6;
-// length of the windows for the lever [s], and maximum couple over force [m] of a point contact
-// with friction in them; twice either admits contacts in a hole, half leaves too few: 0.3 mm more
-// scatter
-constexpr double kLeverWindow = 0.2, kLeverPitch = 0.3e-3;
-constexpr double kLeverForce = 3.0;   // [N]
-constexpr double kLeverFloor = 2e-3;  // sd of a window's lever by rolling and bending [m]
-constexpr double kLeverSd = 0.02;     // maximum sd of a window [m]
-constexpr double kHuber = 1.0;
 // maximum couple over force of a sample with one contact, as a face or a chipped edge is not a
 // point. 3 mm misses 3 % of the single contacts, 12 mm 2 % of the several
 constexpr double kOnePitch = 6e-3;
@@ -186,80 +182,16 @@ void findFree(const WrenchRecording& r, ContactAnalysis& a) {
   }
 }
 
-// ---- lever: height of the contact points along z
-
-struct LeverWindow {
-  Vector3d point;
-  double sd;  // of z
-};
-
-std::optional<LeverWindow> leverOf(const ContactAnalysis& a, const Window& w) {
-  const double sd = std::sqrt(a.noise.diagonal().tail<3>().maxCoeff());
-  Matrix3d normal = Matrix3d::Zero();
-  Vector3d moment = Vector3d::Zero();
-  double squares = 0.0;
-  std::size_t count = 0;
-  for (std::size_t i = w.first; i < w.end; ++i) {
-    const Vector3d F = a.samples[i].wrench.head<3>(), M = a.samples[i].wrench.tail<3>();
-    const double force = F.norm();
-    if (force < kLeverForce) continue;
-    const double pitch = std::abs(F.dot(M)) / (force * force);
-    if (pitch > std::hypot(kLeverPitch, 2.0 * sd / force)) continue;
-    const Matrix3d A = -skew(F);  // r × F
-    normal += A.transpose() * A;
-    moment += A.transpose() * M;
-    squares += M.squaredNorm();
-    ++count;
-  }
-  if (5 * count < 4 * (w.end - w.first)) return std::nullopt;
-  const Eigen::LDLT<Matrix3d> solver(normal);
-  const Vector3d point = solver.solve(moment);
-  const double n = static_cast<double>(count);
-  const double left = std::sqrt(std::max(squares - point.dot(moment), 0.0) / n);
-  const double information = 1.0 / solver.solve(Vector3d::UnitZ()).z();
-  if (!(information > 0.0) || !point.allFinite()) return std::nullopt;
-  // neighbouring samples are correlated: a window counts as three measurements of a moment
-  return LeverWindow{point, std::max(left, sd) * std::sqrt(n / information)};
-}
-
-// Huber's mean, started from the weighted median.
-void combineLevers(const std::vector<LeverWindow>& windows, ContactAnalysis& a) {
-  std::vector<std::pair<double, double>> levers;  // value, weight
-  double sum = 0.0;
-  for (const LeverWindow& w : windows) {
-    levers.push_back({w.point.z(), 1.0 / (w.sd * w.sd + kLeverFloor * kLeverFloor)});
-    sum += levers.back().second;
-  }
-  std::sort(levers.begin(), levers.end());
-  double below = 0.0, lever = levers.front().first;
-  for (const auto& [value, weight] : levers) {
-    lever = value;
-    below += weight;
-    if (below >= 0.5 * sum) break;
-  }
-  double weights = 0.0, squares = 0.0;
-  for (int pass = 0; pass < 50; ++pass) {
-    double values = 0.0;
-    weights = squares = 0.0;
-    for (const auto& [value, weight] : levers) {
-      const double u = std::abs(value - lever) * std::sqrt(weight);
-      const double w = weight * std::min(1.0, kHuber / std::max(u, 1e-12));
-      weights += w;
-      values += w * value;
-      squares += w * w * (value - lever) * (value - lever);
-    }
-    lever = values / weights;
-  }
-  a.lever = lever;
-  a.lever_sd = std::sqrt(std::max(squares / (weights * weights), 1.0 / weights));
-  a.lever_windows = levers.size();
-}
+// ---- lever: height of the tip along z
 
 void findLever(const WrenchRecording& r, const ContactSettings& settings, ContactAnalysis& a) {
+  const std::vector<double> depth = depths(r);
   std::vector<LeverWindow> found;
   for (const Window& w : windowsOf(r, kLeverWindow)) {
-    const auto one = leverOf(a, w);
-    if (one && one->sd < kLeverSd) found.push_back(*one);
+    auto one = leverWindow(a, w.first, w.end);
+    if (!one || !(one->sd < kLeverSd)) continue;
+    one->depth = depth[(w.first + w.end) / 2];
+    found.push_back(*one);
   }
   if (found.size() < 3 && !(settings.lever && settings.footprint)) {
     throw InputError(
@@ -278,11 +210,28 @@ void findLever(const WrenchRecording& r, const ContactSettings& settings, Contac
   for (const LeverWindow& w : found) {
     if (w.point.head<2>().norm() < a.footprint) inside.push_back(w);
   }
-  if (!inside.empty()) combineLevers(inside, a);
+  a.lever_windows = inside.size();
   if (settings.lever) {
     a.lever = *settings.lever;
     a.lever_sd = 0.0;
+    return;
   }
+  if (inside.empty()) {
+    throw InputError(
+        text("none of %zu fifths of a second of one contact lies within the footprint "
+             "of %.3g m: give --lever",
+             found.size(), a.footprint));
+  }
+  const Lever lever = leverOf(inside, firstSurface(a, depth));
+  if (lever.sd > kUnsureLever) {
+    throw InputError(
+        text("the contacts fit a tip %.3g mm below the sensor, +- %.2g mm: against an "
+             "edge they slide along the tool; give --lever, or touch a face with the "
+             "tip",
+             1e3 * lever.value, 1e3 * lever.sd));
+  }
+  a.lever = lever.value;
+  a.lever_sd = lever.sd;
 }
 
 // ---- classification

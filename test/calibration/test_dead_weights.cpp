@@ -115,5 +115,34 @@ TEST(DeadWeights, ReadingsWithoutLabelAreRead) {
   EXPECT_THROW(solveDeadWeights(rows), InputError);
 }
 
+TEST(DeadWeights, FrozenReadingsUnitsAndUnrelatedLoadsAreNamed) {
+  const auto first = [](const std::vector<DeadWeight>& rows) {
+    const std::vector<std::string> found = solveDeadWeights(rows).findings;
+    return found.empty() ? std::string() : found.front();
+  };
+  const auto has = [](const std::string& text, const std::string& words) {
+    EXPECT_NE(text.find(words), std::string::npos) << words << ": " << text;
+  };
+  EXPECT_EQ(first(hung()), "");
+  std::vector<DeadWeight> rows = hung();
+  for (DeadWeight& row : rows) row.reading[2] = 0.5;
+  has(first(rows), "fz reads 0.5 in all rows");
+  rows = hung();
+  rows[5].reading = rows[6].reading;
+  has(first(rows), "lines 7, 8: the same reading");
+  rows = hung();
+  for (DeadWeight& row : rows) row.label->tail<3>() *= 1e3;
+  has(first(rows), "in N mm? Give N m");
+  rows = hung();
+  for (DeadWeight& row : rows) row.reading.head<3>() /= 9.80665;
+  has(first(rows), "read in kgf");
+  rows = hung();
+  for (DeadWeight& row : rows) *row.label /= 9.80665;
+  has(first(rows), "known ones in kgf");
+  rows = hung();
+  for (DeadWeight& row : rows) *row.label *= -1.0;
+  has(first(rows), "opposite sign");
+}
+
 }  // namespace
 }  // namespace assembly_cell

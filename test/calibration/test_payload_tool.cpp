@@ -4,15 +4,19 @@
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <random>
 #include <sstream>
 #include <string>
 #include <vector>
 
+#include "assembly_cell/base/text.h"
+#include "assembly_cell/geometry/spatial.h"
 #include "tool_run.h"
 
 namespace assembly_cell {
@@ -151,6 +155,150 @@ TEST(PayloadTool, BadInputIsNamed) {
   const ToolRun few = call({write("p1.csv", {"0,0,0,0,0,0,1"}), write("w1.csv", {"1,2,3,4,5,6"})});
   EXPECT_EQ(few.code, 1);
   EXPECT_EQ(YAML::Load(few.out)["status"].as<std::string>(), "refused");
+}
+
+// ---- recordings that are not what they were read as
+
+constexpr double kMass = 1.2;
+const Eigen::Vector3d kCenter(0.01, -0.005, 0.06);
+
+// As the files of a person: unit quaternions and wrenches in the sensor's axes, bias, noise.
+struct Files {
+  std::vector<Eigen::Quaterniond> q;
+  std::vector<Vector6> w;
+
+  explicit Files(std::size_t poses = 24, unsigned seed = 5) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal;
+    for (std::size_t i = 0; i < poses; ++i) {
+      q.push_back(Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
+                      .normalized());
+      const Eigen::Vector3d f = q.back().conjugate() * Eigen::Vector3d(0, 0, -kMass * 9.80665);
+      Vector6 one;
+      one << f, kCenter.cross(f);
+      one += (Vector6() << 3, -2, 5, 0.2, -0.1, 0.05).finished();
+      for (int k = 0; k < 6; ++k) one[k] += (k < 3 ? 0.02 : 0.002) * normal(random);
+      w.push_back(one);
+    }
+  }
+
+  ToolRun run(const std::vector<std::string>& more = {}, bool w_first = false) const {
+    std::vector<std::string> poses, wrenches;
+    for (std::size_t i = 0; i < q.size(); ++i) {
+      Eigen::Vector4d c = q[i].coeffs();
+      if (w_first) c = Eigen::Vector4d(q[i].w(), q[i].x(), q[i].y(), q[i].z());
+      poses.push_back("0,0,0" + row(c));
+      wrenches.push_back(row(w[i]).substr(1));
+    }
+    std::vector<std::string> arguments = {write("jp.csv", poses), write("jw.csv", wrenches)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return call(arguments);
+  }
+
+  template <typename Change>
+  Files& each(const Change& change) {
+    for (std::size_t i = 0; i < w.size(); ++i) change(w[i], i);
+    return *this;
+  }
+
+ private:
+  template <typename Values>
+  static std::string row(const Values& values) {
+    std::string out;
+    for (Eigen::Index k = 0; k < values.size(); ++k) out += "," + text("%.6f", values[k]);
+    return out;
+  }
+};
+
+void expectReason(const ToolRun& o, const std::string& words) {
+  EXPECT_EQ(o.code, 1) << o.out;
+  const YAML::Node y = YAML::Load(o.out);
+  EXPECT_NE(y["status"].as<std::string>(), "ok");
+  EXPECT_NE(y["reason"].as<std::string>().find(words), std::string::npos)
+      << words << ": " << y["reason"];
+  EXPECT_NE(o.error.find(words), std::string::npos) << o.error;
+}
+
+TEST(PayloadTool, PlainFilesAreOk) {
+  for (const std::size_t poses : {6u, 12u, 24u}) {
+    const ToolRun o = Files(poses).run();
+    EXPECT_EQ(o.code, 0) << o.error;
+    EXPECT_NEAR(YAML::Load(o.out)["mass"].as<double>(), kMass, 0.02);
+  }
+}
+
+TEST(PayloadTool, OtherUnitsAreNamed) {
+  expectReason(Files().each([](Vector6& w, std::size_t) { w.tail<3>() *= 1e3; }).run(),
+               "torques in N mm (then 1.2 kg");
+  expectReason(Files().each([](Vector6& w, std::size_t) { w.head<3>() /= 9.80665; }).run(),
+               "forces in kgf (then 1.2 kg");
+  expectReason(Files().each([](Vector6& w, std::size_t) { w *= 2000.0; }).run(), "raw counts");
+  expectReason(Files().each([](Vector6& w, std::size_t) { w = (100.0 * w).array().round(); }).run(),
+               "whole numbers");
+}
+
+TEST(PayloadTool, FrozenReadingsAreNamedWithTheirRows) {
+  expectReason(Files().each([](Vector6& w, std::size_t) { w[1] = 0.0; }).run(), "fy is 0 in all");
+  expectReason(Files().each([](Vector6& w, std::size_t) { w[5] = 0.25; }).run(),
+               "tz is 0.25 in all");
+  expectReason(Files().each([](Vector6& w, std::size_t) { w.tail<3>().setZero(); }).run(),
+               "each of tx, ty, tz is 0 in all");
+  Files half;
+  half.each([&](Vector6& w, std::size_t i) {
+    if (i >= 12) w = half.w[12];
+  });
+  expectReason(half.run(), "rows 13 to 24 ");
+  Files two;
+  two.w[4] = two.w[9];
+  expectReason(two.run(), "rows 5, 10 ");
+}
+
+TEST(PayloadTool, ATurnedSensorIsFound) {
+  for (const double degrees : {8.0, 20.0, 45.0, 90.0}) {
+    const Eigen::AngleAxisd turn(degrees * M_PI / 180.0, Eigen::Vector3d(0.0, 0.6, 0.8));
+    const ToolRun o = Files()
+                          .each([&](Vector6& w, std::size_t) {
+                            w << turn.inverse() * w.head<3>(), turn.inverse() * w.tail<3>();
+                          })
+                          .run();
+    expectReason(o, text("turned by %.1f deg about (0.00, 0.60, 0.80)", degrees));
+  }
+}
+
+TEST(PayloadTool, OtherConventionsAreNamed) {
+  expectReason(Files().run({}, true), "the quaternions w first");
+  Files inverse;
+  for (Eigen::Quaterniond& q : inverse.q) q = q.conjugate();
+  expectReason(inverse.run(), "the inverse of the rotations");
+  const Vector6 zero = inverse.w.front();
+  expectReason(inverse.each([&](Vector6& w, std::size_t) { w -= zero; }).run(),
+               "the inverse of the rotations");
+  Files mixed;
+  mixed.each([&](Vector6& w, std::size_t i) { w.head<3>() = mixed.q[i] * w.head<3>(); });
+  expectReason(mixed.run(), "forces in base axes and torques in sensor axes");
+  expectReason(Files().each([](Vector6& w, std::size_t) { w[1] *= -1.0; }).run(),
+               "the force's axes (x, -y, z)");
+  Files mixed_up;
+  std::rotate(mixed_up.w.begin(), mixed_up.w.begin() + 1, mixed_up.w.end());
+  expectReason(mixed_up.run(), "each wrench has its pose");
+}
+
+TEST(PayloadTool, ALoadOfOppositeSignIsNamedUnlessTheBaseHangs) {
+  Files files;
+  files.each([](Vector6& w, std::size_t) { w = -w; });
+  expectReason(files.run(), "opposite sign");
+  EXPECT_EQ(files.run({"--upside-down"}).code, 0);
+  expectReason(Files().run({"--upside-down"}), "opposite sign");
+}
+
+TEST(PayloadTool, GravityOfAnotherLengthIsRefused) {
+  for (const char* g : {"0,0,1", "0,0,0", "0,0,9.5"}) {
+    const ToolRun o = call(
+        {write("g.csv", {"qx,qy,qz,qw,gx,gy,gz", "0,0,0,1,0,0,9.81", "0,0,0,1," + std::string(g)}),
+         write("gw.csv", {"1,2,3,4,5,6", "1,2,3,4,5,6"})});
+    EXPECT_EQ(o.code, 2);
+    EXPECT_NE(o.error.find("g.csv:3: gx, gy, gz have length"), std::string::npos) << o.error;
+  }
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "assembly_cell/base/input_error.h"
@@ -165,6 +166,40 @@ TEST(Reference, AModelWithoutARunLeftOutIsRefused) {
   EXPECT_FALSE(s.accepted);
   EXPECT_NE(gateTexts(s.gates, Verdict::kRefuse).find("no run left out can check"),
             std::string::npos);
+}
+
+TEST(Reference, FrozenReadingsUnitsAndOtherTimesAreNamed) {
+  Bench bench;
+  const ReferenceRun first = bench.run("a", 0.3), second = bench.run("b", 1.7);
+  const auto expectRefused = [&](const std::function<void(ReferenceRun&)>& change,
+                                 const std::string& words) {
+    std::vector<ReferenceRun> runs = {first, second};
+    for (ReferenceRun& run : runs) change(run);
+    const ReferenceSolution s = solveReference(runs, nullptr, {});
+    EXPECT_FALSE(s.accepted) << words;
+    const std::string text = gateTexts(s.gates, Verdict::kRefuse);
+    EXPECT_NE(text.find(words), std::string::npos) << words << ": " << text;
+  };
+  expectRefused([](ReferenceRun& run) { run.wrench.col(1).setConstant(0.5); },
+                "fy of the reference is 0.5 in all rows");
+  expectRefused(
+      [](ReferenceRun& run) {
+        for (int i = 900; i < 1200; ++i) run.raw.row(i) = run.raw.row(900);
+      },
+      "a: the raw channels stay the same to the last digit from 21 to ");
+  expectRefused(
+      [](ReferenceRun& run) {
+        for (int i = 900; i < 1200; ++i) run.wrench.row(i) = run.wrench.row(900);
+      },
+      "a: the reference's six values stay the same");
+  expectRefused([](ReferenceRun& run) { run.wrench.rightCols(3) *= 1e3; }, "in N mm?");
+  expectRefused(
+      [](ReferenceRun& run) {
+        const Eigen::MatrixXd wrench = run.wrench;
+        const Eigen::Index n = wrench.rows(), later = n / 3;
+        run.wrench << wrench.bottomRows(n - later), wrench.topRows(later);
+      },
+      "don't follow the reference");
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -102,6 +103,54 @@ TEST(Contacts, PointsHaveTheirCovariance) {
   }
   EXPECT_GT(chi2 / (2 * count), 0.3);
   EXPECT_LT(chi2 / (2 * count), 6.0);  // bias and lever are common to all
+}
+
+// The hand presses the tip on a face and then slides the peg's side down an edge of the hole.
+WrenchRecording slid(double pressed, double deepest) {
+  WrenchRecording r = Hand(100.0, 20.0).recording;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (std::size_t i = 900; i < r.t.size(); ++i) {
+    const double t = r.t[i];
+    const bool face = t < 9.0 + pressed;
+    const double depth = face ? 0.0 : std::min(deepest, 0.004 * (t - 9.0 - pressed));
+    r.pose[i] = r.pose[900];
+    r.pose[i].p.z() -= depth;
+    const Vector3d load = r.pose[i].R.transpose() * Vector3d(0.0, 0.0, -1.2);
+    const Vector3d across(8.0 * std::sin(5.0 * t), 6.0 * std::cos(3.0 * t), 0.0);
+    const Vector3d force = face ? Vector3d(0.2 * across + Vector3d(0.0, 0.0, -15.0))
+                                : Vector3d(across + Vector3d(0.0, 0.0, 2.0 * std::sin(7.0 * t)));
+    const Vector3d at(0.003, 0.0075, kLever - depth);
+    Vector6 w;
+    w << 0.1, 0.3, 1.2, 0.03, 0.42, 0.02;
+    w.head<3>() += load + force;
+    w.tail<3>() += Vector3d(0.0, 0.0, 0.02).cross(load) + at.cross(force);
+    for (int k = 0; k < 6; ++k) w[k] += (k < 3 ? 0.02 : 0.001) * normal(random);
+    r.wrench[i] = w;
+  }
+  return r;
+}
+
+TEST(Contacts, SidesAlongAnEdgeAreNotTakenForTheTip) {
+  for (const double deepest : {0.03, 0.02}) {
+    const ContactAnalysis a = findContacts(slid(1.0, deepest), {});
+    EXPECT_NEAR(a.lever, kLever, 2e-3) << deepest;
+    EXPECT_LT(a.lever_sd, 2.5e-3);
+    EXPECT_NEAR(a.lever, kLever, 3.0 * a.lever_sd);
+  }
+}
+
+// One depth only: the side and the tip of a shorter tool look alike.
+TEST(Contacts, AnEdgeAtOneDepthIsRefusedOrCovered) {
+  WrenchRecording r = slid(0.6, 0.012);
+  // lifted off while it descends
+  for (std::size_t i = 960; i < 1300; ++i) r.wrench[i] = r.wrench[i % 700];
+  try {
+    const ContactAnalysis a = findContacts(r, {});
+    EXPECT_NEAR(a.lever, kLever, 3.0 * a.lever_sd);
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("give --lever"), std::string::npos) << error.what();
+  }
 }
 
 TEST(Contacts, RecordingsWithoutFreePartOrTooSlowAreRefused) {

@@ -19,4 +19,9 @@ struct LabelledRows {
 /// Labels that contradict a robust fit of the other rows.
 std::vector<WrongLabel> wrongLabels(const LabelledRows& data);
 
+/// What speaks against readings, units or loads as a whole, one line each; empty where nothing
+/// does.
+std::vector<std::string> deadWeightDoubts(const std::vector<DeadWeight>& rows,
+                                          const DeadWeightSolution& solution);
+
 }  // namespace assembly_cell

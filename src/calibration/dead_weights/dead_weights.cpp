@@ -256,6 +256,7 @@ DeadWeightSolution solveDeadWeights(const std::vector<DeadWeight>& rows) {
   fillMap(rows, out);
   leaveBlocksOut(rows, out);
   fillUnlabelled(rows, out);
+  out.findings = deadWeightDoubts(rows, out);
   return out;
 }
 

@@ -175,7 +175,7 @@ CalibrationRefusal weightRefusal(const PayloadModel& model, const Problem& probl
   if (model.weight > kMinWeight * std::max(model.weight_sd, floor)) return {};
   return {CalibrationFailure::kNoWeight,
           "the forces don't follow the orientations: no weight is detected; check that the sensor "
-          "carries the payload and that its readings change"};
+          "carries the payload, that its readings change and that each has its pose"};
 }
 
 // the same reading again and again, to the last bit

@@ -15,8 +15,11 @@ namespace assembly_cell {
 namespace {
 
 constexpr double kNearRotation = 0.01;  // digits and rounding of what a file holds
+constexpr double kLeastGravity = 9.7, kMostGravity = 9.9;  // on Earth, and an accelerometer's error
 
-std::vector<Eigen::Matrix3d> fromJoints(const Table& table, const JointAngles& joints) {
+// angles times `unit`
+std::vector<Eigen::Matrix3d> fromJoints(const Table& table, const JointAngles& joints,
+                                        double unit = 1.0) {
   std::vector<std::size_t> column;
   for (std::size_t k = 0; k < joints.names.size(); ++k) {
     column.push_back(table.need({joints.names[k], "j" + std::to_string(k + 1)}));
@@ -24,7 +27,7 @@ std::vector<Eigen::Matrix3d> fromJoints(const Table& table, const JointAngles& j
   std::vector<Eigen::Matrix3d> out;
   std::vector<double> angles(column.size());
   for (const std::vector<double>& row : table.rows) {
-    for (std::size_t k = 0; k < column.size(); ++k) angles[k] = row[column[k]];
+    for (std::size_t k = 0; k < column.size(); ++k) angles[k] = unit * row[column[k]];
     out.push_back(joints.rotation(angles));
   }
   return out;
@@ -80,6 +83,40 @@ bool hasQuaternion(const Table& table) {
   return std::any_of(table.names.begin(), table.names.end(), is);
 }
 
+// A quaternion's first number as its w.
+Eigen::Matrix3d scalarFirst(const Eigen::Matrix3d& R) {
+  const Eigen::Quaterniond q(R);
+  return Eigen::Quaterniond(q.x(), q.y(), q.z(), q.w()).toRotationMatrix();
+}
+
+std::vector<OtherRotations> otherRotations(const Table& table,
+                                           const std::vector<Eigen::Matrix3d>& R,
+                                           const JointAngles* joints) {
+  if (joints != nullptr) {
+    return {{"the joints' angles in degrees", fromJoints(table, *joints, M_PI / 180.0)}};
+  }
+  if (!hasQuaternion(table)) return {};
+  OtherRotations first{"the quaternions w first", {}};
+  for (const Eigen::Matrix3d& one : R) first.R.push_back(scalarFirst(one));
+  return {first};
+}
+
+double gravityOf(const Table& table) {
+  const auto g = table.needAll({{"gx"}, {"gy"}, {"gz"}});
+  double sum = 0.0;
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::vector<double>& row = table.rows[i];
+    const double length = std::hypot(row[g[0]], row[g[1]], row[g[2]]);
+    if (!(length >= kLeastGravity && length <= kMostGravity)) {
+      throw InputError(table.place(i) + "gx, gy, gz have length " + yamlNumber(length) +
+                       ": give gravity in m/s2, " + yamlNumber(kLeastGravity) + " to " +
+                       yamlNumber(kMostGravity) + " (1 is g), or leave the columns out");
+    }
+    sum += length;
+  }
+  return sum / static_cast<double>(table.rows.size());
+}
+
 }  // namespace
 
 std::vector<Eigen::Matrix3d> readRotations(Table& table) {
@@ -115,12 +152,8 @@ Poses readPoses(const std::string& path, const JointAngles* joints) {
   const auto temperature = table.find({"temperature"});
   Poses out;
   out.ordered = order.has_value();
-  if (table.find({"gx"})) {
-    const auto g = table.needAll({{"gx"}, {"gy"}, {"gz"}});
-    double sum = 0.0;
-    for (const auto& row : table.rows) sum += std::hypot(row[g[0]], row[g[1]], row[g[2]]);
-    out.gravity = sum / static_cast<double>(table.rows.size());
-  }
+  out.others = otherRotations(table, R, joints);
+  if (table.find({"gx"})) out.gravity = gravityOf(table);
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
     StaticPose pose;
     pose.R = R[i];
@@ -145,8 +178,8 @@ Wrenches readWrenches(const std::string& path) {
       const double value = w[static_cast<Eigen::Index>(k)] = row[column[k]];
       if (std::abs(value) > (k < 3 ? kLargestForce : kLargestTorque)) {
         throw InputError(table.place(i) + names[k] + " is " + yamlNumber(value) +
-                         ": no sensor measures that, it is a code for a fault or an end of its "
-                         "numbers; take the row and its pose out");
+                         ": no sensor measures that: it is a code for a fault or an end of its "
+                         "numbers (take the row and its pose out), or raw counts (give N, N m)");
       }
     }
     out.values.push_back(w);

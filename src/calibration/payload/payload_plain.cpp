@@ -48,49 +48,7 @@ Fit fit(const std::vector<Vector6>& wrenches, Eigen::Index part, Eigen::Index un
   return out;
 }
 
-// of the force that gravity and a constant leave
-double squaresLeft(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches) {
-  return fit(wrenches, 0, 3, [&](std::size_t i) -> MatrixXd { return poses[i].R.transpose(); })
-      .squares;
-}
-
 }  // namespace
-
-OtherAxes otherAxes(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches,
-                    WrenchAxes axes) {
-  OtherAxes out;
-  double largest = 0.0;
-  for (const Vector6& w : wrenches) largest += w.head<3>().squaredNorm();
-  const double rounding = 1e-14 * largest;
-  const double given = squaresLeft(poses, inSensorAxes(poses, wrenches, axes));
-  double lowest = given;
-  for (const bool inverse : {false, true}) {
-    std::vector<StaticPose> read = poses;
-    for (StaticPose& pose : read) {
-      if (inverse) pose.R.transposeInPlace();
-    }
-    std::array<int, 3> order = {0, 1, 2};
-    do {
-      for (int signs = 0; signs < 8; ++signs) {
-        Eigen::Matrix3d P = Eigen::Matrix3d::Zero();
-        for (int k = 0; k < 3; ++k)
-          P(k, order[static_cast<std::size_t>(k)]) = signs >> k & 1 ? -1.0 : 1.0;
-        if (P.determinant() < 0.0) continue;
-        std::vector<Vector6> turned = wrenches;
-        for (Vector6& w : turned) w.head<3>() = P * w.head<3>();
-        const double left = squaresLeft(read, inSensorAxes(read, turned, axes));
-        if (!(left < lowest)) continue;
-        lowest = left;
-        out.inverse = inverse;
-        for (std::size_t k = 0; k < 3; ++k) {
-          out.axes[k] = std::string(signs >> k & 1 ? "-" : "") + "xyz"[order[k]];
-        }
-      }
-    } while (std::next_permutation(order.begin(), order.end()));
-  }
-  out.better = std::sqrt((given + rounding) / (lowest + rounding));
-  return out;
-}
 
 PlainPayload plainPayload(const std::vector<StaticPose>& poses,
                           const std::vector<Vector6>& wrenches) {

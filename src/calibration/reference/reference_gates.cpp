@@ -21,6 +21,11 @@ constexpr double kWeakLoad = 0.02;  // of the strongest direction of load
 constexpr double kDeadChannel = 10.0;
 constexpr double kSameChannels = 1e-6;  // of the strongest combination: rounding leaves 1e-8
 constexpr double kRounding = 1e-12;     // of a channel's largest reading
+constexpr double kShareLeft = 0.3;  // of the load, of a run left out; 0.04 to 0.1 in the recordings
+constexpr double kLongestArm = 1.0;  // [m] of loads by hand; 0.07 in the recordings
+constexpr double kFrozen = 1.0;      // [s] a recording holds one value for 0.4 s
+constexpr double kMoves = 0.05;      // of the range: the other sensor moved meanwhile
+const char* const kAxisNames[] = {"fx", "fy", "fz", "tx", "ty", "tz"};
 
 Vector6 largest(const std::vector<ReferenceAverages>& runs) {
   Vector6 out = Vector6::Zero();
@@ -48,10 +53,10 @@ void loadGate(const std::vector<ReferenceAverages>& runs, std::vector<Gate>& gat
   const double weakest = std::sqrt(svd.singularValues()[5] / svd.singularValues()[0]);
   Index axis = 0;
   svd.matrixV().col(5).cwiseAbs().maxCoeff(&axis);
-  const char* names[] = {"fx", "fy", "fz", "tx", "ty", "tz"};
   addGate(gates, !(weakest > kWeakLoad),
           {"loads", Verdict::kRefuse, weakest, kWeakLoad,
-           std::string("the runs hardly load ") + names[axis] + " by itself: add a run that does"});
+           std::string("the runs hardly load ") + kAxisNames[axis] +
+               " by itself: add a run that does"});
 }
 
 // Variance of a channel's cells over that explained by the noise within them.
@@ -114,6 +119,97 @@ void channelGates(const std::vector<ReferenceAverages>& runs, std::vector<Gate>&
                " is a combination of the others: leave the column out"});
 }
 
+// Does any column move by more than kMoves of its range from sample i to j?
+bool moves(const Eigen::MatrixXd& values, Index i, Index end) {
+  for (Index k = 0; k < values.cols(); ++k) {
+    const auto spell = values.col(k).segment(i, end - i);
+    const double range = values.col(k).maxCoeff() - values.col(k).minCoeff();
+    if (spell.maxCoeff() - spell.minCoeff() > kMoves * range) return true;
+  }
+  return false;
+}
+
+// Where one of the sensors holds all its values while the other moves; empty: nowhere.
+std::string frozenSpell(const ReferenceRun& run) {
+  for (const bool raw : {true, false}) {
+    const Eigen::MatrixXd &held = raw ? run.raw : run.wrench, &other = raw ? run.wrench : run.raw;
+    for (Index i = 0, j = 1; j <= held.rows(); ++j) {
+      if (j < held.rows() && held.row(j) == held.row(i)) continue;
+      const double from = run.t[static_cast<std::size_t>(i)];
+      const double to = run.t[static_cast<std::size_t>(j - 1)];
+      if (to - from > kFrozen && moves(other, i, j)) {
+        return run.name + (raw ? ": the raw channels" : ": the reference's six values") +
+               text(
+                   " stay the same to the last digit from %.6g to %.6g s (rows %td to %td) while "
+                   "the other sensor moves: frozen; take this part out",
+                   from, to, i + 1, j);
+      }
+      i = j;
+    }
+  }
+  return "";
+}
+
+// A reference's axis that is the same in every sample of every run.
+std::string frozenAxis(const std::vector<ReferenceAverages>& runs) {
+  for (Index k = 0; k < 6; ++k) {
+    const double value = runs.front().run->wrench(0, k);
+    const bool constant = std::all_of(runs.begin(), runs.end(), [&](const ReferenceAverages& run) {
+      return (run.run->wrench.col(k).array() == value).all();
+    });
+    if (constant) {
+      return std::string(kAxisNames[k]) + text(
+                                              " of the reference is %.6g in all rows: frozen, or "
+                                              "not connected",
+                                              value);
+    }
+  }
+  return "";
+}
+
+void frozenGate(const std::vector<ReferenceAverages>& runs, const ReferenceAverages* hold_out,
+                std::vector<Gate>& gates) {
+  std::string found = frozenAxis(runs);
+  for (const ReferenceAverages& run : runs) {
+    if (found.empty()) found = frozenSpell(*run.run);
+  }
+  if (found.empty() && hold_out != nullptr) found = frozenSpell(*hold_out->run);
+  addGate(gates, !found.empty(), {"frozen", Verdict::kRefuse, 1.0, 0.0, found});
+}
+
+// Rms of the loads: force, torque.
+Eigen::Vector2d loadOf(const std::vector<ReferenceAverages>& runs) {
+  Vector6 squares = Vector6::Zero();
+  double count = 0.0;
+  for (const ReferenceAverages& run : runs) {
+    for (const ReferenceCell& cell : run.cells.cells) {
+      squares += (cell.wrench - run.cells.wrench_tare).cwiseAbs2();
+      ++count;
+    }
+  }
+  return {std::sqrt(squares.head<3>().sum() / (3.0 * count)),
+          std::sqrt(squares.tail<3>().sum() / (3.0 * count))};
+}
+
+// Do the loads make sense, and does the map follow them?
+void plausibleGates(const std::vector<ReferenceAverages>& runs, const ReferenceError& error,
+                    std::vector<Gate>& gates) {
+  const Eigen::Vector2d load = loadOf(runs);
+  const double arm = load[1] / std::max(load[0], 1e-12);
+  addGate(gates, arm > kLongestArm,
+          {"arm", Verdict::kRefuse, arm, kLongestArm,
+           text("the reference's torques are those of forces %.3g m from it: in %s? Give N and N m",
+                arm, arm > 10.0 ? "N mm" : "N cm")});
+  const double share =
+      std::max(error.force / std::max(load[0], 1e-12), error.torque / std::max(load[1], 1e-12));
+  addGate(gates, share > kShareLeft,
+          {"follows", Verdict::kRefuse, share, kShareLeft,
+           text("a run left out is predicted to %.3g N and %.3g N m only, of %.3g N and %.3g N m "
+                "(rms): the raw channels don't follow the reference; are both of the same time and "
+                "set-up?",
+                error.force, error.torque, load[0], load[1])});
+}
+
 bool sameRecording(const ReferenceRun& a, const ReferenceRun& b) {
   return a.t.size() == b.t.size() && a.raw == b.raw && a.wrench == b.wrench;
 }
@@ -149,6 +245,7 @@ void checkReferenceRuns(const std::vector<ReferenceAverages>& runs) {
 void evaluateReference(const std::vector<ReferenceAverages>& runs,
                        const ReferenceAverages* hold_out, ReferenceSolution& out) {
   std::vector<Gate>& gates = out.gates;
+  frozenGate(runs, hold_out, gates);
   loadGate(runs, gates);
   channelGates(runs, gates);
   const double each = static_cast<double>(out.cells) / out.coefficients;
@@ -166,6 +263,7 @@ void evaluateReference(const std::vector<ReferenceAverages>& runs,
           {"left_out", Verdict::kRefuse, evaluated ? std::max(force, torque) : std::nan(""), 1.0,
            std::string("no run left out can check the model ") + toString(out.model) +
                ": record longer, or take a smaller --model"});
+  if (evaluated) plausibleGates(runs, error, gates);
   const double ratio = evaluated ? std::max(force, torque) : 0.0;
   addGate(gates, ratio > 1.0,
           {"against_plain", Verdict::kWarn, ratio, 1.0,

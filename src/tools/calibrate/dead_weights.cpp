@@ -21,7 +21,8 @@ are missing. Errors: of the fit, each row left out, each block left out.
 
   --help                print this
 
-Exit code: 0 ok, 1 a label is wrong or the loads don't have full rank, 2 bad input.
+Exit code: 0 ok, 1 a label is wrong, the loads don't have full rank, or readings, units or loads are not what they should
+be (findings), 2 bad input.
 
 Example: calibrate deadweights readings.csv
 )";
@@ -39,6 +40,8 @@ void print(const DeadWeightSolution& s, const std::vector<DeadWeight>& rows) {
   line("rank", std::to_string(s.rank));
   std::cout << "missing:" << (s.missing.empty() ? " []" : "") << "\n";
   for (const std::string& text : s.missing) std::cout << "  - " << yamlQuoted(text) << "\n";
+  std::cout << "findings:" << (s.findings.empty() ? " []" : "") << "\n";
+  for (const std::string& text : s.findings) std::cout << "  - " << yamlQuoted(text) << "\n";
   std::string one_sign;
   for (const std::string& axis : s.one_sign) one_sign += (one_sign.empty() ? "" : ", ") + axis;
   line("loaded_one_way", "[" + one_sign + "]");
@@ -73,6 +76,10 @@ int deadWeights(const std::vector<std::string>& arguments) {
     throw InputError(path + ": " + error.what());
   }
   print(solution, rows);
+  if (!solution.findings.empty()) {
+    std::cerr << "calibrate: " << solution.findings.front() << "\n";
+    return 1;
+  }
   return solution.wrong.empty() && solution.rank == 6 ? 0 : 1;
 }
 

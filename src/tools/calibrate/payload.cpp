@@ -15,6 +15,7 @@
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/base/yaml_text.h"
+#include "assembly_cell/calibration/payload/payload_check.h"
 #include "assembly_cell/calibration/payload/payload_files.h"
 #include "assembly_cell/description/joint_chain.h"
 #include "commands.h"
@@ -45,11 +46,13 @@ A header row is optional; without one the columns are those above, an eighth of 
   --in-situ            correction matrix of the sensor, if the data support it
   --gravity G          where it was recorded, for the mass of the weight [m/s2] (default: the length of
                        the columns gx,gy,gz of POSES.csv, else 9.80665)
+  --upside-down        the base hangs from a ceiling: its z points along gravity
   --weight W           known weight [N]: fixes the scale of the correction matrix
   --no-drift, --no-breaks, --keep-outliers    leave a part out, to see what it changes
   --help               print this
 
-Exit code: 0 ok, 1 the data do not determine the payload (the reason is in the YAML), 2 bad input.
+Exit code: 0 ok, 1 the data do not determine the payload (status refused) or contradict it (status doubtful: the reason is
+in the YAML with what was found; nothing is predicted), 2 bad input.
 
 Example: calibrate payload poses.csv wrenches.csv --predict new_poses.csv --output predicted.csv --holdout
 )";
@@ -58,7 +61,7 @@ struct Options {
   std::string poses, wrenches, predict, output, trace, urdf, link;
   PayloadOptions payload;
   std::optional<double> gravity;
-  bool holdout = false;
+  bool upside_down = false, holdout = false;
 };
 
 // false after --help
@@ -79,6 +82,7 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& options) {
       "--weight", payload.known_weight, [](double v) { return v > 0.0; },
       "give a positive number of N");
   parser.number("--gravity", options.gravity, 9.7, 9.9);
+  parser.flag("--upside-down", options.upside_down);
   parser.flag("--holdout", options.holdout);
   parser.flag("--in-situ", payload.in_situ);
   parser.flag("--no-drift", payload.drift, false);
@@ -157,19 +161,11 @@ BaseTilt tiltOf(const PayloadModel& m) {
   return out;
 }
 
-constexpr double kOtherAxesBetter = 3.0;  // times: below it may be noise, drift or a bad fit
-
-std::string findingOf(const OtherAxes& other) {
-  return "the forces fit " + number(other.better) + " times better with " +
-         (other.inverse ? "the inverse of the rotations and " : "") + "axes (" + other.axes[0] +
-         ", " + other.axes[1] + ", " + other.axes[2] +
-         "): check how the recording's axes and rotations are meant";
-}
-
 // The result in words.
-std::vector<std::string> findings(const PayloadModel& m, const OtherAxes& other) {
+std::vector<std::string> findings(const PayloadModel& m, const std::vector<std::string>& doubts) {
+  // what follows from doubtful readings names no cause
+  if (!doubts.empty()) return doubts;
   std::vector<std::string> out;
-  if (other.better > kOtherAxesBetter) out.push_back(findingOf(other));
   const BaseTilt tilt = tiltOf(m);
   if (tilt.angle > 5.0 * tilt.sd && tilt.angle > kLevelBase) {
     out.push_back("the base hangs askew: gravity points along (" + number(tilt.down.x()) + ", " +
@@ -229,7 +225,6 @@ void printSummary(std::ostream& out, const PayloadModel& m, double gravity,
 
 void printModel(std::ostream& out, const PayloadModel& m, bool holdout, double gravity,
                 const std::vector<std::string>& found) {
-  out << "status: ok\n";
   out << "axes: " << toString(m.axes) << "\n";
   out << "axes_residual: {base: " << yamlNumber(m.base_residual)
       << ", sensor: " << yamlNumber(m.sensor_residual) << "}\n";
@@ -356,6 +351,30 @@ std::optional<JointAngles> jointsOf(const Options& options) {
   return out;
 }
 
+void predict(const Options& options, const Poses& further, const std::vector<StaticPose>& given,
+             bool header, const PayloadModel& model, std::ostream& out) {
+  // without an order row k lies between poses k and k + 1
+  const double step = (given.back().order - given.front().order) /
+                      static_cast<double>(std::max<std::size_t>(given.size() - 1, 1));
+  std::string csv = header ? "fx,fy,fz,tx,ty,tz\n" : "";
+  out << "prediction:\n";
+  for (std::size_t k = 0; k < further.values.size(); ++k) {
+    StaticPose pose = further.values[k];
+    if (!further.ordered) {
+      pose.order =
+          k + 1 < given.size()
+              ? 0.5 * (given[k].order + given[k + 1].order)
+              : given.back().order +
+                    (static_cast<double>(k + 1) + 0.5 - static_cast<double>(given.size())) * step;
+    }
+    const PredictedWrench w = predictWrench(model, pose);
+    out << "  - {order: " << yamlNumber(pose.order) << ", wrench: " << list(w.wrench)
+        << ", sd: " << list(w.sd) << "}\n";
+    csv += csvRow(w.wrench) + "\n";
+  }
+  if (!options.output.empty()) writeNew(options.output, csv);
+}
+
 int run(const Options& options, std::ostream& out) {
   const std::optional<JointAngles> joints = jointsOf(options);
   const JointAngles* angles = joints ? &*joints : nullptr;
@@ -377,44 +396,35 @@ int run(const Options& options, std::ostream& out) {
   if (!options.predict.empty()) further = readPoses(options.predict, angles);
 
   const PayloadModel model = identifyPayload(poses.values, wrenches.values, options.payload);
+  const double gravity = options.gravity.value_or(poses.gravity.value_or(kGravity));
+  const std::vector<std::string> doubts = checkPayload(poses.values, poses.others, wrenches.values,
+                                                       model, {gravity, options.upside_down});
   if (model.refusal) {
-    out << "status: refused\nreason: \"" << model.refusal.text << "\"\n";
-    std::cerr << "calibrate: " << model.refusal.text << "\n";
+    // the cause in place of what follows from it
+    const std::string reason = doubts.empty() ? model.refusal.text : doubts.front();
+    out << "status: refused\nreason: \"" << reason << "\"\n";
+    std::cerr << "calibrate: " << reason << "\n";
     return 1;
   }
-  const double gravity = options.gravity.value_or(poses.gravity.value_or(kGravity));
-  const std::vector<std::string> found =
-      findings(model, otherAxes(poses.values, wrenches.values, model.axes));
+  const std::vector<std::string> found = findings(model, doubts);
   printSummary(out, model, gravity, found);
+  if (doubts.empty()) {
+    out << "status: ok\n";
+  } else {
+    out << "status: doubtful\nreason: \"" << doubts.front() << "\"\n";
+  }
   printModel(out, model, options.holdout, gravity, found);
   printPlain(out,
              plainPayload(poses.values, inSensorAxes(poses.values, wrenches.values, model.axes)),
              gravity);
   if (options.payload.in_situ) printInSitu(out, model.in_situ);
   if (!options.trace.empty()) traceTo(options.trace, model, poses.values);
-  if (options.predict.empty()) return 0;
-
-  // without an order row k lies between poses k and k + 1
-  const std::vector<StaticPose>& given = poses.values;
-  const double step = (given.back().order - given.front().order) /
-                      static_cast<double>(std::max<std::size_t>(given.size() - 1, 1));
-  std::string csv = wrenches.header ? "fx,fy,fz,tx,ty,tz\n" : "";
-  out << "prediction:\n";
-  for (std::size_t k = 0; k < further.values.size(); ++k) {
-    StaticPose pose = further.values[k];
-    if (!further.ordered) {
-      pose.order =
-          k + 1 < given.size()
-              ? 0.5 * (given[k].order + given[k + 1].order)
-              : given.back().order +
-                    (static_cast<double>(k + 1) + 0.5 - static_cast<double>(given.size())) * step;
-    }
-    const PredictedWrench w = predictWrench(model, pose);
-    out << "  - {order: " << yamlNumber(pose.order) << ", wrench: " << list(w.wrench)
-        << ", sd: " << list(w.sd) << "}\n";
-    csv += csvRow(w.wrench) + "\n";
+  if (!doubts.empty()) {
+    std::cerr << "calibrate: " << doubts.front() << "\n";
+    return 1;
   }
-  if (!options.output.empty()) writeNew(options.output, csv);
+  if (options.predict.empty()) return 0;
+  predict(options, further, poses.values, wrenches.header, model, out);
   return 0;
 }
 

@@ -43,6 +43,8 @@ struct DeadWeightSolution {
   int rank = 0;                                         ///< of the loads, 6 is full
   std::vector<std::string> missing;                     ///< loads that full rank lacks
   std::vector<std::string> one_sign;                    ///< axes loaded one way only, such as "-fx"
+  /// What speaks against readings, units or loads as a whole (frozen, another unit, no relation).
+  std::vector<std::string> findings;
   Matrix6 map = Matrix6::Zero();  ///< load = map (reading − zero of the block)
   Eigen::MatrixXd covariance;     ///< of the map, row after row
   std::vector<Vector6> zero;      ///< of each block, in the reading's unit

@@ -155,17 +155,6 @@ struct PlainPayload {
 PlainPayload plainPayload(const std::vector<StaticPose>& poses,
                           const std::vector<Vector6>& wrenches);
 
-/// Another reading of a recording that fits better than the one given.
-struct OtherAxes {
-  double better = 1.0;              ///< rms of the force that is left, over that of this reading
-  bool inverse = false;             ///< the rotations are those of the base in the sensor
-  std::array<std::string, 3> axes;  ///< where the force's x, y, z are, such as "-y"
-};
-/// The best of all right-handed axes of the force and both senses of the rotations, by ordinary
-/// least squares; all signs the other way fit alike, with the weight upwards.
-OtherAxes otherAxes(const std::vector<StaticPose>& poses, const std::vector<Vector6>& wrenches,
-                    WrenchAxes axes);
-
 /// Wrenches in sensor axes from those of a recording in `axes`.
 std::vector<Vector6> inSensorAxes(const std::vector<StaticPose>& poses,
                                   const std::vector<Vector6>& wrenches, WrenchAxes axes);

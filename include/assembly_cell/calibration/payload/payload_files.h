@@ -9,11 +9,13 @@
 
 #include "assembly_cell/base/table.h"
 #include "assembly_cell/calibration/payload/payload.h"
+#include "assembly_cell/calibration/payload/payload_check.h"
 
 namespace assembly_cell {
 
 struct Poses {
   std::vector<StaticPose> values;
+  std::vector<OtherRotations> others;  ///< as the file may be meant, too
   bool ordered = false;
   std::optional<double> gravity;  ///< mean length of gx gy gz, where the file has them [m/s²]
 };
@@ -35,8 +37,8 @@ struct JointAngles {
 /// column.
 std::vector<Eigen::Matrix3d> readRotations(Table& table);
 
-/// Throw InputError naming file, line and column. joints: its columns, or j1, j2 …, in place of
-/// rotations.
+/// Throw InputError naming file, line and column; gx gy gz must be of the length of gravity in each
+/// row. joints: its columns, or j1, j2 …, in place of rotations.
 Poses readPoses(const std::string& path, const JointAngles* joints = nullptr);
 Wrenches readWrenches(const std::string& path);
 
