@@ -2,34 +2,23 @@
 # modules that it names and of those that these name, nothing above: each has an include folder of its own in the build
 # tree, with a link to its headers. An include that points upward does not build.
 
-# The headers and object library module_<name> of the folder <path>. In a unity build up to eight files of a folder are
-# compiled as one.
-function(assembly_cell_module name path)
+# The headers and object library module_<name> of the folder <path>. In a unity build up to <batch> files are compiled
+# as one.
+function(assembly_cell_module name path batch)
   set(headers ${CMAKE_BINARY_DIR}/modules/${name}/assembly_cell/${path})
   get_filename_component(parent ${headers} DIRECTORY)
   file(MAKE_DIRECTORY ${parent})
   file(CREATE_LINK ${PROJECT_SOURCE_DIR}/include/assembly_cell/${path} ${headers} SYMBOLIC)
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
   add_library(module_${name} OBJECT ${sources})
-  set_target_properties(module_${name} PROPERTIES UNITY_BUILD ${ASSEMBLY_CELL_UNITY} UNITY_BUILD_MODE GROUP)
-  foreach(source ${sources})
-    get_filename_component(folder ${source} DIRECTORY)
-    string(MAKE_C_IDENTIFIER "${folder}" folder)
-    list(APPEND in_${folder} ${source})
-    list(LENGTH in_${folder} count)
-    math(EXPR group "(${count} - 1) / 8")
-    file(RELATIVE_PATH label ${PROJECT_SOURCE_DIR}/src ${source})
-    get_filename_component(label ${label} DIRECTORY)
-    string(MAKE_C_IDENTIFIER "${label}" label)
-    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${label}_${group})
-  endforeach()
+  set_target_properties(module_${name} PROPERTIES UNITY_BUILD ${ASSEMBLY_CELL_UNITY} UNITY_BUILD_BATCH_SIZE ${batch})
   target_include_directories(module_${name} PUBLIC ${CMAKE_BINARY_DIR}/modules/${name} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 endfunction()
 
 # add_module(NAME [MODULES module...] [LIBRARIES library...]): a module of the core, which has no ROS.
 function(add_module name)
   cmake_parse_arguments(module "" "" "MODULES;LIBRARIES" ${ARGN})
-  assembly_cell_module(${name} ${name})
+  assembly_cell_module(${name} ${name} 8)
   if(NOT name STREQUAL base)
     target_precompile_headers(module_${name} REUSE_FROM module_base)
   endif()
@@ -41,7 +30,7 @@ endfunction()
 # add_ros_module(NAME MODULES module...): the folder src/ros/NAME as the module ros_NAME. Others name it so, too.
 function(add_ros_module name)
   cmake_parse_arguments(module "" "" "MODULES" ${ARGN})
-  assembly_cell_module(ros_${name} ros/${name})
+  assembly_cell_module(ros_${name} ros/${name} 12)  # headers of ROS cost most of a compilation
   if(NOT name STREQUAL bridge)
     target_precompile_headers(module_ros_${name} REUSE_FROM module_ros_bridge)
   endif()

@@ -26,7 +26,7 @@ constexpr double kOverRim = 3e-3;
 constexpr double kOverPlane = 8e-3;
 // Sideways, times the limit of friction: half of it can't slip. Half or twice 3.7 to 3.8 µm, but at
 // twice it slips.
-constexpr double kPull = 0.5;
+constexpr double kPullOfFriction = 0.5;
 // Sd of a touched point's height: the edge of a peg whose tilt isn't known yet (0.1 rad over its
 // radius); then where a move ends, 30 µm, and the effect at 3° of a point of the rim measured 1 mm
 // off. [m]
@@ -280,7 +280,8 @@ void TwinForceContacts::fit() {
 }
 
 ReachableContact TwinForceContacts::advise() {
-  const double pull = kPull * setup_.mechanism.friction.static_coefficient * task_.contact_force;
+  const double pull =
+      kPullOfFriction * setup_.mechanism.friction.static_coefficient * task_.contact_force;
   std::vector<ContactCandidate> candidates;
   std::vector<ReachableContact> reachable;
   // chamfers may leave the edge far inside the mouth

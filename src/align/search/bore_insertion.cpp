@@ -11,11 +11,11 @@ namespace {
 
 using Vec3 = Eigen::Vector3d;
 
-constexpr double kFollow = 0.3;     // of the coupling's strain that the carrier takes out a block
-constexpr double kStuckTime = 0.4;  // without a step down [s]
-constexpr double kProgress = 5e-5;  // that is a step down [m]
-constexpr double kBackOut = 1e-3;   // the first time, then twice as far each time [m]
-constexpr double kPull = 0.6;       // of the force limit, on the path up
+constexpr double kFollow = 0.3;       // of the coupling's strain that the carrier takes out a block
+constexpr double kStuckTime = 0.4;    // without a step down [s]
+constexpr double kProgress = 5e-5;    // that is a step down [m]
+constexpr double kBackOut = 1e-3;     // the first time, then twice as far each time [m]
+constexpr double kPullOfLimit = 0.6;  // of the force limit, on the path up
 constexpr double kPullFraction = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;      // between a motion up and the next one down [s]
 constexpr double kOut = 2e-3;           // above the face is out of the hole [m]
@@ -96,7 +96,7 @@ double BoreInsertion::opposing(double direction) const {
 }
 
 void BoreInsertion::backOut(double travel) {
-  const double pull = kPull * s_.p.force_limit;
+  const double pull = kPullOfLimit * s_.p.force_limit;
   // a measurement is a block and a half late
   const double step = std::min(s_.p.insert.speed * s_.block,
                                kPullFraction * pull / s_.mechanism.coupling.stiffness.diagonal(0));

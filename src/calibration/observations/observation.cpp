@@ -27,7 +27,7 @@ bool covarianceIsSound(const Matrix6& m) {
          (m - m.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * m.cwiseAbs().maxCoeff();
 }
 
-bool printable(const std::string& text) {
+bool isPrintable(const std::string& text) {
   for (const char c : text) {
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return false;
   }
@@ -143,7 +143,7 @@ void checkObservation(const Observation& o, const ObservationSet& set, const std
     refuse("id has " + std::to_string(o.id.size()) + " characters: give at most " +
            std::to_string(kLongestId));
   }
-  if (!printable(o.id)) refuse("id holds control characters: give one line");
+  if (!isPrintable(o.id)) refuse("id holds control characters: give one line");
   if (!std::isfinite(o.stamp)) refuse("stamp is not finite: give s");
   if (both && (!o.reading.a || !o.reading.b))
     refuse("a reading of a sensor is missing: reacting needs a and b");

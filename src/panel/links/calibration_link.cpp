@@ -19,7 +19,7 @@ namespace assembly_cell::panel {
 
 namespace {
 
-constexpr std::size_t kMaxLine = 500;  // characters of a text
+constexpr std::size_t kMaxReport = 500;  // characters of a text
 
 constexpr char kRunning[] = "calibrate";  // state of the server while its action runs
 constexpr auto kFeedbackTimeout = std::chrono::seconds(2);
@@ -50,14 +50,14 @@ CalibrationLink::CalibrationLink(const ros::NodeHandle& nh, AsyncRequests& reque
         view_.step_count = message.feedback.steps;
         view_.observations = message.feedback.observations;
         view_.step_state = printable(message.feedback.state);
-        view_.step_message = printable(message.feedback.message, kMaxLine);
+        view_.step_message = printable(message.feedback.message, kMaxReport);
       });
   using Result = CalibrateSensorsActionResult;
   result_sub_ = topics_.subscribe<Result>("calibrate/result", [this](const Result& message) {
     const std::string& text = message.result.message;
     view_.result_known = true;
     view_.success = message.result.success;
-    view_.result = printable(text.empty() ? message.status.text : text, kMaxLine);
+    view_.result = printable(text.empty() ? message.status.text : text, kMaxReport);
     view_.step_state.clear();
     view_.step_message.clear();
   });
@@ -81,14 +81,14 @@ void CalibrationLink::requestPlan(const std::string& plan) {
       [this, plan](const PlanCalibration::Response& response) {
         std::vector<CalibrationStep> steps;
         for (const LoadStep& step : response.steps) {
-          steps.push_back({printable(step.text, kMaxLine), step.test.kind, step.test.mass});
+          steps.push_back({printable(step.text, kMaxReport), step.test.kind, step.test.mass});
         }
         const std::lock_guard<std::mutex> lock(mutex_);
         steps_ = response.steps;
         view_.steps = steps;
         view_.plan = plan;
         view_.plan_good = response.success;
-        view_.plan_report = printable(response.message, kMaxLine);
+        view_.plan_report = printable(response.message, kMaxReport);
       });
 }
 
@@ -111,7 +111,7 @@ void CalibrationLink::cancel() { cancel_pub_.publish(actionlib_msgs::GoalID()); 
 int CalibrationLink::awaitedStep() const {
   const std::string& message = view_.step_message;
   const auto begins = [&message](const LoadStep& step) {
-    const std::string text = printable(step.text, kMaxLine);
+    const std::string text = printable(step.text, kMaxReport);
     return message.compare(0, text.size() + 1, text + ";") == 0;
   };
   // equal texts are equal loads

@@ -11,8 +11,8 @@ namespace assembly_cell::panel {
 
 namespace {
 
-constexpr int kRow = 13;                                 // height [px]
-constexpr int kName = 20, kValue = 122;                  // widths of the texts [px]
+constexpr int kBarRow = 13;                              // height [px]
+constexpr int kBarName = 20, kValue = 122;               // widths of the texts [px]
 constexpr double kWarnFrom = 0.5, kFaultFrom = 0.9;      // of the limit
 constexpr std::array<double, 2> kScale = {100.0, 10.0};  // where no limit is known [N] [N m]
 constexpr std::array<const char*, 6> kNames = {"fx", "fy", "fz", "tx", "ty", "tz"};
@@ -27,8 +27,8 @@ ForceBars::ForceBars(QWidget* parent) : QWidget(parent) {
   setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
 }
 
-QSize ForceBars::sizeHint() const { return {340, 6 * kRow}; }
-QSize ForceBars::minimumSizeHint() const { return {220, 6 * kRow}; }
+QSize ForceBars::sizeHint() const { return {340, 6 * kBarRow}; }
+QSize ForceBars::minimumSizeHint() const { return {220, 6 * kBarRow}; }
 
 void ForceBars::show(const SensorView& sensor, double goal_limit) {
   sensor_ = sensor;
@@ -41,22 +41,23 @@ void ForceBars::paintEvent(QPaintEvent*) {
   QFont small = font();
   small.setPixelSize(11);
   painter.setFont(small);
-  const int left = kName, right = width() - kValue;
+  const int left = kBarName, right = width() - kValue;
   const double middle = 0.5 * (left + right), half = 0.5 * (right - left) - 1.0;
   for (std::size_t i = 0; i < 6; ++i) {
     const bool force = i < 3;
-    const int top = static_cast<int>(i) * kRow;
+    const int top = static_cast<int>(i) * kBarRow;
     const double scale = sensor_.limit_known ? sensor_.limit[i] : kScale[force ? 0 : 1];
-    const QRectF track(left, top + 2, right - left, kRow - 4);
+    const QRectF track(left, top + 2, right - left, kBarRow - 4);
     painter.setPen(palette().color(QPalette::WindowText));
-    painter.drawText(QRectF(0, top, kName, kRow), Qt::AlignVCenter, kNames[i]);
+    painter.drawText(QRectF(0, top, kBarName, kBarRow), Qt::AlignVCenter, kNames[i]);
     painter.fillRect(track, trackColor());
     QString value = "-";
     if (sensor_.there) {
       const double share = std::clamp(sensor_.wrench[i] / scale, -1.0, 1.0);
       const double reach = share * half;
-      painter.fillRect(QRectF(std::min(middle, middle + reach), top + 3, std::abs(reach), kRow - 6),
-                       barColor(std::abs(share)));
+      painter.fillRect(
+          QRectF(std::min(middle, middle + reach), top + 3, std::abs(reach), kBarRow - 6),
+          barColor(std::abs(share)));
       const QString limit = sensor_.limit_known
                                 ? QString::asprintf(" of %.*f", force ? 0 : 1, sensor_.limit[i])
                                 : QString(", no limit");
@@ -65,13 +66,14 @@ void ForceBars::paintEvent(QPaintEvent*) {
     }
     if (force && goal_limit_ > 0.0 && goal_limit_ < scale) {
       for (const double side : {-1.0, 1.0}) {
-        painter.fillRect(QRectF(middle + side * half * goal_limit_ / scale, top + 2, 1, kRow - 4),
-                         limitColor());
+        painter.fillRect(
+            QRectF(middle + side * half * goal_limit_ / scale, top + 2, 1, kBarRow - 4),
+            limitColor());
       }
     }
-    painter.fillRect(QRectF(middle, top + 2, 1, kRow - 4), absentColor());
+    painter.fillRect(QRectF(middle, top + 2, 1, kBarRow - 4), absentColor());
     painter.setPen(palette().color(QPalette::WindowText));
-    painter.drawText(QRectF(right + 6, top, kValue - 6, kRow), Qt::AlignVCenter, value);
+    painter.drawText(QRectF(right + 6, top, kValue - 6, kBarRow), Qt::AlignVCenter, value);
   }
 }
 
