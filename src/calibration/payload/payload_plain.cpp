@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 // what leaves a base level by the F test
 constexpr double kLevelTail = 1e-3;
 
-struct Fit {
+struct PlainFit {
   VectorXd x;
   MatrixXd inverse;
   double squares = 0.0;
@@ -27,8 +27,8 @@ struct Fit {
 
 // Three equations a pose: a constant in sensor axes and `load` of the pose.
 template <typename Load>
-Fit fit(const std::vector<Vector6>& wrenches, Eigen::Index part, Eigen::Index unknowns,
-        const Load& load) {
+PlainFit fit(const std::vector<Vector6>& wrenches, Eigen::Index part, Eigen::Index unknowns,
+             const Load& load) {
   MatrixXd normal = MatrixXd::Zero(3 + unknowns, 3 + unknowns);
   VectorXd moment = VectorXd::Zero(3 + unknowns);
   double squares = 0.0;
@@ -40,7 +40,7 @@ Fit fit(const std::vector<Vector6>& wrenches, Eigen::Index part, Eigen::Index un
     moment += A.transpose() * y;
     squares += y.squaredNorm();
   }
-  Fit out;
+  PlainFit out;
   const Eigen::LDLT<MatrixXd> solver(normal);
   out.x = solver.solve(moment);
   out.inverse = solver.solve(MatrixXd::Identity(normal.rows(), normal.cols()));
@@ -55,9 +55,9 @@ PlainPayload plainPayload(const std::vector<StaticPose>& poses,
   PlainPayload out;
   const auto rows = static_cast<double>(3 * wrenches.size());
   const auto turned = [&](std::size_t i) -> MatrixXd { return poses[i].R.transpose(); };
-  Fit force = fit(wrenches, 0, 3, turned);
+  PlainFit force = fit(wrenches, 0, 3, turned);
   const Vector3d down = force.x[5] < 0.0 ? Vector3d(-Vector3d::UnitZ()) : Vector3d::UnitZ();
-  const Fit level =
+  const PlainFit level =
       fit(wrenches, 0, 1, [&](std::size_t i) -> MatrixXd { return poses[i].R.transpose() * down; });
   const double dof = rows - 6.0;
   const double f = (level.squares - force.squares) / 2.0 / (force.squares / dof);
@@ -72,7 +72,7 @@ PlainPayload plainPayload(const std::vector<StaticPose>& poses,
   out.weight_sd =
       std::sqrt(variance * (out.level ? force.inverse(3, 3)
                                       : u.dot(force.inverse.block(n - 3, n - 3, 3, 3) * u)));
-  const Fit torque = fit(wrenches, 3, 3, [&](std::size_t i) -> MatrixXd {
+  const PlainFit torque = fit(wrenches, 3, 3, [&](std::size_t i) -> MatrixXd {
     return -skew(poses[i].R.transpose() * out.gravity);
   });
   out.center_of_mass = torque.x.tail<3>();

@@ -21,20 +21,20 @@ using Eigen::Vector3d;
 constexpr double kSimpler = 1.5;
 // A reading whose forces fit worse than this times those of the reading given isn't looked at
 constexpr double kHopeless = 3.0;
-constexpr double kRounding = 1e-6;  // of the readings: written digits
+constexpr double kReadingRounding = 1e-6;  // of the readings: written digits
 constexpr int kTurnPasses = 200;
 
 using Rotations = std::vector<Matrix3d>;
 using Vectors = std::vector<Vector3d>;
 
 // y = bias + A shared, by least squares
-struct Fit {
+struct ReadingFit {
   Vector3d bias = Vector3d::Zero(), shared = Vector3d::Zero();
   double squares = 0.0;
 };
 
 template <typename Load>
-Fit fit(const Vectors& y, const Load& load) {
+ReadingFit fit(const Vectors& y, const Load& load) {
   const auto n = static_cast<double>(y.size());
   Matrix3d mean = Matrix3d::Zero();
   Vector3d mean_y = Vector3d::Zero();
@@ -52,18 +52,18 @@ Fit fit(const Vectors& y, const Load& load) {
     moment += A.transpose() * e;
     squares += e.squaredNorm();
   }
-  Fit out;
+  ReadingFit out;
   out.shared = normal.ldlt().solve(moment);
   out.bias = mean_y - mean * out.shared;
   out.squares = std::max(squares - out.shared.dot(moment), 0.0);
   return out;
 }
 
-Fit forceFit(const Rotations& R, const Vectors& force) {
+ReadingFit forceFit(const Rotations& R, const Vectors& force) {
   return fit(force, [&](std::size_t i) -> Matrix3d { return R[i].transpose(); });
 }
 
-Fit torqueFit(const Rotations& R, const Vectors& torque, const Vector3d& gravity) {
+ReadingFit torqueFit(const Rotations& R, const Vectors& torque, const Vector3d& gravity) {
   return fit(torque, [&](std::size_t i) -> Matrix3d { return -skew(R[i].transpose() * gravity); });
 }
 
@@ -83,8 +83,8 @@ Data dataOf(const std::vector<Vector6>& wrenches) {
     torque += w.tail<3>().squaredNorm();
   }
   out.rows = 3.0 * static_cast<double>(wrenches.size());
-  out.force_floor = std::max(kRounding * std::sqrt(force / out.rows), 1e-12);
-  out.torque_floor = std::max(kRounding * std::sqrt(torque / out.rows), 1e-12);
+  out.force_floor = std::max(kReadingRounding * std::sqrt(force / out.rows), 1e-12);
+  out.torque_floor = std::max(kReadingRounding * std::sqrt(torque / out.rows), 1e-12);
   return out;
 }
 
@@ -139,7 +139,7 @@ class Search {
         OtherReading reading = base;
         reading.force = axes;
         reading.turn = P;
-        const Fit force = forceFit(R, inSensor(R, turned(data_.force, P), axes));
+        const ReadingFit force = forceFit(R, inSensor(R, turned(data_.force, P), axes));
         if (force.squares < lowest) {
           lowest = force.squares;
           start = P;
@@ -175,7 +175,8 @@ class Search {
     return std::sqrt(squares / std::max(data_.rows - unknowns, 1.0));
   }
 
-  void evaluate(const OtherReading& reading, const Fit& force, const Fit& torque, double unknowns) {
+  void evaluate(const OtherReading& reading, const ReadingFit& force, const ReadingFit& torque,
+                double unknowns) {
     Candidate c;
     c.reading = reading;
     c.force = rms(force.squares, unknowns) + data_.force_floor;
@@ -210,7 +211,7 @@ class Search {
       mean_f += data_.force[i] / n;
       mean_R += R[i].transpose() / n;
     }
-    Fit force;
+    ReadingFit force;
     for (int pass = 0; pass < kTurnPasses; ++pass) {
       force = forceFit(R, turned(data_.force, P));
       Matrix3d H = Matrix3d::Zero();
