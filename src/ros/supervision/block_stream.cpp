@@ -67,9 +67,11 @@ void BlockStream::begin(PlantMonitor::Lock& lock) {
   std::vector<std::string> topics = {nh_.resolveName("identify_locus/status")};
   for (const char* topic : kBlockTopics) topics.push_back(nh_.resolveName(topic));
   for (const char* topic : kOptional) topics.push_back(nh_.resolveName(topic));
-  monitor_.runUnlocked(lock, [&] { rememberPublishers(topics); });
   drop();
   last_ = StreamBlock{};
+  // from now on blocks wait, so that the time of the request is no cell time
+  active_ = true;
+  monitor_.runUnlocked(lock, [&] { rememberPublishers(topics); });
 }
 
 void BlockStream::take() {

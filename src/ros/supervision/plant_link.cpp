@@ -238,8 +238,10 @@ void PlantLink::onState(const PlantState::ConstPtr& state, const std::string& pu
 void PlantLink::checkSession(bool had_session) {
   const std::string& me = ros::this_node::getName();
   const std::string& reason = state_->refused_reason;
-  // the state of a restart before the origin may arrive later than the blocks that followed it
-  const bool is_early = !session_.origin || state_->header.stamp < *session_.origin;
+  // The state of a restart before the origin may arrive later than the blocks that followed it. A
+  // plant that knows no time yet has just started.
+  const ros::Time& stamp = state_->header.stamp;
+  const bool is_early = !session_.origin || (!stamp.isZero() && stamp < *session_.origin);
   if (session_.boot_id == 0 || is_early) session_.boot_id = state_->life;
   // latched commands from before the plant's start belong to no goal
   const bool refused =

@@ -103,11 +103,10 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   const bool lockstep = goal_.settings().lockstep;
   goal_.begin(cancelled);
   monitor_.onActivity();
-  blocks_.begin(lock);
-  blocks_.setActive(true);
   vibration_.clear();
   saturation_.clear();
   commands_.forgetCarrier();
+  blocks_.begin(lock);
   const auto is_ready = [this] { return blocks_.ready(); };
   // a plant with a watchdog would stop a session that begins before the drivers are back
   if (!lockstep) waitFor(lock, kBlock, is_ready);
