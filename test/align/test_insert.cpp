@@ -9,7 +9,6 @@
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/cell/align_trial.h"
-#include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 
 using namespace assembly_cell;
@@ -95,57 +94,6 @@ TEST(InsertionExciter, ShakesDuringTheInsertionOnly) {
   // 2 N at the wall are measured on the path, less in a mean over a block
   EXPECT_GT(trial.result.insert.force, still.result.insert.force + 0.1);
   EXPECT_LT(trial.result.insert.end.force(), still.result.insert.force + 0.1);
-}
-
-// A peg that was left in the hole at an unknown depth: out, and from the face.
-TEST(InsertionDepth, CountsFromTheFaceWhereThePegIsInTheHoleAlready) {
-  const Scenario s = cell(1e-4);
-  for (const double before : {0.0037, 0.0147}) {
-    AlignParameters p;
-    p.insert.depth = 0.012;
-    const Scenario start = startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.001, 0.0), -before);
-    const AlignTrial trial = tryAlignment(start, s.mechanism, CellParameters{}, p);
-    EXPECT_TRUE(trial.success) << trial.result.reason;
-    EXPECT_NEAR(trial.depth, 0.012, 3.5e-4) << before;
-    EXPECT_NEAR(trial.result.insert.end.depth, trial.depth, 5e-5);
-  }
-}
-
-// An alignment of it gives no depth, since the face isn't touched.
-TEST(InsertionDepth, IsNotKnownOfAPegThatIsInTheHoleAlready) {
-  const Scenario s = cell(1e-4);
-  const Scenario start = startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.001, 0.0), -0.0147);
-  const AlignTrial trial = tryAlignment(start, s.mechanism, CellParameters{}, AlignParameters{});
-  EXPECT_TRUE(trial.success) << trial.result.reason;
-  EXPECT_EQ(trial.result.depth, 0.0);
-}
-
-TEST(Withdrawal, MovesAPegOutOfTheHoleWhoseDepthIsNotKnown) {
-  const Scenario s = cell(1e-4);
-  for (const double depth : {0.001, 0.0147, 0.04}) {
-    SimulatedPlant plant(startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.003, -0.002), -depth),
-                         s.mechanism, CellParameters{});
-    EXPECT_TRUE(withdraw(plant, s.mechanism, AlignParameters{})) << depth;
-    EXPECT_GT(plant.truth().pegPose().p.z(), 0.003) << depth;
-  }
-  SimulatedPlant plant(startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.003, -0.002), 0.002),
-                       s.mechanism, CellParameters{});
-  const double before = plant.truth().pegPose().p.z();
-  EXPECT_FALSE(withdraw(plant, s.mechanism, AlignParameters{}));
-  EXPECT_NEAR(plant.truth().pegPose().p.z(), before, 1e-4);
-}
-
-TEST(InsertionDepth, OfAHoleTooShallowForAnAlignmentIsRefused) {
-  Scenario s = cell(1e-4);
-  s.mechanism.hole.depth = 4e-4;
-  try {
-    checkGoal(s.mechanism, AlignParameters{});
-    FAIL();
-  } catch (const InputError& error) {
-    EXPECT_EQ(std::string(error.what()).rfind("hole.depth: 0.0004: ", 0), 0u) << error.what();
-  }
-  s.mechanism.hole.depth = 6e-4;
-  EXPECT_NO_THROW(checkGoal(s.mechanism, AlignParameters{}));
 }
 
 TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {

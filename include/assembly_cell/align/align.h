@@ -72,9 +72,7 @@ struct AlignResult {
   /// Plant clock when the peg hung at rest, before its first move [s]
   double reference_time = 0.0;
   std::vector<DirectionReading> readings;  ///< of the last estimate
-  /// Of the bottom edge below the plane at the end; 0 without success, or where the peg was in the
-  /// hole already, its face not touched. [m]
-  double depth = 0.0;
+  double depth = 0.0;  ///< of the bottom edge below the plane at the end, 0 without success [m]
   InsertResult insert;
 };
 
@@ -89,10 +87,9 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
                   const std::function<void(const AlignProgress&)>& progress = nullptr);
 
 /// Moves the peg out of the hole along its bore, led by the walls, from a depth of
-/// `parameters.inserted`. Where that isn't known, 0, a peg that hangs free is moved up until no
-/// wall is beside it; false: none was. Throws InputError for bad parameters, AlignError where the
-/// peg doesn't come out, PlantError.
-bool withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+/// `parameters.inserted`. Throws InputError for bad parameters, AlignError where the peg doesn't
+/// come out, PlantError.
+void withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
               const std::function<void(const AlignProgress&)>& progress = nullptr);
 
 }  // namespace assembly_cell

@@ -32,14 +32,6 @@ bool Search::begin() {
   state.startHere();
   state.report("tare",
                deep ? text("%.1f mm deep in the hole", state.p.inserted * 1e3) : "hanging free");
-  if (!deep && state.p.insert.wanted() && !(state.p.inserted > 0.0)) {
-    // a depth counts from the face, which a peg that is in the hole already hasn't touched
-    if (entry.takeOut(retreat)) {
-      tareFreePeg(state.carrier, state.mechanism);
-      state.startHere();
-    }
-    return false;
-  }
   if (!deep) return entry.isIn();
   entry.requireStillIn();
   return true;
@@ -64,7 +56,7 @@ AlignResult Search::findAndLeave(const std::function<void()>& find) {
     if (state.p.insert.wanted()) insertion.insert();
     result.success = true;
     result.reason = toString(result.failure);
-    if (state.found && entry.height_known) {
+    if (state.found) {
       result.depth = std::max(0.0, state.hole.height - state.hole.normal.dot(state.peg().p));
     }
   } catch (const AlignError& error) {
@@ -122,23 +114,17 @@ void summariseHole(const SearchState& state, AlignResult& result) {
   result.tilt_sd = state.hole.normal_sd;
 }
 
-bool withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+void withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
               const ProgressCallback& progress) {
   checkParameters(parameters);
   Search search(plant, mechanism, parameters, progress);
   SearchState& state = search.state;
-  if (!(parameters.inserted > 0.0)) {
-    state.carrier.tare();
-    state.startHere();
-    return search.entry.takeOut(search.retreat);
-  }
   const Pose peg = search.insertion.leave();
   // beside the hole the next goal has a face to touch: a tilted edge over the hole wedges in it
   Eigen::Vector3d beside = peg.p + kOver * state.scale.travel * Eigen::Vector3d::UnitZ();
   state.carrier.moveTo(state.frame.restFor(beside, peg.R));
   beside += search.retreat.nextOffset(parameters.contact_tilt);
   state.carrier.moveTo(state.frame.restFor(beside, peg.R));
-  return true;
 }
 
 }  // namespace assembly_cell

@@ -5,8 +5,6 @@
 
 namespace assembly_cell {
 
-class Retreat;
-
 /// Puts the upright peg's edge into the hole and proves that it is in: bore walls on both sides of
 /// two axes, and no resistance below. Needs the hole's plane and centre (SearchState::hole), to
 /// within reach().
@@ -19,15 +17,10 @@ class BoreEntry {
   /// Over the hole and down; around it where the estimate is not good enough, then to the middle
   /// between the walls, which becomes the hole's centre. True when the edge went in.
   bool enter(const Eigen::Vector3d& center, int rings = kRings);
-  /// Whether the peg, as it is, has the hole round it. Then its centre is known, its axis isn't,
-  /// nor is its depth unless the goal before has measured it.
+  /// Whether the peg, as it is, has the hole round it. Then its centre is known, its axis isn't.
   bool isIn();
   /// The same of a peg that was left deep in the bore. Throws AlignError `in_contact` if it isn't.
   void requireStillIn();
-  /// Moves a peg that has a wall beside it straight up until it has none, then beside the hole,
-  /// where the next search has a face to touch. False: there was no wall, it stays where it is.
-  /// Throws AlignError `stuck`.
-  bool takeOut(Retreat& retreat);
 
   /// The goal before has left the peg deeper in the hole than any alignment does.
   bool startsDeep() const;
@@ -41,13 +34,10 @@ class BoreEntry {
   /// Whether entry ends between walls on all sides. An alignment does; where the insertion follows
   /// at once, its end is as good a proof in a bore too narrow to tell its walls apart.
   bool needs_walls = true;
-  /// Whether the hole's height is known: not where only its walls were found.
-  bool height_known = true;
   /// Of where moves end, per axis, as far as it is known [m²]
   double place_variance = 0.0;
 
  private:
-  bool hasWallBeside();
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
   bool clearOfWalls(Eigen::Vector3d& target, const Eigen::Matrix3d& R);
