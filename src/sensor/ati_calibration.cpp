@@ -90,9 +90,9 @@ Calibration parseAtiCalibration(const std::string& xml, const std::string& sourc
   }
   const XMLElement* sensor = document.RootElement();
   if (sensor == nullptr || std::string(sensor->Name()) != "FTSensor") {
-    throw InputError(source + " is XML but no calibration of ATI: its root is '" +
-                     (sensor == nullptr ? "" : printable(sensor->Name())) +
-                     "' instead of FTSensor");
+    throw InputError(
+        source + ": this looks like XML: give a calibration here, or one of ATI: its root is '" +
+        (sensor == nullptr ? "" : printable(sensor->Name())) + "' instead of FTSensor");
   }
   const XMLElement* calibration = sensor->FirstChildElement("Calibration");
   if (calibration == nullptr || calibration->NextSiblingElement("Calibration") != nullptr) {

@@ -43,7 +43,7 @@ NetftScale netftScale(const NetftConfiguration& configuration);
 std::string_view httpBody(std::string_view response);
 
 /// True once the response holds as many bytes as its header declares; without a declaration, once
-/// it has </netft>.
+/// it has the end tag of netft.
 bool httpComplete(std::string_view response);
 
 /// What differs in counts, units, rate and calibration: "counts per force (cfgcpf) from 1000000 to

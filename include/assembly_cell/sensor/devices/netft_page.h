@@ -30,7 +30,7 @@ using DescriptorWait = std::function<bool(
     int descriptor, std::chrono::steady_clock::time_point deadline, bool for_writing)>;
 
 /// GET /netftapi2.xml: the whole response, at most kLargestHttpResponse bytes. It is complete with
-/// its declared length, with </netft>, or when the box closes the connection. A slow box has 3 s
+/// its declared length, with the end tag of netft, or when the box closes. A slow box has 3 s
 /// for each part and 10 s in all. Throws SourceError, which distinguishes a box that doesn't
 /// answer, one that accepts the connection and sends nothing, and one that stops in the middle.
 std::string readNetftPage(const NetftServer& server, const DescriptorWait& wait);
