@@ -145,7 +145,7 @@ TEST_F(Session, NeverLosesTheDisplacement) {
             whole.a->volts_to_displacement);
 }
 
-// What was active when the file in_force.yaml was cut: a warning names each sensor that is lost.
+// A truncated in_force.yaml: a warning names each sensor whose active calibration is lost.
 TEST_F(Session, AFileOfActiveCalibrationsThatWasCutIsNamed) {
   CalibrationSession session(store_, force_);
   solve(session);

@@ -41,7 +41,7 @@ TEST(FrozenReadings, AreReportedAfterFiftySamplesAndFrozenAfterASecond) {
   moved[4] = std::nextafter(moved[4], 0.0);
   repeat(frozen, moved, 1, 1e-3);
   EXPECT_FALSE(frozen.isFrozen());
-  // what was since the report before is reported once
+  // each report counts since the one before
   EXPECT_NE(frozen.report().find("1001 samples in a row"), std::string::npos);
   EXPECT_EQ(frozen.report(), "");
 }

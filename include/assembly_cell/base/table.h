@@ -34,7 +34,7 @@ struct Table {
   std::vector<bool> whole;                ///< of each column: only whole numbers, without a point
   std::vector<std::string> words;         ///< of each column: the text in all its cells, if one
   std::vector<std::string> comments;      ///< rows that begin with #
-  std::vector<std::string> notes;         ///< what was converted, for people
+  std::vector<std::string> notes;         ///< unit conversions, in words
 
   /// The one column with one of these names, in any case; empty without one. Throws InputError for
   /// two, and for a column with a cell that is no number.

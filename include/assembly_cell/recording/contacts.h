@@ -17,7 +17,7 @@ namespace assembly_cell {
 
 struct WrenchRecording {
   std::string time_unit;           ///< of the file, and why
-  std::vector<std::string> notes;  ///< what was converted, spread or left out in reading
+  std::vector<std::string> notes;  ///< conversions and corrections made in reading, in words
   std::vector<double> t;           ///< rising [s]
   std::vector<Vector6> wrench;     ///< in sensor axes, about the sensor's origin
   std::vector<Pose> pose;  ///< pose of the tool in the base; its axes are used as the sensor's

@@ -41,7 +41,7 @@ class StreamStatistics {
   void addOutside(unsigned channels) { report_.outside |= channels; }
 
   void breakNoise() { noise_.breakRun(); }  ///< the next sample doesn't follow on the last one
-  /// Starts a new estimate; the last complete one is reported until then.
+  /// Starts a new estimate; until it is complete the previous one is reported.
   void restartNoise() { noise_ = DifferenceNoise(); }
   void clearNoise();  ///< samples so far are of another calibration: its estimate counts no more
 

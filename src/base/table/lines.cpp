@@ -11,7 +11,7 @@ namespace assembly_cell::table {
 namespace {
 
 constexpr std::size_t kLongestLine = 64 * 1024;  // [bytes]
-constexpr std::size_t kStart = 12;               // bytes that tell a format
+constexpr std::size_t kStart = 12;               // bytes by which the format is recognised
 constexpr int kByteOrderMark = 0xFEFF;
 
 struct Binary {

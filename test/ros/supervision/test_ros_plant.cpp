@@ -272,7 +272,7 @@ class RosPlantTest : public ::testing::Test {
   void begin() {
     plant_->begin([] { return false; });
   }
-  // of the goal, for which blocks are taken until then
+  // Takes blocks until the goal ends with an error, and returns its text.
   std::string fault() {
     try {
       for (int i = 0; i < 100000; ++i) plant_->next({});

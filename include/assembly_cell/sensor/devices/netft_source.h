@@ -21,7 +21,7 @@ namespace assembly_cell {
 /// bind_address (this computer's, loopback by default), configuration [http, parameters]; http:
 /// http_port, configuration_period [s] (the box's configuration is read again so often; 0: never);
 /// parameters: counts_per_force, counts_per_torque, force_unit, torque_unit; rate [Hz] (of the
-/// records, if the box doesn't tell), block_period [s], receive_timeout [s], start_retries,
+/// records, if the box doesn't report it), block_period [s], receive_timeout [s], start_retries,
 /// publish_on_error, drop_stale.
 class NetftSource : public StrainSource {
  public:

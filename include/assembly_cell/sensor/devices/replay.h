@@ -34,7 +34,7 @@ struct Recording {
   std::vector<Vector6> values;          ///< [V] (counts, volts) or [N], [N·m] (wrench)
   std::vector<std::uint8_t> saturated;  ///< bit k: channel k at an end code; zero for wrenches
   double period = 0.0;                  ///< median spacing [s]
-  std::string note;                     ///< the file's unit of time and what was converted
+  std::string note;                     ///< unit of time of the file, unit conversions; for the log
 };
 
 /// Reads a table (base/table.h). Throws InputError with file:line for a row with the wrong number
