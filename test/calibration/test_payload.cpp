@@ -243,6 +243,34 @@ TEST(Payload, ReadingsThatDontFollowThePosesAreRefused) {
   EXPECT_EQ(identify(empty, sensor).refusal.code, CalibrationFailure::kNoWeight);
 }
 
+// Errors over their stated sd, rms of 300 runs: 1.20, 1.13 and 1.09 for the bias of 6, 10 and 15
+// poses if the noise counted as known. Of 2000 runs: weight 1.08, 1.09, 1.09; centre 0.91, 1.00,
+// 1.02; bias 1.03, 1.02, 1.01. The spread of 300 is 0.04, 0.03 and 0.02.
+TEST(Payload, StatedSdHoldsForFewPoses) {
+  for (const std::size_t poses : {6u, 10u, 15u}) {
+    double weight = 0.0, centre = 0.0, bias = 0.0;
+    const unsigned runs = 300;
+    for (unsigned seed = 0; seed < runs; ++seed) {
+      RecordingPlan plan;
+      plan.poses = poses;
+      plan.seed = seed + 1000;
+      const PayloadModel m = identify(simulate(plan));
+      ASSERT_FALSE(m.refusal);
+      weight += std::pow((m.weight - plan.weight) / m.weight_sd, 2) / runs;
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        centre += std::pow(m.center_of_mass[k] - plan.center[k], 2) / m.center_covariance(k, k) /
+                  (3.0 * runs);
+      }
+      for (Eigen::Index k = 0; k < 6; ++k) {
+        bias += std::pow(m.bias[k] / m.bias_sd[k], 2) / (6.0 * runs);
+      }
+    }
+    EXPECT_NEAR(std::sqrt(weight), 1.05, 0.1) << poses;
+    EXPECT_NEAR(std::sqrt(centre), 0.98, 0.1) << poses;
+    EXPECT_NEAR(std::sqrt(bias), 1.02, 0.05) << poses;
+  }
+}
+
 TEST(Payload, OtherAxesThatFitBetterAreFound) {
   SimulatedRecording r = simulate(RecordingPlan());
   // axes of the wrenches follow from the bias only

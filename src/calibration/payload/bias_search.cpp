@@ -219,6 +219,9 @@ class BreakSearch {
   std::array<Triple, 2> data_;
 };
 
+// Variance of Student's t: of effects whose noise was estimated with so many degrees of freedom.
+double studentVariance(double dof) { return dof / std::max(dof - 2.0, 1.0); }
+
 // (Q_ii)⁻¹ (Q y)_i for each pose, Q = V⁻¹ − V⁻¹X(XᵀV⁻¹X)⁻¹XᵀV⁻¹; X whitened
 void leaveOneOut(const std::array<MatrixXd, 3>& X, const Vector3d& variance, FullGroup& out) {
   std::array<VectorXd, 3> own_inverse;  // diagonal of V⁻¹
@@ -374,7 +377,7 @@ FullGroup fullFit(const Triple& data, const GroupFit& fit, const Timeline& line,
     y[a] = b.whitener * data[a].y;
   }
   // generalised least squares; variances with the effects' degrees of freedom
-  Vector3d variance = fit.variance;
+  Vector3d variance = fit.variance, dof;
   if (equal_weights) variance.setConstant(variance.mean());
   for (int round = 0; round < 4; ++round) {
     MatrixXd N = MatrixXd::Zero(effects, effects);
@@ -388,7 +391,7 @@ FullGroup fullFit(const Triple& data, const GroupFit& fit, const Timeline& line,
     const MatrixXd inverse = scaled.completeOrthogonalDecomposition().pseudoInverse();
     group.covariance = scale.asDiagonal() * inverse * scale.asDiagonal();
     group.effects = group.covariance * h;
-    Vector3d squares, dof;
+    Vector3d squares;
     for (std::size_t a = 0; a < 3; ++a) {
       squares[a] = (y[a] - X[a] * group.effects).squaredNorm();
       const double leverage = (X[a] * group.covariance).cwiseProduct(X[a]).sum() / variance[a];
@@ -405,6 +408,15 @@ FullGroup fullFit(const Triple& data, const GroupFit& fit, const Timeline& line,
     out.residual[a] = b.weighted;  // noise² V⁻¹ r is the estimated white part
   }
   leaveOneOut(X, variance, out);
+  // the axes share the payload's effects; each has its own bias, and a variance that is drawn to
+  // their mean: about 4 degrees of freedom more than its own
+  VectorXd student = VectorXd::Constant(effects, studentVariance(dof.sum()));
+  for (std::size_t a = 0; a < 3; ++a) {
+    const BiasComponent& b = group.component[a];
+    student.segment(b.first_effect, b.own_effects).setConstant(studentVariance(dof[a] + 4.0));
+  }
+  student = student.cwiseSqrt();
+  group.covariance = (student.asDiagonal() * group.covariance * student.asDiagonal()).eval();
   return out;
 }
 

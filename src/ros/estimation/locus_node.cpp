@@ -263,7 +263,7 @@ void LocusNode::waitForWindow(const ros::Time& start, const ros::Time& end,
   std::optional<std::uint64_t> seen;
   while (true) {
     if (!ros::ok()) throw InputError("the node is shutting down");
-    if (server_.isPreemptRequested()) throw InputError("preempted");
+    if (server_.isPreemptRequested()) throw InputError(server_.preemptReason());
     if (history_.jumpCount() != jumps) {
       throw InputError("the clock jumped back: repeat the reading");
     }

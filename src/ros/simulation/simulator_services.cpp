@@ -59,6 +59,16 @@ void refuseDeep(const Scenario& scenario, const Pose& X_HP) {
                    text(": give a pose that is in it by %g mm at most", 1e3 * kDeepest));
 }
 
+// Both poses are free, and so is the strain of the coupling between them.
+void refuseStrained(const Vector6& load, const GuardLimits& limits) {
+  const double force = load.head<3>().norm(), torque = load.tail<3>().norm();
+  if (force <= limits.force && torque <= limits.torque) return;
+  throw InputError(
+      text("set_state refused: between peg and carrier the coupling has a load of %.3g N and %.3g "
+           "N m: give poses that strain it less, ~max_force %g N, ~max_torque %g N m",
+           force, torque, limits.force, limits.torque));
+}
+
 }  // namespace
 
 SimulatorServices::SimulatorServices(const ros::NodeHandle& pnh, const SimulatorSettings& settings,
@@ -128,6 +138,7 @@ bool SimulatorServices::onSetState(SetState::Request& request, SetState::Respons
     scenario.initial.carrier_yaw = scenario.rest.yaw;
     refuseDeep(scenario, X_HP);
     auto cell = std::make_unique<SimulatedCell>(scenario, setup_.cell, setup_.X_HB);
+    refuseStrained(cell->world().couplingWrench(), settings_.limits);
     loop_.betweenBlocks([this, &cell] { loop_.restart(std::move(cell)); });
     return "state set at " + time();
   });

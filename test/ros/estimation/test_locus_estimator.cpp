@@ -597,6 +597,19 @@ TEST_F(LocusEstimator, IsPreempted) {
   ASSERT_TRUE(client_.waitForResult(ros::Duration(kPatience)));
   EXPECT_EQ(client_.getState(), actionlib::SimpleClientGoalState::PREEMPTED);
   EXPECT_FALSE(client_.getResult()->success);
+  EXPECT_EQ(client_.getResult()->message, "cancelled");
+  // another client's goal
+  Client other("identify_locus", true);
+  ASSERT_TRUE(other.waitForServer(ros::Duration(kPatience)));
+  client_.sendGoal(goal(time_, 0.2));
+  push(response(1.0).coupling, 2);
+  other.sendGoal(goal(time_, 0.2));
+  ASSERT_TRUE(client_.waitForResult(ros::Duration(kPatience)));
+  EXPECT_EQ(client_.getResult()->message.find("replaced by the goal " + ros::this_node::getName()),
+            0U)
+      << client_.getResult()->message;
+  other.cancelGoal();
+  ASSERT_TRUE(other.waitForResult(ros::Duration(kPatience)));
   // the next goal works
   const double start = time_;
   push(response(1.0).coupling, 10);

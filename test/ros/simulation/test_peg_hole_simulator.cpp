@@ -304,6 +304,14 @@ TEST_F(Simulator, SetStatePutsThePegAndReportsContacts) {
   refused(upright(0.005, -0.020), "peg is 4.9 mm deep in the block (edge_wall), at x 30");
   refused(upright(0.0, -0.070), "peg is 10 mm deep in the block (edge_plane), at x ");
   refused(upright(0.7, 0.010), "peg.position is 0.7 m from the hole's mouth: give at most 0.5 m");
+  service.request.peg = toPose(upright(0.0, 0.010));
+  service.request.carrier = toPose(upright(0.010, 0.010 + length));
+  ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
+  EXPECT_FALSE(service.response.success);
+  EXPECT_EQ(service.response.message.find(
+                "set_state refused: between peg and carrier the coupling has a load of "),
+            0U)
+      << service.response.message;
   ASSERT_TRUE(step(1).success);
 
   service.request.peg.position.x = kNaN;
@@ -361,8 +369,11 @@ TEST_F(Simulator, StopsWithANamedReasonAndResetHelps) {
   SetState service;
   // far beyond any tilt that the mechanism has: nearly horizontal
   const Pose X_HP{rotationFromEuler({0.0, 0.05, 0.0}), Eigen::Vector3d(0.0, 0.0, 0.2)};
+  const double length =
+      scenario_.mechanism.peg.half_height + scenario_.mechanism.peg.coupling_height;
   service.request.peg = toPose(X_HP);
-  service.request.carrier = toPose(poseFromRest(scenario_.rest));
+  service.request.carrier =
+      toPose(X_HP * Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, length)});
   ASSERT_TRUE(callService("peg_hole_simulator/set_state", service));
   ASSERT_TRUE(service.response.success) << service.response.message;
   Step::Response response = step(5);

@@ -53,6 +53,11 @@ class GoalQueue {
     const std::lock_guard<std::mutex> lock(mutex_);
     return current_;
   }
+  /// The goal that has arrived after the current one.
+  std::optional<Handle> next() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return next_;
+  }
   /// The current goal was cancelled, or another one has arrived.
   bool isPreempted() const {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -143,6 +148,12 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
 
   /// The current goal was cancelled, or another one has arrived.
   bool isPreemptRequested() const { return goals_.isPreempted(); }
+  /// Why: "cancelled", or the id of the goal that has arrived; clients begin it with their name.
+  std::string preemptReason() const {
+    const std::optional<Handle> next = goals_.next();
+    return next ? "replaced by the goal " + next->getGoalID().id + ": one goal runs at a time"
+                : "cancelled";
+  }
 
   void publishFeedback(const Feedback& feedback) {
     if (std::optional<Handle> goal = goals_.current()) goal->publishFeedback(feedback);
