@@ -4,14 +4,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <random>
 #include <string>
 #include <utility>
 
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/cell/align_trial.h"
+#include "assembly_cell/cell/first_goal.h"
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
+#include "assembly_cell/mismatch/mismatch.h"
 #include "mismatched_trial.h"
 #include "scenarios.h"
 
@@ -118,6 +122,33 @@ TEST_P(NearStarts, AlignInCloseFits) {
     EXPECT_LE(edgeReach(plant.truth().pegPose(), s.mechanism.peg.radius), start.radius);
     // rigid parts hold one another with any force; what the coupling bears is known
     EXPECT_LT(watched.greatest_load, p.force_limit) << start.offset.transpose();
+  }
+}
+
+// Runs of `align --second-goals --mismatch config/mismatch/level_2.yaml` that ended at the bore's
+// wall, up to 10 um outside: the first goal has left the peg in the hole.
+TEST(InTheHoleAlready, IsAlignedAfterAnotherGoal) {
+  const Scenario s = cell();
+  const Mismatch mismatch =
+      loadMismatch(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/mismatch/level_2.yaml");
+  for (const std::uint64_t seed : {7790135u, 7790153u, 7790209u}) {
+    std::mt19937_64 engine(seed);
+    const auto uniform = [&engine] { return static_cast<double>(engine() >> 11) * 0x1p-53; };
+    const double azimuth = 2 * M_PI * uniform(), offset = 0.015 * std::sqrt(uniform());
+    const double direction = 2 * M_PI * uniform(), tilt = 0.0349 * uniform();
+    const Scenario start =
+        startAt(s, offset * Vector2d(std::cos(azimuth), std::sin(azimuth)),
+                tilt * Vector2d(std::cos(direction), std::sin(direction)), 0.003);
+    const Truth truth = drawTruth(mismatch, seed);
+    CellParameters sensors;
+    sensors.seed = seed;
+    sensors.truth = truth.cell;
+    const AlignParameters p;
+    const AlignTrial trial =
+        tryAlignment(trueScenario(start, truth, "test"), s.mechanism, sensors, p, nullptr,
+                     [&](Plant& plant) { leaveFirstGoal(plant, s.mechanism, p, seed); });
+    EXPECT_TRUE(trial.success) << seed << ": " << trial.result.reason;
+    EXPECT_EQ(trial.result.contacts, 0) << seed;
   }
 }
 

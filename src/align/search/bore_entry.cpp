@@ -96,7 +96,12 @@ bool BoreEntry::isIn() {
   s_.hole.height = bottom.z() + s_.p.inserted;
   s_.hole.normal_sd = kUnknownAxis;
   s_.setHanging(bottom);
-  if (centre(Mat3::Identity()) && lower(s_.target().p, Mat3::Identity())) {
+  // a descent may end at a wall, as any other move does
+  const auto stays_clear = [this] {
+    Vec3 target = s_.target().p;
+    return s_.p.insert.wanted() || clearOfWalls(target, Mat3::Identity());
+  };
+  if (centre(Mat3::Identity()) && lower(s_.target().p, Mat3::Identity()) && stays_clear()) {
     addLean();
     return true;
   }
