@@ -57,7 +57,8 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
       strain_matrix_b_(strainMatrix(bridge_b_)),
       normal_a_(2 * parameters.seed),
       normal_b_(2 * parameters.seed + 1),
-      normal_accelerometers_(~parameters.seed) {
+      normal_accelerometers_(~parameters.seed),
+      friction_(scenario.mechanism.friction) {
   const double nonlinearity = parameters.bridge_nonlinearity;
   if (!(nonlinearity >= 0.0 && nonlinearity <= 1.0) || !std::isfinite(parameters.bridge_drift)) {
     throw InputError("cell: bridge_nonlinearity or bridge_drift is out of range: give 0 to 1, K/h");
@@ -85,6 +86,21 @@ void SimulatedCell::warm(double time) {
       Bridge{}.temperature + parameters_.bridge_drift * time / 3600.0;
 }
 
+void SimulatedCell::meetBurr() {
+  const BurrTruth& burr = parameters_.truth.burr;
+  if (burr.length == 0.0) return;
+  const double in = -world_->pegPose().p.z() - burr.depth;
+  const bool meets = in >= 0.0 && in <= burr.length;
+  if (meets == in_burr_) return;
+  in_burr_ = meets;
+  FrictionParameters friction = friction_;
+  if (meets) {
+    friction.static_coefficient *= burr.friction;
+    friction.sliding_coefficient *= burr.friction;
+  }
+  world_->setFriction(friction);
+}
+
 Vector6 SimulatedCell::voltsA(double time) {
   const Vector6 wrench = transformWrench(parameters_.X_AH, world_->holeWrench()) + block_weight_;
   return voltsOf(bridge_a_, strain_matrix_a_, measured_a_(wrench, time));
@@ -96,6 +112,7 @@ Vector6 SimulatedCell::voltsB(const Vector6& load, double time) {
 
 StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
                                const std::function<void(const Vector6& load)>& watch) {
+  meetBurr();
   const auto n = static_cast<std::size_t>(parameters_.block_size);
   block.period = parameters_.sample_period;
   block.sequence = sequence_++;
@@ -138,6 +155,7 @@ StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool sampl
     if (reason == StopReason::kOk) meansOf(whole_, means);
     return reason;
   }
+  meetBurr();
   const double rate = std::max({fastest, measured_a_.humRate(), measured_b_.humRate(), 1e-9});
   const double apart = std::min(kSpacing, kPhaseStep / rate);
   const SampleSum sum(n, static_cast<int>(apart / period * (1.0 + 1e-9)));

@@ -92,6 +92,11 @@ void Simulation::setExciter(const ExciterParameters& exciter, double t_ref) {
   run_->now.drive_time = -1.0;
 }
 
+void Simulation::setFriction(const FrictionParameters& friction) {
+  changeCommands();
+  run_->system.scenario.mechanism.friction = friction;
+}
+
 std::array<ContactReport, kSlots> Simulation::contacts() const {
   const System& s = run_->system;
   const Context& c = run_->sampled();

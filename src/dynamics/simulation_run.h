@@ -43,7 +43,7 @@ struct Simulation::Run {
   /// Modes and commands at the sample.
   const Context& sampled() const { return sampling ? dense->context : context; }
 
-  const System system;
+  System system;  // constant but for the friction, see setFriction()
   Context context;
   Evaluation now;     // the last one
   Evaluation inside;  // workspace: points within a step

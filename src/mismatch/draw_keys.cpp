@@ -12,9 +12,10 @@ constexpr Range kAnySize{-kLargestDraw, kLargestDraw}, kSize{0.0, kLargestDraw};
 constexpr Range kFrameTurn{-M_PI, M_PI, "rad"};
 constexpr Range kBoreTilt{-0.1, 0.1, "rad"};  // beyond this an oblique bore is no bore any more
 constexpr Range kFaceTilt{-0.3, 0.3, "rad"};  // a start stays a start
-constexpr Range kDelay{0.0, 1.0, "s"};        // drives respond within tens of ms
-constexpr Range kLatency{0.0, 0.1, "s"};      // samples are kept so long
-constexpr Range kScale{-0.5, 0.5};            // scale error of encoders
+constexpr Range kBurr{0.0, 10.0, "m"};
+constexpr Range kDelay{0.0, 1.0, "s"};    // drives respond within tens of ms
+constexpr Range kLatency{0.0, 0.1, "s"};  // samples are kept so long
+constexpr Range kScale{-0.5, 0.5};        // scale error of encoders
 
 void addSensor(const std::string& name, SensorTruth& s, std::vector<DrawKey>& keys) {
   double* const drift = s.drift.data();
@@ -62,6 +63,9 @@ std::vector<DrawKey> drawKeys(Truth& truth) {
       {"carrier.frame.rotation", Shape::kDirection, c.rotation.data(), kFrameTurn},
       {"carrier.frame.scale", Shape::kAxes, c.scale.data(), kScale},
       {"carrier.frame.offset", Shape::kDirection, c.offset.data(), {-100.0, 100.0, "m"}},
+      {"hole.burr.friction", Shape::kNumber, &truth.cell.burr.friction, kSize, 1.0},
+      {"hole.burr.depth", Shape::kNumber, &truth.cell.burr.depth, kBurr},
+      {"hole.burr.length", Shape::kNumber, &truth.cell.burr.length, kBurr},
       {"hole.bore_tilt", Shape::kTilt, truth.bore_tilt.data(), kBoreTilt},
       {"hole.face_tilt", Shape::kTilt, truth.face_tilt.data(), kFaceTilt},
   };

@@ -248,6 +248,13 @@ void MujocoSimulation::setExciter(const ExciterParameters& exciter, double t_ref
   stale_ = true;
 }
 
+void MujocoSimulation::setFriction(const FrictionParameters& friction) {
+  scenario_.mechanism.friction = friction;
+  mjModel& m = *engine_->m;
+  for (int g = 0; g < m.ngeom; ++g) m.geom_friction[3 * g] = friction.sliding_coefficient;
+  stale_ = true;
+}
+
 namespace {
 
 struct EngineContact {

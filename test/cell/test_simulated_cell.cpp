@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -231,6 +232,51 @@ TEST(SimulatedCell, SensorsSeeTheContactWithOppositeSigns) {
   const Vector6 shown = displacementFromVolts(b, sample(block.volts_b, last));
   const Vector6 truth = couplingDeflection(sim);
   EXPECT_LT((shown - truth).head<3>().norm(), 0.02 * truth.head<3>().norm());
+}
+
+// Largest friction over normal force of the sliding contacts; 0 without one.
+double slidingRatio(const SimulatorBackend& world) {
+  double ratio = 0.0;
+  for (const ContactReport& c : world.contacts()) {
+    const double normal = c.force.dot(c.normal);
+    if (!c.valid || c.state != ContactReport::kSlip || normal < 0.1) continue;
+    ratio = std::max(ratio, (c.force - normal * c.normal).norm() / normal);
+  }
+  return ratio;
+}
+
+// A peg that is pressed aside in the bore goes down through the burr: by Coulomb's law the sliding
+// contacts have the friction of the depth.
+TEST(SimulatedCell, BurrMultipliesTheFrictionOverItsDepthOnly) {
+  for (const bool rigid : {false, true}) {
+    Scenario s = load("cell", {rigid ? "contact.law=rigid" : "contact.law=viscous"});
+    place(s, {0.0, 0.0, -0.02}, 0.0, 0.0);
+    CellParameters p, far;
+    p.truth.burr = {3.0, 0.021, 0.002};
+    far.truth.burr = {3.0, 0.035, 0.002};
+    SimulatedCell cell(s, p), plain(s, {}), below(s, far);
+    RestPose down = s.rest;
+    down.x += 0.5e-3;
+    down.z -= 0.005;
+    for (SimulatedCell* each : {&cell, &plain, &below}) each->world().setRestTarget(down, 2e-3);
+    const double mu = s.mechanism.friction.sliding_coefficient;
+    StrainBlock a, b, c;
+    int outside = 0, inside = 0;
+    for (int k = 0; k < 250; ++k) {
+      const double before = -cell.world().pegPose().p.z();
+      ASSERT_EQ(cell.next(a), StopReason::kOk);
+      ASSERT_EQ(plain.next(b), StopReason::kOk);
+      ASSERT_EQ(below.next(c), StopReason::kOk);
+      ASSERT_EQ(b.volts_b, c.volts_b);
+      const double ratio = slidingRatio(cell.world());
+      if (ratio == 0.0) continue;
+      const bool in = before >= 0.021 && before <= 0.023;
+      EXPECT_NEAR(ratio, in ? 3.0 * mu : mu, 1e-6 * mu) << before;
+      (in ? inside : outside) += 1;
+    }
+    EXPECT_GT(inside, 5) << rigid;
+    EXPECT_GT(outside, 5) << rigid;
+  }
 }
 
 TEST(SimulatedCell, ReusesTheBlock) {

@@ -49,6 +49,7 @@ carrier:
   compliance: 5.0e-6
   frame: {rotation: 0.002, scale: 1.0e-4, offset: 0.01}
 hole:
+  burr: {friction: 3, depth: {uniform: [0.01, 0.02]}, length: 0.002}
   bore_tilt: {uniform: [0, 0.0035]}
   face_tilt: {uniform: [0, 0.01]}
 )";
@@ -89,6 +90,8 @@ TEST(MismatchFile, EveryKeyIsReadAndReportedByItsName) {
   EXPECT_EQ(report["add"]["carrier.damping"].size(), 3u);
   EXPECT_EQ(report["sensor_a"]["matrix"][4][2].as<double>(), truth.cell.sensor_a.matrix(4, 2));
   EXPECT_EQ(report["sensor_a"]["hum"]["frequency"].as<double>(), 50.0);
+  EXPECT_EQ(report["hole"]["burr"]["depth"].as<double>(), truth.cell.burr.depth);
+  EXPECT_EQ(truth.cell.burr.friction, 3.0);
   EXPECT_EQ(report["hole"]["bore_tilt"][1].as<double>(), truth.bore_tilt.y());
 }
 

@@ -120,6 +120,7 @@ class SimulatedCell {
   Vector6 voltsA(double time);
   Vector6 voltsB(const Vector6& load, double time);
   void warm(double time);
+  void meetBurr();
 
   CellParameters parameters_;
   std::unique_ptr<SimulatorBackend> world_;
@@ -129,7 +130,9 @@ class SimulatedCell {
   Bridge bridge_a_, bridge_b_;
   Matrix6 strain_matrix_a_, strain_matrix_b_;
   NormalSource normal_a_, normal_b_, normal_accelerometers_;
-  Vector6 block_weight_;  ///< of the hole block on sensor_a, in sensor_a
+  Vector6 block_weight_;         ///< of the hole block on sensor_a, in sensor_a
+  FrictionParameters friction_;  ///< outside of the burr
+  bool in_burr_ = false;
   std::uint32_t sequence_ = 0;
   std::uint64_t samples_ = 0;
   StrainBlock whole_;  // where average() makes all samples

@@ -64,6 +64,7 @@ class Simulation final : public SimulatorBackend {
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) override;
   StopReason sampleAt(double t, double ahead) override;
   void setExciter(const ExciterParameters& exciter, double t_ref) override;
+  void setFriction(const FrictionParameters& friction) override;
   std::array<ContactReport, kSlots> contacts() const override;
   Vector6 couplingWrench() const override;
   Vector6 holeWrench() const override;

@@ -92,6 +92,8 @@ class SimulatorBackend {
   /// Sets the exciter from now on. Angle of its force: direction·(frequency·(t − t_ref) + phase),
   /// t_ref on the clock of time() [s].
   virtual void setExciter(const ExciterParameters& exciter, double t_ref) = 0;
+  /// Sets the friction of all contacts from now on, instead of the scenario's.
+  virtual void setFriction(const FrictionParameters& friction) = 0;
 
   /// Contacts at the present time, by slot.
   virtual std::array<ContactReport, kSlots> contacts() const = 0;

@@ -46,10 +46,19 @@ struct CarrierTruth {
   std::uint64_t reading_seed = 0, repeatability_seed = 0;
 };
 
+/// Burr in the bore: while the peg's edge is in this part of the depth, the friction of all
+/// contacts is multiplied. Taken once a block.
+struct BurrTruth {
+  double friction = 1.0;  ///< factor of both coefficients
+  double depth = 0.0;     ///< where it begins below the hole's plane [m]
+  double length = 0.0;    ///< along the bore [m]; 0: no burr
+};
+
 /// Ground truth of a simulated cell besides its scenario.
 struct CellTruth {
   SensorTruth sensor_a, sensor_b;
   CarrierTruth carrier;
+  BurrTruth burr;
 };
 
 /// Numbers of one entry of `scale` or `add`.

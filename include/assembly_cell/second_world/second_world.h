@@ -36,6 +36,7 @@ class MujocoSimulation final : public SimulatorBackend {
   StopReason advance(double t_end,
                      std::int64_t attempts = std::numeric_limits<std::int64_t>::max()) override;
   void setExciter(const ExciterParameters& exciter, double t_ref) override;
+  void setFriction(const FrictionParameters& friction) override;
   std::array<ContactReport, kSlots> contacts() const override;
   Vector6 couplingWrench() const override;
   Vector6 holeWrench() const override;
