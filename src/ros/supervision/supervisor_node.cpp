@@ -280,9 +280,9 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
           PressController press(carrier);
           if (const double min_force = press.minForce(tolerance); force < min_force) {
             throw InputError(
-                text("force is %g N: give at least %.2g N, less is lost in the steps of a press or "
+                text("force is %g N: give at least %g N, less is lost in the steps of a press or "
                      "the scatter of sensor_b",
-                     force, min_force));
+                     force, std::ceil(1e3 * min_force) / 1e3));
           }
           if (!press.approach(carrier.target().z - limits_.descent)) {
             throw AlignError(AlignFailure::kNoContact,
