@@ -137,7 +137,11 @@ ArmGuard bridgeGuard(const BridgeSettings& settings, const Mechanism& mechanism,
 
 Payload payloadOf(const BridgeSettings& settings, const Mechanism& mechanism,
                   const CellPlace& place) {
-  return {-mechanism.gravity * settings.payload_mass * place.carrierBase().R.row(2).transpose(),
+  // a cell whose gravity is a number says nothing of the arm, whose base counts as upright
+  const Eigen::Vector3d up = mechanism.up.z() == 1.0
+                                 ? Eigen::Vector3d(place.carrierBase().R.row(2).transpose())
+                                 : mechanism.up;
+  return {-mechanism.gravity * settings.payload_mass * up,
           Eigen::Vector3d::Map(settings.payload_centre.data())};
 }
 

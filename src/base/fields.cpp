@@ -71,6 +71,19 @@ Field& Field::independent() {
   return *this;
 }
 
+Field& Field::orVector(double* direction) {
+  against = direction;
+  return *this;
+}
+
+bool Field::setVector(const double* vector) const {
+  const double length = std::hypot(vector[0], vector[1], vector[2]);
+  if (!range.contains(length)) return false;
+  *numbers = length;
+  for (int i = 0; length > 0.0 && i < 3; ++i) against[i] = 0.0 - vector[i] / length;
+  return true;
+}
+
 Field& Field::written(bool is) {
   is_written = is;
   return *this;
@@ -94,6 +107,11 @@ std::string Field::name() const {
 std::string Field::value() const {
   switch (kind) {
     case Kind::kNumber:
+      if (against != nullptr && against[2] != 1.0) {
+        return "[" + yamlNumber(0.0 - *numbers * against[0]) + ", " +
+               yamlNumber(0.0 - *numbers * against[1]) + ", " +
+               yamlNumber(0.0 - *numbers * against[2]) + "]";
+      }
       return yamlNumber(*numbers);
     case Kind::kNumbers: {
       std::string row;

@@ -252,6 +252,12 @@ void Section::readField(const Field& field) {
   const std::string name = field.name();
   switch (field.kind) {
     case Field::Kind::kNumber:
+      if (const YAML::Node* node = find(name); field.against != nullptr && node->IsSequence()) {
+        double vector[3];
+        readNumbers(name, {-field.range.high, field.range.high, field.range.unit}, 3, vector);
+        if (!field.setVector(vector)) refuse(at(name), shown(*node), field.remedy());
+        return;
+      }
       *field.numbers = number(name, field.range);
       return;
     case Field::Kind::kNumbers:

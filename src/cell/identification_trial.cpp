@@ -55,8 +55,8 @@ double directionBias(const MechanismModel& truth, const KnownMechanism& known) {
     Posture posture;
     posture.compliance = point.compliance;
     posture.tilt = posture.sensor_tilt = point.tilt = point.sensor_tilt = lean.head<2>();
-    posture.static_force =
-        Eigen::Vector3d(0.0, 0.0, kPress - known.mechanism.peg.mass * known.mechanism.gravity);
+    posture.static_force = Eigen::Vector3d(0.0, 0.0, kPress) -
+                           known.mechanism.peg.mass * known.mechanism.gravity * known.mechanism.up;
     const Eigen::Vector2cd xy =
         centreOfMassPhasors(known.mechanism, point.frequency, coupling, posture);
     const Locus locus = locusFromPhasors(xy[0], xy[1], 0.0, 0, 1.0);

@@ -65,7 +65,8 @@ SimulatedCell::SimulatedCell(const Scenario& scenario, const CellParameters& par
   }
   bridge_a_.nonlinearity = bridge_b_.nonlinearity = nonlinearity;
   Vector6 weight = Vector6::Zero();
-  weight(2) = -parameters.hole_block_mass * scenario.mechanism.gravity;
+  weight.head<3>() -=
+      parameters.hole_block_mass * scenario.mechanism.gravity * scenario.mechanism.up;
   const Pose X_block{Eigen::Matrix3d::Identity(), parameters.hole_block_center};
   block_weight_ = transformWrench(parameters.X_AH * X_block, weight);
 }

@@ -100,7 +100,8 @@ class Reader {
              type == urdf::Joint::FIXED ? "make it fixed" : "make it floating");
     }
     const Pose X = poseOf(joint->parent_to_joint_origin_transform);
-    checkPose(item, X);
+    // any rotation of the cell in the world
+    checkPose(item, parent == "world" ? Pose{Eigen::Matrix3d::Identity(), X.p} : X);
     return X;
   }
 

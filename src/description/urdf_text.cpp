@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/description/urdf_text.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -16,6 +17,16 @@ constexpr double kSensorRadius = 0.04, kSensorHeight = 0.03;    // sensor_a [m]
 constexpr double kCouplingRadius = 0.018, kCouplingUp = 0.010;  // sensor_b [m]
 constexpr double kCouplingDown = 0.020, kMinDown = 0.001;       // where the peg is long enough [m]
 
+// Angles of R = Rz(yaw) Ry(pitch) Rx(roll), as URDF has them; where pitch is a right angle roll is
+// 0.
+Eigen::Vector3d rollPitchYaw(const Eigen::Matrix3d& R) {
+  constexpr double kRightAngle = 1.0 - 1e-12;
+  if (std::abs(R(2, 0)) > kRightAngle) {
+    return {0.0, -std::copysign(M_PI_2, R(2, 0)), std::atan2(-R(0, 1), R(1, 1))};
+  }
+  return {std::atan2(R(2, 1), R(2, 2)), 0.0 - std::asin(R(2, 0)), std::atan2(R(1, 0), R(0, 0))};
+}
+
 // Writer of URDF elements; visual and collision shapes are the same.
 class Text {
  public:
@@ -23,11 +34,14 @@ class Text {
 
   void link(const std::string& name) { out_ << "  <link name=\"" << name << "\">\n"; }
   void end() { out_ << "  </link>\n"; }
+  /// Origin at a height along the child's z axis.
   void joint(const std::string& parent, const std::string& child, double z,
-             const char* type = "fixed") {
+             const char* type = "fixed", const Eigen::Matrix3d& R = Eigen::Matrix3d::Identity()) {
+    const Eigen::Vector3d p = z * R.col(2), rpy = rollPitchYaw(R);
     out_ << "  <joint name=\"" << parent << "_to_" << child << "\" type=\"" << type << "\">"
-         << "<parent link=\"" << parent << "\"/><child link=\"" << child << "\"/><origin xyz=\"0 0 "
-         << z << "\" rpy=\"0 0 0\"/></joint>\n";
+         << "<parent link=\"" << parent << "\"/><child link=\"" << child << "\"/><origin xyz=\""
+         << p.x() << " " << p.y() << " " << p.z() << "\" rpy=\"" << rpy.x() << " " << rpy.y() << " "
+         << rpy.z() << "\"/></joint>\n";
   }
   void inertial(double z, double mass, double transverse, double axial) {
     out_ << "    <inertial><origin xyz=\"0 0 " << z << "\"/><mass value=\"" << mass
@@ -179,7 +193,10 @@ std::string cellUrdf(const Mechanism& mechanism) {
       "  <material name=\"carrier\"><color rgba=\"0.3 0.3 0.33 1\"/></material>\n"
       "  <material name=\"peg\"><color rgba=\"0.85 0.6 0.2 0.8\"/></material>\n"
       "  <link name=\"world\"/>\n");
-  out.joint("world", "sensor_a", kSensorHeight);
+  // z of the world is up
+  const Eigen::Matrix3d R_WH =
+      Eigen::Quaterniond::FromTwoVectors(mechanism.up, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  out.joint("world", "sensor_a", kSensorHeight, "fixed", R_WH);
   out.link("sensor_a");
   out.inertial(-0.5 * kSensorHeight, 0.35, 2e-4, 3.5e-4);
   out.cylinder("body", "sensor", -0.5 * kSensorHeight, kSensorRadius, kSensorHeight);
@@ -187,7 +204,7 @@ std::string cellUrdf(const Mechanism& mechanism) {
   out.joint("sensor_a", "hole", height);
   writeBlock(out, mechanism.hole, height);
 
-  out.joint("world", "carrier", kSensorHeight + height + length, "floating");
+  out.joint("world", "carrier", kSensorHeight + height + length, "floating", R_WH);
   out.link("carrier");
   out.inertial(0.02, mechanism.carrier.mass, mechanism.carrier.inertia, mechanism.carrier.inertia);
   out.box("plate", "carrier", {0.0, 0.0, 0.02}, 0.0, {0.1, 0.1, 0.02});

@@ -400,7 +400,7 @@ void freeMotion(const Scenario& s, const Kinematics& k, const State& state, cons
   const Eigen::Vector3d F = k.R0 * Fp(0) + k.R1 * Fp(1) + k.a * Fp(2);
 
   m.force.head<3>() = F - T;
-  m.force(0) -= s.mechanism.peg.mass * s.mechanism.gravity;
+  m.force.head<3>() -= s.mechanism.peg.mass * s.mechanism.gravity * toThesisAxes(s.mechanism.up);
 
   // dampers work on omega, springs on the angles (thesis 6.6, 6.10)
   const double d2 = s.mechanism.peg.coupling_height;
@@ -474,7 +474,8 @@ double mechanicalEnergy(const Scenario& s, const Kinematics& k, const State& sta
       state.q.tail<3>() - Eigen::Vector3d(rest.position(0), rest.position(1), rest.position(3));
   const double carrier = 0.5 * s.mechanism.carrier.stiffness.dot(c.cwiseProduct(c));
   return kineticEnergy(s, k, state.v) + coupling + carrier +
-         s.mechanism.peg.mass * s.mechanism.gravity * state.q(0);
+         s.mechanism.peg.mass * s.mechanism.gravity *
+             toThesisAxes(s.mechanism.up).dot(state.q.head<3>());
 }
 
 }  // namespace assembly_cell

@@ -173,7 +173,7 @@ Eigen::Vector2d Simulation::specificForce(double height) const {
   const Eigen::Vector3d arm = height * k.a;
   Eigen::Vector3d specific_force =
       rate.head<3>() + turn.cross(arm) + k.omega.cross(k.omega.cross(arm));
-  specific_force[0] += scenario().mechanism.gravity;  // thesis axis 1 is up
+  specific_force += scenario().mechanism.gravity * toThesisAxes(scenario().mechanism.up);
   // peg axes: x is the thesis's second, y against its first
   return {k.R1.dot(specific_force), -k.R0.dot(specific_force)};
 }

@@ -139,7 +139,7 @@ Vector6 Problem::exactWeight(const VectorXd& z, const PoseReading& reading) cons
   const Mechanism mechanism = model(z).mechanism;
   const Vector3d lean(z[kGravity], z[kGravity + 1], 0.0);
   const Vector3d up =
-      (rotationFromVector({prior_.upright * lean}) * reading.R_BS).transpose() * Vector3d::UnitZ();
+      (rotationFromVector({prior_.upright * lean}) * reading.R_BS).transpose() * mechanism.up;
   const Eigen::PartialPivLU<Matrix6> stiffness(couplingStiffness(mechanism.coupling));
   Vector6 deflection = Vector6::Zero(), weight;
   // the deflection moves the arm by a thousandth: twice is exact to 1e-6

@@ -73,7 +73,7 @@ Matrix3d restingPeg(const Mechanism& m, const Matrix3d& R_HS, const Vector6& wre
 
 // Wrench of the hanging peg on the sensor, see pegWeight().
 Vector6 weightOn(const Mechanism& m, const Matrix3d& R_HS) {
-  return pegWeight(m.peg, m.gravity, R_HS.transpose() * Vector3d::UnitZ(), Vector6::Zero());
+  return pegWeight(m.peg, m.gravity, R_HS.transpose() * m.up, Vector6::Zero());
 }
 
 // Wrench of a motion, with the static force and moment of the peg on the sensor.
@@ -94,7 +94,7 @@ WrenchPhasor hangingResponse(const MechanismModel& model, const ExciterParameter
   point.tilt = tiltOfAxis(restingPeg(m, R_HS, weightOn(m, R_HS)).col(2));
   point.sensor_tilt = lean;
   const UnheldMotion free = unheldMotion(m, point);
-  const Vector3d weight(0.0, 0.0, -m.peg.mass * m.gravity);
+  const Vector3d weight = -m.peg.mass * m.gravity * m.up;
   return seenBySensor(m, free, weight, -free.to_coupling.cross(weight),
                       hangingMotion(m, free, lateExcitation(model.drive, point)));
 }

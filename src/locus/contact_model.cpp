@@ -174,7 +174,8 @@ Locus centreOfMassLocus(const Mechanism& mechanism, double frequency, const Harm
 
 Vector3d contactForceFromDeflection(const Mechanism& mechanism, const Vector6& deflection) {
   Vector3d force = (sensorStiffness(mechanism) * deflection).head<3>();
-  force.z() = std::max(0.0, force.z() + mechanism.peg.mass * mechanism.gravity);
+  force += mechanism.peg.mass * mechanism.gravity * mechanism.up;
+  force.z() = std::max(0.0, force.z());
   return force;
 }
 

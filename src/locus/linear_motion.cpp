@@ -173,7 +173,7 @@ Eigen::Vector3cd exciterForce(const UnheldMotion& free, const Eigen::Vector2cd& 
 
 Complex9 hangingMotion(const Mechanism& mechanism, const UnheldMotion& free,
                        const Eigen::Vector2cd& excitation) {
-  const Vector3d coupling(0.0, 0.0, mechanism.peg.mass * mechanism.gravity);
+  const Vector3d coupling = mechanism.peg.mass * mechanism.gravity * mechanism.up;
   ComplexMatrix9 dynamic = free.dynamic;
   dynamic.block<3, 3>(kTheta, kTheta) += (forceStiffness(coupling, free.to_coupling) +
                                           angleStiffness(free, free.to_coupling.cross(coupling)))
@@ -192,7 +192,7 @@ HeldMotion::HeldMotion(const Mechanism& mechanism, const OperatingPoint& point,
     : free_(free),
       peg_(mechanism.peg),
       contact_(point.friction.x(), point.friction.y(), point.press),
-      weight_(mechanism.peg.mass * mechanism.gravity),
+      weight_(mechanism.peg.mass * mechanism.gravity * mechanism.up),
       rolling_(point.rolling && point.tilt.norm() > 1e-3
                    ? tipRadius(mechanism.peg) / point.tilt.norm()
                    : 0.0),

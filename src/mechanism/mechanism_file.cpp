@@ -195,7 +195,9 @@ static void fields(FieldList& f, FrictionParameters& p) {
 }
 
 void fields(FieldList& f, Mechanism& m, RestPose& rest, bool in_scenario) {
-  f.number("gravity", m.gravity, notNegative("m/s2"), "Along -z of the carrier's base.")
+  f.number("gravity", m.gravity, notNegative("m/s2"),
+           "Along -z of the hole, or a vector in the hole for a cell that isn't upright.")
+      .orVector(m.up.data())
       .required()
       .independent();
   f.section("peg", m.peg).required();

@@ -72,13 +72,15 @@ std::string mjcf(const Scenario& s, const SoftContact& contact) {
   }
   const CarrierParameters& carrier = s.mechanism.carrier;
   const double pi = M_PI, corner = std::tan(pi / b.facets);
+  const Vector3d gravity = -s.mechanism.gravity * s.mechanism.up;
   std::ostringstream out;
   out.precision(17);
   out << "<mujoco model='second_world'>\n"
       << "<compiler angle='radian'/>\n"
-      << "<option timestep='" << contact.time_step << "' gravity='0 0 " << -s.mechanism.gravity
-      << "' integrator='Euler' cone='elliptic' impratio='" << contact.friction_ratio
-      << "' solver='Newton' iterations='50' tolerance='1e-12' " << kSearch << "/>\n"
+      << "<option timestep='" << contact.time_step << "' gravity='" << gravity.x() << " "
+      << gravity.y() << " " << gravity.z() << "' integrator='Euler' cone='elliptic' impratio='"
+      << contact.friction_ratio << "' solver='Newton' iterations='50' tolerance='1e-12' " << kSearch
+      << "/>\n"
       << "<size njmax='1500' nconmax='500'/>\n"
       << "<default><geom condim='3' friction='" << s.mechanism.friction.sliding_coefficient
       << " 0 0' solref='" << contact.contact_time << " 1' solimp='" << contact.impedance << " "

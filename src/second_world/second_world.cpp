@@ -173,8 +173,11 @@ void MujocoSimulation::evaluate() {
   const Vector3d off = e.positions(kCarrierPosition) - Vector3d(at(0), at(1), at(3));
   const Vector3d slip = e.rates(kCarrier) - Vector3d(rate(0), rate(1), rate(3));
   const Vector3d about = c.moment + c.end.cross(c.force);
+  // an arm supports its own weight
+  const Vector3d support = mechanism.carrier.mass * mechanism.gravity *
+                           Vector3d(mechanism.up.x(), mechanism.up.y(), 0.0);
   Vector3d::Map(e.d->qfrc_applied + kCarrier) =
-      -Vector3d(c.force.x(), c.force.y(), about.dot(c.carrier.R.col(2))) -
+      support - Vector3d(c.force.x(), c.force.y(), about.dot(c.carrier.R.col(2))) -
       mechanism.carrier.stiffness.cwiseProduct(off) - mechanism.carrier.damping.cwiseProduct(slip);
 
   const Cylinder peg{e.positions(kPeg), axis, mechanism.peg.radius, mechanism.peg.half_height};
@@ -380,7 +383,7 @@ Eigen::Vector2d MujocoSimulation::specificForce(double height) const {
   const Vector3d turning = R * Vector3d(Vector3d::Map(e.d->qacc + kTurn));
   Vector3d specific_force =
       Vector3d::Map(e.d->qacc + kPeg) + turning.cross(arm) + turn.cross(turn.cross(arm));
-  specific_force.z() += scenario_.mechanism.gravity;
+  specific_force += scenario_.mechanism.gravity * scenario_.mechanism.up;
   return {R.col(0).dot(specific_force), R.col(1).dot(specific_force)};
 }
 

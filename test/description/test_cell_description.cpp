@@ -95,6 +95,18 @@ TEST(CellDescription, IsMadeFromTheScenario) {
 
 // With a chamfer: the description knows it, the block weighs less by the cone's ring, and its
 // shapes leave the cone free to a micrometre and no more.
+// z of the world is up, however the hole is oriented.
+TEST(CellDescription, WorldIsUprightWhereTheHoleIsNot) {
+  for (const char* gravity :
+       {"9.8", "[0, -9.8, 0]", "[9.8, 0, 0]", "[-9.8, 0, 0]", "[0, 0, 9.8]", "[3, -4, -5]"}) {
+    const Mechanism m =
+        loadMechanism(kSource + "/config/scenarios/cell.yaml", {std::string("gravity=") + gravity});
+    const CellDescription cell = loadCellDescription(cellUrdf(m));
+    const Eigen::Vector3d up = cell.X_WA.R * cell.X_AH.R * m.up;
+    EXPECT_LT((up - Eigen::Vector3d::UnitZ()).norm(), 1e-12) << gravity;
+  }
+}
+
 TEST(CellDescription, ChamferIsInTheBlock) {
   Mechanism mechanism = loadScenario(kSource + "/config/scenarios/cell.yaml").mechanism;
   const CellDescription sharp = loadCellDescription(cellUrdf(mechanism));

@@ -55,6 +55,52 @@ TEST(Dynamics, EnergyIsConservedWithoutDampers) {
   EXPECT_LT(std::abs(sim.energy() - before), 1e-4 * scale);
 }
 
+// In any direction of gravity: energy with its potential, and the hanging peg's load, which is the
+// weight by statics.
+TEST(Dynamics, GravityMayHaveAnyDirection) {
+  for (const char* gravity : {"[0, -9.8, 0]", "[0, 0, 9.8]", "[4, -5, 7]"}) {
+    const std::string key = std::string("gravity=") + gravity;
+    Scenario s = load("cell", {"contact={law: none}", "solver.tolerance=1e-11", key});
+    s.initial.position.z() += 0.02;
+    s.rest.z += 0.02;
+    const Scenario damped = s;
+    s.mechanism.coupling.damping = CouplingMatrix{};
+    s.mechanism.carrier.damping.setZero();
+    Simulation sim(s);
+    const double before = sim.energy();
+    ASSERT_EQ(sim.advance(0.5), StopReason::kOk);
+    // as in EnergyIsConservedWithoutDampers
+    EXPECT_LT(std::abs(sim.energy() - before), 1e-9 * static_cast<double>(sim.counts().steps));
+
+    Simulation hanging(damped);
+    ASSERT_EQ(hanging.advance(3.0), StopReason::kOk);
+    const Pose X_HP = hanging.pegPose(), X_HC = hanging.carrierPose();
+    const Eigen::Vector3d weight = -s.mechanism.peg.mass * s.mechanism.gravity * s.mechanism.up;
+    const Vector6 load = hanging.couplingWrench();
+    // what swings yet: exp(-3 s * 6 /s) of the start
+    EXPECT_LT((X_HC.R * load.head<3>() - weight).norm(), 1e-6) << gravity;
+    const Eigen::Vector3d middle = X_HP.p + s.mechanism.peg.half_height * X_HP.R.col(2);
+    const Eigen::Vector3d moment = (middle - X_HC.p).cross(weight);
+    EXPECT_LT((X_HC.R * load.tail<3>() - moment).norm(), 1e-6) << gravity;
+  }
+}
+
+// The cell is the same about its axis, so a gravity turned by a right angle turns the motion.
+TEST(Dynamics, TurnedGravityTurnsTheMotion) {
+  const auto sag = [](const std::string& gravity) {
+    Scenario s = load("cell", {"contact={law: none}", "gravity=" + gravity});
+    place(s, {0.0, 0.0, 0.03}, 0.0, 0.0);
+    Simulation sim(s);
+    EXPECT_EQ(sim.advance(0.05), StopReason::kOk);
+    return Eigen::Vector3d(sim.pegPose().p - Eigen::Vector3d(0.0, 0.0, 0.03));
+  };
+  const Eigen::Vector3d x = sag("[9.8, 0, 0]"), y = sag("[0, 9.8, 0]");
+  EXPECT_GT(x.norm(), 1e-5);
+  // tolerance of the solver, 1e-9 m a step
+  EXPECT_LT((Eigen::Vector3d(-x.y(), x.x(), x.z()) - y).norm(), 1e-8)
+      << x.transpose() << " and " << y.transpose();
+}
+
 // Free motion with the exciter on, against the same at a tolerance of 1e-14.
 class ConvergenceOrder : public ::testing::Test {
  protected:

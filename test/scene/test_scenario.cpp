@@ -138,6 +138,24 @@ TEST(Scenario, NumbersInEveryNotation) {
   EXPECT_EQ(with({"push=[-.5, -0, -1.0e-3]"}).push, Eigen::Vector3d(-0.5, 0.0, -1e-3));
 }
 
+TEST(Scenario, GravityIsANumberOrAVector) {
+  const std::string path = std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml";
+  EXPECT_EQ(loadScenario(path).mechanism.up, Eigen::Vector3d::UnitZ());
+  const Mechanism m = loadMechanism(path, {"gravity=[0, -9.8, 0]"});
+  EXPECT_EQ(m.gravity, 9.8);
+  EXPECT_EQ(m.up, Eigen::Vector3d::UnitY());
+  // written so that it is read again
+  const Mechanism again = parseMechanism(mechanismText(m), "written");
+  EXPECT_EQ(again.gravity, m.gravity);
+  EXPECT_EQ(again.up, m.up);
+  const Mechanism down = loadMechanism(path, {"gravity=[0, 0, -9.8]"});
+  EXPECT_EQ(down.gravity, 9.8);
+  EXPECT_EQ(down.up, Eigen::Vector3d::UnitZ());
+  for (const char* wrong : {"gravity=[0, -9.8]", "gravity=[0, .nan, 0]", "gravity=-9.8"}) {
+    EXPECT_THROW(loadMechanism(path, {wrong}), InputError) << wrong;
+  }
+}
+
 TEST(Scenario, OverridesReachListsAndAbsentKeys) {
   EXPECT_EQ(with({"coupling.stiffness.diagonal[1]=99"}).mechanism.coupling.stiffness.diagonal,
             (Vector6() << 10, 99, 30, 40, 50, 60).finished());

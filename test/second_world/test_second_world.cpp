@@ -67,6 +67,21 @@ TEST(MujocoSimulation, FreeSwingIsTheClosedForm) {
   EXPECT_LT(fine, 0.35 * coarse);
 }
 
+// A cell on its side: the hanging peg of both simulators, to the backend's own step error.
+TEST(MujocoSimulation, SidewaysGravityHangsThePegAsInSimulation) {
+  for (const char* gravity : {"[0, -9.8, 0]", "[6, 0, 7]"}) {
+    const Scenario s =
+        upright(0.01, 0.0, {std::string("gravity=") + gravity, "coupling.axes=carrier"});
+    MujocoSimulation mujoco(s, SoftContact());
+    Simulation exact(s);
+    ASSERT_EQ(mujoco.advance(3.0), StopReason::kOk);
+    ASSERT_EQ(exact.advance(3.0), StopReason::kOk);
+    const Vector3d sag = exact.pegPose().p - Vector3d(0.0, 0.0, 0.01);
+    EXPECT_GT(sag.norm(), 5e-5);
+    EXPECT_LT((mujoco.pegPose().p - exact.pegPose().p).norm(), 1e-3 * sag.norm()) << gravity;
+  }
+}
+
 // Forced by the exciter through the whole mechanism: as the exact simulation, which has closed
 // forms and peers of its own, for the steady state.
 TEST(MujocoSimulation, ExciterMovesThePegAsInSimulation) {

@@ -40,6 +40,7 @@ struct Field {
   const char* description;  ///< a sentence, a literal
 
   double* numbers = nullptr;  ///< of a number or a row of `count`
+  double* against = nullptr;  ///< of a number that may be a vector: see orVector()
   std::size_t count = 1;      ///< of a section: of the fields after it that are in it, at any depth
   bool* flag = nullptr;
   std::string* text = nullptr;
@@ -61,6 +62,11 @@ struct Field {
   /// The default depends on other parameters or on the node: in words, a literal.
   Field& derived(const char* from);
   Field& independent();
+  /// A number that may be given as a vector, three numbers: its length, against `direction`, a unit
+  /// vector. A number alone leaves the direction.
+  Field& orVector(double* direction);
+  /// False, and nothing changed: its length is out of range.
+  bool setVector(const double* vector) const;
   /// Left out of a written file when false: the default says the same.
   Field& written(bool is);
   Field& flow();

@@ -78,7 +78,7 @@ class HeldMotion {
   const UnheldMotion& free() const { return free_; }
 
   // static force of the peg on the sensor, hole axes [N]
-  Eigen::Vector3d couplingForce() const { return contact_ - Eigen::Vector3d(0.0, 0.0, weight_); }
+  Eigen::Vector3d couplingForce() const { return contact_ - weight_; }
 
   // and its moment about the coupling point, hole axes [N m]
   Eigen::Vector3d couplingMoment(double alpha) const;
@@ -100,7 +100,7 @@ class HeldMotion {
   UnheldMotion free_;
   PegParameters peg_;
   Eigen::Vector3d contact_;  // static force on the peg [N]
-  double weight_;            // [N]
+  Eigen::Vector3d weight_;   // up [N]
   double rolling_;  // travel of the contact along the edge per rotation about the radial axis [m]
   Eigen::Vector3cd force_;
   Eigen::Matrix3cd carrier_inverse_;  // carrier's coordinates by forces and moment on it

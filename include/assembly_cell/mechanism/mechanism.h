@@ -116,7 +116,10 @@ struct FrictionParameters {
 
 /// The parts and what acts on them.
 struct Mechanism {
-  double gravity = 0.0;  ///< along −z of the carrier's base [m/s²]
+  double gravity = 0.0;  ///< [m/s²]
+  /// Against gravity, unit vector; in the carrier's base, which is nominally parallel to the hole,
+  /// and in a simulation in the hole.
+  Eigen::Vector3d up{0.0, 0.0, 1.0};
   PegParameters peg;
   HoleParameters hole;
   CarrierParameters carrier;

@@ -167,7 +167,8 @@ WindowAnswer TwinForceContacts::tare(const AveragingWindow& free) {
   // a driver may have removed the weight already: then the carrier counts as upright
   const Vec3 force = zero.free.wrenchB().head<3>();
   const bool weighed = force.norm() > 0.5 * setup_.mechanism.peg.mass * setup_.mechanism.gravity;
-  zero.up = weighed ? Vec3(-(zero.X_SC.R * force).normalized()) : Vec3(zero.X_SC.R.col(2));
+  zero.up =
+      weighed ? Vec3(-(zero.X_SC.R * force).normalized()) : Vec3(zero.X_SC.R * setup_.mechanism.up);
   zero_ = zero;
   return {};
 }

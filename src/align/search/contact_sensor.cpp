@@ -14,22 +14,20 @@ constexpr double kTouchNoise = 5.0;  // sd of a block's force, all axes, that ar
 // The norm of a change in three axes is below 2.5 times its rms in 999 of 1000 (chi distribution).
 constexpr double kNoiseRms = 2.5;
 
-// Change of the weight in carrier axes between two poses.
-Vector6 weightChange(const PegParameters& peg, double gravity, const RestPose& from,
-                     const RestPose& to) {
-  if (peg.mass == 0.0) return Vector6::Zero();
-  const auto weight = [&](const RestPose& carrier) {
-    // the base is upright to a few degrees, which changes the difference by as much of itself
-    const Eigen::Vector3d up = poseFromRest(carrier).R.transpose() * Eigen::Vector3d::UnitZ();
-    return pegWeight(peg, gravity, up, Vector6::Zero());
-  };
-  return weight(to) - weight(from);
-}
-
 }  // namespace
 
-ContactSensor::ContactSensor(const PegParameters& peg, double gravity, double force_scale)
-    : peg_(peg), gravity_(gravity), force_scale_(force_scale), touch_(kTouchForce * force_scale) {}
+ContactSensor::ContactSensor(const PegWeight& weight, double force_scale)
+    : weight_(weight), force_scale_(force_scale), touch_(kTouchForce * force_scale) {}
+
+Vector6 ContactSensor::weightChange(const RestPose& from) const {
+  if (weight_.peg.mass == 0.0) return Vector6::Zero();
+  const auto weight = [this](const RestPose& carrier) {
+    // the base is upright to a few degrees, which changes the difference by as much of itself
+    const Eigen::Vector3d up = poseFromRest(carrier).R.transpose() * weight_.up;
+    return pegWeight(weight_.peg, weight_.gravity, up, Vector6::Zero());
+  };
+  return weight(last_.carrier) - weight(from);
+}
 
 void ContactSensor::setTare(const Tare& tare) {
   tare_ = tare;
@@ -42,19 +40,15 @@ void ContactSensor::setTare(const Tare& tare) {
 }
 
 Vector6 ContactSensor::wrench() const {
-  return last_.wrench_b - tare_.wrench - weightChange(peg_, gravity_, tare_.pose, last_.carrier);
+  return last_.wrench_b - tare_.wrench - weightChange(tare_.pose);
 }
 
 double ContactSensor::heldForce() const {
-  return (last_.wrench_b - first_.wrench - weightChange(peg_, gravity_, first_.pose, last_.carrier))
-      .head<3>()
-      .norm();
+  return (last_.wrench_b - first_.wrench - weightChange(first_.pose)).head<3>().norm();
 }
 
 double ContactSensor::tareShift() const {
-  return (tare_.wrench - first_.wrench - weightChange(peg_, gravity_, first_.pose, last_.carrier))
-      .head<3>()
-      .norm();
+  return (tare_.wrench - first_.wrench - weightChange(first_.pose)).head<3>().norm();
 }
 
 double ContactSensor::noiseChange() const {

@@ -76,7 +76,7 @@ void tareFreePeg(GuardedCarrier& carrier, const Mechanism& mechanism) {
   const ContactSensor& sensor = carrier.sensor();
   carrier.tare();
   const PlantBlock& last = carrier.last();
-  const Eigen::Vector3d up = poseFromRest(last.carrier).R.transpose() * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d up = poseFromRest(last.carrier).R.transpose() * mechanism.up;
   const Vector6 weight = pegWeight(mechanism.peg, mechanism.gravity, up, last.displacement_b);
   if ((sensor.tare().wrench - weight).head<3>().norm() < sensor.freeForce()) return;
   // in contact, or the sensor's zero is another one: up until nothing changes any more

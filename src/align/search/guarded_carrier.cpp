@@ -38,13 +38,12 @@ PressLimits pressLimits(const Mechanism& mechanism) {
   limits.scale = scaleOf(mechanism);
   limits.approach_step *= limits.scale.step;
   limits.compliance = kMaxCompliance * pressCompliance(mechanism);
-  limits.peg = mechanism.peg;
-  limits.gravity = mechanism.gravity;
+  limits.weight = {mechanism.peg, mechanism.gravity, mechanism.up};
   return limits;
 }
 
 GuardedCarrier::GuardedCarrier(Plant& plant, const PressLimits& limits)
-    : plant_(plant), limits_(limits), sensor_(limits.peg, limits.gravity, limits.scale.force) {
+    : plant_(plant), limits_(limits), sensor_(limits.weight, limits.scale.force) {
   wait(1);
   target_ = last().carrier;
 }

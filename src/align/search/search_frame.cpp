@@ -48,14 +48,14 @@ RestPose SearchFrame::restFor(const Vec3& p, const Mat3& R) const {
 }
 
 Vector6 SearchFrame::sag(const RestPose& carrier) const {
-  const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
+  const Vec3 up = poseFromRest(carrier).R.transpose() * mechanism_.up;
   return couplingStiffness(mechanism_.coupling).inverse() *
          pegWeight(mechanism_.peg, mechanism_.gravity, up, Vector6::Zero());
 }
 
 Vector6 SearchFrame::tipWrench(const RestPose& carrier, const Vector6& wrench,
                                const Vector6& deflection) const {
-  const Vec3 up = poseFromRest(carrier).R.transpose() * Vec3::UnitZ();
+  const Vec3 up = poseFromRest(carrier).R.transpose() * mechanism_.up;
   const auto weight = [&](const Vector6& d) {
     return pegWeight(mechanism_.peg, mechanism_.gravity, up, d);
   };

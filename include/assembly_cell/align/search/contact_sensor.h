@@ -21,13 +21,20 @@ struct Tare {
   double time = 0.0;                       ///< plant clock [s]
 };
 
+/// The weight that turns with the carrier.
+struct PegWeight {
+  PegParameters peg;
+  double gravity = 0.0;               ///< [m/s²]
+  Eigen::Vector3d up{0.0, 0.0, 1.0};  ///< see Mechanism
+};
+
 /// Contact force as sensor_b measures it: the wrench of the latest block less the latest tare and
 /// less the change of the peg's weight, which turns with the carrier. The first tare is the
 /// reference for whether the peg is free. Without a mass the weight is as at the tare, always.
 class ContactSensor {
  public:
   /// `force_scale`: see Scale::force.
-  ContactSensor(const PegParameters& peg, double gravity, double force_scale);
+  ContactSensor(const PegWeight& weight, double force_scale);
 
   void update(const PlantBlock& block) { last_ = block; }
   const PlantBlock& last() const { return last_; }
@@ -61,8 +68,11 @@ class ContactSensor {
   ForceAlarm alarmAt(double force, double sideways) const;
 
  private:
-  PegParameters peg_;
-  double gravity_, force_scale_;
+  /// Change of the weight in carrier axes since a pose.
+  Vector6 weightChange(const RestPose& from) const;
+
+  PegWeight weight_;
+  double force_scale_;
   PlantBlock last_;
   Tare tare_, first_;
   double touch_;

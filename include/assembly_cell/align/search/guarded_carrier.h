@@ -18,8 +18,7 @@ struct PressLimits {
   double approach_step = 1e-4;  ///< travel down in one block before contact [m]
   double compliance = 5e-4;     ///< travel per force while pressing: more is no contact [m/N]
   Scale scale;                  ///< of the mechanism
-  PegParameters peg;            ///< its weight turns with the carrier, see ContactSensor
-  double gravity = 0.0;         ///< [m/s²]
+  PegWeight weight;             ///< see ContactSensor
 };
 
 /// The limits for a mechanism: default ones with its steps, compliance, scale and weight.
