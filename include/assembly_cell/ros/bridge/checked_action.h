@@ -141,8 +141,8 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   void shutdown() {
     goals_.stop();
     if (thread_.joinable()) thread_.join();
-    goal_sub_.shutdown();
-    cancel_sub_.shutdown();
+    subs_.goal.shutdown();
+    subs_.cancel.shutdown();
     status_timer_.stop();
   }
 
@@ -187,11 +187,11 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
         nh_.template advertise<actionlib_msgs::GoalStatusArray>("status", kQueueSize, true);
     status_timer_ = nh_.createWallTimer(ros::WallDuration(kStatusPeriod),
                                         [this](const ros::WallTimerEvent&) { publishStatus(); });
-    goal_sub_ = nh_.template subscribe<ActionGoal, const ros::MessageEvent<ActionGoal const>&>(
+    subs_.goal = nh_.template subscribe<ActionGoal, const ros::MessageEvent<ActionGoal const>&>(
         "goal", kQueueSize,
         [this](const ros::MessageEvent<ActionGoal const>& event) { receiveGoal(event); });
-    cancel_sub_ = nh_.template subscribe<actionlib_msgs::GoalID,
-                                         const ros::MessageEvent<actionlib_msgs::GoalID const>&>(
+    subs_.cancel = nh_.template subscribe<actionlib_msgs::GoalID,
+                                          const ros::MessageEvent<actionlib_msgs::GoalID const>&>(
         "cancel", kQueueSize, [this](const ros::MessageEvent<actionlib_msgs::GoalID const>& event) {
           receiveCancel(event);
         });
@@ -207,10 +207,10 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   }
 
   void receiveGoal(const ros::MessageEvent<ActionGoal const>& event) {
-    guarded(goal_sub_.getTopic(), [&] {
+    guarded(subs_.goal.getTopic(), [&] {
       const std::string fault = refusalOf(event.getConstMessage()->goal_id);
       if (!fault.empty()) {
-        IncomingLog::ofThisProcess().refuse(goal_sub_.getTopic(), event.getPublisherName(), fault);
+        IncomingLog::ofThisProcess().refuse(subs_.goal.getTopic(), event.getPublisherName(), fault);
         return;
       }
       const auto goal = notFromFuture<ActionGoal>(
@@ -226,10 +226,10 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   }
 
   void receiveCancel(const ros::MessageEvent<actionlib_msgs::GoalID const>& event) {
-    guarded(cancel_sub_.getTopic(), [&] {
+    guarded(subs_.cancel.getTopic(), [&] {
       const std::string fault = refusalOf(*event.getConstMessage());
       if (!fault.empty()) {
-        IncomingLog::ofThisProcess().refuse(cancel_sub_.getTopic(), event.getPublisherName(),
+        IncomingLog::ofThisProcess().refuse(subs_.cancel.getTopic(), event.getPublisherName(),
                                             fault);
         return;
       }
@@ -283,7 +283,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     const MessageCheck found = check(*goal.getGoal());
     if (!found.good()) {
       const std::string text = "goal refused: " + found.text();
-      IncomingLog::ofThisProcess().refuse(goal_sub_.getTopic(), goal.getGoalID().id, found.text());
+      IncomingLog::ofThisProcess().refuse(subs_.goal.getTopic(), goal.getGoalID().id, found.text());
       goal.setRejected(Result(), text);
       return;
     }
@@ -297,7 +297,9 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   struct {
     ros::Publisher result, feedback, status;
   } pubs_;
-  ros::Subscriber goal_sub_, cancel_sub_;
+  struct {
+    ros::Subscriber goal, cancel;
+  } subs_;
   ros::WallTimer status_timer_;
   GoalQueue<Handle> goals_;
   std::thread thread_;  // last: uses the other members
