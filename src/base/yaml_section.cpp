@@ -252,7 +252,8 @@ void Section::readField(const Field& field) {
   const std::string name = field.name();
   switch (field.kind) {
     case Field::Kind::kNumber:
-      if (const YAML::Node* node = find(name); field.against != nullptr && node->IsSequence()) {
+      if (const YAML::Node* node = field.against != nullptr ? find(name) : nullptr;
+          node != nullptr && node->IsSequence()) {
         double vector[3];
         readNumbers(name, {-field.range.high, field.range.high, field.range.unit}, 3, vector);
         if (!field.setVector(vector)) refuse(at(name), shown(*node), field.remedy());
