@@ -96,6 +96,18 @@ std::string temporaryOf(const Place& place) {
 
 }  // namespace
 
+std::string dataFolder(const std::string& where) {
+  namespace fs = std::filesystem;
+  const char* ros_home = std::getenv("ROS_HOME");
+  if (ros_home != nullptr && *ros_home != '\0')
+    return (fs::path(ros_home) / "assembly_cell").string();
+  const char* home = std::getenv("HOME");
+  if (home == nullptr || *home == '\0') {
+    throw InputError(where + ": neither ROS_HOME nor HOME is set: set one of them");
+  }
+  return (fs::path(home) / ".ros/assembly_cell").string();
+}
+
 bool writeAll(int file, const std::string& bytes) {
   std::size_t done = 0;
   while (done < bytes.size()) {

@@ -22,6 +22,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/options.h"
 #include "assembly_cell/base/text.h"
+#include "assembly_cell/base/yaml_section.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/calibrated_sensors.h"
@@ -29,7 +30,10 @@
 #include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 #include "assembly_cell/mismatch/mismatch.h"
+#include "assembly_cell/records/align_record.h"
+#include "assembly_cell/records/store.h"
 #include "assembly_cell/sensor/bridge.h"
+#include "assembly_cell/study/ledger.h"
 #include "assembly_cell/study/share.h"
 
 namespace {
@@ -88,6 +92,9 @@ the scenario has it; several start at random: offset uniform in a disc, tilt uni
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for ground truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
+  --record STORE        store a record of each run as it ends, see docs/reference/records.md
+  --program P           of the records (default: the scenario's name)
+  --serial-prefix S     of the parts' serials: S and the seed (default: run- and the record's number)
   --help                print this
 
 Exit code: 0 all runs ended aligned, 1 some did not (named in reason), 2 bad input.
@@ -99,6 +106,7 @@ constexpr double kStartHeight = 0.003;  // height of random starts above the pla
 
 struct Options {
   std::string scenario, report, mismatch, mechanism, insert, arm, world = "exact";
+  std::string record, program, serial_prefix;
   bool identify = false;
   std::vector<std::string> overrides, parameters;
   AlignParameters align;
@@ -140,8 +148,12 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.flag("--identify", o.identify);
   parser.flag("--check", o.check);
   parser.text("--report", o.report);
+  parser.text("--record", o.record);
+  parser.text("--program", o.program);
+  parser.text("--serial-prefix", o.serial_prefix);
   if (!parser.parse(arguments)) return false;
   parser.onlyWith("--insert", {"--insert-exciter"});
+  parser.onlyWith("--record", {"--program", "--serial-prefix"});
   if (o.runs == 1) parser.onlyWith("--random-start", {"--offset-max", "--tilt-max"});
   assembly_cell::checkBits(o.cell.bits, "--bits: value ");
   return true;
@@ -381,7 +393,48 @@ const std::string& sourceOf(const Options& o) {
   return o.mechanism.empty() ? o.scenario : o.mechanism;
 }
 
-std::vector<Run> runAll(const Options& o, const Task& task) {
+double secondsSince1970() {
+  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+// Where records of the runs go, if anywhere.
+class Recorder {
+ public:
+  Recorder(const Options& o, const Task& task) : o_(o), task_(task) {
+    if (o.record.empty()) return;
+    store_.emplace(o.record, assembly_cell::RunStore::Access::kWrite);
+    store_->checkWritable();
+    hash_ = assembly_cell::crcText(assembly_cell::yaml::fileText(o.scenario, "a scenario"));
+  }
+  // `record` has the start and the events
+  void store(const Run& run, assembly_cell::Run record) {
+    if (!store_) return;
+    describe(run.trial.result, o_.align, record);
+    record.program = o_.program.empty() ? task_.scenario.name : o_.program;
+    record.program_hash = hash_;
+    record.station = "simulation";
+    const std::string seed = std::to_string(run.seed);
+    if (!o_.serial_prefix.empty()) record.serial = o_.serial_prefix + seed;
+    record.versions["package"] = assembly_cell::studyProgram();
+    record.simulation = {{"seed", seed}, {"world", o_.world}};
+    if (!run.truth.empty()) record.simulation["mismatch"] = run.truth;
+    if (run.trial.false_success) record.simulation["false_success"] = "true";
+    for (const std::string& one : o_.overrides) {
+      record.settings["scenario." + one.substr(0, one.find('='))] = one.substr(one.find('=') + 1);
+    }
+    const std::lock_guard<std::mutex> lock(mutex_);
+    store_->append(record);
+  }
+
+ private:
+  const Options& o_;
+  const Task& task_;
+  std::string hash_;
+  std::mutex mutex_;
+  std::optional<assembly_cell::RunStore> store_;
+};
+
+std::vector<Run> runAll(const Options& o, const Task& task, Recorder& recorder) {
   std::vector<Run> runs(static_cast<std::size_t>(o.runs));
   std::atomic<std::size_t> next{0};
   std::mutex mutex;
@@ -399,15 +452,28 @@ std::vector<Run> runAll(const Options& o, const Task& task) {
   };
   const auto work = [&] {
     for (std::size_t i = next++; i < runs.size(); i = next++) {
-      try {
-        runs[i] = runOnce(o, task, o.cell.seed + i,
-                          o.runs == 1 ? std::function<void(const AlignProgress&)>(show) : nullptr);
-      } catch (const InputError& error) {
+      const auto refused = [&](const std::string& why) {
         const std::lock_guard<std::mutex> lock(mutex);
-        bad_input = error.what();
+        bad_input = why;
         next = runs.size();
-        return;
+      };
+      assembly_cell::Run record;
+      record.start = secondsSince1970();
+      const auto progress = [&](const AlignProgress& p) {
+        if (o.runs == 1) show(p);
+        addEvent(p, record);
+      };
+      try {
+        runs[i] = runOnce(o, task, o.cell.seed + i, progress);
+      } catch (const InputError& error) {
+        return refused(sourceOf(o) + ": " + error.what());
       }
+      try {
+        recorder.store(runs[i], std::move(record));
+      } catch (const InputError& error) {
+        return refused(error.what());
+      }
+      runs[i].trial.result.insert.curve = {};  // not printed
       const std::lock_guard<std::mutex> lock(mutex);
       ++done;
       beat.rest();
@@ -421,7 +487,7 @@ std::vector<Run> runAll(const Options& o, const Task& task) {
   for (long i = 1; i < std::min(o.threads, o.runs); ++i) threads.emplace_back(work);
   work();
   for (std::thread& thread : threads) thread.join();
-  if (!bad_input.empty()) throw InputError(sourceOf(o) + ": " + bad_input);
+  if (!bad_input.empty()) throw InputError(bad_input);
   return runs;
 }
 
@@ -477,9 +543,13 @@ int run(const std::vector<std::string>& arguments) {
     file = std::make_unique<assembly_cell::NewFile>(o.report, "--report: value " + o.report,
                                                     "give a file that can be written");
   }
-  if (o.check) return 0;
+  if (o.check) {
+    if (!o.record.empty()) assembly_cell::checkWritable(o.record, "--record: value " + o.record);
+    return 0;
+  }
 
-  const std::vector<Run> runs = runAll(o, task);
+  Recorder recorder(o, task);
+  const std::vector<Run> runs = runAll(o, task, recorder);
   const std::string text = yaml(runs, o);
   std::cout << text << std::flush;
   if (file) {

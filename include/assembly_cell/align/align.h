@@ -9,6 +9,7 @@
 
 #include "assembly_cell/align/parameters.h"
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/math/curve.h"
 
 namespace assembly_cell {
 
@@ -51,6 +52,7 @@ struct InsertResult {
   double time = 0.0;                 ///< plant clock used [s]
   int backed_out = 0;                ///< times that the peg was stuck and was pulled up again
   std::vector<BoreReading> profile;  ///< one a millimetre
+  Curve curve;                       ///< a sample a step of 20 ms; in a long insertion fewer
 };
 
 /// Result of an alignment.

@@ -21,6 +21,7 @@ enum class FileKind {
   kArm,
   kArmBridge,
   kEmulatedArm,
+  kRules,
   kNode
 };
 

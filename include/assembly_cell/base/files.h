@@ -35,6 +35,10 @@ void writeFileAtomically(const std::string& path, const std::string& content,
 /// Could a file be written there? Leaves nothing behind. Throws InputError beginning with `where`.
 void checkWritable(const std::string& path, const std::string& where);
 
+/// The package's folder for data: ~/.ros/assembly_cell, or below ROS_HOME where that is set. Throws
+/// InputError beginning with `where` when neither HOME nor ROS_HOME is.
+std::string dataFolder(const std::string& where);
+
 /// Writes all bytes into an open file, also when signals arrive; false (errno says why) when they
 /// can't be written.
 bool writeAll(int file, const std::string& bytes);

@@ -3,27 +3,14 @@
 // exchange it. docs/reference/records.md
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
 
+#include "assembly_cell/math/curve.h"
+
 namespace assembly_cell {
-
-/// Contact wrench over the path into the hole. All vectors are of the same length, in the order of
-/// time; the depth may go back where the peg was pulled up. NaN: not measured (of a curve of
-/// others).
-struct Curve {
-  std::vector<double> time;     ///< since the run's start [s]
-  std::vector<double> depth;    ///< of the centre of the peg's edge below the hole's plane [m]
-  std::vector<double> axial;    ///< force up the peg's axis [N]
-  std::vector<double> lateral;  ///< force across it [N]
-  std::vector<double> moment;   ///< about the edge's centre, across the axis [N·m]
-  std::vector<double> tilt;     ///< of the peg's axis against the hole's estimated one [rad]
-
-  std::size_t size() const { return time.size(); }
-};
 
 /// A quantity estimated in a run.
 struct RunEstimate {
@@ -34,10 +21,12 @@ struct RunEstimate {
 
 /// What one rule states of a run; independent of the run's result.
 struct RunVerdict {
-  std::string rule;      ///< its name
-  std::string kind;      ///< box or band
-  bool passed = true;    ///< within it
-  double margin = 0.0;   ///< smallest distance from the limit, over the limit's width; < 0: outside
+  std::string rule;    ///< its name
+  std::string kind;    ///< box or band
+  bool passed = true;  ///< within it
+  /// Smallest distance from the limit, over the limit's half width; < 0: outside; NaN: not
+  /// evaluated.
+  double margin = 0.0;
   double depth = 0.0;    ///< where that is [m]; NaN: nowhere, such as a curve that ends too early
   std::string quantity;  ///< axial, lateral, moment or tilt
   std::string text;      ///< one line for a person

@@ -21,7 +21,7 @@ class RunRules {
   explicit RunRules(const std::vector<std::string>& paths);
 
   /// What the rules for the run's program state of its curve; none for a program without rules.
-  std::vector<RunVerdict> judge(const Run& run) const;
+  std::vector<RunVerdict> evaluate(const Run& run) const;
   /// The band for a program, to show; null: none.
   const Band* band(const std::string& program) const;
 

@@ -22,6 +22,9 @@ constexpr double kOut = 2e-3;           // above the face is out of the hole [m]
 constexpr int kBackOuts = 6;            // before the insertion is jammed
 constexpr std::size_t kReported = 5;    // steps of the profile between two reports of progress
 constexpr double kProfileStep = 1e-3;   // [m]
+// Samples of the curve: 82 s of an insertion, whose descent of 40 mm takes 5 s. A longer one has
+// every second sample, and so on: half as many would begin with that at 41 s.
+constexpr std::size_t kSamples = 4096;
 
 constexpr double kContactForce = 0.3;  // of a bore-wall contact; lengths and forces as Scale's [N]
 constexpr double kLeverArm = 5e-3;     // of the mouth, at least, to separate two contacts [m]
@@ -44,6 +47,15 @@ constexpr int kEaseBlocks = 50;
 double minFloor(const Mechanism& mechanism, const Scale& scale) {
   return mechanism.hole.depth - kDrawn * scale.travel;
 }
+
+// Takes samples of the curve until the end of a scope, however it ends.
+struct Sampling {
+  explicit Sampling(int& every) : every_(every) { every_ = 1; }
+  ~Sampling() { every_ = 0; }
+  Sampling(const Sampling&) = delete;
+  Sampling& operator=(const Sampling&) = delete;
+  int& every_;
+};
 
 }  // namespace
 
@@ -68,16 +80,32 @@ BoreReading BoreInsertion::move(double down) {
   const Vector6 d = s_.deflection();
   const Vector6 wrench =
       s_.frame.tipWrench(s_.carrier.last().carrier, s_.carrier.sensor().wrench(), d);
+  const Pose peg = s_.frame.pegPose(s_.carrier.last().carrier, d);
   BoreReading measured;
-  measured.depth =
-      s_.hole.height - s_.hole.normal.dot(s_.frame.pegPose(s_.carrier.last().carrier, d).p);
+  measured.depth = s_.hole.height - s_.hole.normal.dot(peg.p);
   measured.along = wrench(2);
   measured.sideways = wrench.head<2>().norm();
   measured.moment = wrench.segment<2>(3).norm();
   measured.walls = wallContacts(wrench, measured.depth);
   s_.inserted.force = std::max(s_.inserted.force, measured.force());
   s_.inserted.end = measured;
+  if (every_ > 0) sample(measured, peg);
   return measured;
+}
+
+// Into the curve, without allocation.
+void BoreInsertion::sample(const BoreReading& measured, const Pose& X_SP) {
+  if (++sampled_ < every_) return;
+  sampled_ = 0;
+  Curve& curve = s_.inserted.curve;
+  if (curve.size() == kSamples) {
+    curve.thin();
+    every_ *= 2;
+  }
+  const Vec3 axis = X_SP.R.col(2);
+  curve.add({s_.carrier.last().time - s_.start_time, measured.depth, measured.along,
+             measured.sideways, measured.moment,
+             std::atan2(axis.cross(s_.hole.normal).norm(), axis.dot(s_.hole.normal))});
 }
 
 // Contacts of the bore at the peg's end, at the mouth or at both: at the mouth the moment about the
@@ -233,6 +261,8 @@ void BoreInsertion::shake(double amplitude) {
 
 void BoreInsertion::insert() {
   const double start = s_.carrier.last().time;
+  s_.inserted.curve.reserve(kSamples);
+  const Sampling sampling(every_);
   X_SP_ = s_.target();
   if (s_.p.insert.exciter > 0.0) shake(s_.p.insert.exciter);
   move(0.0);

@@ -2,11 +2,11 @@
 #include "assembly_cell/calibration/common/store.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <system_error>
 
 #include "assembly_cell/base/date.h"
+#include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
 
 namespace assembly_cell {
@@ -39,17 +39,7 @@ bool isCalibrationName(const std::string& text) {
          });
 }
 
-std::string calibrationStore() {
-  const char* ros_home = std::getenv("ROS_HOME");
-  if (ros_home != nullptr && *ros_home != '\0') {
-    return (fs::path(ros_home) / "assembly_cell/calibrations").string();
-  }
-  const char* home = std::getenv("HOME");
-  if (home == nullptr || *home == '\0') {
-    throw InputError("calibration store: neither ROS_HOME nor HOME is set: set one of them");
-  }
-  return (fs::path(home) / ".ros/assembly_cell/calibrations").string();
-}
+std::string calibrationStore() { return dataFolder("calibration store") + "/calibrations"; }
 
 std::string calibrationPath(const std::string& store, const std::string& sensor,
                             const std::string& id) {

@@ -30,13 +30,16 @@ class BoreInsertion {
   double opposing(double direction) const;
   BoreReading move(double down);
   BoreReading measure();
+  void sample(const BoreReading& measured, const Pose& X_SP);
   int wallContacts(const Vector6& wrench, double depth) const;
   void shake(double amplitude);
   bool isOnFloor();
   bool pressAgain(const BoreReading& pressed);
 
   SearchState& s_;
-  Pose X_SP_;  // target of the undeflected peg
+  Pose X_SP_;        // target of the undeflected peg
+  int sampled_ = 0;  // steps since the last sample of the curve
+  int every_ = 0;    // steps a sample; 0: none
 };
 
 }  // namespace assembly_cell
