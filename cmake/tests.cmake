@@ -17,12 +17,12 @@ foreach(kind plain computing)
   target_precompile_headers(tests_${kind} PRIVATE ${precompiled} <gtest/gtest.h>)
 endforeach()
 
-# How ctest runs a test of this directory: none may hang, and ROS's scripts need the system's Python. scripts/test has
+# How ctest runs a test of this directory: none may hang, ROS's scripts need the system's Python, and no test writes into the home directory. scripts/test has
 # ctest count halves of a processor: a test takes two, one that mostly WAITS for a clock, a node or a timeout one. COST:
 # tests of a higher cost start first. LONG: only with scripts/test --long; HOURS: it may take hours.
 function(test_properties name)
   cmake_parse_arguments(test "WAITS;LONG;HOURS" "COST" "" ${ARGN})
-  set_tests_properties(${name} PROPERTIES TIMEOUT 1200 PROCESSORS 2 ENVIRONMENT_MODIFICATION "PATH=path_list_prepend:/usr/bin")
+  set_tests_properties(${name} PROPERTIES TIMEOUT 1200 PROCESSORS 2 ENVIRONMENT_MODIFICATION "PATH=path_list_prepend:/usr/bin;ROS_HOME=set:${CMAKE_BINARY_DIR}/ros")
   if(test_WAITS)
     set_tests_properties(${name} PROPERTIES PROCESSORS 1)
   endif()

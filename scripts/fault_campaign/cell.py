@@ -80,7 +80,7 @@ class Nodes:
         package = pathlib.Path(__import__("rospkg").RosPack().get_path("assembly_cell"))
         self.package = package
         lockstep = options.mode == "lockstep"
-        cell = ["lockstep:=" + str(lockstep).lower(), f"real_time_factor:={1.0 / options.factor}"]
+        cell = ["record:=off", "lockstep:=" + str(lockstep).lower(), f"real_time_factor:={1.0 / options.factor}"]
         cell += ["arm:=true"] if options.arm else ["identification:=true"]
         self.load(roslaunch.config, package / "launch/cell.launch", cell, "")
         if not lockstep and not options.arm:

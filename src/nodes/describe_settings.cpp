@@ -17,6 +17,8 @@
 #include "assembly_cell/ros/driver/driver_settings.h"
 #include "assembly_cell/ros/estimation/locus_node.h"
 #include "assembly_cell/ros/estimation/twin_force_node.h"
+#include "assembly_cell/ros/records/recorder_node.h"
+#include "assembly_cell/ros/records/run_recorder.h"
 #include "assembly_cell/ros/simulation/cell_player.h"
 #include "assembly_cell/ros/simulation/markers/marker_settings.h"
 #include "assembly_cell/ros/simulation/report_program.h"
@@ -38,7 +40,7 @@ constexpr const char* kHelp =
 Writes the settings that the code declares into pages (.md: a table) and parameter files (.yaml: keys with defaults and
 comments), between the lines "settings NAME" and "end of settings" in a comment. NAME:
   as parameters of a node: align, arm_bridge, calibration_server, driver, emulated_arm, exciter_output, identifier, locus,
-    markers, mechanism, plant, player, report, rig, simulator, source, twin_force;
+    markers, mechanism, plant, player, record, recorder, report, rig, simulator, source, twin_force;
   as keys: calibration_maps, scenario, study.
 
   --check               write nothing: refuse a file that differs from the code
@@ -89,6 +91,8 @@ const Described kDescribed[] = {
     {"mechanism", describe<ros_bridge::MechanismSettings>, true},
     {"plant", describe<ros_bridge::PlantSettings>, true},
     {"player", describe<ros_bridge::PlayerSettings>, true},
+    {"record", describe<ros_bridge::RecordSettings>, true},
+    {"recorder", describe<ros_bridge::RecorderSettings>, true},
     {"report", describe<ros_bridge::ReportSettings>, true},
     {"rig", describe<ros_bridge::RigNodeSettings>, true},
     {"scenario", describe<Scenario>, false},

@@ -1,13 +1,19 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/records/align_record.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/yaml_text.h"
 
 namespace assembly_cell {
 namespace {
+
+// States of a strategy that begins again, and strategies that follow a failed one.
+constexpr const char* kRetries[] = {"jam",       "recover",   "double_contact", "single_contact",
+                                    "vibratory", "twin_force"};
 
 std::map<std::string, std::string> changedSettings(AlignParameters parameters) {
   AlignParameters defaults;
@@ -48,7 +54,10 @@ void describe(const AlignResult& result, const AlignParameters& parameters, Run&
 }
 
 void addEvent(const AlignProgress& progress, Run& run) {
-  if (progress.state == "jam") run.events.push_back({progress.time, "retry", progress.message});
+  const bool is_retry =
+      std::find(std::begin(kRetries), std::end(kRetries), progress.state) != std::end(kRetries);
+  if (is_retry)
+    run.events.push_back({progress.time, "retry", progress.state + ": " + progress.message});
 }
 
 }  // namespace assembly_cell

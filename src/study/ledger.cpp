@@ -12,6 +12,7 @@
 #include "assembly_cell/base/csv_text.h"
 #include "assembly_cell/base/files.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/yaml_text.h"
 #include "assembly_cell/study/share.h"
 
@@ -51,7 +52,7 @@ StudyLedger::StudyLedger(const Study& study, const std::string& folder, bool fre
     : study_(study),
       folder_(ownFolder(folder, fresh)),
       synced_(std::chrono::steady_clock::now()),
-      journal_(folder + "/journal", "study " + study.digest + " by " + studyProgram(), fresh) {
+      journal_(folder + "/journal", "study " + study.digest + " by " + packageBuild(), fresh) {
   total_ = runCount(study);
   const auto size = static_cast<std::size_t>(total_);
   place_.assign(size, -1);
@@ -208,7 +209,7 @@ std::map<std::string, std::int64_t> StudyLedger::finish() {
 void StudyLedger::writeManifest(const std::map<std::string, std::int64_t>* statuses) const {
   std::ostringstream out;
   out << "study: " << yamlQuoted(study_.name) << "\n"
-      << "program: " << yamlQuoted(studyProgram()) << "\n"
+      << "program: " << yamlQuoted(packageBuild()) << "\n"
       << "digest: \"" << study_.digest << "\"  # of study and scenarios\n"
       << "job: " << (study_.job.kind == StudyJob::Kind::kAlign ? "align" : "simulate") << "\n"
       << "scenarios:\n";

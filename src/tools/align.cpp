@@ -33,7 +33,6 @@
 #include "assembly_cell/records/align_record.h"
 #include "assembly_cell/records/store.h"
 #include "assembly_cell/sensor/bridge.h"
-#include "assembly_cell/study/ledger.h"
 #include "assembly_cell/study/share.h"
 
 namespace {
@@ -415,7 +414,7 @@ class Recorder {
     record.station = "simulation";
     const std::string seed = std::to_string(run.seed);
     if (!o_.serial_prefix.empty()) record.serial = o_.serial_prefix + seed;
-    record.versions["package"] = assembly_cell::studyProgram();
+    record.versions["package"] = assembly_cell::packageBuild();
     record.simulation = {{"seed", seed}, {"world", o_.world}};
     if (!run.truth.empty()) record.simulation["mismatch"] = run.truth;
     if (run.trial.false_success) record.simulation["false_success"] = "true";

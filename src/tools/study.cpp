@@ -267,7 +267,7 @@ int run(Options o, Ranks* ranks) {
     problem = e.what();
   }
   if (ranks != nullptr) {
-    const std::string mine = study.digest + assembly_cell::studyProgram();
+    const std::string mine = study.digest + assembly_cell::packageBuild();
     if (!ranks->agree(mine, problem.empty()) && problem.empty()) {
       problem = o.study + ": study: not the same on all ranks: give all of them the same files " +
                 "and the same program";

@@ -24,6 +24,7 @@ struct AlignProgress {
   double depth = 0.0;        ///< of the bottom edge, during the insertion [m]
   double force = 0.0;        ///< contact force there [N]
   int walls = 0;             ///< bore-wall contacts there, as in BoreReading
+  double axial = 0.0;        ///< force there up the peg's axis [N]
 };
 
 /// A measured direction of a contact.

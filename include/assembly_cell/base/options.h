@@ -126,4 +126,8 @@ void checkStandardOutput();
 int runTool(const std::string& tool, int argc, char** argv,
             int (*run)(const std::vector<std::string>& arguments));
 
+/// What identifies the program: the package, its version and a digest of its sources, written by
+/// the build (cmake/version.cmake).
+std::string packageBuild();
+
 }  // namespace assembly_cell

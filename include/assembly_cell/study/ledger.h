@@ -15,10 +15,6 @@
 
 namespace assembly_cell {
 
-/// What identifies the program that made results: version and a digest of its sources, written by
-/// the build (cmake/version.cmake).
-std::string studyProgram();
-
 /// The file of finished runs. Only grows; survives the end of the process at any time: a record
 /// that was cut off is cut off at the next start.
 class StudyJournal {

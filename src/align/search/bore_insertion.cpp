@@ -20,7 +20,6 @@ constexpr double kPullFraction = 0.25;  // of that pull, in one block
 constexpr double kRelaxTime = 0.2;      // between a motion up and the next one down [s]
 constexpr double kOut = 2e-3;           // above the face is out of the hole [m]
 constexpr int kBackOuts = 6;            // before the insertion is jammed
-constexpr std::size_t kReported = 5;    // steps of the profile between two reports of progress
 constexpr double kProfileStep = 1e-3;   // [m]
 // Samples of the curve: 82 s of an insertion, whose descent of 40 mm takes 5 s. A longer one has
 // every second sample, and so on: half as many would begin with that at 41 s.
@@ -163,9 +162,7 @@ BoreInsertion::End BoreInsertion::lower() {
     const double mark = kProfileStep * static_cast<double>(s_.inserted.profile.size());
     if (measured.depth >= mark) {
       s_.inserted.profile.push_back(measured);
-      if (s_.inserted.profile.size() % kReported == 1) {
-        s_.report("insert", text("%.1f mm deep, %.1f N", measured.depth * 1e3, measured.force()));
-      }
+      s_.report("insert", text("%.1f mm deep, %.1f N", measured.depth * 1e3, measured.force()));
     }
     // farther up it's the swing of a heavy peg, or walls
     if (p.floor && measured.depth > minFloor(s_.mechanism, s_.scale) &&

@@ -52,7 +52,7 @@ int SearchState::blocks(double duration) const {
 void SearchState::report(const char* state, const std::string& message) const {
   if (!progress) return;
   progress({state, contacts, carrier.last().time - start_time, message, sd.position, sd.rotation,
-            inserted.end.depth, inserted.end.force(), inserted.end.walls});
+            inserted.end.depth, inserted.end.force(), inserted.end.walls, inserted.end.along});
 }
 
 }  // namespace assembly_cell

@@ -11,6 +11,7 @@
 #include "calibration_link.h"
 #include "goal_link.h"
 #include "node_link.h"
+#include "records/record_link.h"
 #include "requests/async_requests.h"
 #include "requests/service_request.h"
 #include "sensor_link.h"
@@ -41,6 +42,7 @@ struct CellLink::Links {
   ros::NodeHandle nh{handle(queue)};
   SensorLink sensors{nh};
   GoalLink goals{nh};
+  RecordLink records{nh};
   CalibrationLink calibration{nh, requests};
   NodeLink nodes{nh, requests};
   AsyncRequests requests;  // after the links: destroyed before them
@@ -54,6 +56,7 @@ CellView CellLink::view() {
   CellView view;
   links_->sensors.show(view);
   links_->goals.show(view);
+  links_->records.show(view);
   links_->nodes.show(view);
   view.calibration = links_->calibration.view();
   view.answers = links_->requests.answers();

@@ -97,6 +97,28 @@ struct CalibrationView {
   std::string result;
 };
 
+/// Of a part's curve.
+enum class RecordState { kGrowing, kNotStored, kNoRules, kGood, kBad };
+
+struct PartView {
+  std::int64_t id = 0;  // in the store
+  std::string serial;
+  RecordState state = RecordState::kNoRules;
+  std::string verdict;  // or why not stored
+};
+
+/// Records of parts, and the curve of the last descent.
+struct RecordView {
+  bool there = false;  // a recorder is running
+  bool writable = false;
+  std::string reason;           // why not
+  std::string serial, program;  // of the next part
+  RecordState state = RecordState::kGrowing;
+  std::vector<Pair> curve;                  // depth [m], force up the peg's axis [N]
+  std::vector<std::array<double, 3>> band;  // depth [m], lowest and highest force [N]
+  std::vector<PartView> parts;              // newest first, since the panel was opened
+};
+
 /// State of a request.
 struct Answer {
   enum class State { kWaiting, kGood, kBad } state = State::kWaiting;
@@ -114,6 +136,7 @@ struct CellView {
   SimulatorView simulator;
   std::vector<NodeView> nodes;
   CalibrationView calibration;
+  RecordView record;
   std::map<std::string, Answer> answers;  // by request
 };
 

@@ -20,6 +20,7 @@ const std::vector<KnownNode>& knownNodes() {
       {"locus_estimator", "contact_mode", true},
       {"twin_force_estimator", "twin_force/status", true},
       {"assembly_supervisor", "assembly_supervisor/state", true},
+      {"assembly_recorder", "recorder_state", false},
       {"contact_markers", "markers", false},
       {"mechanism_identifier", "mechanism_identifier/state", false},
       {"calibration_server", "calibration_server/status", false},

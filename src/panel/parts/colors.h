@@ -29,4 +29,19 @@ inline QColor colorOf(Light light) {
   return absentColor();
 }
 
+inline QColor colorOf(RecordState state) {
+  switch (state) {
+    case RecordState::kGood:
+      return goodColor();
+    case RecordState::kBad:
+      return faultColor();
+    case RecordState::kNotStored:
+      return warningColor();
+    case RecordState::kGrowing:
+    case RecordState::kNoRules:
+      break;
+  }
+  return limitColor();
+}
+
 }  // namespace assembly_cell::panel

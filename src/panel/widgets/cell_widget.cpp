@@ -15,6 +15,7 @@
 #include "parts/colors.h"
 #include "parts/node_lights.h"
 #include "parts/parts.h"
+#include "records/record_page.h"
 #include "sensor_box.h"
 #include "simulation_box.h"
 
@@ -44,9 +45,11 @@ CellWidget::CellWidget(CellLink& link, QWidget* parent) : QWidget(parent), link_
   }
   column->addStretch();
   page_ = new CalibrationPage(link_, refresh_now);
+  records_ = new RecordPage;
   auto* tabs = named("tabs", new QTabWidget);
   tabs->addTab(scrolled(cell), "Cell");
   tabs->addTab(scrolled(page_), "Calibration");
+  tabs->addTab(scrolled(records_), "Records");
   answer_ = wrappedLabel("answer", 2);
   auto* all = new QVBoxLayout(this);
   all->setContentsMargins(0, 0, 0, 0);
@@ -66,6 +69,7 @@ void CellWidget::refresh() {
   sensors_->show(view);
   simulation_->show(view);
   lights_->show(view.nodes);
+  records_->show(view.record);
   page_->show(view);
   showAnswer(view.answers);
 }

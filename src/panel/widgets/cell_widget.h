@@ -16,6 +16,7 @@ class CalibrationPage;
 class EstimateBox;
 class GoalBox;
 class NodeLights;
+class RecordPage;
 class SensorBox;
 class SimulationBox;
 
@@ -40,6 +41,7 @@ class CellWidget : public QWidget {
   SimulationBox* simulation_;
   NodeLights* lights_;
   CalibrationPage* page_;
+  RecordPage* records_;
   QLabel* answer_;
 };
 

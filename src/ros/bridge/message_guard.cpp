@@ -3,6 +3,8 @@
 
 #include <cmath>
 #include <iterator>
+#include <string>
+#include <vector>
 
 namespace assembly_cell::ros_bridge {
 
@@ -15,6 +17,11 @@ constexpr std::size_t kMaxContacts = 10000;
 constexpr Range kJointField{-1e3, 1e3, "rad"};     // some turns
 constexpr Range kRateField{-1e3, 1e3, ""};         // of a flange [m/s], [rad/s]
 constexpr Range kMotionStepField{1e-6, 0.1, "s"};  // between poses that determine a rate
+constexpr Range kDurationField{0.0, 1e9, "s"};     // of a run
+constexpr Range kTiltField{-3.2, 3.2, "rad"};      // of a peg
+constexpr std::size_t kMaxCurve = 1000000;         // points: at 20 ms five hours
+constexpr std::size_t kMaxEntries = 10000;         // settings, estimates or events of a run
+constexpr std::size_t kMaxText = 10000;            // of a line of a record [bytes]
 
 MessageCheck header(const std_msgs::Header& header) {
   MessageCheck check;
@@ -181,20 +188,120 @@ MessageCheck check(const TwinForceState& m) {
   return check;
 }
 
+namespace {
+
+// size: of a list or a text; field: "size of ..."
+void atMost(MessageCheck& check, const char* field, std::size_t size, std::size_t max) {
+  check.number(field, static_cast<double>(size), {0.0, static_cast<double>(max), ""});
+}
+
+template <class Pairs>
+void pairs(MessageCheck& check, const char* field, const char* size, const Pairs& all) {
+  atMost(check, size, all.size(), kMaxEntries);
+  if (!check.good()) return;
+  for (const auto& pair : all) {
+    check.name(field, pair.key);
+    atMost(check, size, pair.value.size(), kMaxText);
+  }
+}
+
+// as many numbers as the curve has points
+void curve(MessageCheck& check, const char* field, const std::vector<double>& numbers,
+           std::size_t points, const Range& range) {
+  check.same(field, numbers.size(), points);
+  if (check.good()) finite(check, field, numbers, range);
+}
+
+}  // namespace
+
+MessageCheck check(const AssemblyRecord& m) {
+  MessageCheck check = header(m.header);
+  check.name("goal_id", m.goal_id).name("serial", m.serial).name("program", m.program);
+  check.name("scenario", m.scenario).name("program_hash", m.program_hash);
+  check.stamp("start", m.start.toSec()).number("duration", m.duration, kDurationField);
+  check.name("strategy", m.strategy).name("result", m.result).name("failure", m.failure);
+  atMost(check, "size of text", m.text.size(), kMaxText);
+  pairs(check, "versions", "size of versions", m.versions);
+  pairs(check, "calibrations", "size of calibrations", m.calibrations);
+  pairs(check, "settings", "size of settings", m.settings);
+  const std::size_t points = m.curve_time.size();
+  atMost(check, "size of curve_time", points, kMaxCurve);
+  curve(check, "curve_time", m.curve_time, points, kDurationField);
+  curve(check, "curve_depth", m.curve_depth, points, kPositionField);
+  curve(check, "curve_axial", m.curve_axial, points, kForceField);
+  curve(check, "curve_lateral", m.curve_lateral, points, kForceField);
+  curve(check, "curve_moment", m.curve_moment, points, kTorqueField);
+  curve(check, "curve_tilt", m.curve_tilt, points, kTiltField);
+  const std::size_t estimates = m.estimates.size(), events = m.events.size();
+  atMost(check, "size of estimates", estimates, kMaxEntries);
+  check.same("estimate_values", m.estimate_values.size(), estimates);
+  check.same("estimate_sds", m.estimate_sds.size(), estimates);
+  finite(check, "estimate_values", m.estimate_values);
+  finite(check, "estimate_sds", m.estimate_sds);
+  atMost(check, "size of events", events, kMaxEntries);
+  check.same("event_times", m.event_times.size(), events);
+  check.same("event_texts", m.event_texts.size(), events);
+  finite(check, "event_times", m.event_times);
+  if (!check.good()) return check;
+  for (const std::string& name : m.estimates) check.name("estimates", name);
+  for (const std::string& kind : m.events) check.name("events", kind);
+  for (const std::string& line : m.event_texts) {
+    atMost(check, "size of event_texts", line.size(), kMaxText);
+  }
+  return check;
+}
+
+MessageCheck check(const AssemblyVerdict& m) {
+  MessageCheck check = header(m.header);
+  check.name("goal_id", m.goal_id).name("serial", m.serial).name("program", m.program);
+  atMost(check, "size of message", m.message.size(), kMaxText);
+  atMost(check, "size of verdicts", m.verdicts.size(), kMaxEntries);
+  if (!check.good()) return check;
+  for (const RuleVerdict& verdict : m.verdicts) {
+    check.name("verdicts.rule", verdict.rule).name("verdicts.kind", verdict.kind);
+    check.name("verdicts.quantity", verdict.quantity);
+    check.number("verdicts.margin", verdict.margin, kFiniteField);
+    check.number("verdicts.depth", verdict.depth, kPositionField);
+    atMost(check, "size of verdicts.text", verdict.text.size(), kMaxText);
+  }
+  return check;
+}
+
+MessageCheck check(const RecorderState& m) {
+  MessageCheck check = header(m.header);
+  check.name("serial", m.serial).name("program", m.program);
+  atMost(check, "size of reason", m.reason.size(), kMaxText);
+  atMost(check, "size of store", m.store.size(), kMaxText);
+  const std::size_t points = m.band_depth.size();
+  atMost(check, "size of band_depth", points, kMaxCurve);
+  curve(check, "band_depth", m.band_depth, points, kPositionField);
+  curve(check, "band_low", m.band_low, points, kForceField);
+  curve(check, "band_high", m.band_high, points, kForceField);
+  return check;
+}
+
 MessageCheck check(const IdentifyLocusGoal& goal) {
   return MessageCheck()
       .stamp("start", goal.start.toSec())
       .stamp("exciter.header.stamp", goal.exciter.header.stamp.toSec());
 }
 
-MessageCheck check(const AlignPegGoal& goal) {
-  return MessageCheck().name("strategy", goal.strategy);
+namespace {
+
+template <class Goal>
+MessageCheck recorded(const Goal& goal) {
+  MessageCheck check;
+  return check.name("strategy", goal.strategy)
+      .name("serial", goal.serial)
+      .name("program", goal.program);
 }
 
+}  // namespace
+
+MessageCheck check(const AlignPegGoal& goal) { return recorded(goal); }
+
 // its depth is checked by the node
-MessageCheck check(const AssemblePegGoal& goal) {
-  return MessageCheck().name("strategy", goal.strategy);
-}
+MessageCheck check(const AssemblePegGoal& goal) { return recorded(goal); }
 
 // its time_limit is checked by the node
 MessageCheck check(const IdentifyGoal& goal) { return MessageCheck().name("file", goal.file); }
@@ -225,7 +332,8 @@ MessageCheck check(const AlignPegActionFeedback& m) { return feedback(m); }
 MessageCheck check(const AssemblePegActionFeedback& m) {
   MessageCheck check = feedback(m);
   return check.number("feedback.depth", m.feedback.depth, kPositionField)
-      .number("feedback.force", m.feedback.force, kForceField);
+      .number("feedback.force", m.feedback.force, kForceField)
+      .number("feedback.axial", m.feedback.axial, kForceField);
 }
 
 MessageCheck check(const geometry_msgs::PoseStamped& m) {

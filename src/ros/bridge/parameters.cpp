@@ -141,8 +141,17 @@ std::string Parameters::text(const std::string& name, std::optional<std::string>
 
 std::string Parameters::choice(const std::string& name, const std::vector<std::string>& choices,
                                std::optional<std::string> fallback) {
+  const auto has = [&choices](const std::string& word) {
+    return std::find(choices.begin(), choices.end(), word) != choices.end();
+  };
+  // rosparam reads YAML 1.1, where off is false
+  auto given = find(name, !fallback);
+  if (has("off") && given && given->getType() == XmlRpcValue::TypeBoolean &&
+      !static_cast<bool>(*given)) {
+    return "off";
+  }
   const std::string value = text(name, fallback);
-  if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
+  if (!has(value)) {
     std::string list;
     for (const auto& choice : choices) list += (list.empty() ? "" : ", ") + choice;
     refuse(nh_, name, "\"" + value + "\"", "give one of " + list);

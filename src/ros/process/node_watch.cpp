@@ -227,17 +227,23 @@ std::vector<TopicPublisher> publishersOf(const std::vector<std::string>& topics,
   return out;
 }
 
-void refuseSecondServer(const ros::NodeHandle& nh, const std::string& action) {
-  const std::string topic = nh.resolveName(action + "/status");
+void refuseSecondPublisher(const ros::NodeHandle& nh, const std::string& name,
+                           const std::string& what) {
+  const std::string topic = nh.resolveName(name);
   Registry& registry = Registry::ofThisProcess();
   registry.update({topic}, ros::master::getURI());
   for (const std::string& node : registry.nodesOf(topic)) {
     if (node == ros::this_node::getName()) continue;
     const NodePresence presence = registry.presenceOf(node, kServerAnswer);
     if (presence != NodePresence::kListening && presence != NodePresence::kMute) continue;
-    throw InputError("action " + nh.resolveName(action) + " is served by " + node +
+    throw InputError(what + node +
                      " already: end that node first, or start this one in another namespace");
   }
+}
+
+void refuseSecondServer(const ros::NodeHandle& nh, const std::string& action) {
+  refuseSecondPublisher(nh, action + "/status",
+                        "action " + nh.resolveName(action) + " is served by ");
 }
 
 std::string describe(const std::vector<TopicPublisher>& publishers) {

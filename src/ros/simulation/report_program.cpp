@@ -122,6 +122,9 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
       text("  time: %.2f s simulated, %.2f s wall clock", report.simulated_time, report.wall_time) +
       text(" (%.1f times real time)\n",
            report.wall_time > 0.0 ? report.simulated_time / report.wall_time : 0.0);
+  if (report.record != 0) {
+    out += "  record " + std::to_string(report.record) + ": " + report.verdict + "\n";
+  }
   return out;
 }
 

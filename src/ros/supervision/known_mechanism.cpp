@@ -4,6 +4,9 @@
 #include <actionlib/client/simple_action_client.h>
 #include <std_msgs/String.h>
 
+#include <filesystem>
+#include <fstream>
+#include <sstream>
 #include <utility>
 #include <vector>
 
@@ -84,9 +87,15 @@ void fields(FieldList& f, MechanismSettings& s) {
            "Longest such identification, cell time.");
 }
 
-MechanismKeeper::MechanismKeeper(Parameters& parameters)
-    : mechanism_(loadMechanism(parameters.text("scenario"),
-                               parameters.texts("overrides", std::vector<std::string>{}))) {
+MechanismKeeper::MechanismKeeper(Parameters& parameters) {
+  const std::string scenario = parameters.text("scenario");
+  const auto overrides = parameters.texts("overrides", std::vector<std::string>{});
+  mechanism_ = loadMechanism(scenario, overrides);
+  scenario_ = printable(std::filesystem::path(scenario).stem().string());
+  std::ostringstream content;
+  content << std::ifstream(scenario, std::ios::binary).rdbuf();
+  for (const std::string& change : overrides) content << '\n' << change;
+  scenario_digest_ = crcText(content.str());
   parameters.read(fieldsOf(settings_));
   if (settings_.mechanism.empty()) return;
   KnownMechanism known = loadKnownMechanism(settings_.mechanism);
@@ -111,6 +120,14 @@ Pose MechanismKeeper::pegInCarrier() const {
   Pose X_CP;
   X_CP.p.z() = -mechanism_.peg.coupling_height - mechanism_.peg.half_height;
   return X_CP;
+}
+
+std::string MechanismKeeper::identity() const {
+  Mechanism mechanism = mechanism_;
+  RestPose rest;
+  FieldList list;
+  fields(list, mechanism, rest, false);
+  return (known_ && known_->identified ? "identified " : "drawn ") + crcText(yamlText(list));
 }
 
 std::string MechanismKeeper::contradiction(bool is_inserted) {

@@ -10,17 +10,23 @@
 #include "assembly_cell/align/search/press_controller.h"
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/options.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/identification/mechanism_check.h"
+#include "assembly_cell/records/align_record.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/process/node_watch.h"
+#include "assembly_cell/ros/records/record_messages.h"
 
 namespace assembly_cell::ros_bridge {
 
 namespace {
 
 constexpr char kBusy[] = "busy: another action is running";
+const std::string kMessages =
+    std::string("AssemblePegAction ") + ros::message_traits::MD5Sum<AssemblePegAction>::value() +
+    ", AssemblyRecord " + ros::message_traits::MD5Sum<AssemblyRecord>::value();
 
 // In messages an unknown number is 0, never NaN.
 double finite(double value) { return std::isfinite(value) ? value : 0.0; }
@@ -75,6 +81,37 @@ AlignmentReport reportOf(const AlignResult& result, double wall_time, const RosP
   return report;
 }
 
+template <class Server, class Goal>
+StrategyGoal strategyGoal(const std::string& name, const Server& server, const Goal& goal,
+                          const AlignParameters& parameters) {
+  StrategyGoal out;
+  out.name = name;
+  if (const auto current = server.goals().current()) out.id = current->getGoalID().id;
+  out.serial = goal.serial;
+  out.program = goal.program;
+  out.parameters = parameters;
+  if (!goal.strategy.empty()) out.parameters.strategy = goal.strategy;
+  out.preempted_by = [&server] { return server.goals().preemptedBy(); };
+  return out;
+}
+
+// Without its header and start, and without events.
+AssemblyRecord recordOf(const AlignResult& result, const StrategyGoal& goal,
+                        const MechanismKeeper& mechanism) {
+  Run run;
+  describe(result, goal.parameters, run);
+  run.serial = goal.serial;
+  run.program = goal.program;
+  run.program_hash = mechanism.scenarioDigest();
+  run.versions["package"] = packageBuild();
+  run.versions["messages"] = kMessages;
+  run.calibrations["mechanism"] = mechanism.identity();
+  AssemblyRecord out = toMessage(run);
+  out.goal_id = goal.id;
+  out.scenario = mechanism.scenario();
+  return out;
+}
+
 template <class Node, class Spec, class Goal>
 void startServer(ros::NodeHandle& nh, const std::string& name, Node* node,
                  void (Node::*execute)(const Goal&),
@@ -98,6 +135,8 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   PlantSettings plant;
   plant.node = pnh.getNamespace();
   parameters.read(fieldsOf(plant));
+  RecordSettings record;
+  parameters.read(fieldsOf(record));
   parameters.refuseUnknown();
   try {
     checkParameters(parameters_);
@@ -117,20 +156,23 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
   peg_ = std::make_unique<PegState>(pnh, [this] { return plant_->state().stamp; });
   peg_monitor_ = std::make_unique<PegMonitor>(nh, plant.node, *peg_);
   goals_ = std::make_unique<GoalRunner>(*plant_, *peg_);
+  if (record.record != RecordSettings::Mode::kOff) {
+    recorder_ = std::make_unique<RunRecorder>(nh, record, plant.slow_factor);
+  }
   report_pub_ = nh.advertise<AlignmentReport>("report", 1, true);
-  startServer(nh, "align", this, &SupervisorNode::executeAlign, align_server_);
-  startServer(nh, "assemble", this, &SupervisorNode::executeAssemble, assemble_server_);
-  startServer(nh, "move_to_contact", this, &SupervisorNode::executeContact, contact_server_);
-  startServer(nh, "retreat", this, &SupervisorNode::executeRetreat, retreat_server_);
+  startServer(nh, "align", this, &SupervisorNode::executeAlign, servers_.align);
+  startServer(nh, "assemble", this, &SupervisorNode::executeAssemble, servers_.assemble);
+  startServer(nh, "move_to_contact", this, &SupervisorNode::executeContact, servers_.contact);
+  startServer(nh, "retreat", this, &SupervisorNode::executeRetreat, servers_.retreat);
 }
 
 SupervisorNode::~SupervisorNode() {
   plant_->stop();
   // their threads use the rest
-  align_server_->shutdown();
-  assemble_server_->shutdown();
-  contact_server_->shutdown();
-  retreat_server_->shutdown();
+  servers_.align->shutdown();
+  servers_.assemble->shutdown();
+  servers_.contact->shutdown();
+  servers_.retreat->shutdown();
 }
 
 void SupervisorNode::stop() {
@@ -143,34 +185,41 @@ void SupervisorNode::takeLive(AlignParameters& parameters) {
   limits_.force = parameters.force_limit;
 }
 
-AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters parameters,
-                                        const std::function<bool()>& cancelled,
-                                        const std::function<void(const AlignProgress&)>& progress,
-                                        AlignmentReport& report) {
+AlignResult SupervisorNode::runStrategy(const StrategyGoal& goal, AlignmentReport& report) {
   const auto start = std::chrono::steady_clock::now();
+  const ros::WallTime wall_start = ros::WallTime::now();
   AlignResult result;
+  GoalEnd end;
+  StrategyGoal live = goal;
   const std::unique_lock<std::mutex> turn = goals_->tryLock();
   if (!turn) {
     result.reason = kBusy;
   } else {
-    takeLive(parameters);
+    takeLive(live.parameters);
+    const auto cancelled = [&] { return !goal.preempted_by().empty(); };
+    const auto progress = [&](const AlignProgress& now) {
+      if (recorder_) recorder_->add(now);
+      goal.progress(now);
+    };
     const auto depth = [this] { return inserted_.depthAt(plant_->state().carrier); };
-    const GoalEnd end =
-        goals_->run(name, true, {mechanism_->mechanism(), limits_}, [&](GoalEnd& out) {
-          const KnownMechanism* known = mechanism_->begin(parameters.strategy, cancelled, progress,
-                                                          [&] { return depth() > 0.0; });
-          plant_->setMechanism(known);
-          parameters.inserted = depth();
-          result = align(*plant_, mechanism_->mechanism(),
-                         known ? withDrive(parameters, known->drive) : parameters, progress);
-          if (result.success) inserted_ = {result.depth, plant_->state().carrier};
-          out.failed = !result.success;
-          out.begun = out.failed && goals_->hasBegun(result.failure);
-          out.failure = result.failure;
-          out.contacts = result.contacts;
-          out.reason = result.reason;
-        });
+    end = goals_->run(goal.name, true, {mechanism_->mechanism(), limits_}, [&](GoalEnd& out) {
+      if (recorder_) recorder_->begin();
+      AlignParameters parameters = live.parameters;
+      const KnownMechanism* known = mechanism_->begin(parameters.strategy, cancelled, progress,
+                                                      [&] { return depth() > 0.0; });
+      plant_->setMechanism(known);
+      parameters.inserted = depth();
+      result = align(*plant_, mechanism_->mechanism(),
+                     known ? withDrive(parameters, known->drive) : parameters, progress);
+      if (result.success) inserted_ = {result.depth, plant_->state().carrier};
+      out.failed = !result.success;
+      out.begun = out.failed && goals_->hasBegun(result.failure);
+      out.failure = result.failure;
+      out.contacts = result.contacts;
+      out.reason = result.reason;
+    });
     result.success = !end.failed;
+    result.failure = end.failure;
     result.reason = end.reason;
     result.contacts = end.contacts;
     if (result.time == 0.0) result.time = end.time;
@@ -179,6 +228,13 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
   const Pose X_CP = mechanism_->pegInCarrier();
   report = reportOf(result, secondsSince(start), plant, X_CP);
   if (!turn) return result;
+  // a goal that was refused or cancelled before it moved anything is no run
+  if (recorder_ && (end.begun || !end.failed)) {
+    AssemblyRecord run = recordOf(result, live, *mechanism_);
+    run.start = ros::Time(wall_start.sec, wall_start.nsec);
+    run.header = report.header;
+    recorder_->store(run, plant.origin, goal.preempted_by(), result, report);
+  }
   report_pub_.publish(report);
   if (result.known) {
     // hole as estimated from that peg, its rim at the height of the peg's edge
@@ -189,45 +245,40 @@ AlignResult SupervisorNode::runStrategy(const std::string& name, AlignParameters
   return result;
 }
 
-void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& goal) {
-  AlignParameters parameters = parameters_;
-  if (!goal->strategy.empty()) parameters.strategy = goal->strategy;
+void SupervisorNode::executeAlign(const AlignPegGoalConstPtr& request) {
+  StrategyGoal goal = strategyGoal("align", *servers_.align, *request, parameters_);
+  goal.progress = [this](const AlignProgress& now) {
+    servers_.align->publishFeedback(feedbackOf<AlignPegFeedback>(now));
+  };
   AlignPegResult answer;
-  const AlignResult result = runStrategy(
-      "align", parameters, [this] { return align_server_->isPreemptRequested(); },
-      [this](const AlignProgress& now) {
-        align_server_->publishFeedback(feedbackOf<AlignPegFeedback>(now));
-      },
-      answer.report);
-  align_server_->finish(result.success, answer, result.reason);
+  const AlignResult result = runStrategy(goal, answer.report);
+  servers_.align->finish(result.success, answer, result.reason);
 }
 
-void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
-  AlignParameters parameters = parameters_;
-  if (!goal->strategy.empty()) parameters.strategy = goal->strategy;
-  parameters.insert.depth = goal->depth;
-  parameters.insert.floor = goal->floor;
+void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& request) {
+  StrategyGoal goal = strategyGoal("assemble", *servers_.assemble, *request, parameters_);
+  const double depth = request->depth;
+  goal.parameters.insert.depth = depth;
+  goal.parameters.insert.floor = request->floor;
+  goal.progress = [this](const AlignProgress& now) {
+    auto feedback = feedbackOf<AssemblePegFeedback>(now);
+    feedback.depth = finite(now.depth);
+    feedback.force = finite(now.force);
+    feedback.axial = finite(now.axial);
+    feedback.walls = static_cast<std::uint8_t>(now.walls);
+    servers_.assemble->publishFeedback(feedback);
+  };
   AssemblePegResult answer;
   AlignResult result;
   const double hole = mechanism_->mechanism().hole.depth;
-  if (goal->floor ? goal->depth != 0.0 || !std::isfinite(hole)
-                  : !(goal->depth > 0.0 && goal->depth < hole)) {
-    result.reason =
-        text(goal->floor ? "depth is %g m with floor: give 0 and a hole with a depth, it has %g m"
-                         : "depth is %g m: give more than 0 and less than the hole's, %g m",
-             std::isnan(goal->depth) ? std::abs(goal->depth) : goal->depth, hole);
+  if (request->floor ? depth != 0.0 || !std::isfinite(hole) : !(depth > 0.0 && depth < hole)) {
+    result.reason = text(
+        request->floor ? "depth is %g m with floor: give 0 and a hole with a depth, it has %g m"
+                       : "depth is %g m: give more than 0 and less than the hole's, %g m",
+        std::isnan(depth) ? std::abs(depth) : depth, hole);
     answer.report = reportOf(result, 0.0, plant_->state(), mechanism_->pegInCarrier());
   } else {
-    result = runStrategy(
-        "assemble", parameters, [this] { return assemble_server_->isPreemptRequested(); },
-        [this](const AlignProgress& now) {
-          auto feedback = feedbackOf<AssemblePegFeedback>(now);
-          feedback.depth = finite(now.depth);
-          feedback.force = finite(now.force);
-          feedback.walls = static_cast<std::uint8_t>(now.walls);
-          assemble_server_->publishFeedback(feedback);
-        },
-        answer.report);
+    result = runStrategy(goal, answer.report);
   }
   answer.depth = finite(result.insert.end.depth);
   answer.force = finite(result.insert.force);
@@ -239,7 +290,7 @@ void SupervisorNode::executeAssemble(const AssemblePegGoalConstPtr& goal) {
     answer.profile_sideways.push_back(finite(reading.sideways));
     answer.profile_moment.push_back(finite(reading.moment));
   }
-  assemble_server_->finish(result.success, answer, result.reason);
+  servers_.assemble->finish(result.success, answer, result.reason);
 }
 
 void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
@@ -262,7 +313,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     const Mechanism& mechanism = mechanism_->mechanism();
     const GoalEnd end =
         goals_->run("move_to_contact", true, {mechanism, limits_}, [&](GoalEnd& out) {
-          plant_->begin([this] { return contact_server_->isPreemptRequested(); });
+          plant_->begin([this] { return servers_.contact->isPreemptRequested(); });
           const GuardedCarrier* guarded = nullptr;
           ObservedPlant plant(*plant_, [&](const PlantBlock& block) {
             MoveToContactFeedback feedback;
@@ -272,7 +323,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
                   block.wrench_b(2) - guarded->last().wrench_b(2) + guarded->force().z();
             }
             feedback.z = block.carrier.z;
-            contact_server_->publishFeedback(feedback);
+            servers_.contact->publishFeedback(feedback);
           });
           GuardedCarrier carrier(plant, limits_);
           guarded = &carrier;
@@ -296,7 +347,7 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
     result.success = !end.failed;
     result.message = end.failed ? end.reason : "pressing";
   }
-  contact_server_->finish(result.success, result, result.message);
+  servers_.contact->finish(result.success, result, result.message);
 }
 
 void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
@@ -310,13 +361,13 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
     const Mechanism& mechanism = mechanism_->mechanism();
     const GoalEnd end = goals_->run("retreat", false, {mechanism, limits_}, [&](GoalEnd& out) {
       out.freed = true;
-      plant_->begin([this] { return retreat_server_->isPreemptRequested(); });
+      plant_->begin([this] { return servers_.retreat->isPreemptRequested(); });
       std::optional<Vector6> first;
       ObservedPlant plant(*plant_, [&](const PlantBlock& block) {
         if (!first) first = block.wrench_b;
         RetreatFeedback feedback;
         feedback.force = (block.wrench_b - *first).head<3>().norm();
-        retreat_server_->publishFeedback(feedback);
+        servers_.retreat->publishFeedback(feedback);
         result.z = block.carrier.z;
       });
       AlignParameters parameters = parameters_;
@@ -332,7 +383,7 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
     result.success = !end.failed;
     result.message = end.reason;
   }
-  retreat_server_->finish(result.success, result, result.message);
+  servers_.retreat->finish(result.success, result, result.message);
 }
 
 }  // namespace assembly_cell::ros_bridge

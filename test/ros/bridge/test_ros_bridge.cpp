@@ -14,8 +14,10 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bridge/conversions.h"
+#include "assembly_cell/ros/bridge/message_guard.h"
 #include "assembly_cell/ros/bridge/parameters.h"
 #include "assembly_cell/ros/estimation/twin_force_client.h"
+#include "assembly_cell/ros/records/record_messages.h"
 
 namespace assembly_cell::ros_bridge::ros_bridge_test {
 namespace {
@@ -86,6 +88,107 @@ TEST(Conversions, RestPosesHaveTheAnglesOfTheThesis) {
   EXPECT_NEAR(back.phi, rest.phi, kRounding);
   // upright is no rotation
   EXPECT_LT((poseFromRest(RestPose{}).R - Eigen::Matrix3d::Identity()).norm(), kRounding);
+}
+
+AssemblyRecord goodRecord() {
+  AssemblyRecord record;
+  for (auto* row : {&record.curve_time, &record.curve_depth, &record.curve_axial,
+                    &record.curve_lateral, &record.curve_moment, &record.curve_tilt}) {
+    *row = {0.0, 0.02, 0.04};
+  }
+  record.estimates = {"hole_x"};
+  record.estimate_values = record.estimate_sds = {1e-3};
+  record.events = {"retry"};
+  record.event_times = {1.0};
+  record.event_texts = {"jam"};
+  return record;
+}
+
+TEST(RecordMessages, HostileOnesAreRefused) {
+  EXPECT_EQ(check(goodRecord()).text(), "");
+  const auto refuse = [](const std::function<void(AssemblyRecord&)>& edit,
+                         const std::string& expected) {
+    AssemblyRecord record = goodRecord();
+    edit(record);
+    EXPECT_EQ(check(record).text(), expected);
+  };
+  refuse([](auto& r) { r.curve_axial.pop_back(); }, "curve_axial has 2 entries: give 3");
+  refuse([](auto& r) { r.curve_axial[1] = kNaN; },
+         "curve_axial[1] is nan N: give -100000 to 100000");
+  refuse([](auto& r) { r.curve_tilt[2] = 4.0; }, "curve_tilt[2] is 4 rad: give -3.2 to 3.2");
+  refuse([](auto& r) { r.duration = -1.0; }, "duration is -1 s: give 0 to 1e+09");
+  refuse([](auto& r) { r.curve_time.resize(1000001); },
+         "size of curve_time is 1e+06: give 0 to 1e+06");
+  refuse([](auto& r) { r.serial.assign(201, 'x'); }, "serial has 201 characters: give at most 200");
+  refuse([](auto& r) { r.program = "a\nb"; },
+         "program has a control character at position 2: give printable ones");
+  refuse([](auto& r) { r.text.assign(20000, 'x'); }, "size of text is 20000: give 0 to 10000");
+  refuse([](auto& r) { r.estimate_sds.clear(); }, "estimate_sds has 0 entries: give 1");
+  refuse([](auto& r) { r.event_texts.clear(); }, "event_texts has 0 entries: give 1");
+  refuse([](auto& r) { r.event_times[0] = kNaN; }, "event_times[0] is nan: give -1e+18 to 1e+18");
+
+  AssemblyVerdict verdict;
+  verdict.verdicts.resize(1);
+  EXPECT_EQ(check(verdict).text(), "");
+  verdict.verdicts[0].margin = kNaN;
+  EXPECT_EQ(check(verdict).text(), "verdicts.margin is nan: give -1e+18 to 1e+18");
+  RecorderState state;
+  state.band_depth = {0.0};
+  EXPECT_EQ(check(state).text(), "band_low has 0 entries: give 1");
+  AssemblePegGoal goal;
+  goal.serial.assign(300, 'x');
+  EXPECT_EQ(check(goal).text(), "serial has 300 characters: give at most 200");
+}
+
+TEST(RecordMessages, RunsAreConvertedBack) {
+  assembly_cell::Run run;
+  run.serial = "A-117";
+  run.program = "gearbox";
+  run.program_hash = "crc32:0123abcd";
+  run.start = 1.7e9;
+  run.duration = 12.5;
+  run.strategy = "touch";
+  run.result = "failed";
+  run.failure = "jammed";
+  run.text = "jammed: stuck";
+  run.versions = {{"package", "1"}};
+  run.calibrations = {{"mechanism", "drawn crc32:0"}};
+  run.settings = {{"insert.depth", "0.04"}, {"strategy", "touch"}};
+  run.curve = {{0.0, 0.02}, {1e-3, 2e-3}, {1.0, 2.0}, {0.1, 0.2}, {0.01, 0.02}, {1e-4, 2e-4}};
+  run.estimates = {{"hole_x", 1e-3, 1e-5}};
+  run.events = {{3.5, "retry", "stuck"}};
+  const assembly_cell::Run back = fromMessage(toMessage(run));
+  EXPECT_EQ(back.serial + back.program + back.program_hash,
+            run.serial + run.program + run.program_hash);
+  EXPECT_EQ(back.start, run.start);
+  EXPECT_EQ(back.duration, run.duration);
+  EXPECT_EQ(back.strategy + back.result + back.failure + back.text,
+            run.strategy + run.result + run.failure + run.text);
+  EXPECT_EQ(back.versions, run.versions);
+  EXPECT_EQ(back.calibrations, run.calibrations);
+  EXPECT_EQ(back.settings, run.settings);
+  EXPECT_EQ(back.curve.time, run.curve.time);
+  EXPECT_EQ(back.curve.depth, run.curve.depth);
+  EXPECT_EQ(back.curve.axial, run.curve.axial);
+  EXPECT_EQ(back.curve.lateral, run.curve.lateral);
+  EXPECT_EQ(back.curve.moment, run.curve.moment);
+  EXPECT_EQ(back.curve.tilt, run.curve.tilt);
+  ASSERT_EQ(back.estimates.size(), 1U);
+  EXPECT_EQ(back.estimates[0].name, "hole_x");
+  EXPECT_EQ(back.estimates[0].value, 1e-3);
+  EXPECT_EQ(back.estimates[0].sd, 1e-5);
+  ASSERT_EQ(back.events.size(), 1U);
+  EXPECT_EQ(back.events[0].time, 3.5);
+  EXPECT_EQ(back.events[0].kind + back.events[0].text, "retrystuck");
+}
+
+// rosparam reads off as false
+TEST(ParametersTest, TakesOffFromRosparam) {
+  ros::NodeHandle nh("~good");
+  nh.setParam("mode", false);
+  EXPECT_EQ(Parameters(nh).choice("mode", {"off", "required"}), "off");
+  expectRefusal([&] { Parameters(nh).choice("mode", {"on", "required"}); }, "give a string");
+  nh.deleteParam("mode");
 }
 
 TEST(ParametersTest, ReadsParametersAndDefaults) {

@@ -10,12 +10,16 @@
 
 #include "assembly_cell/AlignPegAction.h"
 #include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/AssemblyRecord.h"
+#include "assembly_cell/AssemblyVerdict.h"
+#include "assembly_cell/RecorderState.h"
 #include "assembly_cell/ZeroTo.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "panel_fixture.h"
 #include "parts/colors.h"
 #include "parts/force_bars.h"
 #include "parts/node_lights.h"
+#include "records/curve_plot.h"
 
 namespace assembly_cell::panel::panel_test {
 namespace {
@@ -172,6 +176,83 @@ TEST_F(Panel, InsertsToADepth) {
   EXPECT_TRUE(deep);
   EXPECT_NEAR(s().link.view().goal.depth, 5e-3, 1e-3);
   s().find<QCheckBox>("insert")->setChecked(false);
+}
+
+TEST_F(Panel, DrawsTheCurveInItsBandAndTheVerdictInItsColour) {
+  restart();
+  s().find<QTabWidget>("tabs")->setCurrentIndex(2);
+  EXPECT_TRUE(seen([&] { return s().shows("record_store", "not there"); }));
+  ros::NodeHandle nh;
+  const ros::Publisher states = nh.advertise<RecorderState>("recorder_state", 1, true);
+  const ros::Publisher records = nh.advertise<AssemblyRecord>("run_record", 1);
+  const ros::Publisher verdicts = nh.advertise<AssemblyVerdict>("run_verdict", 50);
+  const auto connected = [](const ros::Publisher& pub) { return pub.getNumSubscribers() > 0; };
+  ASSERT_TRUE(seen([&] { return connected(states) && connected(records) && connected(verdicts); }));
+  auto* plot = s().find<CurvePlot>("curve");
+  const auto pixels = [&](const QColor& color) {
+    const QImage image = plot->grab().toImage();
+    return pixelsOf(image, color, 0, image.height());
+  };
+
+  RecorderState state;
+  state.reason = "records.db: the disk is full";
+  states.publish(state);
+  EXPECT_TRUE(seen([&] { return s().shows("record_store", "the disk is full"); }));
+  state.writable = true;
+  state.reason.clear();
+  state.serial = "A-117";
+  state.program = "gearbox";
+  state.band_depth = {0.0, 2e-3, 5e-3};
+  state.band_low = {-2.0, -2.0, -2.0};
+  state.band_high = {5.0, 8.0, 8.0};
+  states.publish(state);
+  EXPECT_TRUE(seen([&] { return s().shows("record_store", "runs are stored"); }));
+  EXPECT_TRUE(s().shows("next_part", "A-117, program gearbox")) << s().text("next_part");
+  EXPECT_TRUE(seen([&] { return pixels(trackColor()) > 1000; }));
+
+  // it grows during the descent
+  s().find<QTabWidget>("tabs")->setCurrentIndex(0);
+  s().find<QComboBox>("strategy")->setCurrentText("touch");
+  s().find<QCheckBox>("insert")->setChecked(true);
+  s().find<QDoubleSpinBox>("depth")->setValue(5.0);
+  s().click("start");
+  s().find<QTabWidget>("tabs")->setCurrentIndex(2);
+  std::set<std::size_t> sizes;
+  ASSERT_TRUE(seen([&] {
+    sizes.insert(s().link.view().record.curve.size());
+    return s().shows("outcome", "success");
+  })) << s().text("outcome");
+  s().find<QCheckBox>("insert")->setChecked(false);
+  EXPECT_GT(sizes.size(), 2U);
+  EXPECT_GT(pixels(limitColor()), 20);
+
+  AssemblyRecord record;
+  for (int i = 0; i < 50; ++i) {
+    record.curve_time.push_back(0.02 * i);
+    record.curve_depth.push_back(1e-4 * i);
+    record.curve_axial.push_back(0.1 * i);
+    for (auto* row : {&record.curve_lateral, &record.curve_moment, &record.curve_tilt}) {
+      row->push_back(0.0);
+    }
+  }
+  records.publish(record);
+  EXPECT_TRUE(seen([&] { return s().link.view().record.curve.size() == 50; }));
+  AssemblyVerdict verdict;
+  verdict.stored = verdict.passed = true;
+  verdict.serial = "A-117";
+  verdict.message = "good by 1 rule";
+  verdict.verdicts.resize(1);
+  verdict.id = 1;
+  verdicts.publish(verdict);
+  EXPECT_TRUE(seen([&] { return pixels(goodColor()) > 50; }));
+  EXPECT_TRUE(s().shows("verdict", "1  A-117  good by 1 rule")) << s().text("verdict");
+  verdict.passed = false;
+  for (verdict.id = 2; verdict.id < 26; ++verdict.id) verdicts.publish(verdict);
+  EXPECT_TRUE(seen([&] { return s().shows("verdict", "25  A-117"); }));
+  EXPECT_TRUE(seen([&] { return pixels(faultColor()) > 50; }));
+  EXPECT_EQ(s().find<QLabel>("verdict")->palette().color(QPalette::WindowText), faultColor());
+  EXPECT_EQ(s().find<QListWidget>("parts")->count(), 20);
+  s().find<QTabWidget>("tabs")->setCurrentIndex(0);
 }
 
 TEST_F(Panel, CancelsAGoalOfAnotherClient) {

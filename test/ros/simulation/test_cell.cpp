@@ -79,8 +79,8 @@ std::vector<std::string> undocumented() {
   request[0] = ros::this_node::getName();
   EXPECT_TRUE(ros::master::execute("getSystemState", request, response, state, false));
   const std::vector<std::string> nodes = {
-      "/peg_hole_simulator",  "/sensor_a/driver", "/sensor_b/driver",     "/locus_estimator",
-      "/assembly_supervisor", "/contact_markers", "/twin_force_estimator"};
+      "/peg_hole_simulator",  "/sensor_a/driver", "/sensor_b/driver",      "/locus_estimator",
+      "/assembly_supervisor", "/contact_markers", "/twin_force_estimator", "/assembly_recorder"};
   std::vector<std::string> missing;
   int found = 0;
   for (int kind = 0; kind < 3; ++kind) {

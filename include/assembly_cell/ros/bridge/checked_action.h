@@ -20,19 +20,22 @@ namespace assembly_cell::ros_bridge {
 template <class Handle>
 class GoalQueue {
  public:
-  /// The next goal; one that waits already is returned: it is replaced.
-  std::optional<Handle> push(const Handle& goal) {
+  /// The next goal; one that waits already is returned: it is replaced. by: its client.
+  std::optional<Handle> push(const Handle& goal, const std::string& by) {
     const std::lock_guard<std::mutex> lock(mutex_);
     std::optional<Handle> replaced = std::exchange(next_, goal);
     next_cancelled_ = false;
-    if (current_) preempted_ = true;
+    if (current_) preempt(by + ", another goal");
     changed_.notify_all();
     return replaced;
   }
-  void cancel(const Handle& goal) {
+  void cancel(const Handle& goal, const std::string& by) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (current_ && goal == *current_) preempted_ = true;
-    if (next_ && goal == *next_) next_cancelled_ = true;
+    if (current_ && goal == *current_) preempt(by);
+    if (next_ && goal == *next_) {
+      next_cancelled_ = true;
+      next_cancelled_by_ = by;
+    }
   }
   /// Waits for the next goal, which becomes the current one; none after stop().
   std::optional<Handle> pop() {
@@ -42,6 +45,7 @@ class GoalQueue {
     if (stopping_) return std::nullopt;
     current_.swap(next_);
     preempted_ = std::exchange(next_cancelled_, false);
+    preempted_by_ = preempted_ ? next_cancelled_by_ : "";
     return current_;
   }
   void stop() {
@@ -63,12 +67,23 @@ class GoalQueue {
     const std::lock_guard<std::mutex> lock(mutex_);
     return preempted_;
   }
+  /// Node that has preempted the current goal; empty: none.
+  std::string preemptedBy() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return preempted_by_;
+  }
 
  private:
+  void preempt(const std::string& by) {
+    if (!preempted_) preempted_by_ = by;
+    preempted_ = true;
+  }
+
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<Handle> current_, next_;
   bool preempted_ = false, next_cancelled_ = false, stopping_ = false;
+  std::string preempted_by_, next_cancelled_by_;
 };
 
 /// Empty, or why a goal or a cancel is refused: its id.
@@ -112,7 +127,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   CheckedActionServer(const ros::NodeHandle& nh, const std::string& name, Execute execute)
       : Base({}, {}), nh_(nh, name), execute_(std::move(execute)) {
     this->registerGoalCallback([this](Handle goal) { onGoal(goal); });
-    this->registerCancelCallback([this](Handle goal) { goals_.cancel(goal); });
+    this->registerCancelCallback([this](Handle goal) { goals_.cancel(goal, sender_); });
   }
 
   ~CheckedActionServer() override { shutdown(); }
@@ -141,9 +156,9 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   void shutdown() {
     goals_.stop();
     if (thread_.joinable()) thread_.join();
-    subs_.goal.shutdown();
-    subs_.cancel.shutdown();
-    status_timer_.stop();
+    topics_.goal.shutdown();
+    topics_.cancel.shutdown();
+    topics_.timer.stop();
   }
 
   /// The current goal was cancelled, or another one has arrived.
@@ -154,6 +169,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     return next ? "replaced by the goal " + next->getGoalID().id + ": one goal runs at a time"
                 : "cancelled";
   }
+  const GoalQueue<Handle>& goals() const { return goals_; }
 
   void publishFeedback(const Feedback& feedback) {
     if (std::optional<Handle> goal = goals_.current()) goal->publishFeedback(feedback);
@@ -181,17 +197,17 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   // ---- messages ----
 
   void initialize() override {
-    pubs_.result = nh_.template advertise<ActionResult>("result", kQueueSize);
-    pubs_.feedback = nh_.template advertise<ActionFeedback>("feedback", kQueueSize);
-    pubs_.status =
+    topics_.result = nh_.template advertise<ActionResult>("result", kQueueSize);
+    topics_.feedback = nh_.template advertise<ActionFeedback>("feedback", kQueueSize);
+    topics_.status =
         nh_.template advertise<actionlib_msgs::GoalStatusArray>("status", kQueueSize, true);
-    status_timer_ = nh_.createWallTimer(ros::WallDuration(kStatusPeriod),
+    topics_.timer = nh_.createWallTimer(ros::WallDuration(kStatusPeriod),
                                         [this](const ros::WallTimerEvent&) { publishStatus(); });
-    subs_.goal = nh_.template subscribe<ActionGoal, const ros::MessageEvent<ActionGoal const>&>(
+    topics_.goal = nh_.template subscribe<ActionGoal, const ros::MessageEvent<ActionGoal const>&>(
         "goal", kQueueSize,
         [this](const ros::MessageEvent<ActionGoal const>& event) { receiveGoal(event); });
-    subs_.cancel = nh_.template subscribe<actionlib_msgs::GoalID,
-                                          const ros::MessageEvent<actionlib_msgs::GoalID const>&>(
+    topics_.cancel = nh_.template subscribe<actionlib_msgs::GoalID,
+                                            const ros::MessageEvent<actionlib_msgs::GoalID const>&>(
         "cancel", kQueueSize, [this](const ros::MessageEvent<actionlib_msgs::GoalID const>& event) {
           receiveCancel(event);
         });
@@ -207,10 +223,11 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   }
 
   void receiveGoal(const ros::MessageEvent<ActionGoal const>& event) {
-    guarded(subs_.goal.getTopic(), [&] {
+    guarded(topics_.goal.getTopic(), [&] {
       const std::string fault = refusalOf(event.getConstMessage()->goal_id);
       if (!fault.empty()) {
-        IncomingLog::ofThisProcess().refuse(subs_.goal.getTopic(), event.getPublisherName(), fault);
+        IncomingLog::ofThisProcess().refuse(topics_.goal.getTopic(), event.getPublisherName(),
+                                            fault);
         return;
       }
       const auto goal = notFromFuture<ActionGoal>(
@@ -221,18 +238,20 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
         const boost::recursive_mutex::scoped_lock lock(this->lock_);
         if (this->last_cancel_ > ros::Time::now()) this->last_cancel_ = ros::Time();
       }
+      sender_ = event.getPublisherName();
       Base::goalCallback(goal);
     });
   }
 
   void receiveCancel(const ros::MessageEvent<actionlib_msgs::GoalID const>& event) {
-    guarded(subs_.cancel.getTopic(), [&] {
+    guarded(topics_.cancel.getTopic(), [&] {
       const std::string fault = refusalOf(*event.getConstMessage());
       if (!fault.empty()) {
-        IncomingLog::ofThisProcess().refuse(subs_.cancel.getTopic(), event.getPublisherName(),
+        IncomingLog::ofThisProcess().refuse(topics_.cancel.getTopic(), event.getPublisherName(),
                                             fault);
         return;
       }
+      sender_ = event.getPublisherName();
       Base::cancelCallback(notFromFuture<actionlib_msgs::GoalID>(
           event.getConstMessage(), [](const auto& m) -> const ros::Time& { return m.stamp; }));
       // a cancel that arrives before its goal is remembered for kStatusTime
@@ -249,7 +268,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     message.header.stamp = ros::Time::now();
     message.status = status;
     message.result = result;
-    pubs_.result.publish(message);
+    topics_.result.publish(message);
     publishStatus();
   }
 
@@ -259,7 +278,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     message.header.stamp = ros::Time::now();
     message.status = status;
     message.feedback = feedback;
-    pubs_.feedback.publish(message);
+    topics_.feedback.publish(message);
   }
 
   void publishStatus() override {
@@ -274,7 +293,7 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
       const bool old = !ended.isZero() && std::abs((now - ended).toSec()) > kStatusTime;
       it = old ? this->status_list_.erase(it) : std::next(it);
     }
-    pubs_.status.publish(message);
+    topics_.status.publish(message);
   }
 
   // ---- one goal at a time ----
@@ -283,11 +302,12 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
     const MessageCheck found = check(*goal.getGoal());
     if (!found.good()) {
       const std::string text = "goal refused: " + found.text();
-      IncomingLog::ofThisProcess().refuse(subs_.goal.getTopic(), goal.getGoalID().id, found.text());
+      IncomingLog::ofThisProcess().refuse(topics_.goal.getTopic(), goal.getGoalID().id,
+                                          found.text());
       goal.setRejected(Result(), text);
       return;
     }
-    if (std::optional<Handle> replaced = goals_.push(goal)) {
+    if (std::optional<Handle> replaced = goals_.push(goal, sender_)) {
       replaced->setCanceled(Result(), "another goal came");
     }
   }
@@ -296,12 +316,11 @@ class CheckedActionServer : private actionlib::ActionServerBase<Spec> {
   const Execute execute_;
   struct {
     ros::Publisher result, feedback, status;
-  } pubs_;
-  struct {
     ros::Subscriber goal, cancel;
-  } subs_;
-  ros::WallTimer status_timer_;
+    ros::WallTimer timer;  // of status
+  } topics_;
   GoalQueue<Handle> goals_;
+  std::string sender_;  // of the goal or cancel that is received; in the callbacks' thread
   std::thread thread_;  // last: uses the other members
 };
 

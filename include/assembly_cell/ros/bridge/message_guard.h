@@ -8,6 +8,8 @@
 #include <assembly_cell/AlignmentReport.h>
 #include <assembly_cell/AssemblePegActionFeedback.h>
 #include <assembly_cell/AssemblePegGoal.h>
+#include <assembly_cell/AssemblyRecord.h>
+#include <assembly_cell/AssemblyVerdict.h>
 #include <assembly_cell/CalibrateSensorsGoal.h>
 #include <assembly_cell/CarrierMotion.h>
 #include <assembly_cell/ContactArray.h>
@@ -18,6 +20,7 @@
 #include <assembly_cell/LocusEstimate.h>
 #include <assembly_cell/MoveToContactGoal.h>
 #include <assembly_cell/PlantState.h>
+#include <assembly_cell/RecorderState.h>
 #include <assembly_cell/RetreatGoal.h>
 #include <assembly_cell/SensorCalibration.h>
 #include <assembly_cell/StrainSamples.h>
@@ -63,6 +66,9 @@ MessageCheck check(const LocusEstimate& message);
 MessageCheck check(const ContactArray& message);
 MessageCheck check(const AlignmentReport& message);
 MessageCheck check(const TwinForceState& message);
+MessageCheck check(const AssemblyRecord& message);
+MessageCheck check(const AssemblyVerdict& message);
+MessageCheck check(const RecorderState& message);
 // of goals only what their nodes don't answer themselves
 MessageCheck check(const AlignPegGoal& goal);
 MessageCheck check(const AssemblePegGoal& goal);

@@ -42,8 +42,12 @@ std::vector<TopicPublisher> publishersOf(const std::vector<std::string>& topics,
                                          double answer_within = 0.0,
                                          const std::string& master = ros::master::getURI());
 
-/// Throws InputError if another node, which is there, serves this action: both would execute each
-/// goal.
+/// Throws InputError "`what` NODE already: ..." if another node, which is there, publishes a topic
+/// that one node may publish.
+void refuseSecondPublisher(const ros::NodeHandle& nh, const std::string& name,
+                           const std::string& what);
+
+/// The same of an action, whose goals both nodes would execute.
 void refuseSecondServer(const ros::NodeHandle& nh, const std::string& action);
 
 /// "sensor_b/wrench_samples of /sensor_b/driver (gone)" and so on, with commas.

@@ -46,6 +46,11 @@ class MechanismKeeper {
 
   /// The nominal parts, or as identified.
   const Mechanism& mechanism() const { return mechanism_; }
+  /// "drawn" or "identified", and a digest of its numbers.
+  std::string identity() const;
+  /// Name of the scenario, and a digest of its file with the overrides.
+  const std::string& scenario() const { return scenario_; }
+  const std::string& scenarioDigest() const { return scenario_digest_; }
   /// Pose of the peg in the carrier at rest.
   Pose pegInCarrier() const;
 
@@ -65,6 +70,7 @@ class MechanismKeeper {
   void adoptLatest();
 
   MechanismSettings settings_;
+  std::string scenario_, scenario_digest_;
   Mechanism mechanism_;
   std::optional<KnownMechanism> known_;
   std::mutex mutex_;

@@ -17,12 +17,22 @@
 #include "assembly_cell/ros/bridge/checked_action.h"
 #include "assembly_cell/ros/bridge/live_settings.h"
 #include "assembly_cell/ros/bridge/static_frames.h"
+#include "assembly_cell/ros/records/run_recorder.h"
 #include "assembly_cell/ros/supervision/goal_runner.h"
 #include "assembly_cell/ros/supervision/known_mechanism.h"
 #include "assembly_cell/ros/supervision/peg_state.h"
 #include "assembly_cell/ros/supervision/ros_plant.h"
 
 namespace assembly_cell::ros_bridge {
+
+/// A goal align or assemble.
+struct StrategyGoal {
+  std::string name, id;
+  std::string serial, program;  ///< for its record
+  AlignParameters parameters;
+  std::function<std::string()> preempted_by;  ///< a node; empty: not cancelled
+  std::function<void(const AlignProgress&)> progress;
+};
 
 /// Node assembly_supervisor: runs the strategies over the cell through ROS, one goal at a time. No
 /// other node moves anything meanwhile. Interfaces: docs/reference/nodes/assembly_supervisor.md.
@@ -46,11 +56,8 @@ class SupervisorNode {
   void executeAssemble(const AssemblePegGoalConstPtr& goal);
   void executeContact(const MoveToContactGoalConstPtr& goal);
   void executeRetreat(const RetreatGoalConstPtr& goal);
-  /// Of align and assemble (`name`): runs the strategy, fills and publishes the report.
-  AlignResult runStrategy(const std::string& name, AlignParameters parameters,
-                          const std::function<bool()>& cancelled,
-                          const std::function<void(const AlignProgress&)>& progress,
-                          AlignmentReport& report);
+  /// Runs the strategy, records the run, fills and publishes the report.
+  AlignResult runStrategy(const StrategyGoal& goal, AlignmentReport& report);
   /// Applies the live settings, which a goal keeps until its end.
   void takeLive(AlignParameters& parameters);
 
@@ -63,12 +70,15 @@ class SupervisorNode {
   std::unique_ptr<PegState> peg_;
   std::unique_ptr<PegMonitor> peg_monitor_;
   std::unique_ptr<GoalRunner> goals_;
+  std::unique_ptr<RunRecorder> recorder_;  ///< null: nothing is recorded
   ros::Publisher report_pub_;
   StaticFrames frames_;
-  Server<AlignPegAction> align_server_;
-  Server<AssemblePegAction> assemble_server_;
-  Server<MoveToContactAction> contact_server_;
-  Server<RetreatAction> retreat_server_;
+  struct {
+    Server<AlignPegAction> align;
+    Server<AssemblePegAction> assemble;
+    Server<MoveToContactAction> contact;
+    Server<RetreatAction> retreat;
+  } servers_;  // last: their threads use the rest
 };
 
 }  // namespace assembly_cell::ros_bridge
