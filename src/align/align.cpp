@@ -80,6 +80,17 @@ void checkTop(const Mechanism& mechanism, const InsertParameters& insert) {
   }
 }
 
+// An alignment ends with the edge between walls, under both chamfers.
+void checkDepth(const Mechanism& mechanism, double insertion_depth) {
+  const double needed =
+      insertion_depth + chamferDepth(mechanism.hole) + chamferHeight(mechanism.peg);
+  require(!(mechanism.hole.depth <= needed), "hole.depth", mechanism.hole.depth,
+          text("an alignment ends %g m deep, under both chamfers: give more, or a smaller "
+               "insertion_depth",
+               needed)
+              .c_str());
+}
+
 }  // namespace
 
 std::vector<std::string> strategyNames() {
@@ -104,6 +115,7 @@ void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters) {
                      text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));
   }
   checkTop(mechanism, parameters.insert);
+  checkDepth(mechanism, parameters.insertion_depth);
 }
 
 AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,

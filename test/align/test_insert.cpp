@@ -8,6 +8,7 @@
 #include "assembly_cell/align/align.h"
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/input_error.h"
+#include "assembly_cell/base/text.h"
 #include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 
@@ -28,7 +29,7 @@ struct Bore {
 
 class Insertion : public testing::TestWithParam<Bore> {};
 
-Scenario cell(double clearance) {
+Scenario fit(double clearance) {
   Scenario s = loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
   s.mechanism.hole.radius = s.mechanism.peg.radius + clearance;
   return s;
@@ -53,7 +54,7 @@ const Bore kBores[] = {{"wide", 1e-4, {0.0, 0.0}, 0.2, 2.0},
 TEST_P(Insertion, EndsSeated) {
   const Bore& bore = GetParam();
   Scenario truth =
-      startAt(cell(bore.clearance), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
+      startAt(fit(bore.clearance), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
   const Mechanism nominal = truth.mechanism;
   truth.imperfections.bore_lean = bore.lean;
   truth.mechanism.friction = {bore.friction, bore.friction};
@@ -84,7 +85,7 @@ INSTANTIATE_TEST_SUITE_P(One, Insertion, testing::ValuesIn(kBores),
 
 // The exciter shakes from the bore's mouth to the depth, and no longer.
 TEST(InsertionExciter, ShakesDuringTheInsertionOnly) {
-  const Scenario s = startAt(cell(2e-5), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
+  const Scenario s = startAt(fit(2e-5), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
   AlignParameters p = parameters();
   p.insert.exciter = 2.0;
   const AlignTrial trial = tryAlignment(s, s.mechanism, CellParameters{}, p);
@@ -96,10 +97,58 @@ TEST(InsertionExciter, ShakesDuringTheInsertionOnly) {
   EXPECT_LT(trial.result.insert.end.force(), still.result.insert.force + 0.1);
 }
 
+// A peg that was left in the hole at an unknown depth: out, and from the face.
+TEST(InsertionDepth, CountsFromTheFaceWhereThePegIsInTheHoleAlready) {
+  const Scenario s = fit(1e-4);
+  for (const double before : {0.0037, 0.0147}) {
+    AlignParameters p;
+    p.insert.depth = 0.012;
+    const Scenario start = startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.001, 0.0), -before);
+    const AlignTrial trial = tryAlignment(start, s.mechanism, CellParameters{}, p);
+    EXPECT_TRUE(trial.success) << trial.result.reason;
+    EXPECT_NEAR(trial.depth, 0.012, 3.5e-4) << before;
+    EXPECT_NEAR(trial.result.insert.end.depth, trial.depth, 5e-5);
+  }
+}
+
+TEST(InsertionDepth, OfAHoleTooShallowForAnAlignmentIsRefused) {
+  Scenario s = fit(1e-4);
+  s.mechanism.hole.depth = 4e-4;
+  try {
+    checkGoal(s.mechanism, AlignParameters{});
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_EQ(std::string(error.what()).rfind("hole.depth: 0.0004: ", 0), 0u) << error.what();
+  }
+  s.mechanism.hole.depth = 6e-4;
+  EXPECT_NO_THROW(checkGoal(s.mechanism, AlignParameters{}));
+}
+
+// The bore ends before the requested depth: named, and the peg is free afterwards.
+TEST(InsertionDepth, BelowTheFloorEndsByName) {
+  for (const double floor : {0.004, 0.012, 0.03}) {
+    Scenario s = startAt(fit(1e-4), Vector2d(-0.009, 0.005), Vector2d(0.02, 0.01), 0.003);
+    const Mechanism nominal = s.mechanism;
+    s.mechanism.hole.depth = floor;
+    for (const bool to_floor : {false, true}) {
+      AlignParameters p = parameters();
+      p.insert.floor = to_floor;
+      p.insert.depth = to_floor ? 0.0 : 0.04;
+      const AlignTrial trial = tryAlignment(s, nominal, CellParameters{}, p);
+      EXPECT_EQ(trial.result.reason.rfind(text("not_seated: floor at %.1f", floor * 1e3), 0), 0u)
+          << trial.result.reason;
+      EXPECT_LT(trial.result.insert.time, 15.0);
+      // the force that stops the peg, and as much again in one step
+      EXPECT_LT(trial.force, 2.0 * p.insert.force);
+      EXPECT_LT(trial.depth, 0.0);
+    }
+  }
+}
+
 TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {
   AlignParameters p = parameters();
   p.insert.depth = 0.06;
-  const Scenario s = cell(1e-4);
+  const Scenario s = fit(1e-4);
   try {
     tryAlignment(s, s.mechanism, CellParameters{}, p);
     FAIL();
@@ -111,7 +160,7 @@ TEST(InsertionDepth, ThatReachesTheFloorIsRefused) {
 
 // A peg of 60 mm in a hole of 80 mm: to 59 mm, not to the floor.
 TEST(InsertionDepth, WhereThePegsTopWouldGoInIsRefused) {
-  Scenario s = cell(1e-4);
+  Scenario s = fit(1e-4);
   s.mechanism.hole.depth = 0.08;
   for (const bool floor : {false, true}) {
     AlignParameters p = parameters();
@@ -134,7 +183,7 @@ TEST(InsertionFloor, NeedsADepthInTheDrawing) {
   AlignParameters p = parameters();
   p.insert.depth = 0.0;
   p.insert.floor = true;
-  Scenario s = cell(1e-4);
+  Scenario s = fit(1e-4);
   s.mechanism.hole.depth = std::numeric_limits<double>::infinity();
   EXPECT_THROW(tryAlignment(s, s.mechanism, CellParameters{}, p), InputError);
 }
@@ -146,7 +195,7 @@ TEST(InsertionFloor, EndsSeatedInTheExactSimulation) {
   p.insert.floor = true;
   for (const double depth : {0.06, 0.05}) {
     for (const unsigned seed : {1u, 2u}) {
-      Scenario s = cell(1e-4);
+      Scenario s = fit(1e-4);
       s.mechanism.hole.depth = depth;
       const double round = 2.0 * seed;
       s = startAt(s, 0.01 * Vector2d(std::cos(round), std::sin(round)), Vector2d(0.02, -0.01),

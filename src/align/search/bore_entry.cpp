@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "assembly_cell/align/search/retreat.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/mechanism/compliance.h"
 
@@ -42,6 +43,8 @@ constexpr double kWallSd = 4e-6;          // of a middle between walls, per axis
 // walls that are measured after one each scatters by half of that; a tenth more is allowed for
 // what touches don't show.
 constexpr double kOwnEnd = 2e-4, kOfEnds = 0.6;
+constexpr double kOutStep = 2e-3;    // on the path out of a hole of unknown depth [m]
+constexpr double kOver = 6e-3;       // over the face, before the offset aside from the hole [m]
 constexpr int kWallSwingBlocks = 5;  // until a swing is gone that looks like a wall
 
 }  // namespace
@@ -80,18 +83,56 @@ double BoreEntry::maxForce() const {
                   kOnFace * s_.mechanism.coupling.stiffness.diagonal(0) * s_.p.insertion_depth);
 }
 
-// A wall within reach on one side; if so, on all, and nothing below: friction on a face, with the
+// A wall within reach: on one side is enough, the travel is longer than the way across.
+// at_rest: what pushes is measured again once the peg is still; a heavy one in a soft coupling
+// swings from the move as hard as a wall pushes.
+bool BoreEntry::hasWallBeside(bool at_rest) {
+  const RestPose start = s_.carrier.target();
+  const Vec3 bottom = s_.frame.pegPose(start, Vector6::Zero()).p;
+  const Vec3 beside = bottom + wallTravel() * Vec3::UnitX();
+  const auto is_pushed = [this] {
+    return s_.carrier.force().head<2>().norm() > kWallForce * s_.scale.force;
+  };
+  s_.carrier.moveTo(s_.frame.restFor(beside, Mat3::Identity()));
+  s_.carrier.wait(s_.scale.timed(kWallBlocks));
+  const bool wall = is_pushed() && (!at_rest || (s_.carrier.settle(), is_pushed()));
+  s_.carrier.moveTo(start);
+  s_.carrier.wait(s_.scale.timed(kWallBlocks));
+  return wall;
+}
+
+bool BoreEntry::takeOut(Retreat& retreat) {
+  const double step = kOutStep * s_.scale.length;
+  const double length = 2.0 * s_.mechanism.peg.half_height;
+  double up = 0.0;
+  for (; hasWallBeside(true); up += step) {
+    if (up > std::min(length, s_.mechanism.hole.depth) + step) {
+      throw AlignError(AlignFailure::kStuck,
+                       text("a wall beside the peg still after %.1f mm of travel up", up * 1e3));
+    }
+    RestPose higher = s_.carrier.target();
+    higher.z += step;
+    s_.carrier.moveTo(higher);
+    s_.carrier.wait(s_.scale.timed(kWallBlocks));
+  }
+  if (up == 0.0) return false;
+  s_.report("out", text("of the hole, the edge was at most %.1f mm deep", up * 1e3));
+  RestPose away = s_.carrier.target();
+  away.z += kOver * s_.scale.travel;
+  s_.carrier.moveTo(away);
+  const Vec3 aside = retreat.nextOffset(s_.p.contact_tilt);
+  away.x += aside.x();
+  away.y += aside.y();
+  s_.carrier.moveTo(away);
+  return true;
+}
+
+// If there is a wall on one side, there are on all, and nothing below: friction on a face, with the
 // peg pressed, would look like walls.
 bool BoreEntry::isIn() {
   const RestPose start = s_.carrier.target();
   const Vec3 bottom = s_.frame.pegPose(start, Vector6::Zero()).p;
-  const Vec3 beside = bottom + wallTravel() * Vec3::UnitX();
-  s_.carrier.moveTo(s_.frame.restFor(beside, Mat3::Identity()));
-  s_.carrier.wait(s_.scale.timed(kWallBlocks));
-  const bool wall = s_.carrier.force().head<2>().norm() > kWallForce * s_.scale.force;
-  s_.carrier.moveTo(start);
-  s_.carrier.wait(s_.scale.timed(kWallBlocks));
-  if (!wall) return false;
+  if (!hasWallBeside(false)) return false;
   s_.hole.normal = Vec3::UnitZ();
   s_.hole.height = bottom.z() + s_.p.inserted;
   s_.hole.normal_sd = kUnknownAxis;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "assembly_cell/base/text.h"
 
@@ -226,13 +227,13 @@ bool BoreInsertion::pressAgain(const BoreReading& pressed) {
   return same(s_.inserted.end) || same(measure());
 }
 
-// Whether the resistance along the axis is the floor: where the drawing has one, more than the
+// Whether the resistance along the axis is the floor: at `min_depth` [m] or below, more than the
 // friction of all bore-wall contacts, and there again after a lift.
-bool BoreInsertion::isOnFloor() {
+bool BoreInsertion::isOnFloor(double min_depth) {
   const BoreReading pressed = measure();
   s_.report("floor", text("%.2f mm deep, %.1f N along", pressed.depth * 1e3, pressed.along) +
                          text(", %.1f N sideways, %.3f N m", pressed.sideways, pressed.moment));
-  if (pressed.depth < minFloor(s_.mechanism, s_.scale)) return false;
+  if (pressed.depth < min_depth) return false;
   // the floor's own moment is that of a force on the peg's edge at most
   const double arm = std::max(0.0, pressed.moment - s_.mechanism.peg.radius * pressed.along);
   const double walls = pressed.sideways + 2.0 * arm / pressed.depth;
@@ -243,6 +244,17 @@ bool BoreInsertion::isOnFloor() {
     move(-step);
   }
   return true;
+}
+
+// A hole that is shallower than drawn, or than requested: the peg is stuck at one depth twice, and
+// what holds it is a floor. A jam is elsewhere after the peg was pulled up.
+void BoreInsertion::refuseFloor(double depth, const std::optional<double>& before) {
+  if (!before || std::abs(depth - *before) > kSame * s_.scale.travel || !isOnFloor(0.0)) return;
+  const InsertParameters& p = s_.p.insert;
+  throw AlignError(AlignFailure::kNotSeated,
+                   text("floor at %.2f mm, ", depth * 1e3) +
+                       text(p.floor ? "the drawing has it at %.2f mm" : "%.2f mm are requested",
+                            p.goal(s_.mechanism.hole.depth) * 1e3));
 }
 
 // Shaken at the peg's own swing sideways in its coupling, where a newton moves it most; friction
@@ -264,10 +276,16 @@ void BoreInsertion::insert() {
   if (s_.p.insert.exciter > 0.0) shake(s_.p.insert.exciter);
   move(0.0);
   double travel = kBackOut;
+  std::optional<double> before;  // depth where it was stuck the last time
   for (;;) {
     const End end = lower();
-    if (end == End::kDeep || (end == End::kResisted && isOnFloor())) break;
+    if (end == End::kDeep ||
+        (end == End::kResisted && isOnFloor(minFloor(s_.mechanism, s_.scale)))) {
+      break;
+    }
     const BoreReading stuck = s_.inserted.end;
+    refuseFloor(stuck.depth, before);
+    before = stuck.depth;
     s_.report("jam", text("stuck %.2f mm deep", stuck.depth * 1e3) +
                          text(", %.1f N along, %.1f N sideways", stuck.along, stuck.sideways));
     if (s_.inserted.backed_out == kBackOuts) {

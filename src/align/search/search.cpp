@@ -32,6 +32,14 @@ bool Search::begin() {
   state.startHere();
   state.report("tare",
                deep ? text("%.1f mm deep in the hole", state.p.inserted * 1e3) : "hanging free");
+  if (!deep && state.p.insert.wanted() && !(state.p.inserted > 0.0)) {
+    // a depth counts from the face, which a peg that is in the hole already hasn't touched
+    if (entry.takeOut(retreat)) {
+      tareFreePeg(state.carrier, state.mechanism);
+      state.startHere();
+    }
+    return false;
+  }
   if (!deep) return entry.isIn();
   entry.requireStillIn();
   return true;

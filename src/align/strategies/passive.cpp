@@ -13,14 +13,29 @@ constexpr double kShake = 5.0;        // exciter, unless one is given [N]
 constexpr double kFrequency = 800.0;  // [rad/s]; both as the studies of success have them
 constexpr double kLower = 6e-3;  // starts hang 3 mm over the face, tilted by up to 2 degrees [m]
 
+// [N]
+double amplitudeFor(const SearchState& s) {
+  const double given = s.p.exciter_amplitude;
+  return given > 0.0 ? given : kShake * std::max(1.0, s.scale.force);
+}
+
 void shake(SearchState& s, bool on) {
   const AlignParameters& p = s.p;
-  const double amplitude =
-      p.exciter_amplitude > 0.0 ? p.exciter_amplitude : kShake * std::max(1.0, s.scale.force);
+  const double amplitude = amplitudeFor(s);
   const double frequency = p.exciter_frequency > 0.0 ? p.exciter_frequency : kFrequency;
   PlantCommand command;
   command.exciter = ExciterParameters{on ? amplitude : 0.0, frequency, 0.0, p.exciter_direction};
   s.carrier.step(command);
+}
+
+// One more step adds as much again, and a mean over a block doesn't show the shaking.
+void refuseNextStep(const SearchState& s, double before) {
+  const double force = s.carrier.force().norm(), shaking = amplitudeFor(s);
+  const double next = force + std::max(0.0, force - before);
+  if (next + shaking <= s.p.force_limit) return;
+  throw AlignError(AlignFailure::kForceLimit,
+                   text("%.1f N after another step and %.1f N of the exciter are over %.1f N", next,
+                        shaking, s.p.force_limit));
 }
 
 // Only the force limit is checked on the path; the proof at its end is that of every strategy.
@@ -35,7 +50,9 @@ void find(Search& search) {
   s.report("lower", text("by %.1f mm, shaken", travel * 1e3));
   while (start.z - lower.z < travel) {
     lower.z = std::max(start.z - travel, lower.z - step);
+    const double before = s.carrier.force().norm();
     s.carrier.nudge(lower);
+    refuseNextStep(s, before);
   }
   s.carrier.wait(s.blocks(s.p.settle));
   shake(s, false);

@@ -5,6 +5,8 @@
 
 namespace assembly_cell {
 
+class Retreat;
+
 /// Puts the upright peg's edge into the hole and proves that it is in: bore walls on both sides of
 /// two axes, and no resistance below. Needs the hole's plane and centre (SearchState::hole), to
 /// within reach().
@@ -17,10 +19,15 @@ class BoreEntry {
   /// Over the hole and down; around it where the estimate is not good enough, then to the middle
   /// between the walls, which becomes the hole's centre. True when the edge went in.
   bool enter(const Eigen::Vector3d& center, int rings = kRings);
-  /// Whether the peg, as it is, has the hole round it. Then its centre is known, its axis isn't.
+  /// Whether the peg, as it is, has the hole round it. Then its centre is known, its axis isn't,
+  /// nor is its depth unless the goal before has measured it.
   bool isIn();
   /// The same of a peg that was left deep in the bore. Throws AlignError `in_contact` if it isn't.
   void requireStillIn();
+  /// Moves a peg that has a wall beside it straight up until it has none, then beside the hole,
+  /// where the next search has a face to touch. False: there was no wall, it stays where it is.
+  /// Throws AlignError `stuck`.
+  bool takeOut(Retreat& retreat);
 
   /// The goal before has left the peg deeper in the hole than any alignment does.
   bool startsDeep() const;
@@ -38,6 +45,7 @@ class BoreEntry {
   double place_variance = 0.0;
 
  private:
+  bool hasWallBeside(bool at_rest);
   bool lower(const Eigen::Vector3d& from, const Eigen::Matrix3d& R);
   bool centre(const Eigen::Matrix3d& R);
   bool clearOfWalls(Eigen::Vector3d& target, const Eigen::Matrix3d& R);

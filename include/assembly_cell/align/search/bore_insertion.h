@@ -1,6 +1,8 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <optional>
+
 #include "assembly_cell/align/search/search_state.h"
 
 namespace assembly_cell {
@@ -33,7 +35,8 @@ class BoreInsertion {
   void sample(const BoreReading& measured, const Pose& X_SP);
   int wallContacts(const Vector6& wrench, double depth) const;
   void shake(double amplitude);
-  bool isOnFloor();
+  bool isOnFloor(double min_depth);
+  void refuseFloor(double depth, const std::optional<double>& before);
   bool pressAgain(const BoreReading& pressed);
 
   SearchState& s_;
