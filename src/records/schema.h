@@ -68,8 +68,8 @@ constexpr std::array<const char*, 2> kMigrations{
          kind TEXT NOT NULL,
          text TEXT NOT NULL,
          PRIMARY KEY(run, position)) WITHOUT ROWID;)",
-    // lists and trends of a day without a search of all runs, runs of a part
-    R"(CREATE INDEX run_start ON run(start);
+    // lists of a day and trends without a search of all runs, runs of a part
+    R"(CREATE INDEX run_start ON run(start, peak_force, seating_depth, duration);
        CREATE INDEX run_part ON run(part);)"};
 
 }  // namespace assembly_cell

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 #include <utility>
 #include <variant>
 
@@ -122,9 +123,9 @@ struct Condition {
   }
 };
 
-// The latest first.
-std::string latest(const RunFilter& filter) {
-  return " ORDER BY r.start DESC, r.id DESC" +
+// The latest first; of the same start: `then`.
+std::string latest(const RunFilter& filter, const char* then) {
+  return std::string(" ORDER BY r.start DESC") + then +
          (filter.limit > 0 ? " LIMIT " + std::to_string(filter.limit) : std::string());
 }
 
@@ -314,7 +315,7 @@ std::vector<RunSummary> RunStore::list(const RunFilter& filter) const {
         "SELECT r.id, p.serial, p.program, p.station, r.strategy, r.result, "
         "r.failure, r.start, r.duration, r.peak_force, r.seating_depth, r.verdicts, "
         "r.failed FROM run r JOIN part p ON p.id = r.part" +
-            condition.sql + latest(filter));
+            condition.sql + latest(filter, ", r.id DESC"));
     condition.bind(s, 1);
     std::vector<RunSummary> runs;
     while (s.executeStep()) {
@@ -356,14 +357,17 @@ std::vector<TrendPoint> RunStore::trend(const std::string& quantity,
       condition.add("e.name = ?", Value(quantity));
     else
       condition.sql += std::string(" AND ") + column->second + " IS NOT NULL";
-    SQLite::Statement s(d.database(), sql + condition.sql + latest(filter));
+    SQLite::Statement s(d.database(), sql + condition.sql + latest(filter, ""));
     condition.bind(s, 1);
     std::vector<TrendPoint> points;
     while (s.executeStep()) {
       points.push_back(
           {s.getColumn(0).getInt64(), s.getColumn(1).getDouble(), s.getColumn(2).getDouble()});
     }
-    std::reverse(points.begin(), points.end());
+    // SQLite would sort a million runs by both for a second; by the start they are
+    std::sort(points.begin(), points.end(), [](const TrendPoint& a, const TrendPoint& b) {
+      return std::tie(a.start, a.id) < std::tie(b.start, b.id);
+    });
     if (!points.empty() || !estimated) return points;
     SQLite::Statement any(d.database(), "SELECT 1 FROM estimate WHERE name = ? LIMIT 1");
     bindAll(any, quantity);

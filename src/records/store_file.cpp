@@ -26,6 +26,13 @@ constexpr int kPatience = 1000;  // with another program's lock [ms]
 // reader grows by more.
 constexpr std::uint64_t kFreeSpace = 4u << 20;  // [bytes]
 
+// SQLite's own wait is longer each time, up to 0.1 s: one that writes without a pause would then
+// keep out another for good.
+int waitForLock(void* /*unused*/, int waited) {
+  std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  return waited < kPatience ? 1 : 0;
+}
+
 std::string because(int error) {
   return error == 0 ? "" : std::string(": ") + std::strerror(error);
 }
@@ -66,9 +73,11 @@ StoreFile::StoreFile(const std::string& path, RunStore::Access access) : path_(p
 
 void StoreFile::open(RunStore::Access access) {
   const auto connect = [&](const std::string& name, int flags) {
-    database_ = std::make_unique<SQLite::Database>(name, flags, kPatience);
+    database_ = std::make_unique<SQLite::Database>(name, flags);
+    sqlite3_busy_handler(database_->getHandle(), waitForLock, nullptr);
   };
   const bool reads = access == RunStore::Access::kRead;
+  if (!reads) checkSpace();  // SQLite would open a file that can't be written as one to be read
   if (!reads) {
     connect(path_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
   } else {
