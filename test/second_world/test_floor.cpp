@@ -57,12 +57,11 @@ TEST_F(InsertionFloor, IsDetectedAndPressedGently) {
 
 // A drawing with the floor higher up or farther down than it is: nothing is seated there.
 TEST_F(InsertionFloor, IsRefusedWhereTheDrawingHasNone) {
-  for (const auto& [drawn, failure] :
-       {std::pair(0.03, AlignFailure::kNotSeated), std::pair(0.053, AlignFailure::kJammed)}) {
+  for (const double drawn : {0.03, 0.053}) {
     const AlignTrial trial = this->trial(drawn);
     EXPECT_FALSE(trial.success);
     EXPECT_FALSE(trial.false_success);
-    EXPECT_EQ(trial.result.failure, failure) << trial.result.reason;
+    EXPECT_EQ(trial.result.failure, AlignFailure::kNotSeated) << trial.result.reason;
     EXPECT_LT(trial.result.insert.force, parameters_.force_limit);
   }
 }

@@ -37,14 +37,14 @@ void readBounds(yaml::Section& section, const char* key, bool open, double& low,
   if (!good) section.refuse(section.at(key), yaml::shown(node), remedy);
 }
 
-std::string rangeText(const Box& box) {
+std::string rangeText(const CurveBox& box) {
   if (std::isinf(box.low)) return "at most " + shownValue(box.quantity, box.high);
   if (std::isinf(box.high)) return "at least " + shownValue(box.quantity, box.low);
   return text("%.4g to ", box.low) + shownValue(box.quantity, box.high);
 }
 
 // Distance from the nearer bound over half the width; of one bound over its magnitude.
-double marginOf(const Box& box, double value) {
+double marginOf(const CurveBox& box, double value) {
   double scale = 0.5 * (box.high - box.low);
   if (std::isinf(scale)) scale = std::abs(std::isinf(box.low) ? box.high : box.low);
   if (scale == 0.0) scale = 1.0;
@@ -55,13 +55,13 @@ struct Found {
   double margin = kUnbounded, place = std::nan(""), value = std::nan("");
 };
 
-void keepWorst(const Box& box, double place, double value, Found& found) {
+void keepWorst(const CurveBox& box, double place, double value, Found& found) {
   const double margin = marginOf(box, value);
   if (margin < found.margin) found = {margin, place, value};
 }
 
 // All values over from … to, those at the bounds interpolated.
-Found worstInRange(const Box& box, const std::vector<double>& path,
+Found worstInRange(const CurveBox& box, const std::vector<double>& path,
                    const std::vector<double>& values) {
   Found found;
   for (std::size_t i = 0; i < path.size(); ++i) {
@@ -76,7 +76,7 @@ Found worstInRange(const Box& box, const std::vector<double>& path,
   return found;
 }
 
-Found largestInRange(const Box& box, const std::vector<double>& path,
+Found largestInRange(const CurveBox& box, const std::vector<double>& path,
                      const std::vector<double>& values) {
   Found found;
   for (std::size_t i = 0; i < path.size(); ++i) {
@@ -92,10 +92,10 @@ Found largestInRange(const Box& box, const std::vector<double>& path,
 // first > last: none of it.
 struct Clip {
   double first = 0.0, last = 1.0;
-  Box::Side entry = Box::Side::kInside, exit = Box::Side::kInside;
+  CurveBox::Side entry = CurveBox::Side::kInside, exit = CurveBox::Side::kInside;
 };
-Clip clip(const Box& box, double x0, double y0, double x1, double y1) {
-  using Side = Box::Side;
+Clip clip(const CurveBox& box, double x0, double y0, double x1, double y1) {
+  using Side = CurveBox::Side;
   struct Edge {
     double speed, distance;  // across the side outward; from the start to it, inward positive
     Side side;
@@ -123,14 +123,16 @@ Clip clip(const Box& box, double x0, double y0, double x1, double y1) {
   return c;
 }
 
-bool fits(Box::Side wanted, Box::Side is) { return wanted == Box::Side::kAny || wanted == is; }
+bool fits(CurveBox::Side wanted, CurveBox::Side is) {
+  return wanted == CurveBox::Side::kAny || wanted == is;
+}
 
-std::string sideName(Box::Side side) { return kSides[static_cast<std::size_t>(side)]; }
+std::string sideName(CurveBox::Side side) { return kSides[static_cast<std::size_t>(side)]; }
 
 // Enters by one side only and leaves by one side only.
-RunVerdict evaluatePass(const Box& box, const std::vector<double>& path,
+RunVerdict evaluatePass(const CurveBox& box, const std::vector<double>& path,
                         const std::vector<double>& values, RunVerdict verdict) {
-  using Side = Box::Side;
+  using Side = CurveBox::Side;
   bool inside = false, was_inside = false;
   const auto fail = [&](std::size_t i, const std::string& what) {
     verdict.passed = false;
@@ -182,29 +184,29 @@ RunVerdict notEvaluated(RunVerdict verdict, double place, const std::string& why
 
 }  // namespace
 
-Box readBox(yaml::Section section) {
-  Box box;
+CurveBox readBox(yaml::Section section) {
+  CurveBox box;
   box.name = section.text("name", "give the rule a name");
-  box.kind = readChoice<Box::Kind>(section, "type", kKinds, std::nullopt);
+  box.kind = readChoice<CurveBox::Kind>(section, "type", kKinds, std::nullopt);
   box.quantity = section.choice("quantity", curveQuantities());
   if (section.has("time") && section.has("depth")) {
     section.refuse(section.at("time"), "given beside depth", "give one of both");
   }
   box.over_time = section.has("time");
   const char* const path = box.over_time ? "time" : "depth";
-  if (box.kind != Box::Kind::kMaximum || section.has(path)) {
-    readBounds(section, path, box.kind == Box::Kind::kMaximum, box.from, box.to);
+  if (box.kind != CurveBox::Kind::kMaximum || section.has(path)) {
+    readBounds(section, path, box.kind == CurveBox::Kind::kMaximum, box.from, box.to);
   }
   readBounds(section, "value", true, box.low, box.high);
-  if (box.kind == Box::Kind::kPass) {
-    box.entry = readChoice<Box::Side>(section, "entry", kSides, "any");
-    box.exit = readChoice<Box::Side>(section, "exit", kSides, "any");
+  if (box.kind == CurveBox::Kind::kPass) {
+    box.entry = readChoice<CurveBox::Side>(section, "entry", kSides, "any");
+    box.exit = readChoice<CurveBox::Side>(section, "exit", kSides, "any");
   }
   section.finish();
   return box;
 }
 
-RunVerdict evaluateBox(const Box& box, const Curve& curve) {
+RunVerdict evaluateBox(const CurveBox& box, const Curve& curve) {
   RunVerdict verdict;
   verdict.rule = box.name;
   verdict.kind = "box";
@@ -222,9 +224,9 @@ RunVerdict evaluateBox(const Box& box, const Curve& curve) {
     return notEvaluated(verdict, path[i],
                         box.quantity + " isn't a number at " + shownPlace(box.over_time, path[i]));
   }
-  if (box.kind == Box::Kind::kPass) return evaluatePass(box, path, values, verdict);
+  if (box.kind == CurveBox::Kind::kPass) return evaluatePass(box, path, values, verdict);
   Found found;
-  if (box.kind == Box::Kind::kEnd) {
+  if (box.kind == CurveBox::Kind::kEnd) {
     found = {marginOf(box, values.back()), path.back(), values.back()};
     if (path.back() < box.from || path.back() > box.to) {
       const double middle = 0.5 * (box.from + box.to), half = 0.5 * (box.to - box.from);
@@ -238,16 +240,16 @@ RunVerdict evaluateBox(const Box& box, const Curve& curve) {
     }
   } else {
     const PathEnds ends = pathEnds(path);
-    if (box.kind == Box::Kind::kRange && ends.end < box.to) {
+    if (box.kind == CurveBox::Kind::kRange && ends.end < box.to) {
       return notEvaluated(verdict, ends.end,
                           "the curve ends before " + shownPlace(box.over_time, box.to));
     }
-    if (box.kind == Box::Kind::kRange && ends.begin > box.from) {
+    if (box.kind == CurveBox::Kind::kRange && ends.begin > box.from) {
       return notEvaluated(verdict, ends.begin,
                           "the curve begins after " + shownPlace(box.over_time, box.from));
     }
-    found = box.kind == Box::Kind::kRange ? worstInRange(box, path, values)
-                                          : largestInRange(box, path, values);
+    found = box.kind == CurveBox::Kind::kRange ? worstInRange(box, path, values)
+                                               : largestInRange(box, path, values);
   }
   if (std::isnan(found.value)) {
     return notEvaluated(verdict, std::nan(""), "the curve has no samples in the box's range");

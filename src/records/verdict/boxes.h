@@ -10,7 +10,7 @@
 
 namespace assembly_cell {
 
-struct Box {
+struct CurveBox {
   enum class Kind { kPass, kRange, kMaximum, kEnd };
   enum class Side { kLeft, kRight, kTop, kBottom, kInside, kAny };
   std::string name;
@@ -25,8 +25,8 @@ struct Box {
 };
 
 /// Throws InputError.
-Box readBox(yaml::Section section);
+CurveBox readBox(yaml::Section section);
 
-RunVerdict evaluateBox(const Box& box, const Curve& curve);
+RunVerdict evaluateBox(const CurveBox& box, const Curve& curve);
 
 }  // namespace assembly_cell

@@ -103,7 +103,7 @@ std::vector<std::string> filesOf(const std::vector<std::string>& paths) {
 
 struct RunRules::Data {
   struct Program {
-    std::vector<Box> boxes;
+    std::vector<CurveBox> boxes;
     std::optional<Band> band;
     std::string file;  // of the band
   };
@@ -118,8 +118,8 @@ struct RunRules::Data {
     Program& program = programs[name];
     if (root.has("boxes")) {
       for (yaml::Section& section : root.sections("boxes")) {
-        Box box = readBox(section);
-        for (const Box& other : program.boxes) {
+        CurveBox box = readBox(section);
+        for (const CurveBox& other : program.boxes) {
           if (other.name == box.name) {
             section.refuse(section.at("name"), box.name,
                            "another box for program " + name + " has this name");
@@ -157,7 +157,7 @@ std::vector<RunVerdict> RunRules::evaluate(const Run& run) const {
   std::vector<RunVerdict> verdicts;
   const auto found = data_->programs.find(run.program);
   if (found == data_->programs.end()) return verdicts;
-  for (const Box& box : found->second.boxes) verdicts.push_back(evaluateBox(box, run.curve));
+  for (const CurveBox& box : found->second.boxes) verdicts.push_back(evaluateBox(box, run.curve));
   if (found->second.band) verdicts.push_back(evaluateBand(*found->second.band, run.curve));
   return verdicts;
 }
