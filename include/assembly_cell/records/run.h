@@ -43,7 +43,7 @@ struct RunEvent {
 struct Run {
   std::int64_t id = 0;  ///< by the store
   std::string serial;   ///< of the part; empty: the store gives a running number
-  std::string program;  ///< what was to be assembled: the scenario's name
+  std::string program;  ///< name of the assembly program; default: the scenario's name
   std::string program_hash;
   std::string station;
   double start = 0.0;     ///< since 1970 [s]

@@ -14,8 +14,8 @@ namespace {
 
 constexpr const char* kHelp = R"(Usage: records export [N] [options]
 
-CSV of the curve of run N: time [s], depth [m], axial and lateral force [N], moment [N m], tilt [rad], without what was
-not measured. Without N: a row a run, the latest first.
+CSV of the curve of run N: time [s], depth [m], axial and lateral force [N], moment [N m], tilt [rad]; channels that
+were not measured are left out. Without N: a row a run, the latest first.
 
 )";
 constexpr const char* kHelpEnd = R"(  --limit N              the latest N of them; 0 (default): all

@@ -18,8 +18,8 @@ both; axial (also force, fz); lateral, or fx and fy; moment, or tx and ty; tilt;
 names. A column run makes a curve of each row of equal numbers. A folder may have the files of the snap_fit recordings:
 NN_R_Torques.dat[.gz], with NN_R_State.dat and NN_R_CartPos.dat where they are there.
 
-  --program P            what was assembled
-  --result R             what came of it: seated, failed or a word of your own (seated)
+  --program P            name of the assembly program, as in rules and filters
+  --result R             result of these runs: seated, failed or a word of your own (seated)
   --station S            where (imported)
   --time-unit U          of t: s, ms, us or ns (default auto)
   --store FILE           the store (default: ~/.ros/assembly_cell/records.db, or below ROS_HOME)
@@ -44,7 +44,8 @@ int importRuns(const std::vector<std::string>& arguments) {
   parser.choice("--time-unit", unit, kTimeUnitChoices);
   StoreOption store(parser);
   if (!parser.parse(arguments)) return 0;
-  if (program.empty()) throw InputError("--program: missing: give the name of what was assembled");
+  if (program.empty())
+    throw InputError("--program: missing: give the name of the assembly program");
   std::vector<Run> runs = readCurves(paths, unit);
   RunStore opened = store.open(RunStore::Access::kWrite);
   const auto now = static_cast<double>(std::time(nullptr));
