@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/calibration/strain_windows.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -16,7 +17,27 @@ namespace {
 
 constexpr double kStopPollPeriod = 0.05;  // between two calls of `stop` while waiting [s]
 
+constexpr int kDelays = 100;  // least blocks for the shortest delay
+
+ros::Time lastStamp(const StrainSamples& block) {
+  const auto steps = static_cast<double>(block.saturated.size()) - 1.0;
+  return block.header.stamp + ros::Duration(block.period * steps);
+}
+
 }  // namespace
+
+void StrainWindows::Delay::add(const ros::Duration& delay) {
+  if (!recent_ || delay < *recent_) recent_ = delay;
+  if (++count_ < kDelays) return;
+  earlier_ = recent_;
+  recent_.reset();
+  count_ = 0;
+}
+
+std::optional<ros::Duration> StrainWindows::Delay::shortest() const {
+  if (!earlier_ || !recent_) return earlier_ ? earlier_ : recent_;
+  return std::min(*earlier_, *recent_);
+}
 
 StrainWindows::StrainWindows(const ros::NodeHandle& nh, Settings settings)
     : settings_(std::move(settings)) {
@@ -34,6 +55,8 @@ void StrainWindows::collect(Collector& c, const StrainSamples& block) {
     const std::lock_guard<std::mutex> lock(mutex_);
     c.last_block = Clock::now();
     const Arrival arrival = c.sequence.accept(block.sequence);
+    if (arrival == Arrival::kRestart) c.delay.clear();
+    c.delay.add(ros::Time::now() - lastStamp(block));
     if (!c.active || arrival == Arrival::kDuplicate) return;
     if (arrival == Arrival::kRestart) {
       c.restarted = true;
@@ -105,9 +128,12 @@ CalibrationRefusal StrainWindows::fill(const PerSide<bool>& wanted, const ros::T
   for (const Side side : kSides) {
     Collector& c = collectors_[side];
     c.active = wanted[side];
-    c.armed = !from.isZero();
     c.restarted = false;
     c.from = from;
+    // blocks from before the call may still be on their way
+    const std::optional<ros::Duration> delay = c.delay.shortest();
+    if (from.isZero() && delay) c.from = ros::Time::now() - *delay;
+    c.armed = !c.from.isZero();
     c.volts.clear();
     c.saturated.clear();
   }

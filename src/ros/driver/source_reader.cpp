@@ -17,6 +17,7 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 constexpr auto kPatience = std::chrono::milliseconds(100);  // of a wait for blocks
+constexpr auto kConnectionPatience = std::chrono::seconds(5);
 
 AcquisitionOptions acquisitionOptions(const SourceSettings& s, const SourceInfo& info,
                                       double source_timeout) {
@@ -81,11 +82,20 @@ SourceReader::Timing SourceReader::timing() const {
   return {delays_, stamper_->clock().steps(), stamper_->clock().lastStep()};
 }
 
-void SourceReader::publishAll() {
-  // as fast as possible: without a subscriber the beginning would be lost
-  while (isFast(source().info()) && !state_.stopping && !output_->hasSubscribers()) {
+// As fast as possible: a subscriber that connects later would miss the beginning, or everything.
+// One that died without unregistering is not waited for without end.
+void SourceReader::awaitSubscribers() {
+  while (!state_.stopping && !output_->hasSubscribers()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
+  const auto limit = SensorState::Clock::now() + kConnectionPatience;
+  while (!state_.stopping && SensorState::Clock::now() < limit && !output_->allConnected()) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
+
+void SourceReader::publishAll() {
+  if (isFast(source().info())) awaitSubscribers();
   // a block that waits for its publisher is as late as one that waits to be read
   raisePriority(settings_.realtime_priority);
   acquisition_->start();

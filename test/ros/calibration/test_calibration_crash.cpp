@@ -2,6 +2,7 @@
 // kill -9 of the server at random moments of a running calibration: every observation it has
 // acknowledged is there afterwards, and every stored calibration is whole.
 #include <assembly_cell/AddObservation.h>
+#include <assembly_cell/ApplyLoad.h>
 #include <assembly_cell/GetCalibrations.h>
 #include <assembly_cell/LoadCalibration.h>
 #include <gtest/gtest.h>
@@ -123,6 +124,11 @@ TEST(Crash, LosesNoObservationAndNoCalibration) {
       // starts with the plan under way
       ASSERT_TRUE(waitFor([&] { return answered || server.status()->state == "calibrate"; }));
     } else {
+      // what is added as unloaded is unloaded: other tests use it as their zero
+      ApplyLoad rig;
+      rig.request.step.test.kind = "unloaded";
+      ASSERT_TRUE(callService(server.nh().resolveName("simulated_calibration_rig/apply"), rig));
+      ASSERT_TRUE(rig.response.success) << rig.response.message;
       hand = std::thread([&, i] {
         AddObservation::Request request;
         request.test.kind = "unloaded";

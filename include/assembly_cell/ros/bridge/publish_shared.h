@@ -62,6 +62,7 @@ class LatestPublisher {
   void publish(Message message) { publish(boost::make_shared<Message>(std::move(message))); }
 
   std::uint32_t getNumSubscribers() const { return publisher_.getNumSubscribers(); }
+  std::string getTopic() const { return publisher_.getTopic(); }
 
  private:
   struct State {

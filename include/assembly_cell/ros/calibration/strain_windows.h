@@ -41,11 +41,25 @@ class StrainWindows {
                           const ros::Time& from);
 
  private:
+  /// Least time from a block's last stamp to its arrival, of the last 100 to 200 blocks: the
+  /// difference of the clocks and the shortest way. A block that waited in a queue doesn't count.
+  class Delay {
+   public:
+    void add(const ros::Duration& delay);
+    /// None before the first block.
+    std::optional<ros::Duration> shortest() const;
+    void clear() { *this = Delay(); }
+
+   private:
+    std::optional<ros::Duration> earlier_, recent_;
+    int count_ = 0;  // of `recent_`
+  };
+
   /// Samples of one sensor during read().
   struct Collector {
     StreamSubscriber strain_sub;
     bool active = false;
-    bool armed = false;  ///< a block has come since the call, so the next ones were taken after it
+    bool armed = false;  ///< `from` holds, or a block has come since the call
     bool restarted = false;
     ros::Time from;  ///< of the first sample that counts
     std::vector<Vector6> volts;
@@ -53,6 +67,7 @@ class StrainWindows {
     double first = 0.0, last = 0.0;  ///< stamps [s]
     double temperature = 0.0;        ///< of the last block [degC]
     std::optional<Clock::time_point> last_block;
+    Delay delay;
     SequenceMonitor sequence;
   };
 

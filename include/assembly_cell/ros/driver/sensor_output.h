@@ -28,6 +28,9 @@ class SensorOutput {
   bool hasStrain() const { return static_cast<bool>(strain_pub_); }
   /// Do wrenches have a subscriber?
   bool hasSubscribers() const;
+  /// Are all subscribers connected that the master has for strain and wrench_samples? It is asked
+  /// over the network.
+  bool allConnected() const;
 
   /// Locks the state.
   void process(const StrainSamples::ConstPtr& block);
