@@ -102,13 +102,16 @@ ScenarioChange readChange(Section& in, const std::string& key, bool scales) {
   const bool matrix = change.path == "coupling.stiffness" || change.path == "coupling.damping";
   Scenario any;
   const auto numbers = scenarioNumbers(any, matrix ? change.path + ".diagonal" : change.path);
-  const bool friction = change.path == "friction";
+  const bool friction = change.path == "friction", clearance = change.path == "clearance";
   const std::string value = shown(in.required(key, kForms));
-  if (numbers.empty() && !friction) {
-    in.refuse(
-        in.at(key), value,
-        "no number of a scenario, known are friction, coupling.stiffness, coupling.damping, " +
-            scenarioNumberNames());
+  if (clearance && !scales) {
+    in.refuse(in.at(key), value, "a clearance is only scaled, name add.hole.radius");
+  }
+  if (numbers.empty() && !friction && !clearance) {
+    in.refuse(in.at(key), value,
+              "no number of a scenario, known are clearance, friction, coupling.stiffness, "
+              "coupling.damping, " +
+                  scenarioNumberNames());
   }
   if (change.each && numbers.size() < 2) {
     in.refuse(in.at(key), value, "no list and no matrix, leave out .each");
@@ -122,6 +125,21 @@ ScenarioChange readChange(Section& in, const std::string& key, bool scales) {
   if (scales && range.low >= 0.0) factor.low = std::min(range.low, Range::kMinPositive);
   change.draw = readDraw(in, key, factor, scales ? 1.0 : 0.0);
   return change;
+}
+
+// The clearance determines the true hole's radius.
+void checkClearance(const Mismatch& mismatch) {
+  const auto changes = [](const std::vector<ScenarioChange>& all, const std::string& path) {
+    return std::any_of(all.begin(), all.end(),
+                       [&](const ScenarioChange& one) { return one.path == path; });
+  };
+  if (!changes(mismatch.scale, "clearance")) return;
+  for (const auto* all : {&mismatch.scale, &mismatch.add}) {
+    if (!changes(*all, "hole.radius")) continue;
+    yaml::refuse(mismatch.source, all == &mismatch.scale ? "scale.hole.radius" : "add.hole.radius",
+                 "given",
+                 "scale.clearance determines the hole's true radius, leave one of them out");
+  }
 }
 
 std::vector<ScenarioChange> readChanges(Section& root, const std::string& name) {
@@ -170,6 +188,7 @@ Mismatch parseMismatch(const std::string& text, const std::string& source) {
   addFields(list, keys.data(), keys.data() + keys.size(), 0, mismatch);
   in.read(list);
   in.finish();
+  checkClearance(mismatch);
   return mismatch;
 }
 

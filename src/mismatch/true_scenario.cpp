@@ -12,6 +12,9 @@ namespace {
 using Eigen::Vector3d;
 using yaml::shown;
 
+// of `scale`: the true hole's radius is the true peg's and so many drawn clearances
+constexpr const char* kClearance = "clearance";
+
 std::string shownValues(const std::vector<double>& values) {
   if (values.size() == 1) return shown(values.front());
   std::string text;
@@ -44,6 +47,7 @@ void scaleInertias(const std::string& path, double factor, Mechanism& m) {
 }
 
 std::vector<ScenarioNumber> numbersOf(const DrawnChange& change, Scenario& s) {
+  if (change.path == kClearance) return scenarioNumbers(s, "hole.radius");
   if (change.path != "friction") return scenarioNumbers(s, change.path);
   FrictionParameters& friction = s.mechanism.friction;
   const Range range = Range::kNotNegative;
@@ -52,6 +56,7 @@ std::vector<ScenarioNumber> numbersOf(const DrawnChange& change, Scenario& s) {
 }
 
 void scale(const DrawnChange& change, Scenario& s) {
+  if (change.path == kClearance) return;  // last, with the true peg
   CouplingParameters& coupling = s.mechanism.coupling;
   if (isMatrix(change.path)) {
     return scaleMatrix(change,
@@ -67,6 +72,28 @@ void scale(const DrawnChange& change, Scenario& s) {
 // a hole without end stays so
 bool possible(double value, const Range& range) {
   return range.contains(value) || value == HUGE_VAL;
+}
+
+// The hole about the true peg; refuses in every run what another run of the file could draw.
+void scaleClearance(const DrawnChange& change, const Mechanism& nominal, const std::string& source,
+                    Scenario& s) {
+  const double clearance = nominal.hole.radius - nominal.peg.radius;
+  const double peg = s.mechanism.peg.radius;
+  if (!(clearance > 0.0)) {
+    yaml::refuse(source, "scale.clearance", shownValues(change.values),
+                 "the scenario draws no clearance to scale: hole.radius is " +
+                     shown(nominal.hole.radius) + ", peg.radius " + shown(nominal.peg.radius));
+  }
+  for (const double factor : {change.low, change.high}) {
+    const double radius = peg + factor * clearance;
+    if (change.low == change.high) continue;
+    if (scenarioNumbers(s, "hole.radius").front().range.contains(radius)) continue;
+    yaml::refuse(source, "scale.clearance",
+                 "[" + shown(change.low) + ", " + shown(change.high) + "]",
+                 "can be drawn (normal draws within 5 SD), but the true hole.radius would be " +
+                     shown(radius) + ", give a narrower draw");
+  }
+  s.mechanism.hole.radius = peg + change.values.front() * clearance;
 }
 
 // Refuses in every run what another run of the file could draw.
@@ -101,7 +128,8 @@ void add(const DrawnChange& change, const std::string& source, Scenario& s) {
   const std::string part = problem.key.substr(0, problem.key.find('.'));
   const auto look = [&](const std::vector<DrawnChange>& changes, const std::string& name) {
     for (const DrawnChange& change : changes) {
-      if (change.path.compare(0, part.size(), part) != 0) continue;
+      const std::string path = change.path == kClearance ? "hole.radius" : change.path;
+      if (path.compare(0, part.size(), part) != 0) continue;
       section = name;
       key = change.key;
       drawn = shownValues(change.values);
@@ -169,6 +197,9 @@ Scenario trueScenario(const Scenario& nominal, const Truth& truth, const std::st
   if (!truth.scale.empty() || !truth.add.empty()) {
     for (const DrawnChange& change : truth.scale) scale(change, s);
     for (const DrawnChange& change : truth.add) add(change, source, s);
+    for (const DrawnChange& change : truth.scale) {
+      if (change.path == kClearance) scaleClearance(change, nominal.mechanism, source, s);
+    }
     checkNumbers(truth, source, s);
     const double longer = s.mechanism.peg.coupling_height - nominal.mechanism.peg.coupling_height;
     if (longer != 0.0) s.initial.position -= longer * rotationFromEuler(s.initial.euler).col(2);

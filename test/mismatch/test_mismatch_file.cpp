@@ -154,6 +154,10 @@ TEST(MismatchFile, RefusesByKeyValueAndRemedy) {
        {"scale.coupling.damping.log_uniform", "[0, 2]", "0 < LOW"}},
       {"scale: {'coupling.stiffness[2]': 1.1}", {"scale.coupling.stiffness[2]", "diagonal"}},
       {"scale: {peg.mass: 1.1, peg.mass: 1.2}", {"scale.peg.mass", "duplicate"}},
+      {"add: {clearance: 1.0e-5}", {"add.clearance", "1.0e-5", "name add.hole.radius"}},
+      {"scale: {clearance.each: 1.1}", {"scale.clearance.each", "leave out .each"}},
+      {"scale: {clearance: 1.1}\nadd: {hole.radius: 1.0e-5}",
+       {"add.hole.radius", "scale.clearance", "leave one of them out"}},
       {"add: {coupling.stiffness: 5}", {"add.coupling.stiffness", "units"}},
       {"sensor_a: {hum: {force: 0.1}}", {"sensor_a.hum.frequency", "missing"}},
       {"sensor_a: {hum: {force: 0.1, frequency: 0}}", {"sensor_a.hum.frequency", "0"}},
@@ -191,6 +195,8 @@ TEST(MismatchFile, RefusesDrawsThatMakeNoScenario) {
       {"add: {hole.chamfer.width: 0.07}",
        {"add.hole.chamfer.width", "0.07", "the block's wall is", "narrower"}},
       {"add: {carrier.stiffness: -1.0e6}", {"add.carrier.stiffness", "carrier.stiffness[0]"}},
+      {"scale: {clearance: {normal: 100}}", {"scale.clearance", "within 5 SD", "hole.radius"}},
+      {"scale: {clearance: -300}", {"scale.clearance", "-300", "hole.radius", "narrower"}},
       {"scale: {friction.static: 0.5}", {"scale.friction.static", "0.5", "friction.sliding"}},
       {"scale: {peg.inertia_axial: 6}", {"scale.peg.inertia_axial", "6", "inertia_transverse"}},
       {"scale: {coupling.stiffness.k26: 100}", {"scale.coupling.stiffness.k26", "100", "definite"}},
@@ -354,6 +360,27 @@ TEST(TrueScenario, ScalesAndAdds) {
 }
 
 // A longer peg hangs from the same coupling: its centre of mass goes down along its axis.
+// The hole of the true peg: with a peg of another radius the clearance is the drawn one's multiple.
+TEST(TrueScenario, ClearanceIsThatOfTheTruePeg) {
+  const Mechanism m = cell().mechanism;
+  const double drawn_clearance = m.hole.radius - m.peg.radius;
+  for (const double factor : {0.3, 1.0, 2.5, -0.1}) {
+    const Mechanism t =
+        made("scale: {clearance: " + std::to_string(factor) + "}\nadd: {peg.radius: 1.0e-4}")
+            .mechanism;
+    EXPECT_DOUBLE_EQ(t.peg.radius, m.peg.radius + 1e-4);
+    EXPECT_NEAR(t.hole.radius, t.peg.radius + factor * drawn_clearance, 1e-15);
+  }
+  Scenario none = cell();
+  none.mechanism.hole.radius = none.mechanism.peg.radius;
+  const std::string text = refusal([&] {
+    trueScenario(none, drawTruth(parseMismatch("scale: {clearance: 2}", "test"), 1), "truth.yaml");
+  });
+  EXPECT_NE(text.find("truth.yaml: scale.clearance: value 2: the scenario draws no clearance"),
+            std::string::npos)
+      << text;
+}
+
 TEST(TrueScenario, PegHangsFromItsCoupling) {
   const Scenario nominal = cell(), longer = made("add: {peg.coupling_height: 0.001}");
   const Vector3d axis = rotationFromEuler(nominal.initial.euler).col(2);
