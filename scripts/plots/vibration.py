@@ -1,5 +1,5 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Figures of docs/theory/vibration.md from the tool `vibration`, or one design map."""
+"""Figures of docs/results/vibration.md from the tool `vibration`, or one design map."""
 import math
 import os
 import subprocess

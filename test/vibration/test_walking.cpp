@@ -18,7 +18,7 @@ WalkCase table42(double F, double w, int cycles = 40) {
   return {0.766, 9806.6, 25, 25, 1e7, F, w, .96, cycles};
 }
 
-// docs/theory/vibration.md: mean step per cycle over 40 cycles, printed digits; irregular in
+// docs/results/vibration.md: mean step per cycle over 40 cycles, printed digits; irregular in
 // between
 TEST(Walk, Table42GoesOutward) {
   constexpr double kMean[][2] = {
