@@ -1,0 +1,80 @@
+# Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+"""Sketches, not to scale: docs/images/strategy_touch.png (touch step by step), docs/images/contact_modes.png (modes and loci)."""
+import math
+
+from plots.style import add_output, plt, save
+
+PEG, BLOCK, RED = "#8fbf8f", "#cfe3f1", "#c0392b"
+HOLE, DEPTH, PEG_RADIUS, HEIGHT = 1.0, 1.5, 0.93, 1.6
+# title, what is shown, x and z of the peg's lowest point, tilt [rad], arrows (from, to) of forces or motion
+STEPS = [
+    ("1 round", "six light touches of the\ntilted edge: plane, hole", (-1.2, 0.0), 0.16, [((-1.55, 1.0), (-1.55, 0.45))]),
+    ("2 drop", "the low edge goes in\nbehind the middle", (-0.55, -0.16), 0.16, [((-1.35, 1.0), (-1.35, 0.45))]),
+    ("3 walls", "the low edge against the\nwalls: the middle", (-0.985, -0.18), 0.16, [((-0.45, -0.32), (-0.93, -0.32))]),
+    ("4 entry", "upright, down; walls on\nfour sides are the proof", (-0.93, -0.25), 0.0, [((-1.35, 1.0), (-1.35, 0.45))]),
+    ("5 insertion", "down, guided by the bore,\nto a depth or the floor", (-0.93, -1.1), 0.0, [((-1.35, 0.9), (-1.35, 0.35))]),
+]
+
+
+def block(axes):
+    for side in (-1, 1):
+        axes.add_patch(plt.Rectangle((side * HOLE, -DEPTH), side * 0.75, DEPTH, facecolor=BLOCK, edgecolor="0.3", lw=1))
+    axes.add_patch(plt.Rectangle((-1.75, -DEPTH - 0.25), 3.5, 0.25, facecolor=BLOCK, edgecolor="0.3", lw=1))
+
+
+def step(axes, title, text, low, tilt, arrows):
+    block(axes)
+    c, s = math.cos(tilt), math.sin(tilt)
+    corner = [(0, 0), (2 * PEG_RADIUS, 0), (2 * PEG_RADIUS, HEIGHT), (0, HEIGHT)]  # from the lowest point of the edge
+    points = [(low[0] + c * x - s * z, low[1] + s * x + c * z) for x, z in corner]
+    axes.add_patch(plt.Polygon(points, facecolor=PEG, edgecolor="0.3", lw=1, zorder=2))
+    for begin, end in arrows:
+        axes.annotate("", end, begin, arrowprops={"arrowstyle": "-|>", "color": RED, "lw": 2}, zorder=3)
+    axes.set_title(title, fontsize=11, weight="bold")
+    axes.text(0, -DEPTH - 0.45, text, ha="center", va="top", fontsize=9.5)
+    axes.set(xlim=(-1.9, 1.9), ylim=(-DEPTH - 1.1, 1.95))
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+def modes(axes, title, contacts, locus, text):
+    """From above: hole, peg's edge, contacts; its centre's motion, much enlarged, beside it."""
+    axes.add_patch(plt.Circle((0, 0), 1.0, facecolor="white", edgecolor="k", lw=1.5))
+    axes.add_patch(plt.Circle((0.28, 0), 0.95, facecolor="none", edgecolor="#2e7d32", lw=1.5))
+    for x, y in contacts:
+        axes.plot(x, y, "o", color=RED, ms=8, zorder=4)
+    xs, ys = zip(*locus)
+    axes.plot([3.1 + x for x in xs], ys, "o" if len(set(locus)) == 1 else "-", color="#a0209a", lw=2, ms=5)
+    axes.plot([2.3, 3.9], [0, 0], color="0.8", lw=0.7, zorder=0)
+    axes.plot([3.1, 3.1], [-0.8, 0.8], color="0.8", lw=0.7, zorder=0)
+    axes.set_title(title, fontsize=11, weight="bold")
+    axes.text(1.6, -1.3, text, ha="center", va="top", fontsize=9.5)
+    axes.set(xlim=(-1.2, 4.1), ylim=(-1.95, 1.2))
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+def ellipse(a, b, angle=0.0):
+    turns = [2 * math.pi * k / 90 for k in range(91)]
+    return [(a * math.cos(t) * math.cos(angle) - b * math.sin(t) * math.sin(angle),
+             a * math.cos(t) * math.sin(angle) + b * math.sin(t) * math.cos(angle)) for t in turns]  # fmt: skip
+
+
+def add_arguments(parser):
+    add_output(parser)
+
+
+def draw(options):
+    figure, axes = plt.subplots(1, len(STEPS), figsize=(12, 3.1))
+    for ax, one in zip(axes, STEPS):
+        step(ax, *one)
+    save(figure, options.output, "strategy_touch.png")
+
+    x = 0.28 / 2 + (1 - 0.95 ** 2) / (2 * 0.28)  # where both circles cross
+    y = math.sqrt(1 - x * x)
+    figure, axes = plt.subplots(1, 4, figsize=(12, 2.5))
+    modes(axes[0], "one contact", [(x, y)], ellipse(0.75, 0.3, math.atan2(y, x - 0.28)), "ellipse: an axis points\nto the contact")
+    modes(axes[1], "two contacts", [(x, y), (x, -y)], ellipse(0.75, 0.0), "segment: across the line\nthrough the contacts")
+    modes(axes[2], "sliding", [(1.23, 0)], ellipse(0.6, 0.6), "circle with the exciter:\nno direction, but friction")
+    modes(axes[3], "three contacts", [(x, y), (x, -y), (1.23, 0)], [(0.0, 0.0)], "no motion")
+    save(figure, options.output, "contact_modes.png")
