@@ -46,8 +46,8 @@ def draw_in_band(options, curves):
             known = axis.get_legend_handles_labels()[1]
             axis.plot([1e3 * float(row["depth"]) for row in curves[name]], [float(row[key]) for row in curves[name]], lw=0.8, color=color,
                       label=None if label in known else label)  # fmt: skip
-        room = 0.1 * (max(high[:-1]) - min(low[:-1]))  # the last cell holds the press at the end
-        axis.set(xlabel="depth [mm]", ylabel=names[key], xlim=(edges[0] - 1, edges[-1]), ylim=(min(low[:-1]) - room, max(high[:-1]) + room))
+        margin = 0.1 * (max(high[:-1]) - min(low[:-1]))  # the last cell holds the press at the end
+        axis.set(xlabel="depth [mm]", ylabel=names[key], xlim=(edges[0] - 1, edges[-1]), ylim=(min(low[:-1]) - margin, max(high[:-1]) + margin))
         axis.grid(alpha=0.3)
         axis.legend(fontsize=9)
     save(figure, options.picture)
