@@ -1,5 +1,6 @@
 # Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
-"""Sketches, not to scale: docs/images/strategy_touch.png (touch step by step), docs/images/contact_modes.png (modes and loci)."""
+"""Sketches, not to scale: docs/images/strategy_touch.png (touch step by step), docs/images/contact_modes.png (modes and loci),
+docs/images/two_point.png (two-point contact, jamming)."""
 import math
 
 from plots.style import add_output, plt, save
@@ -60,6 +61,44 @@ def ellipse(a, b, angle=0.0):
              a * math.cos(t) * math.sin(angle) + b * math.sin(t) * math.cos(angle)) for t in turns]  # fmt: skip
 
 
+def two_point(axes):
+    """A peg that touches the left wall with its edge and the mouth on the right, with d, D, l and theta."""
+    block(axes)
+    tilt, d = 0.19, 1.8
+    c, s = math.cos(tilt), math.sin(tilt)
+    length = (2 * HOLE - d * c) / s  # from the base to the right contact along the side: l sin + d cos = D
+    low = (-HOLE, -(length * c - d * s))  # the left end of the base; the right contact is at the face
+    corner = [(0, 0), (d, 0), (d, 2.2), (0, 2.2)]
+    at = [(low[0] + c * x + s * z, low[1] - s * x + c * z) for x, z in corner]
+    axes.add_patch(plt.Polygon(at, facecolor=PEG, edgecolor="0.3", lw=1, zorder=2, alpha=0.9))
+    base_right = (low[0] + c * d, low[1] - s * d)
+    for x, z in (low, (HOLE, 0.0)):
+        axes.plot(x, z, "o", color=RED, ms=8, zorder=4)
+    axes.annotate("", (HOLE, 0.0), base_right, arrowprops={"arrowstyle": "<->", "color": "k"}, zorder=5)
+    axes.text((HOLE + base_right[0]) / 2 - 0.16, base_right[1] / 2, "$l$", fontsize=12, zorder=5)
+    axes.text((low[0] + base_right[0]) / 2, (low[1] + base_right[1]) / 2 + 0.1, "$d$", fontsize=12, zorder=5)
+    axes.annotate("", (HOLE, -DEPTH + 0.12), (-HOLE, -DEPTH + 0.12), arrowprops={"arrowstyle": "<->", "color": "k"})
+    axes.text(-0.5, -DEPTH + 0.17, "$D$", fontsize=12)
+    axes.set(xlim=(-1.9, 1.9), ylim=(-DEPTH - 0.4, 2.0))
+    axes.set_title("two-point contact: $l \\sin\\theta + d \\cos\\theta = D$", fontsize=11)
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+def jamming(axes, friction=0.3):
+    """Whitney's parallelogram for two depths."""
+    for ratio, color in ((1.0, "#c0392b"), (3.0, "#1f4fbf")):  # lambda = l/(2 r mu)
+        side = [x / friction for x in (-1, 1)]
+        points = [(side[0], ratio + (1 + ratio)), (side[1], ratio - (1 + ratio)), (side[1], -ratio - (1 + ratio)), (side[0], -ratio + (1 + ratio))]
+        axes.add_patch(plt.Polygon(points, facecolor=color, edgecolor=color, alpha=0.2))
+        axes.plot(*zip(*points, points[0]), color=color, lw=1.5, label=f"$\\lambda$ = {ratio:g}")
+    axes.plot(0, 0, "k+", ms=9)
+    axes.set(xlabel="$F_x/F_z$", ylabel="$M/(r F_z)$", title=f"inside it slides in, outside it jams; friction {friction}")
+    axes.title.set_fontsize(11)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=9)
+
+
 def add_arguments(parser):
     add_output(parser)
 
@@ -78,3 +117,8 @@ def draw(options):
     modes(axes[2], "sliding", [(1.23, 0)], ellipse(0.6, 0.6), "circle with the exciter:\nno direction, but friction")
     modes(axes[3], "three contacts", [(x, y), (x, -y), (1.23, 0)], [(0.0, 0.0)], "no motion")
     save(figure, options.output, "contact_modes.png")
+
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.2))
+    two_point(axes[0])
+    jamming(axes[1])
+    save(figure, options.output, "two_point.png")
