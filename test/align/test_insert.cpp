@@ -10,6 +10,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/cell/align_trial.h"
+#include "assembly_cell/cell/simulated_plant.h"
 #include "assembly_cell/cell/start.h"
 
 using namespace assembly_cell;
@@ -109,6 +110,43 @@ TEST(InsertionDepth, CountsFromTheFaceWhereThePegIsInTheHoleAlready) {
     EXPECT_NEAR(trial.depth, 0.012, 3.5e-4) << before;
     EXPECT_NEAR(trial.result.insert.end.depth, trial.depth, 5e-5);
   }
+}
+
+TEST(AlignProgress, ReportsThePegOutsideWhereItIs) {
+  const Scenario s = fit(1e-4);
+  for (const double z : {-0.0147, 0.004}) {
+    const Scenario start = startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.001, 0.0), z);
+    SimulatedPlant plant(start, s.mechanism, CellParameters{});
+    bool outside = false;
+    align(plant, s.mechanism, AlignParameters{}, [&](const AlignProgress& now) {
+      outside = outside || now.state == AlignProgress::kOutside;
+    });
+    EXPECT_EQ(outside, z > 0.0) << z;
+  }
+}
+
+// An alignment of it gives no depth, since the face isn't touched.
+TEST(InsertionDepth, IsNotKnownOfAPegThatIsInTheHoleAlready) {
+  const Scenario s = fit(1e-4);
+  const Scenario start = startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.001, 0.0), -0.0147);
+  const AlignTrial trial = tryAlignment(start, s.mechanism, CellParameters{}, AlignParameters{});
+  EXPECT_TRUE(trial.success) << trial.result.reason;
+  EXPECT_EQ(trial.result.depth, 0.0);
+}
+
+TEST(Withdrawal, MovesAPegOutOfTheHoleWhoseDepthIsNotKnown) {
+  const Scenario s = fit(1e-4);
+  for (const double depth : {0.001, 0.0147, 0.04}) {
+    SimulatedPlant plant(startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.003, -0.002), -depth),
+                         s.mechanism, CellParameters{});
+    EXPECT_TRUE(withdraw(plant, s.mechanism, AlignParameters{})) << depth;
+    EXPECT_GT(plant.truth().pegPose().p.z(), 0.003) << depth;
+  }
+  SimulatedPlant plant(startAt(s, Vector2d(4e-5, -3e-5), Vector2d(0.003, -0.002), 0.002),
+                       s.mechanism, CellParameters{});
+  const double before = plant.truth().pegPose().p.z();
+  EXPECT_FALSE(withdraw(plant, s.mechanism, AlignParameters{}));
+  EXPECT_NEAR(plant.truth().pegPose().p.z(), before, 1e-4);
 }
 
 TEST(InsertionDepth, OfAHoleTooShallowForAnAlignmentIsRefused) {

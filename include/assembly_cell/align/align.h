@@ -15,6 +15,9 @@ namespace assembly_cell {
 
 /// Progress for log lines and for the action's feedback.
 struct AlignProgress {
+  /// State once load and walls have shown that the peg is out of the hole.
+  static constexpr char kOutside[] = "outside";
+
   std::string state;  ///< of the state machine
   int contacts = 0;   ///< readings taken
   double time = 0.0;  ///< plant clock [s]
@@ -75,7 +78,9 @@ struct AlignResult {
   /// Plant clock when the peg hung at rest, before its first move [s]
   double reference_time = 0.0;
   std::vector<DirectionReading> readings;  ///< of the last estimate
-  double depth = 0.0;  ///< of the bottom edge below the plane at the end, 0 without success [m]
+  /// Of the bottom edge below the plane at the end; 0 without success, or where the peg was in the
+  /// hole already, its face not touched. [m]
+  double depth = 0.0;
   InsertResult insert;
 };
 
@@ -90,9 +95,10 @@ AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameter
                   const std::function<void(const AlignProgress&)>& progress = nullptr);
 
 /// Moves the peg out of the hole along its bore, led by the walls, from a depth of
-/// `parameters.inserted`. Throws InputError for bad parameters, AlignError where the peg doesn't
-/// come out, PlantError.
-void withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+/// `parameters.inserted`. Where that isn't known, 0, a peg that hangs free is moved up until no
+/// wall is beside it; false: none was. Throws InputError for bad parameters, AlignError where the
+/// peg doesn't come out, PlantError.
+bool withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
               const std::function<void(const AlignProgress&)>& progress = nullptr);
 
 }  // namespace assembly_cell

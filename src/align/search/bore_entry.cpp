@@ -143,6 +143,7 @@ bool BoreEntry::isIn() {
     return s_.p.insert.wanted() || clearOfWalls(target, Mat3::Identity());
   };
   if (centre(Mat3::Identity()) && lower(s_.target().p, Mat3::Identity()) && stays_clear()) {
+    height_known = s_.p.inserted > 0.0;
     addLean();
     return true;
   }

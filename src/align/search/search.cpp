@@ -38,11 +38,14 @@ bool Search::begin() {
       tareFreePeg(state.carrier, state.mechanism);
       state.startHere();
     }
-    return false;
+  } else if (deep) {
+    entry.requireStillIn();
+    return true;
+  } else if (entry.isIn()) {
+    return true;
   }
-  if (!deep) return entry.isIn();
-  entry.requireStillIn();
-  return true;
+  state.report(AlignProgress::kOutside, "no wall beside the peg");
+  return false;
 }
 
 AlignResult Search::run(const std::function<void()>& find,
@@ -64,7 +67,7 @@ AlignResult Search::findAndLeave(const std::function<void()>& find) {
     if (state.p.insert.wanted()) insertion.insert();
     result.success = true;
     result.reason = toString(result.failure);
-    if (state.found) {
+    if (state.found && entry.height_known) {
       result.depth = std::max(0.0, state.hole.height - state.hole.normal.dot(state.peg().p));
     }
   } catch (const AlignError& error) {
@@ -122,17 +125,23 @@ void summariseHole(const SearchState& state, AlignResult& result) {
   result.tilt_sd = state.hole.normal_sd;
 }
 
-void withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+bool withdraw(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
               const ProgressCallback& progress) {
   checkParameters(parameters);
   Search search(plant, mechanism, parameters, progress);
   SearchState& state = search.state;
+  if (!(parameters.inserted > 0.0)) {
+    state.carrier.tare();
+    state.startHere();
+    return search.entry.takeOut(search.retreat);
+  }
   const Pose peg = search.insertion.leave();
   // beside the hole the next goal has a face to touch: a tilted edge over the hole wedges in it
   Eigen::Vector3d beside = peg.p + kOver * state.scale.travel * Eigen::Vector3d::UnitZ();
   state.carrier.moveTo(state.frame.restFor(beside, peg.R));
   beside += search.retreat.nextOffset(parameters.contact_tilt);
   state.carrier.moveTo(state.frame.restFor(beside, peg.R));
+  return true;
 }
 
 }  // namespace assembly_cell

@@ -77,6 +77,7 @@ void GoalRunner::setException(GoalEnd& end) const {
 
 void GoalRunner::leave(const GoalEnd& end, const PegRelease& release, bool was_free) {
   bool in_contact = end.failed || end.pressing, stuck = end.stuck;
+  bool is_shown = true;  // freed by its load alone it may still be between walls
   std::string reason = end.reason;
   if (end.begun && !end.freed && !plant_.state().has_data) {
     reason = "not known, no data to detect contact by: " + reason;
@@ -84,6 +85,7 @@ void GoalRunner::leave(const GoalEnd& end, const PegRelease& release, bool was_f
     try {
       freePeg(plant_, release, was_free && !end.stuck);
       in_contact = stuck = false;
+      is_shown = end.shown;
     } catch (const AlignError& error) {
       // with a saturated sensor nothing is known: the next goal checks for contact
       stuck = error.failure != AlignFailure::kSensorSaturated;
@@ -97,9 +99,10 @@ void GoalRunner::leave(const GoalEnd& end, const PegRelease& release, bool was_f
     state.goal.clear();
     // a failed goal that moved nothing leaves the rest as it was
     if (end.failed && !end.begun) return true;
-    state.in_contact = in_contact;
+    const bool stays_unknown = !is_shown && !isKnown(state);
+    state.in_contact = in_contact || stays_unknown;
     state.stuck = stuck;
-    state.reason = reason;
+    state.reason = stays_unknown ? notKnown(reason) : reason;
     return true;
   });
 }

@@ -16,7 +16,8 @@ namespace {
 // Largest motion of the carrier across the bore and rotation with the peg in it: compliance of the
 // coupling. [m], [rad]
 constexpr double kMaxLateral = 1e-3, kMaxRotation = 0.02;
-constexpr double kDiagnosticPeriod = 0.5;  // wall clock [s]
+constexpr double kDiagnosticPeriod = 0.5;    // wall clock [s]
+constexpr char kNotKnown[] = "not known: ";  // before the first goal
 constexpr char kIdentify[] = "identify: ", kIdentifier[] = "mechanism_identifier";
 
 // The reason belongs to the goal before.
@@ -27,9 +28,21 @@ SupervisorState withoutOldReason(SupervisorState state) {
 
 }  // namespace
 
-PegState::PegState(ros::NodeHandle& pnh, std::function<ros::Time()> stamp)
+bool isKnown(const SupervisorState& state) { return state.reason.rfind(kNotKnown, 0) != 0; }
+
+std::string notKnown(const std::string& reason) {
+  return reason.rfind(kNotKnown, 0) == 0 ? reason : kNotKnown + reason;
+}
+
+PegState::PegState(ros::NodeHandle& pnh, std::function<ros::Time()> stamp, bool is_known)
     : stamp_(std::move(stamp)), pub_(pnh.advertise<SupervisorState>("state", 10, true)) {
-  update([](SupervisorState&) { return true; });
+  update([is_known](SupervisorState& state) {
+    if (!is_known) {
+      state.in_contact = true;
+      state.reason = notKnown("no goal has run since the node was started");
+    }
+    return true;
+  });
 }
 
 SupervisorState PegState::get() const {
@@ -67,7 +80,10 @@ void PegMonitor::onIdentifier(const SupervisorState& identifier) {
   state_.update([&](SupervisorState& s) {
     if (runs || !s.goal.empty()) return false;
     const bool is_ours = s.in_contact && s.reason.rfind(kIdentify, 0) != 0;
-    if ((is_ours && !has_run) || s.in_contact == identifier.in_contact) return false;
+    const bool is_news =
+        s.in_contact != identifier.in_contact || (!isKnown(s) && isKnown(identifier));
+    const bool counts = has_run || !is_ours || (!isKnown(s) && identifier.in_contact);
+    if (!counts || !is_news) return false;
     s.in_contact = identifier.in_contact;
     s.stuck = s.stuck && identifier.in_contact;
     s.reason = identifier.in_contact ? kIdentify + identifier.reason.substr(0, 500) : "";
@@ -95,8 +111,11 @@ void PegMonitor::publishDiagnostics() {
   Status status;
   status.name = name_.substr(1) + ": peg";
   status.hardware_id = "cell";
-  status.level = state.stuck ? Status::ERROR : state.in_contact ? Status::WARN : Status::OK;
+  status.level = state.stuck                          ? Status::ERROR
+                 : state.in_contact && isKnown(state) ? Status::WARN
+                                                      : Status::OK;
   status.message = state.stuck        ? "stuck: call the action retreat"
+                   : !isKnown(state)  ? "not known"
                    : state.in_contact ? "in contact"
                                       : "free";
   publishStatus(diagnostics_pub_, status, {{"Goal", state.goal}, {"Reason", state.reason}});

@@ -112,6 +112,24 @@ AssemblyRecord recordOf(const AlignResult& result, const StrategyGoal& goal,
   return out;
 }
 
+// A peg that is free by its load may be in the hole: unless it is known to be out, its walls show
+// that, and it is taken out.
+void showOutside(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
+                 InsertedPeg& peg) {
+  if (!peg.known && withdraw(plant, mechanism, parameters)) {
+    ROS_INFO("the peg was in the hole, and is out of it");
+  }
+  peg = {0.0, Pose(), true};
+}
+
+void requireHoldable(double force, double min_force) {
+  if (force >= min_force) return;
+  throw InputError(
+      text("force is %g N: give at least %g N, less is lost in the steps of a press or "
+           "the scatter of sensor_b",
+           force, std::ceil(1e3 * min_force) / 1e3));
+}
+
 template <class Node, class Spec, class Goal>
 void startServer(ros::NodeHandle& nh, const std::string& name, Node* node,
                  void (Node::*execute)(const Goal&),
@@ -153,7 +171,8 @@ SupervisorNode::SupervisorNode(ros::NodeHandle& nh, ros::NodeHandle& pnh) {
                                          });
   plant_ = std::make_unique<RosPlant>(nh, plant);
   mechanism_->connect(nh, *plant_, plant.slow_factor);
-  peg_ = std::make_unique<PegState>(pnh, [this] { return plant_->state().stamp; });
+  peg_ = std::make_unique<PegState>(
+      pnh, [this] { return plant_->state().stamp; }, false);
   peg_monitor_ = std::make_unique<PegMonitor>(nh, plant.node, *peg_);
   goals_ = std::make_unique<GoalRunner>(*plant_, *peg_);
   if (record.record != RecordSettings::Mode::kOff) {
@@ -210,14 +229,21 @@ AlignResult SupervisorNode::runStrategy(const StrategyGoal& goal, AlignmentRepor
       plant_->setMechanism(known);
       parameters.inserted = depth();
       result = align(*plant_, mechanism_->mechanism(),
-                     known ? withDrive(parameters, known->drive) : parameters, progress);
-      if (result.success) inserted_ = {result.depth, plant_->state().carrier};
+                     known ? withDrive(parameters, known->drive) : parameters,
+                     [&](const AlignProgress& now) {
+                       out.shown = out.shown || now.state == AlignProgress::kOutside;
+                       progress(now);
+                     });
+      if (result.success) {
+        inserted_ = {result.depth, plant_->state().carrier, result.depth > 0.0};
+      }
       out.failed = !result.success;
       out.begun = out.failed && goals_->hasBegun(result.failure);
       out.failure = result.failure;
       out.contacts = result.contacts;
       out.reason = result.reason;
     });
+    if (end.failed) inserted_.known = !end.stuck && (inserted_.known || end.shown);
     result.success = !end.failed;
     result.failure = end.failure;
     result.reason = end.reason;
@@ -325,16 +351,19 @@ void SupervisorNode::executeContact(const MoveToContactGoalConstPtr& goal) {
             feedback.z = block.carrier.z;
             servers_.contact->publishFeedback(feedback);
           });
+          if (!inserted_.known) {
+            GuardedCarrier still(plant, limits_);
+            still.tare();
+            requireHoldable(force, PressController(still).minForce(tolerance));
+            tareFreePeg(still, mechanism);
+            showOutside(plant, mechanism, parameters_, inserted_);
+            out.shown = true;
+          }
           GuardedCarrier carrier(plant, limits_);
           guarded = &carrier;
           tareFreePeg(carrier, mechanism);
           PressController press(carrier);
-          if (const double min_force = press.minForce(tolerance); force < min_force) {
-            throw InputError(
-                text("force is %g N: give at least %g N, less is lost in the steps of a press or "
-                     "the scatter of sensor_b",
-                     force, std::ceil(1e3 * min_force) / 1e3));
-          }
+          requireHoldable(force, press.minForce(tolerance));
           if (!press.approach(carrier.target().z - limits_.descent)) {
             throw AlignError(AlignFailure::kNoContact,
                              text("none within %g m of descent", limits_.descent));
@@ -374,10 +403,13 @@ void SupervisorNode::executeRetreat(const RetreatGoalConstPtr&) {
       parameters.inserted = inserted_.depthAt(plant_->state().carrier);
       if (parameters.inserted > 0.0) {
         withdraw(plant, mechanism, parameters);
-        inserted_ = InsertedPeg();
+        inserted_ = {0.0, Pose(), true};
       }
-      GuardedCarrier carrier(plant, limits_);
-      releasePeg(carrier, mechanism);
+      {
+        GuardedCarrier carrier(plant, limits_);
+        releasePeg(carrier, mechanism);
+      }
+      showOutside(plant, mechanism, parameters_, inserted_);
       out.reason = "free";
     });
     result.success = !end.failed;

@@ -206,6 +206,10 @@ TEST_F(LockstepFaults, ACancelIsAnsweredWhileThePlantIsPaused) {
              last->status_list.back().status == actionlib_msgs::GoalStatus::PREEMPTING;
     }));
   };
+  // before a goal has shown the peg, none that is cancelled leaves it as free
+  retreat_.sendGoal(RetreatGoal());
+  ASSERT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
+      << retreat_.getResult()->message;
   const double height = carrier_.last()->pose.position.z;
   for (int i = 0; i < 2; ++i) {
     cancelInTheAir();

@@ -21,8 +21,10 @@
 #include "assembly_cell/RetreatAction.h"
 #include "assembly_cell/SetBias.h"
 #include "assembly_cell/SetCalibration.h"
+#include "assembly_cell/SetState.h"
 #include "assembly_cell/SupervisorState.h"
 #include "assembly_cell/ros/bridge/service_call.h"
+#include "assembly_cell/scene/scenario.h"
 #include "cell_fixture.h"
 #include "contact_force.h"
 
@@ -320,6 +322,54 @@ TEST_F(Faults, ASensorThatSaturatesByItselfIsNamed) {
       << said;
 }
 
+// A supervisor that is started again doesn't know what it has left: pressed, or deep in the hole.
+TEST_F(Faults, ARestartedSupervisorDoesNotKnowThePegUntilAGoalShows) {
+  const auto restart = [this] {
+    node("assembly_supervisor").signal(SIGKILL);
+    const std::size_t n = state_.size();
+    start("assembly_supervisor", "assembly_supervisor", "/faults");
+    ASSERT_TRUE(waitFor([&] { return state_.size() > n; }));
+    ASSERT_TRUE(waitForCell());
+    EXPECT_TRUE(state_.last()->in_contact);
+    EXPECT_EQ(state_.last()->reason.rfind("not known: ", 0), 0U) << state_.last()->reason;
+  };
+  const auto retreats = [this] {
+    retreat_.sendGoal(RetreatGoal());
+    EXPECT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED)
+        << retreat_.getResult()->message;
+    EXPECT_TRUE(waitFor([this] { return !state_.last()->in_contact; }));
+    EXPECT_NEAR(force(), 0.0, 1e-9);
+  };
+  ASSERT_EQ(press(11.0).state_, SimpleClientGoalState::SUCCEEDED) << press_.getResult()->message;
+  restart();
+  // a force that can't be held is refused before anything moves
+  const double pressed = carrier_.last()->pose.position.z;
+  EXPECT_EQ(press(0.01).state_, SimpleClientGoalState::ABORTED);
+  EXPECT_NE(press_.getResult()->message.find("give at least"), std::string::npos)
+      << press_.getResult()->message;
+  EXPECT_NEAR(carrier_.last()->pose.position.z, pressed, 1e-6);
+  EXPECT_TRUE(state_.last()->in_contact);
+  retreats();
+  startAlign();
+  EXPECT_EQ(finish(align_).state_, SimpleClientGoalState::SUCCEEDED) << reason();
+
+  const Scenario scenario =
+      loadScenario(std::string(ASSEMBLY_CELL_SOURCE_DIR) + "/config/scenarios/cell.yaml");
+  const PegParameters& peg = scenario.mechanism.peg;
+  constexpr double kDeep = 0.0147;  // [m]
+  SetState service;
+  service.request.peg.position.z = -kDeep;
+  service.request.peg.orientation.w = 1.0;
+  service.request.carrier.position.z = peg.half_height + peg.coupling_height - kDeep;
+  service.request.carrier.orientation.w = 1.0;
+  ASSERT_TRUE(ros::service::call(nh_.resolveName("peg_hole_simulator/set_state"), service));
+  ASSERT_TRUE(service.response.success) << service.response.message;
+  restart();
+  const double from = carrier_.last()->pose.position.z;
+  retreats();
+  EXPECT_GT(carrier_.last()->pose.position.z - from, kDeep);
+}
+
 // Without data the identifier can't free the peg. The supervisor reports the contact until it is
 // resolved.
 TEST_F(Faults, AContactLeftByTheIdentifierIsReported) {
@@ -328,8 +378,8 @@ TEST_F(Faults, AContactLeftByTheIdentifierIsReported) {
   left.in_contact = true;
   left.reason = "no block of samples";
   identifier.publish(left);
-  ASSERT_TRUE(waitFor([this] { return state_.last()->in_contact; }));
-  EXPECT_EQ(state_.last()->reason, "identify: no block of samples");
+  ASSERT_TRUE(waitFor([this] { return state_.last()->reason == "identify: no block of samples"; }));
+  EXPECT_TRUE(state_.last()->in_contact);
   EXPECT_FALSE(state_.last()->stuck);
   retreat_.sendGoal(RetreatGoal());
   EXPECT_EQ(finish(retreat_).state_, SimpleClientGoalState::SUCCEEDED);

@@ -41,6 +41,8 @@ class BoreEntry {
   /// Whether entry ends between walls on all sides. An alignment does; where the insertion follows
   /// at once, its end is as good a proof in a bore too narrow to tell its walls apart.
   bool needs_walls = true;
+  /// Whether the hole's height is known: not where only its walls were found.
+  bool height_known = true;
   /// Of where moves end, per axis, as far as it is known [m²]
   double place_variance = 0.0;
 

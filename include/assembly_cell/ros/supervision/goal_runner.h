@@ -28,8 +28,9 @@ struct GoalEnd {
   bool pressing = false;  ///< the peg stays in contact on purpose
   bool freed = false;     ///< freeing the peg was the goal and isn't tried again
   bool stuck = false;
-  int contacts = 0;   ///< measurements until the plant failed
-  double time = 0.0;  ///< plant clock [s], 0: the goal had no block
+  bool shown = false;  ///< the peg was shown to be out of the hole by a goal that failed later
+  int contacts = 0;    ///< measurements until the plant failed
+  double time = 0.0;   ///< plant clock [s], 0: the goal had no block
   AlignFailure failure = AlignFailure::kNone;
   std::string reason;
 };

@@ -18,8 +18,9 @@ namespace assembly_cell::ros_bridge {
 /// ~state at every change, without the reason while a goal runs. Thread-safe.
 class PegState {
  public:
-  /// stamp: end of the latest block, for the state's header.
-  PegState(ros::NodeHandle& pnh, std::function<ros::Time()> stamp);
+  /// stamp: end of the latest block, for the state's header. is_known: whether the peg is free at
+  /// the start of the node; else it counts as in contact until a goal shows what it is.
+  PegState(ros::NodeHandle& pnh, std::function<ros::Time()> stamp, bool is_known = true);
 
   /// With the reason of the goal before, also while one runs.
   SupervisorState get() const;
@@ -34,6 +35,11 @@ class PegState {
   SupervisorState state_;
   ros::Publisher pub_;
 };
+
+/// False until a goal has shown what the peg is: no goal has since the node was started.
+bool isKnown(const SupervisorState& state);
+/// The reason of a state that isn't known.
+std::string notKnown(const std::string& reason);
 
 /// Keeps the supervisor's state up to date with goals of mechanism_identifier, which moves the peg,
 /// too, and publishes the state as a diagnostic status.
@@ -59,6 +65,7 @@ class PegMonitor {
 struct InsertedPeg {
   double depth = 0.0;  ///< of the peg's edge in the hole [m]; 0: not in it
   Pose carrier;        ///< X_BC at that depth
+  bool known = false;  ///< a goal of this node has measured the depth, or that there is no wall
 
   /// Depth with the carrier at X_BC: less by what it has moved out since. 0 if that motion isn't
   /// along the bore. [m]
