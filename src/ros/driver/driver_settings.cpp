@@ -15,8 +15,8 @@ void fields(FieldList& f, DriverSettings& s) {
   f.flag("publish_displacement", s.publish_displacement,
          "Publishes the displacement of the coupling, too.");
   f.text("scenario", s.scenario,
-         "File with the coupling that serves as displacement sensor instead of the calibration's "
-         "map.");
+         "File with the coupling, or the compliance of the sensor's mount, that serves as "
+         "displacement sensor instead of the calibration's map.");
   f.flag("lockstep", s.lockstep, "Acknowledges blocks on ack.");
   f.text("name_in_lockstep", s.name_in_lockstep, "Name in the simulator's participants.");
   f.number("display_rate", s.display_rate, {1e-3, 1e6, "Hz"}, "Of wrench and wrench_raw.").live();
@@ -55,6 +55,11 @@ bool isIdentity(const Calibration& c) {
 }
 
 void CalibrationRules::check(const Calibration& c, const std::string& source) const {
+  if (needs_displacement && !calibrated && c.volts_to_displacement.isZero(0.0)) {
+    throw InputError(source +
+                     " but publish_displacement is true: set scenario, the file with the "
+                     "compliance of the sensor's mount (coupling)");
+  }
   if (needs_displacement && c.volts_to_displacement.isZero(0.0)) {
     throw InputError(source +
                      ": volts_to_displacement is zero but publish_displacement is true: "

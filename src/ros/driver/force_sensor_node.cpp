@@ -107,14 +107,19 @@ void ForceSensorNode::loadCalibrationFile() {
   if (rules.calibrated) {
     source = "calibration file '" + settings_.calibration_file + "'";
     calibration = loadCalibration(settings_.calibration_file);
-    if (!settings_.scenario.empty()) {
-      const Mechanism mechanism = loadMechanism(settings_.scenario, settings_.overrides);
-      calibration = withDisplacement(calibration, couplingStiffness(mechanism.coupling));
-    }
   } else {
     calibration.id = "in the device";
     calibration.serial_number = kUnknownSerial;
     calibration.volts_to_wrench.setIdentity();
+  }
+  if (!settings_.scenario.empty()) {
+    if (!settings_.publish_displacement) {
+      throw InputError("parameter " + pnh_.resolveName("scenario") + " is '" + settings_.scenario +
+                       "' with publish_displacement false: it is for the "
+                       "displacement, set publish_displacement true or leave it out");
+    }
+    const Mechanism mechanism = loadMechanism(settings_.scenario, settings_.overrides);
+    calibration = withDisplacement(calibration, couplingStiffness(mechanism.coupling));
   }
   rules.check(calibration, source);
   state_.pipeline.setCalibration(calibration);

@@ -1,4 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <assembly_cell/DisplacementSamples.h>
 #include <assembly_cell/StrainSamples.h>
 #include <assembly_cell/WrenchSamples.h>
 #include <gtest/gtest.h>
@@ -11,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "driver_fixture.h"
 #include "temporary_folder.h"
@@ -71,6 +73,33 @@ TEST_F(SensorSources, LoadsAPlugInFromAnotherPackage) {
   EXPECT_EQ(status.hardware_id, "counter-1");
 }
 
+// A source of wrenches needs no calibration file: the mount's compliance turns them into
+// displacements.
+TEST_F(SensorSources, WrenchesAndTheMountGiveDisplacements) {
+  Record<WrenchSamples> wrenches(nh_, "/mounted/wrench_samples");
+  Record<DisplacementSamples> displacements(nh_, "/mounted/displacement_samples");
+  const std::string scenario = sourceFile("config/scenarios/cell.yaml");
+  Driver driver("mounted",
+                {"_source/type:=assembly_cell_example_source/Counting", "_source/rate:=500.0",
+                 "_publish_displacement:=true", "_scenario:=" + scenario},
+                withExample());
+  ASSERT_TRUE(waitFor([&] { return displacements.size() > 20 && wrenches.size() > 40; }))
+      << driver.output();
+  const Matrix6 stiffness = couplingStiffness(loadMechanism(scenario).coupling);
+  int compared = 0;
+  for (const auto& d : displacements.all()) {
+    for (const auto& w : wrenches.all()) {
+      if (w->sequence != d->sequence) continue;
+      ASSERT_EQ(w->wrench.size(), d->displacement.size());
+      const Vector6 load = Vector6::Map(w->wrench.data());
+      const Vector6 back = stiffness * Vector6::Map(d->displacement.data());
+      EXPECT_LT((back - load).norm(), 1e-9 * load.norm());
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 10);
+}
+
 TEST_F(SensorSources, RefusesWithOneLine) {
   const std::string plugin = "_source/type:=assembly_cell_example_source/Counting";
   const std::string missing = "_source/type:=assembly_cell_example_source/Missing";
@@ -80,6 +109,10 @@ TEST_F(SensorSources, RefusesWithOneLine) {
       {{missing}, "assembly_cell_example_source/Counting"},
       {{plugin, "_source/rat:=5"}, "rat"},
       {{plugin, "_source/rate:=-5.0"}, "rate"},
+      {{plugin, "_publish_displacement:=true"}, "set scenario"},
+      {{plugin, "_publish_displacement:=true", "_scenario:=/none.yaml"}, "/none.yaml"},
+      {{plugin, "_scenario:=" + sourceFile("config/scenarios/cell.yaml")},
+       "with publish_displacement false"},
       {{"_source/type:=netft"}, "address"},
       {{"_source/type:=netft", "_source/address:=192.168.1.300"}, "192.168.1.300"},
       {{"_source/type:=bag"}, "file"},
