@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "assembly_cell/align/search/scale.h"
+#include "assembly_cell/align/search/step.h"
 #include "assembly_cell/align/strategies/strategies.h"
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/base/text.h"
@@ -91,6 +93,50 @@ void checkDepth(const Mechanism& mechanism, double insertion_depth) {
               .c_str());
 }
 
+// Part of the force limit that a touch may reach at an arm. Of ten runs each with the emulated one
+// (make_peg 0.010 1e-5, --coupling 2, 4, 8, 14, 20) 10, 10, 7, 1 and 0 aligned, at 0.11, 0.21,
+// 0.43, 0.75 and 1.07 of it; the others were held by the arm's guard, or ended with force_limit.
+constexpr double kLargestTouch = 0.45;
+
+// Refuses a mount that is too stiff for an arm, before anything moves: the ends of its moves push
+// with more than a light touch, or a first touch goes too far before it reacts. A touch of force F
+// at speed v reaches F + K v T + K v²/(2 a).
+void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
+  if (p.arm_delay == 0.0) return;
+  const double stiffness = mechanism.coupling.stiffness.diagonal(0);
+  const double least = kLanding / kMaxTouchForce;
+  if (stiffness * least > 1.0) {
+    throw InputError(
+        text("coupling.stiffness: the mount yields %.3g um/N along the peg: an arm's "
+             "moves that end %.2g um apart push with %.2g N, more than ",
+             1e6 / stiffness, kLanding * 1e6, kLanding * stiffness) +
+        text("a touch of %.2g N; give it %.3g um/N or more", kMaxTouchForce, least * 1e6));
+  }
+  const Scale scale = scaleOf(mechanism);
+  const double yields = pressCompliance(mechanism), touch = kTouchForce * scale.force;
+  const auto way = [&](double speed) {
+    return speed * p.arm_delay + speed * speed / (2.0 * mechanism.carrier.max_acceleration);
+  };
+  const double full = p.approach_step / kStepTime, speed = full * scale.step;
+  const double force = touch + way(speed) / yields, limit = kLargestTouch * p.force_limit;
+  const double spare = limit - touch;
+  if (force <= limit) return;
+  if (spare <= 0.0) {
+    throw InputError(
+        text("force_limit: %g N: a light touch is %.2g N, and at an arm must be below "
+             "%g of the limit; give %.3g N or more",
+             p.force_limit, touch, kLargestTouch, 1.5 * touch / kLargestTouch));
+  }
+  const double slower = p.approach_step * spare / (force - touch);
+  throw InputError(
+      text("coupling.stiffness: the mount yields %.3g um/N at the peg's edge: a touch at %.2g mm/s "
+           "reaches %.3g N before the arm stops, arm_delay %g s later, ",
+           yields * 1e6, speed * 1e3, force, p.arm_delay) +
+      text("beyond %g of force_limit, %g N; give it %.3g um/N or more, or approach_step %.2g m or "
+           "less",
+           kLargestTouch, limit, 1.01e6 * way(full) / spare, 0.95 * slower));
+}
+
 }  // namespace
 
 std::vector<std::string> strategyNames() {
@@ -99,8 +145,13 @@ std::vector<std::string> strategyNames() {
   return names;
 }
 
-void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters) {
+void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters, Sensors sensors) {
   checkParameters(parameters);
+  if (sensors == Sensors::kB && parameters.strategy == "twin_force") {
+    throw InputError(
+        "strategy: twin_force: it measures contacts by sensor_a, too, and the cell has sensor_b "
+        "alone; give auto or touch");
+  }
   checkParts(mechanism);
   if (parameters.insert.floor && !std::isfinite(mechanism.hole.depth)) {
     throw InputError(
@@ -114,13 +165,14 @@ void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters) {
     throw InputError("insert.depth: " + text("%g m", parameters.insert.depth) +
                      text(" is not less than hole.depth, %g m; give less", mechanism.hole.depth));
   }
+  checkMount(mechanism, parameters);
   checkTop(mechanism, parameters.insert);
   checkDepth(mechanism, parameters.insertion_depth);
 }
 
 AlignResult align(Plant& plant, const Mechanism& mechanism, const AlignParameters& parameters,
                   const std::function<void(const AlignProgress&)>& progress) {
-  checkGoal(mechanism, parameters);
+  checkGoal(mechanism, parameters, plant.twinForce() != nullptr ? Sensors::kBoth : Sensors::kB);
   const auto* strategy =
       std::find_if(std::begin(kStrategies), std::end(kStrategies),
                    [&](const NamedStrategy& one) { return parameters.strategy == one.name; });

@@ -18,11 +18,12 @@ ArmBridge::ArmBridge(const ArmGuard& initial, const CellPlace& place, const Payl
       payload_(payload),
       time_(time),
       arm_(initial),
-      boot_id_(boot_id) {}
+      boot_id_(boot_id),
+      received_{initial.limits.sensors == Sensors::kB, false} {}
 
 ArmBridge::Start ArmBridge::start(std::size_t sensor, StampNs end) {
   if (!time_.started()) {
-    // With samples of one sensor only the watchdog would hold the arm at once.
+    // With samples of one of two sensors the watchdog would hold the arm at once.
     received_[sensor] = true;
     if (!arm_.guard.lockstep && !(received_[0] && received_[1])) return Start::kWaiting;
     time_.start(end);
@@ -74,7 +75,7 @@ void ArmBridge::addBlock(const SensorBlock& block) {
 bool ArmBridge::setState(const Pose& X_base_flange, StampNs stamp,
                          const std::string& beyond_limit) {
   // without samples there is no cell time to compare the stamp with
-  const bool ready = arm_.guard.lockstep || (arm_.wrench_known[0] && arm_.wrench_known[1]);
+  const bool ready = arm_.guard.lockstep || knowsWrenches(arm_);
   if (!time_.started() || !ready) return false;
   const double time = time_.at(stamp), now = time_.now();
   checkClock(arm_, time, now);
@@ -89,7 +90,9 @@ bool ArmBridge::setState(const Pose& X_base_flange, StampNs stamp,
 
 std::string ArmBridge::missing() const {
   if (time_.started()) return missingData(arm_, time_.now());
-  return std::string("no samples of ") + (received_[1] ? "sensor_a" : "sensor_b");
+  return std::string("no samples of ") + (received_[1]   ? "sensor_a"
+                                          : received_[0] ? "sensor_b"
+                                                         : "sensor_a and sensor_b");
 }
 
 // Latched messages may be received before the first block and the first state.

@@ -113,6 +113,7 @@ std::array<Source, 3> sourcesOf(const ArmGuard& arm) {
 }
 
 bool isFresh(const ArmGuard& arm, const Source& source, double now) {
+  if (source.reason == ArmReason::kNoWrenchA && arm.limits.sensors == Sensors::kB) return true;
   return source.known && now - source.time < arm.limits.timeout - 1e-6;
 }
 

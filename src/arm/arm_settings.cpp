@@ -38,6 +38,8 @@ void fields(FieldList& f, BridgeSettings& s) {
            "arm/target_frame), twist (TwistStamped on arm/twist).");
   f.choice("state", s.state, {"joints", "pose"},
            "State: joints (arm/joint_states) or pose of the flange (arm/current_pose).");
+  f.choice("sensors", limits.sensors, sensorChoices(),
+           "Force sensors of the cell: both, or b (sensor_b alone, at the wrist).");
   f.text("description", s.description, "Parameter with the arm's URDF.");
   f.text("base_frame", s.base_frame,
          "Frame of poses and twists; empty: the root link of the URDF.");

@@ -12,7 +12,8 @@ bool BlockBarrier::add(std::size_t sensor, std::uint32_t sequence) {
 }
 
 std::optional<std::uint32_t> BlockBarrier::complete() const {
-  if (!sequence_[0] || sequence_[0] != sequence_[1] || sequence_[1] == finished_) return {};
+  const bool has_all = sensors_ == Sensors::kB || sequence_[0] == sequence_[1];
+  if (!sequence_[1] || !has_all || sequence_[1] == finished_) return {};
   return sequence_[1];
 }
 

@@ -32,6 +32,11 @@ EmulatedArmParameters seeded(EmulatedArmParameters parameters, std::uint64_t see
   return parameters;
 }
 
+BridgeSettings withSensors(BridgeSettings settings, Sensors sensors) {
+  if (sensors == Sensors::kB) settings.limits.sensors = sensors;
+  return settings;
+}
+
 }  // namespace
 
 RestMotion restMotionOf(const CarrierPoses& poses, const Pose& X_HB) {
@@ -42,10 +47,11 @@ RestMotion restMotionOf(const CarrierPoses& poses, const Pose& X_HB) {
 }
 
 CarrierArm::CarrierArm(const ArmSetup& setup, const Mechanism& mechanism, const Pose& carrier,
-                       std::uint64_t seed)
+                       std::uint64_t seed, Sensors sensors)
     : place_(setup.place),
       kinematics_(setup.urdf, setup.place.flange, setup.source),
-      bridge_(bridgeGuard(setup.bridge, mechanism, LeaseMode::kAuto, true, setup.file + ": ")),
+      bridge_(bridgeGuard(withSensors(setup.bridge, sensors), mechanism, LeaseMode::kAuto, true,
+                          setup.file + ": ")),
       sent_(startJoints(setup, kinematics_, carrier)) {
   arm_ = emulatedArm(seeded(setup.arm.arm, seed), place_, kinematics_, sent_, 0.0);
   setState(bridge_, place_.carrierOf(kinematics_.forward(encoders(arm_))), 0.0);

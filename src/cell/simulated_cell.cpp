@@ -131,7 +131,9 @@ StopReason SimulatedCell::next(StrainBlock& block, bool accelerations,
     const StopReason reason = world_->sampleAt(time, end);
     if (reason != StopReason::kOk) return reason;
     warm(time);
-    const StrainSample a = convertVolts(bridge_a_, voltsA(time), normal_a_);
+    const StrainSample a = parameters_.sensors == Sensors::kBoth
+                               ? convertVolts(bridge_a_, voltsA(time), normal_a_)
+                               : StrainSample();
     const Vector6 load = world_->couplingWrench();
     const StrainSample b = convertVolts(bridge_b_, voltsB(load, time), normal_b_);
     Vector6::Map(block.volts_a.data() + 6 * i) = a.volts;
@@ -162,6 +164,7 @@ StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool sampl
   const SampleSum sum(n, static_cast<int>(apart / period * (1.0 + 1e-9)));
   const double end = nextEnd();
   const auto timeOf = [&](int i) { return static_cast<double>(samples_ + i) * period; };
+  const bool has_a = parameters_.sensors == Sensors::kBoth;
   BlockMeans a, b;
   means.saturated = false;
   means.volts_b.resize(samples_b ? 6 * static_cast<std::size_t>(n) : 6);
@@ -171,7 +174,7 @@ StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool sampl
     const StopReason reason = world_->sampleAt(time, end);
     if (reason != StopReason::kOk) return reason;
     warm(time);
-    if (i % sum.spacing() == 0) {
+    if (has_a && i % sum.spacing() == 0) {
       a.add(bridge_a_, voltsA(time), sum.weight(i / sum.spacing()));
     }
     if (i == 0 && samples_b) continue;
@@ -186,7 +189,7 @@ StopReason SimulatedCell::average(StrainMeans& means, double fastest, bool sampl
   samples_ += static_cast<std::uint64_t>(n);
   ++sequence_;
   means.end = end;
-  means.a = a.end(bridge_a_, n, normal_a_);
+  means.a = has_a ? a.end(bridge_a_, n, normal_a_) : BlockMoments();
   means.b = samples_b ? momentsOf(means.volts_b.data(), static_cast<std::size_t>(n))
                       : b.end(bridge_b_, n, normal_b_);
   means.saturated = means.saturated || a.saturated() || b.saturated();

@@ -32,7 +32,7 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
     : nominal_(nominal),
       X_AH_(X_AH),
       cell_(scenario, parameters),
-      pipeline_(resolution(bridgeA(parameters.bits, parameters.noise))),
+      pipeline_(resolution(bridgeA(parameters.bits, parameters.noise)), parameters.sensors),
       twin_force_(twinForceSetup(nominal, X_AH, parameters)),
       exciter_(scenario.mechanism.exciter) {
   const CellParameters& p = parameters;
@@ -42,7 +42,7 @@ SimulatedPlant::SimulatedPlant(const Scenario& scenario, const Mechanism& nomina
       1, p.calibration_b ? *p.calibration_b : designCalibration(bridgeB(p.bits, p.noise)));
   updateCoupling();
   if (!p.arm) return;
-  arm_ = std::make_unique<CarrierArm>(*p.arm, nominal, cell_.reported(), p.seed);
+  arm_ = std::make_unique<CarrierArm>(*p.arm, nominal, cell_.reported(), p.seed, p.sensors);
 }
 
 // A calibration with a displacement map of its own keeps it.
@@ -74,7 +74,7 @@ void SimulatedPlant::collect(SampleWindow& window, bool wrench) {
 void SimulatedPlant::addWrenchesToArm() {
   const std::size_t n = block_.saturated_a.size();
   signals_.resize(6 * n);
-  for (int sensor = 0; sensor < 2; ++sensor) {
+  for (int sensor = cell_.parameters().sensors == Sensors::kB ? 1 : 0; sensor < 2; ++sensor) {
     const std::vector<double>& volts = sensor == 0 ? block_.volts_a : block_.volts_b;
     const Calibration& calibration = *pipeline_.calibration(static_cast<std::size_t>(sensor));
     for (std::size_t i = 0; i < n; ++i) {

@@ -63,6 +63,7 @@ the scenario has it; several start at random: offset uniform in a disc, tilt uni
   --runs K              number of runs (default 1)
   --random-start        a single run starts at random, too: that of --seed N in a series, with its progress
   --bits B              of the converters: 10, 16 (default) or 24
+  --sensors S           both (default), or b: sensor_b at the wrist alone
   --block-size N        samples a block, 5 to 100 (default): 10 are 2 ms
   --noise V             of every strain channel, rms (default 5e-4)  [V]
   --offset-max D        of random starts (default 0.015)  [m]
@@ -128,6 +129,9 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.integer("--seed", o.cell.seed, 0, 1L << 62);
   parser.integer("--runs", o.runs, 1, 10000000);
   parser.integer("--bits", o.cell.bits, 1, 64);
+  assembly_cell::FieldList cell;
+  parser.field("--sensors",
+               cell.choice("sensors", o.cell.sensors, assembly_cell::sensorChoices(), ""));
   parser.integer("--block-size", o.cell.block_size, 5, 100);
   parser.number("--noise", o.cell.noise, 0.0, 5.0);
   parser.number("--offset-max", o.offset_max, 0.0, 0.1);
@@ -155,6 +159,10 @@ bool parseOptions(const std::vector<std::string>& arguments, Options& o) {
   parser.onlyWith("--record", {"--program", "--serial-prefix"});
   if (o.runs == 1) parser.onlyWith("--random-start", {"--offset-max", "--tilt-max"});
   assembly_cell::checkBits(o.cell.bits, "--bits: value ");
+  if (o.calibrate > 0 && o.cell.sensors == assembly_cell::Sensors::kB) {
+    throw InputError("--calibrate: value " + std::to_string(o.calibrate) +
+                     ": the bench is for two sensors, leave out --sensors b");
+  }
   return true;
 }
 
@@ -515,11 +523,12 @@ int run(const std::vector<std::string>& arguments) {
   setParameters(o);
   if (!o.arm.empty()) {
     o.cell.arm = std::make_shared<assembly_cell::ArmSetup>(assembly_cell::loadArmSetup(o.arm));
+    if (o.align.arm_delay == 0.0) o.align.arm_delay = o.cell.arm->bridge.limits.delay;
   }
   Task task{assembly_cell::loadScenario(o.scenario, o.overrides), {}, {}};
   assembly_cell::checkParameters(o.align);
   try {
-    assembly_cell::checkGoal(task.scenario.mechanism, o.align);
+    assembly_cell::checkGoal(task.scenario.mechanism, o.align, o.cell.sensors);
   } catch (const InputError& error) {
     throw InputError(o.scenario + ": " + error.what());
   }

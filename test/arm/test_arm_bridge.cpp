@@ -37,6 +37,27 @@ TEST(ArmBridge, ByTheWallClockTimeStartsWithBothSensors) {
   EXPECT_EQ(bridge.time().stampAt(0.5), kEpoch + kSecond / 2);
 }
 
+TEST(ArmBridge, ASensorThatTheCellDoesNotHaveIsNotAwaited) {
+  ArmLimits limits;
+  limits.sensors = Sensors::kB;
+  ArmBridge bridge(armGuard(limits, Braking(), LeaseMode::kAuto, false), CellPlace(), {},
+                   NodeTime(false, 1.0), 7);
+  EXPECT_EQ(bridge.missing(), "no samples of sensor_b");
+  addBlock(bridge, 1, kEpoch);
+  EXPECT_TRUE(bridge.time().started());
+  EXPECT_TRUE(bridge.setState(Pose(), kEpoch, ""));
+  EXPECT_EQ(bridge.missing(), "");
+}
+
+TEST(BlockBarrier, WithOneSensorItsSamplesCompleteABlock) {
+  BlockBarrier barrier(Sensors::kB);
+  EXPECT_FALSE(barrier.complete());
+  EXPECT_TRUE(barrier.add(1, 3));
+  ASSERT_EQ(barrier.complete(), 3U);
+  EXPECT_TRUE(barrier.finish().empty());
+  EXPECT_FALSE(barrier.complete());
+}
+
 TEST(ArmBridge, ARestartDropsStateAndKeepsAStop) {
   ArmBridge bridge = bridgeWith({});
   addBlock(bridge, 1, kEpoch);
@@ -126,7 +147,7 @@ TEST(BlockBarrier, CommandsWaitForTheSamplesOfBothSensors) {
 TEST(ArmBridge, ByTheWallClockAnArmAheadOfItDoesNotStart) {
   for (const StampNs error : {kSecond / 2, -kSecond / 2}) {
     ArmBridge bridge = bridgeWith({}, false);
-    EXPECT_EQ(bridge.missing(), "no samples of sensor_b");
+    EXPECT_EQ(bridge.missing(), "no samples of sensor_a and sensor_b");
     for (int i = 0; i < 2; ++i) {
       addBlock(bridge, 1, kEpoch);
       if (i == 0) EXPECT_EQ(bridge.missing(), "no samples of sensor_a");

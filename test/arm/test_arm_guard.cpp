@@ -314,6 +314,21 @@ TEST(ArmGuard, StaleDataEachAlone) {
   }
 }
 
+TEST(ArmGuard, WithOneSensorItsSilenceAloneHolds) {
+  ArmLimits limits = noLimits();
+  limits.timeout = 0.1;
+  limits.sensors = Sensors::kB;
+  Cell cell(limits);
+  cell.data_a = false;
+  cell.start();
+  cell.run(0.3);
+  EXPECT_EQ(cell.arm.mode, ArmMode::kFollowing) << cell.arm.text;
+  EXPECT_TRUE(cell.go(at(0.01, 0, 0)).good());
+  cell.data_b = false;
+  cell.run(0.2);
+  EXPECT_EQ(cell.arm.reason, ArmReason::kNoWrenchB) << cell.arm.text;
+}
+
 // A new session isn't held for sources that were missing before: it starts when all are fresh.
 TEST(ArmGuard, TheNextSessionWaitsForWhatIsWatched) {
   for (bool Cell::*data : {&Cell::data_a, &Cell::data_b, &Cell::state}) {

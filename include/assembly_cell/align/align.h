@@ -10,6 +10,7 @@
 #include "assembly_cell/align/parameters.h"
 #include "assembly_cell/align/plant.h"
 #include "assembly_cell/math/curve.h"
+#include "assembly_cell/mechanism/sensors.h"
 
 namespace assembly_cell {
 
@@ -86,7 +87,8 @@ struct AlignResult {
 
 /// checkParameters() and what these parts can't do. Throws InputError naming the parameter or the
 /// mechanism's key.
-void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters);
+void checkGoal(const Mechanism& mechanism, const AlignParameters& parameters,
+               Sensors sensors = Sensors::kBoth);
 
 /// Runs a strategy until the peg's edge is within the hole, or the peg is seated where an insertion
 /// is requested, or it fails. `mechanism`: the nominal parameters of the parts, not their poses.

@@ -32,6 +32,7 @@ struct AlignParameters {
   double force_limit = 40.0;       ///< [N]
   double descent_limit = 0.02;     ///< [m]
   double approach_step = 1e-4;     ///< in one block [m]
+  double arm_delay = 0.0;          ///< from a contact to its reaction; 0: no arm [s]
   double exciter_amplitude = 0.0;  ///< 0: chosen [N]
   double exciter_frequency = 0.0;  ///< 0: chosen, see chooseVibration() [rad/s]
   int exciter_direction = 1;

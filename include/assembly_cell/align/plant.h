@@ -41,7 +41,7 @@ struct PlantCommand {
 struct PlantBlock {
   double time = 0.0;                       ///< end of the block, plant clock [s]
   double length = 0.0;                     ///< of the block [s]
-  Vector6 wrench_a = Vector6::Zero();      ///< sensor_a axes, untared [N], [N·m]
+  Vector6 wrench_a = Vector6::Zero();      ///< sensor_a axes, untared; 0 without one [N], [N·m]
   Vector6 wrench_b = Vector6::Zero();      ///< sensor_b axes, untared
   Matrix6 covariance_a = Matrix6::Zero();  ///< of one sample of wrench_a about the mean
   Matrix6 covariance_b = Matrix6::Zero();
@@ -68,7 +68,7 @@ class Plant {
   /// Carries out the command, waits for the next block and returns it. Throws PlantError when the
   /// plant stopped, timed out or was cancelled.
   virtual PlantBlock next(const PlantCommand& command) = 0;
-  /// Of both sensors, see twin_sensing.h; null where there is none.
+  /// Of both sensors, see twin_sensing.h; null: strategies have sensor_b alone.
   virtual TwinForceSensing* twinForce() { return nullptr; }
 };
 

@@ -46,7 +46,7 @@ class ArmBridge {
 
   /// What a block means for the time of the cell, before it is added.
   enum class Start {
-    kWaiting,    ///< no time yet: by the wall clock both sensors have to be received first
+    kWaiting,    ///< no time yet: by the wall clock all sensors have to be received first
     kRestarted,  ///< the sensors' clock went back: a new boot, state and commands are dropped
     kContinues
   };
@@ -84,7 +84,7 @@ class ArmBridge {
   ArmGuard arm_;
   BlockPoses poses_;
   std::uint32_t boot_id_;
-  std::array<bool, 2> received_{};  // samples of either sensor
+  std::array<bool, 2> received_;  // samples of either sensor, or there is none
   std::array<Vector6, 2> zeros_{Vector6::Zero(), Vector6::Zero()};
   Eigen::Matrix3d R_zero_ = Eigen::Matrix3d::Identity();  // of the carrier at sensor_b's zero
   std::vector<double> values_;                            // of a block, weight removed

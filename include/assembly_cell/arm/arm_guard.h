@@ -8,6 +8,7 @@
 
 #include "assembly_cell/arm/command_motion.h"
 #include "assembly_cell/guard/plant_guard.h"
+#include "assembly_cell/mechanism/sensors.h"
 
 namespace assembly_cell {
 
@@ -16,8 +17,9 @@ namespace assembly_cell {
 /// free functions; poses are those of the carrier in carrier_base, times are cell time [s].
 
 struct ArmLimits {
-  MotionLimits motion;  ///< its box and cone are those of `guard`, see armGuard()
-  GuardLimits guard;    ///< force and torque: contact at either sensor, zero removed
+  Sensors sensors = Sensors::kBoth;  ///< whose loads are limited, and must be fresh
+  MotionLimits motion;               ///< its box and cone are those of `guard`, see armGuard()
+  GuardLimits guard;                 ///< force and torque: contact at either sensor, zero removed
   double raw_force = 150.0, raw_torque = 15.0;  ///< at either sensor, zero included [N], [N·m]
   double force_rate = 5000.0;    ///< change of either contact force's mean over `rate_window` [N/s]
   double rate_window = 0.02;     ///< [s]
@@ -98,6 +100,11 @@ struct ArmGuard {
   std::array<ForceWindow, 2> windows;
   std::array<double, 2> saturated{};  ///< uninterrupted saturation until now [s]
 };
+
+/// Samples of all sensors of the cell have been received.
+inline bool knowsWrenches(const ArmGuard& arm) {
+  return arm.wrench_known[1] && (arm.limits.sensors == Sensors::kB || arm.wrench_known[0]);
+}
 
 /// The workspace is relative to carrier_base.
 ArmGuard armGuard(const ArmLimits& limits, const Braking& braking, LeaseMode mode, bool lockstep);

@@ -7,17 +7,21 @@
 #include <optional>
 #include <vector>
 
+#include "assembly_cell/mechanism/sensors.h"
+
 namespace assembly_cell {
 
-/// Lockstep: a block is complete when the samples of both sensors have been received; commands wait
+/// Lockstep: a block is complete when the samples of all sensors have been received; commands wait
 /// for its end.
 class BlockBarrier {
  public:
   using Task = std::function<void()>;
 
+  explicit BlockBarrier(Sensors sensors = Sensors::kBoth) : sensors_(sensors) {}
+
   /// Samples of a sensor (0: sensor_a, 1: sensor_b). False: received before.
   bool add(std::size_t sensor, std::uint32_t sequence);
-  /// The block of both sensors that hasn't been finished; none: it isn't complete.
+  /// The block of all sensors that hasn't been finished; none: it isn't complete.
   std::optional<std::uint32_t> complete() const;
   bool isFinished(std::uint32_t sequence) const { return finished_ == sequence; }
   /// Ends a complete block; its tasks, in order.
@@ -31,6 +35,7 @@ class BlockBarrier {
   void restart();
 
  private:
+  Sensors sensors_;
   std::array<std::optional<std::uint32_t>, 2> sequence_;  // latest block of either sensor
   std::optional<std::uint32_t> finished_;
   std::vector<Task> tasks_;

@@ -23,7 +23,7 @@ class CarrierArm {
   /// At rest with the carrier at `carrier`, at time 0. `mechanism`: the nominal parts. `seed`: of
   /// the arm's jitter and repeatability. Throws InputError, also if `carrier` is out of reach.
   CarrierArm(const ArmSetup& setup, const Mechanism& mechanism, const Pose& carrier,
-             std::uint64_t seed);
+             std::uint64_t seed, Sensors sensors = Sensors::kBoth);
 
   /// Carries out a command at `now` and moves the arm over a block of `length`. Returns the
   /// carrier's motion at the block's end. Throws PlantError if the bridge refuses or holds the arm.
@@ -31,8 +31,8 @@ class CarrierArm {
   /// Wrenches of sensor_a or sensor_b over the last block.
   void addWrenches(const ContactSamples& samples);
 
-  /// Wrenches of both sensors have arrived: commands are taken.
-  bool ready() const { return bridge_.wrench_known[0] && bridge_.wrench_known[1]; }
+  /// Wrenches of all sensors have arrived: commands are taken.
+  bool ready() const { return knowsWrenches(bridge_); }
   /// The carrier by the arm's encoders at the end of the last block, in its base.
   Pose reported() const { return poseOfCoordinates(bridge_.measured); }
 

@@ -12,6 +12,7 @@
 #include "assembly_cell/cell/measured_wrench.h"
 #include "assembly_cell/cell/true_carrier.h"
 #include "assembly_cell/cell/world_choice.h"
+#include "assembly_cell/mechanism/sensors.h"
 #include "assembly_cell/mismatch/truth.h"
 #include "assembly_cell/sensor/bridge.h"
 #include "assembly_cell/sensor/calibration.h"
@@ -28,11 +29,12 @@ Calibration designCalibration(const Bridge& bridge, const CouplingParameters& co
 
 /// What the simulated cell is made of besides the mechanism.
 struct CellParameters {
-  int bits = 16;                ///< converter: 10, 16 or 24
-  double noise = 0.5e-3;        ///< of every channel, rms [V]
-  double sample_period = 2e-4;  ///< [s]
-  int block_size = 100;         ///< samples a block
-  std::uint64_t seed = 1;       ///< of the sensors' noise
+  int bits = 16;                     ///< converter: 10, 16 or 24
+  double noise = 0.5e-3;             ///< of every channel, rms [V]
+  double sample_period = 2e-4;       ///< [s]
+  int block_size = 100;              ///< samples a block
+  Sensors sensors = Sensors::kBoth;  ///< without sensor_a its samples are 0
+  std::uint64_t seed = 1;            ///< of the sensors' noise
   Pose X_AH{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.06)};  ///< hole in sensor_a
   double hole_block_mass = 2.0;                    ///< carried by sensor_a [kg]
   Eigen::Vector3d hole_block_center{0, 0, -0.02};  ///< its centre of mass in `hole` [m]

@@ -28,7 +28,9 @@ class SimulatedPlant : public Plant {
 
   /// A step, see nextStep().
   PlantBlock next(const PlantCommand& command) override;
-  TwinForceSensing* twinForce() override { return &twin_force_; }
+  TwinForceSensing* twinForce() override {
+    return cell_.parameters().sensors == Sensors::kBoth ? &twin_force_ : nullptr;
+  }
 
   /// From now on displacements and loci are computed from the identified mechanism, and commands of
   /// the exciter are compensated for its identified errors.

@@ -31,6 +31,10 @@ void BlockPipeline::setCalibration(std::size_t sensor, const Calibration& calibr
   if (sensor == 1) updateDisplacementMap();
 }
 
+bool BlockPipeline::calibrated() const {
+  return sensors_[1].calibration && (sensors_of_cell_ == Sensors::kB || sensors_[0].calibration);
+}
+
 void BlockPipeline::setCoupling(const CouplingParameters* coupling) {
   coupling_.reset();
   if (coupling != nullptr) {
@@ -48,20 +52,23 @@ void BlockPipeline::updateDisplacementMap() {
 
 PlantBlock BlockPipeline::join(const BlockMoments& a, const BlockMoments& b, double period) const {
   PlantBlock out;
-  out.wrench_a = a.mean;
   out.wrench_b = b.mean;
-  out.covariance_a = a.covariance;
   out.covariance_b = b.covariance;
-  out.rounding_a = sensors_[0].rounding;
   out.rounding_b = sensors_[1].rounding;
-  out.samples = std::min(a.count, b.count);
+  out.samples = b.count;
   out.length = b.count * period;
+  if (sensors_of_cell_ == Sensors::kB) return out;
+  out.wrench_a = a.mean;
+  out.covariance_a = a.covariance;
+  out.rounding_a = sensors_[0].rounding;
+  out.samples = std::min(a.count, b.count);
   return out;
 }
 
 PlantBlock BlockPipeline::fromStrain(const BlockMoments& a, const BlockMoments& b, bool saturated,
                                      double period) const {
-  PlantBlock out = join(wrenchMoments(*sensors_[0].calibration, a),
+  const bool has_a = sensors_of_cell_ == Sensors::kBoth;
+  PlantBlock out = join(has_a ? wrenchMoments(*sensors_[0].calibration, a) : BlockMoments(),
                         wrenchMoments(*sensors_[1].calibration, b), period);
   out.displacement_b = displacement(b.mean);
   out.saturated = saturated;
@@ -72,13 +79,14 @@ std::optional<PlantBlock> BlockPipeline::fromWrenches(const SensorSamples& a,
                                                       const SensorSamples& b,
                                                       const SensorSamples& displacements,
                                                       double period) const {
-  const BlockMoments moments_a = momentsOf(a.values, a.count);
+  const bool has_a = sensors_of_cell_ == Sensors::kBoth;
+  const BlockMoments moments_a = has_a ? momentsOf(a.values, a.count) : BlockMoments();
   const BlockMoments moments_b = momentsOf(b.values, b.count);
   const BlockMoments d = momentsOf(displacements.values, displacements.count);
-  if (!isFinite(moments_a) || !isFinite(moments_b) || !isFinite(d)) return std::nullopt;
+  if ((has_a && !isFinite(moments_a)) || !isFinite(moments_b) || !isFinite(d)) return std::nullopt;
   PlantBlock out = join(moments_a, moments_b, period);
   out.displacement_b = coupling_ ? Vector6(compliance_ * moments_b.mean) : d.mean;
-  out.saturated = (a.saturatedChannels() | b.saturatedChannels()) != 0;
+  out.saturated = b.saturatedChannels() != 0 || (has_a && a.saturatedChannels() != 0);
   return out;
 }
 

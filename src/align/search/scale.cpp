@@ -19,10 +19,7 @@ constexpr double kImpedance = 140.6;             // √(stiffness · mass) along
 constexpr double kDecay = 0.2;                   // [s]
 
 // Bounds of a touch, of the default one of 1.5 N: 0.3 N, 60 of a 16 bit block's noise, and 4 N.
-constexpr double kMinTouch = 0.2, kMaxTouch = 4.0 / kTouchForce;
-// Half of the repeatability of a machine of mismatch level 2: a stiff coupling pushes by as much
-// without a contact.
-constexpr double kLanding = 1.5e-5;  // [m]
+constexpr double kMinTouch = 0.2, kMaxTouch = kMaxTouchForce / kTouchForce;
 // In one block a touch may reach four light ones: 0.1 mm in the default cell makes two, so that
 // only couplings twice as stiff are approached more slowly.
 constexpr double kMoreSink = 2.0;

@@ -74,8 +74,6 @@ class TwinForce {
   }
 
   void find() {
-    if (sensing_ == nullptr)
-      throw PlantError(AlignFailure::kNoData, "the plant has no twin-force sensing");
     if (search_.begin()) {
       s_.found = false;  // the pose in the hole wasn't measured
       return;

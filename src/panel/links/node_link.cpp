@@ -78,8 +78,11 @@ void NodeLink::check() {
         for (const std::string& node : silent) checkSilent(node);
         double limit = 0.0;
         topics_.nh.getParam("assembly_supervisor/force_limit", limit);
+        std::string sensors;
+        topics_.nh.getParam("assembly_supervisor/sensors", sensors);
         const std::lock_guard<std::mutex> lock(mutex_);
         force_limit_ = finite(limit);
+        registry_.setOneSensor(sensors == "b");
         return Answer{Answer::State::kGood, "", {}, 0};
       },
       nullptr, true);

@@ -13,21 +13,22 @@ bool isSilent(Clock::time_point updated, Clock::time_point now) { return now - u
 }  // namespace
 
 const std::vector<KnownNode>& knownNodes() {
+  using Expected = KnownNode::Expected;
   static const std::vector<KnownNode> nodes = {
-      {"peg_hole_simulator", "accelerometers", true},
-      {"sensor_a/driver", "sensor_a/wrench", true},
-      {"sensor_b/driver", "sensor_b/wrench", true},
-      {"locus_estimator", "contact_mode", true},
-      {"twin_force_estimator", "twin_force/status", true},
-      {"assembly_supervisor", "assembly_supervisor/state", true},
-      {"assembly_recorder", "recorder_state", false},
-      {"contact_markers", "markers", false},
-      {"mechanism_identifier", "mechanism_identifier/state", false},
-      {"calibration_server", "calibration_server/status", false},
-      {"simulated_calibration_rig", "", false},
-      {"arm_bridge", "", false},
-      {"emulate_arm", "", false},
-      {"exciter_output", "", false},
+      {"peg_hole_simulator", "accelerometers", Expected::kYes},
+      {"sensor_a/driver", "sensor_a/wrench", Expected::kTwoSensors},
+      {"sensor_b/driver", "sensor_b/wrench", Expected::kYes},
+      {"locus_estimator", "contact_mode", Expected::kYes},
+      {"twin_force_estimator", "twin_force/status", Expected::kTwoSensors},
+      {"assembly_supervisor", "assembly_supervisor/state", Expected::kYes},
+      {"assembly_recorder", "recorder_state", Expected::kNo},
+      {"contact_markers", "markers", Expected::kNo},
+      {"mechanism_identifier", "mechanism_identifier/state", Expected::kNo},
+      {"calibration_server", "calibration_server/status", Expected::kNo},
+      {"simulated_calibration_rig", "", Expected::kNo},
+      {"arm_bridge", "", Expected::kNo},
+      {"emulate_arm", "", Expected::kNo},
+      {"exciter_output", "", Expected::kNo},
   };
   return nodes;
 }
@@ -93,7 +94,8 @@ std::vector<NodeView> NodeRegistry::view(Clock::time_point now) const {
     const auto found = entries_.find(known.name);
     if (found != entries_.end()) {
       views.push_back(viewOf(known.name, found->second, now));
-    } else if (known.expected) {
+    } else if (known.expected == KnownNode::Expected::kYes ||
+               (known.expected == KnownNode::Expected::kTwoSensors && !one_sensor_)) {
       views.push_back({known.name, Light::kNotThere, "not there", false});
     }
   }

@@ -13,7 +13,8 @@ namespace assembly_cell::panel {
 struct KnownNode {
   const char* name;   // relative to the cell's namespace
   const char* topic;  // that it alone publishes from its start on; empty: none
-  bool expected;      // in every cell: shown also before its first diagnostics
+  // In every cell, or in those with two sensors: shown also before its first diagnostics.
+  enum class Expected { kNo, kYes, kTwoSensors } expected;
 };
 const std::vector<KnownNode>& knownNodes();
 
@@ -26,6 +27,9 @@ class NodeRegistry {
   /// What has become of a silent node.
   enum class ExitState { kUnknown, kEnded, kGone, kFrozen };
   void setExitState(const std::string& node, ExitState state);
+
+  /// The cell has sensor_b alone.
+  void setOneSensor(bool one) { one_sensor_ = one; }
 
   /// Nodes with diagnostics that are silent now.
   std::vector<std::string> silent(Clock::time_point now) const;
@@ -44,6 +48,7 @@ class NodeRegistry {
   static NodeView viewOf(const std::string& node, const Entry& entry, Clock::time_point now);
 
   std::map<std::string, Entry> entries_;
+  bool one_sensor_ = false;
 };
 
 }  // namespace assembly_cell::panel

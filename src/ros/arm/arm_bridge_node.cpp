@@ -102,6 +102,7 @@ ArmBridgeNode::ArmBridgeNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
           ros::NodeHandle(nh, "arm").resolveName(
               settings_.bridge.state == ArmStateSource::kJoints ? "joint_states" : "current_pose"),
           settings_.bridge.base_frame, std::move(settings_.kinematics)),
+      barrier_(settings_.bridge.limits.sensors),
       participants_(participantsOf(settings_.participants, nh)) {
   if (!settings_.lockstep) {
     for (ros::NodeHandle* handle : {&nh_, &pnh}) handle->setCallbackQueue(&queue_);
@@ -184,7 +185,8 @@ void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
 void ArmBridgeNode::subscribe() {
   connections_.subscribers.resize(1);  // that of ~stop
   connections_.streams.clear();
-  for (const std::size_t sensor : {0U, 1U}) {
+  const bool has_a = settings_.bridge.limits.sensors == Sensors::kBoth;
+  for (std::size_t sensor = has_a ? 0 : 1; sensor < 2; ++sensor) {
     const std::string name = sensor == 0 ? "sensor_a" : "sensor_b";
     connections_.streams.push_back(
         subscribeStream<WrenchSamples>(nh_, name + "/wrench_samples", kQueue,

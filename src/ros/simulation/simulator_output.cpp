@@ -37,7 +37,9 @@ SimulatorOutput::SimulatorOutput(ros::NodeHandle& nh, const SimulatorSettings& s
   // In lockstep a participant that connects late doesn't miss the first block. It may get the
   // latest one before those that are still queued, which paced samples must not: there the next
   // block comes by itself.
-  bridge_a_pub_ = {nh, "sensor_a/bridge", kQueue, settings.lockstep};
+  if (settings.cell.sensors == Sensors::kBoth) {
+    bridge_a_pub_ = {nh, "sensor_a/bridge", kQueue, settings.lockstep};
+  }
   bridge_b_pub_ = {nh, "sensor_b/bridge", kQueue, settings.lockstep};
   accelerometers_pub_ = nh.advertise<AccelerometerSamples>("accelerometers", kQueue);
   carrier_pub_ = {nh, "carrier_pose", kQueue};
@@ -67,7 +69,9 @@ void SimulatorOutput::publishBlock(const StrainBlock& block, std::uint32_t seque
     message.saturated = saturated;
     pub.publish(std::move(message));
   };
-  bridge(bridge_a_pub_, "sensor_a", block.volts_a, block.saturated_a);
+  if (settings_.cell.sensors == Sensors::kBoth) {
+    bridge(bridge_a_pub_, "sensor_a", block.volts_a, block.saturated_a);
+  }
   bridge(bridge_b_pub_, "sensor_b", block.volts_b, block.saturated_b);
   if (!block.accelerations.empty()) {
     AccelerometerSamples samples;

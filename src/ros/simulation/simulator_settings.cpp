@@ -73,6 +73,8 @@ void fields(FieldList& f, SimulatorSettings& s) {
       "seed", cell.seed, 0, 2147483647,
       "Seed of the noise of the sensors and of the model errors: the same seed gives the same "
       "samples to the last bit.");
+  f.choice("sensors", cell.sensors, sensorChoices(),
+           "Force sensors of the cell: both, or b (sensor_b alone, at the wrist).");
   f.integer("bits", cell.bits, 1, 64, "Bits of the converters of both bridges: 10, 16 or 24.");
   f.integer("block_size", cell.block_size, 5, 100, "Samples a block; 10 are 2 ms.");
   f.number("noise", cell.noise, notNegative("V", 10),

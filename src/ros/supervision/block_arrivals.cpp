@@ -41,7 +41,7 @@ std::vector<BlockPart> BlockArrivals::silent(double limit) const {
   const auto is_silent = [&](BlockPart part) { return seconds(now - arrived_[part]) > limit; };
   if (is_silent(kCarrier)) return {kCarrier};
   std::vector<BlockPart> out;
-  for (const BlockPart part : {kWrenchA, kWrenchB, kDisplacementB}) {
+  for (const BlockPart part : partsOf(sensors_)) {
     if (is_silent(part)) out.push_back(part);
   }
   return out;

@@ -18,6 +18,11 @@ ros::Time endOf(const WrenchSamples& block) {
 
 }  // namespace
 
+std::vector<BlockPart> partsOf(Sensors sensors) {
+  if (sensors == Sensors::kB) return {kWrenchB, kDisplacementB, kCarrier};
+  return {kWrenchA, kWrenchB, kDisplacementB, kCarrier};
+}
+
 void BlockAssembly::addWrench(BlockPart sensor, const WrenchSamples::ConstPtr& message) {
   blockOf(message->sequence).wrench[sensor] = message;
 }
@@ -57,9 +62,15 @@ geometry_msgs::PoseStamped::ConstPtr BlockAssembly::carrierAtEndOf(
   return carrier;
 }
 
+// But for the carrier's pose.
+bool BlockAssembly::isComplete(const BlockMessages& block) const {
+  const bool has_a = sensors_ == Sensors::kB || block.wrench[kWrenchA];
+  return has_a && block.wrench[kWrenchB] && block.displacement;
+}
+
 std::optional<BlockMessages> BlockAssembly::take() {
   for (auto it = blocks_.begin(); it != blocks_.end(); ++it) {
-    if (!it->wrench[kWrenchA] || !it->wrench[kWrenchB] || !it->displacement) continue;
+    if (!isComplete(*it)) continue;
     it->carrier = carrierAtEndOf(*it->wrench[kWrenchB]);
     if (!it->carrier) continue;
     const BlockMessages complete = *it;
@@ -86,7 +97,7 @@ std::vector<BlockPart> BlockAssembly::missing() const {
                : !carrier_poses_.empty() && carrier_poses_.back()->header.stamp > last_end_;
   std::vector<BlockPart> missing;
   if (!has_samples && !has_carrier) return missing;
-  if (!newest.wrench[kWrenchA]) missing.push_back(kWrenchA);
+  if (sensors_ == Sensors::kBoth && !newest.wrench[kWrenchA]) missing.push_back(kWrenchA);
   if (!wrench_b) missing.push_back(kWrenchB);
   if (!newest.displacement) missing.push_back(kDisplacementB);
   if (!has_carrier) missing.push_back(kCarrier);

@@ -43,9 +43,10 @@ std::optional<std::string> SaturationCheck::add(const StreamBlock& block, std::s
               channelText(run.channels).c_str(), time);
 }
 
-BlockDecoder::BlockDecoder(ros::NodeHandle& nh, double converter_step, PlantMonitor& monitor)
-    : pipeline_(converter_step) {
-  for (std::size_t i = 0; i < calibration_subs_.size(); ++i) {
+BlockDecoder::BlockDecoder(ros::NodeHandle& nh, double converter_step, Sensors sensors,
+                           PlantMonitor& monitor)
+    : sensors_(sensors), pipeline_(converter_step, sensors) {
+  for (std::size_t i = sensors == Sensors::kB ? 1 : 0; i < calibration_subs_.size(); ++i) {
     calibration_subs_[i] = subscribeChecked<SensorCalibration>(
         nh, i == 0 ? "sensor_a/calibration" : "sensor_b/calibration", 1,
         [this, i, &monitor](const SensorCalibration::ConstPtr& message) {
@@ -60,11 +61,8 @@ BlockDecoder::BlockDecoder(ros::NodeHandle& nh, double converter_step, PlantMoni
   }
 }
 
-bool BlockDecoder::hasCalibrations() const {
-  return pipeline_.calibration(0).has_value() && pipeline_.calibration(1).has_value();
-}
-
 void BlockDecoder::checkCalibrations() const {
+  if (sensors_ == Sensors::kB) return;
   const std::string& serial = pipeline_.calibration(0)->serial_number;
   if (serial != pipeline_.calibration(1)->serial_number || serial == kUnknownSerial) return;
   throw PlantError(AlignFailure::kStopped,
@@ -74,9 +72,9 @@ void BlockDecoder::checkCalibrations() const {
 }
 
 std::optional<StreamBlock> BlockDecoder::decode(const BlockMessages& messages) const {
-  const WrenchSamples &wrench_a = *messages.wrench[kWrenchA],
-                      &wrench_b = *messages.wrench[kWrenchB];
-  const SensorSamples a = view(wrench_a.wrench, &wrench_a.saturated);
+  const WrenchSamples::ConstPtr& wrench_a = messages.wrench[kWrenchA];
+  const WrenchSamples& wrench_b = *messages.wrench[kWrenchB];
+  const SensorSamples a = wrench_a ? view(wrench_a->wrench, &wrench_a->saturated) : SensorSamples{};
   const SensorSamples b = view(wrench_b.wrench, &wrench_b.saturated);
   const std::optional<PlantBlock> means =
       pipeline_.fromWrenches(a, b, view(messages.displacement->displacement), wrench_b.period);

@@ -16,6 +16,10 @@ namespace {
 // Participants that a lockstep may have beside the publishers of blocks: time waits for them, too.
 constexpr const char* kOptional[] = {"twin_force/status", "align/status", "identify/status"};
 
+std::string topicOf(const ros::NodeHandle& nh, BlockPart part) {
+  return nh.resolveName(kBlockTopics[part]);
+}
+
 }  // namespace
 
 BlockStream::BlockStream(ros::NodeHandle& nh, const PlantSettings& settings, PlantMonitor& monitor,
@@ -24,8 +28,9 @@ BlockStream::BlockStream(ros::NodeHandle& nh, const PlantSettings& settings, Pla
       nh_(nh),
       monitor_(monitor),
       events_(events),
-      arrivals_(settings.lockstep),
-      decoder_(nh, settings.converter_step, monitor) {
+      assembly_(settings.sensors),
+      arrivals_(settings.lockstep, settings.sensors),
+      decoder_(nh, settings.converter_step, settings.sensors, monitor) {
   if (settings_.lockstep) ack_.publisher = {nh, "ack", kQueue};
   const auto receive = [this](BlockPart part, auto add) {
     return [this, part, add](const auto& message, const std::string& node) {
@@ -36,6 +41,7 @@ BlockStream::BlockStream(ros::NodeHandle& nh, const PlantSettings& settings, Pla
     };
   };
   for (const BlockPart part : {kWrenchA, kWrenchB}) {
+    if (part == kWrenchA && settings_.sensors == Sensors::kB) continue;
     const auto add = [this, part](const WrenchSamples::ConstPtr& message) {
       assembly_.addWrench(part, message);
     };
@@ -65,7 +71,7 @@ BlockStream::BlockStream(ros::NodeHandle& nh, const PlantSettings& settings, Pla
 
 void BlockStream::begin(PlantMonitor::Lock& lock) {
   std::vector<std::string> topics = {nh_.resolveName("identify_locus/status")};
-  for (const char* topic : kBlockTopics) topics.push_back(nh_.resolveName(topic));
+  for (const BlockPart part : partsOf(settings_.sensors)) topics.push_back(topicOf(nh_, part));
   for (const char* topic : kOptional) topics.push_back(nh_.resolveName(topic));
   drop();
   last_ = StreamBlock{};
@@ -111,8 +117,7 @@ void BlockStream::acknowledge() {
 
 std::string BlockStream::publisherOf(PlantMonitor::Lock& lock, BlockPart part) {
   TopicPublisher found;
-  monitor_.runUnlocked(
-      lock, [&] { found = publishersOf({nh_.resolveName(kBlockTopics[part])}).front(); });
+  monitor_.runUnlocked(lock, [&] { found = publishersOf({topicOf(nh_, part)}).front(); });
   return found.topic + " of " + found.node;
 }
 
@@ -121,10 +126,10 @@ std::string BlockStream::describeMissing(PlantMonitor::Lock& lock, const Silence
   for (const char* topic : kOptional) optional.push_back(nh_.resolveName(topic));
   const std::vector<BlockPart> missing =
       settings_.lockstep ? assembly_.missing() : arrivals_.silent(0.5 * silence.patience);
-  for (const BlockPart part : missing) topics.push_back(nh_.resolveName(kBlockTopics[part]));
+  for (const BlockPart part : missing) topics.push_back(topicOf(nh_, part));
   const bool any = topics.empty();  // which one is missing isn't known
   if (any) {
-    for (const char* topic : kBlockTopics) topics.push_back(nh_.resolveName(topic));
+    for (const BlockPart part : partsOf(settings_.sensors)) topics.push_back(topicOf(nh_, part));
     topics.push_back(nh_.resolveName("identify_locus/status"));
     if (settings_.lockstep) topics.insert(topics.end(), optional.begin(), optional.end());
   }
@@ -146,9 +151,10 @@ std::string BlockStream::describeMissing(PlantMonitor::Lock& lock, const Silence
   }
   // nodes that shut down in order have unregistered at the master
   for (TopicPublisher& publisher : found) {
-    for (std::size_t i = 0; i < kBlockParts && publisher.node.empty(); ++i) {
-      const std::string& node = arrivals_.publisher(static_cast<BlockPart>(i));
-      if (node.empty() || publisher.topic != nh_.resolveName(kBlockTopics[i])) continue;
+    for (const BlockPart part : partsOf(settings_.sensors)) {
+      const std::string& node = arrivals_.publisher(part);
+      if (!publisher.node.empty()) break;
+      if (node.empty() || publisher.topic != topicOf(nh_, part)) continue;
       publisher.node = node;
       publisher.presence =
           publisher.presence == NodePresence::kNoMaster ? NodePresence::kMute : NodePresence::kGone;

@@ -21,6 +21,8 @@ constexpr double kShutdownWait = 1.0;  // for data while the node shuts down [s 
 }  // namespace
 
 void fields(FieldList& f, PlantSettings& s) {
+  f.choice("sensors", s.sensors, sensorChoices(),
+           "Force sensors of the cell: both, or b (sensor_b alone, at the wrist).");
   f.number("converter_step", s.converter_step, notNegative("V"),
            "Step of the converters of both sensors; cell.launch sets it by bits.");
   f.flag("lockstep", s.lockstep, "Blocks are acknowledged; time waits for the node.");

@@ -119,7 +119,8 @@ void RosPlant::begin(const std::function<bool()>& cancelled) {
   }
   link_.acquire();
   waitFor(lock, kBlock, is_ready);
-  waitFor(lock, "calibration of sensor_a and sensor_b",
+  const bool has_a = goal_.settings().sensors == Sensors::kBoth;
+  waitFor(lock, has_a ? "calibration of sensor_a and sensor_b" : "calibration of sensor_b",
           [this] { return blocks_.decoder().hasCalibrations(); });
   blocks_.decoder().checkCalibrations();
   blocks_.take();

@@ -88,6 +88,11 @@ TEST_F(Panel, ShowsWhatIsThereAndWhatIsNot) {
   }
   EXPECT_EQ(light("twin_force_estimator"), absentColor());
   EXPECT_EQ(reason("twin_force_estimator"), "not there");
+  // a cell with one sensor has none of it
+  ros::param::set("assembly_supervisor/sensors", "b");
+  EXPECT_TRUE(seen([&] { return reason("twin_force_estimator").empty(); }));
+  ros::param::del("assembly_supervisor/sensors");
+  EXPECT_TRUE(seen([&] { return reason("twin_force_estimator") == "not there"; }));
   EXPECT_TRUE(seen([&] { return s().shows("simulation", "paused"); })) << s().text("simulation");
   EXPECT_TRUE(seen([&] { return s().shows("state", "idle"); })) << s().text("state");
   EXPECT_TRUE(seen([&] { return s().shows("sensor_a_calibration", "sensor_a_design"); }));

@@ -7,6 +7,7 @@
 
 #include "assembly_cell/align/estimation/contact_window.h"
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/mechanism/sensors.h"
 #include "assembly_cell/sensor/calibration.h"
 #include "assembly_cell/sensor/sensor_samples.h"
 
@@ -23,8 +24,10 @@ namespace assembly_cell {
 /// decided by the plant's clock, guard/freshness.h.
 class BlockPipeline {
  public:
-  /// converter_step: of the converters of both sensors [V].
-  explicit BlockPipeline(double converter_step) : converter_step_(converter_step) {}
+  /// converter_step: of the converters of both sensors [V]. Without sensor_a its samples aren't
+  /// read, and its wrench is 0.
+  explicit BlockPipeline(double converter_step, Sensors sensors = Sensors::kBoth)
+      : converter_step_(converter_step), sensors_of_cell_(sensors) {}
 
   /// sensor: 0 or 1, sensor_a or sensor_b.
   void setCalibration(std::size_t sensor, const Calibration& calibration);
@@ -36,11 +39,14 @@ class BlockPipeline {
   /// as its driver sends them. Throws InputError if its stiffness is singular.
   void setCoupling(const CouplingParameters* coupling);
 
-  /// Of moments of strain [V], `period` between samples [s]. Needs both calibrations.
+  /// Every sensor of the cell has a calibration.
+  bool calibrated() const;
+
+  /// Of moments of strain [V], `period` between samples [s]. Needs the calibrations.
   PlantBlock fromStrain(const BlockMoments& a, const BlockMoments& b, bool saturated,
                         double period) const;
 
-  /// Of wrenches of both sensors and displacements of sensor_b. Nothing if a block is empty or not
+  /// Of wrenches of the sensors and displacements of sensor_b. Nothing if a block is empty or not
   /// finite.
   std::optional<PlantBlock> fromWrenches(const SensorSamples& a, const SensorSamples& b,
                                          const SensorSamples& displacements, double period) const;
@@ -60,6 +66,7 @@ class BlockPipeline {
   void updateDisplacementMap();
 
   double converter_step_;
+  Sensors sensors_of_cell_;
   std::array<Sensor, 2> sensors_;
   Calibration displacement_map_;  // of sensor_b
   std::optional<CouplingParameters> coupling_;

@@ -29,6 +29,12 @@ struct Scale {
   int timed(int blocks) const;
 };
 
+/// Of a light touch, at most: a tenth of the force limit. [N]
+inline constexpr double kMaxTouchForce = 4.0;
+/// Half of the repeatability of a machine of mismatch level 2: a stiff coupling pushes by as much
+/// without a contact. [m]
+inline constexpr double kLanding = 1.5e-5;
+
 /// Throws InputError for a coupling without stiffness in some direction.
 Scale scaleOf(const Mechanism& mechanism);
 

@@ -19,7 +19,7 @@ class BlockArrivals {
  public:
   using Steady = std::chrono::steady_clock;
 
-  explicit BlockArrivals(bool lockstep) : clock_(!lockstep) {}
+  BlockArrivals(bool lockstep, Sensors sensors) : sensors_(sensors), clock_(!lockstep) {}
 
   /// A message has arrived now. False: its publisher is the same as before.
   bool onMessage(BlockPart part, const std::string& publisher);
@@ -43,6 +43,7 @@ class BlockArrivals {
   double interval() const { return interval_; }
 
  private:
+  Sensors sensors_;
   std::array<Steady::time_point, kBlockParts> arrived_{};
   std::array<std::string, kBlockParts> publishers_;
   CellClock clock_;

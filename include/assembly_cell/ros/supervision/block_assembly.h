@@ -13,6 +13,7 @@
 
 #include "assembly_cell/DisplacementSamples.h"
 #include "assembly_cell/WrenchSamples.h"
+#include "assembly_cell/mechanism/sensors.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -24,10 +25,13 @@ constexpr std::array<const char*, kBlockParts> kBlockTopics = {
     "sensor_a/wrench_samples", "sensor_b/wrench_samples", "sensor_b/displacement_samples",
     "carrier_pose"};
 
+/// Those of a cell with these sensors.
+std::vector<BlockPart> partsOf(Sensors sensors);
+
 /// The messages of one block, complete or not.
 struct BlockMessages {
   std::uint32_t sequence = 0;
-  std::array<WrenchSamples::ConstPtr, 2> wrench;  ///< of sensor_a and sensor_b
+  std::array<WrenchSamples::ConstPtr, 2> wrench;  ///< of sensor_a, if there is one, and sensor_b
   DisplacementSamples::ConstPtr displacement;     ///< of sensor_b
   geometry_msgs::PoseStamped::ConstPtr carrier;   ///< at the block's end
 };
@@ -36,6 +40,8 @@ struct BlockMessages {
 /// stamp. They may arrive in any order, and blocks may be incomplete. Not thread-safe.
 class BlockAssembly {
  public:
+  explicit BlockAssembly(Sensors sensors) : sensors_(sensors) {}
+
   void addWrench(BlockPart sensor, const WrenchSamples::ConstPtr& message);
   void addDisplacement(const DisplacementSamples::ConstPtr& message);
   void addCarrier(const geometry_msgs::PoseStamped::ConstPtr& message);
@@ -54,9 +60,11 @@ class BlockAssembly {
   void onPlantRestart();
 
  private:
+  bool isComplete(const BlockMessages& block) const;
   BlockMessages& blockOf(std::uint32_t sequence);
   geometry_msgs::PoseStamped::ConstPtr carrierAtEndOf(const WrenchSamples& block) const;
 
+  Sensors sensors_;
   std::deque<BlockMessages> blocks_;  // in the order of their first messages
   std::deque<geometry_msgs::PoseStamped::ConstPtr> carrier_poses_;  // after last_end_
   std::optional<std::uint32_t> last_;                               // sequence number

@@ -48,10 +48,10 @@ class SaturationCheck {
 class BlockDecoder {
  public:
   /// converter_step: of both sensors [V].
-  BlockDecoder(ros::NodeHandle& nh, double converter_step, PlantMonitor& monitor);
+  BlockDecoder(ros::NodeHandle& nh, double converter_step, Sensors sensors, PlantMonitor& monitor);
 
-  /// The calibrations of both sensors have arrived.
-  bool hasCalibrations() const;
+  /// The calibrations of all sensors have arrived.
+  bool hasCalibrations() const { return pipeline_.calibrated(); }
   /// Throws PlantError if both are of one sensor.
   void checkCalibrations() const;
   /// Displacements follow from the wrench by this coupling; null: those of the driver.
@@ -61,6 +61,7 @@ class BlockDecoder {
   std::optional<StreamBlock> decode(const BlockMessages& messages) const;
 
  private:
+  Sensors sensors_;
   BlockPipeline pipeline_;
   std::array<ros::Subscriber, 2> calibration_subs_;  // of sensor_a and sensor_b
 };

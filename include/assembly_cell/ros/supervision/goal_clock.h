@@ -17,7 +17,8 @@ namespace assembly_cell::ros_bridge {
 
 /// Parameters of a node that owns the plant while a goal runs.
 struct PlantSettings {
-  std::string node;           ///< name of the node, resolved; no parameter
+  std::string node;  ///< name of the node, resolved; no parameter
+  Sensors sensors = Sensors::kBoth;
   bool lockstep = false;      ///< acknowledge blocks
   double timeout = 10.0;      ///< of every wait in lockstep, and of a goal's first wait [s wall]
   double data_timeout = 0.3;  ///< a goal ends without a block for this time [s]

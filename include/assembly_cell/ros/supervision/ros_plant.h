@@ -65,7 +65,9 @@ class RosPlant : public Plant {
   void setMechanism(const KnownMechanism* known);
 
   PlantBlock next(const PlantCommand& command) override;
-  TwinForceSensing* twinForce() override { return &twin_force_; }
+  TwinForceSensing* twinForce() override {
+    return goal_.settings().sensors == Sensors::kBoth ? &twin_force_ : nullptr;
+  }
 
  private:
   using Lock = PlantMonitor::Lock;

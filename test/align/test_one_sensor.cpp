@@ -1,0 +1,130 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+// A cell with sensor_b alone.
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "assembly_cell/align/align.h"
+#include "assembly_cell/align/estimation/block_pipeline.h"
+#include "assembly_cell/align/search/scale.h"
+#include "assembly_cell/base/input_error.h"
+#include "assembly_cell/cell/align_trial.h"
+#include "assembly_cell/cell/simulated_plant.h"
+#include "scenarios.h"
+
+namespace assembly_cell {
+namespace {
+
+CellParameters wristOnly() {
+  CellParameters parameters;
+  parameters.sensors = Sensors::kB;
+  parameters.seed = 7;
+  return parameters;
+}
+
+TEST(OneSensor, AutoAlignsAndReadsNothingOfTheOther) {
+  const Scenario scenario = cell();
+  AlignParameters parameters;
+  const AlignTrial trial = tryAlignment(scenario, scenario.mechanism, wristOnly(), parameters, {});
+  EXPECT_TRUE(trial.success) << trial.result.reason;
+  SimulatedPlant plant(scenario, scenario.mechanism, wristOnly());
+  const PlantBlock block = plant.next({});
+  EXPECT_TRUE(block.wrench_a.isZero(0.0));
+  EXPECT_GT(block.wrench_b.norm(), 0.1);
+  EXPECT_EQ(block.samples, 100);
+  EXPECT_EQ(plant.twinForce(), nullptr);
+}
+
+TEST(OneSensor, SensorBMeasuresWhatItDoesBesideAnother) {
+  const Scenario scenario = cell();
+  CellParameters both = wristOnly();
+  both.sensors = Sensors::kBoth;
+  SimulatedPlant one(scenario, scenario.mechanism, wristOnly());
+  SimulatedPlant two(scenario, scenario.mechanism, both);
+  for (int i = 0; i < 5; ++i) {
+    const PlantBlock a = one.next({}), b = two.next({});
+    EXPECT_TRUE((a.wrench_b.array() == b.wrench_b.array()).all());
+    EXPECT_TRUE((a.displacement_b.array() == b.displacement_b.array()).all());
+  }
+}
+
+TEST(OneSensor, TwinForceIsRefusedByName) {
+  const Scenario scenario = cell();
+  AlignParameters parameters;
+  parameters.strategy = "twin_force";
+  SimulatedPlant plant(scenario, scenario.mechanism, wristOnly());
+  try {
+    align(plant, scenario.mechanism, parameters, {});
+    ADD_FAILURE() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_EQ(std::string(error.what()).rfind("strategy: twin_force: ", 0), 0U) << error.what();
+    EXPECT_NE(std::string(error.what()).find("sensor_b alone"), std::string::npos);
+  }
+}
+
+// The line that refuses a mount at an arm with this delay; empty: it is accepted.
+std::string refusalOf(double compliance, double delay, double approach_step = 1e-4) {
+  Mechanism mechanism = cell().mechanism;
+  mechanism.coupling.stiffness.diagonal.head<3>().setConstant(1.0 / compliance);
+  AlignParameters parameters;
+  parameters.arm_delay = delay;
+  parameters.approach_step = approach_step;
+  try {
+    checkGoal(mechanism, parameters);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+double numberAfter(const std::string& text, const std::string& words) {
+  return std::stod(text.substr(text.find(words) + words.size()));
+}
+
+TEST(Mount, OneThatIsTooStiffForTheArmIsRefusedWithWhatWouldDo) {
+  EXPECT_EQ(refusalOf(1e-6, 0.0), "") << "no arm";
+  EXPECT_EQ(refusalOf(8e-6, 0.05), "");
+  EXPECT_EQ(refusalOf(2e-5, 0.1), "");
+  const std::string stiff = refusalOf(2e-6, 0.02);
+  EXPECT_NE(stiff.find("yields 2 um/N"), std::string::npos) << stiff;
+  const double enough = numberAfter(stiff, "; give it ");
+  EXPECT_EQ(refusalOf(1.001e-6 * enough, 0.02), "");
+  EXPECT_NE(refusalOf(0.9e-6 * enough, 0.02), "");
+}
+
+// F = F_t + (v T + v²/(2 a)) / C with the cell's touch of 1.5 N, 5 mm/s, 1 m/s² and what it yields
+// at the edge.
+TEST(Mount, AnArmThatIsLateNeedsASoftOneOrASlowApproach) {
+  const std::string late = refusalOf(2e-5, 0.25);
+  const double yields = pressCompliance(cell().mechanism);
+  const double force = 1.5 + (5e-3 * 0.25 + 5e-3 * 5e-3 / 2.0) / yields;
+  EXPECT_NEAR(numberAfter(late, "mm/s reaches "), force, 0.06) << late;
+  // the rest of it is rocking
+  const double along = 1e-6 * numberAfter(late, "; give it ") - (yields - 2e-5);
+  EXPECT_EQ(refusalOf(along, 0.25), "") << late;
+  EXPECT_EQ(refusalOf(2e-5, 0.25, numberAfter(late, "approach_step ")), "") << late;
+}
+
+TEST(OneSensor, ABlockNeedsSensorBAlone) {
+  Calibration identity;
+  identity.volts_to_wrench.setIdentity();
+  identity.volts_to_displacement = 1e-6 * Matrix6::Identity();
+  BlockPipeline one(0.0, Sensors::kB), two(0.0);
+  one.setCalibration(1, identity);
+  two.setCalibration(1, identity);
+  EXPECT_TRUE(one.calibrated());
+  EXPECT_FALSE(two.calibrated());
+  const std::vector<double> values(12, 3.0), bad(12, std::numeric_limits<double>::quiet_NaN());
+  const SensorSamples good{values.data(), nullptr, 2};
+  const auto block = one.fromWrenches({}, good, good, 1e-3);
+  ASSERT_TRUE(block.has_value());
+  EXPECT_EQ(block->samples, 2);
+  EXPECT_EQ(block->wrench_b(0), 3.0);
+  EXPECT_FALSE(one.fromWrenches({}, {bad.data(), nullptr, 2}, good, 1e-3).has_value());
+  EXPECT_FALSE(two.fromWrenches({}, good, good, 1e-3).has_value());
+}
+
+}  // namespace
+}  // namespace assembly_cell
