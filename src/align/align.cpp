@@ -94,8 +94,8 @@ void checkDepth(const Mechanism& mechanism, double insertion_depth) {
 }
 
 // Part of the force limit that a touch may reach at an arm. Of ten runs each with the emulated one
-// (make_peg 0.010 1e-5, --coupling 2, 4, 8, 14, 20) 10, 10, 7, 1 and 0 aligned, at 0.11, 0.21,
-// 0.43, 0.75 and 1.07 of it; the others were held by the arm's guard, or ended with force_limit.
+// (make_peg 0.010 1e-5, --coupling 2, 8, 14, 20) 10, 7, 1 and 0 aligned, at 0.11, 0.43, 0.75 and
+// 1.07 of it; the others were held by the arm's guard, or ended with force_limit.
 constexpr double kLargestTouch = 0.45;
 
 // Refuses a mount that is too stiff for an arm, before anything moves: the ends of its moves push

@@ -79,7 +79,7 @@ void fields(FieldList& f, BridgeSettings& s) {
            "Distance of the arm from the points of the last following_time.");
   f.number("max_following_turn", limits.following_turn, positive("rad"),
            "Rotation of the arm from the points of the last following_time.");
-  f.number("following_time", limits.following_time, {1e-3, 0.25, "s"},
+  f.number("following_time", limits.following_time, {1e-3, 0.5, "s"},
            "Latency and lag of the arm.");
   f.number("max_amplitude", guard.amplitude, notNegative("N"), "Amplitude of the exciter.");
   f.number("max_frequency", guard.frequency, notNegative("rad/s"), "Frequency of the exciter.");
@@ -95,7 +95,7 @@ void fields(FieldList& f, EmulatedArmSettings& s) {
   f.choice("interface", s.interface, kInterfaces, "As that of arm_bridge.");
   f.text("description", s.description, "Parameter with the arm's URDF.");
   f.number("rate", arm.rate, {125.0, 500.0, "Hz"}, "Rate of the controller.");
-  f.number("latency", arm.latency, {0.0, 0.05, "s"}, "Time from a command's stamp to its effect.");
+  f.number("latency", arm.latency, {0.0, 0.25, "s"}, "Time from a command's stamp to its effect.");
   f.number("jitter", arm.jitter, {0.0, 0.05, "s"}, "Variation of the latency, uniform from 0.");
   f.number("bandwidth", arm.bandwidth, {2.0, 40.0, "Hz"}, "Bandwidth of the joints' positions.");
   f.number("encoder_step", arm.encoder_step, {0.0, 1e-2, "rad"}, "Resolution of the encoders.");

@@ -169,5 +169,31 @@ TEST(CarrierArm, NeitherASwingNorAKnockEndsARun) {
   }
 }
 
+// An arm of 100 and one of 250 ms: the delay shows in the first descent. Before it was measured,
+// commands that had no effect yet counted as carried out, and the first touch pressed with 32 and
+// 65 N.
+TEST(CarrierArm, AlignsAndInsertsWithAnArmThatAnswersLate) {
+  struct Case {
+    double latency, time;
+  };
+  for (const Case& c : {Case{0.1, 60.0}, Case{0.25, 110.0}}) {
+    ArmSetup late = setup();
+    late.arm.arm.latency = c.latency;
+    late.bridge.limits.following_time = c.latency + 0.15;
+    AlignParameters parameters;
+    parameters.insert.depth = 0.04;
+    for (int seed = 1; seed <= 3; ++seed) {
+      const Scenario start = startAt(cell(), {0.004 * seed, -0.003}, {0.01, -0.008 * seed}, 0.003);
+      const AlignTrial trial = tryAlignment(
+          start, start.mechanism, with(late, static_cast<std::uint64_t>(seed)), parameters);
+      EXPECT_TRUE(trial.success) << c.latency << ", " << seed << ": " << trial.result.reason;
+      EXPECT_GT(trial.depth, 0.0398);
+      EXPECT_LT(trial.result.time, c.time) << c.latency << ", " << seed;
+      // twice what an arm of 10 ms presses with at most
+      EXPECT_LT(trial.force, 30.0) << c.latency << ", " << seed;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace assembly_cell

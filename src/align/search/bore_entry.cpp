@@ -199,7 +199,7 @@ double BoreEntry::reach() const {
 bool BoreEntry::lower(const Vec3& from, const Mat3& R) {
   s_.carrier.moveTo(s_.frame.restFor(from, R));
   const double travel = kClear * s_.scale.travel + depth() + 3.0 * s_.hole.height_sd;
-  const double step = s_.p.approach_step * s_.scale.step;
+  const double step = s_.p.approach_step * s_.scale.step * s_.carrier.delay.slowing();
   double down = 0.0;
   while (down < travel && s_.carrier.force().z() < maxForce()) {
     down = std::min(travel, down + step);
@@ -224,7 +224,8 @@ bool BoreEntry::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   const double clearance = s_.mechanism.hole.radius - s_.mechanism.peg.radius;
   // by what a wall bends the coupling where that is more than the clearance
   const double bent = kWallDeflection * s_.scale.give;
-  const double step = std::clamp(std::max(0.25 * clearance, 0.2 * bent), 5e-6, 1e-4);
+  const double step =
+      std::clamp(std::max(0.25 * clearance, 0.2 * bent), 5e-6, 1e-4) * s_.carrier.delay.slowing();
   Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
   const Vec3 travel = R.transpose() * direction;
   row << travel.transpose(), Vec3(0, 0, -s_.frame.length()).cross(travel).transpose();
@@ -238,16 +239,20 @@ bool BoreEntry::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
     at = s_.frame.pegPose(s_.carrier.target(), s_.deflection()).p - s_.hanging.sag;
     return (target - at).dot(direction) > contact;
   };
-  for (double moved = 0.0; moved <= wallTravel(); moved += step) {
+  for (double moved = 0.0;; moved += step) {
+    // a carrier that answers late has its last steps before it
+    const bool last = moved > wallTravel();
+    if (last && !awaitEffect(s_.carrier)) return false;
     // a peg that still swings from the step seems pushed, too, but not for long
     if (pushed()) {
+      awaitEffect(s_.carrier);
       s_.carrier.wait(s_.scale.timed(kWallSwingBlocks));
       if (pushed()) return true;
     }
+    if (last) return false;
     target += step * direction;
     s_.carrier.nudge(s_.frame.restFor(target, R));
   }
-  return false;
 }
 
 // Makes sure that the peg doesn't end against a wall, where a carrier that comes to rest somewhere
@@ -259,6 +264,7 @@ bool BoreEntry::clearOfWalls(Vec3& target, const Mat3& R) {
   const double step = kFreeFraction * clearance;
   const auto place = [this, &R](const Vec3& at) {
     s_.carrier.nudge(s_.frame.restFor(at, R));
+    awaitEffect(s_.carrier);
     Vec3 mean = Vec3::Zero();
     const int n = s_.scale.timed(kWallSwingBlocks - 1);
     s_.carrier.wait(s_.scale.timed(1));

@@ -71,8 +71,10 @@ BoreReading BoreInsertion::move(double down) {
   aside -= axis * axis.dot(aside);
   Vec3 rotation = s_.frame.carrierPose(carrier).R * (strained - s_.hanging.deflection).tail<3>();
   rotation -= axis * axis.dot(rotation);
-  X_SP_.p += kFollow * aside - down * axis;
-  X_SP_.R = rotationFromVector({Vec3(kFollow * rotation)}) * X_SP_.R;
+  // an integrator whose input is n blocks late is stable below 2 sin(pi / (4 n + 2))
+  const double follow = kFollow * s_.carrier.delay.slowing();
+  X_SP_.p += follow * aside - down * axis;
+  X_SP_.R = rotationFromVector({Vec3(follow * rotation)}) * X_SP_.R;
   PlantCommand command;
   command.rest = s_.frame.restFor(X_SP_.p, X_SP_.R);
   s_.carrier.step(command);
@@ -123,21 +125,28 @@ double BoreInsertion::opposing(double direction) const {
   return std::hypot(std::max(0.0, direction * s_.inserted.end.along), s_.inserted.end.sideways);
 }
 
+// As many as the carrier needs to follow for that time, see move().
+int BoreInsertion::blocks(double time) const {
+  return static_cast<int>(std::lround(s_.blocks(time) / s_.carrier.delay.slowing()));
+}
+
 void BoreInsertion::backOut(double travel) {
   const double pull = kPullOfLimit * s_.p.force_limit;
   // a measurement is a block and a half late
-  const double step = std::min(s_.p.insert.speed * s_.block,
-                               kPullFraction * pull / s_.mechanism.coupling.stiffness.diagonal(0));
+  const double slow = s_.carrier.delay.slowing();
+  const double step =
+      std::min(s_.p.insert.speed * s_.block,
+               slow * kPullFraction * pull / s_.mechanism.coupling.stiffness.diagonal(0));
   const double from = s_.inserted.end.depth;
   double min_depth = from;
-  for (int waited = 0; from - s_.inserted.end.depth < travel && waited < s_.blocks(kStuckTime);
+  for (int waited = 0; from - s_.inserted.end.depth < travel && waited < blocks(kStuckTime);
        ++waited) {
     move(-step * std::clamp(1.0 - opposing(-1.0) / pull, -0.5, 1.0));
     if (s_.inserted.end.depth > min_depth - kProgress) continue;
     min_depth = s_.inserted.end.depth;
     waited = 0;
   }
-  for (int i = 0; i < s_.blocks(kRelaxTime); ++i) move(0.0);
+  for (int i = 0; i < blocks(kRelaxTime); ++i) move(0.0);
 }
 
 // Down until the depth is reached, the peg is stuck or a force resists where the floor may be.
@@ -145,11 +154,12 @@ BoreInsertion::End BoreInsertion::lower() {
   const InsertParameters& p = s_.p.insert;
   const double stiffness = s_.mechanism.coupling.stiffness.diagonal(0);
   // against a floor no more in one block than the force that stops the peg
-  const double step = std::min(p.speed * s_.block, p.force / stiffness);
+  const double slow = s_.carrier.delay.slowing();
+  const double step = std::min(p.speed * s_.block, slow * p.force / stiffness);
   const double careful =
-      std::min(step, kFloorStep * s_.scale.force * pressCompliance(s_.mechanism));
+      std::min(step, slow * kFloorStep * s_.scale.force * pressCompliance(s_.mechanism));
   const double near = s_.mechanism.hole.depth - kNear * s_.scale.travel;
-  const int patience = s_.blocks(kStuckTime);
+  const int patience = blocks(kStuckTime);
   if (!p.floor && s_.inserted.end.depth >= p.depth) return End::kDeep;  // from the start
   double deepest = -1e9;
   for (int waited = 0; waited < patience; ++waited) {
@@ -182,7 +192,7 @@ BoreInsertion::End BoreInsertion::lower() {
 
 // Mean over some blocks, at rest.
 BoreReading BoreInsertion::measure() {
-  for (int i = 0; i < s_.blocks(kRelaxTime); ++i) move(0.0);
+  for (int i = 0; i < blocks(kRelaxTime); ++i) move(0.0);
   BoreReading mean;
   for (int i = 0; i < kMeanBlocks; ++i) {
     const BoreReading measured = move(0.0);
@@ -199,7 +209,7 @@ BoreReading BoreInsertion::measure() {
 bool BoreInsertion::pressAgain(const BoreReading& pressed) {
   const double compliance = pressCompliance(s_.mechanism);
   const double lift = std::max(kLift * s_.scale.travel, kSlack * pressed.along * compliance);
-  const double step = kPressStep * s_.scale.force * compliance;
+  const double step = kPressStep * s_.scale.force * compliance * s_.carrier.delay.slowing();
   for (double up = 0.0; up < lift; up += step) move(-step);
   const BoreReading free = measure();
   if (std::abs(free.along) > kReleased * pressed.along) return false;

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/align/search/guarded_carrier.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -58,7 +59,8 @@ const PlantBlock& GuardedCarrier::step(const PlantCommand& command) {
     all.alarm = sensor_.alarmAt(limits_.force, std::numeric_limits<double>::infinity());
   }
   sensor_.update(plant_.next(all));
-  to_end_ = std::max(0, to_end_ - 1);
+  delay.since_command = all.rest ? 0 : delay.since_command + 1;
+  delay.to_end = std::max(0, delay.to_end - 1);
   saturated_ = last().saturated ? saturated_ + 1 : 0;
   if (guarded && saturated_ > kKnockBlocks) {
     throw AlignError(AlignFailure::kSensorSaturated,
@@ -117,7 +119,7 @@ void GuardedCarrier::tare(int blocks) {
 }
 
 void GuardedCarrier::moveTo(const RestPose& target, bool to_the_end) {
-  wait(to_end_);
+  wait(delay.to_end);
   target_ = target;
   PlantCommand command;
   command.rest = target;
@@ -126,9 +128,9 @@ void GuardedCarrier::moveTo(const RestPose& target, bool to_the_end) {
   for (int i = 0; i <= blocks; ++i) {
     const RestPose before = last().carrier;
     step(command);
-    if (arrived(before, last().carrier, target, reportNoise())) {
-      to_end_ = blocksToEnd(reportNoise());
-      if (to_the_end) wait(to_end_);
+    if (i >= delay.toEffect() && arrived(before, last().carrier, target, reportNoise())) {
+      delay.to_end = blocksToEnd(reportNoise());
+      if (to_the_end) wait(delay.to_end);
       return;
     }
     command.rest.reset();
@@ -159,6 +161,12 @@ void GuardedCarrier::nudge(const RestPose& target, const std::optional<ForceAlar
   command.rest = target;
   command.alarm = alarm;
   step(command);
+}
+
+bool awaitEffect(GuardedCarrier& carrier) {
+  const int blocks = carrier.delay.toEffect() - carrier.delay.since_command;
+  if (blocks > 0) carrier.wait(blocks);
+  return blocks > 0;
 }
 
 void exciterOff(GuardedCarrier& carrier, int direction) {

@@ -26,6 +26,7 @@ constexpr int kHolds = 5;
 // Of a touch. Less is lost again in the steps of a press: of six from 0.15 to 0.4 N two were.
 constexpr double kMinPress = 0.33;
 constexpr int kSettleBlocks = 3;
+constexpr double kReportScatter = 4.0;  // sd of a reported height that are no delay
 // 99 of 100 blocks scatter by less than 2.5 sd.
 constexpr double kScatterReach = 2.5;
 
@@ -38,6 +39,7 @@ PressController::PressController(GuardedCarrier& carrier)
 bool PressController::approach(double floor) {
   // descend a little every block until the first touch; a steep one hardly pushes up
   const double start = carrier_.target().z, touch = carrier_.sensor().touchForce();
+  const double step = carrier_.limits().approach_step;
   RestPose target = carrier_.target();
   while (carrier_.force().norm() < touch &&
          carrier_.force().head<2>().norm() < kSidewaysTouch * touch) {
@@ -47,8 +49,10 @@ bool PressController::approach(double floor) {
                        text("none within %.1f mm of descent from z %.4f m",
                             carrier_.limits().descent * 1e3, start));
     }
-    target.z -= carrier_.limits().approach_step;
+    target.z -= step * carrier_.delay.slowing();
     carrier_.nudge(target, carrier_.sensor().alarmAt(touch, kSidewaysTouch * touch));
+    const double scatter = kReportScatter * carrier_.reportNoise().position;
+    carrier_.delay.measure((carrier_.last().carrier.z - target.z - scatter) / step);
   }
   touch_z_ = carrier_.last().carrier.z;
   target.z = touch_z_;
@@ -77,6 +81,7 @@ void PressController::hold(double force, double tolerance, bool settled) {
   const double start = target.z;
   const Scale& scale = carrier_.limits().scale;
   const double stiffer = scale.force / scale.sink;
+  if (!settled) awaitEffect(carrier_);
   if (!settled) carrier_.wait(scale.timed(kSettleBlocks));
   for (int i = 0; i < kHoldSteps; ++i) {
     const double before = carrier_.force().z();

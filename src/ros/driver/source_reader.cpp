@@ -45,6 +45,18 @@ void markOutOfRange(const SourceSettings& settings, StrainSamples& block) {
   }
 }
 
+// As fast as possible: a subscriber that connects later would miss the beginning, or everything.
+// One that died without unregistering is not waited for without end.
+void awaitSubscribers(const SensorState& state, const SensorOutput& output) {
+  while (!state.stopping && !output.hasSubscribers()) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  const auto limit = SensorState::Clock::now() + kConnectionPatience;
+  while (!state.stopping && SensorState::Clock::now() < limit && !output.allConnected()) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
+
 }  // namespace
 
 SourceReader::SourceReader(SourceChoice choice, const SourceSettings& settings,
@@ -82,20 +94,8 @@ SourceReader::Timing SourceReader::timing() const {
   return {delays_, stamper_->clock().steps(), stamper_->clock().lastStep()};
 }
 
-// As fast as possible: a subscriber that connects later would miss the beginning, or everything.
-// One that died without unregistering is not waited for without end.
-void SourceReader::awaitSubscribers() {
-  while (!state_.stopping && !output_->hasSubscribers()) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  const auto limit = SensorState::Clock::now() + kConnectionPatience;
-  while (!state_.stopping && SensorState::Clock::now() < limit && !output_->allConnected()) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
-}
-
 void SourceReader::publishAll() {
-  if (isFast(source().info())) awaitSubscribers();
+  if (isFast(source().info())) awaitSubscribers(state_, *output_);
   // a block that waits for its publisher is as late as one that waits to be read
   raisePriority(settings_.realtime_priority);
   acquisition_->start();

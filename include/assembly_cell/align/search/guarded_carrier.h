@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "assembly_cell/align/plant.h"
+#include "assembly_cell/align/search/carrier_delay.h"
 #include "assembly_cell/align/search/contact_sensor.h"
 #include "assembly_cell/align/search/report_noise.h"
 #include "assembly_cell/align/search/scale.h"
@@ -68,6 +69,8 @@ class GuardedCarrier {
   /// A step that a block has time for. `alarm`: instead of that of the force limit.
   void nudge(const RestPose& target, const std::optional<ForceAlarm>& alarm = std::nullopt);
 
+  CarrierDelay delay;  ///< of plant and carrier together; whoever descends measures it
+
  private:
   Plant& plant_;
   PressLimits limits_;
@@ -75,10 +78,12 @@ class GuardedCarrier {
   std::optional<ExciterParameters> exciter_;  // of the next step
   RestPose target_;
   ReportNoiseMeter meter_;  // of the blocks of all tares
-  int to_end_ = 0;          // blocks to the certain end of the last move
   bool guarded_ = true;
   int saturated_ = 0;  // blocks in a row
 };
+
+/// Waits until the last command has had an effect on a carrier that answers late. False: it has.
+bool awaitEffect(GuardedCarrier& carrier);
 
 /// One block with the exciter off.
 void exciterOff(GuardedCarrier& carrier, int direction = 1);

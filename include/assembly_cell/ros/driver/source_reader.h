@@ -51,7 +51,6 @@ class SourceReader {
   Timing timing() const;
 
  private:
-  void awaitSubscribers();
   void publishAll();
   void publish(const SourceBlock& block);
   void logLink();  ///< each cause of a lost link once

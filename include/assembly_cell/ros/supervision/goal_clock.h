@@ -8,6 +8,7 @@
 #include <string>
 
 #include "assembly_cell/geometry/spatial.h"
+#include "assembly_cell/mechanism/sensors.h"
 
 namespace assembly_cell {
 class FieldList;

@@ -1,0 +1,31 @@
+// Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#pragma once
+
+#include <algorithm>
+
+namespace assembly_cell {
+
+/// How late a carrier follows its commands, as an arm does behind its controller and network: in
+/// steps of a descent that it is behind, of kStepTime each.
+struct CarrierDelay {
+  /// So many steps is a carrier behind that follows at once.
+  static constexpr int kPrompt = 1;
+  static constexpr int kMost = 25;  ///< 0.5 s
+
+  int steps = kPrompt;    ///< the most so far
+  int since_command = 0;  ///< steps since the last command
+  int to_end = 0;         ///< steps to the certain end of the last move, where the pose is noisy
+
+  /// Steps from a command until its effect has begun; 0 for a carrier that follows at once.
+  int toEffect() const { return steps > kPrompt ? steps + 1 : 0; }
+  /// Factor of the speed before a contact and of the gains in contact: a late carrier then goes as
+  /// far after a contact as one that follows at once, for which it is 1.
+  double slowing() const { return (kPrompt + 1.0) / (steps + 1.0); }
+  /// Takes steps that the carrier is behind in a descent; more than kMost are those of a carrier
+  /// that is too slow.
+  void measure(double behind) {
+    steps = std::max(steps, static_cast<int>(std::min<double>(behind, kMost)));
+  }
+};
+
+}  // namespace assembly_cell
