@@ -69,7 +69,7 @@ class GuardedCarrier {
   /// A step that a block has time for. `alarm`: instead of that of the force limit.
   void nudge(const RestPose& target, const std::optional<ForceAlarm>& alarm = std::nullopt);
 
-  CarrierDelay delay;  ///< of plant and carrier together; whoever descends measures it
+  CarrierDelay delay;  ///< of plant and carrier together; PressController measures it
 
  private:
   Plant& plant_;
