@@ -61,7 +61,7 @@ Linear linearised(const ForceTest& test, const PerSide<Eigen::MatrixXd>& S,
   out.C = test.reference;
   out.y = test.known;
   for (const Side side : kSides) {
-    const Part& part = test.part[side];
+    const SensorPart& part = test.part[side];
     if (!part.present) continue;
     Small& D = out.D[side];
     D = part.K * slope(S[side], strain[side]);
@@ -188,7 +188,7 @@ class Adjustment {
  private:
   // one sensor's part of a linearised test
   struct Block {
-    const Part* part;
+    const SensorPart* part;
     const Small* D;
     Eigen::Index first;
     Eigen::VectorXd x;
@@ -287,7 +287,7 @@ class Adjustment {
       SmallVector r = -p.y;
       PerSide<Vector6> zero = {Vector6::Zero(), Vector6::Zero()};
       for (const Side side : kSides) {
-        const Part& part = test.part[side];
+        const SensorPart& part = test.part[side];
         if (!part.present) continue;
         for (const ZeroPart& z : part.zeros) {
           if (z.index >= 0) zero[side] += z.weight * zeta_.segment<6>(6 * z.index);
@@ -299,7 +299,7 @@ class Adjustment {
       const SmallVector Wr = p.W * r;
       fit.test_chi2[k] = r.dot(Wr);
       for (const Side side : kSides) {
-        const Part& part = test.part[side];
+        const SensorPart& part = test.part[side];
         if (!part.present) continue;
         const Vector6 next =
             part.strain - zero[side] - part.covariance * (p.D[side].transpose() * Wr);

@@ -61,7 +61,7 @@ Zeros zerosOf(const ObservationSet& set, Side side) {
 
 // Strain of a test's reading against the zero at its time; refused where the zero has drifted.
 CalibrationRefusal strainOf(const ObservationSet& set, std::size_t order, Side side,
-                            const Zeros& zeros, Part& part) {
+                            const Zeros& zeros, SensorPart& part) {
   const SensorDescription& sensor = set.sensor[side];
   const Observation& o = set.observations[order];
   const Reading& reading = *o.reading[side];
@@ -180,7 +180,7 @@ void designRows(const ForceTest& test, int rows, int terms, const PerSide<Vector
                 Eigen::Ref<Eigen::MatrixXd> A) {
   A.setZero();
   for (const Side side : kSides) {
-    const Part& part = test.part[side];
+    const SensorPart& part = test.part[side];
     if (!part.present) continue;
     const Eigen::Index first = side == Side::kA ? 0 : rows * terms;
     const Eigen::RowVectorXd x = strainTerms(strain[side], terms).transpose();

@@ -22,7 +22,7 @@ struct ZeroPart {
 };
 
 /// One sensor's part of a test: K S b(strain).
-struct Part {
+struct SensorPart {
   bool present = false;
   Small K;                               ///< equations × rows
   Vector6 strain = Vector6::Zero();      ///< reading − zero [V]
@@ -35,7 +35,7 @@ struct ForceTest {
   std::size_t observation = 0;
   ObservationKind kind = ObservationKind::kReacting;
   int equations = 0;
-  PerSide<Part> part;
+  PerSide<SensorPart> part;
   SmallVector known;
   Small reference;  ///< covariance of what the strains are compared with; reacting: see pose
   Pose X_AB;
