@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "assembly_cell/align/search/carrier_delay.h"
 #include "assembly_cell/align/search/scale.h"
 #include "assembly_cell/align/search/step.h"
 #include "assembly_cell/align/strategies/strategies.h"
@@ -100,7 +101,7 @@ constexpr double kLargestTouch = 0.45;
 
 // Refuses a mount that is too stiff for an arm, before anything moves: the ends of its moves push
 // with more than a light touch, or a first touch goes too far before it reacts. A touch of force F
-// at speed v reaches F + K v T + K v²/(2 a).
+// at speed v reaches F + K v T + K v²/(2 a); an arm that is late moves slower, see CarrierDelay.
 void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
   if (p.arm_delay == 0.0) return;
   const double stiffness = mechanism.coupling.stiffness.diagonal(0);
@@ -117,7 +118,10 @@ void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
   const auto way = [&](double speed) {
     return speed * p.arm_delay + speed * speed / (2.0 * mechanism.carrier.max_acceleration);
   };
-  const double full = p.approach_step / kStepTime, speed = full * scale.step;
+  // the arm of ten milliseconds, which follows at once, reacts after 2.5 steps
+  const int steps = static_cast<int>(p.arm_delay / kStepTime - 1.5);
+  const CarrierDelay late{std::max(CarrierDelay::kPrompt, steps)};
+  const double full = p.approach_step / kStepTime * late.slowing(), speed = full * scale.step;
   const double force = touch + way(speed) / yields, limit = kLargestTouch * p.force_limit;
   const double spare = limit - touch;
   if (force <= limit) return;
@@ -127,14 +131,12 @@ void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
              "%g of the limit; give %.3g N or more",
              p.force_limit, touch, kLargestTouch, 1.5 * touch / kLargestTouch));
   }
-  const double slower = p.approach_step * spare / (force - touch);
   throw InputError(
       text("coupling.stiffness: the mount yields %.3g um/N at the peg's edge: a touch at %.2g mm/s "
            "reaches %.3g N before the arm stops, arm_delay %g s later, ",
            yields * 1e6, speed * 1e3, force, p.arm_delay) +
-      text("beyond %g of force_limit, %g N; give it %.3g um/N or more, or approach_step %.2g m or "
-           "less",
-           kLargestTouch, limit, 1.01e6 * way(full) / spare, 0.95 * slower));
+      text("beyond %g of force_limit, %g N; give it %.3g um/N or more", kLargestTouch, limit,
+           1.01e6 * way(full) / spare));
 }
 
 }  // namespace
