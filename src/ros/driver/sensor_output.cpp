@@ -1,21 +1,12 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/driver/sensor_output.h"
 
-#include <map>
-#include <string>
-
 #include "assembly_cell/SensorCalibration.h"
 #include "assembly_cell/ros/bridge/calibration_messages.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/process/master_call.h"
 
 namespace assembly_cell::ros_bridge {
-
-namespace {
-
-constexpr double kMasterAnswer = 1.0;  // patience with it [s]
-
-}  // namespace
 
 SensorOutput::SensorOutput(const ros::NodeHandle& nh, std::uint32_t queue,
                            const DriverSettings& settings, const LiveSettings& live,
@@ -46,18 +37,12 @@ bool SensorOutput::hasSubscribers() const {
 }
 
 bool SensorOutput::allConnected() const {
-  std::map<std::string, std::uint32_t> connected{
-      {wrench_samples_pub_.getTopic(), wrench_samples_pub_.getNumSubscribers()}};
-  if (strain_pub_) connected[strain_pub_.getTopic()] = strain_pub_.getNumSubscribers();
-  const auto state = callMaster("getSystemState", "", kMasterAnswer);
+  auto state = registrations();
   if (!state) return false;
-  XmlRpc::XmlRpcValue topics = (*state)[1];
-  for (int i = 0; i < topics.size(); ++i) {
-    const auto found = connected.find(topics[i][0]);
-    if (found == connected.end()) continue;
-    if (found->second < static_cast<std::uint32_t>(topics[i][1].size())) return false;
-  }
-  return true;
+  const auto has_all = [&](const auto& publisher) {
+    return publisher.getNumSubscribers() >= state->subscribers[publisher.getTopic()].size();
+  };
+  return has_all(wrench_samples_pub_) && (!strain_pub_ || has_all(strain_pub_));
 }
 
 void SensorOutput::publishBias() {

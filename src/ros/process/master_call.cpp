@@ -2,7 +2,6 @@
 #include "assembly_cell/ros/process/master_call.h"
 
 #include <XmlRpcClient.h>
-#include <ros/master.h>
 #include <ros/network.h>
 #include <ros/this_node.h>
 
@@ -47,6 +46,19 @@ std::optional<XmlRpc::XmlRpcValue> callNode(const std::string& uri, const std::s
 std::optional<XmlRpc::XmlRpcValue> callMaster(const std::string& method,
                                               const std::string& argument, double limit) {
   return callNode(ros::master::getURI(), method, argument, limit);
+}
+
+std::optional<Registrations> registrations(double limit, const std::string& uri) {
+  auto state = callNode(uri, "getSystemState", "", limit);
+  if (!state) return std::nullopt;
+  const auto read = [](XmlRpc::XmlRpcValue& list) {
+    std::map<std::string, std::vector<std::string>> nodes;
+    for (int i = 0; i < list.size(); ++i) {
+      for (int k = 0; k < list[i][1].size(); ++k) nodes[list[i][0]].push_back(list[i][1][k]);
+    }
+    return nodes;
+  };
+  return Registrations{read((*state)[0]), read((*state)[1])};
 }
 
 }  // namespace assembly_cell::ros_bridge

@@ -103,16 +103,10 @@ class Registry {
     const std::lock_guard<std::mutex> turn(updating_);
     const auto begin = Clock::now();
     const double limit = has(topics) ? kMasterAnswer : kFirstAnswer;
-    std::optional<XmlRpc::XmlRpcValue> state = callNode(master, "getSystemState", "", limit);
-    if (!state || !knowsThisNode((*state)[0])) return has(topics);
+    std::optional<Registrations> state = registrations(limit, master);
+    if (!state || !hasThisNode(state->publishers["/rosout"])) return has(topics);
     std::map<std::string, std::vector<std::string>> nodes;
-    for (const std::string& topic : topics) nodes[topic];
-    for (int i = 0; i < (*state)[0].size(); ++i) {
-      const auto found = nodes.find((*state)[0][i][0]);
-      for (int k = 0; found != nodes.end() && k < (*state)[0][i][1].size(); ++k) {
-        found->second.push_back((*state)[0][i][1][k]);
-      }
-    }
+    for (const std::string& topic : topics) nodes[topic] = state->publishers[topic];
     std::map<std::string, std::string> addresses;
     for (const auto& entry : nodes) {
       for (const std::string& node : entry.second) addresses[node];
@@ -157,14 +151,8 @@ class Registry {
                        [this](const std::string& topic) { return nodes_.count(topic) != 0; });
   }
 
-  static bool knowsThisNode(XmlRpc::XmlRpcValue& publishers) {
-    for (int i = 0; i < publishers.size(); ++i) {
-      if (std::string(publishers[i][0]) != "/rosout") continue;
-      for (int k = 0; k < publishers[i][1].size(); ++k) {
-        if (std::string(publishers[i][1][k]) == ros::this_node::getName()) return true;
-      }
-    }
-    return false;
+  static bool hasThisNode(const std::vector<std::string>& nodes) {
+    return std::find(nodes.begin(), nodes.end(), ros::this_node::getName()) != nodes.end();
   }
 
   std::mutex updating_;

@@ -15,7 +15,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <set>
 
 #include "assembly_cell/base/fields.h"
 #include "assembly_cell/base/input_error.h"
@@ -23,6 +22,7 @@
 #include "assembly_cell/ros/bridge/bag_check.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
 #include "assembly_cell/ros/bridge/parameters.h"
+#include "assembly_cell/ros/process/master_call.h"
 #include "assembly_cell/ros/process/participants.h"
 #include "assembly_cell/sensor/reception.h"
 
@@ -259,33 +259,17 @@ void CellPlayer::awaitConnections() {
   const Clock::time_point limit = Clock::now() + nanoseconds(settings_.start_timeout);
   const Clock::time_point others = Clock::now() + kOthersPatience;
   std::string missing;
-  std::map<std::string, std::set<std::string>> listeners, known;
+  std::map<std::string, std::vector<std::string>> listeners, known;
   do {
     missing.clear();
     // subscriptions and acknowledging nodes by the master
-    XmlRpc::XmlRpcValue request, response, state;
-    request[0] = ros::this_node::getName();
     known.swap(listeners);
-    listeners.clear();
-    std::set<std::string> acknowledging;
-    if (ros::master::execute("getSystemState", request, response, state, false)) {
-      const auto collect = [](XmlRpc::XmlRpcValue& list, auto&& take) {
-        for (int i = 0; i < list.size(); ++i) {
-          for (int k = 0; k < list[i][1].size(); ++k) {
-            take(static_cast<std::string>(list[i][0]), static_cast<std::string>(list[i][1][k]));
-          }
-        }
-      };
-      collect(state[0], [&](const std::string& topic, const std::string& node) {
-        if (topic == ack_sub_.getTopic()) acknowledging.insert(node);
-      });
-      collect(state[1], [&](const std::string& topic, const std::string& node) {
-        listeners[topic].insert(node);
-      });
-    }
+    Registrations state = registrations().value_or(Registrations());
+    listeners = state.subscribers;
+    const std::vector<std::string>& acknowledging = state.publishers[ack_sub_.getTopic()];
     for (const Participant& participant : participants_) {
       const std::string node = ros::names::append(nh_.getNamespace(), participant.name);
-      if (acknowledging.count(node) == 0) missing = node;
+      if (std::count(acknowledging.begin(), acknowledging.end(), node) == 0) missing = node;
     }
     // a node that is just starting may want more
     if (missing.empty() && listeners != known) missing = "all nodes: they keep on subscribing";

@@ -7,6 +7,7 @@
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/message_guard.h"
+#include "assembly_cell/ros/process/master_call.h"
 
 namespace assembly_cell::ros_bridge {
 
@@ -29,17 +30,11 @@ SimulatorInputs::SimulatorInputs(ros::NodeHandle& nh, const SimulatorSettings& s
 
 // Their latched messages were sent to an earlier boot.
 void SimulatorInputs::findEarlierPublishers(const ros::NodeHandle& nh) {
-  XmlRpc::XmlRpcValue request, response, state;
-  request[0] = ros::this_node::getName();
-  if (!ros::master::execute("getSystemState", request, response, state, false)) return;
-  XmlRpc::XmlRpcValue& topics = state[0];
+  auto state = registrations();
+  if (!state) return;
   for (const std::string topic : {"carrier_command", "exciter", "lease"}) {
-    const std::string name = nh.resolveName(topic);
-    for (int i = 0; i < topics.size(); ++i) {
-      if (std::string(topics[i][0]) != name) continue;
-      for (int k = 0; k < topics[i][1].size(); ++k) {
-        earlier_publishers_.insert(topic + std::string(topics[i][1][k]));
-      }
+    for (const std::string& node : state->publishers[nh.resolveName(topic)]) {
+      earlier_publishers_.insert(topic + node);
     }
   }
 }
