@@ -223,7 +223,8 @@ TEST_F(Bench, WaitsUntilItSettles) {
   }
 }
 
-// What was measured before the call and arrives after it, on a busy machine, isn't of this load.
+// Samples measured before the call may arrive after it on a busy machine; they belong to the load
+// before.
 TEST_F(Bench, IgnoresWhatWasMeasuredBeforeTheCall) {
   ASSERT_TRUE(add(server_, testOf("unloaded")).success);
   strain_->held_ = true;
