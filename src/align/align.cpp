@@ -119,8 +119,8 @@ void checkMount(const Mechanism& mechanism, const AlignParameters& p) {
     return speed * p.arm_delay + speed * speed / (2.0 * mechanism.carrier.max_acceleration);
   };
   // the arm of ten milliseconds, which follows at once, reacts after 2.5 steps
-  const int steps = static_cast<int>(p.arm_delay / kStepTime - 1.5);
-  const CarrierDelay late{std::max(CarrierDelay::kPrompt, steps)};
+  CarrierDelay late;
+  late.measure(p.arm_delay / kStepTime - 1.5);
   const double full = p.approach_step / kStepTime * late.slowing(), speed = full * scale.step;
   const double force = touch + way(speed) / yields, limit = kLargestTouch * p.force_limit;
   const double spare = limit - touch;

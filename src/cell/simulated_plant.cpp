@@ -74,15 +74,15 @@ void SimulatedPlant::collect(SampleWindow& window, bool wrench) {
 void SimulatedPlant::addWrenchesToArm() {
   const std::size_t n = block_.saturated_a.size();
   signals_.resize(6 * n);
-  for (int sensor = cell_.parameters().sensors == Sensors::kB ? 1 : 0; sensor < 2; ++sensor) {
+  for (std::size_t sensor = firstSensor(cell_.parameters().sensors); sensor < 2; ++sensor) {
     const std::vector<double>& volts = sensor == 0 ? block_.volts_a : block_.volts_b;
-    const Calibration& calibration = *pipeline_.calibration(static_cast<std::size_t>(sensor));
+    const Calibration& calibration = *pipeline_.calibration(sensor);
     for (std::size_t i = 0; i < n; ++i) {
       Vector6::Map(signals_.data() + 6 * i) =
           wrenchFromVolts(calibration, Vector6::Map(volts.data() + 6 * i));
     }
     ContactSamples samples;
-    samples.sensor = sensor;
+    samples.sensor = static_cast<int>(sensor);
     samples.values = signals_.data();
     samples.count = n;
     samples.period = block_.period;

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -11,5 +12,8 @@ enum class Sensors { kBoth, kB };
 
 /// Their names in settings, in the order of Sensors.
 inline std::vector<std::string> sensorChoices() { return {"both", "b"}; }
+
+/// The first of the sensors that are there: 0 is sensor_a, 1 sensor_b.
+inline std::size_t firstSensor(Sensors sensors) { return sensors == Sensors::kB ? 1 : 0; }
 
 }  // namespace assembly_cell

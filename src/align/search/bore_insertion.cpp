@@ -126,7 +126,7 @@ double BoreInsertion::opposing(double direction) const {
 }
 
 // As many as the carrier needs to follow for that time, see move().
-int BoreInsertion::blocks(double time) const {
+int BoreInsertion::blocksToFollow(double time) const {
   return static_cast<int>(std::lround(s_.blocks(time) / s_.carrier.delay.slowing()));
 }
 
@@ -139,14 +139,14 @@ void BoreInsertion::backOut(double travel) {
                slow * kPullFraction * pull / s_.mechanism.coupling.stiffness.diagonal(0));
   const double from = s_.inserted.end.depth;
   double min_depth = from;
-  for (int waited = 0; from - s_.inserted.end.depth < travel && waited < blocks(kStuckTime);
+  for (int waited = 0; from - s_.inserted.end.depth < travel && waited < blocksToFollow(kStuckTime);
        ++waited) {
     move(-step * std::clamp(1.0 - opposing(-1.0) / pull, -0.5, 1.0));
     if (s_.inserted.end.depth > min_depth - kProgress) continue;
     min_depth = s_.inserted.end.depth;
     waited = 0;
   }
-  for (int i = 0; i < blocks(kRelaxTime); ++i) move(0.0);
+  for (int i = 0; i < blocksToFollow(kRelaxTime); ++i) move(0.0);
 }
 
 // Down until the depth is reached, the peg is stuck or a force resists where the floor may be.
@@ -159,7 +159,7 @@ BoreInsertion::End BoreInsertion::lower() {
   const double careful =
       std::min(step, slow * kFloorStep * s_.scale.force * pressCompliance(s_.mechanism));
   const double near = s_.mechanism.hole.depth - kNear * s_.scale.travel;
-  const int patience = blocks(kStuckTime);
+  const int patience = blocksToFollow(kStuckTime);
   if (!p.floor && s_.inserted.end.depth >= p.depth) return End::kDeep;  // from the start
   double deepest = -1e9;
   for (int waited = 0; waited < patience; ++waited) {
@@ -192,7 +192,7 @@ BoreInsertion::End BoreInsertion::lower() {
 
 // Mean over some blocks, at rest.
 BoreReading BoreInsertion::measure() {
-  for (int i = 0; i < blocks(kRelaxTime); ++i) move(0.0);
+  for (int i = 0; i < blocksToFollow(kRelaxTime); ++i) move(0.0);
   BoreReading mean;
   for (int i = 0; i < kMeanBlocks; ++i) {
     const BoreReading measured = move(0.0);

@@ -42,6 +42,7 @@ struct GoalView {
   std::string goal;        // under way; empty: none
   bool requested = false;  // sent, without an answer yet
   bool in_contact = false, stuck = false;
+  bool known = true;   // what the peg is: ros_bridge::isKnown()
   std::string reason;  // of contact
   std::string step;    // of the strategy
   std::string message;

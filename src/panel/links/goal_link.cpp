@@ -11,6 +11,7 @@
 #include "assembly_cell/align/outcome.h"
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/ros/bridge/conversions.h"
+#include "assembly_cell/ros/supervision/peg_state.h"
 
 namespace assembly_cell::panel {
 
@@ -142,6 +143,7 @@ void GoalLink::updateState(const SupervisorState& state) {
   }
   goal_.goal = state.goal;
   goal_.in_contact = state.in_contact;
+  goal_.known = ros_bridge::isKnown(state);
   goal_.stuck = state.stuck;
   goal_.reason = printable(state.reason, kMaxLine);
 }
@@ -150,6 +152,7 @@ void GoalLink::resetGoal() {
   GoalView next;
   next.goal = goal_.goal;
   next.in_contact = goal_.in_contact;
+  next.known = goal_.known;
   next.stuck = goal_.stuck;
   next.reason = goal_.reason;
   goal_ = next;

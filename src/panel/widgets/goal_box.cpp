@@ -87,8 +87,7 @@ void GoalBox::show(const CellView& view) {
     state = runs ? QString::fromStdString(goal.goal) : goal.requested ? "requested" : "idle";
     if (goal.stuck) state += ", stuck: retreat first";
     // while a goal runs, it is what the goal before has left
-    const bool is_known = goal.reason.rfind("not known", 0) != 0;
-    if (goal.in_contact && !goal.stuck && is_known && !runs) state += ", in contact";
+    if (goal.in_contact && goal.known && !goal.stuck && !runs) state += ", in contact";
     if (goal.in_contact && !goal.reason.empty())
       state += " (" + QString::fromStdString(goal.reason) + ")";
   }

@@ -185,8 +185,7 @@ void ArmBridgeNode::advertise(ros::NodeHandle& pnh) {
 void ArmBridgeNode::subscribe() {
   connections_.subscribers.resize(1);  // that of ~stop
   connections_.streams.clear();
-  const bool has_a = settings_.bridge.limits.sensors == Sensors::kBoth;
-  for (std::size_t sensor = has_a ? 0 : 1; sensor < 2; ++sensor) {
+  for (std::size_t sensor = firstSensor(settings_.bridge.limits.sensors); sensor < 2; ++sensor) {
     const std::string name = sensor == 0 ? "sensor_a" : "sensor_b";
     connections_.streams.push_back(
         subscribeStream<WrenchSamples>(nh_, name + "/wrench_samples", kQueue,

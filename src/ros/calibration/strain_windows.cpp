@@ -55,7 +55,7 @@ void StrainWindows::collect(Collector& c, const StrainSamples& block) {
     const std::lock_guard<std::mutex> lock(mutex_);
     c.last_block = Clock::now();
     const Arrival arrival = c.sequence.accept(block.sequence);
-    if (arrival == Arrival::kRestart) c.delay.clear();
+    if (arrival == Arrival::kRestart) c.delay = Delay();
     c.delay.add(ros::Time::now() - lastStamp(block));
     if (!c.active || arrival == Arrival::kDuplicate) return;
     if (arrival == Arrival::kRestart) {

@@ -46,7 +46,7 @@ std::optional<std::string> SaturationCheck::add(const StreamBlock& block, std::s
 BlockDecoder::BlockDecoder(ros::NodeHandle& nh, double converter_step, Sensors sensors,
                            PlantMonitor& monitor)
     : sensors_(sensors), pipeline_(converter_step, sensors) {
-  for (std::size_t i = sensors == Sensors::kB ? 1 : 0; i < calibration_subs_.size(); ++i) {
+  for (std::size_t i = firstSensor(sensors); i < calibration_subs_.size(); ++i) {
     calibration_subs_[i] = subscribeChecked<SensorCalibration>(
         nh, i == 0 ? "sensor_a/calibration" : "sensor_b/calibration", 1,
         [this, i, &monitor](const SensorCalibration::ConstPtr& message) {

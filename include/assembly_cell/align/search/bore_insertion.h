@@ -21,7 +21,7 @@ class BoreInsertion {
   /// The peg is upright in the bore at depth AlignParameters::inserted, hanging free of load.
   void startInBore();
   /// Up by `travel` [m], or as far as a bounded pull takes the peg, then until the walls relax.
-  int blocks(double time) const;
+  int blocksToFollow(double time) const;
   void backOut(double travel);
   /// Up along the bore and out of it from AlignParameters::inserted. Returns the target of the
   /// undeflected peg, in S; throws AlignError `stuck`.

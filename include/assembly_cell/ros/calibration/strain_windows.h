@@ -48,7 +48,6 @@ class StrainWindows {
     void add(const ros::Duration& delay);
     /// None before the first block.
     std::optional<ros::Duration> shortest() const;
-    void clear() { *this = Delay(); }
 
    private:
     std::optional<ros::Duration> earlier_, recent_;
