@@ -1,6 +1,6 @@
 # What is installed besides the programs (package_program) and the panel (src/panel).
 
-install(TARGETS assembly_cell_core EXPORT assembly_cell_core
+install(TARGETS assembly_cell_cell assembly_cell_core EXPORT assembly_cell_core
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
   LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
   RUNTIME DESTINATION ${CATKIN_GLOBAL_BIN_DESTINATION}
@@ -15,6 +15,7 @@ include(CMakePackageConfigHelpers)
 set(generated ${CMAKE_BINARY_DIR}/generated)
 set(core_config ${CATKIN_PACKAGE_LIB_DESTINATION}/cmake/assembly_cell_core)
 set(core_share ${CATKIN_PACKAGE_SHARE_DESTINATION})
+set_target_properties(assembly_cell_cell PROPERTIES EXPORT_NAME cell)
 set_target_properties(assembly_cell_core PROPERTIES EXPORT_NAME core)
 configure_package_config_file(cmake/assembly_cell_coreConfig.cmake.in ${generated}/assembly_cell_coreConfig.cmake
   INSTALL_DESTINATION ${core_config} PATH_VARS core_share)

@@ -1,4 +1,4 @@
-# Sourced by scripts/run and scripts/test: environment, progress, packages, build.
+# Sourced by scripts/build, scripts/run and scripts/test: environment, progress, packages, build.
 # Sets root (of the repository) and build (its only build directory).
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
