@@ -19,6 +19,7 @@
 
 #include "assembly_cell/AlignPegActionFeedback.h"
 #include "assembly_cell/AlignmentReport.h"
+#include "assembly_cell/AssemblePegActionFeedback.h"
 #include "assembly_cell/ContactArray.h"
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/LocusEstimate.h"
@@ -273,6 +274,7 @@ TEST_F(Markers, DrawTheTrueAndTheEstimatedPeg) {
     EXPECT_EQ(marker.header.frame_id, "hole_estimated");
     EXPECT_EQ(marker.pose.position.x, 4e-3);
     EXPECT_EQ(marker.color.b, kEstimatedPegColor.b);
+    EXPECT_GT(marker.scale.x, 2.0 * hole.scale.x) << "not seen beside the true peg";
   }
 }
 
@@ -330,11 +332,42 @@ TEST_F(Markers, SayStateAndResult) {
   EXPECT_EQ(find("peg_estimated", 2, Marker::DELETE).size(), 2U);
 }
 
+// the report of a goal that went on to an insertion is of its alignment
+TEST_F(Markers, NameAnInsertionSeatedWithItsDepth) {
+  auto feedback_pub = nh_.advertise<AssemblePegActionFeedback>("assemble/feedback", 10);
+  watch();
+  ASSERT_TRUE(waitFor([&] { return feedback_pub.getNumSubscribers() > 0; }));
+  const auto shows = [&](const std::string& words) {
+    return waitFor([&] { return find("state", 1).front().text == words; });
+  };
+  AssemblePegActionFeedback feedback;
+  feedback.status.goal_id.id = "assembly";
+  feedback.feedback.state = "insert";
+  feedback_pub.publish(feedback);
+  EXPECT_TRUE(shows("insert"));
+  AlignmentReport report;
+  report.success = true;
+  report.reason = "aligned";
+  report_pub_.publish(report);
+  EXPECT_TRUE(shows("seated"));
+  feedback.feedback.state = "seated";
+  feedback.feedback.message = "40.00 mm deep, largest force 3.1 N";
+  feedback_pub.publish(feedback);
+  EXPECT_TRUE(shows("seated: 40.00 mm\ndeep, largest force\n3.1 N"));
+  report.success = false;
+  report.reason = "jammed";
+  report_pub_.publish(report);
+  EXPECT_TRUE(shows("jammed"));
+}
+
 TEST_F(Markers, NameThePartsAndWhatTheColoursMean) {
   watch();
   EXPECT_EQ(find("names", 4).size(), 4U);
   std::map<std::string, float> blue;
-  for (const auto& entry : find("legend", 9)) blue[entry.text] = entry.color.b;
+  for (const auto& entry : find("legend", 9)) {
+    blue[entry.text] = entry.color.b;
+    EXPECT_GE(entry.scale.z, 0.26F * 0.02F) << "too small to read";
+  }
   ASSERT_EQ(blue.count("locus, 1000 times"), 1U);
   EXPECT_EQ(blue["locus, 1000 times"], kLocusColor.b);
   EXPECT_EQ(blue["its normal"], kContactNormalColor.b);
@@ -362,6 +395,9 @@ TEST_F(Markers, OfferAViewOfTheRimFromAbove) {
   // x right, y up: the point on y is above the middle, two thirds of the way to the edge
   EXPECT_NEAR(info.K[2] + info.K[0] * seen.x() / seen.z(), 0.5 * info.width, 1e-9);
   EXPECT_NEAR(info.K[5] + info.K[4] * seen.y() / seen.z(), info.height * (0.5 - 0.5 / 1.5), 1e-9);
+  // an inserted edge three radii deep looks as large as the rim, to a thirtieth
+  const Eigen::Vector3d deep = R * Eigen::Vector3d(0.0, radius, -3.0 * radius) + p;
+  EXPECT_NEAR(deep.y() / deep.z() * p.z(), seen.y() / seen.z() * p.z(), radius / 30.0);
 }
 
 TEST(MarkersBadInput, GivesOneLine) {

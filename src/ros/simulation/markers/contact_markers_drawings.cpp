@@ -15,6 +15,8 @@ namespace {
 
 constexpr int kLocusPoints = 64;
 constexpr double kNormalLength = 0.015;  // [m]
+// width of the estimated peg's lines: a border round the true ones where the estimate is right
+constexpr double kBorder = 3.0;
 
 void drawContacts(MarkerCanvas& canvas, const MarkerSettings& settings, const MarkerInputs& view) {
   for (const Contact& contact : view.contacts->contacts) {
@@ -120,17 +122,24 @@ void drawWrench(MarkerCanvas& canvas, const MarkerSettings& settings, const Mark
   canvas.addPoint("wrench_point", frame, at, one ? kContactPointColor : kSeveralColor);
 }
 
-void drawPeg(MarkerCanvas& canvas, const PartShapes& shapes, const std::string& ns,
-             const std::string& frame, const geometry_msgs::Pose& pose, const Color& color) {
+void drawPeg(MarkerCanvas& canvas, const PartShapes& shapes, const geometry_msgs::Pose& pose,
+             bool estimated) {
+  const char* ns = estimated ? "peg_estimated" : "peg_true";
+  const char* frame = estimated ? kHoleEstimatedFrame : kHoleTruthFrame;
+  const Color& color = estimated ? kEstimatedPegColor : kTruePegColor;
+  const auto put = [&] {
+    canvas.last().pose = pose;
+    if (estimated) canvas.last().scale.x *= kBorder;
+  };
   canvas.addCircle(ns, frame, shapes.tip_radius, color);
-  canvas.last().pose = pose;
+  put();
   if (shapes.shoulder > 0.0) {
     canvas.addCircle(ns, frame, shapes.peg_radius, color, shapes.shoulder);
-    canvas.last().pose = pose;
+    put();
   }
   Marker& axis = canvas.addLine(ns, frame, color);
-  axis.pose = pose;
   axis.points = {toPoint({0.0, 0.0, 0.0}), toPoint({0.0, 0.0, shapes.peg_length})};
+  put();
 }
 
 // the edge in the plane, and the one where the wall begins under a chamfer
@@ -156,11 +165,10 @@ void drawParts(MarkerCanvas& canvas, const MarkerSettings& settings, const PartS
   if (view.twin_force) drawTwinForce(canvas, settings, shapes, view);
   if (view.wrench) drawWrench(canvas, settings, view);
   if (view.truth) {
-    drawPeg(canvas, shapes, "peg_true", kHoleTruthFrame, view.truth->pose, kTruePegColor);
+    drawPeg(canvas, shapes, view.truth->pose, false);
   }
   if (view.report && view.report->estimate_known) {
-    drawPeg(canvas, shapes, "peg_estimated", kHoleEstimatedFrame, view.report->estimated_pose,
-            kEstimatedPegColor);
+    drawPeg(canvas, shapes, view.report->estimated_pose, true);
     drawRim(canvas, shapes, "hole_estimated", kHoleEstimatedFrame, kEstimatedHoleColor);
   }
 }

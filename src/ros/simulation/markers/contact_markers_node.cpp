@@ -68,22 +68,25 @@ void ContactMarkersNode::subscribe() {
   if (!settings_.wrench.empty()) keep(settings_.wrench, view_.wrench);
   subs_.push_back(subscribeChecked<AlignPegActionFeedback>(
       nh_, "align/feedback", 1, [this](const AlignPegActionFeedback::ConstPtr& m) {
-        onStatus(m->status, m->feedback.state, m->feedback.message);
+        onFeedback(*m);
+        view_.inserts = false;
       }));
   subs_.push_back(subscribeChecked<AssemblePegActionFeedback>(
       nh_, "assemble/feedback", 1, [this](const AssemblePegActionFeedback::ConstPtr& m) {
-        onStatus(m->status, m->feedback.state, m->feedback.message);
+        onFeedback(*m);
+        view_.inserts = true;
       }));
 }
 
-void ContactMarkersNode::onStatus(const actionlib_msgs::GoalStatus& status,
-                                  const std::string& strategy_state, const std::string& message) {
-  if (view_.goal_id != status.goal_id.id) {
-    view_.goal_id = status.goal_id.id;
+template <class Feedback>
+void ContactMarkersNode::onFeedback(const Feedback& feedback) {
+  if (view_.goal_id != feedback.status.goal_id.id) {
+    view_.goal_id = feedback.status.goal_id.id;
     view_.report.reset();
     view_.locus.reset();
   }
-  view_.feedback = message.empty() ? strategy_state : strategy_state + ": " + message;
+  const std::string &state = feedback.feedback.state, &message = feedback.feedback.message;
+  view_.feedback = message.empty() ? state : state + ": " + message;
 }
 
 void ContactMarkersNode::publish() {

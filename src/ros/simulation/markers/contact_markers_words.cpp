@@ -1,4 +1,5 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <sstream>
@@ -13,8 +14,9 @@ namespace assembly_cell::ros_bridge {
 namespace {
 
 // Words are beside the cell in the view of rviz/cell.rviz, whose direction is kYaw. Lengths are
-// in radii of the hole, so that they fit a peg of any size.
-constexpr double kYaw = 0.9;  // [rad]
+// in radii of the hole, but of a small hole in kSmallest: that view is as far away for any peg.
+constexpr double kYaw = 0.9;        // [rad]
+constexpr double kSmallest = 0.02;  // [m]
 constexpr double kStateBeside = 4.0, kLegendBeside = 4.4, kNamesBeside = 2.8;
 constexpr double kLetters = 0.26, kLine = 1.5;  // height; from line to line, in letters
 constexpr std::size_t kLongestLine = 20;        // of the state
@@ -51,14 +53,17 @@ std::string wrapped(const std::string& words) {
   return lines;
 }
 
+double unit(double radius) { return std::max(radius, kSmallest); }
+
 // to the right of the view
 Eigen::Vector3d right(double distance, double height) {
   return {-std::sin(kYaw) * distance, std::cos(kYaw) * distance, height};
 }
 
 void drawState(MarkerCanvas& canvas, const PartShapes& shapes, const MarkerInputs& view) {
-  const double r = shapes.hole_radius > 0.0 ? shapes.hole_radius : shapes.peg_radius;
-  if (!(r > 0.0)) return;
+  const double radius = shapes.hole_radius > 0.0 ? shapes.hole_radius : shapes.peg_radius;
+  if (!(radius > 0.0)) return;
+  const double r = unit(radius);
   const auto show = [&](const std::string& words, const Color& color) {
     canvas.addText("state", kHoleFrame, right(-kStateBeside * r, 4.0 * r), kLetters * r, words,
                    color);
@@ -68,7 +73,10 @@ void drawState(MarkerCanvas& canvas, const PartShapes& shapes, const MarkerInput
     return;
   }
   const AlignmentReport& report = *view.report;
-  std::string words = wrapped(report.reason);
+  // a report is of the alignment, whatever came after it; the last feedback has the depth
+  const bool seated = report.success && view.inserts;
+  const bool deep = view.feedback.rfind("seated", 0) == 0;
+  std::string words = wrapped(!seated ? report.reason : deep ? view.feedback : "seated");
   if (report.estimate_known && view.truth_at_report) {
     const Pose estimated = fromPose(report.estimated_pose, "report");
     const Pose truth = fromPose(view.truth_at_report->pose, "truth/pose");
@@ -81,7 +89,7 @@ void drawState(MarkerCanvas& canvas, const PartShapes& shapes, const MarkerInput
 }
 
 void drawNames(MarkerCanvas& canvas, const PartShapes& shapes) {
-  const double r = shapes.hole_radius;
+  const double r = unit(shapes.hole_radius);
   const auto name = [&](const char* words, const char* frame, double height) {
     canvas.addText("names", frame, right(kNamesBeside * r, height), kLetters * r, words,
                    kTextColor);
@@ -93,7 +101,7 @@ void drawNames(MarkerCanvas& canvas, const PartShapes& shapes) {
 }
 
 void drawLegend(MarkerCanvas& canvas, const MarkerSettings& settings, const PartShapes& shapes) {
-  const double r = shapes.hole_radius;
+  const double r = unit(shapes.hole_radius);
   Eigen::Vector3d at = right(kLegendBeside * r, 4.5 * r);
   for (const Entry& entry : kLegend) {
     const bool locus = entry.color == &kLocusColor;

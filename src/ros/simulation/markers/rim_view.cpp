@@ -17,9 +17,11 @@ namespace {
 constexpr char kRimCameraFrame[] = "rim_camera";
 constexpr std::uint32_t kPixels = 240;  // of each side
 constexpr std::uint8_t kGround = 245;   // grey, as rviz/cell.rviz has it
-constexpr double kHeight = 6.0;         // above the plane, in radii of the hole
-constexpr double kSeen = 1.5;           // from the middle to each side, in radii of the hole
-constexpr double kPeriod = 0.5;         // wall clock [s]
+// above the plane, in radii of the hole: so far that an edge deep in the bore looks no smaller than
+// the rim. A radius of 1 m is within the 100 m that rviz's display Camera shows.
+constexpr double kHeight = 90.0;
+constexpr double kSeen = 1.5;    // from the middle to each side, in radii of the hole
+constexpr double kPeriod = 0.5;  // wall clock [s]
 
 geometry_msgs::TransformStamped frameAbove(double height) {
   geometry_msgs::TransformStamped frame;

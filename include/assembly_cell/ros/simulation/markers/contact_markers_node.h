@@ -1,7 +1,6 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
-#include <actionlib_msgs/GoalStatus.h>
 #include <ros/ros.h>
 
 #include <memory>
@@ -31,8 +30,8 @@ class ContactMarkersNode {
   void update();
   void subscribe();
   /// Feedback of a goal while it runs. The first of a goal ends what the last goal has left.
-  void onStatus(const actionlib_msgs::GoalStatus& status, const std::string& strategy_state,
-                const std::string& message);
+  template <class Feedback>
+  void onFeedback(const Feedback& feedback);
   void publish();
 
   ros::NodeHandle nh_;

@@ -23,7 +23,7 @@ constexpr Color kContactNormalColor{0.0F, 0.35F, 0.95F, 1.0F};  ///< blue
 constexpr Color kContactForceColor{1.0F, 0.5F, 0.0F, 1.0F};     ///< orange
 constexpr Color kLocusColor{0.9F, 0.0F, 0.8F, 1.0F};            ///< magenta
 constexpr Color kHypothesisColor{0.5F, 0.2F, 0.9F, 1.0F};      ///< violet; alpha follows the weight
-constexpr Color kEstimatedPegColor{0.0F, 0.65F, 0.8F, 1.0F};   ///< cyan
+constexpr Color kEstimatedPegColor{0.0F, 0.65F, 0.8F, 0.7F};   ///< cyan, under others
 constexpr Color kEstimatedHoleColor{0.75F, 0.5F, 0.0F, 1.0F};  ///< amber
 constexpr Color kTruePegColor{0.0F, 0.6F, 0.1F, 1.0F};         ///< green
 constexpr Color kActionAColor{0.9F, 0.2F, 0.2F, 0.6F};         ///< red, see-through

@@ -55,6 +55,7 @@ struct MarkerInputs {
   TwinForceState::ConstPtr twin_force;
   geometry_msgs::WrenchStamped::ConstPtr wrench;
   std::string goal_id, feedback;  ///< of the goal that runs or ran last, and its last feedback
+  bool inserts = false;           ///< that goal is of the action assemble
 };
 
 }  // namespace assembly_cell::ros_bridge
