@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -92,7 +93,7 @@ the scenario has it; several start at random: offset uniform in a disc, tilt uni
   --threads N           runs at the same time (default: the machine's cores)
   --set KEY.PATH=VALUE  change a value of the scenario, for ground truth and strategy together; repeatable
   --report FILE.yaml    write the result to a file as well
-  --record STORE        store a record of each run as it ends, see docs/reference/records.md
+  --record STORE        store a record of each run, in order of seeds, see docs/reference/records.md
   --program P           of the records (default: the scenario's name)
   --serial-prefix S     of the parts' serials: S and the seed (default: run- and the record's number)
   --help                print this
@@ -404,7 +405,7 @@ double secondsSince1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
-// Where records of the runs go, if anywhere.
+// Where records of the runs go, if anywhere: in the order of their seeds, however many threads run.
 class Recorder {
  public:
   Recorder(const Options& o, const Task& task) : o_(o), task_(task) {
@@ -413,8 +414,8 @@ class Recorder {
     store_->checkWritable();
     hash_ = assembly_cell::crcText(assembly_cell::yaml::fileText(o.scenario, "a scenario"));
   }
-  // `record` has the start and the events
-  void store(const Run& run, assembly_cell::Run record) {
+  // Run number i; `record` has the start and the events. It is written once all runs before it are
+  void store(std::size_t i, const Run& run, assembly_cell::Run record) {
     if (!store_) return;
     describe(run.trial.result, o_.align, record);
     record.program = o_.program.empty() ? task_.scenario.name : o_.program;
@@ -430,7 +431,12 @@ class Recorder {
       record.settings["scenario." + one.substr(0, one.find('='))] = one.substr(one.find('=') + 1);
     }
     const std::lock_guard<std::mutex> lock(mutex_);
-    store_->append(record);
+    waiting_.emplace(i, std::move(record));
+    for (auto next = waiting_.begin(); next != waiting_.end() && next->first == stored_;
+         ++stored_) {
+      store_->append(next->second);
+      next = waiting_.erase(next);
+    }
   }
 
  private:
@@ -438,6 +444,8 @@ class Recorder {
   const Task& task_;
   std::string hash_;
   std::mutex mutex_;
+  std::map<std::size_t, assembly_cell::Run> waiting_;
+  std::size_t stored_ = 0;
   std::optional<assembly_cell::RunStore> store_;
 };
 
@@ -476,7 +484,7 @@ std::vector<Run> runAll(const Options& o, const Task& task, Recorder& recorder) 
         return refused(sourceOf(o) + ": " + error.what());
       }
       try {
-        recorder.store(runs[i], std::move(record));
+        recorder.store(i, runs[i], std::move(record));
       } catch (const InputError& error) {
         return refused(error.what());
       }
