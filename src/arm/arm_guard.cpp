@@ -112,8 +112,12 @@ std::array<Source, 3> sourcesOf(const ArmGuard& arm) {
            {ArmReason::kNoState, "state of the arm", arm.state_known, arm.state_time}}};
 }
 
+bool isThere(const ArmGuard& arm, const Source& source) {
+  return source.reason != ArmReason::kNoWrenchA || arm.limits.sensors != Sensors::kB;
+}
+
 bool isFresh(const ArmGuard& arm, const Source& source, double now) {
-  if (source.reason == ArmReason::kNoWrenchA && arm.limits.sensors == Sensors::kB) return true;
+  if (!isThere(arm, source)) return true;
   return source.known && now - source.time < arm.limits.timeout - 1e-6;
 }
 
@@ -148,6 +152,7 @@ void holdExpired(ArmGuard& arm, const std::string& owner, double now) {
   const double timeout = arm.limits.timeout;
   const std::string expiry = text("no sign of life of %s for %g s", owner.c_str(), timeout);
   for (const Source& source : sourcesOf(arm)) {
+    if (!isThere(arm, source)) continue;
     if (source.known && now - source.time < kBlocksOwner * timeout) continue;
     hold(arm, source.reason,
          text("no fresh %s for %.3f s, and so ", source.what, now - source.time) + expiry);

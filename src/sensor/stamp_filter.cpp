@@ -102,7 +102,7 @@ StampFilter::Stamp StampFilter::update(const SourceBlock& block) {
     }
     // no stamp is after its arrival; as far as that goes, stamps follow one another
     const double first = line.period * static_cast<double>(count - 1);
-    if (!restarted) time = std::max(time, last_ + first);
+    if (!restarted) time = std::max(time, last_ + line.period * static_cast<double>(count));
     time = std::min(time, arrived);
     last_ = time;
 

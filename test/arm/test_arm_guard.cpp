@@ -327,6 +327,13 @@ TEST(ArmGuard, WithOneSensorItsSilenceAloneHolds) {
   cell.data_b = false;
   cell.run(0.2);
   EXPECT_EQ(cell.arm.reason, ArmReason::kNoWrenchB) << cell.arm.text;
+
+  Cell without_owner(limits);
+  without_owner.data_a = false;
+  without_owner.start();
+  without_owner.lease = false;
+  without_owner.run(0.2);
+  EXPECT_EQ(without_owner.arm.reason, ArmReason::kExpired) << without_owner.arm.text;
 }
 
 // A new session isn't held for sources that were missing before: it starts when all are fresh.

@@ -55,7 +55,8 @@ class NetftEmulator {
     std::uint64_t seed = 1;
     std::uint32_t first_sequence = 1;  ///< of a stream
     std::array<double, 6> load{};      ///< added to the samples [N], [N·m]; what a bias takes away
-    double amplitude = 1.0;            ///< of the samples
+    std::function<std::array<double, 6>()> measure;  ///< load of each sample; none: `load`
+    double amplitude = 1.0;                          ///< of the samples
     bool onrobot = false;  ///< an OnRobot HEX box: bias by a sample count of 255, off by 0
   };
 

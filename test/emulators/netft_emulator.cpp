@@ -222,6 +222,7 @@ bool NetftEmulator::emitLocked(std::size_t count) {
   if (!streaming_ || dead_) return false;
   const LinkFaults& faults = options_.faults;
   for (std::size_t i = 0; i < count; ++i) {
+    if (options_.measure) options_.load = options_.measure();
     RdtRecord next = record(rdt_sequence_++, sample_++);
     next.ft_sequence = stalled_ || unnumbered_ ? ft_sequence_ : ++ft_sequence_;
     for (std::size_t k = 0; k < 6; ++k) next.counts[k] -= bias_[k];

@@ -139,6 +139,27 @@ TEST(StampFilter, NeverAfterArrivalAndNeverBackwards) {
   }
 }
 
+// The line moves with every arrival; no sample is stamped twice for that.
+TEST(StampFilter, SamplesAreAPeriodApartAsFarAsArrivalsAllow) {
+  Link link;
+  Delays delays;
+  StampFilter filter;
+  auto last = std::chrono::steady_clock::time_point::min();
+  int free = 0;
+  for (int i = 0; i < 5000; ++i) {
+    // grows for good by less than a block, then shrinks
+    const SourceBlock& block = link.next(delays() + (i / 1000 % 2 == 0 ? 0.0 : 0.004));
+    const auto stamp = filter.update(block);
+    const auto end = stamp.time.steady + ns(stamp.period * (kPerBlock - 1));
+    if (i > 0 && end + nanoseconds(2) < block.received.steady) {
+      EXPECT_GE(stamp.time.steady, last + ns(0.99 * stamp.period)) << i;
+      ++free;
+    }
+    last = end;
+  }
+  EXPECT_GT(free, 1000);
+}
+
 TEST(StampFilter, RestartsAfterAPauseWithoutNumbersAndForAnotherStream) {
   Link link;
   StampFilter filter;

@@ -30,7 +30,7 @@ LocusHistory::Arrival LocusHistory::add(const Block& block) {
     if (block->header.stamp == last.header.stamp && block->sequence == last.sequence) {
       return Arrival::kRepeated;
     }
-    if (block->header.stamp < lastOf(last) + ros::Duration(0.5 * last.period)) {
+    if (block->header.stamp <= lastOf(last)) {
       ROS_WARN("the clock jumped back to %.3f s: samples dropped", block->header.stamp.toSec());
       blocks_.clear();
       ++jump_count_;
