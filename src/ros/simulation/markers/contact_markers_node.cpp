@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #include "assembly_cell/ros/simulation/markers/contact_markers_node.h"
 
+#include <algorithm>
 #include <type_traits>
 #include <utility>
 
@@ -13,6 +14,16 @@
 #include "assembly_cell/ros/simulation/markers/contact_markers_drawings.h"
 
 namespace assembly_cell::ros_bridge {
+
+namespace {
+
+// Widths are those of a peg of 25 mm; of a small one thinner, but still seen from rviz's first
+// view.
+double widthFor(double peg_radius) {
+  return peg_radius > 0.0 ? std::clamp(peg_radius / 0.025, 0.4, 2.0) : 1.0;
+}
+
+}  // namespace
 
 ContactMarkersNode::ContactMarkersNode(ros::NodeHandle& nh, ros::NodeHandle& pnh)
     : nh_(nh), rim_view_(nh) {
@@ -90,7 +101,7 @@ void ContactMarkersNode::onFeedback(const Feedback& feedback) {
 }
 
 void ContactMarkersNode::publish() {
-  canvas_.begin(settings_.size, settings_.lifetime);
+  canvas_.begin(settings_.size * widthFor(shapes_.peg_radius), settings_.lifetime);
   drawParts(canvas_, settings_, shapes_, view_);
   if (settings_.words) drawWords(canvas_, settings_, shapes_, view_);
   pub_.publish(canvas_.finish());
