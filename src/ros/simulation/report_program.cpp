@@ -218,8 +218,10 @@ void fields(FieldList& f, ReportSettings& s) {
   f.text("strategy", s.strategy, "Strategy of the alignment.");
   f.text("report_file", s.report_file, "YAML file that the report is written to; empty: none.");
   f.text("simulator", s.simulator, "Node with the service ~pause.");
-  f.flag("unpause", s.unpause,
-         "Calls ~pause of the simulator with false once the goal is accepted.");
+  f.flag(
+      "unpause", s.unpause,
+      "Calls ~pause of the simulator with false once the goal is accepted; not in a cell without "
+      "one: no parameters and no service of that name.");
   f.number("timeout", s.timeout, positive("s"), "Longest wait for the result, wall clock.");
   f.number("start_timeout", s.start_timeout, positive("s"),
            "Longest wait for supervisor and simulator to be there, wall clock.");
@@ -306,10 +308,12 @@ bool ReportProgram::othersAreThere() {
                    [this] { return serverIsThere(); })) {
     return false;
   }
+  const std::string pause = settings_.simulator + "/pause";
+  const auto is_there = [&pause] { return ros::service::exists(pause, false); };
+  // the launch file of a simulated cell sets the simulator's parameters before any node starts
+  settings_.unpause = settings_.unpause && (ros::param::has(settings_.simulator) || is_there());
   if (settings_.unpause &&
-      !waitForCell("service " + settings_.simulator + "/pause (is the simulator running?)", [this] {
-        return ros::service::exists(settings_.simulator + "/pause", false);
-      })) {
+      !waitForCell("service " + pause + " (is the simulator running?)", is_there)) {
     return false;
   }
   ros::master::V_TopicInfo topics;

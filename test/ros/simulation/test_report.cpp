@@ -201,6 +201,17 @@ TEST_F(Report, AParameterWithoutItsUnderscoreIsNamed) {
   EXPECT_EQ(report({"elsewhere:=touch"}), 0) << output_;
 }
 
+// A real cell has no simulator to wait for; the parameters of one that is still starting are there.
+TEST_F(Report, WaitsForASimulatorThatBelongsToTheCellAlone) {
+  pause_.shutdown();
+  running_ = true;
+  EXPECT_EQ(report({"_start_timeout:=2"}), 0) << output_;
+  nh_.setParam("peg_hole_simulator/scenario", "cell.yaml");
+  EXPECT_EQ(report({"_start_timeout:=2"}), 1) << output_;
+  EXPECT_NE(output_.find("is the simulator running?"), std::string::npos) << output_;
+  nh_.deleteParam("peg_hole_simulator");
+}
+
 TEST_F(Report, EndsOneWhenAFileCannotBeWritten) {
   EXPECT_EQ(report({"_report_file:=/nowhere/report.yaml"}), 1) << output_;
   EXPECT_NE(output_.find("/nowhere/report.yaml"), std::string::npos) << output_;
