@@ -17,8 +17,10 @@ namespace {
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 
-constexpr int kUnknowns = 7;  // slope x, y of the plane; height; centre x, y; offset of points x, y
-constexpr int kOfHole = 5;    // those before the offset
+// slope x, y of the plane; height; centre x, y; the hole's radius less the drawn one; offset of
+// points x, y
+constexpr int kUnknowns = 8;
+constexpr int kRadius = 5, kOfHole = 6;  // that of the radius; those before the offset
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
@@ -47,15 +49,21 @@ Direction turned(const Direction& a, const Direction& by) {
   return {a.x() * by.x() - a.y() * by.y(), a.x() * by.y() + a.y() * by.x()};
 }
 
+struct Hole {
+  Vec3 normal, center;
+  double radius;
+};
+
 // The peg's edge over a hole: heights and distances as functions of the azimuth. Of a chamfered peg
 // the circle that is a part `up` of the height from the bottom edge to the shoulder.
 struct Edge {
-  Edge(const TouchModel& model, const Pose& X_SP, const Vec3& normal, const Vec3& center, double up)
+  Edge(const TouchModel& model, const Pose& X_SP, const Hole& hole, double up)
       : r(tipRadius(model.peg) + up * model.peg.chamfer_width),
-        R(model.hole.radius),
+        R(hole.radius),
         width(model.hole.chamfer_width),
         deep(chamferDepth(model.hole)) {
-    const Vec3 from = X_SP.p + up * chamferHeight(model.peg) * X_SP.R.col(2) - center;
+    const Vec3 from = X_SP.p + up * chamferHeight(model.peg) * X_SP.R.col(2) - hole.center;
+    const Vec3& normal = hole.normal;
     middle = normal.dot(from);
     const Vec3 x = X_SP.R.col(0), y = X_SP.R.col(1);
     rise << normal.dot(x), normal.dot(y);
@@ -196,9 +204,8 @@ Expected expectedOf(const TouchReading& reading, const Edge& edge) {
 
 // By the circle of the peg's chamfer that is nearest to the block. All of its circles are on the
 // cone, which is as near as the nearest of them.
-Expected expectedOnChamfer(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
-                           const Vec3& center) {
-  const auto at = [&](double up) { return Edge(model, reading.X_SP, normal, center, up); };
+Expected expectedOnChamfer(const TouchModel& model, const TouchReading& reading, const Hole& hole) {
+  const auto at = [&](double up) { return Edge(model, reading.X_SP, hole, up); };
   const Edge bottom = at(0.0);
   const bool wall = reading.kind == TouchReading::kWall;
   double highest = 1.0;
@@ -258,18 +265,15 @@ Expected expectedOnChamfer(const TouchModel& model, const TouchReading& reading,
   return nearest.residual < kNowhere ? nearest : expectedOf(reading, at(1.0));
 }
 
-Expected residualOf(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
-                    const Vec3& center) {
-  if (model.peg.chamfer_width > 0.0) return expectedOnChamfer(model, reading, normal, center);
-  return expectedOf(reading, Edge(model, reading.X_SP, normal, center, 0.0));
+Expected residualOf(const TouchModel& model, const TouchReading& reading, const Hole& hole) {
+  if (model.peg.chamfer_width > 0.0) return expectedOnChamfer(model, reading, hole);
+  return expectedOf(reading, Edge(model, reading.X_SP, hole, 0.0));
 }
 
-struct Hole {
-  Vec3 normal, center;
-};
-Hole holeOf(const Unknowns& x) {
+Hole holeOf(const TouchModel& model, const Unknowns& x) {
   const Vec3 normal = Vec3(-x(0), -x(1), 1.0).normalized();
-  return {normal, Vec3(x(3), x(4), x(2) + x(0) * x(3) + x(1) * x(4))};
+  return {normal, Vec3(x(3), x(4), x(2) + x(0) * x(3) + x(1) * x(4)),
+          model.hole.radius + x(kRadius)};
 }
 
 class Posterior {
@@ -300,11 +304,11 @@ class Posterior {
   }
 
   std::vector<Expected> expected(const Unknowns& x) const {
-    const Hole hole = holeOf(x);
+    const Hole hole = holeOf(model_, x);
     std::vector<Expected> out;
     out.reserve(readings_.size());
     for (const TouchReading& r : readings_) {
-      out.push_back(residualOf(model_, r, hole.normal, hole.center));
+      out.push_back(residualOf(model_, r, hole));
     }
     return out;
   }
@@ -350,8 +354,9 @@ class Posterior {
     out(n++) = (x(2) - height_) / model_.peg.radius;
     out(n++) = (x(3) - model_.start.x()) / model_.position_sd;
     out(n++) = (x(4) - model_.start.y()) / model_.position_sd;
-    out(n++) = x(5) / model_.offset_sd;
-    out(n) = x(6) / model_.offset_sd;
+    out(n++) = x(kRadius) / model_.radius_sd;
+    out(n++) = x(6) / model_.offset_sd;
+    out(n) = x(7) / model_.offset_sd;
     return out;
   }
 
@@ -431,7 +436,7 @@ Unknowns planeThrough(const TouchModel& model, const std::vector<TouchReading>& 
 
 double touchResidual(const TouchModel& model, const TouchReading& reading, const Vec3& normal,
                      const Vec3& center) {
-  return residualOf(model, reading, normal, center).residual;
+  return residualOf(model, reading, {normal, center, model.hole.radius}).residual;
 }
 
 TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& readings) {
@@ -464,7 +469,7 @@ TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& re
 
   const Eigen::MatrixXd J = posterior.slope(best.x);
   const Square covariance = (J.transpose() * J).inverse();
-  const Hole hole = holeOf(best.x);
+  const Hole hole = holeOf(model, best.x);
   TouchFit fit;
   fit.normal = hole.normal;
   fit.center = hole.center;
@@ -472,8 +477,10 @@ TouchFit fitTouches(const TouchModel& model, const std::vector<TouchReading>& re
   fit.center_covariance = covariance.block<2, 2>(3, 3);
   fit.normal_sd = std::sqrt(covariance(0, 0) + covariance(1, 1));
   Unknowns up = Unknowns::Zero();
-  up << best.x(3), best.x(4), 1, 0, 0, 0, 0;
+  up << best.x(3), best.x(4), 1, 0, 0, 0, 0, 0;
   fit.height_sd = std::sqrt(up.dot(covariance * up));
+  fit.radius = hole.radius;
+  fit.radius_sd = std::sqrt(covariance(kRadius, kRadius));
   fit.place_variance = posterior.placeVariance(posterior(best.x), J, covariance);
   fit.chi2 = best.cost;
   fit.residuals = posterior.count();

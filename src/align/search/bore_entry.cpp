@@ -32,10 +32,11 @@ constexpr double kWallPush = 2.5;         // and as far as makes so much of a wa
 constexpr double kWallForce = 1.0;        // of a wall that stops a peg at rest [N]
 constexpr double kSofter = 7e3;           // stiffness sideways at the peg's bottom [N/m]
 constexpr double kWallDeflection = 6e-5;  // of the peg against its carrier that is a wall [m]
-constexpr double kGapFraction = 0.5;      // of twice the clearance: walls may be nearer or farther
-constexpr double kGapSlack = 6e-5;        // and by so much at least [m]
+constexpr double kGapSlack = 6e-5;        // of walls, beyond what the clearance may be [m]
+constexpr double kGiveSd = 0.06;          // of the coupling's compliance: a tenth, uniform
 constexpr double kFreeFraction = 0.5;     // of the clearance, free to all sides at the end
 constexpr double kLag = 0.25;             // of such a step, lag of the peg that means a wall
+constexpr double kFollows = 0.5;          // of such a step: less is a peg that a wall holds
 constexpr double kOffWall = 0.5;          // of the clearance, a step off a wall at most
 constexpr int kFreeTries = 8;             // to get off a wall
 constexpr double kWallSd = 4e-6;          // of a middle between walls, per axis [m]
@@ -57,10 +58,9 @@ double BoreEntry::depth() const {
 
 // Largest travel sideways to a wall: over the clearance, and until the wall has pushed enough to
 // count as one. [m]
-double BoreEntry::wallTravel() const {
-  const double clearance = s_.mechanism.hole.radius - s_.mechanism.peg.radius;
-  return std::max(kWallSearch * clearance,
-                  2.0 * clearance + kWallPush * kWallForce / kSofter * s_.scale.give);
+double BoreEntry::wallTravel(double expected) const {
+  return std::max(kWallSearch * clearance_prior.mean,
+                  2.0 * expected + kWallPush * kWallForce / kSofter * s_.scale.give);
 }
 
 void BoreEntry::requireStillIn() {
@@ -89,7 +89,8 @@ double BoreEntry::maxForce() const {
 bool BoreEntry::hasWallBeside(bool at_rest) {
   const RestPose start = s_.carrier.target();
   const Vec3 bottom = s_.frame.pegPose(start, Vector6::Zero()).p;
-  const Vec3 beside = bottom + wallTravel() * Vec3::UnitX();
+  const double expected = s_.p.inserted > 0.0 ? clearance_prior.high() : clearance_prior.mean;
+  const Vec3 beside = bottom + wallTravel(expected) * Vec3::UnitX();
   const auto is_pushed = [this] {
     return s_.carrier.force().head<2>().norm() > kWallForce * s_.scale.force;
   };
@@ -157,14 +158,13 @@ bool BoreEntry::isIn() {
 // The axis isn't known: a peg that leans in the bore meets one wall with its edge and the other at
 // the rim, and the middle between them is off by up to half the clearance.
 void BoreEntry::addLean() {
-  const double play = 0.5 * (s_.mechanism.hole.radius - s_.mechanism.peg.radius);
+  const double play = 0.5 * (std::max(0.0, clearance.mean) + clearance.sd);
   s_.hole.center_covariance.diagonal().array() += play * play / 3.0;
 }
 
 bool BoreEntry::enter(const Vec3& center, int rings) {
   const Mat3 R = rotationToAxis(s_.hole.normal);
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
-  const double clearance = s_.mechanism.hole.radius - s_.mechanism.peg.radius;
   // up along the normal before sideways and straight
   Vec3 above = s_.target().p;
   const double travel = kTravel * s_.scale.travel;
@@ -182,7 +182,7 @@ bool BoreEntry::enter(const Vec3& center, int rings) {
     const int places = ring == 0 ? 1 : 6 * ring;
     for (int i = 0; i < places; ++i) {
       const double a = 2 * M_PI * i / places;
-      const Vec2 shift = kRing * clearance * ring * Vec2(std::cos(a), std::sin(a));
+      const Vec2 shift = kRing * clearance.step() * ring * Vec2(std::cos(a), std::sin(a));
       if (lower(target + axes * shift, R) && (!needs_walls || centre(R))) return true;
     }
   }
@@ -191,9 +191,7 @@ bool BoreEntry::enter(const Vec3& center, int rings) {
   return false;
 }
 
-double BoreEntry::reach() const {
-  return (kRing * (kRings - 1) + 1.0) * (s_.mechanism.hole.radius - s_.mechanism.peg.radius);
-}
+double BoreEntry::reach() const { return (kRing * (kRings - 1) + 1.0) * clearance.step(); }
 
 // Down from `from`, just over the plane; back up at the first resistance.
 bool BoreEntry::lower(const Vec3& from, const Mat3& R) {
@@ -221,11 +219,10 @@ bool BoreEntry::lower(const Vec3& from, const Mat3& R) {
 // Sideways in small steps until the wall pushes back; `at` is the bottom's centre then. False when
 // there is no wall where one must be. Uses the commanded poses: the reported ones scatter.
 bool BoreEntry::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
-  const double clearance = s_.mechanism.hole.radius - s_.mechanism.peg.radius;
   // by what a wall bends the coupling where that is more than the clearance
   const double bent = kWallDeflection * s_.scale.give;
-  const double step =
-      std::clamp(std::max(0.25 * clearance, 0.2 * bent), 5e-6, 1e-4) * s_.carrier.delay.slowing();
+  const double step = std::clamp(std::max(0.25 * clearance.step(), 0.2 * bent), 5e-6, 1e-4) *
+                      s_.carrier.delay.slowing();
   Eigen::Matrix<double, 1, 6> row;  // bottom centre along `direction` by the coupling's deflection
   const Vec3 travel = R.transpose() * direction;
   row << travel.transpose(), Vec3(0, 0, -s_.frame.length()).cross(travel).transpose();
@@ -241,7 +238,7 @@ bool BoreEntry::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
   };
   for (double moved = 0.0;; moved += step) {
     // a carrier that answers late has its last steps before it
-    const bool last = moved > wallTravel();
+    const bool last = moved > wallTravel(clearance_prior.high());
     if (last && !awaitEffect(s_.carrier)) return false;
     // a peg that still swings from the step seems pushed, too, but not for long
     if (pushed()) {
@@ -257,11 +254,12 @@ bool BoreEntry::findWall(const Vec3& direction, const Mat3& R, Vec3& at) {
 
 // Makes sure that the peg doesn't end against a wall, where a carrier that comes to rest somewhere
 // else each time may have put it. A peg is free if it follows the carrier to all four sides; else
-// `target` is moved by the lag.
+// `target` is moved by the lag. A peg that a wall holds, farther off than such a step, lags as much
+// on all sides: then it is moved by the coupling's strain, which the drift since the last zero
+// limits.
 bool BoreEntry::clearOfWalls(Vec3& target, const Mat3& R) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
-  const double clearance = s_.mechanism.hole.radius - s_.mechanism.peg.radius;
-  const double step = kFreeFraction * clearance;
+  const double step = kFreeFraction * clearance.step();
   const auto place = [this, &R](const Vec3& at) {
     s_.carrier.nudge(s_.frame.restFor(at, R));
     awaitEffect(s_.carrier);
@@ -281,27 +279,34 @@ bool BoreEntry::clearOfWalls(Vec3& target, const Mat3& R) {
     const Vec3 here = place(target);
     bool free = s_.carrier.force().norm() < maxForce();
     Vec2 back = Vec2::Zero();  // sum of the four lags
+    double follows = 0.0;      // farthest, of the step
     for (int side = 0; side < 4; ++side) {
-      const Vec3 along = (side % 2 == 0 ? 1.0 : -1.0) * axes.col(side / 2);
+      const double sign = side % 2 == 0 ? 1.0 : -1.0;
+      const Vec3 along = sign * axes.col(side / 2);
       const Vec2 lag = axes.transpose() * (place(target + step * along) - here - step * along);
       free = free && lag.norm() < kLag * step;
+      follows = std::max(follows, 1.0 + sign * lag(side / 2) / step);
       back += lag;
     }
     if (free) {
       place(target);  // and until it no longer swings
       return true;
     }
-    target += axes * back * std::min(1.0, kOffWall * clearance / back.norm());
+    Vec2 away = back * std::min(1.0, kOffWall * clearance.step() / back.norm());
+    if (follows < kFollows) {
+      const Vec2 strain = axes.transpose() * (here - s_.hanging.sag - target);
+      away = strain * (1.0 + kOffWall * clearance.step() / strain.norm());
+    }
+    target += axes * away;
   }
   s_.report("centre", "a wall on every side");
   return false;
 }
 
 // To the middle between the walls along two axes, which is the hole's centre: on the second axis
-// the walls must be twice the clearance apart, and the middle free of force.
+// the walls are twice the clearance apart, and the middle free of force.
 bool BoreEntry::centre(const Mat3& R) {
   const Eigen::Matrix<double, 3, 2> axes = planeAxes(s_.hole.normal);
-  const double gap = 2.0 * (s_.mechanism.hole.radius - s_.mechanism.peg.radius);
   const bool stays = !s_.p.insert.wanted() && !startsDeep();
   for (int axis = 0; axis < 2; ++axis) {
     Vec3 ahead, behind;
@@ -328,8 +333,11 @@ bool BoreEntry::centre(const Mat3& R) {
     if (axis == 0) continue;
     const double distance = along.dot(ahead - behind);
     s_.report("centre", text("between walls %.3f mm apart", distance * 1e3));
-    if (std::abs(distance - gap) > std::max(kGapFraction * gap, kGapSlack * s_.scale.give))
-      return false;
+    const double slack = kGapSlack * s_.scale.give;
+    if (distance < -slack || distance > 2.0 * clearance_prior.high() + slack) return false;
+    const double apart_sd = std::hypot(kWallSd, kGiveSd * kWallDeflection * s_.scale.give);
+    clearance_prior.add(0.5 * distance, apart_sd);
+    clearance = clearance_prior;
     // no wall pushes any more: the peg itself is in the middle
     // (deep in the hole the walls lead, and the depth says where the peg is)
     if (stays && !clearOfWalls(target, R)) return false;

@@ -174,6 +174,9 @@ void EdgeSearch::keep(const Touch& light) {
 }
 
 void EdgeSearch::resolve() {
+  // the walls of a bore that it has been in count as much as all touches
+  model.hole.radius = s_.mechanism.peg.radius + search_.entry.clearance_prior.mean;
+  model.radius_sd = search_.entry.clearance_prior.sd;
   TouchFit fit;
   try {
     fit = fitTouches(model, readings);
@@ -191,6 +194,7 @@ void EdgeSearch::resolve() {
   s_.hole.normal_sd = fit.normal_sd;
   s_.hole.center = fit.center;
   s_.hole.center_covariance = fit.center_covariance;
+  search_.entry.clearance = {fit.radius - s_.mechanism.peg.radius, fit.radius_sd};
   search_.entry.place_variance = std::max(fit.place_variance, min_move_sd * min_move_sd);
   s_.found = true;
   s_.sd.position = std::sqrt(fit.center_covariance.trace());
@@ -199,6 +203,8 @@ void EdgeSearch::resolve() {
       "resolve",
       text("centre %.3f %.3f mm", holeOffset(s_).x() * 1e3, holeOffset(s_).y() * 1e3) +
           text(" +- %.3f mm, tilt sd %.3f deg", s_.sd.position * 1e3, s_.sd.rotation * 180 / M_PI) +
+          text(", clearance %.3f +- %.3f mm", search_.entry.clearance.mean * 1e3,
+               search_.entry.clearance.sd * 1e3) +
           text(", chi2 %.1f of %d", fit.chi2, fit.residuals));
 }
 

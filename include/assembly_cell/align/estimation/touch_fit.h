@@ -34,6 +34,7 @@ struct TouchModel {
   HoleParameters hole;                              ///< with its chamfer
   Eigen::Vector2d start = Eigen::Vector2d::Zero();  ///< centre of the region of the hole, S [m]
   double position_sd = 0.012;                       ///< of the hole from there, per axis [m]
+  double radius_sd = 2e-5;                          ///< of the hole's radius [m]
   double tilt_sd = 0.05;                            ///< of its plane against S, per axis [rad]
   double point_sd = 1e-3;                           ///< of a point of touch, per axis [m]
   double offset_sd = 4e-3;                          ///< common to all points, per axis [m]
@@ -45,6 +46,8 @@ struct TouchFit {
   double height = 0.0;                                ///< normal · any point of the plane [m]
   Eigen::Vector3d center = Eigen::Vector3d::Zero();   ///< of the rim [m]
   Eigen::Matrix2d center_covariance = Eigen::Matrix2d::Zero();  ///< of x and y in S [m²]
+  double radius = 0.0;                                          ///< of the rim [m]
+  double radius_sd = 0.0;                                       ///< [m]
   double height_sd = 0.0;                                       ///< at the centre [m]
   double normal_sd = 0.0;                                       ///< both axes [rad]
   /// Of where a move ends, per axis, by the residuals of touches from above; its inverse, the

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 assembly_cell contributors. BSD-3-Clause, see LICENSE.
 #pragma once
 
+#include "assembly_cell/align/estimation/clearance.h"
 #include "assembly_cell/align/search/bore_insertion.h"
 
 namespace assembly_cell {
@@ -12,7 +13,11 @@ class Retreat;
 /// within reach().
 class BoreEntry {
  public:
-  BoreEntry(SearchState& state, BoreInsertion& insertion) : s_(state), insertion_(insertion) {}
+  BoreEntry(SearchState& state, BoreInsertion& insertion)
+      : clearance_prior(drawnClearance(state.mechanism)),
+        clearance(clearance_prior),
+        s_(state),
+        insertion_(insertion) {}
 
   /// Rings of places round the hole's estimate that enter() tries, the centre itself counted.
   static constexpr int kRings = 3;
@@ -45,6 +50,8 @@ class BoreEntry {
   bool height_known = true;
   /// Of where moves end, per axis, as far as it is known [m²]
   double place_variance = 0.0;
+  Clearance clearance_prior;  ///< drawn, and measured between opposite walls
+  Clearance clearance;        ///< that, and by touches
 
  private:
   bool hasWallBeside(bool at_rest);
@@ -52,7 +59,7 @@ class BoreEntry {
   bool centre(const Eigen::Matrix3d& R);
   bool clearOfWalls(Eigen::Vector3d& target, const Eigen::Matrix3d& R);
   bool findWall(const Eigen::Vector3d& direction, const Eigen::Matrix3d& R, Eigen::Vector3d& at);
-  double wallTravel() const;
+  double wallTravel(double expected) const;
   void addLean();
 
   SearchState& s_;
