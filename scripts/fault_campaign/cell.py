@@ -157,17 +157,17 @@ class Nodes:
         """Ctrl-C to all of them; names those that don't end, or not well."""
         for name in names:
             self.signal(name, signal.SIGINT)
-        stubborn = []
-        for name in names:
-            try:
-                code = self.running[name].wait(ENDED * self.options.factor)
-                if code != 0:
-                    stubborn.append(f"{name} ends with {code}")
-            except subprocess.TimeoutExpired:
-                stubborn.append(f"{name} doesn't end")
-                self.running[name].kill()
-                self.running[name].wait()
-        return stubborn
+        return [wrong for name in names for wrong in self.wait_for_end(name, self.running[name])]
+
+    def wait_for_end(self, name, program):
+        """A line if it doesn't end, or not well."""
+        try:
+            code = program.wait(ENDED * self.options.factor)
+            return [f"{name} ends with {code}"] if code != 0 else []
+        except subprocess.TimeoutExpired:
+            program.kill()
+            program.wait()
+            return [f"{name} doesn't end"]
 
     def crashed(self):
         """Nodes that have ended by themselves."""

@@ -55,7 +55,7 @@ def faults_of(goal, arm=False):
         return [(kind, node) for kind in ("kill", "restart", "stall") for node in nodes] + [("ctrl-c", SERVER)]
     found = [(kind, node) for kind in ("kill", "restart", "stall") for node in NODES]
     found += [("terminal", node) for node in NODES] + [("kill-without-master", node) for node in (*DRIVERS, LOCUS, TWIN)]
-    found += [("second", holder_of(goal))]
+    found += [("second", holder_of(goal)), ("replace", holder_of(goal))]
     found += [("stall", holder_of(goal))] * 2 + [("ctrl-c", holder_of(goal))] * 2 + [("ctrl-c", "all")]
     return found + [("hostile", what) for what in HOSTILE]
 
@@ -234,6 +234,11 @@ class Campaign:
             code = nodes.start_second(node)
             trial["stubborn"] = [] if code == 1 else [f"a second {node} ends with {code}"]
             return nothing
+        if kind == "replace":
+            first = nodes.running[node]
+            self.start([node])
+            trial["stubborn"] = nodes.wait_for_end(node, first)
+            return nothing
         if kind == "restart":
             nodes.signal(node, signal.SIGKILL)
             nodes.running[node].wait()
@@ -274,7 +279,7 @@ class Campaign:
         kind, node = trial["kind"], trial["node"]
         if kind == "hostile":
             return [HOSTILE[node]]
-        if kind == "ctrl-c":
+        if kind in ("ctrl-c", "replace"):
             if node == BRIDGE:
                 return [node + " (gone)"]
             return ["shutting down", "server lost"] + (["gone", "silent"] if node == "all" else [])

@@ -20,9 +20,9 @@ namespace {
 
 std::string inUnit(const char* unit) { return *unit == '\0' ? "" : std::string(" [") + unit + "]"; }
 
-std::string joined(const std::vector<std::string>& names) {
+std::string joined(const std::vector<std::string>& names, const char* between = ", ") {
   std::string all;
-  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+  for (const std::string& name : names) all += (all.empty() ? "" : between) + name;
   return all;
 }
 
@@ -147,7 +147,8 @@ std::string Field::remedy() const {
     case Kind::kText:
       return "give a text";
     case Kind::kChoice:
-      return "give one of " + joined(names);
+      return (names.size() > 2 ? "give one of " : "give ") +
+             joined(names, names.size() == 2 ? " or " : ", ");
     case Kind::kSection:
     case Kind::kOther:
       break;

@@ -214,8 +214,10 @@ std::string Section::text(const std::string& key, const std::string& what_to_do)
 std::string Section::choice(const std::string& key, const std::vector<std::string>& choices,
                             const std::optional<std::string>& otherwise) {
   if (otherwise && !optional(key)) return *otherwise;
-  std::string what;
-  for (const std::string& one : choices) what += (what.empty() ? "give one of " : ", ") + one;
+  Field field;
+  field.kind = Field::Kind::kChoice;
+  field.names = choices;
+  const std::string what = field.remedy();
   const std::string value = text(key, what);
   if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
     refuse(at(key), value, what);

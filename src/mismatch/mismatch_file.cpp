@@ -18,6 +18,10 @@ using yaml::shown;
 constexpr const char* kForms =
     "give a number, {normal: SD}, {uniform: [LOW, HIGH]} or {log_uniform: [LOW, HIGH]}";
 
+// Of scale.clearance: a hole that much wider than the peg holds none, and where there is no
+// clearance the contacts of a run can't be separated.
+constexpr double kMostClearances = 100.0, kLeastClearances = 1e-3;
+
 [[noreturn]] void refuseRange(const Section& in, const std::string& path, const std::string& value,
                               const Range& range) {
   std::string what =
@@ -122,8 +126,15 @@ ScenarioChange readChange(Section& in, const std::string& key, bool scales) {
   }
   const Range range = friction ? Range::kNotNegative : rangeOf(numbers);
   Range factor{-kLargestDraw, kLargestDraw};
+  if (clearance) factor = {-kMostClearances, kMostClearances};
   if (scales && range.low >= 0.0) factor.low = std::min(range.low, Range::kMinPositive);
   change.draw = readDraw(in, key, factor, scales ? 1.0 : 0.0);
+  const auto [low, high] = change.draw.reach(1.0);
+  if (clearance && low == high && std::abs(low) < kLeastClearances) {
+    in.refuse(in.at(key), value,
+              "a peg as wide as its hole is in contact along all of its length, give at least " +
+                  shown(kLeastClearances) + " or at most -" + shown(kLeastClearances));
+  }
   return change;
 }
 

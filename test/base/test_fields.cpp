@@ -99,7 +99,7 @@ TEST(Fields, ReadersNamePathValueAndRemedy) {
   };
   EXPECT_EQ(set("inner.force=1"), "inner.force: value 1: give a number from 2 to 1000 [N]");
   EXPECT_EQ(set("count=2.5"), "count: value 2.5: give a whole number from 1 to 10");
-  EXPECT_EQ(set("mode=half"), "mode: value half: give one of off, on");
+  EXPECT_EQ(set("mode=half"), "mode: value half: give off or on");
   EXPECT_EQ(set("flag=yes"), "flag: value yes: give true or false");
   EXPECT_EQ(set("inner.row=[1]"), "inner.row: value [1]: give a list of 2 numbers");
   EXPECT_EQ(set("speed=1"),

@@ -17,6 +17,7 @@
 
 #include "assembly_cell/base/text.h"
 #include "assembly_cell/geometry/spatial.h"
+#include "temporary_folder.h"
 #include "tool_run.h"
 
 namespace assembly_cell {
@@ -40,7 +41,7 @@ std::vector<std::string> lines(const std::string& path) {
 }
 
 std::string write(const std::string& name, const std::vector<std::string>& rows) {
-  const std::string path = testing::TempDir() + "payload_" + std::to_string(getpid()) + "_" + name;
+  const std::string path = test::temporaryFile(name);
   std::ofstream file(path);
   for (const std::string& row : rows) file << row << "\n";
   return path;

@@ -13,6 +13,7 @@
 #include "assembly_cell/cell/align_trial.h"
 #include "assembly_cell/cell/start.h"
 #include "scenarios.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -105,7 +106,7 @@ TEST(CarrierArm, RefusesAndHoldsByName) {
 
 TEST(CarrierArm, BadFilesAreRefusedByName) {
   const auto refusal = [](const std::string& text) -> std::string {
-    const std::string path = std::string(::testing::TempDir()) + "carrier_arm.yaml";
+    const std::string path = test::temporaryFile("carrier_arm.yaml");
     std::ofstream(path) << text;
     try {
       loadArmSetup(path);

@@ -156,6 +156,9 @@ TEST(MismatchFile, RefusesByKeyValueAndRemedy) {
       {"scale: {peg.mass: 1.1, peg.mass: 1.2}", {"scale.peg.mass", "duplicate"}},
       {"add: {clearance: 1.0e-5}", {"add.clearance", "1.0e-5", "name add.hole.radius"}},
       {"scale: {clearance.each: 1.1}", {"scale.clearance.each", "leave out .each"}},
+      {"scale: {clearance: 0}", {"scale.clearance: value 0: ", "give at least 0.001"}},
+      {"scale: {clearance: 101}", {"scale.clearance", "101", "at most 100"}},
+      {"scale: {clearance: {normal: 20}}", {"scale.clearance", "within 5 SD", "at least -100"}},
       {"scale: {clearance: 1.1}\nadd: {hole.radius: 1.0e-5}",
        {"add.hole.radius", "scale.clearance", "leave one of them out"}},
       {"add: {coupling.stiffness: 5}", {"add.coupling.stiffness", "units"}},
@@ -195,8 +198,6 @@ TEST(MismatchFile, RefusesDrawsThatMakeNoScenario) {
       {"add: {hole.chamfer.width: 0.07}",
        {"add.hole.chamfer.width", "0.07", "the block's wall is", "narrower"}},
       {"add: {carrier.stiffness: -1.0e6}", {"add.carrier.stiffness", "carrier.stiffness[0]"}},
-      {"scale: {clearance: {normal: 100}}", {"scale.clearance", "within 5 SD", "hole.radius"}},
-      {"scale: {clearance: -300}", {"scale.clearance", "-300", "hole.radius", "narrower"}},
       {"scale: {friction.static: 0.5}", {"scale.friction.static", "0.5", "friction.sliding"}},
       {"scale: {peg.inertia_axial: 6}", {"scale.peg.inertia_axial", "6", "inertia_transverse"}},
       {"scale: {coupling.stiffness.k26: 100}", {"scale.coupling.stiffness.k26", "100", "definite"}},
@@ -379,6 +380,14 @@ TEST(TrueScenario, ClearanceIsThatOfTheTruePeg) {
   EXPECT_NE(text.find("truth.yaml: scale.clearance: value 2: the scenario draws no clearance"),
             std::string::npos)
       << text;
+  Scenario wide = cell();
+  wide.mechanism.hole.radius = 0.026;
+  const std::string no_hole = refusal([&] {
+    trueScenario(wide,
+                 drawTruth(parseMismatch("scale: {clearance: {uniform: [-50, 1]}}", "test"), 1),
+                 "truth.yaml");
+  });
+  EXPECT_NE(no_hole.find("the true hole.radius would be -0.02"), std::string::npos) << no_hole;
 }
 
 TEST(TrueScenario, PegHangsFromItsCoupling) {

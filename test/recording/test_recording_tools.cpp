@@ -11,6 +11,8 @@
 #include <fstream>
 #include <string>
 
+#include "temporary_folder.h"
+
 namespace {
 
 struct Result {
@@ -30,8 +32,7 @@ Result run(const std::string& arguments) {
 }
 
 std::string write(const std::string& name, const std::string& content) {
-  const std::string path =
-      testing::TempDir() + "recording_" + std::to_string(getpid()) + "_" + name;
+  const std::string path = assembly_cell::test::temporaryFile(name);
   std::ofstream(path) << content;
   return path;
 }

@@ -18,6 +18,7 @@
 #include "assembly_cell/Exciter.h"
 #include "assembly_cell/geometry/spatial.h"
 #include "cell_fixture.h"
+#include "temporary_folder.h"
 
 // One alignment of a whole cell that the test launches.
 namespace assembly_cell::test {
@@ -53,8 +54,7 @@ inline CellRun runCell(const std::vector<std::string>& arguments, const std::str
                        const std::function<void()>& at_end = nullptr) {
   ros::NodeHandle nh;
   CellRun out;
-  const std::string file =
-      std::string(::testing::TempDir()) + "cell_report_" + std::to_string(getpid()) + ".yaml";
+  const std::string file = temporaryFile("cell_report.yaml");
   Record<geometry_msgs::PoseStamped> commands(nh, "carrier_command");
   Record<Exciter> exciter(nh, "exciter");
 

@@ -16,6 +16,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/dynamics/simulation.h"
 #include "assembly_cell/second_world/second_world.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -247,7 +248,7 @@ TEST(MujocoSimulation, SkipsOnlySeparatedBoxes) {
     s.initial.euler = {uniform(-0.05, 0.05), M_PI / 2 + uniform(-0.05, 0.05), 0.0};
     const MujocoSimulation world(s, contact);
 
-    const std::string path = testing::TempDir() + "skips_only.xml";
+    const std::string path = test::temporaryFile("skips_only.xml");
     std::ofstream(path) << mjcf(s, contact);
     char why[500] = "";
     mjModel* m = mj_loadXML(path.c_str(), nullptr, why, sizeof why);
@@ -263,7 +264,6 @@ TEST(MujocoSimulation, SkipsOnlySeparatedBoxes) {
     touching += d->ncon > 0 ? 1 : 0;
     mj_deleteData(d);
     mj_deleteModel(m);
-    std::remove(path.c_str());
   }
   EXPECT_GT(touching, 8);
 }

@@ -13,6 +13,7 @@
 
 #include "assembly_cell/base/input_error.h"
 #include "assembly_cell/shaker/shaker.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell {
 namespace {
@@ -36,7 +37,7 @@ std::vector<std::int16_t> samplesOf(const std::string& path) {
 
 class Audio : public testing::Test {
  protected:
-  const std::string path_ = testing::TempDir() + "shaker.raw";
+  const std::string path_ = test::temporaryFile("shaker.raw");
   ~Audio() override { std::remove(path_.c_str()); }
   std::string map(const std::string& more = "") const {
     return "{type: audio, device: \"file:'" + path_ +

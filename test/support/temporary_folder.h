@@ -30,4 +30,10 @@ class TemporaryFolder {
   std::string path_;
 };
 
+/// Path of a file in a folder of this process, which is deleted when the process ends.
+inline std::string temporaryFile(const std::string& name) {
+  static const TemporaryFolder folder;
+  return folder / name;
+}
+
 }  // namespace assembly_cell::test

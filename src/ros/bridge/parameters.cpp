@@ -152,9 +152,10 @@ std::string Parameters::choice(const std::string& name, const std::vector<std::s
   }
   const std::string value = text(name, fallback);
   if (!has(value)) {
-    std::string list;
-    for (const auto& choice : choices) list += (list.empty() ? "" : ", ") + choice;
-    refuse(nh_, name, "\"" + value + "\"", "give one of " + list);
+    Field field;
+    field.kind = Field::Kind::kChoice;
+    field.names = choices;
+    refuse(nh_, name, "\"" + value + "\"", field.remedy());
   }
   return value;
 }

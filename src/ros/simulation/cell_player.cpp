@@ -274,9 +274,10 @@ void CellPlayer::awaitConnections() {
     // a node that is just starting may want more
     if (missing.empty() && listeners != known) missing = "all nodes: they keep on subscribing";
     for (const auto& [name, publisher] : publishers_) {
+      const auto all = listeners.find(publisher.getTopic());
       // a listener that is no participant may have died without unregistering
-      if (Clock::now() < others &&
-          publisher.getNumSubscribers() < listeners[publisher.getTopic()].size()) {
+      if (Clock::now() < others && all != listeners.end() &&
+          publisher.getNumSubscribers() < all->second.size()) {
         missing = "a listener of " + publisher.getTopic();
       }
     }

@@ -31,6 +31,7 @@
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "cell_fixture.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::ros_bridge::arm_test {
 namespace {
@@ -629,8 +630,7 @@ TEST(BadParameters, EndTheNodeWithALine) {
 
 // The whole cell through bridge and arm: in lockstep, independent of the load of the machine.
 TEST(ArmCell, AlignsThroughBridgeAndArm) {
-  const std::string file =
-      std::string(::testing::TempDir()) + "arm_report_" + std::to_string(getpid()) + ".yaml";
+  const std::string file = test::temporaryFile("arm_report.yaml");
   ros::NodeHandle nh;
   const Record<geometry_msgs::PoseStamped> poses(nh, "carrier_pose");
   const Record<CarrierMotion> motion(nh, "carrier_motion");

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "cell_fixture.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::ros_bridge::exciter_output_test {
 namespace {
@@ -36,7 +37,7 @@ using test::waitFor;
 class ExciterOutput : public ::testing::Test {
  protected:
   ExciterOutput()
-      : path_(testing::TempDir() + "exciter_output.raw"),
+      : path_(test::temporaryFile("exciter_output.raw")),
         done_(nh_, "arm/exciter_done"),
         speed_(nh_, "arm/exciter_speed"),
         diagnostics_(nh_, "/diagnostics"),

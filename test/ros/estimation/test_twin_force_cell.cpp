@@ -33,6 +33,7 @@
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "cell_fixture.h"
+#include "temporary_folder.h"
 
 // The strategy twin_force of the supervisor with the node twin_force_estimator.
 namespace assembly_cell::ros_bridge::twin_force_cell_test {
@@ -61,8 +62,7 @@ class TwinCell {
   template <class Meanwhile>
   std::string align(const Meanwhile& meanwhile) {
     Child report({executable("report"), "_strategy:=twin_force",
-                  "_report_file:=" + std::string(::testing::TempDir()) + "twin_force_" +
-                      std::to_string(getpid()) + ".yaml"});
+                  "_report_file:=" + test::temporaryFile("report.yaml")});
     meanwhile();
     EXPECT_TRUE(waitFor([&] { return !report.running() || !cell_.running(); }, kRunTime))
         << report.output();
@@ -233,8 +233,7 @@ TEST_F(TwinForceCell, ReplayHasTheSameEstimateToTheLastBit) {
   const auto states = solved(*cell_);
   ASSERT_FALSE(states.empty());
   const TwinForceState& live = *states.back();
-  const std::string file =
-      std::string(::testing::TempDir()) + "twin_force_" + std::to_string(getpid()) + ".bag";
+  const std::string file = test::temporaryFile("blocks.bag");
   {
     rosbag::Bag bag(file, rosbag::bagmode::Write);
     const ros::Time start = cell_->a.all().front()->header.stamp;
@@ -271,7 +270,6 @@ TEST_F(TwinForceCell, ReplayHasTheSameEstimateToTheLastBit) {
   EXPECT_EQ(launch.wait(), 0) << launch.output();
   EXPECT_EQ(launch.lines("the bag is over").size(), 1U) << launch.output();
   EXPECT_EQ(launch.lines("died").size(), 0U) << launch.output();
-  unlink(file.c_str());
 
   // as the supervisor requested
   const std::string space = "/replay/twin_force_estimator/";

@@ -15,6 +15,7 @@
 #include "assembly_cell/base/input_error.h"
 #include "cell_run.h"
 #include "record_fixture.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::ros_bridge::records_test {
 namespace {
@@ -283,8 +284,7 @@ TEST_F(Records, AreWholeAfterKills) {
 }
 
 TEST(RecordsInOneProcess, AreStored) {
-  const std::string store = ::testing::TempDir() + "one_process.db";
-  std::filesystem::remove(store);
+  const std::string store = test::temporaryFile("one_process.db");
   const test::CellRun run =
       test::runCell({"nodelets:=true", "twin_force:=false", "records:=" + store}, "touch");
   EXPECT_EQ(run.exit_code, 0) << run.output;
@@ -292,7 +292,6 @@ TEST(RecordsInOneProcess, AreStored) {
   const assembly_cell::Run stored = RunStore(store, RunStore::Access::kRead).read(1);
   EXPECT_EQ(stored.result, "aligned");
   EXPECT_EQ(stored.simulation.at("world"), "exact");
-  std::filesystem::remove(store);
 }
 
 }  // namespace

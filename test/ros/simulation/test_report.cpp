@@ -17,6 +17,7 @@
 #include "assembly_cell/ros/bridge/conversions.h"
 #include "assembly_cell/ros/simulation/report_program.h"
 #include "cell_fixture.h"
+#include "temporary_folder.h"
 
 namespace assembly_cell::ros_bridge::report_test {
 namespace {
@@ -83,7 +84,7 @@ class Report : public ::testing::Test {
 
   int report(const std::vector<std::string>& arguments = {}) {
     ros::param::del("/report");
-    file_ = std::string(::testing::TempDir()) + "report_" + std::to_string(getpid()) + ".yaml";
+    file_ = test::temporaryFile("report.yaml");
     unlink(file_.c_str());
     std::vector<std::string> command = {executable("report"), "_report_file:=" + file_};
     command.insert(command.end(), arguments.begin(), arguments.end());
@@ -222,7 +223,7 @@ TEST_F(Report, EndsOneWhenItCannotPrintOrReachesAFileSizeLimit) {
   Child full({"/bin/sh", "-c", "exec " + executable("report") + " >/dev/full"});
   EXPECT_EQ(full.wait(), 1) << full.output();
   EXPECT_EQ(full.lines("report: can't write to standard output").size(), 1U) << full.output();
-  const std::string file = std::string(::testing::TempDir()) + "limited.yaml";
+  const std::string file = test::temporaryFile("limited.yaml");
   Child limited(
       {"/bin/sh", "-c", "ulimit -f 0; exec " + executable("report") + " _report_file:=" + file});
   EXPECT_EQ(limited.wait(), 1) << limited.output();

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "cell_fixture.h"
+#include "temporary_folder.h"
 
 // Bad input: one line, exit code 1.
 namespace assembly_cell::ros_bridge::simulator_input_test {
@@ -65,8 +66,7 @@ TEST_F(SimulatorBadInput, Scenario) {
 
 TEST_F(SimulatorBadInput, Mismatch) {
   refuse({scenario_, "_mismatch:=/nowhere.yaml"}, "/nowhere.yaml");
-  const std::string file =
-      std::string(::testing::TempDir()) + "mismatch_" + std::to_string(getpid()) + ".yaml";
+  const std::string file = test::temporaryFile("mismatch.yaml");
   std::ofstream(file) << "scale: {peg.mass: heavy}\n";
   refuse({scenario_, "_mismatch:=" + file}, "scale.peg.mass: value heavy");
   unlink(file.c_str());
@@ -75,8 +75,7 @@ TEST_F(SimulatorBadInput, Mismatch) {
 // The ground truth that a mismatch draws is published once, to subscribers with access; the
 // carrier's pose is that of its encoders.
 TEST_F(SimulatorBadInput, GoodMismatchIsPublishedWithTheTruth) {
-  const std::string file =
-      std::string(::testing::TempDir()) + "mismatch_" + std::to_string(getpid()) + ".yaml";
+  const std::string file = test::temporaryFile("mismatch.yaml");
   std::ofstream(file) << "hole: {bore_tilt: 0.002}\ncarrier: {frame: {offset: 0.05}}\n";
   ros::param::set("/bad/peg_hole_simulator/participants", std::vector<std::string>{"absent"});
   Child child({executable("peg_hole_simulator"), "__ns:=/bad", "/clock:=clock", "/tf:=tf",

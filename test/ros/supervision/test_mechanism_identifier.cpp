@@ -29,6 +29,7 @@
 #include "assembly_cell/mechanism/mechanism.h"
 #include "assembly_cell/ros/bridge/service_call.h"
 #include "cell_fixture.h"
+#include "temporary_folder.h"
 
 // The action identify of mechanism_identifier, and the supervisor with an identified mechanism.
 namespace assembly_cell::ros_bridge::mechanism_identifier_test {
@@ -42,10 +43,6 @@ using Client = actionlib::SimpleActionClient<IdentifyAction>;
 
 constexpr double kRunTime = 240.0;  // on a busy machine, wall clock [s]
 constexpr double kShort = 5.0;      // of an identification: the hanging peg alone [s]
-
-std::string temporary(const std::string& name) {
-  return std::string(::testing::TempDir()) + name + "_" + std::to_string(getpid()) + ".yaml";
-}
 
 // Of a node that the launch has started.
 pid_t processOf(const std::string& node) {
@@ -87,7 +84,7 @@ class Cell {
   }
   std::string output() const { return cell_.output(); }
 
-  const std::string file = temporary("mechanism");
+  const std::string file = test::temporaryFile("mechanism.yaml");
 
  private:
   std::vector<std::string> command(std::vector<std::string> arguments) const {
@@ -198,7 +195,7 @@ TEST(MechanismIdentifier, StoresTheResultAndCanBeCancelled) {
 // The file of another cell is refused by name before anything is pressed. With ~identify the
 // supervisor has this cell identified, and aligns.
 TEST(MechanismIdentifier, AWrongFileIsRefusedOrReplaced) {
-  const std::string wrong = temporary("wrong");
+  const std::string wrong = test::temporaryFile("wrong.yaml");
   Child identify({executable("identify"), test::sourceFile("config/scenarios/cell.yaml"),
                   "--time-limit", "5", "--set", "peg.mass=0.45", "--set", "carrier.mass=0.6",
                   "--out", wrong});
