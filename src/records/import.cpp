@@ -81,7 +81,7 @@ std::optional<double> endOfApproach(const std::string& path) {
   const std::string states = gzipText(path);
   double time = 0.0;
   int used = 0;
-  if (std::sscanf(states.c_str(), "%*lf %n", &used) != 0 || used == 0) return std::nullopt;
+  if (std::sscanf(states.c_str(), "%*f %n", &used) != 0 || used == 0) return std::nullopt;
   if (std::sscanf(states.c_str() + used, "%lf", &time) != 1 || !std::isfinite(time)) {
     return std::nullopt;
   }

@@ -127,7 +127,8 @@ void RunRecorder::store(AssemblyRecord& record, const ros::Time& origin,
   }
   ROS_WARN("not recorded: %s", answer.text.c_str());
   if (!isRequired()) return;
-  result.success = report.success = false;
+  report.success = false;
+  result.success = false;
   result.reason = "not recorded: " + answer.text + " (" + result.reason + ")";
   report.reason = result.reason;
 }
