@@ -33,6 +33,7 @@ const char* toString(AlignFailure failure) {
                                            "sensor_signs",
                                            "no_pose",
                                            "not_inserted",
+                                           "too_tight",
                                            "jammed",
                                            "cancelled",
                                            "no_data",

@@ -51,6 +51,7 @@ void describe(const AlignResult& result, const AlignParameters& parameters, Run&
   estimate("hole_y", result.offset.y(), hole_sd.y());
   estimate("tilt_x", result.tilt.x(), result.tilt_sd);
   estimate("tilt_y", result.tilt.y(), result.tilt_sd);
+  estimate("clearance", result.clearance.mean, result.clearance.sd);
 }
 
 void addEvent(const AlignProgress& progress, Run& run) {

@@ -343,6 +343,10 @@ std::string yaml(const std::vector<Run>& runs, const Options& o) {
         << "    estimated_tilt: " << (trial.result.known ? pair(trial.result.tilt) : "null") << "\n"
         << "    tilt_sd: " << (trial.result.known ? yamlNumber(trial.result.tilt_sd) : "null")
         << "\n"
+        << "    estimated_clearance: "
+        << (trial.result.known ? yamlNumber(trial.result.clearance.mean) : "null") << "\n"
+        << "    clearance_sd: "
+        << (trial.result.known ? yamlNumber(trial.result.clearance.sd) : "null") << "\n"
         << "    final_offset: " << yamlNumber(trial.X_HP.p.head<2>().norm()) << "\n"
         << "    direction_error_rms: " << rms(trial.direction_errors) << "\n"
         << "    contacts: " << trial.result.contacts << "\n"

@@ -64,6 +64,11 @@ TEST(Clearance, AlignsWhereTheDrawnOneIsWrong) {
           EXPECT_TRUE(trial.success)
               << drawn << " " << factor << " " << rough << " " << trial.result.reason;
           EXPECT_LT(trial.result.time, 90.0) << drawn << " " << factor << " " << rough;
+          const double off = trial.result.clearance.mean - factor * drawn;
+          EXPECT_LT(std::abs(off), 4.0 * trial.result.clearance.sd)
+              << drawn << " " << factor << " " << rough << " " << trial.result.clearance.mean;
+          // level 2 ends its moves 30 um off
+          EXPECT_LT(trial.result.clearance.sd, rough ? 4e-5 : 2e-5);
         }
       }
     }
@@ -75,6 +80,15 @@ TEST(Clearance, TwinForceAlignsWhereTheDrawnOneIsWrong) {
     const AlignTrial trial = tryClearance(1e-4, factor, false, "twin_force", 9131);
     EXPECT_TRUE(trial.success) << factor << " " << trial.result.reason;
   }
+}
+
+// Another strategy would meet the same hole.
+TEST(Clearance, APegLargerThanItsHoleIsNamed) {
+  const AlignTrial trial = tryClearance(1e-4, -1.0, false, "auto", 9131);
+  EXPECT_FALSE(trial.success);
+  EXPECT_EQ(toString(trial.result.failure), std::string("too_tight")) << trial.result.reason;
+  EXPECT_NE(trial.result.reason.find("larger than the hole"), std::string::npos);
+  EXPECT_LT(trial.result.time, 120.0);
 }
 
 }  // namespace

@@ -521,8 +521,9 @@ TEST(FailureTable, ListsEveryNameAndNoOther) {
     named.insert(toString(static_cast<AlignFailure>(i)));
   }
   EXPECT_EQ(listed, named);
-  std::set<std::string> reached = {"cancelled",    "no_data",    "stopped",
-                                   "edge_outside", "not_seated", "wrong_mechanism"};
+  std::set<std::string> reached = {
+      "cancelled",  "no_data",         "stopped",  "edge_outside",
+      "not_seated", "wrong_mechanism", "too_tight"};  // test_clearance.cpp
   for (const Case& c : kCases) reached.insert(toString(c.failure));
   EXPECT_EQ(reached, std::set<std::string>(named.begin(), named.end()));
 }

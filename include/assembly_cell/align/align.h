@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "assembly_cell/align/estimation/clearance.h"
 #include "assembly_cell/align/parameters.h"
 #include "assembly_cell/align/plant.h"
 #include "assembly_cell/math/curve.h"
@@ -71,6 +72,8 @@ struct AlignResult {
   Eigen::Matrix2d offset_covariance = Eigen::Matrix2d::Zero();  ///< [m²]
   Eigen::Vector2d tilt{0, 0};  ///< estimated tilt of the peg axis then, rotation vector x, y [rad]
   double tilt_sd = 0.0;        ///< [rad]
+  /// Estimated clearance, hole's less peg's radius: drawn, by touches and between walls [m]
+  Clearance clearance;
   /// The same offset from wrenches alone, before touches and walls; twin_force only. [m]
   std::optional<Eigen::Vector2d> wrench_offset;
   Eigen::Matrix2d wrench_covariance = Eigen::Matrix2d::Zero();  ///< [m²]

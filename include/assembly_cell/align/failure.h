@@ -38,6 +38,7 @@ enum class AlignFailure {
   kSensorSigns,
   kNoPose,
   kNotInserted,
+  kTooTight,
   // insertion
   kJammed,
   // the plant and its evaluation

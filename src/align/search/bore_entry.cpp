@@ -335,8 +335,10 @@ bool BoreEntry::centre(const Mat3& R) {
     s_.report("centre", text("between walls %.3f mm apart", distance * 1e3));
     const double slack = kGapSlack * s_.scale.give;
     if (distance < -slack || distance > 2.0 * clearance_prior.high() + slack) return false;
-    const double apart_sd = std::hypot(kWallSd, kGiveSd * kWallDeflection * s_.scale.give);
-    clearance_prior.add(0.5 * distance, apart_sd);
+    // half of the difference of two ends, where each wall was met after a move of its own
+    const double ends_sd = own_ends ? std::sqrt(0.5 * place_variance) : 0.0;
+    const double give_sd = kGiveSd * kWallDeflection * s_.scale.give;
+    clearance_prior.add(0.5 * distance, std::hypot(kWallSd, give_sd, ends_sd));
     clearance = clearance_prior;
     // no wall pushes any more: the peg itself is in the middle
     // (deep in the hole the walls lead, and the depth says where the peg is)

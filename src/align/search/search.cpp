@@ -53,6 +53,7 @@ AlignResult Search::run(const std::function<void()>& find,
   try {
     AlignResult result = findAndLeave(find);
     if (state.found) summarise(result);
+    result.clearance = entry.clearance;
     return result;
   } catch (PlantError& error) {
     error.contacts += state.contacts;

@@ -51,10 +51,11 @@ bool isFinal(AlignFailure failure) {
          failure == AlignFailure::kNoContact || failure == AlignFailure::kNotStill;
 }
 
-// The peg isn't free, or its carrier can't move.
+// The peg isn't free, its carrier can't move, or it is larger than the hole.
 bool isHeld(AlignFailure failure) {
   return failure == AlignFailure::kInContact || failure == AlignFailure::kStuck ||
-         failure == AlignFailure::kNotArrived || failure == AlignFailure::kNoContact;
+         failure == AlignFailure::kNotArrived || failure == AlignFailure::kNoContact ||
+         failure == AlignFailure::kTooTight;
 }
 
 bool isHeldOrFinal(AlignFailure failure) { return isHeld(failure) || isFinal(failure); }
