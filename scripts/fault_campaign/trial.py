@@ -26,7 +26,7 @@ BLOCK_TIMEOUT = 10.0  # ~block_timeout of the supervisor [s wall]
 # how a strategy may end from an unusual start
 STRATEGY = (
     "edge_in_hole", "no_hole_under_edge", "no_contact", "no_plane_reading", "one_edge_only", "lost_contact", "not_inserted", "edge_not_resolved",
-    "gave_way", "both_edges", "wedged", "not_double")
+    "gave_way", "both_edges", "wedged", "not_double", "too_tight")
 
 GOALS = {  # goal: (action, moments)
     "move_to_contact": ("move_to_contact", ("time", "down", "pressed")),

@@ -169,7 +169,9 @@ MessageCheck check(const AlignmentReport& m) {
   finite(check, "true_tilt", m.true_tilt);
   finite(check, "estimated_tilt", m.estimated_tilt);
   if (m.estimate_known) pose(check, m.estimated_pose);
-  return check.number("simulated_time", m.simulated_time, kFiniteField)
+  return check.number("clearance", m.clearance, kFiniteField)
+      .number("clearance_sd", m.clearance_sd, kFiniteField)
+      .number("simulated_time", m.simulated_time, kFiniteField)
       .number("wall_time", m.wall_time, kFiniteField);
 }
 

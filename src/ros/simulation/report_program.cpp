@@ -117,6 +117,10 @@ std::string table(const AlignmentReport& report, const ReportDetails& details) {
     if (details.truth_end) out += text("; truly %.2f mm", -1e3 * details.truth_end->p.z());
     out += "\n";
   }
+  if (report.clearance_sd > 0.0) {
+    out += text("  clearance: %.3f +- %.3f mm, drawn %.3f mm\n", 1e3 * report.clearance,
+                1e3 * report.clearance_sd, 1e3 * (details.hole_radius - details.peg_radius));
+  }
   out += "  contacts read: " + std::to_string(report.contacts) + "\n";
   out +=
       text("  time: %.2f s simulated, %.2f s wall clock", report.simulated_time, report.wall_time) +
@@ -157,6 +161,12 @@ std::string yaml(const AlignmentReport& report, const ReportDetails& details) {
   pair("estimated_offset", report.estimated_offset[0], report.estimated_offset[1], estimated);
   pair("true_tilt", report.true_tilt[0], report.true_tilt[1], known);
   pair("estimated_tilt", report.estimated_tilt[0], report.estimated_tilt[1], estimated);
+  const auto number = [&out](const char* key, double value, bool is_known) {
+    out << YAML::Key << key << YAML::Value;
+    is_known ? out << value : out << YAML::Null;
+  };
+  number("clearance", report.clearance, report.clearance_sd > 0.0);
+  number("clearance_sd", report.clearance_sd, report.clearance_sd > 0.0);
   out << YAML::Key << "contacts" << YAML::Value << report.contacts;
   out << YAML::Key << "simulated_time" << YAML::Value << report.simulated_time;
   out << YAML::Key << "wall_time" << YAML::Value << report.wall_time;

@@ -65,6 +65,10 @@ AlignmentReport reportOf(const AlignResult& result, double wall_time, const RosP
     report.estimated_offset[k] = finite(result.offset(i));
     report.estimated_tilt[k] = finite(result.tilt(i));
   }
+  if (result.known) {
+    report.clearance = finite(result.clearance.mean);
+    report.clearance_sd = finite(result.clearance.sd);
+  }
   report.contacts = static_cast<std::uint32_t>(result.contacts);
   report.simulated_time = finite(result.time);
   report.wall_time = wall_time;
