@@ -338,11 +338,16 @@ bool BoreEntry::centre(const Mat3& R) {
     // half of the difference of two ends, where each wall was met after a move of its own
     const double ends_sd = own_ends ? std::sqrt(0.5 * place_variance) : 0.0;
     const double give_sd = kGiveSd * kWallDeflection * s_.scale.give;
+    const Clearance before = clearance_prior;
     clearance_prior.add(0.5 * distance, std::hypot(kWallSd, give_sd, ends_sd));
     clearance = clearance_prior;
     // no wall pushes any more: the peg itself is in the middle
     // (deep in the hole the walls lead, and the depth says where the peg is)
-    if (stays && !clearOfWalls(target, R)) return false;
+    if (stays && !clearOfWalls(target, R)) {
+      // a peg that wedges in the rim meets walls, too: they aren't those of the hole
+      clearance = clearance_prior = before;
+      return false;
+    }
     const Vec3 center = target + s_.hanging.sag;
     s_.hole.center = center - s_.hole.normal * (s_.hole.normal.dot(center) - s_.hole.height);
     const double noise = s_.carrier.reportNoise().position;
