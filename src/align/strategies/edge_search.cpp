@@ -43,7 +43,7 @@ constexpr double kContradict = 2.5;  // chi2 per residual of touches that are of
 // From the start on, for a carrier without delay: 60 starts at 0.3 of 0.02 mm drawn were in after
 // 46 s of all at level 2. [s]
 constexpr double kEntryTime = 75.0;
-constexpr double kTightSds = 2.0;  // of the clearance, above none: not too tight
+constexpr double kTightSds = 2.0;  // of the bound on an interference
 constexpr double kSure = 2.5;      // deviations
 // A chamfer of 45 degrees pushes aside by (1 - mu) / (1 + mu) of the force on it, 0.54 at 0.3.
 constexpr double kChamferPush = 0.5;
@@ -60,10 +60,10 @@ double softness(const SearchState& s, const Vec3& direction, const Mat3& R) {
   return (row * couplingStiffness(s.mechanism.coupling).inverse() * row.transpose()).value();
 }
 
-// No place lets the peg in, and the clearance may be none.
+// No place lets the peg in, and by the touches the peg is larger than the hole.
 void refuseTooTight(const Clearance& clearance, int touches) {
+  if (clearance.mean > 0.0) return;
   const double interference = kTightSds * clearance.sd - clearance.mean;
-  if (interference < 0.0) return;
   throw AlignError(AlignFailure::kTooTight,
                    text("no entry after %d touches, ", touches) +
                        text("clearance %.0f +- %.0f um", clearance.mean * 1e6, clearance.sd * 1e6) +

@@ -219,7 +219,7 @@ TEST(ParametersTest, RefusesInOneLineWithNameAndValue) {
   expectRefusal([&] { p.integer("low", 0, 1); }, name + "low is");
   expectRefusal([&] { p.flag("text"); }, "true or false");
   expectRefusal([&] { p.text("low"); }, "string");
-  expectRefusal([&] { p.choice("text", {"a", "b"}); }, "one of a, b");
+  expectRefusal([&] { p.choice("text", {"a", "b"}); }, "give a or b");
   expectRefusal([&] { p.texts("mixed"); }, name + "mixed is");
   expectRefusal([&] { p.numbers("three", 3); }, name + "three is");
   expectRefusal([&] { p.numbers("three", 2); }, "list of 2");

@@ -78,10 +78,12 @@ TEST_F(Records, AreWholeInTheStoreWhenTheResultIsPublished) {
   EXPECT_EQ(run.settings.count("press_force"), 0U);  // as by default
   ASSERT_GT(run.curve.size(), 10U);
   EXPECT_NEAR(run.curve.depth.back(), assemble_->getResult()->depth, 1e-4);
-  ASSERT_EQ(run.estimates.size(), 4U);
+  ASSERT_EQ(run.estimates.size(), 5U);
   EXPECT_EQ(run.estimates[0].name, "hole_x");
   EXPECT_EQ(run.estimates[0].value, report().estimated_offset[0]);
   EXPECT_GT(run.estimates[0].sd, 0.0);
+  EXPECT_EQ(run.estimates[4].name, "clearance");
+  EXPECT_EQ(run.estimates[4].value, report().clearance);
   EXPECT_TRUE(has(report().verdict, "no rules for program gearbox")) << report().verdict;
 }
 
