@@ -27,8 +27,8 @@ class EdgeSearch {
   /// `no_plane_reading`.
   void resolve();
   /// The low edge into the hole, against its walls, and the entry; needs `known`. Throws AlignError
-  /// `not_inserted` after its attempts or a minute of them, `too_tight` where the clearance may be
-  /// none.
+  /// `not_inserted` after its attempts, and `too_tight` after these or a minute where by the
+  /// touches the peg is larger than the hole.
   void enterByWalls();
 
   TouchModel model;
